@@ -1,0 +1,1 @@
+"""Pure UFL: no mesh, MPI or PETSc."""

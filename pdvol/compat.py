@@ -1,0 +1,23 @@
+"""What differs between dolfinx 0.9 and its successors, in one place."""
+
+import basix.ufl
+import dolfinx
+import numpy as np
+
+DOLFINX = tuple(int(part) for part in dolfinx.__version__.split(".")[:2])
+
+# From 0.10 on, element kernels take a seventh argument (custom data).
+KERNEL_ARGUMENTS = 6 if DOLFINX < (0, 10) else 7
+
+
+def create_mesh(comm, points: np.ndarray, cells: np.ndarray) -> dolfinx.mesh.Mesh:
+    """A simplex mesh distributed over `comm` from arrays given on rank 0. Collective.
+
+    The argument order of `dolfinx.mesh.create_mesh` changed silently in 0.10: keywords only.
+    """
+    d = points.shape[1]
+    shape = {2: "triangle", 3: "tetrahedron"}[d]
+    element = basix.ufl.element("Lagrange", shape, 1, shape=(d,))
+    mine = slice(None) if comm.rank == 0 else slice(0, 0)
+    return dolfinx.mesh.create_mesh(comm=comm, cells=np.ascontiguousarray(cells[mine], dtype=np.int64),
+                                    x=np.ascontiguousarray(points[mine], dtype=np.float64), e=element)

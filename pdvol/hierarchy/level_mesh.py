@@ -1,0 +1,76 @@
+"""The mesh of one level: every body's cells in one set of arrays, replicated on all ranks in the input's order."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+
+@dataclass(frozen=True, eq=False)
+class LevelMesh:
+    """All bodies of one level, placed in the scene, at rest.
+
+    Attributes
+    ----------
+    points : (n, d) float64 [m]
+        Rest positions. Every point belongs to a cell.
+    cells : (m, d + 1) int64
+        Positively oriented simplices.
+    bodies : (m,) int32
+        Index of the body that owns each cell.
+    regions : (m,) int32
+        Label of the region each cell belongs to, within its body.
+    """
+
+    points: np.ndarray
+    cells: np.ndarray
+    bodies: np.ndarray
+    regions: np.ndarray
+
+    @property
+    def dim(self) -> int:
+        return self.points.shape[1]
+
+    @cached_property
+    def point_bodies(self) -> np.ndarray:
+        """(n,) int32: the body of each point."""
+        owner = np.zeros(len(self.points), dtype=np.int32)
+        owner[self.cells] = self.bodies[:, None]
+        return owner
+
+    @cached_property
+    def boundary(self) -> np.ndarray:
+        """(k, d) int64: boundary facets, outward (3D) or with the inside on their left (2D)."""
+        return self._boundary[0]
+
+    @cached_property
+    def boundary_cells(self) -> np.ndarray:
+        """(k,) int64: the cell behind each boundary facet."""
+        return self._boundary[1]
+
+    @cached_property
+    def _boundary(self):
+        return boundary_facets(self.cells)
+
+    @cached_property
+    def volumes(self) -> np.ndarray:
+        """(m,) float64 [m^d]: signed volumes at rest."""
+        return simplex_volumes(self.points, self.cells)
+
+
+def simplex_volumes(points: np.ndarray, cells: np.ndarray) -> np.ndarray:
+    """Signed areas (2D) or volumes (3D), shape (m,)."""
+    d = points.shape[1]
+    edges = points[cells[:, 1:]] - points[cells[:, :1]]
+    return np.linalg.det(edges) / (2.0 if d == 2 else 6.0)
+
+
+def boundary_facets(cells: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Facets that belong to one cell only, oriented outward, and that cell's index."""
+    d = cells.shape[1] - 1
+    local = {2: [[1, 2], [2, 0], [0, 1]], 3: [[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]]}[d]
+    facets = cells[:, local].reshape(-1, d)
+    owners = np.repeat(np.arange(len(cells)), d + 1)
+    _, first, counts = np.unique(np.sort(facets, axis=1), axis=0, return_index=True, return_counts=True)
+    single = np.sort(first[counts == 1])
+    return np.ascontiguousarray(facets[single]), owners[single]
