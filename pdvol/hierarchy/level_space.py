@@ -1,7 +1,7 @@
 """A level's distributed finite-element space, and the way between its numbering and the input's vertex order."""
 
 import numpy as np
-from dolfinx import fem
+from dolfinx import fem, la
 from mpi4py import MPI
 from petsc4py import PETSc
 
@@ -31,12 +31,14 @@ class LevelSpace:
         self.V = fem.functionspace(self.domain, ("Lagrange", 1, (mesh.dim,)))
         index_map = self.V.dofmap.index_map
         self.n_owned = index_map.size_local
+        self.first_block = int(index_map.local_range[0])
         self.local_points = np.empty(self.n_owned + index_map.num_ghosts, dtype=np.int64)
         geometry = self.domain.geometry
         self.local_points[self.V.dofmap.list] = np.asarray(geometry.input_global_indices)[geometry.dofmap]
         self.owned_points = self.local_points[: self.n_owned]
         self._global_order = np.concatenate(comm.allgather(self.owned_points))
         self._counts = np.array(comm.allgather(self.n_owned * mesh.dim))
+        self._ghosted = la.vector(index_map, mesh.dim)
         self.point_blocks = np.empty(len(mesh.points), dtype=np.int64)
         self.point_blocks[self._global_order] = np.arange(len(mesh.points))
 
@@ -69,3 +71,15 @@ class LevelSpace:
         result = np.empty_like(everything)
         result[self._global_order] = everything
         return result
+
+    def with_ghosts(self, owned: np.ndarray) -> np.ndarray:
+        """Owned and ghost rows (n_local, d) from owned rows (n_owned, d). Collective."""
+        self._ghosted.array[: owned.size] = owned.ravel()
+        self._ghosted.scatter_forward()
+        return self._ghosted.array.reshape(-1, self.dim).copy()
+
+    def add_ghosts(self, local: np.ndarray) -> np.ndarray:
+        """Owned rows (n_owned, d) after each ghost row of `local` (n_local, d) was added to its owner's. Collective."""
+        self._ghosted.array[:] = local.ravel()
+        self._ghosted.scatter_reverse(la.InsertMode.add)
+        return self._ghosted.array[: self.n_owned * self.dim].reshape(-1, self.dim).copy()

@@ -1,0 +1,67 @@
+"""From a scene and a level to its terms: only what the scene names is made, and only then are its libraries loaded."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pdvol.hierarchy.level_space import LevelSpace
+from pdvol.potentials.elasticity import elastic_terms
+from pdvol.potentials.load import assemble_mass, gravity_load
+from pdvol.potentials.potential import Potential
+from pdvol.scene import Barrier, Friction, Plane, Rigid, Scene, metres
+
+
+@dataclass(frozen=True)
+class Terms:
+    """What one level minimises.
+
+    Attributes
+    ----------
+    mass : (n_owned, d) [kg]
+    potentials : all terms
+    contacts : those among them that know contacts (`count`, `min_gap`)
+    """
+
+    mass: np.ndarray
+    potentials: tuple[Potential, ...]
+    contacts: tuple[Potential, ...]
+
+
+def build_terms(scene: Scene, space: LevelSpace, diagonal: float, obstacles=()) -> Terms:
+    """The terms of a scene on one level. Collective.
+
+    Parameters
+    ----------
+    diagonal : the scene's diagonal [m], for relative lengths
+    obstacles : (vertices, edges, faces) of each `Rigid` obstacle of the scene, in order
+    """
+    densities = np.array([body.material.density for body in scene.bodies])
+    loads = tuple(gravity_load(space, densities, load.acceleration) for load in scene.loads)
+    contacts, frictions = _contact(scene, space, diagonal, obstacles)
+    elastic = elastic_terms(space, tuple(body.material for body in scene.bodies))
+    return Terms(assemble_mass(space, densities), (*elastic, *loads, *contacts, *frictions), contacts)
+
+
+def _contact(scene: Scene, space: LevelSpace, diagonal: float, obstacles):
+    barriers = [c for c in scene.contact if isinstance(c, Barrier)]
+    if not barriers:
+        return (), ()
+    barrier, friction = barriers[0], [c for c in scene.contact if isinstance(c, Friction)]
+    dhat = metres(barrier.dhat, diagonal)
+    kappa = barrier.stiffness * min(body.material.young for body in scene.bodies)
+    contacts, frictions = [], []
+    planes = tuple(o for o in scene.obstacles if isinstance(o, Plane))
+    if planes:
+        from pdvol.potentials.half_space import HalfSpaceBarrier, HalfSpaceFriction
+
+        contacts.append(HalfSpaceBarrier(space, planes, dhat, kappa))
+        frictions += [HalfSpaceFriction(contacts[-1], f.mu, metres(f.eps_v, diagonal)) for f in friction]
+    from pdvol.potentials.barrier import SurfaceBarrier
+    from pdvol.potentials.collision_surface import CollisionSurface, Obstacle
+    from pdvol.potentials.friction import SurfaceFriction
+
+    rigid = [o for o in scene.obstacles if isinstance(o, Rigid)]
+    surface = CollisionSurface(space, tuple(Obstacle(*geometry, o.motion) for geometry, o in zip(obstacles, rigid, strict=True)))
+    contacts.append(SurfaceBarrier(surface, dhat, kappa))
+    frictions += [SurfaceFriction(contacts[-1], f.mu, metres(f.eps_v, diagonal)) for f in friction]
+    return tuple(contacts), tuple(frictions)

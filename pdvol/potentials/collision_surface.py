@@ -1,0 +1,97 @@
+"""The collision geometry of one level: all bodies' boundaries and the rigid obstacles, in one ipctk mesh.
+
+Bodies come first, in the order of `surface` (input indices of boundary vertices), obstacles behind them. Every rank holds all of it, so
+contact does not depend on how the level is distributed.
+"""
+
+import ipctk
+import numpy as np
+from scipy.sparse import coo_array, csr_array
+
+from pdvol.hierarchy.level_space import LevelSpace
+from pdvol.potentials.potential import Positions
+
+ipctk.set_num_threads(1)  # sums over contacts repeat to the last bit; measured again where speed asks for it
+
+
+class Obstacle:
+    """A rigid obstacle's rest geometry and motion: vertices (n, d), edges (e, 2), faces (f, 3), motion (X, t) -> x."""
+
+    def __init__(self, vertices: np.ndarray, edges: np.ndarray, faces: np.ndarray, motion):
+        self.vertices, self.edges, self.faces, self.motion = vertices, edges, faces, motion
+
+
+class CollisionSurface:
+    """Boundaries of a level with its obstacles.
+
+    Attributes
+    ----------
+    surface : (k,) int64
+        Input indices of the bodies' boundary vertices.
+    mesh : ipctk.CollisionMesh
+        k bodies' vertices, then the obstacles'.
+    """
+
+    def __init__(self, space: LevelSpace, obstacles: tuple[Obstacle, ...]):
+        self.space, self.obstacles = space, obstacles
+        d, level = space.dim, space.mesh
+        self.surface, facets = np.unique(level.boundary, return_inverse=True)
+        facets = facets.reshape(-1, d)
+        vertices, edges, faces = [level.points[self.surface]], [], []
+        if d == 2:
+            edges.append(facets)
+        else:
+            faces.append(facets)
+            edges.append(ipctk.edges(np.asfortranarray(facets, dtype=np.int32)))
+        offset = len(self.surface)
+        for obstacle in obstacles:
+            vertices.append(obstacle.motion(obstacle.vertices, 0.0))
+            edges.append(obstacle.edges.reshape(-1, 2) + offset)
+            faces.append(obstacle.faces.reshape(-1, 3) + offset)
+            offset += len(obstacle.vertices)
+        everything = [np.concatenate(parts) if parts else np.zeros((0, 3), dtype=int) for parts in (vertices, edges, faces)]
+        self.mesh = ipctk.CollisionMesh(np.asfortranarray(everything[0]), np.asfortranarray(everything[1], dtype=np.int32),
+                                        np.asfortranarray(everything[2] if d == 3 else np.zeros((0, 3)), dtype=np.int32))
+        self.mesh.can_collide = ipctk.make_static_obstacle_filter(len(self.surface))
+        self._unknowns = (space.point_blocks[self.surface][:, None] * d + np.arange(d)).ravel()
+        self.obstacle_positions = self._obstacles_at(0.0)
+
+    def _obstacles_at(self, time: float) -> np.ndarray:
+        moved = [o.motion(o.vertices, time) for o in self.obstacles]
+        return np.concatenate(moved) if moved else np.zeros((0, self.space.dim))
+
+    def place(self, time: float) -> bool:
+        """Puts the obstacles where they are at `time` [s]; says whether any moved."""
+        positions = self._obstacles_at(time)
+        moved = not np.array_equal(positions, self.obstacle_positions)
+        self.obstacle_positions = positions
+        return moved
+
+    def vertices(self, x: Positions, at: float | None = None) -> np.ndarray:
+        """Positions (k + obstacles, d) of the collision mesh, obstacles as placed or as they are `at` a time. First use per x is collective."""
+        obstacles = self.obstacle_positions if at is None else self._obstacles_at(at)
+        return np.asfortranarray(np.concatenate([x.whole[self.surface], obstacles]))
+
+    def max_step(self, start: np.ndarray, end: np.ndarray) -> float:
+        """Largest step in [0, 1] along straight paths that keeps everything apart (Additive CCD, leaves a tenth of each gap)."""
+        return float(ipctk.compute_collision_free_stepsize(
+            mesh=self.mesh, vertices_t0=start, vertices_t1=end, min_distance=0.0, broad_phase=ipctk.LBVH(),
+            narrow_phase_ccd=ipctk.AdditiveCCD(conservative_rescaling=0.9)))
+
+    def rows_of_gradient(self, gradient: np.ndarray) -> np.ndarray:
+        """Owned rows (n_owned, d) of a gradient over the collision mesh's unknowns."""
+        whole = np.zeros((len(self.space.mesh.points), self.space.dim))
+        whole[self.surface] = gradient.reshape(-1, self.space.dim)[: len(self.surface)]
+        return self.space.from_input(whole)
+
+    def rows_of_hessian(self, hessian) -> csr_array:
+        """This rank's matrix rows of a sparse Hessian over the collision mesh's unknowns; obstacles have none."""
+        d, space = self.space.dim, self.space
+        entries = coo_array(hessian)
+        row, column = entries.coords
+        free = (row < len(self._unknowns)) & (column < len(self._unknowns))
+        first, last = space.first_block * d, (space.first_block + space.n_owned) * d
+        row, column, value = self._unknowns[row[free]], self._unknowns[column[free]], entries.data[free]
+        mine = (row >= first) & (row < last)
+        shape = (space.n_owned * d, len(space.mesh.points) * d)
+        return csr_array(coo_array((value[mine], (row[mine] - first, column[mine])), shape=shape))

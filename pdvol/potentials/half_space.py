@@ -1,0 +1,187 @@
+"""Contact and friction with half-spaces, exactly: only vertices can touch a plane first.
+
+The law is that of the surface barrier (`barrier.py`): kappa a dhat g(s), g(s) = -(s - 1)^2 ln s, s = (gap / dhat)^2, a the vertex's
+area at rest. A plane needs neither a broad phase nor gathered surfaces, may move, and its gap is linear in x; that, and ipctk's plane
+candidates missing contacts beyond dhat / 2 and lacking friction and motion, is why it is written out here.
+"""
+
+import numpy as np
+from mpi4py import MPI
+from scipy.sparse import bsr_array, csr_array
+
+from pdvol.hierarchy.level_mesh import LevelMesh
+from pdvol.hierarchy.level_space import LevelSpace
+from pdvol.potentials import smooth_friction
+from pdvol.potentials.potential import Positions, Term
+from pdvol.scene import Plane
+
+APPROACH = 0.9  # of the gap may be closed by one Newton step
+
+
+def boundary_areas(mesh: LevelMesh) -> np.ndarray:
+    """(n,) each vertex's share of the boundary at rest [m^(d-1)], zero inside."""
+    corners = mesh.points[mesh.boundary]
+    edges = corners[:, 1:] - corners[:, :1]
+    size = np.linalg.norm(edges[:, 0], axis=1) if mesh.dim == 2 else np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1) / 2
+    return np.bincount(mesh.boundary.ravel(), np.repeat(size / mesh.dim, mesh.dim), minlength=len(mesh.points))
+
+
+class HalfSpaceBarrier(Term):
+    """Barrier against all planes of a scene.
+
+    Parameters
+    ----------
+    space : LevelSpace
+    planes : planes, moving or not
+    dhat : activation distance [m]
+    kappa : stiffness [Pa]
+    """
+
+    name = "barrier"
+
+    def __init__(self, space: LevelSpace, planes: tuple[Plane, ...], dhat: float, kappa: float):
+        self.space, self.planes, self.dhat, self.kappa = space, planes, dhat, kappa
+        areas = boundary_areas(space.mesh)[space.owned_points]
+        self.vertices = np.flatnonzero(areas > 0)
+        self.areas = areas[self.vertices]
+        self.place(0.0)
+
+    def _planes_at(self, time: float) -> tuple[np.ndarray, np.ndarray]:
+        points, normals = zip(*(_placed(plane, time) for plane in self.planes), strict=True)
+        return np.array(points), np.array(normals)
+
+    def place(self, time: float) -> None:
+        self.points, self.normals = self._planes_at(time)
+
+    def begin_step(self, x_t: Positions, t0: float, t1: float) -> None:
+        self.place(t0)
+
+    def gaps(self, x: Positions, at: float | None = None) -> np.ndarray:
+        """(planes, surface vertices) distances [m], negative behind a plane; planes as placed, or as they are `at` a time."""
+        points, normals = (self.points, self.normals) if at is None else self._planes_at(at)
+        return (normals @ x.owned[self.vertices].T) - np.sum(normals * points, axis=1)[:, None]
+
+    def _active(self, x: Positions):
+        gaps = self.gaps(x)
+        plane, vertex = np.nonzero(gaps < self.dhat)
+        return plane, vertex, gaps[plane, vertex]
+
+    def value(self, x: Positions) -> float:
+        _, vertex, gap = self._active(x)
+        if np.any(gap <= 0.0):
+            mine = np.inf
+        else:
+            s = (gap / self.dhat) ** 2
+            mine = float(np.sum(-self.kappa * self.dhat * self.areas[vertex] * (s - 1.0) ** 2 * np.log(s)))
+        return self.space.comm.allreduce(mine)
+
+    def forces(self, x: Positions):
+        """Planes, vertices (into `vertices`) and normal force magnitudes [N] of what is within dhat."""
+        plane, vertex, gap = self._active(x)
+        s = (gap / self.dhat) ** 2
+        slope = -(s - 1.0) * (2.0 * np.log(s) + (s - 1.0) / s) * 2.0 * gap / self.dhat**2
+        return plane, vertex, -self.kappa * self.dhat * self.areas[vertex] * slope
+
+    def gradient(self, x: Positions) -> np.ndarray:
+        plane, vertex, force = self.forces(x)
+        out = np.zeros_like(x.owned)
+        np.add.at(out, self.vertices[vertex], -force[:, None] * self.normals[plane])
+        return out
+
+    def hessian(self, x: Positions) -> csr_array:
+        plane, vertex, gap = self._active(x)
+        s = (gap / self.dhat) ** 2
+        g1 = -(s - 1.0) * (2.0 * np.log(s) + (s - 1.0) / s)
+        g2 = -(2.0 * np.log(s) + 4.0 * (s - 1.0) / s - (s - 1.0) ** 2 / s**2)
+        curvature = self.kappa * self.areas[vertex] / self.dhat * (4.0 * s * g2 + 2.0 * g1)
+        n = self.normals[plane]
+        return vertex_blocks(self.space, self.vertices[vertex], np.maximum(curvature, 0.0)[:, None, None] * n[:, :, None] * n[:, None, :])
+
+    def max_step(self, x: Positions, direction: np.ndarray, until: float | None = None) -> float:
+        # A plane that turns meanwhile is taken to close gaps evenly: exact for translations, and what is left is checked again.
+        gaps = self.gaps(x)
+        approach = gaps - self.gaps(x.moved(1.0, direction), at=until)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            step = np.where(approach > 0.0, APPROACH * np.maximum(gaps, 0.0) / approach, 1.0)
+        return float(min(1.0, step.min(initial=1.0)))
+
+    def min_gap(self, x: Positions) -> float:
+        """Smallest distance to any plane [m]; inf where there is no surface. Collective."""
+        return self.space.comm.allreduce(float(self.gaps(x).min(initial=np.inf)), op=MPI.MIN)
+
+    def count(self, x: Positions) -> int:
+        """Contacts within dhat. Collective."""
+        return self.space.comm.allreduce(len(self._active(x)[0]))
+
+
+class HalfSpaceFriction(Term):
+    """Lagged friction on all planes of a scene: normal forces and directions are those of the last `lag`."""
+
+    name = "friction"
+
+    def __init__(self, barrier: HalfSpaceBarrier, mu: float, eps_v: float):
+        self.space, self.barrier, self.mu, self.eps_v = barrier.space, barrier, mu, eps_v
+
+    def begin_step(self, x_t: Positions, t0: float, t1: float) -> None:
+        self._x_t = x_t.owned
+        self._eps = self.eps_v * (t1 - t0)
+        self._carried = []
+        for plane in self.barrier.planes:
+            moves = lambda at, plane=plane: plane.motion(np.atleast_2d(at), t1) - plane.motion(np.atleast_2d(at), t0)  # noqa: E731
+            self._carried.append(moves)
+        self.lag(x_t)
+
+    def lag(self, x: Positions) -> None:
+        plane, vertex, force = self.barrier.forces(x)
+        self._vertices = self.barrier.vertices[vertex]
+        self._normals = self.barrier.normals[plane]
+        self._force = self.mu * force
+        self._ground = np.zeros((len(plane), self.space.dim))
+        for i, moves in enumerate(self._carried):
+            on = plane == i
+            self._ground[on] = moves(self._x_t[self._vertices[on]]) if on.any() else 0.0
+
+    def _slip(self, x: Positions):
+        u = x.owned[self._vertices] - self._x_t[self._vertices] - self._ground
+        u = u - np.sum(u * self._normals, axis=1)[:, None] * self._normals
+        return u, np.linalg.norm(u, axis=1)
+
+    def value(self, x: Positions) -> float:
+        _, slip = self._slip(x)
+        return self.space.comm.allreduce(float(np.sum(self._force * smooth_friction.f0(slip, self._eps))))
+
+    def gradient(self, x: Positions) -> np.ndarray:
+        u, slip = self._slip(x)
+        out = np.zeros_like(x.owned)
+        np.add.at(out, self._vertices, (self._force * smooth_friction.f1_over(slip, self._eps))[:, None] * u)
+        return out
+
+    def hessian(self, x: Positions) -> csr_array:
+        u, slip = self._slip(x)
+        along = u / np.maximum(slip, 1e-300)[:, None]
+        n = self._normals
+        tangent = np.eye(self.space.dim) - n[:, :, None] * n[:, None, :]
+        outer = along[:, :, None] * along[:, None, :]
+        round_, slope = smooth_friction.f1_over(slip, self._eps), smooth_friction.f1_slope(slip, self._eps)
+        blocks = self._force[:, None, None] * (round_[:, None, None] * tangent + (slope - round_)[:, None, None] * outer)
+        return vertex_blocks(self.space, self._vertices, blocks)
+
+
+def vertex_blocks(space: LevelSpace, vertices: np.ndarray, blocks: np.ndarray) -> csr_array:
+    """This rank's matrix rows with blocks (k, d, d) on the diagonal at owned vertices (k,), which may repeat."""
+    d, n = space.dim, space.n_owned
+    order = np.argsort(vertices, kind="stable")
+    starts = np.searchsorted(vertices[order], np.arange(n + 1))
+    columns = space.first_block + vertices[order]
+    shape = (n * d, len(space.mesh.points) * d)
+    rows = csr_array(bsr_array((blocks[order], columns, starts), shape=shape).tocsr())
+    rows.sum_duplicates()
+    return rows
+
+
+def _placed(plane: Plane, time: float):
+    """Point and unit normal of a plane at a time, moved as a rigid frame."""
+    point, normal = np.asarray(plane.point, dtype=float), np.asarray(plane.normal, dtype=float)
+    normal = normal / np.linalg.norm(normal)
+    ends = plane.motion(np.stack([point, point + normal]), time)
+    return ends[0], (ends[1] - ends[0]) / np.linalg.norm(ends[1] - ends[0])

@@ -1,0 +1,67 @@
+"""The compiled cell loops of elements.c, built once per machine with the C compiler that FFCx needs anyway."""
+
+import hashlib
+import os
+import platform
+import subprocess
+import sysconfig
+import tempfile
+from functools import cache
+from pathlib import Path
+
+import cffi
+
+from pdvol import compat
+from pdvol.errors import InputError
+
+FLAGS = ("-O3", "-march=native", "-ffp-contract=off")
+
+_DECLARATIONS = """
+double cell_values(void *kernel, int d, int64_t count, const int32_t *cells, const int32_t *nodes, const double *points,
+                   const double *w, int64_t stride, const double *constants);
+void cell_gradients(void *kernel, int d, int64_t count, const int32_t *cells, const int32_t *nodes, const double *points,
+                    const double *w, int64_t stride, const double *constants, const int32_t *blocks, double *out);
+int64_t cell_hessians(void *kernel, int d, int64_t count, const int32_t *cells, const int32_t *nodes, const double *points,
+                      const double *w, int64_t stride, const double *constants, const int32_t *slots, int mode, double *out);
+double volume_step(int d, int64_t count, const int32_t *blocks, const double *x, const double *p, double keep);
+"""
+
+ffi = cffi.FFI()
+ffi.cdef(_DECLARATIONS)
+
+
+@cache
+def cache_folder() -> Path:
+    """Where compiled code is kept: one folder per kind of processor, since it is compiled for the one at hand."""
+    try:
+        cpu = next(line for line in Path("/proc/cpuinfo").read_text().splitlines() if line.startswith("flags"))
+    except (OSError, StopIteration):
+        cpu = platform.processor()
+    key = hashlib.sha256(f"{platform.machine()} {cpu}".encode()).hexdigest()[:12]
+    base = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+    return base / "pdvol" / "compiled" / key
+
+
+@cache
+def library():
+    """The loaded library. Two processes may build it at once: each builds aside and renames."""
+    source = Path(__file__).with_name("elements.c")
+    command = [os.environ.get("CC") or "cc", *FLAGS, f"-DKERNEL_ARGUMENTS={compat.KERNEL_ARGUMENTS}", "-shared", "-fPIC"]
+    key = hashlib.sha256(source.read_bytes() + " ".join(command).encode()).hexdigest()[:16]
+    target = cache_folder() / f"elements-{key}{sysconfig.get_config_var('SHLIB_SUFFIX') or '.so'}"
+    if not target.exists():
+        target.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(dir=target.parent) as aside:
+            built = Path(aside) / target.name
+            try:
+                subprocess.run([*command, str(source), "-o", str(built), "-lm"], check=True, capture_output=True, text=True)
+            except (OSError, subprocess.CalledProcessError) as error:
+                detail = (getattr(error, "stderr", "") or str(error)).strip().splitlines()
+                raise InputError(f"no C compiler: {detail[-1] if detail else error}; install one (FFCx needs it too) or set CC") from None
+            os.replace(built, target)
+    return ffi.dlopen(str(target))
+
+
+def pointer(array, kind: str = "double"):
+    """A C pointer to a contiguous numpy array."""
+    return ffi.cast(f"{kind} *", array.ctypes.data)

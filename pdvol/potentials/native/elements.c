@@ -1,0 +1,322 @@
+/* Loops over cells around compiled UFL kernels: energies, gradients, and Hessians filtered to be positive semi-definite.
+ *
+ * A kernel fills a row-major tensor over the n = (d + 1) d unknowns of a linear simplex, vertex by vertex. The energy is taken to be
+ * invariant to translations (it depends on x through F alone), so its Hessian is K' H K with H over F, d^2 x d^2: H is what is
+ * filtered, which is cheaper than the whole block and does not depend on the cell's shape (Smith, de Goes, Kim 2019). */
+#include <math.h>
+#include <stdint.h>
+#include <string.h>
+
+#ifndef KERNEL_ARGUMENTS
+#define KERNEL_ARGUMENTS 6
+#endif
+#if KERNEL_ARGUMENTS == 6
+typedef void (*kernel_t)(double *, const double *, const double *, const double *, const int *, const uint8_t *);
+#define CALL(k, A, w, c, x) ((kernel_t)(k))(A, w, c, x, 0, 0)
+#else
+typedef void (*kernel_t)(double *, const double *, const double *, const double *, const int *, const uint8_t *, void *);
+#define CALL(k, A, w, c, x) ((kernel_t)(k))(A, w, c, x, 0, 0, 0)
+#endif
+
+enum { MAX_N = 12, MAX_H = 9 };
+
+static void coordinates(int d, const int32_t *nodes, const double *points, double *x)
+{
+    for (int i = 0; i <= d; ++i)
+        memcpy(x + 3 * i, points + 3 * (int64_t)nodes[i], 3 * sizeof(double));
+}
+
+/* Sum of the cells' energies. Tensors of cells: w is packed per cell, `stride` numbers each. */
+double cell_values(void *kernel, int d, int64_t count, const int32_t *cells, const int32_t *nodes, const double *points,
+                   const double *w, int64_t stride, const double *constants)
+{
+    double total = 0.0, x[12];
+    for (int64_t k = 0; k < count; ++k) {
+        double value = 0.0;
+        coordinates(d, nodes + (int64_t)cells[k] * (d + 1), points, x);
+        CALL(kernel, &value, w + k * stride, constants, x);
+        total += value;
+    }
+    return total;
+}
+
+/* Adds the cells' gradients to out (local blocks x d). */
+void cell_gradients(void *kernel, int d, int64_t count, const int32_t *cells, const int32_t *nodes, const double *points,
+                    const double *w, int64_t stride, const double *constants, const int32_t *blocks, double *out)
+{
+    double x[12];
+    for (int64_t k = 0; k < count; ++k) {
+        double b[MAX_N] = {0};
+        coordinates(d, nodes + (int64_t)cells[k] * (d + 1), points, x);
+        CALL(kernel, b, w + k * stride, constants, x);
+        const int32_t *dofs = blocks + (int64_t)cells[k] * (d + 1);
+        for (int i = 0; i <= d; ++i)
+            for (int a = 0; a < d; ++a)
+                out[(int64_t)dofs[i] * d + a] += b[i * d + a];
+    }
+}
+
+/* In-place Cholesky attempt on a copy: 1 if A + shift is positive definite. */
+static int definite(int n, const double *A, double shift)
+{
+    double L[MAX_H * MAX_H];
+    for (int j = 0; j < n; ++j) {
+        double diagonal = A[j * n + j] + shift;
+        for (int k = 0; k < j; ++k)
+            diagonal -= L[j * n + k] * L[j * n + k];
+        if (!(diagonal > 0.0))
+            return 0;
+        const double inverse = 1.0 / sqrt(diagonal);
+        L[j * n + j] = sqrt(diagonal);
+        for (int i = j + 1; i < n; ++i) {
+            double s = A[i * n + j];
+            for (int k = 0; k < j; ++k)
+                s -= L[i * n + k] * L[j * n + k];
+            L[i * n + j] = s * inverse;
+        }
+    }
+    return 1;
+}
+
+/* Cyclic Jacobi: A becomes diagonal, the columns of V its eigenvectors. */
+static void eigensystem(int n, double *A, double *V)
+{
+    for (int i = 0; i < n * n; ++i)
+        V[i] = 0.0;
+    for (int i = 0; i < n; ++i)
+        V[i * n + i] = 1.0;
+    for (int sweep = 0; sweep < 30; ++sweep) {
+        double off = 0.0, scale = 0.0;
+        for (int i = 0; i < n; ++i) {
+            scale += A[i * n + i] * A[i * n + i];
+            for (int j = 0; j < i; ++j)
+                off += A[i * n + j] * A[i * n + j];
+        }
+        if (off <= 1e-26 * scale)
+            return;
+        for (int p = 0; p < n - 1; ++p)
+            for (int q = p + 1; q < n; ++q) {
+                const double apq = A[p * n + q];
+                if (apq == 0.0)
+                    continue;
+                const double theta = (A[q * n + q] - A[p * n + p]) / (2.0 * apq);
+                const double t = (theta >= 0 ? 1.0 : -1.0) / (fabs(theta) + sqrt(theta * theta + 1.0));
+                const double c = 1.0 / sqrt(t * t + 1.0), s = t * c;
+                for (int k = 0; k < n; ++k) {
+                    const double akp = A[k * n + p], akq = A[k * n + q];
+                    A[k * n + p] = c * akp - s * akq;
+                    A[k * n + q] = s * akp + c * akq;
+                }
+                for (int k = 0; k < n; ++k) {
+                    const double apk = A[p * n + k], aqk = A[q * n + k];
+                    A[p * n + k] = c * apk - s * aqk;
+                    A[q * n + k] = s * apk + c * aqk;
+                    const double vkp = V[k * n + p], vkq = V[k * n + q];
+                    V[k * n + p] = c * vkp - s * vkq;
+                    V[k * n + q] = s * vkp + c * vkq;
+                }
+            }
+    }
+}
+
+/* Makes the symmetric H positive semi-definite: negative eigenvalues become zero (mode 1) or positive (mode 2). Returns 1 if it changed. */
+static int filter(int n, double *H, int mode)
+{
+    double trace = 0.0;
+    for (int i = 0; i < n; ++i)
+        trace += fabs(H[i * n + i]);
+    if (definite(n, H, 1e-13 * trace))
+        return 0;
+    double A[MAX_H * MAX_H], V[MAX_H * MAX_H];
+    for (int i = 0; i < n; ++i)
+        for (int j = 0; j < n; ++j)
+            A[i * n + j] = 0.5 * (H[i * n + j] + H[j * n + i]);
+    eigensystem(n, A, V);
+    memset(H, 0, sizeof(double) * n * n);
+    for (int k = 0; k < n; ++k) {
+        double lambda = A[k * n + k];
+        if (lambda < 0.0)
+            lambda = mode == 1 ? 0.0 : -lambda;
+        if (lambda == 0.0)
+            continue;
+        for (int i = 0; i < n; ++i) {
+            const double s = lambda * V[i * n + k];
+            for (int j = 0; j < n; ++j)
+                H[i * n + j] += s * V[j * n + k];
+        }
+    }
+    return 1;
+}
+
+/* A (n x n over vertices) -> filtered, through H = K' A_rr K over F: x_i - x_0 = F (X_i - X_0). */
+static int filter_cell(int d, const double *x, double *A, int mode)
+{
+    const int n = (d + 1) * d, h = d * d;
+    double D[9], B[9], T[MAX_H * MAX_H], H[MAX_H * MAX_H];  /* D: columns X_i - X_0; B its inverse */
+    for (int i = 0; i < d; ++i)
+        for (int a = 0; a < d; ++a)
+            D[a * d + i] = x[3 * (i + 1) + a] - x[a];
+    if (d == 2) {
+        const double det = D[0] * D[3] - D[1] * D[2];
+        B[0] = D[3] / det, B[1] = -D[1] / det, B[2] = -D[2] / det, B[3] = D[0] / det;
+    } else {
+        const double c0 = D[4] * D[8] - D[5] * D[7], c1 = D[5] * D[6] - D[3] * D[8], c2 = D[3] * D[7] - D[4] * D[6];
+        const double det = D[0] * c0 + D[1] * c1 + D[2] * c2;
+        B[0] = c0 / det, B[1] = (D[2] * D[7] - D[1] * D[8]) / det, B[2] = (D[1] * D[5] - D[2] * D[4]) / det;
+        B[3] = c1 / det, B[4] = (D[0] * D[8] - D[2] * D[6]) / det, B[5] = (D[2] * D[3] - D[0] * D[5]) / det;
+        B[6] = c2 / det, B[7] = (D[1] * D[6] - D[0] * D[7]) / det, B[8] = (D[0] * D[4] - D[1] * D[3]) / det;
+    }
+    /* H[(j a), (m b)] = sum_il D[j][i] A[(i a), (l b)] D[m][l], where dx_i = sum_j dF_j D[j][i], F_j the j-th column of F. */
+    for (int j = 0; j < d; ++j)
+        for (int a = 0; a < d; ++a)
+            for (int l = 0; l < d; ++l)
+                for (int b = 0; b < d; ++b) {
+                    double s = 0.0;
+                    for (int i = 0; i < d; ++i)
+                        s += D[j * d + i] * A[((i + 1) * d + a) * n + (l + 1) * d + b];
+                    T[(j * d + a) * h + l * d + b] = s;
+                }
+    for (int r = 0; r < h; ++r)
+        for (int m = 0; m < d; ++m)
+            for (int b = 0; b < d; ++b) {
+                double s = 0.0;
+                for (int l = 0; l < d; ++l)
+                    s += T[r * h + l * d + b] * D[m * d + l];
+                H[r * h + m * d + b] = s;
+            }
+    if (!filter(h, H, mode))
+        return 0;
+    /* Back: A_rr = (B over vertices)' H (...), the row and column of vertex 0 by translation invariance. B[i][j]: dF_j = sum_i dx_i B[i][j]. */
+    for (int i = 0; i < d; ++i)
+        for (int a = 0; a < d; ++a)
+            for (int m = 0; m < d; ++m)
+                for (int b = 0; b < d; ++b) {
+                    double s = 0.0;
+                    for (int j = 0; j < d; ++j)
+                        s += B[i * d + j] * H[(j * d + a) * h + m * d + b];
+                    T[(i * d + a) * h + m * d + b] = s;
+                }
+    for (int i = 0; i < d; ++i)
+        for (int a = 0; a < d; ++a) {
+            double *row = A + ((i + 1) * d + a) * n;
+            for (int b = 0; b < d; ++b)
+                row[b] = 0.0;
+            for (int l = 0; l < d; ++l)
+                for (int b = 0; b < d; ++b) {
+                    double s = 0.0;
+                    for (int m = 0; m < d; ++m)
+                        s += T[(i * d + a) * h + m * d + b] * B[l * d + m];
+                    row[(l + 1) * d + b] = s;
+                    row[b] -= s;
+                }
+        }
+    for (int a = 0; a < d; ++a)
+        for (int c = 0; c < n; ++c) {
+            double s = 0.0;
+            for (int i = 1; i <= d; ++i)
+                s -= A[(i * d + a) * n + c];
+            A[a * n + c] = s;
+        }
+    return 1;
+}
+
+/* Adds the cells' Hessians to the blocks `out` (d x d each); `slots` says which block each pair of vertices has. mode 0: unfiltered.
+ * Returns how many cells were changed by the filter. */
+int64_t cell_hessians(void *kernel, int d, int64_t count, const int32_t *cells, const int32_t *nodes, const double *points,
+                      const double *w, int64_t stride, const double *constants, const int32_t *slots, int mode, double *out)
+{
+    const int n = (d + 1) * d;
+    int64_t changed = 0;
+    double x[12];
+    for (int64_t k = 0; k < count; ++k) {
+        double A[MAX_N * MAX_N] = {0};
+        coordinates(d, nodes + (int64_t)cells[k] * (d + 1), points, x);
+        CALL(kernel, A, w + k * stride, constants, x);
+        if (mode)
+            changed += filter_cell(d, x, A, mode);
+        const int32_t *slot = slots + (int64_t)cells[k] * (d + 1) * (d + 1);
+        for (int i = 0; i <= d; ++i)
+            for (int j = 0; j <= d; ++j) {
+                double *block = out + (int64_t)slot[i * (d + 1) + j] * d * d;
+                for (int a = 0; a < d; ++a)
+                    for (int b = 0; b < d; ++b)
+                        block[a * d + b] += A[(i * d + a) * n + j * d + b];
+            }
+    }
+    return changed;
+}
+
+/* First t in (0, 1] where the polynomial c0 + c1 t + c2 t^2 + c3 t^3 (c0 > 0) falls to zero; 2 if it does not. */
+static double first_root(const double *c)
+{
+    double cuts[4] = {0.0, 1.0, 1.0, 1.0};
+    int n = 0;
+    const double a = 3.0 * c[3], b = 2.0 * c[2], e = c[1];
+    const double disc = b * b - 4.0 * a * e;
+    if (disc >= 0.0) {
+        const double q = -0.5 * (b + (b >= 0.0 ? sqrt(disc) : -sqrt(disc)));
+        double r[2] = {a != 0.0 ? q / a : 2.0, q != 0.0 ? e / q : 2.0};
+        if (r[0] > r[1]) {
+            const double swap = r[0];
+            r[0] = r[1], r[1] = swap;
+        }
+        for (int i = 0; i < 2; ++i)
+            if (r[i] > 0.0 && r[i] < 1.0)
+                cuts[++n] = r[i];
+    }
+    cuts[n + 1] = 1.0;
+    for (int i = 0; i <= n; ++i) {
+        double lo = cuts[i], hi = cuts[i + 1];
+        if (c[0] + hi * (c[1] + hi * (c[2] + hi * c[3])) > 0.0)
+            continue;
+        for (int step = 0; step < 60; ++step) {
+            const double mid = 0.5 * (lo + hi);
+            if (c[0] + mid * (c[1] + mid * (c[2] + mid * c[3])) > 0.0)
+                lo = mid;
+            else
+                hi = mid;
+        }
+        return lo;
+    }
+    return 2.0;
+}
+
+static double det(int d, const double *E)
+{
+    if (d == 2)
+        return E[0] * E[3] - E[1] * E[2];
+    return E[0] * (E[4] * E[8] - E[5] * E[7]) - E[1] * (E[3] * E[8] - E[5] * E[6]) + E[2] * (E[3] * E[7] - E[4] * E[6]);
+}
+
+/* Largest step in (0, 1] for which no cell's volume along x + t p falls below `keep` times what it is at t = 0. */
+double volume_step(int d, int64_t count, const int32_t *blocks, const double *x, const double *p, double keep)
+{
+    double step = 1.0;
+    for (int64_t k = 0; k < count; ++k) {
+        const int32_t *dofs = blocks + k * (d + 1);
+        double E[9], P[9], M[9], c[4] = {0};
+        for (int i = 0; i < d; ++i)
+            for (int a = 0; a < d; ++a) {
+                E[i * d + a] = x[(int64_t)dofs[i + 1] * d + a] - x[(int64_t)dofs[0] * d + a];
+                P[i * d + a] = p[(int64_t)dofs[i + 1] * d + a] - p[(int64_t)dofs[0] * d + a];
+            }
+        /* det(E + t P) is linear in each row: its coefficients are sums over which rows are taken from P. */
+        for (int mask = 0; mask < 1 << d; ++mask) {
+            int degree = 0;
+            for (int i = 0; i < d; ++i) {
+                const int moved = mask >> i & 1;
+                memcpy(M + i * d, (moved ? P : E) + i * d, sizeof(double) * d);
+                degree += moved;
+            }
+            c[degree] += det(d, M);
+        }
+        const double sign = c[0] < 0.0 ? -1.0 : 1.0;
+        for (int i = 0; i < 4; ++i)
+            c[i] *= sign;
+        c[0] *= 1.0 - keep;
+        const double t = first_root(c);
+        if (t < step)
+            step = t;
+    }
+    return step;
+}

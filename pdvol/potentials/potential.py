@@ -1,0 +1,86 @@
+"""What every term of the incremental potential offers, and the positions it is evaluated at."""
+
+from functools import cached_property
+from typing import Protocol
+
+import numpy as np
+from scipy.sparse import csr_array
+
+from pdvol.hierarchy.level_space import LevelSpace
+
+
+class Positions:
+    """One configuration of a level: x on this rank, and what terms derive from it at most once.
+
+    Attributes
+    ----------
+    space : LevelSpace
+    owned : (n_owned, d) float64 [m]
+        This rank's positions; not to be written to.
+    """
+
+    def __init__(self, space: LevelSpace, owned: np.ndarray):
+        self.space = space
+        self.owned = np.ascontiguousarray(owned, dtype=np.float64).reshape(space.n_owned, space.dim)
+
+    @cached_property
+    def whole(self) -> np.ndarray:
+        """(n, d): all positions in the input's order, on every rank. First use is collective."""
+        return self.space.to_input(self.owned)
+
+    @cached_property
+    def local(self) -> np.ndarray:
+        """(n_local, d): owned and ghost positions. First use is collective."""
+        return self.space.with_ghosts(self.owned)
+
+    def moved(self, step: float, direction: np.ndarray) -> "Positions":
+        """x + step * direction, direction (n_owned, d)."""
+        return Positions(self.space, self.owned + step * direction)
+
+
+class Potential(Protocol):
+    """A term E(x) [J]. Terms never see the time step's weight or supported rows: the integrator weighs, newton eliminates.
+
+    All calls are collective; values are the same on every rank, arrays hold this rank's rows.
+    """
+
+    name: str
+
+    def begin_step(self, x_t: Positions, t0: float, t1: float) -> None:
+        """Starts the step from t0 to t1 [s] at x_t, with obstacles at their t0 places, and lags there."""
+
+    def place(self, time: float) -> None:
+        """Puts obstacles where they are at `time` [s]."""
+
+    def lag(self, x: Positions) -> None:
+        """Freezes lagged quantities (friction) at x."""
+
+    def value(self, x: Positions) -> float:
+        """E(x) [J]; inf where x is not admissible."""
+
+    def gradient(self, x: Positions) -> np.ndarray:
+        """dE/dx [N], shape (n_owned, d)."""
+
+    def hessian(self, x: Positions) -> csr_array:
+        """Positive semi-definite stand-in for d2E/dx2 [N/m], this rank's rows: (n_owned d, n d), PETSc's columns."""
+
+    def max_step(self, x: Positions, direction: np.ndarray, until: float | None = None) -> float:
+        """Largest step in [0, 1] along direction (n_owned, d) that stays admissible, while obstacles go where they are at `until` [s]."""
+
+
+class Term:
+    """Default answers, for terms that need nothing of the kind."""
+
+    name = "term"
+
+    def begin_step(self, x_t: Positions, t0: float, t1: float) -> None:
+        pass
+
+    def place(self, time: float) -> None:
+        pass
+
+    def lag(self, x: Positions) -> None:
+        pass
+
+    def max_step(self, x: Positions, direction: np.ndarray, until: float | None = None) -> float:
+        return 1.0

@@ -1,0 +1,194 @@
+"""One level's time stepping: space, terms, supports and the solver that takes one step, cutting it where it must."""
+
+import resource
+from dataclasses import dataclass, field
+
+import numpy as np
+from mpi4py import MPI
+
+from pdvol.errors import ConvergenceError, InputError, SimulationError
+from pdvol.hierarchy.level_space import LevelSpace
+from pdvol.potentials.build import build_terms
+from pdvol.potentials.potential import Positions
+from pdvol.scene import Friction, Scene, Still, metres
+from pdvol.solve.incremental_potential import IncrementalPotential
+from pdvol.solve.newton import Newton, NewtonReport
+from pdvol.solve.timing import Stopwatch
+
+DRIVES = 200  # how often a scripted motion may be stopped by contact within one step before it is given up for that step
+
+
+@dataclass
+class StepReport:
+    """One finished step of one level (design, section 4, `log.jsonl`), with its positions.
+
+    Attributes
+    ----------
+    positions : (n, d) [m], in the input's vertex order, on every rank
+    reached : share of the step's scripted motion that was carried out
+    cuts : how often the step was halved
+    """
+
+    level: int
+    step: int
+    time: float
+    positions: np.ndarray
+    newton_iterations: int = 0
+    linear_iterations: int = 0
+    backtracks: int = 0
+    step_cap: float = 1.0
+    contacts: int = 0
+    min_gap: float | None = None
+    energy: dict[str, float] = field(default_factory=dict)
+    gradient_norm: float = 0.0
+    reason: str = ""
+    linear_solver: str = ""
+    cuts: int = 0
+    reached: float = 1.0
+    seconds: dict[str, float] = field(default_factory=dict)
+    peak_memory_mb: float = 0.0
+
+    def record(self) -> dict:
+        """What the log keeps: everything but the positions."""
+        return {key: value for key, value in vars(self).items() if key != "positions"}
+
+
+class LevelProblem:
+    """The incremental potential of one level with its supports. Construction is collective.
+
+    Parameters
+    ----------
+    scene : Scene
+    space : LevelSpace
+    level : its number
+    diagonal : the scene's diagonal [m]
+    obstacles : geometry of the scene's `Rigid` obstacles
+    """
+
+    def __init__(self, scene: Scene, space: LevelSpace, level: int, diagonal: float, obstacles=()):
+        self.scene, self.space, self.level = scene, space, level
+        self.watch = Stopwatch()
+        self.potential = IncrementalPotential(space, build_terms(scene, space, diagonal, obstacles), self.watch)
+        self._supports = [(mask, support.motion) for support in scene.supports if (mask := self._mask(support)) is not None]
+        self.supported = np.zeros(space.n_owned, dtype=bool)
+        for mask, _ in self._supports:
+            self.supported |= mask
+        self._driven = self._is_driven()
+        self.newton = Newton(space, self.potential, self.supported, metres(scene.solver.tolerance, diagonal), scene.solver, self.watch)
+        self._lags = next((c.iterations for c in scene.contact if isinstance(c, Friction)), 1)
+        self._rest = space.from_input(space.mesh.points)
+
+    def _mask(self, support) -> np.ndarray:
+        points = self.space.mesh.points
+        mask = np.asarray(support.where(points), dtype=bool)
+        if mask.shape != (len(points),):
+            raise InputError(f"a support's `where` must give one truth value per point, shape ({len(points)},), not {mask.shape}")
+        if support.body:
+            mask = mask & (self.space.mesh.point_bodies == [b.name for b in self.scene.bodies].index(support.body))
+        if not mask.any():
+            raise InputError(f"a support holds no vertex of level {self.level}; widen its `where` so that the coarsest level has some")
+        return mask[self.space.owned_points]
+
+    def _is_driven(self) -> bool:
+        motions = [motion for _, motion in self._supports] + [o.motion for o in self.scene.obstacles]
+        return any(not isinstance(motion, Still) for motion in motions)
+
+    def supported_positions(self, time: float) -> np.ndarray:
+        """(n_owned, d): where supported vertices should be at `time` [s]; rest positions elsewhere."""
+        target = self._rest.copy()
+        for mask, motion in self._supports:
+            target[mask] = motion(self._rest[mask], time)
+        return target
+
+    def initial_velocity(self) -> np.ndarray:
+        """(n, d) the scene's velocity field [m/s] on this level, in the input's order."""
+        mesh = self.space.mesh
+        velocity = np.zeros_like(mesh.points)
+        for i, body in enumerate(self.scene.bodies):
+            cells = mesh.cells[mesh.bodies == i]
+            volumes = mesh.volumes[mesh.bodies == i]
+            centre = volumes @ mesh.points[cells].mean(axis=1) / volumes.sum()
+            mine = mesh.point_bodies == i
+            velocity[mine] = body.initial_velocity(mesh.points[mine], centre)
+        return velocity
+
+    def step(self, number: int, positions: np.ndarray, velocity: np.ndarray) -> StepReport:
+        """Step `number` (from 1) from positions (n, d) with predicted velocity (n, d) [m/s], both in the input's order.
+
+        Raises ConvergenceError, naming level, step and reason, where no cut of the step helps. Collective.
+        """
+        dt = self.scene.dt
+        report = StepReport(self.level, number, number * dt, positions)
+        with self.watch.part("total"):
+            x = Positions(self.space, self.space.from_input(positions))
+            x = self._advance(report, x, self.space.from_input(velocity), (number - 1) * dt, number * dt, 0)
+            report.positions = x.whole
+            report.energy = self.potential.energies(x)
+            report.contacts = sum(term.count(x) for term in self.potential.contacts)
+            gap = min((term.min_gap(x) for term in self.potential.contacts), default=np.inf)
+            report.min_gap = gap if np.isfinite(gap) else None
+        report.linear_solver = self.newton.linear.method
+        report.seconds = self.watch.report()
+        peak = self.space.comm.allreduce(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024, op=MPI.MAX)
+        report.peak_memory_mb = round(peak, 1)
+        return report
+
+    def _advance(self, report: StepReport, x_t: Positions, velocity: np.ndarray, t0: float, t1: float, depth: int) -> Positions:
+        """From t0 to t1; in two halves where one does not converge."""
+        try:
+            x, solved = self._solve(report, x_t, x_t.owned + (t1 - t0) * velocity, t0, t1)
+        except SimulationError as error:
+            raise ConvergenceError(self.level, report.step, str(error)) from None
+        if solved.converged:
+            report.reason, report.gradient_norm = solved.reason, solved.gradient_norm
+            return x
+        if depth == self.scene.solver.max_halvings:
+            raise ConvergenceError(self.level, report.step, f"{solved.reason} after {report.cuts} cuts of the step, last at dt = {t1 - t0:.3g} s, "
+                                   f"Newton step {solved.speed:.3g} m/s; try a smaller dt or a larger dhat")
+        report.cuts += 1
+        middle = 0.5 * (t0 + t1)
+        halfway = self._advance(report, x_t, velocity, t0, middle, depth + 1)
+        return self._advance(report, halfway, (halfway.owned - x_t.owned) / (middle - t0), middle, t1, depth + 1)
+
+    def _solve(self, report: StepReport, x_t: Positions, x_hat: np.ndarray, t0: float, t1: float) -> tuple[Positions, NewtonReport]:
+        self.potential.begin_step(x_t, x_hat, t0, t1)
+        x = x_t
+        if self._driven:
+            x, reached = self._drive(report, x, t0, t1)
+            report.reached = min(report.reached, reached)
+        for lag in range(self._lags):
+            if lag:
+                self.potential.lag(x)
+            x, solved = self.newton.solve(x)
+            self._count(report, solved)
+            if not solved.converged:
+                break
+        return x, solved
+
+    def _drive(self, report: StepReport, x: Positions, t0: float, t1: float) -> tuple[Positions, float]:
+        """Carries supports and obstacles towards their places at t1 without crossing anything.
+
+        Bodies follow by Newton's direction, or are pushed away by minimising where contact stops the motion. Gives the share reached.
+        """
+        time = t0
+        for _ in range(DRIVES):
+            move = np.where(self.supported[:, None], self.supported_positions(t1) - x.owned, 0.0)
+            direction = self.newton.direction(x, move)
+            step = self.potential.max_step(x, direction, until=t1)
+            x = x.moved(step, direction)
+            time = t1 if step == 1.0 else time + step * (t1 - time)
+            self.potential.place(time)
+            if step == 1.0:
+                return x, 1.0
+            x, solved = self.newton.solve(x)
+            self._count(report, solved)
+            if not solved.converged:
+                break
+        return x, (time - t0) / (t1 - t0)
+
+    @staticmethod
+    def _count(report: StepReport, solved: NewtonReport) -> None:
+        report.newton_iterations += solved.iterations
+        report.linear_iterations += solved.linear_iterations
+        report.backtracks += solved.backtracks
+        report.step_cap = min(report.step_cap, solved.step_cap)

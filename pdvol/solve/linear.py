@@ -1,0 +1,78 @@
+"""Linear solvers for Newton's systems: which one, and PETSc options behind a prefix of their own."""
+
+from itertools import count
+
+from petsc4py import PETSc
+
+from pdvol.errors import InputError
+from pdvol.scene import Solver
+
+DIRECT_UNTIL = 6_000  # unknowns: below, a sparse Cholesky costs no more than a preconditioner that may need help
+_serial = count()
+
+
+class LinearSolver:
+    """A KSP with pdvol's choice of method and the user's options on top.
+
+    `auto` takes MUMPS' Cholesky for small systems and conjugate gradients with an incomplete Cholesky (block Jacobi of it on several
+    ranks) for large ones: inertia makes those easy, and a solve that fails falls back to the direct method (`fall_back`).
+    """
+
+    def __init__(self, ksp: PETSc.KSP, settings: Solver, unknowns: int):
+        self.ksp, self.settings = ksp, settings
+        self.method = settings.linear
+        if self.method == "auto":
+            self.method = "direct" if unknowns <= DIRECT_UNTIL else "iterative"
+        self.prefix = f"pdvol_{next(_serial)}_"
+        ksp.setOptionsPrefix(self.prefix)
+        self._configure()
+
+    def _configure(self) -> None:
+        ksp = self.ksp
+        if self.method == "direct":
+            ksp.setType(PETSc.KSP.Type.PREONLY)
+            ksp.pc.setType(PETSc.PC.Type.CHOLESKY)
+            ksp.pc.setFactorSolverType(PETSc.Mat.SolverType.MUMPS)
+        else:
+            ksp.setType(PETSc.KSP.Type.CG)
+            ksp.setNormType(PETSc.KSP.NormType.NATURAL)
+            ksp.setTolerances(rtol=1e-5, max_it=1000)
+            if ksp.comm.size == 1:
+                ksp.pc.setType(PETSc.PC.Type.ICC)
+            else:
+                ksp.pc.setType(PETSc.PC.Type.BJACOBI)
+                self._with_options({"sub_pc_type": "icc"})
+        self._with_options(_parse(self.settings.petsc))
+
+    def _with_options(self, options: dict[str, str]) -> None:
+        database = PETSc.Options()
+        database.prefixPush(self.prefix)
+        for name, value in options.items():
+            database.setValue(name, value)
+        self.ksp.setFromOptions()
+        for name in options:
+            database.delValue(name)
+        database.prefixPop()
+
+    def fall_back(self) -> bool:
+        """Switches to the direct method; False if that is what was used."""
+        if self.method == "direct":
+            return False
+        self.method = "direct"
+        self._configure()
+        return True
+
+
+def _parse(text: str) -> dict[str, str]:
+    """PETSc options "-a 1 -b" as a dictionary."""
+    options: dict[str, str] = {}
+    name = None
+    for word in text.split():
+        if word.startswith("-") and not word[1:2].isdigit():
+            name = word.lstrip("-")
+            options[name] = ""
+        elif name is None:
+            raise InputError(f'petsc = "{text}": options look like "-ksp_rtol 1e-6"')
+        else:
+            options[name], name = word, None
+    return options

@@ -1,0 +1,234 @@
+"""The one SNES file: projected Newton on an incremental potential, its line search and its step caps.
+
+SNES minimises: the potential is its objective (backtracking), the gradient its function, the filtered Hessian its Jacobian. The pre-check
+caps each step by what contact and inversion allow. Newton stops when its full step is nowhere faster than the tolerance [m/s]; that step
+is still taken.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from mpi4py import MPI
+from petsc4py import PETSc
+from scipy.sparse import csr_array
+
+from pdvol.errors import SimulationError
+from pdvol.hierarchy.level_space import LevelSpace
+from pdvol.potentials.potential import Positions
+from pdvol.scene import Solver
+from pdvol.solve.incremental_potential import IncrementalPotential
+from pdvol.solve.linear import LinearSolver
+from pdvol.solve.timing import Stopwatch
+
+ROUNDING = 1e-13  # a decrease below this share of the energy cannot be told from round-off
+
+_REASONS = {value: name for name, value in vars(PETSc.SNES.ConvergedReason).items() if isinstance(value, int)}
+
+
+@dataclass
+class NewtonReport:
+    """What one solve did.
+
+    Attributes
+    ----------
+    converged : bool
+    reason : PETSc's name of why it stopped, or "ROUNDING" where the energy cannot fall any further in double precision
+    iterations, linear_iterations, backtracks : int
+    step_cap : smallest cap put on a step by contact or inversion
+    gradient_norm : infinity norm of the gradient [kg m]
+    speed : size of the last full Newton step [m/s]
+    """
+
+    converged: bool = False
+    reason: str = ""
+    iterations: int = 0
+    linear_iterations: int = 0
+    backtracks: int = 0
+    step_cap: float = 1.0
+    gradient_norm: float = np.inf
+    speed: float = np.inf
+
+
+class Newton:
+    """Minimises an `IncrementalPotential` over the unsupported vertices.
+
+    Parameters
+    ----------
+    potential : IncrementalPotential
+    supported : (n_owned,) bool
+        Vertices that do not move.
+    tolerance : [m/s]
+    settings : Solver
+    """
+
+    def __init__(self, space: LevelSpace, potential: IncrementalPotential, supported: np.ndarray, tolerance: float, settings: Solver,
+                 watch: Stopwatch):
+        self.space, self.potential, self.tolerance, self.watch = space, potential, tolerance, watch
+        d, self._n = space.dim, len(space.mesh.points)
+        self._fixed = supported
+        self._fixed_rows = (space.first_block + np.flatnonzero(supported))[:, None] * d + np.arange(d)
+        self._fixed_rows = self._fixed_rows.ravel().astype(PETSc.IntType)
+        self._any_fixed = space.comm.allreduce(bool(supported.any()), op=MPI.LOR)
+        self._vector, self._residual = space.create_vector(), space.create_vector()
+        self._matrix = PETSc.Mat().create(comm=space.comm)
+        size = (space.n_owned * d, self._n * d)
+        self._matrix.setSizes((size, size), bsize=d)
+        self._matrix.setType(PETSc.Mat.Type.AIJ)
+        self._matrix.setOption(PETSc.Mat.Option.SYMMETRIC, True)
+        self._matrix.setOption(PETSc.Mat.Option.SPD, True)
+        self.snes = self._create_snes(settings)
+        self.linear = LinearSolver(self.snes.ksp, settings, self._n * d)
+
+    def _create_snes(self, settings: Solver) -> PETSc.SNES:
+        snes = PETSc.SNES().create(comm=self.space.comm)
+        snes.setType(PETSc.SNES.Type.NEWTONLS)
+        snes.setObjective(self._objective)
+        snes.setFunction(self._function, self._residual)
+        snes.setJacobian(self._jacobian, self._matrix)
+        snes.setLineSearchPreCheck(self._cap)
+        snes.setConvergenceTest(self._test)
+        snes.setTolerances(rtol=0.0, atol=0.0, stol=0.0, max_it=settings.max_iterations)
+        snes.setMaxStepFailures(1) if hasattr(snes, "setMaxStepFailures") else None
+        database = PETSc.Options()
+        snes.setOptionsPrefix("pdvol_snes_")
+        for name, value in {"snes_linesearch_type": "bt", "snes_linesearch_order": 3, "snes_linesearch_max_it": 40}.items():
+            database.setValue(f"pdvol_snes_{name}", value)
+        snes.setFromOptions()
+        for name in ("type", "order", "max_it"):
+            database.delValue(f"pdvol_snes_snes_linesearch_{name}")
+        return snes
+
+    # ---- callbacks -----------------------------------------------------------------------------------------------------------
+
+    def _positions(self, vector: PETSc.Vec) -> Positions:
+        """The configuration a PETSc vector holds; the last two are kept, so that terms share what they derived from them."""
+        array = vector.getArray(readonly=True).reshape(-1, self.space.dim)
+        for known in self._recent:
+            if self.space.comm.allreduce(np.array_equal(known.owned, array), op=MPI.LAND):
+                return known
+        self._recent = [Positions(self.space, array.copy()), *self._recent[:1]]
+        return self._recent[0]
+
+    def _energy(self, x: Positions) -> float:
+        for known, energy in self._energies:
+            if known is x:
+                return energy
+        energy = self.potential.value(x)
+        self._energies = [(x, energy), *self._energies[:1]]
+        return energy
+
+    def _objective(self, snes, vector) -> float:
+        x = self._positions(vector)
+        if x is not self._base:
+            self._trials += 1
+        return self._energy(x)
+
+    def _function(self, snes, vector, residual) -> None:
+        gradient = self.potential.gradient(self._positions(vector))
+        gradient[self._fixed] = 0.0
+        self._gradient = gradient
+        residual.setArray(gradient.ravel())
+
+    def _jacobian(self, snes, vector, J, P) -> None:
+        rows = self.potential.hessian(self._positions(vector))
+        with self.watch.part("linear"):
+            self._fill(P, rows)
+
+    def _fill(self, matrix: PETSc.Mat, rows: csr_array) -> None:
+        """Contacts change the pattern at every iteration, so the matrix takes the summed rows as they are."""
+        rows.sort_indices()
+        arrays = (rows.indptr.astype(PETSc.IntType), rows.indices.astype(PETSc.IntType), rows.data)
+        matrix.setPreallocationCSR(arrays)
+        matrix.assemble()
+        if self._any_fixed:
+            matrix.zeroRowsColumns(self._fixed_rows, diag=1.0)
+
+    def _cap(self, vector, step) -> None:
+        """Scales the step so that nothing crosses or inverts; SNES moves by its negative."""
+        x = self._positions(vector)
+        direction = -step.getArray(readonly=True).reshape(-1, self.space.dim)
+        if not self.space.comm.allreduce(bool(np.isfinite(direction).all()), op=MPI.LAND):
+            raise SimulationError("the linear solve gave NaN or infinity")
+        self.report.speed = self._largest(direction) / self.potential.dt
+        slope = self.space.comm.allreduce(float(np.vdot(self._gradient, direction)))
+        self._at_rounding = abs(slope) <= ROUNDING * max(abs(self._energy(x)), self._scale)
+        cap = self.potential.max_step(x, direction)
+        self.report.step_cap = min(self.report.step_cap, cap)
+        self._base, self._trials_before = x, self._trials
+        if cap < 1.0:
+            step.scale(cap)
+
+    def _largest(self, rows: np.ndarray) -> float:
+        """Largest row length over all ranks."""
+        mine = np.sqrt(np.max(np.sum(rows**2, axis=1), initial=0.0))
+        return self.space.comm.allreduce(float(mine), op=MPI.MAX)
+
+    def _test(self, snes, iteration, norms) -> int | None:
+        _, _, gradient_norm = norms
+        reasons = PETSc.SNES.ConvergedReason
+        if np.isnan(gradient_norm):
+            return reasons.DIVERGED_FNORM_NAN
+        if gradient_norm == 0.0:
+            self.report.speed = 0.0
+            return reasons.CONVERGED_FNORM_ABS
+        if iteration > 0:
+            self.report.backtracks += max(0, self._trials - self._trials_before - 1)
+            if self.report.speed <= self.tolerance:
+                return reasons.CONVERGED_SNORM_RELATIVE
+        return reasons.ITERATING
+
+    # ---- what callers use ----------------------------------------------------------------------------------------------------
+
+    def solve(self, x: Positions) -> tuple[Positions, NewtonReport]:
+        """Minimises from the admissible x. The result is admissible whether or not the report says it converged."""
+        self._start(x)
+        # A direct solve of an ill-conditioned system, or an incomplete factor that breaks down, shows in the linear reason.
+        for _ in range(2):
+            self._vector.setArray(x.owned.ravel())
+            with self.watch.part("linear"):
+                self.snes.solve(None, self._vector)
+            x = self._positions(self._vector)
+            reason = self.snes.getConvergedReason()
+            self.report.iterations += self.snes.getIterationNumber()
+            self.report.linear_iterations += self.snes.getLinearSolveIterations()
+            if reason != PETSc.SNES.ConvergedReason.DIVERGED_LINEAR_SOLVE or not self.linear.fall_back():
+                break
+        self.report.reason = _REASONS.get(reason, str(reason))
+        self.report.converged = reason > 0
+        if reason == PETSc.SNES.ConvergedReason.DIVERGED_LINE_SEARCH and (self._at_rounding or self.report.speed <= self.tolerance):
+            self.report.converged, self.report.reason = True, "ROUNDING"
+        self.report.gradient_norm = self.space.comm.allreduce(float(np.abs(self._gradient).max(initial=0.0)), op=MPI.MAX)
+        return x, self.report
+
+    def direction(self, x: Positions, supported_move: np.ndarray) -> np.ndarray:
+        """Newton's direction (n_owned, d) at x while supported vertices move by `supported_move` (n_owned, d)."""
+        self._start(x)
+        rows = self.potential.hessian(x)
+        gradient = self.potential.gradient(x)
+        prescribed = np.where(self._fixed[:, None], supported_move, 0.0)
+        with self.watch.part("linear"):
+            moved = self.space.create_vector()
+            moved.setArray(prescribed.ravel())
+            # The free rows see what the supports do; then rows and columns of supports are eliminated.
+            arrays = (rows.indptr.astype(PETSc.IntType), rows.indices.astype(PETSc.IntType), rows.data)
+            full = PETSc.Mat().createAIJ(self._matrix.getSizes(), bsize=self.space.dim, csr=arrays, comm=self.space.comm)
+            force = full.createVecLeft()
+            full.mult(moved, force)
+            right = np.where(self._fixed[:, None], prescribed, -gradient - force.getArray().reshape(-1, self.space.dim))
+            full.destroy()
+            self._fill(self._matrix, rows)
+            moved.setArray(right.ravel())
+            ksp = self.snes.ksp
+            ksp.setOperators(self._matrix)
+            ksp.solve(moved, force)
+            if ksp.getConvergedReason() < 0 and self.linear.fall_back():
+                ksp.solve(moved, force)
+        return force.getArray().reshape(-1, self.space.dim).copy()
+
+    def _start(self, x: Positions) -> None:
+        self._recent, self._energies, self._base = [x], [], None
+        self._trials = self._trials_before = 0
+        self._at_rounding = False
+        self._gradient = np.zeros_like(x.owned)
+        self._scale = 0.0
+        self.report = NewtonReport()

@@ -1,0 +1,36 @@
+"""Where the seconds of a step go."""
+
+import time
+from collections import defaultdict
+from contextlib import contextmanager
+
+PARTS = ("assembly", "contact", "ccd", "linear")
+
+
+class Stopwatch:
+    """Seconds by part; what is measured inside another part counts for the inner one only."""
+
+    def __init__(self):
+        self.seconds = defaultdict(float)
+        self._open = []
+
+    @contextmanager
+    def part(self, name: str):
+        """Adds the time spent inside to `name`."""
+        self._open.append(0.0)
+        start = time.perf_counter()
+        try:
+            yield
+        finally:
+            spent = time.perf_counter() - start
+            self.seconds[name] += spent - self._open.pop()
+            if self._open:
+                self._open[-1] += spent
+
+    def report(self) -> dict[str, float]:
+        """Seconds: total, each part, and the rest as `other`. Starts over."""
+        total = self.seconds.pop("total", 0.0)
+        parts = {name: self.seconds.get(name, 0.0) for name in PARTS}
+        other = total + sum(self.seconds.get(name, 0.0) for name in self.seconds if name not in PARTS)
+        self.seconds.clear()
+        return {"total": other + sum(parts.values()), **parts, "other": other}
