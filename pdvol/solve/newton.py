@@ -70,25 +70,21 @@ class Newton:
         self._fixed_rows = self._fixed_rows.ravel().astype(PETSc.IntType)
         self._any_fixed = space.comm.allreduce(bool(supported.any()), op=MPI.LOR)
         self._vector, self._residual = space.create_vector(), space.create_vector()
-        self._matrix = PETSc.Mat().create(comm=space.comm)
-        size = (space.n_owned * d, self._n * d)
-        self._matrix.setSizes((size, size), bsize=d)
-        self._matrix.setType(PETSc.Mat.Type.AIJ)
-        self._matrix.setOption(PETSc.Mat.Option.SYMMETRIC, True)
-        self._matrix.setOption(PETSc.Mat.Option.SPD, True)
+        self._sizes = ((space.n_owned * d, self._n * d),) * 2
+        self._matrix, self._pattern = None, None
         self.snes = self._create_snes(settings)
         self.linear = LinearSolver(self.snes.ksp, settings, self._n * d)
 
     def _create_snes(self, settings: Solver) -> PETSc.SNES:
+        d = self.space.dim
         snes = PETSc.SNES().create(comm=self.space.comm)
         snes.setType(PETSc.SNES.Type.NEWTONLS)
         snes.setObjective(self._objective)
         snes.setFunction(self._function, self._residual)
-        snes.setJacobian(self._jacobian, self._matrix)
+        snes.setJacobian(self._jacobian, PETSc.Mat().createAIJ(self._sizes, bsize=d, csr=self._empty_rows(), comm=self.space.comm))
         snes.setLineSearchPreCheck(self._cap)
         snes.setConvergenceTest(self._test)
         snes.setTolerances(rtol=0.0, atol=0.0, stol=0.0, max_it=settings.max_iterations)
-        snes.setMaxStepFailures(1) if hasattr(snes, "setMaxStepFailures") else None
         database = PETSc.Options()
         snes.setOptionsPrefix("pdvol_snes_")
         for name, value in {"snes_linesearch_type": "bt", "snes_linesearch_order": 3, "snes_linesearch_max_it": 40}.items():
@@ -132,16 +128,34 @@ class Newton:
     def _jacobian(self, snes, vector, J, P) -> None:
         rows = self.potential.hessian(self._positions(vector))
         with self.watch.part("linear"):
-            self._fill(P, rows)
+            if self._fill(rows):
+                snes.setJacobian(self._jacobian, self._matrix)
 
-    def _fill(self, matrix: PETSc.Mat, rows: csr_array) -> None:
-        """Contacts change the pattern at every iteration, so the matrix takes the summed rows as they are."""
+    def _empty_rows(self):
+        n = self._sizes[0][0]
+        return np.arange(n + 1, dtype=PETSc.IntType), np.zeros(n, dtype=PETSc.IntType), np.zeros(n)
+
+    def _fill(self, rows: csr_array) -> bool:
+        """Puts the summed rows into the system's matrix; says whether it is a new one.
+
+        Contacts change the pattern. A changed pattern gets a matrix of its own: an AIJ matrix preallocated anew can keep its nonzero
+        state, and the preconditioner would then take the old symbolic factors for the new pattern.
+        """
         rows.sort_indices()
         arrays = (rows.indptr.astype(PETSc.IntType), rows.indices.astype(PETSc.IntType), rows.data)
-        matrix.setPreallocationCSR(arrays)
-        matrix.assemble()
+        same = self._pattern is not None and all(np.array_equal(a, b) for a, b in zip(arrays, self._pattern, strict=False))
+        same = self.space.comm.allreduce(same, op=MPI.LAND)
+        if same:
+            self._matrix.setValuesCSR(*arrays)
+        else:
+            self._previous = self._matrix  # SNES still holds it while the callback runs
+            self._matrix = PETSc.Mat().createAIJ(self._sizes, bsize=self.space.dim, csr=arrays, comm=self.space.comm)
+            self._matrix.setOption(PETSc.Mat.Option.SPD, True)
+            self._pattern = arrays[:2]
+        self._matrix.assemble()
         if self._any_fixed:
-            matrix.zeroRowsColumns(self._fixed_rows, diag=1.0)
+            self._matrix.zeroRowsColumns(self._fixed_rows, diag=1.0)
+        return not same
 
     def _cap(self, vector, step) -> None:
         """Scales the step so that nothing crosses or inverts; SNES moves by its negative."""
@@ -211,12 +225,13 @@ class Newton:
             moved.setArray(prescribed.ravel())
             # The free rows see what the supports do; then rows and columns of supports are eliminated.
             arrays = (rows.indptr.astype(PETSc.IntType), rows.indices.astype(PETSc.IntType), rows.data)
-            full = PETSc.Mat().createAIJ(self._matrix.getSizes(), bsize=self.space.dim, csr=arrays, comm=self.space.comm)
+            full = PETSc.Mat().createAIJ(self._sizes, bsize=self.space.dim, csr=arrays, comm=self.space.comm)
             force = full.createVecLeft()
             full.mult(moved, force)
             right = np.where(self._fixed[:, None], prescribed, -gradient - force.getArray().reshape(-1, self.space.dim))
             full.destroy()
-            self._fill(self._matrix, rows)
+            if self._fill(rows):
+                self.snes.setJacobian(self._jacobian, self._matrix)
             moved.setArray(right.ravel())
             ksp = self.snes.ksp
             ksp.setOperators(self._matrix)
