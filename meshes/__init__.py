@@ -1,5 +1,26 @@
 """Shape recipes: pure geometry, one function a shape, seeded. Nothing here knows of physics, MPI or PETSc."""
 
+from . import outlines, solids
+from .creature import creature
 from .geometry import Outline, Solid, Surface
+from .outlines import comb, disc, extrude, folded, polygon, rectangle, spike
+from .solids import ball, bar, box
 
-__all__ = ["Outline", "Solid", "Surface"]
+__all__ = [
+    "Outline",
+    "Solid",
+    "Surface",
+    "ball",
+    "bar",
+    "box",
+    "comb",
+    "creature",
+    "disc",
+    "extrude",
+    "folded",
+    "outlines",
+    "polygon",
+    "rectangle",
+    "solids",
+    "spike",
+]

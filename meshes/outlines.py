@@ -1,0 +1,111 @@
+"""Flat shapes, as closed outlines; and what extruding one gives."""
+
+import numpy as np
+
+from .geometry import Outline, Surface
+
+
+def disc(radius: float = 1.0, points: int = 128) -> Outline:
+    """A circle about the origin [m]."""
+    angle = 2.0 * np.pi * np.arange(points) / points
+    return Outline(radius * np.column_stack([np.cos(angle), np.sin(angle)]))
+
+
+def polygon(points) -> Outline:
+    """The polygon through `points` (n, 2) [m], turned anticlockwise."""
+    points = np.asarray(points, dtype=float)
+    x, y = points.T
+    area = np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y)
+    return Outline(points if area > 0 else points[::-1].copy())
+
+
+def rectangle(width: float = 1.0, height: float = 1.0) -> Outline:
+    """A rectangle [m] about the origin."""
+    w, h = width / 2.0, height / 2.0
+    return Outline(np.array([[-w, -h], [w, -h], [w, h], [-w, h]]))
+
+
+def spike(width: float = 0.4, height: float = 1.0, tip_radius: float = 0.0, base: float = 0.0, thickness: float = 0.1) -> Outline:
+    """A spike pointing up along y, its tip at (0, height), the foot of its flanks at y = 0.
+
+    Parameters
+    ----------
+    width, height : of the flanks' triangle [m]
+    tip_radius : rounds the tip [m]; 0 is a sharp point. The rounded tip ends below `height`.
+    base : width [m] of a slab below the spike; none where it is 0
+    thickness : of that slab [m]
+    """
+    half = width / 2.0
+    tip = np.array([[0.0, height]])
+    if tip_radius > 0.0:
+        slant = np.arctan2(height, half)  # of a flank over the ground: the arc spans its normals
+        centre = np.array([0.0, height - tip_radius / np.cos(slant)])
+        angle = np.linspace(np.pi / 2.0 - slant, np.pi / 2.0 + slant, 17)
+        tip = centre + tip_radius * np.column_stack([np.cos(angle), np.sin(angle)])
+    foot = np.array([[-half, 0.0], [half, 0.0]])
+    if base <= 0.0:
+        return Outline(np.vstack([foot, tip]))
+    b = max(base, width) / 2.0
+    slab = [[-b, 0.0], [-b, -thickness], [b, -thickness], [b, 0.0]] if base > width else [[-b, -thickness], [b, -thickness]]
+    return Outline(np.vstack([foot[:1], slab, foot[1:], tip]))
+
+
+def comb(teeth: int = 4, length: float = 1.0, width: float = 0.1, gap: float = 0.02, spine: float = 0.15) -> Outline:
+    """Long thin teeth [m] along y, `gap` apart, joined at their lower end by a spine: near in space, far along the body."""
+    pitch = width + gap
+    total = teeth * width + (teeth - 1) * gap
+    points = [[0.0, -spine], [total, -spine]]
+    for k in reversed(range(teeth)):
+        left = k * pitch
+        points += [[left + width, 0.0]] if k < teeth - 1 else []
+        points += [[left + width, length], [left, length]]
+        points += [[left, 0.0]] if k > 0 else []
+    return Outline(np.array(points))
+
+
+def folded(length: float = 1.0, width: float = 0.1, gap: float = 0.02, arc: int = 24) -> Outline:
+    """A strip bent into a U lying on its side: two arms [m] along x, `gap` apart, joined by a half ring at x = `length`."""
+    angle = np.linspace(-np.pi / 2.0, np.pi / 2.0, arc)
+    ring = np.column_stack([np.cos(angle), np.sin(angle)])
+    outer, inner = (gap / 2.0 + width) * ring, (gap / 2.0) * ring
+    shift = np.array([length, 0.0])
+    free = np.array([[0.0, -gap / 2.0 - width]]), np.array([[0.0, gap / 2.0 + width], [0.0, gap / 2.0]]), np.array([[0.0, -gap / 2.0]])
+    return Outline(np.vstack([free[0], shift + outer, free[1], shift + inner[::-1], free[2]]))
+
+
+def extrude(outline: Outline, thickness: float) -> Surface:
+    """The prism over an outline, from z = -thickness/2 to +thickness/2 [m]. Sides and caps are as coarse as the outline is."""
+    n = len(outline.points)
+    z = np.full((n, 1), thickness / 2.0)
+    vertices = np.vstack([np.hstack([outline.points, -z]), np.hstack([outline.points, z])])
+    cap = _ears(outline.points)
+    here = np.arange(n)
+    there = np.roll(here, -1)
+    sides = np.vstack([np.column_stack([here, there, there + n]), np.column_stack([here, there + n, here + n])])
+    return Surface(vertices, np.vstack([cap[:, ::-1], cap + n, sides]).astype(np.int32))
+
+
+def _ears(points: np.ndarray) -> np.ndarray:
+    """Triangles (n - 2, 3) of a simple anticlockwise polygon by cutting ears, the roundest first."""
+    left = list(range(len(points)))
+    triangles = []
+
+    def turn(a, b, c):
+        u, w = b - a, c - a
+        return u[..., 0] * w[..., 1] - u[..., 1] * w[..., 0]
+
+    while len(left) > 3:
+        best, score = 0, -np.inf
+        ring = points[left]
+        for k in range(len(left)):
+            a, b, c = ring[k - 1], ring[k], ring[(k + 1) % len(left)]
+            if turn(a, b, c) <= 0.0:
+                continue
+            inside = (turn(a, b, ring) >= 0) & (turn(b, c, ring) >= 0) & (turn(c, a, ring) >= 0)
+            inside[[k - 1, k, (k + 1) % len(left)]] = False
+            value = -np.linalg.norm(c - a)
+            if not inside.any() and value > score:
+                best, score = k, value
+        triangles.append([left[best - 1], left[best], left[(best + 1) % len(left)]])
+        del left[best]
+    return np.array([*triangles, left])

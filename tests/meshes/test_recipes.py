@@ -1,0 +1,69 @@
+"""Every recipe gives a shape that the pre-flight checks accept, of the size it promises."""
+
+import numpy as np
+import pytest
+
+from pdvol import meshes
+from pdvol.hierarchy.decimate import topology
+from pdvol.hierarchy.tetrahedralise import measure
+from pdvol.hierarchy.validate import check_outline, check_surface, signed_area
+
+OUTLINES = {
+    # name: (outline, area by hand)
+    "disc": (meshes.disc(2.0, 64), 0.5 * 64 * 4.0 * np.sin(2 * np.pi / 64)),
+    "rectangle": (meshes.rectangle(2.0, 0.5), 1.0),
+    "polygon, clockwise": (meshes.polygon([[0, 0], [0, 1], [1, 0]]), 0.5),
+    "sharp spike": (meshes.spike(0.4, 1.0), 0.2),
+    "spike on a base": (meshes.spike(0.4, 1.0, base=2.0, thickness=0.1), 0.2 + 0.2),
+    "spike on a narrow base": (meshes.spike(0.4, 1.0, base=0.2, thickness=0.1), 0.2 + 0.04),
+    "comb": (meshes.comb(teeth=3, length=1.0, width=0.1, gap=0.02, spine=0.2), 3 * 0.1 + 0.34 * 0.2),
+    "folded": (meshes.folded(1.0, 0.1, 0.02, arc=400), 2 * 0.1 + np.pi / 2 * (0.11**2 - 0.01**2)),
+}
+SURFACES = {
+    # name: (surface, volume by hand, shells, Euler number)
+    "ball": (meshes.ball(1.0, 4), 4 * np.pi / 3, 2),
+    "box": (meshes.box((1.0, 2.0, 3.0), (2, 3, 4)), 6.0, 2),
+    "bar": (meshes.bar(1.0, 0.2, 0.3, 0.1), 0.06, 2),
+    "comb": (meshes.solids.comb(0.1, teeth=3, length=1.0, width=0.1, gap=0.02, spine=0.2), 0.0368, 2),
+    "folded": (meshes.solids.folded(0.1, length=1.0, width=0.1, gap=0.02, arc=60), 0.1 * (0.2 + np.pi / 2 * 0.012), 2),
+}
+
+
+@pytest.mark.parametrize("name", OUTLINES)
+def test_outlines_are_valid_and_have_their_area(name):
+    outline, area = OUTLINES[name]
+    checked = check_outline(outline)
+    assert np.array_equal(checked.points, outline.points), "it runs anticlockwise already"
+    assert signed_area(outline.points) == pytest.approx(area, rel=2e-4)  # 2e-4: the folded strip's half ring is a polygon
+
+
+@pytest.mark.parametrize("name", SURFACES)
+def test_surfaces_are_valid_and_have_their_volume(name):
+    surface, volume, euler = SURFACES[name]
+    checked = check_surface(surface)
+    assert np.array_equal(checked.triangles, surface.triangles), "it faces outward already"
+    assert measure(surface)[0] == pytest.approx(volume, rel=1e-2)  # 1e-2: spheres and rings are faceted
+    assert topology(checked.triangles, len(checked.vertices)) == (1, euler)
+
+
+def test_a_rounded_tip_stays_below_the_sharp_one():
+    sharp, rounded = meshes.spike(0.4, 1.0), meshes.spike(0.4, 1.0, tip_radius=0.05)
+    assert check_outline(rounded).points[:, 1].max() < sharp.points[:, 1].max() - 0.05
+    assert signed_area(rounded.points) < signed_area(sharp.points)
+
+
+def test_a_ball_has_its_radius():
+    ball = meshes.ball(0.7, 2)
+    assert len(ball.vertices) == 10 * 4**2 + 2
+    assert np.allclose(np.linalg.norm(ball.vertices, axis=1), 0.7, rtol=1e-12)
+
+
+def test_the_creature_is_whole_and_repeats():
+    cub = meshes.creature()
+    checked = check_surface(cub, "creature")
+    assert topology(checked.triangles, len(checked.vertices)) == (1, 2)
+    assert 2000 <= len(cub.vertices) <= 4500
+    assert cub.vertices[:, 1].min() == 0.0
+    assert cub.vertices[:, 1].max() == pytest.approx(1.0)
+    assert measure(cub)[0] > 0.0
+    assert np.array_equal(cub.vertices, meshes.creature().vertices)
