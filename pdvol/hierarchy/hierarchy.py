@@ -1,0 +1,59 @@
+"""The levels of a scene, coarsest first, and the prolongations between neighbours."""
+
+from collections.abc import Sequence
+
+from mpi4py import MPI
+
+from pdvol.hierarchy.binding import bind
+from pdvol.hierarchy.interpolants import INTERPOLANTS
+from pdvol.hierarchy.level_mesh import LevelMesh
+from pdvol.hierarchy.level_space import LevelSpace
+from pdvol.hierarchy.prolongation import Prolongation
+
+
+class Hierarchy(Sequence):
+    """A sequence of `LevelSpace`: `hierarchy[0]` is the coarsest, `hierarchy[-1]` the finest. Construction is collective.
+
+    Parameters
+    ----------
+    level_meshes : sequence of LevelMesh
+        Coarsest first; at least one.
+    comm : MPI.Comm
+    interpolant : str
+        A key of `INTERPOLANTS`.
+
+    Raises
+    ------
+    ValueError
+        No level, or an unknown interpolant; on all ranks, before any communication.
+    """
+
+    def __init__(self, level_meshes: Sequence[LevelMesh], comm: MPI.Comm, interpolant: str = "barycentric"):
+        if len(level_meshes) == 0:
+            raise ValueError("a hierarchy needs at least one level")
+        if interpolant not in INTERPOLANTS:
+            raise ValueError(f"unknown interpolant {interpolant!r}; choose one of {', '.join(INTERPOLANTS)}")
+        self.comm, self.interpolant = comm, interpolant
+        self._spaces = tuple(LevelSpace(mesh, comm) for mesh in level_meshes)
+        self._prolongations: dict[int, Prolongation] = {}
+
+    def __len__(self) -> int:
+        return len(self._spaces)
+
+    def __getitem__(self, level):
+        return self._spaces[level]
+
+    def prolongation(self, level: int) -> Prolongation:
+        """From `level - 1` to `level`, built at the first call, which is collective.
+
+        Raises
+        ------
+        ValueError
+            When `level` is not one of 1 ... len - 1.
+        """
+        if not 1 <= level < len(self):
+            raise ValueError(f"no prolongation leads to level {level}; levels with a coarser neighbour: 1 to {len(self) - 1}")
+        if level not in self._prolongations:
+            coarse, fine = self[level - 1], self[level]
+            self._prolongations[level] = Prolongation(coarse, fine, bind(fine, coarse), INTERPOLANTS[self.interpolant])
+        return self._prolongations[level]

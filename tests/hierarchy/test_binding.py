@@ -1,0 +1,178 @@
+"""Binding: who is inside, the right branch, the right body, the same on any number of ranks."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+
+from pdvol.errors import MeshError
+from pdvol.hierarchy.binding import CLOSEST, INSIDE, NEIGHBOUR, RAY, bind, closest_binding
+from pdvol.hierarchy.boundary_search import BoundarySearch
+from pdvol.hierarchy.geodesic import bind_outside, vertex_adjacency
+from pdvol.hierarchy.level_space import LevelSpace
+from shapes import box, comb, comb_branch, fold, fold_branch, grid, level, together
+
+COMM = MPI.COMM_WORLD
+
+# The coarse branches are thin and lie off-centre in the fine ones, so that part of a fine branch is nearer to the wrong coarse one; the
+# fine tips stick out.
+FINE_TEETH, COARSE_TEETH = [(0.0, 0.5), (0.6, 1.1), (1.2, 1.7)], [(0.02, 0.22), (0.62, 0.82), (1.22, 1.68)]
+FINE_ARMS, COARSE_ARMS = ((0.0, 0.5), (0.6, 1.1)), ((0.02, 0.2), (0.63, 1.08))
+
+
+def comb_pair(d):
+    fine = comb(d, 3, FINE_TEETH, height=1.5)
+    coarse = comb(d, 1, COARSE_TEETH, height=1.3)
+    return fine, coarse, comb_branch(fine.points, FINE_TEETH), comb_branch(centroids(coarse), COARSE_TEETH)
+
+
+def fold_pair(d):
+    fine = fold(d, 3, *FINE_ARMS)
+    coarse = fold(d, 1, *COARSE_ARMS, left=0.1, right=1.02)
+    return fine, coarse, fold_branch(fine.points, *FINE_ARMS), fold_branch(centroids(coarse), *COARSE_ARMS)
+
+
+def centroids(mesh):
+    return mesh.points[mesh.cells].mean(axis=1)
+
+
+def wrong_branch(binding, points, cells):
+    home = cells[binding.cells]
+    return int(((points >= 0) & (home >= 0) & (points != home)).sum())
+
+
+@pytest.mark.parametrize("d", [2, 3])
+@pytest.mark.parametrize("pair", [comb_pair, fold_pair])
+def test_only_the_euclidean_binding_takes_the_wrong_branch(pair, d):
+    fine, coarse, fine_branch, coarse_branch = pair(d)
+    space = LevelSpace(coarse, COMM)
+    assert wrong_branch(closest_binding(fine, space), fine_branch, coarse_branch) > 0
+    binding = bind(fine, space)
+    assert wrong_branch(binding, fine_branch, coarse_branch) == 0
+    assert set(binding.kind) == {INSIDE, RAY, NEIGHBOUR}
+
+
+@pytest.mark.parametrize("d", [2, 3])
+@pytest.mark.parametrize("pair", [comb_pair, fold_pair])
+def test_the_other_way_round(pair, d):
+    """Coarse points into a fine mesh, displaced so that some lie outside it."""
+    fine, coarse, _, coarse_cells = pair(d)
+    shifted = level(coarse.points - 0.05, coarse.cells)
+    branch = np.full(len(coarse.points), -1)
+    branch[coarse.cells[coarse_cells >= 0]] = coarse_cells[coarse_cells >= 0][:, None]
+    own = comb_branch(centroids(fine), FINE_TEETH) if pair is comb_pair else fold_branch(centroids(fine), *FINE_ARMS)
+    binding = bind(shifted, LevelSpace(fine, COMM))
+    assert (binding.kind == INSIDE).any() and (binding.kind == RAY).any()
+    assert wrong_branch(binding, branch, own) == 0
+
+
+@pytest.mark.parametrize("d", [2, 3])
+def test_inside_points_get_the_lowest_containing_cell(d):
+    coarse, fine = box(d, 3, jitter=0.2), box(d, 5, 0.1, 0.9)
+    # The coarse vertices themselves and facet centres are shared by several cells.
+    points = np.concatenate([coarse.points, coarse.points[coarse.cells].mean(axis=1), coarse.points[coarse.cells[:, :d]].mean(axis=1)])
+    target = level(np.concatenate([points, fine.points]), fine.cells + len(points))
+    binding = bind(target, LevelSpace(coarse, COMM))
+    assert (binding.kind[: len(points)] == INSIDE).all()
+    assert binding.weights[: len(points)].min() > -1e-10
+    for p, home in zip(target.points[:60], binding.cells[:60], strict=True):
+        edges = coarse.points[coarse.cells[:, 1:]] - coarse.points[coarse.cells[:, :1]]
+        weights = np.linalg.solve(edges.transpose(0, 2, 1), (p - coarse.points[coarse.cells[:, 0]])[..., None])[..., 0]
+        weights = np.column_stack([1 - weights.sum(axis=1), weights])
+        assert home == np.flatnonzero(weights.min(axis=1) > -1e-11)[0]
+
+
+@pytest.mark.parametrize("d", [2, 3])
+@pytest.mark.parametrize("gap", [0.02, -0.05])
+def test_never_across_bodies(d, gap):
+    """Two boxes almost touching, or overlapping at rest; the fine ones stick out of the coarse ones into each other's coarse mesh."""
+    side = np.eye(d)[0] * (1.0 + gap)
+    fine = together(box(d, 6), box(d, 6, side, side + 1.0))
+    coarse = together(box(d, 2, 0.1, 0.9), box(d, 2, side - 0.02, side + 0.8))
+    space = LevelSpace(coarse, COMM)
+    for binding in (bind(fine, space), closest_binding(fine, space)):
+        np.testing.assert_array_equal(coarse.bodies[binding.cells], fine.point_bodies)
+    nearest = closest_binding(level(fine.points, fine.cells), LevelSpace(level(coarse.points, coarse.cells), COMM))
+    assert (coarse.bodies[nearest.cells] != fine.point_bodies).any(), "the scene tempts nobody"
+
+
+def test_orphans_are_counted():
+    """A coarse needle between the fine vertices, short enough to cross no fine edge."""
+    fine = together(box(2, 2), box(2, 2, 3.0, 4.0))
+    needle = level(np.array([[0.30, 0.10], [0.36, 0.10], [0.33, 0.16]]), [[0, 1, 2]])
+    coarse = together(needle, box(2, 1, 3.0, 4.0))
+    binding = bind(fine, LevelSpace(coarse, COMM))
+    assert binding.report()["orphans"] == 9 and (binding.kind[:9] == CLOSEST).all() and (binding.cells[:9] == 0).all()
+    assert (binding.kind[9:] == INSIDE).all()
+
+
+def test_points_without_hits_wait_for_their_neighbours():
+    """A coarse triangle that contains no fine vertex but crosses fine edges: everything follows from the first rays."""
+    sliver = level(np.array([[0.1, 0.45], [0.9, 0.45], [0.5, 0.48]]), [[0, 1, 2]])
+    report = bind(box(2, 6), LevelSpace(sliver, COMM)).report()
+    assert report["inside"] == report["orphans"] == 0
+    assert report["ray"] > 0 and report["neighbour"] > 0
+
+
+@pytest.mark.parametrize("d", [2, 3])
+@pytest.mark.parametrize("scale", [1e-4, 1.0, 1e3])
+def test_first_hits_agree_with_brute_force(d, scale):
+    rng = np.random.default_rng(1)
+    mesh = box(d, 3, jitter=0.2)
+    mesh = level(mesh.points * scale, mesh.cells)
+    starts, ends = (rng.uniform(-0.5, 1.5, (2, 400, d))) * scale
+    facet, distance = BoundarySearch(mesh, 0).first_hits(starts, ends)
+    corners = mesh.points[mesh.boundary]
+    for start, end, found, reach in zip(starts, ends, facet, distance, strict=True):
+        columns = [np.broadcast_to(start - end, (len(corners), d))] + [corners[:, k] - corners[:, 0] for k in range(1, d)]
+        solution = np.linalg.solve(np.stack(columns, axis=-1), (start - corners[:, 0])[..., None])[..., 0]
+        t, uv = solution[:, 0], solution[:, 1:]
+        t = np.where((t >= 0) & (t <= 1) & (uv >= 0).all(axis=1) & (uv.sum(axis=1) <= 1), t, np.inf)
+        assert (found >= 0) == np.isfinite(t.min())
+        if found >= 0:
+            assert found == t.argmin()
+            np.testing.assert_allclose(reach, t.min() * np.linalg.norm(end - start), rtol=1e-9)
+
+
+def test_inside_neighbours_without_hits_give_the_nearest_layer(monkeypatch):
+    """With the rays taken away, points next to inside points follow the boundary reached through the coarse material."""
+    fine, coarse, fine_branch, coarse_branch = comb_pair(2)
+    binding = bind(fine, LevelSpace(coarse, COMM))
+    monkeypatch.setattr(BoundarySearch, "first_hits", lambda self, starts, ends: (np.full(len(starts), -1), np.full(len(starts), np.inf)))
+    cells, kind = bind_outside(fine, coarse, np.where(binding.kind == INSIDE, binding.cells, -1))
+    assert set(kind) == {INSIDE, NEIGHBOUR}
+    home = coarse_branch[cells]
+    assert not ((fine_branch >= 0) & (home >= 0) & (fine_branch != home)).any()
+
+
+def test_vertex_adjacency_of_one_square():
+    adjacency = vertex_adjacency(grid([0.0, 1.0], [0.0, 1.0])).toarray()
+    assert adjacency.sum() == 10 and (adjacency == adjacency.T).all() and (np.diag(adjacency) == 0).all()
+
+
+def test_levels_that_do_not_match():
+    with pytest.raises(MeshError, match="body 1"):
+        bind(together(box(2, 2), box(2, 2, 2.0, 3.0)), LevelSpace(box(2, 1), COMM))
+    with pytest.raises(MeshError, match="3D"):
+        bind(box(3, 1), LevelSpace(box(2, 1), COMM))
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("d", [2, 3])
+def test_one_rank_and_two_agree(d, tmp_path):
+    """Binding and matrix are the same to the last bit, whatever the partition."""
+    results = []
+    for ranks in (1, 2):
+        out = tmp_path / f"{ranks}.npz"
+        command = [sys.executable, str(Path(__file__).with_name("binding_on_ranks.py")), str(d), str(out)]
+        command = command if ranks == 1 else ["mpirun", "-n", str(ranks), *command]
+        done = subprocess.run(command, env={**os.environ, "OMP_NUM_THREADS": "1"}, capture_output=True, text=True, timeout=120)
+        assert done.returncode == 0, done.stderr
+        results.append(np.load(out))
+    assert (int(results[0]["ranks"]), int(results[1]["ranks"])) == (1, 2)
+    for name in set(results[0].files) - {"ranks"}:
+        np.testing.assert_array_equal(results[0][name], results[1][name], err_msg=name)

@@ -1,0 +1,113 @@
+"""Prolongation: exactness, adjoint, the PETSc matrix against the weights, what the report says."""
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+from petsc4py import PETSc
+
+from pdvol.hierarchy.binding import INSIDE, bind
+from pdvol.hierarchy.hierarchy import Hierarchy
+from pdvol.hierarchy.interpolants import INTERPOLANTS
+from pdvol.hierarchy.level_space import LevelSpace
+from pdvol.hierarchy.prolongation import Prolongation
+from shapes import box, together
+
+COMM = MPI.COMM_WORLD
+
+
+@pytest.fixture(scope="module", params=[2, 3])
+def pair(request):
+    """Two bodies; the fine points reach out of the coarse ones."""
+    d = request.param
+    coarse = together(box(d, 2, 0.1, 0.85, jitter=0.15), box(d, 2, 1.1, 1.9, jitter=0.15, seed=1))
+    fine = together(box(d, 5, jitter=0.2, seed=2), box(d, 5, 1.0, 2.0, jitter=0.2, seed=3))
+    coarse, fine = LevelSpace(coarse, COMM), LevelSpace(fine, COMM)
+    return coarse, fine, Prolongation(coarse, fine, bind(fine, coarse))
+
+
+def vector(space, values):
+    vec = space.create_vector()
+    vec.array[:] = space.from_input(values).ravel()
+    return vec
+
+
+@pytest.mark.parametrize("name", sorted(INTERPOLANTS))
+def test_affine_fields_are_reproduced(pair, name):
+    coarse, fine, prolongation = pair
+    assert (prolongation.binding.kind != INSIDE).any()
+    weights = INTERPOLANTS[name](coarse, fine, prolongation.binding)
+    # Values and weights are of order one: 1e-12 is round-off with room for badly shaped home cells.
+    np.testing.assert_allclose(weights @ np.ones(weights.shape[1]), 1.0, atol=1e-12)
+    np.testing.assert_allclose(weights @ coarse.mesh.points, fine.mesh.points, atol=1e-12)
+    rng = np.random.default_rng(0)
+    A, b = rng.normal(size=(fine.dim, fine.dim)), rng.normal(size=fine.dim)
+    np.testing.assert_allclose(weights @ (coarse.mesh.points @ A.T + b), fine.mesh.points @ A.T + b, atol=1e-12)
+
+
+def test_matrix_is_the_weights(pair):
+    coarse, fine, prolongation = pair
+    values = np.random.default_rng(0).normal(size=coarse.mesh.points.shape)
+    result = fine.create_vector()
+    prolongation.prolong(vector(coarse, values), result)
+    np.testing.assert_allclose(fine.to_input(result.array.reshape(-1, fine.dim)), prolongation.prolong_positions(values), atol=1e-12)
+    assert prolongation.matrix.getSizes() == (fine.create_vector().getSizes(), coarse.create_vector().getSizes())
+    assert prolongation.matrix.getBlockSizes() == (fine.dim, fine.dim)
+
+
+def test_restriction_is_the_adjoint(pair):
+    coarse, fine, prolongation = pair
+    rng = np.random.default_rng(0)
+    u, r = vector(coarse, rng.normal(size=coarse.mesh.points.shape)), vector(fine, rng.normal(size=fine.mesh.points.shape))
+    Pu, Ptr = fine.create_vector(), coarse.create_vector()
+    prolongation.prolong(u, Pu)
+    prolongation.restrict(r, Ptr)
+    assert Pu.dot(r) == pytest.approx(u.dot(Ptr), rel=1e-12)
+
+
+def test_matrix_serves_galerkin_products(pair):
+    """PCMG needs P'AP with the fine matrix."""
+    _, fine, prolongation = pair
+    sizes = fine.create_vector().getSizes()
+    identity = PETSc.Mat().createAIJ((sizes, sizes), bsize=fine.dim, nnz=1, comm=COMM)
+    start, end = identity.getOwnershipRange()
+    for row in range(start, end):
+        identity.setValue(row, row, 1.0)
+    identity.assemble()
+    assert identity.ptap(prolongation.matrix).getSizes() == prolongation.matrix.getSizes()[1:] * 2
+
+
+def test_report(pair):
+    _, fine, prolongation = pair
+    report = prolongation.report()
+    dense = prolongation.weights.toarray()
+    assert report["inside"] + report["ray"] + report["neighbour"] + report["orphans"] == len(fine.mesh.points)
+    assert report["largest_weight"] == np.abs(dense).max() > 1.0
+    assert report["frobenius_norm"] == pytest.approx(np.linalg.norm(dense), rel=1e-12)
+    assert report["sqrt_points"] == np.sqrt(len(dense))
+    assert report["two_norm"] == pytest.approx(np.linalg.norm(dense, 2), rel=1e-3)
+
+
+def test_frobenius_norm_is_bounded_without_extrapolation():
+    coarse, fine = LevelSpace(box(2, 3), COMM), LevelSpace(box(2, 7, 0.05, 0.95), COMM)
+    report = Prolongation(coarse, fine, bind(fine, coarse)).report()
+    assert report["inside"] == len(fine.mesh.points)
+    assert report["frobenius_norm"] <= report["sqrt_points"] and report["largest_weight"] <= 1.0 + 1e-12
+
+
+def test_hierarchy_is_a_sequence_with_lazy_prolongations():
+    meshes = [box(2, n) for n in (1, 3, 7)]
+    hierarchy = Hierarchy(meshes, COMM)
+    assert len(hierarchy) == 3 and hierarchy[-1].mesh is meshes[2] and [s.mesh for s in hierarchy] == meshes
+    prolongation = hierarchy.prolongation(2)
+    assert prolongation is hierarchy.prolongation(2)
+    assert prolongation.coarse is hierarchy[1] and prolongation.fine is hierarchy[2]
+    for level in (0, 3, -1):
+        with pytest.raises(ValueError, match="1 to 2"):
+            hierarchy.prolongation(level)
+
+
+def test_bad_hierarchies():
+    with pytest.raises(ValueError, match="at least one level"):
+        Hierarchy([], COMM)
+    with pytest.raises(ValueError, match="barycentric"):
+        Hierarchy([box(2, 1)], COMM, interpolant="nearest")
