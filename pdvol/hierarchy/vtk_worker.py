@@ -1,0 +1,24 @@
+"""Child process: reads a .vtk or .vtu file. `python vtk_worker.py IN.npz OUT.npz`; imports nothing of pdvol, MPI or PETSc."""
+
+import sys
+
+import numpy as np
+import pyvista
+
+
+def main():
+    with np.load(sys.argv[1]) as data:
+        grid = pyvista.read(str(data["path"])).cast_to_unstructured_grid()
+    found = {"points": np.asarray(grid.points)}
+    rows = []
+    for name, kind in (("tetra", pyvista.CellType.TETRA), ("triangle", pyvista.CellType.TRIANGLE)):
+        found[name] = np.asarray(grid.cells_dict.get(int(kind), np.empty((0, 4 if name == "tetra" else 3), dtype=np.int64)))
+        rows.append(np.flatnonzero(grid.celltypes == int(kind)))
+    order = np.concatenate(rows)
+    for name in grid.cell_data:
+        found[f"label {name}"] = np.asarray(grid.cell_data[name])[order]
+    np.savez(sys.argv[2], **found)
+
+
+if __name__ == "__main__":
+    main()

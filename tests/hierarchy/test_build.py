@@ -1,0 +1,153 @@
+"""From scenes to level meshes: sizes, placement, regions, what is kept and what is refused."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from pdvol import meshes
+from pdvol.errors import InputError, IntersectionError, InvertedCellError, MeshError
+from pdvol.hierarchy import build
+from pdvol.hierarchy.build import build_levels, read_obstacle
+from pdvol.meshes import Outline, Solid, Surface
+from pdvol.scene import Body, NeoHookean, Placement, Rigid, Scene
+
+SOFT = NeoHookean(2e5)
+
+
+def scene(*bodies):
+    return Scene(bodies=bodies, dt=0.01, steps=1)
+
+
+def disc_body(**settings):
+    return Body(shape=meshes.disc(1.0, 100), material=SOFT, vertices=(40, 120), **settings)
+
+
+def strip(n=8):
+    """A 2D solid: a strip of 2n triangles along x, the left half region 1, the right half region 2."""
+    x = np.arange(n + 1) / n
+    points = np.vstack([np.column_stack([x, 0 * x]), np.column_stack([x, 0 * x + 0.3])])
+    a = np.arange(n)
+    cells = np.vstack([np.column_stack([a, a + 1, a + n + 2]), np.column_stack([a, a + n + 2, a + n + 1])])
+    return Solid(points, cells.astype(np.int32), np.where(points[cells].mean(axis=1)[:, 0] < 0.5, 1, 2).astype(np.int32))
+
+
+def test_two_bodies_in_one_level_mesh(tmp_path):
+    apart = Placement(translate=(5.0, 1.0), angle=0.3, scale=2.0)
+    levels = build_levels(scene(disc_body(name="a"), disc_body(name="b", placement=apart)), cache=tmp_path)
+    assert len(levels) == 2
+    for mesh, target in zip(levels, (40, 120), strict=True):
+        assert len(mesh.points) / 2 == pytest.approx(target, rel=0.25)
+        assert mesh.cells.dtype == np.int64 and mesh.bodies.dtype == np.int32
+        half = len(mesh.points) // 2
+        assert np.array_equal(mesh.point_bodies, np.repeat([0, 1], half))
+        assert np.array_equal(mesh.points[half:], apart(mesh.points[:half])), "one mesh, placed twice"
+        assert mesh.volumes.min() > 0.0
+    assert len(list(tmp_path.glob("*.npz"))) == 2, "built once"
+
+
+def test_a_3d_body_and_fewer_levels(tmp_path):
+    body = Body(shape=meshes.ball(0.5, 2), material=SOFT, vertices=(80, 160))
+    first = build_levels(scene(body), count=1, cache=tmp_path)
+    assert len(first) == 1
+    both = build_levels(scene(body), cache=tmp_path)
+    assert np.array_equal(first[0].points, both[0].points)
+    assert [len(m.points) for m in both] == pytest.approx([80, 160], rel=0.25)
+    with pytest.raises(InputError, match="at least one level"):
+        build_levels(scene(body), count=0, cache=tmp_path)
+
+
+def test_the_cache_is_used_mended_and_not_needed(tmp_path, monkeypatch):
+    calls = []
+    mesher = build.triangulate
+    monkeypatch.setattr(build, "triangulate", lambda *a: calls.append(a) or mesher(*a))
+    fresh = build_levels(scene(disc_body()), cache=tmp_path)
+    assert len(calls) == 2
+    again = build_levels(scene(disc_body(placement=Placement(angle=1.0))), cache=tmp_path)
+    assert len(calls) == 2, "a placement does not matter to the cache"
+    assert np.array_equal(again[0].cells, fresh[0].cells)
+    assert not list(tmp_path.glob("*.partial"))
+    for kept in tmp_path.glob("*-0.npz"):
+        kept.write_bytes(kept.read_bytes()[:200])
+    assert np.array_equal(build_levels(scene(disc_body()), cache=tmp_path)[0].points, fresh[0].points)
+    assert len(calls) == 3, "only the damaged one"
+    build_levels(scene(replace(disc_body(), vertices=(40, 121))), count=1, cache=tmp_path)
+    assert len(calls) == 4, "other targets, other hierarchy"
+    blocked = tmp_path / "file"
+    blocked.touch()
+    assert np.array_equal(build_levels(scene(disc_body()), count=1, cache=blocked / "meshes")[0].points, fresh[0].points)
+
+
+def test_the_default_cache_folder(tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    build_levels(scene(disc_body()), count=1)
+    assert len(list((tmp_path / "pdvol" / "meshes").glob("*.npz"))) == 1
+
+
+def test_regions_are_carried_over(tmp_path):
+    body = Body(shape=strip(), material=SOFT, vertices=(60, 240))
+    for mesh in build_levels(scene(body), cache=tmp_path):
+        x = mesh.points[mesh.cells].mean(axis=1)[:, 0]
+        assert np.array_equal(mesh.regions, np.where(x < 0.5, 1, 2))
+        assert mesh.volumes.sum() == pytest.approx(0.3, rel=1e-6)
+
+
+def test_a_2d_mesh_with_a_hole(tmp_path):
+    ring = build.triangulate([meshes.disc(1.0, 60).points, meshes.disc(0.5, 30).points[::-1]], 200)
+    solid = Solid(ring.points, ring.cells, np.zeros(len(ring.cells), dtype=np.int32))
+    (mesh,) = build_levels(scene(Body(shape=solid, material=SOFT, vertices=(100,))), cache=tmp_path)
+    assert mesh.volumes.sum() == pytest.approx(0.75 * np.pi, rel=0.05)
+
+
+def test_a_list_of_meshes_is_taken_as_it_is(tmp_path):
+    listed = (strip(4), strip(9))
+    levels = build_levels(scene(Body(shape=listed, material=SOFT, placement=Placement(translate=(1.0, 0.0)))), cache=tmp_path)
+    for mesh, solid in zip(levels, listed, strict=True):
+        assert np.array_equal(mesh.points, solid.vertices + [1.0, 0.0])
+        assert np.array_equal(mesh.cells, solid.cells)
+        assert np.array_equal(mesh.regions, solid.regions)
+    assert not list(tmp_path.iterdir())
+    with pytest.raises(MeshError, match=r"body 'body', level 1: .*volume meshes"):
+        build_levels(scene(Body(shape=(strip(4), meshes.disc()), material=SOFT)), cache=tmp_path)
+    bad = strip(4)
+    bad.cells[2] = bad.cells[2, ::-1]
+    with pytest.raises(InvertedCellError, match=r"level 0: cells 2 are inverted"):
+        build_levels(scene(Body(shape=(bad,), material=SOFT)), cache=tmp_path)
+
+
+def test_bad_shapes_name_the_body_and_leave_nothing(tmp_path):
+    cube = meshes.box()
+    cases = [
+        (tmp_path / "none.obj", InputError, "no such file"),
+        (Surface(cube.vertices, cube.triangles[1:]), MeshError, "body 'odd': the surface is open"),
+        (Outline(np.array([[0.0, 0], [1, 1], [1, 0], [0, 1]])), IntersectionError, "body 'odd': segments"),
+        (Surface(cube.vertices * np.nan, cube.triangles), MeshError, "body 'odd': .*NaN"),
+    ]
+    folder = tmp_path / "cache"
+    for shape, error, match in cases:
+        with pytest.raises(error, match=match) as caught:
+            build_levels(scene(Body(shape=shape, material=SOFT, vertices=(50,), name="odd")), cache=folder)
+        assert "\n" not in str(caught.value)
+    assert not folder.exists()
+    with pytest.raises(InputError, match="all be 2D or all 3D"):
+        flat, thick = disc_body(name="flat"), Body(shape=meshes.ball(1.0, 1), material=SOFT, vertices=(40, 60), name="thick")
+        build_levels(scene(flat, thick), count=1, cache=folder)
+
+
+def test_obstacles():
+    at = Placement(translate=(0.0, -1.0))
+    spike = meshes.spike(0.4, 1.0)
+    points, edges, faces = read_obstacle(Rigid(shape=spike, placement=at))
+    assert np.array_equal(points, spike.points + [0.0, -1.0])
+    assert edges.tolist() == [[0, 1], [1, 2], [2, 0]] and faces.shape == (0, 3)
+    _, edges, _ = read_obstacle(Rigid(shape=spike, closed=False))
+    assert edges.tolist() == [[0, 1], [1, 2]]
+    points, edges, faces = read_obstacle(Rigid(shape=meshes.ball(1.0, 1)))
+    assert (len(points), len(edges), len(faces)) == (42, 120, 80)
+    points, edges, faces = read_obstacle(Rigid(shape=strip()))
+    assert (len(points), len(edges), len(faces)) == (18, 18, 0)
+    cube = meshes.box()
+    sheet = Surface(cube.vertices, cube.triangles[1:])
+    with pytest.raises(MeshError, match="obstacle 'tray': the surface is open"):
+        read_obstacle(Rigid(shape=sheet, name="tray"))
+    assert len(read_obstacle(Rigid(shape=sheet, closed=False))[2]) == 11

@@ -1,0 +1,43 @@
+"""Decimation keeps a surface closed, free of crossings, and of the same shape and topology."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pdvol import meshes
+from pdvol.hierarchy.decimate import decimate, topology
+from pdvol.hierarchy.readers import read_shape
+from pdvol.hierarchy.tetrahedralise import measure
+from pdvol.hierarchy.validate import check_surface
+
+SHARED = Path(__file__).parents[2].parent / "shared" / "meshes"
+
+
+@pytest.mark.parametrize("target", [300, 80, 20])
+def test_a_ball(target):
+    ball = meshes.ball(1.0, 3)
+    coarse = check_surface(decimate(ball, target))
+    assert len(coarse.vertices) == pytest.approx(target, rel=0.2)
+    assert topology(coarse.triangles, len(coarse.vertices)) == (1, 2)
+    # An inscribed polyhedron of n vertices lacks about 2 pi sqrt(3) / (n - 2) of the volume; quadrics lie between it and the circumscribed.
+    assert measure(coarse)[0] == pytest.approx(4 * np.pi / 3, rel=11.0 / (target - 2))
+
+
+def test_fewer_vertices_than_the_target_are_left_alone():
+    cube = meshes.box()
+    assert decimate(cube, 8) is cube
+
+
+def test_a_chain_of_levels_of_a_thin_shape():
+    surface = meshes.creature()
+    for target in (1500, 500, 150):
+        surface = decimate(surface, target)
+        assert len(surface.vertices) == pytest.approx(target, rel=0.2)
+        assert topology(surface.triangles, len(surface.vertices)) == (1, 2)
+
+
+@pytest.mark.skipif(not SHARED.exists(), reason="the shared meshes are not here")
+def test_a_torus_keeps_its_hole():
+    coarse = decimate(read_shape(SHARED / "surfaces/torus.off"), 200)
+    assert topology(coarse.triangles, len(coarse.vertices)) == (1, 0)

@@ -1,0 +1,136 @@
+"""Every kind of file is read, in one meaning; every kind of bad file gives one line and prints nothing."""
+
+from pathlib import Path
+
+import meshio
+import numpy as np
+import pytest
+
+from pdvol.errors import InputError, MeshError
+from pdvol.hierarchy.readers import SURFACES, VOLUMES, read_shape
+from pdvol.hierarchy.validate import check_solid, check_surface
+from pdvol.meshes import Outline, Solid, Surface
+
+SHARED = Path(__file__).parents[2].parent / "shared" / "meshes"
+POINTS = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1], [1, 1, 1]])
+SHELL = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]])
+TETS = np.array([[0, 1, 2, 3], [1, 2, 3, 4]])
+LABEL = {".msh": "gmsh:physical", ".mesh": "medit:ref", ".vtk": "material", ".vtu": "material", ".xdmf": "region"}
+
+
+def write(path, points, cells, labels=None):
+    data = {} if labels is None else {LABEL[path.suffix]: [np.asarray(labels, dtype=np.int32)]}
+    if path.suffix == ".msh" and labels is not None:
+        data["gmsh:geometrical"] = data["gmsh:physical"]
+    meshio.Mesh(points, [cells], cell_data=data).write(path, **({"file_format": "gmsh22"} if path.suffix == ".msh" else {}))
+    return path
+
+
+@pytest.mark.parametrize("suffix", SURFACES)
+def test_surfaces(tmp_path, suffix):
+    surface = read_shape(write(tmp_path / f"a{suffix}", POINTS[:4], ("triangle", SHELL)))
+    assert isinstance(surface, Surface)
+    assert surface.vertices.shape == (4, 3), "STL corners are merged"
+    check_surface(surface)
+
+
+@pytest.mark.parametrize("suffix", VOLUMES)
+def test_volumes_with_regions(tmp_path, suffix):
+    solid = read_shape(str(write(tmp_path / f"a{suffix}", POINTS, ("tetra", TETS), [3, 8])))
+    assert isinstance(solid, Solid)
+    assert solid.vertices.shape == (5, 3)
+    assert solid.regions.tolist() == [3, 8]
+    check_solid(Solid(solid.vertices, solid.cells[:1], solid.regions[:1]))
+
+
+@pytest.mark.parametrize("suffix", [s for s in VOLUMES if s != ".mesh"])
+def test_flat_triangles_of_a_volume_format_are_a_2d_solid(tmp_path, suffix):
+    solid = read_shape(write(tmp_path / f"a{suffix}", POINTS[:3], ("triangle", SHELL[:1, ::-1]), [4]))
+    assert isinstance(solid, Solid)
+    assert solid.vertices.shape == (3, 2)
+    assert solid.regions.tolist() == [4]
+
+
+def test_obj_with_seams_polygons_and_negative_indices(tmp_path):
+    path = tmp_path / "quad.obj"
+    path.write_text("v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0 1.0\nvt 0 0\nvt 1 0\nvn 0 0 1\nf 1/1/1 2/2/1 3/1/1 4/2/1\nf -4//1 -2//1 -3//1\n")
+    surface = read_shape(path)
+    assert surface.vertices.shape == (4, 3)
+    assert surface.triangles.tolist() == [[0, 1, 2], [0, 2, 3], [0, 2, 1]]
+
+
+def test_arrays_pass_through():
+    outline = Outline(np.zeros((3, 2)))
+    assert read_shape(outline) is outline
+    with pytest.raises(InputError, match="must be a path"):
+        read_shape(42)
+
+
+@pytest.mark.skipif(not SHARED.exists(), reason="the shared meshes are not here")
+@pytest.mark.parametrize(
+    ("file", "vertices", "cells"),
+    [
+        ("surfaces/cube.obj", 26, 48),
+        ("surfaces/penguin.ply", 3362, 6720),
+        ("surfaces/torus.off", 2304, 4608),
+        ("tets/spot_ftetwild.mesh", 4332, 16503),
+        ("tets/fish_tetgen.vtk", 1219, 4142),
+        ("tets/rod.msh", 630, 1722),
+    ],
+)
+def test_shared_meshes(file, vertices, cells):
+    shape = read_shape(SHARED / file)
+    assert len(shape.vertices) == vertices
+    assert len(shape.triangles if isinstance(shape, Surface) else shape.cells) == cells
+    (check_surface if isinstance(shape, Surface) else check_solid)(shape, file)
+
+
+def test_an_unknown_msh_section_does_not_matter(tmp_path):
+    path = write(tmp_path / "a.msh", POINTS, ("tetra", TETS), [1, 1])
+    path.write_bytes(path.read_bytes() + b"$Notes\nwhat its author alone knows\n$EndNotes\n$Surface\n1 2\n$EndSurface\n")
+    assert len(read_shape(path).cells) == 2
+
+
+# ---- bad input ---------------------------------------------------------------------------------------------------------------
+
+
+def refuse(path, error, match, capfd):
+    with pytest.raises(error, match=match) as caught:
+        read_shape(path)
+    assert "\n" not in str(caught.value)
+    assert str(path) in str(caught.value)
+    out = capfd.readouterr()
+    assert out.out == "" and out.err == "", "libraries stay silent"
+
+
+def test_missing_unknown_and_empty(tmp_path, capfd):
+    refuse(tmp_path / "none.obj", InputError, "no such file", capfd)
+    refuse(tmp_path / "shape.docx", InputError, "unknown kind", capfd)
+    refuse(tmp_path, InputError, "unknown kind", capfd)
+    (tmp_path / "zero.ply").touch()
+    refuse(tmp_path / "zero.ply", MeshError, "empty", capfd)
+
+
+@pytest.mark.parametrize("suffix", SURFACES + VOLUMES)
+def test_garbage(tmp_path, suffix, capfd):
+    path = tmp_path / f"garbage{suffix}"
+    path.write_bytes(np.random.default_rng(1).bytes(2000))
+    refuse(path, MeshError, "unreadable|no triangles", capfd)
+
+
+@pytest.mark.parametrize("share", [0.06, 0.2, 0.55])
+@pytest.mark.parametrize("suffix", SURFACES + VOLUMES)
+def test_truncated(tmp_path, suffix, share, capfd):
+    path = tmp_path / f"cut{suffix}"
+    write(path, POINTS[:4], ("triangle", SHELL)) if suffix in SURFACES else write(path, POINTS, ("tetra", TETS))
+    whole = path.read_bytes()
+    capfd.readouterr()
+    # The writers put the cells last, but for VTU, whose closing tags are what goes missing.
+    path.write_bytes(whole[: int(share * len(whole))])
+    refuse(path, MeshError, "unreadable|truncated|no triangles", capfd)
+
+
+def test_points_without_cells(tmp_path, capfd):
+    path = tmp_path / "cloud.vtk"
+    meshio.Mesh(POINTS, [("line", np.array([[0, 1]]))]).write(path)
+    refuse(path, MeshError, "no tetrahedra and no triangles", capfd)

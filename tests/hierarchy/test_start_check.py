@@ -1,0 +1,119 @@
+"""No level may start with an intersection: who crosses whom, on which level, is told."""
+
+import numpy as np
+import pytest
+
+from pdvol import meshes
+from pdvol.errors import InputError, IntersectionError
+from pdvol.hierarchy.build import read_obstacle
+from pdvol.hierarchy.level_mesh import LevelMesh
+from pdvol.hierarchy.start_check import check_start
+from pdvol.meshes import Solid
+from pdvol.scene import Barrier, Body, NeoHookean, Placement, Plane, Rigid, Scene, Translation
+
+SOFT = NeoHookean(2e5)
+
+
+def block(dim):
+    """The unit square of 2 triangles, or the unit cube of 6 tetrahedra, from the origin."""
+    if dim == 2:
+        return np.array([[0.0, 0], [1, 0], [0, 1], [1, 1]]), np.array([[0, 1, 3], [0, 3, 2]])
+    points = np.array([[x, y, z] for z in (0.0, 1.0) for y in (0.0, 1.0) for x in (0.0, 1.0)])
+    return points, np.array([[0, 1, 3, 7], [0, 3, 2, 7], [0, 2, 6, 7], [0, 6, 4, 7], [0, 4, 5, 7], [0, 5, 1, 7]])
+
+
+def level(dim, *places):
+    """A level of blocks, each scaled and shifted by a (scale, shift) of `places`."""
+    points, cells = block(dim)
+    n = len(points)
+    return LevelMesh(
+        points=np.vstack([scale * points + np.resize(shift, dim) for scale, shift in places]),
+        cells=np.vstack([cells + k * n for k in range(len(places))]),
+        bodies=np.repeat(np.arange(len(places), dtype=np.int32), len(cells)),
+        regions=np.zeros(len(cells) * len(places), dtype=np.int32),
+    )
+
+
+def scene(dim, count, *obstacles):
+    points, cells = block(dim)
+    solid = Solid(points, cells, np.zeros(len(cells), dtype=int))
+    bodies = tuple(Body(shape=(solid, solid), material=SOFT, name=f"b{k}") for k in range(count))
+    return Scene(bodies=bodies, dt=0.01, steps=1, obstacles=obstacles, contact=(Barrier(),))
+
+
+def refuse(match, meshes_, the_scene):
+    with pytest.raises(IntersectionError, match=match) as caught:
+        check_start(meshes_, [read_obstacle(o) for o in the_scene.obstacles if isinstance(o, Rigid)], the_scene)
+    assert "\n" not in str(caught.value)
+    assert caught.value.pairs
+    return caught.value
+
+
+APART, CROSSING, INSIDE, TOUCHING = (1.0, 1.5), (1.0, (0.7, 0.6, 0.5)), (0.3, 0.35), (1.0, (1.0, 0.25, 0.25))
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_bodies(dim):
+    good, whole = level(dim, (1.0, 0.0), APART), scene(dim, 2)
+    check_start([good, good], [], whole)
+    error = refuse("level 1: body 'b.' crosses body 'b.'", [good, level(dim, (1.0, 0.0), CROSSING)], whole)
+    first, second = error.pairs[0]
+    assert len(first) == 2 and len(second) == dim
+    refuse("level 0: body 'b1' lies inside body 'b0'", [level(dim, (1.0, 0.0), INSIDE), good], whole)
+    refuse("level 0: body 'b0' lies inside body 'b1'", [level(dim, INSIDE, (1.0, 0.0)), good], whole)
+    refuse("level 0: body 'b.' (touches|crosses) body 'b.'", [level(dim, (1.0, 0.0), TOUCHING), good], whole)
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_a_hair_apart_is_fine(dim):
+    shift = np.zeros(dim)
+    shift[0] = 1.0 + 1e-6
+    check_start([level(dim, (1.0, 0.0), (1.0, shift))], [], scene(dim, 2))
+
+
+def test_a_body_that_crosses_itself():
+    # Two triangles of one body that overlap without sharing a vertex.
+    points = np.array([[0.0, 0], [1, 0], [0, 1], [0.2, 0.2], [1.2, 0.2], [0.2, 1.2]])
+    mesh = LevelMesh(points, np.array([[0, 1, 2], [3, 4, 5]]), np.zeros(2, np.int32), np.zeros(2, np.int32))
+    refuse("level 0: body 'b0' crosses itself", [mesh], scene(2, 1))
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_obstacles(dim):
+    shape = meshes.disc(0.3, 20) if dim == 2 else meshes.ball(0.3, 1)
+
+    def rigid(*shift, **settings):
+        return Rigid(shape=shape, placement=Placement(translate=np.resize(shift, dim)), name="rock", **settings)
+
+    one = [level(dim, (1.0, 0.0))]
+    whole = scene(dim, 1, rigid(-0.31, 0.5, 0.5))
+    check_start(one, [read_obstacle(whole.obstacles[0])], whole)
+    refuse("(body 'b0' crosses obstacle 'rock')|(obstacle 'rock' crosses body 'b0')", one, scene(dim, 1, rigid(0.0, 0.5, 0.5)))
+    refuse("obstacle 'rock' lies inside body 'b0'", one, scene(dim, 1, rigid(0.5)))
+    refuse("body 'b0' lies inside obstacle 'rock'", [level(dim, (0.05, 0.0))], scene(dim, 1, rigid(0.0)))
+    hollow = scene(dim, 1, rigid(0.0, closed=False))
+    check_start([level(dim, (0.05, 0.0))], [read_obstacle(hollow.obstacles[0])], hollow)
+    # Obstacles may overlap: a floor of several pieces, say.
+    several = scene(dim, 1, rigid(-0.4), rigid(-0.5))
+    check_start(one, [read_obstacle(o) for o in several.obstacles], several)
+    moving = rigid(-2.0, 0.5, 0.5, motion=lambda X, t: X + np.eye(dim)[0] * (2.0 + t))
+    refuse("crosses", one, scene(dim, 1, moving))
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_planes(dim):
+    up = tuple(np.eye(dim)[1])
+    one = [level(dim, (1.0, 0.0))]
+    below = tuple(np.full(dim, -0.1))
+    check_start(one, [], scene(dim, 1, Plane(below, up, motion=Translation((0.0,) * dim))))
+    n = 2 ** (dim - 1)
+    error = refuse(rf"level 0: {n} vertices are at or below plane 'plane' .* by 0.2 m", one, scene(dim, 1, Plane((0.2,) * dim, up)))
+    assert len(error.pairs) == n
+    refuse("at or below", one, scene(dim, 1, Plane((0.0,) * dim, up)))
+    with pytest.raises(InputError, match="give . components"):
+        check_start(one, [], scene(dim, 1, Plane((0.0,) * (5 - dim), tuple(np.eye(5 - dim)[1]))))
+
+
+def test_an_obstacle_mesh_for_each_rigid():
+    with pytest.raises(InputError, match="read one for each"):
+        check_start([level(2, (1.0, 0.0))], [], scene(2, 1, Rigid(shape=meshes.disc())))

@@ -1,0 +1,77 @@
+"""Tetrahedra: their number, orientation, quality, and that the same input gives the same mesh."""
+
+import importlib.util
+
+import numpy as np
+import pytest
+
+from pdvol import meshes
+from pdvol.errors import MeshError
+from pdvol.hierarchy.level_mesh import boundary_facets, simplex_volumes
+from pdvol.hierarchy.sizing import ALLOWED, edge_length, expected_vertices
+from pdvol.hierarchy.tetrahedralise import mean_ratio, tetrahedralise
+from pdvol.hierarchy.validate import check_surface, drop_unused
+from pdvol.meshes import Surface
+
+
+@pytest.mark.parametrize(("surface", "target"), [(meshes.ball(1.0, 2), 150), (meshes.bar(1.0, 0.2, 0.2, 0.1), 200)], ids=["ball", "bar"])
+def test_a_mesh_of_the_wanted_size(surface, target):
+    mesh = tetrahedralise(surface, target)
+    assert abs(len(mesh.points) / target - 1.0) <= ALLOWED
+    assert len(np.unique(mesh.cells)) == len(mesh.points), "no unused points"
+    volumes = simplex_volumes(mesh.points, mesh.cells)
+    assert volumes.min() > 0.0
+    assert mean_ratio(mesh.points, mesh.cells).min() > 0.1
+    facets, _ = boundary_facets(mesh.cells)
+    points, facets = drop_unused(mesh.points, facets)
+    check_surface(Surface(points, facets))
+
+
+def test_the_same_input_gives_the_same_mesh():
+    first, second = (tetrahedralise(meshes.box(), 60) for _ in range(2))
+    assert np.array_equal(first.points, second.points)
+    assert np.array_equal(first.cells, second.cells)
+
+
+def test_two_parts_stay_two():
+    a, b = meshes.box(), meshes.box()
+    both = Surface(np.vstack([a.vertices, b.vertices + [1.05, 0, 0]]), np.vstack([a.triangles, b.triangles + len(a.vertices)]))
+    mesh = tetrahedralise(both, 150)
+    sides = mesh.points[mesh.cells][:, :, 0] < 0.525
+    assert (sides.all(axis=1) | ~sides.any(axis=1)).all(), "no cell bridges the gap"
+
+
+def test_mean_ratio_of_known_simplices():
+    equilateral = np.array([[1.0, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]])
+    assert mean_ratio(equilateral, np.array([[1, 0, 2, 3]])) == pytest.approx(1.0)
+    triangle = np.array([[0.0, 0], [1, 0], [0.5, np.sqrt(0.75)]])
+    assert mean_ratio(triangle, np.array([[0, 1, 2]])) == pytest.approx(1.0)
+    assert mean_ratio(triangle, np.array([[1, 0, 2]])) == 0.0
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_the_predicted_edge_length_inverts_the_prediction(dim):
+    for content, boundary in ((1.0, 4.0 if dim == 2 else 6.0), (1e-9, 1e-3)):
+        for target in (20, 5000):
+            assert expected_vertices(edge_length(target, content, boundary, dim), content, boundary, dim)[1] == pytest.approx(target)
+
+
+def test_an_inside_out_surface_is_refused():
+    cube = meshes.box()
+    with pytest.raises(MeshError, match="encloses no volume"):
+        tetrahedralise(Surface(cube.vertices, cube.triangles[:, ::-1]), 50)
+
+
+@pytest.mark.skipif(importlib.util.find_spec("tetgen") is not None, reason="TetGen is installed")
+def test_a_kept_boundary_needs_tetgen():
+    with pytest.raises(MeshError, match="pip install tetgen"):
+        tetrahedralise(meshes.box(), 50, keep_boundary=True)
+
+
+@pytest.mark.skipif(importlib.util.find_spec("tetgen") is None, reason="TetGen is an optional extra")
+def test_a_kept_boundary():
+    ball = meshes.ball(1.0, 2)
+    mesh = tetrahedralise(ball, 300, keep_boundary=True)
+    facets, _ = boundary_facets(mesh.cells)
+    kept = {tuple(sorted(map(tuple, corners))) for corners in mesh.points[facets]}
+    assert kept == {tuple(sorted(map(tuple, corners))) for corners in ball.vertices[ball.triangles]}

@@ -1,0 +1,65 @@
+"""Triangles: their number, and a boundary that follows the outline as coarsely as the level is."""
+
+import numpy as np
+import pytest
+
+from pdvol import meshes
+from pdvol.errors import MeshError
+from pdvol.hierarchy.level_mesh import boundary_facets, simplex_volumes
+from pdvol.hierarchy.sizing import ALLOWED
+from pdvol.hierarchy.tetrahedralise import mean_ratio
+from pdvol.hierarchy.triangulate import boundary_loops, resample, triangulate
+
+SHAPES = {"disc": meshes.disc(1.0, 200), "comb": meshes.comb(), "folded": meshes.folded(), "square": meshes.rectangle()}
+
+
+@pytest.mark.parametrize("name", SHAPES)
+@pytest.mark.parametrize("target", [60, 310])
+def test_a_mesh_of_the_wanted_size(name, target):
+    outline = SHAPES[name].points
+    mesh = triangulate([outline], target)
+    assert abs(len(mesh.points) / target - 1.0) <= ALLOWED
+    assert simplex_volumes(mesh.points, mesh.cells).min() > 0.0
+    assert mean_ratio(mesh.points, mesh.cells).min() > 0.1
+    x, y = outline.T
+    area = 0.5 * np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y)
+    assert simplex_volumes(mesh.points, mesh.cells).sum() == pytest.approx(area, rel=2.0 / target + 0.005)
+
+
+def test_coarse_levels_have_coarse_boundaries():
+    counts = [len(boundary_facets(triangulate([SHAPES["disc"].points], n).cells)[0]) for n in (60, 310)]
+    assert counts[0] < 30 < counts[1] < 80  # 60 vertices: 2 pi / 0.25 segments; 310: 2 pi / 0.11
+
+
+def test_corners_stay_and_points_lie_on_the_outline():
+    square = meshes.rectangle(1.0, 1.0).points
+    coarse = resample(square, 0.3)
+    assert all((np.abs(coarse - corner).max(axis=1) < 1e-12).any() for corner in square)
+    assert np.allclose(np.abs(coarse).max(axis=1), 0.5)
+    lengths = np.linalg.norm(np.roll(coarse, -1, axis=0) - coarse, axis=1)
+    assert lengths == pytest.approx(np.full(12, 1 / 3))
+
+
+def test_a_hole_stays_a_hole():
+    outer, hole = meshes.disc(1.0, 100).points, meshes.disc(0.4, 50).points[::-1]
+    mesh = triangulate([outer, hole], 300)
+    assert np.linalg.norm(mesh.points, axis=1).min() > 0.35
+    facets, _ = boundary_facets(mesh.cells)
+    loops = boundary_loops(mesh.points, facets, "ring")
+    assert len(loops) == 2
+    with pytest.raises(MeshError, match="hole outside of everything"):
+        triangulate([outer, hole + 5.0], 100)
+
+
+def test_the_same_input_gives_the_same_mesh():
+    first, second = (triangulate([SHAPES["comb"].points], 150) for _ in range(2))
+    assert np.array_equal(first.points, second.points)
+    assert np.array_equal(first.cells, second.cells)
+
+
+def test_loops_that_meet_are_refused():
+    # A bow tie of two triangles that share one vertex.
+    points = np.array([[0.0, 0], [-1, 1], [-1, -1], [1, -1], [1, 1]])
+    facets, _ = boundary_facets(np.array([[0, 1, 2], [0, 3, 4]]))
+    with pytest.raises(MeshError, match="meets itself in a vertex"):
+        boundary_loops(points, facets, "bow tie")

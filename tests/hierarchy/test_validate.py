@@ -1,0 +1,116 @@
+"""Each defect of a shape is refused in one line that names its primitives."""
+
+import numpy as np
+import pytest
+
+from pdvol.errors import IntersectionError, InvertedCellError, MeshError
+from pdvol.hierarchy.validate import check_outline, check_solid, check_surface
+from pdvol.meshes import Outline, Solid, Surface, ball, box
+
+
+def joined(*surfaces, shifts):
+    starts = np.cumsum([0, *(len(s.vertices) for s in surfaces)])
+    return Surface(
+        np.vstack([s.vertices + shift for s, shift in zip(surfaces, shifts, strict=True)]),
+        np.vstack([s.triangles + start for s, start in zip(surfaces, starts, strict=False)]),
+    )
+
+
+def refuse(check, shape, error, match):
+    with pytest.raises(error, match=match) as caught:
+        check(shape, "thing")
+    assert "\n" not in str(caught.value)
+    assert str(caught.value).startswith("thing")
+    return caught.value
+
+
+def test_a_good_surface_is_kept_and_unused_vertices_go():
+    cube = box()
+    extra = Surface(np.vstack([[[9.0, 9, 9]], cube.vertices]), cube.triangles + 1)
+    assert np.array_equal(check_surface(extra).triangles, cube.triangles)
+    inward = Surface(cube.vertices, cube.triangles[:, ::-1])
+    assert np.array_equal(np.sort(check_surface(inward).triangles), np.sort(cube.triangles)), "turned outward without a word"
+
+
+def test_bad_arrays():
+    cube = box()
+    broken = cube.vertices.copy()
+    broken[3, 1] = np.nan
+    refuse(check_surface, Surface(broken, cube.triangles), MeshError, "vertices 3 have NaN")
+    far = cube.triangles.copy()
+    far[5, 0] = 99
+    refuse(check_surface, Surface(cube.vertices, far), MeshError, "triangles 5 use vertices that do not exist")
+    refuse(check_surface, Surface(np.empty((0, 3)), np.empty((0, 3), dtype=int)), MeshError, "empty")
+    refuse(check_surface, Surface(cube.vertices[:, :2], cube.triangles), MeshError, "do not fit")
+
+
+def test_degenerate_and_duplicate_triangles():
+    cube = box()
+    flat = np.vstack([cube.triangles, [[0, 1, 1]]])
+    refuse(check_surface, Surface(cube.vertices, flat), MeshError, "triangles 12 have no area")
+    twice = np.vstack([cube.triangles, np.roll(cube.triangles[2:3], 1, axis=1)])
+    refuse(check_surface, Surface(cube.vertices, twice), MeshError, "triangles 12 repeat")
+
+
+def test_open_non_manifold_and_mixed():
+    cube = box()
+    refuse(check_surface, Surface(cube.vertices, cube.triangles[1:]), MeshError, "open along 3 edges")
+    assert len(check_surface(Surface(cube.vertices, cube.triangles[1:]), closed=False).triangles) == 11
+    wall = np.vstack([cube.triangles, [[*cube.triangles[0, :2], len(cube.vertices)]]])
+    refuse(check_surface, Surface(np.vstack([cube.vertices, [[0, 0, 0]]]), wall), MeshError, "non-manifold")
+    turned = cube.triangles.copy()
+    turned[4] = turned[4, ::-1]
+    refuse(check_surface, Surface(cube.vertices, turned), MeshError, "disagree on what is outside")
+    # Two cubes welded in one corner.
+    two = joined(cube, cube, shifts=(np.zeros(3), np.ones(3)))
+    welded = np.unique(two.vertices, axis=0, return_inverse=True)
+    pinched = Surface(welded[0], welded[1].ravel()[two.triangles])
+    refuse(check_surface, pinched, MeshError, "single vertices")
+
+
+def test_self_intersections_name_two_triangles_that_cross():
+    two = joined(ball(1.0, 1), ball(1.0, 1), shifts=(np.zeros(3), np.array([1.2, 0.1, 0.05])))
+    error = refuse(check_surface, two, IntersectionError, r"triangles \d+ and \d+ cross")
+    assert len(error.pairs) > 0
+
+
+def test_touching_shells_are_refused():
+    two = joined(box(), box(), shifts=(np.zeros(3), np.array([1.0, 0.25, 0.25])))
+    refuse(check_surface, two, IntersectionError, "cross|touches")
+
+
+def test_outlines():
+    square = np.array([[0.0, 0], [1, 0], [1, 1], [0, 1]])
+    assert np.array_equal(check_outline(Outline(square[::-1])).points, square)
+    refuse(check_outline, Outline(square[[0, 2, 1, 3]]), IntersectionError, "segments 0 and 2 cross")
+    refuse(check_outline, Outline(np.vstack([square, square[:1]])), MeshError, "segments 4 have no length")
+    refuse(check_outline, Outline(square[:2]), MeshError, "at least 3")
+    refuse(check_outline, Outline(np.where(square == 1.0, np.inf, square)), MeshError, "NaN or infinite")
+    assert len(check_outline(Outline(square[:2]), closed=False).points) == 2
+
+
+POINTS = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1], [1, 1, 1], [5, 5, 5]])
+CELLS = np.array([[0, 1, 2, 3], [1, 4, 2, 3]])  # the second has volume +1/3
+
+
+def test_solids():
+    none = np.zeros(2, dtype=int)
+    good = check_solid(Solid(POINTS, CELLS, none))
+    assert len(good.vertices) == 5, "the unused vertex is dropped"
+    assert np.array_equal(check_solid(Solid(POINTS, CELLS[:, [1, 0, 2, 3]], none)).cells, good.cells), "all inverted: turned"
+    bad = CELLS.copy()
+    bad[1] = bad[1, [1, 0, 2, 3]]
+    assert refuse(check_solid, Solid(POINTS, bad, none), InvertedCellError, "cells 1 are inverted").cells == (1,)
+    flat = POINTS.copy()
+    flat[3] = [0.3, 0.3, 0.0]
+    assert refuse(check_solid, Solid(flat, CELLS, none), InvertedCellError, "cells 0 are flat").cells == (0,)
+    refuse(check_solid, Solid(POINTS, CELLS[[0, 0]], none), MeshError, "cells 1 repeat")
+    nan = POINTS * np.nan
+    refuse(check_solid, Solid(nan, CELLS, none), MeshError, "NaN")
+    refuse(check_solid, Solid(POINTS, CELLS[:, :3], none), MeshError, "give tetrahedra")
+    refuse(check_solid, Solid(POINTS, CELLS, none[:1]), MeshError, "region labels")
+
+
+def test_flat_triangles():
+    points = np.array([[0.0, 0], [1, 0], [0, 1], [2, 0]])
+    assert refuse(check_solid, Solid(points, np.array([[0, 1, 2], [0, 1, 3]]), np.zeros(2, int)), InvertedCellError, "flat").cells == (1,)
