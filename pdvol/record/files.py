@@ -1,0 +1,163 @@
+"""Files that survive a kill at any instant, and reading that trusts nothing.
+
+A file is written to a temporary name in its own folder, synced to the disk and renamed over its final name: whoever reads finds the
+old file, or the new one, or none, never half of one. Arrays are never unpickled.
+"""
+
+import dataclasses
+import fcntl
+import io
+import json
+import math
+import os
+import zipfile
+import zlib
+from pathlib import Path
+
+import numpy as np
+
+from pdvol.errors import InputError, SimulationError
+
+TEMPORARY = ".tmp"
+_UNREADABLE = (OSError, ValueError, EOFError, KeyError, SyntaxError, zipfile.BadZipFile, zlib.error)
+
+
+def write_bytes(path: Path, data: bytes) -> None:
+    """Replace `path` by `data`, whole or not at all.
+
+    Raises
+    ------
+    SimulationError
+        When the disk is full or cannot be written; what was stored before is intact.
+    """
+    aside = path.with_name(f".{path.name}{TEMPORARY}")
+    try:
+        with open(aside, "wb") as file:
+            file.write(data)
+            file.flush()
+            os.fsync(file.fileno())
+        os.replace(aside, path)
+        sync_folder(path.parent)
+    except OSError as error:
+        aside.unlink(missing_ok=True)
+        raise SimulationError(f"cannot write {path}: {error.strerror or error}; everything stored before it is kept") from error
+
+
+def sync_folder(folder: Path) -> None:
+    """Make the names in a folder outlive a power cut."""
+    descriptor = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
+
+
+def write_array(path: Path, array: np.ndarray) -> None:
+    """Write one array as .npy."""
+    buffer = io.BytesIO()
+    np.save(buffer, array, allow_pickle=False)
+    write_bytes(path, buffer.getbuffer())
+
+
+def write_arrays(path: Path, **arrays: np.ndarray) -> None:
+    """Write named arrays as .npz, whose entries carry checksums."""
+    buffer = io.BytesIO()
+    np.savez(buffer, **arrays)
+    write_bytes(path, buffer.getbuffer())
+
+
+def write_json(path: Path, value: dict) -> None:
+    """Write one JSON object, indented for people."""
+    write_bytes(path, (json.dumps(jsonable(value), indent=2) + "\n").encode())
+
+
+def read_array(path: Path, shape: tuple[int, ...]) -> np.ndarray:
+    """Read a float64 array of a known shape.
+
+    Raises
+    ------
+    InputError
+        When the file is missing, cut short, of another shape or holds numbers that are not finite.
+    """
+    try:
+        array = np.load(path, allow_pickle=False)
+    except FileNotFoundError as error:
+        raise InputError(f"{path} is missing") from error
+    except _UNREADABLE as error:
+        raise InputError(f"{path} is damaged or cut short ({error})") from error
+    if not isinstance(array, np.ndarray) or array.shape != shape or array.dtype != np.float64:
+        raise InputError(f"{path} does not hold a float64 array of shape {shape}")
+    if not np.isfinite(array).all():
+        raise InputError(f"{path} holds numbers that are not finite")
+    return array
+
+
+def is_whole(path: Path, shape: tuple[int, ...]) -> bool:
+    """Whether a .npy file has the header and the length of a float64 array of this shape; its numbers are not read."""
+    try:
+        with open(path, "rb") as file:
+            version = np.lib.format.read_magic(file)
+            read_header = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}[version]
+            stored, _, dtype = read_header(file)
+            payload = os.fstat(file.fileno()).st_size - file.tell()
+    except _UNREADABLE:
+        return False
+    return stored == shape and dtype == np.float64 and payload == 8 * math.prod(shape)
+
+
+def read_arrays(path: Path, names: tuple[str, ...]) -> dict[str, np.ndarray]:
+    """Read named arrays of a .npz file; InputError when it is missing, damaged or lacks one of `names`."""
+    try:
+        with np.load(path, allow_pickle=False) as archive:
+            arrays = {name: archive[name] for name in archive.files}
+    except FileNotFoundError as error:
+        raise InputError(f"{path} is missing") from error
+    except (*_UNREADABLE, AttributeError, TypeError) as error:  # a plain .npy array in its place is no context manager
+        raise InputError(f"{path} is damaged or cut short ({error})") from error
+    missing = [name for name in names if name not in arrays]
+    if missing:
+        raise InputError(f"{path} lacks the arrays {missing}")
+    return arrays
+
+
+def read_json(path: Path) -> dict:
+    """Read one JSON object; FileNotFoundError is left to the caller, who knows what the file means."""
+    try:
+        value = json.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise
+    except (OSError, ValueError) as error:
+        raise InputError(f"{path} cannot be read as JSON ({error})") from error
+    if not isinstance(value, dict):
+        raise InputError(f"{path} does not hold a JSON object")
+    return value
+
+
+def jsonable(value):
+    """The same value in JSON's types. Numbers that are not finite become null, for JSON has none; dataclasses become objects."""
+    if isinstance(value, dict):
+        return {str(key): jsonable(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple, set)):
+        return [jsonable(item) for item in value]
+    if isinstance(value, (np.ndarray, np.generic)):
+        return jsonable(value.tolist())
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    if value is None or isinstance(value, (bool, int, str)):
+        return value
+    if isinstance(value, Path):
+        return str(value)
+    if dataclasses.is_dataclass(value) and not isinstance(value, type):
+        return {f.name: jsonable(getattr(value, f.name)) for f in dataclasses.fields(value)}
+    raise InputError(f"{value!r} of type {type(value).__name__} cannot be stored as JSON; use numbers, text, lists or dataclasses of them")
+
+
+def lock(path: Path, exclusive: bool = True):
+    """Take a lock that falls with the process; returns the open file, or None when another process holds it."""
+    file = open(path, "a" if exclusive else "r")  # noqa: SIM115: it stays open for as long as the lock is held
+    try:
+        fcntl.flock(file, (fcntl.LOCK_EX if exclusive else fcntl.LOCK_SH) | fcntl.LOCK_NB)
+    except BlockingIOError:
+        file.close()
+        return None
+    return file

@@ -1,0 +1,122 @@
+"""The layout of a run folder, and who may write there.
+
+    run.json              parameters, versions, sizes, state       levels/<l>/mesh.npz        points, cells, bodies, regions, surface
+    log.jsonl             one object per level and step            levels/<l>/velocity.npy    initial velocity (n, d) [m/s]
+    obstacles.json, obstacles/<i>.npz   for pictures               levels/<l>/<step>.npy      positions (n, d) [m], input order
+    run.lock              held while a process writes
+"""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from pdvol.errors import InputError
+from pdvol.hierarchy.level_mesh import LevelMesh
+from pdvol.record.files import TEMPORARY, jsonable, lock, read_json, sync_folder, write_array, write_arrays
+
+FORMAT = 1
+STATES = ("running", "failed", "interrupted", "done", "pending")  # of levels; a run has the first one that any of its levels has
+
+
+def level_folder(path: Path, level: int) -> Path:
+    """Where a run keeps one level."""
+    return path / "levels" / str(level)
+
+
+def state_file(folder: Path, step: int) -> Path:
+    """Where a level's folder keeps one state."""
+    return folder / f"{step:06d}.npy"
+
+
+def read_info(path: Path) -> dict:
+    """`run.json` of a run folder; InputError when it is no run, or one of another format."""
+    try:
+        info = read_json(path / "run.json")
+    except FileNotFoundError as error:
+        what = "is not a run folder: it has no run.json" if path.is_dir() else "does not exist"
+        raise InputError(f"{path} {what}") from error
+    if info.get("format") != FORMAT:
+        raise InputError(f"{path} is a run of format {info.get('format')!r}, this pdvol reads format {FORMAT}: use the pdvol that wrote it")
+    levels = info.get("levels")
+    if not isinstance(levels, list) or not all(isinstance(entry, dict) for entry in levels) or not isinstance(info.get("dt"), (int, float)):
+        raise InputError(f"{path / 'run.json'} lacks the list of levels or the time step dt")
+    return info
+
+
+def new_info(info: Mapping, body_names: Sequence[str]) -> dict:
+    """`run.json` of a run about to be created. The state "creating" marks what a kill leaves then: no step yet, free to be taken over."""
+    missing = [key for key in ("dt", "steps") if key not in info]
+    if missing:
+        raise InputError(f"a run needs {missing} in its info")
+    return {**jsonable(info), "format": FORMAT, "bodies": [str(name) for name in body_names], "levels": [], "state": "creating"}
+
+
+def remove_states(folder: Path, steps: int) -> None:
+    """Remove a level's states from `steps` on, the latest first, so that a kill leaves no gap."""
+    files = {int(file.stem): file for file in folder.glob("[0-9]*.npy")}
+    for step in sorted(files, reverse=True):
+        if step >= steps:
+            files[step].unlink()
+
+
+def run_state(levels: list[dict]) -> str:
+    """The state of a run, given the entries of its levels: that of the most telling one."""
+    present = {entry["state"] for entry in levels}
+    return next((state for state in STATES if state in present), "pending")
+
+
+def write_level(path: Path, level: int, mesh: LevelMesh, velocity: np.ndarray | None) -> dict:
+    """Store a level's mesh and initial velocity (n, d) [m/s] (at rest when None); returns its entry in `run.json`."""
+    points = np.asarray(mesh.points, dtype=np.float64)
+    v = np.zeros_like(points) if velocity is None else np.ascontiguousarray(velocity, dtype=np.float64)
+    if v.shape != points.shape:
+        raise InputError(f"level {level}: the initial velocity has shape {v.shape}, the mesh {points.shape}")
+    folder = level_folder(path, level)
+    folder.mkdir(parents=True, exist_ok=True)
+    for stale in folder.glob("*.npy"):  # of a creation that was killed
+        stale.unlink()
+    write_arrays(folder / "mesh.npz", points=points, cells=mesh.cells, bodies=mesh.bodies, regions=mesh.regions, surface=mesh.boundary)
+    write_array(folder / "velocity.npy", v)
+    sync_folder(folder.parent)
+    return {"vertices": len(points), "cells": len(mesh.cells), "state": "pending"}
+
+
+def claim(path: Path):
+    """Take a new, empty or never completed folder for a run, and its lock."""
+    _require_free(path)
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"{path} cannot be made: {error.strerror or error}") from error
+    held = hold(path)
+    try:
+        _require_free(path)  # another process may have started a run before the lock was ours
+    except InputError:
+        held.close()
+        raise
+    return held
+
+
+def _require_free(path: Path) -> None:
+    """InputError unless a run may be created here."""
+    if not path.exists():
+        return
+    if not path.is_dir():
+        raise InputError(f"{path} is a file, not a folder")
+    if (path / "run.json").exists():
+        if read_info(path).get("state") != "creating":
+            raise InputError(f"{path} already holds a run: continue it with --resume or choose another folder")
+    elif any(not (p.name == "run.lock" or p.name.endswith(TEMPORARY)) for p in path.iterdir()):
+        raise InputError(f"{path} is not empty and holds no run: choose another folder")
+
+
+def hold(path: Path):
+    """The run's lock, held."""
+    try:
+        held = lock(path / "run.lock")
+    except OSError as error:
+        raise InputError(f"{path} cannot be written: {error.strerror or error}") from error
+    if held is None:
+        raise InputError(f"{path} is being written by another pdvol: wait for it to end, or choose another folder")
+    return held

@@ -1,0 +1,36 @@
+"""Progress: a bar on a terminal, plain lines elsewhere."""
+
+import io
+
+import runs
+
+from pdvol.record.progress import Progress
+
+
+class Terminal(io.StringIO):
+    def isatty(self) -> bool:
+        return True
+
+
+def test_plain_lines():
+    stream = io.StringIO()
+    progress = Progress(1, 100, stream)
+    progress.step(runs.record(1, 12))
+    progress.step({"step": 13, "newton_iterations": 2, "contacts": 0, "min_gap": None, "seconds": {"total": 12.5}})
+    progress.step({"step": 100})
+    progress.close()
+    assert stream.getvalue().splitlines() == [
+        "level 1  step  12/100  newton 4  contacts 37  gap 1.2e-04  0.31 s",
+        "level 1  step  13/100  newton 2  contacts 0  12.50 s",
+        "level 1  step 100/100",
+    ]
+
+
+def test_a_bar_with_the_time_left():
+    stream = Terminal()
+    progress = Progress(2, 3, stream, done=1)
+    for step in (2, 3):
+        progress.step(runs.record(2, step))
+    progress.close()
+    shown = stream.getvalue()
+    assert "level 2" in shown and "3/3" in shown and "newton=4" in shown and "contacts=37" in shown and "<" in shown
