@@ -1,0 +1,30 @@
+"""pdvol: progressing level-of-detail animation of volumetric elastodynamics, with contact that never interpenetrates.
+
+Names load what they need when they are first used: describing a scene imports no solver, reading a run imports no finite elements.
+"""
+
+from importlib import import_module
+
+from pdvol.errors import (
+    ConvergenceError, InputError, IntersectionError, InvertedCellError, MeshError, PdvolError, SimulationError,
+)
+
+__version__ = "0.1.0"
+
+_HOMES = {
+    "pdvol.scene": ("Barrier", "Body", "Friction", "Gravity", "Material", "NeoHookean", "Placement", "Plane", "Relative", "Rigid",
+                    "Rotation", "Scene", "Solver", "Still", "Support", "Translation"),
+    "pdvol.meshes": ("Outline", "Solid", "Surface"),
+    "pdvol.record.reader": ("open_run",),
+    "pdvol.runner": ("run_scene", "refine_run"),
+    "pdvol.cli": ("main",),
+}
+_HOME = {name: module for module, names in _HOMES.items() for name in names}
+
+__all__ = sorted([*_HOME, "ConvergenceError", "InputError", "IntersectionError", "InvertedCellError", "MeshError", "PdvolError", "SimulationError"])
+
+
+def __getattr__(name: str):
+    if name not in _HOME:
+        raise AttributeError(f"module 'pdvol' has no attribute {name!r}")
+    return getattr(import_module(_HOME[name]), name)

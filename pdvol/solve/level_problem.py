@@ -100,18 +100,6 @@ class LevelProblem:
             target[mask] = motion(self._rest[mask], time)
         return target
 
-    def initial_velocity(self) -> np.ndarray:
-        """(n, d) the scene's velocity field [m/s] on this level, in the input's order."""
-        mesh = self.space.mesh
-        velocity = np.zeros_like(mesh.points)
-        for i, body in enumerate(self.scene.bodies):
-            cells = mesh.cells[mesh.bodies == i]
-            volumes = mesh.volumes[mesh.bodies == i]
-            centre = volumes @ mesh.points[cells].mean(axis=1) / volumes.sum()
-            mine = mesh.point_bodies == i
-            velocity[mine] = body.initial_velocity(mesh.points[mine], centre)
-        return velocity
-
     def step(self, number: int, positions: np.ndarray, velocity: np.ndarray) -> StepReport:
         """Step `number` (from 1) from positions (n, d) with predicted velocity (n, d) [m/s], both in the input's order.
 

@@ -1,0 +1,28 @@
+"""A soft ball dropped on a sharp spike, a hair off-centre (paper, figures 2 and 9).
+
+Which way does it fall? Simulated on its own, every level answers for itself; refined progressively, they fall the same way.
+"""
+
+import pdvol
+from pdvol import Barrier, Body, Friction, Gravity, NeoHookean, Placement, Plane, Rigid, Scene, meshes
+
+RADIUS = 0.25  # m
+TIP = 0.5  # m, height of the spike
+
+
+def scene(offset=0.002, young=1e5, steps=150, dt=0.01, height=0.9, mu=0.1):
+    """A ball of radius 0.25 m whose centre starts `offset` m beside the spike's axis and `height` m above the ground."""
+    return Scene(
+        bodies=(Body(meshes.disc(RADIUS), NeoHookean(young, 0.4, 1000.0), vertices=(60, 130, 310, 570, 1100), name="ball",
+                     placement=Placement(translate=(offset, height))),),
+        obstacles=(Plane((0.0, 0.0), (0.0, 1.0), name="ground"),
+                   Rigid(meshes.spike(width=0.24, height=TIP), name="spike", placement=Placement(translate=(0.0, 0.002)))),
+        loads=(Gravity((0.0, -9.81)),),
+        contact=(Barrier(), Friction(mu)),
+        dt=dt,
+        steps=steps,
+    )
+
+
+if __name__ == "__main__":
+    pdvol.main(scene)

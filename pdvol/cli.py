@@ -1,0 +1,226 @@
+"""The command line. A user's mistake ends in one line and exit code 2, a simulation that cannot go on in one line and exit code 1."""
+
+import argparse
+import os
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from pdvol.errors import InputError, PdvolError, SimulationError
+
+
+def main(scene: Callable | None = None, argv: Sequence[str] | None = None) -> None:
+    """The `pdvol` command; with a scene function, `pdvol run` on the file that defines it (what demos end with). Exits."""
+    arguments = list(sys.argv[1:] if argv is None else argv)
+    if scene is not None:
+        arguments = ["run", sys.modules[scene.__module__].__file__ or "", *arguments]
+    sys.exit(run(arguments))
+
+
+def run(arguments: Sequence[str]) -> int:
+    """Carries out one command line; its exit code."""
+    try:
+        options = _parser().parse_args(arguments)
+        return options.command(options) or 0
+    except InputError as error:
+        return _end(error, 2)
+    except SimulationError as error:
+        return _end(error, 1)
+    except KeyboardInterrupt:
+        return _end("interrupted; finished steps are kept, go on with --resume", 130)
+    except BrokenPipeError:
+        sys.stdout = open(os.devnull, "w")  # the reader of our output left; nothing more to say to it
+        return 0
+    except PdvolError as error:
+        return _end(error, 1)
+    except SystemExit:
+        raise
+    except BaseException:
+        _abort_other_ranks()
+        raise
+
+
+def _end(message: object, code: int) -> int:
+    if _rank() == 0:
+        print(f"pdvol: {' '.join(str(message).split())}", file=sys.stderr)
+    return code
+
+
+def _rank() -> int:
+    mpi = sys.modules.get("mpi4py.MPI")
+    return mpi.COMM_WORLD.rank if mpi else 0
+
+
+def _abort_other_ranks() -> None:
+    """An error that only one rank sees would leave the others waiting for ever."""
+    mpi = sys.modules.get("mpi4py.MPI")
+    if mpi and mpi.COMM_WORLD.size > 1:
+        import traceback
+
+        traceback.print_exc()
+        sys.stderr.flush()
+        mpi.COMM_WORLD.Abort(1)
+
+
+# ---- commands ----------------------------------------------------------------------------------------------------------------
+
+
+def _run(options) -> None:
+    from pdvol.runner import run_scene
+
+    shot = _shot(options)
+    first, last = _levels(options.levels)
+    out = options.out or Path("runs") / f"{shot.name}{'' if options.method == 'progressive' else '_' + options.method}"
+    run_scene(shot, out, first, last, options.method, options.prolongation, options.resume, progress=_progress())
+    _finish(out)
+
+
+def _preview(options) -> None:
+    from pdvol.runner import run_scene
+
+    shot = _shot(options)
+    out = options.out or Path("runs") / f"{shot.name}_preview"
+    run_scene(shot, out, 0, 0, resume=options.resume, progress=_progress())
+    _finish(out)
+
+
+def _refine(options) -> None:
+    from pdvol.runner import refine_run
+
+    refine_run(options.run, options.to, progress=_progress())
+    _finish(options.run)
+
+
+def _check(options) -> int:
+    from pdvol.inspection import check_meshes, check_shot
+
+    if len(options.files) == 1 and options.files[0].suffix == ".py":
+        from pdvol.shot import load_shot, parse_settings
+
+        lines, sound = check_shot(load_shot(options.files[0], parse_settings(options.set)))
+    else:
+        lines, sound = check_meshes(options.files)
+    print("\n".join(lines))
+    return 0 if sound else 2
+
+
+def _hierarchy(options) -> None:
+    from pdvol.inspection import write_hierarchy
+
+    targets = tuple(_whole("--levels", word) for word in options.levels.split(","))
+    print("\n".join(write_hierarchy(options.mesh, targets, options.out)))
+
+
+def _info(options) -> None:
+    from pdvol.inspection import describe_run, describe_shot
+
+    if options.what.suffix == ".py":
+        from pdvol.shot import load_shot, parse_settings
+
+        print("\n".join(describe_shot(load_shot(options.what, parse_settings(options.set)))))
+    else:
+        print("\n".join(describe_run(options.what)))
+
+
+def _render(options) -> None:
+    from pdvol.record.pictures import render
+    from pdvol.record.reader import open_run
+
+    first, last = _levels(options.levels)
+    run = open_run(options.run)
+    levels = range(first, (len(run.levels) - 1 if last is None else last) + 1)
+    out = options.out or options.run / "picture.png"
+    print(render(run, out, levels=list(levels), turn=options.turn))
+
+
+# ---- their parts -------------------------------------------------------------------------------------------------------------
+
+
+def _shot(options):
+    from pdvol.shot import load_shot, parse_settings
+
+    return load_shot(options.scene, parse_settings(options.set), options.steps)
+
+
+def _levels(text: str) -> tuple[int, int | None]:
+    """`0:2` and `1` as the first and last level, both included; all levels when empty."""
+    if not text:
+        return 0, None
+    first, colon, last = text.partition(":")
+    first_level = _whole("--levels", first or "0")
+    return first_level, (_whole("--levels", last) if last else None) if colon else first_level
+
+
+def _whole(name: str, text: str) -> int:
+    if not text.strip().isdigit():
+        raise InputError(f"{name}: {text!r} is not a whole number")
+    return int(text)
+
+
+def _progress():
+    from pdvol.record.progress import Progress
+
+    return (lambda level, total, done: Progress(level, total, done=done)) if _rank() == 0 else None
+
+
+def _finish(out: Path) -> None:
+    """A picture and where to find things; by one rank."""
+    if _rank() != 0:
+        return
+    from pdvol.record.pictures import render
+    from pdvol.record.reader import open_run
+
+    picture = render(open_run(out), out / "picture.png")
+    print(f"{out}: states, log.jsonl, level_N.xdmf and {picture.name}", file=sys.stderr)
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(prog="pdvol", description="Preview soft-body animation coarse, refine it to the same animation, fine.")
+    commands = parser.add_subparsers(required=True, metavar="COMMAND")
+
+    def command(name: str, work, text: str) -> argparse.ArgumentParser:
+        sub = commands.add_parser(name, help=text, description=text)
+        sub.set_defaults(command=work)
+        return sub
+
+    def scene_options(sub, steps: bool = True) -> None:
+        sub.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", help="a scene parameter or solver setting")
+        if steps:
+            sub.add_argument("--steps", type=int, help="number of time steps, instead of the scene's")
+            sub.add_argument("--out", type=Path, help="run folder (default: runs/NAME)")
+            sub.add_argument("--resume", action="store_true", help="go on with the run in that folder")
+
+    sub = command("run", _run, "simulate a scene's levels, coarse to fine")
+    sub.add_argument("scene", type=Path, metavar="SCENE.py")
+    sub.add_argument("--levels", default="", metavar="A:B", help="levels A to B, both included (default: all)")
+    sub.add_argument("--method", default="progressive", choices=("progressive", "direct"))
+    sub.add_argument("--prolongation", default="barycentric", choices=("barycentric",))
+    scene_options(sub)
+
+    sub = command("preview", _preview, "simulate level 0 only")
+    sub.add_argument("scene", type=Path, metavar="SCENE.py")
+    scene_options(sub)
+
+    sub = command("refine", _refine, "simulate the finer levels of a stored run")
+    sub.add_argument("run", type=Path, metavar="RUN")
+    sub.add_argument("--to", type=int, required=True, metavar="L", help="the finest level wanted")
+
+    sub = command("check", _check, "pre-flight: what will be modelled, sizes, and every defect found")
+    sub.add_argument("files", type=Path, nargs="+", metavar="SCENE.py | MESH")
+    scene_options(sub, steps=False)
+
+    sub = command("hierarchy", _hierarchy, "build the levels of one mesh and report their bindings")
+    sub.add_argument("mesh", type=Path, metavar="MESH")
+    sub.add_argument("--levels", required=True, metavar="N,N,...", help="vertex targets, coarsest first")
+    sub.add_argument("-o", "--out", type=Path, required=True, metavar="DIR")
+
+    sub = command("info", _info, "what a scene will model, or what a run holds")
+    sub.add_argument("what", type=Path, metavar="SCENE.py | RUN")
+    scene_options(sub, steps=False)
+
+    sub = command("render", _render, "draw a run: rows are levels, columns are moments")
+    sub.add_argument("run", type=Path, metavar="RUN")
+    sub.add_argument("-o", "--out", type=Path, metavar="FILE.png|.mp4|.gif")
+    sub.add_argument("--levels", default="", metavar="A:B")
+    sub.add_argument("--turn", type=float, default=0.0, metavar="DEGREES", help="turn the camera about the vertical")
+    return parser

@@ -1,0 +1,225 @@
+"""From a shot to a run folder: builds the levels, marches them coarse to fine, stores every step. All ranks call it together."""
+
+import platform
+from collections.abc import Callable, Sequence
+from functools import partial
+from importlib.metadata import version
+from pathlib import Path
+
+import numpy as np
+from mpi4py import MPI
+
+from pdvol.animate.march import Start, direct, progressive
+from pdvol.describe import differences
+from pdvol.errors import InputError, SimulationError
+from pdvol.hierarchy.build import build_levels, read_obstacle
+from pdvol.hierarchy.hierarchy import Hierarchy
+from pdvol.hierarchy.level_mesh import LevelMesh
+from pdvol.hierarchy.scene_fields import initial_velocity, scene_diagonal
+from pdvol.hierarchy.start_check import check_start
+from pdvol.parallel import on_root
+from pdvol.record.progress import Progress
+from pdvol.record.reader import Run, open_run
+from pdvol.record.store import RunWriter
+from pdvol.record.xdmf import write_xdmf
+from pdvol.scene import Plane, Rigid, Scene, Still
+from pdvol.shot import Shot, load_shot
+from pdvol.solve.level_problem import LevelProblem
+
+METHODS = ("progressive", "direct")
+LIBRARIES = ("fenics-dolfinx", "petsc4py", "ipctk", "numpy", "scipy", "pytetwild", "gmsh", "fast-simplification")
+
+Watch = Callable[[int, int, int], Progress]
+
+
+def run_scene(shot: Shot, out: str | Path, first: int = 0, last: int | None = None, method: str = "progressive",
+              prolongation: str = "barycentric", resume: bool = False, comm: MPI.Comm = MPI.COMM_WORLD, progress: Watch | None = None) -> Path:
+    """Simulate levels `first` to `last` of a shot into the run folder `out`. Collective.
+
+    Parameters
+    ----------
+    shot : Shot
+    out : run folder: a new one, or with `resume` (or `first` > 0) one of the same scene, of which finished steps are kept
+    first, last : levels, both included; the finest when `last` is None
+    method : "progressive" or "direct"
+    prolongation : an interpolant's name
+    progress : called as (level, steps, steps done) when a level begins, on the ranks where it is given
+
+    Returns
+    -------
+    Path of the run folder.
+
+    Raises
+    ------
+    InputError
+        Something in the scene, its meshes or the folder is unfit; nothing is half-written.
+    ConvergenceError
+        A step could not be solved; everything up to the last good step is kept.
+    """
+    scene, out = shot.scene, Path(out)
+    last = scene.levels - 1 if last is None else last
+    _check_request(scene, out, first, last, method, resume or first > 0)
+    meshes, obstacles, diagonal = on_root(comm, lambda: _prepare(shot, out, last, method, prolongation))
+    hierarchy = Hierarchy(meshes, comm, prolongation)
+    writer = _SharedWriter(comm, lambda: _open_writer(shot, out, meshes, obstacles, diagonal, method, prolongation))
+    try:
+        for level in range(first, last + 1):
+            _run_level(scene, hierarchy, level, method, obstacles, diagonal, writer, progress)
+    finally:
+        writer.close()
+    return out
+
+
+def refine_run(out: str | Path, last: int, comm: MPI.Comm = MPI.COMM_WORLD, progress: Watch | None = None) -> Path:
+    """Simulate the finer levels of a stored run, up to `last`; finished steps of coarser levels are not touched. Collective."""
+    info = on_root(comm, lambda: open_run(out).info)
+    if not Path(info["scene_file"]).is_file():
+        raise InputError(f"{out}: its scene file {info['scene_file']} is gone; put it back, or use pdvol run --resume with another path")
+    shot = load_shot(info["scene_file"], info["parameters"], info["steps"])
+    return run_scene(shot, out, 0, last, info["method"], info["prolongation"], True, comm, progress)
+
+
+def _check_request(scene: Scene, out: Path, first: int, last: int, method: str, go_on: bool) -> None:
+    if method not in METHODS:
+        raise InputError(f"unknown method {method!r}; choose one of {', '.join(METHODS)}")
+    if not 0 <= first <= last < scene.levels:
+        raise InputError(f"levels {first}:{last} do not exist; the scene has levels 0:{scene.levels - 1}")
+    exists = (out / "run.json").is_file()
+    if exists and not go_on:
+        raise InputError(f"{out} already holds a run; go on with it by --resume, or choose another folder with --out")
+    if first > 0 and not exists:
+        raise InputError(f"level {first} is refined from level {first - 1}, and {out} holds no run yet; begin with --levels 0:{last}")
+
+
+def _prepare(shot: Shot, out: Path, last: int, method: str, prolongation: str) -> tuple[Sequence[LevelMesh], list, float]:
+    """Meshes up to `last` (stored ones are taken as they are), obstacles and the scene's diagonal, checked at t = 0."""
+    scene = shot.scene
+    obstacles = [read_obstacle(o) for o in scene.obstacles if isinstance(o, Rigid)]
+    stored: list[LevelMesh] = []
+    if (out / "run.json").is_file():
+        run = open_run(out)
+        _check_same(run, shot, method, prolongation)
+        stored = [level.mesh for level in run.levels]
+    meshes = [*stored, *build_levels(scene, last + 1)[len(stored):]] if len(stored) <= last else stored
+    check_start(meshes, obstacles, scene)
+    return meshes, obstacles, scene_diagonal(scene)
+
+
+def _check_same(run: Run, shot: Shot, method: str, prolongation: str) -> None:
+    for name, now in (("method", method), ("prolongation", prolongation)):
+        if run.info[name] != now:
+            raise InputError(f"{run.path} was run with {name} {run.info[name]!r}, not {now!r}; choose another folder with --out")
+    changed = differences(run.info["description"], shot.description())
+    if changed:
+        more = f" and {len(changed) - 1} more" if len(changed) > 1 else ""
+        raise InputError(f"{run.path} holds another scene ({changed[0]}{more}); choose another folder with --out")
+
+
+def _open_writer(shot: Shot, out: Path, meshes, obstacles, diagonal: float, method: str, prolongation: str) -> RunWriter:
+    scene = shot.scene
+    velocities = [initial_velocity(scene, mesh) for mesh in meshes]
+    if (out / "run.json").is_file():
+        writer = RunWriter.open(out)
+        for level in range(len(writer.info["levels"]), len(meshes)):
+            writer.add_level(meshes[level], velocities[level])
+        writer.update_info(steps=scene.steps, scene_file=str(shot.file))
+    else:
+        up = [-a for a in scene.loads[0].acceleration] if scene.loads else None
+        info = {"scene": shot.name, "dt": scene.dt, "steps": scene.steps, "method": method, "prolongation": prolongation,
+                "scene_file": str(shot.file), "parameters": dict(shot.parameters), "description": shot.description(),
+                "diagonal": diagonal, "versions": _versions(), **({"up": up} if up else {})}
+        writer = RunWriter.create(out, info, meshes, [body.name for body in scene.bodies], velocities)
+    writer.write_obstacles(_drawn_obstacles(scene, obstacles))
+    return writer
+
+
+def _versions() -> dict[str, str]:
+    found = {"python": platform.python_version(), "pdvol": version("pdvol")}
+    for name in LIBRARIES:
+        try:
+            found[name] = version(name)
+        except ModuleNotFoundError:
+            continue
+    return found
+
+
+def _drawn_obstacles(scene: Scene, geometry) -> list[dict]:
+    """Obstacles as pictures need them, with their places over time where they move."""
+    times = np.arange(scene.steps + 1) * scene.dt
+    drawn, rigid = [], iter(geometry)
+    for obstacle in scene.obstacles:
+        moves = not isinstance(obstacle.motion, Still)
+        if isinstance(obstacle, Plane):
+            point, normal = np.asarray(obstacle.point, dtype=float), np.asarray(obstacle.normal, dtype=float)
+            if moves:
+                ends = np.array([obstacle.motion(np.stack([point, point + normal]), t) for t in times])
+                point, normal = ends[:, 0], ends[:, 1] - ends[:, 0]
+            drawn.append({"name": obstacle.name, "kind": "plane", "point": point, "normal": normal})
+            continue
+        vertices, edges, faces = next(rigid)
+        shape = {"kind": "mesh", "faces": faces} if vertices.shape[1] == 3 else {"kind": "polyline", "edges": edges}
+        positions = {"positions": np.array([obstacle.motion(vertices, t) for t in times])} if moves else {}
+        drawn.append({"name": obstacle.name, "vertices": vertices, **shape, **positions})
+    return drawn
+
+
+class _SharedWriter:
+    """The run's writer on rank 0, called by all ranks together; its errors are everybody's."""
+
+    def __init__(self, comm: MPI.Comm, open_writer: Callable[[], RunWriter]):
+        self.comm, self._writer = comm, None
+
+        def take() -> None:
+            self._writer = open_writer()
+
+        on_root(comm, take)
+
+    def call(self, name: str, *arguments, **details):
+        """The result of one of the writer's methods, on every rank."""
+        return on_root(self.comm, lambda: getattr(self._writer, name)(*arguments, **details))
+
+    def read(self, level: int, what: str, step: int) -> np.ndarray:
+        """`positions` or `velocities` of a stored state, on every rank."""
+        return on_root(self.comm, lambda: getattr(open_run(self._writer.path).levels[level], what)(step))
+
+    def export(self, level: int) -> None:
+        """Writes level_N.xdmf."""
+        on_root(self.comm, lambda: write_xdmf(open_run(self._writer.path), level, self._writer.path / f"level_{level}.xdmf"))
+
+    def close(self) -> None:
+        if self._writer is not None:
+            self._writer.close()
+
+
+def _run_level(scene: Scene, hierarchy: Hierarchy, level: int, method: str, obstacles, diagonal: float, writer: _SharedWriter,
+               progress: Watch | None) -> None:
+    done = writer.call("steps", level)
+    if done > scene.steps:
+        return
+    mesh = hierarchy[level].mesh
+    problem = LevelProblem(scene, hierarchy[level], level, diagonal, obstacles)
+    if done == 0:
+        start = Start(0, mesh.points, initial_velocity(scene, mesh))
+        writer.call("write_state", level, 0, start.positions)
+    else:
+        start = Start(done - 1, writer.read(level, "positions", done - 1), writer.read(level, "velocities", done - 1))
+    writer.call("set_level_state", level, "running")
+    if method == "direct" or level == 0:
+        march = direct(problem, start, scene.steps)
+    else:
+        march = progressive(problem, hierarchy.prolongation(level), partial(writer.read, level - 1, "velocities"), start, scene.steps)
+    watcher = progress(level, scene.steps, start.step) if progress is not None else None
+    try:
+        for report in march:
+            writer.call("write_state", level, report.step, report.positions, report.record())
+            if watcher is not None:
+                watcher.step(report.record())
+        writer.call("set_level_state", level, "done")
+    except SimulationError as error:
+        writer.call("set_level_state", level, "failed", reason=str(error))
+        writer.export(level)
+        raise
+    finally:
+        if watcher is not None:
+            watcher.close()
+    writer.export(level)

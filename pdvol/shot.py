@@ -1,0 +1,111 @@
+"""A scene file and its parameters: loading, setting, and what tells two shots apart."""
+
+import ast
+import importlib.util
+import inspect
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, fields, replace
+from pathlib import Path
+
+from pdvol.describe import describe
+from pdvol.errors import InputError, PdvolError
+from pdvol.scene import Scene, Solver
+
+
+@dataclass(frozen=True)
+class Shot:
+    """A scene as its file made it.
+
+    Attributes
+    ----------
+    file : the scene file
+    parameters : what `--set` gave, by name
+    scene : Scene
+    """
+
+    file: Path
+    parameters: Mapping
+    scene: Scene
+
+    @property
+    def name(self) -> str:
+        """The file's name without its ending."""
+        return self.file.stem
+
+    def description(self) -> dict:
+        """The scene as JSON, without how long it runs: a longer run of the same scene is the same scene."""
+        return {key: value for key, value in describe(self.scene).items() if key not in ("steps", "solver", "name")}
+
+
+def parse_settings(words: Sequence[str]) -> dict:
+    """`["mu=0.3", "surface=cow.obj"]` as a dictionary: Python literals where they are, text elsewhere."""
+    settings = {}
+    for word in words:
+        name, equals, text = word.partition("=")
+        if not equals or not name.isidentifier():
+            raise InputError(f"--set {word}: write name=value")
+        try:
+            settings[name] = ast.literal_eval(text)
+        except (ValueError, SyntaxError):
+            settings[name] = text
+    return settings
+
+
+def load_shot(file: str | Path, settings: Mapping | None = None, steps: int | None = None) -> Shot:
+    """Runs a scene file's `scene(**parameters)`; settings that name a solver setting go to the solver instead.
+
+    Raises
+    ------
+    InputError
+        The file is missing or broken, has no `scene`, or a name is unknown; one line says which.
+    """
+    file, settings = Path(file), dict(settings or {})
+    make = _scene_function(file)
+    accepted = inspect.signature(make).parameters
+    anything = any(p.kind is p.VAR_KEYWORD for p in accepted.values())
+    solver_names = {f.name for f in fields(Solver)} - set(accepted)
+    for name in settings:
+        if name not in accepted and name not in solver_names and not anything:
+            raise InputError(f"{file.name} has no parameter {name!r}; there are {', '.join(accepted)} and the solver's "
+                             f"{', '.join(sorted(solver_names))}")
+    given = {name: value for name, value in settings.items() if name in accepted or (anything and name not in solver_names)}
+    try:
+        scene = make(**given)
+    except PdvolError:
+        raise
+    except Exception as error:
+        raise InputError(f"{file.name}: scene({', '.join(f'{k}={v!r}' for k, v in given.items())}) failed: {_told(error)}") from error
+    if not isinstance(scene, Scene):
+        raise InputError(f"{file.name}: scene() returned {type(scene).__name__}, not a pdvol.Scene")
+    for_solver = {name: value for name, value in settings.items() if name not in given}
+    if for_solver:
+        try:
+            scene = scene.with_solver(**for_solver)
+        except TypeError as error:
+            raise InputError(f"--set: {error}") from None
+    if steps is not None:
+        scene = replace(scene, steps=steps)
+    return Shot(file.resolve(), settings, replace(scene, name=file.stem))
+
+
+def _scene_function(file: Path) -> Callable[..., Scene]:
+    if not file.is_file():
+        raise InputError(f"there is no scene file {file}")
+    spec = importlib.util.spec_from_file_location(f"pdvol_scene_{file.stem}", file)
+    if spec is None or spec.loader is None:
+        raise InputError(f"{file} is not a Python file; a scene file defines scene(**parameters)")
+    module = importlib.util.module_from_spec(spec)
+    try:
+        spec.loader.exec_module(module)
+    except PdvolError:
+        raise
+    except Exception as error:
+        raise InputError(f"{file} could not be read: {_told(error)}") from error
+    make = getattr(module, "scene", None)
+    if not callable(make):
+        raise InputError(f"{file} defines no scene(**parameters); it must return a pdvol.Scene")
+    return make
+
+
+def _told(error: BaseException) -> str:
+    return f"{type(error).__name__}: {' '.join(str(error).split())}"
