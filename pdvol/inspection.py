@@ -1,0 +1,161 @@
+"""What pdvol says before and after a run: pre-flight checks, sizes, bindings. Everything here returns lines of text."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from mpi4py import MPI
+
+from pdvol.errors import InputError
+from pdvol.hierarchy.build import build_levels, read_obstacle
+from pdvol.hierarchy.hierarchy import Hierarchy
+from pdvol.hierarchy.level_mesh import LevelMesh
+from pdvol.hierarchy.readers import read_shape
+from pdvol.hierarchy.scene_fields import scene_diagonal
+from pdvol.hierarchy.start_check import check_start
+from pdvol.hierarchy.tetrahedralise import mean_ratio
+from pdvol.hierarchy.validate import check_outline, check_solid, check_surface
+from pdvol.meshes import Outline, Solid
+from pdvol.record.reader import open_run
+from pdvol.record.vtu import write_vtu
+from pdvol.scene import Barrier, Body, Friction, NeoHookean, Plane, Rigid, Scene, Still, metres
+from pdvol.shot import Shot
+
+
+def modelled(scene: Scene) -> list[str]:
+    """What a scene requires and will therefore be modelled, one line each."""
+    lines = []
+    for body in scene.bodies:
+        m = body.material
+        lines.append(f"body {body.name!r}: {type(m).__name__}, young {m.young:g} Pa, poisson {m.poisson:g}, density {m.density:g} kg/m^3")
+    lines += [f"load: gravity {tuple(load.acceleration)} m/s^2" for load in scene.loads]
+    lines += [f"support: {type(s.motion).__name__.lower()} on {s.body or 'all bodies'}" for s in scene.supports]
+    for o in scene.obstacles:
+        moving = "" if isinstance(o.motion, Still) else ", moving"
+        lines.append(f"obstacle {o.name!r}: {'half-space' if isinstance(o, Plane) else 'rigid surface'}{moving}")
+    diagonal = scene_diagonal(scene)
+    for c in scene.contact:
+        if isinstance(c, Barrier):
+            kappa = c.stiffness * min(b.material.young for b in scene.bodies)
+            lines.append(f"contact: area-weighted barrier, dhat {metres(c.dhat, diagonal):.3g} m, stiffness {kappa:.3g} Pa")
+        elif isinstance(c, Friction):
+            lines.append(f"friction: mu {c.mu:g}, smooth below {metres(c.eps_v, diagonal):.3g} m/s, lagged {c.iterations} time(s) a step")
+    if not scene.contact:
+        lines.append("contact: none")
+    lines.append(f"time: {scene.steps} steps of {scene.dt:g} s; Newton tolerance {metres(scene.solver.tolerance, diagonal):.3g} m/s; "
+                 f"scene diagonal {diagonal:.4g} m")
+    return lines
+
+
+def describe_level(mesh: LevelMesh, level: int) -> str:
+    """Size and quality of one level in one line."""
+    line = f"level {level}: {len(mesh.points):,} vertices, {len(mesh.cells):,} cells, {len(np.unique(mesh.boundary)):,} on the surface, "
+    line += f"volume {mesh.volumes.sum():.4g}, smallest cell {mesh.volumes.min():.2g}"
+    if mesh.dim == 3:
+        quality = mean_ratio(mesh.points, mesh.cells)
+        worst = int(np.argmin(quality))
+        line += f", worst mean ratio {quality[worst]:.2f} (cell {worst})"
+    return line
+
+
+def describe_prolongation(hierarchy: Hierarchy, level: int) -> str:
+    """The binding of a level to the one below it, in one line. Collective."""
+    r = hierarchy.prolongation(level).report()
+    return (f"levels {level - 1} -> {level}: {r['inside']:,} bound inside, {r['ray']:,} by ray, {r['neighbour']:,} by neighbour, {r['orphans']:,} orphans; "
+            f"largest |weight| {r['largest_weight']:.3g}, ||P||_F {r['frobenius_norm']:.4g} (sqrt m = {r['sqrt_points']:.4g}), ||P||_2 {r['two_norm']:.3g}")
+
+
+def describe_shot(shot: Shot) -> list[str]:
+    """`pdvol info SCENE.py`: terms and targets; nothing is meshed."""
+    levels = [f"level {i}: " + ", ".join(f"{b.name} {b.vertices[i]:,} vertices" for b in shot.scene.bodies if b.vertices)
+              for i in range(shot.scene.levels)]
+    return [*modelled(shot.scene), *(levels if any(b.vertices for b in shot.scene.bodies) else [])]
+
+
+def describe_run(path: Path) -> list[str]:
+    """`pdvol info RUN`: what a run folder holds, and its bindings."""
+    run = open_run(path)
+    info = run.info
+    lines = [f"{info['scene']}: method {info['method']}, dt {run.dt:g} s, {info['steps']} steps, parameters {info['parameters'] or 'as in the file'}"]
+    for level in run.levels:
+        log = level.log
+        line = f"level {level.index}: {level.info['state']}, {len(level.rest):,} vertices, {max(level.steps - 1, 0)} steps"
+        if log:
+            seconds = np.array([r["seconds"]["total"] for r in log])
+            line += (f", {seconds.sum():.1f} s ({np.median(seconds):.3g} s a step), Newton {np.mean([r['newton_iterations'] for r in log]):.1f} "
+                     f"(most {max(r['newton_iterations'] for r in log)}), contacts up to {max(r['contacts'] for r in log)}, cuts {sum(r['cuts'] for r in log)}")
+        if "reason" in level.info:
+            line += f"; {level.info['reason']}"
+        lines.append(line)
+    hierarchy = Hierarchy([level.mesh for level in run.levels], MPI.COMM_SELF)
+    return [*lines, *(describe_prolongation(hierarchy, level) for level in range(1, len(hierarchy)))]
+
+
+def check_shot(shot: Shot) -> tuple[list[str], bool]:
+    """`pdvol check SCENE.py`: builds every level and looks for what would stop a run. Gives the lines and whether all is sound."""
+    scene = shot.scene
+    lines = modelled(scene)
+    try:
+        obstacles = [read_obstacle(o) for o in scene.obstacles if isinstance(o, Rigid)]
+        meshes = build_levels(scene)
+    except InputError as error:
+        return [*lines, f"defect: {error}"], False
+    lines += [describe_level(mesh, level) for level, mesh in enumerate(meshes)]
+    sound = True
+    for level, mesh in enumerate(meshes):
+        try:
+            check_start([mesh], obstacles, scene)
+        except InputError as error:
+            lines.append(f"defect at level {level}: {error}")
+            sound = False
+    fastest = max((np.linalg.norm(np.atleast_1d(b.velocity)) if len(np.atleast_1d(b.velocity)) else 0.0) for b in scene.bodies)
+    edge = min(_shortest_edge(mesh) for mesh in meshes)
+    if fastest * scene.dt > edge:
+        lines.append(f"note: at {fastest:.3g} m/s a body crosses {fastest * scene.dt / edge:.1f} of its smallest edges per step; contact holds, detail may not")
+    stiff = [b.material.young for b in scene.bodies]
+    if max(stiff) > 1e4 * min(stiff):
+        lines.append(f"note: stiffness ratio {max(stiff) / min(stiff):.1g}; the direct linear solver is the safer choice (--set linear=direct)")
+    return [*lines, "sound: nothing found that would stop a run" if sound else "not sound: mend the defects above"], sound
+
+
+def _shortest_edge(mesh: LevelMesh) -> float:
+    corners = mesh.points[mesh.cells]
+    return float(min(np.linalg.norm(corners[:, i] - corners[:, j], axis=1).min() for i in range(mesh.dim + 1) for j in range(i)))
+
+
+def check_meshes(files: Sequence[Path]) -> tuple[list[str], bool]:
+    """`pdvol check MESH ...`: each file read and validated; every defect in a line of its own."""
+    lines, sound = [], True
+    for file in files:
+        try:
+            shape = read_shape(file)
+            if isinstance(shape, Outline):
+                check_outline(shape, str(file))
+                lines.append(f"{file}: outline of {len(shape.points):,} points, sound")
+            elif isinstance(shape, Solid):
+                check_solid(shape, str(file))
+                lines.append(f"{file}: {len(shape.vertices):,} vertices, {len(shape.cells):,} cells, regions {sorted(set(shape.regions.tolist()))}, sound")
+            else:
+                check_surface(shape, str(file))
+                lines.append(f"{file}: surface of {len(shape.vertices):,} vertices, {len(shape.triangles):,} triangles, sound")
+        except InputError as error:
+            lines.append(f"defect: {error}")
+            sound = False
+    return lines, sound
+
+
+def write_hierarchy(mesh: Path, targets: tuple[int, ...], out: Path) -> list[str]:
+    """`pdvol hierarchy`: builds a mesh's levels, writes each as VTU into `out` and reports sizes and bindings."""
+    scene = Scene(bodies=(Body(mesh, NeoHookean(1e5), targets, name=mesh.stem),), dt=0.01, steps=0)
+    meshes = build_levels(scene)
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"{out} cannot be written: {error.strerror}") from None
+    hierarchy = Hierarchy(meshes, MPI.COMM_SELF)
+    lines = []
+    for level, level_mesh in enumerate(meshes):
+        homes = {"home_cell": hierarchy.prolongation(level).binding.cells} if level else {}
+        write_vtu(out / f"level_{level}.vtu", level_mesh, homes)
+        lines.append(describe_level(level_mesh, level))
+    return [*lines, *(describe_prolongation(hierarchy, level) for level in range(1, len(hierarchy)))]
