@@ -47,7 +47,6 @@ class CellEnergy(Term):
         self._points = np.ascontiguousarray(space.domain.geometry.x, dtype=np.float64)
         self._library = native.library()
         self._compile(psi, parameters)
-        self._packed_for: Positions | None = None
 
     def _compile(self, psi, parameters) -> None:
         space = self.space
@@ -85,7 +84,9 @@ class CellEnergy(Term):
     def hessian(self, x: Positions) -> csr_array:
         d = self.space.dim
         blocks = np.zeros((self.pattern.count, d, d))
-        self._library.cell_hessians(*self._arguments(2, x), pointer(self.pattern.slots, "int32_t"), FILTERS[self.positive], pointer(blocks))
+        kernel = self._kernels[2]
+        mode = FILTERS[self.positive] if kernel.positions_at is not None else 0  # a Hessian without positions is that of a quadratic energy
+        self._library.cell_hessians(*self._arguments(2, x), pointer(self.pattern.slots, "int32_t"), mode, kernel.positions_at or 0, pointer(blocks))
         return self.pattern.rows(blocks)
 
 

@@ -22,7 +22,8 @@ double cell_values(void *kernel, int d, int64_t count, const int32_t *cells, con
 void cell_gradients(void *kernel, int d, int64_t count, const int32_t *cells, const int32_t *nodes, const double *points,
                     const double *w, int64_t stride, const double *constants, const int32_t *blocks, double *out);
 int64_t cell_hessians(void *kernel, int d, int64_t count, const int32_t *cells, const int32_t *nodes, const double *points,
-                      const double *w, int64_t stride, const double *constants, const int32_t *slots, int mode, double *out);
+                      const double *w, int64_t stride, const double *constants, const int32_t *slots, int mode, int64_t positions_at,
+                      double *out);
 double volume_step(int d, int64_t count, const int32_t *blocks, const double *x, const double *p, double keep);
 """
 
