@@ -3,11 +3,15 @@
 Names load what they need when they are first used: describing a scene imports no solver, reading a run imports no finite elements.
 """
 
+import os
 from importlib import import_module
 
 from pdvol.errors import (
     ConvergenceError, InputError, IntersectionError, InvertedCellError, MeshError, PdvolError, SimulationError,
 )
+
+# Sparse fronts and small blocks: threads of the BLAS cost more than they give, and ranks would fight over the cores.
+os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 __version__ = "0.1.0"
 

@@ -3,13 +3,14 @@
 import ast
 import importlib.util
 import inspect
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
 from pdvol.describe import describe
 from pdvol.errors import InputError, PdvolError
-from pdvol.scene import Scene, Solver
+from pdvol.scene import Relative, Scene, Solver
 
 
 @dataclass(frozen=True)
@@ -38,17 +39,24 @@ class Shot:
 
 
 def parse_settings(words: Sequence[str]) -> dict:
-    """`["mu=0.3", "surface=cow.obj"]` as a dictionary: Python literals where they are, text elsewhere."""
+    """`["mu=0.3", "surface=cow.obj"]` as a dictionary of values."""
     settings = {}
     for word in words:
         name, equals, text = word.partition("=")
         if not equals or not name.isidentifier():
             raise InputError(f"--set {word}: write name=value")
-        try:
-            settings[name] = ast.literal_eval(text)
-        except (ValueError, SyntaxError):
-            settings[name] = text
+        settings[name] = _value(text)
     return settings
+
+
+def _value(text: str):
+    """A Python literal, `Relative(1e-3)`, or the text itself."""
+    relative = re.fullmatch(r"Relative\((.+)\)", text.strip())
+    try:
+        value = ast.literal_eval(relative.group(1) if relative else text)
+    except (ValueError, SyntaxError):
+        return text
+    return Relative(value) if relative else value
 
 
 def load_shot(file: str | Path, settings: Mapping | None = None, steps: int | None = None) -> Shot:
