@@ -36,7 +36,7 @@ class LinearSolver:
         else:
             ksp.setType(PETSc.KSP.Type.CG)
             ksp.setNormType(PETSc.KSP.NormType.NATURAL)
-            ksp.setTolerances(rtol=1e-5, max_it=1000)
+            ksp.setTolerances(rtol=1e-4, max_it=1000)
             if ksp.comm.size == 1:
                 ksp.pc.setType(PETSc.PC.Type.ICC)
             else:

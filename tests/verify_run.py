@@ -1,0 +1,326 @@
+"""Is every stored state of a run free of intersections, above its planes and without inverted cells? Apart from the solver and ipctk.
+
+    ./run python tests/verify_run.py RUN [RUN ...]
+
+A uniform grid finds the candidates, orientation signs decide: in floating point where the round-off bound allows it, in rationals where
+not. Touching counts as an intersection. Primitives with a common vertex are not tested, nor are obstacles among themselves.
+"""
+
+import sys
+from collections.abc import Iterator
+from fractions import Fraction
+from itertools import combinations
+from pathlib import Path
+
+import numpy as np
+
+ROUND_OFF = 1e-14
+"""Above the relative round-off of a 3 x 3 determinant of differences (Shewchuk 1997: 8e-16 times the sum of absolute products)."""
+SHOWN = 5
+"""Problems told per level and kind."""
+
+
+# ---- broad phase -------------------------------------------------------------------------------------------------------------
+
+
+def overlapping_boxes(low_a, high_a, low_b, high_b) -> np.ndarray:
+    """Pairs (k, 2) of boxes (n, d) that meet, by a uniform grid."""
+    none = np.empty((0, 2), dtype=np.int64)
+    if len(low_a) == 0 or len(low_b) == 0:
+        return none
+    low, high = np.maximum(low_a.min(0), low_b.min(0)), np.minimum(high_a.max(0), high_b.max(0))
+    if (low > high).any():
+        return none
+    keep_a, keep_b = (np.flatnonzero(((lo <= high) & (hi >= low)).all(1)) for lo, hi in ((low_a, high_a), (low_b, high_b)))
+    if len(keep_a) == 0 or len(keep_b) == 0:
+        return none
+    extents = np.concatenate([(high_a - low_a)[keep_a].max(1), (high_b - low_b)[keep_b].max(1)])
+    size = max(float(np.quantile(extents, 0.75)), float((high - low).max()) / 500, 1e-300)
+    counts = np.floor((high - low) / size).astype(np.int64) + 1
+
+    def entries(lo, hi, keep):
+        first = np.floor((np.clip(lo[keep], low, high) - low) / size).astype(np.int64)
+        spans = np.floor((np.clip(hi[keep], low, high) - low) / size).astype(np.int64) - first + 1
+        many = spans.prod(1)
+        which = np.repeat(np.arange(len(keep)), many)
+        inner = np.arange(many.sum()) - np.repeat(np.cumsum(many) - many, many)
+        key = np.zeros(len(which), dtype=np.int64)
+        for axis in range(lo.shape[1]):
+            inner, offset = np.divmod(inner, spans[which, axis])
+            key = key * counts[axis] + first[which, axis] + offset
+        return key, keep[which]
+
+    key_a, of_a = entries(low_a, high_a, keep_a)
+    key_b, of_b = entries(low_b, high_b, keep_b)
+    order = np.argsort(key_b, kind="stable")
+    key_b, of_b = key_b[order], of_b[order]
+    begin, end = np.searchsorted(key_b, key_a, "left"), np.searchsorted(key_b, key_a, "right")
+    many = end - begin
+    a = np.repeat(of_a, many)
+    b = of_b[np.arange(many.sum()) - np.repeat(np.cumsum(many) - many, many) + np.repeat(begin, many)]
+    meet = ((low_a[a] <= high_b[b]) & (low_b[b] <= high_a[a])).all(1)
+    code = np.unique(a[meet] * len(low_b) + b[meet])
+    return np.column_stack(np.divmod(code, len(low_b)))
+
+
+def _boxes(points, simplices):
+    corners = points[simplices]
+    return corners.min(1), corners.max(1)
+
+
+def _candidates(points, first, second, moves) -> np.ndarray:
+    """Pairs of simplices whose boxes meet, that share no vertex and of which one at least is a body's."""
+    pairs = overlapping_boxes(*_boxes(points, first), *_boxes(points, second))
+    a, b = first[pairs[:, 0]], second[pairs[:, 1]]
+    apart = ~(a[:, :, None] == b[:, None, :]).any((1, 2))
+    return pairs[apart & (moves[a[:, 0]] | moves[b[:, 0]])]
+
+
+# ---- signs -------------------------------------------------------------------------------------------------------------------
+
+
+def _orientation(*corners) -> tuple[np.ndarray, np.ndarray]:
+    """Sign of the simplices' volume, and where round-off leaves it open; corners are d + 1 arrays (k, d)."""
+    rows = np.stack([c - corners[0] for c in corners[1:]], axis=1)
+    absolute = np.abs(rows)
+    if rows.shape[1] == 2:
+        value = rows[:, 0, 0] * rows[:, 1, 1] - rows[:, 0, 1] * rows[:, 1, 0]
+        bound = absolute[:, 0, 0] * absolute[:, 1, 1] + absolute[:, 0, 1] * absolute[:, 1, 0]
+    else:
+        value = np.einsum("ij,ij->i", rows[:, 0], np.cross(rows[:, 1], rows[:, 2]))
+        u, v = absolute[:, 1], absolute[:, 2]
+        bound = np.einsum("ij,ij->i", absolute[:, 0], u[:, [1, 2, 0]] * v[:, [2, 0, 1]] + u[:, [2, 0, 1]] * v[:, [1, 2, 0]])
+    return np.sign(value).astype(int), np.abs(value) <= ROUND_OFF * bound
+
+
+def _exact_orientation(*corners) -> int:
+    rows = [[c - o for c, o in zip(corner, corners[0], strict=True)] for corner in corners[1:]]
+    if len(rows) == 2:
+        value = rows[0][0] * rows[1][1] - rows[0][1] * rows[1][0]
+    else:
+        (a, b, c), (d, e, f), (g, h, i) = rows
+        value = a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g)
+    return (value > 0) - (value < 0)
+
+
+def _rational(points) -> list[tuple[Fraction, ...]]:
+    return [tuple(Fraction(float(c)) for c in p) for p in points]
+
+
+def _segments_meet_exactly(p, q, r, s) -> bool:
+    p, q, r, s = _rational((p, q, r, s))
+    a, b, c, d = _exact_orientation(p, q, r), _exact_orientation(p, q, s), _exact_orientation(r, s, p), _exact_orientation(r, s, q)
+    if a == b == c == d == 0:
+        return all(max(min(p[k], q[k]), min(r[k], s[k])) <= min(max(p[k], q[k]), max(r[k], s[k])) for k in range(2))
+    return a * b <= 0 and c * d <= 0
+
+
+def _segment_meets_triangle_exactly(p, q, a, b, c) -> bool:
+    p, q, a, b, c = _rational((p, q, a, b, c))
+    above, below = _exact_orientation(a, b, c, p), _exact_orientation(a, b, c, q)
+    if above == below == 0:
+        return _coplanar_meet(p, q, a, b, c)
+    if above * below > 0:
+        return False
+    signs = {_exact_orientation(p, q, a, b), _exact_orientation(p, q, b, c), _exact_orientation(p, q, c, a)}
+    return not {1, -1} <= signs
+
+
+def _coplanar_meet(p, q, a, b, c) -> bool:
+    """Of exactly coplanar ones, in the coordinate plane where the triangle keeps an area."""
+    for x, y in ((0, 1), (1, 2), (0, 2)):
+        flat = [(v[x], v[y]) for v in (p, q, a, b, c)]
+        turn = _exact_orientation(*flat[2:])
+        if turn == 0:
+            continue
+        if any(_segments_meet_exactly(*flat[:2], *edge) for edge in combinations(flat[2:], 2)):
+            return True
+        sides = [_exact_orientation(flat[2 + i], flat[2 + (i + 1) % 3], flat[0]) * turn for i in range(3)]
+        return min(sides) >= 0
+    return False
+
+
+# ---- narrow phase ------------------------------------------------------------------------------------------------------------
+
+
+def crossing_segments(points, edges, moves) -> list[tuple]:
+    """Pairs of 2D segments (their vertices) that meet."""
+    pairs = _candidates(points, edges, edges, moves)
+    pairs = pairs[pairs[:, 0] < pairs[:, 1]]
+    p, q, r, s = (points[edges[pairs[:, i], k]] for i in (0, 1) for k in (0, 1))
+    a, b, c, d = (_orientation(*three) for three in ((p, q, r), (p, q, s), (r, s, p), (r, s, q)))
+    apart = _surely_one_sided(a, b) | _surely_one_sided(c, d)
+    open_ = ~apart & (a[1] | b[1] | c[1] | d[1])
+    meet = ~apart & ~open_
+    for k in np.flatnonzero(open_):
+        meet[k] = _segments_meet_exactly(p[k], q[k], r[k], s[k])
+    return [(*map(int, edges[i]), *map(int, edges[j])) for i, j in pairs[meet]]
+
+
+def crossing_edges(points, edges, faces, moves) -> list[tuple]:
+    """Edges and triangles (their vertices) that meet."""
+    pairs = _candidates(points, edges, faces, moves)
+    above = _orientation(*(points[faces[pairs[:, 1], k]] for k in range(3)), points[edges[pairs[:, 0], 0]])
+    below = _orientation(*(points[faces[pairs[:, 1], k]] for k in range(3)), points[edges[pairs[:, 0], 1]])
+    near = ~_surely_one_sided(above, below)
+    pairs, unsure = pairs[near], (above[1] | below[1])[near]
+    p, q = (points[edges[pairs[:, 0], k]] for k in (0, 1))
+    a, b, c = (points[faces[pairs[:, 1], k]] for k in range(3))
+    near = ~_separated(p, q, a, b, c)
+    pairs, unsure, p, q, a, b, c = (array[near] for array in (pairs, unsure, p, q, a, b, c))
+    around = [_orientation(p, q, *two) for two in ((a, b), (b, c), (c, a))]
+    signs, open_ = np.array([s for s, _ in around]), np.array([o for _, o in around])
+    apart = ((signs > 0) & ~open_).any(0) & ((signs < 0) & ~open_).any(0)
+    open_ = ~apart & (unsure | open_.any(0))
+    meet = ~apart & ~open_
+    for k in np.flatnonzero(open_):
+        meet[k] = _segment_meets_triangle_exactly(p[k], q[k], a[k], b[k], c[k])
+    return [(*map(int, edges[i]), *map(int, faces[j])) for i, j in pairs[meet]]
+
+
+def _surely_one_sided(one, other) -> np.ndarray:
+    return (one[0] == other[0]) & (one[0] != 0) & ~one[1] & ~other[1]
+
+
+def _separated(p, q, a, b, c) -> np.ndarray:
+    """Segments that an axis within the triangle's plane keeps well apart from it: what settles flat regions without rationals."""
+    normal = np.cross(b - a, c - a)
+    size = np.max([np.abs(v - a).max(1) for v in (p, q, b, c)], axis=0)
+    reach = np.max([np.abs(v).max(1) for v in (p, q, a, b, c)], axis=0)
+    apart = np.zeros(len(p), dtype=bool)
+    for direction in (b - a, c - b, a - c, q - p):
+        axis = np.cross(normal, direction)
+        axis /= np.linalg.norm(axis, axis=1, keepdims=True) + 1e-300
+        s = np.stack([np.einsum("ij,ij->i", v - a, axis) for v in (p, q)])
+        t = np.stack([np.einsum("ij,ij->i", v - a, axis) for v in (a, b, c)])
+        apart |= np.maximum(s.min(0) - t.max(0), t.min(0) - s.max(0)) > 1e-12 * (size + reach)
+    return apart
+
+
+# ---- states ------------------------------------------------------------------------------------------------------------------
+
+
+def boundary(cells) -> np.ndarray:
+    """Facets (k, d) that belong to one cell only."""
+    facets = np.concatenate([np.delete(cells, k, axis=1) for k in range(cells.shape[1])])
+    facets, counts = np.unique(np.sort(facets, axis=1), axis=0, return_counts=True)
+    return facets[counts == 1]
+
+
+def edges_of(facets) -> np.ndarray:
+    """Their edges (e, 2), once each."""
+    if facets.shape[1] == 2:
+        return facets
+    return np.unique(np.sort(np.concatenate([facets[:, [0, 1]], facets[:, [1, 2]], facets[:, [2, 0]]]), axis=1), axis=0)
+
+
+def measures(points, cells) -> np.ndarray:
+    """Signed volumes, up to a factor."""
+    return np.linalg.det(points[cells[:, 1:]] - points[cells[:, :1]])
+
+
+def crossings(points, facets, solids=()) -> list[tuple]:
+    """Crossings of a level's boundary with itself and with obstacles, a sequence of (vertices, facets); vertices numbered on."""
+    used, facets = np.unique(facets, return_inverse=True)
+    facets = facets.reshape(-1, points.shape[1])
+    everything, parts = [points[used]], [facets]
+    total, names = len(used), [("vertex", int(v)) for v in used]
+    for i, (vertices, its) in enumerate(solids):
+        parts.append(np.asarray(its, dtype=np.int64) + total)
+        everything.append(vertices)
+        names += [(f"obstacle {i}", v) for v in range(len(vertices))]
+        total += len(vertices)
+    points, facets = np.vstack(everything), np.vstack(parts)
+    moves = np.arange(total) < len(used)
+    if points.shape[1] == 2:
+        found = crossing_segments(points, facets, moves)
+    else:
+        found = crossing_edges(points, edges_of(facets), facets, moves)
+    return [tuple(names[v] for v in one) for one in found]
+
+
+class Level:
+    """What is found at one level: problems, and the extremes."""
+
+    def __init__(self, index: int):
+        self.index, self.problems = index, []
+        self.steps, self.crossings, self.smallest_gap, self.smallest_det = 0, 0, np.inf, np.inf
+
+    def told(self) -> str:
+        return (f"level {self.index}: {self.steps} states, smallest plane gap {self.smallest_gap:.3g} m, smallest det F {self.smallest_det:.3g}, "
+                f"{self.crossings} intersections")
+
+
+def check_state(found: Level, step: int, rest, cells, facets, positions, planes=(), solids=()) -> None:
+    """Adds one state to what is found; planes are (name, point, normal), solids (vertices, facets)."""
+    where = f"level {found.index} step {step}"
+    found.steps += 1
+    if positions.shape != rest.shape or not np.isfinite(positions).all():
+        found.problems.append(f"{where}: positions are not {rest.shape} finite numbers")
+        return
+    for name, point, normal in planes:
+        height = (positions - point) @ (normal / np.linalg.norm(normal))
+        found.smallest_gap = min(found.smallest_gap, float(height.min()))
+        below = np.flatnonzero(~(height > 0))
+        if len(below):
+            found.problems.append(f"{where}: {len(below)} vertices not above plane {name!r}, the worst {height.argmin()} by {height.min():.3g} m")
+    ratio = measures(positions, cells) / measures(rest, cells)
+    found.smallest_det = min(found.smallest_det, float(ratio.min()))
+    inverted = np.flatnonzero(~(ratio > 0))
+    if len(inverted):
+        found.problems.append(f"{where}: {len(inverted)} inverted or flat cells, {inverted[:SHOWN].tolist()}, det F {ratio.min():.3g}")
+    pairs = crossings(positions, facets, solids)
+    found.crossings += len(pairs)
+    if pairs:
+        told = "; ".join(" ".join(f"{kind} {v}" for kind, v in pair) for pair in pairs[:SHOWN])
+        found.problems.append(f"{where}: {len(pairs)} intersections: {told}")
+
+
+def check_levels(path) -> Iterator[Level]:
+    """What is found at each level of a run folder."""
+    from pdvol.errors import InputError
+    from pdvol.record.reader import open_run
+
+    run = open_run(path)
+    for level in run.levels:
+        found = Level(level.index)
+        rest, cells = level.rest, level.cells
+        facets = boundary(cells)
+        states = level.steps
+        if level.info["state"] == "done" and states != run.info["steps"] + 1:
+            found.problems.append(f"level {level.index}: done, with {states} states of {run.info['steps'] + 1}")
+        for step in range(states):
+            planes = [(o.name, *o.plane(step)) for o in run.obstacles if o.kind == "plane"]
+            solids = [(o.vertices(step), o.arrays["faces" if o.kind == "mesh" else "edges"]) for o in run.obstacles if o.kind != "plane"]
+            try:
+                positions = level.positions(step)
+            except InputError as error:
+                found.problems.append(f"level {level.index} step {step}: {error}")
+                continue
+            check_state(found, step, rest, cells, facets, positions, planes, solids)
+        yield found
+
+
+def verify(path) -> list[str]:
+    """Everything wrong with a run folder, in words; empty when all is well."""
+    return [problem for level in check_levels(path) for problem in level.problems]
+
+
+def main(paths) -> int:
+    wrong = False
+    for path in paths:
+        print(path)
+        for level in check_levels(Path(path)):
+            print(f"  {level.told()}", flush=True)
+            for problem in level.problems[:SHOWN]:
+                print(f"    {problem}")
+            if len(level.problems) > SHOWN:
+                print(f"    and {len(level.problems) - SHOWN} more")
+            wrong = wrong or bool(level.problems)
+    return int(wrong)
+
+
+if __name__ == "__main__":
+    if len(sys.argv) < 2:
+        sys.exit(__doc__)
+    sys.exit(main(sys.argv[1:]))
