@@ -1,0 +1,74 @@
+"""A scene file so small that the tests of the command line are about the command line: a square of a few triangles falls on a plane."""
+
+from pathlib import Path
+
+from pdvol import cli
+
+SQUARE = '''
+import numpy as np
+import pdvol
+from pdvol import Barrier, Body, Friction, Gravity, NeoHookean, Placement, Plane, Rigid, Scene, Solid, Support, Surface, Outline
+
+
+def square(n):
+    """The unit square as 2 n^2 triangles."""
+    x, y = np.meshgrid(np.linspace(0, 1, n + 1), np.linspace(0, 1, n + 1))
+    a = (np.arange(n)[:, None] * (n + 1) + np.arange(n)).ravel()
+    cells = np.vstack([np.column_stack([a, a + 1, a + n + 2]), np.column_stack([a, a + n + 2, a + n + 1])])
+    return Solid(np.column_stack([x.ravel(), y.ravel()]), cells.astype(np.int32), np.zeros(len(cells), np.int32))
+'''
+
+FALL = SQUARE + '''
+
+def scene(young=2e4, height=0.02, mu=0.3, steps=10, velocity=(0.3, 0.0), sizes=(2, 4)):
+    return Scene(
+        bodies=(Body(tuple(square(n) for n in sizes), NeoHookean(young), name="square", velocity=velocity,
+                     placement=Placement(translate=(0.0, height), angle=0.05)),),
+        obstacles=(Plane((0.0, 0.0), (0.0, 1.0), name="floor"),),
+        loads=(Gravity((0.0, -9.81)),),
+        contact=(Barrier(), Friction(mu)),
+        dt=0.02,
+        steps=steps,
+    )
+
+
+if __name__ == "__main__":
+    pdvol.main(scene)
+'''
+
+CUBE_OFF = """OFF
+8 12 0
+0 0 0
+1 0 0
+1 1 0
+0 1 0
+0 0 1
+1 0 1
+1 1 1
+0 1 1
+3 0 2 1
+3 0 3 2
+3 4 5 6
+3 4 6 7
+3 0 1 5
+3 0 5 4
+3 1 2 6
+3 1 6 5
+3 2 3 7
+3 2 7 6
+3 3 0 4
+3 3 4 7
+"""
+
+
+def write(path: Path, text: str) -> Path:
+    path.write_text(text)
+    return path
+
+
+def pdvol(*words) -> int:
+    """One command line, in this process; its exit code, argparse's included."""
+    try:
+        return cli.run([str(word) for word in words])
+    except SystemExit as end:
+        return int(end.code or 0)

@@ -1,0 +1,342 @@
+"""The commands on a scene of a few triangles: what each leaves behind, and that going on is as good as never having stopped."""
+
+import json
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import meshio
+import numpy as np
+import pytest
+from cli_scenes import CUBE_OFF, FALL, pdvol, write
+
+from pdvol import open_run
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+import verify_run
+
+STEPS = 10
+LOGGED = {"level", "step", "time", "newton_iterations", "linear_iterations", "backtracks", "step_cap", "contacts", "min_gap", "energy",
+          "gradient_norm", "reason", "seconds", "peak_memory_mb"}
+ENERGIES = {"inertia", "elastic", "load", "barrier", "friction"}
+SECONDS = {"total", "assembly", "contact", "ccd", "linear", "other"}
+PROGRAM = [sys.executable, "-c", "import pdvol; pdvol.main()"]
+TIMING = ("seconds", "peak_memory_mb")
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """A folder with the scene file and one finished run of it."""
+    folder = tmp_path_factory.mktemp("runs")
+    write(folder / "fall.py", FALL)
+    assert pdvol("run", folder / "fall.py", "--out", folder / "whole") == 0
+    return folder
+
+
+@pytest.fixture
+def scene(folder):
+    return folder / "fall.py"
+
+
+@pytest.fixture
+def whole(folder):
+    return folder / "whole"
+
+
+def states(run, level):
+    """Every stored state of a level, as bytes by file name."""
+    return {p.name: p.read_bytes() for p in sorted((run / "levels" / str(level)).iterdir())}
+
+
+def assert_same_motion(one, other):
+    first, second = open_run(one), open_run(other)
+    assert len(first.levels) == len(second.levels)
+    for a, b in zip(first.levels, second.levels, strict=True):
+        assert states(one, a.index) == states(other, b.index)
+        drop = [[{k: v for k, v in r.items() if k not in TIMING} for r in level.log] for level in (a, b)]
+        assert drop[0] == drop[1]
+
+
+def png_size(path):
+    data = path.read_bytes()
+    assert data[:8] == b"\x89PNG\r\n\x1a\n"
+    return int.from_bytes(data[16:20]), int.from_bytes(data[20:24])
+
+
+# ---- run ---------------------------------------------------------------------------------------------------------------------
+
+
+def test_what_a_run_leaves(whole):
+    info = json.loads((whole / "run.json").read_text())
+    assert info["state"] == "done" and info["steps"] == STEPS and info["method"] == "progressive" and info["dt"] == 0.02
+    assert [level["vertices"] for level in info["levels"]] == [9, 25]
+    assert {"numpy", "python", "pdvol"} <= set(info["versions"])
+    run = open_run(whole)
+    assert [level.steps for level in run.levels] == [STEPS + 1] * 2
+    width, height = png_size(whole / "picture.png")
+    assert width > height / 3 > 30
+    assert not list(whole.rglob("*.tmp*"))
+
+
+def test_the_log_has_its_keys(whole):
+    records = [json.loads(line) for line in (whole / "log.jsonl").read_text().splitlines()]
+    assert [(r["level"], r["step"]) for r in records] == [(level, step) for level in range(2) for step in range(1, STEPS + 1)]
+    for record in records:
+        assert set(record) >= LOGGED, LOGGED - set(record)
+        assert set(record["energy"]) >= ENERGIES
+        assert set(record["seconds"]) >= SECONDS
+        assert record["time"] == pytest.approx(0.02 * record["step"])
+        parts = sum(seconds for name, seconds in record["seconds"].items() if name != "total")
+        assert parts == pytest.approx(record["seconds"]["total"], rel=0.05, abs=2e-3)
+    assert max(r["contacts"] for r in records) > 0, "the square must have reached the floor"
+    assert min(r["min_gap"] for r in records if r["min_gap"] is not None) > 0
+    assert all(r["newton_iterations"] > 0 for r in records)
+
+
+def test_nothing_interpenetrates(whole):
+    assert verify_run.verify(whole) == []
+
+
+def test_xdmf_has_all_steps(whole):
+    for level in open_run(whole).levels:
+        with meshio.xdmf.TimeSeriesReader(whole / f"level_{level.index}.xdmf") as reader:
+            points, cells = reader.read_points_cells()
+            assert reader.num_steps == STEPS + 1
+            np.testing.assert_array_equal(points[:, :2], level.rest)
+            np.testing.assert_array_equal(cells[0].data, level.cells)
+            for step in range(STEPS + 1):
+                time, point_data, _ = reader.read_data(step)
+                assert time == pytest.approx(0.02 * step)
+                (moved,) = [v for v in point_data.values() if v.ndim == 2 and np.allclose(v[:, :2], level.positions(step) - level.rest, atol=1e-6)
+                            and step] or [None]
+                assert step == 0 or moved is not None
+
+
+def test_free_fall_until_the_floor(tmp_path, scene):
+    # Implicit Euler from rest: x_n - x_0 = -g dt^2 n (n + 1) / 2, whatever the material. 5 steps from 1 m do not reach the floor.
+    assert pdvol("run", scene, "--set", "height=1.0", "--set", "velocity=()", "--steps", 5, "--out", tmp_path / "run") == 0
+    for level in open_run(tmp_path / "run").levels:
+        fallen = level.positions(5) - level.rest
+        np.testing.assert_allclose(fallen, np.tile([0, -9.81 * 0.02**2 * 15], (len(fallen), 1)), atol=1e-4)
+
+
+def test_levels_steps_and_settings(tmp_path, scene, whole):
+    out = tmp_path / "run"
+    assert pdvol("run", scene, "--levels", "0", "--steps", 3, "--out", out, "--set", "young=4e4", "--set", "max_halvings=3",
+                 "--set", "tolerance=Relative(1e-4)") == 0
+    run = open_run(out)
+    assert len(run.levels) == 1 and run.levels[0].steps == 4
+    assert run.info["parameters"]["young"] == 4e4
+    assert run.info["description"]["bodies"][0]["material"]["young"] == 4e4
+    assert not (out / "level_1.xdmf").exists()
+    # The rest of the scene can be added to it later, level by level.
+    for levels in ("1", "0:1"):
+        assert pdvol("run", scene, "--levels", levels, "--steps", 3, "--out", out, "--resume", "--set", "young=4e4") == 0
+    assert [level.steps for level in open_run(out).levels] == [4, 4]
+    assert (out / "level_1.xdmf").exists()
+    # A tighter tolerance and another stiffness are really used.
+    assert not np.array_equal(open_run(out).levels[0].positions(3), open_run(whole).levels[0].positions(3))
+
+
+def test_more_steps_of_the_same_scene(tmp_path, scene, whole):
+    out = tmp_path / "run"
+    assert pdvol("run", scene, "--steps", 4, "--out", out) == 0
+    assert pdvol("run", scene, "--resume", "--out", out) == 0
+    for level in range(2):
+        assert states(out, level) == states(whole, level)
+
+
+def test_direct_differs_from_progressive_on_the_fine_level_only(tmp_path, scene, whole):
+    assert pdvol("run", scene, "--method", "direct", "--out", tmp_path / "direct") == 0
+    direct, progressive = open_run(tmp_path / "direct"), open_run(whole)
+    assert direct.info["method"] == "direct"
+    np.testing.assert_array_equal(direct.levels[0].positions(STEPS), progressive.levels[0].positions(STEPS))
+    assert np.abs(direct.levels[1].positions(STEPS) - progressive.levels[1].positions(STEPS)).max() > 1e-6
+    assert verify_run.verify(tmp_path / "direct") == []
+
+
+def test_preview_and_the_default_folder(tmp_path, scene, whole, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert pdvol("preview", scene, "--steps", 4) == 0
+    (out,) = (tmp_path / "runs").iterdir()
+    assert out.name == "fall_preview"
+    run = open_run(out)
+    assert len(run.levels) == 1
+    np.testing.assert_array_equal(run.levels[0].positions(4), open_run(whole).levels[0].positions(4))
+
+
+def test_a_scene_file_run_by_python(tmp_path, scene, whole):
+    # What demos end with: the file's own command line.
+    ended = subprocess.run([sys.executable, scene, "--steps", "2", "--out", tmp_path / "run"], capture_output=True, text=True, timeout=100)
+    assert ended.returncode == 0, ended.stderr
+    assert "Traceback" not in ended.stderr and "picture.png" in ended.stderr
+    np.testing.assert_array_equal(open_run(tmp_path / "run").levels[1].positions(2), open_run(whole).levels[1].positions(2))
+
+
+# ---- refine and resume -------------------------------------------------------------------------------------------------------
+
+
+def test_refine_does_not_touch_coarser_levels(tmp_path, scene, whole):
+    out = tmp_path / "run"
+    assert pdvol("run", scene, "--levels", "0", "--out", out) == 0
+    before = states(out, 0)
+    times = {p: p.stat().st_mtime_ns for p in (out / "levels" / "0").iterdir()}
+    assert pdvol("refine", out, "--to", 1) == 0
+    assert states(out, 0) == before
+    assert {p: p.stat().st_mtime_ns for p in times} == times
+    assert_same_motion(out, whole)
+    assert (out / "level_1.xdmf").exists()
+    log = (out / "log.jsonl").read_bytes()
+    assert pdvol("refine", out, "--to", 1) == 0  # nothing left to do
+    assert (out / "log.jsonl").read_bytes() == log
+    assert pdvol("refine", out, "--to", 0) == 0
+    assert len(open_run(out).levels) == 2
+
+
+@pytest.mark.parametrize(("level", "step"), [(0, 0), (0, 4), (0, STEPS), (1, 0), (1, 1), (1, 7)])
+def test_resume_equals_uninterrupted(tmp_path, scene, whole, level, step):
+    # What a kill leaves: states up to a step of a level, nothing after, and a log one line ahead or torn.
+    out = shutil.copytree(whole, tmp_path / "run")
+    for later in range(level, 2):
+        for file in (out / "levels" / str(later)).glob("[0-9]*.npy"):
+            if later > level or int(file.stem) > step:
+                file.unlink()
+    lines = (out / "log.jsonl").read_bytes().splitlines(keepends=True)
+    kept = level * STEPS + step
+    (out / "log.jsonl").write_bytes(b"".join(lines[:kept]) + (lines[kept][:40] if kept < len(lines) else b""))
+    info = json.loads((out / "run.json").read_text())
+    for later in range(level, 2):
+        info["levels"][later]["state"] = "running" if later == level else "pending"
+    (out / "run.json").write_text(json.dumps({**info, "state": "running"}))
+    assert pdvol("run", scene, "--out", out, "--resume") == 0
+    assert_same_motion(out, whole)
+    assert open_run(out).info["state"] == "done"
+
+
+def test_a_killed_run_resumes(tmp_path, scene, whole):
+    # A real SIGKILL, as soon as the third state of level 0 is there.
+    out = tmp_path / "run"
+    program = f"""
+import os, signal
+from pdvol import cli
+from pdvol.record.store import RunWriter
+write = RunWriter.write_state
+def write_and_die(self, level, step, *rest):
+    write(self, level, step, *rest)
+    if (level, step) == (0, 3):
+        os.kill(os.getpid(), signal.SIGKILL)
+RunWriter.write_state = write_and_die
+cli.run(["run", {str(scene)!r}, "--out", {str(out)!r}])
+"""
+    assert subprocess.run([sys.executable, "-c", program], capture_output=True, timeout=100).returncode == -9
+    assert open_run(out).levels[0].steps == 4
+    assert pdvol("run", scene, "--out", out, "--resume") == 0
+    assert_same_motion(out, whole)
+
+
+def test_resume_of_nothing_begins(tmp_path, scene, whole):
+    assert pdvol("run", scene, "--out", tmp_path / "run", "--resume") == 0
+    assert_same_motion(tmp_path / "run", whole)
+
+
+def test_two_runs_in_one_process_agree_with_each_alone(tmp_path, scene, whole):
+    assert pdvol("run", scene, "--set", "young=5e4", "--steps", 2, "--out", tmp_path / "other") == 0
+    assert pdvol("run", scene, "--out", tmp_path / "again") == 0
+    assert_same_motion(tmp_path / "again", whole)
+
+
+def test_a_simulation_that_cannot_go_on(tmp_path, scene, capfd):
+    # One Newton iteration and no halving: ends with code 1, level and step named, what was done kept.
+    out = tmp_path / "run"
+    assert pdvol("run", scene, "--out", out, "--set", "max_iterations=1", "--set", "max_halvings=0") == 1
+    line = capfd.readouterr().err.strip().split("\n")[-1]
+    assert line.startswith("pdvol: level 0, step ") and "Traceback" not in line
+    run = open_run(out)
+    assert run.info["state"] == "failed" and "step" in run.info["levels"][0]["reason"]
+    assert run.levels[0].steps >= 1 and (out / "level_0.xdmf").exists()
+    # A kinder solver goes on from there: solver settings are not part of what the scene is.
+    assert pdvol("run", scene, "--out", out, "--resume") == 0
+    assert open_run(out).info["state"] == "done"
+    assert verify_run.verify(out) == []
+
+
+# ---- info, check, hierarchy, render ------------------------------------------------------------------------------------------
+
+
+def test_info(whole, scene, capsys):
+    assert pdvol("info", whole) == 0
+    out = capsys.readouterr().out
+    assert "method progressive" in out and "level 0: done, 9 vertices, 10 steps" in out and "levels 0 -> 1:" in out
+    assert pdvol("info", scene, "--set", "mu=0.7") == 0
+    out = capsys.readouterr().out
+    assert "body 'square': NeoHookean, young 20000 Pa" in out and "friction: mu 0.7" in out and "obstacle 'floor': half-space" in out
+    assert "10 steps of 0.02 s" in out
+
+
+def test_check(scene, tmp_path, capsys):
+    assert pdvol("check", scene) == 0
+    out = capsys.readouterr().out
+    assert "level 0: 9 vertices, 8 cells" in out and "level 1: 25 vertices, 32 cells" in out and "sound" in out.splitlines()[-1]
+    assert pdvol("check", scene, "--set", "height=-0.5") == 2
+    assert "not sound" in capsys.readouterr().out
+    write(tmp_path / "cube.off", CUBE_OFF)
+    assert pdvol("check", tmp_path / "cube.off") == 0
+    assert "surface of 8 vertices, 12 triangles, sound" in capsys.readouterr().out
+
+
+def test_hierarchy(tmp_path, capsys):
+    from pdvol import meshes
+
+    ball = meshes.ball(1.0, 2)
+    rows = [" ".join(map(str, row)) for row in (*ball.vertices.tolist(), *([3, *t] for t in ball.triangles.tolist()))]
+    write(tmp_path / "ball.off", "\n".join(["OFF", f"{len(ball.vertices)} {len(ball.triangles)} 0", *rows, ""]))
+    assert pdvol("hierarchy", tmp_path / "ball.off", "--levels", "60,150", "-o", tmp_path / "out") == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert [line.split(":")[0] for line in lines] == ["level 0", "level 1", "levels 0 -> 1"]
+    coarse, fine = (meshio.read(tmp_path / "out" / f"level_{level}.vtu") for level in range(2))
+    assert abs(len(coarse.points) - 60) <= 15 and abs(len(fine.points) - 150) <= 38
+    homes = next(iter(fine.point_data.values()))
+    assert homes.shape == (len(fine.points),) and homes.min() >= 0 and homes.max() < len(coarse.cells[0].data)
+
+
+def test_render(whole, tmp_path, capsys):
+    assert pdvol("render", whole, "-o", tmp_path / "both.png") == 0
+    assert capsys.readouterr().out.strip() == str(tmp_path / "both.png")
+    assert pdvol("render", whole, "-o", tmp_path / "one.png", "--levels", "1") == 0
+    (width, height), (one_width, one_height) = png_size(tmp_path / "both.png"), png_size(tmp_path / "one.png")
+    assert height / width > 1.5 * one_height / one_width  # half the rows
+
+
+# ---- ranks -------------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.mpi
+def test_two_ranks_give_the_same_motion(tmp_path, scene):
+    # The tolerance is tight because at a loose one round-off decides whether Newton takes one more step.
+    steps = 4
+    words = ["run", str(scene), "--steps", str(steps), "--set", "linear=direct", "--set", "tolerance=Relative(1e-7)", "--out"]
+    ended = subprocess.run(["mpirun", "-n", "2", *PROGRAM, *words, str(tmp_path / "two")], capture_output=True, text=True, timeout=200)
+    assert ended.returncode == 0, ended.stderr
+    assert ended.stderr.count("picture.png") == 1
+    assert pdvol(*words, tmp_path / "one") == 0
+    one, two = open_run(tmp_path / "one"), open_run(tmp_path / "two")
+    assert len(one.levels) == len(two.levels) == 2
+    for a, b in zip(one.levels, two.levels, strict=True):
+        np.testing.assert_array_equal(a.cells, b.cells)
+        assert b.steps == steps + 1 and max(record["contacts"] for record in b.log) > 0
+        difference = max(np.abs(a.positions(step) - b.positions(step)).max() for step in range(steps + 1))
+        assert difference < 1e-8 * one.info["diagonal"]
+    # Stored by two ranks, gone on with by one.
+    words[3] = str(steps + 1)
+    assert pdvol(*words, tmp_path / "two", "--resume") == 0
+    assert [level.steps for level in open_run(tmp_path / "two").levels] == [steps + 2] * 2
+
+
+@pytest.mark.mpi
+def test_two_ranks_refuse_in_one_line(tmp_path, scene):
+    words = ["run", str(scene), "--out", str(tmp_path / "bad"), "--set", "height=-0.5"]
+    ended = subprocess.run(["mpirun", "-n", "2", *PROGRAM, *words], capture_output=True, text=True, timeout=100)
+    assert ended.returncode == 2
+    assert ended.stderr.count("pdvol: level 0") == 1 and "Traceback" not in ended.stderr
+    assert not (tmp_path / "bad").exists()

@@ -1,0 +1,182 @@
+"""The checker of stored runs finds what it is there to find: planted crossings, vertices below a plane, inverted cells."""
+
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pdvol import meshes
+from pdvol.hierarchy.level_mesh import LevelMesh
+from pdvol.record.store import RunWriter
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+import verify_run
+
+def grid(dim, n=3):
+    """The unit cube of n^d blocks cut into simplices along their diagonals (Kuhn), points and cells."""
+    index = np.stack(np.meshgrid(*[np.arange(n + 1)] * dim, indexing="ij"), -1).reshape(-1, dim)
+    strides = (n + 1) ** np.arange(dim)[::-1]
+    corners = index[(index < n).all(1)] @ strides
+    orders = [(0, 1), (1, 0)] if dim == 2 else [(0, 1, 2), (1, 2, 0), (2, 0, 1), (1, 0, 2), (0, 2, 1), (2, 1, 0)]
+    cells = []
+    for k, order in enumerate(orders):
+        path = np.cumsum([0, *strides[list(order)]])
+        if k >= len(orders) // 2:
+            path[[0, 1]] = path[[1, 0]]
+        cells.append(corners[:, None] + path)
+    return index / n, np.vstack(cells)
+
+
+def two_blocks(dim, gap=0.25):
+    points, cells = grid(dim)
+    shift = np.zeros(dim)
+    shift[0] = 1.0 + gap
+    return LevelMesh(np.vstack([points, points + shift]), np.vstack([cells, cells + len(points)]),
+                     np.repeat(np.arange(2, dtype=np.int32), len(cells)), np.zeros(2 * len(cells), np.int32))
+
+
+def store(path, dim, states, obstacles=(), mesh=None):
+    mesh = two_blocks(dim) if mesh is None else mesh
+    writer = RunWriter.create(path, {"dt": 0.01, "steps": len(states) - 1}, [mesh], ["a", "b"])
+    writer.write_obstacles(list(obstacles))
+    for step, state in enumerate(states):
+        writer.write_state(0, step, state)
+    writer.set_level_state(0, "done")
+    writer.close()
+    return path
+
+
+def floor(dim, height=-0.5, **more):
+    return {"name": "floor", "kind": "plane", "point": height * np.eye(dim)[1], "normal": np.eye(dim)[1] * 3.0, **more}
+
+
+def rock(dim, *centre):
+    shape = meshes.disc(0.2, 24) if dim == 2 else meshes.ball(0.2, 1)
+    if dim == 3:
+        return {"name": "rock", "kind": "mesh", "vertices": shape.vertices + np.resize(centre, 3), "faces": shape.triangles}
+    n = len(shape.points)
+    return {"name": "rock", "kind": "polyline", "vertices": shape.points + np.resize(centre, 2),
+            "edges": np.column_stack([np.arange(n), (np.arange(n) + 1) % n])}
+
+
+def moved(dim, by, body=1, axis=0):
+    mesh = two_blocks(dim)
+    x = mesh.points.copy()
+    x[mesh.point_bodies == body, axis] += by
+    return x
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_a_sound_run(tmp_path, dim, capsys):
+    # Flat, coplanar faces a hair apart, a turned copy far from the origin, an obstacle a hair beside.
+    x = two_blocks(dim).points
+    turn = np.linalg.qr(np.random.default_rng(0).normal(size=(dim, dim)))[0]
+    turn[:, 0] *= np.linalg.det(turn)
+    states = [x, moved(dim, -0.25 + 1e-12), x + 10.0 * np.eye(dim)[1], (x - 0.5) @ turn.T + 50.0]
+    path = store(tmp_path / "run", dim, states, [floor(dim), rock(dim, 0.5, -0.21, 0.5)])
+    assert verify_run.verify(path) == []
+    assert verify_run.main([path]) == 0
+    out = capsys.readouterr().out
+    assert "level 0: 4 states, smallest plane gap 0.5 m, smallest det F 1, 0 intersections" in out
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_what_is_planted_is_found(tmp_path, dim, capsys):
+    x = two_blocks(dim).points
+    low = x.copy()
+    low[0, 1] = -0.5 - 1e-13
+    inverted, (one, *_, last) = x.copy(), two_blocks(dim).cells[4]
+    inverted[one] += 1.5 * (x[last] - x[one])
+    states = [x, low, moved(dim, -0.3), moved(dim, -0.25), inverted, moved(dim, 0.3, body=0, axis=1) - 0.45 * np.eye(dim)[1]]
+    path = store(tmp_path / "run", dim, states, [floor(dim), rock(dim, -0.21, 0.5, 0.5)])
+    told = verify_run.verify(path)
+    assert all(line.startswith("level 0 step ") for line in told)
+    of = {step: " | ".join(line for line in told if line.startswith(f"level 0 step {step}:")) for step in range(len(states))}
+    assert of[0] == ""
+    assert "1 vertices not above plane 'floor', the worst 0" in of[1] and "intersections" not in of[1]
+    assert "intersections: vertex" in of[2] and "inverted" not in of[2]
+    assert "intersections: vertex" in of[3]  # touching exactly
+    assert "inverted or flat cells" in of[4] and "not above" not in of[4]
+    assert of[5] == ""
+    assert verify_run.main([path]) == 1
+    assert "smallest det F -" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_obstacles(tmp_path, dim):
+    x = two_blocks(dim).points
+    still = rock(dim, 0.5, -0.21, 0.5)
+    moving = {**rock(dim, 1.125, 1.3, 0.5)}
+    moving["positions"] = np.stack([moving["vertices"], moving["vertices"] - 0.2 * np.eye(dim)[1]])
+    moving["name"] = "hammer"
+    states = [x, x, x - 0.02 * np.eye(dim)[1]]
+    told = verify_run.verify(store(tmp_path / "run", dim, states, [still, moving]))
+    assert not any("step 0" in line for line in told)
+    assert any("step 1" in line and "obstacle 1" in line and "obstacle 0" not in line for line in told)
+    assert any("step 2" in line and "obstacle 0" in line for line in told)
+    sinking = floor(dim)
+    sinking["point"] = np.stack([sinking["point"], sinking["point"] + 0.6 * np.eye(dim)[1]])
+    sinking["normal"] = np.stack([sinking["normal"]] * 2)
+    (line,) = verify_run.verify(store(tmp_path / "rising", dim, [x, x], [sinking]))
+    assert line.startswith("level 0 step 1:") and "not above plane" in line
+
+
+def test_damaged_states(tmp_path):
+    x = two_blocks(2).points
+    path = store(tmp_path / "run", 2, [x, x, x])
+    np.save(path / "levels" / "0" / "000001.npy", np.where(x > 2, np.nan, x))
+    (line,) = verify_run.verify(path)
+    assert line.startswith("level 0 step 1:") and "finite" in line
+
+
+def test_missing_states_of_a_finished_level(tmp_path):
+    x = two_blocks(2).points
+    path = store(tmp_path / "run", 2, [x, x, x])
+    (path / "levels" / "0" / "000002.npy").unlink()
+    assert verify_run.verify(path) == ["level 0: done, with 2 states of 3"]
+
+
+def test_random_triangles_against_every_pair():
+    rng = np.random.default_rng(1)
+    points, facets = rng.random((90, 3)), np.arange(90).reshape(30, 3)
+    expected = {(*e, *f) for e in verify_run.edges_of(facets) for f in facets
+                if not set(e) & set(f) and verify_run._segment_meets_triangle_exactly(*points[e], *points[f])}
+    found = verify_run.crossing_edges(points, verify_run.edges_of(facets), facets, np.ones(90, bool))
+    assert len(found) > 50 and set(found) == expected
+
+
+def test_random_segments_against_every_pair():
+    rng = np.random.default_rng(2)
+    points, edges = rng.random((80, 2)), np.arange(80).reshape(40, 2)
+    expected = {(*a, *b) for i, a in enumerate(edges) for b in edges[i + 1:] if verify_run._segments_meet_exactly(*points[a], *points[b])}
+    found = verify_run.crossing_segments(points, edges, np.ones(80, bool))
+    assert len(found) > 50 and set(found) == expected
+
+
+@pytest.mark.parametrize(("p", "q", "meets"), [
+    ((0.2, 0.2, -1), (0.2, 0.2, 1), True), ((0.2, 0.2, 1e-300), (0.2, 0.2, 1), False), ((0.2, 0.2, 0), (0.2, 0.2, 1), True),
+    ((1, 0, -1), (1, 0, 1), True), ((0.5, 0.5, -1), (0.5, 0.5, 1), True), ((0.5, 0.5000000000000001, -1), (0.5, 0.5, 1), False),
+    ((-1, 0.3, 0), (2, 0.3, 0), True), ((0.1, 0.1, 0), (0.2, 0.2, 0), True), ((0.6, 0.6, 0), (2, 0, 0), False), ((2, 0, 0), (3, 0, 0), False),
+])
+def test_edges_and_a_triangle_by_hand(p, q, meets):
+    # The triangle (0, 0), (1, 0), (0, 1) in z = 0: through, a hair above, an end on it, through a corner, a side, a hair beside a side, coplanar.
+    points = np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0), p, q], dtype=float)
+    found = verify_run.crossing_edges(points, np.array([[3, 4]]), np.array([[0, 1, 2]]), np.ones(5, bool))
+    assert bool(found) == meets
+
+
+def test_boxes_of_very_different_size():
+    rng = np.random.default_rng(3)
+    low_a, low_b = rng.random((300, 3)), rng.random((40, 3))
+    high_a, high_b = low_a + 0.02 * rng.random((300, 3)), low_b + 10.0 ** rng.uniform(-4, 1, (40, 1)) * rng.random((40, 3))
+    expected = {(i, j) for i in range(300) for j in range(40) if (low_a[i] <= high_b[j]).all() and (low_b[j] <= high_a[i]).all()}
+    assert {tuple(pair) for pair in verify_run.overlapping_boxes(low_a, high_a, low_b, high_b)} == expected
+
+
+def test_fast_enough_for_every_state():
+    shape = meshes.creature(height=1.0, vertices=3000)
+    start = time.perf_counter()
+    assert verify_run.crossings(shape.vertices, shape.triangles.astype(np.int64)) == []
+    assert time.perf_counter() - start < 2.0  # 0.15 s on an idle core

@@ -1,0 +1,57 @@
+"""The shared derivative check: second-order Taylor remainders of value and gradient."""
+
+import numpy as np
+from scipy.sparse import csr_array
+
+STEPS = np.geomspace(1.0, 1.0 / 64.0, 7)  # times the length the caller gives
+ORDER = 1.9  # a wrong first derivative gives slope 1, a right one 2 (or 3 where the next term vanishes)
+ROUNDING = 1e-12  # of the sizes that are subtracted: remainders below cannot be told from round-off
+
+
+def slope(steps, remainders) -> float:
+    """Fitted order of the remainders."""
+    return np.polyfit(np.log(steps), np.log(remainders), 1)[0]
+
+
+def _second_order(steps, remainders, floor, exact, what):
+    if exact:
+        assert np.max(remainders) <= floor, f"{what}: remainder {np.max(remainders):.2e} of what should be exact"
+        return
+    assert np.min(remainders) > 10.0 * floor, f"{what}: the remainders {remainders} are round-off, take larger steps"
+    fitted = slope(steps, remainders)
+    assert fitted > ORDER, f"{what}: slope {fitted:.3f}, remainders {remainders}"
+
+
+def check_derivatives(value, gradient, hessian, x: np.ndarray, length: float, seed: int = 0, linear: bool = False, quadratic: bool = False):
+    """Taylor slopes of value(x), gradient(x) (n, d) and hessian(x) (sparse or dense; None leaves it out) at x (n, d).
+
+    `linear` and `quadratic` energies have no remainder where others have one.
+    """
+    direction = np.random.default_rng(seed).uniform(-1.0, 1.0, x.shape)
+    steps = STEPS * length
+    energy, slopes = value(x), gradient(x)
+    assert np.isfinite(energy)
+    assert np.abs(slopes).max() > 0.0, "the term is not active"
+    moved = [value(x + h * direction) for h in steps]
+    remainders = np.array([abs(e - energy - h * np.vdot(slopes, direction)) for e, h in zip(moved, steps, strict=True)])
+    _second_order(steps, remainders, ROUNDING * max(np.abs(moved).max(), abs(energy), steps[0] * np.abs(slopes).max()), linear, "gradient")
+    if hessian is None:
+        return
+    rows = csr_array(hessian(x))
+    assert linear or abs(rows).max() > 0.0, "the term has no Hessian here"
+    asymmetry = abs(rows - rows.T)
+    assert linear or asymmetry.max() <= 1e-12 * abs(rows).max()
+    moved = [gradient(x + h * direction) for h in steps]
+    change = (rows @ direction.ravel()).reshape(x.shape)
+    remainders = np.array([np.linalg.norm(g - slopes - h * change) for g, h in zip(moved, steps, strict=True)])
+    _second_order(steps, remainders, ROUNDING * np.linalg.norm(np.abs(slopes).max() + steps[0] * np.abs(change).max()), linear or quadratic,
+                  "Hessian")
+
+
+def check_term(term, space, x: np.ndarray, length: float, hessian="own", **options):
+    """`check_derivatives` of a term of the incremental potential; `hessian` replaces its own, or leaves it out when None."""
+    from pdvol.potentials.potential import Positions
+
+    at = lambda call: lambda owned: call(Positions(space, owned))  # noqa: E731
+    second = term.hessian if isinstance(hessian, str) else hessian
+    check_derivatives(at(term.value), at(term.gradient), None if second is None else at(second), x, length, **options)

@@ -1,0 +1,421 @@
+"""Second-order derivative checks of every term and law in 2D and 3D, and the elastic Hessian's filter against a dense reference."""
+
+import ipctk
+import numpy as np
+import pytest
+import ufl
+from mpi4py import MPI
+
+from pdvol.forms.elasticity import neo_hookean
+from pdvol.hierarchy.level_space import LevelSpace
+from pdvol.potentials.barrier import SurfaceBarrier
+from pdvol.potentials.block_pattern import BlockPattern
+from pdvol.potentials.build import Terms
+from pdvol.potentials.cell_energy import CellEnergy
+from pdvol.potentials.collision_surface import CollisionSurface, Obstacle
+from pdvol.potentials.elasticity import elastic_terms
+from pdvol.potentials.friction import SurfaceFriction
+from pdvol.potentials.half_space import HalfSpaceBarrier, HalfSpaceFriction
+from pdvol.potentials.load import assemble_mass, gravity_load
+from pdvol.potentials.potential import Positions
+from pdvol.scene import NeoHookean, Plane, Still, Translation
+from pdvol.solve.incremental_potential import IncrementalPotential
+from pdvol.solve.timing import Stopwatch
+from problems import polyline, tetrahedron
+from shapes import box, grid, together
+from taylor import check_derivatives, check_term
+
+COMM = MPI.COMM_SELF
+DIMENSIONS = [2, 3]
+LAWS = [NeoHookean]
+YOUNG, POISSON, DENSITY = 3.0, 0.3, 2.0
+DHAT, KAPPA, MU, EPS_V, DT = 0.05, 0.3, 0.4, 0.1, 0.02
+SAME = 1e-10  # relative difference to the dense reference: two eigensolvers of 4 x 4 and 9 x 9 matrices, summed over some cells
+ROUND = 1e-12  # relative size of what should cancel
+
+
+@pytest.fixture(scope="module")
+def spaces():
+    """A jittered cube of 2 boxes a side in each dimension."""
+    return {d: LevelSpace(box(d, 2, jitter=0.1, seed=d), COMM) for d in DIMENSIONS}
+
+
+def state(space, strain=0.15, seed=1, stretch=1.0):
+    """Owned positions: a random affine map and a random displacement, no cell inverted."""
+    rng = np.random.default_rng(seed)
+    X = space.from_input(space.mesh.points)
+    d = space.dim
+    F = stretch * np.eye(d) + strain * rng.uniform(-1, 1, (d, d))
+    return X @ F.T + 0.1 * strain * rng.uniform(-1, 1, X.shape)
+
+
+def dense(rows):
+    return rows.toarray()
+
+
+def smallest_eigenvalue(H):
+    return np.linalg.eigvalsh(0.5 * (H + H.T))[0]
+
+
+# ---- elasticity, loads, inertia ----------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize("d", DIMENSIONS)
+def test_elastic(spaces, d, law):
+    (term,) = elastic_terms(spaces[d], (law(YOUNG, POISSON, DENSITY),), positive="none")
+    check_term(term, spaces[d], state(spaces[d]), 1e-2)
+
+
+@pytest.mark.parametrize("d", DIMENSIONS)
+def test_elastic_of_two_bodies(d):
+    """Parameters are those of each cell's own body."""
+    space = LevelSpace(together(box(d, 1), box(d, 1, low=2.0, high=3.0)), COMM)
+    materials = (NeoHookean(YOUNG, POISSON), NeoHookean(10.0 * YOUNG, POISSON))
+    (term,) = elastic_terms(space, materials, positive="none")
+    x = state(space)
+    check_term(term, space, x, 1e-2)
+    # Energies are proportional to Young's modulus and add up: E_both(y, 10 y) = E_first(y) + 10 E_second(y).
+    alone = [elastic_terms(space, (NeoHookean(a, POISSON), NeoHookean(b, POISSON)))[0].value(Positions(space, x))
+             for a, b in ((YOUNG, YOUNG), (2 * YOUNG, YOUNG))]
+    first = alone[1] - alone[0]
+    np.testing.assert_allclose(term.value(Positions(space, x)), first + 10.0 * (alone[0] - first), rtol=1e-12)
+
+
+@pytest.mark.parametrize("d", DIMENSIONS)
+def test_gravity(spaces, d):
+    term = gravity_load(spaces[d], np.array([DENSITY]), np.linspace(1.0, -9.81, d))
+    check_term(term, spaces[d], state(spaces[d]), 1e-2, linear=True)
+    # Total force: density times the unit cube's (jittered) volume times the acceleration.
+    np.testing.assert_allclose(term.force.sum(axis=0), DENSITY * spaces[d].mesh.volumes.sum() * np.linspace(1.0, -9.81, d), rtol=ROUND)
+
+
+@pytest.mark.parametrize("d", DIMENSIONS)
+def test_inertia(spaces, d):
+    space = spaces[d]
+    mass = assemble_mass(space, np.array([DENSITY]))
+    assert mass.min() > 0.0
+    np.testing.assert_allclose(mass.sum(axis=0), DENSITY * space.mesh.volumes.sum(), rtol=ROUND)
+    potential = IncrementalPotential(space, Terms(mass, (), ()), Stopwatch())
+    x = state(space)
+    potential.begin_step(Positions(space, x), x + 0.3 * state(space, seed=5), 0.0, DT)
+    check_term(potential, space, x, 1e-1, quadratic=True)
+
+
+@pytest.mark.parametrize("d", DIMENSIONS)
+def test_the_whole_potential(spaces, d):
+    """Inertia plus dt^2 times the terms, with a large dt so that both matter."""
+    space = spaces[d]
+    terms = (*elastic_terms(space, (NeoHookean(YOUNG, POISSON, DENSITY),), positive="none"),
+             gravity_load(space, np.array([DENSITY]), np.eye(d)[-1]), half_space(space, d)[0])
+    potential = IncrementalPotential(space, Terms(assemble_mass(space, np.array([DENSITY])), terms, ()), Stopwatch())
+    x = near_plane(space)
+    potential.begin_step(Positions(space, x), x - 0.1, 0.0, 1.0)
+    check_term(potential, space, x, 2e-3)
+
+
+# ---- half-spaces -------------------------------------------------------------------------------------------------------------
+
+
+def half_space(space, d, motion=Still()):
+    """A plane at height zero and a slanted one, far away."""
+    planes = (Plane((0.0,) * d, tuple(np.eye(d)[-1]), motion), Plane((0.0,) * (d - 1) + (-50.0,), (1.0,) * d))
+    barrier = HalfSpaceBarrier(space, planes, DHAT, KAPPA)
+    return barrier, HalfSpaceFriction(barrier, MU, EPS_V)
+
+
+def near_plane(space, share=0.5, spread=0.3):
+    """The body's lowest vertices at about `share` of dhat above height zero."""
+    rng = np.random.default_rng(3)
+    x = space.from_input(space.mesh.points).copy()
+    low = x[:, -1] < 0.2
+    x[low, -1] = DHAT * (share + spread * rng.uniform(-1, 1, low.sum()))
+    return x
+
+
+@pytest.mark.parametrize("d", DIMENSIONS)
+def test_half_space_barrier(spaces, d):
+    space = spaces[d]
+    term, _ = half_space(space, d)
+    x = near_plane(space)
+    assert term.count(Positions(space, x)) == np.sum(x[:, -1] < DHAT) > 1
+    check_term(term, space, x, 2e-3)
+    assert smallest_eigenvalue(dense(term.hessian(Positions(space, x)))) >= 0.0
+
+
+@pytest.mark.parametrize("d", DIMENSIONS)
+def test_half_space_barrier_follows_a_moving_plane(spaces, d):
+    """A plane at rest below reach rises by 0.7 dhat; values are those of the body lowered by as much."""
+    space = spaces[d]
+    rise = 0.7 * DHAT
+    term, _ = half_space(space, d, Translation(tuple(rise * np.eye(d)[-1])))
+    x = near_plane(space, share=1.4, spread=0.2)
+    assert term.count(Positions(space, x)) == 0
+    term.place(1.0)
+    check_term(term, space, x, 2e-3)
+    still, _ = half_space(space, d)
+    np.testing.assert_allclose(term.value(Positions(space, x)), still.value(Positions(space, x - rise * np.eye(d)[-1])), rtol=1e-10)
+
+
+@pytest.mark.parametrize("d", DIMENSIONS)
+@pytest.mark.parametrize("share", [0.5, 3.0], ids=["stick", "slip"])
+@pytest.mark.parametrize("ground", [0.0, 0.4], ids=["still", "moving"])
+def test_half_space_friction(spaces, d, share, ground):
+    """Slip of `share` times eps = eps_v dt, relative to a plane that moves along itself."""
+    space = spaces[d]
+    speed = ground * np.eye(d)[0]
+    barrier, term = half_space(space, d, Translation(tuple(speed)))
+    x_t = near_plane(space)
+    barrier.begin_step(Positions(space, x_t), 1.0, 1.0 + DT)
+    term.begin_step(Positions(space, x_t), 1.0, 1.0 + DT)
+    assert len(term._force) == barrier.count(Positions(space, x_t)) > 1
+    slip = share * EPS_V * DT * np.eye(d)[0]
+    x = x_t + DT * speed + slip + 0.2 * EPS_V * DT * np.random.default_rng(4).uniform(-1, 1, x_t.shape)
+    check_term(term, space, x, 0.02 * EPS_V * DT, linear=d == 2 and share > 1.0)  # on a line, sliding forces are constant
+    assert smallest_eigenvalue(dense(term.hessian(Positions(space, x)))) >= -ROUND * abs(term.hessian(Positions(space, x))).max()
+    # Forces of sliding vertices are mu times the normal force, against the slip.
+    if share > 1.0:
+        normal = barrier.gradient(Positions(space, x_t))[:, -1]
+        np.testing.assert_allclose(np.linalg.norm(term.gradient(Positions(space, x)), axis=1), MU * np.abs(normal), rtol=1e-10)
+        assert np.all(term.gradient(Positions(space, x))[normal != 0.0, 0] > 0.0)
+
+
+# ---- surfaces ----------------------------------------------------------------------------------------------------------------
+
+
+def near_surfaces(d):
+    """Two blocks, the upper one smaller and shifted, half a dhat apart, on an obstacle half a dhat below; and the upper one's points."""
+    lower = box(d, 2, jitter=0.05, seed=1)
+    top = lower.points[:, -1].max()
+    upper = grid(*[np.linspace(0.13, 0.71, 3)] * (d - 1), top + 0.5 * DHAT + np.linspace(0.03, 0.4, 2), jitter=0.02, seed=2)
+    lift = top + 0.5 * DHAT - upper.points[:, -1].min()
+    upper = type(upper)(upper.points + lift * np.eye(d)[-1], upper.cells, upper.bodies, upper.regions)
+    bottom = lower.points[:, -1].min() - 0.4 * DHAT
+    if d == 2:
+        obstacle = polyline([[-1.0, bottom - 1.0], [3.0, bottom - 1.0], [0.41, bottom]])
+    else:
+        obstacle = tetrahedron([[-1.0, -1.0, bottom - 1.0], [3.0, 0.0, bottom - 1.0], [0.0, 3.0, bottom - 1.0], [0.37, 0.41, bottom]])
+    space = LevelSpace(together(lower, upper), COMM)
+    surface = CollisionSurface(space, (Obstacle(*obstacle, Still()),))
+    return space, SurfaceBarrier(surface, DHAT, KAPPA)
+
+
+@pytest.fixture(scope="module")
+def touching():
+    return {d: near_surfaces(d) for d in DIMENSIONS}
+
+
+def exact_hessian(term):
+    """The barrier's unprojected Hessian, straight from ipctk."""
+    def hessian(x):
+        active, vertices = term.collisions(x)
+        return term.surface.rows_of_hessian(term._potential.hessian(active, term.surface.mesh, vertices,
+                                                                    project_hessian_to_psd=ipctk.PSDProjectionMethod.NONE))
+    return hessian
+
+
+@pytest.mark.parametrize("d", DIMENSIONS)
+def test_surface_barrier(touching, d):
+    space, term = touching[d]
+    x = space.from_input(space.mesh.points)
+    positions = Positions(space, x)
+    assert term.count(positions) > 2
+    reached = term.gradient(positions)[:, -1] != 0.0
+    bodies = space.mesh.point_bodies[space.owned_points]
+    assert np.any(reached & (bodies == 0) & (x[:, -1] < 0.5)), "the obstacle is not felt"
+    assert np.any(reached & (bodies == 1)), "the bodies do not feel each other"
+    check_term(term, space, x, 2e-4, hessian=exact_hessian(term))
+    projected = dense(term.hessian(positions))
+    assert smallest_eigenvalue(projected) >= -ROUND * np.abs(projected).max()
+
+
+@pytest.mark.parametrize("d", DIMENSIONS)
+@pytest.mark.parametrize("share", [0.4, 4.0], ids=["stick", "slip"])
+def test_surface_friction(touching, d, share):
+    """Slopes with ipctk's unprojected Hessian: in 3D some pairs of the improved maximum weigh negatively, and projection cuts those off."""
+    space, barrier = touching[d]
+    term = SurfaceFriction(barrier, MU, EPS_V)
+    x_t = space.from_input(space.mesh.points)
+    barrier.begin_step(Positions(space, x_t), 0.0, DT)
+    term.begin_step(Positions(space, x_t), 0.0, DT)
+    assert len(term._lagged) > 2
+    bodies = space.mesh.point_bodies[space.owned_points]
+    # The lower body slips on the obstacle, the upper one on the lower one as much again: both by share * eps.
+    x = x_t + np.where(bodies == 0, 1.0, 2.0)[:, None] * share * EPS_V * DT * np.eye(d)[0]
+
+    def exact(x):
+        return term.surface.rows_of_hessian(term._potential.hessian(term._lagged, term.surface.mesh, term._slip(x), ipctk.PSDProjectionMethod.NONE))
+
+    constant = d == 2 and share > 1.0  # on a line, sliding forces are constant
+    check_term(term, space, x, 0.02 * EPS_V * DT, hessian=exact, linear=constant)
+    own = dense(term.hessian(Positions(space, x)))
+    assert smallest_eigenvalue(own) >= -ROUND * np.abs(own).max()
+    if d == 2:
+        np.testing.assert_allclose(own, dense(exact(Positions(space, x))), atol=ROUND * max(np.abs(own).max(), 1e-300))
+
+
+@pytest.mark.parametrize("d", DIMENSIONS)
+def test_contact_forces_balance(touching, d):
+    """Between bodies: lower minus obstacle's share; a lone pair of bodies has no net force and no net torque."""
+    space, _ = touching[d]
+    barrier = SurfaceBarrier(CollisionSurface(space, ()), DHAT, KAPPA)
+    x = space.from_input(space.mesh.points)
+    g = barrier.gradient(Positions(space, x))
+    scale = np.abs(g).max()
+    assert scale > 0.0
+    np.testing.assert_allclose(g.sum(axis=0), 0.0, atol=ROUND * scale)
+    np.testing.assert_allclose(x.T @ g - g.T @ x, 0.0, atol=1e-10 * scale)  # torques: the antisymmetric part of sum x (x) g
+
+
+# ---- the half-space law is the surfaces' law ---------------------------------------------------------------------------------
+
+
+def test_half_space_barrier_is_ipctks():
+    """ipctk's plane-vertex barrier, built through Candidates: `NormalCollisions.build(mesh, ...)` misses planes beyond dhat / 2."""
+    space = LevelSpace(box(3, 2, jitter=0.1, seed=3), COMM)
+    x = near_plane(space, share=0.55, spread=0.4)
+    positions = Positions(space, x)
+    surface = CollisionSurface(space, ())
+    point, normal = np.array([0.1, -0.2, 0.0]), np.array([0.01, -0.004, 1.0])
+    normal = normal / np.linalg.norm(normal)
+    surface.mesh.planes = [ipctk.Hyperplane(normal, point)]
+    vertices = surface.vertices(positions)
+    candidates = ipctk.Candidates()
+    candidates.build(mesh=surface.mesh, vertices=vertices, inflation_radius=DHAT, broad_phase=ipctk.LBVH())
+    active = ipctk.NormalCollisions()
+    active.use_area_weighting = True
+    active.collision_set_type = ipctk.NormalCollisions.CollisionSetType.IMPROVED_MAX_APPROX
+    active.build(candidates=candidates, mesh=surface.mesh, vertices=vertices, dhat=DHAT)
+    theirs = ipctk.BarrierPotential(dhat=DHAT, stiffness=KAPPA, use_physical_barrier=True)
+    ours = HalfSpaceBarrier(space, (Plane(tuple(point), tuple(normal)),), DHAT, KAPPA)
+    assert len(active) == ours.count(positions) > 3
+    gaps = ours.gaps(positions)
+    assert np.any((gaps > DHAT / 2) & (gaps < DHAT)), "none beyond half of dhat"
+    np.testing.assert_allclose(ours.value(positions), theirs(active, surface.mesh, vertices), rtol=1e-10)
+    gradient = surface.rows_of_gradient(theirs.gradient(active, surface.mesh, vertices))
+    np.testing.assert_allclose(ours.gradient(positions), gradient, rtol=1e-9, atol=1e-12 * np.abs(gradient).max())
+
+
+# ---- the elastic Hessian's filter --------------------------------------------------------------------------------------------
+
+
+def neo_hookean_hessian(F):
+    """d2 psi / dF2 as a (d^2, d^2) matrix, rows of F first. By hand: dP = mu dF + (mu - lmbda ln J) G dF' G + lmbda (G : dF) G, G = F^-T."""
+    d = len(F)
+    mu, lmbda = (getattr(NeoHookean(YOUNG, POISSON), name) for name in ("mu", "lmbda"))
+    G, ln_J = np.linalg.inv(F).T, np.log(np.linalg.det(F))
+    columns = []
+    for k in range(d * d):
+        dF = np.eye(d * d)[k].reshape(d, d)
+        columns.append((mu * dF + (mu - lmbda * ln_J) * G @ dF.T @ G + lmbda * np.sum(G * dF) * G).ravel())
+    return np.column_stack(columns)
+
+
+FIBRE = np.array([0.8, 0.6, 0.0])
+
+
+def fibre_hessian(F, stiffness=5.0):
+    """psi = (s / 4) (|F a|^2 - 1)^2. By hand: P = s (|F a|^2 - 1) F a a', dP = s [(|F a|^2 - 1) dF a a' + 2 (F a . dF a) F a a']."""
+    d = len(F)
+    a = FIBRE[:d]
+    Fa = F @ a
+    columns = []
+    for k in range(d * d):
+        dF = np.eye(d * d)[k].reshape(d, d)
+        columns.append((stiffness * ((Fa @ Fa - 1.0) * np.outer(dF @ a, a) + 2.0 * (Fa @ dF @ a) * np.outer(Fa, a))).ravel())
+    return np.column_stack(columns) + neo_hookean_hessian(F)
+
+
+def fibre_psi(F, mu, lmbda, stiffness):
+    a = ufl.as_vector([float(c) for c in FIBRE[: F.ufl_shape[0]]])
+    return stiffness / 4 * (ufl.dot(F * a, F * a) - 1) ** 2 + neo_hookean(F, mu, lmbda)
+
+
+def filtered(H, mode):
+    values, vectors = np.linalg.eigh(0.5 * (H + H.T))
+    values = {"none": values, "clamp": np.maximum(values, 0.0), "abs": np.abs(values)}[mode]
+    return vectors * values @ vectors.T
+
+
+def reference_hessian(space, x, law_hessian, mode):
+    """Assembled densely in numpy: sum over cells of volume K' H K, H over F filtered, K from positions to F. Also the lowest eigenvalue."""
+    mesh, d = space.mesh, space.dim
+    out = np.zeros((x.size, x.size))
+    lowest = np.inf
+    where = np.empty(len(mesh.points), dtype=int)
+    where[space.owned_points] = np.arange(len(mesh.points))
+    for cell, volume in zip(where[mesh.cells], mesh.volumes, strict=True):
+        X = space.from_input(mesh.points)[cell]
+        gradients = np.linalg.inv(np.column_stack([np.ones(d + 1), X]))[1:].T  # (d + 1, d): of the hat functions
+        F = x[cell].T @ gradients
+        K = np.einsum("ab,ij->ajib", np.eye(d), gradients).reshape(d * d, (d + 1) * d)  # dF_aj = sum_i dx_ia gradients_ij
+        H = law_hessian(F)
+        lowest = min(lowest, np.linalg.eigvalsh(H)[0])
+        unknowns = (cell[:, None] * d + np.arange(d)).ravel()
+        out[np.ix_(unknowns, unknowns)] += volume * K.T @ filtered(H, mode) @ K
+    return out, lowest
+
+
+def make_law(space, anisotropic, mode):
+    if not anisotropic:
+        return elastic_terms(space, (NeoHookean(YOUNG, POISSON, DENSITY),), positive=mode)[0], neo_hookean_hessian
+    cells = np.arange(len(space.mesh.cells))
+    material, ones = NeoHookean(YOUNG, POISSON), np.ones(len(cells))
+    parameters = {"mu": material.mu * ones, "lmbda": material.lmbda * ones, "stiffness": 5.0 * ones}
+    return CellEnergy(space, BlockPattern(space), fibre_psi, parameters, cells, positive=mode), fibre_hessian
+
+
+# Compressed and sheared; the last is uniformly compressed: equal stretches, where the frames of F are not unique.
+STATES = {"sheared": (0.3, 0.8), "compressed": (0.1, 0.5), "stretched": (0.05, 1.4), "uniform": (0.0, 0.6)}
+
+
+@pytest.mark.parametrize("d", DIMENSIONS)
+@pytest.mark.parametrize("anisotropic", [False, True], ids=["isotropic", "fibre"])
+@pytest.mark.parametrize("mode", ["none", "clamp", "abs"])
+def test_filter_against_a_dense_reference(spaces, d, anisotropic, mode):
+    space = spaces[d]
+    term, law_hessian = make_law(space, anisotropic, mode)
+    indefinite = 0
+    for strain, stretch in STATES.values():
+        x = state(space, strain, seed=7, stretch=stretch)
+        expected, lowest = reference_hessian(space, x, law_hessian, mode)
+        H = dense(term.hessian(Positions(space, x)))
+        scale = np.abs(expected).max()
+        np.testing.assert_allclose(H, expected, atol=SAME * scale, rtol=0.0)
+        if mode != "none":
+            assert smallest_eigenvalue(H) >= -ROUND * scale
+        indefinite += lowest < -1e-3
+        # Translations are free: every row sums to zero over the vertices, component by component.
+        np.testing.assert_allclose(H.reshape(x.size, -1, d).sum(axis=1), 0.0, atol=ROUND * scale * len(x))
+    assert indefinite >= 2, "the filter had nothing to do"
+
+
+@pytest.mark.parametrize("d", DIMENSIONS)
+@pytest.mark.parametrize("mode", ["clamp", "abs"])
+def test_filter_leaves_definite_hessians_alone(spaces, d, mode):
+    space = spaces[d]
+    x = state(space, 0.02, stretch=1.3)  # in tension rotations stiffen: every cell's Hessian is definite
+    _, lowest = reference_hessian(space, x, neo_hookean_hessian, "none")
+    assert lowest > 0.0
+    rows = [dense(elastic_terms(space, (NeoHookean(YOUNG, POISSON, DENSITY),), positive=p)[0].hessian(Positions(space, x))) for p in (mode, "none")]
+    np.testing.assert_array_equal(*rows)
+
+
+@pytest.mark.parametrize("d", DIMENSIONS)
+def test_anisotropic_law(spaces, d):
+    """A user's law through CellEnergy has the same derivative check."""
+    term, _ = make_law(spaces[d], True, "none")
+    check_term(term, spaces[d], state(spaces[d]), 1e-2)
+
+
+def test_the_check_notices_a_wrong_gradient():
+    x = np.linspace(0.1, 1.0, 6).reshape(3, 2)
+    value, gradient = lambda x: np.sum(x**4), lambda x: 4.0 * x**3
+    hessian = lambda x: np.diag(12.0 * x.ravel() ** 2)  # noqa: E731
+    check_derivatives(value, gradient, hessian, x, 1e-2)
+    with pytest.raises(AssertionError, match="gradient: slope"):
+        check_derivatives(value, lambda x: 4.04 * x**3, hessian, x, 1e-2)
+    with pytest.raises(AssertionError, match="Hessian: slope"):
+        check_derivatives(value, gradient, lambda x: 1.01 * hessian(x), x, 1e-2)
+    with pytest.raises(AssertionError, match="not active"):
+        check_derivatives(lambda x: 0.0, np.zeros_like, None, x, 1e-2)

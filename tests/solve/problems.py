@@ -1,0 +1,44 @@
+"""Small one-level problems for the tests, from grids instead of shapes."""
+
+import numpy as np
+from mpi4py import MPI
+
+from pdvol.hierarchy.level_space import LevelSpace
+from pdvol.scene import Body, NeoHookean, Scene, Solver
+from pdvol.solve.level_problem import LevelProblem
+from shapes import grid
+
+SOFT = NeoHookean(young=1e5, poisson=0.4, density=1000.0)
+
+
+def block(low, high, n, jitter=0.0, seed=0):
+    """A box between two corners, n boxes along its axes (a number or one per axis)."""
+    n = np.broadcast_to(n, len(low))
+    return grid(*(np.linspace(a, b, k + 1) for a, b, k in zip(low, high, n, strict=True)), jitter=jitter, seed=seed)
+
+
+def make_scene(materials=(SOFT,), dt=0.01, steps=10, solver=None, **physics) -> Scene:
+    """A scene of one body per material, whose shapes are never read: the level is given to the problem."""
+    bodies = tuple(Body(("grid",), material, name=f"body {i}") for i, material in enumerate(materials))
+    return Scene(bodies, dt=dt, steps=steps, solver=solver or Solver(tolerance=1e-6, linear="direct"), **physics)
+
+
+def make_problem(scene, mesh, obstacles=(), comm=MPI.COMM_WORLD) -> LevelProblem:
+    return LevelProblem(scene, LevelSpace(mesh, comm), 0, diagonal=1.0, obstacles=obstacles)
+
+
+def masses(problem) -> np.ndarray:
+    """(n,) lumped masses [kg] in the input's order."""
+    return problem.space.to_input(problem.potential.mass)[:, 0]
+
+
+def polyline(vertices):
+    """A closed 2D obstacle's geometry, as `LevelProblem` takes it."""
+    n = len(vertices)
+    return np.asarray(vertices, dtype=float), np.column_stack([np.arange(n), np.roll(np.arange(n), -1)]), np.zeros((0, 3), dtype=int)
+
+
+def tetrahedron(vertices):
+    """A rigid tetrahedron's geometry, as `LevelProblem` takes it."""
+    edges = np.array([[0, 1], [0, 2], [0, 3], [1, 2], [1, 3], [2, 3]])
+    return np.asarray(vertices, dtype=float), edges, np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
