@@ -33,6 +33,11 @@ def run(arguments: Sequence[str]) -> int:
         return 0
     except PdvolError as error:
         return _end(error, 1)
+    except OSError as error:
+        if error.filename is None:
+            _abort_other_ranks()
+            raise
+        return _end(f"{error.filename}: {error.strerror}", 2)
     except SystemExit:
         raise
     except BaseException:

@@ -11,7 +11,7 @@ from pdvol.hierarchy.build import build_levels, read_obstacle
 from pdvol.hierarchy.hierarchy import Hierarchy
 from pdvol.hierarchy.level_mesh import LevelMesh
 from pdvol.hierarchy.readers import read_shape
-from pdvol.hierarchy.scene_fields import scene_diagonal
+from pdvol.hierarchy.scene_fields import check_fields, scene_diagonal
 from pdvol.hierarchy.start_check import check_start
 from pdvol.hierarchy.tetrahedralise import mean_ratio
 from pdvol.hierarchy.validate import check_outline, check_solid, check_surface
@@ -104,6 +104,7 @@ def check_shot(shot: Shot) -> tuple[list[str], bool]:
     sound = True
     for level, mesh in enumerate(meshes):
         try:
+            check_fields(scene, mesh, level)
             check_start([mesh], obstacles, scene)
         except InputError as error:
             lines.append(f"defect at level {level}: {error}")

@@ -15,7 +15,7 @@ from pdvol.errors import InputError, SimulationError
 from pdvol.hierarchy.build import build_levels, read_obstacle
 from pdvol.hierarchy.hierarchy import Hierarchy
 from pdvol.hierarchy.level_mesh import LevelMesh
-from pdvol.hierarchy.scene_fields import initial_velocity, scene_diagonal
+from pdvol.hierarchy.scene_fields import check_fields, initial_velocity, scene_diagonal
 from pdvol.hierarchy.start_check import check_start
 from pdvol.parallel import on_root
 from pdvol.record.progress import Progress
@@ -101,6 +101,8 @@ def _prepare(shot: Shot, out: Path, last: int, method: str, prolongation: str) -
         _check_same(run, shot, method, prolongation)
         stored = [level.mesh for level in run.levels]
     meshes = [*stored, *build_levels(scene, last + 1)[len(stored):]] if len(stored) <= last else stored
+    for level, mesh in enumerate(meshes):
+        check_fields(scene, mesh, level)
     check_start(meshes, obstacles, scene)
     return meshes, obstacles, scene_diagonal(scene)
 
@@ -186,6 +188,16 @@ class _SharedWriter:
         """Writes level_N.xdmf."""
         on_root(self.comm, lambda: write_xdmf(open_run(self._writer.path), level, self._writer.path / f"level_{level}.xdmf"))
 
+    def finish(self, level: int) -> None:
+        """Marks a level as done, with its export; a level that already is stays as it is."""
+
+        def finish() -> None:
+            if self._writer.info["levels"][level]["state"] != "done":
+                write_xdmf(open_run(self._writer.path), level, self._writer.path / f"level_{level}.xdmf")
+                self._writer.set_level_state(level, "done")
+
+        on_root(self.comm, finish)
+
     def close(self) -> None:
         if self._writer is not None:
             self._writer.close()
@@ -195,6 +207,7 @@ def _run_level(scene: Scene, hierarchy: Hierarchy, level: int, method: str, obst
                progress: Watch | None) -> None:
     done = writer.call("steps", level)
     if done > scene.steps:
+        writer.finish(level)
         return
     mesh = hierarchy[level].mesh
     problem = LevelProblem(scene, hierarchy[level], level, diagonal, obstacles)
@@ -214,7 +227,7 @@ def _run_level(scene: Scene, hierarchy: Hierarchy, level: int, method: str, obst
             writer.call("write_state", level, report.step, report.positions, report.record())
             if watcher is not None:
                 watcher.step(report.record())
-        writer.call("set_level_state", level, "done")
+        writer.finish(level)
     except SimulationError as error:
         writer.call("set_level_state", level, "failed", reason=str(error))
         writer.export(level)
@@ -222,4 +235,3 @@ def _run_level(scene: Scene, hierarchy: Hierarchy, level: int, method: str, obst
     finally:
         if watcher is not None:
             watcher.close()
-    writer.export(level)

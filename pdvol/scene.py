@@ -34,6 +34,21 @@ def _positive(name: str, value) -> None:
     _require(value > 0, f"{name} = {value!r} must be positive")
 
 
+def _vector(name: str, value) -> None:
+    _require(np.ndim(value) == 1 and len(value) in (2, 3), f"{name} = {value!r} must have two or three components")
+    for component in value:
+        _finite(name, component)
+
+
+def _tuple(name: str, value) -> None:
+    _require(isinstance(value, (tuple, list)), f"{name} must be a tuple, as in {name}=(..., ), not {type(value).__name__}")
+
+
+def _count(name: str, value, lowest: int) -> None:
+    whole = isinstance(value, (int, np.integer)) and not isinstance(value, bool)
+    _require(whole and value >= lowest, f"{name} = {value!r} is not a whole number >= {lowest}")
+
+
 @dataclass(frozen=True)
 class Relative:
     """A length (or speed) given as a fraction of the scene's diagonal (per second)."""
@@ -244,8 +259,10 @@ class Plane:
     name: str = "plane"
 
     def __post_init__(self):
-        _require(len(self.point) == len(self.normal), f"{self.name}: point and normal differ in length")
-        _require(np.linalg.norm(self.normal) > 0, f"{self.name}: the normal is zero")
+        _vector(f"plane {self.name!r}: point", self.point)
+        _vector(f"plane {self.name!r}: normal", self.normal)
+        _require(len(self.point) == len(self.normal), f"plane {self.name!r}: point and normal differ in length")
+        _require(np.linalg.norm(self.normal) > 0, f"plane {self.name!r}: the normal is zero")
 
 
 @dataclass(frozen=True)
@@ -281,6 +298,9 @@ class Gravity:
 
     acceleration: tuple[float, ...]
 
+    def __post_init__(self):
+        _vector("Gravity.acceleration", self.acceleration)
+
 
 @dataclass(frozen=True)
 class Barrier:
@@ -311,7 +331,7 @@ class Friction:
     def __post_init__(self):
         _finite("Friction.mu", self.mu, 0.0)
         _length("Friction.eps_v", self.eps_v)
-        _require(self.iterations >= 1, f"Friction.iterations = {self.iterations!r} must be at least 1")
+        _count("Friction.iterations", self.iterations, 1)
 
 
 @dataclass(frozen=True)
@@ -335,8 +355,10 @@ class Solver:
 
     def __post_init__(self):
         _length("Solver.tolerance", self.tolerance)
-        _require(self.max_iterations >= 1, f"Solver.max_iterations = {self.max_iterations!r} must be at least 1")
-        _require(0 <= self.max_halvings <= 20, f"Solver.max_halvings = {self.max_halvings!r} must lie between 0 and 20")
+        _count("Solver.max_iterations", self.max_iterations, 1)
+        _count("Solver.max_halvings", self.max_halvings, 0)
+        _require(self.max_halvings <= 20, f"Solver.max_halvings = {self.max_halvings!r} must be at most 20")
+        _require(isinstance(self.petsc, str), f'Solver.petsc = {self.petsc!r} must be text, as in "-ksp_rtol 1e-6"')
         _require(self.linear in ("auto", "direct", "iterative"), f"Solver.linear = {self.linear!r} must be auto, direct or iterative")
 
 
@@ -356,7 +378,9 @@ class Scene:
 
     def __post_init__(self):
         _positive("dt", self.dt)
-        _require(isinstance(self.steps, (int, np.integer)) and self.steps >= 0, f"steps = {self.steps!r} is not a whole number >= 0")
+        _count("steps", self.steps, 0)
+        for name in ("bodies", "loads", "supports", "obstacles", "contact"):
+            _tuple(name, getattr(self, name))
         _require(len(self.bodies) > 0, "a scene needs at least one body")
         names = [b.name for b in self.bodies]
         _require(len(set(names)) == len(names), f"bodies must have different names, not {names}")

@@ -81,7 +81,7 @@ def load_shot(file: str | Path, settings: Mapping | None = None, steps: int | No
         scene = make(**given)
     except PdvolError:
         raise
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         raise InputError(f"{file.name}: scene({', '.join(f'{k}={v!r}' for k, v in given.items())}) failed: {_told(error)}") from error
     if not isinstance(scene, Scene):
         raise InputError(f"{file.name}: scene() returned {type(scene).__name__}, not a pdvol.Scene")
@@ -107,7 +107,7 @@ def _scene_function(file: Path) -> Callable[..., Scene]:
         spec.loader.exec_module(module)
     except PdvolError:
         raise
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         raise InputError(f"{file} could not be read: {_told(error)}") from error
     make = getattr(module, "scene", None)
     if not callable(make):

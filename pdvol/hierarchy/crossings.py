@@ -5,7 +5,6 @@ sides and its line passes through; in 2D two edges cross. Parallel contact, whic
 `TOUCH` times the diagonal.
 """
 
-import ipctk
 import numpy as np
 
 TOUCH = 1e-10
@@ -37,6 +36,8 @@ def find_crossings(points: np.ndarray, edges: np.ndarray, faces: np.ndarray, gro
     if len(edges) == 0:
         return np.empty((0, 2), dtype=np.int64)
     second = edges if points.shape[1] == 2 else faces
+    import ipctk
+
     phase = ipctk.LBVH()
     phase.build(*_fortran(points, edges, faces))
     if points.shape[1] == 2:
@@ -58,6 +59,8 @@ def find_crossings(points: np.ndarray, edges: np.ndarray, faces: np.ndarray, gro
 
 def find_touching(points: np.ndarray, edges: np.ndarray, faces: np.ndarray, groups: np.ndarray | None = None) -> np.ndarray:
     """Pairs of vertices (k, 2) int64, one of each primitive, whose primitives are nearer than `TOUCH` times the diagonal."""
+    import ipctk
+
     vertices, lines, triangles = _fortran(points, edges, faces)
     mesh = ipctk.CollisionMesh(rest_positions=vertices, edges=lines, faces=triangles)
     tolerance = TOUCH * float(np.linalg.norm(np.ptp(points, axis=0)))

@@ -19,7 +19,7 @@ MEND = "move them apart, or give more vertices to coarse levels"
 
 
 def check_start(level_meshes: Sequence[LevelMesh], obstacles: Sequence[Obstacle], scene: Scene) -> None:
-    """Raise unless every level is free of intersections at t = 0. Serial.
+    """Raise unless every level of a scene with contact is free of intersections at t = 0. Serial.
 
     Parameters
     ----------
@@ -35,6 +35,8 @@ def check_start(level_meshes: Sequence[LevelMesh], obstacles: Sequence[Obstacle]
     InputError
         An obstacle's dimension is not the bodies'.
     """
+    if not scene.contact:
+        return  # nothing keeps bodies apart later either
     rigids = [o for o in scene.obstacles if isinstance(o, Rigid)]
     if len(rigids) != len(obstacles):
         raise InputError(f"{len(obstacles)} obstacle meshes for {len(rigids)} rigid obstacles; read one for each")

@@ -65,7 +65,8 @@ class Potential(Protocol):
         """Positive semi-definite stand-in for d2E/dx2 [N/m], this rank's rows: (n_owned d, n d), PETSc's columns."""
 
     def max_step(self, x: Positions, direction: np.ndarray, until: float | None = None) -> float:
-        """Largest step in [0, 1] along direction (n_owned, d) that stays admissible, while obstacles go where they are at `until` [s]."""
+        """Largest step in [0, 1] along direction (n_owned, d) that stays admissible for what this rank sees, while obstacles go where
+        they are at `until` [s]."""
 
 
 class Term:

@@ -77,9 +77,10 @@ class IncrementalPotential:
         return total
 
     def max_step(self, x: Positions, direction: np.ndarray, until: float | None = None) -> float:
-        """Largest admissible step in [0, 1] along direction, obstacles moving to `until` [s] meanwhile."""
+        """Largest admissible step in [0, 1] along direction, obstacles moving to `until` [s] meanwhile: the same on every rank."""
         with self.watch.part("ccd"):
-            return min([1.0, *(term.max_step(x, direction, until) for term in self.terms)])
+            mine = min([1.0, *(term.max_step(x, direction, until) for term in self.terms)])
+            return self.space.comm.allreduce(mine, op=MPI.MIN)
 
     def lag(self, x: Positions) -> None:
         """Freezes lagged quantities at x."""

@@ -6,8 +6,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from mpi4py import MPI
 
-from pdvol.errors import ConvergenceError, InputError, SimulationError
+from pdvol.errors import ConvergenceError, SimulationError
 from pdvol.hierarchy.level_space import LevelSpace
+from pdvol.hierarchy.scene_fields import supported_points
 from pdvol.potentials.build import build_terms
 from pdvol.potentials.potential import Positions
 from pdvol.scene import Friction, Scene, Still, metres
@@ -69,7 +70,7 @@ class LevelProblem:
         self.scene, self.space, self.level = scene, space, level
         self.watch = Stopwatch()
         self.potential = IncrementalPotential(space, build_terms(scene, space, diagonal, obstacles), self.watch)
-        self._supports = [(mask, support.motion) for support in scene.supports if (mask := self._mask(support)) is not None]
+        self._supports = [(supported_points(scene, support, space.mesh, level)[space.owned_points], support.motion) for support in scene.supports]
         self.supported = np.zeros(space.n_owned, dtype=bool)
         for mask, _ in self._supports:
             self.supported |= mask
@@ -77,17 +78,6 @@ class LevelProblem:
         self.newton = Newton(space, self.potential, self.supported, metres(scene.solver.tolerance, diagonal), scene.solver, self.watch)
         self._lags = next((c.iterations for c in scene.contact if isinstance(c, Friction)), 1)
         self._rest = space.from_input(space.mesh.points)
-
-    def _mask(self, support) -> np.ndarray:
-        points = self.space.mesh.points
-        mask = np.asarray(support.where(points), dtype=bool)
-        if mask.shape != (len(points),):
-            raise InputError(f"a support's `where` must give one truth value per point, shape ({len(points)},), not {mask.shape}")
-        if support.body:
-            mask = mask & (self.space.mesh.point_bodies == [b.name for b in self.scene.bodies].index(support.body))
-        if not mask.any():
-            raise InputError(f"a support holds no vertex of level {self.level}; widen its `where` so that the coarsest level has some")
-        return mask[self.space.owned_points]
 
     def _is_driven(self) -> bool:
         motions = [motion for _, motion in self._supports] + [o.motion for o in self.scene.obstacles]

@@ -2,9 +2,11 @@
 
 SNES minimises: the potential is its objective (backtracking), the gradient its function, the filtered Hessian its Jacobian. The pre-check
 caps each step by what contact and inversion allow. Newton stops when its full step is nowhere faster than the tolerance [m/s]; that step
-is still taken.
+is still taken. A short step deep inside a barrier says little (Newton on a logarithm doubles the gap, however far it has to go), so the
+step must also have been taken in full, follow one that was, and not be longer than it.
 """
 
+from contextlib import contextmanager
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,7 +14,7 @@ from mpi4py import MPI
 from petsc4py import PETSc
 from scipy.sparse import csr_array
 
-from pdvol.errors import SimulationError
+from pdvol.errors import PdvolError, SimulationError
 from pdvol.hierarchy.level_space import LevelSpace
 from pdvol.potentials.potential import Positions
 from pdvol.scene import Solver
@@ -20,9 +22,23 @@ from pdvol.solve.incremental_potential import IncrementalPotential
 from pdvol.solve.linear import LinearSolver
 from pdvol.solve.timing import Stopwatch
 
-ROUNDING = 1e-13  # a decrease below this share of the energy cannot be told from round-off
+ROUNDING = 1e-13  # a decrease below this share of the energy cannot be told from round-off: there the quadratic model is trusted
 
 _REASONS = {value: name for name, value in vars(PETSc.SNES.ConvergedReason).items() if isinstance(value, int)}
+
+
+@contextmanager
+def _own_errors():
+    """What a callback raised, instead of the error PETSc makes of it; PETSc's own errors as errors of the simulation."""
+    try:
+        yield
+    except PETSc.Error as error:
+        cause = error.__cause__ or error.__context__
+        if isinstance(cause, (PdvolError, KeyboardInterrupt)):
+            raise cause from None
+        if cause is not None:
+            raise
+        raise SimulationError(f"PETSc gave up: {str(error).splitlines()[0]}") from error
 
 
 @dataclass
@@ -115,9 +131,10 @@ class Newton:
 
     def _objective(self, snes, vector) -> float:
         x = self._positions(vector)
-        if x is not self._base:
-            self._trials += 1
-        return self._energy(x)
+        if x is self._base:
+            return self._energy(x)
+        self._trials += 1
+        return self._energy(self._base) + 0.5 * self._slope if self._at_rounding else self._energy(x)
 
     def _function(self, snes, vector, residual) -> None:
         gradient = self.potential.gradient(self._positions(vector))
@@ -163,12 +180,13 @@ class Newton:
         direction = -step.getArray(readonly=True).reshape(-1, self.space.dim)
         if not self.space.comm.allreduce(bool(np.isfinite(direction).all()), op=MPI.LAND):
             raise SimulationError("the linear solve gave NaN or infinity")
+        self._speed_before, self._whole_before = self.report.speed, self._whole
         self.report.speed = self._largest(direction) / self.potential.dt
         slope = self.space.comm.allreduce(float(np.vdot(self._gradient, direction)))
-        self._at_rounding = abs(slope) <= ROUNDING * max(abs(self._energy(x)), self._scale)
+        self._slope, self._at_rounding = slope, abs(slope) <= ROUNDING * abs(self._energy(x))
         cap = self.potential.max_step(x, direction)
         self.report.step_cap = min(self.report.step_cap, cap)
-        self._base, self._trials_before = x, self._trials
+        self._base, self._trials_before, self._whole = x, self._trials, cap == 1.0
         if cap < 1.0:
             step.scale(cap)
 
@@ -186,8 +204,14 @@ class Newton:
             self.report.speed = 0.0
             return reasons.CONVERGED_FNORM_ABS
         if iteration > 0:
-            self.report.backtracks += max(0, self._trials - self._trials_before - 1)
-            if self.report.speed <= self.tolerance:
+            backtracks = max(0, self._trials - self._trials_before - 1)
+            self.report.backtracks += backtracks
+            self._whole = self._whole and backtracks == 0
+            settled = self._whole and self._whole_before and self.report.speed <= self._speed_before
+            if self.report.speed <= self.tolerance and (settled or self._at_rounding):
+                return reasons.CONVERGED_SNORM_RELATIVE
+            if self._at_rounding and self.report.speed > 0.5 * self._speed_before:
+                self.report.reason = "ROUNDING"
                 return reasons.CONVERGED_SNORM_RELATIVE
         return reasons.ITERATING
 
@@ -199,7 +223,7 @@ class Newton:
         # A direct solve of an ill-conditioned system, or an incomplete factor that breaks down, shows in the linear reason.
         for _ in range(2):
             self._vector.setArray(x.owned.ravel())
-            with self.watch.part("linear"):
+            with self.watch.part("linear"), _own_errors():
                 self.snes.solve(None, self._vector)
             x = self._positions(self._vector)
             reason = self.snes.getConvergedReason()
@@ -207,10 +231,8 @@ class Newton:
             self.report.linear_iterations += self.snes.getLinearSolveIterations()
             if reason != PETSc.SNES.ConvergedReason.DIVERGED_LINEAR_SOLVE or not self.linear.fall_back():
                 break
-        self.report.reason = _REASONS.get(reason, str(reason))
         self.report.converged = reason > 0
-        if reason == PETSc.SNES.ConvergedReason.DIVERGED_LINE_SEARCH and (self._at_rounding or self.report.speed <= self.tolerance):
-            self.report.converged, self.report.reason = True, "ROUNDING"
+        self.report.reason = self.report.reason or _REASONS.get(reason, str(reason))
         self.report.gradient_norm = self.space.comm.allreduce(float(np.abs(self._gradient).max(initial=0.0)), op=MPI.MAX)
         return x, self.report
 
@@ -220,7 +242,7 @@ class Newton:
         rows = self.potential.hessian(x)
         gradient = self.potential.gradient(x)
         prescribed = np.where(self._fixed[:, None], supported_move, 0.0)
-        with self.watch.part("linear"):
+        with self.watch.part("linear"), _own_errors():
             moved = self.space.create_vector()
             moved.setArray(prescribed.ravel())
             # The free rows see what the supports do; then rows and columns of supports are eliminated.
@@ -243,7 +265,6 @@ class Newton:
     def _start(self, x: Positions) -> None:
         self._recent, self._energies, self._base = [x], [], None
         self._trials = self._trials_before = 0
-        self._at_rounding = False
+        self._slope, self._at_rounding, self._whole, self._whole_before, self._speed_before = 0.0, False, True, True, np.inf
         self._gradient = np.zeros_like(x.owned)
-        self._scale = 0.0
         self.report = NewtonReport()
