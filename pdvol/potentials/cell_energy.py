@@ -47,6 +47,8 @@ class CellEnergy(Term):
         self._points = np.ascontiguousarray(space.domain.geometry.x, dtype=np.float64)
         self._library = native.library()
         self._compile(psi, parameters)
+        volumes = np.abs(space.mesh.volumes[space.local_cells[self._cells]])
+        self.scale = space.comm.allreduce(float(sum(np.abs(values) @ volumes for values in parameters.values())))
 
     def _compile(self, psi, parameters) -> None:
         space = self.space

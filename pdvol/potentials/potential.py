@@ -45,6 +45,7 @@ class Potential(Protocol):
     """
 
     name: str
+    scale: float  # [J] of parts that cancel in value(x), which its round-off is relative to
 
     def begin_step(self, x_t: Positions, t0: float, t1: float) -> None:
         """Starts the step from t0 to t1 [s] at x_t, with obstacles at their t0 places, and lags there."""
@@ -73,6 +74,7 @@ class Term:
     """Default answers, for terms that need nothing of the kind."""
 
     name = "term"
+    scale = 0.0
 
     def begin_step(self, x_t: Positions, t0: float, t1: float) -> None:
         pass

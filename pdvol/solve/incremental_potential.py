@@ -82,6 +82,11 @@ class IncrementalPotential:
             mine = min([1.0, *(term.max_step(x, direction, until) for term in self.terms)])
             return self.space.comm.allreduce(mine, op=MPI.MIN)
 
+    @property
+    def scale(self) -> float:
+        """Size [kg m^2] of the terms that cancel in the energy: what its round-off is relative to."""
+        return self.dt**2 * sum(term.scale for term in self.terms)
+
     def lag(self, x: Positions) -> None:
         """Freezes lagged quantities at x."""
         for term in self.terms:

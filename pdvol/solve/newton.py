@@ -23,6 +23,7 @@ from pdvol.solve.linear import LinearSolver
 from pdvol.solve.timing import Stopwatch
 
 ROUNDING = 1e-13  # a decrease below this share of the energy cannot be told from round-off: there the quadratic model is trusted
+CANCELLING = 2e-15  # the same for energies that are small differences of large terms: relative to those terms
 
 _REASONS = {value: name for name, value in vars(PETSc.SNES.ConvergedReason).items() if isinstance(value, int)}
 
@@ -183,7 +184,7 @@ class Newton:
         self._speed_before, self._whole_before = self.report.speed, self._whole
         self.report.speed = self._largest(direction) / self.potential.dt
         slope = self.space.comm.allreduce(float(np.vdot(self._gradient, direction)))
-        self._slope, self._at_rounding = slope, abs(slope) <= ROUNDING * abs(self._energy(x))
+        self._slope, self._at_rounding = slope, abs(slope) <= max(ROUNDING * abs(self._energy(x)), CANCELLING * self.potential.scale)
         cap = self.potential.max_step(x, direction)
         self.report.step_cap = min(self.report.step_cap, cap)
         self._base, self._trials_before, self._whole = x, self._trials, cap == 1.0
