@@ -10,7 +10,7 @@ RADIUS = 0.25  # m
 TIP = 0.5  # m, height of the spike
 
 
-def scene(offset=0.002, young=3e4, steps=150, dt=0.01, height=0.9, mu=0.1):
+def scene(offset=0.002, young=3e4, steps=120, dt=0.01, height=0.9, mu=0.3):
     """A ball of radius 0.25 m whose centre starts `offset` m beside the spike's axis and `height` m above the ground."""
     return Scene(
         bodies=(Body(meshes.disc(RADIUS), NeoHookean(young, 0.4, 1000.0), vertices=(60, 130, 310, 570, 1100), name="ball",
