@@ -175,17 +175,6 @@ def test_solving_without_contact_never_loads_the_contact_library(tmp_path):
     assert "dolfinx" in loaded and "ipctk" not in loaded
 
 
-def test_a_whole_run_without_contact_never_loads_the_contact_library(tmp_path):
-    # From the scene file to the run folder: checks at t = 0 and validation included.
-    (tmp_path / "s.py").write_text(SCENE.replace("\nscene = Scene(", "\nmake = lambda: Scene(") + "\n\ndef scene():\n    return make()\n")
-    loaded = loaded_after("from pdvol import cli\nassert cli.run(['run', 's.py', '--out', 'run']) == 0", tmp_path)
-    assert "dolfinx" in loaded
-    assert "ipctk" not in loaded
-
-
-# ---- README ------------------------------------------------------------------------------------------------------------------
-
-
 def readme_commands() -> list[str]:
     """Lines `./run ...` within README.md's fences."""
     readme = ROOT / "README.md"
