@@ -7,6 +7,8 @@ sides and its line passes through; in 2D two edges cross. Parallel contact, whic
 
 import numpy as np
 
+FLAT = 1e-12
+"""Of the product of three lengths: a volume below it is that of coplanar points."""
 TOUCH = 1e-10
 """Two primitives nearer than this fraction of the bounding box's diagonal touch: no barrier is finite there."""
 
@@ -100,10 +102,16 @@ def _segments_meet(first: np.ndarray, second: np.ndarray) -> np.ndarray:
 
 
 def _segment_meets_triangle(segment: np.ndarray, triangle: np.ndarray) -> np.ndarray:
-    """Mask (k,) of the segments (k, 2, 3) that meet their triangle (k, 3, 3). Coplanar overlap is left to `find_touching`."""
+    """Mask (k,) of the segments (k, 2, 3) that meet their triangle (k, 3, 3). Coplanar overlap is left to `find_touching`.
+
+    Flat patches of scaled and turned meshes are coplanar to round-off only: the sign of such a volume is noise and counts as zero.
+    """
 
     def volume(a, b, c, d):
-        return np.sign(np.einsum("ij,ij->i", np.cross(b - a, c - a), d - a))
+        u, v, w = b - a, c - a, d - a
+        value = np.einsum("ij,ij->i", np.cross(u, v), w)
+        noise = FLAT * np.linalg.norm(u, axis=1) * np.linalg.norm(v, axis=1) * np.linalg.norm(w, axis=1)
+        return np.where(np.abs(value) <= noise, 0.0, np.sign(value))
 
     p, q = segment[:, 0], segment[:, 1]
     a, b, c = triangle[:, 0], triangle[:, 1], triangle[:, 2]
