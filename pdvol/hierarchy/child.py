@@ -1,7 +1,10 @@
 """Runs a mesher in a process of its own: its crash, hang or chatter, and the libraries it loads, then stay out of the solver's process."""
 
+import contextlib
+import ctypes
 import os
 import shutil
+import signal
 import subprocess
 import sys
 import tempfile
@@ -22,6 +25,7 @@ unsigned int _ZNSt13random_device9_M_getvalEv(void *self)
     return state = state * 1664525u + 1013904223u;
 }
 """
+_PR_SET_PDEATHSIG = 1  # of Linux's prctl
 # A child that imports nothing of MPI must not look like a rank either.
 _LAUNCHER_PREFIXES = ("OMPI_", "PMIX_", "PMI_", "PRTE_", "MPI_", "HYDRA_")
 
@@ -41,6 +45,12 @@ def _fixed_random() -> bytes:
             return b"" if done.returncode else library.read_bytes()
     except (OSError, subprocess.SubprocessError):
         return b""
+
+
+def _die_with_parent() -> None:
+    """In the child: let Linux end it when we are killed, or it would mesh on for nobody."""
+    with contextlib.suppress(OSError, AttributeError):
+        ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
 
 
 def run_worker(script: str, timeout: float, **arrays: np.ndarray) -> dict[str, np.ndarray]:
@@ -76,6 +86,7 @@ def run_worker(script: str, timeout: float, **arrays: np.ndarray) -> dict[str, n
             done = subprocess.run(
                 [sys.executable, "-P", str(path), str(given), str(made)],
                 env=env, cwd=folder, stdin=subprocess.DEVNULL, capture_output=True, timeout=timeout, text=True, errors="replace",
+                preexec_fn=_die_with_parent,
             )  # fmt: skip
         except subprocess.TimeoutExpired as error:
             raise MeshError(f"{path.stem} did not finish within {timeout:g} s") from error
