@@ -10,6 +10,12 @@ DOLFINX = tuple(int(part) for part in dolfinx.__version__.split(".")[:2])
 KERNEL_ARGUMENTS = 6 if DOLFINX < (0, 10) else 7
 
 
+def geometry_dofmap(mesh: dolfinx.mesh.Mesh) -> np.ndarray:
+    """(cells, d + 1) int32: the geometry nodes of each local cell. `Geometry.dofmap` gave way to `dofmaps`."""
+    dofmaps = getattr(mesh.geometry, "dofmaps", None)
+    return np.asarray(mesh.geometry.dofmap if dofmaps is None or callable(dofmaps) else dofmaps[0])
+
+
 def create_mesh(comm, points: np.ndarray, cells: np.ndarray) -> dolfinx.mesh.Mesh:
     """A simplex mesh distributed over `comm` from arrays given on rank 0. Collective.
 

@@ -34,7 +34,7 @@ class LevelSpace:
         self.first_block = int(index_map.local_range[0])
         self.local_points = np.empty(self.n_owned + index_map.num_ghosts, dtype=np.int64)
         geometry = self.domain.geometry
-        self.local_points[self.V.dofmap.list] = np.asarray(geometry.input_global_indices)[geometry.dofmap]
+        self.local_points[self.V.dofmap.list] = np.asarray(geometry.input_global_indices)[compat.geometry_dofmap(self.domain)]
         self.owned_points = self.local_points[: self.n_owned]
         self._global_order = np.concatenate(comm.allgather(self.owned_points))
         self._counts = np.array(comm.allgather(self.n_owned * mesh.dim))

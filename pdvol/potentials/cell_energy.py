@@ -12,6 +12,7 @@ import ufl
 from dolfinx import jit
 from scipy.sparse import csr_array
 
+from pdvol import compat
 from pdvol.forms.kinematics import deformation_gradient
 from pdvol.hierarchy.level_space import LevelSpace
 from pdvol.potentials import native
@@ -43,7 +44,7 @@ class CellEnergy(Term):
         self._cells = np.ascontiguousarray(cells, dtype=np.int32)
         self._blocks = np.ascontiguousarray(space.V.dofmap.list, dtype=np.int32)
         self._cell_blocks = np.ascontiguousarray(self._blocks[self._cells])
-        self._nodes = np.ascontiguousarray(space.domain.geometry.dofmap, dtype=np.int32)
+        self._nodes = np.ascontiguousarray(compat.geometry_dofmap(space.domain), dtype=np.int32)
         self._points = np.ascontiguousarray(space.domain.geometry.x, dtype=np.float64)
         self._library = native.library()
         self._compile(psi, parameters)
