@@ -76,7 +76,7 @@ class CollisionSurface:
         """Largest step in [0, 1] along straight paths that keeps everything apart (Additive CCD, leaves a tenth of each gap)."""
         return float(ipctk.compute_collision_free_stepsize(
             mesh=self.mesh, vertices_t0=start, vertices_t1=end, min_distance=0.0, broad_phase=ipctk.LBVH(),
-            narrow_phase_ccd=ipctk.AdditiveCCD(conservative_rescaling=0.9)))
+            narrow_phase_ccd=ipctk.AdditiveCCD(max_iterations=10_000, conservative_rescaling=0.9)))
 
     def rows_of_gradient(self, gradient: np.ndarray) -> np.ndarray:
         """Owned rows (n_owned, d) of a gradient over the collision mesh's unknowns."""
