@@ -4,10 +4,12 @@ from itertools import count
 
 from petsc4py import PETSc
 
-from pdvol.errors import InputError
+from pdvol.errors import InputError, SimulationError
 from pdvol.scene import Solver
 
 DIRECT_UNTIL = 6_000  # unknowns: below, a sparse Cholesky costs no more than a preconditioner that may need help
+# MUMPS estimates its work array from the pattern and gives up (INFOG(1) = -9) where pivoting on several ranks needs more.
+WORKSPACES = (100, 400, 1600)  # per cent on top of the estimate, tried in turn
 _serial = count()
 
 
@@ -23,6 +25,7 @@ class LinearSolver:
         self.method = settings.linear
         if self.method == "auto":
             self.method = "direct" if unknowns <= DIRECT_UNTIL else "iterative"
+        self._workspace = 0
         self.prefix = f"pdvol_{next(_serial)}_"
         ksp.setOptionsPrefix(self.prefix)
         self._configure()
@@ -33,6 +36,7 @@ class LinearSolver:
             ksp.setType(PETSc.KSP.Type.PREONLY)
             ksp.pc.setType(PETSc.PC.Type.CHOLESKY)
             ksp.pc.setFactorSolverType(PETSc.Mat.SolverType.MUMPS)
+            self._with_options({"mat_mumps_icntl_14": str(WORKSPACES[self._workspace])})
         else:
             ksp.setType(PETSc.KSP.Type.CG)
             ksp.setNormType(PETSc.KSP.NormType.NATURAL)
@@ -55,12 +59,25 @@ class LinearSolver:
         database.prefixPop()
 
     def fall_back(self) -> bool:
-        """Switches to the direct method; False if that is what was used."""
+        """Switches to the direct method, or gives it more room; False when nothing is left to try."""
         if self.method == "direct":
-            return False
+            if self._workspace + 1 == len(WORKSPACES):
+                return False
+            self._workspace += 1
+            operators = self.ksp.getOperators()
+            self.ksp.pc.reset()  # the factor keeps the options it was made with
+            self.ksp.setOperators(*operators)
         self.method = "direct"
         self._configure()
         return True
+
+    def solve(self, right: PETSc.Vec, solution: PETSc.Vec) -> None:
+        """Solves with the operators set on the KSP. Raises SimulationError where every method fails. Collective."""
+        self.ksp.solve(right, solution)
+        while self.ksp.getConvergedReason() < 0 and self.fall_back():
+            self.ksp.solve(right, solution)
+        if self.ksp.getConvergedReason() < 0:
+            raise SimulationError(f"the linear solve failed (PETSc's reason {self.ksp.getConvergedReason()})")
 
 
 def _parse(text: str) -> dict[str, str]:

@@ -179,8 +179,7 @@ class Newton:
         """Scales the step so that nothing crosses or inverts; SNES moves by its negative."""
         x = self._positions(vector)
         direction = -step.getArray(readonly=True).reshape(-1, self.space.dim)
-        if not self.space.comm.allreduce(bool(np.isfinite(direction).all()), op=MPI.LAND):
-            raise SimulationError("the linear solve gave NaN or infinity")
+        self._require_finite(direction)
         self._speed_before, self._whole_before = self.report.speed, self._whole
         self.report.speed = self._largest(direction) / self.potential.dt
         slope = self.space.comm.allreduce(float(np.vdot(self._gradient, direction)))
@@ -190,6 +189,10 @@ class Newton:
         self._base, self._trials_before, self._whole = x, self._trials, cap == 1.0
         if cap < 1.0:
             step.scale(cap)
+
+    def _require_finite(self, direction: np.ndarray) -> None:
+        if not self.space.comm.allreduce(bool(np.isfinite(direction).all()), op=MPI.LAND):
+            raise SimulationError("the linear solve gave NaN or infinity")
 
     def _largest(self, rows: np.ndarray) -> float:
         """Largest row length over all ranks."""
@@ -222,7 +225,7 @@ class Newton:
         """Minimises from the admissible x. The result is admissible whether or not the report says it converged."""
         self._start(x)
         # A direct solve of an ill-conditioned system, or an incomplete factor that breaks down, shows in the linear reason.
-        for _ in range(2):
+        while True:
             self._vector.setArray(x.owned.ravel())
             with self.watch.part("linear"), _own_errors():
                 self.snes.solve(None, self._vector)
@@ -256,12 +259,11 @@ class Newton:
             if self._fill(rows):
                 self.snes.setJacobian(self._jacobian, self._matrix)
             moved.setArray(right.ravel())
-            ksp = self.snes.ksp
-            ksp.setOperators(self._matrix)
-            ksp.solve(moved, force)
-            if ksp.getConvergedReason() < 0 and self.linear.fall_back():
-                ksp.solve(moved, force)
-        return force.getArray().reshape(-1, self.space.dim).copy()
+            self.snes.ksp.setOperators(self._matrix)
+            self.linear.solve(moved, force)
+        found = force.getArray().reshape(-1, self.space.dim).copy()
+        self._require_finite(found)
+        return found
 
     def _start(self, x: Positions) -> None:
         self._recent, self._energies, self._base = [x], [], None
