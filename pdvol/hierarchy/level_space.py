@@ -1,7 +1,7 @@
 """A level's distributed finite-element space, and the way between its numbering and the input's vertex order."""
 
 import numpy as np
-from dolfinx import fem, la
+from dolfinx import common, fem, la
 from mpi4py import MPI
 from petsc4py import PETSc
 
@@ -20,9 +20,16 @@ class LevelSpace:
     V : dolfinx.fem.FunctionSpace
         Vector P1; block size `dim`.
     owned_points, local_points : (n_owned,), (n_local,) int64
-        Input index of each owned (owned and ghost) block of unknowns on this rank.
+        Input index of each vertex whose unknowns this rank owns; and behind those of the other vertices of `near_cells`.
+    local_blocks : (n_local,) int64
+        Global (PETSc) block index of each local vertex.
     point_blocks : (n,) int64
-        Global (PETSc) block index of each input point, replicated.
+        Global block index of each input point, replicated.
+    near_cells : (m_near,) int64
+        Input index of the cells that touch an owned vertex: sums over them are complete in owned rows without any message. The
+        first `n_counted` belong to this rank alone, and all ranks' are all cells.
+    near_dofs : (m_near, d + 1) int32
+        Local indices of their vertices.
     """
 
     def __init__(self, mesh: LevelMesh, comm: MPI.Comm):
@@ -32,23 +39,42 @@ class LevelSpace:
         index_map = self.V.dofmap.index_map
         self.n_owned = index_map.size_local
         self.first_block = int(index_map.local_range[0])
-        self.local_points = np.empty(self.n_owned + index_map.num_ghosts, dtype=np.int64)
+        points = np.empty(self.n_owned + index_map.num_ghosts, dtype=np.int64)
         geometry = self.domain.geometry
-        self.local_points[self.V.dofmap.list] = np.asarray(geometry.input_global_indices)[compat.geometry_dofmap(self.domain)]
-        self.owned_points = self.local_points[: self.n_owned]
+        points[self.V.dofmap.list] = np.asarray(geometry.input_global_indices)[compat.geometry_dofmap(self.domain)]
+        self.owned_points = points[: self.n_owned]
         self._global_order = np.concatenate(comm.allgather(self.owned_points))
         self._counts = np.array(comm.allgather(self.n_owned * mesh.dim))
-        self._ghosted = la.vector(index_map, mesh.dim)
         self.point_blocks = np.empty(len(mesh.points), dtype=np.int64)
         self.point_blocks[self._global_order] = np.arange(len(mesh.points))
+        self._find_near_cells()
+
+    def _find_near_cells(self) -> None:
+        blocks, d = self.point_blocks[self.mesh.cells], self.dim
+        first, last = self.first_block, self.first_block + self.n_owned
+        touching = np.flatnonzero(((blocks >= first) & (blocks < last)).any(axis=1))
+        # A cell counts for the rank that owns its lowest block; cells in the order of their blocks keep memory close.
+        lowest = blocks[touching].min(axis=1)
+        order = np.lexsort((lowest, lowest < first))
+        self.near_cells, blocks = touching[order], blocks[touching[order]]
+        self.n_counted = int(np.count_nonzero(lowest >= first))
+        ghosts = np.unique(blocks[(blocks < first) | (blocks >= last)])
+        self.local_blocks = np.concatenate([np.arange(first, last), ghosts])
+        self.local_points = self._global_order[self.local_blocks]
+        local = np.empty(len(self.mesh.points), dtype=np.int32)
+        local[self.local_blocks] = np.arange(len(self.local_blocks))
+        self.near_dofs = np.ascontiguousarray(local[blocks])
+        ends = np.cumsum(self._counts // d)
+        halo = common.IndexMap(self.comm, self.n_owned, ghosts, np.searchsorted(ends, ghosts, side="right").astype(np.int32))
+        self._halo = la.vector(halo, d)
 
     @property
     def dim(self) -> int:
         return self.mesh.dim
 
     @property
-    def local_cells(self) -> np.ndarray:
-        """(m_local,) int64: input index of each cell on this rank, ghosts last."""
+    def domain_cells(self) -> np.ndarray:
+        """(m_local,) int64: input index of each cell of `domain` on this rank, ghosts last."""
         return np.asarray(self.domain.topology.original_cell_index)
 
     def create_vector(self) -> PETSc.Vec:
@@ -73,13 +99,9 @@ class LevelSpace:
         return result
 
     def with_ghosts(self, owned: np.ndarray) -> np.ndarray:
-        """Owned and ghost rows (n_local, d) from owned rows (n_owned, d). Collective."""
-        self._ghosted.array[: owned.size] = owned.ravel()
-        self._ghosted.scatter_forward()
-        return self._ghosted.array.reshape(-1, self.dim).copy()
-
-    def add_ghosts(self, local: np.ndarray) -> np.ndarray:
-        """Owned rows (n_owned, d) after each ghost row of `local` (n_local, d) was added to its owner's. Collective."""
-        self._ghosted.array[:] = local.ravel()
-        self._ghosted.scatter_reverse(la.InsertMode.add)
-        return self._ghosted.array[: self.n_owned * self.dim].reshape(-1, self.dim).copy()
+        """Local rows (n_local, d) from owned rows (n_owned, d). Collective."""
+        if self.comm.size == 1:
+            return owned
+        self._halo.array[: owned.size] = owned.ravel()
+        self._halo.scatter_forward()
+        return self._halo.array.reshape(-1, self.dim).copy()

@@ -34,7 +34,7 @@ def containing_cells(points: np.ndarray, bodies: np.ndarray, source: LevelSpace)
         Input cell index, -1 outside. Replicated.
     """
     mesh, topology = source.mesh, source.domain.topology
-    owned = source.local_cells[: topology.index_map(topology.dim).size_local]
+    owned = source.domain_cells[: topology.index_map(topology.dim).size_local]
     outside = len(mesh.cells)
     found = np.full(len(points), outside, dtype=np.int64)
     slack = INSIDE * np.abs(mesh.points).max()

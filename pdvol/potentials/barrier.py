@@ -5,9 +5,9 @@ Source: Li et al. 2020 (Incremental Potential Contact); Li et al. 2023 (converge
 
 import ipctk
 import numpy as np
-from scipy.sparse import csr_array
 
-from pdvol.potentials.collision_surface import CollisionSurface
+from pdvol.potentials.collision_surface import PROJECTIONS, CollisionSurface
+from pdvol.potentials.hessian_blocks import HessianBlocks
 from pdvol.potentials.potential import Positions, Term
 
 
@@ -57,13 +57,11 @@ class SurfaceBarrier(Term):
             return np.zeros_like(x.owned)
         return self.surface.rows_of_gradient(self._potential.gradient(active, self.surface.mesh, vertices))
 
-    def hessian(self, x: Positions) -> csr_array:
+    def add_hessian(self, x: Positions, weight: float, into: HessianBlocks) -> None:
         active, vertices = self.collisions(x)
-        if not len(active):
-            d = self.space.dim
-            return csr_array((self.space.n_owned * d, len(self.space.mesh.points) * d))
-        clamp = ipctk.PSDProjectionMethod.CLAMP
-        return self.surface.rows_of_hessian(self._potential.hessian(active, self.surface.mesh, vertices, project_hessian_to_psd=clamp))
+        if len(active):
+            hessian = self._potential.hessian(active, self.surface.mesh, vertices, project_hessian_to_psd=PROJECTIONS[into.positive])
+            self.surface.add_hessian(hessian, weight, into)
 
     def max_step(self, x: Positions, direction: np.ndarray, until: float | None = None) -> float:
         return self.surface.max_step(self.surface.vertices(x), self.surface.vertices(x.moved(1.0, direction), at=until))

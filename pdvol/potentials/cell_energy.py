@@ -1,7 +1,8 @@
 """A term from any UFL energy density psi(F, parameters): value, gradient and filtered Hessian through compiled kernels.
 
 The density may depend on x through F = grad(x) alone, and on parameters that are constant per cell. First and second derivatives are
-UFL's; P1 positions make every integrand constant per cell, so one quadrature point is exact.
+UFL's; P1 positions make every integrand constant per cell, so one quadrature point is exact. Isotropic densities in 3D, recognised by
+trying, get their Hessians through stretches (native/isotropic.c), many times faster; all others through UFL's derivatives by x.
 """
 
 from collections.abc import Callable, Mapping
@@ -10,17 +11,16 @@ import basix.ufl
 import numpy as np
 import ufl
 from dolfinx import jit
-from scipy.sparse import csr_array
+from mpi4py import MPI
 
-from pdvol import compat
 from pdvol.forms.kinematics import deformation_gradient
 from pdvol.hierarchy.level_space import LevelSpace
 from pdvol.potentials import native
-from pdvol.potentials.block_pattern import BlockPattern
+from pdvol.potentials.hessian_blocks import FILTERS, HessianBlocks
 from pdvol.potentials.native import ffi, pointer
 from pdvol.potentials.potential import Positions, Term
 
-FILTERS = {"none": 0, "clamp": 1, "abs": 2}
+ISOTROPIC = 1e-12  # relative change of psi under rotations that is put down to round-off
 
 
 class CellEnergy(Term):
@@ -29,85 +29,158 @@ class CellEnergy(Term):
     Parameters
     ----------
     space : LevelSpace
-    pattern : BlockPattern
     psi : callable (F, **parameters) -> UFL energy density [Pa]
     parameters : mapping of names to arrays (len(cells),)
-    cells : (k,) local indices of owned cells
+    cells : (k,) indices into the space's near cells, ascending
     name : str
-    positive : "clamp", "abs" or "none"
-        What becomes of negative eigenvalues of a cell's Hessian over F.
     """
 
-    def __init__(self, space: LevelSpace, pattern: BlockPattern, psi: Callable, parameters: Mapping[str, np.ndarray], cells: np.ndarray,
-                 name: str = "elastic", positive: str = "clamp"):
-        self.space, self.pattern, self.name, self.positive = space, pattern, name, positive
-        self._cells = np.ascontiguousarray(cells, dtype=np.int32)
-        self._blocks = np.ascontiguousarray(space.V.dofmap.list, dtype=np.int32)
-        self._cell_blocks = np.ascontiguousarray(self._blocks[self._cells])
-        self._nodes = np.ascontiguousarray(compat.geometry_dofmap(space.domain), dtype=np.int32)
-        self._points = np.ascontiguousarray(space.domain.geometry.x, dtype=np.float64)
-        self._library = native.library()
-        self._compile(psi, parameters)
-        volumes = np.abs(space.mesh.volumes[space.local_cells[self._cells]])
-        self.scale = space.comm.allreduce(float(sum(np.abs(values) @ volumes for values in parameters.values())))
+    def __init__(self, space: LevelSpace, psi: Callable, parameters: Mapping[str, np.ndarray], cells: np.ndarray, name: str = "elastic"):
+        self.space, self.name = space, name
+        d = space.dim
+        self._cells, self._counted = cells, int(np.searchsorted(cells, space.n_counted))
+        self._dofs = np.ascontiguousarray(space.near_dofs[cells])
+        self._nodes = np.ascontiguousarray(space.mesh.cells[space.near_cells[cells]], dtype=np.int32)
+        self._points = np.zeros((len(space.mesh.points), 3))
+        self._points[:, :d] = space.mesh.points
+        self._volumes = np.abs(space.mesh.volumes[space.near_cells[cells]])
+        self._library, self._slots = native.library(), None
+        counted = slice(self._counted)
+        self.scale = space.comm.allreduce(float(sum(np.abs(values[counted]) @ self._volumes[counted] for values in parameters.values())))
+        self._compile(psi, {name: np.asarray(values, dtype=float) for name, values in parameters.items()})
 
     def _compile(self, psi, parameters) -> None:
-        space = self.space
-        domain, d = space.domain.ufl_domain(), space.dim
+        space, d = self.space, self.space.dim
+        domain = space.domain.ufl_domain()
         x = ufl.Coefficient(space.V.ufl_function_space())
         constant = ufl.FunctionSpace(domain, basix.ufl.element("DG", space.domain.basix_cell(), 0))
         coefficients = {name: ufl.Coefficient(constant) for name in parameters}
-        dx = ufl.Measure("dx", domain=domain, metadata={"quadrature_degree": 0})
-        energy = psi(deformation_gradient(x), **coefficients) * dx
-        gradient = ufl.derivative(energy, x, ufl.TestFunction(space.V.ufl_function_space()))
-        hessian = ufl.derivative(gradient, x, ufl.TrialFunction(space.V.ufl_function_space()))
-        columns = {x: None, **{coefficients[name]: np.asarray(values, dtype=float) for name, values in parameters.items()}}
-        self._kernels = [_Kernel(space.comm, form, columns, len(self._cells), (d + 1) * d) for form in (energy, gradient, hessian)]
+        energy = psi(deformation_gradient(x), **coefficients) * _one_point(domain)
+        first = ufl.derivative(energy, x, ufl.TestFunction(space.V.ufl_function_space()))
+        columns = {x: None, **{coefficients[name]: values for name, values in parameters.items()}}
+        compiled = lambda form: _PackedKernel(space.comm, form, columns, len(self._cells), (d + 1) * d)  # noqa: E731
+        self._energy, self._first, self._second, self._stretches = compiled(energy), compiled(first), None, None
+        if d == 3 and len(parameters) <= _MAX_PARAMETERS and self._is_isotropic():
+            self._stretches = _StretchKernels(space, psi, parameters)
+            edges = space.mesh.points[self._nodes]
+            self._inverse = np.ascontiguousarray(np.linalg.inv((edges[:, 1:] - edges[:, :1]).transpose(0, 2, 1)))
+        else:
+            self._second = compiled(ufl.derivative(first, x, ufl.TrialFunction(space.V.ufl_function_space())))
 
-    def _arguments(self, order: int, x: Positions):
-        kernel = self._kernels[order]
-        if kernel.positions_at is not None and kernel.packed_for is not x:
-            shape = (len(self._cells), -1)
-            width = self._cell_blocks.shape[1] * self.space.dim
-            kernel.packed[:, kernel.positions_at : kernel.positions_at + width] = x.local[self._cell_blocks].reshape(shape)
-            kernel.packed_for = x
-        return (kernel.function, self.space.dim, len(self._cells), pointer(self._cells, "int32_t"), pointer(self._nodes, "int32_t"),
-                pointer(self._points), pointer(kernel.packed), kernel.packed.shape[1], ffi.NULL)
+    def _is_isotropic(self) -> bool:
+        """Whether psi(Q F R) = psi(F) for some arbitrary F and rotations Q, R; the same on every rank."""
+        rng = np.random.default_rng(0)
+        changes = []
+        for _ in range(4 if len(self._cells) else 0):
+            Q, R = (_rotation(rng) for _ in range(2))
+            F = np.eye(3) + 0.2 * rng.uniform(-1, 1, (3, 3))
+            one, other = (self._energy.on_unit_cell(f) for f in (F, Q @ F @ R))
+            changes.append(abs(one - other) / max(abs(one), abs(other), 1e-300))
+        return self.space.comm.allreduce(max(changes, default=0.0), op=MPI.MAX) < ISOTROPIC
+
+    def _arguments(self, kernel, x: Positions, count: int):
+        kernel.put(x, self._dofs)
+        return (kernel.function, self.space.dim, count, pointer(self._nodes, "int32_t"), pointer(self._points), pointer(kernel.packed),
+                kernel.packed.shape[1], ffi.NULL)
 
     def value(self, x: Positions) -> float:
-        mine = self._library.cell_values(*self._arguments(0, x))
+        mine = self._library.cell_values(*self._arguments(self._energy, x, self._counted))
         total = self.space.comm.allreduce(mine)
         return total if np.isfinite(total) else np.inf
 
     def gradient(self, x: Positions) -> np.ndarray:
         local = np.zeros((len(self.space.local_points), self.space.dim))
-        self._library.cell_gradients(*self._arguments(1, x), pointer(self._blocks, "int32_t"), pointer(local))
-        return self.space.add_ghosts(local)
+        self._library.cell_gradients(*self._arguments(self._first, x, len(self._cells)), pointer(self._dofs, "int32_t"), pointer(local))
+        return local[: self.space.n_owned]
 
-    def hessian(self, x: Positions) -> csr_array:
-        d = self.space.dim
-        blocks = np.zeros((self.pattern.count, d, d))
-        kernel = self._kernels[2]
-        mode = FILTERS[self.positive] if kernel.positions_at is not None else 0  # a Hessian without positions is that of a quadratic energy
-        self._library.cell_hessians(*self._arguments(2, x), pointer(self.pattern.slots, "int32_t"), mode, kernel.positions_at or 0, pointer(blocks))
-        return self.pattern.rows(blocks)
+    def add_hessian(self, x: Positions, weight: float, into: HessianBlocks) -> None:
+        if self._slots is None or self._slots_of is not into.pattern:
+            self._slots, self._slots_of = np.ascontiguousarray(into.pattern.slots[self._cells]), into.pattern
+        slots, mode, out = pointer(self._slots, "int32_t"), FILTERS[into.positive], pointer(into.cells)
+        if self._stretches is not None:
+            local = np.ascontiguousarray(x.local)
+            self._library.isotropic_hessians(*self._stretches.functions, len(self._cells), pointer(self._dofs, "int32_t"), pointer(local),
+                                             pointer(self._inverse), pointer(self._volumes), *self._stretches.parameters, slots, mode, weight, out)
+        else:
+            mode = mode if self._second.positions_at is not None else 0  # a Hessian without positions is that of a quadratic energy
+            self._library.cell_hessians(*self._arguments(self._second, x, len(self._cells)), slots, mode, weight, out)
+
+
+_MAX_PARAMETERS = 16  # isotropic.c keeps a cell's arguments on the stack
+
+
+def _rotation(rng) -> np.ndarray:
+    q, r = np.linalg.qr(rng.standard_normal((3, 3)))
+    q = q * np.sign(np.diag(r))
+    return q * np.sign(np.linalg.det(q))
+
+
+def _one_point(domain) -> ufl.Measure:
+    return ufl.Measure("dx", domain=domain, metadata={"quadrature_degree": 0})
 
 
 class _Kernel:
-    """A compiled form's cell kernel with the array its coefficients are packed in."""
+    """A compiled form's cell kernel.
 
-    def __init__(self, comm, form, columns, count: int, width: int):
+    Attributes
+    ----------
+    function : cffi pointer
+    coefficients : the form's coefficients, in the order the kernel wants them
+    """
+
+    def __init__(self, comm, form):
         options = {"cffi_extra_compile_args": list(native.FLAGS), "cache_dir": str(native.cache_folder() / "forms")}
         compiled, self._module, _ = jit.ffcx_jit(comm, form, jit_options=options)
-        kernel = compiled.form_integrals[0].tabulate_tensor_float64
-        self.function = ffi.cast("void *", int(self._module.ffi.cast("uintptr_t", kernel)))
-        self.packed_for, self.positions_at = None, None
+        self._kernel = compiled.form_integrals[0].tabulate_tensor_float64
+        self.function = ffi.cast("void *", int(self._module.ffi.cast("uintptr_t", self._kernel)))
         ordered = form.coefficients()
-        used = [ordered[compiled.original_coefficient_positions[i]] for i in range(compiled.num_coefficients)]
-        widths = [width if columns[c] is None else 1 for c in used]
+        self.coefficients = [ordered[compiled.original_coefficient_positions[i]] for i in range(compiled.num_coefficients)]
+
+
+class _PackedKernel(_Kernel):
+    """A kernel of positions with the array its coefficients are packed in, a row per cell."""
+
+    def __init__(self, comm, form, columns, count: int, width: int):
+        super().__init__(comm, form)
+        self.positions_at, self._width, self._packed_for = None, width, None
+        widths = [width if columns[c] is None else 1 for c in self.coefficients]
         self.packed = np.zeros((count, sum(widths)))
-        for at, coefficient in zip(np.cumsum([0, *widths]), used, strict=False):
+        for at, coefficient in zip(np.cumsum([0, *widths]), self.coefficients, strict=False):
             if columns[coefficient] is None:
                 self.positions_at = int(at)
             else:
                 self.packed[:, at] = columns[coefficient]
+
+    def put(self, x: Positions, dofs: np.ndarray) -> None:
+        """Packs positions, unless they are those of the last call."""
+        if self.positions_at is not None and self._packed_for is not x:
+            self.packed[:, self.positions_at : self.positions_at + self._width] = x.local[dofs].reshape(len(dofs), -1)
+            self._packed_for = x
+
+    def on_unit_cell(self, F: np.ndarray) -> float:
+        """The energy of the unit tetrahedron deformed by F, with the first cell's parameters."""
+        corners = np.concatenate([np.zeros((1, 3)), np.eye(3)])
+        w, nodes = self.packed[0].copy(), np.arange(4, dtype=np.int32)
+        w[self.positions_at : self.positions_at + self._width] = (corners @ F.T).ravel()
+        return native.library().cell_values(self.function, 3, 1, pointer(nodes, "int32_t"), pointer(corners), pointer(w), len(w), ffi.NULL)
+
+
+class _StretchKernels:
+    """First and second derivatives of psi(diag(stretches)), and the parameters, as isotropic.c takes them."""
+
+    def __init__(self, space: LevelSpace, psi, parameters):
+        domain, cell = space.domain.ufl_domain(), space.domain.basix_cell()
+        vectors = ufl.FunctionSpace(domain, basix.ufl.element("DG", cell, 0, shape=(3,)))
+        constant = ufl.FunctionSpace(domain, basix.ufl.element("DG", cell, 0))
+        stretches, coefficients = ufl.Coefficient(vectors), {name: ufl.Coefficient(constant) for name in parameters}
+        F = ufl.as_matrix([[stretches[i] if i == j else 0 for j in range(3)] for i in range(3)])
+        first = ufl.derivative(psi(F, **coefficients) * _one_point(domain), stretches, ufl.TestFunction(vectors))
+        second = ufl.derivative(first, stretches, ufl.TrialFunction(vectors))
+        places = {stretches: [0, 1, 2], **{coefficients[name]: [3 + i] for i, name in enumerate(parameters)}}
+        kernels = [_Kernel(space.comm, form) for form in (first, second)]
+        self._kernels = kernels
+        sources = [[place for c in kernel.coefficients for place in places[c]] for kernel in kernels]
+        self._arguments = np.array(sum(sources, []), dtype=np.int32)
+        self._values = np.ascontiguousarray(np.column_stack([np.asarray(v, dtype=float) for v in parameters.values()]))
+        self.functions = (*(k.function for k in kernels), pointer(self._arguments, "int32_t"), *(len(s) for s in sources))
+        self.parameters = (pointer(self._values), self._values.shape[1])

@@ -6,10 +6,14 @@ contact does not depend on how the level is distributed.
 
 import ipctk
 import numpy as np
-from scipy.sparse import coo_array, csr_array
+from scipy.sparse import csr_array
 
 from pdvol.hierarchy.level_space import LevelSpace
+from pdvol.potentials.hessian_blocks import HessianBlocks
 from pdvol.potentials.potential import Positions
+
+PROJECTIONS = {"none": ipctk.PSDProjectionMethod.NONE, "clamp": ipctk.PSDProjectionMethod.CLAMP, "abs": ipctk.PSDProjectionMethod.ABS}
+"""What ipctk makes of negative eigenvalues, by our names."""
 
 ipctk.set_num_threads(1)  # sums over contacts repeat to the last bit; measured again where speed asks for it
 
@@ -53,7 +57,7 @@ class CollisionSurface:
         self.mesh = ipctk.CollisionMesh(np.asfortranarray(everything[0]), np.asfortranarray(everything[1], dtype=np.int32),
                                         np.asfortranarray(everything[2] if d == 3 else np.zeros((0, 3)), dtype=np.int32))
         self.mesh.can_collide = ipctk.make_static_obstacle_filter(len(self.surface))
-        self._unknowns = (space.point_blocks[self.surface][:, None] * d + np.arange(d)).ravel()
+        self._blocks = space.point_blocks[self.surface]
         self.obstacle_positions = self._obstacles_at(0.0)
 
     def _obstacles_at(self, time: float) -> np.ndarray:
@@ -84,14 +88,9 @@ class CollisionSurface:
         whole[self.surface] = gradient.reshape(-1, self.space.dim)[: len(self.surface)]
         return self.space.from_input(whole)
 
-    def rows_of_hessian(self, hessian) -> csr_array:
-        """This rank's matrix rows of a sparse Hessian over the collision mesh's unknowns; obstacles have none."""
-        d, space = self.space.dim, self.space
-        entries = coo_array(hessian)
-        row, column = entries.coords
-        free = (row < len(self._unknowns)) & (column < len(self._unknowns))
-        first, last = space.first_block * d, (space.first_block + space.n_owned) * d
-        row, column, value = self._unknowns[row[free]], self._unknowns[column[free]], entries.data[free]
-        mine = (row >= first) & (row < last)
-        shape = (space.n_owned * d, len(space.mesh.points) * d)
-        return csr_array(coo_array((value[mine], (row[mine] - first, column[mine])), shape=shape))
+    def add_hessian(self, hessian, weight: float, into: HessianBlocks) -> None:
+        """Adds a sparse Hessian over the collision mesh's unknowns; obstacles have none."""
+        d, k = self.space.dim, len(self.surface)
+        blocks = csr_array(hessian)[: k * d, : k * d].tobsr(blocksize=(d, d))
+        rows = np.repeat(np.arange(k), np.diff(blocks.indptr))
+        into.add_pairs(self._blocks[rows], self._blocks[blocks.indices], weight * blocks.data)

@@ -4,7 +4,6 @@ import numpy as np
 
 from pdvol.hierarchy.level_space import LevelSpace
 from pdvol.potentials import native
-from pdvol.potentials.block_pattern import BlockPattern
 from pdvol.potentials.cell_energy import CellEnergy
 from pdvol.potentials.native import pointer
 from pdvol.potentials.potential import Positions
@@ -17,20 +16,18 @@ class Elastic(CellEnergy):
     """The elastic energy of all cells that follow one law; steps are capped so that no cell inverts."""
 
     def max_step(self, x: Positions, direction: np.ndarray, until: float | None = None) -> float:
-        local, moved = x.local, self.space.with_ghosts(direction)
-        return native.library().volume_step(self.space.dim, len(self._cells), pointer(self._cell_blocks, "int32_t"), pointer(local),
-                                            pointer(moved), KEEP_VOLUME)
+        local, moved = np.ascontiguousarray(x.local), np.ascontiguousarray(self.space.with_ghosts(direction))
+        return native.library().volume_step(self.space.dim, self._counted, pointer(self._dofs, "int32_t"), pointer(local), pointer(moved),
+                                            KEEP_VOLUME)
 
 
-def elastic_terms(space: LevelSpace, materials: tuple[Material, ...], positive: str = "clamp") -> tuple[Elastic, ...]:
+def elastic_terms(space: LevelSpace, materials: tuple[Material, ...]) -> tuple[Elastic, ...]:
     """One term per law that occurs; `materials` has one entry per body."""
-    pattern = BlockPattern(space)
-    owned = space.domain.topology.index_map(space.domain.topology.dim).size_local
-    bodies = space.mesh.bodies[space.local_cells[:owned]]
+    bodies = space.mesh.bodies[space.near_cells]
     terms = []
     for law in dict.fromkeys(type(m) for m in materials):
         chosen = [i for i, m in enumerate(materials) if type(m) is law]
         cells = np.flatnonzero(np.isin(bodies, chosen))
         mu, lmbda = (np.array([getattr(m, name) for m in materials])[bodies[cells]] for name in ("mu", "lmbda"))
-        terms.append(Elastic(space, pattern, law.psi, {"mu": mu, "lmbda": lmbda}, cells, positive=positive))
+        terms.append(Elastic(space, law.psi, {"mu": mu, "lmbda": lmbda}, cells))
     return tuple(terms)

@@ -2,9 +2,10 @@
 
 import ipctk
 import numpy as np
-from scipy.sparse import csr_array
 
 from pdvol.potentials.barrier import SurfaceBarrier
+from pdvol.potentials.collision_surface import PROJECTIONS
+from pdvol.potentials.hessian_blocks import HessianBlocks
 from pdvol.potentials.potential import Positions, Term
 
 
@@ -42,9 +43,7 @@ class SurfaceFriction(Term):
             return np.zeros_like(x.owned)
         return self.surface.rows_of_gradient(self._potential.gradient(self._lagged, self.surface.mesh, self._slip(x)))
 
-    def hessian(self, x: Positions) -> csr_array:
-        if not len(self._lagged):
-            d = self.space.dim
-            return csr_array((self.space.n_owned * d, len(self.space.mesh.points) * d))
-        clamp = ipctk.PSDProjectionMethod.CLAMP
-        return self.surface.rows_of_hessian(self._potential.hessian(self._lagged, self.surface.mesh, self._slip(x), clamp))
+    def add_hessian(self, x: Positions, weight: float, into: HessianBlocks) -> None:
+        if len(self._lagged):
+            hessian = self._potential.hessian(self._lagged, self.surface.mesh, self._slip(x), PROJECTIONS[into.positive])
+            self.surface.add_hessian(hessian, weight, into)

@@ -7,11 +7,11 @@ candidates missing contacts beyond dhat / 2 and lacking friction and motion, is 
 
 import numpy as np
 from mpi4py import MPI
-from scipy.sparse import bsr_array, csr_array
 
 from pdvol.hierarchy.level_mesh import LevelMesh
 from pdvol.hierarchy.level_space import LevelSpace
 from pdvol.potentials import smooth_friction
+from pdvol.potentials.hessian_blocks import HessianBlocks
 from pdvol.potentials.potential import Positions, Term
 from pdvol.scene import Plane
 
@@ -88,14 +88,14 @@ class HalfSpaceBarrier(Term):
         np.add.at(out, self.vertices[vertex], -force[:, None] * self.normals[plane])
         return out
 
-    def hessian(self, x: Positions) -> csr_array:
+    def add_hessian(self, x: Positions, weight: float, into: HessianBlocks) -> None:
         plane, vertex, gap = self._active(x)
         s = (gap / self.dhat) ** 2
         g1 = -(s - 1.0) * (2.0 * np.log(s) + (s - 1.0) / s)
         g2 = -(2.0 * np.log(s) + 4.0 * (s - 1.0) / s - (s - 1.0) ** 2 / s**2)
         curvature = self.kappa * self.areas[vertex] / self.dhat * (4.0 * s * g2 + 2.0 * g1)
         n = self.normals[plane]
-        return vertex_blocks(self.space, self.vertices[vertex], np.maximum(curvature, 0.0)[:, None, None] * n[:, :, None] * n[:, None, :])
+        into.add_diagonal(self.vertices[vertex], weight * curvature[:, None, None] * n[:, :, None] * n[:, None, :])
 
     def max_step(self, x: Positions, direction: np.ndarray, until: float | None = None) -> float:
         # A plane that turns meanwhile is taken to close gaps evenly: exact for translations, and what is left is checked again.
@@ -156,27 +156,15 @@ class HalfSpaceFriction(Term):
         np.add.at(out, self._vertices, (self._force * smooth_friction.f1_over(slip, self._eps))[:, None] * u)
         return out
 
-    def hessian(self, x: Positions) -> csr_array:
+    def add_hessian(self, x: Positions, weight: float, into: HessianBlocks) -> None:
         u, slip = self._slip(x)
         along = u / np.maximum(slip, 1e-300)[:, None]
         n = self._normals
         tangent = np.eye(self.space.dim) - n[:, :, None] * n[:, None, :]
         outer = along[:, :, None] * along[:, None, :]
         round_, slope = smooth_friction.f1_over(slip, self._eps), smooth_friction.f1_slope(slip, self._eps)
-        blocks = self._force[:, None, None] * (round_[:, None, None] * tangent + (slope - round_)[:, None, None] * outer)
-        return vertex_blocks(self.space, self._vertices, blocks)
-
-
-def vertex_blocks(space: LevelSpace, vertices: np.ndarray, blocks: np.ndarray) -> csr_array:
-    """This rank's matrix rows with blocks (k, d, d) on the diagonal at owned vertices (k,), which may repeat."""
-    d, n = space.dim, space.n_owned
-    order = np.argsort(vertices, kind="stable")
-    starts = np.searchsorted(vertices[order], np.arange(n + 1))
-    columns = space.first_block + vertices[order]
-    shape = (n * d, len(space.mesh.points) * d)
-    rows = csr_array(bsr_array((blocks[order], columns, starts), shape=shape).tocsr())
-    rows.sum_duplicates()
-    return rows
+        blocks = weight * self._force[:, None, None] * (round_[:, None, None] * tangent + (slope - round_)[:, None, None] * outer)
+        into.add_diagonal(self._vertices, blocks)
 
 
 def _placed(plane: Plane, time: float):

@@ -3,7 +3,6 @@
 import numpy as np
 import ufl
 from dolfinx import fem, la
-from scipy.sparse import csr_array
 
 from pdvol.forms.inertia import lumped_mass
 from pdvol.forms.loads import body_force
@@ -14,7 +13,7 @@ from pdvol.potentials.potential import Positions, Term
 def density_field(space: LevelSpace, densities: np.ndarray) -> fem.Function:
     """Density [kg/m^d] per cell, from one number per body."""
     field = fem.Function(fem.functionspace(space.domain, ("DG", 0)))
-    cells = space.local_cells
+    cells = space.domain_cells
     field.x.array[np.asarray(field.function_space.dofmap.list)[: len(cells), 0]] = densities[space.mesh.bodies[cells]]
     return field
 
@@ -38,17 +37,12 @@ class DeadLoad(Term):
 
     def __init__(self, space: LevelSpace, force: np.ndarray):
         self.space, self.force = space, force
-        d = space.dim
-        self._zero = csr_array((space.n_owned * d, len(space.mesh.points) * d))
 
     def value(self, x: Positions) -> float:
         return -self.space.comm.allreduce(float(np.vdot(self.force, x.owned)))
 
     def gradient(self, x: Positions) -> np.ndarray:
         return -self.force
-
-    def hessian(self, x: Positions) -> csr_array:
-        return self._zero
 
 
 def gravity_load(space: LevelSpace, densities: np.ndarray, acceleration) -> DeadLoad:

@@ -4,9 +4,9 @@ from functools import cached_property
 from typing import Protocol
 
 import numpy as np
-from scipy.sparse import csr_array
 
 from pdvol.hierarchy.level_space import LevelSpace
+from pdvol.potentials.hessian_blocks import HessianBlocks
 
 
 class Positions:
@@ -62,8 +62,8 @@ class Potential(Protocol):
     def gradient(self, x: Positions) -> np.ndarray:
         """dE/dx [N], shape (n_owned, d)."""
 
-    def hessian(self, x: Positions) -> csr_array:
-        """Positive semi-definite stand-in for d2E/dx2 [N/m], this rank's rows: (n_owned d, n d), PETSc's columns."""
+    def add_hessian(self, x: Positions, weight: float, into: HessianBlocks) -> None:
+        """Adds weight times d2E/dx2 [N/m], made positive semi-definite as `into.positive` says."""
 
     def max_step(self, x: Positions, direction: np.ndarray, until: float | None = None) -> float:
         """Largest step in [0, 1] along direction (n_owned, d) that stays admissible for what this rank sees, while obstacles go where
@@ -83,6 +83,9 @@ class Term:
         pass
 
     def lag(self, x: Positions) -> None:
+        pass
+
+    def add_hessian(self, x: Positions, weight: float, into: HessianBlocks) -> None:
         pass
 
     def max_step(self, x: Positions, direction: np.ndarray, until: float | None = None) -> float:

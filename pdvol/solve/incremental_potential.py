@@ -2,11 +2,11 @@
 
 import numpy as np
 from mpi4py import MPI
-from scipy.sparse import csr_array, dia_array
 
 from pdvol.errors import SimulationError
 from pdvol.hierarchy.level_space import LevelSpace
 from pdvol.potentials.build import Terms
+from pdvol.potentials.hessian_blocks import HessianBlocks
 from pdvol.potentials.potential import Positions
 from pdvol.solve.timing import Stopwatch
 
@@ -23,10 +23,6 @@ class IncrementalPotential:
     def __init__(self, space: LevelSpace, terms: Terms, watch: Stopwatch):
         self.space, self.mass, self.terms, self.contacts, self.watch = space, terms.mass, terms.potentials, terms.contacts, watch
         self._contact_names = {id(t) for t in terms.contacts} | {id(t) for t in terms.potentials if t.name == "friction"}
-        d, n = space.dim, space.n_owned
-        shape = (n * d, len(space.mesh.points) * d)
-        self._inertia = csr_array(dia_array((np.roll(np.pad(self.mass.ravel(), (0, shape[1] - n * d)), space.first_block * d)[None],
-                                             [space.first_block * d]), shape=shape))
         self.x_hat, self.dt = None, None
 
     def begin_step(self, x_t: Positions, x_hat: np.ndarray, t0: float, t1: float) -> None:
@@ -66,15 +62,12 @@ class IncrementalPotential:
             total = total + self.dt**2 * part
         return total
 
-    def hessian(self, x: Positions) -> csr_array:
-        """Positive definite Hessian rows (n_owned d, n d)."""
-        total = self._inertia
+    def add_hessian(self, x: Positions, weight: float, into: HessianBlocks) -> None:
+        """Adds weight times the Hessian, positive definite unless `into.positive` is "none"."""
+        into.add_masses(weight * self.mass)
         for term in self.terms:
             with self._part(term):
-                rows = term.hessian(x)
-                if rows.nnz:
-                    total = total + self.dt**2 * rows
-        return total
+                term.add_hessian(x, weight * self.dt**2, into)
 
     def max_step(self, x: Positions, direction: np.ndarray, until: float | None = None) -> float:
         """Largest admissible step in [0, 1] along direction, obstacles moving to `until` [s] meanwhile: the same on every rank."""

@@ -12,14 +12,16 @@ from dataclasses import dataclass
 import numpy as np
 from mpi4py import MPI
 from petsc4py import PETSc
-from scipy.sparse import csr_array
 
 from pdvol.errors import PdvolError, SimulationError
 from pdvol.hierarchy.level_space import LevelSpace
+from pdvol.potentials.block_pattern import BlockPattern
+from pdvol.potentials.hessian_blocks import HessianBlocks
 from pdvol.potentials.potential import Positions
 from pdvol.scene import Solver
 from pdvol.solve.incremental_potential import IncrementalPotential
 from pdvol.solve.linear import LinearSolver
+from pdvol.solve.system_matrix import SystemMatrix
 from pdvol.solve.timing import Stopwatch
 
 ROUNDING = 1e-13  # a decrease below this share of the energy cannot be told from round-off: there the quadratic model is trusted
@@ -81,24 +83,19 @@ class Newton:
     def __init__(self, space: LevelSpace, potential: IncrementalPotential, supported: np.ndarray, tolerance: float, settings: Solver,
                  watch: Stopwatch):
         self.space, self.potential, self.tolerance, self.watch = space, potential, tolerance, watch
-        d, self._n = space.dim, len(space.mesh.points)
         self._fixed = supported
-        self._fixed_rows = (space.first_block + np.flatnonzero(supported))[:, None] * d + np.arange(d)
-        self._fixed_rows = self._fixed_rows.ravel().astype(PETSc.IntType)
-        self._any_fixed = space.comm.allreduce(bool(supported.any()), op=MPI.LOR)
         self._vector, self._residual = space.create_vector(), space.create_vector()
-        self._sizes = ((space.n_owned * d, self._n * d),) * 2
-        self._matrix, self._pattern = None, None
+        self._blocks, self._system = HessianBlocks(BlockPattern(space)), SystemMatrix(space, supported)
+        self._system.assemble(self._blocks)
         self.snes = self._create_snes(settings)
-        self.linear = LinearSolver(self.snes.ksp, settings, self._n * d)
+        self.linear = LinearSolver(self.snes.ksp, settings, len(space.mesh.points) * space.dim)
 
     def _create_snes(self, settings: Solver) -> PETSc.SNES:
-        d = self.space.dim
         snes = PETSc.SNES().create(comm=self.space.comm)
         snes.setType(PETSc.SNES.Type.NEWTONLS)
         snes.setObjective(self._objective)
         snes.setFunction(self._function, self._residual)
-        snes.setJacobian(self._jacobian, PETSc.Mat().createAIJ(self._sizes, bsize=d, csr=self._empty_rows(), comm=self.space.comm))
+        snes.setJacobian(self._jacobian, self._system.petsc)
         snes.setLineSearchPreCheck(self._cap)
         snes.setConvergenceTest(self._test)
         snes.setTolerances(rtol=0.0, atol=0.0, stol=0.0, max_it=settings.max_iterations)
@@ -144,36 +141,15 @@ class Newton:
         residual.setArray(gradient.ravel())
 
     def _jacobian(self, snes, vector, J, P) -> None:
-        rows = self.potential.hessian(self._positions(vector))
+        self._add_up(self._positions(vector))
         with self.watch.part("linear"):
-            if self._fill(rows):
-                snes.setJacobian(self._jacobian, self._matrix)
+            self._previous = self._system.petsc  # SNES still holds it while the callback runs
+            if self._system.assemble(self._blocks):
+                snes.setJacobian(self._jacobian, self._system.petsc)
 
-    def _empty_rows(self):
-        n = self._sizes[0][0]
-        return np.arange(n + 1, dtype=PETSc.IntType), np.zeros(n, dtype=PETSc.IntType), np.zeros(n)
-
-    def _fill(self, rows: csr_array) -> bool:
-        """Puts the summed rows into the system's matrix; says whether it is a new one.
-
-        Contacts change the pattern. A changed pattern gets a matrix of its own: an AIJ matrix preallocated anew can keep its nonzero
-        state, and the preconditioner would then take the old symbolic factors for the new pattern.
-        """
-        rows.sort_indices()
-        arrays = (rows.indptr.astype(PETSc.IntType), rows.indices.astype(PETSc.IntType), rows.data)
-        same = self._pattern is not None and all(np.array_equal(a, b) for a, b in zip(arrays, self._pattern, strict=False))
-        same = self.space.comm.allreduce(same, op=MPI.LAND)
-        if same:
-            self._matrix.setValuesCSR(*arrays)
-        else:
-            self._previous = self._matrix  # SNES still holds it while the callback runs
-            self._matrix = PETSc.Mat().createAIJ(self._sizes, bsize=self.space.dim, csr=arrays, comm=self.space.comm)
-            self._matrix.setOption(PETSc.Mat.Option.SPD, True)
-            self._pattern = arrays[:2]
-        self._matrix.assemble()
-        if self._any_fixed:
-            self._matrix.zeroRowsColumns(self._fixed_rows, diag=1.0)
-        return not same
+    def _add_up(self, x: Positions) -> None:
+        self._blocks.clear()
+        self.potential.add_hessian(x, 1.0, self._blocks)
 
     def _cap(self, vector, step) -> None:
         """Scales the step so that nothing crosses or inverts; SNES moves by its negative."""
@@ -243,23 +219,20 @@ class Newton:
     def direction(self, x: Positions, supported_move: np.ndarray) -> np.ndarray:
         """Newton's direction (n_owned, d) at x while supported vertices move by `supported_move` (n_owned, d)."""
         self._start(x)
-        rows = self.potential.hessian(x)
         gradient = self.potential.gradient(x)
+        self._add_up(x)
         prescribed = np.where(self._fixed[:, None], supported_move, 0.0)
         with self.watch.part("linear"), _own_errors():
-            moved = self.space.create_vector()
+            moved, force = self.space.create_vector(), self.space.create_vector()
             moved.setArray(prescribed.ravel())
             # The free rows see what the supports do; then rows and columns of supports are eliminated.
-            arrays = (rows.indptr.astype(PETSc.IntType), rows.indices.astype(PETSc.IntType), rows.data)
-            full = PETSc.Mat().createAIJ(self._sizes, bsize=self.space.dim, csr=arrays, comm=self.space.comm)
-            force = full.createVecLeft()
-            full.mult(moved, force)
+            self._system.assemble(self._blocks, eliminate=False)
+            self._system.petsc.mult(moved, force)
             right = np.where(self._fixed[:, None], prescribed, -gradient - force.getArray().reshape(-1, self.space.dim))
-            full.destroy()
-            if self._fill(rows):
-                self.snes.setJacobian(self._jacobian, self._matrix)
+            self._system.assemble(self._blocks)
+            self.snes.setJacobian(self._jacobian, self._system.petsc)
             moved.setArray(right.ravel())
-            self.snes.ksp.setOperators(self._matrix)
+            self.snes.ksp.setOperators(self._system.petsc)
             self.linear.solve(moved, force)
         found = force.getArray().reshape(-1, self.space.dim).copy()
         self._require_finite(found)

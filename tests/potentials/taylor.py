@@ -3,6 +3,10 @@
 import numpy as np
 from scipy.sparse import csr_array
 
+from pdvol.potentials.block_pattern import BlockPattern
+from pdvol.potentials.hessian_blocks import HessianBlocks
+from pdvol.potentials.potential import Positions
+
 STEPS = np.geomspace(1.0, 1.0 / 64.0, 7)  # times the length the caller gives
 ORDER = 1.9  # a wrong first derivative gives slope 1, a right one 2 (or 3 where the next term vanishes)
 ROUNDING = 1e-12  # of the sizes that are subtracted: remainders below cannot be told from round-off
@@ -50,8 +54,13 @@ def check_derivatives(value, gradient, hessian, x: np.ndarray, length: float, se
 
 def check_term(term, space, x: np.ndarray, length: float, hessian="own", **options):
     """`check_derivatives` of a term of the incremental potential; `hessian` replaces its own, or leaves it out when None."""
-    from pdvol.potentials.potential import Positions
-
     at = lambda call: lambda owned: call(Positions(space, owned))  # noqa: E731
-    second = term.hessian if isinstance(hessian, str) else hessian
-    check_derivatives(at(term.value), at(term.gradient), None if second is None else at(second), x, length, **options)
+    second = (lambda owned: hessian_of(term, space, owned, "none")) if isinstance(hessian, str) else hessian and at(hessian)
+    check_derivatives(at(term.value), at(term.gradient), second, x, length, **options)
+
+
+def hessian_of(term, space, x: np.ndarray, positive: str = "clamp") -> csr_array:
+    """A term's whole Hessian (n d, n d) at owned positions x, of a level on one rank."""
+    blocks = HessianBlocks(BlockPattern(space), positive)
+    term.add_hessian(Positions(space, x), 1.0, blocks)
+    return blocks.to_csr()

@@ -9,7 +9,6 @@ from mpi4py import MPI
 from pdvol.forms.elasticity import neo_hookean
 from pdvol.hierarchy.level_space import LevelSpace
 from pdvol.potentials.barrier import SurfaceBarrier
-from pdvol.potentials.block_pattern import BlockPattern
 from pdvol.potentials.build import Terms
 from pdvol.potentials.cell_energy import CellEnergy
 from pdvol.potentials.collision_surface import CollisionSurface, Obstacle
@@ -23,7 +22,7 @@ from pdvol.solve.incremental_potential import IncrementalPotential
 from pdvol.solve.timing import Stopwatch
 from problems import polyline, tetrahedron
 from shapes import box, grid, together
-from taylor import check_derivatives, check_term
+from taylor import check_derivatives, check_term, hessian_of
 
 COMM = MPI.COMM_SELF
 DIMENSIONS = [2, 3]
@@ -63,7 +62,7 @@ def smallest_eigenvalue(H):
 @pytest.mark.parametrize("law", LAWS)
 @pytest.mark.parametrize("d", DIMENSIONS)
 def test_elastic(spaces, d, law):
-    (term,) = elastic_terms(spaces[d], (law(YOUNG, POISSON, DENSITY),), positive="none")
+    (term,) = elastic_terms(spaces[d], (law(YOUNG, POISSON, DENSITY),))
     check_term(term, spaces[d], state(spaces[d]), 1e-2)
 
 
@@ -72,7 +71,7 @@ def test_elastic_of_two_bodies(d):
     """Parameters are those of each cell's own body."""
     space = LevelSpace(together(box(d, 1), box(d, 1, low=2.0, high=3.0)), COMM)
     materials = (NeoHookean(YOUNG, POISSON), NeoHookean(10.0 * YOUNG, POISSON))
-    (term,) = elastic_terms(space, materials, positive="none")
+    (term,) = elastic_terms(space, materials)
     x = state(space)
     check_term(term, space, x, 1e-2)
     # Energies are proportional to Young's modulus and add up: E_both(y, 10 y) = E_first(y) + 10 E_second(y).
@@ -106,7 +105,7 @@ def test_inertia(spaces, d):
 def test_the_whole_potential(spaces, d):
     """Inertia plus dt^2 times the terms, with a large dt so that both matter."""
     space = spaces[d]
-    terms = (*elastic_terms(space, (NeoHookean(YOUNG, POISSON, DENSITY),), positive="none"),
+    terms = (*elastic_terms(space, (NeoHookean(YOUNG, POISSON, DENSITY),)),
              gravity_load(space, np.array([DENSITY]), np.eye(d)[-1]), half_space(space, d)[0])
     potential = IncrementalPotential(space, Terms(assemble_mass(space, np.array([DENSITY])), terms, ()), Stopwatch())
     x = near_plane(space)
@@ -140,7 +139,7 @@ def test_half_space_barrier(spaces, d):
     x = near_plane(space)
     assert term.count(Positions(space, x)) == np.sum(x[:, -1] < DHAT) > 1
     check_term(term, space, x, 2e-3)
-    assert smallest_eigenvalue(dense(term.hessian(Positions(space, x)))) >= 0.0
+    assert smallest_eigenvalue(dense(hessian_of(term, space, x))) >= 0.0
 
 
 @pytest.mark.parametrize("d", DIMENSIONS)
@@ -172,7 +171,7 @@ def test_half_space_friction(spaces, d, share, ground):
     slip = share * EPS_V * DT * np.eye(d)[0]
     x = x_t + DT * speed + slip + 0.2 * EPS_V * DT * np.random.default_rng(4).uniform(-1, 1, x_t.shape)
     check_term(term, space, x, 0.02 * EPS_V * DT, linear=d == 2 and share > 1.0)  # on a line, sliding forces are constant
-    assert smallest_eigenvalue(dense(term.hessian(Positions(space, x)))) >= -ROUND * abs(term.hessian(Positions(space, x))).max()
+    assert smallest_eigenvalue(dense(hessian_of(term, space, x))) >= -ROUND * abs(hessian_of(term, space, x)).max()
     # Forces of sliding vertices are mu times the normal force, against the slip.
     if share > 1.0:
         normal = barrier.gradient(Positions(space, x_t))[:, -1]
@@ -205,15 +204,6 @@ def touching():
     return {d: near_surfaces(d) for d in DIMENSIONS}
 
 
-def exact_hessian(term):
-    """The barrier's unprojected Hessian, straight from ipctk."""
-    def hessian(x):
-        active, vertices = term.collisions(x)
-        return term.surface.rows_of_hessian(term._potential.hessian(active, term.surface.mesh, vertices,
-                                                                    project_hessian_to_psd=ipctk.PSDProjectionMethod.NONE))
-    return hessian
-
-
 @pytest.mark.parametrize("d", DIMENSIONS)
 def test_surface_barrier(touching, d):
     space, term = touching[d]
@@ -224,8 +214,8 @@ def test_surface_barrier(touching, d):
     bodies = space.mesh.point_bodies[space.owned_points]
     assert np.any(reached & (bodies == 0) & (x[:, -1] < 0.5)), "the obstacle is not felt"
     assert np.any(reached & (bodies == 1)), "the bodies do not feel each other"
-    check_term(term, space, x, 2e-4, hessian=exact_hessian(term))
-    projected = dense(term.hessian(positions))
+    check_term(term, space, x, 2e-4)
+    projected = dense(hessian_of(term, space, positions.owned))
     assert smallest_eigenvalue(projected) >= -ROUND * np.abs(projected).max()
 
 
@@ -243,15 +233,12 @@ def test_surface_friction(touching, d, share):
     # The lower body slips on the obstacle, the upper one on the lower one as much again: both by share * eps.
     x = x_t + np.where(bodies == 0, 1.0, 2.0)[:, None] * share * EPS_V * DT * np.eye(d)[0]
 
-    def exact(x):
-        return term.surface.rows_of_hessian(term._potential.hessian(term._lagged, term.surface.mesh, term._slip(x), ipctk.PSDProjectionMethod.NONE))
-
     constant = d == 2 and share > 1.0  # on a line, sliding forces are constant
-    check_term(term, space, x, 0.02 * EPS_V * DT, hessian=exact, linear=constant)
-    own = dense(term.hessian(Positions(space, x)))
+    check_term(term, space, x, 0.02 * EPS_V * DT, linear=constant)
+    own = dense(hessian_of(term, space, x))
     assert smallest_eigenvalue(own) >= -ROUND * np.abs(own).max()
     if d == 2:
-        np.testing.assert_allclose(own, dense(exact(Positions(space, x))), atol=ROUND * max(np.abs(own).max(), 1e-300))
+        np.testing.assert_allclose(own, dense(hessian_of(term, space, x, "none")), atol=ROUND * max(np.abs(own).max(), 1e-300))
 
 
 @pytest.mark.parametrize("d", DIMENSIONS)
@@ -356,13 +343,13 @@ def reference_hessian(space, x, law_hessian, mode):
     return out, lowest
 
 
-def make_law(space, anisotropic, mode):
+def make_law(space, anisotropic):
     if not anisotropic:
-        return elastic_terms(space, (NeoHookean(YOUNG, POISSON, DENSITY),), positive=mode)[0], neo_hookean_hessian
+        return elastic_terms(space, (NeoHookean(YOUNG, POISSON, DENSITY),))[0], neo_hookean_hessian
     cells = np.arange(len(space.mesh.cells))
     material, ones = NeoHookean(YOUNG, POISSON), np.ones(len(cells))
     parameters = {"mu": material.mu * ones, "lmbda": material.lmbda * ones, "stiffness": 5.0 * ones}
-    return CellEnergy(space, BlockPattern(space), fibre_psi, parameters, cells, positive=mode), fibre_hessian
+    return CellEnergy(space, fibre_psi, parameters, cells), fibre_hessian
 
 
 # Compressed and sheared; the last is uniformly compressed: equal stretches, where the frames of F are not unique.
@@ -374,12 +361,12 @@ STATES = {"sheared": (0.3, 0.8), "compressed": (0.1, 0.5), "stretched": (0.05, 1
 @pytest.mark.parametrize("mode", ["none", "clamp", "abs"])
 def test_filter_against_a_dense_reference(spaces, d, anisotropic, mode):
     space = spaces[d]
-    term, law_hessian = make_law(space, anisotropic, mode)
+    term, law_hessian = make_law(space, anisotropic)
     indefinite = 0
     for strain, stretch in STATES.values():
         x = state(space, strain, seed=7, stretch=stretch)
         expected, lowest = reference_hessian(space, x, law_hessian, mode)
-        H = dense(term.hessian(Positions(space, x)))
+        H = dense(hessian_of(term, space, x, mode))
         scale = np.abs(expected).max()
         np.testing.assert_allclose(H, expected, atol=SAME * scale, rtol=0.0)
         if mode != "none":
@@ -397,14 +384,14 @@ def test_filter_leaves_definite_hessians_alone(spaces, d, mode):
     x = state(space, 0.02, stretch=1.3)  # in tension rotations stiffen: every cell's Hessian is definite
     _, lowest = reference_hessian(space, x, neo_hookean_hessian, "none")
     assert lowest > 0.0
-    rows = [dense(elastic_terms(space, (NeoHookean(YOUNG, POISSON, DENSITY),), positive=p)[0].hessian(Positions(space, x))) for p in (mode, "none")]
+    rows = [dense(hessian_of(elastic_terms(space, (NeoHookean(YOUNG, POISSON, DENSITY),))[0], space, x, p)) for p in (mode, "none")]
     np.testing.assert_array_equal(*rows)
 
 
 @pytest.mark.parametrize("d", DIMENSIONS)
 def test_anisotropic_law(spaces, d):
     """A user's law through CellEnergy has the same derivative check."""
-    term, _ = make_law(spaces[d], True, "none")
+    term, _ = make_law(spaces[d], True)
     check_term(term, spaces[d], state(spaces[d]), 1e-2)
 
 

@@ -1,4 +1,4 @@
-"""The compiled cell loops of elements.c, built once per machine with the C compiler that FFCx needs anyway."""
+"""The compiled cell loops, built once per machine with the C compiler that FFCx needs anyway."""
 
 import hashlib
 import os
@@ -14,18 +14,21 @@ import cffi
 from pdvol import compat
 from pdvol.errors import InputError
 
-FLAGS = ("-O3", "-march=native", "-ffp-contract=off")
+FLAGS = ("-O3", "-march=native", "-ffp-contract=off", "-fno-math-errno", "-fno-trapping-math")
 
 _DECLARATIONS = """
-double cell_values(void *kernel, int d, int64_t count, const int32_t *cells, const int32_t *nodes, const double *points,
-                   const double *w, int64_t stride, const double *constants);
-void cell_gradients(void *kernel, int d, int64_t count, const int32_t *cells, const int32_t *nodes, const double *points,
-                    const double *w, int64_t stride, const double *constants, const int32_t *blocks, double *out);
-int64_t cell_hessians(void *kernel, int d, int64_t count, const int32_t *cells, const int32_t *nodes, const double *points,
-                      const double *w, int64_t stride, const double *constants, const int32_t *slots, int mode, int64_t positions_at,
-                      double *out);
-double volume_step(int d, int64_t count, const int32_t *blocks, const double *x, const double *p, double keep);
+double cell_values(void *kernel, int d, int64_t count, const int32_t *nodes, const double *points, const double *w, int64_t stride,
+                   const double *constants);
+void cell_gradients(void *kernel, int d, int64_t count, const int32_t *nodes, const double *points, const double *w, int64_t stride,
+                    const double *constants, const int32_t *dofs, double *out);
+int64_t cell_hessians(void *kernel, int d, int64_t count, const int32_t *nodes, const double *points, const double *w, int64_t stride,
+                      const double *constants, const int32_t *slots, int mode, double weight, double *out);
+int64_t isotropic_hessians(void *gradient, void *hessian, const int32_t *arguments, int ng, int nh, int64_t count, const int32_t *dofs,
+                           const double *x, const double *inverse, const double *volumes, const double *parameters, int np,
+                           const int32_t *slots, int mode, double weight, double *out);
+double volume_step(int d, int64_t count, const int32_t *dofs, const double *x, const double *p, double keep);
 """
+SOURCES = ("elements.c", "isotropic.c")
 
 ffi = cffi.FFI()
 ffi.cdef(_DECLARATIONS)
@@ -46,16 +49,17 @@ def cache_folder() -> Path:
 @cache
 def library():
     """The loaded library. Two processes may build it at once: each builds aside and renames."""
-    source = Path(__file__).with_name("elements.c")
+    sources = [Path(__file__).with_name(name) for name in SOURCES]
+    contents = b"".join(path.read_bytes() for path in (*sources, Path(__file__).with_name("kernel.h")))
     command = [os.environ.get("CC") or "cc", *FLAGS, f"-DKERNEL_ARGUMENTS={compat.KERNEL_ARGUMENTS}", "-shared", "-fPIC"]
-    key = hashlib.sha256(source.read_bytes() + " ".join(command).encode()).hexdigest()[:16]
+    key = hashlib.sha256(contents + " ".join(command).encode()).hexdigest()[:16]
     target = cache_folder() / f"elements-{key}{sysconfig.get_config_var('SHLIB_SUFFIX') or '.so'}"
     if not target.exists():
         target.parent.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(dir=target.parent) as aside:
             built = Path(aside) / target.name
             try:
-                subprocess.run([*command, str(source), "-o", str(built), "-lm"], check=True, capture_output=True, text=True)
+                subprocess.run([*command, *map(str, sources), "-o", str(built), "-lm"], check=True, capture_output=True, text=True)
             except (OSError, subprocess.CalledProcessError) as error:
                 detail = (getattr(error, "stderr", "") or str(error)).strip().splitlines()
                 raise InputError(f"no C compiler: {detail[-1] if detail else error}; install one (FFCx needs it too) or set CC") from None

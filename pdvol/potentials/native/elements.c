@@ -7,16 +7,7 @@
 #include <stdint.h>
 #include <string.h>
 
-#ifndef KERNEL_ARGUMENTS
-#define KERNEL_ARGUMENTS 6
-#endif
-#if KERNEL_ARGUMENTS == 6
-typedef void (*kernel_t)(double *, const double *, const double *, const double *, const int *, const uint8_t *);
-#define CALL(k, A, w, c, x) ((kernel_t)(k))(A, w, c, x, 0, 0)
-#else
-typedef void (*kernel_t)(double *, const double *, const double *, const double *, const int *, const uint8_t *, void *);
-#define CALL(k, A, w, c, x) ((kernel_t)(k))(A, w, c, x, 0, 0, 0)
-#endif
+#include "kernel.h"
 
 enum { MAX_N = 12, MAX_H = 9 };
 
@@ -30,13 +21,13 @@ static void coordinates(int d, const int32_t *nodes, const double *points, doubl
 }
 
 /* Sum of the cells' energies. w is packed per cell, `stride` numbers each. */
-double cell_values(void *kernel, int d, int64_t count, const int32_t *cells, const int32_t *nodes, const double *points,
+double cell_values(void *kernel, int d, int64_t count, const int32_t *nodes, const double *points,
                    const double *w, int64_t stride, const double *constants)
 {
     double total = 0.0, x[12];
     for (int64_t k = 0; k < count; ++k) {
         double value = 0.0;
-        coordinates(d, nodes + (int64_t)cells[k] * (d + 1), points, x);
+        coordinates(d, nodes + k * (d + 1), points, x);
         CALL(kernel, &value, w + k * stride, constants, x);
         total += value;
     }
@@ -44,18 +35,17 @@ double cell_values(void *kernel, int d, int64_t count, const int32_t *cells, con
 }
 
 /* Adds the cells' gradients to out (local blocks x d). */
-void cell_gradients(void *kernel, int d, int64_t count, const int32_t *cells, const int32_t *nodes, const double *points,
-                    const double *w, int64_t stride, const double *constants, const int32_t *blocks, double *out)
+void cell_gradients(void *kernel, int d, int64_t count, const int32_t *nodes, const double *points, const double *w, int64_t stride,
+                    const double *constants, const int32_t *dofs, double *out)
 {
     double x[12];
     for (int64_t k = 0; k < count; ++k) {
         double b[MAX_N] = {0};
-        coordinates(d, nodes + (int64_t)cells[k] * (d + 1), points, x);
+        coordinates(d, nodes + k * (d + 1), points, x);
         CALL(kernel, b, w + k * stride, constants, x);
-        const int32_t *dofs = blocks + (int64_t)cells[k] * (d + 1);
         for (int i = 0; i <= d; ++i)
             for (int a = 0; a < d; ++a)
-                out[(int64_t)dofs[i] * d + a] += b[i * d + a];
+                out[(int64_t)dofs[k * (d + 1) + i] * d + a] += b[i * d + a];
     }
 }
 
@@ -145,110 +135,8 @@ INLINE void filter_full(int n, double *H, int mode)
     }
 }
 
-/* The same for a symmetric 2 x 2 matrix [a b; b c], in place. */
-INLINE void filter_pair(double *a, double *b, double *c, int mode)
-{
-    const double mean = 0.5 * (*a + *c), half = 0.5 * (*a - *c), radius = sqrt(half * half + *b * *b);
-    double high = mean + radius, low = mean - radius;
-    if (low >= 0.0)
-        return;
-    low = mode == 1 ? 0.0 : -low;
-    if (high < 0.0)
-        high = mode == 1 ? 0.0 : -high;
-    if (radius == 0.0) {
-        *a = *c = high;
-        return;
-    }
-    const double m = 0.5 * (high + low), r = 0.5 * (high - low) / radius;
-    *a = m + r * half, *c = m - r * half, *b *= r;
-}
-
-/* M (h x h over F) -> R' M R, R = V (x) U if forward, else R M R'. Rows and columns are numbered column of F first. */
-INLINE void rotate(int d, const double *U, const double *V, double *M, int forward)
-{
-    const int h = d * d;
-    double T[MAX_H * MAX_H];
-    for (int side = 0; side < 2; ++side) {
-        /* One factor along the rows' two indices; the result is stored transposed, so that two passes do both sides. */
-        for (int c = 0; c < h; ++c) {
-            double half[MAX_H];
-            for (int j = 0; j < d; ++j)
-                for (int q = 0; q < d; ++q) {
-                    double s = 0.0;
-                    for (int a = 0; a < d; ++a)
-                        s += (forward ? U[a * d + q] : U[q * d + a]) * M[(j * d + a) * h + c];
-                    half[j * d + q] = s;
-                }
-            for (int p = 0; p < d; ++p)
-                for (int q = 0; q < d; ++q) {
-                    double s = 0.0;
-                    for (int j = 0; j < d; ++j)
-                        s += (forward ? V[j * d + p] : V[p * d + j]) * half[j * d + q];
-                    T[c * h + p * d + q] = s;
-                }
-        }
-        memcpy(M, T, sizeof(double) * h * h);
-    }
-}
-
-/* In the frames of F = U S V' the Hessian of an isotropic energy falls apart into one d x d block (stretches) and a 2 x 2 block per
- * pair of axes (Smith, de Goes, Kim 2019), whatever the law: each is filtered by itself. Returns 0, H untouched, if it does not. */
-INLINE int filter_isotropic(int d, const double *F, double *H, int mode)
-{
-    const int h = d * d;
-    double C[9], V[9], U[9], M[MAX_H * MAX_H], S[9];
-    for (int i = 0; i < d; ++i)
-        for (int j = 0; j < d; ++j) {
-            double s = 0.0;
-            for (int a = 0; a < d; ++a)
-                s += F[a * d + i] * F[a * d + j];
-            C[i * d + j] = s;
-        }
-    eigensystem(d, C, V);
-    for (int q = 0; q < d; ++q) {
-        const double stretch = sqrt(C[q * d + q]);
-        if (!(stretch > 1e-6))
-            return 0;
-        for (int a = 0; a < d; ++a) {
-            double s = 0.0;
-            for (int j = 0; j < d; ++j)
-                s += F[a * d + j] * V[j * d + q];
-            U[a * d + q] = s / stretch;
-        }
-    }
-    memcpy(M, H, sizeof(double) * h * h);
-    rotate(d, U, V, M, 1);
-    double inside = 0.0, outside = 0.0;
-    for (int r = 0; r < h; ++r)
-        for (int c = 0; c < h; ++c) {
-            const int p = r / d, q = r % d, m = c / d, n = c % d;
-            const int block = (p == q && m == n) || (p == m && q == n) || (p == n && q == m);
-            *(block ? &inside : &outside) += M[r * h + c] * M[r * h + c];
-        }
-    if (outside > 1e-18 * inside)
-        return 0;
-    for (int p = 0; p < d; ++p)
-        for (int m = 0; m < d; ++m)
-            S[p * d + m] = 0.5 * (M[(p * d + p) * h + m * d + m] + M[(m * d + m) * h + p * d + p]);
-    filter_full(d, S, mode);
-    double P[MAX_H * MAX_H] = {0};
-    for (int p = 0; p < d; ++p)
-        for (int m = 0; m < d; ++m)
-            P[(p * d + p) * h + m * d + m] = S[p * d + m];
-    for (int p = 0; p < d; ++p)
-        for (int q = p + 1; q < d; ++q) {
-            const int r = p * d + q, c = q * d + p;
-            double a = M[r * h + r], b = 0.5 * (M[r * h + c] + M[c * h + r]), e = M[c * h + c];
-            filter_pair(&a, &b, &e, mode);
-            P[r * h + r] = a, P[r * h + c] = P[c * h + r] = b, P[c * h + c] = e;
-        }
-    memcpy(H, P, sizeof(double) * h * h);
-    rotate(d, U, V, H, 0);
-    return 1;
-}
-
 /* Makes the symmetric H over F positive semi-definite. Returns 1 if it changed. */
-INLINE int filter(int d, const double *F, double *H, int mode)
+INLINE int filter(int d, double *H, int mode)
 {
     const int n = d * d;
     double trace = 0.0;
@@ -256,13 +144,12 @@ INLINE int filter(int d, const double *F, double *H, int mode)
         trace += fabs(H[i * n + i]);
     if (definite(n, H, 1e-13 * trace))
         return 0;
-    if (!filter_isotropic(d, F, H, mode))
-        filter_full(n, H, mode);
+    filter_full(n, H, mode);
     return 1;
 }
 
 /* A (n x n over vertices) -> filtered, through H = K' A_rr K over F: x_i - x_0 = F (X_i - X_0). */
-INLINE int filter_cell(int d, const double *x, const double *moved, double *A, int mode)
+INLINE int filter_cell(int d, const double *x, double *A, int mode)
 {
     const int n = (d + 1) * d, h = d * d;
     double D[9], B[9], T[MAX_H * MAX_H], H[MAX_H * MAX_H];  /* D: columns X_i - X_0; B its inverse */
@@ -297,15 +184,7 @@ INLINE int filter_cell(int d, const double *x, const double *moved, double *A, i
                     s += T[r * h + l * d + b] * D[m * d + l];
                 H[r * h + m * d + b] = s;
             }
-    double F[9];
-    for (int a = 0; a < d; ++a)
-        for (int j = 0; j < d; ++j) {
-            double s = 0.0;
-            for (int i = 0; i < d; ++i)
-                s += (moved[(i + 1) * d + a] - moved[a]) * B[i * d + j];
-            F[a * d + j] = s;
-        }
-    if (!filter(d, F, H, mode))
+    if (!filter(d, H, mode))
         return 0;
     /* Back: A_rr = (B over vertices)' H (...), the row and column of vertex 0 by translation invariance. B[i][j]: dF_j = sum_i dx_i B[i][j]. */
     for (int i = 0; i < d; ++i)
@@ -341,29 +220,30 @@ INLINE int filter_cell(int d, const double *x, const double *moved, double *A, i
     return 1;
 }
 
-/* Adds the cells' Hessians to the blocks `out` (d x d each); `slots` says which block each pair of vertices has. mode 0: unfiltered.
- * Positions are in w from `positions_at` on.
- * Returns how many cells were changed by the filter. */
-int64_t cell_hessians(void *kernel, int d, int64_t count, const int32_t *cells, const int32_t *nodes, const double *points,
-                      const double *w, int64_t stride, const double *constants, const int32_t *slots, int mode, int64_t positions_at,
-                      double *out)
+/* Adds weight times the cells' Hessians to the blocks `out` (d x d each); `slots` has one entry per pair i <= j of a cell's vertices:
+ * s >= 0 adds block s as it is, s <= -2 transposed at -2 - s, -1 nowhere. mode 0: unfiltered, 1: negative eigenvalues cut off, 2: their
+ * sizes taken. Returns how many cells were changed by the filter. */
+int64_t cell_hessians(void *kernel, int d, int64_t count, const int32_t *nodes, const double *points, const double *w, int64_t stride,
+                      const double *constants, const int32_t *slots, int mode, double weight, double *out)
 {
     const int n = (d + 1) * d;
     int64_t changed = 0;
     double x[12];
     for (int64_t k = 0; k < count; ++k) {
         double A[MAX_N * MAX_N] = {0};
-        coordinates(d, nodes + (int64_t)cells[k] * (d + 1), points, x);
+        coordinates(d, nodes + k * (d + 1), points, x);
         CALL(kernel, A, w + k * stride, constants, x);
         if (mode)
-            changed += d == 3 ? filter_cell(3, x, w + k * stride + positions_at, A, mode) : filter_cell(2, x, w + k * stride + positions_at, A, mode);
-        const int32_t *slot = slots + (int64_t)cells[k] * (d + 1) * (d + 1);
+            changed += d == 3 ? filter_cell(3, x, A, mode) : filter_cell(2, x, A, mode);
+        const int32_t *slot = slots + k * (d + 1) * (d + 2) / 2;
         for (int i = 0; i <= d; ++i)
-            for (int j = 0; j <= d; ++j) {
-                double *block = out + (int64_t)slot[i * (d + 1) + j] * d * d;
+            for (int j = i; j <= d; ++j, ++slot) {
+                if (*slot == -1)
+                    continue;
+                double *block = out + (int64_t)(*slot >= 0 ? *slot : -2 - *slot) * d * d;
                 for (int a = 0; a < d; ++a)
                     for (int b = 0; b < d; ++b)
-                        block[a * d + b] += A[(i * d + a) * n + j * d + b];
+                        block[*slot >= 0 ? a * d + b : b * d + a] += weight * A[(i * d + a) * n + j * d + b];
             }
     }
     return changed;
