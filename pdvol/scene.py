@@ -343,7 +343,8 @@ class Solver:
     tolerance : speed [m/s]: Newton stops when its full step is nowhere faster
     max_iterations : Newton iterations allowed per solve
     max_halvings : how often a step may be halved before the run stops
-    linear : "auto", "direct" or "iterative"
+    linear : "auto", or "iterative", "multilevel" or "direct"
+    accuracy : relative error of an iterative linear solve, in the energy norm
     petsc : extra PETSc options, for example "-ksp_rtol 1e-6"
     """
 
@@ -351,6 +352,7 @@ class Solver:
     max_iterations: int = 200
     max_halvings: int = 6
     linear: str = "auto"
+    accuracy: float = 1e-3
     petsc: str = ""
 
     def __post_init__(self):
@@ -359,7 +361,10 @@ class Solver:
         _count("Solver.max_halvings", self.max_halvings, 0)
         _require(self.max_halvings <= 20, f"Solver.max_halvings = {self.max_halvings!r} must be at most 20")
         _require(isinstance(self.petsc, str), f'Solver.petsc = {self.petsc!r} must be text, as in "-ksp_rtol 1e-6"')
-        _require(self.linear in ("auto", "direct", "iterative"), f"Solver.linear = {self.linear!r} must be auto, direct or iterative")
+        _require(self.linear in ("auto", "iterative", "multilevel", "direct"),
+                 f"Solver.linear = {self.linear!r} must be auto, iterative, multilevel or direct")
+        _positive("Solver.accuracy", self.accuracy)
+        _require(self.accuracy <= 0.1, f"Solver.accuracy = {self.accuracy!r} must be at most 0.1")
 
 
 @dataclass(frozen=True)

@@ -19,6 +19,7 @@ from pdvol.potentials.block_pattern import BlockPattern
 from pdvol.potentials.hessian_blocks import HessianBlocks
 from pdvol.potentials.potential import Positions
 from pdvol.scene import Solver
+from pdvol.solve.coarse_space import CoarseSpace, grid_weights
 from pdvol.solve.incremental_potential import IncrementalPotential
 from pdvol.solve.linear import LinearSolver
 from pdvol.solve.system_matrix import SystemMatrix
@@ -88,7 +89,7 @@ class Newton:
         self._blocks, self._system = HessianBlocks(BlockPattern(space)), SystemMatrix(space, supported)
         self._system.assemble(self._blocks)
         self.snes = self._create_snes(settings)
-        self.linear = LinearSolver(self.snes.ksp, settings, len(space.mesh.points) * space.dim)
+        self.linear = LinearSolver(self.snes.ksp, settings, len(space.mesh.points), self._coarse_space)
 
     def _create_snes(self, settings: Solver) -> PETSc.SNES:
         snes = PETSc.SNES().create(comm=self.space.comm)
@@ -107,6 +108,9 @@ class Newton:
         for name in ("type", "order", "max_it"):
             database.delValue(f"pdvol_snes_snes_linesearch_{name}")
         return snes
+
+    def _coarse_space(self) -> CoarseSpace:
+        return CoarseSpace(self.space, grid_weights(self.space.mesh), self._system.all_supported)
 
     # ---- callbacks -----------------------------------------------------------------------------------------------------------
 
@@ -146,6 +150,7 @@ class Newton:
             self._previous = self._system.petsc  # SNES still holds it while the callback runs
             if self._system.assemble(self._blocks):
                 snes.setJacobian(self._jacobian, self._system.petsc)
+            self.linear.follow(self._system.parts)
 
     def _add_up(self, x: Positions) -> None:
         self._blocks.clear()
@@ -156,6 +161,7 @@ class Newton:
         x = self._positions(vector)
         direction = -step.getArray(readonly=True).reshape(-1, self.space.dim)
         self._require_finite(direction)
+        self.linear.learn(self.snes.ksp.getIterationNumber())
         self._speed_before, self._whole_before = self.report.speed, self._whole
         self.report.speed = self._largest(direction) / self.potential.dt
         slope = self.space.comm.allreduce(float(np.vdot(self._gradient, direction)))
@@ -233,6 +239,7 @@ class Newton:
             self.snes.setJacobian(self._jacobian, self._system.petsc)
             moved.setArray(right.ravel())
             self.snes.ksp.setOperators(self._system.petsc)
+            self.linear.follow(self._system.parts)
             self.linear.solve(moved, force)
         found = force.getArray().reshape(-1, self.space.dim).copy()
         self._require_finite(found)

@@ -24,13 +24,15 @@ class SystemMatrix:
     Attributes
     ----------
     petsc : PETSc.Mat
+    all_supported : (n,) bool, in PETSc's block order
+    parts : what was last put into it: (starts, columns, blocks) of cells and of pairs, whose sum it is
     """
 
     def __init__(self, space: LevelSpace, supported: np.ndarray):
         self.space, self._supported = space, supported
         self._sizes = ((space.n_owned * space.dim, len(space.mesh.points) * space.dim),) * 2
-        self._all_supported = space.to_input(np.repeat(supported[:, None].astype(float), space.dim, axis=1))[:, 0] > 0
-        self._all_supported = self._all_supported[np.argsort(space.point_blocks)]  # in PETSc's order
+        self.all_supported = space.to_input(np.repeat(supported[:, None].astype(float), space.dim, axis=1))[:, 0] > 0
+        self.all_supported = self.all_supported[np.argsort(space.point_blocks)]  # in PETSc's order
         self._extra, self._recent, self._pattern = None, np.zeros(0, dtype=np.int64), None
         self.petsc = None
 
@@ -38,7 +40,7 @@ class SystemMatrix:
         self._pattern = pattern
         n = len(self.space.mesh.points)
         self._rows = (pattern.starts, pattern.columns.astype(PETSc.IntType))
-        touched = self._supported[pattern.rows] | self._all_supported[pattern.columns]
+        touched = self._supported[pattern.rows] | self.all_supported[pattern.columns]
         self._eliminated = np.flatnonzero(touched)
         self._ones = pattern.diagonal[self._supported]
         self._n = n
@@ -51,7 +53,7 @@ class SystemMatrix:
         if eliminate:
             blocks.cells[self._eliminated] = 0.0
             blocks.cells[self._ones] = np.eye(self.space.dim)
-            free = ~(self._supported[keys // self._n] | self._all_supported[keys % self._n])
+            free = ~(self._supported[keys // self._n] | self.all_supported[keys % self._n])
             keys, values = keys[free], values[free]
         new = self._fit(keys)
         matrix = self.petsc
@@ -59,8 +61,10 @@ class SystemMatrix:
         matrix.setValuesBlockedCSR(*self._rows, blocks.cells)
         matrix.assemble(PETSc.Mat.AssemblyType.FLUSH)
         starts = np.searchsorted(keys, np.arange(self.space.n_owned + 1) * self._n).astype(PETSc.IntType)
-        matrix.setValuesBlockedCSR(starts, (keys % self._n).astype(PETSc.IntType), values, addv=PETSc.InsertMode.ADD_VALUES)
+        pairs = (starts, (keys % self._n).astype(PETSc.IntType), values)
+        matrix.setValuesBlockedCSR(*pairs, addv=PETSc.InsertMode.ADD_VALUES)
         matrix.assemble()
+        self.parts = ((*self._rows, blocks.cells), pairs)
         return new
 
     def _fit(self, keys: np.ndarray) -> bool:
