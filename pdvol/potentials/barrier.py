@@ -43,7 +43,9 @@ class SurfaceBarrier(Term):
             active = ipctk.NormalCollisions()
             active.use_area_weighting = True
             active.collision_set_type = ipctk.NormalCollisions.CollisionSetType.IMPROVED_MAX_APPROX
-            active.build(mesh=self.surface.mesh, vertices=vertices, dhat=self.dhat, broad_phase=ipctk.LBVH())
+            pairs = self.surface.candidates.at(vertices)
+            if not pairs.empty():
+                active.build(candidates=pairs, mesh=self.surface.mesh, vertices=vertices, dhat=self.dhat)
             self._active, self._vertices, self._at = active, vertices, x
         return self._active, self._vertices
 

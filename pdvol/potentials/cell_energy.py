@@ -58,9 +58,9 @@ class CellEnergy(Term):
         energy = psi(deformation_gradient(x), **coefficients) * _one_point(domain)
         first = ufl.derivative(energy, x, ufl.TestFunction(space.V.ufl_function_space()))
         columns = {x: None, **{coefficients[name]: values for name, values in parameters.items()}}
-        compiled = lambda form: _PackedKernel(space.comm, form, columns, len(self._cells), (d + 1) * d)  # noqa: E731
+        compiled = lambda form: _PositionKernel(space.comm, form, columns, len(self._cells))  # noqa: E731
         self._energy, self._first, self._second, self._stretches = compiled(energy), compiled(first), None, None
-        if d == 3 and len(parameters) <= _MAX_PARAMETERS and self._is_isotropic():
+        if d == 3 and 0 < len(parameters) <= _MAX_PARAMETERS and self._is_isotropic():
             self._stretches = _StretchKernels(space, psi, parameters)
             edges = space.mesh.points[self._nodes]
             self._inverse = np.ascontiguousarray(np.linalg.inv((edges[:, 1:] - edges[:, :1]).transpose(0, 2, 1)))
@@ -78,19 +78,18 @@ class CellEnergy(Term):
             changes.append(abs(one - other) / max(abs(one), abs(other), 1e-300))
         return self.space.comm.allreduce(max(changes, default=0.0), op=MPI.MAX) < ISOTROPIC
 
-    def _arguments(self, kernel, x: Positions, count: int):
-        kernel.put(x, self._dofs)
-        return (kernel.function, self.space.dim, count, pointer(self._nodes, "int32_t"), pointer(self._points), pointer(kernel.packed),
-                kernel.packed.shape[1], ffi.NULL)
+    def _arguments(self, kernel, x: np.ndarray, count: int):
+        return (kernel.function, self.space.dim, count, pointer(self._nodes, "int32_t"), pointer(self._points), pointer(self._dofs, "int32_t"),
+                pointer(x), pointer(kernel.parameters), kernel.parameters.shape[1], kernel.positions_at)
 
     def value(self, x: Positions) -> float:
-        mine = self._library.cell_values(*self._arguments(self._energy, x, self._counted))
+        mine = self._library.cell_values(*self._arguments(self._energy, x.local, self._counted))
         total = self.space.comm.allreduce(mine)
         return total if np.isfinite(total) else np.inf
 
     def gradient(self, x: Positions) -> np.ndarray:
         local = np.zeros((len(self.space.local_points), self.space.dim))
-        self._library.cell_gradients(*self._arguments(self._first, x, len(self._cells)), pointer(self._dofs, "int32_t"), pointer(local))
+        self._library.cell_gradients(*self._arguments(self._first, x.local, len(self._cells)), pointer(local))
         return local[: self.space.n_owned]
 
     def add_hessian(self, x: Positions, weight: float, into: HessianBlocks) -> None:
@@ -98,12 +97,11 @@ class CellEnergy(Term):
             self._slots, self._slots_of = np.ascontiguousarray(into.pattern.slots[self._cells]), into.pattern
         slots, mode, out = pointer(self._slots, "int32_t"), FILTERS[into.positive], pointer(into.cells)
         if self._stretches is not None:
-            local = np.ascontiguousarray(x.local)
-            self._library.isotropic_hessians(*self._stretches.functions, len(self._cells), pointer(self._dofs, "int32_t"), pointer(local),
+            self._library.isotropic_hessians(*self._stretches.functions, len(self._cells), pointer(self._dofs, "int32_t"), pointer(x.local),
                                              pointer(self._inverse), pointer(self._volumes), *self._stretches.parameters, slots, mode, weight, out)
         else:
-            mode = mode if self._second.positions_at is not None else 0  # a Hessian without positions is that of a quadratic energy
-            self._library.cell_hessians(*self._arguments(self._second, x, len(self._cells)), slots, mode, weight, out)
+            mode = mode if self._second.positions_at >= 0 else 0  # a Hessian without positions is that of a quadratic energy
+            self._library.cell_hessians(*self._arguments(self._second, x.local, len(self._cells)), slots, mode, weight, out)
 
 
 _MAX_PARAMETERS = 16  # isotropic.c keeps a cell's arguments on the stack
@@ -137,32 +135,29 @@ class _Kernel:
         self.coefficients = [ordered[compiled.original_coefficient_positions[i]] for i in range(compiled.num_coefficients)]
 
 
-class _PackedKernel(_Kernel):
-    """A kernel of positions with the array its coefficients are packed in, a row per cell."""
+class _PositionKernel(_Kernel):
+    """A kernel of a cell's positions and parameters.
 
-    def __init__(self, comm, form, columns, count: int, width: int):
+    Attributes
+    ----------
+    parameters : (cells, k)
+        In the kernel's order.
+    positions_at : how many of them come before the positions; -1 where positions are not wanted
+    """
+
+    def __init__(self, comm, form, columns, count: int):
         super().__init__(comm, form)
-        self.positions_at, self._width, self._packed_for = None, width, None
-        widths = [width if columns[c] is None else 1 for c in self.coefficients]
-        self.packed = np.zeros((count, sum(widths)))
-        for at, coefficient in zip(np.cumsum([0, *widths]), self.coefficients, strict=False):
-            if columns[coefficient] is None:
-                self.positions_at = int(at)
-            else:
-                self.packed[:, at] = columns[coefficient]
-
-    def put(self, x: Positions, dofs: np.ndarray) -> None:
-        """Packs positions, unless they are those of the last call."""
-        if self.positions_at is not None and self._packed_for is not x:
-            self.packed[:, self.positions_at : self.positions_at + self._width] = x.local[dofs].reshape(len(dofs), -1)
-            self._packed_for = x
+        wanted = [columns[c] for c in self.coefficients]
+        self.positions_at = next((i for i, values in enumerate(wanted) if values is None), -1)
+        values = [v for v in wanted if v is not None]
+        self.parameters = np.ascontiguousarray(np.column_stack(values)) if values else np.zeros((count, 0))
 
     def on_unit_cell(self, F: np.ndarray) -> float:
         """The energy of the unit tetrahedron deformed by F, with the first cell's parameters."""
-        corners = np.concatenate([np.zeros((1, 3)), np.eye(3)])
-        w, nodes = self.packed[0].copy(), np.arange(4, dtype=np.int32)
-        w[self.positions_at : self.positions_at + self._width] = (corners @ F.T).ravel()
-        return native.library().cell_values(self.function, 3, 1, pointer(nodes, "int32_t"), pointer(corners), pointer(w), len(w), ffi.NULL)
+        corners, nodes = np.concatenate([np.zeros((1, 3)), np.eye(3)]), np.arange(4, dtype=np.int32)
+        moved = np.ascontiguousarray(corners @ F.T)
+        return native.library().cell_values(self.function, 3, 1, pointer(nodes, "int32_t"), pointer(corners), pointer(nodes, "int32_t"),
+                                            pointer(moved), pointer(self.parameters), self.parameters.shape[1], self.positions_at)
 
 
 class _StretchKernels:
@@ -181,6 +176,6 @@ class _StretchKernels:
         self._kernels = kernels
         sources = [[place for c in kernel.coefficients for place in places[c]] for kernel in kernels]
         self._arguments = np.array(sum(sources, []), dtype=np.int32)
-        self._values = np.ascontiguousarray(np.column_stack([np.asarray(v, dtype=float) for v in parameters.values()]))
+        self._values = np.ascontiguousarray(np.column_stack(list(parameters.values())))
         self.functions = (*(k.function for k in kernels), pointer(self._arguments, "int32_t"), *(len(s) for s in sources))
         self.parameters = (pointer(self._values), self._values.shape[1])

@@ -9,6 +9,7 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from pdvol.hierarchy.level_space import LevelSpace
+from pdvol.potentials.contact_candidates import ContactCandidates
 from pdvol.potentials.hessian_blocks import HessianBlocks
 from pdvol.potentials.potential import Positions
 
@@ -34,9 +35,11 @@ class CollisionSurface:
         Input indices of the bodies' boundary vertices.
     mesh : ipctk.CollisionMesh
         k bodies' vertices, then the obstacles'.
+    candidates : ContactCandidates
+        Pairs that can be within `reach` [m] of each other.
     """
 
-    def __init__(self, space: LevelSpace, obstacles: tuple[Obstacle, ...]):
+    def __init__(self, space: LevelSpace, obstacles: tuple[Obstacle, ...], reach: float):
         self.space, self.obstacles = space, obstacles
         d, level = space.dim, space.mesh
         self.surface, facets = np.unique(level.boundary, return_inverse=True)
@@ -59,6 +62,8 @@ class CollisionSurface:
         self.mesh.can_collide = ipctk.make_static_obstacle_filter(len(self.surface))
         self._blocks = space.point_blocks[self.surface]
         self.obstacle_positions = self._obstacles_at(0.0)
+        self._narrow = ipctk.AdditiveCCD(max_iterations=10_000, conservative_rescaling=0.9)
+        self.candidates = ContactCandidates(self.mesh, everything[0], reach, drifts=not obstacles)
 
     def _obstacles_at(self, time: float) -> np.ndarray:
         moved = [o.motion(o.vertices, time) for o in self.obstacles]
@@ -78,9 +83,11 @@ class CollisionSurface:
 
     def max_step(self, start: np.ndarray, end: np.ndarray) -> float:
         """Largest step in [0, 1] along straight paths that keeps everything apart (Additive CCD, leaves a tenth of each gap)."""
-        return float(ipctk.compute_collision_free_stepsize(
-            mesh=self.mesh, vertices_t0=start, vertices_t1=end, min_distance=0.0, broad_phase=ipctk.LBVH(),
-            narrow_phase_ccd=ipctk.AdditiveCCD(max_iterations=10_000, conservative_rescaling=0.9)))
+        pairs = self.candidates.along(start, end)
+        if pairs.empty():
+            return 1.0
+        return float(pairs.compute_collision_free_stepsize(mesh=self.mesh, vertices_t0=start, vertices_t1=end, min_distance=0.0,
+                                                           narrow_phase_ccd=self._narrow))
 
     def rows_of_gradient(self, gradient: np.ndarray) -> np.ndarray:
         """Owned rows (n_owned, d) of a gradient over the collision mesh's unknowns."""

@@ -16,8 +16,8 @@ class Elastic(CellEnergy):
     """The elastic energy of all cells that follow one law; steps are capped so that no cell inverts."""
 
     def max_step(self, x: Positions, direction: np.ndarray, until: float | None = None) -> float:
-        local, moved = np.ascontiguousarray(x.local), np.ascontiguousarray(self.space.with_ghosts(direction))
-        return native.library().volume_step(self.space.dim, self._counted, pointer(self._dofs, "int32_t"), pointer(local), pointer(moved),
+        moved = np.ascontiguousarray(self.space.with_ghosts(direction))
+        return native.library().volume_step(self.space.dim, self._counted, pointer(self._dofs, "int32_t"), pointer(x.local), pointer(moved),
                                             KEEP_VOLUME)
 
 

@@ -30,7 +30,7 @@ class Positions:
 
     @cached_property
     def local(self) -> np.ndarray:
-        """(n_local, d): owned and ghost positions. First use is collective."""
+        """(n_local, d), contiguous: owned and ghost positions. First use is collective."""
         return self.space.with_ghosts(self.owned)
 
     def moved(self, step: float, direction: np.ndarray) -> "Positions":

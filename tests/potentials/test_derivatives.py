@@ -195,7 +195,7 @@ def near_surfaces(d):
     else:
         obstacle = tetrahedron([[-1.0, -1.0, bottom - 1.0], [3.0, 0.0, bottom - 1.0], [0.0, 3.0, bottom - 1.0], [0.37, 0.41, bottom]])
     space = LevelSpace(together(lower, upper), COMM)
-    surface = CollisionSurface(space, (Obstacle(*obstacle, Still()),))
+    surface = CollisionSurface(space, (Obstacle(*obstacle, Still()),), DHAT)
     return space, SurfaceBarrier(surface, DHAT, KAPPA)
 
 
@@ -245,7 +245,7 @@ def test_surface_friction(touching, d, share):
 def test_contact_forces_balance(touching, d):
     """Between bodies: lower minus obstacle's share; a lone pair of bodies has no net force and no net torque."""
     space, _ = touching[d]
-    barrier = SurfaceBarrier(CollisionSurface(space, ()), DHAT, KAPPA)
+    barrier = SurfaceBarrier(CollisionSurface(space, (), DHAT), DHAT, KAPPA)
     x = space.from_input(space.mesh.points)
     g = barrier.gradient(Positions(space, x))
     scale = np.abs(g).max()
@@ -262,7 +262,7 @@ def test_half_space_barrier_is_ipctks():
     space = LevelSpace(box(3, 2, jitter=0.1, seed=3), COMM)
     x = near_plane(space, share=0.55, spread=0.4)
     positions = Positions(space, x)
-    surface = CollisionSurface(space, ())
+    surface = CollisionSurface(space, (), DHAT)
     point, normal = np.array([0.1, -0.2, 0.0]), np.array([0.01, -0.004, 1.0])
     normal = normal / np.linalg.norm(normal)
     surface.mesh.planes = [ipctk.Hyperplane(normal, point)]

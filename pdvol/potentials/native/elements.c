@@ -9,7 +9,7 @@
 
 #include "kernel.h"
 
-enum { MAX_N = 12, MAX_H = 9 };
+enum { MAX_N = 12, MAX_H = 9, MAX_PARAMETERS = 64 };
 
 /* Called with d a constant, so that the loops over it unroll: two to three times faster. */
 #define INLINE static inline __attribute__((always_inline))
@@ -20,29 +20,45 @@ static void coordinates(int d, const int32_t *nodes, const double *points, doubl
         memcpy(x + 3 * i, points + 3 * (int64_t)nodes[i], 3 * sizeof(double));
 }
 
-/* Sum of the cells' energies. w is packed per cell, `stride` numbers each. */
-double cell_values(void *kernel, int d, int64_t count, const int32_t *nodes, const double *points,
-                   const double *w, int64_t stride, const double *constants)
+/* A cell's coefficients as the kernel wants them: the parameters (np per cell) with the positions in between, `at` being their place, or
+ * without them where at < 0. */
+static void coefficients(int d, int64_t k, const int32_t *dofs, const double *x, const double *parameters, int np, int at, double *w)
 {
-    double total = 0.0, x[12];
+    const int before = at < 0 ? np : at;
+    memcpy(w, parameters + k * np, before * sizeof(double));
+    if (at < 0)
+        return;
+    for (int i = 0; i <= d; ++i)
+        memcpy(w + before + i * d, x + (int64_t)dofs[k * (d + 1) + i] * d, d * sizeof(double));
+    memcpy(w + before + (d + 1) * d, parameters + k * np + before, (np - before) * sizeof(double));
+}
+
+/* Sum of the energies of `count` cells. nodes, dofs (count x (d + 1)): where their vertices are in points (rest, 3 numbers each) and in x
+ * (current, d numbers each). */
+double cell_values(void *kernel, int d, int64_t count, const int32_t *nodes, const double *points, const int32_t *dofs, const double *x,
+                   const double *parameters, int np, int at)
+{
+    double total = 0.0, X[12], w[MAX_N + MAX_PARAMETERS];
     for (int64_t k = 0; k < count; ++k) {
         double value = 0.0;
-        coordinates(d, nodes + k * (d + 1), points, x);
-        CALL(kernel, &value, w + k * stride, constants, x);
+        coordinates(d, nodes + k * (d + 1), points, X);
+        coefficients(d, k, dofs, x, parameters, np, at, w);
+        CALL(kernel, &value, w, 0, X);
         total += value;
     }
     return total;
 }
 
-/* Adds the cells' gradients to out (local blocks x d). */
-void cell_gradients(void *kernel, int d, int64_t count, const int32_t *nodes, const double *points, const double *w, int64_t stride,
-                    const double *constants, const int32_t *dofs, double *out)
+/* Adds the cells' gradients to out (local vertices x d). */
+void cell_gradients(void *kernel, int d, int64_t count, const int32_t *nodes, const double *points, const int32_t *dofs, const double *x,
+                    const double *parameters, int np, int at, double *out)
 {
-    double x[12];
+    double X[12], w[MAX_N + MAX_PARAMETERS];
     for (int64_t k = 0; k < count; ++k) {
         double b[MAX_N] = {0};
-        coordinates(d, nodes + k * (d + 1), points, x);
-        CALL(kernel, b, w + k * stride, constants, x);
+        coordinates(d, nodes + k * (d + 1), points, X);
+        coefficients(d, k, dofs, x, parameters, np, at, w);
+        CALL(kernel, b, w, 0, X);
         for (int i = 0; i <= d; ++i)
             for (int a = 0; a < d; ++a)
                 out[(int64_t)dofs[k * (d + 1) + i] * d + a] += b[i * d + a];
@@ -223,18 +239,19 @@ INLINE int filter_cell(int d, const double *x, double *A, int mode)
 /* Adds weight times the cells' Hessians to the blocks `out` (d x d each); `slots` has one entry per pair i <= j of a cell's vertices:
  * s >= 0 adds block s as it is, s <= -2 transposed at -2 - s, -1 nowhere. mode 0: unfiltered, 1: negative eigenvalues cut off, 2: their
  * sizes taken. Returns how many cells were changed by the filter. */
-int64_t cell_hessians(void *kernel, int d, int64_t count, const int32_t *nodes, const double *points, const double *w, int64_t stride,
-                      const double *constants, const int32_t *slots, int mode, double weight, double *out)
+int64_t cell_hessians(void *kernel, int d, int64_t count, const int32_t *nodes, const double *points, const int32_t *dofs, const double *x,
+                      const double *parameters, int np, int at, const int32_t *slots, int mode, double weight, double *out)
 {
     const int n = (d + 1) * d;
     int64_t changed = 0;
-    double x[12];
+    double X[12], w[MAX_N + MAX_PARAMETERS];
     for (int64_t k = 0; k < count; ++k) {
         double A[MAX_N * MAX_N] = {0};
-        coordinates(d, nodes + k * (d + 1), points, x);
-        CALL(kernel, A, w + k * stride, constants, x);
+        coordinates(d, nodes + k * (d + 1), points, X);
+        coefficients(d, k, dofs, x, parameters, np, at, w);
+        CALL(kernel, A, w, 0, X);
         if (mode)
-            changed += d == 3 ? filter_cell(3, x, A, mode) : filter_cell(2, x, A, mode);
+            changed += d == 3 ? filter_cell(3, X, A, mode) : filter_cell(2, X, A, mode);
         const int32_t *slot = slots + k * (d + 1) * (d + 2) / 2;
         for (int i = 0; i <= d; ++i)
             for (int j = i; j <= d; ++j, ++slot) {
@@ -284,42 +301,57 @@ static double first_root(const double *c)
     return 2.0;
 }
 
-static double det(int d, const double *E)
+/* det(E + t P) = c0 + c1 t + c2 t^2 + c3 t^3 for d x d matrices, through their cofactors. */
+INLINE void volume_along(int d, const double *E, const double *P, double *c)
 {
-    if (d == 2)
-        return E[0] * E[3] - E[1] * E[2];
-    return E[0] * (E[4] * E[8] - E[5] * E[7]) - E[1] * (E[3] * E[8] - E[5] * E[6]) + E[2] * (E[3] * E[7] - E[4] * E[6]);
+    if (d == 2) {
+        c[0] = E[0] * E[3] - E[1] * E[2];
+        c[1] = E[0] * P[3] + P[0] * E[3] - E[1] * P[2] - P[1] * E[2];
+        c[2] = P[0] * P[3] - P[1] * P[2];
+        c[3] = 0.0;
+        return;
+    }
+    double e[9], p[9];
+    for (int i = 0; i < 3; ++i)
+        for (int j = 0; j < 3; ++j) {
+            const int i1 = (i + 1) % 3, i2 = (i + 2) % 3, j1 = (j + 1) % 3, j2 = (j + 2) % 3;
+            e[3 * i + j] = E[3 * i1 + j1] * E[3 * i2 + j2] - E[3 * i1 + j2] * E[3 * i2 + j1];
+            p[3 * i + j] = P[3 * i1 + j1] * P[3 * i2 + j2] - P[3 * i1 + j2] * P[3 * i2 + j1];
+        }
+    c[0] = E[0] * e[0] + E[1] * e[1] + E[2] * e[2];
+    c[3] = P[0] * p[0] + P[1] * p[1] + P[2] * p[2];
+    c[1] = c[2] = 0.0;
+    for (int i = 0; i < 9; ++i)
+        c[1] += e[i] * P[i], c[2] += E[i] * p[i];
 }
 
-/* Largest step in (0, 1] for which no cell's volume along x + t p falls below `keep` times what it is at t = 0. */
-double volume_step(int d, int64_t count, const int32_t *blocks, const double *x, const double *p, double keep)
+INLINE double cells_step(int d, int64_t count, const int32_t *dofs, const double *x, const double *p, double keep)
 {
     double step = 1.0;
     for (int64_t k = 0; k < count; ++k) {
-        const int32_t *dofs = blocks + k * (d + 1);
-        double E[9], P[9], M[9], c[4] = {0};
+        const int32_t *dof = dofs + k * (d + 1);
+        double E[9], P[9], c[4];
         for (int i = 0; i < d; ++i)
             for (int a = 0; a < d; ++a) {
-                E[i * d + a] = x[(int64_t)dofs[i + 1] * d + a] - x[(int64_t)dofs[0] * d + a];
-                P[i * d + a] = p[(int64_t)dofs[i + 1] * d + a] - p[(int64_t)dofs[0] * d + a];
+                E[i * d + a] = x[(int64_t)dof[i + 1] * d + a] - x[(int64_t)dof[0] * d + a];
+                P[i * d + a] = p[(int64_t)dof[i + 1] * d + a] - p[(int64_t)dof[0] * d + a];
             }
-        /* det(E + t P) is linear in each row: its coefficients are sums over which rows are taken from P. */
-        for (int mask = 0; mask < 1 << d; ++mask) {
-            int degree = 0;
-            for (int i = 0; i < d; ++i) {
-                const int moved = mask >> i & 1;
-                memcpy(M + i * d, (moved ? P : E) + i * d, sizeof(double) * d);
-                degree += moved;
-            }
-            c[degree] += det(d, M);
-        }
+        volume_along(d, E, P, c);
         const double sign = c[0] < 0.0 ? -1.0 : 1.0;
         for (int i = 0; i < 4; ++i)
             c[i] *= sign;
         c[0] *= 1.0 - keep;
+        if (fabs(c[1]) + fabs(c[2]) + fabs(c[3]) < c[0])
+            continue; /* most cells: no root in [0, 1] */
         const double t = first_root(c);
         if (t < step)
             step = t;
     }
     return step;
+}
+
+/* Largest step in (0, 1] for which no cell's volume along x + t p falls below `keep` times what it is at t = 0. */
+double volume_step(int d, int64_t count, const int32_t *dofs, const double *x, const double *p, double keep)
+{
+    return d == 3 ? cells_step(3, count, dofs, x, p, keep) : cells_step(2, count, dofs, x, p, keep);
 }
