@@ -32,6 +32,10 @@ class SurfaceFriction(Term):
         if len(active):
             self._lagged.build(self.surface.mesh, vertices, active, self.barrier._potential, self.mu)
 
+    @property
+    def rubs(self) -> bool:
+        return len(self._lagged) > 0
+
     def _slip(self, x: Positions) -> np.ndarray:
         return np.asfortranarray(self.surface.vertices(x) - self._start)
 

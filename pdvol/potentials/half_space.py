@@ -141,6 +141,10 @@ class HalfSpaceFriction(Term):
             on = plane == i
             self._ground[on] = moves(self._x_t[self._vertices[on]]) if on.any() else 0.0
 
+    @property
+    def rubs(self) -> bool:
+        return len(self._force) > 0
+
     def _slip(self, x: Positions):
         u = x.owned[self._vertices] - self._x_t[self._vertices] - self._ground
         u = u - np.sum(u * self._normals, axis=1)[:, None] * self._normals

@@ -45,6 +45,7 @@ class Potential(Protocol):
     """
 
     name: str
+    rubs: bool  # whether friction acts on this rank, as lagged
     scale: float  # [J] of parts that cancel in value(x), which its round-off is relative to
 
     def begin_step(self, x_t: Positions, t0: float, t1: float) -> None:
@@ -74,6 +75,7 @@ class Term:
     """Default answers, for terms that need nothing of the kind."""
 
     name = "term"
+    rubs = False
     scale = 0.0
 
     def begin_step(self, x_t: Positions, t0: float, t1: float) -> None:

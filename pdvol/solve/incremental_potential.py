@@ -86,6 +86,11 @@ class IncrementalPotential:
             with self._part(term):
                 term.lag(x)
 
+    @property
+    def rubs(self) -> bool:
+        """Whether friction acts anywhere, as lagged. Collective."""
+        return self.space.comm.allreduce(any(term.rubs for term in self.terms), op=MPI.LOR)
+
     def place(self, time: float) -> None:
         """Puts obstacles where they are at `time` [s]."""
         for term in self.terms:

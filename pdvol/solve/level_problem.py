@@ -130,10 +130,12 @@ class LevelProblem:
 
     def _solve(self, report: StepReport, x_t: Positions, x_hat: np.ndarray, t0: float, t1: float) -> tuple[Positions, NewtonReport]:
         self.potential.begin_step(x_t, x_hat, t0, t1)
-        x = x_t
-        if self._driven:
-            x, reached = self._drive(report, x, t0, t1)
-            report.reached = min(report.reached, reached)
+        x = self._predicted(x_t, x_hat, t1)
+        if x is None:
+            x = x_t
+            if self._driven:
+                x, reached = self._drive(report, x, t0, t1)
+                report.reached = min(report.reached, reached)
         for lag in range(self._lags):
             if lag:
                 self.potential.lag(x)
@@ -142,6 +144,23 @@ class LevelProblem:
             if not solved.converged:
                 break
         return x, solved
+
+    def _predicted(self, x_t: Positions, x_hat: np.ndarray, t1: float) -> Positions | None:
+        """The predicted state, supports in their places, where the straight way there is free and it is a better start than x_t.
+
+        Obstacles and supports then are where t1 wants them. Under friction x_t is better: nothing has slipped there, and Newton zigzags
+        across the kink between sticking and sliding from anywhere else.
+        """
+        if self.potential.rubs:
+            return None
+        start = self.potential.value(x_t) if not self._driven else np.inf
+        direction = np.where(self.supported[:, None], self.supported_positions(t1), x_hat) - x_t.owned
+        if self.potential.max_step(x_t, direction, until=t1) < 1.0:
+            return None
+        x = x_t.moved(1.0, direction)
+        if self._driven:
+            self.potential.place(t1)
+        return x if self.potential.value(x) <= start else None
 
     def _drive(self, report: StepReport, x: Positions, t0: float, t1: float) -> tuple[Positions, float]:
         """Carries supports and obstacles towards their places at t1 without crossing anything.

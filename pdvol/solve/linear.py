@@ -10,6 +10,7 @@
 from collections.abc import Callable
 from itertools import count
 
+import numpy as np
 from petsc4py import PETSc
 
 from pdvol.errors import InputError, SimulationError
@@ -21,6 +22,9 @@ LARGE = 2_000  # vertices from which on the coarse space pays for its set-up at 
 MANY = 40  # iterations after which `iterative` hands over to `multilevel`
 HARD = 200  # iterations that cost more than a direct solve: from 500 to 20,000 vertices that takes as long as 100 to 400
 PATIENCE = 20  # direct solves after which the others are tried again
+# An incomplete factor of a positive definite matrix need not be one: stiff contacts break it. Their diagonal blocks then grow for its
+# purposes by these shares in turn (Manteuffel 1980).
+SHIFTS = (0.0, 0.05, 0.2, 0.8)
 STALE = 1.5  # growth of the iteration count at which the coarse space is summed again
 # MUMPS estimates its work array from the pattern and gives up (INFOG(1) = -9) where pivoting on several ranks needs more.
 WORKSPACES = (100, 400, 1600)  # per cent on top of the estimate, tried in turn
@@ -46,6 +50,7 @@ class LinearSolver:
         self.ksp, self.settings, self._make_coarse = ksp, settings, coarse
         self._coarse: CoarseSpace | None = None
         self._workspace, self._direct_solves, self._parts, self._fresh, self._good = 0, 0, (), False, None
+        self._local = _Incomplete(ksp.comm)
         self._easy = "multilevel" if vertices >= LARGE else "iterative"
         self.prefix = f"pdvol_{next(_serial)}_"
         ksp.setOptionsPrefix(self.prefix)
@@ -67,23 +72,10 @@ class LinearSolver:
             ksp.setTolerances(rtol=self.settings.accuracy, max_it=1000)
             if method == "multilevel":
                 self._coarse, self._fresh = self._coarse or self._make_coarse(), False
-                ksp.pc.setType(PETSc.PC.Type.PYTHON)
-                ksp.pc.setPythonContext(_TwoLevel(ksp.comm, self._coarse, self._set_incomplete))
-            else:
-                self._set_incomplete(ksp.pc, self.prefix)
+            ksp.pc.setType(PETSc.PC.Type.PYTHON)
+            ksp.pc.setPythonContext(_Preconditioner(self._local, self._coarse if method == "multilevel" else None))
         self._with_options(_parse(self.settings.petsc))
         ksp.setOperators(*operators)
-
-    @staticmethod
-    def _set_incomplete(pc: PETSc.PC, prefix: str) -> None:
-        """Incomplete Cholesky of this rank's diagonal block."""
-        if pc.comm.size == 1:
-            pc.setType(PETSc.PC.Type.ICC)
-            return
-        pc.setType(PETSc.PC.Type.BJACOBI)
-        database = PETSc.Options()
-        database[f"{prefix}sub_pc_type"] = "icc"
-        pc.setFromOptions()
 
     def _with_options(self, options: dict[str, str]) -> None:
         database = PETSc.Options()
@@ -93,7 +85,7 @@ class LinearSolver:
 
     def follow(self, parts) -> None:
         """Tells of a new matrix: `parts` as `CoarseSpace.update` takes them. Collective."""
-        self._parts = parts
+        self._parts = self._local.parts = parts
         if self.method == "multilevel" and not self._fresh:
             self._refresh()
 
@@ -126,7 +118,10 @@ class LinearSolver:
             self._fresh = False
 
     def fall_back(self) -> bool:
-        """Switches to the direct method, or gives it more room; False when nothing is left to try."""
+        """After a failure: a safer incomplete factor, then the direct method, then more room for it; False when nothing is left to try."""
+        if self.method != "direct" and self.ksp.getConvergedReason() == PETSc.KSP.ConvergedReason.DIVERGED_INDEFINITE_PC and self._local.shift_more():
+            self._use(self.method)
+            return True
         if self.method == "direct":
             if self._workspace + 1 == len(WORKSPACES):
                 return False
@@ -144,23 +139,75 @@ class LinearSolver:
         self.learn(self.ksp.getIterationNumber())
 
 
-class _TwoLevel:
-    """A PETSc preconditioner in Python: the incomplete factor's answer plus the coarse space's."""
+class _Incomplete:
+    """Incomplete Cholesky of each rank's diagonal block, its diagonal strengthened at contacts where it must be.
 
-    def __init__(self, comm, coarse: CoarseSpace, set_local: Callable[[PETSc.PC, str], None]):
-        self.coarse = coarse
-        self.local = PETSc.PC().create(comm)
+    Attributes
+    ----------
+    parts : what the matrix was summed from (`SystemMatrix.parts`)
+    """
+
+    def __init__(self, comm):
+        self.parts, self._shift = (), 0
+        self._pc = PETSc.PC().create(comm)
         prefix = f"pdvol_local_{next(_serial)}_"
-        self.local.setOptionsPrefix(prefix)
-        set_local(self.local, prefix)
+        self._pc.setOptionsPrefix(prefix)
+        if comm.size == 1:
+            self._pc.setType(PETSc.PC.Type.ICC)
+        else:
+            self._pc.setType(PETSc.PC.Type.BJACOBI)
+            PETSc.Options()[f"{prefix}sub_pc_type"] = "icc"
+            self._pc.setFromOptions()
+
+    def shift_more(self) -> bool:
+        """Strengthens the diagonal from the next factor on; False when it already is as strong as it gets."""
+        self._shift += 1
+        return self._shift < len(SHIFTS)
+
+    def factor(self, matrix: PETSc.Mat) -> None:
+        share = SHIFTS[min(self._shift, len(SHIFTS) - 1)]
+        if share > 0.0:
+            matrix = matrix.duplicate(copy=True)
+            for part in self._diagonals():
+                matrix.setValuesBlockedCSR(*part[:2], share * part[2], addv=PETSc.InsertMode.ADD_VALUES)
+            matrix.assemble()
+        self._pc.setOperators(matrix)
+        self._pc.setUp()
+
+    def _diagonals(self):
+        """Diagonal blocks, of rows in contact where there are any, each as (starts, columns, blocks)."""
+        (cell_starts, cell_columns, cells), (starts, columns, pairs) = self.parts
+        n = len(cell_starts) - 1
+        first = cell_columns[0] if n else 0  # upper triangle: a row begins on its diagonal
+        touched = np.zeros(n, dtype=bool)
+        touched[np.repeat(np.arange(n), np.diff(starts))] = True
+        mine = columns[(columns >= first) & (columns < first + n)]
+        touched[mine - first] = True
+        if not touched.any():
+            touched[:] = True
+        rows = np.flatnonzero(touched)
+        counts = np.concatenate([[0], np.cumsum(touched)]).astype(PETSc.IntType)
+        yield counts, (first + rows).astype(PETSc.IntType), cells[cell_starts[rows]]
+        on = np.flatnonzero(columns == first + np.repeat(np.arange(n), np.diff(starts)))
+        where = np.searchsorted(on, starts).astype(PETSc.IntType)
+        yield where, columns[on], pairs[on]
+
+    def apply(self, x: PETSc.Vec, y: PETSc.Vec) -> None:
+        self._pc.apply(x, y)
+
+
+class _Preconditioner:
+    """A PETSc preconditioner in Python: the incomplete factor's answer, plus the coarse space's if there is one."""
+
+    def __init__(self, local: _Incomplete, coarse: CoarseSpace | None):
+        self.local, self.coarse = local, coarse
 
     def setUp(self, pc: PETSc.PC) -> None:
-        self.local.setOperators(*pc.getOperators())
-        self.local.setUp()
+        self.local.factor(pc.getOperators()[1])
 
     def apply(self, pc: PETSc.PC, x: PETSc.Vec, y: PETSc.Vec) -> None:
         self.local.apply(x, y)
-        if self.coarse.size:
+        if self.coarse is not None and self.coarse.size:
             residual = x.getArray(readonly=True).reshape(-1, self.coarse.space.dim)
             y.setArray(y.getArray(readonly=True) + self.coarse.correct(residual).ravel())
 
