@@ -6,7 +6,8 @@ Source: Li et al. 2020 (Incremental Potential Contact); Li et al. 2023 (converge
 import ipctk
 import numpy as np
 
-from pdvol.potentials.collision_surface import PROJECTIONS, CollisionSurface
+from pdvol.potentials import barrier_law
+from pdvol.potentials.collision_surface import CollisionSurface
 from pdvol.potentials.hessian_blocks import HessianBlocks
 from pdvol.potentials.potential import Positions, Term
 
@@ -60,10 +61,19 @@ class SurfaceBarrier(Term):
         return self.surface.rows_of_gradient(self._potential.gradient(active, self.surface.mesh, vertices))
 
     def add_hessian(self, x: Positions, weight: float, into: HessianBlocks) -> None:
+        """Without a filter, exactly; else through stencils: many times faster than projecting each pair's 12 x 12 Hessian."""
         active, vertices = self.collisions(x)
-        if len(active):
-            hessian = self._potential.hessian(active, self.surface.mesh, vertices, project_hessian_to_psd=PROJECTIONS[into.positive])
-            self.surface.add_hessian(hessian, weight, into)
+        if not len(active):
+            return
+        if into.positive == "none":
+            self.surface.add_hessian(self._potential.hessian(active, self.surface.mesh, vertices), weight, into)
+            return
+        stencils = self.surface.stencils(active, vertices)
+        gaps = stencils.gaps(vertices)
+        s = np.einsum("kd,kd->k", gaps, gaps) / self.dhat**2
+        weights = np.abs(stencils.weights) if into.positive == "abs" else np.maximum(stencils.weights, 0.0)
+        share = weight * weights * barrier_law.curvature(s, self.dhat, self.kappa) / (s * self.dhat**2)
+        self.surface.add_stencils(stencils, share[:, None, None] * gaps[:, :, None] * gaps[:, None, :], into)
 
     def max_step(self, x: Positions, direction: np.ndarray, until: float | None = None) -> float:
         return self.surface.max_step(self.surface.vertices(x), self.surface.vertices(x.moved(1.0, direction), at=until))

@@ -10,11 +10,9 @@ from scipy.sparse import csr_array
 
 from pdvol.hierarchy.level_space import LevelSpace
 from pdvol.potentials.contact_candidates import ContactCandidates
+from pdvol.potentials.contact_stencils import Stencils, normal_stencils, tangential_stencils
 from pdvol.potentials.hessian_blocks import HessianBlocks
 from pdvol.potentials.potential import Positions
-
-PROJECTIONS = {"none": ipctk.PSDProjectionMethod.NONE, "clamp": ipctk.PSDProjectionMethod.CLAMP, "abs": ipctk.PSDProjectionMethod.ABS}
-"""What ipctk makes of negative eigenvalues, by our names."""
 
 ipctk.set_num_threads(1)  # sums over contacts repeat to the last bit; measured again where speed asks for it
 
@@ -60,6 +58,7 @@ class CollisionSurface:
         self.mesh = ipctk.CollisionMesh(np.asfortranarray(everything[0]), np.asfortranarray(everything[1], dtype=np.int32),
                                         np.asfortranarray(everything[2] if d == 3 else np.zeros((0, 3)), dtype=np.int32))
         self.mesh.can_collide = ipctk.make_static_obstacle_filter(len(self.surface))
+        self._primitives = np.array(self.mesh.edges, dtype=np.int64), np.array(self.mesh.faces, dtype=np.int64).reshape(-1, 3)
         self._blocks = space.point_blocks[self.surface]
         self.obstacle_positions = self._obstacles_at(0.0)
         self._narrow = ipctk.AdditiveCCD(max_iterations=10_000, conservative_rescaling=0.9)
@@ -94,6 +93,18 @@ class CollisionSurface:
         whole = np.zeros((len(self.space.mesh.points), self.space.dim))
         whole[self.surface] = gradient.reshape(-1, self.space.dim)[: len(self.surface)]
         return self.space.from_input(whole)
+
+    def stencils(self, active: ipctk.NormalCollisions, vertices: np.ndarray) -> Stencils:
+        """Active pairs at the collision mesh's positions, as arrays."""
+        return normal_stencils(active, *self._primitives, vertices)
+
+    def tangential_stencils(self, lagged: ipctk.TangentialCollisions) -> tuple[Stencils, np.ndarray]:
+        """Pairs of a friction set and their tangent bases."""
+        return tangential_stencils(lagged, *self._primitives)
+
+    def add_stencils(self, stencils: Stencils, middle: np.ndarray, into: HessianBlocks) -> None:
+        """Adds C' M C of contact pairs; obstacles have no rows."""
+        stencils.add(middle, self._blocks, into)
 
     def add_hessian(self, hessian, weight: float, into: HessianBlocks) -> None:
         """Adds a sparse Hessian over the collision mesh's unknowns; obstacles have none."""

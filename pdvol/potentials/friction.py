@@ -3,8 +3,8 @@
 import ipctk
 import numpy as np
 
+from pdvol.potentials import smooth_friction
 from pdvol.potentials.barrier import SurfaceBarrier
-from pdvol.potentials.collision_surface import PROJECTIONS
 from pdvol.potentials.hessian_blocks import HessianBlocks
 from pdvol.potentials.potential import Positions, Term
 
@@ -23,12 +23,13 @@ class SurfaceFriction(Term):
 
     def begin_step(self, x_t: Positions, t0: float, t1: float) -> None:
         self._start = self.surface.vertices(x_t, at=t0)
-        self._potential = ipctk.FrictionPotential(eps_v=self.eps_v * (t1 - t0))
+        self._eps = self.eps_v * (t1 - t0)
+        self._potential = ipctk.FrictionPotential(eps_v=self._eps)
         self.lag(x_t)
 
     def lag(self, x: Positions) -> None:
         active, vertices = self.barrier.collisions(x)
-        self._lagged = ipctk.TangentialCollisions()
+        self._lagged, self._stencils = ipctk.TangentialCollisions(), None
         if len(active):
             self._lagged.build(self.surface.mesh, vertices, active, self.barrier._potential, self.mu)
 
@@ -48,6 +49,16 @@ class SurfaceFriction(Term):
         return self.surface.rows_of_gradient(self._potential.gradient(self._lagged, self.surface.mesh, self._slip(x)))
 
     def add_hessian(self, x: Positions, weight: float, into: HessianBlocks) -> None:
-        if len(self._lagged):
-            hessian = self._potential.hessian(self._lagged, self.surface.mesh, self._slip(x), PROJECTIONS[into.positive])
-            self.surface.add_hessian(hessian, weight, into)
+        if not len(self._lagged):
+            return
+        if self._stencils is None:
+            self._stencils, self._bases = self.surface.tangential_stencils(self._lagged)
+        slip = np.einsum("kdt,kd->kt", self._bases, self._stencils.gaps(self._slip(x)))
+        size = np.linalg.norm(slip, axis=1)
+        along = slip / np.maximum(size, 1e-300)[:, None]
+        round_, slope = (k[:, None, None] for k in smooth_friction.stiffness(size, self._eps, majorise=into.positive == "abs"))
+        middle = round_ * np.eye(slip.shape[1]) + (slope - round_) * along[:, :, None] * along[:, None, :]
+        forces = self._stencils.weights
+        if into.positive != "none":  # in 3D some pairs of the improved maximum weigh negatively
+            forces = np.abs(forces) if into.positive == "abs" else np.maximum(forces, 0.0)
+        self.surface.add_stencils(self._stencils, weight * forces[:, None, None] * (self._bases @ middle @ self._bases.transpose(0, 2, 1)), into)

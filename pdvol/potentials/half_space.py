@@ -10,7 +10,7 @@ from mpi4py import MPI
 
 from pdvol.hierarchy.level_mesh import LevelMesh
 from pdvol.hierarchy.level_space import LevelSpace
-from pdvol.potentials import smooth_friction
+from pdvol.potentials import barrier_law, smooth_friction
 from pdvol.potentials.hessian_blocks import HessianBlocks
 from pdvol.potentials.potential import Positions, Term
 from pdvol.scene import Plane
@@ -71,16 +71,13 @@ class HalfSpaceBarrier(Term):
         if np.any(gap <= 0.0):
             mine = np.inf
         else:
-            s = (gap / self.dhat) ** 2
-            mine = float(np.sum(-self.kappa * self.dhat * self.areas[vertex] * (s - 1.0) ** 2 * np.log(s)))
+            mine = float(np.sum(self.areas[vertex] * barrier_law.energy((gap / self.dhat) ** 2, self.dhat, self.kappa)))
         return self.space.comm.allreduce(mine)
 
     def forces(self, x: Positions):
         """Planes, vertices (into `vertices`) and normal force magnitudes [N] of what is within dhat."""
         plane, vertex, gap = self._active(x)
-        s = (gap / self.dhat) ** 2
-        slope = -(s - 1.0) * (2.0 * np.log(s) + (s - 1.0) / s) * 2.0 * gap / self.dhat**2
-        return plane, vertex, -self.kappa * self.dhat * self.areas[vertex] * slope
+        return plane, vertex, self.areas[vertex] * barrier_law.pressure((gap / self.dhat) ** 2, self.dhat, self.kappa)
 
     def gradient(self, x: Positions) -> np.ndarray:
         plane, vertex, force = self.forces(x)
@@ -91,9 +88,7 @@ class HalfSpaceBarrier(Term):
     def add_hessian(self, x: Positions, weight: float, into: HessianBlocks) -> None:
         plane, vertex, gap = self._active(x)
         s = (gap / self.dhat) ** 2
-        g1 = -(s - 1.0) * (2.0 * np.log(s) + (s - 1.0) / s)
-        g2 = -(2.0 * np.log(s) + 4.0 * (s - 1.0) / s - (s - 1.0) ** 2 / s**2)
-        curvature = self.kappa * self.areas[vertex] / self.dhat * (4.0 * s * g2 + 2.0 * g1)
+        curvature = self.areas[vertex] * barrier_law.curvature(s, self.dhat, self.kappa)
         n = self.normals[plane]
         into.add_diagonal(self.vertices[vertex], weight * curvature[:, None, None] * n[:, :, None] * n[:, None, :])
 
@@ -166,7 +161,7 @@ class HalfSpaceFriction(Term):
         n = self._normals
         tangent = np.eye(self.space.dim) - n[:, :, None] * n[:, None, :]
         outer = along[:, :, None] * along[:, None, :]
-        round_, slope = smooth_friction.f1_over(slip, self._eps), smooth_friction.f1_slope(slip, self._eps)
+        round_, slope = smooth_friction.stiffness(slip, self._eps, majorise=into.positive == "abs")
         blocks = weight * self._force[:, None, None] * (round_[:, None, None] * tangent + (slope - round_)[:, None, None] * outer)
         into.add_diagonal(self._vertices, blocks)
 

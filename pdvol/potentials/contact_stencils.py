@@ -1,0 +1,153 @@
+"""Contact pairs as arrays: which vertices a pair joins, with which coefficients, for Hessians that need nothing else.
+
+A pair's gap is |sum_i c_i x_i| over up to four vertices. Holding the coefficients, its gradient is exact (closest points are stationary);
+the Hessians made of it leave out how normal and closest points turn, which is what a projection to positive definite ones mostly cuts off
+anyway: for a barrier, force times the gap's own curvature.
+"""
+
+from dataclasses import dataclass
+
+import ipctk
+import numpy as np
+
+from pdvol.potentials.hessian_blocks import HessianBlocks
+
+PARALLEL = 1e-12  # of the product of two edges' squared lengths: below, their closest points are looked for at the ends
+
+
+@dataclass(frozen=True)
+class Stencils:
+    """Contact pairs. Unused places of pairs with fewer than four vertices repeat the first one, with coefficient zero.
+
+    Attributes
+    ----------
+    vertices : (k, 4) int64, into the collision mesh
+    coefficients : (k, 4)
+    weights : (k,), mollifiers included
+    """
+
+    vertices: np.ndarray
+    coefficients: np.ndarray
+    weights: np.ndarray
+
+    def gaps(self, positions: np.ndarray) -> np.ndarray:
+        """(k, d) vectors from one side to the other."""
+        return np.einsum("ki,kid->kd", self.coefficients, positions[self.vertices])
+
+    def add(self, middle: np.ndarray, blocks: np.ndarray, into: HessianBlocks) -> None:
+        """Adds sum_k C_k' M_k C_k, where C_k maps positions to gaps and M (k, d, d) is symmetric.
+
+        Parameters
+        ----------
+        middle : (k, d, d)
+        blocks : (m,) global block index of the first m of the collision mesh's vertices; the others are obstacles'
+        """
+        joined = self.coefficients != 0.0
+        for i in range(4):
+            for j in range(i, 4):
+                a, b = self.vertices[:, i], self.vertices[:, j]
+                used = joined[:, i] & joined[:, j] & (a < len(blocks)) & (b < len(blocks))
+                if used.any():
+                    row, column = blocks[a[used]], blocks[b[used]]
+                    share = (self.coefficients[used, i] * self.coefficients[used, j])[:, None, None]
+                    into.add_pairs(np.minimum(row, column), np.maximum(row, column), share * middle[used])
+
+
+def normal_stencils(active: ipctk.NormalCollisions, edges: np.ndarray, faces: np.ndarray, positions: np.ndarray) -> Stencils:
+    """The active pairs of a collision mesh at `positions` (n, d)."""
+    vv = np.array([(c.vertex0_id, c.vertex1_id, c.weight) for c in active.vv_collisions]).reshape(-1, 3)
+    ev = np.array([(c.edge_id, c.vertex_id, c.weight) for c in active.ev_collisions]).reshape(-1, 3)
+    fv = np.array([(c.face_id, c.vertex_id, c.weight) for c in active.fv_collisions]).reshape(-1, 3)
+    ee = np.array([(c.edge0_id, c.edge1_id, c.weight, c.eps_x) for c in active.ee_collisions]).reshape(-1, 4)
+    first, second = vv[:, :2].astype(int).T
+    edge, point = edges[ev[:, 0].astype(int)], ev[:, 1].astype(int)
+    face, over = faces[fv[:, 0].astype(int)], fv[:, 1].astype(int)
+    one, other = edges[ee[:, 0].astype(int)], edges[ee[:, 1].astype(int)]
+    corners = positions[face]
+    s, t = (np.zeros(0), np.zeros(0)) if len(ee) == 0 else _closest(*positions[one].transpose(1, 0, 2), *positions[other].transpose(1, 0, 2))
+    return _stack([
+        _vertex_vertex(first, second), _edge_vertex(edge, point, _along(positions[point], *positions[edge].transpose(1, 0, 2))),
+        _face_vertex(face, over, _inside(positions[over], corners)), _edge_edge(one, other, s, t),
+    ], np.concatenate([vv[:, 2], ev[:, 2], fv[:, 2], ee[:, 2] * _mollifier(positions[one], positions[other], ee[:, 3])]))
+
+
+def tangential_stencils(lagged: ipctk.TangentialCollisions, edges: np.ndarray, faces: np.ndarray) -> tuple[Stencils, np.ndarray]:
+    """The pairs of a lagged friction set, weighted by the largest friction force [N], and their tangent bases (k, d, d - 1)."""
+    vv, ev, ee, fv = lagged.vv_collisions, lagged.ev_collisions, lagged.ee_collisions, lagged.fv_collisions
+    ids = lambda pairs, *names: [np.array([getattr(c, name) for c in pairs], dtype=int) for name in names]  # noqa: E731
+    at = lambda pairs, n: np.array([c.closest_point for c in pairs]).reshape(-1, n)  # noqa: E731
+    (first, second), (edge, point) = ids(vv, "vertex0_id", "vertex1_id"), ids(ev, "edge_id", "vertex_id")
+    (one, other), (face, over) = ids(ee, "edge0_id", "edge1_id"), ids(fv, "face_id", "vertex_id")
+    everything = [*vv, *ev, *fv, *ee]
+    forces = np.array([c.mu_s * c.normal_force_magnitude * c.weight for c in everything])
+    bases = np.array([c.tangent_basis for c in everything])
+    return _stack([
+        _vertex_vertex(first, second), _edge_vertex(edges[edge], point, at(ev, 1)[:, 0]),
+        _face_vertex(faces[face], over, at(fv, 2)), _edge_edge(edges[one], edges[other], *at(ee, 2).T),
+    ], forces), bases
+
+
+def _stack(parts, weights: np.ndarray) -> Stencils:
+    vertices, coefficients = (np.concatenate([part[i] for part in parts]) for i in range(2))
+    return Stencils(vertices.astype(np.int64), coefficients, weights)
+
+
+def _vertex_vertex(first, second):
+    zero = np.zeros(len(first))
+    return np.column_stack([first, second, first, first]), np.column_stack([zero + 1.0, zero - 1.0, zero, zero])
+
+
+def _edge_vertex(edge, point, t):
+    return np.column_stack([point, edge, point]), np.column_stack([np.ones(len(t)), t - 1.0, -t, np.zeros(len(t))])
+
+
+def _face_vertex(face, point, uv):
+    u, v = uv.T
+    return np.column_stack([point, face]), np.column_stack([np.ones(len(u)), u + v - 1.0, -u, -v])
+
+
+def _edge_edge(one, other, s, t):
+    return np.column_stack([one, other]), np.column_stack([1.0 - s, s, t - 1.0, -t])
+
+
+def _along(p, a, b) -> np.ndarray:
+    """Where the foot of p (k, d) lies between a (0) and b (1), cut off at the ends."""
+    edge = b - a
+    return np.clip(np.einsum("kd,kd->k", p - a, edge) / np.maximum(np.einsum("kd,kd->k", edge, edge), 1e-300), 0.0, 1.0)
+
+
+def _inside(p, corners) -> np.ndarray:
+    """Coordinates (k, 2) of the foot of p in triangles (k, 3, d), along their first vertex's two edges."""
+    e, f, r = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0], p - corners[:, 0]
+    ee, ef, ff = (np.einsum("kd,kd->k", x, y) for x, y in ((e, e), (e, f), (f, f)))
+    re, rf = (np.einsum("kd,kd->k", r, x) for x in (e, f))
+    determinant = np.maximum(ee * ff - ef**2, 1e-300)
+    return np.column_stack([(ff * re - ef * rf) / determinant, (ee * rf - ef * re) / determinant])
+
+
+def _closest(a, b, c, d) -> tuple[np.ndarray, np.ndarray]:
+    """Closest points of segments ab and cd, as shares (k,) along each."""
+    e, f, r = b - a, d - c, a - c
+    ee, ef, ff, er, fr = (np.einsum("kd,kd->k", x, y) for x, y in ((e, e), (e, f), (f, f), (e, r), (f, r)))
+    determinant = ee * ff - ef**2
+    skew = determinant > PARALLEL * ee * ff
+    safe = np.where(skew, determinant, 1.0)
+    shares = [(np.where(skew, (ef * fr - ff * er) / safe, 2.0), np.where(skew, (ee * fr - ef * er) / safe, 2.0))]
+    zero, one = np.zeros(len(e)), np.ones(len(e))
+    shares += [(zero, _along(a, c, d)), (one, _along(b, c, d)), (_along(c, a, b), zero), (_along(d, a, b), one)]
+    distances = []
+    for s, t in shares:
+        outside = (s < 0.0) | (s > 1.0) | (t < 0.0) | (t > 1.0)
+        distances.append(np.where(outside, np.inf, np.linalg.norm(r + s[:, None] * e - t[:, None] * f, axis=1)))
+    best = np.argmin(distances, axis=0)
+    pick = np.arange(len(e))
+    return np.array([s for s, _ in shares])[best, pick], np.array([t for _, t in shares])[best, pick]
+
+
+def _mollifier(one, other, eps) -> np.ndarray:
+    """How much of a pair of edges counts as they become parallel (Li et al. 2020, section 4.2)."""
+    if len(eps) == 0:
+        return eps
+    cross = np.cross(one[:, 1] - one[:, 0], other[:, 1] - other[:, 0])
+    share = np.einsum("kd,kd->k", cross, cross) / eps
+    return np.where(share < 1.0, (2.0 - share) * share, 1.0)
