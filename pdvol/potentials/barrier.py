@@ -8,6 +8,7 @@ import numpy as np
 
 from pdvol.potentials import barrier_law
 from pdvol.potentials.collision_surface import CollisionSurface
+from pdvol.potentials.contact_candidates import share_of
 from pdvol.potentials.hessian_blocks import HessianBlocks
 from pdvol.potentials.potential import Positions, Term
 
@@ -47,18 +48,26 @@ class SurfaceBarrier(Term):
             pairs = self.surface.candidates.at(vertices)
             if not pairs.empty():
                 active.build(candidates=pairs, mesh=self.surface.mesh, vertices=vertices, dhat=self.dhat)
-            self._active, self._vertices, self._at = active, vertices, x
+            self._active, self._vertices, self._at, self._mine = active, vertices, x, None
         return self._active, self._vertices
+
+    def _share(self) -> ipctk.NormalCollisions:
+        """This rank's part of the active set."""
+        if self._mine is None:
+            self._mine = share_of(self._active, ipctk.NormalCollisions(), "collisions", self.space.comm)
+        return self._mine
 
     def value(self, x: Positions) -> float:
         active, vertices = self.collisions(x)
-        return float(self._potential(active, self.surface.mesh, vertices)) if len(active) else 0.0
+        if not len(active):
+            return 0.0
+        return self.space.comm.allreduce(float(self._potential(self._share(), self.surface.mesh, vertices)))
 
     def gradient(self, x: Positions) -> np.ndarray:
         active, vertices = self.collisions(x)
         if not len(active):
             return np.zeros_like(x.owned)
-        return self.surface.rows_of_gradient(self._potential.gradient(active, self.surface.mesh, vertices))
+        return self.surface.rows_of_gradient(self._potential.gradient(self._share(), self.surface.mesh, vertices))
 
     def add_hessian(self, x: Positions, weight: float, into: HessianBlocks) -> None:
         """Without a filter, exactly; else through stencils: many times faster than projecting each pair's 12 x 12 Hessian."""
@@ -68,7 +77,7 @@ class SurfaceBarrier(Term):
         if into.positive == "none":
             self.surface.add_hessian(self._potential.hessian(active, self.surface.mesh, vertices), weight, into)
             return
-        stencils = self.surface.stencils(active, vertices)
+        stencils = self.surface.stencils(self._share(), vertices)
         gaps = stencils.gaps(vertices)
         s = np.einsum("kd,kd->k", gaps, gaps) / self.dhat**2
         weights = np.abs(stencils.weights) if into.positive == "abs" else np.maximum(stencils.weights, 0.0)

@@ -6,11 +6,12 @@ contact does not depend on how the level is distributed.
 
 import ipctk
 import numpy as np
+from mpi4py import MPI
 from scipy.sparse import csr_array
 
 from pdvol.hierarchy.level_space import LevelSpace
 from pdvol.potentials.contact_candidates import ContactCandidates
-from pdvol.potentials.contact_stencils import Stencils, normal_stencils, tangential_stencils
+from pdvol.potentials.contact_stencils import Stencils, joined, normal_stencils, tangential_stencils
 from pdvol.potentials.hessian_blocks import HessianBlocks
 from pdvol.potentials.potential import Positions
 
@@ -62,7 +63,7 @@ class CollisionSurface:
         self._blocks = space.point_blocks[self.surface]
         self.obstacle_positions = self._obstacles_at(0.0)
         self._narrow = ipctk.AdditiveCCD(max_iterations=10_000, conservative_rescaling=0.9)
-        self.candidates = ContactCandidates(self.mesh, everything[0], reach, drifts=not obstacles)
+        self.candidates = ContactCandidates(self.mesh, everything[0], reach, not obstacles, space.comm)
 
     def _obstacles_at(self, time: float) -> np.ndarray:
         moved = [o.motion(o.vertices, time) for o in self.obstacles]
@@ -89,9 +90,11 @@ class CollisionSurface:
                                                            narrow_phase_ccd=self._narrow))
 
     def rows_of_gradient(self, gradient: np.ndarray) -> np.ndarray:
-        """Owned rows (n_owned, d) of a gradient over the collision mesh's unknowns."""
+        """Owned rows (n_owned, d) of a gradient over the collision mesh's unknowns, of which each rank has a part. Collective."""
         whole = np.zeros((len(self.space.mesh.points), self.space.dim))
         whole[self.surface] = gradient.reshape(-1, self.space.dim)[: len(self.surface)]
+        if self.space.comm.size > 1:
+            self.space.comm.Allreduce(MPI.IN_PLACE, whole, op=MPI.SUM)
         return self.space.from_input(whole)
 
     def stencils(self, active: ipctk.NormalCollisions, vertices: np.ndarray) -> Stencils:
@@ -103,7 +106,10 @@ class CollisionSurface:
         return tangential_stencils(lagged, *self._primitives)
 
     def add_stencils(self, stencils: Stencils, middle: np.ndarray, into: HessianBlocks) -> None:
-        """Adds C' M C of contact pairs; obstacles have no rows."""
+        """Adds C' M C of contact pairs, of which each rank has a part; obstacles have no rows. Collective."""
+        if self.space.comm.size > 1:
+            parts = self.space.comm.allgather((stencils, middle))
+            stencils, middle = joined([part for part, _ in parts]), np.concatenate([m for _, m in parts])
         stencils.add(middle, self._blocks, into)
 
     def add_hessian(self, hessian, weight: float, into: HessianBlocks) -> None:

@@ -53,6 +53,11 @@ class Stencils:
                     into.add_pairs(np.minimum(row, column), np.maximum(row, column), share * middle[used])
 
 
+def joined(parts: list[Stencils]) -> Stencils:
+    """Several ranks' pairs as one."""
+    return Stencils(*(np.concatenate([getattr(part, name) for part in parts]) for name in ("vertices", "coefficients", "weights")))
+
+
 def normal_stencils(active: ipctk.NormalCollisions, edges: np.ndarray, faces: np.ndarray, positions: np.ndarray) -> Stencils:
     """The active pairs of a collision mesh at `positions` (n, d)."""
     vv = np.array([(c.vertex0_id, c.vertex1_id, c.weight) for c in active.vv_collisions]).reshape(-1, 3)
@@ -80,7 +85,8 @@ def tangential_stencils(lagged: ipctk.TangentialCollisions, edges: np.ndarray, f
     (one, other), (face, over) = ids(ee, "edge0_id", "edge1_id"), ids(fv, "face_id", "vertex_id")
     everything = [*vv, *ev, *fv, *ee]
     forces = np.array([c.mu_s * c.normal_force_magnitude * c.weight for c in everything])
-    bases = np.array([c.tangent_basis for c in everything])
+    dim = 2 if len(faces) == 0 else 3
+    bases = np.array([c.tangent_basis for c in everything]).reshape(-1, dim, dim - 1)
     return _stack([
         _vertex_vertex(first, second), _edge_vertex(edges[edge], point, at(ev, 1)[:, 0]),
         _face_vertex(faces[face], over, at(fv, 2)), _edge_edge(edges[one], edges[other], *at(ee, 2).T),

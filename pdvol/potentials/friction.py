@@ -5,6 +5,7 @@ import numpy as np
 
 from pdvol.potentials import smooth_friction
 from pdvol.potentials.barrier import SurfaceBarrier
+from pdvol.potentials.contact_candidates import share_of
 from pdvol.potentials.hessian_blocks import HessianBlocks
 from pdvol.potentials.potential import Positions, Term
 
@@ -32,6 +33,7 @@ class SurfaceFriction(Term):
         self._lagged, self._stencils = ipctk.TangentialCollisions(), None
         if len(active):
             self._lagged.build(self.surface.mesh, vertices, active, self.barrier._potential, self.mu)
+        self._mine = share_of(self._lagged, ipctk.TangentialCollisions(), "collisions", self.space.comm)
 
     @property
     def rubs(self) -> bool:
@@ -41,18 +43,20 @@ class SurfaceFriction(Term):
         return np.asfortranarray(self.surface.vertices(x) - self._start)
 
     def value(self, x: Positions) -> float:
-        return float(self._potential(self._lagged, self.surface.mesh, self._slip(x))) if len(self._lagged) else 0.0
+        if not len(self._lagged):
+            return 0.0
+        return self.space.comm.allreduce(float(self._potential(self._mine, self.surface.mesh, self._slip(x))))
 
     def gradient(self, x: Positions) -> np.ndarray:
         if not len(self._lagged):
             return np.zeros_like(x.owned)
-        return self.surface.rows_of_gradient(self._potential.gradient(self._lagged, self.surface.mesh, self._slip(x)))
+        return self.surface.rows_of_gradient(self._potential.gradient(self._mine, self.surface.mesh, self._slip(x)))
 
     def add_hessian(self, x: Positions, weight: float, into: HessianBlocks) -> None:
         if not len(self._lagged):
             return
         if self._stencils is None:
-            self._stencils, self._bases = self.surface.tangential_stencils(self._lagged)
+            self._stencils, self._bases = self.surface.tangential_stencils(self._mine)
         slip = np.einsum("kdt,kd->kt", self._bases, self._stencils.gaps(self._slip(x)))
         size = np.linalg.norm(slip, axis=1)
         along = slip / np.maximum(size, 1e-300)[:, None]
