@@ -34,6 +34,13 @@ class Stencils:
         """(k, d) vectors from one side to the other."""
         return np.einsum("ki,kid->kd", self.coefficients, positions[self.vertices])
 
+    def gather(self, forces: np.ndarray, count: int) -> np.ndarray:
+        """Sum over pairs of C' f (count, d) at vertices, from f (k, d): the transpose of `gaps`."""
+        out = np.empty((count, forces.shape[1]))
+        for axis in range(forces.shape[1]):
+            out[:, axis] = np.bincount(self.vertices.ravel(), (self.coefficients * forces[:, axis, None]).ravel(), minlength=count)
+        return out
+
     def add(self, middle: np.ndarray, blocks: np.ndarray, into: HessianBlocks) -> None:
         """Adds sum_k C_k' M_k C_k, where C_k maps positions to gaps and M (k, d, d) is symmetric.
 

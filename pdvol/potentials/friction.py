@@ -1,4 +1,4 @@
-"""Lagged, smoothed Coulomb friction between surfaces (Li et al. 2020, section 5), through ipctk."""
+"""Lagged, smoothed Coulomb friction between surfaces (Li et al. 2020, section 5): ipctk finds pairs, forces and tangents at each lag."""
 
 import ipctk
 import numpy as np
@@ -25,40 +25,44 @@ class SurfaceFriction(Term):
     def begin_step(self, x_t: Positions, t0: float, t1: float) -> None:
         self._start = self.surface.vertices(x_t, at=t0)
         self._eps = self.eps_v * (t1 - t0)
-        self._potential = ipctk.FrictionPotential(eps_v=self._eps)
         self.lag(x_t)
 
     def lag(self, x: Positions) -> None:
         active, vertices = self.barrier.collisions(x)
-        self._lagged, self._stencils = ipctk.TangentialCollisions(), None
+        lagged = ipctk.TangentialCollisions()
         if len(active):
-            self._lagged.build(self.surface.mesh, vertices, active, self.barrier._potential, self.mu)
-        self._mine = share_of(self._lagged, ipctk.TangentialCollisions(), "collisions", self.space.comm)
+            lagged.build(self.surface.mesh, vertices, active, self.barrier._potential, self.mu)
+        self._count = len(lagged)
+        mine = share_of(lagged, ipctk.TangentialCollisions(), "collisions", self.space.comm)
+        self._stencils, self._bases = self.surface.tangential_stencils(mine)
 
     @property
     def rubs(self) -> bool:
-        return len(self._lagged) > 0
+        return self._count > 0
 
-    def _slip(self, x: Positions) -> np.ndarray:
-        return np.asfortranarray(self.surface.vertices(x) - self._start)
+    def _slip(self, x: Positions) -> tuple[np.ndarray, np.ndarray]:
+        """Slips (k, d - 1) in the pairs' tangent bases, and their sizes."""
+        gaps = self._stencils.gaps(self.surface.vertices(x) - self._start)
+        slip = np.einsum("kdt,kd->kt", self._bases, gaps)
+        return slip, np.linalg.norm(slip, axis=1)
 
     def value(self, x: Positions) -> float:
-        if not len(self._lagged):
+        if not self._count:
             return 0.0
-        return self.space.comm.allreduce(float(self._potential(self._mine, self.surface.mesh, self._slip(x))))
+        _, size = self._slip(x)
+        return self.space.comm.allreduce(float(self._stencils.weights @ smooth_friction.f0(size, self._eps)))
 
     def gradient(self, x: Positions) -> np.ndarray:
-        if not len(self._lagged):
+        if not self._count:
             return np.zeros_like(x.owned)
-        return self.surface.rows_of_gradient(self._potential.gradient(self._mine, self.surface.mesh, self._slip(x)))
+        slip, size = self._slip(x)
+        forces = (self._stencils.weights * smooth_friction.f1_over(size, self._eps))[:, None] * np.einsum("kdt,kt->kd", self._bases, slip)
+        return self.surface.rows_of_gradient(self._stencils.gather(forces, len(self._start)))
 
     def add_hessian(self, x: Positions, weight: float, into: HessianBlocks) -> None:
-        if not len(self._lagged):
+        if not self._count:
             return
-        if self._stencils is None:
-            self._stencils, self._bases = self.surface.tangential_stencils(self._mine)
-        slip = np.einsum("kdt,kd->kt", self._bases, self._stencils.gaps(self._slip(x)))
-        size = np.linalg.norm(slip, axis=1)
+        slip, size = self._slip(x)
         along = slip / np.maximum(size, 1e-300)[:, None]
         round_, slope = (k[:, None, None] for k in smooth_friction.stiffness(size, self._eps, majorise=into.positive == "abs"))
         middle = round_ * np.eye(slip.shape[1]) + (slope - round_) * along[:, :, None] * along[:, None, :]

@@ -56,8 +56,9 @@ class HessianBlocks:
         keys = np.concatenate([row * n + column for row, column, _ in self._pairs])
         blocks = np.concatenate([blocks for _, _, blocks in self._pairs])
         order = np.argsort(keys, kind="stable")
-        keys, first = np.unique(keys[order], return_index=True)
-        return keys, np.add.reduceat(blocks[order], first, axis=0)
+        keys = keys[order]
+        first = np.flatnonzero(np.diff(keys, prepend=-1))
+        return keys[first], np.add.reduceat(blocks[order], first, axis=0)
 
     def to_csr(self) -> csr_array:
         """The whole symmetric matrix (n d, n d), in PETSc's numbering, of a level that lives on one rank."""

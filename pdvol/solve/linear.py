@@ -24,7 +24,7 @@ HARD = 200  # iterations that cost more than a direct solve: from 500 to 20,000 
 PATIENCE = 20  # direct solves after which the others are tried again
 # An incomplete factor of a positive definite matrix need not be one: stiff contacts break it. Their diagonal blocks then grow for its
 # purposes by these shares in turn (Manteuffel 1980).
-SHIFTS = (0.0, 0.05, 0.2, 0.8)
+SHIFTS = (0.0, 0.1, 0.2, 0.4, 0.8)
 STALE = 1.5  # growth of the iteration count at which the coarse space is summed again
 # MUMPS estimates its work array from the pattern and gives up (INFOG(1) = -9) where pivoting on several ranks needs more.
 WORKSPACES = (100, 400, 1600)  # per cent on top of the estimate, tried in turn
