@@ -10,6 +10,7 @@ import numpy as np
 from mpi4py import MPI
 
 NEAR = 0.2  # of the median edge: longer slacks catch so many neighbours that looking through them costs more than searching anew
+SHORTEST = 0.15  # of the longest slack: what is allowed for where nothing is known to move
 ROOM = 1.2  # slack over the move that asked for it
 ALONG = 1e-12  # of the largest coordinate: distance from a straight move that is round-off
 
@@ -45,7 +46,7 @@ class ContactCandidates:
     def at(self, vertices: np.ndarray) -> ipctk.Candidates:
         """Candidates among which are all pairs nearer than the reach at `vertices` (k, d)."""
         if not self._knows(vertices):
-            self._search_around(vertices, 0.5 * self._longest)
+            self._search_around(vertices, SHORTEST * self._longest)
         return self.pairs
 
     def along(self, start: np.ndarray, end: np.ndarray) -> ipctk.Candidates:
@@ -55,7 +56,7 @@ class ContactCandidates:
             return self._mine()
         move = _largest(self._place(end) - self._place(start))
         if ROOM * move <= self._longest:
-            self._search_around(start, max(ROOM * move, 0.5 * self._longest))
+            self._search_around(start, max(ROOM * move, SHORTEST * self._longest))
         else:
             self.pairs.build(mesh=self.mesh, vertices_t0=start, vertices_t1=self._beside(start, end), inflation_radius=0.51 * self.reach,
                              broad_phase=ipctk.LBVH())
