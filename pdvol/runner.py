@@ -210,7 +210,7 @@ def _run_level(scene: Scene, hierarchy: Hierarchy, level: int, method: str, obst
         writer.finish(level)
         return
     mesh = hierarchy[level].mesh
-    problem = LevelProblem(scene, hierarchy[level], level, diagonal, obstacles)
+    problem = LevelProblem(scene, hierarchy[level], level, diagonal, obstacles, partial(hierarchy.coarse_weights, level))
     if done == 0:
         start = Start(0, mesh.points, initial_velocity(scene, mesh))
         writer.call("write_state", level, 0, start.positions)

@@ -310,14 +310,17 @@ class Barrier:
     ----------
     dhat : distance [m] at which contact begins to push
     stiffness : barrier stiffness as a fraction of the softest Young's modulus
+    ccd : "additive", or "tight-inclusion": certified in exact arithmetic and many times slower
     """
 
     dhat: Length = Relative(1e-3)
     stiffness: float = 0.1
+    ccd: str = "additive"
 
     def __post_init__(self):
         _length("Barrier.dhat", self.dhat)
         _positive("Barrier.stiffness", self.stiffness)
+        _require(self.ccd in ("additive", "tight-inclusion"), f"Barrier.ccd = {self.ccd!r} must be additive or tight-inclusion")
 
 
 @dataclass(frozen=True)

@@ -3,12 +3,17 @@
 from collections.abc import Sequence
 
 from mpi4py import MPI
+from scipy.sparse import csr_array
 
 from pdvol.hierarchy.binding import bind
 from pdvol.hierarchy.interpolants import INTERPOLANTS
 from pdvol.hierarchy.level_mesh import LevelMesh
 from pdvol.hierarchy.level_space import LevelSpace
 from pdvol.hierarchy.prolongation import Prolongation
+
+
+MOST_COARSE = 800  # vertices: the coarse system is solved directly in every iteration
+SMALLER = 6  # times: else it costs about as much as what it helps
 
 
 class Hierarchy(Sequence):
@@ -57,3 +62,17 @@ class Hierarchy(Sequence):
             coarse, fine = self[level - 1], self[level]
             self._prolongations[level] = Prolongation(coarse, fine, bind(fine, coarse), INTERPOLANTS[self.interpolant])
         return self._prolongations[level]
+
+    def coarse_weights(self, level: int) -> csr_array | None:
+        """Weights (n, m) of a level over the coarser level that suits a two-level preconditioner best; None where none does. Collective.
+
+        That is the largest one of at most `MOST_COARSE` vertices that is several times smaller than the level itself.
+        """
+        sizes = [len(space.mesh.points) for space in self._spaces]
+        fitting = [k for k in range(level) if sizes[k] <= min(MOST_COARSE, sizes[level] / SMALLER)]
+        if not fitting:
+            return None
+        weights = self.prolongation(level).weights
+        for between in range(level - 1, fitting[-1], -1):
+            weights = weights @ self.prolongation(between).weights
+        return csr_array(weights)

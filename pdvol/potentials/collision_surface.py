@@ -15,6 +15,12 @@ from pdvol.potentials.contact_stencils import Stencils, joined, normal_stencils,
 from pdvol.potentials.hessian_blocks import HessianBlocks
 from pdvol.potentials.potential import Positions
 
+NARROW = {
+    "additive": lambda: ipctk.AdditiveCCD(max_iterations=10_000, conservative_rescaling=0.9),
+    "tight-inclusion": lambda: ipctk.TightInclusionCCD(tolerance=1e-6, max_iterations=1_000_000, conservative_rescaling=0.9),
+}
+"""Continuous collision detection by name: how far a straight move may go. Both leave a tenth of each gap, and stop where they cannot tell."""
+
 ipctk.set_num_threads(1)  # sums over contacts repeat to the last bit; measured again where speed asks for it
 
 
@@ -38,7 +44,7 @@ class CollisionSurface:
         Pairs that can be within `reach` [m] of each other.
     """
 
-    def __init__(self, space: LevelSpace, obstacles: tuple[Obstacle, ...], reach: float):
+    def __init__(self, space: LevelSpace, obstacles: tuple[Obstacle, ...], reach: float, ccd: str = "additive"):
         self.space, self.obstacles = space, obstacles
         d, level = space.dim, space.mesh
         self.surface, facets = np.unique(level.boundary, return_inverse=True)
@@ -62,7 +68,7 @@ class CollisionSurface:
         self._primitives = np.array(self.mesh.edges, dtype=np.int64), np.array(self.mesh.faces, dtype=np.int64).reshape(-1, 3)
         self._blocks = space.point_blocks[self.surface]
         self.obstacle_positions = self._obstacles_at(0.0)
-        self._narrow = ipctk.AdditiveCCD(max_iterations=10_000, conservative_rescaling=0.9)
+        self._narrow = NARROW[ccd]()
         self.candidates = ContactCandidates(self.mesh, everything[0], reach, not obstacles, space.comm)
 
     def _obstacles_at(self, time: float) -> np.ndarray:
@@ -82,7 +88,7 @@ class CollisionSurface:
         return np.asfortranarray(np.concatenate([x.whole[self.surface], obstacles]))
 
     def max_step(self, start: np.ndarray, end: np.ndarray) -> float:
-        """Largest step in [0, 1] along straight paths that keeps everything apart (Additive CCD, leaves a tenth of each gap)."""
+        """Largest step in [0, 1] along straight paths that keeps everything apart, for this rank's share of the pairs."""
         pairs = self.candidates.along(start, end)
         if pairs.empty():
             return 1.0
@@ -113,8 +119,9 @@ class CollisionSurface:
         stencils.add(middle, self._blocks, into)
 
     def add_hessian(self, hessian, weight: float, into: HessianBlocks) -> None:
-        """Adds a sparse Hessian over the collision mesh's unknowns; obstacles have none."""
+        """Adds a sparse Hessian over the collision mesh's unknowns, of which each rank has a part; obstacles have none. Collective."""
         d, k = self.space.dim, len(self.surface)
         blocks = csr_array(hessian)[: k * d, : k * d].tobsr(blocksize=(d, d))
-        rows = np.repeat(np.arange(k), np.diff(blocks.indptr))
-        into.add_pairs(self._blocks[rows], self._blocks[blocks.indices], weight * blocks.data)
+        parts = (self._blocks[np.repeat(np.arange(k), np.diff(blocks.indptr))], self._blocks[blocks.indices], weight * blocks.data)
+        for part in self.space.comm.allgather(parts) if self.space.comm.size > 1 else [parts]:
+            into.add_pairs(*part)

@@ -12,7 +12,7 @@ import numpy as np
 
 from pdvol.potentials.hessian_blocks import HessianBlocks
 
-PARALLEL = 1e-12  # of the product of two edges' squared lengths: below, their closest points are looked for at the ends
+PARALLEL = 1e-12  # of the product of two edges' squared lengths: as near to parallel as is divided by
 
 
 @dataclass(frozen=True)
@@ -70,13 +70,14 @@ def normal_stencils(active: ipctk.NormalCollisions, edges: np.ndarray, faces: np
     vv = np.array([(c.vertex0_id, c.vertex1_id, c.weight) for c in active.vv_collisions]).reshape(-1, 3)
     ev = np.array([(c.edge_id, c.vertex_id, c.weight) for c in active.ev_collisions]).reshape(-1, 3)
     fv = np.array([(c.face_id, c.vertex_id, c.weight) for c in active.fv_collisions]).reshape(-1, 3)
-    ee = np.array([(c.edge0_id, c.edge1_id, c.weight, c.eps_x) for c in active.ee_collisions]).reshape(-1, 4)
+    ee = np.array([(c.edge0_id, c.edge1_id, c.weight, c.eps_x, int(c.dtype)) for c in active.ee_collisions]).reshape(-1, 5)
     first, second = vv[:, :2].astype(int).T
     edge, point = edges[ev[:, 0].astype(int)], ev[:, 1].astype(int)
     face, over = faces[fv[:, 0].astype(int)], fv[:, 1].astype(int)
     one, other = edges[ee[:, 0].astype(int)], edges[ee[:, 1].astype(int)]
     corners = positions[face]
-    s, t = (np.zeros(0), np.zeros(0)) if len(ee) == 0 else _closest(*positions[one].transpose(1, 0, 2), *positions[other].transpose(1, 0, 2))
+    s, t = (np.zeros(0), np.zeros(0)) if len(ee) == 0 else _closest(
+        *positions[one].transpose(1, 0, 2), *positions[other].transpose(1, 0, 2), ee[:, 4].astype(int))
     return _stack([
         _vertex_vertex(first, second), _edge_vertex(edge, point, _along(positions[point], *positions[edge].transpose(1, 0, 2))),
         _face_vertex(face, over, _inside(positions[over], corners)), _edge_edge(one, other, s, t),
@@ -138,23 +139,16 @@ def _inside(p, corners) -> np.ndarray:
     return np.column_stack([(ff * re - ef * rf) / determinant, (ee * rf - ef * re) / determinant])
 
 
-def _closest(a, b, c, d) -> tuple[np.ndarray, np.ndarray]:
-    """Closest points of segments ab and cd, as shares (k,) along each."""
+def _closest(a, b, c, d, kind: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Closest points of segments ab and cd, as shares (k,) along each, given which of their parts they lie on (ipctk's distance types)."""
     e, f, r = b - a, d - c, a - c
     ee, ef, ff, er, fr = (np.einsum("kd,kd->k", x, y) for x, y in ((e, e), (e, f), (f, f), (e, r), (f, r)))
-    determinant = ee * ff - ef**2
-    skew = determinant > PARALLEL * ee * ff
-    safe = np.where(skew, determinant, 1.0)
-    shares = [(np.where(skew, (ef * fr - ff * er) / safe, 2.0), np.where(skew, (ee * fr - ef * er) / safe, 2.0))]
+    determinant = np.maximum(ee * ff - ef**2, PARALLEL * ee * ff + 1e-300)
     zero, one = np.zeros(len(e)), np.ones(len(e))
-    shares += [(zero, _along(a, c, d)), (one, _along(b, c, d)), (_along(c, a, b), zero), (_along(d, a, b), one)]
-    distances = []
-    for s, t in shares:
-        outside = (s < 0.0) | (s > 1.0) | (t < 0.0) | (t > 1.0)
-        distances.append(np.where(outside, np.inf, np.linalg.norm(r + s[:, None] * e - t[:, None] * f, axis=1)))
-    best = np.argmin(distances, axis=0)
+    shares = [(zero, zero), (zero, one), (one, zero), (one, one), (_along(c, a, b), zero), (_along(d, a, b), one), (zero, _along(a, c, d)),
+              (one, _along(b, c, d)), ((ef * fr - ff * er) / determinant, (ee * fr - ef * er) / determinant)]
     pick = np.arange(len(e))
-    return np.array([s for s, _ in shares])[best, pick], np.array([t for _, t in shares])[best, pick]
+    return np.array([s for s, _ in shares])[kind, pick], np.array([t for _, t in shares])[kind, pick]
 
 
 def _mollifier(one, other, eps) -> np.ndarray:

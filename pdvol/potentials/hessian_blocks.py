@@ -16,12 +16,14 @@ class HessianBlocks:
     pattern : BlockPattern
     positive : "clamp", "abs" or "none"
         What terms make of negative eigenvalues of their local Hessians: cut off, taken by size, or left.
+    quick : bool
+        Whether terms may leave out what is dear and mostly cut off anyway (the turning of contact normals).
     cells : (pattern.count, d, d)
         Blocks between vertices of a cell, in the pattern's order.
     """
 
     def __init__(self, pattern: BlockPattern, positive: str = "clamp"):
-        self.pattern, self.positive = pattern, positive
+        self.pattern, self.positive, self.quick = pattern, positive, True
         d = pattern.space.dim
         self.cells = np.zeros((pattern.count, d, d))
         self._pairs: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []

@@ -1,10 +1,12 @@
 """One level's time stepping: space, terms, supports and the solver that takes one step, cutting it where it must."""
 
 import resource
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
 from mpi4py import MPI
+from scipy.sparse import csr_array
 
 from pdvol.errors import ConvergenceError, SimulationError
 from pdvol.hierarchy.level_space import LevelSpace
@@ -64,9 +66,11 @@ class LevelProblem:
     level : its number
     diagonal : the scene's diagonal [m]
     obstacles : geometry of the scene's `Rigid` obstacles
+    coarse_weights : called when a linear solver wants a coarse space, for weights (n, m) over fewer vertices or None
     """
 
-    def __init__(self, scene: Scene, space: LevelSpace, level: int, diagonal: float, obstacles=()):
+    def __init__(self, scene: Scene, space: LevelSpace, level: int, diagonal: float, obstacles=(),
+                 coarse_weights: Callable[[], csr_array | None] = lambda: None):
         self.scene, self.space, self.level = scene, space, level
         self.watch = Stopwatch()
         self.potential = IncrementalPotential(space, build_terms(scene, space, diagonal, obstacles), self.watch)
@@ -75,7 +79,8 @@ class LevelProblem:
         for mask, _ in self._supports:
             self.supported |= mask
         self._driven = self._is_driven()
-        self.newton = Newton(space, self.potential, self.supported, metres(scene.solver.tolerance, diagonal), scene.solver, self.watch)
+        self.newton = Newton(space, self.potential, self.supported, metres(scene.solver.tolerance, diagonal), scene.solver, self.watch,
+                             coarse_weights)
         self._lags = next((c.iterations for c in scene.contact if isinstance(c, Friction)), 1)
         self._rest = space.from_input(space.mesh.points)
 

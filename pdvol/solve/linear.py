@@ -68,7 +68,7 @@ class LinearSolver:
             self._with_options({"mat_mumps_icntl_14": str(WORKSPACES[self._workspace])})
         else:
             ksp.setType(PETSc.KSP.Type.CG)
-            ksp.setNormType(PETSc.KSP.NormType.NATURAL)
+            ksp.setNormType(PETSc.KSP.NormType.DEFAULT if "ksp_type" in _parse(self.settings.petsc) else PETSc.KSP.NormType.NATURAL)
             ksp.setTolerances(rtol=self.settings.accuracy, max_it=1000)
             if method == "multilevel":
                 self._coarse, self._fresh = self._coarse or self._make_coarse(), False
@@ -79,6 +79,7 @@ class LinearSolver:
 
     def _with_options(self, options: dict[str, str]) -> None:
         database = PETSc.Options()
+        database["options_left"] = "no"  # factors read theirs late, or never where they are not made: nothing to warn of
         for name, value in options.items():
             database[f"{self.prefix}{name}"] = value
         self.ksp.setFromOptions()
@@ -210,6 +211,11 @@ class _Preconditioner:
         if self.coarse is not None and self.coarse.size:
             residual = x.getArray(readonly=True).reshape(-1, self.coarse.space.dim)
             y.setArray(y.getArray(readonly=True) + self.coarse.correct(residual).ravel())
+
+
+def wants_general_matrix(settings: Solver) -> bool:
+    """Whether the user's own options pick a preconditioner, which may not take a symmetric blocked matrix."""
+    return any(name.endswith("pc_type") for name in _parse(settings.petsc))
 
 
 def _parse(text: str) -> dict[str, str]:

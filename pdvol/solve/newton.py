@@ -6,12 +6,14 @@ is still taken. A short step deep inside a barrier says little (Newton on a loga
 step must also have been taken in full, follow one that was, and not be longer than it.
 """
 
+from collections.abc import Callable
 from contextlib import contextmanager
 from dataclasses import dataclass
 
 import numpy as np
 from mpi4py import MPI
 from petsc4py import PETSc
+from scipy.sparse import csr_array
 
 from pdvol.errors import PdvolError, SimulationError
 from pdvol.hierarchy.level_space import LevelSpace
@@ -21,7 +23,7 @@ from pdvol.potentials.potential import Positions
 from pdvol.scene import Solver
 from pdvol.solve.coarse_space import CoarseSpace, grid_weights
 from pdvol.solve.incremental_potential import IncrementalPotential
-from pdvol.solve.linear import LinearSolver
+from pdvol.solve.linear import LinearSolver, wants_general_matrix
 from pdvol.solve.system_matrix import SystemMatrix
 from pdvol.solve.timing import Stopwatch
 
@@ -29,6 +31,8 @@ ROUNDING = 1e-13  # a decrease below this share of the energy cannot be told fro
 CANCELLING = 2e-15  # the same for energies that are small differences of large terms: relative to those terms
 
 TRUST = 0.5  # of the promised decrease: a model that delivers less is not trusted
+STIFF = 1.25  # times it: a model that delivers more is too stiff
+PAUSE = 4  # iterations until an unfiltered Hessian is tried again after one was indefinite; doubled each time
 
 _REASONS = {value: name for name, value in vars(PETSc.SNES.ConvergedReason).items() if isinstance(value, int)}
 
@@ -81,14 +85,15 @@ class Newton:
         Vertices that do not move.
     tolerance : [m/s]
     settings : Solver
+    coarse_weights : as `LevelProblem` takes it
     """
 
     def __init__(self, space: LevelSpace, potential: IncrementalPotential, supported: np.ndarray, tolerance: float, settings: Solver,
-                 watch: Stopwatch):
+                 watch: Stopwatch, coarse_weights: Callable[[], csr_array | None] = lambda: None):
         self.space, self.potential, self.tolerance, self.watch = space, potential, tolerance, watch
-        self._fixed = supported
+        self._fixed, self._coarse_weights = supported, coarse_weights
         self._vector, self._residual = space.create_vector(), space.create_vector()
-        self._blocks, self._system = HessianBlocks(BlockPattern(space)), SystemMatrix(space, supported)
+        self._blocks, self._system = HessianBlocks(BlockPattern(space)), SystemMatrix(space, supported, wants_general_matrix(settings))
         self._system.assemble(self._blocks)
         self.snes = self._create_snes(settings)
         self.linear = LinearSolver(self.snes.ksp, settings, len(space.mesh.points), self._coarse_space)
@@ -112,7 +117,8 @@ class Newton:
         return snes
 
     def _coarse_space(self) -> CoarseSpace:
-        return CoarseSpace(self.space, grid_weights(self.space.mesh), self._system.all_supported)
+        weights = self._coarse_weights()
+        return CoarseSpace(self.space, grid_weights(self.space.mesh) if weights is None else weights, self._system.all_supported)
 
     # ---- callbacks -----------------------------------------------------------------------------------------------------------
 
@@ -170,6 +176,7 @@ class Newton:
         self._slope, self._at_rounding = slope, abs(slope) <= max(ROUNDING * abs(self._energy(x)), CANCELLING * self.potential.scale)
         cap = self.potential.max_step(x, direction)
         self.report.step_cap = min(self.report.step_cap, cap)
+        self._steps += 1
         self._base, self._trials_before, self._whole, self._direction = x, self._trials, cap == 1.0, direction.copy()
         if cap < 1.0:
             step.scale(cap)
@@ -195,7 +202,7 @@ class Newton:
             backtracks = max(0, self._trials - self._trials_before - 1)
             self.report.backtracks += backtracks
             self._whole = self._whole and backtracks == 0
-            self._blocks.positive = self._filter(snes)
+            self._adapt_model(snes)
             settled = self._whole and self._whole_before and self.report.speed <= self._speed_before
             if self.report.speed <= self.tolerance and (settled or self._at_rounding):
                 return reasons.CONVERGED_SNORM_RELATIVE
@@ -204,17 +211,25 @@ class Newton:
                 return reasons.CONVERGED_SNORM_RELATIVE
         return reasons.ITERATING
 
-    def _filter(self, snes) -> str:
-        """How the next Hessian is made positive: by size where the last quadratic model promised much more than came of it, so that it
-        overshoots less (Chen et al. 2024); cut off at zero otherwise, which is nearer to Newton's own."""
+    def _adapt_model(self, snes) -> None:
+        """Makes the next Hessian by what came of the last one's promise (in the spirit of Chen et al. 2024).
+
+        Where it promised much more, negative eigenvalues are taken by size, which overshoots less, and the rest of the solve goes without
+        short cuts. Where it promised much less, cutting them off has made it too stiff, and it is tried as it is. Else they are cut off.
+        """
         if self._at_rounding:
-            return "clamp"
-        x = self._positions(snes.getSolution())
-        taken, along = self.space.comm.allreduce(np.array([np.vdot(x.owned - self._base.owned, self._direction), np.vdot(self._direction, self._direction)]))
+            self._blocks.positive = "clamp"
+            return
+        x, d = self._positions(snes.getSolution()), self._direction
+        taken, along = self.space.comm.allreduce(np.array([np.vdot(x.owned - self._base.owned, d), np.vdot(d, d)]))
         share = taken / max(along, 1e-300)
         promised = self._slope * share * (1.0 - 0.5 * share)
-        came = self._energy(x) - self._energy(self._base)
-        return "abs" if came > TRUST * promised else "clamp"
+        kept = (self._energy(x) - self._energy(self._base)) / min(promised, -1e-300)
+        if kept > STIFF and self._whole and self._steps >= self._raw_from:
+            self._blocks.positive = "none"
+        else:
+            self._blocks.positive = "abs" if kept < TRUST else "clamp"
+        self._blocks.quick = self._blocks.quick and kept >= TRUST
 
     # ---- what callers use ----------------------------------------------------------------------------------------------------
 
@@ -230,7 +245,13 @@ class Newton:
             reason = self.snes.getConvergedReason()
             self.report.iterations += self.snes.getIterationNumber()
             self.report.linear_iterations += self.snes.getLinearSolveIterations()
-            if reason != PETSc.SNES.ConvergedReason.DIVERGED_LINEAR_SOLVE or not self.linear.fall_back():
+            if reason != PETSc.SNES.ConvergedReason.DIVERGED_LINEAR_SOLVE:
+                break
+            if self._blocks.positive == "none":
+                self._blocks.positive = "clamp"
+                self._pause *= 2
+                self._raw_from = self._steps + self._pause
+            elif not self.linear.fall_back():
                 break
         self.report.converged = reason > 0
         self.report.reason = self.report.reason or _REASONS.get(reason, str(reason))
@@ -262,7 +283,8 @@ class Newton:
 
     def _start(self, x: Positions) -> None:
         self._recent, self._energies, self._base = [x], [], None
-        self._blocks.positive = "clamp"
+        self._blocks.positive, self._blocks.quick = "clamp", True
+        self._steps, self._raw_from, self._pause = 0, 0, PAUSE // 2
         self._trials = self._trials_before = 0
         self._slope, self._at_rounding, self._whole, self._whole_before, self._speed_before = 0.0, False, True, True, np.inf
         self._gradient = np.zeros_like(x.owned)

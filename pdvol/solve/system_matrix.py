@@ -20,6 +20,8 @@ class SystemMatrix:
     space : LevelSpace
     supported : (n_owned,) bool
         Vertices whose rows and columns are the identity's.
+    general : bool
+        Whether to hand out a general AIJ copy, which every preconditioner takes.
 
     Attributes
     ----------
@@ -28,13 +30,13 @@ class SystemMatrix:
     parts : what was last put into it: (starts, columns, blocks) of cells and of pairs, whose sum it is
     """
 
-    def __init__(self, space: LevelSpace, supported: np.ndarray):
-        self.space, self._supported = space, supported
+    def __init__(self, space: LevelSpace, supported: np.ndarray, general: bool = False):
+        self.space, self._supported, self._general = space, supported, general
         self._sizes = ((space.n_owned * space.dim, len(space.mesh.points) * space.dim),) * 2
         self.all_supported = space.to_input(np.repeat(supported[:, None].astype(float), space.dim, axis=1))[:, 0] > 0
         self.all_supported = self.all_supported[np.argsort(space.point_blocks)]  # in PETSc's order
         self._extra, self._recent, self._pattern = None, np.zeros(0, dtype=np.int64), None
-        self.petsc = None
+        self.petsc, self._blocked, self.parts = None, None, ()
 
     def _follow(self, pattern) -> None:
         self._pattern = pattern
@@ -56,7 +58,7 @@ class SystemMatrix:
             free = ~(self._supported[keys // self._n] | self.all_supported[keys % self._n])
             keys, values = keys[free], values[free]
         new = self._fit(keys)
-        matrix = self.petsc
+        matrix = self._blocked
         matrix.zeroEntries()
         matrix.setValuesBlockedCSR(*self._rows, blocks.cells)
         matrix.assemble(PETSc.Mat.AssemblyType.FLUSH)
@@ -64,6 +66,11 @@ class SystemMatrix:
         pairs = (starts, (keys % self._n).astype(PETSc.IntType), values)
         matrix.setValuesBlockedCSR(*pairs, addv=PETSc.InsertMode.ADD_VALUES)
         matrix.assemble()
+        if self._general:
+            self.petsc = matrix.convert("aij") if new else matrix.convert("aij", self.petsc)
+            self.petsc.setOption(PETSc.Mat.Option.SPD, True)
+        else:
+            self.petsc = matrix
         self.parts = ((*self._rows, blocks.cells), pairs)
         return new
 
@@ -79,9 +86,9 @@ class SystemMatrix:
             everything = np.sort(np.concatenate([base, self._extra]))
             starts = np.searchsorted(everything, np.arange(self.space.n_owned + 1) * self._n).astype(PETSc.IntType)
             d = self.space.dim
-            self.petsc = PETSc.Mat().createSBAIJ(self._sizes, d, csr=(starts, (everything % self._n).astype(PETSc.IntType),
-                                                                      np.zeros((len(everything), d, d))), comm=self.space.comm)
-            self.petsc.assemble()
-            self.petsc.setOption(PETSc.Mat.Option.SPD, True)
+            self._blocked = PETSc.Mat().createSBAIJ(self._sizes, d, csr=(starts, (everything % self._n).astype(PETSc.IntType),
+                                                                         np.zeros((len(everything), d, d))), comm=self.space.comm)
+            self._blocked.assemble()
+            self._blocked.setOption(PETSc.Mat.Option.SPD, True)
         self._recent = needed
         return not fits

@@ -1,0 +1,107 @@
+"""Contact pairs: kept candidates miss nothing, and stencils are the pairs' own geometry."""
+
+import ipctk
+import numpy as np
+import pytest
+from mpi4py import MPI
+
+from pdvol.hierarchy.level_space import LevelSpace
+from pdvol.potentials import barrier_law
+from pdvol.potentials.barrier import SurfaceBarrier
+from pdvol.potentials.collision_surface import CollisionSurface, Obstacle
+from pdvol.potentials.potential import Positions
+from pdvol.scene import Still
+from problems import polyline, tetrahedron
+from shapes import box, together
+from taylor import hessian_of
+
+COMM = MPI.COMM_SELF
+DHAT, KAPPA = 0.03, 0.7
+
+
+def two_boxes(d, obstacle=False):
+    """A finer box 0.6 dhat above a coarser one, both jittered; with an obstacle's tip below the lower one."""
+    low = np.r_[np.full(d - 1, 0.13), 1.0 + 0.6 * DHAT]
+    space = LevelSpace(together(box(d, 3, jitter=0.02, seed=1), box(d, 4, low=low, high=low + 0.7, jitter=0.02, seed=2)), COMM)
+    foot = [[-1, -2], [2, -2]] if d == 2 else [[-1, -1, -2], [2, 0, -2], [0, 2, -2]]
+    tip = (polyline if d == 2 else tetrahedron)([*foot, [0.5] * (d - 1) + [-0.5 * DHAT]])
+    obstacles = (Obstacle(*tip, Still()),) if obstacle else ()
+    return space, CollisionSurface(space, obstacles, DHAT)
+
+
+def searched_anew(surface, vertices):
+    active = ipctk.NormalCollisions()
+    active.use_area_weighting = True
+    active.collision_set_type = ipctk.NormalCollisions.CollisionSetType.IMPROVED_MAX_APPROX
+    active.build(mesh=surface.mesh, vertices=vertices, dhat=DHAT, broad_phase=ipctk.BruteForce())
+    return active
+
+
+@pytest.mark.parametrize("d", [2, 3])
+@pytest.mark.parametrize("obstacle", [False, True])
+@pytest.mark.parametrize("size", [1e-4, 3e-3, 0.05, 0.5])
+def test_candidates_are_those_of_a_search_anew(d, obstacle, size):
+    """Random walks by Newton-like moves: caps and active pairs are those of brute force, at the ends and on the way."""
+    space, surface = two_boxes(d, obstacle)
+    barrier = SurfaceBarrier(surface, DHAT, KAPPA)
+    theirs = ipctk.BarrierPotential(dhat=DHAT, stiffness=KAPPA, use_physical_barrier=True)
+    rng = np.random.default_rng(5)
+    x = Positions(space, space.from_input(space.mesh.points))
+    narrow = ipctk.AdditiveCCD(max_iterations=10_000, conservative_rescaling=0.9)
+    stopped = 0
+    for k in range(12):
+        common = rng.standard_normal(d) * (10.0 if k % 3 == 0 and not obstacle else 0.3)
+        direction = size * (common + rng.uniform(-1, 1, x.owned.shape))
+        start, end = surface.vertices(x), surface.vertices(x.moved(1.0, direction))
+        step = surface.max_step(start, end)
+        expected = ipctk.compute_collision_free_stepsize(mesh=surface.mesh, vertices_t0=start, vertices_t1=end, min_distance=0.0,
+                                                         broad_phase=ipctk.BruteForce(), narrow_phase_ccd=narrow)
+        np.testing.assert_allclose(step, expected, rtol=1e-12)
+        stopped += step < 1.0
+        for share in (1.0, 0.5, 0.1):
+            trial = x.moved(share * step, direction)
+            anew = searched_anew(surface, surface.vertices(trial))
+            np.testing.assert_allclose(barrier.value(trial), theirs(anew, surface.mesh, surface.vertices(trial)), rtol=1e-10, atol=1e-300)
+        x = x.moved(0.5 * step, direction)
+    assert stopped or size < 0.05, "nothing came near"
+    assert surface.candidates.searches <= (30 if size > 1e-3 else 2)
+
+
+@pytest.mark.parametrize("d", [2, 3])
+def test_stencils_know_the_distances(d):
+    space, surface = two_boxes(d, obstacle=True)
+    barrier = SurfaceBarrier(surface, DHAT, KAPPA)
+    active, vertices = barrier.collisions(Positions(space, space.from_input(space.mesh.points)))
+    stencils = surface.stencils(active, vertices)
+    pairs = [*active.vv_collisions, *active.ev_collisions, *active.fv_collisions, *active.ee_collisions]
+    squared = [c.compute_distance(c.dof(vertices, surface.mesh.edges, surface.mesh.faces)) for c in pairs]
+    assert len(pairs) > 3
+    np.testing.assert_allclose(np.linalg.norm(stencils.gaps(vertices), axis=1), np.sqrt(squared), rtol=1e-7)
+    np.testing.assert_allclose(stencils.coefficients.sum(axis=1), 0.0, atol=1e-12)
+
+
+@pytest.mark.parametrize("d", [2, 3])
+def test_the_stencils_hessian_is_exact_along_the_gap(d):
+    """Moving one body along the common normal of two flat faces turns no gap: there the stencils leave nothing out."""
+    low = np.r_[np.full(d - 1, 0.13), 1.0 + 0.6 * DHAT]
+    space = LevelSpace(together(box(d, 3), box(d, 2, low=low, high=low + 0.5)), COMM)
+    barrier = SurfaceBarrier(CollisionSurface(space, (), DHAT), DHAT, KAPPA)
+    x = space.from_input(space.mesh.points)
+    active, vertices = barrier.collisions(Positions(space, x))
+    assert len(active) > 1
+    up = (space.mesh.point_bodies[space.owned_points] == 1)[:, None] * np.eye(d)[-1]
+    exact, ours = (up.ravel() @ hessian_of(barrier, space, x, mode).toarray() @ up.ravel() for mode in ("none", "clamp"))
+    stencils = barrier.surface.stencils(active, vertices)
+    moved = stencils.gaps(barrier.surface.vertices(Positions(space, up)))
+    gaps = stencils.gaps(vertices)
+    squared = np.einsum("kd,kd->k", gaps, gaps)
+    along = np.einsum("kd,kd->k", gaps, moved) ** 2 / squared * barrier_law.curvature(squared / DHAT**2, DHAT, KAPPA)
+    np.testing.assert_allclose(stencils.weights @ along, exact, rtol=1e-8)
+    np.testing.assert_allclose(np.maximum(stencils.weights, 0.0) @ along, ours, rtol=1e-8)  # what weighs negatively is cut off
+
+
+@pytest.mark.parametrize("d", [2, 3])
+def test_the_stencils_hessian_is_positive(d):
+    space, surface = two_boxes(d, obstacle=True)
+    H = hessian_of(SurfaceBarrier(surface, DHAT, KAPPA), space, space.from_input(space.mesh.points)).toarray()
+    assert np.linalg.eigvalsh(H)[0] > -1e-12 * np.abs(H).max()

@@ -1,0 +1,223 @@
+"""Linear solvers: the coarse space is a Galerkin one, every method gives the same answer, and failures climb the ladder."""
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+from petsc4py import PETSc
+
+from pdvol.errors import SimulationError
+from pdvol.hierarchy.level_space import LevelSpace
+from pdvol.potentials.block_pattern import BlockPattern
+from pdvol.potentials.hessian_blocks import HessianBlocks
+from pdvol.scene import Gravity, Solver, Support
+from pdvol.solve.coarse_space import SHIFT, CoarseSpace, grid_weights
+from pdvol.solve.linear import SHIFTS, LinearSolver
+from pdvol.solve.system_matrix import SystemMatrix
+from problems import make_problem, make_scene
+from shapes import box, together
+
+COMM = MPI.COMM_SELF
+ROUND = 1e-12
+
+
+def random_blocks(space, seed=0, mass=1.0, pairs=True):
+    """A random positive definite sum: springs between the vertices of cells and, like contacts, between others."""
+    rng = np.random.default_rng(seed)
+    pattern, d = BlockPattern(space), space.dim
+    blocks = HessianBlocks(pattern)
+    blocks.add_masses(np.full((space.n_owned, d), mass))
+    local = pattern.rows != pattern.columns
+    ends = [(pattern.rows[local], pattern.columns[local])]
+    if pairs:
+        ends.append(np.sort(rng.choice(space.n_owned, (10, 2), replace=False)).T)
+    for row, column in ends:
+        n = rng.standard_normal((len(row), d))
+        springs = n[:, :, None] * n[:, None, :]
+        blocks.add_diagonal(row, springs)
+        blocks.add_diagonal(column, springs)
+        blocks.add_pairs(row, column, -springs)
+    return blocks
+
+
+@pytest.fixture(scope="module", params=[2, 3])
+def space(request):
+    return LevelSpace(box(request.param, 4, jitter=0.1, seed=1), COMM)
+
+
+def systems(space, supported=None, **options):
+    blocks = random_blocks(space, **options)
+    dense = blocks.to_csr().toarray()
+    system = SystemMatrix(space, np.zeros(space.n_owned, dtype=bool) if supported is None else supported)
+    system.assemble(blocks)
+    return system, dense
+
+
+def test_the_matrix_is_what_was_summed(space):
+    system, dense = systems(space)
+    x = space.create_vector()
+    x.setArray(np.random.default_rng(2).standard_normal(len(dense)))
+    y = x.duplicate()
+    system.petsc.mult(x, y)
+    np.testing.assert_allclose(y.getArray(), dense @ x.getArray(), rtol=0.0, atol=ROUND * np.abs(dense).sum(axis=1).max())
+
+
+def test_supported_rows_are_the_identitys(space):
+    supported = np.arange(space.n_owned) % 3 == 0
+    system, dense = systems(space, supported)
+    rows = np.repeat(supported, space.dim)
+    dense[rows] = dense[:, rows] = 0.0
+    dense[rows, rows] = 1.0
+    x = space.create_vector()
+    x.setArray(np.random.default_rng(2).standard_normal(len(dense)))
+    y = x.duplicate()
+    system.petsc.mult(x, y)
+    np.testing.assert_allclose(y.getArray(), dense @ x.getArray(), rtol=0.0, atol=ROUND * np.abs(dense).sum(axis=1).max())
+
+
+def test_pairs_come_and_go(space):
+    """A new pair makes a new matrix; one that stays away leaves nothing behind."""
+    system = SystemMatrix(space, np.zeros(space.n_owned, dtype=bool))
+    assert system.assemble(random_blocks(space, pairs=False))
+    assert system.assemble(random_blocks(space, pairs=True))
+    assert not system.assemble(random_blocks(space, pairs=True))
+    blocks = random_blocks(space, pairs=False)
+    dense = blocks.to_csr().toarray()
+    assert not system.assemble(blocks)
+    x = space.create_vector()
+    x.set(1.0)
+    y = x.duplicate()
+    system.petsc.mult(x, y)
+    np.testing.assert_allclose(y.getArray(), dense.sum(axis=1), rtol=0.0, atol=ROUND * np.abs(dense).sum(axis=1).max())
+
+
+@pytest.mark.parametrize("d", [2, 3])
+def test_grid_weights_reproduce_affine_fields_body_by_body(d):
+    mesh = together(box(d, 5, jitter=0.1), box(d, 4, low=1.5, high=2.5, jitter=0.1))
+    weights = grid_weights(mesh)
+    np.testing.assert_allclose(weights.sum(axis=1), 1.0, rtol=1e-13)
+    assert weights.min() >= 0.0
+    owners = [set(weights[mesh.point_bodies == body].indices) for body in (0, 1)]
+    assert not owners[0] & owners[1], "a node serves two bodies"
+    # Positions of the nodes that reproduce the points exist: the grid's own, found by least squares.
+    nodes, *_ = np.linalg.lstsq(weights.toarray(), mesh.points, rcond=None)
+    np.testing.assert_allclose(weights @ nodes, mesh.points, atol=1e-12)
+
+
+def test_the_coarse_correction_is_galerkins(space):
+    """P (P'AP)^-1 P' r against numpy, pairs included, and nothing at supported vertices."""
+    supported = np.arange(space.n_owned) % 4 == 0
+    blocks = random_blocks(space)
+    system = SystemMatrix(space, supported)
+    system.assemble(blocks)
+    coarse = CoarseSpace(space, grid_weights(space.mesh), system.all_supported)
+    coarse.update(system.parts)
+    d, n = space.dim, space.n_owned
+    A = np.zeros((n * d, n * d))
+    x, y = space.create_vector(), space.create_vector()
+    for k in range(n * d):
+        x.set(0.0)
+        x.setValue(k, 1.0)
+        x.assemble()
+        system.petsc.mult(x, y)
+        A[:, k] = y.getArray()
+    P = np.kron(coarse._prolong.toarray(), np.eye(d))
+    assert np.all(P[np.repeat(supported, d)] == 0.0)
+    G = P.T @ A @ P
+    G[np.diag_indices(len(G))] *= 1.0 + SHIFT
+    r = np.random.default_rng(3).standard_normal((n, d))
+    expected = (P @ np.linalg.solve(G, P.T @ r.ravel())).reshape(n, d)
+    np.testing.assert_allclose(coarse.correct(r), expected, rtol=0.0, atol=1e-9 * np.abs(expected).max())
+
+
+def solver(space, system, **settings):
+    ksp = PETSc.KSP().create(COMM)
+    made = LinearSolver(ksp, Solver(**settings), len(space.mesh.points), lambda: CoarseSpace(space, grid_weights(space.mesh), system.all_supported))
+    ksp.setOperators(system.petsc)
+    made.follow(system.parts)
+    return made
+
+
+@pytest.mark.parametrize("method", ["iterative", "multilevel", "direct"])
+def test_all_methods_agree(space, method):
+    system, dense = systems(space, mass=0.1)
+    made = solver(space, system, linear=method, accuracy=1e-10)
+    right = space.create_vector()
+    right.setArray(np.random.default_rng(4).standard_normal(len(dense)))
+    solution = right.duplicate()
+    made.solve(right, solution)
+    expected = np.linalg.solve(dense, right.getArray())
+    np.testing.assert_allclose(solution.getArray(), expected, rtol=0.0, atol=1e-7 * np.abs(expected).max())
+    assert made.method == method
+
+
+@pytest.mark.parametrize("options", ["-ksp_type cg -pc_type gamg", "-ksp_type preonly -pc_type lu", "-ksp_type gmres -pc_type jacobi"])
+def test_users_options_reach_petsc(options):
+    """One step under a user's own solver is that of the direct one."""
+    results = []
+    for settings in ({"linear": "direct"}, {"linear": "iterative", "petsc": f"{options} -ksp_rtol 1e-10"}):
+        scene = make_scene(loads=(Gravity((0.0, 0.0, -9.81)),), supports=(Support(lambda X: X[:, 2] < 1e-9),),
+                           solver=Solver(tolerance=1e-8, **settings))
+        problem = make_problem(scene, box(3, 3))
+        X = problem.space.mesh.points
+        results.append(problem.step(1, X, np.zeros_like(X)).positions)
+    assert np.abs(results[0] - X).max() > 1e-5
+    np.testing.assert_allclose(results[1], results[0], atol=1e-9)
+
+
+def test_auto_hands_over_where_iterations_are_many(space):
+    system, _ = systems(space)
+    made = solver(space, system)
+    assert made.method == "iterative"
+    made.learn(30)
+    assert made.method == "iterative"
+    made.learn(60)
+    assert made.method == "multilevel"
+    made.learn(500)
+    assert made.method == "direct"
+    for _ in range(20):
+        made.learn(1)
+    assert made.method == "multilevel"
+
+
+def test_a_failure_climbs_the_ladder_to_its_end(space, monkeypatch):
+    """Nothing converges: every rung is tried once, then the error names the solve."""
+    system, dense = systems(space)
+    made = solver(space, system)
+    tried = []
+    monkeypatch.setattr(LinearSolver, "_use", lambda self, method: tried.append(setattr(self, "method", method) or method))
+
+    class Failing:
+        def solve(self, *_): pass
+        def getConvergedReason(self): return int(PETSc.KSP.ConvergedReason.DIVERGED_INDEFINITE_PC)
+        def getIterationNumber(self): return 3
+
+    made.ksp = Failing()
+    with pytest.raises(SimulationError, match="linear solve failed"):
+        made.solve(None, None)
+    assert tried.count("iterative") == len(SHIFTS) - 1
+    assert tried[len(SHIFTS) - 1 :] == ["direct"] * 3
+
+
+def test_an_indefinite_factor_is_strengthened():
+    """Stiff pairs between all vertices of two faces break the incomplete factor; strengthened, it solves."""
+    space = LevelSpace(together(box(3, 3), box(3, 3, low=1.01, high=2.01)), COMM)
+    blocks = random_blocks(space, pairs=False, mass=1e-3)
+    rng = np.random.default_rng(0)
+    for _ in range(30):
+        a, b, c, e = np.sort(rng.choice(space.n_owned, 4, replace=False))
+        coefficients = np.array([0.6, 0.4, -0.5, -0.5])
+        n = rng.standard_normal(3)
+        middle = 1e5 * np.outer(n, n)
+        for i, p in enumerate((a, b, c, e)):
+            for j, q in enumerate((a, b, c, e)):
+                blocks.add_pairs(np.array([p]), np.array([q]), coefficients[i] * coefficients[j] * middle[None])
+    dense = blocks.to_csr().toarray()
+    system = SystemMatrix(space, np.zeros(space.n_owned, dtype=bool))
+    system.assemble(blocks)
+    made = solver(space, system, linear="auto", accuracy=1e-8)
+    right = space.create_vector()
+    right.setArray(rng.standard_normal(len(dense)))
+    solution = right.duplicate()
+    made.solve(right, solution)
+    residual = right.getArray() - dense @ solution.getArray()
+    assert np.linalg.norm(residual) < 1e-4 * np.linalg.norm(right.getArray())
