@@ -30,6 +30,7 @@ class SurfaceBarrier(Term):
         self._potential = ipctk.BarrierPotential(dhat=dhat, stiffness=kappa, use_physical_barrier=True)
         self.kappa = kappa
         self._at: Positions | None = None
+        self._vertices: np.ndarray | None = None
 
     def begin_step(self, x_t: Positions, t0: float, t1: float) -> None:
         self.place(t0)
@@ -42,6 +43,9 @@ class SurfaceBarrier(Term):
         """The active set at x and the collision mesh's vertices, built once per x and shared by value, gradient and Hessian."""
         if self._at is not x:
             vertices = self.surface.vertices(x)
+            if self._vertices is not None and np.array_equal(vertices, self._vertices):  # a step begins where the last one ended
+                self._at = x
+                return self._active, self._vertices
             active = ipctk.NormalCollisions()
             active.use_area_weighting = True
             active.collision_set_type = ipctk.NormalCollisions.CollisionSetType.IMPROVED_MAX_APPROX

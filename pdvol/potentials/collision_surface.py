@@ -107,9 +107,9 @@ class CollisionSurface:
         """Active pairs at the collision mesh's positions, as arrays."""
         return normal_stencils(active, *self._primitives, vertices)
 
-    def tangential_stencils(self, lagged: ipctk.TangentialCollisions) -> tuple[Stencils, np.ndarray]:
-        """Pairs of a friction set and their tangent bases."""
-        return tangential_stencils(lagged, *self._primitives)
+    def tangential_stencils(self, lagged: ipctk.TangentialCollisions, vertices: np.ndarray) -> Stencils:
+        """Pairs of a friction set lagged at the collision mesh's positions."""
+        return tangential_stencils(lagged, *self._primitives, vertices)
 
     def add_stencils(self, stencils: Stencils, middle: np.ndarray, into: HessianBlocks) -> None:
         """Adds C' M C of contact pairs, of which each rank has a part; obstacles have no rows. Collective."""

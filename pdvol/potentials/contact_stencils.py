@@ -12,6 +12,7 @@ import numpy as np
 
 from pdvol.potentials.hessian_blocks import HessianBlocks
 
+EDGE_EDGE = 8  # ipctk's distance type of two edges whose closest points lie inside both
 PARALLEL = 1e-12  # of the product of two edges' squared lengths: as near to parallel as is divided by
 
 
@@ -71,37 +72,29 @@ def normal_stencils(active: ipctk.NormalCollisions, edges: np.ndarray, faces: np
     ev = np.array([(c.edge_id, c.vertex_id, c.weight) for c in active.ev_collisions]).reshape(-1, 3)
     fv = np.array([(c.face_id, c.vertex_id, c.weight) for c in active.fv_collisions]).reshape(-1, 3)
     ee = np.array([(c.edge0_id, c.edge1_id, c.weight, c.eps_x, int(c.dtype)) for c in active.ee_collisions]).reshape(-1, 5)
-    first, second = vv[:, :2].astype(int).T
-    edge, point = edges[ev[:, 0].astype(int)], ev[:, 1].astype(int)
-    face, over = faces[fv[:, 0].astype(int)], fv[:, 1].astype(int)
-    one, other = edges[ee[:, 0].astype(int)], edges[ee[:, 1].astype(int)]
-    corners = positions[face]
-    s, t = (np.zeros(0), np.zeros(0)) if len(ee) == 0 else _closest(
-        *positions[one].transpose(1, 0, 2), *positions[other].transpose(1, 0, 2), ee[:, 4].astype(int))
-    return _stack([
-        _vertex_vertex(first, second), _edge_vertex(edge, point, _along(positions[point], *positions[edge].transpose(1, 0, 2))),
-        _face_vertex(face, over, _inside(positions[over], corners)), _edge_edge(one, other, s, t),
-    ], np.concatenate([vv[:, 2], ev[:, 2], fv[:, 2], ee[:, 2] * _mollifier(positions[one], positions[other], ee[:, 3])]))
+    ids = lambda rows: rows[:, :2].astype(int).T  # noqa: E731
+    one, other = (positions[edges[side]] for side in ids(ee))
+    weights = np.concatenate([vv[:, 2], ev[:, 2], fv[:, 2], ee[:, 2] * _mollifier(one, other, ee[:, 3])])
+    return _pairs(ids(vv), ids(ev), ids(fv), ids(ee), ee[:, 4].astype(int), edges, faces, positions, weights)
 
 
-def tangential_stencils(lagged: ipctk.TangentialCollisions, edges: np.ndarray, faces: np.ndarray) -> tuple[Stencils, np.ndarray]:
-    """The pairs of a lagged friction set, weighted by the largest friction force [N], and their tangent bases (k, d, d - 1)."""
-    vv, ev, ee, fv = lagged.vv_collisions, lagged.ev_collisions, lagged.ee_collisions, lagged.fv_collisions
-    ids = lambda pairs, *names: [np.array([getattr(c, name) for c in pairs], dtype=int) for name in names]  # noqa: E731
-    at = lambda pairs, n: np.array([c.closest_point for c in pairs]).reshape(-1, n)  # noqa: E731
-    (first, second), (edge, point) = ids(vv, "vertex0_id", "vertex1_id"), ids(ev, "edge_id", "vertex_id")
-    (one, other), (face, over) = ids(ee, "edge0_id", "edge1_id"), ids(fv, "face_id", "vertex_id")
-    everything = [*vv, *ev, *fv, *ee]
-    forces = np.array([c.mu_s * c.normal_force_magnitude * c.weight for c in everything])
-    dim = 2 if len(faces) == 0 else 3
-    bases = np.array([c.tangent_basis for c in everything]).reshape(-1, dim, dim - 1)
-    return _stack([
-        _vertex_vertex(first, second), _edge_vertex(edges[edge], point, at(ev, 1)[:, 0]),
-        _face_vertex(faces[face], over, at(fv, 2)), _edge_edge(edges[one], edges[other], *at(ee, 2).T),
-    ], forces), bases
+def tangential_stencils(lagged: ipctk.TangentialCollisions, edges: np.ndarray, faces: np.ndarray, positions: np.ndarray) -> Stencils:
+    """The pairs of a friction set lagged at `positions` (n, d), weighted by the largest friction force [N]."""
+    vv, ev, fv, ee = lagged.vv_collisions, lagged.ev_collisions, lagged.fv_collisions, lagged.ee_collisions
+    forces = np.array([c.mu_s * c.normal_force_magnitude * c.weight for pairs in (vv, ev, fv, ee) for c in pairs])
+    ids = lambda pairs, one, other: np.array([(getattr(c, one), getattr(c, other)) for c in pairs], dtype=int).reshape(-1, 2).T  # noqa: E731
+    edge_edge = np.full(len(ee), EDGE_EDGE)  # pairs of nearly parallel edges, which may touch elsewhere, have no friction in ipctk
+    return _pairs(ids(vv, "vertex0_id", "vertex1_id"), ids(ev, "edge_id", "vertex_id"), ids(fv, "face_id", "vertex_id"),
+                  ids(ee, "edge0_id", "edge1_id"), edge_edge, edges, faces, positions, forces)
 
 
-def _stack(parts, weights: np.ndarray) -> Stencils:
+def _pairs(vv, ev, fv, ee, kinds, edges, faces, positions, weights) -> Stencils:
+    """Stencils from the ids of vertex pairs, edges and vertices, faces and vertices, pairs of edges; each (2, k)."""
+    corners = lambda primitives: positions[primitives].transpose(1, 0, 2)  # noqa: E731
+    edge, face, one, other = edges[ev[0]], faces[fv[0]], edges[ee[0]], edges[ee[1]]
+    s, t = _closest(*corners(one), *corners(other), kinds) if len(kinds) else (np.zeros(0), np.zeros(0))
+    parts = [_vertex_vertex(*vv), _edge_vertex(edge, ev[1], _along(positions[ev[1]], *corners(edge))),
+             _face_vertex(face, fv[1], _inside(positions[fv[1]], positions[face])), _edge_edge(one, other, s, t)]
     vertices, coefficients = (np.concatenate([part[i] for part in parts]) for i in range(2))
     return Stencils(vertices.astype(np.int64), coefficients, weights)
 

@@ -34,17 +34,19 @@ class SurfaceFriction(Term):
             lagged.build(self.surface.mesh, vertices, active, self.barrier._potential, self.mu)
         self._count = len(lagged)
         mine = share_of(lagged, ipctk.TangentialCollisions(), "collisions", self.space.comm)
-        self._stencils, self._bases = self.surface.tangential_stencils(mine)
+        self._stencils = self.surface.tangential_stencils(mine, vertices)
+        gaps = self._stencils.gaps(vertices)
+        self._normals = gaps / np.maximum(np.linalg.norm(gaps, axis=1), 1e-300)[:, None]
 
     @property
     def rubs(self) -> bool:
         return self._count > 0
 
     def _slip(self, x: Positions) -> tuple[np.ndarray, np.ndarray]:
-        """Slips (k, d - 1) in the pairs' tangent bases, and their sizes."""
-        gaps = self._stencils.gaps(self.surface.vertices(x) - self._start)
-        slip = np.einsum("kdt,kd->kt", self._bases, gaps)
-        return slip, np.linalg.norm(slip, axis=1)
+        """Slips (k, d) across the pairs' normals, and their sizes."""
+        u = self._stencils.gaps(self.surface.vertices(x) - self._start)
+        u -= np.einsum("kd,kd->k", u, self._normals)[:, None] * self._normals
+        return u, np.linalg.norm(u, axis=1)
 
     def value(self, x: Positions) -> float:
         if not self._count:
@@ -56,7 +58,7 @@ class SurfaceFriction(Term):
         if not self._count:
             return np.zeros_like(x.owned)
         slip, size = self._slip(x)
-        forces = (self._stencils.weights * smooth_friction.f1_over(size, self._eps))[:, None] * np.einsum("kdt,kt->kd", self._bases, slip)
+        forces = (self._stencils.weights * smooth_friction.f1_over(size, self._eps))[:, None] * slip
         return self.surface.rows_of_gradient(self._stencils.gather(forces, len(self._start)))
 
     def add_hessian(self, x: Positions, weight: float, into: HessianBlocks) -> None:
@@ -65,8 +67,9 @@ class SurfaceFriction(Term):
         slip, size = self._slip(x)
         along = slip / np.maximum(size, 1e-300)[:, None]
         round_, slope = (k[:, None, None] for k in smooth_friction.stiffness(size, self._eps, majorise=into.positive == "abs"))
-        middle = round_ * np.eye(slip.shape[1]) + (slope - round_) * along[:, :, None] * along[:, None, :]
+        n = self._normals
+        middle = round_ * (np.eye(n.shape[1]) - n[:, :, None] * n[:, None, :]) + (slope - round_) * along[:, :, None] * along[:, None, :]
         forces = self._stencils.weights
         if into.positive != "none":  # in 3D some pairs of the improved maximum weigh negatively
             forces = np.abs(forces) if into.positive == "abs" else np.maximum(forces, 0.0)
-        self.surface.add_stencils(self._stencils, weight * forces[:, None, None] * (self._bases @ middle @ self._bases.transpose(0, 2, 1)), into)
+        self.surface.add_stencils(self._stencils, weight * forces[:, None, None] * middle, into)

@@ -9,6 +9,7 @@ from pdvol.hierarchy.level_space import LevelSpace
 from pdvol.potentials import barrier_law
 from pdvol.potentials.barrier import SurfaceBarrier
 from pdvol.potentials.collision_surface import CollisionSurface, Obstacle
+from pdvol.potentials.friction import SurfaceFriction
 from pdvol.potentials.potential import Positions
 from pdvol.scene import Still
 from problems import polyline, tetrahedron
@@ -105,3 +106,25 @@ def test_the_stencils_hessian_is_positive(d):
     space, surface = two_boxes(d, obstacle=True)
     H = hessian_of(SurfaceBarrier(surface, DHAT, KAPPA), space, space.from_input(space.mesh.points)).toarray()
     assert np.linalg.eigvalsh(H)[0] > -1e-12 * np.abs(H).max()
+
+
+@pytest.mark.parametrize("d", [2, 3])
+def test_friction_is_ipctks(d):
+    """Value and gradient through stencils against ipctk's own friction potential, some pairs sticking, some sliding."""
+    space, surface = two_boxes(d, obstacle=True)
+    barrier = SurfaceBarrier(surface, DHAT, KAPPA)
+    eps_v, dt, mu = 0.1, 0.02, 0.4
+    term = SurfaceFriction(barrier, mu, eps_v)
+    x_t = Positions(space, space.from_input(space.mesh.points))
+    barrier.begin_step(x_t, 0.0, dt)
+    term.begin_step(x_t, 0.0, dt)
+    active, vertices = barrier.collisions(x_t)
+    lagged = ipctk.TangentialCollisions()
+    lagged.build(surface.mesh, vertices, active, barrier._potential, mu)
+    theirs = ipctk.FrictionPotential(eps_v=eps_v * dt)
+    x = Positions(space, x_t.owned + 2.0 * eps_v * dt * np.random.default_rng(1).uniform(-1, 1, x_t.owned.shape))
+    slip = np.asfortranarray(surface.vertices(x) - vertices)
+    value, gradient = theirs(lagged, surface.mesh, slip), surface.rows_of_gradient(theirs.gradient(lagged, surface.mesh, slip))
+    assert len(lagged) > 3
+    np.testing.assert_allclose(term.value(x), value, rtol=1e-10)
+    np.testing.assert_allclose(term.gradient(x), gradient, rtol=0.0, atol=1e-10 * np.abs(gradient).max())
