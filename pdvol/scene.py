@@ -355,7 +355,7 @@ class Solver:
     max_iterations: int = 200
     max_halvings: int = 6
     linear: str = "auto"
-    accuracy: float = 1e-3
+    accuracy: float = 3e-3
     petsc: str = ""
 
     def __post_init__(self):

@@ -32,6 +32,7 @@ CANCELLING = 2e-15  # the same for energies that are small differences of large 
 
 TRUST = 0.5  # of the promised decrease: a model that delivers less is not trusted
 STIFF = 1.25  # times it: a model that delivers more is too stiff
+TINY_CAP, STUCK = 0.05, 3  # so many steps in a row cut so short by contact: the model does not see what stops it
 PAUSE = 4  # iterations until an unfiltered Hessian is tried again after one was indefinite; doubled each time
 
 _REASONS = {value: name for name, value in vars(PETSc.SNES.ConvergedReason).items() if isinstance(value, int)}
@@ -176,7 +177,7 @@ class Newton:
         self._slope, self._at_rounding = slope, abs(slope) <= max(ROUNDING * abs(self._energy(x)), CANCELLING * self.potential.scale)
         cap = self.potential.max_step(x, direction)
         self.report.step_cap = min(self.report.step_cap, cap)
-        self._steps += 1
+        self._steps, self._last_cap = self._steps + 1, cap
         self._base, self._trials_before, self._whole, self._direction = x, self._trials, cap == 1.0, direction.copy()
         if cap < 1.0:
             step.scale(cap)
@@ -229,7 +230,8 @@ class Newton:
             self._blocks.positive = "none"
         else:
             self._blocks.positive = "abs" if kept < TRUST else "clamp"
-        self._blocks.quick = self._blocks.quick and kept >= TRUST
+        self._stuck = self._stuck + 1 if self._last_cap < TINY_CAP else 0
+        self._blocks.quick = self._blocks.quick and kept >= TRUST and self._stuck < STUCK
 
     # ---- what callers use ----------------------------------------------------------------------------------------------------
 
@@ -284,7 +286,7 @@ class Newton:
     def _start(self, x: Positions) -> None:
         self._recent, self._energies, self._base = [x], [], None
         self._blocks.positive, self._blocks.quick = "clamp", True
-        self._steps, self._raw_from, self._pause = 0, 0, PAUSE // 2
+        self._steps, self._raw_from, self._pause, self._stuck = 0, 0, PAUSE // 2, 0
         self._trials = self._trials_before = 0
         self._slope, self._at_rounding, self._whole, self._whole_before, self._speed_before = 0.0, False, True, True, np.inf
         self._gradient = np.zeros_like(x.owned)
