@@ -27,3 +27,12 @@ def create_mesh(comm, points: np.ndarray, cells: np.ndarray) -> dolfinx.mesh.Mes
     mine = slice(None) if comm.rank == 0 else slice(0, 0)
     return dolfinx.mesh.create_mesh(comm=comm, cells=np.ascontiguousarray(cells[mine], dtype=np.int64),
                                     x=np.ascontiguousarray(points[mine], dtype=np.float64), e=element)
+
+
+def index_map(comm, owned: int, ghosts: np.ndarray, owners: np.ndarray) -> dolfinx.common.IndexMap:
+    """A distribution of indices from each rank's share, its ghosts (int64, global) and their owners (int32). Collective.
+
+    From 0.10 on a message tag must be given.
+    """
+    tag = () if DOLFINX < (0, 10) else (1202,)
+    return dolfinx.common.IndexMap(comm, owned, ghosts, owners, *tag)

@@ -1,7 +1,7 @@
 """A level's distributed finite-element space, and the way between its numbering and the input's vertex order."""
 
 import numpy as np
-from dolfinx import common, fem, la
+from dolfinx import fem, la
 from mpi4py import MPI
 from petsc4py import PETSc
 
@@ -65,7 +65,7 @@ class LevelSpace:
         local[self.local_blocks] = np.arange(len(self.local_blocks))
         self.near_dofs = np.ascontiguousarray(local[blocks])
         ends = np.cumsum(self._counts // d)
-        halo = common.IndexMap(self.comm, self.n_owned, ghosts, np.searchsorted(ends, ghosts, side="right").astype(np.int32))
+        halo = compat.index_map(self.comm, self.n_owned, ghosts, np.searchsorted(ends, ghosts, side="right").astype(np.int32))
         self._halo = la.vector(halo, d)
 
     @property

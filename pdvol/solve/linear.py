@@ -22,9 +22,9 @@ LARGE = 2_000  # vertices from which on the coarse space pays for its set-up at 
 MANY = 40  # iterations after which `iterative` hands over to `multilevel`
 HARD = 200  # iterations that cost more than a direct solve: from 500 to 20,000 vertices that takes as long as 100 to 400
 PATIENCE = 20  # direct solves after which the others are tried again
-# An incomplete factor of a positive definite matrix need not be one: stiff contacts break it. Their diagonal blocks then grow for its
-# purposes by these shares in turn (Manteuffel 1980).
-SHIFTS = (0.0, 0.1, 0.2, 0.4, 0.8)
+# An incomplete factor of a positive definite matrix need not be one: stiff contacts break it, and slivers do. Diagonal blocks of rows in
+# contact, and of all rows, then grow for its purposes by these shares in turn (Manteuffel 1980).
+SHIFTS = ((0.0, 0.0), (0.1, 0.0), (0.1, 0.01), (0.2, 0.01), (0.2, 0.05), (0.4, 0.05), (0.8, 0.2))
 STALE = 1.5  # growth of the iteration count at which the coarse space is summed again
 # MUMPS estimates its work array from the pattern and gives up (INFOG(1) = -9) where pivoting on several ranks needs more.
 WORKSPACES = (100, 400, 1600)  # per cent on top of the estimate, tried in turn
@@ -141,7 +141,7 @@ class LinearSolver:
 
 
 class _Incomplete:
-    """Incomplete Cholesky of each rank's diagonal block, its diagonal strengthened at contacts where it must be.
+    """Incomplete Cholesky of each rank's diagonal block, its diagonal strengthened where it must be.
 
     Attributes
     ----------
@@ -166,32 +166,28 @@ class _Incomplete:
         return self._shift < len(SHIFTS)
 
     def factor(self, matrix: PETSc.Mat) -> None:
-        share = SHIFTS[min(self._shift, len(SHIFTS) - 1)]
-        if share > 0.0:
+        at_contacts, everywhere = SHIFTS[min(self._shift, len(SHIFTS) - 1)]
+        if at_contacts > 0.0:
             matrix = matrix.duplicate(copy=True)
-            for part in self._diagonals():
-                matrix.setValuesBlockedCSR(*part[:2], share * part[2], addv=PETSc.InsertMode.ADD_VALUES)
+            for starts, columns, blocks, touched in self._diagonals():
+                shares = np.where(touched, at_contacts, everywhere)
+                matrix.setValuesBlockedCSR(starts, columns, shares[:, None, None] * blocks, addv=PETSc.InsertMode.ADD_VALUES)
             matrix.assemble()
         self._pc.setOperators(matrix)
         self._pc.setUp()
 
     def _diagonals(self):
-        """Diagonal blocks, of rows in contact where there are any, each as (starts, columns, blocks)."""
+        """Diagonal blocks of cells and of pairs, each as (starts, columns, blocks, whether the row is in contact)."""
         (cell_starts, cell_columns, cells), (starts, columns, pairs) = self.parts
         n = len(cell_starts) - 1
+        rows = np.repeat(np.arange(n), np.diff(starts))
         first = cell_columns[0] if n else 0  # upper triangle: a row begins on its diagonal
         touched = np.zeros(n, dtype=bool)
-        touched[np.repeat(np.arange(n), np.diff(starts))] = True
-        mine = columns[(columns >= first) & (columns < first + n)]
-        touched[mine - first] = True
-        if not touched.any():
-            touched[:] = True
-        rows = np.flatnonzero(touched)
-        counts = np.concatenate([[0], np.cumsum(touched)]).astype(PETSc.IntType)
-        yield counts, (first + rows).astype(PETSc.IntType), cells[cell_starts[rows]]
-        on = np.flatnonzero(columns == first + np.repeat(np.arange(n), np.diff(starts)))
-        where = np.searchsorted(on, starts).astype(PETSc.IntType)
-        yield where, columns[on], pairs[on]
+        touched[rows] = True
+        touched[columns[(columns >= first) & (columns < first + n)] - first] = True
+        yield np.arange(n + 1, dtype=PETSc.IntType), (first + np.arange(n)).astype(PETSc.IntType), cells[cell_starts[:-1]], touched
+        on = np.flatnonzero(columns == first + rows)
+        yield np.searchsorted(on, starts).astype(PETSc.IntType), columns[on], pairs[on], touched[rows[on]]
 
     def apply(self, x: PETSc.Vec, y: PETSc.Vec) -> None:
         self._pc.apply(x, y)

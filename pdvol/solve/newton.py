@@ -31,7 +31,7 @@ ROUNDING = 1e-13  # a decrease below this share of the energy cannot be told fro
 CANCELLING = 2e-15  # the same for energies that are small differences of large terms: relative to those terms
 
 TRUST = 0.5  # of the promised decrease: a model that delivers less is not trusted
-STIFF = 1.25  # times it: a model that delivers more is too stiff
+STIFF = 1.25  # times it: a model that delivers more is too stiff (a direct factorisation would not notice an indefinite one)
 TINY_CAP, STUCK = 0.05, 3  # so many steps in a row cut so short by contact: the model does not see what stops it
 PAUSE = 4  # iterations until an unfiltered Hessian is tried again after one was indefinite; doubled each time
 
@@ -226,7 +226,7 @@ class Newton:
         share = taken / max(along, 1e-300)
         promised = self._slope * share * (1.0 - 0.5 * share)
         kept = (self._energy(x) - self._energy(self._base)) / min(promised, -1e-300)
-        if kept > STIFF and self._whole and self._steps >= self._raw_from:
+        if kept > STIFF and self._whole and self._steps >= self._raw_from and self.linear.method != "direct":
             self._blocks.positive = "none"
         else:
             self._blocks.positive = "abs" if kept < TRUST else "clamp"
@@ -247,18 +247,29 @@ class Newton:
             reason = self.snes.getConvergedReason()
             self.report.iterations += self.snes.getIterationNumber()
             self.report.linear_iterations += self.snes.getLinearSolveIterations()
-            if reason != PETSc.SNES.ConvergedReason.DIVERGED_LINEAR_SOLVE:
-                break
-            if self._blocks.positive == "none":
-                self._blocks.positive = "clamp"
-                self._pause *= 2
-                self._raw_from = self._steps + self._pause
-            elif not self.linear.fall_back():
+            if not self._mend(reason):
                 break
         self.report.converged = reason > 0
         self.report.reason = self.report.reason or _REASONS.get(reason, str(reason))
         self.report.gradient_norm = self.space.comm.allreduce(float(np.abs(self._gradient).max(initial=0.0)), op=MPI.MAX)
         return x, self.report
+
+    def _mend(self, reason: int) -> bool:
+        """After SNES stopped for `reason`: whether something was changed that makes it worth going on from where it is."""
+        reasons = PETSc.SNES.ConvergedReason
+        if reason not in (reasons.DIVERGED_LINEAR_SOLVE, reasons.DIVERGED_LINE_SEARCH):
+            return False
+        if self._blocks.positive == "none":  # indefinite, or a direction that leads up
+            self._blocks.positive = "clamp"
+            self._pause *= 2
+            self._raw_from = self._steps + self._pause
+            return True
+        if reason == reasons.DIVERGED_LINEAR_SOLVE:
+            return self.linear.fall_back()
+        if self._blocks.quick or self._blocks.positive != "abs":
+            self._blocks.quick, self._blocks.positive = False, "abs"
+            return True
+        return False
 
     def direction(self, x: Positions, supported_move: np.ndarray) -> np.ndarray:
         """Newton's direction (n_owned, d) at x while supported vertices move by `supported_move` (n_owned, d)."""

@@ -128,3 +128,16 @@ def test_friction_is_ipctks(d):
     assert len(lagged) > 3
     np.testing.assert_allclose(term.value(x), value, rtol=1e-10)
     np.testing.assert_allclose(term.gradient(x), gradient, rtol=0.0, atol=1e-10 * np.abs(gradient).max())
+
+
+def test_certified_collision_detection_stops_there_too():
+    """Tight inclusion lets a body go about as far as the additive kind, and no further than is free."""
+    space, additive = two_boxes(3)
+    certified = CollisionSurface(space, (), DHAT, "tight-inclusion")
+    x = Positions(space, space.from_input(space.mesh.points))
+    fall = (space.mesh.point_bodies[space.owned_points] == 1)[:, None] * np.array([0.01, 0.02, -0.5])
+    start, end = additive.vertices(x), additive.vertices(x.moved(1.0, fall))
+    steps = [surface.max_step(start, end) for surface in (additive, certified)]
+    assert 0.0 < steps[0] < 0.05
+    np.testing.assert_allclose(steps[1], steps[0], rtol=0.2)
+    assert not ipctk.has_intersections(certified.mesh, np.asfortranarray(start + steps[1] * (end - start)))
