@@ -118,13 +118,8 @@ class _Material:
 
     @cached_property
     def _links(self) -> sp.csr_array:
-        cells, d = self._mesh.cells, self._mesh.dim
-        facets = np.concatenate([np.sort(np.delete(cells, k, axis=1), axis=1) for k in range(d + 1)])
-        owner = np.tile(np.arange(len(cells)), d + 1)
-        order = np.lexsort(facets.T)
-        same = (facets[order[1:]] == facets[order[:-1]]).all(axis=1)
-        a, b = owner[order[:-1][same]], owner[order[1:][same]]
-        return sp.csr_array((np.ones(2 * len(a)), (np.r_[a, b], np.r_[b, a])), shape=(len(cells),) * 2)
+        a, b = self._mesh.inner_facets[0].T
+        return sp.csr_array((np.ones(2 * len(a)), (np.r_[a, b], np.r_[b, a])), shape=(len(self._mesh.cells),) * 2)
 
     def facets_near(self, cell: int, facet_cells: np.ndarray) -> list[int]:
         """Boundary facets of the first layer of cells around `cell` that has any; `facet_cells` (k,) says whose each facet is."""

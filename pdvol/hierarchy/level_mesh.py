@@ -53,9 +53,32 @@ class LevelMesh:
         return boundary_facets(self.cells)
 
     @cached_property
+    def inner_facets(self) -> tuple[np.ndarray, np.ndarray]:
+        """(k, 2) int64, (k, 2) int64: the two cells beside each inner facet, and which of their corners lies opposite to it."""
+        m, corners = self.cells.shape
+        facets = np.concatenate([np.sort(np.delete(self.cells, i, axis=1), axis=1) for i in range(corners)])
+        order = np.lexsort(facets.T)
+        same = np.flatnonzero((facets[order[1:]] == facets[order[:-1]]).all(axis=1))
+        sides = np.column_stack([order[same], order[same + 1]])
+        return sides % m, sides // m
+
+    @cached_property
     def volumes(self) -> np.ndarray:
         """(m,) float64 [m^d]: signed volumes at rest."""
         return simplex_volumes(self.points, self.cells)
+
+    @cached_property
+    def hat_gradients(self) -> np.ndarray:
+        """(m, d + 1, d) float64 [1/m]: gradient of each corner's hat function in each cell, at rest."""
+        corners = self.points[self.cells]
+        others = np.linalg.inv(corners[:, 1:] - corners[:, :1]).transpose(0, 2, 1)
+        return np.concatenate([-others.sum(axis=1, keepdims=True), others], axis=1)
+
+    def body(self, number: int) -> tuple["LevelMesh", np.ndarray]:
+        """One body as a mesh of its own, and its points' indices here."""
+        mine = self.bodies == number
+        points, cells = np.unique(self.cells[mine], return_inverse=True)
+        return LevelMesh(self.points[points], cells.reshape(-1, self.dim + 1), self.bodies[mine], self.regions[mine]), points
 
 
 def simplex_volumes(points: np.ndarray, cells: np.ndarray) -> np.ndarray:
