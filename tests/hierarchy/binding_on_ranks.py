@@ -1,4 +1,4 @@
-"""Run by test_binding on one rank and two: python binding_on_ranks.py DIM OUT.npz writes a binding and the PETSc matrix in input order."""
+"""Run by test_binding on one rank and two: python binding_on_ranks.py DIM OUT.npz writes a binding and every interpolant's PETSc matrix in input order."""
 
 import sys
 
@@ -6,6 +6,7 @@ import numpy as np
 from mpi4py import MPI
 
 from pdvol.hierarchy.binding import bind
+from pdvol.hierarchy.interpolants import INTERPOLANTS
 from pdvol.hierarchy.level_space import LevelSpace
 from pdvol.hierarchy.prolongation import Prolongation
 from shapes import together
@@ -29,9 +30,9 @@ def main(d, out):
     move = lambda mesh: type(mesh)(mesh.points + np.eye(d)[0] * 1.5, mesh.cells, mesh.bodies, mesh.regions)  # noqa: E731
     fine, coarse = LevelSpace(together(fine, move(fine)), comm), LevelSpace(together(coarse, move(coarse)), comm)
     binding, back = bind(fine, coarse), bind(coarse, fine)
-    triplets = input_triplets(Prolongation(coarse, fine, binding))
+    triplets = {name: input_triplets(Prolongation(coarse, fine, binding, interpolant)) for name, interpolant in INTERPOLANTS.items()}
     if comm.rank == 0:
-        np.savez(out, ranks=comm.size, cells=binding.cells, kind=binding.kind, weights=binding.weights, matrix=triplets,
+        np.savez(out, ranks=comm.size, cells=binding.cells, kind=binding.kind, weights=binding.weights, **triplets,
                  back_cells=back.cells, back_kind=back.kind, back_weights=back.weights)
 
 

@@ -13,6 +13,7 @@ from pdvol.errors import MeshError
 from pdvol.hierarchy.binding import CLOSEST, INSIDE, NEIGHBOUR, RAY, bind, closest_binding
 from pdvol.hierarchy.boundary_search import BoundarySearch
 from pdvol.hierarchy.geodesic import bind_outside, vertex_adjacency
+from pdvol.hierarchy.interpolants import INTERPOLANTS
 from pdvol.hierarchy.level_space import LevelSpace
 from shapes import box, comb, comb_branch, fold, fold_branch, grid, level, together
 
@@ -164,7 +165,7 @@ def test_levels_that_do_not_match():
 @pytest.mark.mpi
 @pytest.mark.parametrize("d", [2, 3])
 def test_one_rank_and_two_agree(d, tmp_path):
-    """Binding and matrix are the same to the last bit, whatever the partition."""
+    """Binding and matrices of all interpolants are the same to the last bit, whatever the partition."""
     results = []
     for ranks in (1, 2):
         out = tmp_path / f"{ranks}.npz"
@@ -174,5 +175,6 @@ def test_one_rank_and_two_agree(d, tmp_path):
         assert done.returncode == 0, done.stderr
         results.append(np.load(out))
     assert (int(results[0]["ranks"]), int(results[1]["ranks"])) == (1, 2)
+    assert set(INTERPOLANTS) < set(results[0].files)
     for name in set(results[0].files) - {"ranks"}:
         np.testing.assert_array_equal(results[0][name], results[1][name], err_msg=name)

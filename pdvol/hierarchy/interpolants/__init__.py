@@ -9,8 +9,10 @@ import scipy.sparse as sp
 
 from pdvol.hierarchy.binding import Binding
 from pdvol.hierarchy.interpolants.barycentric import barycentric
+from pdvol.hierarchy.interpolants.biharmonic import biharmonic
+from pdvol.hierarchy.interpolants.phong import phong
 from pdvol.hierarchy.level_space import LevelSpace
 
 Interpolant = Callable[[LevelSpace, LevelSpace, Binding], sp.csr_matrix]
 
-INTERPOLANTS: dict[str, Interpolant] = {"barycentric": barycentric}
+INTERPOLANTS: dict[str, Interpolant] = {"barycentric": barycentric, "biharmonic": biharmonic, "phong": phong}

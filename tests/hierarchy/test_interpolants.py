@@ -1,0 +1,269 @@
+"""Every interpolant passes the same tests; then what is particular to each. That one rank and two agree is tested with the binding."""
+
+import igl
+import numpy as np
+import pytest
+from mpi4py import MPI
+
+from pdvol.errors import MeshError
+from pdvol.hierarchy.binding import INSIDE, bind
+from pdvol.hierarchy.interpolants import INTERPOLANTS
+from pdvol.hierarchy.interpolants.barycentric import binding_matrix
+from pdvol.hierarchy.interpolants.biharmonic import biharmonic, biharmonic_columns
+from pdvol.hierarchy.interpolants.laplacian import flux_laplacian, squared_laplacian
+from pdvol.hierarchy.interpolants.locality import DROPPED, make_local, restore_affine
+from pdvol.hierarchy.interpolants.phong import vertex_gradients
+from pdvol.hierarchy.level_space import LevelSpace
+from pdvol.hierarchy.prolongation import Prolongation
+from shapes import box, level, together
+from test_binding import comb_pair, fold_pair
+
+COMM = MPI.COMM_WORLD
+
+
+def boxes(d):
+    """Two bodies that overlap a little; fine points reach out of the coarse boxes, coarse ones out of the fine boxes."""
+    side = np.eye(d)[0] * 0.98
+    coarse = together(box(d, 3, 0.05, 0.9, jitter=0.15), box(d, 3, side - 0.03, side + 1.04, jitter=0.15, seed=1))
+    fine = together(box(d, 6, jitter=0.2, seed=2), box(d, 6, side, side + 1.0, jitter=0.2, seed=3))
+    return fine, coarse
+
+
+PAIRS = {"boxes": boxes, "comb": lambda d: comb_pair(d)[:2], "fold": lambda d: fold_pair(d)[:2]}
+
+
+@pytest.fixture(scope="module", params=[(shape, d) for shape in PAIRS for d in (2, 3)], ids=lambda p: f"{p[0]}-{p[1]}D")
+def pair(request):
+    shape, d = request.param
+    fine, coarse = (LevelSpace(mesh, COMM) for mesh in PAIRS[shape](d))
+    return coarse, fine, bind(fine, coarse)
+
+
+@pytest.fixture(scope="module", params=sorted(INTERPOLANTS))
+def prolongation(request, pair):
+    coarse, fine, binding = pair
+    assert (binding.kind != INSIDE).any(), "no fine vertex is outside"
+    return Prolongation(coarse, fine, binding, INTERPOLANTS[request.param])
+
+
+def vector(space, values):
+    vec = space.create_vector()
+    vec.array[:] = space.from_input(values).ravel()
+    return vec
+
+
+# ---- all of them ---------------------------------------------------------------------------------------------------------------
+
+
+def test_rows_sum_to_one_and_affine_fields_are_reproduced(prolongation):
+    weights, coarse, fine = prolongation.weights, prolongation.coarse.mesh, prolongation.fine.mesh
+    # Weights and places are of order one: 1e-12 is round-off with room for badly shaped home cells.
+    np.testing.assert_allclose(weights @ np.ones(weights.shape[1]), 1.0, atol=1e-12)
+    np.testing.assert_allclose(weights @ coarse.points, fine.points, atol=1e-12)
+    rng = np.random.default_rng(0)
+    A, b = rng.normal(size=(fine.dim, fine.dim)), rng.normal(size=fine.dim)
+    np.testing.assert_allclose(weights @ (coarse.points @ A.T + b), fine.points @ A.T + b, atol=1e-11)
+
+
+def test_restriction_is_the_adjoint_and_the_matrix_the_weights(prolongation):
+    coarse, fine = prolongation.coarse, prolongation.fine
+    rng = np.random.default_rng(0)
+    values = rng.normal(size=coarse.mesh.points.shape)
+    u, r = vector(coarse, values), vector(fine, rng.normal(size=fine.mesh.points.shape))
+    Pu, Ptr = fine.create_vector(), coarse.create_vector()
+    prolongation.prolong(u, Pu)
+    prolongation.restrict(r, Ptr)
+    assert Pu.dot(r) == pytest.approx(u.dot(Ptr), rel=1e-11)
+    np.testing.assert_allclose(fine.to_input(Pu.array.reshape(-1, fine.dim)), prolongation.prolong_positions(values), atol=1e-12)
+
+
+def test_nothing_is_bound_across_bodies(prolongation):
+    entries = prolongation.weights.tocoo()
+    coarse, fine = prolongation.coarse.mesh, prolongation.fine.mesh
+    np.testing.assert_array_equal(coarse.point_bodies[entries.col], fine.point_bodies[entries.row])
+
+
+def test_the_weights_are_tame(prolongation):
+    """Extrapolation stays bounded: no weight above 6 in these pairs, and the norms of the paper's appendix B within a factor of two."""
+    report = prolongation.report()
+    assert report["largest_weight"] < 6.0
+    assert report["frobenius_norm"] < 2.0 * report["sqrt_points"]
+
+
+@pytest.mark.parametrize("name", sorted(INTERPOLANTS))
+@pytest.mark.parametrize("d", [2, 3])
+def test_the_unit_of_length_does_not_matter(name, d):
+    fine, coarse = boxes(d)
+    weights = []
+    for scale in (1.0, 1e-4, 1e3):
+        spaces = [LevelSpace(level(m.points * scale, m.cells, m.bodies), COMM) for m in (coarse, fine)]
+        weights.append(INTERPOLANTS[name](*spaces, bind(spaces[1], spaces[0])).toarray())
+    # Dropping is a matter of thresholds: a weight on one of them may fall to either side.
+    atol = 2 * DROPPED if name == "biharmonic" else 1e-8
+    np.testing.assert_allclose(weights[1], weights[0], atol=atol)
+    np.testing.assert_allclose(weights[2], weights[0], atol=atol)
+
+
+def smooth(X):
+    return (X**2).sum(axis=1) + X[:, 0] * X[:, 1]
+
+
+@pytest.mark.parametrize("name", ["biharmonic", "phong"])
+@pytest.mark.parametrize("d", [2, 3])
+def test_the_others_are_better_than_barycentric_inside(name, d):
+    """On a quadratic field, root mean square over fine points inside: less than 60 % of barycentric interpolation's error."""
+    coarse, fine = LevelSpace(box(d, 6, jitter=0.1), COMM), LevelSpace(box(d, 11, 0.01, 0.99, jitter=0.1, seed=1), COMM)
+    binding = bind(fine, coarse)
+    inside = binding.kind == INSIDE
+    error = {}
+    for which in (name, "barycentric"):
+        weights = INTERPOLANTS[which](coarse, fine, binding)
+        error[which] = np.sqrt(np.mean((weights @ smooth(coarse.mesh.points) - smooth(fine.mesh.points))[inside] ** 2))
+    assert error[name] < 0.6 * error["barycentric"]
+
+
+# ---- the Laplacian -------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("d", [2, 3])
+def test_the_kernel_is_the_affine_functions(d):
+    mesh = box(d, 4, jitter=0.2)
+    affine = np.column_stack([np.ones(len(mesh.points)), mesh.points])
+    A = squared_laplacian(mesh)
+    np.testing.assert_allclose(A @ affine, 0.0, atol=1e-10)
+    values = np.linalg.eigvalsh(A.toarray())
+    assert values[d] < 1e-10 * values[-1] and values[d + 1] > 1e-5 * values[-1], "d + 1 zeros and no more"
+    # What the boundary does to the cotangent Laplacian: it takes the flux of affine functions through the boundary for a Laplacian.
+    inner = np.setdiff1d(np.arange(len(mesh.points)), mesh.boundary)
+    cotangent = igl.cotmatrix(mesh.points if d == 3 else np.column_stack([mesh.points, np.zeros(len(mesh.points))]), mesh.cells)
+    np.testing.assert_allclose(cotangent[inner] @ affine, 0.0, atol=1e-13)
+    assert np.abs(cotangent @ affine).max() > 0.01
+
+
+@pytest.mark.parametrize("d", [2, 3])
+def test_the_laplacian_integrates_the_jump_of_the_gradient(d):
+    """The kink of |X_0 - 1/2| on a grid with a plane there: the Laplacian is twice the plane's area, and in no other facet."""
+    mesh = box(d, 4)
+    flux = flux_laplacian(mesh) @ np.abs(mesh.points[:, 0] - 0.5)
+    assert flux.sum() == pytest.approx(2.0, rel=1e-12) and np.sum(np.abs(flux) > 1e-12) == (4 if d == 2 else 32)
+
+
+# ---- biharmonic ----------------------------------------------------------------------------------------------------------------
+
+
+def dense(coarse, fine):
+    """W before dropping, and B, of one body."""
+    back = bind(coarse, LevelSpace(fine, COMM))
+    return np.hstack(list(biharmonic_columns(fine, back, coarse.points, "body 0"))), binding_matrix(back, fine)
+
+
+@pytest.mark.parametrize("d", [2, 3])
+def test_constraints_hold_with_control_points_anywhere(d):
+    coarse, fine = box(d, 2, -0.06, 1.04, jitter=0.1), box(d, 5, jitter=0.2, seed=1)
+    W, B = dense(coarse, fine)
+    assert B.data.min() < -0.05, "no coarse vertex is outside the fine mesh"
+    np.testing.assert_allclose(B @ W, np.eye(len(coarse.points)), atol=1e-6)
+    np.testing.assert_allclose(W @ coarse.points, fine.points, atol=1e-9)
+    # A minimum: no change N y that keeps the constraints, B N = 0, lowers the energy to first order (appendix A).
+    N = np.linalg.svd(B.toarray())[2][len(coarse.points):].T
+    A = squared_laplacian(fine)
+    assert np.abs(N.T @ (A @ W)).max() < 1e-6 * np.median(A.diagonal())
+
+
+@pytest.mark.parametrize("d", [2, 3])
+def test_coincident_control_points_are_the_original_method(d):
+    """Every second vertex of a grid as control point: libigl's implementation of Wang et al. 2015 gives the same weights."""
+    fine, coarse = box(d, 4, jitter=0.0), box(d, 2)
+    picked = [int(np.flatnonzero((fine.points == p).all(axis=1))[0]) for p in coarse.points]
+    rng = np.random.default_rng(0)
+    points = fine.points + 0.04 * rng.uniform(-1, 1, fine.points.shape)
+    fine, coarse = level(points, fine.cells), level(points[picked], coarse.cells)
+    embedded = points if d == 3 else np.column_stack([points, np.zeros(len(points))])
+    theirs = igl.biharmonic_coordinates(embedded, fine.cells, [[p] for p in picked], 2)
+    np.testing.assert_allclose(dense(coarse, fine)[0], theirs, atol=1e-5)
+
+
+@pytest.mark.parametrize("d", [2, 3])
+def test_more_coarse_vertices_than_fine_ones_are_met_in_the_least_squares_sense(d):
+    coarse, fine = box(d, 4, 0.02, 0.98, jitter=0.2), box(d, 2, jitter=0.1)
+    W, B = dense(coarse, fine)
+    rank = np.linalg.matrix_rank(B.toarray())
+    assert rank < B.shape[0]
+    # B W is then the projection onto what B can give, and affine fields, which it can, are still reproduced.
+    assert np.trace(B @ W) == pytest.approx(rank, abs=1e-4)
+    np.testing.assert_allclose(B @ W, B @ np.linalg.pinv(B.toarray()), atol=1e-5)
+    np.testing.assert_allclose(W @ coarse.points, fine.points, atol=1e-9)
+    spaces = LevelSpace(coarse, COMM), LevelSpace(fine, COMM)
+    np.testing.assert_allclose(biharmonic(*spaces, bind(spaces[1], spaces[0])) @ coarse.points, fine.points, atol=1e-12)
+
+
+@pytest.mark.parametrize("d", [2, 3])
+def test_a_part_without_control_points_is_named(d):
+    """One body of two separate boxes, of which the coarse mesh has one."""
+    two = together(box(d, 2), box(d, 2, 3.0, 4.0))
+    fine = LevelSpace(level(two.points, two.cells), COMM)
+    coarse = LevelSpace(box(d, 1), COMM)
+    with pytest.raises(MeshError, match=rf"body 0: .* need {d + 1} or more .* find 0 in one of its 2 separate parts"):
+        biharmonic(coarse, fine, bind(fine, coarse))
+
+
+def test_a_coordinate_is_local():
+    """Four coarse edges away, a coordinate is below 1 % of its peak; the sparse row has lost at most what it may."""
+    coarse, fine = box(2, 12), box(2, 26, 0.01, 0.99, jitter=0.2)
+    W = dense(coarse, fine)[0]
+    middle = int(np.argmin(np.linalg.norm(coarse.points - 0.5, axis=1)))
+    far = np.linalg.norm(fine.points - coarse.points[middle], axis=1) > 4 / 12
+    assert np.abs(W[far, middle]).max() < 0.01 * W[:, middle].max()
+    home = binding_matrix(bind(fine, LevelSpace(coarse, COMM)), coarse)
+    sparse = make_local([W[:, :100], W[:, 100:]], home, coarse.points, fine.points)
+    assert sparse.nnz < 0.4 * W.size
+    # What was dropped, and as much again for the correction.
+    assert np.abs(sparse - W).sum(axis=1).max() <= 2 * DROPPED
+    assert np.linalg.norm(sparse - W) > 0
+
+
+def test_restoring_affine_fields_is_the_smallest_change():
+    rng = np.random.default_rng(0)
+    coarse, fine = rng.uniform(size=(9, 2)), rng.uniform(size=(3, 2))
+    pattern = np.array([[1, 1, 1, 1, 1, 0, 0, 0, 0], [0, 0, 1, 1, 1, 0, 0, 0, 0], [1] * 9], dtype=bool)
+    weights = np.where(pattern, rng.normal(size=(3, 9)), 0.0)
+    from scipy.sparse import csr_matrix
+
+    restored = restore_affine(csr_matrix(weights), coarse, fine).toarray()
+    for row, target, w, new in zip(pattern, fine, weights, restored, strict=True):
+        C = np.vstack([np.ones(row.sum()), coarse[row].T])
+        change = np.linalg.lstsq(C, np.r_[1.0, target] - C @ w[row], rcond=None)[0]
+        np.testing.assert_allclose(new[row], w[row] + change, atol=1e-10)
+        assert (new[~row] == 0).all()
+
+
+@pytest.mark.slow
+def test_thirty_thousand_fine_vertices_in_two_minutes():
+    import time
+
+    coarse, fine = LevelSpace(box(3, 16, 0.02, 0.97, jitter=0.2), COMM), LevelSpace(box(3, 30, jitter=0.2, seed=1), COMM)
+    binding = bind(fine, coarse)
+    start = time.perf_counter()
+    weights = biharmonic(coarse, fine, binding)
+    assert time.perf_counter() - start < 120.0
+    np.testing.assert_allclose(weights @ coarse.mesh.points, fine.mesh.points, atol=1e-9)
+    assert weights.nnz < 250 * weights.shape[0]
+
+
+# ---- Phong ---------------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("d", [2, 3])
+def test_phong_is_exact_on_quadratics_where_vertex_gradients_are(d):
+    """Around inner vertices of a regular grid cells lie symmetrically: the mean gradient of a quadratic is exact there, and so is Phong."""
+    mesh = box(d, 6)
+    inner = np.setdiff1d(np.arange(len(mesh.points)), mesh.boundary)
+    gradient = np.column_stack([G @ smooth(mesh.points) for G in vertex_gradients(mesh)])
+    exact = 2.0 * mesh.points
+    exact[:, :2] += mesh.points[:, 1::-1]
+    np.testing.assert_allclose(gradient[inner], exact[inner], atol=1e-12)
+    coarse, fine = LevelSpace(mesh, COMM), LevelSpace(box(d, 5, 0.2, 0.8, jitter=0.2), COMM)
+    binding = bind(fine, coarse)
+    weights = {name: INTERPOLANTS[name](coarse, fine, binding) for name in ("phong", "barycentric")}
+    error = {name: np.abs(w @ smooth(mesh.points) - smooth(fine.mesh.points)).max() for name, w in weights.items()}
+    assert error["phong"] < 1e-12 and error["barycentric"] > 1e-3
