@@ -8,6 +8,8 @@ from pathlib import Path
 
 from pdvol.errors import InputError, PdvolError, SimulationError
 
+PROLONGATIONS = ("barycentric", "biharmonic", "phong")  # the keys of hierarchy.interpolants.INTERPOLANTS, which only a simulation loads
+
 
 def main(scene: Callable | None = None, argv: Sequence[str] | None = None) -> None:
     """The `pdvol` command; with a scene function, `pdvol run` on the file that defines it (what demos end with). Exits."""
@@ -113,7 +115,7 @@ def _hierarchy(options) -> None:
     from pdvol.inspection import write_hierarchy
 
     targets = tuple(_whole("--levels", word) for word in options.levels.split(","))
-    print("\n".join(write_hierarchy(options.mesh, targets, options.out)))
+    print("\n".join(write_hierarchy(options.mesh, targets, options.out, options.prolongation)))
 
 
 def _info(options) -> None:
@@ -124,7 +126,7 @@ def _info(options) -> None:
 
         print("\n".join(describe_shot(load_shot(options.what, parse_settings(options.set)))))
     else:
-        print("\n".join(describe_run(options.what)))
+        print("\n".join(describe_run(options.what, options.pictures)))
 
 
 def _render(options) -> None:
@@ -195,11 +197,14 @@ def _parser() -> argparse.ArgumentParser:
             sub.add_argument("--out", type=Path, help="run folder (default: runs/NAME)")
             sub.add_argument("--resume", action="store_true", help="go on with the run in that folder")
 
+    def prolongation_option(sub) -> None:
+        sub.add_argument("--prolongation", default="barycentric", choices=PROLONGATIONS, help="how a level's motion is carried to the next finer one")
+
     sub = command("run", _run, "simulate a scene's levels, coarse to fine")
     sub.add_argument("scene", type=Path, metavar="SCENE.py")
     sub.add_argument("--levels", default="", metavar="A:B", help="levels A to B, both included (default: all)")
     sub.add_argument("--method", default="progressive", choices=("progressive", "direct"))
-    sub.add_argument("--prolongation", default="barycentric", choices=("barycentric",))
+    prolongation_option(sub)
     scene_options(sub)
 
     sub = command("preview", _preview, "simulate level 0 only")
@@ -218,9 +223,11 @@ def _parser() -> argparse.ArgumentParser:
     sub.add_argument("mesh", type=Path, metavar="MESH")
     sub.add_argument("--levels", required=True, metavar="N,N,...", help="vertex targets, coarsest first")
     sub.add_argument("-o", "--out", type=Path, required=True, metavar="DIR")
+    prolongation_option(sub)
 
     sub = command("info", _info, "what a scene will model, or what a run holds")
     sub.add_argument("what", type=Path, metavar="SCENE.py | RUN")
+    sub.add_argument("--pictures", type=Path, metavar="DIR", help="draw a run's bindings there")
     scene_options(sub, steps=False)
 
     sub = command("render", _render, "draw a run: rows are levels, columns are moments")

@@ -16,6 +16,7 @@ from pdvol.hierarchy.start_check import check_start
 from pdvol.hierarchy.tetrahedralise import mean_ratio
 from pdvol.hierarchy.validate import check_outline, check_solid, check_surface
 from pdvol.meshes import Outline, Solid
+from pdvol.record.bindings import draw_binding
 from pdvol.record.reader import open_run
 from pdvol.record.vtu import write_vtu
 from pdvol.scene import Barrier, Body, Friction, NeoHookean, Plane, Rigid, Scene, Still, metres
@@ -62,7 +63,8 @@ def describe_prolongation(hierarchy: Hierarchy, level: int) -> str:
     """The binding of a level to the one below it, in one line. Collective."""
     r = hierarchy.prolongation(level).report()
     return (f"levels {level - 1} -> {level}: {r['inside']:,} bound inside, {r['ray']:,} by ray, {r['neighbour']:,} by neighbour, {r['orphans']:,} orphans; "
-            f"largest |weight| {r['largest_weight']:.3g}, ||P||_F {r['frobenius_norm']:.4g} (sqrt m = {r['sqrt_points']:.4g}), ||P||_2 {r['two_norm']:.3g}")
+            f"{r['weights_per_point']:.3g} weights a vertex, largest |weight| {r['largest_weight']:.3g}, "
+            f"||P||_F {r['frobenius_norm']:.4g} (sqrt m = {r['sqrt_points']:.4g}), ||P||_2 {r['two_norm']:.3g}")
 
 
 def describe_shot(shot: Shot) -> list[str]:
@@ -72,8 +74,20 @@ def describe_shot(shot: Shot) -> list[str]:
     return [*modelled(shot.scene), *(levels if any(b.vertices for b in shot.scene.bodies) else [])]
 
 
-def describe_run(path: Path) -> list[str]:
-    """`pdvol info RUN`: what a run folder holds, and its bindings."""
+def draw_bindings(hierarchy: Hierarchy, out: Path, up: Sequence[float] = (0.0, 1.0, 0.0)) -> None:
+    """One picture `binding_<level>.png` of each level but the coarsest, in `out`."""
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"{out} cannot be written: {error.strerror}") from None
+    for level in range(1, len(hierarchy)):
+        p = hierarchy.prolongation(level)
+        title = f"levels {level - 1} -> {level}, {hierarchy.interpolant}"
+        draw_binding(out / f"binding_{level}.png", p.coarse.mesh, p.fine.mesh, p.binding.cells, p.weights, title, up)
+
+
+def describe_run(path: Path, pictures: Path | None = None) -> list[str]:
+    """`pdvol info RUN`: what a run folder holds, and its bindings, drawn into the folder `pictures` if there is one."""
     run = open_run(path)
     info = run.info
     lines = [f"{info['scene']}: method {info['method']}, dt {run.dt:g} s, {info['steps']} steps, parameters {info['parameters'] or 'as in the file'}"]
@@ -87,7 +101,9 @@ def describe_run(path: Path) -> list[str]:
         if "reason" in level.info:
             line += f"; {level.info['reason']}"
         lines.append(line)
-    hierarchy = Hierarchy([level.mesh for level in run.levels], MPI.COMM_SELF)
+    hierarchy = Hierarchy([level.mesh for level in run.levels], MPI.COMM_SELF, info.get("prolongation", "barycentric"))
+    if pictures is not None:
+        draw_bindings(hierarchy, pictures, info.get("up") or (0.0, 0.0, 1.0))
     return [*lines, *(describe_prolongation(hierarchy, level) for level in range(1, len(hierarchy)))]
 
 
@@ -145,18 +161,19 @@ def check_meshes(files: Sequence[Path]) -> tuple[list[str], bool]:
     return lines, sound
 
 
-def write_hierarchy(mesh: Path, targets: tuple[int, ...], out: Path) -> list[str]:
-    """`pdvol hierarchy`: builds a mesh's levels, writes each as VTU into `out` and reports sizes and bindings."""
+def write_hierarchy(mesh: Path, targets: tuple[int, ...], out: Path, prolongation: str = "barycentric") -> list[str]:
+    """`pdvol hierarchy`: builds a mesh's levels, writes each as VTU with a picture of its binding into `out` and reports sizes and bindings."""
     scene = Scene(bodies=(Body(mesh, NeoHookean(1e5), targets, name=mesh.stem),), dt=0.01, steps=0)
     meshes = build_levels(scene)
     try:
         out.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise InputError(f"{out} cannot be written: {error.strerror}") from None
-    hierarchy = Hierarchy(meshes, MPI.COMM_SELF)
+    hierarchy = Hierarchy(meshes, MPI.COMM_SELF, prolongation)
     lines = []
     for level, level_mesh in enumerate(meshes):
         homes = {"home_cell": hierarchy.prolongation(level).binding.cells} if level else {}
         write_vtu(out / f"level_{level}.vtu", level_mesh, homes)
         lines.append(describe_level(level_mesh, level))
+    draw_bindings(hierarchy, out)
     return [*lines, *(describe_prolongation(hierarchy, level) for level in range(1, len(hierarchy)))]

@@ -14,6 +14,7 @@ from pdvol.describe import differences
 from pdvol.errors import InputError, SimulationError
 from pdvol.hierarchy.build import build_levels, read_obstacle
 from pdvol.hierarchy.hierarchy import Hierarchy
+from pdvol.hierarchy.interpolants import INTERPOLANTS
 from pdvol.hierarchy.level_mesh import LevelMesh
 from pdvol.hierarchy.scene_fields import check_fields, initial_velocity, scene_diagonal
 from pdvol.hierarchy.start_check import check_start
@@ -42,7 +43,7 @@ def run_scene(shot: Shot, out: str | Path, first: int = 0, last: int | None = No
     out : run folder: a new one, or with `resume` (or `first` > 0) one of the same scene, of which finished steps are kept
     first, last : levels, both included; the finest when `last` is None
     method : "progressive" or "direct"
-    prolongation : an interpolant's name
+    prolongation : a key of `INTERPOLANTS`
     progress : called as (level, steps, steps done) when a level begins, on the ranks where it is given
 
     Returns
@@ -58,7 +59,7 @@ def run_scene(shot: Shot, out: str | Path, first: int = 0, last: int | None = No
     """
     scene, out = shot.scene, Path(out)
     last = scene.levels - 1 if last is None else last
-    _check_request(scene, out, first, last, method, resume or first > 0)
+    _check_request(scene, out, first, last, method, prolongation, resume or first > 0)
     meshes, obstacles, diagonal = on_root(comm, lambda: _prepare(shot, out, last, method, prolongation))
     hierarchy = Hierarchy(meshes, comm, prolongation)
     writer = _SharedWriter(comm, lambda: _open_writer(shot, out, meshes, obstacles, diagonal, method, prolongation))
@@ -79,9 +80,10 @@ def refine_run(out: str | Path, last: int, comm: MPI.Comm = MPI.COMM_WORLD, prog
     return run_scene(shot, out, 0, last, info["method"], info["prolongation"], True, comm, progress)
 
 
-def _check_request(scene: Scene, out: Path, first: int, last: int, method: str, go_on: bool) -> None:
-    if method not in METHODS:
-        raise InputError(f"unknown method {method!r}; choose one of {', '.join(METHODS)}")
+def _check_request(scene: Scene, out: Path, first: int, last: int, method: str, prolongation: str, go_on: bool) -> None:
+    for name, value, known in (("method", method, METHODS), ("prolongation", prolongation, tuple(INTERPOLANTS))):
+        if value not in known:
+            raise InputError(f"unknown {name} {value!r}; choose one of {', '.join(known)}")
     if not 0 <= first <= last < scene.levels:
         raise InputError(f"levels {first}:{last} do not exist; the scene has levels 0:{scene.levels - 1}")
     exists = (out / "run.json").is_file()

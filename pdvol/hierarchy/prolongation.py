@@ -54,11 +54,13 @@ class Prolongation:
     def report(self) -> dict:
         """The binding's report, and what bounds the growth of extrapolated motion (paper, appendix on negative weights).
 
-        `frobenius_norm` of the scalar weights is at most `sqrt_points` (root of the number of fine points) where nothing is extrapolated.
+        `weights_per_point` is the mean number of coarse points that a fine one depends on. `frobenius_norm` of the scalar weights is at most
+        `sqrt_points` (root of the number of fine points) for barycentric ones where nothing is extrapolated.
         """
         return {
             **self.binding.report(),
             "largest_weight": float(np.abs(self.weights.data).max()),
+            "weights_per_point": self.weights.nnz / self.weights.shape[0],
             "frobenius_norm": float(sp.linalg.norm(self.weights)),
             "sqrt_points": float(np.sqrt(self.weights.shape[0])),
             "two_norm": self.two_norm,

@@ -11,7 +11,11 @@ import numpy as np
 import pytest
 from cli_scenes import CUBE_OFF, FALL, pdvol, write
 
-from pdvol import open_run
+from pdvol import cli, open_run
+from pdvol.errors import InputError
+from pdvol.hierarchy.interpolants import INTERPOLANTS
+from pdvol.runner import run_scene
+from pdvol.shot import load_shot
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 import verify_run
@@ -156,6 +160,35 @@ def test_direct_differs_from_progressive_on_the_fine_level_only(tmp_path, scene,
     assert verify_run.verify(tmp_path / "direct") == []
 
 
+@pytest.mark.parametrize("name", sorted(set(INTERPOLANTS) - {"barycentric"}))
+def test_every_prolongation(tmp_path, scene, whole, capsys, name):
+    assert pdvol("run", scene, "--prolongation", name, "--levels", "0", "--out", tmp_path / "run") == 0
+    assert pdvol("refine", tmp_path / "run", "--to", 1) == 0
+    run, other = open_run(tmp_path / "run"), open_run(whole)
+    assert run.info["prolongation"] == name
+    np.testing.assert_array_equal(run.levels[0].positions(STEPS), other.levels[0].positions(STEPS))
+    # Another interpolant of the same motion: not the same, and not far.
+    difference = np.abs(run.levels[1].positions(STEPS) - other.levels[1].positions(STEPS)).max()
+    assert 1e-7 < difference < 0.02
+    assert verify_run.verify(tmp_path / "run") == []
+    capsys.readouterr()
+    assert pdvol("info", tmp_path / "run") == 0
+    assert " 3 weights a vertex" not in capsys.readouterr().out
+    assert pdvol("run", scene, "--out", tmp_path / "run", "--resume") == 2
+    assert f"was run with prolongation '{name}', not 'barycentric'" in capsys.readouterr().err
+
+
+def test_the_command_line_offers_every_interpolant():
+    assert set(cli.PROLONGATIONS) == set(INTERPOLANTS)
+
+
+@pytest.mark.parametrize("wrong", [{"method": "magic"}, {"prolongation": "magic"}])
+def test_unknown_methods_and_prolongations(tmp_path, scene, wrong):
+    with pytest.raises(InputError, match="unknown .* 'magic'; choose one of"):
+        run_scene(load_shot(scene), tmp_path / "run", **wrong)
+    assert not (tmp_path / "run").exists()
+
+
 def test_preview_and_the_default_folder(tmp_path, scene, whole, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert pdvol("preview", scene, "--steps", 4) == 0
@@ -274,6 +307,14 @@ def test_info(whole, scene, capsys):
     assert "10 steps of 0.02 s" in out
 
 
+def test_info_draws_bindings(whole, tmp_path, capsys):
+    before = set(whole.rglob("*"))
+    assert pdvol("info", whole, "--pictures", tmp_path / "pictures") == 0
+    assert "levels 0 -> 1:" in capsys.readouterr().out
+    assert [p.name for p in (tmp_path / "pictures").iterdir()] == ["binding_1.png"]
+    assert set(whole.rglob("*")) == before
+
+
 def test_check(scene, tmp_path, capsys):
     assert pdvol("check", scene) == 0
     out = capsys.readouterr().out
@@ -298,6 +339,12 @@ def test_hierarchy(tmp_path, capsys):
     assert abs(len(coarse.points) - 60) <= 15 and abs(len(fine.points) - 150) <= 38
     homes = next(iter(fine.point_data.values()))
     assert homes.shape == (len(fine.points),) and homes.min() >= 0 and homes.max() < len(coarse.cells[0].data)
+    width, height = png_size(tmp_path / "out" / "binding_1.png")
+    assert width > height > 300 and not (tmp_path / "out" / "binding_0.png").exists()
+    for words in ("bound inside", "4 weights a vertex", "largest |weight|", "||P||_F", "sqrt m", "||P||_2"):
+        assert words in lines[2]
+    assert pdvol("hierarchy", tmp_path / "ball.off", "--levels", "60,150", "-o", tmp_path / "smooth", "--prolongation", "biharmonic") == 0
+    assert float(capsys.readouterr().out.split(" weights a vertex")[0].split()[-1]) > 10
 
 
 def test_render(whole, tmp_path, capsys):
