@@ -2,6 +2,7 @@
 
 import hashlib
 import inspect
+import math
 from dataclasses import fields, is_dataclass
 from pathlib import Path
 
@@ -19,7 +20,9 @@ def describe(thing):
     if isinstance(thing, dict):
         return {str(key): describe(value) for key, value in thing.items()}
     if isinstance(thing, (np.integer, np.floating, np.bool_)):
-        return thing.item()
+        return describe(thing.item())
+    if isinstance(thing, float) and not math.isfinite(thing):
+        return None  # as in the JSON it will be compared with, which has no such number
     if thing is None or isinstance(thing, (bool, int, float)):
         return thing
     if isinstance(thing, (str, Path)):

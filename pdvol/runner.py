@@ -24,7 +24,7 @@ from pdvol.record.reader import Run, open_run
 from pdvol.record.store import RunWriter
 from pdvol.record.xdmf import write_xdmf
 from pdvol.scene import Plane, Rigid, Scene, Still
-from pdvol.shot import Shot, load_shot
+from pdvol.shot import Shot, load_shot, stored_settings
 from pdvol.solve.level_problem import LevelProblem
 
 METHODS = ("progressive", "direct")
@@ -76,7 +76,7 @@ def refine_run(out: str | Path, last: int, comm: MPI.Comm = MPI.COMM_WORLD, prog
     info = on_root(comm, lambda: open_run(out).info)
     if not Path(info["scene_file"]).is_file():
         raise InputError(f"{out}: its scene file {info['scene_file']} is gone; put it back, or use pdvol run --resume with another path")
-    shot = load_shot(info["scene_file"], info["parameters"], info["steps"])
+    shot = load_shot(info["scene_file"], stored_settings(info["parameters"]), info["steps"])
     return run_scene(shot, out, 0, last, info["method"], info["prolongation"], True, comm, progress)
 
 

@@ -59,6 +59,12 @@ def _value(text: str):
     return Relative(value) if relative else value
 
 
+def stored_settings(parameters: Mapping) -> dict:
+    """The settings that `run.json` keeps: JSON has no `Relative`, which is an object with a fraction there."""
+    return {name: Relative(value["fraction"]) if isinstance(value, dict) and set(value) == {"fraction"} else value
+            for name, value in parameters.items()}
+
+
 def load_shot(file: str | Path, settings: Mapping | None = None, steps: int | None = None) -> Shot:
     """Runs a scene file's `scene(**parameters)`; settings that name a solver setting go to the solver instead.
 

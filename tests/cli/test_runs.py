@@ -210,6 +210,14 @@ def test_a_scene_file_run_by_python(tmp_path, scene, whole):
 # ---- refine and resume -------------------------------------------------------------------------------------------------------
 
 
+def test_refine_keeps_relative_settings(tmp_path, scene):
+    words = ["--set", "tolerance=Relative(1e-4)", "--steps", 3]
+    assert pdvol("run", scene, *words, "--out", tmp_path / "whole") == 0
+    assert pdvol("run", scene, *words, "--levels", "0", "--out", tmp_path / "run") == 0
+    assert pdvol("refine", tmp_path / "run", "--to", 1) == 0
+    assert_same_motion(tmp_path / "run", tmp_path / "whole")
+
+
 def test_refine_does_not_touch_coarser_levels(tmp_path, scene, whole):
     out = tmp_path / "run"
     assert pdvol("run", scene, "--levels", "0", "--out", out) == 0
@@ -266,6 +274,15 @@ cli.run(["run", {str(scene)!r}, "--out", {str(out)!r}])
     assert open_run(out).levels[0].steps == 4
     assert pdvol("run", scene, "--out", out, "--resume") == 0
     assert_same_motion(out, whole)
+
+
+def test_a_run_with_endless_motions_is_the_same_scene_again(tmp_path):
+    """A motion's `stop` is infinity unless given, which run.json cannot hold."""
+    moving = FALL.replace("Plane((0.0, 0.0), (0.0, 1.0), ", "Plane((0.0, 0.0), (0.0, 1.0), motion=pdvol.Translation((0.0, 0.01)), ")
+    scene, out = write(tmp_path / "moving.py", moving), tmp_path / "run"
+    assert pdvol("run", scene, "--steps", 2, "--levels", "0", "--out", out) == 0
+    assert pdvol("run", scene, "--steps", 3, "--levels", "0", "--out", out, "--resume") == 0
+    assert open_run(out).levels[0].steps == 4
 
 
 def test_resume_of_nothing_begins(tmp_path, scene, whole):
