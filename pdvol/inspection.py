@@ -107,6 +107,40 @@ def describe_run(path: Path, pictures: Path | None = None) -> list[str]:
     return [*lines, *(describe_prolongation(hierarchy, level) for level in range(1, len(hierarchy)))]
 
 
+def describe_metrics(result: dict) -> list[str]:
+    """`pdvol metrics`: means over all steps, a line per level; after it, indented, what another run has there."""
+    others = {entry["level"]: entry for entry in result.get("against", {}).get("levels", [])}
+    apart = {entry["level"]: entry["summary"] for entry in result.get("against", {}).get("between", [])}
+    lines = [f"{result['run']}: method {result['method']}, {result['prolongation']} prolongation"]
+    if others:
+        lines.append(f"  against {result['against']['run']}: method {result['against']['method']}, {result['against']['prolongation']} prolongation")
+    for entry in result["levels"]:
+        lines.append(f"level {entry['level']}: {_means(entry)}")
+        if entry["level"] in others:
+            lines.append(f"  against {_means(others[entry['level']])}")
+        if "centre_error" in apart.get(entry["level"], {}):
+            s = apart[entry["level"]]
+            lines.append(f"  apart: centre of mass {s['centre_error']['mean']:.3g} m (most {s['centre_error']['largest']:.3g})"
+                         + (f", distance {s['distance']['mean']:.3g} m (most {s['distance']['largest']:.3g})" if "distance" in s else ""))
+    notes = [*result["notes"], *result.get("against", {}).get("notes", [])]
+    return [*lines, *(f"note: {note}" for note in dict.fromkeys(notes))]
+
+
+def _means(entry: dict) -> str:
+    s = {key: value for key, value in entry["summary"].items() if value}
+    parts = [f"{entry['steps']} steps"]
+    if "continuity" in s:
+        parts.append(f"continuity {s['continuity']['mean']:.4g} (median {s['continuity']['median']:.4g}, most {s['continuity']['largest']:.3g})")
+    if "consistency" in s:
+        parts.append(f"consistency {s['consistency']['mean']:.3g} kg m^2 (most {s['consistency']['largest']:.3g})")
+        parts.append(f"distance from the level below {s['distance']['mean']:.3g} m (most {s['distance']['largest']:.3g})")
+        parts.append(f"centre of mass {s['centre_error']['mean']:.3g} m apart (most {s['centre_error']['largest']:.3g})")
+        parts.append(f"rank of P {entry['projection']['rank']} of {entry['projection']['columns']}")
+    if "jitter" in s:
+        parts.append(f"jitter {s['jitter']['mean']:.3g} J (most {s['jitter']['largest']:.3g})")
+    return ", ".join(parts)
+
+
 def check_shot(shot: Shot) -> tuple[list[str], bool]:
     """`pdvol check SCENE.py`: builds every level and looks for what would stop a run. Gives the lines and whether all is sound."""
     scene = shot.scene

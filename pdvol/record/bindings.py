@@ -42,8 +42,9 @@ def draw_binding(path: Path, coarse: LevelMesh, fine: LevelMesh, cells: np.ndarr
     column = weights[:, [chosen]].toarray()[:, 0]
     shown = np.unique(fine.boundary) if fine.dim == 3 else np.arange(len(fine.points))
     pictures = [_picture(coarse, fine, view, width, shown, cell_colours(cells)), _picture(coarse, fine, view, width, shown, weight_colours(column))]
+    reach = f"on {np.count_nonzero(column):,} vertices, from {column.min():.2f} to {column.max():.2f}"
     captions = [(f"{title}: home cells", f"{len(fine.points):,} vertices in {len(np.unique(cells)):,} of {len(coarse.cells):,} cells"),
-                (f"one of {len(coarse.points):,} coordinates", f"on {np.count_nonzero(column):,} vertices, from {column.min():.2f} to {column.max():.2f}")]
+                (f"one of {len(coarse.points):,} coordinates", reach)]
     sheet = Image.new("RGB", (2 * width + GAP, TOP + pictures[0].height), BACKGROUND)
     pen = ImageDraw.Draw(sheet)
     for i, (picture, (large, small)) in enumerate(zip(pictures, captions, strict=True)):
@@ -100,7 +101,8 @@ def _picture(coarse: LevelMesh, fine: LevelMesh, view: View, width: int, shown: 
                 plotter.add_mesh(surface, color=BACKGROUND, ambient=0.35, diffuse=0.6, render=False, reset_camera=False)
             facets = coarse.boundary if coarse.dim == 3 else coarse.cells
             lines = pv.PolyData.from_regular_faces(lifted(coarse.points), facets)
-            plotter.add_mesh(lines, style="wireframe", color=INK, opacity=0.5, line_width=OVERSAMPLING, lighting=False, render=False, reset_camera=False)
+            plotter.add_mesh(lines, style="wireframe", color=INK, opacity=0.5, line_width=OVERSAMPLING, lighting=False, render=False,
+                             reset_camera=False)
             dots = pv.PolyData(lifted(fine.points[shown]))
             dots["colour"] = np.round(255 * colours[shown]).astype(np.uint8)
             across = float(np.clip(0.55 * size[1] / np.sqrt(len(shown)), 3.0, 16.0))

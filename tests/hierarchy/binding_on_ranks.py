@@ -1,4 +1,7 @@
-"""Run by test_binding on one rank and two: python binding_on_ranks.py DIM OUT.npz writes a binding and every interpolant's PETSc matrix in input order."""
+"""Run by test_binding on one rank and two: python binding_on_ranks.py DIM OUT.npz writes a binding and every interpolant's PETSc matrix.
+
+All in input order.
+"""
 
 import sys
 

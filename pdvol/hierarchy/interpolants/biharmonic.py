@@ -149,9 +149,6 @@ def _check_controls(mesh: LevelMesh, back: Binding, points: np.ndarray, name: st
         mine = points[homes == i]
         if len(mine) <= mesh.dim or np.linalg.matrix_rank((mine - mine.mean(axis=0)) / size, tol=1e-6) < mesh.dim:
             where = "" if parts == 1 else f" in one of its {parts} separate parts ({np.sum(part == i):,} cells)"
-            raise MeshError(f"{name}: biharmonic coordinates need {mesh.dim + 1} or more coarse vertices that do not lie in a {_flat(mesh.dim)}, and find "
+            flat = "line" if mesh.dim == 2 else "plane"
+            raise MeshError(f"{name}: biharmonic coordinates need {mesh.dim + 1} or more coarse vertices that do not lie in a {flat}, and find "
                             f"{len(mine)}{where}; give the coarser level more vertices or use --prolongation barycentric")
-
-
-def _flat(dim: int) -> str:
-    return "line" if dim == 2 else "plane"
