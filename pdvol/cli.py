@@ -129,6 +129,14 @@ def _info(options) -> None:
         print("\n".join(describe_run(options.what, options.pictures)))
 
 
+def _metrics(options) -> None:
+    from pdvol.inspection import describe_metrics
+    from pdvol.measuring import write_metrics
+
+    result = write_metrics(options.run, options.against, options.json)
+    print("\n".join([*describe_metrics(result), f"{options.run}: metrics.json and metrics.png"]))
+
+
 def _render(options) -> None:
     from pdvol.record.pictures import render
     from pdvol.record.reader import open_run
@@ -229,6 +237,11 @@ def _parser() -> argparse.ArgumentParser:
     sub.add_argument("what", type=Path, metavar="SCENE.py | RUN")
     sub.add_argument("--pictures", type=Path, metavar="DIR", help="draw a run's bindings there")
     scene_options(sub, steps=False)
+
+    sub = command("metrics", _metrics, "measure a run: continuity, consistency between levels, and more; writes metrics.json and metrics.png into it")
+    sub.add_argument("run", type=Path, metavar="RUN")
+    sub.add_argument("--against", type=Path, metavar="RUN", help="another run of the same shot, to compare with")
+    sub.add_argument("--json", type=Path, metavar="FILE", help="write the numbers there, too")
 
     sub = command("render", _render, "draw a run: rows are levels, columns are moments")
     sub.add_argument("run", type=Path, metavar="RUN")

@@ -1,0 +1,229 @@
+"""`pdvol metrics`: the measures of `record/metrics.py` for a stored run, with forces from its scene and P from its meshes."""
+
+import os
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from mpi4py import MPI
+
+from pdvol.describe import differences
+from pdvol.errors import InputError
+from pdvol.hierarchy.build import read_obstacle
+from pdvol.hierarchy.hierarchy import Hierarchy
+from pdvol.hierarchy.level_mesh import LevelMesh
+from pdvol.hierarchy.level_space import LevelSpace
+from pdvol.hierarchy.scene_fields import supported_points
+from pdvol.potentials.build import build_terms
+from pdvol.potentials.potential import Positions
+from pdvol.record import metrics
+from pdvol.record.files import write_json
+from pdvol.record.plots import plot_metrics
+from pdvol.record.reader import Run, RunLevel, open_run
+from pdvol.scene import Friction, Rigid, Scene
+from pdvol.shot import load_shot, stored_settings
+
+PREDICTED = ("direct", "progressive")  # methods whose x_hat is known here
+
+
+class Forces:
+    """The forces of one level of a scene at stored positions, on this rank alone.
+
+    Attributes
+    ----------
+    free : (n,) bool
+        Vertices that no support holds.
+    """
+
+    def __init__(self, scene: Scene, mesh: LevelMesh, level: int, diagonal: float, obstacles: Sequence):
+        self.scene, self.space = scene, LevelSpace(mesh, MPI.COMM_SELF)
+        self._terms = build_terms(scene, self.space, diagonal, obstacles)
+        self.free = np.ones(len(mesh.points), dtype=bool)
+        for support in scene.supports:
+            self.free &= ~supported_points(scene, support, mesh, level)
+
+    def pull(self, number: int, now: np.ndarray, after: np.ndarray) -> np.ndarray:
+        """dt^2 M^-1 grad F(after) [m], shape (n, d), in the step `number` (from 1) that begins at `now`.
+
+        Friction is lagged at `now`, as the first of its iterations is.
+        """
+        dt = self.scene.dt
+        start, end = (Positions(self.space, self.space.from_input(x)) for x in (now, after))
+        # All terms begin before any moves on: friction lags on barriers that are still where the step begins.
+        for term in self._terms.potentials:
+            term.begin_step(start, (number - 1) * dt, number * dt)
+        for term in self._terms.potentials:
+            term.place(number * dt)
+        force = sum(term.gradient(end) for term in self._terms.potentials)
+        return self.space.to_input(dt**2 * force / self._terms.mass)
+
+
+def measure(path: str | Path) -> dict:
+    """All metrics of a stored run, finished or not.
+
+    Returns
+    -------
+    dict
+        `run`, `dt`, `method`, `prolongation`, `notes` (what could not be measured, and why) and `levels`, each with `level`, `steps`, `mass` [kg],
+        lists over steps 1, 2, ... (`continuity`, `jitter`) and, from level 1 on, over states 0, 1, ... of both levels (`consistency`,
+        `distance`, `centre_error`), the `projection`'s `rank` and `columns`, and `summary`: mean, median and largest of each list.
+        Steps that were cut, or whose scripted motion contact stopped, have no x_hat of their own: their continuity is NaN.
+
+    Raises
+    ------
+    InputError
+        When the folder is no run or holds no state, or a state is damaged.
+    """
+    run = open_run(path)
+    notes: list[str] = []
+    densities = _densities(run, notes)
+    prolongation = run.info.get("prolongation", "barycentric")
+    hierarchy = Hierarchy([level.mesh for level in run.levels], MPI.COMM_SELF, prolongation)
+    scene, obstacles = _scene(run, notes)
+    levels = []
+    for level in run.levels:
+        if not level.steps:
+            continue
+        masses = metrics.lumped_masses(level.mesh, densities)
+        entry = {"level": level.index, "steps": level.steps - 1, "mass": float(masses.sum())}
+        if scene is not None:
+            forces = Forces(scene, level.mesh, level.index, run.info["diagonal"], obstacles)
+            weights = hierarchy.prolongation(level.index).weights if level.index and run.info["method"] == "progressive" else None
+            entry["continuity"] = _continuity(run, level, forces, masses, weights)
+        entry["jitter"] = [metrics.jitter(*_three(level, n, run.dt), run.dt, masses) for n in range(1, entry["steps"] + 1)]
+        if level.index and run.levels[level.index - 1].steps:
+            below = run.levels[level.index - 1]
+            weights = hierarchy.prolongation(level.index).weights
+            entry |= _between_levels(level, below, weights, masses, metrics.lumped_masses(below.mesh, densities))
+        levels.append(entry | {"summary": {key: _summary(values) for key, values in entry.items() if isinstance(values, list)}})
+    if not levels:
+        raise InputError(f"{path} has no stored state to measure")
+    return {"run": str(path), "dt": run.dt, "method": run.info.get("method", ""), "prolongation": prolongation, "notes": notes, "levels": levels}
+
+
+def write_metrics(path: Path, against: Path | None = None, file: Path | None = None) -> dict:
+    """Measure a run, and a second one beside it, into the run's `metrics.json` and `metrics.png`, and into `file`.
+
+    Returns
+    -------
+    dict
+        As `measure`, with the other run's under `against` and what `compare` says under its `between`.
+
+    Raises
+    ------
+    InputError
+        A folder is no run or cannot be written, or the runs do not fit together.
+    """
+    open_run(path)
+    files = [path / "metrics.json", *([file] if file is not None else [])]
+    for target in files:
+        if target.is_dir() or not os.access(target.parent, os.W_OK):
+            raise InputError(f"{target} cannot be written; choose another file in a folder of yours")
+    between = compare(path, against) if against is not None else []
+    result = measure(path)
+    runs = [result]
+    if against is not None:
+        runs.append(measure(against))
+        result = {**result, "against": {**runs[1], "between": between}}
+    for target in files:
+        write_json(target, result)
+    plot_metrics(path / "metrics.png", runs)
+    return result
+
+
+def compare(path: str | Path, other: str | Path) -> list[dict]:
+    """How far two runs of one shot are apart, per level that both have: `centre_error` [m] over common states and, where the meshes are the
+    same, `distance` [m]."""
+    run, against = open_run(path), open_run(other)
+    if run.dt != against.dt:
+        raise InputError(f"{path} has dt {run.dt:g} s and {other} has {against.dt:g} s; compare runs with the same time step")
+    if run.info.get("bodies") != against.info.get("bodies"):
+        raise InputError(f"{path} and {other} hold different bodies; compare runs of one shot")
+    found = []
+    densities = _densities(run, [])
+    for level, its in zip(run.levels, against.levels, strict=False):
+        states = min(level.steps, its.steps)
+        if not states:
+            continue
+        masses, theirs = (metrics.lumped_masses(x.mesh, densities) for x in (level, its))
+        entry = {"level": level.index, "steps": states - 1, "centre_error": _centre_errors(level, its, masses, theirs, states)}
+        if level.rest.shape == its.rest.shape and np.array_equal(level.rest, its.rest):
+            entry["distance"] = [metrics.distance(level.positions(n), its.positions(n), masses) for n in range(states)]
+        found.append(entry | {"summary": {key: _summary(values) for key, values in entry.items() if isinstance(values, list)}})
+    return found
+
+
+def _scene(run: Run, notes: list[str]) -> tuple[Scene | None, list]:
+    """The run's scene and its obstacles' geometry; None, with a note, where forces cannot be had."""
+    info = run.info
+    reason = None
+    if info.get("method") not in PREDICTED:
+        reason = f"x_hat of the method {info.get('method')!r} is not known"
+    elif not Path(info.get("scene_file", "")).is_file():
+        reason = f"its scene file {info.get('scene_file', '')} is gone"
+    else:
+        try:
+            shot = load_shot(info["scene_file"], stored_settings(info["parameters"]), info["steps"])
+            obstacles = [read_obstacle(o) for o in shot.scene.obstacles if isinstance(o, Rigid)]
+        except InputError as error:
+            reason = str(error)
+        else:
+            changed = differences(info["description"], shot.description())
+            if not changed:
+                if any(c.iterations > 1 for c in shot.scene.contact if isinstance(c, Friction)):
+                    notes.append("continuity lags friction once a step; the run did so several times")
+                return shot.scene, obstacles
+            reason = f"its scene file has changed ({changed[0]})"
+    notes.append(f"no continuity: {reason}")
+    return None, []
+
+
+def _densities(run: Run, notes: list[str]) -> list[float]:
+    try:
+        return [float(body["material"]["density"]) for body in run.info["description"]["bodies"]]
+    except (KeyError, TypeError):
+        notes.append("the run does not say its bodies' densities: masses are volumes")
+        return [1.0] * len(run.info["bodies"])
+
+
+def _three(level: RunLevel, number: int, dt: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Positions before, at the start and at the end of step `number`; the initial velocity says what was before the first."""
+    now = level.positions(number - 1)
+    return level.positions(number - 2) if number > 1 else now - dt * level.velocities(0), now, level.positions(number)
+
+
+def _continuity(run: Run, level: RunLevel, forces: Forces, masses: np.ndarray, weights) -> list[float]:
+    special = {r["step"] for r in level.log if r.get("cuts", 0) or r.get("reached", 1.0) < 1.0}
+    values, masses = [], np.where(forces.free, masses, 0.0)
+    for number in range(1, level.steps):
+        if number in special:
+            values.append(float("nan"))
+            continue
+        before, now, after = _three(level, number, run.dt)
+        move = now - before if weights is None else weights @ (run.dt * run.levels[level.index - 1].velocities(number - 1))
+        values.append(metrics.continuity(before, now, after, now + move, forces.pull(number, now, after), masses))
+    return values
+
+
+def _between_levels(level: RunLevel, below: RunLevel, weights, masses: np.ndarray, below_masses: np.ndarray) -> dict:
+    projection, consistency, distance = metrics.Projection(weights), [], []
+    states = min(level.steps, below.steps)
+    for n in range(states):
+        fine, coarse = level.positions(n), below.positions(n)
+        consistency.append(metrics.squared_norm(projection.difference(fine, coarse), below_masses))
+        distance.append(metrics.distance(fine, weights @ coarse, masses))
+    return {"consistency": consistency, "distance": distance, "centre_error": _centre_errors(level, below, masses, below_masses, states),
+            "projection": {"rank": projection.rank, "columns": projection.columns}}
+
+
+def _centre_errors(level: RunLevel, other: RunLevel, masses: np.ndarray, other_masses: np.ndarray, states: int) -> list[float]:
+    bodies = level.mesh.point_bodies
+    centres = np.array([metrics.mass_centres(level.positions(n), masses, bodies) for n in range(states)])
+    theirs = np.array([metrics.mass_centres(other.positions(n), other_masses, other.mesh.point_bodies) for n in range(states)])
+    weight = np.bincount(bodies, masses)
+    return [metrics.centre_error(a - centres[0], b - theirs[0], weight) for a, b in zip(centres, theirs, strict=True)]
+
+
+def _summary(values: Sequence[float]) -> dict:
+    known = np.array([v for v in values if np.isfinite(v)])
+    return {"mean": float(known.mean()), "median": float(np.median(known)), "largest": float(known.max())} if len(known) else {}

@@ -1,0 +1,208 @@
+"""`pdvol metrics` on runs: what theory says about direct ones, what is left out and said so, two runs beside each other."""
+
+import json
+import shutil
+
+import numpy as np
+import pytest
+from cli_scenes import FALL, SQUARE, pdvol, write
+from mpi4py import MPI
+
+from pdvol import open_run
+from pdvol.hierarchy.hierarchy import Hierarchy
+from pdvol.hierarchy.level_mesh import LevelMesh
+from pdvol.hierarchy.level_space import LevelSpace
+from pdvol.potentials.load import assemble_mass
+from pdvol.record.metrics import lumped_masses
+from pdvol.record.store import RunWriter
+
+STEPS = 12
+
+# A support that turns, a floor that rises, friction that is lagged there: all that forces at a stored state depend on.
+MOVING = SQUARE + '''
+from pdvol import Rotation, Translation
+
+def scene():
+    return Scene(bodies=(Body(tuple(square(n) for n in (2, 3)), NeoHookean(2e4), placement=Placement(translate=(0.0, 0.02), angle=0.05)),),
+                 obstacles=(Plane((0.0, 0.0), (0.0, 1.0), motion=Translation((0.0, 0.1))),),
+                 supports=(Support(lambda X: X[:, 1] > 0.95, motion=Rotation(1.0, (0.5, 1.0))),),
+                 loads=(Gravity((0.0, -9.81)),), contact=(Barrier(), Friction(0.3)), dt=0.02, steps=8)
+'''
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """One scene, direct and progressive, loosely solved so that residuals are far above round-off."""
+    folder = tmp_path_factory.mktemp("metrics")
+    write(folder / "fall.py", FALL)
+    for method, tolerance in (("direct", 1e-2), ("progressive", 1e-6)):
+        words = ["--steps", STEPS, "--set", f"tolerance=Relative({tolerance})", "--set", "linear=direct"]
+        assert pdvol("run", folder / "fall.py", "--method", method, "--out", folder / method, *words) == 0
+    return folder
+
+
+def measured(*words):
+    assert pdvol("metrics", *words) == 0
+    return json.loads((words[0] / "metrics.json").read_text())
+
+
+def test_continuity_of_a_direct_run_is_a_quarter(folder):
+    result = measured(folder / "direct")
+    assert [level["level"] for level in result["levels"]] == [0, 1] and result["notes"] == []
+    for level in result["levels"]:
+        assert len(level["continuity"]) == len(level["jitter"]) == level["steps"] == STEPS
+        assert level["mass"] == pytest.approx(1000.0)  # a square metre of 1000 kg/m^2
+        # Without contact the first steps leave a residual of round-off, which is then all there is to see.
+        in_contact = [r["contacts"] > 0 for r in open_run(folder / "direct").levels[level["level"]].log]
+        assert sum(in_contact) > 4
+        np.testing.assert_allclose(np.array(level["continuity"])[in_contact], 0.25, rtol=1e-5)
+        # Falling freely from its initial velocity: half the mass times (g dt)^2.
+        assert level["jitter"][0] == pytest.approx(0.5 * 1000.0 * (9.81 * 0.02) ** 2, rel=1e-6)
+
+
+def test_continuity_with_motions_of_supports_and_obstacles(tmp_path):
+    scene = write(tmp_path / "moving.py", MOVING)
+    assert pdvol("run", scene, "--method", "direct", "--out", tmp_path / "run", "--set", "tolerance=Relative(1e-3)", "--set", "linear=direct") == 0
+    run = open_run(tmp_path / "run")
+    for level, entry in zip(run.levels, measured(tmp_path / "run")["levels"], strict=True):
+        whole = np.array([r["reached"] == 1.0 and r["cuts"] == 0 for r in level.log])
+        assert whole.sum() > 4 and max(r["contacts"] for r in level.log) > 0
+        values = np.array([np.nan if v is None else v for v in entry["continuity"]])
+        np.testing.assert_array_equal(np.isnan(values), ~whole)
+        np.testing.assert_allclose(values[whole], 0.25, rtol=1e-4)
+
+
+def test_measures_between_levels(folder, capsys):
+    result = measured(folder / "progressive")
+    out = capsys.readouterr().out
+    assert "method progressive, barycentric prolongation" in out and "rank of P 9 of 9" in out and "metrics.json and metrics.png" in out
+    assert (folder / "progressive" / "metrics.png").read_bytes()[:4] == b"\x89PNG"
+    coarse, fine = result["levels"]
+    assert not {"consistency", "distance", "centre_error"} & set(coarse)
+    assert fine["projection"] == {"rank": 9, "columns": 9}
+    # All start alike; then the fine level lands differently.
+    for key, largest in (("consistency", 1.0), ("distance", 0.05), ("centre_error", 0.05)):
+        assert len(fine[key]) == STEPS + 1
+        assert fine[key][0] < 1e-12 < fine[key][-1] < largest
+        assert fine["summary"][key]["largest"] == max(fine[key])
+    assert fine["centre_error"][-1] < fine["distance"][-1], "bodies' centres are closer than their points"
+    # e_hat is what the solver left of the equation with the progressive x_hat: little, as the tolerance was tight. With the x_hat of a
+    # direct step the quotient would be near one.
+    assert fine["summary"]["continuity"]["median"] > 1e6
+    assert coarse["summary"]["continuity"]["median"] == pytest.approx(0.25, rel=1e-2)
+
+
+def test_masses_are_the_solver_s(folder):
+    for level in open_run(folder / "direct").levels:
+        space = LevelSpace(level.mesh, MPI.COMM_SELF)
+        np.testing.assert_allclose(lumped_masses(level.mesh, [1000.0]), space.to_input(assemble_mass(space, np.array([1000.0])))[:, 0], rtol=1e-12)
+
+
+def test_against_another_run(folder, tmp_path, capsys):
+    alone = measured(folder / "progressive")
+    result = measured(folder / "progressive", "--against", folder / "direct", "--json", tmp_path / "numbers.json")
+    assert json.loads((tmp_path / "numbers.json").read_text()) == result
+    other = result.pop("against")
+    assert result == alone
+    between = other.pop("between")
+    assert other["levels"] == measured(folder / "direct")["levels"]
+    ours, theirs = open_run(folder / "progressive"), open_run(folder / "direct")
+    for entry in between:
+        level = entry["level"]
+        masses = lumped_masses(ours.levels[level].mesh, [1000.0])
+        apart = ours.levels[level].positions(STEPS) - theirs.levels[level].positions(STEPS)
+        assert entry["distance"][-1] == pytest.approx(np.sqrt(masses @ (apart**2).sum(axis=1) / masses.sum()), rel=1e-9)
+        assert entry["centre_error"][-1] == pytest.approx(np.linalg.norm(masses @ apart) / masses.sum(), rel=1e-9)
+    out = capsys.readouterr().out
+    assert "against" in out and "apart: centre of mass" in out
+
+
+def box(n):
+    x = np.linspace(0.0, 1.0, n + 1)
+    points = np.stack(np.meshgrid(x, x, indexing="ij"), axis=-1).reshape(-1, 2)
+    a = (np.arange(n)[:, None] * (n + 1) + np.arange(n)).ravel()
+    cells = np.vstack([np.column_stack([a, a + n + 1, a + n + 2]), np.column_stack([a, a + n + 2, a + 1])])
+    return LevelMesh(points, cells, np.zeros(len(cells), np.int32), np.zeros(len(cells), np.int32))
+
+
+@pytest.mark.parametrize("name", ["barycentric", "biharmonic", "phong"])
+def test_a_run_that_is_prolonged_exactly(tmp_path, name):
+    """Level 1 is P level 0, coarse positions at random: all differences vanish, for each interpolant's own P."""
+    meshes = [box(3), box(7)]
+    P = Hierarchy(meshes, MPI.COMM_SELF, name).prolongation(1)
+    rng = np.random.default_rng(0)
+    info = {"scene": "made", "dt": 0.1, "steps": 2, "method": "embedded", "prolongation": name}
+    with RunWriter.create(tmp_path / "run", info, meshes, ["b"]) as run:
+        for step in range(3):
+            coarse = rng.normal(size=meshes[0].points.shape)
+            run.write_state(0, step, coarse)
+            run.write_state(1, step, P.prolong_positions(coarse))
+    result = measured(tmp_path / "run")
+    assert "continuity" not in result["levels"][1]
+    assert any("x_hat of the method 'embedded' is not known" in note for note in result["notes"])
+    assert any("masses are volumes" in note for note in result["notes"])
+    assert max(result["levels"][1]["consistency"]) < 1e-25 and max(result["levels"][1]["distance"]) < 1e-13
+    assert result["levels"][1]["projection"] == {"rank": 16, "columns": 16}
+
+
+def test_a_coarse_vertex_that_nothing_is_bound_to(tmp_path):
+    """The coarse level has more vertices: rank below the number of columns, told, and nothing infinite."""
+    meshes = [box(5), box(2)]
+    with RunWriter.create(tmp_path / "run", {"scene": "made", "dt": 0.1, "steps": 1, "method": "direct"}, meshes, ["b"]) as run:
+        for step in range(2):
+            for level, mesh in enumerate(meshes):
+                run.write_state(level, step, mesh.points * (1 + 0.1 * step))
+    level = measured(tmp_path / "run")["levels"][1]
+    assert level["projection"] == {"rank": 9, "columns": 36}
+    assert max(level["consistency"]) < 1e-20
+
+
+def test_what_cannot_be_measured_is_said(folder, tmp_path, capsys):
+    run = shutil.copytree(folder / "direct", tmp_path / "run")
+    lines = [json.loads(line) for line in (run / "log.jsonl").read_text().splitlines()]
+    lines[2]["cuts"] = 1  # level 0, step 3
+    (run / "log.jsonl").write_text("".join(json.dumps(line) + "\n" for line in lines))
+    assert measured(run)["levels"][0]["continuity"][2] is None
+    info = json.loads((run / "run.json").read_text())
+    for change, told in (({"scene_file": str(tmp_path / "gone.py")}, "gone.py is gone"),
+                         ({"parameters": {"mu": 0.9}}, "has changed (scene.contact[1].mu"),
+                         ({"parameters": {"colour": 1}}, "no parameter 'colour'")):
+        (run / "run.json").write_text(json.dumps({**info, **change}))
+        capsys.readouterr()
+        result = measured(run)
+        assert told in capsys.readouterr().out and all("continuity" not in level for level in result["levels"])
+        assert "consistency" in result["levels"][1]
+
+
+def test_an_unfinished_run(folder, tmp_path):
+    run = shutil.copytree(folder / "progressive", tmp_path / "run")
+    for step in range(6, STEPS + 1):
+        (run / "levels" / "1" / f"{step:06d}.npy").unlink()
+    coarse, fine = measured(run)["levels"]
+    assert (coarse["steps"], fine["steps"]) == (STEPS, 5)
+    assert len(fine["consistency"]) == 6 and len(fine["continuity"]) == 5
+
+
+def test_mistakes(folder, tmp_path, capsys):
+    def refuse(*words):
+        before = {p: p.stat().st_mtime_ns for p in folder.rglob("*")}
+        capsys.readouterr()
+        assert pdvol("metrics", *words) == 2
+        err = capsys.readouterr().err
+        assert err.startswith("pdvol: ") and err.count("\n") == 1
+        assert {p: p.stat().st_mtime_ns for p in folder.rglob("*")} == before
+        return err
+
+    assert "does not exist" in refuse(tmp_path / "nowhere")
+    assert "is not a run folder" in refuse(folder / "direct", "--against", tmp_path)
+    assert "cannot be written" in refuse(folder / "direct", "--json", tmp_path)
+    assert "cannot be written" in refuse(folder / "direct", "--json", tmp_path / "nowhere" / "numbers.json")
+    other = shutil.copytree(folder / "direct", tmp_path / "other")
+    info = json.loads((other / "run.json").read_text())
+    (other / "run.json").write_text(json.dumps({**info, "dt": 0.5}))
+    assert "same time step" in refuse(folder / "direct", "--against", other)
+    (other / "run.json").write_text(json.dumps({**info, "bodies": ["somebody"]}))
+    assert "different bodies" in refuse(folder / "direct", "--against", other)
+    for state in (other / "levels").glob("*/0*.npy"):
+        state.unlink()
+    assert "no stored state" in refuse(other)
