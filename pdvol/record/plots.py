@@ -20,7 +20,7 @@ PANELS = {
 }
 
 OF_STEPS = ("continuity", "jitter")  # begin with step 1; the others belong to states and begin with 0
-DECADES = 9  # drawn below the largest value: the rest is round-off
+DECADES = 9  # drawn below the largest value: the rest is round-off (a quotient of residuals such as continuity has no such floor)
 
 
 def plot_metrics(path: Path, runs: Sequence[dict]) -> Path:
@@ -45,8 +45,8 @@ def plot_metrics(path: Path, runs: Sequence[dict]) -> Path:
         axes.set_yscale("log")
         axes.set_title(PANELS[key], fontsize=9, loc="left")
         axes.tick_params(labelsize=8, which="both")
-        highest = axes.dataLim.y1
-        axes.set_ylim(bottom=max(axes.get_ylim()[0], highest * 10.0**-DECADES))
+        if key != "continuity":
+            axes.set_ylim(bottom=max(axes.get_ylim()[0], axes.dataLim.y1 * 10.0**-DECADES))
         axes.set_xlim(0.0, last)
         axes.spines[["top", "right"]].set_visible(False)
         axes.legend(fontsize=7, frameon=False, ncols=2, loc="center left", bbox_to_anchor=(1.0, 0.5))
