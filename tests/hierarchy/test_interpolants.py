@@ -198,6 +198,13 @@ def test_more_coarse_vertices_than_fine_ones_are_met_in_the_least_squares_sense(
 
 
 @pytest.mark.parametrize("d", [2, 3])
+def test_a_body_of_one_cell(d):
+    corners = np.vstack([np.zeros(d), np.eye(d)])
+    fine, coarse = LevelSpace(level(corners, [np.arange(d + 1)]), COMM), LevelSpace(level(corners * 1.1 - 0.01, [np.arange(d + 1)]), COMM)
+    np.testing.assert_allclose(biharmonic(coarse, fine, bind(fine, coarse)) @ coarse.mesh.points, corners, atol=1e-12)
+
+
+@pytest.mark.parametrize("d", [2, 3])
 def test_a_part_without_control_points_is_named(d):
     """One body of two separate boxes, of which the coarse mesh has one."""
     two = together(box(d, 2), box(d, 2, 3.0, 4.0))
