@@ -13,6 +13,7 @@ from pdvol.hierarchy.prolongation import Prolongation
 
 
 MOST_COARSE = 800  # vertices: the coarse system is solved directly in every iteration
+MOST_WEIGHTS = 30  # a vertex: sums over them are taken for each pair of neighbours
 SMALLER = 6  # times: else it costs about as much as what it helps
 
 
@@ -66,7 +67,8 @@ class Hierarchy(Sequence):
     def coarse_weights(self, level: int) -> csr_array | None:
         """Weights (n, m) of a level over the coarser level that suits a two-level preconditioner best; None where none does. Collective.
 
-        That is the largest one of at most `MOST_COARSE` vertices that is several times smaller than the level itself.
+        That is the largest one of at most `MOST_COARSE` vertices that is several times smaller than the level itself, if few of its vertices
+        act on each of this one's.
         """
         sizes = [len(space.mesh.points) for space in self._spaces]
         fitting = [k for k in range(level) if sizes[k] <= min(MOST_COARSE, sizes[level] / SMALLER)]
@@ -75,4 +77,4 @@ class Hierarchy(Sequence):
         weights = self.prolongation(level).weights
         for between in range(level - 1, fitting[-1], -1):
             weights = weights @ self.prolongation(between).weights
-        return csr_array(weights)
+        return csr_array(weights) if weights.nnz <= MOST_WEIGHTS * weights.shape[0] else None

@@ -87,3 +87,14 @@ def test_bad_hierarchies():
         Hierarchy([], COMM)
     with pytest.raises(ValueError, match="barycentric"):
         Hierarchy([box(2, 1)], COMM, interpolant="nearest")
+
+
+def test_the_coarse_level_for_linear_solvers():
+    """The largest level that is small enough, through all prolongations between; none below the coarsest."""
+    hierarchy = Hierarchy([box(3, n) for n in (1, 3, 8, 9)], MPI.COMM_WORLD)
+    assert hierarchy.coarse_weights(0) is None
+    assert hierarchy.coarse_weights(1).shape == (64, 8)
+    for level in (2, 3):  # 729 and 1,000 vertices: level 1 has 64, level 2 is not several times smaller
+        weights = hierarchy.coarse_weights(level)
+        assert weights.shape == (len(hierarchy[level].mesh.points), 64)
+        np.testing.assert_allclose(weights @ hierarchy[1].mesh.points, hierarchy[level].mesh.points, atol=1e-12)
