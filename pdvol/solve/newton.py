@@ -24,16 +24,14 @@ from pdvol.scene import Solver
 from pdvol.solve.coarse_space import CoarseSpace, grid_weights
 from pdvol.solve.incremental_potential import IncrementalPotential
 from pdvol.solve.linear import LinearSolver, wants_general_matrix
+from pdvol.solve.model_choice import ModelChoice, promised_decrease
 from pdvol.solve.system_matrix import SystemMatrix
 from pdvol.solve.timing import Stopwatch
 
 ROUNDING = 1e-13  # a decrease below this share of the energy cannot be told from round-off: there the quadratic model is trusted
 CANCELLING = 2e-15  # the same for energies that are small differences of large terms: relative to those terms
 
-TRUST = 0.5  # of the promised decrease: a model that delivers less is not trusted
-STIFF = 1.25  # times it: a model that delivers more is too stiff (a direct factorisation would not notice an indefinite one)
-TINY_CAP, STUCK = 0.05, 3  # so many steps in a row cut so short by contact: the model does not see what stops it
-PAUSE = 4  # iterations until an unfiltered Hessian is tried again after one was indefinite; doubled each time
+ATTEMPTS = 3  # times the iterations allowed per solve, over all of its mended restarts
 
 _REASONS = {value: name for name, value in vars(PETSc.SNES.ConvergedReason).items() if isinstance(value, int)}
 
@@ -93,6 +91,7 @@ class Newton:
                  watch: Stopwatch, coarse_weights: Callable[[], csr_array | None] = lambda: None):
         self.space, self.potential, self.tolerance, self.watch = space, potential, tolerance, watch
         self._fixed, self._coarse_weights = supported, coarse_weights
+        self._allowed = ATTEMPTS * settings.max_iterations
         self._vector, self._residual = space.create_vector(), space.create_vector()
         self._blocks, self._system = HessianBlocks(BlockPattern(space)), SystemMatrix(space, supported, wants_general_matrix(settings))
         self._system.assemble(self._blocks)
@@ -163,6 +162,7 @@ class Newton:
 
     def _add_up(self, x: Positions) -> None:
         self._blocks.clear()
+        self._blocks.positive, self._blocks.quick = self._model.positive, self._model.quick
         self.potential.add_hessian(x, 1.0, self._blocks)
 
     def _cap(self, vector, step) -> None:
@@ -177,7 +177,7 @@ class Newton:
         self._slope, self._at_rounding = slope, abs(slope) <= max(ROUNDING * abs(self._energy(x)), CANCELLING * self.potential.scale)
         cap = self.potential.max_step(x, direction)
         self.report.step_cap = min(self.report.step_cap, cap)
-        self._steps, self._last_cap = self._steps + 1, cap
+        self._last_cap = cap
         self._base, self._trials_before, self._whole, self._direction = x, self._trials, cap == 1.0, direction.copy()
         if cap < 1.0:
             step.scale(cap)
@@ -203,7 +203,7 @@ class Newton:
             backtracks = max(0, self._trials - self._trials_before - 1)
             self.report.backtracks += backtracks
             self._whole = self._whole and backtracks == 0
-            self._adapt_model(snes)
+            self._choose_model(snes)
             settled = self._whole and self._whole_before and self.report.speed <= self._speed_before
             if self.report.speed <= self.tolerance and (settled or self._at_rounding):
                 return reasons.CONVERGED_SNORM_RELATIVE
@@ -212,26 +212,14 @@ class Newton:
                 return reasons.CONVERGED_SNORM_RELATIVE
         return reasons.ITERATING
 
-    def _adapt_model(self, snes) -> None:
-        """Makes the next Hessian by what came of the last one's promise (in the spirit of Chen et al. 2024).
-
-        Where it promised much more, negative eigenvalues are taken by size, which overshoots less, and the rest of the solve goes without
-        short cuts. Where it promised much less, cutting them off has made it too stiff, and it is tried as it is. Else they are cut off.
-        """
+    def _choose_model(self, snes) -> None:
         if self._at_rounding:
-            self._blocks.positive = "clamp"
+            self._model.at_rounding()
             return
-        x, d = self._positions(snes.getSolution()), self._direction
-        taken, along = self.space.comm.allreduce(np.array([np.vdot(x.owned - self._base.owned, d), np.vdot(d, d)]))
-        share = taken / max(along, 1e-300)
-        promised = self._slope * share * (1.0 - 0.5 * share)
-        kept = (self._energy(x) - self._energy(self._base)) / min(promised, -1e-300)
-        if kept > STIFF and self._whole and self._steps >= self._raw_from and self.linear.method != "direct":
-            self._blocks.positive = "none"
-        else:
-            self._blocks.positive = "abs" if kept < TRUST else "clamp"
-        self._stuck = self._stuck + 1 if self._last_cap < TINY_CAP else 0
-        self._blocks.quick = self._blocks.quick and kept >= TRUST and self._stuck < STUCK
+        x = self._positions(snes.getSolution())
+        promised = promised_decrease(self._slope, x.owned - self._base.owned, self._direction, self.space.comm.allreduce)
+        # A direct factorisation would not notice an indefinite matrix.
+        self._model.took(promised, self._energy(x) - self._energy(self._base), self._whole, self._last_cap, self.linear.method != "direct")
 
     # ---- what callers use ----------------------------------------------------------------------------------------------------
 
@@ -257,19 +245,11 @@ class Newton:
     def _mend(self, reason: int) -> bool:
         """After SNES stopped for `reason`: whether something was changed that makes it worth going on from where it is."""
         reasons = PETSc.SNES.ConvergedReason
-        if reason not in (reasons.DIVERGED_LINEAR_SOLVE, reasons.DIVERGED_LINE_SEARCH):
+        if reason not in (reasons.DIVERGED_LINEAR_SOLVE, reasons.DIVERGED_LINE_SEARCH) or self.report.iterations > self._allowed:
             return False
-        if self._blocks.positive == "none":  # indefinite, or a direction that leads up
-            self._blocks.positive = "clamp"
-            self._pause *= 2
-            self._raw_from = self._steps + self._pause
+        if self._model.was_indefinite():
             return True
-        if reason == reasons.DIVERGED_LINEAR_SOLVE:
-            return self.linear.fall_back()
-        if self._blocks.quick or self._blocks.positive != "abs":
-            self._blocks.quick, self._blocks.positive = False, "abs"
-            return True
-        return False
+        return self.linear.fall_back() if reason == reasons.DIVERGED_LINEAR_SOLVE else self._model.be_careful()
 
     def direction(self, x: Positions, supported_move: np.ndarray) -> np.ndarray:
         """Newton's direction (n_owned, d) at x while supported vertices move by `supported_move` (n_owned, d)."""
@@ -296,8 +276,7 @@ class Newton:
 
     def _start(self, x: Positions) -> None:
         self._recent, self._energies, self._base = [x], [], None
-        self._blocks.positive, self._blocks.quick = "clamp", True
-        self._steps, self._raw_from, self._pause, self._stuck = 0, 0, PAUSE // 2, 0
+        self._model = ModelChoice()
         self._trials = self._trials_before = 0
         self._slope, self._at_rounding, self._whole, self._whole_before, self._speed_before = 0.0, False, True, True, np.inf
         self._gradient = np.zeros_like(x.owned)
