@@ -1,0 +1,39 @@
+"""What to simulate: frozen dataclasses that know nothing of meshes' levels, solvers or files' formats.
+
+Absent physics is an absent element: a scene without `contact` has no barrier, one without a `Friction` lags nothing. Units are SI;
+lengths marked `Relative` are fractions of the scene's diagonal, so that they mean the same on every level (design, section 5).
+"""
+
+from pdvol.scene.bodies import Body, Placement, Shape
+from pdvol.scene.contact import Barrier, Friction
+from pdvol.scene.lengths import Length, Relative, metres
+from pdvol.scene.materials import Material, NeoHookean
+from pdvol.scene.motions import Motion, Rotation, Still, Translation, Vector, rotation_matrix
+from pdvol.scene.scene import Scene
+from pdvol.scene.solver import Solver
+from pdvol.scene.surroundings import Gravity, Plane, Rigid, Support
+
+__all__ = [
+    "Barrier",
+    "Body",
+    "Friction",
+    "Gravity",
+    "Length",
+    "Material",
+    "Motion",
+    "NeoHookean",
+    "Placement",
+    "Plane",
+    "Relative",
+    "Rigid",
+    "Rotation",
+    "Scene",
+    "Shape",
+    "Solver",
+    "Still",
+    "Support",
+    "Translation",
+    "Vector",
+    "metres",
+    "rotation_matrix",
+]

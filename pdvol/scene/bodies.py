@@ -1,0 +1,92 @@
+"""The deformable bodies, where they start and how fast."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from pdvol.meshes import Outline, Solid, Surface
+from pdvol.scene.checks import finite, positive, require
+from pdvol.scene.materials import Material
+from pdvol.scene.motions import rotation_matrix
+
+Shape = str | Path | Outline | Surface | Solid
+
+
+@dataclass(frozen=True)
+class Placement:
+    """Scale, then rotate by `angle` [rad] about `axis` through the origin, then translate [m]."""
+
+    translate: tuple[float, ...] = ()
+    angle: float = 0.0
+    axis: tuple[float, ...] = (0.0, 0.0, 1.0)
+    scale: float = 1.0
+
+    def __post_init__(self):
+        positive("Placement.scale", self.scale)
+        finite("Placement.angle", self.angle)
+
+    def __call__(self, points: np.ndarray) -> np.ndarray:
+        dim = points.shape[1]
+        moved = self.scale * points @ rotation_matrix(self.angle, self.axis, dim).T
+        if len(self.translate) == 0:
+            return moved
+        require(len(self.translate) == dim, f"Placement.translate has {len(self.translate)} components in a {dim}D scene")
+        return moved + np.asarray(self.translate, dtype=float)
+
+
+@dataclass(frozen=True)
+class Body:
+    """A deformable body.
+
+    Attributes
+    ----------
+    shape : path of a surface or volume mesh, `Outline`, `Surface`, `Solid`; or a tuple of them, one per level, taken as they are
+    material : Material
+    vertices : vertex targets, coarsest level first; left empty where `shape` lists the levels
+    name : str
+    placement : Placement
+    velocity : initial velocity [m/s]
+    spin : initial angular velocity [rad/s] about the body's centre of mass: a number in 2D, three in 3D
+    """
+
+    shape: Shape | tuple[Shape, ...]
+    material: Material
+    vertices: tuple[int, ...] = ()
+    name: str = "body"
+    placement: Placement = Placement()
+    velocity: tuple[float, ...] = ()
+    spin: float | tuple[float, ...] = ()
+
+    def __post_init__(self):
+        listed = isinstance(self.shape, (tuple, list))
+        require(isinstance(self.material, Material), f"body {self.name!r}: material must be a Material, not {type(self.material).__name__}")
+        if listed:
+            require(len(self.vertices) == 0, f"body {self.name!r}: vertex targets make no sense for a list of meshes; leave vertices empty")
+            require(len(self.shape) > 0, f"body {self.name!r}: the list of meshes is empty")
+        else:
+            require(len(self.vertices) > 0, f"body {self.name!r}: give vertices=(coarsest, ..., finest), one target per level")
+            for v in self.vertices:
+                require(isinstance(v, (int, np.integer)) and v >= 4, f"body {self.name!r}: vertex target {v!r} is not a whole number of at least 4")
+            require(list(self.vertices) == sorted(self.vertices), f"body {self.name!r}: vertex targets {self.vertices} must go from coarse to fine")
+        for value in (*np.ravel(self.velocity), *np.ravel(self.spin)):
+            finite(f"body {self.name!r}: velocity or spin", float(value))
+
+    @property
+    def levels(self) -> int:
+        """How many levels this body has."""
+        return len(self.shape) if isinstance(self.shape, (tuple, list)) else len(self.vertices)
+
+    def initial_velocity(self, points: np.ndarray, centre: np.ndarray) -> np.ndarray:
+        """Velocity field [m/s] at `points` (n, d) of a body with centre of mass `centre` (d,)."""
+        dim = points.shape[1]
+        v = np.zeros_like(points)
+        if len(self.velocity):
+            require(len(self.velocity) == dim, f"body {self.name!r}: velocity has {len(self.velocity)} components in a {dim}D scene")
+            v += np.asarray(self.velocity, dtype=float)
+        spin = np.ravel(np.asarray(self.spin, dtype=float))
+        if spin.size:
+            require(spin.size == (1 if dim == 2 else 3), f"body {self.name!r}: spin has {spin.size} components in a {dim}D scene")
+            r = points - centre
+            v += spin[0] * np.column_stack([-r[:, 1], r[:, 0]]) if dim == 2 else np.cross(spin, r)
+        return v

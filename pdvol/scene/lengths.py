@@ -1,0 +1,29 @@
+"""Lengths and speeds: absolute, or relative to the scene so that they mean the same on every level (design, section 5)."""
+
+from dataclasses import dataclass
+
+from pdvol.scene.checks import positive
+
+
+@dataclass(frozen=True)
+class Relative:
+    """A length (or speed) given as a fraction of the scene's diagonal (per second)."""
+
+    fraction: float
+
+    def __post_init__(self):
+        positive("Relative.fraction", self.fraction)
+
+
+Length = float | Relative
+
+
+def metres(length: Length, diagonal: float) -> float:
+    """A length in metres (or a speed in m/s), given the scene's diagonal [m]."""
+    return length.fraction * diagonal if isinstance(length, Relative) else float(length)
+
+
+def length(name: str, value) -> None:
+    """A positive length or speed, absolute or `Relative`."""
+    if not isinstance(value, Relative):
+        positive(name, value)

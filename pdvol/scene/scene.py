@@ -1,0 +1,53 @@
+"""A shot: everything that is described once, for all levels."""
+
+from dataclasses import dataclass, field, fields, replace
+
+from pdvol.scene.bodies import Body
+from pdvol.scene.checks import count, positive, require, sequence
+from pdvol.scene.contact import Barrier, Friction
+from pdvol.scene.solver import Solver
+from pdvol.scene.surroundings import Gravity, Plane, Rigid, Support
+
+
+@dataclass(frozen=True)
+class Scene:
+    """A shot. Everything below is described once, for all levels."""
+
+    bodies: tuple[Body, ...]
+    dt: float
+    steps: int
+    loads: tuple[Gravity, ...] = ()
+    supports: tuple[Support, ...] = ()
+    obstacles: tuple[Plane | Rigid, ...] = ()
+    contact: tuple[Barrier | Friction, ...] = ()
+    solver: Solver = field(default_factory=Solver)
+    name: str = "scene"
+
+    def __post_init__(self):
+        positive("dt", self.dt)
+        count("steps", self.steps, 0)
+        for name in ("bodies", "loads", "supports", "obstacles", "contact"):
+            sequence(name, getattr(self, name))
+        require(len(self.bodies) > 0, "a scene needs at least one body")
+        names = [b.name for b in self.bodies]
+        require(len(set(names)) == len(names), f"bodies must have different names, not {names}")
+        counts = {b.levels for b in self.bodies}
+        require(len(counts) == 1, f"all bodies need the same number of levels, not {sorted(counts)}")
+        for s in self.supports:
+            require(s.body in ("", *names), f"a support names the body {s.body!r}; there are {names}")
+        for kind in (Barrier, Friction):
+            require(sum(isinstance(c, kind) for c in self.contact) <= 1, f"contact names more than one {kind.__name__}")
+        if any(isinstance(c, Friction) for c in self.contact) or self.obstacles:
+            require(any(isinstance(c, Barrier) for c in self.contact), "friction and obstacles need contact=(Barrier(), ...)")
+
+    @property
+    def levels(self) -> int:
+        """How many levels the scene has."""
+        return self.bodies[0].levels
+
+    def with_solver(self, **settings) -> "Scene":
+        """The same scene with some solver settings replaced."""
+        known = {f.name for f in fields(Solver)}
+        unknown = set(settings) - known
+        require(not unknown, f"unknown solver setting {sorted(unknown)}; there are {sorted(known)}")
+        return replace(self, solver=replace(self.solver, **settings))

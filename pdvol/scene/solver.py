@@ -1,0 +1,39 @@
+"""How each incremental potential is minimised."""
+
+from dataclasses import dataclass
+
+from pdvol.scene.checks import count, positive, require
+from pdvol.scene.lengths import Length, Relative, length
+
+
+@dataclass(frozen=True)
+class Solver:
+    """How each incremental potential is minimised.
+
+    Attributes
+    ----------
+    tolerance : speed [m/s]: Newton stops when its full step is nowhere faster
+    max_iterations : Newton iterations allowed per solve
+    max_halvings : how often a step may be halved before the run stops
+    linear : "auto", or "iterative", "multilevel" or "direct"
+    accuracy : relative error of an iterative linear solve, in the energy norm
+    petsc : extra PETSc options, for example "-ksp_rtol 1e-6"
+    """
+
+    tolerance: Length = Relative(1e-3)
+    max_iterations: int = 200
+    max_halvings: int = 6
+    linear: str = "auto"
+    accuracy: float = 3e-3
+    petsc: str = ""
+
+    def __post_init__(self):
+        length("Solver.tolerance", self.tolerance)
+        count("Solver.max_iterations", self.max_iterations, 1)
+        count("Solver.max_halvings", self.max_halvings, 0)
+        require(self.max_halvings <= 20, f"Solver.max_halvings = {self.max_halvings!r} must be at most 20")
+        require(isinstance(self.petsc, str), f'Solver.petsc = {self.petsc!r} must be text, as in "-ksp_rtol 1e-6"')
+        require(self.linear in ("auto", "iterative", "multilevel", "direct"),
+                 f"Solver.linear = {self.linear!r} must be auto, iterative, multilevel or direct")
+        positive("Solver.accuracy", self.accuracy)
+        require(self.accuracy <= 0.1, f"Solver.accuracy = {self.accuracy!r} must be at most 0.1")
