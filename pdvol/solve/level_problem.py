@@ -38,6 +38,7 @@ class StepReport:
     positions: np.ndarray
     newton_iterations: int = 0
     linear_iterations: int = 0
+    hessians: int = 0
     backtracks: int = 0
     step_cap: float = 1.0
     contacts: int = 0
@@ -192,5 +193,6 @@ class LevelProblem:
     def _count(report: StepReport, solved: NewtonReport) -> None:
         report.newton_iterations += solved.iterations
         report.linear_iterations += solved.linear_iterations
+        report.hessians += solved.hessians
         report.backtracks += solved.backtracks
         report.step_cap = min(report.step_cap, solved.step_cap)

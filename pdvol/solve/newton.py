@@ -31,6 +31,11 @@ from pdvol.solve.timing import Stopwatch
 ROUNDING = 1e-13  # a decrease below this share of the energy cannot be told from round-off: there the quadratic model is trusted
 CANCELLING = 2e-15  # the same for energies that are small differences of large terms: relative to those terms
 
+# Near the end steps are short, and the matrix of the one before is as good as a new one: directions are inexact anyway, and what slows
+# Newton down there is contact's curvature, which the Hessian leaves out.
+LAGGED = 20.0  # times the tolerance: steps shorter than this take the last matrix
+HALVED = 0.5  # for longer than once only while each is at most this share of the one before
+
 ATTEMPTS = 3  # times the iterations allowed per solve, over all of its mended restarts
 
 _REASONS = {value: name for name, value in vars(PETSc.SNES.ConvergedReason).items() if isinstance(value, int)}
@@ -59,6 +64,7 @@ class NewtonReport:
     converged : bool
     reason : PETSc's name of why it stopped, or "ROUNDING" where the energy cannot fall any further in double precision
     iterations, linear_iterations, backtracks : int
+    hessians : matrices assembled; other iterations took the one before
     step_cap : smallest cap put on a step by contact or inversion
     gradient_norm : infinity norm of the gradient [kg m]
     speed : size of the last full Newton step [m/s]
@@ -68,6 +74,7 @@ class NewtonReport:
     reason: str = ""
     iterations: int = 0
     linear_iterations: int = 0
+    hessians: int = 0
     backtracks: int = 0
     step_cap: float = 1.0
     gradient_norm: float = np.inf
@@ -153,12 +160,23 @@ class Newton:
         residual.setArray(gradient.ravel())
 
     def _jacobian(self, snes, vector, J, P) -> None:
+        if self._last_will_do():
+            self._age += 1
+            return
+        self._age, self.report.hessians = 0, self.report.hessians + 1
         self._add_up(self._positions(vector))
         with self.watch.part("linear"):
             self._previous = self._system.petsc  # SNES still holds it while the callback runs
             if self._system.assemble(self._blocks):
                 snes.setJacobian(self._jacobian, self._system.petsc)
             self.linear.follow(self._system.parts)
+
+    def _last_will_do(self) -> bool:
+        """Whether the last matrix serves for another step."""
+        if self._age is None or self._at_rounding or not self._whole:
+            return False
+        report = self.report
+        return report.speed <= LAGGED * self.tolerance and (self._age == 0 or report.speed <= HALVED * self._speed_before)
 
     def _add_up(self, x: Positions) -> None:
         self._blocks.clear()
@@ -247,6 +265,7 @@ class Newton:
         reasons = PETSc.SNES.ConvergedReason
         if reason not in (reasons.DIVERGED_LINEAR_SOLVE, reasons.DIVERGED_LINE_SEARCH) or self.report.iterations > self._allowed:
             return False
+        self._age = None
         if self._model.was_indefinite():
             return True
         return self.linear.fall_back() if reason == reasons.DIVERGED_LINEAR_SOLVE else self._model.be_careful()
@@ -276,7 +295,7 @@ class Newton:
 
     def _start(self, x: Positions) -> None:
         self._recent, self._energies, self._base = [x], [], None
-        self._model = ModelChoice()
+        self._model, self._age = ModelChoice(), None
         self._trials = self._trials_before = 0
         self._slope, self._at_rounding, self._whole, self._whole_before, self._speed_before = 0.0, False, True, True, np.inf
         self._gradient = np.zeros_like(x.owned)

@@ -21,7 +21,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 import verify_run
 
 STEPS = 10
-LOGGED = {"level", "step", "time", "newton_iterations", "linear_iterations", "backtracks", "step_cap", "contacts", "min_gap", "energy",
+LOGGED = {"level", "step", "time", "newton_iterations", "linear_iterations", "hessians", "backtracks", "step_cap", "contacts", "min_gap", "energy",
           "gradient_norm", "reason", "seconds", "peak_memory_mb"}
 ENERGIES = {"inertia", "elastic", "load", "barrier", "friction"}
 SECONDS = {"total", "assembly", "contact", "ccd", "linear", "other"}
