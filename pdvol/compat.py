@@ -2,6 +2,7 @@
 
 import basix.ufl
 import dolfinx
+import dolfinx.graph
 import numpy as np
 
 DOLFINX = tuple(int(part) for part in dolfinx.__version__.split(".")[:2])
@@ -16,8 +17,9 @@ def geometry_dofmap(mesh: dolfinx.mesh.Mesh) -> np.ndarray:
     return np.asarray(mesh.geometry.dofmap if dofmaps is None or callable(dofmaps) else dofmaps[0])
 
 
-def create_mesh(comm, points: np.ndarray, cells: np.ndarray) -> dolfinx.mesh.Mesh:
-    """A simplex mesh distributed over `comm` from arrays given on rank 0. Collective.
+def create_mesh(comm, points: np.ndarray, cells: np.ndarray, owner: np.ndarray | None = None) -> dolfinx.mesh.Mesh:
+    """A simplex mesh distributed over `comm` from arrays given on rank 0: each cell to its `owner` (m,) int32, or as dolfinx thinks best.
+    Collective.
 
     The argument order of `dolfinx.mesh.create_mesh` changed silently in 0.10: keywords only.
     """
@@ -25,8 +27,15 @@ def create_mesh(comm, points: np.ndarray, cells: np.ndarray) -> dolfinx.mesh.Mes
     shape = {2: "triangle", 3: "tetrahedron"}[d]
     element = basix.ufl.element("Lagrange", shape, 1, shape=(d,))
     mine = slice(None) if comm.rank == 0 else slice(0, 0)
+    how = {} if owner is None else {"partitioner": lambda *_: _destinations(owner[mine])}
     return dolfinx.mesh.create_mesh(comm=comm, cells=np.ascontiguousarray(cells[mine], dtype=np.int64),
-                                    x=np.ascontiguousarray(points[mine], dtype=np.float64), e=element)
+                                    x=np.ascontiguousarray(points[mine], dtype=np.float64), e=element, **how)
+
+
+def _destinations(owner: np.ndarray):
+    """One rank per cell, as dolfinx' C++ wants it; newer versions wrap it."""
+    graph = dolfinx.graph.adjacencylist(np.ascontiguousarray(owner, dtype=np.int32)[:, None])
+    return getattr(graph, "_cpp_object", graph)
 
 
 def index_map(comm, owned: int, ghosts: np.ndarray, owners: np.ndarray) -> dolfinx.common.IndexMap:

@@ -7,6 +7,7 @@ from petsc4py import PETSc
 
 from pdvol import compat
 from pdvol.hierarchy.level_mesh import LevelMesh
+from pdvol.hierarchy.partition import shared_bodies
 
 
 class LevelSpace:
@@ -34,7 +35,8 @@ class LevelSpace:
 
     def __init__(self, mesh: LevelMesh, comm: MPI.Comm):
         self.mesh, self.comm = mesh, comm
-        self.domain = compat.create_mesh(comm, mesh.points, mesh.cells)
+        several = comm.size > 1 and mesh.bodies.max() > 0
+        self.domain = compat.create_mesh(comm, mesh.points, mesh.cells, shared_bodies(mesh, comm.size) if several else None)
         self.V = fem.functionspace(self.domain, ("Lagrange", 1, (mesh.dim,)))
         index_map = self.V.dofmap.index_map
         self.n_owned = index_map.size_local
