@@ -9,6 +9,7 @@ import numpy as np
 from pdvol.potentials import barrier_law
 from pdvol.potentials.collision_surface import CollisionSurface
 from pdvol.potentials.contact_candidates import share_of
+from pdvol.potentials.contact_stencils import Stencils
 from pdvol.potentials.hessian_blocks import HessianBlocks
 from pdvol.potentials.potential import Positions, Term
 
@@ -52,26 +53,27 @@ class SurfaceBarrier(Term):
             pairs = self.surface.candidates.at(vertices)
             if not pairs.empty():
                 active.build(candidates=pairs, mesh=self.surface.mesh, vertices=vertices, dhat=self.dhat)
-            self._active, self._vertices, self._at, self._mine = active, vertices, x, None
+            self._active, self._vertices, self._at, self._stencils = active, vertices, x, None
         return self._active, self._vertices
 
-    def _share(self) -> ipctk.NormalCollisions:
-        """This rank's part of the active set."""
-        if self._mine is None:
-            self._mine = share_of(self._active, ipctk.NormalCollisions(), "collisions", self.space.comm)
-        return self._mine
+    def stencils(self, x: Positions) -> tuple[Stencils, np.ndarray]:
+        """This rank's share of the active pairs, and their gaps (k, d); once per x."""
+        active, vertices = self.collisions(x)
+        if self._stencils is None:
+            stencils = self.surface.stencils(active, vertices)
+            self._stencils = stencils, stencils.gaps(vertices)
+        return self._stencils
 
     def value(self, x: Positions) -> float:
+        # Every rank takes all pairs: to hand out shares, one Python object a pair, takes longer than value and gradient do.
         active, vertices = self.collisions(x)
-        if not len(active):
-            return 0.0
-        return self.space.comm.allreduce(float(self._potential(self._share(), self.surface.mesh, vertices)))
+        return float(self._potential(active, self.surface.mesh, vertices)) if len(active) else 0.0
 
     def gradient(self, x: Positions) -> np.ndarray:
         active, vertices = self.collisions(x)
         if not len(active):
             return np.zeros_like(x.owned)
-        return self.surface.rows_of_gradient(self._potential.gradient(self._share(), self.surface.mesh, vertices))
+        return self.surface.rows_of(self._potential.gradient(active, self.surface.mesh, vertices))
 
     def add_hessian(self, x: Positions, weight: float, into: HessianBlocks) -> None:
         """Through stencils where that will do: several times faster than projecting each pair's 12 x 12 Hessian."""
@@ -80,11 +82,11 @@ class SurfaceBarrier(Term):
             return
         if into.positive == "none" or not into.quick:
             projection = ipctk.PSDProjectionMethod.NONE if into.positive == "none" else ipctk.PSDProjectionMethod.CLAMP
-            hessian = self._potential.hessian(self._share(), self.surface.mesh, vertices, project_hessian_to_psd=projection)
+            mine = share_of(active, ipctk.NormalCollisions(), "collisions", self.space.comm)
+            hessian = self._potential.hessian(mine, self.surface.mesh, vertices, project_hessian_to_psd=projection)
             self.surface.add_hessian(hessian, weight, into)
             return
-        stencils = self.surface.stencils(self._share(), vertices)
-        gaps = stencils.gaps(vertices)
+        stencils, gaps = self.stencils(x)
         s = np.einsum("kd,kd->k", gaps, gaps) / self.dhat**2
         share = weight * np.maximum(stencils.weights, 0.0) * barrier_law.curvature(s, self.dhat, self.kappa) / (s * self.dhat**2)
         self.surface.add_stencils(stencils, share[:, None, None] * gaps[:, :, None] * gaps[:, None, :], into)

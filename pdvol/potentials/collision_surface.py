@@ -11,7 +11,7 @@ from scipy.sparse import csr_array
 
 from pdvol.hierarchy.level_space import LevelSpace
 from pdvol.potentials.contact_candidates import ContactCandidates
-from pdvol.potentials.contact_stencils import Stencils, joined, normal_stencils, tangential_stencils
+from pdvol.potentials.contact_stencils import Stencils, joined, normal_stencils
 from pdvol.potentials.hessian_blocks import HessianBlocks
 from pdvol.potentials.potential import Positions
 
@@ -95,21 +95,23 @@ class CollisionSurface:
         return float(pairs.compute_collision_free_stepsize(mesh=self.mesh, vertices_t0=start, vertices_t1=end, min_distance=0.0,
                                                            narrow_phase_ccd=self._narrow))
 
-    def rows_of_gradient(self, gradient: np.ndarray) -> np.ndarray:
-        """Owned rows (n_owned, d) of a gradient over the collision mesh's unknowns, of which each rank has a part. Collective."""
+    def rows_of(self, values: np.ndarray) -> np.ndarray:
+        """Owned rows (n_owned, d) of values over the collision mesh's unknowns, zero away from the surface."""
         whole = np.zeros((len(self.space.mesh.points), self.space.dim))
-        whole[self.surface] = gradient.reshape(-1, self.space.dim)[: len(self.surface)]
-        if self.space.comm.size > 1:
-            self.space.comm.Allreduce(MPI.IN_PLACE, whole, op=MPI.SUM)
+        whole[self.surface] = values.reshape(-1, self.space.dim)[: len(self.surface)]
         return self.space.from_input(whole)
 
-    def stencils(self, active: ipctk.NormalCollisions, vertices: np.ndarray) -> Stencils:
-        """Active pairs at the collision mesh's positions, as arrays."""
-        return normal_stencils(active, *self._primitives, vertices)
+    def rows_of_sum(self, values: np.ndarray) -> np.ndarray:
+        """The same of values of which each rank has a part. Collective."""
+        if self.space.comm.size > 1:
+            total = np.empty_like(values)
+            self.space.comm.Allreduce(values, total, op=MPI.SUM)
+            values = total
+        return self.rows_of(values)
 
-    def tangential_stencils(self, lagged: ipctk.TangentialCollisions, vertices: np.ndarray) -> Stencils:
-        """Pairs of a friction set lagged at the collision mesh's positions."""
-        return tangential_stencils(lagged, *self._primitives, vertices)
+    def stencils(self, active: ipctk.NormalCollisions, vertices: np.ndarray) -> Stencils:
+        """This rank's share of the active pairs at the collision mesh's positions, as arrays."""
+        return normal_stencils(active, *self._primitives, vertices, self.space.comm)
 
     def add_stencils(self, stencils: Stencils, middle: np.ndarray, into: HessianBlocks) -> None:
         """Adds C' M C of contact pairs, of which each rank has a part; obstacles have no rows. Collective."""

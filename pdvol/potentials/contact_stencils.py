@@ -6,13 +6,14 @@ anyway: for a barrier, force times the gap's own curvature.
 """
 
 from dataclasses import dataclass
+from operator import attrgetter
 
 import ipctk
 import numpy as np
+from mpi4py import MPI
 
 from pdvol.potentials.hessian_blocks import HessianBlocks
 
-EDGE_EDGE = 8  # ipctk's distance type of two edges whose closest points lie inside both
 PARALLEL = 1e-12  # of the product of two edges' squared lengths: as near to parallel as is divided by
 
 
@@ -25,11 +26,14 @@ class Stencils:
     vertices : (k, 4) int64, into the collision mesh
     coefficients : (k, 4)
     weights : (k,), mollifiers included
+    oblique : (k,) bool
+        Whether the direction of contact is certain: not so between nearly parallel edges, which may touch elsewhere.
     """
 
     vertices: np.ndarray
     coefficients: np.ndarray
     weights: np.ndarray
+    oblique: np.ndarray
 
     def gaps(self, positions: np.ndarray) -> np.ndarray:
         """(k, d) vectors from one side to the other."""
@@ -63,40 +67,32 @@ class Stencils:
 
 def joined(parts: list[Stencils]) -> Stencils:
     """Several ranks' pairs as one."""
-    return Stencils(*(np.concatenate([getattr(part, name) for part in parts]) for name in ("vertices", "coefficients", "weights")))
+    return Stencils(*(np.concatenate([getattr(part, name) for part in parts]) for name in ("vertices", "coefficients", "weights", "oblique")))
 
 
-def normal_stencils(active: ipctk.NormalCollisions, edges: np.ndarray, faces: np.ndarray, positions: np.ndarray) -> Stencils:
-    """The active pairs of a collision mesh at `positions` (n, d)."""
-    vv = np.array([(c.vertex0_id, c.vertex1_id, c.weight) for c in active.vv_collisions]).reshape(-1, 3)
-    ev = np.array([(c.edge_id, c.vertex_id, c.weight) for c in active.ev_collisions]).reshape(-1, 3)
-    fv = np.array([(c.face_id, c.vertex_id, c.weight) for c in active.fv_collisions]).reshape(-1, 3)
-    ee = np.array([(c.edge0_id, c.edge1_id, c.weight, c.eps_x, int(c.dtype)) for c in active.ee_collisions]).reshape(-1, 5)
-    ids = lambda rows: rows[:, :2].astype(int).T  # noqa: E731
-    one, other = (positions[edges[side]] for side in ids(ee))
-    weights = np.concatenate([vv[:, 2], ev[:, 2], fv[:, 2], ee[:, 2] * _mollifier(one, other, ee[:, 3])])
-    return _pairs(ids(vv), ids(ev), ids(fv), ids(ee), ee[:, 4].astype(int), edges, faces, positions, weights)
-
-
-def tangential_stencils(lagged: ipctk.TangentialCollisions, edges: np.ndarray, faces: np.ndarray, positions: np.ndarray) -> Stencils:
-    """The pairs of a friction set lagged at `positions` (n, d), weighted by the largest friction force [N]."""
-    vv, ev, fv, ee = lagged.vv_collisions, lagged.ev_collisions, lagged.fv_collisions, lagged.ee_collisions
-    forces = np.array([c.mu_s * c.normal_force_magnitude * c.weight for pairs in (vv, ev, fv, ee) for c in pairs])
-    ids = lambda pairs, one, other: np.array([(getattr(c, one), getattr(c, other)) for c in pairs], dtype=int).reshape(-1, 2).T  # noqa: E731
-    edge_edge = np.full(len(ee), EDGE_EDGE)  # pairs of nearly parallel edges, which may touch elsewhere, have no friction in ipctk
-    return _pairs(ids(vv, "vertex0_id", "vertex1_id"), ids(ev, "edge_id", "vertex_id"), ids(fv, "face_id", "vertex_id"),
-                  ids(ee, "edge0_id", "edge1_id"), edge_edge, edges, faces, positions, forces)
-
-
-def _pairs(vv, ev, fv, ee, kinds, edges, faces, positions, weights) -> Stencils:
-    """Stencils from the ids of vertex pairs, edges and vertices, faces and vertices, pairs of edges; each (2, k)."""
+def normal_stencils(active: ipctk.NormalCollisions, edges: np.ndarray, faces: np.ndarray, positions: np.ndarray, comm: MPI.Comm) -> Stencils:
+    """This rank's share of the active pairs of a collision mesh at `positions` (n, d)."""
+    vv = _read(active.vv_collisions, comm, "vertex0_id", "vertex1_id", "weight")
+    ev = _read(active.ev_collisions, comm, "edge_id", "vertex_id", "weight")
+    fv = _read(active.fv_collisions, comm, "face_id", "vertex_id", "weight")
+    ee = _read(active.ee_collisions, comm, "edge0_id", "edge1_id", "weight", "eps_x", "dtype.value")
+    first, second = zip(*(pairs[:, :2].astype(np.int64).T for pairs in (vv, ev, fv, ee)), strict=True)
+    edge, face, one, other = edges[first[1]], faces[first[2]], edges[first[3]], edges[second[3]]
     corners = lambda primitives: positions[primitives].transpose(1, 0, 2)  # noqa: E731
-    edge, face, one, other = edges[ev[0]], faces[fv[0]], edges[ee[0]], edges[ee[1]]
-    s, t = _closest(*corners(one), *corners(other), kinds) if len(kinds) else (np.zeros(0), np.zeros(0))
-    parts = [_vertex_vertex(*vv), _edge_vertex(edge, ev[1], _along(positions[ev[1]], *corners(edge))),
-             _face_vertex(face, fv[1], _inside(positions[fv[1]], positions[face])), _edge_edge(one, other, s, t)]
+    s, t = _closest(*corners(one), *corners(other), ee[:, 4].astype(int)) if len(ee) else (np.zeros(0), np.zeros(0))
+    parts = [_vertex_vertex(first[0], second[0]), _edge_vertex(edge, second[1], _along(positions[second[1]], *corners(edge))),
+             _face_vertex(face, second[2], _inside(positions[second[2]], positions[face])), _edge_edge(one, other, s, t)]
     vertices, coefficients = (np.concatenate([part[i] for part in parts]) for i in range(2))
-    return Stencils(vertices.astype(np.int64), coefficients, weights)
+    weights = np.concatenate([pairs[:, 2] for pairs in (vv, ev, fv, ee)])
+    counted = np.ones(len(weights))
+    counted[len(weights) - len(ee) :] = _mollifier(positions[one], positions[other], ee[:, 3])
+    return Stencils(vertices.astype(np.int64), coefficients, weights * counted, counted == 1.0)
+
+
+def _read(pairs: list, comm: MPI.Comm, *names: str) -> np.ndarray:
+    """(k, names) attributes of this rank's share of ipctk's pairs, which it hands out one by one."""
+    mine = pairs[len(pairs) * comm.rank // comm.size : len(pairs) * (comm.rank + 1) // comm.size]
+    return np.array(list(map(attrgetter(*names), mine)), dtype=float).reshape(-1, len(names))
 
 
 def _vertex_vertex(first, second):

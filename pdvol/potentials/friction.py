@@ -1,11 +1,11 @@
-"""Lagged, smoothed Coulomb friction between surfaces (Li et al. 2020, section 5): ipctk finds pairs, forces and tangents at each lag."""
+"""Lagged, smoothed Coulomb friction between surfaces (Li et al. 2020, section 5), on the pairs that the barrier finds with ipctk."""
 
-import ipctk
+from dataclasses import replace
+
 import numpy as np
 
-from pdvol.potentials import smooth_friction
+from pdvol.potentials import barrier_law, smooth_friction
 from pdvol.potentials.barrier import SurfaceBarrier
-from pdvol.potentials.contact_candidates import share_of
 from pdvol.potentials.hessian_blocks import HessianBlocks
 from pdvol.potentials.potential import Positions, Term
 
@@ -28,15 +28,12 @@ class SurfaceFriction(Term):
         self.lag(x_t)
 
     def lag(self, x: Positions) -> None:
-        active, vertices = self.barrier.collisions(x)
-        lagged = ipctk.TangentialCollisions()
-        if len(active):
-            lagged.build(self.surface.mesh, vertices, active, self.barrier._potential, self.mu)
-        self._count = len(lagged)
-        mine = share_of(lagged, ipctk.TangentialCollisions(), "collisions", self.space.comm)
-        self._stencils = self.surface.tangential_stencils(mine, vertices)
-        gaps = self._stencils.gaps(vertices)
-        self._normals = gaps / np.maximum(np.linalg.norm(gaps, axis=1), 1e-300)[:, None]
+        stencils, gaps = self.barrier.stencils(x)
+        distances = np.linalg.norm(gaps, axis=1)
+        pushes = barrier_law.pressure(np.minimum(distances / self.barrier.dhat, 1.0) ** 2, self.barrier.dhat, self.barrier.kappa)
+        self._stencils = replace(stencils, weights=self.mu * pushes * np.where(stencils.oblique, stencils.weights, 0.0))  # [N]
+        self._normals = gaps / np.maximum(distances, 1e-300)[:, None]
+        self._count = self.barrier.count(x)
 
     @property
     def rubs(self) -> bool:
@@ -59,7 +56,7 @@ class SurfaceFriction(Term):
             return np.zeros_like(x.owned)
         slip, size = self._slip(x)
         forces = (self._stencils.weights * smooth_friction.f1_over(size, self._eps))[:, None] * slip
-        return self.surface.rows_of_gradient(self._stencils.gather(forces, len(self._start)))
+        return self.surface.rows_of_sum(self._stencils.gather(forces, len(self._start)))
 
     def add_hessian(self, x: Positions, weight: float, into: HessianBlocks) -> None:
         if not self._count:

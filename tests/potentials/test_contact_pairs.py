@@ -124,7 +124,7 @@ def test_friction_is_ipctks(d):
     theirs = ipctk.FrictionPotential(eps_v=eps_v * dt)
     x = Positions(space, x_t.owned + 2.0 * eps_v * dt * np.random.default_rng(1).uniform(-1, 1, x_t.owned.shape))
     slip = np.asfortranarray(surface.vertices(x) - vertices)
-    value, gradient = theirs(lagged, surface.mesh, slip), surface.rows_of_gradient(theirs.gradient(lagged, surface.mesh, slip))
+    value, gradient = theirs(lagged, surface.mesh, slip), surface.rows_of(theirs.gradient(lagged, surface.mesh, slip))
     assert len(lagged) > 3
     np.testing.assert_allclose(term.value(x), value, rtol=1e-10)
     np.testing.assert_allclose(term.gradient(x), gradient, rtol=0.0, atol=1e-10 * np.abs(gradient).max())

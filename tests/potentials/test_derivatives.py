@@ -280,7 +280,7 @@ def test_half_space_barrier_is_ipctks():
     gaps = ours.gaps(positions)
     assert np.any((gaps > DHAT / 2) & (gaps < DHAT)), "none beyond half of dhat"
     np.testing.assert_allclose(ours.value(positions), theirs(active, surface.mesh, vertices), rtol=1e-10)
-    gradient = surface.rows_of_gradient(theirs.gradient(active, surface.mesh, vertices))
+    gradient = surface.rows_of(theirs.gradient(active, surface.mesh, vertices))
     np.testing.assert_allclose(ours.gradient(positions), gradient, rtol=1e-9, atol=1e-12 * np.abs(gradient).max())
 
 
