@@ -78,7 +78,7 @@ def _run(options) -> None:
     shot = _shot(options)
     first, last = _levels(options.levels)
     out = options.out or Path("runs") / f"{shot.name}{'' if options.method == 'progressive' else '_' + options.method}"
-    run_scene(shot, out, first, last, options.method, options.prolongation, options.resume, progress=_progress())
+    run_scene(shot, out, first, last, options.method, options.prolongation, options.resume, progress=_progress(), wavefront=options.wavefront)
     _finish(out)
 
 
@@ -94,7 +94,7 @@ def _preview(options) -> None:
 def _refine(options) -> None:
     from pdvol.runner import refine_run
 
-    refine_run(options.run, options.to, progress=_progress())
+    refine_run(options.run, options.to, progress=_progress(), wavefront=options.wavefront)
     _finish(options.run)
 
 
@@ -208,11 +208,15 @@ def _parser() -> argparse.ArgumentParser:
     def prolongation_option(sub) -> None:
         sub.add_argument("--prolongation", default="barycentric", choices=PROLONGATIONS, help="how a level's motion is carried to the next finer one")
 
+    def wavefront_option(sub) -> None:
+        sub.add_argument("--wavefront", action="store_true", help="run the levels side by side, a process each")
+
     sub = command("run", _run, "simulate a scene's levels, coarse to fine")
     sub.add_argument("scene", type=Path, metavar="SCENE.py")
     sub.add_argument("--levels", default="", metavar="A:B", help="levels A to B, both included (default: all)")
     sub.add_argument("--method", default="progressive", choices=("progressive", "direct"))
     prolongation_option(sub)
+    wavefront_option(sub)
     scene_options(sub)
 
     sub = command("preview", _preview, "simulate level 0 only")
@@ -222,6 +226,7 @@ def _parser() -> argparse.ArgumentParser:
     sub = command("refine", _refine, "simulate the finer levels of a stored run")
     sub.add_argument("run", type=Path, metavar="RUN")
     sub.add_argument("--to", type=int, required=True, metavar="L", help="the finest level wanted")
+    wavefront_option(sub)
 
     sub = command("check", _check, "pre-flight: what will be modelled, sizes, and every defect found")
     sub.add_argument("files", type=Path, nargs="+", metavar="SCENE.py | MESH")

@@ -45,3 +45,6 @@ class ConvergenceError(SimulationError):
     def __init__(self, level: int, step: int, reason: str):
         super().__init__(f"level {level}, step {step}: {reason}")
         self.level, self.step, self.reason = level, step, reason
+
+    def __reduce__(self):  # errors travel between processes
+        return type(self), (self.level, self.step, self.reason)

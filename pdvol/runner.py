@@ -26,6 +26,7 @@ from pdvol.record.xdmf import write_xdmf
 from pdvol.scene import Plane, Rigid, Scene, Still
 from pdvol.shot import Shot, load_shot, stored_settings
 from pdvol.solve.level_problem import LevelProblem
+from pdvol.wavefront import march_levels
 
 METHODS = ("progressive", "direct")
 LIBRARIES = ("fenics-dolfinx", "petsc4py", "ipctk", "numpy", "scipy", "pytetwild", "gmsh", "fast-simplification")
@@ -34,7 +35,8 @@ Watch = Callable[[int, int, int], Progress]
 
 
 def run_scene(shot: Shot, out: str | Path, first: int = 0, last: int | None = None, method: str = "progressive",
-              prolongation: str = "barycentric", resume: bool = False, comm: MPI.Comm = MPI.COMM_WORLD, progress: Watch | None = None) -> Path:
+              prolongation: str = "barycentric", resume: bool = False, comm: MPI.Comm = MPI.COMM_WORLD, progress: Watch | None = None,
+              wavefront: bool = False) -> Path:
     """Simulate levels `first` to `last` of a shot into the run folder `out`. Collective.
 
     Parameters
@@ -45,6 +47,7 @@ def run_scene(shot: Shot, out: str | Path, first: int = 0, last: int | None = No
     method : "progressive" or "direct"
     prolongation : a key of `INTERPOLANTS`
     progress : called as (level, steps, steps done) when a level begins, on the ranks where it is given
+    wavefront : run the levels side by side, each in a process of its own; `comm` then has one rank
 
     Returns
     -------
@@ -60,24 +63,32 @@ def run_scene(shot: Shot, out: str | Path, first: int = 0, last: int | None = No
     scene, out = shot.scene, Path(out)
     last = scene.levels - 1 if last is None else last
     _check_request(scene, out, first, last, method, prolongation, resume or first > 0)
+    if wavefront and comm.size > 1:
+        raise InputError("--wavefront starts a process per level; leave out mpirun, or run the levels one after the other")
     meshes, obstacles, diagonal = on_root(comm, lambda: _prepare(shot, out, last, method, prolongation))
-    hierarchy = Hierarchy(meshes, comm, prolongation)
     writer = _SharedWriter(comm, lambda: _open_writer(shot, out, meshes, obstacles, diagonal, method, prolongation))
     try:
-        for level in range(first, last + 1):
-            _run_level(scene, hierarchy, level, method, obstacles, diagonal, writer, progress)
+        if wavefront:
+            march_levels(writer, range(first, last + 1), scene.steps, progress)
+        else:
+            hierarchy = Hierarchy(meshes, comm, prolongation)
+            for level in range(first, last + 1):
+                run_level(scene, hierarchy, level, method, obstacles, diagonal, writer, progress)
     finally:
         writer.close()
     return out
 
 
-def refine_run(out: str | Path, last: int, comm: MPI.Comm = MPI.COMM_WORLD, progress: Watch | None = None) -> Path:
-    """Simulate the finer levels of a stored run, up to `last`; finished steps of coarser levels are not touched. Collective."""
+def refine_run(out: str | Path, last: int, comm: MPI.Comm = MPI.COMM_WORLD, progress: Watch | None = None, wavefront: bool = False) -> Path:
+    """Simulate the finer levels of a stored run, up to `last`; finished steps of coarser levels are not touched. Collective.
+
+    Parameters as for `run_scene`.
+    """
     info = on_root(comm, lambda: open_run(out).info)
     if not Path(info["scene_file"]).is_file():
         raise InputError(f"{out}: its scene file {info['scene_file']} is gone; put it back, or use pdvol run --resume with another path")
     shot = load_shot(info["scene_file"], stored_settings(info["parameters"]), info["steps"])
-    return run_scene(shot, out, 0, last, info["method"], info["prolongation"], True, comm, progress)
+    return run_scene(shot, out, 0, last, info["method"], info["prolongation"], True, comm, progress, wavefront)
 
 
 def _check_request(scene: Scene, out: Path, first: int, last: int, method: str, prolongation: str, go_on: bool) -> None:
@@ -178,6 +189,11 @@ class _SharedWriter:
 
         on_root(comm, take)
 
+    @property
+    def path(self) -> Path:
+        """The run folder; on rank 0."""
+        return self._writer.path
+
     def call(self, name: str, *arguments, **details):
         """The result of one of the writer's methods, on every rank."""
         return on_root(self.comm, lambda: getattr(self._writer, name)(*arguments, **details))
@@ -205,8 +221,8 @@ class _SharedWriter:
             self._writer.close()
 
 
-def _run_level(scene: Scene, hierarchy: Hierarchy, level: int, method: str, obstacles, diagonal: float, writer: _SharedWriter,
-               progress: Watch | None) -> None:
+def run_level(scene: Scene, hierarchy: Hierarchy, level: int, method: str, obstacles, diagonal: float, writer, progress: Watch | None) -> None:
+    """Marches one level from where its store ends to the last step; `writer` is shared by the ranks, or a `Follower`. Collective."""
     done = writer.call("steps", level)
     if done > scene.steps:
         writer.finish(level)

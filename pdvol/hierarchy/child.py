@@ -26,7 +26,7 @@ unsigned int _ZNSt13random_device9_M_getvalEv(void *self)
 }
 """
 _PR_SET_PDEATHSIG = 1  # of Linux's prctl
-# A child that imports nothing of MPI must not look like a rank either.
+# A child must not look like a rank of ours.
 _LAUNCHER_PREFIXES = ("OMPI_", "PMIX_", "PMI_", "PRTE_", "MPI_", "HYDRA_")
 
 
@@ -47,10 +47,17 @@ def _fixed_random() -> bytes:
         return b""
 
 
-def _die_with_parent() -> None:
-    """In the child: let Linux end it when we are killed, or it would mesh on for nobody."""
+def die_with_parent() -> None:
+    """In the child: let Linux end it when we are killed, or it would work on for nobody."""
     with contextlib.suppress(OSError, AttributeError):
         ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+
+
+def without_launcher() -> dict[str, str]:
+    """The environment of a child that is not one of our MPI ranks, with one thread."""
+    env = {k: v for k, v in os.environ.items() if not k.startswith(_LAUNCHER_PREFIXES)}
+    env["OMP_NUM_THREADS"] = "1"
+    return env
 
 
 def run_worker(script: str, timeout: float, **arrays: np.ndarray) -> dict[str, np.ndarray]:
@@ -71,8 +78,7 @@ def run_worker(script: str, timeout: float, **arrays: np.ndarray) -> dict[str, n
     MeshError
         The child crashed, ran out of time or reported an error; the last line it wrote is quoted.
     """
-    env = {k: v for k, v in os.environ.items() if not k.startswith(_LAUNCHER_PREFIXES)}
-    env["OMP_NUM_THREADS"] = "1"
+    env = without_launcher()
     path = Path(__file__).with_name(script)
     with tempfile.TemporaryDirectory(prefix="pdvol-mesh-") as folder:
         if _fixed_random():
@@ -86,7 +92,7 @@ def run_worker(script: str, timeout: float, **arrays: np.ndarray) -> dict[str, n
             done = subprocess.run(
                 [sys.executable, "-P", str(path), str(given), str(made)],
                 env=env, cwd=folder, stdin=subprocess.DEVNULL, capture_output=True, timeout=timeout, text=True, errors="replace",
-                preexec_fn=_die_with_parent,
+                preexec_fn=die_with_parent,
             )  # fmt: skip
         except subprocess.TimeoutExpired as error:
             raise MeshError(f"{path.stem} did not finish within {timeout:g} s") from error

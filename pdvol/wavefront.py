@@ -1,0 +1,158 @@
+"""Levels side by side: one process a level, each a few steps behind the coarser one, whose states it reads from the run folder.
+
+A step needs the coarser level's states up to one step only (design, section 2), so finer levels need not wait for whole films. This
+process keeps the folder: workers send it their states, and find their coarser level's there. Numbers are those of one level after the other.
+"""
+
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Sequence
+from multiprocessing import Pipe
+from multiprocessing.connection import Connection, wait
+from pathlib import Path
+
+import numpy as np
+from mpi4py import MPI
+
+from pdvol.errors import InputError, PdvolError, SimulationError
+from pdvol.hierarchy.build import read_obstacle
+from pdvol.hierarchy.child import die_with_parent, without_launcher
+from pdvol.hierarchy.hierarchy import Hierarchy
+from pdvol.record.reader import Run, open_run
+from pdvol.record.xdmf import write_xdmf
+from pdvol.scene import Rigid
+from pdvol.shot import load_shot, stored_settings
+
+POLL = 0.005  # seconds between looks for a coarser state
+ENDING = 10.0  # seconds that a worker gets to end in
+
+
+class Follower:
+    """A level's writer in a worker: what it stores goes to the process that keeps the folder, what it reads may not be there yet."""
+
+    def __init__(self, run: Run, keeper: Connection):
+        self.run, self._keeper, self._parent = run, keeper, os.getppid()
+
+    def call(self, name: str, *arguments, **details):
+        """The number of stored states at the start, or a request to the keeper."""
+        if name == "steps":
+            return self.run.levels[arguments[0]].steps
+        return self._keeper.send((name, arguments, details))
+
+    def read(self, level: int, what: str, step: int) -> np.ndarray:
+        """`positions` or `velocities` of a stored state; waits for it for as long as somebody keeps the folder."""
+        stored = self.run.levels[level]
+        while stored.steps <= step:
+            if os.getppid() != self._parent:
+                raise SimulationError(f"level {level}, step {step}: nobody keeps the run any more")
+            time.sleep(POLL)
+        return getattr(stored, what)(step)
+
+    def export(self, level: int) -> None:
+        """Asks for level_N.xdmf."""
+        self._keeper.send(("export", (level,), {}))
+
+    def finish(self, level: int) -> None:
+        """Says that a level is done."""
+        self._keeper.send(("finish", (level,), {}))
+
+
+def march_levels(writer, levels: Sequence[int], steps: int, progress=None) -> None:
+    """Runs levels of an opened run side by side and stores what they report.
+
+    Parameters
+    ----------
+    writer : the run's writer, as `run_level` takes it
+    levels : coarsest first
+    steps : of the scene
+    progress : as `run_scene` takes it
+
+    Raises
+    ------
+    SimulationError
+        A level could not go on: coarser ones are finished, finer ones end where they are, all steps are kept.
+    """
+    workers = {level: _Worker(writer.path, level) for level in levels}
+    watches = {level: progress(level, steps, max(0, writer.call("steps", level) - 1)) for level in levels} if progress else {}
+    failed: dict[int, PdvolError] = {}
+    try:
+        while workers:
+            ready = wait([worker.reports for worker in workers.values()])
+            for level in [level for level, worker in workers.items() if worker.reports in ready]:
+                if level not in workers:  # ended by a coarser one just now
+                    continue
+                try:
+                    name, arguments, details = workers[level].reports.recv()
+                except (EOFError, OSError):
+                    name, arguments = "ended", (workers[level].end(),)
+                if name == "ended":
+                    del workers[level]
+                    if arguments[0] and level not in failed:
+                        failed[level] = SimulationError(f"level {level}: its process ended with status {arguments[0]}")
+                elif name == "error":
+                    failed[level] = arguments[0]
+                    for finer in [other for other in workers if other > level]:
+                        workers.pop(finer).stop()
+                elif name in ("export", "finish"):
+                    getattr(writer, name)(*arguments)
+                else:
+                    writer.call(name, *arguments, **details)
+                    if name == "write_state" and level in watches and len(arguments) == 4:
+                        watches[level].step(arguments[3])
+    finally:
+        for worker in workers.values():
+            worker.stop()
+        for watch in watches.values():
+            watch.close()
+    if failed:
+        raise failed[min(failed)]
+
+
+class _Worker:
+    """A process that marches one level; `reports` is what it says."""
+
+    def __init__(self, path: Path, level: int):
+        self.reports, theirs = Pipe(duplex=False)
+        # A session of its own: Ctrl-C is for the process that keeps the folder.
+        self._process = subprocess.Popen([sys.executable, "-m", __name__, str(path), str(level), str(theirs.fileno())], env=without_launcher(),
+                                         stdin=subprocess.DEVNULL, pass_fds=[theirs.fileno()], start_new_session=True, preexec_fn=die_with_parent)
+        theirs.close()
+
+    def end(self) -> int:
+        """Its exit status, once it has said everything."""
+        self.reports.close()
+        try:
+            return self._process.wait(ENDING)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            return self._process.wait()
+
+    def stop(self) -> None:
+        """Ends it."""
+        self._process.kill()
+        self._process.wait()
+        self.reports.close()
+
+
+def _work(path: str, level: int, handle: int) -> None:
+    from pdvol.runner import run_level
+
+    keeper = Connection(handle, readable=False)
+    try:
+        run = open_run(path)
+        info = run.info
+        shot = load_shot(info["scene_file"], stored_settings(info["parameters"]), info["steps"])
+        obstacles = [read_obstacle(o) for o in shot.scene.obstacles if isinstance(o, Rigid)]
+        hierarchy = Hierarchy([stored.mesh for stored in run.levels[: level + 1]], MPI.COMM_SELF, info["prolongation"])
+        run_level(shot.scene, hierarchy, level, info["method"], obstacles, info["diagonal"], Follower(run, keeper), None)
+    except PdvolError as error:
+        keeper.send(("error", (error,), {}))
+    except BrokenPipeError:  # the keeper has left: nobody to tell
+        return
+    keeper.close()
+
+
+if __name__ == "__main__":
+    _work(sys.argv[1], int(sys.argv[2]), int(sys.argv[3]))
