@@ -1,14 +1,39 @@
-"""Energy densities psi(F) [Pa] of isotropic hyperelastic laws in 2D (plane strain) and 3D, as UFL."""
+"""Energy densities psi(F) [Pa] of isotropic hyperelastic laws in 2D (plane strain: the third stretch is one) and 3D, as UFL.
+
+All are zero and free of stress at F = 1 and become linear elasticity with Lame's mu and lmbda [Pa] for small strains. They are meant for
+J = det F > 0, which the solver keeps whatever the law.
+"""
 
 import ufl
 
+from pdvol.forms.kinematics import green_strain, sum_of_stretches
+
 
 def neo_hookean(F, mu, lmbda):
-    r"""Neo-Hookean law, psi = mu/2 (tr(F'F) - d) - mu ln J + lmbda/2 (ln J)^2, J = det F.
+    r"""Neo-Hookean law, psi = mu/2 (tr(F'F) - d) - mu ln J + lmbda/2 (ln J)^2.
 
-    First Piola-Kirchhoff stress P = mu (F - F^-T) + lmbda ln(J) F^-T: zero at F = 1, linear elasticity for small strains.
-    Singular at J = 0 and undefined beyond: the solver keeps J > 0. Source: Bonet and Wood 2008, section 6.4.3.
+    First Piola-Kirchhoff stress P = mu (F - F^-T) + lmbda ln(J) F^-T: infinite at zero volume. Source: Bonet and Wood 2008, section 6.4.3.
     """
     d = F.ufl_shape[0]
     ln_J = ufl.ln(ufl.det(F))
     return mu / 2 * (ufl.inner(F, F) - d) - mu * ln_J + lmbda / 2 * ln_J**2
+
+
+def st_venant_kirchhoff(F, mu, lmbda):
+    r"""St. Venant-Kirchhoff law, psi = mu tr(E^2) + lmbda/2 (tr E)^2, E = (F'F - 1) / 2.
+
+    P = F (2 mu E + lmbda tr(E) 1). It gives way in compression: pressed along one axis the stress is largest at a stretch of 1/sqrt(3)
+    and falls to zero at zero volume. For moderate compression only. Source: Bonet and Wood 2008, section 6.4.1.
+    """
+    E = green_strain(F)
+    return mu * ufl.inner(E, E) + lmbda / 2 * ufl.tr(E) ** 2
+
+
+def fixed_corotational(F, mu, lmbda):
+    r"""Fixed corotational law, psi = mu |F - R|^2 + lmbda/2 (J - 1)^2, F = R S the polar decomposition.
+
+    P = 2 mu (F - R) + lmbda (J - 1) cof F: linear in the stretches but for the volume's part, and finite (2 mu + lmbda pressed along one axis)
+    at zero volume. |F - R|^2 = tr C - 2 tr S + d. Source: Stomakhin et al. 2012, Energetically Consistent Invertible Elasticity.
+    """
+    d = F.ufl_shape[0]
+    return mu * (ufl.inner(F, F) - 2 * sum_of_stretches(F) + d) + lmbda / 2 * (ufl.det(F) - 1) ** 2

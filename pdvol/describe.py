@@ -12,7 +12,8 @@ import numpy as np
 def describe(thing):
     """Dataclasses, arrays, paths and functions as JSON. Arrays, files and functions become digests of their contents."""
     if is_dataclass(thing) and not isinstance(thing, type):
-        return {"type": type(thing).__name__, **{f.name: describe(getattr(thing, f.name)) for f in fields(thing)}}
+        own = {"psi": describe(thing.psi)} if getattr(getattr(thing, "psi", None), "__module__", "pdvol").split(".")[0] != "pdvol" else {}
+        return {"type": type(thing).__name__, **own, **{f.name: describe(getattr(thing, f.name)) for f in fields(thing)}}
     if isinstance(thing, np.ndarray):
         return {"array": list(thing.shape), "digest": _digest(np.ascontiguousarray(thing).tobytes())}
     if isinstance(thing, (tuple, list)):

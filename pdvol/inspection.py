@@ -19,7 +19,7 @@ from pdvol.meshes import Outline, Solid
 from pdvol.record.bindings import draw_binding
 from pdvol.record.reader import open_run
 from pdvol.record.vtu import write_vtu
-from pdvol.scene import Barrier, Body, Friction, NeoHookean, Plane, Rigid, Scene, Still, metres
+from pdvol.scene import Barrier, Body, Friction, Material, NeoHookean, Plane, Rigid, Scene, Still, metres
 from pdvol.shot import Shot
 
 
@@ -27,18 +27,22 @@ def modelled(scene: Scene) -> list[str]:
     """What a scene requires and will therefore be modelled, one line each."""
     lines = []
     for body in scene.bodies:
-        m = body.material
-        lines.append(f"body {body.name!r}: {type(m).__name__}, young {m.young:g} Pa, poisson {m.poisson:g}, density {m.density:g} kg/m^3")
+        lines.append(f"body {body.name!r}: {_material(body.material)}")
+        for region in body.regions:
+            where = f"label {', '.join(map(str, region.labels))}" if region.labels else f"where {getattr(region.where, '__name__', 'asked')}"
+            lines.append(f"body {body.name!r}, {where}: {_material(region.material)}")
     lines += [f"load: gravity {tuple(load.acceleration)} m/s^2" for load in scene.loads]
     lines += [f"support: {type(s.motion).__name__.lower()} on {s.body or 'all bodies'}" for s in scene.supports]
     for o in scene.obstacles:
         moving = "" if isinstance(o.motion, Still) else ", moving"
         lines.append(f"obstacle {o.name!r}: {'half-space' if isinstance(o, Plane) else 'rigid surface'}{moving}")
+    if _is_plane(scene):
+        lines.append("dimension: 2, plane strain (per metre of depth)")
     diagonal = scene_diagonal(scene)
     for c in scene.contact:
         if isinstance(c, Barrier):
-            kappa = c.stiffness * min(b.material.young for b in scene.bodies)
-            lines.append(f"contact: area-weighted barrier, dhat {metres(c.dhat, diagonal):.3g} m, stiffness {kappa:.3g} Pa")
+            kappa = f"{c.stiffness * min(_youngs(scene)):.3g} Pa" if len(_youngs(scene)) == sum(1 + len(b.regions) for b in scene.bodies) else f"{c.stiffness:g} of the softest cell's Young's modulus"
+            lines.append(f"contact: area-weighted barrier, dhat {metres(c.dhat, diagonal):.3g} m, stiffness {kappa}")
         elif isinstance(c, Friction):
             lines.append(f"friction: mu {c.mu:g}, smooth below {metres(c.eps_v, diagonal):.3g} m/s, lagged {c.iterations} time(s) a step")
     if not scene.contact:
@@ -46,6 +50,26 @@ def modelled(scene: Scene) -> list[str]:
     lines.append(f"time: {scene.steps} steps of {scene.dt:g} s; Newton tolerance {metres(scene.solver.tolerance, diagonal):.3g} m/s; "
                  f"scene diagonal {diagonal:.4g} m")
     return lines
+
+
+def _material(material: Material) -> str:
+    number = lambda value: "by position" if callable(value) else f"{value:g}"  # noqa: E731
+    damping = f", damping {number(material.damping)} s" if callable(material.damping) or material.damping else ""
+    extra = "".join(f", {name} {number(getattr(material, name))}" for name in material.own_parameters())
+    return (f"{type(material).__name__}, young {number(material.young)} Pa, poisson {number(material.poisson)}, "
+            f"density {number(material.density)} kg/m^3{extra}{damping}")
+
+
+def _is_plane(scene: Scene) -> bool:
+    shape = scene.bodies[0].shape
+    shape = read_shape(shape[0] if isinstance(shape, (tuple, list)) else shape)
+    return isinstance(shape, Outline) or shape.vertices.shape[1] == 2
+
+
+def _youngs(scene: Scene) -> list[float]:
+    """Young's moduli that are numbers."""
+    materials = [m for body in scene.bodies for m in (body.material, *(region.material for region in body.regions))]
+    return [m.young for m in materials if not callable(m.young)]
 
 
 def describe_level(mesh: LevelMesh, level: int) -> str:
@@ -163,8 +187,8 @@ def check_shot(shot: Shot) -> tuple[list[str], bool]:
     edge = min(_shortest_edge(mesh) for mesh in meshes)
     if fastest * scene.dt > edge:
         lines.append(f"note: at {fastest:.3g} m/s a body crosses {fastest * scene.dt / edge:.1f} of its smallest edges per step; contact holds, detail may not")
-    stiff = [b.material.young for b in scene.bodies]
-    if max(stiff) > 1e4 * min(stiff):
+    stiff = _youngs(scene)
+    if stiff and max(stiff) > 1e4 * min(stiff):
         lines.append(f"note: stiffness ratio {max(stiff) / min(stiff):.1g}; the direct linear solver is the safer choice (--set linear=direct)")
     return [*lines, "sound: nothing found that would stop a run" if sound else "not sound: mend the defects above"], sound
 

@@ -10,9 +10,8 @@ from mpi4py import MPI
 from pdvol.describe import differences
 from pdvol.errors import InputError
 from pdvol.hierarchy.build import read_obstacle
+from pdvol.hierarchy.cell_materials import level_materials
 from pdvol.hierarchy.hierarchy import Hierarchy
-from pdvol.hierarchy.level_mesh import LevelMesh
-from pdvol.hierarchy.level_space import LevelSpace
 from pdvol.hierarchy.scene_fields import supported_points
 from pdvol.potentials.build import build_terms
 from pdvol.potentials.potential import Positions
@@ -35,9 +34,9 @@ class Forces:
         Vertices that no support holds.
     """
 
-    def __init__(self, scene: Scene, mesh: LevelMesh, level: int, diagonal: float, obstacles: Sequence):
-        self.scene, self.space = scene, LevelSpace(mesh, MPI.COMM_SELF)
-        self._terms = build_terms(scene, self.space, diagonal, obstacles)
+    def __init__(self, scene: Scene, hierarchy: Hierarchy, level: int, diagonal: float, obstacles: Sequence):
+        self.scene, self.space, mesh = scene, hierarchy[level], hierarchy[level].mesh
+        self._terms = build_terms(scene, self.space, diagonal, obstacles, level_materials(scene, hierarchy, level))
         self.free = np.ones(len(mesh.points), dtype=bool)
         for support in scene.supports:
             self.free &= ~supported_points(scene, support, mesh, level)
@@ -76,25 +75,25 @@ def measure(path: str | Path) -> dict:
     """
     run = open_run(path)
     notes: list[str] = []
-    densities = _densities(run, notes)
     prolongation = run.info.get("prolongation", "barycentric")
     hierarchy = Hierarchy([level.mesh for level in run.levels], MPI.COMM_SELF, prolongation)
     scene, obstacles = _scene(run, notes)
+    densities = _densities(run, scene, notes)
     levels = []
     for level in run.levels:
         if not level.steps:
             continue
-        masses = metrics.lumped_masses(level.mesh, densities)
+        masses = metrics.lumped_masses(level.mesh, densities[level.index])
         entry = {"level": level.index, "steps": level.steps - 1, "mass": float(masses.sum())}
         if scene is not None:
-            forces = Forces(scene, level.mesh, level.index, run.info["diagonal"], obstacles)
+            forces = Forces(scene, hierarchy, level.index, run.info["diagonal"], obstacles)
             weights = hierarchy.prolongation(level.index).weights if level.index and run.info["method"] == "progressive" else None
             entry["continuity"] = _continuity(run, level, forces, masses, weights)
         entry["jitter"] = [metrics.jitter(*_three(level, n, run.dt), run.dt, masses) for n in range(1, entry["steps"] + 1)]
         if level.index and run.levels[level.index - 1].steps:
             below = run.levels[level.index - 1]
             weights = hierarchy.prolongation(level.index).weights
-            entry |= _between_levels(level, below, weights, masses, metrics.lumped_masses(below.mesh, densities))
+            entry |= _between_levels(level, below, weights, masses, metrics.lumped_masses(below.mesh, densities[below.index]))
         levels.append(entry | {"summary": {key: _summary(values) for key, values in entry.items() if isinstance(values, list)}})
     if not levels:
         raise InputError(f"{path} has no stored state to measure")
@@ -140,12 +139,12 @@ def compare(path: str | Path, other: str | Path) -> list[dict]:
     if run.info.get("bodies") != against.info.get("bodies"):
         raise InputError(f"{path} and {other} hold different bodies; compare runs of one shot")
     found = []
-    densities = _densities(run, [])
+    densities = [_densities(r, _scene(r, [])[0], []) for r in (run, against)]
     for level, its in zip(run.levels, against.levels, strict=False):
         states = min(level.steps, its.steps)
         if not states:
             continue
-        masses, theirs = (metrics.lumped_masses(x.mesh, densities) for x in (level, its))
+        masses, theirs = (metrics.lumped_masses(x.mesh, of[x.index]) for x, of in zip((level, its), densities, strict=True))
         entry = {"level": level.index, "steps": states - 1, "centre_error": _centre_errors(level, its, masses, theirs, states)}
         if level.rest.shape == its.rest.shape and np.array_equal(level.rest, its.rest):
             entry["distance"] = [metrics.distance(level.positions(n), its.positions(n), masses) for n in range(states)]
@@ -178,12 +177,20 @@ def _scene(run: Run, notes: list[str]) -> tuple[Scene | None, list]:
     return None, []
 
 
-def _densities(run: Run, notes: list[str]) -> list[float]:
+def _densities(run: Run, scene: Scene | None, notes: list[str]) -> list[np.ndarray]:
+    """Densities of each level's cells: of the scene, or of what the run says of its bodies where there is none."""
+    meshes = [level.mesh for level in run.levels]
+    if scene is not None and not all(body.uniform for body in scene.bodies):
+        hierarchy = Hierarchy(meshes, MPI.COMM_SELF)
+        return [level_materials(scene, hierarchy, level).density for level in range(len(meshes))]
     try:
-        return [float(body["material"]["density"]) for body in run.info["description"]["bodies"]]
+        bodies = np.array([float(body["material"]["density"]) for body in run.info["description"]["bodies"]])
+        if any(body.get("regions") for body in run.info["description"]["bodies"]):
+            notes.append("without the scene, masses are those of the bodies' materials outside their regions")
     except (KeyError, TypeError):
         notes.append("the run does not say its bodies' densities: masses are volumes")
-        return [1.0] * len(run.info["bodies"])
+        bodies = np.ones(len(run.info["bodies"]))
+    return [bodies[mesh.bodies] for mesh in meshes]
 
 
 def _three(level: RunLevel, number: int, dt: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

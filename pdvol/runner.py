@@ -13,6 +13,7 @@ from pdvol.animate.march import Start, direct, progressive
 from pdvol.describe import differences
 from pdvol.errors import InputError, SimulationError
 from pdvol.hierarchy.build import build_levels, read_obstacle
+from pdvol.hierarchy.cell_materials import level_materials
 from pdvol.hierarchy.hierarchy import Hierarchy
 from pdvol.hierarchy.interpolants import INTERPOLANTS
 from pdvol.hierarchy.level_mesh import LevelMesh
@@ -228,7 +229,8 @@ def run_level(scene: Scene, hierarchy: Hierarchy, level: int, method: str, obsta
         writer.finish(level)
         return
     mesh = hierarchy[level].mesh
-    problem = LevelProblem(scene, hierarchy[level], level, diagonal, obstacles, partial(hierarchy.coarse_weights, level))
+    problem = LevelProblem(scene, hierarchy[level], level, diagonal, obstacles, partial(hierarchy.coarse_weights, level),
+                           level_materials(scene, hierarchy, level))
     if done == 0:
         start = Start(0, mesh.points, initial_velocity(scene, mesh))
         writer.call("write_state", level, 0, start.positions)

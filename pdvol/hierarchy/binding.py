@@ -59,6 +59,23 @@ def closest_binding(target: LevelSpace | LevelMesh, source: LevelSpace) -> Bindi
     return _bind(target, source, _closest_outside)
 
 
+def home_cells(target: LevelSpace, source: LevelSpace, binding: Binding) -> np.ndarray:
+    """(m,) int64: the source cell that contains each target cell's centre; outside, of its corners' homes the one it is least far out of.
+
+    `binding` is the target's points' own. Collective on the source's communicator.
+    """
+    fine, coarse = target.mesh, source.mesh
+    centres = fine.points[fine.cells].mean(axis=1)
+    homes = containing_cells(centres, fine.bodies, source)
+    outside = np.flatnonzero(homes < 0)
+    if len(outside):
+        choices = binding.cells[fine.cells[outside]]
+        corners = np.repeat(centres[outside], fine.dim + 1, axis=0)
+        within = barycentric_coordinates(corners, coarse.points[coarse.cells[choices.ravel()]]).min(axis=1).reshape(choices.shape)
+        homes[outside] = choices[np.arange(len(outside)), within.argmax(axis=1)]
+    return homes
+
+
 def _bind(target, source, outside_rule) -> Binding:
     target = target.mesh if isinstance(target, LevelSpace) else target
     mesh = source.mesh
@@ -87,4 +104,4 @@ def _check(target: LevelMesh, source: LevelMesh) -> None:
         raise MeshError(f"body {missing[0]} has no cells on one of two neighbouring levels: give every level a mesh of every body")
 
 
-__all__ = ["CLOSEST", "INSIDE", "NEIGHBOUR", "RAY", "Binding", "bind", "closest_binding"]
+__all__ = ["CLOSEST", "INSIDE", "NEIGHBOUR", "RAY", "Binding", "bind", "closest_binding", "home_cells"]

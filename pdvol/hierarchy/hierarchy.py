@@ -2,10 +2,11 @@
 
 from collections.abc import Sequence
 
+import numpy as np
 from mpi4py import MPI
 from scipy.sparse import csr_array
 
-from pdvol.hierarchy.binding import bind
+from pdvol.hierarchy.binding import Binding, bind, home_cells
 from pdvol.hierarchy.interpolants import INTERPOLANTS
 from pdvol.hierarchy.level_mesh import LevelMesh
 from pdvol.hierarchy.level_space import LevelSpace
@@ -41,6 +42,7 @@ class Hierarchy(Sequence):
             raise ValueError(f"unknown interpolant {interpolant!r}; choose one of {', '.join(INTERPOLANTS)}")
         self.comm, self.interpolant = comm, interpolant
         self._spaces = tuple(LevelSpace(mesh, comm) for mesh in level_meshes)
+        self._bindings: dict[int, Binding] = {}
         self._prolongations: dict[int, Prolongation] = {}
 
     def __len__(self) -> int:
@@ -60,9 +62,20 @@ class Hierarchy(Sequence):
         if not 1 <= level < len(self):
             raise ValueError(f"no prolongation leads to level {level}; levels with a coarser neighbour: 1 to {len(self) - 1}")
         if level not in self._prolongations:
-            coarse, fine = self[level - 1], self[level]
-            self._prolongations[level] = Prolongation(coarse, fine, bind(fine, coarse), INTERPOLANTS[self.interpolant])
+            self._prolongations[level] = Prolongation(self[level - 1], self[level], self._binding(level), INTERPOLANTS[self.interpolant])
         return self._prolongations[level]
+
+    def _binding(self, level: int) -> Binding:
+        if level not in self._bindings:
+            self._bindings[level] = bind(self[level], self[level - 1])
+        return self._bindings[level]
+
+    def origins(self, level: int) -> np.ndarray:
+        """(m,) int64: the coarsest level's cell that each cell of a level inherits from, through its home on every level between. Collective."""
+        cells = np.arange(len(self[level].mesh.cells))
+        for k in range(level, 0, -1):
+            cells = home_cells(self[k], self[k - 1], self._binding(k))[cells]
+        return cells
 
     def coarse_weights(self, level: int) -> csr_array | None:
         """Weights (n, m) of a level over the coarser level that suits a two-level preconditioner best; None where none does. Collective.

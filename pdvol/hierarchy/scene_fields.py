@@ -3,10 +3,12 @@
 import numpy as np
 
 from pdvol.errors import InputError
+from pdvol.hierarchy.cell_materials import cell_materials, check_laws
 from pdvol.hierarchy.level_mesh import LevelMesh
 from pdvol.hierarchy.readers import read_shape
 from pdvol.meshes import Outline
 from pdvol.scene import Scene, Support
+from pdvol.scene.checks import called
 
 
 def scene_diagonal(scene: Scene) -> float:
@@ -39,33 +41,26 @@ def supported_points(scene: Scene, support: Support, mesh: LevelMesh, level: int
         Its functions fail or give arrays of the wrong shape, or it holds nothing.
     """
     points, end = mesh.points, scene.dt * scene.steps
-    held = _called("where", support.where, (points,), (len(points),)).astype(bool)
+    held = called("a support's `where`", support.where, (points,), (len(points),)).astype(bool)
     if support.body:
         held = held & (mesh.point_bodies == [b.name for b in scene.bodies].index(support.body))
     if not held.any():
         raise InputError(f"a support holds no vertex of level {level}; widen its `where` so that the coarsest level has some")
     for time in (0.0, scene.dt, end):
-        moved = _called("motion", support.motion, (points[held], time), points[held].shape)
+        moved = called("a support's `motion`", support.motion, (points[held], time), points[held].shape)
         if not np.isfinite(moved).all():
             raise InputError(f"a support's `motion` gives NaN or infinity at t = {time:g} s")
     return held
 
 
-def _called(name: str, function, arguments, shape) -> np.ndarray:
-    try:
-        result = np.asarray(function(*arguments))
-    except Exception as error:
-        raise InputError(f"a support's `{name}` failed: {type(error).__name__}: {' '.join(str(error).split())}") from error
-    if result.shape != shape:
-        raise InputError(f"a support's `{name}` must give an array of shape {shape}, not {result.shape}")
-    return result
-
-
 def check_fields(scene: Scene, mesh: LevelMesh, level: int) -> None:
-    """Raise InputError unless loads, velocities and supports fit a level's dimension and points."""
+    """Raise InputError unless loads, velocities, materials and supports fit a level's dimension and points."""
     for load in scene.loads:
         if len(load.acceleration) != mesh.dim:
             raise InputError(f"gravity {tuple(load.acceleration)} has {len(load.acceleration)} components in a {mesh.dim}D scene")
     initial_velocity(scene, mesh)
+    if level == 0:
+        check_laws(scene, mesh.dim)
+        cell_materials(scene, mesh)
     for support in scene.supports:
         supported_points(scene, support, mesh, level)

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pdvol.hierarchy.cell_materials import CellMaterials, cell_materials
 from pdvol.hierarchy.level_space import LevelSpace
 from pdvol.potentials.elasticity import elastic_terms
 from pdvol.potentials.load import assemble_mass, gravity_load
@@ -27,28 +28,29 @@ class Terms:
     contacts: tuple[Potential, ...]
 
 
-def build_terms(scene: Scene, space: LevelSpace, diagonal: float, obstacles=()) -> Terms:
+def build_terms(scene: Scene, space: LevelSpace, diagonal: float, obstacles=(), materials: CellMaterials | None = None) -> Terms:
     """The terms of a scene on one level. Collective.
 
     Parameters
     ----------
     diagonal : the scene's diagonal [m], for relative lengths
     obstacles : (vertices, edges, faces) of each `Rigid` obstacle of the scene, in order
+    materials : of the level's cells; where not given, as if the level were the coarsest
     """
-    densities = np.array([body.material.density for body in scene.bodies])
-    loads = tuple(gravity_load(space, densities, load.acceleration) for load in scene.loads)
-    contacts, frictions = _contact(scene, space, diagonal, obstacles)
-    elastic = elastic_terms(space, tuple(body.material for body in scene.bodies))
-    return Terms(assemble_mass(space, densities), (*elastic, *loads, *contacts, *frictions), contacts)
+    materials = cell_materials(scene, space.mesh) if materials is None else materials
+    loads = tuple(gravity_load(space, materials.density, load.acceleration) for load in scene.loads)
+    contacts, frictions = _contact(scene, space, diagonal, obstacles, materials.softest)
+    elastic = elastic_terms(space, materials)
+    return Terms(assemble_mass(space, materials.density), (*elastic, *loads, *contacts, *frictions), contacts)
 
 
-def _contact(scene: Scene, space: LevelSpace, diagonal: float, obstacles):
+def _contact(scene: Scene, space: LevelSpace, diagonal: float, obstacles, softest: float):
     barriers = [c for c in scene.contact if isinstance(c, Barrier)]
     if not barriers:
         return (), ()
     barrier, friction = barriers[0], [c for c in scene.contact if isinstance(c, Friction)]
     dhat = metres(barrier.dhat, diagonal)
-    kappa = barrier.stiffness * min(body.material.young for body in scene.bodies)
+    kappa = barrier.stiffness * softest
     contacts, frictions = [], []
     planes = tuple(o for o in scene.obstacles if isinstance(o, Plane))
     if planes:

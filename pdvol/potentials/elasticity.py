@@ -1,19 +1,28 @@
-"""Elastic terms of a scene: one `CellEnergy` per law, whatever the number of bodies; and the step that keeps cells upright."""
+"""Elastic terms of a scene: one `CellEnergy` per law, whatever the number of bodies and regions, and its damping; cells stay upright."""
+
+from itertools import combinations_with_replacement
 
 import numpy as np
+import ufl
 
+from pdvol.forms.viscosity import kelvin_voigt
+from pdvol.hierarchy.cell_materials import CellMaterials
 from pdvol.hierarchy.level_space import LevelSpace
 from pdvol.potentials import native
 from pdvol.potentials.cell_energy import CellEnergy
 from pdvol.potentials.native import pointer
 from pdvol.potentials.potential import Positions
-from pdvol.scene import Material
 
 KEEP_VOLUME = 0.1  # of a cell's current volume, at least, after one Newton step: the logarithm's derivatives stay within reach
 
 
 class Elastic(CellEnergy):
-    """The elastic energy of all cells that follow one law; steps are capped so that no cell inverts."""
+    """The elastic energy of all cells that follow one law. Inverted cells are not admissible, whatever the law, and steps are capped so that
+    none inverts."""
+
+    def value(self, x: Positions) -> float:
+        inverted = self._library.inverted_cells(self.space.dim, self._counted, pointer(self._dofs, "int32_t"), pointer(x.local))
+        return np.inf if self.space.comm.allreduce(inverted) else super().value(x)
 
     def max_step(self, x: Positions, direction: np.ndarray, until: float | None = None) -> float:
         moved = np.ascontiguousarray(self.space.with_ghosts(direction))
@@ -21,13 +30,49 @@ class Elastic(CellEnergy):
                                             KEEP_VOLUME)
 
 
-def elastic_terms(space: LevelSpace, materials: tuple[Material, ...]) -> tuple[Elastic, ...]:
-    """One term per law that occurs; `materials` has one entry per body."""
-    bodies = space.mesh.bodies[space.near_cells]
+class Damping(CellEnergy):
+    """Kelvin-Voigt damping of all cells that ask for it, stiffness-proportional: forms/viscosity.py over one step.
+
+    Parameters
+    ----------
+    mu, lmbda, damping : (k,) Lame's [Pa] and the damping [s] of the cells
+    cells : (k,) indices into the space's near cells, ascending
+    """
+
+    def __init__(self, space: LevelSpace, mu: np.ndarray, lmbda: np.ndarray, damping: np.ndarray, cells: np.ndarray):
+        d = space.dim
+        self._mu, self._lmbda = damping * mu, damping * lmbda
+        self._pairs = tuple(combinations_with_replacement(range(d), 2))
+        self._hats = space.mesh.hat_gradients[space.near_cells[cells]]
+
+        def psi(F, mu, lmbda, **before):
+            return kelvin_voigt(F, mu, lmbda, ufl.as_matrix([[before[_entry(*sorted((i, j)))] for j in range(d)] for i in range(d)]))
+
+        start = {_entry(i, j): np.full(len(cells), float(i == j)) for i, j in self._pairs}
+        super().__init__(space, psi, {"mu": self._mu, "lmbda": self._lmbda, **start}, cells, "damping", isotropic=False)
+        self.scale = 0.0  # differences are taken before they are squared: nothing large cancels
+
+    def begin_step(self, x_t: Positions, t0: float, t1: float) -> None:
+        F = np.einsum("kia,kij->kaj", x_t.local[self._dofs], self._hats)
+        C = np.einsum("kai,kaj->kij", F, F)
+        before = {_entry(i, j): C[:, i, j] for i, j in self._pairs}
+        self.set_parameters({"mu": self._mu / (t1 - t0), "lmbda": self._lmbda / (t1 - t0), **before})
+
+
+def _entry(i: int, j: int) -> str:
+    return f"c{i}{j}"
+
+
+def elastic_terms(space: LevelSpace, materials: CellMaterials) -> tuple[CellEnergy, ...]:
+    """One term per law that occurs, and one for all damping if there is any."""
+    near = space.near_cells
     terms = []
-    for law in dict.fromkeys(type(m) for m in materials):
-        chosen = [i for i, m in enumerate(materials) if type(m) is law]
-        cells = np.flatnonzero(np.isin(bodies, chosen))
-        mu, lmbda = (np.array([getattr(m, name) for m in materials])[bodies[cells]] for name in ("mu", "lmbda"))
-        terms.append(Elastic(space, law.psi, {"mu": mu, "lmbda": lmbda}, cells))
+    for number, (law, values) in enumerate(zip(materials.laws, materials.values, strict=True)):
+        cells = np.flatnonzero(materials.law[near] == number)
+        terms.append(Elastic(space, law.psi, {name: v[near[cells]] for name, v in values.items()}, cells))
+    if materials.damping.any():
+        cells = np.flatnonzero(materials.damping[near] > 0.0)
+        rows = near[cells]
+        mu, lmbda = (sum(values[name][rows] for values in materials.values) for name in ("mu", "lmbda"))
+        terms.append(Damping(space, mu, lmbda, materials.damping[rows], cells))
     return tuple(terms)

@@ -11,10 +11,10 @@ from pdvol.potentials.potential import Positions, Term
 
 
 def density_field(space: LevelSpace, densities: np.ndarray) -> fem.Function:
-    """Density [kg/m^d] per cell, from one number per body."""
+    """Density [kg/m^d] as a field, from one number per cell of the level (m,)."""
     field = fem.Function(fem.functionspace(space.domain, ("DG", 0)))
     cells = space.domain_cells
-    field.x.array[np.asarray(field.function_space.dofmap.list)[: len(cells), 0]] = densities[space.mesh.bodies[cells]]
+    field.x.array[np.asarray(field.function_space.dofmap.list)[: len(cells), 0]] = densities[cells]
     return field
 
 

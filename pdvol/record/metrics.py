@@ -23,8 +23,8 @@ SEEN = 1e-5  # singular values of P below this share of its norm count as zero
 
 
 def lumped_masses(mesh: LevelMesh, densities: Sequence[float]) -> np.ndarray:
-    """(n,) [kg]: each vertex's share of its cells' masses; one density [kg/m^d] per body."""
-    shares = mesh.volumes * np.asarray(densities, dtype=float)[mesh.bodies] / (mesh.dim + 1)
+    """(n,) [kg]: each vertex's share of its cells' masses; one density [kg/m^d] per cell."""
+    shares = mesh.volumes * np.asarray(densities, dtype=float) / (mesh.dim + 1)
     return np.bincount(mesh.cells.ravel(), np.repeat(shares, mesh.dim + 1), minlength=len(mesh.points))
 
 

@@ -7,7 +7,7 @@ lengths marked `Relative` are fractions of the scene's diagonal, so that they me
 from pdvol.scene.bodies import Body, Placement, Shape
 from pdvol.scene.contact import Barrier, Friction
 from pdvol.scene.lengths import Length, Relative, metres
-from pdvol.scene.materials import Material, NeoHookean
+from pdvol.scene.materials import FixedCorotational, Material, NeoHookean, Region, StVenantKirchhoff, Value, lame
 from pdvol.scene.motions import Motion, Rotation, Still, Translation, Vector, rotation_matrix
 from pdvol.scene.scene import Scene
 from pdvol.scene.solver import Solver
@@ -16,6 +16,7 @@ from pdvol.scene.surroundings import Gravity, Plane, Rigid, Support
 __all__ = [
     "Barrier",
     "Body",
+    "FixedCorotational",
     "Friction",
     "Gravity",
     "Length",
@@ -24,16 +25,20 @@ __all__ = [
     "NeoHookean",
     "Placement",
     "Plane",
+    "Region",
     "Relative",
     "Rigid",
     "Rotation",
     "Scene",
     "Shape",
     "Solver",
+    "StVenantKirchhoff",
     "Still",
     "Support",
     "Translation",
+    "Value",
     "Vector",
+    "lame",
     "metres",
     "rotation_matrix",
 ]

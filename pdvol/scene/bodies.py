@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 
 from pdvol.meshes import Outline, Solid, Surface
-from pdvol.scene.checks import finite, positive, require
-from pdvol.scene.materials import Material
+from pdvol.scene.checks import finite, positive, require, sequence
+from pdvol.scene.materials import Material, Region
 from pdvol.scene.motions import rotation_matrix
 
 Shape = str | Path | Outline | Surface | Solid
@@ -42,12 +42,13 @@ class Body:
     Attributes
     ----------
     shape : path of a surface or volume mesh, `Outline`, `Surface`, `Solid`; or a tuple of them, one per level, taken as they are
-    material : Material
+    material : Material, of what no region claims
     vertices : vertex targets, coarsest level first; left empty where `shape` lists the levels
     name : str
     placement : Placement
     velocity : initial velocity [m/s]
-    spin : initial angular velocity [rad/s] about the body's centre of mass: a number in 2D, three in 3D
+    spin : initial angular velocity [rad/s] about the body's centre of volume: a number in 2D, three in 3D
+    regions : parts with materials of their own; later ones win where they overlap
     """
 
     shape: Shape | tuple[Shape, ...]
@@ -57,10 +58,14 @@ class Body:
     placement: Placement = Placement()
     velocity: tuple[float, ...] = ()
     spin: float | tuple[float, ...] = ()
+    regions: tuple[Region, ...] = ()
 
     def __post_init__(self):
         listed = isinstance(self.shape, (tuple, list))
         require(isinstance(self.material, Material), f"body {self.name!r}: material must be a Material, not {type(self.material).__name__}")
+        sequence(f"body {self.name!r}: regions", self.regions)
+        for region in self.regions:
+            require(isinstance(region, Region), f"body {self.name!r}: regions hold Region(material, where), not {type(region).__name__}")
         if listed:
             require(len(self.vertices) == 0, f"body {self.name!r}: vertex targets make no sense for a list of meshes; leave vertices empty")
             require(len(self.shape) > 0, f"body {self.name!r}: the list of meshes is empty")
@@ -76,6 +81,11 @@ class Body:
     def levels(self) -> int:
         """How many levels this body has."""
         return len(self.shape) if isinstance(self.shape, (tuple, list)) else len(self.vertices)
+
+    @property
+    def uniform(self) -> bool:
+        """Whether all of the body is made of the same."""
+        return not self.regions and not self.material.varies
 
     def initial_velocity(self, points: np.ndarray, centre: np.ndarray) -> np.ndarray:
         """Velocity field [m/s] at `points` (n, d) of a body with centre of mass `centre` (d,)."""

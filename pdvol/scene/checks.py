@@ -40,3 +40,13 @@ def count(name: str, value, lowest: int) -> None:
     """A whole number, not below `lowest`."""
     whole = isinstance(value, (int, np.integer)) and not isinstance(value, bool)
     require(whole and value >= lowest, f"{name} = {value!r} is not a whole number >= {lowest}")
+
+
+def called(name: str, function, arguments: tuple, shape: tuple[int, ...]) -> np.ndarray:
+    """What a user's function gives, which must be an array of this shape."""
+    try:
+        result = np.asarray(function(*arguments))
+    except Exception as error:
+        raise InputError(f"{name} failed: {type(error).__name__}: {' '.join(str(error).split())}") from error
+    require(result.shape == shape, f"{name} must give an array of shape {shape}, not {result.shape}")
+    return result

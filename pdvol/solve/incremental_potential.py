@@ -102,5 +102,5 @@ class IncrementalPotential:
         energy["inertia"] = self.inertia(x) / self.dt**2
         for term in self.terms:
             with self._part(term):
-                energy[term.name] += term.value(x)
+                energy[term.name] = energy.get(term.name, 0.0) + term.value(x)
         return energy

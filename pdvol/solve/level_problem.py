@@ -9,6 +9,7 @@ from mpi4py import MPI
 from scipy.sparse import csr_array
 
 from pdvol.errors import ConvergenceError, SimulationError
+from pdvol.hierarchy.cell_materials import CellMaterials
 from pdvol.hierarchy.level_space import LevelSpace
 from pdvol.hierarchy.scene_fields import supported_points
 from pdvol.potentials.build import build_terms
@@ -68,13 +69,14 @@ class LevelProblem:
     diagonal : the scene's diagonal [m]
     obstacles : geometry of the scene's `Rigid` obstacles
     coarse_weights : called when a linear solver wants a coarse space, for weights (n, m) over fewer vertices or None
+    materials : of the level's cells; where not given, as if the level were the coarsest
     """
 
     def __init__(self, scene: Scene, space: LevelSpace, level: int, diagonal: float, obstacles=(),
-                 coarse_weights: Callable[[], csr_array | None] = lambda: None):
+                 coarse_weights: Callable[[], csr_array | None] = lambda: None, materials: CellMaterials | None = None):
         self.scene, self.space, self.level = scene, space, level
         self.watch = Stopwatch()
-        self.potential = IncrementalPotential(space, build_terms(scene, space, diagonal, obstacles), self.watch)
+        self.potential = IncrementalPotential(space, build_terms(scene, space, diagonal, obstacles, materials), self.watch)
         self._supports = [(supported_points(scene, support, space.mesh, level)[space.owned_points], support.motion) for support in scene.supports]
         self.supported = np.zeros(space.n_owned, dtype=bool)
         for mask, _ in self._supports:

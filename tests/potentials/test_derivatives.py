@@ -12,21 +12,20 @@ from pdvol.potentials.barrier import SurfaceBarrier
 from pdvol.potentials.build import Terms
 from pdvol.potentials.cell_energy import CellEnergy
 from pdvol.potentials.collision_surface import CollisionSurface, Obstacle
-from pdvol.potentials.elasticity import elastic_terms
 from pdvol.potentials.friction import SurfaceFriction
 from pdvol.potentials.half_space import HalfSpaceBarrier, HalfSpaceFriction
 from pdvol.potentials.load import assemble_mass, gravity_load
 from pdvol.potentials.potential import Positions
-from pdvol.scene import NeoHookean, Plane, Still, Translation
+from pdvol.scene import FixedCorotational, NeoHookean, Plane, Still, StVenantKirchhoff, Translation
 from pdvol.solve.incremental_potential import IncrementalPotential
 from pdvol.solve.timing import Stopwatch
-from problems import polyline, tetrahedron
+from problems import elastic, polyline, tetrahedron
 from shapes import box, grid, together
 from taylor import check_derivatives, check_term, hessian_of
 
 COMM = MPI.COMM_SELF
 DIMENSIONS = [2, 3]
-LAWS = [NeoHookean]
+LAWS = [NeoHookean, StVenantKirchhoff, FixedCorotational]
 YOUNG, POISSON, DENSITY = 3.0, 0.3, 2.0
 DHAT, KAPPA, MU, EPS_V, DT = 0.05, 0.3, 0.4, 0.1, 0.02
 SAME = 1e-10  # relative difference to the dense reference: two eigensolvers of 4 x 4 and 9 x 9 matrices, summed over some cells
@@ -48,6 +47,10 @@ def state(space, strain=0.15, seed=1, stretch=1.0):
     return X @ F.T + 0.1 * strain * rng.uniform(-1, 1, X.shape)
 
 
+def densities(space):
+    return np.full(len(space.mesh.cells), DENSITY)
+
+
 def dense(rows):
     return rows.toarray()
 
@@ -62,7 +65,7 @@ def smallest_eigenvalue(H):
 @pytest.mark.parametrize("law", LAWS)
 @pytest.mark.parametrize("d", DIMENSIONS)
 def test_elastic(spaces, d, law):
-    (term,) = elastic_terms(spaces[d], (law(YOUNG, POISSON, DENSITY),))
+    (term,) = elastic(spaces[d], law(YOUNG, POISSON, DENSITY))
     check_term(term, spaces[d], state(spaces[d]), 1e-2)
 
 
@@ -71,11 +74,11 @@ def test_elastic_of_two_bodies(d):
     """Parameters are those of each cell's own body."""
     space = LevelSpace(together(box(d, 1), box(d, 1, low=2.0, high=3.0)), COMM)
     materials = (NeoHookean(YOUNG, POISSON), NeoHookean(10.0 * YOUNG, POISSON))
-    (term,) = elastic_terms(space, materials)
+    (term,) = elastic(space, *materials)
     x = state(space)
     check_term(term, space, x, 1e-2)
     # Energies are proportional to Young's modulus and add up: E_both(y, 10 y) = E_first(y) + 10 E_second(y).
-    alone = [elastic_terms(space, (NeoHookean(a, POISSON), NeoHookean(b, POISSON)))[0].value(Positions(space, x))
+    alone = [elastic(space, NeoHookean(a, POISSON), NeoHookean(b, POISSON))[0].value(Positions(space, x))
              for a, b in ((YOUNG, YOUNG), (2 * YOUNG, YOUNG))]
     first = alone[1] - alone[0]
     np.testing.assert_allclose(term.value(Positions(space, x)), first + 10.0 * (alone[0] - first), rtol=1e-12)
@@ -83,7 +86,7 @@ def test_elastic_of_two_bodies(d):
 
 @pytest.mark.parametrize("d", DIMENSIONS)
 def test_gravity(spaces, d):
-    term = gravity_load(spaces[d], np.array([DENSITY]), np.linspace(1.0, -9.81, d))
+    term = gravity_load(spaces[d], densities(spaces[d]), np.linspace(1.0, -9.81, d))
     check_term(term, spaces[d], state(spaces[d]), 1e-2, linear=True)
     # Total force: density times the unit cube's (jittered) volume times the acceleration.
     np.testing.assert_allclose(term.force.sum(axis=0), DENSITY * spaces[d].mesh.volumes.sum() * np.linspace(1.0, -9.81, d), rtol=ROUND)
@@ -92,7 +95,7 @@ def test_gravity(spaces, d):
 @pytest.mark.parametrize("d", DIMENSIONS)
 def test_inertia(spaces, d):
     space = spaces[d]
-    mass = assemble_mass(space, np.array([DENSITY]))
+    mass = assemble_mass(space, densities(space))
     assert mass.min() > 0.0
     np.testing.assert_allclose(mass.sum(axis=0), DENSITY * space.mesh.volumes.sum(), rtol=ROUND)
     potential = IncrementalPotential(space, Terms(mass, (), ()), Stopwatch())
@@ -105,9 +108,9 @@ def test_inertia(spaces, d):
 def test_the_whole_potential(spaces, d):
     """Inertia plus dt^2 times the terms, with a large dt so that both matter."""
     space = spaces[d]
-    terms = (*elastic_terms(space, (NeoHookean(YOUNG, POISSON, DENSITY),)),
-             gravity_load(space, np.array([DENSITY]), np.eye(d)[-1]), half_space(space, d)[0])
-    potential = IncrementalPotential(space, Terms(assemble_mass(space, np.array([DENSITY])), terms, ()), Stopwatch())
+    terms = (*elastic(space, NeoHookean(YOUNG, POISSON, DENSITY)),
+             gravity_load(space, densities(space), np.eye(d)[-1]), half_space(space, d)[0])
+    potential = IncrementalPotential(space, Terms(assemble_mass(space, densities(space)), terms, ()), Stopwatch())
     x = near_plane(space)
     potential.begin_step(Positions(space, x), x - 0.1, 0.0, 1.0)
     check_term(potential, space, x, 2e-3)
@@ -346,7 +349,7 @@ def reference_hessian(space, x, law_hessian, mode):
 
 def make_law(space, anisotropic):
     if not anisotropic:
-        return elastic_terms(space, (NeoHookean(YOUNG, POISSON, DENSITY),))[0], neo_hookean_hessian
+        return elastic(space, NeoHookean(YOUNG, POISSON, DENSITY))[0], neo_hookean_hessian
     cells = np.arange(len(space.mesh.cells))
     material, ones = NeoHookean(YOUNG, POISSON), np.ones(len(cells))
     parameters = {"mu": material.mu * ones, "lmbda": material.lmbda * ones, "stiffness": 5.0 * ones}
@@ -385,7 +388,7 @@ def test_filter_leaves_definite_hessians_alone(spaces, d, mode):
     x = state(space, 0.02, stretch=1.3)  # in tension rotations stiffen: every cell's Hessian is definite
     _, lowest = reference_hessian(space, x, neo_hookean_hessian, "none")
     assert lowest > 0.0
-    rows = [dense(hessian_of(elastic_terms(space, (NeoHookean(YOUNG, POISSON, DENSITY),))[0], space, x, p)) for p in (mode, "none")]
+    rows = [dense(hessian_of(elastic(space, NeoHookean(YOUNG, POISSON, DENSITY))[0], space, x, p)) for p in (mode, "none")]
     np.testing.assert_array_equal(*rows)
 
 

@@ -6,9 +6,10 @@ from mpi4py import MPI
 
 from pdvol.hierarchy.level_mesh import simplex_volumes
 from pdvol.hierarchy.level_space import LevelSpace
-from pdvol.potentials.elasticity import KEEP_VOLUME, elastic_terms
+from pdvol.potentials.elasticity import KEEP_VOLUME
 from pdvol.potentials.potential import Positions
 from pdvol.scene import NeoHookean, rotation_matrix
+from problems import elastic
 from shapes import box, level
 
 COMM = MPI.COMM_SELF
@@ -18,7 +19,7 @@ ROOT = 1e-12  # of a step whose cubic's root is known; the solver bisects to the
 
 def setup(mesh):
     space = LevelSpace(mesh, COMM)
-    (term,) = elastic_terms(space, (NeoHookean(3.0, 0.3),))
+    (term,) = elastic(space, NeoHookean(3.0, 0.3))
     X = space.from_input(mesh.points)
     return space, term, X, X + 0.05 * np.random.default_rng(0).uniform(-1, 1, X.shape)
 

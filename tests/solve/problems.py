@@ -3,7 +3,9 @@
 import numpy as np
 from mpi4py import MPI
 
+from pdvol.hierarchy.cell_materials import cell_materials
 from pdvol.hierarchy.level_space import LevelSpace
+from pdvol.potentials.elasticity import elastic_terms
 from pdvol.scene import Body, NeoHookean, Scene, Solver
 from pdvol.solve.level_problem import LevelProblem
 from shapes import grid
@@ -21,6 +23,11 @@ def make_scene(materials=(SOFT,), dt=0.01, steps=10, solver=None, **physics) -> 
     """A scene of one body per material, whose shapes are never read: the level is given to the problem."""
     bodies = tuple(Body(("grid",), material, name=f"body {i}") for i, material in enumerate(materials))
     return Scene(bodies, dt=dt, steps=steps, solver=solver or Solver(tolerance=1e-6, linear="direct"), **physics)
+
+
+def elastic(space, *materials):
+    """The elastic terms of a level whose bodies are of these materials, one per body."""
+    return elastic_terms(space, cell_materials(make_scene(materials), space.mesh))
 
 
 def make_problem(scene, mesh, obstacles=(), comm=MPI.COMM_WORLD) -> LevelProblem:

@@ -355,3 +355,20 @@ double volume_step(int d, int64_t count, const int32_t *dofs, const double *x, c
 {
     return d == 3 ? cells_step(3, count, dofs, x, p, keep) : cells_step(2, count, dofs, x, p, keep);
 }
+
+/* How many cells, positive at rest, have no volume or a negative one at x. */
+int64_t inverted_cells(int d, int64_t count, const int32_t *dofs, const double *x)
+{
+    int64_t found = 0;
+    for (int64_t k = 0; k < count; ++k) {
+        const int32_t *dof = dofs + k * (d + 1);
+        double E[9];
+        for (int i = 0; i < d; ++i)
+            for (int a = 0; a < d; ++a)
+                E[i * d + a] = x[(int64_t)dof[i + 1] * d + a] - x[(int64_t)dof[0] * d + a];
+        const double volume = d == 2 ? E[0] * E[3] - E[1] * E[2]
+                                     : E[0] * (E[4] * E[8] - E[5] * E[7]) + E[1] * (E[5] * E[6] - E[3] * E[8]) + E[2] * (E[3] * E[7] - E[4] * E[6]);
+        found += !(volume > 0.0);
+    }
+    return found;
+}

@@ -1,0 +1,84 @@
+"""Materials through the command line: the README's own law, regions on two levels, and what a run keeps of them."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pdvol import open_run
+from pdvol.cli import run
+
+README = (Path(__file__).resolve().parents[2] / "README.md").read_text()
+
+SCENE = '''
+import pdvol
+from pdvol import Body, FixedCorotational, Gravity, Placement, Region, Scene, Support, meshes
+{material}
+
+def scene(fibres=1e5, young=1e6, damping=0.0):
+    """A beam with muscle fibres in its lower half and a stiff tip."""
+    beam = Body(meshes.rectangle(1.0, 0.2), FixedCorotational(young, damping=damping), vertices=(40, 90), name="beam", placement=Placement(translate=(0.5, 0.1)),
+                regions=(Region(Muscle(young, fibres=fibres), lambda X: X[:, 1] < 0.1), Region(FixedCorotational(2e10, density=2000.0), lambda X: X[:, 0] > 0.8)))
+    return Scene((beam,), dt=0.02, steps=15, loads=(Gravity((0.0, -9.81)),), supports=(Support(lambda X: X[:, 0] < 0.01),))
+'''
+
+
+@pytest.fixture(scope="module")
+def material():
+    (block,) = [code for code in re.findall(r"^```python\n(.*?)^```", README, re.MULTILINE | re.DOTALL) if "class Muscle" in code]
+    return block
+
+
+@pytest.fixture(scope="module")
+def beam(material, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("beam")
+    (folder / "beam.py").write_text(SCENE.format(material=material))
+    return folder
+
+
+def sag(folder, name, *words):
+    assert run(["run", str(folder / "beam.py"), "--out", str(folder / name), *words]) == 0
+    levels = open_run(folder / name).levels
+    return [level.positions(15)[level.rest[:, 0] > 0.99, 1].mean() - level.rest[level.rest[:, 0] > 0.99, 1].mean() for level in levels]
+
+
+def test_the_readme_s_material_is_short(material):
+    assert len(material.splitlines()) < 15
+
+
+def test_the_readme_s_material_and_regions_run(beam, capsys):
+    plain, fibrous = sag(beam, "plain", "--set", "fibres=0.0"), sag(beam, "fibrous", "--set", "fibres=1e7")
+    for loose, held in zip(plain, fibrous, strict=True):
+        assert loose < 1.5 * held < 0.0, "fibres hold the beam up"
+    assert abs(plain[0] - plain[1]) < 0.1 * abs(plain[0]), "levels agree"
+    # The tip is as good as rigid: its edges keep their lengths while the beam bends.
+    for level in open_run(beam / "plain").levels:
+        cells = level.cells[(level.rest[level.cells][:, :, 0] > 0.85).all(axis=1)]
+        assert len(cells) > 0
+        for a, b in ((0, 1), (1, 2), (2, 0)):
+            rest, now = (np.linalg.norm(x[cells[:, a]] - x[cells[:, b]], axis=1) for x in (level.rest, level.positions(15)))
+            assert np.abs(now / rest - 1.0).max() < 1e-4
+    assert run(["info", str(beam / "beam.py")]) == 0
+    told = capsys.readouterr().out
+    assert "FixedCorotational, young 1e+06 Pa" in told and "Muscle" in told and "fibres 100000" in told and "young 2e+10 Pa" in told
+    assert "damping" not in told and "plane strain" in told
+    assert run(["metrics", str(beam / "plain")]) == 0
+
+
+def test_damping_takes_energy(beam):
+    """After as long the damped beam has sunk less far; its log says what damping does."""
+    loose, damped = sag(beam, "loose", "--levels", "0", "--set", "fibres=0.0"), sag(beam, "damped", "--levels", "0", "--set", "fibres=0.0", "--set", "damping=1.0")
+    assert loose[0] < 1.5 * damped[0] < 0.0
+    (level,) = open_run(beam / "damped").levels
+    assert all(record["energy"]["damping"] > 0.0 for record in level.log)
+    assert "damping" not in open_run(beam / "loose").levels[0].log[0]["energy"]
+
+
+def test_another_law_is_another_scene(beam, material, capsys):
+    """A run is not resumed with a law that has changed meanwhile."""
+    sag(beam, "kept", "--levels", "0")
+    changed = beam / "changed.py"
+    changed.write_text(SCENE.format(material=material.replace("/ 4", "/ 8")))
+    assert run(["run", str(changed), "--out", str(beam / "kept"), "--resume"]) == 2
+    assert "psi" in capsys.readouterr().err

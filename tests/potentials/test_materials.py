@@ -1,0 +1,269 @@
+"""Each law against stresses derived by hand, linear elasticity and plane strain; damping against its own formula; a user's law."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+import ufl
+from mpi4py import MPI
+
+from pdvol.errors import InputError
+from pdvol.hierarchy.cell_materials import cell_materials, check_laws
+from pdvol.hierarchy.level_space import LevelSpace
+from pdvol.potentials.elasticity import Damping
+from pdvol.potentials.potential import Positions
+from pdvol.scene import FixedCorotational, Material, NeoHookean, StVenantKirchhoff, rotation_matrix
+from problems import elastic, make_scene
+from shapes import box, level
+from taylor import check_term, hessian_of
+
+LAWS = [NeoHookean, StVenantKirchhoff, FixedCorotational]
+DIMENSIONS = [2, 3]
+YOUNG, POISSON = 3.0, 0.3
+MU, LMBDA = YOUNG / (2 * (1 + POISSON)), YOUNG * POISSON / ((1 + POISSON) * (1 - 2 * POISSON))
+EXACT = 1e-12  # relative round-off of a few dozen operations
+
+
+@pytest.fixture(scope="module")
+def cells():
+    """The unit simplex in each dimension."""
+    return {d: LevelSpace(level(np.concatenate([np.zeros((1, d)), np.eye(d)]), [range(d + 1)]), MPI.COMM_SELF) for d in DIMENSIONS}
+
+
+@pytest.fixture(scope="module")
+def terms(cells):
+    return {(law, d): elastic(cells[d], law(YOUNG, POISSON))[0] for law in LAWS for d in DIMENSIONS}
+
+
+def moved(space, F):
+    return Positions(space, space.from_input(space.mesh.points) @ np.asarray(F, dtype=float).T)
+
+
+def psi(term, space, F):
+    """Energy density: the cell's volume is 1 / d!."""
+    return term.value(moved(space, F)) * (2 if space.dim == 2 else 6)
+
+
+def stress(term, space, F):
+    """First Piola-Kirchhoff stress: the force on corner a is the volume times P grad(hat a), and grad(hat a) is the a-th unit vector."""
+    forces = space.to_input(term.gradient(moved(space, F))) * (2 if space.dim == 2 else 6)
+    return forces[1:].T
+
+
+def uniaxial(law, s, d):
+    """P of F = diag(s, 1[, 1]): along the axis, and across it."""
+    if law is NeoHookean:  # P = mu (F - F^-T) + lmbda ln J F^-T
+        return MU * (s - 1 / s) + LMBDA * np.log(s) / s, LMBDA * np.log(s)
+    if law is StVenantKirchhoff:  # E = diag((s^2 - 1) / 2, 0[, 0]), P = F (2 mu E + lmbda tr E)
+        e = (s**2 - 1) / 2
+        return s * (2 * MU + LMBDA) * e, LMBDA * e
+    return 2 * MU * (s - 1) + LMBDA * (s - 1), LMBDA * (s - 1) * s  # R = 1, P = 2 mu (F - 1) + lmbda (J - 1) cof F, cof F = diag(1, s[, s])
+
+
+@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize("d", DIMENSIONS)
+@pytest.mark.parametrize("s", [0.4, 0.9, 1.7])
+def test_stretched_along_one_axis(terms, cells, law, d, s):
+    P = stress(terms[law, d], cells[d], np.diag([s] + [1.0] * (d - 1)))
+    along, across = uniaxial(law, s, d)
+    np.testing.assert_allclose(P, np.diag([along] + [across] * (d - 1)), rtol=0, atol=EXACT * (abs(along) + abs(across)))
+
+
+@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize("d", DIMENSIONS)
+@pytest.mark.parametrize("s", [0.5, 0.9, 1.6])
+def test_blown_up_evenly(terms, cells, law, d, s):
+    """F = s 1, J = s^d: P = p 1."""
+    if law is NeoHookean:
+        p = MU * (s - 1 / s) + LMBDA * d * np.log(s) / s
+    elif law is StVenantKirchhoff:
+        p = s * (2 * MU + d * LMBDA) * (s**2 - 1) / 2
+    else:
+        p = 2 * MU * (s - 1) + LMBDA * (s**d - 1) * s ** (d - 1)
+    np.testing.assert_allclose(stress(terms[law, d], cells[d], s * np.eye(d)), p * np.eye(d), rtol=0, atol=EXACT * abs(p) * 10)
+
+
+@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize("d", DIMENSIONS)
+@pytest.mark.parametrize("g", [0.3, 2.0])
+def test_sheared(terms, cells, law, d, g):
+    """F = 1 + g e1 e2', J = 1. F^-T = 1 - g e2 e1'; E = [[0, g], [g, g^2]] / 2; R turns by -phi, tan phi = g / 2 (R' F is symmetric then)."""
+    F, one = np.eye(d), np.eye(d)
+    F[0, 1] = g
+    if law is NeoHookean:
+        turned = np.eye(d)
+        turned[1, 0] = -g
+        P = MU * (F - turned)
+    elif law is StVenantKirchhoff:
+        E = np.zeros((d, d))
+        E[:2, :2] = [[0, g / 2], [g / 2, g**2 / 2]]
+        P = F @ (2 * MU * E + LMBDA * g**2 / 2 * one)
+    else:
+        c, s = 1 / np.hypot(1, g / 2), (g / 2) / np.hypot(1, g / 2)
+        R = np.eye(d)
+        R[:2, :2] = [[c, s], [-s, c]]
+        P = 2 * MU * (F - R)
+    np.testing.assert_allclose(stress(terms[law, d], cells[d], F), P, rtol=0, atol=20 * EXACT)
+
+
+@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize("d", DIMENSIONS)
+def test_small_strains_are_linear_elasticity(terms, cells, law, d):
+    """P(1 + h G) = h (2 mu sym G + lmbda tr G) + O(h^2): halving h quarters what is left."""
+    G = np.random.default_rng(d).uniform(-1, 1, (d, d))
+    linear = MU * (G + G.T) + LMBDA * np.trace(G) * np.eye(d)
+    left = [np.abs(stress(terms[law, d], cells[d], np.eye(d) + h * G) - h * linear).max() for h in (2e-4, 1e-4)]
+    assert left[1] < 1e-6
+    assert np.log2(left[0] / left[1]) == pytest.approx(2.0, abs=0.05)
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_two_dimensions_are_plane_strain(terms, cells, law):
+    """The energy in 2D is that of the same F with a third stretch of one, whatever Poisson's ratio wants."""
+    rng = np.random.default_rng(5)
+    for _ in range(5):
+        F = np.eye(2) + 0.4 * rng.uniform(-1, 1, (2, 2))
+        solid = np.eye(3)
+        solid[:2, :2] = F
+        np.testing.assert_allclose(psi(terms[law, 2], cells[2], F), psi(terms[law, 3], cells[3], solid), rtol=1e-11)
+        np.testing.assert_allclose(stress(terms[law, 2], cells[2], F), stress(terms[law, 3], cells[3], solid)[:2, :2], atol=1e-11)
+
+
+@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize("d", DIMENSIONS)
+def test_turning_costs_nothing_and_inverted_cells_are_refused(terms, cells, law, d):
+    term, space = terms[law, d], cells[d]
+    F = np.eye(d) + 0.3 * np.random.default_rng(1).uniform(-1, 1, (d, d))
+    Q = rotation_matrix(2.5, (1.0, -2.0, 0.5), d)
+    np.testing.assert_allclose(psi(term, space, Q @ F), psi(term, space, F), rtol=1e-11)
+    np.testing.assert_allclose(stress(term, space, Q @ F), Q @ stress(term, space, F), atol=1e-11)
+    assert abs(psi(term, space, Q)) < 1e-14
+    for flat in (0.0, -0.5):
+        assert psi(term, space, np.diag([1.0] * (d - 1) + [flat])) == np.inf
+
+
+@pytest.mark.parametrize("spread", [0.0, 1e-9, 1e-5, 1e-3, 0.5, 3.0, 8.0])
+def test_corotational_stress_is_exact_for_all_stretches(terms, cells, spread):
+    """Against numpy's singular values, from equal stretches to cells pressed to a needle: P = 2 mu (F - R) + lmbda (J - 1) cof F."""
+    rng = np.random.default_rng(3)
+    U, V = (np.linalg.qr(rng.standard_normal((3, 3)))[0] for _ in range(2))
+    U, V = U * np.linalg.det(U), V * np.linalg.det(V)
+    s = 1.2 * np.exp(-spread * np.array([0.0, 1.0, 1.0 + 0.1 * spread]))
+    F = U @ np.diag(s) @ V.T
+    J = np.prod(s)
+    expected = 2 * MU * (F - U @ V.T) + LMBDA * (J - 1) * U @ np.diag(J / s) @ V.T
+    np.testing.assert_allclose(stress(terms[FixedCorotational, 3], cells[3], F), expected, atol=1e-11 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_isotropic_laws_are_recognised(terms, law):
+    """In 3D their Hessians go through stretches (checked in test_derivatives), many times faster."""
+    assert terms[law, 3]._stretches is not None
+
+
+# ---- damping -----------------------------------------------------------------------------------------------------------------
+
+DT, BETA = 0.02, 0.7
+
+
+def damped(space):
+    (_, damping) = elastic(space, NeoHookean(YOUNG, POISSON, damping=BETA))
+    assert isinstance(damping, Damping)
+    return damping
+
+
+@pytest.mark.parametrize("d", DIMENSIONS)
+def test_damping(d):
+    """Derivatives; nothing where nothing deforms, and least there."""
+    space = LevelSpace(box(d, 1, jitter=0.1), MPI.COMM_SELF)
+    rng = np.random.default_rng(0)
+    X = space.from_input(space.mesh.points)
+    x_t = X + 0.1 * rng.uniform(-1, 1, X.shape)
+    term = damped(space)
+    term.begin_step(Positions(space, x_t), 0.1, 0.1 + DT)
+    check_term(term, space, x_t + 0.05 * rng.uniform(-1, 1, X.shape), 1e-2)
+    turn = rotation_matrix(0.7, (0.0, 1.0, 1.0), d)
+    for rigid in (x_t, x_t @ turn.T + 0.3):
+        assert abs(term.value(Positions(space, rigid))) < 1e-25
+        np.testing.assert_allclose(term.gradient(Positions(space, rigid)), 0.0, atol=1e-12)
+    assert np.linalg.eigvalsh(hessian_of(term, space, x_t, "none").toarray())[0] > -1e-10
+
+
+@pytest.mark.parametrize("d", DIMENSIONS)
+def test_damping_stress_by_hand(cells, d):
+    """Stretched from s to s' in dt: E' = (s'^2 - s^2) / (2 dt) along the axis, P = F S, S = damping (2 mu E' + lmbda tr E')."""
+    space, s, t = cells[d], 1.1, 1.3
+    term = damped(space)
+    term.begin_step(moved(space, np.diag([s] + [1.0] * (d - 1))), 0.0, DT)
+    rate = (t**2 - s**2) / (2 * DT)
+    expected = BETA * np.diag([t * (2 * MU + LMBDA) * rate] + [LMBDA * rate] * (d - 1))
+    np.testing.assert_allclose(stress(term, space, np.diag([t] + [1.0] * (d - 1))), expected, rtol=1e-11, atol=1e-11)
+
+
+@pytest.mark.parametrize("d", DIMENSIONS)
+def test_damping_is_rayleigh_s_at_rest(d):
+    """D ~ 1/2 (x - x_t)' (damping / dt) K (x - x_t) with K the elastic Hessian at rest: stiffness-proportional."""
+    space = LevelSpace(box(d, 1, jitter=0.1), MPI.COMM_SELF)
+    X = space.from_input(space.mesh.points)
+    law, damping = elastic(space, NeoHookean(YOUNG, POISSON, damping=BETA))
+    damping.begin_step(Positions(space, X), 0.0, DT)
+    K, C = (hessian_of(term, space, X, "none").toarray() for term in (law, damping))
+    np.testing.assert_allclose(C, BETA / DT * K, atol=1e-10 * np.abs(C).max())
+
+
+def test_no_damping_no_term(cells):
+    assert len(elastic(cells[2], NeoHookean(YOUNG, POISSON))) == 1
+
+
+# ---- a user's law ------------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Fibres(Material):
+    """Neo-Hookean, and springs along x: psi = ... + pull/2 (|F e1| - 1)^2."""
+
+    pull: float = 1.0
+
+    @staticmethod
+    def psi(F, mu, lmbda, pull):
+        along = ufl.sqrt(sum(F[i, 0] ** 2 for i in range(F.ufl_shape[0])))
+        return NeoHookean.psi(F, mu, lmbda) + pull / 2 * (along - 1) ** 2
+
+
+@pytest.mark.parametrize("d", DIMENSIONS)
+def test_a_law_with_a_parameter_of_its_own(d):
+    """The first body has no fibres: the law is anisotropic all the same."""
+    mesh = box(d, 1, jitter=0.1)
+    space = LevelSpace(type(mesh)(mesh.points, mesh.cells, np.r_[np.zeros(1, np.int32), np.ones(len(mesh.cells) - 1, np.int32)], mesh.regions), MPI.COMM_SELF)
+    (term,) = elastic(space, Fibres(YOUNG, POISSON, pull=0.0), Fibres(YOUNG, POISSON, pull=4.0))
+    X = space.from_input(space.mesh.points)
+    check_term(term, space, X + 0.05 * np.random.default_rng(2).uniform(-1, 1, X.shape), 1e-2)
+    assert term._stretches is None
+
+
+def test_a_law_s_mistakes_are_told():
+    class Takes(Material):
+        @staticmethod
+        def psi(F, mu):
+            return mu * ufl.tr(F)
+
+    class Gives(Material):
+        @staticmethod
+        def psi(F, mu, lmbda):
+            return mu * F
+
+    for law, message in ((Takes, "psi"), (Gives, "one number"), (Material, "must define psi")):
+        with pytest.raises(InputError, match=message):
+            check_laws(make_scene((law(1.0),)), 2)
+    check_laws(make_scene((Fibres(1.0), *(law(1.0) for law in LAWS))), 3)
+
+
+def test_fields_out_of_range_are_refused():
+    mesh = box(2, 2)
+    for changes, message in (({"young": -1.0}, "young"), ({"poisson": 0.5}, "poisson"), ({"damping": -1.0}, "damping"), ({"density": 0.0}, "density"),
+                             ({"young": "soft"}, "young")):
+        with pytest.raises(InputError, match=message):
+            NeoHookean(**({"young": 1.0} | changes))
+    for young, message in ((lambda X: X[:, 0] - 0.5, "positive"), (lambda X: X, "shape"), (lambda X: np.nan * X[:, 0], "finite"), (lambda X: 1 / 0, "ZeroDivision")):
+        with pytest.raises(InputError, match=message):
+            cell_materials(make_scene((NeoHookean(young),)), mesh)

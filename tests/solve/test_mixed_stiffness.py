@@ -1,0 +1,32 @@
+"""Bodies that are as good as rigid are stiff materials: 2e10 Pa beside 2e4 Pa in one scene, with the solver's own choices."""
+
+import numpy as np
+import pytest
+
+from pdvol.scene import Barrier, FixedCorotational, Friction, Gravity, NeoHookean, Plane, Solver, StVenantKirchhoff
+from problems import block, make_problem, make_scene
+from shapes import together
+
+
+@pytest.mark.parametrize(("d", "law"), [(2, StVenantKirchhoff), (2, FixedCorotational), (3, NeoHookean)])
+def test_a_rigid_block_thrown_on_a_soft_one(d, law):
+    """It sinks in and keeps its shape: strains of a stress of about rho g h, 2e3 Pa, over 2e10 Pa, ten thousand times those of the soft one."""
+    soft = block((0.0,) * (d - 1) + (0.005,), (0.6,) * (d - 1) + (0.205,), (4,) * (d - 1) + (2,), jitter=0.05)
+    hard = block((0.2,) * (d - 1) + (0.215,), (0.4,) * (d - 1) + (0.415,), 2, jitter=0.05, seed=1)
+    mesh = together(soft, hard)
+    scene = make_scene((law(2e4), law(2e10)), loads=(Gravity((0.0,) * (d - 1) + (-9.81,)),), obstacles=(Plane((0.0,) * d, tuple(np.eye(d)[-1])),),
+                       contact=(Barrier(dhat=4e-3), Friction(0.3)), solver=Solver(tolerance=1e-3))
+    problem = make_problem(scene, mesh)
+    thrown = mesh.point_bodies == 1
+    x, v = mesh.points, np.where(thrown[:, None], [0.5] + [0.0] * (d - 2) + [-1.0], 0.0)
+    for number in range(1, 16):
+        report = problem.step(number, x, v)
+        v, x = (report.positions - x) / scene.dt, report.positions
+        assert report.cuts == 0 and report.newton_iterations < 60
+    assert report.contacts > 0 and x[thrown, -1].min() < 0.2
+    strains = []
+    for body in (soft, hard):
+        mine = x[thrown] if body is hard else x[~thrown]
+        F = np.einsum("kia,kij->kaj", mine[body.cells], body.hat_gradients)
+        strains.append(np.abs(np.einsum("kai,kaj->kij", F, F) - np.eye(d)).max() / 2)
+    assert strains[0] > 0.05 and strains[1] < 1e-5
