@@ -16,8 +16,9 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 __version__ = "0.1.0"
 
 _HOMES = {
-    "pdvol.scene": ("Barrier", "Body", "FixedCorotational", "Friction", "Gravity", "Material", "NeoHookean", "Placement", "Plane", "Region",
-                    "Relative", "Rigid", "Rotation", "Scene", "Solver", "StVenantKirchhoff", "Still", "Support", "Translation"),
+    "pdvol.scene": ("Barrier", "Body", "FixedCorotational", "Flow", "Force", "Friction", "Gravity", "Impulse", "Material",
+                    "NeoHookean", "Placement", "Plane", "PointForce", "Region", "Relative", "Rigid", "Rotation", "Scene",
+                    "Solver", "StVenantKirchhoff", "Still", "Support", "Translation"),
     "pdvol.meshes": ("Outline", "Solid", "Surface"),
     "pdvol.record.reader": ("open_run",),
     "pdvol.runner": ("run_scene", "refine_run"),

@@ -19,7 +19,7 @@ from pdvol.meshes import Outline, Solid
 from pdvol.record.bindings import draw_binding
 from pdvol.record.reader import open_run
 from pdvol.record.vtu import write_vtu
-from pdvol.scene import Barrier, Body, Friction, Material, NeoHookean, Plane, Rigid, Scene, Still, metres
+from pdvol.scene import Barrier, Body, Flow, Friction, Gravity, Impulse, Load, Material, NeoHookean, Plane, PointForce, Rigid, Scene, Still, metres
 from pdvol.shot import Shot
 
 
@@ -31,7 +31,7 @@ def modelled(scene: Scene) -> list[str]:
         for region in body.regions:
             where = f"label {', '.join(map(str, region.labels))}" if region.labels else f"where {getattr(region.where, '__name__', 'asked')}"
             lines.append(f"body {body.name!r}, {where}: {_material(region.material)}")
-    lines += [f"load: gravity {tuple(load.acceleration)} m/s^2" for load in scene.loads]
+    lines += [f"load: {_load(load)}" for load in scene.loads]
     lines += [f"support: {type(s.motion).__name__.lower()} on {s.body or 'all bodies'}" for s in scene.supports]
     for o in scene.obstacles:
         moving = "" if isinstance(o.motion, Still) else ", moving"
@@ -58,6 +58,19 @@ def _material(material: Material) -> str:
     extra = "".join(f", {name} {number(getattr(material, name))}" for name in material.own_parameters())
     return (f"{type(material).__name__}, young {number(material.young)} Pa, poisson {number(material.poisson)}, "
             f"density {number(material.density)} kg/m^3{extra}{damping}")
+
+
+def _load(load: Load) -> str:
+    told = lambda value: "by time" if callable(value) else str(tuple(value))  # noqa: E731
+    on = f" on {load.body}" if getattr(load, "body", "") else ""
+    if isinstance(load, Gravity):
+        return f"gravity {told(load.acceleration)} m/s^2"
+    if isinstance(load, Impulse):
+        return f"impulse of {told(load.velocity)} m/s at {load.time:g} s{on}"
+    if isinstance(load, Flow):
+        u = "by place and time" if callable(load.velocity) else told(load.velocity)
+        return f"flow {u} m/s of density {load.density:g} kg/m^3, drag {load.drag:g}{on}"
+    return f"force {told(load.force)} N{f' at {tuple(load.at)}' if isinstance(load, PointForce) else ' over a region'}{on}"
 
 
 def _is_plane(scene: Scene) -> bool:

@@ -7,7 +7,7 @@ from pdvol.hierarchy.cell_materials import cell_materials, check_laws
 from pdvol.hierarchy.level_mesh import LevelMesh
 from pdvol.hierarchy.readers import read_shape
 from pdvol.meshes import Outline
-from pdvol.scene import Scene, Support
+from pdvol.scene import Flow, Gravity, Impulse, Load, PointForce, Scene, Support, at_time
 from pdvol.scene.checks import called
 
 
@@ -32,6 +32,18 @@ def initial_velocity(scene: Scene, mesh: LevelMesh) -> np.ndarray:
     return velocity
 
 
+def chosen_points(scene: Scene, chooser: Support | Load, mesh: LevelMesh) -> np.ndarray:
+    """(n,) bool: a level's points that a support or a load means by its `body` and, if it has one, its `where`."""
+    points = mesh.points
+    held = np.ones(len(points), dtype=bool)
+    if hasattr(chooser, "where"):
+        what = f"a {type(chooser).__name__.lower()}'s `where`"
+        held = called(what, chooser.where, (points,), (len(points),)).astype(bool)
+    if chooser.body:
+        held = held & (mesh.point_bodies == [b.name for b in scene.bodies].index(chooser.body))
+    return held
+
+
 def supported_points(scene: Scene, support: Support, mesh: LevelMesh, level: int) -> np.ndarray:
     """(n,) bool: the level's points that a support holds.
 
@@ -41,9 +53,7 @@ def supported_points(scene: Scene, support: Support, mesh: LevelMesh, level: int
         Its functions fail or give arrays of the wrong shape, or it holds nothing.
     """
     points, end = mesh.points, scene.dt * scene.steps
-    held = called("a support's `where`", support.where, (points,), (len(points),)).astype(bool)
-    if support.body:
-        held = held & (mesh.point_bodies == [b.name for b in scene.bodies].index(support.body))
+    held = chosen_points(scene, support, mesh)
     if not held.any():
         raise InputError(f"a support holds no vertex of level {level}; widen its `where` so that the coarsest level has some")
     for time in (0.0, scene.dt, end):
@@ -56,11 +66,30 @@ def supported_points(scene: Scene, support: Support, mesh: LevelMesh, level: int
 def check_fields(scene: Scene, mesh: LevelMesh, level: int) -> None:
     """Raise InputError unless loads, velocities, materials and supports fit a level's dimension and points."""
     for load in scene.loads:
-        if len(load.acceleration) != mesh.dim:
-            raise InputError(f"gravity {tuple(load.acceleration)} has {len(load.acceleration)} components in a {mesh.dim}D scene")
+        _check_load(scene, load, mesh, level)
     initial_velocity(scene, mesh)
     if level == 0:
         check_laws(scene, mesh.dim)
         cell_materials(scene, mesh)
     for support in scene.supports:
         supported_points(scene, support, mesh, level)
+
+
+def _check_load(scene: Scene, load: Load, mesh: LevelMesh, level: int) -> None:
+    kind = type(load).__name__
+    for time in (0.0, scene.dt, scene.dt * scene.steps):
+        if isinstance(load, Flow):
+            load.at(mesh.points, time)
+        else:
+            name = "gravity" if isinstance(load, Gravity) else f"{kind}.{'velocity' if isinstance(load, Impulse) else 'force'}"
+            at_time(name, load.acceleration if isinstance(load, Gravity) else load.velocity if isinstance(load, Impulse) else load.force, time, mesh.dim)
+    if isinstance(load, Gravity):
+        return
+    held = chosen_points(scene, load, mesh)
+    if not held.any():
+        raise InputError(f"a {kind} holds no vertex of level {level}; widen its `where` so that the coarsest level has some")
+    if isinstance(load, PointForce):
+        at, low, high = at_time("PointForce.at", load.at, 0.0, mesh.dim), mesh.points[held].min(axis=0), mesh.points[held].max(axis=0)
+        slack = 0.1 * np.linalg.norm(high - low)
+        if np.any(at < low - slack) or np.any(at > high + slack):
+            raise InputError(f"PointForce.at = {tuple(load.at)} lies far outside {load.body or 'all bodies'}; it is a rest position, as placed")

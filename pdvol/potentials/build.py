@@ -7,7 +7,7 @@ import numpy as np
 from pdvol.hierarchy.cell_materials import CellMaterials, cell_materials
 from pdvol.hierarchy.level_space import LevelSpace
 from pdvol.potentials.elasticity import elastic_terms
-from pdvol.potentials.load import assemble_mass, gravity_load
+from pdvol.potentials.load import assemble_mass, load_terms
 from pdvol.potentials.potential import Potential
 from pdvol.scene import Barrier, Friction, Plane, Rigid, Scene, metres
 
@@ -38,10 +38,10 @@ def build_terms(scene: Scene, space: LevelSpace, diagonal: float, obstacles=(), 
     materials : of the level's cells; where not given, as if the level were the coarsest
     """
     materials = cell_materials(scene, space.mesh) if materials is None else materials
-    loads = tuple(gravity_load(space, materials.density, load.acceleration) for load in scene.loads)
+    mass = assemble_mass(space, materials.density)
     contacts, frictions = _contact(scene, space, diagonal, obstacles, materials.softest)
     elastic = elastic_terms(space, materials)
-    return Terms(assemble_mass(space, materials.density), (*elastic, *loads, *contacts, *frictions), contacts)
+    return Terms(mass, (*elastic, *load_terms(scene, space, materials.density, mass), *contacts, *frictions), contacts)
 
 
 def _contact(scene: Scene, space: LevelSpace, diagonal: float, obstacles, softest: float):

@@ -7,24 +7,30 @@ lengths marked `Relative` are fractions of the scene's diagonal, so that they me
 from pdvol.scene.bodies import Body, Placement, Shape
 from pdvol.scene.contact import Barrier, Friction
 from pdvol.scene.lengths import Length, Relative, metres
+from pdvol.scene.loads import Flow, Force, Gravity, Impulse, Load, PointForce, at_time
 from pdvol.scene.materials import FixedCorotational, Material, NeoHookean, Region, StVenantKirchhoff, Value, lame
 from pdvol.scene.motions import Motion, Rotation, Still, Translation, Vector, rotation_matrix
 from pdvol.scene.scene import Scene
 from pdvol.scene.solver import Solver
-from pdvol.scene.surroundings import Gravity, Plane, Rigid, Support
+from pdvol.scene.surroundings import Plane, Rigid, Support
 
 __all__ = [
     "Barrier",
     "Body",
     "FixedCorotational",
+    "Flow",
+    "Force",
     "Friction",
     "Gravity",
+    "Impulse",
     "Length",
+    "Load",
     "Material",
     "Motion",
     "NeoHookean",
     "Placement",
     "Plane",
+    "PointForce",
     "Region",
     "Relative",
     "Rigid",
@@ -38,6 +44,7 @@ __all__ = [
     "Translation",
     "Value",
     "Vector",
+    "at_time",
     "lame",
     "metres",
     "rotation_matrix",

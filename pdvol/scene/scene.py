@@ -1,12 +1,14 @@
 """A shot: everything that is described once, for all levels."""
 
 from dataclasses import dataclass, field, fields, replace
+from typing import get_args
 
 from pdvol.scene.bodies import Body
 from pdvol.scene.checks import count, positive, require, sequence
 from pdvol.scene.contact import Barrier, Friction
+from pdvol.scene.loads import Load
 from pdvol.scene.solver import Solver
-from pdvol.scene.surroundings import Gravity, Plane, Rigid, Support
+from pdvol.scene.surroundings import Plane, Rigid, Support
 
 
 @dataclass(frozen=True)
@@ -16,7 +18,7 @@ class Scene:
     bodies: tuple[Body, ...]
     dt: float
     steps: int
-    loads: tuple[Gravity, ...] = ()
+    loads: tuple[Load, ...] = ()
     supports: tuple[Support, ...] = ()
     obstacles: tuple[Plane | Rigid, ...] = ()
     contact: tuple[Barrier | Friction, ...] = ()
@@ -35,6 +37,9 @@ class Scene:
         require(len(counts) == 1, f"all bodies need the same number of levels, not {sorted(counts)}")
         for s in self.supports:
             require(s.body in ("", *names), f"a support names the body {s.body!r}; there are {names}")
+        for load in self.loads:
+            require(isinstance(load, Load), f"loads hold {', '.join(kind.__name__ for kind in get_args(Load))}, not {type(load).__name__}")
+            require(getattr(load, "body", "") in ("", *names), f"a {type(load).__name__} names the body {getattr(load, 'body', '')!r}; there are {names}")
         for kind in (Barrier, Friction):
             require(sum(isinstance(c, kind) for c in self.contact) <= 1, f"contact names more than one {kind.__name__}")
         if any(isinstance(c, Friction) for c in self.contact) or self.obstacles:

@@ -1,4 +1,4 @@
-"""What acts on the bodies from outside: rigid obstacles, supports and loads."""
+"""What acts on the bodies from outside: rigid obstacles and supports."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -53,13 +53,3 @@ class Support:
     where: Callable[[np.ndarray], np.ndarray]
     body: str = ""
     motion: Motion = Still()
-
-
-@dataclass(frozen=True)
-class Gravity:
-    """A uniform acceleration [m/s^2]."""
-
-    acceleration: tuple[float, ...]
-
-    def __post_init__(self):
-        vector("Gravity.acceleration", self.acceleration)

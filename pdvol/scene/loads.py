@@ -1,0 +1,126 @@
+"""What pulls and pushes: accelerations, forces, impulses and flows, constant or changing with time.
+
+Values that change are functions, asked at the end of each step: nothing is compiled anew. What acts on a part takes `where`, a function of rest
+positions (n, d), as placed, that gives a mask (n,), and `body`, a name; everything where left out.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from pdvol.scene.checks import called, finite, positive, require, vector
+from pdvol.scene.motions import Vector
+
+TimedVector = Vector | Callable[[float], Vector]
+"""A vector, or a function of time [s] that gives one."""
+Where = Callable[[np.ndarray], np.ndarray]
+
+
+def everywhere(X: np.ndarray) -> np.ndarray:
+    """All points."""
+    return np.ones(len(X), dtype=bool)
+
+
+def at_time(name: str, value: TimedVector, time: float, dim: int) -> np.ndarray:
+    """(dim,) a vector at a time. Raises InputError, naming it, where it does not fit or is not finite."""
+    found = called(name, value, (time,), (dim,)) if callable(value) else np.asarray(value, dtype=float)
+    require(found.shape == (dim,), f"{name} {tuple(found)} has {len(found)} components in a {dim}D scene")
+    require(np.isfinite(found.astype(float)).all(), f"{name} is NaN or infinite at t = {time:g} s")
+    return found.astype(float)
+
+
+def _vector(name: str, value) -> None:
+    if not callable(value):
+        vector(name, value)
+
+
+@dataclass(frozen=True)
+class Gravity:
+    """A uniform acceleration [m/s^2], or a function of time that gives one."""
+
+    acceleration: TimedVector
+
+    def __post_init__(self):
+        _vector("Gravity.acceleration", self.acceleration)
+
+
+@dataclass(frozen=True)
+class Force:
+    """A total force [N] ([N] per metre of depth in 2D), or a function of time that gives one, shared out by mass over a region.
+
+    The total is the same on every level, whatever its vertices.
+    """
+
+    force: TimedVector
+    where: Where = everywhere
+    body: str = ""
+
+    def __post_init__(self):
+        _vector("Force.force", self.force)
+
+
+@dataclass(frozen=True)
+class PointForce:
+    """A force [N], or a function of time that gives one, on the material at a rest position [m], as placed.
+
+    It acts on the corners of the cell there by their barycentric coordinates; of the nearest cell where a coarse level ends short of it.
+    """
+
+    force: TimedVector
+    at: tuple[float, ...]
+    body: str = ""
+
+    def __post_init__(self):
+        _vector("PointForce.force", self.force)
+        vector("PointForce.at", self.at)
+
+
+@dataclass(frozen=True)
+class Impulse:
+    """A sudden change of velocity [m/s] of a region: the momentum that takes is given to it within the step in which `time` [s] falls."""
+
+    velocity: tuple[float, ...]
+    time: float = 0.0
+    where: Where = everywhere
+    body: str = ""
+
+    def __post_init__(self):
+        vector("Impulse.velocity", self.velocity)
+        finite("Impulse.time", self.time, 0.0)
+
+
+@dataclass(frozen=True)
+class Flow:
+    """A current or a wind that drags on all surfaces: the force per area is density drag / 2 |u - v| (u - v), u the flow's velocity and v the surface's.
+
+    Areas are those at rest, both sides of a body feel the flow, and bodies do not shelter each other.
+
+    Attributes
+    ----------
+    velocity : [m/s]: a vector, or a function (x, t) of positions (n, d) and time that gives (n, d)
+    density : of the medium [kg/m^d]
+    drag : the coefficient, per area of surface
+    body : name of the body it acts on; all bodies when empty
+    """
+
+    velocity: Vector | Callable[[np.ndarray, float], np.ndarray]
+    density: float = 1000.0
+    drag: float = 1.0
+    body: str = ""
+
+    def __post_init__(self):
+        _vector("Flow.velocity", self.velocity)
+        positive("Flow.density", self.density)
+        positive("Flow.drag", self.drag)
+
+    def at(self, positions: np.ndarray, time: float) -> np.ndarray:
+        """(n, d) its velocity at positions (n, d) [m] and a time [s]."""
+        if not callable(self.velocity):
+            return np.broadcast_to(at_time("Flow.velocity", self.velocity, time, positions.shape[1]), positions.shape)
+        found = called("Flow.velocity", self.velocity, (positions, time), positions.shape)
+        require(np.isfinite(found).all(), f"Flow.velocity gives NaN or infinity at t = {time:g} s")
+        return found
+
+
+Load = Gravity | Force | PointForce | Impulse | Flow

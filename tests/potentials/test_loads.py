@@ -1,0 +1,208 @@
+"""Forces, impulses, flows and what changes with time, against momentum balances worked out by hand."""
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+
+from pdvol.errors import InputError
+from pdvol.hierarchy.level_space import LevelSpace
+from pdvol.hierarchy.scene_fields import check_fields
+from pdvol.potentials.cell_energy import CellEnergy
+from pdvol.potentials.drag import Drag
+from pdvol.potentials.half_space import boundary_areas
+from pdvol.potentials.load import point_shares
+from pdvol.potentials.potential import Positions
+from pdvol.scene import Flow, Force, Gravity, Impulse, NeoHookean, PointForce, Solver
+from problems import make_problem, make_scene, masses
+from shapes import box, together
+from taylor import check_term, hessian_of
+
+DIMENSIONS = [2, 3]
+LOOSE = 1e-7  # m/s: the solver's tolerance, of speeds of order one
+STIFF = NeoHookean(1e8, 0.3, 1000.0)
+
+
+def shot(*loads, materials=(STIFF,), dt=0.01, steps=10):
+    return make_scene(materials, dt=dt, steps=steps, loads=loads, solver=Solver(tolerance=LOOSE, linear="direct"))
+
+
+def speeds(scene, mesh, steps, velocity=None):
+    """Velocities (n, d) after each step, and the vertices' masses."""
+    problem = make_problem(scene, mesh)
+    x, v = mesh.points, np.zeros_like(mesh.points) if velocity is None else velocity
+    found = []
+    for number in range(1, steps + 1):
+        report = problem.step(number, x, v)
+        v, x = (report.positions - x) / scene.dt, report.positions
+        found.append(v)
+    return found, masses(problem)
+
+
+def momentum(v, m):
+    return m @ v
+
+
+# ---- drag as a term ----------------------------------------------------------------------------------------------------------
+
+
+def swirl(x, t):
+    """A flow that turns about the origin, faster as time goes on."""
+    u = np.zeros_like(x)
+    u[:, 0], u[:, 1] = -x[:, 1], x[:, 0]
+    return (1.0 + t) * u + 0.1
+
+
+@pytest.mark.parametrize("d", DIMENSIONS)
+def test_drag(d):
+    """Derivatives, convexity, and the force on each vertex by hand."""
+    space = LevelSpace(box(d, 2, jitter=0.1), MPI.COMM_SELF)
+    rng = np.random.default_rng(1)
+    X, dt, strength = space.from_input(space.mesh.points), 0.02, 500.0
+    x_t = X + 0.05 * rng.uniform(-1, 1, X.shape)
+    term = Drag(space, np.ones(len(X), dtype=bool), swirl, strength)
+    term.begin_step(Positions(space, x_t), 0.3, 0.3 + dt)
+    x = x_t + 0.5 * dt * rng.uniform(-1, 1, X.shape)
+    check_term(term, space, x, 1e-3)
+    assert np.linalg.eigvalsh(hessian_of(term, space, x, "none").toarray())[0] >= -1e-9
+    past = swirl(x_t, 0.3 + dt) - (x - x_t) / dt
+    areas = boundary_areas(space.mesh)[space.owned_points]
+    expected = (strength * areas * np.linalg.norm(past, axis=1))[:, None] * past
+    np.testing.assert_allclose(-term.gradient(Positions(space, x)), expected, rtol=1e-12, atol=1e-12)
+    assert np.count_nonzero(areas == 0.0) == 1, "the middle of the box feels nothing"
+
+
+@pytest.mark.parametrize("d", DIMENSIONS)
+def test_a_current_slows_and_carries(d):
+    """A stiff unit cube in a flow along x: M (v+ - v)/dt = rho c/2 A (u - v+)^2 (implicit Euler), A = 2 d faces of area one."""
+    rho, c, u, dt, start = 800.0, 0.5, 2.0, 0.05, 0.0
+    mesh = box(d, 2)
+    found, m = speeds(shot(Flow((u,) + (0.0,) * (d - 1), rho, c), dt=dt), mesh, 12)
+    k, v = rho * c / 2 * 2 * d * dt / 1000.0, start
+    for at in found:
+        # k (u - v+)^2 = v+ - v: with w = u - v+ the positive root of k w^2 + w - (u - v) = 0.
+        v = u - (np.sqrt(1 + 4 * k * (u - v)) - 1) / (2 * k)
+        # Corners, edges and the inside are dragged differently and the cube is not quite rigid.
+        assert momentum(at, m)[0] / m.sum() == pytest.approx(v, rel=2e-3)
+    assert 0.4 * u < v < u
+
+
+def test_a_huge_step_does_not_overshoot_the_flow():
+    mesh = box(2, 2)
+    found, m = speeds(shot(Flow((3.0, 0.0), 1000.0, 5.0), dt=100.0), mesh, 2)
+    assert np.all(found[-1][:, 0] < 3.0 + 1e-6) and momentum(found[-1], m)[0] / m.sum() > 2.9
+
+
+# ---- forces ------------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("d", DIMENSIONS)
+def test_forces_add_their_momentum_and_change_with_time_without_compiling(d, monkeypatch):
+    """M (v_n - v_0) = dt sum F(t_k), whatever the deformation: a region's force, a point's and a changing gravity together."""
+    compiled = []
+    compile_ = CellEnergy._compile
+    monkeypatch.setattr(CellEnergy, "_compile", lambda self, *a: compiled.append(1) or compile_(self, *a))
+    F = lambda t: np.r_[np.cos(3 * t), np.zeros(d - 2), t]  # noqa: E731
+    pull, hold = lambda t: 50.0 * F(t), np.linspace(5.0, -3.0, d)  # noqa: E731
+    g = lambda t: -9.81 * F(t)[::-1]  # noqa: E731
+    mesh = box(d, 2, jitter=0.1)
+    scene = shot(Force(pull, lambda X: X[:, 0] > 0.4), PointForce(hold, (0.9,) * d), Gravity(g), materials=(NeoHookean(1e5),))
+    found, m = speeds(scene, mesh, 6)
+    total = np.zeros(d)
+    for number, v in enumerate(found, 1):
+        t = number * scene.dt
+        total += scene.dt * (50.0 * F(t) + hold + m.sum() * g(t))
+        np.testing.assert_allclose(momentum(v, m), total, atol=1e-4 * np.abs(total).max())
+    assert len(compiled) == 1
+
+
+@pytest.mark.parametrize("d", DIMENSIONS)
+def test_constant_functions_are_constants(d):
+    mesh, down = box(d, 1, jitter=0.1), (0.0,) * (d - 1) + (-9.81,)
+    ours, theirs = (speeds(shot(Gravity(a)), mesh, 2)[0] for a in (down, lambda t: down))
+    np.testing.assert_allclose(ours[-1], theirs[-1], atol=1e-12)
+
+
+@pytest.mark.parametrize("d", DIMENSIONS)
+def test_a_point_force_acts_where_it_says(d):
+    """Total and torque are those of the force at its point, on every mesh; a coarse one that ends short of it takes its nearest place."""
+    at = np.full(d, 0.9) - 0.2 * np.arange(d)
+    for n in (1, 2, 4):
+        mesh = box(d, n)
+        shares = point_shares(mesh, np.ones(len(mesh.points), dtype=bool), at)
+        assert shares.min() >= 0.0 and np.count_nonzero(shares) <= d + 1
+        np.testing.assert_allclose([shares.sum(), *(shares @ mesh.points)], [1.0, *at], atol=1e-12)
+    beyond = at.copy()
+    beyond[0] = 1.05
+    np.testing.assert_allclose(point_shares(mesh, np.ones(len(mesh.points), dtype=bool), beyond) @ mesh.points, np.r_[1.0, at[1:]], atol=0.2)
+    two = together(mesh, box(d, 2))  # one upon the other: the second body's points alone are meant
+    shares = point_shares(two, two.point_bodies == 1, at)
+    assert np.all(two.point_bodies[shares > 0] == 1)
+
+
+# ---- impulses ----------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("d", DIMENSIONS)
+def test_an_impulse_comes_once(d):
+    """The momentum of the right half jumps in the step that 0.025 s falls in, the third of 0.01 s, and never again."""
+    jump = np.linspace(1.0, 2.0, d)
+    mesh = box(d, 2)
+    found, m = speeds(shot(Impulse(tuple(jump), 0.025, lambda X: X[:, 0] > 0.4), materials=(NeoHookean(1e5),)), mesh, 6)
+    held = m @ (mesh.points[:, 0] > 0.4)
+    for number, v in enumerate(found, 1):
+        np.testing.assert_allclose(momentum(v, m), held * jump * (number >= 3), atol=1e-4 * held)
+
+
+@pytest.mark.parametrize("time", [0.0, 0.01, 0.03, 0.07])
+def test_an_impulse_at_a_step_s_end_is_not_lost(time):
+    mesh = box(2, 1)
+    found, m = speeds(shot(Impulse((1.0, 0.0), time)), mesh, 9)
+    np.testing.assert_allclose(found[-1], [[1.0, 0.0]] * len(mesh.points), atol=1e-5)
+
+
+def test_an_impulse_in_a_halved_step_is_whole():
+    """Halves share the step's force: only the one in which it falls has it, with twice the strength."""
+    scene, mesh = shot(Impulse((1.0, 0.0), 0.002)), box(2, 1)
+    problem = make_problem(scene, mesh)
+    (load,) = [term for term in problem.potential.terms if term.name == "load"]
+    x, total = Positions(problem.space, problem.space.from_input(mesh.points)), 0.0
+    for t0, t1 in ((0.0, 0.005), (0.005, 0.01)):
+        load.begin_step(x, t0, t1)
+        total += (t1 - t0) * -load.gradient(x).sum(axis=0)[0]
+    assert total == pytest.approx(masses(problem).sum(), rel=1e-12)
+
+
+# ---- one body, and mistakes --------------------------------------------------------------------------------------------------
+
+
+def test_loads_on_one_body():
+    mesh = together(box(2, 1), box(2, 1, low=3.0, high=4.0))
+    for load in (Force((7.0, 0.0), body="body 1"), Impulse((7.0, 0.0), body="body 1"), PointForce((7.0, 0.0), (3.5, 3.5), body="body 1"),
+                 Flow((7.0, 0.0), body="body 1")):
+        (v,), _ = speeds(shot(load, materials=(STIFF, STIFF)), mesh, 1)
+        assert np.all(v[mesh.point_bodies == 0] == 0.0) and np.any(v[mesh.point_bodies == 1, 0] > 1e-5)
+
+
+@pytest.mark.parametrize(("load", "message"), [
+    (Gravity((0.0, 0.0, -9.81)), "3 components in a 2D scene"),
+    (Gravity(lambda t: (0.0, 0.0, 1.0)), "gravity must give an array of shape"),
+    (Force(lambda t: (np.nan, t)), "NaN"),
+    (Force((1.0, 0.0), lambda X: X[:, 0] > 9.0), "Force holds no vertex of level 0"),
+    (Force((1.0, 0.0), lambda X: X[:, 5]), "`where` failed"),
+    (PointForce((1.0, 0.0), (5.0, 5.0)), "far outside"),
+    (Impulse((1.0, 0.0, 0.0)), "3 components"),
+    (Flow(lambda x, t: x[:, 0]), "Flow.velocity must give an array of shape"),
+    (Flow((1.0, 2.0, 3.0)), "3 components"),
+])
+def test_mistakes_are_told_before_the_run(load, message):
+    with pytest.raises(InputError, match=message):
+        check_fields(shot(load), box(2, 2), 0)
+
+
+def test_unknown_loads_and_bodies():
+    for load, message in (("gravity", "not str"), (Force((1.0, 0.0), body="nobody"), "nobody")):
+        with pytest.raises(InputError, match=message):
+            shot(load)
+    for make in (lambda: Flow((1.0, 0.0), density=0.0), lambda: Flow((1.0, 0.0), drag=-1.0), lambda: Impulse((1.0, 0.0), -1.0), lambda: Force(3.0)):
+        with pytest.raises(InputError):
+            make()
