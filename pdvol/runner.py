@@ -203,6 +203,10 @@ class _SharedWriter:
         """`positions` or `velocities` of a stored state, on every rank."""
         return on_root(self.comm, lambda: getattr(open_run(self._writer.path).levels[level], what)(step))
 
+    def record(self, level: int, step: int) -> dict:
+        """The log's record of a stored step, on every rank; empty where there is none."""
+        return on_root(self.comm, lambda: next((r for r in open_run(self._writer.path).levels[level].log if r["step"] == step), {}))
+
     def export(self, level: int) -> None:
         """Writes level_N.xdmf."""
         on_root(self.comm, lambda: write_xdmf(open_run(self._writer.path), level, self._writer.path / f"level_{level}.xdmf"))
@@ -236,6 +240,7 @@ def run_level(scene: Scene, hierarchy: Hierarchy, level: int, method: str, obsta
         writer.call("write_state", level, 0, start.positions)
     else:
         start = Start(done - 1, writer.read(level, "positions", done - 1), writer.read(level, "velocities", done - 1))
+        problem.go_on_from(writer.record(level, done - 1))
     writer.call("set_level_state", level, "running")
     if method == "direct" or level == 0:
         march = direct(problem, start, scene.steps)

@@ -34,6 +34,9 @@ class SurfaceBarrier(Term):
         self._vertices: np.ndarray | None = None
 
     def begin_step(self, x_t: Positions, t0: float, t1: float) -> None:
+        # The order of pairs, and with it the last digits, must not depend on what came before: a resumed run begins here, too.
+        self.surface.candidates.forget()
+        self._at = None
         self.place(t0)
 
     def place(self, time: float) -> None:
@@ -44,9 +47,6 @@ class SurfaceBarrier(Term):
         """The active set at x and the collision mesh's vertices, built once per x and shared by value, gradient and Hessian."""
         if self._at is not x:
             vertices = self.surface.vertices(x)
-            if self._vertices is not None and np.array_equal(vertices, self._vertices):  # a step begins where the last one ended
-                self._at = x
-                return self._active, self._vertices
             active = ipctk.NormalCollisions()
             active.use_area_weighting = True
             active.collision_set_type = ipctk.NormalCollisions.CollisionSetType.IMPROVED_MAX_APPROX

@@ -32,10 +32,14 @@ class ContactCandidates:
         self.mesh, self.reach, self.drifts, self.comm = mesh, reach, drifts, comm
         edges = np.asarray(mesh.edges)
         self._longest = NEAR * float(np.median(np.linalg.norm(vertices[edges[:, 0]] - vertices[edges[:, 1]], axis=1)))
-        self._slack, self._reference, self._move = -1.0, None, None
         self.pairs = ipctk.Candidates()
+        self.forget()
         self.searches = 0
         self._share, self._share_of = self.pairs, -1
+
+    def forget(self) -> None:
+        """The next call searches anew."""
+        self._slack, self._reference, self._move = -1.0, None, None
 
     def _place(self, vertices: np.ndarray) -> np.ndarray:
         return vertices - vertices.mean(axis=0) if self.drifts else vertices

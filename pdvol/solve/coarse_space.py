@@ -83,7 +83,7 @@ class CoarseSpace:
         P.eliminate_zeros()
         P = csr_array(P[:, np.asarray(abs(P).sum(axis=0)).ravel() > SMALLEST_SUPPORT])
         P.sort_indices()
-        self.size, self._solver = P.shape[1], None
+        self.size, self._solver, self._by_cells = P.shape[1], None, None
         if self.size == 0:
             return
         self._starts, self._columns, self._weights = P.indptr.astype(np.int32), P.indices.astype(np.int32), P.data
@@ -91,7 +91,7 @@ class CoarseSpace:
         self._prolong, self._restrict = csr_array(mine), csr_array(mine.T)
 
     def update(self, parts) -> None:
-        """Sums and factors P' A P. `parts`: (starts, columns, blocks) of A, each a block CSR of this rank's rows. Collective."""
+        """Sums and factors P' A P. `parts`: (starts, columns, blocks) of A's cells and pairs, each a block CSR of this rank's rows. Collective."""
         if self._solver is None:
             self._find_pattern(parts)
         out = self._product(parts)
@@ -122,17 +122,18 @@ class CoarseSpace:
             self.space.comm.Allreduce(MPI.IN_PLACE, out, op=MPI.SUM)
         return out
 
+    def forget(self) -> None:
+        """Drops what contacts have added to the pattern, which the factor's last digits follow."""
+        if self.size and self._solver is not None and len(self._keys) > self._least:
+            self._solver = None
+
     def _find_pattern(self, parts) -> None:
-        """Blocks between coarse vertices that some cell or contact couples; none is forgotten when contacts go."""
-        m, d, space = self.size, self.space.dim, self.space
-        P = csr_array((np.ones(len(self._columns), dtype=np.int32), self._columns, self._starts), shape=(len(space.mesh.points), m))
-        mine = P[space.first_block : space.first_block + space.n_owned]
-        pattern = np.zeros((m, m), dtype=bool)
-        for starts, columns, _ in parts:
-            couples = csr_array((np.ones(len(columns), dtype=np.int32), columns, starts), shape=(space.n_owned, len(space.mesh.points)))
-            pattern |= (mine.T @ (couples @ P)).toarray() > 0
-        space.comm.Allreduce(MPI.IN_PLACE, pattern, op=MPI.LOR)
-        pattern |= pattern.T
+        """Blocks between coarse vertices that some cell or contact couples; none is dropped when contacts go, until `forget`."""
+        m, d = self.size, self.space.dim
+        if self._by_cells is None:
+            self._by_cells = self._coupled(parts[0])
+            self._least = int(np.count_nonzero(self._by_cells))
+        pattern = self._by_cells | self._coupled(parts[1])
         if self._solver is not None:
             pattern.ravel()[self._keys] = True
         self._keys = np.flatnonzero(pattern)
@@ -151,6 +152,17 @@ class CoarseSpace:
         self._solver.pc.setType(PETSc.PC.Type.CHOLESKY)
         self._solver.pc.setFactorSolverType(PETSc.Mat.SolverType.MUMPS)
         self._right, self._solution = self._matrix.createVecs()
+
+    def _coupled(self, part) -> np.ndarray:
+        """(m, m) bool: coarse vertices that a block CSR of rows of A couples on some rank. Collective."""
+        starts, columns, _ = part
+        n, space = len(self.space.mesh.points), self.space
+        P = csr_array((np.ones(len(self._columns), dtype=np.int32), self._columns, self._starts), shape=(n, self.size))
+        mine = P[space.first_block : space.first_block + space.n_owned]
+        couples = csr_array((np.ones(len(columns), dtype=np.int32), columns, starts), shape=(space.n_owned, n))
+        pattern = (mine.T @ (couples @ P)).toarray() > 0
+        space.comm.Allreduce(MPI.IN_PLACE, pattern, op=MPI.LOR)
+        return pattern | pattern.T
 
     def correct(self, residual: np.ndarray) -> np.ndarray:
         """P (P' A P)^-1 P' residual, for this rank's rows (n_owned, d). Collective."""

@@ -1,7 +1,7 @@
 """One level's time stepping: space, terms, supports and the solver that takes one step, cutting it where it must."""
 
 import resource
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -31,6 +31,7 @@ class StepReport:
     positions : (n, d) [m], in the input's vertex order, on every rank
     reached : share of the step's scripted motion that was carried out
     cuts : how often the step was halved
+    solver_memory : what the next step's linear solves begin with (`LinearSolver.memory`)
     """
 
     level: int
@@ -48,6 +49,7 @@ class StepReport:
     gradient_norm: float = 0.0
     reason: str = ""
     linear_solver: str = ""
+    solver_memory: dict = field(default_factory=dict)
     cuts: int = 0
     reached: float = 1.0
     seconds: dict[str, float] = field(default_factory=dict)
@@ -98,6 +100,11 @@ class LevelProblem:
             target[mask] = motion(self._rest[mask], time)
         return target
 
+    def go_on_from(self, record: Mapping) -> None:
+        """Begins with what the step of this log record knew, so that the next one is the same as without an interruption."""
+        if record.get("solver_memory"):
+            self.newton.linear.recall(record["solver_memory"])
+
     def step(self, number: int, positions: np.ndarray, velocity: np.ndarray) -> StepReport:
         """Step `number` (from 1) from positions (n, d) with predicted velocity (n, d) [m/s], both in the input's order.
 
@@ -105,6 +112,7 @@ class LevelProblem:
         """
         dt = self.scene.dt
         report = StepReport(self.level, number, number * dt, positions)
+        self.newton.forget()
         with self.watch.part("total"):
             x = Positions(self.space, self.space.from_input(positions))
             x = self._advance(report, x, self.space.from_input(velocity), (number - 1) * dt, number * dt, 0)
@@ -113,7 +121,7 @@ class LevelProblem:
             report.contacts = sum(term.count(x) for term in self.potential.contacts)
             gap = min((term.min_gap(x) for term in self.potential.contacts), default=np.inf)
             report.min_gap = gap if np.isfinite(gap) else None
-        report.linear_solver = self.newton.linear.method
+        report.linear_solver, report.solver_memory = self.newton.linear.method, self.newton.linear.memory
         report.seconds = self.watch.report()
         peak = self.space.comm.allreduce(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024, op=MPI.MAX)
         report.peak_memory_mb = round(peak, 1)

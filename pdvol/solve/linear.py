@@ -7,7 +7,7 @@
 | direct | MUMPS' Cholesky | where the others take more iterations than it costs, or fail |
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from itertools import count
 
 import numpy as np
@@ -84,6 +84,23 @@ class LinearSolver:
             database[f"{self.prefix}{name}"] = value
         self.ksp.setFromOptions()
 
+    @property
+    def memory(self) -> dict:
+        """What earlier solves have taught: the rest of what a step's result may depend on besides its start."""
+        return {"method": self.method, "easy": self._easy, "shift": self._local.shift, "workspace": self._workspace, "direct": self._direct_solves}
+
+    def recall(self, memory: Mapping) -> None:
+        """Goes on as the solver did whose `memory` this is."""
+        self._easy, self._local.shift, self._workspace = memory["easy"], memory["shift"], memory["workspace"]
+        self._use(memory["method"])
+        self._direct_solves = memory["direct"]
+
+    def forget(self) -> None:
+        """Before a step: the coarse space is summed anew, so that the step depends on its start and `memory` alone."""
+        self._fresh = False
+        if self._coarse is not None:
+            self._coarse.forget()
+
     def follow(self, parts) -> None:
         """Tells of a new matrix: `parts` as `CoarseSpace.update` takes them. Collective."""
         self._parts = self._local.parts = parts
@@ -146,10 +163,11 @@ class _Incomplete:
     Attributes
     ----------
     parts : what the matrix was summed from (`SystemMatrix.parts`)
+    shift : index into SHIFTS
     """
 
     def __init__(self, comm):
-        self.parts, self._shift = (), 0
+        self.parts, self.shift = (), 0
         self._pc = PETSc.PC().create(comm)
         prefix = f"pdvol_local_{next(_serial)}_"
         self._pc.setOptionsPrefix(prefix)
@@ -162,11 +180,11 @@ class _Incomplete:
 
     def shift_more(self) -> bool:
         """Strengthens the diagonal from the next factor on; False when it already is as strong as it gets."""
-        self._shift += 1
-        return self._shift < len(SHIFTS)
+        self.shift += 1
+        return self.shift < len(SHIFTS)
 
     def factor(self, matrix: PETSc.Mat) -> None:
-        at_contacts, everywhere = SHIFTS[min(self._shift, len(SHIFTS) - 1)]
+        at_contacts, everywhere = SHIFTS[min(self.shift, len(SHIFTS) - 1)]
         if at_contacts > 0.0:
             matrix = matrix.duplicate(copy=True)
             for starts, columns, blocks, touched in self._diagonals():

@@ -270,6 +270,11 @@ class Newton:
             return True
         return self.linear.fall_back() if reason == reasons.DIVERGED_LINEAR_SOLVE else self._model.be_careful()
 
+    def forget(self) -> None:
+        """Before a step: drops what its last digits must not depend on, or a resumed run would be another."""
+        self._system.forget()
+        self.linear.forget()
+
     def direction(self, x: Positions, supported_move: np.ndarray) -> np.ndarray:
         """Newton's direction (n_owned, d) at x while supported vertices move by `supported_move` (n_owned, d)."""
         self._start(x)

@@ -47,6 +47,12 @@ class SystemMatrix:
         self._ones = pattern.diagonal[self._supported]
         self._n = n
 
+    def forget(self) -> None:
+        """Drops pairs that only earlier assemblies needed: factors, and the last digits of what they solve, follow the pattern."""
+        self._recent = np.zeros(0, dtype=np.int64)
+        if self._extra is not None and len(self._extra):
+            self._extra = None
+
     def assemble(self, blocks: HessianBlocks, eliminate: bool = True) -> bool:
         """Fills the matrix; `blocks` may be changed. Says whether the matrix is a new one. Collective."""
         if self._pattern is not blocks.pattern:
