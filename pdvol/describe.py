@@ -8,6 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
+PER_LEVEL = ("vertices", "shape")  # of a body: lists with an entry per level
+SHOWN = 100  # characters of one value in a message
+
 
 def describe(thing):
     """Dataclasses, arrays, paths and functions as JSON. Arrays, files and functions become digests of their contents."""
@@ -37,13 +40,46 @@ def describe(thing):
 
 
 def differences(old, new, where: str = "scene") -> list[str]:
-    """Where two descriptions differ, as `scene.bodies[0].material.young: 1e5 -> 2e5`."""
+    """Where two descriptions differ, field by field, as `scene.bodies[0].material.young: 1e5 -> 2e5`."""
+    if old == new:
+        return []
     if isinstance(old, dict) and isinstance(new, dict):
+        if old.get("digest") != new.get("digest") and {**old, "digest": 0} == {**new, "digest": 0}:
+            what = next((old[key] for key in ("file", "function") if key in old), "the array")
+            return [f"{where}: the contents of {what} have changed"]
         keys = list(dict.fromkeys([*old, *new]))
         return [line for key in keys for line in differences(old.get(key), new.get(key), f"{where}.{key}")]
-    if isinstance(old, list) and isinstance(new, list) and len(old) == len(new):
-        return [line for i, pair in enumerate(zip(old, new, strict=True)) for line in differences(*pair, f"{where}[{i}]")]
-    return [] if old == new else [f"{where}: {old} -> {new}"]
+    if isinstance(old, list) and isinstance(new, list) and _entries(old + new):
+        lines = [line for i, pair in enumerate(zip(old, new, strict=False)) for line in differences(*pair, f"{where}[{i}]")]
+        return lines + ([f"{where}: {len(old)} -> {len(new)} entries"] if len(old) != len(new) else [])
+    return [f"{where}: {_short(old)} -> {_short(new)}"]
+
+
+def differences_by_level(old: dict, new: dict) -> tuple[list[str], int, list[str]]:
+    """Where two scenes' descriptions differ in what all levels share; how many of the coarsest levels agree in what is said of each level (vertex
+    targets, listed meshes); and where the others differ."""
+    if len(old.get("bodies", ())) != len(new.get("bodies", ())):
+        return differences(old, new), 0, []
+    shared, listed, agree = [], [], []
+    for description in (old, new):
+        bodies = [{key: None if isinstance(value, list) and key in PER_LEVEL else value for key, value in b.items()} for b in description["bodies"]]
+        shared.append({**description, "bodies": bodies})
+        listed.append([{key: b[key] for key in PER_LEVEL if isinstance(b.get(key), list)} for b in description["bodies"]])
+    for one, other in zip(*listed, strict=True):
+        for key in one.keys() & other.keys():
+            if one[key] or other[key]:
+                pairs = zip(one[key], other[key], strict=False)
+                agree.append(next((i for i, (a, b) in enumerate(pairs) if a != b), min(len(one[key]), len(other[key]))))
+    return differences(*shared), min(agree, default=0), differences(*listed, where="scene.bodies")
+
+
+def _entries(values: list) -> bool:
+    return any(isinstance(value, (dict, list)) for value in values)
+
+
+def _short(value) -> str:
+    text = str(value)
+    return text if len(text) <= SHOWN else f"{text[: SHOWN - 3]}..."
 
 
 def _digest(data: bytes) -> str:

@@ -2,6 +2,7 @@
 
 import platform
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from functools import partial
 from importlib.metadata import version
 from pathlib import Path
@@ -10,7 +11,7 @@ import numpy as np
 from mpi4py import MPI
 
 from pdvol.animate.march import Start, direct, progressive
-from pdvol.describe import differences
+from pdvol.describe import differences_by_level
 from pdvol.errors import InputError, SimulationError
 from pdvol.hierarchy.build import build_levels, read_obstacle
 from pdvol.hierarchy.cell_materials import level_materials
@@ -20,6 +21,8 @@ from pdvol.hierarchy.level_mesh import LevelMesh
 from pdvol.hierarchy.scene_fields import check_fields, initial_velocity, scene_diagonal
 from pdvol.hierarchy.start_check import check_start
 from pdvol.parallel import on_root
+from pdvol.record.files import jsonable
+from pdvol.record.folder import holds_run, in_use
 from pdvol.record.progress import Progress
 from pdvol.record.reader import Run, open_run
 from pdvol.record.store import RunWriter
@@ -31,6 +34,7 @@ from pdvol.wavefront import march_levels
 
 METHODS = ("progressive", "direct")
 LIBRARIES = ("fenics-dolfinx", "petsc4py", "ipctk", "numpy", "scipy", "pytetwild", "gmsh", "fast-simplification")
+TOLD = 6  # changes that a message lists
 
 Watch = Callable[[int, int, int], Progress]
 
@@ -66,8 +70,8 @@ def run_scene(shot: Shot, out: str | Path, first: int = 0, last: int | None = No
     _check_request(scene, out, first, last, method, prolongation, resume or first > 0)
     if wavefront and comm.size > 1:
         raise InputError("--wavefront starts a process per level; leave out mpirun, or run the levels one after the other")
-    meshes, obstacles, diagonal = on_root(comm, lambda: _prepare(shot, out, last, method, prolongation))
-    writer = _SharedWriter(comm, lambda: _open_writer(shot, out, meshes, obstacles, diagonal, method, prolongation))
+    meshes, kept, obstacles, diagonal = on_root(comm, lambda: _prepare(shot, out, last, method, prolongation))
+    writer = _SharedWriter(comm, lambda: _open_writer(shot, out, meshes, kept, obstacles, diagonal, method, prolongation))
     try:
         if wavefront:
             march_levels(writer, range(first, last + 1), scene.steps, progress)
@@ -98,47 +102,62 @@ def _check_request(scene: Scene, out: Path, first: int, last: int, method: str, 
             raise InputError(f"unknown {name} {value!r}; choose one of {', '.join(known)}")
     if not 0 <= first <= last < scene.levels:
         raise InputError(f"levels {first}:{last} do not exist; the scene has levels 0:{scene.levels - 1}")
-    exists = (out / "run.json").is_file()
+    exists = holds_run(out)
     if exists and not go_on:
         raise InputError(f"{out} already holds a run; go on with it by --resume, or choose another folder with --out")
     if first > 0 and not exists:
         raise InputError(f"level {first} is refined from level {first - 1}, and {out} holds no run yet; begin with --levels 0:{last}")
 
 
-def _prepare(shot: Shot, out: Path, last: int, method: str, prolongation: str) -> tuple[Sequence[LevelMesh], list, float]:
-    """Meshes up to `last` (stored ones are taken as they are), obstacles and the scene's diagonal, checked at t = 0."""
+def _prepare(shot: Shot, out: Path, last: int, method: str, prolongation: str) -> tuple[Sequence[LevelMesh], int, list, float]:
+    """Meshes up to `last`, how many of the coarsest are stored ones, obstacles and the scene's diagonal, checked at t = 0."""
     scene = shot.scene
-    obstacles = [read_obstacle(o) for o in scene.obstacles if isinstance(o, Rigid)]
     stored: list[LevelMesh] = []
-    if (out / "run.json").is_file():
+    if holds_run(out):
         run = open_run(out)
-        _check_same(run, shot, method, prolongation)
-        stored = [level.mesh for level in run.levels]
+        if run.in_use:
+            raise InputError(in_use(out))
+        stored = [level.mesh for level in run.levels[: _same_levels(run, shot, last, method, prolongation)]]
+    obstacles = [read_obstacle(o) for o in scene.obstacles if isinstance(o, Rigid)]
     meshes = [*stored, *build_levels(scene, last + 1)[len(stored):]] if len(stored) <= last else stored
     for level, mesh in enumerate(meshes):
         check_fields(scene, mesh, level)
     check_start(meshes, obstacles, scene)
-    return meshes, obstacles, scene_diagonal(scene)
+    return meshes, len(stored), obstacles, scene_diagonal(scene)
 
 
-def _check_same(run: Run, shot: Shot, method: str, prolongation: str) -> None:
+def _same_levels(run: Run, shot: Shot, last: int, method: str, prolongation: str) -> int:
+    """How many of a run's levels, from the coarsest on, are still those of the shot; the others are to be simulated anew, up to `last`.
+
+    Raises InputError, saying field by field what has changed, where that leaves none, or would drop a level that is not asked for.
+    """
     for name, now in (("method", method), ("prolongation", prolongation)):
         if run.info[name] != now:
             raise InputError(f"{run.path} was run with {name} {run.info[name]!r}, not {now!r}; choose another folder with --out")
-    changed = differences(run.info["description"], shot.description())
+    changed, same, levels_changed = differences_by_level(run.info["description"], shot.description())
+    changed += [] if same else levels_changed
     if changed:
-        more = f" and {len(changed) - 1} more" if len(changed) > 1 else ""
-        raise InputError(f"{run.path} holds another scene ({changed[0]}{more}); choose another folder with --out")
+        more = f"; and {len(changed) - TOLD} more" if len(changed) > TOLD else ""
+        raise InputError(f"{run.path} holds another scene ({'; '.join(changed[:TOLD])}{more}); choose another folder with --out")
+    if len(run.levels) > shot.scene.levels:
+        raise InputError(f"{run.path} holds {len(run.levels)} levels, the scene has {shot.scene.levels} now; choose another folder with --out")
+    if same < len(run.levels) and last < len(run.levels) - 1:
+        raise InputError(f"{run.path}: levels from {same} on have changed ({'; '.join(levels_changed[:TOLD])}); "
+                         f"simulate them anew with levels up to {len(run.levels) - 1}, or choose another folder with --out")
+    return min(same, len(run.levels))
 
 
-def _open_writer(shot: Shot, out: Path, meshes, obstacles, diagonal: float, method: str, prolongation: str) -> RunWriter:
+def _open_writer(shot: Shot, out: Path, meshes, kept: int, obstacles, diagonal: float, method: str, prolongation: str) -> RunWriter:
     scene = shot.scene
     velocities = [initial_velocity(scene, mesh) for mesh in meshes]
-    if (out / "run.json").is_file():
+    if kept:
         writer = RunWriter.open(out)
+        writer.keep_levels(kept)
         for level in range(len(writer.info["levels"]), len(meshes)):
             writer.add_level(meshes[level], velocities[level])
-        writer.update_info(steps=scene.steps, scene_file=str(shot.file))
+        description = shot.description()
+        changed = {} if writer.info["description"] == jsonable(description) else {"parameters": dict(shot.parameters), "description": description}
+        writer.update_info(steps=scene.steps, scene_file=str(shot.file), **changed)
     else:
         up = [-a for a in scene.loads[0].acceleration] if scene.loads else None
         info = {"scene": shot.name, "dt": scene.dt, "steps": scene.steps, "method": method, "prolongation": prolongation,
@@ -239,8 +258,7 @@ def run_level(scene: Scene, hierarchy: Hierarchy, level: int, method: str, obsta
         start = Start(0, mesh.points, initial_velocity(scene, mesh))
         writer.call("write_state", level, 0, start.positions)
     else:
-        start = Start(done - 1, writer.read(level, "positions", done - 1), writer.read(level, "velocities", done - 1))
-        problem.go_on_from(writer.record(level, done - 1))
+        start = Start(done - 1, writer.read(level, "positions", done - 1), writer.read(level, "velocities", done - 1), writer.record(level, done - 1))
     writer.call("set_level_state", level, "running")
     if method == "direct" or level == 0:
         march = direct(problem, start, scene.steps)
@@ -254,8 +272,9 @@ def run_level(scene: Scene, hierarchy: Hierarchy, level: int, method: str, obsta
                 watcher.step(report.record())
         writer.finish(level)
     except SimulationError as error:
-        writer.call("set_level_state", level, "failed", reason=str(error))
-        writer.export(level)
+        with suppress(SimulationError):  # a full disk, above all: what stopped the run is what is told
+            writer.call("set_level_state", level, "failed", reason=str(error))
+            writer.export(level)
         raise
     finally:
         if watcher is not None:

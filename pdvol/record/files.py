@@ -10,6 +10,7 @@ import io
 import json
 import math
 import os
+import time
 import zipfile
 import zlib
 from pathlib import Path
@@ -19,6 +20,7 @@ import numpy as np
 from pdvol.errors import InputError, SimulationError
 
 TEMPORARY = ".tmp"
+LOCKING = 5  # attempts to take a lock: who only asks whether a run is in use holds it for an instant
 _UNREADABLE = (OSError, ValueError, EOFError, KeyError, SyntaxError, zipfile.BadZipFile, zlib.error)
 
 
@@ -155,9 +157,12 @@ def jsonable(value):
 def lock(path: Path, exclusive: bool = True):
     """Take a lock that falls with the process; returns the open file, or None when another process holds it."""
     file = open(path, "a" if exclusive else "r")  # noqa: SIM115: it stays open for as long as the lock is held
-    try:
-        fcntl.flock(file, (fcntl.LOCK_EX if exclusive else fcntl.LOCK_SH) | fcntl.LOCK_NB)
-    except BlockingIOError:
-        file.close()
-        return None
-    return file
+    for attempt in range(LOCKING):
+        try:
+            fcntl.flock(file, (fcntl.LOCK_EX if exclusive else fcntl.LOCK_SH) | fcntl.LOCK_NB)
+            return file
+        except BlockingIOError:
+            if exclusive and attempt + 1 < LOCKING:
+                time.sleep(0.02)
+    file.close()
+    return None

@@ -44,6 +44,11 @@ def read_info(path: Path) -> dict:
     return info
 
 
+def holds_run(path: Path) -> bool:
+    """Whether a folder holds a run that was ever begun: one whose creation was killed is free to be taken over."""
+    return (path / "run.json").exists() and read_info(path).get("state") != "creating"
+
+
 def new_info(info: Mapping, body_names: Sequence[str]) -> dict:
     """`run.json` of a run about to be created. The state "creating" marks what a kill leaves then: no step yet, free to be taken over."""
     missing = [key for key in ("dt", "steps") if key not in info]
@@ -104,10 +109,9 @@ def _require_free(path: Path) -> None:
         return
     if not path.is_dir():
         raise InputError(f"{path} is a file, not a folder")
-    if (path / "run.json").exists():
-        if read_info(path).get("state") != "creating":
-            raise InputError(f"{path} already holds a run: continue it with --resume or choose another folder")
-    elif any(not (p.name == "run.lock" or p.name.endswith(TEMPORARY)) for p in path.iterdir()):
+    if holds_run(path):
+        raise InputError(f"{path} already holds a run: continue it with --resume or choose another folder")
+    if not (path / "run.json").exists() and any(not (p.name == "run.lock" or p.name.endswith(TEMPORARY)) for p in path.iterdir()):
         raise InputError(f"{path} is not empty and holds no run: choose another folder")
 
 
@@ -118,5 +122,10 @@ def hold(path: Path):
     except OSError as error:
         raise InputError(f"{path} cannot be written: {error.strerror or error}") from error
     if held is None:
-        raise InputError(f"{path} is being written by another pdvol: wait for it to end, or choose another folder")
+        raise InputError(in_use(path))
     return held
+
+
+def in_use(path: Path) -> str:
+    """What is told where another process holds the run."""
+    return f"{path} is being written by another pdvol: wait for it to end, or choose another folder"

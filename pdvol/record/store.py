@@ -3,7 +3,8 @@
 `pdvol.record.folder` shows what lies where.
 """
 
-from collections.abc import Mapping, Sequence
+import shutil
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -143,6 +144,19 @@ class RunWriter:
         self._sweep(level)
         self._open_log()
 
+    def keep_levels(self, count: int) -> None:
+        """Remove all levels but the `count` coarsest, with their states, records and exports."""
+        dropped = range(count, len(self.info["levels"]))
+        if not dropped:
+            return
+        self.info["levels"], self._count = self.info["levels"][:count], self._count[:count]
+        self._save_states()  # first: a folder that no level names is no harm
+        for level in dropped:
+            shutil.rmtree(level_folder(self.path, level), ignore_errors=True)
+            for export in self.path.glob(f"level_{level}.*"):
+                export.unlink()
+        self._open_log(set(dropped))
+
     def append_log(self, record: Mapping) -> None:
         """Append one record, which names its `level` and `step`; before `write_state` of that step."""
         self._log.append(dict(record))
@@ -189,10 +203,10 @@ class RunWriter:
             remove_states(level_folder(self.path, level), self._count[level])
             self._unswept.discard(level)
 
-    def _open_log(self) -> None:
+    def _open_log(self, dropped: Collection[int] = ()) -> None:
         """Open the log for appending, without records whose state is not stored and without a torn last line."""
         if self._log is not None:
             self._log.close()
-        stored = dict(enumerate(self._count))
+        stored = {**dict.fromkeys(dropped, 0), **dict(enumerate(self._count))}
         keep_log(self.path / "log.jsonl", lambda record: record.get("step", 0) < stored.get(record.get("level"), np.inf))
         self._log = LogFile(self.path / "log.jsonl")
