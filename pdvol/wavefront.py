@@ -36,10 +36,10 @@ class Follower:
         self.run, self._keeper, self._parent = run, keeper, os.getppid()
 
     def call(self, name: str, *arguments, **details):
-        """The number of stored states at the start, or a request to the keeper."""
+        """The number of stored states, or a request to the keeper."""
         if name == "steps":
             return self.run.levels[arguments[0]].steps
-        return self._keeper.send((name, arguments, details))
+        return self._keeper.send(("call", (name, *arguments), details))
 
     def read(self, level: int, what: str, step: int) -> np.ndarray:
         """`positions` or `velocities` of a stored state; waits for it for as long as somebody keeps the folder."""
@@ -49,6 +49,10 @@ class Follower:
                 raise SimulationError(f"level {level}, step {step}: nobody keeps the run any more")
             time.sleep(POLL)
         return getattr(stored, what)(step)
+
+    def record(self, level: int, step: int) -> dict:
+        """The log's record of a stored step; empty where there is none."""
+        return next((r for r in self.run.levels[level].log if r["step"] == step), {})
 
     def export(self, level: int) -> None:
         """Asks for level_N.xdmf."""
@@ -95,12 +99,10 @@ def march_levels(writer, levels: Sequence[int], steps: int, progress=None) -> No
                     failed[level] = arguments[0]
                     for finer in [other for other in workers if other > level]:
                         workers.pop(finer).stop()
-                elif name in ("export", "finish"):
-                    getattr(writer, name)(*arguments)
                 else:
-                    writer.call(name, *arguments, **details)
-                    if name == "write_state" and level in watches and len(arguments) == 4:
-                        watches[level].step(arguments[3])
+                    getattr(writer, name)(*arguments, **details)
+                    if arguments[0] == "write_state" and level in watches and isinstance(arguments[-1], dict):
+                        watches[level].step(arguments[-1])
     finally:
         for worker in workers.values():
             worker.stop()
