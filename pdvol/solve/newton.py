@@ -162,6 +162,7 @@ class Newton:
     def _jacobian(self, snes, vector, J, P) -> None:
         if self._last_will_do():
             self._age += 1
+            self.linear.follow(self._system.parts)  # it may have changed its mind about how to solve
             return
         self._age, self.report.hessians = 0, self.report.hessians + 1
         self._add_up(self._positions(vector))
