@@ -5,6 +5,7 @@ import os
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import NoReturn
 
 from pdvol.errors import InputError, PdvolError, SimulationError
 
@@ -148,6 +149,17 @@ def _render(options) -> None:
     print(render(run, out, levels=list(levels), turn=options.turn))
 
 
+def _export(options) -> None:
+    from pdvol.exporting import export_run
+    from pdvol.record.reader import open_run
+
+    first, last = _levels(options.levels)
+    levels = None
+    if options.levels:
+        levels = range(first, (len(open_run(options.run).levels) - 1 if last is None else last) + 1)
+    print("\n".join(export_run(options.run, options.format, options.out, levels)))
+
+
 # ---- their parts -------------------------------------------------------------------------------------------------------------
 
 
@@ -189,8 +201,15 @@ def _finish(out: Path) -> None:
     print(f"{out}: states, log.jsonl, level_N.xdmf and {picture.name}", file=sys.stderr)
 
 
+class _Parser(argparse.ArgumentParser):
+    """Tells a mistake in one line, as every other one is told."""
+
+    def error(self, message: str) -> NoReturn:
+        raise InputError(f"{message}; see {self.prog} --help")
+
+
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog="pdvol", description="Preview soft-body animation coarse, refine it to the same animation, fine.")
+    parser = _Parser(prog="pdvol", description="Preview soft-body animation coarse, refine it to the same animation, fine.")
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
 
     def command(name: str, work, text: str) -> argparse.ArgumentParser:
@@ -253,4 +272,10 @@ def _parser() -> argparse.ArgumentParser:
     sub.add_argument("-o", "--out", type=Path, metavar="FILE.png|.mp4|.gif")
     sub.add_argument("--levels", default="", metavar="A:B")
     sub.add_argument("--turn", type=float, default=0.0, metavar="DEGREES", help="turn the camera about the vertical")
+
+    sub = command("export", _export, "write a run's levels for ParaView (xdmf, vtkhdf) or animation software (usd, obj)")
+    sub.add_argument("run", type=Path, metavar="RUN")
+    sub.add_argument("--format", required=True, choices=("xdmf", "vtkhdf", "obj", "usd"))
+    sub.add_argument("-o", "--out", type=Path, required=True, metavar="DIR")
+    sub.add_argument("--levels", default="", metavar="A:B", help="levels A to B, both included (default: all)")
     return parser

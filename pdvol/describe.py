@@ -47,6 +47,8 @@ def differences(old, new, where: str = "scene") -> list[str]:
         if old.get("digest") != new.get("digest") and {**old, "digest": 0} == {**new, "digest": 0}:
             what = next((old[key] for key in ("file", "function") if key in old), "the array")
             return [f"{where}: the contents of {what} have changed"]
+        if "array" in old and "array" in new:
+            return [f"{where}: an array of shape {tuple(old['array'])} -> {tuple(new['array'])}"]
         keys = list(dict.fromkeys([*old, *new]))
         return [line for key in keys for line in differences(old.get(key), new.get(key), f"{where}.{key}")]
     if isinstance(old, list) and isinstance(new, list) and _entries(old + new):

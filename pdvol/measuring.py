@@ -7,9 +7,8 @@ from pathlib import Path
 import numpy as np
 from mpi4py import MPI
 
-from pdvol.describe import differences
 from pdvol.errors import InputError
-from pdvol.hierarchy.build import read_obstacle
+from pdvol.fields import stored_scene
 from pdvol.hierarchy.cell_materials import level_materials
 from pdvol.hierarchy.hierarchy import Hierarchy
 from pdvol.hierarchy.scene_fields import supported_points
@@ -19,8 +18,7 @@ from pdvol.record import metrics
 from pdvol.record.files import write_json
 from pdvol.record.plots import plot_metrics
 from pdvol.record.reader import Run, RunLevel, open_run
-from pdvol.scene import Friction, Rigid, Scene
-from pdvol.shot import load_shot, stored_settings
+from pdvol.scene import Friction, Scene
 
 PREDICTED = ("direct", "progressive")  # methods whose x_hat is known here
 
@@ -154,27 +152,16 @@ def compare(path: str | Path, other: str | Path) -> list[dict]:
 
 def _scene(run: Run, notes: list[str]) -> tuple[Scene | None, list]:
     """The run's scene and its obstacles' geometry; None, with a note, where forces cannot be had."""
-    info = run.info
-    reason = None
-    if info.get("method") not in PREDICTED:
-        reason = f"x_hat of the method {info.get('method')!r} is not known"
-    elif not Path(info.get("scene_file", "")).is_file():
-        reason = f"its scene file {info.get('scene_file', '')} is gone"
-    else:
-        try:
-            shot = load_shot(info["scene_file"], stored_settings(info["parameters"]), info["steps"])
-            obstacles = [read_obstacle(o) for o in shot.scene.obstacles if isinstance(o, Rigid)]
-        except InputError as error:
-            reason = str(error)
-        else:
-            changed = differences(info["description"], shot.description())
-            if not changed:
-                if any(c.iterations > 1 for c in shot.scene.contact if isinstance(c, Friction)):
-                    notes.append("continuity lags friction once a step; the run did so several times")
-                return shot.scene, obstacles
-            reason = f"its scene file has changed ({changed[0]})"
-    notes.append(f"no continuity: {reason}")
-    return None, []
+    try:
+        if run.info.get("method") not in PREDICTED:
+            raise InputError(f"x_hat of the method {run.info.get('method')!r} is not known")
+        scene, obstacles = stored_scene(run)
+    except InputError as error:
+        notes.append(f"no continuity: {error}")
+        return None, []
+    if any(c.iterations > 1 for c in scene.contact if isinstance(c, Friction)):
+        notes.append("continuity lags friction once a step; the run did so several times")
+    return scene, obstacles
 
 
 def _densities(run: Run, scene: Scene | None, notes: list[str]) -> list[np.ndarray]:

@@ -1,6 +1,7 @@
 """From a shot to a run folder: builds the levels, marches them coarse to fine, stores every step. All ranks call it together."""
 
 import platform
+import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from functools import partial
@@ -13,6 +14,7 @@ from mpi4py import MPI
 from pdvol.animate.march import Start, direct, progressive
 from pdvol.describe import differences_by_level
 from pdvol.errors import InputError, SimulationError
+from pdvol.fields import SceneFields
 from pdvol.hierarchy.build import build_levels, read_obstacle
 from pdvol.hierarchy.cell_materials import level_materials
 from pdvol.hierarchy.hierarchy import Hierarchy
@@ -25,6 +27,7 @@ from pdvol.record.files import jsonable
 from pdvol.record.folder import holds_run, in_use
 from pdvol.record.progress import Progress
 from pdvol.record.reader import Run, open_run
+from pdvol.record.series import nothing_more
 from pdvol.record.store import RunWriter
 from pdvol.record.xdmf import write_xdmf
 from pdvol.scene import Plane, Rigid, Scene, Still
@@ -35,6 +38,7 @@ from pdvol.wavefront import march_levels
 METHODS = ("progressive", "direct")
 LIBRARIES = ("fenics-dolfinx", "petsc4py", "ipctk", "numpy", "scipy", "pytetwild", "gmsh", "fast-simplification")
 TOLD = 6  # changes that a message lists
+PAUSE, SHARE = 20.0, 0.05  # at least so many seconds between exports of a level that goes on, and at most this share of the time
 
 Watch = Callable[[int, int, int], Progress]
 
@@ -71,7 +75,8 @@ def run_scene(shot: Shot, out: str | Path, first: int = 0, last: int | None = No
     if wavefront and comm.size > 1:
         raise InputError("--wavefront starts a process per level; leave out mpirun, or run the levels one after the other")
     meshes, kept, obstacles, diagonal = on_root(comm, lambda: _prepare(shot, out, last, method, prolongation))
-    writer = _SharedWriter(comm, lambda: _open_writer(shot, out, meshes, kept, obstacles, diagonal, method, prolongation))
+    writer = _SharedWriter(comm, lambda: _open_writer(shot, out, meshes, kept, obstacles, diagonal, method, prolongation),
+                           _Export(out, scene, obstacles))
     try:
         if wavefront:
             march_levels(writer, range(first, last + 1), scene.steps, progress)
@@ -198,11 +203,36 @@ def _drawn_obstacles(scene: Scene, geometry) -> list[dict]:
     return drawn
 
 
+class _Export:
+    """level_N.xdmf of the levels being simulated, kept up to date for who watches them and for what a kill leaves. Used by rank 0."""
+
+    def __init__(self, path: Path, scene: Scene, obstacles):
+        self._path, self._scene, self._obstacles = path, scene, obstacles
+        self._next: dict[int, float] = {}
+
+    def write(self, level: int) -> None:
+        """Writes one level's, as far as it is."""
+        begin, run = time.monotonic(), open_run(self._path)
+        try:
+            more = SceneFields(self._scene, run, level, self._obstacles)
+        except (ValueError, RuntimeError):  # a law of the user's own that knows two dimensions only: what it can show is no reason to stop
+            more = nothing_more
+        write_xdmf(run, level, self._path / f"level_{level}.xdmf", more)
+        now = time.monotonic()
+        self._next[level] = now + max(PAUSE, (now - begin) / SHARE)
+
+    def follow(self, level: int) -> None:
+        """The same after a state was stored, where it is due."""
+        if time.monotonic() >= self._next.get(level, 0.0):
+            with suppress(SimulationError):  # the next state will tell of a full disk
+                self.write(level)
+
+
 class _SharedWriter:
     """The run's writer on rank 0, called by all ranks together; its errors are everybody's."""
 
-    def __init__(self, comm: MPI.Comm, open_writer: Callable[[], RunWriter]):
-        self.comm, self._writer = comm, None
+    def __init__(self, comm: MPI.Comm, open_writer: Callable[[], RunWriter], export: "_Export"):
+        self.comm, self._writer, self._export = comm, None, export
 
         def take() -> None:
             self._writer = open_writer()
@@ -215,8 +245,15 @@ class _SharedWriter:
         return self._writer.path
 
     def call(self, name: str, *arguments, **details):
-        """The result of one of the writer's methods, on every rank."""
-        return on_root(self.comm, lambda: getattr(self._writer, name)(*arguments, **details))
+        """The result of one of the writer's methods, on every rank; a state that was stored is shown in level_N.xdmf, too, if it is time."""
+
+        def call():
+            result = getattr(self._writer, name)(*arguments, **details)
+            if name == "write_state":
+                self._export.follow(arguments[0])
+            return result
+
+        return on_root(self.comm, call)
 
     def read(self, level: int, what: str, step: int) -> np.ndarray:
         """`positions` or `velocities` of a stored state, on every rank."""
@@ -228,14 +265,14 @@ class _SharedWriter:
 
     def export(self, level: int) -> None:
         """Writes level_N.xdmf."""
-        on_root(self.comm, lambda: write_xdmf(open_run(self._writer.path), level, self._writer.path / f"level_{level}.xdmf"))
+        on_root(self.comm, lambda: self._export.write(level))
 
     def finish(self, level: int) -> None:
         """Marks a level as done, with its export; a level that already is stays as it is."""
 
         def finish() -> None:
             if self._writer.info["levels"][level]["state"] != "done":
-                write_xdmf(open_run(self._writer.path), level, self._writer.path / f"level_{level}.xdmf")
+                self._export.write(level)
                 self._writer.set_level_state(level, "done")
 
         on_root(self.comm, finish)

@@ -21,7 +21,6 @@ from pdvol.hierarchy.build import read_obstacle
 from pdvol.hierarchy.child import die_with_parent, without_launcher
 from pdvol.hierarchy.hierarchy import Hierarchy
 from pdvol.record.reader import Run, open_run
-from pdvol.record.xdmf import write_xdmf
 from pdvol.scene import Rigid
 from pdvol.shot import load_shot, stored_settings
 
@@ -53,6 +52,10 @@ class Follower:
     def record(self, level: int, step: int) -> dict:
         """The log's record of a stored step; empty where there is none."""
         return next((r for r in self.run.levels[level].log if r["step"] == step), {})
+
+    def store(self, level: int, step: int, positions: np.ndarray, record: dict | None = None) -> None:
+        """Hands a state over."""
+        self._keeper.send(("store", (level, step, positions, record), {}))
 
     def export(self, level: int) -> None:
         """Asks for level_N.xdmf."""
@@ -101,7 +104,7 @@ def march_levels(writer, levels: Sequence[int], steps: int, progress=None) -> No
                         workers.pop(finer).stop()
                 else:
                     getattr(writer, name)(*arguments, **details)
-                    if arguments[0] == "write_state" and level in watches and isinstance(arguments[-1], dict):
+                    if name == "store" and level in watches and arguments[-1] is not None:
                         watches[level].step(arguments[-1])
     finally:
         for worker in workers.values():

@@ -307,10 +307,18 @@ def verify(path) -> list[str]:
 
 
 def main(paths) -> int:
+    from pdvol.errors import InputError
+
     wrong = False
     for path in paths:
         print(path)
-        for level in check_levels(Path(path)):
+        try:
+            levels = list(check_levels(Path(path)))
+        except InputError as error:
+            print(f"  {error}")
+            wrong = True
+            continue
+        for level in levels:
             print(f"  {level.told()}", flush=True)
             for problem in level.problems[:SHOWN]:
                 print(f"    {problem}")

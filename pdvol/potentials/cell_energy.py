@@ -39,6 +39,7 @@ class CellEnergy(Term):
     def __init__(self, space: LevelSpace, psi: Callable, parameters: Mapping[str, np.ndarray], cells: np.ndarray, name: str = "elastic",
                  isotropic: bool | None = None):
         self.space, self.name, self._isotropic = space, name, isotropic
+        self.psi, self.parameters, self.cells = psi, dict(parameters), cells
         d = space.dim
         self._cells, self._counted = cells, int(np.searchsorted(cells, space.n_counted))
         self._dofs = np.ascontiguousarray(space.near_dofs[cells])

@@ -4,6 +4,7 @@ A file is written to a temporary name in its own folder, synced to the disk and 
 old file, or the new one, or none, never half of one. Arrays are never unpickled.
 """
 
+import contextlib
 import dataclasses
 import fcntl
 import io
@@ -41,8 +42,25 @@ def write_bytes(path: Path, data: bytes) -> None:
         os.replace(aside, path)
         sync_folder(path.parent)
     except OSError as error:
-        aside.unlink(missing_ok=True)
+        with contextlib.suppress(OSError):
+            aside.unlink(missing_ok=True)
         raise SimulationError(f"cannot write {path}: {error.strerror or error}; everything stored before it is kept") from error
+
+
+def require_room(path: Path, size: int) -> None:
+    """SimulationError unless a file of `size` bytes can be written as `path`, which is left empty.
+
+    HDF5 ends the process where its file cannot grow, so its files ask first.
+    """
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with open(path, "wb") as file:
+            os.posix_fallocate(file.fileno(), 0, size)
+            file.truncate(0)
+    except OSError as error:
+        with contextlib.suppress(OSError):
+            path.unlink(missing_ok=True)
+        raise SimulationError(f"cannot write {path.parent / path.name.removeprefix('.').removesuffix(TEMPORARY)}: {error.strerror}") from error
 
 
 def sync_folder(folder: Path) -> None:

@@ -1,0 +1,78 @@
+"""Contact forces and stresses of stored states, for exports: `record` writes what it is given here, and knows no solver."""
+
+from pathlib import Path
+
+import numpy as np
+from mpi4py import MPI
+
+from pdvol.describe import differences
+from pdvol.errors import InputError
+from pdvol.hierarchy.build import read_obstacle
+from pdvol.hierarchy.cell_materials import level_materials
+from pdvol.hierarchy.hierarchy import Hierarchy
+from pdvol.hierarchy.level_space import LevelSpace
+from pdvol.potentials.build import build_terms
+from pdvol.potentials.elasticity import Elastic
+from pdvol.potentials.potential import Positions
+from pdvol.potentials.stress import CauchyStress, von_mises
+from pdvol.record.reader import Run
+from pdvol.record.series import StepFields
+from pdvol.scene import Rigid, Scene
+from pdvol.shot import load_shot, stored_settings
+
+
+class SceneFields:
+    """`contact_force` (n, d) [N] and `von_mises` (m,) [Pa] of any step of a level, computed by this rank alone.
+
+    The force is what barrier and friction do to each vertex, friction lagged at the step's start as in its first iteration.
+    """
+
+    def __init__(self, scene: Scene, run: Run, level: int, obstacles):
+        self.level, self.dt = run.levels[level], run.dt
+        if level == 0 or all(body.uniform for body in scene.bodies):
+            self.space, materials = LevelSpace(self.level.mesh, MPI.COMM_SELF), None
+        else:
+            hierarchy = Hierarchy([stored.mesh for stored in run.levels[: level + 1]], MPI.COMM_SELF)
+            self.space, materials = hierarchy[level], level_materials(scene, hierarchy, level)
+        terms = build_terms(scene, self.space, run.info["diagonal"], obstacles, materials=materials).potentials
+        self._contact = [term for term in terms if term.name in ("barrier", "friction")]
+        self._stresses = [CauchyStress(term) for term in terms if isinstance(term, Elastic)]
+
+    def contact_force(self, step: int) -> np.ndarray:
+        """(n, d) [N] at the end of a step; at the start, step 0, nothing slides."""
+        start, end = (Positions(self.space, self.space.from_input(self.level.positions(n))) for n in (max(step - 1, 0), step))
+        for term in self._contact:
+            term.begin_step(start, max(step - 1, 0) * self.dt, max(step, 1) * self.dt)
+        for term in self._contact:
+            term.place(step * self.dt)
+        force = -sum((term.gradient(end) for term in self._contact), start=np.zeros_like(end.owned))
+        return self.space.to_input(force)
+
+    def von_mises(self, step: int) -> np.ndarray:
+        """(m,) [Pa], of the elastic Cauchy stress."""
+        stresses, positions = np.zeros((len(self.level.cells), 3, 3)), self.level.positions(step)
+        for stress in self._stresses:
+            stress.add_to(stresses, positions)
+        return von_mises(stresses)
+
+    def __call__(self, step: int) -> StepFields:
+        with np.errstate(all="ignore"):  # states that no barrier has kept apart have no finite force
+            return StepFields(points={"contact_force": self.contact_force(step)} if self._contact else {}, cells={"von_mises": self.von_mises(step)})
+
+
+def stored_scene(run: Run) -> tuple[Scene, list]:
+    """The scene of a stored run, and its rigid obstacles' geometry.
+
+    Raises
+    ------
+    InputError
+        Its file is gone or has changed; one line says what.
+    """
+    info = run.info
+    if not Path(info.get("scene_file", "")).is_file():
+        raise InputError(f"its scene file {info.get('scene_file', '')} is gone")
+    shot = load_shot(info["scene_file"], stored_settings(info["parameters"]), info["steps"])
+    changed = differences(info["description"], shot.description())
+    if changed:
+        raise InputError(f"its scene file has changed ({changed[0]})")
+    return shot.scene, [read_obstacle(o) for o in shot.scene.obstacles if isinstance(o, Rigid)]

@@ -1,0 +1,316 @@
+"""What a run meets at night: SIGKILL at any instant, a full disk, a read-only folder, a second process, a scene that has changed meanwhile."""
+
+import ctypes
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from cli_scenes import FALL, SQUARE, pdvol, write
+
+from pdvol import open_run
+
+PROGRAM = [sys.executable, "-c", "import pdvol; pdvol.main()"]
+RUN = """
+import sys
+from pathlib import Path
+from pdvol.runner import run_scene
+from pdvol.shot import load_shot
+print("ready", flush=True)
+run_scene(load_shot("clutter.py"), sys.argv[1], resume=True)
+"""
+CLUTTER = SQUARE + '''
+
+def scene(steps=12, sizes=(3, 6)):
+    """Two squares and a stone: surfaces in contact, friction, and a level above the first."""
+    place = lambda x, y, angle: Placement(translate=(x, y), angle=angle, scale=0.5)
+    return Scene(
+        bodies=tuple(Body(tuple(square(n) for n in sizes), NeoHookean(3e4), name=f"square {i}", velocity=(0.2 - 0.4 * i, -0.5), placement=place(*at))
+                     for i, at in enumerate([(0.0, 0.03, 0.02), (0.1, 0.6, 0.3)])),
+        obstacles=(Plane((0.0, 0.0), (0.0, 1.0)), Rigid(Outline(np.array([(0.6, 0.1), (0.9, 0.1), (0.75, 0.35)])), name="stone")),
+        loads=(Gravity((0.0, -9.81)),),
+        contact=(Barrier(Relative(3e-3)), Friction(0.3)),
+        dt=0.02, steps=steps)
+'''
+CLUTTER = CLUTTER.replace("from pdvol import Barrier", "from pdvol import Relative, Barrier")
+
+
+def kept(run: Path) -> dict:
+    """Everything of a run that must not depend on interruptions: states as bytes, and the log without what differs from time to time."""
+    lines = [json.loads(line) for line in (run / "log.jsonl").read_text().splitlines()]
+    log = [{key: value for key, value in line.items() if key not in ("seconds", "peak_memory_mb")} for line in lines]
+    return {"log": log, **{str(p.relative_to(run)): p.read_bytes() for p in sorted((run / "levels").rglob("*.np?"))}}
+
+
+# ---- kills -------------------------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def clutter(tmp_path_factory):
+    """A scene file, and its run that nothing interrupted with the seconds it took."""
+    folder = tmp_path_factory.mktemp("clutter")
+    write(folder / "clutter.py", CLUTTER)
+    with started(folder, "whole") as process:
+        begin = time.monotonic()
+        assert process.wait(200) == 0, process.stderr.read()
+        seconds = time.monotonic() - begin
+    whole = open_run(folder / "whole")
+    assert [level.steps for level in whole.levels] == [13, 13] and max(r["contacts"] for r in whole.levels[1].log) > 3
+    return folder, seconds
+
+
+def started(folder: Path, out: str) -> subprocess.Popen:
+    """A process that simulates, or goes on, and has loaded its libraries."""
+    process = subprocess.Popen([sys.executable, "-c", RUN, out], cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    assert process.stdout.readline() == "ready\n", process.stderr.read()
+    return process
+
+
+def killed_at_random(folder: Path, seconds: float, instants: int, kills: int, seed: int) -> list[str]:
+    """Kills runs at random instants, `kills` times each, and goes on until they are done, all compared with the whole one; what the kills left."""
+    rng, found = np.random.default_rng(seed), []
+    expected = kept(folder / "whole")
+    for instant in range(instants):
+        out, interrupted = folder / f"run{instant}", 0
+        while True:
+            with started(folder, out.name) as process:
+                try:
+                    _, told = process.communicate(timeout=rng.uniform(0.0, 0.9) * seconds if interrupted < kills else 200)
+                    assert process.returncode == 0, told
+                    break
+                except subprocess.TimeoutExpired:
+                    process.send_signal(signal.SIGKILL)
+            interrupted += 1
+            found.append(state_of(out))
+        assert kept(out) == expected, f"instant {instant}, killed {interrupted} times"
+        assert not [p for p in out.rglob("*") if p.name.endswith(".tmp")]
+        shutil.rmtree(out)
+    return found
+
+
+def state_of(out: Path) -> str:
+    """How far a killed run had come: usable whatever the instant."""
+    if not (out / "run.json").exists():
+        return "nothing"
+    if json.loads((out / "run.json").read_text())["state"] == "creating":
+        return "creating"
+    run = open_run(out)
+    for level in run.levels:
+        for step in range(level.steps):
+            assert np.isfinite(level.positions(step)).all()
+        xdmf = out / f"level_{level.index}.xdmf"
+        if xdmf.exists():
+            import meshio
+
+            with meshio.xdmf.TimeSeriesReader(xdmf) as reader:
+                reader.read_points_cells()
+                assert 1 <= reader.num_steps <= level.steps
+                reader.read_data(reader.num_steps - 1)
+    return f"level {len([level for level in run.levels if level.steps]) - 1}"
+
+
+def test_killed_at_random_instants(clutter):
+    folder, seconds = clutter
+    assert killed_at_random(folder, seconds, 4, 1, seed=1)
+
+
+@pytest.mark.slow
+def test_killed_at_fifty_random_instants(clutter):
+    folder, seconds = clutter
+    found = killed_at_random(folder, seconds, 50, 2, seed=2)
+    assert len(found) >= 50 and {"level 0", "level 1"} <= set(found), found
+
+
+def test_killed_while_the_folder_is_made(tmp_path):
+    write(tmp_path / "fall.py", FALL)
+    assert pdvol("run", tmp_path / "fall.py", "--steps", 2, "--out", tmp_path / "whole") == 0
+    for more in ((), ("--resume",)):
+        out = tmp_path / f"run{len(more)}"
+        shutil.copytree(tmp_path / "whole", out)
+        info = json.loads((out / "run.json").read_text())
+        (out / "run.json").write_text(json.dumps({**info, "state": "creating", "levels": info["levels"][:1]}))
+        assert pdvol("run", tmp_path / "fall.py", "--steps", 2, "--out", out, *more) == 0
+        assert kept(out) == kept(tmp_path / "whole")
+
+
+# ---- disks -------------------------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def disk(tmp_path):
+    """Mounts a file system in memory of some kB, or skips."""
+    libc, mounted = ctypes.CDLL(None, use_errno=True), []
+
+    def mount(size: int, flags: int = 0) -> Path:
+        folder = tmp_path / f"disk{len(mounted)}"
+        if folder not in mounted:
+            folder.mkdir()
+            if libc.mount(b"tmpfs", str(folder).encode(), b"tmpfs", flags, f"size={size}k".encode()):
+                pytest.skip(f"no file system can be mounted here: {os.strerror(ctypes.get_errno())}")
+            mounted.append(folder)
+        return folder
+
+    def remount_read_only(folder: Path) -> None:
+        assert libc.mount(b"tmpfs", str(folder).encode(), b"tmpfs", 1 | 32, b"") == 0  # MS_RDONLY, MS_REMOUNT
+
+    mount.read_only = remount_read_only
+    yield mount
+    for folder in mounted:
+        libc.umount2(str(folder).encode(), 2)  # MNT_DETACH
+
+
+def test_a_full_disk(tmp_path, disk, capfd):
+    full = disk(64)
+    write(tmp_path / "fall.py", FALL)
+    words = ["run", tmp_path / "fall.py", "--set", "sizes=(2, 8)"]
+    assert pdvol(*words, "--out", tmp_path / "whole") == 0
+    capfd.readouterr()
+    assert pdvol(*words, "--out", full / "run") == 1
+    lines = capfd.readouterr().err.strip().split("\n")
+    assert lines[-1].startswith("pdvol: cannot write ") and "No space left on device; everything stored before it is kept" in lines[-1]
+    stored = open_run(full / "run")
+    begun = [level for level in stored.levels if level.steps]
+    assert begun and sum(level.steps for level in begun) > 3
+    for level in begun:
+        for step in range(level.steps):
+            np.testing.assert_array_equal(level.positions(step), open_run(tmp_path / "whole").levels[level.index].positions(step))
+    # On a disk with room it goes on.
+    shutil.copytree(full / "run", tmp_path / "run")
+    assert pdvol(*words, "--out", tmp_path / "run", "--resume") == 0
+    assert kept(tmp_path / "run") == kept(tmp_path / "whole")
+
+
+@pytest.mark.parametrize("limit", [1000, 30_000])
+def test_files_that_may_not_grow(tmp_path, limit):
+    # The same without a mount: RLIMIT_FSIZE stops a state, or the log, in the middle of a write.
+    write(tmp_path / "fall.py", FALL)
+    assert pdvol("run", tmp_path / "fall.py", "--set", "sizes=(2, 8)", "--out", tmp_path / "whole") == 0  # compiles what there is to compile
+    program = f"import resource, pdvol, pdvol.runner; resource.setrlimit(resource.RLIMIT_FSIZE, ({limit}, {limit})); pdvol.main()"
+    words = ["run", "fall.py", "--set", "sizes=(2, 8)", "--out", "run"]
+    ended = subprocess.run([sys.executable, "-c", program, *words], cwd=tmp_path, capture_output=True, text=True, timeout=100)
+    assert ended.returncode == 1 and "Traceback" not in ended.stderr
+    assert ended.stderr.strip().split("\n")[-1].startswith("pdvol: cannot write "), ended.stderr
+    assert pdvol("run", tmp_path / "fall.py", "--set", "sizes=(2, 8)", "--out", tmp_path / "run", "--resume") == 0
+    assert kept(tmp_path / "run") == kept(tmp_path / "whole")
+
+
+def test_a_read_only_folder(tmp_path, disk, capfd):
+    place = disk(4096)
+    write(tmp_path / "fall.py", FALL)
+    assert pdvol("run", tmp_path / "fall.py", "--levels", 0, "--steps", 2, "--out", place / "run") == 0
+    disk.read_only(place)
+    capfd.readouterr()
+    for words in (["run", tmp_path / "fall.py", "--steps", 2, "--out", place / "run", "--resume"], ["refine", place / "run", "--to", 1],
+                  ["run", tmp_path / "fall.py", "--out", place / "other"], ["render", place / "run"], ["metrics", place / "run"],
+                  ["export", place / "run", "--format", "xdmf", "-o", place / "out"]):
+        assert pdvol(*words) in (1, 2), words
+        err = capfd.readouterr().err.strip()
+        assert err.startswith("pdvol: ") and "\n" not in err and ("Read-only" in err or "cannot be written" in err), err
+    assert pdvol("info", place / "run") == 0
+    assert open_run(place / "run").levels[0].positions(2).shape == (9, 2)
+    assert pdvol("render", place / "run", "-o", tmp_path / "picture.png") == 0
+
+
+# ---- two processes -----------------------------------------------------------------------------------------------------------
+
+
+HOLD = """
+import sys, time
+from pdvol.record.store import RunWriter
+with RunWriter.open(sys.argv[1]):
+    print("held", flush=True)
+    time.sleep(100)
+"""
+
+
+@pytest.mark.mpi
+def test_a_second_process_is_refused_and_a_stale_lock_is_not(tmp_path):
+    write(tmp_path / "fall.py", FALL)
+    assert pdvol("run", tmp_path / "fall.py", "--levels", 0, "--steps", 1, "--out", tmp_path / "run") == 0
+    words = ["run", "fall.py", "--steps", "2", "--out", "run", "--resume"]
+    with subprocess.Popen([sys.executable, "-c", HOLD, str(tmp_path / "run")], stdout=subprocess.PIPE, text=True) as holder:
+        assert holder.stdout.readline() == "held\n"
+        before = kept(tmp_path / "run")
+        for launcher in ([], ["mpirun", "-n", "2"]):
+            ended = subprocess.run([*launcher, *PROGRAM, *words], cwd=tmp_path, capture_output=True, text=True, timeout=100)
+            assert ended.returncode == 2, ended.stderr
+            assert ended.stderr.count("run is being written by another pdvol") == 1 and "Traceback" not in ended.stderr
+        assert kept(tmp_path / "run") == before
+        holder.kill()
+    assert (tmp_path / "run" / "run.lock").exists()
+    ended = subprocess.run(["mpirun", "-n", "2", *PROGRAM, *words], cwd=tmp_path, capture_output=True, text=True, timeout=100)
+    assert ended.returncode == 0, ended.stderr
+    assert [level.steps for level in open_run(tmp_path / "run").levels] == [3, 3]
+
+
+# ---- a scene that has changed ------------------------------------------------------------------------------------------------
+
+
+def test_what_has_changed_is_said_field_by_field(tmp_path, capfd):
+    scene = write(tmp_path / "fall.py", FALL)
+    assert pdvol("run", scene, "--steps", 2, "--out", tmp_path / "run") == 0
+    before = kept(tmp_path / "run")
+    for settings, told in (
+        (["young=3e4", "mu=0.5"], ["scene.bodies[0].material.young: 20000.0 -> 30000.0", "scene.contact[1].mu: 0.3 -> 0.5"]),
+        (["sizes=(3, 4)"], ["scene.bodies[0].shape[0].vertices: an array of shape (9, 2) -> (16, 2)"]),
+        (["sizes=(2,)"], ["holds 2 levels, the scene has 1 now"]),
+    ):
+        capfd.readouterr()
+        assert pdvol("run", scene, "--steps", 2, "--out", tmp_path / "run", "--resume", *[w for s in settings for w in ("--set", s)]) == 2
+        err = capfd.readouterr().err
+        assert err.count("\n") == 1 and all(part in err for part in told), err
+    write(scene, FALL.replace("loads=(Gravity((0.0, -9.81)),)", "loads=()"))
+    assert pdvol("run", scene, "--steps", 2, "--out", tmp_path / "run", "--resume") == 2
+    assert "scene.loads: 1 -> 0 entries" in capfd.readouterr().err
+    assert kept(tmp_path / "run") == before
+
+
+def test_a_change_of_the_finest_level_keeps_the_coarser_ones(tmp_path, capfd):
+    scene, out = write(tmp_path / "fall.py", FALL), tmp_path / "run"
+    assert pdvol("run", scene, "--steps", 2, "--out", out) == 0
+    coarse = {p: p.stat().st_mtime_ns for p in (out / "levels" / "0").iterdir()}
+    again = ["run", scene, "--steps", 2, "--out", out, "--resume", "--set"]
+    capfd.readouterr()
+    assert pdvol(*again, "sizes=(2, 3)", "--levels", 0) == 2, "level 1 would be lost for nothing"
+    assert "levels from 1 on have changed" in capfd.readouterr().err and open_run(out).levels[1].steps == 3
+    assert pdvol(*again, "sizes=(2, 3)") == 0
+    run = open_run(out)
+    assert [len(level.rest) for level in run.levels] == [9, 16] and [level.steps for level in run.levels] == [3, 3]
+    assert [len(level.log) for level in run.levels] == [2, 2]
+    assert pdvol(*again, "sizes=(2, 3, 5)") == 0  # a level added
+    assert [len(level.rest) for level in open_run(out).levels] == [9, 16, 36]
+    assert pdvol("run", scene, "--set", "sizes=(2, 3, 5)", "--steps", 2, "--out", tmp_path / "anew") == 0
+    assert kept(out) == kept(tmp_path / "anew")
+    assert {p: p.stat().st_mtime_ns for p in coarse} == coarse
+    assert pdvol("refine", out, "--to", 2) == 0  # the run knows its scene by its new parameters
+
+
+# ---- damage ------------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("damage", ["truncated", "deleted", "noise", "log"])
+def test_a_damaged_run_is_mended_by_going_on(tmp_path, capfd, damage):
+    scene, out = write(tmp_path / "fall.py", FALL), tmp_path / "run"
+    assert pdvol("run", scene, "--steps", 4, "--out", tmp_path / "whole") == 0
+    shutil.copytree(tmp_path / "whole", out)
+    state = out / "levels" / "0" / "000002.npy"
+    if damage == "deleted":
+        state.unlink()
+    elif damage == "log":
+        (out / "log.jsonl").unlink()
+    else:
+        state.write_bytes(state.read_bytes()[:100] if damage == "truncated" else b"noise" * 40)
+    capfd.readouterr()
+    assert pdvol("run", scene, "--steps", 4, "--out", out, "--resume") == 0
+    if damage == "log":
+        assert {k: v for k, v in kept(tmp_path / "whole").items() if k != "log"} == {k: v for k, v in kept(out).items() if k != "log"}
+    else:
+        mended, whole = kept(out), kept(tmp_path / "whole")
+        mended["log"].sort(key=lambda record: (record["level"], record["step"]))  # level 0 was mended last
+        assert mended == whole
