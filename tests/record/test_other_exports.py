@@ -1,0 +1,232 @@
+"""Forces and stresses in exports, by hand; VTKHDF, OBJ and USD read back as the programs that want them do; names that would lead elsewhere."""
+
+import json
+import shutil
+import sys
+from pathlib import Path
+from xml.etree import ElementTree as ET
+
+import h5py
+import meshio
+import numpy as np
+import pytest
+import pyvista as pv
+import shapes
+
+from pdvol import Body, NeoHookean, Scene, Solid, open_run
+from pdvol.errors import InputError
+from pdvol.exporting import export_run
+from pdvol.fields import SceneFields
+from pdvol.record.series import StepFields
+from pdvol.record.store import RunWriter
+from pdvol.record.vtkhdf import write_vtkhdf
+from pdvol.record.xdmf import write_xdmf
+from pdvol.runner import run_scene
+from pdvol.shot import load_shot
+
+YOUNG, POISSON, DENSITY, GRAVITY, DT = 2e5, 0.3, 1000.0, 9.81, 0.02
+
+
+def fields_of(path, dim, states):
+    """The exported fields' source for made-up states of a unit block."""
+    mesh = shapes.box(dim, 3)
+    shape = Solid(mesh.points, mesh.cells.astype(np.int32), mesh.regions)
+    with RunWriter.create(path, {"dt": DT, "steps": len(states) - 1}, [mesh], ["block"]) as writer:
+        for step, state in enumerate(states):
+            writer.write_state(0, step, state(mesh.points))
+    made = Scene(bodies=(Body((shape,), NeoHookean(YOUNG, POISSON, DENSITY)),), dt=DT, steps=len(states) - 1)
+    return SceneFields(made, open_run(path).levels[0], 1.0, []), mesh
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_von_mises_of_a_stretched_bar(tmp_path, dim):
+    """sigma_ii = (mu (l_i^2 - 1) + lambda ln J) / J; what lambda adds is the same in all directions, the one across a plane included."""
+    stretches = np.array([1.2, 0.9, 0.95 if dim == 3 else 1.0])
+    mu = YOUNG / (2 * (1 + POISSON))
+    s = mu * (stretches**2 - 1) / stretches.prod()
+    expected = np.sqrt(0.5 * ((s[0] - s[1]) ** 2 + (s[1] - s[2]) ** 2 + (s[2] - s[0]) ** 2))
+    turn = np.linalg.qr(np.random.default_rng(0).normal(size=(dim, dim)))[0]
+    turn[:, 0] *= np.linalg.det(turn)
+    fields, _ = fields_of(tmp_path / "run", dim, [lambda X: X, lambda X: (X * stretches[:dim]) @ turn.T])
+    np.testing.assert_allclose(fields.von_mises(0), 0.0, atol=1e-9 * YOUNG)
+    np.testing.assert_allclose(fields.von_mises(1), expected, rtol=1e-12)
+
+
+def test_von_mises_of_a_bar_pulled_freely_is_its_tension(tmp_path):
+    """Uniaxial stress: sigma = mu (a^2 - b^2) / (a b^2), with b such that nothing pulls sideways; von Mises is sigma itself."""
+    mu, lmbda, a = YOUNG / (2 * (1 + POISSON)), YOUNG * POISSON / ((1 + POISSON) * (1 - 2 * POISSON)), 1.3
+    low, high = 0.5, 1.0
+    for _ in range(80):
+        b = 0.5 * (low + high)
+        low, high = (b, high) if mu * (b**2 - 1) + lmbda * np.log(a * b**2) < 0 else (low, b)
+    fields, _ = fields_of(tmp_path / "run", 3, [lambda X: X * [a, b, b]])
+    np.testing.assert_allclose(fields.von_mises(0), mu * (a**2 - b**2) / (a * b**2), rtol=1e-9)
+
+
+@pytest.fixture(scope="module")
+def resting(tmp_path_factory):
+    """A scene file and its run: a block that has come to rest on the floor."""
+    folder = tmp_path_factory.mktemp("resting")
+    (folder / "rest.py").write_text(f"""
+import sys; sys.path.insert(0, {str(Path(shapes.__file__).parent)!r})
+import shapes
+from pdvol import *
+
+def scene(steps=40, name="../../block"):
+    mesh = shapes.box(3, 2)
+    shape = Solid(mesh.points, mesh.cells.astype("int32"), mesh.regions)
+    return Scene(bodies=(Body((shape,), NeoHookean(2e5, 0.3, 1000.0), name=name, placement=Placement(translate=(0.0, 0.0, 9e-4))),),
+                 loads=(Gravity((0.0, 0.0, -9.81)),), obstacles=(Plane((0, 0, 0.0), (0, 0, 1.0)),),
+                 contact=(Barrier(1e-3), Friction(0.4)), dt=0.05, steps=steps)
+""")
+    run_scene(load_shot(folder / "rest.py"), folder / "run")
+    return folder / "run"
+
+
+def test_the_contact_force_is_the_weight_of_what_rests(resting):
+    weight = DENSITY * 1.0 * GRAVITY
+    with h5py.File(resting / "level_0.h5") as file:  # as the run itself left it
+        force = file["steps/40/Node/contact_force"][:]
+    rest = open_run(resting).levels[0].rest
+    np.testing.assert_allclose(force.sum(axis=0), [0, 0, weight], atol=0.01 * weight)
+    assert (force[rest[:, 2] > 0.01] == 0).all() and (force[rest[:, 2] < 0.01][:, 2] > 0).all()
+
+
+def test_xdmf_and_vtkhdf_hold_the_same(resting, tmp_path):
+    assert export_run(resting, "xdmf", tmp_path / "x") == [str(tmp_path / "x" / "level_0.xdmf")]
+    assert export_run(resting, "vtkhdf", tmp_path / "v") == [str(tmp_path / "v" / "level_0.vtkhdf")]
+    level = open_run(resting).levels[0]
+    reader = pv.HDFReader(str(tmp_path / "v" / "level_0.vtkhdf"))
+    raw = reader.reader
+    raw.UpdateInformation()
+    assert raw.GetNumberOfSteps() == 41
+    with meshio.xdmf.TimeSeriesReader(tmp_path / "x" / "level_0.xdmf") as xdmf:
+        xdmf.read_points_cells()
+        for step in (0, 7, 40):
+            raw.SetStep(step)
+            raw.Update()
+            found = pv.wrap(raw.GetOutputDataObject(0))
+            _, points, cells = xdmf.read_data(step)
+            np.testing.assert_array_equal(found.points, level.rest)
+            np.testing.assert_array_equal(found.cells_dict[10], level.cells)
+            assert set(points) == {"displacement", "velocity", "contact_force"} and set(cells) == {"von_mises", "body", "region"}
+            for name, values in points.items():
+                np.testing.assert_array_equal(found.point_data[name], values)
+            for name, (values,) in cells.items():
+                np.testing.assert_array_equal(found.cell_data[name], values)
+            np.testing.assert_array_equal(points["displacement"], level.positions(step) - level.rest)
+
+
+@pytest.mark.parametrize("kind", ["flat_run", "solid_run"])
+def test_vtkhdf_of_two_bodies_in_both_dimensions(kind, request, tmp_path):
+    run = open_run(request.getfixturevalue(kind))
+    level = run.levels[1]
+    reader = pv.HDFReader(str(write_vtkhdf(run, 1, tmp_path / "a.vtkhdf"))).reader
+    reader.UpdateInformation()
+    for step in range(level.steps):
+        reader.SetStep(step)
+        reader.Update()
+        found = pv.wrap(reader.GetOutputDataObject(0))
+        d = level.rest.shape[1]
+        np.testing.assert_array_equal(found.point_data["displacement"][:, :d], level.positions(step) - level.rest)
+        np.testing.assert_array_equal(found.cell_data["body"], level.bodies)
+    with pytest.raises(InputError, match="ends in .vtkhdf"):
+        write_vtkhdf(run, 1, tmp_path / "a.hdf")
+
+
+@pytest.mark.parametrize("kind", ["flat_run", "solid_run"])
+def test_obj_sequences(kind, request, tmp_path):
+    run = open_run(request.getfixturevalue(kind))
+    export_run(run.path, "obj", tmp_path / "out")
+    for level in run.levels:
+        files = sorted((tmp_path / "out" / f"level_{level.index}").iterdir())
+        assert [f.name for f in files] == [f"{step:06d}.obj" for step in range(level.steps)]
+        lines = files[2].read_text().splitlines()
+        points = np.array([line.split()[1:] for line in lines if line.startswith("v ")], dtype=float)
+        faces = np.array([line.split()[1:] for line in lines if line.startswith("f ")], dtype=int) - 1
+        facets = level.surface if level.rest.shape[1] == 3 else level.cells
+        used = np.unique(facets)
+        np.testing.assert_array_equal(points[:, : level.rest.shape[1]], level.positions(2)[used], err_msg="once each, in the input's order")
+        assert {tuple(f) for f in used[faces]} == {tuple(f) for f in facets}
+        assert [line for line in lines if line.startswith("o ")] == ["o left", "o right"]
+
+
+def test_usd_switches_levels(solid_run, tmp_path):
+    pxr = pytest.importorskip("pxr", reason="usd-core is an optional extra")
+    from pxr import Usd, UsdGeom
+
+    assert pxr
+    (file,) = export_run(solid_run, "usd", tmp_path)
+    stage, run = Usd.Stage.Open(file), open_run(solid_run)
+    assert (stage.GetStartTimeCode(), stage.GetEndTimeCode(), stage.GetTimeCodesPerSecond()) == (0, 4, pytest.approx(1 / run.dt))
+    variants = stage.GetDefaultPrim().GetVariantSet("level")
+    assert variants.GetVariantNames() == ["level_0", "level_1"] and variants.GetVariantSelection() == "level_1"
+    for level in run.levels:
+        variants.SetVariantSelection(f"level_{level.index}")
+        bodies = level.mesh.point_bodies[level.surface[:, 0]]
+        for body, name in enumerate(run.info["bodies"]):
+            mesh = UsdGeom.Mesh(stage.GetPrimAtPath(f"/run/{name}"))
+            used = np.unique(level.surface[bodies == body])
+            faces = np.array(mesh.GetFaceVertexIndicesAttr().Get()).reshape(-1, 3)
+            np.testing.assert_array_equal(used[faces], level.surface[bodies == body])
+            for step in range(level.steps):
+                np.testing.assert_array_equal(mesh.GetPointsAttr().Get(step), level.positions(step)[used].astype(np.float32))
+                np.testing.assert_array_equal(mesh.GetVelocitiesAttr().Get(step), level.velocities(step)[used].astype(np.float32))
+
+
+def test_usd_without_its_package(solid_run, tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "pxr", None)
+    with pytest.raises(InputError, match="usd-core"):
+        export_run(solid_run, "usd", tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+
+
+def _others(root, own) -> set:
+    """All files below a folder, without those of one's own."""
+    return {p for p in root.rglob("*") if "__pycache__" not in p.parts and own not in (p, *p.parents)}
+
+
+def test_names_lead_nowhere(resting, tmp_path):
+    """A body called ../../block: nothing is written outside the folders asked for."""
+    before = _others(resting.parent.parent, tmp_path)
+    for kind in ("xdmf", "vtkhdf", "obj"):
+        export_run(resting, kind, tmp_path / kind)
+    assert _others(resting.parent.parent, tmp_path) == before
+    assert "o ______block" in (tmp_path / "obj" / "level_0" / "000000.obj").read_text().splitlines()
+
+
+def test_an_export_goes_on_where_the_former_one_ended(small_run, tmp_path):
+    state = small_run / "levels" / "0" / "000006.npy"
+    whole = state.read_bytes()
+    state.unlink()
+    path = write_xdmf(open_run(small_run), 0, tmp_path / "level_0.xdmf")
+    asked = []
+
+    def more(step):
+        asked.append(step)
+        return StepFields()
+
+    write_xdmf(open_run(small_run), 0, path, more)
+    assert asked == list(range(6)), "fields that the former export lacks are added"
+    state.write_bytes(whole)
+    write_xdmf(open_run(small_run), 0, path, more)
+    assert asked == list(range(7))
+    earlier = small_run / "levels" / "0" / "000003.npy"
+    np.save(earlier, np.load(earlier) + 1.0)  # a run that was rewound and took another way
+    write_xdmf(open_run(small_run), 0, path, more)
+    assert asked[7:] == [3]
+    (tmp_path / "level_0.h5").write_bytes((tmp_path / "level_0.h5").read_bytes()[:1000])
+    write_xdmf(open_run(small_run), 0, path, more)
+    assert asked[8:] == list(range(7))
+    ET.parse(path)
+
+
+def test_a_run_without_its_scene_is_exported_as_it_is(resting, tmp_path):
+    copy = shutil.copytree(resting, tmp_path / "run")
+    info = json.loads((copy / "run.json").read_text())
+    (copy / "run.json").write_text(json.dumps({**info, "scene_file": "/nowhere.py"}))
+    (file, told) = export_run(copy, "xdmf", tmp_path / "out")
+    assert "without contact forces and stresses: its scene file /nowhere.py is gone" == told
+    with meshio.xdmf.TimeSeriesReader(file) as reader:
+        reader.read_points_cells()
+        assert set(reader.read_data(3)[1]) == {"displacement", "velocity"}
