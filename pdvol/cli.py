@@ -22,6 +22,9 @@ def main(scene: Callable | None = None, argv: Sequence[str] | None = None) -> No
 
 def run(arguments: Sequence[str]) -> int:
     """Carries out one command line; its exit code."""
+    for stream in (sys.stdout, sys.stderr):
+        if hasattr(stream, "reconfigure"):
+            stream.reconfigure(errors="backslashreplace")  # names may hold what the terminal's encoding does not
     try:
         options = _parser().parse_args(arguments)
         return options.command(options) or 0

@@ -15,6 +15,7 @@ from pdvol.potentials.build import build_terms
 from pdvol.potentials.elasticity import Elastic
 from pdvol.potentials.potential import Positions
 from pdvol.potentials.stress import CauchyStress, von_mises
+from pdvol.record.folder import require_scene
 from pdvol.record.reader import Run
 from pdvol.record.series import StepFields
 from pdvol.scene import Rigid, Scene
@@ -69,6 +70,7 @@ def stored_scene(run: Run) -> tuple[Scene, list]:
         Its file is gone or has changed; one line says what.
     """
     info = run.info
+    require_scene(run.path, info)
     if not Path(info.get("scene_file", "")).is_file():
         raise InputError(f"its scene file {info.get('scene_file', '')} is gone")
     shot = load_shot(info["scene_file"], stored_settings(info["parameters"]), info["steps"])

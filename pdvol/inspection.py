@@ -17,6 +17,7 @@ from pdvol.hierarchy.tetrahedralise import mean_ratio
 from pdvol.hierarchy.validate import check_outline, check_solid, check_surface
 from pdvol.meshes import Outline, Solid
 from pdvol.record.bindings import draw_binding
+from pdvol.record.folder import require_scene
 from pdvol.record.reader import open_run
 from pdvol.record.vtu import write_vtu
 from pdvol.scene import Barrier, Body, Flow, Friction, Gravity, Impulse, Load, Material, NeoHookean, Plane, PointForce, Rigid, Scene, Still, metres
@@ -127,6 +128,7 @@ def describe_run(path: Path, pictures: Path | None = None) -> list[str]:
     """`pdvol info RUN`: what a run folder holds, and its bindings, drawn into the folder `pictures` if there is one."""
     run = open_run(path)
     info = run.info
+    require_scene(path, info)
     lines = [f"{info['scene']}: method {info['method']}, dt {run.dt:g} s, {info['steps']} steps, parameters {info['parameters'] or 'as in the file'}"]
     for level in run.levels:
         log = level.log

@@ -24,7 +24,7 @@ from pdvol.hierarchy.scene_fields import check_fields, initial_velocity, scene_d
 from pdvol.hierarchy.start_check import check_start
 from pdvol.parallel import on_root
 from pdvol.record.files import jsonable
-from pdvol.record.folder import holds_run, in_use
+from pdvol.record.folder import holds_run, in_use, require_scene
 from pdvol.record.progress import Progress
 from pdvol.record.reader import Run, open_run
 from pdvol.record.series import nothing_more
@@ -37,6 +37,7 @@ from pdvol.wavefront import march_levels
 
 METHODS = ("progressive", "direct")
 LIBRARIES = ("fenics-dolfinx", "petsc4py", "ipctk", "numpy", "scipy", "pytetwild", "gmsh", "fast-simplification")
+MOST_PLACES = 20_000_000  # of vertices of moving obstacles, for pictures: half a GB
 TOLD = 6  # changes that a message lists
 PAUSE, SHARE = 20.0, 0.05  # at least so many seconds between exports of a level that goes on, and at most this share of the time
 
@@ -94,11 +95,17 @@ def refine_run(out: str | Path, last: int, comm: MPI.Comm = MPI.COMM_WORLD, prog
 
     Parameters as for `run_scene`.
     """
-    info = on_root(comm, lambda: open_run(out).info)
+    info = on_root(comm, lambda: _scene_info(out))
     if not Path(info["scene_file"]).is_file():
         raise InputError(f"{out}: its scene file {info['scene_file']} is gone; put it back, or use pdvol run --resume with another path")
     shot = load_shot(info["scene_file"], stored_settings(info["parameters"]), info["steps"])
     return run_scene(shot, out, 0, last, info["method"], info["prolongation"], True, comm, progress, wavefront)
+
+
+def _scene_info(out: str | Path) -> dict:
+    info = open_run(out).info
+    require_scene(Path(out), info)
+    return info
 
 
 def _check_request(scene: Scene, out: Path, first: int, last: int, method: str, prolongation: str, go_on: bool) -> None:
@@ -136,6 +143,7 @@ def _same_levels(run: Run, shot: Shot, last: int, method: str, prolongation: str
 
     Raises InputError, saying field by field what has changed, where that leaves none, or would drop a level that is not asked for.
     """
+    require_scene(run.path, run.info)
     for name, now in (("method", method), ("prolongation", prolongation)):
         if run.info[name] != now:
             raise InputError(f"{run.path} was run with {name} {run.info[name]!r}, not {now!r}; choose another folder with --out")
@@ -186,6 +194,10 @@ def _versions() -> dict[str, str]:
 def _drawn_obstacles(scene: Scene, geometry) -> list[dict]:
     """Obstacles as pictures need them, with their places over time where they move."""
     times = np.arange(scene.steps + 1) * scene.dt
+    moving = sum(len(vertices) for (vertices, *_), o in zip(geometry, (o for o in scene.obstacles if isinstance(o, Rigid)), strict=True)
+                 if not isinstance(o.motion, Still))
+    if moving * len(times) > MOST_PLACES:
+        raise InputError(f"{moving:,} vertices of moving obstacles over {scene.steps:,} steps are too many to keep; simulate fewer steps at a time")
     drawn, rigid = [], iter(geometry)
     for obstacle in scene.obstacles:
         moves = not isinstance(obstacle.motion, Still)
@@ -261,7 +273,7 @@ class _SharedWriter:
 
     def record(self, level: int, step: int) -> dict:
         """The log's record of a stored step, on every rank; empty where there is none."""
-        return on_root(self.comm, lambda: next((r for r in open_run(self._writer.path).levels[level].log if r["step"] == step), {}))
+        return on_root(self.comm, lambda: next((r for r in open_run(self._writer.path).levels[level].log if r.get("step") == step), {}))
 
     def export(self, level: int) -> None:
         """Writes level_N.xdmf."""

@@ -54,7 +54,7 @@ def _value(text: str):
     relative = re.fullmatch(r"Relative\((.+)\)", text.strip())
     try:
         value = ast.literal_eval(relative.group(1) if relative else text)
-    except (ValueError, SyntaxError):
+    except (ValueError, SyntaxError, MemoryError, RecursionError):  # the last two: nested too deeply
         return text
     return Relative(value) if relative else value
 

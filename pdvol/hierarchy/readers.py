@@ -2,7 +2,8 @@
 
 Which library reads what is a matter of measurement. For OBJ it is none: meshio refuses files whose normals or textures outnumber the
 vertices, trimesh and VTK split vertices along texture seams, libigl aborts the process on truncated ones. PLY, OFF and STL go through
-trimesh, for meshio never comes back from a PLY or OFF whose header is cut short. Whatever goes wrong inside a library becomes one line.
+trimesh, for meshio never comes back from a PLY or OFF whose header is cut short. Whatever goes wrong inside a library becomes one line,
+and all of it happens in a child of limited time and memory (`bounded.py`).
 """
 
 import shutil
@@ -14,14 +15,13 @@ import numpy as np
 import trimesh
 
 from pdvol.errors import InputError, MeshError
+from pdvol.hierarchy.bounded import PER_SECOND, SECONDS, read_bounded
 from pdvol.hierarchy.child import run_worker
 from pdvol.hierarchy.quiet import silenced
 from pdvol.meshes import Outline, Solid, Surface
 
 SURFACES = (".obj", ".ply", ".off", ".stl")
 VOLUMES = (".msh", ".vtk", ".vtu", ".mesh", ".xdmf")
-READING = 300.0
-"""Seconds after which VTK is taken to hang."""
 _MSH_SECTIONS = {"MeshFormat", "PhysicalNames", "Entities", "PartitionedEntities", "Nodes", "Elements"}
 _LABELS = ("gmsh:physical", "medit:ref", "material", "MaterialIDs", "regions", "region", "cell_tags", "gmsh:geometrical")
 """Names under which cells carry their region, the most explicit first."""
@@ -56,7 +56,18 @@ def read_shape(shape: str | Path | Outline | Surface | Solid) -> Outline | Surfa
         raise InputError(f"{path}: cannot be opened ({error.strerror}); check its permissions") from error
     if not start:
         raise MeshError(f"{path}: the file is empty; export the mesh again")
-    return _surface(path) if suffix in SURFACES else _volume(path)
+    read = read_bounded(path, _surface if suffix in SURFACES else _volume)
+    points = np.ascontiguousarray(read["points"], dtype=np.float64)
+    if "triangles" in read:
+        return Surface(points, _indices(path, read["triangles"]))
+    return Solid(points, _indices(path, read["cells"]), read["regions"].astype(np.int32))
+
+
+def _indices(path: Path, cells: np.ndarray) -> np.ndarray:
+    """As int32, which larger numbers would silently turn into others."""
+    if cells.size and (cells.min() < -(2**31) or cells.max() >= 2**31):
+        raise MeshError(f"{path}: cells use vertices beyond number {2**31 - 1:,}; export the mesh again")
+    return np.ascontiguousarray(cells, dtype=np.int32)
 
 
 def _attempts(path: Path, readers):
@@ -66,6 +77,8 @@ def _attempts(path: Path, readers):
         try:
             with silenced():
                 return reader(path)
+        except MemoryError:
+            raise
         # The libraries raise whatever they like, and meshio calls sys.exit.
         except (Exception, SystemExit) as error:
             reasons.append(" ".join(str(error).split()) if not isinstance(error, SystemExit) else "")
@@ -76,11 +89,11 @@ def _attempts(path: Path, readers):
 # ---- surfaces ----------------------------------------------------------------------------------------------------------------
 
 
-def _surface(path: Path) -> Surface:
+def _surface(path: Path) -> dict[str, np.ndarray]:
     points, triangles = _attempts(path, (_obj if path.suffix.lower() == ".obj" else _with_trimesh,))
     if len(triangles) == 0:
         raise MeshError(f"{path}: holds no triangles; export a triangle surface")
-    return Surface(np.ascontiguousarray(points, dtype=np.float64), np.ascontiguousarray(triangles, dtype=np.int32))
+    return {"points": np.asarray(points, dtype=np.float64), "triangles": np.asarray(triangles)}
 
 
 def _obj(path: Path):
@@ -128,7 +141,7 @@ def _triangles(mesh: meshio.Mesh):
 # ---- volume meshes -----------------------------------------------------------------------------------------------------------
 
 
-def _volume(path: Path) -> Solid | Surface:
+def _volume(path: Path) -> dict[str, np.ndarray]:
     readers = [_with_meshio]
     if path.suffix.lower() == ".msh":
         readers.append(_with_meshio_known_sections)
@@ -140,14 +153,14 @@ def _volume(path: Path) -> Solid | Surface:
     if tets:
         cells = np.concatenate([np.asarray(mesh.cells[b].data) for b in tets])
         labels = _regions(mesh, np.concatenate([np.full(len(mesh.cells[b].data), b) for b in tets]), None)
-        return Solid(points, cells.astype(np.int32), labels)
+        return {"points": points, "cells": cells, "regions": labels}
     triangles, blocks, rows = _triangles(mesh)
     if len(triangles) == 0:
         kinds = sorted({block.type for block in mesh.cells})
         raise MeshError(f"{path}: holds no tetrahedra and no triangles (only {', '.join(kinds) or 'nothing'}); export one of the two")
     if points.shape[1] == 2 or np.ptp(points[triangles, 2]) == 0.0:
-        return Solid(np.ascontiguousarray(points[:, :2]), triangles.astype(np.int32), _regions(mesh, blocks, rows))
-    return Surface(np.ascontiguousarray(points), triangles.astype(np.int32))
+        return {"points": points[:, :2], "cells": triangles, "regions": _regions(mesh, blocks, rows)}
+    return {"points": points, "triangles": triangles}
 
 
 def _regions(mesh: meshio.Mesh, blocks: np.ndarray, rows: np.ndarray | None) -> np.ndarray:
@@ -189,7 +202,7 @@ def _with_meshio_known_sections(path: Path) -> meshio.Mesh:
 
 def _with_vtk(path: Path) -> meshio.Mesh:
     """Legacy and XML VTK as VTK itself reads them, in a child process: VTK ends the process on some truncated files."""
-    read = run_worker("vtk_worker.py", READING, path=np.array(str(path.resolve())))
+    read = run_worker("vtk_worker.py", SECONDS + path.stat().st_size / PER_SECOND, path=np.array(str(path.resolve())))
     labels = {name.removeprefix("label "): values for name, values in read.items() if name.startswith("label ")}
     blocks = [(kind, read[kind]) for kind in ("tetra", "triangle") if len(read[kind])]
     starts = {"tetra": 0, "triangle": len(read["tetra"])}

@@ -22,7 +22,8 @@ from pdvol.errors import InputError, SimulationError
 
 TEMPORARY = ".tmp"
 LOCKING = 5  # attempts to take a lock: who only asks whether a run is in use holds it for an instant
-_UNREADABLE = (OSError, ValueError, EOFError, KeyError, SyntaxError, zipfile.BadZipFile, zlib.error)
+_UNREADABLE = (OSError, ValueError, EOFError, KeyError, SyntaxError, TypeError, AttributeError, MemoryError, RecursionError, OverflowError,
+               NotImplementedError, RuntimeError, zipfile.BadZipFile, zlib.error)
 
 
 def write_bytes(path: Path, data: bytes) -> None:
@@ -100,6 +101,8 @@ def read_array(path: Path, shape: tuple[int, ...]) -> np.ndarray:
         When the file is missing, cut short, of another shape or holds numbers that are not finite.
     """
     try:
+        if path.exists() and not is_whole(path, shape):
+            raise ValueError(f"it is no float64 array of shape {shape}")  # before a header can ask for memory
         array = np.load(path, allow_pickle=False)
     except FileNotFoundError as error:
         raise InputError(f"{path} is missing") from error
@@ -128,11 +131,14 @@ def is_whole(path: Path, shape: tuple[int, ...]) -> bool:
 def read_arrays(path: Path, names: tuple[str, ...]) -> dict[str, np.ndarray]:
     """Read named arrays of a .npz file; InputError when it is missing, damaged or lacks one of `names`."""
     try:
+        with zipfile.ZipFile(path) as archive:
+            if sum(entry.file_size for entry in archive.infolist()) > path.stat().st_size:  # ours are not compressed: this one would swell
+                raise ValueError("compressed")
         with np.load(path, allow_pickle=False) as archive:
             arrays = {name: archive[name] for name in archive.files}
     except FileNotFoundError as error:
         raise InputError(f"{path} is missing") from error
-    except (*_UNREADABLE, AttributeError, TypeError) as error:  # a plain .npy array in its place is no context manager
+    except _UNREADABLE as error:  # a plain .npy array in its place is no context manager, for example
         raise InputError(f"{path} is damaged or cut short ({error})") from error
     missing = [name for name in names if name not in arrays]
     if missing:
@@ -146,7 +152,7 @@ def read_json(path: Path) -> dict:
         value = json.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError:
         raise
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, RecursionError) as error:
         raise InputError(f"{path} cannot be read as JSON ({error})") from error
     if not isinstance(value, dict):
         raise InputError(f"{path} does not hold a JSON object")

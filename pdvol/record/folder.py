@@ -6,6 +6,7 @@
     run.lock              held while a process writes
 """
 
+import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -16,6 +17,8 @@ from pdvol.hierarchy.level_mesh import LevelMesh
 from pdvol.record.files import TEMPORARY, jsonable, lock, read_json, sync_folder, write_array, write_arrays
 
 FORMAT = 1
+_TYPES = {"scene": str, "scene_file": str, "steps": int, "method": str, "prolongation": str, "parameters": dict, "description": dict,
+          "diagonal": float, "bodies": list, "versions": dict, "up": list, "state": str}
 STATES = ("running", "failed", "interrupted", "done", "pending")  # of levels; a run has the first one that any of its levels has
 
 
@@ -38,10 +41,34 @@ def read_info(path: Path) -> dict:
         raise InputError(f"{path} {what}") from error
     if info.get("format") != FORMAT:
         raise InputError(f"{path} is a run of format {info.get('format')!r}, this pdvol reads format {FORMAT}: use the pdvol that wrote it")
-    levels = info.get("levels")
-    if not isinstance(levels, list) or not all(isinstance(entry, dict) for entry in levels) or not isinstance(info.get("dt"), (int, float)):
-        raise InputError(f"{path / 'run.json'} lacks the list of levels or the time step dt")
+    _check_info(path / "run.json", info)
     return info
+
+
+def _check_info(file: Path, info: dict) -> None:
+    """InputError unless what `run.json` says has the types that its readers rely on."""
+    levels, dt = info.get("levels"), info.get("dt")
+    if not isinstance(levels, list) or not all(isinstance(entry, dict) for entry in levels) or isinstance(dt, bool) \
+            or not isinstance(dt, (int, float)) or not 0 < dt < math.inf:
+        raise InputError(f"{file} lacks the list of levels or the time step dt")
+    for key, kind in _TYPES.items():
+        if key in info and (not isinstance(info[key], kind) or isinstance(info[key], bool)):
+            raise InputError(f"{file}: {key} is not of the type {kind.__name__}; put back the file as pdvol wrote it")
+    for number, entry in enumerate(levels):
+        if not isinstance(entry.get("vertices"), int) or not isinstance(entry.get("cells"), int) or entry.get("state") not in STATES:
+            raise InputError(f"{file}: level {number} lacks its vertices, cells or state; put back the file as pdvol wrote it")
+    if not all(isinstance(name, str) for name in info.get("bodies", [])) or not 0 <= info.get("steps", 0) < 2**31:
+        raise InputError(f"{file}: bodies or steps are not what pdvol wrote; put back the file")
+    up = info.get("up", [0.0, 0.0, 1.0])
+    if len(up) not in (2, 3) or not all(isinstance(c, (int, float)) for c in up):
+        raise InputError(f"{file}: up is no vector")
+
+
+def require_scene(path: Path, info: dict) -> None:
+    """InputError unless `run.json` says what was simulated, as that of every run does which `pdvol run` made."""
+    missing = [key for key in ("scene", "scene_file", "steps", "method", "prolongation", "parameters", "description", "diagonal") if key not in info]
+    if missing:
+        raise InputError(f"{path / 'run.json'} lacks {', '.join(missing)}; put back the file as pdvol wrote it")
 
 
 def holds_run(path: Path) -> bool:

@@ -27,7 +27,7 @@ def read_log(path: Path) -> list[dict]:
     for number, line in enumerate(text.split(b"\n")[:-1], start=1):
         try:
             record = json.loads(line)
-        except ValueError:
+        except (ValueError, RecursionError):
             record = None
         if not isinstance(record, dict):
             raise InputError(f"{path}, line {number}, is not a JSON object; the stored states are unaffected: remove that line")

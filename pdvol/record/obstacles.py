@@ -83,6 +83,8 @@ def read_obstacles(folder: Path) -> tuple[DrawnObstacle, ...]:
         entries = read_json(folder / "obstacles.json").get("obstacles", [])
     except FileNotFoundError:
         return ()
+    if not isinstance(entries, list) or not all(isinstance(entry, dict) and isinstance(entry.get("kind"), str) for entry in entries):
+        raise InputError(f"{folder / 'obstacles.json'} is no list of obstacles; the stored states do not depend on it: remove it")
     result = []
     for i, entry in enumerate(entries):
         kind = entry.get("kind")

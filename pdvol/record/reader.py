@@ -47,8 +47,10 @@ class RunLevel:
         except InputError as error:
             raise InputError(f"{error}: level {self.index} cannot be used, the other levels can") from error
         points, cells = arrays["points"], arrays["cells"]
-        sound = points.ndim == 2 and points.shape[1] in (2, 3) and cells.ndim == 2 and cells.shape[1] == points.shape[1] + 1
-        if not sound or (cells.size and (cells.min() < 0 or cells.max() >= len(points))):
+        sound = points.ndim == 2 and points.shape[1] in (2, 3) and points.dtype == np.float64 and np.isfinite(points).all()
+        sound = sound and all(_numbers(array, (None, width), len(points)) for array, width in ((cells, points.shape[1] + 1),
+                                                                                              (arrays["surface"], points.shape[1])))
+        if not sound or len(cells) == 0 or not all(_numbers(arrays[key], (len(cells),), 2**31) for key in ("bodies", "regions")):
             raise InputError(f"{path} does not hold a mesh of triangles (2D) or tetrahedra (3D): level {self.index} cannot be used")
         return LevelMesh(points, cells, arrays["bodies"], arrays["regions"]), arrays["surface"]
 
@@ -110,6 +112,12 @@ class RunLevel:
     def log(self) -> list[dict]:
         """The log's records of this level."""
         return [record for record in read_log(self._run.path / "log.jsonl") if record.get("level") == self.index]
+
+
+def _numbers(array: np.ndarray, shape: tuple, end: int) -> bool:
+    """Whether an array holds whole numbers below `end`, none negative, in this shape; None stands for any length."""
+    fits = array.ndim == len(shape) and all(wanted in (None, n) for wanted, n in zip(shape, array.shape, strict=True))
+    return fits and array.dtype.kind in "iu" and (array.size == 0 or (array.min() >= 0 and array.max() < end))
 
 
 class Run:

@@ -10,6 +10,7 @@ from pdvol.scene.checks import finite, positive, require, sequence
 from pdvol.scene.materials import Material, Region
 from pdvol.scene.motions import rotation_matrix
 
+MOST_LEVELS, MOST_VERTICES = 32, 100_000_000  # what is beyond is a slip of the pen
 Shape = str | Path | Outline | Surface | Solid
 
 
@@ -61,6 +62,7 @@ class Body:
     regions: tuple[Region, ...] = ()
 
     def __post_init__(self):
+        require(isinstance(self.name, str), f"the name of a body must be text, not {self.name!r}")
         listed = isinstance(self.shape, (tuple, list))
         require(isinstance(self.material, Material), f"body {self.name!r}: material must be a Material, not {type(self.material).__name__}")
         sequence(f"body {self.name!r}: regions", self.regions)
@@ -71,8 +73,10 @@ class Body:
             require(len(self.shape) > 0, f"body {self.name!r}: the list of meshes is empty")
         else:
             require(len(self.vertices) > 0, f"body {self.name!r}: give vertices=(coarsest, ..., finest), one target per level")
+            require(len(self.vertices) <= MOST_LEVELS, f"body {self.name!r}: {len(self.vertices)} vertex targets; {MOST_LEVELS} levels are the most")
             for v in self.vertices:
-                require(isinstance(v, (int, np.integer)) and v >= 4, f"body {self.name!r}: vertex target {v!r} is not a whole number of at least 4")
+                require(isinstance(v, (int, np.integer)) and 4 <= v <= MOST_VERTICES,
+                        f"body {self.name!r}: vertex target {v!r} is not a whole number from 4 to {MOST_VERTICES}")
             require(list(self.vertices) == sorted(self.vertices), f"body {self.name!r}: vertex targets {self.vertices} must go from coarse to fine")
         for value in (*np.ravel(self.velocity), *np.ravel(self.spin)):
             finite(f"body {self.name!r}: velocity or spin", float(value))

@@ -10,6 +10,8 @@ from pdvol.scene.loads import Load
 from pdvol.scene.solver import Solver
 from pdvol.scene.surroundings import Plane, Rigid, Support
 
+MOST_STEPS = 10_000_000  # what is beyond is a slip of the pen
+
 
 @dataclass(frozen=True)
 class Scene:
@@ -28,6 +30,7 @@ class Scene:
     def __post_init__(self):
         positive("dt", self.dt)
         count("steps", self.steps, 0)
+        require(self.steps <= MOST_STEPS, f"steps = {self.steps!r} must be at most {MOST_STEPS}")
         for name in ("bodies", "loads", "supports", "obstacles", "contact"):
             sequence(name, getattr(self, name))
         require(len(self.bodies) > 0, "a scene needs at least one body")
