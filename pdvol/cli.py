@@ -200,7 +200,10 @@ def _finish(out: Path) -> None:
     from pdvol.record.pictures import render
     from pdvol.record.reader import open_run
 
-    picture = render(open_run(out), out / "picture.png")
+    run = open_run(out)
+    picture = render(run, out / "picture.png")
+    for line in run.info.get("mended", []):
+        print(f"note: {line}", file=sys.stderr)
     print(f"{out}: states, log.jsonl, level_N.xdmf and {picture.name}", file=sys.stderr)
 
 

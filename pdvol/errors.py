@@ -22,11 +22,18 @@ class InvertedCellError(MeshError):
 
 
 class IntersectionError(InputError):
-    """Primitives that cross at t = 0. `pairs` names them."""
+    """Primitives that cross at t = 0.
 
-    def __init__(self, message: str, pairs=()):
+    Attributes
+    ----------
+    pairs : the primitives
+    level, bodies : where, and the indices of the bodies that meet; none in a shape that crosses itself before it is in a scene
+    push : (d,) unit vector along which the first body leaves the other party, None for a body that meets itself
+    """
+
+    def __init__(self, message: str, pairs=(), level: int = 0, bodies=(), push=None):
         super().__init__(message)
-        self.pairs = tuple(pairs)
+        self.pairs, self.level, self.bodies, self.push = tuple(pairs), level, tuple(int(b) for b in bodies), push
 
 
 class SimulationError(PdvolError):

@@ -12,6 +12,7 @@ from pdvol.hierarchy.hierarchy import Hierarchy
 from pdvol.hierarchy.level_mesh import LevelMesh
 from pdvol.hierarchy.readers import read_shape
 from pdvol.hierarchy.scene_fields import check_fields, scene_diagonal
+from pdvol.hierarchy.separate import build_apart
 from pdvol.hierarchy.start_check import check_start
 from pdvol.hierarchy.tetrahedralise import mean_ratio
 from pdvol.hierarchy.validate import check_outline, check_solid, check_surface
@@ -48,6 +49,10 @@ def modelled(scene: Scene) -> list[str]:
             lines.append(f"friction: mu {c.mu:g}, smooth below {metres(c.eps_v, diagonal):.3g} m/s, lagged {c.iterations} time(s) a step")
     if not scene.contact:
         lines.append("contact: none")
+    if not any(isinstance(c, Friction) for c in scene.contact):
+        lines.append("friction: none")
+    lines += [f"where bodies meet at t = 0: {remedy.by} by up to {remedy.limit:g}" for remedy in scene.separate]
+    lines.append(f"levels: {scene.levels}" if scene.levels > 1 else "levels: 1, no prolongation")
     lines.append(f"time: {scene.steps} steps of {scene.dt:g} s; Newton tolerance {metres(scene.solver.tolerance, diagonal):.3g} m/s; "
                  f"scene diagonal {diagonal:.4g} m")
     return lines
@@ -130,6 +135,7 @@ def describe_run(path: Path, pictures: Path | None = None) -> list[str]:
     info = run.info
     require_scene(path, info)
     lines = [f"{info['scene']}: method {info['method']}, dt {run.dt:g} s, {info['steps']} steps, parameters {info['parameters'] or 'as in the file'}"]
+    lines += info.get("mended", [])
     for level in run.levels:
         log = level.log
         line = f"level {level.index}: {level.info['state']}, {len(level.rest):,} vertices, {max(level.steps - 1, 0)} steps"
@@ -186,9 +192,10 @@ def check_shot(shot: Shot) -> tuple[list[str], bool]:
     lines = modelled(scene)
     try:
         obstacles = [read_obstacle(o) for o in scene.obstacles if isinstance(o, Rigid)]
-        meshes = build_levels(scene)
+        meshes, mended = build_apart(scene, scene.levels, obstacles)
     except InputError as error:
         return [*lines, f"defect: {error}"], False
+    lines += [f"note: {line}" for line in mended]
     lines += [describe_level(mesh, level) for level, mesh in enumerate(meshes)]
     sound = True
     for level, mesh in enumerate(meshes):

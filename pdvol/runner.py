@@ -15,12 +15,13 @@ from pdvol.animate.march import Start, direct, progressive
 from pdvol.describe import differences_by_level
 from pdvol.errors import InputError, SimulationError
 from pdvol.fields import SceneFields
-from pdvol.hierarchy.build import build_levels, read_obstacle
+from pdvol.hierarchy.build import read_obstacle
 from pdvol.hierarchy.cell_materials import level_materials
 from pdvol.hierarchy.hierarchy import Hierarchy
 from pdvol.hierarchy.interpolants import INTERPOLANTS
 from pdvol.hierarchy.level_mesh import LevelMesh
 from pdvol.hierarchy.scene_fields import check_fields, initial_velocity, scene_diagonal
+from pdvol.hierarchy.separate import build_apart
 from pdvol.hierarchy.start_check import check_start
 from pdvol.parallel import on_root
 from pdvol.record.files import jsonable
@@ -30,7 +31,7 @@ from pdvol.record.reader import Run, open_run
 from pdvol.record.series import nothing_more
 from pdvol.record.store import RunWriter
 from pdvol.record.xdmf import write_xdmf
-from pdvol.scene import Plane, Rigid, Scene, Still
+from pdvol.scene import Gravity, Plane, Rigid, Scene, Still
 from pdvol.shot import Shot, load_shot, stored_settings
 from pdvol.solve.level_problem import LevelProblem
 from pdvol.wavefront import march_levels
@@ -75,8 +76,8 @@ def run_scene(shot: Shot, out: str | Path, first: int = 0, last: int | None = No
     _check_request(scene, out, first, last, method, prolongation, resume or first > 0)
     if wavefront and comm.size > 1:
         raise InputError("--wavefront starts a process per level; leave out mpirun, or run the levels one after the other")
-    meshes, kept, obstacles, diagonal = on_root(comm, lambda: _prepare(shot, out, last, method, prolongation))
-    writer = _SharedWriter(comm, lambda: _open_writer(shot, out, meshes, kept, obstacles, diagonal, method, prolongation),
+    meshes, kept, obstacles, diagonal, mended = on_root(comm, lambda: _prepare(shot, out, last, method, prolongation))
+    writer = _SharedWriter(comm, lambda: _open_writer(shot, out, meshes, kept, obstacles, diagonal, method, prolongation, mended),
                            _Export(out, scene, obstacles))
     try:
         if wavefront:
@@ -121,8 +122,8 @@ def _check_request(scene: Scene, out: Path, first: int, last: int, method: str, 
         raise InputError(f"level {first} is refined from level {first - 1}, and {out} holds no run yet; begin with --levels 0:{last}")
 
 
-def _prepare(shot: Shot, out: Path, last: int, method: str, prolongation: str) -> tuple[Sequence[LevelMesh], int, list, float]:
-    """Meshes up to `last`, how many of the coarsest are stored ones, obstacles and the scene's diagonal, checked at t = 0."""
+def _prepare(shot: Shot, out: Path, last: int, method: str, prolongation: str) -> tuple[Sequence[LevelMesh], int, list, float, list[str]]:
+    """Meshes up to `last`, how many of the coarsest are stored ones, obstacles and the scene's diagonal, checked at t = 0; what was mended."""
     scene = shot.scene
     stored: list[LevelMesh] = []
     if holds_run(out):
@@ -131,11 +132,17 @@ def _prepare(shot: Shot, out: Path, last: int, method: str, prolongation: str) -
             raise InputError(in_use(out))
         stored = [level.mesh for level in run.levels[: _same_levels(run, shot, last, method, prolongation)]]
     obstacles = [read_obstacle(o) for o in scene.obstacles if isinstance(o, Rigid)]
-    meshes = [*stored, *build_levels(scene, last + 1)[len(stored):]] if len(stored) <= last else stored
+    meshes, mended = stored, []
+    if len(stored) <= last:
+        built, mended = build_apart(scene, last + 1, obstacles)
+        if stored and mended != run.info.get("mended", []):
+            raise InputError(f"{out}: with the levels as they are now, bodies are set apart otherwise than in the stored ones; "
+                             "choose another folder with --out")
+        meshes = [*stored, *built[len(stored):]]
     for level, mesh in enumerate(meshes):
         check_fields(scene, mesh, level)
     check_start(meshes, obstacles, scene)
-    return meshes, len(stored), obstacles, scene_diagonal(scene)
+    return meshes, len(stored), obstacles, scene_diagonal(scene), mended
 
 
 def _same_levels(run: Run, shot: Shot, last: int, method: str, prolongation: str) -> int:
@@ -160,7 +167,8 @@ def _same_levels(run: Run, shot: Shot, last: int, method: str, prolongation: str
     return min(same, len(run.levels))
 
 
-def _open_writer(shot: Shot, out: Path, meshes, kept: int, obstacles, diagonal: float, method: str, prolongation: str) -> RunWriter:
+def _open_writer(shot: Shot, out: Path, meshes, kept: int, obstacles, diagonal: float, method: str, prolongation: str,
+                 mended: list[str]) -> RunWriter:
     scene = shot.scene
     velocities = [initial_velocity(scene, mesh) for mesh in meshes]
     if kept:
@@ -172,13 +180,19 @@ def _open_writer(shot: Shot, out: Path, meshes, kept: int, obstacles, diagonal: 
         changed = {} if writer.info["description"] == jsonable(description) else {"parameters": dict(shot.parameters), "description": description}
         writer.update_info(steps=scene.steps, scene_file=str(shot.file), **changed)
     else:
-        up = [-a for a in scene.loads[0].acceleration] if scene.loads else None
+        up = _up(scene)
         info = {"scene": shot.name, "dt": scene.dt, "steps": scene.steps, "method": method, "prolongation": prolongation,
                 "scene_file": str(shot.file), "parameters": dict(shot.parameters), "description": shot.description(),
-                "diagonal": diagonal, "versions": _versions(), **({"up": up} if up else {})}
+                "diagonal": diagonal, "versions": _versions(), **({"up": up} if up else {}), **({"mended": mended} if mended else {})}
         writer = RunWriter.create(out, info, meshes, [body.name for body in scene.bodies], velocities)
     writer.write_obstacles(_drawn_obstacles(scene, obstacles))
     return writer
+
+
+def _up(scene: Scene) -> list[float] | None:
+    """Against the first gravity, at t = 0: which way pictures have up; None without one."""
+    gravity = next((load.acceleration for load in scene.loads if isinstance(load, Gravity)), None)
+    return None if gravity is None else [-float(a) for a in (gravity(0.0) if callable(gravity) else gravity)]
 
 
 def _versions() -> dict[str, str]:

@@ -63,7 +63,7 @@ def _check_plane(level: int, mesh: LevelMesh, plane: Plane, scene: Scene) -> Non
         raise IntersectionError(
             f"level {level}: {many} at or below plane {plane.name!r} at t = 0, the worst vertex {worst} of body {body!r} by "
             f"{-height[worst]:.3g} m; lift the body or lower the plane",
-            [(int(v),) for v in below],
+            [(int(v),) for v in below], level, (mesh.point_bodies[worst],), moved[1] - moved[0],
         )
 
 
@@ -121,8 +121,19 @@ class _Parties:
         raise IntersectionError(
             f"level {level}: {one} {does} {other} at t = 0 ({word[len(first)]} {first} and {word[len(second)]} {second}, {len(named)} such "
             f"pairs); {mend}",
-            named,
+            named, level, *self._apart(self.owner[a], self.owner[b]),
         )
+
+    def _apart(self, one: int, other: int) -> tuple[list[int], np.ndarray | None]:
+        """The bodies of two parties, and the way along which the first of them leaves the other: from centre to centre."""
+        if one == other:
+            return [one], None
+        bodies = [k for k in (one, other) if k < self.bodies]
+        first, second = bodies[0], other if bodies[0] == one else one
+        middles = [(self.points[self.owner == k].min(axis=0) + self.points[self.owner == k].max(axis=0)) / 2 for k in (first, second)]
+        way, up = middles[0] - middles[1], np.eye(self.points.shape[1])[-1]
+        length = np.linalg.norm(way)
+        return bodies, way / length if length > 0.0 else up
 
     def check_containment(self, level: int) -> None:
         """One party wholly inside another crosses nothing: the winding number of a vertex of each shell tells."""
@@ -147,5 +158,5 @@ class _Parties:
                 raise IntersectionError(
                     f"level {level}: {self._whose(inside[0])} lies inside {self.names[outer]} at t = 0 (vertex {self.labels[inside[0]]}); "
                     "move them apart, or set closed=False on a hollow obstacle",
-                    [(int(self.labels[v]),) for v in inside],
+                    [(int(self.labels[v]),) for v in inside], level, *self._apart(self.owner[inside[0]], outer),
                 )

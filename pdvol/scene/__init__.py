@@ -4,7 +4,7 @@ Absent physics is an absent element: a scene without `contact` has no barrier, o
 lengths marked `Relative` are fractions of the scene's diagonal, so that they mean the same on every level (design, section 5).
 """
 
-from pdvol.scene.bodies import Body, Placement, Shape
+from pdvol.scene.bodies import Body, Placement, Separate, Shape
 from pdvol.scene.contact import Barrier, Friction
 from pdvol.scene.lengths import Length, Relative, metres
 from pdvol.scene.loads import Flow, Force, Gravity, Impulse, Load, PointForce, at_time
@@ -36,6 +36,7 @@ __all__ = [
     "Rigid",
     "Rotation",
     "Scene",
+    "Separate",
     "Shape",
     "Solver",
     "StVenantKirchhoff",

@@ -1,6 +1,6 @@
 """The deformable bodies, where they start and how fast."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -34,6 +34,25 @@ class Placement:
             return moved
         require(len(self.translate) == dim, f"Placement.translate has {len(self.translate)} components in a {dim}D scene")
         return moved + np.asarray(self.translate, dtype=float)
+
+
+@dataclass(frozen=True)
+class Separate:
+    """What may be done to bodies that meet something at t = 0 on some level, instead of refusing the scene. It is reported.
+
+    Attributes
+    ----------
+    by : "move" bodies apart, "shrink" them (both on all levels alike), or "refine": decimate less on the level where they meet
+    limit : the most: a share of the body's diagonal, of its size, or of the level's vertices
+    """
+
+    by: str = "move"
+    limit: float = 0.2
+
+    def __post_init__(self):
+        require(self.by in ("move", "shrink", "refine"), f"Separate.by = {self.by!r} must be move, shrink or refine")
+        positive("Separate.limit", self.limit)
+        require(self.limit < 1.0 or self.by != "shrink", f"Separate.limit = {self.limit!r} shrinks a body to nothing; give less than 1")
 
 
 @dataclass(frozen=True)
@@ -85,6 +104,10 @@ class Body:
     def levels(self) -> int:
         """How many levels this body has."""
         return len(self.shape) if isinstance(self.shape, (tuple, list)) else len(self.vertices)
+
+    def instances(self, *placements: Placement) -> tuple["Body", ...]:
+        """This body at each of several placements, named after it: they share its meshes, which are made once."""
+        return tuple(replace(self, name=f"{self.name} {number}", placement=placement) for number, placement in enumerate(placements, 1))
 
     @property
     def uniform(self) -> bool:

@@ -3,7 +3,7 @@
 from dataclasses import dataclass, field, fields, replace
 from typing import get_args
 
-from pdvol.scene.bodies import Body
+from pdvol.scene.bodies import Body, Separate
 from pdvol.scene.checks import count, positive, require, sequence
 from pdvol.scene.contact import Barrier, Friction
 from pdvol.scene.loads import Load
@@ -15,7 +15,7 @@ MOST_STEPS = 10_000_000  # what is beyond is a slip of the pen
 
 @dataclass(frozen=True)
 class Scene:
-    """A shot. Everything below is described once, for all levels."""
+    """A shot. Everything below is described once, for all levels. `separate`: what may be done, in order, where bodies meet at t = 0."""
 
     bodies: tuple[Body, ...]
     dt: float
@@ -26,12 +26,13 @@ class Scene:
     contact: tuple[Barrier | Friction, ...] = ()
     solver: Solver = field(default_factory=Solver)
     name: str = "scene"
+    separate: tuple[Separate, ...] = ()
 
     def __post_init__(self):
         positive("dt", self.dt)
         count("steps", self.steps, 0)
         require(self.steps <= MOST_STEPS, f"steps = {self.steps!r} must be at most {MOST_STEPS}")
-        for name in ("bodies", "loads", "supports", "obstacles", "contact"):
+        for name in ("bodies", "loads", "supports", "obstacles", "contact", "separate"):
             sequence(name, getattr(self, name))
         require(len(self.bodies) > 0, "a scene needs at least one body")
         names = [b.name for b in self.bodies]
@@ -40,6 +41,8 @@ class Scene:
         require(len(counts) == 1, f"all bodies need the same number of levels, not {sorted(counts)}")
         for s in self.supports:
             require(s.body in ("", *names), f"a support names the body {s.body!r}; there are {names}")
+        for remedy in self.separate:
+            require(isinstance(remedy, Separate), f"separate holds Separate(by, limit), not {type(remedy).__name__}")
         for load in self.loads:
             require(isinstance(load, Load), f"loads hold {', '.join(kind.__name__ for kind in get_args(Load))}, not {type(load).__name__}")
             require(getattr(load, "body", "") in ("", *names), f"a {type(load).__name__} names the body {getattr(load, 'body', '')!r}; there are {names}")

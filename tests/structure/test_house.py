@@ -143,9 +143,11 @@ def loaded_after(program: str, cwd) -> set[str]:
 SCENE = """
 import numpy as np
 import pdvol
-from pdvol import Body, Gravity, NeoHookean, Placement, Scene, Solid, Support, Barrier, Plane, Friction, Rigid, Outline, Surface
+from pdvol import Body, Flow, Gravity, Impulse, NeoHookean, Region, Placement, Scene, Solid, Support, Barrier, Plane, Friction, Rigid, Outline, Surface
 square = Solid(np.array([(0.0, 0), (1, 0), (1, 1), (0, 1)]), np.array([(0, 1, 2), (0, 2, 3)], np.int32), np.zeros(2, np.int32))
-scene = Scene(bodies=(Body((square, square), NeoHookean(1e5)),), loads=(Gravity((0.0, -9.81)),), dt=0.01, steps=2,
+tip = Region(NeoHookean(2e10, damping=0.01), lambda X: X[:, 1] > 0.5)
+scene = Scene(bodies=(Body((square, square), NeoHookean(1e5), regions=(tip,)),), dt=0.01, steps=2,
+              loads=(Gravity((0.0, -9.81)), Flow((1.0, 0.0)), Impulse((1.0, 0.0))),
               supports=(Support(lambda X: X[:, 1] < 0.1),))
 """
 FINITE_ELEMENTS = {"dolfinx", "petsc4py", "basix", "ffcx"}

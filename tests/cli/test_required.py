@@ -1,0 +1,85 @@
+"""A scene costs what it says: `pdvol info` lists the terms, and what is not listed is neither loaded nor built."""
+
+import pytest
+from mpi4py import MPI
+
+import pdvol.hierarchy.hierarchy as hierarchy_module
+from pdvol.cli import run
+from pdvol.hierarchy.level_space import LevelSpace
+from pdvol.potentials import friction, half_space
+from pdvol.potentials.build import build_terms
+from pdvol.scene import Barrier, Flow, Friction, Gravity, Impulse, NeoHookean, Plane
+from problems import make_scene
+from shapes import box, together
+
+SCENE = '''
+from pdvol import *
+from pdvol import meshes
+
+def scene(full=False, levels=1):
+    steel = NeoHookean(2e10, density=7800.0)
+    disc = Body(meshes.disc(0.2), StVenantKirchhoff(2e4, damping=0.01) if full else NeoHookean(2e4), (20, 40, 60)[:levels], name="disc",
+                regions=(Region(steel, lambda X: X[:, 0] > 0.1),) if full else ())
+    loads = (Gravity((0.0, -9.81)), Force(lambda t: (t, 0.0)), PointForce((1.0, 0.0), (0.0, 0.0)), Impulse((0.0, 3.0), 0.5), Flow((1.0, 0.0), 1.2))
+    return Scene((disc,), dt=0.01, steps=2, loads=loads if full else (), contact=(Barrier(), Friction(0.3)) if full else (),
+                 obstacles=(Plane((0.0, -1.0), (0.0, 1.0)),) if full else (), separate=(Separate("shrink", 0.1),) if full else ())
+'''
+
+
+@pytest.fixture
+def file(tmp_path):
+    path = tmp_path / "disc.py"
+    path.write_text(SCENE)
+    return path
+
+
+def info(file, capsys, *words):
+    assert run(["info", str(file), *words]) == 0
+    return capsys.readouterr().out.splitlines()
+
+
+def test_info_lists_what_is_modelled(file, capsys):
+    lines = info(file, capsys, "--set", "full=True", "--set", "levels=2")
+    for start in ("body 'disc': StVenantKirchhoff, young 20000 Pa, poisson 0.4, density 1000 kg/m^3, damping 0.01 s", "body 'disc', where ",
+                  "load: gravity (0.0, -9.81) m/s^2", "load: force by time N over a region", "load: force (1.0, 0.0) N at (0.0, 0.0)",
+                  "load: impulse of (0.0, 3.0) m/s at 0.5 s", "load: flow (1.0, 0.0) m/s of density 1.2 kg/m^3, drag 1",
+                  "obstacle 'plane': half-space", "dimension: 2, plane strain", "contact: area-weighted barrier", "friction: mu 0.3",
+                  "where bodies meet at t = 0: shrink by up to 0.1", "levels: 2"):
+        assert sum(line.startswith(start) for line in lines) == 1, start
+
+
+def test_info_says_what_is_not(file, capsys):
+    lines = info(file, capsys)
+    assert {"contact: none", "friction: none", "levels: 1, no prolongation"} <= set(lines)
+    assert not any(line.startswith(("load", "obstacle", "support", "where")) or "damping" in line for line in lines)
+
+
+def test_one_level_binds_nothing_and_meshes_nothing_else(file, tmp_path, monkeypatch):
+    monkeypatch.setattr(hierarchy_module, "bind", lambda *_: pytest.fail("bound"))
+    monkeypatch.setattr(hierarchy_module, "Prolongation", lambda *_: pytest.fail("prolonged"))
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    assert run(["preview", str(file), "--set", "levels=3", "--out", str(tmp_path / "run")]) == 0
+    assert len(list((tmp_path / "cache" / "pdvol" / "meshes").glob("*.npz"))) == 1
+
+
+def terms(*contact, loads=(), damping=0.0):
+    mesh = together(box(2, 1), box(2, 1, low=[0.0, 1.01], high=[1.0, 2.01]))
+    law = NeoHookean(1e5, damping=damping)
+    scene = make_scene((law, law), contact=contact, obstacles=(Plane((0.0, -0.01), (0.0, 1.0)),) if contact else (), loads=loads)
+    return [term.name for term in build_terms(scene, LevelSpace(mesh, MPI.COMM_SELF), 1.0).potentials]
+
+
+def test_no_friction_builds_no_tangential_sets(monkeypatch):
+    for kind in (friction.SurfaceFriction, half_space.HalfSpaceFriction):
+        monkeypatch.setattr(kind, "__init__", lambda *_: pytest.fail("tangential"))
+    assert terms(Barrier()) == ["elastic", "barrier", "barrier"]
+    with pytest.raises(pytest.fail.Exception):
+        terms(Barrier(), Friction(0.3))
+
+
+def test_each_term_is_there_because_it_is_asked_for():
+    assert terms() == ["elastic"]
+    assert terms(damping=0.1) == ["elastic", "damping"]
+    down = Gravity((0.0, -9.81))
+    assert terms(loads=(down, Impulse((1.0, 0.0)), Flow((1.0, 0.0)))) == ["elastic", "load", "load", "drag"]
+    assert terms(Barrier(), Friction(0.3), loads=(down,)) == ["elastic", "load", "barrier", "barrier", "friction", "friction"]
