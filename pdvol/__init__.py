@@ -17,8 +17,8 @@ __version__ = "0.1.0"
 
 _HOMES = {
     "pdvol.scene": ("Barrier", "Body", "FixedCorotational", "Flow", "Force", "Friction", "Gravity", "Impulse", "Material",
-                    "NeoHookean", "Placement", "Plane", "PointForce", "Region", "Relative", "Rigid", "Rotation", "Scene",
-                    "Separate", "Solver", "StVenantKirchhoff", "Still", "Support", "Translation"),
+                    "NeoHookean", "Path", "Placement", "Plane", "PointForce", "Region", "Relative", "Rigid", "Rotation", "Scene", "Separate",
+                    "Sequential", "Solver", "StVenantKirchhoff", "Still", "Support", "Translation"),
     "pdvol.meshes": ("Outline", "Solid", "Surface"),
     "pdvol.record.reader": ("open_run",),
     "pdvol.runner": ("run_scene", "refine_run"),

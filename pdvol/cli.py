@@ -194,16 +194,17 @@ def _progress():
 
 
 def _finish(out: Path) -> None:
-    """A picture and where to find things; by one rank."""
+    """A picture, where to find things, and what contact held back; by one rank."""
     if _rank() != 0:
         return
+    from pdvol.inspection import held_back
     from pdvol.record.pictures import render
     from pdvol.record.reader import open_run
 
     run = open_run(out)
     picture = render(run, out / "picture.png")
-    for line in run.info.get("mended", []):
-        print(f"note: {line}", file=sys.stderr)
+    for line in (*(f"note: {line}" for line in run.info.get("mended", [])), *held_back(run)):
+        print(line, file=sys.stderr)
     print(f"{out}: states, log.jsonl, level_N.xdmf and {picture.name}", file=sys.stderr)
 
 

@@ -19,7 +19,7 @@ from pdvol.hierarchy.validate import check_outline, check_solid, check_surface
 from pdvol.meshes import Outline, Solid
 from pdvol.record.bindings import draw_binding
 from pdvol.record.folder import require_scene
-from pdvol.record.reader import open_run
+from pdvol.record.reader import Run, open_run
 from pdvol.record.vtu import write_vtu
 from pdvol.scene import Barrier, Body, Flow, Friction, Gravity, Impulse, Load, Material, NeoHookean, Plane, PointForce, Rigid, Scene, Still, metres
 from pdvol.shot import Shot
@@ -146,10 +146,25 @@ def describe_run(path: Path, pictures: Path | None = None) -> list[str]:
         if "reason" in level.info:
             line += f"; {level.info['reason']}"
         lines.append(line)
+    lines += held_back(run)
     hierarchy = Hierarchy([level.mesh for level in run.levels], MPI.COMM_SELF, info.get("prolongation", "barycentric"))
     if pictures is not None:
         draw_bindings(hierarchy, pictures, info.get("up") or (0.0, 0.0, 1.0))
     return [*lines, *(describe_prolongation(hierarchy, level) for level in range(1, len(hierarchy)))]
+
+
+def held_back(run: Run) -> list[str]:
+    """Where contact held scripted motions back, a line per level; empty where all were carried out."""
+    lines = []
+    for level in run.levels:
+        short = [r for r in level.log if r.get("reached", 1.0) < 1.0]
+        if short:
+            least = min(short, key=lambda r: r["reached"])
+            end = level.log[-1].get("behind", 0.0)
+            lines.append(f"level {level.index}: contact held scripted motions back in {len(short)} of {len(level.log)} steps, first in step "
+                         f"{short[0]['step']}; least share of a step {least['reached']:.2g} (step {least['step']}), "
+                         + (f"{end:.3g} s behind at the end" if end else "caught up at the end"))
+    return lines
 
 
 def describe_metrics(result: dict) -> list[str]:

@@ -188,6 +188,7 @@ def _three(level: RunLevel, number: int, dt: float) -> tuple[np.ndarray, np.ndar
 
 def _continuity(run: Run, level: RunLevel, forces: Forces, masses: np.ndarray, weights) -> list[float]:
     special = {r["step"] for r in level.log if r.get("cuts", 0) or r.get("reached", 1.0) < 1.0}
+    special |= {r["step"] + 1 for r in level.log if r.get("reached", 1.0) < 1.0}  # sets out from where its obstacles were held back
     values, masses = [], np.where(forces.free, masses, 0.0)
     for number in range(1, level.steps):
         if number in special:

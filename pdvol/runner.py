@@ -31,7 +31,7 @@ from pdvol.record.reader import Run, open_run
 from pdvol.record.series import nothing_more
 from pdvol.record.store import RunWriter
 from pdvol.record.xdmf import write_xdmf
-from pdvol.scene import Gravity, Plane, Rigid, Scene, Still
+from pdvol.scene import Gravity, Plane, Rigid, Scene, Still, moved
 from pdvol.shot import Shot, load_shot, stored_settings
 from pdvol.solve.level_problem import LevelProblem
 from pdvol.wavefront import march_levels
@@ -170,7 +170,7 @@ def _same_levels(run: Run, shot: Shot, last: int, method: str, prolongation: str
 def _open_writer(shot: Shot, out: Path, meshes, kept: int, obstacles, diagonal: float, method: str, prolongation: str,
                  mended: list[str]) -> RunWriter:
     scene = shot.scene
-    velocities = [initial_velocity(scene, mesh) for mesh in meshes]
+    velocities, drawn = [initial_velocity(scene, mesh) for mesh in meshes], _drawn_obstacles(scene, obstacles)
     if kept:
         writer = RunWriter.open(out)
         writer.keep_levels(kept)
@@ -185,7 +185,7 @@ def _open_writer(shot: Shot, out: Path, meshes, kept: int, obstacles, diagonal: 
                 "scene_file": str(shot.file), "parameters": dict(shot.parameters), "description": shot.description(),
                 "diagonal": diagonal, "versions": _versions(), **({"up": up} if up else {}), **({"mended": mended} if mended else {})}
         writer = RunWriter.create(out, info, meshes, [body.name for body in scene.bodies], velocities)
-    writer.write_obstacles(_drawn_obstacles(scene, obstacles))
+    writer.write_obstacles(drawn)
     return writer
 
 
@@ -207,26 +207,36 @@ def _versions() -> dict[str, str]:
 
 def _drawn_obstacles(scene: Scene, geometry) -> list[dict]:
     """Obstacles as pictures need them, with their places over time where they move."""
-    times = np.arange(scene.steps + 1) * scene.dt
     moving = sum(len(vertices) for (vertices, *_), o in zip(geometry, (o for o in scene.obstacles if isinstance(o, Rigid)), strict=True)
                  if not isinstance(o.motion, Still))
-    if moving * len(times) > MOST_PLACES:
+    if moving * (scene.steps + 1) > MOST_PLACES:
         raise InputError(f"{moving:,} vertices of moving obstacles over {scene.steps:,} steps are too many to keep; simulate fewer steps at a time")
+    places = [_places(scene, geometry, number * scene.dt) for number in range(scene.steps + 1)]
     drawn, rigid = [], iter(geometry)
-    for obstacle in scene.obstacles:
-        moves = not isinstance(obstacle.motion, Still)
+    for i, obstacle in enumerate(scene.obstacles):
         if isinstance(obstacle, Plane):
-            point, normal = np.asarray(obstacle.point, dtype=float), np.asarray(obstacle.normal, dtype=float)
-            if moves:
-                ends = np.array([obstacle.motion(np.stack([point, point + normal]), t) for t in times])
-                point, normal = ends[:, 0], ends[:, 1] - ends[:, 0]
-            drawn.append({"name": obstacle.name, "kind": "plane", "point": point, "normal": normal})
+            start = {"point": np.asarray(obstacle.point, dtype=float), "normal": np.asarray(obstacle.normal, dtype=float)}
+            moving = {key: np.array([place[i][key] for place in places]) for key in start if i in places[0]}
+            drawn.append({"name": obstacle.name, "kind": "plane", **start, **moving})
             continue
         vertices, edges, faces = next(rigid)
         shape = {"kind": "mesh", "faces": faces} if vertices.shape[1] == 3 else {"kind": "polyline", "edges": edges}
-        positions = {"positions": np.array([obstacle.motion(vertices, t) for t in times])} if moves else {}
+        positions = {"positions": np.array([place[i]["vertices"] for place in places])} if i in places[0] else {}
         drawn.append({"name": obstacle.name, "vertices": vertices, **shape, **positions})
     return drawn
+
+
+def _places(scene: Scene, geometry, time: float) -> dict[int, dict[str, np.ndarray]]:
+    """Where the obstacles that move are at `time` [s], by their number."""
+    found, rigid = {}, iter(geometry)
+    for i, obstacle in enumerate(scene.obstacles):
+        plane = isinstance(obstacle, Plane)
+        corners = np.array([obstacle.point, np.add(obstacle.point, obstacle.normal)], dtype=float) if plane else next(rigid)[0]
+        if isinstance(obstacle.motion, Still):
+            continue
+        x = moved(obstacle.motion, corners, time, f"{'plane' if plane else 'obstacle'} {obstacle.name!r}")
+        found[i] = {"point": x[0], "normal": x[1] - x[0]} if plane else {"vertices": x}
+    return found
 
 
 class _Export:
@@ -330,11 +340,13 @@ def run_level(scene: Scene, hierarchy: Hierarchy, level: int, method: str, obsta
     watcher = progress(level, scene.steps, start.step) if progress is not None else None
     try:
         for report in march:
+            if report.behind > 0.0 and scene.obstacles:
+                writer.call("write_late", level, report.step, _places(scene, obstacles, report.time - report.behind))
             writer.call("write_state", level, report.step, report.positions, report.record())
             if watcher is not None:
                 watcher.step(report.record())
         writer.finish(level)
-    except SimulationError as error:
+    except (SimulationError, InputError) as error:  # a motion of the scene's own may fail on the way
         with suppress(SimulationError):  # a full disk, above all: what stopped the run is what is told
             writer.call("set_level_state", level, "failed", reason=str(error))
             writer.export(level)

@@ -290,8 +290,9 @@ def check_levels(path) -> Iterator[Level]:
         if level.info["state"] == "done" and states != run.info["steps"] + 1:
             found.problems.append(f"level {level.index}: done, with {states} states of {run.info['steps'] + 1}")
         for step in range(states):
-            planes = [(o.name, *o.plane(step)) for o in run.obstacles if o.kind == "plane"]
-            solids = [(o.vertices(step), o.arrays["faces" if o.kind == "mesh" else "edges"]) for o in run.obstacles if o.kind != "plane"]
+            placed = level.placed(run.obstacles, step)
+            planes = [(o.name, *o.plane(step)) for o in placed if o.kind == "plane"]
+            solids = [(o.vertices(step), o.arrays["faces" if o.kind == "mesh" else "edges"]) for o in placed if o.kind != "plane"]
             try:
                 positions = level.positions(step)
             except InputError as error:

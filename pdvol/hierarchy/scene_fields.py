@@ -7,8 +7,10 @@ from pdvol.hierarchy.cell_materials import cell_materials, check_laws
 from pdvol.hierarchy.level_mesh import LevelMesh
 from pdvol.hierarchy.readers import read_shape
 from pdvol.meshes import Outline
-from pdvol.scene import Flow, Gravity, Impulse, Load, PointForce, Scene, Support, at_time
-from pdvol.scene.checks import called
+from pdvol.scene import Flow, Gravity, Impulse, Load, PointForce, Scene, Support, at_time, moved
+from pdvol.scene.checks import called, require
+
+MOMENTS = 50  # of a scene at which its motions are tried beforehand; in a run each step tries its own
 
 
 def scene_diagonal(scene: Scene) -> float:
@@ -38,7 +40,10 @@ def chosen_points(scene: Scene, chooser: Support | Load, mesh: LevelMesh) -> np.
     held = np.ones(len(points), dtype=bool)
     if hasattr(chooser, "where"):
         what = f"a {type(chooser).__name__.lower()}'s `where`"
-        held = called(what, chooser.where, (points,), (len(points),)).astype(bool)
+        mask = called(what, chooser.where, (points.copy(),), (len(points),))
+        strange = [] if mask.dtype == bool else mask[~np.isin(mask, (0, 1))]  # NaN, indices: not what a mask holds
+        require(len(strange) == 0, f"{what} must give True or False a vertex, not {mask.dtype} values such as {strange[0] if len(strange) else 0}")
+        held = mask.astype(bool)
     if chooser.body:
         held = held & (mesh.point_bodies == [b.name for b in scene.bodies].index(chooser.body))
     return held
@@ -52,14 +57,13 @@ def supported_points(scene: Scene, support: Support, mesh: LevelMesh, level: int
     InputError
         Its functions fail or give arrays of the wrong shape, or it holds nothing.
     """
-    points, end = mesh.points, scene.dt * scene.steps
+    points = mesh.points
     held = chosen_points(scene, support, mesh)
     if not held.any():
         raise InputError(f"a support holds no vertex of level {level}; widen its `where` so that the coarsest level has some")
-    for time in (0.0, scene.dt, end):
-        moved = called("a support's `motion`", support.motion, (points[held], time), points[held].shape)
-        if not np.isfinite(moved).all():
-            raise InputError(f"a support's `motion` gives NaN or infinity at t = {time:g} s")
+    for number in np.unique(np.linspace(0, scene.steps, MOMENTS).astype(int)):
+        if number == 0 or support.holds((number - 1) * scene.dt, scene.dt):
+            moved(support.motion, points[held], number * scene.dt, "a support")
     return held
 
 

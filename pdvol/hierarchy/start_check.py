@@ -12,7 +12,7 @@ from pdvol.errors import InputError, IntersectionError
 from pdvol.hierarchy.crossings import edges_of, find_crossings, find_touching
 from pdvol.hierarchy.level_mesh import LevelMesh
 from pdvol.hierarchy.validate import shells
-from pdvol.scene import Plane, Rigid, Scene
+from pdvol.scene import Plane, Rigid, Scene, moved
 
 Obstacle = tuple[np.ndarray, np.ndarray, np.ndarray]
 MEND = "move them apart, or give more vertices to coarse levels"
@@ -53,8 +53,8 @@ def _check_plane(level: int, mesh: LevelMesh, plane: Plane, scene: Scene) -> Non
     if len(plane.point) != mesh.dim:
         raise InputError(f"plane {plane.name!r} is {len(plane.point)}D in a {mesh.dim}D scene; give {mesh.dim} components")
     point, normal = np.asarray(plane.point, dtype=float), np.asarray(plane.normal, dtype=float)
-    moved = plane.motion(np.stack([point, point + normal / np.linalg.norm(normal)]), 0.0)
-    height = (mesh.points - moved[0]) @ (moved[1] - moved[0])
+    ends = moved(plane.motion, np.stack([point, point + normal / np.linalg.norm(normal)]), 0.0, f"plane {plane.name!r}")
+    height = (mesh.points - ends[0]) @ (ends[1] - ends[0])
     below = np.flatnonzero(height <= 0.0)
     if len(below):
         worst = int(np.argmin(height))
@@ -84,7 +84,7 @@ class _Parties:
         for k, ((vertices, edges, faces), rigid) in enumerate(zip(obstacles, rigids, strict=True)):
             if vertices.shape[1] != mesh.dim:
                 raise InputError(f"obstacle {rigid.name!r} is {vertices.shape[1]}D in a {mesh.dim}D scene; give it {mesh.dim} dimensions")
-            points.append(rigid.motion(vertices, 0.0))
+            points.append(moved(rigid.motion, vertices, 0.0, f"obstacle {rigid.name!r}"))
             owners.append(np.full(len(vertices), self.bodies + k))
             facets.append((faces if mesh.dim == 3 else edges) + first)
             labels.append(np.arange(len(vertices)))

@@ -63,7 +63,7 @@ def _contact(scene: Scene, space: LevelSpace, diagonal: float, obstacles, softes
     from pdvol.potentials.friction import SurfaceFriction
 
     rigid = [o for o in scene.obstacles if isinstance(o, Rigid)]
-    surface = CollisionSurface(space, tuple(Obstacle(*geometry, o.motion) for geometry, o in zip(obstacles, rigid, strict=True)), dhat, barrier.ccd)
+    surface = CollisionSurface(space, tuple(Obstacle(*geometry, o.motion, o.name) for geometry, o in zip(obstacles, rigid, strict=True)), dhat, barrier.ccd)
     contacts.append(SurfaceBarrier(surface, dhat, kappa))
     frictions += [SurfaceFriction(contacts[-1], f.mu, metres(f.eps_v, diagonal)) for f in friction]
     return tuple(contacts), tuple(frictions)

@@ -14,6 +14,7 @@ from pdvol.potentials.contact_candidates import ContactCandidates
 from pdvol.potentials.contact_stencils import Stencils, joined, normal_stencils
 from pdvol.potentials.hessian_blocks import HessianBlocks
 from pdvol.potentials.potential import Positions
+from pdvol.scene import moved
 
 NARROW = {
     "additive": lambda: ipctk.AdditiveCCD(max_iterations=10_000, conservative_rescaling=0.9),
@@ -27,8 +28,12 @@ ipctk.set_num_threads(1)  # sums over contacts repeat to the last bit; measured 
 class Obstacle:
     """A rigid obstacle's rest geometry and motion: vertices (n, d), edges (e, 2), faces (f, 3), motion (X, t) -> x."""
 
-    def __init__(self, vertices: np.ndarray, edges: np.ndarray, faces: np.ndarray, motion):
-        self.vertices, self.edges, self.faces, self.motion = vertices, edges, faces, motion
+    def __init__(self, vertices: np.ndarray, edges: np.ndarray, faces: np.ndarray, motion, name: str = "obstacle"):
+        self.vertices, self.edges, self.faces, self.motion, self.name = vertices, edges, faces, motion, name
+
+    def at(self, time: float) -> np.ndarray:
+        """(n, d) vertices at `time` [s]."""
+        return moved(self.motion, self.vertices, time, f"obstacle {self.name!r}")
 
 
 class CollisionSurface:
@@ -57,7 +62,7 @@ class CollisionSurface:
             edges.append(ipctk.edges(np.asfortranarray(facets, dtype=np.int32)))
         offset = len(self.surface)
         for obstacle in obstacles:
-            vertices.append(obstacle.motion(obstacle.vertices, 0.0))
+            vertices.append(obstacle.at(0.0))
             edges.append(obstacle.edges.reshape(-1, 2) + offset)
             faces.append(obstacle.faces.reshape(-1, 3) + offset)
             offset += len(obstacle.vertices)
@@ -72,15 +77,15 @@ class CollisionSurface:
         self.candidates = ContactCandidates(self.mesh, everything[0], reach, not obstacles, space.comm)
 
     def _obstacles_at(self, time: float) -> np.ndarray:
-        moved = [o.motion(o.vertices, time) for o in self.obstacles]
-        return np.concatenate(moved) if moved else np.zeros((0, self.space.dim))
+        placed = [o.at(time) for o in self.obstacles]
+        return np.concatenate(placed) if placed else np.zeros((0, self.space.dim))
 
     def place(self, time: float) -> bool:
         """Puts the obstacles where they are at `time` [s]; says whether any moved."""
         positions = self._obstacles_at(time)
-        moved = not np.array_equal(positions, self.obstacle_positions)
+        changed = not np.array_equal(positions, self.obstacle_positions)
         self.obstacle_positions = positions
-        return moved
+        return changed
 
     def vertices(self, x: Positions, at: float | None = None) -> np.ndarray:
         """Positions (k + obstacles, d) of the collision mesh, obstacles as placed or as they are `at` a time. First use per x is collective."""

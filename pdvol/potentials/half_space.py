@@ -13,7 +13,7 @@ from pdvol.hierarchy.level_space import LevelSpace
 from pdvol.potentials import barrier_law, smooth_friction
 from pdvol.potentials.hessian_blocks import HessianBlocks
 from pdvol.potentials.potential import Positions, Term
-from pdvol.scene import Plane
+from pdvol.scene import Plane, moved
 
 APPROACH = 0.9  # of the gap may be closed by one Newton step
 
@@ -170,5 +170,5 @@ def _placed(plane: Plane, time: float):
     """Point and unit normal of a plane at a time, moved as a rigid frame."""
     point, normal = np.asarray(plane.point, dtype=float), np.asarray(plane.normal, dtype=float)
     normal = normal / np.linalg.norm(normal)
-    ends = plane.motion(np.stack([point, point + normal]), time)
+    ends = moved(plane.motion, np.stack([point, point + normal]), time, f"plane {plane.name!r}")
     return ends[0], (ends[1] - ends[0]) / np.linalg.norm(ends[1] - ends[0])

@@ -20,18 +20,23 @@ class HessianBlocks:
         Whether terms may leave out what is dear and mostly cut off anyway (the turning of contact normals).
     cells : (pattern.count, d, d)
         Blocks between vertices of a cell, in the pattern's order.
+    added : list of (rows, columns, blocks), what `add_pairs` was given
     """
 
     def __init__(self, pattern: BlockPattern, positive: str = "clamp"):
         self.pattern, self.positive, self.quick = pattern, positive, True
         d = pattern.space.dim
         self.cells = np.zeros((pattern.count, d, d))
-        self._pairs: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []
+        self.added: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []
 
     def clear(self) -> None:
         """Back to zero."""
         self.cells[:] = 0.0
-        self._pairs.clear()
+        self.added.clear()
+
+    def finite(self) -> bool:
+        """Whether all that was added on this rank is finite."""
+        return bool(np.isfinite(self.cells.sum())) and all(np.isfinite(blocks.sum()) for *_, blocks in self.added)
 
     def add_diagonal(self, vertices: np.ndarray, blocks: np.ndarray) -> None:
         """Adds blocks (k, d, d) on the diagonal at owned vertices (k,), which may repeat."""
@@ -48,15 +53,15 @@ class HessianBlocks:
         first, last = self.pattern.space.first_block, self.pattern.space.first_block + self.pattern.space.n_owned
         kept = (rows >= first) & (rows < last) & (columns >= rows)
         if kept.any():
-            self._pairs.append((rows[kept] - first, columns[kept], blocks[kept]))
+            self.added.append((rows[kept] - first, columns[kept], blocks[kept]))
 
     def pairs(self) -> tuple[np.ndarray, np.ndarray]:
         """What `add_pairs` was given, summed: keys (k,) = local row * n + global column, ascending, and blocks (k, d, d)."""
         d, n = self.pattern.space.dim, len(self.pattern.space.mesh.points)
-        if not self._pairs:
+        if not self.added:
             return np.zeros(0, dtype=np.int64), np.zeros((0, d, d))
-        keys = np.concatenate([row * n + column for row, column, _ in self._pairs])
-        blocks = np.concatenate([blocks for _, _, blocks in self._pairs])
+        keys = np.concatenate([row * n + column for row, column, _ in self.added])
+        blocks = np.concatenate([blocks for _, _, blocks in self.added])
         order = np.argsort(keys, kind="stable")
         keys = keys[order]
         first = np.flatnonzero(np.diff(keys, prepend=-1))

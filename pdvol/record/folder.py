@@ -3,7 +3,7 @@
     run.json              parameters, versions, sizes, state       levels/<l>/mesh.npz        points, cells, bodies, regions, surface
     log.jsonl             one object per level and step            levels/<l>/velocity.npy    initial velocity (n, d) [m/s]
     obstacles.json, obstacles/<i>.npz   for pictures               levels/<l>/<step>.npy      positions (n, d) [m], input order
-    run.lock              held while a process writes
+    run.lock              held while a process writes              levels/<l>/late_<step>.npz  obstacles that contact held back
 """
 
 import math
@@ -30,6 +30,11 @@ def level_folder(path: Path, level: int) -> Path:
 def state_file(folder: Path, step: int) -> Path:
     """Where a level's folder keeps one state."""
     return folder / f"{step:06d}.npy"
+
+
+def late_file(folder: Path, step: int) -> Path:
+    """Where a level's folder keeps the places of obstacles that are behind their motions at a step."""
+    return folder / f"late_{step:06d}.npz"
 
 
 def read_info(path: Path) -> dict:
@@ -90,6 +95,7 @@ def remove_states(folder: Path, steps: int) -> None:
     for step in sorted(files, reverse=True):
         if step >= steps:
             files[step].unlink()
+            late_file(folder, step).unlink(missing_ok=True)
 
 
 def run_state(levels: list[dict]) -> str:

@@ -6,7 +6,8 @@
 | mesh | `vertices` (n, 3), `faces` (m, 3); `positions` (steps + 1, n, 3) when it moves |
 | polyline | `vertices` (n, 2), `edges` (m, 2); `positions` (steps + 1, n, 2) when it moves |
 
-A polyline whose edges form loops is a filled outline, any other a line.
+Where contact held motions back, `levels/<l>/late_<step>.npz` has their true places at that level and step: `<i>.point`, `<i>.normal` or
+`<i>.vertices` of each obstacle i that moves. A polyline whose edges form loops is a filled outline, any other a line.
 """
 
 from collections.abc import Mapping, Sequence
@@ -52,6 +53,11 @@ class DrawnObstacle:
         """Vertices (n, d) [m] of a mesh or polyline at a step."""
         moving = self.arrays.get("positions")
         return self.arrays["vertices"] if moving is None else _at(moving, step, moves=True)
+
+    def held(self, arrays: Mapping[str, np.ndarray]) -> "DrawnObstacle":
+        """The same obstacle at rest where it was held back: with these `point` and `normal`, or `vertices`."""
+        kept = {key: value for key, value in self.arrays.items() if key != "positions"}
+        return DrawnObstacle(self.name, self.kind, {**kept, **arrays})
 
 
 def _at(values: np.ndarray, step: int, moves: bool) -> np.ndarray:

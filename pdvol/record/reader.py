@@ -12,7 +12,7 @@ import numpy as np
 from pdvol.errors import InputError
 from pdvol.hierarchy.level_mesh import LevelMesh
 from pdvol.record.files import is_whole, lock, read_array, read_arrays
-from pdvol.record.folder import level_folder, read_info, state_file
+from pdvol.record.folder import late_file, level_folder, read_info, state_file
 from pdvol.record.log import read_log
 from pdvol.record.obstacles import DrawnObstacle, read_obstacles
 
@@ -107,6 +107,15 @@ class RunLevel:
         if step == 0:
             return read_array(self.folder / "velocity.npy", self.rest.shape)
         return (self.positions(step) - self.positions(step - 1)) / self._run.dt
+
+    def placed(self, obstacles: Sequence[DrawnObstacle], step: int) -> tuple[DrawnObstacle, ...]:
+        """The run's obstacles; where contact held them back on this level, as they were at that step."""
+        path = late_file(self.folder, step)
+        if not path.exists():
+            return tuple(obstacles)
+        arrays = read_arrays(path, ())
+        late = [{key.partition(".")[2]: value for key, value in arrays.items() if key.partition(".")[0] == str(i)} for i in range(len(obstacles))]
+        return tuple(o.held(found) if found else o for o, found in zip(obstacles, late, strict=True))
 
     @property
     def log(self) -> list[dict]:

@@ -11,8 +11,8 @@ import numpy as np
 
 from pdvol.hierarchy.level_mesh import LevelMesh
 from pdvol.record import obstacles as drawn
-from pdvol.record.files import TEMPORARY, jsonable, write_array, write_json
-from pdvol.record.folder import STATES, claim, hold, level_folder, new_info, read_info, remove_states, run_state, state_file, write_level
+from pdvol.record.files import TEMPORARY, jsonable, write_array, write_arrays, write_json
+from pdvol.record.folder import STATES, claim, hold, late_file, level_folder, new_info, read_info, remove_states, run_state, state_file, write_level
 from pdvol.record.log import LogFile, keep_log
 from pdvol.record.reader import Run, RunLevel, open_run
 
@@ -136,6 +136,11 @@ class RunWriter:
             self.append_log({"level": level, "step": step, **record})
         write_array(state_file(level_folder(self.path, level), step), x)
         self._count[level] = step + 1
+
+    def write_late(self, level: int, step: int, places: Mapping[int, Mapping[str, np.ndarray]]) -> None:
+        """Store where obstacles, by their number, are at a level's step, if behind their motions; before `write_state` of that step."""
+        arrays = {f"{i}.{key}": value for i, entry in places.items() for key, value in entry.items()}
+        write_arrays(late_file(level_folder(self.path, level), step), **arrays)
 
     def rewind(self, level: int, steps: int) -> None:
         """Keep the first `steps` states of a level and their log records, and remove the later ones."""

@@ -82,12 +82,12 @@ class Studio:
             colour = pv.Color(PALETTE[body % len(PALETTE)])
             edges = float(np.clip(12.0 / np.sqrt(len(mine)), 0.15, 0.5))  # many edges must not blacken the body
             self._add_surface(positions, mine, colour, len(mine) >= _SMOOTH_FROM, edges)
-        for obstacle in self.obstacles:
+        for obstacle in level.placed(self.obstacles, step):
             if obstacle.kind == "mesh":
                 vertices, faces = obstacle.vertices(step), obstacle.arrays["faces"]
                 shapes.append(vertices[faces])
                 self._add_surface(vertices, faces, pv.Color(STONE), len(faces) >= 200, 0.0)
-        for obstacle in self.obstacles:
+        for obstacle in level.placed(self.obstacles, step):
             if obstacle.kind == "plane":
                 self._add_plane(*obstacle.plane(step), np.concatenate(shapes))
 
@@ -130,7 +130,7 @@ class Studio:
             self._fill(positions, mine, colour, 0.0, show_edges=True, edge_color=ink, line_width=width)
             outline = level.surface[level.mesh.point_bodies[level.surface[:, 0]] == body]
             self._lines(positions, outline, _darker(colour, 0.5), 2.0)
-        for obstacle in self.obstacles:
+        for obstacle in level.placed(self.obstacles, step):
             if obstacle.kind == "plane":
                 self._add_half_space(*(lifted(v[None])[0] for v in obstacle.plane(step)))
             elif obstacle.kind == "polyline":

@@ -9,7 +9,7 @@ from pdvol.scene.contact import Barrier, Friction
 from pdvol.scene.lengths import Length, Relative, metres
 from pdvol.scene.loads import Flow, Force, Gravity, Impulse, Load, PointForce, at_time
 from pdvol.scene.materials import FixedCorotational, Material, NeoHookean, Region, StVenantKirchhoff, Value, lame
-from pdvol.scene.motions import Motion, Rotation, Still, Translation, Vector, rotation_matrix
+from pdvol.scene.motions import Motion, Path, Rotation, Sequential, Still, Translation, Vector, moved, rotation_matrix
 from pdvol.scene.scene import Scene
 from pdvol.scene.solver import Solver
 from pdvol.scene.surroundings import Plane, Rigid, Support
@@ -28,6 +28,7 @@ __all__ = [
     "Material",
     "Motion",
     "NeoHookean",
+    "Path",
     "Placement",
     "Plane",
     "PointForce",
@@ -37,6 +38,7 @@ __all__ = [
     "Rotation",
     "Scene",
     "Separate",
+    "Sequential",
     "Shape",
     "Solver",
     "StVenantKirchhoff",
@@ -48,5 +50,6 @@ __all__ = [
     "at_time",
     "lame",
     "metres",
+    "moved",
     "rotation_matrix",
 ]

@@ -1,11 +1,14 @@
-"""Motions of supports and obstacles: callables (X, t) -> x."""
+"""Motions of supports and obstacles: callables (X, t) -> x from rest positions (n, d) [m] and time [s]."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from pdvol.scene.checks import called, finite, require, sequence, vector
+
 Vector = Sequence[float]
+Motion = Callable[[np.ndarray, float], np.ndarray]
 
 
 @dataclass(frozen=True)
@@ -23,6 +26,10 @@ class Translation:
     velocity: tuple[float, ...]
     stop: float = np.inf
 
+    def __post_init__(self):
+        vector("Translation.velocity", self.velocity)
+        _end("Translation.stop", self.stop)
+
     def __call__(self, X: np.ndarray, t: float) -> np.ndarray:
         return X + min(t, self.stop) * np.asarray(self.velocity, dtype=float)
 
@@ -36,12 +43,85 @@ class Rotation:
     axis: tuple[float, ...] = (0.0, 0.0, 1.0)
     stop: float = np.inf
 
+    def __post_init__(self):
+        finite("Rotation.speed", self.speed)
+        vector("Rotation.centre", self.centre)
+        vector("Rotation.axis", self.axis)
+        require(np.linalg.norm(self.axis) > 0, f"Rotation.axis = {self.axis!r} has no direction")
+        _end("Rotation.stop", self.stop)
+
     def __call__(self, X: np.ndarray, t: float) -> np.ndarray:
         turn = rotation_matrix(self.speed * min(t, self.stop), self.axis, X.shape[1])
         return (X - np.asarray(self.centre, dtype=float)) @ turn.T + np.asarray(self.centre, dtype=float)
 
 
-Motion = Callable[[np.ndarray, float], np.ndarray]
+@dataclass(frozen=True)
+class Path:
+    """Translation along keyframes: at `times[i]` [s] the displacement is `points[i]` [m]; still before the first and after the last.
+
+    Attributes
+    ----------
+    times : ascending
+    points : one per time, two or three components each
+    smooth : straight and even in between, or a natural cubic spline (continuous accelerations)
+    """
+
+    times: tuple[float, ...]
+    points: tuple[tuple[float, ...], ...]
+    smooth: bool = False
+
+    def __post_init__(self):
+        sequence("Path.times", self.times)
+        sequence("Path.points", self.points)
+        require(len(self.times) == len(self.points) >= 2, f"Path has {len(self.times)} times and {len(self.points)} points; give as many, two at least")
+        for t in self.times:
+            finite("Path.times", t)
+        require(all(a < b for a, b in zip(self.times, self.times[1:], strict=False)), f"Path.times = {self.times!r} must ascend")
+        for point in self.points:
+            vector("Path.points", point)
+        require(len({len(p) for p in self.points}) == 1, "Path.points must all have two or all three components")
+
+    def __call__(self, X: np.ndarray, t: float) -> np.ndarray:
+        times, points = np.asarray(self.times, dtype=float), np.asarray(self.points, dtype=float)
+        t = min(max(t, times[0]), times[-1])
+        if self.smooth:
+            from scipy.interpolate import CubicSpline
+
+            return X + CubicSpline(times, points, bc_type="natural")(t)
+        return X + np.array([np.interp(t, times, column) for column in points.T])
+
+
+@dataclass(frozen=True)
+class Sequential:
+    """Motions applied one after the other at the same time: `Sequential((Rotation(...), Path(...)))` turns, and carries what has turned."""
+
+    motions: tuple[Motion, ...]
+
+    def __post_init__(self):
+        sequence("Sequential.motions", self.motions)
+        require(all(callable(motion) for motion in self.motions), "Sequential.motions must be motions, callables (X, t) -> x")
+
+    def __call__(self, X: np.ndarray, t: float) -> np.ndarray:
+        for motion in self.motions:
+            X = motion(X, t)
+        return X
+
+
+def _end(name: str, value) -> None:
+    require(isinstance(value, (int, float, np.number)) and value >= 0.0, f"{name} = {value!r} must be a time, not negative (inf: never)")
+
+
+def moved(motion: Motion, X: np.ndarray, t: float, whose: str) -> np.ndarray:
+    """(n, d) [m]: where a motion, which may be the user's own, takes X (n, d) by time t [s].
+
+    Raises
+    ------
+    InputError
+        It fails, or gives another shape, NaN or infinity; `whose` names it, as in "obstacle 'paddle'".
+    """
+    x = called(f"{whose}: its motion at t = {t:g} s", lambda: np.asarray(motion(X.copy(), t), dtype=float), (), X.shape)
+    require(bool(np.isfinite(x).all()), f"{whose}: its motion gives NaN or infinity at t = {t:g} s")
+    return x
 
 
 def rotation_matrix(angle: float, axis: Vector, dim: int) -> np.ndarray:

@@ -48,8 +48,20 @@ class Support:
     where : function of rest positions (n, d) giving a mask (n,)
     body : name of the body it applies to; all bodies when empty
     motion : callable (X, t) -> x; Still() fixes them
+    release : time [s]; they are free in all steps that begin then or later
     """
 
     where: Callable[[np.ndarray], np.ndarray]
     body: str = ""
     motion: Motion = Still()
+    release: float = np.inf
+
+    def __post_init__(self):
+        require(callable(self.where), f"Support.where = {self.where!r} must be a function of rest positions (n, d) giving a mask (n,)")
+        require(callable(self.motion), f"Support.motion = {self.motion!r} must be a motion, a callable (X, t) -> x")
+        number = isinstance(self.release, (int, float, np.number)) and not isinstance(self.release, bool)
+        require(number and self.release >= 0.0, f"Support.release = {self.release!r} must be a time, not negative (inf: never)")
+
+    def holds(self, time: float, dt: float) -> bool:
+        """Whether a step of dt [s] that begins at `time` [s] still holds them; times are compared to a millionth of the step."""
+        return time < self.release - 1e-6 * dt

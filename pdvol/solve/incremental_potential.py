@@ -10,6 +10,8 @@ from pdvol.potentials.hessian_blocks import HessianBlocks
 from pdvol.potentials.potential import Positions
 from pdvol.solve.timing import Stopwatch
 
+NUDGE = 1e-6  # of an obstacle's way: what forces change by over it, from which their change over the whole way is told
+
 
 class IncrementalPotential:
     """Inertia and the weighted sum of a level's terms [kg m^2].
@@ -25,55 +27,89 @@ class IncrementalPotential:
         self._contact_names = {id(t) for t in terms.contacts} | {id(t) for t in terms.potentials if t.name == "friction"}
         self.x_hat, self.dt = None, None
 
-    def begin_step(self, x_t: Positions, x_hat: np.ndarray, t0: float, t1: float) -> None:
-        """Starts the step from t0 to t1 [s] at x_t with predicted positions x_hat (n_owned, d)."""
+    def begin_step(self, x_t: Positions, x_hat: np.ndarray, t0: float, t1: float, placed: float | None = None) -> None:
+        """Starts the step from t0 to t1 [s] at x_t with predicted positions x_hat (n_owned, d).
+
+        Obstacles are where they should be at t0, or at `placed` [s] if contact has stopped them on the way.
+        """
         self.x_hat, self.dt = x_hat, t1 - t0
+        behind = 0.0 if placed is None else t0 - placed
         for term in self.terms:
             with self._part(term):
-                term.begin_step(x_t, t0, t1)
+                late = behind if id(term) in self._contact_names else 0.0
+                term.begin_step(x_t, t0 - late, t1 - late)
 
     def _part(self, term):
         return self.watch.part("contact" if id(term) in self._contact_names else "assembly")
 
-    def _check(self, term_name: str, finite: bool) -> None:
-        if not self.space.comm.allreduce(bool(finite), op=MPI.LAND):
-            raise SimulationError(f"the {term_name} term gave NaN or infinity")
+    def _require_finite(self, term_name: str, what: str, values: np.ndarray) -> None:
+        """Raises SimulationError, naming the term, unless the values of all ranks are finite. Collective."""
+        bad = 0 if np.isfinite(values).all() else 2 if np.isnan(values).any() else 1
+        bad = self.space.comm.allreduce(bad, op=MPI.MAX)
+        if bad:
+            raise SimulationError(f"the {term_name} term's {what} is {'not a number' if bad == 2 else 'infinite'}")
 
     def inertia(self, x: Positions) -> float:
         """1/2 |x - x_hat|^2_M [kg m^2]."""
         return 0.5 * self.space.comm.allreduce(float(np.vdot(x.owned - self.x_hat, self.mass * (x.owned - self.x_hat))))
 
     def value(self, x: Positions) -> float:
-        """The potential at x; inf where x is not admissible."""
+        """The potential at x; inf where x is not admissible. Raises SimulationError, naming the term, where one is not a number."""
         total = self.inertia(x)
         for term in self.terms:
             with self._part(term):
-                total += self.dt**2 * term.value(x)
-        return total if not np.isnan(total) else np.inf
+                energy = term.value(x)
+            if np.isnan(energy):
+                self._require_finite(term.name, "energy", energy)
+            total += self.dt**2 * energy
+        return total
+
+    def require_admissible(self, x: Positions) -> None:
+        """Raises SimulationError, naming the term, where one has no finite energy at x, from which a solve would begin. Collective."""
+        self._require_finite("inertia", "energy", self.inertia(x))
+        for term in self.terms:
+            self._require_finite(term.name, "energy", term.value(x))
 
     def gradient(self, x: Positions) -> np.ndarray:
         """Gradient rows (n_owned, d). Raises SimulationError, naming the term, where one is not finite."""
         total = self.mass * (x.owned - self.x_hat)
-        self._check("inertia", np.isfinite(total).all())
+        self._require_finite("inertia", "gradient", total)
         for term in self.terms:
             with self._part(term):
                 part = term.gradient(x)
-            self._check(term.name, np.isfinite(part).all())
+            self._require_finite(term.name, "gradient", part)
             total = total + self.dt**2 * part
         return total
 
     def add_hessian(self, x: Positions, weight: float, into: HessianBlocks) -> None:
-        """Adds weight times the Hessian, positive definite unless `into.positive` is "none"."""
+        """Adds weight times the Hessian, positive definite unless `into.positive` is "none", to blocks that are zero.
+
+        Raises SimulationError, naming the term, where one is not finite. Collective.
+        """
         into.add_masses(weight * self.mass)
         for term in self.terms:
             with self._part(term):
                 term.add_hessian(x, weight * self.dt**2, into)
+        if not self.space.comm.allreduce(into.finite(), op=MPI.LAND):
+            self._name_hessian(x, weight, into)
+
+    def _name_hessian(self, x: Positions, weight: float, into: HessianBlocks) -> None:
+        """Raises for the first term whose Hessian is not finite, found by asking each alone."""
+        for term in self.terms:
+            into.clear()
+            term.add_hessian(x, weight * self.dt**2, into)
+            self._require_finite(term.name, "Hessian", np.array([np.sum(into.cells), *(np.sum(blocks) for *_, blocks in into.added)]))
+        raise SimulationError("the Hessian is too large for double precision")
 
     def max_step(self, x: Positions, direction: np.ndarray, until: float | None = None) -> float:
         """Largest admissible step in [0, 1] along direction, obstacles moving to `until` [s] meanwhile: the same on every rank."""
         with self.watch.part("ccd"):
-            mine = min([1.0, *(term.max_step(x, direction, until) for term in self.terms)])
-            return self.space.comm.allreduce(mine, op=MPI.MIN)
+            steps = np.array([1.0, *(term.max_step(x, direction, until) for term in self.terms)])
+            lost = np.flatnonzero(np.isnan(steps))
+            largest = self.space.comm.allreduce(float(-lost[0] if len(lost) else steps.min()), op=MPI.MIN)
+        if largest < 0.0:
+            raise SimulationError(f"the {self.terms[int(-largest) - 1].name} term's largest step is not a number")
+        return largest
 
     @property
     def scale(self) -> float:
@@ -95,6 +131,20 @@ class IncrementalPotential:
         """Puts obstacles where they are at `time` [s]."""
         for term in self.terms:
             term.place(time)
+
+    def push(self, x: Positions, time: float, until: float) -> np.ndarray:
+        """What obstacles add to the gradient (n_owned, d) on their way from their places at `time` to those at `until` [s], to first order.
+
+        By differences over a millionth of that way; none where contact is nearer than that.
+        """
+        ends = []
+        for at in (time, time + NUDGE * (until - time)):
+            self.place(at)
+            with self.watch.part("contact"):
+                fine = all(np.isfinite(term.value(x)) for term in self.contacts)
+                ends.append(sum((term.gradient(x) for term in self.contacts), np.zeros_like(x.owned)) if fine else None)
+        self.place(time)
+        return np.zeros_like(x.owned) if ends[1] is None else self.dt**2 * (ends[1] - ends[0]) / NUDGE
 
     def energies(self, x: Positions) -> dict[str, float]:
         """Energy by kind [J]: inertia is the potential's first part over dt^2."""

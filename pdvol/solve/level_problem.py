@@ -3,6 +3,7 @@
 import resource
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
 from mpi4py import MPI
@@ -11,15 +12,18 @@ from scipy.sparse import csr_array
 from pdvol.errors import ConvergenceError, SimulationError
 from pdvol.hierarchy.cell_materials import CellMaterials
 from pdvol.hierarchy.level_space import LevelSpace
-from pdvol.hierarchy.scene_fields import supported_points
 from pdvol.potentials.build import build_terms
 from pdvol.potentials.potential import Positions
-from pdvol.scene import Friction, Scene, Still, metres
+from pdvol.scene import Friction, Scene, metres
+from pdvol.solve.drive import follow
 from pdvol.solve.incremental_potential import IncrementalPotential
+from pdvol.solve.ladder import no_rungs, told
 from pdvol.solve.newton import Newton, NewtonReport
+from pdvol.solve.script import Script
 from pdvol.solve.timing import Stopwatch
 
-DRIVES = 200  # how often a scripted motion may be stopped by contact within one step before it is given up for that step
+
+HELD_BACK = (0.25, 0.0)  # of what motions gained before a solve failed: so far they go when it is tried again
 
 
 @dataclass
@@ -30,8 +34,10 @@ class StepReport:
     ----------
     positions : (n, d) [m], in the input's vertex order, on every rank
     reached : share of the step's scripted motion that was carried out
+    behind : [s] how far scripted motions are behind the time at the step's end, because contact holds them back
     cuts : how often the step was halved
     solver_memory : what the next step's linear solves begin with (`LinearSolver.memory`)
+    ladder : how often each rung of the failure ladder was taken (`ladder.py`)
     """
 
     level: int
@@ -52,6 +58,8 @@ class StepReport:
     solver_memory: dict = field(default_factory=dict)
     cuts: int = 0
     reached: float = 1.0
+    behind: float = 0.0
+    ladder: dict[str, int] = field(default_factory=no_rungs)
     seconds: dict[str, float] = field(default_factory=dict)
     peak_memory_mb: float = 0.0
 
@@ -79,43 +87,38 @@ class LevelProblem:
         self.scene, self.space, self.level = scene, space, level
         self.watch = Stopwatch()
         self.potential = IncrementalPotential(space, build_terms(scene, space, diagonal, obstacles, materials), self.watch)
-        self._supports = [(supported_points(scene, support, space.mesh, level)[space.owned_points], support.motion) for support in scene.supports]
-        self.supported = np.zeros(space.n_owned, dtype=bool)
-        for mask, _ in self._supports:
-            self.supported |= mask
-        self._driven = self._is_driven()
-        self.newton = Newton(space, self.potential, self.supported, metres(scene.solver.tolerance, diagonal), scene.solver, self.watch,
-                             coarse_weights)
+        self.script = Script(scene, space, level)
+        self._diagonal, self._coarse_weights = diagonal, coarse_weights
+        self.newton = self._new_newton()
         self._lags = next((c.iterations for c in scene.contact if isinstance(c, Friction)), 1)
-        self._rest = space.from_input(space.mesh.points)
 
-    def _is_driven(self) -> bool:
-        motions = [motion for _, motion in self._supports] + [o.motion for o in self.scene.obstacles]
-        return any(not isinstance(motion, Still) for motion in motions)
-
-    def supported_positions(self, time: float) -> np.ndarray:
-        """(n_owned, d): where supported vertices should be at `time` [s]; rest positions elsewhere."""
-        target = self._rest.copy()
-        for mask, motion in self._supports:
-            target[mask] = motion(self._rest[mask], time)
-        return target
+    def _new_newton(self) -> Newton:
+        settings, diagonal = self.scene.solver, self._diagonal
+        return Newton(self.space, self.potential, self.script.held, metres(settings.tolerance, diagonal), settings, self.watch, self._coarse_weights)
 
     def go_on_from(self, record: Mapping) -> None:
         """Begins with what the step of this log record knew, so that the next one is the same as without an interruption."""
+        self.script.behind = record.get("behind", 0.0)
         if record.get("solver_memory"):
             self.newton.linear.recall(record["solver_memory"])
 
     def step(self, number: int, positions: np.ndarray, velocity: np.ndarray) -> StepReport:
         """Step `number` (from 1) from positions (n, d) with predicted velocity (n, d) [m/s], both in the input's order.
 
-        Raises ConvergenceError, naming level, step and reason, where no cut of the step helps. Collective.
+        Raises ConvergenceError, naming level, step and reason, where no rung of the ladder helps, and InputError where a motion of the
+        scene's own fails. Collective.
         """
         dt = self.scene.dt
         report = StepReport(self.level, number, number * dt, positions)
         self.newton.forget()
         with self.watch.part("total"):
             x = Positions(self.space, self.space.from_input(positions))
-            x = self._advance(report, x, self.space.from_input(velocity), (number - 1) * dt, number * dt, 0)
+            if self.script.begin((number - 1) * dt):  # other rows are free
+                memory = self.newton.linear.memory
+                self.newton = self._new_newton()
+                self.newton.linear.recall(memory)
+            x = self._advance(report, x, self.space.from_input(velocity), (number - 1) * dt, number * dt)
+            report.reached, report.behind = self.script.end(number * dt), self.script.behind
             report.positions = x.whole
             report.energy = self.potential.energies(x)
             report.contacts = sum(term.count(x) for term in self.potential.contacts)
@@ -127,77 +130,82 @@ class LevelProblem:
         report.peak_memory_mb = round(peak, 1)
         return report
 
-    def _advance(self, report: StepReport, x_t: Positions, velocity: np.ndarray, t0: float, t1: float, depth: int) -> Positions:
-        """From t0 to t1; in two halves where one does not converge."""
-        try:
-            x, solved = self._solve(report, x_t, x_t.owned + (t1 - t0) * velocity, t0, t1)
-        except SimulationError as error:
-            raise ConvergenceError(self.level, report.step, str(error)) from None
-        if solved.converged:
-            report.reason, report.gradient_norm = solved.reason, solved.gradient_norm
+    def _advance(self, report: StepReport, x_t: Positions, velocity: np.ndarray, t0: float, t1: float, depth: int = 0) -> Positions:
+        """From t0 to t1, down the ladder where that does not converge (`ladder.py`)."""
+        clock, deepest = self.script.clock, depth == self.scene.solver.max_halvings
+        x_hat = x_t.owned + (t1 - t0) * velocity
+
+        def attempt(target: float, careful: bool = False) -> tuple[Positions | None, NewtonReport]:
+            self.script.clock = clock
+            try:
+                x, solved = self._solve(report, x_t, x_hat, t0, t1, target, careful)
+            except SimulationError as error:
+                raise ConvergenceError(self.level, report.step, str(error)) from None
+            if solved.converged:
+                report.reason, report.gradient_norm = solved.reason, solved.gradient_norm
+            return (x if solved.converged else None), solved
+
+        substeps = report.ladder["substeps"]
+        x, solved = attempt(t1)
+        if report.ladder["substeps"] > substeps:  # contact stood in the way of motions, which may have crushed what they met
+            gained = self.script.clock - clock
+            for share in HELD_BACK:
+                if x is None:
+                    report.ladder["held_back"] += 1
+                    x, solved = attempt(clock + share * gained)
+        if x is None and deepest:
+            report.ladder["last_resort"] += 1
+            x, solved = attempt(t1, careful=True)
+        if x is not None:
             return x
-        if depth == self.scene.solver.max_halvings:
+        if deepest:
             raise ConvergenceError(self.level, report.step, f"{solved.reason} after {report.cuts} cuts of the step, last at dt = {t1 - t0:.3g} s, "
-                                   f"Newton step {solved.speed:.3g} m/s; try a smaller dt or a larger dhat")
+                                   f"Newton step {solved.speed:.3g} m/s (tried: {told(report.ladder)}); try a smaller dt or a larger dhat")
         report.cuts += 1
+        report.ladder["halvings"] += 1
+        self.script.clock = clock
         middle = 0.5 * (t0 + t1)
         halfway = self._advance(report, x_t, velocity, t0, middle, depth + 1)
         return self._advance(report, halfway, (halfway.owned - x_t.owned) / (middle - t0), middle, t1, depth + 1)
 
-    def _solve(self, report: StepReport, x_t: Positions, x_hat: np.ndarray, t0: float, t1: float) -> tuple[Positions, NewtonReport]:
-        self.potential.begin_step(x_t, x_hat, t0, t1)
-        x = self._predicted(x_t, x_hat, t1)
+    def _solve(self, report: StepReport, x_t: Positions, x_hat: np.ndarray, t0: float, t1: float, target: float,
+               careful: bool) -> tuple[Positions, NewtonReport]:
+        """One try, with scripted motions going no further than their places at `target` [s]."""
+        self.potential.begin_step(x_t, x_hat, t0, t1, self.script.clock)
+        x = None if careful else self._predicted(x_t, x_hat, target)
         if x is None:
-            x = x_t
-            if self._driven:
-                x, reached = self._drive(report, x, t0, t1)
-                report.reached = min(report.reached, reached)
+            x = follow(self.script, self.potential, self.newton, x_t, target, partial(self._count, report)) if self.script.moves else x_t
         for lag in range(self._lags):
             if lag:
                 self.potential.lag(x)
-            x, solved = self.newton.solve(x)
+            x, solved = self.newton.solve(x, careful)
             self._count(report, solved)
             if not solved.converged:
                 break
         return x, solved
 
-    def _predicted(self, x_t: Positions, x_hat: np.ndarray, t1: float) -> Positions | None:
+    def _predicted(self, x_t: Positions, x_hat: np.ndarray, target: float) -> Positions | None:
         """The predicted state, supports in their places, where the straight way there is free and it is a better start than x_t.
 
-        Obstacles and supports then are where t1 wants them. Under friction x_t is better: nothing has slipped there, and Newton zigzags
+        Obstacles and supports then are where target wants them. Under friction x_t is better: nothing has slipped there, and Newton zigzags
         across the kink between sticking and sliding from anywhere else.
         """
         if self.potential.rubs:
             return None
-        start = self.potential.value(x_t) if not self._driven else np.inf
-        direction = np.where(self.supported[:, None], self.supported_positions(t1), x_hat) - x_t.owned
-        if self.potential.max_step(x_t, direction, until=t1) < 1.0:
+        script = self.script
+        start = self.potential.value(x_t) if not script.moves else np.inf
+        direction = np.where(script.held[:, None], script.positions(target), x_hat) - x_t.owned
+        if self.potential.max_step(x_t, direction, until=target) < 1.0:
             return None
         x = x_t.moved(1.0, direction)
-        if self._driven:
-            self.potential.place(t1)
-        return x if self.potential.value(x) <= start else None
-
-    def _drive(self, report: StepReport, x: Positions, t0: float, t1: float) -> tuple[Positions, float]:
-        """Carries supports and obstacles towards their places at t1 without crossing anything.
-
-        Bodies follow by Newton's direction, or are pushed away by minimising where contact stops the motion. Gives the share reached.
-        """
-        time = t0
-        for _ in range(DRIVES):
-            move = np.where(self.supported[:, None], self.supported_positions(t1) - x.owned, 0.0)
-            direction = self.newton.direction(x, move)
-            step = self.potential.max_step(x, direction, until=t1)
-            x = x.moved(step, direction)
-            time = t1 if step == 1.0 else time + step * (t1 - time)
-            self.potential.place(time)
-            if step == 1.0:
-                return x, 1.0
-            x, solved = self.newton.solve(x)
-            self._count(report, solved)
-            if not solved.converged:
-                break
-        return x, (time - t0) / (t1 - t0)
+        if not script.moves:
+            return x if self.potential.value(x) <= start else None
+        self.potential.place(target)
+        if not np.isfinite(self.potential.value(x)):
+            self.potential.place(script.clock)
+            return None
+        script.clock = target
+        return x
 
     @staticmethod
     def _count(report: StepReport, solved: NewtonReport) -> None:
@@ -206,3 +214,5 @@ class LevelProblem:
         report.hessians += solved.hessians
         report.backtracks += solved.backtracks
         report.step_cap = min(report.step_cap, solved.step_cap)
+        for rung, count in solved.rungs.items():
+            report.ladder[rung] += count

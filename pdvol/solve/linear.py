@@ -147,6 +147,13 @@ class LinearSolver:
         self._use("direct")
         return True
 
+    def be_exact(self) -> bool:
+        """The direct method from the next solve on; False where it is in use."""
+        if self.method == "direct":
+            return False
+        self._use("direct")
+        return True
+
     def solve(self, right: PETSc.Vec, solution: PETSc.Vec) -> None:
         """Solves with the operators set on the KSP. Raises SimulationError where every method fails. Collective."""
         self.ksp.solve(right, solution)

@@ -8,7 +8,7 @@ step must also have been taken in full, follow one that was, and not be longer t
 
 from collections.abc import Callable
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from mpi4py import MPI
@@ -23,6 +23,7 @@ from pdvol.potentials.potential import Positions
 from pdvol.scene import Solver
 from pdvol.solve.coarse_space import CoarseSpace, grid_weights
 from pdvol.solve.incremental_potential import IncrementalPotential
+from pdvol.solve.ladder import no_rungs
 from pdvol.solve.linear import LinearSolver, wants_general_matrix
 from pdvol.solve.model_choice import ModelChoice, promised_decrease
 from pdvol.solve.system_matrix import SystemMatrix
@@ -68,6 +69,7 @@ class NewtonReport:
     step_cap : smallest cap put on a step by contact or inversion
     gradient_norm : infinity norm of the gradient [kg m]
     speed : size of the last full Newton step [m/s]
+    rungs : how often each rung of the ladder was taken
     """
 
     converged: bool = False
@@ -79,6 +81,7 @@ class NewtonReport:
     step_cap: float = 1.0
     gradient_norm: float = np.inf
     speed: float = np.inf
+    rungs: dict[str, int] = field(default_factory=no_rungs)
 
 
 class Newton:
@@ -98,7 +101,7 @@ class Newton:
                  watch: Stopwatch, coarse_weights: Callable[[], csr_array | None] = lambda: None):
         self.space, self.potential, self.tolerance, self.watch = space, potential, tolerance, watch
         self._fixed, self._coarse_weights = supported, coarse_weights
-        self._allowed = ATTEMPTS * settings.max_iterations
+        self._most, self._allowed = settings.max_iterations, ATTEMPTS * settings.max_iterations
         self._vector, self._residual = space.create_vector(), space.create_vector()
         self._blocks, self._system = HessianBlocks(BlockPattern(space)), SystemMatrix(space, supported, wants_general_matrix(settings))
         self._system.assemble(self._blocks)
@@ -242,9 +245,23 @@ class Newton:
 
     # ---- what callers use ----------------------------------------------------------------------------------------------------
 
-    def solve(self, x: Positions) -> tuple[Positions, NewtonReport]:
-        """Minimises from the admissible x. The result is admissible whether or not the report says it converged."""
+    def solve(self, x: Positions, careful: bool = False, most: int | None = None) -> tuple[Positions, NewtonReport]:
+        """Minimises from the admissible x. The result is admissible whether or not the report says it converged.
+
+        Parameters
+        ----------
+        careful : begin with the strongest filter and the direct solver
+        most : Newton iterations allowed, instead of the settings'
+
+        Raises SimulationError, naming the term, where something is not a number.
+        """
         self._start(x)
+        if not np.isfinite(self._energy(x)):
+            self.potential.require_admissible(x)
+        if careful:
+            self._model.be_careful()
+            self.linear.be_exact()
+        self.snes.setTolerances(max_it=self._most if most is None else most)
         # A direct solve of an ill-conditioned system, or an incomplete factor that breaks down, shows in the linear reason.
         while True:
             self._vector.setArray(x.owned.ravel())
@@ -266,18 +283,29 @@ class Newton:
         reasons = PETSc.SNES.ConvergedReason
         if reason not in (reasons.DIVERGED_LINEAR_SOLVE, reasons.DIVERGED_LINE_SEARCH) or self.report.iterations > self._allowed:
             return False
-        self._age = None
+        self._age, rung = None, ""
         if self._model.was_indefinite():
-            return True
-        return self.linear.fall_back() if reason == reasons.DIVERGED_LINEAR_SOLVE else self._model.be_careful()
+            rung = "clamp"
+        elif reason == reasons.DIVERGED_LINEAR_SOLVE:
+            before = self.linear.method
+            if self.linear.fall_back():
+                rung = "workspace" if before == "direct" else "direct" if self.linear.method == "direct" else "shift"
+        elif self._model.be_careful():
+            rung = "abs"
+        elif self.linear.be_exact():
+            rung = "direct"
+        if rung:
+            self.report.rungs[rung] += 1
+        return bool(rung)
 
     def forget(self) -> None:
         """Before a step: drops what its last digits must not depend on, or a resumed run would be another."""
         self._system.forget()
         self.linear.forget()
 
-    def direction(self, x: Positions, supported_move: np.ndarray) -> np.ndarray:
-        """Newton's direction (n_owned, d) at x while supported vertices move by `supported_move` (n_owned, d)."""
+    def direction(self, x: Positions, supported_move: np.ndarray, push: np.ndarray | float = 0.0) -> np.ndarray:
+        """Newton's direction (n_owned, d) at x while supported vertices move by `supported_move` (n_owned, d), and other motions add `push`
+        (n_owned, d) [kg m] to the gradient."""
         self._start(x)
         gradient = self.potential.gradient(x)
         self._add_up(x)
@@ -288,7 +316,7 @@ class Newton:
             # The free rows see what the supports do; then rows and columns of supports are eliminated.
             self._system.assemble(self._blocks, eliminate=False)
             self._system.petsc.mult(moved, force)
-            right = np.where(self._fixed[:, None], prescribed, -gradient - force.getArray().reshape(-1, self.space.dim))
+            right = np.where(self._fixed[:, None], prescribed, -gradient - push - force.getArray().reshape(-1, self.space.dim))
             self._system.assemble(self._blocks)
             self.snes.setJacobian(self._jacobian, self._system.petsc)
             moved.setArray(right.ravel())

@@ -174,8 +174,8 @@ def watched(problem: LevelProblem):
     problem.newton.snes.setMonitor(monitor)
     solve = problem.newton.solve
 
-    def keep(x):
-        x, report = solve(x)
+    def keep(x, *choices):
+        x, report = solve(x, *choices)
         reports.append(report)
         return x, report
 

@@ -1,0 +1,67 @@
+"""Scripted motions under contact: supports and obstacles are carried as far as nothing crosses, in parts of the step.
+
+Each part ends at a time on the clock, with supports and obstacles exactly where their motions have them then; the straight way there from
+the part before is what collision detection clears. So an obstacle that turns never stays on a chord of its arc, and never is where it was
+not checked. Newton's direction lets bodies give way to supports and, through the barrier, to obstacles; where contact still stops a part,
+bodies are pushed away by minimising before the next one.
+"""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from pdvol.potentials.potential import Positions
+from pdvol.solve.incremental_potential import IncrementalPotential
+from pdvol.solve.newton import Newton, NewtonReport
+from pdvol.solve.script import Script
+
+PARTS = 200  # of one step: more are not tried
+TRIES = 6  # to find a free way for a part, each shorter
+KEEP = 0.9  # of the way found free is gone: detection asked again for all of it may say a little less
+LITTLE = 2e-4  # of the step: a part that gains less is not gone at all, lest gaps shrink for nothing
+RELAX = 3  # Newton iterations between parts
+
+
+def follow(script: Script, potential: IncrementalPotential, newton: Newton, x: Positions, t1: float,
+           count: Callable[[NewtonReport], None]) -> Positions:
+    """Carries everything scripted from `script.clock` towards its place at t1 [s]; bodies give way. Collective.
+
+    The clock then tells how far that was possible. `count` is told of every solve. The state returned is admissible.
+    """
+    if script.clock == t1:
+        return x
+    least, relaxed = LITTLE * (t1 - script.clock), False
+    for _ in range(PARTS):
+        further = _part(script, potential, newton, x, t1, least)
+        if further is not None:
+            x = further
+        elif relaxed:
+            return x  # bodies have given way as far as they do: contact holds
+        if script.clock == t1:
+            return x
+        relaxed = further is None
+        x, solved = newton.solve(x, most=None if relaxed else RELAX)
+        solved.rungs["substeps"] += 1
+        count(solved)
+    return x
+
+
+def _part(script: Script, potential: IncrementalPotential, newton: Newton, x: Positions, t1: float, least: float) -> Positions | None:
+    """Goes the longest free part towards t1; None where that gains less than `least` [s]."""
+    clock, held = script.clock, script.held[:, None]
+    move = script.positions(t1) - x.owned
+    direction = newton.direction(x, move, potential.push(x, clock, t1) if script.pushes else 0.0)
+    until, way, share = t1, np.where(held, move, direction), 1.0
+    for _ in range(TRIES):
+        free = potential.max_step(x, way, until=until)
+        if free == 1.0:
+            x = x.moved(1.0, way)
+            script.clock = until
+            potential.place(until)
+            return x
+        share *= KEEP * free
+        until = clock + share * (t1 - clock)
+        if until - clock < least:
+            return None
+        way = np.where(held, script.positions(until) - x.owned, share * direction)
+    return None

@@ -1,0 +1,99 @@
+"""Runs whose scripted motions contact holds back: told, stored where things truly are, resumed alike; motions that fail end in one line."""
+
+import json
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from cli_scenes import SQUARE, pdvol, write
+
+from pdvol import open_run
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+import verify_run
+
+PRESS = SQUARE + '''
+
+def scene(steps=10, fail=1e9):
+    sink = lambda X, t: X - (0.0, 8.0 * t) if t < fail else X * np.nan
+    ram = Rigid(Outline(np.array([(0.1, 1.4), (0.9, 1.4), (0.9, 1.6), (0.1, 1.6)])), motion=pdvol.Path((0.0, 1.0), ((0.0, 0.0), (0.0, -8.0))), name="ram")
+    return Scene(
+        bodies=(Body((square(2), square(3)), NeoHookean(2e4), name="square"),),
+        supports=(Support(lambda X: X[:, 1] < 1e-9),),
+        obstacles=(ram, Plane((0.0, 1.2), (0.0, -1.0), motion=sink, name="plate")),
+        contact=(Barrier(dhat=0.02),),
+        dt=0.02,
+        steps=steps,
+    )
+'''
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """A scene whose plate and ram go through a block that is held at its bottom, and a run of it."""
+    folder = tmp_path_factory.mktemp("press")
+    write(folder / "press.py", PRESS)
+    assert pdvol("run", folder / "press.py", "--out", folder / "whole") == 0
+    return folder
+
+
+def test_nothing_is_crossed_where_things_truly_are(folder):
+    run = open_run(folder / "whole")
+    assert verify_run.verify(folder / "whole") == []
+    for level in run.levels:
+        last = level.log[-1]
+        assert last["behind"] > 0.0 and 0.0 <= last["reached"] < 1.0 and last["ladder"]["substeps"] > 0
+        ram, plate = level.placed(run.obstacles, last["step"])
+        fall = 8.0 * (last["time"] - last["behind"])
+        np.testing.assert_allclose(plate.plane(0)[0], (0.0, 1.2 - fall), atol=1e-12)
+        np.testing.assert_allclose(ram.vertices(0)[0], (0.1, 1.4 - fall), atol=1e-12)
+        # On time while nothing was in the way.
+        np.testing.assert_allclose(level.placed(run.obstacles, 1)[1].plane(1)[0], (0.0, 1.2 - 8.0 * 0.02), atol=1e-12)
+    # Where the script has the plate by now it would have gone through the block.
+    assert run.obstacles[1].plane(10)[0][1] < 0.0
+
+
+def test_it_is_told(folder, capfd):
+    assert pdvol("info", folder / "whole") == 0
+    told = [line for line in capfd.readouterr().out.splitlines() if "held scripted motions back" in line]
+    assert [line.split(":")[0] for line in told] == ["level 0", "level 1"]
+    assert all("s behind at the end" in line and "first in step" in line for line in told)
+
+
+def test_resumed_alike(folder):
+    assert pdvol("run", folder / "press.py", "--out", folder / "parts", "--steps", 9) == 0
+    assert open_run(folder / "parts").levels[0].log[-1]["behind"] > 0.0
+    assert pdvol("run", folder / "press.py", "--out", folder / "parts", "--resume") == 0
+    one, other = open_run(folder / "whole"), open_run(folder / "parts")
+    for a, b in zip(one.levels, other.levels, strict=True):
+        for step in range(11):
+            np.testing.assert_allclose(a.positions(step), b.positions(step), atol=1e-12)
+        for x, y in zip(a.log, b.log, strict=True):
+            assert x["behind"] == pytest.approx(y["behind"], abs=1e-12)
+
+
+def test_a_run_ends_with_the_line(folder, capfd):
+    assert pdvol("run", folder / "press.py", "--levels", "0", "--out", folder / "again") == 0
+    err = capfd.readouterr().err.splitlines()
+    assert "contact held scripted motions back in" in err[-2]
+
+
+def test_a_motion_that_fails_ends_in_one_line(folder, capfd):
+    """Between the ends of steps, where only a motion that contact cuts in parts is asked: the good steps are kept. At their ends: before all."""
+    write(folder / "parts.py", PRESS.replace("if t < fail", "if abs(t / 0.02 - round(t / 0.02)) < 1e-9"))
+    capfd.readouterr()
+    assert pdvol("run", folder / "parts.py", "--levels", "0", "--out", folder / "cut") == 2
+    err = capfd.readouterr().err.splitlines()
+    assert err[-1].startswith("pdvol: plane 'plate': its motion gives NaN or infinity at t = 0.0")
+    run = open_run(folder / "cut")
+    assert run.info["state"] == "failed" and "plate" in run.levels[0].info["reason"] and run.levels[0].steps >= 2
+    assert pdvol("run", folder / "press.py", "--set", "fail=0.05", "--out", folder / "nan") == 2
+    assert capfd.readouterr().err == "pdvol: plane 'plate': its motion gives NaN or infinity at t = 0.06 s\n"
+    assert not (folder / "nan").exists()
+
+
+def test_the_log_counts_every_rung(folder):
+    for record in map(json.loads, (folder / "whole" / "log.jsonl").read_text().splitlines()):
+        assert set(record["ladder"]) == {"clamp", "abs", "shift", "direct", "workspace", "held_back", "halvings", "last_resort", "substeps"}
+        assert record["ladder"]["halvings"] == record["cuts"]

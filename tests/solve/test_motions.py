@@ -1,0 +1,225 @@
+"""Scripted motions under contact: followed exactly where they can be, as far as possible where not, never through anything."""
+
+import numpy as np
+import pytest
+
+from pdvol.errors import InputError
+from pdvol.hierarchy.crossings import edges_of, find_crossings
+from pdvol.hierarchy.level_mesh import simplex_volumes
+from pdvol.scene import Barrier, Gravity, Path, Plane, Rigid, Rotation, Scene, Sequential, Solver, Support, Translation, moved
+from problems import block, make_problem, make_scene, polyline, tetrahedron
+
+X = np.array([[1.0, 0.0, 2.0], [0.0, 1.0, -1.0]])
+SOLVER = Solver(tolerance=1e-4)
+
+
+def left(points):
+    return points[:, 0] < 1e-9
+
+
+def march(problem, steps, x=None, v=None, first=1):
+    """Implicit Euler; yields the reports."""
+    x = problem.space.mesh.points if x is None else x
+    v = 0.0 * x if v is None else v
+    for number in range(first, first + steps):
+        report = problem.step(number, x, v)
+        v, x = (report.positions - x) / problem.scene.dt, report.positions
+        yield report
+
+
+def crosses(mesh, positions, obstacle) -> bool:
+    """Whether the level's boundary crosses the obstacle (vertices, edges, faces), by the code that judges starts."""
+    vertices, edges, faces = obstacle
+    facets = np.concatenate([mesh.boundary, (edges if mesh.dim == 2 else faces) + len(positions)])
+    points = np.concatenate([positions, vertices])
+    solids = facets if mesh.dim == 3 else np.zeros((0, 3), dtype=int)
+    groups = np.r_[np.zeros(len(positions), dtype=int), np.full(len(vertices), -1)]
+    return len(find_crossings(points, edges_of(facets), solids, groups)) > 0
+
+
+# ---- motions by themselves ---------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("smooth", [False, True])
+def test_a_path_passes_its_keyframes_and_rests_outside_them(smooth):
+    path = Path((1.0, 2.0, 4.0), ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (1.0, 2.0, 3.0)), smooth)
+    for t, shift in ((0.0, (0, 0, 0)), (1.0, (0, 0, 0)), (2.0, (1, 0, 0)), (4.0, (1, 2, 3)), (9.0, (1, 2, 3))):
+        np.testing.assert_allclose(path(X, t) - X, np.tile(shift, (2, 1)), atol=1e-14)
+    if not smooth:
+        np.testing.assert_allclose(path(X, 3.0) - X, np.tile((1.0, 1.0, 1.5), (2, 1)))
+
+
+def test_a_smooth_path_is_the_natural_spline():
+    """Through 0, 1, 0 at t = 0, 1, 2: s(t) = 1.5 t - 0.5 t^3 up to t = 1, with s'' = 0 at t = 0 and s' = 0 at t = 1."""
+    path = Path((0.0, 1.0, 2.0), ((0.0, 0.0), (1.0, 0.0), (0.0, 0.0)), smooth=True)
+    for t in (0.25, 0.5, 0.75):
+        np.testing.assert_allclose(path(np.zeros((1, 2)), t), [[1.5 * t - 0.5 * t**3, 0.0]], atol=1e-14)
+
+
+def test_sequential_turns_first_and_carries_what_has_turned():
+    turn, walk = Rotation(np.pi / 2, (0.0, 0.0, 0.0)), Translation((0.0, 0.0, 5.0))
+    np.testing.assert_allclose(Sequential((turn, walk))(X, 1.0), [[0.0, 1.0, 7.0], [-1.0, 0.0, 4.0]], atol=1e-14)
+    off = Sequential((walk, Rotation(np.pi, (0.0, 0.0, 5.0), (1.0, 0.0, 0.0))))
+    np.testing.assert_allclose(off(X, 1.0), [[1.0, 0.0, 3.0], [0.0, -1.0, 6.0]], atol=1e-14)
+
+
+@pytest.mark.parametrize("make", [
+    lambda: Path((0.0,), ((0.0, 0.0),)), lambda: Path((0.0, 0.0), ((0.0, 0.0), (1.0, 0.0))), lambda: Path((0.0, 1.0), ((0.0, 0.0), (1.0, 0.0, 0.0))),
+    lambda: Path((0.0, np.nan), ((0.0, 0.0), (1.0, 0.0))), lambda: Sequential((3,)), lambda: Translation((np.nan, 0.0)),
+    lambda: Translation((1.0, 0.0), stop=-1.0), lambda: Rotation(1.0, (0.0, 0.0, 0.0), axis=(0.0, 0.0, 0.0)), lambda: Rotation(np.inf, (0.0, 0.0)),
+    lambda: Support(left, release=-1.0), lambda: Support(left, release=np.nan), lambda: Support("left"), lambda: Support(left, motion=3),
+])
+def test_nonsense_is_refused(make):
+    with pytest.raises(InputError):
+        make()
+
+
+@pytest.mark.parametrize("motion, said", [(lambda X, t: X * np.nan, "NaN"), (lambda X, t: X[:1], "shape"), (lambda X, t: 1 / 0, "ZeroDivision"),
+                                          (lambda X, t: None, "")])
+def test_a_motion_of_ones_own_is_told_what_is_wrong(motion, said):
+    with pytest.raises(InputError, match=f"obstacle 'rock': its motion .*{said}"):
+        moved(motion, X, 0.5, "obstacle 'rock'")
+
+
+def test_a_motion_that_goes_wrong_on_the_way_stops_at_once():
+    """At t = 2, which no one tried beforehand."""
+    scene = make_scene(dt=0.05, steps=1, supports=(Support(left, motion=lambda X, t: X if t < 0.09 else X * np.nan),), solver=SOLVER)
+    with pytest.raises(InputError, match="a support: its motion gives NaN or infinity at t = 0.1 s"):
+        list(march(make_problem(scene, block((0.0, 0.0), (0.2, 0.2), 2)), 5))
+
+
+# ---- release -----------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("d", [2, 3])
+def test_released_supports_fly_on(d):
+    """All vertices are carried along at 2 m/s and let go at t = 0.03 s, within the second step: the third is the first free one.
+
+    From then on it is free fall with the velocity of the motion: x = X + v t - g dt^2 k (k + 1) / 2 after k free steps.
+    """
+    v = 2.0 * np.eye(d)[0]
+    scene = make_scene(dt=0.02, loads=(Gravity(tuple(-9.81 * np.eye(d)[-1])),), supports=(Support(lambda X: X[:, 0] > -1.0, motion=Translation(tuple(v)),
+                                                                                               release=0.03),))
+    mesh = block((0.0,) * d, (0.2,) * d, 1)
+    for report in march(make_problem(scene, mesh), 6):
+        free = max(0, report.step - 2)
+        fall = -9.81 * scene.dt**2 * free * (free + 1) / 2 * np.eye(d)[-1]
+        np.testing.assert_allclose(report.positions, mesh.points + v * report.time + fall, atol=1e-9)
+        assert report.reached == 1.0
+
+
+def test_releasing_part_frees_only_that_part():
+    """Both ends held; one is let go of at a step's very beginning, to round-off, and moves in that step."""
+    right = lambda X: X[:, 0] > 0.4 - 1e-9  # noqa: E731
+    scene = make_scene(dt=0.1, loads=(Gravity((0.0, -9.81)),), supports=(Support(left), Support(right, release=0.1 + 0.2)))
+    mesh = block((0.0, 0.0), (0.4, 0.1), (4, 1))
+    problem = make_problem(scene, mesh)
+    moves = [np.abs((report.positions - mesh.points)[right(mesh.points)]).max() for report in march(problem, 4)]
+    assert moves[:3] == [0.0, 0.0, 0.0] and moves[3] > 1e-3
+    again = make_problem(scene, mesh)
+    one, *_ = march(again, 1, first=4)  # set out in the middle, as a resumed run does
+    assert np.abs((one.positions - mesh.points)[right(mesh.points)]).max() > 1e-3
+
+
+# ---- through contact ---------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("d", [2, 3])
+@pytest.mark.parametrize("speed", [1.0, 10.0])
+def test_a_support_driven_through_a_wall_stops_in_front_of_it(d, speed):
+    """A support presses a block against a wall and wants to go on through it; it ends just in front of it, and waits there.
+
+    The wall is 0.35 m away; what the barrier and the logarithm in the energy leave of the way is less than a thousandth of a step's.
+    """
+    dhat, wall, e = 5e-3, 0.35, np.eye(d)[0]
+    scene = make_scene(dt=0.02, supports=(Support(left, motion=Translation(tuple(speed * e))),), obstacles=(Plane(tuple(wall * e), tuple(-e)),),
+                       contact=(Barrier(dhat=dhat),), solver=SOLVER)
+    mesh = block((0.0,) * d, (0.3,) + (0.2,) * (d - 1), (4,) + (2,) * (d - 1) if d == 2 else (2, 1, 1))
+    stop = wall / speed
+    for report in march(make_problem(scene, mesh), int(np.ceil(stop / scene.dt)) + 2):
+        x = report.positions
+        assert x[:, 0].max() < wall and simplex_volumes(x, mesh.cells).min() > 0.0
+        held = x[left(mesh.points), 0]
+        np.testing.assert_allclose(held, speed * (report.time - report.behind), atol=1e-12)
+        assert (report.reached == 1.0) == (report.behind == 0.0) == (report.time < stop)
+    assert 0.0 < wall - held[0] < 1e-3 * speed * scene.dt
+    assert report.ladder["halvings"] == 0
+    assert report.reached < 1e-3  # it waits: gaps do not shrink step by step for nothing
+    assert report.min_gap > 1e-10
+
+
+def paddle(d, speed):
+    """A bar that turns about its left end into a block held at its bottom; and the obstacle's geometry."""
+    if d == 2:
+        geometry = polyline([(-0.05, 0.2), (0.45, 0.2), (0.45, 0.25), (-0.05, 0.25)])
+    else:
+        geometry = tetrahedron([(-0.05, 0.03, 0.2), (0.45, 0.05, 0.2), (0.45, -0.02, 0.3), (0.2, 0.1, 0.3)])
+    centre = -0.05 * np.eye(d)[0] + 0.22 * np.eye(d)[-1]
+    motion = Rotation(-speed if d == 2 else speed, tuple(centre), (0.0, 0.0, 1.0) if d == 2 else (0.0, 1.0, 0.0))
+    return Rigid("paddle", motion=motion), geometry
+
+
+@pytest.mark.parametrize("d", [2, 3])
+@pytest.mark.parametrize("speed", [5.0, 50.0])
+def test_a_paddle_turns_into_a_body_without_crossing_it(d, speed):
+    """By 0.1 rad and by 1 rad a step, where the chord of the arc cuts through the body and the arc does not: at the end of every step the
+    obstacle is where its motion has it at the time told, and nothing crosses it there."""
+    rigid, geometry = paddle(d, speed)
+    mesh = block((0.1,) + (0.0,) * (d - 1), (0.5,) + (0.1,) * (d - 1), (4, 1) if d == 2 else (3, 1, 1))
+    scene = make_scene(dt=0.02, supports=(Support(lambda X: X[:, -1] < 1e-9),), obstacles=(rigid,), contact=(Barrier(dhat=5e-3),), solver=SOLVER)
+    problem = make_problem(scene, mesh, [geometry])
+    behind, touched = 0.0, False
+    for report in march(problem, 6 if speed == 5.0 else 2):
+        at = report.time - report.behind
+        vertices = rigid.motion(geometry[0], at)
+        np.testing.assert_array_equal(problem.potential.contacts[-1].surface.obstacle_positions, rigid.motion(geometry[0], problem.script.clock))
+        assert problem.script.clock == pytest.approx(at, abs=1e-15)
+        assert not crosses(mesh, report.positions, (vertices, *geometry[1:]))
+        assert simplex_volumes(report.positions, mesh.cells).min() > 0.0
+        touched |= report.contacts > 0
+        assert report.reached == pytest.approx(1.0 - report.behind / (scene.dt + behind), abs=1e-12)
+        behind = report.behind
+    assert touched and behind > 0.0
+    # Where it should be by now it would stand in the body.
+    assert crosses(mesh, report.positions, (rigid.motion(geometry[0], (0.1 if speed == 5.0 else 0.012)), *geometry[1:]))
+
+
+@pytest.mark.parametrize("d", [2, 3])
+@pytest.mark.parametrize("speed", [5.0, 50.0])
+def test_a_plane_carries_a_free_block_along(d, speed):
+    """At 0.1 m and 1 m a step, up to three times the block's length and 200 dhat: nothing holds the block, so all of the motion is carried out."""
+    dhat, e = 5e-3, np.eye(d)[0]
+    plane = Plane(tuple(-0.05 * e), tuple(e), Translation(tuple(speed * e)))
+    scene = make_scene(dt=0.02, obstacles=(plane,), contact=(Barrier(dhat=dhat),), solver=SOLVER)
+    mesh = block((0.0,) * d, (0.3,) + (0.2,) * (d - 1), (2,) + (1,) * (d - 1))
+    for report in march(make_problem(scene, mesh), 3):
+        assert report.reached == 1.0 and report.behind == 0.0
+        assert report.positions[:, 0].min() > speed * report.time - 0.05
+    assert sum(report.ladder.values()) == 0, "the last step is free flight"
+
+
+def test_what_was_held_back_is_caught_up_with():
+    """A plate sinks onto a held block and rises again before it is through: it is on time again when the motion has come back."""
+    plate = Plane((0.0, 0.3), (0.0, -1.0), Path((0.0, 0.1, 0.2), ((0.0, 0.0), (0.0, -0.5), (0.0, 0.0))))
+    scene = make_scene(dt=0.02, supports=(Support(lambda X: X[:, 1] < 1e-9),), obstacles=(plate,), contact=(Barrier(dhat=5e-3),), solver=SOLVER)
+    mesh = block((0.0, 0.0), (0.4, 0.2), (4, 2))
+    reports = list(march(make_problem(scene, mesh), 11))
+    assert reports[4].behind > 0.0 and reports[-1].behind == 0.0
+    for report in reports:
+        height = 0.3 + plate.motion(np.zeros((1, 2)), report.time - report.behind)[0, 1]
+        assert 0.0 < report.positions[:, 1].max() < height
+        assert simplex_volumes(report.positions, mesh.cells).min() > 0.0
+
+
+def test_a_scene_with_a_path_and_a_release_can_be_described():
+    """What `run.json` keeps of it tells two scripts apart."""
+    from pdvol.describe import describe, differences
+
+    def scene(end, release):
+        support = Support(left, motion=Sequential((Path((0.0, 1.0), ((0.0, 0.0), (end, 0.0))), Rotation(1.0, (0.0, 0.0)))), release=release)
+        return make_scene(supports=(support,))
+
+    assert isinstance(scene(1.0, 1.0), Scene)
+    assert not differences(describe(scene(1.0, 0.5)), describe(scene(1.0, 0.5)))
+    assert differences(describe(scene(1.0, 0.5)), describe(scene(2.0, 0.5)))
+    assert differences(describe(scene(1.0, 0.5)), describe(scene(1.0, np.inf)))
