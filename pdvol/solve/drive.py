@@ -3,13 +3,14 @@
 Each part ends at a time on the clock, with supports and obstacles exactly where their motions have them then; the straight way there from
 the part before is what collision detection clears. So an obstacle that turns never stays on a chord of its arc, and never is where it was
 not checked. Newton's direction lets bodies give way to supports and, through the barrier, to obstacles; where contact still stops a part,
-bodies are pushed away by minimising before the next one.
+bodies are pushed away by minimising before the next one. A part never squeezes a cell below `CRUSHED` of its rest volume.
 """
 
 from collections.abc import Callable
 
 import numpy as np
 
+from pdvol.hierarchy.level_mesh import simplex_volumes
 from pdvol.potentials.potential import Positions
 from pdvol.solve.incremental_potential import IncrementalPotential
 from pdvol.solve.newton import Newton, NewtonReport
@@ -19,6 +20,8 @@ PARTS = 200  # of one step: more are not tried
 TRIES = 6  # to find a free way for a part, each shorter
 KEEP = 0.9  # of the way found free is gone: detection asked again for all of it may say a little less
 LITTLE = 2e-4  # of the step: a part that gains less is not gone at all, lest gaps shrink for nothing
+CRUSHED = 1e-3  # of its rest volume: no part squeezes a cell further
+SHORTER = 0.5  # a part that would
 RELAX = 3  # Newton iterations between parts
 
 
@@ -54,14 +57,20 @@ def _part(script: Script, potential: IncrementalPotential, newton: Newton, x: Po
     until, way, share = t1, np.where(held, move, direction), 1.0
     for _ in range(TRIES):
         free = potential.max_step(x, way, until=until)
-        if free == 1.0:
-            x = x.moved(1.0, way)
+        there = x.moved(1.0, way) if free == 1.0 else None
+        if there is not None and _smallest(there) >= min(CRUSHED, _smallest(x)):
             script.clock = until
             potential.place(until)
-            return x
-        share *= KEEP * free
+            return there
+        share *= KEEP * free if there is None else SHORTER
         until = clock + share * (t1 - clock)
         if until - clock < least:
             return None
         way = np.where(held, script.positions(until) - x.owned, share * direction)
     return None
+
+
+def _smallest(x: Positions) -> float:
+    """The smallest volume of a cell over that at rest. Collective where x is new."""
+    mesh = x.space.mesh
+    return float((simplex_volumes(x.whole, mesh.cells) / mesh.volumes).min())

@@ -232,6 +232,12 @@ def test_what_the_command_line_itself_refuses(tmp_path, monkeypatch, capfd, word
     "bodies=(body,), obstacles=(Plane((0, -1), (0, 0)),), contact=(Barrier(),)",
     "bodies=(body,), obstacles=(Plane((0, np.nan), (0, 1)),), contact=(Barrier(),)",
     "bodies=(body,), supports=(Support(lambda X: X[:, 0] < 0.1, motion=lambda X, t: X[:, :1]),)",
+    "bodies=(body,), supports=(Support(lambda X: X[:, 0] * np.nan),)", "bodies=(body,), supports=(Support(lambda X: np.flatnonzero(X[:, 0] < 1)),)",
+    "bodies=(body,), supports=(Support(lambda X: X[:, 0] < 0.1, motion=lambda X, t: X * np.inf),)",
+    "bodies=(body,), supports=(Support(lambda X: X[:, 0] < 0.1, motion=3),)", "bodies=(body,), supports=(Support(lambda X: X[:, 0] < 0.1, release=-1),)",
+    "bodies=(body,), obstacles=(Plane((0, -1), (0, 1), motion=lambda X, t: X[:1]),), contact=(Barrier(),)",
+    "bodies=(body,), obstacles=(Plane((0, -1), (0, 1), motion=lambda X, t: X if t < 0.005 else X * np.nan),), contact=(Barrier(),)",
+    "bodies=(body,), obstacles=(Plane((0, -1), (0, 1), motion=lambda X, t: X + t * nothing),), contact=(Barrier(),)",
 ])
 def test_nonsense_scenes(refuse, tmp_path, scene):
     text = SQUARE + f"""

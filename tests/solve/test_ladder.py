@@ -1,0 +1,162 @@
+"""The failure ladder: each rung is taken where it should be and counted, and what is not a number ends a run at once, by name."""
+
+import numpy as np
+import pytest
+from petsc4py import PETSc
+
+from pdvol.errors import ConvergenceError
+from pdvol.potentials.potential import Positions, Term
+from pdvol.scene import Barrier, Gravity, Plane, Solver
+from pdvol.solve.ladder import RUNGS, no_rungs, told
+from problems import block, make_problem, make_scene
+
+REASONS = PETSc.SNES.ConvergedReason
+
+
+def falling(**settings):
+    """A block thrown at a plane it stands before, and a velocity for it."""
+    scene = make_scene(dt=0.02, loads=(Gravity((0.0, -9.81)),), obstacles=(Plane((0.0, 0.0), (0.0, 1.0)),), contact=(Barrier(dhat=0.01),),
+                       solver=Solver(tolerance=1e-5, **settings))
+    mesh = block((0.0, 0.02), (0.4, 0.42), 2, jitter=0.1)
+    return make_problem(scene, mesh), mesh.points, np.tile((0.0, -4.0), (len(mesh.points), 1))
+
+
+# ---- rungs -------------------------------------------------------------------------------------------------------------------
+
+
+def test_an_easy_step_takes_none():
+    problem, x, v = falling()
+    assert problem.step(1, x, v).ladder == no_rungs()
+    assert told(no_rungs()) == "" and told({**no_rungs(), "abs": 2, "halvings": 1}) == "abs 2, halvings 1"
+
+
+def test_the_order_within_a_solve():
+    """After failures of one kind, one after the other: stronger filter, then a direct solver, then nothing is left."""
+    problem, x, v = falling(linear="auto")
+    problem.step(1, x, v)
+    newton = problem.newton
+    newton._start(Positions(problem.space, problem.space.from_input(x)))
+    newton._model.positive = "none"
+    taken = []
+    for _ in range(5):
+        before = dict(newton.report.rungs)
+        go_on = newton._mend(REASONS.DIVERGED_LINE_SEARCH)
+        new = [name for name in RUNGS if newton.report.rungs[name] > before[name]]
+        assert go_on == (len(new) == 1)
+        taken += new
+    assert taken == ["clamp", "abs", "direct"] and newton.linear.method == "direct"
+    assert not newton._mend(REASONS.DIVERGED_MAX_IT)
+    room = []
+    while newton._mend(REASONS.DIVERGED_LINEAR_SOLVE):
+        room.append(1)
+    assert newton.report.rungs["workspace"] == len(room) == 2
+
+
+def test_too_many_iterations_halve_the_step_and_end_with_an_error():
+    """Two Newton iterations are never enough here: halves, quarters, then the last resort, and an error that says all of it."""
+    problem, x, v = falling(max_iterations=2, max_halvings=2)
+    with pytest.raises(ConvergenceError) as caught:
+        for number in range(1, 20):
+            report = problem.step(number, x, v)
+            v, x = (report.positions - x) / 0.02, report.positions
+    error = caught.value
+    assert error.level == 0 and error.step == number
+    assert str(error).startswith(f"level 0, step {number}: DIVERGED_MAX_IT after ")
+    assert "halvings" in error.reason and "last_resort 1" in error.reason and "dt = 0.005 s" in error.reason
+
+
+def test_the_last_resort_can_save_a_step(monkeypatch):
+    """At the smallest step the strongest filter and the direct solver are used from the beginning on; what they solve goes on."""
+    problem, x, v = falling(max_halvings=0, linear="iterative")
+    solve = problem.newton.solve
+    careful_ones = []
+
+    def only_careful(x, careful=False, most=None):
+        x, report = solve(x, careful, most)
+        careful_ones.append((careful, problem.newton.linear.method))
+        report.converged = report.converged and careful
+        return x, report
+
+    monkeypatch.setattr(problem.newton, "solve", only_careful)
+    report = problem.step(1, x, v)
+    assert careful_ones == [(False, "iterative"), (True, "direct")]
+    assert report.ladder["last_resort"] == 1 and report.cuts == report.ladder["halvings"] == 0
+    assert report.positions[:, 1].min() > 0.0
+
+
+def test_halvings_are_counted_and_the_step_is_good(monkeypatch):
+    problem, x, v = falling()
+    solve, calls = problem.newton.solve, []
+
+    def fails_once(x, *choices):
+        x, report = solve(x, *choices)
+        calls.append(1)
+        report.converged = report.converged and len(calls) > 1
+        return x, report
+
+    monkeypatch.setattr(problem.newton, "solve", fails_once)
+    report = problem.step(1, x, v)
+    assert report.cuts == report.ladder["halvings"] == 1 and len(calls) == 3
+    assert report.positions[:, 1].min() > 0.0
+
+
+# ---- what is not a number ----------------------------------------------------------------------------------------------------
+
+
+class Poison(Term):
+    """A weak spring to the start whose parts go bad from step `first` on."""
+
+    name = "consistency"  # one that the log has a place for
+
+    def __init__(self, what, bad, first):
+        self.what, self.bad, self.first, self.steps = what, bad, first, 0
+
+    def begin_step(self, x_t, t0, t1):
+        self.steps += 1
+        self._x_t = x_t
+
+    def _or_bad(self, what, value):
+        return self.bad * np.ones_like(value) if what == self.what and self.steps >= self.first else value
+
+    def value(self, x):
+        return float(self._or_bad("energy", 0.5 * np.sum((x.owned - self._x_t.owned) ** 2)))
+
+    def gradient(self, x):
+        return self._or_bad("gradient", x.owned - self._x_t.owned)
+
+    def add_hessian(self, x, weight, into):
+        n = len(x.owned)
+        into.add_diagonal(np.arange(n), self._or_bad("Hessian", np.tile(weight * np.eye(2), (n, 1, 1))))
+
+    def max_step(self, x, direction, until=None):
+        return float(self._or_bad("largest step", np.array(1.0)))
+
+
+@pytest.mark.parametrize("what, bad, said", [*((what, np.nan, "not a number") for what in ("energy", "gradient", "Hessian", "largest step")),
+                                             *((what, np.inf, "infinite") for what in ("energy", "gradient", "Hessian"))])
+def test_what_is_not_a_number_is_named(what, bad, said):
+    problem, x, v = falling()
+    problem.potential.terms = (*problem.potential.terms, Poison(what, bad, 2))
+    report = problem.step(1, x, v)
+    with pytest.raises(ConvergenceError, match=f"level 0, step 2: the consistency term's {what} is {said}") as caught:
+        problem.step(2, report.positions, v)
+    assert caught.value.step == 2
+
+
+def test_pairs_that_are_not_numbers_are_named_too():
+    """Through `add_pairs`, as contact adds them."""
+    problem, x, v = falling()
+
+    class Pairs(Poison):
+        def add_hessian(self, x, weight, into):
+            into.add_pairs(np.array([0]), np.array([1]), self._or_bad("Hessian", np.zeros((1, 2, 2))))
+
+    problem.potential.terms = (*problem.potential.terms, Pairs("Hessian", np.nan, 1))
+    with pytest.raises(ConvergenceError, match="level 0, step 1: the consistency term's Hessian is not a number"):
+        problem.step(1, x, v)
+
+
+def test_velocities_that_are_not_numbers_end_the_step():
+    problem, x, v = falling()
+    with pytest.raises(ConvergenceError, match="level 0, step 1: the inertia term's gradient is not a number|inertia"):
+        problem.step(1, x, v * np.nan)
