@@ -140,9 +140,7 @@ def describe_run(path: Path, pictures: Path | None = None) -> list[str]:
         log = level.log
         line = f"level {level.index}: {level.info['state']}, {len(level.rest):,} vertices, {max(level.steps - 1, 0)} steps"
         if log:
-            seconds = np.array([r["seconds"]["total"] for r in log])
-            line += (f", {seconds.sum():.1f} s ({np.median(seconds):.3g} s a step), Newton {np.mean([r['newton_iterations'] for r in log]):.1f} "
-                     f"(most {max(r['newton_iterations'] for r in log)}), contacts up to {max(r['contacts'] for r in log)}, cuts {sum(r['cuts'] for r in log)}")
+            line += _spent(path, log)
         if "reason" in level.info:
             line += f"; {level.info['reason']}"
         lines.append(line)
@@ -165,6 +163,17 @@ def held_back(run: Run) -> list[str]:
                          f"{short[0]['step']}; least share of a step {least['reached']:.2g} (step {least['step']}), "
                          + (f"{end:.3g} s behind at the end" if end else "caught up at the end"))
     return lines
+
+
+def _spent(path: Path, log: Sequence[dict]) -> str:
+    """What a level's steps have cost."""
+    try:
+        seconds = np.array([float(r["seconds"]["total"]) for r in log])
+        newton, contacts, cuts = ([int(r[key]) for r in log] for key in ("newton_iterations", "contacts", "cuts"))
+    except (KeyError, TypeError, ValueError) as error:
+        raise InputError(f"{path / 'log.jsonl'}: a record lacks what pdvol writes ({error}); remove that line, the states do not depend on it") from error
+    return (f", {seconds.sum():.1f} s ({np.median(seconds):.3g} s a step), Newton {np.mean(newton):.1f} "
+            f"(most {max(newton)}), contacts up to {max(contacts)}, cuts {sum(cuts)}")
 
 
 def describe_metrics(result: dict) -> list[str]:

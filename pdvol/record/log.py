@@ -29,8 +29,8 @@ def read_log(path: Path) -> list[dict]:
             record = json.loads(line)
         except (ValueError, RecursionError):
             record = None
-        if not isinstance(record, dict):
-            raise InputError(f"{path}, line {number}, is not a JSON object; the stored states are unaffected: remove that line")
+        if not isinstance(record, dict) or not all(isinstance(record.get(key, 0), int) for key in ("level", "step")):
+            raise InputError(f"{path}, line {number}, is not a JSON object of a level and step; the stored states are unaffected: remove that line")
         records.append(record)
     return records
 

@@ -120,7 +120,7 @@ class RunLevel:
     @property
     def log(self) -> list[dict]:
         """The log's records of this level."""
-        return [record for record in read_log(self._run.path / "log.jsonl") if record.get("level") == self.index]
+        return [record for record in read_log(self._run.path / "log.jsonl") if record.get("level") == self.index and "step" in record]
 
 
 def _numbers(array: np.ndarray, shape: tuple, end: int) -> bool:
@@ -154,6 +154,8 @@ class Run:
         self.info = read_info(self.path)
         if self.info.get("state") == "creating":
             raise InputError(f"{self.path}: the run was interrupted before its first step; start it again")
+        if not self.info["levels"]:
+            raise InputError(f"{self.path / 'run.json'} names no level; put back the file as pdvol wrote it")
         self.levels: Sequence[RunLevel] = tuple(RunLevel(self, i, entry) for i, entry in enumerate(self.info["levels"]))
 
     @property

@@ -1,8 +1,12 @@
 """What the scene's dataclasses ask of the values they are given: each check raises one line that names the value."""
 
+import sys
+
 import numpy as np
 
 from pdvol.errors import InputError
+
+HUGE = sys.float_info.max  # whole numbers can be larger
 
 
 def require(condition: bool, message: str) -> None:
@@ -14,7 +18,7 @@ def require(condition: bool, message: str) -> None:
 def finite(name: str, value, lowest=-np.inf) -> None:
     """A finite number, not below `lowest`."""
     number = isinstance(value, (int, float, np.integer, np.floating)) and not isinstance(value, bool)
-    require(number and np.isfinite(value), f"{name} = {value!r} is not a finite number")
+    require(number and abs(value) <= HUGE, f"{name} = {value!r} is not a finite number")
     require(value >= lowest, f"{name} = {value!r} is below {lowest:g}")
 
 

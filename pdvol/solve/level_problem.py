@@ -98,8 +98,9 @@ class LevelProblem:
 
     def go_on_from(self, record: Mapping) -> None:
         """Begins with what the step of this log record knew, so that the next one is the same as without an interruption."""
-        self.script.behind = record.get("behind", 0.0)
-        if record.get("solver_memory"):
+        behind = record.get("behind", 0.0)
+        self.script.behind = float(behind) if isinstance(behind, (int, float)) else 0.0
+        if isinstance(record.get("solver_memory"), dict):
             self.newton.linear.recall(record["solver_memory"])
 
     def step(self, number: int, positions: np.ndarray, velocity: np.ndarray) -> StepReport:

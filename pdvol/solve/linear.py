@@ -90,8 +90,11 @@ class LinearSolver:
         return {"method": self.method, "easy": self._easy, "shift": self._local.shift, "workspace": self._workspace, "direct": self._direct_solves}
 
     def recall(self, memory: Mapping) -> None:
-        """Goes on as the solver did whose `memory` this is."""
-        self._easy, self._local.shift, self._workspace = memory["easy"], memory["shift"], memory["workspace"]
+        """Goes on as the solver did whose `memory` this is; one that no solver wrote is nothing to go by."""
+        whole = [memory.get(key) for key in ("shift", "workspace", "direct")]
+        if not {memory.get("method"), memory.get("easy")} <= set(METHODS) or not all(isinstance(n, int) and n >= 0 for n in whole):
+            return
+        self._easy, self._local.shift, self._workspace = memory["easy"], memory["shift"], min(memory["workspace"], len(WORKSPACES) - 1)
         self._use(memory["method"])
         self._direct_solves = memory["direct"]
 

@@ -186,7 +186,7 @@ def test_a_full_disk(tmp_path, disk, capfd):
     assert kept(tmp_path / "run") == kept(tmp_path / "whole")
 
 
-@pytest.mark.parametrize("limit", [1000, 30_000])
+@pytest.mark.parametrize("limit", [pytest.param(1000, marks=pytest.mark.slow), 30_000])
 def test_files_that_may_not_grow(tmp_path, limit):
     # The same without a mount: RLIMIT_FSIZE stops a state, or the log, in the middle of a write.
     write(tmp_path / "fall.py", FALL)
@@ -294,7 +294,7 @@ def test_a_change_of_the_finest_level_keeps_the_coarser_ones(tmp_path, capfd):
 # ---- damage ------------------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("damage", ["truncated", "deleted", "noise", "log"])
+@pytest.mark.parametrize("damage", ["truncated", "log", pytest.param("deleted", marks=pytest.mark.slow), pytest.param("noise", marks=pytest.mark.slow)])
 def test_a_damaged_run_is_mended_by_going_on(tmp_path, capfd, damage):
     scene, out = write(tmp_path / "fall.py", FALL), tmp_path / "run"
     assert pdvol("run", scene, "--steps", 4, "--out", tmp_path / "whole") == 0

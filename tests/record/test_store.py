@@ -154,7 +154,7 @@ def test_the_log_is_repaired(small_run):
         writer.write_state(0, 7, open_run(small_run).levels[0].positions(6))
     assert log.read_bytes() == whole + extra
     log.write_bytes(whole.replace(b'"level": 0, "step": 2', b'"level": 0; "step": 2'))
-    with pytest.raises(InputError, match="line 2, is not a JSON object; the stored states are unaffected"):
+    with pytest.raises(InputError, match="line 2, is not a JSON object of a level and step; the stored states are unaffected"):
         open_run(small_run).levels[0].log
     assert open_run(small_run).levels[0].steps == 8
 
