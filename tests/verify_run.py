@@ -314,18 +314,16 @@ def main(paths) -> int:
     for path in paths:
         print(path)
         try:
-            levels = list(check_levels(Path(path)))
+            for level in check_levels(Path(path)):
+                print(f"  {level.told()}", flush=True)
+                for problem in level.problems[:SHOWN]:
+                    print(f"    {problem}")
+                if len(level.problems) > SHOWN:
+                    print(f"    and {len(level.problems) - SHOWN} more")
+                wrong = wrong or bool(level.problems)
         except InputError as error:
             print(f"  {error}")
             wrong = True
-            continue
-        for level in levels:
-            print(f"  {level.told()}", flush=True)
-            for problem in level.problems[:SHOWN]:
-                print(f"    {problem}")
-            if len(level.problems) > SHOWN:
-                print(f"    and {len(level.problems) - SHOWN} more")
-            wrong = wrong or bool(level.problems)
     return int(wrong)
 
 

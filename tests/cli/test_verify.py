@@ -131,6 +131,12 @@ def test_damaged_states(tmp_path):
     assert line.startswith("level 0 step 1:") and "finite" in line
 
 
+def test_what_is_no_run(tmp_path, capsys):
+    assert verify_run.main([tmp_path / "nowhere", store(tmp_path / "run", 2, [two_blocks(2).points])]) == 1
+    out = capsys.readouterr().out
+    assert "nowhere does not exist" in out and "level 0: 1 states" in out
+
+
 def test_missing_states_of_a_finished_level(tmp_path):
     x = two_blocks(2).points
     path = store(tmp_path / "run", 2, [x, x, x])
