@@ -103,16 +103,25 @@ def _refine(options) -> None:
 
 
 def _check(options) -> int:
-    from pdvol.inspection import check_meshes, check_shot
+    from pdvol import preflight
 
+    if options.measure < 0:
+        raise InputError(f"--measure: {options.measure:g} seconds are too few; 0 measures nothing")
     if len(options.files) == 1 and options.files[0].suffix == ".py":
         from pdvol.shot import load_shot, parse_settings
 
-        lines, sound = check_shot(load_shot(options.files[0], parse_settings(options.set)))
+        shot = load_shot(options.files[0], parse_settings(options.set))
+        result = preflight.check_scene(shot.scene, options.measure, options.out)
+        lines = preflight.told(result)
     else:
-        lines, sound = check_meshes(options.files)
+        if options.out is not None:
+            raise InputError("-o writes the levels of a scene; give one SCENE.py, or leave it out")
+        result = preflight.check_meshes(options.files)
+        lines = [entry["told"] for entry in result["files"]]
+    if options.json is not None:
+        preflight.write_result(result, options.json)
     print("\n".join(lines))
-    return 0 if sound else 2
+    return 0 if result["sound"] else 2
 
 
 def _hierarchy(options) -> None:
@@ -256,6 +265,9 @@ def _parser() -> argparse.ArgumentParser:
 
     sub = command("check", _check, "pre-flight: what will be modelled, sizes, and every defect found")
     sub.add_argument("files", type=Path, nargs="+", metavar="SCENE.py | MESH")
+    sub.add_argument("-o", "--out", type=Path, metavar="DIR", help="write each level, and the primitives of every defect, there as VTU")
+    sub.add_argument("--json", type=Path, metavar="FILE", help="write the findings there, too")
+    sub.add_argument("--measure", type=float, default=3.0, metavar="SECONDS", help="simulate level 0 so long to tell costs (default 3; 0: not)")
     scene_options(sub, steps=False)
 
     sub = command("hierarchy", _hierarchy, "build the levels of one mesh and report their bindings")

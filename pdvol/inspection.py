@@ -1,4 +1,4 @@
-"""What pdvol says before and after a run: pre-flight checks, sizes, bindings. Everything here returns lines of text."""
+"""What pdvol says of scenes, meshes and runs: terms, sizes, bindings. Everything here returns lines of text."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -7,21 +7,20 @@ import numpy as np
 from mpi4py import MPI
 
 from pdvol.errors import InputError
-from pdvol.hierarchy.build import build_levels, read_obstacle
+from pdvol.hierarchy.build import build_levels
 from pdvol.hierarchy.hierarchy import Hierarchy
 from pdvol.hierarchy.level_mesh import LevelMesh
 from pdvol.hierarchy.readers import read_shape
-from pdvol.hierarchy.scene_fields import check_fields, scene_diagonal
-from pdvol.hierarchy.separate import build_apart
-from pdvol.hierarchy.start_check import check_start
+from pdvol.hierarchy.scene_fields import scene_diagonal
 from pdvol.hierarchy.tetrahedralise import mean_ratio
-from pdvol.hierarchy.validate import check_outline, check_solid, check_surface
-from pdvol.meshes import Outline, Solid
+from pdvol.meshes import Outline
 from pdvol.record.bindings import draw_binding
 from pdvol.record.folder import require_scene
 from pdvol.record.reader import Run, open_run
 from pdvol.record.vtu import write_vtu
-from pdvol.scene import Barrier, Body, Flow, Friction, Gravity, Impulse, Load, Material, NeoHookean, Plane, PointForce, Rigid, Scene, Still, metres
+from pdvol.scene import (
+    Barrier, Body, Flow, Friction, Gravity, Impulse, Load, Material, NeoHookean, Plane, PointForce, Scene, Sequential, Still, metres,
+)
 from pdvol.shot import Shot
 
 
@@ -34,9 +33,11 @@ def modelled(scene: Scene) -> list[str]:
             where = f"label {', '.join(map(str, region.labels))}" if region.labels else f"where {getattr(region.where, '__name__', 'asked')}"
             lines.append(f"body {body.name!r}, {where}: {_material(region.material)}")
     lines += [f"load: {_load(load)}" for load in scene.loads]
-    lines += [f"support: {type(s.motion).__name__.lower()} on {s.body or 'all bodies'}" for s in scene.supports]
+    for s in scene.supports:
+        until = f", released at {s.release:g} s" if np.isfinite(s.release) else ""
+        lines.append(f"support: {_named(s.motion)} on {s.body or 'all bodies'}{until}")
     for o in scene.obstacles:
-        moving = "" if isinstance(o.motion, Still) else ", moving"
+        moving = "" if isinstance(o.motion, Still) else f", moving ({_named(o.motion)})"
         lines.append(f"obstacle {o.name!r}: {'half-space' if isinstance(o, Plane) else 'rigid surface'}{moving}")
     if _is_plane(scene):
         lines.append("dimension: 2, plane strain (per metre of depth)")
@@ -89,6 +90,12 @@ def _youngs(scene: Scene) -> list[float]:
     """Young's moduli that are numbers."""
     materials = [m for body in scene.bodies for m in (body.material, *(region.material for region in body.regions))]
     return [m.young for m in materials if not callable(m.young)]
+
+
+def _named(motion) -> str:
+    if isinstance(motion, Sequential):
+        return " then ".join(_named(part) for part in motion.motions)
+    return getattr(motion, "__name__", type(motion).__name__.lower())
 
 
 def describe_level(mesh: LevelMesh, level: int) -> str:
@@ -208,61 +215,6 @@ def _means(entry: dict) -> str:
     if "jitter" in s:
         parts.append(f"jitter {s['jitter']['mean']:.3g} J (most {s['jitter']['largest']:.3g})")
     return ", ".join(parts)
-
-
-def check_shot(shot: Shot) -> tuple[list[str], bool]:
-    """`pdvol check SCENE.py`: builds every level and looks for what would stop a run. Gives the lines and whether all is sound."""
-    scene = shot.scene
-    lines = modelled(scene)
-    try:
-        obstacles = [read_obstacle(o) for o in scene.obstacles if isinstance(o, Rigid)]
-        meshes, mended = build_apart(scene, scene.levels, obstacles)
-    except InputError as error:
-        return [*lines, f"defect: {error}"], False
-    lines += [f"note: {line}" for line in mended]
-    lines += [describe_level(mesh, level) for level, mesh in enumerate(meshes)]
-    sound = True
-    for level, mesh in enumerate(meshes):
-        try:
-            check_fields(scene, mesh, level)
-            check_start([mesh], obstacles, scene)
-        except InputError as error:
-            lines.append(f"defect at level {level}: {error}")
-            sound = False
-    fastest = max((np.linalg.norm(np.atleast_1d(b.velocity)) if len(np.atleast_1d(b.velocity)) else 0.0) for b in scene.bodies)
-    edge = min(_shortest_edge(mesh) for mesh in meshes)
-    if fastest * scene.dt > edge:
-        lines.append(f"note: at {fastest:.3g} m/s a body crosses {fastest * scene.dt / edge:.1f} of its smallest edges per step; contact holds, detail may not")
-    stiff = _youngs(scene)
-    if stiff and max(stiff) > 1e4 * min(stiff):
-        lines.append(f"note: stiffness ratio {max(stiff) / min(stiff):.1g}; the direct linear solver is the safer choice (--set linear=direct)")
-    return [*lines, "sound: nothing found that would stop a run" if sound else "not sound: mend the defects above"], sound
-
-
-def _shortest_edge(mesh: LevelMesh) -> float:
-    corners = mesh.points[mesh.cells]
-    return float(min(np.linalg.norm(corners[:, i] - corners[:, j], axis=1).min() for i in range(mesh.dim + 1) for j in range(i)))
-
-
-def check_meshes(files: Sequence[Path]) -> tuple[list[str], bool]:
-    """`pdvol check MESH ...`: each file read and validated; every defect in a line of its own."""
-    lines, sound = [], True
-    for file in files:
-        try:
-            shape = read_shape(file)
-            if isinstance(shape, Outline):
-                check_outline(shape, str(file))
-                lines.append(f"{file}: outline of {len(shape.points):,} points, sound")
-            elif isinstance(shape, Solid):
-                check_solid(shape, str(file))
-                lines.append(f"{file}: {len(shape.vertices):,} vertices, {len(shape.cells):,} cells, regions {sorted(set(shape.regions.tolist()))}, sound")
-            else:
-                check_surface(shape, str(file))
-                lines.append(f"{file}: surface of {len(shape.vertices):,} vertices, {len(shape.triangles):,} triangles, sound")
-        except InputError as error:
-            lines.append(f"defect: {error}")
-            sound = False
-    return lines, sound
 
 
 def write_hierarchy(mesh: Path, targets: tuple[int, ...], out: Path, prolongation: str = "barycentric") -> list[str]:

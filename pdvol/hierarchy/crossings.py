@@ -41,7 +41,7 @@ def find_crossings(points: np.ndarray, edges: np.ndarray, faces: np.ndarray, gro
     import ipctk
 
     phase = ipctk.LBVH()
-    phase.build(*_fortran(points, edges, faces))
+    phase.build(*fortran(points, edges, faces))
     if points.shape[1] == 2:
         found = [(c.edge0_id, c.edge1_id) for c in phase.detect_edge_edge_candidates()]
     else:
@@ -63,7 +63,7 @@ def find_touching(points: np.ndarray, edges: np.ndarray, faces: np.ndarray, grou
     """Pairs of vertices (k, 2) int64, one of each primitive, whose primitives are nearer than `TOUCH` times the diagonal."""
     import ipctk
 
-    vertices, lines, triangles = _fortran(points, edges, faces)
+    vertices, lines, triangles = fortran(points, edges, faces)
     mesh = ipctk.CollisionMesh(rest_positions=vertices, edges=lines, faces=triangles)
     tolerance = TOUCH * float(np.linalg.norm(np.ptp(points, axis=0)))
     near = ipctk.NormalCollisions()
@@ -79,7 +79,8 @@ def find_touching(points: np.ndarray, edges: np.ndarray, faces: np.ndarray, grou
     return pairs
 
 
-def _fortran(points, edges, faces):
+def fortran(points, edges, faces):
+    """Points, edges and faces as ipctk takes them."""
     order = {"order": "F"}
     return (
         np.asarray(points, dtype=np.float64, **order),

@@ -3,18 +3,20 @@
 Written apart from the solver's contact code. Separately decimated surfaces can cross where the originals do not, so every level is tested.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 
 import igl
 import numpy as np
 
 from pdvol.errors import InputError, IntersectionError
-from pdvol.hierarchy.crossings import edges_of, find_crossings, find_touching
+from pdvol.hierarchy.crossings import edges_of, find_crossings, find_touching, fortran
 from pdvol.hierarchy.level_mesh import LevelMesh
 from pdvol.hierarchy.validate import shells
 from pdvol.scene import Plane, Rigid, Scene, moved
 
 Obstacle = tuple[np.ndarray, np.ndarray, np.ndarray]
+WORDS = {1: "vertex", 2: "edge", 3: "triangle"}
 MEND = "move them apart, or give more vertices to coarse levels"
 
 
@@ -37,40 +39,93 @@ def check_start(level_meshes: Sequence[LevelMesh], obstacles: Sequence[Obstacle]
     """
     if not scene.contact:
         return  # nothing keeps bodies apart later either
-    rigids = [o for o in scene.obstacles if isinstance(o, Rigid)]
-    if len(rigids) != len(obstacles):
-        raise InputError(f"{len(obstacles)} obstacle meshes for {len(rigids)} rigid obstacles; read one for each")
     for level, mesh in enumerate(level_meshes):
-        for plane in scene.obstacles:
-            if isinstance(plane, Plane):
-                _check_plane(level, mesh, plane, scene)
-        parties = _Parties(mesh, obstacles, rigids, scene)
-        parties.check_crossings(level)
-        parties.check_containment(level)
+        for defect in find_defects(level, mesh, obstacles, scene):
+            raise defect.error
 
 
-def _check_plane(level: int, mesh: LevelMesh, plane: Plane, scene: Scene) -> None:
+@dataclass(frozen=True, eq=False)
+class Defect:
+    """Something that crosses, touches or contains another at t = 0.
+
+    Attributes
+    ----------
+    error : what there is to raise: what, where, the mend
+    primitives : (k, d) corners [m] of each primitive, two for each pair where two are involved
+    """
+
+    error: IntersectionError
+    primitives: list[np.ndarray]
+
+
+@dataclass(frozen=True)
+class Gap:
+    """The nearest two primitives: distance [m], and both in words."""
+
+    distance: float
+    one: str
+    other: str
+
+
+def find_defects(level: int, mesh: LevelMesh, obstacles: Sequence[Obstacle], scene: Scene) -> Iterator[Defect]:
+    """All that is wrong with one level at t = 0, found one after the other; arguments and InputError as `check_start`."""
+    for plane in scene.obstacles:
+        if isinstance(plane, Plane):
+            yield from _below(level, mesh, plane, scene)
+    parties = _Parties(mesh, obstacles, scene)
+    crossings = list(parties.crossings(level))
+    yield from crossings or parties.contained(level)  # what crosses may well lie inside, too
+
+
+def smallest_gap(mesh: LevelMesh, obstacles: Sequence[Obstacle], scene: Scene, reach: float) -> tuple[Gap | None, int]:
+    """The smallest gap at t = 0 up to `reach` [m], if there is one, and how many pairs of primitives are that near. Nothing may cross."""
+    gap, count = _Parties(mesh, obstacles, scene).gap(reach)
+    for plane in scene.obstacles:
+        if isinstance(plane, Plane):
+            height = _heights(mesh, plane)
+            nearest = int(np.argmin(height))
+            count += int((height < reach).sum())
+            if height[nearest] < (reach if gap is None else gap.distance):
+                gap = Gap(float(height[nearest]), f"vertex {nearest} of body {scene.bodies[mesh.point_bodies[nearest]].name!r}", f"plane {plane.name!r}")
+    return gap, count
+
+
+def _heights(mesh: LevelMesh, plane: Plane) -> np.ndarray:
+    """(n,) heights [m] of all points above a plane at t = 0."""
     if len(plane.point) != mesh.dim:
         raise InputError(f"plane {plane.name!r} is {len(plane.point)}D in a {mesh.dim}D scene; give {mesh.dim} components")
+    ends = _ends(plane)
+    return (mesh.points - ends[0]) @ (ends[1] - ends[0])
+
+
+def _ends(plane: Plane) -> np.ndarray:
+    """A plane's point and the end of its unit normal there, at t = 0."""
     point, normal = np.asarray(plane.point, dtype=float), np.asarray(plane.normal, dtype=float)
-    ends = moved(plane.motion, np.stack([point, point + normal / np.linalg.norm(normal)]), 0.0, f"plane {plane.name!r}")
-    height = (mesh.points - ends[0]) @ (ends[1] - ends[0])
+    return moved(plane.motion, np.stack([point, point + normal / np.linalg.norm(normal)]), 0.0, f"plane {plane.name!r}")
+
+
+def _below(level: int, mesh: LevelMesh, plane: Plane, scene: Scene) -> Iterator[Defect]:
+    height = _heights(mesh, plane)
     below = np.flatnonzero(height <= 0.0)
     if len(below):
         worst = int(np.argmin(height))
         body = scene.bodies[mesh.point_bodies[worst]].name
         many = f"{len(below)} vertices are" if len(below) > 1 else "1 vertex is"
-        raise IntersectionError(
+        ends = _ends(plane)
+        yield Defect(IntersectionError(
             f"level {level}: {many} at or below plane {plane.name!r} at t = 0, the worst vertex {worst} of body {body!r} by "
             f"{-height[worst]:.3g} m; lift the body or lower the plane",
-            [(int(v),) for v in below], level, (mesh.point_bodies[worst],), moved[1] - moved[0],
+            [(int(v),) for v in below], level, (mesh.point_bodies[worst],), ends[1] - ends[0]), [mesh.points[[v]] for v in below],
         )
 
 
 class _Parties:
     """All boundaries of one level in one set of arrays: bodies first (owner >= 0), then obstacles (owner < 0)."""
 
-    def __init__(self, mesh: LevelMesh, obstacles: Sequence[Obstacle], rigids: Sequence[Rigid], scene: Scene):
+    def __init__(self, mesh: LevelMesh, obstacles: Sequence[Obstacle], scene: Scene):
+        rigids = [o for o in scene.obstacles if isinstance(o, Rigid)]
+        if len(rigids) != len(obstacles):
+            raise InputError(f"{len(obstacles)} obstacle meshes for {len(rigids)} rigid obstacles; read one for each")
         self.names = [f"body {b.name!r}" for b in scene.bodies] + [f"obstacle {r.name!r}" for r in rigids]
         self.closed = [True] * len(scene.bodies) + [r.closed for r in rigids]
         self.bodies = len(scene.bodies)
@@ -97,32 +152,50 @@ class _Parties:
     def _whose(self, vertex: int) -> str:
         return self.names[self.owner[vertex]]
 
-    def check_crossings(self, level: int) -> None:
+    def crossings(self, level: int) -> Iterator[Defect]:
+        """Boundaries that cross, or else touch."""
         obstacle = np.where(self.owner >= self.bodies, -1, 0)
         second = self.edges if len(self.faces) == 0 else self.faces
         pairs = find_crossings(self.points, self.edges, self.faces, obstacle)
         if len(pairs):
-            named = [(self._numbers(self.edges[a]), self._numbers(second[b])) for a, b in pairs]
-            self._raise(level, self.edges[pairs[0, 0], 0], second[pairs[0, 1], 0], "crosses", named)
+            yield self._defect(level, "crosses", [(self.edges[a], second[b]) for a, b in pairs])
+            return
         touching = find_touching(self.points, self.edges, self.faces, obstacle)
         if len(touching):
-            named = [(self._numbers([a]), self._numbers([b])) for a, b in touching]
-            self._raise(level, *touching[0], "touches", named)
+            yield self._defect(level, "touches", [([a], [b]) for a, b in touching])
+
+    def gap(self, reach: float) -> tuple[Gap | None, int]:
+        """The nearest two primitives up to `reach` [m], and how many pairs are that near."""
+        import ipctk
+
+        vertices, edges, faces = fortran(self.points, self.edges, self.faces)
+        mesh = ipctk.CollisionMesh(rest_positions=vertices, edges=edges, faces=faces)
+        mesh.can_collide = ipctk.make_static_obstacle_filter(int((self.owner < self.bodies).sum()))
+        near = ipctk.NormalCollisions()
+        near.build(mesh=mesh, vertices=vertices, dhat=reach)
+        if not len(near):
+            return None, 0
+        squares = [near[k].compute_distance(near[k].dof(vertices, edges, faces)) for k in range(len(near))]
+        k = int(np.argmin(squares))
+        ids = [int(i) for i in near[k].vertex_ids(edges, faces) if i >= 0]
+        first = 2 if near[k].__class__.__name__.startswith("EdgeEdge") else 1
+        one, other = (f"{WORDS[len(part)]} {self._numbers(part)} of {self._whose(part[0])}" for part in (ids[:first], ids[first:]))
+        return Gap(float(np.sqrt(squares[k])), one, other), len(near)
 
     def _numbers(self, vertices) -> tuple[int, ...]:
         return tuple(int(self.labels[v]) for v in vertices)
 
-    def _raise(self, level: int, a: int, b: int, does: str, named) -> None:
-        one, other = self._whose(a), self._whose(b)
-        word = {1: "vertex", 2: "edge", 3: "triangle"}
+    def _defect(self, level: int, does: str, pairs) -> Defect:
+        named = [(self._numbers(a), self._numbers(b)) for a, b in pairs]
+        one, other = self._whose(pairs[0][0][0]), self._whose(pairs[0][1][0])
         first, second = named[0]
         other = "itself" if other == one else other
         mend = "give more vertices to coarse levels or repair the shape" if other == "itself" else MEND
-        raise IntersectionError(
-            f"level {level}: {one} {does} {other} at t = 0 ({word[len(first)]} {first} and {word[len(second)]} {second}, {len(named)} such "
-            f"pairs); {mend}",
-            named, level, *self._apart(self.owner[a], self.owner[b]),
-        )
+        a, b = pairs[0][0][0], pairs[0][1][0]
+        error = IntersectionError(
+            f"level {level}: {one} {does} {other} at t = 0 ({WORDS[len(first)]} {first} and {WORDS[len(second)]} {second}, {len(named)} such "
+            f"pairs); {mend}", named, level, *self._apart(self.owner[a], self.owner[b]))
+        return Defect(error, [self.points[list(part)] for pair in pairs for part in pair])
 
     def _apart(self, one: int, other: int) -> tuple[list[int], np.ndarray | None]:
         """The bodies of two parties, and the way along which the first of them leaves the other: from centre to centre."""
@@ -135,7 +208,7 @@ class _Parties:
         length = np.linalg.norm(way)
         return bodies, way / length if length > 0.0 else up
 
-    def check_containment(self, level: int) -> None:
+    def contained(self, level: int) -> Iterator[Defect]:
         """One party wholly inside another crosses nothing: the winding number of a vertex of each shell tells."""
         shell = shells(self.facets, len(self.points))
         _, representatives = np.unique(shell, return_index=True)
@@ -155,8 +228,8 @@ class _Parties:
             winding = igl.winding_number(self.points, facets, np.ascontiguousarray(self.points[inner]))
             inside = inner[np.abs(winding) > 0.5]
             if len(inside):
-                raise IntersectionError(
+                yield Defect(IntersectionError(
                     f"level {level}: {self._whose(inside[0])} lies inside {self.names[outer]} at t = 0 (vertex {self.labels[inside[0]]}); "
                     "move them apart, or set closed=False on a hollow obstacle",
-                    [(int(self.labels[v]),) for v in inside], level, *self._apart(self.owner[inside[0]], outer),
+                    [(int(self.labels[v]),) for v in inside], level, *self._apart(self.owner[inside[0]], outer)), [self.points[[v]] for v in inside],
                 )

@@ -1,0 +1,179 @@
+"""`pdvol check`: what it tells is so, what is wrong is named and drawn, and nothing is written unasked."""
+
+import json
+import time
+
+import meshio
+import numpy as np
+import pytest
+from cli_scenes import CUBE_OFF, FALL, SQUARE, pdvol, write
+
+from pdvol import preflight
+from pdvol.hierarchy.build import build_levels
+from pdvol.hierarchy.level_mesh import LevelMesh
+from pdvol.runner import run_scene
+from pdvol.shot import load_shot
+
+TWO = SQUARE + '''
+
+def scene(apart=1.005, young=2e4, dhat=0.01, velocity=(0.0, 0.0), dt=0.02, slope=0.0):
+    """Two squares beside each other, the right one with a stone of its own inside it where slope asks for one."""
+    return Scene(
+        bodies=(Body((square(2), square(3)), NeoHookean(2e4), name="left"),
+                Body((square(1), square(2)), NeoHookean(young), name="right", velocity=velocity, placement=Placement((apart, 0.001)))),
+        obstacles=(Plane((0.0, -0.5), (slope, 1.0), name="floor"),),
+        contact=(Barrier(dhat=dhat),), dt=dt, steps=3)
+'''
+
+
+@pytest.fixture
+def check(tmp_path, capfd, monkeypatch):
+    """Runs `pdvol check` in an empty folder; (code, lines, findings)."""
+    monkeypatch.chdir(tmp_path)
+
+    def check_(text, *words):
+        write(tmp_path / "s.py", text)
+        capfd.readouterr()
+        code = pdvol("check", "s.py", "--json", "found.json", "--measure", 0, *words)
+        out, err = capfd.readouterr()
+        assert err == ""
+        return code, out.splitlines(), json.loads((tmp_path / "found.json").read_text())
+
+    return check_
+
+
+def test_a_sound_scene(check):
+    code, lines, found = check(TWO)
+    assert code == 0 and lines[-1].startswith("sound") and found["sound"] and found["defects"] == [] and found["notes"] != []
+    assert [(e["vertices"], e["cells"], e["surface_vertices"]) for e in found["levels"]] == [(13, 10, 12), (25, 26, 20)]
+    for entry, shortest in zip(found["levels"], (0.5, 1 / 3), strict=True):
+        assert entry["volume"] == pytest.approx(2.0) and entry["shortest_edge"] == pytest.approx(shortest)
+        # Between x = 1 and x = 1.005, at half a dhat.
+        assert entry["smallest_gap"]["distance"] == pytest.approx(0.005) and entry["smallest_gap"]["dhats"] == pytest.approx(0.5)
+        told = entry["smallest_gap"]["one"] + entry["smallest_gap"]["other"]
+        assert "body 'left'" in told and "body 'right'" in told
+        assert entry["near_pairs"] > 0
+        # Half of a square: 4 sqrt(3) (s^2 / 2) / (4 s^2) = sqrt(3) / 2.
+        assert len(entry["worst_cells"]) == 5 and entry["worst_cells"][0]["quality"] == pytest.approx(np.sqrt(3) / 2)
+    assert any("push at once" in note for note in found["notes"])
+
+
+def test_the_worst_cells_come_first(check):
+    text = TWO.replace("(square(2), square(3))", "tuple(Solid(square(n).vertices ** (1.0, 3.0), square(n).cells, square(n).regions) for n in (2, 3))")
+    _, lines, found = check(text, "--set", "apart=1.5")
+    for entry in found["levels"]:
+        worst = entry["worst_cells"]
+        assert worst == sorted(worst, key=lambda w: w["quality"]) and {w["body"] for w in worst} == {"left"}
+        # The lowest row, flattened to a height of n^-3 over 1/n: cells 0 to n - 1 and their neighbours.
+        n = 2 + entry["level"]
+        assert {w["cell"] % (n * n) for w in worst[:2]} <= set(range(n))
+    assert sum("worst cells (mean ratio)" in line for line in lines) == 2
+
+
+def test_gaps_to_planes_are_told(check):
+    _, _, found = check(TWO, "--set", "apart=1.5", "--set", "dhat=0.1")
+    gap = found["levels"][0]["smallest_gap"]
+    assert gap["distance"] == pytest.approx(0.5, abs=2e-3) and not found["levels"][0]["near_pairs"]
+    assert {gap["one"][:6], gap["other"][:6]} <= {"vertex", "plane ", "edge ("}
+
+
+def test_speed_and_stiffness_are_noted(check):
+    _, lines, found = check(TWO, "--set", "velocity=(30.0, 40.0)", "--set", "young=2e10", "--set", "apart=1.5")
+    for entry, shortest in zip(found["levels"], (0.5, 1 / 3), strict=True):
+        assert entry["speed"] == pytest.approx(50.0) and entry["edges_per_step"] == pytest.approx(50.0 * 0.02 / shortest)
+    assert sum("crosses" in note and "shortest edges per step" in note for note in found["notes"]) == 2
+    assert found["stiffness_ratio"] == pytest.approx(1e6) and any("linear=direct" in note for note in found["notes"])
+    assert any(line == "stiffness ratio of the materials: 1e+06" for line in lines)
+
+
+def test_every_crossing_is_named_and_drawn(check, tmp_path):
+    """The right square reaches into the left one, and both stand in a floor: all of it is told, not just the first."""
+    text = TWO.replace("(0.0, -0.5)", "(0.0, 0.1)")
+    code, lines, found = check(text, "--set", "apart=0.9", "-o", "drawn")
+    assert code == 2 and lines[-1].startswith("not sound") and not found["sound"]
+    for level in range(2):
+        told = [line for line in lines if line.startswith(f"defect at level {level}: ")]
+        assert len(told) == 2 and "plane 'floor'" in told[0] and "crosses" in told[1] and "edge (" in told[1]
+        drawn = meshio.read(tmp_path / "drawn" / f"defects_{level}.vtu")
+        below = np.concatenate([drawn.points[b.data[d == 1].ravel()] for b, d in zip(drawn.cells, drawn.cell_data["defect"], strict=True)])
+        assert len(below) and (below[:, 1] <= 0.1).all() and {b.type for b in drawn.cells} == {"vertex", "line"}
+        crossing = next(drawn.points[b.data] for b in drawn.cells if b.type == "line")
+        assert len(crossing) % 2 == 0 and ((crossing[..., 0].min(axis=1) <= 1.0) & (crossing[..., 0].max(axis=1) >= 0.9)).all()
+        whole = meshio.read(tmp_path / "drawn" / f"level_{level}.vtu")
+        assert set(np.unique(whole.point_data["defect"])) == {0, 1, 2}
+        low = whole.points[:, 1] <= 0.1
+        assert (whole.point_data["defect"][low] > 0).all()
+        assert len(whole.cell_data["quality"][0]) == found["levels"][level]["cells"]
+    assert sorted(p.name for p in (tmp_path / "drawn").iterdir()) == ["defects_0.vtu", "defects_1.vtu", "level_0.vtu", "level_1.vtu"]
+
+
+def test_nothing_is_written_unasked(tmp_path, capfd, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    write(tmp_path / "s.py", TWO)
+    assert pdvol("check", "s.py", "--set", "apart=0.9", "--measure", 0) == 2
+    assert pdvol("check", "s.py", "--measure", 0) == 0
+    assert sorted(p.name for p in tmp_path.iterdir() if p.name != "__pycache__") == ["s.py"]
+    for words in (["--measure=-1"], ["-o", "s.py/below"], ["--json", "nowhere/found.json"]):
+        capfd.readouterr()
+        assert pdvol("check", "s.py", "--measure", 0, *words) == 2
+        assert capfd.readouterr().err.startswith("pdvol: ")
+
+
+def test_meshes(tmp_path, capfd, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    write(tmp_path / "cube.off", CUBE_OFF)
+    write(tmp_path / "open.off", CUBE_OFF.replace("8 12 0", "8 11 0").rsplit("3 3 4 7\n", 1)[0])
+    x = np.array([(0.0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1), (0.3, 0.3, -0.01)])
+    meshio.Mesh(x, [("tetra", np.array([(0, 1, 2, 3), (0, 2, 1, 4)]))]).write("solid.vtu")
+    assert pdvol("check", "cube.off", "solid.vtu", "open.off", "--json", "found.json") == 2
+    found = json.loads((tmp_path / "found.json").read_text())
+    assert [entry["sound"] for entry in found["files"]] == [True, True, False] and not found["sound"]
+    assert "worst cells (mean ratio) 1 (" in capfd.readouterr().out
+    assert pdvol("check", "cube.off", "-o", "drawn") == 2
+    assert not (tmp_path / "drawn").exists()
+
+
+# ---- costs -------------------------------------------------------------------------------------------------------------------
+
+
+def test_the_estimate_is_within_a_factor_of_three(tmp_path):
+    """Levels of 81 to 1,681 vertices of a square that falls on a plane, measured on level 0 alone, beside what a run takes."""
+    write(tmp_path / "fall.py", FALL)
+    shot = load_shot(tmp_path / "fall.py", {"sizes": (8, 20, 40), "steps": 20})
+    found = preflight.check_scene(shot.scene, 5.0)
+    run_scene(shot, tmp_path / "run", method="direct")
+    records = [json.loads(line) for line in (tmp_path / "run" / "log.jsonl").read_text().splitlines()]
+    for entry in found["levels"]:
+        taken = sum(r["seconds"]["total"] for r in records if r["level"] == entry["level"])
+        assert taken / 3 < entry["seconds"] < 3 * taken, (entry["level"], entry["seconds"], taken)
+        memory = max(r["peak_memory_mb"] for r in records if r["level"] == entry["level"])
+        assert memory / 3 < entry["memory_mb"] < 3 * memory
+    assert found["measured"]["steps"] == 20 and found["measured"]["newton_iterations"] > 1
+
+
+def test_measuring_ends_in_time_and_can_be_left_out(tmp_path):
+    write(tmp_path / "fall.py", FALL)
+    scene = load_shot(tmp_path / "fall.py", {"sizes": (8, 9), "steps": 100_000}).scene
+    begin = time.perf_counter()
+    found = preflight.check_scene(scene, 0.2)
+    assert time.perf_counter() - begin < 20.0
+    assert 0 < found["measured"]["steps"] < 100_000
+    assert found["levels"][1]["seconds"] == pytest.approx(100_000 * found["levels"][1]["seconds_per_step"])
+    assert "measured" not in preflight.check_scene(scene, 0.0)
+
+
+def test_a_level_that_cannot_go_on_is_noted(tmp_path):
+    write(tmp_path / "fall.py", FALL)
+    scene = load_shot(tmp_path / "fall.py", {"max_iterations": 1, "max_halvings": 0}).scene
+    found = preflight.check_scene(scene, 5.0)
+    assert any(note.startswith("note: level 0 cannot go on: level 0, step ") for note in found["notes"])
+    assert any("cannot go on" in line for line in preflight.told(found))
+
+
+def test_levels_are_those_of_the_run(tmp_path):
+    write(tmp_path / "fall.py", FALL)
+    scene = load_shot(tmp_path / "fall.py", {}).scene
+    found = preflight.check_scene(scene, 0.0)
+    for entry, mesh in zip(found["levels"], build_levels(scene), strict=True):
+        assert isinstance(mesh, LevelMesh) and entry["vertices"] == len(mesh.points)
+        assert entry["smallest_cell"] == pytest.approx(mesh.volumes.min())
