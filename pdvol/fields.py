@@ -42,10 +42,11 @@ class SceneFields:
     def contact_force(self, step: int) -> np.ndarray:
         """(n, d) [N] at the end of a step; at the start, step 0, nothing slides."""
         start, end = (Positions(self.space, self.space.from_input(self.level.positions(n))) for n in (max(step - 1, 0), step))
+        begin = max(step - 1, 0) * self.dt - self.level.behind(max(step - 1, 0))
         for term in self._contact:
-            term.begin_step(start, max(step - 1, 0) * self.dt, max(step, 1) * self.dt)
+            term.begin_step(start, begin, begin + self.dt)
         for term in self._contact:
-            term.place(step * self.dt)
+            term.place(step * self.dt - self.level.behind(step))
         force = -sum((term.gradient(end) for term in self._contact), start=np.zeros_like(end.owned))
         return self.space.to_input(force)
 

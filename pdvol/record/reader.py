@@ -117,6 +117,12 @@ class RunLevel:
         late = [{key.partition(".")[2]: value for key, value in arrays.items() if key.partition(".")[0] == str(i)} for i in range(len(obstacles))]
         return tuple(o.held(found) if found else o for o, found in zip(obstacles, late, strict=True))
 
+    def behind(self, step: int) -> float:
+        """[s] how far obstacles were behind their motions at the end of a step."""
+        if not late_file(self.folder, step).exists():
+            return 0.0
+        return next((record.get("behind", 0.0) for record in self.log if record.get("step") == step), 0.0)
+
     @property
     def log(self) -> list[dict]:
         """The log's records of this level."""

@@ -9,6 +9,7 @@ import pytest
 from cli_scenes import SQUARE, pdvol, write
 
 from pdvol import open_run
+from pdvol.fields import SceneFields, stored_scene
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 import verify_run
@@ -52,6 +53,20 @@ def test_nothing_is_crossed_where_things_truly_are(folder):
         np.testing.assert_allclose(level.placed(run.obstacles, 1)[1].plane(1)[0], (0.0, 1.2 - 8.0 * 0.02), atol=1e-12)
     # Where the script has the plate by now it would have gone through the block.
     assert run.obstacles[1].plane(10)[0][1] < 0.0
+
+
+def test_forces_are_those_of_obstacles_where_they_are(folder):
+    """What the plate does to the block is what the block's elastic forces and inertia balance; where the script has it, it would be through."""
+    run = open_run(folder / "whole")
+    level = run.levels[1]
+    last = level.log[-1]
+    assert level.behind(last["step"]) == last["behind"] > 0.0 and level.behind(1) == 0.0
+    scene, obstacles = stored_scene(run)
+    fields = SceneFields(scene, run, 1, obstacles)
+    force = fields.contact_force(last["step"])
+    assert np.isfinite(force).all()
+    pressed = level.positions(last["step"])[:, 1] > 1e-6
+    assert force[pressed, 1].min() < -1.0 and force[pressed, 1].max() <= 0.0
 
 
 def test_it_is_told(folder, capfd):
