@@ -4,6 +4,7 @@ import pytest
 from mpi4py import MPI
 
 import pdvol.hierarchy.hierarchy as hierarchy_module
+from pdvol import open_run
 from pdvol.cli import run
 from pdvol.hierarchy.level_space import LevelSpace
 from pdvol.potentials import friction, half_space
@@ -20,7 +21,7 @@ def scene(full=False, levels=1):
     steel = NeoHookean(2e10, density=7800.0)
     disc = Body(meshes.disc(0.2), StVenantKirchhoff(2e4, damping=0.01) if full else NeoHookean(2e4), (20, 40, 60)[:levels], name="disc",
                 regions=(Region(steel, lambda X: X[:, 0] > 0.1),) if full else ())
-    loads = (Gravity((0.0, -9.81)), Force(lambda t: (t, 0.0)), PointForce((1.0, 0.0), (0.0, 0.0)), Impulse((0.0, 3.0), 0.5), Flow((1.0, 0.0), 1.2))
+    loads = (Force(lambda t: (t, 0.0)), Gravity((0.0, -9.81)), PointForce((1.0, 0.0), (0.0, 0.0)), Impulse((0.0, 3.0), 0.5), Flow((1.0, 0.0), 1.2))
     return Scene((disc,), dt=0.01, steps=2, loads=loads if full else (), contact=(Barrier(), Friction(0.3)) if full else (),
                  obstacles=(Plane((0.0, -1.0), (0.0, 1.0)),) if full else (), separate=(Separate("shrink", 0.1),) if full else ())
 '''
@@ -52,6 +53,16 @@ def test_info_says_what_is_not(file, capsys):
     lines = info(file, capsys)
     assert {"contact: none", "friction: none", "levels: 1, no prolongation"} <= set(lines)
     assert not any(line.startswith(("load", "obstacle", "support", "where")) or "damping" in line for line in lines)
+
+
+def test_all_of_it_runs(file, tmp_path):
+    out = tmp_path / "run"
+    assert run(["run", str(file), "--set", "full=True", "--set", "levels=2", "--out", str(out)]) == 0
+    stored = open_run(out)
+    assert stored.info["up"] == [0.0, 9.81], "pictures have up against gravity, whichever load it is"
+    assert [level.steps for level in stored.levels] == [3, 3]
+    assert all({"damping", "drag"} <= set(record["energy"]) for level in stored.levels for record in level.log)
+    assert run(["metrics", str(out)]) == 0
 
 
 def test_one_level_binds_nothing_and_meshes_nothing_else(file, tmp_path, monkeypatch):
