@@ -44,7 +44,9 @@ def modelled(scene: Scene) -> list[str]:
     diagonal = scene_diagonal(scene)
     for c in scene.contact:
         if isinstance(c, Barrier):
-            kappa = f"{c.stiffness * min(_youngs(scene)):.3g} Pa" if len(_youngs(scene)) == sum(1 + len(b.regions) for b in scene.bodies) else f"{c.stiffness:g} of the softest cell's Young's modulus"
+            known = _youngs(scene)
+            told = len(known) == sum(1 + len(b.regions) for b in scene.bodies)
+            kappa = f"{c.stiffness * min(known):.3g} Pa" if told else f"{c.stiffness:g} of the softest cell's Young's modulus"
             lines.append(f"contact: area-weighted barrier, dhat {metres(c.dhat, diagonal):.3g} m, stiffness {kappa}")
         elif isinstance(c, Friction):
             lines.append(f"friction: mu {c.mu:g}, smooth below {metres(c.eps_v, diagonal):.3g} m/s, lagged {c.iterations} time(s) a step")

@@ -99,14 +99,15 @@ class NeoHookean(Material):
 
 @dataclass(frozen=True)
 class StVenantKirchhoff(Material):
-    """Linear in Green's strain: stiffer than Neo-Hookean when pulled, and giving way below a stretch of 0.58 when pressed."""
+    """Linear in Green's strain: stiffer than Neo-Hookean when pulled, and giving way below a stretch of 0.58 when pressed, down to a tenth of
+    its volume, where a barrier holds it."""
 
     psi = staticmethod(elasticity.st_venant_kirchhoff)
 
 
 @dataclass(frozen=True)
 class FixedCorotational(Material):
-    """Linear in the stretches: rotations cost nothing, stresses stay moderate."""
+    """Linear in the stretches: rotations cost nothing, stresses stay moderate; below a tenth of its volume a barrier holds it."""
 
     psi = staticmethod(elasticity.fixed_corotational)
 

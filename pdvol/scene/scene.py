@@ -45,7 +45,8 @@ class Scene:
             require(isinstance(remedy, Separate), f"separate holds Separate(by, limit), not {type(remedy).__name__}")
         for load in self.loads:
             require(isinstance(load, Load), f"loads hold {', '.join(kind.__name__ for kind in get_args(Load))}, not {type(load).__name__}")
-            require(getattr(load, "body", "") in ("", *names), f"a {type(load).__name__} names the body {getattr(load, 'body', '')!r}; there are {names}")
+            body = getattr(load, "body", "")
+            require(body in ("", *names), f"a {type(load).__name__} names the body {body!r}; there are {names}")
         for kind in (Barrier, Friction):
             require(sum(isinstance(c, kind) for c in self.contact) <= 1, f"contact names more than one {kind.__name__}")
         if any(isinstance(c, Friction) for c in self.contact) or self.obstacles:

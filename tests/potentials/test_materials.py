@@ -142,6 +142,32 @@ def test_turning_costs_nothing_and_inverted_cells_are_refused(terms, cells, law,
         assert psi(term, space, np.diag([1.0] * (d - 1) + [flat])) == np.inf
 
 
+def guard(J):
+    """d/dJ of -k (u - 1)^2 ln u, u = J / 0.1 < 1, k = 2 mu + lmbda: the barrier of laws that are finite at zero volume."""
+    u = J / 0.1
+    return 0.0 if u >= 1 else -(2 * MU + LMBDA) / 0.1 * (2 * (u - 1) * np.log(u) + (u - 1) ** 2 / u)
+
+
+@pytest.mark.parametrize("law", [StVenantKirchhoff, FixedCorotational])
+@pytest.mark.parametrize("d", DIMENSIONS)
+@pytest.mark.parametrize("s", [0.101, 0.099, 0.02, 1e-4])
+def test_pressed_to_nothing(terms, cells, law, d, s):
+    """Down to a tenth of the volume the law is its own; below, a barrier joins in, smoothly, and is infinite at zero."""
+    P = stress(terms[law, d], cells[d], np.diag([s] + [1.0] * (d - 1)))
+    along, across = uniaxial(law, s, d)
+    np.testing.assert_allclose(P, np.diag([along + guard(s)] + [across + guard(s) * s] * (d - 1)), rtol=0, atol=EXACT * np.abs(P).max())
+    assert P[0, 0] < (-1e3 if s < 1e-3 else 0.0)
+
+
+@pytest.mark.parametrize("law", [StVenantKirchhoff, FixedCorotational])
+@pytest.mark.parametrize("d", DIMENSIONS)
+def test_derivatives_under_the_barrier(law, d):
+    space = LevelSpace(box(d, 1, jitter=0.1), MPI.COMM_SELF)
+    X = space.from_input(space.mesh.points)
+    x = X @ np.diag([0.07] + [1.0] * (d - 1)) + 0.002 * np.random.default_rng(0).uniform(-1, 1, X.shape)
+    check_term(elastic(space, law(YOUNG, POISSON))[0], space, x, 1e-3)
+
+
 @pytest.mark.parametrize("spread", [0.0, 1e-9, 1e-5, 1e-3, 0.5, 3.0, 8.0])
 def test_corotational_stress_is_exact_for_all_stretches(terms, cells, spread):
     """Against numpy's singular values, from equal stretches to cells pressed to a needle: P = 2 mu (F - R) + lmbda (J - 1) cof F."""
@@ -151,7 +177,7 @@ def test_corotational_stress_is_exact_for_all_stretches(terms, cells, spread):
     s = 1.2 * np.exp(-spread * np.array([0.0, 1.0, 1.0 + 0.1 * spread]))
     F = U @ np.diag(s) @ V.T
     J = np.prod(s)
-    expected = 2 * MU * (F - U @ V.T) + LMBDA * (J - 1) * U @ np.diag(J / s) @ V.T
+    expected = 2 * MU * (F - U @ V.T) + (LMBDA * (J - 1) + guard(J)) * U @ np.diag(J / s) @ V.T
     np.testing.assert_allclose(stress(terms[FixedCorotational, 3], cells[3], F), expected, atol=1e-11 * np.abs(expected).max())
 
 
