@@ -31,6 +31,7 @@ class SurfaceBarrier(Term):
         self._potential = ipctk.BarrierPotential(dhat=dhat, stiffness=kappa, use_physical_barrier=True)
         self.kappa = kappa
         self._at: Positions | None = None
+        self._expected: Positions | None = None
         self._vertices: np.ndarray | None = None
 
     def begin_step(self, x_t: Positions, t0: float, t1: float) -> None:
@@ -38,6 +39,12 @@ class SurfaceBarrier(Term):
         self.surface.candidates.forget()
         self._at = None
         self.place(t0)
+        if self._expected is not None:
+            self.surface.candidates.begin(self.surface.vertices(x_t), self.surface.vertices(self._expected))
+            self._expected = None
+
+    def expect(self, x_hat: Positions) -> None:
+        self._expected = x_hat
 
     def place(self, time: float) -> None:
         if self.surface.place(time):

@@ -41,6 +41,13 @@ class ContactCandidates:
         """The next call searches anew."""
         self._slack, self._reference, self._move = -1.0, None, None
 
+    def begin(self, start: np.ndarray, end: np.ndarray) -> None:
+        """Searches anew for a step that probably goes from start to about end (k, d)."""
+        self.forget()
+        move = ROOM * _largest(self._place(end) - self._place(start))
+        if move <= self._longest:
+            self._search_around(start, max(move, SHORTEST * self._longest))
+
     def _place(self, vertices: np.ndarray) -> np.ndarray:
         return vertices - vertices.mean(axis=0) if self.drifts else vertices
 

@@ -48,6 +48,9 @@ class Potential(Protocol):
     rubs: bool  # whether friction acts on this rank, as lagged
     scale: float  # [J] of parts that cancel in value(x), which its round-off is relative to
 
+    def expect(self, x_hat: Positions) -> None:
+        """Before `begin_step`: where the step is likely to end, give or take; for searches only."""
+
     def begin_step(self, x_t: Positions, t0: float, t1: float) -> None:
         """Starts the step from t0 to t1 [s] at x_t, with obstacles at their t0 places, and lags there."""
 
@@ -77,6 +80,9 @@ class Term:
     name = "term"
     rubs = False
     scale = 0.0
+
+    def expect(self, x_hat: Positions) -> None:
+        pass
 
     def begin_step(self, x_t: Positions, t0: float, t1: float) -> None:
         pass

@@ -34,8 +34,10 @@ class IncrementalPotential:
         """
         self.x_hat, self.dt = x_hat, t1 - t0
         behind = 0.0 if placed is None else t0 - placed
+        expected = Positions(self.space, x_hat)
         for term in self.terms:
             with self._part(term):
+                term.expect(expected)
                 late = behind if id(term) in self._contact_names else 0.0
                 term.begin_step(x_t, t0 - late, t1 - late)
 
