@@ -180,7 +180,8 @@ def _spent(path: Path, log: Sequence[dict]) -> str:
         seconds = np.array([float(r["seconds"]["total"]) for r in log])
         newton, contacts, cuts = ([int(r[key]) for r in log] for key in ("newton_iterations", "contacts", "cuts"))
     except (KeyError, TypeError, ValueError) as error:
-        raise InputError(f"{path / 'log.jsonl'}: a record lacks what pdvol writes ({error}); remove that line, the states do not depend on it") from error
+        mend = "remove that line, the states do not depend on it"
+        raise InputError(f"{path / 'log.jsonl'}: a record lacks what pdvol writes ({error}); {mend}") from error
     return (f", {seconds.sum():.1f} s ({np.median(seconds):.3g} s a step), Newton {np.mean(newton):.1f} "
             f"(most {max(newton)}), contacts up to {max(contacts)}, cuts {sum(cuts)}")
 

@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 from mpi4py import MPI
 
-from pdvol.errors import InputError, PdvolError, SimulationError
+from pdvol.errors import PdvolError, SimulationError
 from pdvol.hierarchy.build import read_obstacle
 from pdvol.hierarchy.child import die_with_parent, without_launcher
 from pdvol.hierarchy.hierarchy import Hierarchy

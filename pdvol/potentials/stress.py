@@ -8,7 +8,6 @@ import ufl
 from dolfinx import fem
 
 from pdvol.forms.kinematics import deformation_gradient
-from pdvol.hierarchy.level_space import LevelSpace
 from pdvol.potentials import native
 from pdvol.potentials.cell_energy import CellEnergy
 

@@ -127,7 +127,8 @@ def write_usd(run: Run, levels: Sequence[int], path: str | Path) -> Path:
     except OSError as error:
         raise SimulationError(f"cannot write {path}: {error.strerror}") from error
     except Exception as error:  # Tf.ErrorException
-        raise error if isinstance(error, SimulationError) else SimulationError(f"cannot write {path}: {' '.join(str(error).split())[:160]}") from error
+        told = str(error) if isinstance(error, SimulationError) else f"cannot write {path}: {' '.join(str(error).split())[:160]}"
+        raise SimulationError(told) from error
     finally:
         aside.unlink(missing_ok=True)
     return path

@@ -24,6 +24,9 @@ class Placement:
     scale: float = 1.0
 
     def __post_init__(self):
+        for name in ("translate", "axis"):
+            for component in np.ravel(getattr(self, name)):
+                finite(f"Placement.{name}", component)
         positive("Placement.scale", self.scale)
         finite("Placement.angle", self.angle)
 

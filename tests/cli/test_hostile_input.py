@@ -161,12 +161,12 @@ def fuzz_settings(folder, capfd, pairs) -> None:
     for name, value in pairs:
         capfd.readouterr()
         before = {p for p in folder.rglob("*") if "__pycache__" not in p.parts}
-        begin = time.monotonic()
+        begin = time.process_time()
         code = pdvol("info", scene, "--set", f"{name}={value}")
         out, err = capfd.readouterr()
         assert code in (0, 2) and "Traceback" not in out + err, (name, value, err)
         assert code == 0 or (err.startswith("pdvol: ") and err.count("\n") == 1), (name, value, err)
-        assert time.monotonic() - begin < SECONDS
+        assert time.process_time() - begin < SECONDS
         assert {p for p in folder.rglob("*") if "__pycache__" not in p.parts} == before, (name, value)
 
 
@@ -243,13 +243,13 @@ def inspect_(stored, tmp_path, monkeypatch, capfd):
         more = {"export": ["--format", "xdmf", "-o", run / "out"], "refine": ["--to", 1]}
         codes = []
         for command in commands:
-            begin = time.monotonic()
+            begin = time.process_time()
             capfd.readouterr()
             codes.append(pdvol(command, run, *more.get(command, [])))
             out, err = capfd.readouterr()
             assert codes[-1] in (0, 1, 2) and "Traceback" not in out + err
             assert codes[-1] == 0 or (err.strip().split("\n")[-1].startswith("pdvol: ")), err
-            assert time.monotonic() - begin < SECONDS
+            assert time.process_time() - begin < SECONDS
         assert [p.name for p in tmp_path.iterdir()] == ["run"], "nothing beside the run, and nothing executed"
         return codes
 
