@@ -50,6 +50,7 @@ def modelled(scene: Scene) -> list[str]:
             lines.append(f"contact: area-weighted barrier, dhat {metres(c.dhat, diagonal):.3g} m, stiffness {kappa}")
         elif isinstance(c, Friction):
             lines.append(f"friction: mu {c.mu:g}, smooth below {metres(c.eps_v, diagonal):.3g} m/s, lagged {c.iterations} time(s) a step")
+            lines += [f"friction between {one!r} and {other!r}: mu {mu:g}" for one, other, mu in c.pairs]
     if not scene.contact:
         lines.append("contact: none")
     if not any(isinstance(c, Friction) for c in scene.contact):

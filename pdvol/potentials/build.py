@@ -40,8 +40,8 @@ def build_terms(scene: Scene, space: LevelSpace, diagonal: float, obstacles=(), 
     materials = cell_materials(scene, space.mesh) if materials is None else materials
     mass = assemble_mass(space, materials.density)
     contacts, frictions = _contact(scene, space, diagonal, obstacles, materials.softest)
-    elastic = elastic_terms(space, materials)
-    return Terms(mass, (*elastic, *load_terms(scene, space, materials.density, mass), *contacts, *frictions), contacts)
+    elastic, loads = elastic_terms(space, materials), load_terms(scene, space, materials.density, mass)
+    return Terms(mass, (*elastic, *loads, *contacts, *frictions), contacts)
 
 
 def _contact(scene: Scene, space: LevelSpace, diagonal: float, obstacles, softest: float):
@@ -57,7 +57,8 @@ def _contact(scene: Scene, space: LevelSpace, diagonal: float, obstacles, softes
         from pdvol.potentials.half_space import HalfSpaceBarrier, HalfSpaceFriction
 
         contacts.append(HalfSpaceBarrier(space, planes, dhat, kappa))
-        frictions += [HalfSpaceFriction(contacts[-1], f.mu, metres(f.eps_v, diagonal)) for f in friction]
+        names = [body.name for body in scene.bodies]
+        frictions += [HalfSpaceFriction(contacts[-1], _coefficients(f, [p.name for p in planes], names), metres(f.eps_v, diagonal)) for f in friction]
     from pdvol.potentials.barrier import SurfaceBarrier
     from pdvol.potentials.collision_surface import CollisionSurface, Obstacle
     from pdvol.potentials.friction import SurfaceFriction
@@ -65,5 +66,11 @@ def _contact(scene: Scene, space: LevelSpace, diagonal: float, obstacles, softes
     rigid = [o for o in scene.obstacles if isinstance(o, Rigid)]
     surface = CollisionSurface(space, tuple(Obstacle(*geometry, o.motion, o.name) for geometry, o in zip(obstacles, rigid, strict=True)), dhat, barrier.ccd)
     contacts.append(SurfaceBarrier(surface, dhat, kappa))
-    frictions += [SurfaceFriction(contacts[-1], f.mu, metres(f.eps_v, diagonal)) for f in friction]
+    parties = [o.name for o in (*scene.bodies, *rigid)]
+    frictions += [SurfaceFriction(contacts[-1], _coefficients(f, parties, parties), metres(f.eps_v, diagonal)) for f in friction]
     return tuple(contacts), tuple(frictions)
+
+
+def _coefficients(friction: Friction, ones: list[str], others: list[str]) -> float | np.ndarray:
+    """Friction's coefficient, or a matrix of them between named parties."""
+    return np.array([[friction.between(one, other) for other in others] for one in ones]) if friction.pairs else friction.mu

@@ -45,6 +45,8 @@ class CollisionSurface:
         Input indices of the bodies' boundary vertices.
     mesh : ipctk.CollisionMesh
         k bodies' vertices, then the obstacles'.
+    parties : (k + obstacles' vertices,) int
+        Whose each vertex is: bodies' numbers, then obstacles' after the last body's.
     candidates : ContactCandidates
         Pairs that can be within `reach` [m] of each other.
     """
@@ -71,6 +73,8 @@ class CollisionSurface:
                                         np.asfortranarray(everything[2] if d == 3 else np.zeros((0, 3)), dtype=np.int32))
         self.mesh.can_collide = ipctk.make_static_obstacle_filter(len(self.surface))
         self._primitives = np.array(self.mesh.edges, dtype=np.int64), np.array(self.mesh.faces, dtype=np.int64).reshape(-1, 3)
+        owners = [np.full(len(o.vertices), int(level.point_bodies.max()) + 1 + i) for i, o in enumerate(obstacles)]
+        self.parties = np.concatenate([level.point_bodies[self.surface], *owners])
         self._blocks = space.point_blocks[self.surface]
         self.obstacle_positions = self._obstacles_at(0.0)
         self._narrow = NARROW[ccd]()

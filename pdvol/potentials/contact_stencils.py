@@ -39,6 +39,15 @@ class Stencils:
         """(k, d) vectors from one side to the other."""
         return np.einsum("ki,kid->kd", self.coefficients, positions[self.vertices])
 
+    def sides(self, parties: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Who touches whom: (k,) each, from the parties (n,) that vertices belong to. The first vertex is one side's, whichever pair it is;
+        the first of the others that is not of the same party is the other side's, and there is none where a party touches itself."""
+        first, *others = parties[self.vertices].T
+        second = others[-1]
+        for party in others[-2::-1]:
+            second = np.where(party != first, party, second)
+        return first, second
+
     def gather(self, forces: np.ndarray, count: int) -> np.ndarray:
         """Sum over pairs of C' f (count, d) at vertices, from f (k, d): the transpose of `gaps`."""
         out = np.empty((count, forces.shape[1]))

@@ -14,11 +14,16 @@ class SurfaceFriction(Term):
     """Friction on all pairs that the barrier held apart at the last `lag`.
 
     Slip is measured from the start of the step, obstacles' own motion included, so the threshold is eps_v times the step's length.
+
+    Parameters
+    ----------
+    mu : coefficient of friction, or a symmetric matrix of them between the surface's parties
+    eps_v : sliding speed [m/s] below which friction is smoothed
     """
 
     name = "friction"
 
-    def __init__(self, barrier: SurfaceBarrier, mu: float, eps_v: float):
+    def __init__(self, barrier: SurfaceBarrier, mu: float | np.ndarray, eps_v: float):
         self.barrier, self.surface, self.space = barrier, barrier.surface, barrier.space
         self.mu, self.eps_v = mu, eps_v
 
@@ -31,7 +36,8 @@ class SurfaceFriction(Term):
         stencils, gaps = self.barrier.stencils(x)
         distances = np.linalg.norm(gaps, axis=1)
         pushes = barrier_law.pressure(np.minimum(distances / self.barrier.dhat, 1.0) ** 2, self.barrier.dhat, self.barrier.kappa)
-        self._stencils = replace(stencils, weights=self.mu * pushes * np.where(stencils.oblique, stencils.weights, 0.0))  # [N]
+        mu = self.mu[stencils.sides(self.surface.parties)] if np.ndim(self.mu) else self.mu
+        self._stencils = replace(stencils, weights=mu * pushes * np.where(stencils.oblique, stencils.weights, 0.0))  # [N]
         self._normals = gaps / np.maximum(distances, 1e-300)[:, None]
         self._count = self.barrier.count(x)
 

@@ -110,12 +110,20 @@ class HalfSpaceBarrier(Term):
 
 
 class HalfSpaceFriction(Term):
-    """Lagged friction on all planes of a scene: normal forces and directions are those of the last `lag`."""
+    """Lagged friction on all planes of a scene: normal forces and directions are those of the last `lag`.
+
+    Parameters
+    ----------
+    mu : coefficient of friction, or one (planes, bodies) for each plane and body
+    eps_v : sliding speed [m/s] below which friction is smoothed
+    """
 
     name = "friction"
 
-    def __init__(self, barrier: HalfSpaceBarrier, mu: float, eps_v: float):
-        self.space, self.barrier, self.mu, self.eps_v = barrier.space, barrier, mu, eps_v
+    def __init__(self, barrier: HalfSpaceBarrier, mu: float | np.ndarray, eps_v: float):
+        self.space, self.barrier, self.eps_v = barrier.space, barrier, eps_v
+        self._bodies = barrier.space.mesh.point_bodies[barrier.space.owned_points][barrier.vertices]
+        self._mu = np.broadcast_to(mu, (len(barrier.planes), int(barrier.space.mesh.point_bodies.max()) + 1))
 
     def begin_step(self, x_t: Positions, t0: float, t1: float) -> None:
         self._x_t = x_t.owned
@@ -130,7 +138,7 @@ class HalfSpaceFriction(Term):
         plane, vertex, force = self.barrier.forces(x)
         self._vertices = self.barrier.vertices[vertex]
         self._normals = self.barrier.normals[plane]
-        self._force = self.mu * force
+        self._force = self._mu[plane, self._bodies[vertex]] * force
         self._ground = np.zeros((len(plane), self.space.dim))
         for i, moves in enumerate(self._carried):
             on = plane == i

@@ -1,5 +1,6 @@
 """Contact between surfaces: the barrier and its friction."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 from pdvol.scene.checks import count, finite, positive, require
@@ -29,13 +30,41 @@ class Barrier:
 
 @dataclass(frozen=True)
 class Friction:
-    """Coulomb friction, smoothed below the sliding speed `eps_v` [m/s] and lagged (Li et al. 2020)."""
+    """Coulomb friction, smoothed below a sliding speed and lagged (Li et al. 2020).
+
+    Attributes
+    ----------
+    mu : coefficient of friction
+    eps_v : sliding speed [m/s] below which friction is smoothed
+    iterations : how often a step may be solved with forces and directions of friction lagged anew; fewer where `tolerance` is met before
+    pairs : coefficients of their own by the names of bodies and obstacles, as {("ball", "floor"): 0.9}; kept as ((name, name, mu), ...)
+    tolerance : change of the friction forces by lagging them anew, relative to them, that counts as converged
+    """
 
     mu: float
     eps_v: Length = Relative(1e-3)
     iterations: int = 1
+    pairs: Mapping[tuple[str, str], float] | tuple[tuple[str, str, float], ...] = ()
+    tolerance: float = 1e-2
 
     def __post_init__(self):
         finite("Friction.mu", self.mu, 0.0)
         length("Friction.eps_v", self.eps_v)
         count("Friction.iterations", self.iterations, 1)
+        positive("Friction.tolerance", self.tolerance)
+        object.__setattr__(self, "pairs", _triples(self.pairs))
+
+    def between(self, one: str, other: str) -> float:
+        """The coefficient for two names."""
+        return next((mu for a, b, mu in self.pairs if {a, b} == {one, other}), self.mu)
+
+
+def _triples(pairs) -> tuple[tuple[str, str, float], ...]:
+    """`Friction.pairs` as ((name, name, mu), ...), checked."""
+    shape = 'Friction.pairs must look like {("ball", "floor"): 0.9}'
+    listed = [(names, mu) for names, mu in pairs.items()] if isinstance(pairs, Mapping) else [(p[:-1], p[-1]) for p in pairs]
+    for names, mu in listed:
+        require(isinstance(names, tuple) and len(names) == 2 and all(isinstance(name, str) for name in names), f"{shape}, not {names!r}")
+        finite(f"Friction.pairs[{names}]", mu, 0.0)
+    require(len({frozenset(names) for names, _ in listed}) == len(listed), "Friction.pairs names a pair twice")
+    return tuple((*names, mu) for names, mu in listed)

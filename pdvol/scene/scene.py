@@ -49,8 +49,17 @@ class Scene:
             require(body in ("", *names), f"a {type(load).__name__} names the body {body!r}; there are {names}")
         for kind in (Barrier, Friction):
             require(sum(isinstance(c, kind) for c in self.contact) <= 1, f"contact names more than one {kind.__name__}")
+        self._check_pairs(names, [getattr(o, "name", "") for o in self.obstacles])
         if any(isinstance(c, Friction) for c in self.contact) or self.obstacles:
             require(any(isinstance(c, Barrier) for c in self.contact), "friction and obstacles need contact=(Barrier(), ...)")
+
+    def _check_pairs(self, bodies: list[str], obstacles: list[str]) -> None:
+        """That friction's pairs name what can touch."""
+        for one, other, _ in (pair for c in self.contact if isinstance(c, Friction) for pair in c.pairs):
+            for name in (one, other):
+                require(name in bodies or name in obstacles, f"Friction.pairs names {name!r}; there are {[*bodies, *obstacles]}")
+                require(name not in bodies or name not in obstacles, f"Friction.pairs: {name!r} is a body and an obstacle; rename one of them")
+            require(one in bodies or other in bodies, f"Friction.pairs names the obstacles {one!r} and {other!r}, which never touch")
 
     @property
     def levels(self) -> int:

@@ -24,7 +24,8 @@ class IncrementalPotential:
 
     def __init__(self, space: LevelSpace, terms: Terms, watch: Stopwatch):
         self.space, self.mass, self.terms, self.contacts, self.watch = space, terms.mass, terms.potentials, terms.contacts, watch
-        self._contact_names = {id(t) for t in terms.contacts} | {id(t) for t in terms.potentials if t.name == "friction"}
+        self.frictions = tuple(t for t in terms.potentials if t.name == "friction")
+        self._contact_names = {id(t) for t in terms.contacts} | {id(t) for t in self.frictions}
         self.x_hat, self.dt = None, None
 
     def begin_step(self, x_t: Positions, x_hat: np.ndarray, t0: float, t1: float, placed: float | None = None) -> None:
@@ -118,11 +119,16 @@ class IncrementalPotential:
         """Size [kg m^2] of the terms that cancel in the energy: what its round-off is relative to."""
         return self.dt**2 * sum(term.scale for term in self.terms)
 
-    def lag(self, x: Positions) -> None:
-        """Freezes lagged quantities at x."""
-        for term in self.terms:
-            with self._part(term):
+    def lag(self, x: Positions) -> float:
+        """Freezes lagged quantities at x. By how much that changes the friction forces at x, relative to them: their residual. Collective."""
+        with self.watch.part("contact"):
+            before = [term.gradient(x) for term in self.frictions]
+            for term in self.terms:
                 term.lag(x)
+            after = [term.gradient(x) for term in self.frictions]
+            size = lambda forces: np.sqrt(self.space.comm.allreduce(float(np.vdot(forces, forces))))  # noqa: E731
+            change, force = size(np.subtract(sum(after), sum(before))), max(size(sum(before)), size(sum(after)))
+        return float(change / force) if force > 0.0 else 0.0
 
     @property
     def rubs(self) -> bool:

@@ -33,6 +33,8 @@ class StepReport:
     Attributes
     ----------
     positions : (n, d) [m], in the input's vertex order, on every rank
+    friction_iterations : how often friction was lagged, over all parts of a step that was cut
+    friction_residual : change of the friction forces at the end if they were lagged anew there, relative to them
     reached : share of the step's scripted motion that was carried out
     behind : [s] how far scripted motions are behind the time at the step's end, because contact holds them back
     cuts : how often the step was halved
@@ -51,6 +53,8 @@ class StepReport:
     step_cap: float = 1.0
     contacts: int = 0
     min_gap: float | None = None
+    friction_iterations: int = 0
+    friction_residual: float | None = None
     energy: dict[str, float] = field(default_factory=dict)
     gradient_norm: float = 0.0
     reason: str = ""
@@ -90,7 +94,7 @@ class LevelProblem:
         self.script = Script(scene, space, level)
         self._diagonal, self._coarse_weights = diagonal, coarse_weights
         self.newton = self._new_newton()
-        self._lags = next((c.iterations for c in scene.contact if isinstance(c, Friction)), 1)
+        self._lags, self._settled = next(((c.iterations, c.tolerance) for c in scene.contact if isinstance(c, Friction)), (1, 0.0))
 
     def _new_newton(self) -> Newton:
         settings, diagonal = self.scene.solver, self._diagonal
@@ -125,6 +129,8 @@ class LevelProblem:
             report.contacts = sum(term.count(x) for term in self.potential.contacts)
             gap = min((term.min_gap(x) for term in self.potential.contacts), default=np.inf)
             report.min_gap = gap if np.isfinite(gap) else None
+            if self.potential.frictions and report.friction_residual is None:
+                report.friction_residual = self.potential.lag(x)  # the next step begins with it anyway
         report.linear_solver, report.solver_memory = self.newton.linear.method, self.newton.linear.memory
         report.seconds = self.watch.report()
         peak = self.space.comm.allreduce(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024, op=MPI.MAX)
@@ -176,13 +182,20 @@ class LevelProblem:
         x = None if careful else self._predicted(x_t, x_hat, target)
         if x is None:
             x = follow(self.script, self.potential, self.newton, x_t, target, partial(self._count, report)) if self.script.moves else x_t
-        for lag in range(self._lags):
-            if lag:
-                self.potential.lag(x)
+        lags, report.friction_residual = 1, None
+        while True:
             x, solved = self.newton.solve(x, careful)
             self._count(report, solved)
             if not solved.converged:
                 break
+            if lags == self._lags:
+                break
+            residual = self.potential.lag(x)
+            if residual <= self._settled:
+                report.friction_residual = residual
+                break
+            lags += 1
+        report.friction_iterations += lags if self.potential.frictions else 0
         return x, solved
 
     def _predicted(self, x_t: Positions, x_hat: np.ndarray, target: float) -> Positions | None:
