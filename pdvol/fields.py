@@ -1,5 +1,6 @@
 """Contact forces and stresses of stored states, for exports: `record` writes what it is given here, and knows no solver."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -13,10 +14,10 @@ from pdvol.hierarchy.hierarchy import Hierarchy
 from pdvol.hierarchy.level_space import LevelSpace
 from pdvol.potentials.build import build_terms
 from pdvol.potentials.elasticity import Elastic
-from pdvol.potentials.potential import Positions
+from pdvol.potentials.potential import Positions, Potential
 from pdvol.potentials.stress import CauchyStress, von_mises
 from pdvol.record.folder import require_scene
-from pdvol.record.reader import Run
+from pdvol.record.reader import Run, RunLevel
 from pdvol.record.series import StepFields
 from pdvol.scene import Rigid, Scene
 from pdvol.shot import load_shot, stored_settings
@@ -36,13 +37,14 @@ class SceneFields:
             hierarchy = Hierarchy([stored.mesh for stored in run.levels[: level + 1]], MPI.COMM_SELF)
             self.space, materials = hierarchy[level], level_materials(scene, hierarchy, level)
         terms = build_terms(scene, self.space, run.info["diagonal"], obstacles, materials=materials).potentials
-        self._contact = [term for term in terms if term.name in ("barrier", "friction")]
+        self._contact, self._kappas = [term for term in terms if term.name in ("barrier", "friction")], stored_stiffness(self.level)
         self._stresses = [CauchyStress(term) for term in terms if isinstance(term, Elastic)]
 
     def contact_force(self, step: int) -> np.ndarray:
         """(n, d) [N] at the end of a step; at the start, step 0, nothing slides."""
         start, end = (Positions(self.space, self.space.from_input(self.level.positions(n))) for n in (max(step - 1, 0), step))
         begin = max(step - 1, 0) * self.dt - self.level.behind(max(step - 1, 0))
+        stiffen(self._contact, self._kappas.get(max(step, 1)))
         for term in self._contact:
             term.begin_step(start, begin, begin + self.dt)
         for term in self._contact:
@@ -60,6 +62,18 @@ class SceneFields:
     def __call__(self, step: int) -> StepFields:
         with np.errstate(all="ignore"):  # states that no barrier has kept apart have no finite force
             return StepFields(points={"contact_force": self.contact_force(step)} if self._contact else {}, cells={"von_mises": self.von_mises(step)})
+
+
+def stored_stiffness(level: RunLevel) -> dict[int, float]:
+    """The barrier's stiffness in each step, as logged: some of its laws choose it step by step, from what is not stored."""
+    return {record["step"]: record["kappa"] for record in level.log if record.get("kappa")}
+
+
+def stiffen(terms: Sequence[Potential], kappa: float | None) -> None:
+    """Gives the barriers among the terms a logged stiffness, if there is one."""
+    for term in terms:
+        if term.name == "barrier" and kappa is not None:
+            term.kappa = kappa
 
 
 def stored_scene(run: Run) -> tuple[Scene, list]:

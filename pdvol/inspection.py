@@ -47,7 +47,8 @@ def modelled(scene: Scene) -> list[str]:
             known = _youngs(scene)
             told = len(known) == sum(1 + len(b.regions) for b in scene.bodies)
             kappa = f"{c.stiffness * min(known):.3g} Pa" if told else f"{c.stiffness:g} of the softest cell's Young's modulus"
-            lines.append(f"contact: area-weighted barrier, dhat {metres(c.dhat, diagonal):.3g} m, stiffness {kappa}")
+            law = f"area-weighted barrier, stiffness {kappa}" if c.law == "convergent" else f"{c.law} barrier, stiffness chosen at each step's start"
+            lines.append(f"contact: {law}, dhat {metres(c.dhat, diagonal):.3g} m")
         elif isinstance(c, Friction):
             lines.append(f"friction: mu {c.mu:g}, smooth below {metres(c.eps_v, diagonal):.3g} m/s, lagged {c.iterations} time(s) a step")
             lines += [f"friction between {one!r} and {other!r}: mu {mu:g}" for one, other, mu in c.pairs]

@@ -8,7 +8,7 @@ import numpy as np
 from mpi4py import MPI
 
 from pdvol.errors import InputError
-from pdvol.fields import stored_scene
+from pdvol.fields import stiffen, stored_scene, stored_stiffness
 from pdvol.hierarchy.cell_materials import level_materials
 from pdvol.hierarchy.hierarchy import Hierarchy
 from pdvol.hierarchy.scene_fields import supported_points
@@ -39,13 +39,14 @@ class Forces:
         for support in scene.supports:
             self.free &= ~supported_points(scene, support, mesh, level)
 
-    def pull(self, number: int, now: np.ndarray, after: np.ndarray) -> np.ndarray:
+    def pull(self, number: int, now: np.ndarray, after: np.ndarray, kappa: float | None) -> np.ndarray:
         """dt^2 M^-1 grad F(after) [m], shape (n, d), in the step `number` (from 1) that begins at `now`.
 
-        Friction is lagged at `now`, as the first of its iterations is.
+        Friction is lagged at `now`, as the first of its iterations is; `kappa` is the barrier's stiffness in that step, where it was logged.
         """
         dt = self.scene.dt
         start, end = (Positions(self.space, self.space.from_input(x)) for x in (now, after))
+        stiffen(self._terms.potentials, kappa)
         # All terms begin before any moves on: friction lags on barriers that are still where the step begins.
         for term in self._terms.potentials:
             term.begin_step(start, (number - 1) * dt, number * dt)
@@ -189,14 +190,14 @@ def _three(level: RunLevel, number: int, dt: float) -> tuple[np.ndarray, np.ndar
 def _continuity(run: Run, level: RunLevel, forces: Forces, masses: np.ndarray, weights) -> list[float]:
     special = {r["step"] for r in level.log if r.get("cuts", 0) or r.get("reached", 1.0) < 1.0}
     special |= {r["step"] + 1 for r in level.log if r.get("reached", 1.0) < 1.0}  # sets out from where its obstacles were held back
-    values, masses = [], np.where(forces.free, masses, 0.0)
+    values, kappas, masses = [], stored_stiffness(level), np.where(forces.free, masses, 0.0)
     for number in range(1, level.steps):
         if number in special:
             values.append(float("nan"))
             continue
         before, now, after = _three(level, number, run.dt)
         move = now - before if weights is None else weights @ (run.dt * run.levels[level.index - 1].velocities(number - 1))
-        values.append(metrics.continuity(before, now, after, now + move, forces.pull(number, now, after), masses))
+        values.append(metrics.continuity(before, now, after, now + move, forces.pull(number, now, after, kappas.get(number)), masses))
     return values
 
 

@@ -1,4 +1,5 @@
-"""The contact barrier between surfaces: ipctk's convergent formulation (area weights, improved maximum, physical stiffness).
+"""The contact barrier between surfaces: ipctk's convergent formulation (area weights, improved maximum, physical stiffness), or the first
+one, where each contact counts as one. Both have the law of `barrier_law.py`, times a contact's weight.
 
 Source: Li et al. 2020 (Incremental Potential Contact); Li et al. 2023 (convergent IPC).
 """
@@ -21,18 +22,28 @@ class SurfaceBarrier(Term):
     ----------
     surface : CollisionSurface
     dhat : activation distance [m]
-    kappa : stiffness [Pa]
+    kappa : stiffness: [Pa] where contacts are weighted, [N] (per metre of depth in 2D) where each counts as one
+    weighted : whether contacts are weighted by area
     """
 
     name = "barrier"
 
-    def __init__(self, surface: CollisionSurface, dhat: float, kappa: float):
-        self.surface, self.space, self.dhat = surface, surface.space, dhat
-        self._potential = ipctk.BarrierPotential(dhat=dhat, stiffness=kappa, use_physical_barrier=True)
+    def __init__(self, surface: CollisionSurface, dhat: float, kappa: float, weighted: bool = True):
+        self.surface, self.space, self.dhat, self.weighted = surface, surface.space, dhat, weighted
         self.kappa = kappa
         self._at: Positions | None = None
         self._expected: Positions | None = None
         self._vertices: np.ndarray | None = None
+
+    @property
+    def kappa(self) -> float:
+        """The stiffness; it may be changed between solves."""
+        return self._kappa
+
+    @kappa.setter
+    def kappa(self, kappa: float) -> None:
+        self._kappa = kappa
+        self._potential = ipctk.BarrierPotential(dhat=self.dhat, stiffness=kappa, use_physical_barrier=True)
 
     def begin_step(self, x_t: Positions, t0: float, t1: float) -> None:
         # The order of pairs, and with it the last digits, must not depend on what came before: a resumed run begins here, too.
@@ -55,8 +66,9 @@ class SurfaceBarrier(Term):
         if self._at is not x:
             vertices = self.surface.vertices(x)
             active = ipctk.NormalCollisions()
-            active.use_area_weighting = True
-            active.collision_set_type = ipctk.NormalCollisions.CollisionSetType.IMPROVED_MAX_APPROX
+            active.use_area_weighting = self.weighted
+            kinds = ipctk.NormalCollisions.CollisionSetType
+            active.collision_set_type = kinds.IMPROVED_MAX_APPROX if self.weighted else kinds.IPC
             pairs = self.surface.candidates.at(vertices)
             if not pairs.empty():
                 active.build(candidates=pairs, mesh=self.surface.mesh, vertices=vertices, dhat=self.dhat)
@@ -97,6 +109,18 @@ class SurfaceBarrier(Term):
         s = np.einsum("kd,kd->k", gaps, gaps) / self.dhat**2
         share = weight * np.maximum(stencils.weights, 0.0) * barrier_law.curvature(s, self.dhat, self.kappa) / (s * self.dhat**2)
         self.surface.add_stencils(stencils, share[:, None, None] * gaps[:, :, None] * gaps[:, None, :], into)
+
+    def contact_stiffness(self, x: Positions, masses: np.ndarray, blocks: np.ndarray) -> np.ndarray:
+        """(k,) semi-implicit stiffness [N/m] of this rank's contacts (`stiffness_rules.py`), from masses (n,) and diagonal blocks (n, d, d)
+        in the input's order. Obstacles have neither."""
+        stencils, gaps = self.stencils(x)
+        masses, blocks = self.surface.of_vertices(masses), self.surface.of_vertices(blocks)
+        squares = stencils.coefficients**2
+        distances = np.linalg.norm(gaps, axis=1)
+        normals = gaps / distances[:, None]
+        mass = np.einsum("ki,ki->k", squares, masses[stencils.vertices])
+        stiffness = np.einsum("ki,ka,kiab,kb->k", squares, normals, blocks[stencils.vertices], normals)
+        return (mass / distances**2 + stiffness) / squares.sum(axis=1)
 
     def max_step(self, x: Positions, direction: np.ndarray, until: float | None = None) -> float:
         return self.surface.max_step(self.surface.vertices(x), self.surface.vertices(x.moved(1.0, direction), at=until))

@@ -21,11 +21,13 @@ class Terms:
     mass : (n_owned, d) [kg]
     potentials : all terms
     contacts : those among them that know contacts (`count`, `min_gap`)
+    rules : what sets the contacts' stiffness at each step's start, where the barrier's law wants that
     """
 
     mass: np.ndarray
     potentials: tuple[Potential, ...]
     contacts: tuple[Potential, ...]
+    rules: tuple = ()
 
 
 def build_terms(scene: Scene, space: LevelSpace, diagonal: float, obstacles=(), materials: CellMaterials | None = None) -> Terms:
@@ -41,7 +43,18 @@ def build_terms(scene: Scene, space: LevelSpace, diagonal: float, obstacles=(), 
     mass = assemble_mass(space, materials.density)
     contacts, frictions = _contact(scene, space, diagonal, obstacles, materials.softest)
     elastic, loads = elastic_terms(space, materials), load_terms(scene, space, materials.density, mass)
-    return Terms(mass, (*elastic, *loads, *contacts, *frictions), contacts)
+    return Terms(mass, (*elastic, *loads, *contacts, *frictions), contacts, _rules(scene, space, diagonal, mass, elastic, loads, contacts))
+
+
+def _rules(scene: Scene, space: LevelSpace, diagonal: float, mass: np.ndarray, elastic, loads, contacts) -> tuple:
+    law, dhat = next(((c.law, metres(c.dhat, diagonal)) for c in scene.contact if isinstance(c, Barrier)), ("convergent", 0.0))
+    if law == "convergent":
+        return ()
+    from pdvol.potentials.stiffness_rules import AdaptiveStiffness, SemiImplicitStiffness
+
+    if law == "classic":
+        return (AdaptiveStiffness(space, (*elastic, *loads), contacts, mass, dhat, diagonal),)
+    return (SemiImplicitStiffness(space, elastic, contacts, mass, dhat),)
 
 
 def _contact(scene: Scene, space: LevelSpace, diagonal: float, obstacles, softest: float):
@@ -51,12 +64,13 @@ def _contact(scene: Scene, space: LevelSpace, diagonal: float, obstacles, softes
     barrier, friction = barriers[0], [c for c in scene.contact if isinstance(c, Friction)]
     dhat = metres(barrier.dhat, diagonal)
     kappa = barrier.stiffness * softest
+    weighted = barrier.law == "convergent"
     contacts, frictions = [], []
     planes = tuple(o for o in scene.obstacles if isinstance(o, Plane))
     if planes:
         from pdvol.potentials.half_space import HalfSpaceBarrier, HalfSpaceFriction
 
-        contacts.append(HalfSpaceBarrier(space, planes, dhat, kappa))
+        contacts.append(HalfSpaceBarrier(space, planes, dhat, kappa, weighted))
         names = [body.name for body in scene.bodies]
         frictions += [HalfSpaceFriction(contacts[-1], _coefficients(f, [p.name for p in planes], names), metres(f.eps_v, diagonal)) for f in friction]
     from pdvol.potentials.barrier import SurfaceBarrier
@@ -65,7 +79,7 @@ def _contact(scene: Scene, space: LevelSpace, diagonal: float, obstacles, softes
 
     rigid = [o for o in scene.obstacles if isinstance(o, Rigid)]
     surface = CollisionSurface(space, tuple(Obstacle(*geometry, o.motion, o.name) for geometry, o in zip(obstacles, rigid, strict=True)), dhat, barrier.ccd)
-    contacts.append(SurfaceBarrier(surface, dhat, kappa))
+    contacts.append(SurfaceBarrier(surface, dhat, kappa, weighted))
     parties = [o.name for o in (*scene.bodies, *rigid)]
     frictions += [SurfaceFriction(contacts[-1], _coefficients(f, parties, parties), metres(f.eps_v, diagonal)) for f in friction]
     return tuple(contacts), tuple(frictions)

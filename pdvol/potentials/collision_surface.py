@@ -118,6 +118,12 @@ class CollisionSurface:
             values = total
         return self.rows_of(values)
 
+    def of_vertices(self, values: np.ndarray) -> np.ndarray:
+        """Rows of (n, ...) in the input's order for the collision mesh's vertices; zeros for obstacles'."""
+        out = np.zeros((len(self.surface) + len(self.obstacle_positions), *values.shape[1:]))
+        out[: len(self.surface)] = values[self.surface]
+        return out
+
     def stencils(self, active: ipctk.NormalCollisions, vertices: np.ndarray) -> Stencils:
         """This rank's share of the active pairs at the collision mesh's positions, as arrays."""
         return normal_stencils(active, *self._primitives, vertices, self.space.comm)

@@ -34,16 +34,17 @@ class HalfSpaceBarrier(Term):
     space : LevelSpace
     planes : planes, moving or not
     dhat : activation distance [m]
-    kappa : stiffness [Pa]
+    kappa : stiffness: [Pa] where contacts are weighted, [N] (per metre of depth in 2D) where each counts as one
+    weighted : whether contacts are weighted by area
     """
 
     name = "barrier"
 
-    def __init__(self, space: LevelSpace, planes: tuple[Plane, ...], dhat: float, kappa: float):
+    def __init__(self, space: LevelSpace, planes: tuple[Plane, ...], dhat: float, kappa: float, weighted: bool = True):
         self.space, self.planes, self.dhat, self.kappa = space, planes, dhat, kappa
         areas = boundary_areas(space.mesh)[space.owned_points]
         self.vertices = np.flatnonzero(areas > 0)
-        self.areas = areas[self.vertices]
+        self.areas = areas[self.vertices] if weighted else np.ones(len(self.vertices))
         self.place(0.0)
 
     def _planes_at(self, time: float) -> tuple[np.ndarray, np.ndarray]:
@@ -91,6 +92,13 @@ class HalfSpaceBarrier(Term):
         curvature = self.areas[vertex] * barrier_law.curvature(s, self.dhat, self.kappa)
         n = self.normals[plane]
         into.add_diagonal(self.vertices[vertex], weight * curvature[:, None, None] * n[:, :, None] * n[:, None, :])
+
+    def contact_stiffness(self, x: Positions, masses: np.ndarray, blocks: np.ndarray) -> np.ndarray:
+        """(k,) semi-implicit stiffness [N/m] of this rank's contacts (`stiffness_rules.py`), from masses (n,) and diagonal blocks (n, d, d)
+        in the input's order."""
+        plane, vertex, gap = self._active(x)
+        point, n = self.space.owned_points[self.vertices[vertex]], self.normals[plane]
+        return masses[point] / gap**2 + np.einsum("ki,kij,kj->k", n, blocks[point], n)
 
     def max_step(self, x: Positions, direction: np.ndarray, until: float | None = None) -> float:
         # A plane that turns meanwhile is taken to close gaps evenly: exact for translations, and what is left is checked again.

@@ -5,7 +5,7 @@ lengths marked `Relative` are fractions of the scene's diagonal, so that they me
 """
 
 from pdvol.scene.bodies import Body, Placement, Separate, Shape
-from pdvol.scene.contact import Barrier, Friction
+from pdvol.scene.contact import LAWS, Barrier, Friction
 from pdvol.scene.lengths import Length, Relative, metres
 from pdvol.scene.loads import Flow, Force, Gravity, Impulse, Load, PointForce, at_time
 from pdvol.scene.materials import FixedCorotational, Material, NeoHookean, Region, StVenantKirchhoff, Value, lame

@@ -7,25 +7,35 @@ from pdvol.scene.checks import count, finite, positive, require
 from pdvol.scene.lengths import Length, Relative, length
 
 
+STIFFNESS = 0.1  # of Young's modulus: what the authors of the convergent formulation recommend
+LAWS = ("convergent", "classic", "semi-implicit")
+
+
 @dataclass(frozen=True)
 class Barrier:
-    """Contact without interpenetration: the area-weighted, convergent barrier (Li et al. 2023).
+    """Contact without interpenetration.
 
     Attributes
     ----------
     dhat : distance [m] at which contact begins to push
-    stiffness : barrier stiffness as a fraction of the softest Young's modulus
+    stiffness : of the convergent barrier, as a fraction of the softest Young's modulus
+    law : "convergent": weighted by area, the same on every level (Li et al. 2023); "classic": each contact alike, its stiffness adapted
+        to the forces at each step's start (Li et al. 2020); "semi-implicit": the same from masses, gaps and elastic stiffness (Ando 2024)
     ccd : "additive", or "tight-inclusion": certified in exact arithmetic and many times slower
     """
 
     dhat: Length = Relative(1e-3)
-    stiffness: float = 0.1
+    stiffness: float = STIFFNESS
     ccd: str = "additive"
+    law: str = "convergent"
 
     def __post_init__(self):
         length("Barrier.dhat", self.dhat)
         positive("Barrier.stiffness", self.stiffness)
         require(self.ccd in ("additive", "tight-inclusion"), f"Barrier.ccd = {self.ccd!r} must be additive or tight-inclusion")
+        require(self.law in LAWS, f"Barrier.law = {self.law!r} must be {', '.join(LAWS[:-1])} or {LAWS[-1]}")
+        require(self.law == LAWS[0] or self.stiffness == STIFFNESS,
+                f"Barrier.stiffness belongs to the {LAWS[0]} law; the {self.law} one finds its own: leave it out")
 
 
 @dataclass(frozen=True)

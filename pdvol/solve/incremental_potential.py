@@ -24,7 +24,7 @@ class IncrementalPotential:
 
     def __init__(self, space: LevelSpace, terms: Terms, watch: Stopwatch):
         self.space, self.mass, self.terms, self.contacts, self.watch = space, terms.mass, terms.potentials, terms.contacts, watch
-        self.frictions = tuple(t for t in terms.potentials if t.name == "friction")
+        self.rules, self.frictions = terms.rules, tuple(t for t in terms.potentials if t.name == "friction")
         self._contact_names = {id(t) for t in terms.contacts} | {id(t) for t in self.frictions}
         self.x_hat, self.dt = None, None
 
@@ -41,6 +41,10 @@ class IncrementalPotential:
                 term.expect(expected)
                 late = behind if id(term) in self._contact_names else 0.0
                 term.begin_step(x_t, t0 - late, t1 - late)
+        for rule in self.rules:
+            with self.watch.part("contact"):
+                rule.begin_step(x_t, x_hat, self.dt)
+            self.lag(x_t)
 
     def _part(self, term):
         return self.watch.part("contact" if id(term) in self._contact_names else "assembly")
@@ -129,6 +133,11 @@ class IncrementalPotential:
             size = lambda forces: np.sqrt(self.space.comm.allreduce(float(np.vdot(forces, forces))))  # noqa: E731
             change, force = size(np.subtract(sum(after), sum(before))), max(size(sum(before)), size(sum(after)))
         return float(change / force) if force > 0.0 else 0.0
+
+    def stiffen(self, x: Positions) -> bool:
+        """After a solve that ended at x: whether a contact stiffness was raised, so that it has to be solved again. Collective."""
+        with self.watch.part("contact"):
+            return any([rule.end_solve(x) for rule in self.rules])
 
     @property
     def rubs(self) -> bool:

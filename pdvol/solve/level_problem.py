@@ -35,6 +35,7 @@ class StepReport:
     positions : (n, d) [m], in the input's vertex order, on every rank
     friction_iterations : how often friction was lagged, over all parts of a step that was cut
     friction_residual : change of the friction forces at the end if they were lagged anew there, relative to them
+    kappa : stiffness of the barrier: [Pa], or [N] per contact where its law is not the convergent one
     reached : share of the step's scripted motion that was carried out
     behind : [s] how far scripted motions are behind the time at the step's end, because contact holds them back
     cuts : how often the step was halved
@@ -55,6 +56,7 @@ class StepReport:
     min_gap: float | None = None
     friction_iterations: int = 0
     friction_residual: float | None = None
+    kappa: float | None = None
     energy: dict[str, float] = field(default_factory=dict)
     gradient_norm: float = 0.0
     reason: str = ""
@@ -129,6 +131,7 @@ class LevelProblem:
             report.contacts = sum(term.count(x) for term in self.potential.contacts)
             gap = min((term.min_gap(x) for term in self.potential.contacts), default=np.inf)
             report.min_gap = gap if np.isfinite(gap) else None
+            report.kappa = next((term.kappa for term in self.potential.contacts), None)
             if self.potential.frictions and report.friction_residual is None:
                 report.friction_residual = self.potential.lag(x)  # the next step begins with it anyway
         report.linear_solver, report.solver_memory = self.newton.linear.method, self.newton.linear.memory
@@ -188,6 +191,8 @@ class LevelProblem:
             self._count(report, solved)
             if not solved.converged:
                 break
+            if self.potential.stiffen(x):  # by doubling, up to a bound
+                continue
             if lags == self._lags:
                 break
             residual = self.potential.lag(x)

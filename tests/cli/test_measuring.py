@@ -22,11 +22,11 @@ STEPS = 12
 MOVING = SQUARE + '''
 from pdvol import Rotation, Translation
 
-def scene():
+def scene(law="convergent"):
     return Scene(bodies=(Body(tuple(square(n) for n in (2, 3)), NeoHookean(2e4), placement=Placement(translate=(0.0, 0.02), angle=0.05)),),
                  obstacles=(Plane((0.0, 0.0), (0.0, 1.0), motion=Translation((0.0, 0.1))),),
                  supports=(Support(lambda X: X[:, 1] > 0.95, motion=Rotation(1.0, (0.5, 1.0))),),
-                 loads=(Gravity((0.0, -9.81)),), contact=(Barrier(), Friction(0.3)), dt=0.02, steps=8)
+                 loads=(Gravity((0.0, -9.81)),), contact=(Barrier(law=law), Friction(0.3)), dt=0.02, steps=8)
 '''
 
 
@@ -60,9 +60,11 @@ def test_continuity_of_a_direct_run_is_a_quarter(folder):
         assert level["jitter"][0] == pytest.approx(0.5 * 1000.0 * (9.81 * 0.02) ** 2, rel=1e-6)
 
 
-def test_continuity_with_motions_of_supports_and_obstacles(tmp_path):
+@pytest.mark.parametrize("law", ["convergent", "classic", "semi-implicit"])
+def test_continuity_with_motions_of_supports_and_obstacles(tmp_path, law):
+    """Also where the barrier's stiffness, which the log keeps, is chosen step by step."""
     scene = write(tmp_path / "moving.py", MOVING)
-    assert pdvol("run", scene, "--method", "direct", "--out", tmp_path / "run", "--set", "tolerance=Relative(1e-3)", "--set", "linear=direct") == 0
+    assert pdvol("run", scene, "--set", f"law={law}", "--method", "direct", "--out", tmp_path / "run", "--set", "tolerance=Relative(1e-3)", "--set", "linear=direct") == 0
     run = open_run(tmp_path / "run")
     for level, entry in zip(run.levels, measured(tmp_path / "run")["levels"], strict=True):
         whole = np.array([r["reached"] == 1.0 and r["cuts"] == 0 for r in level.log])

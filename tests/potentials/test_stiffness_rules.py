@@ -1,0 +1,135 @@
+"""Barrier stiffness that is chosen at each step's start, against ipctk's own functions and barrier."""
+
+import ipctk
+import numpy as np
+import pytest
+from mpi4py import MPI
+from scipy.sparse import block_diag, csc_matrix
+
+from pdvol.hierarchy.level_space import LevelSpace
+from pdvol.potentials.barrier import SurfaceBarrier
+from pdvol.potentials.build import build_terms
+from pdvol.potentials.collision_surface import CollisionSurface, Obstacle
+from pdvol.potentials.half_space import HalfSpaceBarrier
+from pdvol.potentials.potential import Positions
+from pdvol.potentials.stiffness_rules import AdaptiveStiffness, SemiImplicitStiffness
+from pdvol.scene import Barrier, Body, Gravity, NeoHookean, Plane, Scene, Still
+from problems import polyline, tetrahedron
+from shapes import box, together
+from taylor import check_term
+
+DHAT, KAPPA = 0.05, 0.3
+
+
+@pytest.fixture(scope="module")
+def touching():
+    """By dimension: a space of two boxes half a dhat apart with an obstacle's tip below, its unweighted barrier, and owned positions."""
+    made = {}
+    for d in (2, 3):
+        low = np.r_[np.full(d - 1, 0.13), 1.0 + 0.5 * DHAT]
+        space = LevelSpace(together(box(d, 2), box(d, 2, low=low, high=low + 0.5)), MPI.COMM_SELF)
+        foot = [[-1, -2], [2, -2]] if d == 2 else [[-1, -1, -2], [2, 0, -2], [0, 2, -2]]
+        tip = (polyline if d == 2 else tetrahedron)([*foot, [0.45] * (d - 1) + [-0.4 * DHAT]])
+        jitter = 0.2 * DHAT * np.random.default_rng(d).uniform(-1, 1, (space.n_owned, d))
+        x = space.from_input(space.mesh.points) + jitter
+        made[d] = space, SurfaceBarrier(CollisionSurface(space, (Obstacle(*tip, Still()),), DHAT), DHAT, KAPPA, weighted=False), x
+    return made
+
+
+@pytest.mark.parametrize("d", [2, 3])
+def test_the_unweighted_barrier_is_ipctks_classic_one(touching, d):
+    """kappa dhat g = K (gap^2 - dhat^2)^2 (-ln) with K = kappa / dhat^3."""
+    space, term, x = touching[d]
+    active, vertices = term.collisions(Positions(space, x))
+    classic = ipctk.NormalCollisions()
+    classic.build(mesh=term.surface.mesh, vertices=vertices, dhat=DHAT, broad_phase=ipctk.BruteForce())
+    theirs = ipctk.BarrierPotential(dhat=DHAT, stiffness=KAPPA / DHAT**3)
+    assert len(active) == len(classic) > 2
+    np.testing.assert_allclose(term.value(Positions(space, x)), theirs(classic, term.surface.mesh, vertices), rtol=1e-12)
+    check_term(term, space, x, 1e-4)
+
+
+@pytest.mark.parametrize("d", [2, 3])
+def test_contact_stiffness_is_ipctks(touching, d):
+    """With masses and a block-diagonal Hessian of random numbers, contact by contact."""
+    space, term, x = touching[d]
+    rng = np.random.default_rng(7)
+    n, k = len(space.mesh.points), len(term.surface.parties)
+    masses, blocks = rng.uniform(0.5, 1.5, n), rng.uniform(-1, 1, (n, d, d))
+    blocks = blocks @ blocks.transpose(0, 2, 1)
+    own = term.contact_stiffness(Positions(space, x), masses, blocks)
+    active, vertices = term.collisions(Positions(space, x))
+    surface = term.surface.surface
+    fill = np.zeros((k - len(surface), d, d))
+    hessian = csc_matrix(block_diag([*blocks[surface], *fill]))
+    theirs = ipctk.semi_implicit_stiffness(mesh=term.surface.mesh, vertices=vertices, collisions=active,
+                                           vertex_masses=np.r_[masses[surface], np.zeros(len(fill))], hess=hessian, dmin=0.0)
+    np.testing.assert_allclose(np.sort(own), np.sort(theirs), rtol=1e-10)
+    # A plane's: m / gap^2 + n' H n.
+    plane = HalfSpaceBarrier(space, (Plane((0.0,) * d, tuple(np.eye(d)[-1])),), DHAT, KAPPA, weighted=False)
+    lifted = x + (0.5 * DHAT - x[:, -1].min()) * np.eye(d)[-1]
+    near = np.flatnonzero(lifted[:, -1] < DHAT)
+    expected = masses[space.owned_points[near]] / lifted[near, -1] ** 2 + blocks[space.owned_points[near], -1, -1]
+    np.testing.assert_allclose(plane.contact_stiffness(Positions(space, lifted), masses, blocks), expected, rtol=1e-10)
+
+
+def terms_of(law, gap=0.5):
+    """Terms of a unit square `gap` dhat above a plane, and its positions."""
+    scene = Scene((Body(("grid",), NeoHookean(1e5, 0.3)),), dt=0.01, steps=1, loads=(Gravity((0.0, -9.81)),),
+                  obstacles=(Plane((0.0, 0.0), (0.0, 1.0)),), contact=(Barrier(dhat=DHAT, law=law),))
+    space = LevelSpace(box(2, 3, low=(0.0, gap * DHAT), high=(1.0, 1.0 + gap * DHAT)), MPI.COMM_SELF)
+    return space, build_terms(scene, space, 1.5, ()), Positions(space, space.from_input(space.mesh.points))
+
+
+def test_adaptive_stiffness_balances_the_other_forces():
+    """K = -gE . gB / |gB|^2 between ipctk's bounds; the block's weight and speed are the other forces here."""
+    space, terms, x = terms_of("classic")
+    (rule,) = terms.rules
+    assert isinstance(rule, AdaptiveStiffness)
+    dt, velocity = 0.01, np.array([0.0, -3.0])
+    rule.begin_step(x, x.owned + dt * velocity, dt)
+    plane = terms.contacts[0]
+    other = terms.mass * -velocity * dt + dt**2 * sum(t.gradient(x) for t in terms.potentials if t.name in ("elastic", "load"))
+    barrier = dt**2 * plane.gradient(x) / plane.kappa  # of unit kappa
+    assert np.abs(barrier).max() > 0.0
+    assert plane.kappa == pytest.approx(-np.vdot(other, barrier) / np.vdot(barrier, barrier), rel=1e-10)
+    assert {term.kappa for term in terms.contacts} == {plane.kappa}
+    assert plane.kappa < rule.upper
+
+
+def test_adaptive_stiffness_doubles_up_to_its_bound_while_tiny_gaps_shrink():
+    space, terms, x = terms_of("classic", gap=1e-9)
+    (rule,) = terms.rules
+    rule.begin_step(x, x.owned, 0.01)
+    start, seen = terms.contacts[0].kappa, []
+    for _ in range(20):
+        x = x.moved(-0.1 * x.owned[:, 1].min(), np.tile([0.0, 1.0], (space.n_owned, 1)))
+        raised = rule.end_solve(x)
+        assert raised == (terms.contacts[0].kappa > (seen[-1] if seen else start))
+        seen.append(terms.contacts[0].kappa)
+    assert seen[0] == pytest.approx(min(2.0 * start, rule.upper))
+    assert seen[-1] == pytest.approx(rule.upper)
+    x = x.moved(0.5 * DHAT, np.tile([0.0, 1.0], (space.n_owned, 1)))
+    assert not rule.end_solve(x)
+
+
+def test_semi_implicit_stiffness_takes_the_mean_over_contacts():
+    space, terms, x = terms_of("semi-implicit")
+    (rule,) = terms.rules
+    assert isinstance(rule, SemiImplicitStiffness)
+    rule.begin_step(x, x.owned, 0.01)
+    near = terms.contacts[0].kappa
+    space, terms, x = terms_of("semi-implicit", gap=0.25)
+    terms.rules[0].begin_step(x, x.owned, 0.01)
+    lumped = terms.mass[np.flatnonzero(x.owned[:, 1] < DHAT), 0].mean()
+    # Lowering a stress-free square changes the gaps alone: k grows by m / gap^2, 16 - 4 times m / dhat^2.
+    factor = 2.0 / 15.0910 * DHAT  # by hand: g'' at half of dhat is 4 (1/4) g2 + 2 g1, g2 = 23.7726, g1 = -4.3294... of s = 1/4
+    assert terms.contacts[0].kappa - near == pytest.approx(factor * 12.0 * lumped / DHAT**2, rel=2e-2)
+    # Without contacts there is a stiffness, too.
+    space, terms, x = terms_of("semi-implicit", gap=3.0)
+    terms.rules[0].begin_step(x, x.owned, 0.01)
+    assert terms.contacts[0].kappa > 0.0
+
+
+def test_the_default_law_has_no_rules():
+    assert terms_of("convergent")[1].rules == ()
