@@ -1,0 +1,26 @@
+"""The benchmark of contact laws gives the figures that docs/contact.md tells, and says how a scene failed."""
+
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+sys.path.append(str(ROOT / "benchmarks"))
+
+import contact_laws  # noqa: E402
+
+
+@pytest.mark.parametrize(("column", "arguments"), [(1, ("convergent", 2)), (4, ("classic", 2)), (5, ("classic", 2, 0.6)), (6, ("semi-implicit", 2))])
+def test_the_page_tells_the_gaps(column, arguments):
+    table = (ROOT / "docs" / "contact.md").read_text().split("gap: convergent")[1]
+    (row,) = [line.split("|")[1:-1] for line in table.split("\n\n")[0].splitlines() if line.startswith("| 2 |")]
+    told = float(row[column])
+    assert contact_laws.rest(*arguments)["gap"] == pytest.approx(told, abs=2e-4)
+
+
+def test_a_failure_is_a_row():
+    def fails():
+        raise contact_laws.PdvolError("level 0, step 3")
+
+    assert "level 0, step 3" in contact_laws.effort_row("impact", "classic", contact_laws.attempt(fails))
