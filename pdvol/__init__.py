@@ -17,7 +17,7 @@ __version__ = "0.1.0"
 
 _HOMES = {
     "pdvol.scene": ("Barrier", "Body", "FixedCorotational", "Flow", "Force", "Friction", "Gravity", "Impulse", "Material",
-                    "NeoHookean", "Path", "Placement", "Plane", "PointForce", "Region", "Relative", "Rigid", "Rotation", "Scene", "Separate",
+                    "NeoHookean", "Path", "Penalty", "Placement", "Plane", "PointForce", "Region", "Relative", "Rigid", "Rotation", "Scene", "Separate",
                     "Sequential", "Solver", "StVenantKirchhoff", "Still", "Support", "Translation"),
     "pdvol.meshes": ("Outline", "Solid", "Surface"),
     "pdvol.record.reader": ("open_run",),

@@ -9,6 +9,7 @@ from typing import NoReturn
 
 from pdvol.errors import InputError, PdvolError, SimulationError
 
+METHODS = ("progressive", "direct", "tracks", "embedded")  # those of runner.METHODS
 PROLONGATIONS = ("barycentric", "biharmonic", "phong")  # the keys of hierarchy.interpolants.INTERPOLANTS, which only a simulation loads
 
 
@@ -234,7 +235,7 @@ def _parser() -> argparse.ArgumentParser:
         return sub
 
     def scene_options(sub, steps: bool = True) -> None:
-        sub.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", help="a scene parameter or solver setting")
+        sub.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", help="a scene parameter, a solver setting, or a penalty's weight (consistency, weight)")
         if steps:
             sub.add_argument("--steps", type=int, help="number of time steps, instead of the scene's")
             sub.add_argument("--out", type=Path, help="run folder (default: runs/NAME)")
@@ -249,7 +250,7 @@ def _parser() -> argparse.ArgumentParser:
     sub = command("run", _run, "simulate a scene's levels, coarse to fine")
     sub.add_argument("scene", type=Path, metavar="SCENE.py")
     sub.add_argument("--levels", default="", metavar="A:B", help="levels A to B, both included (default: all)")
-    sub.add_argument("--method", default="progressive", choices=("progressive", "direct"))
+    sub.add_argument("--method", default="progressive", choices=METHODS, help="how finer levels are made (default: progressive)")
     prolongation_option(sub)
     wavefront_option(sub)
     scene_options(sub)

@@ -181,11 +181,13 @@ def _spent(path: Path, log: Sequence[dict]) -> str:
     try:
         seconds = np.array([float(r["seconds"]["total"]) for r in log])
         newton, contacts, cuts = ([int(r[key]) for r in log] for key in ("newton_iterations", "contacts", "cuts"))
+        crossing = [int(r["intersections"]) for r in log if "intersections" in r]
     except (KeyError, TypeError, ValueError) as error:
         mend = "remove that line, the states do not depend on it"
         raise InputError(f"{path / 'log.jsonl'}: a record lacks what pdvol writes ({error}); {mend}") from error
     return (f", {seconds.sum():.1f} s ({np.median(seconds):.3g} s a step), Newton {np.mean(newton):.1f} "
-            f"(most {max(newton)}), contacts up to {max(contacts)}, cuts {sum(cuts)}")
+            f"(most {max(newton)}), contacts up to {max(contacts)}, cuts {sum(cuts)}"
+            + (f", intersections {sum(crossing)} in {sum(c > 0 for c in crossing)} states" if crossing else ""))
 
 
 def describe_metrics(result: dict) -> list[str]:
@@ -212,6 +214,8 @@ def _means(entry: dict) -> str:
     parts = [f"{entry['steps']} steps"]
     if "continuity" in s:
         parts.append(f"continuity {s['continuity']['mean']:.4g} (median {s['continuity']['median']:.4g}, most {s['continuity']['largest']:.3g})")
+    if "continuity_error" in s:
+        parts.append(f"continuity error {s['continuity_error']['mean']:.3g} kg m^2 (most {s['continuity_error']['largest']:.3g})")
     if "consistency" in s:
         parts.append(f"consistency {s['consistency']['mean']:.3g} kg m^2 (most {s['consistency']['largest']:.3g})")
         parts.append(f"distance from the level below {s['distance']['mean']:.3g} m (most {s['distance']['largest']:.3g})")

@@ -7,12 +7,14 @@ from pathlib import Path
 import numpy as np
 from mpi4py import MPI
 
+from pdvol.animate.march import guide
 from pdvol.errors import InputError
 from pdvol.fields import stiffen, stored_scene, stored_stiffness
 from pdvol.hierarchy.cell_materials import level_materials
 from pdvol.hierarchy.hierarchy import Hierarchy
 from pdvol.hierarchy.scene_fields import supported_points
 from pdvol.potentials.build import build_terms
+from pdvol.potentials.consistency import Consistency, Guide
 from pdvol.potentials.potential import Positions
 from pdvol.record import metrics
 from pdvol.record.files import write_json
@@ -20,7 +22,7 @@ from pdvol.record.plots import plot_metrics
 from pdvol.record.reader import Run, RunLevel, open_run
 from pdvol.scene import Friction, Scene
 
-PREDICTED = ("direct", "progressive")  # methods whose x_hat is known here
+PREDICTED = {"direct": "own", "tracks": "own", "progressive": "coarse", "embedded": "none"}  # whose velocity x_hat of levels above 0 takes
 
 
 class Forces:
@@ -32,15 +34,16 @@ class Forces:
         Vertices that no support holds.
     """
 
-    def __init__(self, scene: Scene, hierarchy: Hierarchy, level: int, diagonal: float, obstacles: Sequence):
+    def __init__(self, scene: Scene, hierarchy: Hierarchy, level: int, diagonal: float, obstacles: Sequence, guides: Sequence[Guide] = ()):
         self.scene, self.space, mesh = scene, hierarchy[level], hierarchy[level].mesh
-        self._terms = build_terms(scene, self.space, diagonal, obstacles, level_materials(scene, hierarchy, level))
+        self._terms = build_terms(scene, self.space, diagonal, obstacles, level_materials(scene, hierarchy, level), guides)
         self.free = np.ones(len(mesh.points), dtype=bool)
         for support in scene.supports:
             self.free &= ~supported_points(scene, support, mesh, level)
 
-    def pull(self, number: int, now: np.ndarray, after: np.ndarray, kappa: float | None) -> np.ndarray:
-        """dt^2 M^-1 grad F(after) [m], shape (n, d), in the step `number` (from 1) that begins at `now`.
+    def pull(self, number: int, now: np.ndarray, after: np.ndarray, kappa: float | None) -> tuple[np.ndarray, np.ndarray]:
+        """dt^2 M^-1 grad F(after) [m], shape (n, d), in the step `number` (from 1) that begins at `now`; and the guides' part of it, which F
+        does not contain. NaN where `after` is not admissible (inverted cells).
 
         Friction is lagged at `now`, as the first of its iterations is; `kappa` is the barrier's stiffness in that step, where it was logged.
         """
@@ -52,8 +55,11 @@ class Forces:
             term.begin_step(start, (number - 1) * dt, number * dt)
         for term in self._terms.potentials:
             term.place(number * dt)
-        force = sum(term.gradient(end) for term in self._terms.potentials)
-        return self.space.to_input(dt**2 * force / self._terms.mass)
+        if not np.isfinite(sum(term.value(end) for term in self._terms.potentials)):
+            return np.full_like(after, np.nan), np.full_like(after, np.nan)
+        force, guided = (sum((term.gradient(end) for term in self._terms.potentials if isinstance(term, Consistency) == held),
+                             start=np.zeros_like(end.owned)) for held in (False, True))
+        return tuple(self.space.to_input(dt**2 * part / self._terms.mass) for part in (force, guided))
 
 
 def measure(path: str | Path) -> dict:
@@ -63,9 +69,10 @@ def measure(path: str | Path) -> dict:
     -------
     dict
         `run`, `dt`, `method`, `prolongation`, `notes` (what could not be measured, and why) and `levels`, each with `level`, `steps`, `mass` [kg],
-        lists over steps 1, 2, ... (`continuity`, `jitter`) and, from level 1 on, over states 0, 1, ... of both levels (`consistency`,
-        `distance`, `centre_error`), the `projection`'s `rank` and `columns`, and `summary`: mean, median and largest of each list.
-        Steps that were cut, or whose scripted motion contact stopped, have no x_hat of their own: their continuity is NaN.
+        lists over steps 1, 2, ... (`continuity`, `continuity_error`, `jitter`) and, from level 1 on, over states 0, 1, ... of both levels
+        (`consistency`, `distance`, `centre_error`), the `projection`'s `rank` and `columns`, and `summary`: mean, median and largest of each list.
+        Steps that were cut, or whose scripted motion contact stopped, have no x_hat of their own: their continuity is NaN. So is all of it
+        where no x_hat leads (embedded levels), and its error too where nothing is pushed apart rightly: in states with intersections or inverted cells.
 
     Raises
     ------
@@ -85,9 +92,7 @@ def measure(path: str | Path) -> dict:
         masses = metrics.lumped_masses(level.mesh, densities[level.index])
         entry = {"level": level.index, "steps": level.steps - 1, "mass": float(masses.sum())}
         if scene is not None:
-            forces = Forces(scene, hierarchy, level.index, run.info["diagonal"], obstacles)
-            weights = hierarchy.prolongation(level.index).weights if level.index and run.info["method"] == "progressive" else None
-            entry["continuity"] = _continuity(run, level, forces, masses, weights)
+            entry |= _continuity(run, level, scene, obstacles, hierarchy, masses)
         entry["jitter"] = [metrics.jitter(*_three(level, n, run.dt), run.dt, masses) for n in range(1, entry["steps"] + 1)]
         if level.index and run.levels[level.index - 1].steps:
             below = run.levels[level.index - 1]
@@ -187,18 +192,32 @@ def _three(level: RunLevel, number: int, dt: float) -> tuple[np.ndarray, np.ndar
     return level.positions(number - 2) if number > 1 else now - dt * level.velocities(0), now, level.positions(number)
 
 
-def _continuity(run: Run, level: RunLevel, forces: Forces, masses: np.ndarray, weights) -> list[float]:
+def _continuity(run: Run, level: RunLevel, scene: Scene, obstacles: Sequence, hierarchy: Hierarchy, masses: np.ndarray) -> dict:
+    """`continuity` and `continuity_error` of a level."""
+    method, taken, guides = run.info["method"], "own", ()
+    if level.index:
+        below, prolongation = run.levels[level.index - 1], hierarchy.prolongation(level.index)
+        taken, weight = PREDICTED[method], scene.penalty.of(method)
+        guides = (guide(weight, run.dt, prolongation, below.positions),) if weight > 0.0 else ()
+    forces = Forces(scene, hierarchy, level.index, run.info["diagonal"], obstacles, guides)
     special = {r["step"] for r in level.log if r.get("cuts", 0) or r.get("reached", 1.0) < 1.0}
     special |= {r["step"] + 1 for r in level.log if r.get("reached", 1.0) < 1.0}  # sets out from where its obstacles were held back
-    values, kappas, masses = [], stored_stiffness(level), np.where(forces.free, masses, 0.0)
+    values, errors, kappas, masses = [], [], stored_stiffness(level), np.where(forces.free, masses, 0.0)
+    crossing = {r["step"] for r in level.log if r.get("intersections", 0)}
     for number in range(1, level.steps):
-        if number in special:
+        if number in crossing:
             values.append(float("nan"))
+            errors.append(float("nan"))
             continue
         before, now, after = _three(level, number, run.dt)
-        move = now - before if weights is None else weights @ (run.dt * run.levels[level.index - 1].velocities(number - 1))
-        values.append(metrics.continuity(before, now, after, now + move, forces.pull(number, now, after, kappas.get(number)), masses))
-    return values
+        pull, guided = forces.pull(number, now, after, kappas.get(number))
+        errors.append(metrics.continuity_error(before, now, after, pull, masses))
+        if taken == "none" or number in special:
+            values.append(float("nan"))
+            continue
+        move = now - before if taken == "own" else prolongation.prolong_positions(run.dt * below.velocities(number - 1))
+        values.append(metrics.continuity(before, now, after, now + move, pull, masses, guided))
+    return {"continuity": values, "continuity_error": errors}
 
 
 def _between_levels(level: RunLevel, below: RunLevel, weights, masses: np.ndarray, below_masses: np.ndarray) -> dict:

@@ -2,7 +2,7 @@
 
 import platform
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from functools import partial
 from importlib.metadata import version
@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 from mpi4py import MPI
 
-from pdvol.animate.march import Start, direct, progressive
+from pdvol.animate.march import Start, direct, embedded, guide, progressive
 from pdvol.describe import differences_by_level
 from pdvol.errors import InputError, SimulationError
 from pdvol.fields import SceneFields
@@ -22,7 +22,7 @@ from pdvol.hierarchy.interpolants import INTERPOLANTS
 from pdvol.hierarchy.level_mesh import LevelMesh
 from pdvol.hierarchy.scene_fields import check_fields, initial_velocity, scene_diagonal
 from pdvol.hierarchy.separate import build_apart
-from pdvol.hierarchy.start_check import check_start
+from pdvol.hierarchy.start_check import check_start, count_intersections
 from pdvol.parallel import on_root
 from pdvol.record.files import jsonable
 from pdvol.record.folder import holds_run, in_use, require_scene
@@ -33,10 +33,10 @@ from pdvol.record.store import RunWriter
 from pdvol.record.xdmf import write_xdmf
 from pdvol.scene import Gravity, Plane, Rigid, Scene, Still, moved
 from pdvol.shot import Shot, load_shot, stored_settings
-from pdvol.solve.level_problem import LevelProblem
+from pdvol.solve.level_problem import LevelProblem, StepReport
 from pdvol.wavefront import march_levels
 
-METHODS = ("progressive", "direct")
+METHODS = ("progressive", "direct", "tracks", "embedded")
 LIBRARIES = ("fenics-dolfinx", "petsc4py", "ipctk", "numpy", "scipy", "pytetwild", "gmsh", "fast-simplification")
 MOST_PLACES = 20_000_000  # of vertices of moving obstacles, for pictures: half a GB
 TOLD = 6  # changes that a message lists
@@ -55,7 +55,7 @@ def run_scene(shot: Shot, out: str | Path, first: int = 0, last: int | None = No
     shot : Shot
     out : run folder: a new one, or with `resume` (or `first` > 0) one of the same scene, of which finished steps are kept
     first, last : levels, both included; the finest when `last` is None
-    method : "progressive" or "direct"
+    method : one of METHODS
     prolongation : a key of `INTERPOLANTS`
     progress : called as (level, steps, steps done) when a level begins, on the ranks where it is given
     wavefront : run the levels side by side, each in a process of its own; `comm` then has one rank
@@ -113,6 +113,8 @@ def _check_request(scene: Scene, out: Path, first: int, last: int, method: str, 
     for name, value, known in (("method", method, METHODS), ("prolongation", prolongation, tuple(INTERPOLANTS))):
         if value not in known:
             raise InputError(f"unknown {name} {value!r}; choose one of {', '.join(known)}")
+    if method == "tracks" and scene.penalty.weight == 0.0:
+        raise InputError("the method tracks needs a weight above zero, as in --set weight=0.1")
     if not 0 <= first <= last < scene.levels:
         raise InputError(f"levels {first}:{last} do not exist; the scene has levels 0:{scene.levels - 1}")
     exists = holds_run(out)
@@ -325,18 +327,13 @@ def run_level(scene: Scene, hierarchy: Hierarchy, level: int, method: str, obsta
         writer.finish(level)
         return
     mesh = hierarchy[level].mesh
-    problem = LevelProblem(scene, hierarchy[level], level, diagonal, obstacles, partial(hierarchy.coarse_weights, level),
-                           level_materials(scene, hierarchy, level))
     if done == 0:
         start = Start(0, mesh.points, initial_velocity(scene, mesh))
         writer.call("write_state", level, 0, start.positions)
     else:
         start = Start(done - 1, writer.read(level, "positions", done - 1), writer.read(level, "velocities", done - 1), writer.record(level, done - 1))
     writer.call("set_level_state", level, "running")
-    if method == "direct" or level == 0:
-        march = direct(problem, start, scene.steps)
-    else:
-        march = progressive(problem, hierarchy.prolongation(level), partial(writer.read, level - 1, "velocities"), start, scene.steps)
+    march = _march(scene, hierarchy, level, method, obstacles, diagonal, partial(writer.read, level - 1), start)
     watcher = progress(level, scene.steps, start.step) if progress is not None else None
     try:
         for report in march:
@@ -354,3 +351,20 @@ def run_level(scene: Scene, hierarchy: Hierarchy, level: int, method: str, obsta
     finally:
         if watcher is not None:
             watcher.close()
+
+
+def _march(scene: Scene, hierarchy: Hierarchy, level: int, method: str, obstacles, diagonal: float, coarse: Callable[[str, int], np.ndarray],
+           start: Start) -> Iterator[StepReport]:
+    """The march of a method on a level; `coarse` gives `positions` or `velocities` of the level below at a step."""
+    where = partial(coarse, "positions")
+    if method == "embedded" and level > 0:
+        mesh = hierarchy[level].mesh
+        count = {"count": lambda positions, time: count_intersections(mesh, positions, obstacles, scene, time)} if scene.contact else {}
+        return embedded(hierarchy.prolongation(level), where, level, start, scene.steps, scene.dt, **count)
+    weight = scene.penalty.of(method) if level > 0 else 0.0
+    guides = (guide(weight, scene.dt, hierarchy.prolongation(level), where),) if weight > 0.0 else ()
+    problem = LevelProblem(scene, hierarchy[level], level, diagonal, obstacles, partial(hierarchy.coarse_weights, level),
+                           level_materials(scene, hierarchy, level), guides)
+    if method == "progressive" and level > 0:
+        return progressive(problem, hierarchy.prolongation(level), partial(coarse, "velocities"), start, scene.steps)
+    return direct(problem, start, scene.steps)

@@ -5,12 +5,13 @@ import importlib.util
 import inspect
 import re
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from pdvol.describe import describe
 from pdvol.errors import InputError, PdvolError
-from pdvol.scene import Relative, Scene, Solver
+from pdvol.scene import Relative, Scene
+from pdvol.scene.scene import SETTINGS
 
 
 @dataclass(frozen=True)
@@ -66,7 +67,7 @@ def stored_settings(parameters: Mapping) -> dict:
 
 
 def load_shot(file: str | Path, settings: Mapping | None = None, steps: int | None = None) -> Shot:
-    """Runs a scene file's `scene(**parameters)`; settings that name a solver setting go to the solver instead.
+    """Runs a scene file's `scene(**parameters)`; settings of the solver and the penalty go there instead.
 
     Raises
     ------
@@ -77,12 +78,12 @@ def load_shot(file: str | Path, settings: Mapping | None = None, steps: int | No
     make = _scene_function(file)
     accepted = inspect.signature(make).parameters
     anything = any(p.kind is p.VAR_KEYWORD for p in accepted.values())
-    solver_names = {f.name for f in fields(Solver)} - set(accepted)
+    general = SETTINGS.keys() - set(accepted)
     for name in settings:
-        if name not in accepted and name not in solver_names and not anything:
-            raise InputError(f"{file.name} has no parameter {name!r}; there are {', '.join(accepted)} and the solver's "
-                             f"{', '.join(sorted(solver_names))}")
-    given = {name: value for name, value in settings.items() if name in accepted or (anything and name not in solver_names)}
+        if name not in accepted and name not in general and not anything:
+            raise InputError(f"{file.name} has no parameter {name!r}; there are {', '.join(accepted)} and every scene's "
+                             f"{', '.join(sorted(general))}")
+    given = {name: value for name, value in settings.items() if name in accepted or (anything and name not in general)}
     try:
         scene = make(**given)
     except PdvolError:
@@ -91,12 +92,7 @@ def load_shot(file: str | Path, settings: Mapping | None = None, steps: int | No
         raise InputError(f"{file.name}: scene({', '.join(f'{k}={v!r}' for k, v in given.items())}) failed: {_told(error)}") from error
     if not isinstance(scene, Scene):
         raise InputError(f"{file.name}: scene() returned {type(scene).__name__}, not a pdvol.Scene")
-    for_solver = {name: value for name, value in settings.items() if name not in given}
-    if for_solver:
-        try:
-            scene = scene.with_solver(**for_solver)
-        except TypeError as error:
-            raise InputError(f"--set: {error}") from None
+    scene = scene.with_settings(**{name: value for name, value in settings.items() if name not in given})
     if steps is not None:
         scene = replace(scene, steps=steps)
     return Shot(file.resolve(), settings, replace(scene, name=file.stem))

@@ -1,4 +1,4 @@
-"""The state every level starts from must be free of intersections: bodies with themselves, each other, obstacles and planes.
+"""Intersections of bodies with themselves, each other, obstacles and planes: the state every level starts from must be free of them.
 
 Written apart from the solver's contact code. Separately decimated surfaces can cross where the originals do not, so every level is tested.
 """
@@ -82,7 +82,7 @@ def smallest_gap(mesh: LevelMesh, obstacles: Sequence[Obstacle], scene: Scene, r
     gap, count = _Parties(mesh, obstacles, scene).gap(reach)
     for plane in scene.obstacles:
         if isinstance(plane, Plane):
-            height = _heights(mesh, plane)
+            height = _heights(mesh.points, plane)
             nearest = int(np.argmin(height))
             count += int((height < reach).sum())
             if height[nearest] < (reach if gap is None else gap.distance):
@@ -90,22 +90,37 @@ def smallest_gap(mesh: LevelMesh, obstacles: Sequence[Obstacle], scene: Scene, r
     return gap, count
 
 
-def _heights(mesh: LevelMesh, plane: Plane) -> np.ndarray:
-    """(n,) heights [m] of all points above a plane at t = 0."""
-    if len(plane.point) != mesh.dim:
-        raise InputError(f"plane {plane.name!r} is {len(plane.point)}D in a {mesh.dim}D scene; give {mesh.dim} components")
-    ends = _ends(plane)
-    return (mesh.points - ends[0]) @ (ends[1] - ends[0])
+def count_intersections(mesh: LevelMesh, positions: np.ndarray, obstacles: Sequence[Obstacle], scene: Scene, time: float) -> int:
+    """How much crosses in a state that nothing kept apart: pairs of edges (2D) or of edges and triangles (3D), and vertices at or below
+    planes. Serial.
+
+    Parameters
+    ----------
+    positions : (n, d) [m]
+    obstacles : as `check_start` takes them
+    time : [s], which says where obstacles are
+    """
+    behind = sum(int(np.sum(_heights(positions, plane, time) <= 0.0)) for plane in scene.obstacles if isinstance(plane, Plane))
+    return behind + len(_Parties(mesh, obstacles, scene, positions, time).crossing_pairs())
 
 
-def _ends(plane: Plane) -> np.ndarray:
-    """A plane's point and the end of its unit normal there, at t = 0."""
+def _heights(points: np.ndarray, plane: Plane, time: float = 0.0) -> np.ndarray:
+    """(n,) heights [m] of points (n, d) above a plane at a time."""
+    dim = points.shape[1]
+    if len(plane.point) != dim:
+        raise InputError(f"plane {plane.name!r} is {len(plane.point)}D in a {dim}D scene; give {dim} components")
+    ends = _ends(plane, time)
+    return (points - ends[0]) @ (ends[1] - ends[0])
+
+
+def _ends(plane: Plane, time: float = 0.0) -> np.ndarray:
+    """A plane's point and the end of its unit normal there, at a time."""
     point, normal = np.asarray(plane.point, dtype=float), np.asarray(plane.normal, dtype=float)
-    return moved(plane.motion, np.stack([point, point + normal / np.linalg.norm(normal)]), 0.0, f"plane {plane.name!r}")
+    return moved(plane.motion, np.stack([point, point + normal / np.linalg.norm(normal)]), time, f"plane {plane.name!r}")
 
 
 def _below(level: int, mesh: LevelMesh, plane: Plane, scene: Scene) -> Iterator[Defect]:
-    height = _heights(mesh, plane)
+    height = _heights(mesh.points, plane)
     below = np.flatnonzero(height <= 0.0)
     if len(below):
         worst = int(np.argmin(height))
@@ -120,26 +135,27 @@ def _below(level: int, mesh: LevelMesh, plane: Plane, scene: Scene) -> Iterator[
 
 
 class _Parties:
-    """All boundaries of one level in one set of arrays: bodies first (owner >= 0), then obstacles (owner < 0)."""
+    """All boundaries of one level, at rest or at positions (n, d), in one set of arrays: bodies first (owner >= 0), then obstacles, where they are at a time."""
 
-    def __init__(self, mesh: LevelMesh, obstacles: Sequence[Obstacle], scene: Scene):
+    def __init__(self, mesh: LevelMesh, obstacles: Sequence[Obstacle], scene: Scene, positions: np.ndarray | None = None, time: float = 0.0):
         rigids = [o for o in scene.obstacles if isinstance(o, Rigid)]
         if len(rigids) != len(obstacles):
             raise InputError(f"{len(obstacles)} obstacle meshes for {len(rigids)} rigid obstacles; read one for each")
+        positions = mesh.points if positions is None else positions
         self.names = [f"body {b.name!r}" for b in scene.bodies] + [f"obstacle {r.name!r}" for r in rigids]
         self.closed = [True] * len(scene.bodies) + [r.closed for r in rigids]
         self.bodies = len(scene.bodies)
         facets = [mesh.boundary]
         # Inner points of a body cannot cross anything before its boundary does.
         used = np.unique(mesh.boundary)
-        points, owners, first = [mesh.points[used]], [mesh.point_bodies[used]], len(used)
+        points, owners, first = [positions[used]], [mesh.point_bodies[used]], len(used)
         number = np.full(len(mesh.points), -1, dtype=np.int64)
         number[used] = np.arange(len(used))
         facets, labels = [number[mesh.boundary]], [used]
         for k, ((vertices, edges, faces), rigid) in enumerate(zip(obstacles, rigids, strict=True)):
             if vertices.shape[1] != mesh.dim:
                 raise InputError(f"obstacle {rigid.name!r} is {vertices.shape[1]}D in a {mesh.dim}D scene; give it {mesh.dim} dimensions")
-            points.append(moved(rigid.motion, vertices, 0.0, f"obstacle {rigid.name!r}"))
+            points.append(moved(rigid.motion, vertices, time, f"obstacle {rigid.name!r}"))
             owners.append(np.full(len(vertices), self.bodies + k))
             facets.append((faces if mesh.dim == 3 else edges) + first)
             labels.append(np.arange(len(vertices)))
@@ -152,11 +168,15 @@ class _Parties:
     def _whose(self, vertex: int) -> str:
         return self.names[self.owner[vertex]]
 
+    def crossing_pairs(self) -> np.ndarray:
+        """As `find_crossings` gives them."""
+        return find_crossings(self.points, self.edges, self.faces, np.where(self.owner >= self.bodies, -1, 0))
+
     def crossings(self, level: int) -> Iterator[Defect]:
         """Boundaries that cross, or else touch."""
         obstacle = np.where(self.owner >= self.bodies, -1, 0)
         second = self.edges if len(self.faces) == 0 else self.faces
-        pairs = find_crossings(self.points, self.edges, self.faces, obstacle)
+        pairs = self.crossing_pairs()
         if len(pairs):
             yield self._defect(level, "crosses", [(self.edges[a], second[b]) for a, b in pairs])
             return

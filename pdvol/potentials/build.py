@@ -1,11 +1,13 @@
 """From a scene and a level to its terms: only what the scene names is made, and only then are its libraries loaded."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from pdvol.hierarchy.cell_materials import CellMaterials, cell_materials
 from pdvol.hierarchy.level_space import LevelSpace
+from pdvol.potentials.consistency import Consistency, Guide
 from pdvol.potentials.elasticity import elastic_terms
 from pdvol.potentials.load import assemble_mass, load_terms
 from pdvol.potentials.potential import Potential
@@ -30,7 +32,8 @@ class Terms:
     rules: tuple = ()
 
 
-def build_terms(scene: Scene, space: LevelSpace, diagonal: float, obstacles=(), materials: CellMaterials | None = None) -> Terms:
+def build_terms(scene: Scene, space: LevelSpace, diagonal: float, obstacles=(), materials: CellMaterials | None = None,
+                guides: Sequence[Guide] = ()) -> Terms:
     """The terms of a scene on one level. Collective.
 
     Parameters
@@ -38,12 +41,14 @@ def build_terms(scene: Scene, space: LevelSpace, diagonal: float, obstacles=(), 
     diagonal : the scene's diagonal [m], for relative lengths
     obstacles : (vertices, edges, faces) of each `Rigid` obstacle of the scene, in order
     materials : of the level's cells; where not given, as if the level were the coarsest
+    guides : what holds the level to the coarser one, if anything
     """
     materials = cell_materials(scene, space.mesh) if materials is None else materials
     mass = assemble_mass(space, materials.density)
     contacts, frictions = _contact(scene, space, diagonal, obstacles, materials.softest)
     elastic, loads = elastic_terms(space, materials), load_terms(scene, space, materials.density, mass)
-    return Terms(mass, (*elastic, *loads, *contacts, *frictions), contacts, _rules(scene, space, diagonal, mass, elastic, loads, contacts))
+    held = tuple(Consistency(space, mass, guide) for guide in guides)
+    return Terms(mass, (*elastic, *loads, *contacts, *frictions, *held), contacts, _rules(scene, space, diagonal, mass, elastic, loads, contacts))
 
 
 def _rules(scene: Scene, space: LevelSpace, diagonal: float, mass: np.ndarray, elastic, loads, contacts) -> tuple:

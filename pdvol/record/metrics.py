@@ -3,6 +3,7 @@
 | measure | formula | unit |
 |---|---|---|
 | continuity n_l^t | e / e_hat, e = \\|(x+ - 2 x + x-) / 2 + pull / 2\\|_M^2, e_hat = \\|x+ - x_hat + pull\\|_M^2, pull = dt^2 M^-1 grad F(x+) | 1 |
+| continuity error e_l^t | the numerator alone, which needs no x_hat | kg m^2 |
 | consistency d_{l-1}^t | \\|Pi x_l - x_{l-1}\\|_M^2, Pi = (P'P)^-1 P', M of level l - 1 | kg m^2 |
 | distance | root of \\|x_l - P x_{l-1}\\|_M^2 over the mass, M of level l | m |
 | centre error | how far bodies' centres of mass have moved apart since the start, root mean square over the mass | m |
@@ -33,7 +34,13 @@ def squared_norm(difference: np.ndarray, masses: np.ndarray) -> float:
     return float(masses @ (difference**2).sum(axis=1))
 
 
-def continuity(before: np.ndarray, now: np.ndarray, after: np.ndarray, predicted: np.ndarray, pull: np.ndarray, masses: np.ndarray) -> float:
+def continuity_error(before: np.ndarray, now: np.ndarray, after: np.ndarray, pull: np.ndarray, masses: np.ndarray) -> float:
+    """e [kg m^2]: how far the step from `now` to `after` is from the motion that the forces F alone would give; arguments as `continuity`'s."""
+    return squared_norm(0.5 * (after - 2.0 * now + before) + 0.5 * pull, masses)
+
+
+def continuity(before: np.ndarray, now: np.ndarray, after: np.ndarray, predicted: np.ndarray, pull: np.ndarray, masses: np.ndarray,
+               guided: np.ndarray | float = 0.0) -> float:
     """n of the step from `now` to `after`; NaN where the solver left no residual at all.
 
     Parameters
@@ -44,9 +51,11 @@ def continuity(before: np.ndarray, now: np.ndarray, after: np.ndarray, predicted
         dt^2 M^-1 grad F(after).
     masses : (n,) [kg]
         Zero at supported vertices, whose forces of reaction are not known.
+    guided : (n, d) [m]
+        What the pull towards a coarser level adds: it belongs to what was solved, so to e_hat, but is no force of the scene, so not to e.
     """
-    residual = squared_norm(after - predicted + pull, masses)
-    return squared_norm(0.5 * (after - 2.0 * now + before) + 0.5 * pull, masses) / residual if residual > 0 else float("nan")
+    residual = squared_norm(after - predicted + pull + guided, masses)
+    return continuity_error(before, now, after, pull, masses) / residual if residual > 0 else float("nan")
 
 
 def distance(fine: np.ndarray, prolonged: np.ndarray, masses: np.ndarray) -> float:

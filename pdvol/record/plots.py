@@ -13,13 +13,14 @@ from pdvol.record.studio import BACKGROUND, PALETTE
 
 PANELS = {
     "continuity": "continuity n",
+    "continuity_error": "continuity error e [kg m²]",
     "consistency": "consistency d, to the level below [kg m²]",
     "distance": "distance from the prolonged level below [m]",
     "centre_error": "centre of mass, apart from the level below [m]",
     "jitter": "jitter [J]",
 }
 
-OF_STEPS = ("continuity", "jitter")  # begin with step 1; the others belong to states and begin with 0
+OF_STEPS = ("continuity", "continuity_error", "jitter")  # begin with step 1; the others belong to states and begin with 0
 DECADES = 9  # drawn below the largest value: the rest is round-off (a quotient of residuals such as continuity has no such floor)
 
 

@@ -7,6 +7,7 @@ from pdvol.scene.bodies import Body, Separate
 from pdvol.scene.checks import count, positive, require, sequence
 from pdvol.scene.contact import Barrier, Friction
 from pdvol.scene.loads import Load
+from pdvol.scene.penalty import Penalty
 from pdvol.scene.solver import Solver
 from pdvol.scene.surroundings import Plane, Rigid, Support
 
@@ -24,6 +25,7 @@ class Scene:
     supports: tuple[Support, ...] = ()
     obstacles: tuple[Plane | Rigid, ...] = ()
     contact: tuple[Barrier | Friction, ...] = ()
+    penalty: Penalty = Penalty()
     solver: Solver = field(default_factory=Solver)
     name: str = "scene"
     separate: tuple[Separate, ...] = ()
@@ -66,9 +68,13 @@ class Scene:
         """How many levels the scene has."""
         return self.bodies[0].levels
 
-    def with_solver(self, **settings) -> "Scene":
-        """The same scene with some solver settings replaced."""
-        known = {f.name for f in fields(Solver)}
-        unknown = set(settings) - known
-        require(not unknown, f"unknown solver setting {sorted(unknown)}; there are {sorted(known)}")
-        return replace(self, solver=replace(self.solver, **settings))
+    def with_settings(self, **settings) -> "Scene":
+        """The same scene with some settings of its solver and penalty replaced."""
+        unknown = set(settings) - SETTINGS.keys()
+        require(not unknown, f"unknown setting {sorted(unknown)}; there are {sorted(SETTINGS)}")
+        parts = {part: {name: value for name, value in settings.items() if SETTINGS[name] == part} for part in ("solver", "penalty")}
+        return replace(self, **{part: replace(getattr(self, part), **own) for part, own in parts.items()})
+
+
+SETTINGS = {f.name: part for part, kind in (("solver", Solver), ("penalty", Penalty)) for f in fields(kind)}
+"""What `--set` reaches in every scene, and the scene's attribute that holds it."""

@@ -1,7 +1,7 @@
 """One level's time stepping: space, terms, supports and the solver that takes one step, cutting it where it must."""
 
 import resource
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 
@@ -13,6 +13,7 @@ from pdvol.errors import ConvergenceError, SimulationError
 from pdvol.hierarchy.cell_materials import CellMaterials
 from pdvol.hierarchy.level_space import LevelSpace
 from pdvol.potentials.build import build_terms
+from pdvol.potentials.consistency import Guide
 from pdvol.potentials.potential import Positions
 from pdvol.scene import Friction, Scene, metres
 from pdvol.solve.drive import follow
@@ -74,6 +75,11 @@ class StepReport:
         return {key: value for key, value in vars(self).items() if key != "positions"}
 
 
+def peak_memory(comm: MPI.Comm) -> float:
+    """The most that one rank's process has held so far [MB]. Collective."""
+    return round(comm.allreduce(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024, op=MPI.MAX), 1)
+
+
 class LevelProblem:
     """The incremental potential of one level with its supports. Construction is collective.
 
@@ -86,13 +92,15 @@ class LevelProblem:
     obstacles : geometry of the scene's `Rigid` obstacles
     coarse_weights : called when a linear solver wants a coarse space, for weights (n, m) over fewer vertices or None
     materials : of the level's cells; where not given, as if the level were the coarsest
+    guides : what holds the level to the coarser one, if anything
     """
 
     def __init__(self, scene: Scene, space: LevelSpace, level: int, diagonal: float, obstacles=(),
-                 coarse_weights: Callable[[], csr_array | None] = lambda: None, materials: CellMaterials | None = None):
+                 coarse_weights: Callable[[], csr_array | None] = lambda: None, materials: CellMaterials | None = None,
+                 guides: Sequence[Guide] = ()):
         self.scene, self.space, self.level = scene, space, level
         self.watch = Stopwatch()
-        self.potential = IncrementalPotential(space, build_terms(scene, space, diagonal, obstacles, materials), self.watch)
+        self.potential = IncrementalPotential(space, build_terms(scene, space, diagonal, obstacles, materials, guides), self.watch)
         self.script = Script(scene, space, level)
         self._diagonal, self._coarse_weights = diagonal, coarse_weights
         self.newton = self._new_newton()
@@ -136,8 +144,7 @@ class LevelProblem:
                 report.friction_residual = self.potential.lag(x)  # the next step begins with it anyway
         report.linear_solver, report.solver_memory = self.newton.linear.method, self.newton.linear.memory
         report.seconds = self.watch.report()
-        peak = self.space.comm.allreduce(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024, op=MPI.MAX)
-        report.peak_memory_mb = round(peak, 1)
+        report.peak_memory_mb = peak_memory(self.space.comm)
         return report
 
     def _advance(self, report: StepReport, x_t: Positions, velocity: np.ndarray, t0: float, t1: float, depth: int = 0) -> Positions:

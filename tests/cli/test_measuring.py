@@ -133,7 +133,7 @@ def test_a_run_that_is_prolonged_exactly(tmp_path, name):
     meshes = [box(3), box(7)]
     P = Hierarchy(meshes, MPI.COMM_SELF, name).prolongation(1)
     rng = np.random.default_rng(0)
-    info = {"scene": "made", "dt": 0.1, "steps": 2, "method": "embedded", "prolongation": name}
+    info = {"scene": "made", "dt": 0.1, "steps": 2, "method": "dreamt", "prolongation": name}
     with RunWriter.create(tmp_path / "run", info, meshes, ["b"]) as run:
         for step in range(3):
             coarse = rng.normal(size=meshes[0].points.shape)
@@ -141,7 +141,7 @@ def test_a_run_that_is_prolonged_exactly(tmp_path, name):
             run.write_state(1, step, P.prolong_positions(coarse))
     result = measured(tmp_path / "run")
     assert "continuity" not in result["levels"][1]
-    assert any("x_hat of the method 'embedded' is not known" in note for note in result["notes"])
+    assert any("x_hat of the method 'dreamt' is not known" in note for note in result["notes"])
     assert any("masses are volumes" in note for note in result["notes"])
     assert max(result["levels"][1]["consistency"]) < 1e-25 and max(result["levels"][1]["distance"]) < 1e-13
     assert result["levels"][1]["projection"] == {"rank": 16, "columns": 16}

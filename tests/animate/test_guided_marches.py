@@ -1,0 +1,87 @@
+"""Marches that a coarser level guides: closed forms of free rigid motion, where P is exact and nothing deforms."""
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+
+from pdvol.animate.march import Start, direct, embedded, guide, progressive
+from pdvol.hierarchy.hierarchy import Hierarchy
+from pdvol.solve.level_problem import LevelProblem
+from problems import SOFT, block, make_scene
+
+DT, STEPS, W = 0.1, 4, 0.3
+SHIFT = np.array([0.5, -0.2])  # m, per step and step: the coarse level is at t^2 SHIFT after t steps
+
+
+@pytest.fixture(scope="module")
+def pair():
+    """A coarse and a fine square, the scene, and where the coarse one is after each step."""
+    coarse, fine = block((0.0, 0.0), (1.0, 1.0), 1), block((0.0, 0.0), (1.0, 1.0), 3, jitter=0.1)
+    levels = Hierarchy([coarse, fine], MPI.COMM_WORLD)
+    return levels, fine, make_scene((SOFT,), dt=DT, steps=STEPS), [coarse.points + t**2 * SHIFT for t in range(STEPS + 1)]
+
+
+def places(reports, rest):
+    """How far each step's positions are shifted, which all vertices must be alike."""
+    shifts = np.array([report.positions - rest for report in reports])
+    np.testing.assert_allclose(shifts, shifts[:, :1].repeat(len(rest), axis=1), atol=1e-8)
+    return shifts[:, 0]
+
+
+def guided(levels, scene, path):
+    return LevelProblem(scene, levels[1], 1, 1.0, guides=(guide(W, DT, levels.prolongation(1), path.__getitem__),))
+
+
+def test_tracks(pair):
+    """x+ = (x + (x - x-) + 2 w target) / (1 + 2 w)."""
+    levels, fine, scene, path = pair
+    reports = list(direct(guided(levels, scene, path), Start(0, fine.points, np.zeros_like(fine.points)), STEPS))
+    expected, before, now = [], np.zeros(2), np.zeros(2)
+    for t in range(1, STEPS + 1):
+        before, now = now, (2 * now - before + 2 * W * t**2 * SHIFT) / (1 + 2 * W)
+        expected.append(now)
+        energy = W / DT**2 * 1000.0 * fine.volumes.sum() * np.sum((now - t**2 * SHIFT) ** 2)
+        assert reports[t - 1].energy["consistency"] == pytest.approx(energy, rel=1e-5)
+    np.testing.assert_allclose(places(reports, fine.points), expected, atol=1e-7)
+
+
+def test_progressive_with_consistency(pair):
+    """x+ = (x + (x_c - x_c-) + 2 w target) / (1 + 2 w)."""
+    levels, fine, scene, path = pair
+    speeds = [np.zeros_like(path[0]), *np.diff(path, axis=0) / DT]
+    start = Start(0, fine.points, np.zeros_like(fine.points))
+    reports = list(progressive(guided(levels, scene, path), levels.prolongation(1), speeds.__getitem__, start, STEPS))
+    expected, now = [], np.zeros(2)
+    for t in range(1, STEPS + 1):
+        coarse_step = (2 * t - 3) * SHIFT if t > 1 else 0.0  # (t-1)^2 - (t-2)^2
+        now = (now + coarse_step + 2 * W * t**2 * SHIFT) / (1 + 2 * W)
+        expected.append(now)
+    np.testing.assert_allclose(places(reports, fine.points), expected, atol=1e-7)
+
+
+def test_embedded(pair):
+    levels, fine, scene, path = pair
+    asked = []
+
+    def count(positions, time):
+        asked.append(time)
+        return 7 * len(asked)
+
+    march = lambda step: embedded(levels.prolongation(1), path.__getitem__, 1, Start(step, fine.points, fine.points), STEPS, DT, count)  # noqa: E731
+    reports = list(march(0))
+    assert [(r.level, r.step, r.intersections, r.reason) for r in reports] == [(1, t, 7 * t, "EMBEDDED") for t in range(1, STEPS + 1)]
+    np.testing.assert_allclose(asked, DT * np.arange(1, STEPS + 1))
+    for t, report in enumerate(reports, start=1):
+        np.testing.assert_array_equal(report.positions, levels.prolongation(1).weights @ path[t])
+        np.testing.assert_allclose(report.positions, fine.points + t**2 * SHIFT, atol=1e-12)
+    assert [r.step for r in march(2)] == [3, 4]
+
+
+def test_a_guide_goes_straight_between_coarse_steps(pair):
+    levels, _, _, path = pair
+    held = guide(W, DT, levels.prolongation(1), path.__getitem__)
+    assert held.stiffness == pytest.approx(W / DT**2)
+    P = levels.prolongation(1).weights
+    for step in range(STEPS + 1):
+        np.testing.assert_array_equal(held.target(step * DT), P @ path[step])  # exactly, and never beyond the last state
+    np.testing.assert_allclose(held.target(2.25 * DT), P @ (0.75 * path[2] + 0.25 * path[3]), atol=1e-14)
