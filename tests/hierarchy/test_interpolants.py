@@ -1,5 +1,7 @@
 """Every interpolant passes the same tests; then what is particular to each. That one rank and two agree is tested with the binding."""
 
+import sys
+
 import igl
 import numpy as np
 import pytest
@@ -244,10 +246,35 @@ def test_restoring_affine_fields_is_the_smallest_change():
         assert (new[~row] == 0).all()
 
 
+def test_weights_that_take_seconds_are_kept(tmp_path, monkeypatch):
+    """Found again for the same meshes, solved for again for others; small ones leave nothing behind."""
+
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    fine, coarse = (LevelSpace(mesh, COMM) for mesh in boxes(2))
+    binding = bind(fine, coarse)
+    solved = biharmonic(coarse, fine, binding)
+    assert not list(tmp_path.rglob("*.npz"))
+    module = sys.modules[biharmonic.__module__]  # the package has the function under the module's name
+    monkeypatch.setattr(module, "KEPT_FROM", 10)
+    first = biharmonic(coarse, fine, binding)
+    (file,) = tmp_path.rglob("*.npz")
+    with monkeypatch.context() as context:
+        context.setattr(module, "_all_bodies", None)  # must not be called
+        again = biharmonic(coarse, fine, binding)
+    for weights in (first, again):
+        np.testing.assert_array_equal(weights.toarray(), solved.toarray())
+    other = LevelSpace(level(coarse.mesh.points * 1.001, coarse.mesh.cells, coarse.mesh.bodies), COMM)
+    biharmonic(other, fine, bind(fine, other))
+    assert len(list(tmp_path.rglob("*.npz"))) == 2
+    file.write_bytes(file.read_bytes()[:-40])  # damaged: solved for again
+    np.testing.assert_array_equal(biharmonic(coarse, fine, binding).toarray(), solved.toarray())
+
+
 @pytest.mark.slow
-def test_thirty_thousand_fine_vertices_in_two_minutes():
+def test_thirty_thousand_fine_vertices_in_two_minutes(tmp_path, monkeypatch):
     import time
 
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))  # none kept
     coarse, fine = LevelSpace(box(3, 16, 0.02, 0.97, jitter=0.2), COMM), LevelSpace(box(3, 30, jitter=0.2, seed=1), COMM)
     binding = bind(fine, coarse)
     start = time.perf_counter()

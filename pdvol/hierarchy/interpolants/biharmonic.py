@@ -24,9 +24,10 @@ from scipy.sparse.csgraph import connected_components
 
 from pdvol.errors import MeshError
 from pdvol.hierarchy.binding import Binding, bind
+from pdvol.hierarchy.cache import content_key, default_folder, fetch
 from pdvol.hierarchy.interpolants.barycentric import binding_matrix
 from pdvol.hierarchy.interpolants.laplacian import squared_laplacian
-from pdvol.hierarchy.interpolants.locality import make_local
+from pdvol.hierarchy.interpolants.locality import DROPPED, make_local
 from pdvol.hierarchy.level_mesh import LevelMesh
 from pdvol.hierarchy.level_space import LevelSpace
 from pdvol.parallel import on_root
@@ -35,11 +36,13 @@ SLACK = 1e-8  # e, beside A scaled to a median diagonal of one
 BLOCK = 256  # right-hand sides at a time: bounds the dense part of the memory
 ACCURATE = 1e-6  # of the body's size, by which the solved W may miss the rest positions before they are restored exactly
 PIVOTING = 0.5  # MUMPS' relative threshold; its largest use: multipliers of conflicting constraints are as large as 1 / e
+KEPT_FROM = 5000  # fine vertices: fewer are solved for in a second or two
+SOLVED = f"biharmonic 1, {SLACK:g}, {DROPPED:g}"  # what kept weights depend on besides the meshes; a new number when the method changes
 WORKSPACES = (100, 400, 1600, 6400)  # per cent on top of MUMPS' estimate, tried in turn
 
 
 def biharmonic(coarse: LevelSpace, fine: LevelSpace, binding: Binding) -> sp.csr_matrix:
-    """Weights (n_fine, n_coarse), body by body, sparse to within `locality.DROPPED`. Collective; rank 0 solves.
+    """Weights (n_fine, n_coarse), body by body, sparse to within `locality.DROPPED`. Collective; rank 0 solves, or finds them kept from before.
 
     Raises
     ------
@@ -47,7 +50,21 @@ def biharmonic(coarse: LevelSpace, fine: LevelSpace, binding: Binding) -> sp.csr
         When a connected part of a fine body has coarse vertices in fewer than d + 1 independent places: W would not be unique.
     """
     back = bind(coarse, fine)
-    return on_root(fine.comm, lambda: _all_bodies(coarse.mesh, fine.mesh, back, binding_matrix(binding, coarse.mesh)))
+    return on_root(fine.comm, lambda: _kept(coarse.mesh, fine.mesh, back, binding_matrix(binding, coarse.mesh)))
+
+
+def _kept(coarse: LevelMesh, fine: LevelMesh, back: Binding, home: sp.csr_matrix) -> sp.csr_matrix:
+    """The weights, kept beside the meshes where they take seconds."""
+    if len(fine.points) < KEPT_FROM:
+        return _all_bodies(coarse, fine, back, home)
+
+    def build() -> dict[str, np.ndarray]:
+        weights = _all_bodies(coarse, fine, back, home)
+        return {"data": weights.data, "indices": weights.indices, "indptr": weights.indptr}
+
+    meshes = (array for mesh in (coarse, fine) for array in (mesh.points, mesh.cells, mesh.bodies))
+    found = fetch(default_folder(), content_key(*meshes, back.cells, back.weights, home.indices, home.data, SOLVED) + "-weights", build)
+    return sp.csr_matrix((found["data"], found["indices"], found["indptr"]), shape=home.shape)
 
 
 def _all_bodies(coarse: LevelMesh, fine: LevelMesh, back: Binding, home: sp.csr_matrix) -> sp.csr_matrix:
