@@ -3,7 +3,7 @@
 from . import outlines, solids
 from .creature import creature
 from .geometry import Outline, Solid, Surface
-from .outlines import comb, disc, extrude, folded, polygon, rectangle, spike
+from .outlines import comb, disc, extrude, folded, polygon, rectangle, rope, slit_array, spike
 from .solids import ball, bar, box
 
 __all__ = [
@@ -21,6 +21,8 @@ __all__ = [
     "outlines",
     "polygon",
     "rectangle",
+    "rope",
+    "slit_array",
     "solids",
     "spike",
 ]

@@ -63,6 +63,36 @@ def comb(teeth: int = 4, length: float = 1.0, width: float = 0.1, gap: float = 0
     return Outline(np.array(points))
 
 
+def rope(length: float = 2.0, width: float = 0.05, waves: float = 1.5, swing: float = 0.1, points: int = 160) -> Outline:
+    """A hanging strip [m] along y, its lower end at the origin, its middle line a sine of `waves` periods that swings by `swing`."""
+    y = np.linspace(0.0, length, points)
+    wave = 2.0 * np.pi * waves / length
+    middle = np.column_stack([swing * np.sin(wave * y), y])
+    along = np.column_stack([swing * wave * np.cos(wave * y), np.ones(points)])
+    across = 0.5 * width * np.column_stack([along[:, 1], -along[:, 0]]) / np.linalg.norm(along, axis=1, keepdims=True)
+    return Outline(np.vstack([middle + across, (middle - across)[::-1]]))
+
+
+def slit_array(slits: int = 6, strip: float = 0.1, height: float = 1.0, slit: float = 0.03, bridge: float = 0.12) -> Outline:
+    """A block [m] on the x axis with vertical slits, open in turn at its upper and its lower end: strips joined by bridges, a soft spring.
+
+    Parameters
+    ----------
+    slits : how many; there is one strip more
+    strip, slit : widths [m]
+    bridge : height [m] of what a slit leaves at its closed end
+    """
+    pitch = strip + slit
+    total = (slits + 1) * strip + slits * slit
+    below = [[0.0, 0.0]]
+    for left in (strip + k * pitch for k in range(1, slits, 2)):
+        below += [[left, 0.0], [left, height - bridge], [left + slit, height - bridge], [left + slit, 0.0]]
+    above = [[total, height]]
+    for left in reversed([strip + k * pitch for k in range(0, slits, 2)]):
+        above += [[left + slit, height], [left + slit, bridge], [left, bridge], [left, height]]
+    return Outline(np.array([*below, [total, 0.0], *above, [0.0, height]]))
+
+
 def folded(length: float = 1.0, width: float = 0.1, gap: float = 0.02, arc: int = 24) -> Outline:
     """A strip bent into a U lying on its side: two arms [m] along x, `gap` apart, joined by a half ring at x = `length`."""
     angle = np.linspace(-np.pi / 2.0, np.pi / 2.0, arc)

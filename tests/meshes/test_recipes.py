@@ -8,6 +8,15 @@ from pdvol.hierarchy.decimate import topology
 from pdvol.hierarchy.tetrahedralise import measure
 from pdvol.hierarchy.validate import check_outline, check_surface, signed_area
 
+
+
+def wave_length(length, waves, swing):
+    """Of the curve x = swing sin(2 pi waves y / length)."""
+    k = 2 * np.pi * waves / length
+    y = np.linspace(0.0, length, 100_001)
+    return np.trapezoid(np.sqrt(1 + (swing * k * np.cos(k * y)) ** 2), y)
+
+
 OUTLINES = {
     # name: (outline, area by hand)
     "disc": (meshes.disc(2.0, 64), 0.5 * 64 * 4.0 * np.sin(2 * np.pi / 64)),
@@ -17,6 +26,12 @@ OUTLINES = {
     "spike on a base": (meshes.spike(0.4, 1.0, base=2.0, thickness=0.1), 0.2 + 0.2),
     "spike on a narrow base": (meshes.spike(0.4, 1.0, base=0.2, thickness=0.1), 0.2 + 0.04),
     "comb": (meshes.comb(teeth=3, length=1.0, width=0.1, gap=0.02, spine=0.2), 3 * 0.1 + 0.34 * 0.2),
+    # A strip along a curve has its width times the curve's length: a straight one, and ends cut across the same direction after whole waves.
+    "straight rope": (meshes.rope(2.0, 0.05, swing=0.0), 0.1),
+    "wavy rope": (meshes.rope(2.0, 0.05, waves=2.0, swing=0.1, points=400), 0.05 * wave_length(2.0, 2.0, 0.1)),
+    # Three slits of height - bridge in a block of four strips.
+    "slit array": (meshes.slit_array(slits=3, strip=0.1, height=1.0, slit=0.02, bridge=0.2), 0.46 * 1.0 - 3 * 0.02 * 0.8),
+    "one slit": (meshes.slit_array(slits=1, strip=0.1, height=1.0, slit=0.02, bridge=0.2), 0.22 * 1.0 - 0.02 * 0.8),
     "folded": (meshes.folded(1.0, 0.1, 0.02, arc=400), 2 * 0.1 + np.pi / 2 * (0.11**2 - 0.01**2)),
 }
 SURFACES = {
