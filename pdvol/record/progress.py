@@ -48,7 +48,8 @@ class Progress:
 def step_line(record: Mapping, level: int, total: int) -> str:
     """One step as a line: `level 1  step  12/100  newton 4  contacts 37  gap 1.2e-04  0.31 s`."""
     parts = [f"level {level}", f"step {record['step']:>{len(str(total))}}/{total}"]
-    for label, key, pattern in (("newton", "newton_iterations", "d"), ("contacts", "contacts", "d"), ("gap", "min_gap", ".1e"), ("intersections", "intersections", "d")):
+    told = (("newton", "newton_iterations", "d"), ("contacts", "contacts", "d"), ("gap", "min_gap", ".1e"), ("intersections", "intersections", "d"))
+    for label, key, pattern in told:
         value = record.get(key)
         if value is not None and math.isfinite(value):
             parts.append(f"{label} {format(value, pattern)}")

@@ -1,0 +1,103 @@
+"""The comparison of methods, short; and what it judges by, on shapes whose answer is known."""
+
+import json
+import sys
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+sys.path.insert(0, str(ROOT / "benchmarks"))
+import method_studies
+import methods
+
+from pdvol.hierarchy.level_mesh import boundary_facets
+
+
+def square(n):
+    """The unit square as 2 n^2 triangles: a level as the judge reads it, with the states it is given later."""
+    x, y = np.meshgrid(np.linspace(0, 1, n + 1), np.linspace(0, 1, n + 1))
+    a = (np.arange(n)[:, None] * (n + 1) + np.arange(n)).ravel()
+    cells = np.vstack([np.column_stack([a, a + 1, a + n + 2]), np.column_stack([a, a + n + 2, a + n + 1])])
+    return np.column_stack([x.ravel(), y.ravel()]), cells
+
+
+def judged(points, cells, states, bodies=None, obstacles=()):
+    level = SimpleNamespace(rest=points, cells=cells, bodies=np.zeros(len(cells), int) if bodies is None else bodies, steps=len(states),
+                            surface=boundary_facets(cells)[0], positions=states.__getitem__)
+    return methods.states(level, obstacles)
+
+
+def test_volumes_and_determinants():
+    points, cells = square(3)
+    found = judged(points, cells, [points, points * [1.2, 0.75]])
+    assert found["volume_change"] == pytest.approx(0.1) and found["smallest_det"] == pytest.approx(0.9)
+    assert (found["states"], found["crossing_states"], found["crossing_pairs"]) == (2, 0, 0)
+    inverted = points.copy()
+    inverted[5] += [0.8, 0.0]  # an inner point through its neighbours
+    assert judged(points, cells, [inverted])["smallest_det"] < 0.0
+
+
+def test_the_volume_is_each_body_s():
+    points, cells = square(2)
+    both, joined = np.vstack([points, points + 5.0]), np.vstack([cells, cells + len(points)])
+    grown = np.vstack([points * [1.5, 1.0], points * [0.5, 1.0] + 5.0])  # one grows by half, one shrinks by half
+    found = judged(both, joined, [grown], np.repeat([0, 1], len(cells)))
+    assert found["volume_change"] == pytest.approx(0.5)
+
+
+def test_crossings_and_vertices_behind_planes():
+    points, cells = square(1)
+    both, joined = np.vstack([points, points + [2.0, 0.0]]), np.vstack([cells, cells + 4])
+    over = both - np.array([[0.0, 0.0]] * 4 + [[1.5, 0.3]] * 4)  # a corner of the second square within the first: two pairs of edges cross
+    found = judged(both, joined, [both, over, over])
+    assert (found["crossing_states"], found["crossing_pairs"]) == (2, 4)
+    ground = SimpleNamespace(kind="plane", plane=lambda step: (np.array([0.0, 0.1 * step]), np.array([0.0, 1.0])))
+    found = judged(points, cells, [points + [0.0, 0.05]] * 2, obstacles=(ground,))
+    assert (found["crossing_states"], found["crossing_pairs"]) == (1, 2)  # two corners lie below 0.1 m
+
+
+@pytest.mark.parametrize("d", [2, 3])
+def test_turned_facets(d):
+    """A rigid turn turns no facet against another. In 2D a corner opened from 90 to 120 degrees: 30 at one of three, 30 and 0 at the others."""
+    if d == 2:
+        points, cells = np.array([[0.0, 0], [1, 0], [0, 1]]), np.array([[0, 1, 2]])
+        c, s = np.cos(0.7), np.sin(0.7)
+        turn, moved = np.array([[c, -s], [s, c]]), np.array([[0.0, 0], [1, 0], [-0.5, np.sqrt(0.75)]])
+        expected = np.sqrt((30**2 + 15**2 + 15**2) / 3)  # angles 90, 45, 45 become 120, 30, 30
+    else:
+        points, cells = np.vstack([np.zeros(3), np.eye(3)]), np.array([[0, 1, 2, 3]])
+        turn, moved = np.linalg.qr(np.random.default_rng(0).normal(size=(3, 3)))[0], np.vstack([np.zeros(3), np.eye(3) * [1, 1, 1e-9]])
+        flat = np.degrees(np.arccos(1 / np.sqrt(3)))  # of the slanted face against the three others, at rest
+        expected = np.sqrt((2 * (90 - flat) ** 2 + flat**2) / 6)  # the slanted face now lies: over one, upright to two
+    hinges = methods.Hinges(points, boundary_facets(cells)[0])
+    assert len(hinges.pairs) == {2: 3, 3: 6}[d]
+    assert hinges.turned(points @ turn.T) < 1e-5
+    assert hinges.turned(moved) == pytest.approx(expected, rel=1e-6)
+
+
+def test_studies_are_of_demos_and_their_cases_differ():
+    for study in method_studies.STUDIES.values():
+        assert (method_studies.DEMOS / f"{study.demo}.py").is_file()
+        assert len({case.name for case in study.cases}) == len(study.cases)
+    # Word for word, the paper's w = 0.025 would be divided by 625 at a time step of 0.04 s.
+    assert method_studies.LITERAL == pytest.approx(0.025 / 625)
+
+
+def test_a_short_study(tmp_path, capsys):
+    words = ["slit_array", "--levels", "2", "--steps", "2", "--out", str(tmp_path)]
+    assert methods.main(words) == 0
+    out = capsys.readouterr().out
+    assert out.count("| progressive, consistency ") == 6 and (tmp_path / "slit_array.md").read_text() in out
+    result = json.loads((tmp_path / "slit_array.json").read_text())
+    assert [case["settings"]["consistency"] for case in result["cases"]] == [0.0, pytest.approx(4e-5), 0.025, 0.2, 0.4, 0.6]
+    for case in result["cases"]:
+        assert [level["states"] for level in case["levels"]] == [3, 3] and case["levels"][1]["crossing_pairs"] == 0
+    for name in ("slit_array.png", "slit_array_curves.png"):
+        assert (tmp_path / name).read_bytes()[:4] == b"\x89PNG"
+    written = {p: p.stat().st_mtime_ns for p in (tmp_path / "slit_array").rglob("*.npy")}
+    assert methods.main(words) == 0  # finished runs are taken as they are
+    assert {p: p.stat().st_mtime_ns for p in (tmp_path / "slit_array").rglob("*.npy")} == written
+    assert methods.main([*words[:-1], "/proc/nowhere"]) == 2
