@@ -34,14 +34,15 @@ class Study:
     ----------
     demo : file name without its ending
     cases : tuple of Case
-    settings : parameters of all cases
+    steps, levels : how many are run
     figure : "shapes" (the finest levels beside each other) or "curves" (consistency over time)
     moments : steps that the figure shows
     """
 
     demo: str
     cases: tuple[Case, ...]
-    settings: dict = field(default_factory=dict)
+    steps: int
+    levels: int
     figure: str = "shapes"
     moments: tuple[int, ...] = ()
 
@@ -58,10 +59,12 @@ LITERAL = 0.025 * 0.04**2
 """w = 0.025 if the paper's equation 4 is taken word for word, where w is a frequency squared: w dt^2 beside the inertia's 1/2."""
 
 STUDIES = {
-    "rope_drop": Study("rope_drop", EVERYTHING, moments=(60, 150)),
-    "drop": Study("drop", EVERYTHING, {"vertices": (300, 900, 2700)}, moments=(45, 60)),
-    "phong": Study("phong", tuple(Case(method, name) for method in ("embedded", "progressive") for name in ("barycentric", "phong")), moments=(25, 40)),
-    "tracks": Study("tracks", (Case("progressive"), *(Case("tracks", settings={"weight": w}) for w in (0.0025, 0.025, 0.2, 0.6))), moments=(44, 150)),
+    "rope_drop": Study("rope_drop", EVERYTHING, steps=150, levels=5, moments=(52, 89, 150)),
+    "drop": Study("drop", EVERYTHING, steps=70, levels=2, moments=(40, 60)),
+    "phong": Study("phong", tuple(Case(method, name) for method in ("embedded", "progressive") for name in ("barycentric", "phong")),
+                   steps=40, levels=2, moments=(25, 40)),
+    "tracks": Study("tracks", (Case("progressive"), *(Case("tracks", settings={"weight": w}) for w in (0.0025, 0.025, 0.2, 0.6))),
+                    steps=120, levels=2, moments=(44, 120)),
     "slit_array": Study("slit_array", tuple(Case("progressive", settings={"consistency": w}) for w in (*WEIGHTS[:1], LITERAL, *WEIGHTS[1:])),
-                        figure="curves", moments=(44, 142)),
+                        steps=150, levels=8, figure="curves", moments=(44, 142)),
 }

@@ -1,6 +1,6 @@
 """Compares methods, interpolants and weights on a demo: runs its cases, prints a Markdown table of them and draws a figure.
 
-    ./run python benchmarks/methods.py rope_drop slit_array [--steps N] [--levels N] [--out runs/methods]
+    ./run python benchmarks/methods.py rope_drop slit_array [--only WORDS] [--steps N] [--levels N] [--out runs/methods]
 
 Runs, tables (NAME.md), numbers (NAME.json) and figures (NAME.png) go to the folder `--out`; runs that are finished there are taken as they are.
 Intersections are counted by `tests/verify_run.py`, which shares nothing with the solver. Exit code 2 for a mistake.
@@ -32,8 +32,9 @@ def main(words: list[str] | None = None) -> int:
     """The command; its exit code."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("studies", nargs="+", choices=sorted(STUDIES), metavar="STUDY", help=", ".join(STUDIES))
-    parser.add_argument("--steps", type=int, help="instead of the demo's")
+    parser.add_argument("--steps", type=int, help="instead of the study's")
     parser.add_argument("--levels", type=int, help="only so many of the coarsest levels")
+    parser.add_argument("--only", default="", metavar="WORDS", help="only the cases whose name has these words in it")
     parser.add_argument("--out", type=Path, default=Path("runs/methods"))
     options = parser.parse_args(words)
     try:
@@ -48,30 +49,32 @@ def main(words: list[str] | None = None) -> int:
 def study(name: str, options) -> None:
     """One study: its runs, its table, its figure."""
     chosen, records = STUDIES[name], []
-    for case in chosen.cases:
+    cases = [case for case in chosen.cases if options.only in case.name]
+    for case in cases:
         path = options.out / name / case.name.replace(" ", "_")
         run(chosen, case, path, options)
-        records.append(judge(path, case))
+        records.append(judge(path, case, options.levels or chosen.levels))
         print(f"{name}: {case.name}: {records[-1]['seconds']:.0f} s", file=sys.stderr, flush=True)
     write_json(options.out / f"{name}.json", {"study": name, "cases": records})
     text = tell(records)
     (options.out / f"{name}.md").write_text(text)
     print(f"{name}\n\n{text}")
-    draw(options.out / f"{name}.png", chosen, records, [options.out / name / case.name.replace(" ", "_") for case in chosen.cases])
+    draw(options.out / f"{name}.png", chosen, records, [options.out / name / case.name.replace(" ", "_") for case in cases])
 
 
 def run(chosen: Study, case: Case, path: Path, options) -> None:
     """Simulates a case, or what is missing of it."""
-    shot = load_shot(DEMOS / f"{chosen.demo}.py", {**chosen.settings, **case.settings}, options.steps)
-    last = None if options.levels is None else options.levels - 1
-    if not ((path / "run.json").is_file() and open_run(path).info["state"] == "done"):
-        run_scene(shot, path, 0, last, case.method, case.prolongation, resume=True)
+    shot = load_shot(DEMOS / f"{chosen.demo}.py", case.settings, options.steps or chosen.steps)
+    levels = options.levels or chosen.levels
+    stored = open_run(path).levels if (path / "run.json").is_file() else ()
+    if not (len(stored) >= levels and all(level.steps > shot.scene.steps for level in stored[:levels])):
+        run_scene(shot, path, 0, levels - 1, case.method, case.prolongation, resume=True)
 
 
-def judge(path: Path, case: Case) -> dict:
-    """What there is to say about one run: metrics of every level, and what was found in its states."""
+def judge(path: Path, case: Case, count: int) -> dict:
+    """What there is to say about one run: metrics of its `count` coarsest levels, and what was found in their states."""
     result, stored, levels = measure(path), open_run(path), []
-    for entry, level in zip(result["levels"], stored.levels, strict=True):
+    for entry, level in zip(result["levels"][:count], stored.levels, strict=False):
         record = {key: entry[key] for key in ("level", "summary")} | {"vertices": len(level.rest), "consistency": entry.get("consistency")}
         record["seconds"] = sum(r["seconds"]["total"] for r in level.log)
         levels.append(record | states(level, stored.obstacles))
