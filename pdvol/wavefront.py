@@ -20,6 +20,7 @@ from pdvol.errors import PdvolError, SimulationError
 from pdvol.hierarchy.build import read_obstacle
 from pdvol.hierarchy.child import die_with_parent, without_launcher
 from pdvol.hierarchy.hierarchy import Hierarchy
+from pdvol.level_run import run_level
 from pdvol.record.reader import Run, open_run
 from pdvol.scene import Rigid
 from pdvol.shot import load_shot, stored_settings
@@ -52,10 +53,6 @@ class Follower:
     def record(self, level: int, step: int) -> dict:
         """The log's record of a stored step; empty where there is none."""
         return next((r for r in self.run.levels[level].log if r["step"] == step), {})
-
-    def store(self, level: int, step: int, positions: np.ndarray, record: dict | None = None) -> None:
-        """Hands a state over."""
-        self._keeper.send(("store", (level, step, positions, record), {}))
 
     def export(self, level: int) -> None:
         """Asks for level_N.xdmf."""
@@ -104,7 +101,7 @@ def march_levels(writer, levels: Sequence[int], steps: int, progress=None) -> No
                         workers.pop(finer).stop()
                 else:
                     getattr(writer, name)(*arguments, **details)
-                    if name == "store" and level in watches and arguments[-1] is not None:
+                    if arguments[0] == "write_state" and level in watches and isinstance(arguments[-1], dict):
                         watches[level].step(arguments[-1])
     finally:
         for worker in workers.values():
@@ -142,8 +139,6 @@ class _Worker:
 
 
 def _work(path: str, level: int, handle: int) -> None:
-    from pdvol.runner import run_level
-
     keeper = Connection(handle, readable=False)
     try:
         run = open_run(path)

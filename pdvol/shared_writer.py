@@ -1,0 +1,99 @@
+"""A run's writer for all ranks: one of them writes, and keeps level_N.xdmf up to date."""
+
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+
+import numpy as np
+from mpi4py import MPI
+
+from pdvol.errors import SimulationError
+from pdvol.fields import SceneFields
+from pdvol.parallel import on_root
+from pdvol.record.reader import open_run
+from pdvol.record.series import nothing_more
+from pdvol.record.store import RunWriter
+from pdvol.record.xdmf import write_xdmf
+from pdvol.scene import Scene
+
+PAUSE, SHARE = 20.0, 0.05  # at least so many seconds between exports of a level that goes on, and at most this share of the time
+
+
+class Export:
+    """level_N.xdmf of the levels being simulated, kept up to date for who watches them and for what a kill leaves. Used by rank 0."""
+
+    def __init__(self, path: Path, scene: Scene, obstacles):
+        self._path, self._scene, self._obstacles = path, scene, obstacles
+        self._next: dict[int, float] = {}
+
+    def write(self, level: int) -> None:
+        """Writes one level's, as far as it is."""
+        begin, run = time.monotonic(), open_run(self._path)
+        try:
+            more = SceneFields(self._scene, run, level, self._obstacles)
+        except (ValueError, RuntimeError):  # a law of the user's own that knows two dimensions only: what it can show is no reason to stop
+            more = nothing_more
+        write_xdmf(run, level, self._path / f"level_{level}.xdmf", more)
+        now = time.monotonic()
+        self._next[level] = now + max(PAUSE, (now - begin) / SHARE)
+
+    def follow(self, level: int) -> None:
+        """The same after a state was stored, where it is due."""
+        if time.monotonic() >= self._next.get(level, 0.0):
+            with suppress(SimulationError):  # the next state will tell of a full disk
+                self.write(level)
+
+
+class SharedWriter:
+    """The run's writer on rank 0, called by all ranks together; its errors are everybody's."""
+
+    def __init__(self, comm: MPI.Comm, open_writer: Callable[[], RunWriter], export: Export):
+        self.comm, self._writer, self._export = comm, None, export
+
+        def take() -> None:
+            self._writer = open_writer()
+
+        on_root(comm, take)
+
+    @property
+    def path(self) -> Path:
+        """The run folder; on rank 0."""
+        return self._writer.path
+
+    def call(self, name: str, *arguments, **details):
+        """The result of one of the writer's methods, on every rank; a state that was stored is shown in level_N.xdmf, too, if it is time."""
+
+        def call():
+            result = getattr(self._writer, name)(*arguments, **details)
+            if name == "write_state":
+                self._export.follow(arguments[0])
+            return result
+
+        return on_root(self.comm, call)
+
+    def read(self, level: int, what: str, step: int) -> np.ndarray:
+        """`positions` or `velocities` of a stored state, on every rank."""
+        return on_root(self.comm, lambda: getattr(open_run(self._writer.path).levels[level], what)(step))
+
+    def record(self, level: int, step: int) -> dict:
+        """The log's record of a stored step, on every rank; empty where there is none."""
+        return on_root(self.comm, lambda: next((r for r in open_run(self._writer.path).levels[level].log if r.get("step") == step), {}))
+
+    def export(self, level: int) -> None:
+        """Writes level_N.xdmf."""
+        on_root(self.comm, lambda: self._export.write(level))
+
+    def finish(self, level: int) -> None:
+        """Marks a level as done, with its export; a level that already is stays as it is."""
+
+        def finish() -> None:
+            if self._writer.info["levels"][level]["state"] != "done":
+                self._export.write(level)
+                self._writer.set_level_state(level, "done")
+
+        on_root(self.comm, finish)
+
+    def close(self) -> None:
+        if self._writer is not None:
+            self._writer.close()
