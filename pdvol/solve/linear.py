@@ -157,6 +157,17 @@ class LinearSolver:
         self._use("direct")
         return True
 
+    @property
+    def notices_indefinite(self) -> bool:
+        """Whether `indefinite` or a failure tells of an indefinite matrix."""
+        pc = self.ksp.pc
+        return self.method != "direct" or (pc.getType() == PETSc.PC.Type.CHOLESKY and pc.getFactorSolverType() == PETSc.Mat.SolverType.MUMPS)
+
+    @property
+    def indefinite(self) -> bool:
+        """Whether the direct solve just done met negative pivots. Collective."""
+        return self.method == "direct" and self.notices_indefinite and self.ksp.pc.getFactorMatrix().getMumpsInfog(12) > 0
+
     def solve(self, right: PETSc.Vec, solution: PETSc.Vec) -> None:
         """Solves with the operators set on the KSP. Raises SimulationError where every method fails. Collective."""
         self.ksp.solve(right, solution)

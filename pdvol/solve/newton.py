@@ -190,6 +190,8 @@ class Newton:
     def _cap(self, vector, step) -> None:
         """Scales the step so that nothing crosses or inverts; SNES moves by its negative."""
         x = self._positions(vector)
+        if self._model.positive == "none" and self.linear.indefinite and self._model.was_indefinite():
+            self._solve_again(x, step)
         direction = -step.getArray(readonly=True).reshape(-1, self.space.dim)
         self._require_finite(direction)
         self.linear.learn(self.snes.ksp.getIterationNumber())
@@ -203,6 +205,14 @@ class Newton:
         self._base, self._trials_before, self._whole, self._direction = x, self._trials, cap == 1.0, direction.copy()
         if cap < 1.0:
             step.scale(cap)
+
+    def _solve_again(self, x: Positions, step: PETSc.Vec) -> None:
+        """The same step by the model as it is chosen now."""
+        self._age, self.report.hessians = 0, self.report.hessians + 1
+        self._add_up(x)
+        self._system.assemble(self._blocks)  # at the same x the matrix and its pattern stay
+        self.linear.follow(self._system.parts)
+        self.linear.solve(self._residual, step)
 
     def _require_finite(self, direction: np.ndarray) -> None:
         if not self.space.comm.allreduce(bool(np.isfinite(direction).all()), op=MPI.LAND):
@@ -240,8 +250,7 @@ class Newton:
             return
         x = self._positions(snes.getSolution())
         promised = promised_decrease(self._slope, x.owned - self._base.owned, self._direction, self.space.comm.allreduce)
-        # A direct factorisation would not notice an indefinite matrix.
-        self._model.took(promised, self._energy(x) - self._energy(self._base), self._whole, self._last_cap, self.linear.method != "direct")
+        self._model.took(promised, self._energy(x) - self._energy(self._base), self._whole, self._last_cap, self.linear.notices_indefinite)
 
     # ---- what callers use ----------------------------------------------------------------------------------------------------
 

@@ -9,11 +9,12 @@ from pdvol.errors import SimulationError
 from pdvol.hierarchy.level_space import LevelSpace
 from pdvol.potentials.block_pattern import BlockPattern
 from pdvol.potentials.hessian_blocks import HessianBlocks
-from pdvol.scene import Gravity, Solver, Support
+from pdvol.scene import Gravity, NeoHookean, Solver, Support
 from pdvol.solve.coarse_space import SHIFT, CoarseSpace, grid_weights
 from pdvol.solve.linear import SHIFTS, LinearSolver
+from pdvol.solve.newton import Newton
 from pdvol.solve.system_matrix import SystemMatrix
-from problems import make_problem, make_scene
+from problems import block, make_problem, make_scene
 from shapes import box, together
 
 COMM = MPI.COMM_SELF
@@ -218,3 +219,45 @@ def test_an_indefinite_factor_is_strengthened():
     made.solve(right, solution)
     residual = right.getArray() - dense @ solution.getArray()
     assert np.linalg.norm(residual) < 1e-4 * np.linalg.norm(right.getArray())
+
+
+@pytest.mark.parametrize("method", ["iterative", "direct"])
+def test_a_direct_solve_tells_of_an_indefinite_matrix(space, method):
+    """A negative mass at one vertex: the factor has negative pivots, and only then."""
+    for mass in (1.0, -100.0):
+        blocks = random_blocks(space)
+        masses = np.zeros((space.n_owned, space.dim))
+        masses[3] = mass
+        blocks.add_masses(masses)
+        system = SystemMatrix(space, np.zeros(space.n_owned, dtype=bool))
+        system.assemble(blocks)
+        made = solver(space, system, linear="direct")
+        right = space.create_vector()
+        right.set(1.0)
+        made.solve(right, right.duplicate())
+        assert made.notices_indefinite and made.indefinite == (mass < 0)
+        assert not solver(space, system, linear="iterative").indefinite
+
+
+def test_an_option_that_hides_the_pivots_is_respected(space):
+    system, _ = systems(space)
+    assert not solver(space, system, linear="direct", petsc="-pc_type lu").notices_indefinite
+
+
+@pytest.mark.parametrize("indefinite", [False, True])
+def test_newton_tries_the_true_hessian_under_a_direct_solver(monkeypatch, indefinite):
+    """A thin strip, released pressed together and uneven: told that it is indefinite or not, it comes to the same end as by iterations."""
+    ends, tried = [], []
+    solve_again, choose = Newton._solve_again, Newton._choose_model
+    monkeypatch.setattr(Newton, "_solve_again", lambda self, *words: tried.append("again") or solve_again(self, *words))
+    monkeypatch.setattr(Newton, "_choose_model", lambda self, snes: choose(self, snes) or tried.append(self._model.positive))
+    if indefinite:
+        monkeypatch.setattr(LinearSolver, "indefinite", property(lambda self: self.method == "direct"))
+    mesh = block((0.0, 0.0), (1.0, 0.05), (20, 1))
+    wild = mesh.points * [0.6, 1.0] + 0.002 * np.random.default_rng(5).uniform(-1.0, 1.0, mesh.points.shape)
+    for method in ("iterative", "direct"):
+        tried.clear()
+        scene = make_scene(materials=(NeoHookean(1e6),), solver=Solver(tolerance=1e-8, linear=method, accuracy=1e-10), dt=0.1)
+        ends.append(make_problem(scene, mesh).step(1, wild, np.zeros_like(wild)).positions)
+    assert "none" in tried and ("again" in tried) == indefinite
+    np.testing.assert_allclose(ends[1], ends[0], atol=1e-7)
