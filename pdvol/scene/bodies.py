@@ -1,12 +1,13 @@
 """The deformable bodies, where they start and how fast."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from pdvol.meshes import Outline, Solid, Surface
-from pdvol.scene.checks import finite, positive, require, sequence
+from pdvol.scene.checks import called, finite, positive, require, sequence
 from pdvol.scene.materials import Material, Region
 from pdvol.scene.motions import rotation_matrix
 
@@ -69,7 +70,7 @@ class Body:
     vertices : vertex targets, coarsest level first; left empty where `shape` lists the levels
     name : str
     placement : Placement
-    velocity : initial velocity [m/s]
+    velocity : initial velocity [m/s], or a function of rest positions (n, d) that gives it (n, d)
     spin : initial angular velocity [rad/s] about the body's centre of volume: a number in 2D, three in 3D
     regions : parts with materials of their own; later ones win where they overlap
     """
@@ -79,7 +80,7 @@ class Body:
     vertices: tuple[int, ...] = ()
     name: str = "body"
     placement: Placement = Placement()
-    velocity: tuple[float, ...] = ()
+    velocity: tuple[float, ...] | Callable[[np.ndarray], np.ndarray] = ()
     spin: float | tuple[float, ...] = ()
     regions: tuple[Region, ...] = ()
 
@@ -100,7 +101,7 @@ class Body:
                 require(isinstance(v, (int, np.integer)) and 4 <= v <= MOST_VERTICES,
                         f"body {self.name!r}: vertex target {v!r} is not a whole number from 4 to {MOST_VERTICES}")
             require(list(self.vertices) == sorted(self.vertices), f"body {self.name!r}: vertex targets {self.vertices} must go from coarse to fine")
-        for value in (*np.ravel(self.velocity), *np.ravel(self.spin)):
+        for value in (*(() if callable(self.velocity) else np.ravel(self.velocity)), *np.ravel(self.spin)):
             finite(f"body {self.name!r}: velocity or spin", float(value))
 
     @property
@@ -121,7 +122,11 @@ class Body:
         """Velocity field [m/s] at `points` (n, d) of a body with centre of mass `centre` (d,)."""
         dim = points.shape[1]
         v = np.zeros_like(points)
-        if len(self.velocity):
+        if callable(self.velocity):
+            field = called(f"body {self.name!r}: velocity", self.velocity, (points,), points.shape)
+            require(bool(np.isfinite(field).all()), f"body {self.name!r}: velocity gives NaN or infinity")
+            v += field
+        elif len(self.velocity):
             require(len(self.velocity) == dim, f"body {self.name!r}: velocity has {len(self.velocity)} components in a {dim}D scene")
             v += np.asarray(self.velocity, dtype=float)
         spin = np.ravel(np.asarray(self.spin, dtype=float))
