@@ -6,13 +6,13 @@ SI units, y up. Every scene: dt = 0.01 s, Neo-Hookean E = 2e5 Pa, nu = 0.4, 1000
 1e-3 m/s: Newton stops when its full step is nowhere faster, which is what STARK's step tolerance and IPC's 1e-5 m per step of 0.01 s mean.
 """
 
-from itertools import permutations
 from pathlib import Path
 
 import numpy as np
 
 import pdvol
 from pdvol import Barrier, Body, Friction, Gravity, NeoHookean, Plane, Rotation, Scene, Solid, Solver, Support
+from pdvol.meshes import brick
 
 PEERS = Path(__file__).resolve().parents[2] / "shared" / "peers"
 MATERIAL = NeoHookean(2e5, poisson=0.4, density=1000.0)
@@ -36,20 +36,6 @@ def peer_mesh(peers: Path, name: str) -> Solid:
 def solid(points: np.ndarray, cells: np.ndarray) -> Solid:
     """A Solid of one region from points (n, 3) [m] and tetrahedra (m, 4)."""
     return Solid(np.ascontiguousarray(points, dtype=np.float64), np.ascontiguousarray(cells, dtype=np.int32), np.zeros(len(cells), np.int32))
-
-
-def brick(size, cuts) -> Solid:
-    """A box [m] about the origin cut into `cuts` boxes along x, y, z, each of them into six tetrahedra round its diagonal (Kuhn)."""
-    counts = np.asarray(cuts) + 1
-    grid = np.stack(np.meshgrid(*(np.linspace(-0.5, 0.5, n) for n in counts), indexing="ij"), axis=-1).reshape(-1, 3)
-    strides = np.array([counts[1] * counts[2], counts[2], 1])
-    corners = np.stack(np.meshgrid(*(np.arange(n) for n in cuts), indexing="ij"), axis=-1).reshape(-1, 3) @ strides
-    cells = []
-    for order in permutations(range(3)):
-        path = np.cumsum([0, *(strides[axis] for axis in order)])
-        odd = np.linalg.det(np.eye(3)[list(order)]) < 0
-        cells.append(corners[:, None] + path[[0, 1, 3, 2] if odd else [0, 1, 2, 3]])
-    return solid(grid * np.asarray(size, dtype=float), np.vstack(cells))
 
 
 # ---- scenes ------------------------------------------------------------------------------------------------------------------

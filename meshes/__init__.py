@@ -2,9 +2,12 @@
 
 from . import outlines, solids
 from .creature import creature
+from .dolphin import dolphin
 from .geometry import Outline, Solid, Surface
+from .grids import brick
 from .outlines import comb, disc, extrude, folded, polygon, rectangle, rope, slit_array, spike
 from .solids import ball, bar, box
+from .turned import cylinder, funnel, torus, turned
 
 __all__ = [
     "Outline",
@@ -13,11 +16,15 @@ __all__ = [
     "ball",
     "bar",
     "box",
+    "brick",
     "comb",
     "creature",
+    "cylinder",
     "disc",
+    "dolphin",
     "extrude",
     "folded",
+    "funnel",
     "outlines",
     "polygon",
     "rectangle",
@@ -25,4 +32,6 @@ __all__ = [
     "slit_array",
     "solids",
     "spike",
+    "torus",
+    "turned",
 ]

@@ -57,14 +57,6 @@ def test_the_groups_name_every_scene():
     assert peers.chosen("small,drop_500") == list(peers.GROUPS["small"]) and peers.chosen("all") == names
 
 
-def test_a_brick_fills_its_box():
-    brick = peer_scenes.brick((1.0, 0.5, 0.25), (3, 2, 1))
-    corners = brick.vertices[brick.cells]
-    volumes = np.linalg.det(corners[:, 1:] - corners[:, :1]) / 6.0
-    assert volumes.min() > 0 and volumes.sum() == pytest.approx(0.125)
-    np.testing.assert_allclose(np.ptp(brick.vertices, axis=0), (1.0, 0.5, 0.25))
-
-
 @pytest.mark.parametrize("dent,fall,through", [(0.0, 0.0, False), (1.2, 0.6, False), (0.0, 0.6, True), (1.2, 2.6, True)])
 def test_what_has_come_through_a_slab(dent, fall, through):
     slab, ball = peer_scenes.brick((1.0, 0.1, 1.0), (12, 1, 12)), peer_scenes.brick((0.1, 0.1, 0.1), (1, 1, 1))

@@ -41,6 +41,11 @@ SURFACES = {
     "bar": (meshes.bar(1.0, 0.2, 0.3, 0.1), 0.06, 2),
     "comb": (meshes.solids.comb(0.1, teeth=3, length=1.0, width=0.1, gap=0.02, spine=0.2), 0.0368, 2),
     "folded": (meshes.solids.folded(0.1, length=1.0, width=0.1, gap=0.02, arc=60), 0.1 * (0.2 + np.pi / 2 * 0.012), 2),
+    "torus": (meshes.torus(0.35, 0.1, 96, 48), 2 * np.pi**2 * 0.35 * 0.1**2, 0),
+    "cylinder": (meshes.cylinder(0.5, 2.0, 96), np.pi * 0.5**2 * 2.0, 2),
+    "cone": (meshes.turned([(0.0, 0.0), (0.5, 1.0), (0.0, 1.0)], 96), np.pi * 0.5**2 / 3, 2),
+    # Its wall is 0.02 m thick across: per height the ring between radii r and r + 0.02.
+    "funnel": (meshes.funnel(0.4, 0.1, 0.5, 0.2, 0.02, 96), np.pi * (0.5 * (2 * 0.25 * 0.02 + 0.02**2) + 0.2 * (0.12**2 - 0.1**2)), 0),
 }
 
 
@@ -82,3 +87,21 @@ def test_the_creature_is_whole_and_repeats():
     assert cub.vertices[:, 1].max() == pytest.approx(1.0)
     assert measure(cub)[0] > 0.0
     assert np.array_equal(cub.vertices, meshes.creature().vertices)
+
+
+def test_the_dolphin_is_whole():
+    animal = meshes.dolphin(2.0, 1500)
+    checked = check_surface(animal, "dolphin")
+    assert topology(checked.triangles, len(checked.vertices)) == (1, 2)
+    assert np.ptp(animal.vertices[:, 1]) == pytest.approx(2.0) and 1200 <= len(animal.vertices) <= 1600
+    assert measure(animal)[0] == pytest.approx(8 * 0.022, rel=0.1)
+
+
+def test_a_brick_fills_its_box():
+    brick = meshes.brick((1.0, 0.5, 0.25), (3, 2, 1))
+    corners = brick.vertices[brick.cells]
+    volumes = np.linalg.det(corners[:, 1:] - corners[:, :1]) / 6.0
+    assert volumes.min() > 0 and volumes.sum() == pytest.approx(0.125)
+    np.testing.assert_allclose(np.ptp(brick.vertices, axis=0), (1.0, 0.5, 0.25))
+    bent = meshes.brick((1.0, 0.5, 0.25), (3, 2, 1), bend=lambda X: X + [5.0, 0.0, 0.0])
+    np.testing.assert_allclose(bent.vertices, brick.vertices + [5.0, 0.0, 0.0])

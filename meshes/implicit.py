@@ -1,0 +1,48 @@
+"""Figures as signed distances (nearly), negative inside, and their contours as surfaces."""
+
+import igl
+import numpy as np
+from skimage import measure
+
+
+def contoured(field: np.ndarray, axes, h: float, vertices: int) -> tuple[np.ndarray, np.ndarray]:
+    """Points and triangles where `field`, given on the grid of `axes` with spacing h, is zero: faired, then decimated to about `vertices`."""
+    points, triangles, _, _ = measure.marching_cubes(field, 0.0, spacing=(h, h, h))
+    points = points.astype(float) + np.array([a[0] for a in axes])
+    points = _fair(points, triangles.astype(np.int64), 14)
+    if len(points) > vertices:
+        points, triangles, _, _ = igl.qslim(
+            np.asfortranarray(points), np.asfortranarray(triangles, dtype=np.int32), max_m=2 * (vertices - 2), block_intersections=True
+        )
+    return points, triangles
+
+
+def ellipsoid(p: np.ndarray, centre, radii) -> np.ndarray:
+    """First-order distance to an ellipsoid."""
+    radii = np.asarray(radii, dtype=float)
+    r = (p - np.asarray(centre)) / radii
+    k0, k1 = np.linalg.norm(r, axis=-1), np.linalg.norm(r / radii, axis=-1)
+    return k0 * (k0 - 1.0) / np.maximum(k1, 1e-9)
+
+
+def capsule(p: np.ndarray, start, end, radius: float) -> np.ndarray:
+    """Distance to a segment thickened by `radius`."""
+    a, axis = np.asarray(start), np.asarray(end) - np.asarray(start)
+    along = np.clip((p - a) @ axis / (axis @ axis), 0.0, 1.0)
+    return np.linalg.norm(p - a - along[..., None] * axis, axis=-1) - radius
+
+
+def join(a: np.ndarray, b: np.ndarray, blend: float) -> np.ndarray:
+    """Smooth minimum: the two where they are apart, a fillet of size `blend` where they meet."""
+    mix = np.maximum(blend - np.abs(a - b), 0.0) / blend
+    return np.minimum(a, b) - 0.25 * blend * mix**2
+
+
+def _fair(vertices: np.ndarray, triangles: np.ndarray, rounds: int) -> np.ndarray:
+    """Taubin smoothing: evens out marching cubes' slivers without shrinking the figure."""
+    adjacency = igl.adjacency_matrix(triangles).astype(float)
+    degree = np.asarray(adjacency.sum(axis=1)).ravel()[:, None]
+    for _ in range(rounds):
+        for factor in (0.5, -0.52):
+            vertices = vertices + factor * (adjacency @ vertices / degree - vertices)
+    return vertices
