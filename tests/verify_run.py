@@ -16,6 +16,8 @@ import numpy as np
 
 ROUND_OFF = 1e-14
 """Above the relative round-off of a 3 x 3 determinant of differences (Shewchuk 1997: 8e-16 times the sum of absolute products)."""
+ENTRIES = 30
+"""Cells of the grid a box may be put in, on average: what memory is spent on."""
 SHOWN = 5
 """Problems told per level and kind."""
 
@@ -36,6 +38,9 @@ def overlapping_boxes(low_a, high_a, low_b, high_b) -> np.ndarray:
         return none
     extents = np.concatenate([(high_a - low_a)[keep_a].max(1), (high_b - low_b)[keep_b].max(1)])
     size = max(float(np.quantile(extents, 0.75)), float((high - low).max()) / 500, 1e-300)
+    boxes = np.concatenate([low_a[keep_a], low_b[keep_b]]), np.concatenate([high_a[keep_a], high_b[keep_b]])
+    while _entries(*boxes, low, high, size) > ENTRIES * len(extents):
+        size *= 2.0  # long needles among short edges
     counts = np.floor((high - low) / size).astype(np.int64) + 1
 
     def entries(lo, hi, keep):
@@ -61,6 +66,12 @@ def overlapping_boxes(low_a, high_a, low_b, high_b) -> np.ndarray:
     meet = ((low_a[a] <= high_b[b]) & (low_b[b] <= high_a[a])).all(1)
     code = np.unique(a[meet] * len(low_b) + b[meet])
     return np.column_stack(np.divmod(code, len(low_b)))
+
+
+def _entries(lo, hi, low, high, size) -> float:
+    """Grid cells that boxes cover, counted as often as they do."""
+    spans = np.floor((np.clip(hi, low, high) - low) / size) - np.floor((np.clip(lo, low, high) - low) / size) + 1.0
+    return float(spans.prod(1).sum())
 
 
 def _boxes(points, simplices):
