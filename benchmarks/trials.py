@@ -1,0 +1,160 @@
+"""Trials: scenes that are run under a limit of time, each in a process of its own, and what their stored states show.
+
+States are checked by tests/verify_run.py, which shares nothing with the solver; energies are summed here, from the states and the log.
+"""
+
+import json
+import sys
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+import peers
+from pdvol.record.reader import Run, RunLevel, open_run
+from pdvol.scene import Scene, metres
+
+HERE = Path(__file__).resolve().parent
+sys.path.insert(0, str(HERE.parent / "tests"))
+import verify_run
+
+PATIENCE = 60.0
+"""Seconds beyond the limit after which a step that does not end is taken to hang, and its process is ended."""
+
+
+def trial(file: Path, name: str, seconds: float, hard: float, keep: Callable[[Path], None] | None = None, seed: int = 0) -> dict:
+    """The record of one scene: stopped between steps after `seconds`, ended as hanging after `hard`; `keep` is handed its run folder."""
+    with tempfile.TemporaryDirectory(prefix=f"pdvol-{name}-") as folder:
+        path = Path(folder) / "run"
+        log = Path(folder) / "run.log"
+        words = [str(file), name, str(path), str(seconds), *([str(seed)] if seed else [])]
+        reason = peers.child([sys.executable, str(HERE / "trial_one.py"), *words], hard, log)
+        file_noted = path.with_suffix(".json")
+        if file_noted.is_file():
+            noted = json.loads(file_noted.read_text())
+        else:
+            noted = {"outcome": "hang" if reason.startswith("ended after") else "traceback", "told": reason}
+        found = measured(path) if (path / "run.json").is_file() else {"levels": [], "problems": []}
+        if keep is not None and (path / "run.json").is_file():
+            keep(path)
+    return {"name": name, **noted, **found}
+
+
+def chosen(text: str, known) -> list[str]:
+    """Names from names and beginnings of names, each once; all of them when there is no text."""
+    names = []
+    for word in filter(None, text.split(",")):
+        fitting = [word] if word in known else [name for name in known if name.startswith(word)]
+        if not fitting:
+            raise peers.Mistake(f"there is no {word!r}; choose from {', '.join(known)}")
+        names += fitting
+    return list(dict.fromkeys(names)) or list(known)
+
+
+def kept(file: Path, names: list[str]) -> list[dict]:
+    """Rows of an earlier table in the same folder, but for those that are run again."""
+    earlier = json.loads(file.read_text())["rows"] if file.is_file() else []
+    return [row for row in earlier if row["name"] not in names]
+
+
+def measured(path: Path) -> dict:
+    """What a run folder shows: a record a level, and everything wrong with its states."""
+    run = open_run(path)
+    levels, problems = [], []
+    for level, found in zip(run.levels, verify_run.check_levels(path), strict=True):
+        problems += found.problems
+        levels.append({"level": level.index, "vertices": len(level.rest), "cells": len(level.cells), "steps": max(level.steps - 1, 0),
+                       "intersections": found.crossings, "det_f_min": finite(found.smallest_det), "plane_gap_min": finite(found.smallest_gap),
+                       "end": end(level), **figures(level.log), **energies(run, level)})
+    return {"dt": run.dt, "steps": run.info["steps"], "diagonal": run.info["diagonal"], "levels": levels, "problems": problems[:10]}
+
+
+def lengths(scene: Scene, diagonal: float) -> dict:
+    """dhat [m], eps_v [m/s] and Newton's tolerance [m/s] of a scene, None what it does not have."""
+    given = {"dhat": None, "eps_v": None, "tolerance": scene.solver.tolerance}
+    for contact in scene.contact:
+        given |= {key: getattr(contact, key) for key in ("dhat", "eps_v") if hasattr(contact, key)}
+    return {key: None if value is None else metres(value, diagonal) for key, value in given.items()}
+
+
+def end(level: RunLevel) -> list[float] | None:
+    """The vertices' mean position [m] in the last state."""
+    return level.positions(level.steps - 1).mean(axis=0).tolist() if level.steps else None
+
+
+def figures(log: list[dict]) -> dict:
+    """Sums, means and extremes of a level's log."""
+    gaps = [record["min_gap"] for record in log if record["min_gap"] is not None]
+    return {
+        "gap_min": min(gaps, default=None),
+        "contacts": spread(log, "contacts"),
+        "newton": spread(log, "newton_iterations"),
+        "cuts": sum(record["cuts"] for record in log),
+        "reached_min": min((record["reached"] for record in log), default=1.0),
+        "linear_solvers": sorted({record.get("linear_solver", "") for record in log}),
+        "seconds": float(sum(record["seconds"]["total"] for record in log)),
+        "memory_log_mb": max((record["peak_memory_mb"] for record in log), default=None),
+    }
+
+
+def spread(log: list[dict], key: str) -> dict:
+    """Mean and largest."""
+    values = [record[key] for record in log]
+    return {"mean": float(np.mean(values)), "max": int(max(values))} if values else {"mean": None, "max": None}
+
+
+def finite(value: float) -> float | None:
+    """The value, None where there was nothing to measure."""
+    return float(value) if np.isfinite(value) else None
+
+
+# ---- energy ------------------------------------------------------------------------------------------------------------------
+
+
+def energies(run: Run, level: RunLevel) -> dict:
+    """Change of kinetic, elastic, load and barrier energy together over the run, and its largest rise from any step to a later one.
+
+    Both are shares of the largest kinetic energy or change of another kind, so that a body that only falls loses about nothing.
+    """
+    kinetic = np.array([kinetic_energy(run, level, record["step"]) for record in level.log if record["step"] < level.steps])
+    if len(kinetic) < 2:
+        return {"energy_change": None, "energy_rise": None}
+    parts = {kind: np.array([record["energy"][kind] for record in level.log[: len(kinetic)]]) for kind in ("elastic", "load", "barrier")}
+    total = kinetic + sum(parts.values())
+    scale = max(kinetic.max(), *(np.ptp(values) for values in parts.values()), 1e-300)
+    rise = (total - np.minimum.accumulate(total)).max()
+    return {"energy_change": float((total[-1] - total[0]) / scale), "energy_rise": float(rise / scale)}
+
+
+def kinetic_energy(run: Run, level: RunLevel, step: int) -> float:
+    """1/2 sum of m v^2 [J] with a quarter (third in 2D) of each cell's mass at each of its corners."""
+    corners = level.rest[level.cells]
+    dim = level.rest.shape[1]
+    volumes = np.abs(np.linalg.det(corners[:, 1:] - corners[:, :1])) / (2.0 if dim == 2 else 6.0)
+    density = np.array([body["material"]["density"] for body in run.info["description"]["bodies"]])[level.bodies]
+    squares = (level.velocities(step) ** 2).sum(axis=1)
+    return float(0.5 * (density * volumes * squares[level.cells].mean(axis=1)).sum())
+
+
+# ---- tables ------------------------------------------------------------------------------------------------------------------
+
+
+def sound(record: dict) -> bool:
+    """Whether a trial ended as it may: at its end, at its time or with a named error, and every state free of intersections and inversions."""
+    return record["outcome"] in ("done", "time", "ConvergenceError", "InputError") and not record["problems"]
+
+
+def table(head: list[str], rows: list[list[str]]) -> str:
+    """A Markdown table."""
+    return "\n".join("| " + " | ".join(row) + " |" for row in (head, ["---"] * len(head), *rows))
+
+
+def number(value: float | None, digits: int = 2) -> str:
+    """A few digits, empty for None."""
+    return "" if value is None else f"{value:.{digits}g}"
+
+
+def machine_line(machine: dict) -> str:
+    """What it was measured on."""
+    return f"{machine['processor']}, one of {machine['cores']} cores, one thread"

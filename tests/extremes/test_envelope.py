@@ -1,0 +1,65 @@
+"""The rows of the stability envelope (benchmarks/extreme_scenes.py): short here, at full length where they are marked slow."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import pdvol
+import verify_run
+from pdvol.shot import load_shot
+
+ROOT = Path(__file__).resolve().parents[2]
+sys.path.insert(0, str(ROOT / "benchmarks"))
+import extreme_scenes
+
+FILE = ROOT / "benchmarks" / "extreme_scenes.py"
+SHORT = {
+    # row: steps, enough that something touches
+    "young_1e2": 4, "young_1e11": 4, "stiffness_ratio_1e10_soft_below": 4, "poisson_0.499": 4, "dt_1e-5_touching": 40, "dt_0.1": 3,
+    "impact_1000": 3, "impact_1000_dt_1e-4": 6, "dhat_1e-6": 3, "dhat_1e-1": 3, "mu_0": 4, "mu_10": 4, "mass_ratio_1e6_heavy_above": 6,
+    "compress_99": 12, "twist_20_turns": 5, "size_1mm": 4, "size_1km": 4, "aspect_1e3_plates": 8, "aspect_1e3_needles": 8,
+    "sheet_one_cell_thick": 6, "random_velocities_10": 3, "levels_8_dt_0.04": 2, "levels_8_flat_dt_0.04": 4, "levels_from_20_vertices": 4,
+}
+
+
+def march(tmp_path, name, steps=None, seed=0):
+    """The run of a row, or the named error it ended with; its states are sound in any case."""
+    out = tmp_path / "run"
+    error = None
+    try:
+        pdvol.run_scene(load_shot(FILE, {"name": name, "seed": seed}, steps), out)
+    except (pdvol.ConvergenceError, pdvol.InputError) as named:
+        error = named
+    if (out / "run.json").is_file():
+        wrong = [problem for problem in verify_run.verify(out) if error is None or "done" not in problem]
+        assert wrong == []
+    return error
+
+
+@pytest.mark.parametrize("name", SHORT)
+def test_the_first_steps(tmp_path, name):
+    assert march(tmp_path, name, SHORT[name]) is None
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", extreme_scenes.SCENES)
+def test_a_row_at_full_length(tmp_path, name):
+    assert march(tmp_path, name) is None
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["young_1e5", "sheet_one_cell_thick", "levels_from_20_vertices"])
+@pytest.mark.parametrize("seed", range(1, 11))
+def test_from_jittered_starts(tmp_path, name, seed):
+    assert march(tmp_path, name, seed=seed) is None
+
+
+def test_the_command(tmp_path):
+    words = [sys.executable, str(ROOT / "benchmarks" / "extremes.py"), "--out", str(tmp_path)]
+    done = subprocess.run([*words, "--rows", "mu_0"], capture_output=True, text=True, timeout=200)
+    assert done.returncode == 0, done.stderr
+    assert [line.split(" | ")[0] for line in done.stdout.splitlines() if "| done |" in line] == ["| mu_0"]
+    refused = subprocess.run([*words, "--rows", "nothing"], capture_output=True, text=True, timeout=100)
+    assert refused.returncode == 2 and refused.stderr.startswith("extremes.py: ") and refused.stderr.count("\n") == 1
