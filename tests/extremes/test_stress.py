@@ -1,0 +1,78 @@
+"""The classic stress tests (benchmarks/stress_scenes.py): they start free of intersections, and the smallest of them take their first steps."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import pdvol
+import verify_run
+from pdvol.hierarchy.build import build_levels, read_obstacle
+from pdvol.hierarchy.start_check import check_start
+from pdvol.scene import Rigid
+from pdvol.shot import load_shot
+
+ROOT = Path(__file__).resolve().parents[2]
+sys.path.insert(0, str(ROOT / "benchmarks"))
+import stress_scenes
+
+FILE = ROOT / "benchmarks" / "stress_scenes.py"
+GRIDS = ("mat_on_knives", "rods_twist", "mat_twist", "card_house", "masonry_arch", "tight_fit", "mat_on_knives_levels")
+MESHED = sorted(set(stress_scenes.SCENES) - set(GRIDS) - {f"erleben_{name}" for name in stress_scenes.PAIRS})
+
+
+def started(name):
+    """A scene's levels, once they have been found to start well."""
+    scene = stress_scenes.scene(name)
+    levels = build_levels(scene)
+    check_start(levels, [read_obstacle(o) for o in scene.obstacles if isinstance(o, Rigid)], scene)
+    return levels
+
+
+@pytest.mark.parametrize("name", GRIDS)
+def test_it_starts_free_of_intersections(name):
+    started(name)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", MESHED)
+def test_what_is_meshed_starts_free_of_intersections(name):
+    started(name)
+
+
+def test_the_mats_are_of_the_papers_sizes():
+    (mat,) = started("mat_twist")
+    assert (len(mat.points), len(mat.cells)) == (3200, 9126)
+    (arch,) = started("masonry_arch")
+    assert (len(arch.points), len(arch.cells)) == (200, 150)
+
+
+@pytest.mark.parametrize("name", stress_scenes.PAIRS)
+def test_erlebens_pairs_come_to_touch(tmp_path, name):
+    out, deep = tmp_path / "run", name.endswith(("crack", "hole"))  # 0.65 m down
+    pdvol.run_scene(load_shot(FILE, {"name": f"erleben_{name}"}, 90 if deep else 30), out)
+    assert verify_run.verify(out) == []
+    assert max(json.loads(line)["contacts"] for line in (out / "log.jsonl").read_text().splitlines()) > 0
+
+
+def test_the_arch_stands(tmp_path):
+    """Friction holds it: after a tenth of a second its stones have hardly moved, and have not gathered speed."""
+    out = tmp_path / "run"
+    pdvol.run_scene(load_shot(FILE, {"name": "masonry_arch"}, 10), out)
+    assert verify_run.verify(out) == []
+    (level,) = pdvol.open_run(out).levels
+    assert np.abs(level.positions(10) - level.rest).max() < 1e-3
+    assert np.abs(level.velocities(10)).max() < 2.71e-3
+
+
+def test_the_command(tmp_path):
+    words = [sys.executable, str(ROOT / "benchmarks" / "stress.py"), "--out", str(tmp_path)]
+    done = subprocess.run([*words, "--scenes", "erleben_cube_cliff", "--minutes", "0.05"], capture_output=True, text=True, timeout=200)
+    assert done.returncode == 0, done.stderr
+    (row,) = [line for line in done.stdout.splitlines() if line.startswith("| erleben_cube_cliff | 8 | 6 | 0.005 |")]
+    assert "time limit" in row or "full time" in row
+    refused = subprocess.run([*words, "--scenes", "nothing"], capture_output=True, text=True, timeout=100)
+    assert refused.returncode == 2 and refused.stderr.startswith("stress.py: ") and refused.stderr.count("\n") == 1
