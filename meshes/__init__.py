@@ -1,6 +1,7 @@
 """Shape recipes: pure geometry, one function a shape, seeded. Nothing here knows of physics, MPI or PETSc."""
 
 from . import outlines, solids
+from .ape import ape
 from .creature import creature
 from .dolphin import dolphin
 from .geometry import Outline, Solid, Surface
@@ -13,6 +14,7 @@ __all__ = [
     "Outline",
     "Solid",
     "Surface",
+    "ape",
     "ball",
     "bar",
     "box",
