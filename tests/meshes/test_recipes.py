@@ -105,3 +105,16 @@ def test_a_brick_fills_its_box():
     np.testing.assert_allclose(np.ptp(brick.vertices, axis=0), (1.0, 0.5, 0.25))
     bent = meshes.brick((1.0, 0.5, 0.25), (3, 2, 1), bend=lambda X: X + [5.0, 0.0, 0.0])
     np.testing.assert_allclose(bent.vertices, brick.vertices + [5.0, 0.0, 0.0])
+
+
+def test_the_ape_is_whole_stands_flat_and_has_one_arm_up():
+    ape = meshes.ape()
+    checked = check_surface(ape, "ape")
+    assert topology(checked.triangles, len(checked.vertices)) == (1, 2)
+    assert 4500 <= len(ape.vertices) <= 5500
+    x, y, z = ape.vertices.T
+    assert y.min() == 0.0 and y[abs(x) < 0.2].max() == pytest.approx(1.0)
+    ground = y < 0.01
+    for part in (ground & (abs(x) < 0.2) & (z < 0.2), ground & (x > 0) & (z > 0.4), ground & (x < 0) & (z > 0.4), ground & (x < -0.4) & (z < 0.35)):
+        assert part.sum() >= 10, "seat, both soles and the right fist rest on the ground"
+    assert y[x > 0.5].min() > 0.4, "the left arm does not"
