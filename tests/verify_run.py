@@ -1,11 +1,12 @@
 """Is every stored state of a run free of intersections, above its planes and without inverted cells? Apart from the solver and ipctk.
 
-    ./run python tests/verify_run.py RUN [RUN ...]
+    ./run python tests/verify_run.py [--every N] RUN [RUN ...]
 
 A uniform grid finds the candidates, orientation signs decide: in floating point where the round-off bound allows it, in rationals where
 not. Touching counts as an intersection. Primitives with a common vertex are not tested, nor are obstacles among themselves.
 """
 
+import argparse
 import sys
 from collections.abc import Iterator
 from fractions import Fraction
@@ -287,8 +288,8 @@ def check_state(found: Level, step: int, rest, cells, facets, positions, planes=
         found.problems.append(f"{where}: {len(pairs)} intersections: {told}")
 
 
-def check_levels(path) -> Iterator[Level]:
-    """What is found at each level of a run folder."""
+def check_levels(path, every: int = 1) -> Iterator[Level]:
+    """What is found at each level of a run folder, in its last state and each `every`-th from the first."""
     from pdvol.errors import InputError
     from pdvol.record.reader import open_run
 
@@ -300,7 +301,7 @@ def check_levels(path) -> Iterator[Level]:
         states = level.steps
         if level.info["state"] == "done" and states != run.info["steps"] + 1:
             found.problems.append(f"level {level.index}: done, with {states} states of {run.info['steps'] + 1}")
-        for step in range(states):
+        for step in sorted({*range(0, states, every), *range(states)[-1:]}):
             placed = level.placed(run.obstacles, step)
             planes = [(o.name, *o.plane(step)) for o in placed if o.kind == "plane"]
             solids = [(o.vertices(step), o.arrays["faces" if o.kind == "mesh" else "edges"]) for o in placed if o.kind != "plane"]
@@ -318,14 +319,14 @@ def verify(path) -> list[str]:
     return [problem for level in check_levels(path) for problem in level.problems]
 
 
-def main(paths) -> int:
+def main(paths, every: int = 1) -> int:
     from pdvol.errors import InputError
 
     wrong = False
     for path in paths:
         print(path)
         try:
-            for level in check_levels(Path(path)):
+            for level in check_levels(Path(path), every):
                 print(f"  {level.told()}", flush=True)
                 for problem in level.problems[:SHOWN]:
                     print(f"    {problem}")
@@ -339,6 +340,8 @@ def main(paths) -> int:
 
 
 if __name__ == "__main__":
-    if len(sys.argv) < 2:
-        sys.exit(__doc__)
-    sys.exit(main(sys.argv[1:]))
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("runs", nargs="+", metavar="RUN")
+    parser.add_argument("--every", type=int, default=1, metavar="N", help="look at every N-th state and the last one")
+    options = parser.parse_args()
+    sys.exit(main(options.runs, max(options.every, 1)))

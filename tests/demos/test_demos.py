@@ -127,7 +127,7 @@ def turned(level, step, where):
 
 def test_ape(tmp_path):
     # A soft bar's wave needs 0.2 s up to the head: by then it has risen nearly freely, 5 m/s * 0.15 s, and what is held has not.
-    words = ["--set", "vertices=(200, 400)", "--steps", "15", "--out", str(tmp_path / "run")]
+    words = ["--set", "vertices=(300, 450)", "--steps", "15", "--out", str(tmp_path / "run")]
     assert run(["run", str(ROOT / "demos" / "ape.py"), *words]) == 0
     stored = end(tmp_path / "run", 2, 15, touching=False)
     for level in stored.levels:
