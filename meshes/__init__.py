@@ -1,14 +1,16 @@
 """Shape recipes: pure geometry, one function a shape, seeded. Nothing here knows of physics, MPI or PETSc."""
 
-from . import outlines, solids
+from . import outlines, solids, toys
 from .ape import ape
 from .creature import creature
 from .dolphin import dolphin
 from .geometry import Outline, Solid, Surface
 from .grids import brick
+from .jellies import bunny, frog
 from .outlines import comb, disc, extrude, folded, polygon, rectangle, rope, slit_array, spike
 from .solids import ball, bar, box
-from .turned import cylinder, funnel, torus, turned
+from .toys import beach_ball, letter, propeller, trampoline, worm
+from .turned import bowl, cylinder, funnel, torus, turned
 
 __all__ = [
     "Outline",
@@ -17,8 +19,11 @@ __all__ = [
     "ape",
     "ball",
     "bar",
+    "beach_ball",
+    "bowl",
     "box",
     "brick",
+    "bunny",
     "comb",
     "creature",
     "cylinder",
@@ -26,14 +31,20 @@ __all__ = [
     "dolphin",
     "extrude",
     "folded",
+    "frog",
     "funnel",
+    "letter",
     "outlines",
     "polygon",
+    "propeller",
     "rectangle",
     "rope",
     "slit_array",
     "solids",
     "spike",
     "torus",
+    "toys",
+    "trampoline",
     "turned",
+    "worm",
 ]

@@ -108,15 +108,15 @@ def extrude(outline: Outline, thickness: float) -> Surface:
     n = len(outline.points)
     z = np.full((n, 1), thickness / 2.0)
     vertices = np.vstack([np.hstack([outline.points, -z]), np.hstack([outline.points, z])])
-    cap = _ears(outline.points)
+    cap = triangles_of(outline.points)
     here = np.arange(n)
     there = np.roll(here, -1)
     sides = np.vstack([np.column_stack([here, there, there + n]), np.column_stack([here, there + n, here + n])])
     return Surface(vertices, np.vstack([cap[:, ::-1], cap + n, sides]).astype(np.int32))
 
 
-def _ears(points: np.ndarray) -> np.ndarray:
-    """Triangles (n - 2, 3) of a simple anticlockwise polygon by cutting ears, the roundest first."""
+def triangles_of(points: np.ndarray) -> np.ndarray:
+    """Triangles (n - 2, 3) of an anticlockwise polygon by cutting ears, the roundest first; it may touch itself along cuts to its holes."""
     left = list(range(len(points)))
     triangles = []
 
@@ -132,7 +132,8 @@ def _ears(points: np.ndarray) -> np.ndarray:
             if turn(a, b, c) <= 0.0:
                 continue
             inside = (turn(a, b, ring) >= 0) & (turn(b, c, ring) >= 0) & (turn(c, a, ring) >= 0)
-            inside[[k - 1, k, (k + 1) % len(left)]] = False
+            for corner in (a, b, c):
+                inside &= (ring != corner).any(axis=1)
             value = -np.linalg.norm(c - a)
             if not inside.any() and value > score:
                 best, score = k, value

@@ -48,3 +48,13 @@ def funnel(mouth: float = 0.4, neck: float = 0.1, height: float = 0.5, pipe: flo
     inner = np.array([(mouth, 0.0), (neck, -height), (neck, -height - pipe)])
     outer = inner + [thickness, 0.0]
     return turned(np.vstack([outer[::-1], inner]), segments)
+
+
+def bowl(radius: float = 1.0, depth: float = 0.6, thickness: float = 0.05, around: int = 72, rings: int = 18) -> Surface:
+    """A bowl [m] open along y, half an ellipsoid inside; its foot is at y = 0, its rounded rim at y = thickness + depth + thickness / 2."""
+    angle = np.linspace(0.0, np.pi / 2.0, rings + 1)
+    arc = np.column_stack([np.sin(angle), -np.cos(angle)])
+    lip = np.linspace(0.0, np.pi, 9)[1:-1]
+    lip = np.column_stack([radius + thickness / 2.0 + thickness / 2.0 * np.cos(lip), thickness / 2.0 * np.sin(lip)])
+    profile = np.vstack([arc * [radius + thickness, depth + thickness], lip, (arc * [radius, depth])[::-1]])
+    return turned(np.maximum(profile + [0.0, depth + thickness], 0.0), around)

@@ -6,7 +6,15 @@ import pytest
 from pdvol import meshes
 from pdvol.hierarchy.decimate import topology
 from pdvol.hierarchy.tetrahedralise import measure
-from pdvol.hierarchy.validate import check_outline, check_surface, signed_area
+from pdvol.hierarchy.level_mesh import simplex_volumes
+from pdvol.hierarchy.triangulate import boundary_loops
+from pdvol.hierarchy.validate import check_outline, check_solid, check_surface, signed_area
+
+
+def _arc_share(parts: int) -> float:
+    """Area of a quarter disc of radius 1 drawn as `parts` chords."""
+    return parts / 2 * np.sin(np.pi / 2 / parts)
+
 
 
 
@@ -33,6 +41,18 @@ OUTLINES = {
     "slit array": (meshes.slit_array(slits=3, strip=0.1, height=1.0, slit=0.02, bridge=0.2), 0.46 * 1.0 - 3 * 0.02 * 0.8),
     "one slit": (meshes.slit_array(slits=1, strip=0.1, height=1.0, slit=0.02, bridge=0.2), 0.22 * 1.0 - 0.02 * 0.8),
     "folded": (meshes.folded(1.0, 0.1, 0.02, arc=400), 2 * 0.1 + np.pi / 2 * (0.11**2 - 0.01**2)),
+    # The bed and two legs, less what the arcs take from the eight corners: two of them are inner ones and give as much back.
+    "trampoline": (meshes.trampoline(2.0, 0.5, 0.1, 0.1), 2.0 * 0.1 + 2 * 0.1 * 0.4 - 4 * 0.04**2 * (1.0 - _arc_share(6))),
+    "stroke": (meshes.toys.stroke(np.column_stack([np.linspace(0, 1, 9), np.zeros(9)]), 0.2, cap=200), 0.2 + np.pi * 0.1**2),
+}
+FLAT = {
+    # name: (mesh, area by hand or None, holes)
+    "A": (meshes.letter("A"), None, 1),
+    "B": (meshes.letter("B"), None, 2),
+    "propeller": (meshes.propeller(), None, 1),
+    "beach ball": (meshes.beach_ball(0.3, 6, 96), 0.5 * 96 * 0.09 * np.sin(2 * np.pi / 96), 0),
+    "pierced": (meshes.toys.pierced(meshes.rectangle(4.0, 2.0), *(meshes.polygon(np.array([x, y]) + [[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]])
+                for x, y in ((1.0, 0.0), (-1.0, 0.2)))), 8.0 - 2.0, 2),
 }
 SURFACES = {
     # name: (surface, volume by hand, shells, Euler number)
@@ -46,6 +66,8 @@ SURFACES = {
     "cone": (meshes.turned([(0.0, 0.0), (0.5, 1.0), (0.0, 1.0)], 96), np.pi * 0.5**2 / 3, 2),
     # Its wall is 0.02 m thick across: per height the ring between radii r and r + 0.02.
     "funnel": (meshes.funnel(0.4, 0.1, 0.5, 0.2, 0.02, 96), np.pi * (0.5 * (2 * 0.25 * 0.02 + 0.02**2) + 0.2 * (0.12**2 - 0.1**2)), 0),
+    # Between two half ellipsoids, and half a ring round the rim (Pappus: its middle is 4 r / 3 pi above the rim's plane, at the same distance).
+    "bowl": (meshes.bowl(1.0, 0.6, 0.1, 96, 40), 2 * np.pi / 3 * (1.1**2 * 0.7 - 0.6) + np.pi * 0.05**2 / 2 * 2 * np.pi * 1.05, 2),
 }
 
 
@@ -118,3 +140,46 @@ def test_the_ape_is_whole_stands_flat_and_has_one_arm_up():
     for part in (ground & (abs(x) < 0.2) & (z < 0.2), ground & (x > 0) & (z > 0.4), ground & (x < 0) & (z > 0.4), ground & (x < -0.4) & (z < 0.35)):
         assert part.sum() >= 10, "seat, both soles and the right fist rest on the ground"
     assert y[x > 0.5].min() > 0.4, "the left arm does not"
+
+
+@pytest.mark.parametrize("name", FLAT)
+def test_flat_meshes_have_their_area_and_holes(name):
+    mesh, area, holes = FLAT[name]
+    solid = check_solid(mesh)
+    edges = np.vstack([solid.cells[:, [0, 1]], solid.cells[:, [1, 2]], solid.cells[:, [2, 0]]])
+    _, number, counts = np.unique(np.sort(edges, axis=1), axis=0, return_inverse=True, return_counts=True)
+    loops = boundary_loops(solid.vertices, edges[counts[number.ravel()] == 1].astype(np.int64), name)
+    areas = np.array([signed_area(loop) for loop in loops])
+    assert (areas < 0).sum() == holes and (areas > 0).sum() == 1
+    filled = simplex_volumes(solid.vertices, solid.cells).sum()
+    assert filled == pytest.approx(areas.sum(), rel=1e-12), "no cell covers another or a hole"
+    assert area is None or filled == pytest.approx(area, rel=1e-12)
+
+
+@pytest.mark.parametrize("outline", [meshes.letter("C"), meshes.worm()], ids=["C", "worm"])
+def test_drawn_outlines_run_anticlockwise(outline):
+    assert np.array_equal(check_outline(outline).points, outline.points)
+
+
+def test_letters_are_as_tall_as_asked():
+    for name in "ABC":
+        shape = meshes.letter(name, 0.7)
+        points = shape.points if isinstance(shape, meshes.Outline) else shape.vertices
+        assert np.ptp(points[:, 1]) == pytest.approx(0.7, rel=2e-3)  # rounded corners may end just short of it
+
+
+def test_the_ball_has_equal_panels():
+    ball = meshes.beach_ball(0.2, 6, 96)
+    areas = np.bincount(ball.regions, simplex_volumes(ball.vertices, ball.cells))
+    assert np.allclose(areas[1:], areas[1]) and len(areas) == 7
+
+
+@pytest.mark.parametrize("make, height", [(meshes.bunny, 0.8), (meshes.frog, 0.5)], ids=["bunny", "frog"])
+def test_jellies_are_whole_and_mirrored(make, height):
+    figure = make(height)
+    checked = check_surface(figure)
+    assert topology(checked.triangles, len(checked.vertices)) == (1, 2)
+    assert 2000 <= len(figure.vertices) <= 4500
+    assert figure.vertices[:, 1].min() == 0.0
+    assert figure.vertices[:, 1].max() == pytest.approx(height)
+    assert abs(figure.vertices[:, 0].min() + figure.vertices[:, 0].max()) < 0.02 * height
