@@ -25,7 +25,8 @@ def drawn_obstacles(scene: Scene, geometry) -> list[dict]:
         vertices, edges, faces = next(rigid)
         shape = {"kind": "mesh", "faces": faces} if vertices.shape[1] == 3 else {"kind": "polyline", "edges": edges}
         positions = {"positions": np.array([place[i]["vertices"] for place in places])} if i in places[0] else {}
-        drawn.append({"name": obstacle.name, "vertices": vertices, **shape, **positions})
+        look = {"opacity": obstacle.opacity} if obstacle.opacity < 1.0 else {}
+        drawn.append({"name": obstacle.name, "vertices": vertices, **shape, **positions, **look})
     return drawn
 
 

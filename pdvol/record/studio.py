@@ -86,18 +86,19 @@ class Studio:
             if obstacle.kind == "mesh":
                 vertices, faces = obstacle.vertices(step), obstacle.arrays["faces"]
                 shapes.append(vertices[faces])
-                self._add_surface(vertices, faces, pv.Color(STONE), len(faces) >= 200, 0.0)
+                self._add_surface(vertices, faces, pv.Color(STONE), len(faces) >= 200, 0.0, float(obstacle.arrays.get("opacity", 1.0)))
         for obstacle in level.placed(self.obstacles, step):
             if obstacle.kind == "plane":
                 self._add_plane(*obstacle.plane(step), np.concatenate(shapes))
 
-    def _add_surface(self, points: np.ndarray, facets: np.ndarray, colour: pv.Color, smooth: bool, edges: float) -> None:
+    def _add_surface(self, points: np.ndarray, facets: np.ndarray, colour: pv.Color, smooth: bool, edges: float,
+                     opacity: float = 1.0) -> None:
         used, local = np.unique(facets, return_inverse=True)
         surface = pv.PolyData.from_regular_faces(points[used], local.reshape(facets.shape))
         shaded = dict(ambient=0.42, diffuse=0.8, specular=0.14, specular_power=18)
         sharp = dict(smooth_shading=True, split_sharp_edges=True, feature_angle=50.0) if smooth else dict(smooth_shading=False)
         drawn = dict(show_edges=True, edge_color=_darker(colour, 0.45), edge_opacity=edges, line_width=self._width(0.5)) if edges else {}
-        self._plotter.add_mesh(surface, color=colour, **shaded, **sharp, **drawn, reset_camera=False, render=False)
+        self._plotter.add_mesh(surface, color=colour, opacity=opacity, **shaded, **sharp, **drawn, reset_camera=False, render=False)
 
     def _add_plane(self, point: np.ndarray, normal: np.ndarray, triangles: np.ndarray) -> None:
         view = self.view

@@ -8,7 +8,7 @@ import numpy as np
 
 from pdvol.meshes import Outline, Surface
 from pdvol.scene.bodies import Placement
-from pdvol.scene.checks import require, vector
+from pdvol.scene.checks import positive, require, vector
 from pdvol.scene.motions import Motion, Still
 
 
@@ -30,13 +30,21 @@ class Plane:
 
 @dataclass(frozen=True)
 class Rigid:
-    """A rigid obstacle: a surface (3D), a closed outline or an open polyline (2D); the path of a surface file will do."""
+    """A rigid obstacle: a surface (3D), a closed outline or an open polyline (2D); the path of a surface file will do.
+
+    `opacity`, above 0 and at most 1, is how pictures draw a surface: below 1 what is behind shows through.
+    """
 
     shape: str | Path | Outline | Surface
     placement: Placement = Placement()
     motion: Motion = Still()
     name: str = "obstacle"
     closed: bool = True
+    opacity: float = 1.0
+
+    def __post_init__(self):
+        positive(f"obstacle {self.name!r}: opacity", self.opacity)
+        require(self.opacity <= 1.0, f"obstacle {self.name!r}: opacity = {self.opacity!r} must be at most 1")
 
 
 @dataclass(frozen=True)
