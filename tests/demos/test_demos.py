@@ -12,7 +12,7 @@ from pdvol.cli import run
 
 ROOT = Path(__file__).resolve().parents[2]
 DEMOS = sorted((ROOT / "demos").glob("*.py"))
-RUN_BY_A_TEST = {"ape", "ball_on_spike", "drop", "phong", "rope_drop", "slit_array", "tracks", "twist"}
+RUN_BY_A_TEST = {"ape", "ball_on_spike", "drop", "heterogeneous", "jelly_bowl", "phong", "rope_drop", "slit_array", "tracks", "twist"}
 
 sys.path.insert(0, str(ROOT / "tests"))
 import verify_run
@@ -136,3 +136,27 @@ def test_ape(tmp_path):
         seat, feet, fist = ((level.rest[:, 2] < 0.03) & part for part in (abs(level.rest[:, 0]) < 0.2, level.rest[:, 1] < -0.4, level.rest[:, 0] < -0.4))
         for held in (seat, feet & (level.rest[:, 0] > 0), feet & (level.rest[:, 0] < 0), fist):
             assert held.sum() >= 3 and np.abs(rise[held]).max() == 0.0
+
+
+def test_heterogeneous(tmp_path):
+    # The letters are 0.05 m above the bed here: met at step 5 at a fiftieth of a second each.
+    steps = 12
+    words = ["--set", "vertices=(25, 50)", "--set", "drop=0.03", "--set", "dt=0.02", "--steps", str(steps), "--out", str(tmp_path / "run")]
+    assert run(["run", str(ROOT / "demos" / "heterogeneous.py"), *words]) == 0
+    stored = end(tmp_path / "run", 2, steps)
+    moduli = {body.name: body.material.young for body in load(ROOT / "demos" / "heterogeneous.py").scene().bodies}
+    assert [moduli[name] for name in ("worm", "propeller", "A", "B", "C")] == [2e4, 2e10, 4e4, 5e5, 6e6]
+    # The propeller keeps its shape to a ten-thousandth, on every level: a body of 2e10 Pa is rigid.
+    for level in stored.levels:
+        mine = np.flatnonzero(level.mesh.point_bodies == 5)
+        lengths = [np.linalg.norm(np.diff(x[mine], axis=0), axis=1) for x in (level.rest, level.positions(steps))]
+        assert np.allclose(*lengths, rtol=1e-4)
+
+
+def test_jelly_bowl(tmp_path):
+    # Thrown at 8 m/s the first of them meets the bowl within a tenth of a second.
+    steps = 8
+    words = ["--set", "vertices=(100, 200)", "--set", "dt=0.02", "--steps", str(steps), "--out", str(tmp_path / "run")]
+    assert run(["run", str(ROOT / "demos" / "jelly_bowl.py"), *words]) == 0
+    stored = end(tmp_path / "run", 2, steps)
+    assert min(level.positions(steps)[:, 1].min() for level in stored.levels) > 0.05  # above the bowl's foot: inside it
