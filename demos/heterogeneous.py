@@ -11,7 +11,7 @@ from pdvol import Barrier, Body, FixedCorotational, Friction, Gravity, NeoHookea
 WIDTH, BED, LEG = 2.8, 0.7, 0.12  # m: the trampoline, the height of its bed, and its legs
 
 
-def scene(vertices=(40, 100, 250, 600), drop=0.2, bounce=6e6, spin=0.0, mu=0.2, steps=120, dt=0.01):
+def scene(vertices=(40, 100, 250, 600), drop=0.4, bounce=1e7, spin=0.0, mu=0.2, steps=120, dt=0.01):
     """All fall from `drop` m and more on a bed of `bounce` Pa, the propeller turning at `spin` rad/s.
 
     `vertices` are those of each body; the bed has twice as many. A spinning body as stiff as the propeller takes 15 Newton iterations a step.
@@ -22,17 +22,17 @@ def scene(vertices=(40, 100, 250, 600), drop=0.2, bounce=6e6, spin=0.0, mu=0.2, 
     def thrown(name, shape, material, x, y, angle=0.0, **more):
         return Body(shape, material, tuple(vertices), name=name, placement=Placement((x, y), np.radians(angle)), **more)
 
-    panels = (Region(NeoHookean(4e5, 0.4, 400.0), (1, 3, 5)),)
+    panels = (Region(NeoHookean(4e5, 0.4, 200.0), (1, 3, 5)),)
     return Scene(
         bodies=(
             Body(meshes.trampoline(WIDTH, BED, bed=0.05, leg=LEG), NeoHookean(bounce, 0.4, 500.0), tuple(2 * v for v in vertices), name="trampoline",
                  placement=Placement((0.0, 0.02))),
-            thrown("A", A, NeoHookean(4e4, 0.4, 800.0), -0.72, low, 6.0),
-            thrown("B", B, StVenantKirchhoff(5e5, 0.4, 800.0), 0.0, low, -8.0),
-            thrown("C", C, FixedCorotational(6e6, 0.4, 800.0), 0.70, low, 5.0),
-            thrown("worm", meshes.worm(), NeoHookean(2e4, 0.4, 800.0), -0.45, high, 8.0),
-            thrown("propeller", meshes.propeller(), NeoHookean(2e10, 0.3, 800.0), 0.55, high, spin=spin),
-            thrown("ball", meshes.beach_ball(0.2), NeoHookean(4e4, 0.4, 400.0), 0.05, high + 0.55, regions=panels),
+            thrown("A", A, NeoHookean(4e4, 0.4, 400.0), -0.72, low, 6.0),
+            thrown("B", B, StVenantKirchhoff(5e5, 0.4, 400.0), 0.0, low, -8.0),
+            thrown("C", C, FixedCorotational(6e6, 0.4, 400.0), 0.70, low, 5.0),
+            thrown("worm", meshes.worm(), NeoHookean(2e4, 0.4, 400.0), -0.45, high, 8.0),
+            thrown("propeller", meshes.propeller(), NeoHookean(2e10, 0.3, 400.0), 0.55, high, spin=spin),
+            thrown("ball", meshes.beach_ball(0.2), NeoHookean(4e4, 0.4, 200.0), 0.05, high + 0.55, regions=panels),
         ),
         supports=(Support(lambda X: np.abs(X[:, 0]) > WIDTH / 2 - LEG, body="trampoline"),),
         obstacles=(Plane((0.0, 0.0), (0.0, 1.0), name="ground"),),
