@@ -14,13 +14,13 @@ THROWN = (  # name, shape, place of its feet before it is turned, angle and axis
 )
 
 
-def scene(vertices=(500, 1500, 4500, 13500), speed=8.0, young=4e4, mu=0.05, steps=80, dt=0.01):
-    """Each animal of `vertices` is thrown at `speed` m/s; `young` Pa makes them jelly."""
+def scene(vertices=(500, 1500, 4500, 13500), who=("bear", "bunny", "frog"), speed=6.0, young=6e4, mu=0.05, steps=60, dt=0.01):
+    """The animals `who`, each of `vertices`, are thrown at `speed` m/s; `young` Pa makes them jelly."""
     material = NeoHookean(young, 0.45, 1000.0)
     bodies = tuple(
         Body(make(height), material, tuple(vertices), name=name, placement=Placement(place, angle, axis), spin=spin,
              velocity=tuple(speed * part for part in way))
-        for name, make, height, place, angle, axis, way, spin in THROWN
+        for name, make, height, place, angle, axis, way, spin in THROWN if name in who
     )
     return Scene(
         bodies=bodies,

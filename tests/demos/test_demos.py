@@ -141,7 +141,7 @@ def test_ape(tmp_path):
 def test_heterogeneous(tmp_path):
     # The letters are 0.05 m above the bed here: met at step 5 at a fiftieth of a second each.
     steps = 12
-    words = ["--set", "vertices=(25, 50)", "--set", "drop=0.03", "--set", "dt=0.02", "--steps", str(steps), "--out", str(tmp_path / "run")]
+    words = ["--set", "vertices=(25, 50)", "--set", "drop=0.1", "--set", "dt=0.02", "--steps", str(steps), "--out", str(tmp_path / "run")]
     assert run(["run", str(ROOT / "demos" / "heterogeneous.py"), *words]) == 0
     stored = end(tmp_path / "run", 2, steps)
     moduli = {body.name: body.material.young for body in load(ROOT / "demos" / "heterogeneous.py").scene().bodies}
@@ -154,9 +154,9 @@ def test_heterogeneous(tmp_path):
 
 
 def test_jelly_bowl(tmp_path):
-    # Thrown at 8 m/s the first of them meets the bowl within a tenth of a second.
+    # Thrown at 6 m/s the bear meets the bowl within 0.12 s. One animal: meshing takes most of the time.
     steps = 8
-    words = ["--set", "vertices=(100, 200)", "--set", "dt=0.02", "--steps", str(steps), "--out", str(tmp_path / "run")]
+    words = ["--set", "who=('bear',)", "--set", "vertices=(200, 300)", "--set", "dt=0.02", "--steps", str(steps), "--out", str(tmp_path / "run")]
     assert run(["run", str(ROOT / "demos" / "jelly_bowl.py"), *words]) == 0
     stored = end(tmp_path / "run", 2, steps)
-    assert min(level.positions(steps)[:, 1].min() for level in stored.levels) > 0.05  # above the bowl's foot: inside it
+    assert min(level.positions(steps)[:, 1].min() for level in stored.levels) > 0.05  # above the foot of the bowl's inside
