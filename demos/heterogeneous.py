@@ -6,7 +6,9 @@ A worm of 2e4 Pa, a propeller of 2e10, the letters A, B and C of 4e4, 5e5 and 6e
 import numpy as np
 
 import pdvol
-from pdvol import Barrier, Body, FixedCorotational, Friction, Gravity, NeoHookean, Placement, Plane, Region, Scene, Solver, StVenantKirchhoff, Support, meshes
+from pdvol import (
+    Barrier, Body, FixedCorotational, Friction, Gravity, NeoHookean, Placement, Plane, Region, Scene, Solver, StVenantKirchhoff, Support, meshes,
+)
 
 WIDTH, BED, LEG = 2.8, 0.7, 0.12  # m: the trampoline, the height of its bed, and its legs
 

@@ -160,3 +160,4 @@ def test_jelly_bowl(tmp_path):
     assert run(["run", str(ROOT / "demos" / "jelly_bowl.py"), *words]) == 0
     stored = end(tmp_path / "run", 2, steps)
     assert min(level.positions(steps)[:, 1].min() for level in stored.levels) > 0.05  # above the foot of the bowl's inside
+    assert float(stored.obstacles[0].arrays["opacity"]) == load(ROOT / "demos" / "jelly_bowl.py").scene().obstacles[0].opacity < 1.0  # glass
