@@ -6,10 +6,10 @@ Source: Li et al. 2020 (Incremental Potential Contact); Li et al. 2023 (converge
 
 import ipctk
 import numpy as np
+from mpi4py import MPI
 
 from pdvol.potentials import barrier_law
 from pdvol.potentials.collision_surface import CollisionSurface
-from pdvol.potentials.contact_candidates import share_of
 from pdvol.potentials.contact_stencils import Stencils
 from pdvol.potentials.hessian_blocks import HessianBlocks
 from pdvol.potentials.potential import Positions, Term
@@ -62,7 +62,7 @@ class SurfaceBarrier(Term):
             self._at = None
 
     def collisions(self, x: Positions) -> tuple[ipctk.NormalCollisions, np.ndarray]:
-        """The active set at x and the collision mesh's vertices, built once per x and shared by value, gradient and Hessian."""
+        """The active set at x (what this rank has a vertex of, at least) and the collision mesh's vertices, built once per x."""
         if self._at is not x:
             vertices = self.surface.vertices(x)
             active = ipctk.NormalCollisions()
@@ -76,7 +76,7 @@ class SurfaceBarrier(Term):
         return self._active, self._vertices
 
     def stencils(self, x: Positions) -> tuple[Stencils, np.ndarray]:
-        """This rank's share of the active pairs, and their gaps (k, d); once per x."""
+        """The active pairs as arrays, and their gaps (k, d); once per x."""
         active, vertices = self.collisions(x)
         if self._stencils is None:
             stencils = self.surface.stencils(active, vertices)
@@ -84,9 +84,15 @@ class SurfaceBarrier(Term):
         return self._stencils
 
     def value(self, x: Positions) -> float:
-        # Every rank takes all pairs: to hand out shares, one Python object a pair, takes longer than value and gradient do.
         active, vertices = self.collisions(x)
-        return float(self._potential(active, self.surface.mesh, vertices)) if len(active) else 0.0
+        if self.space.comm.size == 1:
+            return float(self._potential(active, self.surface.mesh, vertices)) if len(active) else 0.0
+        mine = 0.0
+        if len(active):
+            stencils, gaps = self.stencils(x)
+            s = np.minimum(np.einsum("kd,kd->k", gaps, gaps) / self.dhat**2, 1.0)
+            mine = float(stencils.weights[stencils.counted] @ barrier_law.energy(s, self.dhat, self.kappa)[stencils.counted])
+        return self.space.comm.allreduce(mine)
 
     def gradient(self, x: Positions) -> np.ndarray:
         active, vertices = self.collisions(x)
@@ -101,8 +107,7 @@ class SurfaceBarrier(Term):
             return
         if into.positive == "none" or not into.quick:
             projection = ipctk.PSDProjectionMethod.NONE if into.positive == "none" else ipctk.PSDProjectionMethod.CLAMP
-            mine = share_of(active, ipctk.NormalCollisions(), "collisions", self.space.comm)
-            hessian = self._potential.hessian(mine, self.surface.mesh, vertices, project_hessian_to_psd=projection)
+            hessian = self._potential.hessian(active, self.surface.mesh, vertices, project_hessian_to_psd=projection)
             self.surface.add_hessian(hessian, weight, into)
             return
         stencils, gaps = self.stencils(x)
@@ -120,16 +125,20 @@ class SurfaceBarrier(Term):
         normals = gaps / distances[:, None]
         mass = np.einsum("ki,ki->k", squares, masses[stencils.vertices])
         stiffness = np.einsum("ki,ka,kiab,kb->k", squares, normals, blocks[stencils.vertices], normals)
-        return (mass / distances**2 + stiffness) / squares.sum(axis=1)
+        return ((mass / distances**2 + stiffness) / squares.sum(axis=1))[stencils.counted]
 
     def max_step(self, x: Positions, direction: np.ndarray, until: float | None = None) -> float:
         return self.surface.max_step(self.surface.vertices(x), self.surface.vertices(x.moved(1.0, direction), at=until))
 
     def count(self, x: Positions) -> int:
-        """Active pairs at x."""
-        return len(self.collisions(x)[0])
+        """Active pairs at x, of all ranks. Collective."""
+        active, _ = self.collisions(x)
+        if self.space.comm.size == 1:
+            return len(active)
+        return self.space.comm.allreduce(int(np.count_nonzero(self.stencils(x)[0].counted)))
 
     def min_gap(self, x: Positions) -> float:
-        """Smallest distance [m] among active pairs; inf when there are none."""
+        """Smallest distance [m] among active pairs of all ranks; inf when there are none. Collective."""
         active, vertices = self.collisions(x)
-        return float(np.sqrt(active.compute_minimum_distance(self.surface.mesh, vertices))) if len(active) else np.inf
+        gap = float(np.sqrt(active.compute_minimum_distance(self.surface.mesh, vertices))) if len(active) else np.inf
+        return self.space.comm.allreduce(gap, op=MPI.MIN)

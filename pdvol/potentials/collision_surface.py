@@ -4,14 +4,15 @@ Bodies come first, in the order of `surface` (input indices of boundary vertices
 contact does not depend on how the level is distributed.
 """
 
+from dataclasses import replace
+
 import ipctk
 import numpy as np
-from mpi4py import MPI
 from scipy.sparse import csr_array
 
 from pdvol.hierarchy.level_space import LevelSpace
 from pdvol.potentials.contact_candidates import ContactCandidates
-from pdvol.potentials.contact_stencils import Stencils, joined, normal_stencils
+from pdvol.potentials.contact_stencils import Stencils, normal_stencils
 from pdvol.potentials.hessian_blocks import HessianBlocks
 from pdvol.potentials.potential import Positions
 from pdvol.scene import moved
@@ -42,13 +43,13 @@ class CollisionSurface:
     Attributes
     ----------
     surface : (k,) int64
-        Input indices of the bodies' boundary vertices.
+        Input indices of the bodies' boundary vertices, this rank's first.
     mesh : ipctk.CollisionMesh
         k bodies' vertices, then the obstacles'.
     parties : (k + obstacles' vertices,) int
         Whose each vertex is: bodies' numbers, then obstacles' after the last body's.
     candidates : ContactCandidates
-        Pairs that can be within `reach` [m] of each other.
+        Pairs with a vertex of this rank's that can be within `reach` [m] of each other.
     """
 
     def __init__(self, space: LevelSpace, obstacles: tuple[Obstacle, ...], reach: float, ccd: str = "additive"):
@@ -56,6 +57,12 @@ class CollisionSurface:
         d, level = space.dim, space.mesh
         self.surface, facets = np.unique(level.boundary, return_inverse=True)
         facets = facets.reshape(-1, d)
+        if space.comm.size > 1:
+            others = ~np.isin(self.surface, space.owned_points)
+            order = np.argsort(others, kind="stable")
+            self.surface, facets, own = self.surface[order], np.argsort(order)[facets], int(np.count_nonzero(~others))
+        else:
+            own = len(self.surface)
         vertices, edges, faces = [level.points[self.surface]], [], []
         if d == 2:
             edges.append(facets)
@@ -71,14 +78,18 @@ class CollisionSurface:
         everything = [np.concatenate(parts) if parts else np.zeros((0, 3), dtype=int) for parts in (vertices, edges, faces)]
         self.mesh = ipctk.CollisionMesh(np.asfortranarray(everything[0]), np.asfortranarray(everything[1], dtype=np.int32),
                                         np.asfortranarray(everything[2] if d == 3 else np.zeros((0, 3)), dtype=np.int32))
-        self.mesh.can_collide = ipctk.make_static_obstacle_filter(len(self.surface))
+        # Pairs of which no vertex is this rank's are another rank's: it may take all beyond its own for obstacles that do not meet.
+        self.mesh.can_collide = ipctk.make_static_obstacle_filter(own)
         self._primitives = np.array(self.mesh.edges, dtype=np.int64), np.array(self.mesh.faces, dtype=np.int64).reshape(-1, 3)
         owners = [np.full(len(o.vertices), int(level.point_bodies.max()) + 1 + i) for i, o in enumerate(obstacles)]
         self.parties = np.concatenate([level.point_bodies[self.surface], *owners])
         self._blocks = space.point_blocks[self.surface]
+        # A pair that several ranks have a vertex of is counted by the one that owns the vertex that comes first in the input.
+        self._input_order = np.concatenate([self.surface, np.full(len(self.parties) - len(self.surface), len(level.points))])
+        self._own = np.arange(len(self.parties)) < own
         self.obstacle_positions = self._obstacles_at(0.0)
         self._narrow = NARROW[ccd]()
-        self.candidates = ContactCandidates(self.mesh, everything[0], reach, not obstacles, space.comm)
+        self.candidates = ContactCandidates(self.mesh, everything[0], reach, not obstacles)
 
     def _obstacles_at(self, time: float) -> np.ndarray:
         placed = [o.at(time) for o in self.obstacles]
@@ -97,7 +108,7 @@ class CollisionSurface:
         return np.asfortranarray(np.concatenate([x.whole[self.surface], obstacles]))
 
     def max_step(self, start: np.ndarray, end: np.ndarray) -> float:
-        """Largest step in [0, 1] along straight paths that keeps everything apart, for this rank's share of the pairs."""
+        """Largest step in [0, 1] along straight paths that keeps everything apart, for this rank's pairs."""
         pairs = self.candidates.along(start, end)
         if pairs.empty():
             return 1.0
@@ -105,18 +116,11 @@ class CollisionSurface:
                                                            narrow_phase_ccd=self._narrow))
 
     def rows_of(self, values: np.ndarray) -> np.ndarray:
-        """Owned rows (n_owned, d) of values over the collision mesh's unknowns, zero away from the surface."""
+        """Owned rows (n_owned, d) of values over the collision mesh's unknowns, zero away from the surface. Sums over this rank's pairs are
+        complete there."""
         whole = np.zeros((len(self.space.mesh.points), self.space.dim))
         whole[self.surface] = values.reshape(-1, self.space.dim)[: len(self.surface)]
         return self.space.from_input(whole)
-
-    def rows_of_sum(self, values: np.ndarray) -> np.ndarray:
-        """The same of values of which each rank has a part. Collective."""
-        if self.space.comm.size > 1:
-            total = np.empty_like(values)
-            self.space.comm.Allreduce(values, total, op=MPI.SUM)
-            values = total
-        return self.rows_of(values)
 
     def of_vertices(self, values: np.ndarray) -> np.ndarray:
         """Rows of (n, ...) in the input's order for the collision mesh's vertices; zeros for obstacles'."""
@@ -125,20 +129,17 @@ class CollisionSurface:
         return out
 
     def stencils(self, active: ipctk.NormalCollisions, vertices: np.ndarray) -> Stencils:
-        """This rank's share of the active pairs at the collision mesh's positions, as arrays."""
-        return normal_stencils(active, *self._primitives, vertices, self.space.comm)
+        """The active pairs at the collision mesh's positions, as arrays."""
+        stencils = normal_stencils(active, *self._primitives, vertices)
+        first = np.take_along_axis(stencils.vertices, self._input_order[stencils.vertices].argmin(axis=1)[:, None], axis=1)[:, 0]
+        return replace(stencils, counted=self._own[first])
 
     def add_stencils(self, stencils: Stencils, middle: np.ndarray, into: HessianBlocks) -> None:
-        """Adds C' M C of contact pairs, of which each rank has a part; obstacles have no rows. Collective."""
-        if self.space.comm.size > 1:
-            parts = self.space.comm.allgather((stencils, middle))
-            stencils, middle = joined([part for part, _ in parts]), np.concatenate([m for _, m in parts])
+        """Adds C' M C of contact pairs; obstacles have no rows."""
         stencils.add(middle, self._blocks, into)
 
     def add_hessian(self, hessian, weight: float, into: HessianBlocks) -> None:
-        """Adds a sparse Hessian over the collision mesh's unknowns, of which each rank has a part; obstacles have none. Collective."""
+        """Adds a sparse Hessian over the collision mesh's unknowns; obstacles have none."""
         d, k = self.space.dim, len(self.surface)
         blocks = csr_array(hessian)[: k * d, : k * d].tobsr(blocksize=(d, d))
-        parts = (self._blocks[np.repeat(np.arange(k), np.diff(blocks.indptr))], self._blocks[blocks.indices], weight * blocks.data)
-        for part in self.space.comm.allgather(parts) if self.space.comm.size > 1 else [parts]:
-            into.add_pairs(*part)
+        into.add_pairs(self._blocks[np.repeat(np.arange(k), np.diff(blocks.indptr))], self._blocks[blocks.indices], weight * blocks.data)

@@ -7,7 +7,6 @@ from the boxes they sweep, good for any point of that straight move.
 
 import ipctk
 import numpy as np
-from mpi4py import MPI
 
 NEAR = 0.2  # of the median edge: longer slacks catch so many neighbours that looking through them costs more than searching anew
 SHORTEST = 0.15  # of the longest slack: what is allowed for where nothing is known to move
@@ -24,18 +23,15 @@ class ContactCandidates:
     reach : distance [m] up to which pairs matter
     drifts : bool
         Whether nothing stands still, so that a translation common to all vertices changes no distance.
-    comm : MPI.Comm
-        Ranks that share the pairs of a move among them.
     """
 
-    def __init__(self, mesh: ipctk.CollisionMesh, vertices: np.ndarray, reach: float, drifts: bool, comm: MPI.Comm):
-        self.mesh, self.reach, self.drifts, self.comm = mesh, reach, drifts, comm
+    def __init__(self, mesh: ipctk.CollisionMesh, vertices: np.ndarray, reach: float, drifts: bool):
+        self.mesh, self.reach, self.drifts = mesh, reach, drifts
         edges = np.asarray(mesh.edges)
         self._longest = NEAR * float(np.median(np.linalg.norm(vertices[edges[:, 0]] - vertices[edges[:, 1]], axis=1)))
         self.pairs = ipctk.Candidates()
         self.forget()
         self.searches = 0
-        self._share, self._share_of = self.pairs, -1
 
     def forget(self) -> None:
         """The next call searches anew."""
@@ -61,10 +57,9 @@ class ContactCandidates:
         return self.pairs
 
     def along(self, start: np.ndarray, end: np.ndarray) -> ipctk.Candidates:
-        """This rank's share of candidates, among which all ranks have all pairs that come nearer than the reach on the straight way from
-        start to end (k, d)."""
+        """Candidates among which are all pairs that come nearer than the reach on the straight way from start to end (k, d)."""
         if self._reference is not None and max(self._strays(start), self._strays(end)) <= self._slack:
-            return self._mine()
+            return self.pairs
         move = _largest(self._place(end) - self._place(start))
         if ROOM * move <= self._longest:
             self._search_around(start, max(ROOM * move, SHORTEST * self._longest))
@@ -73,12 +68,7 @@ class ContactCandidates:
                              broad_phase=ipctk.LBVH())
             self._reference, self._slack, self._move = self._place(start), 0.0, self._place(end) - self._place(start)
             self.searches += 1
-        return self._mine()
-
-    def _mine(self) -> ipctk.Candidates:
-        if self._share_of != self.searches:
-            self._share, self._share_of = share_of(self.pairs, ipctk.Candidates(), "candidates", self.comm), self.searches
-        return self._share
+        return self.pairs
 
     def _beside(self, start: np.ndarray, end: np.ndarray) -> np.ndarray:
         return np.asfortranarray(end + (start.mean(axis=0) - end.mean(axis=0))) if self.drifts else end
@@ -103,17 +93,3 @@ class ContactCandidates:
 
 def _largest(rows: np.ndarray) -> float:
     return float(np.sqrt(np.max(np.einsum("ij,ij->i", rows, rows), initial=0.0)))
-
-
-def share_of(pairs, empty, kind: str, comm: MPI.Comm):
-    """This rank's share of ipctk's sets of pairs, put into an empty set of the same type; on one rank the set itself.
-
-    `kind` is what ipctk calls the members: "candidates" or "collisions".
-    """
-    if comm.size == 1:
-        return pairs
-    for name in (f"{pair}_{kind}" for pair in ("vv", "ev", "ee", "fv")):
-        members = list(getattr(pairs, name))
-        bounds = np.linspace(0, len(members), comm.size + 1).astype(int)
-        setattr(empty, name, members[bounds[comm.rank] : bounds[comm.rank + 1]])
-    return empty

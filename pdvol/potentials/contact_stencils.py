@@ -10,7 +10,6 @@ from operator import attrgetter
 
 import ipctk
 import numpy as np
-from mpi4py import MPI
 
 from pdvol.potentials.hessian_blocks import HessianBlocks
 
@@ -28,12 +27,15 @@ class Stencils:
     weights : (k,), mollifiers included
     oblique : (k,) bool
         Whether the direction of contact is certain: not so between nearly parallel edges, which may touch elsewhere.
+    counted : (k,) bool
+        Whether this rank counts the pair where sums run over all ranks: others have it, too, if it has vertices of theirs.
     """
 
     vertices: np.ndarray
     coefficients: np.ndarray
     weights: np.ndarray
     oblique: np.ndarray
+    counted: np.ndarray
 
     def gaps(self, positions: np.ndarray) -> np.ndarray:
         """(k, d) vectors from one side to the other."""
@@ -74,17 +76,12 @@ class Stencils:
                     into.add_pairs(np.minimum(row, column), np.maximum(row, column), share * middle[used])
 
 
-def joined(parts: list[Stencils]) -> Stencils:
-    """Several ranks' pairs as one."""
-    return Stencils(*(np.concatenate([getattr(part, name) for part in parts]) for name in ("vertices", "coefficients", "weights", "oblique")))
-
-
-def normal_stencils(active: ipctk.NormalCollisions, edges: np.ndarray, faces: np.ndarray, positions: np.ndarray, comm: MPI.Comm) -> Stencils:
-    """This rank's share of the active pairs of a collision mesh at `positions` (n, d)."""
-    vv = _read(active.vv_collisions, comm, "vertex0_id", "vertex1_id", "weight")
-    ev = _read(active.ev_collisions, comm, "edge_id", "vertex_id", "weight")
-    fv = _read(active.fv_collisions, comm, "face_id", "vertex_id", "weight")
-    ee = _read(active.ee_collisions, comm, "edge0_id", "edge1_id", "weight", "eps_x", "dtype.value")
+def normal_stencils(active: ipctk.NormalCollisions, edges: np.ndarray, faces: np.ndarray, positions: np.ndarray) -> Stencils:
+    """The active pairs of a collision mesh at `positions` (n, d)."""
+    vv = _read(active.vv_collisions, "vertex0_id", "vertex1_id", "weight")
+    ev = _read(active.ev_collisions, "edge_id", "vertex_id", "weight")
+    fv = _read(active.fv_collisions, "face_id", "vertex_id", "weight")
+    ee = _read(active.ee_collisions, "edge0_id", "edge1_id", "weight", "eps_x", "dtype.value")
     first, second = zip(*(pairs[:, :2].astype(np.int64).T for pairs in (vv, ev, fv, ee)), strict=True)
     edge, face, one, other = edges[first[1]], faces[first[2]], edges[first[3]], edges[second[3]]
     corners = lambda primitives: positions[primitives].transpose(1, 0, 2)  # noqa: E731
@@ -95,13 +92,12 @@ def normal_stencils(active: ipctk.NormalCollisions, edges: np.ndarray, faces: np
     weights = np.concatenate([pairs[:, 2] for pairs in (vv, ev, fv, ee)])
     counted = np.ones(len(weights))
     counted[len(weights) - len(ee) :] = _mollifier(positions[one], positions[other], ee[:, 3])
-    return Stencils(vertices.astype(np.int64), coefficients, weights * counted, counted == 1.0)
+    return Stencils(vertices.astype(np.int64), coefficients, weights * counted, counted == 1.0, np.ones(len(weights), dtype=bool))
 
 
-def _read(pairs: list, comm: MPI.Comm, *names: str) -> np.ndarray:
-    """(k, names) attributes of this rank's share of ipctk's pairs, which it hands out one by one."""
-    mine = pairs[len(pairs) * comm.rank // comm.size : len(pairs) * (comm.rank + 1) // comm.size]
-    return np.array(list(map(attrgetter(*names), mine)), dtype=float).reshape(-1, len(names))
+def _read(pairs: list, *names: str) -> np.ndarray:
+    """(k, names) attributes of ipctk's pairs, which it hands out one by one."""
+    return np.array(list(map(attrgetter(*names), pairs)), dtype=float).reshape(-1, len(names))
 
 
 def _vertex_vertex(first, second):

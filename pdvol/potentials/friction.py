@@ -39,7 +39,7 @@ class SurfaceFriction(Term):
         mu = self.mu[stencils.sides(self.surface.parties)] if np.ndim(self.mu) else self.mu
         self._stencils = replace(stencils, weights=mu * pushes * np.where(stencils.oblique, stencils.weights, 0.0))  # [N]
         self._normals = gaps / np.maximum(distances, 1e-300)[:, None]
-        self._count = self.barrier.count(x)
+        self._count = len(stencils.weights)
 
     @property
     def rubs(self) -> bool:
@@ -52,17 +52,18 @@ class SurfaceFriction(Term):
         return u, np.linalg.norm(u, axis=1)
 
     def value(self, x: Positions) -> float:
-        if not self._count:
-            return 0.0
-        _, size = self._slip(x)
-        return self.space.comm.allreduce(float(self._stencils.weights @ smooth_friction.f0(size, self._eps)))
+        mine = 0.0
+        if self._count:
+            _, size = self._slip(x)
+            mine = float(np.where(self._stencils.counted, self._stencils.weights, 0.0) @ smooth_friction.f0(size, self._eps))
+        return self.space.comm.allreduce(mine)
 
     def gradient(self, x: Positions) -> np.ndarray:
         if not self._count:
             return np.zeros_like(x.owned)
         slip, size = self._slip(x)
         forces = (self._stencils.weights * smooth_friction.f1_over(size, self._eps))[:, None] * slip
-        return self.surface.rows_of_sum(self._stencils.gather(forces, len(self._start)))
+        return self.surface.rows_of(self._stencils.gather(forces, len(self._start)))
 
     def add_hessian(self, x: Positions, weight: float, into: HessianBlocks) -> None:
         if not self._count:
