@@ -99,6 +99,7 @@ def march_levels(writer, levels: Sequence[int], steps: int, progress=None) -> No
                     failed[level] = arguments[0]
                     for finer in [other for other in workers if other > level]:
                         workers.pop(finer).stop()
+                        writer.call("set_level_state", finer, "interrupted")
                 else:
                     getattr(writer, name)(*arguments, **details)
                     if arguments[0] == "write_state" and level in watches and isinstance(arguments[-1], dict):

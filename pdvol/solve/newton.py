@@ -32,10 +32,11 @@ from pdvol.solve.timing import Stopwatch
 ROUNDING = 1e-13  # a decrease below this share of the energy cannot be told from round-off: there the quadratic model is trusted
 CANCELLING = 2e-15  # the same for energies that are small differences of large terms: relative to those terms
 
-# Near the end steps are short, and the matrix of the one before is as good as a new one: directions are inexact anyway, and what slows
-# Newton down there is contact's curvature, which the Hessian leaves out.
-LAGGED = 20.0  # times the tolerance: steps shorter than this take the last matrix
+# Near the end steps are short, and the matrix of the one before is nearly as good as a new one. But what it says of how far the end is it
+# says with less right: a looser test showed on demos/ball_on_spike.py as a tolerance four times as wide.
+LAGGED = 5.0  # times the tolerance: steps shorter than this take the last matrix
 HALVED = 0.5  # for longer than once only while each is at most this share of the one before
+AGED = 0.25  # of the tolerance: what a step with an older matrix must be shorter than to be the last
 
 ATTEMPTS = 3  # times the iterations allowed per solve, over all of its mended restarts
 
@@ -237,7 +238,7 @@ class Newton:
             self._whole = self._whole and backtracks == 0
             self._choose_model(snes)
             settled = self._whole and self._whole_before and self.report.speed <= self._speed_before
-            if self.report.speed <= self.tolerance and (settled or self._at_rounding):
+            if self.report.speed <= (AGED if self._age else 1.0) * self.tolerance and (settled or self._at_rounding):
                 return reasons.CONVERGED_SNORM_RELATIVE
             if self._at_rounding and self.report.speed > 0.5 * self._speed_before:
                 self.report.reason = "ROUNDING"

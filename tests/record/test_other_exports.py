@@ -190,8 +190,8 @@ def test_usd_without_its_package(solid_run, tmp_path, monkeypatch):
 
 
 def _others(root, own) -> set:
-    """All files below a folder, without those of one's own."""
-    return {p for p in root.rglob("*") if "__pycache__" not in p.parts and own not in (p, *p.parents)}
+    """All files below a folder, without those of one's own and what compiling leaves."""
+    return {p for p in root.rglob("*") if not {"__pycache__", "compiled"} & set(p.parts) and own not in (p, *p.parents)}
 
 
 def test_names_lead_nowhere(resting, tmp_path):
