@@ -13,6 +13,8 @@ import numpy as np
 
 from pdvol.potentials.hessian_blocks import HessianBlocks
 
+# ipctk hands out the nearest parts of two edges as a pair of their own where they are not the insides, but for edges that are nearly parallel.
+INSIDE = ipctk.EdgeEdgeDistanceType.EA_EB.value
 PARALLEL = 1e-12  # of the product of two edges' squared lengths: as near to parallel as is divided by
 
 
@@ -65,15 +67,14 @@ class Stencils:
         middle : (k, d, d)
         blocks : (m,) global block index of the first m of the collision mesh's vertices; the others are obstacles'
         """
-        joined = self.coefficients != 0.0
-        for i in range(4):
-            for j in range(i, 4):
-                a, b = self.vertices[:, i], self.vertices[:, j]
-                used = joined[:, i] & joined[:, j] & (a < len(blocks)) & (b < len(blocks))
-                if used.any():
-                    row, column = blocks[a[used]], blocks[b[used]]
-                    share = (self.coefficients[used, i] * self.coefficients[used, j])[:, None, None]
-                    into.add_pairs(np.minimum(row, column), np.maximum(row, column), share * middle[used])
+        joined = (self.coefficients != 0.0) & (self.vertices < len(blocks))
+        rows = blocks[np.where(joined, self.vertices, 0)]
+        one, other = np.triu_indices(4)
+        pair, which = np.nonzero(joined[:, one] & joined[:, other])
+        one, other = one[which], other[which]
+        a, b = rows[pair, one], rows[pair, other]
+        shares = self.coefficients[pair, one] * self.coefficients[pair, other]
+        into.add_pairs(np.minimum(a, b), np.maximum(a, b), shares[:, None, None] * middle[pair])
 
 
 def normal_stencils(active: ipctk.NormalCollisions, edges: np.ndarray, faces: np.ndarray, positions: np.ndarray) -> Stencils:
@@ -81,17 +82,22 @@ def normal_stencils(active: ipctk.NormalCollisions, edges: np.ndarray, faces: np
     vv = _read(active.vv_collisions, "vertex0_id", "vertex1_id", "weight")
     ev = _read(active.ev_collisions, "edge_id", "vertex_id", "weight")
     fv = _read(active.fv_collisions, "face_id", "vertex_id", "weight")
-    ee = _read(active.ee_collisions, "edge0_id", "edge1_id", "weight", "eps_x", "dtype.value")
+    edge_edge = active.ee_collisions
+    ee = _read(edge_edge, "edge0_id", "edge1_id", "weight", "eps_x")
     first, second = zip(*(pairs[:, :2].astype(np.int64).T for pairs in (vv, ev, fv, ee)), strict=True)
     edge, face, one, other = edges[first[1]], faces[first[2]], edges[first[3]], edges[second[3]]
     corners = lambda primitives: positions[primitives].transpose(1, 0, 2)  # noqa: E731
-    s, t = _closest(*corners(one), *corners(other), ee[:, 4].astype(int)) if len(ee) else (np.zeros(0), np.zeros(0))
+    mollifiers = _mollifier(positions[one], positions[other], ee[:, 3])
+    kinds = np.full(len(ee), INSIDE)
+    for pair in np.flatnonzero(mollifiers < 1.0):
+        kinds[pair] = edge_edge[pair].dtype.value
+    s, t = _closest(*corners(one), *corners(other), kinds) if len(ee) else (np.zeros(0), np.zeros(0))
     parts = [_vertex_vertex(first[0], second[0]), _edge_vertex(edge, second[1], _along(positions[second[1]], *corners(edge))),
              _face_vertex(face, second[2], _inside(positions[second[2]], positions[face])), _edge_edge(one, other, s, t)]
     vertices, coefficients = (np.concatenate([part[i] for part in parts]) for i in range(2))
     weights = np.concatenate([pairs[:, 2] for pairs in (vv, ev, fv, ee)])
     counted = np.ones(len(weights))
-    counted[len(weights) - len(ee) :] = _mollifier(positions[one], positions[other], ee[:, 3])
+    counted[len(weights) - len(ee) :] = mollifiers
     return Stencils(vertices.astype(np.int64), coefficients, weights * counted, counted == 1.0, np.ones(len(weights), dtype=bool))
 
 
