@@ -155,7 +155,7 @@ class Newton:
         if x is self._base:
             return self._energy(x)
         self._trials += 1
-        return self._energy(self._base) + 0.5 * self._slope if self._at_rounding else self._energy(x)
+        return self._base_energy + 0.5 * self._slope if self._at_rounding else self._energy(x)
 
     def _function(self, snes, vector, residual) -> None:
         gradient = self.potential.gradient(self._positions(vector))
@@ -199,7 +199,8 @@ class Newton:
         self._speed_before, self._whole_before = self.report.speed, self._whole
         self.report.speed = self._largest(direction) / self.potential.dt
         slope = self.space.comm.allreduce(float(np.vdot(self._gradient, direction)))
-        self._slope, self._at_rounding = slope, abs(slope) <= max(ROUNDING * abs(self._energy(x)), CANCELLING * self.potential.scale)
+        self._base_energy = self._energy(x)
+        self._slope, self._at_rounding = slope, abs(slope) <= max(ROUNDING * abs(self._base_energy), CANCELLING * self.potential.scale)
         cap = self.potential.max_step(x, direction)
         self.report.step_cap = min(self.report.step_cap, cap)
         self._last_cap = cap
@@ -251,7 +252,7 @@ class Newton:
             return
         x = self._positions(snes.getSolution())
         promised = promised_decrease(self._slope, x.owned - self._base.owned, self._direction, self.space.comm.allreduce)
-        self._model.took(promised, self._energy(x) - self._energy(self._base), self._whole, self._last_cap, self.linear.notices_indefinite)
+        self._model.took(promised, self._energy(x) - self._base_energy, self._whole, self._last_cap, self.linear.notices_indefinite)
 
     # ---- what callers use ----------------------------------------------------------------------------------------------------
 
@@ -338,7 +339,7 @@ class Newton:
         return found
 
     def _start(self, x: Positions) -> None:
-        self._recent, self._energies, self._base = [x], [], None
+        self._recent, self._energies, self._base, self._base_energy = [x], [], None, 0.0
         self._model, self._age = ModelChoice(), None
         self._trials = self._trials_before = 0
         self._slope, self._at_rounding, self._whole, self._whole_before, self._speed_before = 0.0, False, True, True, np.inf

@@ -83,9 +83,8 @@ class SystemMatrix:
     def _fit(self, keys: np.ndarray) -> bool:
         """Makes a new matrix where the present one lacks one of the pairs on some rank."""
         base = self._pattern.keys
-        place = np.minimum(np.searchsorted(base, keys), len(base) - 1)
-        needed = keys[base[place] != keys]
-        fits = self._extra is not None and np.isin(needed, self._extra, assume_unique=True).all()
+        needed = keys[~_among(keys, base)]
+        fits = self._extra is not None and _among(needed, self._extra).all()
         fits = self.space.comm.allreduce(bool(fits), op=MPI.LAND)
         if not fits:
             self._extra = np.union1d(needed, self._recent)
@@ -98,3 +97,9 @@ class SystemMatrix:
             self._blocked.setOption(PETSc.Mat.Option.SPD, True)
         self._recent = needed
         return not fits
+
+
+def _among(keys: np.ndarray, known: np.ndarray) -> np.ndarray:
+    """Which of the keys (k,) are among the known ones, which ascend."""
+    place = np.searchsorted(known, keys)
+    return np.append(known, -1)[place] == keys
