@@ -2,6 +2,7 @@
 
 | rung | what | after |
 |---|---|---|
+| jumps | over a jump of the energy, which ends the way down on this side of it | a line search found no way down, and that is why |
 | clamp | the Hessian filtered again, and for longer | an unfiltered one turned out indefinite |
 | abs | the strongest filter: eigenvalues by size, contacts without short cuts | a line search found no way down |
 | shift | a stronger diagonal for the incomplete factor | it was not positive definite |
@@ -15,7 +16,7 @@ After the last one comes `ConvergenceError`, which names level, step and reason;
 run at once: no rung mends it. `substeps` counts the parts into which a scripted motion was cut because contact stood in its way.
 """
 
-RUNGS = ("clamp", "abs", "shift", "direct", "workspace", "held_back", "halvings", "last_resort", "substeps")
+RUNGS = ("jumps", "clamp", "abs", "shift", "direct", "workspace", "held_back", "halvings", "last_resort", "substeps")
 
 
 def no_rungs() -> dict[str, int]:

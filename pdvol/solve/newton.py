@@ -38,6 +38,13 @@ LAGGED = 5.0  # times the tolerance: steps shorter than this take the last matri
 HALVED = 0.5  # for longer than once only while each is at most this share of the one before
 AGED = 0.25  # of the tolerance: what a step with an older matrix must be shorter than to be the last
 
+# ipctk's convergent energy jumps where edges that are nearly parallel change their nearest parts: down to the least step a line search
+# then finds only more of it, however good the direction.
+JUMPS = 20  # that one solve steps over
+HAIR, FINER = 1e-6, 1e-8  # of a step: what the energy rises by over both, within
+SAME = 0.1  # of it, is a jump
+BEYOND = (1.0, 0.3, 0.1, 1e-2, 1e-3)  # of the step: where it may be stepped over to
+
 ATTEMPTS = 3  # times the iterations allowed per solve, over all of its mended restarts
 
 _REASONS = {value: name for name, value in vars(PETSc.SNES.ConvergedReason).items() if isinstance(value, int)}
@@ -282,12 +289,28 @@ class Newton:
             reason = self.snes.getConvergedReason()
             self.report.iterations += self.snes.getIterationNumber()
             self.report.linear_iterations += self.snes.getLinearSolveIterations()
-            if not self._mend(reason):
+            over = self._over_jump(reason)
+            if over is not None:
+                x = over
+            elif not self._mend(reason):
                 break
         self.report.converged = reason > 0
         self.report.reason = self.report.reason or _REASONS.get(reason, str(reason))
         self.report.gradient_norm = self.space.comm.allreduce(float(np.abs(self._gradient).max(initial=0.0)), op=MPI.MAX)
         return x, self.report
+
+    def _over_jump(self, reason: int) -> Positions | None:
+        """After a line search failed because the energy jumps right ahead: the best state on the other side."""
+        rungs, base = self.report.rungs, self._base
+        if reason != PETSc.SNES.ConvergedReason.DIVERGED_LINE_SEARCH or rungs["jumps"] == JUMPS or self.report.iterations > self._allowed:
+            return None
+        ahead = lambda share: base.moved(share * self._last_cap, self._direction)  # noqa: E731
+        far, near = (self.potential.value(ahead(share)) - self._base_energy for share in (HAIR, FINER))
+        if not (near > HAIR * abs(self._slope) and abs(far - near) <= SAME * near):
+            return None
+        rungs["jumps"] += 1
+        self._age = None
+        return min(map(ahead, BEYOND), key=self.potential.value)
 
     def _mend(self, reason: int) -> bool:
         """After SNES stopped for `reason`: whether something was changed that makes it worth going on from where it is."""
