@@ -20,9 +20,9 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
 import verify_run
 
 from pdvol import PdvolError, open_run, run_scene
-from pdvol.measuring import measure
+from pdvol.commands.measuring import measure
 from pdvol.record.files import write_json
-from pdvol.shot import load_shot
+from pdvol.runs.shot import load_shot
 
 HEAD = ["method", "interpolant", "continuity n mean (median)", "continuity error [kg m²]", "consistency [kg m²]", "distance from P x_c [m]",
         "jitter [J]", "states with intersections (pairs)", "largest change of volume", "smallest det F", "facets turned [deg]", "s"]

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pdvol
 from pdvol.errors import ConvergenceError, InputError
-from pdvol.shot import load_shot
+from pdvol.runs.shot import load_shot
 from run_one import peak_memory
 
 

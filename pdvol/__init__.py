@@ -21,7 +21,7 @@ _HOMES = {
                     "Sequential", "Solver", "StVenantKirchhoff", "Still", "Support", "Translation"),
     "pdvol.meshes": ("Outline", "Solid", "Surface"),
     "pdvol.record.reader": ("open_run",),
-    "pdvol.runner": ("run_scene", "refine_run"),
+    "pdvol.runs.runner": ("run_scene", "refine_run"),
     "pdvol.cli": ("main",),
 }
 _HOME = {name: module for module, names in _HOMES.items() for name in names}

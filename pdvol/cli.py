@@ -78,7 +78,7 @@ def _abort_other_ranks() -> None:
 
 
 def _run(options) -> None:
-    from pdvol.runner import run_scene
+    from pdvol.runs.runner import run_scene
 
     shot = _shot(options)
     first, last = _levels(options.levels)
@@ -88,7 +88,7 @@ def _run(options) -> None:
 
 
 def _preview(options) -> None:
-    from pdvol.runner import run_scene
+    from pdvol.runs.runner import run_scene
 
     shot = _shot(options)
     out = options.out or Path("runs") / f"{shot.name}_preview"
@@ -97,19 +97,19 @@ def _preview(options) -> None:
 
 
 def _refine(options) -> None:
-    from pdvol.runner import refine_run
+    from pdvol.runs.runner import refine_run
 
     refine_run(options.run, options.to, progress=_progress(), wavefront=options.wavefront)
     _finish(options.run)
 
 
 def _check(options) -> int:
-    from pdvol import preflight
+    from pdvol.commands import preflight
 
     if options.measure < 0:
         raise InputError(f"--measure: {options.measure:g} seconds are too few; 0 measures nothing")
     if len(options.files) == 1 and options.files[0].suffix == ".py":
-        from pdvol.shot import load_shot, parse_settings
+        from pdvol.runs.shot import load_shot, parse_settings
 
         shot = load_shot(options.files[0], parse_settings(options.set))
         result = preflight.check_scene(shot.scene, options.measure, options.out)
@@ -126,17 +126,17 @@ def _check(options) -> int:
 
 
 def _hierarchy(options) -> None:
-    from pdvol.inspection import write_hierarchy
+    from pdvol.commands.inspection import write_hierarchy
 
     targets = tuple(_whole("--levels", word) for word in options.levels.split(","))
     print("\n".join(write_hierarchy(options.mesh, targets, options.out, options.prolongation)))
 
 
 def _info(options) -> None:
-    from pdvol.inspection import describe_run, describe_shot
+    from pdvol.commands.inspection import describe_run, describe_shot
 
     if options.what.suffix == ".py":
-        from pdvol.shot import load_shot, parse_settings
+        from pdvol.runs.shot import load_shot, parse_settings
 
         print("\n".join(describe_shot(load_shot(options.what, parse_settings(options.set)))))
     else:
@@ -144,8 +144,8 @@ def _info(options) -> None:
 
 
 def _metrics(options) -> None:
-    from pdvol.inspection import describe_metrics
-    from pdvol.measuring import write_metrics
+    from pdvol.commands.inspection import describe_metrics
+    from pdvol.commands.measuring import write_metrics
 
     result = write_metrics(options.run, options.against, options.json)
     print("\n".join([*describe_metrics(result), f"{options.run}: metrics.json and metrics.png"]))
@@ -163,7 +163,7 @@ def _render(options) -> None:
 
 
 def _export(options) -> None:
-    from pdvol.exporting import export_run
+    from pdvol.commands.exporting import export_run
     from pdvol.record.reader import open_run
 
     first, last = _levels(options.levels)
@@ -177,7 +177,7 @@ def _export(options) -> None:
 
 
 def _shot(options):
-    from pdvol.shot import load_shot, parse_settings
+    from pdvol.runs.shot import load_shot, parse_settings
 
     return load_shot(options.scene, parse_settings(options.set), options.steps)
 
@@ -207,7 +207,7 @@ def _finish(out: Path) -> None:
     """A picture, where to find things, and what contact held back; by one rank."""
     if _rank() != 0:
         return
-    from pdvol.inspection import held_back
+    from pdvol.commands.inspection import held_back
     from pdvol.record.pictures import render
     from pdvol.record.reader import open_run
 

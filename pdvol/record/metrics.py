@@ -1,4 +1,4 @@
-"""Measures of stored motion (paper, appendix C, and three more). Arrays in, numbers out; forces come from elsewhere (`pdvol.measuring`).
+"""Measures of stored motion (paper, appendix C, and three more). Arrays in, numbers out; forces come from elsewhere (`pdvol.commands.measuring`).
 
 | measure | formula | unit |
 |---|---|---|

@@ -8,7 +8,7 @@ import pytest
 
 from pdvol import open_run
 from pdvol.cli import run
-from pdvol.measuring import measure
+from pdvol.commands.measuring import measure
 
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT / "benchmarks"))

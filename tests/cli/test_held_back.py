@@ -9,7 +9,7 @@ import pytest
 from cli_scenes import SQUARE, pdvol, write
 
 from pdvol import open_run
-from pdvol.fields import SceneFields, stored_scene
+from pdvol.runs.fields import SceneFields, stored_scene
 from pdvol.solve.ladder import RUNGS
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))

@@ -193,9 +193,9 @@ def test_names_that_would_be_paths(tmp_path):
     program = """
 from pathlib import Path
 from pdvol import cli
-from pdvol.exporting import export_run
-from pdvol.runner import run_scene
-from pdvol.shot import load_shot
+from pdvol.commands.exporting import export_run
+from pdvol.runs.runner import run_scene
+from pdvol.runs.shot import load_shot
 for number in range(%d):
     assert cli.run(["info", f"fall{number}.py"]) == 0
     run_scene(load_shot(f"fall{number}.py", steps=1), f"run/{number}", 0, 0)

@@ -20,8 +20,8 @@ PROGRAM = [sys.executable, "-c", "import pdvol; pdvol.main()"]
 RUN = """
 import sys
 from pathlib import Path
-from pdvol.runner import run_scene
-from pdvol.shot import load_shot
+from pdvol.runs.runner import run_scene
+from pdvol.runs.shot import load_shot
 print("ready", flush=True)
 run_scene(load_shot("clutter.py"), sys.argv[1], resume=True)
 """
@@ -191,7 +191,7 @@ def test_files_that_may_not_grow(tmp_path, limit):
     # The same without a mount: RLIMIT_FSIZE stops a state, or the log, in the middle of a write.
     write(tmp_path / "fall.py", FALL)
     assert pdvol("run", tmp_path / "fall.py", "--set", "sizes=(2, 8)", "--out", tmp_path / "whole") == 0  # compiles what there is to compile
-    program = f"import resource, pdvol, pdvol.runner; resource.setrlimit(resource.RLIMIT_FSIZE, ({limit}, {limit})); pdvol.main()"
+    program = f"import resource, pdvol, pdvol.runs.runner; resource.setrlimit(resource.RLIMIT_FSIZE, ({limit}, {limit})); pdvol.main()"
     words = ["run", "fall.py", "--set", "sizes=(2, 8)", "--out", "run"]
     ended = subprocess.run([sys.executable, "-c", program, *words], cwd=tmp_path, capture_output=True, text=True, timeout=100)
     assert ended.returncode == 1 and "Traceback" not in ended.stderr

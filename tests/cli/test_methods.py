@@ -9,8 +9,8 @@ import pytest
 from cli_scenes import FALL, pdvol, write
 
 from pdvol import cli, open_run
-from pdvol.measuring import measure
-from pdvol.runner import METHODS
+from pdvol.commands.measuring import measure
+from pdvol.runs.runner import METHODS
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 import verify_run

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from cli_scenes import CUBE_OFF, FALL, SQUARE, pdvol, write
 
-from pdvol import preflight
+from pdvol.commands import preflight
 from pdvol.hierarchy.build import build_levels
 from pdvol.hierarchy.level_mesh import LevelMesh
-from pdvol.runner import run_scene
-from pdvol.shot import load_shot
+from pdvol.runs.runner import run_scene
+from pdvol.runs.shot import load_shot
 
 TWO = SQUARE + '''
 

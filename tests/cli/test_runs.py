@@ -14,8 +14,8 @@ from cli_scenes import CUBE_OFF, FALL, pdvol, write
 from pdvol import cli, open_run
 from pdvol.errors import InputError
 from pdvol.hierarchy.interpolants import INTERPOLANTS
-from pdvol.runner import run_scene
-from pdvol.shot import load_shot
+from pdvol.runs.runner import run_scene
+from pdvol.runs.shot import load_shot
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 import verify_run

@@ -8,7 +8,7 @@ import pytest
 
 import pdvol
 import verify_run
-from pdvol.shot import load_shot
+from pdvol.runs.shot import load_shot
 
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT / "benchmarks"))

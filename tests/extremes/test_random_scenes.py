@@ -11,7 +11,7 @@ import pdvol
 import verify_run
 from pdvol import Barrier, Body, Friction, Gravity, NeoHookean, Placement, Plane, Relative, Rigid, Rotation, Scene, Solver, Support, Translation
 from pdvol.meshes import ball, box, brick
-from pdvol.shot import Shot
+from pdvol.runs.shot import Shot
 
 numbers = st.floats(-1.0, 1.0)
 vectors = st.tuples(numbers, numbers, numbers)

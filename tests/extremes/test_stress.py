@@ -12,8 +12,8 @@ import pdvol
 import verify_run
 from pdvol.hierarchy.build import build_levels, read_obstacle
 from pdvol.hierarchy.start_check import check_start
+from pdvol.runs.shot import load_shot
 from pdvol.scene import Rigid
-from pdvol.shot import load_shot
 
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT / "benchmarks"))

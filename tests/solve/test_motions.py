@@ -213,7 +213,7 @@ def test_what_was_held_back_is_caught_up_with():
 
 def test_a_scene_with_a_path_and_a_release_can_be_described():
     """What `run.json` keeps of it tells two scripts apart."""
-    from pdvol.describe import describe, differences
+    from pdvol.runs.describe import describe, differences
 
     def scene(end, release):
         support = Support(left, motion=Sequential((Path((0.0, 1.0), ((0.0, 0.0), (end, 0.0))), Rotation(1.0, (0.0, 0.0)))), release=release)

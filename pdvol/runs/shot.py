@@ -8,8 +8,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from pdvol.describe import describe
 from pdvol.errors import InputError, PdvolError
+from pdvol.runs.describe import describe
 from pdvol.scene import Relative, Scene
 from pdvol.scene.scene import SETTINGS
 

@@ -4,12 +4,12 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from pdvol.errors import InputError
-from pdvol.fields import SceneFields, stored_scene
 from pdvol.record.reader import Run, open_run
 from pdvol.record.series import Fields, nothing_more
 from pdvol.record.surfaces import write_obj, write_usd
 from pdvol.record.vtkhdf import write_vtkhdf
 from pdvol.record.xdmf import write_xdmf
+from pdvol.runs.fields import SceneFields, stored_scene
 
 FORMATS = ("xdmf", "vtkhdf", "obj", "usd")
 

@@ -9,12 +9,12 @@ import numpy as np
 from mpi4py import MPI
 
 from pdvol.errors import SimulationError
-from pdvol.fields import SceneFields
 from pdvol.parallel import on_root
 from pdvol.record.reader import open_run
 from pdvol.record.series import nothing_more
 from pdvol.record.store import RunWriter
 from pdvol.record.xdmf import write_xdmf
+from pdvol.runs.fields import SceneFields
 from pdvol.scene import Scene
 
 PAUSE, SHARE = 20.0, 0.05  # at least so many seconds between exports of a level that goes on, and at most this share of the time

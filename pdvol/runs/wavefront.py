@@ -20,10 +20,10 @@ from pdvol.errors import PdvolError, SimulationError
 from pdvol.hierarchy.build import read_obstacle
 from pdvol.hierarchy.child import die_with_parent, without_launcher
 from pdvol.hierarchy.hierarchy import Hierarchy
-from pdvol.level_run import run_level
 from pdvol.record.reader import Run, open_run
+from pdvol.runs.level_run import run_level
+from pdvol.runs.shot import load_shot, stored_settings
 from pdvol.scene import Rigid
-from pdvol.shot import load_shot, stored_settings
 
 POLL = 0.005  # seconds between looks for a coarser state
 ENDING = 10.0  # seconds that a worker gets to end in

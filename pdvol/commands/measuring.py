@@ -9,7 +9,6 @@ from mpi4py import MPI
 
 from pdvol.animate.march import guide
 from pdvol.errors import InputError
-from pdvol.fields import stiffen, stored_scene, stored_stiffness
 from pdvol.hierarchy.cell_materials import level_materials
 from pdvol.hierarchy.hierarchy import Hierarchy
 from pdvol.hierarchy.scene_fields import supported_points
@@ -20,6 +19,7 @@ from pdvol.record import metrics
 from pdvol.record.files import write_json
 from pdvol.record.plots import plot_metrics
 from pdvol.record.reader import Run, RunLevel, open_run
+from pdvol.runs.fields import stiffen, stored_scene, stored_stiffness
 from pdvol.scene import Friction, Scene
 
 PREDICTED = {"direct": "own", "tracks": "own", "progressive": "coarse", "embedded": "none"}  # whose velocity x_hat of levels above 0 takes

@@ -6,7 +6,6 @@ from pathlib import Path
 import numpy as np
 from mpi4py import MPI
 
-from pdvol.describe import differences
 from pdvol.errors import InputError
 from pdvol.hierarchy.build import read_obstacle
 from pdvol.hierarchy.cell_materials import level_materials
@@ -19,8 +18,9 @@ from pdvol.potentials.stress import CauchyStress, von_mises
 from pdvol.record.folder import require_scene
 from pdvol.record.reader import Run, RunLevel
 from pdvol.record.series import StepFields
+from pdvol.runs.describe import differences
+from pdvol.runs.shot import load_shot, stored_settings
 from pdvol.scene import Rigid, Scene
-from pdvol.shot import load_shot, stored_settings
 
 
 class SceneFields:

@@ -16,6 +16,7 @@ import numpy as np
 from mpi4py import MPI
 
 from pdvol.animate.march import Start, direct
+from pdvol.commands.inspection import modelled
 from pdvol.errors import InputError, IntersectionError, SimulationError
 from pdvol.hierarchy.build import build_levels, read_obstacle
 from pdvol.hierarchy.cell_materials import cell_materials
@@ -27,7 +28,6 @@ from pdvol.hierarchy.separate import build_apart
 from pdvol.hierarchy.start_check import Defect, find_defects, smallest_gap
 from pdvol.hierarchy.tetrahedralise import mean_ratio
 from pdvol.hierarchy.validate import check_outline, check_solid, check_surface
-from pdvol.inspection import modelled
 from pdvol.meshes import Outline, Solid
 from pdvol.record.files import write_json
 from pdvol.record.vtu import write_primitives, write_vtu

@@ -18,10 +18,10 @@ from pdvol.record.bindings import draw_binding
 from pdvol.record.folder import require_scene
 from pdvol.record.reader import Run, open_run
 from pdvol.record.vtu import write_vtu
+from pdvol.runs.shot import Shot
 from pdvol.scene import (
     Barrier, Body, Flow, Friction, Gravity, Impulse, Load, Material, NeoHookean, Plane, PointForce, Scene, Sequential, Still, metres,
 )
-from pdvol.shot import Shot
 
 
 def modelled(scene: Scene) -> list[str]:

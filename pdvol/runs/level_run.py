@@ -12,8 +12,8 @@ from pdvol.hierarchy.cell_materials import level_materials
 from pdvol.hierarchy.hierarchy import Hierarchy
 from pdvol.hierarchy.scene_fields import initial_velocity
 from pdvol.hierarchy.start_check import count_intersections
-from pdvol.obstacle_places import moving_places
 from pdvol.record.progress import Progress
+from pdvol.runs.obstacle_places import moving_places
 from pdvol.scene import Scene
 from pdvol.solve.level_problem import LevelProblem, StepReport
 

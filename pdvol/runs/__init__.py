@@ -1,0 +1,1 @@
+"""Runs: a shot, its levels and its run folder, brought together from all stages."""
