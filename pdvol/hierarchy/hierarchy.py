@@ -6,6 +6,7 @@ import numpy as np
 from mpi4py import MPI
 from scipy.sparse import csr_array
 
+from pdvol.errors import InputError
 from pdvol.hierarchy.binding import Binding, bind, home_cells
 from pdvol.hierarchy.interpolants import INTERPOLANTS
 from pdvol.hierarchy.level_mesh import LevelMesh
@@ -31,15 +32,15 @@ class Hierarchy(Sequence):
 
     Raises
     ------
-    ValueError
-        No level, or an unknown interpolant; on all ranks, before any communication.
+    ValueError, InputError
+        No level; an unknown interpolant. On all ranks, before any communication.
     """
 
     def __init__(self, level_meshes: Sequence[LevelMesh], comm: MPI.Comm, interpolant: str = "barycentric"):
         if len(level_meshes) == 0:
             raise ValueError("a hierarchy needs at least one level")
         if interpolant not in INTERPOLANTS:
-            raise ValueError(f"unknown interpolant {interpolant!r}; choose one of {', '.join(INTERPOLANTS)}")
+            raise InputError(f"unknown interpolant {interpolant!r}; choose one of {', '.join(INTERPOLANTS)}")
         self.comm, self.interpolant = comm, interpolant
         self._spaces = tuple(LevelSpace(mesh, comm) for mesh in level_meshes)
         self._bindings: dict[int, Binding] = {}

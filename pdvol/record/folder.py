@@ -64,6 +64,8 @@ def _check_info(file: Path, info: dict) -> None:
             raise InputError(f"{file}: level {number} lacks its vertices, cells or state; put back the file as pdvol wrote it")
     if not all(isinstance(name, str) for name in info.get("bodies", [])) or not 0 <= info.get("steps", 0) < 2**31:
         raise InputError(f"{file}: bodies or steps are not what pdvol wrote; put back the file")
+    if not 0.0 < info.get("diagonal", 1.0) < math.inf:
+        raise InputError(f"{file}: diagonal is no length; put back the file as pdvol wrote it")
     up = info.get("up", [0.0, 0.0, 1.0])
     if len(up) not in (2, 3) or not all(isinstance(c, (int, float)) for c in up):
         raise InputError(f"{file}: up is no vector")

@@ -265,7 +265,8 @@ def damaged_info(key, value):
     return damage
 
 
-@pytest.mark.parametrize("key", ["dt", "levels", "steps", "bodies", "scene_file", "description", "parameters", "diagonal", "method", "up", "format"])
+@pytest.mark.parametrize("key", ["dt", "levels", "steps", "bodies", "scene_file", "description", "parameters", "diagonal", "method",
+                                 "prolongation", "up", "format"])
 def test_run_json_with_wrong_values(inspect_, key):
     rng = random.Random(key)
     for value in rng.sample(WRONG, 3):
