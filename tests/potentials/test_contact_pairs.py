@@ -10,6 +10,7 @@ from pdvol.potentials import barrier_law
 from pdvol.potentials.barrier import SurfaceBarrier
 from pdvol.potentials.collision_surface import CollisionSurface, Obstacle
 from pdvol.potentials.friction import SurfaceFriction
+from pdvol.potentials.hessian_blocks import _sorted
 from pdvol.potentials.potential import Positions
 from pdvol.scene import Still
 from problems import polyline, tetrahedron
@@ -74,6 +75,8 @@ def test_stencils_know_the_distances(d):
     barrier = SurfaceBarrier(surface, DHAT, KAPPA)
     active, vertices = barrier.collisions(Positions(space, space.from_input(space.mesh.points)))
     stencils = surface.stencils(active, vertices)
+    ends = [c for c in active.ee_collisions if c.dtype != ipctk.EdgeEdgeDistanceType.EA_EB]
+    assert d == 2 or len(ends) > 3, "edges that are nearly parallel and touch with their ends"
     pairs = [*active.vv_collisions, *active.ev_collisions, *active.fv_collisions, *active.ee_collisions]
     squared = [c.compute_distance(c.dof(vertices, surface.mesh.edges, surface.mesh.faces)) for c in pairs]
     assert len(pairs) > 3
@@ -141,3 +144,11 @@ def test_certified_collision_detection_stops_there_too():
     assert 0.0 < steps[0] < 0.05
     np.testing.assert_allclose(steps[1], steps[0], rtol=0.2)
     assert not ipctk.has_intersections(certified.mesh, np.asfortranarray(start + steps[1] * (end - start)))
+
+
+@pytest.mark.parametrize("largest", [10**6, 2**62])
+def test_keys_are_sorted_stably_also_where_they_leave_no_room_for_places(largest):
+    keys = np.random.default_rng(1).integers(0, 20, 1000) * (largest // 20)
+    values, order = _sorted(keys)
+    np.testing.assert_array_equal(order, np.argsort(keys, kind="stable"))
+    np.testing.assert_array_equal(values, keys[order])
