@@ -2,7 +2,7 @@
 
 | rung | what | after |
 |---|---|---|
-| jumps | over a jump of the energy, which ends the way down on this side of it | a line search found no way down, and that is why |
+| jumps | over a jump of the energy: what comes behind it is compared with its upper end | line searches ended, or crept, right before it |
 | clamp | the Hessian filtered again, and for longer | an unfiltered one turned out indefinite |
 | abs | the strongest filter: eigenvalues by size, contacts without short cuts | a line search found no way down |
 | shift | a stronger diagonal for the incomplete factor | it was not positive definite |

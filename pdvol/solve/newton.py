@@ -38,12 +38,12 @@ LAGGED = 5.0  # times the tolerance: steps shorter than this take the last matri
 HALVED = 0.5  # for longer than once only while each is at most this share of the one before
 AGED = 0.25  # of the tolerance: what a step with an older matrix must be shorter than to be the last
 
-# ipctk's convergent energy jumps where edges that are nearly parallel change their nearest parts: down to the least step a line search
-# then finds only more of it, however good the direction.
+# ipctk's convergent energy jumps where edges that are nearly parallel change their nearest parts. A line search creeps up to a jump and ends there.
+WARY = 1  # backtracks, after which a jump is looked for in the way of the next step
+HAIR, STEEP = 1e-6, 1e3  # of the step: so many times what the slope changes the energy by over so little is a jump
+NEAR, KEPT = 0.1, 2.0  # of the step: so is what it is higher by here, if from here on it falls as the step promised, or so many times that
+ROOM = 1.01  # times the jump: what the line search may then go up by
 JUMPS = 20  # that one solve steps over
-HAIR, FINER = 1e-6, 1e-8  # of a step: what the energy rises by over both, within
-SAME = 0.1  # of it, is a jump
-BEYOND = (1.0, 0.3, 0.1, 1e-2, 1e-3)  # of the step: where it may be stepped over to
 
 ATTEMPTS = 3  # times the iterations allowed per solve, over all of its mended restarts
 
@@ -162,7 +162,7 @@ class Newton:
         if x is self._base:
             return self._energy(x)
         self._trials += 1
-        return self._base_energy + 0.5 * self._slope if self._at_rounding else self._energy(x)
+        return self._base_energy + 0.5 * self._slope if self._at_rounding else self._energy(x) - self._jump
 
     def _function(self, snes, vector, residual) -> None:
         gradient = self.potential.gradient(self._positions(vector))
@@ -212,8 +212,23 @@ class Newton:
         self.report.step_cap = min(self.report.step_cap, cap)
         self._last_cap = cap
         self._base, self._trials_before, self._whole, self._direction = x, self._trials, cap == 1.0, direction.copy()
+        self._jump = self._jump_ahead() if self._wary and not self._at_rounding else 0.0
+        self.report.rungs["jumps"] += self._jump > 0.0
         if cap < 1.0:
             step.scale(cap)
+
+    def _jump_ahead(self) -> float:
+        """What the energy jumps up by at the beginning of the step, and a little more; zero where it does not."""
+        if self._base is None or self.report.rungs["jumps"] == JUMPS:
+            return 0.0
+        rise = lambda share: self.potential.value(self._base.moved(share * self._last_cap, self._direction)) - self._base_energy  # noqa: E731
+        least = ROUNDING * abs(self._base_energy)
+        jump = rise(HAIR)
+        if jump <= max(least, STEEP * HAIR * self._last_cap * abs(self._slope)):
+            jump = rise(NEAR)
+            if jump <= least or not 0.0 < jump - rise(1.0) <= KEPT * self._last_cap * abs(self._slope):
+                return 0.0
+        return ROOM * jump
 
     def _solve_again(self, x: Positions, step: PETSc.Vec) -> None:
         """The same step by the model as it is chosen now."""
@@ -243,7 +258,7 @@ class Newton:
         if iteration > 0:
             backtracks = max(0, self._trials - self._trials_before - 1)
             self.report.backtracks += backtracks
-            self._whole = self._whole and backtracks == 0
+            self._whole, self._wary = self._whole and backtracks == 0, backtracks >= WARY
             self._choose_model(snes)
             settled = self._whole and self._whole_before and self.report.speed <= self._speed_before
             if self.report.speed <= (AGED if self._age else 1.0) * self.tolerance and (settled or self._at_rounding):
@@ -259,7 +274,7 @@ class Newton:
             return
         x = self._positions(snes.getSolution())
         promised = promised_decrease(self._slope, x.owned - self._base.owned, self._direction, self.space.comm.allreduce)
-        self._model.took(promised, self._energy(x) - self._base_energy, self._whole, self._last_cap, self.linear.notices_indefinite)
+        self._model.took(promised, self._energy(x) - self._jump - self._base_energy, self._whole, self._last_cap, self.linear.notices_indefinite)
 
     # ---- what callers use ----------------------------------------------------------------------------------------------------
 
@@ -289,28 +304,12 @@ class Newton:
             reason = self.snes.getConvergedReason()
             self.report.iterations += self.snes.getIterationNumber()
             self.report.linear_iterations += self.snes.getLinearSolveIterations()
-            over = self._over_jump(reason)
-            if over is not None:
-                x = over
-            elif not self._mend(reason):
+            if not self._mend(reason):
                 break
         self.report.converged = reason > 0
         self.report.reason = self.report.reason or _REASONS.get(reason, str(reason))
         self.report.gradient_norm = self.space.comm.allreduce(float(np.abs(self._gradient).max(initial=0.0)), op=MPI.MAX)
         return x, self.report
-
-    def _over_jump(self, reason: int) -> Positions | None:
-        """After a line search failed because the energy jumps right ahead: the best state on the other side."""
-        rungs, base = self.report.rungs, self._base
-        if reason != PETSc.SNES.ConvergedReason.DIVERGED_LINE_SEARCH or rungs["jumps"] == JUMPS or self.report.iterations > self._allowed:
-            return None
-        ahead = lambda share: base.moved(share * self._last_cap, self._direction)  # noqa: E731
-        far, near = (self.potential.value(ahead(share)) - self._base_energy for share in (HAIR, FINER))
-        if not (near > HAIR * abs(self._slope) and abs(far - near) <= SAME * near):
-            return None
-        rungs["jumps"] += 1
-        self._age = None
-        return min(map(ahead, BEYOND), key=self.potential.value)
 
     def _mend(self, reason: int) -> bool:
         """After SNES stopped for `reason`: whether something was changed that makes it worth going on from where it is."""
@@ -318,6 +317,9 @@ class Newton:
         if reason not in (reasons.DIVERGED_LINEAR_SOLVE, reasons.DIVERGED_LINE_SEARCH) or self.report.iterations > self._allowed:
             return False
         self._age, rung = None, ""
+        if reason == reasons.DIVERGED_LINE_SEARCH and not self._wary and self._jump_ahead() > 0.0:
+            self._wary = True
+            return True
         if self._model.was_indefinite():
             rung = "clamp"
         elif reason == reasons.DIVERGED_LINEAR_SOLVE:
@@ -366,5 +368,6 @@ class Newton:
         self._model, self._age = ModelChoice(), None
         self._trials = self._trials_before = 0
         self._slope, self._at_rounding, self._whole, self._whole_before, self._speed_before = 0.0, False, True, True, np.inf
+        self._jump, self._wary = 0.0, False
         self._gradient = np.zeros_like(x.owned)
         self.report = NewtonReport()
