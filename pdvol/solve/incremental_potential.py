@@ -118,6 +118,11 @@ class IncrementalPotential:
             raise SimulationError(f"the {self.terms[int(-largest) - 1].name} term's largest step is not a number")
         return largest
 
+    def min_gap(self, x: Positions) -> float:
+        """Smallest distance [m] that a contact term sees at x; inf where none sees any. Collective."""
+        with self.watch.part("contact"):
+            return min((term.min_gap(x) for term in self.contacts), default=np.inf)
+
     @property
     def scale(self) -> float:
         """Size [kg m^2] of the terms that cancel in the energy: what its round-off is relative to."""

@@ -137,7 +137,7 @@ class LevelProblem:
             report.positions = x.whole
             report.energy = self.potential.energies(x)
             report.contacts = sum(term.count(x) for term in self.potential.contacts)
-            gap = min((term.min_gap(x) for term in self.potential.contacts), default=np.inf)
+            gap = self.potential.min_gap(x)
             report.min_gap = gap if np.isfinite(gap) else None
             report.kappa = next((term.kappa for term in self.potential.contacts), None)
             if self.potential.frictions and report.friction_residual is None:

@@ -3,7 +3,7 @@
 SNES minimises: the potential is its objective (backtracking), the gradient its function, the filtered Hessian its Jacobian. The pre-check
 caps each step by what contact and inversion allow. Newton stops when its full step is nowhere faster than the tolerance [m/s]; that step
 is still taken. A short step deep inside a barrier says little (Newton on a logarithm doubles the gap, however far it has to go), so the
-step must also have been taken in full, follow one that was, and not be longer than it.
+step must also have been taken in full, follow one that was, not be longer than it, and not have opened the smallest gap by a fifth.
 """
 
 from collections.abc import Callable
@@ -44,6 +44,8 @@ HAIR, STEEP = 1e-6, 1e3  # of the step: so many times what the slope changes the
 NEAR, KEPT = 0.1, 2.0  # of the step: so is what it is higher by here, if from here on it falls as the step promised, or so many times that
 ROOM = 1.01  # times the jump: what the line search may then go up by
 JUMPS = 20  # that one solve steps over
+
+OPENING = 1.2  # times as large a smallest gap as before tells of a step on its way out of a barrier, where steps are short however far the end is
 
 ATTEMPTS = 3  # times the iterations allowed per solve, over all of its mended restarts
 
@@ -184,11 +186,14 @@ class Newton:
             self.linear.follow(self._system.parts)
 
     def _last_will_do(self) -> bool:
-        """Whether the last matrix serves for another step."""
-        if self._age is None or self._at_rounding or not self._whole:
+        """Whether the last matrix serves for another step.
+
+        Only where steps are short and do not lead out of a barrier: there those by new matrices grow, and by older ones shrink, as if the end
+        were near.
+        """
+        if self._age is None or self._at_rounding or not self._calm:
             return False
-        report = self.report
-        return report.speed <= LAGGED * self.tolerance and (self._age == 0 or report.speed <= HALVED * self._speed_before)
+        return self._age == 0 or self.report.speed <= HALVED * self._speed_before
 
     def _add_up(self, x: Positions) -> None:
         self._blocks.clear()
@@ -207,6 +212,8 @@ class Newton:
         self.report.speed = self._largest(direction) / self.potential.dt
         slope = self.space.comm.allreduce(float(np.vdot(self._gradient, direction)))
         self._base_energy = self._energy(x)
+        if self._is_short():
+            self._base_gap = self.potential.min_gap(x)
         self._slope, self._at_rounding = slope, abs(slope) <= max(ROUNDING * abs(self._base_energy), CANCELLING * self.potential.scale)
         cap = self.potential.max_step(x, direction)
         self.report.step_cap = min(self.report.step_cap, cap)
@@ -260,13 +267,21 @@ class Newton:
             self.report.backtracks += backtracks
             self._whole, self._wary = self._whole and backtracks == 0, backtracks >= WARY
             self._choose_model(snes)
-            settled = self._whole and self._whole_before and self.report.speed <= self._speed_before
+            self._calm = self._whole and self._is_short() and not self._opens(self._positions(snes.getSolution()))
+            settled = self._calm and self._whole_before and self.report.speed <= self._speed_before
             if self.report.speed <= (AGED if self._age else 1.0) * self.tolerance and (settled or self._at_rounding):
                 return reasons.CONVERGED_SNORM_RELATIVE
             if self._at_rounding and self.report.speed > 0.5 * self._speed_before:
                 self.report.reason = "ROUNDING"
                 return reasons.CONVERGED_SNORM_RELATIVE
         return reasons.ITERATING
+
+    def _is_short(self) -> bool:
+        return self.report.speed <= LAGGED * self.tolerance
+
+    def _opens(self, x: Positions) -> bool:
+        """Whether the step to x was one out of a barrier."""
+        return self.potential.min_gap(x) > OPENING * self._base_gap
 
     def _choose_model(self, snes) -> None:
         if self._at_rounding:
@@ -364,10 +379,10 @@ class Newton:
         return found
 
     def _start(self, x: Positions) -> None:
-        self._recent, self._energies, self._base, self._base_energy = [x], [], None, 0.0
+        self._recent, self._energies, self._base, self._base_energy, self._base_gap = [x], [], None, 0.0, np.inf
         self._model, self._age = ModelChoice(), None
         self._trials = self._trials_before = 0
         self._slope, self._at_rounding, self._whole, self._whole_before, self._speed_before = 0.0, False, True, True, np.inf
-        self._jump, self._wary = 0.0, False
+        self._jump, self._wary, self._calm = 0.0, False, False
         self._gradient = np.zeros_like(x.owned)
         self.report = NewtonReport()

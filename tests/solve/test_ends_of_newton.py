@@ -1,0 +1,24 @@
+"""Where Newton stops: not deep inside a barrier, where its steps are short however far the end is."""
+
+import numpy as np
+import pytest
+
+from pdvol.meshes import Outline
+from pdvol.scene import Barrier, Plane, Rigid, Solver
+from problems import block, make_problem, make_scene, polyline
+
+DHAT = 0.01
+
+
+@pytest.mark.parametrize("obstacle", ["plane", "surface"])
+@pytest.mark.parametrize("gap", [1e-4, 1e-7, 1e-10])
+def test_a_body_deep_inside_a_barrier_comes_out(obstacle, gap):
+    """A block at rest, a millionth and less of dhat away from what pushes it: the step ends where the forces balance, not where it began."""
+    corners = np.array([(-1.0, -0.5), (1.0, -0.5), (1.0, 0.0), (-1.0, 0.0)])
+    floor, geometry = (Plane((0.0, 0.0), (0.0, 1.0)), ()) if obstacle == "plane" else (Rigid(Outline(corners)), (polyline(corners),))
+    scene = make_scene(dt=0.01, obstacles=(floor,), contact=(Barrier(dhat=DHAT),), solver=Solver(tolerance=1e-3))
+    mesh = block((0.0, gap * DHAT), (0.4, 0.4 + gap * DHAT), 2)
+    problem = make_problem(scene, mesh, geometry)
+    report = problem.step(1, mesh.points, np.zeros_like(mesh.points))
+    assert report.min_gap > 0.05 * DHAT
+    assert report.gradient_norm < 1e-3 * 0.01 * problem.potential.mass.max()
