@@ -44,6 +44,7 @@ HAIR, STEEP = 1e-6, 1e3  # of the step: so many times what the slope changes the
 NEAR, KEPT = 0.1, 2.0  # of the step: so is what it is higher by here, if from here on it falls as the step promised, or so many times that
 ROOM = 1.01  # times the jump: what the line search may then go up by
 JUMPS = 20  # that one solve steps over
+BLOCKED = 3  # steps in a row that were backtracked though they were short enough to be the last: what lies ahead is a jump, not the end
 
 OPENING = 1.2  # times as large a smallest gap as before tells of a step on its way out of a barrier, where steps are short however far the end is
 
@@ -73,7 +74,8 @@ class NewtonReport:
     Attributes
     ----------
     converged : bool
-    reason : PETSc's name of why it stopped, or "ROUNDING" where the energy cannot fall any further in double precision
+    reason : PETSc's name of why it stopped; "ROUNDING" where the energy cannot fall any further in double precision, "BLOCKED" where jumps
+        of the energy keep back steps that are within the tolerance
     iterations, linear_iterations, backtracks : int
     hessians : matrices assembled; other iterations took the one before
     step_cap : smallest cap put on a step by contact or inversion
@@ -268,6 +270,9 @@ class Newton:
             self._whole, self._wary = self._whole and backtracks == 0, backtracks >= WARY
             self._choose_model(snes)
             self._calm = self._whole and self._is_short() and not self._opens(self._positions(snes.getSolution()))
+            if self._is_blocked(backtracks, self._positions(snes.getSolution())):
+                self.report.reason = "BLOCKED"
+                return reasons.CONVERGED_SNORM_RELATIVE
             settled = self._calm and self._whole_before and self.report.speed <= self._speed_before
             if self.report.speed <= (AGED if self._age else 1.0) * self.tolerance and (settled or self._at_rounding):
                 return reasons.CONVERGED_SNORM_RELATIVE
@@ -275,6 +280,12 @@ class Newton:
                 self.report.reason = "ROUNDING"
                 return reasons.CONVERGED_SNORM_RELATIVE
         return reasons.ITERATING
+
+    def _is_blocked(self, backtracks: int, x: Positions) -> bool:
+        """Whether jumps of the energy are all that keeps Newton from its last step."""
+        blocked = backtracks > 0 and self._last_cap == 1.0 and self.report.speed <= self.tolerance and not self._age and not self._opens(x)
+        self._blocked = self._blocked + 1 if blocked else 0
+        return self._blocked == BLOCKED
 
     def _is_short(self) -> bool:
         return self.report.speed <= LAGGED * self.tolerance
@@ -383,6 +394,6 @@ class Newton:
         self._model, self._age = ModelChoice(), None
         self._trials = self._trials_before = 0
         self._slope, self._at_rounding, self._whole, self._whole_before, self._speed_before = 0.0, False, True, True, np.inf
-        self._jump, self._wary, self._calm = 0.0, False, False
+        self._jump, self._wary, self._calm, self._blocked = 0.0, False, False, 0
         self._gradient = np.zeros_like(x.owned)
         self.report = NewtonReport()
