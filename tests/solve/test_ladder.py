@@ -130,6 +130,17 @@ def test_a_jump_of_the_energy_is_stepped_over():
     assert np.abs(report.positions - plain.positions).max() < 1e-6
 
 
+def test_a_jump_may_keep_back_a_step_within_the_tolerance(monkeypatch):
+    """Short enough to be the last, and up again wherever it goes: the step ends there, and says so."""
+    monkeypatch.setattr("pdvol.solve.newton.JUMPS", 0)
+    problem, x, v = falling()
+    height, problem.newton.tolerance = x[:, 1].mean(), 1.0
+    problem.potential.terms = (*problem.potential.terms, Ledge(height - 1e-5, 1e6))
+    report = problem.step(1, x, 0.02 * v)
+    assert report.reason == "BLOCKED" and report.newton_iterations == 3 and report.cuts == 0
+    assert 0.0 <= height - report.positions[:, 1].mean() <= 1e-5
+
+
 # ---- what is not a number ----------------------------------------------------------------------------------------------------
 
 
