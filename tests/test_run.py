@@ -56,10 +56,16 @@ def test_environment_and_folder_are_kept(tmp_path):
 @pytest.mark.parametrize("name", ["SIGTERM", "SIGINT"])
 def test_signals_reach_the_command(name):
     script = "trap 'exit 5' TERM; trap 'exit 6' INT; echo $$; while :; do sleep 0.05; done"
-    with subprocess.Popen([RUN, "sh", "-c", script], env={**os.environ, "PDVOL_INSIDE": INSIDE}, stdout=subprocess.PIPE, text=True) as process:
-        assert int(process.stdout.readline()) == process.pid
-        process.send_signal(getattr(signal, name))
-        assert process.wait(20) == {"SIGTERM": 5, "SIGINT": 6}[name]
+    # A suite that runs in the background inherits an ignored SIGINT, and a shell cannot trap what it found ignored.
+    heeding = lambda: signal.signal(signal.SIGINT, signal.SIG_DFL)  # noqa: E731
+    env = {**os.environ, "PDVOL_INSIDE": INSIDE}
+    with subprocess.Popen([RUN, "sh", "-c", script], env=env, stdout=subprocess.PIPE, text=True, preexec_fn=heeding) as process:
+        try:
+            assert int(process.stdout.readline()) == process.pid
+            process.send_signal(getattr(signal, name))
+            assert process.wait(20) == {"SIGTERM": 5, "SIGINT": 6}[name]
+        finally:
+            process.kill()
 
 
 @pytest.mark.parametrize("inside", [True, False])
