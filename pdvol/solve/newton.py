@@ -44,7 +44,7 @@ HAIR, STEEP = 1e-6, 1e3  # of the step: so many times what the slope changes the
 NEAR, KEPT = 0.1, 2.0  # of the step: so is what it is higher by here, if from here on it falls as the step promised, or so many times that
 ROOM = 1.01  # times the jump: what the line search may then go up by
 JUMPS = 20  # that one solve steps over
-BLOCKED = 3  # steps in a row that were backtracked though they were short enough to be the last: what lies ahead is a jump, not the end
+BLOCKED = 3  # steps in a row that were backtracked though within the tolerance, and lead out of no barrier: the last of them is the end
 
 OPENING = 1.2  # times as large a smallest gap as before tells of a step on its way out of a barrier, where steps are short however far the end is
 
@@ -74,8 +74,8 @@ class NewtonReport:
     Attributes
     ----------
     converged : bool
-    reason : PETSc's name of why it stopped; "ROUNDING" where the energy cannot fall any further in double precision, "BLOCKED" where jumps
-        of the energy keep back steps that are within the tolerance
+    reason : PETSc's name of why it stopped; "ROUNDING" where the energy cannot fall any further in double precision, "BLOCKED" where
+        steps within the tolerance were backtracked again and again, as before jumps of the energy
     iterations, linear_iterations, backtracks : int
     hessians : matrices assembled; other iterations took the one before
     step_cap : smallest cap put on a step by contact or inversion
@@ -282,7 +282,7 @@ class Newton:
         return reasons.ITERATING
 
     def _is_blocked(self, backtracks: int, x: Positions) -> bool:
-        """Whether jumps of the energy are all that keeps Newton from its last step."""
+        """Whether steps within the tolerance are held up again and again, as jumps of the energy do."""
         blocked = backtracks > 0 and self._last_cap == 1.0 and self.report.speed <= self.tolerance and not self._age and not self._opens(x)
         self._blocked = self._blocked + 1 if blocked else 0
         return self._blocked == BLOCKED
