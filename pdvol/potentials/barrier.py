@@ -46,12 +46,11 @@ class SurfaceBarrier(Term):
         self._potential = ipctk.BarrierPotential(dhat=self.dhat, stiffness=kappa, use_physical_barrier=True)
 
     def begin_step(self, x_t: Positions, t0: float, t1: float) -> None:
-        # The order of pairs, and with it the last digits, must not depend on what came before: a resumed run begins here, too.
-        self.surface.candidates.forget()
-        self._at = None
         self.place(t0)
+        self._at, start = None, self.surface.vertices(x_t)
+        self.surface.begin(start)
         if self._expected is not None:
-            self.surface.candidates.begin(self.surface.vertices(x_t), self.surface.vertices(self._expected))
+            self.surface.candidates.begin(start, self.surface.vertices(self._expected))
             self._expected = None
 
     def expect(self, x_hat: Positions) -> None:
@@ -69,7 +68,7 @@ class SurfaceBarrier(Term):
             active.use_area_weighting = self.weighted
             kinds = ipctk.NormalCollisions.CollisionSetType
             active.collision_set_type = kinds.IMPROVED_MAX_APPROX if self.weighted else kinds.IPC
-            pairs = self.surface.candidates.at(vertices)
+            pairs = self.surface.pairs(vertices)
             if not pairs.empty():
                 active.build(candidates=pairs, mesh=self.surface.mesh, vertices=vertices, dhat=self.dhat)
             self._active, self._vertices, self._at, self._stencils = active, vertices, x, None

@@ -23,6 +23,14 @@ NARROW = {
 }
 """Continuous collision detection by name: how far a straight move may go. Both leave a tenth of each gap, and stop where they cannot tell."""
 
+ALIKE = np.array([0.5377, 0.3121, 0.7832])
+"""What edges' directions are compared with: one that no mesh has many edges at right angles to.
+
+The convergent set of ipctk 1.6.1 keeps the parts of a pair of nearly parallel edges apart by their names (edge a with end 0 of b, say), and
+takes (a, b) and (b, a) of one name for the same part. Where a and b run against each other these are two, one of them is lost, and the
+energy jumps by it when the other comes or goes. Edges that run alike have no two parts of one name within reach.
+"""
+
 ipctk.set_num_threads(1)  # sums over contacts repeat to the last bit; measured again where speed asks for it
 
 
@@ -45,7 +53,7 @@ class CollisionSurface:
     surface : (k,) int64
         Input indices of the bodies' boundary vertices, this rank's first.
     mesh : ipctk.CollisionMesh
-        k bodies' vertices, then the obstacles'.
+        k bodies' vertices, then the obstacles'. Another one in each step in which edges turned round and anything can touch.
     parties : (k + obstacles' vertices,) int
         Whose each vertex is: bodies' numbers, then obstacles' after the last body's.
     candidates : ContactCandidates
@@ -75,12 +83,10 @@ class CollisionSurface:
             edges.append(obstacle.edges.reshape(-1, 2) + offset)
             faces.append(obstacle.faces.reshape(-1, 3) + offset)
             offset += len(obstacle.vertices)
-        everything = [np.concatenate(parts) if parts else np.zeros((0, 3), dtype=int) for parts in (vertices, edges, faces)]
-        self.mesh = ipctk.CollisionMesh(np.asfortranarray(everything[0]), np.asfortranarray(everything[1], dtype=np.int32),
-                                        np.asfortranarray(everything[2] if d == 3 else np.zeros((0, 3)), dtype=np.int32))
-        # Pairs of which no vertex is this rank's are another rank's: it may take all beyond its own for obstacles that do not meet.
-        self.mesh.can_collide = ipctk.make_static_obstacle_filter(own)
-        self._primitives = np.array(self.mesh.edges, dtype=np.int64), np.array(self.mesh.faces, dtype=np.int64).reshape(-1, 3)
+        self._at_rest, self._edges = np.concatenate(vertices), np.concatenate(edges)
+        self._faces, self._own_count = np.concatenate(faces) if faces else np.zeros((0, 3), dtype=np.int64), own
+        self._turned, self._start = np.zeros(len(self._edges), dtype=bool), None
+        self.mesh = self._new_mesh(self._edges)
         owners = [np.full(len(o.vertices), int(level.point_bodies.max()) + 1 + i) for i, o in enumerate(obstacles)]
         self.parties = np.concatenate([level.point_bodies[self.surface], *owners])
         self._blocks = space.point_blocks[self.surface]
@@ -89,7 +95,31 @@ class CollisionSurface:
         self._own = np.arange(len(self.parties)) < own
         self.obstacle_positions = self._obstacles_at(0.0)
         self._narrow = NARROW[ccd]()
-        self.candidates = ContactCandidates(self.mesh, everything[0], reach, not obstacles)
+        self.candidates = ContactCandidates(self.mesh, self._at_rest, reach, not obstacles)
+
+    def _new_mesh(self, edges: np.ndarray) -> ipctk.CollisionMesh:
+        integers = (np.asfortranarray(primitives, dtype=np.int32) for primitives in (edges, self._faces))
+        mesh = ipctk.CollisionMesh(np.asfortranarray(self._at_rest), *integers)
+        # Pairs of which no vertex is this rank's are another rank's: it may take all beyond its own for obstacles that do not meet.
+        mesh.can_collide = ipctk.make_static_obstacle_filter(self._own_count)
+        self._primitives = edges.astype(np.int64), self._faces.astype(np.int64)
+        return mesh
+
+    def begin(self, vertices: np.ndarray) -> None:
+        """Before a step that starts at `vertices`. From here on nothing depends on the steps before, to the last digit."""
+        self.candidates.forget()
+        self._start = vertices if self.space.dim == 3 else None  # two edges never touch side by side in 2D
+
+    def _alike(self, pairs: ipctk.Candidates) -> ipctk.Candidates:
+        """The same pairs, in a step's first use of any after its edges were turned to run alike."""
+        if self._start is None or pairs.empty():
+            return pairs
+        turned = (self._start[self._edges[:, 1]] - self._start[self._edges[:, 0]]) @ ALIKE < 0.0
+        if not np.array_equal(turned, self._turned):
+            self._turned = turned
+            self.mesh = self.candidates.mesh = self._new_mesh(np.where(turned[:, None], self._edges[:, ::-1], self._edges))
+        self._start = None
+        return pairs
 
     def _obstacles_at(self, time: float) -> np.ndarray:
         placed = [o.at(time) for o in self.obstacles]
@@ -107,9 +137,13 @@ class CollisionSurface:
         obstacles = self.obstacle_positions if at is None else self._obstacles_at(at)
         return np.asfortranarray(np.concatenate([x.whole[self.surface], obstacles]))
 
+    def pairs(self, vertices: np.ndarray) -> ipctk.Candidates:
+        """Pairs among which are all that touch at the collision mesh's positions."""
+        return self._alike(self.candidates.at(vertices))
+
     def max_step(self, start: np.ndarray, end: np.ndarray) -> float:
         """Largest step in [0, 1] along straight paths that keeps everything apart, for this rank's pairs."""
-        pairs = self.candidates.along(start, end)
+        pairs = self._alike(self.candidates.along(start, end))
         if pairs.empty():
             return 1.0
         return float(pairs.compute_collision_free_stepsize(mesh=self.mesh, vertices_t0=start, vertices_t1=end, min_distance=0.0,

@@ -14,7 +14,7 @@ from pdvol.potentials.hessian_blocks import _sorted
 from pdvol.potentials.potential import Positions
 from pdvol.scene import Still
 from problems import polyline, tetrahedron
-from shapes import box, together
+from shapes import box, level, together
 from taylor import hessian_of
 
 COMM = MPI.COMM_SELF
@@ -29,6 +29,33 @@ def two_boxes(d, obstacle=False):
     tip = (polyline if d == 2 else tetrahedron)([*foot, [0.5] * (d - 1) + [-0.5 * DHAT]])
     obstacles = (Obstacle(*tip, Still()),) if obstacle else ()
     return space, CollisionSurface(space, obstacles, DHAT)
+
+
+def edges_side_by_side(angle):
+    """Two tetrahedra, an edge of one 0.6 dhat above an edge of the other and almost along it, from its end to its start in the input."""
+    below = np.array([[0.0, 0, 0], [1, 0, 0], [0.5, -0.6, -0.8], [0.5, 0.6, -0.8]])
+    above = np.array([[1.4, 0, 0], [0.4, 0, 0], [0.9, -0.6, 0.8], [0.9, 0.6, 0.8]])
+    turn = np.array([[np.cos(angle), -np.sin(angle), 0], [np.sin(angle), np.cos(angle), 0], [0, 0, 1]])
+    above = (above - [0.9, 0, 0]) @ turn.T + [0.9, 0, 0.6 * DHAT]
+    space = LevelSpace(together(*(level(points, [[0, 1, 2, 3]]) for points in (below, above))), COMM)
+    return space, CollisionSurface(space, (), DHAT)
+
+
+@pytest.mark.parametrize("angle", [0.01, 0.02, 0.025])
+@pytest.mark.parametrize("way", [(1.0, 0.0, 0.0), (0.2, 0.06, 0.0), (0.4, -0.03, 0.01), (0.0, 0.08, 0.005)])
+def test_the_energy_of_edges_side_by_side_does_not_jump(angle, way):
+    """Along a way on which ends come and go the energy changes by what its gradient says."""
+    space, surface = edges_side_by_side(angle)
+    barrier = SurfaceBarrier(surface, DHAT, KAPPA)
+    x = Positions(space, space.from_input(space.mesh.points))
+    barrier.begin_step(x, 0.0, 0.01)
+    move = np.where(space.mesh.point_bodies[:, None] == 1, np.array(way), 0.0)
+    places = [x.moved(share, space.from_input(move)) for share in np.linspace(-0.7, 0.7, 2001)]
+    energies = np.array([barrier.value(y) for y in places])
+    slopes = np.array([np.vdot(barrier.gradient(y), space.from_input(move)) for y in places])
+    promised = 0.5 * (slopes[1:] + slopes[:-1]) * 1.4 / 2000
+    assert np.ptp(energies) > 0.1 * energies.max() > 0.0
+    np.testing.assert_allclose(np.diff(energies), promised, atol=1e-3 * energies.max())
 
 
 def searched_anew(surface, vertices):
