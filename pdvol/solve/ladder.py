@@ -2,7 +2,6 @@
 
 | rung | what | after |
 |---|---|---|
-| jumps | over a jump of the energy: what comes behind it is compared with its upper end | line searches ended, or crept, right before it |
 | clamp | the Hessian filtered again, and for longer | an unfiltered one turned out indefinite |
 | abs | the strongest filter: eigenvalues by size, contacts without short cuts | a line search found no way down |
 | shift | a stronger diagonal for the incomplete factor | it was not positive definite |
@@ -16,7 +15,7 @@ After the last one comes `ConvergenceError`, which names level, step and reason;
 run at once: no rung mends it. `substeps` counts the parts into which a scripted motion was cut because contact stood in its way.
 """
 
-RUNGS = ("jumps", "clamp", "abs", "shift", "direct", "workspace", "held_back", "halvings", "last_resort", "substeps")
+RUNGS = ("clamp", "abs", "shift", "direct", "workspace", "held_back", "halvings", "last_resort", "substeps")
 
 
 def no_rungs() -> dict[str, int]:

@@ -38,14 +38,6 @@ LAGGED = 5.0  # times the tolerance: steps shorter than this take the last matri
 HALVED = 0.5  # for longer than once only while each is at most this share of the one before
 AGED = 0.25  # of the tolerance: what a step with an older matrix must be shorter than to be the last
 
-# ipctk's convergent energy jumps where edges that are nearly parallel change their nearest parts. A line search creeps up to a jump and ends there.
-WARY = 1  # backtracks, after which a jump is looked for in the way of the next step
-HAIR, STEEP = 1e-6, 1e3  # of the step: so many times what the slope changes the energy by over so little is a jump
-NEAR, KEPT = 0.1, 2.0  # of the step: so is what it is higher by here, if from here on it falls as the step promised, or so many times that
-ROOM = 1.01  # times the jump: what the line search may then go up by
-JUMPS = 20  # that one solve steps over
-BLOCKED = 3  # steps in a row that were backtracked though within the tolerance, and lead out of no barrier: the last of them is the end
-
 OPENING = 1.2  # times as large a smallest gap as before tells of a step on its way out of a barrier, where steps are short however far the end is
 
 ATTEMPTS = 3  # times the iterations allowed per solve, over all of its mended restarts
@@ -74,8 +66,7 @@ class NewtonReport:
     Attributes
     ----------
     converged : bool
-    reason : PETSc's name of why it stopped; "ROUNDING" where the energy cannot fall any further in double precision, "BLOCKED" where
-        steps within the tolerance were backtracked again and again, as before jumps of the energy
+    reason : PETSc's name of why it stopped; "ROUNDING" where the energy cannot fall any further in double precision
     iterations, linear_iterations, backtracks : int
     hessians : matrices assembled; other iterations took the one before
     step_cap : smallest cap put on a step by contact or inversion
@@ -166,7 +157,7 @@ class Newton:
         if x is self._base:
             return self._energy(x)
         self._trials += 1
-        return self._base_energy + 0.5 * self._slope if self._at_rounding else self._energy(x) - self._jump
+        return self._base_energy + 0.5 * self._slope if self._at_rounding else self._energy(x)
 
     def _function(self, snes, vector, residual) -> None:
         gradient = self.potential.gradient(self._positions(vector))
@@ -221,23 +212,8 @@ class Newton:
         self.report.step_cap = min(self.report.step_cap, cap)
         self._last_cap = cap
         self._base, self._trials_before, self._whole, self._direction = x, self._trials, cap == 1.0, direction.copy()
-        self._jump = self._jump_ahead() if self._wary and not self._at_rounding else 0.0
-        self.report.rungs["jumps"] += self._jump > 0.0
         if cap < 1.0:
             step.scale(cap)
-
-    def _jump_ahead(self) -> float:
-        """What the energy jumps up by at the beginning of the step, and a little more; zero where it does not."""
-        if self._base is None or self.report.rungs["jumps"] == JUMPS:
-            return 0.0
-        rise = lambda share: self.potential.value(self._base.moved(share * self._last_cap, self._direction)) - self._base_energy  # noqa: E731
-        least = ROUNDING * abs(self._base_energy)
-        jump = rise(HAIR)
-        if jump <= max(least, STEEP * HAIR * self._last_cap * abs(self._slope)):
-            jump = rise(NEAR)
-            if jump <= least or not 0.0 < jump - rise(1.0) <= KEPT * self._last_cap * abs(self._slope):
-                return 0.0
-        return ROOM * jump
 
     def _solve_again(self, x: Positions, step: PETSc.Vec) -> None:
         """The same step by the model as it is chosen now."""
@@ -267,12 +243,9 @@ class Newton:
         if iteration > 0:
             backtracks = max(0, self._trials - self._trials_before - 1)
             self.report.backtracks += backtracks
-            self._whole, self._wary = self._whole and backtracks == 0, backtracks >= WARY
+            self._whole = self._whole and backtracks == 0
             self._choose_model(snes)
             self._calm = self._whole and self._is_short() and not self._opens(self._positions(snes.getSolution()))
-            if self._is_blocked(backtracks, self._positions(snes.getSolution())):
-                self.report.reason = "BLOCKED"
-                return reasons.CONVERGED_SNORM_RELATIVE
             settled = self._calm and self._whole_before and self.report.speed <= self._speed_before
             if self.report.speed <= (AGED if self._age else 1.0) * self.tolerance and (settled or self._at_rounding):
                 return reasons.CONVERGED_SNORM_RELATIVE
@@ -280,12 +253,6 @@ class Newton:
                 self.report.reason = "ROUNDING"
                 return reasons.CONVERGED_SNORM_RELATIVE
         return reasons.ITERATING
-
-    def _is_blocked(self, backtracks: int, x: Positions) -> bool:
-        """Whether steps within the tolerance are held up again and again, as jumps of the energy do."""
-        blocked = backtracks > 0 and self._last_cap == 1.0 and self.report.speed <= self.tolerance and not self._age and not self._opens(x)
-        self._blocked = self._blocked + 1 if blocked else 0
-        return self._blocked == BLOCKED
 
     def _is_short(self) -> bool:
         return self.report.speed <= LAGGED * self.tolerance
@@ -300,7 +267,7 @@ class Newton:
             return
         x = self._positions(snes.getSolution())
         promised = promised_decrease(self._slope, x.owned - self._base.owned, self._direction, self.space.comm.allreduce)
-        self._model.took(promised, self._energy(x) - self._jump - self._base_energy, self._whole, self._last_cap, self.linear.notices_indefinite)
+        self._model.took(promised, self._energy(x) - self._base_energy, self._whole, self._last_cap, self.linear.notices_indefinite)
 
     # ---- what callers use ----------------------------------------------------------------------------------------------------
 
@@ -343,9 +310,6 @@ class Newton:
         if reason not in (reasons.DIVERGED_LINEAR_SOLVE, reasons.DIVERGED_LINE_SEARCH) or self.report.iterations > self._allowed:
             return False
         self._age, rung = None, ""
-        if reason == reasons.DIVERGED_LINE_SEARCH and not self._wary and self._jump_ahead() > 0.0:
-            self._wary = True
-            return True
         if self._model.was_indefinite():
             rung = "clamp"
         elif reason == reasons.DIVERGED_LINEAR_SOLVE:
@@ -394,6 +358,6 @@ class Newton:
         self._model, self._age = ModelChoice(), None
         self._trials = self._trials_before = 0
         self._slope, self._at_rounding, self._whole, self._whole_before, self._speed_before = 0.0, False, True, True, np.inf
-        self._jump, self._wary, self._calm, self._blocked = 0.0, False, False, 0
+        self._calm = False
         self._gradient = np.zeros_like(x.owned)
         self.report = NewtonReport()

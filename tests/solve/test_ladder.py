@@ -100,47 +100,6 @@ def test_halvings_are_counted_and_the_step_is_good(monkeypatch):
     assert report.positions[:, 1].min() > 0.0
 
 
-class Ledge(Term):
-    """An energy [J] that is higher by `rise` wherever the vertices' mean height is below `level`."""
-
-    name = "consistency"
-
-    def __init__(self, level, rise):
-        self.level, self.rise = level, rise
-
-    def value(self, x):
-        return self.rise * float(x.owned[:, 1].mean() < self.level)
-
-    def gradient(self, x):
-        return np.zeros_like(x.owned)
-
-    def add_hessian(self, x, weight, into):
-        pass
-
-
-def test_a_jump_of_the_energy_is_stepped_over():
-    """A falling block comes to a ledge in its energy that is higher than what it loses by falling further: nothing but the jump says so."""
-    problem, x, v = falling()
-    plain = problem.step(1, x, v)
-    problem, x, v = falling()
-    problem.potential.terms = (*problem.potential.terms, Ledge(x[:, 1].mean() - 0.01, 1e6))
-    report = problem.step(1, x, v)
-    assert report.ladder["jumps"] == 1 and sum(report.ladder.values()) == 1 and plain.ladder == no_rungs()
-    assert report.energy["consistency"] == 1e6
-    assert np.abs(report.positions - plain.positions).max() < 1e-6
-
-
-def test_a_jump_may_keep_back_a_step_within_the_tolerance(monkeypatch):
-    """Short enough to be the last, and up again wherever it goes: the step ends there, and says so."""
-    monkeypatch.setattr("pdvol.solve.newton.JUMPS", 0)
-    problem, x, v = falling()
-    height, problem.newton.tolerance = x[:, 1].mean(), 1.0
-    problem.potential.terms = (*problem.potential.terms, Ledge(height - 1e-5, 1e6))
-    report = problem.step(1, x, 0.02 * v)
-    assert report.reason == "BLOCKED" and report.newton_iterations == 3 and report.cuts == 0
-    assert 0.0 <= height - report.positions[:, 1].mean() <= 1e-5
-
-
 # ---- what is not a number ----------------------------------------------------------------------------------------------------
 
 
