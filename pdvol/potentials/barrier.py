@@ -12,7 +12,7 @@ from pdvol.potentials import barrier_law
 from pdvol.potentials.collision_surface import CollisionSurface
 from pdvol.potentials.contact_stencils import Stencils
 from pdvol.potentials.hessian_blocks import HessianBlocks
-from pdvol.potentials.potential import Positions, Term
+from pdvol.potentials.potential import KEPT, Positions, Term
 
 
 class SurfaceBarrier(Term):
@@ -126,8 +126,8 @@ class SurfaceBarrier(Term):
         stiffness = np.einsum("ki,ka,kiab,kb->k", squares, normals, blocks[stencils.vertices], normals)
         return ((mass / distances**2 + stiffness) / squares.sum(axis=1))[stencils.counted]
 
-    def max_step(self, x: Positions, direction: np.ndarray, until: float | None = None) -> float:
-        return self.surface.max_step(self.surface.vertices(x), self.surface.vertices(x.moved(1.0, direction), at=until))
+    def max_step(self, x: Positions, direction: np.ndarray, until: float | None = None, keep: float = KEPT) -> float:
+        return self.surface.max_step(self.surface.vertices(x), self.surface.vertices(x.moved(1.0, direction), at=until), keep)
 
     def count(self, x: Positions) -> int:
         """Active pairs at x, of all ranks. Collective."""

@@ -14,14 +14,14 @@ from pdvol.hierarchy.level_space import LevelSpace
 from pdvol.potentials.contact_candidates import ContactCandidates
 from pdvol.potentials.contact_stencils import Stencils, normal_stencils
 from pdvol.potentials.hessian_blocks import HessianBlocks
-from pdvol.potentials.potential import Positions
+from pdvol.potentials.potential import KEPT, Positions
 from pdvol.scene import moved
 
 NARROW = {
-    "additive": lambda: ipctk.AdditiveCCD(max_iterations=10_000, conservative_rescaling=0.9),
-    "tight-inclusion": lambda: ipctk.TightInclusionCCD(tolerance=1e-6, max_iterations=1_000_000, conservative_rescaling=0.9),
+    "additive": lambda keep: ipctk.AdditiveCCD(max_iterations=10_000, conservative_rescaling=1.0 - keep),
+    "tight-inclusion": lambda keep: ipctk.TightInclusionCCD(tolerance=1e-6, max_iterations=1_000_000),
 }
-"""Continuous collision detection by name: how far a straight move may go. Both leave a tenth of each gap, and stop where they cannot tell."""
+"""Continuous collision detection by name: how far a straight move may go. Both stop where they cannot tell; the additive one by itself leaves a share of each gap."""
 
 ALIKE = np.array([0.5377, 0.3121, 0.7832])
 """What edges' directions are compared with: one that no mesh has many edges at right angles to.
@@ -94,7 +94,7 @@ class CollisionSurface:
         self._input_order = np.concatenate([self.surface, np.full(len(self.parties) - len(self.surface), len(level.points))])
         self._own = np.arange(len(self.parties)) < own
         self.obstacle_positions = self._obstacles_at(0.0)
-        self._narrow = NARROW[ccd]()
+        self._narrow, self._goes_all_the_way = NARROW[ccd], ccd != "additive"
         self.candidates = ContactCandidates(self.mesh, self._at_rest, reach, not obstacles)
 
     def _new_mesh(self, edges: np.ndarray) -> ipctk.CollisionMesh:
@@ -141,13 +141,14 @@ class CollisionSurface:
         """Pairs among which are all that touch at the collision mesh's positions."""
         return self._alike(self.candidates.at(vertices))
 
-    def max_step(self, start: np.ndarray, end: np.ndarray) -> float:
-        """Largest step in [0, 1] along straight paths that keeps everything apart, for this rank's pairs."""
+    def max_step(self, start: np.ndarray, end: np.ndarray, keep: float = KEPT) -> float:
+        """Largest step in [0, 1] along straight paths that keeps everything apart, for this rank's pairs, and `keep` of every gap."""
         pairs = self._alike(self.candidates.along(start, end))
         if pairs.empty():
             return 1.0
-        return float(pairs.compute_collision_free_stepsize(mesh=self.mesh, vertices_t0=start, vertices_t1=end, min_distance=0.0,
-                                                           narrow_phase_ccd=self._narrow))
+        step = float(pairs.compute_collision_free_stepsize(mesh=self.mesh, vertices_t0=start, vertices_t1=end, min_distance=0.0,
+                                                           narrow_phase_ccd=self._narrow(keep)))
+        return (1.0 - keep) * step if self._goes_all_the_way and step < 1.0 else step
 
     def rows_of(self, values: np.ndarray) -> np.ndarray:
         """Owned rows (n_owned, d) of values over the collision mesh's unknowns, zero away from the surface. Sums over this rank's pairs are

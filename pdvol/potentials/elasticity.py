@@ -11,7 +11,7 @@ from pdvol.hierarchy.level_space import LevelSpace
 from pdvol.potentials import native
 from pdvol.potentials.cell_energy import CellEnergy
 from pdvol.potentials.native import pointer
-from pdvol.potentials.potential import Positions
+from pdvol.potentials.potential import KEPT, Positions
 
 KEEP_VOLUME = 0.1  # of a cell's current volume, at least, after one Newton step: the logarithm's derivatives stay within reach
 
@@ -24,7 +24,7 @@ class Elastic(CellEnergy):
         inverted = self._library.inverted_cells(self.space.dim, self._counted, pointer(self._dofs, "int32_t"), pointer(x.local))
         return np.inf if self.space.comm.allreduce(inverted) else super().value(x)
 
-    def max_step(self, x: Positions, direction: np.ndarray, until: float | None = None) -> float:
+    def max_step(self, x: Positions, direction: np.ndarray, until: float | None = None, keep: float = KEPT) -> float:
         moved = np.ascontiguousarray(self.space.with_ghosts(direction))
         return native.library().volume_step(self.space.dim, self._counted, pointer(self._dofs, "int32_t"), pointer(x.local), pointer(moved),
                                             KEEP_VOLUME)

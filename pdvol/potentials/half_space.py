@@ -12,10 +12,8 @@ from pdvol.hierarchy.level_mesh import LevelMesh
 from pdvol.hierarchy.level_space import LevelSpace
 from pdvol.potentials import barrier_law, smooth_friction
 from pdvol.potentials.hessian_blocks import HessianBlocks
-from pdvol.potentials.potential import Positions, Term
+from pdvol.potentials.potential import KEPT, Positions, Term
 from pdvol.scene import Plane, moved
-
-APPROACH = 0.9  # of the gap may be closed by one Newton step
 
 
 def boundary_areas(mesh: LevelMesh) -> np.ndarray:
@@ -100,12 +98,12 @@ class HalfSpaceBarrier(Term):
         point, n = self.space.owned_points[self.vertices[vertex]], self.normals[plane]
         return masses[point] / gap**2 + np.einsum("ki,kij,kj->k", n, blocks[point], n)
 
-    def max_step(self, x: Positions, direction: np.ndarray, until: float | None = None) -> float:
+    def max_step(self, x: Positions, direction: np.ndarray, until: float | None = None, keep: float = KEPT) -> float:
         # A plane that turns meanwhile is taken to close gaps evenly: exact for translations, and what is left is checked again.
         gaps = self.gaps(x)
         approach = gaps - self.gaps(x.moved(1.0, direction), at=until)
         with np.errstate(divide="ignore", invalid="ignore"):
-            step = np.where(approach > 0.0, APPROACH * np.maximum(gaps, 0.0) / approach, 1.0)
+            step = np.where(approach > 0.0, (1.0 - keep) * np.maximum(gaps, 0.0) / approach, 1.0)
         return float(min(1.0, step.min(initial=1.0)))
 
     def min_gap(self, x: Positions) -> float:

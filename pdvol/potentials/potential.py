@@ -8,6 +8,8 @@ import numpy as np
 from pdvol.hierarchy.level_space import LevelSpace
 from pdvol.potentials.hessian_blocks import HessianBlocks
 
+KEPT = 0.1  # of a gap is left by a step that contact ends, unless more is asked for
+
 
 class Positions:
     """One configuration of a level: x on this rank, and what terms derive from it at most once.
@@ -69,9 +71,9 @@ class Potential(Protocol):
     def add_hessian(self, x: Positions, weight: float, into: HessianBlocks) -> None:
         """Adds weight times d2E/dx2 [N/m], made positive semi-definite as `into.positive` says."""
 
-    def max_step(self, x: Positions, direction: np.ndarray, until: float | None = None) -> float:
+    def max_step(self, x: Positions, direction: np.ndarray, until: float | None = None, keep: float = KEPT) -> float:
         """Largest step in [0, 1] along direction (n_owned, d) that stays admissible for what this rank sees, while obstacles go where
-        they are at `until` [s]."""
+        they are at `until` [s]. Where contact is what ends it, `keep` of a gap is left."""
 
 
 class Term:
@@ -96,5 +98,5 @@ class Term:
     def add_hessian(self, x: Positions, weight: float, into: HessianBlocks) -> None:
         pass
 
-    def max_step(self, x: Positions, direction: np.ndarray, until: float | None = None) -> float:
+    def max_step(self, x: Positions, direction: np.ndarray, until: float | None = None, keep: float = KEPT) -> float:
         return 1.0

@@ -7,7 +7,7 @@ from pdvol.errors import SimulationError
 from pdvol.hierarchy.level_space import LevelSpace
 from pdvol.potentials.build import Terms
 from pdvol.potentials.hessian_blocks import HessianBlocks
-from pdvol.potentials.potential import Positions
+from pdvol.potentials.potential import KEPT, Positions
 from pdvol.solve.timing import Stopwatch
 
 NUDGE = 1e-6  # of an obstacle's way: what forces change by over it, from which their change over the whole way is told
@@ -108,10 +108,13 @@ class IncrementalPotential:
             self._require_finite(term.name, "Hessian", np.array([np.sum(into.cells), *(np.sum(blocks) for *_, blocks in into.added)]))
         raise SimulationError("the Hessian is too large for double precision")
 
-    def max_step(self, x: Positions, direction: np.ndarray, until: float | None = None) -> float:
-        """Largest admissible step in [0, 1] along direction, obstacles moving to `until` [s] meanwhile: the same on every rank."""
+    def max_step(self, x: Positions, direction: np.ndarray, until: float | None = None, keep: float = KEPT) -> float:
+        """Largest admissible step in [0, 1] along direction, obstacles moving to `until` [s] meanwhile: the same on every rank.
+
+        Where contact is what ends it, `keep` of a gap is left.
+        """
         with self.watch.part("ccd"):
-            steps = np.array([1.0, *(term.max_step(x, direction, until) for term in self.terms)])
+            steps = np.array([1.0, *(term.max_step(x, direction, until, keep) for term in self.terms)])
             lost = np.flatnonzero(np.isnan(steps))
             largest = self.space.comm.allreduce(float(-lost[0] if len(lost) else steps.min()), op=MPI.MIN)
         if largest < 0.0:

@@ -179,3 +179,17 @@ def test_keys_are_sorted_stably_also_where_they_leave_no_room_for_places(largest
     values, order = _sorted(keys)
     np.testing.assert_array_equal(order, np.argsort(keys, kind="stable"))
     np.testing.assert_array_equal(values, keys[order])
+
+
+@pytest.mark.parametrize("ccd", ["additive", "tight-inclusion"])
+@pytest.mark.parametrize("keep", [0.1, 0.5])
+def test_a_step_leaves_the_share_of_a_gap_that_it_is_asked_to_keep(ccd, keep):
+    """A box falls on a face 0.6 dhat below it, straight down: the gap left is that share, and a little more where detection cannot tell."""
+    low = np.array([0.2, 0.2, 1.0 + 0.6 * DHAT])
+    space = LevelSpace(together(box(3, 2), box(3, 2, low=low, high=low + 0.5)), COMM)
+    surface = CollisionSurface(space, (), DHAT, ccd)
+    x = Positions(space, space.from_input(space.mesh.points))
+    fall = np.where(space.mesh.point_bodies[:, None] == 1, [0.0, 0.0, -1.0], 0.0)
+    barrier = SurfaceBarrier(surface, DHAT, KAPPA)
+    step = barrier.max_step(x, space.from_input(fall), keep=keep)
+    assert keep - 1e-9 <= barrier.min_gap(x.moved(step, space.from_input(fall))) / barrier.min_gap(x) <= keep + 0.02
