@@ -21,7 +21,10 @@ NARROW = {
     "additive": lambda keep: ipctk.AdditiveCCD(max_iterations=10_000, conservative_rescaling=1.0 - keep),
     "tight-inclusion": lambda keep: ipctk.TightInclusionCCD(tolerance=1e-6, max_iterations=1_000_000),
 }
-"""Continuous collision detection by name: how far a straight move may go. Both stop where they cannot tell; the additive one by itself leaves a share of each gap."""
+"""Continuous collision detection by name: how far a straight move may go.
+
+Both stop where they cannot tell. The additive one leaves a share of each gap by itself.
+"""
 
 ALIKE = np.array([0.5377, 0.3121, 0.7832])
 """What edges' directions are compared with: one that no mesh has many edges at right angles to.
