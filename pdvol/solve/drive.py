@@ -18,9 +18,9 @@ from pdvol.solve.script import Script
 
 PARTS = 200  # of one step: more are not tried
 TRIES = 6  # to find a free way for a part, each shorter
-# Where Newton's steps end at a contact they may close nine tenths of its gap, for the next one opens it again. Parts in a row do not, and bodies
-# that slide past a gap of 1e-6 dhat are stuck: hundreds of steps, each ended by it.
-HALF = 0.5  # of every gap at least is left by a part
+# A step that ends at a contact may close nine tenths of its gap, for the next one opens it again. Not so where walls press on from several
+# sides: gaps shrink and shrink, and bodies that slide past one of 1e-6 dhat are stuck, hundreds of steps each ended by it.
+HALF = 0.5  # of every gap at least is left by parts, and by Newton's steps after them
 KEEP = 0.9  # of the way found free is gone: detection asked again for all of it may say a little less
 LITTLE = 2e-4  # of the step: a part that gains less is not gone at all, lest gaps shrink for nothing
 CRUSHED = 1e-3  # of its rest volume: no part squeezes a cell further
@@ -46,7 +46,7 @@ def follow(script: Script, potential: IncrementalPotential, newton: Newton, x: P
         if script.clock == t1:
             return x
         relaxed = further is None
-        x, solved = newton.solve(x, most=None if relaxed else RELAX)
+        x, solved = newton.solve(x, most=None if relaxed else RELAX, keep=HALF)
         solved.rungs["substeps"] += 1
         count(solved)
     return x

@@ -19,7 +19,7 @@ from pdvol.errors import PdvolError, SimulationError
 from pdvol.hierarchy.level_space import LevelSpace
 from pdvol.potentials.block_pattern import BlockPattern
 from pdvol.potentials.hessian_blocks import HessianBlocks
-from pdvol.potentials.potential import Positions
+from pdvol.potentials.potential import KEPT, Positions
 from pdvol.scene import Solver
 from pdvol.solve.coarse_space import CoarseSpace, grid_weights
 from pdvol.solve.incremental_potential import IncrementalPotential
@@ -208,7 +208,7 @@ class Newton:
         if self._is_short():
             self._base_gap = self.potential.min_gap(x)
         self._slope, self._at_rounding = slope, abs(slope) <= max(ROUNDING * abs(self._base_energy), CANCELLING * self.potential.scale)
-        cap = self.potential.max_step(x, direction)
+        cap = self.potential.max_step(x, direction, keep=self._keep)
         self.report.step_cap = min(self.report.step_cap, cap)
         self._last_cap = cap
         self._base, self._trials_before, self._whole, self._direction = x, self._trials, cap == 1.0, direction.copy()
@@ -271,17 +271,19 @@ class Newton:
 
     # ---- what callers use ----------------------------------------------------------------------------------------------------
 
-    def solve(self, x: Positions, careful: bool = False, most: int | None = None) -> tuple[Positions, NewtonReport]:
+    def solve(self, x: Positions, careful: bool = False, most: int | None = None, keep: float = KEPT) -> tuple[Positions, NewtonReport]:
         """Minimises from the admissible x. The result is admissible whether or not the report says it converged.
 
         Parameters
         ----------
         careful : begin with the strongest filter and the direct solver
         most : Newton iterations allowed, instead of the settings'
+        keep : share of a gap that a step which it ends leaves
 
         Raises SimulationError, naming the term, where something is not a number.
         """
         self._start(x)
+        self._keep = keep
         if not np.isfinite(self._energy(x)):
             self.potential.require_admissible(x)
         if careful:

@@ -71,8 +71,8 @@ def test_the_last_resort_can_save_a_step(monkeypatch):
     solve = problem.newton.solve
     careful_ones = []
 
-    def only_careful(x, careful=False, most=None):
-        x, report = solve(x, careful, most)
+    def only_careful(x, careful=False, **more):
+        x, report = solve(x, careful, **more)
         careful_ones.append((careful, problem.newton.linear.method))
         report.converged = report.converged and careful
         return x, report
@@ -88,8 +88,8 @@ def test_halvings_are_counted_and_the_step_is_good(monkeypatch):
     problem, x, v = falling()
     solve, calls = problem.newton.solve, []
 
-    def fails_once(x, *choices):
-        x, report = solve(x, *choices)
+    def fails_once(x, *choices, **more):
+        x, report = solve(x, *choices, **more)
         calls.append(1)
         report.converged = report.converged and len(calls) > 1
         return x, report
@@ -128,7 +128,7 @@ class Poison(Term):
         n = len(x.owned)
         into.add_diagonal(np.arange(n), self._or_bad("Hessian", np.tile(weight * np.eye(2), (n, 1, 1))))
 
-    def max_step(self, x, direction, until=None):
+    def max_step(self, x, direction, until=None, keep=0.1):
         return float(self._or_bad("largest step", np.array(1.0)))
 
 

@@ -174,8 +174,8 @@ def watched(problem: LevelProblem):
     problem.newton.snes.setMonitor(monitor)
     solve = problem.newton.solve
 
-    def keep(x, *choices):
-        x, report = solve(x, *choices)
+    def keep(x, *choices, **more):
+        x, report = solve(x, *choices, **more)
         reports.append(report)
         return x, report
 
