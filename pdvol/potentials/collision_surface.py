@@ -27,7 +27,7 @@ Both stop where they cannot tell. The additive one leaves a share of each gap by
 """
 
 ALIKE = np.array([0.5377, 0.3121, 0.7832])
-"""What edges' directions are compared with: one that no mesh has many edges at right angles to.
+"""What edges' directions are compared with: one that few meshes have many edges at right angles to.
 
 The convergent set of ipctk 1.6.1 keeps the parts of a pair of nearly parallel edges apart by their names (edge a with end 0 of b, say), and
 takes (a, b) and (b, a) of one name for the same part. Where a and b run against each other these are two, one of them is lost, and the
