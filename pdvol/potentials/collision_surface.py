@@ -11,6 +11,7 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from pdvol.hierarchy.level_space import LevelSpace
+from pdvol.potentials.collision_mesh import CollisionMesh
 from pdvol.potentials.contact_candidates import ContactCandidates
 from pdvol.potentials.contact_stencils import Stencils, normal_stencils
 from pdvol.potentials.hessian_blocks import HessianBlocks
@@ -24,14 +25,6 @@ NARROW = {
 """Continuous collision detection by name: how far a straight move may go.
 
 Both stop where they cannot tell. The additive one leaves a share of each gap by itself.
-"""
-
-ALIKE = np.array([0.5377, 0.3121, 0.7832])
-"""What edges' directions are compared with: one that few meshes have many edges at right angles to.
-
-The convergent set of ipctk 1.6.1 keeps the parts of a pair of nearly parallel edges apart by their names (edge a with end 0 of b, say), and
-takes (a, b) and (b, a) of one name for the same part. Where a and b run against each other these are two, one of them is lost, and the
-energy jumps by it when the other comes or goes. Edges that run alike have no two parts of one name within reach.
 """
 
 ipctk.set_num_threads(1)  # sums over contacts repeat to the last bit; measured again where speed asks for it
@@ -55,8 +48,8 @@ class CollisionSurface:
     ----------
     surface : (k,) int64
         Input indices of the bodies' boundary vertices, this rank's first.
-    mesh : ipctk.CollisionMesh
-        k bodies' vertices, then the obstacles'. Another one in each step in which edges turned round and anything can touch.
+    primitives : CollisionMesh
+        k bodies' vertices, then the obstacles'. Its edges are turned to run alike in each step in which anything can touch.
     parties : (k + obstacles' vertices,) int
         Whose each vertex is: bodies' numbers, then obstacles' after the last body's.
     candidates : ContactCandidates
@@ -86,10 +79,9 @@ class CollisionSurface:
             edges.append(obstacle.edges.reshape(-1, 2) + offset)
             faces.append(obstacle.faces.reshape(-1, 3) + offset)
             offset += len(obstacle.vertices)
-        self._at_rest, self._edges = np.concatenate(vertices), np.concatenate(edges)
-        self._faces, self._own_count = np.concatenate(faces) if faces else np.zeros((0, 3), dtype=np.int64), own
-        self._turned, self._start = np.zeros(len(self._edges), dtype=bool), None
-        self.mesh = self._new_mesh(self._edges)
+        at_rest = np.concatenate(vertices)
+        self.primitives = CollisionMesh(at_rest, np.concatenate(edges), np.concatenate(faces) if faces else np.zeros((0, 3)), own)
+        self._start = None
         owners = [np.full(len(o.vertices), int(level.point_bodies.max()) + 1 + i) for i, o in enumerate(obstacles)]
         self.parties = np.concatenate([level.point_bodies[self.surface], *owners])
         self._blocks = space.point_blocks[self.surface]
@@ -98,15 +90,12 @@ class CollisionSurface:
         self._own = np.arange(len(self.parties)) < own
         self.obstacle_positions = self._obstacles_at(0.0)
         self._narrow, self._goes_all_the_way = NARROW[ccd], ccd != "additive"
-        self.candidates = ContactCandidates(self.mesh, self._at_rest, reach, not obstacles)
+        self.candidates = ContactCandidates(self.primitives, at_rest, reach, not obstacles)
 
-    def _new_mesh(self, edges: np.ndarray) -> ipctk.CollisionMesh:
-        integers = (np.asfortranarray(primitives, dtype=np.int32) for primitives in (edges, self._faces))
-        mesh = ipctk.CollisionMesh(np.asfortranarray(self._at_rest), *integers)
-        # Pairs of which no vertex is this rank's are another rank's: it may take all beyond its own for obstacles that do not meet.
-        mesh.can_collide = ipctk.make_static_obstacle_filter(self._own_count)
-        self._primitives = edges.astype(np.int64), self._faces.astype(np.int64)
-        return mesh
+    @property
+    def mesh(self) -> ipctk.CollisionMesh:
+        """ipctk's mesh of the primitives."""
+        return self.primitives.ipc
 
     def begin(self, vertices: np.ndarray) -> None:
         """Before a step that starts at `vertices`. From here on nothing depends on the steps before, to the last digit."""
@@ -117,10 +106,7 @@ class CollisionSurface:
         """The same pairs, in a step's first use of any after its edges were turned to run alike."""
         if self._start is None or pairs.empty():
             return pairs
-        turned = (self._start[self._edges[:, 1]] - self._start[self._edges[:, 0]]) @ ALIKE < 0.0
-        if not np.array_equal(turned, self._turned):
-            self._turned = turned
-            self.mesh = self.candidates.mesh = self._new_mesh(np.where(turned[:, None], self._edges[:, ::-1], self._edges))
+        self.primitives.align(self._start)
         self._start = None
         return pairs
 
@@ -168,7 +154,7 @@ class CollisionSurface:
 
     def stencils(self, active: ipctk.NormalCollisions, vertices: np.ndarray) -> Stencils:
         """The active pairs at the collision mesh's positions, as arrays."""
-        stencils = normal_stencils(active, *self._primitives, vertices)
+        stencils = normal_stencils(active, self.primitives.edges, self.primitives.faces, vertices)
         first = np.take_along_axis(stencils.vertices, self._input_order[stencils.vertices].argmin(axis=1)[:, None], axis=1)[:, 0]
         return replace(stencils, counted=self._own[first])
 

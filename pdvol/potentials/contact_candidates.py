@@ -8,6 +8,8 @@ from the boxes they sweep, good for any point of that straight move.
 import ipctk
 import numpy as np
 
+from pdvol.potentials.collision_mesh import CollisionMesh
+
 NEAR = 0.2  # of the median edge: longer slacks catch so many neighbours that looking through them costs more than searching anew
 SHORTEST = 0.15  # of the longest slack: what is allowed for where nothing is known to move
 ROOM = 1.2  # slack over the move that asked for it
@@ -19,16 +21,16 @@ class ContactCandidates:
 
     Parameters
     ----------
-    mesh : ipctk.CollisionMesh
+    mesh : CollisionMesh
     reach : distance [m] up to which pairs matter
     drifts : bool
         Whether nothing stands still, so that a translation common to all vertices changes no distance.
     """
 
-    def __init__(self, mesh: ipctk.CollisionMesh, vertices: np.ndarray, reach: float, drifts: bool):
+    def __init__(self, mesh: CollisionMesh, vertices: np.ndarray, reach: float, drifts: bool):
         self.mesh, self.reach, self.drifts = mesh, reach, drifts
-        edges = np.asarray(mesh.edges)
-        self._longest = NEAR * float(np.median(np.linalg.norm(vertices[edges[:, 0]] - vertices[edges[:, 1]], axis=1)))
+        starts, ends = vertices[mesh.edges.T]
+        self._longest = NEAR * float(np.median(np.linalg.norm(starts - ends, axis=1)))
         self.pairs = ipctk.Candidates()
         self.forget()
         self.searches = 0
@@ -64,7 +66,7 @@ class ContactCandidates:
         if ROOM * move <= self._longest:
             self._search_around(start, max(ROOM * move, SHORTEST * self._longest))
         else:
-            self.pairs.build(mesh=self.mesh, vertices_t0=start, vertices_t1=self._beside(start, end), inflation_radius=0.51 * self.reach,
+            self.pairs.build(mesh=self.mesh.ipc, vertices_t0=start, vertices_t1=self._beside(start, end), inflation_radius=0.51 * self.reach,
                              broad_phase=ipctk.LBVH())
             self._reference, self._slack, self._move = self._place(start), 0.0, self._place(end) - self._place(start)
             self.searches += 1
@@ -86,7 +88,7 @@ class ContactCandidates:
 
     def _search_around(self, vertices: np.ndarray, slack: float) -> None:
         # Boxes are inflated by the radius each: half of the distance that is asked for, and a little for round-off.
-        self.pairs.build(mesh=self.mesh, vertices=vertices, inflation_radius=0.51 * (self.reach + 2.0 * slack), broad_phase=ipctk.LBVH())
+        self.pairs.build(mesh=self.mesh.ipc, vertices=vertices, inflation_radius=0.51 * (self.reach + 2.0 * slack), broad_phase=ipctk.LBVH())
         self._reference, self._slack, self._move = self._place(vertices).copy(), slack, None
         self.searches += 1
 
