@@ -8,7 +8,12 @@ import numpy as np
 from pdvol.hierarchy.level_space import LevelSpace
 from pdvol.potentials.hessian_blocks import HessianBlocks
 
-KEPT = 0.1  # of a gap is left by a step that contact ends, unless more is asked for
+KEPT = 0.1
+"""What a step that contact ends leaves of each gap at least. It may close nine tenths, for the next one opens it again."""
+
+KEPT_PRESSED = 0.5
+"""The same where scripted motions press on, perhaps from several sides: gaps would shrink and shrink there, and bodies that slide past one of
+1e-6 dhat are stuck, hundreds of steps each ended by it."""
 
 
 class Positions:

@@ -11,16 +11,13 @@ from collections.abc import Callable
 import numpy as np
 
 from pdvol.hierarchy.level_mesh import simplex_volumes
-from pdvol.potentials.potential import Positions
+from pdvol.potentials.potential import KEPT_PRESSED, Positions
 from pdvol.solve.incremental_potential import IncrementalPotential
 from pdvol.solve.newton import Newton, NewtonReport
 from pdvol.solve.script import Script
 
 PARTS = 200  # of one step: more are not tried
 TRIES = 6  # to find a free way for a part, each shorter
-# A step that ends at a contact may close nine tenths of its gap, for the next one opens it again. Not so where walls press on from several
-# sides: gaps shrink and shrink, and bodies that slide past one of 1e-6 dhat are stuck, hundreds of steps each ended by it.
-HALF = 0.5  # of every gap at least is left by parts, and by Newton's steps after them
 KEEP = 0.9  # of the way found free is gone: detection asked again for all of it may say a little less
 LITTLE = 2e-4  # of the step: a part that gains less is not gone at all, lest gaps shrink for nothing
 CRUSHED = 1e-3  # of its rest volume: no part squeezes a cell further
@@ -46,7 +43,7 @@ def follow(script: Script, potential: IncrementalPotential, newton: Newton, x: P
         if script.clock == t1:
             return x
         relaxed = further is None
-        x, solved = newton.solve(x, most=None if relaxed else RELAX, keep=HALF)
+        x, solved = newton.solve(x, most=None if relaxed else RELAX, keep=KEPT_PRESSED)
         solved.rungs["substeps"] += 1
         count(solved)
     return x
@@ -59,7 +56,7 @@ def _part(script: Script, potential: IncrementalPotential, newton: Newton, x: Po
     direction = newton.direction(x, move, potential.push(x, clock, t1) if script.pushes else 0.0)
     until, way, share = t1, np.where(held, move, direction), 1.0
     for _ in range(TRIES):
-        free = potential.max_step(x, way, until=until, keep=HALF)
+        free = potential.max_step(x, way, until=until, keep=KEPT_PRESSED)
         there = x.moved(1.0, way) if free == 1.0 else None
         if there is not None and _smallest(there) >= min(CRUSHED, _smallest(x)):
             script.clock = until

@@ -14,9 +14,9 @@ from pdvol.hierarchy.cell_materials import CellMaterials
 from pdvol.hierarchy.level_space import LevelSpace
 from pdvol.potentials.build import build_terms
 from pdvol.potentials.consistency import Guide
-from pdvol.potentials.potential import KEPT, Positions
+from pdvol.potentials.potential import KEPT, KEPT_PRESSED, Positions
 from pdvol.scene import Friction, Scene, metres
-from pdvol.solve.drive import HALF, follow
+from pdvol.solve.drive import follow
 from pdvol.solve.incremental_potential import IncrementalPotential
 from pdvol.solve.ladder import no_rungs, told
 from pdvol.solve.newton import Newton, NewtonReport
@@ -194,7 +194,7 @@ class LevelProblem:
         if x is None:
             x = follow(self.script, self.potential, self.newton, x_t, target, partial(self._count, report)) if self.script.moves else x_t
         lags, report.friction_residual = 1, None
-        keep = HALF if report.ladder["substeps"] > substeps else KEPT
+        keep = KEPT_PRESSED if report.ladder["substeps"] > substeps else KEPT
         while True:
             x, solved = self.newton.solve(x, careful, keep=keep)
             self._count(report, solved)
