@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from pdvol.errors import InputError, MeshError
-from pdvol.hierarchy.child import die_with_parent
+from pdvol.processes import die_with_parent
 
 SECONDS, PER_SECOND = 6.0, 1e6  # allowed for any file, and bytes of it that buy another second
 ROOM, PER_BYTE = 600 * 2**20, 60  # bytes of memory for any file, and for each of its bytes

@@ -1,10 +1,6 @@
 """Runs a mesher in a process of its own: its crash, hang or chatter, and the libraries it loads, then stay out of the solver's process."""
 
-import contextlib
-import ctypes
-import os
 import shutil
-import signal
 import subprocess
 import sys
 import tempfile
@@ -14,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from pdvol.errors import MeshError
+from pdvol.processes import die_with_parent, without_launcher
 
 # fTetWild shuffles with a std::mt19937 seeded from std::random_device, so the same input would give another mesh every time. The child
 # gets this definition instead (a linear congruential sequence), preloaded; libstdc++'s symbol name is fixed by the Itanium C++ ABI.
@@ -25,9 +22,6 @@ unsigned int _ZNSt13random_device9_M_getvalEv(void *self)
     return state = state * 1664525u + 1013904223u;
 }
 """
-_PR_SET_PDEATHSIG = 1  # of Linux's prctl
-# A child must not look like a rank of ours.
-_LAUNCHER_PREFIXES = ("OMPI_", "PMIX_", "PMI_", "PRTE_", "MPI_", "HYDRA_")
 
 
 @cache
@@ -45,19 +39,6 @@ def _fixed_random() -> bytes:
             return b"" if done.returncode else library.read_bytes()
     except (OSError, subprocess.SubprocessError):
         return b""
-
-
-def die_with_parent() -> None:
-    """In the child: let Linux end it when we are killed, or it would work on for nobody."""
-    with contextlib.suppress(OSError, AttributeError):
-        ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
-
-
-def without_launcher() -> dict[str, str]:
-    """The environment of a child that is not one of our MPI ranks, with one thread."""
-    env = {k: v for k, v in os.environ.items() if not k.startswith(_LAUNCHER_PREFIXES)}
-    env["OMP_NUM_THREADS"] = "1"
-    return env
 
 
 def run_worker(script: str, timeout: float, **arrays: np.ndarray) -> dict[str, np.ndarray]:

@@ -18,8 +18,8 @@ from mpi4py import MPI
 
 from pdvol.errors import PdvolError, SimulationError
 from pdvol.hierarchy.build import read_obstacle
-from pdvol.hierarchy.child import die_with_parent, without_launcher
 from pdvol.hierarchy.hierarchy import Hierarchy
+from pdvol.processes import die_with_parent, without_launcher
 from pdvol.record.reader import Run, open_run
 from pdvol.runs.level_run import run_level
 from pdvol.runs.shot import load_shot, stored_settings

@@ -10,7 +10,7 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
 STAGES = ("hierarchy", "potentials", "solve", "animate", "record")
-FOUNDATION = {"errors", "scene", "parallel", "compat"}
+FOUNDATION = {"errors", "scene", "parallel", "processes", "compat"}
 """Modules beside the stages that any stage may use: they know none of them (a test)."""
 MAY_IMPORT = {
     "forms": set(),
