@@ -9,7 +9,6 @@ for a mistake.
 """
 
 import argparse
-import json
 import sys
 from pathlib import Path
 
@@ -37,34 +36,24 @@ def main(words: list[str] | None = None) -> int:
         import extreme_scenes
 
         names = trials.chosen(options.rows, extreme_scenes.SCENES)
-        options.out.mkdir(parents=True, exist_ok=True)
+        table = trials.Trials(options.out, "extremes", extreme_scenes.SCENES, names, told)
     except (peers.Mistake, OSError) as error:
         print(f"extremes.py: {error}", file=sys.stderr)
         return 2
-    order = list(extreme_scenes.SCENES)
-    result = {"machine": peers.machine(), "rows": trials.kept(options.out / "extremes.json", names)}
     for name in names:
         for seed in range(1, options.starts + 1) if options.starts else (0,):
             record = trials.trial(FILE, name, float("inf"), options.limit, seed=seed)
-            result["rows"].append(record)
-            result["rows"].sort(key=lambda row: order.index(row["name"]))
-            print(" | ".join(cells(record)), record["told"], *record["problems"], file=sys.stderr, flush=True)
-            (options.out / "extremes.json").write_text(json.dumps(result, indent=1) + "\n")
-            (options.out / "extremes.md").write_text(told(result))
-    print(told(result))
-    return int(not all(trials.sound(record) for record in result["rows"]))
+            table.add(record, " | ".join(cells(record)))
+    print(table)
+    return int(not all(trials.sound(record) for record in table.records))
 
 
-def told(result: dict) -> str:
-    """The table, and the errors of rows that stopped."""
-    names = list(dict.fromkeys(record["name"] for record in result["rows"]))
-    if len(names) < len(result["rows"]):
-        table = trials.table(STARTS, [summary([record for record in result["rows"] if record["name"] == name]) for name in names])
-    else:
-        table = trials.table(HEAD, [cells(record) for record in result["rows"]])
-    lines = [f"Measured on {trials.machine_line(result['machine'])}.", "", table, ""]
-    lines += [f"- {record['name']}: {text}" for record in result["rows"] for text in filter(None, [record["told"], *record["problems"]])]
-    return "\n".join(lines) + "\n"
+def told(records: list[dict]) -> str:
+    """The table; of jittered starts, a row a scene."""
+    names = list(dict.fromkeys(record["name"] for record in records))
+    if len(names) < len(records):
+        return trials.table(STARTS, [summary([record for record in records if record["name"] == name]) for name in names])
+    return trials.table(HEAD, [cells(record) for record in records])
 
 
 def cells(record: dict) -> list[str]:

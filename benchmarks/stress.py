@@ -8,7 +8,6 @@ tests/verify_run.py. Exit code 0 when every scene came to its end or its time an
 """
 
 import argparse
-import json
 import sys
 from pathlib import Path
 
@@ -33,26 +32,20 @@ def main(words: list[str] | None = None) -> int:
         import stress_scenes
 
         names = trials.chosen(options.scenes, stress_scenes.SCENES)
-        options.out.mkdir(parents=True, exist_ok=True)
+        table = trials.Trials(options.out, "stress", stress_scenes.SCENES, names, told)
     except (peers.Mistake, OSError) as error:
         print(f"stress.py: {error}", file=sys.stderr)
         return 2
-    order = list(stress_scenes.SCENES)
-    result = {"machine": peers.machine(), "rows": trials.kept(options.out / "stress.json", names)}
     seconds = 60.0 * options.minutes
     for name in names:
         keep = (lambda path, name=name: draw(path, options.out / f"{name}.png")) if options.pictures else None
         record = trials.trial(FILE, name, seconds, seconds + trials.PATIENCE + 0.5 * seconds, keep)
         record["lengths"] = trials.lengths(stress_scenes.scene(name), record.get("diagonal", 1.0))
-        result["rows"].append(record)
-        result["rows"].sort(key=lambda row: order.index(row["name"]))
-        print(" | ".join(" | ".join(row) for row in rows(record)), record["told"], *record["problems"], file=sys.stderr, flush=True)
-        (options.out / "stress.json").write_text(json.dumps(result, indent=1) + "\n")
-        (options.out / "stress.md").write_text(told(result))
+        table.add(record, " | ".join(" | ".join(row) for row in rows(record)))
     if options.pictures:
-        sheet(options.out, order)
-    print(told(result))
-    return int(not all(trials.sound(record) and record["outcome"] in ("done", "time") for record in result["rows"]))
+        sheet(options.out, list(stress_scenes.SCENES))
+    print(table)
+    return int(not all(trials.sound(record) and record["outcome"] in ("done", "time") for record in table.records))
 
 
 def draw(path: Path, picture: Path) -> None:
@@ -83,12 +76,9 @@ def sheet(folder: Path, names: list[str], columns: int = 4, width: int = 300, he
     page.save(folder / "pictures.png", optimize=True)
 
 
-def told(result: dict) -> str:
-    """The table, and the errors of scenes that stopped."""
-    lines = [f"Measured on {trials.machine_line(result['machine'])}.", "",
-             trials.table(HEAD, [row for record in result["rows"] for row in rows(record)]), ""]
-    lines += [f"- {record['name']}: {text}" for record in result["rows"] for text in filter(None, [record["told"], *record["problems"]])]
-    return "\n".join(lines) + "\n"
+def told(records: list[dict]) -> str:
+    """The table: a row a level."""
+    return trials.table(HEAD, [row for record in records for row in rows(record)])
 
 
 def rows(record: dict) -> list[list[str]]:

@@ -6,7 +6,7 @@ States are checked by tests/verify_run.py, which shares nothing with the solver;
 import json
 import sys
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 
 import numpy as np
@@ -52,10 +52,43 @@ def chosen(text: str, known) -> list[str]:
     return list(dict.fromkeys(names)) or list(known)
 
 
-def kept(file: Path, names: list[str]) -> list[dict]:
-    """Rows of an earlier table in the same folder, but for those that are run again."""
-    earlier = json.loads(file.read_text())["rows"] if file.is_file() else []
-    return [row for row in earlier if row["name"] not in names]
+class Trials:
+    """The trials of a table: records in the order of `known`, kept as NAME.json and NAME.md in a folder, each as soon as it is there.
+
+    Parameters
+    ----------
+    folder : made where it is missing; records of an earlier table there stay, but for those that are tried again
+    name : of the two files
+    known : names in order
+    again : names that are tried again
+    told : the table of records, as Markdown
+    """
+
+    def __init__(self, folder: Path, name: str, known: Iterable[str], again: list[str], told: Callable[[list[dict]], str]):
+        folder.mkdir(parents=True, exist_ok=True)
+        self._json, self._markdown = folder / f"{name}.json", folder / f"{name}.md"
+        self._order, self._told = list(known), told
+        earlier = json.loads(self._json.read_text())["rows"] if self._json.is_file() else []
+        self.result = {"machine": peers.machine(), "rows": [row for row in earlier if row["name"] not in again]}
+
+    @property
+    def records(self) -> list[dict]:
+        """All there are."""
+        return self.result["rows"]
+
+    def add(self, record: dict, line: str) -> None:
+        """Keeps a record, and says so on stderr in a line."""
+        self.records.append(record)
+        self.records.sort(key=lambda row: self._order.index(row["name"]))
+        print(line, record["told"], *record["problems"], file=sys.stderr, flush=True)
+        self._json.write_text(json.dumps(self.result, indent=1) + "\n")
+        self._markdown.write_text(str(self))
+
+    def __str__(self) -> str:
+        """The machine, the table, and what was told of trials that stopped or whose states are wrong."""
+        lines = [f"Measured on {machine_line(self.result['machine'])}.", "", self._told(self.records), ""]
+        lines += [f"- {record['name']}: {text}" for record in self.records for text in filter(None, [record["told"], *record["problems"]])]
+        return "\n".join(lines) + "\n"
 
 
 def measured(path: Path) -> dict:
