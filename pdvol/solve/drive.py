@@ -2,8 +2,9 @@
 
 Each part ends at a time on the clock, with supports and obstacles exactly where their motions have them then; the straight way there from
 the part before is what collision detection clears. So an obstacle that turns never stays on a chord of its arc, and never is where it was
-not checked. Newton's direction lets bodies give way to supports and, through the barrier, to obstacles; where contact still stops a part,
-bodies are pushed away by minimising before the next one. A part never squeezes a cell below `CRUSHED` of its rest volume.
+not checked. Newton's direction lets bodies give way to supports and, through the barrier, to obstacles. Where the bodies' own way to rest
+ends it early, what they give way by alone goes further, and the rest is left to minimising between parts. A part never squeezes a cell
+below `CRUSHED` of its rest volume.
 """
 
 from collections.abc import Callable
@@ -22,7 +23,7 @@ KEEP = 0.9  # of the way found free is gone: detection asked again for all of it
 LITTLE = 2e-4  # of the step: a part that gains less is not gone at all, lest gaps shrink for nothing
 CRUSHED = 1e-3  # of its rest volume: no part squeezes a cell further
 SHORTER = 0.5  # a part that would
-RELAX = 3  # Newton iterations between parts
+RELAX = 2  # Newton iterations between parts
 
 
 def follow(script: Script, potential: IncrementalPotential, newton: Newton, x: Positions, t1: float,
@@ -51,23 +52,37 @@ def follow(script: Script, potential: IncrementalPotential, newton: Newton, x: P
 
 def _part(script: Script, potential: IncrementalPotential, newton: Newton, x: Positions, t1: float, least: float) -> Positions | None:
     """Goes the longest free part towards t1; None where that gains less than `least` [s]."""
+    clock = script.clock
+    push = potential.push(x, clock, t1) if script.pushes else 0.0
+    furthest, there = clock, None
+    for direction in newton.directions(x, script.positions(t1) - x.owned, push):
+        until, end = _free_part(script, potential, x, t1, least, direction)
+        if until > furthest:
+            furthest, there = until, end
+        if furthest == t1:
+            break
+    if there is not None:
+        script.clock = furthest
+        potential.place(furthest)
+    return there
+
+
+def _free_part(script: Script, potential: IncrementalPotential, x: Positions, t1: float, least: float,
+               direction: np.ndarray) -> tuple[float, Positions | None]:
+    """Until when a part can go along a direction that leads to t1 [s], and where it ends; None where that gains less than `least` [s]."""
     clock, held = script.clock, script.held[:, None]
-    move = script.positions(t1) - x.owned
-    direction = newton.direction(x, move, potential.push(x, clock, t1) if script.pushes else 0.0)
-    until, way, share = t1, np.where(held, move, direction), 1.0
+    until, share = t1, 1.0
     for _ in range(TRIES):
+        way = np.where(held, script.positions(until) - x.owned, share * direction)
         free = potential.max_step(x, way, until=until, keep=KEPT_PRESSED)
-        there = x.moved(1.0, way) if free == 1.0 else None
-        if there is not None and _smallest(there) >= min(CRUSHED, _smallest(x)):
-            script.clock = until
-            potential.place(until)
-            return there
-        share *= KEEP * free if there is None else SHORTER
+        end = x.moved(1.0, way) if free == 1.0 else None
+        if end is not None and _smallest(end) >= min(CRUSHED, _smallest(x)):
+            return until, end
+        share *= KEEP * free if end is None else SHORTER
         until = clock + share * (t1 - clock)
         if until - clock < least:
-            return None
-        way = np.where(held, script.positions(until) - x.owned, share * direction)
-    return None
+            break
+    return clock, None
 
 
 def _smallest(x: Positions) -> float:

@@ -6,7 +6,7 @@ is still taken. A short step deep inside a barrier says little (Newton on a loga
 step must also have been taken in full, follow one that was, not be longer than it, and not have opened the smallest gap by a fifth.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 
@@ -331,9 +331,9 @@ class Newton:
         self._system.forget()
         self.linear.forget()
 
-    def direction(self, x: Positions, supported_move: np.ndarray, push: np.ndarray | float = 0.0) -> np.ndarray:
+    def directions(self, x: Positions, supported_move: np.ndarray, push: np.ndarray | float = 0.0) -> Iterator[np.ndarray]:
         """Newton's direction (n_owned, d) at x while supported vertices move by `supported_move` (n_owned, d), and other motions add `push`
-        (n_owned, d) [kg m] to the gradient."""
+        (n_owned, d) [kg m] to the gradient; then what of it is due to these motions alone. Nothing else may use the matrix between the two."""
         self._start(x)
         gradient = self.potential.gradient(x)
         self._add_up(x)
@@ -344,16 +344,18 @@ class Newton:
             # The free rows see what the supports do; then rows and columns of supports are eliminated.
             self._system.assemble(self._blocks, eliminate=False)
             self._system.petsc.mult(moved, force)
-            right = np.where(self._fixed[:, None], prescribed, -gradient - push - force.getArray().reshape(-1, self.space.dim))
+            motions = -push - force.getArray().reshape(-1, self.space.dim)
             self._system.assemble(self._blocks)
             self.snes.setJacobian(self._jacobian, self._system.petsc)
-            moved.setArray(right.ravel())
             self.snes.ksp.setOperators(self._system.petsc)
             self.linear.follow(self._system.parts)
-            self.linear.solve(moved, force)
-        found = force.getArray().reshape(-1, self.space.dim).copy()
-        self._require_finite(found)
-        return found
+        for right in (motions - gradient, motions):
+            with self.watch.part("linear"), _own_errors():
+                moved.setArray(np.where(self._fixed[:, None], prescribed, right).ravel())
+                self.linear.solve(moved, force)
+            found = force.getArray().reshape(-1, self.space.dim).copy()
+            self._require_finite(found)
+            yield found
 
     def _start(self, x: Positions) -> None:
         self._recent, self._energies, self._base, self._base_energy, self._base_gap = [x], [], None, 0.0, np.inf

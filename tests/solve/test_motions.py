@@ -6,6 +6,7 @@ import pytest
 from pdvol.errors import InputError
 from pdvol.hierarchy.crossings import edges_of, find_crossings
 from pdvol.hierarchy.level_mesh import simplex_volumes
+from pdvol.potentials.potential import Positions
 from pdvol.scene import Barrier, Gravity, Path, Plane, Rigid, Rotation, Scene, Sequential, Solver, Support, Translation, moved
 from problems import block, make_problem, make_scene, polyline, tetrahedron
 
@@ -119,6 +120,25 @@ def test_releasing_part_frees_only_that_part():
     again = make_problem(scene, mesh)
     one, *_ = march(again, 1, first=4)  # set out in the middle, as a resumed run does
     assert np.abs((one.positions - mesh.points)[right(mesh.points)]).max() > 1e-3
+
+
+def test_what_motions_do_by_themselves_is_the_direction_less_the_way_to_rest():
+    """Both directions carry supports where they go, and differ by Newton's direction with nothing moving: the model is quadratic."""
+    scene = make_scene(supports=(Support(left),))
+    mesh = block((0.0, 0.0, 0.0), (0.4, 0.1, 0.1), (4, 1, 1))
+    problem, random = make_problem(scene, mesh), np.random.default_rng(1)
+    x_t = Positions(problem.space, problem.space.from_input(mesh.points))
+    problem.potential.begin_step(x_t, x_t.owned, 0.0, 0.01)
+    held = problem.script.held[:, None]
+    x = x_t.moved(1.0, np.where(held, 0.0, 1e-3 * random.standard_normal(x_t.owned.shape)))
+    move, push = np.array([0.0, 0.02, 0.0]), 1e-3 * random.standard_normal(x.owned.shape)
+    both, alone = problem.newton.directions(x, np.broadcast_to(move, x.owned.shape), push)
+    rest, nothing = problem.newton.directions(x, np.zeros_like(x.owned))
+    for direction in (both, alone):
+        np.testing.assert_allclose(direction[held[:, 0]] - move, 0.0, atol=1e-12)
+    scale = np.abs(both).max()
+    assert np.abs(rest).max() > 1e-2 * scale and np.abs(nothing).max() <= 1e-12 * scale
+    np.testing.assert_allclose(both - alone, rest, atol=1e-9 * scale)
 
 
 # ---- through contact ---------------------------------------------------------------------------------------------------------
