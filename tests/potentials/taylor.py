@@ -1,4 +1,4 @@
-"""The shared derivative check: second-order Taylor remainders of value and gradient."""
+"""The shared derivative check, second-order Taylor remainders of value and gradient, and states to make it at."""
 
 import numpy as np
 from scipy.sparse import csr_array
@@ -64,3 +64,16 @@ def hessian_of(term, space, x: np.ndarray, positive: str = "clamp") -> csr_array
     blocks = HessianBlocks(BlockPattern(space), positive)
     term.add_hessian(Positions(space, x), 1.0, blocks)
     return blocks.to_csr()
+
+
+def state(space, strain=0.15, seed=1, stretch=1.0):
+    """Owned positions: a random affine map and a random displacement, no cell inverted."""
+    rng = np.random.default_rng(seed)
+    X = space.from_input(space.mesh.points)
+    d = space.dim
+    F = stretch * np.eye(d) + strain * rng.uniform(-1, 1, (d, d))
+    return X @ F.T + 0.1 * strain * rng.uniform(-1, 1, X.shape)
+
+
+def smallest_eigenvalue(H):
+    return np.linalg.eigvalsh(0.5 * (H + H.T))[0]
