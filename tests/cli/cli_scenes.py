@@ -72,3 +72,8 @@ def pdvol(*words) -> int:
         return cli.run([str(word) for word in words])
     except SystemExit as end:
         return int(end.code or 0)
+
+
+def states(run, level):
+    """Every stored state of a level, as bytes by file name."""
+    return {p.name: p.read_bytes() for p in sorted((run / "levels" / str(level)).iterdir())}

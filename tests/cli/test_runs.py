@@ -1,7 +1,6 @@
-"""The commands on a scene of a few triangles: what each leaves behind, and that going on is as good as never having stopped."""
+"""The commands on a scene of a few triangles: what each leaves behind."""
 
 import json
-import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -9,7 +8,7 @@ from pathlib import Path
 import meshio
 import numpy as np
 import pytest
-from cli_scenes import CUBE_OFF, FALL, pdvol, write
+from cli_scenes import CUBE_OFF, pdvol, states, write
 
 from pdvol import cli, open_run
 from pdvol.errors import InputError
@@ -26,40 +25,6 @@ LOGGED = {"level", "step", "time", "newton_iterations", "linear_iterations", "he
 ENERGIES = {"inertia", "elastic", "load", "barrier", "friction"}
 SECONDS = {"total", "assembly", "contact", "ccd", "linear", "other"}
 PROGRAM = [sys.executable, "-c", "import pdvol; pdvol.main()"]
-TIMING = ("seconds", "peak_memory_mb")
-
-
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory):
-    """A folder with the scene file and one finished run of it."""
-    folder = tmp_path_factory.mktemp("runs")
-    write(folder / "fall.py", FALL)
-    assert pdvol("run", folder / "fall.py", "--out", folder / "whole") == 0
-    return folder
-
-
-@pytest.fixture
-def scene(folder):
-    return folder / "fall.py"
-
-
-@pytest.fixture
-def whole(folder):
-    return folder / "whole"
-
-
-def states(run, level):
-    """Every stored state of a level, as bytes by file name."""
-    return {p.name: p.read_bytes() for p in sorted((run / "levels" / str(level)).iterdir())}
-
-
-def assert_same_motion(one, other):
-    first, second = open_run(one), open_run(other)
-    assert len(first.levels) == len(second.levels)
-    for a, b in zip(first.levels, second.levels, strict=True):
-        assert states(one, a.index) == states(other, b.index)
-        drop = [[{k: v for k, v in r.items() if k not in TIMING} for r in level.log] for level in (a, b)]
-        assert drop[0] == drop[1]
 
 
 def png_size(path):
@@ -205,110 +170,6 @@ def test_a_scene_file_run_by_python(tmp_path, scene, whole):
     assert ended.returncode == 0, ended.stderr
     assert "Traceback" not in ended.stderr and "picture.png" in ended.stderr
     np.testing.assert_array_equal(open_run(tmp_path / "run").levels[1].positions(2), open_run(whole).levels[1].positions(2))
-
-
-# ---- refine and resume -------------------------------------------------------------------------------------------------------
-
-
-def test_refine_keeps_relative_settings(tmp_path, scene):
-    words = ["--set", "tolerance=Relative(1e-4)", "--steps", 3]
-    assert pdvol("run", scene, *words, "--out", tmp_path / "whole") == 0
-    assert pdvol("run", scene, *words, "--levels", "0", "--out", tmp_path / "run") == 0
-    assert pdvol("refine", tmp_path / "run", "--to", 1) == 0
-    assert_same_motion(tmp_path / "run", tmp_path / "whole")
-
-
-def test_refine_does_not_touch_coarser_levels(tmp_path, scene, whole):
-    out = tmp_path / "run"
-    assert pdvol("run", scene, "--levels", "0", "--out", out) == 0
-    before = states(out, 0)
-    times = {p: p.stat().st_mtime_ns for p in (out / "levels" / "0").iterdir()}
-    assert pdvol("refine", out, "--to", 1) == 0
-    assert states(out, 0) == before
-    assert {p: p.stat().st_mtime_ns for p in times} == times
-    assert_same_motion(out, whole)
-    assert (out / "level_1.xdmf").exists()
-    log = (out / "log.jsonl").read_bytes()
-    assert pdvol("refine", out, "--to", 1) == 0  # nothing left to do
-    assert (out / "log.jsonl").read_bytes() == log
-    assert pdvol("refine", out, "--to", 0) == 0
-    assert len(open_run(out).levels) == 2
-
-
-@pytest.mark.parametrize(("level", "step"), [(0, 0), (0, 4), (0, STEPS), (1, 0), (1, 1), (1, 7)])
-def test_resume_equals_uninterrupted(tmp_path, scene, whole, level, step):
-    # What a kill leaves: states up to a step of a level, nothing after, and a log one line ahead or torn.
-    out = shutil.copytree(whole, tmp_path / "run")
-    for later in range(level, 2):
-        for file in (out / "levels" / str(later)).glob("[0-9]*.npy"):
-            if later > level or int(file.stem) > step:
-                file.unlink()
-    lines = (out / "log.jsonl").read_bytes().splitlines(keepends=True)
-    kept = level * STEPS + step
-    (out / "log.jsonl").write_bytes(b"".join(lines[:kept]) + (lines[kept][:40] if kept < len(lines) else b""))
-    info = json.loads((out / "run.json").read_text())
-    for later in range(level, 2):
-        info["levels"][later]["state"] = "running" if later == level else "pending"
-    (out / "run.json").write_text(json.dumps({**info, "state": "running"}))
-    assert pdvol("run", scene, "--out", out, "--resume") == 0
-    assert_same_motion(out, whole)
-    assert open_run(out).info["state"] == "done"
-
-
-def test_a_killed_run_resumes(tmp_path, scene, whole):
-    # A real SIGKILL, as soon as the third state of level 0 is there.
-    out = tmp_path / "run"
-    program = f"""
-import os, signal
-from pdvol import cli
-from pdvol.record.store import RunWriter
-write = RunWriter.write_state
-def write_and_die(self, level, step, *rest):
-    write(self, level, step, *rest)
-    if (level, step) == (0, 3):
-        os.kill(os.getpid(), signal.SIGKILL)
-RunWriter.write_state = write_and_die
-cli.run(["run", {str(scene)!r}, "--out", {str(out)!r}])
-"""
-    assert subprocess.run([sys.executable, "-c", program], capture_output=True, timeout=100).returncode == -9
-    assert open_run(out).levels[0].steps == 4
-    assert pdvol("run", scene, "--out", out, "--resume") == 0
-    assert_same_motion(out, whole)
-
-
-def test_a_run_with_endless_motions_is_the_same_scene_again(tmp_path):
-    """A motion's `stop` is infinity unless given, which run.json cannot hold."""
-    moving = FALL.replace("Plane((0.0, 0.0), (0.0, 1.0), ", "Plane((0.0, 0.0), (0.0, 1.0), motion=pdvol.Translation((0.0, 0.01)), ")
-    scene, out = write(tmp_path / "moving.py", moving), tmp_path / "run"
-    assert pdvol("run", scene, "--steps", 2, "--levels", "0", "--out", out) == 0
-    assert pdvol("run", scene, "--steps", 3, "--levels", "0", "--out", out, "--resume") == 0
-    assert open_run(out).levels[0].steps == 4
-
-
-def test_resume_of_nothing_begins(tmp_path, scene, whole):
-    assert pdvol("run", scene, "--out", tmp_path / "run", "--resume") == 0
-    assert_same_motion(tmp_path / "run", whole)
-
-
-def test_two_runs_in_one_process_agree_with_each_alone(tmp_path, scene, whole):
-    assert pdvol("run", scene, "--set", "young=5e4", "--steps", 2, "--out", tmp_path / "other") == 0
-    assert pdvol("run", scene, "--out", tmp_path / "again") == 0
-    assert_same_motion(tmp_path / "again", whole)
-
-
-def test_a_simulation_that_cannot_go_on(tmp_path, scene, capfd):
-    # One Newton iteration and no halving: ends with code 1, level and step named, what was done kept.
-    out = tmp_path / "run"
-    assert pdvol("run", scene, "--out", out, "--set", "max_iterations=1", "--set", "max_halvings=0") == 1
-    line = capfd.readouterr().err.strip().split("\n")[-1]
-    assert line.startswith("pdvol: level 0, step ") and "Traceback" not in line
-    run = open_run(out)
-    assert run.info["state"] == "failed" and "step" in run.info["levels"][0]["reason"]
-    assert run.levels[0].steps >= 1 and (out / "level_0.xdmf").exists()
-    # A kinder solver goes on from there: solver settings are not part of what the scene is.
-    assert pdvol("run", scene, "--out", out, "--resume") == 0
-    assert open_run(out).info["state"] == "done"
-    assert verify_run.verify(out) == []
 
 
 # ---- info, check, hierarchy, render ------------------------------------------------------------------------------------------
