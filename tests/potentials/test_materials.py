@@ -183,7 +183,7 @@ def test_corotational_stress_is_exact_for_all_stretches(terms, cells, spread):
 
 @pytest.mark.parametrize("law", LAWS)
 def test_isotropic_laws_are_recognised(terms, law):
-    """In 3D their Hessians go through stretches (checked in test_derivatives), many times faster."""
+    """In 3D their Hessians go through stretches (checked in test_hessian_filter), many times faster."""
     assert terms[law, 3]._stretches is not None
 
 
