@@ -21,9 +21,11 @@ PARTS = 200  # of one step: more are not tried
 TRIES = 6  # to find a free way for a part, each shorter
 KEEP = 0.9  # of the way found free is gone: detection asked again for all of it may say a little less
 LITTLE = 2e-4  # of the step: a part that gains less is not gone at all, lest gaps shrink for nothing
+PINCHED = 0.25  # of the smallest gap before the first part: below it bodies get more iterations, lest part after part halves the gaps
 CRUSHED = 1e-3  # of its rest volume: no part squeezes a cell further
 SHORTER = 0.5  # a part that would
 RELAX = 2  # Newton iterations between parts
+GIVE_WAY = 20  # where gaps are pinched
 
 
 def follow(script: Script, potential: IncrementalPotential, newton: Newton, x: Positions, t1: float,
@@ -34,7 +36,7 @@ def follow(script: Script, potential: IncrementalPotential, newton: Newton, x: P
     """
     if script.clock == t1:
         return x
-    least, relaxed = LITTLE * (t1 - script.clock), False
+    least, relaxed, gap = LITTLE * (t1 - script.clock), False, potential.min_gap(x)
     for _ in range(PARTS):
         further = _part(script, potential, newton, x, t1, least)
         if further is not None:
@@ -43,8 +45,10 @@ def follow(script: Script, potential: IncrementalPotential, newton: Newton, x: P
             return x  # bodies have given way as far as they do: contact holds
         if script.clock == t1:
             return x
-        relaxed = further is None
-        x, solved = newton.solve(x, most=None if relaxed else RELAX, keep=KEPT_PRESSED)
+        relaxed, now = further is None, potential.min_gap(x)
+        gap = now if gap == np.inf else gap  # the step began out of contact
+        pinched = now < PINCHED * gap
+        x, solved = newton.solve(x, most=None if relaxed else GIVE_WAY if pinched else RELAX, keep=KEPT_PRESSED)
         solved.rungs["substeps"] += 1
         count(solved)
     return x
