@@ -348,10 +348,10 @@ class Newton:
             self._system.assemble(self._blocks)
             self.snes.setJacobian(self._jacobian, self._system.petsc)
             self.snes.ksp.setOperators(self._system.petsc)
-            self.linear.follow(self._system.parts)
         for right in (motions - gradient, motions):
             with self.watch.part("linear"), _own_errors():
                 moved.setArray(np.where(self._fixed[:, None], prescribed, right).ravel())
+                self.linear.follow(self._system.parts)  # it may have changed its mind about how to solve
                 self.linear.solve(moved, force)
             found = force.getArray().reshape(-1, self.space.dim).copy()
             self._require_finite(found)

@@ -8,6 +8,7 @@ from pdvol.hierarchy.crossings import edges_of, find_crossings
 from pdvol.hierarchy.level_mesh import simplex_volumes
 from pdvol.potentials.potential import Positions
 from pdvol.scene import Barrier, Gravity, Path, Plane, Rigid, Rotation, Scene, Sequential, Solver, Support, Translation, moved
+from pdvol.solve import linear
 from problems import block, make_problem, make_scene, polyline, tetrahedron
 
 X = np.array([[1.0, 0.0, 2.0], [0.0, 1.0, -1.0]])
@@ -122,23 +123,35 @@ def test_releasing_part_frees_only_that_part():
     assert np.abs((one.positions - mesh.points)[right(mesh.points)]).max() > 1e-3
 
 
-def test_what_motions_do_by_themselves_is_the_direction_less_the_way_to_rest():
-    """Both directions carry supports where they go, and differ by Newton's direction with nothing moving: the model is quadratic."""
-    scene = make_scene(supports=(Support(left),))
-    mesh = block((0.0, 0.0, 0.0), (0.4, 0.1, 0.1), (4, 1, 1))
-    problem, random = make_problem(scene, mesh), np.random.default_rng(1)
+def both_directions(solver):
+    """A bar's Newton directions where its support moves and something pushes, and where nothing does; which rows are held, and the move."""
+    problem = make_problem(make_scene(supports=(Support(left),), solver=solver), block((0.0, 0.0, 0.0), (0.4, 0.1, 0.1), (4, 1, 1)))
+    random, mesh = np.random.default_rng(1), problem.space.mesh
     x_t = Positions(problem.space, problem.space.from_input(mesh.points))
     problem.potential.begin_step(x_t, x_t.owned, 0.0, 0.01)
-    held = problem.script.held[:, None]
-    x = x_t.moved(1.0, np.where(held, 0.0, 1e-3 * random.standard_normal(x_t.owned.shape)))
+    held = problem.script.held
+    x = x_t.moved(1.0, np.where(held[:, None], 0.0, 1e-3 * random.standard_normal(x_t.owned.shape)))
     move, push = np.array([0.0, 0.02, 0.0]), 1e-3 * random.standard_normal(x.owned.shape)
-    both, alone = problem.newton.directions(x, np.broadcast_to(move, x.owned.shape), push)
-    rest, nothing = problem.newton.directions(x, np.zeros_like(x.owned))
+    moving = tuple(problem.newton.directions(x, np.broadcast_to(move, x.owned.shape), push))
+    return moving, tuple(problem.newton.directions(x, np.zeros_like(x.owned))), held, move
+
+
+def test_what_motions_do_by_themselves_is_the_direction_less_the_way_to_rest():
+    """Both directions carry supports where they go, and differ by Newton's direction with nothing moving: the model is quadratic."""
+    (both, alone), (rest, nothing), held, move = both_directions(Solver(tolerance=1e-6, linear="direct"))
     for direction in (both, alone):
-        np.testing.assert_allclose(direction[held[:, 0]] - move, 0.0, atol=1e-12)
+        np.testing.assert_allclose(direction[held] - move, 0.0, atol=1e-12)
     scale = np.abs(both).max()
     assert np.abs(rest).max() > 1e-2 * scale and np.abs(nothing).max() <= 1e-12 * scale
     np.testing.assert_allclose(both - alone, rest, atol=1e-9 * scale)
+
+
+@pytest.mark.parametrize("limit", ["MANY", "HARD"])
+def test_the_second_direction_is_right_where_the_first_changes_the_solver(monkeypatch, limit):
+    (_, expected), *_ = both_directions(Solver(tolerance=1e-6, linear="direct"))
+    monkeypatch.setattr(linear, limit, 0)
+    (_, alone), *_ = both_directions(Solver(tolerance=1e-6, accuracy=1e-10))
+    np.testing.assert_allclose(alone, expected, atol=1e-6 * np.abs(expected).max())
 
 
 # ---- through contact ---------------------------------------------------------------------------------------------------------
