@@ -1,6 +1,6 @@
 """The stability envelope: every scene of extreme_scenes.py under a limit of time, and one table of how each came out.
 
-    ./run python benchmarks/extremes.py [--rows young,dt_0.1] [--out runs/extremes] [--limit 600] [--starts 10]
+    ./run python benchmarks/extremes.py [--rows young,dt_0.1] [--out runs/extremes] [--limit 900] [--starts 10]
 
 Rows are named in full or by how they begin; those already in the folder --out stay in the table. Each runs in a process of its own; every
 state of it is checked for intersections and inverted cells by tests/verify_run.py. With --starts each row is repeated that often from starts
@@ -29,7 +29,7 @@ def main(words: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="extremes.py", description=__doc__.splitlines()[0])
     parser.add_argument("--rows", default="", metavar="NAME,...", help="rows by name or by how their names begin (default: all)")
     parser.add_argument("--out", type=Path, default=HERE.parent / "runs" / "extremes", metavar="DIR", help="for extremes.json and extremes.md")
-    parser.add_argument("--limit", type=float, default=600.0, metavar="SECONDS", help="a row is ended after so long (default: 600)")
+    parser.add_argument("--limit", type=float, default=900.0, metavar="SECONDS", help="a row is ended after so long (default: 900)")
     parser.add_argument("--starts", type=int, default=0, metavar="N", help="so many jittered starts of each row, instead of its own")
     options = parser.parse_args(words)
     try:
