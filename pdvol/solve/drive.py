@@ -3,8 +3,9 @@
 Each part ends at a time on the clock, with supports and obstacles exactly where their motions have them then; the straight way there from
 the part before is what collision detection clears. So an obstacle that turns never stays on a chord of its arc, and never is where it was
 not checked. Newton's direction lets bodies give way to supports and, through the barrier, to obstacles. Where the bodies' own way to rest
-ends it early, what they give way by alone goes further, and the rest is left to minimising between parts. A part never squeezes a cell
-below `CRUSHED` of its rest volume.
+ends it early, what they give way by alone goes further, and the rest is left to minimising between parts. Bodies' ways are straight, those
+of what turns are not: a direction found for a place far ahead runs into it long before. So each is found for a place `AHEAD` times as far
+as the last part came. A part never squeezes a cell below `CRUSHED` of its rest volume.
 """
 
 from collections.abc import Callable
@@ -19,6 +20,8 @@ from pdvol.solve.script import Script
 
 PARTS = 200  # of one step: more are not tried
 TRIES = 6  # to find a free way for a part, each shorter
+AHEAD = 2.0  # times the last part's length: where the next one's direction leads, unless the step ends before
+NEAR = 0.005  # of the step: what a part that came less far counts as in that
 KEEP = 0.9  # of the way found free is gone: detection asked again for all of it may say a little less
 LITTLE = 2e-4  # of the step: a part that gains less is not gone at all, lest gaps shrink for nothing
 PINCHED = 0.25  # of the smallest gap before the first part: below it bodies get more iterations, lest part after part halves the gaps
@@ -36,9 +39,12 @@ def follow(script: Script, potential: IncrementalPotential, newton: Newton, x: P
     """
     if script.clock == t1:
         return x
-    least, relaxed, gap = LITTLE * (t1 - script.clock), False, potential.min_gap(x)
+    least, near = LITTLE * (t1 - script.clock), NEAR * (t1 - script.clock)
+    relaxed, gap, aim = False, potential.min_gap(x), t1
     for _ in range(PARTS):
-        further = _part(script, potential, newton, x, t1, least)
+        clock = script.clock
+        further = _part(script, potential, newton, x, aim, least)
+        aim = min(t1, script.clock + AHEAD * max(near, script.clock - clock))
         if further is not None:
             x = further
         elif relaxed:
@@ -55,7 +61,7 @@ def follow(script: Script, potential: IncrementalPotential, newton: Newton, x: P
 
 
 def _part(script: Script, potential: IncrementalPotential, newton: Newton, x: Positions, t1: float, least: float) -> Positions | None:
-    """Goes the longest free part towards t1; None where that gains less than `least` [s]."""
+    """Goes the longest free part towards places at t1 [s]; None where that gains less than `least` [s]."""
     clock = script.clock
     push = potential.push(x, clock, t1) if script.pushes else 0.0
     furthest, there = clock, None

@@ -217,6 +217,26 @@ def test_a_paddle_turns_into_a_body_without_crossing_it(d, speed):
     assert crosses(mesh, report.positions, (rigid.motion(geometry[0], (0.1 if speed == 5.0 else 0.012)), *geometry[1:]))
 
 
+@pytest.mark.parametrize("speed", [10.0, 25.0])
+def test_a_body_pressed_to_a_wall_turns_with_it(speed):
+    """By 0.2 rad and 0.5 rad a step, its support and the wall about one centre: nothing is in the way, and gaps are hundredths of dhat.
+
+    Straight ways leave the wall by the arc's height over its chord, hundreds of gaps, unless they are found for places near enough.
+    """
+    dt, press, inner = 0.02, np.array([0.03, 0.0]), 0.05 - 1e-4
+
+    def turn(X, t):
+        c, s = np.cos(speed * max(t - dt, 0.0)), np.sin(speed * max(t - dt, 0.0))
+        return X @ np.array([[c, s], [-s, c]])
+
+    support = Support(lambda X: X[:, 0] > 0.3 - 1e-9, motion=lambda X, t: turn(X - min(t / dt, 1.0) * press, t))
+    wall = polyline([(0.02, -0.05), (inner, -0.05), (inner, 0.15), (0.02, 0.15)])
+    scene = make_scene(dt=dt, supports=(support,), obstacles=(Rigid("wall", motion=turn),), contact=(Barrier(dhat=2e-3, stiffness=1e-3),), solver=SOLVER)
+    for report in march(make_problem(scene, block((0.05, 0.0), (0.3, 0.1), (5, 2)), [wall]), 4):
+        assert report.reached == 1.0 and report.behind == 0.0
+        assert 1e-6 < report.min_gap < 2e-5
+
+
 @pytest.mark.parametrize("d", [2, 3])
 @pytest.mark.parametrize("speed", [5.0, 50.0])
 def test_a_plane_carries_a_free_block_along(d, speed):
