@@ -4,6 +4,8 @@ one, where each contact counts as one. Both have the law of `barrier_law.py`, ti
 Source: Li et al. 2020 (Incremental Potential Contact); Li et al. 2023 (convergent IPC).
 """
 
+from dataclasses import replace
+
 import ipctk
 import numpy as np
 from mpi4py import MPI
@@ -22,28 +24,27 @@ class SurfaceBarrier(Term):
     ----------
     surface : CollisionSurface
     dhat : activation distance [m]
-    kappa : stiffness: [Pa] where contacts are weighted, [N] (per metre of depth in 2D) where each counts as one
+    kappa : stiffness: [Pa] where contacts are weighted, [N] (per metre of depth in 2D) where each counts as one; it may be
+        changed between solves
     weighted : whether contacts are weighted by area
     """
 
     name = "barrier"
 
     def __init__(self, surface: CollisionSurface, dhat: float, kappa: float, weighted: bool = True):
-        self.surface, self.space, self.dhat, self.weighted = surface, surface.space, dhat, weighted
-        self.kappa = kappa
+        self.surface, self.space, self.dhat, self.kappa, self.weighted = surface, surface.space, dhat, kappa, weighted
         self._at: Positions | None = None
         self._expected: Positions | None = None
         self._vertices: np.ndarray | None = None
 
     @property
-    def kappa(self) -> float:
-        """The stiffness; it may be changed between solves."""
-        return self._kappa
+    def _area(self) -> float:
+        """What ipctk takes an area of one for."""
+        return self.surface.primitives.scale**2 if self.weighted else 1.0
 
-    @kappa.setter
-    def kappa(self, kappa: float) -> None:
-        self._kappa = kappa
-        self._potential = ipctk.BarrierPotential(dhat=self.dhat, stiffness=kappa, use_physical_barrier=True)
+    @property
+    def _potential(self) -> ipctk.BarrierPotential:
+        return ipctk.BarrierPotential(dhat=self.dhat, stiffness=self.kappa / self._area, use_physical_barrier=True)
 
     def begin_step(self, x_t: Positions, t0: float, t1: float) -> None:
         self.place(t0)
@@ -79,6 +80,7 @@ class SurfaceBarrier(Term):
         active, vertices = self.collisions(x)
         if self._stencils is None:
             stencils = self.surface.stencils(active, vertices)
+            stencils = replace(stencils, weights=stencils.weights / self._area)
             self._stencils = stencils, stencils.gaps(vertices)
         return self._stencils
 

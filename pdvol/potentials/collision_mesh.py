@@ -1,4 +1,4 @@
-"""The primitives that may touch, as ipctk's mesh, with edges that run alike."""
+"""The primitives that may touch, as ipctk's mesh, with edges that run alike, also where they are crushed."""
 
 import ipctk
 import numpy as np
@@ -8,8 +8,12 @@ ALIKE = np.array([0.5377, 0.3121, 0.7832])
 
 The convergent set of ipctk 1.6.1 keeps the parts of a pair of nearly parallel edges apart by their names (edge a with end 0 of b, say), and
 takes (a, b) and (b, a) of one name for the same part. Where a and b run against each other these are two, one of them is lost, and the
-energy jumps by it when the other comes or goes. Edges that run alike have no two parts of one name within reach.
+energy jumps by it when the other comes or goes. Edges that run alike have no two parts of one name within reach, while nearly parallel means
+a few degrees. ipctk measures that by edges' lengths at rest: of edges crushed to a quarter, pairs at 30 degrees count as nearly parallel.
 """
+
+CRUSHED = 2.0  # times as long at rest as now: such edges have ipctk's mesh drawn smaller
+SMALLEST = 0.125  # and no smaller than this, for edges that are not crushed are faded less, too
 
 
 class CollisionMesh:
@@ -25,7 +29,8 @@ class CollisionMesh:
     Attributes
     ----------
     ipc : ipctk.CollisionMesh
-        Another one each time that edges turned round.
+        Another one each time that edges turned round or were crushed further.
+    scale : its size at rest over the true one, a power of two, so that areas are scale**2 of the true ones to the last bit
     edges, faces : int64
         As ipctk has them.
     """
@@ -33,19 +38,27 @@ class CollisionMesh:
     def __init__(self, vertices: np.ndarray, edges: np.ndarray, faces: np.ndarray, own: int):
         self._at_rest, self._own = np.asfortranarray(vertices), own
         self._given, self._turned = edges.astype(np.int64), np.zeros(len(edges), dtype=bool)
-        self.edges, self.faces = self._given, faces.astype(np.int64)
+        self.edges, self.faces, self.scale = self._given, faces.astype(np.int64), 1.0
         self._make()
 
     def _make(self) -> None:
         integers = (np.asfortranarray(primitives, dtype=np.int32) for primitives in (self.edges, self.faces))
-        self.ipc = ipctk.CollisionMesh(self._at_rest, *integers)
+        self.ipc = ipctk.CollisionMesh(self.scale * self._at_rest, *integers)
         # What ipctk calls static vertices do not meet each other: all beyond this rank's own, whose pairs are other ranks'.
         self.ipc.can_collide = ipctk.make_static_obstacle_filter(self._own)
 
     def align(self, vertices: np.ndarray) -> None:
-        """Turns edges round, in this mesh alone, until at `vertices` (n, 3) all run alike. A function of the positions alone."""
-        turned = (vertices[self._given[:, 1]] - vertices[self._given[:, 0]]) @ ALIKE < 0.0
-        if not np.array_equal(turned, self._turned):
-            self._turned = turned
+        """Turns edges round, in this mesh alone, until at `vertices` (n, 3) all run alike, and draws it smaller where edges are crushed.
+        A function of the positions alone."""
+        along, at_rest = (points[self._given[:, 1]] - points[self._given[:, 0]] for points in (vertices, self._at_rest))
+        turned, scale = along @ ALIKE < 0.0, _scale(np.linalg.norm(at_rest, axis=1), np.linalg.norm(along, axis=1))
+        if scale != self.scale or not np.array_equal(turned, self._turned):
+            self._turned, self.scale = turned, scale
             self.edges = np.where(turned[:, None], self._given[:, ::-1], self._given)
             self._make()
+
+
+def _scale(at_rest: np.ndarray, now: np.ndarray) -> float:
+    """The largest power of two that makes no edge longer at rest than it is now, from lengths (e,); 1 while none is crushed."""
+    crushed = float(np.max(at_rest / now, initial=1.0))
+    return max(SMALLEST, 2.0 ** -np.ceil(np.log2(crushed))) if crushed > CRUSHED else 1.0

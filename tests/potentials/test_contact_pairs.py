@@ -46,16 +46,44 @@ def edges_side_by_side(angle):
 def test_the_energy_of_edges_side_by_side_does_not_jump(angle, way):
     """Along a way on which ends come and go the energy changes by what its gradient says."""
     space, surface = edges_side_by_side(angle)
-    barrier = SurfaceBarrier(surface, DHAT, KAPPA)
-    x = Positions(space, space.from_input(space.mesh.points))
-    barrier.begin_step(x, 0.0, 0.01)
-    move = np.where(space.mesh.point_bodies[:, None] == 1, np.array(way), 0.0)
-    places = [x.moved(share, space.from_input(move)) for share in np.linspace(-0.7, 0.7, 2001)]
-    energies = np.array([barrier.value(y) for y in places])
-    slopes = np.array([np.vdot(barrier.gradient(y), space.from_input(move)) for y in places])
-    promised = 0.5 * (slopes[1:] + slopes[:-1]) * 1.4 / 2000
-    assert np.ptp(energies) > 0.1 * energies.max() > 0.0
+    energies, promised = slide(space, surface, space.mesh.points, np.array(way))
     np.testing.assert_allclose(np.diff(energies), promised, atol=1e-3 * energies.max())
+
+
+def slide(space, surface, points, way):
+    """The second body goes from -0.7 to 0.7 of a way: energies, and what their gradients promise that they change by."""
+    barrier = SurfaceBarrier(surface, DHAT, KAPPA)
+    x = Positions(space, space.from_input(points))
+    barrier.begin_step(x, 0.0, 0.01)
+    move = space.from_input(np.where(space.mesh.point_bodies[:, None] == 1, way, 0.0))
+    places = [x.moved(share, move) for share in np.linspace(-0.7, 0.7, 2001)]
+    energies = np.array([barrier.value(y) for y in places])
+    slopes = np.array([np.vdot(barrier.gradient(y), move) for y in places])
+    assert np.ptp(energies) > 0.1 * energies.max() > 0.0
+    return energies, 0.5 * (slopes[1:] + slopes[:-1]) * 1.4 / 2000
+
+
+def crushed_edges(size, angle, seed):
+    """The two tetrahedra, crushed to `size`, their edges crossing at an angle, any way round; and the same at rest, as large as before."""
+    space, surface = edges_side_by_side(0.0)
+    frame = np.linalg.qr(np.random.default_rng(seed).standard_normal((3, 3)))[0]
+    turn = np.array([[np.cos(angle), -np.sin(angle), 0], [np.sin(angle), np.cos(angle), 0], [0, 0, 1]])
+    below, above = space.mesh.points[:4] - [0.5, 0, 0], (space.mesh.points[4:] - [0.9, 0, 0.6 * DHAT]) @ turn.T
+    return space, surface, np.concatenate([size * below, size * above + [0, 0, 0.6 * DHAT]]) @ frame.T, size * np.array([1.0, 0.3, 0.0]) @ frame.T
+
+
+@pytest.mark.parametrize("size, angle, seed", [(1 / 6, 0.5, 2), (1 / 6, 0.5, 3), (1 / 6, 0.2, 0), (1 / 4, 0.5, 3), (1 / 4, 0.5, 7), (1 / 20, 1.0, 0)])
+def test_the_energy_of_crushed_edges_does_not_jump(size, angle, seed):
+    """Their lengths at rest say when edges count as nearly parallel: these do at 30 degrees, where they do not all run alike."""
+    space, surface, points, way = crushed_edges(size, angle, seed)
+    energies, promised = slide(space, surface, points, way)
+    np.testing.assert_allclose(np.diff(energies), promised, atol=1e-4 * energies.max())
+
+
+def test_crushed_edges_push_for_their_area_at_rest():
+    """Where they cross at right angles, the energy is that of edges that are not crushed."""
+    crossing = [slide(*crushed_edges(size, 0.5 * np.pi, 0))[0][1000] for size in (1.0, 0.6, 0.3, 0.1)]
+    np.testing.assert_allclose(crossing, crossing[0], rtol=1e-10)
 
 
 def searched_anew(surface, vertices):
