@@ -25,7 +25,7 @@ from pdvol.solve.coarse_space import CoarseSpace, grid_weights
 from pdvol.solve.incremental_potential import IncrementalPotential
 from pdvol.solve.ladder import no_rungs
 from pdvol.solve.linear import LinearSolver, wants_general_matrix
-from pdvol.solve.model_choice import ModelChoice, promised_decrease
+from pdvol.solve.model_choice import ModelChoice, lengthening, promised_decrease
 from pdvol.solve.system_matrix import SystemMatrix
 from pdvol.solve.timing import Stopwatch
 
@@ -208,12 +208,21 @@ class Newton:
         if self._is_short():
             self._base_gap = self.potential.min_gap(x)
         self._slope, self._at_rounding = slope, abs(slope) <= max(ROUNDING * abs(self._base_energy), CANCELLING * self.potential.scale)
-        cap = self.potential.max_step(x, direction, keep=self._keep)
+        stretch = self._stretch(x, direction)
+        length = stretch * self.potential.max_step(x, stretch * direction, keep=self._keep)
+        cap = min(1.0, length)
         self.report.step_cap = min(self.report.step_cap, cap)
-        self._last_cap = cap
+        self._last_cap, self._stretched = cap, stretch > 1.0
         self._base, self._trials_before, self._whole, self._direction = x, self._trials, cap == 1.0, direction.copy()
-        if cap < 1.0:
-            step.scale(cap)
+        if length != 1.0:
+            step.scale(length)
+
+    def _stretch(self, x: Positions, direction: np.ndarray) -> float:
+        """How many times as far to go. Collective."""
+        before, self._filtered = self._filtered, self._model.positive != "none"
+        if not (before and self._filtered) or self._at_rounding:
+            return 1.0
+        return lengthening(direction, self._direction, x.owned - self._base.owned, self.space.comm.allreduce)
 
     def _solve_again(self, x: Positions, step: PETSc.Vec) -> None:
         """The same step by the model as it is chosen now."""
@@ -264,6 +273,8 @@ class Newton:
     def _choose_model(self, snes) -> None:
         if self._at_rounding:
             self._model.at_rounding()
+            return
+        if self._stretched:  # beyond what a model promises
             return
         x = self._positions(snes.getSolution())
         promised = promised_decrease(self._slope, x.owned - self._base.owned, self._direction, self.space.comm.allreduce)
@@ -361,6 +372,7 @@ class Newton:
         self._recent, self._energies, self._base, self._base_energy, self._base_gap = [x], [], None, 0.0, np.inf
         self._model, self._age = ModelChoice(), None
         self._trials = self._trials_before = 0
+        self._stretched, self._filtered, self._direction = False, False, None
         self._slope, self._at_rounding, self._whole, self._whole_before, self._speed_before = 0.0, False, True, True, np.inf
         self._calm = False
         self._gradient = np.zeros_like(x.owned)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pdvol.solve.model_choice import PAUSE, STUCK, ModelChoice, promised_decrease
+from pdvol.solve.model_choice import LONGEST, PAUSE, STUCK, ModelChoice, lengthening, promised_decrease
 
 
 @pytest.mark.parametrize("came, positive, quick", [(-1.0, "clamp", True), (-0.6, "clamp", True), (-0.4, "abs", False), (0.1, "abs", False),
@@ -46,6 +46,18 @@ def test_an_indefinite_hessian_is_left_alone_for_longer_each_time():
     assert waits == [1, *(PAUSE * 2**k for k in (1, 2, 3))]
 
 
+def test_an_unfiltered_hessian_that_promised_too_much_is_left_alone_as_one_that_is_indefinite():
+    model = ModelChoice()
+    model.took(-1.0, -2.0, whole=True, cap=1.0, may_be_raw=True)
+    model.took(-1.0, -0.1, whole=True, cap=1.0, may_be_raw=True)
+    assert model.positive == "abs"
+    for _ in range(2 * PAUSE - 1):
+        model.took(-1.0, -2.0, whole=True, cap=1.0, may_be_raw=True)
+        assert model.positive == "clamp"
+    model.took(-1.0, -2.0, whole=True, cap=1.0, may_be_raw=True)
+    assert model.positive == "none"
+
+
 def test_care_is_taken_once():
     model = ModelChoice()
     assert model.be_careful()
@@ -58,3 +70,21 @@ def test_the_promise_is_the_quadratic_models():
     d = np.array([[1.0, -2.0], [0.5, 3.0]])
     for share in (0.1, 0.5, 1.0):
         np.testing.assert_allclose(promised_decrease(-4.0, share * d, d, lambda a: a), -4.0 * (share - share**2 / 2))
+
+
+@pytest.mark.parametrize("share", [0.3, 1.0, 4.0])
+@pytest.mark.parametrize("stiffness, expected", [(0.1, 10.0), (0.4, 2.5), (0.6, 1.0), (1.0, 1.0), (0.01, LONGEST), (0.0, LONGEST), (-0.3, LONGEST)])
+def test_a_step_that_repeats_the_last_one_goes_to_the_end_of_the_series(share, stiffness, expected):
+    """Where the truth has so much of the model's stiffness along d, the step after t d is (1 - t stiffness) d."""
+    d = np.array([[1.0, -2.0], [0.5, 3.0]])
+    left = 1.0 - share * stiffness
+    if left <= 0.0:
+        assert lengthening(left * d, d, share * d, lambda a: a) == 1.0
+    else:
+        np.testing.assert_allclose(lengthening(left * d, d, share * d, lambda a: a), expected)
+
+
+def test_other_steps_are_left_as_they_are():
+    d, other = np.array([[1.0, 0.0]]), np.array([[0.0, 0.5]])
+    assert lengthening(0.9 * d + other, d, d, lambda a: a) == 1.0
+    assert lengthening(0.9 * d, d, 0.0 * d, lambda a: a) == 1.0

@@ -1,0 +1,28 @@
+"""Bars that buckle: their Hessian is indefinite on the way, every filtered one too stiff, and lengthened steps save most of the way."""
+
+import numpy as np
+import pytest
+
+from pdvol.scene import Gravity, Solver, Support, Translation
+from pdvol.solve import model_choice
+from problems import block, make_problem, make_scene
+
+
+def pressed(press):
+    """A slender bar, upright but for a breath of gravity, is pressed to 1 - `press` of its length in a step: the report."""
+    far = Support(lambda X: X[:, 0] > 1.0 - 1e-9, motion=Translation((-press / 0.1, 0.0, 0.0), stop=0.1))
+    scene = make_scene(dt=0.1, supports=(Support(lambda X: X[:, 0] < 1e-9), far), loads=(Gravity((0.0, -1e-3, 0.0)),),
+                       solver=Solver(tolerance=1e-4, max_iterations=1000))
+    mesh = block((0.0, 0.0, 0.0), (1.0, 0.04, 0.04), (40, 1, 1))
+    return make_problem(scene, mesh).step(1, mesh.points, np.zeros_like(mesh.points))
+
+
+@pytest.mark.parametrize("press", [0.2, 0.4])
+def test_a_bar_that_buckles_takes_fewer_steps_to_the_same_place(monkeypatch, press):
+    lengthened = pressed(press)
+    monkeypatch.setattr(model_choice, "LONGEST", 1.0)
+    plain = pressed(press)
+    assert np.abs(lengthened.positions[:, 1] - 0.02).max() > 0.05
+    np.testing.assert_allclose(lengthened.positions, plain.positions, atol=1e-4)
+    assert lengthened.newton_iterations < 0.7 * plain.newton_iterations
+    assert lengthened.cuts == plain.cuts == 0
