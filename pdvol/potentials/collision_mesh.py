@@ -12,8 +12,8 @@ energy jumps by it when the other comes or goes. Edges that run alike have no tw
 a few degrees. ipctk measures that by edges' lengths at rest: of edges crushed to a quarter, pairs at 30 degrees count as nearly parallel.
 """
 
-CRUSHED = 2.0  # times as long at rest as now: such edges have ipctk's mesh drawn smaller
-SMALLEST = 0.125  # and no smaller than this, for edges that are not crushed are faded less, too
+CRUSHED = 2.0  # times as long at rest as now: where an edge is, ipctk's mesh is drawn smaller
+SMALLER = 0.25  # of its size: pairs of edges crushed to an eighth then fade below 7 degrees, of others below 0.1, where kinks begin to tell
 
 
 class CollisionMesh:
@@ -30,7 +30,7 @@ class CollisionMesh:
     ----------
     ipc : ipctk.CollisionMesh
         Another one each time that edges turned round or were crushed further.
-    scale : its size at rest over the true one, a power of two, so that areas are scale**2 of the true ones to the last bit
+    scale : its size at rest over the true one; its areas are scale**2 of the true ones, to the last bit
     edges, faces : int64
         As ipctk has them.
     """
@@ -51,14 +51,9 @@ class CollisionMesh:
         """Turns edges round, in this mesh alone, until at `vertices` (n, 3) all run alike, and draws it smaller where edges are crushed.
         A function of the positions alone."""
         along, at_rest = (points[self._given[:, 1]] - points[self._given[:, 0]] for points in (vertices, self._at_rest))
-        turned, scale = along @ ALIKE < 0.0, _scale(np.linalg.norm(at_rest, axis=1), np.linalg.norm(along, axis=1))
+        crushed = np.any(np.linalg.norm(at_rest, axis=1) > CRUSHED * np.linalg.norm(along, axis=1))
+        turned, scale = along @ ALIKE < 0.0, SMALLER if crushed else 1.0
         if scale != self.scale or not np.array_equal(turned, self._turned):
             self._turned, self.scale = turned, scale
             self.edges = np.where(turned[:, None], self._given[:, ::-1], self._given)
             self._make()
-
-
-def _scale(at_rest: np.ndarray, now: np.ndarray) -> float:
-    """The largest power of two that makes no edge longer at rest than it is now, from lengths (e,); 1 while none is crushed."""
-    crushed = float(np.max(at_rest / now, initial=1.0))
-    return max(SMALLEST, 2.0 ** -np.ceil(np.log2(crushed))) if crushed > CRUSHED else 1.0

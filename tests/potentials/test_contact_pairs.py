@@ -72,7 +72,7 @@ def crushed_edges(size, angle, seed):
     return space, surface, np.concatenate([size * below, size * above + [0, 0, 0.6 * DHAT]]) @ frame.T, size * np.array([1.0, 0.3, 0.0]) @ frame.T
 
 
-@pytest.mark.parametrize("size, angle, seed", [(1 / 6, 0.5, 2), (1 / 6, 0.5, 3), (1 / 6, 0.2, 0), (1 / 4, 0.5, 3), (1 / 4, 0.5, 7), (1 / 20, 1.0, 0)])
+@pytest.mark.parametrize("size, angle, seed", [(1 / 6, 0.5, 2), (1 / 6, 0.5, 3), (1 / 6, 0.2, 0), (1 / 4, 0.5, 3), (1 / 4, 0.5, 7), (1 / 7, 1.0, 0)])
 def test_the_energy_of_crushed_edges_does_not_jump(size, angle, seed):
     """Their lengths at rest say when edges count as nearly parallel: these do at 30 degrees, where they do not all run alike."""
     space, surface, points, way = crushed_edges(size, angle, seed)
