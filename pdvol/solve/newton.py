@@ -40,6 +40,8 @@ AGED = 0.25  # of the tolerance: what a step with an older matrix must be shorte
 
 OPENING = 1.2  # times as large a smallest gap as before tells of a step on its way out of a barrier, where steps are short however far the end is
 
+SETTLING = 1_000.0  # times the tolerance: longer steps may lead to other ends, and are not lengthened
+
 ATTEMPTS = 3  # times the iterations allowed per solve, over all of its mended restarts
 
 _REASONS = {value: name for name, value in vars(PETSc.SNES.ConvergedReason).items() if isinstance(value, int)}
@@ -220,7 +222,7 @@ class Newton:
     def _stretch(self, x: Positions, direction: np.ndarray) -> float:
         """How many times as far to go. Collective."""
         before, self._filtered = self._filtered, self._model.positive != "none"
-        if not (before and self._filtered) or self._at_rounding:
+        if not (before and self._filtered) or self._at_rounding or self.report.speed > SETTLING * self.tolerance:
             return 1.0
         return lengthening(direction, self._direction, x.owned - self._base.owned, self.space.comm.allreduce)
 
