@@ -100,6 +100,7 @@ class CoarseSpace:
             out = self._product(parts)
         d = self.space.dim
         out = out[:-1] + out[self._mirror].transpose(0, 2, 1)
+        out = out[self._upper]
         out[self._diagonal, np.arange(d)[:, None], np.arange(d)[:, None]] *= 1.0 + SHIFT
         self._matrix.setValuesBlockedCSR(*self._rows, out)
         self._matrix.assemble()
@@ -139,18 +140,17 @@ class CoarseSpace:
         self._table = np.full(m * m, len(self._keys), dtype=np.int32)
         self._table[self._keys] = np.arange(len(self._keys))
         row, column = self._keys // m, self._keys % m
-        self._mirror, self._diagonal = self._table[column * m + row], np.flatnonzero(row == column)
-        self._rows = (np.searchsorted(self._keys, np.arange(m + 1) * m).astype(PETSc.IntType), column.astype(PETSc.IntType))
-        blocks = PETSc.Mat().createBAIJ((m * d, m * d), d, csr=(*self._rows, np.zeros((len(self._keys), d, d))), comm=MPI.COMM_SELF)
-        self._matrix = blocks.convert("aij")
+        self._mirror = self._table[column * m + row]
+        self._upper = np.flatnonzero(column >= row)
+        self._diagonal = np.flatnonzero((row == column)[self._upper])
+        upper = self._keys[self._upper]
+        self._rows = (np.searchsorted(upper, np.arange(m + 1) * m).astype(PETSc.IntType), (upper % m).astype(PETSc.IntType))
+        self._matrix = PETSc.Mat().createSBAIJ((m * d, m * d), d, csr=(*self._rows, np.zeros((len(upper), d, d))), comm=MPI.COMM_SELF)
         self._matrix.setOption(PETSc.Mat.Option.SPD, True)
         self._solver = PETSc.KSP().create(MPI.COMM_SELF)
         self._solver.setType(PETSc.KSP.Type.PREONLY)
         self._solver.pc.setType(PETSc.PC.Type.CHOLESKY)
-        # On systems this small MUMPS takes several times as long for a solve, most of it before it begins.
-        self._solver.pc.setFactorSolverType(PETSc.Mat.SolverType.PETSC)
-        self._solver.pc.setFactorOrdering(PETSc.Mat.OrderingType.RCM)
-        self._solver.pc.setFactorShift(PETSc.Mat.FactorShiftType.NONZERO)
+        self._solver.pc.setFactorSolverType(PETSc.Mat.SolverType.MUMPS)
         self._right, self._solution = self._matrix.createVecs()
 
     def _coupled(self, part) -> np.ndarray:
