@@ -6,16 +6,16 @@ anyway: for a barrier, force times the gap's own curvature.
 """
 
 from dataclasses import dataclass
-from operator import attrgetter
 
 import ipctk
 import numpy as np
 
+from pdvol.potentials.closest_points import along, closest, closest_of_parts, inside
 from pdvol.potentials.hessian_blocks import HessianBlocks
+from pdvol.potentials.pair_arrays import columns
 
 # ipctk hands out the nearest parts of two edges as a pair of their own where they are not the insides, but for edges that are nearly parallel.
-INSIDE = ipctk.EdgeEdgeDistanceType.EA_EB.value
-PARALLEL = 1e-12  # of the product of two edges' squared lengths: as near to parallel as is divided by
+INSIDE = ipctk.EdgeEdgeDistanceType.EA_EB
 
 
 @dataclass(frozen=True)
@@ -79,31 +79,27 @@ class Stencils:
 
 def normal_stencils(active: ipctk.NormalCollisions, edges: np.ndarray, faces: np.ndarray, positions: np.ndarray) -> Stencils:
     """The active pairs of a collision mesh at `positions` (n, d)."""
-    vv = _read(active.vv_collisions, "vertex0_id", "vertex1_id", "weight")
-    ev = _read(active.ev_collisions, "edge_id", "vertex_id", "weight")
-    fv = _read(active.fv_collisions, "face_id", "vertex_id", "weight")
+    vv = columns(active.vv_collisions, "vertex0_id", "vertex1_id", "weight")
+    ev = columns(active.ev_collisions, "edge_id", "vertex_id", "weight")
+    fv = columns(active.fv_collisions, "face_id", "vertex_id", "weight")
     edge_edge = active.ee_collisions
-    ee = _read(edge_edge, "edge0_id", "edge1_id", "weight", "eps_x")
+    ee = columns(edge_edge, "edge0_id", "edge1_id", "weight", "eps_x")
     first, second = zip(*(pairs[:, :2].astype(np.int64).T for pairs in (vv, ev, fv, ee)), strict=True)
     edge, face, one, other = edges[first[1]], faces[first[2]], edges[first[3]], edges[second[3]]
     corners = lambda primitives: positions[primitives].transpose(1, 0, 2)  # noqa: E731
     mollifiers = _mollifier(positions[one], positions[other], ee[:, 3])
-    kinds = np.full(len(ee), INSIDE)
-    for pair in np.flatnonzero(mollifiers < 1.0):
-        kinds[pair] = edge_edge[pair].dtype.value
-    s, t = _closest(*corners(one), *corners(other), kinds) if len(ee) else (np.zeros(0), np.zeros(0))
-    parts = [_vertex_vertex(first[0], second[0]), _edge_vertex(edge, second[1], _along(positions[second[1]], *corners(edge))),
-             _face_vertex(face, second[2], _inside(positions[second[2]], positions[face])), _edge_edge(one, other, s, t)]
+    s, t = closest(*corners(one), *corners(other))
+    ends = [pair for pair in np.flatnonzero(mollifiers < 1.0) if edge_edge[pair].dtype != INSIDE]
+    if ends:
+        kinds = np.array([edge_edge[pair].dtype.value for pair in ends])
+        s[ends], t[ends] = closest_of_parts(*corners(one[ends]), *corners(other[ends]), kinds)
+    parts = [_vertex_vertex(first[0], second[0]), _edge_vertex(edge, second[1], along(positions[second[1]], *corners(edge))),
+             _face_vertex(face, second[2], inside(positions[second[2]], positions[face])), _edge_edge(one, other, s, t)]
     vertices, coefficients = (np.concatenate([part[i] for part in parts]) for i in range(2))
     weights = np.concatenate([pairs[:, 2] for pairs in (vv, ev, fv, ee)])
     counted = np.ones(len(weights))
     counted[len(weights) - len(ee) :] = mollifiers
     return Stencils(vertices.astype(np.int64), coefficients, weights * counted, counted == 1.0, np.ones(len(weights), dtype=bool))
-
-
-def _read(pairs: list, *names: str) -> np.ndarray:
-    """(k, names) attributes of ipctk's pairs, which it hands out one by one."""
-    return np.array(list(map(attrgetter(*names), pairs)), dtype=float).reshape(-1, len(names))
 
 
 def _vertex_vertex(first, second):
@@ -122,33 +118,6 @@ def _face_vertex(face, point, uv):
 
 def _edge_edge(one, other, s, t):
     return np.column_stack([one, other]), np.column_stack([1.0 - s, s, t - 1.0, -t])
-
-
-def _along(p, a, b) -> np.ndarray:
-    """Where the foot of p (k, d) lies between a (0) and b (1), cut off at the ends."""
-    edge = b - a
-    return np.clip(np.einsum("kd,kd->k", p - a, edge) / np.maximum(np.einsum("kd,kd->k", edge, edge), 1e-300), 0.0, 1.0)
-
-
-def _inside(p, corners) -> np.ndarray:
-    """Coordinates (k, 2) of the foot of p in triangles (k, 3, d), along their first vertex's two edges."""
-    e, f, r = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0], p - corners[:, 0]
-    ee, ef, ff = (np.einsum("kd,kd->k", x, y) for x, y in ((e, e), (e, f), (f, f)))
-    re, rf = (np.einsum("kd,kd->k", r, x) for x in (e, f))
-    determinant = np.maximum(ee * ff - ef**2, 1e-300)
-    return np.column_stack([(ff * re - ef * rf) / determinant, (ee * rf - ef * re) / determinant])
-
-
-def _closest(a, b, c, d, kind: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Closest points of segments ab and cd, as shares (k,) along each, given which of their parts they lie on (ipctk's distance types)."""
-    e, f, r = b - a, d - c, a - c
-    ee, ef, ff, er, fr = (np.einsum("kd,kd->k", x, y) for x, y in ((e, e), (e, f), (f, f), (e, r), (f, r)))
-    determinant = np.maximum(ee * ff - ef**2, PARALLEL * ee * ff + 1e-300)
-    zero, one = np.zeros(len(e)), np.ones(len(e))
-    shares = [(zero, zero), (zero, one), (one, zero), (one, one), (_along(c, a, b), zero), (_along(d, a, b), one), (zero, _along(a, c, d)),
-              (one, _along(b, c, d)), ((ef * fr - ff * er) / determinant, (ee * fr - ef * er) / determinant)]
-    pick = np.arange(len(e))
-    return np.array([s for s, _ in shares])[kind, pick], np.array([t for _, t in shares])[kind, pick]
 
 
 def _mollifier(one, other, eps) -> np.ndarray:
