@@ -47,13 +47,20 @@ class CollisionMesh:
         # What ipctk calls static vertices do not meet each other: all beyond this rank's own, whose pairs are other ranks'.
         self.ipc.can_collide = ipctk.make_static_obstacle_filter(self._own)
 
-    def align(self, vertices: np.ndarray) -> None:
-        """Turns edges round, in this mesh alone, until at `vertices` (n, 3) all run alike, and draws it smaller where edges are crushed.
-        A function of the positions alone."""
+    def align(self, vertices: np.ndarray, edges: np.ndarray | None = None) -> None:
+        """Turns edges round, in this mesh alone, until at `vertices` (n, 3) all that matter run alike, and draws it smaller where edges are
+        crushed. What it makes of those that matter is a function of the positions alone.
+
+        Parameters
+        ----------
+        edges : (k,) int
+            Those that matter; all where not given.
+        """
         along, at_rest = (points[self._given[:, 1]] - points[self._given[:, 0]] for points in (vertices, self._at_rest))
         crushed = np.any(np.linalg.norm(at_rest, axis=1) > CRUSHED * np.linalg.norm(along, axis=1))
         turned, scale = along @ ALIKE < 0.0, SMALLER if crushed else 1.0
-        if scale != self.scale or not np.array_equal(turned, self._turned):
+        changed = turned != self._turned
+        if scale != self.scale or np.any(changed if edges is None else changed[edges]):
             self._turned, self.scale = turned, scale
             self.edges = np.where(turned[:, None], self._given[:, ::-1], self._given)
             self._make()

@@ -49,7 +49,7 @@ class CollisionSurface:
     surface : (k,) int64
         Input indices of the bodies' boundary vertices, this rank's first.
     primitives : CollisionMesh
-        k bodies' vertices, then the obstacles'. Its edges are turned to run alike in each step in which anything can touch.
+        k bodies' vertices, then the obstacles'. Edges that can touch others are turned to run alike at each step's start.
     parties : (k + obstacles' vertices,) int
         Whose each vertex is: bodies' numbers, then obstacles' after the last body's.
     candidates : ContactCandidates
@@ -81,7 +81,7 @@ class CollisionSurface:
             offset += len(obstacle.vertices)
         at_rest = np.concatenate(vertices)
         self.primitives = CollisionMesh(at_rest, np.concatenate(edges), np.concatenate(faces) if faces else np.zeros((0, 3)), own)
-        self._start = None
+        self._start, self._aligned = None, -1
         owners = [np.full(len(o.vertices), int(level.point_bodies.max()) + 1 + i) for i, o in enumerate(obstacles)]
         self.parties = np.concatenate([level.point_bodies[self.surface], *owners])
         self._blocks = space.point_blocks[self.surface]
@@ -100,14 +100,13 @@ class CollisionSurface:
     def begin(self, vertices: np.ndarray) -> None:
         """Before a step that starts at `vertices`. From here on nothing depends on the steps before, to the last digit."""
         self.candidates.forget()
-        self._start = vertices if self.space.dim == 3 else None  # two edges never touch side by side in 2D
+        self._start, self._aligned = vertices if self.space.dim == 3 else None, -1  # two edges never touch side by side in 2D
 
     def _alike(self, pairs: ipctk.Candidates) -> ipctk.Candidates:
-        """The same pairs, in a step's first use of any after its edges were turned to run alike."""
-        if self._start is None or pairs.empty():
-            return pairs
-        self.primitives.align(self._start)
-        self._start = None
+        """The same pairs, after those of their edges that are new in this step were turned to run alike at its start."""
+        if self._start is not None and self._aligned != self.candidates.searches and not pairs.empty():
+            self.primitives.align(self._start, self.candidates.edges)
+            self._aligned = self.candidates.searches
         return pairs
 
     def _obstacles_at(self, time: float) -> np.ndarray:

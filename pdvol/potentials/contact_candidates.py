@@ -3,16 +3,23 @@
 While every vertex stays within `slack` of where it was, two primitives come nearer by 2 slack at most: all pairs nearer than the reach
 plus 2 slack then are all that contact, or a collision on the way, can be about (a Verlet list). Longer moves get a list of their own,
 from the boxes they sweep, good for any point of that straight move.
+
+The search goes by boxes, and those of edges of one flat face meet without the edges being near: four of five pairs of edges are dropped again.
 """
+
+from itertools import compress
 
 import ipctk
 import numpy as np
 
+from pdvol.potentials.closest_points import segment_distances
 from pdvol.potentials.collision_mesh import CollisionMesh
+from pdvol.potentials.pair_arrays import column
 
 NEAR = 0.2  # of the median edge: longer slacks catch so many neighbours that looking through them costs more than searching anew
 SHORTEST = 0.15  # of the longest slack: what is allowed for where nothing is known to move
 ROOM = 1.2  # slack over the move that asked for it
+ROUND = 1.02  # times the distance that is asked for: what is searched for
 ALONG = 1e-12  # of the largest coordinate: distance from a straight move that is round-off
 
 
@@ -25,13 +32,19 @@ class ContactCandidates:
     reach : distance [m] up to which pairs matter
     drifts : bool
         Whether nothing stands still, so that a translation common to all vertices changes no distance.
+
+    Attributes
+    ----------
+    searches : how many there were
+    edges : (k,) int64
+        Edges of which pairs of edges may consist; None where that may be any.
     """
 
     def __init__(self, mesh: CollisionMesh, vertices: np.ndarray, reach: float, drifts: bool):
         self.mesh, self.reach, self.drifts = mesh, reach, drifts
         starts, ends = vertices[mesh.edges.T]
         self._longest = NEAR * float(np.median(np.linalg.norm(starts - ends, axis=1)))
-        self.pairs = ipctk.Candidates()
+        self.pairs, self.edges = ipctk.Candidates(), None
         self.forget()
         self.searches = 0
 
@@ -66,8 +79,9 @@ class ContactCandidates:
         if ROOM * move <= self._longest:
             self._search_around(start, max(ROOM * move, SHORTEST * self._longest))
         else:
-            self.pairs.build(mesh=self.mesh.ipc, vertices_t0=start, vertices_t1=self._beside(start, end), inflation_radius=0.51 * self.reach,
+            self.pairs.build(mesh=self.mesh.ipc, vertices_t0=start, vertices_t1=self._beside(start, end), inflation_radius=0.5 * ROUND * self.reach,
                              broad_phase=ipctk.LBVH())
+            self.edges = None
             self._reference, self._slack, self._move = self._place(start), 0.0, self._place(end) - self._place(start)
             self.searches += 1
         return self.pairs
@@ -87,10 +101,21 @@ class ContactCandidates:
         return 0.0 <= share <= 1.0 + ALONG and _largest(offset - share * self._move) <= ALONG * np.abs(vertices).max()
 
     def _search_around(self, vertices: np.ndarray, slack: float) -> None:
-        # Boxes are inflated by the radius each: half of the distance that is asked for, and a little for round-off.
-        self.pairs.build(mesh=self.mesh.ipc, vertices=vertices, inflation_radius=0.51 * (self.reach + 2.0 * slack), broad_phase=ipctk.LBVH())
+        near = ROUND * (self.reach + 2.0 * slack)
+        # Boxes are inflated by the radius each.
+        self.pairs.build(mesh=self.mesh.ipc, vertices=vertices, inflation_radius=0.5 * near, broad_phase=ipctk.LBVH())
+        self._drop_far_edges(vertices, near)
         self._reference, self._slack, self._move = self._place(vertices).copy(), slack, None
         self.searches += 1
+
+    def _drop_far_edges(self, vertices: np.ndarray, near: float) -> None:
+        """Leaves only pairs of edges nearer than that at `vertices`."""
+        found = self.pairs.ee_candidates
+        pairs = [column(found, name, np.int64) for name in ("edge0_id", "edge1_id")]
+        ends = (vertices[self.mesh.edges[edges, end]] for edges in pairs for end in (0, 1))
+        kept = segment_distances(*ends) <= near
+        self.pairs.ee_candidates = list(compress(found, kept))
+        self.edges = np.unique(np.concatenate([edges[kept] for edges in pairs]))
 
 
 def _largest(rows: np.ndarray) -> float:

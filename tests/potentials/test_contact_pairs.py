@@ -8,6 +8,7 @@ from mpi4py import MPI
 from pdvol.hierarchy.level_space import LevelSpace
 from pdvol.potentials import barrier_law
 from pdvol.potentials.barrier import SurfaceBarrier
+from pdvol.potentials.closest_points import segment_distances
 from pdvol.potentials.collision_surface import CollisionSurface, Obstacle
 from pdvol.potentials.friction import SurfaceFriction
 from pdvol.potentials.hessian_blocks import _sorted
@@ -31,13 +32,15 @@ def two_boxes(d, obstacle=False):
     return space, CollisionSurface(space, obstacles, DHAT)
 
 
-def edges_side_by_side(angle):
-    """Two tetrahedra, an edge of one 0.6 dhat above an edge of the other and almost along it, from its end to its start in the input."""
+def edges_side_by_side(angle, foot=False):
+    """Two tetrahedra, an edge of one 0.6 dhat above an edge of the other and almost along it, from its end to its start in the input. The
+    lower one may stand on a third, edge across edge."""
     below = np.array([[0.0, 0, 0], [1, 0, 0], [0.5, -0.6, -0.8], [0.5, 0.6, -0.8]])
     above = np.array([[1.4, 0, 0], [0.4, 0, 0], [0.9, -0.6, 0.8], [0.9, 0.6, 0.8]])
     turn = np.array([[np.cos(angle), -np.sin(angle), 0], [np.sin(angle), np.cos(angle), 0], [0, 0, 1]])
     above = (above - [0.9, 0, 0]) @ turn.T + [0.9, 0, 0.6 * DHAT]
-    space = LevelSpace(together(*(level(points, [[0, 1, 2, 3]]) for points in (below, above))), COMM)
+    bodies = [below, above, *([below - [0, 0, 0.8 + 0.6 * DHAT]] if foot else [])]
+    space = LevelSpace(together(*(level(points, [[0, 1, 2, 3]]) for points in bodies)), COMM)
     return space, CollisionSurface(space, (), DHAT)
 
 
@@ -50,16 +53,28 @@ def test_the_energy_of_edges_side_by_side_does_not_jump(angle, way):
     np.testing.assert_allclose(np.diff(energies), promised, atol=1e-3 * energies.max())
 
 
-def slide(space, surface, points, way):
-    """The second body goes from -0.7 to 0.7 of a way: energies, and what their gradients promise that they change by."""
+@pytest.mark.parametrize("foot", [False, True])
+@pytest.mark.parametrize("begun", [(0.0, 0.0, 0.5), (0.0, 0.0, 2.0), (0.0, 1.0, 0.0)])
+def test_nor_that_of_edges_that_only_meet_later_in_a_step(begun, foot):
+    """They are turned to run alike when they meet, also where others have met before."""
+    space, surface = edges_side_by_side(0.02, foot)
+    energies, promised = slide(space, surface, space.mesh.points, np.array([0.4, -0.03, 0.01]), begun)
+    np.testing.assert_allclose(np.diff(energies), promised, atol=1e-3 * energies.max())
+
+
+def slide(space, surface, points, way, begun=(0.0, 0.0, 0.0)):
+    """The second body goes from -0.7 to 0.7 of a way: energies, and what their gradients promise that they change by. The step begins where
+    it is `begun` away from the middle."""
     barrier = SurfaceBarrier(surface, DHAT, KAPPA)
-    x = Positions(space, space.from_input(points))
-    barrier.begin_step(x, 0.0, 0.01)
+    places = [Positions(space, space.from_input(points + np.where(space.mesh.point_bodies[:, None] == 1, way, 0.0))) for way in (begun, np.zeros(3))]
+    barrier.begin_step(places[0], 0.0, 0.01)
+    first = barrier.value(places[0])
     move = space.from_input(np.where(space.mesh.point_bodies[:, None] == 1, way, 0.0))
-    places = [x.moved(share, move) for share in np.linspace(-0.7, 0.7, 2001)]
+    places = [places[1].moved(share, move) for share in np.linspace(-0.7, 0.7, 2001)]
     energies = np.array([barrier.value(y) for y in places])
     slopes = np.array([np.vdot(barrier.gradient(y), move) for y in places])
     assert np.ptp(energies) > 0.1 * energies.max() > 0.0
+    assert not any(begun) or first <= energies.min(), "all met at once"
     return energies, 0.5 * (slopes[1:] + slopes[:-1]) * 1.4 / 2000
 
 
@@ -84,6 +99,43 @@ def test_crushed_edges_push_for_their_area_at_rest():
     """Where they cross at right angles, the energy is that of edges that are not crushed."""
     crossing = [slide(*crushed_edges(size, 0.5 * np.pi, 0))[0][1000] for size in (1.0, 0.6, 0.3, 0.1)]
     np.testing.assert_allclose(crossing, crossing[0], rtol=1e-10)
+
+
+@pytest.mark.parametrize("angle", [0.0, 1e-9, 1e-7, 1e-3, 1.0])
+def test_distances_of_segments(angle):
+    """Of segments of all lengths and places, from parallel to across, some of them nearly points, against a search along them."""
+    rng = np.random.default_rng(3)
+    a, c = rng.uniform(-1, 1, (2, 500, 3))
+    e = rng.standard_normal((500, 3)) * 10.0 ** rng.uniform(-3, 0, (500, 1))
+    f = rng.choice([-3.0, -0.1, 1e-9, 0.5, 2.0], (500, 1)) * (e + angle * np.linalg.norm(e, axis=1)[:, None] * rng.standard_normal((500, 3)))
+    found = segment_distances(a, a + e, c, c + f)
+    low, high = np.zeros(500), np.ones(500)
+    for _ in range(80):  # thirds: the distance of a point on ab to cd is convex in where that point is
+        places = low + (high - low) / 3.0, high - (high - low) / 3.0
+        nearer = np.less(*(distance_to(c, f, a + s[:, None] * e) for s in places))
+        low, high = np.where(nearer, low, places[0]), np.where(nearer, places[1], high)
+    expected = distance_to(c, f, a + low[:, None] * e)
+    assert np.all(found >= expected - 1e-7)
+    assert np.all(found <= expected + 1e-6 * np.linalg.norm(e, axis=1) + 1e-9)
+
+
+def distance_to(c, f, p):
+    t = np.clip(np.einsum("kd,kd->k", p - c, f) / np.einsum("kd,kd->k", f, f), 0.0, 1.0)
+    return np.linalg.norm(p - c - t[:, None] * f, axis=1)
+
+
+def test_pairs_of_edges_that_are_far_apart_are_dropped():
+    """Edges of flat faces, whose boxes meet: hardly any of the pairs that are left is farther than was asked for."""
+    space, surface = two_boxes(3)
+    vertices = surface.vertices(Positions(space, space.from_input(space.mesh.points)))
+    boxes = ipctk.Candidates()
+    surface.candidates.begin(vertices, vertices)
+    near = 1.02 * (DHAT + 2.0 * surface.candidates._slack)
+    boxes.build(mesh=surface.mesh, vertices=vertices, inflation_radius=0.5 * near, broad_phase=ipctk.LBVH())
+    ends = lambda c: [vertices[i] for edge in (c.edge0_id, c.edge1_id) for i in surface.mesh.edges[edge]]  # noqa: E731
+    wanted = [(c.edge0_id, c.edge1_id) for c in boxes.ee_candidates if ipctk.edge_edge_distance(*ends(c)) <= near**2]
+    assert [(c.edge0_id, c.edge1_id) for c in surface.candidates.pairs.ee_candidates] == wanted
+    assert 0 < 2 * len(wanted) < len(boxes.ee_candidates)
 
 
 def searched_anew(surface, vertices):
