@@ -58,6 +58,7 @@ class ContactCandidates:
         move = ROOM * _largest(self._place(end) - self._place(start))
         if move <= self._longest:
             self._search_around(start, max(move, SHORTEST * self._longest))
+            self._drop_far_edges(start)
 
     def _place(self, vertices: np.ndarray) -> np.ndarray:
         return vertices - vertices.mean(axis=0) if self.drifts else vertices
@@ -69,6 +70,7 @@ class ContactCandidates:
         """Candidates among which are all pairs nearer than the reach at `vertices` (k, d)."""
         if not self._knows(vertices):
             self._search_around(vertices, SHORTEST * self._longest)
+            self._drop_far_edges(vertices)
         return self.pairs
 
     def along(self, start: np.ndarray, end: np.ndarray) -> ipctk.Candidates:
@@ -81,8 +83,8 @@ class ContactCandidates:
         else:
             self.pairs.build(mesh=self.mesh.ipc, vertices_t0=start, vertices_t1=self._beside(start, end), inflation_radius=0.5 * ROUND * self.reach,
                              broad_phase=ipctk.LBVH())
-            self.edges = None
             self._reference, self._slack, self._move = self._place(start), 0.0, self._place(end) - self._place(start)
+            self.edges = None
             self.searches += 1
         return self.pairs
 
@@ -101,19 +103,22 @@ class ContactCandidates:
         return 0.0 <= share <= 1.0 + ALONG and _largest(offset - share * self._move) <= ALONG * np.abs(vertices).max()
 
     def _search_around(self, vertices: np.ndarray, slack: float) -> None:
-        near = ROUND * (self.reach + 2.0 * slack)
         # Boxes are inflated by the radius each.
-        self.pairs.build(mesh=self.mesh.ipc, vertices=vertices, inflation_radius=0.5 * near, broad_phase=ipctk.LBVH())
-        self._drop_far_edges(vertices, near)
+        self.pairs.build(mesh=self.mesh.ipc, vertices=vertices, inflation_radius=0.5 * self._near(slack), broad_phase=ipctk.LBVH())
         self._reference, self._slack, self._move = self._place(vertices).copy(), slack, None
+        self.edges = None
         self.searches += 1
 
-    def _drop_far_edges(self, vertices: np.ndarray, near: float) -> None:
-        """Leaves only pairs of edges nearer than that at `vertices`."""
+    def _near(self, slack: float) -> float:
+        return ROUND * (self.reach + 2.0 * slack)
+
+    def _drop_far_edges(self, vertices: np.ndarray) -> None:
+        """Leaves only pairs of edges that are as near as was searched for, at the vertices (k, d) that were searched around: as dear as going
+        through all of them three times, which lists made for a single move often do not live to see."""
         found = self.pairs.ee_candidates
         pairs = [column(found, name, np.int64) for name in ("edge0_id", "edge1_id")]
         ends = (vertices[self.mesh.edges[edges, end]] for edges in pairs for end in (0, 1))
-        kept = segment_distances(*ends) <= near
+        kept = segment_distances(*ends) <= self._near(self._slack)
         self.pairs.ee_candidates = list(compress(found, kept))
         self.edges = np.unique(np.concatenate([edges[kept] for edges in pairs]))
 
