@@ -1,8 +1,8 @@
 """A term from any UFL energy density psi(F, parameters): value, gradient and filtered Hessian through compiled kernels.
 
 The density may depend on x through F = grad(x) alone, and on parameters that are constant per cell. First and second derivatives are
-UFL's; P1 positions make every integrand constant per cell, so one quadrature point is exact. Isotropic densities in 3D, recognised by
-trying, get their Hessians through stretches (native/isotropic.c), many times faster; all others through UFL's derivatives by x.
+UFL's, by F: positions are P1, so F is constant per cell, and what depends on a cell's shape is known without them. Isotropic densities in
+3D, recognised by trying, get their Hessians through stretches (native/isotropic.c), many times faster; all others through UFL's derivatives by F.
 """
 
 from collections.abc import Callable, Mapping
@@ -13,7 +13,6 @@ import ufl
 from dolfinx import jit
 from mpi4py import MPI
 
-from pdvol.forms.kinematics import deformation_gradient
 from pdvol.hierarchy.level_space import LevelSpace
 from pdvol.potentials import native
 from pdvol.potentials.hessian_blocks import FILTERS, HessianBlocks
@@ -40,12 +39,9 @@ class CellEnergy(Term):
                  isotropic: bool | None = None):
         self.space, self.name, self._isotropic = space, name, isotropic
         self.psi, self.parameters, self.cells = psi, dict(parameters), cells
-        d = space.dim
         self._cells, self._counted = cells, int(np.searchsorted(cells, space.n_counted))
         self._dofs = np.ascontiguousarray(space.near_dofs[cells])
-        self._nodes = np.ascontiguousarray(space.mesh.cells[space.near_cells[cells]], dtype=np.int32)
-        self._points = np.zeros((len(space.mesh.points), 3))
-        self._points[:, :d] = space.mesh.points
+        self._inverse = np.ascontiguousarray(space.mesh.hat_gradients[space.near_cells[cells], 1:])
         self._volumes = np.abs(space.mesh.volumes[space.near_cells[cells]])
         self._library, self._slots = native.library(), None
         counted = slice(self._counted)
@@ -54,21 +50,18 @@ class CellEnergy(Term):
 
     def _compile(self, psi, parameters) -> None:
         space, d = self.space, self.space.dim
-        domain = space.domain.ufl_domain()
-        x = ufl.Coefficient(space.V.ufl_function_space())
-        constant = ufl.FunctionSpace(domain, basix.ufl.element("DG", space.domain.basix_cell(), 0))
-        coefficients = {name: ufl.Coefficient(constant) for name in parameters}
-        energy = psi(deformation_gradient(x), **coefficients) * _one_point(domain)
-        first = ufl.derivative(energy, x, ufl.TestFunction(space.V.ufl_function_space()))
-        names = {x: None, **{coefficient: name for name, coefficient in coefficients.items()}}
-        compiled = lambda form: _PositionKernel(space.comm, form, names, parameters, len(self._cells))  # noqa: E731
-        self._energy, self._first, self._second, self._stretches = compiled(energy), compiled(first), None, None
+        domain, cell = space.domain.ufl_domain(), space.domain.basix_cell()
+        tensors = ufl.FunctionSpace(domain, basix.ufl.element("DG", cell, 0, shape=(d, d)))
+        F, coefficients = ufl.Coefficient(tensors), _constants(space, parameters)
+        density = psi(F, **coefficients) * _one_point(domain)
+        first = ufl.derivative(density, F, ufl.TestFunction(tensors))
+        names = {F: None, **{coefficient: name for name, coefficient in coefficients.items()}}
+        compiled = lambda form: _DensityKernel(space.comm, form, names, parameters, len(self._cells))  # noqa: E731
+        self._density, self._first, self._second, self._stretches = compiled(density), compiled(first), None, None
         if d == 3 and 0 < len(parameters) <= _MAX_PARAMETERS and (self._is_isotropic() if self._isotropic is None else self._isotropic):
             self._stretches = _StretchKernels(space, psi, parameters)
-            edges = space.mesh.points[self._nodes]
-            self._inverse = np.ascontiguousarray(np.linalg.inv((edges[:, 1:] - edges[:, :1]).transpose(0, 2, 1)))
         else:
-            self._second = compiled(ufl.derivative(first, x, ufl.TrialFunction(space.V.ufl_function_space())))
+            self._second = compiled(ufl.derivative(first, F, ufl.TrialFunction(tensors)))
 
     def _is_isotropic(self) -> bool:
         """Whether psi(Q F R) = psi(F) for some arbitrary F and rotations Q, R; the same on every rank.
@@ -77,26 +70,26 @@ class CellEnergy(Term):
         """
         rng = np.random.default_rng(0)
         changes = []
-        tried = {0, *np.abs(self._energy.parameters).argmax(axis=0).tolist()} if len(self._cells) else ()
+        tried = {0, *np.abs(self._density.parameters).argmax(axis=0).tolist()} if len(self._cells) else ()
         for cell in sorted(tried):
             for _ in range(4):
                 Q, R = (_rotation(rng) for _ in range(2))
                 F = np.eye(3) + 0.2 * rng.uniform(-1, 1, (3, 3))
-                one, other = (self._energy.on_unit_cell(f, cell) for f in (F, Q @ F @ R))
+                one, other = (self._density.at(f, cell) for f in (F, Q @ F @ R))
                 changes.append(abs(one - other) / max(abs(one), abs(other), 1e-300))
         return self.space.comm.allreduce(max(changes, default=0.0), op=MPI.MAX) < ISOTROPIC
 
     def _arguments(self, kernel, x: np.ndarray, count: int):
-        return (kernel.function, self.space.dim, count, pointer(self._nodes, "int32_t"), pointer(self._points), pointer(self._dofs, "int32_t"),
-                pointer(x), pointer(kernel.parameters), kernel.parameters.shape[1], kernel.positions_at)
+        return (kernel.function, self.space.dim, count, pointer(self._dofs, "int32_t"), pointer(x), pointer(self._inverse), pointer(self._volumes),
+                pointer(kernel.parameters), kernel.parameters.shape[1], kernel.gradient_at)
 
     def set_parameters(self, parameters: Mapping[str, np.ndarray]) -> None:
         """Other values (k,) of some parameters, without compiling anything; of a density that is not isotropic."""
-        for kernel in (self._energy, self._first, self._second):
+        for kernel in (self._density, self._first, self._second):
             kernel.fill(parameters)
 
     def value(self, x: Positions) -> float:
-        mine = self._library.cell_values(*self._arguments(self._energy, x.local, self._counted))
+        mine = self._library.cell_values(*self._arguments(self._density, x.local, self._counted))
         total = self.space.comm.allreduce(mine)
         return total if np.isfinite(total) else np.inf
 
@@ -113,7 +106,7 @@ class CellEnergy(Term):
             self._library.isotropic_hessians(*self._stretches.functions, len(self._cells), pointer(self._dofs, "int32_t"), pointer(x.local),
                                              pointer(self._inverse), pointer(self._volumes), *self._stretches.parameters, slots, mode, weight, out)
         else:
-            mode = mode if self._second.positions_at >= 0 else 0  # a Hessian without positions is that of a quadratic energy
+            mode = mode if self._second.gradient_at >= 0 else 0  # a Hessian without F is that of a quadratic energy
             self._library.cell_hessians(*self._arguments(self._second, x.local, len(self._cells)), slots, mode, weight, out)
 
 
@@ -124,6 +117,12 @@ def _rotation(rng) -> np.ndarray:
     q, r = np.linalg.qr(rng.standard_normal((3, 3)))
     q = q * np.sign(np.diag(r))
     return q * np.sign(np.linalg.det(q))
+
+
+def _constants(space: LevelSpace, names) -> dict[str, ufl.Coefficient]:
+    """Coefficients constant per cell, by name."""
+    constant = ufl.FunctionSpace(space.domain.ufl_domain(), basix.ufl.element("DG", space.domain.basix_cell(), 0))
+    return {name: ufl.Coefficient(constant) for name in names}
 
 
 def _one_point(domain) -> ufl.Measure:
@@ -148,20 +147,20 @@ class _Kernel:
         self.coefficients = [ordered[compiled.original_coefficient_positions[i]] for i in range(compiled.num_coefficients)]
 
 
-class _PositionKernel(_Kernel):
-    """A kernel of a cell's positions and parameters.
+class _DensityKernel(_Kernel):
+    """A kernel of a cell's F and parameters.
 
     Attributes
     ----------
     parameters : (cells, k)
         In the kernel's order.
-    positions_at : how many of them come before the positions; -1 where positions are not wanted
+    gradient_at : how many of them come before F; -1 where F is not wanted
     """
 
     def __init__(self, comm, form, names, parameters, count: int):
         super().__init__(comm, form)
         wanted = [names[c] for c in self.coefficients]
-        self.positions_at = next((i for i, name in enumerate(wanted) if name is None), -1)
+        self.gradient_at = next((i for i, name in enumerate(wanted) if name is None), -1)
         self._order = [name for name in wanted if name is not None]
         self.parameters = np.zeros((count, len(self._order)))
         self.fill(parameters)
@@ -172,22 +171,21 @@ class _PositionKernel(_Kernel):
             if name in parameters:
                 self.parameters[:, column] = parameters[name]
 
-    def on_unit_cell(self, F: np.ndarray, cell: int) -> float:
-        """The energy of the unit tetrahedron deformed by F, with a cell's parameters."""
-        corners, nodes = np.concatenate([np.zeros((1, 3)), np.eye(3)]), np.arange(4, dtype=np.int32)
-        moved = np.ascontiguousarray(corners @ F.T)
-        return native.library().cell_values(self.function, 3, 1, pointer(nodes, "int32_t"), pointer(corners), pointer(nodes, "int32_t"),
-                                            pointer(moved), pointer(self.parameters[cell]), self.parameters.shape[1], self.positions_at)
+    def at(self, F: np.ndarray, cell: int) -> float:
+        """psi at F (3, 3), with a cell's parameters; of a density in 3D."""
+        corners, dofs = np.vstack([np.zeros(3), *F.T]), np.arange(4, dtype=np.int32)
+        identity, one = np.eye(3), np.ones(1)
+        return native.library().cell_values(self.function, 3, 1, pointer(dofs, "int32_t"), pointer(corners), pointer(identity),
+                                            pointer(one), pointer(self.parameters[cell]), self.parameters.shape[1], self.gradient_at)
 
 
 class _StretchKernels:
     """First and second derivatives of psi(diag(stretches)), and the parameters, as isotropic.c takes them."""
 
     def __init__(self, space: LevelSpace, psi, parameters):
-        domain, cell = space.domain.ufl_domain(), space.domain.basix_cell()
-        vectors = ufl.FunctionSpace(domain, basix.ufl.element("DG", cell, 0, shape=(3,)))
-        constant = ufl.FunctionSpace(domain, basix.ufl.element("DG", cell, 0))
-        stretches, coefficients = ufl.Coefficient(vectors), {name: ufl.Coefficient(constant) for name in parameters}
+        domain = space.domain.ufl_domain()
+        vectors = ufl.FunctionSpace(domain, basix.ufl.element("DG", space.domain.basix_cell(), 0, shape=(3,)))
+        stretches, coefficients = ufl.Coefficient(vectors), _constants(space, parameters)
         F = ufl.as_matrix([[stretches[i] if i == j else 0 for j in range(3)] for i in range(3)])
         first = ufl.derivative(psi(F, **coefficients) * _one_point(domain), stretches, ufl.TestFunction(vectors))
         second = ufl.derivative(first, stretches, ufl.TrialFunction(vectors))

@@ -17,11 +17,11 @@ from pdvol.errors import InputError
 FLAGS = ("-O3", "-march=native", "-ffp-contract=off", "-fno-math-errno", "-fno-trapping-math")
 
 _DECLARATIONS = """
-double cell_values(void *kernel, int d, int64_t count, const int32_t *nodes, const double *points, const int32_t *dofs, const double *x,
+double cell_values(void *kernel, int d, int64_t count, const int32_t *dofs, const double *x, const double *inverse, const double *volumes,
                    const double *parameters, int np, int at);
-void cell_gradients(void *kernel, int d, int64_t count, const int32_t *nodes, const double *points, const int32_t *dofs, const double *x,
+void cell_gradients(void *kernel, int d, int64_t count, const int32_t *dofs, const double *x, const double *inverse, const double *volumes,
                     const double *parameters, int np, int at, double *out);
-int64_t cell_hessians(void *kernel, int d, int64_t count, const int32_t *nodes, const double *points, const int32_t *dofs, const double *x,
+int64_t cell_hessians(void *kernel, int d, int64_t count, const int32_t *dofs, const double *x, const double *inverse, const double *volumes,
                       const double *parameters, int np, int at, const int32_t *slots, int mode, double weight, double *out);
 int64_t isotropic_hessians(void *gradient, void *hessian, const int32_t *arguments, int ng, int nh, int64_t count, const int32_t *dofs,
                            const double *x, const double *inverse, const double *volumes, const double *parameters, int np,

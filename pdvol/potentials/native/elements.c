@@ -1,68 +1,101 @@
-/* Loops over cells around compiled UFL kernels: energies, gradients, and Hessians filtered to be positive semi-definite.
+/* Loops over cells around compiled UFL kernels of energy densities psi(F): energies, gradients, and Hessians filtered to be positive
+ * semi-definite.
  *
- * A kernel fills a row-major tensor over the n = (d + 1) d unknowns of a linear simplex, vertex by vertex. The energy is taken to be
- * invariant to translations (it depends on x through F alone), so its Hessian is K' H K with H over F, d^2 x d^2: H is what is
- * filtered, which is cheaper than the whole block and does not depend on the cell's shape (Smith, de Goes, Kim 2019). */
+ * A kernel is that of psi, of its d x d first derivatives or of its d^2 x d^2 second ones, row-major, on the unit simplex. A linear
+ * simplex's energy is its volume times psi, and its Hessian over the positions is K' H K: H is what is filtered, which is cheaper than the
+ * whole block and does not depend on the cell's shape (Smith, de Goes, Kim 2019). */
 #include <math.h>
 #include <stdint.h>
 #include <string.h>
 
 #include "kernel.h"
 
-enum { MAX_N = 12, MAX_H = 9, MAX_PARAMETERS = 64 };
+enum { MAX_H = 9, MAX_PARAMETERS = 64 };
 
 /* Called with d a constant, so that the loops over it unroll: two to three times faster. */
 #define INLINE static inline __attribute__((always_inline))
 
-static void coordinates(int d, const int32_t *nodes, const double *points, double *x)
+/* By what a kernel's tensor on the unit simplex is multiplied for a cell of that volume. */
+INLINE double from_unit(int d, double volume)
 {
-    for (int i = 0; i <= d; ++i)
-        memcpy(x + 3 * i, points + 3 * (int64_t)nodes[i], 3 * sizeof(double));
+    return (d == 2 ? 2.0 : 6.0) * volume;
 }
 
-/* A cell's coefficients as the kernel wants them: the parameters (np per cell) with the positions in between, `at` being their place, or
- * without them where at < 0. */
-static void coefficients(int d, int64_t k, const int32_t *dofs, const double *x, const double *parameters, int np, int at, double *w)
+/* A cell's coefficients as the kernel wants them: the parameters (np per cell) with F in between, `at` being its place, or without it where
+ * at < 0. inverse (d x d per cell): rest edges' inverse, row i the gradient of hat function i + 1. */
+INLINE void coefficients(int d, int64_t k, const int32_t *dofs, const double *x, const double *inverse, const double *parameters, int np, int at,
+                         double *w)
 {
     const int before = at < 0 ? np : at;
     memcpy(w, parameters + k * np, before * sizeof(double));
     if (at < 0)
         return;
-    for (int i = 0; i <= d; ++i)
-        memcpy(w + before + i * d, x + (int64_t)dofs[k * (d + 1) + i] * d, d * sizeof(double));
-    memcpy(w + before + (d + 1) * d, parameters + k * np + before, (np - before) * sizeof(double));
+    const double *x0 = x + (int64_t)dofs[k * (d + 1)] * d, *g = inverse + k * d * d;
+    double *F = w + before;
+    for (int a = 0; a < d * d; ++a)
+        F[a] = 0.0;
+    for (int i = 0; i < d; ++i) {
+        const double *xi = x + (int64_t)dofs[k * (d + 1) + i + 1] * d;
+        for (int a = 0; a < d; ++a)
+            for (int j = 0; j < d; ++j)
+                F[a * d + j] += (xi[a] - x0[a]) * g[i * d + j];
+    }
+    memcpy(F + d * d, parameters + k * np + before, (np - before) * sizeof(double));
 }
 
-/* Sum of the energies of `count` cells. nodes, dofs (count x (d + 1)): where their vertices are in points (rest, 3 numbers each) and in x
- * (current, d numbers each). */
-double cell_values(void *kernel, int d, int64_t count, const int32_t *nodes, const double *points, const int32_t *dofs, const double *x,
-                   const double *parameters, int np, int at)
+INLINE double values(void *kernel, int d, int64_t count, const int32_t *dofs, const double *x, const double *inverse, const double *volumes,
+                     const double *parameters, int np, int at)
 {
-    double total = 0.0, X[12], w[MAX_N + MAX_PARAMETERS];
+    double total = 0.0, w[MAX_H + MAX_PARAMETERS];
     for (int64_t k = 0; k < count; ++k) {
         double value = 0.0;
-        coordinates(d, nodes + k * (d + 1), points, X);
-        coefficients(d, k, dofs, x, parameters, np, at, w);
-        CALL(kernel, &value, w, 0, X);
-        total += value;
+        coefficients(d, k, dofs, x, inverse, parameters, np, at, w);
+        CALL(kernel, &value, w, 0, unit_simplex);
+        total += from_unit(d, volumes[k]) * value;
     }
     return total;
 }
 
+/* Sum of the energies of `count` cells. dofs (count x (d + 1)): where their vertices are in x (d numbers each). */
+double cell_values(void *kernel, int d, int64_t count, const int32_t *dofs, const double *x, const double *inverse, const double *volumes,
+                   const double *parameters, int np, int at)
+{
+    return d == 3 ? values(kernel, 3, count, dofs, x, inverse, volumes, parameters, np, at)
+                  : values(kernel, 2, count, dofs, x, inverse, volumes, parameters, np, at);
+}
+
+INLINE void gradients(void *kernel, int d, int64_t count, const int32_t *dofs, const double *x, const double *inverse, const double *volumes,
+                      const double *parameters, int np, int at, double *out)
+{
+    double w[MAX_H + MAX_PARAMETERS];
+    for (int64_t k = 0; k < count; ++k) {
+        double P[MAX_H] = {0};
+        const double *g = inverse + k * d * d, scale = from_unit(d, volumes[k]);
+        const int32_t *dof = dofs + k * (d + 1);
+        coefficients(d, k, dofs, x, inverse, parameters, np, at, w);
+        CALL(kernel, P, w, 0, unit_simplex);
+        for (int a = 0; a < d; ++a) {
+            double others = 0.0;
+            for (int i = 0; i < d; ++i) {
+                double force = 0.0;
+                for (int j = 0; j < d; ++j)
+                    force += P[a * d + j] * g[i * d + j];
+                out[(int64_t)dof[i + 1] * d + a] += scale * force;
+                others += force;
+            }
+            out[(int64_t)dof[0] * d + a] -= scale * others;
+        }
+    }
+}
+
 /* Adds the cells' gradients to out (local vertices x d). */
-void cell_gradients(void *kernel, int d, int64_t count, const int32_t *nodes, const double *points, const int32_t *dofs, const double *x,
+void cell_gradients(void *kernel, int d, int64_t count, const int32_t *dofs, const double *x, const double *inverse, const double *volumes,
                     const double *parameters, int np, int at, double *out)
 {
-    double X[12], w[MAX_N + MAX_PARAMETERS];
-    for (int64_t k = 0; k < count; ++k) {
-        double b[MAX_N] = {0};
-        coordinates(d, nodes + k * (d + 1), points, X);
-        coefficients(d, k, dofs, x, parameters, np, at, w);
-        CALL(kernel, b, w, 0, X);
-        for (int i = 0; i <= d; ++i)
-            for (int a = 0; a < d; ++a)
-                out[(int64_t)dofs[k * (d + 1) + i] * d + a] += b[i * d + a];
-    }
+    if (d == 3)
+        gradients(kernel, 3, count, dofs, x, inverse, volumes, parameters, np, at, out);
+    else
+        gradients(kernel, 2, count, dofs, x, inverse, volumes, parameters, np, at, out);
 }
 
 /* In-place Cholesky attempt on a copy: 1 if A + shift is positive definite. */
@@ -164,106 +197,60 @@ INLINE int filter(int d, double *H, int mode)
     return 1;
 }
 
-/* A (n x n over vertices) -> filtered, through H = K' A_rr K over F: x_i - x_0 = F (X_i - X_0). */
-INLINE int filter_cell(int d, const double *x, double *A, int mode)
+INLINE int64_t hessians(void *kernel, int d, int64_t count, const int32_t *dofs, const double *x, const double *inverse, const double *volumes,
+                        const double *parameters, int np, int at, const int32_t *slots, int mode, double weight, double *out)
 {
-    const int n = (d + 1) * d, h = d * d;
-    double D[9], B[9], T[MAX_H * MAX_H], H[MAX_H * MAX_H];  /* D: columns X_i - X_0; B its inverse */
-    for (int i = 0; i < d; ++i)
-        for (int a = 0; a < d; ++a)
-            D[a * d + i] = x[3 * (i + 1) + a] - x[a];
-    if (d == 2) {
-        const double det = D[0] * D[3] - D[1] * D[2];
-        B[0] = D[3] / det, B[1] = -D[1] / det, B[2] = -D[2] / det, B[3] = D[0] / det;
-    } else {
-        const double c0 = D[4] * D[8] - D[5] * D[7], c1 = D[5] * D[6] - D[3] * D[8], c2 = D[3] * D[7] - D[4] * D[6];
-        const double det = D[0] * c0 + D[1] * c1 + D[2] * c2;
-        B[0] = c0 / det, B[1] = (D[2] * D[7] - D[1] * D[8]) / det, B[2] = (D[1] * D[5] - D[2] * D[4]) / det;
-        B[3] = c1 / det, B[4] = (D[0] * D[8] - D[2] * D[6]) / det, B[5] = (D[2] * D[3] - D[0] * D[5]) / det;
-        B[6] = c2 / det, B[7] = (D[1] * D[6] - D[0] * D[7]) / det, B[8] = (D[0] * D[4] - D[1] * D[3]) / det;
-    }
-    /* H[(j a), (m b)] = sum_il D[j][i] A[(i a), (l b)] D[m][l], where dx_i = sum_j dF_j D[j][i], F_j the j-th column of F. */
-    for (int j = 0; j < d; ++j)
-        for (int a = 0; a < d; ++a)
-            for (int l = 0; l < d; ++l)
-                for (int b = 0; b < d; ++b) {
-                    double s = 0.0;
-                    for (int i = 0; i < d; ++i)
-                        s += D[j * d + i] * A[((i + 1) * d + a) * n + (l + 1) * d + b];
-                    T[(j * d + a) * h + l * d + b] = s;
-                }
-    for (int r = 0; r < h; ++r)
-        for (int m = 0; m < d; ++m)
-            for (int b = 0; b < d; ++b) {
-                double s = 0.0;
-                for (int l = 0; l < d; ++l)
-                    s += T[r * h + l * d + b] * D[m * d + l];
-                H[r * h + m * d + b] = s;
+    const int h = d * d;
+    int64_t changed = 0;
+    double w[MAX_H + MAX_PARAMETERS];
+    for (int64_t k = 0; k < count; ++k) {
+        double H[MAX_H * MAX_H] = {0}, g[4][3];
+        coefficients(d, k, dofs, x, inverse, parameters, np, at, w);
+        CALL(kernel, H, w, 0, unit_simplex);
+        if (mode)
+            changed += filter(d, H, mode);
+        for (int j = 0; j < d; ++j) {
+            g[0][j] = 0.0;
+            for (int i = 0; i < d; ++i) {
+                g[i + 1][j] = inverse[k * h + i * d + j];
+                g[0][j] -= g[i + 1][j];
             }
-    if (!filter(d, H, mode))
-        return 0;
-    /* Back: A_rr = (B over vertices)' H (...), the row and column of vertex 0 by translation invariance. B[i][j]: dF_j = sum_i dx_i B[i][j]. */
-    for (int i = 0; i < d; ++i)
-        for (int a = 0; a < d; ++a)
-            for (int m = 0; m < d; ++m)
-                for (int b = 0; b < d; ++b) {
-                    double s = 0.0;
+        }
+        const double scale = weight * from_unit(d, volumes[k]);
+        const int32_t *slot = slots + k * (d + 1) * (d + 2) / 2;
+        for (int i = 0; i <= d; ++i) {
+            double T[3][MAX_H]; /* H contracted with g_i on the left */
+            for (int a = 0; a < d; ++a)
+                for (int q = 0; q < h; ++q) {
+                    T[a][q] = 0.0;
                     for (int j = 0; j < d; ++j)
-                        s += B[i * d + j] * H[(j * d + a) * h + m * d + b];
-                    T[(i * d + a) * h + m * d + b] = s;
+                        T[a][q] += g[i][j] * H[(a * d + j) * h + q];
                 }
-    for (int i = 0; i < d; ++i)
-        for (int a = 0; a < d; ++a) {
-            double *row = A + ((i + 1) * d + a) * n;
-            for (int b = 0; b < d; ++b)
-                row[b] = 0.0;
-            for (int l = 0; l < d; ++l)
-                for (int b = 0; b < d; ++b) {
-                    double s = 0.0;
-                    for (int m = 0; m < d; ++m)
-                        s += T[(i * d + a) * h + m * d + b] * B[l * d + m];
-                    row[(l + 1) * d + b] = s;
-                    row[b] -= s;
-                }
+            for (int l = i; l <= d; ++l, ++slot) {
+                if (*slot == -1)
+                    continue;
+                double *block = out + (int64_t)(*slot >= 0 ? *slot : -2 - *slot) * h;
+                for (int a = 0; a < d; ++a)
+                    for (int b = 0; b < d; ++b) {
+                        double sum = 0.0;
+                        for (int m = 0; m < d; ++m)
+                            sum += T[a][b * d + m] * g[l][m];
+                        block[*slot >= 0 ? a * d + b : b * d + a] += scale * sum;
+                    }
+            }
         }
-    for (int a = 0; a < d; ++a)
-        for (int c = 0; c < n; ++c) {
-            double s = 0.0;
-            for (int i = 1; i <= d; ++i)
-                s -= A[(i * d + a) * n + c];
-            A[a * n + c] = s;
-        }
-    return 1;
+    }
+    return changed;
 }
 
 /* Adds weight times the cells' Hessians to the blocks `out` (d x d each); `slots` has one entry per pair i <= j of a cell's vertices:
  * s >= 0 adds block s as it is, s <= -2 transposed at -2 - s, -1 nowhere. mode 0: unfiltered, 1: negative eigenvalues cut off, 2: their
  * sizes taken. Returns how many cells were changed by the filter. */
-int64_t cell_hessians(void *kernel, int d, int64_t count, const int32_t *nodes, const double *points, const int32_t *dofs, const double *x,
+int64_t cell_hessians(void *kernel, int d, int64_t count, const int32_t *dofs, const double *x, const double *inverse, const double *volumes,
                       const double *parameters, int np, int at, const int32_t *slots, int mode, double weight, double *out)
 {
-    const int n = (d + 1) * d;
-    int64_t changed = 0;
-    double X[12], w[MAX_N + MAX_PARAMETERS];
-    for (int64_t k = 0; k < count; ++k) {
-        double A[MAX_N * MAX_N] = {0};
-        coordinates(d, nodes + k * (d + 1), points, X);
-        coefficients(d, k, dofs, x, parameters, np, at, w);
-        CALL(kernel, A, w, 0, X);
-        if (mode)
-            changed += d == 3 ? filter_cell(3, X, A, mode) : filter_cell(2, X, A, mode);
-        const int32_t *slot = slots + k * (d + 1) * (d + 2) / 2;
-        for (int i = 0; i <= d; ++i)
-            for (int j = i; j <= d; ++j, ++slot) {
-                if (*slot == -1)
-                    continue;
-                double *block = out + (int64_t)(*slot >= 0 ? *slot : -2 - *slot) * d * d;
-                for (int a = 0; a < d; ++a)
-                    for (int b = 0; b < d; ++b)
-                        block[*slot >= 0 ? a * d + b : b * d + a] += weight * A[(i * d + a) * n + j * d + b];
-            }
-    }
-    return changed;
+    return d == 3 ? hessians(kernel, 3, count, dofs, x, inverse, volumes, parameters, np, at, slots, mode, weight, out)
+                  : hessians(kernel, 2, count, dofs, x, inverse, volumes, parameters, np, at, slots, mode, weight, out);
 }
 
 /* First t in (0, 1] where the polynomial c0 + c1 t + c2 t^2 + c3 t^3 (c0 > 0) falls to zero; 2 if it does not. */

@@ -94,7 +94,6 @@ int64_t isotropic_hessians(void *gradient, void *hessian, const int32_t *argumen
                            const double *x, const double *inverse, const double *volumes, const double *parameters, int np,
                            const int32_t *slots, int mode, double weight, double *out)
 {
-    static const double unit[12] = {0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1};
     int64_t negative = 0;
     for (int64_t first = 0; first < count; first += LANES) {
         const int used = count - first < LANES ? (int)(count - first) : LANES;
@@ -135,10 +134,10 @@ int64_t isotropic_hessians(void *gradient, void *hessian, const int32_t *argumen
                 all_of[3 + q] = parameters[np * (first + (l < used ? l : 0)) + q];
             for (int i = 0; i < ng; ++i)
                 w[i] = all_of[arguments[i]];
-            CALL(gradient, first_by, w, 0, unit);
+            CALL(gradient, first_by, w, 0, unit_simplex);
             for (int i = 0; i < nh; ++i)
                 w[i] = all_of[arguments[ng + i]];
-            CALL(hessian, second_by, w, 0, unit);
+            CALL(hessian, second_by, w, 0, unit_simplex);
             for (int i = 0; i < 3; ++i) {
                 p[i][l] = 6.0 * first_by[i]; /* the unit tetrahedron's volume is 1/6 */
                 for (int j = 0; j < 3; ++j)

@@ -13,4 +13,6 @@ typedef void (*kernel_t)(double *, const double *, const double *, const double 
 typedef void (*kernel_t)(double *, const double *, const double *, const double *, const int *, const uint8_t *, void *);
 #define CALL(k, A, w, c, x) ((kernel_t)(k))(A, w, c, x, 0, 0, 0)
 #endif
+/* What kernels are called on: corners of the unit triangle or tetrahedron, three numbers each. */
+static const double unit_simplex[12] = {0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1};
 #endif
