@@ -87,8 +87,8 @@ class CoarseSpace:
         if self.size == 0:
             return
         self._starts, self._columns, self._weights = P.indptr.astype(np.int32), P.indices.astype(np.int32), P.data
-        mine = P[space.first_block : space.first_block + space.n_owned]
-        self._prolong, self._restrict = csr_array(mine), csr_array(mine.T)
+        mine = self._starts[space.first_block :]  # rows of P
+        self._arguments = (space.dim, space.n_owned, pointer(mine, "int32_t"), pointer(self._columns, "int32_t"), pointer(self._weights))
 
     def update(self, parts) -> None:
         """Sums and factors P' A P. `parts`: (starts, columns, blocks) of A's cells and pairs, each a block CSR of this rank's rows. Collective."""
@@ -164,11 +164,12 @@ class CoarseSpace:
         space.comm.Allreduce(MPI.IN_PLACE, pattern, op=MPI.LOR)
         return pattern | pattern.T
 
-    def correct(self, residual: np.ndarray) -> np.ndarray:
-        """P (P' A P)^-1 P' residual, for this rank's rows (n_owned, d). Collective."""
-        coarse = self._restrict @ residual
+    def add_correction(self, residual: np.ndarray, into: np.ndarray) -> None:
+        """Adds P (P' A P)^-1 P' residual to `into`, for this rank's rows (n_owned d,) of each. Collective."""
+        coarse = np.zeros(self.size * self.space.dim)
+        native.library().restriction(*self._arguments, pointer(residual), pointer(coarse))
         if self.space.comm.size > 1:
             self.space.comm.Allreduce(MPI.IN_PLACE, coarse, op=MPI.SUM)
-        self._right.setArray(coarse.ravel())
+        self._right.setArray(coarse)
         self._solver.solve(self._right, self._solution)
-        return self._prolong @ self._solution.getArray(readonly=True).reshape(coarse.shape)
+        native.library().prolongation(*self._arguments, pointer(self._solution.getArray(readonly=True)), pointer(into))

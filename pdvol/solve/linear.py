@@ -244,8 +244,7 @@ class _Preconditioner:
     def apply(self, pc: PETSc.PC, x: PETSc.Vec, y: PETSc.Vec) -> None:
         self.local.apply(x, y)
         if self.coarse is not None and self.coarse.size:
-            residual = x.getArray(readonly=True).reshape(-1, self.coarse.space.dim)
-            y.setArray(y.getArray(readonly=True) + self.coarse.correct(residual).ravel())
+            self.coarse.add_correction(x.getArray(readonly=True), y.getArray())
 
 
 def wants_general_matrix(settings: Solver) -> bool:

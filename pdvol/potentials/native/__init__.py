@@ -28,6 +28,8 @@ int64_t isotropic_hessians(void *gradient, void *hessian, const int32_t *argumen
                            const int32_t *slots, int mode, double weight, double *out);
 int galerkin(int d, int64_t rows, int64_t first, const int32_t *starts, const int32_t *columns, const double *blocks,
              const int32_t *p_starts, const int32_t *p_columns, const double *p_weights, int64_t coarse, const int32_t *table, double *out);
+void restriction(int d, int64_t rows, const int32_t *starts, const int32_t *columns, const double *weights, const double *fine, double *coarse);
+void prolongation(int d, int64_t rows, const int32_t *starts, const int32_t *columns, const double *weights, const double *coarse, double *fine);
 int64_t inverted_cells(int d, int64_t count, const int32_t *dofs, const double *x);
 double volume_step(int d, int64_t count, const int32_t *dofs, const double *x, const double *p, double keep);
 """

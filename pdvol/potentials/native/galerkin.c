@@ -1,4 +1,4 @@
-/* Galerkin products of blocked matrices: P' A P, where P has scalar weights, the same for every component. */
+/* Prolongations P with scalar weights, the same for every component: products with vectors, and Galerkin products P' A P of blocked matrices. */
 #include <stdint.h>
 #include <stdlib.h>
 #include <string.h>
@@ -61,4 +61,39 @@ int galerkin(int d, int64_t rows, int64_t first, const int32_t *starts, const in
 {
     return d == 3 ? product(3, rows, first, starts, columns, blocks, p_starts, p_columns, p_weights, coarse, table, out)
                   : product(2, rows, first, starts, columns, blocks, p_starts, p_columns, p_weights, coarse, table, out);
+}
+
+INLINE void times_transpose(int d, int64_t rows, const int32_t *starts, const int32_t *columns, const double *weights, const double *fine,
+                            double *coarse)
+{
+    for (int64_t i = 0; i < rows; ++i)
+        for (int64_t q = starts[i]; q < starts[i + 1]; ++q)
+            for (int a = 0; a < d; ++a)
+                coarse[(int64_t)columns[q] * d + a] += weights[q] * fine[i * d + a];
+}
+
+/* Adds P' fine to coarse. P: `rows` rows, CSR, the starts of which need not be zero. */
+void restriction(int d, int64_t rows, const int32_t *starts, const int32_t *columns, const double *weights, const double *fine, double *coarse)
+{
+    if (d == 3)
+        times_transpose(3, rows, starts, columns, weights, fine, coarse);
+    else
+        times_transpose(2, rows, starts, columns, weights, fine, coarse);
+}
+
+INLINE void times(int d, int64_t rows, const int32_t *starts, const int32_t *columns, const double *weights, const double *coarse, double *fine)
+{
+    for (int64_t i = 0; i < rows; ++i)
+        for (int64_t q = starts[i]; q < starts[i + 1]; ++q)
+            for (int a = 0; a < d; ++a)
+                fine[i * d + a] += weights[q] * coarse[(int64_t)columns[q] * d + a];
+}
+
+/* Adds P coarse to fine. */
+void prolongation(int d, int64_t rows, const int32_t *starts, const int32_t *columns, const double *weights, const double *coarse, double *fine)
+{
+    if (d == 3)
+        times(3, rows, starts, columns, weights, coarse, fine);
+    else
+        times(2, rows, starts, columns, weights, coarse, fine);
 }

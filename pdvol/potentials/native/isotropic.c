@@ -76,6 +76,20 @@ INLINE void eigensystems(lanes A[3][3], lanes V[3][3])
     }
 }
 
+/* Whether the symmetric 3 x 3 matrices of all lanes are positive definite, and not only just: by their leading minors. */
+INLINE int all_definite(lanes A[3][3])
+{
+    const lanes minor = A[0][0] * A[1][1] - A[0][1] * A[0][1], product = A[0][0] * A[1][1];
+    const lanes determinant = minor * A[2][2] - A[1][2] * (A[0][0] * A[1][2] - A[0][1] * A[0][2])
+                              + A[0][2] * (A[0][1] * A[1][2] - A[1][1] * A[0][2]);
+    const mask definite = (A[0][0] > all(0.0)) & (minor > 1e-10 * product) & (determinant > 1e-10 * (product * A[2][2]))
+                          & (A[2][2] > all(0.0));
+    int64_t every = -1;
+    for (int l = 0; l < LANES; ++l)
+        every &= definite[l];
+    return every != 0;
+}
+
 /* What becomes of an eigenvalue: mode 0 keeps it, 1 cuts it off at zero, 2 takes its size. */
 INLINE lanes positive(lanes a, int mode)
 {
@@ -157,7 +171,7 @@ int64_t isotropic_hessians(void *gradient, void *hessian, const int32_t *argumen
             same[o] = 0.5 * (even + odd);
             cross[o] = 0.5 * (even - odd);
         }
-        if (mode) {
+        if (mode && !all_definite(S)) {
             lanes A[3][3], Q[3][3];
             for (int i = 0; i < 3; ++i)
                 for (int j = 0; j < 3; ++j)
