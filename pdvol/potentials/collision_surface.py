@@ -88,7 +88,7 @@ class CollisionSurface:
         # A pair that several ranks have a vertex of is counted by the one that owns the vertex that comes first in the input.
         self._input_order = np.concatenate([self.surface, np.full(len(self.parties) - len(self.surface), len(level.points))])
         self._own = np.arange(len(self.parties)) < own
-        self.obstacle_positions = self._obstacles_at(0.0)
+        self.obstacle_positions, self._at = self._obstacles_at(0.0), None
         self._narrow, self._goes_all_the_way = NARROW[ccd], ccd != "additive"
         self.candidates = ContactCandidates(self.primitives, at_rest, reach, not obstacles)
 
@@ -117,13 +117,19 @@ class CollisionSurface:
         """Puts the obstacles where they are at `time` [s]; says whether any moved."""
         positions = self._obstacles_at(time)
         changed = not np.array_equal(positions, self.obstacle_positions)
-        self.obstacle_positions = positions
+        if changed:
+            self.obstacle_positions, self._at = positions, None
         return changed
 
     def vertices(self, x: Positions, at: float | None = None) -> np.ndarray:
         """Positions (k + obstacles, d) of the collision mesh, obstacles as placed or as they are `at` a time. First use per x is collective."""
+        if at is None and x is self._at:
+            return self._vertices
         obstacles = self.obstacle_positions if at is None else self._obstacles_at(at)
-        return np.asfortranarray(np.concatenate([x.whole[self.surface], obstacles]))
+        vertices = np.asfortranarray(np.concatenate([x.whole[self.surface], obstacles]))
+        if at is None:
+            self._at, self._vertices = x, vertices
+        return vertices
 
     def pairs(self, vertices: np.ndarray) -> ipctk.Candidates:
         """Pairs among which are all that touch at the collision mesh's positions."""
@@ -154,6 +160,8 @@ class CollisionSurface:
     def stencils(self, active: ipctk.NormalCollisions, vertices: np.ndarray) -> Stencils:
         """The active pairs at the collision mesh's positions, as arrays."""
         stencils = normal_stencils(active, self.primitives.edges, self.primitives.faces, vertices)
+        if self.space.comm.size == 1:
+            return stencils
         first = np.take_along_axis(stencils.vertices, self._input_order[stencils.vertices].argmin(axis=1)[:, None], axis=1)[:, 0]
         return replace(stencils, counted=self._own[first])
 

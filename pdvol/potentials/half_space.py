@@ -51,14 +51,20 @@ class HalfSpaceBarrier(Term):
 
     def place(self, time: float) -> None:
         self.points, self.normals = self._planes_at(time)
+        self._at: Positions | None = None
 
     def begin_step(self, x_t: Positions, t0: float, t1: float) -> None:
         self.place(t0)
 
     def gaps(self, x: Positions, at: float | None = None) -> np.ndarray:
         """(planes, surface vertices) distances [m], negative behind a plane; planes as placed, or as they are `at` a time."""
+        if at is None and x is self._at:
+            return self._gaps
         points, normals = (self.points, self.normals) if at is None else self._planes_at(at)
-        return (normals @ x.owned[self.vertices].T) - np.sum(normals * points, axis=1)[:, None]
+        gaps = normals @ x.owned[self.vertices].T - np.sum(normals * points, axis=1)[:, None]
+        if at is None:
+            self._at, self._gaps = x, gaps
+        return gaps
 
     def _active(self, x: Positions):
         gaps = self.gaps(x)

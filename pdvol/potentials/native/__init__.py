@@ -73,5 +73,5 @@ def library():
 
 
 def pointer(array, kind: str = "double"):
-    """A C pointer to a contiguous numpy array."""
-    return ffi.cast(f"{kind} *", array.ctypes.data)
+    """A contiguous numpy array for C, kept alive for as long as what is returned."""
+    return ffi.from_buffer(f"{kind}[]", array)
