@@ -46,17 +46,20 @@ def main(words: list[str] | None = None) -> int:
         names, ranks = chosen(options.scenes), rank_counts(options.ranks)
         if not (options.peers / "README.md").is_file():
             raise Mistake(f"the peers' meshes are not there: {options.peers} has no README.md; name their folder with --peers")
+        if options.repeats < 1:
+            raise Mistake(f"--repeats {options.repeats}: write a whole number from 1 on")
         options.out.mkdir(parents=True, exist_ok=True)
     except (Mistake, OSError) as error:
         print(f"peers.py: {error}", file=sys.stderr)
         return 2
     result = {"machine": machine(), "tolerance": TOLERANCE, "scenes": []}
     for name in names:
-        for count in ranks:
-            record = run(name, count, options)
+        rounds = [[run(name, count, options) for count in ranks] for _ in range(options.repeats)]
+        for records in zip(*rounds, strict=True):
+            record = middle(records)
             result["scenes"].append(record)
             print(_told(record), file=sys.stderr, flush=True)
-            write(result, options.out)
+        write(result, options.out)
     print(report.tables(result))
     return int(any(not (record["ok"] and record["sound"]) for record in result["scenes"]))
 
@@ -68,6 +71,7 @@ def _options(words: list[str] | None) -> argparse.Namespace:
     parser.add_argument("--peers", type=Path, default=HERE.parents[1] / "shared" / "peers", metavar="DIR", help="the peers' meshes and states")
     parser.add_argument("--out", type=Path, default=HERE.parent / "runs" / "peers", metavar="DIR", help="for peers.json and peers.md")
     parser.add_argument("--steps", type=int, help="so many steps, instead of each scene's own")
+    parser.add_argument("--repeats", type=int, default=1, metavar="N", help="each so often, in turn; the middle one is told (default: 1)")
     parser.add_argument("--limit", type=float, default=900.0, metavar="SECONDS", help="a run is ended after so long (default: 900)")
     return parser.parse_args(words)
 
@@ -99,6 +103,17 @@ def machine() -> dict:
     return {"processor": processor, "cores": len(os.sched_getaffinity(0)), "memory_gb": total, "load": os.getloadavg()[0]}
 
 
+def yardstick() -> float:
+    """Milliseconds that a fixed loop takes the interpreter, at best of five: what others on the host leave of its speed."""
+    taken = []
+    for _ in range(5):
+        begin, total = time.perf_counter(), 0
+        for i in range(300_000):
+            total += i * i
+        taken.append(time.perf_counter() - begin)
+    return 1e3 * min(taken)
+
+
 # ---- one run -----------------------------------------------------------------------------------------------------------------
 
 
@@ -110,11 +125,22 @@ def run(name: str, ranks: int, options: argparse.Namespace) -> dict:
         words = [str(HERE / "run_one.py"), name, str(options.peers), str(path), *steps]
         # mpi4py's own runner ends all ranks when one of them fails alone.
         python = [sys.executable] if ranks == 1 else [shutil.which("mpirun") or "mpirun", "-n", str(ranks), sys.executable, "-m", "mpi4py"]
+        before = yardstick()
         reason = child([*python, *words], options.limit, Path(folder) / "run.log")
+        after = yardstick()
         found = measure(name, ranks, options, path) if (path / "run.json").is_file() else {}
     reason = reason or found.pop("reason", "") or ("" if found.get("done") else "it did not finish")
     sound = found.get("steps", 0) > 0 and not (found["problems"] or found["inverted"] or found["through"])
-    return {"scene": name, "ranks": ranks, "ok": not reason, "reason": reason, "sound": sound, **found}
+    return {"scene": name, "ranks": ranks, "ok": not reason, "reason": reason, "sound": sound, "yardstick_ms": [before, after], **found}
+
+
+def middle(records: tuple[dict, ...]) -> dict:
+    """Of records of one scene the one with the median mean time, and the means of all; one that failed or is not sound, if there is any."""
+    bad = [record for record in records if not (record["ok"] and record["sound"])]
+    if bad:
+        return bad[0]
+    ordered = sorted(records, key=lambda record: record["seconds"]["mean"])
+    return {**ordered[len(ordered) // 2], "means": [record["seconds"]["mean"] for record in records]}
 
 
 def measure(name: str, ranks: int, options: argparse.Namespace, path: Path) -> dict:

@@ -10,7 +10,8 @@ def tables(result: dict) -> str:
     """All tables of one result (the contents of peers.json)."""
     machine, records = result["machine"], result["scenes"]
     head = (f"{machine['processor']}, {machine['cores']} cores, {machine['memory_gb']:.0f} GB, load {machine['load']:.2f} at the start; "
-            f"one thread per rank, Newton stops at {result['tolerance']:g} m/s; times without storage and without the first step")
+            f"one thread per rank, Newton stops at {result['tolerance']:g} m/s; times without storage and without the first step; yardstick: what a fixed loop took the interpreter just before "
+            f"and after, by which rows of different hours are told apart")
     parts = ["# pdvol beside STARK and IPC", head, "## Speed", speed(records), "## Where the time goes, ms per step", by_part(records),
              "## Soundness, and distance from the peers' last states", soundness(records), "## Growth", growth(records)]
     return "\n\n".join(part for part in parts if part) + "\n"
@@ -43,12 +44,13 @@ def measured(records: list[dict]) -> list[dict]:
 def speed(records: list[dict]) -> str:
     """Seconds, iterations and the peers' figures, levels below the finest in rows of their own."""
     head = ["scene", "vertices / tets", "ranks", "s per step mean / median / max", "with storage: mean / no contact / contact", "Newton mean / max",
-            "linear mean / max", "ms per Newton", "STARK s (times ours)", "IPC s (times ours)", "memory MB"]
+            "linear mean / max", "ms per Newton", "STARK s (times ours)", "IPC s (times ours)", "memory MB", "yardstick ms"]
     rows = []
     for record in measured(records):
-        rows += [[f"{record['scene']}, level {below['level']}", *pace(below, record["ranks"]), "-", "-", "-"] for below in record["coarser"]]
+        rows += [[f"{record['scene']}, level {below['level']}", *pace(below, record["ranks"]), "-", "-", "-", "-"] for below in record["coarser"]]
         memory = record["memory_mb"] or record["memory_log_mb"]
-        rows.append([title(record), *pace(record, record["ranks"]), *(beside(record, peer) for peer in PEERS), number(memory)])
+        rows.append([title(record), *pace(record, record["ranks"]), *(beside(record, peer) for peer in PEERS), number(memory),
+                     " to ".join(number(ms) for ms in sorted(record["yardstick_ms"]))])
     return table(head, rows) + "".join(f"\n\n{r['scene']} on {r['ranks']} failed: {r['reason']}" for r in records if not r["ok"])
 
 

@@ -28,7 +28,7 @@ def command(*words):
 @needs_peers
 def test_drop_500_short(tmp_path):
     steps = 3
-    done = command("--scenes", "drop_500", "--ranks", "1", "--steps", steps, "--out", tmp_path)
+    done = command("--scenes", "drop_500", "--ranks", "1", "--steps", steps, "--repeats", 3, "--out", tmp_path)
     assert done.returncode == 0, done.stderr
     assert (tmp_path / "peers.md").read_text() in done.stdout
     result = json.loads((tmp_path / "peers.json").read_text())
@@ -41,11 +41,13 @@ def test_drop_500_short(tmp_path):
     assert record["newton"]["mean"] >= 1 and record["memory_mb"] > 50
     assert record["seconds_with_storage"]["without_contact"] > 0 and record["seconds_with_storage"]["with_contact"] is None
     assert record["det_f_min"] == pytest.approx(1.0) and record["states_searched"] == steps + 1
+    assert len(record["means"]) == 3 and record["seconds"]["mean"] == sorted(record["means"])[1]
+    assert all(1.0 < ms < 1e3 for ms in record["yardstick_ms"])
     # Three steps are neither the peers' mean nor their last state.
     assert record["stark"]["seconds"]["1"] == 0.0174 and record["stark"]["ratio"] is None and "rms_m" not in record["stark"]
 
 
-@pytest.mark.parametrize("words", [("--scenes", "nothing"), ("--ranks", "0"), ("--peers", "/nonexistent")])
+@pytest.mark.parametrize("words", [("--scenes", "nothing"), ("--ranks", "0"), ("--repeats", "0"), ("--peers", "/nonexistent")])
 def test_a_mistake_is_one_line(words, tmp_path):
     done = command(*words, "--out", tmp_path)
     assert done.returncode == 2 and done.stderr.startswith("peers.py: ") and done.stderr.count("\n") == 1 and not done.stdout
@@ -70,6 +72,12 @@ def test_what_has_come_through_a_slab(dent, fall, through):
     positions[len(slab.vertices) :, 1] -= fall
     found = measure.come_through(SimpleNamespace(info={"bodies": ["slab", "ball"]}), level, positions)
     assert found == (len(ball.vertices) if through else 0)
+
+
+def test_of_several_runs_the_middle_one_is_told_but_for_one_that_went_wrong():
+    runs = [{"ok": True, "sound": True, "seconds": {"mean": mean}} for mean in (0.3, 0.1, 0.2)]
+    assert peers.middle(runs) == {**runs[2], "means": [0.3, 0.1, 0.2]}
+    assert peers.middle([*runs, bad := {"ok": True, "sound": False, "seconds": {"mean": 0.2}}]) is bad
 
 
 def test_growth_and_gain():
