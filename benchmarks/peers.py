@@ -196,7 +196,7 @@ def _told(record: dict) -> str:
 
 
 def write(result: dict, out: Path) -> None:
-    """peers.json and peers.md, whole after every run."""
+    """peers.json and peers.md, whole after every scene."""
     (out / "peers.json").write_text(json.dumps(result, indent=1) + "\n")
     (out / "peers.md").write_text(report.tables(result))
 

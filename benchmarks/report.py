@@ -10,8 +10,8 @@ def tables(result: dict) -> str:
     """All tables of one result (the contents of peers.json)."""
     machine, records = result["machine"], result["scenes"]
     head = (f"{machine['processor']}, {machine['cores']} cores, {machine['memory_gb']:.0f} GB, load {machine['load']:.2f} at the start; "
-            f"one thread per rank, Newton stops at {result['tolerance']:g} m/s; times without storage and without the first step; yardstick: what a fixed loop took the interpreter just before "
-            f"and after, by which rows of different hours are told apart")
+            f"one thread per rank, Newton stops at {result['tolerance']:g} m/s; times without storage and without the first step; "
+            "yardstick: what a fixed loop took the interpreter just before and after, by which rows of different hours are told apart")
     parts = ["# pdvol beside STARK and IPC", head, "## Speed", speed(records), "## Where the time goes, ms per step", by_part(records),
              "## Soundness, and distance from the peers' last states", soundness(records), "## Growth", growth(records)]
     return "\n\n".join(part for part in parts if part) + "\n"

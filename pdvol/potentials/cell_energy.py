@@ -39,7 +39,7 @@ class CellEnergy(Term):
                  isotropic: bool | None = None):
         self.space, self.name, self._isotropic = space, name, isotropic
         self.psi, self.parameters, self.cells = psi, dict(parameters), cells
-        self._cells, self._counted = cells, int(np.searchsorted(cells, space.n_counted))
+        self._counted = int(np.searchsorted(cells, space.n_counted))
         self._dofs = np.ascontiguousarray(space.near_dofs[cells])
         self._inverse = np.ascontiguousarray(space.mesh.hat_gradients[space.near_cells[cells], 1:])
         self._volumes = np.abs(space.mesh.volumes[space.near_cells[cells]])
@@ -50,13 +50,13 @@ class CellEnergy(Term):
 
     def _compile(self, psi, parameters) -> None:
         space, d = self.space, self.space.dim
-        domain, cell = space.domain.ufl_domain(), space.domain.basix_cell()
-        tensors = ufl.FunctionSpace(domain, basix.ufl.element("DG", cell, 0, shape=(d, d)))
+        domain = space.domain.ufl_domain()
+        tensors = ufl.FunctionSpace(domain, basix.ufl.element("DG", space.domain.basix_cell(), 0, shape=(d, d)))
         F, coefficients = ufl.Coefficient(tensors), _constants(space, parameters)
         density = psi(F, **coefficients) * _one_point(domain)
         first = ufl.derivative(density, F, ufl.TestFunction(tensors))
         names = {F: None, **{coefficient: name for name, coefficient in coefficients.items()}}
-        compiled = lambda form: _DensityKernel(space.comm, form, names, parameters, len(self._cells))  # noqa: E731
+        compiled = lambda form: _DensityKernel(space.comm, form, names, parameters, len(self.cells))  # noqa: E731
         self._density, self._first, self._second, self._stretches = compiled(density), compiled(first), None, None
         if d == 3 and 0 < len(parameters) <= _MAX_PARAMETERS and (self._is_isotropic() if self._isotropic is None else self._isotropic):
             self._stretches = _StretchKernels(space, psi, parameters)
@@ -70,7 +70,7 @@ class CellEnergy(Term):
         """
         rng = np.random.default_rng(0)
         changes = []
-        tried = {0, *np.abs(self._density.parameters).argmax(axis=0).tolist()} if len(self._cells) else ()
+        tried = {0, *np.abs(self._density.parameters).argmax(axis=0).tolist()} if len(self.cells) else ()
         for cell in sorted(tried):
             for _ in range(4):
                 Q, R = (_rotation(rng) for _ in range(2))
@@ -95,19 +95,19 @@ class CellEnergy(Term):
 
     def gradient(self, x: Positions) -> np.ndarray:
         local = np.zeros((len(self.space.local_points), self.space.dim))
-        self._library.cell_gradients(*self._arguments(self._first, x.local, len(self._cells)), pointer(local))
+        self._library.cell_gradients(*self._arguments(self._first, x.local, len(self.cells)), pointer(local))
         return local[: self.space.n_owned]
 
     def add_hessian(self, x: Positions, weight: float, into: HessianBlocks) -> None:
         if self._slots is None or self._slots_of is not into.pattern:
-            self._slots, self._slots_of = np.ascontiguousarray(into.pattern.slots[self._cells]), into.pattern
+            self._slots, self._slots_of = np.ascontiguousarray(into.pattern.slots[self.cells]), into.pattern
         slots, mode, out = pointer(self._slots, "int32_t"), FILTERS[into.positive], pointer(into.cells)
         if self._stretches is not None:
-            self._library.isotropic_hessians(*self._stretches.functions, len(self._cells), pointer(self._dofs, "int32_t"), pointer(x.local),
+            self._library.isotropic_hessians(*self._stretches.functions, len(self.cells), pointer(self._dofs, "int32_t"), pointer(x.local),
                                              pointer(self._inverse), pointer(self._volumes), *self._stretches.parameters, slots, mode, weight, out)
         else:
             mode = mode if self._second.gradient_at >= 0 else 0  # a Hessian without F is that of a quadratic energy
-            self._library.cell_hessians(*self._arguments(self._second, x.local, len(self._cells)), slots, mode, weight, out)
+            self._library.cell_hessians(*self._arguments(self._second, x.local, len(self.cells)), slots, mode, weight, out)
 
 
 _MAX_PARAMETERS = 16  # isotropic.c keeps a cell's arguments on the stack

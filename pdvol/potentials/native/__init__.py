@@ -33,7 +33,7 @@ void prolongation(int d, int64_t rows, const int32_t *starts, const int32_t *col
 int64_t inverted_cells(int d, int64_t count, const int32_t *dofs, const double *x);
 double volume_step(int d, int64_t count, const int32_t *dofs, const double *x, const double *p, double keep);
 """
-SOURCES = ("elements.c", "isotropic.c", "galerkin.c")
+SOURCES = ("elements.c", "isotropic.c", "prolongations.c")
 
 ffi = cffi.FFI()
 ffi.cdef(_DECLARATIONS)
