@@ -15,7 +15,7 @@ from pdvol.hierarchy.level_space import LevelSpace
 from pdvol.potentials import native
 from pdvol.potentials.native import pointer
 
-NODES = 1.4  # of a grid, over the square root of the vertices: every rank solves with all of them, and twice as many spare a fifth of the iterations
+NODES = 1.4  # of a grid, over the square root of the vertices: every rank solves with all of them; twice as many spare a tenth to a seventh of the iterations
 SMALLEST_SUPPORT = 1e-2  # a grid node whose weights add up to less has nothing to say
 SHIFT = 1e-7  # of the diagonal: nodes at a rim can be nearly dependent
 
