@@ -1,0 +1,27 @@
+"""Four short shots end as they were recorded: to the last bit on a platform whose digests are kept, to the solver's tolerance on others."""
+
+import json
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parent))
+import golden
+
+# Relative to the scene's diagonal. Newton stops at 1e-3 diagonals/s, so at 1e-5 diagonals a step of 0.01 s; other rounding moves that by
+# up to as much in each of 40 steps.
+TOLERANCE = 4e-4
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("name", golden.RUNS)
+def test_golden_run_repeats(name, tmp_path):
+    run = golden.simulate(name, tmp_path / name)
+    known = json.loads((golden.HERE / "digests.json").read_text()).get(golden.platform_key())
+    if known is not None:
+        assert golden.digest(run) == known[name]
+    stored = np.load(golden.HERE / "last_states.npz")
+    for key, positions in golden.last_states(run).items():
+        np.testing.assert_allclose(positions, stored[f"{name}_{key}"], rtol=0.0, atol=TOLERANCE * run.info["diagonal"])
