@@ -2,7 +2,8 @@
 
     ./run python benchmarks/contact_laws.py [--json FILE]
 
-A cube on a plane at several resolutions; the same thrown at it on an edge; a stiff, heavy block on a soft one. Gaps in units of dhat.
+A cube on a plane at several resolutions; the same thrown at it on an edge; a stiff, heavy block on a soft one. Gaps in
+units of dhat.
 """
 
 import argparse
@@ -24,7 +25,7 @@ from pdvol.solve.level_problem import LevelProblem
 
 sys.path.append(str(Path(__file__).parent))
 
-from peer_scenes import brick  # noqa: E402
+from peer_scenes import brick
 
 G, DHAT, SIDE = 9.81, 2e-3, 0.2
 SOFT = NeoHookean(1e5, poisson=0.3, density=1000.0)
@@ -35,15 +36,33 @@ WEIGHT = SOFT.density * G * SIDE
 
 def march(bodies, law: str, steps: int, dt: float, velocity, friction=()) -> dict:
     """Bodies, each (Solid, material, Placement), over the floor: the mesh, reports, last velocities and seconds a step."""
-    scene = Scene(tuple(Body((solid,), material, name=f"body {i}") for i, (solid, material, _) in enumerate(bodies)), dt=dt, steps=steps,
-                  loads=(Gravity((0.0, -G, 0.0)),), obstacles=(FLOOR,), contact=(Barrier(dhat=DHAT, law=law), *friction),
-                  solver=Solver(tolerance=1e-5))
+    scene = Scene(
+        tuple(Body((solid,), material, name=f"body {i}") for i, (solid, material, _) in enumerate(bodies)),
+        dt=dt,
+        steps=steps,
+        loads=(Gravity((0.0, -G, 0.0)),),
+        obstacles=(FLOOR,),
+        contact=(Barrier(dhat=DHAT, law=law), *friction),
+        solver=Solver(tolerance=1e-5),
+    )
     offsets = np.cumsum([0, *(len(solid.vertices) for solid, _, _ in bodies)])
-    cells = np.concatenate([solid.cells + offset for (solid, _, _), offset in zip(bodies, offsets, strict=False)]).astype(np.int64)
+    cells = np.concatenate(
+        [solid.cells + offset for (solid, _, _), offset in zip(bodies, offsets, strict=False)]
+    ).astype(np.int64)
     owners = np.repeat(np.arange(len(bodies), dtype=np.int32), [len(solid.cells) for solid, _, _ in bodies])
-    mesh = LevelMesh(np.concatenate([placed(solid.vertices) for solid, _, placed in bodies]), cells, owners, np.zeros(len(cells), dtype=np.int32))
+    mesh = LevelMesh(
+        np.concatenate([placed(solid.vertices) for solid, _, placed in bodies]),
+        cells,
+        owners,
+        np.zeros(len(cells), dtype=np.int32),
+    )
     problem = LevelProblem(scene, LevelSpace(mesh, MPI.COMM_SELF), 0, diagonal=1.0)
-    x, v, reports, start = mesh.points, np.tile(np.asarray(velocity, dtype=float), (len(mesh.points), 1)), [], time.perf_counter()
+    x, v, reports, start = (
+        mesh.points,
+        np.tile(np.asarray(velocity, dtype=float), (len(mesh.points), 1)),
+        [],
+        time.perf_counter(),
+    )
     for number in range(1, steps + 1):
         reports.append(problem.step(number, x, v))
         v, x = (reports[-1].positions - x) / dt, reports[-1].positions
@@ -54,9 +73,14 @@ def effort(done: dict) -> dict:
     """What a march took."""
     newton = [report.newton_iterations for report in done["reports"]]
     kappas = [report.kappa for report in done["reports"]]
-    return {"newton": float(np.mean(newton)), "most": max(newton), "cuts": sum(report.cuts for report in done["reports"]),
-            "smallest": min(report.min_gap for report in done["reports"] if report.min_gap is not None) / DHAT,
-            "kappa": [min(kappas), max(kappas)], "seconds": done["seconds"]}
+    return {
+        "newton": float(np.mean(newton)),
+        "most": max(newton),
+        "cuts": sum(report.cuts for report in done["reports"]),
+        "smallest": min(report.min_gap for report in done["reports"] if report.min_gap is not None) / DHAT,
+        "kappa": [min(kappas), max(kappas)],
+        "seconds": done["seconds"],
+    }
 
 
 def rest(law: str, n: int, start: float = 0.9) -> dict:
@@ -76,15 +100,25 @@ def rest(law: str, n: int, start: float = 0.9) -> dict:
 
 def impact(law: str) -> dict:
     """The cube hits the floor with an edge at 10 m/s."""
-    return effort(march([(brick((SIDE,) * 3, (4,) * 3), SOFT, Placement((0.0, 0.2, 0.0), 0.6, (0.3, 0.1, 1.0)))], law, 30, 5e-3,
-                        (2.0, -10.0, 0.0), (Friction(0.3),)))
+    return effort(
+        march(
+            [(brick((SIDE,) * 3, (4,) * 3), SOFT, Placement((0.0, 0.2, 0.0), 0.6, (0.3, 0.1, 1.0)))],
+            law,
+            30,
+            5e-3,
+            (2.0, -10.0, 0.0),
+            (Friction(0.3),),
+        )
+    )
 
 
 def stack(law: str) -> dict:
     """A block a million times as stiff and eight times as heavy falls onto the soft cube by a fifth of its side."""
     stiff = NeoHookean(1e11, poisson=0.3, density=8000.0)
-    bodies = [(brick((SIDE,) * 3, (4,) * 3), SOFT, Placement((0.0, 0.5 * SIDE + 0.9 * DHAT, 0.0))),
-              (brick((0.6 * SIDE,) * 3, (2,) * 3), stiff, Placement((0.01, 1.5 * SIDE, 0.013), 0.2, (0.0, 1.0, 0.0)))]
+    bodies = [
+        (brick((SIDE,) * 3, (4,) * 3), SOFT, Placement((0.0, 0.5 * SIDE + 0.9 * DHAT, 0.0))),
+        (brick((0.6 * SIDE,) * 3, (2,) * 3), stiff, Placement((0.01, 1.5 * SIDE, 0.013), 0.2, (0.0, 1.0, 0.0))),
+    ]
     return effort(march(bodies, law, 40, 0.01, (0.0, 0.0, 0.0), (Friction(0.3),)))
 
 
@@ -100,8 +134,15 @@ def effort_row(name: str, law: str, row: dict) -> str:
     """A line of the table of efforts."""
     if "failed" in row:
         return f"| {name} | {law} | {row['failed']} | | | | |"
-    kappas = "constant" if row["kappa"][0] == row["kappa"][1] else f"changes by {row['kappa'][1] / row['kappa'][0]:.3g} times"
-    return f"| {name} | {law} | {row['newton']:.1f} ({row['most']}) | {row['cuts']} | {row['smallest']:.3f} | {kappas} | {row['seconds']:.3f} |"
+    kappas = (
+        "constant"
+        if row["kappa"][0] == row["kappa"][1]
+        else f"changes by {row['kappa'][1] / row['kappa'][0]:.3g} times"
+    )
+    return (
+        f"| {name} | {law} | {row['newton']:.1f} ({row['most']}) | {row['cuts']} | {row['smallest']:.3f} | {kappas} |"
+        f" {row['seconds']:.3f} |"
+    )
 
 
 def main() -> None:
@@ -109,17 +150,27 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--json", help="write all figures there, too")
     options, out = parser.parse_args(), {}
-    ideal = brentq(lambda y: float(barrier_law.pressure(np.array(y * y), DHAT, 0.1 * SOFT.young)) - WEIGHT, 1e-3, 1.0 - 1e-9)
+    ideal = brentq(
+        lambda y: float(barrier_law.pressure(np.array(y * y), DHAT, 0.1 * SOFT.young)) - WEIGHT, 1e-3, 1.0 - 1e-9
+    )
     print(f"By hand: pressure {WEIGHT:.0f} Pa, gap {ideal:.4f} dhat.\n")
-    print("| cells a side | gap: convergent | mean pressure / weight | its spread | gap: classic | classic, from 0.6 dhat | gap: semi-implicit |")
+    print(
+        "| cells a side | gap: convergent | mean pressure / weight | its spread | gap: classic | classic, from 0.6 dhat"
+        " | gap: semi-implicit |"
+    )
     print("|---|---|---|---|---|---|---|")
     for n in (1, 2, 4, 8):
         rows = {law: attempt(rest, law, n) for law in LAWS} | {"lower": attempt(rest, "classic", n, 0.6)}
         out[f"rest {n}"] = rows
         first, *others = rows.values()
-        told = " | ".join(f"{row['gap']:.4f}" if "gap" in row else row["failed"] for row in (others[0], others[2], others[1]))
+        told = " | ".join(
+            f"{row['gap']:.4f}" if "gap" in row else row["failed"] for row in (others[0], others[2], others[1])
+        )
         print(f"| {n} | {first['gap']:.4f} | {first['pressure']:.3f} | {first['spread']:.2f} | {told} |", flush=True)
-    print("\n| scene | law | Newton iterations a step, mean (most) | cut steps | smallest gap / dhat | stiffness | seconds a step |")
+    print(
+        "\n| scene | law | Newton iterations a step, mean (most) | cut steps | smallest gap / dhat | stiffness |"
+        " seconds a step |"
+    )
     print("|---|---|---|---|---|---|---|")
     for name, scene in (("impact", impact), ("stack", stack)):
         for law in LAWS:

@@ -2,8 +2,9 @@
 
     ./run python benchmarks/divergence.py runs/ape_direct runs/ape -o divergence.png
 
-The distance of level l from level k is the root mean square, over the volume of level l, of |x_l - P x_k| [m], P the prolongation from k to
-l (barycentric, the product of those in between): zero at rest, and for all time if level l did nothing but follow level k.
+The distance of level l from level k is the root mean square, over the volume of level l, of |x_l - P x_k| [m], P the
+prolongation from k to l (barycentric, the product of those in between): zero at rest, and for all time if level l did
+nothing but follow level k.
 """
 
 import argparse
@@ -32,19 +33,25 @@ def distances(run: Run) -> dict[tuple[int, int], np.ndarray]:
         for coarse in reversed(run.levels[: fine.index]):
             if coarse.index in (fine.index - 1, 0):
                 states = range(min(fine.steps, coarse.steps))
-                found[fine.index, coarse.index] = np.array([distance(fine.positions(n), weights @ coarse.positions(n), volumes) for n in states])
+                found[fine.index, coarse.index] = np.array(
+                    [distance(fine.positions(n), weights @ coarse.positions(n), volumes) for n in states]
+                )
             if coarse.index:
                 weights = weights @ hierarchy.prolongation(coarse.index).weights
     return {pair: values for pair, values in found.items() if len(values)}
 
 
 def table(name: str, dt: float, found: dict[tuple[int, int], np.ndarray]) -> str:
-    """Rows of a Markdown table: the mean over all states, the mean over the last quarter and the largest [mm], with its time."""
+    """Rows of a Markdown table: the mean over all states, the mean over the last quarter and the largest [mm], with its
+    time.
+    """
     rows = []
     for (fine, coarse), values in sorted(found.items(), key=lambda item: (item[0][1] == 0, item[0])):
-        late = values[-max(len(values) // 4, 1):]
-        rows.append(f"| {name} | {fine} from {coarse} | {len(values) - 1} | {1e3 * values.mean():.3g} | {1e3 * late.mean():.3g} "
-                    f"| {1e3 * values.max():.3g} at {values.argmax() * dt:.2f} s |")
+        late = values[-max(len(values) // 4, 1) :]
+        rows.append(
+            f"| {name} | {fine} from {coarse} | {len(values) - 1} | {1e3 * values.mean():.3g} | {1e3 * late.mean():.3g}"
+            f" | {1e3 * values.max():.3g} at {values.argmax() * dt:.2f} s |"
+        )
     return "\n".join(rows)
 
 
@@ -57,7 +64,13 @@ def draw(path: Path, runs: list[tuple[str, float, dict]]) -> None:
         axes.set_facecolor(BACKGROUND)
         for (fine, coarse), values in sorted(found.items()):
             if coarse == 0:
-                axes.plot(dt * np.arange(len(values)), values, color=PALETTE[fine % len(PALETTE)], label=f"level {fine}", linewidth=1.2)
+                axes.plot(
+                    dt * np.arange(len(values)),
+                    values,
+                    color=PALETTE[fine % len(PALETTE)],
+                    label=f"level {fine}",
+                    linewidth=1.2,
+                )
         axes.set_title(name, fontsize=10, loc="left")
         axes.set_xlabel("time [s]", fontsize=8)
         axes.set_ylim(bottom=0.0)

@@ -1,18 +1,34 @@
-"""Small scenes at the ends of what is asked for, in every direction: the stability envelope. A scene file like any other.
+"""Small scenes at the ends of what is asked for, in every direction: the stability envelope. A scene file like any
+other.
 
     ./run pdvol run benchmarks/extreme_scenes.py --set name=young_1e2
 
-Most are `stack`: two cubes of 125 vertices, the upper one thrown askew onto the lower one, with friction, on a floor. SI units, y up.
-Everything that a row does not vary is pdvol's default, or E = 1e5 Pa, nu = 0.4, 1000 kg/m^3, a cube of 1 m, dt = 0.01 s.
+Most are `stack`: two cubes of 125 vertices, the upper one thrown askew onto the lower one, with friction, on a floor.
+SI units, y up. Everything that a row does not vary is pdvol's default, or E = 1e5 Pa, nu = 0.4, 1000 kg/m^3, a cube of
+1 m, dt = 0.01 s.
 """
 
 from dataclasses import replace
 
 import numpy as np
+from pdvol.meshes import Solid, ball, brick
 
 import pdvol
-from pdvol import Barrier, Body, Friction, Gravity, NeoHookean, Placement, Plane, Relative, Rigid, Rotation, Scene, Support, Translation
-from pdvol.meshes import Solid, ball, brick
+from pdvol import (
+    Barrier,
+    Body,
+    Friction,
+    Gravity,
+    NeoHookean,
+    Placement,
+    Plane,
+    Relative,
+    Rigid,
+    Rotation,
+    Scene,
+    Support,
+    Translation,
+)
 
 GRAVITY = 9.81
 SOFT = NeoHookean(1e5)
@@ -22,28 +38,47 @@ SKEW = (1.0, 0.4, 0.6)
 """Axis about which what falls is turned, so that nothing meets corner to corner or face to face by construction."""
 
 
-def stack(lower: NeoHookean = SOFT, upper: NeoHookean | None = None, size: float = 1.0, dt: float = 0.01, steps: int = 60,
-          dhat: float | Relative = Relative(1e-3), mu: float = 0.3, speed: float = 3.0) -> Scene:
+def stack(
+    lower: NeoHookean = SOFT,
+    upper: NeoHookean | None = None,
+    size: float = 1.0,
+    dt: float = 0.01,
+    steps: int = 60,
+    dhat: float | Relative = Relative(1e-3),
+    mu: float = 0.3,
+    speed: float = 3.0,
+) -> Scene:
     """A cube on the floor and another thrown onto it: `size` [m], `speed` [m/s] at 1 m (Froude's for other sizes)."""
     cube, speed = brick((size, size, size), (4, 4, 4)), speed * np.sqrt(size)
     gap = size * 1e-3 + 1.1 * (dhat if isinstance(dhat, float) else 0.0)
     top = Placement((0.05 * size, 1.9 * size + 2 * gap, 0.03 * size), 0.5, SKEW)
-    bodies = (Body((cube,), lower, name="lower", placement=Placement((0.0, 0.5 * size + gap, 0.0))),
-              Body((cube,), upper or lower, name="upper", placement=top, velocity=(0.0, -speed, 0.0)))
+    bodies = (
+        Body((cube,), lower, name="lower", placement=Placement((0.0, 0.5 * size + gap, 0.0))),
+        Body((cube,), upper or lower, name="upper", placement=top, velocity=(0.0, -speed, 0.0)),
+    )
     return Scene(bodies, dt=dt, steps=steps, loads=(DOWN,), obstacles=(FLOOR,), contact=(Barrier(dhat), Friction(mu)))
 
 
 def thrown(speed: float, dt: float = 0.01, steps: int = 40) -> Scene:
     """A cube of 0.2 m, E = 1e6 Pa, thrown askew at the floor at `speed` [m/s]."""
-    cube = Body((brick((0.2, 0.2, 0.2), (4, 4, 4)),), NeoHookean(1e6), placement=Placement((0.0, 0.2, 0.0), 0.5, SKEW),
-                velocity=(0.3 * speed, -speed, 0.1 * speed))
+    cube = Body(
+        (brick((0.2, 0.2, 0.2), (4, 4, 4)),),
+        NeoHookean(1e6),
+        placement=Placement((0.0, 0.2, 0.0), 0.5, SKEW),
+        velocity=(0.3 * speed, -speed, 0.1 * speed),
+    )
     return Scene((cube,), dt=dt, steps=steps, loads=(DOWN,), obstacles=(FLOOR,), contact=(Barrier(), Friction(0.3)))
 
 
 def shot_at_a_sheet(speed: float, dt: float = 0.01, steps: int = 20) -> Scene:
     """The same cube thrown at a sheet of 1 m, one cell of 2 cm thick, held at its rim, with nothing behind it."""
-    cube = Body((brick((0.2, 0.2, 0.2), (3, 3, 3)),), NeoHookean(1e6), name="cube", placement=Placement((0.02, 0.2, 0.03), 0.5, SKEW),
-                velocity=(0.0, -float(speed), 0.0))
+    cube = Body(
+        (brick((0.2, 0.2, 0.2), (3, 3, 3)),),
+        NeoHookean(1e6),
+        name="cube",
+        placement=Placement((0.02, 0.2, 0.03), 0.5, SKEW),
+        velocity=(0.0, -float(speed), 0.0),
+    )
     sheet = Body((brick((1.0, 0.02, 1.0), (10, 1, 10)),), NeoHookean(1e6), name="sheet")
     rim = Support(lambda X: np.abs(X[:, [0, 2]]).max(axis=1) > 0.499, body="sheet")
     return Scene((cube, sheet), dt=dt, steps=steps, loads=(DOWN,), supports=(rim,), contact=(Barrier(),))
@@ -51,7 +86,9 @@ def shot_at_a_sheet(speed: float, dt: float = 0.01, steps: int = 20) -> Scene:
 
 def slide(mu: float) -> Scene:
     """A slab thrown along the floor at 3 m/s."""
-    slab = Body((brick((1.0, 0.3, 1.0), (6, 2, 6)),), SOFT, placement=Placement((0.0, 0.152, 0.0)), velocity=(3.0, 0.0, 1.0))
+    slab = Body(
+        (brick((1.0, 0.3, 1.0), (6, 2, 6)),), SOFT, placement=Placement((0.0, 0.152, 0.0)), velocity=(3.0, 0.0, 1.0)
+    )
     return Scene((slab,), dt=0.01, steps=60, loads=(DOWN,), obstacles=(FLOOR,), contact=(Barrier(), Friction(mu)))
 
 
@@ -69,21 +106,37 @@ def twist(turns: float, cuts=(40, 2, 2), dt: float = 0.04, steps: int = 250) -> 
     """A bar of 1 x 0.1 x 0.1 m, one end turned against the other by so many full turns."""
     bar = Body((brick((1.0, 0.1, 0.1), cuts),), SOFT)
     speed = np.pi * turns / (dt * steps)
-    ends = tuple(Support(lambda X, s=side: s * X[:, 0] > 0.499, motion=Rotation(side * speed, (0.0, 0.0, 0.0), (1.0, 0.0, 0.0))) for side in (-1, 1))
+    ends = tuple(
+        Support(lambda X, s=side: s * X[:, 0] > 0.499, motion=Rotation(side * speed, (0.0, 0.0, 0.0), (1.0, 0.0, 0.0)))
+        for side in (-1, 1)
+    )
     return Scene((bar,), dt=dt, steps=steps, supports=ends, contact=(Barrier(),))
 
 
 def thin(cuts, size, dhat: float, dt: float = 0.01, steps: int = 60) -> Scene:
     """A block of extreme cells, dropped askew."""
-    block = Body((brick(size, cuts),), NeoHookean(1e6), placement=Placement((0.0, 0.6, 0.0), 0.3, SKEW), velocity=(0.0, -3.0, 0.0))
-    return Scene((block,), dt=dt, steps=steps, loads=(DOWN,), obstacles=(FLOOR,), contact=(Barrier(dhat), Friction(0.3)))
+    block = Body(
+        (brick(size, cuts),),
+        NeoHookean(1e6),
+        placement=Placement((0.0, 0.6, 0.0), 0.3, SKEW),
+        velocity=(0.0, -3.0, 0.0),
+    )
+    return Scene(
+        (block,), dt=dt, steps=steps, loads=(DOWN,), obstacles=(FLOOR,), contact=(Barrier(dhat), Friction(0.3))
+    )
 
 
 def drape(cuts=(14, 1, 14), dt: float = 0.01, steps: int = 80) -> Scene:
     """A sheet, one cell of 1 cm thick, falls on a ball and the floor."""
     sheet = Body((brick((1.0, 0.01, 1.0), cuts),), SOFT, placement=Placement((0.05, 0.62, 0.02), 0.2, SKEW))
-    return Scene((sheet,), dt=dt, steps=steps, loads=(DOWN,), obstacles=(FLOOR, Rigid(ball(0.25, 2), Placement((0.0, 0.26, 0.0)), name="ball")),
-                 contact=(Barrier(), Friction(0.3)))
+    return Scene(
+        (sheet,),
+        dt=dt,
+        steps=steps,
+        loads=(DOWN,),
+        obstacles=(FLOOR, Rigid(ball(0.25, 2), Placement((0.0, 0.26, 0.0)), name="ball")),
+        contact=(Barrier(), Friction(0.3)),
+    )
 
 
 def shaken(speed: float) -> Scene:
@@ -99,8 +152,14 @@ def shaken(speed: float) -> Scene:
 def levels(cuts, size, dt: float, steps: int) -> Scene:
     """A bar of several levels falls askew across a ball onto the floor."""
     bar = Body(tuple(brick(size, three) for three in cuts), SOFT, placement=Placement((0.1, 0.8, 0.0), 0.2, SKEW))
-    return Scene((bar,), dt=dt, steps=steps, loads=(DOWN,), obstacles=(FLOOR, Rigid(ball(0.2, 2), Placement((0.0, 0.25, 0.0)), name="ball")),
-                 contact=(Barrier(), Friction(0.3)))
+    return Scene(
+        (bar,),
+        dt=dt,
+        steps=steps,
+        loads=(DOWN,),
+        obstacles=(FLOOR, Rigid(ball(0.2, 2), Placement((0.0, 0.25, 0.0)), name="ball")),
+        contact=(Barrier(), Friction(0.3)),
+    )
 
 
 def flat_levels(dt: float = 0.04, steps: int = 40) -> Scene:
@@ -114,8 +173,17 @@ def flat_levels(dt: float = 0.04, steps: int = 40) -> Scene:
 
     cuts = ((9, 1), (10, 2), (15, 2), (19, 3), (24, 4), (30, 6), (40, 8), (84, 8))
     bar = Body(tuple(plate(*two) for two in cuts), SOFT, placement=Placement((0.1, 0.9), 0.3))
-    return Scene((bar,), dt=dt, steps=steps, loads=(Gravity((0.0, -GRAVITY)),), contact=(Barrier(), Friction(0.3)),
-                 obstacles=(Plane((0.0, 0.0), (0.0, 1.0), name="floor"), Rigid(pdvol.meshes.disc(0.2, 48), Placement((0.0, 0.25)), name="ball")))
+    return Scene(
+        (bar,),
+        dt=dt,
+        steps=steps,
+        loads=(Gravity((0.0, -GRAVITY)),),
+        contact=(Barrier(), Friction(0.3)),
+        obstacles=(
+            Plane((0.0, 0.0), (0.0, 1.0), name="floor"),
+            Rigid(pdvol.meshes.disc(0.2, 48), Placement((0.0, 0.25)), name="ball"),
+        ),
+    )
 
 
 def powers(first: int, last: int) -> list[str]:
@@ -139,8 +207,12 @@ SCENES = {
     "impact_sheet_1000_dt_1e-4": lambda: shot_at_a_sheet(1000, dt=1e-4, steps=40),
     **{f"dhat_1e{k}": lambda k=k: stack(dhat=10.0**k, steps=60 if k > -6 else 30) for k in range(-6, 0)},
     **{f"mu_{mu}": lambda mu=mu: slide(mu) for mu in (0, 0.1, 1, 10)},
-    "mass_ratio_1e6_heavy_above": lambda: stack(NeoHookean(1e8, density=10.0), NeoHookean(1e8, density=10.0 * HEAVY), size=0.1),
-    "mass_ratio_1e6_heavy_below": lambda: stack(NeoHookean(1e8, density=10.0 * HEAVY), NeoHookean(1e8, density=10.0), size=0.1),
+    "mass_ratio_1e6_heavy_above": lambda: stack(
+        NeoHookean(1e8, density=10.0), NeoHookean(1e8, density=10.0 * HEAVY), size=0.1
+    ),
+    "mass_ratio_1e6_heavy_below": lambda: stack(
+        NeoHookean(1e8, density=10.0 * HEAVY), NeoHookean(1e8, density=10.0), size=0.1
+    ),
     "compress_50": lambda: compress(0.5),
     "compress_90": lambda: compress(0.9),
     "compress_99": lambda: compress(0.99),
@@ -149,16 +221,30 @@ SCENES = {
     "twist_2_turns": lambda: twist(2, steps=60),
     "twist_20_turns": lambda: twist(20),
     "twist_20_turns_one_cell_thick": lambda: twist(20, (30, 1, 1)),
-    **{f"size_{word}": lambda size=size: stack(NeoHookean(1e7), size=size, dt=0.01 * np.sqrt(size))
-       for word, size in (("1mm", 1e-3), ("1cm", 1e-2), ("10cm", 0.1), ("1m", 1.0), ("10m", 10.0), ("100m", 100.0), ("1km", 1000.0))},
+    **{
+        f"size_{word}": lambda size=size: stack(NeoHookean(1e7), size=size, dt=0.01 * np.sqrt(size))
+        for word, size in (
+            ("1mm", 1e-3),
+            ("1cm", 1e-2),
+            ("10cm", 0.1),
+            ("1m", 1.0),
+            ("10m", 10.0),
+            ("100m", 100.0),
+            ("1km", 1000.0),
+        )
+    },
     "aspect_1e3_plates": lambda: thin((8, 1, 8), (1.0, 0.125e-3, 1.0), 5e-5),
     "aspect_1e3_layers": lambda: thin((6, 3, 6), (0.6, 0.3e-3, 0.6), 1e-4),
     "aspect_1e3_needles": lambda: thin((1, 5, 5), (0.6, 3e-3, 3e-3), 5e-4),
     "sheet_thinner_than_dhat": lambda: thin((6, 1, 6), (0.6, 0.3e-3, 0.6), 9e-4, steps=20),
     "sheet_one_cell_thick": drape,
     **{f"random_velocities_{speed}": lambda speed=speed: shaken(float(speed)) for speed in (1, 10, 100)},
-    "levels_8_dt_0.04": lambda: levels([(3, 1, 1), (4, 1, 1), (6, 1, 1), (6, 2, 2), (8, 2, 2), (10, 3, 3), (14, 3, 3), (18, 4, 4)],
-                                       (1.0, 0.2, 0.2), 0.04, 40),
+    "levels_8_dt_0.04": lambda: levels(
+        [(3, 1, 1), (4, 1, 1), (6, 1, 1), (6, 2, 2), (8, 2, 2), (10, 3, 3), (14, 3, 3), (18, 4, 4)],
+        (1.0, 0.2, 0.2),
+        0.04,
+        40,
+    ),
     "levels_8_flat_dt_0.04": flat_levels,
     "levels_from_20_vertices": lambda: levels([(4, 1, 1), (6, 2, 2), (10, 3, 3)], (1.0, 0.2, 0.2), 0.01, 80),
 }
@@ -166,14 +252,18 @@ SCENES = {
 
 
 def scene(name: str = "young_1e5", seed: int = 0) -> Scene:
-    """One of `SCENES`; with a seed, its bodies start up to 1e-3 of the scene's size and 1e-3 rad away from where they would."""
+    """One of `SCENES`; with a seed, its bodies start up to 1e-3 of the scene's size and 1e-3 rad away from where they
+    would.
+    """
     if name not in SCENES:
         raise pdvol.InputError(f"there is no scene {name!r}; choose one of {', '.join(SCENES)}")
     return jittered(SCENES[name](), seed) if seed else SCENES[name]()
 
 
 def jittered(scene: Scene, seed: int) -> Scene:
-    """The scene with its bodies moved and turned a little, upwards where they move vertically, so that nothing below them is met."""
+    """The scene with its bodies moved and turned a little, upwards where they move vertically, so that nothing below
+    them is met.
+    """
     dice, bodies = np.random.default_rng(seed), []
     for body in scene.bodies:
         shape, place = body.shape[-1], body.placement
@@ -183,7 +273,14 @@ def jittered(scene: Scene, seed: int) -> Scene:
         move[1] = abs(move[1])
         # What lies flat stays flat.
         angle = place.angle + (1e-3 * dice.uniform(-1.0, 1.0) if place.angle else 0.0)
-        bodies.append(replace(body, placement=replace(place, translate=tuple(np.asarray(place.translate or (0.0,) * dim) + move), angle=angle)))
+        bodies.append(
+            replace(
+                body,
+                placement=replace(
+                    place, translate=tuple(np.asarray(place.translate or (0.0,) * dim) + move), angle=angle
+                ),
+            )
+        )
     return replace(scene, bodies=tuple(bodies))
 
 

@@ -2,10 +2,10 @@
 
     ./run python benchmarks/extremes.py [--rows young,dt_0.1] [--out runs/extremes] [--limit 900] [--starts 10]
 
-Rows are named in full or by how they begin; those already in the folder --out stay in the table. Each runs in a process of its own; every
-state of it is checked for intersections and inverted cells by tests/verify_run.py. With --starts each row is repeated that often from starts
-moved by up to 1e-3 of the bodies' sizes. Exit code 0 when every row ended at its end or with a named error and no state is wrong, else 1; 2
-for a mistake.
+Rows are named in full or by how they begin; those already in the folder --out stay in the table. Each runs in a process
+of its own; every state of it is checked for intersections and inverted cells by tests/verify_run.py. With --starts each
+row is repeated that often from starts moved by up to 1e-3 of the bodies' sizes. Exit code 0 when every row ended at its
+end or with a named error and no state is wrong, else 1; 2 for a mistake.
 """
 
 import argparse
@@ -13,24 +13,55 @@ import sys
 from pathlib import Path
 
 import numpy as np
-
 import peers
 import trials
 
 HERE = Path(__file__).resolve().parent
 FILE = HERE / "extreme_scenes.py"
-HEAD = ["row", "vertices", "steps", "outcome", "smallest gap [m]", "smallest det F", "energy change", "energy rise", "Newton mean (most)", "cuts",
-        "seconds"]
-STARTS = ["row", "starts", "done", "states wrong", "smallest gap [m]", "smallest det F", "Newton mean", "mean position at the end, spread [m]"]
+HEAD = [
+    "row",
+    "vertices",
+    "steps",
+    "outcome",
+    "smallest gap [m]",
+    "smallest det F",
+    "energy change",
+    "energy rise",
+    "Newton mean (most)",
+    "cuts",
+    "seconds",
+]
+STARTS = [
+    "row",
+    "starts",
+    "done",
+    "states wrong",
+    "smallest gap [m]",
+    "smallest det F",
+    "Newton mean",
+    "mean position at the end, spread [m]",
+]
 
 
 def main(words: list[str] | None = None) -> int:
     """The command; its exit code."""
     parser = argparse.ArgumentParser(prog="extremes.py", description=__doc__.splitlines()[0])
-    parser.add_argument("--rows", default="", metavar="NAME,...", help="rows by name or by how their names begin (default: all)")
-    parser.add_argument("--out", type=Path, default=HERE.parent / "runs" / "extremes", metavar="DIR", help="for extremes.json and extremes.md")
-    parser.add_argument("--limit", type=float, default=900.0, metavar="SECONDS", help="a row is ended after so long (default: 900)")
-    parser.add_argument("--starts", type=int, default=0, metavar="N", help="so many jittered starts of each row, instead of its own")
+    parser.add_argument(
+        "--rows", default="", metavar="NAME,...", help="rows by name or by how their names begin (default: all)"
+    )
+    parser.add_argument(
+        "--out",
+        type=Path,
+        default=HERE.parent / "runs" / "extremes",
+        metavar="DIR",
+        help="for extremes.json and extremes.md",
+    )
+    parser.add_argument(
+        "--limit", type=float, default=900.0, metavar="SECONDS", help="a row is ended after so long (default: 900)"
+    )
+    parser.add_argument(
+        "--starts", type=int, default=0, metavar="N", help="so many jittered starts of each row, instead of its own"
+    )
     options = parser.parse_args(words)
     try:
         import extreme_scenes
@@ -52,7 +83,9 @@ def told(records: list[dict]) -> str:
     """The table; of jittered starts, a row a scene."""
     names = list(dict.fromkeys(record["name"] for record in records))
     if len(names) < len(records):
-        return trials.table(STARTS, [summary([record for record in records if record["name"] == name]) for name in names])
+        return trials.table(
+            STARTS, [summary([record for record in records if record["name"] == name]) for name in names]
+        )
     return trials.table(HEAD, [cells(record) for record in records])
 
 
@@ -69,22 +102,41 @@ def cells(record: dict) -> list[str]:
     vertices = ", ".join(str(level["vertices"]) for level in levels)
     steps = levels[-1]["steps"]
     wrong = f", {len(record['problems'])} states wrong" if record["problems"] else ""
-    mean = sum(level["newton"]["mean"] * level["steps"] for level in levels) / max(sum(level["steps"] for level in levels), 1)
-    return [record["name"], vertices, str(steps) if steps == record["steps"] else f"{steps} of {record['steps']}", outcome + wrong,
-            trials.number(min(every("gap_min"), default=None)), trials.number(min(every("det_f_min"), default=None)),
-            trials.number(max(every("energy_change"), key=abs, default=None)), trials.number(max(every("energy_rise"), default=None)),
-            f"{mean:.1f} ({max(level['newton']['max'] for level in levels)})", str(sum(every("cuts"))), f"{sum(every('seconds')):.1f}"]
+    mean = sum(level["newton"]["mean"] * level["steps"] for level in levels) / max(
+        sum(level["steps"] for level in levels), 1
+    )
+    return [
+        record["name"],
+        vertices,
+        str(steps) if steps == record["steps"] else f"{steps} of {record['steps']}",
+        outcome + wrong,
+        trials.number(min(every("gap_min"), default=None)),
+        trials.number(min(every("det_f_min"), default=None)),
+        trials.number(max(every("energy_change"), key=abs, default=None)),
+        trials.number(max(every("energy_rise"), default=None)),
+        f"{mean:.1f} ({max(level['newton']['max'] for level in levels)})",
+        str(sum(every("cuts"))),
+        f"{sum(every('seconds')):.1f}",
+    ]
 
 
 def summary(records: list[dict]) -> list[str]:
-    """One row for all starts of a scene: how many came to their end, extremes, and how far apart the bodies' vertices are on average then."""
+    """One row for all starts of a scene: how many came to their end, extremes, and how far apart the bodies' vertices
+    are on average then.
+    """
     last = [record["levels"][-1] for record in records if record["levels"]]
     ends = np.array([level["end"] for level in last if level["end"] is not None])
     spread = np.linalg.norm(ends - ends.mean(axis=0), axis=1).max() if len(ends) else None
-    return [records[0]["name"], str(len(records)), str(sum(record["outcome"] == "done" for record in records)),
-            str(sum(len(record["problems"]) for record in records)), trials.number(min((v["gap_min"] for v in last if v["gap_min"]), default=None)),
-            trials.number(min((v["det_f_min"] for v in last if v["det_f_min"]), default=None)),
-            f"{min(v['newton']['mean'] for v in last):.1f} to {max(v['newton']['mean'] for v in last):.1f}", trials.number(spread)]
+    return [
+        records[0]["name"],
+        str(len(records)),
+        str(sum(record["outcome"] == "done" for record in records)),
+        str(sum(len(record["problems"]) for record in records)),
+        trials.number(min((v["gap_min"] for v in last if v["gap_min"]), default=None)),
+        trials.number(min((v["det_f_min"] for v in last if v["det_f_min"]), default=None)),
+        f"{min(v['newton']['mean'] for v in last):.1f} to {max(v['newton']['mean'] for v in last):.1f}",
+        trials.number(spread),
+    ]
 
 
 if __name__ == "__main__":

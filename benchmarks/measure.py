@@ -1,7 +1,7 @@
 """What a finished (or broken off) run shows, as JSON: `measure.py NAME RANKS PEERS RUN`.
 
-Times are those of `log.jsonl`, without the first step where there are more (the peers left theirs out: it has the set-up in it). States are
-checked by tests/verify_run.py, which shares nothing with the solver.
+Times are those of `log.jsonl`, without the first step where there are more (the peers left theirs out: it has the
+set-up in it). States are checked by tests/verify_run.py, which shares nothing with the solver.
 """
 
 import json
@@ -9,8 +9,8 @@ import sys
 from pathlib import Path
 
 import numpy as np
-
 import peer_figures
+
 from pdvol.record.reader import Run, RunLevel, open_run
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
@@ -21,7 +21,8 @@ SMALL = 10_000
 
 
 def measured(name: str, ranks: int, peers: Path, path: Path) -> dict:
-    """The record of one run: figures of its finest level that has begun, a summary of the coarser ones, and the comparison with the peers.
+    """The record of one run: figures of its finest level that has begun, a summary of the coarser ones, and the
+    comparison with the peers.
 
     Only the number of steps, 0, where no step was finished.
     """
@@ -31,9 +32,19 @@ def measured(name: str, ranks: int, peers: Path, path: Path) -> dict:
         return {"steps": 0}
     level = begun[-1]
     coarser = [{"level": one.index, **sizes(one), **speed(one, ranks)} for one in begun[:-1]]
-    return {"level": level.index, "steps": level.steps - 1, "done": run.info["state"] == "done", **sizes(level), **speed(level, ranks),
-            **memory(level, noted), **stored(level, noted), **soundness(run, level), **against_peers(name, ranks, peers, level), "coarser": coarser,
-            "versions": run.info["versions"]}
+    return {
+        "level": level.index,
+        "steps": level.steps - 1,
+        "done": run.info["state"] == "done",
+        **sizes(level),
+        **speed(level, ranks),
+        **memory(level, noted),
+        **stored(level, noted),
+        **soundness(run, level),
+        **against_peers(name, ranks, peers, level),
+        "coarser": coarser,
+        "versions": run.info["versions"],
+    }
 
 
 def _noted(path: Path) -> dict:
@@ -47,7 +58,8 @@ def sizes(level: RunLevel) -> dict:
     return {"vertices": len(level.rest), "tets": len(level.cells)}
 
 
-# ---- speed -------------------------------------------------------------------------------------------------------------------
+# ---- speed
+# -------------------------------------------------------------------------------------------------------------------
 
 
 def timed(level: RunLevel) -> list[dict]:
@@ -91,27 +103,48 @@ def mean(values) -> float | None:
 
 
 def memory(level: RunLevel, noted: dict) -> dict:
-    """Peak memory [MB] of the largest process from start to end, of all ranks together, and of the largest at its last step (`log.jsonl`)."""
+    """Peak memory [MB] of the largest process from start to end, of all ranks together, and of the largest at its last
+    step (`log.jsonl`).
+    """
     ranks = noted.get("peak_memory_mb") or [None]
     whole = None not in ranks
-    return {"memory_mb": max(ranks) if whole else None, "memory_all_ranks_mb": sum(ranks) if whole else None,
-            "memory_log_mb": max((record["peak_memory_mb"] for record in level.log), default=None)}
+    return {
+        "memory_mb": max(ranks) if whole else None,
+        "memory_all_ranks_mb": sum(ranks) if whole else None,
+        "memory_log_mb": max((record["peak_memory_mb"] for record in level.log), default=None),
+    }
 
 
 def stored(level: RunLevel, noted: dict) -> dict:
-    """Wall-clock seconds of a step with its storage, in all, free and touching; and of the whole process from its imports on."""
-    steps = list(zip(noted.get("stored", {}).get(str(level.index), []), (record["contacts"] for record in level.log), strict=False))
+    """Wall-clock seconds of a step with its storage, in all, free and touching; and of the whole process from its
+    imports on.
+    """
+    steps = list(
+        zip(
+            noted.get("stored", {}).get(str(level.index), []),
+            (record["contacts"] for record in level.log),
+            strict=False,
+        )
+    )
     steps = steps[1:] or steps
-    return {"seconds_with_storage": {"mean": mean(s for s, _ in steps), "without_contact": mean(s for s, contacts in steps if not contacts),
-                                     "with_contact": mean(s for s, contacts in steps if contacts)},
-            "wall_seconds": noted.get("wall_seconds")}
+    return {
+        "seconds_with_storage": {
+            "mean": mean(s for s, _ in steps),
+            "without_contact": mean(s for s, contacts in steps if not contacts),
+            "with_contact": mean(s for s, contacts in steps if contacts),
+        },
+        "wall_seconds": noted.get("wall_seconds"),
+    }
 
 
-# ---- states ------------------------------------------------------------------------------------------------------------------
+# ---- states
+# ------------------------------------------------------------------------------------------------------------------
 
 
 def soundness(run: Run, level: RunLevel) -> dict:
-    """Smallest det F and inverted cells of all states; intersections, and depths below planes, of those searched; a ball come through."""
+    """Smallest det F and inverted cells of all states; intersections, and depths below planes, of those searched; a
+    ball come through.
+    """
     every = 1 if len(level.rest) < SMALL or level.steps <= 10 else 10
     facets, rest = verify_run.boundary(level.cells), verify_run.measures(level.rest, level.cells)
     found = verify_run.Level(level.index)
@@ -125,29 +158,41 @@ def soundness(run: Run, level: RunLevel) -> dict:
             planes = [(o.name, *o.plane(step)) for o in run.obstacles if o.kind == "plane"]
             verify_run.check_state(found, step, level.rest, level.cells, facets, positions, planes)
     gap = found.smallest_gap if np.isfinite(found.smallest_gap) else None
-    return {"det_f_min": smallest, "inverted": inverted, "intersections": found.crossings, "states_searched": found.steps, "plane_gap_min": gap,
-            "through": through, "problems": found.problems[:verify_run.SHOWN]}
+    return {
+        "det_f_min": smallest,
+        "inverted": inverted,
+        "intersections": found.crossings,
+        "states_searched": found.steps,
+        "plane_gap_min": gap,
+        "through": through,
+        "problems": found.problems[: verify_run.SHOWN],
+    }
 
 
 def come_through(run: Run, level: RunLevel, positions: np.ndarray) -> int:
     """Vertices of a body `ball` that are below a `slab`, whatever its shape: 0 in scenes without them.
 
-    The slab is held at its rim. Below its rest position a vertex that has not come through lies within the dent, between where the
-    slab's upper side was and where it is: there, and only there, that pair of surfaces winds round it.
+    The slab is held at its rim. Below its rest position a vertex that has not come through lies within the dent,
+    between where the slab's upper side was and where it is: there, and only there, that pair of surfaces winds round
+    it.
     """
     names = run.info["bodies"]
     if "slab" not in names:
         return 0
     ball, slab = (np.unique(level.cells[level.bodies == names.index(name)]) for name in ("ball", "slab"))
     top = level.rest[slab, 1].max()
-    faces = level.surface[(level.rest[level.surface][:, :, 1] > top - 1e-9).all(1) & np.isin(level.surface, slab).all(1)]
+    faces = level.surface[
+        (level.rest[level.surface][:, :, 1] > top - 1e-9).all(1) & np.isin(level.surface, slab).all(1)
+    ]
     below = positions[ball][positions[ball][:, 1] < top]
     winding = (solid_angles(below, positions[faces]) - solid_angles(below, level.rest[faces])) / (4.0 * np.pi)
     return int((np.abs(winding) < 0.5).sum())
 
 
 def solid_angles(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
-    """Solid angle [sr] that triangles (m, 3, 3) together take up as seen from points (n, 3) (Van Oosterom and Strackee)."""
+    """Solid angle [sr] that triangles (m, 3, 3) together take up as seen from points (n, 3) (Van Oosterom and
+    Strackee).
+    """
     a, b, c = (triangles[None, :, k] - points[:, None] for k in range(3))
     la, lb, lc = (np.linalg.norm(v, axis=2) for v in (a, b, c))
     top = np.einsum("ijk,ijk->ij", a, np.cross(b, c))
@@ -155,24 +200,34 @@ def solid_angles(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     return 2.0 * np.arctan2(top, bottom).sum(1)
 
 
-# ---- peers -------------------------------------------------------------------------------------------------------------------
+# ---- peers
+# -------------------------------------------------------------------------------------------------------------------
 
 
 def against_peers(name: str, ranks: int, peers: Path, level: RunLevel) -> dict:
-    """Per peer: its seconds per step on as many threads, how many times slower that is, and how far our state is from its last one."""
+    """Per peer: its seconds per step on as many threads, how many times slower that is, and how far our state is from
+    its last one.
+    """
     result = {}
     for peer in ("stark", "ipc"):
         steps = peer_figures.steps(name, peer)
         its = peer_figures.SECONDS.get(name, {}).get(peer, {})
         ours = mean(record["seconds"]["total"] for record in timed(level) if record["step"] <= steps)
         whole = level.steps > steps and ranks in its  # the cheap first steps of a scene tell nothing of all of it
-        result[peer] = {"seconds": its, "newton": peer_figures.NEWTON.get(name, {}).get(peer), "ratio": its[ranks] / ours if whole else None,
-                        "seconds_over_same_steps": ours, **difference(name, peer, peers, level, steps)}
+        result[peer] = {
+            "seconds": its,
+            "newton": peer_figures.NEWTON.get(name, {}).get(peer),
+            "ratio": its[ranks] / ours if whole else None,
+            "seconds_over_same_steps": ours,
+            **difference(name, peer, peers, level, steps),
+        }
     return result
 
 
 def difference(name: str, peer: str, peers: Path, level: RunLevel, step: int) -> dict:
-    """RMS and largest distance [m] at `step` to the peer's last state; empty where there is none, or ours has not come so far."""
+    """RMS and largest distance [m] at `step` to the peer's last state; empty where there is none, or ours has not come
+    so far.
+    """
     path = peers / "final_states" / f"{name}.npz"
     if not path.is_file() or step >= level.steps:
         return {}

@@ -24,11 +24,15 @@ def draw(path: Path, study: Study, records: Sequence[dict], runs: Sequence[Path]
 
 
 def _shots(study: Study, runs: Sequence[Path]) -> list[list[np.ndarray]]:
-    """Rows of pictures by one camera: level 0 of the first run, then the finest level of every run; columns are the study's moments."""
+    """Rows of pictures by one camera: level 0 of the first run, then the finest level of every run; columns are the
+    study's moments.
+    """
     stored = [open_run(path) for path in runs]
     last = min(level.steps for run in stored for level in run.levels) - 1
     steps = sorted({min(step, last) for step in study.moments})
-    view = framing(stored[0], [level for run in stored for level in (run.levels[0], run.levels[-1])], steps, stored[0].obstacles)
+    view = framing(
+        stored[0], [level for run in stored for level in (run.levels[0], run.levels[-1])], steps, stored[0].obstacles
+    )
     rows = []
     for run, level in [(stored[0], stored[0].levels[0]), *((run, run.levels[-1]) for run in stored)]:
         with Studio(run, view, WIDTH, run.obstacles) as studio:
@@ -65,7 +69,13 @@ def curves(path: Path, records: Sequence[dict]) -> None:
     FigureCanvasAgg(figure)
     left, right = figure.subplots(1, 2)
     for k, record in enumerate(records):
-        _curve(left, record["levels"][-1], record["dt"], PALETTE[k % len(PALETTE)], f"w = {record['settings']['consistency']:g}")
+        _curve(
+            left,
+            record["levels"][-1],
+            record["dt"],
+            PALETTE[k % len(PALETTE)],
+            f"w = {record['settings']['consistency']:g}",
+        )
     left.set_title(f"finest level ({len(records[0]['levels']) - 1})", fontsize=9, loc="left")
     held = next(r for r in records if r["settings"]["consistency"] == 0.025)
     for level in held["levels"][1:]:

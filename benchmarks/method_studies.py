@@ -56,15 +56,33 @@ EVERYTHING = (
 )
 WEIGHTS = (0.0, 0.025, 0.2, 0.4, 0.6)
 LITERAL = 0.025 * 0.04**2
-"""w = 0.025 if the paper's equation 4 is taken word for word, where w is a frequency squared: w dt^2 beside the inertia's 1/2."""
+"""w = 0.025 if the paper's equation 4 is taken word for word, where w is a frequency squared: w dt^2 beside the
+inertia's 1/2.
+"""
 
 STUDIES = {
     "rope_drop": Study("rope_drop", EVERYTHING, steps=150, levels=5, moments=(52, 89, 150)),
     "drop": Study("drop", EVERYTHING, steps=70, levels=2, moments=(40, 60)),
-    "phong": Study("phong", tuple(Case(method, name) for method in ("embedded", "progressive") for name in ("barycentric", "phong")),
-                   steps=40, levels=2, moments=(25, 40)),
-    "tracks": Study("tracks", (Case("progressive"), *(Case("tracks", settings={"weight": w}) for w in (0.0025, 0.025, 0.2, 0.6))),
-                    steps=120, levels=2, moments=(44, 120)),
-    "slit_array": Study("slit_array", tuple(Case("progressive", settings={"consistency": w}) for w in (*WEIGHTS[:1], LITERAL, *WEIGHTS[1:])),
-                        steps=150, levels=8, figure="curves", moments=(44, 142)),
+    "phong": Study(
+        "phong",
+        tuple(Case(method, name) for method in ("embedded", "progressive") for name in ("barycentric", "phong")),
+        steps=40,
+        levels=2,
+        moments=(25, 40),
+    ),
+    "tracks": Study(
+        "tracks",
+        (Case("progressive"), *(Case("tracks", settings={"weight": w}) for w in (0.0025, 0.025, 0.2, 0.6))),
+        steps=120,
+        levels=2,
+        moments=(44, 120),
+    ),
+    "slit_array": Study(
+        "slit_array",
+        tuple(Case("progressive", settings={"consistency": w}) for w in (*WEIGHTS[:1], LITERAL, *WEIGHTS[1:])),
+        steps=150,
+        levels=8,
+        figure="curves",
+        moments=(44, 142),
+    ),
 }

@@ -1,13 +1,14 @@
-"""Compares methods, interpolants and weights on a demo: runs its cases, prints a Markdown table of them and draws a figure.
+"""Compares methods, interpolants and weights on a demo: runs its cases, prints a Markdown table of them and draws a
+figure.
 
     ./run python benchmarks/methods.py rope_drop slit_array [--only WORDS] [--steps N] [--levels N] [--out runs/methods]
 
-Runs, tables (NAME.md), numbers (NAME.json) and figures (NAME.png) go to the folder `--out`; runs that are finished there are taken as they are.
-Intersections are counted by `tests/verify_run.py`, which shares nothing with the solver. Exit code 2 for a mistake.
+Runs, tables (NAME.md), numbers (NAME.json) and figures (NAME.png) go to the folder `--out`; runs that are finished
+there are taken as they are. Intersections are counted by `tests/verify_run.py`, which shares nothing with the solver.
+Exit code 2 for a mistake.
 """
 
 import argparse
-import json
 import sys
 from pathlib import Path
 
@@ -24,8 +25,20 @@ from pdvol.commands.measuring import measure
 from pdvol.record.files import write_json
 from pdvol.runs.shot import load_shot
 
-HEAD = ["method", "interpolant", "continuity n mean (median)", "continuity error [kg m²]", "consistency [kg m²]", "distance from P x_c [m]",
-        "jitter [J]", "states with intersections (pairs)", "largest change of volume", "smallest det F", "facets turned [deg]", "s"]
+HEAD = [
+    "method",
+    "interpolant",
+    "continuity n mean (median)",
+    "continuity error [kg m²]",
+    "consistency [kg m²]",
+    "distance from P x_c [m]",
+    "jitter [J]",
+    "states with intersections (pairs)",
+    "largest change of volume",
+    "smallest det F",
+    "facets turned [deg]",
+    "s",
+]
 
 
 def main(words: list[str] | None = None) -> int:
@@ -59,7 +72,12 @@ def study(name: str, options) -> None:
     text = tell(records)
     (options.out / f"{name}.md").write_text(text)
     print(f"{name}\n\n{text}")
-    draw(options.out / f"{name}.png", chosen, records, [options.out / name / case.name.replace(" ", "_") for case in cases])
+    draw(
+        options.out / f"{name}.png",
+        chosen,
+        records,
+        [options.out / name / case.name.replace(" ", "_") for case in cases],
+    )
 
 
 def run(chosen: Study, case: Case, path: Path, options) -> None:
@@ -75,11 +93,22 @@ def judge(path: Path, case: Case, count: int) -> dict:
     """What there is to say about one run: metrics of its `count` coarsest levels, and what was found in their states."""
     result, stored, levels = measure(path), open_run(path), []
     for entry, level in zip(result["levels"][:count], stored.levels, strict=False):
-        record = {key: entry[key] for key in ("level", "summary")} | {"vertices": len(level.rest), "consistency": entry.get("consistency")}
+        record = {key: entry[key] for key in ("level", "summary")} | {
+            "vertices": len(level.rest),
+            "consistency": entry.get("consistency"),
+        }
         record["seconds"] = sum(r["seconds"]["total"] for r in level.log)
         levels.append(record | states(level, stored.obstacles))
-    return {"name": case.name, "method": case.method, "prolongation": case.prolongation, "settings": dict(case.settings), "notes": result["notes"],
-            "dt": stored.dt, "seconds": sum(r["seconds"] for r in levels), "levels": levels}
+    return {
+        "name": case.name,
+        "method": case.method,
+        "prolongation": case.prolongation,
+        "settings": dict(case.settings),
+        "notes": result["notes"],
+        "dt": stored.dt,
+        "seconds": sum(r["seconds"] for r in levels),
+        "levels": levels,
+    }
 
 
 def states(level, obstacles) -> dict:
@@ -90,7 +119,11 @@ def states(level, obstacles) -> dict:
     crossing, pairs, change, smallest, turned = 0, 0, 0.0, np.inf, []
     for step in range(level.steps):
         x = level.positions(step)
-        solids = [(o.vertices(step), o.arrays["faces" if o.kind == "mesh" else "edges"]) for o in obstacles if o.kind != "plane"]
+        solids = [
+            (o.vertices(step), o.arrays["faces" if o.kind == "mesh" else "edges"])
+            for o in obstacles
+            if o.kind != "plane"
+        ]
         planes = [o.plane(step) for o in obstacles if o.kind == "plane"]
         found = len(verify_run.crossings(x, facets, solids)) + sum(int(((x - p) @ n <= 0).sum()) for p, n in planes)
         crossing, pairs = crossing + (found > 0), pairs + found
@@ -98,12 +131,20 @@ def states(level, obstacles) -> dict:
         change = max(change, float(np.abs(np.bincount(level.bodies, volumes) / total - 1).max()))
         smallest = min(smallest, float((volumes / rest).min()))
         turned.append(hinges.turned(x))
-    return {"states": level.steps, "crossing_states": crossing, "crossing_pairs": pairs, "volume_change": change, "smallest_det": smallest,
-            "turned": float(np.mean(turned))}
+    return {
+        "states": level.steps,
+        "crossing_states": crossing,
+        "crossing_pairs": pairs,
+        "volume_change": change,
+        "smallest_det": smallest,
+        "turned": float(np.mean(turned)),
+    }
 
 
 class Hinges:
-    """Neighbouring facets of a boundary: by how much they have turned against each other, which is large where facets of a coarse mesh show."""
+    """Neighbouring facets of a boundary: by how much they have turned against each other, which is large where facets
+    of a coarse mesh show.
+    """
 
     def __init__(self, rest: np.ndarray, surface: np.ndarray):
         d = surface.shape[1]
@@ -117,9 +158,15 @@ class Hinges:
     def _angles(self, x: np.ndarray) -> np.ndarray:
         corners = x[self.surface]
         edges = corners[:, 1:] - corners[:, :1]
-        normals = np.column_stack([edges[:, 0, 1], -edges[:, 0, 0]]) if x.shape[1] == 2 else np.cross(edges[:, 0], edges[:, 1])
+        normals = (
+            np.column_stack([edges[:, 0, 1], -edges[:, 0, 0]])
+            if x.shape[1] == 2
+            else np.cross(edges[:, 0], edges[:, 1])
+        )
         normals /= np.linalg.norm(normals, axis=1, keepdims=True) + 1e-300
-        return np.arccos(np.clip(np.einsum("ij,ij->i", normals[self.pairs[:, 0]], normals[self.pairs[:, 1]]), -1.0, 1.0))
+        return np.arccos(
+            np.clip(np.einsum("ij,ij->i", normals[self.pairs[:, 0]], normals[self.pairs[:, 1]]), -1.0, 1.0)
+        )
 
     def turned(self, x: np.ndarray) -> float:
         """Root mean square change of the angles between neighbours [degrees] at positions x (n, d)."""
@@ -134,12 +181,25 @@ def tell(records: list[dict]) -> str:
         s = finest["summary"]
         n = s.get("continuity") or {}
         settings = ", ".join(f"{key} {value:g}" for key, value in record["settings"].items())
-        rows.append([f"{record['method']}{', ' if settings else ''}{settings}", record["prolongation"] if record["method"] != "direct" else "-",
-                     f"{n['mean']:.2g} ({n['median']:.2g})" if n else "-",
-                     *(number(s[key]["mean"], 2) if s.get(key) else "-" for key in ("continuity_error", "consistency", "distance", "jitter")),
-                     f"{sum(x['crossing_states'] for x in above)} of {sum(x['states'] for x in above)} ({sum(x['crossing_pairs'] for x in above):,})",
-                     f"{100 * finest['volume_change']:.2g} %", number(finest["smallest_det"], 2), number(finest["turned"], 2),
-                     f"{record['seconds']:.0f}"])
+        rows.append(
+            [
+                f"{record['method']}{', ' if settings else ''}{settings}",
+                record["prolongation"] if record["method"] != "direct" else "-",
+                f"{n['mean']:.2g} ({n['median']:.2g})" if n else "-",
+                *(
+                    number(s[key]["mean"], 2) if s.get(key) else "-"
+                    for key in ("continuity_error", "consistency", "distance", "jitter")
+                ),
+                (
+                    f"{sum(x['crossing_states'] for x in above)} of {sum(x['states'] for x in above)}"
+                    f" ({sum(x['crossing_pairs'] for x in above):,})"
+                ),
+                f"{100 * finest['volume_change']:.2g} %",
+                number(finest["smallest_det"], 2),
+                number(finest["turned"], 2),
+                f"{record['seconds']:.0f}",
+            ]
+        )
     return table(HEAD, rows) + "\n"
 
 

@@ -1,4 +1,6 @@
-"""What the peers need per step, as measured in `shared/peers/README.md`: one 2-core x86 machine with AVX-512, the first step left out."""
+"""What the peers need per step, as measured in `shared/peers/README.md`: one 2-core x86 machine with AVX-512, the first
+step left out.
+"""
 
 SECONDS = {
     "drop_500": {"stark": {1: 0.0174, 2: 0.0132}, "ipc": {1: 0.0785, 2: 0.0635}},
@@ -13,9 +15,14 @@ SECONDS = {
 """Mean seconds per step: scene -> peer -> number of threads."""
 
 NEWTON = {
-    "drop_500": {"stark": 4.6, "ipc": 4.2}, "drop_4k": {"stark": 6.1, "ipc": 5.4}, "drop_20k": {"stark": 7.0, "ipc": 4.2},
-    "twist_1k": {"stark": 3.0, "ipc": 4.1}, "twist_4k": {"stark": 3.0, "ipc": 4.6}, "twist_20k": {"stark": 3.0, "ipc": 3.5},
-    "blocks": {"stark": 4.6, "ipc": 5.9}, "twistx_1k": {"stark": 9.0, "ipc": 8.8},
+    "drop_500": {"stark": 4.6, "ipc": 4.2},
+    "drop_4k": {"stark": 6.1, "ipc": 5.4},
+    "drop_20k": {"stark": 7.0, "ipc": 4.2},
+    "twist_1k": {"stark": 3.0, "ipc": 4.1},
+    "twist_4k": {"stark": 3.0, "ipc": 4.6},
+    "twist_20k": {"stark": 3.0, "ipc": 3.5},
+    "blocks": {"stark": 4.6, "ipc": 5.9},
+    "twistx_1k": {"stark": 9.0, "ipc": 8.8},
 }
 """Mean Newton iterations per step."""
 

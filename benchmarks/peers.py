@@ -2,8 +2,9 @@
 
     ./run python benchmarks/peers.py [--scenes small,blocks] [--ranks 1,2] [--peers ../shared/peers] [--out runs/peers]
 
-Every scene runs through `pdvol.run_scene` in a process of its own (two with two ranks), into a folder that is removed again. A scene that fails
-is reported with its reason, and the others go on. Exit code 0 when all went well, 1 when a scene failed or is not sound, 2 for a mistake.
+Every scene runs through `pdvol.run_scene` in a process of its own (two with two ranks), into a folder that is removed
+again. A scene that fails is reported with its reason, and the others go on. Exit code 0 when all went well, 1 when a
+scene failed or is not sound, 2 for a mistake.
 """
 
 import argparse
@@ -30,7 +31,9 @@ GROUPS = {
 }
 """Scenes by group, the cheap ones first; `all` is all of them."""
 TOLERANCE = 1e-3
-"""m/s, of peer_scenes.py; this process loads neither numpy nor pdvol, for a child's peak memory (ru_maxrss) begins with its parent's."""
+"""m/s, of peer_scenes.py; this process loads neither numpy nor pdvol, for a child's peak memory (ru_maxrss) begins with
+its parent's.
+"""
 ENDING = 20.0
 """Seconds that a process is given to end after it was asked to."""
 
@@ -45,7 +48,9 @@ def main(words: list[str] | None = None) -> int:
     try:
         names, ranks = chosen(options.scenes), rank_counts(options.ranks)
         if not (options.peers / "README.md").is_file():
-            raise Mistake(f"the peers' meshes are not there: {options.peers} has no README.md; name their folder with --peers")
+            raise Mistake(
+                f"the peers' meshes are not there: {options.peers} has no README.md; name their folder with --peers"
+            )
         if options.repeats < 1:
             raise Mistake(f"--repeats {options.repeats}: write a whole number from 1 on")
         options.out.mkdir(parents=True, exist_ok=True)
@@ -66,13 +71,31 @@ def main(words: list[str] | None = None) -> int:
 
 def _options(words: list[str] | None) -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="peers.py", description=__doc__.splitlines()[0])
-    parser.add_argument("--scenes", default="all", metavar="NAME,...", help=f"scenes or groups: all, {', '.join(GROUPS)} (default: all)")
+    parser.add_argument(
+        "--scenes", default="all", metavar="NAME,...", help=f"scenes or groups: all, {', '.join(GROUPS)} (default: all)"
+    )
     parser.add_argument("--ranks", default="1,2", metavar="N,...", help="numbers of ranks (default: 1,2)")
-    parser.add_argument("--peers", type=Path, default=HERE.parents[1] / "shared" / "peers", metavar="DIR", help="the peers' meshes and states")
-    parser.add_argument("--out", type=Path, default=HERE.parent / "runs" / "peers", metavar="DIR", help="for peers.json and peers.md")
+    parser.add_argument(
+        "--peers",
+        type=Path,
+        default=HERE.parents[1] / "shared" / "peers",
+        metavar="DIR",
+        help="the peers' meshes and states",
+    )
+    parser.add_argument(
+        "--out", type=Path, default=HERE.parent / "runs" / "peers", metavar="DIR", help="for peers.json and peers.md"
+    )
     parser.add_argument("--steps", type=int, help="so many steps, instead of each scene's own")
-    parser.add_argument("--repeats", type=int, default=1, metavar="N", help="each so often, in turn; the middle one is told (default: 1)")
-    parser.add_argument("--limit", type=float, default=900.0, metavar="SECONDS", help="a run is ended after so long (default: 900)")
+    parser.add_argument(
+        "--repeats",
+        type=int,
+        default=1,
+        metavar="N",
+        help="each so often, in turn; the middle one is told (default: 1)",
+    )
+    parser.add_argument(
+        "--limit", type=float, default=900.0, metavar="SECONDS", help="a run is ended after so long (default: 900)"
+    )
     return parser.parse_args(words)
 
 
@@ -98,13 +121,22 @@ def rank_counts(text: str) -> list[int]:
 def machine() -> dict:
     """Processor, cores, memory [GB] and load."""
     lines = Path("/proc/cpuinfo").read_text().splitlines()
-    processor = next((line.partition(":")[2].strip() for line in lines if line.startswith("model name")), "unknown processor")
+    processor = next(
+        (line.partition(":")[2].strip() for line in lines if line.startswith("model name")), "unknown processor"
+    )
     total = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 1e9
-    return {"processor": processor, "cores": len(os.sched_getaffinity(0)), "memory_gb": total, "load": os.getloadavg()[0]}
+    return {
+        "processor": processor,
+        "cores": len(os.sched_getaffinity(0)),
+        "memory_gb": total,
+        "load": os.getloadavg()[0],
+    }
 
 
 def yardstick() -> float:
-    """Milliseconds that a fixed loop takes the interpreter, at best of five: what others on the host leave of its speed."""
+    """Milliseconds that a fixed loop takes the interpreter, at best of five: what others on the host leave of its
+    speed.
+    """
     taken = []
     for _ in range(5):
         begin, total = time.perf_counter(), 0
@@ -114,7 +146,8 @@ def yardstick() -> float:
     return 1e3 * min(taken)
 
 
-# ---- one run -----------------------------------------------------------------------------------------------------------------
+# ---- one run
+# -----------------------------------------------------------------------------------------------------------------
 
 
 def run(name: str, ranks: int, options: argparse.Namespace) -> dict:
@@ -124,18 +157,32 @@ def run(name: str, ranks: int, options: argparse.Namespace) -> dict:
         steps = [] if options.steps is None else [str(options.steps)]
         words = [str(HERE / "run_one.py"), name, str(options.peers), str(path), *steps]
         # mpi4py's own runner ends all ranks when one of them fails alone.
-        python = [sys.executable] if ranks == 1 else [shutil.which("mpirun") or "mpirun", "-n", str(ranks), sys.executable, "-m", "mpi4py"]
+        python = (
+            [sys.executable]
+            if ranks == 1
+            else [shutil.which("mpirun") or "mpirun", "-n", str(ranks), sys.executable, "-m", "mpi4py"]
+        )
         before = yardstick()
         reason = child([*python, *words], options.limit, Path(folder) / "run.log")
         after = yardstick()
         found = measure(name, ranks, options, path) if (path / "run.json").is_file() else {}
     reason = reason or found.pop("reason", "") or ("" if found.get("done") else "it did not finish")
     sound = found.get("steps", 0) > 0 and not (found["problems"] or found["inverted"] or found["through"])
-    return {"scene": name, "ranks": ranks, "ok": not reason, "reason": reason, "sound": sound, "yardstick_ms": [before, after], **found}
+    return {
+        "scene": name,
+        "ranks": ranks,
+        "ok": not reason,
+        "reason": reason,
+        "sound": sound,
+        "yardstick_ms": [before, after],
+        **found,
+    }
 
 
 def middle(records: tuple[dict, ...]) -> dict:
-    """Of records of one scene the one with the median mean time, and the means of all; one that failed or is not sound, if there is any."""
+    """Of records of one scene the one with the median mean time, and the means of all; one that failed or is not sound,
+    if there is any.
+    """
     bad = [record for record in records if not (record["ok"] and record["sound"])]
     if bad:
         return bad[0]
@@ -156,7 +203,9 @@ def child(command: list[str], limit: float, log: Path, output: Path | None = Non
     environment = {**os.environ, "OMP_NUM_THREADS": "1"}
     with log.open("w") as errors, (output or log.with_suffix(".out")).open("w") as out:
         begin = time.monotonic()
-        process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=out, stderr=errors, env=environment, start_new_session=True)
+        process = subprocess.Popen(
+            command, stdin=subprocess.DEVNULL, stdout=out, stderr=errors, env=environment, start_new_session=True
+        )
         try:
             code = process.wait(limit)
         except subprocess.TimeoutExpired:
@@ -167,7 +216,9 @@ def child(command: list[str], limit: float, log: Path, output: Path | None = Non
 
 
 def end(process: subprocess.Popen) -> None:
-    """Ends a process of ours that still runs, by its own group. mpirun must be asked, for its ranks are in groups of their own."""
+    """Ends a process of ours that still runs, by its own group. mpirun must be asked, for its ranks are in groups of
+    their own.
+    """
     for sign in (signal.SIGTERM, signal.SIGKILL):
         if process.poll() is not None:
             return
@@ -185,7 +236,8 @@ def last_words(log: Path) -> str:
     return (errors or lines or [""])[-1][:300]
 
 
-# ---- what is told ------------------------------------------------------------------------------------------------------------
+# ---- what is told
+# ------------------------------------------------------------------------------------------------------------
 
 
 def _told(record: dict) -> str:

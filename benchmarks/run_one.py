@@ -1,4 +1,5 @@
-"""One scene in a process of its own, or one per rank: `run_one.py NAME PEERS RUN [STEPS]` marches it into the run folder RUN.
+"""One scene in a process of its own, or one per rank: `run_one.py NAME PEERS RUN [STEPS]` marches it into the run
+folder RUN.
 
 Beside the run it leaves RUN.json: wall-clock seconds of each step with its storage, and each rank's peak memory.
 """
@@ -33,7 +34,9 @@ class Clock:
 
 
 def peak_memory() -> float:
-    """Largest resident size of this process [MB]. Linux' ru_maxrss would start from that of the process that started it."""
+    """Largest resident size of this process [MB]. Linux' ru_maxrss would start from that of the process that started
+    it.
+    """
     for line in Path("/proc/self/status").read_text().splitlines():
         if line.startswith("VmHWM:"):
             return int(line.split()[1]) / 1024
@@ -51,8 +54,12 @@ def main(name: str, peers: str, out: str, steps: str = "") -> int:
         reason = str(error)
     memory = comm.gather(peak_memory())
     if comm.rank == 0:
-        noted = {"wall_seconds": time.perf_counter() - begin, "stored": {level: clock.seconds for level, clock in clocks.items()},
-                 "peak_memory_mb": memory, "reason": reason}
+        noted = {
+            "wall_seconds": time.perf_counter() - begin,
+            "stored": {level: clock.seconds for level, clock in clocks.items()},
+            "peak_memory_mb": memory,
+            "reason": reason,
+        }
         Path(out).with_suffix(".json").write_text(json.dumps(noted))
         if reason:
             print(f"PdvolError: {reason}", file=sys.stderr)

@@ -1,10 +1,12 @@
-"""The classic stress tests of contact (stress_scenes.py) under a limit of time each, and one table of how they came out.
+"""The classic stress tests of contact (stress_scenes.py) under a limit of time each, and one table of how they came
+out.
 
     ./run python benchmarks/stress.py [--scenes chain,erleben] [--minutes 20] [--out runs/stress] [--pictures]
 
-Scenes are named in full or by how they begin; those already in the folder --out stay in the table. Each runs in a process of its own until
-its end or until its minutes are over, between two steps; every state of it is checked for intersections and inverted cells by
-tests/verify_run.py. Exit code 0 when every scene came to its end or its time and no state is wrong, else 1; 2 for a mistake.
+Scenes are named in full or by how they begin; those already in the folder --out stay in the table. Each runs in a
+process of its own until its end or until its minutes are over, between two steps; every state of it is checked for
+intersections and inverted cells by tests/verify_run.py. Exit code 0 when every scene came to its end or its time and no
+state is wrong, else 1; 2 for a mistake.
 """
 
 import argparse
@@ -16,16 +18,40 @@ import trials
 
 HERE = Path(__file__).resolve().parent
 FILE = HERE / "stress_scenes.py"
-HEAD = ["scene", "vertices", "cells", "dt [s]", "dhat [m]", "eps_v [m/s]", "tolerance [m/s]", "steps done", "outcome", "contacts mean (most)",
-        "Newton mean (most)", "cuts", "smallest gap [m]", "smallest det F", "s per step", "memory [MB]"]
+HEAD = [
+    "scene",
+    "vertices",
+    "cells",
+    "dt [s]",
+    "dhat [m]",
+    "eps_v [m/s]",
+    "tolerance [m/s]",
+    "steps done",
+    "outcome",
+    "contacts mean (most)",
+    "Newton mean (most)",
+    "cuts",
+    "smallest gap [m]",
+    "smallest det F",
+    "s per step",
+    "memory [MB]",
+]
 
 
 def main(words: list[str] | None = None) -> int:
     """The command; its exit code."""
     parser = argparse.ArgumentParser(prog="stress.py", description=__doc__.splitlines()[0])
-    parser.add_argument("--scenes", default="", metavar="NAME,...", help="scenes by name or by how their names begin (default: all)")
+    parser.add_argument(
+        "--scenes", default="", metavar="NAME,...", help="scenes by name or by how their names begin (default: all)"
+    )
     parser.add_argument("--minutes", type=float, default=20.0, help="for each scene (default: 20)")
-    parser.add_argument("--out", type=Path, default=HERE.parent / "runs" / "stress", metavar="DIR", help="for stress.json, stress.md and pictures")
+    parser.add_argument(
+        "--out",
+        type=Path,
+        default=HERE.parent / "runs" / "stress",
+        metavar="DIR",
+        help="for stress.json, stress.md and pictures",
+    )
     parser.add_argument("--pictures", action="store_true", help="draw each scene, and pictures.png of all")
     options = parser.parse_args(words)
     try:
@@ -94,10 +120,24 @@ def rows(record: dict) -> list[list[str]]:
         steps = level["steps"]
         whole = steps == record["steps"] and not record["problems"]
         lengths = (trials.number(record["lengths"][k]) for k in ("dhat", "eps_v", "tolerance"))
-        found.append([name, f"{level['vertices']:,}", f"{level['cells']:,}", f"{record['dt']:g}", *lengths, f"{steps:,} of {record['steps']:,}",
-                      "full time" if whole else outcome, both(level["contacts"], 0), both(level["newton"], 1), str(level["cuts"]),
-                      trials.number(level["gap_min"]), trials.number(level["det_f_min"]), trials.number(level["seconds"] / max(steps, 1)),
-                      f"{record.get('peak_memory_mb') or level['memory_log_mb']:.0f}"])
+        found.append(
+            [
+                name,
+                f"{level['vertices']:,}",
+                f"{level['cells']:,}",
+                f"{record['dt']:g}",
+                *lengths,
+                f"{steps:,} of {record['steps']:,}",
+                "full time" if whole else outcome,
+                both(level["contacts"], 0),
+                both(level["newton"], 1),
+                str(level["cuts"]),
+                trials.number(level["gap_min"]),
+                trials.number(level["det_f_min"]),
+                trials.number(level["seconds"] / max(steps, 1)),
+                f"{record.get('peak_memory_mb') or level['memory_log_mb']:.0f}",
+            ]
+        )
     return found
 
 

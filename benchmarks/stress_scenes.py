@@ -1,20 +1,36 @@
-"""The classic stress tests of contact, with shapes of our own at about the sizes of those of the IPC paper (Li et al. 2020). A scene file.
+"""The classic stress tests of contact, with shapes of our own at about the sizes of those of the IPC paper (Li et al.
+2020). A scene file.
 
     ./run pdvol run benchmarks/stress_scenes.py --set name=mat_on_knives
 
-Materials, time steps, mu and motions are the paper's scripts' (SI units, y up); contact distances and tolerances are pdvol's defaults unless
-a script asks for something special. Where the paper has points and edges without thickness, thin tetrahedra and triangles stand here.
+Materials, time steps, mu and motions are the paper's scripts' (SI units, y up); contact distances and tolerances are
+pdvol's defaults unless a script asks for something special. Where the paper has points and edges without thickness,
+thin tetrahedra and triangles stand here.
 """
 
 from dataclasses import replace
 
 import numpy as np
+from pdvol.meshes import Solid, Surface, ball, box, brick, creature, cylinder, dolphin, funnel, torus
 
 import pdvol
 from pdvol import (
-    Barrier, Body, FixedCorotational, Friction, Gravity, NeoHookean, Placement, Plane, Relative, Rigid, Rotation, Scene, Solver, Support, Translation,
+    Barrier,
+    Body,
+    FixedCorotational,
+    Friction,
+    Gravity,
+    NeoHookean,
+    Placement,
+    Plane,
+    Relative,
+    Rigid,
+    Rotation,
+    Scene,
+    Solver,
+    Support,
+    Translation,
 )
-from pdvol.meshes import Solid, Surface, ball, box, brick, creature, cylinder, dolphin, funnel, torus
 
 DOWN = Gravity((0.0, -9.81, 0.0))
 FLOOR = Plane((0.0, 0.0, 0.0), (0.0, 1.0, 0.0), name="floor")
@@ -23,7 +39,8 @@ TURN = np.radians(72.0)
 """rad/s, of each end that is twisted."""
 
 
-# ---- shapes ------------------------------------------------------------------------------------------------------------------
+# ---- shapes
+# ------------------------------------------------------------------------------------------------------------------
 
 
 def mat(n: int = 39, side: float = 1.0, thickness: float = 0.02) -> Solid:
@@ -57,25 +74,37 @@ def pins(n: int = 21, pitch: float = 0.1, height: float = 0.4, width: float = 0.
     return merged([Surface(pin + [x, 0.0, z], faces) for x in ticks for z in ticks])
 
 
-# ---- scenes ------------------------------------------------------------------------------------------------------------------
+# ---- scenes
+# ------------------------------------------------------------------------------------------------------------------
 
 
 def mat_on_knives(cuts=(39,)) -> Scene:
     """A soft mat falls on nine blades."""
     body = Body(tuple(mat(n) for n in cuts), NeoHookean(2e4), placement=Placement((0.0, 0.5, 0.0)))
-    return Scene((body,), dt=0.04, steps=150, loads=(DOWN,), contact=(Barrier(),),
-                 obstacles=(FLOOR, Rigid(knives(), name="knives", closed=False)))
+    return Scene(
+        (body,),
+        dt=0.04,
+        steps=150,
+        loads=(DOWN,),
+        contact=(Barrier(),),
+        obstacles=(FLOOR, Rigid(knives(), name="knives", closed=False)),
+    )
 
 
 def ball_on_points(vertices=(4000,)) -> Scene:
     """A soft ball of 1 m falls on a field of 441 pins."""
     body = Body(ball(0.5, 4), NeoHookean(1e4), vertices, placement=Placement((0.013, 0.75, 0.007)))
-    return Scene((body,), dt=0.04, steps=200, loads=(DOWN,), contact=(Barrier(),), obstacles=(Rigid(pins(), name="pins"),))
+    return Scene(
+        (body,), dt=0.04, steps=200, loads=(DOWN,), contact=(Barrier(),), obstacles=(Rigid(pins(), name="pins"),)
+    )
 
 
 def twisted(bodies, dt: float, steps: int) -> Scene:
     """Bodies 1 m long about the x axis, their ends turned against each other by 72 deg/s each."""
-    ends = tuple(Support(lambda X, s=side: s * X[:, 0] > 0.4999, motion=Rotation(side * TURN, ORIGIN, X_AXIS)) for side in (-1, 1))
+    ends = tuple(
+        Support(lambda X, s=side: s * X[:, 0] > 0.4999, motion=Rotation(side * TURN, ORIGIN, X_AXIS))
+        for side in (-1, 1)
+    )
     return Scene(bodies, dt=dt, steps=steps, supports=ends, contact=(Barrier(),))
 
 
@@ -83,7 +112,10 @@ def rods_twist(cuts=((69, 2, 2),)) -> Scene:
     """Four rods of 1 x 0.1 x 0.1 m side by side, their ends turned 20 times each in 100 s."""
     rod = tuple(brick((1.0, 0.1, 0.1), three) for three in cuts)
     places = [(y, z) for y in (-0.07, 0.07) for z in (-0.07, 0.07)]
-    rods = (Body(rod, NeoHookean(1e4), name=f"rod {k}", placement=Placement((0.0, *place))) for k, place in enumerate(places))
+    rods = (
+        Body(rod, NeoHookean(1e4), name=f"rod {k}", placement=Placement((0.0, *place)))
+        for k, place in enumerate(places)
+    )
     return twisted(tuple(rods), 0.025, 4000)
 
 
@@ -105,20 +137,40 @@ class Squash:
 def trash_compactor(gap: float = 0.1) -> Scene:
     """A ball, a mat and a bear in a box of 1 m whose six sides close at 1 m/s to `gap` [m], and open again."""
     soft = FixedCorotational(1e4)
-    bodies = (Body(ball(0.15, 3), soft, (900,), name="ball", placement=Placement((0.2, 0.25, 0.1))),
-              Body((brick((0.5, 0.02, 0.5), (15, 1, 15)),), soft, name="mat", placement=Placement((0.0, 0.02, 0.0), 0.2, (1.0, 0.3, 0.5))),
-              Body(creature(0.38, 3000), soft, (1500,), name="bear", placement=Placement((0.02, -0.48, 0.0))))
+    bodies = (
+        Body(ball(0.15, 3), soft, (900,), name="ball", placement=Placement((0.2, 0.25, 0.1))),
+        Body(
+            (brick((0.5, 0.02, 0.5), (15, 1, 15)),),
+            soft,
+            name="mat",
+            placement=Placement((0.0, 0.02, 0.0), 0.2, (1.0, 0.3, 0.5)),
+        ),
+        Body(creature(0.38, 3000), soft, (1500,), name="bear", placement=Placement((0.02, -0.48, 0.0))),
+    )
     plates = [side * np.eye(3)[axis] for axis in range(3) for side in (-1.0, 1.0)]
-    return Scene(bodies, dt=0.01, steps=250, contact=(Barrier(),),
-                 obstacles=tuple(Plane(tuple(0.5 * n), tuple(-n), Squash(-n, 0.5 - gap / 2), name=f"plate {k}") for k, n in enumerate(plates)))
+    return Scene(
+        bodies,
+        dt=0.01,
+        steps=250,
+        contact=(Barrier(),),
+        obstacles=tuple(
+            Plane(tuple(0.5 * n), tuple(-n), Squash(-n, 0.5 - gap / 2), name=f"plate {k}") for k, n in enumerate(plates)
+        ),
+    )
 
 
 def dolphin_funnel(vertices=(4000,)) -> Scene:
     """A dolphin is drawn by its nose through a funnel whose neck is a third of its girth."""
     body = Body(dolphin(1.0, 4000), NeoHookean(1e4), vertices, placement=Placement((0.0, 0.45, 0.0)))
     nose = Support(lambda X: X[:, 1] < -0.01, motion=Translation((0.0, -0.08, 0.0)))
-    return Scene((body,), dt=0.04, steps=800, supports=(nose,), contact=(Barrier(),),
-                 obstacles=(Rigid(funnel(0.35, 0.06, 0.45, 0.1), Placement((0.0, 0.02, 0.0)), name="funnel"),))
+    return Scene(
+        (body,),
+        dt=0.04,
+        steps=800,
+        supports=(nose,),
+        contact=(Barrier(),),
+        obstacles=(Rigid(funnel(0.35, 0.06, 0.45, 0.1), Placement((0.0, 0.02, 0.0)), name="funnel"),),
+    )
 
 
 def ball_roller(vertices=(3000,)) -> Scene:
@@ -130,17 +182,26 @@ def ball_roller(vertices=(3000,)) -> Scene:
             centre = np.array([0.0, y, 0.0])
             centre[across] = side * 0.55
             axis = Z_AXIS if across == 0 else X_AXIS
-            # Inward at the top: the roller on the right turns anticlockwise about z, the one in front (z > 0) clockwise about x.
+            # Inward at the top: the roller on the right turns anticlockwise about z, the one in front (z > 0) clockwise
+            # about x.
             speed = (1 if across == 0 else -1) * side * np.pi / 2
             lying = Placement(tuple(centre), np.pi / 2, X_AXIS if across == 0 else Z_AXIS)
-            rollers.append(Rigid(cylinder(0.35, 2.0, 32), lying, Rotation(speed, tuple(centre), axis), f"roller {len(rollers)}"))
-    return Scene((body,), dt=0.01, steps=1000, loads=(DOWN,), contact=(Barrier(), Friction(0.5)), obstacles=(FLOOR, *rollers))
+            rollers.append(
+                Rigid(cylinder(0.35, 2.0, 32), lying, Rotation(speed, tuple(centre), axis), f"roller {len(rollers)}")
+            )
+    return Scene(
+        (body,), dt=0.01, steps=1000, loads=(DOWN,), contact=(Barrier(), Friction(0.5)), obstacles=(FLOOR, *rollers)
+    )
 
 
 def stiff_ball_on_mat(cuts=(39,), vertices=(1760,)) -> Scene:
     """A ball a hundred times stiffer falls on a mat held at two sides."""
-    bodies = (Body(ball(0.15, 4), NeoHookean(1e8, density=2000.0), vertices, name="ball", placement=Placement((0.0, 1.2, 0.0))),
-              Body(tuple(mat(n) for n in cuts), NeoHookean(1e6), name="mat", placement=Placement((0.0, 1.0, 0.0))))
+    bodies = (
+        Body(
+            ball(0.15, 4), NeoHookean(1e8, density=2000.0), vertices, name="ball", placement=Placement((0.0, 1.2, 0.0))
+        ),
+        Body(tuple(mat(n) for n in cuts), NeoHookean(1e6), name="mat", placement=Placement((0.0, 1.0, 0.0))),
+    )
     sides = Support(lambda X: np.abs(X[:, 0]) > 0.4999, body="mat")
     return Scene(bodies, dt=0.01, steps=250, loads=(DOWN,), supports=(sides,), contact=(Barrier(),), obstacles=(FLOOR,))
 
@@ -166,11 +227,20 @@ def card_house(n: int = 9) -> Scene:
     cube = Body((brick((0.12, 0.12, 0.12)),), stiff, velocity=(0.0, -1.0, 0.0))
     for k, (x, y) in enumerate(((-0.1, 2.0), (0.15, 2.5))):
         bodies.append(replace(cube, name=f"cube {k}", placement=Placement((x, y, 0.05), 0.4, (1.0, 1.0, 0.3))))
-    return Scene(tuple(bodies), dt=0.025, steps=200, loads=(DOWN,), obstacles=(FLOOR,), contact=(Barrier(dhat), Friction(0.9, dhat / 10)))
+    return Scene(
+        tuple(bodies),
+        dt=0.025,
+        steps=200,
+        loads=(DOWN,),
+        obstacles=(FLOOR,),
+        contact=(Barrier(dhat), Friction(0.9, dhat / 10)),
+    )
 
 
 def masonry_arch(stones: int = 25) -> Scene:
-    """An arch of stones, eight vertices each, along an upturned catenary 20 m wide and 12.5 m high, stands by friction alone."""
+    """An arch of stones, eight vertices each, along an upturned catenary 20 m wide and 12.5 m high, stands by friction
+    alone.
+    """
     half, depth, thick, gap = 10.0, 3.0, 1.6, 1.3e-6
     a = 7.0  # y = top - a (cosh(x / a) - 1)
     fine = np.linspace(-half, half, 20001)
@@ -183,6 +253,7 @@ def masonry_arch(stones: int = 25) -> Scene:
     normal[0], normal[-1] = (-1.0, 0.0), (1.0, 0.0)  # the feet stand flat on the floor
     bodies = []
     for k in range(stones):
+
         def bend(X, k=k):
             """Unit box to the stone between marks k and k + 1, a gap shorter at each end."""
             ends = [middle[i] + t * thick / 2 * normal[i] for i in (k, k + 1) for t in (-1, 1)]
@@ -192,11 +263,22 @@ def masonry_arch(stones: int = 25) -> Scene:
             s, r = X[:, :1] + 0.5, X[:, 1:2] + 0.5
             flat = (1 - s) * ((1 - r) * low[0] + r * low[1]) + s * ((1 - r) * high[0] + r * high[1])
             return np.column_stack([flat, depth * X[:, 2]])
+
         bodies.append(Body((brick(bend=bend),), FixedCorotational(2e10, 0.2, 2300.0), name=f"stone {k}"))
     inner = half + thick / 2 + gap
-    blocks = tuple(Rigid(box((2.0, 2.0, 4.0)), Placement((side * (inner + 1.0), 1.001, 0.0)), name=f"abutment {side:+d}") for side in (-1, 1))
-    return Scene(tuple(bodies), dt=0.01, steps=2000, loads=(DOWN,), obstacles=(FLOOR, *blocks),
-                 contact=(Barrier(1.355e-6), Friction(0.5, 2.71e-4)), solver=Solver(tolerance=2.71e-3))
+    blocks = tuple(
+        Rigid(box((2.0, 2.0, 4.0)), Placement((side * (inner + 1.0), 1.001, 0.0)), name=f"abutment {side:+d}")
+        for side in (-1, 1)
+    )
+    return Scene(
+        tuple(bodies),
+        dt=0.01,
+        steps=2000,
+        loads=(DOWN,),
+        obstacles=(FLOOR, *blocks),
+        contact=(Barrier(1.355e-6), Friction(0.5, 2.71e-4)),
+        solver=Solver(tolerance=2.71e-3),
+    )
 
 
 def chain(links: int = 10) -> Scene:
@@ -207,7 +289,9 @@ def chain(links: int = 10) -> Scene:
         return Placement((0.0, -0.475 * k, 0.0), np.pi / 2, X_AXIS if k % 2 == 0 else Z_AXIS)
 
     bodies = tuple(Body(ring, soft, (240,), name=f"link {k}", placement=place(k)) for k in range(1, links + 1))
-    return Scene(bodies, dt=0.04, steps=250, loads=(DOWN,), contact=(Barrier(),), obstacles=(Rigid(ring, place(0), name="hook"),))
+    return Scene(
+        bodies, dt=0.04, steps=250, loads=(DOWN,), contact=(Barrier(),), obstacles=(Rigid(ring, place(0), name="hook"),)
+    )
 
 
 def tight_fit(gap: float = 1e-3) -> Scene:
@@ -217,10 +301,18 @@ def tight_fit(gap: float = 1e-3) -> Scene:
     corners = open_box.vertices[open_box.triangles]
     wall = Surface(open_box.vertices, open_box.triangles[~(corners[:, :, 1] > 0.49).all(axis=1)])
     cube = Body((brick(cuts=(5, 5, 5)),), NeoHookean(1e5), placement=Placement((0.0, 0.6, 0.0)))
-    return Scene((cube,), dt=0.04, steps=100, loads=(DOWN,), contact=(Barrier(Relative(1e-5)),), obstacles=(Rigid(wall, name="box", closed=False),))
+    return Scene(
+        (cube,),
+        dt=0.04,
+        steps=100,
+        loads=(DOWN,),
+        contact=(Barrier(Relative(1e-5)),),
+        obstacles=(Rigid(wall, name="box", closed=False),),
+    )
 
 
-# ---- Erleben's pairs ---------------------------------------------------------------------------------------------------------
+# ---- Erleben's pairs
+# ---------------------------------------------------------------------------------------------------------
 
 
 def spike(up: bool) -> tuple[np.ndarray, np.ndarray]:
@@ -247,7 +339,12 @@ def sheet(points, n: int = 1) -> Surface:
     """The grid (rows of n + 1 points) as an open surface."""
     points = np.asarray(points, dtype=float)
     i = (np.arange(len(points) // (n + 1) - 1)[:, None] * (n + 1) + np.arange(n)).ravel()
-    return Surface(points, np.vstack([np.column_stack([i, i + n + 1, i + 1]), np.column_stack([i + 1, i + n + 1, i + n + 2])]).astype(np.int32))
+    return Surface(
+        points,
+        np.vstack([np.column_stack([i, i + n + 1, i + 1]), np.column_stack([i + 1, i + n + 1, i + n + 2])]).astype(
+            np.int32
+        ),
+    )
 
 
 def lying(n: int) -> Surface:
@@ -258,22 +355,42 @@ def lying(n: int) -> Surface:
 
 def groove(half: float, depth: float) -> Surface:
     """A ground with a V-shaped crack along z."""
-    return sheet([(x, y, z) for x, y in ((-1.0, 0.0), (-half, 0.0), (0.0, -depth), (half, 0.0), (1.0, 0.0)) for z in (-1.0, 1.0)])
+    return sheet(
+        [(x, y, z) for x, y in ((-1.0, 0.0), (-half, 0.0), (0.0, -depth), (half, 0.0), (1.0, 0.0)) for z in (-1.0, 1.0)]
+    )
 
 
 def pit(half: float, depth: float) -> Surface:
     """A ground with a four-sided hole that narrows to a point."""
     ring = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)])
-    points = np.vstack([np.insert(ring * 1.0, 1, 0.0, axis=1), np.insert(half * ring, 1, 0.0, axis=1), [[0.0, -depth, 0.0]]])
-    faces = [f for k in range(4) for f in ((k, 4 + (k + 1) % 4, (k + 1) % 4), (k, 4 + k, 4 + (k + 1) % 4), (4 + k, 8, 4 + (k + 1) % 4))]
+    points = np.vstack(
+        [np.insert(ring * 1.0, 1, 0.0, axis=1), np.insert(half * ring, 1, 0.0, axis=1), [[0.0, -depth, 0.0]]]
+    )
+    faces = [
+        f
+        for k in range(4)
+        for f in ((k, 4 + (k + 1) % 4, (k + 1) % 4), (k, 4 + k, 4 + (k + 1) % 4), (4 + k, 8, 4 + (k + 1) % 4))
+    ]
     return Surface(points, np.array(faces, dtype=np.int32))
 
 
-def pair(falling: tuple[np.ndarray, np.ndarray], below: Surface | Solid, height: float = 0.05, shift=(0.0, 0.0), closed: bool = False) -> Scene:
+def pair(
+    falling: tuple[np.ndarray, np.ndarray],
+    below: Surface | Solid,
+    height: float = 0.05,
+    shift=(0.0, 0.0),
+    closed: bool = False,
+) -> Scene:
     """One small body falls on one rigid shape, with mu = 1."""
     body = Body((solid(*falling),), FixedCorotational(1e5), placement=Placement((shift[0], height, shift[1])))
-    return Scene((body,), dt=0.005, steps=2000, loads=(DOWN,), contact=(Barrier(), Friction(1.0)),
-                 obstacles=(replace(FLOOR, point=(0.0, -3.0, 0.0)), Rigid(below, name="below", closed=closed)))
+    return Scene(
+        (body,),
+        dt=0.005,
+        steps=2000,
+        loads=(DOWN,),
+        contact=(Barrier(), Friction(1.0)),
+        obstacles=(replace(FLOOR, point=(0.0, -3.0, 0.0)), Rigid(below, name="below", closed=closed)),
+    )
 
 
 def cube(up: bool) -> tuple[np.ndarray, np.ndarray]:

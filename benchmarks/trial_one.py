@@ -1,6 +1,8 @@
-"""One scene in a process of its own: `trial_one.py FILE NAME RUN SECONDS [SEED]` marches `scene(name=NAME)` of FILE into the run folder RUN.
+"""One scene in a process of its own: `trial_one.py FILE NAME RUN SECONDS [SEED]` marches `scene(name=NAME)` of FILE
+into the run folder RUN.
 
-After SECONDS it stops where it is, between two steps. Beside the run it leaves RUN.json: how it ended, peak memory [MB] and seconds.
+After SECONDS it stops where it is, between two steps. Beside the run it leaves RUN.json: how it ended, peak memory [MB]
+and seconds.
 """
 
 import json
@@ -8,10 +10,11 @@ import sys
 import time
 from pathlib import Path
 
+from run_one import peak_memory
+
 import pdvol
 from pdvol.errors import ConvergenceError, InputError
 from pdvol.runs.shot import load_shot
-from run_one import peak_memory
 
 
 class TimeUp(Exception):
@@ -34,7 +37,9 @@ class Timer:
 
 
 def main(file: str, name: str, out: str, seconds: str, seed: str = "") -> int:
-    """Runs the scene; 0 when it came to its end or the time was over, 1 when pdvol gave up. Any other error is a traceback."""
+    """Runs the scene; 0 when it came to its end or the time was over, 1 when pdvol gave up. Any other error is a
+    traceback.
+    """
     begin, timer = time.perf_counter(), Timer(time.perf_counter() + float(seconds))
     told, kind = "", "done"
     try:
@@ -44,7 +49,12 @@ def main(file: str, name: str, out: str, seconds: str, seed: str = "") -> int:
         kind = "time"
     except (ConvergenceError, InputError) as error:
         kind, told = type(error).__name__, str(error)
-    noted = {"outcome": kind, "told": told, "wall_seconds": time.perf_counter() - begin, "peak_memory_mb": peak_memory()}
+    noted = {
+        "outcome": kind,
+        "told": told,
+        "wall_seconds": time.perf_counter() - begin,
+        "peak_memory_mb": peak_memory(),
+    }
     Path(out).with_suffix(".json").write_text(json.dumps(noted))
     return int(bool(told))
 

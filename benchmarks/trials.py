@@ -1,6 +1,7 @@
 """Trials: scenes that are run under a limit of time, each in a process of its own, and what their stored states show.
 
-States are checked by tests/verify_run.py, which shares nothing with the solver; energies are summed here, from the states and the log.
+States are checked by tests/verify_run.py, which shares nothing with the solver; energies are summed here, from the
+states and the log.
 """
 
 import json
@@ -10,8 +11,8 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 
 import numpy as np
-
 import peers
+
 from pdvol.record.reader import Run, RunLevel, open_run
 from pdvol.scene import Scene, metres
 
@@ -23,8 +24,12 @@ PATIENCE = 60.0
 """Seconds beyond the limit after which a step that does not end is taken to hang, and its process is ended."""
 
 
-def trial(file: Path, name: str, seconds: float, hard: float, keep: Callable[[Path], None] | None = None, seed: int = 0) -> dict:
-    """The record of one scene: stopped between steps after `seconds`, ended as hanging after `hard`; `keep` is handed its run folder."""
+def trial(
+    file: Path, name: str, seconds: float, hard: float, keep: Callable[[Path], None] | None = None, seed: int = 0
+) -> dict:
+    """The record of one scene: stopped between steps after `seconds`, ended as hanging after `hard`; `keep` is handed
+    its run folder.
+    """
     with tempfile.TemporaryDirectory(prefix=f"pdvol-{name}-") as folder:
         path = Path(folder) / "run"
         log = Path(folder) / "run.log"
@@ -53,7 +58,8 @@ def chosen(text: str, known) -> list[str]:
 
 
 class Trials:
-    """The trials of a table: records in the order of `known`, kept as NAME.json and NAME.md in a folder, each as soon as it is there.
+    """The trials of a table: records in the order of `known`, kept as NAME.json and NAME.md in a folder, each as soon
+    as it is there.
 
     Parameters
     ----------
@@ -64,7 +70,9 @@ class Trials:
     told : the table of records, as Markdown
     """
 
-    def __init__(self, folder: Path, name: str, known: Iterable[str], again: list[str], told: Callable[[list[dict]], str]):
+    def __init__(
+        self, folder: Path, name: str, known: Iterable[str], again: list[str], told: Callable[[list[dict]], str]
+    ):
         folder.mkdir(parents=True, exist_ok=True)
         self._json, self._markdown = folder / f"{name}.json", folder / f"{name}.md"
         self._order, self._told = list(known), told
@@ -87,7 +95,11 @@ class Trials:
     def __str__(self) -> str:
         """The machine, the table, and what was told of trials that stopped or whose states are wrong."""
         lines = [f"Measured on {machine_line(self.result['machine'])}.", "", self._told(self.records), ""]
-        lines += [f"- {record['name']}: {text}" for record in self.records for text in filter(None, [record["told"], *record["problems"]])]
+        lines += [
+            f"- {record['name']}: {text}"
+            for record in self.records
+            for text in filter(None, [record["told"], *record["problems"]])
+        ]
         return "\n".join(lines) + "\n"
 
 
@@ -97,10 +109,27 @@ def measured(path: Path) -> dict:
     levels, problems = [], []
     for level, found in zip(run.levels, verify_run.check_levels(path), strict=True):
         problems += found.problems
-        levels.append({"level": level.index, "vertices": len(level.rest), "cells": len(level.cells), "steps": max(level.steps - 1, 0),
-                       "intersections": found.crossings, "det_f_min": finite(found.smallest_det), "plane_gap_min": finite(found.smallest_gap),
-                       "end": end(level), **figures(level.log), **energies(run, level)})
-    return {"dt": run.dt, "steps": run.info["steps"], "diagonal": run.info["diagonal"], "levels": levels, "problems": problems[:10]}
+        levels.append(
+            {
+                "level": level.index,
+                "vertices": len(level.rest),
+                "cells": len(level.cells),
+                "steps": max(level.steps - 1, 0),
+                "intersections": found.crossings,
+                "det_f_min": finite(found.smallest_det),
+                "plane_gap_min": finite(found.smallest_gap),
+                "end": end(level),
+                **figures(level.log),
+                **energies(run, level),
+            }
+        )
+    return {
+        "dt": run.dt,
+        "steps": run.info["steps"],
+        "diagonal": run.info["diagonal"],
+        "levels": levels,
+        "problems": problems[:10],
+    }
 
 
 def lengths(scene: Scene, diagonal: float) -> dict:
@@ -142,18 +171,26 @@ def finite(value: float) -> float | None:
     return float(value) if np.isfinite(value) else None
 
 
-# ---- energy ------------------------------------------------------------------------------------------------------------------
+# ---- energy
+# ------------------------------------------------------------------------------------------------------------------
 
 
 def energies(run: Run, level: RunLevel) -> dict:
-    """Change of kinetic, elastic, load and barrier energy together over the run, and its largest rise from any step to a later one.
+    """Change of kinetic, elastic, load and barrier energy together over the run, and its largest rise from any step to
+    a later one.
 
-    Both are shares of the largest kinetic energy or change of another kind, so that a body that only falls loses about nothing.
+    Both are shares of the largest kinetic energy or change of another kind, so that a body that only falls loses about
+    nothing.
     """
-    kinetic = np.array([kinetic_energy(run, level, record["step"]) for record in level.log if record["step"] < level.steps])
+    kinetic = np.array(
+        [kinetic_energy(run, level, record["step"]) for record in level.log if record["step"] < level.steps]
+    )
     if len(kinetic) < 2:
         return {"energy_change": None, "energy_rise": None}
-    parts = {kind: np.array([record["energy"][kind] for record in level.log[: len(kinetic)]]) for kind in ("elastic", "load", "barrier")}
+    parts = {
+        kind: np.array([record["energy"][kind] for record in level.log[: len(kinetic)]])
+        for kind in ("elastic", "load", "barrier")
+    }
     total = kinetic + sum(parts.values())
     scale = max(kinetic.max(), *(np.ptp(values) for values in parts.values()), 1e-300)
     rise = (total - np.minimum.accumulate(total)).max()
@@ -170,11 +207,14 @@ def kinetic_energy(run: Run, level: RunLevel, step: int) -> float:
     return float(0.5 * (density * volumes * squares[level.cells].mean(axis=1)).sum())
 
 
-# ---- tables ------------------------------------------------------------------------------------------------------------------
+# ---- tables
+# ------------------------------------------------------------------------------------------------------------------
 
 
 def sound(record: dict) -> bool:
-    """Whether a trial ended as it may: at its end, at its time or with a named error, and every state free of intersections and inversions."""
+    """Whether a trial ended as it may: at its end, at its time or with a named error, and every state free of
+    intersections and inversions.
+    """
     return record["outcome"] in ("done", "time", "ConvergenceError", "InputError") and not record["problems"]
 
 

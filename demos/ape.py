@@ -18,8 +18,15 @@ HELD = 0.03  # m above the ground: seat, soles and the right fist
 def scene(vertices=(300, 700, 1600, 3600), young=2e4, speed=5.0, steps=800, dt=0.01):
     """The gorilla, 1 m tall along z, gets an upward velocity of `speed` m/s all at once; nothing else acts on it."""
     return Scene(
-        bodies=(Body(meshes.ape(), NeoHookean(young, 0.4, 1000.0), tuple(vertices), name="ape",
-                     placement=Placement(angle=np.pi / 2, axis=(1.0, 0.0, 0.0))),),
+        bodies=(
+            Body(
+                meshes.ape(),
+                NeoHookean(young, 0.4, 1000.0),
+                tuple(vertices),
+                name="ape",
+                placement=Placement(angle=np.pi / 2, axis=(1.0, 0.0, 0.0)),
+            ),
+        ),
         supports=(Support(lambda X: X[:, 2] < HELD),),
         loads=(Impulse((0.0, 0.0, speed)),),
         contact=(Barrier(),),

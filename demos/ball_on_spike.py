@@ -1,6 +1,7 @@
 """A soft ball dropped on a sharp spike, a hair off-centre (paper, figures 2 and 9).
 
-Which way does it fall? Simulated on its own, every level answers for itself; refined progressively, they fall the same way.
+Which way does it fall? Simulated on its own, every level answers for itself; refined progressively, they fall the same
+way.
 """
 
 import pdvol
@@ -13,10 +14,19 @@ TIP = 0.5  # m, height of the spike
 def scene(offset=0.002, young=3e4, steps=120, dt=0.01, height=0.9, mu=0.3):
     """A ball of radius 0.25 m whose centre starts `offset` m beside the spike's axis and `height` m above the ground."""
     return Scene(
-        bodies=(Body(meshes.disc(RADIUS), NeoHookean(young, 0.4, 1000.0), vertices=(60, 130, 310, 570, 1100), name="ball",
-                     placement=Placement(translate=(offset, height))),),
-        obstacles=(Plane((0.0, 0.0), (0.0, 1.0), name="ground"),
-                   Rigid(meshes.spike(width=0.24, height=TIP), name="spike", placement=Placement(translate=(0.0, 0.002)))),
+        bodies=(
+            Body(
+                meshes.disc(RADIUS),
+                NeoHookean(young, 0.4, 1000.0),
+                vertices=(60, 130, 310, 570, 1100),
+                name="ball",
+                placement=Placement(translate=(offset, height)),
+            ),
+        ),
+        obstacles=(
+            Plane((0.0, 0.0), (0.0, 1.0), name="ground"),
+            Rigid(meshes.spike(width=0.24, height=TIP), name="spike", placement=Placement(translate=(0.0, 0.002))),
+        ),
         loads=(Gravity((0.0, -9.81)),),
         contact=(Barrier(), Friction(mu)),
         dt=dt,

@@ -1,6 +1,6 @@
 """A soft shape falls spinning on two round stones and the floor: any surface file, or a bear cub of our own.
 
-    pdvol run demos/drop.py --set surface=cow.obj
+pdvol run demos/drop.py --set surface=cow.obj
 """
 
 import numpy as np
@@ -20,11 +20,27 @@ def scene(surface="", vertices=(500, 2000, 8000), young=1e5, mu=0.3, spin=2.0, s
     centre = scale * (low + high) / 2
     stones = [((-0.34, 0.2, 0.05), 0.2), ((0.30, 0.14, -0.08), 0.14)]
     return Scene(
-        bodies=(Body(shape, NeoHookean(young, 0.4, 1000.0), tuple(vertices), name="drop", spin=(0.4 * spin, 0.2 * spin, spin),
-                     placement=Placement(translate=(-centre[0], height - centre[1], -centre[2]), scale=scale)),),
-        obstacles=(Plane((0.0, 0.0, 0.0), (0.0, 1.0, 0.0), name="floor"),
-                   *(Rigid(meshes.ball(radius, 3), name=f"stone {i + 1}", placement=Placement(translate=(place[0], place[1] + 0.01, place[2])))
-                     for i, (place, radius) in enumerate(stones))),
+        bodies=(
+            Body(
+                shape,
+                NeoHookean(young, 0.4, 1000.0),
+                tuple(vertices),
+                name="drop",
+                spin=(0.4 * spin, 0.2 * spin, spin),
+                placement=Placement(translate=(-centre[0], height - centre[1], -centre[2]), scale=scale),
+            ),
+        ),
+        obstacles=(
+            Plane((0.0, 0.0, 0.0), (0.0, 1.0, 0.0), name="floor"),
+            *(
+                Rigid(
+                    meshes.ball(radius, 3),
+                    name=f"stone {i + 1}",
+                    placement=Placement(translate=(place[0], place[1] + 0.01, place[2])),
+                )
+                for i, (place, radius) in enumerate(stones)
+            ),
+        ),
         loads=(Gravity((0.0, -9.81, 0.0)),),
         contact=(Barrier(), Friction(mu)),
         dt=dt,

@@ -1,13 +1,27 @@
 """Soft and stiff together on a trampoline (paper, section 5, heterogeneous materials): do all levels bounce alike?
 
-A worm of 2e4 Pa, a propeller of 2e10, the letters A, B and C of 4e4, 5e5 and 6e6 by three laws, and a ball of soft and firm panels.
+A worm of 2e4 Pa, a propeller of 2e10, the letters A, B and C of 4e4, 5e5 and 6e6 by three laws, and a ball of soft and
+firm panels.
 """
 
 import numpy as np
 
 import pdvol
 from pdvol import (
-    Barrier, Body, FixedCorotational, Friction, Gravity, NeoHookean, Placement, Plane, Region, Scene, Solver, StVenantKirchhoff, Support, meshes,
+    Barrier,
+    Body,
+    FixedCorotational,
+    Friction,
+    Gravity,
+    NeoHookean,
+    Placement,
+    Plane,
+    Region,
+    Scene,
+    Solver,
+    StVenantKirchhoff,
+    Support,
+    meshes,
 )
 
 WIDTH, BED, LEG = 2.8, 0.7, 0.12  # m: the trampoline, the height of its bed, and its legs
@@ -16,7 +30,8 @@ WIDTH, BED, LEG = 2.8, 0.7, 0.12  # m: the trampoline, the height of its bed, an
 def scene(vertices=(40, 100, 250, 600), drop=0.4, bounce=1e7, spin=0.0, mu=0.2, steps=120, dt=0.01):
     """All fall from `drop` m and more on a bed of `bounce` Pa, the propeller turning at `spin` rad/s.
 
-    `vertices` are those of each body; the bed has twice as many. A spinning body as stiff as the propeller takes 15 Newton iterations a step.
+    `vertices` are those of each body; the bed has twice as many. A spinning body as stiff as the propeller takes 15
+    Newton iterations a step.
     """
     A, B, C = (meshes.letter(name, 0.5) for name in "ABC")
     low, high = BED + 0.25 + drop, BED + 0.95 + drop
@@ -27,8 +42,13 @@ def scene(vertices=(40, 100, 250, 600), drop=0.4, bounce=1e7, spin=0.0, mu=0.2, 
     panels = (Region(NeoHookean(4e5, 0.4, 200.0), (1, 3, 5)),)
     return Scene(
         bodies=(
-            Body(meshes.trampoline(WIDTH, BED, bed=0.05, leg=LEG), NeoHookean(bounce, 0.4, 500.0), tuple(2 * v for v in vertices), name="trampoline",
-                 placement=Placement((0.0, 0.02))),
+            Body(
+                meshes.trampoline(WIDTH, BED, bed=0.05, leg=LEG),
+                NeoHookean(bounce, 0.4, 500.0),
+                tuple(2 * v for v in vertices),
+                name="trampoline",
+                placement=Placement((0.0, 0.02)),
+            ),
             thrown("A", A, NeoHookean(4e4, 0.4, 400.0), -0.72, low, 6.0),
             thrown("B", B, StVenantKirchhoff(5e5, 0.4, 400.0), 0.0, low, -8.0),
             thrown("C", C, FixedCorotational(6e6, 0.4, 400.0), 0.70, low, 5.0),
@@ -40,7 +60,9 @@ def scene(vertices=(40, 100, 250, 600), drop=0.4, bounce=1e7, spin=0.0, mu=0.2, 
         obstacles=(Plane((0.0, 0.0), (0.0, 1.0), name="ground"),),
         loads=(Gravity((0.0, -9.81)),),
         contact=(Barrier(), Friction(mu)),
-        solver=Solver(linear="direct"),  # stiffnesses a million times apart: 37 conjugate-gradient iterations a solve on level 0
+        solver=Solver(
+            linear="direct"
+        ),  # stiffnesses a million times apart: 37 conjugate-gradient iterations a solve on level 0
         dt=dt,
         steps=steps,
     )

@@ -1,26 +1,39 @@
-"""Jelly animals thrown fast into a glass bowl (paper, section 5, jello in the bowl): a bear, a bunny and a frog, with little friction.
+"""Jelly animals thrown fast into a glass bowl (paper, section 5, jello in the bowl): a bear, a bunny and a frog, with
+little friction.
 
-Level 0 has about 500 vertices an animal, blobs that answer at once; the finest shows their faces and the ripples of the impact.
+Level 0 has about 500 vertices an animal, blobs that answer at once; the finest shows their faces and the ripples of the
+impact.
 """
 
 import pdvol
 from pdvol import Barrier, Body, Friction, Gravity, NeoHookean, Placement, Rigid, Scene, meshes
 
 RADIUS, DEPTH = 1.0, 0.6  # m, inside the bowl
-THROWN = (  # name, shape, place of its feet before it is turned, angle and axis of that turn, direction of the throw, spin
+# name, shape, place of its feet before it is turned, angle and axis of that turn, direction of the throw, spin
+THROWN = (
     ("bear", meshes.creature, 0.75, (-0.95, 1.10, 0.10), 0.5, (0, 0, 1), (0.62, -0.78, -0.02), (0.0, 2.0, -4.0)),
     ("bunny", meshes.bunny, 0.80, (0.95, 1.30, 0.25), 0.4, (0, 0, 1), (-0.60, -0.80, -0.12), (3.0, 0.0, 4.0)),
     ("frog", meshes.frog, 0.48, (0.05, 1.75, -0.45), -0.5, (1, 0, 0), (0.0, -0.93, 0.36), (-4.0, 0.0, 1.0)),
 )
 
 
-def scene(vertices=(500, 1500, 4500, 13500), who=("bear", "bunny", "frog"), speed=6.0, young=6e4, mu=0.05, steps=60, dt=0.01):
+def scene(
+    vertices=(500, 1500, 4500, 13500), who=("bear", "bunny", "frog"), speed=6.0, young=6e4, mu=0.05, steps=60, dt=0.01
+):
     """The animals `who`, each of `vertices`, are thrown at `speed` m/s; `young` Pa makes them jelly."""
     material = NeoHookean(young, 0.45, 1000.0)
     bodies = tuple(
-        Body(make(height), material, tuple(vertices), name=name, placement=Placement(place, angle, axis), spin=spin,
-             velocity=tuple(speed * part for part in way))
-        for name, make, height, place, angle, axis, way, spin in THROWN if name in who
+        Body(
+            make(height),
+            material,
+            tuple(vertices),
+            name=name,
+            placement=Placement(place, angle, axis),
+            spin=spin,
+            velocity=tuple(speed * part for part in way),
+        )
+        for name, make, height, place, angle, axis, way, spin in THROWN
+        if name in who
     )
     return Scene(
         bodies=bodies,

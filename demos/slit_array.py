@@ -1,6 +1,8 @@
-"""A block of slits falls on the ground (paper, figures "consistency weights"): soft strips, eight levels and a large time step.
+"""A block of slits falls on the ground (paper, figures "consistency weights"): soft strips, eight levels and a large
+time step.
 
-How far do the levels part, and how firmly must they be held together? `benchmarks/methods.py slit_array` sweeps the weight of the penalty.
+How far do the levels part, and how firmly must they be held together? `benchmarks/methods.py slit_array` sweeps the
+weight of the penalty.
 
     pdvol run demos/slit_array.py --set consistency=0.025
 """
@@ -14,8 +16,15 @@ LEVELS = (100, 130, 170, 230, 310, 420, 570, 770)
 def scene(young=1e5, steps=150, dt=0.04, height=0.3, angle=0.1, mu=0.3, vertices=LEVELS):
     """A block of 0.9 m by 1 m, cut into seven strips, `height` m above the ground and turned by `angle` rad."""
     return Scene(
-        bodies=(Body(meshes.slit_array(), NeoHookean(young, 0.4, 1000.0), tuple(vertices), name="slits",
-                     placement=Placement(translate=(0.0, height), angle=angle)),),
+        bodies=(
+            Body(
+                meshes.slit_array(),
+                NeoHookean(young, 0.4, 1000.0),
+                tuple(vertices),
+                name="slits",
+                placement=Placement(translate=(0.0, height), angle=angle),
+            ),
+        ),
         obstacles=(Plane((0.0, 0.0), (0.0, 1.0), name="ground"),),
         loads=(Gravity((0.0, -9.81)),),
         contact=(Barrier(), Friction(mu)),

@@ -1,6 +1,8 @@
-"""Two levels of the slit array (paper, figure "TRACKS"): a fine simulation of its own, pulled after the coarse one by springs.
+"""Two levels of the slit array (paper, figure "TRACKS"): a fine simulation of its own, pulled after the coarse one by
+springs.
 
-What does it take to follow the preview: springs whose strength must be found, or the coarse velocity? `benchmarks/methods.py tracks` compares.
+What does it take to follow the preview: springs whose strength must be found, or the coarse velocity?
+`benchmarks/methods.py tracks` compares.
 
     pdvol run demos/tracks.py --method tracks --set weight=0.01
 """
@@ -12,8 +14,15 @@ from pdvol import Barrier, Body, Friction, Gravity, NeoHookean, Placement, Plane
 def scene(young=1e5, steps=150, dt=0.01, height=0.3, angle=0.1, mu=0.3, vertices=(100, 770)):
     """A block of 0.9 m by 1 m, cut into seven strips, `height` m above the ground and turned by `angle` rad."""
     return Scene(
-        bodies=(Body(meshes.slit_array(), NeoHookean(young, 0.4, 1000.0), tuple(vertices), name="slits",
-                     placement=Placement(translate=(0.0, height), angle=angle)),),
+        bodies=(
+            Body(
+                meshes.slit_array(),
+                NeoHookean(young, 0.4, 1000.0),
+                tuple(vertices),
+                name="slits",
+                placement=Placement(translate=(0.0, height), angle=angle),
+            ),
+        ),
         obstacles=(Plane((0.0, 0.0), (0.0, 1.0), name="ground"),),
         loads=(Gravity((0.0, -9.81)),),
         contact=(Barrier(), Friction(mu)),

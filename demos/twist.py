@@ -2,7 +2,8 @@
 
     pdvol run demos/twist.py --levels 0:1
 
-Four levels of 3,700, 9,126, 32,000 and 107,100 vertices; `--levels 0:1` is for every day, all four took 20 minutes on one shared core.
+Four levels of 3,700, 9,126, 32,000 and 107,100 vertices; `--levels 0:1` is for every day, all four took 20 minutes on
+one shared core.
 """
 
 import numpy as np
@@ -16,13 +17,22 @@ END = 1e-6  # m within which a vertex belongs to an end face
 
 
 def scene(cuts=CUTS, speed=300.0, release=0.7, young=2e5, poisson=0.4, steps=100, dt=0.01):
-    """The ends turn at `speed` deg/s, one this way, one that, until `release` [s], when the end at +x is let go; the other one then stays."""
+    """The ends turn at `speed` deg/s, one this way, one that, until `release` [s], when the end at +x is let go; the
+    other one then stays.
+    """
     turns = [Rotation(sign * np.radians(speed), (0.0, 0.0, 0.0), (1.0, 0.0, 0.0), stop=release) for sign in (1, -1)]
     return Scene(
-        bodies=(Body(tuple(meshes.brick((LENGTH, WIDTH, WIDTH), (along, across, across)) for along, across in cuts),
-                     NeoHookean(young, poisson, 1000.0), name="bar"),),
-        supports=(Support(lambda X: X[:, 0] < -LENGTH / 2 + END, motion=turns[0]),
-                  Support(lambda X: X[:, 0] > LENGTH / 2 - END, motion=turns[1], release=release)),
+        bodies=(
+            Body(
+                tuple(meshes.brick((LENGTH, WIDTH, WIDTH), (along, across, across)) for along, across in cuts),
+                NeoHookean(young, poisson, 1000.0),
+                name="bar",
+            ),
+        ),
+        supports=(
+            Support(lambda X: X[:, 0] < -LENGTH / 2 + END, motion=turns[0]),
+            Support(lambda X: X[:, 0] > LENGTH / 2 - END, motion=turns[1], release=release),
+        ),
         contact=(Barrier(),),
         dt=dt,
         steps=steps,

@@ -1,21 +1,22 @@
-"""Energy densities psi(F) [Pa] of isotropic hyperelastic laws in 2D (plane strain: the third stretch is one) and 3D, as UFL.
+"""Energy densities psi(F) [Pa] of isotropic hyperelastic laws in 2D (plane strain: the third stretch is one) and 3D, as
+UFL.
 
-All are zero and free of stress at F = 1 and become linear elasticity with Lame's mu and lmbda [Pa] for small strains. They are meant for
-J = det F > 0, which the solver keeps whatever the law.
+All are zero and free of stress at F = 1 and become linear elasticity with Lame's mu and lmbda [Pa] for small strains.
+They are meant for J = det F > 0, which the solver keeps whatever the law.
 """
 
 import ufl
-
 from pdvol.forms.kinematics import green_strain, sum_of_stretches
-
 
 GUARDED = 0.1  # of a cell's volume: below it laws that are finite at zero volume get a barrier
 
 
 def volume_barrier(F, stiffness):
-    r"""-stiffness (u - 1)^2 ln u where u = J / GUARDED is below one, nothing above: twice differentiable, infinite at zero volume.
+    r"""-stiffness (u - 1)^2 ln u where u = J / GUARDED is below one, nothing above: twice differentiable, infinite at
+    zero volume.
 
-    It keeps cells of laws that give way from being pressed to nothing, and leaves the law as it is down to a tenth of a cell's volume.
+    It keeps cells of laws that give way from being pressed to nothing, and leaves the law as it is down to a tenth of a
+    cell's volume.
     """
     u = ufl.det(F) / GUARDED
     return ufl.conditional(ufl.lt(u, 1), -stiffness * (u - 1) ** 2 * ufl.ln(u), 0)
@@ -24,7 +25,8 @@ def volume_barrier(F, stiffness):
 def neo_hookean(F, mu, lmbda):
     r"""Neo-Hookean law, psi = mu/2 (tr(F'F) - d) - mu ln J + lmbda/2 (ln J)^2.
 
-    First Piola-Kirchhoff stress P = mu (F - F^-T) + lmbda ln(J) F^-T: infinite at zero volume. Source: Bonet and Wood 2008, section 6.4.3.
+    First Piola-Kirchhoff stress P = mu (F - F^-T) + lmbda ln(J) F^-T: infinite at zero volume. Source: Bonet and Wood
+    2008, section 6.4.3.
     """
     d = F.ufl_shape[0]
     ln_J = ufl.ln(ufl.det(F))
@@ -34,8 +36,9 @@ def neo_hookean(F, mu, lmbda):
 def st_venant_kirchhoff(F, mu, lmbda):
     r"""St. Venant-Kirchhoff law, psi = mu tr(E^2) + lmbda/2 (tr E)^2, E = (F'F - 1) / 2.
 
-    P = F (2 mu E + lmbda tr(E) 1). It gives way in compression: pressed along one axis the stress is largest at a stretch of 1/sqrt(3)
-    and falls from there on, until below a tenth of the volume `volume_barrier` stops the collapse. Source: Bonet and Wood 2008, section 6.4.1.
+    P = F (2 mu E + lmbda tr(E) 1). It gives way in compression: pressed along one axis the stress is largest at a
+    stretch of 1/sqrt(3) and falls from there on, until below a tenth of the volume `volume_barrier` stops the collapse.
+    Source: Bonet and Wood 2008, section 6.4.1.
     """
     E = green_strain(F)
     return mu * ufl.inner(E, E) + lmbda / 2 * ufl.tr(E) ** 2 + volume_barrier(F, 2 * mu + lmbda)
@@ -44,9 +47,13 @@ def st_venant_kirchhoff(F, mu, lmbda):
 def fixed_corotational(F, mu, lmbda):
     r"""Fixed corotational law, psi = mu |F - R|^2 + lmbda/2 (J - 1)^2, F = R S the polar decomposition.
 
-    P = 2 mu (F - R) + lmbda (J - 1) cof F: linear in the stretches but for the volume's part, and finite (2 mu + lmbda pressed along one axis)
-    at zero volume, but for `volume_barrier` below a tenth of it. |F - R|^2 = tr C - 2 tr S + d. Source: Stomakhin et al. 2012,
-    Energetically Consistent Invertible Elasticity.
+    P = 2 mu (F - R) + lmbda (J - 1) cof F: linear in the stretches but for the volume's part, and finite (2 mu + lmbda
+    pressed along one axis) at zero volume, but for `volume_barrier` below a tenth of it. |F - R|^2 = tr C - 2 tr S + d.
+    Source: Stomakhin et al. 2012, Energetically Consistent Invertible Elasticity.
     """
     d = F.ufl_shape[0]
-    return mu * (ufl.inner(F, F) - 2 * sum_of_stretches(F) + d) + lmbda / 2 * (ufl.det(F) - 1) ** 2 + volume_barrier(F, 2 * mu + lmbda)
+    return (
+        mu * (ufl.inner(F, F) - 2 * sum_of_stretches(F) + d)
+        + lmbda / 2 * (ufl.det(F) - 1) ** 2
+        + volume_barrier(F, 2 * mu + lmbda)
+    )

@@ -4,6 +4,8 @@ import ufl
 
 
 def lumped_mass(density, v, domain):
-    """Linear form whose assembly is the diagonal of the lumped mass matrix [kg]: vertex quadrature makes P1 masses diagonal."""
+    """Linear form whose assembly is the diagonal of the lumped mass matrix [kg]: vertex quadrature makes P1 masses
+    diagonal.
+    """
     dx = ufl.Measure("dx", domain=domain, metadata={"quadrature_rule": "vertex", "quadrature_degree": 1})
     return density * sum(v[i] for i in range(v.ufl_shape[0])) * dx

@@ -7,7 +7,8 @@ from .implicit import capsule, contoured, ellipsoid, join
 
 
 def ape(height: float = 1.0, vertices: int = 5000) -> Surface:
-    """A gorilla `height` [m] tall to the top of its head, y up, facing +z; its seat, its soles and its right fist (-x) rest flat on y = 0.
+    """A gorilla `height` [m] tall to the top of its head, y up, facing +z; its seat, its soles and its right fist (-x)
+    rest flat on y = 0.
 
     Parameters
     ----------

@@ -9,7 +9,8 @@ from .implicit import capsule, contoured, ellipsoid, join
 def creature(height: float = 1.0, vertices: int = 4000, plumpness: float = 1.0) -> Surface:
     """A bear cub `height` [m] tall, y up, facing +z, centred on the y axis, its lowest point at y = 0.
 
-    Ellipsoids and capsules joined by a smooth minimum, contoured by marching cubes, faired, and decimated where it is plain.
+    Ellipsoids and capsules joined by a smooth minimum, contoured by marching cubes, faired, and decimated where it is
+    plain.
 
     Parameters
     ----------
@@ -20,7 +21,9 @@ def creature(height: float = 1.0, vertices: int = 4000, plumpness: float = 1.0) 
     """
     h = 0.014  # grid cell of a figure about one unit tall: five cells across the nose
     axes = [np.arange(low, high, h) for low, high in ((-0.56, 0.56 + h), (-0.10, 1.12 + h), (-0.50, 0.60 + h))]
-    points, triangles = contoured(_figure(np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1), plumpness), axes, h, vertices)
+    points, triangles = contoured(
+        _figure(np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1), plumpness), axes, h, vertices
+    )
     points = points - [0.0, points[:, 1].min(), 0.0]
     return Surface(points * (height / points[:, 1].max()), np.ascontiguousarray(triangles, dtype=np.int32))
 

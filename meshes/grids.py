@@ -9,7 +9,8 @@ from .geometry import Solid
 
 
 def brick(size=(1.0, 1.0, 1.0), cuts=(1, 1, 1), bend: Callable[[np.ndarray], np.ndarray] | None = None) -> Solid:
-    """A box [m] about the origin cut into `cuts` boxes along x, y, z, each of them into six tetrahedra round its diagonal (Kuhn).
+    """A box [m] about the origin cut into `cuts` boxes along x, y, z, each of them into six tetrahedra round its
+    diagonal (Kuhn).
 
     `bend` moves the points (n, 3) [m], turning no cell inside out.
     """

@@ -6,13 +6,18 @@ from skimage import measure
 
 
 def contoured(field: np.ndarray, axes, h: float, vertices: int) -> tuple[np.ndarray, np.ndarray]:
-    """Points and triangles where `field`, given on the grid of `axes` with spacing h, is zero: faired, then decimated to about `vertices`."""
+    """Points and triangles where `field`, given on the grid of `axes` with spacing h, is zero: faired, then decimated
+    to about `vertices`.
+    """
     points, triangles, _, _ = measure.marching_cubes(field, 0.0, spacing=(h, h, h))
     points = points.astype(float) + np.array([a[0] for a in axes])
     points = _fair(points, triangles.astype(np.int64), 14)
     if len(points) > vertices:
         points, triangles, _, _ = igl.qslim(
-            np.asfortranarray(points), np.asfortranarray(triangles, dtype=np.int32), max_m=2 * (vertices - 2), block_intersections=True
+            np.asfortranarray(points),
+            np.asfortranarray(triangles, dtype=np.int32),
+            max_m=2 * (vertices - 2),
+            block_intersections=True,
         )
     return points, triangles
 

@@ -1,4 +1,6 @@
-"""A bunny and a frog in jelly: round, without thin parts, so that few vertices will do. `creature` is the bear beside them."""
+"""A bunny and a frog in jelly: round, without thin parts, so that few vertices will do. `creature` is the bear beside
+them.
+"""
 
 import numpy as np
 
@@ -68,8 +70,14 @@ def _frog(p: np.ndarray) -> np.ndarray:
         (ellipsoid(q, (0.315, 0.185, -0.15), (0.125, 0.175, 0.215)), 0.04),  # thighs
         (capsule(q, (0.385, 0.085, -0.22), (0.440, 0.070, 0.08), 0.078), 0.04),  # shanks
         (capsule(q, (0.225, 0.30, 0.16), (0.275, 0.080, 0.30), 0.068), 0.04),  # forelegs
-        *((capsule(q, (0.425, 0.060, 0.06), (x, 0.052, z), 0.052), 0.03) for x, z in ((0.56, 0.16), (0.475, 0.22), (0.385, 0.20))),  # toes
-        *((capsule(q, (0.275, 0.065, 0.29), (x, 0.050, z), 0.050), 0.03) for x, z in ((0.365, 0.39), (0.275, 0.43), (0.190, 0.40))),  # fingers
+        *(
+            (capsule(q, (0.425, 0.060, 0.06), (x, 0.052, z), 0.052), 0.03)
+            for x, z in ((0.56, 0.16), (0.475, 0.22), (0.385, 0.20))
+        ),  # toes
+        *(
+            (capsule(q, (0.275, 0.065, 0.29), (x, 0.050, z), 0.050), 0.03)
+            for x, z in ((0.365, 0.39), (0.275, 0.43), (0.190, 0.40))
+        ),  # fingers
     ]
     for part, blend in parts:
         body = join(body, part, blend)

@@ -25,7 +25,9 @@ def rectangle(width: float = 1.0, height: float = 1.0) -> Outline:
     return Outline(np.array([[-w, -h], [w, -h], [w, h], [-w, h]]))
 
 
-def spike(width: float = 0.4, height: float = 1.0, tip_radius: float = 0.0, base: float = 0.0, thickness: float = 0.1) -> Outline:
+def spike(
+    width: float = 0.4, height: float = 1.0, tip_radius: float = 0.0, base: float = 0.0, thickness: float = 0.1
+) -> Outline:
     """A spike pointing up along y, its tip at (0, height), the foot of its flanks at y = 0.
 
     Parameters
@@ -46,12 +48,18 @@ def spike(width: float = 0.4, height: float = 1.0, tip_radius: float = 0.0, base
     if base <= 0.0:
         return Outline(np.vstack([foot, tip]))
     b = max(base, width) / 2.0
-    slab = [[-b, 0.0], [-b, -thickness], [b, -thickness], [b, 0.0]] if base > width else [[-b, -thickness], [b, -thickness]]
+    slab = (
+        [[-b, 0.0], [-b, -thickness], [b, -thickness], [b, 0.0]]
+        if base > width
+        else [[-b, -thickness], [b, -thickness]]
+    )
     return Outline(np.vstack([foot[:1], slab, foot[1:], tip]))
 
 
 def comb(teeth: int = 4, length: float = 1.0, width: float = 0.1, gap: float = 0.02, spine: float = 0.15) -> Outline:
-    """Long thin teeth [m] along y, `gap` apart, joined at their lower end by a spine: near in space, far along the body."""
+    """Long thin teeth [m] along y, `gap` apart, joined at their lower end by a spine: near in space, far along the
+    body.
+    """
     pitch = width + gap
     total = teeth * width + (teeth - 1) * gap
     points = [[0.0, -spine], [total, -spine]]
@@ -63,8 +71,12 @@ def comb(teeth: int = 4, length: float = 1.0, width: float = 0.1, gap: float = 0
     return Outline(np.array(points))
 
 
-def rope(length: float = 2.0, width: float = 0.05, waves: float = 1.5, swing: float = 0.1, points: int = 160) -> Outline:
-    """A hanging strip [m] along y, its lower end at the origin, its middle line a sine of `waves` periods that swings by `swing`."""
+def rope(
+    length: float = 2.0, width: float = 0.05, waves: float = 1.5, swing: float = 0.1, points: int = 160
+) -> Outline:
+    """A hanging strip [m] along y, its lower end at the origin, its middle line a sine of `waves` periods that swings
+    by `swing`.
+    """
     y = np.linspace(0.0, length, points)
     wave = 2.0 * np.pi * waves / length
     middle = np.column_stack([swing * np.sin(wave * y), y])
@@ -73,8 +85,11 @@ def rope(length: float = 2.0, width: float = 0.05, waves: float = 1.5, swing: fl
     return Outline(np.vstack([middle + across, (middle - across)[::-1]]))
 
 
-def slit_array(slits: int = 6, strip: float = 0.1, height: float = 1.0, slit: float = 0.03, bridge: float = 0.12) -> Outline:
-    """A block [m] on the x axis with vertical slits, open in turn at its upper and its lower end: strips joined by bridges, a soft spring.
+def slit_array(
+    slits: int = 6, strip: float = 0.1, height: float = 1.0, slit: float = 0.03, bridge: float = 0.12
+) -> Outline:
+    """A block [m] on the x axis with vertical slits, open in turn at its upper and its lower end: strips joined by
+    bridges, a soft spring.
 
     Parameters
     ----------
@@ -94,17 +109,25 @@ def slit_array(slits: int = 6, strip: float = 0.1, height: float = 1.0, slit: fl
 
 
 def folded(length: float = 1.0, width: float = 0.1, gap: float = 0.02, arc: int = 24) -> Outline:
-    """A strip bent into a U lying on its side: two arms [m] along x, `gap` apart, joined by a half ring at x = `length`."""
+    """A strip bent into a U lying on its side: two arms [m] along x, `gap` apart, joined by a half ring at x =
+    `length`.
+    """
     angle = np.linspace(-np.pi / 2.0, np.pi / 2.0, arc)
     ring = np.column_stack([np.cos(angle), np.sin(angle)])
     outer, inner = (gap / 2.0 + width) * ring, (gap / 2.0) * ring
     shift = np.array([length, 0.0])
-    free = np.array([[0.0, -gap / 2.0 - width]]), np.array([[0.0, gap / 2.0 + width], [0.0, gap / 2.0]]), np.array([[0.0, -gap / 2.0]])
+    free = (
+        np.array([[0.0, -gap / 2.0 - width]]),
+        np.array([[0.0, gap / 2.0 + width], [0.0, gap / 2.0]]),
+        np.array([[0.0, -gap / 2.0]]),
+    )
     return Outline(np.vstack([free[0], shift + outer, free[1], shift + inner[::-1], free[2]]))
 
 
 def extrude(outline: Outline, thickness: float) -> Surface:
-    """The prism over an outline, from z = -thickness/2 to +thickness/2 [m]. Sides and caps are as coarse as the outline is."""
+    """The prism over an outline, from z = -thickness/2 to +thickness/2 [m]. Sides and caps are as coarse as the outline
+    is.
+    """
     n = len(outline.points)
     z = np.full((n, 1), thickness / 2.0)
     vertices = np.vstack([np.hstack([outline.points, -z]), np.hstack([outline.points, z])])
@@ -116,7 +139,9 @@ def extrude(outline: Outline, thickness: float) -> Surface:
 
 
 def triangles_of(points: np.ndarray) -> np.ndarray:
-    """Triangles (n - 2, 3) of an anticlockwise polygon by cutting ears, the roundest first; it may touch itself along cuts to its holes."""
+    """Triangles (n - 2, 3) of an anticlockwise polygon by cutting ears, the roundest first; it may touch itself along
+    cuts to its holes.
+    """
     left = list(range(len(points)))
     triangles = []
 

@@ -10,7 +10,9 @@ from .outlines import folded as flat_folded
 
 
 def ball(radius: float = 1.0, subdivisions: int = 3) -> Surface:
-    """A sphere about the origin [m]: an icosahedron whose triangles are cut in four `subdivisions` times, 10 * 4^k + 2 vertices."""
+    """A sphere about the origin [m]: an icosahedron whose triangles are cut in four `subdivisions` times, 10 * 4^k + 2
+    vertices.
+    """
     vertices, triangles = igl.icosahedron()
     for _ in range(subdivisions):
         vertices, triangles = igl.upsample(np.asarray(vertices), np.asarray(triangles, dtype=np.int64))

@@ -7,7 +7,9 @@ from .outlines import disc, polygon, triangles_of
 
 
 def letter(name: str, height: float = 0.5) -> Outline | Solid:
-    """The capital A, B or C, `height` [m] tall, about the origin; A and B have holes and are triangulated (see `pierced`)."""
+    """The capital A, B or C, `height` [m] tall, about the origin; A and B have holes and are triangulated (see
+    `pierced`).
+    """
     shape = {"A": _a, "B": _b, "C": _c}[name]()
     points = shape.points if isinstance(shape, Outline) else shape.vertices
     points = height * (points - [0.0, 0.5])
@@ -34,30 +36,50 @@ def worm(length: float = 0.9, width: float = 0.16, waves: float = 1.25, sway: fl
 def trampoline(width: float = 2.6, height: float = 0.6, bed: float = 0.05, leg: float = 0.1) -> Outline:
     """A bed [m] thick on two legs that stand at y = 0; its top is at y = `height`, its middle at x = 0."""
     half, under = width / 2.0, height - bed
-    corners = [(half - leg, 0.0), (half, 0.0), (half, height), (-half, height), (-half, 0.0), (leg - half, 0.0), (leg - half, under), (half - leg, under)]
+    corners = [
+        (half - leg, 0.0),
+        (half, 0.0),
+        (half, height),
+        (-half, height),
+        (-half, 0.0),
+        (leg - half, 0.0),
+        (leg - half, under),
+        (half - leg, under),
+    ]
     return polygon(rounded(np.array(corners), 0.4 * leg))
 
 
 def beach_ball(radius: float = 0.2, panels: int = 6, points: int = 96) -> Solid:
-    """A disc [m] about the origin whose cells are labelled by panel, 1 to `panels`, and 0 in the round cap where these meet."""
+    """A disc [m] about the origin whose cells are labelled by panel, 1 to `panels`, and 0 in the round cap where these
+    meet.
+    """
     rim, cap = disc(radius, points).points, disc(0.22 * radius, points).points
     here = np.arange(points)
     there = np.roll(here, -1)
     inner, outer = 1 + here, 1 + points + here
-    cells = np.vstack([
-        np.column_stack([np.zeros(points, dtype=int), inner, inner[there]]),
-        np.column_stack([inner, outer, outer[there]]),
-        np.column_stack([inner, outer[there], inner[there]]),
-    ])
+    cells = np.vstack(
+        [
+            np.column_stack([np.zeros(points, dtype=int), inner, inner[there]]),
+            np.column_stack([inner, outer, outer[there]]),
+            np.column_stack([inner, outer[there], inner[there]]),
+        ]
+    )
     panel = 1 + here * panels // points
-    return Solid(np.vstack([np.zeros((1, 2)), cap, rim]), cells.astype(np.int32), np.concatenate([0 * panel, panel, panel]).astype(np.int32))
+    return Solid(
+        np.vstack([np.zeros((1, 2)), cap, rim]),
+        cells.astype(np.int32),
+        np.concatenate([0 * panel, panel, panel]).astype(np.int32),
+    )
 
 
-# ---- tools -------------------------------------------------------------------------------------------------------------------
+# ---- tools
+# -------------------------------------------------------------------------------------------------------------------
 
 
 def stroke(middle: np.ndarray, width, cap: int = 12) -> Outline:
-    """The outline of a pen drawn along the curve `middle` (n, 2) [m], round at both ends; `width` [m], one for all or one a point."""
+    """The outline of a pen drawn along the curve `middle` (n, 2) [m], round at both ends; `width` [m], one for all or
+    one a point.
+    """
     along = np.gradient(middle, axis=0)
     along /= np.linalg.norm(along, axis=1, keepdims=True)
     half = np.broadcast_to(np.asarray(width, dtype=float) / 2.0, len(middle))[:, None]
@@ -69,7 +91,9 @@ def stroke(middle: np.ndarray, width, cap: int = 12) -> Outline:
 
 
 def rounded(points: np.ndarray, radius: float, arc: int = 6) -> np.ndarray:
-    """The polygon (n, 2) with its corners rounded by arcs of `radius` [m], less where a side is too short; turns below 30 degrees stay."""
+    """The polygon (n, 2) with its corners rounded by arcs of `radius` [m], less where a side is too short; turns below
+    30 degrees stay.
+    """
     result = []
     for before, corner, after in zip(np.roll(points, 1, axis=0), points, np.roll(points, -1, axis=0), strict=True):
         u, w = before - corner, after - corner
@@ -88,9 +112,13 @@ def rounded(points: np.ndarray, radius: float, arc: int = 6) -> np.ndarray:
 
 
 def pierced(outer: Outline, *holes: Outline) -> Solid:
-    """Triangles between an outline and the holes within it, which must neither meet it nor each other. It is meshed anew on every level."""
+    """Triangles between an outline and the holes within it, which must neither meet it nor each other. It is meshed
+    anew on every level.
+    """
     points, ring, first = [outer.points], list(range(len(outer.points))), len(outer.points)
-    for hole in sorted(holes, key=lambda hole: -hole.points[:, 0].max()):  # from the right: what a cut to the right meets is in the ring by then
+    for hole in sorted(
+        holes, key=lambda hole: -hole.points[:, 0].max()
+    ):  # from the right: what a cut to the right meets is in the ring by then
         points.append(hole.points)
         everything = np.vstack(points)
         start = int(np.argmax(hole.points[:, 0]))
@@ -108,7 +136,9 @@ def _seen(points: np.ndarray, ring: list[int], eye: np.ndarray) -> int:
     a, b = points[ring], points[np.roll(ring, -1)]
 
     def side(p, q, r):
-        return np.sign((q[..., 0] - p[..., 0]) * (r[..., 1] - p[..., 1]) - (q[..., 1] - p[..., 1]) * (r[..., 0] - p[..., 0]))
+        return np.sign(
+            (q[..., 0] - p[..., 0]) * (r[..., 1] - p[..., 1]) - (q[..., 1] - p[..., 1]) * (r[..., 0] - p[..., 0])
+        )
 
     for k in np.argsort(np.linalg.norm(a - eye, axis=1)):
         there = a[k]
@@ -125,7 +155,8 @@ def _arc(centre, radius, start: float, end: float, points: int = 24) -> np.ndarr
     return np.asarray(centre) + radius * np.hstack([np.cos(angle), np.sin(angle)])
 
 
-# ---- letters of height one, from y = 0 to 1 ------------------------------------------------------------------------------------
+# ---- letters of height one, from y = 0 to 1
+# ------------------------------------------------------------------------------------
 
 
 def _a() -> Solid:
@@ -147,7 +178,9 @@ def _b() -> Solid:
     holes = []
     for x, bottom, top in ((0.05, 0.15, 0.44), (0.02, 0.60, 0.855)):
         r = (top - bottom) / 2.0
-        holes.append(polygon(rounded(np.vstack([[(stem, bottom)], _arc((x, bottom + r), r, -90.0, 90.0), [(stem, top)]]), 0.03)))
+        holes.append(
+            polygon(rounded(np.vstack([[(stem, bottom)], _arc((x, bottom + r), r, -90.0, 90.0), [(stem, top)]]), 0.03))
+        )
     return pierced(polygon(rounded(outer, 0.05)), *holes)
 
 

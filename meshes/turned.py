@@ -8,8 +8,8 @@ from .geometry import Surface
 def turned(profile, segments: int = 24) -> Surface:
     """A closed profile (n, 2) of radii and heights [m], not negative, turned about the y axis in `segments` steps.
 
-    The profile runs anticlockwise, without repeating its first point; it may begin and end on the axis (radius 0), which closes the surface
-    there, or keep away from it, which makes a ring.
+    The profile runs anticlockwise, without repeating its first point; it may begin and end on the axis (radius 0),
+    which closes the surface there, or keep away from it, which makes a ring.
     """
     profile = np.asarray(profile, dtype=float)
     angle = 2.0 * np.pi * np.arange(segments) / segments
@@ -43,15 +43,28 @@ def cylinder(radius: float = 0.5, length: float = 1.0, segments: int = 24) -> Su
     return turned([(0.0, -half), (radius, -half), (radius, half), (0.0, half)], segments)
 
 
-def funnel(mouth: float = 0.4, neck: float = 0.1, height: float = 0.5, pipe: float = 0.2, thickness: float = 0.02, segments: int = 32) -> Surface:
-    """A funnel [m] with walls: from its `mouth` (radius) at y = 0 down to its `neck` (radius) at -height, and a pipe below."""
+def funnel(
+    mouth: float = 0.4,
+    neck: float = 0.1,
+    height: float = 0.5,
+    pipe: float = 0.2,
+    thickness: float = 0.02,
+    segments: int = 32,
+) -> Surface:
+    """A funnel [m] with walls: from its `mouth` (radius) at y = 0 down to its `neck` (radius) at -height, and a pipe
+    below.
+    """
     inner = np.array([(mouth, 0.0), (neck, -height), (neck, -height - pipe)])
     outer = inner + [thickness, 0.0]
     return turned(np.vstack([outer[::-1], inner]), segments)
 
 
-def bowl(radius: float = 1.0, depth: float = 0.6, thickness: float = 0.05, around: int = 72, rings: int = 18) -> Surface:
-    """A bowl [m] open along y, half an ellipsoid inside; its foot is at y = 0, its rounded rim at y = thickness + depth + thickness / 2."""
+def bowl(
+    radius: float = 1.0, depth: float = 0.6, thickness: float = 0.05, around: int = 72, rings: int = 18
+) -> Surface:
+    """A bowl [m] open along y, half an ellipsoid inside; its foot is at y = 0, its rounded rim at y = thickness + depth
+    + thickness / 2.
+    """
     angle = np.linspace(0.0, np.pi / 2.0, rings + 1)
     arc = np.column_stack([np.sin(angle), -np.cos(angle)])
     lip = np.linspace(0.0, np.pi, 9)[1:-1]

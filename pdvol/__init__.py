@@ -1,13 +1,20 @@
 """pdvol: progressing level-of-detail animation of volumetric elastodynamics, with contact that never interpenetrates.
 
-Names load what they need when they are first used: describing a scene imports no solver, reading a run imports no finite elements.
+Names load what they need when they are first used: describing a scene imports no solver, reading a run imports no
+finite elements.
 """
 
 import os
 from importlib import import_module
 
 from pdvol.errors import (
-    ConvergenceError, InputError, IntersectionError, InvertedCellError, MeshError, PdvolError, SimulationError,
+    ConvergenceError,
+    InputError,
+    IntersectionError,
+    InvertedCellError,
+    MeshError,
+    PdvolError,
+    SimulationError,
 )
 
 # Sparse fronts and small blocks: threads of the BLAS cost more than they give, and ranks would fight over the cores.
@@ -16,9 +23,35 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 __version__ = "0.1.0"
 
 _HOMES = {
-    "pdvol.scene": ("Barrier", "Body", "FixedCorotational", "Flow", "Force", "Friction", "Gravity", "Impulse", "Material",
-                    "NeoHookean", "Path", "Penalty", "Placement", "Plane", "PointForce", "Region", "Relative", "Rigid", "Rotation", "Scene", "Separate",
-                    "Sequential", "Solver", "StVenantKirchhoff", "Still", "Support", "Translation"),
+    "pdvol.scene": (
+        "Barrier",
+        "Body",
+        "FixedCorotational",
+        "Flow",
+        "Force",
+        "Friction",
+        "Gravity",
+        "Impulse",
+        "Material",
+        "NeoHookean",
+        "Path",
+        "Penalty",
+        "Placement",
+        "Plane",
+        "PointForce",
+        "Region",
+        "Relative",
+        "Rigid",
+        "Rotation",
+        "Scene",
+        "Separate",
+        "Sequential",
+        "Solver",
+        "StVenantKirchhoff",
+        "Still",
+        "Support",
+        "Translation",
+    ),
     "pdvol.meshes": ("Outline", "Solid", "Surface"),
     "pdvol.record.reader": ("open_run",),
     "pdvol.runs.runner": ("run_scene", "refine_run"),
@@ -26,7 +59,18 @@ _HOMES = {
 }
 _HOME = {name: module for module, names in _HOMES.items() for name in names}
 
-__all__ = sorted([*_HOME, "ConvergenceError", "InputError", "IntersectionError", "InvertedCellError", "MeshError", "PdvolError", "SimulationError"])
+__all__ = sorted(
+    [
+        *_HOME,
+        "ConvergenceError",
+        "InputError",
+        "IntersectionError",
+        "InvertedCellError",
+        "MeshError",
+        "PdvolError",
+        "SimulationError",
+    ]
+)
 
 
 def __getattr__(name: str):

@@ -1,4 +1,6 @@
-"""The command line. A user's mistake ends in one line and exit code 2, a simulation that cannot go on in one line and exit code 1."""
+"""The command line. A user's mistake ends in one line and exit code 2, a simulation that cannot go on in one line and
+exit code 1.
+"""
 
 import argparse
 import os
@@ -10,7 +12,11 @@ from typing import NoReturn
 from pdvol.errors import InputError, PdvolError, SimulationError
 
 METHODS = ("progressive", "direct", "tracks", "embedded")  # those of runner.METHODS
-PROLONGATIONS = ("barycentric", "biharmonic", "phong")  # the keys of hierarchy.interpolants.INTERPOLANTS, which only a simulation loads
+PROLONGATIONS = (
+    "barycentric",
+    "biharmonic",
+    "phong",
+)  # the keys of hierarchy.interpolants.INTERPOLANTS, which only a simulation loads
 
 
 def main(scene: Callable | None = None, argv: Sequence[str] | None = None) -> None:
@@ -74,7 +80,8 @@ def _abort_other_ranks() -> None:
         mpi.COMM_WORLD.Abort(1)
 
 
-# ---- commands ----------------------------------------------------------------------------------------------------------------
+# ---- commands
+# ----------------------------------------------------------------------------------------------------------------
 
 
 def _run(options) -> None:
@@ -83,7 +90,17 @@ def _run(options) -> None:
     shot = _shot(options)
     first, last = _levels(options.levels)
     out = options.out or Path("runs") / f"{shot.name}{'' if options.method == 'progressive' else '_' + options.method}"
-    run_scene(shot, out, first, last, options.method, options.prolongation, options.resume, progress=_progress(), wavefront=options.wavefront)
+    run_scene(
+        shot,
+        out,
+        first,
+        last,
+        options.method,
+        options.prolongation,
+        options.resume,
+        progress=_progress(),
+        wavefront=options.wavefront,
+    )
     _finish(out)
 
 
@@ -173,7 +190,8 @@ def _export(options) -> None:
     print("\n".join(export_run(options.run, options.format, options.out, levels)))
 
 
-# ---- their parts -------------------------------------------------------------------------------------------------------------
+# ---- their parts
+# -------------------------------------------------------------------------------------------------------------
 
 
 def _shot(options):
@@ -226,7 +244,9 @@ class _Parser(argparse.ArgumentParser):
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = _Parser(prog="pdvol", description="Preview soft-body animation coarse, refine it to the same animation, fine.")
+    parser = _Parser(
+        prog="pdvol", description="Preview soft-body animation coarse, refine it to the same animation, fine."
+    )
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
 
     def command(name: str, work, text: str) -> argparse.ArgumentParser:
@@ -235,14 +255,25 @@ def _parser() -> argparse.ArgumentParser:
         return sub
 
     def scene_options(sub, steps: bool = True) -> None:
-        sub.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", help="a scene parameter, a solver setting, or a penalty's weight (consistency, weight)")
+        sub.add_argument(
+            "--set",
+            action="append",
+            default=[],
+            metavar="NAME=VALUE",
+            help="a scene parameter, a solver setting, or a penalty's weight (consistency, weight)",
+        )
         if steps:
             sub.add_argument("--steps", type=int, help="number of time steps, instead of the scene's")
             sub.add_argument("--out", type=Path, help="run folder (default: runs/NAME)")
             sub.add_argument("--resume", action="store_true", help="go on with the run in that folder")
 
     def prolongation_option(sub) -> None:
-        sub.add_argument("--prolongation", default="barycentric", choices=PROLONGATIONS, help="how a level's motion is carried to the next finer one")
+        sub.add_argument(
+            "--prolongation",
+            default="barycentric",
+            choices=PROLONGATIONS,
+            help="how a level's motion is carried to the next finer one",
+        )
 
     def wavefront_option(sub) -> None:
         sub.add_argument("--wavefront", action="store_true", help="run the levels side by side, a process each")
@@ -250,7 +281,9 @@ def _parser() -> argparse.ArgumentParser:
     sub = command("run", _run, "simulate a scene's levels, coarse to fine")
     sub.add_argument("scene", type=Path, metavar="SCENE.py")
     sub.add_argument("--levels", default="", metavar="A:B", help="levels A to B, both included (default: all)")
-    sub.add_argument("--method", default="progressive", choices=METHODS, help="how finer levels are made (default: progressive)")
+    sub.add_argument(
+        "--method", default="progressive", choices=METHODS, help="how finer levels are made (default: progressive)"
+    )
     prolongation_option(sub)
     wavefront_option(sub)
     scene_options(sub)
@@ -266,9 +299,21 @@ def _parser() -> argparse.ArgumentParser:
 
     sub = command("check", _check, "pre-flight: what will be modelled, sizes, and every defect found")
     sub.add_argument("files", type=Path, nargs="+", metavar="SCENE.py | MESH")
-    sub.add_argument("-o", "--out", type=Path, metavar="DIR", help="write each level, and the primitives of every defect, there as VTU")
+    sub.add_argument(
+        "-o",
+        "--out",
+        type=Path,
+        metavar="DIR",
+        help="write each level, and the primitives of every defect, there as VTU",
+    )
     sub.add_argument("--json", type=Path, metavar="FILE", help="write the findings there, too")
-    sub.add_argument("--measure", type=float, default=3.0, metavar="SECONDS", help="simulate level 0 so long to tell costs (default 3; 0: not)")
+    sub.add_argument(
+        "--measure",
+        type=float,
+        default=3.0,
+        metavar="SECONDS",
+        help="simulate level 0 so long to tell costs (default 3; 0: not)",
+    )
     scene_options(sub, steps=False)
 
     sub = command("hierarchy", _hierarchy, "build the levels of one mesh and report their bindings")
@@ -282,7 +327,11 @@ def _parser() -> argparse.ArgumentParser:
     sub.add_argument("--pictures", type=Path, metavar="DIR", help="draw a run's bindings there")
     scene_options(sub, steps=False)
 
-    sub = command("metrics", _metrics, "measure a run: continuity, consistency between levels, and more; writes metrics.json and metrics.png into it")
+    sub = command(
+        "metrics",
+        _metrics,
+        "measure a run: continuity, consistency between levels, and more; writes metrics.json and metrics.png into it",
+    )
     sub.add_argument("run", type=Path, metavar="RUN")
     sub.add_argument("--against", type=Path, metavar="RUN", help="another run of the same shot, to compare with")
     sub.add_argument("--json", type=Path, metavar="FILE", help="write the numbers there, too")
@@ -293,7 +342,9 @@ def _parser() -> argparse.ArgumentParser:
     sub.add_argument("--levels", default="", metavar="A:B")
     sub.add_argument("--turn", type=float, default=0.0, metavar="DEGREES", help="turn the camera about the vertical")
 
-    sub = command("export", _export, "write a run's levels for ParaView (xdmf, vtkhdf) or animation software (usd, obj)")
+    sub = command(
+        "export", _export, "write a run's levels for ParaView (xdmf, vtkhdf) or animation software (usd, obj)"
+    )
     sub.add_argument("run", type=Path, metavar="RUN")
     sub.add_argument("--format", required=True, choices=("xdmf", "vtkhdf", "obj", "usd"))
     sub.add_argument("-o", "--out", type=Path, required=True, metavar="DIR")

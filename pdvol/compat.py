@@ -18,8 +18,8 @@ def geometry_dofmap(mesh: dolfinx.mesh.Mesh) -> np.ndarray:
 
 
 def create_mesh(comm, points: np.ndarray, cells: np.ndarray, owner: np.ndarray | None = None) -> dolfinx.mesh.Mesh:
-    """A simplex mesh distributed over `comm` from arrays given on rank 0: each cell to its `owner` (m,) int32, or as dolfinx thinks best.
-    Collective.
+    """A simplex mesh distributed over `comm` from arrays given on rank 0: each cell to its `owner` (m,) int32, or as
+    dolfinx thinks best. Collective.
 
     The argument order of `dolfinx.mesh.create_mesh` changed silently in 0.10: keywords only.
     """
@@ -28,8 +28,13 @@ def create_mesh(comm, points: np.ndarray, cells: np.ndarray, owner: np.ndarray |
     element = basix.ufl.element("Lagrange", shape, 1, shape=(d,))
     mine = slice(None) if comm.rank == 0 else slice(0, 0)
     how = {} if owner is None else {"partitioner": lambda *_: _destinations(owner[mine])}
-    return dolfinx.mesh.create_mesh(comm=comm, cells=np.ascontiguousarray(cells[mine], dtype=np.int64),
-                                    x=np.ascontiguousarray(points[mine], dtype=np.float64), e=element, **how)
+    return dolfinx.mesh.create_mesh(
+        comm=comm,
+        cells=np.ascontiguousarray(cells[mine], dtype=np.int64),
+        x=np.ascontiguousarray(points[mine], dtype=np.float64),
+        e=element,
+        **how,
+    )
 
 
 def _destinations(owner: np.ndarray):
@@ -39,7 +44,8 @@ def _destinations(owner: np.ndarray):
 
 
 def index_map(comm, owned: int, ghosts: np.ndarray, owners: np.ndarray) -> dolfinx.common.IndexMap:
-    """A distribution of indices from each rank's share, its ghosts (int64, global) and their owners (int32). Collective.
+    """A distribution of indices from each rank's share, its ghosts (int64, global) and their owners (int32).
+    Collective.
 
     From 0.10 on a message tag must be given.
     """

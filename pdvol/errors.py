@@ -1,4 +1,6 @@
-"""Errors that carry their data. `InputError` is a user's mistake (exit code 2), `SimulationError` the end of a run (exit code 1)."""
+"""Errors that carry their data. `InputError` is a user's mistake (exit code 2), `SimulationError` the end of a run
+(exit code 1).
+"""
 
 
 class PdvolError(Exception):
@@ -27,7 +29,8 @@ class IntersectionError(InputError):
     Attributes
     ----------
     pairs : the primitives
-    level, bodies : where, and the indices of the bodies that meet; none in a shape that crosses itself before it is in a scene
+    level, bodies : where, and the indices of the bodies that meet; none in a shape that crosses itself before it is in
+        a scene
     push : (d,) unit vector along which the first body leaves the other party, None for a body that meets itself
     """
 

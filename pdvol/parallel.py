@@ -8,7 +8,9 @@ from pdvol.errors import PdvolError
 
 
 def on_root(comm: MPI.Comm, work: Callable):
-    """The result of `work()` done on rank 0, on every rank; an error pdvol raises there is raised on every rank. Collective."""
+    """The result of `work()` done on rank 0, on every rank; an error pdvol raises there is raised on every rank.
+    Collective.
+    """
     result, error = None, None
     if comm.rank == 0:
         try:

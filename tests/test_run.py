@@ -1,4 +1,6 @@
-"""./run passes everything through and speaks plainly. Inside the environment it hands over at once, so these tests are quick."""
+"""./run passes everything through and speaks plainly. Inside the environment it hands over at once, so these tests are
+quick.
+"""
 
 import os
 import signal
@@ -34,7 +36,7 @@ def test_death_by_signal_is_passed_on():
 
 
 def test_arguments_arrive_unchanged():
-    words = ["a b", "it's \"quoted\"", "two\nlines", "", "*", "$HOME", "--", "-x", "ü"]
+    words = ["a b", 'it\'s "quoted"', "two\nlines", "", "*", "$HOME", "--", "-x", "ü"]
     assert run(sys.executable, "-c", "import sys; print(ascii(sys.argv[1:]))", *words).stdout.strip() == ascii(words)
 
 
@@ -49,7 +51,9 @@ def test_environment_and_folder_are_kept(tmp_path):
     link = folder / "link"
     link.symlink_to(RUN)
     env = {**os.environ, "PDVOL_INSIDE": INSIDE, "PDVOL_WORD": "one two"}
-    done = subprocess.run([link, "sh", "-c", 'pwd; echo "$PDVOL_WORD"'], cwd=folder, env=env, capture_output=True, text=True, timeout=60)
+    done = subprocess.run(
+        [link, "sh", "-c", 'pwd; echo "$PDVOL_WORD"'], cwd=folder, env=env, capture_output=True, text=True, timeout=60
+    )
     assert done.stdout == f"{folder}\none two\n", done.stderr
 
 
@@ -57,9 +61,11 @@ def test_environment_and_folder_are_kept(tmp_path):
 def test_signals_reach_the_command(name):
     script = "trap 'exit 5' TERM; trap 'exit 6' INT; echo $$; while :; do sleep 0.05; done"
     # A suite that runs in the background inherits an ignored SIGINT, and a shell cannot trap what it found ignored.
-    heeding = lambda: signal.signal(signal.SIGINT, signal.SIG_DFL)  # noqa: E731
+    heeding = lambda: signal.signal(signal.SIGINT, signal.SIG_DFL)
     env = {**os.environ, "PDVOL_INSIDE": INSIDE}
-    with subprocess.Popen([RUN, "sh", "-c", script], env=env, stdout=subprocess.PIPE, text=True, preexec_fn=heeding) as process:
+    with subprocess.Popen(
+        [RUN, "sh", "-c", script], env=env, stdout=subprocess.PIPE, text=True, preexec_fn=heeding
+    ) as process:
         try:
             assert int(process.stdout.readline()) == process.pid
             process.send_signal(getattr(signal, name))

@@ -1,9 +1,11 @@
-"""Is every stored state of a run free of intersections, above its planes and without inverted cells? Apart from the solver and ipctk.
+"""Is every stored state of a run free of intersections, above its planes and without inverted cells? Apart from the
+solver and ipctk.
 
     ./run python tests/verify_run.py [--every N] RUN [RUN ...]
 
-A uniform grid finds the candidates, orientation signs decide: in floating point where the round-off bound allows it, in rationals where
-not. Touching counts as an intersection. Primitives with a common vertex are not tested, nor are obstacles among themselves.
+A uniform grid finds the candidates, orientation signs decide: in floating point where the round-off bound allows it, in
+rationals where not. Touching counts as an intersection. Primitives with a common vertex are not tested, nor are
+obstacles among themselves.
 """
 
 import argparse
@@ -16,14 +18,17 @@ from pathlib import Path
 import numpy as np
 
 ROUND_OFF = 1e-14
-"""Above the relative round-off of a 3 x 3 determinant of differences (Shewchuk 1997: 8e-16 times the sum of absolute products)."""
+"""Above the relative round-off of a 3 x 3 determinant of differences (Shewchuk 1997: 8e-16 times the sum of absolute
+products).
+"""
 ENTRIES = 30
 """Cells of the grid a box may be put in, on average: what memory is spent on."""
 SHOWN = 5
 """Problems told per level and kind."""
 
 
-# ---- broad phase -------------------------------------------------------------------------------------------------------------
+# ---- broad phase
+# -------------------------------------------------------------------------------------------------------------
 
 
 def overlapping_boxes(low_a, high_a, low_b, high_b) -> np.ndarray:
@@ -34,7 +39,9 @@ def overlapping_boxes(low_a, high_a, low_b, high_b) -> np.ndarray:
     low, high = np.maximum(low_a.min(0), low_b.min(0)), np.minimum(high_a.max(0), high_b.max(0))
     if (low > high).any():
         return none
-    keep_a, keep_b = (np.flatnonzero(((lo <= high) & (hi >= low)).all(1)) for lo, hi in ((low_a, high_a), (low_b, high_b)))
+    keep_a, keep_b = (
+        np.flatnonzero(((lo <= high) & (hi >= low)).all(1)) for lo, hi in ((low_a, high_a), (low_b, high_b))
+    )
     if len(keep_a) == 0 or len(keep_b) == 0:
         return none
     extents = np.concatenate([(high_a - low_a)[keep_a].max(1), (high_b - low_b)[keep_b].max(1)])
@@ -88,7 +95,8 @@ def _candidates(points, first, second, moves) -> np.ndarray:
     return pairs[apart & (moves[a[:, 0]] | moves[b[:, 0]])]
 
 
-# ---- signs -------------------------------------------------------------------------------------------------------------------
+# ---- signs
+# -------------------------------------------------------------------------------------------------------------------
 
 
 def _orientation(*corners) -> tuple[np.ndarray, np.ndarray]:
@@ -101,7 +109,9 @@ def _orientation(*corners) -> tuple[np.ndarray, np.ndarray]:
     else:
         value = np.einsum("ij,ij->i", rows[:, 0], np.cross(rows[:, 1], rows[:, 2]))
         u, v = absolute[:, 1], absolute[:, 2]
-        bound = np.einsum("ij,ij->i", absolute[:, 0], u[:, [1, 2, 0]] * v[:, [2, 0, 1]] + u[:, [2, 0, 1]] * v[:, [1, 2, 0]])
+        bound = np.einsum(
+            "ij,ij->i", absolute[:, 0], u[:, [1, 2, 0]] * v[:, [2, 0, 1]] + u[:, [2, 0, 1]] * v[:, [1, 2, 0]]
+        )
     return np.sign(value).astype(int), np.abs(value) <= ROUND_OFF * bound
 
 
@@ -121,7 +131,12 @@ def _rational(points) -> list[tuple[Fraction, ...]]:
 
 def _segments_meet_exactly(p, q, r, s) -> bool:
     p, q, r, s = _rational((p, q, r, s))
-    a, b, c, d = _exact_orientation(p, q, r), _exact_orientation(p, q, s), _exact_orientation(r, s, p), _exact_orientation(r, s, q)
+    a, b, c, d = (
+        _exact_orientation(p, q, r),
+        _exact_orientation(p, q, s),
+        _exact_orientation(r, s, p),
+        _exact_orientation(r, s, q),
+    )
     if a == b == c == d == 0:
         return all(max(min(p[k], q[k]), min(r[k], s[k])) <= min(max(p[k], q[k]), max(r[k], s[k])) for k in range(2))
     return a * b <= 0 and c * d <= 0
@@ -152,7 +167,8 @@ def _coplanar_meet(p, q, a, b, c) -> bool:
     return False
 
 
-# ---- narrow phase ------------------------------------------------------------------------------------------------------------
+# ---- narrow phase
+# ------------------------------------------------------------------------------------------------------------
 
 
 def crossing_segments(points, edges, moves) -> list[tuple]:
@@ -195,7 +211,9 @@ def _surely_one_sided(one, other) -> np.ndarray:
 
 
 def _separated(p, q, a, b, c) -> np.ndarray:
-    """Segments that an axis within the triangle's plane keeps well apart from it: what settles flat regions without rationals."""
+    """Segments that an axis within the triangle's plane keeps well apart from it: what settles flat regions without
+    rationals.
+    """
     normal = np.cross(b - a, c - a)
     size = np.max([np.abs(v - a).max(1) for v in (p, q, b, c)], axis=0)
     reach = np.max([np.abs(v).max(1) for v in (p, q, a, b, c)], axis=0)
@@ -209,7 +227,8 @@ def _separated(p, q, a, b, c) -> np.ndarray:
     return apart
 
 
-# ---- states ------------------------------------------------------------------------------------------------------------------
+# ---- states
+# ------------------------------------------------------------------------------------------------------------------
 
 
 def boundary(cells) -> np.ndarray:
@@ -232,7 +251,9 @@ def measures(points, cells) -> np.ndarray:
 
 
 def crossings(points, facets, solids=()) -> list[tuple]:
-    """Crossings of a level's boundary with itself and with obstacles, a sequence of (vertices, facets); vertices numbered on."""
+    """Crossings of a level's boundary with itself and with obstacles, a sequence of (vertices, facets); vertices
+    numbered on.
+    """
     used, facets = np.unique(facets, return_inverse=True)
     facets = facets.reshape(-1, points.shape[1])
     everything, parts = [points[used]], [facets]
@@ -259,8 +280,10 @@ class Level:
         self.steps, self.crossings, self.smallest_gap, self.smallest_det = 0, 0, np.inf, np.inf
 
     def told(self) -> str:
-        return (f"level {self.index}: {self.steps} states, smallest plane gap {self.smallest_gap:.3g} m, smallest det F {self.smallest_det:.3g}, "
-                f"{self.crossings} intersections")
+        return (
+            f"level {self.index}: {self.steps} states, smallest plane gap {self.smallest_gap:.3g} m, smallest det F"
+            f" {self.smallest_det:.3g}, {self.crossings} intersections"
+        )
 
 
 def check_state(found: Level, step: int, rest, cells, facets, positions, planes=(), solids=()) -> None:
@@ -275,12 +298,17 @@ def check_state(found: Level, step: int, rest, cells, facets, positions, planes=
         found.smallest_gap = min(found.smallest_gap, float(height.min()))
         below = np.flatnonzero(~(height > 0))
         if len(below):
-            found.problems.append(f"{where}: {len(below)} vertices not above plane {name!r}, the worst {height.argmin()} by {height.min():.3g} m")
+            found.problems.append(
+                f"{where}: {len(below)} vertices not above plane {name!r}, the worst {height.argmin()} by"
+                f" {height.min():.3g} m"
+            )
     ratio = measures(positions, cells) / measures(rest, cells)
     found.smallest_det = min(found.smallest_det, float(ratio.min()))
     inverted = np.flatnonzero(~(ratio > 0))
     if len(inverted):
-        found.problems.append(f"{where}: {len(inverted)} inverted or flat cells, {inverted[:SHOWN].tolist()}, det F {ratio.min():.3g}")
+        found.problems.append(
+            f"{where}: {len(inverted)} inverted or flat cells, {inverted[:SHOWN].tolist()}, det F {ratio.min():.3g}"
+        )
     pairs = crossings(positions, facets, solids)
     found.crossings += len(pairs)
     if pairs:
@@ -304,7 +332,11 @@ def check_levels(path, every: int = 1) -> Iterator[Level]:
         for step in sorted({*range(0, states, every), *range(states)[-1:]}):
             placed = level.placed(run.obstacles, step)
             planes = [(o.name, *o.plane(step)) for o in placed if o.kind == "plane"]
-            solids = [(o.vertices(step), o.arrays["faces" if o.kind == "mesh" else "edges"]) for o in placed if o.kind != "plane"]
+            solids = [
+                (o.vertices(step), o.arrays["faces" if o.kind == "mesh" else "edges"])
+                for o in placed
+                if o.kind != "plane"
+            ]
             try:
                 positions = level.positions(step)
             except InputError as error:

@@ -1,4 +1,5 @@
-"""Time marches: generators of step reports (design, section 2). All but the last solve a step, and differ in the velocity that predicts x_hat.
+"""Time marches: generators of step reports (design, section 2). All but the last solve a step, and differ in the
+velocity that predicts x_hat.
 
 | march | x_hat of the step from t to t + dt |
 |---|---|
@@ -22,7 +23,8 @@ SAME_TIME = 1e-9  # of a step: times nearer to the end of one are that end
 
 @dataclass(frozen=True, eq=False)
 class Start:
-    """Where a march sets out: after `step` steps, at positions (n, d) [m] with velocity (n, d) [m/s], in the input's order.
+    """Where a march sets out: after `step` steps, at positions (n, d) [m] with velocity (n, d) [m/s], in the input's
+    order.
 
     `record` is what the log keeps of that step, where there is one.
     """
@@ -44,8 +46,13 @@ def direct(problem: LevelProblem, start: Start, steps: int) -> Iterator[StepRepo
         yield report
 
 
-def progressive(problem: LevelProblem, prolongation: Prolongation, coarse_velocity: Callable[[int], np.ndarray], start: Start,
-                steps: int) -> Iterator[StepReport]:
+def progressive(
+    problem: LevelProblem,
+    prolongation: Prolongation,
+    coarse_velocity: Callable[[int], np.ndarray],
+    start: Start,
+    steps: int,
+) -> Iterator[StepReport]:
     """VelPro on one level up to step `steps`. Collective.
 
     Parameters
@@ -66,14 +73,22 @@ class EmbeddedReport(StepReport):
 
     Attributes
     ----------
-    intersections : pairs of edges (2D) or of edges and triangles (3D) that cross, and vertices behind planes; 0 in scenes without contact
+    intersections : pairs of edges (2D) or of edges and triangles (3D) that cross, and vertices behind planes; 0 in
+        scenes without contact
     """
 
     intersections: int = 0
 
 
-def embedded(prolongation: Prolongation, coarse_positions: Callable[[int], np.ndarray], level: int, start: Start, steps: int, dt: float,
-             count: Callable[[np.ndarray, float], int] = lambda positions, time: 0) -> Iterator[EmbeddedReport]:
+def embedded(
+    prolongation: Prolongation,
+    coarse_positions: Callable[[int], np.ndarray],
+    level: int,
+    start: Start,
+    steps: int,
+    dt: float,
+    count: Callable[[np.ndarray, float], int] = lambda positions, time: 0,
+) -> Iterator[EmbeddedReport]:
     """The prolonged positions of the level below, up to step `steps`. Collective.
 
     Parameters

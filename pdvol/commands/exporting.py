@@ -1,4 +1,6 @@
-"""`pdvol export`: the stored levels of a run in the formats of other software, with forces and stresses where the scene is at hand."""
+"""`pdvol export`: the stored levels of a run in the formats of other software, with forces and stresses where the scene
+is at hand.
+"""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -45,9 +47,9 @@ def export_run(path: str | Path, kind: str, out: str | Path, levels: Sequence[in
         scene, obstacles = stored_scene(run)
     except InputError as error:
         lines.append(f"without contact forces and stresses: {error}")
-        more = lambda level: nothing_more  # noqa: E731
+        more = lambda level: nothing_more
     else:
-        more = lambda level: SceneFields(scene, run, level, obstacles)  # noqa: E731
+        more = lambda level: SceneFields(scene, run, level, obstacles)
     written = [str(write(run, level, out / f"level_{level}.{kind}", _fields(run, level, more))) for level in levels]
     return [*written, *lines]
 

@@ -1,4 +1,6 @@
-"""`pdvol metrics`: the measures of `record/metrics.py` for a stored run, with forces from its scene and P from its meshes."""
+"""`pdvol metrics`: the measures of `record/metrics.py` for a stored run, with forces from its scene and P from its
+meshes.
+"""
 
 import os
 from collections.abc import Sequence
@@ -22,7 +24,12 @@ from pdvol.record.reader import Run, RunLevel, open_run
 from pdvol.runs.fields import stiffen, stored_scene, stored_stiffness
 from pdvol.scene import Friction, Scene
 
-PREDICTED = {"direct": "own", "tracks": "own", "progressive": "coarse", "embedded": "none"}  # whose velocity x_hat of levels above 0 takes
+PREDICTED = {
+    "direct": "own",
+    "tracks": "own",
+    "progressive": "coarse",
+    "embedded": "none",
+}  # whose velocity x_hat of levels above 0 takes
 
 
 class Forces:
@@ -34,18 +41,31 @@ class Forces:
         Vertices that no support holds.
     """
 
-    def __init__(self, scene: Scene, hierarchy: Hierarchy, level: int, diagonal: float, obstacles: Sequence, guides: Sequence[Guide] = ()):
+    def __init__(
+        self,
+        scene: Scene,
+        hierarchy: Hierarchy,
+        level: int,
+        diagonal: float,
+        obstacles: Sequence,
+        guides: Sequence[Guide] = (),
+    ):
         self.scene, self.space, mesh = scene, hierarchy[level], hierarchy[level].mesh
-        self._terms = build_terms(scene, self.space, diagonal, obstacles, level_materials(scene, hierarchy, level), guides)
+        self._terms = build_terms(
+            scene, self.space, diagonal, obstacles, level_materials(scene, hierarchy, level), guides
+        )
         self.free = np.ones(len(mesh.points), dtype=bool)
         for support in scene.supports:
             self.free &= ~supported_points(scene, support, mesh, level)
 
-    def pull(self, number: int, now: np.ndarray, after: np.ndarray, kappa: float | None) -> tuple[np.ndarray, np.ndarray]:
-        """dt^2 M^-1 grad F(after) [m], shape (n, d), in the step `number` (from 1) that begins at `now`; and the guides' part of it, which F
-        does not contain. NaN where `after` is not admissible (inverted cells).
+    def pull(
+        self, number: int, now: np.ndarray, after: np.ndarray, kappa: float | None
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """dt^2 M^-1 grad F(after) [m], shape (n, d), in the step `number` (from 1) that begins at `now`; and the
+        guides' part of it, which F does not contain. NaN where `after` is not admissible (inverted cells).
 
-        Friction is lagged at `now`, as the first of its iterations is; `kappa` is the barrier's stiffness in that step, where it was logged.
+        Friction is lagged at `now`, as the first of its iterations is; `kappa` is the barrier's stiffness in that step,
+        where it was logged.
         """
         dt = self.scene.dt
         start, end = (Positions(self.space, self.space.from_input(x)) for x in (now, after))
@@ -57,8 +77,13 @@ class Forces:
             term.place(number * dt)
         if not np.isfinite(sum(term.value(end) for term in self._terms.potentials)):
             return np.full_like(after, np.nan), np.full_like(after, np.nan)
-        force, guided = (sum((term.gradient(end) for term in self._terms.potentials if isinstance(term, Consistency) == held),
-                             start=np.zeros_like(end.owned)) for held in (False, True))
+        force, guided = (
+            sum(
+                (term.gradient(end) for term in self._terms.potentials if isinstance(term, Consistency) == held),
+                start=np.zeros_like(end.owned),
+            )
+            for held in (False, True)
+        )
         return tuple(self.space.to_input(dt**2 * part / self._terms.mass) for part in (force, guided))
 
 
@@ -68,11 +93,13 @@ def measure(path: str | Path) -> dict:
     Returns
     -------
     dict
-        `run`, `dt`, `method`, `prolongation`, `notes` (what could not be measured, and why) and `levels`, each with `level`, `steps`, `mass` [kg],
-        lists over steps 1, 2, ... (`continuity`, `continuity_error`, `jitter`) and, from level 1 on, over states 0, 1, ... of both levels
-        (`consistency`, `distance`, `centre_error`), the `projection`'s `rank` and `columns`, and `summary`: mean, median and largest of each list.
-        Steps that were cut, or whose scripted motion contact stopped, have no x_hat of their own: their continuity is NaN. So is all of it
-        where no x_hat leads (embedded levels), and its error too where nothing is pushed apart rightly: in states with intersections or inverted cells.
+        `run`, `dt`, `method`, `prolongation`, `notes` (what could not be measured, and why) and `levels`, each with
+        `level`, `steps`, `mass` [kg], lists over steps 1, 2, ... (`continuity`, `continuity_error`, `jitter`) and, from
+        level 1 on, over states 0, 1, ... of both levels (`consistency`, `distance`, `centre_error`), the `projection`'s
+        `rank` and `columns`, and `summary`: mean, median and largest of each list. Steps that were cut, or whose
+        scripted motion contact stopped, have no x_hat of their own: their continuity is NaN. So is all of it where no
+        x_hat leads (embedded levels), and its error too where nothing is pushed apart rightly: in states with
+        intersections or inverted cells.
 
     Raises
     ------
@@ -93,15 +120,28 @@ def measure(path: str | Path) -> dict:
         entry = {"level": level.index, "steps": level.steps - 1, "mass": float(masses.sum())}
         if scene is not None:
             entry |= _continuity(run, level, scene, obstacles, hierarchy, masses)
-        entry["jitter"] = [metrics.jitter(*_three(level, n, run.dt), run.dt, masses) for n in range(1, entry["steps"] + 1)]
+        entry["jitter"] = [
+            metrics.jitter(*_three(level, n, run.dt), run.dt, masses) for n in range(1, entry["steps"] + 1)
+        ]
         if level.index and run.levels[level.index - 1].steps:
             below = run.levels[level.index - 1]
             weights = hierarchy.prolongation(level.index).weights
-            entry |= _between_levels(level, below, weights, masses, metrics.lumped_masses(below.mesh, densities[below.index]))
-        levels.append(entry | {"summary": {key: _summary(values) for key, values in entry.items() if isinstance(values, list)}})
+            entry |= _between_levels(
+                level, below, weights, masses, metrics.lumped_masses(below.mesh, densities[below.index])
+            )
+        levels.append(
+            entry | {"summary": {key: _summary(values) for key, values in entry.items() if isinstance(values, list)}}
+        )
     if not levels:
         raise InputError(f"{path} has no stored state to measure")
-    return {"run": str(path), "dt": run.dt, "method": run.info.get("method", ""), "prolongation": prolongation, "notes": notes, "levels": levels}
+    return {
+        "run": str(path),
+        "dt": run.dt,
+        "method": run.info.get("method", ""),
+        "prolongation": prolongation,
+        "notes": notes,
+        "levels": levels,
+    }
 
 
 def write_metrics(path: Path, against: Path | None = None, file: Path | None = None) -> dict:
@@ -135,11 +175,14 @@ def write_metrics(path: Path, against: Path | None = None, file: Path | None = N
 
 
 def compare(path: str | Path, other: str | Path) -> list[dict]:
-    """How far two runs of one shot are apart, per level that both have: `centre_error` [m] over common states and, where the meshes are the
-    same, `distance` [m]."""
+    """How far two runs of one shot are apart, per level that both have: `centre_error` [m] over common states and,
+    where the meshes are the same, `distance` [m].
+    """
     run, against = open_run(path), open_run(other)
     if run.dt != against.dt:
-        raise InputError(f"{path} has dt {run.dt:g} s and {other} has {against.dt:g} s; compare runs with the same time step")
+        raise InputError(
+            f"{path} has dt {run.dt:g} s and {other} has {against.dt:g} s; compare runs with the same time step"
+        )
     if run.info.get("bodies") != against.info.get("bodies"):
         raise InputError(f"{path} and {other} hold different bodies; compare runs of one shot")
     found = []
@@ -148,11 +191,19 @@ def compare(path: str | Path, other: str | Path) -> list[dict]:
         states = min(level.steps, its.steps)
         if not states:
             continue
-        masses, theirs = (metrics.lumped_masses(x.mesh, of[x.index]) for x, of in zip((level, its), densities, strict=True))
-        entry = {"level": level.index, "steps": states - 1, "centre_error": _centre_errors(level, its, masses, theirs, states)}
+        masses, theirs = (
+            metrics.lumped_masses(x.mesh, of[x.index]) for x, of in zip((level, its), densities, strict=True)
+        )
+        entry = {
+            "level": level.index,
+            "steps": states - 1,
+            "centre_error": _centre_errors(level, its, masses, theirs, states),
+        }
         if level.rest.shape == its.rest.shape and np.array_equal(level.rest, its.rest):
             entry["distance"] = [metrics.distance(level.positions(n), its.positions(n), masses) for n in range(states)]
-        found.append(entry | {"summary": {key: _summary(values) for key, values in entry.items() if isinstance(values, list)}})
+        found.append(
+            entry | {"summary": {key: _summary(values) for key, values in entry.items() if isinstance(values, list)}}
+        )
     return found
 
 
@@ -187,12 +238,16 @@ def _densities(run: Run, scene: Scene | None, notes: list[str]) -> list[np.ndarr
 
 
 def _three(level: RunLevel, number: int, dt: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Positions before, at the start and at the end of step `number`; the initial velocity says what was before the first."""
+    """Positions before, at the start and at the end of step `number`; the initial velocity says what was before the
+    first.
+    """
     now = level.positions(number - 1)
     return level.positions(number - 2) if number > 1 else now - dt * level.velocities(0), now, level.positions(number)
 
 
-def _continuity(run: Run, level: RunLevel, scene: Scene, obstacles: Sequence, hierarchy: Hierarchy, masses: np.ndarray) -> dict:
+def _continuity(
+    run: Run, level: RunLevel, scene: Scene, obstacles: Sequence, hierarchy: Hierarchy, masses: np.ndarray
+) -> dict:
     """`continuity` and `continuity_error` of a level."""
     method, taken, guides = run.info["method"], "own", ()
     if level.index:
@@ -201,7 +256,9 @@ def _continuity(run: Run, level: RunLevel, scene: Scene, obstacles: Sequence, hi
         guides = (guide(weight, run.dt, prolongation, below.positions),) if weight > 0.0 else ()
     forces = Forces(scene, hierarchy, level.index, run.info["diagonal"], obstacles, guides)
     special = {r["step"] for r in level.log if r.get("cuts", 0) or r.get("reached", 1.0) < 1.0}
-    special |= {r["step"] + 1 for r in level.log if r.get("reached", 1.0) < 1.0}  # sets out from where its obstacles were held back
+    special |= {
+        r["step"] + 1 for r in level.log if r.get("reached", 1.0) < 1.0
+    }  # sets out from where its obstacles were held back
     values, errors, kappas, masses = [], [], stored_stiffness(level), np.where(forces.free, masses, 0.0)
     crossing = {r["step"] for r in level.log if r.get("intersections", 0)}
     for number in range(1, level.steps):
@@ -227,18 +284,30 @@ def _between_levels(level: RunLevel, below: RunLevel, weights, masses: np.ndarra
         fine, coarse = level.positions(n), below.positions(n)
         consistency.append(metrics.squared_norm(projection.difference(fine, coarse), below_masses))
         distance.append(metrics.distance(fine, weights @ coarse, masses))
-    return {"consistency": consistency, "distance": distance, "centre_error": _centre_errors(level, below, masses, below_masses, states),
-            "projection": {"rank": projection.rank, "columns": projection.columns}}
+    return {
+        "consistency": consistency,
+        "distance": distance,
+        "centre_error": _centre_errors(level, below, masses, below_masses, states),
+        "projection": {"rank": projection.rank, "columns": projection.columns},
+    }
 
 
-def _centre_errors(level: RunLevel, other: RunLevel, masses: np.ndarray, other_masses: np.ndarray, states: int) -> list[float]:
+def _centre_errors(
+    level: RunLevel, other: RunLevel, masses: np.ndarray, other_masses: np.ndarray, states: int
+) -> list[float]:
     bodies = level.mesh.point_bodies
     centres = np.array([metrics.mass_centres(level.positions(n), masses, bodies) for n in range(states)])
-    theirs = np.array([metrics.mass_centres(other.positions(n), other_masses, other.mesh.point_bodies) for n in range(states)])
+    theirs = np.array(
+        [metrics.mass_centres(other.positions(n), other_masses, other.mesh.point_bodies) for n in range(states)]
+    )
     weight = np.bincount(bodies, masses)
     return [metrics.centre_error(a - centres[0], b - theirs[0], weight) for a, b in zip(centres, theirs, strict=True)]
 
 
 def _summary(values: Sequence[float]) -> dict:
     known = np.array([v for v in values if np.isfinite(v)])
-    return {"mean": float(known.mean()), "median": float(np.median(known)), "largest": float(known.max())} if len(known) else {}
+    return (
+        {"mean": float(known.mean()), "median": float(np.median(known)), "largest": float(known.max())}
+        if len(known)
+        else {}
+    )

@@ -1,8 +1,10 @@
-"""`pdvol check`: what would stop or spoil a run, found before it starts; as plain data, which is told in lines or written as JSON.
+"""`pdvol check`: what would stop or spoil a run, found before it starts; as plain data, which is told in lines or
+written as JSON.
 
-The cost of a level is that of level 0, measured by simulating its beginning for some seconds without storing anything, times
-((n + A) / (n_0 + A))^1.05 for n vertices: a Newton iteration costs so from 4,000 to 100,000 vertices (docs/benchmarks.md), and A vertices'
-worth whatever the size. The number of iterations a step is taken to be level 0's. Meshing and start-up are not counted.
+The cost of a level is that of level 0, measured by simulating its beginning for some seconds without storing anything,
+times ((n + A) / (n_0 + A))^1.05 for n vertices: a Newton iteration costs so from 4,000 to 100,000 vertices
+(docs/benchmarks.md), and A vertices' worth whatever the size. The number of iterations a step is taken to be level 0's.
+Meshing and start-up are not counted.
 """
 
 import os
@@ -40,7 +42,10 @@ NEAR = 10.0  # of dhat: gaps are told up to there
 STIFF = 1e4  # ratio of Young's moduli from which a note is made
 GROWTH = 1.05
 OVERHEAD = {2: 600, 3: 100}  # vertices: A above, from levels of 100 to 20,000 vertices
-KILOBYTES = {2: 2.0, 3: 7.1}  # per vertex, of systems with a coarse space; measured at 90,601 (2D) and 99,900 vertices (3D)
+KILOBYTES = {
+    2: 2.0,
+    3: 7.1,
+}  # per vertex, of systems with a coarse space; measured at 90,601 (2D) and 99,900 vertices (3D)
 
 
 def check_scene(scene: Scene, seconds: float = 3.0, out: Path | None = None) -> dict:
@@ -50,12 +55,14 @@ def check_scene(scene: Scene, seconds: float = 3.0, out: Path | None = None) -> 
     ----------
     scene : Scene
     seconds : how long level 0 may be simulated to tell what levels cost; 0: not at all
-    out : folder for `level_<l>.vtu` (cells' `quality`; points' `defect`) and `defects_<l>.vtu` (the primitives at fault); none is written if None
+    out : folder for `level_<l>.vtu` (cells' `quality`; points' `defect`) and `defects_<l>.vtu` (the primitives at
+        fault); none is written if None
 
     Returns
     -------
     dict
-        `sound`, `modelled` (lines), `stiffness_ratio`, `levels` (sizes, worst cells, smallest gap, defects, cost), `notes` and `defects` (lines).
+        `sound`, `modelled` (lines), `stiffness_ratio`, `levels` (sizes, worst cells, smallest gap, defects, cost),
+        `notes` and `defects` (lines).
     """
     result = {"sound": False, "modelled": [], "stiffness_ratio": None, "levels": [], "notes": [], "defects": []}
     try:
@@ -99,10 +106,21 @@ def _check_level(scene: Scene, mesh: LevelMesh, level: int, obstacles, diagonal:
     worst = np.argsort(quality, kind="stable")[:WORST]
     edge = _shortest_edge(mesh)
     entry = {
-        "level": level, "vertices": len(mesh.points), "cells": len(mesh.cells), "surface_vertices": len(np.unique(mesh.boundary)),
-        "volume": float(mesh.volumes.sum()), "smallest_cell": float(mesh.volumes.min()), "shortest_edge": edge,
-        "worst_cells": [{"cell": int(c), "body": scene.bodies[mesh.bodies[c]].name, "quality": float(quality[c])} for c in worst],
-        "poor_cells": int((quality < POOR).sum()), "smallest_gap": None, "near_pairs": 0, "defects": [], "edges_per_step": None,
+        "level": level,
+        "vertices": len(mesh.points),
+        "cells": len(mesh.cells),
+        "surface_vertices": len(np.unique(mesh.boundary)),
+        "volume": float(mesh.volumes.sum()),
+        "smallest_cell": float(mesh.volumes.min()),
+        "shortest_edge": edge,
+        "worst_cells": [
+            {"cell": int(c), "body": scene.bodies[mesh.bodies[c]].name, "quality": float(quality[c])} for c in worst
+        ],
+        "poor_cells": int((quality < POOR).sum()),
+        "smallest_gap": None,
+        "near_pairs": 0,
+        "defects": [],
+        "edges_per_step": None,
     }
     defects: list[Defect] = []
     try:
@@ -116,7 +134,12 @@ def _check_level(scene: Scene, mesh: LevelMesh, level: int, obstacles, diagonal:
                 dhat = metres(next(c.dhat for c in scene.contact if isinstance(c, Barrier)), diagonal)
                 gap, _ = smallest_gap(mesh, obstacles, scene, NEAR * dhat)
                 if gap is not None:
-                    entry["smallest_gap"] = {"distance": gap.distance, "one": gap.one, "other": gap.other, "dhats": gap.distance / dhat}
+                    entry["smallest_gap"] = {
+                        "distance": gap.distance,
+                        "one": gap.one,
+                        "other": gap.other,
+                        "dhats": gap.distance / dhat,
+                    }
                     entry["near_pairs"] = smallest_gap(mesh, obstacles, scene, dhat)[1]
     except InputError as error:
         entry["defects"].append(str(error))
@@ -125,7 +148,9 @@ def _check_level(scene: Scene, mesh: LevelMesh, level: int, obstacles, diagonal:
 
 def _shortest_edge(mesh: LevelMesh) -> float:
     corners = mesh.points[mesh.cells]
-    return float(min(np.linalg.norm(corners[:, i] - corners[:, j], axis=1).min() for i in range(mesh.dim + 1) for j in range(i)))
+    return float(
+        min(np.linalg.norm(corners[:, i] - corners[:, j], axis=1).min() for i in range(mesh.dim + 1) for j in range(i))
+    )
 
 
 def _draw(out: Path, meshes: Sequence[LevelMesh], drawn: Sequence[Sequence[Defect]]) -> None:
@@ -139,12 +164,16 @@ def _draw(out: Path, meshes: Sequence[LevelMesh], drawn: Sequence[Sequence[Defec
                 for corner, number in corners:
                     marks[[places[tuple(point)] for point in corner if tuple(point) in places]] = number
                 write_primitives(out / f"defects_{level}.vtu", *zip(*corners, strict=True))
-            write_vtu(out / f"level_{level}.vtu", mesh, {"defect": marks}, {"quality": mean_ratio(mesh.points, mesh.cells)})
+            write_vtu(
+                out / f"level_{level}.vtu", mesh, {"defect": marks}, {"quality": mean_ratio(mesh.points, mesh.cells)}
+            )
     except OSError as error:
         raise InputError(f"{out} cannot be written: {error.strerror}") from None
 
 
-def _estimate(result: dict, scene: Scene, meshes: Sequence[LevelMesh], obstacles, diagonal: float, seconds: float) -> None:
+def _estimate(
+    result: dict, scene: Scene, meshes: Sequence[LevelMesh], obstacles, diagonal: float, seconds: float
+) -> None:
     """Adds what each level will cost, from the beginning of level 0."""
     mesh, dim = meshes[0], meshes[0].dim
     problem = LevelProblem(scene, LevelSpace(mesh, MPI.COMM_SELF), 0, diagonal, obstacles)
@@ -161,7 +190,11 @@ def _estimate(result: dict, scene: Scene, meshes: Sequence[LevelMesh], obstacles
         return
     used = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
     step = float(np.mean(spent))
-    result["measured"] = {"steps": len(spent), "seconds_per_step": step, "newton_iterations": float(np.mean(iterations))}
+    result["measured"] = {
+        "steps": len(spent),
+        "seconds_per_step": step,
+        "newton_iterations": float(np.mean(iterations)),
+    }
     for entry in result["levels"]:
         n, n0, extra = entry["vertices"], len(mesh.points), OVERHEAD[dim]
         entry["seconds_per_step"] = step * ((n + extra) / (n0 + extra)) ** GROWTH
@@ -174,14 +207,26 @@ def _note(result: dict) -> None:
     for entry in result["levels"]:
         if entry["edges_per_step"] is not None and entry["edges_per_step"] > 1.0:
             fits = entry["shortest_edge"] / entry["speed"]
-            notes.append(f"note: level {entry['level']}: at {entry['speed']:.3g} m/s a body crosses {entry['edges_per_step']:.1f} of its shortest "
-                         f"edges per step; contact holds, detail may not (dt = {fits:.2g} s crosses one)")
+            notes.append(
+                f"note: level {entry['level']}: at {entry['speed']:.3g} m/s a body crosses"
+                f" {entry['edges_per_step']:.1f} of its shortest edges per step; contact holds, detail may not (dt ="
+                f" {fits:.2g} s crosses one)"
+            )
         if entry["poor_cells"]:
-            notes.append(f"note: level {entry['level']}: {entry['poor_cells']} cells have a mean ratio below {POOR:g}; they slow the linear solver")
+            notes.append(
+                f"note: level {entry['level']}: {entry['poor_cells']} cells have a mean ratio below {POOR:g}; they slow"
+                " the linear solver"
+            )
         if entry["near_pairs"]:
-            notes.append(f"note: level {entry['level']}: {entry['near_pairs']} pairs of primitives are nearer than dhat at t = 0 and push at once")
+            notes.append(
+                f"note: level {entry['level']}: {entry['near_pairs']} pairs of primitives are nearer than dhat at t = 0"
+                " and push at once"
+            )
     if result["stiffness_ratio"] is not None and result["stiffness_ratio"] > STIFF:
-        notes.append(f"note: stiffness ratio {result['stiffness_ratio']:.1g}; the direct linear solver is the safer choice (--set linear=direct)")
+        notes.append(
+            f"note: stiffness ratio {result['stiffness_ratio']:.1g}; the direct linear solver is the safer choice"
+            " (--set linear=direct)"
+        )
 
 
 def told(result: dict) -> list[str]:
@@ -190,25 +235,50 @@ def told(result: dict) -> list[str]:
     if result["stiffness_ratio"] not in (None, 1.0):
         lines.append(f"stiffness ratio of the materials: {result['stiffness_ratio']:.3g}")
     for e in result["levels"]:
-        lines.append(f"level {e['level']}: {e['vertices']:,} vertices, {e['cells']:,} cells, {e['surface_vertices']:,} on the surface, "
-                     f"volume {e['volume']:.4g}, smallest cell {e['smallest_cell']:.2g}, shortest edge {e['shortest_edge']:.3g} m")
-        lines.append("  worst cells (mean ratio): " + ", ".join(f"{w['cell']} of {w['body']} ({w['quality']:.2f})" for w in e["worst_cells"]))
+        lines.append(
+            f"level {e['level']}: {e['vertices']:,} vertices, {e['cells']:,} cells, {e['surface_vertices']:,} on the"
+            f" surface, volume {e['volume']:.4g}, smallest cell {e['smallest_cell']:.2g}, shortest edge"
+            f" {e['shortest_edge']:.3g} m"
+        )
+        lines.append(
+            "  worst cells (mean ratio): "
+            + ", ".join(f"{w['cell']} of {w['body']} ({w['quality']:.2f})" for w in e["worst_cells"])
+        )
         gap = e["smallest_gap"]
         if gap is not None:
-            lines.append(f"  smallest gap at t = 0: {gap['distance']:.3g} m, {gap['dhats']:.2g} dhat, between {gap['one']} and {gap['other']}")
+            lines.append(
+                f"  smallest gap at t = 0: {gap['distance']:.3g} m, {gap['dhats']:.2g} dhat, between {gap['one']} and"
+                f" {gap['other']}"
+            )
         if e.get("speed"):
-            lines.append(f"  fastest vertex at t = 0: {e['speed']:.3g} m/s, {e['edges_per_step']:.2g} shortest edges a step")
+            lines.append(
+                f"  fastest vertex at t = 0: {e['speed']:.3g} m/s, {e['edges_per_step']:.2g} shortest edges a step"
+            )
         if "seconds" in e:
-            lines.append(f"  about {_duration(e['seconds'])} ({e['seconds_per_step']:.2g} s a step) and {e['memory_mb']:,.0f} MB")
+            lines.append(
+                f"  about {_duration(e['seconds'])} ({e['seconds_per_step']:.2g} s a step) and {e['memory_mb']:,.0f} MB"
+            )
     if "measured" in result:
         m = result["measured"]
-        lines.append(f"costs from {m['steps']} steps of level 0: {m['seconds_per_step']:.2g} s and {m['newton_iterations']:.1f} Newton iterations a step")
+        lines.append(
+            f"costs from {m['steps']} steps of level 0: {m['seconds_per_step']:.2g} s and {m['newton_iterations']:.1f}"
+            " Newton iterations a step"
+        )
     lines += result["notes"] + result["defects"]
-    return [*lines, "sound: nothing found that would stop a run" if result["sound"] else "not sound: mend the defects above"]
+    return [
+        *lines,
+        "sound: nothing found that would stop a run" if result["sound"] else "not sound: mend the defects above",
+    ]
 
 
 def _duration(seconds: float) -> str:
-    return f"{seconds:.2g} s" if seconds < 60 else f"{seconds / 60:.2g} min" if seconds < 3600 else f"{seconds / 3600:.2g} h"
+    return (
+        f"{seconds:.2g} s"
+        if seconds < 60
+        else f"{seconds / 60:.2g} min"
+        if seconds < 3600
+        else f"{seconds / 3600:.2g} h"
+    )
 
 
 def check_meshes(files: Sequence[Path]) -> dict:
@@ -233,8 +303,10 @@ def _check_mesh(file: Path) -> str:
     solid = check_solid(shape, str(file))
     quality = mean_ratio(solid.vertices, solid.cells)
     worst = ", ".join(f"{c} ({quality[c]:.2f})" for c in np.argsort(quality, kind="stable")[:WORST])
-    return (f"{file}: {len(shape.vertices):,} vertices, {len(shape.cells):,} cells, regions {sorted(set(shape.regions.tolist()))}, "
-            f"worst cells (mean ratio) {worst}, sound")
+    return (
+        f"{file}: {len(shape.vertices):,} vertices, {len(shape.cells):,} cells, regions"
+        f" {sorted(set(shape.regions.tolist()))}, worst cells (mean ratio) {worst}, sound"
+    )
 
 
 def write_result(result: dict, file: Path) -> None:

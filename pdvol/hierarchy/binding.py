@@ -60,7 +60,8 @@ def closest_binding(target: LevelSpace | LevelMesh, source: LevelSpace) -> Bindi
 
 
 def home_cells(target: LevelSpace, source: LevelSpace, binding: Binding) -> np.ndarray:
-    """(m,) int64: the source cell that contains each target cell's centre; outside, of its corners' homes the one it is least far out of.
+    """(m,) int64: the source cell that contains each target cell's centre; outside, of its corners' homes the one it is
+    least far out of.
 
     `binding` is the target's points' own. Collective on the source's communicator.
     """
@@ -71,7 +72,11 @@ def home_cells(target: LevelSpace, source: LevelSpace, binding: Binding) -> np.n
     if len(outside):
         choices = binding.cells[fine.cells[outside]]
         corners = np.repeat(centres[outside], fine.dim + 1, axis=0)
-        within = barycentric_coordinates(corners, coarse.points[coarse.cells[choices.ravel()]]).min(axis=1).reshape(choices.shape)
+        within = (
+            barycentric_coordinates(corners, coarse.points[coarse.cells[choices.ravel()]])
+            .min(axis=1)
+            .reshape(choices.shape)
+        )
         homes[outside] = choices[np.arange(len(outside)), within.argmax(axis=1)]
     return homes
 
@@ -101,7 +106,9 @@ def _check(target: LevelMesh, source: LevelMesh) -> None:
         raise MeshError(f"cannot bind a {target.dim}D level to a {source.dim}D level")
     missing = np.setdiff1d(target.bodies, source.bodies)
     if len(missing):
-        raise MeshError(f"body {missing[0]} has no cells on one of two neighbouring levels: give every level a mesh of every body")
+        raise MeshError(
+            f"body {missing[0]} has no cells on one of two neighbouring levels: give every level a mesh of every body"
+        )
 
 
 __all__ = ["CLOSEST", "INSIDE", "NEIGHBOUR", "RAY", "Binding", "bind", "closest_binding", "home_cells"]

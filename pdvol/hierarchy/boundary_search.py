@@ -5,7 +5,8 @@ import numpy as np
 
 from pdvol.hierarchy.level_mesh import LevelMesh
 
-# Facets are enlarged by this for the ray test, so that a segment through a shared edge or corner cannot slip between two of them.
+# Facets are enlarged by this for the ray test, so that a segment through a shared edge or corner cannot slip between
+# two of them.
 OVERLAP = 1e-9
 # A segment that ends on the surface hits it, whatever its last digits.
 END = 1e-9
@@ -35,8 +36,9 @@ class BoundarySearch:
 
         triangles = _triangles(self._corners)
         normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
-        # libigl's ray test compares determinants of the size of twice the triangle's area with an absolute epsilon (at 1 mm it misses every
-        # triangle): in these units the smallest triangle has determinant 1 for a ray along its normal.
+        # libigl's ray test compares determinants of the size of twice the triangle's area with an absolute epsilon (at
+        # 1 mm it misses every triangle): in these units the smallest triangle has determinant 1 for a ray along its
+        # normal.
         self._unit = np.sqrt(np.linalg.norm(normals, axis=1).min())
         self._origin = self._corners.mean(axis=(0, 1))
         self._triangles = (triangles - self._origin) / self._unit
@@ -100,10 +102,13 @@ def _embed(points: np.ndarray) -> np.ndarray:
 def _triangles(facets: np.ndarray) -> np.ndarray:
     """Triangles (k, 3, 3) whose section with the plane of the rays is the facet.
 
-    A 2D edge becomes one upright triangle that is as wide as the edge at height 0: a quad's diagonal would cross that plane.
+    A 2D edge becomes one upright triangle that is as wide as the edge at height 0: a quad's diagonal would cross that
+    plane.
     """
     if facets.shape[1] == 3:
         return facets
     along = facets[:, 1] - facets[:, 0]
     up = np.linalg.norm(along, axis=1)[:, None] * np.array([0.0, 0.0, 1.0])
-    return np.stack([facets[:, 0] - 0.5 * along - up, facets[:, 1] + 0.5 * along - up, facets.mean(axis=1) + up], axis=1)
+    return np.stack(
+        [facets[:, 0] - 0.5 * along - up, facets[:, 1] + 0.5 * along - up, facets.mean(axis=1) + up], axis=1
+    )

@@ -1,4 +1,6 @@
-"""Work on files that nobody vouches for, in a forked child with a limit on its time and memory: its crash, hang or greed stays its own."""
+"""Work on files that nobody vouches for, in a forked child with a limit on its time and memory: its crash, hang or
+greed stays its own.
+"""
 
 import contextlib
 import os
@@ -35,7 +37,9 @@ def read_bounded(path: Path, read: Callable[[Path], dict[str, np.ndarray]]) -> d
         answer = Path(folder) / "answer"
         watched, held = os.pipe()
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", DeprecationWarning)  # of forks beside threads: the child needs none of their locks
+            warnings.simplefilter(
+                "ignore", DeprecationWarning
+            )  # of forks beside threads: the child needs none of their locks
             child = os.fork()
         if child == 0:
             _work(path, read, answer, room)
@@ -66,7 +70,11 @@ def _work(path: Path, read: Callable, answer: Path, room: int) -> None:
         die_with_parent()
         for number in (signal.SIGSEGV, signal.SIGBUS, signal.SIGFPE, signal.SIGABRT, signal.SIGTERM, signal.SIGINT):
             signal.signal(number, signal.SIG_DFL)  # PETSc's handlers would end all ranks
-        used = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize() if os.path.exists("/proc/self/statm") else 2**32
+        used = (
+            int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
+            if os.path.exists("/proc/self/statm")
+            else 2**32
+        )
         resource.setrlimit(resource.RLIMIT_AS, (used + room, used + room))
         resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
         try:
@@ -75,9 +83,16 @@ def _work(path: Path, read: Callable, answer: Path, room: int) -> None:
                 np.savez(file, **arrays)
             code = 0
         except InputError as error:
-            answer.write_text(f"{'MeshError' if isinstance(error, MeshError) else 'InputError'}:{error}", encoding="utf-8", errors="replace")
+            answer.write_text(
+                f"{'MeshError' if isinstance(error, MeshError) else 'InputError'}:{error}",
+                encoding="utf-8",
+                errors="replace",
+            )
         except MemoryError:
-            answer.write_text(f"MeshError:{path}: wants more memory than a file of its size does; export the mesh again", errors="replace")
+            answer.write_text(
+                f"MeshError:{path}: wants more memory than a file of its size does; export the mesh again",
+                errors="replace",
+            )
     except BaseException:  # noqa: BLE001: nothing of the parent's may run on in the child
         with contextlib.suppress(BaseException):
             answer.unlink(missing_ok=True)

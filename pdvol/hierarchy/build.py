@@ -1,7 +1,8 @@
-"""From a scene to its levels' meshes: read, validate, decimate, mesh, place. Serial: one rank calls it and shares the result.
+"""From a scene to its levels' meshes: read, validate, decimate, mesh, place. Serial: one rank calls it and shares the
+result.
 
-The finest level's surface is decimated from the input's, each coarser one from the next finer one (paper, section 3.3.1). Meshes are
-kept in the shape's own coordinates, so that one shape placed many times, or moved, is meshed once.
+The finest level's surface is decimated from the input's, each coarser one from the next finer one (paper, section
+3.3.1). Meshes are kept in the shape's own coordinates, so that one shape placed many times, or moved, is meshed once.
 """
 
 from importlib.metadata import PackageNotFoundError, version
@@ -78,7 +79,8 @@ def read_obstacle(rigid: Rigid) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return rigid.placement(points), edges_of(facets), faces
 
 
-# ---- one body ----------------------------------------------------------------------------------------------------------------
+# ---- one body
+# ----------------------------------------------------------------------------------------------------------------
 
 
 def _body_levels(body: Body, levels: int, folder: Path, shapes: dict) -> list[Solid]:
@@ -115,7 +117,11 @@ def _meshed(shape, targets: tuple[int, ...], levels: int, folder: Path, key: str
         boundary = boundaries[level]
         mesh = tetrahedralise if isinstance(boundary, Surface) else triangulate
         sized = mesh(boundary, int(targets[level]), f"{name}, level {level}")
-        return {"points": sized.points, "cells": sized.cells.astype(np.int32), "regions": regions_of(sized.points, sized.cells)}
+        return {
+            "points": sized.points,
+            "cells": sized.cells.astype(np.int32),
+            "regions": regions_of(sized.points, sized.cells),
+        }
 
     solids = []
     for level in range(levels):

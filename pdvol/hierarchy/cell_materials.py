@@ -1,4 +1,6 @@
-"""What each cell of a level is made of: chosen on the coarsest level, carried to the finer ones by the binding (design, section 2)."""
+"""What each cell of a level is made of: chosen on the coarsest level, carried to the finer ones by the binding (design,
+section 2).
+"""
 
 from dataclasses import dataclass
 
@@ -36,7 +38,15 @@ class CellMaterials:
     def carried(self, origins: np.ndarray) -> "CellMaterials":
         """The same on a finer level whose cells inherit from these: `origins` (m_fine,)."""
         values = tuple({name: v[origins] for name, v in of_law.items()} for of_law in self.values)
-        return CellMaterials(self.laws, self.law[origins], values, self.young[origins], self.density[origins], self.damping[origins], self.softest)
+        return CellMaterials(
+            self.laws,
+            self.law[origins],
+            values,
+            self.young[origins],
+            self.density[origins],
+            self.damping[origins],
+            self.softest,
+        )
 
 
 def cell_materials(scene: Scene, mesh: LevelMesh) -> CellMaterials:
@@ -53,9 +63,12 @@ def cell_materials(scene: Scene, mesh: LevelMesh) -> CellMaterials:
         choice = np.where(mesh.bodies == i, 0, -1)
         for number, region in enumerate(body.regions, 1):
             choice[_held(region, f"body {body.name!r}, region {number}", mesh, centres, mesh.bodies == i)] = number
-        parts += [(m, np.flatnonzero(choice == number)) for number, m in enumerate((body.material, *(r.material for r in body.regions)))]
+        parts += [
+            (m, np.flatnonzero(choice == number))
+            for number, m in enumerate((body.material, *(r.material for r in body.regions)))
+        ]
     laws = tuple(dict.fromkeys(type(material) for material, _ in parts))
-    zeros = lambda: np.zeros(len(mesh.cells))  # noqa: E731
+    zeros = lambda: np.zeros(len(mesh.cells))
     law, fields = np.zeros(len(mesh.cells), dtype=np.int32), {name: zeros() for name in ("young", "density", "damping")}
     values = tuple({name: zeros() for name in ("mu", "lmbda", *of.own_parameters())} for of in laws)
     for material, cells in parts:
@@ -99,7 +112,12 @@ def check_laws(scene: Scene, dim: int) -> None:
             except InputError:
                 raise
             except Exception as error:
-                raise InputError(f"body {body.name!r}: {law.__name__}.psi(F, {', '.join(names)}) failed: {type(error).__name__}: "
-                                 f"{' '.join(str(error).split())}") from error
+                raise InputError(
+                    f"body {body.name!r}: {law.__name__}.psi(F, {', '.join(names)}) failed: {type(error).__name__}: "
+                    f"{' '.join(str(error).split())}"
+                ) from error
             if psi.ufl_shape != ():
-                raise InputError(f"body {body.name!r}: {law.__name__}.psi must give one number, the energy density, not shape {psi.ufl_shape}")
+                raise InputError(
+                    f"body {body.name!r}: {law.__name__}.psi must give one number, the energy density, not shape"
+                    f" {psi.ufl_shape}"
+                )

@@ -1,4 +1,6 @@
-"""Runs a mesher in a process of its own: its crash, hang or chatter, and the libraries it loads, then stay out of the solver's process."""
+"""Runs a mesher in a process of its own: its crash, hang or chatter, and the libraries it loads, then stay out of the
+solver's process.
+"""
 
 import shutil
 import subprocess
@@ -12,8 +14,9 @@ import numpy as np
 from pdvol.errors import MeshError
 from pdvol.processes import die_with_parent, without_launcher
 
-# fTetWild shuffles with a std::mt19937 seeded from std::random_device, so the same input would give another mesh every time. The child
-# gets this definition instead (a linear congruential sequence), preloaded; libstdc++'s symbol name is fixed by the Itanium C++ ABI.
+# fTetWild shuffles with a std::mt19937 seeded from std::random_device, so the same input would give another mesh every
+# time. The child gets this definition instead (a linear congruential sequence), preloaded; libstdc++'s symbol name is
+# fixed by the Itanium C++ ABI.
 _FIXED_RANDOM = """
 unsigned int _ZNSt13random_device9_M_getvalEv(void *self)
 {

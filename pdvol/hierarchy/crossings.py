@@ -1,8 +1,9 @@
-"""Primitives that cross or touch: the boxes' overlaps come from ipctk's broad phase, the decision from closed (touching counts) tests here.
+"""Primitives that cross or touch: the boxes' overlaps come from ipctk's broad phase, the decision from closed (touching
+counts) tests here.
 
-Written apart from the solver's contact code, so that it can judge it. In 3D an edge crosses a triangle when its ends lie on different
-sides and its line passes through; in 2D two edges cross. Parallel contact, which has no such crossing, is found as a distance below
-`TOUCH` times the diagonal.
+Written apart from the solver's contact code, so that it can judge it. In 3D an edge crosses a triangle when its ends
+lie on different sides and its line passes through; in 2D two edges cross. Parallel contact, which has no such crossing,
+is found as a distance below `TOUCH` times the diagonal.
 """
 
 import numpy as np
@@ -20,7 +21,9 @@ def edges_of(faces: np.ndarray) -> np.ndarray:
     return np.unique(np.sort(faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1), axis=0)
 
 
-def find_crossings(points: np.ndarray, edges: np.ndarray, faces: np.ndarray, groups: np.ndarray | None = None) -> np.ndarray:
+def find_crossings(
+    points: np.ndarray, edges: np.ndarray, faces: np.ndarray, groups: np.ndarray | None = None
+) -> np.ndarray:
     """Pairs of primitives without a common vertex that cross.
 
     Parameters
@@ -59,8 +62,12 @@ def find_crossings(points: np.ndarray, edges: np.ndarray, faces: np.ndarray, gro
     return pairs[np.lexsort(pairs.T[::-1])]
 
 
-def find_touching(points: np.ndarray, edges: np.ndarray, faces: np.ndarray, groups: np.ndarray | None = None) -> np.ndarray:
-    """Pairs of vertices (k, 2) int64, one of each primitive, whose primitives are nearer than `TOUCH` times the diagonal."""
+def find_touching(
+    points: np.ndarray, edges: np.ndarray, faces: np.ndarray, groups: np.ndarray | None = None
+) -> np.ndarray:
+    """Pairs of vertices (k, 2) int64, one of each primitive, whose primitives are nearer than `TOUCH` times the
+    diagonal.
+    """
     import ipctk
 
     vertices, lines, triangles = fortran(points, edges, faces)
@@ -103,9 +110,11 @@ def _segments_meet(first: np.ndarray, second: np.ndarray) -> np.ndarray:
 
 
 def _segment_meets_triangle(segment: np.ndarray, triangle: np.ndarray) -> np.ndarray:
-    """Mask (k,) of the segments (k, 2, 3) that meet their triangle (k, 3, 3). Coplanar overlap is left to `find_touching`.
+    """Mask (k,) of the segments (k, 2, 3) that meet their triangle (k, 3, 3). Coplanar overlap is left to
+    `find_touching`.
 
-    Flat patches of scaled and turned meshes are coplanar to round-off only: the sign of such a volume is noise and counts as zero.
+    Flat patches of scaled and turned meshes are coplanar to round-off only: the sign of such a volume is noise and
+    counts as zero.
     """
 
     def volume(a, b, c, d):

@@ -1,4 +1,6 @@
-"""Quadric decimation (Garland and Heckbert 1997) of a closed surface that stays closed, manifold and free of self-intersections."""
+"""Quadric decimation (Garland and Heckbert 1997) of a closed surface that stays closed, manifold and free of
+self-intersections.
+"""
 
 from collections.abc import Iterator
 
@@ -22,7 +24,8 @@ def topology(triangles: np.ndarray, n: int) -> tuple[int, int]:
 def decimate(surface: Surface, target: int, name: str = "surface") -> Surface:
     """The surface with about `target` vertices, its shells and handles kept; unchanged where it has no more than that.
 
-    Several settings and libraries are tried until the result passes `check_surface`; the ones that block intersections, slower, come last.
+    Several settings and libraries are tried until the result passes `check_surface`; the ones that block intersections,
+    slower, come last.
 
     Raises
     ------
@@ -43,7 +46,9 @@ def decimate(surface: Surface, target: int, name: str = "surface") -> Surface:
         if topology(result.triangles, len(result.vertices)) == wanted:
             return result
         reason = f"{name}: decimation closed a hole or lost a part"
-    raise MeshError(f"{reason or name} after decimation to {target} vertices; ask for more vertices or give a cleaner surface")
+    raise MeshError(
+        f"{reason or name} after decimation to {target} vertices; ask for more vertices or give a cleaner surface"
+    )
 
 
 def _attempts(surface: Surface, target: int, euler: int) -> Iterator[tuple[np.ndarray, np.ndarray]]:
@@ -54,4 +59,6 @@ def _attempts(surface: Surface, target: int, euler: int) -> Iterator[tuple[np.nd
         yield fast_simplification.simplify(points, triangles, target_count=max(faces, 4), agg=aggression)
     faces = max(2 * (target - euler), 4)
     for collapse in (igl.qslim, igl.decimate):
-        yield collapse(np.asfortranarray(points), np.asfortranarray(triangles), max_m=faces, block_intersections=True)[:2]
+        yield collapse(np.asfortranarray(points), np.asfortranarray(triangles), max_m=faces, block_intersections=True)[
+            :2
+        ]

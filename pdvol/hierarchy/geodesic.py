@@ -1,12 +1,12 @@
 """Home cells for points outside the source mesh, found along the target's own edges (paper 3.3.2 and 3.3.3).
 
-Points are taken in order of most bound neighbours, ties by lowest index. The closest facet hit by a ray along an incident edge, within the
-edge, gives the home. Without a hit the closest of the neighbours' home facets does.
+Points are taken in order of most bound neighbours, ties by lowest index. The closest facet hit by a ray along an
+incident edge, within the edge, gives the home. Without a hit the closest of the neighbours' home facets does.
 
-A neighbour bound by a ray or by its neighbours has one home facet. A neighbour inside the source has none; its segment to a point outside
-crosses the boundary, so the ray decides, except where the two meshes touch to round-off. There its home facets are the boundary facets of
-the first layer of cells, counted through shared facets from its home cell, that has any: reached through the source's material, hence
-on the same branch.
+A neighbour bound by a ray or by its neighbours has one home facet. A neighbour inside the source has none; its segment
+to a point outside crosses the boundary, so the ray decides, except where the two meshes touch to round-off. There its
+home facets are the boundary facets of the first layer of cells, counted through shared facets from its home cell, that
+has any: reached through the source's material, hence on the same branch.
 """
 
 import heapq
@@ -36,8 +36,8 @@ def bind_outside(target: LevelMesh, source: LevelMesh, cells: np.ndarray) -> tup
     cells : (n,) int64
         Without -1.
     kind : (n,) int8
-        INSIDE, RAY, NEIGHBOUR; CLOSEST for the points of a connected part of the target without any bound point, which go to the
-        Euclidean-closest cell of their body.
+        INSIDE, RAY, NEIGHBOUR; CLOSEST for the points of a connected part of the target without any bound point, which
+        go to the Euclidean-closest cell of their body.
     """
     cells = cells.copy()
     kind = np.full(len(cells), INSIDE, dtype=np.int8)
@@ -95,7 +95,9 @@ def _march(outside, points, edges, cells, search, material):
     if len(orphans):
         for v, closest in zip(orphans.tolist(), search.closest(points[orphans]).tolist(), strict=True):
             facet[v], kind[v] = closest, CLOSEST
-    return np.array([facet[v] for v in neighbours], dtype=np.int64), np.array([kind[v] for v in neighbours], dtype=np.int8)
+    return np.array([facet[v] for v in neighbours], dtype=np.int64), np.array(
+        [kind[v] for v in neighbours], dtype=np.int8
+    )
 
 
 def _ray_hits(outside, points, edges, search) -> dict[int, int]:
@@ -122,12 +124,16 @@ class _Material:
         return sp.csr_array((np.ones(2 * len(a)), (np.r_[a, b], np.r_[b, a])), shape=(len(self._mesh.cells),) * 2)
 
     def facets_near(self, cell: int, facet_cells: np.ndarray) -> list[int]:
-        """Boundary facets of the first layer of cells around `cell` that has any; `facet_cells` (k,) says whose each facet is."""
+        """Boundary facets of the first layer of cells around `cell` that has any; `facet_cells` (k,) says whose each
+        facet is.
+        """
         layer, seen = {int(cell)}, set()
         while layer:
             facets = np.flatnonzero(np.isin(facet_cells, list(layer)))
             if len(facets):
                 return facets.tolist()
             seen |= layer
-            layer = {int(c) for k in layer for c in self._links.indices[self._links.indptr[k] : self._links.indptr[k + 1]]} - seen
+            layer = {
+                int(c) for k in layer for c in self._links.indices[self._links.indptr[k] : self._links.indptr[k + 1]]
+            } - seen
         return []

@@ -1,4 +1,6 @@
-"""Child process: triangulates the inside of closed loops. `python gmsh_worker.py IN.npz OUT.npz`; knows no pdvol, MPI or PETSc."""
+"""Child process: triangulates the inside of closed loops. `python gmsh_worker.py IN.npz OUT.npz`; knows no pdvol, MPI
+or PETSc.
+"""
 
 import sys
 
@@ -9,8 +11,8 @@ import numpy as np
 def triangulate(points, starts, parents, edge_length):
     """Delaunay-frontal triangles of edge length `edge_length` [m], the given boundary segments kept.
 
-    points (n, 2): all loops one after the other; starts (k + 1,): where each begins; parents (k,): -1 for an outer loop, else the outer
-    loop that a hole belongs to.
+    points (n, 2): all loops one after the other; starts (k + 1,): where each begins; parents (k,): -1 for an outer
+    loop, else the outer loop that a hole belongs to.
     """
     gmsh.initialize(interruptible=False)
     gmsh.option.setNumber("General.Terminal", 0)

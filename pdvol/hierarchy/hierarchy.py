@@ -13,14 +13,14 @@ from pdvol.hierarchy.level_mesh import LevelMesh
 from pdvol.hierarchy.level_space import LevelSpace
 from pdvol.hierarchy.prolongation import Prolongation
 
-
 MOST_COARSE = 800  # vertices: the coarse system is solved directly in every iteration
 MOST_WEIGHTS = 30  # a vertex: sums over them are taken for each pair of neighbours
 SMALLER = 6  # times: else it costs about as much as what it helps
 
 
 class Hierarchy(Sequence):
-    """A sequence of `LevelSpace`: `hierarchy[0]` is the coarsest, `hierarchy[-1]` the finest. Construction is collective.
+    """A sequence of `LevelSpace`: `hierarchy[0]` is the coarsest, `hierarchy[-1]` the finest. Construction is
+    collective.
 
     Parameters
     ----------
@@ -61,9 +61,13 @@ class Hierarchy(Sequence):
             When `level` is not one of 1 ... len - 1.
         """
         if not 1 <= level < len(self):
-            raise ValueError(f"no prolongation leads to level {level}; levels with a coarser neighbour: 1 to {len(self) - 1}")
+            raise ValueError(
+                f"no prolongation leads to level {level}; levels with a coarser neighbour: 1 to {len(self) - 1}"
+            )
         if level not in self._prolongations:
-            self._prolongations[level] = Prolongation(self[level - 1], self[level], self._binding(level), INTERPOLANTS[self.interpolant])
+            self._prolongations[level] = Prolongation(
+                self[level - 1], self[level], self._binding(level), INTERPOLANTS[self.interpolant]
+            )
         return self._prolongations[level]
 
     def _binding(self, level: int) -> Binding:
@@ -72,17 +76,20 @@ class Hierarchy(Sequence):
         return self._bindings[level]
 
     def origins(self, level: int) -> np.ndarray:
-        """(m,) int64: the coarsest level's cell that each cell of a level inherits from, through its home on every level between. Collective."""
+        """(m,) int64: the coarsest level's cell that each cell of a level inherits from, through its home on every
+        level between. Collective.
+        """
         cells = np.arange(len(self[level].mesh.cells))
         for k in range(level, 0, -1):
             cells = home_cells(self[k], self[k - 1], self._binding(k))[cells]
         return cells
 
     def coarse_weights(self, level: int) -> csr_array | None:
-        """Weights (n, m) of a level over the coarser level that suits a two-level preconditioner best; None where none does. Collective.
+        """Weights (n, m) of a level over the coarser level that suits a two-level preconditioner best; None where none
+        does. Collective.
 
-        That is the largest one of at most `MOST_COARSE` vertices that is several times smaller than the level itself, if few of its vertices
-        act on each of this one's.
+        That is the largest one of at most `MOST_COARSE` vertices that is several times smaller than the level itself,
+        if few of its vertices act on each of this one's.
         """
         sizes = [len(space.mesh.points) for space in self._spaces]
         fitting = [k for k in range(level) if sizes[k] <= min(MOST_COARSE, sizes[level] / SMALLER)]

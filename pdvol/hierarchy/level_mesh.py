@@ -54,7 +54,9 @@ class LevelMesh:
 
     @cached_property
     def inner_facets(self) -> tuple[np.ndarray, np.ndarray]:
-        """(k, 2) int64, (k, 2) int64: the two cells beside each inner facet, and which of their corners lies opposite to it."""
+        """(k, 2) int64, (k, 2) int64: the two cells beside each inner facet, and which of their corners lies opposite
+        to it.
+        """
         m, corners = self.cells.shape
         facets = np.concatenate([np.sort(np.delete(self.cells, i, axis=1), axis=1) for i in range(corners)])
         order = np.lexsort(facets.T)
@@ -78,7 +80,10 @@ class LevelMesh:
         """One body as a mesh of its own, and its points' indices here."""
         mine = self.bodies == number
         points, cells = np.unique(self.cells[mine], return_inverse=True)
-        return LevelMesh(self.points[points], cells.reshape(-1, self.dim + 1), self.bodies[mine], self.regions[mine]), points
+        return (
+            LevelMesh(self.points[points], cells.reshape(-1, self.dim + 1), self.bodies[mine], self.regions[mine]),
+            points,
+        )
 
 
 def simplex_volumes(points: np.ndarray, cells: np.ndarray) -> np.ndarray:

@@ -21,14 +21,15 @@ class LevelSpace:
     V : dolfinx.fem.FunctionSpace
         Vector P1; block size `dim`.
     owned_points, local_points : (n_owned,), (n_local,) int64
-        Input index of each vertex whose unknowns this rank owns; and behind those of the other vertices of `near_cells`.
+        Input index of each vertex whose unknowns this rank owns; and behind those of the other vertices of
+        `near_cells`.
     local_blocks : (n_local,) int64
         Global (PETSc) block index of each local vertex.
     point_blocks : (n,) int64
         Global block index of each input point, replicated.
     near_cells : (m_near,) int64
-        Input index of the cells that touch an owned vertex: sums over them are complete in owned rows without any message. The
-        first `n_counted` belong to this rank alone, and all ranks' are all cells.
+        Input index of the cells that touch an owned vertex: sums over them are complete in owned rows without any
+        message. The first `n_counted` belong to this rank alone, and all ranks' are all cells.
     near_dofs : (m_near, d + 1) int32
         Local indices of their vertices.
     """
@@ -36,7 +37,9 @@ class LevelSpace:
     def __init__(self, mesh: LevelMesh, comm: MPI.Comm):
         self.mesh, self.comm = mesh, comm
         several = comm.size > 1 and mesh.bodies.max() > 0
-        self.domain = compat.create_mesh(comm, mesh.points, mesh.cells, shared_bodies(mesh, comm.size) if several else None)
+        self.domain = compat.create_mesh(
+            comm, mesh.points, mesh.cells, shared_bodies(mesh, comm.size) if several else None
+        )
         self.V = fem.functionspace(self.domain, ("Lagrange", 1, (mesh.dim,)))
         index_map = self.V.dofmap.index_map
         self.n_owned = index_map.size_local
@@ -67,7 +70,9 @@ class LevelSpace:
         local[self.local_blocks] = np.arange(len(self.local_blocks))
         self.near_dofs = np.ascontiguousarray(local[blocks])
         ends = np.cumsum(self._counts // d)
-        halo = compat.index_map(self.comm, self.n_owned, ghosts, np.searchsorted(ends, ghosts, side="right").astype(np.int32))
+        halo = compat.index_map(
+            self.comm, self.n_owned, ghosts, np.searchsorted(ends, ghosts, side="right").astype(np.int32)
+        )
         self._halo = la.vector(halo, d)
 
     @property

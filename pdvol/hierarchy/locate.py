@@ -1,7 +1,8 @@
 """Which cell of a distributed level contains a point, and the barycentric coordinates of points in cells.
 
-A point is in a cell when its signed distance to every facet's plane is at least `-INSIDE * size`, `size` being the largest coordinate of
-the level. On a shared facet the lowest input cell index wins, so the answer does not depend on the number of ranks.
+A point is in a cell when its signed distance to every facet's plane is at least `-INSIDE * size`, `size` being the
+largest coordinate of the level. On a shared facet the lowest input cell index wins, so the answer does not depend on
+the number of ranks.
 """
 
 import numpy as np
@@ -19,7 +20,8 @@ CHUNK = 20_000
 def containing_cells(points: np.ndarray, bodies: np.ndarray, source: LevelSpace) -> np.ndarray:
     """The cell of `source` that contains each point, among the cells of the point's own body. Collective.
 
-    Every rank searches the cells it owns (`dolfinx.geometry.bb_tree`); the lowest input index found by any rank is taken.
+    Every rank searches the cells it owns (`dolfinx.geometry.bb_tree`); the lowest input index found by any rank is
+    taken.
 
     Parameters
     ----------
@@ -60,7 +62,9 @@ def containing_cells(points: np.ndarray, bodies: np.ndarray, source: LevelSpace)
 
 
 def barycentric_coordinates(points: np.ndarray, corners: np.ndarray) -> np.ndarray:
-    """Barycentric coordinates (n, d + 1) of points (n, d) in simplices with corners (n, d + 1, d). Rows sum to one; may be negative."""
+    """Barycentric coordinates (n, d + 1) of points (n, d) in simplices with corners (n, d + 1, d). Rows sum to one; may
+    be negative.
+    """
     edges = (corners[:, 1:] - corners[:, :1]).transpose(0, 2, 1)
     others = np.linalg.solve(edges, (points - corners[:, 0])[..., None])[..., 0]
     return np.column_stack([1.0 - others.sum(axis=1), others])
@@ -70,7 +74,8 @@ def _contains(corners: np.ndarray, points: np.ndarray, slack: float) -> np.ndarr
     """(n,) bool: the point's distance to the plane of every facet, counted positive inwards, is at least -slack."""
     gradients = np.linalg.inv((corners[:, 1:] - corners[:, :1]).transpose(0, 2, 1))
     gradients = np.concatenate([-gradients.sum(axis=1, keepdims=True), gradients], axis=1)
-    # A product and a sum, not einsum or matmul: a pair's result must not depend on its place in the array, which differs between ranks.
+    # A product and a sum, not einsum or matmul: a pair's result must not depend on its place in the array, which
+    # differs between ranks.
     coordinates = (gradients * (points - corners[:, 0])[:, None, :]).sum(axis=2)
     coordinates[:, 0] += 1.0
     return (coordinates >= -slack * np.sqrt((gradients**2).sum(axis=2))).all(axis=1)

@@ -1,4 +1,6 @@
-"""The prolongation P from a coarse to a fine level: scalar weights in input order, and the PETSc matrix of the distributed spaces."""
+"""The prolongation P from a coarse to a fine level: scalar weights in input order, and the PETSc matrix of the
+distributed spaces.
+"""
 
 from functools import cached_property
 
@@ -52,10 +54,12 @@ class Prolongation:
         return float(svds(self.weights, k=1, tol=1e-4, v0=start, return_singular_vectors=False)[0])
 
     def report(self) -> dict:
-        """The binding's report, and what bounds the growth of extrapolated motion (paper, appendix on negative weights).
+        """The binding's report, and what bounds the growth of extrapolated motion (paper, appendix on negative
+        weights).
 
-        `weights_per_point` is the mean number of coarse points that a fine one depends on. `frobenius_norm` of the scalar weights is at most
-        `sqrt_points` (root of the number of fine points) for barycentric ones where nothing is extrapolated.
+        `weights_per_point` is the mean number of coarse points that a fine one depends on. `frobenius_norm` of the
+        scalar weights is at most `sqrt_points` (root of the number of fine points) for barycentric ones where nothing
+        is extrapolated.
         """
         return {
             **self.binding.report(),

@@ -1,9 +1,10 @@
 """Reads a shape from whatever a scene names: a file of a surface or a volume mesh, or arrays that are passed through.
 
-Which library reads what is a matter of measurement. For OBJ it is none: meshio refuses files whose normals or textures outnumber the
-vertices, trimesh and VTK split vertices along texture seams, libigl aborts the process on truncated ones. PLY, OFF and STL go through
-trimesh, for meshio never comes back from a PLY or OFF whose header is cut short. Whatever goes wrong inside a library becomes one line,
-and all of it happens in a child of limited time and memory (`bounded.py`).
+Which library reads what is a matter of measurement. For OBJ it is none: meshio refuses files whose normals or textures
+outnumber the vertices, trimesh and VTK split vertices along texture seams, libigl aborts the process on truncated ones.
+PLY, OFF and STL go through trimesh, for meshio never comes back from a PLY or OFF whose header is cut short. Whatever
+goes wrong inside a library becomes one line, and all of it happens in a child of limited time and memory
+(`bounded.py`).
 """
 
 import shutil
@@ -23,14 +24,24 @@ from pdvol.meshes import Outline, Solid, Surface
 SURFACES = (".obj", ".ply", ".off", ".stl")
 VOLUMES = (".msh", ".vtk", ".vtu", ".mesh", ".xdmf")
 _MSH_SECTIONS = {"MeshFormat", "PhysicalNames", "Entities", "PartitionedEntities", "Nodes", "Elements"}
-_LABELS = ("gmsh:physical", "medit:ref", "material", "MaterialIDs", "regions", "region", "cell_tags", "gmsh:geometrical")
+_LABELS = (
+    "gmsh:physical",
+    "medit:ref",
+    "material",
+    "MaterialIDs",
+    "regions",
+    "region",
+    "cell_tags",
+    "gmsh:geometrical",
+)
 """Names under which cells carry their region, the most explicit first."""
 
 
 def read_shape(shape: str | Path | Outline | Surface | Solid) -> Outline | Surface | Solid:
     """The shape as arrays; arrays are passed through.
 
-    A file of tetrahedra, or a volume-mesh file of triangles that all lie at one z, becomes a `Solid`, other triangles a `Surface`.
+    A file of tetrahedra, or a volume-mesh file of triangles that all lie at one z, becomes a `Solid`, other triangles a
+    `Surface`.
 
     Raises
     ------
@@ -86,7 +97,8 @@ def _attempts(path: Path, readers):
     raise MeshError(f"{path}: unreadable or truncated ({reason[:160]}); export the mesh again")
 
 
-# ---- surfaces ----------------------------------------------------------------------------------------------------------------
+# ---- surfaces
+# ----------------------------------------------------------------------------------------------------------------
 
 
 def _surface(path: Path) -> dict[str, np.ndarray]:
@@ -123,7 +135,9 @@ def _with_trimesh(path: Path):
 
 
 def _triangles(mesh: meshio.Mesh):
-    """Triangles (k, 3), quadrilaterals and polygons cut in fans, and the index of the cell block each comes from with its row there."""
+    """Triangles (k, 3), quadrilaterals and polygons cut in fans, and the index of the cell block each comes from with
+    its row there.
+    """
     triangles, blocks, rows = [], [], []
     for b, block in enumerate(mesh.cells):
         data = np.asarray(block.data)
@@ -138,7 +152,8 @@ def _triangles(mesh: meshio.Mesh):
     return np.concatenate(triangles), np.concatenate(blocks), np.concatenate(rows)
 
 
-# ---- volume meshes -----------------------------------------------------------------------------------------------------------
+# ---- volume meshes
+# -----------------------------------------------------------------------------------------------------------
 
 
 def _volume(path: Path) -> dict[str, np.ndarray]:
@@ -157,7 +172,10 @@ def _volume(path: Path) -> dict[str, np.ndarray]:
     triangles, blocks, rows = _triangles(mesh)
     if len(triangles) == 0:
         kinds = sorted({block.type for block in mesh.cells})
-        raise MeshError(f"{path}: holds no tetrahedra and no triangles (only {', '.join(kinds) or 'nothing'}); export one of the two")
+        raise MeshError(
+            f"{path}: holds no tetrahedra and no triangles (only {', '.join(kinds) or 'nothing'}); export one of"
+            " the two"
+        )
     if points.shape[1] == 2 or np.ptp(points[triangles, 2]) == 0.0:
         return {"points": points[:, :2], "cells": triangles, "regions": _regions(mesh, blocks, rows)}
     return {"points": points, "triangles": triangles}
@@ -190,7 +208,11 @@ def _with_meshio_known_sections(path: Path) -> meshio.Mesh:
             skipped = b""
             for line in source:
                 word = line.strip()
-                if not skipped and word.startswith(b"$") and word[1:].decode("ascii", "replace").removeprefix("End") not in _MSH_SECTIONS:
+                if (
+                    not skipped
+                    and word.startswith(b"$")
+                    and word[1:].decode("ascii", "replace").removeprefix("End") not in _MSH_SECTIONS
+                ):
                     skipped = b"$End" + word[1:]
                 if not skipped:
                     target.write(line)
@@ -206,5 +228,8 @@ def _with_vtk(path: Path) -> meshio.Mesh:
     labels = {name.removeprefix("label "): values for name, values in read.items() if name.startswith("label ")}
     blocks = [(kind, read[kind]) for kind in ("tetra", "triangle") if len(read[kind])]
     starts = {"tetra": 0, "triangle": len(read["tetra"])}
-    data = {name: [values[starts[kind] : starts[kind] + len(cells)] for kind, cells in blocks] for name, values in labels.items()}
+    data = {
+        name: [values[starts[kind] : starts[kind] + len(cells)] for kind, cells in blocks]
+        for name, values in labels.items()
+    }
     return meshio.Mesh(read["points"], blocks, cell_data=data)

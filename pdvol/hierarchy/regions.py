@@ -12,7 +12,9 @@ def no_regions(points: np.ndarray, cells: np.ndarray) -> np.ndarray:
 
 
 class Regions:
-    """The region of the input cell that contains a new cell's centroid; of the nearest by centroid where none of the near ones does."""
+    """The region of the input cell that contains a new cell's centroid; of the nearest by centroid where none of the
+    near ones does.
+    """
 
     NEAR = 32
 

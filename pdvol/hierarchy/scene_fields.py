@@ -42,7 +42,11 @@ def chosen_points(scene: Scene, chooser: Support | Load, mesh: LevelMesh) -> np.
         what = f"a {type(chooser).__name__.lower()}'s `where`"
         mask = called(what, chooser.where, (points.copy(),), (len(points),))
         strange = [] if mask.dtype == bool else mask[~np.isin(mask, (0, 1))]  # NaN, indices: not what a mask holds
-        require(len(strange) == 0, f"{what} must give True or False a vertex, not {mask.dtype} values such as {strange[0] if len(strange) else 0}")
+        require(
+            len(strange) == 0,
+            f"{what} must give True or False a vertex, not {mask.dtype} values such as"
+            f" {strange[0] if len(strange) else 0}",
+        )
         held = mask.astype(bool)
     if chooser.body:
         held = held & (mesh.point_bodies == [b.name for b in scene.bodies].index(chooser.body))
@@ -60,7 +64,9 @@ def supported_points(scene: Scene, support: Support, mesh: LevelMesh, level: int
     points = mesh.points
     held = chosen_points(scene, support, mesh)
     if not held.any():
-        raise InputError(f"a support holds no vertex of level {level}; widen its `where` so that the coarsest level has some")
+        raise InputError(
+            f"a support holds no vertex of level {level}; widen its `where` so that the coarsest level has some"
+        )
     for number in np.unique(np.linspace(0, scene.steps, MOMENTS).astype(int)):
         if number == 0 or support.holds((number - 1) * scene.dt, scene.dt):
             moved(support.motion, points[held], number * scene.dt, "a support")
@@ -85,15 +91,39 @@ def _check_load(scene: Scene, load: Load, mesh: LevelMesh, level: int) -> None:
         if isinstance(load, Flow):
             load.at(mesh.points, time)
         else:
-            name = "gravity" if isinstance(load, Gravity) else f"{kind}.{'velocity' if isinstance(load, Impulse) else 'force'}"
-            at_time(name, load.acceleration if isinstance(load, Gravity) else load.velocity if isinstance(load, Impulse) else load.force, time, mesh.dim)
+            name = (
+                "gravity"
+                if isinstance(load, Gravity)
+                else f"{kind}.{'velocity' if isinstance(load, Impulse) else 'force'}"
+            )
+            at_time(
+                name,
+                (
+                    load.acceleration
+                    if isinstance(load, Gravity)
+                    else load.velocity
+                    if isinstance(load, Impulse)
+                    else load.force
+                ),
+                time,
+                mesh.dim,
+            )
     if isinstance(load, Gravity):
         return
     held = chosen_points(scene, load, mesh)
     if not held.any():
-        raise InputError(f"a {kind} holds no vertex of level {level}; widen its `where` so that the coarsest level has some")
+        raise InputError(
+            f"a {kind} holds no vertex of level {level}; widen its `where` so that the coarsest level has some"
+        )
     if isinstance(load, PointForce):
-        at, low, high = at_time("PointForce.at", load.at, 0.0, mesh.dim), mesh.points[held].min(axis=0), mesh.points[held].max(axis=0)
+        at, low, high = (
+            at_time("PointForce.at", load.at, 0.0, mesh.dim),
+            mesh.points[held].min(axis=0),
+            mesh.points[held].max(axis=0),
+        )
         slack = 0.1 * np.linalg.norm(high - low)
         if np.any(at < low - slack) or np.any(at > high + slack):
-            raise InputError(f"PointForce.at = {tuple(load.at)} lies far outside {load.body or 'all bodies'}; it is a rest position, as placed")
+            raise InputError(
+                f"PointForce.at = {tuple(load.at)} lies far outside {load.body or 'all bodies'}; it is a rest position,"
+                " as placed"
+            )

@@ -1,6 +1,8 @@
-"""Bodies that overlap at t = 0 on some level are set apart, where the scene asks for it: moved, shrunk, or given more vertices.
+"""Bodies that overlap at t = 0 on some level are set apart, where the scene asks for it: moved, shrunk, or given more
+vertices.
 
-Whole bodies are moved or shrunk, the same on every level, by what the worst level needs: so all levels are built, whichever are asked for.
+Whole bodies are moved or shrunk, the same on every level, by what the worst level needs: so all levels are built,
+whichever are asked for.
 """
 
 from collections.abc import Sequence
@@ -19,8 +21,11 @@ STEPS = {"move": 0.01, "shrink": 0.02, "refine": 0.1}
 """What one try changes: a share of the body's diagonal, of its size, of the level's vertices."""
 
 
-def build_apart(scene: Scene, count: int, obstacles: Sequence[Obstacle], cache: Path | None = None) -> tuple[tuple[LevelMesh, ...], list[str]]:
-    """The first `count` levels of a scene, as `build_levels`, with its bodies set apart as its `separate` says; and what was done, in words.
+def build_apart(
+    scene: Scene, count: int, obstacles: Sequence[Obstacle], cache: Path | None = None
+) -> tuple[tuple[LevelMesh, ...], list[str]]:
+    """The first `count` levels of a scene, as `build_levels`, with its bodies set apart as its `separate` says; and
+    what was done, in words.
 
     Raises
     ------
@@ -62,7 +67,9 @@ class _Arrangement:
             b = mesh.point_bodies
             points = self._centres[b] + self._sizes[b, None] * (mesh.points - self._centres[b]) + self._shifts[b]
             untouched = (self._sizes == 1.0)[b] & (self._moved == 0.0)[b]
-            placed.append(LevelMesh(np.where(untouched[:, None], mesh.points, points), mesh.cells, mesh.bodies, mesh.regions))
+            placed.append(
+                LevelMesh(np.where(untouched[:, None], mesh.points, points), mesh.cells, mesh.bodies, mesh.regions)
+            )
         return tuple(placed)
 
     def meets(self, obstacles: Sequence[Obstacle]) -> IntersectionError | None:
@@ -101,7 +108,9 @@ class _Arrangement:
         if more > min(most * self.scene.bodies[number].vertices[level], above):
             return False
         targets[level] = more
-        bodies = tuple(replace(b, vertices=tuple(targets)) if i == number else b for i, b in enumerate(self._asked.bodies))
+        bodies = tuple(
+            replace(b, vertices=tuple(targets)) if i == number else b for i, b in enumerate(self._asked.bodies)
+        )
         self._asked = replace(self._asked, bodies=bodies)
         self._meshes = build_levels(self._asked, None, self._cache)
         return True
@@ -111,9 +120,16 @@ class _Arrangement:
         lines = []
         for i, (body, asked) in enumerate(zip(self.scene.bodies, self._asked.bodies, strict=True)):
             if self._moved[i]:
-                lines.append(f"body {body.name!r} moved by ({', '.join(f'{c:.3g}' for c in self._shifts[i])}) m to keep it apart at t = 0")
+                lines.append(
+                    f"body {body.name!r} moved by ({', '.join(f'{c:.3g}' for c in self._shifts[i])}) m to keep it apart"
+                    " at t = 0"
+                )
             if self._sizes[i] != 1.0:
                 lines.append(f"body {body.name!r} shrunk to {self._sizes[i]:.3g} of its size to keep it apart at t = 0")
-            lines += [f"body {body.name!r}, level {level}: {more} vertices asked for instead of {few} to keep it apart at t = 0"
-                      for level, (few, more) in enumerate(zip(body.vertices, asked.vertices, strict=True)) if few != more]
+            lines += [
+                f"body {body.name!r}, level {level}: {more} vertices asked for instead of {few} to keep it apart at"
+                " t = 0"
+                for level, (few, more) in enumerate(zip(body.vertices, asked.vertices, strict=True))
+                if few != more
+            ]
         return lines

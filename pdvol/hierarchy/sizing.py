@@ -1,4 +1,6 @@
-"""From a number of vertices to an edge length: what a mesh of nearly equilateral simplices has, and how to home in on a count."""
+"""From a number of vertices to an edge length: what a mesh of nearly equilateral simplices has, and how to home in on a
+count.
+"""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -9,7 +11,8 @@ from scipy.optimize import brentq
 from pdvol.errors import InputError, MeshError
 
 AIM, ALLOWED = 0.15, 0.25
-"""A count within `AIM` of the target ends the search; within `ALLOWED` it is accepted once `PATIENCE` tries are used."""
+"""A count within `AIM` of the target ends the search; within `ALLOWED` it is accepted once `PATIENCE` tries are used.
+"""
 TRIES, PATIENCE = 10, 4
 
 
@@ -31,10 +34,11 @@ class Sized:
 
 
 def expected_vertices(h: float, content: float, boundary: float, dim: int) -> tuple[float, float]:
-    """Vertices (on the boundary, in all) of a mesh of edge length h [m] of a shape of given content [m^dim] and boundary [m^(dim-1)].
+    """Vertices (on the boundary, in all) of a mesh of edge length h [m] of a shape of given content [m^dim] and
+    boundary [m^(dim-1)].
 
-    A vertex holds sqrt(3)/2 h^2 of a triangle mesh and about 0.7 h^3 of a tetrahedral one (six equilateral tetrahedra, which do not quite
-    fill space); the layer of h/2 along the boundary belongs to the boundary's vertices.
+    A vertex holds sqrt(3)/2 h^2 of a triangle mesh and about 0.7 h^3 of a tetrahedral one (six equilateral tetrahedra,
+    which do not quite fill space); the layer of h/2 along the boundary belongs to the boundary's vertices.
     """
     flat = np.sqrt(3.0) / 2.0
     on, each = (boundary / h, flat * h**2) if dim == 2 else (boundary / (flat * h**2), 0.7 * h**3)
@@ -54,7 +58,9 @@ def edge_length(target: int, content: float, boundary: float, dim: int) -> float
     return float(np.exp(brentq(excess, low, high)))
 
 
-def home_in(make: Callable[[float, int], tuple[np.ndarray, np.ndarray]], target: int, name: str, start: float, dim: int) -> Sized:
+def home_in(
+    make: Callable[[float, int], tuple[np.ndarray, np.ndarray]], target: int, name: str, start: float, dim: int
+) -> Sized:
     """Call `make(scale, failures)` with edge-length factors until the number of points suits the target.
 
     `make` raises InputError for a mesh that is no good; the next call is then told of one failure more.
@@ -85,7 +91,10 @@ def home_in(make: Callable[[float, int], tuple[np.ndarray, np.ndarray]], target:
             break
         scale = float(np.exp(_next(history, dim)))
     if best is None:
-        raise MeshError(f"{name}: no valid mesh of about {target} vertices came out ({reason}); clean the surface or ask for more vertices")
+        raise MeshError(
+            f"{name}: no valid mesh of about {target} vertices came out ({reason}); clean the surface or ask for more"
+            " vertices"
+        )
     n = len(best[1].points)
     if abs(n / target - 1.0) <= ALLOWED:
         return best[1]
@@ -93,7 +102,9 @@ def home_in(make: Callable[[float, int], tuple[np.ndarray, np.ndarray]], target:
 
 
 def _saturated(history) -> bool:
-    """Whether a much longer edge hardly lowered a count that is too high: the shape's own features then set it, at growing cost."""
+    """Whether a much longer edge hardly lowered a count that is too high: the shape's own features then set it, at
+    growing cost.
+    """
     last = history[-3:]
     if len(last) < 3 or min(f for _, f in last) <= np.log(1.0 + ALLOWED):
         return False

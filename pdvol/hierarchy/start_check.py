@@ -1,6 +1,8 @@
-"""Intersections of bodies with themselves, each other, obstacles and planes: the state every level starts from must be free of them.
+"""Intersections of bodies with themselves, each other, obstacles and planes: the state every level starts from must be
+free of them.
 
-Written apart from the solver's contact code. Separately decimated surfaces can cross where the originals do not, so every level is tested.
+Written apart from the solver's contact code. Separately decimated surfaces can cross where the originals do not, so
+every level is tested.
 """
 
 from collections.abc import Iterator, Sequence
@@ -32,8 +34,8 @@ def check_start(level_meshes: Sequence[LevelMesh], obstacles: Sequence[Obstacle]
     Raises
     ------
     IntersectionError
-        Names the level, the two parties and example primitives; `pairs` has all of them. Edges are given by their vertices, triangles
-        by their vertices, numbered as in the level's mesh or in the obstacle.
+        Names the level, the two parties and example primitives; `pairs` has all of them. Edges are given by their
+        vertices, triangles by their vertices, numbered as in the level's mesh or in the obstacle.
     InputError
         An obstacle's dimension is not the bodies'.
     """
@@ -78,7 +80,9 @@ def find_defects(level: int, mesh: LevelMesh, obstacles: Sequence[Obstacle], sce
 
 
 def smallest_gap(mesh: LevelMesh, obstacles: Sequence[Obstacle], scene: Scene, reach: float) -> tuple[Gap | None, int]:
-    """The smallest gap at t = 0 up to `reach` [m], if there is one, and how many pairs of primitives are that near. Nothing may cross."""
+    """The smallest gap at t = 0 up to `reach` [m], if there is one, and how many pairs of primitives are that near.
+    Nothing may cross.
+    """
     gap, count = _Parties(mesh, obstacles, scene).gap(reach)
     for plane in scene.obstacles:
         if isinstance(plane, Plane):
@@ -86,13 +90,19 @@ def smallest_gap(mesh: LevelMesh, obstacles: Sequence[Obstacle], scene: Scene, r
             nearest = int(np.argmin(height))
             count += int((height < reach).sum())
             if height[nearest] < (reach if gap is None else gap.distance):
-                gap = Gap(float(height[nearest]), f"vertex {nearest} of body {scene.bodies[mesh.point_bodies[nearest]].name!r}", f"plane {plane.name!r}")
+                gap = Gap(
+                    float(height[nearest]),
+                    f"vertex {nearest} of body {scene.bodies[mesh.point_bodies[nearest]].name!r}",
+                    f"plane {plane.name!r}",
+                )
     return gap, count
 
 
-def count_intersections(mesh: LevelMesh, positions: np.ndarray, obstacles: Sequence[Obstacle], scene: Scene, time: float) -> int:
-    """How much crosses in a state that nothing kept apart: pairs of edges (2D) or of edges and triangles (3D), and vertices at or below
-    planes. Serial.
+def count_intersections(
+    mesh: LevelMesh, positions: np.ndarray, obstacles: Sequence[Obstacle], scene: Scene, time: float
+) -> int:
+    """How much crosses in a state that nothing kept apart: pairs of edges (2D) or of edges and triangles (3D), and
+    vertices at or below planes. Serial.
 
     Parameters
     ----------
@@ -100,7 +110,9 @@ def count_intersections(mesh: LevelMesh, positions: np.ndarray, obstacles: Seque
     obstacles : as `check_start` takes them
     time : [s], which says where obstacles are
     """
-    behind = sum(int(np.sum(_heights(positions, plane, time) <= 0.0)) for plane in scene.obstacles if isinstance(plane, Plane))
+    behind = sum(
+        int(np.sum(_heights(positions, plane, time) <= 0.0)) for plane in scene.obstacles if isinstance(plane, Plane)
+    )
     return behind + len(_Parties(mesh, obstacles, scene, positions, time).crossing_pairs())
 
 
@@ -116,7 +128,9 @@ def _heights(points: np.ndarray, plane: Plane, time: float = 0.0) -> np.ndarray:
 def _ends(plane: Plane, time: float = 0.0) -> np.ndarray:
     """A plane's point and the end of its unit normal there, at a time."""
     point, normal = np.asarray(plane.point, dtype=float), np.asarray(plane.normal, dtype=float)
-    return moved(plane.motion, np.stack([point, point + normal / np.linalg.norm(normal)]), time, f"plane {plane.name!r}")
+    return moved(
+        plane.motion, np.stack([point, point + normal / np.linalg.norm(normal)]), time, f"plane {plane.name!r}"
+    )
 
 
 def _below(level: int, mesh: LevelMesh, plane: Plane, scene: Scene) -> Iterator[Defect]:
@@ -127,17 +141,32 @@ def _below(level: int, mesh: LevelMesh, plane: Plane, scene: Scene) -> Iterator[
         body = scene.bodies[mesh.point_bodies[worst]].name
         many = f"{len(below)} vertices are" if len(below) > 1 else "1 vertex is"
         ends = _ends(plane)
-        yield Defect(IntersectionError(
-            f"level {level}: {many} at or below plane {plane.name!r} at t = 0, the worst vertex {worst} of body {body!r} by "
-            f"{-height[worst]:.3g} m; lift the body or lower the plane",
-            [(int(v),) for v in below], level, (mesh.point_bodies[worst],), ends[1] - ends[0]), [mesh.points[[v]] for v in below],
+        yield Defect(
+            IntersectionError(
+                f"level {level}: {many} at or below plane {plane.name!r} at t = 0, the worst vertex {worst} of body"
+                f" {body!r} by {-height[worst]:.3g} m; lift the body or lower the plane",
+                [(int(v),) for v in below],
+                level,
+                (mesh.point_bodies[worst],),
+                ends[1] - ends[0],
+            ),
+            [mesh.points[[v]] for v in below],
         )
 
 
 class _Parties:
-    """All boundaries of one level, at rest or at positions (n, d), in one set of arrays: bodies first (owner >= 0), then obstacles, where they are at a time."""
+    """All boundaries of one level, at rest or at positions (n, d), in one set of arrays: bodies first (owner >= 0),
+    then obstacles, where they are at a time.
+    """
 
-    def __init__(self, mesh: LevelMesh, obstacles: Sequence[Obstacle], scene: Scene, positions: np.ndarray | None = None, time: float = 0.0):
+    def __init__(
+        self,
+        mesh: LevelMesh,
+        obstacles: Sequence[Obstacle],
+        scene: Scene,
+        positions: np.ndarray | None = None,
+        time: float = 0.0,
+    ):
         rigids = [o for o in scene.obstacles if isinstance(o, Rigid)]
         if len(rigids) != len(obstacles):
             raise InputError(f"{len(obstacles)} obstacle meshes for {len(rigids)} rigid obstacles; read one for each")
@@ -154,7 +183,10 @@ class _Parties:
         facets, labels = [number[mesh.boundary]], [used]
         for k, ((vertices, edges, faces), rigid) in enumerate(zip(obstacles, rigids, strict=True)):
             if vertices.shape[1] != mesh.dim:
-                raise InputError(f"obstacle {rigid.name!r} is {vertices.shape[1]}D in a {mesh.dim}D scene; give it {mesh.dim} dimensions")
+                raise InputError(
+                    f"obstacle {rigid.name!r} is {vertices.shape[1]}D in a {mesh.dim}D scene; give it {mesh.dim}"
+                    " dimensions"
+                )
             points.append(moved(rigid.motion, vertices, time, f"obstacle {rigid.name!r}"))
             owners.append(np.full(len(vertices), self.bodies + k))
             facets.append((faces if mesh.dim == 3 else edges) + first)
@@ -199,7 +231,9 @@ class _Parties:
         k = int(np.argmin(squares))
         ids = [int(i) for i in near[k].vertex_ids(edges, faces) if i >= 0]
         first = 2 if near[k].__class__.__name__.startswith("EdgeEdge") else 1
-        one, other = (f"{WORDS[len(part)]} {self._numbers(part)} of {self._whose(part[0])}" for part in (ids[:first], ids[first:]))
+        one, other = (
+            f"{WORDS[len(part)]} {self._numbers(part)} of {self._whose(part[0])}" for part in (ids[:first], ids[first:])
+        )
         return Gap(float(np.sqrt(squares[k])), one, other), len(near)
 
     def _numbers(self, vertices) -> tuple[int, ...]:
@@ -213,8 +247,12 @@ class _Parties:
         mend = "give more vertices to coarse levels or repair the shape" if other == "itself" else MEND
         a, b = pairs[0][0][0], pairs[0][1][0]
         error = IntersectionError(
-            f"level {level}: {one} {does} {other} at t = 0 ({WORDS[len(first)]} {first} and {WORDS[len(second)]} {second}, {len(named)} such "
-            f"pairs); {mend}", named, level, *self._apart(self.owner[a], self.owner[b]))
+            f"level {level}: {one} {does} {other} at t = 0 ({WORDS[len(first)]} {first} and {WORDS[len(second)]}"
+            f" {second}, {len(named)} such pairs); {mend}",
+            named,
+            level,
+            *self._apart(self.owner[a], self.owner[b]),
+        )
         return Defect(error, [self.points[list(part)] for pair in pairs for part in pair])
 
     def _apart(self, one: int, other: int) -> tuple[list[int], np.ndarray | None]:
@@ -223,7 +261,10 @@ class _Parties:
             return [one], None
         bodies = [k for k in (one, other) if k < self.bodies]
         first, second = bodies[0], other if bodies[0] == one else one
-        middles = [(self.points[self.owner == k].min(axis=0) + self.points[self.owner == k].max(axis=0)) / 2 for k in (first, second)]
+        middles = [
+            (self.points[self.owner == k].min(axis=0) + self.points[self.owner == k].max(axis=0)) / 2
+            for k in (first, second)
+        ]
         way, up = middles[0] - middles[1], np.eye(self.points.shape[1])[-1]
         length = np.linalg.norm(way)
         return bodies, way / length if length > 0.0 else up
@@ -248,8 +289,13 @@ class _Parties:
             winding = igl.winding_number(self.points, facets, np.ascontiguousarray(self.points[inner]))
             inside = inner[np.abs(winding) > 0.5]
             if len(inside):
-                yield Defect(IntersectionError(
-                    f"level {level}: {self._whose(inside[0])} lies inside {self.names[outer]} at t = 0 (vertex {self.labels[inside[0]]}); "
-                    "move them apart, or set closed=False on a hollow obstacle",
-                    [(int(self.labels[v]),) for v in inside], level, *self._apart(self.owner[inside[0]], outer)), [self.points[[v]] for v in inside],
+                yield Defect(
+                    IntersectionError(
+                        f"level {level}: {self._whose(inside[0])} lies inside {self.names[outer]} at t = 0 (vertex"
+                        f" {self.labels[inside[0]]}); move them apart, or set closed=False on a hollow obstacle",
+                        [(int(self.labels[v]),) for v in inside],
+                        level,
+                        *self._apart(self.owner[inside[0]], outer),
+                    ),
+                    [self.points[[v]] for v in inside],
                 )

@@ -1,4 +1,6 @@
-"""Child process: tetrahedralises a surface. `python tet_worker.py IN.npz OUT.npz`; imports nothing of pdvol, MPI or PETSc."""
+"""Child process: tetrahedralises a surface. `python tet_worker.py IN.npz OUT.npz`; imports nothing of pdvol, MPI or
+PETSc.
+"""
 
 import os
 import sys
@@ -13,7 +15,12 @@ def ftetwild(vertices, triangles, edge_length, epsilon):
     cpus = sorted(os.sched_getaffinity(0))
     os.sched_setaffinity(0, {cpus[os.getpid() % len(cpus)]})
     return pytetwild.tetrahedralize(
-        vertices, triangles.astype(np.int32), edge_length_abs=float(edge_length), epsilon=float(epsilon), num_threads=1, quiet=True
+        vertices,
+        triangles.astype(np.int32),
+        edge_length_abs=float(edge_length),
+        epsilon=float(epsilon),
+        num_threads=1,
+        quiet=True,
     )
 
 

@@ -1,4 +1,6 @@
-"""Tetrahedra inside a closed surface, with a given number of vertices: fTetWild, or TetGen where the boundary must stay as it is."""
+"""Tetrahedra inside a closed surface, with a given number of vertices: fTetWild, or TetGen where the boundary must stay
+as it is.
+"""
 
 import importlib.util
 from itertools import combinations
@@ -14,7 +16,9 @@ from pdvol.hierarchy.validate import check_surface, drop_unused, shells
 from pdvol.meshes import Surface
 
 ENVELOPE = 0.1
-"""fTetWild may move the surface by this fraction of the edge length: a tighter envelope costs minutes and forbids coarse boundaries."""
+"""fTetWild may move the surface by this fraction of the edge length: a tighter envelope costs minutes and forbids
+coarse boundaries.
+"""
 LOWEST_QUALITY = 0.02
 """Mean-ratio quality below which a mesh is refused; fTetWild's worst are near 0.35."""
 
@@ -22,7 +26,9 @@ LOWEST_QUALITY = 0.02
 def mean_ratio(points: np.ndarray, cells: np.ndarray) -> np.ndarray:
     """Quality (m,) of simplices: 1 for an equilateral one, 0 for a flat one (2D and 3D)."""
     d = points.shape[1]
-    squares = sum(((points[cells[:, i]] - points[cells[:, j]]) ** 2).sum(axis=1) for i, j in combinations(range(d + 1), 2))
+    squares = sum(
+        ((points[cells[:, i]] - points[cells[:, j]]) ** 2).sum(axis=1) for i, j in combinations(range(d + 1), 2)
+    )
     volumes = np.maximum(simplex_volumes(points, cells), 0.0)
     return 4.0 * np.sqrt(3.0) * volumes / squares if d == 2 else 12.0 * (3.0 * volumes) ** (2.0 / 3.0) / squares
 
@@ -35,13 +41,18 @@ def measure(surface: Surface) -> tuple[float, float]:
 
 
 def surface_share(surface: Surface, target: int) -> int:
-    """How many of `target` vertices the surface should be decimated to: its expected share, and some to spare for its finer features."""
+    """How many of `target` vertices the surface should be decimated to: its expected share, and some to spare for its
+    finer features.
+    """
     volume, area = measure(surface)
-    return min(max(int(1.2 * expected_vertices(edge_length(target, volume, area, 3), volume, area, 3)[0]), 12), max(target, 12))
+    return min(
+        max(int(1.2 * expected_vertices(edge_length(target, volume, area, 3), volume, area, 3)[0]), 12), max(target, 12)
+    )
 
 
 def tetrahedralise(surface: Surface, target: int, name: str = "surface", keep_boundary: bool = False) -> Sized:
-    """A tetrahedral mesh of about `target` vertices (see `sizing`), its boundary a valid surface with the given one's shells and handles.
+    """A tetrahedral mesh of about `target` vertices (see `sizing`), its boundary a valid surface with the given one's
+    shells and handles.
 
     Parameters
     ----------
@@ -61,14 +72,20 @@ def tetrahedralise(surface: Surface, target: int, name: str = "surface", keep_bo
     if volume <= 0:
         raise MeshError(f"{name}: the surface encloses no volume; turn its triangles outward")
     if keep_boundary and importlib.util.find_spec("tetgen") is None:
-        raise MeshError(f"{name}: keeping the boundary needs TetGen (AGPL), which is not installed; run pip install tetgen")
+        raise MeshError(
+            f"{name}: keeping the boundary needs TetGen (AGPL), which is not installed; run pip install tetgen"
+        )
     h = edge_length(target, volume, area, 3)
     parts = separate(surface)
     if len(parts) > 1:
-        # fTetWild also meshes the space between, and refines where parts are near each other: apart, they cost nothing more.
+        # fTetWild also meshes the space between, and refines where parts are near each other: apart, they cost nothing
+        # more.
         shares = [max(round(expected_vertices(h, *measure(part), 3)[1]), SMALLEST) for part in parts]
-        return _merged([tetrahedralise(part, share, name, keep_boundary) for part, share in zip(parts, shares, strict=True)])
-    # fTetWild refines towards curved and thin parts, the more the coarser the mesh: measured on spot, goathead and torus.
+        return _merged(
+            [tetrahedralise(part, share, name, keep_boundary) for part, share in zip(parts, shares, strict=True)]
+        )
+    # fTetWild refines towards curved and thin parts, the more the coarser the mesh: measured on spot, goathead and
+    # torus.
     start = 1.0 if keep_boundary else 1.0 + 12.0 / np.sqrt(target)
     diagonal = float(np.linalg.norm(np.ptp(surface.vertices, axis=0)))
     wanted = topology(surface.triangles, len(surface.vertices))
@@ -79,12 +96,23 @@ def tetrahedralise(surface: Surface, target: int, name: str = "surface", keep_bo
         nonlocal envelope
         given = {"vertices": surface.vertices, "triangles": surface.triangles}
         if keep_boundary:
-            made = run_worker("tet_worker.py", timeout, mesher=np.array("tetgen"), max_volume=np.array(0.2 * (scale * h) ** 3), **given)
+            made = run_worker(
+                "tet_worker.py",
+                timeout,
+                mesher=np.array("tetgen"),
+                max_volume=np.array(0.2 * (scale * h) ** 3),
+                **given,
+            )
             return _checked(made["points"], made["cells"], wanted, name, strict=True)
         epsilon = min(ENVELOPE * scale * h, envelope) / diagonal
         try:
             made = run_worker(
-                "tet_worker.py", timeout, mesher=np.array("ftetwild"), edge_length=np.array(scale * h), epsilon=np.array(epsilon), **given
+                "tet_worker.py",
+                timeout,
+                mesher=np.array("ftetwild"),
+                edge_length=np.array(scale * h),
+                epsilon=np.array(epsilon),
+                **given,
             )
             return _checked(made["points"], made["cells"], wanted, name, strict=failures < 3)
         except InputError:
@@ -106,14 +134,18 @@ def separate(surface: Surface) -> list[Surface]:
 
 
 def _merged(meshes: list[Sized]) -> Sized:
-    """Several meshes in one set of arrays. Their boundaries moved by less than an envelope each; `start_check` tells if they then cross."""
+    """Several meshes in one set of arrays. Their boundaries moved by less than an envelope each; `start_check` tells if
+    they then cross.
+    """
     starts = np.cumsum([0, *(len(m.points) for m in meshes)])
     cells = np.vstack([m.cells + start for m, start in zip(meshes, starts, strict=False)])
     return Sized(np.vstack([m.points for m in meshes]), cells, meshes[0].scale)
 
 
 def _checked(points: np.ndarray, cells: np.ndarray, wanted: tuple[int, int], name: str, strict: bool):
-    """The mesh turned positive and without unused points; MeshError where it is not a valid solid with the wanted topology."""
+    """The mesh turned positive and without unused points; MeshError where it is not a valid solid with the wanted
+    topology.
+    """
     if len(cells) == 0:
         raise MeshError(f"{name}: the mesher returned no cells")
     points, cells = drop_unused(np.asarray(points, dtype=np.float64), np.asarray(cells, dtype=np.int64))
@@ -129,7 +161,11 @@ def _checked(points: np.ndarray, cells: np.ndarray, wanted: tuple[int, int], nam
     except InputError as error:
         raise MeshError(str(error)) from error
     count, euler = topology(triangles, len(boundary))
-    # A noisy scan's tiniest handles do not survive coarsening: after enough failures only the number of parts must agree.
+    # A noisy scan's tiniest handles do not survive coarsening: after enough failures only the number of parts must
+    # agree.
     if count != wanted[0] or (strict and euler != wanted[1]):
-        raise MeshError(f"{name}: the mesh has {count} shells and Euler number {euler} where the surface has {wanted[0]} and {wanted[1]}")
+        raise MeshError(
+            f"{name}: the mesh has {count} shells and Euler number {euler} where the surface has {wanted[0]} and"
+            f" {wanted[1]}"
+        )
     return points, cells

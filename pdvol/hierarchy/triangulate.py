@@ -22,7 +22,8 @@ def triangulate(loops: list[np.ndarray], target: int, name: str = "outline") -> 
     Parameters
     ----------
     loops : list of (k, 2) float64
-        Closed polygons that do not cross, first point not repeated: anticlockwise around material, clockwise around holes.
+        Closed polygons that do not cross, first point not repeated: anticlockwise around material, clockwise around
+        holes.
     target : int
     name : str, for messages
 
@@ -72,7 +73,9 @@ def boundary_loops(points: np.ndarray, edges: np.ndarray, name: str) -> list[np.
     pairs = find_crossings(points, edges, np.empty((0, 3), dtype=np.int64))
     if len(pairs):
         a, b = (tuple(int(v) for v in edges[k]) for k in pairs[0])
-        raise IntersectionError(f"{name}: edges {a} and {b} cross; untangle the mesh", [tuple(map(int, p)) for p in pairs])
+        raise IntersectionError(
+            f"{name}: edges {a} and {b} cross; untangle the mesh", [tuple(map(int, p)) for p in pairs]
+        )
     following = dict(edges.tolist())
     loops = []
     while following:
@@ -102,7 +105,10 @@ def resample(loop: np.ndarray, h: float) -> np.ndarray:
         corners, least = np.array([0]), 6
     along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(closed, axis=0), axis=1))])
     ends = np.concatenate([along[corners], [along[corners[0]] + along[-1]]])
-    where = [np.linspace(a, b, max(least, round((b - a) / h)), endpoint=False) for a, b in zip(ends[:-1], ends[1:], strict=True)]
+    where = [
+        np.linspace(a, b, max(least, round((b - a) / h)), endpoint=False)
+        for a, b in zip(ends[:-1], ends[1:], strict=True)
+    ]
     where = np.concatenate(where) % along[n]
     return np.column_stack([np.interp(where, along, closed[:, k]) for k in range(2)])
 
@@ -138,7 +144,10 @@ def _parents(loops: list[np.ndarray], name: str) -> np.ndarray:
         around = [
             k
             for k in np.flatnonzero(areas > 0)
-            if igl.winding_number(loops[k], outline_edges(len(loops[k]), True), np.ascontiguousarray(loops[hole][:1]))[0] > 0.5
+            if igl.winding_number(loops[k], outline_edges(len(loops[k]), True), np.ascontiguousarray(loops[hole][:1]))[
+                0
+            ]
+            > 0.5
         ]
         if not around:
             raise MeshError(f"{name}: loop {hole} is a hole outside of everything; reverse it")

@@ -20,7 +20,9 @@ def _some(indices, shown: int = 5) -> str:
     return listed + (f" and {len(indices) - shown} more" if len(indices) > shown else "")
 
 
-def _check_arrays(name: str, points: np.ndarray, cells: np.ndarray, kind: str, dims: tuple[int, ...]) -> tuple[np.ndarray, np.ndarray]:
+def _check_arrays(
+    name: str, points: np.ndarray, cells: np.ndarray, kind: str, dims: tuple[int, ...]
+) -> tuple[np.ndarray, np.ndarray]:
     points, cells = np.asarray(points, dtype=np.float64), np.asarray(cells)
     if points.ndim != 2 or points.shape[1] not in dims or cells.ndim != 2:
         shapes = f"points of shape {points.shape} and {kind} of shape {cells.shape}"
@@ -32,7 +34,10 @@ def _check_arrays(name: str, points: np.ndarray, cells: np.ndarray, kind: str, d
     cells = cells.astype(np.int64)
     outside = np.flatnonzero((cells < 0).any(axis=1) | (cells >= len(points)).any(axis=1))
     if len(outside):
-        raise MeshError(f"{name}: {kind} {_some(outside)} use vertices that do not exist (there are {len(points)}); export the mesh again")
+        raise MeshError(
+            f"{name}: {kind} {_some(outside)} use vertices that do not exist (there are {len(points)}); export the mesh"
+            " again"
+        )
     broken = np.flatnonzero(~np.isfinite(points).all(axis=1))
     if len(broken):
         raise MeshError(f"{name}: vertices {_some(broken)} have NaN or infinite coordinates; export the mesh again")
@@ -68,7 +73,9 @@ def _crossing_message(points, edges, faces, what: str) -> tuple[str, list] | Non
         return f"triangles {owner} and {other} cross", [tuple(map(int, p)) for p in pairs]
     touching = find_touching(points, edges, faces)
     if len(touching):
-        return f"{what} touches itself at vertices {touching[0, 0]} and {touching[0, 1]}", [tuple(map(int, p)) for p in touching]
+        return f"{what} touches itself at vertices {touching[0, 0]} and {touching[0, 1]}", [
+            tuple(map(int, p)) for p in touching
+        ]
     return None
 
 
@@ -78,18 +85,27 @@ def check_manifold(triangles: np.ndarray, n: int, name: str, closed: bool = True
     edges, which, counts = np.unique(np.sort(corners, axis=1), axis=0, return_inverse=True, return_counts=True)
     if (counts > 2).any():
         heavy = _some(edges[counts > 2])
-        raise MeshError(f"{name}: edges {heavy} have more than two triangles (non-manifold); remove the inner or doubled walls")
+        raise MeshError(
+            f"{name}: edges {heavy} have more than two triangles (non-manifold); remove the inner or doubled walls"
+        )
     if closed and (counts == 1).any():
-        raise MeshError(f"{name}: the surface is open along {int((counts == 1).sum())} edges, {_some(edges[counts == 1])}; close the holes")
+        raise MeshError(
+            f"{name}: the surface is open along {int((counts == 1).sum())} edges, {_some(edges[counts == 1])}; close"
+            " the holes"
+        )
     turns = np.bincount(which.ravel(), weights=np.where(corners[:, 0] < corners[:, 1], 1, -1))
     mixed = np.flatnonzero((counts == 2) & (turns != 0))
     if len(mixed):
         seams = _some(edges[mixed])
-        raise MeshError(f"{name}: triangles disagree on what is outside across edges {seams}; recalculate the normals outward")
+        raise MeshError(
+            f"{name}: triangles disagree on what is outside across edges {seams}; recalculate the normals outward"
+        )
     fans = igl.is_vertex_manifold(np.ascontiguousarray(triangles, dtype=np.int64))
     pinched = np.intersect1d(np.flatnonzero(~fans), triangles)
     if len(pinched):
-        raise MeshError(f"{name}: parts meet in the single vertices {_some(pinched)} (non-manifold); split or merge them there")
+        raise MeshError(
+            f"{name}: parts meet in the single vertices {_some(pinched)} (non-manifold); split or merge them there"
+        )
 
 
 def check_surface(surface: Surface, name: str = "surface", closed: bool = True) -> Surface:
@@ -104,8 +120,8 @@ def check_surface(surface: Surface, name: str = "surface", closed: bool = True) 
     Raises
     ------
     MeshError
-        NaN coordinates, indices out of range, degenerate or duplicate triangles, open or non-manifold edges, pinched vertices, mixed
-        orientation.
+        NaN coordinates, indices out of range, degenerate or duplicate triangles, open or non-manifold edges, pinched
+        vertices, mixed orientation.
     IntersectionError
         The surface crosses or touches itself.
     """
@@ -121,11 +137,17 @@ def check_surface(surface: Surface, name: str = "surface", closed: bool = True) 
         raise MeshError(f"{name}: triangles {_some(doubled)} repeat others; remove the duplicates")
     check_manifold(triangles, len(points), name, closed)
     points, triangles = drop_unused(points, triangles)
-    if closed and np.einsum("ij,ij->", points[triangles[:, 0]], np.cross(points[triangles[:, 1]], points[triangles[:, 2]])) < 0:
+    if (
+        closed
+        and np.einsum("ij,ij->", points[triangles[:, 0]], np.cross(points[triangles[:, 1]], points[triangles[:, 2]]))
+        < 0
+    ):
         triangles = triangles[:, ::-1]
     found = _crossing_message(points, edges_of(triangles), triangles, "the surface")
     if found:
-        raise IntersectionError(f"{name}: {found[0]} ({len(found[1])} crossings); repair the self-intersections", found[1])
+        raise IntersectionError(
+            f"{name}: {found[0]} ({len(found[1])} crossings); repair the self-intersections", found[1]
+        )
     return Surface(points, np.ascontiguousarray(triangles, dtype=np.int32))
 
 
@@ -142,7 +164,9 @@ def check_outline(outline: Outline, name: str = "outline", closed: bool = True) 
     points = np.asarray(outline.points, dtype=np.float64)
     n, least = len(points), 3 if closed else 2
     if points.ndim != 2 or points.shape[1] != 2 or n < least:
-        raise MeshError(f"{name}: points of shape {points.shape} make no outline; give at least {least} points of 2 coordinates")
+        raise MeshError(
+            f"{name}: points of shape {points.shape} make no outline; give at least {least} points of 2 coordinates"
+        )
     segments = outline_edges(n, closed)
     points, segments = _check_arrays(name, points, segments, "segments", (2,))
     lengths = np.linalg.norm(points[segments[:, 1]] - points[segments[:, 0]], axis=1)
@@ -183,7 +207,9 @@ def check_solid(solid: Solid, name: str = "mesh") -> Solid:
     points, cells = _check_arrays(name, solid.vertices, solid.cells, "cells", (2, 3))
     dim = points.shape[1]
     if cells.shape[1] != dim + 1:
-        raise MeshError(f"{name}: cells of {cells.shape[1]} vertices in {dim}D; give {'triangles' if dim == 2 else 'tetrahedra'}")
+        raise MeshError(
+            f"{name}: cells of {cells.shape[1]} vertices in {dim}D; give {'triangles' if dim == 2 else 'tetrahedra'}"
+        )
     regions = np.asarray(solid.regions)
     if regions.shape != (len(cells),):
         raise MeshError(f"{name}: {regions.shape} region labels for {len(cells)} cells; give one a cell")
@@ -192,14 +218,18 @@ def check_solid(solid: Solid, name: str = "mesh") -> Solid:
         raise MeshError(f"{name}: cells {_some(doubled)} repeat others; remove the duplicates")
     volumes = simplex_volumes(points, cells)
     corners = points[cells]
-    longest = np.max([np.linalg.norm(corners - np.roll(corners, k, axis=1), axis=2).max(axis=1) for k in range(1, dim)], axis=0)
+    longest = np.max(
+        [np.linalg.norm(corners - np.roll(corners, k, axis=1), axis=2).max(axis=1) for k in range(1, dim)], axis=0
+    )
     flat = np.flatnonzero(np.abs(volumes) <= FLAT * longest**dim)
     if len(flat):
         raise InvertedCellError(f"{name}: cells {_some(flat)} are flat; mesh the shape again", flat)
     inverted = np.flatnonzero(volumes < 0)
     if 0 < len(inverted) < len(cells):
         many = f"{len(inverted)} of {len(cells)}"
-        raise InvertedCellError(f"{name}: cells {_some(inverted)} are inverted ({many}); renumber or mesh again", inverted)
+        raise InvertedCellError(
+            f"{name}: cells {_some(inverted)} are inverted ({many}); renumber or mesh again", inverted
+        )
     if len(inverted):  # another convention of numbering, not a fault of the shape
         cells = cells[:, [1, 0, *range(2, dim + 1)]]
     points, cells = drop_unused(points, cells)

@@ -1,4 +1,6 @@
-"""Child process: reads a .vtk or .vtu file. `python vtk_worker.py IN.npz OUT.npz`; imports nothing of pdvol, MPI or PETSc."""
+"""Child process: reads a .vtk or .vtu file. `python vtk_worker.py IN.npz OUT.npz`; imports nothing of pdvol, MPI or
+PETSc.
+"""
 
 import sys
 
@@ -12,7 +14,9 @@ def main():
     found = {"points": np.asarray(grid.points)}
     rows = []
     for name, kind in (("tetra", pyvista.CellType.TETRA), ("triangle", pyvista.CellType.TRIANGLE)):
-        found[name] = np.asarray(grid.cells_dict.get(int(kind), np.empty((0, 4 if name == "tetra" else 3), dtype=np.int64)))
+        found[name] = np.asarray(
+            grid.cells_dict.get(int(kind), np.empty((0, 4 if name == "tetra" else 3), dtype=np.int64))
+        )
         rows.append(np.flatnonzero(grid.celltypes == int(kind)))
     order = np.concatenate(rows)
     for name in grid.cell_data:

@@ -1,5 +1,6 @@
-"""The contact barrier between surfaces: ipctk's convergent formulation (area weights, improved maximum, physical stiffness), or the first
-one, where each contact counts as one. Both have the law of `barrier_law.py`, times a contact's weight.
+"""The contact barrier between surfaces: ipctk's convergent formulation (area weights, improved maximum, physical
+stiffness), or the first one, where each contact counts as one. Both have the law of `barrier_law.py`, times a contact's
+weight.
 
 Source: Li et al. 2020 (Incremental Potential Contact); Li et al. 2023 (convergent IPC).
 """
@@ -24,8 +25,8 @@ class SurfaceBarrier(Term):
     ----------
     surface : CollisionSurface
     dhat : activation distance [m]
-    kappa : stiffness: [Pa] where contacts are weighted, [N] (per metre of depth in 2D) where each counts as one; it may be
-        changed between solves
+    kappa : stiffness: [Pa] where contacts are weighted, [N] (per metre of depth in 2D) where each counts as one; it may
+        be changed between solves
     weighted : whether contacts are weighted by area
     """
 
@@ -62,7 +63,9 @@ class SurfaceBarrier(Term):
             self._at = None
 
     def collisions(self, x: Positions) -> tuple[ipctk.NormalCollisions, np.ndarray]:
-        """The active set at x (what this rank has a vertex of, at least) and the collision mesh's vertices, built once per x."""
+        """The active set at x (what this rank has a vertex of, at least) and the collision mesh's vertices, built once
+        per x.
+        """
         if self._at is not x:
             vertices = self.surface.vertices(x)
             active = ipctk.NormalCollisions()
@@ -92,7 +95,9 @@ class SurfaceBarrier(Term):
         if len(active):
             stencils, gaps = self.stencils(x)
             s = np.minimum(np.einsum("kd,kd->k", gaps, gaps) / self.dhat**2, 1.0)
-            mine = float(stencils.weights[stencils.counted] @ barrier_law.energy(s, self.dhat, self.kappa)[stencils.counted])
+            mine = float(
+                stencils.weights[stencils.counted] @ barrier_law.energy(s, self.dhat, self.kappa)[stencils.counted]
+            )
         return self.space.comm.allreduce(mine)
 
     def gradient(self, x: Positions) -> np.ndarray:
@@ -113,12 +118,18 @@ class SurfaceBarrier(Term):
             return
         stencils, gaps = self.stencils(x)
         s = np.einsum("kd,kd->k", gaps, gaps) / self.dhat**2
-        share = weight * np.maximum(stencils.weights, 0.0) * barrier_law.curvature(s, self.dhat, self.kappa) / (s * self.dhat**2)
+        share = (
+            weight
+            * np.maximum(stencils.weights, 0.0)
+            * barrier_law.curvature(s, self.dhat, self.kappa)
+            / (s * self.dhat**2)
+        )
         self.surface.add_stencils(stencils, share[:, None, None] * gaps[:, :, None] * gaps[:, None, :], into)
 
     def contact_stiffness(self, x: Positions, masses: np.ndarray, blocks: np.ndarray) -> np.ndarray:
-        """(k,) semi-implicit stiffness [N/m] of this rank's contacts (`stiffness_rules.py`), from masses (n,) and diagonal blocks (n, d, d)
-        in the input's order. Obstacles have neither."""
+        """(k,) semi-implicit stiffness [N/m] of this rank's contacts (`stiffness_rules.py`), from masses (n,) and
+        diagonal blocks (n, d, d) in the input's order. Obstacles have neither.
+        """
         stencils, gaps = self.stencils(x)
         masses, blocks = self.surface.of_vertices(masses), self.surface.of_vertices(blocks)
         squares = stencils.coefficients**2
@@ -129,7 +140,9 @@ class SurfaceBarrier(Term):
         return ((mass / distances**2 + stiffness) / squares.sum(axis=1))[stencils.counted]
 
     def max_step(self, x: Positions, direction: np.ndarray, until: float | None = None, keep: float = KEPT) -> float:
-        return self.surface.max_step(self.surface.vertices(x), self.surface.vertices(x.moved(1.0, direction), at=until), keep)
+        return self.surface.max_step(
+            self.surface.vertices(x), self.surface.vertices(x.moved(1.0, direction), at=until), keep
+        )
 
     def count(self, x: Positions) -> int:
         """Active pairs at x, of all ranks. Collective."""

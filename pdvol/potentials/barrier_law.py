@@ -1,4 +1,6 @@
-"""The barrier's law in the gap: kappa dhat g(s) per area, g(s) = -(s - 1)^2 ln s, s = (gap / dhat)^2 (Li et al. 2023, physical units)."""
+"""The barrier's law in the gap: kappa dhat g(s) per area, g(s) = -(s - 1)^2 ln s, s = (gap / dhat)^2 (Li et al. 2023,
+physical units).
+"""
 
 import numpy as np
 

@@ -38,9 +38,10 @@ class BlockPattern:
         self.slots = np.ascontiguousarray(slots, dtype=np.int32)
         self.keys, self.rows, self.columns = unique, unique // n, unique % n
         self.starts = np.searchsorted(unique, np.arange(space.n_owned + 1) * n).astype(PETSc.IntType)
-        self.diagonal = np.searchsorted(unique, np.arange(space.n_owned) * n + space.first_block + np.arange(space.n_owned))
+        self.diagonal = np.searchsorted(
+            unique, np.arange(space.n_owned) * n + space.first_block + np.arange(space.n_owned)
+        )
 
     @property
     def count(self) -> int:
         return len(self.keys)
-

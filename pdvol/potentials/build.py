@@ -32,8 +32,14 @@ class Terms:
     rules: tuple = ()
 
 
-def build_terms(scene: Scene, space: LevelSpace, diagonal: float, obstacles=(), materials: CellMaterials | None = None,
-                guides: Sequence[Guide] = ()) -> Terms:
+def build_terms(
+    scene: Scene,
+    space: LevelSpace,
+    diagonal: float,
+    obstacles=(),
+    materials: CellMaterials | None = None,
+    guides: Sequence[Guide] = (),
+) -> Terms:
     """The terms of a scene on one level. Collective.
 
     Parameters
@@ -48,11 +54,18 @@ def build_terms(scene: Scene, space: LevelSpace, diagonal: float, obstacles=(), 
     contacts, frictions = _contact(scene, space, diagonal, obstacles, materials.softest)
     elastic, loads = elastic_terms(space, materials), load_terms(scene, space, materials.density, mass)
     held = tuple(Consistency(space, mass, guide) for guide in guides)
-    return Terms(mass, (*elastic, *loads, *contacts, *frictions, *held), contacts, _rules(scene, space, diagonal, mass, elastic, loads, contacts))
+    return Terms(
+        mass,
+        (*elastic, *loads, *contacts, *frictions, *held),
+        contacts,
+        _rules(scene, space, diagonal, mass, elastic, loads, contacts),
+    )
 
 
 def _rules(scene: Scene, space: LevelSpace, diagonal: float, mass: np.ndarray, elastic, loads, contacts) -> tuple:
-    law, dhat = next(((c.law, metres(c.dhat, diagonal)) for c in scene.contact if isinstance(c, Barrier)), ("convergent", 0.0))
+    law, dhat = next(
+        ((c.law, metres(c.dhat, diagonal)) for c in scene.contact if isinstance(c, Barrier)), ("convergent", 0.0)
+    )
     if law == "convergent":
         return ()
     from pdvol.potentials.stiffness_rules import AdaptiveStiffness, SemiImplicitStiffness
@@ -77,19 +90,35 @@ def _contact(scene: Scene, space: LevelSpace, diagonal: float, obstacles, softes
 
         contacts.append(HalfSpaceBarrier(space, planes, dhat, kappa, weighted))
         names = [body.name for body in scene.bodies]
-        frictions += [HalfSpaceFriction(contacts[-1], _coefficients(f, [p.name for p in planes], names), metres(f.eps_v, diagonal)) for f in friction]
+        frictions += [
+            HalfSpaceFriction(
+                contacts[-1], _coefficients(f, [p.name for p in planes], names), metres(f.eps_v, diagonal)
+            )
+            for f in friction
+        ]
     from pdvol.potentials.barrier import SurfaceBarrier
     from pdvol.potentials.collision_surface import CollisionSurface, Obstacle
     from pdvol.potentials.friction import SurfaceFriction
 
     rigid = [o for o in scene.obstacles if isinstance(o, Rigid)]
-    surface = CollisionSurface(space, tuple(Obstacle(*geometry, o.motion, o.name) for geometry, o in zip(obstacles, rigid, strict=True)), dhat, barrier.ccd)
+    surface = CollisionSurface(
+        space,
+        tuple(Obstacle(*geometry, o.motion, o.name) for geometry, o in zip(obstacles, rigid, strict=True)),
+        dhat,
+        barrier.ccd,
+    )
     contacts.append(SurfaceBarrier(surface, dhat, kappa, weighted))
     parties = [o.name for o in (*scene.bodies, *rigid)]
-    frictions += [SurfaceFriction(contacts[-1], _coefficients(f, parties, parties), metres(f.eps_v, diagonal)) for f in friction]
+    frictions += [
+        SurfaceFriction(contacts[-1], _coefficients(f, parties, parties), metres(f.eps_v, diagonal)) for f in friction
+    ]
     return tuple(contacts), tuple(frictions)
 
 
 def _coefficients(friction: Friction, ones: list[str], others: list[str]) -> float | np.ndarray:
     """Friction's coefficient, or a matrix of them between named parties."""
-    return np.array([[friction.between(one, other) for other in others] for one in ones]) if friction.pairs else friction.mu
+    return (
+        np.array([[friction.between(one, other) for other in others] for one in ones])
+        if friction.pairs
+        else friction.mu
+    )

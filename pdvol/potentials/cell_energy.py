@@ -1,8 +1,9 @@
 """A term from any UFL energy density psi(F, parameters): value, gradient and filtered Hessian through compiled kernels.
 
-The density may depend on x through F = grad(x) alone, and on parameters that are constant per cell. First and second derivatives are
-UFL's, by F: positions are P1, so F is constant per cell, and what depends on a cell's shape is known without them. Isotropic densities in
-3D, recognised by trying, get their Hessians through stretches (native/isotropic.c), many times faster; all others through UFL's derivatives by F.
+The density may depend on x through F = grad(x) alone, and on parameters that are constant per cell. First and second
+derivatives are UFL's, by F: positions are P1, so F is constant per cell, and what depends on a cell's shape is known
+without them. Isotropic densities in 3D, recognised by trying, get their Hessians through stretches
+(native/isotropic.c), many times faster; all others through UFL's derivatives by F.
 """
 
 from collections.abc import Callable, Mapping
@@ -35,8 +36,15 @@ class CellEnergy(Term):
     isotropic : whether psi(Q F R) = psi(F) for all rotations; found out by trying where not given
     """
 
-    def __init__(self, space: LevelSpace, psi: Callable, parameters: Mapping[str, np.ndarray], cells: np.ndarray, name: str = "elastic",
-                 isotropic: bool | None = None):
+    def __init__(
+        self,
+        space: LevelSpace,
+        psi: Callable,
+        parameters: Mapping[str, np.ndarray],
+        cells: np.ndarray,
+        name: str = "elastic",
+        isotropic: bool | None = None,
+    ):
         self.space, self.name, self._isotropic = space, name, isotropic
         self.psi, self.parameters, self.cells = psi, dict(parameters), cells
         self._counted = int(np.searchsorted(cells, space.n_counted))
@@ -45,7 +53,9 @@ class CellEnergy(Term):
         self._volumes = np.abs(space.mesh.volumes[space.near_cells[cells]])
         self._library, self._slots = native.library(), None
         counted = slice(self._counted)
-        self.scale = space.comm.allreduce(float(sum(np.abs(values[counted]) @ self._volumes[counted] for values in parameters.values())))
+        self.scale = space.comm.allreduce(
+            float(sum(np.abs(values[counted]) @ self._volumes[counted] for values in parameters.values()))
+        )
         self._compile(psi, {name: np.asarray(values, dtype=float) for name, values in parameters.items()})
 
     def _compile(self, psi, parameters) -> None:
@@ -56,9 +66,13 @@ class CellEnergy(Term):
         density = psi(F, **coefficients) * _one_point(domain)
         first = ufl.derivative(density, F, ufl.TestFunction(tensors))
         names = {F: None, **{coefficient: name for name, coefficient in coefficients.items()}}
-        compiled = lambda form: _DensityKernel(space.comm, form, names, parameters, len(self.cells))  # noqa: E731
+        compiled = lambda form: _DensityKernel(space.comm, form, names, parameters, len(self.cells))
         self._density, self._first, self._second, self._stretches = compiled(density), compiled(first), None, None
-        if d == 3 and 0 < len(parameters) <= _MAX_PARAMETERS and (self._is_isotropic() if self._isotropic is None else self._isotropic):
+        if (
+            d == 3
+            and 0 < len(parameters) <= _MAX_PARAMETERS
+            and (self._is_isotropic() if self._isotropic is None else self._isotropic)
+        ):
             self._stretches = _StretchKernels(space, psi, parameters)
         else:
             self._second = compiled(ufl.derivative(first, F, ufl.TrialFunction(tensors)))
@@ -66,7 +80,8 @@ class CellEnergy(Term):
     def _is_isotropic(self) -> bool:
         """Whether psi(Q F R) = psi(F) for some arbitrary F and rotations Q, R; the same on every rank.
 
-        Tried with the parameters of the first cell and of those where one is largest: a direction's stiffness may be zero elsewhere.
+        Tried with the parameters of the first cell and of those where one is largest: a direction's stiffness may be
+        zero elsewhere.
         """
         rng = np.random.default_rng(0)
         changes = []
@@ -80,8 +95,18 @@ class CellEnergy(Term):
         return self.space.comm.allreduce(max(changes, default=0.0), op=MPI.MAX) < ISOTROPIC
 
     def _arguments(self, kernel, x: np.ndarray, count: int):
-        return (kernel.function, self.space.dim, count, pointer(self._dofs, "int32_t"), pointer(x), pointer(self._inverse), pointer(self._volumes),
-                pointer(kernel.parameters), kernel.parameters.shape[1], kernel.gradient_at)
+        return (
+            kernel.function,
+            self.space.dim,
+            count,
+            pointer(self._dofs, "int32_t"),
+            pointer(x),
+            pointer(self._inverse),
+            pointer(self._volumes),
+            pointer(kernel.parameters),
+            kernel.parameters.shape[1],
+            kernel.gradient_at,
+        )
 
     def set_parameters(self, parameters: Mapping[str, np.ndarray]) -> None:
         """Other values (k,) of some parameters, without compiling anything; of a density that is not isotropic."""
@@ -103,11 +128,24 @@ class CellEnergy(Term):
             self._slots, self._slots_of = np.ascontiguousarray(into.pattern.slots[self.cells]), into.pattern
         slots, mode, out = pointer(self._slots, "int32_t"), FILTERS[into.positive], pointer(into.cells)
         if self._stretches is not None:
-            self._library.isotropic_hessians(*self._stretches.functions, len(self.cells), pointer(self._dofs, "int32_t"), pointer(x.local),
-                                             pointer(self._inverse), pointer(self._volumes), *self._stretches.parameters, slots, mode, weight, out)
+            self._library.isotropic_hessians(
+                *self._stretches.functions,
+                len(self.cells),
+                pointer(self._dofs, "int32_t"),
+                pointer(x.local),
+                pointer(self._inverse),
+                pointer(self._volumes),
+                *self._stretches.parameters,
+                slots,
+                mode,
+                weight,
+                out,
+            )
         else:
             mode = mode if self._second.gradient_at >= 0 else 0  # a Hessian without F is that of a quadratic energy
-            self._library.cell_hessians(*self._arguments(self._second, x.local, len(self.cells)), slots, mode, weight, out)
+            self._library.cell_hessians(
+                *self._arguments(self._second, x.local, len(self.cells)), slots, mode, weight, out
+            )
 
 
 _MAX_PARAMETERS = 16  # isotropic.c keeps a cell's arguments on the stack
@@ -144,7 +182,9 @@ class _Kernel:
         self._kernel = compiled.form_integrals[0].tabulate_tensor_float64
         self.function = ffi.cast("void *", int(self._module.ffi.cast("uintptr_t", self._kernel)))
         ordered = form.coefficients()
-        self.coefficients = [ordered[compiled.original_coefficient_positions[i]] for i in range(compiled.num_coefficients)]
+        self.coefficients = [
+            ordered[compiled.original_coefficient_positions[i]] for i in range(compiled.num_coefficients)
+        ]
 
 
 class _DensityKernel(_Kernel):
@@ -175,8 +215,18 @@ class _DensityKernel(_Kernel):
         """psi at F (3, 3), with a cell's parameters; of a density in 3D."""
         corners, dofs = np.vstack([np.zeros(3), *F.T]), np.arange(4, dtype=np.int32)
         identity, one = np.eye(3), np.ones(1)
-        return native.library().cell_values(self.function, 3, 1, pointer(dofs, "int32_t"), pointer(corners), pointer(identity),
-                                            pointer(one), pointer(self.parameters[cell]), self.parameters.shape[1], self.gradient_at)
+        return native.library().cell_values(
+            self.function,
+            3,
+            1,
+            pointer(dofs, "int32_t"),
+            pointer(corners),
+            pointer(identity),
+            pointer(one),
+            pointer(self.parameters[cell]),
+            self.parameters.shape[1],
+            self.gradient_at,
+        )
 
 
 class _StretchKernels:
@@ -195,5 +245,9 @@ class _StretchKernels:
         sources = [[place for c in kernel.coefficients for place in places[c]] for kernel in kernels]
         self._arguments = np.array(sum(sources, []), dtype=np.int32)
         self._values = np.ascontiguousarray(np.column_stack(list(parameters.values())))
-        self.functions = (*(k.function for k in kernels), pointer(self._arguments, "int32_t"), *(len(s) for s in sources))
+        self.functions = (
+            *(k.function for k in kernels),
+            pointer(self._arguments, "int32_t"),
+            *(len(s) for s in sources),
+        )
         self.parameters = (pointer(self._values), self._values.shape[1])

@@ -28,19 +28,30 @@ def closest(a, b, c, d) -> tuple[np.ndarray, np.ndarray]:
 
 
 def closest_of_parts(a, b, c, d, kind: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Closest points of segments ab and cd, as shares (k,) along each, where one of them at least is an end: which, says ipctk's distance
-    type (below 8)."""
+    """Closest points of segments ab and cd, as shares (k,) along each, where one of them at least is an end: which,
+    says ipctk's distance type (below 8).
+    """
     zero, one = np.zeros(len(a)), np.ones(len(a))
-    shares = [(zero, zero), (zero, one), (one, zero), (one, one), (along(c, a, b), zero), (along(d, a, b), one), (zero, along(a, c, d)),
-              (one, along(b, c, d))]
+    shares = [
+        (zero, zero),
+        (zero, one),
+        (one, zero),
+        (one, one),
+        (along(c, a, b), zero),
+        (along(d, a, b), one),
+        (zero, along(a, c, d)),
+        (one, along(b, c, d)),
+    ]
     pick = np.arange(len(a))
     return np.array([s for s, _ in shares])[kind, pick], np.array([t for _, t in shares])[kind, pick]
 
 
 def segment_distances(a, b, c, d) -> np.ndarray:
-    """Distances (k,) of segments ab and cd, too large by no more than 1e-6 of ab's length: as much as that is where they are nearly parallel.
+    """Distances (k,) of segments ab and cd, too large by no more than 1e-6 of ab's length: as much as that is where
+    they are nearly parallel.
 
-    The lines' closest point on ab, if it lies on the segment, its foot on cd, and that one's foot on ab (Ericson 2005, section 5.1.9).
+    The lines' closest point on ab, if it lies on the segment, its foot on cd, and that one's foot on ab (Ericson 2005,
+    section 5.1.9).
     """
     s = np.clip(closest(a, b, c, d)[0], 0.0, 1.0)[:, None]
     t = along(a + s * (b - a), c, d)[:, None]

@@ -6,14 +6,17 @@ import numpy as np
 ALIKE = np.array([0.5377, 0.3121, 0.7832])
 """What edges' directions are compared with: one that few meshes have many edges at right angles to.
 
-The convergent set of ipctk 1.6.1 keeps the parts of a pair of nearly parallel edges apart by their names (edge a with end 0 of b, say), and
-takes (a, b) and (b, a) of one name for the same part. Where a and b run against each other these are two, one of them is lost, and the
-energy jumps by it when the other comes or goes. Edges that run alike have no two parts of one name within reach, while nearly parallel means
-a few degrees. ipctk measures that by edges' lengths at rest: of edges crushed to a quarter, pairs at 30 degrees count as nearly parallel.
+The convergent set of ipctk 1.6.1 keeps the parts of a pair of nearly parallel edges apart by their names (edge a with
+end 0 of b, say), and takes (a, b) and (b, a) of one name for the same part. Where a and b run against each other these
+are two, one of them is lost, and the energy jumps by it when the other comes or goes. Edges that run alike have no two
+parts of one name within reach, while nearly parallel means a few degrees. ipctk measures that by edges' lengths at
+rest: of edges crushed to a quarter, pairs at 30 degrees count as nearly parallel.
 """
 
 CRUSHED = 2.0  # times as long at rest as now: where an edge is, ipctk's mesh is drawn smaller
-SMALLER = 0.25  # of its size: pairs of edges crushed to an eighth then fade below 7 degrees, of others below 0.1, where kinks begin to tell
+# of its size: pairs of edges crushed to an eighth then fade below 7 degrees, of others below 0.1, where kinks begin to
+# tell
+SMALLER = 0.25
 
 
 class CollisionMesh:
@@ -44,12 +47,13 @@ class CollisionMesh:
     def _make(self) -> None:
         integers = (np.asfortranarray(primitives, dtype=np.int32) for primitives in (self.edges, self.faces))
         self.ipc = ipctk.CollisionMesh(self.scale * self._at_rest, *integers)
-        # What ipctk calls static vertices do not meet each other: all beyond this rank's own, whose pairs are other ranks'.
+        # What ipctk calls static vertices do not meet each other: all beyond this rank's own, whose pairs are other
+        # ranks'.
         self.ipc.can_collide = ipctk.make_static_obstacle_filter(self._own)
 
     def align(self, vertices: np.ndarray, edges: np.ndarray | None = None) -> None:
-        """Turns edges round, in this mesh alone, until at `vertices` (n, 3) all that matter run alike, and draws it smaller where edges are
-        crushed. What it makes of those that matter is a function of the positions alone.
+        """Turns edges round, in this mesh alone, until at `vertices` (n, 3) all that matter run alike, and draws it
+        smaller where edges are crushed. What it makes of those that matter is a function of the positions alone.
 
         Parameters
         ----------

@@ -1,7 +1,7 @@
 """The collision geometry of one level: all bodies' boundaries and the rigid obstacles, in one ipctk mesh.
 
-Bodies come first, in the order of `surface` (input indices of boundary vertices), obstacles behind them. Every rank holds all of it, so
-contact does not depend on how the level is distributed.
+Bodies come first, in the order of `surface` (input indices of boundary vertices), obstacles behind them. Every rank
+holds all of it, so contact does not depend on how the level is distributed.
 """
 
 from dataclasses import replace
@@ -49,7 +49,8 @@ class CollisionSurface:
     surface : (k,) int64
         Input indices of the bodies' boundary vertices, this rank's first.
     primitives : CollisionMesh
-        k bodies' vertices, then the obstacles'. Edges that can touch others are turned to run alike at each step's start.
+        k bodies' vertices, then the obstacles'. Edges that can touch others are turned to run alike at each step's
+        start.
     parties : (k + obstacles' vertices,) int
         Whose each vertex is: bodies' numbers, then obstacles' after the last body's.
     candidates : ContactCandidates
@@ -80,13 +81,18 @@ class CollisionSurface:
             faces.append(obstacle.faces.reshape(-1, 3) + offset)
             offset += len(obstacle.vertices)
         at_rest = np.concatenate(vertices)
-        self.primitives = CollisionMesh(at_rest, np.concatenate(edges), np.concatenate(faces) if faces else np.zeros((0, 3)), own)
+        self.primitives = CollisionMesh(
+            at_rest, np.concatenate(edges), np.concatenate(faces) if faces else np.zeros((0, 3)), own
+        )
         self._start, self._aligned = None, -1
         owners = [np.full(len(o.vertices), int(level.point_bodies.max()) + 1 + i) for i, o in enumerate(obstacles)]
         self.parties = np.concatenate([level.point_bodies[self.surface], *owners])
         self._blocks = space.point_blocks[self.surface]
-        # A pair that several ranks have a vertex of is counted by the one that owns the vertex that comes first in the input.
-        self._input_order = np.concatenate([self.surface, np.full(len(self.parties) - len(self.surface), len(level.points))])
+        # A pair that several ranks have a vertex of is counted by the one that owns the vertex that comes first in the
+        # input.
+        self._input_order = np.concatenate(
+            [self.surface, np.full(len(self.parties) - len(self.surface), len(level.points))]
+        )
         self._own = np.arange(len(self.parties)) < own
         self.obstacle_positions, self._at = self._obstacles_at(0.0), None
         self._narrow, self._goes_all_the_way = NARROW[ccd], ccd != "additive"
@@ -100,7 +106,10 @@ class CollisionSurface:
     def begin(self, vertices: np.ndarray) -> None:
         """Before a step that starts at `vertices`. From here on nothing depends on the steps before, to the last digit."""
         self.candidates.forget()
-        self._start, self._aligned = vertices if self.space.dim == 3 else None, -1  # two edges never touch side by side in 2D
+        self._start, self._aligned = (
+            vertices if self.space.dim == 3 else None,
+            -1,
+        )  # two edges never touch side by side in 2D
 
     def _alike(self, pairs: ipctk.Candidates) -> ipctk.Candidates:
         """The same pairs, after those of their edges that are new in this step were turned to run alike at its start."""
@@ -122,7 +131,9 @@ class CollisionSurface:
         return changed
 
     def vertices(self, x: Positions, at: float | None = None) -> np.ndarray:
-        """Positions (k + obstacles, d) of the collision mesh, obstacles as placed or as they are `at` a time. First use per x is collective."""
+        """Positions (k + obstacles, d) of the collision mesh, obstacles as placed or as they are `at` a time. First use
+        per x is collective.
+        """
         if at is None and x is self._at:
             return self._vertices
         obstacles = self.obstacle_positions if at is None else self._obstacles_at(at)
@@ -136,17 +147,27 @@ class CollisionSurface:
         return self._alike(self.candidates.at(vertices))
 
     def max_step(self, start: np.ndarray, end: np.ndarray, keep: float = KEPT) -> float:
-        """Largest step in [0, 1] along straight paths that keeps everything apart, for this rank's pairs, and `keep` of every gap."""
+        """Largest step in [0, 1] along straight paths that keeps everything apart, for this rank's pairs, and `keep` of
+        every gap.
+        """
         pairs = self._alike(self.candidates.along(start, end))
         if pairs.empty():
             return 1.0
-        step = float(pairs.compute_collision_free_stepsize(mesh=self.mesh, vertices_t0=start, vertices_t1=end, min_distance=0.0,
-                                                           narrow_phase_ccd=self._narrow(keep)))
+        step = float(
+            pairs.compute_collision_free_stepsize(
+                mesh=self.mesh,
+                vertices_t0=start,
+                vertices_t1=end,
+                min_distance=0.0,
+                narrow_phase_ccd=self._narrow(keep),
+            )
+        )
         return (1.0 - keep) * step if self._goes_all_the_way and step < 1.0 else step
 
     def rows_of(self, values: np.ndarray) -> np.ndarray:
-        """Owned rows (n_owned, d) of values over the collision mesh's unknowns, zero away from the surface. Sums over this rank's pairs are
-        complete there."""
+        """Owned rows (n_owned, d) of values over the collision mesh's unknowns, zero away from the surface. Sums over
+        this rank's pairs are complete there.
+        """
         whole = np.zeros((len(self.space.mesh.points), self.space.dim))
         whole[self.surface] = values.reshape(-1, self.space.dim)[: len(self.surface)]
         return self.space.from_input(whole)
@@ -162,7 +183,9 @@ class CollisionSurface:
         stencils = normal_stencils(active, self.primitives.edges, self.primitives.faces, vertices)
         if self.space.comm.size == 1:
             return stencils
-        first = np.take_along_axis(stencils.vertices, self._input_order[stencils.vertices].argmin(axis=1)[:, None], axis=1)[:, 0]
+        first = np.take_along_axis(
+            stencils.vertices, self._input_order[stencils.vertices].argmin(axis=1)[:, None], axis=1
+        )[:, 0]
         return replace(stencils, counted=self._own[first])
 
     def add_stencils(self, stencils: Stencils, middle: np.ndarray, into: HessianBlocks) -> None:
@@ -173,4 +196,8 @@ class CollisionSurface:
         """Adds a sparse Hessian over the collision mesh's unknowns; obstacles have none."""
         d, k = self.space.dim, len(self.surface)
         blocks = csr_array(hessian)[: k * d, : k * d].tobsr(blocksize=(d, d))
-        into.add_pairs(self._blocks[np.repeat(np.arange(k), np.diff(blocks.indptr))], self._blocks[blocks.indices], weight * blocks.data)
+        into.add_pairs(
+            self._blocks[np.repeat(np.arange(k), np.diff(blocks.indptr))],
+            self._blocks[blocks.indices],
+            weight * blocks.data,
+        )

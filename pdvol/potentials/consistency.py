@@ -1,7 +1,7 @@
 """What holds a level to the positions of the level below it (paper, equation 4): E = k |x - target|^2_M, k = w / dt^2.
 
-Quadratic, so its Hessian 2 k M is exact and needs no filter. k belongs to the scene's time step: a step that is cut in two feels the same
-springs, towards where the coarser level is half-way.
+Quadratic, so its Hessian 2 k M is exact and needs no filter. k belongs to the scene's time step: a step that is cut in
+two feels the same springs, towards where the coarser level is half-way.
 """
 
 from collections.abc import Callable

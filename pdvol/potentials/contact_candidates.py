@@ -1,10 +1,11 @@
 """Which pairs of primitives can touch: found by one broad phase and kept for as long as nothing has moved far.
 
-While every vertex stays within `slack` of where it was, two primitives come nearer by 2 slack at most: all pairs nearer than the reach
-plus 2 slack then are all that contact, or a collision on the way, can be about (a Verlet list). Longer moves get a list of their own,
-from the boxes they sweep, good for any point of that straight move.
+While every vertex stays within `slack` of where it was, two primitives come nearer by 2 slack at most: all pairs nearer
+than the reach plus 2 slack then are all that contact, or a collision on the way, can be about (a Verlet list). Longer
+moves get a list of their own, from the boxes they sweep, good for any point of that straight move.
 
-The search goes by boxes, and those of edges of one flat face meet without the edges being near: four of five pairs of edges are dropped again.
+The search goes by boxes, and those of edges of one flat face meet without the edges being near: four of five pairs of
+edges are dropped again.
 """
 
 from itertools import compress
@@ -16,7 +17,8 @@ from pdvol.potentials.closest_points import segment_distances
 from pdvol.potentials.collision_mesh import CollisionMesh
 from pdvol.potentials.pair_arrays import column
 
-NEAR = 0.2  # of the median edge: longer slacks catch so many neighbours that looking through them costs more than searching anew
+# of the median edge: longer slacks catch so many neighbours that looking through them costs more than searching anew
+NEAR = 0.2
 SHORTEST = 0.15  # of the longest slack: what is allowed for where nothing is known to move
 ROOM = 1.2  # slack over the move that asked for it
 ROUND = 1.02  # times the distance that is asked for: what is searched for
@@ -74,15 +76,22 @@ class ContactCandidates:
         return self.pairs
 
     def along(self, start: np.ndarray, end: np.ndarray) -> ipctk.Candidates:
-        """Candidates among which are all pairs that come nearer than the reach on the straight way from start to end (k, d)."""
+        """Candidates among which are all pairs that come nearer than the reach on the straight way from start to end
+        (k, d).
+        """
         if self._reference is not None and max(self._strays(start), self._strays(end)) <= self._slack:
             return self.pairs
         move = _largest(self._place(end) - self._place(start))
         if ROOM * move <= self._longest:
             self._search_around(start, max(ROOM * move, SHORTEST * self._longest))
         else:
-            self.pairs.build(mesh=self.mesh.ipc, vertices_t0=start, vertices_t1=self._beside(start, end), inflation_radius=0.5 * ROUND * self.reach,
-                             broad_phase=ipctk.LBVH())
+            self.pairs.build(
+                mesh=self.mesh.ipc,
+                vertices_t0=start,
+                vertices_t1=self._beside(start, end),
+                inflation_radius=0.5 * ROUND * self.reach,
+                broad_phase=ipctk.LBVH(),
+            )
             self._reference, self._slack, self._move = self._place(start), 0.0, self._place(end) - self._place(start)
             self.edges = None
             self.searches += 1
@@ -104,7 +113,9 @@ class ContactCandidates:
 
     def _search_around(self, vertices: np.ndarray, slack: float) -> None:
         # Boxes are inflated by the radius each.
-        self.pairs.build(mesh=self.mesh.ipc, vertices=vertices, inflation_radius=0.5 * self._near(slack), broad_phase=ipctk.LBVH())
+        self.pairs.build(
+            mesh=self.mesh.ipc, vertices=vertices, inflation_radius=0.5 * self._near(slack), broad_phase=ipctk.LBVH()
+        )
         self._reference, self._slack, self._move = self._place(vertices).copy(), slack, None
         self.edges = None
         self.searches += 1
@@ -113,8 +124,10 @@ class ContactCandidates:
         return ROUND * (self.reach + 2.0 * slack)
 
     def _drop_far_edges(self, vertices: np.ndarray) -> None:
-        """Leaves only pairs of edges that are as near as was searched for, at the vertices (k, d) that were searched around: as dear as going
-        through all of them three times, which lists made for a single move often do not live to see."""
+        """Leaves only pairs of edges that are as near as was searched for, at the vertices (k, d) that were searched
+        around: as dear as going through all of them three times, which lists made for a single move often do not live
+        to see.
+        """
         found = self.pairs.ee_candidates
         pairs = [column(found, name, np.int64) for name in ("edge0_id", "edge1_id")]
         ends = (vertices[self.mesh.edges[edges, end]] for edges in pairs for end in (0, 1))

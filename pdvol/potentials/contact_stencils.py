@@ -1,8 +1,8 @@
 """Contact pairs as arrays: which vertices a pair joins, with which coefficients, for Hessians that need nothing else.
 
-A pair's gap is |sum_i c_i x_i| over up to four vertices. Holding the coefficients, its gradient is exact (closest points are stationary);
-the Hessians made of it leave out how normal and closest points turn, which is what a projection to positive definite ones mostly cuts off
-anyway: for a barrier, force times the gap's own curvature.
+A pair's gap is |sum_i c_i x_i| over up to four vertices. Holding the coefficients, its gradient is exact (closest
+points are stationary); the Hessians made of it leave out how normal and closest points turn, which is what a projection
+to positive definite ones mostly cuts off anyway: for a barrier, force times the gap's own curvature.
 """
 
 from dataclasses import dataclass
@@ -14,7 +14,8 @@ from pdvol.potentials.closest_points import along, closest, closest_of_parts, in
 from pdvol.potentials.hessian_blocks import HessianBlocks
 from pdvol.potentials.pair_arrays import columns
 
-# ipctk hands out the nearest parts of two edges as a pair of their own where they are not the insides, but for edges that are nearly parallel.
+# ipctk hands out the nearest parts of two edges as a pair of their own where they are not the insides, but for edges
+# that are nearly parallel.
 INSIDE = ipctk.EdgeEdgeDistanceType.EA_EB
 
 
@@ -30,7 +31,8 @@ class Stencils:
     oblique : (k,) bool
         Whether the direction of contact is certain: not so between nearly parallel edges, which may touch elsewhere.
     counted : (k,) bool
-        Whether this rank counts the pair where sums run over all ranks: others have it, too, if it has vertices of theirs.
+        Whether this rank counts the pair where sums run over all ranks: others have it, too, if it has vertices of
+        theirs.
     """
 
     vertices: np.ndarray
@@ -44,8 +46,10 @@ class Stencils:
         return np.einsum("ki,kid->kd", self.coefficients, positions[self.vertices])
 
     def sides(self, parties: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Who touches whom: (k,) each, from the parties (n,) that vertices belong to. The first vertex is one side's, whichever pair it is;
-        the first of the others that is not of the same party is the other side's, and there is none where a party touches itself."""
+        """Who touches whom: (k,) each, from the parties (n,) that vertices belong to. The first vertex is one side's,
+        whichever pair it is; the first of the others that is not of the same party is the other side's, and there is
+        none where a party touches itself.
+        """
         first, *others = parties[self.vertices].T
         second = others[-1]
         for party in others[-2::-1]:
@@ -56,7 +60,9 @@ class Stencils:
         """Sum over pairs of C' f (count, d) at vertices, from f (k, d): the transpose of `gaps`."""
         out = np.empty((count, forces.shape[1]))
         for axis in range(forces.shape[1]):
-            out[:, axis] = np.bincount(self.vertices.ravel(), (self.coefficients * forces[:, axis, None]).ravel(), minlength=count)
+            out[:, axis] = np.bincount(
+                self.vertices.ravel(), (self.coefficients * forces[:, axis, None]).ravel(), minlength=count
+            )
         return out
 
     def add(self, middle: np.ndarray, blocks: np.ndarray, into: HessianBlocks) -> None:
@@ -77,7 +83,9 @@ class Stencils:
         into.add_pairs(np.minimum(a, b), np.maximum(a, b), shares[:, None, None] * middle[pair])
 
 
-def normal_stencils(active: ipctk.NormalCollisions, edges: np.ndarray, faces: np.ndarray, positions: np.ndarray) -> Stencils:
+def normal_stencils(
+    active: ipctk.NormalCollisions, edges: np.ndarray, faces: np.ndarray, positions: np.ndarray
+) -> Stencils:
     """The active pairs of a collision mesh at `positions` (n, d)."""
     vv = columns(active.vv_collisions, "vertex0_id", "vertex1_id", "weight")
     ev = columns(active.ev_collisions, "edge_id", "vertex_id", "weight")
@@ -86,20 +94,26 @@ def normal_stencils(active: ipctk.NormalCollisions, edges: np.ndarray, faces: np
     ee = columns(edge_edge, "edge0_id", "edge1_id", "weight", "eps_x")
     first, second = zip(*(pairs[:, :2].astype(np.int64).T for pairs in (vv, ev, fv, ee)), strict=True)
     edge, face, one, other = edges[first[1]], faces[first[2]], edges[first[3]], edges[second[3]]
-    corners = lambda primitives: positions[primitives].transpose(1, 0, 2)  # noqa: E731
+    corners = lambda primitives: positions[primitives].transpose(1, 0, 2)
     mollifiers = _mollifier(positions[one], positions[other], ee[:, 3])
     s, t = closest(*corners(one), *corners(other))
     ends = [pair for pair in np.flatnonzero(mollifiers < 1.0) if edge_edge[pair].dtype != INSIDE]
     if ends:
         kinds = np.array([edge_edge[pair].dtype.value for pair in ends])
         s[ends], t[ends] = closest_of_parts(*corners(one[ends]), *corners(other[ends]), kinds)
-    parts = [_vertex_vertex(first[0], second[0]), _edge_vertex(edge, second[1], along(positions[second[1]], *corners(edge))),
-             _face_vertex(face, second[2], inside(positions[second[2]], positions[face])), _edge_edge(one, other, s, t)]
+    parts = [
+        _vertex_vertex(first[0], second[0]),
+        _edge_vertex(edge, second[1], along(positions[second[1]], *corners(edge))),
+        _face_vertex(face, second[2], inside(positions[second[2]], positions[face])),
+        _edge_edge(one, other, s, t),
+    ]
     vertices, coefficients = (np.concatenate([part[i] for part in parts]) for i in range(2))
     weights = np.concatenate([pairs[:, 2] for pairs in (vv, ev, fv, ee)])
     counted = np.ones(len(weights))
     counted[len(weights) - len(ee) :] = mollifiers
-    return Stencils(vertices.astype(np.int64), coefficients, weights * counted, counted == 1.0, np.ones(len(weights), dtype=bool))
+    return Stencils(
+        vertices.astype(np.int64), coefficients, weights * counted, counted == 1.0, np.ones(len(weights), dtype=bool)
+    )
 
 
 def _vertex_vertex(first, second):

@@ -1,11 +1,13 @@
 r"""Drag of a flow on surfaces, as a dissipation potential.
 
-The force on a vertex of area a is a rho c/2 |w| w with w = u - (x - x_t) / dt, the flow's velocity past it: minus the derivative of
+The force on a vertex of area a is a rho c/2 |w| w with w = u - (x - x_t) / dt, the flow's velocity past it: minus the
+derivative of
 
     D(x) = sum of a rho c/2 (dt/3) |w|^3
 
-by x at fixed u, which is convex: nothing is lagged but u, taken at the step's start positions and end time, and rest areas stand for
-current ones. Implicit, so that no step, however long, overshoots the flow; dt is in D as eps_v dt is in friction.
+by x at fixed u, which is convex: nothing is lagged but u, taken at the step's start positions and end time, and rest
+areas stand for current ones. Implicit, so that no step, however long, overshoots the flow; dt is in D as eps_v dt is in
+friction.
 """
 
 from collections.abc import Callable
@@ -31,7 +33,9 @@ class Drag(Term):
 
     name = "drag"
 
-    def __init__(self, space: LevelSpace, felt: np.ndarray, velocity: Callable[[np.ndarray, float], np.ndarray], strength: float):
+    def __init__(
+        self, space: LevelSpace, felt: np.ndarray, velocity: Callable[[np.ndarray, float], np.ndarray], strength: float
+    ):
         self.space, self._velocity = space, velocity
         areas = np.where(felt, boundary_areas(space.mesh), 0.0)[space.owned_points]
         self.vertices = np.flatnonzero(areas > 0)

@@ -1,4 +1,6 @@
-"""Elastic terms of a scene: one `CellEnergy` per law, whatever the number of bodies and regions, and its damping; cells stay upright."""
+"""Elastic terms of a scene: one `CellEnergy` per law, whatever the number of bodies and regions, and its damping; cells
+stay upright.
+"""
 
 from itertools import combinations_with_replacement
 
@@ -13,21 +15,26 @@ from pdvol.potentials.cell_energy import CellEnergy
 from pdvol.potentials.native import pointer
 from pdvol.potentials.potential import KEPT, Positions
 
-KEEP_VOLUME = 0.1  # of a cell's current volume, at least, after one Newton step: the logarithm's derivatives stay within reach
+# of a cell's current volume, at least, after one Newton step: the logarithm's derivatives stay within reach
+KEEP_VOLUME = 0.1
 
 
 class Elastic(CellEnergy):
-    """The elastic energy of all cells that follow one law. Inverted cells are not admissible, whatever the law, and steps are capped so that
-    none inverts."""
+    """The elastic energy of all cells that follow one law. Inverted cells are not admissible, whatever the law, and
+    steps are capped so that none inverts.
+    """
 
     def value(self, x: Positions) -> float:
-        inverted = self._library.inverted_cells(self.space.dim, self._counted, pointer(self._dofs, "int32_t"), pointer(x.local))
+        inverted = self._library.inverted_cells(
+            self.space.dim, self._counted, pointer(self._dofs, "int32_t"), pointer(x.local)
+        )
         return np.inf if self.space.comm.allreduce(inverted) else super().value(x)
 
     def max_step(self, x: Positions, direction: np.ndarray, until: float | None = None, keep: float = KEPT) -> float:
         moved = np.ascontiguousarray(self.space.with_ghosts(direction))
-        return native.library().volume_step(self.space.dim, self._counted, pointer(self._dofs, "int32_t"), pointer(x.local), pointer(moved),
-                                            KEEP_VOLUME)
+        return native.library().volume_step(
+            self.space.dim, self._counted, pointer(self._dofs, "int32_t"), pointer(x.local), pointer(moved), KEEP_VOLUME
+        )
 
 
 class Damping(CellEnergy):
@@ -46,7 +53,9 @@ class Damping(CellEnergy):
         self._hats = space.mesh.hat_gradients[space.near_cells[cells]]
 
         def psi(F, mu, lmbda, **before):
-            return kelvin_voigt(F, mu, lmbda, ufl.as_matrix([[before[_entry(*sorted((i, j)))] for j in range(d)] for i in range(d)]))
+            return kelvin_voigt(
+                F, mu, lmbda, ufl.as_matrix([[before[_entry(*sorted((i, j)))] for j in range(d)] for i in range(d)])
+            )
 
         start = {_entry(i, j): np.full(len(cells), float(i == j)) for i, j in self._pairs}
         super().__init__(space, psi, {"mu": self._mu, "lmbda": self._lmbda, **start}, cells, "damping", isotropic=False)

@@ -1,4 +1,6 @@
-"""Lagged, smoothed Coulomb friction between surfaces (Li et al. 2020, section 5), on the pairs that the barrier finds with ipctk."""
+"""Lagged, smoothed Coulomb friction between surfaces (Li et al. 2020, section 5), on the pairs that the barrier finds
+with ipctk.
+"""
 
 from dataclasses import replace
 
@@ -13,7 +15,8 @@ from pdvol.potentials.potential import Positions, Term
 class SurfaceFriction(Term):
     """Friction on all pairs that the barrier held apart at the last `lag`.
 
-    Slip is measured from the start of the step, obstacles' own motion included, so the threshold is eps_v times the step's length.
+    Slip is measured from the start of the step, obstacles' own motion included, so the threshold is eps_v times the
+    step's length.
 
     Parameters
     ----------
@@ -35,9 +38,13 @@ class SurfaceFriction(Term):
     def lag(self, x: Positions) -> None:
         stencils, gaps = self.barrier.stencils(x)
         distances = np.linalg.norm(gaps, axis=1)
-        pushes = barrier_law.pressure(np.minimum(distances / self.barrier.dhat, 1.0) ** 2, self.barrier.dhat, self.barrier.kappa)
+        pushes = barrier_law.pressure(
+            np.minimum(distances / self.barrier.dhat, 1.0) ** 2, self.barrier.dhat, self.barrier.kappa
+        )
         mu = self.mu[stencils.sides(self.surface.parties)] if np.ndim(self.mu) else self.mu
-        self._stencils = replace(stencils, weights=mu * pushes * np.where(stencils.oblique, stencils.weights, 0.0))  # [N]
+        self._stencils = replace(
+            stencils, weights=mu * pushes * np.where(stencils.oblique, stencils.weights, 0.0)
+        )  # [N]
         self._normals = gaps / np.maximum(distances, 1e-300)[:, None]
         self._count = len(stencils.weights)
 
@@ -55,7 +62,9 @@ class SurfaceFriction(Term):
         mine = 0.0
         if self._count:
             _, size = self._slip(x)
-            mine = float(np.where(self._stencils.counted, self._stencils.weights, 0.0) @ smooth_friction.f0(size, self._eps))
+            mine = float(
+                np.where(self._stencils.counted, self._stencils.weights, 0.0) @ smooth_friction.f0(size, self._eps)
+            )
         return self.space.comm.allreduce(mine)
 
     def gradient(self, x: Positions) -> np.ndarray:
@@ -70,9 +79,14 @@ class SurfaceFriction(Term):
             return
         slip, size = self._slip(x)
         along = slip / np.maximum(size, 1e-300)[:, None]
-        round_, slope = (k[:, None, None] for k in smooth_friction.stiffness(size, self._eps, majorise=into.positive == "abs"))
+        round_, slope = (
+            k[:, None, None] for k in smooth_friction.stiffness(size, self._eps, majorise=into.positive == "abs")
+        )
         n = self._normals
-        middle = round_ * (np.eye(n.shape[1]) - n[:, :, None] * n[:, None, :]) + (slope - round_) * along[:, :, None] * along[:, None, :]
+        middle = (
+            round_ * (np.eye(n.shape[1]) - n[:, :, None] * n[:, None, :])
+            + (slope - round_) * along[:, :, None] * along[:, None, :]
+        )
         forces = self._stencils.weights
         if into.positive != "none":  # in 3D some pairs of the improved maximum weigh negatively
             forces = np.abs(forces) if into.positive == "abs" else np.maximum(forces, 0.0)

@@ -1,8 +1,9 @@
 """Contact and friction with half-spaces, exactly: only vertices can touch a plane first.
 
-The law is that of the surface barrier (`barrier.py`): kappa a dhat g(s), g(s) = -(s - 1)^2 ln s, s = (gap / dhat)^2, a the vertex's
-area at rest. A plane needs neither a broad phase nor gathered surfaces, may move, and its gap is linear in x; that, and ipctk's plane
-candidates missing contacts beyond dhat / 2 and lacking friction and motion, is why it is written out here.
+The law is that of the surface barrier (`barrier.py`): kappa a dhat g(s), g(s) = -(s - 1)^2 ln s, s = (gap / dhat)^2, a
+the vertex's area at rest. A plane needs neither a broad phase nor gathered surfaces, may move, and its gap is linear in
+x; that, and ipctk's plane candidates missing contacts beyond dhat / 2 and lacking friction and motion, is why it is
+written out here.
 """
 
 import numpy as np
@@ -20,7 +21,11 @@ def boundary_areas(mesh: LevelMesh) -> np.ndarray:
     """(n,) each vertex's share of the boundary at rest [m^(d-1)], zero inside."""
     corners = mesh.points[mesh.boundary]
     edges = corners[:, 1:] - corners[:, :1]
-    size = np.linalg.norm(edges[:, 0], axis=1) if mesh.dim == 2 else np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1) / 2
+    size = (
+        np.linalg.norm(edges[:, 0], axis=1)
+        if mesh.dim == 2
+        else np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1) / 2
+    )
     return np.bincount(mesh.boundary.ravel(), np.repeat(size / mesh.dim, mesh.dim), minlength=len(mesh.points))
 
 
@@ -57,7 +62,9 @@ class HalfSpaceBarrier(Term):
         self.place(t0)
 
     def gaps(self, x: Positions, at: float | None = None) -> np.ndarray:
-        """(planes, surface vertices) distances [m], negative behind a plane; planes as placed, or as they are `at` a time."""
+        """(planes, surface vertices) distances [m], negative behind a plane; planes as placed, or as they are `at` a
+        time.
+        """
         if at is None and x is self._at:
             return self._gaps
         points, normals = (self.points, self.normals) if at is None else self._planes_at(at)
@@ -98,14 +105,16 @@ class HalfSpaceBarrier(Term):
         into.add_diagonal(self.vertices[vertex], weight * curvature[:, None, None] * n[:, :, None] * n[:, None, :])
 
     def contact_stiffness(self, x: Positions, masses: np.ndarray, blocks: np.ndarray) -> np.ndarray:
-        """(k,) semi-implicit stiffness [N/m] of this rank's contacts (`stiffness_rules.py`), from masses (n,) and diagonal blocks (n, d, d)
-        in the input's order."""
+        """(k,) semi-implicit stiffness [N/m] of this rank's contacts (`stiffness_rules.py`), from masses (n,) and
+        diagonal blocks (n, d, d) in the input's order.
+        """
         plane, vertex, gap = self._active(x)
         point, n = self.space.owned_points[self.vertices[vertex]], self.normals[plane]
         return masses[point] / gap**2 + np.einsum("ki,kij,kj->k", n, blocks[point], n)
 
     def max_step(self, x: Positions, direction: np.ndarray, until: float | None = None, keep: float = KEPT) -> float:
-        # A plane that turns meanwhile is taken to close gaps evenly: exact for translations, and what is left is checked again.
+        # A plane that turns meanwhile is taken to close gaps evenly: exact for translations, and what is left is
+        # checked again.
         gaps = self.gaps(x)
         approach = gaps - self.gaps(x.moved(1.0, direction), at=until)
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -142,7 +151,7 @@ class HalfSpaceFriction(Term):
         self._eps = self.eps_v * (t1 - t0)
         self._carried = []
         for plane in self.barrier.planes:
-            moves = lambda at, plane=plane: plane.motion(np.atleast_2d(at), t1) - plane.motion(np.atleast_2d(at), t0)  # noqa: E731
+            moves = lambda at, plane=plane: plane.motion(np.atleast_2d(at), t1) - plane.motion(np.atleast_2d(at), t0)
             self._carried.append(moves)
         self.lag(x_t)
 
@@ -182,7 +191,11 @@ class HalfSpaceFriction(Term):
         tangent = np.eye(self.space.dim) - n[:, :, None] * n[:, None, :]
         outer = along[:, :, None] * along[:, None, :]
         round_, slope = smooth_friction.stiffness(slip, self._eps, majorise=into.positive == "abs")
-        blocks = weight * self._force[:, None, None] * (round_[:, None, None] * tangent + (slope - round_)[:, None, None] * outer)
+        blocks = (
+            weight
+            * self._force[:, None, None]
+            * (round_[:, None, None] * tangent + (slope - round_)[:, None, None] * outer)
+        )
         into.add_diagonal(self._vertices, blocks)
 
 

@@ -48,8 +48,9 @@ class HessianBlocks:
         self.cells[self.pattern.diagonal[:, None], np.arange(d), np.arange(d)] += masses
 
     def add_pairs(self, rows: np.ndarray, columns: np.ndarray, blocks: np.ndarray) -> None:
-        """Adds blocks (k, d, d) at global block indices (k,), which may repeat. Both triangles may be given: only this rank's share of
-        the upper one is kept."""
+        """Adds blocks (k, d, d) at global block indices (k,), which may repeat. Both triangles may be given: only this
+        rank's share of the upper one is kept.
+        """
         first, last = self.pattern.space.first_block, self.pattern.space.first_block + self.pattern.space.n_owned
         kept = (rows >= first) & (rows < last) & (columns >= rows)
         if kept.all():
@@ -58,7 +59,9 @@ class HessianBlocks:
             self.added.append((rows[kept] - first, columns[kept], blocks[kept]))
 
     def pairs(self) -> tuple[np.ndarray, np.ndarray]:
-        """What `add_pairs` was given, summed: keys (k,) = local row * n + global column, ascending, and blocks (k, d, d)."""
+        """What `add_pairs` was given, summed: keys (k,) = local row * n + global column, ascending, and blocks (k, d,
+        d).
+        """
         d, n = self.pattern.space.dim, len(self.pattern.space.mesh.points)
         if not self.added:
             return np.zeros(0, dtype=np.int64), np.zeros((0, d, d))
@@ -79,15 +82,20 @@ class HessianBlocks:
         upper = csr_array(bsr_array((blocks, keys % n, starts), shape=(n * d, n * d)).tocsr())
         upper.sum_duplicates()
         diagonal = np.flatnonzero(keys // n == keys % n)
-        across = csr_array(bsr_array((blocks[diagonal], keys[diagonal] % n, np.searchsorted(keys[diagonal], np.arange(n + 1) * n)),
-                                     shape=(n * d, n * d)).tocsr())
+        across = csr_array(
+            bsr_array(
+                (blocks[diagonal], keys[diagonal] % n, np.searchsorted(keys[diagonal], np.arange(n + 1) * n)),
+                shape=(n * d, n * d),
+            ).tocsr()
+        )
         across.sum_duplicates()
         return csr_array(upper + upper.T - across)
 
 
 def _sorted(keys: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Keys (k,) >= 0, ascending, and the stable order that puts them so. Sorting values is several times faster than sorting places: each key
-    takes its place along in its low bits, as long as they fit."""
+    """Keys (k,) >= 0, ascending, and the stable order that puts them so. Sorting values is several times faster than
+    sorting places: each key takes its place along in its low bits, as long as they fit.
+    """
     bits = len(keys).bit_length()
     if int(keys.max()).bit_length() + bits > 63:
         order = np.argsort(keys, kind="stable")

@@ -1,4 +1,6 @@
-"""Lumped mass, and the loads of a scene: those that are constant are assembled once from their UFL forms, the others are shares of a vector."""
+"""Lumped mass, and the loads of a scene: those that are constant are assembled once from their UFL forms, the others
+are shares of a vector.
+"""
 
 from collections.abc import Callable
 
@@ -13,7 +15,7 @@ from pdvol.hierarchy.level_space import LevelSpace
 from pdvol.hierarchy.locate import barycentric_coordinates
 from pdvol.hierarchy.scene_fields import chosen_points
 from pdvol.potentials.potential import Positions, Term
-from pdvol.scene import Flow, Force, Gravity, Impulse, Load, PointForce, Scene, at_time
+from pdvol.scene import Flow, Force, Gravity, Load, PointForce, Scene, at_time
 
 
 def density_field(space: LevelSpace, densities: np.ndarray) -> fem.Function:
@@ -85,7 +87,9 @@ def _load_term(load: Load, scene: Scene, space: LevelSpace, densities: np.ndarra
             return gravity_load(space, densities, load.acceleration)
         return TimedLoad(space, mass, lambda t0, t1: at_time("gravity", load.acceleration, t1, d))
     if isinstance(load, PointForce):
-        shares = space.from_input(point_shares(mesh, chosen_points(scene, load, mesh), np.asarray(load.at, dtype=float)))
+        shares = space.from_input(
+            point_shares(mesh, chosen_points(scene, load, mesh), np.asarray(load.at, dtype=float))
+        )
         return TimedLoad(space, shares, lambda t0, t1: at_time("PointForce.force", load.force, t1, d))
     held = np.where(chosen_points(scene, load, mesh)[space.owned_points], mass, 0.0)
     if isinstance(load, Force):
@@ -96,7 +100,9 @@ def _load_term(load: Load, scene: Scene, space: LevelSpace, densities: np.ndarra
 
 
 def point_shares(mesh: LevelMesh, chosen: np.ndarray, at: np.ndarray) -> np.ndarray:
-    """(n,) the share of a force at a rest position (d,) that each point takes: barycentric in the cell nearest to it, of points `chosen`."""
+    """(n,) the share of a force at a rest position (d,) that each point takes: barycentric in the cell nearest to it,
+    of points `chosen`.
+    """
     cells = mesh.cells[chosen[mesh.cells].all(axis=1)]
     weights = barycentric_coordinates(np.broadcast_to(at, (len(cells), mesh.dim)), mesh.points[cells]).clip(0.0)
     weights /= weights.sum(axis=1, keepdims=True)

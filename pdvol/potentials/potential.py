@@ -9,11 +9,13 @@ from pdvol.hierarchy.level_space import LevelSpace
 from pdvol.potentials.hessian_blocks import HessianBlocks
 
 KEPT = 0.1
-"""What a step that contact ends leaves of each gap at least. It may close nine tenths, for the next one opens it again."""
+"""What a step that contact ends leaves of each gap at least. It may close nine tenths, for the next one opens it again.
+"""
 
 KEPT_PRESSED = 0.5
-"""The same where scripted motions press on, perhaps from several sides: gaps would shrink and shrink there, and bodies that slide past one of
-1e-6 dhat are stuck, hundreds of steps each ended by it."""
+"""The same where scripted motions press on, perhaps from several sides: gaps would shrink and shrink there, and bodies
+that slide past one of 1e-6 dhat are stuck, hundreds of steps each ended by it.
+"""
 
 
 class Positions:
@@ -46,7 +48,8 @@ class Positions:
 
 
 class Potential(Protocol):
-    """A term E(x) [J]. Terms never see the time step's weight or supported rows: the integrator weighs, newton eliminates.
+    """A term E(x) [J]. Terms never see the time step's weight or supported rows: the integrator weighs, newton
+    eliminates.
 
     All calls are collective; values are the same on every rank, arrays hold this rank's rows.
     """
@@ -77,8 +80,9 @@ class Potential(Protocol):
         """Adds weight times d2E/dx2 [N/m], made positive semi-definite as `into.positive` says."""
 
     def max_step(self, x: Positions, direction: np.ndarray, until: float | None = None, keep: float = KEPT) -> float:
-        """Largest step in [0, 1] along direction (n_owned, d) that stays admissible for what this rank sees, while obstacles go where
-        they are at `until` [s]. Where contact is what ends it, `keep` of a gap is left."""
+        """Largest step in [0, 1] along direction (n_owned, d) that stays admissible for what this rank sees, while
+        obstacles go where they are at `until` [s]. Where contact is what ends it, `keep` of a gap is left.
+        """
 
 
 class Term:

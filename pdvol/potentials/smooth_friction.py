@@ -22,8 +22,8 @@ def f1_slope(slip: np.ndarray, eps: float) -> np.ndarray:
 def stiffness(slip: np.ndarray, eps: float, majorise: bool) -> tuple[np.ndarray, np.ndarray]:
     """Stiffness across and along the slip [1/m], per unit of mu lambda.
 
-    With `majorise` that along the slip is the one across: f0 is concave in slip^2, so this quadratic model lies above it everywhere, and
-    Newton does not jump to and fro across the kink between sticking and sliding.
+    With `majorise` that along the slip is the one across: f0 is concave in slip^2, so this quadratic model lies above
+    it everywhere, and Newton does not jump to and fro across the kink between sticking and sliding.
     """
     across = f1_over(slip, eps)
     return across, across if majorise else f1_slope(slip, eps)

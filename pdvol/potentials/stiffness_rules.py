@@ -1,8 +1,9 @@
 """Barrier stiffness that is chosen anew at each step's start, for contacts that count as one each, whatever their area.
 
-One number for the whole level, which holds while Newton solves: its objective stays one function, and what a step does depends on nothing
-but its start, so that resumed runs repeat. (A stiffness for each contact would make the potential jump where a pair changes its kind, an
-edge and a vertex becoming two vertices.) A contact's energy is kappa dhat g(s) as in `barrier_law.py`, kappa in N.
+One number for the whole level, which holds while Newton solves: its objective stays one function, and what a step does
+depends on nothing but its start, so that resumed runs repeat. (A stiffness for each contact would make the potential
+jump where a pair changes its kind, an edge and a vertex becoming two vertices.) A contact's energy is kappa dhat g(s)
+as in `barrier_law.py`, kappa in N.
 """
 
 import ipctk
@@ -19,10 +20,12 @@ CUBIC = 2.0  # the same of Ando's barrier, (2 / 3) k (dhat - gap)^3 / dhat, in u
 
 
 class AdaptiveStiffness:
-    """The stiffness of Li et al. 2020 (supplement, section 4): what balances the other forces at the step's start, within bounds, and twice
-    as much, up to the upper one, where a solve ends with gaps that are tiny and shrink. Both by ipctk's functions.
+    """The stiffness of Li et al. 2020 (supplement, section 4): what balances the other forces at the step's start,
+    within bounds, and twice as much, up to the upper one, where a solve ends with gaps that are tiny and shrink. Both
+    by ipctk's functions.
 
-    ipctk's classic barrier K (gap^2 - dhat^2)^2 ln is this law with K dhat^3 = kappa dt^2: it stands unweighted beside the inertia.
+    ipctk's classic barrier K (gap^2 - dhat^2)^2 ln is this law with K dhat^3 = kappa dt^2: it stands unweighted beside
+    the inertia.
 
     Parameters
     ----------
@@ -32,9 +35,23 @@ class AdaptiveStiffness:
     diagonal : of the scene [m]
     """
 
-    def __init__(self, space: LevelSpace, others: tuple[Potential, ...], contacts: tuple[Potential, ...], mass: np.ndarray, dhat: float,
-                 diagonal: float):
-        self.space, self.others, self.contacts, self.mass, self.dhat, self.diagonal = space, others, contacts, mass, dhat, diagonal
+    def __init__(
+        self,
+        space: LevelSpace,
+        others: tuple[Potential, ...],
+        contacts: tuple[Potential, ...],
+        mass: np.ndarray,
+        dhat: float,
+        diagonal: float,
+    ):
+        self.space, self.others, self.contacts, self.mass, self.dhat, self.diagonal = (
+            space,
+            others,
+            contacts,
+            mass,
+            dhat,
+            diagonal,
+        )
         self._average = float(space.to_input(mass)[:, 0].mean())
         self.upper = np.inf
 
@@ -46,8 +63,14 @@ class AdaptiveStiffness:
         forces = self.mass * (x_t.owned - x_hat) + dt**2 * sum(term.gradient(x_t) for term in self.others)
         barrier = dt**2 * sum(term.gradient(x_t) for term in self.contacts)
         whole = [self.space.to_input(part).ravel() for part in (forces, barrier)]
-        kappa, upper = ipctk.initial_barrier_stiffness(bbox_diagonal=self.diagonal, barrier=ipctk.ClampedLogBarrier(), dhat=self.dhat,
-                                                       average_mass=self._average, grad_energy=whole[0], grad_barrier=whole[1])
+        kappa, upper = ipctk.initial_barrier_stiffness(
+            bbox_diagonal=self.diagonal,
+            barrier=ipctk.ClampedLogBarrier(),
+            dhat=self.dhat,
+            average_mass=self._average,
+            grad_energy=whole[0],
+            grad_barrier=whole[1],
+        )
         self.upper = upper * scale
         self._gap = self._smallest(x_t)
         self._set(kappa * scale)
@@ -55,8 +78,15 @@ class AdaptiveStiffness:
     def end_solve(self, x: Positions) -> bool:
         """Whether the stiffness was raised after a solve that ended at x. Collective."""
         before, self._gap, old = self._gap, self._smallest(x), self.contacts[0].kappa
-        self._set(ipctk.update_barrier_stiffness(prev_min_distance=before**2, min_distance=self._gap**2, max_barrier_stiffness=self.upper,
-                                                 barrier_stiffness=old, bbox_diagonal=self.diagonal))
+        self._set(
+            ipctk.update_barrier_stiffness(
+                prev_min_distance=before**2,
+                min_distance=self._gap**2,
+                max_barrier_stiffness=self.upper,
+                barrier_stiffness=old,
+                bbox_diagonal=self.diagonal,
+            )
+        )
         return self.contacts[0].kappa > old
 
     def _smallest(self, x: Positions) -> float:
@@ -68,9 +98,10 @@ class AdaptiveStiffness:
 
 
 class SemiImplicitStiffness:
-    """The elasticity-inclusive stiffness of Ando 2024, k = m / gap^2 + n' H n at each contact of the step's start (masses in kg, at 1 m/s),
-    averaged over them; without contacts over the surface, gaps being dhat. Of the elastic Hessian H the diagonal blocks are taken; a contact's
-    vertices count by the squares of their coefficients, as in ipctk's `semi_implicit_stiffness`.
+    """The elasticity-inclusive stiffness of Ando 2024, k = m / gap^2 + n' H n at each contact of the step's start
+    (masses in kg, at 1 m/s), averaged over them; without contacts over the surface, gaps being dhat. Of the elastic
+    Hessian H the diagonal blocks are taken; a contact's vertices count by the squares of their coefficients, as in
+    ipctk's `semi_implicit_stiffness`.
 
     k is the stiffness of Ando's cubic barrier; kappa is such that this one is as stiff half way.
 
@@ -81,7 +112,14 @@ class SemiImplicitStiffness:
     mass : (n_owned, d) [kg]
     """
 
-    def __init__(self, space: LevelSpace, elastic: tuple[Potential, ...], contacts: tuple[Potential, ...], mass: np.ndarray, dhat: float):
+    def __init__(
+        self,
+        space: LevelSpace,
+        elastic: tuple[Potential, ...],
+        contacts: tuple[Potential, ...],
+        mass: np.ndarray,
+        dhat: float,
+    ):
         self.space, self.elastic, self.contacts, self.dhat = space, elastic, contacts, dhat
         self._masses = space.to_input(mass)[:, 0]
         self._blocks = HessianBlocks(BlockPattern(space))
@@ -99,7 +137,10 @@ class SemiImplicitStiffness:
         total, count = self.space.comm.allreduce(float(found.sum())), self.space.comm.allreduce(len(found))
         if not count:
             at = self._surface
-            total, count = float(np.sum(self._masses[at] / self.dhat**2 + np.trace(blocks[at], axis1=1, axis2=2) / d)), len(at)
+            total, count = (
+                float(np.sum(self._masses[at] / self.dhat**2 + np.trace(blocks[at], axis1=1, axis2=2) / d)),
+                len(at),
+            )
         for term in self.contacts:
             term.kappa = CUBIC / CURVATURE * self.dhat * total / count
 

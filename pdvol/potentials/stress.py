@@ -1,6 +1,7 @@
 """Cauchy stress of stored positions, per cell, from the same energy densities that were minimised.
 
-sigma = P F' / J with P = d psi / d F. In 2D, which is plane strain, F is completed by F_33 = 1: the stress across the plane counts.
+sigma = P F' / J with P = d psi / d F. In 2D, which is plane strain, F is completed by F_33 = 1: the stress across the
+plane counts.
 """
 
 import numpy as np
@@ -28,7 +29,9 @@ class CauchyStress:
             parameters[name].x.array[:] = everywhere[self.space.domain_cells]
         F = deformation_gradient(self._x)
         d = self.space.dim
-        F = ufl.variable(ufl.as_matrix([[F[i, j] if max(i, j) < d else float(i == j) for j in range(3)] for i in range(3)]))
+        F = ufl.variable(
+            ufl.as_matrix([[F[i, j] if max(i, j) < d else float(i == j) for j in range(3)] for i in range(3)])
+        )
         stress = ufl.diff(term.psi(F, **parameters), F) * F.T / ufl.det(F)
         options = {"cffi_extra_compile_args": list(native.FLAGS), "cache_dir": str(native.cache_folder() / "forms")}
         self._expression = fem.Expression(stress, np.full((1, d), 1.0 / (d + 1)), jit_options=options)

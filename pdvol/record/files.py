@@ -1,7 +1,7 @@
 """Files that survive a kill at any instant, and reading that trusts nothing.
 
-A file is written to a temporary name in its own folder, synced to the disk and renamed over its final name: whoever reads finds the
-old file, or the new one, or none, never half of one. Arrays are never unpickled.
+A file is written to a temporary name in its own folder, synced to the disk and renamed over its final name: whoever
+reads finds the old file, or the new one, or none, never half of one. Arrays are never unpickled.
 """
 
 import contextlib
@@ -22,8 +22,22 @@ from pdvol.errors import InputError, SimulationError
 
 TEMPORARY = ".tmp"
 LOCKING = 5  # attempts to take a lock: who only asks whether a run is in use holds it for an instant
-_UNREADABLE = (OSError, ValueError, EOFError, KeyError, SyntaxError, TypeError, AttributeError, MemoryError, RecursionError, OverflowError,
-               NotImplementedError, RuntimeError, zipfile.BadZipFile, zlib.error)
+_UNREADABLE = (
+    OSError,
+    ValueError,
+    EOFError,
+    KeyError,
+    SyntaxError,
+    TypeError,
+    AttributeError,
+    MemoryError,
+    RecursionError,
+    OverflowError,
+    NotImplementedError,
+    RuntimeError,
+    zipfile.BadZipFile,
+    zlib.error,
+)
 
 
 def write_bytes(path: Path, data: bytes) -> None:
@@ -45,7 +59,9 @@ def write_bytes(path: Path, data: bytes) -> None:
     except OSError as error:
         with contextlib.suppress(OSError):
             aside.unlink(missing_ok=True)
-        raise SimulationError(f"cannot write {path}: {error.strerror or error}; everything stored before it is kept") from error
+        raise SimulationError(
+            f"cannot write {path}: {error.strerror or error}; everything stored before it is kept"
+        ) from error
 
 
 def require_room(path: Path, size: int) -> None:
@@ -61,7 +77,9 @@ def require_room(path: Path, size: int) -> None:
     except OSError as error:
         with contextlib.suppress(OSError):
             path.unlink(missing_ok=True)
-        raise SimulationError(f"cannot write {path.parent / path.name.removeprefix('.').removesuffix(TEMPORARY)}: {error.strerror}") from error
+        raise SimulationError(
+            f"cannot write {path.parent / path.name.removeprefix('.').removesuffix(TEMPORARY)}: {error.strerror}"
+        ) from error
 
 
 def sync_folder(folder: Path) -> None:
@@ -120,7 +138,9 @@ def is_whole(path: Path, shape: tuple[int, ...]) -> bool:
     try:
         with open(path, "rb") as file:
             version = np.lib.format.read_magic(file)
-            read_header = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}[version]
+            read_header = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}[
+                version
+            ]
             stored, _, dtype = read_header(file)
             payload = os.fstat(file.fileno()).st_size - file.tell()
     except _UNREADABLE:
@@ -132,7 +152,9 @@ def read_arrays(path: Path, names: tuple[str, ...]) -> dict[str, np.ndarray]:
     """Read named arrays of a .npz file; InputError when it is missing, damaged or lacks one of `names`."""
     try:
         with zipfile.ZipFile(path) as archive:
-            if sum(entry.file_size for entry in archive.infolist()) > path.stat().st_size:  # ours are not compressed: this one would swell
+            if (
+                sum(entry.file_size for entry in archive.infolist()) > path.stat().st_size
+            ):  # ours are not compressed: this one would swell
                 raise ValueError("compressed")
         with np.load(path, allow_pickle=False) as archive:
             arrays = {name: archive[name] for name in archive.files}
@@ -160,7 +182,9 @@ def read_json(path: Path) -> dict:
 
 
 def jsonable(value):
-    """The same value in JSON's types. Numbers that are not finite become null, for JSON has none; dataclasses become objects."""
+    """The same value in JSON's types. Numbers that are not finite become null, for JSON has none; dataclasses become
+    objects.
+    """
     if isinstance(value, dict):
         return {str(key): jsonable(item) for key, item in value.items()}
     if isinstance(value, (list, tuple, set)):
@@ -175,7 +199,10 @@ def jsonable(value):
         return str(value)
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
         return {f.name: jsonable(getattr(value, f.name)) for f in dataclasses.fields(value)}
-    raise InputError(f"{value!r} of type {type(value).__name__} cannot be stored as JSON; use numbers, text, lists or dataclasses of them")
+    raise InputError(
+        f"{value!r} of type {type(value).__name__} cannot be stored as JSON; use numbers, text, lists or dataclasses of"
+        " them"
+    )
 
 
 def lock(path: Path, exclusive: bool = True):

@@ -1,4 +1,6 @@
-"""Films of a run: all levels side by side, at the speed at which it happens. MP4 and GIF need imageio (pip install 'pdvol[film]')."""
+"""Films of a run: all levels side by side, at the speed at which it happens. MP4 and GIF need imageio (pip install
+'pdvol[film]').
+"""
 
 import importlib.util
 import os
@@ -28,7 +30,8 @@ def write_film(
     cell_width: int,
     turn: float = 0.0,
 ) -> Path:
-    """Write a .gif or .mp4; see `pdvol.record.pictures.render` for the arguments. Frames are drawn and encoded one at a time.
+    """Write a .gif or .mp4; see `pdvol.record.pictures.render` for the arguments. Frames are drawn and encoded one at a
+    time.
 
     Raises
     ------
@@ -52,7 +55,10 @@ def write_film(
     options = encoded if moving else dict(duration=1000 / rate, loop=0)
     view = framing(run, levels, frames, obstacles, turn)
     try:
-        with Studio(run, view, cell_width, obstacles, oversampling=2) as studio, imageio.get_writer(aside, **options) as film:
+        with (
+            Studio(run, view, cell_width, obstacles, oversampling=2) as studio,
+            imageio.get_writer(aside, **options) as film,
+        ):
             for step in frames:
                 film.append_data(np.asarray(_frame(studio, levels, step, run.dt)))
         os.replace(aside, path)

@@ -1,9 +1,10 @@
 """The layout of a run folder, and who may write there.
 
-    run.json              parameters, versions, sizes, state       levels/<l>/mesh.npz        points, cells, bodies, regions, surface
-    log.jsonl             one object per level and step            levels/<l>/velocity.npy    initial velocity (n, d) [m/s]
-    obstacles.json, obstacles/<i>.npz   for pictures               levels/<l>/<step>.npy      positions (n, d) [m], input order
-    run.lock              held while a process writes              levels/<l>/late_<step>.npz  obstacles that contact held back
+run.json              parameters, versions, sizes, state       levels/<l>/mesh.npz        points, cells, bodies,
+regions, surface log.jsonl             one object per level and step            levels/<l>/velocity.npy    initial
+velocity (n, d) [m/s] obstacles.json, obstacles/<i>.npz   for pictures               levels/<l>/<step>.npy
+positions (n, d) [m], input order run.lock              held while a process writes
+levels/<l>/late_<step>.npz  obstacles that contact held back
 """
 
 import math
@@ -17,9 +18,27 @@ from pdvol.hierarchy.level_mesh import LevelMesh
 from pdvol.record.files import TEMPORARY, jsonable, lock, read_json, sync_folder, write_array, write_arrays
 
 FORMAT = 1
-_TYPES = {"scene": str, "scene_file": str, "steps": int, "method": str, "prolongation": str, "parameters": dict, "description": dict,
-          "diagonal": float, "bodies": list, "versions": dict, "up": list, "state": str}
-STATES = ("running", "failed", "interrupted", "done", "pending")  # of levels; a run has the first one that any of its levels has
+_TYPES = {
+    "scene": str,
+    "scene_file": str,
+    "steps": int,
+    "method": str,
+    "prolongation": str,
+    "parameters": dict,
+    "description": dict,
+    "diagonal": float,
+    "bodies": list,
+    "versions": dict,
+    "up": list,
+    "state": str,
+}
+STATES = (
+    "running",
+    "failed",
+    "interrupted",
+    "done",
+    "pending",
+)  # of levels; a run has the first one that any of its levels has
 
 
 def level_folder(path: Path, level: int) -> Path:
@@ -45,7 +64,10 @@ def read_info(path: Path) -> dict:
         what = "is not a run folder: it has no run.json" if path.is_dir() else "does not exist"
         raise InputError(f"{path} {what}") from error
     if info.get("format") != FORMAT:
-        raise InputError(f"{path} is a run of format {info.get('format')!r}, this pdvol reads format {FORMAT}: use the pdvol that wrote it")
+        raise InputError(
+            f"{path} is a run of format {info.get('format')!r}, this pdvol reads format {FORMAT}: use the pdvol that"
+            " wrote it"
+        )
     _check_info(path / "run.json", info)
     return info
 
@@ -53,15 +75,26 @@ def read_info(path: Path) -> dict:
 def _check_info(file: Path, info: dict) -> None:
     """InputError unless what `run.json` says has the types that its readers rely on."""
     levels, dt = info.get("levels"), info.get("dt")
-    if not isinstance(levels, list) or not all(isinstance(entry, dict) for entry in levels) or isinstance(dt, bool) \
-            or not isinstance(dt, (int, float)) or not 0 < dt < math.inf:
+    if (
+        not isinstance(levels, list)
+        or not all(isinstance(entry, dict) for entry in levels)
+        or isinstance(dt, bool)
+        or not isinstance(dt, (int, float))
+        or not 0 < dt < math.inf
+    ):
         raise InputError(f"{file} lacks the list of levels or the time step dt")
     for key, kind in _TYPES.items():
         if key in info and (not isinstance(info[key], kind) or isinstance(info[key], bool)):
             raise InputError(f"{file}: {key} is not of the type {kind.__name__}; put back the file as pdvol wrote it")
     for number, entry in enumerate(levels):
-        if not isinstance(entry.get("vertices"), int) or not isinstance(entry.get("cells"), int) or entry.get("state") not in STATES:
-            raise InputError(f"{file}: level {number} lacks its vertices, cells or state; put back the file as pdvol wrote it")
+        if (
+            not isinstance(entry.get("vertices"), int)
+            or not isinstance(entry.get("cells"), int)
+            or entry.get("state") not in STATES
+        ):
+            raise InputError(
+                f"{file}: level {number} lacks its vertices, cells or state; put back the file as pdvol wrote it"
+            )
     if not all(isinstance(name, str) for name in info.get("bodies", [])) or not 0 <= info.get("steps", 0) < 2**31:
         raise InputError(f"{file}: bodies or steps are not what pdvol wrote; put back the file")
     if not 0.0 < info.get("diagonal", 1.0) < math.inf:
@@ -73,7 +106,11 @@ def _check_info(file: Path, info: dict) -> None:
 
 def require_scene(path: Path, info: dict) -> None:
     """InputError unless `run.json` says what was simulated, as that of every run does which `pdvol run` made."""
-    missing = [key for key in ("scene", "scene_file", "steps", "method", "prolongation", "parameters", "description", "diagonal") if key not in info]
+    missing = [
+        key
+        for key in ("scene", "scene_file", "steps", "method", "prolongation", "parameters", "description", "diagonal")
+        if key not in info
+    ]
     if missing:
         raise InputError(f"{path / 'run.json'} lacks {', '.join(missing)}; put back the file as pdvol wrote it")
 
@@ -84,11 +121,19 @@ def holds_run(path: Path) -> bool:
 
 
 def new_info(info: Mapping, body_names: Sequence[str]) -> dict:
-    """`run.json` of a run about to be created. The state "creating" marks what a kill leaves then: no step yet, free to be taken over."""
+    """`run.json` of a run about to be created. The state "creating" marks what a kill leaves then: no step yet, free to
+    be taken over.
+    """
     missing = [key for key in ("dt", "steps") if key not in info]
     if missing:
         raise InputError(f"a run needs {missing} in its info")
-    return {**jsonable(info), "format": FORMAT, "bodies": [str(name) for name in body_names], "levels": [], "state": "creating"}
+    return {
+        **jsonable(info),
+        "format": FORMAT,
+        "bodies": [str(name) for name in body_names],
+        "levels": [],
+        "state": "creating",
+    }
 
 
 def remove_states(folder: Path, steps: int) -> None:
@@ -116,7 +161,14 @@ def write_level(path: Path, level: int, mesh: LevelMesh, velocity: np.ndarray | 
     folder.mkdir(parents=True, exist_ok=True)
     for stale in folder.glob("*.npy"):  # of a creation that was killed
         stale.unlink()
-    write_arrays(folder / "mesh.npz", points=points, cells=mesh.cells, bodies=mesh.bodies, regions=mesh.regions, surface=mesh.boundary)
+    write_arrays(
+        folder / "mesh.npz",
+        points=points,
+        cells=mesh.cells,
+        bodies=mesh.bodies,
+        regions=mesh.regions,
+        surface=mesh.boundary,
+    )
     write_array(folder / "velocity.npy", v)
     sync_folder(folder.parent)
     return {"vertices": len(points), "cells": len(mesh.cells), "state": "pending"}
@@ -146,7 +198,9 @@ def _require_free(path: Path) -> None:
         raise InputError(f"{path} is a file, not a folder")
     if holds_run(path):
         raise InputError(f"{path} already holds a run: continue it with --resume or choose another folder")
-    if not (path / "run.json").exists() and any(not (p.name == "run.lock" or p.name.endswith(TEMPORARY)) for p in path.iterdir()):
+    if not (path / "run.json").exists() and any(
+        not (p.name == "run.lock" or p.name.endswith(TEMPORARY)) for p in path.iterdir()
+    ):
         raise InputError(f"{path} is not empty and holds no run: choose another folder")
 
 

@@ -30,7 +30,10 @@ def read_log(path: Path) -> list[dict]:
         except (ValueError, RecursionError):
             record = None
         if not isinstance(record, dict) or not all(isinstance(record.get(key, 0), int) for key in ("level", "step")):
-            raise InputError(f"{path}, line {number}, is not a JSON object of a level and step; the stored states are unaffected: remove that line")
+            raise InputError(
+                f"{path}, line {number}, is not a JSON object of a level and step; the stored states are unaffected:"
+                " remove that line"
+            )
         records.append(record)
     return records
 

@@ -1,4 +1,5 @@
-"""Measures of stored motion (paper, appendix C, and three more). Arrays in, numbers out; forces come from elsewhere (`pdvol.commands.measuring`).
+"""Measures of stored motion (paper, appendix C, and three more). Arrays in, numbers out; forces come from elsewhere
+(`pdvol.commands.measuring`).
 
 | measure | formula | unit |
 |---|---|---|
@@ -9,7 +10,8 @@
 | centre error | how far bodies' centres of mass have moved apart since the start, root mean square over the mass | m |
 | jitter | 1/2 \\|v+ - v\\|_M^2, v the mean velocity over a step: gravity alone gives 1/2 m g^2 dt^2 | J |
 
-x-, x, x+ are the positions at t - dt, t and t + dt, M the lumped mass. n is 1/4 for implicit Euler, whatever the residual its solver leaves.
+x-, x, x+ are the positions at t - dt, t and t + dt, M the lumped mass. n is 1/4 for implicit Euler, whatever the
+residual its solver leaves.
 """
 
 from collections.abc import Sequence
@@ -34,13 +36,24 @@ def squared_norm(difference: np.ndarray, masses: np.ndarray) -> float:
     return float(masses @ (difference**2).sum(axis=1))
 
 
-def continuity_error(before: np.ndarray, now: np.ndarray, after: np.ndarray, pull: np.ndarray, masses: np.ndarray) -> float:
-    """e [kg m^2]: how far the step from `now` to `after` is from the motion that the forces F alone would give; arguments as `continuity`'s."""
+def continuity_error(
+    before: np.ndarray, now: np.ndarray, after: np.ndarray, pull: np.ndarray, masses: np.ndarray
+) -> float:
+    """e [kg m^2]: how far the step from `now` to `after` is from the motion that the forces F alone would give;
+    arguments as `continuity`'s.
+    """
     return squared_norm(0.5 * (after - 2.0 * now + before) + 0.5 * pull, masses)
 
 
-def continuity(before: np.ndarray, now: np.ndarray, after: np.ndarray, predicted: np.ndarray, pull: np.ndarray, masses: np.ndarray,
-               guided: np.ndarray | float = 0.0) -> float:
+def continuity(
+    before: np.ndarray,
+    now: np.ndarray,
+    after: np.ndarray,
+    predicted: np.ndarray,
+    pull: np.ndarray,
+    masses: np.ndarray,
+    guided: np.ndarray | float = 0.0,
+) -> float:
     """n of the step from `now` to `after`; NaN where the solver left no residual at all.
 
     Parameters
@@ -52,7 +65,8 @@ def continuity(before: np.ndarray, now: np.ndarray, after: np.ndarray, predicted
     masses : (n,) [kg]
         Zero at supported vertices, whose forces of reaction are not known.
     guided : (n, d) [m]
-        What the pull towards a coarser level adds: it belongs to what was solved, so to e_hat, but is no force of the scene, so not to e.
+        What the pull towards a coarser level adds: it belongs to what was solved, so to e_hat, but is no force of the
+        scene, so not to e.
     """
     residual = squared_norm(after - predicted + pull + guided, masses)
     return continuity_error(before, now, after, pull, masses) / residual if residual > 0 else float("nan")
@@ -75,15 +89,18 @@ def mass_centres(positions: np.ndarray, masses: np.ndarray, bodies: np.ndarray) 
 
 
 def centre_error(moved: np.ndarray, other: np.ndarray, body_masses: np.ndarray) -> float:
-    """Root mean square [m], over the mass, of the distance between two sets of displacements of bodies' centres (bodies, d) [m]."""
+    """Root mean square [m], over the mass, of the distance between two sets of displacements of bodies' centres
+    (bodies, d) [m].
+    """
     return float(np.sqrt(body_masses @ ((moved - other) ** 2).sum(axis=1) / body_masses.sum()))
 
 
 class Projection:
     """Pi = (P'P)^-1 P', the least-squares way back from a fine level to a coarse one.
 
-    P'P is singular where fine vertices do not tell coarse ones apart: a coarse vertex that binds no fine one, above all. There the coarse
-    level's own positions are kept, so that nothing is measured where nothing is known: `difference` is the smallest y that minimises
+    P'P is singular where fine vertices do not tell coarse ones apart: a coarse vertex that binds no fine one, above
+    all. There the coarse level's own positions are kept, so that nothing is measured where nothing is known:
+    `difference` is the smallest y that minimises
     |P (x_c + y) - x_f|.
 
     Attributes
@@ -109,7 +126,9 @@ class Projection:
 
 
 def _negative_eigenvalues(matrix: sp.csc_matrix) -> int:
-    """How many eigenvalues of a symmetric matrix are negative: as many as pivots of its LDL' (Sylvester's law of inertia)."""
+    """How many eigenvalues of a symmetric matrix are negative: as many as pivots of its LDL' (Sylvester's law of
+    inertia).
+    """
     factors = splu(matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
     if np.array_equal(factors.perm_r, factors.perm_c):
         return int(np.sum(factors.U.diagonal() < 0))

@@ -6,8 +6,9 @@
 | mesh | `vertices` (n, 3), `faces` (m, 3); `positions` (steps + 1, n, 3) when it moves; `opacity` (), where it is below 1 |
 | polyline | `vertices` (n, 2), `edges` (m, 2); `positions` (steps + 1, n, 2) when it moves |
 
-Where contact held motions back, `levels/<l>/late_<step>.npz` has their true places at that level and step: `<i>.point`, `<i>.normal` or
-`<i>.vertices` of each obstacle i that moves. A polyline whose edges form loops is a filled outline, any other a line.
+Where contact held motions back, `levels/<l>/late_<step>.npz` has their true places at that level and step: `<i>.point`,
+`<i>.normal` or `<i>.vertices` of each obstacle i that moves. A polyline whose edges form loops is a filled outline, any
+other a line.
 """
 
 from collections.abc import Mapping, Sequence
@@ -74,7 +75,9 @@ def write_obstacles(folder: Path, obstacles: Sequence[Mapping]) -> None:
     """
     drawn = []
     for entry in obstacles:
-        arrays = {key: np.asarray(value) for key, value in entry.items() if key not in ("name", "kind") and value is not None}
+        arrays = {
+            key: np.asarray(value) for key, value in entry.items() if key not in ("name", "kind") and value is not None
+        }
         drawn.append(DrawnObstacle(str(entry["name"]), str(entry["kind"]), arrays))
     (folder / "obstacles").mkdir(exist_ok=True)
     for i, obstacle in enumerate(drawn):
@@ -84,15 +87,23 @@ def write_obstacles(folder: Path, obstacles: Sequence[Mapping]) -> None:
 
 
 def read_obstacles(folder: Path) -> tuple[DrawnObstacle, ...]:
-    """The stored obstacles, none when none were stored; InputError when a file is damaged (the states do not depend on it)."""
+    """The stored obstacles, none when none were stored; InputError when a file is damaged (the states do not depend on
+    it).
+    """
     try:
         entries = read_json(folder / "obstacles.json").get("obstacles", [])
     except FileNotFoundError:
         return ()
-    if not isinstance(entries, list) or not all(isinstance(entry, dict) and isinstance(entry.get("kind"), str) for entry in entries):
-        raise InputError(f"{folder / 'obstacles.json'} is no list of obstacles; the stored states do not depend on it: remove it")
+    if not isinstance(entries, list) or not all(
+        isinstance(entry, dict) and isinstance(entry.get("kind"), str) for entry in entries
+    ):
+        raise InputError(
+            f"{folder / 'obstacles.json'} is no list of obstacles; the stored states do not depend on it: remove it"
+        )
     result = []
     for i, entry in enumerate(entries):
         kind = entry.get("kind")
-        result.append(DrawnObstacle(entry.get("name"), kind, read_arrays(folder / "obstacles" / f"{i}.npz", ARRAYS.get(kind, ()))))
+        result.append(
+            DrawnObstacle(entry.get("name"), kind, read_arrays(folder / "obstacles" / f"{i}.npz", ARRAYS.get(kind, ())))
+        )
     return tuple(result)

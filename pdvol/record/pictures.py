@@ -1,4 +1,6 @@
-"""A picture of a run: rows are levels, columns are moments, all seen by the same camera. Film files show all levels side by side."""
+"""A picture of a run: rows are levels, columns are moments, all seen by the same camera. Film files show all levels
+side by side.
+"""
 
 import io
 from collections.abc import Sequence
@@ -51,7 +53,8 @@ def render(
     Raises
     ------
     InputError
-        When nothing is stored, a level or step does not exist, the ending is unknown, or a film's extra is not installed.
+        When nothing is stored, a level or step does not exist, the ending is unknown, or a film's extra is not
+        installed.
     """
     path = Path(path)
     if path.suffix.lower() not in (".png", ".gif", ".mp4"):
@@ -77,22 +80,33 @@ def render(
 
 
 def chosen_steps(level: RunLevel, last: int, count: int = MOMENTS) -> list[int]:
-    """Moments that tell the story: first and last, and between them equal shares of time and of the bodies' motion together."""
+    """Moments that tell the story: first and last, and between them equal shares of time and of the bodies' motion
+    together.
+    """
     stored = level.steps - 1
     sampled = np.unique(np.linspace(0, stored, min(stored, 60) + 1).round().astype(int))
     states = [level.positions(int(step)) for step in sampled]
-    motion = np.array([0.0] + [np.linalg.norm(b - a, axis=1).mean() for a, b in zip(states, states[1:], strict=False)]).cumsum()
+    motion = np.array(
+        [0.0] + [np.linalg.norm(b - a, axis=1).mean() for a, b in zip(states, states[1:], strict=False)]
+    ).cumsum()
     share = sampled / max(stored, 1) + (motion / motion[-1] if motion[-1] > 0 else 0)
     steps = np.interp(np.linspace(0, share[-1], count), share, sampled).round().astype(int)
     return sorted({int(step) for step in steps} | ({last} if last > stored else set()))
 
 
-def framing(run: Run, levels: Sequence[RunLevel], steps: Sequence[int], obstacles: Sequence[DrawnObstacle], turn: float = 0.0) -> View:
+def framing(
+    run: Run, levels: Sequence[RunLevel], steps: Sequence[int], obstacles: Sequence[DrawnObstacle], turn: float = 0.0
+) -> View:
     """The view that holds all these levels at all these steps, and the obstacles that are not planes.
 
     Up is `run.info["up"]` where the run says so, else the first plane's normal, else z.
     """
-    seen = [lifted(level.positions(step)[np.unique(level.surface)]) for level in levels for step in steps if step < level.steps]
+    seen = [
+        lifted(level.positions(step)[np.unique(level.surface)])
+        for level in levels
+        for step in steps
+        if step < level.steps
+    ]
     bodies = np.concatenate(seen)
     low, high = bodies.min(axis=0), bodies.max(axis=0)
     room = np.linalg.norm(high - low)

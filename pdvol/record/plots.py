@@ -20,8 +20,13 @@ PANELS = {
     "jitter": "jitter [J]",
 }
 
-OF_STEPS = ("continuity", "continuity_error", "jitter")  # begin with step 1; the others belong to states and begin with 0
-DECADES = 9  # drawn below the largest value: the rest is round-off (a quotient of residuals such as continuity has no such floor)
+OF_STEPS = (
+    "continuity",
+    "continuity_error",
+    "jitter",
+)  # begin with step 1; the others belong to states and begin with 0
+# drawn below the largest value: the rest is round-off (a quotient of residuals such as continuity has no such floor)
+DECADES = 9
 
 
 def plot_metrics(path: Path, runs: Sequence[dict]) -> Path:

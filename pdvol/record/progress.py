@@ -27,7 +27,9 @@ class Progress:
         self.stream = sys.stderr if stream is None else stream
         self._bar = None
         if self.stream.isatty():
-            self._bar = tqdm(total=total, initial=done, desc=f"level {level}", unit="step", file=self.stream, dynamic_ncols=True)
+            self._bar = tqdm(
+                total=total, initial=done, desc=f"level {level}", unit="step", file=self.stream, dynamic_ncols=True
+            )
 
     def step(self, record: Mapping) -> None:
         """Tell of one finished step; `record` is its object in the log. Numbers it lacks are left out."""
@@ -48,7 +50,12 @@ class Progress:
 def step_line(record: Mapping, level: int, total: int) -> str:
     """One step as a line: `level 1  step  12/100  newton 4  contacts 37  gap 1.2e-04  0.31 s`."""
     parts = [f"level {level}", f"step {record['step']:>{len(str(total))}}/{total}"]
-    told = (("newton", "newton_iterations", "d"), ("contacts", "contacts", "d"), ("gap", "min_gap", ".1e"), ("intersections", "intersections", "d"))
+    told = (
+        ("newton", "newton_iterations", "d"),
+        ("contacts", "contacts", "d"),
+        ("gap", "min_gap", ".1e"),
+        ("intersections", "intersections", "d"),
+    )
     for label, key, pattern in told:
         value = record.get(key)
         if value is not None and math.isfinite(value):

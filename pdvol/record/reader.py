@@ -47,11 +47,21 @@ class RunLevel:
         except InputError as error:
             raise InputError(f"{error}: level {self.index} cannot be used, the other levels can") from error
         points, cells = arrays["points"], arrays["cells"]
-        sound = points.ndim == 2 and points.shape[1] in (2, 3) and points.dtype == np.float64 and np.isfinite(points).all()
-        sound = sound and all(_numbers(array, (None, width), len(points)) for array, width in ((cells, points.shape[1] + 1),
-                                                                                              (arrays["surface"], points.shape[1])))
-        if not sound or len(cells) == 0 or not all(_numbers(arrays[key], (len(cells),), 2**31) for key in ("bodies", "regions")):
-            raise InputError(f"{path} does not hold a mesh of triangles (2D) or tetrahedra (3D): level {self.index} cannot be used")
+        sound = (
+            points.ndim == 2 and points.shape[1] in (2, 3) and points.dtype == np.float64 and np.isfinite(points).all()
+        )
+        sound = sound and all(
+            _numbers(array, (None, width), len(points))
+            for array, width in ((cells, points.shape[1] + 1), (arrays["surface"], points.shape[1]))
+        )
+        if (
+            not sound
+            or len(cells) == 0
+            or not all(_numbers(arrays[key], (len(cells),), 2**31) for key in ("bodies", "regions"))
+        ):
+            raise InputError(
+                f"{path} does not hold a mesh of triangles (2D) or tetrahedra (3D): level {self.index} cannot be used"
+            )
         return LevelMesh(points, cells, arrays["bodies"], arrays["regions"]), arrays["surface"]
 
     @property
@@ -114,7 +124,10 @@ class RunLevel:
         if not path.exists():
             return tuple(obstacles)
         arrays = read_arrays(path, ())
-        late = [{key.partition(".")[2]: value for key, value in arrays.items() if key.partition(".")[0] == str(i)} for i in range(len(obstacles))]
+        late = [
+            {key.partition(".")[2]: value for key, value in arrays.items() if key.partition(".")[0] == str(i)}
+            for i in range(len(obstacles))
+        ]
         return tuple(o.held(found) if found else o for o, found in zip(obstacles, late, strict=True))
 
     def behind(self, step: int) -> float:
@@ -126,7 +139,11 @@ class RunLevel:
     @property
     def log(self) -> list[dict]:
         """The log's records of this level."""
-        return [record for record in read_log(self._run.path / "log.jsonl") if record.get("level") == self.index and "step" in record]
+        return [
+            record
+            for record in read_log(self._run.path / "log.jsonl")
+            if record.get("level") == self.index and "step" in record
+        ]
 
 
 def _numbers(array: np.ndarray, shape: tuple, end: int) -> bool:

@@ -52,7 +52,9 @@ class Series:
 
     @property
     def size(self) -> int:
-        """Bytes that an HDF5 file of all steps takes at most: vectors of three, one cell field, and what HDF5 says of each array."""
+        """Bytes that an HDF5 file of all steps takes at most: vectors of three, one cell field, and what HDF5 says of
+        each array.
+        """
         points, cells = len(self.level.rest), len(self.level.cells)
         return 2**16 + 8 * (3 * points + 5 * cells) + self.steps * (8 * (9 * points + cells) + 2**13)
 

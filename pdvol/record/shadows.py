@@ -1,7 +1,8 @@
 """Soft contact shadows on a plane: dark and sharp where a body touches it, pale and wide where it hovers above.
 
-The surfaces are thrown onto the plane along the light, sorted into bands by their height, and each band is blurred in proportion to its
-height, as the half-shadow of a large lamp is. Cheap, without any help of the graphics driver, and it also shows how high a body flies.
+The surfaces are thrown onto the plane along the light, sorted into bands by their height, and each band is blurred in
+proportion to its height, as the half-shadow of a large lamp is. Cheap, without any help of the graphics driver, and it
+also shows how high a body flies.
 """
 
 import numpy as np
@@ -17,7 +18,8 @@ def shadow_map(triangles: np.ndarray, size: float, half_width: float, pixels: in
     Parameters
     ----------
     triangles : (k, 3, 3) float64 [m]
-        Corners in the plane's frame: two coordinates along it, already shifted along the light, and the height above it.
+        Corners in the plane's frame: two coordinates along it, already shifted along the light, and the height above
+        it.
     size : float [m]
         The scene's size, which bands and blurs are measured by.
     half_width : float [m]
@@ -38,7 +40,8 @@ def shadow_map(triangles: np.ndarray, size: float, half_width: float, pixels: in
     np.fmin.at(height, (row[seen], column[seen]), np.maximum(points[seen, 2], 0.0))
     lit = np.ones((pixels, pixels))
     for bound, blur, darkness in _BANDS:
-        # Wider bands include the lower ones: a body touches in one place and hovers around it, and no pale ring must part the two.
+        # Wider bands include the lower ones: a body touches in one place and hovers around it, and no pale ring must
+        # part the two.
         band = height <= bound * size
         if band.any():
             lit *= 1.0 - darkness * gaussian_filter(band.astype(float), blur * size / width)
@@ -47,7 +50,9 @@ def shadow_map(triangles: np.ndarray, size: float, half_width: float, pixels: in
 
 def _samples(triangles: np.ndarray, width: float) -> np.ndarray:
     """Points of the triangles, about a pixel apart, shape (n, 3)."""
-    edges = np.linalg.norm(triangles[:, :, :2] - np.roll(triangles, 1, axis=1)[:, :, :2], axis=2).max(axis=1, initial=0.0)
+    edges = np.linalg.norm(triangles[:, :, :2] - np.roll(triangles, 1, axis=1)[:, :, :2], axis=2).max(
+        axis=1, initial=0.0
+    )
     counts = np.clip(np.ceil(1.3 * edges / width), 1, 256).astype(int)
     counts = 2 ** np.ceil(np.log2(counts)).astype(int)  # few different lattices
     points = []

@@ -1,4 +1,5 @@
-"""The stored run, which every picture and export is made from; written by one process, killed at any instant, never half a state.
+"""The stored run, which every picture and export is made from; written by one process, killed at any instant, never
+half a state.
 
 `pdvol.record.folder` shows what lies where.
 """
@@ -12,7 +13,19 @@ import numpy as np
 from pdvol.hierarchy.level_mesh import LevelMesh
 from pdvol.record import obstacles as drawn
 from pdvol.record.files import TEMPORARY, jsonable, write_array, write_arrays, write_json
-from pdvol.record.folder import STATES, claim, hold, late_file, level_folder, new_info, read_info, remove_states, run_state, state_file, write_level
+from pdvol.record.folder import (
+    STATES,
+    claim,
+    hold,
+    late_file,
+    level_folder,
+    new_info,
+    read_info,
+    remove_states,
+    run_state,
+    state_file,
+    write_level,
+)
 from pdvol.record.log import LogFile, keep_log
 from pdvol.record.reader import Run, RunLevel, open_run
 
@@ -20,7 +33,8 @@ __all__ = ["Run", "RunLevel", "RunWriter", "open_run"]
 
 
 class RunWriter:
-    """Writes a run folder. Made by `create` or `open`; closed by `close` or a `with` block. Only one process may hold it.
+    """Writes a run folder. Made by `create` or `open`; closed by `close` or a `with` block. Only one process may hold
+    it.
 
     `info` is what `run.json` holds; it is changed through `update_info` and `set_level_state`.
     """
@@ -92,7 +106,9 @@ class RunWriter:
                 aside.unlink()
             writer._open_log()
             for entry in writer.info["levels"]:
-                entry["state"] = "interrupted" if entry["state"] == "running" else entry["state"]  # we hold the lock: nobody runs it
+                entry["state"] = (
+                    "interrupted" if entry["state"] == "running" else entry["state"]
+                )  # we hold the lock: nobody runs it
             writer._save_states()
         except BaseException:
             writer.close()
@@ -116,7 +132,8 @@ class RunWriter:
     def write_state(self, level: int, step: int, positions: np.ndarray, record: Mapping | None = None) -> None:
         """Store the positions (n, d) [m] at the end of a step, and its log record just before them.
 
-        The state is the commit: a record without its state is dropped when the run is opened again. To replace states, `rewind` first.
+        The state is the commit: a record without its state is dropped when the run is opened again. To replace states,
+        `rewind` first.
 
         Raises
         ------
@@ -128,7 +145,9 @@ class RunWriter:
         shape = (self.info["levels"][level]["vertices"], self.info["dimension"])
         x = np.ascontiguousarray(positions, dtype=np.float64)
         if x.shape != shape or not np.isfinite(x).all():
-            raise ValueError(f"level {level}, step {step}: positions must be finite and of shape {shape}, these have {x.shape}")
+            raise ValueError(
+                f"level {level}, step {step}: positions must be finite and of shape {shape}, these have {x.shape}"
+            )
         if step != self._count[level]:
             raise ValueError(f"level {level}: the next state to store is that of step {self._count[level]}, not {step}")
         self._sweep(level)
@@ -138,7 +157,9 @@ class RunWriter:
         self._count[level] = step + 1
 
     def write_late(self, level: int, step: int, places: Mapping[int, Mapping[str, np.ndarray]]) -> None:
-        """Store where obstacles, by their number, are at a level's step, if behind their motions; before `write_state` of that step."""
+        """Store where obstacles, by their number, are at a level's step, if behind their motions; before `write_state`
+        of that step.
+        """
         arrays = {f"{i}.{key}": value for i, entry in places.items() for key, value in entry.items()}
         write_arrays(late_file(level_folder(self.path, level), step), **arrays)
 
@@ -213,5 +234,7 @@ class RunWriter:
         if self._log is not None:
             self._log.close()
         stored = {**dict.fromkeys(dropped, 0), **dict(enumerate(self._count))}
-        keep_log(self.path / "log.jsonl", lambda record: record.get("step", 0) < stored.get(record.get("level"), np.inf))
+        keep_log(
+            self.path / "log.jsonl", lambda record: record.get("step", 0) < stored.get(record.get("level"), np.inf)
+        )
         self._log = LogFile(self.path / "log.jsonl")

@@ -1,4 +1,6 @@
-"""The photographer: one camera and one set of lamps, and a picture (an array) of one level at one moment. Needs no display."""
+"""The photographer: one camera and one set of lamps, and a picture (an array) of one level at one moment. Needs no
+display.
+"""
 
 from collections.abc import Sequence
 from contextlib import ExitStack
@@ -37,9 +39,13 @@ class Studio:
 
     def __enter__(self) -> "Studio":
         with ExitStack() as stack:
-            stack.enter_context(pv.vtk_verbosity("error"))  # without a display VTK would tell at length how it does without
+            stack.enter_context(
+                pv.vtk_verbosity("error")
+            )  # without a display VTK would tell at length how it does without
             window = [self.oversampling * n for n in self.size]
-            self._plotter = pv.Plotter(off_screen=True, window_size=window, lighting="none", theme=pv.themes.DocumentTheme())
+            self._plotter = pv.Plotter(
+                off_screen=True, window_size=window, lighting="none", theme=pv.themes.DocumentTheme()
+            )
             stack.callback(self._plotter.close)
             self._setup()
             self._open = stack.pop_all()
@@ -65,14 +71,17 @@ class Studio:
                 (0.9 * view.right + 0.1 * view.up + 0.5 * view.towards, "#dfeaff", 0.34),
                 (view.up - 0.6 * view.towards, "#ffffff", 0.3),
             ):
-                plotter.add_light(pv.Light(position=view.focus + direction, focal_point=view.focus, color=colour, intensity=power))
+                plotter.add_light(
+                    pv.Light(position=view.focus + direction, focal_point=view.focus, color=colour, intensity=power)
+                )
             plotter.enable_ssao(radius=0.06 * view.size, bias=0.002 * view.size, kernel_size=48, blur=True)
 
     def _width(self, pixels: float) -> float:
         """A line's width in the pixels of the finished picture."""
         return self.oversampling * pixels
 
-    # ---- 3D ------------------------------------------------------------------------------------------------------------------
+    # ---- 3D
+    # ------------------------------------------------------------------------------------------------------------------
 
     def _draw_solid(self, level: RunLevel, positions: np.ndarray, step: int) -> None:
         facets, owners = level.surface, level.mesh.point_bodies[level.surface[:, 0]]
@@ -86,19 +95,32 @@ class Studio:
             if obstacle.kind == "mesh":
                 vertices, faces = obstacle.vertices(step), obstacle.arrays["faces"]
                 shapes.append(vertices[faces])
-                self._add_surface(vertices, faces, pv.Color(STONE), len(faces) >= 200, 0.0, float(obstacle.arrays.get("opacity", 1.0)))
+                self._add_surface(
+                    vertices, faces, pv.Color(STONE), len(faces) >= 200, 0.0, float(obstacle.arrays.get("opacity", 1.0))
+                )
         for obstacle in level.placed(self.obstacles, step):
             if obstacle.kind == "plane":
                 self._add_plane(*obstacle.plane(step), np.concatenate(shapes))
 
-    def _add_surface(self, points: np.ndarray, facets: np.ndarray, colour: pv.Color, smooth: bool, edges: float,
-                     opacity: float = 1.0) -> None:
+    def _add_surface(
+        self, points: np.ndarray, facets: np.ndarray, colour: pv.Color, smooth: bool, edges: float, opacity: float = 1.0
+    ) -> None:
         used, local = np.unique(facets, return_inverse=True)
         surface = pv.PolyData.from_regular_faces(points[used], local.reshape(facets.shape))
         shaded = dict(ambient=0.42, diffuse=0.8, specular=0.14, specular_power=18)
-        sharp = dict(smooth_shading=True, split_sharp_edges=True, feature_angle=50.0) if smooth else dict(smooth_shading=False)
-        drawn = dict(show_edges=True, edge_color=_darker(colour, 0.45), edge_opacity=edges, line_width=self._width(0.5)) if edges else {}
-        self._plotter.add_mesh(surface, color=colour, opacity=opacity, **shaded, **sharp, **drawn, reset_camera=False, render=False)
+        sharp = (
+            dict(smooth_shading=True, split_sharp_edges=True, feature_angle=50.0)
+            if smooth
+            else dict(smooth_shading=False)
+        )
+        drawn = (
+            dict(show_edges=True, edge_color=_darker(colour, 0.45), edge_opacity=edges, line_width=self._width(0.5))
+            if edges
+            else {}
+        )
+        self._plotter.add_mesh(
+            surface, color=colour, opacity=opacity, **shaded, **sharp, **drawn, reset_camera=False, render=False
+        )
 
     def _add_plane(self, point: np.ndarray, normal: np.ndarray, triangles: np.ndarray) -> None:
         view = self.view
@@ -109,7 +131,9 @@ class Studio:
         e1 = np.cross(normal, e0)
         centre = view.focus - ((view.focus - point) @ normal) * normal
         local = (triangles - centre) @ np.column_stack([e0, e1, normal])
-        light = np.array([self._light @ e0, self._light @ e1]) / max(self._light @ normal, 0.5 * np.linalg.norm(self._light))
+        light = np.array([self._light @ e0, self._light @ e1]) / max(
+            self._light @ normal, 0.5 * np.linalg.norm(self._light)
+        )
         local[..., :2] -= local[..., 2:] * light
         half, pixels = 1.7 * view.size, 400
         texture = _ground(1.0 - shadow_map(local, view.size, half, pixels))
@@ -120,7 +144,8 @@ class Studio:
         image.interpolate = True
         self._plotter.add_mesh(quad, texture=image, lighting=False, reset_camera=False, render=False)
 
-    # ---- 2D ------------------------------------------------------------------------------------------------------------------
+    # ---- 2D
+    # ------------------------------------------------------------------------------------------------------------------
 
     def _draw_flat(self, level: RunLevel, positions: np.ndarray, step: int) -> None:
         coarseness = float(np.clip(14.0 / np.sqrt(len(level.cells)), 0.2, 1.0))
@@ -148,13 +173,17 @@ class Studio:
     def _lines(self, points: np.ndarray, segments: np.ndarray, colour: pv.Color, width: float) -> None:
         raised = points + [0, 0, 0.05 * self.view.size]
         lines = pv.PolyData(raised, lines=np.insert(segments, 0, 2, axis=1).ravel())
-        self._plotter.add_mesh(lines, color=colour, line_width=self._width(width), lighting=False, reset_camera=False, render=False)
+        self._plotter.add_mesh(
+            lines, color=colour, line_width=self._width(width), lighting=False, reset_camera=False, render=False
+        )
 
     def _add_half_space(self, point: np.ndarray, normal: np.ndarray) -> None:
         along = np.array([-normal[1], normal[0], 0.0])
         middle = point + ((self.view.focus - point) @ along) * along
         reach = 4 * self.view.size
-        corners = middle + np.array([-reach * along, reach * along, reach * along - reach * normal, -reach * along - reach * normal])
+        corners = middle + np.array(
+            [-reach * along, reach * along, reach * along - reach * normal, -reach * along - reach * normal]
+        )
         self._fill(corners, np.array([[0, 1, 2], [0, 2, 3]]), pv.Color(GROUND), -0.2)
         self._lines(corners[:2], np.array([[0, 1]]), _darker(pv.Color(GROUND), 0.7), 2.0)
 
@@ -167,7 +196,7 @@ def _ground(lit: np.ndarray) -> np.ndarray:
     """The ground's texture (n, n, 3) uint8: its colour under the light, fading into the background with the distance."""
     n = len(lit)
     r = np.linalg.norm((np.indices((n, n)) + 0.5) / n * 2 - 1, axis=0)
-    fade = np.clip((r - 0.2) / 0.75, 0, 1) 
+    fade = np.clip((r - 0.2) / 0.75, 0, 1)
     fade = (fade * fade * (3 - 2 * fade))[..., None]
     colour = (1 - fade) * pv.Color(GROUND).float_rgb + fade * np.array(pv.Color(BACKGROUND).float_rgb)
     tint = 1 - (1 - lit[..., None]) * np.array([1.0, 0.97, 0.9])  # shadows are a little blue

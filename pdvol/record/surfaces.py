@@ -1,6 +1,7 @@
 """Moving surfaces for animation software: a sequence of OBJ files a level, or one USD file with the levels as variants.
 
-Vertices are those of the boundary (all of a 2D level), once each and in the input's order; each body is a mesh of its own in USD.
+Vertices are those of the boundary (all of a 2D level), once each and in the input's order; each body is a mesh of its
+own in USD.
 """
 
 import os
@@ -44,7 +45,8 @@ def _surfaces(run: Run, level: RunLevel) -> list[tuple[str, BodySurface]]:
 
 
 def write_obj(run: Run, level: int, folder: str | Path) -> Path:
-    """Export each stored step of one level as `folder/000000.obj`, `000001.obj` ...; each file is written aside and renamed.
+    """Export each stored step of one level as `folder/000000.obj`, `000001.obj` ...; each file is written aside and
+    renamed.
 
     Raises
     ------
@@ -73,7 +75,8 @@ def write_obj(run: Run, level: int, folder: str | Path) -> Path:
 
 
 def write_usd(run: Run, levels: Sequence[int], path: str | Path) -> Path:
-    """Export levels as one .usdc file: a prim with a variant set `level`, a mesh a body, positions and velocities as time samples.
+    """Export levels as one .usdc file: a prim with a variant set `level`, a mesh a body, positions and velocities as
+    time samples.
 
     The finest level is the chosen variant. One time code a step; units are metres and seconds.
 
@@ -91,7 +94,9 @@ def write_usd(run: Run, levels: Sequence[int], path: str | Path) -> Path:
     path, all_series = Path(path), [Series(run, level) for level in levels]
     stage = Usd.Stage.CreateInMemory()
     up = run.info.get("up") or (0.0, 1.0, 0.0)
-    UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.z if len(up) == 3 and abs(up[2]) > max(abs(up[0]), abs(up[1])) else UsdGeom.Tokens.y)
+    UsdGeom.SetStageUpAxis(
+        stage, UsdGeom.Tokens.z if len(up) == 3 and abs(up[2]) > max(abs(up[0]), abs(up[1])) else UsdGeom.Tokens.y
+    )
     UsdGeom.SetStageMetersPerUnit(stage, 1.0)
     stage.SetTimeCodesPerSecond(1.0 / run.dt)
     stage.SetFramesPerSecond(1.0 / run.dt)
@@ -116,8 +121,12 @@ def write_usd(run: Run, levels: Sequence[int], path: str | Path) -> Path:
                 for surface, points_of, velocities_of, extent_of in meshes:
                     points = padded(positions[surface.vertices]).astype(np.float32)
                     points_of.Set(Vt.Vec3fArray.FromNumpy(points), step)
-                    velocities_of.Set(Vt.Vec3fArray.FromNumpy(padded(velocities[surface.vertices]).astype(np.float32)), step)
-                    extent_of.Set([Gf.Vec3f(*map(float, points.min(axis=0))), Gf.Vec3f(*map(float, points.max(axis=0)))], step)
+                    velocities_of.Set(
+                        Vt.Vec3fArray.FromNumpy(padded(velocities[surface.vertices]).astype(np.float32)), step
+                    )
+                    extent_of.Set(
+                        [Gf.Vec3f(*map(float, points.min(axis=0))), Gf.Vec3f(*map(float, points.max(axis=0)))], step
+                    )
     aside = path.with_name(f".{path.stem}{TEMPORARY}.usdc")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -127,7 +136,11 @@ def write_usd(run: Run, levels: Sequence[int], path: str | Path) -> Path:
     except OSError as error:
         raise SimulationError(f"cannot write {path}: {error.strerror}") from error
     except Exception as error:  # Tf.ErrorException
-        told = str(error) if isinstance(error, SimulationError) else f"cannot write {path}: {' '.join(str(error).split())[:160]}"
+        told = (
+            str(error)
+            if isinstance(error, SimulationError)
+            else f"cannot write {path}: {' '.join(str(error).split())[:160]}"
+        )
         raise SimulationError(told) from error
     finally:
         aside.unlink(missing_ok=True)

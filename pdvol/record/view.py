@@ -50,7 +50,8 @@ def view_of(points: np.ndarray, dim: int, upward: np.ndarray, turn: float = 0.0)
         right, up, towards = np.eye(3)
     else:
         upward = upward / np.linalg.norm(upward)
-        # Seen from the front, which is -y where z is up and +z where y is, turned a little and from above to show depth.
+        # Seen from the front, which is -y where z is up and +z where y is, turned a little and from above to show
+        # depth.
         front = np.array([0.0, -1.0, 0.0]) if abs(upward[1]) < 0.7 else np.array([0.0, 0.0, 1.0])
         front -= (front @ upward) * upward
         front /= np.linalg.norm(front)

@@ -1,4 +1,5 @@
-"""VTKHDF time series (UnstructuredGrid, version 2.2): one file a level, for ParaView 5.12 and newer; the format that follows XDMF.
+"""VTKHDF time series (UnstructuredGrid, version 2.2): one file a level, for ParaView 5.12 and newer; the format that
+follows XDMF.
 
 The rest mesh is stored once; each step adds its fields, one behind the other, and `Steps` says where they begin.
 """
@@ -19,7 +20,9 @@ _CELL_TYPES = {2: 5, 3: 10}  # VTK_TRIANGLE, VTK_TETRA
 
 
 def write_vtkhdf(run: Run, level: int, path: str | Path, more: Fields = nothing_more) -> Path:
-    """Export the stored steps of one level, as `write_xdmf` does; the file's name ends in .vtkhdf. Written aside and renamed."""
+    """Export the stored steps of one level, as `write_xdmf` does; the file's name ends in .vtkhdf. Written aside and
+    renamed.
+    """
     path = Path(path)
     if path.suffix != ".vtkhdf":
         raise InputError(f"{path}: the name of a VTKHDF file ends in .vtkhdf")
@@ -68,7 +71,9 @@ def _write_data(root: h5py.Group, series: Series) -> None:
                 _append(root, times, kind, label, np.asarray(values), step, steps)
 
 
-def _append(root: h5py.Group, times: h5py.Group, kind: str, label: str, values: np.ndarray, step: int, steps: int) -> None:
+def _append(
+    root: h5py.Group, times: h5py.Group, kind: str, label: str, values: np.ndarray, step: int, steps: int
+) -> None:
     key, n = f"{kind}/{label}", len(values)
     if step == 0:
         root.create_dataset(key, (steps * n, *values.shape[1:]), dtype=values.dtype)

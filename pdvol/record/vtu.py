@@ -9,11 +9,17 @@ import numpy as np
 from pdvol.hierarchy.level_mesh import LevelMesh
 
 
-def write_vtu(path: Path, mesh: LevelMesh, point_data: Mapping[str, np.ndarray], cell_data: Mapping[str, np.ndarray] | None = None) -> None:
+def write_vtu(
+    path: Path, mesh: LevelMesh, point_data: Mapping[str, np.ndarray], cell_data: Mapping[str, np.ndarray] | None = None
+) -> None:
     """Writes points (zero-padded in 2D), cells with `body` and `region`, and more data of points and cells."""
     points = np.pad(mesh.points, ((0, 0), (0, 3 - mesh.dim)))
     kind = {2: "triangle", 3: "tetra"}[mesh.dim]
-    cells = {"body": [mesh.bodies], "region": [mesh.regions], **{name: [values] for name, values in (cell_data or {}).items()}}
+    cells = {
+        "body": [mesh.bodies],
+        "region": [mesh.regions],
+        **{name: [values] for name, values in (cell_data or {}).items()},
+    }
     meshio.Mesh(points, [(kind, mesh.cells)], point_data=dict(point_data), cell_data=cells).write(path)
 
 

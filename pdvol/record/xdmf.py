@@ -1,8 +1,8 @@
 """XDMF time series with HDF5 data, for ParaView, Blender's importers and meshio; also of a run that goes on.
 
-`level_N.xdmf` is XML and names `level_N.h5` beside it, so the two can be moved together. The rest geometry and the cells' data are
-stored once and referred to by every step; each step adds its fields. Steps that a former export has are taken from it.
-(meshio's own writer puts the HDF5 file into the working directory, hence this one.)
+`level_N.xdmf` is XML and names `level_N.h5` beside it, so the two can be moved together. The rest geometry and the
+cells' data are stored once and referred to by every step; each step adds its fields. Steps that a former export has are
+taken from it. (meshio's own writer puts the HDF5 file into the working directory, hence this one.)
 """
 
 import os
@@ -34,7 +34,8 @@ def write_xdmf(run: Run, level: int, path: str | Path, more: Fields = nothing_mo
     Returns
     -------
     Path
-        The .xdmf file. It and the .h5 file are written aside and renamed: whoever reads finds a whole export, the former or the new one.
+        The .xdmf file. It and the .h5 file are written aside and renamed: whoever reads finds a whole export, the
+        former or the new one.
 
     Raises
     ------
@@ -71,7 +72,9 @@ def told(error: Exception) -> str:
     if getattr(error, "strerror", None):
         return error.strerror
     text = " ".join(str(error).split())
-    return next((os.strerror(n) for n in (28, 27, 122) if os.strerror(n) in text), text[:160])  # full, too large, over quota
+    return next(
+        (os.strerror(n) for n in (28, 27, 122) if os.strerror(n) in text), text[:160]
+    )  # full, too large, over quota
 
 
 def _begun(data: Path, aside: Path, series: Series) -> h5py.File:
@@ -100,18 +103,25 @@ def _write_data(file: h5py.File, name: str, series: Series) -> ET.Element:
         stored = file[key]
         shape = " ".join(str(n) for n in stored.shape)
         kind, precision = _TYPES[stored.dtype.kind], str(stored.dtype.itemsize)
-        ET.SubElement(parent, "DataItem", Dimensions=shape, NumberType=kind, Precision=precision, Format="HDF").text = f"{name}:/{key}"
+        ET.SubElement(
+            parent, "DataItem", Dimensions=shape, NumberType=kind, Precision=precision, Format="HDF"
+        ).text = f"{name}:/{key}"
 
     def attribute(grid: ET.Element, key: str, centre: str, label: str) -> None:
         rank = "Vector" if file[key].ndim == 2 else "Scalar"
         item(ET.SubElement(grid, "Attribute", Name=label, AttributeType=rank, Center=centre), key)
 
-    for key, values in {**_mesh(series), **{f"mesh/{label}": values for label, values in series.labels.items()}}.items():
+    for key, values in {
+        **_mesh(series),
+        **{f"mesh/{label}": values for label, values in series.labels.items()},
+    }.items():
         if key not in file:
             file[key] = values
     root = ET.Element("Xdmf", Version="3.0")
     domain = ET.SubElement(root, "Domain")
-    collection = ET.SubElement(domain, "Grid", Name=f"level {series.level.index}", GridType="Collection", CollectionType="Temporal")
+    collection = ET.SubElement(
+        domain, "Grid", Name=f"level {series.level.index}", GridType="Collection", CollectionType="Temporal"
+    )
     rest, cells = series.level.rest, series.level.cells
     shape, geometry = ("Triangle", "XY") if rest.shape[1] == 2 else ("Tetrahedron", "XYZ")
     _drop_other_steps(file, series)
@@ -142,7 +152,9 @@ def _write_step(file: h5py.File, series: Series, step: int) -> None:
     if str(step) in steps:
         group = steps[str(step)]
         # Of a former export, which may have known less, or of a run that was rewound.
-        if group.attrs.get("fields") == series.kind and np.array_equal(group["Node/displacement"], series.displacement(step)):
+        if group.attrs.get("fields") == series.kind and np.array_equal(
+            group["Node/displacement"], series.displacement(step)
+        ):
             return
         del steps[str(step)]
     fields = series.fields(step)

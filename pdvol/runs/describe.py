@@ -15,8 +15,16 @@ SHOWN = 100  # characters of one value in a message
 def describe(thing):
     """Dataclasses, arrays, paths and functions as JSON. Arrays, files and functions become digests of their contents."""
     if is_dataclass(thing) and not isinstance(thing, type):
-        own = {"psi": describe(thing.psi)} if getattr(getattr(thing, "psi", None), "__module__", "pdvol").split(".")[0] != "pdvol" else {}
-        return {"type": type(thing).__name__, **own, **{f.name: describe(getattr(thing, f.name)) for f in fields(thing)}}
+        own = (
+            {"psi": describe(thing.psi)}
+            if getattr(getattr(thing, "psi", None), "__module__", "pdvol").split(".")[0] != "pdvol"
+            else {}
+        )
+        return {
+            "type": type(thing).__name__,
+            **own,
+            **{f.name: describe(getattr(thing, f.name)) for f in fields(thing)},
+        }
     if isinstance(thing, np.ndarray):
         return {"array": list(thing.shape), "digest": _digest(np.ascontiguousarray(thing).tobytes())}
     if isinstance(thing, (tuple, list)):
@@ -35,7 +43,10 @@ def describe(thing):
             return {"file": path.name, "digest": _digest(path.read_bytes())} if path.is_file() else {"file": path.name}
         return thing
     if callable(thing):
-        return {"function": getattr(thing, "__qualname__", type(thing).__name__), "digest": _digest(_source(thing).encode())}
+        return {
+            "function": getattr(thing, "__qualname__", type(thing).__name__),
+            "digest": _digest(_source(thing).encode()),
+        }
     return repr(thing)
 
 
@@ -52,21 +63,29 @@ def differences(old, new, where: str = "scene") -> list[str]:
         keys = list(dict.fromkeys([*old, *new]))
         return [line for key in keys for line in differences(old.get(key), new.get(key), f"{where}.{key}")]
     if isinstance(old, list) and isinstance(new, list) and _entries(old + new):
-        lines = [line for i, pair in enumerate(zip(old, new, strict=False)) for line in differences(*pair, f"{where}[{i}]")]
+        lines = [
+            line for i, pair in enumerate(zip(old, new, strict=False)) for line in differences(*pair, f"{where}[{i}]")
+        ]
         return lines + ([f"{where}: {len(old)} -> {len(new)} entries"] if len(old) != len(new) else [])
     return [f"{where}: {_short(old)} -> {_short(new)}"]
 
 
 def differences_by_level(old: dict, new: dict) -> tuple[list[str], int, list[str]]:
-    """Where two scenes' descriptions differ in what all levels share; how many of the coarsest levels agree in what is said of each level (vertex
-    targets, listed meshes); and where the others differ."""
+    """Where two scenes' descriptions differ in what all levels share; how many of the coarsest levels agree in what is
+    said of each level (vertex targets, listed meshes); and where the others differ.
+    """
     if len(old.get("bodies", ())) != len(new.get("bodies", ())):
         return differences(old, new), 0, []
     shared, listed, agree = [], [], []
     for description in (old, new):
-        bodies = [{key: None if isinstance(value, list) and key in PER_LEVEL else value for key, value in b.items()} for b in description["bodies"]]
+        bodies = [
+            {key: None if isinstance(value, list) and key in PER_LEVEL else value for key, value in b.items()}
+            for b in description["bodies"]
+        ]
         shared.append({**description, "bodies": bodies})
-        listed.append([{key: b[key] for key in PER_LEVEL if isinstance(b.get(key), list)} for b in description["bodies"]])
+        listed.append(
+            [{key: b[key] for key in PER_LEVEL if isinstance(b.get(key), list)} for b in description["bodies"]]
+        )
     for one, other in zip(*listed, strict=True):
         for key in one.keys() & other.keys():
             if one[key] or other[key]:

@@ -1,4 +1,6 @@
-"""Contact forces and stresses of stored states, for exports: `record` writes what it is given here, and knows no solver."""
+"""Contact forces and stresses of stored states, for exports: `record` writes what it is given here, and knows no
+solver.
+"""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -26,7 +28,8 @@ from pdvol.scene import Rigid, Scene
 class SceneFields:
     """`contact_force` (n, d) [N] and `von_mises` (m,) [Pa] of any step of a level, computed by this rank alone.
 
-    The force is what barrier and friction do to each vertex, friction lagged at the step's start as in its first iteration.
+    The force is what barrier and friction do to each vertex, friction lagged at the step's start as in its first
+    iteration.
     """
 
     def __init__(self, scene: Scene, run: Run, level: int, obstacles):
@@ -37,12 +40,17 @@ class SceneFields:
             hierarchy = Hierarchy([stored.mesh for stored in run.levels[: level + 1]], MPI.COMM_SELF)
             self.space, materials = hierarchy[level], level_materials(scene, hierarchy, level)
         terms = build_terms(scene, self.space, run.info["diagonal"], obstacles, materials=materials).potentials
-        self._contact, self._kappas = [term for term in terms if term.name in ("barrier", "friction")], stored_stiffness(self.level)
+        self._contact, self._kappas = (
+            [term for term in terms if term.name in ("barrier", "friction")],
+            stored_stiffness(self.level),
+        )
         self._stresses = [CauchyStress(term) for term in terms if isinstance(term, Elastic)]
 
     def contact_force(self, step: int) -> np.ndarray:
         """(n, d) [N] at the end of a step; at the start, step 0, nothing slides."""
-        start, end = (Positions(self.space, self.space.from_input(self.level.positions(n))) for n in (max(step - 1, 0), step))
+        start, end = (
+            Positions(self.space, self.space.from_input(self.level.positions(n))) for n in (max(step - 1, 0), step)
+        )
         begin = max(step - 1, 0) * self.dt - self.level.behind(max(step - 1, 0))
         stiffen(self._contact, self._kappas.get(max(step, 1)))
         for term in self._contact:
@@ -61,11 +69,16 @@ class SceneFields:
 
     def __call__(self, step: int) -> StepFields:
         with np.errstate(all="ignore"):  # states that no barrier has kept apart have no finite force
-            return StepFields(points={"contact_force": self.contact_force(step)} if self._contact else {}, cells={"von_mises": self.von_mises(step)})
+            return StepFields(
+                points={"contact_force": self.contact_force(step)} if self._contact else {},
+                cells={"von_mises": self.von_mises(step)},
+            )
 
 
 def stored_stiffness(level: RunLevel) -> dict[int, float]:
-    """The barrier's stiffness in each step, as logged: some of its laws choose it step by step, from what is not stored."""
+    """The barrier's stiffness in each step, as logged: some of its laws choose it step by step, from what is not
+    stored.
+    """
     return {record["step"]: record["kappa"] for record in level.log if record.get("kappa")}
 
 

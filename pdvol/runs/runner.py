@@ -1,4 +1,6 @@
-"""From a shot to a run folder: builds the levels, marches them coarse to fine, stores every step. All ranks call it together."""
+"""From a shot to a run folder: builds the levels, marches them coarse to fine, stores every step. All ranks call it
+together.
+"""
 
 import platform
 from collections.abc import Sequence
@@ -32,15 +34,25 @@ LIBRARIES = ("fenics-dolfinx", "petsc4py", "ipctk", "numpy", "scipy", "pytetwild
 TOLD = 6  # changes that a message lists
 
 
-def run_scene(shot: Shot, out: str | Path, first: int = 0, last: int | None = None, method: str = "progressive",
-              prolongation: str = "barycentric", resume: bool = False, comm: MPI.Comm = MPI.COMM_WORLD, progress: Watch | None = None,
-              wavefront: bool = False) -> Path:
+def run_scene(
+    shot: Shot,
+    out: str | Path,
+    first: int = 0,
+    last: int | None = None,
+    method: str = "progressive",
+    prolongation: str = "barycentric",
+    resume: bool = False,
+    comm: MPI.Comm = MPI.COMM_WORLD,
+    progress: Watch | None = None,
+    wavefront: bool = False,
+) -> Path:
     """Simulate levels `first` to `last` of a shot into the run folder `out`. Collective.
 
     Parameters
     ----------
     shot : Shot
-    out : run folder: a new one, or with `resume` (or `first` > 0) one of the same scene, of which finished steps are kept
+    out : run folder: a new one, or with `resume` (or `first` > 0) one of the same scene, of which finished steps are
+        kept
     first, last : levels, both included; the finest when `last` is None
     method : one of METHODS
     prolongation : a key of `INTERPOLANTS`
@@ -62,10 +74,15 @@ def run_scene(shot: Shot, out: str | Path, first: int = 0, last: int | None = No
     last = scene.levels - 1 if last is None else last
     _check_request(scene, out, first, last, method, prolongation, resume or first > 0)
     if wavefront and comm.size > 1:
-        raise InputError("--wavefront starts a process per level; leave out mpirun, or run the levels one after the other")
+        raise InputError(
+            "--wavefront starts a process per level; leave out mpirun, or run the levels one after the other"
+        )
     meshes, kept, obstacles, diagonal, mended = on_root(comm, lambda: _prepare(shot, out, last, method, prolongation))
-    writer = SharedWriter(comm, lambda: _open_writer(shot, out, meshes, kept, obstacles, diagonal, method, prolongation, mended),
-                           Export(out, scene, obstacles))
+    writer = SharedWriter(
+        comm,
+        lambda: _open_writer(shot, out, meshes, kept, obstacles, diagonal, method, prolongation, mended),
+        Export(out, scene, obstacles),
+    )
     try:
         if wavefront:
             march_levels(writer, range(first, last + 1), scene.steps, progress)
@@ -78,14 +95,20 @@ def run_scene(shot: Shot, out: str | Path, first: int = 0, last: int | None = No
     return out
 
 
-def refine_run(out: str | Path, last: int, comm: MPI.Comm = MPI.COMM_WORLD, progress: Watch | None = None, wavefront: bool = False) -> Path:
-    """Simulate the finer levels of a stored run, up to `last`; finished steps of coarser levels are not touched. Collective.
+def refine_run(
+    out: str | Path, last: int, comm: MPI.Comm = MPI.COMM_WORLD, progress: Watch | None = None, wavefront: bool = False
+) -> Path:
+    """Simulate the finer levels of a stored run, up to `last`; finished steps of coarser levels are not touched.
+    Collective.
 
     Parameters as for `run_scene`.
     """
     info = on_root(comm, lambda: _scene_info(out))
     if not Path(info["scene_file"]).is_file():
-        raise InputError(f"{out}: its scene file {info['scene_file']} is gone; put it back, or use pdvol run --resume with another path")
+        raise InputError(
+            f"{out}: its scene file {info['scene_file']} is gone; put it back, or use pdvol run --resume with another"
+            " path"
+        )
     shot = load_shot(info["scene_file"], stored_settings(info["parameters"]), info["steps"])
     return run_scene(shot, out, 0, last, info["method"], info["prolongation"], True, comm, progress, wavefront)
 
@@ -108,11 +131,17 @@ def _check_request(scene: Scene, out: Path, first: int, last: int, method: str, 
     if exists and not go_on:
         raise InputError(f"{out} already holds a run; go on with it by --resume, or choose another folder with --out")
     if first > 0 and not exists:
-        raise InputError(f"level {first} is refined from level {first - 1}, and {out} holds no run yet; begin with --levels 0:{last}")
+        raise InputError(
+            f"level {first} is refined from level {first - 1}, and {out} holds no run yet; begin with --levels 0:{last}"
+        )
 
 
-def _prepare(shot: Shot, out: Path, last: int, method: str, prolongation: str) -> tuple[Sequence[LevelMesh], int, list, float, list[str]]:
-    """Meshes up to `last`, how many of the coarsest are stored ones, obstacles and the scene's diagonal, checked at t = 0; what was mended."""
+def _prepare(
+    shot: Shot, out: Path, last: int, method: str, prolongation: str
+) -> tuple[Sequence[LevelMesh], int, list, float, list[str]]:
+    """Meshes up to `last`, how many of the coarsest are stored ones, obstacles and the scene's diagonal, checked at t =
+    0; what was mended.
+    """
     scene = shot.scene
     stored: list[LevelMesh] = []
     if holds_run(out):
@@ -125,9 +154,11 @@ def _prepare(shot: Shot, out: Path, last: int, method: str, prolongation: str) -
     if len(stored) <= last:
         built, mended = build_apart(scene, last + 1, obstacles)
         if stored and mended != run.info.get("mended", []):
-            raise InputError(f"{out}: with the levels as they are now, bodies are set apart otherwise than in the stored ones; "
-                             "choose another folder with --out")
-        meshes = [*stored, *built[len(stored):]]
+            raise InputError(
+                f"{out}: with the levels as they are now, bodies are set apart otherwise than in the stored ones; "
+                "choose another folder with --out"
+            )
+        meshes = [*stored, *built[len(stored) :]]
     for level, mesh in enumerate(meshes):
         check_fields(scene, mesh, level)
     check_start(meshes, obstacles, scene)
@@ -135,29 +166,49 @@ def _prepare(shot: Shot, out: Path, last: int, method: str, prolongation: str) -
 
 
 def _same_levels(run: Run, shot: Shot, last: int, method: str, prolongation: str) -> int:
-    """How many of a run's levels, from the coarsest on, are still those of the shot; the others are to be simulated anew, up to `last`.
+    """How many of a run's levels, from the coarsest on, are still those of the shot; the others are to be simulated
+    anew, up to `last`.
 
-    Raises InputError, saying field by field what has changed, where that leaves none, or would drop a level that is not asked for.
+    Raises InputError, saying field by field what has changed, where that leaves none, or would drop a level that is not
+    asked for.
     """
     require_scene(run.path, run.info)
     for name, now in (("method", method), ("prolongation", prolongation)):
         if run.info[name] != now:
-            raise InputError(f"{run.path} was run with {name} {run.info[name]!r}, not {now!r}; choose another folder with --out")
+            raise InputError(
+                f"{run.path} was run with {name} {run.info[name]!r}, not {now!r}; choose another folder with --out"
+            )
     changed, same, levels_changed = differences_by_level(run.info["description"], shot.description())
     changed += [] if same else levels_changed
     if changed:
         more = f"; and {len(changed) - TOLD} more" if len(changed) > TOLD else ""
-        raise InputError(f"{run.path} holds another scene ({'; '.join(changed[:TOLD])}{more}); choose another folder with --out")
+        raise InputError(
+            f"{run.path} holds another scene ({'; '.join(changed[:TOLD])}{more}); choose another folder with --out"
+        )
     if len(run.levels) > shot.scene.levels:
-        raise InputError(f"{run.path} holds {len(run.levels)} levels, the scene has {shot.scene.levels} now; choose another folder with --out")
+        raise InputError(
+            f"{run.path} holds {len(run.levels)} levels, the scene has {shot.scene.levels} now; choose another folder"
+            " with --out"
+        )
     if same < len(run.levels) and last < len(run.levels) - 1:
-        raise InputError(f"{run.path}: levels from {same} on have changed ({'; '.join(levels_changed[:TOLD])}); "
-                         f"simulate them anew with levels up to {len(run.levels) - 1}, or choose another folder with --out")
+        raise InputError(
+            f"{run.path}: levels from {same} on have changed ({'; '.join(levels_changed[:TOLD])}); "
+            f"simulate them anew with levels up to {len(run.levels) - 1}, or choose another folder with --out"
+        )
     return min(same, len(run.levels))
 
 
-def _open_writer(shot: Shot, out: Path, meshes, kept: int, obstacles, diagonal: float, method: str, prolongation: str,
-                 mended: list[str]) -> RunWriter:
+def _open_writer(
+    shot: Shot,
+    out: Path,
+    meshes,
+    kept: int,
+    obstacles,
+    diagonal: float,
+    method: str,
+    prolongation: str,
+    mended: list[str],
+) -> RunWriter:
     scene = shot.scene
     velocities, drawn = [initial_velocity(scene, mesh) for mesh in meshes], drawn_obstacles(scene, obstacles)
     if kept:
@@ -166,13 +217,28 @@ def _open_writer(shot: Shot, out: Path, meshes, kept: int, obstacles, diagonal: 
         for level in range(len(writer.info["levels"]), len(meshes)):
             writer.add_level(meshes[level], velocities[level])
         description = shot.description()
-        changed = {} if writer.info["description"] == jsonable(description) else {"parameters": dict(shot.parameters), "description": description}
+        changed = (
+            {}
+            if writer.info["description"] == jsonable(description)
+            else {"parameters": dict(shot.parameters), "description": description}
+        )
         writer.update_info(steps=scene.steps, scene_file=str(shot.file), **changed)
     else:
         up = _up(scene)
-        info = {"scene": shot.name, "dt": scene.dt, "steps": scene.steps, "method": method, "prolongation": prolongation,
-                "scene_file": str(shot.file), "parameters": dict(shot.parameters), "description": shot.description(),
-                "diagonal": diagonal, "versions": _versions(), **({"up": up} if up else {}), **({"mended": mended} if mended else {})}
+        info = {
+            "scene": shot.name,
+            "dt": scene.dt,
+            "steps": scene.steps,
+            "method": method,
+            "prolongation": prolongation,
+            "scene_file": str(shot.file),
+            "parameters": dict(shot.parameters),
+            "description": shot.description(),
+            "diagonal": diagonal,
+            "versions": _versions(),
+            **({"up": up} if up else {}),
+            **({"mended": mended} if mended else {}),
+        }
         writer = RunWriter.create(out, info, meshes, [body.name for body in scene.bodies], velocities)
     writer.write_obstacles(drawn)
     return writer

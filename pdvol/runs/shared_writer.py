@@ -17,11 +17,16 @@ from pdvol.record.xdmf import write_xdmf
 from pdvol.runs.fields import SceneFields
 from pdvol.scene import Scene
 
-PAUSE, SHARE = 20.0, 0.05  # at least so many seconds between exports of a level that goes on, and at most this share of the time
+PAUSE, SHARE = (
+    20.0,
+    0.05,
+)  # at least so many seconds between exports of a level that goes on, and at most this share of the time
 
 
 class Export:
-    """level_N.xdmf of the levels being simulated, kept up to date for who watches them and for what a kill leaves. Used by rank 0."""
+    """level_N.xdmf of the levels being simulated, kept up to date for who watches them and for what a kill leaves. Used
+    by rank 0.
+    """
 
     def __init__(self, path: Path, scene: Scene, obstacles):
         self._path, self._scene, self._obstacles = path, scene, obstacles
@@ -32,7 +37,10 @@ class Export:
         begin, run = time.monotonic(), open_run(self._path)
         try:
             more = SceneFields(self._scene, run, level, self._obstacles)
-        except (ValueError, RuntimeError):  # a law of the user's own that knows two dimensions only: what it can show is no reason to stop
+        except (
+            ValueError,
+            RuntimeError,
+        ):  # a law of the user's own that knows two dimensions only: what it can show is no reason to stop
             more = nothing_more
         write_xdmf(run, level, self._path / f"level_{level}.xdmf", more)
         now = time.monotonic()
@@ -62,7 +70,9 @@ class SharedWriter:
         return self._writer.path
 
     def call(self, name: str, *arguments, **details):
-        """The result of one of the writer's methods, on every rank; a state that was stored is shown in level_N.xdmf, too, if it is time."""
+        """The result of one of the writer's methods, on every rank; a state that was stored is shown in level_N.xdmf,
+        too, if it is time.
+        """
 
         def call():
             result = getattr(self._writer, name)(*arguments, **details)
@@ -78,7 +88,10 @@ class SharedWriter:
 
     def record(self, level: int, step: int) -> dict:
         """The log's record of a stored step, on every rank; empty where there is none."""
-        return on_root(self.comm, lambda: next((r for r in open_run(self._writer.path).levels[level].log if r.get("step") == step), {}))
+        return on_root(
+            self.comm,
+            lambda: next((r for r in open_run(self._writer.path).levels[level].log if r.get("step") == step), {}),
+        )
 
     def export(self, level: int) -> None:
         """Writes level_N.xdmf."""

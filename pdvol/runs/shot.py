@@ -62,8 +62,10 @@ def _value(text: str):
 
 def stored_settings(parameters: Mapping) -> dict:
     """The settings that `run.json` keeps: JSON has no `Relative`, which is an object with a fraction there."""
-    return {name: Relative(value["fraction"]) if isinstance(value, dict) and set(value) == {"fraction"} else value
-            for name, value in parameters.items()}
+    return {
+        name: Relative(value["fraction"]) if isinstance(value, dict) and set(value) == {"fraction"} else value
+        for name, value in parameters.items()
+    }
 
 
 def load_shot(file: str | Path, settings: Mapping | None = None, steps: int | None = None) -> Shot:
@@ -81,15 +83,19 @@ def load_shot(file: str | Path, settings: Mapping | None = None, steps: int | No
     general = SETTINGS.keys() - set(accepted)
     for name in settings:
         if name not in accepted and name not in general and not anything:
-            raise InputError(f"{file.name} has no parameter {name!r}; there are {', '.join(accepted)} and every scene's "
-                             f"{', '.join(sorted(general))}")
+            raise InputError(
+                f"{file.name} has no parameter {name!r}; there are {', '.join(accepted)} and every scene's "
+                f"{', '.join(sorted(general))}"
+            )
     given = {name: value for name, value in settings.items() if name in accepted or (anything and name not in general)}
     try:
         scene = make(**given)
     except PdvolError:
         raise
     except (Exception, SystemExit) as error:
-        raise InputError(f"{file.name}: scene({', '.join(f'{k}={v!r}' for k, v in given.items())}) failed: {_told(error)}") from error
+        raise InputError(
+            f"{file.name}: scene({', '.join(f'{k}={v!r}' for k, v in given.items())}) failed: {_told(error)}"
+        ) from error
     if not isinstance(scene, Scene):
         raise InputError(f"{file.name}: scene() returned {type(scene).__name__}, not a pdvol.Scene")
     scene = scene.with_settings(**{name: value for name, value in settings.items() if name not in given})

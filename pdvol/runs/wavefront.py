@@ -1,7 +1,9 @@
-"""Levels side by side: one process a level, each a few steps behind the coarser one, whose states it reads from the run folder.
+"""Levels side by side: one process a level, each a few steps behind the coarser one, whose states it reads from the run
+folder.
 
-A step needs the coarser level's states up to one step only (design, section 2), so finer levels need not wait for whole films. This
-process keeps the folder: workers send it their states, and find their coarser level's there. Numbers are those of one level after the other.
+A step needs the coarser level's states up to one step only (design, section 2), so finer levels need not wait for whole
+films. This process keeps the folder: workers send it their states, and find their coarser level's there. Numbers are
+those of one level after the other.
 """
 
 import os
@@ -30,7 +32,9 @@ ENDING = 10.0  # seconds that a worker gets to end in
 
 
 class Follower:
-    """A level's writer in a worker: what it stores goes to the process that keeps the folder, what it reads may not be there yet."""
+    """A level's writer in a worker: what it stores goes to the process that keeps the folder, what it reads may not be
+    there yet.
+    """
 
     def __init__(self, run: Run, keeper: Connection):
         self.run, self._keeper, self._parent = run, keeper, os.getppid()
@@ -79,7 +83,9 @@ def march_levels(writer, levels: Sequence[int], steps: int, progress=None) -> No
         A level could not go on: coarser ones are finished, finer ones end where they are, all steps are kept.
     """
     workers = {level: _Worker(writer.path, level) for level in levels}
-    watches = {level: progress(level, steps, max(0, writer.call("steps", level) - 1)) for level in levels} if progress else {}
+    watches = (
+        {level: progress(level, steps, max(0, writer.call("steps", level) - 1)) for level in levels} if progress else {}
+    )
     failed: dict[int, PdvolError] = {}
     try:
         while workers:
@@ -119,8 +125,14 @@ class _Worker:
     def __init__(self, path: Path, level: int):
         self.reports, theirs = Pipe(duplex=False)
         # A session of its own: Ctrl-C is for the process that keeps the folder.
-        self._process = subprocess.Popen([sys.executable, "-m", __name__, str(path), str(level), str(theirs.fileno())], env=without_launcher(),
-                                         stdin=subprocess.DEVNULL, pass_fds=[theirs.fileno()], start_new_session=True, preexec_fn=die_with_parent)
+        self._process = subprocess.Popen(
+            [sys.executable, "-m", __name__, str(path), str(level), str(theirs.fileno())],
+            env=without_launcher(),
+            stdin=subprocess.DEVNULL,
+            pass_fds=[theirs.fileno()],
+            start_new_session=True,
+            preexec_fn=die_with_parent,
+        )
         theirs.close()
 
     def end(self) -> int:
@@ -147,7 +159,9 @@ def _work(path: str, level: int, handle: int) -> None:
         shot = load_shot(info["scene_file"], stored_settings(info["parameters"]), info["steps"])
         obstacles = [read_obstacle(o) for o in shot.scene.obstacles if isinstance(o, Rigid)]
         hierarchy = Hierarchy([stored.mesh for stored in run.levels[: level + 1]], MPI.COMM_SELF, info["prolongation"])
-        run_level(shot.scene, hierarchy, level, info["method"], obstacles, info["diagonal"], Follower(run, keeper), None)
+        run_level(
+            shot.scene, hierarchy, level, info["method"], obstacles, info["diagonal"], Follower(run, keeper), None
+        )
     except PdvolError as error:
         keeper.send(("error", (error,), {}))
     except BrokenPipeError:  # the keeper has left: nobody to tell

@@ -1,7 +1,8 @@
 """What to simulate: frozen dataclasses that know nothing of meshes' levels, solvers or files' formats.
 
-Absent physics is an absent element: a scene without `contact` has no barrier, one without a `Friction` lags nothing. Units are SI;
-lengths marked `Relative` are fractions of the scene's diagonal, so that they mean the same on every level (design, section 5).
+Absent physics is an absent element: a scene without `contact` has no barrier, one without a `Friction` lags nothing.
+Units are SI; lengths marked `Relative` are fractions of the scene's diagonal, so that they mean the same on every level
+(design, section 5).
 """
 
 from pdvol.scene.bodies import Body, Placement, Separate, Shape

@@ -36,17 +36,21 @@ class Placement:
         moved = self.scale * points @ rotation_matrix(self.angle, self.axis, dim).T
         if len(self.translate) == 0:
             return moved
-        require(len(self.translate) == dim, f"Placement.translate has {len(self.translate)} components in a {dim}D scene")
+        require(
+            len(self.translate) == dim, f"Placement.translate has {len(self.translate)} components in a {dim}D scene"
+        )
         return moved + np.asarray(self.translate, dtype=float)
 
 
 @dataclass(frozen=True)
 class Separate:
-    """What may be done to bodies that meet something at t = 0 on some level, instead of refusing the scene. It is reported.
+    """What may be done to bodies that meet something at t = 0 on some level, instead of refusing the scene. It is
+    reported.
 
     Attributes
     ----------
-    by : "move" bodies apart, "shrink" them (both on all levels alike), or "refine": decimate less on the level where they meet
+    by : "move" bodies apart, "shrink" them (both on all levels alike), or "refine": decimate less on the level where
+        they meet
     limit : the most: a share of the body's diagonal, of its size, or of the level's vertices
     """
 
@@ -56,7 +60,10 @@ class Separate:
     def __post_init__(self):
         require(self.by in ("move", "shrink", "refine"), f"Separate.by = {self.by!r} must be move, shrink or refine")
         positive("Separate.limit", self.limit)
-        require(self.limit < 1.0 or self.by != "shrink", f"Separate.limit = {self.limit!r} shrinks a body to nothing; give less than 1")
+        require(
+            self.limit < 1.0 or self.by != "shrink",
+            f"Separate.limit = {self.limit!r} shrinks a body to nothing; give less than 1",
+        )
 
 
 @dataclass(frozen=True)
@@ -65,7 +72,8 @@ class Body:
 
     Attributes
     ----------
-    shape : path of a surface or volume mesh, `Outline`, `Surface`, `Solid`; or a tuple of them, one per level, taken as they are
+    shape : path of a surface or volume mesh, `Outline`, `Surface`, `Solid`; or a tuple of them, one per level, taken as
+        they are
     material : Material, of what no region claims
     vertices : vertex targets, coarsest level first; left empty where `shape` lists the levels
     name : str
@@ -87,20 +95,40 @@ class Body:
     def __post_init__(self):
         require(isinstance(self.name, str), f"the name of a body must be text, not {self.name!r}")
         listed = isinstance(self.shape, (tuple, list))
-        require(isinstance(self.material, Material), f"body {self.name!r}: material must be a Material, not {type(self.material).__name__}")
+        require(
+            isinstance(self.material, Material),
+            f"body {self.name!r}: material must be a Material, not {type(self.material).__name__}",
+        )
         sequence(f"body {self.name!r}: regions", self.regions)
         for region in self.regions:
-            require(isinstance(region, Region), f"body {self.name!r}: regions hold Region(material, where), not {type(region).__name__}")
+            require(
+                isinstance(region, Region),
+                f"body {self.name!r}: regions hold Region(material, where), not {type(region).__name__}",
+            )
         if listed:
-            require(len(self.vertices) == 0, f"body {self.name!r}: vertex targets make no sense for a list of meshes; leave vertices empty")
+            require(
+                len(self.vertices) == 0,
+                f"body {self.name!r}: vertex targets make no sense for a list of meshes; leave vertices empty",
+            )
             require(len(self.shape) > 0, f"body {self.name!r}: the list of meshes is empty")
         else:
-            require(len(self.vertices) > 0, f"body {self.name!r}: give vertices=(coarsest, ..., finest), one target per level")
-            require(len(self.vertices) <= MOST_LEVELS, f"body {self.name!r}: {len(self.vertices)} vertex targets; {MOST_LEVELS} levels are the most")
+            require(
+                len(self.vertices) > 0,
+                f"body {self.name!r}: give vertices=(coarsest, ..., finest), one target per level",
+            )
+            require(
+                len(self.vertices) <= MOST_LEVELS,
+                f"body {self.name!r}: {len(self.vertices)} vertex targets; {MOST_LEVELS} levels are the most",
+            )
             for v in self.vertices:
-                require(isinstance(v, (int, np.integer)) and 4 <= v <= MOST_VERTICES,
-                        f"body {self.name!r}: vertex target {v!r} is not a whole number from 4 to {MOST_VERTICES}")
-            require(list(self.vertices) == sorted(self.vertices), f"body {self.name!r}: vertex targets {self.vertices} must go from coarse to fine")
+                require(
+                    isinstance(v, (int, np.integer)) and 4 <= v <= MOST_VERTICES,
+                    f"body {self.name!r}: vertex target {v!r} is not a whole number from 4 to {MOST_VERTICES}",
+                )
+            require(
+                list(self.vertices) == sorted(self.vertices),
+                f"body {self.name!r}: vertex targets {self.vertices} must go from coarse to fine",
+            )
         for value in (*(() if callable(self.velocity) else np.ravel(self.velocity)), *np.ravel(self.spin)):
             finite(f"body {self.name!r}: velocity or spin", float(value))
 
@@ -111,7 +139,10 @@ class Body:
 
     def instances(self, *placements: Placement) -> tuple["Body", ...]:
         """This body at each of several placements, named after it: they share its meshes, which are made once."""
-        return tuple(replace(self, name=f"{self.name} {number}", placement=placement) for number, placement in enumerate(placements, 1))
+        return tuple(
+            replace(self, name=f"{self.name} {number}", placement=placement)
+            for number, placement in enumerate(placements, 1)
+        )
 
     @property
     def uniform(self) -> bool:
@@ -127,11 +158,17 @@ class Body:
             require(bool(np.isfinite(field).all()), f"body {self.name!r}: velocity gives NaN or infinity")
             v += field
         elif len(self.velocity):
-            require(len(self.velocity) == dim, f"body {self.name!r}: velocity has {len(self.velocity)} components in a {dim}D scene")
+            require(
+                len(self.velocity) == dim,
+                f"body {self.name!r}: velocity has {len(self.velocity)} components in a {dim}D scene",
+            )
             v += np.asarray(self.velocity, dtype=float)
         spin = np.ravel(np.asarray(self.spin, dtype=float))
         if spin.size:
-            require(spin.size == (1 if dim == 2 else 3), f"body {self.name!r}: spin has {spin.size} components in a {dim}D scene")
+            require(
+                spin.size == (1 if dim == 2 else 3),
+                f"body {self.name!r}: spin has {spin.size} components in a {dim}D scene",
+            )
             r = points - centre
             v += spin[0] * np.column_stack([-r[:, 1], r[:, 0]]) if dim == 2 else np.cross(spin, r)
         return v

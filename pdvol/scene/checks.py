@@ -37,7 +37,9 @@ def vector(name: str, value) -> None:
 
 def sequence(name: str, value) -> None:
     """A tuple or a list."""
-    require(isinstance(value, (tuple, list)), f"{name} must be a tuple, as in {name}=(..., ), not {type(value).__name__}")
+    require(
+        isinstance(value, (tuple, list)), f"{name} must be a tuple, as in {name}=(..., ), not {type(value).__name__}"
+    )
 
 
 def count(name: str, value, lowest: int) -> None:

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from pdvol.scene.checks import count, finite, positive, require
 from pdvol.scene.lengths import Length, Relative, length
 
-
 STIFFNESS = 0.1  # of Young's modulus: what the authors of the convergent formulation recommend
 LAWS = ("convergent", "classic", "semi-implicit")
 
@@ -19,8 +18,9 @@ class Barrier:
     ----------
     dhat : distance [m] at which contact begins to push
     stiffness : of the convergent barrier, as a fraction of the softest Young's modulus
-    law : "convergent": weighted by area, the same on every level (Li et al. 2023); "classic": each contact alike, its stiffness adapted
-        to the forces at each step's start (Li et al. 2020); "semi-implicit": the same from masses, gaps and elastic stiffness (Ando 2024)
+    law : "convergent": weighted by area, the same on every level (Li et al. 2023); "classic": each contact alike, its
+        stiffness adapted to the forces at each step's start (Li et al. 2020); "semi-implicit": the same from masses,
+        gaps and elastic stiffness (Ando 2024)
     ccd : "additive", or "tight-inclusion": certified in exact arithmetic and many times slower
     """
 
@@ -32,10 +32,15 @@ class Barrier:
     def __post_init__(self):
         length("Barrier.dhat", self.dhat)
         positive("Barrier.stiffness", self.stiffness)
-        require(self.ccd in ("additive", "tight-inclusion"), f"Barrier.ccd = {self.ccd!r} must be additive or tight-inclusion")
+        require(
+            self.ccd in ("additive", "tight-inclusion"),
+            f"Barrier.ccd = {self.ccd!r} must be additive or tight-inclusion",
+        )
         require(self.law in LAWS, f"Barrier.law = {self.law!r} must be {', '.join(LAWS[:-1])} or {LAWS[-1]}")
-        require(self.law == LAWS[0] or self.stiffness == STIFFNESS,
-                f"Barrier.stiffness belongs to the {LAWS[0]} law; the {self.law} one finds its own: leave it out")
+        require(
+            self.law == LAWS[0] or self.stiffness == STIFFNESS,
+            f"Barrier.stiffness belongs to the {LAWS[0]} law; the {self.law} one finds its own: leave it out",
+        )
 
 
 @dataclass(frozen=True)
@@ -46,8 +51,10 @@ class Friction:
     ----------
     mu : coefficient of friction
     eps_v : sliding speed [m/s] below which friction is smoothed
-    iterations : how often a step may be solved with forces and directions of friction lagged anew; fewer where `tolerance` is met before
-    pairs : coefficients of their own by the names of bodies and obstacles, as {("ball", "floor"): 0.9}; kept as ((name, name, mu), ...)
+    iterations : how often a step may be solved with forces and directions of friction lagged anew; fewer where
+        `tolerance` is met before
+    pairs : coefficients of their own by the names of bodies and obstacles, as {("ball", "floor"): 0.9}; kept as ((name,
+        name, mu), ...)
     tolerance : change of the friction forces by lagging them anew, relative to them, that counts as converged
     """
 
@@ -72,9 +79,14 @@ class Friction:
 def _triples(pairs) -> tuple[tuple[str, str, float], ...]:
     """`Friction.pairs` as ((name, name, mu), ...), checked."""
     shape = 'Friction.pairs must look like {("ball", "floor"): 0.9}'
-    listed = [(names, mu) for names, mu in pairs.items()] if isinstance(pairs, Mapping) else [(p[:-1], p[-1]) for p in pairs]
+    listed = (
+        [(names, mu) for names, mu in pairs.items()] if isinstance(pairs, Mapping) else [(p[:-1], p[-1]) for p in pairs]
+    )
     for names, mu in listed:
-        require(isinstance(names, tuple) and len(names) == 2 and all(isinstance(name, str) for name in names), f"{shape}, not {names!r}")
+        require(
+            isinstance(names, tuple) and len(names) == 2 and all(isinstance(name, str) for name in names),
+            f"{shape}, not {names!r}",
+        )
         finite(f"Friction.pairs[{names}]", mu, 0.0)
     require(len({frozenset(names) for names, _ in listed}) == len(listed), "Friction.pairs names a pair twice")
     return tuple((*names, mu) for names, mu in listed)

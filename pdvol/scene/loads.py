@@ -1,7 +1,8 @@
 """What pulls and pushes: accelerations, forces, impulses and flows, constant or changing with time.
 
-Values that change are functions, asked at the end of each step: nothing is compiled anew. What acts on a part takes `where`, a function of rest
-positions (n, d), as placed, that gives a mask (n,), and `body`, a name; everything where left out.
+Values that change are functions, asked at the end of each step: nothing is compiled anew. What acts on a part takes
+`where`, a function of rest positions (n, d), as placed, that gives a mask (n,), and `body`, a name; everything where
+left out.
 """
 
 from collections.abc import Callable
@@ -47,7 +48,8 @@ class Gravity:
 
 @dataclass(frozen=True)
 class Force:
-    """A total force [N] ([N] per metre of depth in 2D), or a function of time that gives one, shared out by mass over a region.
+    """A total force [N] ([N] per metre of depth in 2D), or a function of time that gives one, shared out by mass over a
+    region.
 
     The total is the same on every level, whatever its vertices.
     """
@@ -64,7 +66,8 @@ class Force:
 class PointForce:
     """A force [N], or a function of time that gives one, on the material at a rest position [m], as placed.
 
-    It acts on the corners of the cell there by their barycentric coordinates; of the nearest cell where a coarse level ends short of it.
+    It acts on the corners of the cell there by their barycentric coordinates; of the nearest cell where a coarse level
+    ends short of it.
     """
 
     force: TimedVector
@@ -78,7 +81,9 @@ class PointForce:
 
 @dataclass(frozen=True)
 class Impulse:
-    """A sudden change of velocity [m/s] of a region: the momentum that takes is given to it within the step in which `time` [s] falls."""
+    """A sudden change of velocity [m/s] of a region: the momentum that takes is given to it within the step in which
+    `time` [s] falls.
+    """
 
     velocity: tuple[float, ...]
     time: float = 0.0
@@ -92,7 +97,8 @@ class Impulse:
 
 @dataclass(frozen=True)
 class Flow:
-    """A current or a wind that drags on all surfaces: the force per area is density drag / 2 |u - v| (u - v), u the flow's velocity and v the surface's.
+    """A current or a wind that drags on all surfaces: the force per area is density drag / 2 |u - v| (u - v), u the
+    flow's velocity and v the surface's.
 
     Areas are those at rest, both sides of a body feel the flow, and bodies do not shelter each other.
 

@@ -17,7 +17,8 @@ Value = float | Callable[[np.ndarray], np.ndarray]
 class Material:
     """Hyperelastic material; a law overrides `psi`. Fields that a law adds are parameters of its psi, by name.
 
-    Each field is a number, or a function of rest positions (n, d) [m] giving (n,): evaluated on the coarsest level, once a cell.
+    Each field is a number, or a function of rest positions (n, d) [m] giving (n,): evaluated on the coarsest level,
+    once a cell.
 
     Attributes
     ----------
@@ -44,7 +45,9 @@ class Material:
         if name in ("young", "density"):
             positive(label, value)
         elif name == "poisson":
-            require(-1.0 < value < 0.5, f"{label} = {value!r} must lie between -1 and 0.5 (0.499 is the stiffest in use)")
+            require(
+                -1.0 < value < 0.5, f"{label} = {value!r} must lie between -1 and 0.5 (0.499 is the stiffest in use)"
+            )
         elif name == "damping":
             finite(label, value, 0.0)
 
@@ -64,12 +67,20 @@ class Material:
         return any(callable(getattr(self, field.name)) for field in fields(self))
 
     def at(self, points: np.ndarray) -> dict[str, np.ndarray]:
-        """All fields at rest positions (n, d), each (n,). Raises InputError where a function fails or gives a value out of range."""
+        """All fields at rest positions (n, d), each (n,). Raises InputError where a function fails or gives a value out
+        of range.
+        """
         values = {}
         for field in fields(self):
             given, label = getattr(self, field.name), f"{type(self).__name__}.{field.name}"
-            found = called(label, given, (points,), (len(points),)).astype(float) if callable(given) else np.full(len(points), float(given))
-            for worst in (found.min(initial=np.inf), found.max(initial=-np.inf)) if callable(given) and len(points) else ():
+            found = (
+                called(label, given, (points,), (len(points),)).astype(float)
+                if callable(given)
+                else np.full(len(points), float(given))
+            )
+            for worst in (
+                (found.min(initial=np.inf), found.max(initial=-np.inf)) if callable(given) and len(points) else ()
+            ):
                 self._check(field.name, float(worst))
             values[field.name] = found
         return values
@@ -99,42 +110,62 @@ class NeoHookean(Material):
 
 @dataclass(frozen=True)
 class StVenantKirchhoff(Material):
-    """Linear in Green's strain: stiffer than Neo-Hookean when pulled, and giving way below a stretch of 0.58 when pressed, down to a tenth of
-    its volume, where a barrier holds it."""
+    """Linear in Green's strain: stiffer than Neo-Hookean when pulled, and giving way below a stretch of 0.58 when
+    pressed, down to a tenth of its volume, where a barrier holds it.
+    """
 
     psi = staticmethod(elasticity.st_venant_kirchhoff)
 
 
 @dataclass(frozen=True)
 class FixedCorotational(Material):
-    """Linear in the stretches: rotations cost nothing, stresses stay moderate; below a tenth of its volume a barrier holds it."""
+    """Linear in the stretches: rotations cost nothing, stresses stay moderate; below a tenth of its volume a barrier
+    holds it.
+    """
 
     psi = staticmethod(elasticity.fixed_corotational)
 
 
 @dataclass(frozen=True)
 class Region:
-    """A part of a body with a material of its own, chosen on the coarsest level by its cells and carried to finer ones by the binding.
+    """A part of a body with a material of its own, chosen on the coarsest level by its cells and carried to finer ones
+    by the binding.
 
     Attributes
     ----------
     material : Material
-    where : function of rest positions (n, d), as placed, giving a mask (n,), asked at cell centres; or a label, or several, of the input
-        mesh's cells
+    where : function of rest positions (n, d), as placed, giving a mask (n,), asked at cell centres; or a label, or
+        several, of the input mesh's cells
     """
 
     material: Material
     where: Callable[[np.ndarray], np.ndarray] | int | tuple[int, ...]
 
     def __post_init__(self):
-        require(isinstance(self.material, Material), f"a region's material must be a Material, not {type(self.material).__name__}")
+        require(
+            isinstance(self.material, Material),
+            f"a region's material must be a Material, not {type(self.material).__name__}",
+        )
         labels = self.labels
-        require(callable(self.where) or len(labels) > 0, "Region.where = () names no label; give a function or labels of the input mesh's cells")
+        require(
+            callable(self.where) or len(labels) > 0,
+            "Region.where = () names no label; give a function or labels of the input mesh's cells",
+        )
         for label in labels:
             whole = isinstance(label, (int, np.integer)) and not isinstance(label, bool)
-            require(whole, f"Region.where = {self.where!r} must be a function of positions or whole numbers, the labels of the input mesh's cells")
+            require(
+                whole,
+                f"Region.where = {self.where!r} must be a function of positions or whole numbers, the labels of the"
+                " input mesh's cells",
+            )
 
     @property
     def labels(self) -> tuple:
         """The labels it was given by, none for a function."""
-        return () if callable(self.where) else tuple(self.where) if isinstance(self.where, (tuple, list)) else (self.where,)
+        return (
+            ()
+            if callable(self.where)
+            else tuple(self.where)
+            if isinstance(self.where, (tuple, list))
+            else (self.where,)
+        )

@@ -36,7 +36,9 @@ class Translation:
 
 @dataclass(frozen=True)
 class Rotation:
-    """Constant angular speed [rad/s] about an axis through a centre, until `stop` [s]. In 2D the axis is the plane's normal."""
+    """Constant angular speed [rad/s] about an axis through a centre, until `stop` [s]. In 2D the axis is the plane's
+    normal.
+    """
 
     speed: float
     centre: tuple[float, ...]
@@ -57,7 +59,8 @@ class Rotation:
 
 @dataclass(frozen=True)
 class Path:
-    """Translation along keyframes: at `times[i]` [s] the displacement is `points[i]` [m]; still before the first and after the last.
+    """Translation along keyframes: at `times[i]` [s] the displacement is `points[i]` [m]; still before the first and
+    after the last.
 
     Attributes
     ----------
@@ -73,10 +76,16 @@ class Path:
     def __post_init__(self):
         sequence("Path.times", self.times)
         sequence("Path.points", self.points)
-        require(len(self.times) == len(self.points) >= 2, f"Path has {len(self.times)} times and {len(self.points)} points; give as many, two at least")
+        require(
+            len(self.times) == len(self.points) >= 2,
+            f"Path has {len(self.times)} times and {len(self.points)} points; give as many, two at least",
+        )
         for t in self.times:
             finite("Path.times", t)
-        require(all(a < b for a, b in zip(self.times, self.times[1:], strict=False)), f"Path.times = {self.times!r} must ascend")
+        require(
+            all(a < b for a, b in zip(self.times, self.times[1:], strict=False)),
+            f"Path.times = {self.times!r} must ascend",
+        )
         for point in self.points:
             vector("Path.points", point)
         require(len({len(p) for p in self.points}) == 1, "Path.points must all have two or all three components")
@@ -93,13 +102,18 @@ class Path:
 
 @dataclass(frozen=True)
 class Sequential:
-    """Motions applied one after the other at the same time: `Sequential((Rotation(...), Path(...)))` turns, and carries what has turned."""
+    """Motions applied one after the other at the same time: `Sequential((Rotation(...), Path(...)))` turns, and carries
+    what has turned.
+    """
 
     motions: tuple[Motion, ...]
 
     def __post_init__(self):
         sequence("Sequential.motions", self.motions)
-        require(all(callable(motion) for motion in self.motions), "Sequential.motions must be motions, callables (X, t) -> x")
+        require(
+            all(callable(motion) for motion in self.motions),
+            "Sequential.motions must be motions, callables (X, t) -> x",
+        )
 
     def __call__(self, X: np.ndarray, t: float) -> np.ndarray:
         for motion in self.motions:
@@ -108,7 +122,10 @@ class Sequential:
 
 
 def _end(name: str, value) -> None:
-    require(isinstance(value, (int, float, np.number)) and value >= 0.0, f"{name} = {value!r} must be a time, not negative (inf: never)")
+    require(
+        isinstance(value, (int, float, np.number)) and value >= 0.0,
+        f"{name} = {value!r} must be a time, not negative (inf: never)",
+    )
 
 
 def moved(motion: Motion, X: np.ndarray, t: float, whose: str) -> np.ndarray:

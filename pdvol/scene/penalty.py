@@ -7,10 +7,11 @@ from pdvol.scene.checks import finite
 
 @dataclass(frozen=True)
 class Penalty:
-    """Weights w of w |x - P x_c|^2_M, x_c the coarser level's positions at the end of the step (design, section 2; paper 3.2.3).
+    """Weights w of w |x - P x_c|^2_M, x_c the coarser level's positions at the end of the step (design, section 2;
+    paper 3.2.3).
 
-    It stands beside the inertia's 1/2 |x - x_hat|^2_M, so w has no unit: w = 0.025 is a twentieth of the inertia. A march that is not named
-    below has no such term.
+    It stands beside the inertia's 1/2 |x - x_hat|^2_M, so w has no unit: w = 0.025 is a twentieth of the inertia. A
+    march that is not named below has no such term.
 
     Attributes
     ----------

@@ -16,7 +16,9 @@ MOST_STEPS = 10_000_000  # what is beyond is a slip of the pen
 
 @dataclass(frozen=True)
 class Scene:
-    """A shot. Everything below is described once, for all levels. `separate`: what may be done, in order, where bodies meet at t = 0."""
+    """A shot. Everything below is described once, for all levels. `separate`: what may be done, in order, where bodies
+    meet at t = 0.
+    """
 
     bodies: tuple[Body, ...]
     dt: float
@@ -46,22 +48,37 @@ class Scene:
         for remedy in self.separate:
             require(isinstance(remedy, Separate), f"separate holds Separate(by, limit), not {type(remedy).__name__}")
         for load in self.loads:
-            require(isinstance(load, Load), f"loads hold {', '.join(kind.__name__ for kind in get_args(Load))}, not {type(load).__name__}")
+            require(
+                isinstance(load, Load),
+                f"loads hold {', '.join(kind.__name__ for kind in get_args(Load))}, not {type(load).__name__}",
+            )
             body = getattr(load, "body", "")
             require(body in ("", *names), f"a {type(load).__name__} names the body {body!r}; there are {names}")
         for kind in (Barrier, Friction):
             require(sum(isinstance(c, kind) for c in self.contact) <= 1, f"contact names more than one {kind.__name__}")
         self._check_pairs(names, [getattr(o, "name", "") for o in self.obstacles])
         if any(isinstance(c, Friction) for c in self.contact) or self.obstacles:
-            require(any(isinstance(c, Barrier) for c in self.contact), "friction and obstacles need contact=(Barrier(), ...)")
+            require(
+                any(isinstance(c, Barrier) for c in self.contact),
+                "friction and obstacles need contact=(Barrier(), ...)",
+            )
 
     def _check_pairs(self, bodies: list[str], obstacles: list[str]) -> None:
         """That friction's pairs name what can touch."""
         for one, other, _ in (pair for c in self.contact if isinstance(c, Friction) for pair in c.pairs):
             for name in (one, other):
-                require(name in bodies or name in obstacles, f"Friction.pairs names {name!r}; there are {[*bodies, *obstacles]}")
-                require(name not in bodies or name not in obstacles, f"Friction.pairs: {name!r} is a body and an obstacle; rename one of them")
-            require(one in bodies or other in bodies, f"Friction.pairs names the obstacles {one!r} and {other!r}, which never touch")
+                require(
+                    name in bodies or name in obstacles,
+                    f"Friction.pairs names {name!r}; there are {[*bodies, *obstacles]}",
+                )
+                require(
+                    name not in bodies or name not in obstacles,
+                    f"Friction.pairs: {name!r} is a body and an obstacle; rename one of them",
+                )
+            require(
+                one in bodies or other in bodies,
+                f"Friction.pairs names the obstacles {one!r} and {other!r}, which never touch",
+            )
 
     @property
     def levels(self) -> int:
@@ -72,7 +89,10 @@ class Scene:
         """The same scene with some settings of its solver and penalty replaced."""
         unknown = set(settings) - SETTINGS.keys()
         require(not unknown, f"unknown setting {sorted(unknown)}; there are {sorted(SETTINGS)}")
-        parts = {part: {name: value for name, value in settings.items() if SETTINGS[name] == part} for part in ("solver", "penalty")}
+        parts = {
+            part: {name: value for name, value in settings.items() if SETTINGS[name] == part}
+            for part in ("solver", "penalty")
+        }
         return replace(self, **{part: replace(getattr(self, part), **own) for part, own in parts.items()})
 
 

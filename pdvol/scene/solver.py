@@ -33,7 +33,9 @@ class Solver:
         count("Solver.max_halvings", self.max_halvings, 0)
         require(self.max_halvings <= 20, f"Solver.max_halvings = {self.max_halvings!r} must be at most 20")
         require(isinstance(self.petsc, str), f'Solver.petsc = {self.petsc!r} must be text, as in "-ksp_rtol 1e-6"')
-        require(self.linear in ("auto", "iterative", "multilevel", "direct"),
-                 f"Solver.linear = {self.linear!r} must be auto, iterative, multilevel or direct")
+        require(
+            self.linear in ("auto", "iterative", "multilevel", "direct"),
+            f"Solver.linear = {self.linear!r} must be auto, iterative, multilevel or direct",
+        )
         positive("Solver.accuracy", self.accuracy)
         require(self.accuracy <= 0.1, f"Solver.accuracy = {self.accuracy!r} must be at most 0.1")

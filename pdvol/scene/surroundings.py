@@ -65,11 +65,19 @@ class Support:
     release: float = np.inf
 
     def __post_init__(self):
-        require(callable(self.where), f"Support.where = {self.where!r} must be a function of rest positions (n, d) giving a mask (n,)")
+        require(
+            callable(self.where),
+            f"Support.where = {self.where!r} must be a function of rest positions (n, d) giving a mask (n,)",
+        )
         require(callable(self.motion), f"Support.motion = {self.motion!r} must be a motion, a callable (X, t) -> x")
         number = isinstance(self.release, (int, float, np.number)) and not isinstance(self.release, bool)
-        require(number and self.release >= 0.0, f"Support.release = {self.release!r} must be a time, not negative (inf: never)")
+        require(
+            number and self.release >= 0.0,
+            f"Support.release = {self.release!r} must be a time, not negative (inf: never)",
+        )
 
     def holds(self, time: float, dt: float) -> bool:
-        """Whether a step of dt [s] that begins at `time` [s] still holds them; times are compared to a millionth of the step."""
+        """Whether a step of dt [s] that begins at `time` [s] still holds them; times are compared to a millionth of the
+        step.
+        """
         return time < self.release - 1e-6 * dt

@@ -1,8 +1,8 @@
 """The coarse space of the two-level preconditioner: smooth displacements that a local preconditioner cannot see.
 
-Its Galerkin operator P' A P (contact included) is summed by each rank from its rows and solved on every rank alike: it has some
-hundred vertices. P comes from the hierarchy's own coarsest levels, or, where a level stands alone, from a regular background grid whose
-multilinear hat functions are restricted to the mesh.
+Its Galerkin operator P' A P (contact included) is summed by each rank from its rows and solved on every rank alike: it
+has some hundred vertices. P comes from the hierarchy's own coarsest levels, or, where a level stands alone, from a
+regular background grid whose multilinear hat functions are restricted to the mesh.
 """
 
 import numpy as np
@@ -15,7 +15,9 @@ from pdvol.hierarchy.level_space import LevelSpace
 from pdvol.potentials import native
 from pdvol.potentials.native import pointer
 
-NODES = 1.4  # of a grid, over the square root of the vertices: every rank solves with all of them; twice as many spare a tenth to a seventh of the iterations
+# of a grid, over the square root of the vertices: every rank solves with all of them; twice as many spare a tenth to a
+# seventh of the iterations
+NODES = 1.4
 SMALLEST_SUPPORT = 1e-2  # a grid node whose weights add up to less has nothing to say
 SHIFT = 1e-7  # of the diagonal: nodes at a rim can be nearly dependent
 
@@ -26,7 +28,8 @@ def grid_weights(mesh: LevelMesh) -> csr_array:
     nodes = round(NODES * len(mesh.points) ** 0.5) + 2**d
     bodies = np.unique(mesh.point_bodies)
     volumes = np.array([np.abs(mesh.volumes[mesh.bodies == body]).sum() for body in bodies])
-    # Nodes outside count too: a solid of volume V has about V / H^d + surface nodes; shrink H until the count is reached.
+    # Nodes outside count too: a solid of volume V has about V / H^d + surface nodes; shrink H until the count is
+    # reached.
     spacing = (volumes.sum() / nodes) ** (1.0 / d)
     for _ in range(20):
         parts = [_body_grid(mesh.points[mesh.point_bodies == body], spacing) for body in bodies]
@@ -40,13 +43,18 @@ def grid_weights(mesh: LevelMesh) -> csr_array:
         rows.append(np.flatnonzero(mesh.point_bodies == body)[entries.row])
         columns.append(entries.col + offset)
         weights.append(entries.data)
-    return csr_array((np.concatenate(weights), (np.concatenate(rows), np.concatenate(columns))), shape=(len(mesh.points), offsets[-1]))
+    return csr_array(
+        (np.concatenate(weights), (np.concatenate(rows), np.concatenate(columns))),
+        shape=(len(mesh.points), offsets[-1]),
+    )
 
 
 def _body_grid(points: np.ndarray, spacing: float) -> csr_array:
     d = points.shape[1]
     low, size = points.min(axis=0), np.ptp(points, axis=0)
-    boxes = np.maximum(1, np.round(size / spacing)).astype(int)  # whole boxes along each axis: no slivers at the far side
+    boxes = np.maximum(1, np.round(size / spacing)).astype(
+        int
+    )  # whole boxes along each axis: no slivers at the far side
     scaled = (points - low) / np.maximum(size, 1e-300) * boxes
     corner = np.minimum(scaled.astype(int), boxes - 1)
     share = scaled - corner
@@ -87,10 +95,18 @@ class CoarseSpace:
             return
         self._starts, self._columns, self._weights = P.indptr.astype(np.int32), P.indices.astype(np.int32), P.data
         mine = self._starts[space.first_block :]  # rows of P
-        self._arguments = (space.dim, space.n_owned, pointer(mine, "int32_t"), pointer(self._columns, "int32_t"), pointer(self._weights))
+        self._arguments = (
+            space.dim,
+            space.n_owned,
+            pointer(mine, "int32_t"),
+            pointer(self._columns, "int32_t"),
+            pointer(self._weights),
+        )
 
     def update(self, parts) -> None:
-        """Sums and factors P' A P. `parts`: (starts, columns, blocks) of A's cells and pairs, each a block CSR of this rank's rows. Collective."""
+        """Sums and factors P' A P. `parts`: (starts, columns, blocks) of A's cells and pairs, each a block CSR of this
+        rank's rows. Collective.
+        """
         if self._solver is None:
             self._find_pattern(parts)
         out = self._product(parts)
@@ -110,12 +126,25 @@ class CoarseSpace:
         """Blocks of one triangle of P' A P, summed over all ranks; the last one holds what the pattern leaves out."""
         out = np.zeros((len(self._keys) + 1, self.space.dim, self.space.dim))
         for starts, columns, blocks in parts:
-            starts, columns = np.ascontiguousarray(starts, dtype=np.int32), np.ascontiguousarray(columns, dtype=np.int32)
+            starts, columns = (
+                np.ascontiguousarray(starts, dtype=np.int32),
+                np.ascontiguousarray(columns, dtype=np.int32),
+            )
             blocks = np.ascontiguousarray(blocks)
-            if native.library().galerkin(self.space.dim, self.space.n_owned, self.space.first_block, pointer(starts, "int32_t"),
-                                         pointer(columns, "int32_t"), pointer(blocks), pointer(self._starts, "int32_t"),
-                                         pointer(self._columns, "int32_t"), pointer(self._weights), self.size, pointer(self._table, "int32_t"),
-                                         pointer(out)):
+            if native.library().galerkin(
+                self.space.dim,
+                self.space.n_owned,
+                self.space.first_block,
+                pointer(starts, "int32_t"),
+                pointer(columns, "int32_t"),
+                pointer(blocks),
+                pointer(self._starts, "int32_t"),
+                pointer(self._columns, "int32_t"),
+                pointer(self._weights),
+                self.size,
+                pointer(self._table, "int32_t"),
+                pointer(out),
+            ):
                 raise MemoryError("no memory left for the coarse system")
         if self.space.comm.size > 1:
             self.space.comm.Allreduce(MPI.IN_PLACE, out, op=MPI.SUM)
@@ -127,7 +156,9 @@ class CoarseSpace:
             self._solver = None
 
     def _find_pattern(self, parts) -> None:
-        """Blocks between coarse vertices that some cell or contact couples; none is dropped when contacts go, until `forget`."""
+        """Blocks between coarse vertices that some cell or contact couples; none is dropped when contacts go, until
+        `forget`.
+        """
         m, d = self.size, self.space.dim
         if self._by_cells is None:
             self._by_cells = self._coupled(parts[0])
@@ -143,8 +174,13 @@ class CoarseSpace:
         self._upper = np.flatnonzero(column >= row)
         self._diagonal = np.flatnonzero((row == column)[self._upper])
         upper = self._keys[self._upper]
-        self._rows = (np.searchsorted(upper, np.arange(m + 1) * m).astype(PETSc.IntType), (upper % m).astype(PETSc.IntType))
-        self._matrix = PETSc.Mat().createSBAIJ((m * d, m * d), d, csr=(*self._rows, np.zeros((len(upper), d, d))), comm=MPI.COMM_SELF)
+        self._rows = (
+            np.searchsorted(upper, np.arange(m + 1) * m).astype(PETSc.IntType),
+            (upper % m).astype(PETSc.IntType),
+        )
+        self._matrix = PETSc.Mat().createSBAIJ(
+            (m * d, m * d), d, csr=(*self._rows, np.zeros((len(upper), d, d))), comm=MPI.COMM_SELF
+        )
         self._matrix.setOption(PETSc.Mat.Option.SPD, True)
         self._solver = PETSc.KSP().create(MPI.COMM_SELF)
         self._solver.setType(PETSc.KSP.Type.PREONLY)

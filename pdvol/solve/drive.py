@@ -1,11 +1,12 @@
 """Scripted motions under contact: supports and obstacles are carried as far as nothing crosses, in parts of the step.
 
-Each part ends at a time on the clock, with supports and obstacles exactly where their motions have them then; the straight way there from
-the part before is what collision detection clears. So an obstacle that turns never stays on a chord of its arc, and never is where it was
-not checked. Newton's direction lets bodies give way to supports and, through the barrier, to obstacles. Where the bodies' own way to rest
-ends it early, what they give way by alone goes further, and the rest is left to minimising between parts. Bodies' ways are straight, those
-of what turns are not: a direction found for a place far ahead runs into it long before. So each is found for a place `AHEAD` times as far
-as the last part came. A part never squeezes a cell below `CRUSHED` of its rest volume.
+Each part ends at a time on the clock, with supports and obstacles exactly where their motions have them then; the
+straight way there from the part before is what collision detection clears. So an obstacle that turns never stays on a
+chord of its arc, and never is where it was not checked. Newton's direction lets bodies give way to supports and,
+through the barrier, to obstacles. Where the bodies' own way to rest ends it early, what they give way by alone goes
+further, and the rest is left to minimising between parts. Bodies' ways are straight, those of what turns are not: a
+direction found for a place far ahead runs into it long before. So each is found for a place `AHEAD` times as far as the
+last part came. A part never squeezes a cell below `CRUSHED` of its rest volume.
 """
 
 from collections.abc import Callable
@@ -24,15 +25,22 @@ AHEAD = 2.0  # times the last part's length: where the next one's direction lead
 NEAR = 0.005  # of the step: what a part that came less far counts as in that
 KEEP = 0.9  # of the way found free is gone: detection asked again for all of it may say a little less
 LITTLE = 2e-4  # of the step: a part that gains less is not gone at all, lest gaps shrink for nothing
-PINCHED = 0.25  # of the smallest gap before the first part: below it bodies get more iterations, lest part after part halves the gaps
+# of the smallest gap before the first part: below it bodies get more iterations, lest part after part halves the gaps
+PINCHED = 0.25
 CRUSHED = 1e-3  # of its rest volume: no part squeezes a cell further
 SHORTER = 0.5  # a part that would
 RELAX = 2  # Newton iterations between parts
 GIVE_WAY = 20  # where gaps are pinched
 
 
-def follow(script: Script, potential: IncrementalPotential, newton: Newton, x: Positions, t1: float,
-           count: Callable[[NewtonReport], None]) -> Positions:
+def follow(
+    script: Script,
+    potential: IncrementalPotential,
+    newton: Newton,
+    x: Positions,
+    t1: float,
+    count: Callable[[NewtonReport], None],
+) -> Positions:
     """Carries everything scripted from `script.clock` towards its place at t1 [s]; bodies give way. Collective.
 
     The clock then tells how far that was possible. `count` is told of every solve. The state returned is admissible.
@@ -60,7 +68,9 @@ def follow(script: Script, potential: IncrementalPotential, newton: Newton, x: P
     return x
 
 
-def _part(script: Script, potential: IncrementalPotential, newton: Newton, x: Positions, t1: float, least: float) -> Positions | None:
+def _part(
+    script: Script, potential: IncrementalPotential, newton: Newton, x: Positions, t1: float, least: float
+) -> Positions | None:
     """Goes the longest free part towards places at t1 [s]; None where that gains less than `least` [s]."""
     clock = script.clock
     push = potential.push(x, clock, t1) if script.pushes else 0.0
@@ -77,9 +87,12 @@ def _part(script: Script, potential: IncrementalPotential, newton: Newton, x: Po
     return there
 
 
-def _free_part(script: Script, potential: IncrementalPotential, x: Positions, t1: float, least: float,
-               direction: np.ndarray) -> tuple[float, Positions | None]:
-    """Until when a part can go along a direction that leads to t1 [s], and where it ends; None where that gains less than `least` [s]."""
+def _free_part(
+    script: Script, potential: IncrementalPotential, x: Positions, t1: float, least: float, direction: np.ndarray
+) -> tuple[float, Positions | None]:
+    """Until when a part can go along a direction that leads to t1 [s], and where it ends; None where that gains less
+    than `least` [s].
+    """
     clock, held = script.clock, script.held[:, None]
     until, share = t1, 1.0
     for _ in range(TRIES):

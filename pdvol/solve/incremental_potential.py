@@ -23,7 +23,13 @@ class IncrementalPotential:
     """
 
     def __init__(self, space: LevelSpace, terms: Terms, watch: Stopwatch):
-        self.space, self.mass, self.terms, self.contacts, self.watch = space, terms.mass, terms.potentials, terms.contacts, watch
+        self.space, self.mass, self.terms, self.contacts, self.watch = (
+            space,
+            terms.mass,
+            terms.potentials,
+            terms.contacts,
+            watch,
+        )
         self.rules, self.frictions = terms.rules, tuple(t for t in terms.potentials if t.name == "friction")
         self._contact_names = {id(t) for t in terms.contacts} | {id(t) for t in self.frictions}
         self.x_hat, self.dt = None, None
@@ -61,7 +67,9 @@ class IncrementalPotential:
         return 0.5 * self.space.comm.allreduce(float(np.vdot(x.owned - self.x_hat, self.mass * (x.owned - self.x_hat))))
 
     def value(self, x: Positions) -> float:
-        """The potential at x; inf where x is not admissible. Raises SimulationError, naming the term, where one is not a number."""
+        """The potential at x; inf where x is not admissible. Raises SimulationError, naming the term, where one is not
+        a number.
+        """
         total = self.inertia(x)
         for term in self.terms:
             with self._part(term):
@@ -72,7 +80,9 @@ class IncrementalPotential:
         return total
 
     def require_admissible(self, x: Positions) -> None:
-        """Raises SimulationError, naming the term, where one has no finite energy at x, from which a solve would begin. Collective."""
+        """Raises SimulationError, naming the term, where one has no finite energy at x, from which a solve would begin.
+        Collective.
+        """
         self._require_finite("inertia", "energy", self.inertia(x))
         for term in self.terms:
             self._require_finite(term.name, "energy", term.value(x))
@@ -105,11 +115,14 @@ class IncrementalPotential:
         for term in self.terms:
             into.clear()
             term.add_hessian(x, weight * self.dt**2, into)
-            self._require_finite(term.name, "Hessian", np.array([np.sum(into.cells), *(np.sum(blocks) for *_, blocks in into.added)]))
+            self._require_finite(
+                term.name, "Hessian", np.array([np.sum(into.cells), *(np.sum(blocks) for *_, blocks in into.added)])
+            )
         raise SimulationError("the Hessian is too large for double precision")
 
     def max_step(self, x: Positions, direction: np.ndarray, until: float | None = None, keep: float = KEPT) -> float:
-        """Largest admissible step in [0, 1] along direction, obstacles moving to `until` [s] meanwhile: the same on every rank.
+        """Largest admissible step in [0, 1] along direction, obstacles moving to `until` [s] meanwhile: the same on
+        every rank.
 
         Where contact is what ends it, `keep` of a gap is left.
         """
@@ -132,18 +145,22 @@ class IncrementalPotential:
         return self.dt**2 * sum(term.scale for term in self.terms)
 
     def lag(self, x: Positions) -> float:
-        """Freezes lagged quantities at x. By how much that changes the friction forces at x, relative to them: their residual. Collective."""
+        """Freezes lagged quantities at x. By how much that changes the friction forces at x, relative to them: their
+        residual. Collective.
+        """
         with self.watch.part("contact"):
             before = [term.gradient(x) for term in self.frictions]
             for term in self.terms:
                 term.lag(x)
             after = [term.gradient(x) for term in self.frictions]
-            size = lambda forces: np.sqrt(self.space.comm.allreduce(float(np.vdot(forces, forces))))  # noqa: E731
+            size = lambda forces: np.sqrt(self.space.comm.allreduce(float(np.vdot(forces, forces))))
             change, force = size(np.subtract(sum(after), sum(before))), max(size(sum(before)), size(sum(after)))
         return float(change / force) if force > 0.0 else 0.0
 
     def stiffen(self, x: Positions) -> bool:
-        """After a solve that ended at x: whether a contact stiffness was raised, so that it has to be solved again. Collective."""
+        """After a solve that ended at x: whether a contact stiffness was raised, so that it has to be solved again.
+        Collective.
+        """
         with self.watch.part("contact"):
             return any([rule.end_solve(x) for rule in self.rules])
 
@@ -158,7 +175,8 @@ class IncrementalPotential:
             term.place(time)
 
     def push(self, x: Positions, time: float, until: float) -> np.ndarray:
-        """What obstacles add to the gradient (n_owned, d) on their way from their places at `time` to those at `until` [s], to first order.
+        """What obstacles add to the gradient (n_owned, d) on their way from their places at `time` to those at `until`
+        [s], to first order.
 
         By differences over a millionth of that way; none where contact is nearer than that.
         """

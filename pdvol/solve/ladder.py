@@ -1,4 +1,5 @@
-"""The failure ladder (design, section 6): what is tried, in this order, where a solve does not go on, and how often each rung was taken.
+"""The failure ladder (design, section 6): what is tried, in this order, where a solve does not go on, and how often
+each rung was taken.
 
 | rung | what | after |
 |---|---|---|
@@ -11,8 +12,9 @@
 | halvings | half the step | all of these, or too many iterations |
 | last_resort | the smallest step once more, from its beginning with the strongest filter and the direct solver | halving no further |
 
-After the last one comes `ConvergenceError`, which names level, step and reason; finished steps are kept. What is not a number ends the
-run at once: no rung mends it. `substeps` counts the parts into which a scripted motion was cut because contact stood in its way.
+After the last one comes `ConvergenceError`, which names level, step and reason; finished steps are kept. What is not a
+number ends the run at once: no rung mends it. `substeps` counts the parts into which a scripted motion was cut because
+contact stood in its way.
 """
 
 RUNGS = ("clamp", "abs", "shift", "direct", "workspace", "held_back", "halvings", "last_resort", "substeps")

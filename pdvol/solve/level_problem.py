@@ -23,7 +23,6 @@ from pdvol.solve.newton import Newton, NewtonReport
 from pdvol.solve.script import Script
 from pdvol.solve.timing import Stopwatch
 
-
 HELD_BACK = (0.25, 0.0)  # of what motions gained before a solve failed: so far they go when it is tried again
 
 
@@ -95,23 +94,45 @@ class LevelProblem:
     guides : what holds the level to the coarser one, if anything
     """
 
-    def __init__(self, scene: Scene, space: LevelSpace, level: int, diagonal: float, obstacles=(),
-                 coarse_weights: Callable[[], csr_array | None] = lambda: None, materials: CellMaterials | None = None,
-                 guides: Sequence[Guide] = ()):
+    def __init__(
+        self,
+        scene: Scene,
+        space: LevelSpace,
+        level: int,
+        diagonal: float,
+        obstacles=(),
+        coarse_weights: Callable[[], csr_array | None] = lambda: None,
+        materials: CellMaterials | None = None,
+        guides: Sequence[Guide] = (),
+    ):
         self.scene, self.space, self.level = scene, space, level
         self.watch = Stopwatch()
-        self.potential = IncrementalPotential(space, build_terms(scene, space, diagonal, obstacles, materials, guides), self.watch)
+        self.potential = IncrementalPotential(
+            space, build_terms(scene, space, diagonal, obstacles, materials, guides), self.watch
+        )
         self.script = Script(scene, space, level)
         self._diagonal, self._coarse_weights = diagonal, coarse_weights
         self.newton = self._new_newton()
-        self._lags, self._settled = next(((c.iterations, c.tolerance) for c in scene.contact if isinstance(c, Friction)), (1, 0.0))
+        self._lags, self._settled = next(
+            ((c.iterations, c.tolerance) for c in scene.contact if isinstance(c, Friction)), (1, 0.0)
+        )
 
     def _new_newton(self) -> Newton:
         settings, diagonal = self.scene.solver, self._diagonal
-        return Newton(self.space, self.potential, self.script.held, metres(settings.tolerance, diagonal), settings, self.watch, self._coarse_weights)
+        return Newton(
+            self.space,
+            self.potential,
+            self.script.held,
+            metres(settings.tolerance, diagonal),
+            settings,
+            self.watch,
+            self._coarse_weights,
+        )
 
     def go_on_from(self, record: Mapping) -> None:
-        """Begins with what the step of this log record knew, so that the next one is the same as without an interruption."""
+        """Begins with what the step of this log record knew, so that the next one is the same as without an
+        interruption.
+        """
         behind = record.get("behind", 0.0)
         self.script.behind = float(behind) if isinstance(behind, (int, float)) else 0.0
         if isinstance(record.get("solver_memory"), dict):
@@ -120,8 +141,8 @@ class LevelProblem:
     def step(self, number: int, positions: np.ndarray, velocity: np.ndarray) -> StepReport:
         """Step `number` (from 1) from positions (n, d) with predicted velocity (n, d) [m/s], both in the input's order.
 
-        Raises ConvergenceError, naming level, step and reason, where no rung of the ladder helps, and InputError where a motion of the
-        scene's own fails. Collective.
+        Raises ConvergenceError, naming level, step and reason, where no rung of the ladder helps, and InputError where
+        a motion of the scene's own fails. Collective.
         """
         dt = self.scene.dt
         report = StepReport(self.level, number, number * dt, positions)
@@ -147,7 +168,9 @@ class LevelProblem:
         report.peak_memory_mb = peak_memory(self.space.comm)
         return report
 
-    def _advance(self, report: StepReport, x_t: Positions, velocity: np.ndarray, t0: float, t1: float, depth: int = 0) -> Positions:
+    def _advance(
+        self, report: StepReport, x_t: Positions, velocity: np.ndarray, t0: float, t1: float, depth: int = 0
+    ) -> Positions:
         """From t0 to t1, down the ladder where that does not converge (`ladder.py`)."""
         clock, deepest = self.script.clock, depth == self.scene.solver.max_halvings
         x_hat = x_t.owned + (t1 - t0) * velocity
@@ -164,7 +187,9 @@ class LevelProblem:
 
         substeps = report.ladder["substeps"]
         x, solved = attempt(t1)
-        if report.ladder["substeps"] > substeps:  # contact stood in the way of motions, which may have crushed what they met
+        if (
+            report.ladder["substeps"] > substeps
+        ):  # contact stood in the way of motions, which may have crushed what they met
             gained = self.script.clock - clock
             for share in HELD_BACK:
                 if x is None:
@@ -176,8 +201,12 @@ class LevelProblem:
         if x is not None:
             return x
         if deepest:
-            raise ConvergenceError(self.level, report.step, f"{solved.reason} after {report.cuts} cuts of the step, last at dt = {t1 - t0:.3g} s, "
-                                   f"Newton step {solved.speed:.3g} m/s (tried: {told(report.ladder)}); try a smaller dt or a larger dhat")
+            raise ConvergenceError(
+                self.level,
+                report.step,
+                f"{solved.reason} after {report.cuts} cuts of the step, last at dt = {t1 - t0:.3g} s, "
+                f"Newton step {solved.speed:.3g} m/s (tried: {told(report.ladder)}); try a smaller dt or a larger dhat",
+            )
         report.cuts += 1
         report.ladder["halvings"] += 1
         self.script.clock = clock
@@ -185,14 +214,19 @@ class LevelProblem:
         halfway = self._advance(report, x_t, velocity, t0, middle, depth + 1)
         return self._advance(report, halfway, (halfway.owned - x_t.owned) / (middle - t0), middle, t1, depth + 1)
 
-    def _solve(self, report: StepReport, x_t: Positions, x_hat: np.ndarray, t0: float, t1: float, target: float,
-               careful: bool) -> tuple[Positions, NewtonReport]:
+    def _solve(
+        self, report: StepReport, x_t: Positions, x_hat: np.ndarray, t0: float, t1: float, target: float, careful: bool
+    ) -> tuple[Positions, NewtonReport]:
         """One try, with scripted motions going no further than their places at `target` [s]."""
         self.potential.begin_step(x_t, x_hat, t0, t1, self.script.clock)
         substeps = report.ladder["substeps"]
         x = None if careful else self._predicted(x_t, x_hat, target)
         if x is None:
-            x = follow(self.script, self.potential, self.newton, x_t, target, partial(self._count, report)) if self.script.moves else x_t
+            x = (
+                follow(self.script, self.potential, self.newton, x_t, target, partial(self._count, report))
+                if self.script.moves
+                else x_t
+            )
         lags, report.friction_residual = 1, None
         keep = KEPT_PRESSED if report.ladder["substeps"] > substeps else KEPT
         while True:
@@ -213,10 +247,11 @@ class LevelProblem:
         return x, solved
 
     def _predicted(self, x_t: Positions, x_hat: np.ndarray, target: float) -> Positions | None:
-        """The predicted state, supports in their places, where the straight way there is free and it is a better start than x_t.
+        """The predicted state, supports in their places, where the straight way there is free and it is a better start
+        than x_t.
 
-        Obstacles and supports then are where target wants them. Under friction x_t is better: nothing has slipped there, and Newton zigzags
-        across the kink between sticking and sliding from anywhere else.
+        Obstacles and supports then are where target wants them. Under friction x_t is better: nothing has slipped
+        there, and Newton zigzags across the kink between sticking and sliding from anywhere else.
         """
         if self.potential.rubs:
             return None

@@ -1,4 +1,5 @@
-"""Linear solvers for Newton's systems: which one, by what the problem turns out to be, and PETSc options behind a prefix of their own.
+"""Linear solvers for Newton's systems: which one, by what the problem turns out to be, and PETSc options behind a
+prefix of their own.
 
 | method | what it is | `auto` takes it |
 |---|---|---|
@@ -20,13 +21,15 @@ from pdvol.solve.coarse_space import CoarseSpace
 METHODS = ("iterative", "multilevel", "direct")
 LARGE = 2_000  # vertices from which on the coarse space pays for its set-up at once
 MANY = 40  # iterations after which `iterative` hands over to `multilevel`
-HARD = 200  # iterations that cost more than a direct solve: from 500 to 20,000 vertices that takes as long as 100 to 400
+# iterations that cost more than a direct solve: from 500 to 20,000 vertices that takes as long as 100 to 400
+HARD = 200
 PATIENCE = 20  # direct solves after which the others are tried again
-# An incomplete factor of a positive definite matrix need not be one: stiff contacts break it, and slivers do. Diagonal blocks of rows in
-# contact, and of all rows, then grow for its purposes by these shares in turn (Manteuffel 1980).
+# An incomplete factor of a positive definite matrix need not be one: stiff contacts break it, and slivers do. Diagonal
+# blocks of rows in contact, and of all rows, then grow for its purposes by these shares in turn (Manteuffel 1980).
 SHIFTS = ((0.0, 0.0), (0.1, 0.0), (0.1, 0.01), (0.2, 0.01), (0.2, 0.05), (0.4, 0.05), (0.8, 0.2))
 STALE = 1.5  # growth of the iteration count at which the coarse space is summed again
-# MUMPS estimates its work array from the pattern and gives up (INFOG(1) = -9) where pivoting on several ranks needs more.
+# MUMPS estimates its work array from the pattern and gives up (INFOG(1) = -9) where pivoting on several ranks needs
+# more.
 WORKSPACES = (100, 400, 1600)  # per cent on top of the estimate, tried in turn
 _serial = count()
 
@@ -68,7 +71,9 @@ class LinearSolver:
             self._with_options({"mat_mumps_icntl_14": str(WORKSPACES[self._workspace])})
         else:
             ksp.setType(PETSc.KSP.Type.CG)
-            ksp.setNormType(PETSc.KSP.NormType.DEFAULT if "ksp_type" in _parse(self.settings.petsc) else PETSc.KSP.NormType.NATURAL)
+            ksp.setNormType(
+                PETSc.KSP.NormType.DEFAULT if "ksp_type" in _parse(self.settings.petsc) else PETSc.KSP.NormType.NATURAL
+            )
             ksp.setTolerances(rtol=self.settings.accuracy, max_it=1000)
             if method == "multilevel":
                 self._coarse, self._fresh = self._coarse or self._make_coarse(), False
@@ -79,7 +84,8 @@ class LinearSolver:
 
     def _with_options(self, options: dict[str, str]) -> None:
         database = PETSc.Options()
-        database["options_left"] = "no"  # factors read theirs late, or never where they are not made: nothing to warn of
+        # factors read theirs late, or never where they are not made: nothing to warn of
+        database["options_left"] = "no"
         for name, value in options.items():
             database[f"{self.prefix}{name}"] = value
         self.ksp.setFromOptions()
@@ -87,14 +93,26 @@ class LinearSolver:
     @property
     def memory(self) -> dict:
         """What earlier solves have taught: the rest of what a step's result may depend on besides its start."""
-        return {"method": self.method, "easy": self._easy, "shift": self._local.shift, "workspace": self._workspace, "direct": self._direct_solves}
+        return {
+            "method": self.method,
+            "easy": self._easy,
+            "shift": self._local.shift,
+            "workspace": self._workspace,
+            "direct": self._direct_solves,
+        }
 
     def recall(self, memory: Mapping) -> None:
         """Goes on as the solver did whose `memory` this is; one that no solver wrote is nothing to go by."""
         whole = [memory.get(key) for key in ("shift", "workspace", "direct")]
-        if not {memory.get("method"), memory.get("easy")} <= set(METHODS) or not all(isinstance(n, int) and n >= 0 for n in whole):
+        if not {memory.get("method"), memory.get("easy")} <= set(METHODS) or not all(
+            isinstance(n, int) and n >= 0 for n in whole
+        ):
             return
-        self._easy, self._local.shift, self._workspace = memory["easy"], memory["shift"], min(memory["workspace"], len(WORKSPACES) - 1)
+        self._easy, self._local.shift, self._workspace = (
+            memory["easy"],
+            memory["shift"],
+            min(memory["workspace"], len(WORKSPACES) - 1),
+        )
         self._use(memory["method"])
         self._direct_solves = memory["direct"]
 
@@ -139,8 +157,14 @@ class LinearSolver:
             self._fresh = False
 
     def fall_back(self) -> bool:
-        """After a failure: a safer incomplete factor, then the direct method, then more room for it; False when nothing is left to try."""
-        if self.method != "direct" and self.ksp.getConvergedReason() == PETSc.KSP.ConvergedReason.DIVERGED_INDEFINITE_PC and self._local.shift_more():
+        """After a failure: a safer incomplete factor, then the direct method, then more room for it; False when nothing
+        is left to try.
+        """
+        if (
+            self.method != "direct"
+            and self.ksp.getConvergedReason() == PETSc.KSP.ConvergedReason.DIVERGED_INDEFINITE_PC
+            and self._local.shift_more()
+        ):
             self._use(self.method)
             return True
         if self.method == "direct":
@@ -161,12 +185,16 @@ class LinearSolver:
     def notices_indefinite(self) -> bool:
         """Whether `indefinite` or a failure tells of an indefinite matrix."""
         pc = self.ksp.pc
-        return self.method != "direct" or (pc.getType() == PETSc.PC.Type.CHOLESKY and pc.getFactorSolverType() == PETSc.Mat.SolverType.MUMPS)
+        return self.method != "direct" or (
+            pc.getType() == PETSc.PC.Type.CHOLESKY and pc.getFactorSolverType() == PETSc.Mat.SolverType.MUMPS
+        )
 
     @property
     def indefinite(self) -> bool:
         """Whether the direct solve just done met negative pivots. Collective."""
-        return self.method == "direct" and self.notices_indefinite and self.ksp.pc.getFactorMatrix().getMumpsInfog(12) > 0
+        return (
+            self.method == "direct" and self.notices_indefinite and self.ksp.pc.getFactorMatrix().getMumpsInfog(12) > 0
+        )
 
     def solve(self, right: PETSc.Vec, solution: PETSc.Vec) -> None:
         """Solves with the operators set on the KSP. Raises SimulationError where every method fails. Collective."""
@@ -210,7 +238,9 @@ class _Incomplete:
             matrix = matrix.duplicate(copy=True)
             for starts, columns, blocks, touched in self._diagonals():
                 shares = np.where(touched, at_contacts, everywhere)
-                matrix.setValuesBlockedCSR(starts, columns, shares[:, None, None] * blocks, addv=PETSc.InsertMode.ADD_VALUES)
+                matrix.setValuesBlockedCSR(
+                    starts, columns, shares[:, None, None] * blocks, addv=PETSc.InsertMode.ADD_VALUES
+                )
             matrix.assemble()
         self._pc.setOperators(matrix)
         self._pc.setUp()
@@ -224,7 +254,12 @@ class _Incomplete:
         touched = np.zeros(n, dtype=bool)
         touched[rows] = True
         touched[columns[(columns >= first) & (columns < first + n)] - first] = True
-        yield np.arange(n + 1, dtype=PETSc.IntType), (first + np.arange(n)).astype(PETSc.IntType), cells[cell_starts[:-1]], touched
+        yield (
+            np.arange(n + 1, dtype=PETSc.IntType),
+            (first + np.arange(n)).astype(PETSc.IntType),
+            cells[cell_starts[:-1]],
+            touched,
+        )
         on = np.flatnonzero(columns == first + rows)
         yield np.searchsorted(on, starts).astype(PETSc.IntType), columns[on], pairs[on], touched[rows[on]]
 

@@ -1,4 +1,5 @@
-"""Which stand-in for the Hessian Newton takes next, by what came of the last one's promise (in the spirit of Chen et al. 2024).
+"""Which stand-in for the Hessian Newton takes next, by what came of the last one's promise (in the spirit of Chen et
+al. 2024).
 
 | it promised | the next one |
 |---|---|
@@ -6,8 +7,9 @@
 | much more than came | taken by size, which overshoots less; and contacts without short cuts for the rest of the solve |
 | much less than came | as it is: cutting off has made it too stiff. Should it be indefinite, the linear solve notices, and this is left for a while |
 
-Where the Hessian is indefinite every stand-in is too stiff: step after step goes the same way, each a few per cent shorter than the last. How
-much softer the truth is that way shows in the second of them, and so how far it is to the end of the series (a secant).
+Where the Hessian is indefinite every stand-in is too stiff: step after step goes the same way, each a few per cent
+shorter than the last. How much softer the truth is that way shows in the second of them, and so how far it is to the
+end of the series (a secant).
 """
 
 import numpy as np
@@ -15,7 +17,9 @@ import numpy as np
 TRUST = 0.5  # of the promised decrease: a model that delivers less is not trusted
 STIFF = 1.25  # times it: a model that delivers more is too stiff
 TINY_CAP, STUCK = 0.05, 3  # so many steps in a row cut so short by contact: the model does not see what stops it
-PAUSE = 2  # iterations until an unfiltered Hessian is tried again after one was indefinite or not to be trusted; doubled before each use
+# iterations until an unfiltered Hessian is tried again after one was indefinite or not to be trusted; doubled before
+# each use
+PAUSE = 2
 
 REPEATS = 0.95  # cosine between steps from which on the second goes the first's way
 SOFT = 0.5  # of the model's stiffness that way: where the truth has less, the step is lengthened
@@ -36,8 +40,10 @@ class ModelChoice:
         self._steps, self._raw_from, self._pause, self._stuck = 0, 0, PAUSE, 0
 
     def took(self, promised: float, came: float, whole: bool, cap: float, may_be_raw: bool) -> None:
-        """After a step: the decrease promised for it and the one that came [both < 0 where all is well], whether it was taken in full, what
-        contact and inversion allowed of it, and whether the linear solver would notice an indefinite matrix."""
+        """After a step: the decrease promised for it and the one that came [both < 0 where all is well], whether it was
+        taken in full, what contact and inversion allowed of it, and whether the linear solver would notice an
+        indefinite matrix.
+        """
         self._steps += 1
         kept = came / min(promised, -1e-300)
         if kept < TRUST:
@@ -53,7 +59,9 @@ class ModelChoice:
         self.positive = "clamp"
 
     def was_indefinite(self) -> bool:
-        """After a linear solve or a line search failed: whether the Hessian was taken as it is, and will not be for some steps."""
+        """After a linear solve or a line search failed: whether the Hessian was taken as it is, and will not be for
+        some steps.
+        """
         if self.positive != "none":
             return False
         self.positive = "clamp"
@@ -70,14 +78,17 @@ class ModelChoice:
 
 
 def promised_decrease(slope: float, taken: np.ndarray, direction: np.ndarray, total) -> float:
-    """What the quadratic model with this slope along the direction says of the step taken, a share of it; `total` sums over all ranks."""
+    """What the quadratic model with this slope along the direction says of the step taken, a share of it; `total` sums
+    over all ranks.
+    """
     along, size = total(np.array([np.vdot(taken, direction), np.vdot(direction, direction)]))
     share = along / max(size, 1e-300)
     return slope * share * (1.0 - 0.5 * share)
 
 
 def lengthening(direction: np.ndarray, last: np.ndarray, went: np.ndarray, total) -> float:
-    """How many times as far to go along a direction that repeats the `last`, along which positions `went`, both from models that are positive.
+    """How many times as far to go along a direction that repeats the `last`, along which positions `went`, both from
+    models that are positive.
 
     All (n_owned, d); `total` sums over all ranks.
     """

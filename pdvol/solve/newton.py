@@ -1,9 +1,10 @@
 """The one SNES file: projected Newton on an incremental potential, its line search and its step caps.
 
-SNES minimises: the potential is its objective (backtracking), the gradient its function, the filtered Hessian its Jacobian. The pre-check
-caps each step by what contact and inversion allow. Newton stops when its full step is nowhere faster than the tolerance [m/s]; that step
-is still taken. A short step deep inside a barrier says little (Newton on a logarithm doubles the gap, however far it has to go), so the
-step must also have been taken in full, follow one that was, not be longer than it, and not have opened the smallest gap by a fifth.
+SNES minimises: the potential is its objective (backtracking), the gradient its function, the filtered Hessian its
+Jacobian. The pre-check caps each step by what contact and inversion allow. Newton stops when its full step is nowhere
+faster than the tolerance [m/s]; that step is still taken. A short step deep inside a barrier says little (Newton on a
+logarithm doubles the gap, however far it has to go), so the step must also have been taken in full, follow one that
+was, not be longer than it, and not have opened the smallest gap by a fifth.
 """
 
 from collections.abc import Callable, Iterator
@@ -29,16 +30,20 @@ from pdvol.solve.model_choice import ModelChoice, lengthening, promised_decrease
 from pdvol.solve.system_matrix import SystemMatrix
 from pdvol.solve.timing import Stopwatch
 
-ROUNDING = 1e-13  # a decrease below this share of the energy cannot be told from round-off: there the quadratic model is trusted
+# a decrease below this share of the energy cannot be told from round-off: there the quadratic model is trusted
+ROUNDING = 1e-13
 CANCELLING = 2e-15  # the same for energies that are small differences of large terms: relative to those terms
 
-# Near the end steps are short, and the matrix of the one before is nearly as good as a new one. But what it says of how far the end is it
-# says with less right: a looser test showed on demos/ball_on_spike.py as a tolerance four times as wide.
+# Near the end steps are short, and the matrix of the one before is nearly as good as a new one. But what it says of how
+# far the end is it says with less right: a looser test showed on demos/ball_on_spike.py as a tolerance four times as
+# wide.
 LAGGED = 5.0  # times the tolerance: steps shorter than this take the last matrix
 HALVED = 0.5  # for longer than once only while each is at most this share of the one before
 AGED = 0.25  # of the tolerance: what a step with an older matrix must be shorter than to be the last
 
-OPENING = 1.2  # times as large a smallest gap as before tells of a step on its way out of a barrier, where steps are short however far the end is
+# times as large a smallest gap as before tells of a step on its way out of a barrier, where steps are short however far
+# the end is
+OPENING = 1.2
 
 SETTLING = 1_000.0  # times the tolerance: longer steps may lead to other ends, and are not lengthened
 
@@ -102,13 +107,24 @@ class Newton:
     coarse_weights : as `LevelProblem` takes it
     """
 
-    def __init__(self, space: LevelSpace, potential: IncrementalPotential, supported: np.ndarray, tolerance: float, settings: Solver,
-                 watch: Stopwatch, coarse_weights: Callable[[], csr_array | None] = lambda: None):
+    def __init__(
+        self,
+        space: LevelSpace,
+        potential: IncrementalPotential,
+        supported: np.ndarray,
+        tolerance: float,
+        settings: Solver,
+        watch: Stopwatch,
+        coarse_weights: Callable[[], csr_array | None] = lambda: None,
+    ):
         self.space, self.potential, self.tolerance, self.watch = space, potential, tolerance, watch
         self._fixed, self._coarse_weights = supported, coarse_weights
         self._most, self._allowed = settings.max_iterations, ATTEMPTS * settings.max_iterations
         self._vector, self._residual = space.create_vector(), space.create_vector()
-        self._blocks, self._system = HessianBlocks(BlockPattern(space)), SystemMatrix(space, supported, wants_general_matrix(settings))
+        self._blocks, self._system = (
+            HessianBlocks(BlockPattern(space)),
+            SystemMatrix(space, supported, wants_general_matrix(settings)),
+        )
         self._system.assemble(self._blocks)
         self.snes = self._create_snes(settings)
         self.linear = LinearSolver(self.snes.ksp, settings, len(space.mesh.points), self._coarse_space)
@@ -124,7 +140,11 @@ class Newton:
         snes.setTolerances(rtol=0.0, atol=0.0, stol=0.0, max_it=settings.max_iterations)
         database = PETSc.Options()
         snes.setOptionsPrefix("pdvol_snes_")
-        for name, value in {"snes_linesearch_type": "bt", "snes_linesearch_order": 3, "snes_linesearch_max_it": 40}.items():
+        for name, value in {
+            "snes_linesearch_type": "bt",
+            "snes_linesearch_order": 3,
+            "snes_linesearch_max_it": 40,
+        }.items():
             database.setValue(f"pdvol_snes_{name}", value)
         snes.setFromOptions()
         for name in ("type", "order", "max_it"):
@@ -133,12 +153,17 @@ class Newton:
 
     def _coarse_space(self) -> CoarseSpace:
         weights = self._coarse_weights()
-        return CoarseSpace(self.space, grid_weights(self.space.mesh) if weights is None else weights, self._system.all_supported)
+        return CoarseSpace(
+            self.space, grid_weights(self.space.mesh) if weights is None else weights, self._system.all_supported
+        )
 
-    # ---- callbacks -----------------------------------------------------------------------------------------------------------
+    # ---- callbacks
+    # -----------------------------------------------------------------------------------------------------------
 
     def _positions(self, vector: PETSc.Vec) -> Positions:
-        """The configuration a PETSc vector holds; the last two are kept, so that terms share what they derived from them."""
+        """The configuration a PETSc vector holds; the last two are kept, so that terms share what they derived from
+        them.
+        """
         array = vector.getArray(readonly=True).reshape(-1, self.space.dim)
         for known in self._recent:
             if self.space.comm.allreduce(np.array_equal(known.owned, array), op=MPI.LAND):
@@ -183,8 +208,8 @@ class Newton:
     def _last_will_do(self) -> bool:
         """Whether the last matrix serves for another step.
 
-        Only where steps are short and do not lead out of a barrier: there those by new matrices grow, and by older ones shrink, as if the end
-        were near.
+        Only where steps are short and do not lead out of a barrier: there those by new matrices grow, and by older ones
+        shrink, as if the end were near.
         """
         if self._age is None or self._at_rounding or not self._calm:
             return False
@@ -209,7 +234,10 @@ class Newton:
         self._base_energy = self._energy(x)
         if self._is_short():
             self._base_gap = self.potential.min_gap(x)
-        self._slope, self._at_rounding = slope, abs(slope) <= max(ROUNDING * abs(self._base_energy), CANCELLING * self.potential.scale)
+        self._slope, self._at_rounding = (
+            slope,
+            abs(slope) <= max(ROUNDING * abs(self._base_energy), CANCELLING * self.potential.scale),
+        )
         stretch = self._stretch(x, direction)
         length = stretch * self.potential.max_step(x, stretch * direction, keep=self._keep)
         cap = min(1.0, length)
@@ -279,12 +307,19 @@ class Newton:
         if self._stretched:  # beyond what a model promises
             return
         x = self._positions(snes.getSolution())
-        promised = promised_decrease(self._slope, x.owned - self._base.owned, self._direction, self.space.comm.allreduce)
-        self._model.took(promised, self._energy(x) - self._base_energy, self._whole, self._last_cap, self.linear.notices_indefinite)
+        promised = promised_decrease(
+            self._slope, x.owned - self._base.owned, self._direction, self.space.comm.allreduce
+        )
+        self._model.took(
+            promised, self._energy(x) - self._base_energy, self._whole, self._last_cap, self.linear.notices_indefinite
+        )
 
-    # ---- what callers use ----------------------------------------------------------------------------------------------------
+    # ---- what callers use
+    # ----------------------------------------------------------------------------------------------------
 
-    def solve(self, x: Positions, careful: bool = False, most: int | None = None, keep: float = KEPT) -> tuple[Positions, NewtonReport]:
+    def solve(
+        self, x: Positions, careful: bool = False, most: int | None = None, keep: float = KEPT
+    ) -> tuple[Positions, NewtonReport]:
         """Minimises from the admissible x. The result is admissible whether or not the report says it converged.
 
         Parameters
@@ -303,7 +338,8 @@ class Newton:
             self._model.be_careful()
             self.linear.be_exact()
         self.snes.setTolerances(max_it=self._most if most is None else most)
-        # A direct solve of an ill-conditioned system, or an incomplete factor that breaks down, shows in the linear reason.
+        # A direct solve of an ill-conditioned system, or an incomplete factor that breaks down, shows in the linear
+        # reason.
         while True:
             self._vector.setArray(x.owned.ravel())
             with self.watch.part("linear"), _own_errors():
@@ -316,13 +352,18 @@ class Newton:
                 break
         self.report.converged = reason > 0
         self.report.reason = self.report.reason or _REASONS.get(reason, str(reason))
-        self.report.gradient_norm = self.space.comm.allreduce(float(np.abs(self._gradient).max(initial=0.0)), op=MPI.MAX)
+        self.report.gradient_norm = self.space.comm.allreduce(
+            float(np.abs(self._gradient).max(initial=0.0)), op=MPI.MAX
+        )
         return x, self.report
 
     def _mend(self, reason: int) -> bool:
         """After SNES stopped for `reason`: whether something was changed that makes it worth going on from where it is."""
         reasons = PETSc.SNES.ConvergedReason
-        if reason not in (reasons.DIVERGED_LINEAR_SOLVE, reasons.DIVERGED_LINE_SEARCH) or self.report.iterations > self._allowed:
+        if (
+            reason not in (reasons.DIVERGED_LINEAR_SOLVE, reasons.DIVERGED_LINE_SEARCH)
+            or self.report.iterations > self._allowed
+        ):
             return False
         self._age, rung = None, ""
         if self._model.was_indefinite():
@@ -344,9 +385,13 @@ class Newton:
         self._system.forget()
         self.linear.forget()
 
-    def directions(self, x: Positions, supported_move: np.ndarray, push: np.ndarray | float = 0.0) -> Iterator[np.ndarray]:
-        """Newton's direction (n_owned, d) at x while supported vertices move by `supported_move` (n_owned, d), and other motions add `push`
-        (n_owned, d) [kg m] to the gradient; then what of it is due to these motions alone. Nothing else may use the matrix between the two."""
+    def directions(
+        self, x: Positions, supported_move: np.ndarray, push: np.ndarray | float = 0.0
+    ) -> Iterator[np.ndarray]:
+        """Newton's direction (n_owned, d) at x while supported vertices move by `supported_move` (n_owned, d), and
+        other motions add `push` (n_owned, d) [kg m] to the gradient; then what of it is due to these motions alone.
+        Nothing else may use the matrix between the two.
+        """
         self._start(x)
         gradient = self.potential.gradient(x)
         self._add_up(x)
@@ -375,7 +420,13 @@ class Newton:
         self._model, self._age = ModelChoice(), None
         self._trials = self._trials_before = 0
         self._stretched, self._filtered, self._direction = False, False, None
-        self._slope, self._at_rounding, self._whole, self._whole_before, self._speed_before = 0.0, False, True, True, np.inf
+        self._slope, self._at_rounding, self._whole, self._whole_before, self._speed_before = (
+            0.0,
+            False,
+            True,
+            True,
+            np.inf,
+        )
         self._calm = False
         self._gradient = np.zeros_like(x.owned)
         self.report = NewtonReport()

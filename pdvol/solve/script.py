@@ -1,7 +1,8 @@
-"""What a scene prescribes on one level: who is held when, where supports should be, and how far the motions were followed.
+"""What a scene prescribes on one level: who is held when, where supports should be, and how far the motions were
+followed.
 
-All motions of a scene run on one clock, so that what contact stops (obstacles as well as supports) is at a place of its motion, and moves
-on from there as soon as it can. A step ends with the clock at its own time, or `behind` it.
+All motions of a scene run on one clock, so that what contact stops (obstacles as well as supports) is at a place of its
+motion, and moves on from there as soon as it can. A step ends with the clock at its own time, or `behind` it.
 """
 
 import numpy as np
@@ -33,7 +34,9 @@ class Script:
             held = supported_points(scene, support, space.mesh, level)
             mine = held[space.owned_points]
             # Every rank moves all of a support's points, so that a motion that fails does so on all of them.
-            self._supports.append((mine, np.cumsum(held)[space.owned_points][mine] - 1, space.mesh.points[held], support))
+            self._supports.append(
+                (mine, np.cumsum(held)[space.owned_points][mine] - 1, space.mesh.points[held], support)
+            )
         self.clock, self.behind = 0.0, 0.0
         self._holding: list[bool] | None = None
         self.begin(0.0)

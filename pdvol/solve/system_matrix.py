@@ -1,4 +1,6 @@
-"""The PETSc matrix of Newton's systems: symmetric, blocked, supported rows eliminated, its pattern following the contacts."""
+"""The PETSc matrix of Newton's systems: symmetric, blocked, supported rows eliminated, its pattern following the
+contacts.
+"""
 
 import numpy as np
 from mpi4py import MPI
@@ -11,9 +13,9 @@ from pdvol.potentials.hessian_blocks import HessianBlocks
 class SystemMatrix:
     """An SBAIJ matrix (upper triangle in d x d blocks) filled from `HessianBlocks`.
 
-    Contacts change the pattern. Pairs stay in it for one more assembly after they were last needed, so that contacts that come and go
-    do not make a new matrix each time. A changed pattern gets a matrix of its own: one preallocated anew can keep its nonzero state, and
-    a preconditioner would then take old symbolic factors for the new pattern.
+    Contacts change the pattern. Pairs stay in it for one more assembly after they were last needed, so that contacts
+    that come and go do not make a new matrix each time. A changed pattern gets a matrix of its own: one preallocated
+    anew can keep its nonzero state, and a preconditioner would then take old symbolic factors for the new pattern.
 
     Parameters
     ----------
@@ -48,7 +50,9 @@ class SystemMatrix:
         self._n = n
 
     def forget(self) -> None:
-        """Drops pairs that only earlier assemblies needed: factors, and the last digits of what they solve, follow the pattern."""
+        """Drops pairs that only earlier assemblies needed: factors, and the last digits of what they solve, follow the
+        pattern.
+        """
         self._recent = np.zeros(0, dtype=np.int64)
         if self._extra is not None and len(self._extra):
             self._extra = None
@@ -91,8 +95,12 @@ class SystemMatrix:
             everything = np.sort(np.concatenate([base, self._extra]))
             starts = np.searchsorted(everything, np.arange(self.space.n_owned + 1) * self._n).astype(PETSc.IntType)
             d = self.space.dim
-            self._blocked = PETSc.Mat().createSBAIJ(self._sizes, d, csr=(starts, (everything % self._n).astype(PETSc.IntType),
-                                                                         np.zeros((len(everything), d, d))), comm=self.space.comm)
+            self._blocked = PETSc.Mat().createSBAIJ(
+                self._sizes,
+                d,
+                csr=(starts, (everything % self._n).astype(PETSc.IntType), np.zeros((len(everything), d, d))),
+                comm=self.space.comm,
+            )
             self._blocked.assemble()
             self._blocked.setOption(PETSc.Mat.Option.SPD, True)
         self._recent = needed

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 from mpi4py import MPI
+from problems import SOFT, block, make_scene
 
 from pdvol.animate.march import Start, direct, embedded, guide, progressive
 from pdvol.hierarchy.hierarchy import Hierarchy
 from pdvol.solve.level_problem import LevelProblem
-from problems import SOFT, block, make_scene
 
 DT, STEPS, W = 0.1, 4, 0.3
 SHIFT = np.array([0.5, -0.2])  # m, per step and step: the coarse level is at t^2 SHIFT after t steps
@@ -18,7 +18,12 @@ def pair():
     """A coarse and a fine square, the scene, and where the coarse one is after each step."""
     coarse, fine = block((0.0, 0.0), (1.0, 1.0), 1), block((0.0, 0.0), (1.0, 1.0), 3, jitter=0.1)
     levels = Hierarchy([coarse, fine], MPI.COMM_WORLD)
-    return levels, fine, make_scene((SOFT,), dt=DT, steps=STEPS), [coarse.points + t**2 * SHIFT for t in range(STEPS + 1)]
+    return (
+        levels,
+        fine,
+        make_scene((SOFT,), dt=DT, steps=STEPS),
+        [coarse.points + t**2 * SHIFT for t in range(STEPS + 1)],
+    )
 
 
 def places(reports, rest):
@@ -67,9 +72,13 @@ def test_embedded(pair):
         asked.append(time)
         return 7 * len(asked)
 
-    march = lambda step: embedded(levels.prolongation(1), path.__getitem__, 1, Start(step, fine.points, fine.points), STEPS, DT, count)  # noqa: E731
+    march = lambda step: embedded(
+        levels.prolongation(1), path.__getitem__, 1, Start(step, fine.points, fine.points), STEPS, DT, count
+    )
     reports = list(march(0))
-    assert [(r.level, r.step, r.intersections, r.reason) for r in reports] == [(1, t, 7 * t, "EMBEDDED") for t in range(1, STEPS + 1)]
+    assert [(r.level, r.step, r.intersections, r.reason) for r in reports] == [
+        (1, t, 7 * t, "EMBEDDED") for t in range(1, STEPS + 1)
+    ]
     np.testing.assert_allclose(asked, DT * np.arange(1, STEPS + 1))
     for t, report in enumerate(reports, start=1):
         np.testing.assert_array_equal(report.positions, levels.prolongation(1).weights @ path[t])
@@ -83,5 +92,7 @@ def test_a_guide_goes_straight_between_coarse_steps(pair):
     assert held.stiffness == pytest.approx(W / DT**2)
     P = levels.prolongation(1).weights
     for step in range(STEPS + 1):
-        np.testing.assert_array_equal(held.target(step * DT), P @ path[step])  # exactly, and never beyond the last state
+        np.testing.assert_array_equal(
+            held.target(step * DT), P @ path[step]
+        )  # exactly, and never beyond the last state
     np.testing.assert_allclose(held.target(2.25 * DT), P @ (0.75 * path[2] + 0.25 * path[3]), atol=1e-14)

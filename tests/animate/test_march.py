@@ -1,8 +1,11 @@
-"""Marches: the continuity metric of a direct run, levels of equal meshes, scenes side by side, and setting out from a stored state."""
+"""Marches: the continuity metric of a direct run, levels of equal meshes, scenes side by side, and setting out from a
+stored state.
+"""
 
 import numpy as np
 import pytest
 from mpi4py import MPI
+from problems import SOFT, block, make_problem, make_scene, masses, polyline, tetrahedron
 
 from pdvol.animate.march import Start, direct, progressive
 from pdvol.hierarchy.hierarchy import Hierarchy
@@ -10,7 +13,6 @@ from pdvol.potentials.build import build_terms
 from pdvol.potentials.potential import Positions
 from pdvol.scene import Barrier, Friction, Gravity, NeoHookean, Plane, Rigid, Solver
 from pdvol.solve.level_problem import LevelProblem
-from problems import SOFT, block, make_problem, make_scene, masses, polyline, tetrahedron
 
 G = 9.81
 LOOSE = 0.1  # solver tolerance [m/s] that leaves residuals far above round-off
@@ -18,7 +20,9 @@ ROUND = 1e-13  # of forces' share in a move, against gravity's
 
 
 def falling(d, tolerance, steps, dt=0.01, friction=0.3, contact=True):
-    """A block with sideways speed falls on a spike and a plane: scene, mesh, the spike's geometry, and the initial velocity."""
+    """A block with sideways speed falls on a spike and a plane: scene, mesh, the spike's geometry, and the initial
+    velocity.
+    """
     low, size = 0.02, 0.3
     mesh = block((0.0,) * (d - 1) + (low,), (size,) * (d - 1) + (low + size,), 2, jitter=0.1, seed=4)
     plane = Plane((0.0,) * d, tuple(np.eye(d)[-1]))
@@ -26,10 +30,22 @@ def falling(d, tolerance, steps, dt=0.01, friction=0.3, contact=True):
     if d == 2:
         spike = polyline([[0.05, bottom - 0.2], [0.25, bottom - 0.2], [0.16, bottom - 0.01]])
     else:
-        spike = tetrahedron([[0.0, 0.0, bottom - 0.2], [0.4, 0.0, bottom - 0.2], [0.0, 0.4, bottom - 0.2], [0.12, 0.13, bottom - 0.01]])
-    physics = dict(obstacles=(plane, Rigid("spike")), contact=(Barrier(dhat=0.008), Friction(friction, eps_v=0.01))) if contact else {}
-    scene = make_scene((SOFT,), dt=dt, steps=steps, loads=(Gravity((0.0,) * (d - 1) + (-G,)),),
-                       solver=Solver(tolerance=tolerance, linear="direct"), **physics)
+        spike = tetrahedron(
+            [[0.0, 0.0, bottom - 0.2], [0.4, 0.0, bottom - 0.2], [0.0, 0.4, bottom - 0.2], [0.12, 0.13, bottom - 0.01]]
+        )
+    physics = (
+        dict(obstacles=(plane, Rigid("spike")), contact=(Barrier(dhat=0.008), Friction(friction, eps_v=0.01)))
+        if contact
+        else {}
+    )
+    scene = make_scene(
+        (SOFT,),
+        dt=dt,
+        steps=steps,
+        loads=(Gravity((0.0,) * (d - 1) + (-G,)),),
+        solver=Solver(tolerance=tolerance, linear="direct"),
+        **physics,
+    )
     velocity = np.tile(np.r_[0.4, np.zeros(d - 2), -1.0], (len(mesh.points), 1)) + 2.0 * (mesh.points - 0.1) ** 2
     return scene, mesh, (spike,) if contact else (), velocity
 
@@ -39,14 +55,16 @@ def run(scene, mesh, obstacles, velocity):
     return list(direct(problem, Start(0, mesh.points, velocity), scene.steps))
 
 
-# ---- the continuity metric ---------------------------------------------------------------------------------------------------
+# ---- the continuity metric
+# ---------------------------------------------------------------------------------------------------
 
 
 def continuity(scene, problem, obstacles, positions, number):
     r"""n = e / e_hat of step `number` (paper, appendix C), with forces from terms made anew; also the two norms.
 
-    e = |(x+ - 2 x + x-) / 2 + dt^2/2 M^-1 grad E(x+)|_M^2 and e_hat = |x+ - x_hat + dt^2 M^-1 grad E(x+)|_M^2. A direct run has
-    x_hat = 2 x - x-, so what stands inside e is half of what stands inside e_hat, and n = 1/4 whatever the residual.
+    e = |(x+ - 2 x + x-) / 2 + dt^2/2 M^-1 grad E(x+)|_M^2 and e_hat = |x+ - x_hat + dt^2 M^-1 grad E(x+)|_M^2. A direct
+    run has x_hat = 2 x - x-, so what stands inside e is half of what stands inside e_hat, and n = 1/4 whatever the
+    residual.
     """
     before, now, after = positions[number - 2 : number + 1]
     space, dt = problem.space, scene.dt
@@ -59,7 +77,7 @@ def continuity(scene, problem, obstacles, positions, number):
     pull = dt**2 * force / terms.mass
     x_hat = now + (now - before)
     half = 0.5 * (after - 2.0 * now + before)
-    norm = lambda v: float(np.sum(terms.mass * v**2))  # noqa: E731
+    norm = lambda v: float(np.sum(terms.mass * v**2))
     return norm(space.from_input(half) + 0.5 * pull), norm(space.from_input(after - x_hat) + pull)
 
 
@@ -73,18 +91,22 @@ def test_continuity_of_a_direct_run_is_a_quarter(d, steps, contact):
     assert not contact or sum(report.contacts > 0 for report in reports) >= 4
     positions = [mesh.points, *(report.positions for report in reports)]
     norms = np.array([continuity(scene, problem, obstacles, positions, n) for n in range(2, steps + 1)])
-    # Residuals against what gravity moves in a step. Round-off of the forces is a share of them, and so is that of the metric.
+    # Residuals against what gravity moves in a step. Round-off of the forces is a share of them, and so is that of the
+    # metric.
     residual = np.sqrt(norms[:, 1] / (G**2 * scene.dt**4 * masses(problem).sum()))
     assert np.sum(residual > 1e3 * ROUND) >= 4, "residuals are round-off; loosen the solver"
     assert np.all(np.abs(4.0 * norms[:, 0] / norms[:, 1] - 1.0) <= ROUND / residual + 1e-13)
 
 
-# ---- levels ------------------------------------------------------------------------------------------------------------------
+# ---- levels
+# ------------------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("d", [2, 3])
 def test_progressive_on_the_same_mesh_repeats_direct(d):
-    """P = 1: x_hat = x + (x_c - x_c-) is implicit Euler's as long as both levels are the same, which induction and the solver keep."""
+    """P = 1: x_hat = x + (x_c - x_c-) is implicit Euler's as long as both levels are the same, which induction and the
+    solver keep.
+    """
     tolerance = 1e-5
     scene, mesh, obstacles, velocity = falling(d, tolerance, 10)
     levels = Hierarchy([mesh, mesh], MPI.COMM_WORLD)
@@ -94,18 +116,23 @@ def test_progressive_on_the_same_mesh_repeats_direct(d):
     coarse = list(direct(problems[0], Start(0, mesh.points, velocity), scene.steps))
     places = [mesh.points, *(report.positions for report in coarse)]
     speeds = [velocity, *np.diff(places, axis=0) / scene.dt]
-    fine = list(progressive(problems[1], prolongation, speeds.__getitem__, Start(0, mesh.points, velocity), scene.steps))
+    fine = list(
+        progressive(problems[1], prolongation, speeds.__getitem__, Start(0, mesh.points, velocity), scene.steps)
+    )
     assert [report.step for report in fine] == list(range(1, scene.steps + 1))
     assert max(report.contacts for report in coarse) > 0
     for a, b in zip(coarse, fine, strict=True):
-        # Each step starts from the other level's last place, give or take what the solver left: tolerance times dt a step.
+        # Each step starts from the other level's last place, give or take what the solver left: tolerance times dt a
+        # step.
         np.testing.assert_allclose(b.positions, a.positions, atol=a.step * tolerance * scene.dt)
 
 
 def test_progressive_follows_the_coarse_velocity():
-    """One fine step without forces: x+ = x + dt P v_c to the solver's tolerance, here a rigid motion that P carries exactly."""
+    """One fine step without forces: x+ = x + dt P v_c to the solver's tolerance, here a rigid motion that P carries
+    exactly.
+    """
     coarse, fine = block((0.0, 0.0), (1.0, 1.0), 1), block((0.0, 0.0), (1.0, 1.0), 3, jitter=0.1)
-    scene = make_scene((SOFT, ), dt=0.1, steps=3)
+    scene = make_scene((SOFT,), dt=0.1, steps=3)
     levels = Hierarchy([coarse, fine], MPI.COMM_WORLD)
     problem = LevelProblem(scene, levels[1], 1, 1.0)
     asked = []
@@ -114,22 +141,35 @@ def test_progressive_follows_the_coarse_velocity():
         asked.append(step)
         return np.tile([1.0 + step, -2.0], (len(coarse.points), 1))
 
-    reports = list(progressive(problem, levels.prolongation(1), speeds, Start(0, fine.points, np.zeros_like(fine.points)), 3))
+    reports = list(
+        progressive(problem, levels.prolongation(1), speeds, Start(0, fine.points, np.zeros_like(fine.points)), 3)
+    )
     assert asked == [0, 1, 2]
     # Speeds 1, 2 and 3 along x and -2 along y, each for 0.1 s.
     for report, shift in zip(reports, [(0.1, -0.2), (0.3, -0.4), (0.6, -0.6)], strict=True):
         np.testing.assert_allclose(report.positions, fine.points + shift, atol=1e-9)
 
 
-# ---- processes and restarts --------------------------------------------------------------------------------------------------
+# ---- processes and restarts
+# --------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("d", [2, 3])
 def test_two_scenes_in_one_process_agree_with_each_alone(d):
     first = falling(d, 1e-4, 8)
     second = (*falling(d, 1e-3, 8, friction=0.0)[:3], first[3] * 0.5)
-    second = (make_scene((NeoHookean(5e5, 0.2, 500.0),), dt=0.02, steps=8, loads=second[0].loads, obstacles=second[0].obstacles,
-                         contact=second[0].contact, solver=Solver(tolerance=1e-3, linear="iterative", petsc="-ksp_rtol 1e-8")), *second[1:])
+    second = (
+        make_scene(
+            (NeoHookean(5e5, 0.2, 500.0),),
+            dt=0.02,
+            steps=8,
+            loads=second[0].loads,
+            obstacles=second[0].obstacles,
+            contact=second[0].contact,
+            solver=Solver(tolerance=1e-3, linear="iterative", petsc="-ksp_rtol 1e-8"),
+        ),
+        *second[1:],
+    )
     alone = [run(*first), run(*second)]
     problems = [make_problem(*scene[:3]) for scene in (first, second)]
     marches = [direct(p, Start(0, s[1].points, s[3]), 8) for p, s in zip(problems, (first, second), strict=True)]
@@ -137,7 +177,11 @@ def test_two_scenes_in_one_process_agree_with_each_alone(d):
     for single, both in zip(zip(*alone, strict=True), together, strict=True):
         for a, b in zip(single, both, strict=True):
             np.testing.assert_array_equal(a.positions, b.positions)
-            assert (a.newton_iterations, a.contacts, a.linear_solver) == (b.newton_iterations, b.contacts, b.linear_solver)
+            assert (a.newton_iterations, a.contacts, a.linear_solver) == (
+                b.newton_iterations,
+                b.contacts,
+                b.linear_solver,
+            )
 
 
 @pytest.mark.parametrize("d", [2, 3])

@@ -11,7 +11,10 @@ sys.path.append(str(ROOT / "benchmarks"))
 import contact_laws  # noqa: E402
 
 
-@pytest.mark.parametrize(("column", "arguments"), [(1, ("convergent", 2)), (4, ("classic", 2)), (5, ("classic", 2, 0.6)), (6, ("semi-implicit", 2))])
+@pytest.mark.parametrize(
+    ("column", "arguments"),
+    [(1, ("convergent", 2)), (4, ("classic", 2)), (5, ("classic", 2, 0.6)), (6, ("semi-implicit", 2))],
+)
 def test_the_page_tells_the_gaps(column, arguments):
     table = (ROOT / "docs" / "contact.md").read_text().split("gap: convergent")[1]
     (row,) = [line.split("|")[1:-1] for line in table.split("\n\n")[0].splitlines() if line.startswith("| 2 |")]

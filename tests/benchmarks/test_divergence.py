@@ -46,6 +46,9 @@ def test_the_command_prints_a_table_and_draws(path, tmp_path, capsys):
 
 def test_a_run_of_one_level_is_refused(tmp_path, capsys):
     out = tmp_path / "single"
-    assert run(["run", str(ROOT / "demos" / "twist.py"), "--set", "cuts=((4, 1),)", "--steps", "1", "--out", str(out)]) == 0
+    assert (
+        run(["run", str(ROOT / "demos" / "twist.py"), "--set", "cuts=((4, 1),)", "--steps", "1", "--out", str(out)])
+        == 0
+    )
     assert divergence.main([str(out)]) == 2
     assert "no two levels" in capsys.readouterr().err

@@ -25,8 +25,14 @@ def square(n):
 
 
 def judged(points, cells, states, bodies=None, obstacles=()):
-    level = SimpleNamespace(rest=points, cells=cells, bodies=np.zeros(len(cells), int) if bodies is None else bodies, steps=len(states),
-                            surface=boundary_facets(cells)[0], positions=states.__getitem__)
+    level = SimpleNamespace(
+        rest=points,
+        cells=cells,
+        bodies=np.zeros(len(cells), int) if bodies is None else bodies,
+        steps=len(states),
+        surface=boundary_facets(cells)[0],
+        positions=states.__getitem__,
+    )
     return methods.states(level, obstacles)
 
 
@@ -51,7 +57,9 @@ def test_the_volume_is_each_body_s():
 def test_crossings_and_vertices_behind_planes():
     points, cells = square(1)
     both, joined = np.vstack([points, points + [2.0, 0.0]]), np.vstack([cells, cells + 4])
-    over = both - np.array([[0.0, 0.0]] * 4 + [[1.5, 0.3]] * 4)  # a corner of the second square within the first: two pairs of edges cross
+    over = both - np.array(
+        [[0.0, 0.0]] * 4 + [[1.5, 0.3]] * 4
+    )  # a corner of the second square within the first: two pairs of edges cross
     found = judged(both, joined, [both, over, over])
     assert (found["crossing_states"], found["crossing_pairs"]) == (2, 4)
     ground = SimpleNamespace(kind="plane", plane=lambda step: (np.array([0.0, 0.1 * step]), np.array([0.0, 1.0])))
@@ -61,7 +69,9 @@ def test_crossings_and_vertices_behind_planes():
 
 @pytest.mark.parametrize("d", [2, 3])
 def test_turned_facets(d):
-    """A rigid turn turns no facet against another. In 2D a corner opened from 90 to 120 degrees: 30 at one of three, 30 and 0 at the others."""
+    """A rigid turn turns no facet against another. In 2D a corner opened from 90 to 120 degrees: 30 at one of three, 30
+    and 0 at the others.
+    """
     if d == 2:
         points, cells = np.array([[0.0, 0], [1, 0], [0, 1]]), np.array([[0, 1, 2]])
         c, s = np.cos(0.7), np.sin(0.7)
@@ -69,7 +79,10 @@ def test_turned_facets(d):
         expected = np.sqrt((30**2 + 15**2 + 15**2) / 3)  # angles 90, 45, 45 become 120, 30, 30
     else:
         points, cells = np.vstack([np.zeros(3), np.eye(3)]), np.array([[0, 1, 2, 3]])
-        turn, moved = np.linalg.qr(np.random.default_rng(0).normal(size=(3, 3)))[0], np.vstack([np.zeros(3), np.eye(3) * [1, 1, 1e-9]])
+        turn, moved = (
+            np.linalg.qr(np.random.default_rng(0).normal(size=(3, 3)))[0],
+            np.vstack([np.zeros(3), np.eye(3) * [1, 1, 1e-9]]),
+        )
         flat = np.degrees(np.arccos(1 / np.sqrt(3)))  # of the slanted face against the three others, at rest
         expected = np.sqrt((2 * (90 - flat) ** 2 + flat**2) / 6)  # the slanted face now lies: over one, upright to two
     hinges = methods.Hinges(points, boundary_facets(cells)[0])
@@ -92,7 +105,14 @@ def test_a_short_study(tmp_path, capsys):
     out = capsys.readouterr().out
     assert out.count("| progressive, consistency ") == 6 and (tmp_path / "slit_array.md").read_text() in out
     result = json.loads((tmp_path / "slit_array.json").read_text())
-    assert [case["settings"]["consistency"] for case in result["cases"]] == [0.0, pytest.approx(4e-5), 0.025, 0.2, 0.4, 0.6]
+    assert [case["settings"]["consistency"] for case in result["cases"]] == [
+        0.0,
+        pytest.approx(4e-5),
+        0.025,
+        0.2,
+        0.4,
+        0.6,
+    ]
     for case in result["cases"]:
         assert [level["states"] for level in case["levels"]] == [3, 3] and case["levels"][1]["crossing_pairs"] == 0
     for name in ("slit_array.png", "slit_array_curves.png"):

@@ -18,11 +18,18 @@ import report
 
 from pdvol.hierarchy.level_mesh import boundary_facets
 
-needs_peers = pytest.mark.skipif(not (peer_scenes.PEERS / "README.md").is_file(), reason="the peers' meshes are not there")
+needs_peers = pytest.mark.skipif(
+    not (peer_scenes.PEERS / "README.md").is_file(), reason="the peers' meshes are not there"
+)
 
 
 def command(*words):
-    return subprocess.run([sys.executable, str(ROOT / "benchmarks" / "peers.py"), *map(str, words)], capture_output=True, text=True, timeout=100)
+    return subprocess.run(
+        [sys.executable, str(ROOT / "benchmarks" / "peers.py"), *map(str, words)],
+        capture_output=True,
+        text=True,
+        timeout=100,
+    )
 
 
 @needs_peers
@@ -34,23 +41,42 @@ def test_drop_500_short(tmp_path):
     result = json.loads((tmp_path / "peers.json").read_text())
     assert result["machine"]["cores"] >= 1 and result["machine"]["memory_gb"] > 0
     (record,) = result["scenes"]
-    assert (record["scene"], record["ranks"], record["ok"], record["sound"], record["steps"]) == ("drop_500", 1, True, True, steps)
+    assert (record["scene"], record["ranks"], record["ok"], record["sound"], record["steps"]) == (
+        "drop_500",
+        1,
+        True,
+        True,
+        steps,
+    )
     assert (record["vertices"], record["tets"]) == (480, 1852)
     assert 0 < record["seconds"]["median"] <= record["seconds"]["max"] < record["wall_seconds"]
     assert sum(record["seconds_by_part"].values()) == pytest.approx(record["seconds"]["mean"])
     assert record["newton"]["mean"] >= 1 and record["memory_mb"] > 50
-    assert record["seconds_with_storage"]["without_contact"] > 0 and record["seconds_with_storage"]["with_contact"] is None
+    assert (
+        record["seconds_with_storage"]["without_contact"] > 0 and record["seconds_with_storage"]["with_contact"] is None
+    )
     assert record["det_f_min"] == pytest.approx(1.0) and record["states_searched"] == steps + 1
     assert len(record["means"]) == 3 and record["seconds"]["mean"] == sorted(record["means"])[1]
     assert all(1.0 < ms < 1e3 for ms in record["yardstick_ms"])
     # Three steps are neither the peers' mean nor their last state.
-    assert record["stark"]["seconds"]["1"] == 0.0174 and record["stark"]["ratio"] is None and "rms_m" not in record["stark"]
+    assert (
+        record["stark"]["seconds"]["1"] == 0.0174
+        and record["stark"]["ratio"] is None
+        and "rms_m" not in record["stark"]
+    )
 
 
-@pytest.mark.parametrize("words", [("--scenes", "nothing"), ("--ranks", "0"), ("--repeats", "0"), ("--peers", "/nonexistent")])
+@pytest.mark.parametrize(
+    "words", [("--scenes", "nothing"), ("--ranks", "0"), ("--repeats", "0"), ("--peers", "/nonexistent")]
+)
 def test_a_mistake_is_one_line(words, tmp_path):
     done = command(*words, "--out", tmp_path)
-    assert done.returncode == 2 and done.stderr.startswith("peers.py: ") and done.stderr.count("\n") == 1 and not done.stdout
+    assert (
+        done.returncode == 2
+        and done.stderr.startswith("peers.py: ")
+        and done.stderr.count("\n") == 1
+        and not done.stdout
+    )
 
 
 def test_the_groups_name_every_scene():
@@ -59,7 +85,9 @@ def test_the_groups_name_every_scene():
     assert peers.chosen("small,drop_500") == list(peers.GROUPS["small"]) and peers.chosen("all") == names
 
 
-@pytest.mark.parametrize("dent,fall,through", [(0.0, 0.0, False), (1.2, 0.6, False), (0.0, 0.6, True), (1.2, 2.6, True)])
+@pytest.mark.parametrize(
+    "dent,fall,through", [(0.0, 0.0, False), (1.2, 0.6, False), (0.0, 0.6, True), (1.2, 2.6, True)]
+)
 def test_what_has_come_through_a_slab(dent, fall, through):
     slab, ball = peer_scenes.brick((1.0, 0.1, 1.0), (12, 1, 12)), peer_scenes.brick((0.1, 0.1, 0.1), (1, 1, 1))
     rest = np.vstack([slab.vertices - [0.0, 0.05, 0.0], ball.vertices + [0.0, 0.1, 0.0]])
@@ -68,7 +96,9 @@ def test_what_has_come_through_a_slab(dent, fall, through):
     surface = boundary_facets(cells.astype(np.int64))[0]
     level = SimpleNamespace(rest=rest, cells=cells, bodies=bodies, surface=surface)
     positions = rest.copy()
-    positions[: len(slab.vertices), 1] -= dent * np.clip(1.0 - 2.0 * np.hypot(*slab.vertices[:, [0, 2]].T), 0.0, None) ** 0.5
+    positions[: len(slab.vertices), 1] -= (
+        dent * np.clip(1.0 - 2.0 * np.hypot(*slab.vertices[:, [0, 2]].T), 0.0, None) ** 0.5
+    )
     positions[len(slab.vertices) :, 1] -= fall
     found = measure.come_through(SimpleNamespace(info={"bodies": ["slab", "ball"]}), level, positions)
     assert found == (len(ball.vertices) if through else 0)
@@ -81,7 +111,18 @@ def test_of_several_runs_the_middle_one_is_told_but_for_one_that_went_wrong():
 
 
 def test_growth_and_gain():
-    records = [{"scene": name, "ranks": ranks, "ok": True, "steps": 5, "vertices": n, "seconds": {"mean": n / ranks}, "seconds_per_newton": n**1.5}
-               for name, n in (("twist_4k", 4000), ("twist_20k", 20000)) for ranks in (1, 2)]
+    records = [
+        {
+            "scene": name,
+            "ranks": ranks,
+            "ok": True,
+            "steps": 5,
+            "vertices": n,
+            "seconds": {"mean": n / ranks},
+            "seconds_per_newton": n**1.5,
+        }
+        for name, n in (("twist_4k", 4000), ("twist_20k", 20000))
+        for ranks in (1, 2)
+    ]
     assert report.exponents(records) == {("twist_4k", "twist_20k"): pytest.approx(1.5)}
     assert report.gains(records) == {"twist_4k": 2.0, "twist_20k": 2.0}

@@ -1,4 +1,6 @@
-"""A scene file so small that the tests of the command line are about the command line: a square of a few triangles falls on a plane."""
+"""A scene file so small that the tests of the command line are about the command line: a square of a few triangles
+falls on a plane.
+"""
 
 from pathlib import Path
 
@@ -18,7 +20,9 @@ def square(n):
     return Solid(np.column_stack([x.ravel(), y.ravel()]), cells.astype(np.int32), np.zeros(len(cells), np.int32))
 '''
 
-FALL = SQUARE + '''
+FALL = (
+    SQUARE
+    + """
 
 def scene(young=2e4, height=0.02, mu=0.3, steps=10, velocity=(0.3, 0.0), sizes=(2, 4)):
     return Scene(
@@ -34,7 +38,8 @@ def scene(young=2e4, height=0.02, mu=0.3, steps=10, velocity=(0.3, 0.0), sizes=(
 
 if __name__ == "__main__":
     pdvol.main(scene)
-'''
+"""
+)
 
 CUBE_OFF = """OFF
 8 12 0

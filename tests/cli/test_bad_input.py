@@ -1,4 +1,6 @@
-"""A user's mistake ends with exit code 2 and one line that says what, where and the mend; no traceback, nothing half-written."""
+"""A user's mistake ends with exit code 2 and one line that says what, where and the mend; no traceback, nothing
+half-written.
+"""
 
 import os
 import subprocess
@@ -33,14 +35,18 @@ def refuse(tmp_path, capfd, monkeypatch):
 
 def scene_of(shape, vertices="vertices=(20, 40)", more="", extra_bodies="", steps="1", dt="0.01"):
     """A scene file around one shape."""
-    return SQUARE + f'''
+    return (
+        SQUARE
+        + f"""
 
 def scene(poisson=0.4, dt={dt}, steps={steps}):
     return Scene(bodies=(Body({shape}, NeoHookean(1e5, poisson), {vertices}), {extra_bodies}), dt=dt, steps=steps, {more})
-'''
+"""
+    )
 
 
-# ---- files -------------------------------------------------------------------------------------------------------------------
+# ---- files
+# -------------------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("command", ["run", "preview", "check", "info"])
@@ -62,26 +68,45 @@ def test_a_shape_that_may_not_be_read(refuse, tmp_path):
         assert "permission" in refuse("run", write(tmp_path / "t.py", scene_of("'locked.off'")))
 
 
-@pytest.mark.parametrize(("name", "text"), [
-    ("empty.obj", ""), ("noise.obj", "f 1 2 3\nv a b c\n"), ("cut.off", CUBE_OFF[:40]), ("cut.ply", "ply\nformat ascii 1.0\nelement vertex 3\n"),
-    ("noise.stl", "\x00\x01\x02"), ("noise.msh", "$MeshFormat\n4.1 0 8\n"), ("noise.vtu", "<VTKFile>"), ("points.obj", "v 0 0 0\nv 1 0 0\n"),
-])
+@pytest.mark.parametrize(
+    ("name", "text"),
+    [
+        ("empty.obj", ""),
+        ("noise.obj", "f 1 2 3\nv a b c\n"),
+        ("cut.off", CUBE_OFF[:40]),
+        ("cut.ply", "ply\nformat ascii 1.0\nelement vertex 3\n"),
+        ("noise.stl", "\x00\x01\x02"),
+        ("noise.msh", "$MeshFormat\n4.1 0 8\n"),
+        ("noise.vtu", "<VTKFile>"),
+        ("points.obj", "v 0 0 0\nv 1 0 0\n"),
+    ],
+)
 def test_an_unreadable_shape(refuse, tmp_path, name, text):
     write(tmp_path / name, text)
     assert name in refuse("run", write(tmp_path / "s.py", scene_of(f"'{name}'")))
 
 
-# ---- shapes ------------------------------------------------------------------------------------------------------------------
+# ---- shapes
+# ------------------------------------------------------------------------------------------------------------------
 
 
 def off(points, triangles):
-    return "\n".join(["OFF", f"{len(points)} {len(triangles)} 0", *(" ".join(map(str, p)) for p in points),
-                      *("3 " + " ".join(map(str, t)) for t in triangles), ""])
+    return "\n".join(
+        [
+            "OFF",
+            f"{len(points)} {len(triangles)} 0",
+            *(" ".join(map(str, p)) for p in points),
+            *("3 " + " ".join(map(str, t)) for t in triangles),
+            "",
+        ]
+    )
 
 
 def cube():
     lines = CUBE_OFF.split("\n")
-    return [tuple(map(float, line.split())) for line in lines[2:10]], [tuple(map(int, line.split()[1:])) for line in lines[10:22]]
+    return [tuple(map(float, line.split())) for line in lines[2:10]], [
+        tuple(map(int, line.split()[1:])) for line in lines[10:22]
+    ]
 
 
 def bad_surfaces():
@@ -89,8 +114,12 @@ def bad_surfaces():
     shifted = [(x + 0.5, y + 0.5, z + 0.5) for x, y, z in points]
     yield "open", points, triangles[:-1], "open along"
     yield "non-manifold", [*points, (0.5, 0.5, 3.0)], [*triangles, (0, 1, 8)], "non-manifold"
-    yield "pinched", points + [(2 - x, 2 - y, 2 - z) for x, y, z in points if (x, y, z) != (1, 1, 1)], [
-        *triangles, *(tuple({6: 6}.get(v, 8 + v - (v > 6)) for v in t)[::-1] for t in triangles)], "single vertices"
+    yield (
+        "pinched",
+        points + [(2 - x, 2 - y, 2 - z) for x, y, z in points if (x, y, z) != (1, 1, 1)],
+        [*triangles, *(tuple({6: 6}.get(v, 8 + v - (v > 6)) for v in t)[::-1] for t in triangles)],
+        "single vertices",
+    )
     yield "self-intersecting", points + shifted, triangles + [tuple(v + 8 for v in t) for t in triangles], "cross"
     yield "mixed orientation", points, [triangles[0][::-1], *triangles[1:]], "disagree"
     yield "nan", [("nan", 0, 0), *points[1:]], triangles, "NaN"
@@ -100,7 +129,9 @@ def bad_surfaces():
     yield "far index", points, [*triangles[:-1], (0, 1, 99)], "index"
 
 
-@pytest.mark.parametrize(("points", "triangles", "told"), [pytest.param(*rest, id=name) for name, *rest in bad_surfaces()])
+@pytest.mark.parametrize(
+    ("points", "triangles", "told"), [pytest.param(*rest, id=name) for name, *rest in bad_surfaces()]
+)
 @pytest.mark.parametrize("what", ["body", "obstacle"])
 def test_a_bad_surface(refuse, tmp_path, points, triangles, told, what):
     write(tmp_path / "bad.off", off(points, triangles))
@@ -121,79 +152,144 @@ def solid(points, cells):
     return f"({SOLID.format(points=points, cells=cells, count=len(cells))},)"
 
 
-@pytest.mark.parametrize(("shape", "told"), [
-    pytest.param(solid([(0, 0), (1, 0), (1, 1), (0, 1)], [(0, 1, 2), (0, 3, 2)]), "cells 1 are inverted", id="inverted"),
-    pytest.param(solid([(0, 0), (1, 0), (1, 1), (2, 0)], [(0, 1, 2), (0, 1, 3)]), "cells 1 are flat", id="flat"),
-    pytest.param(solid([(0, 0), (1, 0), (1, 1)], [(0, 1, 2), (1, 2, 0)]), "repeat", id="duplicate"),
-    pytest.param(solid([(0, 0), (1, 0), (1, "np.nan")], [(0, 1, 2)]).replace("'", ""), "NaN", id="nan"),
-    pytest.param(solid([(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1), (0, 0, -1)], [(0, 1, 2, 3), (0, 1, 2, 4)]), "inverted", id="inverted tet"),
-    pytest.param(solid([(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1), (1, 1, 0)], [(0, 1, 2, 3), (0, 1, 2, 4)]), "flat", id="flat tet"),
-    pytest.param(solid([(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)], [(0, 1, 2, 3), (1, 0, 3, 2)]), "repeat", id="duplicate tet"),
-    pytest.param("(square(2), 'x')", "x", id="no mesh"),
-    pytest.param("(3,)", "shape", id="a number"),
-    pytest.param("()", "empty", id="an empty list"),
-    pytest.param("(Outline(np.eye(2)),)", "volume meshes", id="an outline in a list"),
-    pytest.param("(Solid(np.zeros((0, 2)), np.zeros((0, 3), int), np.zeros(0, int)),)", "empty", id="no cells"),
-])
+@pytest.mark.parametrize(
+    ("shape", "told"),
+    [
+        pytest.param(
+            solid([(0, 0), (1, 0), (1, 1), (0, 1)], [(0, 1, 2), (0, 3, 2)]), "cells 1 are inverted", id="inverted"
+        ),
+        pytest.param(solid([(0, 0), (1, 0), (1, 1), (2, 0)], [(0, 1, 2), (0, 1, 3)]), "cells 1 are flat", id="flat"),
+        pytest.param(solid([(0, 0), (1, 0), (1, 1)], [(0, 1, 2), (1, 2, 0)]), "repeat", id="duplicate"),
+        pytest.param(solid([(0, 0), (1, 0), (1, "np.nan")], [(0, 1, 2)]).replace("'", ""), "NaN", id="nan"),
+        pytest.param(
+            solid([(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1), (0, 0, -1)], [(0, 1, 2, 3), (0, 1, 2, 4)]),
+            "inverted",
+            id="inverted tet",
+        ),
+        pytest.param(
+            solid([(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1), (1, 1, 0)], [(0, 1, 2, 3), (0, 1, 2, 4)]),
+            "flat",
+            id="flat tet",
+        ),
+        pytest.param(
+            solid([(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)], [(0, 1, 2, 3), (1, 0, 3, 2)]),
+            "repeat",
+            id="duplicate tet",
+        ),
+        pytest.param("(square(2), 'x')", "x", id="no mesh"),
+        pytest.param("(3,)", "shape", id="a number"),
+        pytest.param("()", "empty", id="an empty list"),
+        pytest.param("(Outline(np.eye(2)),)", "volume meshes", id="an outline in a list"),
+        pytest.param("(Solid(np.zeros((0, 2)), np.zeros((0, 3), int), np.zeros(0, int)),)", "empty", id="no cells"),
+    ],
+)
 def test_bad_cells(refuse, tmp_path, shape, told):
     assert told in refuse("run", write(tmp_path / "s.py", scene_of(shape, vertices="")))
 
 
-@pytest.mark.parametrize(("points", "told"), [
-    ("[(0, 0), (1, 1), (1, 0), (0, 1)]", "cross"), ("[(0, 0), (1, 0)]", "at least 3"), ("[(0, 0), (1, 0), (1, 0), (0, 1)]", "no length"),
-    ("[(0, 0), (1, 0), (np.nan, 1)]", "NaN"),
-])
+@pytest.mark.parametrize(
+    ("points", "told"),
+    [
+        ("[(0, 0), (1, 1), (1, 0), (0, 1)]", "cross"),
+        ("[(0, 0), (1, 0)]", "at least 3"),
+        ("[(0, 0), (1, 0), (1, 0), (0, 1)]", "no length"),
+        ("[(0, 0), (1, 0), (np.nan, 1)]", "NaN"),
+    ],
+)
 def test_bad_outlines(refuse, tmp_path, points, told):
     assert told in refuse("run", write(tmp_path / "s.py", scene_of(f"Outline(np.array({points}, dtype=float))")))
 
 
-# ---- t = 0 -------------------------------------------------------------------------------------------------------------------
+# ---- t = 0
+# -------------------------------------------------------------------------------------------------------------------
 
-TWO = "Body((square(2), square(3)), NeoHookean(1e5), name='other', placement=Placement(translate={place}, scale={scale})),"
+TWO = (
+    "Body((square(2), square(3)), NeoHookean(1e5), name='other', placement=Placement(translate={place},"
+    " scale={scale})),"
+)
 
 
 def test_bodies_that_cross(refuse, tmp_path):
-    text = scene_of("(square(2), square(3))", "name='one'", "contact=(Barrier(),)", TWO.format(place=(0.5, 0.6), scale=1.0))
+    text = scene_of(
+        "(square(2), square(3))", "name='one'", "contact=(Barrier(),)", TWO.format(place=(0.5, 0.6), scale=1.0)
+    )
     line = refuse("run", write(tmp_path / "s.py", text))
     assert "level 0: body " in line and "'one'" in line and "'other'" in line and "edge (" in line
-    text = scene_of("(square(2), square(3))", "name='one'", "contact=(Barrier(),)", TWO.format(place=(0.35, 0.35), scale=0.1))
+    text = scene_of(
+        "(square(2), square(3))", "name='one'", "contact=(Barrier(),)", TWO.format(place=(0.35, 0.35), scale=0.1)
+    )
     assert "body 'other' lies inside body 'one'" in refuse("run", write(tmp_path / "t.py", text))
 
 
 def test_bodies_that_cross_on_the_fine_level_only(refuse, tmp_path):
     fine = "Solid(square(2).vertices * (1.5, 1.0), square(2).cells, square(2).regions)"
-    text = scene_of(f"(square(2), {fine})", "name='one'", "contact=(Barrier(),)", TWO.format(place=(1.2, 0.1), scale=1.0))
+    text = scene_of(
+        f"(square(2), {fine})", "name='one'", "contact=(Barrier(),)", TWO.format(place=(1.2, 0.1), scale=1.0)
+    )
     assert "level 1: body " in refuse("run", write(tmp_path / "s.py", text))
 
 
-@pytest.mark.parametrize(("obstacle", "told"), [
-    ("Plane((0.0, 0.4), (0.0, 1.0), name='floor')", ("level 0", "plane 'floor'", "body 'one'", "vertex")),
-    ("Plane((0.0, 0.0), (0.0, 1.0), name='floor')", ("level 0", "plane 'floor'", "at or below")),
-    ("Plane((0.0, -1.0, 0.0), (0.0, 1.0, 0.0), name='floor')", ("plane 'floor'", "3D")),
-    ("Rigid(Outline(np.array([(0.5, -0.5), (2, -0.5), (2, 0.5), (0.5, 0.4)])), name='rock')", ("level 0", "body 'one'", "obstacle 'rock'", "edge (")),
-    ("Rigid(Outline(np.array([(-9.0, -9), (9, -9), (9, 9), (-9, 9)])), name='room')", ("inside", "obstacle 'room'", "closed=False")),
-    ("Rigid(Surface(np.eye(4)[:, :3], np.array([(0, 1, 2), (0, 3, 1), (1, 3, 2), (2, 3, 0)])), name='rock')", ("obstacle 'rock'",)),
-])
+@pytest.mark.parametrize(
+    ("obstacle", "told"),
+    [
+        ("Plane((0.0, 0.4), (0.0, 1.0), name='floor')", ("level 0", "plane 'floor'", "body 'one'", "vertex")),
+        ("Plane((0.0, 0.0), (0.0, 1.0), name='floor')", ("level 0", "plane 'floor'", "at or below")),
+        ("Plane((0.0, -1.0, 0.0), (0.0, 1.0, 0.0), name='floor')", ("plane 'floor'", "3D")),
+        (
+            "Rigid(Outline(np.array([(0.5, -0.5), (2, -0.5), (2, 0.5), (0.5, 0.4)])), name='rock')",
+            ("level 0", "body 'one'", "obstacle 'rock'", "edge ("),
+        ),
+        (
+            "Rigid(Outline(np.array([(-9.0, -9), (9, -9), (9, 9), (-9, 9)])), name='room')",
+            ("inside", "obstacle 'room'", "closed=False"),
+        ),
+        (
+            "Rigid(Surface(np.eye(4)[:, :3], np.array([(0, 1, 2), (0, 3, 1), (1, 3, 2), (2, 3, 0)])), name='rock')",
+            ("obstacle 'rock'",),
+        ),
+    ],
+)
 def test_a_body_that_crosses_an_obstacle(refuse, tmp_path, obstacle, told):
     text = scene_of("(square(2), square(3))", "name='one'", f"obstacles=({obstacle},), contact=(Barrier(),)")
     line = refuse("run", write(tmp_path / "s.py", text))
     assert all(word in line for word in told), line
 
 
-# ---- parameters --------------------------------------------------------------------------------------------------------------
+# ---- parameters
+# --------------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("words", "told"), [
-    (["--set", "poisson=0.5"], "poisson = 0.5"), (["--set", "poisson=0.7"], "poisson = 0.7"), (["--set", "poisson=nan"], "poisson"),
-    (["--set", "dt=-0.01"], "dt = -0.01"), (["--set", "dt=0"], "dt = 0"), (["--set", "dt=fast"], "dt = 'fast'"),
-    (["--set", "steps=-1"], "steps = -1"), (["--set", "steps=1.5"], "steps = 1.5"), (["--steps", "-3"], "steps = -3"),
-    (["--set", "jelly=1"], "no parameter 'jelly'"), (["--set", "poisson"], "name=value"), (["--set", "a b=1"], "name=value"),
-    (["--set", "tolerance=-1"], "Solver.tolerance"), (["--set", "linear=magic"], "Solver.linear"), (["--set", "max_iterations=0"], "max_iterations"),
-    (["--set", "max_iterations=many"], "max_iterations"), (["--set", "max_halvings=99"], "max_halvings"), (["--set", "petsc=3"], "petsc"),
-    (["--set", "tolerance=Relative(-1)"], "Relative"), (["--set", "tolerance=Relative(x)"], "tolerance"),
-    (["--levels", "0:7"], "levels 0:7 do not exist"), (["--levels", "2"], "levels 2:2 do not exist"), (["--levels", "1:0"], "levels 1:0"),
-    (["--levels", "1"], "holds no run"), (["--levels", "x:2"], "not a whole number"), (["--levels", "-1:1"], "--levels"),
-])
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (["--set", "poisson=0.5"], "poisson = 0.5"),
+        (["--set", "poisson=0.7"], "poisson = 0.7"),
+        (["--set", "poisson=nan"], "poisson"),
+        (["--set", "dt=-0.01"], "dt = -0.01"),
+        (["--set", "dt=0"], "dt = 0"),
+        (["--set", "dt=fast"], "dt = 'fast'"),
+        (["--set", "steps=-1"], "steps = -1"),
+        (["--set", "steps=1.5"], "steps = 1.5"),
+        (["--steps", "-3"], "steps = -3"),
+        (["--set", "jelly=1"], "no parameter 'jelly'"),
+        (["--set", "poisson"], "name=value"),
+        (["--set", "a b=1"], "name=value"),
+        (["--set", "tolerance=-1"], "Solver.tolerance"),
+        (["--set", "linear=magic"], "Solver.linear"),
+        (["--set", "max_iterations=0"], "max_iterations"),
+        (["--set", "max_iterations=many"], "max_iterations"),
+        (["--set", "max_halvings=99"], "max_halvings"),
+        (["--set", "petsc=3"], "petsc"),
+        (["--set", "tolerance=Relative(-1)"], "Relative"),
+        (["--set", "tolerance=Relative(x)"], "tolerance"),
+        (["--levels", "0:7"], "levels 0:7 do not exist"),
+        (["--levels", "2"], "levels 2:2 do not exist"),
+        (["--levels", "1:0"], "levels 1:0"),
+        (["--levels", "1"], "holds no run"),
+        (["--levels", "x:2"], "not a whole number"),
+        (["--levels", "-1:1"], "--levels"),
+    ],
+)
 def test_parameters(refuse, tmp_path, words, told):
     text = scene_of("(square(1), square(2))", "")
     assert told in refuse("run", write(tmp_path / "s.py", text), "--out", "out", *_joined(words))
@@ -204,10 +300,20 @@ def _joined(words):
     return [f"{words[0]}={words[1]}"]
 
 
-@pytest.mark.parametrize("words", [
-    ["run", "s.py", "--method", "magic"], ["run", "s.py", "--prolongation", "magic"], ["run", "s.py", "--steps", "few"], ["run"], ["fly"], [],
-    ["run", "s.py", "--wings"], ["refine", "runs/x"], ["hierarchy", "x.off"],
-])
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["run", "s.py", "--method", "magic"],
+        ["run", "s.py", "--prolongation", "magic"],
+        ["run", "s.py", "--steps", "few"],
+        ["run"],
+        ["fly"],
+        [],
+        ["run", "s.py", "--wings"],
+        ["refine", "runs/x"],
+        ["hierarchy", "x.off"],
+    ],
+)
 def test_what_the_command_line_itself_refuses(tmp_path, monkeypatch, capfd, words):
     monkeypatch.chdir(tmp_path)
     write(tmp_path / "s.py", FALL)
@@ -217,31 +323,62 @@ def test_what_the_command_line_itself_refuses(tmp_path, monkeypatch, capfd, word
     assert not (tmp_path / "runs").exists()
 
 
-@pytest.mark.parametrize("scene", [
-    "bodies=()", "bodies=(body, body)", "bodies=(body,), obstacles=(Plane((0, -1), (0, 1)),)", "bodies=(body,), contact=(Friction(0.1),)",
-    "bodies=(body,), supports=(Support(lambda X: X[:, 0] < 0, body='nobody'),)", "bodies=(body,), contact=(Barrier(), Barrier())",
-    "bodies=(body,), contact=(Barrier(-1.0),)", "bodies=(body,), contact=(Barrier(), Friction(-1.0))", "bodies=(body, Body((square(1),), soft, name='b'))",
-    "bodies=(Body(square(2), soft, (20, 10)),)", "bodies=(Body(square(2), soft),)", "bodies=(Body(square(2), soft, (2,)),)",
-    "bodies=(Body((square(2),), soft, velocity=(0, 0, 0)),)", "bodies=(Body((square(2),), soft, spin=(1, 0, 0)),)",
-    "bodies=(Body((square(2),), soft, velocity=lambda X: X[0]),)", "bodies=(Body((square(2),), soft, velocity=lambda X: 1 / 0),)",
-    "bodies=(Body((square(2),), soft, velocity=lambda X: np.nan * X),)", "bodies=(Body((square(2),), 1e5),)", "bodies=(Body((square(2),), NeoHookean(-1.0)),)", "bodies=(Body((square(2),), NeoHookean(1e5, 0.3, 0)),)",
-    "bodies=(Body((square(2),), soft, placement=Placement(scale=-1)),)", "bodies=(Body((square(2),), soft, placement=Placement((0, 0, 0))),)",
-    "bodies=(body,), loads=(Gravity((0, 0, -9.81)),)", "bodies=body",
-    "bodies=(Body((square(1), square(2)), soft, velocity=('x', 0)),)", "bodies=(body,), loads=Gravity((0, -9.81))",
-    "bodies=(body,), supports=(Support(lambda X: X[0] < 0),)", "bodies=(body,), supports=(Support(lambda X: 1 / 0),)",
-    "bodies=(body,), contact=(Barrier(stiffness=np.inf),)", "bodies=(body,), loads=(Gravity((0, np.nan)),)",
-    "bodies=(body,), obstacles=(Plane((0, -1), (0, 0)),), contact=(Barrier(),)",
-    "bodies=(body,), obstacles=(Plane((0, np.nan), (0, 1)),), contact=(Barrier(),)",
-    "bodies=(body,), supports=(Support(lambda X: X[:, 0] < 0.1, motion=lambda X, t: X[:, :1]),)",
-    "bodies=(body,), supports=(Support(lambda X: X[:, 0] * np.nan),)", "bodies=(body,), supports=(Support(lambda X: np.flatnonzero(X[:, 0] < 1)),)",
-    "bodies=(body,), supports=(Support(lambda X: X[:, 0] < 0.1, motion=lambda X, t: X * np.inf),)",
-    "bodies=(body,), supports=(Support(lambda X: X[:, 0] < 0.1, motion=3),)", "bodies=(body,), supports=(Support(lambda X: X[:, 0] < 0.1, release=-1),)",
-    "bodies=(body,), obstacles=(Plane((0, -1), (0, 1), motion=lambda X, t: X[:1]),), contact=(Barrier(),)",
-    "bodies=(body,), obstacles=(Plane((0, -1), (0, 1), motion=lambda X, t: X if t < 0.005 else X * np.nan),), contact=(Barrier(),)",
-    "bodies=(body,), obstacles=(Plane((0, -1), (0, 1), motion=lambda X, t: X + t * nothing),), contact=(Barrier(),)",
-])
+@pytest.mark.parametrize(
+    "scene",
+    [
+        "bodies=()",
+        "bodies=(body, body)",
+        "bodies=(body,), obstacles=(Plane((0, -1), (0, 1)),)",
+        "bodies=(body,), contact=(Friction(0.1),)",
+        "bodies=(body,), supports=(Support(lambda X: X[:, 0] < 0, body='nobody'),)",
+        "bodies=(body,), contact=(Barrier(), Barrier())",
+        "bodies=(body,), contact=(Barrier(-1.0),)",
+        "bodies=(body,), contact=(Barrier(), Friction(-1.0))",
+        "bodies=(body, Body((square(1),), soft, name='b'))",
+        "bodies=(Body(square(2), soft, (20, 10)),)",
+        "bodies=(Body(square(2), soft),)",
+        "bodies=(Body(square(2), soft, (2,)),)",
+        "bodies=(Body((square(2),), soft, velocity=(0, 0, 0)),)",
+        "bodies=(Body((square(2),), soft, spin=(1, 0, 0)),)",
+        "bodies=(Body((square(2),), soft, velocity=lambda X: X[0]),)",
+        "bodies=(Body((square(2),), soft, velocity=lambda X: 1 / 0),)",
+        "bodies=(Body((square(2),), soft, velocity=lambda X: np.nan * X),)",
+        "bodies=(Body((square(2),), 1e5),)",
+        "bodies=(Body((square(2),), NeoHookean(-1.0)),)",
+        "bodies=(Body((square(2),), NeoHookean(1e5, 0.3, 0)),)",
+        "bodies=(Body((square(2),), soft, placement=Placement(scale=-1)),)",
+        "bodies=(Body((square(2),), soft, placement=Placement((0, 0, 0))),)",
+        "bodies=(body,), loads=(Gravity((0, 0, -9.81)),)",
+        "bodies=body",
+        "bodies=(Body((square(1), square(2)), soft, velocity=('x', 0)),)",
+        "bodies=(body,), loads=Gravity((0, -9.81))",
+        "bodies=(body,), supports=(Support(lambda X: X[0] < 0),)",
+        "bodies=(body,), supports=(Support(lambda X: 1 / 0),)",
+        "bodies=(body,), contact=(Barrier(stiffness=np.inf),)",
+        "bodies=(body,), loads=(Gravity((0, np.nan)),)",
+        "bodies=(body,), obstacles=(Plane((0, -1), (0, 0)),), contact=(Barrier(),)",
+        "bodies=(body,), obstacles=(Plane((0, np.nan), (0, 1)),), contact=(Barrier(),)",
+        "bodies=(body,), supports=(Support(lambda X: X[:, 0] < 0.1, motion=lambda X, t: X[:, :1]),)",
+        "bodies=(body,), supports=(Support(lambda X: X[:, 0] * np.nan),)",
+        "bodies=(body,), supports=(Support(lambda X: np.flatnonzero(X[:, 0] < 1)),)",
+        "bodies=(body,), supports=(Support(lambda X: X[:, 0] < 0.1, motion=lambda X, t: X * np.inf),)",
+        "bodies=(body,), supports=(Support(lambda X: X[:, 0] < 0.1, motion=3),)",
+        "bodies=(body,), supports=(Support(lambda X: X[:, 0] < 0.1, release=-1),)",
+        "bodies=(body,), obstacles=(Plane((0, -1), (0, 1), motion=lambda X, t: X[:1]),), contact=(Barrier(),)",
+        (
+            "bodies=(body,), obstacles=(Plane((0, -1), (0, 1), motion=lambda X, t: X if t < 0.005 else X * np.nan),),"
+            " contact=(Barrier(),)"
+        ),
+        (
+            "bodies=(body,), obstacles=(Plane((0, -1), (0, 1), motion=lambda X, t: X + t * nothing),),"
+            " contact=(Barrier(),)"
+        ),
+    ],
+)
 def test_nonsense_scenes(refuse, tmp_path, scene):
-    text = SQUARE + f"""
+    text = (
+        SQUARE
+        + f"""
 soft = NeoHookean(1e5)
 body = Body((square(1), square(2)), soft)
 
@@ -249,16 +386,28 @@ body = Body((square(1), square(2)), soft)
 def scene():
     return Scene({scene}, dt=0.01, steps=1)
 """
+    )
     refuse("run", write(tmp_path / "s.py", text))
 
 
-@pytest.mark.parametrize(("text", "told"), [
-    ("def scene(:\n", "SyntaxError"), ("import nowhere_to_be_found\n", "ModuleNotFoundError"), ("x = 1 / 0\n", "ZeroDivisionError"),
-    ("x = 3\n", "defines no scene"), ("scene = 3\n", "defines no scene"), ("def scene():\n    return 3\n", "returned int"),
-    ("def scene():\n    pass\n", "returned NoneType"), ("def scene():\n    raise RuntimeError('two\\nlines')\n", "RuntimeError: two lines"),
-    ("def scene(size):\n    return size\n", "size"), ("import sys\nsys.exit(3)\n", "s.py"), ("def scene():\n    raise SystemExit(0)\n", "s.py"),
-    ("\x00", "s.py"), ("def scene():\n    return scene()\n", "Recursion"),
-])
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("def scene(:\n", "SyntaxError"),
+        ("import nowhere_to_be_found\n", "ModuleNotFoundError"),
+        ("x = 1 / 0\n", "ZeroDivisionError"),
+        ("x = 3\n", "defines no scene"),
+        ("scene = 3\n", "defines no scene"),
+        ("def scene():\n    return 3\n", "returned int"),
+        ("def scene():\n    pass\n", "returned NoneType"),
+        ("def scene():\n    raise RuntimeError('two\\nlines')\n", "RuntimeError: two lines"),
+        ("def scene(size):\n    return size\n", "size"),
+        ("import sys\nsys.exit(3)\n", "s.py"),
+        ("def scene():\n    raise SystemExit(0)\n", "s.py"),
+        ("\x00", "s.py"),
+        ("def scene():\n    return scene()\n", "Recursion"),
+    ],
+)
 def test_broken_scene_files(refuse, tmp_path, text, told):
     assert told in refuse("run", write(tmp_path / "s.py", text))
 
@@ -271,7 +420,8 @@ def test_a_scene_file_that_is_none(refuse, tmp_path):
     assert "binary.py" in refuse("run", "binary.py")
 
 
-# ---- run folders -------------------------------------------------------------------------------------------------------------
+# ---- run folders
+# -------------------------------------------------------------------------------------------------------------
 
 
 @pytest.fixture
@@ -287,7 +437,9 @@ def test_a_folder_that_holds_a_run(refuse, stored):
     assert "--resume" in refuse("run", "fall.py", "--out", stored)
     assert "young: 20000.0 -> 30000.0" in refuse("run", "fall.py", "--out", stored, "--resume", "--set", "young=3e4")
     assert "velocity" in refuse("run", "fall.py", "--out", stored, "--resume", "--set", "velocity=(0.0, 0.0)")
-    assert "method 'progressive', not 'direct'" in refuse("run", "fall.py", "--out", stored, "--resume", "--method", "direct")
+    assert "method 'progressive', not 'direct'" in refuse(
+        "run", "fall.py", "--out", stored, "--resume", "--method", "direct"
+    )
     assert "levels 0:5 do not exist" in refuse("refine", stored, "--to", 5)
     assert "levels 0:-1" in refuse("refine", stored, "--to=-1")
     (stored.parent / "fall.py").unlink()
@@ -301,7 +453,12 @@ def test_what_is_no_run(refuse, tmp_path, stored):
         assert "has no run.json" in refuse(*[w.format("empty") for w in command])
         refuse(*[w.format("fall.py") for w in command[:1]], "empty/..", *command[2:])
     (stored / "run.json").write_text("{broken")
-    for command in (["refine", stored, "--to", 1], ["render", stored], ["info", stored], ["run", "fall.py", "--out", stored, "--resume"]):
+    for command in (
+        ["refine", stored, "--to", 1],
+        ["render", stored],
+        ["info", stored],
+        ["run", "fall.py", "--out", stored, "--resume"],
+    ):
         assert "run.json" in refuse(*command)
 
 
@@ -340,8 +497,17 @@ def test_hierarchy_and_check_of_bad_meshes(refuse, tmp_path, capfd):
 @pytest.mark.parametrize("words", [["run", "s.py"], ["check", "s.py"]], ids=" ".join)
 def test_as_a_program(tmp_path, words):
     # What the shell sees: the code, one line, nothing on disk.
-    write(tmp_path / "s.py", scene_of("(square(2), square(3))", "", "obstacles=(Plane((0.0, 0.5), (0.0, 1.0)),), contact=(Barrier(),)"))
-    ended = subprocess.run([sys.executable, "-c", "import pdvol; pdvol.main()", *words], cwd=tmp_path, capture_output=True, text=True, timeout=60)
+    write(
+        tmp_path / "s.py",
+        scene_of("(square(2), square(3))", "", "obstacles=(Plane((0.0, 0.5), (0.0, 1.0)),), contact=(Barrier(),)"),
+    )
+    ended = subprocess.run(
+        [sys.executable, "-c", "import pdvol; pdvol.main()", *words],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        timeout=60,
+    )
     assert ended.returncode == 2
     if words[0] == "run":
         assert ended.stderr.count("\n") == 1 and ended.stderr.startswith("pdvol: level 0: ")

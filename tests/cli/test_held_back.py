@@ -1,4 +1,6 @@
-"""Runs whose scripted motions contact holds back: told, stored where things truly are, resumed alike; motions that fail end in one line."""
+"""Runs whose scripted motions contact holds back: told, stored where things truly are, resumed alike; motions that fail
+end in one line.
+"""
 
 import json
 import sys
@@ -15,7 +17,9 @@ from pdvol.solve.ladder import RUNGS
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 import verify_run
 
-PRESS = SQUARE + '''
+PRESS = (
+    SQUARE
+    + """
 
 def scene(steps=10, fail=1e9):
     sink = lambda X, t: X - (0.0, 8.0 * t) if t < fail else X * np.nan
@@ -28,7 +32,8 @@ def scene(steps=10, fail=1e9):
         dt=0.02,
         steps=steps,
     )
-'''
+"""
+)
 
 
 @pytest.fixture(scope="module")
@@ -57,7 +62,9 @@ def test_nothing_is_crossed_where_things_truly_are(folder):
 
 
 def test_forces_are_those_of_obstacles_where_they_are(folder):
-    """What the plate does to the block is what the block's elastic forces and inertia balance; where the script has it, it would be through."""
+    """What the plate does to the block is what the block's elastic forces and inertia balance; where the script has it,
+    it would be through.
+    """
     run = open_run(folder / "whole")
     level = run.levels[1]
     last = level.log[-1]
@@ -96,7 +103,9 @@ def test_a_run_ends_with_the_line(folder, capfd):
 
 
 def test_a_motion_that_fails_ends_in_one_line(folder, capfd):
-    """Between the ends of steps, where only a motion that contact cuts in parts is asked: the good steps are kept. At their ends: before all."""
+    """Between the ends of steps, where only a motion that contact cuts in parts is asked: the good steps are kept. At
+    their ends: before all.
+    """
     write(folder / "parts.py", PRESS.replace("if t < fail", "if abs(t / 0.02 - round(t / 0.02)) < 1e-9"))
     capfd.readouterr()
     assert pdvol("run", folder / "parts.py", "--levels", "0", "--out", folder / "cut") == 2

@@ -1,4 +1,6 @@
-"""Files and settings that nobody would write on purpose: an answer in under 10 s and 1 GB, never a crash, a hang or a stray file."""
+"""Files and settings that nobody would write on purpose: an answer in under 10 s and 1 GB, never a crash, a hang or a
+stray file.
+"""
 
 import io
 import json
@@ -30,7 +32,9 @@ def sound_file(folder, suffix) -> bytes:
     """A small sound mesh file of a kind."""
     path = folder / f"sound{suffix}"
     cells = ("triangle", SHELL) if suffix in SURFACES else ("tetra", TETS)
-    meshio.Mesh(POINTS[:4] if suffix in SURFACES else POINTS, [cells]).write(path, **({"file_format": "gmsh22"} if suffix == ".msh" else {}))
+    meshio.Mesh(POINTS[:4] if suffix in SURFACES else POINTS, [cells]).write(
+        path, **({"file_format": "gmsh22"} if suffix == ".msh" else {})
+    )
     return path.read_bytes()
 
 
@@ -45,7 +49,11 @@ def mutated(data: bytes, rng: random.Random) -> bytes:
     if kind == 2:  # counts, indices, coordinates
         digits = [i for i, c in enumerate(data) if chr(c).isdigit()]
         i = rng.choice(digits or [at])
-        return data[:i] + rng.choice([b"999999999999", b"4294967295", b"-1", b"nan", b"1e999", b"x", b"2147483648", b"9" * 5000]) + data[i + 1 :]
+        return (
+            data[:i]
+            + rng.choice([b"999999999999", b"4294967295", b"-1", b"nan", b"1e999", b"x", b"2147483648", b"9" * 5000])
+            + data[i + 1 :]
+        )
     if kind == 3:
         return data.decode("latin-1").encode(rng.choice(["utf-16", "utf-8-sig", "cp037"]), errors="replace")
     if kind == 4:
@@ -76,7 +84,9 @@ def answer(path) -> str:
         told = str(error)
         assert "\n" not in told and str(path) in told
     used = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024
-    assert used < max(MEGABYTES, 1.2 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024 + MEGABYTES), "a child took too much"
+    assert used < max(MEGABYTES, 1.2 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024 + MEGABYTES), (
+        "a child took too much"
+    )
     assert time.monotonic() - begin < 5 * SECONDS, "10 s of an idle machine"
     return told
 
@@ -106,18 +116,28 @@ def test_many_mutated_meshes(tmp_path, suffix):
 
 
 HUGE = {
-    "counts.ply": b"ply\nformat binary_little_endian 1.0\nelement vertex 4000000000\nproperty double x\nproperty double y\nproperty double z\n"
-                  b"element face 4000000000\nproperty list uchar int vertex_indices\nend_header\n" + bytes(100),
+    "counts.ply": (
+        b"ply\nformat binary_little_endian 1.0\nelement vertex 4000000000\nproperty double x\nproperty double"
+        b" y\nproperty double z\nelement face 4000000000\nproperty list uchar int vertex_indices\nend_header\n"
+        + bytes(100)
+    ),
     "counts.off": b"OFF\n4000000000 4000000000 0\n0 0 0\n",
     "counts.stl": bytes(80) + (4294967295).to_bytes(4, "little") + bytes(100),
-    "counts.vtk": b"# vtk DataFile Version 3.0\nx\nBINARY\nDATASET UNSTRUCTURED_GRID\nPOINTS 4000000000 double\n" + bytes(100),
+    "counts.vtk": (
+        b"# vtk DataFile Version 3.0\nx\nBINARY\nDATASET UNSTRUCTURED_GRID\nPOINTS 4000000000 double\n" + bytes(100)
+    ),
     "counts.mesh": b"MeshVersionFormatted 2\nDimension 3\nVertices\n4000000000\n0 0 0 0\n",
     "counts.msh": b"$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$Nodes\n4000000000\n1 0 0 0\n$EndNodes\n",
-    "laughs.vtu": b'<?xml version="1.0"?><!DOCTYPE l [<!ENTITY a "ha">' + b"".join(
-        b'<!ENTITY %c "%s">' % (c + 1, b"&%c;" % c * 10) for c in range(97, 110)) + b']><VTKFile type="UnstructuredGrid">&n;</VTKFile>',
+    "laughs.vtu": (
+        b'<?xml version="1.0"?><!DOCTYPE l [<!ENTITY a "ha">'
+        + b"".join(b'<!ENTITY %c "%s">' % (c + 1, b"&%c;" % c * 10) for c in range(97, 110))
+        + b']><VTKFile type="UnstructuredGrid">&n;</VTKFile>'
+    ),
     "index.obj": b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 4294967299\n",
-    "elsewhere.xdmf": b'<?xml version="1.0"?><Xdmf Version="3.0"><Domain><Grid><Geometry GeometryType="XYZ"><DataItem Dimensions="9 3" '
-                      b'Format="HDF">../../../etc/passwd:/x</DataItem></Geometry></Grid></Domain></Xdmf>',
+    "elsewhere.xdmf": (
+        b'<?xml version="1.0"?><Xdmf Version="3.0"><Domain><Grid><Geometry GeometryType="XYZ"><DataItem Dimensions="9'
+        b' 3" Format="HDF">../../../etc/passwd:/x</DataItem></Geometry></Grid></Domain></Xdmf>'
+    ),
 }
 
 
@@ -140,7 +160,9 @@ def _crash(path):
     os.abort()
 
 
-@pytest.mark.parametrize(("work", "told"), [(_hang, "not read within"), (_devour, "wants more memory"), (_crash, "its reader crashed")])
+@pytest.mark.parametrize(
+    ("work", "told"), [(_hang, "not read within"), (_devour, "wants more memory"), (_crash, "its reader crashed")]
+)
 def test_what_a_reader_does_stays_its_own(tmp_path, monkeypatch, work, told):
     monkeypatch.setattr("pdvol.hierarchy.bounded.SECONDS", 0.5)
     path = write(tmp_path / "a.obj", "v 0 0 0\n")
@@ -148,12 +170,48 @@ def test_what_a_reader_does_stays_its_own(tmp_path, monkeypatch, work, told):
         read_bounded(path, work)
 
 
-# ---- settings ----------------------------------------------------------------------------------------------------------------
+# ---- settings
+# ----------------------------------------------------------------------------------------------------------------
 
 
-NONSENSE = ["None", "nan", "1e999", "-1", "[]", "{}", "''", "(" * 3000, "[" * 300 + "]" * 300, "9" * 5000, "10**10", "__import__('os').system('touch owned')",
-            "b'x'", "True", "1e308", "'\\ud800'", "../../x", "\x00", "Relative(None)", "Relative(9" + "9" * 400 + ")", "999999999999", "lambda: 0"]
-NAMES = ["young", "height", "mu", "steps", "velocity", "sizes", "tolerance", "max_iterations", "max_halvings", "linear", "accuracy", "petsc"]
+NONSENSE = [
+    "None",
+    "nan",
+    "1e999",
+    "-1",
+    "[]",
+    "{}",
+    "''",
+    "(" * 3000,
+    "[" * 300 + "]" * 300,
+    "9" * 5000,
+    "10**10",
+    "__import__('os').system('touch owned')",
+    "b'x'",
+    "True",
+    "1e308",
+    "'\\ud800'",
+    "../../x",
+    "\x00",
+    "Relative(None)",
+    "Relative(9" + "9" * 400 + ")",
+    "999999999999",
+    "lambda: 0",
+]
+NAMES = [
+    "young",
+    "height",
+    "mu",
+    "steps",
+    "velocity",
+    "sizes",
+    "tolerance",
+    "max_iterations",
+    "max_halvings",
+    "linear",
+    "accuracy",
+    "petsc",
+]
 
 
 def fuzz_settings(folder, capfd, pairs) -> None:
@@ -186,10 +244,15 @@ NAMES_OF_PATHS = ["../../owned", "/tmp/owned", "a/b", "x\ny", "\udc80", "con", "
 
 
 def test_names_that_would_be_paths(tmp_path):
-    """Of bodies and obstacles: whatever is written is in the run folder. In a process of its own, on a terminal that knows ASCII alone."""
+    """Of bodies and obstacles: whatever is written is in the run folder. In a process of its own, on a terminal that
+    knows ASCII alone.
+    """
     (tmp_path / "work").mkdir()
     for number, name in enumerate(NAMES_OF_PATHS):
-        write(tmp_path / "work" / f"fall{number}.py", FALL.replace('name="square"', f"name={name!r}").replace('name="floor"', f"name={name!r}"))
+        write(
+            tmp_path / "work" / f"fall{number}.py",
+            FALL.replace('name="square"', f"name={name!r}").replace('name="floor"', f"name={name!r}"),
+        )
     program = """
 from pathlib import Path
 from pdvol import cli
@@ -202,14 +265,20 @@ for number in range(%d):
     assert cli.run(["export", f"run/{number}", "--format", "obj", "-o", f"run/{number}/obj"]) == 0
 """ % len(NAMES_OF_PATHS)
     before = set(tmp_path.rglob("*"))
-    ended = subprocess.run([sys.executable, "-c", program], cwd=tmp_path / "work", env={**os.environ, "PYTHONIOENCODING": "ascii"}, capture_output=True,
-                           timeout=200)
+    ended = subprocess.run(
+        [sys.executable, "-c", program],
+        cwd=tmp_path / "work",
+        env={**os.environ, "PYTHONIOENCODING": "ascii"},
+        capture_output=True,
+        timeout=200,
+    )
     assert ended.returncode == 0 and b"Traceback" not in ended.stderr, ended.stderr
     new = {p for p in tmp_path.rglob("*") if "__pycache__" not in p.parts} - before
     assert new and all((tmp_path / "work" / "run") in (p, *p.parents) for p in new)
 
 
-# ---- run folders -------------------------------------------------------------------------------------------------------------
+# ---- run folders
+# -------------------------------------------------------------------------------------------------------------
 
 
 class Owned:
@@ -265,8 +334,23 @@ def damaged_info(key, value):
     return damage
 
 
-@pytest.mark.parametrize("key", ["dt", "levels", "steps", "bodies", "scene_file", "description", "parameters", "diagonal", "method",
-                                 "prolongation", "up", "format"])
+@pytest.mark.parametrize(
+    "key",
+    [
+        "dt",
+        "levels",
+        "steps",
+        "bodies",
+        "scene_file",
+        "description",
+        "parameters",
+        "diagonal",
+        "method",
+        "prolongation",
+        "up",
+        "format",
+    ],
+)
 def test_run_json_with_wrong_values(inspect_, key):
     rng = random.Random(key)
     for value in rng.sample(WRONG, 3):
@@ -274,15 +358,40 @@ def test_run_json_with_wrong_values(inspect_, key):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("key", ["dt", "levels", "steps", "bodies", "scene", "scene_file", "description", "parameters", "diagonal", "method", "up",
-                                 "format", "prolongation", "dimension", "versions", "state"])
+@pytest.mark.parametrize(
+    "key",
+    [
+        "dt",
+        "levels",
+        "steps",
+        "bodies",
+        "scene",
+        "scene_file",
+        "description",
+        "parameters",
+        "diagonal",
+        "method",
+        "up",
+        "format",
+        "prolongation",
+        "dimension",
+        "versions",
+        "state",
+    ],
+)
 def test_run_json_with_all_wrong_values(inspect_, key):
     for value in WRONG:
         inspect_(damaged_info(key, value))
 
 
 def test_run_json_that_is_deep_or_foreign(inspect_):
-    for text in (b"[" * 100_000, b'{"a":' * 100_000, json.dumps({"format": 1}).encode("utf-16"), b"\xff\xfe\x00", b"9" * 10_000):
+    for text in (
+        b"[" * 100_000,
+        b'{"a":' * 100_000,
+        json.dumps({"format": 1}).encode("utf-16"),
+        b"\xff\xfe\x00",
+        b"9" * 10_000,
+    ):
         assert inspect_(lambda run, text=text: (run / "run.json").write_bytes(text), ("info", "export")) == [2, 2]
 
 
@@ -300,8 +409,16 @@ def header(shape) -> bytes:
 
 
 def test_states_are_data(inspect_):
-    hostile = [npy(np.array([Owned()], dtype=object)), header((10**12, 2)), header((-1, 2)), header((9, 2)), npy(np.zeros((9, 2), "c16")),
-               npy(np.full((9, 2), np.inf)), b"", b"\x93NUMPY" + b"(" * 70_000]
+    hostile = [
+        npy(np.array([Owned()], dtype=object)),
+        header((10**12, 2)),
+        header((-1, 2)),
+        header((9, 2)),
+        npy(np.zeros((9, 2), "c16")),
+        npy(np.full((9, 2), np.inf)),
+        b"",
+        b"\x93NUMPY" + b"(" * 70_000,
+    ]
     for name in ("000001.npy", "velocity.npy"):
         for data in hostile:
             inspect_(lambda run, name=name, data=data: (run / "levels" / "0" / name).write_bytes(data), ("export",))
@@ -316,19 +433,41 @@ def test_meshes_are_data(inspect_):
         return buffer.getvalue()
 
     names = ("points", "cells", "bodies", "regions", "surface")
-    sound = {"points": POINTS[:3, :2], "cells": np.array([[0, 1, 2]]), "bodies": np.zeros(1, np.int32), "regions": np.zeros(1, np.int32),
-             "surface": np.array([[0, 1]])}
-    hostile = [archive(**dict.fromkeys(names, npy(np.array([Owned()], dtype=object)))), archive(**dict.fromkeys(names, header((10**12,)))),
-               archive(zipfile.ZIP_DEFLATED, **dict.fromkeys(names, bytes(300_000_000))), archive(),
-               *(archive(**{n: npy(values) for n, values in {**sound, name: wrong}.items()})
-                 for name in names for wrong in (np.array(["x"]), np.full((1, 3), 7), np.full((3, 2), np.nan)))]
+    sound = {
+        "points": POINTS[:3, :2],
+        "cells": np.array([[0, 1, 2]]),
+        "bodies": np.zeros(1, np.int32),
+        "regions": np.zeros(1, np.int32),
+        "surface": np.array([[0, 1]]),
+    }
+    hostile = [
+        archive(**dict.fromkeys(names, npy(np.array([Owned()], dtype=object)))),
+        archive(**dict.fromkeys(names, header((10**12,)))),
+        archive(zipfile.ZIP_DEFLATED, **dict.fromkeys(names, bytes(300_000_000))),
+        archive(),
+        *(
+            archive(**{n: npy(values) for n, values in {**sound, name: wrong}.items()})
+            for name in names
+            for wrong in (np.array(["x"]), np.full((1, 3), 7), np.full((3, 2), np.nan))
+        ),
+    ]
     for data in hostile:
-        assert inspect_(lambda run, data=data: (run / "levels" / "1" / "mesh.npz").write_bytes(data), ("export",)) == [2]
+        assert inspect_(lambda run, data=data: (run / "levels" / "1" / "mesh.npz").write_bytes(data), ("export",)) == [
+            2
+        ]
 
 
 @pytest.mark.parametrize("file", ["log.jsonl", "obstacles.json"])
 def test_other_files_of_a_run(inspect_, file):
-    for data in (b"[]\n", b'{"level": 0}\n', b'{"level": [], "step": {}}\n', b"[" * 90_000 + b"\n", b"\xff\n", b'{"obstacles": [3]}\n', b'{"obstacles": {}}\n',
-                 b'{"level": 0, "step": 1, "seconds": 3, "solver_memory": {"method": 3}}\n' * 2):
+    for data in (
+        b"[]\n",
+        b'{"level": 0}\n',
+        b'{"level": [], "step": {}}\n',
+        b"[" * 90_000 + b"\n",
+        b"\xff\n",
+        b'{"obstacles": [3]}\n',
+        b'{"obstacles": {}}\n',
+        b'{"level": 0, "step": 1, "seconds": 3, "solver_memory": {"method": 3}}\n' * 2,
+    ):
         inspect_(lambda run, data=data: (run / file).write_bytes(data), ("info",))
     inspect_(lambda run: (run / file).write_bytes(data), ("metrics", "refine"))

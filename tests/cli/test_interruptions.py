@@ -1,4 +1,6 @@
-"""What a run meets at night: SIGKILL at any instant, a full disk, a read-only folder, a second process, a scene that has changed meanwhile."""
+"""What a run meets at night: SIGKILL at any instant, a full disk, a read-only folder, a second process, a scene that
+has changed meanwhile.
+"""
 
 import ctypes
 import json
@@ -25,7 +27,9 @@ from pdvol.runs.shot import load_shot
 print("ready", flush=True)
 run_scene(load_shot("clutter.py"), sys.argv[1], resume=True)
 """
-CLUTTER = SQUARE + '''
+CLUTTER = (
+    SQUARE
+    + '''
 
 def scene(steps=12, sizes=(3, 6)):
     """Two squares and a stone: surfaces in contact, friction, and a level above the first."""
@@ -38,17 +42,21 @@ def scene(steps=12, sizes=(3, 6)):
         contact=(Barrier(Relative(3e-3)), Friction(0.3)),
         dt=0.02, steps=steps)
 '''
+)
 CLUTTER = CLUTTER.replace("from pdvol import Barrier", "from pdvol import Relative, Barrier")
 
 
 def kept(run: Path) -> dict:
-    """Everything of a run that must not depend on interruptions: states as bytes, and the log without what differs from time to time."""
+    """Everything of a run that must not depend on interruptions: states as bytes, and the log without what differs from
+    time to time.
+    """
     lines = [json.loads(line) for line in (run / "log.jsonl").read_text().splitlines()]
     log = [{key: value for key, value in line.items() if key not in ("seconds", "peak_memory_mb")} for line in lines]
     return {"log": log, **{str(p.relative_to(run)): p.read_bytes() for p in sorted((run / "levels").rglob("*.np?"))}}
 
 
-# ---- kills -------------------------------------------------------------------------------------------------------------------
+# ---- kills
+# -------------------------------------------------------------------------------------------------------------------
 
 
 @pytest.fixture(scope="module")
@@ -67,13 +75,17 @@ def clutter(tmp_path_factory):
 
 def started(folder: Path, out: str) -> subprocess.Popen:
     """A process that simulates, or goes on, and has loaded its libraries."""
-    process = subprocess.Popen([sys.executable, "-c", RUN, out], cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    process = subprocess.Popen(
+        [sys.executable, "-c", RUN, out], cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
     assert process.stdout.readline() == "ready\n", process.stderr.read()
     return process
 
 
 def killed_at_random(folder: Path, seconds: float, instants: int, kills: int, seed: int) -> list[str]:
-    """Kills runs at random instants, `kills` times each, and goes on until they are done, all compared with the whole one; what the kills left."""
+    """Kills runs at random instants, `kills` times each, and goes on until they are done, all compared with the whole
+    one; what the kills left.
+    """
     rng, found = np.random.default_rng(seed), []
     expected = kept(folder / "whole")
     for instant in range(instants):
@@ -81,7 +93,9 @@ def killed_at_random(folder: Path, seconds: float, instants: int, kills: int, se
         while True:
             with started(folder, out.name) as process:
                 try:
-                    _, told = process.communicate(timeout=rng.uniform(0.0, 0.9) * seconds if interrupted < kills else 200)
+                    _, told = process.communicate(
+                        timeout=rng.uniform(0.0, 0.9) * seconds if interrupted < kills else 200
+                    )
                     assert process.returncode == 0, told
                     break
                 except subprocess.TimeoutExpired:
@@ -139,7 +153,8 @@ def test_killed_while_the_folder_is_made(tmp_path):
         assert kept(out) == kept(tmp_path / "whole")
 
 
-# ---- disks -------------------------------------------------------------------------------------------------------------------
+# ---- disks
+# -------------------------------------------------------------------------------------------------------------------
 
 
 @pytest.fixture
@@ -173,13 +188,18 @@ def test_a_full_disk(tmp_path, disk, capfd):
     capfd.readouterr()
     assert pdvol(*words, "--out", full / "run") == 1
     lines = capfd.readouterr().err.strip().split("\n")
-    assert lines[-1].startswith("pdvol: cannot write ") and "No space left on device; everything stored before it is kept" in lines[-1]
+    assert (
+        lines[-1].startswith("pdvol: cannot write ")
+        and "No space left on device; everything stored before it is kept" in lines[-1]
+    )
     stored = open_run(full / "run")
     begun = [level for level in stored.levels if level.steps]
     assert begun and sum(level.steps for level in begun) > 3
     for level in begun:
         for step in range(level.steps):
-            np.testing.assert_array_equal(level.positions(step), open_run(tmp_path / "whole").levels[level.index].positions(step))
+            np.testing.assert_array_equal(
+                level.positions(step), open_run(tmp_path / "whole").levels[level.index].positions(step)
+            )
     # On a disk with room it goes on.
     shutil.copytree(full / "run", tmp_path / "run")
     assert pdvol(*words, "--out", tmp_path / "run", "--resume") == 0
@@ -190,10 +210,17 @@ def test_a_full_disk(tmp_path, disk, capfd):
 def test_files_that_may_not_grow(tmp_path, limit):
     # The same without a mount: RLIMIT_FSIZE stops a state, or the log, in the middle of a write.
     write(tmp_path / "fall.py", FALL)
-    assert pdvol("run", tmp_path / "fall.py", "--set", "sizes=(2, 8)", "--out", tmp_path / "whole") == 0  # compiles what there is to compile
-    program = f"import resource, pdvol, pdvol.runs.runner; resource.setrlimit(resource.RLIMIT_FSIZE, ({limit}, {limit})); pdvol.main()"
+    assert (
+        pdvol("run", tmp_path / "fall.py", "--set", "sizes=(2, 8)", "--out", tmp_path / "whole") == 0
+    )  # compiles what there is to compile
+    program = (
+        f"import resource, pdvol, pdvol.runs.runner; resource.setrlimit(resource.RLIMIT_FSIZE, ({limit}, {limit}));"
+        " pdvol.main()"
+    )
     words = ["run", "fall.py", "--set", "sizes=(2, 8)", "--out", "run"]
-    ended = subprocess.run([sys.executable, "-c", program, *words], cwd=tmp_path, capture_output=True, text=True, timeout=100)
+    ended = subprocess.run(
+        [sys.executable, "-c", program, *words], cwd=tmp_path, capture_output=True, text=True, timeout=100
+    )
     assert ended.returncode == 1 and "Traceback" not in ended.stderr
     assert ended.stderr.strip().split("\n")[-1].startswith("pdvol: cannot write "), ended.stderr
     assert pdvol("run", tmp_path / "fall.py", "--set", "sizes=(2, 8)", "--out", tmp_path / "run", "--resume") == 0
@@ -206,9 +233,14 @@ def test_a_read_only_folder(tmp_path, disk, capfd):
     assert pdvol("run", tmp_path / "fall.py", "--levels", 0, "--steps", 2, "--out", place / "run") == 0
     disk.read_only(place)
     capfd.readouterr()
-    for words in (["run", tmp_path / "fall.py", "--steps", 2, "--out", place / "run", "--resume"], ["refine", place / "run", "--to", 1],
-                  ["run", tmp_path / "fall.py", "--out", place / "other"], ["render", place / "run"], ["metrics", place / "run"],
-                  ["export", place / "run", "--format", "xdmf", "-o", place / "out"]):
+    for words in (
+        ["run", tmp_path / "fall.py", "--steps", 2, "--out", place / "run", "--resume"],
+        ["refine", place / "run", "--to", 1],
+        ["run", tmp_path / "fall.py", "--out", place / "other"],
+        ["render", place / "run"],
+        ["metrics", place / "run"],
+        ["export", place / "run", "--format", "xdmf", "-o", place / "out"],
+    ):
         assert pdvol(*words) in (1, 2), words
         err = capfd.readouterr().err.strip()
         assert err.startswith("pdvol: ") and "\n" not in err and ("Read-only" in err or "cannot be written" in err), err
@@ -217,7 +249,8 @@ def test_a_read_only_folder(tmp_path, disk, capfd):
     assert pdvol("render", place / "run", "-o", tmp_path / "picture.png") == 0
 
 
-# ---- two processes -----------------------------------------------------------------------------------------------------------
+# ---- two processes
+# -----------------------------------------------------------------------------------------------------------
 
 
 HOLD = """
@@ -234,22 +267,29 @@ def test_a_second_process_is_refused_and_a_stale_lock_is_not(tmp_path):
     write(tmp_path / "fall.py", FALL)
     assert pdvol("run", tmp_path / "fall.py", "--levels", 0, "--steps", 1, "--out", tmp_path / "run") == 0
     words = ["run", "fall.py", "--steps", "2", "--out", "run", "--resume"]
-    with subprocess.Popen([sys.executable, "-c", HOLD, str(tmp_path / "run")], stdout=subprocess.PIPE, text=True) as holder:
+    with subprocess.Popen(
+        [sys.executable, "-c", HOLD, str(tmp_path / "run")], stdout=subprocess.PIPE, text=True
+    ) as holder:
         assert holder.stdout.readline() == "held\n"
         before = kept(tmp_path / "run")
         for launcher in ([], ["mpirun", "-n", "2"]):
-            ended = subprocess.run([*launcher, *PROGRAM, *words], cwd=tmp_path, capture_output=True, text=True, timeout=100)
+            ended = subprocess.run(
+                [*launcher, *PROGRAM, *words], cwd=tmp_path, capture_output=True, text=True, timeout=100
+            )
             assert ended.returncode == 2, ended.stderr
             assert ended.stderr.count("run is being written by another pdvol") == 1 and "Traceback" not in ended.stderr
         assert kept(tmp_path / "run") == before
         holder.kill()
     assert (tmp_path / "run" / "run.lock").exists()
-    ended = subprocess.run(["mpirun", "-n", "2", *PROGRAM, *words], cwd=tmp_path, capture_output=True, text=True, timeout=100)
+    ended = subprocess.run(
+        ["mpirun", "-n", "2", *PROGRAM, *words], cwd=tmp_path, capture_output=True, text=True, timeout=100
+    )
     assert ended.returncode == 0, ended.stderr
     assert [level.steps for level in open_run(tmp_path / "run").levels] == [3, 3]
 
 
-# ---- a scene that has changed ------------------------------------------------------------------------------------------------
+# ---- a scene that has changed
+# ------------------------------------------------------------------------------------------------
 
 
 def test_what_has_changed_is_said_field_by_field(tmp_path, capfd):
@@ -257,12 +297,27 @@ def test_what_has_changed_is_said_field_by_field(tmp_path, capfd):
     assert pdvol("run", scene, "--steps", 2, "--out", tmp_path / "run") == 0
     before = kept(tmp_path / "run")
     for settings, told in (
-        (["young=3e4", "mu=0.5"], ["scene.bodies[0].material.young: 20000.0 -> 30000.0", "scene.contact[1].mu: 0.3 -> 0.5"]),
+        (
+            ["young=3e4", "mu=0.5"],
+            ["scene.bodies[0].material.young: 20000.0 -> 30000.0", "scene.contact[1].mu: 0.3 -> 0.5"],
+        ),
         (["sizes=(3, 4)"], ["scene.bodies[0].shape[0].vertices: an array of shape (9, 2) -> (16, 2)"]),
         (["sizes=(2,)"], ["holds 2 levels, the scene has 1 now"]),
     ):
         capfd.readouterr()
-        assert pdvol("run", scene, "--steps", 2, "--out", tmp_path / "run", "--resume", *[w for s in settings for w in ("--set", s)]) == 2
+        assert (
+            pdvol(
+                "run",
+                scene,
+                "--steps",
+                2,
+                "--out",
+                tmp_path / "run",
+                "--resume",
+                *[w for s in settings for w in ("--set", s)],
+            )
+            == 2
+        )
         err = capfd.readouterr().err
         assert err.count("\n") == 1 and all(part in err for part in told), err
     write(scene, FALL.replace("loads=(Gravity((0.0, -9.81)),)", "loads=()"))
@@ -291,10 +346,19 @@ def test_a_change_of_the_finest_level_keeps_the_coarser_ones(tmp_path, capfd):
     assert pdvol("refine", out, "--to", 2) == 0  # the run knows its scene by its new parameters
 
 
-# ---- damage ------------------------------------------------------------------------------------------------------------------
+# ---- damage
+# ------------------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("damage", ["truncated", "log", pytest.param("deleted", marks=pytest.mark.slow), pytest.param("noise", marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    "damage",
+    [
+        "truncated",
+        "log",
+        pytest.param("deleted", marks=pytest.mark.slow),
+        pytest.param("noise", marks=pytest.mark.slow),
+    ],
+)
 def test_a_damaged_run_is_mended_by_going_on(tmp_path, capfd, damage):
     scene, out = write(tmp_path / "fall.py", FALL), tmp_path / "run"
     assert pdvol("run", scene, "--steps", 4, "--out", tmp_path / "whole") == 0
@@ -309,7 +373,9 @@ def test_a_damaged_run_is_mended_by_going_on(tmp_path, capfd, damage):
     capfd.readouterr()
     assert pdvol("run", scene, "--steps", 4, "--out", out, "--resume") == 0
     if damage == "log":
-        assert {k: v for k, v in kept(tmp_path / "whole").items() if k != "log"} == {k: v for k, v in kept(out).items() if k != "log"}
+        assert {k: v for k, v in kept(tmp_path / "whole").items() if k != "log"} == {
+            k: v for k, v in kept(out).items() if k != "log"
+        }
     else:
         mended, whole = kept(out), kept(tmp_path / "whole")
         mended["log"].sort(key=lambda record: (record["level"], record["step"]))  # level 0 was mended last

@@ -26,7 +26,11 @@ def scene(fibres=1e5, young=1e6, damping=0.0):
 
 @pytest.fixture(scope="module")
 def material():
-    (block,) = [code for code in re.findall(r"^```python\n(.*?)^```", README, re.MULTILINE | re.DOTALL) if "class Muscle" in code]
+    (block,) = [
+        code
+        for code in re.findall(r"^```python\n(.*?)^```", README, re.MULTILINE | re.DOTALL)
+        if "class Muscle" in code
+    ]
     return block
 
 
@@ -40,7 +44,10 @@ def beam(material, tmp_path_factory):
 def sag(folder, name, *words):
     assert run(["run", str(folder / "beam.py"), "--out", str(folder / name), *words]) == 0
     levels = open_run(folder / name).levels
-    return [level.positions(15)[level.rest[:, 0] > 0.99, 1].mean() - level.rest[level.rest[:, 0] > 0.99, 1].mean() for level in levels]
+    return [
+        level.positions(15)[level.rest[:, 0] > 0.99, 1].mean() - level.rest[level.rest[:, 0] > 0.99, 1].mean()
+        for level in levels
+    ]
 
 
 def test_the_readme_s_material_is_short(material):
@@ -57,18 +64,28 @@ def test_the_readme_s_material_and_regions_run(beam, capsys):
         cells = level.cells[(level.rest[level.cells][:, :, 0] > 0.85).all(axis=1)]
         assert len(cells) > 0
         for a, b in ((0, 1), (1, 2), (2, 0)):
-            rest, now = (np.linalg.norm(x[cells[:, a]] - x[cells[:, b]], axis=1) for x in (level.rest, level.positions(15)))
+            rest, now = (
+                np.linalg.norm(x[cells[:, a]] - x[cells[:, b]], axis=1) for x in (level.rest, level.positions(15))
+            )
             assert np.abs(now / rest - 1.0).max() < 1e-4
     assert run(["info", str(beam / "beam.py")]) == 0
     told = capsys.readouterr().out
-    assert "FixedCorotational, young 1e+06 Pa" in told and "Muscle" in told and "fibres 100000" in told and "young 2e+10 Pa" in told
+    assert (
+        "FixedCorotational, young 1e+06 Pa" in told
+        and "Muscle" in told
+        and "fibres 100000" in told
+        and "young 2e+10 Pa" in told
+    )
     assert "damping" not in told and "plane strain" in told
     assert run(["metrics", str(beam / "plain")]) == 0
 
 
 def test_damping_takes_energy(beam):
     """After as long the damped beam has sunk less far; its log says what damping does."""
-    loose, damped = sag(beam, "loose", "--levels", "0", "--set", "fibres=0.0"), sag(beam, "damped", "--levels", "0", "--set", "fibres=0.0", "--set", "damping=1.0")
+    loose, damped = (
+        sag(beam, "loose", "--levels", "0", "--set", "fibres=0.0"),
+        sag(beam, "damped", "--levels", "0", "--set", "fibres=0.0", "--set", "damping=1.0"),
+    )
     assert loose[0] < 1.5 * damped[0] < 0.0
     (level,) = open_run(beam / "damped").levels
     assert all(record["energy"]["damping"] > 0.0 for record in level.log)

@@ -1,4 +1,6 @@
-"""`pdvol metrics` on runs: what theory says about direct ones, what is left out and said so, two runs beside each other."""
+"""`pdvol metrics` on runs: what theory says about direct ones, what is left out and said so, two runs beside each
+other.
+"""
 
 import json
 import shutil
@@ -19,7 +21,9 @@ from pdvol.record.store import RunWriter
 STEPS = 12
 
 # A support that turns, a floor that rises, friction that is lagged there: all that forces at a stored state depend on.
-MOVING = SQUARE + '''
+MOVING = (
+    SQUARE
+    + """
 from pdvol import Rotation, Translation
 
 def scene(law="convergent"):
@@ -27,7 +31,8 @@ def scene(law="convergent"):
                  obstacles=(Plane((0.0, 0.0), (0.0, 1.0), motion=Translation((0.0, 0.1))),),
                  supports=(Support(lambda X: X[:, 1] > 0.95, motion=Rotation(1.0, (0.5, 1.0))),),
                  loads=(Gravity((0.0, -9.81)),), contact=(Barrier(law=law), Friction(0.3)), dt=0.02, steps=8)
-'''
+"""
+)
 
 
 @pytest.fixture(scope="module")
@@ -64,7 +69,23 @@ def test_continuity_of_a_direct_run_is_a_quarter(folder):
 def test_continuity_with_motions_of_supports_and_obstacles(tmp_path, law):
     """Also where the barrier's stiffness, which the log keeps, is chosen step by step."""
     scene = write(tmp_path / "moving.py", MOVING)
-    assert pdvol("run", scene, "--set", f"law={law}", "--method", "direct", "--out", tmp_path / "run", "--set", "tolerance=Relative(1e-3)", "--set", "linear=direct") == 0
+    assert (
+        pdvol(
+            "run",
+            scene,
+            "--set",
+            f"law={law}",
+            "--method",
+            "direct",
+            "--out",
+            tmp_path / "run",
+            "--set",
+            "tolerance=Relative(1e-3)",
+            "--set",
+            "linear=direct",
+        )
+        == 0
+    )
     run = open_run(tmp_path / "run")
     for level, entry in zip(run.levels, measured(tmp_path / "run")["levels"], strict=True):
         whole = np.array([r["reached"] == 1.0 and r["cuts"] == 0 for r in level.log])
@@ -77,7 +98,11 @@ def test_continuity_with_motions_of_supports_and_obstacles(tmp_path, law):
 def test_measures_between_levels(folder, capsys):
     result = measured(folder / "progressive")
     out = capsys.readouterr().out
-    assert "method progressive, barycentric prolongation" in out and "rank of P 9 of 9" in out and "metrics.json and metrics.png" in out
+    assert (
+        "method progressive, barycentric prolongation" in out
+        and "rank of P 9 of 9" in out
+        and "metrics.json and metrics.png" in out
+    )
     assert (folder / "progressive" / "metrics.png").read_bytes()[:4] == b"\x89PNG"
     coarse, fine = result["levels"]
     assert not {"consistency", "distance", "centre_error"} & set(coarse)
@@ -88,8 +113,8 @@ def test_measures_between_levels(folder, capsys):
         assert fine[key][0] < 1e-12 < fine[key][-1] < largest
         assert fine["summary"][key]["largest"] == max(fine[key])
     assert fine["centre_error"][-1] < fine["distance"][-1], "bodies' centres are closer than their points"
-    # e_hat is what the solver left of the equation with the progressive x_hat: little, as the tolerance was tight. With the x_hat of a
-    # direct step the quotient would be near one.
+    # e_hat is what the solver left of the equation with the progressive x_hat: little, as the tolerance was tight. With
+    # the x_hat of a direct step the quotient would be near one.
     assert fine["summary"]["continuity"]["median"] > 1e6
     assert coarse["summary"]["continuity"]["median"] == pytest.approx(0.25, rel=1e-2)
 
@@ -97,7 +122,9 @@ def test_measures_between_levels(folder, capsys):
 def test_masses_are_the_solver_s(folder):
     for level in open_run(folder / "direct").levels:
         space, density = LevelSpace(level.mesh, MPI.COMM_SELF), np.full(len(level.mesh.cells), 1000.0)
-        np.testing.assert_allclose(lumped_masses(level.mesh, density), space.to_input(assemble_mass(space, density))[:, 0], rtol=1e-12)
+        np.testing.assert_allclose(
+            lumped_masses(level.mesh, density), space.to_input(assemble_mass(space, density))[:, 0], rtol=1e-12
+        )
 
 
 def test_against_another_run(folder, tmp_path, capsys):
@@ -150,7 +177,9 @@ def test_a_run_that_is_prolonged_exactly(tmp_path, name):
 def test_a_coarse_vertex_that_nothing_is_bound_to(tmp_path):
     """The coarse level has more vertices: rank below the number of columns, told, and nothing infinite."""
     meshes = [box(5), box(2)]
-    with RunWriter.create(tmp_path / "run", {"scene": "made", "dt": 0.1, "steps": 1, "method": "direct"}, meshes, ["b"]) as run:
+    with RunWriter.create(
+        tmp_path / "run", {"scene": "made", "dt": 0.1, "steps": 1, "method": "direct"}, meshes, ["b"]
+    ) as run:
         for step in range(2):
             for level, mesh in enumerate(meshes):
                 run.write_state(level, step, mesh.points * (1 + 0.1 * step))
@@ -166,9 +195,11 @@ def test_what_cannot_be_measured_is_said(folder, tmp_path, capsys):
     (run / "log.jsonl").write_text("".join(json.dumps(line) + "\n" for line in lines))
     assert measured(run)["levels"][0]["continuity"][2] is None
     info = json.loads((run / "run.json").read_text())
-    for change, told in (({"scene_file": str(tmp_path / "gone.py")}, "gone.py is gone"),
-                         ({"parameters": {"mu": 0.9}}, "has changed (scene.contact[1].mu"),
-                         ({"parameters": {"colour": 1}}, "no parameter 'colour'")):
+    for change, told in (
+        ({"scene_file": str(tmp_path / "gone.py")}, "gone.py is gone"),
+        ({"parameters": {"mu": 0.9}}, "has changed (scene.contact[1].mu"),
+        ({"parameters": {"colour": 1}}, "no parameter 'colour'"),
+    ):
         (run / "run.json").write_text(json.dumps({**info, **change}))
         capsys.readouterr()
         result = measured(run)

@@ -26,7 +26,8 @@ CASES = {
 }
 TIMING = ("seconds", "peak_memory_mb")
 
-# The second body lies beside the first, nearer than its coarse level's flat sides are to the round fine one: embedded, they overlap.
+# The second body lies beside the first, nearer than its coarse level's flat sides are to the round fine one: embedded,
+# they overlap.
 ROUND = """
 from pdvol import Barrier, Body, Friction, Gravity, NeoHookean, Placement, Plane, Scene, meshes
 
@@ -119,7 +120,9 @@ def test_the_energy_of_the_penalty_is_logged(folder):
 
 
 def test_a_penalty_brings_levels_together(folder):
-    free, held, tracked, lifted = (measure(folder / name)["levels"][1] for name in ("progressive", "consistency", "tracks", "embedded"))
+    free, held, tracked, lifted = (
+        measure(folder / name)["levels"][1] for name in ("progressive", "consistency", "tracks", "embedded")
+    )
     assert held["summary"]["consistency"]["mean"] < 0.7 * free["summary"]["consistency"]["mean"]
     assert max(lifted["distance"]) < 1e-12
     # What was solved leaves little; the pull belongs to it, and is a ghost in the scene's own balance.
@@ -144,7 +147,9 @@ def test_embedded_levels_cross_and_it_is_counted(tmp_path, capsys):
         total += crossing
     assert total > 0 and any((fine.positions(step)[:, 1] <= 0.0).any() for step in range(9))
     errors = measure(tmp_path / "run")["levels"][1]["continuity_error"]
-    np.testing.assert_array_equal(np.isnan(errors), [r["intersections"] > 0 for r in fine.log])  # no forces are right where surfaces cross
+    np.testing.assert_array_equal(
+        np.isnan(errors), [r["intersections"] > 0 for r in fine.log]
+    )  # no forces are right where surfaces cross
     assert pdvol("run", scene, "--out", tmp_path / "solved") == 0
     assert verify_run.verify(tmp_path / "solved") == []
 
@@ -157,8 +162,12 @@ def test_what_methods_refuse(folder, tmp_path, capsys):
     assert "tracks needs a weight above zero" in refuse("--method", "tracks", "--out", tmp_path / "a")
     assert "Penalty.consistency = -1 is below 0" in refuse("--set", "consistency=-1", "--out", tmp_path / "a")
     assert "Penalty.weight = 'much' is not a finite number" in refuse("--set", "weight=much", "--out", tmp_path / "a")
-    assert "scene.penalty.weight: 0.2 -> 0.3" in refuse("--method", "tracks", "--set", "weight=0.3", "--resume", "--out", folder / "tracks")
-    assert "was run with method 'tracks'" in refuse("--method", "direct", "--set", "weight=0.2", "--resume", "--out", folder / "tracks")
+    assert "scene.penalty.weight: 0.2 -> 0.3" in refuse(
+        "--method", "tracks", "--set", "weight=0.3", "--resume", "--out", folder / "tracks"
+    )
+    assert "was run with method 'tracks'" in refuse(
+        "--method", "direct", "--set", "weight=0.2", "--resume", "--out", folder / "tracks"
+    )
     assert "consistency" in refuse("--set", "colour=1", "--out", tmp_path / "a")  # the message lists what there is
     assert not (tmp_path / "a").exists()
 
@@ -166,7 +175,18 @@ def test_what_methods_refuse(folder, tmp_path, capsys):
 @pytest.mark.mpi
 @pytest.mark.parametrize("name", ["consistency", "embedded"])
 def test_two_ranks_give_the_same(tmp_path, folder, name):
-    words = ["run", folder / "fall.py", "--steps", 4, "--set", "linear=direct", "--set", "tolerance=Relative(1e-7)", *CASES[name], "--out"]
+    words = [
+        "run",
+        folder / "fall.py",
+        "--steps",
+        4,
+        "--set",
+        "linear=direct",
+        "--set",
+        "tolerance=Relative(1e-7)",
+        *CASES[name],
+        "--out",
+    ]
     two = [*PROGRAM, *map(str, words), str(tmp_path / "two")]
     ended = subprocess.run(["mpirun", "-n", "2", *two], capture_output=True, text=True, timeout=200)
     assert ended.returncode == 0, ended.stderr
@@ -176,4 +196,6 @@ def test_two_ranks_give_the_same(tmp_path, folder, name):
         for step in range(5):
             np.testing.assert_allclose(b.positions(step), a.positions(step), rtol=0.0, atol=1e-8)
         for one, other in zip(a.log, b.log, strict=True):
-            assert other["energy"].get("consistency", 0.0) == pytest.approx(one["energy"].get("consistency", 0.0), rel=1e-4, abs=1e-9)
+            assert other["energy"].get("consistency", 0.0) == pytest.approx(
+                one["energy"].get("consistency", 0.0), rel=1e-4, abs=1e-9
+            )

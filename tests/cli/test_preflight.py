@@ -14,7 +14,9 @@ from pdvol.hierarchy.level_mesh import LevelMesh
 from pdvol.runs.runner import run_scene
 from pdvol.runs.shot import load_shot
 
-TWO = SQUARE + '''
+TWO = (
+    SQUARE
+    + '''
 
 def scene(apart=1.005, young=2e4, dhat=0.01, velocity=(0.0, 0.0), dt=0.02, slope=0.0):
     """Two squares beside each other, the right one with a stone of its own inside it where slope asks for one."""
@@ -24,6 +26,7 @@ def scene(apart=1.005, young=2e4, dhat=0.01, velocity=(0.0, 0.0), dt=0.02, slope
         obstacles=(Plane((0.0, -0.5), (slope, 1.0), name="floor"),),
         contact=(Barrier(dhat=dhat),), dt=dt, steps=3)
 '''
+)
 
 
 @pytest.fixture
@@ -44,12 +47,20 @@ def check(tmp_path, capfd, monkeypatch):
 
 def test_a_sound_scene(check):
     code, lines, found = check(TWO)
-    assert code == 0 and lines[-1].startswith("sound") and found["sound"] and found["defects"] == [] and found["notes"] != []
+    assert (
+        code == 0
+        and lines[-1].startswith("sound")
+        and found["sound"]
+        and found["defects"] == []
+        and found["notes"] != []
+    )
     assert [(e["vertices"], e["cells"], e["surface_vertices"]) for e in found["levels"]] == [(13, 10, 12), (25, 26, 20)]
     for entry, shortest in zip(found["levels"], (0.5, 1 / 3), strict=True):
         assert entry["volume"] == pytest.approx(2.0) and entry["shortest_edge"] == pytest.approx(shortest)
         # Between x = 1 and x = 1.005, at half a dhat.
-        assert entry["smallest_gap"]["distance"] == pytest.approx(0.005) and entry["smallest_gap"]["dhats"] == pytest.approx(0.5)
+        assert entry["smallest_gap"]["distance"] == pytest.approx(0.005) and entry["smallest_gap"][
+            "dhats"
+        ] == pytest.approx(0.5)
         told = entry["smallest_gap"]["one"] + entry["smallest_gap"]["other"]
         assert "body 'left'" in told and "body 'right'" in told
         assert entry["near_pairs"] > 0
@@ -59,7 +70,10 @@ def test_a_sound_scene(check):
 
 
 def test_the_worst_cells_come_first(check):
-    text = TWO.replace("(square(2), square(3))", "tuple(Solid(square(n).vertices ** (1.0, 3.0), square(n).cells, square(n).regions) for n in (2, 3))")
+    text = TWO.replace(
+        "(square(2), square(3))",
+        "tuple(Solid(square(n).vertices ** (1.0, 3.0), square(n).cells, square(n).regions) for n in (2, 3))",
+    )
     _, lines, found = check(text, "--set", "apart=1.5")
     for entry in found["levels"]:
         worst = entry["worst_cells"]
@@ -80,7 +94,9 @@ def test_gaps_to_planes_are_told(check):
 def test_speed_and_stiffness_are_noted(check):
     _, lines, found = check(TWO, "--set", "velocity=(30.0, 40.0)", "--set", "young=2e10", "--set", "apart=1.5")
     for entry, shortest in zip(found["levels"], (0.5, 1 / 3), strict=True):
-        assert entry["speed"] == pytest.approx(50.0) and entry["edges_per_step"] == pytest.approx(50.0 * 0.02 / shortest)
+        assert entry["speed"] == pytest.approx(50.0) and entry["edges_per_step"] == pytest.approx(
+            50.0 * 0.02 / shortest
+        )
     assert sum("crosses" in note and "shortest edges per step" in note for note in found["notes"]) == 2
     assert found["stiffness_ratio"] == pytest.approx(1e6) and any("linear=direct" in note for note in found["notes"])
     assert any(line == "stiffness ratio of the materials: 1e+06" for line in lines)
@@ -95,16 +111,26 @@ def test_every_crossing_is_named_and_drawn(check, tmp_path):
         told = [line for line in lines if line.startswith(f"defect at level {level}: ")]
         assert len(told) == 2 and "plane 'floor'" in told[0] and "crosses" in told[1] and "edge (" in told[1]
         drawn = meshio.read(tmp_path / "drawn" / f"defects_{level}.vtu")
-        below = np.concatenate([drawn.points[b.data[d == 1].ravel()] for b, d in zip(drawn.cells, drawn.cell_data["defect"], strict=True)])
+        below = np.concatenate(
+            [drawn.points[b.data[d == 1].ravel()] for b, d in zip(drawn.cells, drawn.cell_data["defect"], strict=True)]
+        )
         assert len(below) and (below[:, 1] <= 0.1).all() and {b.type for b in drawn.cells} == {"vertex", "line"}
         crossing = next(drawn.points[b.data] for b in drawn.cells if b.type == "line")
-        assert len(crossing) % 2 == 0 and ((crossing[..., 0].min(axis=1) <= 1.0) & (crossing[..., 0].max(axis=1) >= 0.9)).all()
+        assert (
+            len(crossing) % 2 == 0
+            and ((crossing[..., 0].min(axis=1) <= 1.0) & (crossing[..., 0].max(axis=1) >= 0.9)).all()
+        )
         whole = meshio.read(tmp_path / "drawn" / f"level_{level}.vtu")
         assert set(np.unique(whole.point_data["defect"])) == {0, 1, 2}
         low = whole.points[:, 1] <= 0.1
         assert (whole.point_data["defect"][low] > 0).all()
         assert len(whole.cell_data["quality"][0]) == found["levels"][level]["cells"]
-    assert sorted(p.name for p in (tmp_path / "drawn").iterdir()) == ["defects_0.vtu", "defects_1.vtu", "level_0.vtu", "level_1.vtu"]
+    assert sorted(p.name for p in (tmp_path / "drawn").iterdir()) == [
+        "defects_0.vtu",
+        "defects_1.vtu",
+        "level_0.vtu",
+        "level_1.vtu",
+    ]
 
 
 def test_nothing_is_written_unasked(tmp_path, capfd, monkeypatch):
@@ -133,11 +159,14 @@ def test_meshes(tmp_path, capfd, monkeypatch):
     assert not (tmp_path / "drawn").exists()
 
 
-# ---- costs -------------------------------------------------------------------------------------------------------------------
+# ---- costs
+# -------------------------------------------------------------------------------------------------------------------
 
 
 def test_the_estimate_is_within_a_factor_of_three(tmp_path):
-    """Levels of 81 to 1,681 vertices of a square that falls on a plane, measured on level 0 alone, beside what a run takes."""
+    """Levels of 81 to 1,681 vertices of a square that falls on a plane, measured on level 0 alone, beside what a run
+    takes.
+    """
     write(tmp_path / "fall.py", FALL)
     shot = load_shot(tmp_path / "fall.py", {"sizes": (8, 20, 40), "steps": 20})
     found = preflight.check_scene(shot.scene, 5.0)

@@ -2,6 +2,8 @@
 
 import pytest
 from mpi4py import MPI
+from problems import make_scene
+from shapes import box, together
 
 import pdvol.hierarchy.hierarchy as hierarchy_module
 from pdvol import open_run
@@ -10,10 +12,8 @@ from pdvol.hierarchy.level_space import LevelSpace
 from pdvol.potentials import friction, half_space
 from pdvol.potentials.build import build_terms
 from pdvol.scene import Barrier, Flow, Friction, Gravity, Impulse, NeoHookean, Plane
-from problems import make_scene
-from shapes import box, together
 
-SCENE = '''
+SCENE = """
 from pdvol import *
 from pdvol import meshes
 
@@ -24,7 +24,7 @@ def scene(full=False, levels=1):
     loads = (Force(lambda t: (t, 0.0)), Gravity((0.0, -9.81)), PointForce((1.0, 0.0), (0.0, 0.0)), Impulse((0.0, 3.0), 0.5), Flow((1.0, 0.0), 1.2))
     return Scene((disc,), dt=0.01, steps=2, loads=loads if full else (), contact=(Barrier(), Friction(0.3)) if full else (),
                  obstacles=(Plane((0.0, -1.0), (0.0, 1.0)),) if full else (), separate=(Separate("shrink", 0.1),) if full else ())
-'''
+"""
 
 
 @pytest.fixture
@@ -41,11 +41,21 @@ def info(file, capsys, *words):
 
 def test_info_lists_what_is_modelled(file, capsys):
     lines = info(file, capsys, "--set", "full=True", "--set", "levels=2")
-    for start in ("body 'disc': StVenantKirchhoff, young 20000 Pa, poisson 0.4, density 1000 kg/m^3, damping 0.01 s", "body 'disc', where ",
-                  "load: gravity (0.0, -9.81) m/s^2", "load: force by time N over a region", "load: force (1.0, 0.0) N at (0.0, 0.0)",
-                  "load: impulse of (0.0, 3.0) m/s at 0.5 s", "load: flow (1.0, 0.0) m/s of density 1.2 kg/m^3, drag 1",
-                  "obstacle 'plane': half-space", "dimension: 2, plane strain", "contact: area-weighted barrier", "friction: mu 0.3",
-                  "where bodies meet at t = 0: shrink by up to 0.1", "levels: 2"):
+    for start in (
+        "body 'disc': StVenantKirchhoff, young 20000 Pa, poisson 0.4, density 1000 kg/m^3, damping 0.01 s",
+        "body 'disc', where ",
+        "load: gravity (0.0, -9.81) m/s^2",
+        "load: force by time N over a region",
+        "load: force (1.0, 0.0) N at (0.0, 0.0)",
+        "load: impulse of (0.0, 3.0) m/s at 0.5 s",
+        "load: flow (1.0, 0.0) m/s of density 1.2 kg/m^3, drag 1",
+        "obstacle 'plane': half-space",
+        "dimension: 2, plane strain",
+        "contact: area-weighted barrier",
+        "friction: mu 0.3",
+        "where bodies meet at t = 0: shrink by up to 0.1",
+        "levels: 2",
+    ):
         assert sum(line.startswith(start) for line in lines) == 1, start
 
 
@@ -76,7 +86,9 @@ def test_one_level_binds_nothing_and_meshes_nothing_else(file, tmp_path, monkeyp
 def terms(*contact, loads=(), damping=0.0):
     mesh = together(box(2, 1), box(2, 1, low=[0.0, 1.01], high=[1.0, 2.01]))
     law = NeoHookean(1e5, damping=damping)
-    scene = make_scene((law, law), contact=contact, obstacles=(Plane((0.0, -0.01), (0.0, 1.0)),) if contact else (), loads=loads)
+    scene = make_scene(
+        (law, law), contact=contact, obstacles=(Plane((0.0, -0.01), (0.0, 1.0)),) if contact else (), loads=loads
+    )
     return [term.name for term in build_terms(scene, LevelSpace(mesh, MPI.COMM_SELF), 1.0).potentials]
 
 
@@ -93,4 +105,11 @@ def test_each_term_is_there_because_it_is_asked_for():
     assert terms(damping=0.1) == ["elastic", "damping"]
     down = Gravity((0.0, -9.81))
     assert terms(loads=(down, Impulse((1.0, 0.0)), Flow((1.0, 0.0)))) == ["elastic", "load", "load", "drag"]
-    assert terms(Barrier(), Friction(0.3), loads=(down,)) == ["elastic", "load", "barrier", "barrier", "friction", "friction"]
+    assert terms(Barrier(), Friction(0.3), loads=(down,)) == [
+        "elastic",
+        "load",
+        "barrier",
+        "barrier",
+        "friction",
+        "friction",
+    ]

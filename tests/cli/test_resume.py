@@ -95,7 +95,9 @@ cli.run(["run", {str(scene)!r}, "--out", {str(out)!r}])
 
 def test_a_run_with_endless_motions_is_the_same_scene_again(tmp_path):
     """A motion's `stop` is infinity unless given, which run.json cannot hold."""
-    moving = FALL.replace("Plane((0.0, 0.0), (0.0, 1.0), ", "Plane((0.0, 0.0), (0.0, 1.0), motion=pdvol.Translation((0.0, 0.01)), ")
+    moving = FALL.replace(
+        "Plane((0.0, 0.0), (0.0, 1.0), ", "Plane((0.0, 0.0), (0.0, 1.0), motion=pdvol.Translation((0.0, 0.01)), "
+    )
     scene, out = write(tmp_path / "moving.py", moving), tmp_path / "run"
     assert pdvol("run", scene, "--steps", 2, "--levels", "0", "--out", out) == 0
     assert pdvol("run", scene, "--steps", 3, "--levels", "0", "--out", out, "--resume") == 0

@@ -20,8 +20,23 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 import verify_run
 
 STEPS = 10
-LOGGED = {"level", "step", "time", "newton_iterations", "linear_iterations", "hessians", "backtracks", "step_cap", "contacts", "min_gap", "energy",
-          "gradient_norm", "reason", "seconds", "peak_memory_mb"}
+LOGGED = {
+    "level",
+    "step",
+    "time",
+    "newton_iterations",
+    "linear_iterations",
+    "hessians",
+    "backtracks",
+    "step_cap",
+    "contacts",
+    "min_gap",
+    "energy",
+    "gradient_norm",
+    "reason",
+    "seconds",
+    "peak_memory_mb",
+}
 ENERGIES = {"inertia", "elastic", "load", "barrier", "friction"}
 SECONDS = {"total", "assembly", "contact", "ccd", "linear", "other"}
 PROGRAM = [sys.executable, "-c", "import pdvol; pdvol.main()"]
@@ -33,7 +48,8 @@ def png_size(path):
     return int.from_bytes(data[16:20]), int.from_bytes(data[20:24])
 
 
-# ---- run ---------------------------------------------------------------------------------------------------------------------
+# ---- run
+# ---------------------------------------------------------------------------------------------------------------------
 
 
 def test_what_a_run_leaves(whole):
@@ -50,7 +66,9 @@ def test_what_a_run_leaves(whole):
 
 def test_the_log_has_its_keys(whole):
     records = [json.loads(line) for line in (whole / "log.jsonl").read_text().splitlines()]
-    assert [(r["level"], r["step"]) for r in records] == [(level, step) for level in range(2) for step in range(1, STEPS + 1)]
+    assert [(r["level"], r["step"]) for r in records] == [
+        (level, step) for level in range(2) for step in range(1, STEPS + 1)
+    ]
     for record in records:
         assert set(record) >= LOGGED, LOGGED - set(record)
         assert set(record["energy"]) >= ENERGIES
@@ -77,14 +95,20 @@ def test_xdmf_has_all_steps(whole):
             for step in range(STEPS + 1):
                 time, point_data, _ = reader.read_data(step)
                 assert time == pytest.approx(0.02 * step)
-                (moved,) = [v for v in point_data.values() if v.ndim == 2 and np.allclose(v[:, :2], level.positions(step) - level.rest, atol=1e-6)
-                            and step] or [None]
+                (moved,) = [
+                    v
+                    for v in point_data.values()
+                    if v.ndim == 2 and np.allclose(v[:, :2], level.positions(step) - level.rest, atol=1e-6) and step
+                ] or [None]
                 assert step == 0 or moved is not None
 
 
 def test_free_fall_until_the_floor(tmp_path, scene):
-    # Implicit Euler from rest: x_n - x_0 = -g dt^2 n (n + 1) / 2, whatever the material. 5 steps from 1 m do not reach the floor.
-    assert pdvol("run", scene, "--set", "height=1.0", "--set", "velocity=()", "--steps", 5, "--out", tmp_path / "run") == 0
+    # Implicit Euler from rest: x_n - x_0 = -g dt^2 n (n + 1) / 2, whatever the material. 5 steps from 1 m do not reach
+    # the floor.
+    assert (
+        pdvol("run", scene, "--set", "height=1.0", "--set", "velocity=()", "--steps", 5, "--out", tmp_path / "run") == 0
+    )
     for level in open_run(tmp_path / "run").levels:
         fallen = level.positions(5) - level.rest
         np.testing.assert_allclose(fallen, np.tile([0, -9.81 * 0.02**2 * 15], (len(fallen), 1)), atol=1e-4)
@@ -92,8 +116,25 @@ def test_free_fall_until_the_floor(tmp_path, scene):
 
 def test_levels_steps_and_settings(tmp_path, scene, whole):
     out = tmp_path / "run"
-    assert pdvol("run", scene, "--levels", "0", "--steps", 3, "--out", out, "--set", "young=4e4", "--set", "max_halvings=3",
-                 "--set", "tolerance=Relative(1e-4)") == 0
+    assert (
+        pdvol(
+            "run",
+            scene,
+            "--levels",
+            "0",
+            "--steps",
+            3,
+            "--out",
+            out,
+            "--set",
+            "young=4e4",
+            "--set",
+            "max_halvings=3",
+            "--set",
+            "tolerance=Relative(1e-4)",
+        )
+        == 0
+    )
     run = open_run(out)
     assert len(run.levels) == 1 and run.levels[0].steps == 4
     assert run.info["parameters"]["young"] == 4e4
@@ -101,7 +142,9 @@ def test_levels_steps_and_settings(tmp_path, scene, whole):
     assert not (out / "level_1.xdmf").exists()
     # The rest of the scene can be added to it later, level by level.
     for levels in ("1", "0:1"):
-        assert pdvol("run", scene, "--levels", levels, "--steps", 3, "--out", out, "--resume", "--set", "young=4e4") == 0
+        assert (
+            pdvol("run", scene, "--levels", levels, "--steps", 3, "--out", out, "--resume", "--set", "young=4e4") == 0
+        )
     assert [level.steps for level in open_run(out).levels] == [4, 4]
     assert (out / "level_1.xdmf").exists()
     # A tighter tolerance and another stiffness are really used.
@@ -166,13 +209,18 @@ def test_preview_and_the_default_folder(tmp_path, scene, whole, monkeypatch):
 
 def test_a_scene_file_run_by_python(tmp_path, scene, whole):
     # What demos end with: the file's own command line.
-    ended = subprocess.run([sys.executable, scene, "--steps", "2", "--out", tmp_path / "run"], capture_output=True, text=True, timeout=100)
+    ended = subprocess.run(
+        [sys.executable, scene, "--steps", "2", "--out", tmp_path / "run"], capture_output=True, text=True, timeout=100
+    )
     assert ended.returncode == 0, ended.stderr
     assert "Traceback" not in ended.stderr and "picture.png" in ended.stderr
-    np.testing.assert_array_equal(open_run(tmp_path / "run").levels[1].positions(2), open_run(whole).levels[1].positions(2))
+    np.testing.assert_array_equal(
+        open_run(tmp_path / "run").levels[1].positions(2), open_run(whole).levels[1].positions(2)
+    )
 
 
-# ---- info, check, hierarchy, render ------------------------------------------------------------------------------------------
+# ---- info, check, hierarchy, render
+# ------------------------------------------------------------------------------------------
 
 
 def test_info(whole, scene, capsys):
@@ -181,7 +229,11 @@ def test_info(whole, scene, capsys):
     assert "method progressive" in out and "level 0: done, 9 vertices, 10 steps" in out and "levels 0 -> 1:" in out
     assert pdvol("info", scene, "--set", "mu=0.7") == 0
     out = capsys.readouterr().out
-    assert "body 'square': NeoHookean, young 20000 Pa" in out and "friction: mu 0.7" in out and "obstacle 'floor': half-space" in out
+    assert (
+        "body 'square': NeoHookean, young 20000 Pa" in out
+        and "friction: mu 0.7" in out
+        and "obstacle 'floor': half-space" in out
+    )
     assert "10 steps of 0.02 s" in out
 
 
@@ -196,7 +248,11 @@ def test_info_draws_bindings(whole, tmp_path, capsys):
 def test_check(scene, tmp_path, capsys):
     assert pdvol("check", scene) == 0
     out = capsys.readouterr().out
-    assert "level 0: 9 vertices, 8 cells" in out and "level 1: 25 vertices, 32 cells" in out and "sound" in out.splitlines()[-1]
+    assert (
+        "level 0: 9 vertices, 8 cells" in out
+        and "level 1: 25 vertices, 32 cells" in out
+        and "sound" in out.splitlines()[-1]
+    )
     assert pdvol("check", scene, "--set", "height=-0.5") == 2
     assert "not sound" in capsys.readouterr().out
     write(tmp_path / "cube.off", CUBE_OFF)
@@ -221,7 +277,19 @@ def test_hierarchy(tmp_path, capsys):
     assert width > height > 300 and not (tmp_path / "out" / "binding_0.png").exists()
     for words in ("bound inside", "4 weights a vertex", "largest |weight|", "||P||_F", "sqrt m", "||P||_2"):
         assert words in lines[2]
-    assert pdvol("hierarchy", tmp_path / "ball.off", "--levels", "60,150", "-o", tmp_path / "smooth", "--prolongation", "biharmonic") == 0
+    assert (
+        pdvol(
+            "hierarchy",
+            tmp_path / "ball.off",
+            "--levels",
+            "60,150",
+            "-o",
+            tmp_path / "smooth",
+            "--prolongation",
+            "biharmonic",
+        )
+        == 0
+    )
     assert float(capsys.readouterr().out.split(" weights a vertex")[0].split()[-1]) > 10
 
 
@@ -233,15 +301,28 @@ def test_render(whole, tmp_path, capsys):
     assert height / width > 1.5 * one_height / one_width  # half the rows
 
 
-# ---- ranks -------------------------------------------------------------------------------------------------------------------
+# ---- ranks
+# -------------------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.mpi
 def test_two_ranks_give_the_same_motion(tmp_path, scene):
     # The tolerance is tight because at a loose one round-off decides whether Newton takes one more step.
     steps = 4
-    words = ["run", str(scene), "--steps", str(steps), "--set", "linear=direct", "--set", "tolerance=Relative(1e-7)", "--out"]
-    ended = subprocess.run(["mpirun", "-n", "2", *PROGRAM, *words, str(tmp_path / "two")], capture_output=True, text=True, timeout=200)
+    words = [
+        "run",
+        str(scene),
+        "--steps",
+        str(steps),
+        "--set",
+        "linear=direct",
+        "--set",
+        "tolerance=Relative(1e-7)",
+        "--out",
+    ]
+    ended = subprocess.run(
+        ["mpirun", "-n", "2", *PROGRAM, *words, str(tmp_path / "two")], capture_output=True, text=True, timeout=200
+    )
     assert ended.returncode == 0, ended.stderr
     assert ended.stderr.count("picture.png") == 1
     assert pdvol(*words, tmp_path / "one") == 0

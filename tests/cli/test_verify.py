@@ -14,6 +14,7 @@ from pdvol.record.store import RunWriter
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 import verify_run
 
+
 def grid(dim, n=3):
     """The unit cube of n^d blocks cut into simplices along their diagonals (Kuhn), points and cells."""
     index = np.stack(np.meshgrid(*[np.arange(n + 1)] * dim, indexing="ij"), -1).reshape(-1, dim)
@@ -33,8 +34,12 @@ def two_blocks(dim, gap=0.25):
     points, cells = grid(dim)
     shift = np.zeros(dim)
     shift[0] = 1.0 + gap
-    return LevelMesh(np.vstack([points, points + shift]), np.vstack([cells, cells + len(points)]),
-                     np.repeat(np.arange(2, dtype=np.int32), len(cells)), np.zeros(2 * len(cells), np.int32))
+    return LevelMesh(
+        np.vstack([points, points + shift]),
+        np.vstack([cells, cells + len(points)]),
+        np.repeat(np.arange(2, dtype=np.int32), len(cells)),
+        np.zeros(2 * len(cells), np.int32),
+    )
 
 
 def store(path, dim, states, obstacles=(), mesh=None):
@@ -55,10 +60,19 @@ def floor(dim, height=-0.5, **more):
 def rock(dim, *centre):
     shape = meshes.disc(0.2, 24) if dim == 2 else meshes.ball(0.2, 1)
     if dim == 3:
-        return {"name": "rock", "kind": "mesh", "vertices": shape.vertices + np.resize(centre, 3), "faces": shape.triangles}
+        return {
+            "name": "rock",
+            "kind": "mesh",
+            "vertices": shape.vertices + np.resize(centre, 3),
+            "faces": shape.triangles,
+        }
     n = len(shape.points)
-    return {"name": "rock", "kind": "polyline", "vertices": shape.points + np.resize(centre, 2),
-            "edges": np.column_stack([np.arange(n), (np.arange(n) + 1) % n])}
+    return {
+        "name": "rock",
+        "kind": "polyline",
+        "vertices": shape.points + np.resize(centre, 2),
+        "edges": np.column_stack([np.arange(n), (np.arange(n) + 1) % n]),
+    }
 
 
 def moved(dim, by, body=1, axis=0):
@@ -89,11 +103,21 @@ def test_what_is_planted_is_found(tmp_path, dim, capsys):
     low[0, 1] = -0.5 - 1e-13
     inverted, (one, *_, last) = x.copy(), two_blocks(dim).cells[4]
     inverted[one] += 1.5 * (x[last] - x[one])
-    states = [x, low, moved(dim, -0.3), moved(dim, -0.25), inverted, moved(dim, 0.3, body=0, axis=1) - 0.45 * np.eye(dim)[1]]
+    states = [
+        x,
+        low,
+        moved(dim, -0.3),
+        moved(dim, -0.25),
+        inverted,
+        moved(dim, 0.3, body=0, axis=1) - 0.45 * np.eye(dim)[1],
+    ]
     path = store(tmp_path / "run", dim, states, [floor(dim), rock(dim, -0.21, 0.5, 0.5)])
     told = verify_run.verify(path)
     assert all(line.startswith("level 0 step ") for line in told)
-    of = {step: " | ".join(line for line in told if line.startswith(f"level 0 step {step}:")) for step in range(len(states))}
+    of = {
+        step: " | ".join(line for line in told if line.startswith(f"level 0 step {step}:"))
+        for step in range(len(states))
+    }
     assert of[0] == ""
     assert "1 vertices not above plane 'floor', the worst 0" in of[1] and "intersections" not in of[1]
     assert "intersections: vertex" in of[2] and "inverted" not in of[2]
@@ -147,8 +171,12 @@ def test_missing_states_of_a_finished_level(tmp_path):
 def test_random_triangles_against_every_pair():
     rng = np.random.default_rng(1)
     points, facets = rng.random((90, 3)), np.arange(90).reshape(30, 3)
-    expected = {(*e, *f) for e in verify_run.edges_of(facets) for f in facets
-                if not set(e) & set(f) and verify_run._segment_meets_triangle_exactly(*points[e], *points[f])}
+    expected = {
+        (*e, *f)
+        for e in verify_run.edges_of(facets)
+        for f in facets
+        if not set(e) & set(f) and verify_run._segment_meets_triangle_exactly(*points[e], *points[f])
+    }
     found = verify_run.crossing_edges(points, verify_run.edges_of(facets), facets, np.ones(90, bool))
     assert len(found) > 50 and set(found) == expected
 
@@ -156,18 +184,34 @@ def test_random_triangles_against_every_pair():
 def test_random_segments_against_every_pair():
     rng = np.random.default_rng(2)
     points, edges = rng.random((80, 2)), np.arange(80).reshape(40, 2)
-    expected = {(*a, *b) for i, a in enumerate(edges) for b in edges[i + 1:] if verify_run._segments_meet_exactly(*points[a], *points[b])}
+    expected = {
+        (*a, *b)
+        for i, a in enumerate(edges)
+        for b in edges[i + 1 :]
+        if verify_run._segments_meet_exactly(*points[a], *points[b])
+    }
     found = verify_run.crossing_segments(points, edges, np.ones(80, bool))
     assert len(found) > 50 and set(found) == expected
 
 
-@pytest.mark.parametrize(("p", "q", "meets"), [
-    ((0.2, 0.2, -1), (0.2, 0.2, 1), True), ((0.2, 0.2, 1e-300), (0.2, 0.2, 1), False), ((0.2, 0.2, 0), (0.2, 0.2, 1), True),
-    ((1, 0, -1), (1, 0, 1), True), ((0.5, 0.5, -1), (0.5, 0.5, 1), True), ((0.5, 0.5000000000000001, -1), (0.5, 0.5, 1), False),
-    ((-1, 0.3, 0), (2, 0.3, 0), True), ((0.1, 0.1, 0), (0.2, 0.2, 0), True), ((0.6, 0.6, 0), (2, 0, 0), False), ((2, 0, 0), (3, 0, 0), False),
-])
+@pytest.mark.parametrize(
+    ("p", "q", "meets"),
+    [
+        ((0.2, 0.2, -1), (0.2, 0.2, 1), True),
+        ((0.2, 0.2, 1e-300), (0.2, 0.2, 1), False),
+        ((0.2, 0.2, 0), (0.2, 0.2, 1), True),
+        ((1, 0, -1), (1, 0, 1), True),
+        ((0.5, 0.5, -1), (0.5, 0.5, 1), True),
+        ((0.5, 0.5000000000000001, -1), (0.5, 0.5, 1), False),
+        ((-1, 0.3, 0), (2, 0.3, 0), True),
+        ((0.1, 0.1, 0), (0.2, 0.2, 0), True),
+        ((0.6, 0.6, 0), (2, 0, 0), False),
+        ((2, 0, 0), (3, 0, 0), False),
+    ],
+)
 def test_edges_and_a_triangle_by_hand(p, q, meets):
-    # The triangle (0, 0), (1, 0), (0, 1) in z = 0: through, a hair above, an end on it, through a corner, a side, a hair beside a side, coplanar.
+    # The triangle (0, 0), (1, 0), (0, 1) in z = 0: through, a hair above, an end on it, through a corner, a side, a
+    # hair beside a side, coplanar.
     points = np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0), p, q], dtype=float)
     found = verify_run.crossing_edges(points, np.array([[3, 4]]), np.array([[0, 1, 2]]), np.ones(5, bool))
     assert bool(found) == meets
@@ -176,8 +220,13 @@ def test_edges_and_a_triangle_by_hand(p, q, meets):
 def test_boxes_of_very_different_size():
     rng = np.random.default_rng(3)
     low_a, low_b = rng.random((300, 3)), rng.random((40, 3))
-    high_a, high_b = low_a + 0.02 * rng.random((300, 3)), low_b + 10.0 ** rng.uniform(-4, 1, (40, 1)) * rng.random((40, 3))
-    expected = {(i, j) for i in range(300) for j in range(40) if (low_a[i] <= high_b[j]).all() and (low_b[j] <= high_a[i]).all()}
+    high_a, high_b = (
+        low_a + 0.02 * rng.random((300, 3)),
+        low_b + 10.0 ** rng.uniform(-4, 1, (40, 1)) * rng.random((40, 3)),
+    )
+    expected = {
+        (i, j) for i in range(300) for j in range(40) if (low_a[i] <= high_b[j]).all() and (low_b[j] <= high_a[i]).all()
+    }
     assert {tuple(pair) for pair in verify_run.overlapping_boxes(low_a, high_a, low_b, high_b)} == expected
 
 

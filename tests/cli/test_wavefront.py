@@ -13,7 +13,7 @@ import pytest
 
 import pdvol
 
-SCENE = '''
+SCENE = """
 import pdvol
 from pdvol import Barrier, Body, Friction, Gravity, NeoHookean, Plane, Scene, Solver
 from pdvol.meshes import disc
@@ -22,13 +22,19 @@ def scene(tolerance=1e-3, iterations=200, halvings=6):
     ball = Body(disc(0.5), NeoHookean(5e4), vertices=(30, 60, 120), velocity=(0.5, -3.0))
     return Scene(bodies=(ball,), dt=0.01, steps=30, loads=(Gravity((0.0, -9.81)),), obstacles=(Plane((0.0, -0.55), (0.0, 1.0)),),
                  contact=(Barrier(), Friction(0.5)), solver=Solver(tolerance=tolerance, max_iterations=iterations, max_halvings=halvings))
-'''
+"""
 PROGRAM = [sys.executable, "-c", "import pdvol; pdvol.main()"]
 ENVIRONMENT = {**os.environ, "OMP_NUM_THREADS": "1"}
 
 
 def pdvol_run(scene, out, *options):
-    return subprocess.run([*PROGRAM, "run", str(scene), "--out", str(out), *options], env=ENVIRONMENT, capture_output=True, text=True, timeout=300)
+    return subprocess.run(
+        [*PROGRAM, "run", str(scene), "--out", str(out), *options],
+        env=ENVIRONMENT,
+        capture_output=True,
+        text=True,
+        timeout=300,
+    )
 
 
 @pytest.fixture(scope="module")
@@ -66,7 +72,9 @@ def test_numbers_are_those_of_one_after_the_other(scene, one_after_the_other, tm
 
 def test_a_killed_wavefront_goes_on_where_it_was(scene, one_after_the_other, tmp_path):
     out = tmp_path / "run"
-    running = subprocess.Popen([*PROGRAM, "run", str(scene), "--out", str(out), "--wavefront"], env=ENVIRONMENT, stderr=subprocess.DEVNULL)
+    running = subprocess.Popen(
+        [*PROGRAM, "run", str(scene), "--out", str(out), "--wavefront"], env=ENVIRONMENT, stderr=subprocess.DEVNULL
+    )
     deadline = time.monotonic() + 120
     while not (out / "levels" / "1" / "000004.npy").exists() and time.monotonic() < deadline:
         time.sleep(0.01)
@@ -83,7 +91,9 @@ def test_a_killed_wavefront_goes_on_where_it_was(scene, one_after_the_other, tmp
 
 def test_a_level_that_cannot_go_on_ends_the_finer_ones(scene, tmp_path):
     out = tmp_path / "run"
-    done = pdvol_run(scene, out, "--wavefront", "--set", "iterations=1", "--set", "halvings=0", "--set", "tolerance=1e-12")
+    done = pdvol_run(
+        scene, out, "--wavefront", "--set", "iterations=1", "--set", "halvings=0", "--set", "tolerance=1e-12"
+    )
     assert done.returncode == 1
     assert done.stderr.strip().splitlines()[-1].startswith("pdvol: level 0, step 1:")
     assert pdvol.open_run(out).info["state"] == "failed"
@@ -94,8 +104,13 @@ def test_ranks_and_a_wavefront_do_not_go_together(scene, tmp_path):
     mpirun = shutil.which("mpirun")
     if mpirun is None:
         pytest.skip("there is no mpirun")
-    done = subprocess.run([mpirun, "-n", "2", *PROGRAM, "run", str(scene), "--out", str(tmp_path / "run"), "--wavefront"],
-                          env={**ENVIRONMENT, "MPIEXEC_TIMEOUT": "100"}, capture_output=True, text=True, timeout=120)
+    done = subprocess.run(
+        [mpirun, "-n", "2", *PROGRAM, "run", str(scene), "--out", str(tmp_path / "run"), "--wavefront"],
+        env={**ENVIRONMENT, "MPIEXEC_TIMEOUT": "100"},
+        capture_output=True,
+        text=True,
+        timeout=120,
+    )
     assert done.returncode == 2
     assert "--wavefront" in done.stderr
     assert not (tmp_path / "run").exists()

@@ -1,4 +1,6 @@
-"""Every demo builds its scene, and each runs short and coarse, through what makes it worth watching, with nothing interpenetrating."""
+"""Every demo builds its scene, and each runs short and coarse, through what makes it worth watching, with nothing
+interpenetrating.
+"""
 
 import importlib.util
 import sys
@@ -12,7 +14,18 @@ from pdvol.cli import run
 
 ROOT = Path(__file__).resolve().parents[2]
 DEMOS = sorted((ROOT / "demos").glob("*.py"))
-RUN_BY_A_TEST = {"ape", "ball_on_spike", "drop", "heterogeneous", "jelly_bowl", "phong", "rope_drop", "slit_array", "tracks", "twist"}
+RUN_BY_A_TEST = {
+    "ape",
+    "ball_on_spike",
+    "drop",
+    "heterogeneous",
+    "jelly_bowl",
+    "phong",
+    "rope_drop",
+    "slit_array",
+    "tracks",
+    "twist",
+}
 
 sys.path.insert(0, str(ROOT / "tests"))
 import verify_run
@@ -41,7 +54,9 @@ def test_every_demo_is_run_by_a_test():
 
 
 def end(path, levels, steps, touching=True):
-    """The run, after what holds for every demo: all steps are there, nothing crosses, contact happened if it is `touching`."""
+    """The run, after what holds for every demo: all steps are there, nothing crosses, contact happened if it is
+    `touching`.
+    """
     stored = open_run(path)
     assert [level.steps for level in stored.levels] == [steps + 1] * levels
     assert verify_run.verify(path) == []
@@ -52,7 +67,21 @@ def end(path, levels, steps, touching=True):
 
 def test_ball_on_spike(tmp_path):
     steps = 30
-    assert run(["run", str(ROOT / "demos" / "ball_on_spike.py"), "--levels", "0:1", "--steps", str(steps), "--out", str(tmp_path / "run")]) == 0
+    assert (
+        run(
+            [
+                "run",
+                str(ROOT / "demos" / "ball_on_spike.py"),
+                "--levels",
+                "0:1",
+                "--steps",
+                str(steps),
+                "--out",
+                str(tmp_path / "run"),
+            ]
+        )
+        == 0
+    )
     stored = end(tmp_path / "run", 2, steps)
     coarse, fine = (level.positions(steps).mean(0) for level in stored.levels)
     assert np.abs(coarse - fine).max() < 0.025  # the same animation: within a tenth of the radius
@@ -63,7 +92,18 @@ def test_ball_on_spike(tmp_path):
 def test_drop(tmp_path):
     # 0.4 m to fall at a fiftieth of a second a step: the stones are met at step 9.
     steps = 12
-    words = ["--set", "vertices=(150, 400)", "--set", "height=0.9", "--set", "dt=0.02", "--steps", str(steps), "--out", str(tmp_path / "run")]
+    words = [
+        "--set",
+        "vertices=(150, 400)",
+        "--set",
+        "height=0.9",
+        "--set",
+        "dt=0.02",
+        "--steps",
+        str(steps),
+        "--out",
+        str(tmp_path / "run"),
+    ]
     assert run(["run", str(ROOT / "demos" / "drop.py"), *words]) == 0
     end(tmp_path / "run", 2, steps)
 
@@ -84,7 +124,18 @@ def test_slit_array(tmp_path):
     scene = load(ROOT / "demos" / "slit_array.py").scene()
     assert (scene.levels, scene.dt, scene.steps) == (8, 0.04, 150)
     steps = 6
-    words = ["--levels", "0:1", "--set", "height=0.05", "--set", "consistency=0.025", "--steps", str(steps), "--out", str(tmp_path / "run")]
+    words = [
+        "--levels",
+        "0:1",
+        "--set",
+        "height=0.05",
+        "--set",
+        "consistency=0.025",
+        "--steps",
+        str(steps),
+        "--out",
+        str(tmp_path / "run"),
+    ]
     assert run(["run", str(ROOT / "demos" / "slit_array.py"), *words]) == 0
     stored = end(tmp_path / "run", 2, steps)
     assert max(record["energy"]["consistency"] for record in stored.levels[1].log) > 0.0
@@ -93,22 +144,55 @@ def test_slit_array(tmp_path):
 @pytest.mark.slow  # a minute of meshing where the ball's levels are not kept yet
 def test_phong(tmp_path):
     steps = 8
-    words = ["--set", "vertices=(60, 150)", "--set", "height=0.47", "--prolongation", "phong", "--steps", str(steps), "--out", str(tmp_path / "run")]
+    words = [
+        "--set",
+        "vertices=(60, 150)",
+        "--set",
+        "height=0.47",
+        "--prolongation",
+        "phong",
+        "--steps",
+        str(steps),
+        "--out",
+        str(tmp_path / "run"),
+    ]
     assert run(["run", str(ROOT / "demos" / "phong.py"), *words]) == 0
     assert end(tmp_path / "run", 2, steps).info["prolongation"] == "phong"
 
 
 def test_tracks(tmp_path):
     steps = 10
-    words = ["--set", "vertices=(100, 200)", "--set", "height=0.02", "--method", "tracks", "--set", "weight=0.01", "--steps", str(steps),
-             "--out", str(tmp_path / "run")]
+    words = [
+        "--set",
+        "vertices=(100, 200)",
+        "--set",
+        "height=0.02",
+        "--method",
+        "tracks",
+        "--set",
+        "weight=0.01",
+        "--steps",
+        str(steps),
+        "--out",
+        str(tmp_path / "run"),
+    ]
     assert run(["run", str(ROOT / "demos" / "tracks.py"), *words]) == 0
     assert max(record["energy"]["consistency"] for record in end(tmp_path / "run", 2, steps).levels[1].log) > 0.0
 
 
 def test_twist(tmp_path):
-    # 0.15 s at 300 deg/s: 45 degrees at the end that stays; the other one, let go then, has turned back a good part after 0.1 s more.
-    words = ["--set", "cuts=((8, 2), (12, 3))", "--set", "release=0.15", "--steps", "25", "--out", str(tmp_path / "run")]
+    # 0.15 s at 300 deg/s: 45 degrees at the end that stays; the other one, let go then, has turned back a good part
+    # after 0.1 s more.
+    words = [
+        "--set",
+        "cuts=((8, 2), (12, 3))",
+        "--set",
+        "release=0.15",
+        "--steps",
+        "25",
+        "--out",
+        str(tmp_path / "run"),
+    ]
     assert run(["run", str(ROOT / "demos" / "twist.py"), *words]) == 0
     stored = end(tmp_path / "run", 2, 25, touching=False)
     for level in stored.levels:
@@ -126,14 +210,18 @@ def turned(level, step, where):
 
 
 def test_ape(tmp_path):
-    # A soft bar's wave needs 0.2 s up to the head: by then it has risen nearly freely, 5 m/s * 0.15 s, and what is held has not.
+    # A soft bar's wave needs 0.2 s up to the head: by then it has risen nearly freely, 5 m/s * 0.15 s, and what is held
+    # has not.
     words = ["--set", "vertices=(300, 450)", "--steps", "15", "--out", str(tmp_path / "run")]
     assert run(["run", str(ROOT / "demos" / "ape.py"), *words]) == 0
     stored = end(tmp_path / "run", 2, 15, touching=False)
     for level in stored.levels:
         rise = level.positions(15)[:, 2] - level.rest[:, 2]
         assert rise[level.rest[:, 2] > 0.9].mean() > 0.6
-        seat, feet, fist = ((level.rest[:, 2] < 0.03) & part for part in (abs(level.rest[:, 0]) < 0.2, level.rest[:, 1] < -0.4, level.rest[:, 0] < -0.4))
+        seat, feet, fist = (
+            (level.rest[:, 2] < 0.03) & part
+            for part in (abs(level.rest[:, 0]) < 0.2, level.rest[:, 1] < -0.4, level.rest[:, 0] < -0.4)
+        )
         for held in (seat, feet & (level.rest[:, 0] > 0), feet & (level.rest[:, 0] < 0), fist):
             assert held.sum() >= 3 and np.abs(rise[held]).max() == 0.0
 
@@ -141,7 +229,18 @@ def test_ape(tmp_path):
 def test_heterogeneous(tmp_path):
     # The letters are 0.05 m above the bed here: met at step 5 at a fiftieth of a second each.
     steps = 12
-    words = ["--set", "vertices=(25, 50)", "--set", "drop=0.1", "--set", "dt=0.02", "--steps", str(steps), "--out", str(tmp_path / "run")]
+    words = [
+        "--set",
+        "vertices=(25, 50)",
+        "--set",
+        "drop=0.1",
+        "--set",
+        "dt=0.02",
+        "--steps",
+        str(steps),
+        "--out",
+        str(tmp_path / "run"),
+    ]
     assert run(["run", str(ROOT / "demos" / "heterogeneous.py"), *words]) == 0
     stored = end(tmp_path / "run", 2, steps)
     moduli = {body.name: body.material.young for body in load(ROOT / "demos" / "heterogeneous.py").scene().bodies}
@@ -156,8 +255,25 @@ def test_heterogeneous(tmp_path):
 def test_jelly_bowl(tmp_path):
     # Thrown at 6 m/s the bear meets the bowl within 0.12 s. One animal: meshing takes most of the time.
     steps = 8
-    words = ["--set", "who=('bear',)", "--set", "vertices=(200, 300)", "--set", "dt=0.02", "--steps", str(steps), "--out", str(tmp_path / "run")]
+    words = [
+        "--set",
+        "who=('bear',)",
+        "--set",
+        "vertices=(200, 300)",
+        "--set",
+        "dt=0.02",
+        "--steps",
+        str(steps),
+        "--out",
+        str(tmp_path / "run"),
+    ]
     assert run(["run", str(ROOT / "demos" / "jelly_bowl.py"), *words]) == 0
     stored = end(tmp_path / "run", 2, steps)
-    assert min(level.positions(steps)[:, 1].min() for level in stored.levels) > 0.05  # above the foot of the bowl's inside
-    assert float(stored.obstacles[0].arrays["opacity"]) == load(ROOT / "demos" / "jelly_bowl.py").scene().obstacles[0].opacity < 1.0  # glass
+    assert (
+        min(level.positions(steps)[:, 1].min() for level in stored.levels) > 0.05
+    )  # above the foot of the bowl's inside
+    assert (
+        float(stored.obstacles[0].arrays["opacity"])
+        == load(ROOT / "demos" / "jelly_bowl.py").scene().obstacles[0].opacity
+        < 1.0
+    )  # glass

@@ -1,13 +1,15 @@
-"""The rows of the stability envelope (benchmarks/extreme_scenes.py): short here, at full length where they are marked slow."""
+"""The rows of the stability envelope (benchmarks/extreme_scenes.py): short here, at full length where they are marked
+slow.
+"""
 
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+import verify_run
 
 import pdvol
-import verify_run
 from pdvol.runs.shot import load_shot
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -17,10 +19,30 @@ import extreme_scenes
 FILE = ROOT / "benchmarks" / "extreme_scenes.py"
 SHORT = {
     # row: steps, enough that something touches
-    "young_1e2": 4, "young_1e11": 4, "stiffness_ratio_1e10_soft_below": 4, "poisson_0.499": 4, "dt_1e-5_touching": 40, "dt_0.1": 3,
-    "impact_1000": 3, "impact_1000_dt_1e-4": 6, "dhat_1e-6": 3, "dhat_1e-1": 3, "mu_0": 4, "mu_10": 4, "mass_ratio_1e6_heavy_above": 6,
-    "compress_99": 12, "twist_20_turns": 5, "size_1mm": 4, "size_1km": 4, "aspect_1e3_plates": 8, "aspect_1e3_needles": 8,
-    "sheet_one_cell_thick": 6, "random_velocities_10": 3, "levels_8_dt_0.04": 2, "levels_8_flat_dt_0.04": 4, "levels_from_20_vertices": 4,
+    "young_1e2": 4,
+    "young_1e11": 4,
+    "stiffness_ratio_1e10_soft_below": 4,
+    "poisson_0.499": 4,
+    "dt_1e-5_touching": 40,
+    "dt_0.1": 3,
+    "impact_1000": 3,
+    "impact_1000_dt_1e-4": 6,
+    "dhat_1e-6": 3,
+    "dhat_1e-1": 3,
+    "mu_0": 4,
+    "mu_10": 4,
+    "mass_ratio_1e6_heavy_above": 6,
+    "compress_99": 12,
+    "twist_20_turns": 5,
+    "size_1mm": 4,
+    "size_1km": 4,
+    "aspect_1e3_plates": 8,
+    "aspect_1e3_needles": 8,
+    "sheet_one_cell_thick": 6,
+    "random_velocities_10": 3,
+    "levels_8_dt_0.04": 2,
+    "levels_8_flat_dt_0.04": 4,
+    "levels_from_20_vertices": 4,
 }
 
 

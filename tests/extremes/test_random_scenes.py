@@ -1,16 +1,33 @@
-"""Random small scenes thrown at the solver: they end well or with a named error, and no state that is stored crosses or inverts."""
+"""Random small scenes thrown at the solver: they end well or with a named error, and no state that is stored crosses or
+inverts.
+"""
 
 from pathlib import Path
 
 import numpy as np
 import pytest
+import verify_run
 from hypothesis import HealthCheck, Phase, event, given, settings
 from hypothesis import strategies as st
+from pdvol.meshes import ball, box, brick
 
 import pdvol
-import verify_run
-from pdvol import Barrier, Body, Friction, Gravity, NeoHookean, Placement, Plane, Relative, Rigid, Rotation, Scene, Solver, Support, Translation
-from pdvol.meshes import ball, box, brick
+from pdvol import (
+    Barrier,
+    Body,
+    Friction,
+    Gravity,
+    NeoHookean,
+    Placement,
+    Plane,
+    Relative,
+    Rigid,
+    Rotation,
+    Scene,
+    Solver,
+    Support,
+    Translation,
+)
 from pdvol.runs.shot import Shot
 
 numbers = st.floats(-1.0, 1.0)
@@ -31,10 +48,18 @@ def bodies(draw, index: int):
     size = draw(st.tuples(*[st.floats(0.02, 1.0)] * 3))
     cuts = draw(st.tuples(*[st.integers(1, 3)] * 3))
     levels = tuple(brick(size, tuple(k + level for k in cuts)) for level in range(draw(st.integers(1, 2))))
-    place = Placement((0.3 * draw(numbers), 1.0 + 1.8 * index, 0.3 * draw(numbers)), 3.0 * draw(numbers), (1.0, draw(numbers), 0.3))
+    place = Placement(
+        (0.3 * draw(numbers), 1.0 + 1.8 * index, 0.3 * draw(numbers)), 3.0 * draw(numbers), (1.0, draw(numbers), 0.3)
+    )
     speed = draw(powers(-2, 3))
-    return levels, Body(levels, draw(materials), name=f"body {index}", placement=place, velocity=tuple(speed * np.array(draw(vectors))),
-                        spin=tuple(3.0 * np.array(draw(vectors))))
+    return levels, Body(
+        levels,
+        draw(materials),
+        name=f"body {index}",
+        placement=place,
+        velocity=tuple(speed * np.array(draw(vectors))),
+        spin=tuple(3.0 * np.array(draw(vectors))),
+    )
 
 
 @st.composite
@@ -42,9 +67,16 @@ def obstacles(draw):
     """Nothing, a plane, a ball, a box or a moving wall."""
     still = Plane((0.0, -0.2, 0.0), (0.2 * draw(numbers), 1.0, 0.2 * draw(numbers)), name="floor")
     round_ = Rigid(ball(0.3, 1), Placement((0.2 * draw(numbers), -0.4, 0.1)), name="ball")
-    turning = Rigid(box((2.0, 0.2, 0.3)), Placement((0.0, -0.3, 0.0)), Rotation(10.0 * draw(numbers), (0.0, -0.3, 0.0), (0.0, 0.0, 1.0)), "bar")
+    turning = Rigid(
+        box((2.0, 0.2, 0.3)),
+        Placement((0.0, -0.3, 0.0)),
+        Rotation(10.0 * draw(numbers), (0.0, -0.3, 0.0), (0.0, 0.0, 1.0)),
+        "bar",
+    )
     rising = Plane((0.0, -0.5, 0.0), (0.0, 1.0, 0.0), Translation((0.0, 2.0 * abs(draw(numbers)), 0.0)), "lift")
-    return tuple(draw(st.lists(st.sampled_from([still, round_, turning, rising]), max_size=2, unique_by=lambda o: o.name)))
+    return tuple(
+        draw(st.lists(st.sampled_from([still, round_, turning, rising]), max_size=2, unique_by=lambda o: o.name))
+    )
 
 
 @st.composite
@@ -53,16 +85,31 @@ def scenes(draw):
     pairs = [draw(bodies(k)) for k in range(draw(st.integers(1, 3)))]
     chosen = [body for levels, body in pairs if len(levels) == len(pairs[0][0])]
     around = draw(obstacles())
-    contact = (Barrier(draw(st.sampled_from([Relative(1e-4), Relative(1e-3), 1e-5, 0.02]))),) if around or draw(st.booleans()) else ()
+    contact = (
+        (Barrier(draw(st.sampled_from([Relative(1e-4), Relative(1e-3), 1e-5, 0.02]))),)
+        if around or draw(st.booleans())
+        else ()
+    )
     if contact and draw(st.booleans()):
         contact += (Friction(draw(st.sampled_from([0.0, 0.3, 10.0])), iterations=draw(st.integers(1, 2))),)
     supports = ()
     if draw(st.booleans()):
         motion = draw(st.sampled_from([Translation((0.5, 0.0, 0.0)), Rotation(5.0, (0.0, 0.0, 0.0), (0.0, 1.0, 0.0))]))
         supports = (Support(lambda X: X[:, 1] < 1.0, motion=motion, body=chosen[0].name),)
-    dt, loads = draw(st.sampled_from([1e-4, 1e-3, 0.01, 0.04, 0.1])), draw(st.sampled_from([(), (Gravity((0.0, -9.81, 0.0)),)]))
-    return Scene(tuple(chosen), dt=dt, steps=3, loads=loads, supports=supports, obstacles=around, contact=contact,
-                 solver=Solver(max_iterations=60, max_halvings=2))
+    dt, loads = (
+        draw(st.sampled_from([1e-4, 1e-3, 0.01, 0.04, 0.1])),
+        draw(st.sampled_from([(), (Gravity((0.0, -9.81, 0.0)),)])),
+    )
+    return Scene(
+        tuple(chosen),
+        dt=dt,
+        steps=3,
+        loads=loads,
+        supports=supports,
+        obstacles=around,
+        contact=contact,
+        solver=Solver(max_iterations=60, max_halvings=2),
+    )
 
 
 def throw(scene: Scene, out: Path) -> None:
@@ -79,7 +126,13 @@ def throw(scene: Scene, out: Path) -> None:
     event(ended)
 
 
-ANY = {"deadline": None, "derandomize": True, "database": None, "suppress_health_check": list(HealthCheck), "phases": [Phase.generate]}
+ANY = {
+    "deadline": None,
+    "derandomize": True,
+    "database": None,
+    "suppress_health_check": list(HealthCheck),
+    "phases": [Phase.generate],
+}
 
 
 @settings(max_examples=12, **ANY)

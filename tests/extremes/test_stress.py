@@ -1,4 +1,6 @@
-"""The classic stress tests (benchmarks/stress_scenes.py): they start free of intersections, and the smallest of them take their first steps."""
+"""The classic stress tests (benchmarks/stress_scenes.py): they start free of intersections, and the smallest of them
+take their first steps.
+"""
 
 import json
 import subprocess
@@ -7,9 +9,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import verify_run
 
 import pdvol
-import verify_run
 from pdvol.hierarchy.build import build_levels, read_obstacle
 from pdvol.hierarchy.start_check import check_start
 from pdvol.runs.shot import load_shot
@@ -70,7 +72,9 @@ def test_the_arch_stands(tmp_path):
 
 def test_the_command(tmp_path):
     words = [sys.executable, str(ROOT / "benchmarks" / "stress.py"), "--out", str(tmp_path)]
-    done = subprocess.run([*words, "--scenes", "erleben_cube_cliff", "--minutes", "0.05"], capture_output=True, text=True, timeout=200)
+    done = subprocess.run(
+        [*words, "--scenes", "erleben_cube_cliff", "--minutes", "0.05"], capture_output=True, text=True, timeout=200
+    )
     assert done.returncode == 0, done.stderr
     (row,) = [line for line in done.stdout.splitlines() if line.startswith("| erleben_cube_cliff | 8 | 6 | 0.005 |")]
     assert "time limit" in row or "full time" in row

@@ -1,7 +1,8 @@
-"""Runs of the golden shots, the digests of their states, and what digests depend on. `python tests/golden/golden.py` records them anew.
+"""Runs of the golden shots, the digests of their states, and what digests depend on. `python tests/golden/golden.py`
+records them anew.
 
-States repeat to the last bit on one kind of processor with one set of libraries. Digests are therefore kept by `platform_key`; on any other
-platform the last states, kept as arrays, are compared instead.
+States repeat to the last bit on one kind of processor with one set of libraries. Digests are therefore kept by
+`platform_key`; on any other platform the last states, kept as arrays, are compared instead.
 """
 
 import hashlib
@@ -22,7 +23,9 @@ LIBRARIES = ("fenics-dolfinx", "petsc4py", "ipctk", "numpy", "scipy")
 
 
 def platform_key() -> str:
-    """Digest of the processor's features and the versions of what computes: digests of states are compared where it is the same."""
+    """Digest of the processor's features and the versions of what computes: digests of states are compared where it is
+    the same.
+    """
     lines = Path("/proc/cpuinfo").read_text().splitlines() if Path("/proc/cpuinfo").exists() else []
     processor = sorted({line for line in lines if line.startswith(("flags", "model name"))})
     compiler = subprocess.run(["cc", "--version"], capture_output=True, text=True, check=True).stdout.splitlines()[0]

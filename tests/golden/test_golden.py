@@ -1,4 +1,6 @@
-"""Four short shots end as they were recorded: to the last bit on a platform whose digests are kept, to the solver's tolerance on others."""
+"""Four short shots end as they were recorded: to the last bit on a platform whose digests are kept, to the solver's
+tolerance on others.
+"""
 
 import json
 import sys
@@ -10,8 +12,8 @@ import pytest
 sys.path.insert(0, str(Path(__file__).parent))
 import golden
 
-# Relative to the scene's diagonal. Newton stops at 1e-3 diagonals/s, so at 1e-5 diagonals a step of 0.01 s; other rounding moves that by
-# up to as much in each of 40 steps.
+# Relative to the scene's diagonal. Newton stops at 1e-3 diagonals/s, so at 1e-5 diagonals a step of 0.01 s; other
+# rounding moves that by up to as much in each of 40 steps.
 TOLERANCE = 4e-4
 
 

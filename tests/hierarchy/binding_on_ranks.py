@@ -1,4 +1,5 @@
-"""Run by test_binding on one rank and two: python binding_on_ranks.py DIM OUT.npz writes a binding and every interpolant's PETSc matrix.
+"""Run by test_binding on one rank and two: python binding_on_ranks.py DIM OUT.npz writes a binding and every
+interpolant's PETSc matrix.
 
 All in input order.
 """
@@ -7,13 +8,13 @@ import sys
 
 import numpy as np
 from mpi4py import MPI
+from shapes import together
+from test_binding import comb_pair
 
 from pdvol.hierarchy.binding import bind
 from pdvol.hierarchy.interpolants import INTERPOLANTS
 from pdvol.hierarchy.level_space import LevelSpace
 from pdvol.hierarchy.prolongation import Prolongation
-from shapes import together
-from test_binding import comb_pair
 
 
 def input_triplets(prolongation):
@@ -30,13 +31,25 @@ def input_triplets(prolongation):
 def main(d, out):
     comm = MPI.COMM_WORLD
     fine, coarse, _, _ = comb_pair(d)
-    move = lambda mesh: type(mesh)(mesh.points + np.eye(d)[0] * 1.5, mesh.cells, mesh.bodies, mesh.regions)  # noqa: E731
+    move = lambda mesh: type(mesh)(mesh.points + np.eye(d)[0] * 1.5, mesh.cells, mesh.bodies, mesh.regions)
     fine, coarse = LevelSpace(together(fine, move(fine)), comm), LevelSpace(together(coarse, move(coarse)), comm)
     binding, back = bind(fine, coarse), bind(coarse, fine)
-    triplets = {name: input_triplets(Prolongation(coarse, fine, binding, interpolant)) for name, interpolant in INTERPOLANTS.items()}
+    triplets = {
+        name: input_triplets(Prolongation(coarse, fine, binding, interpolant))
+        for name, interpolant in INTERPOLANTS.items()
+    }
     if comm.rank == 0:
-        np.savez(out, ranks=comm.size, cells=binding.cells, kind=binding.kind, weights=binding.weights, **triplets,
-                 back_cells=back.cells, back_kind=back.kind, back_weights=back.weights)
+        np.savez(
+            out,
+            ranks=comm.size,
+            cells=binding.cells,
+            kind=binding.kind,
+            weights=binding.weights,
+            **triplets,
+            back_cells=back.cells,
+            back_kind=back.kind,
+            back_weights=back.weights,
+        )
 
 
 if __name__ == "__main__":

@@ -58,11 +58,15 @@ def box(d, n, low=0.0, high=1.0, jitter=0.0, seed=0) -> LevelMesh:
 
 
 def _ticks(ends, n):
-    return np.concatenate([np.linspace(a, b, n + 1)[:-1] for a, b in zip(ends[:-1], ends[1:], strict=True)] + [ends[-1:]])
+    return np.concatenate(
+        [np.linspace(a, b, n + 1)[:-1] for a, b in zip(ends[:-1], ends[1:], strict=True)] + [ends[-1:]]
+    )
 
 
 def comb(d, n, teeth, height, base=0.3) -> LevelMesh:
-    """A comb: teeth [(left, right), ...] on a base of thickness `base`, upwards to `height`; n boxes across a tooth and a gap."""
+    """A comb: teeth [(left, right), ...] on a base of thickness `base`, upwards to `height`; n boxes across a tooth and
+    a gap.
+    """
     x = _ticks(np.ravel(teeth), n)
     y = np.r_[np.linspace(0.0, base, n + 1), np.linspace(base, height, 4 * n + 1)[1:]]
     depth = [np.linspace(0.0, 0.4, n + 1)] * (d - 2)

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from mpi4py import MPI
+from shapes import box, comb, comb_branch, fold, fold_branch, grid, level, together
 
 from pdvol.errors import MeshError
 from pdvol.hierarchy.binding import CLOSEST, INSIDE, NEIGHBOUR, RAY, bind, closest_binding
@@ -15,12 +16,11 @@ from pdvol.hierarchy.boundary_search import BoundarySearch
 from pdvol.hierarchy.geodesic import bind_outside, vertex_adjacency
 from pdvol.hierarchy.interpolants import INTERPOLANTS
 from pdvol.hierarchy.level_space import LevelSpace
-from shapes import box, comb, comb_branch, fold, fold_branch, grid, level, together
 
 COMM = MPI.COMM_WORLD
 
-# The coarse branches are thin and lie off-centre in the fine ones, so that part of a fine branch is nearer to the wrong coarse one; the
-# fine tips stick out.
+# The coarse branches are thin and lie off-centre in the fine ones, so that part of a fine branch is nearer to the wrong
+# coarse one; the fine tips stick out.
 FINE_TEETH, COARSE_TEETH = [(0.0, 0.5), (0.6, 1.1), (1.2, 1.7)], [(0.02, 0.22), (0.62, 0.82), (1.22, 1.68)]
 FINE_ARMS, COARSE_ARMS = ((0.0, 0.5), (0.6, 1.1)), ((0.02, 0.2), (0.63, 1.08))
 
@@ -75,7 +75,9 @@ def test_the_other_way_round(pair, d):
 def test_inside_points_get_the_lowest_containing_cell(d):
     coarse, fine = box(d, 3, jitter=0.2), box(d, 5, 0.1, 0.9)
     # The coarse vertices themselves and facet centres are shared by several cells.
-    points = np.concatenate([coarse.points, coarse.points[coarse.cells].mean(axis=1), coarse.points[coarse.cells[:, :d]].mean(axis=1)])
+    points = np.concatenate(
+        [coarse.points, coarse.points[coarse.cells].mean(axis=1), coarse.points[coarse.cells[:, :d]].mean(axis=1)]
+    )
     target = level(np.concatenate([points, fine.points]), fine.cells + len(points))
     binding = bind(target, LevelSpace(coarse, COMM))
     assert (binding.kind[: len(points)] == INSIDE).all()
@@ -90,7 +92,9 @@ def test_inside_points_get_the_lowest_containing_cell(d):
 @pytest.mark.parametrize("d", [2, 3])
 @pytest.mark.parametrize("gap", [0.02, -0.05])
 def test_never_across_bodies(d, gap):
-    """Two boxes almost touching, or overlapping at rest; the fine ones stick out of the coarse ones into each other's coarse mesh."""
+    """Two boxes almost touching, or overlapping at rest; the fine ones stick out of the coarse ones into each other's
+    coarse mesh.
+    """
     side = np.eye(d)[0] * (1.0 + gap)
     fine = together(box(d, 6), box(d, 6, side, side + 1.0))
     coarse = together(box(d, 2, 0.1, 0.9), box(d, 2, side - 0.02, side + 0.8))
@@ -129,7 +133,9 @@ def test_first_hits_agree_with_brute_force(d, scale):
     facet, distance = BoundarySearch(mesh, 0).first_hits(starts, ends)
     corners = mesh.points[mesh.boundary]
     for start, end, found, reach in zip(starts, ends, facet, distance, strict=True):
-        columns = [np.broadcast_to(start - end, (len(corners), d))] + [corners[:, k] - corners[:, 0] for k in range(1, d)]
+        columns = [np.broadcast_to(start - end, (len(corners), d))] + [
+            corners[:, k] - corners[:, 0] for k in range(1, d)
+        ]
         solution = np.linalg.solve(np.stack(columns, axis=-1), (start - corners[:, 0])[..., None])[..., 0]
         t, uv = solution[:, 0], solution[:, 1:]
         t = np.where((t >= 0) & (t <= 1) & (uv >= 0).all(axis=1) & (uv.sum(axis=1) <= 1), t, np.inf)
@@ -143,7 +149,11 @@ def test_inside_neighbours_without_hits_give_the_nearest_layer(monkeypatch):
     """With the rays taken away, points next to inside points follow the boundary reached through the coarse material."""
     fine, coarse, fine_branch, coarse_branch = comb_pair(2)
     binding = bind(fine, LevelSpace(coarse, COMM))
-    monkeypatch.setattr(BoundarySearch, "first_hits", lambda self, starts, ends: (np.full(len(starts), -1), np.full(len(starts), np.inf)))
+    monkeypatch.setattr(
+        BoundarySearch,
+        "first_hits",
+        lambda self, starts, ends: (np.full(len(starts), -1), np.full(len(starts), np.inf)),
+    )
     cells, kind = bind_outside(fine, coarse, np.where(binding.kind == INSIDE, binding.cells, -1))
     assert set(kind) == {INSIDE, NEIGHBOUR}
     home = coarse_branch[cells]
@@ -171,7 +181,9 @@ def test_one_rank_and_two_agree(d, tmp_path):
         out = tmp_path / f"{ranks}.npz"
         command = [sys.executable, str(Path(__file__).with_name("binding_on_ranks.py")), str(d), str(out)]
         command = command if ranks == 1 else ["mpirun", "-n", str(ranks), *command]
-        done = subprocess.run(command, env={**os.environ, "OMP_NUM_THREADS": "1"}, capture_output=True, text=True, timeout=120)
+        done = subprocess.run(
+            command, env={**os.environ, "OMP_NUM_THREADS": "1"}, capture_output=True, text=True, timeout=120
+        )
         assert done.returncode == 0, done.stderr
         results.append(np.load(out))
     assert (int(results[0]["ranks"]), int(results[1]["ranks"])) == (1, 2)

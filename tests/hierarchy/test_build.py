@@ -4,12 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from pdvol.meshes import Outline, Solid, Surface
 
 from pdvol import meshes
 from pdvol.errors import InputError, IntersectionError, InvertedCellError, MeshError
 from pdvol.hierarchy import build
 from pdvol.hierarchy.build import build_levels, read_obstacle
-from pdvol.meshes import Outline, Solid, Surface
 from pdvol.scene import Body, NeoHookean, Placement, Rigid, Scene
 
 SOFT = NeoHookean(2e5)
@@ -29,7 +29,9 @@ def strip(n=8):
     points = np.vstack([np.column_stack([x, 0 * x]), np.column_stack([x, 0 * x + 0.3])])
     a = np.arange(n)
     cells = np.vstack([np.column_stack([a, a + 1, a + n + 2]), np.column_stack([a, a + n + 2, a + n + 1])])
-    return Solid(points, cells.astype(np.int32), np.where(points[cells].mean(axis=1)[:, 0] < 0.5, 1, 2).astype(np.int32))
+    return Solid(
+        points, cells.astype(np.int32), np.where(points[cells].mean(axis=1)[:, 0] < 0.5, 1, 2).astype(np.int32)
+    )
 
 
 def test_two_bodies_in_one_level_mesh(tmp_path):
@@ -75,7 +77,9 @@ def test_the_cache_is_used_mended_and_not_needed(tmp_path, monkeypatch):
     assert len(calls) == 4, "other targets, other hierarchy"
     blocked = tmp_path / "file"
     blocked.touch()
-    assert np.array_equal(build_levels(scene(disc_body()), count=1, cache=blocked / "meshes")[0].points, fresh[0].points)
+    assert np.array_equal(
+        build_levels(scene(disc_body()), count=1, cache=blocked / "meshes")[0].points, fresh[0].points
+    )
 
 
 def test_the_default_cache_folder(tmp_path, monkeypatch):
@@ -101,7 +105,9 @@ def test_a_2d_mesh_with_a_hole(tmp_path):
 
 def test_a_list_of_meshes_is_taken_as_it_is(tmp_path):
     listed = (strip(4), strip(9))
-    levels = build_levels(scene(Body(shape=listed, material=SOFT, placement=Placement(translate=(1.0, 0.0)))), cache=tmp_path)
+    levels = build_levels(
+        scene(Body(shape=listed, material=SOFT, placement=Placement(translate=(1.0, 0.0)))), cache=tmp_path
+    )
     for mesh, solid in zip(levels, listed, strict=True):
         assert np.array_equal(mesh.points, solid.vertices + [1.0, 0.0])
         assert np.array_equal(mesh.cells, solid.cells)
@@ -130,7 +136,10 @@ def test_bad_shapes_name_the_body_and_leave_nothing(tmp_path):
         assert "\n" not in str(caught.value)
     assert not folder.exists()
     with pytest.raises(InputError, match="all be 2D or all 3D"):
-        flat, thick = disc_body(name="flat"), Body(shape=meshes.ball(1.0, 1), material=SOFT, vertices=(40, 60), name="thick")
+        flat, thick = (
+            disc_body(name="flat"),
+            Body(shape=meshes.ball(1.0, 1), material=SOFT, vertices=(40, 60), name="thick"),
+        )
         build_levels(scene(flat, thick), count=1, cache=folder)
 
 

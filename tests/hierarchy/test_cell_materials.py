@@ -1,10 +1,13 @@
-"""Regions: chosen on the coarsest level, carried to the finer ones by the binding; nothing is bound where bodies are uniform."""
+"""Regions: chosen on the coarsest level, carried to the finer ones by the binding; nothing is bound where bodies are
+uniform.
+"""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from mpi4py import MPI
+from shapes import box, together
 
 from pdvol.errors import InputError
 from pdvol.hierarchy.cell_materials import cell_materials, level_materials
@@ -12,7 +15,6 @@ from pdvol.hierarchy.hierarchy import Hierarchy
 from pdvol.hierarchy.level_mesh import LevelMesh
 from pdvol.potentials.load import assemble_mass
 from pdvol.scene import Body, FixedCorotational, NeoHookean, Region, Scene, StVenantKirchhoff
-from shapes import box, together
 
 SOFT, STIFF = NeoHookean(2e4, density=500.0), NeoHookean(2e10, density=2000.0)
 DIMENSIONS = [2, 3]
@@ -40,7 +42,9 @@ def levels(d, *meshes):
 
 @pytest.mark.parametrize("d", DIMENSIONS)
 def test_regions_follow_the_coarse_cells(d):
-    """Fine cells have the material of the coarse cell that their centre lies in, not of their own place: the animation is the same."""
+    """Fine cells have the material of the coarse cell that their centre lies in, not of their own place: the animation
+    is the same.
+    """
     coarse, middle, fine = box(d, 2, jitter=0.1, seed=1), box(d, 3, jitter=0.1, seed=2), box(d, 5, jitter=0.1, seed=3)
     hierarchy = levels(d, coarse, middle, fine)
     shot = scene(body(regions=(Region(STIFF, right),)))
@@ -72,7 +76,7 @@ def test_cells_outside_the_coarse_mesh_have_a_home():
 
 def test_never_across_bodies():
     """Two bodies that touch: the second's cells are its own, wherever they lie."""
-    pair = lambda n: together(box(2, n), box(2, n, low=[1.0, 0.0], high=[2.0, 1.0]))  # noqa: E731
+    pair = lambda n: together(box(2, n), box(2, n, low=[1.0, 0.0], high=[2.0, 1.0]))
     shot = scene(body(regions=(Region(STIFF, right),)), body(FixedCorotational(7.0), name="other"))
     mesh = pair(3)
     of = level_materials(shot, levels(2, pair(2), mesh), 1)
@@ -106,11 +110,20 @@ def test_densities_reach_the_masses():
 
 def test_mistakes():
     mesh = box(2, 2)
-    for region, message in ((Region(STIFF, lambda X: X[:, 0] > 9), "holds no cell"), (Region(STIFF, 4), r"labels there are \[0\]"),
-                            (Region(STIFF, lambda X: X), "shape"), (Region(STIFF, lambda X: 1 / 0), "ZeroDivision")):
+    for region, message in (
+        (Region(STIFF, lambda X: X[:, 0] > 9), "holds no cell"),
+        (Region(STIFF, 4), r"labels there are \[0\]"),
+        (Region(STIFF, lambda X: X), "shape"),
+        (Region(STIFF, lambda X: 1 / 0), "ZeroDivision"),
+    ):
         with pytest.raises(InputError, match=message):
             cell_materials(scene(body(regions=(region,))), mesh)
-    for make in (lambda: Region(2e5, right), lambda: Region(STIFF, ()), lambda: Region(STIFF, "left"), lambda: body(regions=(STIFF,))):
+    for make in (
+        lambda: Region(2e5, right),
+        lambda: Region(STIFF, ()),
+        lambda: Region(STIFF, "left"),
+        lambda: body(regions=(STIFF,)),
+    ):
         with pytest.raises(InputError):
             make()
 

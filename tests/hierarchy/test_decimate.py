@@ -20,7 +20,8 @@ def test_a_ball(target):
     coarse = check_surface(decimate(ball, target))
     assert len(coarse.vertices) == pytest.approx(target, rel=0.2)
     assert topology(coarse.triangles, len(coarse.vertices)) == (1, 2)
-    # An inscribed polyhedron of n vertices lacks about 2 pi sqrt(3) / (n - 2) of the volume; quadrics lie between it and the circumscribed.
+    # An inscribed polyhedron of n vertices lacks about 2 pi sqrt(3) / (n - 2) of the volume; quadrics lie between it
+    # and the circumscribed.
     assert measure(coarse)[0] == pytest.approx(4 * np.pi / 3, rel=11.0 / (target - 2))
 
 

@@ -1,4 +1,6 @@
-"""Every interpolant passes the same tests; then what is particular to each. That one rank and two agree is tested with the binding."""
+"""Every interpolant passes the same tests; then what is particular to each. That one rank and two agree is tested with
+the binding.
+"""
 
 import sys
 
@@ -6,6 +8,8 @@ import igl
 import numpy as np
 import pytest
 from mpi4py import MPI
+from shapes import box, level, together
+from test_binding import comb_pair, fold_pair
 
 from pdvol.errors import MeshError
 from pdvol.hierarchy.binding import INSIDE, bind
@@ -17,8 +21,6 @@ from pdvol.hierarchy.interpolants.locality import DROPPED, make_local, restore_a
 from pdvol.hierarchy.interpolants.phong import vertex_gradients
 from pdvol.hierarchy.level_space import LevelSpace
 from pdvol.hierarchy.prolongation import Prolongation
-from shapes import box, level, together
-from test_binding import comb_pair, fold_pair
 
 COMM = MPI.COMM_WORLD
 
@@ -54,7 +56,8 @@ def vector(space, values):
     return vec
 
 
-# ---- all of them ---------------------------------------------------------------------------------------------------------------
+# ---- all of them
+# ---------------------------------------------------------------------------------------------------------------
 
 
 def test_rows_sum_to_one_and_affine_fields_are_reproduced(prolongation):
@@ -76,7 +79,9 @@ def test_restriction_is_the_adjoint_and_the_matrix_the_weights(prolongation):
     prolongation.prolong(u, Pu)
     prolongation.restrict(r, Ptr)
     assert Pu.dot(r) == pytest.approx(u.dot(Ptr), rel=1e-11)
-    np.testing.assert_allclose(fine.to_input(Pu.array.reshape(-1, fine.dim)), prolongation.prolong_positions(values), atol=1e-12)
+    np.testing.assert_allclose(
+        fine.to_input(Pu.array.reshape(-1, fine.dim)), prolongation.prolong_positions(values), atol=1e-12
+    )
 
 
 def test_nothing_is_bound_across_bodies(prolongation):
@@ -86,7 +91,9 @@ def test_nothing_is_bound_across_bodies(prolongation):
 
 
 def test_the_weights_are_tame(prolongation):
-    """Extrapolation stays bounded: no weight above 6 in these pairs, and the norms of the paper's appendix B within a factor of two."""
+    """Extrapolation stays bounded: no weight above 6 in these pairs, and the norms of the paper's appendix B within a
+    factor of two.
+    """
     report = prolongation.report()
     assert report["largest_weight"] < 6.0
     assert report["frobenius_norm"] < 2.0 * report["sqrt_points"]
@@ -113,7 +120,9 @@ def smooth(X):
 @pytest.mark.parametrize("name", ["biharmonic", "phong"])
 @pytest.mark.parametrize("d", [2, 3])
 def test_the_others_are_better_than_barycentric_inside(name, d):
-    """On a quadratic field, root mean square over fine points inside: less than 60 % of barycentric interpolation's error."""
+    """On a quadratic field, root mean square over fine points inside: less than 60 % of barycentric interpolation's
+    error.
+    """
     coarse, fine = LevelSpace(box(d, 6, jitter=0.1), COMM), LevelSpace(box(d, 11, 0.01, 0.99, jitter=0.1, seed=1), COMM)
     binding = bind(fine, coarse)
     inside = binding.kind == INSIDE
@@ -124,7 +133,8 @@ def test_the_others_are_better_than_barycentric_inside(name, d):
     assert error[name] < 0.6 * error["barycentric"]
 
 
-# ---- the Laplacian -------------------------------------------------------------------------------------------------------------
+# ---- the Laplacian
+# -------------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("d", [2, 3])
@@ -135,22 +145,28 @@ def test_the_kernel_is_the_affine_functions(d):
     np.testing.assert_allclose(A @ affine, 0.0, atol=1e-10)
     values = np.linalg.eigvalsh(A.toarray())
     assert values[d] < 1e-10 * values[-1] and values[d + 1] > 1e-5 * values[-1], "d + 1 zeros and no more"
-    # What the boundary does to the cotangent Laplacian: it takes the flux of affine functions through the boundary for a Laplacian.
+    # What the boundary does to the cotangent Laplacian: it takes the flux of affine functions through the boundary for
+    # a Laplacian.
     inner = np.setdiff1d(np.arange(len(mesh.points)), mesh.boundary)
-    cotangent = igl.cotmatrix(mesh.points if d == 3 else np.column_stack([mesh.points, np.zeros(len(mesh.points))]), mesh.cells)
+    cotangent = igl.cotmatrix(
+        mesh.points if d == 3 else np.column_stack([mesh.points, np.zeros(len(mesh.points))]), mesh.cells
+    )
     np.testing.assert_allclose(cotangent[inner] @ affine, 0.0, atol=1e-13)
     assert np.abs(cotangent @ affine).max() > 0.01
 
 
 @pytest.mark.parametrize("d", [2, 3])
 def test_the_laplacian_integrates_the_jump_of_the_gradient(d):
-    """The kink of |X_0 - 1/2| on a grid with a plane there: the Laplacian is twice the plane's area, and in no other facet."""
+    """The kink of |X_0 - 1/2| on a grid with a plane there: the Laplacian is twice the plane's area, and in no other
+    facet.
+    """
     mesh = box(d, 4)
     flux = flux_laplacian(mesh) @ np.abs(mesh.points[:, 0] - 0.5)
     assert flux.sum() == pytest.approx(2.0, rel=1e-12) and np.sum(np.abs(flux) > 1e-12) == (4 if d == 2 else 32)
 
 
-# ---- biharmonic ----------------------------------------------------------------------------------------------------------------
+# ---- biharmonic
+# ----------------------------------------------------------------------------------------------------------------
 
 
 def dense(coarse, fine):
@@ -167,14 +183,16 @@ def test_constraints_hold_with_control_points_anywhere(d):
     np.testing.assert_allclose(B @ W, np.eye(len(coarse.points)), atol=1e-6)
     np.testing.assert_allclose(W @ coarse.points, fine.points, atol=1e-9)
     # A minimum: no change N y that keeps the constraints, B N = 0, lowers the energy to first order (appendix A).
-    N = np.linalg.svd(B.toarray())[2][len(coarse.points):].T
+    N = np.linalg.svd(B.toarray())[2][len(coarse.points) :].T
     A = squared_laplacian(fine)
     assert np.abs(N.T @ (A @ W)).max() < 1e-6 * np.median(A.diagonal())
 
 
 @pytest.mark.parametrize("d", [2, 3])
 def test_coincident_control_points_are_the_original_method(d):
-    """Every second vertex of a grid as control point: libigl's implementation of Wang et al. 2015 gives the same weights."""
+    """Every second vertex of a grid as control point: libigl's implementation of Wang et al. 2015 gives the same
+    weights.
+    """
     fine, coarse = box(d, 4, jitter=0.0), box(d, 2)
     picked = [int(np.flatnonzero((fine.points == p).all(axis=1))[0]) for p in coarse.points]
     rng = np.random.default_rng(0)
@@ -202,7 +220,10 @@ def test_more_coarse_vertices_than_fine_ones_are_met_in_the_least_squares_sense(
 @pytest.mark.parametrize("d", [2, 3])
 def test_a_body_of_one_cell(d):
     corners = np.vstack([np.zeros(d), np.eye(d)])
-    fine, coarse = LevelSpace(level(corners, [np.arange(d + 1)]), COMM), LevelSpace(level(corners * 1.1 - 0.01, [np.arange(d + 1)]), COMM)
+    fine, coarse = (
+        LevelSpace(level(corners, [np.arange(d + 1)]), COMM),
+        LevelSpace(level(corners * 1.1 - 0.01, [np.arange(d + 1)]), COMM),
+    )
     np.testing.assert_allclose(biharmonic(coarse, fine, bind(fine, coarse)) @ coarse.mesh.points, corners, atol=1e-12)
 
 
@@ -275,7 +296,10 @@ def test_thirty_thousand_fine_vertices_in_two_minutes(tmp_path, monkeypatch):
     import time
 
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))  # none kept
-    coarse, fine = LevelSpace(box(3, 16, 0.02, 0.97, jitter=0.2), COMM), LevelSpace(box(3, 30, jitter=0.2, seed=1), COMM)
+    coarse, fine = (
+        LevelSpace(box(3, 16, 0.02, 0.97, jitter=0.2), COMM),
+        LevelSpace(box(3, 30, jitter=0.2, seed=1), COMM),
+    )
     binding = bind(fine, coarse)
     start = time.perf_counter()
     weights = biharmonic(coarse, fine, binding)
@@ -284,12 +308,15 @@ def test_thirty_thousand_fine_vertices_in_two_minutes(tmp_path, monkeypatch):
     assert weights.nnz < 250 * weights.shape[0]
 
 
-# ---- Phong ---------------------------------------------------------------------------------------------------------------------
+# ---- Phong
+# ---------------------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("d", [2, 3])
 def test_phong_is_exact_on_quadratics_where_vertex_gradients_are(d):
-    """Around inner vertices of a regular grid cells lie symmetrically: the mean gradient of a quadratic is exact there, and so is Phong."""
+    """Around inner vertices of a regular grid cells lie symmetrically: the mean gradient of a quadratic is exact there,
+    and so is Phong.
+    """
     mesh = box(d, 6)
     inner = np.setdiff1d(np.arange(len(mesh.points)), mesh.boundary)
     gradient = np.column_stack([G @ smooth(mesh.points) for G in vertex_gradients(mesh)])

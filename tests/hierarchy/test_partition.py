@@ -14,7 +14,12 @@ def stack(dim: int, axis: int) -> LevelMesh:
     points, cells = np.asarray(first.points), np.asarray(first.cells)
     shift = np.eye(dim)[axis] * 1.01
     bodies = np.repeat([0, 1], len(cells)).astype(np.int32)
-    return LevelMesh(np.concatenate([points, points + shift]), np.concatenate([cells, cells + len(points)]), bodies, np.zeros_like(bodies))
+    return LevelMesh(
+        np.concatenate([points, points + shift]),
+        np.concatenate([cells, cells + len(points)]),
+        bodies,
+        np.zeros_like(bodies),
+    )
 
 
 @pytest.mark.parametrize("dim, axis", [(2, 0), (2, 1), (3, 0), (3, 1), (3, 2)])
@@ -25,7 +30,10 @@ def test_two_ranks_share_a_stack_sideways(dim, axis):
         assert 0.4 < np.mean(owner[mesh.bodies == body]) < 0.6
     # The cut runs through both bodies at one place: what touches lies on one rank.
     centres = mesh.points[mesh.cells].mean(axis=1)
-    cut = max((i for i in range(dim) if i != axis), key=lambda i: np.ptp([centres[owner == rank, i].mean() for rank in (0, 1)]))
+    cut = max(
+        (i for i in range(dim) if i != axis),
+        key=lambda i: np.ptp([centres[owner == rank, i].mean() for rank in (0, 1)]),
+    )
     for body in (0, 1):
         mine = mesh.bodies == body
         assert centres[mine & (owner == 0), cut].max() <= centres[mine & (owner == 1), cut].min()
@@ -40,6 +48,8 @@ def test_every_rank_gets_its_share(ranks):
 
 
 def test_more_ranks_than_cells_leave_some_without():
-    owner = shared_bodies(LevelMesh(np.eye(3, 2), np.array([[0, 1, 2]]), np.zeros(1, np.int32), np.zeros(1, np.int32)), 4)
+    owner = shared_bodies(
+        LevelMesh(np.eye(3, 2), np.array([[0, 1, 2]]), np.zeros(1, np.int32), np.zeros(1, np.int32)), 4
+    )
     assert len(owner) == 1
     assert 0 <= owner[0] < 4

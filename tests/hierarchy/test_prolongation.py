@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 from petsc4py import PETSc
+from shapes import box, together
 
 from pdvol.hierarchy.binding import bind
 from pdvol.hierarchy.hierarchy import Hierarchy
 from pdvol.hierarchy.level_space import LevelSpace
 from pdvol.hierarchy.prolongation import Prolongation
-from shapes import box, together
 
 COMM = MPI.COMM_WORLD
 
@@ -35,7 +35,9 @@ def test_matrix_is_the_weights(pair):
     values = np.random.default_rng(0).normal(size=coarse.mesh.points.shape)
     result = fine.create_vector()
     prolongation.prolong(vector(coarse, values), result)
-    np.testing.assert_allclose(fine.to_input(result.array.reshape(-1, fine.dim)), prolongation.prolong_positions(values), atol=1e-12)
+    np.testing.assert_allclose(
+        fine.to_input(result.array.reshape(-1, fine.dim)), prolongation.prolong_positions(values), atol=1e-12
+    )
     assert prolongation.matrix.getSizes() == (fine.create_vector().getSizes(), coarse.create_vector().getSizes())
     assert prolongation.matrix.getBlockSizes() == (fine.dim, fine.dim)
 

@@ -5,11 +5,11 @@ from pathlib import Path
 import meshio
 import numpy as np
 import pytest
+from pdvol.meshes import Outline, Solid, Surface
 
 from pdvol.errors import InputError, MeshError
 from pdvol.hierarchy.readers import SURFACES, VOLUMES, read_shape
 from pdvol.hierarchy.validate import check_solid, check_surface
-from pdvol.meshes import Outline, Solid, Surface
 
 SHARED = Path(__file__).parents[2].parent / "shared" / "meshes"
 POINTS = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1], [1, 1, 1]])
@@ -22,7 +22,9 @@ def write(path, points, cells, labels=None):
     data = {} if labels is None else {LABEL[path.suffix]: [np.asarray(labels, dtype=np.int32)]}
     if path.suffix == ".msh" and labels is not None:
         data["gmsh:geometrical"] = data["gmsh:physical"]
-    meshio.Mesh(points, [cells], cell_data=data).write(path, **({"file_format": "gmsh22"} if path.suffix == ".msh" else {}))
+    meshio.Mesh(points, [cells], cell_data=data).write(
+        path, **({"file_format": "gmsh22"} if path.suffix == ".msh" else {})
+    )
     return path
 
 
@@ -53,7 +55,10 @@ def test_flat_triangles_of_a_volume_format_are_a_2d_solid(tmp_path, suffix):
 
 def test_obj_with_seams_polygons_and_negative_indices(tmp_path):
     path = tmp_path / "quad.obj"
-    path.write_text("v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0 1.0\nvt 0 0\nvt 1 0\nvn 0 0 1\nf 1/1/1 2/2/1 3/1/1 4/2/1\nf -4//1 -2//1 -3//1\n")
+    path.write_text(
+        "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0 1.0\nvt 0 0\nvt 1 0\nvn 0 0 1\nf 1/1/1 2/2/1 3/1/1 4/2/1\nf -4//1 -2//1"
+        " -3//1\n"
+    )
     surface = read_shape(path)
     assert surface.vertices.shape == (4, 3)
     assert surface.triangles.tolist() == [[0, 1, 2], [0, 2, 3], [0, 2, 1]]
@@ -87,11 +92,14 @@ def test_shared_meshes(file, vertices, cells):
 
 def test_an_unknown_msh_section_does_not_matter(tmp_path):
     path = write(tmp_path / "a.msh", POINTS, ("tetra", TETS), [1, 1])
-    path.write_bytes(path.read_bytes() + b"$Notes\nwhat its author alone knows\n$EndNotes\n$Surface\n1 2\n$EndSurface\n")
+    path.write_bytes(
+        path.read_bytes() + b"$Notes\nwhat its author alone knows\n$EndNotes\n$Surface\n1 2\n$EndSurface\n"
+    )
     assert len(read_shape(path).cells) == 2
 
 
-# ---- bad input ---------------------------------------------------------------------------------------------------------------
+# ---- bad input
+# ---------------------------------------------------------------------------------------------------------------
 
 
 def refuse(path, error, match, capfd):

@@ -1,7 +1,10 @@
-"""Bodies that meet at t = 0 on some level are set apart on request: moved, shrunk or refined; reported, and refused beyond the limit."""
+"""Bodies that meet at t = 0 on some level are set apart on request: moved, shrunk or refined; reported, and refused
+beyond the limit.
+"""
 
 import numpy as np
 import pytest
+from shapes import box
 
 from pdvol import Outline, Solid, open_run
 from pdvol.cli import run
@@ -10,7 +13,6 @@ from pdvol.hierarchy.build import build_levels, read_obstacle
 from pdvol.hierarchy.separate import build_apart
 from pdvol.hierarchy.start_check import check_start
 from pdvol.scene import Barrier, Body, NeoHookean, Placement, Plane, Rigid, Scene, Separate
-from shapes import box
 
 SOFT = NeoHookean(2e5)
 
@@ -23,7 +25,9 @@ def solid(d, n):
 def two_boxes(d, gap, separate, *obstacles, contact=(Barrier(),)):
     """Unit boxes beside each other on two levels, `gap` apart along x."""
     shape = (solid(d, 1), solid(d, 2))
-    one, other = Body(shape, SOFT, name="box").instances(Placement(), Placement(translate=(1.0 + gap,) + (0.0,) * (d - 1)))
+    one, other = Body(shape, SOFT, name="box").instances(
+        Placement(), Placement(translate=(1.0 + gap,) + (0.0,) * (d - 1))
+    )
     return Scene((one, other), dt=0.01, steps=1, contact=contact, separate=separate, obstacles=obstacles)
 
 
@@ -87,11 +91,17 @@ def test_out_of_planes_and_obstacles():
 def bowl(n=40):
     """A block with a round hollow of radius one in its top."""
     a = np.linspace(np.pi, 2 * np.pi, n)
-    return Outline(np.vstack([[[-1.3, -1.3], [1.3, -1.3], [1.3, 0.0]], np.column_stack([np.cos(a), np.sin(a)])[::-1], [[-1.3, 0.0]]]))
+    return Outline(
+        np.vstack(
+            [[[-1.3, -1.3], [1.3, -1.3], [1.3, 0.0]], np.column_stack([np.cos(a), np.sin(a)])[::-1], [[-1.3, 0.0]]]
+        )
+    )
 
 
 def test_refined_where_the_coarse_shape_cuts_corners(tmp_path):
-    """A ball that fills a bowl: chords of the coarse bowl cut through it. Less decimation of that level helps, and only that level changes."""
+    """A ball that fills a bowl: chords of the coarse bowl cut through it. Less decimation of that level helps, and only
+    that level changes.
+    """
     a = np.linspace(0, 2 * np.pi, 60, endpoint=False)
     ball = Outline(0.97 * np.column_stack([np.cos(a), np.sin(a)]))
     bodies = (Body(bowl(), SOFT, (18, 90), name="bowl"), Body(ball, SOFT, (40, 90), name="ball"))
@@ -106,18 +116,20 @@ def test_refined_where_the_coarse_shape_cuts_corners(tmp_path):
     assert report and all("level 0" in line for line in report)
 
 
-SCENE = '''
+SCENE = """
 import numpy as np
 from pdvol import Barrier, Body, NeoHookean, Placement, Scene, Separate, meshes
 
 def scene(separate=True):
     discs = Body(meshes.disc(0.5), NeoHookean(1e5), (20, 40), name="disc").instances(Placement(), Placement(translate=(0.98, 0.0)))
     return Scene(discs, dt=0.01, steps=2, contact=(Barrier(),), separate=(Separate(),) if separate else ())
-'''
+"""
 
 
 def test_from_the_command_line(tmp_path, capsys):
-    """Refused without it; reported with it by check, run and info; a finer level added later stands where the coarser ones do."""
+    """Refused without it; reported with it by check, run and info; a finer level added later stands where the coarser
+    ones do.
+    """
     file, out = tmp_path / "discs.py", tmp_path / "run"
     file.write_text(SCENE)
     assert run(["run", str(file), "--out", str(out), "--set", "separate=False"]) == 2
@@ -133,7 +145,12 @@ def test_from_the_command_line(tmp_path, capsys):
 
 
 def test_mistakes():
-    for make in (lambda: Separate("push"), lambda: Separate("move", 0.0), lambda: Separate("shrink", 1.0), lambda: two_boxes(2, 0.1, ("move",)),
-                 lambda: two_boxes(2, 0.1, "move")):
+    for make in (
+        lambda: Separate("push"),
+        lambda: Separate("move", 0.0),
+        lambda: Separate("shrink", 1.0),
+        lambda: two_boxes(2, 0.1, ("move",)),
+        lambda: two_boxes(2, 0.1, "move"),
+    ):
         with pytest.raises(InputError):
             make()

@@ -2,13 +2,13 @@
 
 import numpy as np
 import pytest
+from pdvol.meshes import Solid
 
 from pdvol import meshes
 from pdvol.errors import InputError, IntersectionError
 from pdvol.hierarchy.build import read_obstacle
 from pdvol.hierarchy.level_mesh import LevelMesh
 from pdvol.hierarchy.start_check import check_start
-from pdvol.meshes import Solid
 from pdvol.scene import Barrier, Body, NeoHookean, Placement, Plane, Rigid, Scene, Translation
 
 SOFT = NeoHookean(2e5)
@@ -88,7 +88,11 @@ def test_obstacles(dim):
     one = [level(dim, (1.0, 0.0))]
     whole = scene(dim, 1, rigid(-0.31, 0.5, 0.5))
     check_start(one, [read_obstacle(whole.obstacles[0])], whole)
-    refuse("(body 'b0' crosses obstacle 'rock')|(obstacle 'rock' crosses body 'b0')", one, scene(dim, 1, rigid(0.0, 0.5, 0.5)))
+    refuse(
+        "(body 'b0' crosses obstacle 'rock')|(obstacle 'rock' crosses body 'b0')",
+        one,
+        scene(dim, 1, rigid(0.0, 0.5, 0.5)),
+    )
     refuse("obstacle 'rock' lies inside body 'b0'", one, scene(dim, 1, rigid(0.5)))
     refuse("body 'b0' lies inside obstacle 'rock'", [level(dim, (0.05, 0.0))], scene(dim, 1, rigid(0.0)))
     hollow = scene(dim, 1, rigid(0.0, closed=False))
@@ -107,7 +111,9 @@ def test_planes(dim):
     below = tuple(np.full(dim, -0.1))
     check_start(one, [], scene(dim, 1, Plane(below, up, motion=Translation((0.0,) * dim))))
     n = 2 ** (dim - 1)
-    error = refuse(rf"level 0: {n} vertices are at or below plane 'plane' .* by 0.2 m", one, scene(dim, 1, Plane((0.2,) * dim, up)))
+    error = refuse(
+        rf"level 0: {n} vertices are at or below plane 'plane' .* by 0.2 m", one, scene(dim, 1, Plane((0.2,) * dim, up))
+    )
     assert len(error.pairs) == n
     refuse("at or below", one, scene(dim, 1, Plane((0.0,) * dim, up)))
     with pytest.raises(InputError, match="give . components"):

@@ -4,6 +4,7 @@ import importlib.util
 
 import numpy as np
 import pytest
+from pdvol.meshes import Surface
 
 from pdvol import meshes
 from pdvol.errors import MeshError
@@ -11,10 +12,11 @@ from pdvol.hierarchy.level_mesh import boundary_facets, simplex_volumes
 from pdvol.hierarchy.sizing import ALLOWED, edge_length, expected_vertices
 from pdvol.hierarchy.tetrahedralise import mean_ratio, tetrahedralise
 from pdvol.hierarchy.validate import check_surface, drop_unused
-from pdvol.meshes import Surface
 
 
-@pytest.mark.parametrize(("surface", "target"), [(meshes.ball(1.0, 2), 150), (meshes.bar(1.0, 0.2, 0.2, 0.1), 200)], ids=["ball", "bar"])
+@pytest.mark.parametrize(
+    ("surface", "target"), [(meshes.ball(1.0, 2), 150), (meshes.bar(1.0, 0.2, 0.2, 0.1), 200)], ids=["ball", "bar"]
+)
 def test_a_mesh_of_the_wanted_size(surface, target):
     mesh = tetrahedralise(surface, target)
     assert abs(len(mesh.points) / target - 1.0) <= ALLOWED
@@ -35,7 +37,9 @@ def test_the_same_input_gives_the_same_mesh():
 
 def test_two_parts_stay_two():
     a, b = meshes.box(), meshes.box()
-    both = Surface(np.vstack([a.vertices, b.vertices + [1.05, 0, 0]]), np.vstack([a.triangles, b.triangles + len(a.vertices)]))
+    both = Surface(
+        np.vstack([a.vertices, b.vertices + [1.05, 0, 0]]), np.vstack([a.triangles, b.triangles + len(a.vertices)])
+    )
     mesh = tetrahedralise(both, 150)
     sides = mesh.points[mesh.cells][:, :, 0] < 0.525
     assert (sides.all(axis=1) | ~sides.any(axis=1)).all(), "no cell bridges the gap"
@@ -53,7 +57,9 @@ def test_mean_ratio_of_known_simplices():
 def test_the_predicted_edge_length_inverts_the_prediction(dim):
     for content, boundary in ((1.0, 4.0 if dim == 2 else 6.0), (1e-9, 1e-3)):
         for target in (20, 5000):
-            assert expected_vertices(edge_length(target, content, boundary, dim), content, boundary, dim)[1] == pytest.approx(target)
+            assert expected_vertices(edge_length(target, content, boundary, dim), content, boundary, dim)[
+                1
+            ] == pytest.approx(target)
 
 
 def test_an_inside_out_surface_is_refused():

@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
+from pdvol.meshes import Outline, Solid, Surface, ball, box
 
 from pdvol.errors import IntersectionError, InvertedCellError, MeshError
 from pdvol.hierarchy.validate import check_outline, check_solid, check_surface
-from pdvol.meshes import Outline, Solid, Surface, ball, box
 
 
 def joined(*surfaces, shifts):
@@ -29,7 +29,9 @@ def test_a_good_surface_is_kept_and_unused_vertices_go():
     extra = Surface(np.vstack([[[9.0, 9, 9]], cube.vertices]), cube.triangles + 1)
     assert np.array_equal(check_surface(extra).triangles, cube.triangles)
     inward = Surface(cube.vertices, cube.triangles[:, ::-1])
-    assert np.array_equal(np.sort(check_surface(inward).triangles), np.sort(cube.triangles)), "turned outward without a word"
+    assert np.array_equal(np.sort(check_surface(inward).triangles), np.sort(cube.triangles)), (
+        "turned outward without a word"
+    )
 
 
 def test_bad_arrays():
@@ -97,7 +99,9 @@ def test_solids():
     none = np.zeros(2, dtype=int)
     good = check_solid(Solid(POINTS, CELLS, none))
     assert len(good.vertices) == 5, "the unused vertex is dropped"
-    assert np.array_equal(check_solid(Solid(POINTS, CELLS[:, [1, 0, 2, 3]], none)).cells, good.cells), "all inverted: turned"
+    assert np.array_equal(check_solid(Solid(POINTS, CELLS[:, [1, 0, 2, 3]], none)).cells, good.cells), (
+        "all inverted: turned"
+    )
     bad = CELLS.copy()
     bad[1] = bad[1, [1, 0, 2, 3]]
     assert refuse(check_solid, Solid(POINTS, bad, none), InvertedCellError, "cells 1 are inverted").cells == (1,)
@@ -113,4 +117,6 @@ def test_solids():
 
 def test_flat_triangles():
     points = np.array([[0.0, 0], [1, 0], [0, 1], [2, 0]])
-    assert refuse(check_solid, Solid(points, np.array([[0, 1, 2], [0, 1, 3]]), np.zeros(2, int)), InvertedCellError, "flat").cells == (1,)
+    assert refuse(
+        check_solid, Solid(points, np.array([[0, 1, 2], [0, 1, 3]]), np.zeros(2, int)), InvertedCellError, "flat"
+    ).cells == (1,)

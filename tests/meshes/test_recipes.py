@@ -5,8 +5,8 @@ import pytest
 
 from pdvol import meshes
 from pdvol.hierarchy.decimate import topology
-from pdvol.hierarchy.tetrahedralise import measure
 from pdvol.hierarchy.level_mesh import simplex_volumes
+from pdvol.hierarchy.tetrahedralise import measure
 from pdvol.hierarchy.triangulate import boundary_loops
 from pdvol.hierarchy.validate import check_outline, check_solid, check_surface, signed_area
 
@@ -14,8 +14,6 @@ from pdvol.hierarchy.validate import check_outline, check_solid, check_surface, 
 def _arc_share(parts: int) -> float:
     """Area of a quarter disc of radius 1 drawn as `parts` chords."""
     return parts / 2 * np.sin(np.pi / 2 / parts)
-
-
 
 
 def wave_length(length, waves, swing):
@@ -34,16 +32,27 @@ OUTLINES = {
     "spike on a base": (meshes.spike(0.4, 1.0, base=2.0, thickness=0.1), 0.2 + 0.2),
     "spike on a narrow base": (meshes.spike(0.4, 1.0, base=0.2, thickness=0.1), 0.2 + 0.04),
     "comb": (meshes.comb(teeth=3, length=1.0, width=0.1, gap=0.02, spine=0.2), 3 * 0.1 + 0.34 * 0.2),
-    # A strip along a curve has its width times the curve's length: a straight one, and ends cut across the same direction after whole waves.
+    # A strip along a curve has its width times the curve's length: a straight one, and ends cut across the same
+    # direction after whole waves.
     "straight rope": (meshes.rope(2.0, 0.05, swing=0.0), 0.1),
     "wavy rope": (meshes.rope(2.0, 0.05, waves=2.0, swing=0.1, points=400), 0.05 * wave_length(2.0, 2.0, 0.1)),
     # Three slits of height - bridge in a block of four strips.
-    "slit array": (meshes.slit_array(slits=3, strip=0.1, height=1.0, slit=0.02, bridge=0.2), 0.46 * 1.0 - 3 * 0.02 * 0.8),
+    "slit array": (
+        meshes.slit_array(slits=3, strip=0.1, height=1.0, slit=0.02, bridge=0.2),
+        0.46 * 1.0 - 3 * 0.02 * 0.8,
+    ),
     "one slit": (meshes.slit_array(slits=1, strip=0.1, height=1.0, slit=0.02, bridge=0.2), 0.22 * 1.0 - 0.02 * 0.8),
     "folded": (meshes.folded(1.0, 0.1, 0.02, arc=400), 2 * 0.1 + np.pi / 2 * (0.11**2 - 0.01**2)),
-    # The bed and two legs, less what the arcs take from the eight corners: two of them are inner ones and give as much back.
-    "trampoline": (meshes.trampoline(2.0, 0.5, 0.1, 0.1), 2.0 * 0.1 + 2 * 0.1 * 0.4 - 4 * 0.04**2 * (1.0 - _arc_share(6))),
-    "stroke": (meshes.toys.stroke(np.column_stack([np.linspace(0, 1, 9), np.zeros(9)]), 0.2, cap=200), 0.2 + np.pi * 0.1**2),
+    # The bed and two legs, less what the arcs take from the eight corners: two of them are inner ones and give as much
+    # back.
+    "trampoline": (
+        meshes.trampoline(2.0, 0.5, 0.1, 0.1),
+        2.0 * 0.1 + 2 * 0.1 * 0.4 - 4 * 0.04**2 * (1.0 - _arc_share(6)),
+    ),
+    "stroke": (
+        meshes.toys.stroke(np.column_stack([np.linspace(0, 1, 9), np.zeros(9)]), 0.2, cap=200),
+        0.2 + np.pi * 0.1**2,
+    ),
 }
 FLAT = {
     # name: (mesh, area by hand or None, holes)
@@ -51,8 +60,17 @@ FLAT = {
     "B": (meshes.letter("B"), None, 2),
     "propeller": (meshes.propeller(), None, 1),
     "beach ball": (meshes.beach_ball(0.3, 6, 96), 0.5 * 96 * 0.09 * np.sin(2 * np.pi / 96), 0),
-    "pierced": (meshes.toys.pierced(meshes.rectangle(4.0, 2.0), *(meshes.polygon(np.array([x, y]) + [[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]])
-                for x, y in ((1.0, 0.0), (-1.0, 0.2)))), 8.0 - 2.0, 2),
+    "pierced": (
+        meshes.toys.pierced(
+            meshes.rectangle(4.0, 2.0),
+            *(
+                meshes.polygon(np.array([x, y]) + [[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]])
+                for x, y in ((1.0, 0.0), (-1.0, 0.2))
+            ),
+        ),
+        8.0 - 2.0,
+        2,
+    ),
 }
 SURFACES = {
     # name: (surface, volume by hand, shells, Euler number)
@@ -65,9 +83,18 @@ SURFACES = {
     "cylinder": (meshes.cylinder(0.5, 2.0, 96), np.pi * 0.5**2 * 2.0, 2),
     "cone": (meshes.turned([(0.0, 0.0), (0.5, 1.0), (0.0, 1.0)], 96), np.pi * 0.5**2 / 3, 2),
     # Its wall is 0.02 m thick across: per height the ring between radii r and r + 0.02.
-    "funnel": (meshes.funnel(0.4, 0.1, 0.5, 0.2, 0.02, 96), np.pi * (0.5 * (2 * 0.25 * 0.02 + 0.02**2) + 0.2 * (0.12**2 - 0.1**2)), 0),
-    # Between two half ellipsoids, and half a ring round the rim (Pappus: its middle is 4 r / 3 pi above the rim's plane, at the same distance).
-    "bowl": (meshes.bowl(1.0, 0.6, 0.1, 96, 40), 2 * np.pi / 3 * (1.1**2 * 0.7 - 0.6) + np.pi * 0.05**2 / 2 * 2 * np.pi * 1.05, 2),
+    "funnel": (
+        meshes.funnel(0.4, 0.1, 0.5, 0.2, 0.02, 96),
+        np.pi * (0.5 * (2 * 0.25 * 0.02 + 0.02**2) + 0.2 * (0.12**2 - 0.1**2)),
+        0,
+    ),
+    # Between two half ellipsoids, and half a ring round the rim (Pappus: its middle is 4 r / 3 pi above the rim's
+    # plane, at the same distance).
+    "bowl": (
+        meshes.bowl(1.0, 0.6, 0.1, 96, 40),
+        2 * np.pi / 3 * (1.1**2 * 0.7 - 0.6) + np.pi * 0.05**2 / 2 * 2 * np.pi * 1.05,
+        2,
+    ),
 }
 
 
@@ -76,7 +103,9 @@ def test_outlines_are_valid_and_have_their_area(name):
     outline, area = OUTLINES[name]
     checked = check_outline(outline)
     assert np.array_equal(checked.points, outline.points), "it runs anticlockwise already"
-    assert signed_area(outline.points) == pytest.approx(area, rel=2e-4)  # 2e-4: the folded strip's half ring is a polygon
+    assert signed_area(outline.points) == pytest.approx(
+        area, rel=2e-4
+    )  # 2e-4: the folded strip's half ring is a polygon
 
 
 @pytest.mark.parametrize("name", SURFACES)
@@ -137,7 +166,12 @@ def test_the_ape_is_whole_stands_flat_and_has_one_arm_up():
     x, y, z = ape.vertices.T
     assert y.min() == 0.0 and y[abs(x) < 0.2].max() == pytest.approx(1.0)
     ground = y < 0.01
-    for part in (ground & (abs(x) < 0.2) & (z < 0.2), ground & (x > 0) & (z > 0.4), ground & (x < 0) & (z > 0.4), ground & (x < -0.4) & (z < 0.35)):
+    for part in (
+        ground & (abs(x) < 0.2) & (z < 0.2),
+        ground & (x > 0) & (z > 0.4),
+        ground & (x < 0) & (z > 0.4),
+        ground & (x < -0.4) & (z < 0.35),
+    ):
         assert part.sum() >= 10, "seat, both soles and the right fist rest on the ground"
     assert y[x > 0.5].min() > 0.4, "the left arm does not"
 

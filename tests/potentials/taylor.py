@@ -26,7 +26,9 @@ def _second_order(steps, remainders, floor, exact, what):
     assert fitted > ORDER, f"{what}: slope {fitted:.3f}, remainders {remainders}"
 
 
-def check_derivatives(value, gradient, hessian, x: np.ndarray, length: float, seed: int = 0, linear: bool = False, quadratic: bool = False):
+def check_derivatives(
+    value, gradient, hessian, x: np.ndarray, length: float, seed: int = 0, linear: bool = False, quadratic: bool = False
+):
     """Taylor slopes of value(x), gradient(x) (n, d) and hessian(x) (sparse or dense; None leaves it out) at x (n, d).
 
     `linear` and `quadratic` energies have no remainder where others have one.
@@ -38,7 +40,13 @@ def check_derivatives(value, gradient, hessian, x: np.ndarray, length: float, se
     assert np.abs(slopes).max() > 0.0, "the term is not active"
     moved = [value(x + h * direction) for h in steps]
     remainders = np.array([abs(e - energy - h * np.vdot(slopes, direction)) for e, h in zip(moved, steps, strict=True)])
-    _second_order(steps, remainders, ROUNDING * max(np.abs(moved).max(), abs(energy), steps[0] * np.abs(slopes).max()), linear, "gradient")
+    _second_order(
+        steps,
+        remainders,
+        ROUNDING * max(np.abs(moved).max(), abs(energy), steps[0] * np.abs(slopes).max()),
+        linear,
+        "gradient",
+    )
     if hessian is None:
         return
     rows = csr_array(hessian(x))
@@ -48,14 +56,23 @@ def check_derivatives(value, gradient, hessian, x: np.ndarray, length: float, se
     moved = [gradient(x + h * direction) for h in steps]
     change = (rows @ direction.ravel()).reshape(x.shape)
     remainders = np.array([np.linalg.norm(g - slopes - h * change) for g, h in zip(moved, steps, strict=True)])
-    _second_order(steps, remainders, ROUNDING * np.linalg.norm(np.abs(slopes).max() + steps[0] * np.abs(change).max()), linear or quadratic,
-                  "Hessian")
+    _second_order(
+        steps,
+        remainders,
+        ROUNDING * np.linalg.norm(np.abs(slopes).max() + steps[0] * np.abs(change).max()),
+        linear or quadratic,
+        "Hessian",
+    )
 
 
 def check_term(term, space, x: np.ndarray, length: float, hessian="own", **options):
-    """`check_derivatives` of a term of the incremental potential; `hessian` replaces its own, or leaves it out when None."""
-    at = lambda call: lambda owned: call(Positions(space, owned))  # noqa: E731
-    second = (lambda owned: hessian_of(term, space, owned, "none")) if isinstance(hessian, str) else hessian and at(hessian)
+    """`check_derivatives` of a term of the incremental potential; `hessian` replaces its own, or leaves it out when
+    None.
+    """
+    at = lambda call: lambda owned: call(Positions(space, owned))
+    second = (
+        (lambda owned: hessian_of(term, space, owned, "none")) if isinstance(hessian, str) else hessian and at(hessian)
+    )
     check_derivatives(at(term.value), at(term.gradient), second, x, length, **options)
 
 

@@ -1,8 +1,12 @@
-"""The pull towards a coarser level: derivatives, its exact Hessian, and that its weight stands beside the inertia's 1/2."""
+"""The pull towards a coarser level: derivatives, its exact Hessian, and that its weight stands beside the inertia's
+1/2.
+"""
 
 import numpy as np
 import pytest
 from mpi4py import MPI
+from shapes import box, together
+from taylor import check_term, hessian_of
 
 from pdvol.hierarchy.level_space import LevelSpace
 from pdvol.potentials.build import Terms
@@ -11,8 +15,6 @@ from pdvol.potentials.load import assemble_mass
 from pdvol.potentials.potential import Positions
 from pdvol.solve.incremental_potential import IncrementalPotential
 from pdvol.solve.timing import Stopwatch
-from shapes import box, together
-from taylor import check_term, hessian_of
 
 DENSITIES = np.array([2.0, 5.0])
 DT, WEIGHT = 0.02, 0.3
@@ -25,7 +27,11 @@ def held(request):
     space = LevelSpace(together(box(d, 2, jitter=0.1), box(d, 1, 2.0, 3.0)), MPI.COMM_SELF)
     target = np.random.default_rng(1).normal(size=space.mesh.points.shape)
     asked = []
-    term = Consistency(space, assemble_mass(space, DENSITIES[space.mesh.bodies]), Guide(WEIGHT / DT**2, lambda time: asked.append(time) or target))
+    term = Consistency(
+        space,
+        assemble_mass(space, DENSITIES[space.mesh.bodies]),
+        Guide(WEIGHT / DT**2, lambda time: asked.append(time) or target),
+    )
     term.begin_step(Positions(space, space.from_input(space.mesh.points)), 3 * DT, 4 * DT)
     assert asked == [4 * DT]
     return term, space, assemble_mass(space, DENSITIES[space.mesh.bodies]), space.from_input(target)
@@ -41,14 +47,20 @@ def test_by_hand(held):
     term, space, mass, target = held
     x, k = space.from_input(space.mesh.points), WEIGHT / DT**2
     assert term.value(Positions(space, target)) == 0.0
-    assert term.value(Positions(space, x)) == pytest.approx(k * np.sum(mass[:, 0] * ((x - target) ** 2).sum(axis=1)), rel=1e-13)
+    assert term.value(Positions(space, x)) == pytest.approx(
+        k * np.sum(mass[:, 0] * ((x - target) ** 2).sum(axis=1)), rel=1e-13
+    )
     for positive in ("none", "clamp", "abs"):
-        np.testing.assert_allclose(hessian_of(term, space, x, positive).toarray(), np.diag(2.0 * k * mass.ravel()), rtol=1e-15)
+        np.testing.assert_allclose(
+            hessian_of(term, space, x, positive).toarray(), np.diag(2.0 * k * mass.ravel()), rtol=1e-15
+        )
 
 
 @pytest.mark.parametrize("share", [1.0, 0.5])
 def test_the_weight_stands_beside_the_inertia_s_half(held, share):
-    """1/2 |x - x_hat|^2 + w |x - target|^2 is least at (x_hat + 2 w target) / (1 + 2 w); in a cut step w counts by the square of its share."""
+    """1/2 |x - x_hat|^2 + w |x - target|^2 is least at (x_hat + 2 w target) / (1 + 2 w); in a cut step w counts by the
+    square of its share.
+    """
     term, space, mass, target = held
     potential = IncrementalPotential(space, Terms(mass, (term,), ()), Stopwatch())
     x_hat = np.random.default_rng(2).normal(size=mass.shape)
@@ -59,4 +71,6 @@ def test_the_weight_stands_beside_the_inertia_s_half(held, share):
     assert np.abs(potential.gradient(Positions(space, x_hat))).max() > 1e-3 * mass.max()
     # |x_hat - target|_M^2 times 1/2 (2w / (1 + 2w))^2 + w / (1 + 2w)^2 = w / (1 + 2w).
     assert potential.value(least) == pytest.approx(w / (1 + 2 * w) * np.sum(mass * (x_hat - target) ** 2), rel=1e-12)
-    assert potential.energies(least)["consistency"] == pytest.approx(WEIGHT / DT**2 * np.sum(mass * (least.owned - target) ** 2), rel=1e-12)
+    assert potential.energies(least)["consistency"] == pytest.approx(
+        WEIGHT / DT**2 * np.sum(mass * (least.owned - target) ** 2), rel=1e-12
+    )

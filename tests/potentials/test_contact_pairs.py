@@ -4,6 +4,9 @@ import ipctk
 import numpy as np
 import pytest
 from mpi4py import MPI
+from problems import polyline, tetrahedron
+from shapes import box, level, together
+from taylor import hessian_of
 
 from pdvol.hierarchy.level_space import LevelSpace
 from pdvol.potentials import barrier_law
@@ -14,9 +17,6 @@ from pdvol.potentials.friction import SurfaceFriction
 from pdvol.potentials.hessian_blocks import _sorted
 from pdvol.potentials.potential import Positions
 from pdvol.scene import Still
-from problems import polyline, tetrahedron
-from shapes import box, level, together
-from taylor import hessian_of
 
 COMM = MPI.COMM_SELF
 DHAT, KAPPA = 0.03, 0.7
@@ -25,7 +25,9 @@ DHAT, KAPPA = 0.03, 0.7
 def two_boxes(d, obstacle=False):
     """A finer box 0.6 dhat above a coarser one, both jittered; with an obstacle's tip below the lower one."""
     low = np.r_[np.full(d - 1, 0.13), 1.0 + 0.6 * DHAT]
-    space = LevelSpace(together(box(d, 3, jitter=0.02, seed=1), box(d, 4, low=low, high=low + 0.7, jitter=0.02, seed=2)), COMM)
+    space = LevelSpace(
+        together(box(d, 3, jitter=0.02, seed=1), box(d, 4, low=low, high=low + 0.7, jitter=0.02, seed=2)), COMM
+    )
     foot = [[-1, -2], [2, -2]] if d == 2 else [[-1, -1, -2], [2, 0, -2], [0, 2, -2]]
     tip = (polyline if d == 2 else tetrahedron)([*foot, [0.5] * (d - 1) + [-0.5 * DHAT]])
     obstacles = (Obstacle(*tip, Still()),) if obstacle else ()
@@ -33,8 +35,9 @@ def two_boxes(d, obstacle=False):
 
 
 def edges_side_by_side(angle, foot=False):
-    """Two tetrahedra, an edge of one 0.6 dhat above an edge of the other and almost along it, from its end to its start in the input. The
-    lower one may stand on a third, edge across edge."""
+    """Two tetrahedra, an edge of one 0.6 dhat above an edge of the other and almost along it, from its end to its start
+    in the input. The lower one may stand on a third, edge across edge.
+    """
     below = np.array([[0.0, 0, 0], [1, 0, 0], [0.5, -0.6, -0.8], [0.5, 0.6, -0.8]])
     above = np.array([[1.4, 0, 0], [0.4, 0, 0], [0.9, -0.6, 0.8], [0.9, 0.6, 0.8]])
     turn = np.array([[np.cos(angle), -np.sin(angle), 0], [np.sin(angle), np.cos(angle), 0], [0, 0, 1]])
@@ -63,10 +66,14 @@ def test_nor_that_of_edges_that_only_meet_later_in_a_step(begun, foot):
 
 
 def slide(space, surface, points, way, begun=(0.0, 0.0, 0.0)):
-    """The second body goes from -0.7 to 0.7 of a way: energies, and what their gradients promise that they change by. The step begins where
-    it is `begun` away from the middle."""
+    """The second body goes from -0.7 to 0.7 of a way: energies, and what their gradients promise that they change by.
+    The step begins where it is `begun` away from the middle.
+    """
     barrier = SurfaceBarrier(surface, DHAT, KAPPA)
-    places = [Positions(space, space.from_input(points + np.where(space.mesh.point_bodies[:, None] == 1, way, 0.0))) for way in (begun, np.zeros(3))]
+    places = [
+        Positions(space, space.from_input(points + np.where(space.mesh.point_bodies[:, None] == 1, way, 0.0)))
+        for way in (begun, np.zeros(3))
+    ]
     barrier.begin_step(places[0], 0.0, 0.01)
     first = barrier.value(places[0])
     move = space.from_input(np.where(space.mesh.point_bodies[:, None] == 1, way, 0.0))
@@ -79,17 +86,29 @@ def slide(space, surface, points, way, begun=(0.0, 0.0, 0.0)):
 
 
 def crushed_edges(size, angle, seed):
-    """The two tetrahedra, crushed to `size`, their edges crossing at an angle, any way round; and the same at rest, as large as before."""
+    """The two tetrahedra, crushed to `size`, their edges crossing at an angle, any way round; and the same at rest, as
+    large as before.
+    """
     space, surface = edges_side_by_side(0.0)
     frame = np.linalg.qr(np.random.default_rng(seed).standard_normal((3, 3)))[0]
     turn = np.array([[np.cos(angle), -np.sin(angle), 0], [np.sin(angle), np.cos(angle), 0], [0, 0, 1]])
     below, above = space.mesh.points[:4] - [0.5, 0, 0], (space.mesh.points[4:] - [0.9, 0, 0.6 * DHAT]) @ turn.T
-    return space, surface, np.concatenate([size * below, size * above + [0, 0, 0.6 * DHAT]]) @ frame.T, size * np.array([1.0, 0.3, 0.0]) @ frame.T
+    return (
+        space,
+        surface,
+        np.concatenate([size * below, size * above + [0, 0, 0.6 * DHAT]]) @ frame.T,
+        size * np.array([1.0, 0.3, 0.0]) @ frame.T,
+    )
 
 
-@pytest.mark.parametrize("size, angle, seed", [(1 / 6, 0.5, 2), (1 / 6, 0.5, 3), (1 / 6, 0.2, 0), (1 / 4, 0.5, 3), (1 / 4, 0.5, 7), (1 / 7, 1.0, 0)])
+@pytest.mark.parametrize(
+    "size, angle, seed",
+    [(1 / 6, 0.5, 2), (1 / 6, 0.5, 3), (1 / 6, 0.2, 0), (1 / 4, 0.5, 3), (1 / 4, 0.5, 7), (1 / 7, 1.0, 0)],
+)
 def test_the_energy_of_crushed_edges_does_not_jump(size, angle, seed):
-    """Their lengths at rest say when edges count as nearly parallel: these do at 30 degrees, where they do not all run alike."""
+    """Their lengths at rest say when edges count as nearly parallel: these do at 30 degrees, where they do not all run
+    alike.
+    """
     space, surface, points, way = crushed_edges(size, angle, seed)
     energies, promised = slide(space, surface, points, way)
     np.testing.assert_allclose(np.diff(energies), promised, atol=1e-4 * energies.max())
@@ -103,11 +122,15 @@ def test_crushed_edges_push_for_their_area_at_rest():
 
 @pytest.mark.parametrize("angle", [0.0, 1e-9, 1e-7, 1e-3, 1.0])
 def test_distances_of_segments(angle):
-    """Of segments of all lengths and places, from parallel to across, some of them nearly points, against a search along them."""
+    """Of segments of all lengths and places, from parallel to across, some of them nearly points, against a search
+    along them.
+    """
     rng = np.random.default_rng(3)
     a, c = rng.uniform(-1, 1, (2, 500, 3))
     e = rng.standard_normal((500, 3)) * 10.0 ** rng.uniform(-3, 0, (500, 1))
-    f = rng.choice([-3.0, -0.1, 1e-9, 0.5, 2.0], (500, 1)) * (e + angle * np.linalg.norm(e, axis=1)[:, None] * rng.standard_normal((500, 3)))
+    f = rng.choice([-3.0, -0.1, 1e-9, 0.5, 2.0], (500, 1)) * (
+        e + angle * np.linalg.norm(e, axis=1)[:, None] * rng.standard_normal((500, 3))
+    )
     found = segment_distances(a, a + e, c, c + f)
     low, high = np.zeros(500), np.ones(500)
     for _ in range(80):  # thirds: the distance of a point on ab to cd is convex in where that point is
@@ -132,7 +155,7 @@ def test_pairs_of_edges_that_are_far_apart_are_dropped():
     surface.candidates.begin(vertices, vertices)
     near = 1.02 * (DHAT + 2.0 * surface.candidates._slack)
     boxes.build(mesh=surface.mesh, vertices=vertices, inflation_radius=0.5 * near, broad_phase=ipctk.LBVH())
-    ends = lambda c: [vertices[i] for edge in (c.edge0_id, c.edge1_id) for i in surface.mesh.edges[edge]]  # noqa: E731
+    ends = lambda c: [vertices[i] for edge in (c.edge0_id, c.edge1_id) for i in surface.mesh.edges[edge]]
     wanted = [(c.edge0_id, c.edge1_id) for c in boxes.ee_candidates if ipctk.edge_edge_distance(*ends(c)) <= near**2]
     assert [(c.edge0_id, c.edge1_id) for c in surface.candidates.pairs.ee_candidates] == wanted
     assert 0 < 2 * len(wanted) < len(boxes.ee_candidates)
@@ -163,14 +186,22 @@ def test_candidates_are_those_of_a_search_anew(d, obstacle, size):
         direction = size * (common + rng.uniform(-1, 1, x.owned.shape))
         start, end = surface.vertices(x), surface.vertices(x.moved(1.0, direction))
         step = surface.max_step(start, end)
-        expected = ipctk.compute_collision_free_stepsize(mesh=surface.mesh, vertices_t0=start, vertices_t1=end, min_distance=0.0,
-                                                         broad_phase=ipctk.BruteForce(), narrow_phase_ccd=narrow)
+        expected = ipctk.compute_collision_free_stepsize(
+            mesh=surface.mesh,
+            vertices_t0=start,
+            vertices_t1=end,
+            min_distance=0.0,
+            broad_phase=ipctk.BruteForce(),
+            narrow_phase_ccd=narrow,
+        )
         np.testing.assert_allclose(step, expected, rtol=1e-12)
         stopped += step < 1.0
         for share in (1.0, 0.5, 0.1):
             trial = x.moved(share * step, direction)
             anew = searched_anew(surface, surface.vertices(trial))
-            np.testing.assert_allclose(barrier.value(trial), theirs(anew, surface.mesh, surface.vertices(trial)), rtol=1e-10, atol=1e-300)
+            np.testing.assert_allclose(
+                barrier.value(trial), theirs(anew, surface.mesh, surface.vertices(trial)), rtol=1e-10, atol=1e-300
+            )
         x = x.moved(0.5 * step, direction)
     assert stopped or size < 0.05, "nothing came near"
     assert surface.candidates.searches <= (30 if size > 1e-3 else 2)
@@ -201,14 +232,18 @@ def test_the_stencils_hessian_is_exact_along_the_gap(d):
     active, vertices = barrier.collisions(Positions(space, x))
     assert len(active) > 1
     up = (space.mesh.point_bodies[space.owned_points] == 1)[:, None] * np.eye(d)[-1]
-    exact, ours = (up.ravel() @ hessian_of(barrier, space, x, mode).toarray() @ up.ravel() for mode in ("none", "clamp"))
+    exact, ours = (
+        up.ravel() @ hessian_of(barrier, space, x, mode).toarray() @ up.ravel() for mode in ("none", "clamp")
+    )
     stencils = barrier.surface.stencils(active, vertices)
     moved = stencils.gaps(barrier.surface.vertices(Positions(space, up)))
     gaps = stencils.gaps(vertices)
     squared = np.einsum("kd,kd->k", gaps, gaps)
     along = np.einsum("kd,kd->k", gaps, moved) ** 2 / squared * barrier_law.curvature(squared / DHAT**2, DHAT, KAPPA)
     np.testing.assert_allclose(stencils.weights @ along, exact, rtol=1e-8)
-    np.testing.assert_allclose(np.maximum(stencils.weights, 0.0) @ along, ours, rtol=1e-8)  # what weighs negatively is cut off
+    np.testing.assert_allclose(
+        np.maximum(stencils.weights, 0.0) @ along, ours, rtol=1e-8
+    )  # what weighs negatively is cut off
 
 
 @pytest.mark.parametrize("d", [2, 3])
@@ -264,7 +299,9 @@ def test_keys_are_sorted_stably_also_where_they_leave_no_room_for_places(largest
 @pytest.mark.parametrize("ccd", ["additive", "tight-inclusion"])
 @pytest.mark.parametrize("keep", [0.1, 0.5])
 def test_a_step_leaves_the_share_of_a_gap_that_it_is_asked_to_keep(ccd, keep):
-    """A box falls on a face 0.6 dhat below it, straight down: the gap left is that share, and a little more where detection cannot tell."""
+    """A box falls on a face 0.6 dhat below it, straight down: the gap left is that share, and a little more where
+    detection cannot tell.
+    """
     low = np.array([0.2, 0.2, 1.0 + 0.6 * DHAT])
     space = LevelSpace(together(box(3, 2), box(3, 2, low=low, high=low + 0.5)), COMM)
     surface = CollisionSurface(space, (), DHAT, ccd)

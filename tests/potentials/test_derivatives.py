@@ -4,6 +4,9 @@ import ipctk
 import numpy as np
 import pytest
 from mpi4py import MPI
+from problems import elastic, polyline, tetrahedron
+from shapes import box, grid, together
+from taylor import check_derivatives, check_term, hessian_of, smallest_eigenvalue, state
 
 from pdvol.hierarchy.level_space import LevelSpace
 from pdvol.potentials.barrier import SurfaceBarrier
@@ -16,9 +19,6 @@ from pdvol.potentials.potential import Positions
 from pdvol.scene import FixedCorotational, NeoHookean, Plane, Still, StVenantKirchhoff, Translation
 from pdvol.solve.incremental_potential import IncrementalPotential
 from pdvol.solve.timing import Stopwatch
-from problems import elastic, polyline, tetrahedron
-from shapes import box, grid, together
-from taylor import check_derivatives, check_term, hessian_of, smallest_eigenvalue, state
 
 COMM = MPI.COMM_SELF
 DIMENSIONS = [2, 3]
@@ -42,7 +42,8 @@ def dense(rows):
     return rows.toarray()
 
 
-# ---- elasticity, loads, inertia ----------------------------------------------------------------------------------------------
+# ---- elasticity, loads, inertia
+# ----------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("law", LAWS)
@@ -61,8 +62,10 @@ def test_elastic_of_two_bodies(d):
     x = state(space)
     check_term(term, space, x, 1e-2)
     # Energies are proportional to Young's modulus and add up: E_both(y, 10 y) = E_first(y) + 10 E_second(y).
-    alone = [elastic(space, NeoHookean(a, POISSON), NeoHookean(b, POISSON))[0].value(Positions(space, x))
-             for a, b in ((YOUNG, YOUNG), (2 * YOUNG, YOUNG))]
+    alone = [
+        elastic(space, NeoHookean(a, POISSON), NeoHookean(b, POISSON))[0].value(Positions(space, x))
+        for a, b in ((YOUNG, YOUNG), (2 * YOUNG, YOUNG))
+    ]
     first = alone[1] - alone[0]
     np.testing.assert_allclose(term.value(Positions(space, x)), first + 10.0 * (alone[0] - first), rtol=1e-12)
 
@@ -72,7 +75,9 @@ def test_gravity(spaces, d):
     term = gravity_load(spaces[d], densities(spaces[d]), np.linspace(1.0, -9.81, d))
     check_term(term, spaces[d], state(spaces[d]), 1e-2, linear=True)
     # Total force: density times the unit cube's (jittered) volume times the acceleration.
-    np.testing.assert_allclose(term.force.sum(axis=0), DENSITY * spaces[d].mesh.volumes.sum() * np.linspace(1.0, -9.81, d), rtol=ROUND)
+    np.testing.assert_allclose(
+        term.force.sum(axis=0), DENSITY * spaces[d].mesh.volumes.sum() * np.linspace(1.0, -9.81, d), rtol=ROUND
+    )
 
 
 @pytest.mark.parametrize("d", DIMENSIONS)
@@ -91,15 +96,19 @@ def test_inertia(spaces, d):
 def test_the_whole_potential(spaces, d):
     """Inertia plus dt^2 times the terms, with a large dt so that both matter."""
     space = spaces[d]
-    terms = (*elastic(space, NeoHookean(YOUNG, POISSON, DENSITY)),
-             gravity_load(space, densities(space), np.eye(d)[-1]), half_space(space, d)[0])
+    terms = (
+        *elastic(space, NeoHookean(YOUNG, POISSON, DENSITY)),
+        gravity_load(space, densities(space), np.eye(d)[-1]),
+        half_space(space, d)[0],
+    )
     potential = IncrementalPotential(space, Terms(assemble_mass(space, densities(space)), terms, ()), Stopwatch())
     x = near_plane(space)
     potential.begin_step(Positions(space, x), x - 0.1, 0.0, 1.0)
     check_term(potential, space, x, 2e-3)
 
 
-# ---- half-spaces -------------------------------------------------------------------------------------------------------------
+# ---- half-spaces
+# -------------------------------------------------------------------------------------------------------------
 
 
 def half_space(space, d, motion=Still()):
@@ -139,7 +148,9 @@ def test_half_space_barrier_follows_a_moving_plane(spaces, d):
     term.place(1.0)
     check_term(term, space, x, 2e-3)
     still, _ = half_space(space, d)
-    np.testing.assert_allclose(term.value(Positions(space, x)), still.value(Positions(space, x - rise * np.eye(d)[-1])), rtol=1e-10)
+    np.testing.assert_allclose(
+        term.value(Positions(space, x)), still.value(Positions(space, x - rise * np.eye(d)[-1])), rtol=1e-10
+    )
 
 
 @pytest.mark.parametrize("d", DIMENSIONS)
@@ -156,30 +167,41 @@ def test_half_space_friction(spaces, d, share, ground):
     assert len(term._force) == barrier.count(Positions(space, x_t)) > 1
     slip = share * EPS_V * DT * np.eye(d)[0]
     x = x_t + DT * speed + slip + 0.2 * EPS_V * DT * np.random.default_rng(4).uniform(-1, 1, x_t.shape)
-    check_term(term, space, x, 0.02 * EPS_V * DT, linear=d == 2 and share > 1.0)  # on a line, sliding forces are constant
+    check_term(
+        term, space, x, 0.02 * EPS_V * DT, linear=d == 2 and share > 1.0
+    )  # on a line, sliding forces are constant
     assert smallest_eigenvalue(dense(hessian_of(term, space, x))) >= -ROUND * abs(hessian_of(term, space, x)).max()
     # Forces of sliding vertices are mu times the normal force, against the slip.
     if share > 1.0:
         normal = barrier.gradient(Positions(space, x_t))[:, -1]
-        np.testing.assert_allclose(np.linalg.norm(term.gradient(Positions(space, x)), axis=1), MU * np.abs(normal), rtol=1e-10)
+        np.testing.assert_allclose(
+            np.linalg.norm(term.gradient(Positions(space, x)), axis=1), MU * np.abs(normal), rtol=1e-10
+        )
         assert np.all(term.gradient(Positions(space, x))[normal != 0.0, 0] > 0.0)
 
 
-# ---- surfaces ----------------------------------------------------------------------------------------------------------------
+# ---- surfaces
+# ----------------------------------------------------------------------------------------------------------------
 
 
 def near_surfaces(d):
-    """Two blocks, the upper one smaller and shifted, half a dhat apart, on an obstacle half a dhat below; and the upper one's points."""
+    """Two blocks, the upper one smaller and shifted, half a dhat apart, on an obstacle half a dhat below; and the upper
+    one's points.
+    """
     lower = box(d, 2, jitter=0.05, seed=1)
     top = lower.points[:, -1].max()
-    upper = grid(*[np.linspace(0.13, 0.71, 3)] * (d - 1), top + 0.5 * DHAT + np.linspace(0.03, 0.4, 2), jitter=0.02, seed=2)
+    upper = grid(
+        *[np.linspace(0.13, 0.71, 3)] * (d - 1), top + 0.5 * DHAT + np.linspace(0.03, 0.4, 2), jitter=0.02, seed=2
+    )
     lift = top + 0.5 * DHAT - upper.points[:, -1].min()
     upper = type(upper)(upper.points + lift * np.eye(d)[-1], upper.cells, upper.bodies, upper.regions)
     bottom = lower.points[:, -1].min() - 0.4 * DHAT
     if d == 2:
         obstacle = polyline([[-1.0, bottom - 1.0], [3.0, bottom - 1.0], [0.41, bottom]])
     else:
-        obstacle = tetrahedron([[-1.0, -1.0, bottom - 1.0], [3.0, 0.0, bottom - 1.0], [0.0, 3.0, bottom - 1.0], [0.37, 0.41, bottom]])
+        obstacle = tetrahedron(
+            [[-1.0, -1.0, bottom - 1.0], [3.0, 0.0, bottom - 1.0], [0.0, 3.0, bottom - 1.0], [0.37, 0.41, bottom]]
+        )
     space = LevelSpace(together(lower, upper), COMM)
     surface = CollisionSurface(space, (Obstacle(*obstacle, Still()),), DHAT)
     return space, SurfaceBarrier(surface, DHAT, KAPPA)
@@ -208,7 +230,9 @@ def test_surface_barrier(touching, d):
 @pytest.mark.parametrize("d", DIMENSIONS)
 @pytest.mark.parametrize("share", [0.4, 4.0], ids=["stick", "slip"])
 def test_surface_friction(touching, d, share):
-    """Slopes with ipctk's unprojected Hessian: in 3D some pairs of the improved maximum weigh negatively, and projection cuts those off."""
+    """Slopes with ipctk's unprojected Hessian: in 3D some pairs of the improved maximum weigh negatively, and
+    projection cuts those off.
+    """
     space, barrier = touching[d]
     term = SurfaceFriction(barrier, MU, EPS_V)
     x_t = space.from_input(space.mesh.points)
@@ -238,14 +262,19 @@ def test_contact_forces_balance(touching, d):
     scale = np.abs(g).max()
     assert scale > 0.0
     np.testing.assert_allclose(g.sum(axis=0), 0.0, atol=ROUND * scale)
-    np.testing.assert_allclose(x.T @ g - g.T @ x, 0.0, atol=1e-10 * scale)  # torques: the antisymmetric part of sum x (x) g
+    np.testing.assert_allclose(
+        x.T @ g - g.T @ x, 0.0, atol=1e-10 * scale
+    )  # torques: the antisymmetric part of sum x (x) g
 
 
-# ---- the half-space law is the surfaces' law ---------------------------------------------------------------------------------
+# ---- the half-space law is the surfaces' law
+# ---------------------------------------------------------------------------------
 
 
 def test_half_space_barrier_is_ipctks():
-    """ipctk's plane-vertex barrier, built through Candidates: `NormalCollisions.build(mesh, ...)` misses planes beyond dhat / 2."""
+    """ipctk's plane-vertex barrier, built through Candidates: `NormalCollisions.build(mesh, ...)` misses planes beyond
+    dhat / 2.
+    """
     space = LevelSpace(box(3, 2, jitter=0.1, seed=3), COMM)
     x = near_plane(space, share=0.55, spread=0.4)
     positions = Positions(space, x)
@@ -273,7 +302,7 @@ def test_half_space_barrier_is_ipctks():
 def test_the_check_notices_a_wrong_gradient():
     x = np.linspace(0.1, 1.0, 6).reshape(3, 2)
     value, gradient = lambda x: np.sum(x**4), lambda x: 4.0 * x**3
-    hessian = lambda x: np.diag(12.0 * x.ravel() ** 2)  # noqa: E731
+    hessian = lambda x: np.diag(12.0 * x.ravel() ** 2)
     check_derivatives(value, gradient, hessian, x, 1e-2)
     with pytest.raises(AssertionError, match="gradient: slope"):
         check_derivatives(value, lambda x: 4.04 * x**3, hessian, x, 1e-2)

@@ -4,18 +4,19 @@ import numpy as np
 import pytest
 import ufl
 from mpi4py import MPI
-
 from pdvol.forms.elasticity import neo_hookean
-from pdvol.hierarchy.level_space import LevelSpace
-from pdvol.potentials.cell_energy import CellEnergy
-from pdvol.scene import NeoHookean
 from problems import elastic
 from shapes import box
 from taylor import check_term, hessian_of, smallest_eigenvalue, state
 
+from pdvol.hierarchy.level_space import LevelSpace
+from pdvol.potentials.cell_energy import CellEnergy
+from pdvol.scene import NeoHookean
+
 DIMENSIONS = [2, 3]
 YOUNG, POISSON, DENSITY = 3.0, 0.3, 2.0
-SAME = 1e-10  # relative difference to the dense reference: two eigensolvers of 4 x 4 and 9 x 9 matrices, summed over some cells
+# relative difference to the dense reference: two eigensolvers of 4 x 4 and 9 x 9 matrices, summed over some cells
+SAME = 1e-10
 ROUND = 1e-12  # relative size of what should cancel
 
 
@@ -26,7 +27,9 @@ def spaces():
 
 
 def neo_hookean_hessian(F):
-    """d2 psi / dF2 as a (d^2, d^2) matrix, rows of F first. By hand: dP = mu dF + (mu - lmbda ln J) G dF' G + lmbda (G : dF) G, G = F^-T."""
+    """d2 psi / dF2 as a (d^2, d^2) matrix, rows of F first. By hand: dP = mu dF + (mu - lmbda ln J) G dF' G + lmbda (G
+    : dF) G, G = F^-T.
+    """
     d = len(F)
     mu, lmbda = (getattr(NeoHookean(YOUNG, POISSON), name) for name in ("mu", "lmbda"))
     G, ln_J = np.linalg.inv(F).T, np.log(np.linalg.det(F))
@@ -41,14 +44,18 @@ FIBRE = np.array([0.8, 0.6, 0.0])
 
 
 def fibre_hessian(F, stiffness=5.0):
-    """psi = (s / 4) (|F a|^2 - 1)^2. By hand: P = s (|F a|^2 - 1) F a a', dP = s [(|F a|^2 - 1) dF a a' + 2 (F a . dF a) F a a']."""
+    """psi = (s / 4) (|F a|^2 - 1)^2. By hand: P = s (|F a|^2 - 1) F a a', dP = s [(|F a|^2 - 1) dF a a' + 2 (F a . dF
+    a) F a a'].
+    """
     d = len(F)
     a = FIBRE[:d]
     Fa = F @ a
     columns = []
     for k in range(d * d):
         dF = np.eye(d * d)[k].reshape(d, d)
-        columns.append((stiffness * ((Fa @ Fa - 1.0) * np.outer(dF @ a, a) + 2.0 * (Fa @ dF @ a) * np.outer(Fa, a))).ravel())
+        columns.append(
+            (stiffness * ((Fa @ Fa - 1.0) * np.outer(dF @ a, a) + 2.0 * (Fa @ dF @ a) * np.outer(Fa, a))).ravel()
+        )
     return np.column_stack(columns) + neo_hookean_hessian(F)
 
 
@@ -64,7 +71,9 @@ def filtered(H, mode):
 
 
 def reference_hessian(space, x, law_hessian, mode):
-    """Assembled densely in numpy: sum over cells of volume K' H K, H over F filtered, K from positions to F. Also the lowest eigenvalue."""
+    """Assembled densely in numpy: sum over cells of volume K' H K, H over F filtered, K from positions to F. Also the
+    lowest eigenvalue.
+    """
     mesh, d = space.mesh, space.dim
     out = np.zeros((x.size, x.size))
     lowest = np.inf
@@ -74,7 +83,9 @@ def reference_hessian(space, x, law_hessian, mode):
         X = space.from_input(mesh.points)[cell]
         gradients = np.linalg.inv(np.column_stack([np.ones(d + 1), X]))[1:].T  # (d + 1, d): of the hat functions
         F = x[cell].T @ gradients
-        K = np.einsum("ab,ij->ajib", np.eye(d), gradients).reshape(d * d, (d + 1) * d)  # dF_aj = sum_i dx_ia gradients_ij
+        K = np.einsum("ab,ij->ajib", np.eye(d), gradients).reshape(
+            d * d, (d + 1) * d
+        )  # dF_aj = sum_i dx_ia gradients_ij
         H = law_hessian(F)
         lowest = min(lowest, np.linalg.eigvalsh(H)[0])
         unknowns = (cell[:, None] * d + np.arange(d)).ravel()
@@ -123,7 +134,10 @@ def test_filter_leaves_definite_hessians_alone(spaces, d, mode):
     x = state(space, 0.02, stretch=1.3)  # in tension rotations stiffen: every cell's Hessian is definite
     _, lowest = reference_hessian(space, x, neo_hookean_hessian, "none")
     assert lowest > 0.0
-    rows = [hessian_of(elastic(space, NeoHookean(YOUNG, POISSON, DENSITY))[0], space, x, p).toarray() for p in (mode, "none")]
+    rows = [
+        hessian_of(elastic(space, NeoHookean(YOUNG, POISSON, DENSITY))[0], space, x, p).toarray()
+        for p in (mode, "none")
+    ]
     np.testing.assert_array_equal(*rows)
 
 

@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 from mpi4py import MPI
+from problems import elastic
+from shapes import box, level
 
 from pdvol.hierarchy.level_mesh import simplex_volumes
 from pdvol.hierarchy.level_space import LevelSpace
 from pdvol.potentials.elasticity import KEEP_VOLUME
 from pdvol.potentials.potential import Positions
 from pdvol.scene import NeoHookean, rotation_matrix
-from problems import elastic
-from shapes import box, level
 
 COMM = MPI.COMM_SELF
 ROUND = 1e-12  # relative size of sums that cancel
@@ -34,7 +34,9 @@ def test_rigid_motions_cost_nothing(d):
     np.testing.assert_allclose(term.value(Positions(space, x @ turn.T + shift)), energy, rtol=1e-11)
     # Objectivity: forces turn with the body.
     g = term.gradient(Positions(space, x))
-    np.testing.assert_allclose(term.gradient(Positions(space, x @ turn.T + shift)), g @ turn.T, atol=1e-11 * np.abs(g).max())
+    np.testing.assert_allclose(
+        term.gradient(Positions(space, x @ turn.T + shift)), g @ turn.T, atol=1e-11 * np.abs(g).max()
+    )
 
 
 @pytest.mark.parametrize("d", [2, 3])
@@ -53,7 +55,9 @@ def test_uniform_dilation_energy(d):
     """F = s 1 in a unit cube: psi = mu d (s^2 - 1) / 2 - mu d ln s + lmbda (d ln s)^2 / 2."""
     space, term, X, _ = setup(box(d, 2))
     material, s = NeoHookean(3.0, 0.3), 1.3
-    expected = material.mu * d * (s**2 - 1) / 2 - material.mu * d * np.log(s) + material.lmbda * (d * np.log(s)) ** 2 / 2
+    expected = (
+        material.mu * d * (s**2 - 1) / 2 - material.mu * d * np.log(s) + material.lmbda * (d * np.log(s)) ** 2 / 2
+    )
     np.testing.assert_allclose(term.value(Positions(space, s * X)), expected, rtol=1e-12)
 
 
@@ -98,7 +102,7 @@ def test_max_step_of_one_cell(d):
     # Growing, moving as a whole, and shrinking by less than the cap are free.
     for free in (X, np.ones_like(X), 0.45 * sink):
         assert term.max_step(x, free * (1.0 - 1e-9)) == 1.0
-    # Edge 1 shrinks by 1 - 4 t and back again if edge 2 did the same: share (1 - 4 t)^2 in their plane is positive at t = 1, yet it
-    # passes 0.1 at t = (1 - sqrt(0.1)) / 4. The step must find the first root, not look at the end.
+    # Edge 1 shrinks by 1 - 4 t and back again if edge 2 did the same: share (1 - 4 t)^2 in their plane is positive at t
+    # = 1, yet it passes 0.1 at t = (1 - sqrt(0.1)) / 4. The step must find the first root, not look at the end.
     through = -4.0 * X * np.r_[1.0, 1.0, np.zeros(d - 2)]
     np.testing.assert_allclose(term.max_step(x, through), (1.0 - np.sqrt(KEEP_VOLUME)) / 4.0, rtol=ROOT)

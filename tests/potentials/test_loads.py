@@ -3,6 +3,9 @@
 import numpy as np
 import pytest
 from mpi4py import MPI
+from problems import make_problem, make_scene, masses
+from shapes import box, together
+from taylor import check_term, hessian_of
 
 from pdvol.errors import InputError
 from pdvol.hierarchy.level_space import LevelSpace
@@ -13,9 +16,6 @@ from pdvol.potentials.half_space import boundary_areas
 from pdvol.potentials.load import point_shares
 from pdvol.potentials.potential import Positions
 from pdvol.scene import Flow, Force, Gravity, Impulse, NeoHookean, PointForce, Solver
-from problems import make_problem, make_scene, masses
-from shapes import box, together
-from taylor import check_term, hessian_of
 
 DIMENSIONS = [2, 3]
 LOOSE = 1e-7  # m/s: the solver's tolerance, of speeds of order one
@@ -42,7 +42,8 @@ def momentum(v, m):
     return m @ v
 
 
-# ---- drag as a term ----------------------------------------------------------------------------------------------------------
+# ---- drag as a term
+# ----------------------------------------------------------------------------------------------------------
 
 
 def swirl(x, t):
@@ -73,7 +74,9 @@ def test_drag(d):
 
 @pytest.mark.parametrize("d", DIMENSIONS)
 def test_a_current_slows_and_carries(d):
-    """A stiff unit cube in a flow along x: M (v+ - v)/dt = rho c/2 A (u - v+)^2 (implicit Euler), A = 2 d faces of area one."""
+    """A stiff unit cube in a flow along x: M (v+ - v)/dt = rho c/2 A (u - v+)^2 (implicit Euler), A = 2 d faces of area
+    one.
+    """
     rho, c, u, dt, start = 800.0, 0.5, 2.0, 0.05, 0.0
     mesh = box(d, 2)
     found, m = speeds(shot(Flow((u,) + (0.0,) * (d - 1), rho, c), dt=dt), mesh, 12)
@@ -92,20 +95,25 @@ def test_a_huge_step_does_not_overshoot_the_flow():
     assert np.all(found[-1][:, 0] < 3.0 + 1e-6) and momentum(found[-1], m)[0] / m.sum() > 2.9
 
 
-# ---- forces ------------------------------------------------------------------------------------------------------------------
+# ---- forces
+# ------------------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("d", DIMENSIONS)
 def test_forces_add_their_momentum_and_change_with_time_without_compiling(d, monkeypatch):
-    """M (v_n - v_0) = dt sum F(t_k), whatever the deformation: a region's force, a point's and a changing gravity together."""
+    """M (v_n - v_0) = dt sum F(t_k), whatever the deformation: a region's force, a point's and a changing gravity
+    together.
+    """
     compiled = []
     compile_ = CellEnergy._compile
     monkeypatch.setattr(CellEnergy, "_compile", lambda self, *a: compiled.append(1) or compile_(self, *a))
-    F = lambda t: np.r_[np.cos(3 * t), np.zeros(d - 2), t]  # noqa: E731
-    pull, hold = lambda t: 50.0 * F(t), np.linspace(5.0, -3.0, d)  # noqa: E731
-    g = lambda t: -9.81 * F(t)[::-1]  # noqa: E731
+    F = lambda t: np.r_[np.cos(3 * t), np.zeros(d - 2), t]
+    pull, hold = lambda t: 50.0 * F(t), np.linspace(5.0, -3.0, d)
+    g = lambda t: -9.81 * F(t)[::-1]
     mesh = box(d, 2, jitter=0.1)
-    scene = shot(Force(pull, lambda X: X[:, 0] > 0.4), PointForce(hold, (0.9,) * d), Gravity(g), materials=(NeoHookean(1e5),))
+    scene = shot(
+        Force(pull, lambda X: X[:, 0] > 0.4), PointForce(hold, (0.9,) * d), Gravity(g), materials=(NeoHookean(1e5),)
+    )
     found, m = speeds(scene, mesh, 6)
     total = np.zeros(d)
     for number, v in enumerate(found, 1):
@@ -124,7 +132,9 @@ def test_constant_functions_are_constants(d):
 
 @pytest.mark.parametrize("d", DIMENSIONS)
 def test_a_point_force_acts_where_it_says(d):
-    """Total and torque are those of the force at its point, on every mesh; a coarse one that ends short of it takes its nearest place."""
+    """Total and torque are those of the force at its point, on every mesh; a coarse one that ends short of it takes its
+    nearest place.
+    """
     at = np.full(d, 0.9) - 0.2 * np.arange(d)
     for n in (1, 2, 4):
         mesh = box(d, n)
@@ -133,13 +143,16 @@ def test_a_point_force_acts_where_it_says(d):
         np.testing.assert_allclose([shares.sum(), *(shares @ mesh.points)], [1.0, *at], atol=1e-12)
     beyond = at.copy()
     beyond[0] = 1.05
-    np.testing.assert_allclose(point_shares(mesh, np.ones(len(mesh.points), dtype=bool), beyond) @ mesh.points, np.r_[1.0, at[1:]], atol=0.2)
+    np.testing.assert_allclose(
+        point_shares(mesh, np.ones(len(mesh.points), dtype=bool), beyond) @ mesh.points, np.r_[1.0, at[1:]], atol=0.2
+    )
     two = together(mesh, box(d, 2))  # one upon the other: the second body's points alone are meant
     shares = point_shares(two, two.point_bodies == 1, at)
     assert np.all(two.point_bodies[shares > 0] == 1)
 
 
-# ---- impulses ----------------------------------------------------------------------------------------------------------------
+# ---- impulses
+# ----------------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("d", DIMENSIONS)
@@ -172,28 +185,36 @@ def test_an_impulse_in_a_halved_step_is_whole():
     assert total == pytest.approx(masses(problem).sum(), rel=1e-12)
 
 
-# ---- one body, and mistakes --------------------------------------------------------------------------------------------------
+# ---- one body, and mistakes
+# --------------------------------------------------------------------------------------------------
 
 
 def test_loads_on_one_body():
     mesh = together(box(2, 1), box(2, 1, low=3.0, high=4.0))
-    for load in (Force((7.0, 0.0), body="body 1"), Impulse((7.0, 0.0), body="body 1"), PointForce((7.0, 0.0), (3.5, 3.5), body="body 1"),
-                 Flow((7.0, 0.0), body="body 1")):
+    for load in (
+        Force((7.0, 0.0), body="body 1"),
+        Impulse((7.0, 0.0), body="body 1"),
+        PointForce((7.0, 0.0), (3.5, 3.5), body="body 1"),
+        Flow((7.0, 0.0), body="body 1"),
+    ):
         (v,), _ = speeds(shot(load, materials=(STIFF, STIFF)), mesh, 1)
         assert np.all(v[mesh.point_bodies == 0] == 0.0) and np.any(v[mesh.point_bodies == 1, 0] > 1e-5)
 
 
-@pytest.mark.parametrize(("load", "message"), [
-    (Gravity((0.0, 0.0, -9.81)), "3 components in a 2D scene"),
-    (Gravity(lambda t: (0.0, 0.0, 1.0)), "gravity must give an array of shape"),
-    (Force(lambda t: (np.nan, t)), "NaN"),
-    (Force((1.0, 0.0), lambda X: X[:, 0] > 9.0), "Force holds no vertex of level 0"),
-    (Force((1.0, 0.0), lambda X: X[:, 5]), "`where` failed"),
-    (PointForce((1.0, 0.0), (5.0, 5.0)), "far outside"),
-    (Impulse((1.0, 0.0, 0.0)), "3 components"),
-    (Flow(lambda x, t: x[:, 0]), "Flow.velocity must give an array of shape"),
-    (Flow((1.0, 2.0, 3.0)), "3 components"),
-])
+@pytest.mark.parametrize(
+    ("load", "message"),
+    [
+        (Gravity((0.0, 0.0, -9.81)), "3 components in a 2D scene"),
+        (Gravity(lambda t: (0.0, 0.0, 1.0)), "gravity must give an array of shape"),
+        (Force(lambda t: (np.nan, t)), "NaN"),
+        (Force((1.0, 0.0), lambda X: X[:, 0] > 9.0), "Force holds no vertex of level 0"),
+        (Force((1.0, 0.0), lambda X: X[:, 5]), "`where` failed"),
+        (PointForce((1.0, 0.0), (5.0, 5.0)), "far outside"),
+        (Impulse((1.0, 0.0, 0.0)), "3 components"),
+        (Flow(lambda x, t: x[:, 0]), "Flow.velocity must give an array of shape"),
+        (Flow((1.0, 2.0, 3.0)), "3 components"),
+    ],
+)
 def test_mistakes_are_told_before_the_run(load, message):
     with pytest.raises(InputError, match=message):
         check_fields(shot(load), box(2, 2), 0)
@@ -203,6 +224,11 @@ def test_unknown_loads_and_bodies():
     for load, message in (("gravity", "not str"), (Force((1.0, 0.0), body="nobody"), "nobody")):
         with pytest.raises(InputError, match=message):
             shot(load)
-    for make in (lambda: Flow((1.0, 0.0), density=0.0), lambda: Flow((1.0, 0.0), drag=-1.0), lambda: Impulse((1.0, 0.0), -1.0), lambda: Force(3.0)):
+    for make in (
+        lambda: Flow((1.0, 0.0), density=0.0),
+        lambda: Flow((1.0, 0.0), drag=-1.0),
+        lambda: Impulse((1.0, 0.0), -1.0),
+        lambda: Force(3.0),
+    ):
         with pytest.raises(InputError):
             make()

@@ -1,4 +1,6 @@
-"""Each law against stresses derived by hand, linear elasticity and plane strain; damping against its own formula; a user's law."""
+"""Each law against stresses derived by hand, linear elasticity and plane strain; damping against its own formula; a
+user's law.
+"""
 
 from dataclasses import dataclass
 
@@ -6,6 +8,9 @@ import numpy as np
 import pytest
 import ufl
 from mpi4py import MPI
+from problems import elastic, make_scene
+from shapes import box, level
+from taylor import check_term, hessian_of
 
 from pdvol.errors import InputError
 from pdvol.hierarchy.cell_materials import cell_materials, check_laws
@@ -13,9 +18,6 @@ from pdvol.hierarchy.level_space import LevelSpace
 from pdvol.potentials.elasticity import Damping
 from pdvol.potentials.potential import Positions
 from pdvol.scene import FixedCorotational, Material, NeoHookean, StVenantKirchhoff, rotation_matrix
-from problems import elastic, make_scene
-from shapes import box, level
-from taylor import check_term, hessian_of
 
 LAWS = [NeoHookean, StVenantKirchhoff, FixedCorotational]
 DIMENSIONS = [2, 3]
@@ -27,7 +29,10 @@ EXACT = 1e-12  # relative round-off of a few dozen operations
 @pytest.fixture(scope="module")
 def cells():
     """The unit simplex in each dimension."""
-    return {d: LevelSpace(level(np.concatenate([np.zeros((1, d)), np.eye(d)]), [range(d + 1)]), MPI.COMM_SELF) for d in DIMENSIONS}
+    return {
+        d: LevelSpace(level(np.concatenate([np.zeros((1, d)), np.eye(d)]), [range(d + 1)]), MPI.COMM_SELF)
+        for d in DIMENSIONS
+    }
 
 
 @pytest.fixture(scope="module")
@@ -45,7 +50,9 @@ def psi(term, space, F):
 
 
 def stress(term, space, F):
-    """First Piola-Kirchhoff stress: the force on corner a is the volume times P grad(hat a), and grad(hat a) is the a-th unit vector."""
+    """First Piola-Kirchhoff stress: the force on corner a is the volume times P grad(hat a), and grad(hat a) is the
+    a-th unit vector.
+    """
     forces = space.to_input(term.gradient(moved(space, F))) * (2 if space.dim == 2 else 6)
     return forces[1:].T
 
@@ -57,7 +64,10 @@ def uniaxial(law, s, d):
     if law is StVenantKirchhoff:  # E = diag((s^2 - 1) / 2, 0[, 0]), P = F (2 mu E + lmbda tr E)
         e = (s**2 - 1) / 2
         return s * (2 * MU + LMBDA) * e, LMBDA * e
-    return 2 * MU * (s - 1) + LMBDA * (s - 1), LMBDA * (s - 1) * s  # R = 1, P = 2 mu (F - 1) + lmbda (J - 1) cof F, cof F = diag(1, s[, s])
+    return (
+        2 * MU * (s - 1) + LMBDA * (s - 1),
+        LMBDA * (s - 1) * s,
+    )  # R = 1, P = 2 mu (F - 1) + lmbda (J - 1) cof F, cof F = diag(1, s[, s])
 
 
 @pytest.mark.parametrize("law", LAWS)
@@ -66,7 +76,9 @@ def uniaxial(law, s, d):
 def test_stretched_along_one_axis(terms, cells, law, d, s):
     P = stress(terms[law, d], cells[d], np.diag([s] + [1.0] * (d - 1)))
     along, across = uniaxial(law, s, d)
-    np.testing.assert_allclose(P, np.diag([along] + [across] * (d - 1)), rtol=0, atol=EXACT * (abs(along) + abs(across)))
+    np.testing.assert_allclose(
+        P, np.diag([along] + [across] * (d - 1)), rtol=0, atol=EXACT * (abs(along) + abs(across))
+    )
 
 
 @pytest.mark.parametrize("law", LAWS)
@@ -80,14 +92,18 @@ def test_blown_up_evenly(terms, cells, law, d, s):
         p = s * (2 * MU + d * LMBDA) * (s**2 - 1) / 2
     else:
         p = 2 * MU * (s - 1) + LMBDA * (s**d - 1) * s ** (d - 1)
-    np.testing.assert_allclose(stress(terms[law, d], cells[d], s * np.eye(d)), p * np.eye(d), rtol=0, atol=EXACT * abs(p) * 10)
+    np.testing.assert_allclose(
+        stress(terms[law, d], cells[d], s * np.eye(d)), p * np.eye(d), rtol=0, atol=EXACT * abs(p) * 10
+    )
 
 
 @pytest.mark.parametrize("law", LAWS)
 @pytest.mark.parametrize("d", DIMENSIONS)
 @pytest.mark.parametrize("g", [0.3, 2.0])
 def test_sheared(terms, cells, law, d, g):
-    """F = 1 + g e1 e2', J = 1. F^-T = 1 - g e2 e1'; E = [[0, g], [g, g^2]] / 2; R turns by -phi, tan phi = g / 2 (R' F is symmetric then)."""
+    """F = 1 + g e1 e2', J = 1. F^-T = 1 - g e2 e1'; E = [[0, g], [g, g^2]] / 2; R turns by -phi, tan phi = g / 2 (R' F
+    is symmetric then).
+    """
     F, one = np.eye(d), np.eye(d)
     F[0, 1] = g
     if law is NeoHookean:
@@ -126,7 +142,9 @@ def test_two_dimensions_are_plane_strain(terms, cells, law):
         solid = np.eye(3)
         solid[:2, :2] = F
         np.testing.assert_allclose(psi(terms[law, 2], cells[2], F), psi(terms[law, 3], cells[3], solid), rtol=1e-11)
-        np.testing.assert_allclose(stress(terms[law, 2], cells[2], F), stress(terms[law, 3], cells[3], solid)[:2, :2], atol=1e-11)
+        np.testing.assert_allclose(
+            stress(terms[law, 2], cells[2], F), stress(terms[law, 3], cells[3], solid)[:2, :2], atol=1e-11
+        )
 
 
 @pytest.mark.parametrize("law", LAWS)
@@ -155,7 +173,9 @@ def test_pressed_to_nothing(terms, cells, law, d, s):
     """Down to a tenth of the volume the law is its own; below, a barrier joins in, smoothly, and is infinite at zero."""
     P = stress(terms[law, d], cells[d], np.diag([s] + [1.0] * (d - 1)))
     along, across = uniaxial(law, s, d)
-    np.testing.assert_allclose(P, np.diag([along + guard(s)] + [across + guard(s) * s] * (d - 1)), rtol=0, atol=EXACT * np.abs(P).max())
+    np.testing.assert_allclose(
+        P, np.diag([along + guard(s)] + [across + guard(s) * s] * (d - 1)), rtol=0, atol=EXACT * np.abs(P).max()
+    )
     assert P[0, 0] < (-1e3 if s < 1e-3 else 0.0)
 
 
@@ -170,7 +190,9 @@ def test_derivatives_under_the_barrier(law, d):
 
 @pytest.mark.parametrize("spread", [0.0, 1e-9, 1e-5, 1e-3, 0.5, 3.0, 8.0])
 def test_corotational_stress_is_exact_for_all_stretches(terms, cells, spread):
-    """Against numpy's singular values, from equal stretches to cells pressed to a needle: P = 2 mu (F - R) + lmbda (J - 1) cof F."""
+    """Against numpy's singular values, from equal stretches to cells pressed to a needle: P = 2 mu (F - R) + lmbda (J -
+    1) cof F.
+    """
     rng = np.random.default_rng(3)
     U, V = (np.linalg.qr(rng.standard_normal((3, 3)))[0] for _ in range(2))
     U, V = U * np.linalg.det(U), V * np.linalg.det(V)
@@ -178,7 +200,9 @@ def test_corotational_stress_is_exact_for_all_stretches(terms, cells, spread):
     F = U @ np.diag(s) @ V.T
     J = np.prod(s)
     expected = 2 * MU * (F - U @ V.T) + (LMBDA * (J - 1) + guard(J)) * U @ np.diag(J / s) @ V.T
-    np.testing.assert_allclose(stress(terms[FixedCorotational, 3], cells[3], F), expected, atol=1e-11 * np.abs(expected).max())
+    np.testing.assert_allclose(
+        stress(terms[FixedCorotational, 3], cells[3], F), expected, atol=1e-11 * np.abs(expected).max()
+    )
 
 
 @pytest.mark.parametrize("law", LAWS)
@@ -187,13 +211,14 @@ def test_isotropic_laws_are_recognised(terms, law):
     assert terms[law, 3]._stretches is not None
 
 
-# ---- damping -----------------------------------------------------------------------------------------------------------------
+# ---- damping
+# -----------------------------------------------------------------------------------------------------------------
 
 DT, BETA = 0.02, 0.7
 
 
 def damped(space):
-    (_, damping) = elastic(space, NeoHookean(YOUNG, POISSON, damping=BETA))
+    _, damping = elastic(space, NeoHookean(YOUNG, POISSON, damping=BETA))
     assert isinstance(damping, Damping)
     return damping
 
@@ -217,7 +242,9 @@ def test_damping(d):
 
 @pytest.mark.parametrize("d", DIMENSIONS)
 def test_damping_stress_by_hand(cells, d):
-    """Stretched from s to s' in dt: E' = (s'^2 - s^2) / (2 dt) along the axis, P = F S, S = damping (2 mu E' + lmbda tr E')."""
+    """Stretched from s to s' in dt: E' = (s'^2 - s^2) / (2 dt) along the axis, P = F S, S = damping (2 mu E' + lmbda tr
+    E').
+    """
     space, s, t = cells[d], 1.1, 1.3
     term = damped(space)
     term.begin_step(moved(space, np.diag([s] + [1.0] * (d - 1))), 0.0, DT)
@@ -241,7 +268,8 @@ def test_no_damping_no_term(cells):
     assert len(elastic(cells[2], NeoHookean(YOUNG, POISSON))) == 1
 
 
-# ---- a user's law ------------------------------------------------------------------------------------------------------------
+# ---- a user's law
+# ------------------------------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
@@ -260,7 +288,12 @@ class Fibres(Material):
 def test_a_law_with_a_parameter_of_its_own(d):
     """The first body has no fibres: the law is anisotropic all the same."""
     mesh = box(d, 1, jitter=0.1)
-    space = LevelSpace(type(mesh)(mesh.points, mesh.cells, np.r_[np.zeros(1, np.int32), np.ones(len(mesh.cells) - 1, np.int32)], mesh.regions), MPI.COMM_SELF)
+    space = LevelSpace(
+        type(mesh)(
+            mesh.points, mesh.cells, np.r_[np.zeros(1, np.int32), np.ones(len(mesh.cells) - 1, np.int32)], mesh.regions
+        ),
+        MPI.COMM_SELF,
+    )
     (term,) = elastic(space, Fibres(YOUNG, POISSON, pull=0.0), Fibres(YOUNG, POISSON, pull=4.0))
     X = space.from_input(space.mesh.points)
     check_term(term, space, X + 0.05 * np.random.default_rng(2).uniform(-1, 1, X.shape), 1e-2)
@@ -286,10 +319,20 @@ def test_a_law_s_mistakes_are_told():
 
 def test_fields_out_of_range_are_refused():
     mesh = box(2, 2)
-    for changes, message in (({"young": -1.0}, "young"), ({"poisson": 0.5}, "poisson"), ({"damping": -1.0}, "damping"), ({"density": 0.0}, "density"),
-                             ({"young": "soft"}, "young")):
+    for changes, message in (
+        ({"young": -1.0}, "young"),
+        ({"poisson": 0.5}, "poisson"),
+        ({"damping": -1.0}, "damping"),
+        ({"density": 0.0}, "density"),
+        ({"young": "soft"}, "young"),
+    ):
         with pytest.raises(InputError, match=message):
             NeoHookean(**({"young": 1.0} | changes))
-    for young, message in ((lambda X: X[:, 0] - 0.5, "positive"), (lambda X: X, "shape"), (lambda X: np.nan * X[:, 0], "finite"), (lambda X: 1 / 0, "ZeroDivision")):
+    for young, message in (
+        (lambda X: X[:, 0] - 0.5, "positive"),
+        (lambda X: X, "shape"),
+        (lambda X: np.nan * X[:, 0], "finite"),
+        (lambda X: 1 / 0, "ZeroDivision"),
+    ):
         with pytest.raises(InputError, match=message):
             cell_materials(make_scene((NeoHookean(young),)), mesh)

@@ -4,7 +4,10 @@ import ipctk
 import numpy as np
 import pytest
 from mpi4py import MPI
+from problems import polyline, tetrahedron
 from scipy.sparse import block_diag, csc_matrix
+from shapes import box, together
+from taylor import check_term
 
 from pdvol.hierarchy.level_space import LevelSpace
 from pdvol.potentials.barrier import SurfaceBarrier
@@ -14,16 +17,15 @@ from pdvol.potentials.half_space import HalfSpaceBarrier
 from pdvol.potentials.potential import Positions
 from pdvol.potentials.stiffness_rules import AdaptiveStiffness, SemiImplicitStiffness
 from pdvol.scene import Barrier, Body, Gravity, NeoHookean, Plane, Scene, Still
-from problems import polyline, tetrahedron
-from shapes import box, together
-from taylor import check_term
 
 DHAT, KAPPA = 0.05, 0.3
 
 
 @pytest.fixture(scope="module")
 def touching():
-    """By dimension: a space of two boxes half a dhat apart with an obstacle's tip below, its unweighted barrier, and owned positions."""
+    """By dimension: a space of two boxes half a dhat apart with an obstacle's tip below, its unweighted barrier, and
+    owned positions.
+    """
     made = {}
     for d in (2, 3):
         low = np.r_[np.full(d - 1, 0.13), 1.0 + 0.5 * DHAT]
@@ -32,7 +34,11 @@ def touching():
         tip = (polyline if d == 2 else tetrahedron)([*foot, [0.45] * (d - 1) + [-0.4 * DHAT]])
         jitter = 0.2 * DHAT * np.random.default_rng(d).uniform(-1, 1, (space.n_owned, d))
         x = space.from_input(space.mesh.points) + jitter
-        made[d] = space, SurfaceBarrier(CollisionSurface(space, (Obstacle(*tip, Still()),), DHAT), DHAT, KAPPA, weighted=False), x
+        made[d] = (
+            space,
+            SurfaceBarrier(CollisionSurface(space, (Obstacle(*tip, Still()),), DHAT), DHAT, KAPPA, weighted=False),
+            x,
+        )
     return made
 
 
@@ -45,7 +51,9 @@ def test_the_unweighted_barrier_is_ipctks_classic_one(touching, d):
     classic.build(mesh=term.surface.mesh, vertices=vertices, dhat=DHAT, broad_phase=ipctk.BruteForce())
     theirs = ipctk.BarrierPotential(dhat=DHAT, stiffness=KAPPA / DHAT**3)
     assert len(active) == len(classic) > 2
-    np.testing.assert_allclose(term.value(Positions(space, x)), theirs(classic, term.surface.mesh, vertices), rtol=1e-12)
+    np.testing.assert_allclose(
+        term.value(Positions(space, x)), theirs(classic, term.surface.mesh, vertices), rtol=1e-12
+    )
     check_term(term, space, x, 1e-4)
 
 
@@ -62,8 +70,14 @@ def test_contact_stiffness_is_ipctks(touching, d):
     surface = term.surface.surface
     fill = np.zeros((k - len(surface), d, d))
     hessian = csc_matrix(block_diag([*blocks[surface], *fill]))
-    theirs = ipctk.semi_implicit_stiffness(mesh=term.surface.mesh, vertices=vertices, collisions=active,
-                                           vertex_masses=np.r_[masses[surface], np.zeros(len(fill))], hess=hessian, dmin=0.0)
+    theirs = ipctk.semi_implicit_stiffness(
+        mesh=term.surface.mesh,
+        vertices=vertices,
+        collisions=active,
+        vertex_masses=np.r_[masses[surface], np.zeros(len(fill))],
+        hess=hessian,
+        dmin=0.0,
+    )
     np.testing.assert_allclose(np.sort(own), np.sort(theirs), rtol=1e-10)
     # A plane's: m / gap^2 + n' H n.
     plane = HalfSpaceBarrier(space, (Plane((0.0,) * d, tuple(np.eye(d)[-1])),), DHAT, KAPPA, weighted=False)
@@ -75,8 +89,14 @@ def test_contact_stiffness_is_ipctks(touching, d):
 
 def terms_of(law, gap=0.5):
     """Terms of a unit square `gap` dhat above a plane, and its positions."""
-    scene = Scene((Body(("grid",), NeoHookean(1e5, 0.3)),), dt=0.01, steps=1, loads=(Gravity((0.0, -9.81)),),
-                  obstacles=(Plane((0.0, 0.0), (0.0, 1.0)),), contact=(Barrier(dhat=DHAT, law=law),))
+    scene = Scene(
+        (Body(("grid",), NeoHookean(1e5, 0.3)),),
+        dt=0.01,
+        steps=1,
+        loads=(Gravity((0.0, -9.81)),),
+        obstacles=(Plane((0.0, 0.0), (0.0, 1.0)),),
+        contact=(Barrier(dhat=DHAT, law=law),),
+    )
     space = LevelSpace(box(2, 3, low=(0.0, gap * DHAT), high=(1.0, 1.0 + gap * DHAT)), MPI.COMM_SELF)
     return space, build_terms(scene, space, 1.5, ()), Positions(space, space.from_input(space.mesh.points))
 
@@ -89,7 +109,9 @@ def test_adaptive_stiffness_balances_the_other_forces():
     dt, velocity = 0.01, np.array([0.0, -3.0])
     rule.begin_step(x, x.owned + dt * velocity, dt)
     plane = terms.contacts[0]
-    other = terms.mass * -velocity * dt + dt**2 * sum(t.gradient(x) for t in terms.potentials if t.name in ("elastic", "load"))
+    other = terms.mass * -velocity * dt + dt**2 * sum(
+        t.gradient(x) for t in terms.potentials if t.name in ("elastic", "load")
+    )
     barrier = dt**2 * plane.gradient(x) / plane.kappa  # of unit kappa
     assert np.abs(barrier).max() > 0.0
     assert plane.kappa == pytest.approx(-np.vdot(other, barrier) / np.vdot(barrier, barrier), rel=1e-10)
@@ -123,7 +145,9 @@ def test_semi_implicit_stiffness_takes_the_mean_over_contacts():
     terms.rules[0].begin_step(x, x.owned, 0.01)
     lumped = terms.mass[np.flatnonzero(x.owned[:, 1] < DHAT), 0].mean()
     # Lowering a stress-free square changes the gaps alone: k grows by m / gap^2, 16 - 4 times m / dhat^2.
-    factor = 2.0 / 15.0910 * DHAT  # by hand: g'' at half of dhat is 4 (1/4) g2 + 2 g1, g2 = 23.7726, g1 = -4.3294... of s = 1/4
+    factor = (
+        2.0 / 15.0910 * DHAT
+    )  # by hand: g'' at half of dhat is 4 (1/4) g2 + 2 g1, g2 = 23.7726, g1 = -4.3294... of s = 1/4
     assert terms.contacts[0].kappa - near == pytest.approx(factor * 12.0 * lumped / DHAT**2, rel=2e-2)
     # Without contacts there is a stiffness, too.
     space, terms, x = terms_of("semi-implicit", gap=3.0)

@@ -78,8 +78,18 @@ def moved(mesh: LevelMesh, t: float) -> np.ndarray:
 OBSTACLES = {
     2: [
         {"name": "ground", "kind": "plane", "point": [0.0, -0.01], "normal": [0.0, 1.0]},
-        {"name": "spike", "kind": "polyline", "vertices": [[1.3, 0.0], [1.7, 0.0], [1.5, 0.6]], "edges": [[0, 1], [1, 2], [2, 0]]},
-        {"name": "wire", "kind": "polyline", "vertices": [[-1.6, 0.7], [-1.3, 0.5], [-1.2, 0.1]], "edges": [[0, 1], [1, 2]]},
+        {
+            "name": "spike",
+            "kind": "polyline",
+            "vertices": [[1.3, 0.0], [1.7, 0.0], [1.5, 0.6]],
+            "edges": [[0, 1], [1, 2], [2, 0]],
+        },
+        {
+            "name": "wire",
+            "kind": "polyline",
+            "vertices": [[-1.6, 0.7], [-1.3, 0.5], [-1.2, 0.1]],
+            "edges": [[0, 1], [1, 2]],
+        },
     ],
     3: [{"name": "ground", "kind": "plane", "point": [0.0, 0.0, -0.01], "normal": [0.0, 0.0, 1.0]}],
 }

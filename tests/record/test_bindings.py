@@ -31,11 +31,18 @@ def test_both_halves_are_drawn(dim, tmp_path):
     coarse, fine = runs.level_meshes(dim, (60, 400))
     rng = np.random.default_rng(0)
     cells = rng.integers(0, len(coarse.cells), len(fine.points))
-    weights = sp.csr_matrix((np.full(3 * len(fine.points), 1 / 3), (np.repeat(np.arange(len(fine.points)), 3), coarse.cells[cells][:, :3].ravel())))
+    weights = sp.csr_matrix(
+        (
+            np.full(3 * len(fine.points), 1 / 3),
+            (np.repeat(np.arange(len(fine.points)), 3), coarse.cells[cells][:, :3].ravel()),
+        )
+    )
     weights.resize(len(fine.points), len(coarse.points))
-    path = draw_binding(tmp_path / "binding_1.png", coarse, fine, cells, weights, "levels 0 -> 1", up=(0, 0, 1), width=240)
+    path = draw_binding(
+        tmp_path / "binding_1.png", coarse, fine, cells, weights, "levels 0 -> 1", up=(0, 0, 1), width=240
+    )
     image = np.asarray(Image.open(path).convert("RGB"), dtype=int)
     assert image.shape[1] == 488
     left, right = image[TOP:, :240], image[TOP:, 248:]
-    vivid = lambda half: (np.ptp(half, axis=2) > 60).mean()  # noqa: E731
+    vivid = lambda half: (np.ptp(half, axis=2) > 60).mean()
     assert vivid(left) > 0.02 and 0 < vivid(right) < vivid(left)

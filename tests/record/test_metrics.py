@@ -31,8 +31,10 @@ def test_continuity_of_implicit_euler_is_a_quarter_whatever_the_residual():
 
 
 def test_continuity_by_hand():
-    """One vertex of 2 kg on a line: x- = 0, x = 1, x+ = 4, pull 2, x_hat = 5: e = 2 (1 + 1)^2 = 8, e_hat = 2 (4 - 5 + 2)^2 = 2."""
-    at = lambda x: np.array([[float(x)]])  # noqa: E731
+    """One vertex of 2 kg on a line: x- = 0, x = 1, x+ = 4, pull 2, x_hat = 5: e = 2 (1 + 1)^2 = 8, e_hat = 2 (4 - 5 +
+    2)^2 = 2.
+    """
+    at = lambda x: np.array([[float(x)]])
     assert metrics.continuity(at(0), at(1), at(4), at(5), at(2), np.array([2.0])) == pytest.approx(4.0)
     assert np.isnan(metrics.continuity(at(0), at(1), at(3), at(5), at(2), np.array([2.0])))
 
@@ -58,7 +60,9 @@ def test_centres_of_mass():
     centres = metrics.mass_centres(x, masses, bodies)
     np.testing.assert_allclose(centres, [[3.0, 0.0], [1.0, 7.0]])
     # One body of 4 kg is 5 m off, one of 12 kg where it should be.
-    assert metrics.centre_error(centres + [[3.0, 4.0], [0.0, 0.0]], centres, np.array([4.0, 12.0])) == pytest.approx(2.5)
+    assert metrics.centre_error(centres + [[3.0, 4.0], [0.0, 0.0]], centres, np.array([4.0, 12.0])) == pytest.approx(
+        2.5
+    )
 
 
 def prolongation(n, m, per_row=3):
@@ -74,12 +78,16 @@ def test_projection_is_the_pseudoinverse():
     projection = metrics.Projection(P)
     assert projection.rank == projection.columns == 8 == np.linalg.matrix_rank(P.toarray())
     fine, coarse = RNG.normal(size=(40, 3)), RNG.normal(size=(8, 3))
-    np.testing.assert_allclose(projection.difference(fine, coarse), np.linalg.pinv(P.toarray()) @ fine - coarse, atol=1e-7)
+    np.testing.assert_allclose(
+        projection.difference(fine, coarse), np.linalg.pinv(P.toarray()) @ fine - coarse, atol=1e-7
+    )
     assert np.abs(projection.difference(P @ coarse, coarse)).max() == 0.0
 
 
 def test_projection_where_coarse_vertices_are_not_seen():
-    """A coarse vertex without a fine one, and two that only ever occur by halves: rank 8 of 10, and the smallest difference."""
+    """A coarse vertex without a fine one, and two that only ever occur by halves: rank 8 of 10, and the smallest
+    difference.
+    """
     P = sp.hstack([prolongation(40, 8), sp.csr_matrix((40, 2))]).tolil()
     P[:, 9] = 0.5 * P[:, [3]]
     P[:, 3] = 0.5 * P[:, [3]]

@@ -1,4 +1,6 @@
-"""Forces and stresses in exports, by hand; VTKHDF, OBJ and USD read back as the programs that want them do; names that would lead elsewhere."""
+"""Forces and stresses in exports, by hand; VTKHDF, OBJ and USD read back as the programs that want them do; names that
+would lead elsewhere.
+"""
 
 import json
 import shutil
@@ -42,8 +44,11 @@ def principal(law, stretches):
     """First Piola-Kirchhoff stresses [Pa] along the axes of a stretched block, by hand."""
     mu, lmbda = YOUNG / (2 * (1 + POISSON)), YOUNG * POISSON / ((1 + POISSON) * (1 - 2 * POISSON))
     a, J, E = stretches, stretches.prod(), (stretches**2 - 1) / 2
-    return {NeoHookean: mu * (a - 1 / a) + lmbda * np.log(J) / a, StVenantKirchhoff: a * (2 * mu * E + lmbda * E.sum()),
-            FixedCorotational: 2 * mu * (a - 1) + lmbda * (J - 1) * J / a}[law]
+    return {
+        NeoHookean: mu * (a - 1 / a) + lmbda * np.log(J) / a,
+        StVenantKirchhoff: a * (2 * mu * E + lmbda * E.sum()),
+        FixedCorotational: 2 * mu * (a - 1) + lmbda * (J - 1) * J / a,
+    }[law]
 
 
 @pytest.mark.parametrize("law", [NeoHookean, StVenantKirchhoff, FixedCorotational])
@@ -61,7 +66,9 @@ def test_von_mises_of_a_stretched_block(tmp_path, dim, law):
 
 
 def test_von_mises_of_a_bar_pulled_freely_is_its_tension(tmp_path):
-    """Uniaxial stress: sigma = mu (a^2 - b^2) / (a b^2), with b such that nothing pulls sideways; von Mises is sigma itself."""
+    """Uniaxial stress: sigma = mu (a^2 - b^2) / (a b^2), with b such that nothing pulls sideways; von Mises is sigma
+    itself.
+    """
     mu, lmbda, a = YOUNG / (2 * (1 + POISSON)), YOUNG * POISSON / ((1 + POISSON) * (1 - 2 * POISSON)), 1.3
     low, high = 0.5, 1.0
     for _ in range(80):
@@ -117,7 +124,11 @@ def test_xdmf_and_vtkhdf_hold_the_same(resting, tmp_path):
             _, points, cells = xdmf.read_data(step)
             np.testing.assert_array_equal(found.points, level.rest)
             np.testing.assert_array_equal(found.cells_dict[10], level.cells)
-            assert set(points) == {"displacement", "velocity", "contact_force"} and set(cells) == {"von_mises", "body", "region"}
+            assert set(points) == {"displacement", "velocity", "contact_force"} and set(cells) == {
+                "von_mises",
+                "body",
+                "region",
+            }
             for name, values in points.items():
                 np.testing.assert_array_equal(found.point_data[name], values)
             for name, (values,) in cells.items():
@@ -154,7 +165,9 @@ def test_obj_sequences(kind, request, tmp_path):
         faces = np.array([line.split()[1:] for line in lines if line.startswith("f ")], dtype=int) - 1
         facets = level.surface if level.rest.shape[1] == 3 else level.cells
         used = np.unique(facets)
-        np.testing.assert_array_equal(points[:, : level.rest.shape[1]], level.positions(2)[used], err_msg="once each, in the input's order")
+        np.testing.assert_array_equal(
+            points[:, : level.rest.shape[1]], level.positions(2)[used], err_msg="once each, in the input's order"
+        )
         assert {tuple(f) for f in used[faces]} == {tuple(f) for f in facets}
         assert [line for line in lines if line.startswith("o ")] == ["o left", "o right"]
 
@@ -166,7 +179,11 @@ def test_usd_switches_levels(solid_run, tmp_path):
     assert pxr
     (file,) = export_run(solid_run, "usd", tmp_path)
     stage, run = Usd.Stage.Open(file), open_run(solid_run)
-    assert (stage.GetStartTimeCode(), stage.GetEndTimeCode(), stage.GetTimeCodesPerSecond()) == (0, 4, pytest.approx(1 / run.dt))
+    assert (stage.GetStartTimeCode(), stage.GetEndTimeCode(), stage.GetTimeCodesPerSecond()) == (
+        0,
+        4,
+        pytest.approx(1 / run.dt),
+    )
     variants = stage.GetDefaultPrim().GetVariantSet("level")
     assert variants.GetVariantNames() == ["level_0", "level_1"] and variants.GetVariantSelection() == "level_1"
     for level in run.levels:
@@ -178,8 +195,12 @@ def test_usd_switches_levels(solid_run, tmp_path):
             faces = np.array(mesh.GetFaceVertexIndicesAttr().Get()).reshape(-1, 3)
             np.testing.assert_array_equal(used[faces], level.surface[bodies == body])
             for step in range(level.steps):
-                np.testing.assert_array_equal(mesh.GetPointsAttr().Get(step), level.positions(step)[used].astype(np.float32))
-                np.testing.assert_array_equal(mesh.GetVelocitiesAttr().Get(step), level.velocities(step)[used].astype(np.float32))
+                np.testing.assert_array_equal(
+                    mesh.GetPointsAttr().Get(step), level.positions(step)[used].astype(np.float32)
+                )
+                np.testing.assert_array_equal(
+                    mesh.GetVelocitiesAttr().Get(step), level.velocities(step)[used].astype(np.float32)
+                )
 
 
 def test_usd_without_its_package(solid_run, tmp_path, monkeypatch):
@@ -233,7 +254,7 @@ def test_a_run_without_its_scene_is_exported_as_it_is(resting, tmp_path):
     copy = shutil.copytree(resting, tmp_path / "run")
     info = json.loads((copy / "run.json").read_text())
     (copy / "run.json").write_text(json.dumps({**info, "scene_file": "/nowhere.py"}))
-    (file, told) = export_run(copy, "xdmf", tmp_path / "out")
+    file, told = export_run(copy, "xdmf", tmp_path / "out")
     assert "without contact forces and stresses: its scene file /nowhere.py is gone" == told
     with meshio.xdmf.TimeSeriesReader(file) as reader:
         reader.read_points_cells()

@@ -17,7 +17,9 @@ from pdvol.record.store import open_run
 
 @pytest.mark.parametrize("kind", ["flat_run", "solid_run"])
 def test_a_picture_shows_the_bodies(kind, request, tmp_path):
-    path = render(open_run(request.getfixturevalue(kind)), tmp_path / "new" / "run.png", steps=[0, 2, 4], cell_width=200)
+    path = render(
+        open_run(request.getfixturevalue(kind)), tmp_path / "new" / "run.png", steps=[0, 2, 4], cell_width=200
+    )
     image = Image.open(path)
     assert image.width > 3 * 200 and image.height > 2 * 120
     assert len(image.convert("RGB").getcolors(1 << 24)) > 500
@@ -74,7 +76,10 @@ def test_chosen_steps_hold_both_ends(flat_run):
 
 
 def test_shadows_are_darker_where_a_body_is_nearer():
-    square = np.array([[[-0.2, -0.2, 0], [0.2, -0.2, 0], [0.2, 0.2, 0]], [[-0.2, -0.2, 0], [0.2, 0.2, 0], [-0.2, 0.2, 0]]], dtype=float)
+    square = np.array(
+        [[[-0.2, -0.2, 0], [0.2, -0.2, 0], [0.2, 0.2, 0]], [[-0.2, -0.2, 0], [0.2, 0.2, 0], [-0.2, 0.2, 0]]],
+        dtype=float,
+    )
     middle = []
     for height in (0.0, 0.1, 0.5):
         shadow = shadow_map(square + [0, 0, height], 1.0, 1.0, 100)

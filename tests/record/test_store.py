@@ -15,7 +15,9 @@ INFO = {"scene": "made up", "dt": runs.DT, "steps": 6, "method": "direct", "para
 
 def test_round_trip(flat_run):
     run = open_run(flat_run)
-    assert run.info["format"] == 1 and run.info["bodies"] == ["left", "right"] and run.info["parameters"] == {"young": 1e5}
+    assert (
+        run.info["format"] == 1 and run.info["bodies"] == ["left", "right"] and run.info["parameters"] == {"young": 1e5}
+    )
     assert [level["state"] for level in run.info["levels"]] == ["done", "done"] and run.info["state"] == "done"
     for level, mesh in zip(run.levels, runs.level_meshes(2, (60, 200)), strict=True):
         assert level.steps == 7
@@ -49,7 +51,10 @@ def test_initial_velocity_and_obstacles(tmp_path):
 
 
 def test_numbers_json_does_not_know(tmp_path):
-    info = {**INFO, "parameters": {"n": np.int64(3), "x": np.float32(0.5), "v": np.arange(3), "none": np.inf, "path": tmp_path}}
+    info = {
+        **INFO,
+        "parameters": {"n": np.int64(3), "x": np.float32(0.5), "v": np.arange(3), "none": np.inf, "path": tmp_path},
+    }
     with RunWriter.create(tmp_path / "run", info, runs.level_meshes(2, (60,)), ["a", "b"]) as writer:
         writer.write_state(0, 0, runs.level_meshes(2, (60,))[0].points, {"min_gap": np.inf, "contacts": np.int32(0)})
     run = open_run(tmp_path / "run")
@@ -154,7 +159,9 @@ def test_the_log_is_repaired(small_run):
         writer.write_state(0, 7, open_run(small_run).levels[0].positions(6))
     assert log.read_bytes() == whole + extra
     log.write_bytes(whole.replace(b'"level": 0, "step": 2', b'"level": 0; "step": 2'))
-    with pytest.raises(InputError, match="line 2, is not a JSON object of a level and step; the stored states are unaffected"):
+    with pytest.raises(
+        InputError, match="line 2, is not a JSON object of a level and step; the stored states are unaffected"
+    ):
         open_run(small_run).levels[0].log
     assert open_run(small_run).levels[0].steps == 8
 

@@ -1,4 +1,6 @@
-"""Run by test_ranks on one rank and two: python fall_on_ranks.py DIM LAW OUT.npz marches a block onto a plane and a rigid obstacle."""
+"""Run by test_ranks on one rank and two: python fall_on_ranks.py DIM LAW OUT.npz marches a block onto a plane and a
+rigid obstacle.
+"""
 
 import sys
 from pathlib import Path
@@ -8,30 +10,48 @@ from mpi4py import MPI
 
 sys.path.append(str(Path(__file__).parents[1] / "hierarchy"))
 
-from pdvol.animate.march import Start, direct  # noqa: E402
-from pdvol.scene import Barrier, Friction, Gravity, Plane, Rigid, Solver, Support, Translation  # noqa: E402
-from problems import SOFT, block, make_problem, make_scene, polyline, tetrahedron  # noqa: E402
-from shapes import together  # noqa: E402
+from problems import SOFT, block, make_problem, make_scene, polyline, tetrahedron
+from shapes import together
+
+from pdvol.animate.march import Start, direct
+from pdvol.scene import Barrier, Friction, Gravity, Plane, Rigid, Solver, Support, Translation
 
 STEPS, SIZE = 20, 0.5
 PAIRS = {("body 0", "body 1"): 0.6, ("spike", "body 0"): 0.1, ("body 1", "plane"): 0.2}
 
 
 def scene_of(d, law):
-    """Two blocks side by side, the left one thrown at the right one, over a plane and a spike; a pushed support holds the right one's end."""
+    """Two blocks side by side, the left one thrown at the right one, over a plane and a spike; a pushed support holds
+    the right one's end.
+    """
     gap, low = 0.006, 0.012
     left = block((0.0,) * (d - 1) + (low,), (0.2,) * (d - 1) + (low + 0.2,), 3, jitter=0.1, seed=1)
-    right = block((0.22 + gap,) + (0.05,) * (d - 2) + (low,), (0.42 + gap,) + (0.2,) * (d - 2) + (low + 0.15,), 2, jitter=0.1, seed=2)
+    right = block(
+        (0.22 + gap,) + (0.05,) * (d - 2) + (low,),
+        (0.42 + gap,) + (0.2,) * (d - 2) + (low + 0.15,),
+        2,
+        jitter=0.1,
+        seed=2,
+    )
     mesh = together(left, right)
     bottom = mesh.points[:, -1].min()
     if d == 2:
         spike = polyline([[0.02, bottom - 0.2], [0.18, bottom - 0.2], [0.11, bottom - 0.004]])
     else:
-        spike = tetrahedron([[0.0, 0.0, bottom - 0.2], [0.3, 0.0, bottom - 0.2], [0.0, 0.3, bottom - 0.2], [0.09, 0.1, bottom - 0.004]])
+        spike = tetrahedron(
+            [[0.0, 0.0, bottom - 0.2], [0.3, 0.0, bottom - 0.2], [0.0, 0.3, bottom - 0.2], [0.09, 0.1, bottom - 0.004]]
+        )
     end = Support(lambda X: X[:, 0] > 0.41, "body 1", Translation(tuple(-0.1 * np.eye(d)[0])))
-    scene = make_scene((SOFT, SOFT), dt=0.01, steps=STEPS, loads=(Gravity((0.0,) * (d - 1) + (-9.81,)),), supports=(end,),
-                       obstacles=(Plane((0.0,) * d, tuple(np.eye(d)[-1])), Rigid("spike", name="spike")),
-                       contact=(Barrier(dhat=0.008, law=law), Friction(0.3, eps_v=0.01, pairs=PAIRS)), solver=Solver(tolerance=1e-5, linear="direct"))
+    scene = make_scene(
+        (SOFT, SOFT),
+        dt=0.01,
+        steps=STEPS,
+        loads=(Gravity((0.0,) * (d - 1) + (-9.81,)),),
+        supports=(end,),
+        obstacles=(Plane((0.0,) * d, tuple(np.eye(d)[-1])), Rigid("spike", name="spike")),
+        contact=(Barrier(dhat=0.008, law=law), Friction(0.3, eps_v=0.01, pairs=PAIRS)),
+        solver=Solver(tolerance=1e-5, linear="direct"),
+    )
     velocity = np.zeros_like(mesh.points)
     velocity[mesh.point_bodies == 0, 0] = 0.8
     return scene, mesh, (spike,), velocity
@@ -44,10 +64,18 @@ def main(d, law, out):
     reports = list(direct(problem, Start(0, mesh.points, velocity), scene.steps))
     owned = comm.gather(problem.space.n_owned)
     if comm.rank == 0:
-        np.savez(out, ranks=comm.size, owned=owned, positions=[r.positions for r in reports], contacts=[r.contacts for r in reports],
-                 energies=[[r.energy[k] for k in sorted(r.energy)] for r in reports], cuts=[r.cuts for r in reports],
-                 residuals=[r.friction_residual for r in reports], kappas=[r.kappa for r in reports],
-                 kinds=sorted(reports[0].energy))
+        np.savez(
+            out,
+            ranks=comm.size,
+            owned=owned,
+            positions=[r.positions for r in reports],
+            contacts=[r.contacts for r in reports],
+            energies=[[r.energy[k] for k in sorted(r.energy)] for r in reports],
+            cuts=[r.cuts for r in reports],
+            residuals=[r.friction_residual for r in reports],
+            kappas=[r.kappa for r in reports],
+            kinds=sorted(reports[0].energy),
+        )
 
 
 if __name__ == "__main__":

@@ -1,4 +1,6 @@
-"""Run by test_materials_on_ranks on one rank and two: python materials_on_ranks.py DIM OUT.npz marches a fine level of regions under all loads."""
+"""Run by test_materials_on_ranks on one rank and two: python materials_on_ranks.py DIM OUT.npz marches a fine level of
+regions under all loads.
+"""
 
 import sys
 from pathlib import Path
@@ -8,25 +10,52 @@ from mpi4py import MPI
 
 sys.path.append(str(Path(__file__).parents[1] / "hierarchy"))
 
-from pdvol.animate.march import Start, direct  # noqa: E402
-from pdvol.hierarchy.cell_materials import level_materials  # noqa: E402
-from pdvol.hierarchy.hierarchy import Hierarchy  # noqa: E402
-from pdvol.scene import (  # noqa: E402
-    Body, FixedCorotational, Flow, Force, Gravity, Impulse, NeoHookean, PointForce, Region, Scene, Solver, StVenantKirchhoff, Support,
+from shapes import box
+
+from pdvol.animate.march import Start, direct
+from pdvol.hierarchy.cell_materials import level_materials
+from pdvol.hierarchy.hierarchy import Hierarchy
+from pdvol.scene import (
+    Body,
+    FixedCorotational,
+    Flow,
+    Force,
+    Gravity,
+    Impulse,
+    NeoHookean,
+    PointForce,
+    Region,
+    Scene,
+    Solver,
+    StVenantKirchhoff,
+    Support,
 )
-from pdvol.solve.level_problem import LevelProblem  # noqa: E402
-from shapes import box  # noqa: E402
+from pdvol.solve.level_problem import LevelProblem
 
 
 def scene_of(d):
     """A unit box held at its left: three laws, one of them stiff and one graded, damped and dragged, pushed and hit."""
     soft = FixedCorotational(lambda X: 1e5 * (1 + X[:, 1]), density=lambda X: 1000.0 + 500.0 * X[:, 0], damping=0.02)
-    regions = (Region(StVenantKirchhoff(3e5), lambda X: X[:, 0] < 0.4), Region(NeoHookean(1e9), lambda X: X[:, -1] > 0.7))
+    regions = (
+        Region(StVenantKirchhoff(3e5), lambda X: X[:, 0] < 0.4),
+        Region(NeoHookean(1e9), lambda X: X[:, -1] > 0.7),
+    )
     along, down = tuple(np.eye(d)[0]), (0.0,) * (d - 1) + (-9.81,)
-    loads = (Gravity(lambda t: (1.0 + t) * np.array(down)), Flow(along, 1000.0), Impulse(along, 0.015, lambda X: X[:, 0] > 0.7),
-             Force(lambda t: 1e3 * t * np.ones(d), lambda X: X[:, 1] > 0.5), PointForce(tuple(300.0 * np.eye(d)[-1]), (0.9,) * d))
-    return Scene((Body(("coarse", "fine"), soft, regions=regions),), dt=0.01, steps=5, loads=loads, supports=(Support(lambda X: X[:, 0] < 1e-9),),
-                 solver=Solver(tolerance=1e-6, linear="direct"))
+    loads = (
+        Gravity(lambda t: (1.0 + t) * np.array(down)),
+        Flow(along, 1000.0),
+        Impulse(along, 0.015, lambda X: X[:, 0] > 0.7),
+        Force(lambda t: 1e3 * t * np.ones(d), lambda X: X[:, 1] > 0.5),
+        PointForce(tuple(300.0 * np.eye(d)[-1]), (0.9,) * d),
+    )
+    return Scene(
+        (Body(("coarse", "fine"), soft, regions=regions),),
+        dt=0.01,
+        steps=5,
+        loads=loads,
+        supports=(Support(lambda X: X[:, 0] < 1e-9),),
+        solver=Solver(tolerance=1e-6, linear="direct"),
+    )
 
 
 def main(d, out):
@@ -37,9 +66,17 @@ def main(d, out):
     mesh = hierarchy[1].mesh
     reports = list(direct(problem, Start(0, mesh.points, np.zeros_like(mesh.points)), scene.steps))
     if comm.rank == 0:
-        np.savez(out, ranks=comm.size, young=materials.young, density=materials.density, law=materials.law, rest=mesh.points,
-                 positions=[r.positions for r in reports], energies=[[r.energy[k] for k in sorted(r.energy)] for r in reports],
-                 kinds=sorted(reports[0].energy))
+        np.savez(
+            out,
+            ranks=comm.size,
+            young=materials.young,
+            density=materials.density,
+            law=materials.law,
+            rest=mesh.points,
+            positions=[r.positions for r in reports],
+            energies=[[r.energy[k] for k in sorted(r.energy)] for r in reports],
+            kinds=sorted(reports[0].energy),
+        )
 
 
 if __name__ == "__main__":

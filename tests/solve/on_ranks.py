@@ -10,13 +10,21 @@ import numpy as np
 import pytest
 
 PATIENCE = 300  # seconds: a machine that does much else takes several times the usual half minute
-# Ranks give way while they wait, or a busy machine spends its time on their spinning; mpirun ends them itself when it takes too long.
-ENVIRONMENT = {"OMP_NUM_THREADS": "1", "OMPI_MCA_mpi_yield_when_idle": "1", "MPIEXEC_TIMEOUT": str(PATIENCE),
-               "OMPI_MCA_rmaps_base_oversubscribe": "1", "PRTE_MCA_rmaps_default_mapping_policy": ":oversubscribe"}
+# Ranks give way while they wait, or a busy machine spends its time on their spinning; mpirun ends them itself when it
+# takes too long.
+ENVIRONMENT = {
+    "OMP_NUM_THREADS": "1",
+    "OMPI_MCA_mpi_yield_when_idle": "1",
+    "MPIEXEC_TIMEOUT": str(PATIENCE),
+    "OMPI_MCA_rmaps_base_oversubscribe": "1",
+    "PRTE_MCA_rmaps_default_mapping_policy": ":oversubscribe",
+}
 
 
 def results_on(counts: tuple[int, ...], folder: Path, program: str, *words: str) -> list:
-    """The arrays that `program WORDS FILE.npz` writes on one rank and on more, its `ranks` checked. Skips where nothing starts several."""
+    """The arrays that `program WORDS FILE.npz` writes on one rank and on more, its `ranks` checked. Skips where nothing
+    starts several.
+    """
     mpirun = shutil.which("mpirun")
     if mpirun is None:
         pytest.skip("there is no mpirun")
@@ -25,7 +33,9 @@ def results_on(counts: tuple[int, ...], folder: Path, program: str, *words: str)
         out = folder / f"{count}.npz"
         command = [sys.executable, str(Path(__file__).with_name(program)), *words, str(out)]
         command = command if count == 1 else [mpirun, "-n", str(count), *command]
-        done = subprocess.run(command, env={**os.environ, **ENVIRONMENT}, capture_output=True, text=True, timeout=PATIENCE + 20)
+        done = subprocess.run(
+            command, env={**os.environ, **ENVIRONMENT}, capture_output=True, text=True, timeout=PATIENCE + 20
+        )
         assert done.returncode == 0, done.stderr
         results.append(np.load(out))
         assert int(results[-1]["ranks"]) == count

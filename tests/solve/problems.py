@@ -2,13 +2,13 @@
 
 import numpy as np
 from mpi4py import MPI
+from shapes import grid
 
 from pdvol.hierarchy.cell_materials import cell_materials
 from pdvol.hierarchy.level_space import LevelSpace
 from pdvol.potentials.elasticity import elastic_terms
 from pdvol.scene import Body, NeoHookean, Scene, Solver
 from pdvol.solve.level_problem import LevelProblem
-from shapes import grid
 
 SOFT = NeoHookean(young=1e5, poisson=0.4, density=1000.0)
 
@@ -42,7 +42,11 @@ def masses(problem) -> np.ndarray:
 def polyline(vertices):
     """A closed 2D obstacle's geometry, as `LevelProblem` takes it."""
     n = len(vertices)
-    return np.asarray(vertices, dtype=float), np.column_stack([np.arange(n), np.roll(np.arange(n), -1)]), np.zeros((0, 3), dtype=int)
+    return (
+        np.asarray(vertices, dtype=float),
+        np.column_stack([np.arange(n), np.roll(np.arange(n), -1)]),
+        np.zeros((0, 3), dtype=int),
+    )
 
 
 def tetrahedron(vertices):

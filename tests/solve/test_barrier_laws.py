@@ -2,13 +2,13 @@
 
 import numpy as np
 import pytest
+from problems import block, make_problem, make_scene
 from scipy.optimize import brentq
 
 from pdvol.errors import InputError
 from pdvol.potentials import barrier_law
 from pdvol.potentials.half_space import boundary_areas
 from pdvol.scene import LAWS, Barrier, Friction, Gravity, NeoHookean, Plane, Solver
-from problems import block, make_problem, make_scene
 
 G, DHAT, SIDE = 9.81, 2e-3, 0.2
 SOFT = NeoHookean(young=1e5, poisson=0.3, density=1000.0)
@@ -16,10 +16,17 @@ WEIGHT = SOFT.density * G * SIDE  # [Pa]
 
 
 def rest(d, law, n, start=0.9, friction=()):
-    """A cube of n cells a side after it came to rest on a plane, from `start` dhat above: gaps [m] and areas of its lower side's
-    vertices, and all reports."""
-    scene = make_scene((SOFT,), dt=0.02, loads=(Gravity((0.0,) * (d - 1) + (-G,)),), obstacles=(Plane((0.0,) * d, tuple(np.eye(d)[-1])),),
-                       contact=(Barrier(dhat=DHAT, law=law), *friction), solver=Solver(tolerance=1e-6, linear="direct"))
+    """A cube of n cells a side after it came to rest on a plane, from `start` dhat above: gaps [m] and areas of its
+    lower side's vertices, and all reports.
+    """
+    scene = make_scene(
+        (SOFT,),
+        dt=0.02,
+        loads=(Gravity((0.0,) * (d - 1) + (-G,)),),
+        obstacles=(Plane((0.0,) * d, tuple(np.eye(d)[-1])),),
+        contact=(Barrier(dhat=DHAT, law=law), *friction),
+        solver=Solver(tolerance=1e-6, linear="direct"),
+    )
     lift = start * DHAT
     mesh = block((0.0,) * (d - 1) + (lift,), (SIDE,) * (d - 1) + (SIDE + lift,), n)
     problem = make_problem(scene, mesh)
@@ -46,9 +53,11 @@ def pressures(gaps):
 
 @pytest.mark.parametrize(("d", "sizes"), [(2, (2, 4, 8, 16)), (3, (1, 2, 4))])
 def test_gap_and_pressure_converge(d, sizes):
-    """The pressure below a resting block is its weight over its area, rho g h (uniaxial stress is exact), and the gap the barrier's at it.
+    """The pressure below a resting block is its weight over its area, rho g h (uniaxial stress is exact), and the gap
+    the barrier's at it.
 
-    A vertex at the lower rim carries half of its area on the sides, too, so that the rim presses more: an error of first order in the mesh.
+    A vertex at the lower rim carries half of its area on the sides, too, so that the rim presses more: an error of
+    first order in the mesh.
     """
     expected = DHAT * brentq(lambda y: pressures(y * DHAT) - WEIGHT, 1e-3, 1.0 - 1e-9)
     gap_errors, pressure_errors = [], []
@@ -59,13 +68,20 @@ def test_gap_and_pressure_converge(d, sizes):
     for errors in (gap_errors, pressure_errors):
         assert np.all(np.diff(errors) < 0.0), errors
         assert np.polyfit(np.log(sizes), np.log(errors), 1)[0] < -0.7, errors
-    assert gap_errors[-1] < (0.01 if d == 2 else 0.02) and pressure_errors[-1] < (0.1 if d == 2 else 0.4), (gap_errors, pressure_errors)
+    assert gap_errors[-1] < (0.01 if d == 2 else 0.02) and pressure_errors[-1] < (0.1 if d == 2 else 0.4), (
+        gap_errors,
+        pressure_errors,
+    )
 
 
 def test_the_classic_barriers_gap_depends_on_mesh_and_start():
     """Its stiffness balances the forces wherever the block happens to be, so that any gap may stay."""
     means = {(n, start): mean_gap(2, "classic", n, start) for n, start in ((2, 0.6), (4, 0.6), (8, 0.6), (8, 0.9))}
-    assert means[4, 0.6] < 0.7 * means[2, 0.6] and means[8, 0.6] < 0.7 * means[4, 0.6] and means[8, 0.9] > 2.0 * means[8, 0.6]
+    assert (
+        means[4, 0.6] < 0.7 * means[2, 0.6]
+        and means[8, 0.6] < 0.7 * means[4, 0.6]
+        and means[8, 0.9] > 2.0 * means[8, 0.6]
+    )
     convergent = [mean_gap(2, "convergent", 8, start) for start in (0.6, 0.9)]
     assert convergent[0] == pytest.approx(convergent[1], rel=1e-4)
 
@@ -73,7 +89,9 @@ def test_the_classic_barriers_gap_depends_on_mesh_and_start():
 @pytest.mark.parametrize("law", LAWS[1:])
 @pytest.mark.parametrize("d", [2, 3])
 def test_other_laws_carry_the_weight(law, d):
-    """The barrier pushes with the block's weight, its stiffness is found again at each step, and friction works with it."""
+    """The barrier pushes with the block's weight, its stiffness is found again at each step, and friction works with
+    it.
+    """
     gaps, _, reports = rest(d, law, 2, friction=(Friction(0.3),))
     pushes = barrier_law.pressure((gaps / DHAT) ** 2, DHAT, reports[-1].kappa)
     assert pushes.sum() == pytest.approx(WEIGHT * SIDE ** (d - 1), rel=1e-3)

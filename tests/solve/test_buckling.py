@@ -1,18 +1,26 @@
-"""Bars that buckle: their Hessian is indefinite on the way, every filtered one too stiff, and lengthened steps save most of the way."""
+"""Bars that buckle: their Hessian is indefinite on the way, every filtered one too stiff, and lengthened steps save
+most of the way.
+"""
 
 import numpy as np
 import pytest
+from problems import block, make_problem, make_scene
 
 from pdvol.scene import Gravity, Solver, Support, Translation
 from pdvol.solve import model_choice
-from problems import block, make_problem, make_scene
 
 
 def pressed(press, tolerance=1e-4):
-    """A slender bar, straight but for a breath of gravity, is pressed to 1 - `press` of its length in a step: the report."""
+    """A slender bar, straight but for a breath of gravity, is pressed to 1 - `press` of its length in a step: the
+    report.
+    """
     far = Support(lambda X: X[:, 0] > 1.0 - 1e-9, motion=Translation((-press / 0.1, 0.0, 0.0), stop=0.1))
-    scene = make_scene(dt=0.1, supports=(Support(lambda X: X[:, 0] < 1e-9), far), loads=(Gravity((0.0, -1e-3, 0.0)),),
-                       solver=Solver(tolerance=tolerance, max_iterations=1000))
+    scene = make_scene(
+        dt=0.1,
+        supports=(Support(lambda X: X[:, 0] < 1e-9), far),
+        loads=(Gravity((0.0, -1e-3, 0.0)),),
+        solver=Solver(tolerance=tolerance, max_iterations=1000),
+    )
     mesh = block((0.0, 0.0, 0.0), (1.0, 0.04, 0.04), (40, 1, 1))
     return make_problem(scene, mesh).step(1, mesh.points, np.zeros_like(mesh.points))
 

@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
+from problems import block, make_problem, make_scene, masses, polyline, tetrahedron
+from shapes import together
 
 from pdvol.errors import InputError
 from pdvol.scene import Barrier, Friction, Gravity, NeoHookean, Plane, Rigid, Solver, Support, Translation
-from problems import block, make_problem, make_scene, masses, polyline, tetrahedron
-from shapes import together
 
 G, EPS_V, DHAT = 9.81, 1e-4, 2e-3
 BLOCK = NeoHookean(young=1e6, poisson=0.3, density=1000.0)
@@ -18,7 +18,9 @@ def ground(d, kind):
         return Plane((0.0,) * d, tuple(np.eye(d)[-1]), name="floor"), ()
     if d == 2:
         return Rigid("floor", name="floor"), (polyline([[-1.0, -1.0], [3.0, -1.0], [3.0, 0.0], [-1.0, 0.0]]),)
-    return Rigid("floor", name="floor"), (tetrahedron([[0.0, 0.0, -5.0], [-5.0, -5.0, 0.0], [10.0, -5.0, 0.0], [0.0, 10.0, 0.0]]),)
+    return Rigid("floor", name="floor"), (
+        tetrahedron([[0.0, 0.0, -5.0], [-5.0, -5.0, 0.0], [10.0, -5.0, 0.0], [0.0, 10.0, 0.0]]),
+    )
 
 
 def tilted(d, tangent):
@@ -30,8 +32,14 @@ def tilted(d, tangent):
 def slide(d, kind, tangent, n, steps, friction):
     """Speeds down a slope (steps,) [m/s] of a block n cells high, and the reports."""
     obstacle, geometry = ground(d, kind)
-    scene = make_scene((BLOCK,), dt=0.01, loads=(tilted(d, tangent),), obstacles=(obstacle,), contact=(Barrier(dhat=DHAT), friction),
-                       solver=Solver(tolerance=1e-7, linear="direct"))
+    scene = make_scene(
+        (BLOCK,),
+        dt=0.01,
+        loads=(tilted(d, tangent),),
+        obstacles=(obstacle,),
+        contact=(Barrier(dhat=DHAT), friction),
+        solver=Solver(tolerance=1e-7, linear="direct"),
+    )
     mesh = block((0.0,) * (d - 1) + (0.88 * DHAT,), (0.2,) * (d - 1) + (0.1,), (2 * n,) * (d - 1) + (n,))
     return run(make_problem(scene, mesh, geometry), steps)
 
@@ -44,17 +52,30 @@ def run(problem, steps, velocity=None):
         reports.append(problem.step(number, x, v))
         v, x = (reports[-1].positions - x) / problem.scene.dt, reports[-1].positions
         bodies = range(mesh.point_bodies.max() + 1)
-        speeds.append([np.average(v[mesh.point_bodies == b, 0], weights=weights[mesh.point_bodies == b]) for b in bodies])
+        speeds.append(
+            [np.average(v[mesh.point_bodies == b, 0], weights=weights[mesh.point_bodies == b]) for b in bodies]
+        )
     return np.array(speeds), reports
 
 
-CASES = [(2, "plane", 1), (2, "plane", 2), (2, "plane", 4), (2, "rigid", 1), (2, "rigid", 2), (2, "rigid", 4), (3, "plane", 1), (3, "rigid", 2)]
+CASES = [
+    (2, "plane", 1),
+    (2, "plane", 2),
+    (2, "plane", 4),
+    (2, "rigid", 1),
+    (2, "rigid", 2),
+    (2, "rigid", 4),
+    (3, "plane", 1),
+    (3, "rigid", 2),
+]
 
 
 @pytest.mark.parametrize(("d", "kind", "n"), CASES)
 def test_the_slip_angle_is_within_a_per_cent_of_mu(d, kind, n):
-    """mu = 1.01 tan holds, but for the creep of smoothed friction, f1(y) = 2 y - y^2 = 1 / 1.01 at y = 1 - sqrt(1 - 1 / 1.01) of eps_v;
-    mu = 0.99 tan slides with a = g (sin - mu cos), which implicit Euler reproduces where a is constant, to a thousandth of g."""
+    """mu = 1.01 tan holds, but for the creep of smoothed friction, f1(y) = 2 y - y^2 = 1 / 1.01 at y = 1 - sqrt(1 - 1 /
+    1.01) of eps_v; mu = 0.99 tan slides with a = g (sin - mu cos), which implicit Euler reproduces where a is constant,
+    to a thousandth of g.
+    """
     tangent, steps = 0.5, 40
     held, _ = slide(d, kind, tangent, n, steps, Friction(1.01 * tangent, eps_v=EPS_V))
     # While it settles on the barrier the block slips a little; then it creeps.
@@ -66,7 +87,8 @@ def test_the_slip_angle_is_within_a_per_cent_of_mu(d, kind, n):
     assert reports[-1].friction_residual < 1e-6  # at rest across the slope, nothing changes by lagging anew
 
 
-# ---- coefficients by pairs ---------------------------------------------------------------------------------------------------
+# ---- coefficients by pairs
+# ---------------------------------------------------------------------------------------------------
 
 
 def two_blocks(d, kind, friction, stacked):
@@ -77,8 +99,15 @@ def two_blocks(d, kind, friction, stacked):
     low = np.r_[[0.03] * (d - 1), 0.1 + lift] if stacked else np.r_[0.4, [0.0] * (d - 2), lift]
     second = block(tuple(low), tuple(low + np.r_[[0.1] * (d - 1), 0.1]), (1,) * d)
     held = (Support(lambda X: X[:, -1] < 2 * DHAT, "body 0"),) if stacked else ()
-    scene = make_scene((BLOCK, BLOCK), dt=0.01, loads=(tilted(d, 0.5),), obstacles=(obstacle,), supports=held,
-                       contact=(Barrier(dhat=DHAT), friction), solver=Solver(tolerance=1e-6, linear="direct"))
+    scene = make_scene(
+        (BLOCK, BLOCK),
+        dt=0.01,
+        loads=(tilted(d, 0.5),),
+        obstacles=(obstacle,),
+        supports=held,
+        contact=(Barrier(dhat=DHAT), friction),
+        solver=Solver(tolerance=1e-6, linear="direct"),
+    )
     return make_problem(scene, together(first, second), geometry)
 
 
@@ -86,7 +115,9 @@ def two_blocks(d, kind, friction, stacked):
 @pytest.mark.parametrize("kind", ["plane", "rigid"])
 def test_a_pair_has_its_own_friction_on_the_ground(d, kind):
     """Of two blocks on a slope of 0.5 that with mu = 0.8 stays, that with mu = 0.3 slides with g (sin - 0.3 cos)."""
-    speeds, _ = run(two_blocks(d, kind, Friction(0.3, eps_v=EPS_V, pairs={("floor", "body 1"): 0.8}), stacked=False), 25)
+    speeds, _ = run(
+        two_blocks(d, kind, Friction(0.3, eps_v=EPS_V, pairs={("floor", "body 1"): 0.8}), stacked=False), 25
+    )
     angle = np.arctan(0.5)
     assert abs(speeds[-1, 1]) < EPS_V
     assert (speeds[-1, 0] - speeds[-11, 0]) / 0.1 == pytest.approx(G * (np.sin(angle) - 0.3 * np.cos(angle)), rel=0.02)
@@ -96,9 +127,13 @@ def test_a_pair_has_its_own_friction_on_the_ground(d, kind):
 def test_a_pair_of_bodies_has_its_own_friction(d):
     """The upper block slides on the held lower one as their own coefficient says, whatever that with the ground is."""
     angle = np.arctan(0.5)
-    speeds, _ = run(two_blocks(d, "rigid", Friction(0.8, eps_v=EPS_V, pairs={("body 0", "body 1"): 0.2}), stacked=True), 16)
+    speeds, _ = run(
+        two_blocks(d, "rigid", Friction(0.8, eps_v=EPS_V, pairs={("body 0", "body 1"): 0.2}), stacked=True), 16
+    )
     assert (speeds[-1, 1] - speeds[-9, 1]) / 0.08 == pytest.approx(G * (np.sin(angle) - 0.2 * np.cos(angle)), rel=0.05)
-    speeds, _ = run(two_blocks(d, "rigid", Friction(0.2, eps_v=EPS_V, pairs={("body 1", "body 0"): 0.8}), stacked=True), 16)
+    speeds, _ = run(
+        two_blocks(d, "rigid", Friction(0.2, eps_v=EPS_V, pairs={("body 1", "body 0"): 0.8}), stacked=True), 16
+    )
     assert abs(speeds[-1, 1]) < 0.01
 
 
@@ -109,30 +144,45 @@ def test_pairs_that_repeat_the_common_coefficient_change_nothing(kind):
     np.testing.assert_array_equal(*ends)
 
 
-@pytest.mark.parametrize(("pairs", "told"), [
-    ({("body 0", "flor"): 0.1}, "flor"), ({("floor", "floor"): 0.1}, "never touch"), ({("body 0", "floor"): -1.0}, "below"),
-    ({"floor": 0.1}, "look like"),
-    ({("body 0", "floor"): 0.1, ("floor", "body 0"): 0.2}, "twice"), ({("body 0", "floor"): "much"}, "finite"), ({("a", "b", "c"): 0.1}, "look like"),
-])
+@pytest.mark.parametrize(
+    ("pairs", "told"),
+    [
+        ({("body 0", "flor"): 0.1}, "flor"),
+        ({("floor", "floor"): 0.1}, "never touch"),
+        ({("body 0", "floor"): -1.0}, "below"),
+        ({"floor": 0.1}, "look like"),
+        ({("body 0", "floor"): 0.1, ("floor", "body 0"): 0.2}, "twice"),
+        ({("body 0", "floor"): "much"}, "finite"),
+        ({("a", "b", "c"): 0.1}, "look like"),
+    ],
+)
 def test_bad_pairs(pairs, told):
     with pytest.raises(InputError, match=told):
         make_scene((BLOCK,), obstacles=(ground(2, "plane")[0],), contact=(Barrier(), Friction(0.3, pairs=pairs)))
 
 
-# ---- lagging -----------------------------------------------------------------------------------------------------------------
+# ---- lagging
+# -----------------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("d", [2, 3])
 @pytest.mark.parametrize("kind", ["plane", "rigid"])
 def test_lagging_converges(d, kind):
-    """A block pressed harder and harder while it is pushed along: forces lagged once a step are behind, iterations bring them up to date."""
+    """A block pressed harder and harder while it is pushed along: forces lagged once a step are behind, iterations
+    bring them up to date.
+    """
     obstacle, geometry = ground(d, kind)
     press = Support(lambda X: X[:, -1] > 0.1 - 1e-9, motion=Translation((0.05,) + (0.0,) * (d - 2) + (-0.05,)))
     mesh = block((0.0,) * (d - 1) + (0.9 * DHAT,), (0.2,) * (d - 1) + (0.1,), (2,) * (d - 1) + (1,))
     residuals, counts = {}, {}
     for most, enough in ((1, 1e-2), (40, 1e-2), (40, 1e-6)):
-        scene = make_scene((BLOCK,), dt=0.01, obstacles=(obstacle,), supports=(press,),
-                           contact=(Barrier(dhat=DHAT), Friction(0.5, eps_v=1e-2, iterations=most, tolerance=enough)))
+        scene = make_scene(
+            (BLOCK,),
+            dt=0.01,
+            obstacles=(obstacle,),
+            supports=(press,),
+            contact=(Barrier(dhat=DHAT), Friction(0.5, eps_v=1e-2, iterations=most, tolerance=enough)),
+        )
         _, reports = run(make_problem(scene, mesh, geometry), 4)
         residuals[most, enough] = [report.friction_residual for report in reports]
         counts[most, enough] = [report.friction_iterations for report in reports]

@@ -1,27 +1,35 @@
-"""The failure ladder: each rung is taken where it should be and counted, and what is not a number ends a run at once, by name."""
+"""The failure ladder: each rung is taken where it should be and counted, and what is not a number ends a run at once,
+by name.
+"""
 
 import numpy as np
 import pytest
 from petsc4py import PETSc
+from problems import block, make_problem, make_scene
 
 from pdvol.errors import ConvergenceError
 from pdvol.potentials.potential import Positions, Term
 from pdvol.scene import Barrier, Gravity, Plane, Solver
 from pdvol.solve.ladder import RUNGS, no_rungs, told
-from problems import block, make_problem, make_scene
 
 REASONS = PETSc.SNES.ConvergedReason
 
 
 def falling(**settings):
     """A block thrown at a plane it stands before, and a velocity for it."""
-    scene = make_scene(dt=0.02, loads=(Gravity((0.0, -9.81)),), obstacles=(Plane((0.0, 0.0), (0.0, 1.0)),), contact=(Barrier(dhat=0.01),),
-                       solver=Solver(tolerance=1e-5, **settings))
+    scene = make_scene(
+        dt=0.02,
+        loads=(Gravity((0.0, -9.81)),),
+        obstacles=(Plane((0.0, 0.0), (0.0, 1.0)),),
+        contact=(Barrier(dhat=0.01),),
+        solver=Solver(tolerance=1e-5, **settings),
+    )
     mesh = block((0.0, 0.02), (0.4, 0.42), 2, jitter=0.1)
     return make_problem(scene, mesh), mesh.points, np.tile((0.0, -4.0), (len(mesh.points), 1))
 
 
-# ---- rungs -------------------------------------------------------------------------------------------------------------------
+# ---- rungs
+# -------------------------------------------------------------------------------------------------------------------
 
 
 def test_an_easy_step_takes_none():
@@ -53,7 +61,9 @@ def test_the_order_within_a_solve():
 
 
 def test_too_many_iterations_halve_the_step_and_end_with_an_error():
-    """Two Newton iterations are never enough here: halves, quarters, then the last resort, and an error that says all of it."""
+    """Two Newton iterations are never enough here: halves, quarters, then the last resort, and an error that says all
+    of it.
+    """
     problem, x, v = falling(max_iterations=2, max_halvings=2)
     with pytest.raises(ConvergenceError) as caught:
         for number in range(1, 20):
@@ -66,7 +76,9 @@ def test_too_many_iterations_halve_the_step_and_end_with_an_error():
 
 
 def test_the_last_resort_can_save_a_step(monkeypatch):
-    """At the smallest step the strongest filter and the direct solver are used from the beginning on; what they solve goes on."""
+    """At the smallest step the strongest filter and the direct solver are used from the beginning on; what they solve
+    goes on.
+    """
     problem, x, v = falling(max_halvings=0, linear="iterative")
     solve = problem.newton.solve
     careful_ones = []
@@ -100,7 +112,8 @@ def test_halvings_are_counted_and_the_step_is_good(monkeypatch):
     assert report.positions[:, 1].min() > 0.0
 
 
-# ---- what is not a number ----------------------------------------------------------------------------------------------------
+# ---- what is not a number
+# ----------------------------------------------------------------------------------------------------
 
 
 class Poison(Term):
@@ -132,8 +145,13 @@ class Poison(Term):
         return float(self._or_bad("largest step", np.array(1.0)))
 
 
-@pytest.mark.parametrize("what, bad, said", [*((what, np.nan, "not a number") for what in ("energy", "gradient", "Hessian", "largest step")),
-                                             *((what, np.inf, "infinite") for what in ("energy", "gradient", "Hessian"))])
+@pytest.mark.parametrize(
+    "what, bad, said",
+    [
+        *((what, np.nan, "not a number") for what in ("energy", "gradient", "Hessian", "largest step")),
+        *((what, np.inf, "infinite") for what in ("energy", "gradient", "Hessian")),
+    ],
+)
 def test_what_is_not_a_number_is_named(what, bad, said):
     problem, x, v = falling()
     problem.potential.terms = (*problem.potential.terms, Poison(what, bad, 2))

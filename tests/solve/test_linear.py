@@ -1,10 +1,14 @@
-"""Linear solvers: the coarse space is a Galerkin one, every method gives the same answer, and failures climb the ladder."""
+"""Linear solvers: the coarse space is a Galerkin one, every method gives the same answer, and failures climb the
+ladder.
+"""
 
 import numpy as np
 import pytest
 from mpi4py import MPI
 from petsc4py import PETSc
+from problems import block, make_problem, make_scene
 from scipy.sparse import csr_array
+from shapes import box, together
 
 from pdvol.errors import SimulationError
 from pdvol.hierarchy.level_space import LevelSpace
@@ -15,8 +19,6 @@ from pdvol.solve.coarse_space import SHIFT, CoarseSpace, grid_weights
 from pdvol.solve.linear import SHIFTS, LinearSolver
 from pdvol.solve.newton import Newton
 from pdvol.solve.system_matrix import SystemMatrix
-from problems import block, make_problem, make_scene
-from shapes import box, together
 
 COMM = MPI.COMM_SELF
 ROUND = 1e-12
@@ -60,7 +62,9 @@ def assert_same(space, system, dense):
     x.setArray(np.random.default_rng(2).standard_normal(len(dense)))
     y = x.duplicate()
     system.petsc.mult(x, y)
-    np.testing.assert_allclose(y.getArray(), dense @ x.getArray(), rtol=0.0, atol=ROUND * np.abs(dense).sum(axis=1).max())
+    np.testing.assert_allclose(
+        y.getArray(), dense @ x.getArray(), rtol=0.0, atol=ROUND * np.abs(dense).sum(axis=1).max()
+    )
 
 
 def test_the_matrix_is_what_was_summed(space):
@@ -119,7 +123,9 @@ def test_the_coarse_correction_is_galerkins(space):
         x.assemble()
         system.petsc.mult(x, y)
         A[:, k] = y.getArray()
-    P = np.kron(csr_array((coarse._weights, coarse._columns, coarse._starts), shape=(n, coarse.size)).toarray(), np.eye(d))
+    P = np.kron(
+        csr_array((coarse._weights, coarse._columns, coarse._starts), shape=(n, coarse.size)).toarray(), np.eye(d)
+    )
     assert np.all(P[np.repeat(supported, d)] == 0.0)
     G = P.T @ A @ P
     G[np.diag_indices(len(G))] *= 1.0 + SHIFT
@@ -131,7 +137,12 @@ def test_the_coarse_correction_is_galerkins(space):
 
 def solver(space, system, **settings):
     ksp = PETSc.KSP().create(COMM)
-    made = LinearSolver(ksp, Solver(**settings), len(space.mesh.points), lambda: CoarseSpace(space, grid_weights(space.mesh), system.all_supported))
+    made = LinearSolver(
+        ksp,
+        Solver(**settings),
+        len(space.mesh.points),
+        lambda: CoarseSpace(space, grid_weights(space.mesh), system.all_supported),
+    )
     ksp.setOperators(system.petsc)
     made.follow(system.parts)
     return made
@@ -150,13 +161,18 @@ def test_all_methods_agree(space, method):
     assert made.method == method
 
 
-@pytest.mark.parametrize("options", ["-ksp_type cg -pc_type gamg", "-ksp_type preonly -pc_type lu", "-ksp_type gmres -pc_type jacobi"])
+@pytest.mark.parametrize(
+    "options", ["-ksp_type cg -pc_type gamg", "-ksp_type preonly -pc_type lu", "-ksp_type gmres -pc_type jacobi"]
+)
 def test_users_options_reach_petsc(options):
     """One step under a user's own solver is that of the direct one."""
     results = []
     for settings in ({"linear": "direct"}, {"linear": "iterative", "petsc": f"{options} -ksp_rtol 1e-10"}):
-        scene = make_scene(loads=(Gravity((0.0, 0.0, -9.81)),), supports=(Support(lambda X: X[:, 2] < 1e-9),),
-                           solver=Solver(tolerance=1e-8, **settings))
+        scene = make_scene(
+            loads=(Gravity((0.0, 0.0, -9.81)),),
+            supports=(Support(lambda X: X[:, 2] < 1e-9),),
+            solver=Solver(tolerance=1e-8, **settings),
+        )
         problem = make_problem(scene, box(3, 3))
         X = problem.space.mesh.points
         results.append(problem.step(1, X, np.zeros_like(X)).positions)
@@ -184,12 +200,19 @@ def test_a_failure_climbs_the_ladder_to_its_end(space, monkeypatch):
     system, dense = systems(space)
     made = solver(space, system)
     tried = []
-    monkeypatch.setattr(LinearSolver, "_use", lambda self, method: tried.append(setattr(self, "method", method) or method))
+    monkeypatch.setattr(
+        LinearSolver, "_use", lambda self, method: tried.append(setattr(self, "method", method) or method)
+    )
 
     class Failing:
-        def solve(self, *_): pass
-        def getConvergedReason(self): return int(PETSc.KSP.ConvergedReason.DIVERGED_INDEFINITE_PC)
-        def getIterationNumber(self): return 3
+        def solve(self, *_):
+            pass
+
+        def getConvergedReason(self):
+            return int(PETSc.KSP.ConvergedReason.DIVERGED_INDEFINITE_PC)
+
+        def getIterationNumber(self):
+            return 3
 
     made.ksp = Failing()
     with pytest.raises(SimulationError, match="linear solve failed"):
@@ -248,18 +271,24 @@ def test_an_option_that_hides_the_pivots_is_respected(space):
 
 @pytest.mark.parametrize("indefinite", [False, True])
 def test_newton_tries_the_true_hessian_under_a_direct_solver(monkeypatch, indefinite):
-    """A thin strip, released pressed together and uneven: told that it is indefinite or not, it comes to the same end as by iterations."""
+    """A thin strip, released pressed together and uneven: told that it is indefinite or not, it comes to the same end
+    as by iterations.
+    """
     ends, tried = [], []
     solve_again, choose = Newton._solve_again, Newton._choose_model
     monkeypatch.setattr(Newton, "_solve_again", lambda self, *words: tried.append("again") or solve_again(self, *words))
-    monkeypatch.setattr(Newton, "_choose_model", lambda self, snes: choose(self, snes) or tried.append(self._model.positive))
+    monkeypatch.setattr(
+        Newton, "_choose_model", lambda self, snes: choose(self, snes) or tried.append(self._model.positive)
+    )
     if indefinite:
         monkeypatch.setattr(LinearSolver, "indefinite", property(lambda self: self.method == "direct"))
     mesh = block((0.0, 0.0), (1.0, 0.05), (20, 1))
     wild = mesh.points * [0.6, 1.0] + 0.002 * np.random.default_rng(5).uniform(-1.0, 1.0, mesh.points.shape)
     for method in ("iterative", "direct"):
         tried.clear()
-        scene = make_scene(materials=(NeoHookean(1e6),), solver=Solver(tolerance=1e-8, linear=method, accuracy=1e-10), dt=0.1)
+        scene = make_scene(
+            materials=(NeoHookean(1e6),), solver=Solver(tolerance=1e-8, linear=method, accuracy=1e-10), dt=0.1
+        )
         ends.append(make_problem(scene, mesh).step(1, wild, np.zeros_like(wild)).positions)
     assert "none" in tried and ("again" in tried) == indefinite
     np.testing.assert_allclose(ends[1], ends[0], atol=1e-7)

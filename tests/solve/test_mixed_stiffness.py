@@ -1,22 +1,31 @@
-"""Bodies that are as good as rigid are stiff materials: 2e10 Pa beside 2e4 Pa in one scene, with the solver's own choices."""
+"""Bodies that are as good as rigid are stiff materials: 2e10 Pa beside 2e4 Pa in one scene, with the solver's own
+choices.
+"""
 
 import numpy as np
 import pytest
+from problems import block, make_problem, make_scene
+from shapes import together
 
 from pdvol.hierarchy.level_mesh import simplex_volumes
 from pdvol.scene import Barrier, FixedCorotational, Friction, Gravity, NeoHookean, Plane, Solver, StVenantKirchhoff
-from problems import block, make_problem, make_scene
-from shapes import together
 
 
 @pytest.mark.parametrize(("d", "law"), [(2, StVenantKirchhoff), (2, FixedCorotational), (3, NeoHookean)])
 def test_a_rigid_block_thrown_on_a_soft_one(d, law):
-    """It sinks in and keeps its shape: strains of a stress of about rho g h, 2e3 Pa, over 2e10 Pa, ten thousand times those of the soft one."""
+    """It sinks in and keeps its shape: strains of a stress of about rho g h, 2e3 Pa, over 2e10 Pa, ten thousand times
+    those of the soft one.
+    """
     soft = block((0.0,) * (d - 1) + (0.005,), (0.6,) * (d - 1) + (0.205,), (4,) * (d - 1) + (2,), jitter=0.05)
     hard = block((0.2,) * (d - 1) + (0.215,), (0.4,) * (d - 1) + (0.415,), 2, jitter=0.05, seed=1)
     mesh = together(soft, hard)
-    scene = make_scene((law(2e4), law(2e10)), loads=(Gravity((0.0,) * (d - 1) + (-9.81,)),), obstacles=(Plane((0.0,) * d, tuple(np.eye(d)[-1])),),
-                       contact=(Barrier(dhat=4e-3), Friction(0.3)), solver=Solver(tolerance=1e-3))
+    scene = make_scene(
+        (law(2e4), law(2e10)),
+        loads=(Gravity((0.0,) * (d - 1) + (-9.81,)),),
+        obstacles=(Plane((0.0,) * d, tuple(np.eye(d)[-1])),),
+        contact=(Barrier(dhat=4e-3), Friction(0.3)),
+        solver=Solver(tolerance=1e-3),
+    )
     problem = make_problem(scene, mesh)
     thrown = mesh.point_bodies == 1
     x, v = mesh.points, np.where(thrown[:, None], [0.5] + [0.0] * (d - 2) + [-1.0], 0.0)
@@ -35,9 +44,16 @@ def test_a_rigid_block_thrown_on_a_soft_one(d, law):
 
 @pytest.mark.parametrize("law", [NeoHookean, StVenantKirchhoff, FixedCorotational])
 def test_every_law_survives_a_hard_impact(law):
-    """rho v^2 = 3.2 E: cells are pressed to less than a tenth of their volume where the law gives way, none inverts and no step is cut."""
+    """rho v^2 = 3.2 E: cells are pressed to less than a tenth of their volume where the law gives way, none inverts and
+    no step is cut.
+    """
     mesh = block((0.0, 0.02), (0.4, 0.42), 4, jitter=0.1)
-    scene = make_scene((law(2e4),), obstacles=(Plane((0.0, 0.0), (0.0, 1.0)),), contact=(Barrier(dhat=5e-3),), solver=Solver(tolerance=1e-3))
+    scene = make_scene(
+        (law(2e4),),
+        obstacles=(Plane((0.0, 0.0), (0.0, 1.0)),),
+        contact=(Barrier(dhat=5e-3),),
+        solver=Solver(tolerance=1e-3),
+    )
     problem, x, v = make_problem(scene, mesh), mesh.points, np.tile([0.0, -8.0], (len(mesh.points), 1))
     least = 1.0
     for number in range(1, 16):

@@ -6,8 +6,10 @@ import pytest
 from pdvol.solve.model_choice import LONGEST, PAUSE, STUCK, ModelChoice, lengthening, promised_decrease
 
 
-@pytest.mark.parametrize("came, positive, quick", [(-1.0, "clamp", True), (-0.6, "clamp", True), (-0.4, "abs", False), (0.1, "abs", False),
-                                                   (-1.5, "none", True)])
+@pytest.mark.parametrize(
+    "came, positive, quick",
+    [(-1.0, "clamp", True), (-0.6, "clamp", True), (-0.4, "abs", False), (0.1, "abs", False), (-1.5, "none", True)],
+)
 def test_by_what_came_of_a_promise(came, positive, quick):
     model = ModelChoice()
     model.took(-1.0, came, whole=True, cap=1.0, may_be_raw=True)
@@ -73,7 +75,10 @@ def test_the_promise_is_the_quadratic_models():
 
 
 @pytest.mark.parametrize("share", [0.3, 1.0, 4.0])
-@pytest.mark.parametrize("stiffness, expected", [(0.1, 10.0), (0.4, 2.5), (0.6, 1.0), (1.0, 1.0), (0.01, LONGEST), (0.0, LONGEST), (-0.3, LONGEST)])
+@pytest.mark.parametrize(
+    "stiffness, expected",
+    [(0.1, 10.0), (0.4, 2.5), (0.6, 1.0), (1.0, 1.0), (0.01, LONGEST), (0.0, LONGEST), (-0.3, LONGEST)],
+)
 def test_a_step_that_repeats_the_last_one_goes_to_the_end_of_the_series(share, stiffness, expected):
     """Where the truth has so much of the model's stiffness along d, the step after t d is (1 - t stiffness) d."""
     d = np.array([[1.0, -2.0], [0.5, 3.0]])

@@ -1,15 +1,30 @@
-"""Scripted motions under contact: followed exactly where they can be, as far as possible where not, never through anything."""
+"""Scripted motions under contact: followed exactly where they can be, as far as possible where not, never through
+anything.
+"""
 
 import numpy as np
 import pytest
+from problems import block, make_problem, make_scene, polyline, tetrahedron
 
 from pdvol.errors import InputError
 from pdvol.hierarchy.crossings import edges_of, find_crossings
 from pdvol.hierarchy.level_mesh import simplex_volumes
 from pdvol.potentials.potential import Positions
-from pdvol.scene import Barrier, Gravity, Path, Plane, Rigid, Rotation, Scene, Sequential, Solver, Support, Translation, moved
+from pdvol.scene import (
+    Barrier,
+    Gravity,
+    Path,
+    Plane,
+    Rigid,
+    Rotation,
+    Scene,
+    Sequential,
+    Solver,
+    Support,
+    Translation,
+    moved,
+)
 from pdvol.solve import linear
-from problems import block, make_problem, make_scene, polyline, tetrahedron
 
 X = np.array([[1.0, 0.0, 2.0], [0.0, 1.0, -1.0]])
 SOLVER = Solver(tolerance=1e-4)
@@ -39,7 +54,8 @@ def crosses(mesh, positions, obstacle) -> bool:
     return len(find_crossings(points, edges_of(facets), solids, groups)) > 0
 
 
-# ---- motions by themselves ---------------------------------------------------------------------------------------------------
+# ---- motions by themselves
+# ---------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("smooth", [False, True])
@@ -65,19 +81,38 @@ def test_sequential_turns_first_and_carries_what_has_turned():
     np.testing.assert_allclose(off(X, 1.0), [[1.0, 0.0, 3.0], [0.0, -1.0, 6.0]], atol=1e-14)
 
 
-@pytest.mark.parametrize("make", [
-    lambda: Path((0.0,), ((0.0, 0.0),)), lambda: Path((0.0, 0.0), ((0.0, 0.0), (1.0, 0.0))), lambda: Path((0.0, 1.0), ((0.0, 0.0), (1.0, 0.0, 0.0))),
-    lambda: Path((0.0, np.nan), ((0.0, 0.0), (1.0, 0.0))), lambda: Sequential((3,)), lambda: Translation((np.nan, 0.0)),
-    lambda: Translation((1.0, 0.0), stop=-1.0), lambda: Rotation(1.0, (0.0, 0.0, 0.0), axis=(0.0, 0.0, 0.0)), lambda: Rotation(np.inf, (0.0, 0.0)),
-    lambda: Support(left, release=-1.0), lambda: Support(left, release=np.nan), lambda: Support("left"), lambda: Support(left, motion=3),
-])
+@pytest.mark.parametrize(
+    "make",
+    [
+        lambda: Path((0.0,), ((0.0, 0.0),)),
+        lambda: Path((0.0, 0.0), ((0.0, 0.0), (1.0, 0.0))),
+        lambda: Path((0.0, 1.0), ((0.0, 0.0), (1.0, 0.0, 0.0))),
+        lambda: Path((0.0, np.nan), ((0.0, 0.0), (1.0, 0.0))),
+        lambda: Sequential((3,)),
+        lambda: Translation((np.nan, 0.0)),
+        lambda: Translation((1.0, 0.0), stop=-1.0),
+        lambda: Rotation(1.0, (0.0, 0.0, 0.0), axis=(0.0, 0.0, 0.0)),
+        lambda: Rotation(np.inf, (0.0, 0.0)),
+        lambda: Support(left, release=-1.0),
+        lambda: Support(left, release=np.nan),
+        lambda: Support("left"),
+        lambda: Support(left, motion=3),
+    ],
+)
 def test_nonsense_is_refused(make):
     with pytest.raises(InputError):
         make()
 
 
-@pytest.mark.parametrize("motion, said", [(lambda X, t: X * np.nan, "NaN"), (lambda X, t: X[:1], "shape"), (lambda X, t: 1 / 0, "ZeroDivision"),
-                                          (lambda X, t: None, "")])
+@pytest.mark.parametrize(
+    "motion, said",
+    [
+        (lambda X, t: X * np.nan, "NaN"),
+        (lambda X, t: X[:1], "shape"),
+        (lambda X, t: 1 / 0, "ZeroDivision"),
+        (lambda X, t: None, ""),
+    ],
+)
 def test_a_motion_of_ones_own_is_told_what_is_wrong(motion, said):
     with pytest.raises(InputError, match=f"obstacle 'rock': its motion .*{said}"):
         moved(motion, X, 0.5, "obstacle 'rock'")
@@ -85,23 +120,30 @@ def test_a_motion_of_ones_own_is_told_what_is_wrong(motion, said):
 
 def test_a_motion_that_goes_wrong_on_the_way_stops_at_once():
     """At t = 2, which no one tried beforehand."""
-    scene = make_scene(dt=0.05, steps=1, supports=(Support(left, motion=lambda X, t: X if t < 0.09 else X * np.nan),), solver=SOLVER)
+    scene = make_scene(
+        dt=0.05, steps=1, supports=(Support(left, motion=lambda X, t: X if t < 0.09 else X * np.nan),), solver=SOLVER
+    )
     with pytest.raises(InputError, match="a support: its motion gives NaN or infinity at t = 0.1 s"):
         list(march(make_problem(scene, block((0.0, 0.0), (0.2, 0.2), 2)), 5))
 
 
-# ---- release -----------------------------------------------------------------------------------------------------------------
+# ---- release
+# -----------------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("d", [2, 3])
 def test_released_supports_fly_on(d):
-    """All vertices are carried along at 2 m/s and let go at t = 0.03 s, within the second step: the third is the first free one.
+    """All vertices are carried along at 2 m/s and let go at t = 0.03 s, within the second step: the third is the first
+    free one.
 
     From then on it is free fall with the velocity of the motion: x = X + v t - g dt^2 k (k + 1) / 2 after k free steps.
     """
     v = 2.0 * np.eye(d)[0]
-    scene = make_scene(dt=0.02, loads=(Gravity(tuple(-9.81 * np.eye(d)[-1])),), supports=(Support(lambda X: X[:, 0] > -1.0, motion=Translation(tuple(v)),
-                                                                                               release=0.03),))
+    scene = make_scene(
+        dt=0.02,
+        loads=(Gravity(tuple(-9.81 * np.eye(d)[-1])),),
+        supports=(Support(lambda X: X[:, 0] > -1.0, motion=Translation(tuple(v)), release=0.03),),
+    )
     mesh = block((0.0,) * d, (0.2,) * d, 1)
     for report in march(make_problem(scene, mesh), 6):
         free = max(0, report.step - 2)
@@ -112,8 +154,10 @@ def test_released_supports_fly_on(d):
 
 def test_releasing_part_frees_only_that_part():
     """Both ends held; one is let go of at a step's very beginning, to round-off, and moves in that step."""
-    right = lambda X: X[:, 0] > 0.4 - 1e-9  # noqa: E731
-    scene = make_scene(dt=0.1, loads=(Gravity((0.0, -9.81)),), supports=(Support(left), Support(right, release=0.1 + 0.2)))
+    right = lambda X: X[:, 0] > 0.4 - 1e-9
+    scene = make_scene(
+        dt=0.1, loads=(Gravity((0.0, -9.81)),), supports=(Support(left), Support(right, release=0.1 + 0.2))
+    )
     mesh = block((0.0, 0.0), (0.4, 0.1), (4, 1))
     problem = make_problem(scene, mesh)
     moves = [np.abs((report.positions - mesh.points)[right(mesh.points)]).max() for report in march(problem, 4)]
@@ -124,8 +168,12 @@ def test_releasing_part_frees_only_that_part():
 
 
 def both_directions(solver):
-    """A bar's Newton directions where its support moves and something pushes, and where nothing does; which rows are held, and the move."""
-    problem = make_problem(make_scene(supports=(Support(left),), solver=solver), block((0.0, 0.0, 0.0), (0.4, 0.1, 0.1), (4, 1, 1)))
+    """A bar's Newton directions where its support moves and something pushes, and where nothing does; which rows are
+    held, and the move.
+    """
+    problem = make_problem(
+        make_scene(supports=(Support(left),), solver=solver), block((0.0, 0.0, 0.0), (0.4, 0.1, 0.1), (4, 1, 1))
+    )
     random, mesh = np.random.default_rng(1), problem.space.mesh
     x_t = Positions(problem.space, problem.space.from_input(mesh.points))
     problem.potential.begin_step(x_t, x_t.owned, 0.0, 0.01)
@@ -137,7 +185,9 @@ def both_directions(solver):
 
 
 def test_what_motions_do_by_themselves_is_the_direction_less_the_way_to_rest():
-    """Both directions carry supports where they go, and differ by Newton's direction with nothing moving: the model is quadratic."""
+    """Both directions carry supports where they go, and differ by Newton's direction with nothing moving: the model is
+    quadratic.
+    """
     (both, alone), (rest, nothing), held, move = both_directions(Solver(tolerance=1e-6, linear="direct"))
     for direction in (both, alone):
         np.testing.assert_allclose(direction[held] - move, 0.0, atol=1e-12)
@@ -154,19 +204,27 @@ def test_the_second_direction_is_right_where_the_first_changes_the_solver(monkey
     np.testing.assert_allclose(alone, expected, atol=1e-6 * np.abs(expected).max())
 
 
-# ---- through contact ---------------------------------------------------------------------------------------------------------
+# ---- through contact
+# ---------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("d", [2, 3])
 @pytest.mark.parametrize("speed", [1.0, 10.0])
 def test_a_support_driven_through_a_wall_stops_in_front_of_it(d, speed):
-    """A support presses a block against a wall and wants to go on through it; it ends just in front of it, and waits there.
+    """A support presses a block against a wall and wants to go on through it; it ends just in front of it, and waits
+    there.
 
-    The wall is 0.35 m away. Parts of the motion leave cells a thousandth of their volume, and so about that of the block's 0.3 m.
+    The wall is 0.35 m away. Parts of the motion leave cells a thousandth of their volume, and so about that of the
+    block's 0.3 m.
     """
     dhat, wall, e = 5e-3, 0.35, np.eye(d)[0]
-    scene = make_scene(dt=0.02, supports=(Support(left, motion=Translation(tuple(speed * e))),), obstacles=(Plane(tuple(wall * e), tuple(-e)),),
-                       contact=(Barrier(dhat=dhat),), solver=SOLVER)
+    scene = make_scene(
+        dt=0.02,
+        supports=(Support(left, motion=Translation(tuple(speed * e))),),
+        obstacles=(Plane(tuple(wall * e), tuple(-e)),),
+        contact=(Barrier(dhat=dhat),),
+        solver=SOLVER,
+    )
     mesh = block((0.0,) * d, (0.3,) + (0.2,) * (d - 1), (4,) + (2,) * (d - 1) if d == 2 else (2, 1, 1))
     stop = wall / speed
     for report in march(make_problem(scene, mesh), int(np.ceil(stop / scene.dt)) + 2):
@@ -195,17 +253,26 @@ def paddle(d, speed):
 @pytest.mark.parametrize("d", [2, 3])
 @pytest.mark.parametrize("speed", [5.0, 50.0])
 def test_a_paddle_turns_into_a_body_without_crossing_it(d, speed):
-    """By 0.1 rad and by 1 rad a step, where the chord of the arc cuts through the body and the arc does not: at the end of every step the
-    obstacle is where its motion has it at the time told, and nothing crosses it there."""
+    """By 0.1 rad and by 1 rad a step, where the chord of the arc cuts through the body and the arc does not: at the end
+    of every step the obstacle is where its motion has it at the time told, and nothing crosses it there.
+    """
     rigid, geometry = paddle(d, speed)
     mesh = block((0.1,) + (0.0,) * (d - 1), (0.5,) + (0.1,) * (d - 1), (4, 1) if d == 2 else (3, 1, 1))
-    scene = make_scene(dt=0.02, supports=(Support(lambda X: X[:, -1] < 1e-9),), obstacles=(rigid,), contact=(Barrier(dhat=5e-3),), solver=SOLVER)
+    scene = make_scene(
+        dt=0.02,
+        supports=(Support(lambda X: X[:, -1] < 1e-9),),
+        obstacles=(rigid,),
+        contact=(Barrier(dhat=5e-3),),
+        solver=SOLVER,
+    )
     problem = make_problem(scene, mesh, [geometry])
     behind, touched = 0.0, False
     for report in march(problem, 6 if speed == 5.0 else 2):
         at = report.time - report.behind
         vertices = rigid.motion(geometry[0], at)
-        np.testing.assert_array_equal(problem.potential.contacts[-1].surface.obstacle_positions, rigid.motion(geometry[0], problem.script.clock))
+        np.testing.assert_array_equal(
+            problem.potential.contacts[-1].surface.obstacle_positions, rigid.motion(geometry[0], problem.script.clock)
+        )
         assert problem.script.clock == pytest.approx(at, abs=1e-15)
         assert not crosses(mesh, report.positions, (vertices, *geometry[1:]))
         assert simplex_volumes(report.positions, mesh.cells).min() > 0.0
@@ -219,9 +286,11 @@ def test_a_paddle_turns_into_a_body_without_crossing_it(d, speed):
 
 @pytest.mark.parametrize("speed", [10.0, 25.0])
 def test_a_body_pressed_to_a_wall_turns_with_it(speed):
-    """By 0.2 rad and 0.5 rad a step, its support and the wall about one centre: nothing is in the way, and gaps are hundredths of dhat.
+    """By 0.2 rad and 0.5 rad a step, its support and the wall about one centre: nothing is in the way, and gaps are
+    hundredths of dhat.
 
-    Straight ways leave the wall by the arc's height over its chord, hundreds of gaps, unless they are found for places near enough.
+    Straight ways leave the wall by the arc's height over its chord, hundreds of gaps, unless they are found for places
+    near enough.
     """
     dt, press, inner = 0.02, np.array([0.03, 0.0]), 0.05 - 1e-4
 
@@ -231,7 +300,13 @@ def test_a_body_pressed_to_a_wall_turns_with_it(speed):
 
     support = Support(lambda X: X[:, 0] > 0.3 - 1e-9, motion=lambda X, t: turn(X - min(t / dt, 1.0) * press, t))
     wall = polyline([(0.02, -0.05), (inner, -0.05), (inner, 0.15), (0.02, 0.15)])
-    scene = make_scene(dt=dt, supports=(support,), obstacles=(Rigid("wall", motion=turn),), contact=(Barrier(dhat=2e-3, stiffness=1e-3),), solver=SOLVER)
+    scene = make_scene(
+        dt=dt,
+        supports=(support,),
+        obstacles=(Rigid("wall", motion=turn),),
+        contact=(Barrier(dhat=2e-3, stiffness=1e-3),),
+        solver=SOLVER,
+    )
     for report in march(make_problem(scene, block((0.05, 0.0), (0.3, 0.1), (5, 2)), [wall]), 4):
         assert report.reached == 1.0 and report.behind == 0.0
         assert 1e-6 < report.min_gap < 2e-5
@@ -240,7 +315,9 @@ def test_a_body_pressed_to_a_wall_turns_with_it(speed):
 @pytest.mark.parametrize("d", [2, 3])
 @pytest.mark.parametrize("speed", [5.0, 50.0])
 def test_a_plane_carries_a_free_block_along(d, speed):
-    """At 0.1 m and 1 m a step, up to three times the block's length and 200 dhat: nothing holds the block, so all of the motion is carried out."""
+    """At 0.1 m and 1 m a step, up to three times the block's length and 200 dhat: nothing holds the block, so all of
+    the motion is carried out.
+    """
     dhat, e = 5e-3, np.eye(d)[0]
     plane = Plane(tuple(-0.05 * e), tuple(e), Translation(tuple(speed * e)))
     scene = make_scene(dt=0.02, obstacles=(plane,), contact=(Barrier(dhat=dhat),), solver=SOLVER)
@@ -252,9 +329,17 @@ def test_a_plane_carries_a_free_block_along(d, speed):
 
 
 def test_what_was_held_back_is_caught_up_with():
-    """A plate sinks onto a held block and rises again before it is through: it is on time again when the motion has come back."""
+    """A plate sinks onto a held block and rises again before it is through: it is on time again when the motion has
+    come back.
+    """
     plate = Plane((0.0, 0.3), (0.0, -1.0), Path((0.0, 0.1, 0.2), ((0.0, 0.0), (0.0, -0.5), (0.0, 0.0))))
-    scene = make_scene(dt=0.02, supports=(Support(lambda X: X[:, 1] < 1e-9),), obstacles=(plate,), contact=(Barrier(dhat=5e-3),), solver=SOLVER)
+    scene = make_scene(
+        dt=0.02,
+        supports=(Support(lambda X: X[:, 1] < 1e-9),),
+        obstacles=(plate,),
+        contact=(Barrier(dhat=5e-3),),
+        solver=SOLVER,
+    )
     mesh = block((0.0, 0.0), (0.4, 0.2), (4, 2))
     reports = list(march(make_problem(scene, mesh), 11))
     assert reports[4].behind > 0.0 and reports[-1].behind == 0.0
@@ -269,7 +354,11 @@ def test_a_scene_with_a_path_and_a_release_can_be_described():
     from pdvol.runs.describe import describe, differences
 
     def scene(end, release):
-        support = Support(left, motion=Sequential((Path((0.0, 1.0), ((0.0, 0.0), (end, 0.0))), Rotation(1.0, (0.0, 0.0)))), release=release)
+        support = Support(
+            left,
+            motion=Sequential((Path((0.0, 1.0), ((0.0, 0.0), (end, 0.0))), Rotation(1.0, (0.0, 0.0)))),
+            release=release,
+        )
         return make_scene(supports=(support,))
 
     assert isinstance(scene(1.0, 1.0), Scene)

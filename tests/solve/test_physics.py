@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
+from problems import block, make_problem, make_scene, masses
+from shapes import box
 
 from pdvol.hierarchy.level_mesh import simplex_volumes
 from pdvol.scene import Barrier, Friction, Gravity, NeoHookean, Plane, Rotation, Solver, Support, Translation
 from pdvol.solve.level_problem import LevelProblem
-from problems import block, make_problem, make_scene, masses
-from shapes import box
 
 G = 9.81
 
@@ -30,12 +30,15 @@ def left(X):
     return X[:, 0] < 1e-9
 
 
-# ---- free fall ---------------------------------------------------------------------------------------------------------------
+# ---- free fall
+# ---------------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("d", [2, 3])
 def test_free_fall(d):
-    """Implicit Euler: v_n = v_0 - n g dt, so x_n = x_0 + n dt v_0 - g dt^2 (1 + 2 + ... + n) = ... - g dt^2 n (n + 1) / 2."""
+    """Implicit Euler: v_n = v_0 - n g dt, so x_n = x_0 + n dt v_0 - g dt^2 (1 + 2 + ... + n) = ... - g dt^2 n (n + 1) /
+    2.
+    """
     scene = make_scene(loads=(Gravity((0.0,) * (d - 1) + (-G,)),), dt=0.02)
     mesh = box(d, 2, jitter=0.1)
     v0 = np.linspace(1.0, 2.0, d)
@@ -45,14 +48,22 @@ def test_free_fall(d):
         np.testing.assert_allclose(report.positions, mesh.points + fall, rtol=1e-9, atol=1e-9)
 
 
-# ---- equilibria: one step so long that inertia, (period / step)^2 of the load, does not matter --------------------------------
+# ---- equilibria: one step so long that inertia, (period / step)^2 of the load, does not matter
+# --------------------------------
 
 
 def equilibrium(material, mesh, where, seconds, nearest):
-    """Displacements (n, d) under gravity along the last axis, to `nearest` [m], after a step of `seconds` >> the slowest period."""
+    """Displacements (n, d) under gravity along the last axis, to `nearest` [m], after a step of `seconds` >> the
+    slowest period.
+    """
     d = mesh.dim
-    scene = make_scene((material,), dt=seconds, loads=(Gravity((0.0,) * (d - 1) + (-G,)),), supports=(Support(where),),
-                       solver=Solver(tolerance=nearest / seconds, linear="direct"))
+    scene = make_scene(
+        (material,),
+        dt=seconds,
+        loads=(Gravity((0.0,) * (d - 1) + (-G,)),),
+        supports=(Support(where),),
+        solver=Solver(tolerance=nearest / seconds, linear="direct"),
+    )
     ((report, _),) = march(make_problem(scene, mesh), 1)
     assert report.cuts == 0
     return report.positions - mesh.points
@@ -62,10 +73,11 @@ def equilibrium(material, mesh, where, seconds, nearest):
 def test_hanging_bar(d):
     r"""A bar of length L hanging from its top without Poisson's effect: stress rho g z at height z above the tip.
 
-    psi = mu/2 (F^2 - 1 - 2 ln F) with 2 mu = E, so P = E/2 (F - 1/F) = E (e - e^2/2 + ...), F = 1 + e, and e = s + s^2/2 with
-    s = rho g z / E: the tip sinks by L (a/2 + a^2/6), a = rho g L / E. Means over horizontal sections obey the one-dimensional elements,
-    which are exact at nodes: the integral of du/dz over a layer is the difference of u's over its two faces, and the sum of a row's hat
-    functions depends on z alone. The lumps of weight at the corners bend the bar by some per cent, which the mean feels as a^2 only.
+    psi = mu/2 (F^2 - 1 - 2 ln F) with 2 mu = E, so P = E/2 (F - 1/F) = E (e - e^2/2 + ...), F = 1 + e, and e = s +
+    s^2/2 with s = rho g z / E: the tip sinks by L (a/2 + a^2/6), a = rho g L / E. Means over horizontal sections obey
+    the one-dimensional elements, which are exact at nodes: the integral of du/dz over a layer is the difference of u's
+    over its two faces, and the sum of a row's hat functions depends on z alone. The lumps of weight at the corners bend
+    the bar by some per cent, which the mean feels as a^2 only.
     """
     L, material = 1.0, NeoHookean(young=1e8, poisson=0.0, density=1000.0)
     mesh = block((0.0,) * d, (0.2,) * (d - 1) + (L,), (2,) * (d - 1) + (8,))
@@ -79,9 +91,9 @@ def test_hanging_bar(d):
 def test_cantilever():
     """A beam clamped at one end sags at its tip by q L^4 / (8 E' I) + q L^2 / (2 k G A) (Timoshenko), q = rho g h.
 
-    Plane strain: E' = E / (1 - nu^2), I = h^3 / 12, A = h, k = 5/6. Linear triangles lock in bending with an error of order (size / h)^2,
-    which is extrapolated away from meshes of 8 and 16 across; the next order, and the clamp, which holds Poisson's widening back over
-    about h / 2 of the beam, leave less than a per cent.
+    Plane strain: E' = E / (1 - nu^2), I = h^3 / 12, A = h, k = 5/6. Linear triangles lock in bending with an error of
+    order (size / h)^2, which is extrapolated away from meshes of 8 and 16 across; the next order, and the clamp, which
+    holds Poisson's widening back over about h / 2 of the beam, leave less than a per cent.
     """
     L, h, material = 1.0, 0.1, NeoHookean(young=1e9, poisson=0.3, density=1000.0)
     q, stiff, inertia = material.density * G * h, material.young / (1.0 - material.poisson**2), h**3 / 12.0
@@ -99,7 +111,8 @@ def test_cantilever():
     assert (4.0 * sags[16] - sags[8]) / 3.0 == pytest.approx(expected, rel=0.01)
 
 
-# ---- friction on a slope -----------------------------------------------------------------------------------------------------
+# ---- friction on a slope
+# -----------------------------------------------------------------------------------------------------
 
 MU, EPS_V = 0.3, 1e-3
 BLOCK = NeoHookean(young=1e6, poisson=0.3, density=1000.0)
@@ -110,8 +123,14 @@ def slope_motion(tangent, d, steps):
     angle, dhat = np.arctan(tangent), 4e-3
     gravity = np.zeros(d)
     gravity[0], gravity[-1] = G * np.sin(angle), -G * np.cos(angle)
-    scene = make_scene((BLOCK,), dt=0.01, loads=(Gravity(tuple(gravity)),), obstacles=(Plane((0.0,) * d, tuple(np.eye(d)[-1])),),
-                       contact=(Barrier(dhat=dhat, stiffness=0.1), Friction(MU, eps_v=EPS_V)), solver=Solver(tolerance=1e-7, linear="direct"))
+    scene = make_scene(
+        (BLOCK,),
+        dt=0.01,
+        loads=(Gravity(tuple(gravity)),),
+        obstacles=(Plane((0.0,) * d, tuple(np.eye(d)[-1])),),
+        contact=(Barrier(dhat=dhat, stiffness=0.1), Friction(MU, eps_v=EPS_V)),
+        solver=Solver(tolerance=1e-7, linear="direct"),
+    )
     mesh = block((0.0,) * (d - 1) + (0.6 * dhat,), (0.2,) * (d - 1) + (0.1,), (2 if d == 2 else 1,) * (d - 1) + (1,))
     problem = make_problem(scene, mesh)
     m = masses(problem)
@@ -120,10 +139,12 @@ def slope_motion(tangent, d, steps):
 
 @pytest.mark.parametrize("d", [2, 3])
 def test_block_sticks_below_the_slip_angle(d):
-    """At tan = 0.95 mu friction balances at f1(y) = 2 y - y^2 = 0.95, y = slip / (eps_v dt): it creeps at y = 1 - sqrt(0.05) of eps_v.
+    """At tan = 0.95 mu friction balances at f1(y) = 2 y - y^2 = 0.95, y = slip / (eps_v dt): it creeps at y = 1 -
+    sqrt(0.05) of eps_v.
 
-    Pressures differ from corner to corner and friction is proportional to them, so one common speed balances all. The block starts a
-    little above its resting place and slides while it drops; then it stays at that speed, to a per cent for what still flexes.
+    Pressures differ from corner to corner and friction is proportional to them, so one common speed balances all. The
+    block starts a little above its resting place and slides while it drops; then it stays at that speed, to a per cent
+    for what still flexes.
     """
     speeds, _ = slope_motion(0.95 * MU, d, 60)
     np.testing.assert_allclose(speeds[-10:], (1.0 - np.sqrt(0.05)) * EPS_V, rtol=0.01)
@@ -131,26 +152,31 @@ def test_block_sticks_below_the_slip_angle(d):
 
 @pytest.mark.parametrize("d", [2, 3])
 def test_block_slides_above_the_slip_angle(d):
-    """a = g (sin - mu cos). Implicit Euler's velocities grow by exactly a dt where a is constant; two per cent for bouncing on the barrier."""
+    """a = g (sin - mu cos). Implicit Euler's velocities grow by exactly a dt where a is constant; two per cent for
+    bouncing on the barrier.
+    """
     speeds, dt = slope_motion(1.3 * MU, d, 60)
     angle = np.arctan(1.3 * MU)
     acceleration = (speeds[-1] - speeds[29]) / (30 * dt)
     assert acceleration == pytest.approx(G * (np.sin(angle) - MU * np.cos(angle)), rel=0.02)
 
 
-# ---- what every solve keeps --------------------------------------------------------------------------------------------------
+# ---- what every solve keeps
+# --------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("d", [2, 3])
 def test_momentum_without_loads(d):
-    """Linear momentum stays. Sum x_{n+1} x f(x_{n+1}) = 0 and f dt = m (v_{n+1} - v_n) give L_{n+1} = L_n + dt sum m v_{n+1} x v_n."""
+    """Linear momentum stays. Sum x_{n+1} x f(x_{n+1}) = 0 and f dt = m (v_{n+1} - v_n) give L_{n+1} = L_n + dt sum m
+    v_{n+1} x v_n.
+    """
     mesh = box(d, 2, jitter=0.1)
     problem = make_problem(make_scene(dt=0.01, solver=Solver(tolerance=1e-7, linear="direct")), mesh)
     m = masses(problem)[:, None]
     centre = np.average(mesh.points, axis=0, weights=m[:, 0])
     r = mesh.points - centre
     v = 3.0 * np.column_stack([-r[:, 1], r[:, 0], *[0.0 * r[:, 0]] * (d - 2)]) + np.linspace(1.0, 2.0, d) + 4.0 * r * r
-    wedge = lambda a, b: a.T @ b - b.T @ a  # noqa: E731
+    wedge = lambda a, b: a.T @ b - b.T @ a
     momentum, x, turning = (m * v).sum(axis=0), mesh.points, None
     old = v
     turning = wedge(x, m * v)
@@ -159,7 +185,9 @@ def test_momentum_without_loads(d):
         np.testing.assert_allclose((m * v).sum(axis=0), momentum, rtol=1e-9)
         expected = turning + problem.scene.dt * wedge(v, m * old)
         turning, old = wedge(report.positions, m * v), v
-        np.testing.assert_allclose(turning, expected, atol=1e-7 * np.abs(turning).max())  # Newton's last step, about 1e-7 m/s
+        np.testing.assert_allclose(
+            turning, expected, atol=1e-7 * np.abs(turning).max()
+        )  # Newton's last step, about 1e-7 m/s
 
 
 def watched(problem: LevelProblem):
@@ -185,11 +213,18 @@ def watched(problem: LevelProblem):
 
 @pytest.mark.parametrize("d", [2, 3])
 def test_newton_goes_downhill_and_stops_slow(d):
-    """A skewed block thrown at a plane: every iterate's potential is below the one before, to round-off; speeds end within the tolerance."""
+    """A skewed block thrown at a plane: every iterate's potential is below the one before, to round-off; speeds end
+    within the tolerance.
+    """
     tolerance = 1e-5
     plane = Plane((0.0,) * d, tuple(np.eye(d)[-1]))
-    scene = make_scene(dt=0.02, loads=(Gravity((0.0,) * (d - 1) + (-G,)),), obstacles=(plane,), contact=(Barrier(dhat=0.01), Friction(0.3)),
-                       solver=Solver(tolerance=tolerance, linear="direct"))
+    scene = make_scene(
+        dt=0.02,
+        loads=(Gravity((0.0,) * (d - 1) + (-G,)),),
+        obstacles=(plane,),
+        contact=(Barrier(dhat=0.01), Friction(0.3)),
+        solver=Solver(tolerance=tolerance, linear="direct"),
+    )
     mesh = block((0.0,) * (d - 1) + (0.02,), (0.4,) * (d - 1) + (0.42,), 2, jitter=0.1)
     problem = make_problem(scene, mesh)
     solves, reports = watched(problem)
@@ -209,9 +244,13 @@ def test_newton_goes_downhill_and_stops_slow(d):
 
 @pytest.mark.parametrize("d", [2, 3])
 def test_a_tolerance_below_rounding_ends_the_solve(d):
-    """Where the energy cannot fall any further in double precision a solve ends; it neither runs out of iterations nor cuts the step."""
+    """Where the energy cannot fall any further in double precision a solve ends; it neither runs out of iterations nor
+    cuts the step.
+    """
     mesh = box(d, 2, jitter=0.1)
-    problem = make_problem(make_scene(dt=0.01, solver=Solver(tolerance=1e-16, linear="direct", max_iterations=60)), mesh)
+    problem = make_problem(
+        make_scene(dt=0.01, solver=Solver(tolerance=1e-16, linear="direct", max_iterations=60)), mesh
+    )
     for report, _ in march(problem, 4, 4.0 * (mesh.points - 0.3) ** 2):
         assert report.cuts == 0
         assert report.newton_iterations < 30
@@ -232,7 +271,7 @@ def test_no_cell_inverts(d):
 @pytest.mark.parametrize("d", [2, 3])
 def test_scripted_supports_reach_their_places(d):
     mesh = block((0.0,) * d, (0.6,) + (0.2,) * (d - 1), (4,) + (2,) * (d - 1))
-    right = lambda X: X[:, 0] > 0.6 - 1e-9  # noqa: E731
+    right = lambda X: X[:, 0] > 0.6 - 1e-9
     turn, pull = Rotation(2.0, (0.0,) * d, axis=(1.0, 0.2, 0.1), stop=0.04), Translation(tuple(0.5 * np.eye(d)[0]))
     scene = make_scene(dt=0.02, supports=(Support(left, motion=turn), Support(right, motion=pull)))
     X = mesh.points
@@ -248,7 +287,9 @@ def test_scripted_supports_reach_their_places(d):
 
 @pytest.mark.parametrize("d", [2, 3])
 def test_a_moving_plane_pushes(d):
-    """A plane at 1 m/s meets a block at rest: the block never crosses it, and moves on at least as fast; momentum came from the plane alone."""
+    """A plane at 1 m/s meets a block at rest: the block never crosses it, and moves on at least as fast; momentum came
+    from the plane alone.
+    """
     dhat = 0.01
     speed = np.eye(d)[0]
     plane = Plane((-2 * dhat,) + (0.0,) * (d - 1), tuple(speed), Translation(tuple(speed)))

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-
 from on_ranks import results_on
 
 

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-
 from fall_on_ranks import SIZE, STEPS
 from on_ranks import results_on
 
@@ -10,9 +9,16 @@ SAME = 1e-6  # of the scene's size, over the first 20 steps with the direct solv
 
 
 @pytest.mark.mpi
-@pytest.mark.parametrize(("d", "ranks", "law"), [
-    (2, 2, "convergent"), (3, 2, "convergent"), (2, 3, "classic"), pytest.param(3, 2, "semi-implicit", marks=pytest.mark.slow), (3, 4, "convergent"),
-])
+@pytest.mark.parametrize(
+    ("d", "ranks", "law"),
+    [
+        (2, 2, "convergent"),
+        (3, 2, "convergent"),
+        (2, 3, "classic"),
+        pytest.param(3, 2, "semi-implicit", marks=pytest.mark.slow),
+        (3, 4, "convergent"),
+    ],
+)
 def test_one_rank_and_more_agree(d, ranks, law, tmp_path):
     one, more = results_on((1, ranks), tmp_path, "fall_on_ranks.py", str(d), law)
     assert more["owned"].min() > 0

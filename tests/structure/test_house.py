@@ -1,4 +1,6 @@
-"""Data flows one way: scene -> hierarchy -> potentials -> solve -> animate -> record (design, section 3). What a scene lacks is not loaded."""
+"""Data flows one way: scene -> hierarchy -> potentials -> solve -> animate -> record (design, section 3). What a scene
+lacks is not loaded.
+"""
 
 import ast
 import re
@@ -25,7 +27,11 @@ MAY_IMPORT = {
 }
 ABOVE = {"runs", "commands"}
 """What brings the stages together: no stage knows of it."""
-SOURCES = [*sorted((ROOT / "pdvol").rglob("*.py")), *sorted((ROOT / "forms").rglob("*.py")), *sorted((ROOT / "meshes").rglob("*.py"))]
+SOURCES = [
+    *sorted((ROOT / "pdvol").rglob("*.py")),
+    *sorted((ROOT / "forms").rglob("*.py")),
+    *sorted((ROOT / "meshes").rglob("*.py")),
+]
 
 
 def module_of(path: Path) -> str:
@@ -53,12 +59,16 @@ def imports(path: Path) -> set[str]:
 
 
 def stage(module: str) -> str:
-    """`hierarchy` of `pdvol.hierarchy.build`, `errors` of `pdvol.errors.InputError`, empty for `pdvol` itself and for other packages."""
+    """`hierarchy` of `pdvol.hierarchy.build`, `errors` of `pdvol.errors.InputError`, empty for `pdvol` itself and for
+    other packages.
+    """
     parts = module.split(".")
     return parts[1] if parts[0] == "pdvol" and len(parts) > 1 else ""
 
 
-@pytest.mark.parametrize("path", [p for p in SOURCES if stage(module_of(p)) in MAY_IMPORT], ids=lambda p: str(p.relative_to(ROOT)))
+@pytest.mark.parametrize(
+    "path", [p for p in SOURCES if stage(module_of(p)) in MAY_IMPORT], ids=lambda p: str(p.relative_to(ROOT))
+)
 def test_each_stage_imports_only_stages_before_it(path):
     own = stage(module_of(path))
     allowed = MAY_IMPORT[own] | {own}
@@ -115,7 +125,11 @@ def test_every_module_says_what_it_is(path):
     if tree.body and not (path.name == "__init__.py" and len(tree.body) <= 1):
         assert own, "no docstring"
     for node in tree.body:
-        if isinstance(node, ast.FunctionDef | ast.ClassDef) and not node.name.startswith("_") and not path.name.endswith("_worker.py"):
+        if (
+            isinstance(node, ast.FunctionDef | ast.ClassDef)
+            and not node.name.startswith("_")
+            and not path.name.endswith("_worker.py")
+        ):
             assert ast.get_docstring(node), f"{node.name} has no docstring"
 
 
@@ -129,10 +143,13 @@ def test_no_print_no_exit_and_no_asserts_outside_the_command_line():
             if isinstance(node, ast.Call):
                 called = ast.unparse(node.func)
                 to_a_file = any(k.arg == "file" for k in node.keywords)
-                assert called not in ("sys.exit", "exit", "quit") and not (called == "print" and not to_a_file), f"{where}: {called}"
+                assert called not in ("sys.exit", "exit", "quit") and not (called == "print" and not to_a_file), (
+                    f"{where}: {called}"
+                )
 
 
-# ---- what is loaded when -----------------------------------------------------------------------------------------------------
+# ---- what is loaded when
+# -----------------------------------------------------------------------------------------------------
 
 
 def loaded_after(program: str, cwd) -> set[str]:
@@ -164,10 +181,14 @@ def test_describing_a_scene_loads_no_solver(tmp_path):
 
 
 def test_reading_a_run_loads_no_finite_elements(tmp_path):
-    assert not loaded_after("import pdvol; pdvol.open_run", tmp_path) & (FINITE_ELEMENTS | {"mpi4py", "ipctk", "gmsh", "pyvista"})
+    assert not loaded_after("import pdvol; pdvol.open_run", tmp_path) & (
+        FINITE_ELEMENTS | {"mpi4py", "ipctk", "gmsh", "pyvista"}
+    )
 
 
-SOLVE = SCENE + """
+SOLVE = (
+    SCENE
+    + """
 from pdvol.hierarchy.hierarchy import Hierarchy
 from pdvol.hierarchy.level_mesh import LevelMesh
 from pdvol.solve.level_problem import LevelProblem
@@ -179,6 +200,7 @@ problem = LevelProblem(scene, hierarchy[0], 0, 1.0, [])
 reports = list(direct(problem, Start(0, mesh.points, 0 * mesh.points), 2))
 pdvol
 """
+)
 
 
 def test_solving_without_contact_never_loads_the_contact_library(tmp_path):
@@ -199,7 +221,7 @@ def readme_commands() -> list[str]:
 def test_readme_commands_name_what_exists(line):
     from pdvol.cli import _parser
 
-    words = line[line.index("./run ") + 6:].split()
+    words = line[line.index("./run ") + 6 :].split()
     if words[0] == "mpirun":
         words = words[3:]
     assert words[0] in ("pdvol", "pytest", "python", "bash"), line

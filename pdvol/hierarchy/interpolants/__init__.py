@@ -1,4 +1,5 @@
-"""Interpolants: functions (coarse, fine, binding) -> scalar weights (n_fine, n_coarse) in input order, rows summing to one.
+"""Interpolants: functions (coarse, fine, binding) -> scalar weights (n_fine, n_coarse) in input order, rows summing to
+one.
 
 Collective, with the same result on every rank. `binding` binds the fine points to coarse cells.
 """

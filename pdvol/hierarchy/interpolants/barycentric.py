@@ -14,11 +14,15 @@ def barycentric(coarse: LevelSpace, fine: LevelSpace, binding: Binding) -> sp.cs
 
 
 def binding_matrix(binding: Binding, source: LevelMesh) -> sp.csr_matrix:
-    """(n bound points, n source points): each row holds a point's barycentric coordinates in its home cell of `source`. Not collective."""
+    """(n bound points, n source points): each row holds a point's barycentric coordinates in its home cell of `source`.
+    Not collective.
+    """
     n, corners = binding.weights.shape
     columns = source.cells[binding.cells]
     indptr = np.arange(0, n * corners + 1, corners)
     # A copy: sorting the columns sorts the values in place, which are the binding's.
-    weights = sp.csr_matrix((binding.weights.ravel(), columns.ravel(), indptr), shape=(n, len(source.points)), copy=True)
+    weights = sp.csr_matrix(
+        (binding.weights.ravel(), columns.ravel(), indptr), shape=(n, len(source.points)), copy=True
+    )
     weights.sort_indices()
     return weights

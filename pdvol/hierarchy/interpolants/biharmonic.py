@@ -1,15 +1,17 @@
-"""Biharmonic Coordinates with control points that need not be fine vertices (Wang et al. 2015; paper 3.4.1 and appendix A).
+"""Biharmonic Coordinates with control points that need not be fine vertices (Wang et al. 2015; paper 3.4.1 and appendix
+A).
 
 Each column of W is the smoothest field on the fine mesh that is one at one coarse vertex and zero at the others:
 
     min_W tr(1/2 W' A W)  subject to  B W = I,        A = L' M^-1 L
 
-with B the binding of the coarse vertices into the fine mesh (weights of coarse vertices outside are partly negative) and A the squared
-Laplacian of `laplacian.py`, whose kernel is the affine functions: W then reproduces affine fields.
+with B the binding of the coarse vertices into the fine mesh (weights of coarse vertices outside are partly negative)
+and A the squared Laplacian of `laplacian.py`, whose kernel is the affine functions: W then reproduces affine fields.
 
-All columns come from one factorisation of [[A, B'], [B, -e I]]. With e = 0 that matrix is singular where B lacks rank: where a part of the
-coarse mesh has more vertices than the fine mesh around it. The small e makes those constraints hold in the least-squares sense, leaves
-the others as they are to about e, and does not touch affine fields, which satisfy all constraints at no energy.
+All columns come from one factorisation of [[A, B'], [B, -e I]]. With e = 0 that matrix is singular where B lacks rank:
+where a part of the coarse mesh has more vertices than the fine mesh around it. The small e makes those constraints hold
+in the least-squares sense, leaves the others as they are to about e, and does not touch affine fields, which satisfy
+all constraints at no energy.
 
 W decays with the distance, and `locality.py` makes it sparse.
 """
@@ -34,20 +36,26 @@ from pdvol.parallel import on_root
 
 SLACK = 1e-8  # e, beside A scaled to a median diagonal of one
 BLOCK = 256  # right-hand sides at a time: bounds the dense part of the memory
-ACCURATE = 1e-6  # of the body's size, by which the solved W may miss the rest positions before they are restored exactly
-PIVOTING = 0.5  # MUMPS' relative threshold; its largest use: multipliers of conflicting constraints are as large as 1 / e
+# of the body's size, by which the solved W may miss the rest positions before they are restored exactly
+ACCURATE = 1e-6
+# MUMPS' relative threshold; its largest use: multipliers of conflicting constraints are as large as 1 / e
+PIVOTING = 0.5
 KEPT_FROM = 5000  # fine vertices: fewer are solved for in a second or two
-SOLVED = f"biharmonic 1, {SLACK:g}, {DROPPED:g}"  # what kept weights depend on besides the meshes; a new number when the method changes
+SOLVED = (  # what kept weights depend on besides the meshes; a new number when the method changes
+    f"biharmonic 1, {SLACK:g}, {DROPPED:g}"
+)
 WORKSPACES = (100, 400, 1600, 6400)  # per cent on top of MUMPS' estimate, tried in turn
 
 
 def biharmonic(coarse: LevelSpace, fine: LevelSpace, binding: Binding) -> sp.csr_matrix:
-    """Weights (n_fine, n_coarse), body by body, sparse to within `locality.DROPPED`. Collective; rank 0 solves, or finds them kept from before.
+    """Weights (n_fine, n_coarse), body by body, sparse to within `locality.DROPPED`. Collective; rank 0 solves, or
+    finds them kept from before.
 
     Raises
     ------
     MeshError
-        When a connected part of a fine body has coarse vertices in fewer than d + 1 independent places: W would not be unique.
+        When a connected part of a fine body has coarse vertices in fewer than d + 1 independent places: W would not be
+        unique.
     """
     back = bind(coarse, fine)
     return on_root(fine.comm, lambda: _kept(coarse.mesh, fine.mesh, back, binding_matrix(binding, coarse.mesh)))
@@ -63,7 +71,11 @@ def _kept(coarse: LevelMesh, fine: LevelMesh, back: Binding, home: sp.csr_matrix
         return {"data": weights.data, "indices": weights.indices, "indptr": weights.indptr}
 
     meshes = (array for mesh in (coarse, fine) for array in (mesh.points, mesh.cells, mesh.bodies))
-    found = fetch(default_folder(), content_key(*meshes, back.cells, back.weights, home.indices, home.data, SOLVED) + "-weights", build)
+    found = fetch(
+        default_folder(),
+        content_key(*meshes, back.cells, back.weights, home.indices, home.data, SOLVED) + "-weights",
+        build,
+    )
     return sp.csr_matrix((found["data"], found["indices"], found["indptr"]), shape=home.shape)
 
 
@@ -106,12 +118,16 @@ def biharmonic_columns(mesh: LevelMesh, back: Binding, points: np.ndarray, name:
         yield block
     error = np.abs(rest - mesh.points).max() / np.ptp(mesh.points, axis=0).max()
     if not error < ACCURATE:
-        raise MeshError(f"{name}: biharmonic coordinates miss the rest positions by {error:.1g} of its size, as its finer mesh has cells of very "
-                        "poor shape; use --prolongation barycentric")
+        raise MeshError(
+            f"{name}: biharmonic coordinates miss the rest positions by {error:.1g} of its size, as its finer mesh has"
+            " cells of very poor shape; use --prolongation barycentric"
+        )
 
 
 def _solve(system: sp.csr_matrix, n: int) -> Iterator[tuple[int, np.ndarray]]:
-    """Rows 0 ... n - 1 of the columns n, n + 1, ... of the inverse of a symmetric indefinite matrix: (first column, dense block (n, k))."""
+    """Rows 0 ... n - 1 of the columns n, n + 1, ... of the inverse of a symmetric indefinite matrix: (first column,
+    dense block (n, k)).
+    """
     size = system.shape[0]
     system.sort_indices()
     csr = (system.indptr.astype(PETSc.IntType), system.indices.astype(PETSc.IntType), system.data)
@@ -136,7 +152,9 @@ def _solve(system: sp.csr_matrix, n: int) -> Iterator[tuple[int, np.ndarray]]:
 
 
 def _factor(matrix: PETSc.Mat) -> PETSc.PC:
-    """MUMPS' LDL' of a symmetric indefinite matrix. It estimates its work array from the pattern; pivoting may need more."""
+    """MUMPS' LDL' of a symmetric indefinite matrix. It estimates its work array from the pattern; pivoting may need
+    more.
+    """
     for workspace in WORKSPACES:
         pc = PETSc.PC().create(MPI.COMM_SELF)
         pc.setOperators(matrix)
@@ -152,11 +170,16 @@ def _factor(matrix: PETSc.Mat) -> PETSc.PC:
         if status >= 0:
             return pc
         pc.destroy()
-    raise MeshError(f"the system of the biharmonic coordinates cannot be factorised (MUMPS error {status}); use --prolongation barycentric")
+    raise MeshError(
+        f"the system of the biharmonic coordinates cannot be factorised (MUMPS error {status}); use --prolongation"
+        " barycentric"
+    )
 
 
 def _check_controls(mesh: LevelMesh, back: Binding, points: np.ndarray, name: str) -> None:
-    """Affine functions on every part joined through facets have no energy: the coarse vertices bound to it must fix them."""
+    """Affine functions on every part joined through facets have no energy: the coarse vertices bound to it must fix
+    them.
+    """
     m = len(mesh.cells)
     beside = mesh.inner_facets[0]
     parts, part = connected_components(sp.coo_matrix((np.ones(len(beside)), beside.T), shape=(m, m)), directed=False)
@@ -167,5 +190,8 @@ def _check_controls(mesh: LevelMesh, back: Binding, points: np.ndarray, name: st
         if len(mine) <= mesh.dim or np.linalg.matrix_rank((mine - mine.mean(axis=0)) / size, tol=1e-6) < mesh.dim:
             where = "" if parts == 1 else f" in one of its {parts} separate parts ({np.sum(part == i):,} cells)"
             flat = "line" if mesh.dim == 2 else "plane"
-            raise MeshError(f"{name}: biharmonic coordinates need {mesh.dim + 1} or more coarse vertices that do not lie in a {flat}, and find "
-                            f"{len(mine)}{where}; give the coarser level more vertices or use --prolongation barycentric")
+            raise MeshError(
+                f"{name}: biharmonic coordinates need {mesh.dim + 1} or more coarse vertices that do not lie in a"
+                f" {flat}, and find {len(mine)}{where}; give the coarser level more vertices or use --prolongation"
+                " barycentric"
+            )

@@ -4,11 +4,13 @@ L has a row per inner facet: the jump of a P1 field's gradient there, which is a
 
     (L u)_f = |f| (n_a . grad u_a + n_b . grad u_b)      a, b the cells beside f, n_a = -n_b their normals away from f,
 
-and M_f = (|a| + |b|) / (d + 1): the lumped Crouzeix-Raviart Laplacian. Facets of the boundary have no row: nothing is asked of the normal
-derivative there (natural boundary conditions). A field without such jumps is affine on every part joined through facets, hence the kernel.
+and M_f = (|a| + |b|) / (d + 1): the lumped Crouzeix-Raviart Laplacian. Facets of the boundary have no row: nothing is
+asked of the normal derivative there (natural boundary conditions). A field without such jumps is affine on every part
+joined through facets, hence the kernel.
 
-The cotangent Laplacian, which imposes no flux through the boundary, does not annihilate affine functions at boundary vertices. Wang et al.
-(2015) added their flux back; libigl keeps that variant out of use with a note by its authors that it is in error, and has this one.
+The cotangent Laplacian, which imposes no flux through the boundary, does not annihilate affine functions at boundary
+vertices. Wang et al. (2015) added their flux back; libigl keeps that variant out of use with a note by its authors that
+it is in error, and has this one.
 """
 
 import numpy as np
@@ -22,10 +24,16 @@ def flux_laplacian(mesh: LevelMesh) -> sp.csr_matrix:
     cells, opposite = mesh.inner_facets
     gradients = mesh.hat_gradients[cells]
     # A facet's area vector, into the cell, is d |cell| grad phi_opposite.
-    area = mesh.dim * mesh.volumes[cells][..., None] * np.take_along_axis(gradients, opposite[..., None, None], axis=2)[:, :, 0]
+    area = (
+        mesh.dim
+        * mesh.volumes[cells][..., None]
+        * np.take_along_axis(gradients, opposite[..., None, None], axis=2)[:, :, 0]
+    )
     flux = (gradients @ area[..., None])[..., 0]
     rows = np.broadcast_to(np.arange(len(cells))[:, None, None], flux.shape)
-    return sp.csr_matrix((flux.ravel(), (rows.ravel(), mesh.cells[cells].ravel())), shape=(len(cells), len(mesh.points)))
+    return sp.csr_matrix(
+        (flux.ravel(), (rows.ravel(), mesh.cells[cells].ravel())), shape=(len(cells), len(mesh.points))
+    )
 
 
 def squared_laplacian(mesh: LevelMesh) -> sp.csr_matrix:

@@ -1,8 +1,10 @@
-"""From dense weights that decay to sparse ones: small weights are dropped, and what they did to affine fields is put back.
+"""From dense weights that decay to sparse ones: small weights are dropped, and what they did to affine fields is put
+back.
 
-From each row the smallest weights go, as long as their absolute sum stays below `DROPPED`: a field moves by at most that share of its range.
-The remaining weights are then corrected, per row, by the smallest change (in the sense of least squares) after which affine fields are
-exact again. The home cell's corners stay in every row, so that the remaining coarse vertices never lie in a plane.
+From each row the smallest weights go, as long as their absolute sum stays below `DROPPED`: a field moves by at most
+that share of its range. The remaining weights are then corrected, per row, by the smallest change (in the sense of
+least squares) after which affine fields are exact again. The home cell's corners stay in every row, so that the
+remaining coarse vertices never lie in a plane.
 """
 
 from collections.abc import Iterable
@@ -14,7 +16,9 @@ DROPPED = 0.05
 _THRESHOLDS = 10.0 ** np.arange(-6.0, -1.9, 0.1)  # tried for each row
 
 
-def make_local(columns: Iterable[np.ndarray], home: sp.csr_matrix, coarse: np.ndarray, fine: np.ndarray) -> sp.csr_matrix:
+def make_local(
+    columns: Iterable[np.ndarray], home: sp.csr_matrix, coarse: np.ndarray, fine: np.ndarray
+) -> sp.csr_matrix:
     """Sparse weights (n, m), exact on affine fields, from blocks (n, k) of the columns of dense ones.
 
     Parameters
@@ -50,7 +54,8 @@ def _with_pattern(weights: sp.csr_matrix, pattern: sp.csr_matrix) -> sp.csr_matr
 
 
 def restore_affine(weights: sp.csr_matrix, coarse: np.ndarray, fine: np.ndarray) -> sp.csr_matrix:
-    """The closest weights of the same pattern, row by row in least squares, whose rows sum to one and take coarse to fine points.
+    """The closest weights of the same pattern, row by row in least squares, whose rows sum to one and take coarse to
+    fine points.
 
     The coarse vertices of each row must span space.
     """
@@ -58,12 +63,14 @@ def restore_affine(weights: sp.csr_matrix, coarse: np.ndarray, fine: np.ndarray)
     reach = np.ptp(coarse, axis=0).max() / len(coarse) ** (1.0 / coarse.shape[1])
     # Relative to the fine point: all that must come out of a row is a one and zeros.
     affine = [np.ones(len(row)), *((coarse[weights.indices] - fine[row]) / reach).T]
-    row_sums = lambda values: np.add.reduceat(values, weights.indptr[:-1])  # noqa: E731
+    row_sums = lambda values: np.add.reduceat(values, weights.indptr[:-1])
     gram = np.array([[row_sums(a * b) for b in affine] for a in affine]).transpose(2, 0, 1)
     missing = -np.array([row_sums(weights.data * a) for a in affine]).T
     missing[:, 0] += 1.0
     factors = np.linalg.solve(gram, missing[..., None])[..., 0]
     change = sum(factors[row, k] * a for k, a in enumerate(affine))
-    restored = sp.csr_matrix((weights.data + change, weights.indices.copy(), weights.indptr.copy()), shape=weights.shape)
+    restored = sp.csr_matrix(
+        (weights.data + change, weights.indices.copy(), weights.indptr.copy()), shape=weights.shape
+    )
     restored.eliminate_zeros()
     return restored

@@ -1,13 +1,13 @@
 """Phong Deformation (James 2020; paper 3.4.2): a quadratic interpolant from vertex-averaged deformation gradients.
 
-With the barycentric coordinates b_j of a fine point X in its home cell, corners X_j moved to x_j, and F_j the volume-weighted mean of the
-deformation gradients of the cells around corner j,
+With the barycentric coordinates b_j of a fine point X in its home cell, corners X_j moved to x_j, and F_j the
+volume-weighted mean of the deformation gradients of the cells around corner j,
 
     x = 1/2 sum_j b_j x_j  +  1/2 sum_j b_j (x_j + F_j (X - X_j)).
 
-For a quadratic field whose vertex gradients are exact, the errors of the two halves are opposite: the mean is exact. Affine fields are
-reproduced always, since then F_j = F and sum_j b_j (X - X_j) = 0. Outside the home cell the b_j are partly negative and the second half
-grows with the square of the distance.
+For a quadratic field whose vertex gradients are exact, the errors of the two halves are opposite: the mean is exact.
+Affine fields are reproduced always, since then F_j = F and sum_j b_j (X - X_j) = 0. Outside the home cell the b_j are
+partly negative and the second half grows with the square of the distance.
 """
 
 import numpy as np
@@ -33,7 +33,9 @@ def phong(coarse: LevelSpace, fine: LevelSpace, binding: Binding) -> sp.csr_matr
 
 
 def vertex_gradients(mesh: LevelMesh) -> list[sp.csr_matrix]:
-    """d matrices (n, n) [1/m], one per axis: a P1 field's derivative at each vertex, the volume-weighted mean over its cells."""
+    """d matrices (n, n) [1/m], one per axis: a P1 field's derivative at each vertex, the volume-weighted mean over its
+    cells.
+    """
     n, corners = len(mesh.points), mesh.dim + 1
     around = np.bincount(mesh.cells.ravel(), np.repeat(mesh.volumes, corners), minlength=n)
     row, column = np.repeat(mesh.cells, corners, axis=1).ravel(), np.tile(mesh.cells, (1, corners)).ravel()

@@ -56,7 +56,13 @@ def library():
     """The loaded library. Two processes may build it at once: each builds aside and renames."""
     sources = [Path(__file__).with_name(name) for name in SOURCES]
     contents = b"".join(path.read_bytes() for path in (*sources, Path(__file__).with_name("kernel.h")))
-    command = [os.environ.get("CC") or "cc", *FLAGS, f"-DKERNEL_ARGUMENTS={compat.KERNEL_ARGUMENTS}", "-shared", "-fPIC"]
+    command = [
+        os.environ.get("CC") or "cc",
+        *FLAGS,
+        f"-DKERNEL_ARGUMENTS={compat.KERNEL_ARGUMENTS}",
+        "-shared",
+        "-fPIC",
+    ]
     key = hashlib.sha256(contents + " ".join(command).encode()).hexdigest()[:16]
     target = cache_folder() / f"elements-{key}{sysconfig.get_config_var('SHLIB_SUFFIX') or '.so'}"
     if not target.exists():
@@ -64,10 +70,14 @@ def library():
         with tempfile.TemporaryDirectory(dir=target.parent) as aside:
             built = Path(aside) / target.name
             try:
-                subprocess.run([*command, *map(str, sources), "-o", str(built), "-lm"], check=True, capture_output=True, text=True)
+                subprocess.run(
+                    [*command, *map(str, sources), "-o", str(built), "-lm"], check=True, capture_output=True, text=True
+                )
             except (OSError, subprocess.CalledProcessError) as error:
                 detail = (getattr(error, "stderr", "") or str(error)).strip().splitlines()
-                raise InputError(f"no C compiler: {detail[-1] if detail else error}; install one (FFCx needs it too) or set CC") from None
+                raise InputError(
+                    f"no C compiler: {detail[-1] if detail else error}; install one (FFCx needs it too) or set CC"
+                ) from None
             os.replace(built, target)
     return ffi.dlopen(str(target))
 
