@@ -17,11 +17,11 @@ from mpi4py import MPI
 from scipy.optimize import brentq
 
 from pdvol.errors import PdvolError
-from pdvol.hierarchy.level_mesh import LevelMesh
-from pdvol.hierarchy.level_space import LevelSpace
-from pdvol.potentials import barrier_law
+from pdvol.geometry.level_mesh import LevelMesh
+from pdvol.integrate.stepper import LevelProblem
+from pdvol.levels.space import LevelSpace
+from pdvol.potentials.contact import barrier_law
 from pdvol.scene import LAWS, Barrier, Body, Friction, Gravity, NeoHookean, Placement, Plane, Scene, Solver
-from pdvol.solve.level_problem import LevelProblem
 
 sys.path.append(str(Path(__file__).parent))
 

@@ -16,11 +16,11 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from mpi4py import MPI
 
+from pdvol.draw.renderer import BACKGROUND, PALETTE
 from pdvol.errors import InputError
-from pdvol.hierarchy.hierarchy import Hierarchy
-from pdvol.record.metrics import distance, lumped_masses
-from pdvol.record.reader import Run, open_run
-from pdvol.record.studio import BACKGROUND, PALETTE
+from pdvol.levels.hierarchy import Hierarchy
+from pdvol.measure.metrics import distance, lumped_masses
+from pdvol.store.reader import Run, open_run
 
 
 def distances(run: Run) -> dict[tuple[int, int], np.ndarray]:

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import peer_figures
 
-from pdvol.record.reader import Run, RunLevel, open_run
+from pdvol.store.reader import Run, RunLevel, open_run
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
 import verify_run

@@ -9,8 +9,8 @@ from matplotlib.figure import Figure
 from method_studies import Study
 
 from pdvol import open_run
-from pdvol.record.pictures import cell, framing
-from pdvol.record.studio import BACKGROUND, PALETTE, Studio
+from pdvol.draw.picture import cell, framing
+from pdvol.draw.renderer import BACKGROUND, PALETTE, Studio
 
 WIDTH = 420  # pixels of one picture
 FLOOR = 1e-7  # of the largest value: what is drawn of consistency

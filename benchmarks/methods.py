@@ -22,8 +22,8 @@ import verify_run
 
 from pdvol import PdvolError, open_run, run_scene
 from pdvol.commands.measuring import measure
-from pdvol.record.files import write_json
-from pdvol.runs.shot import load_shot
+from pdvol.runs.scene_file import load_shot
+from pdvol.store.files import write_json
 
 HEAD = [
     "method",

@@ -12,7 +12,7 @@ from pathlib import Path
 from mpi4py import MPI
 
 import pdvol
-from pdvol.runs.shot import load_shot
+from pdvol.runs.scene_file import load_shot
 
 SCENE_FILE = Path(__file__).with_name("peer_scenes.py")
 

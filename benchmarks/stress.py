@@ -76,8 +76,8 @@ def main(words: list[str] | None = None) -> int:
 
 def draw(path: Path, picture: Path) -> None:
     """A picture of three moments of the finest level that has begun."""
-    from pdvol.record.pictures import render
-    from pdvol.record.reader import open_run
+    from pdvol.draw.picture import render
+    from pdvol.store.reader import open_run
 
     run = open_run(path)
     level = [level for level in run.levels if level.steps][-1]
@@ -88,7 +88,7 @@ def sheet(folder: Path, names: list[str], columns: int = 4, width: int = 300, he
     """pictures.png: the last moment of every scene that has been drawn, side by side."""
     from PIL import Image, ImageDraw
 
-    from pdvol.record.pictures import BACKGROUND, INK, font
+    from pdvol.draw.picture import BACKGROUND, INK, font
 
     drawn = [name for name in names if (folder / f"{name}.png").is_file()]
     page = Image.new("RGB", (columns * width, -(-len(drawn) // columns) * height), BACKGROUND)

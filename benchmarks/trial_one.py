@@ -14,7 +14,7 @@ from run_one import peak_memory
 
 import pdvol
 from pdvol.errors import ConvergenceError, InputError
-from pdvol.runs.shot import load_shot
+from pdvol.runs.scene_file import load_shot
 
 
 class TimeUp(Exception):

@@ -13,8 +13,8 @@ from pathlib import Path
 import numpy as np
 import peers
 
-from pdvol.record.reader import Run, RunLevel, open_run
 from pdvol.scene import Scene, metres
+from pdvol.store.reader import Run, RunLevel, open_run
 
 HERE = Path(__file__).resolve().parent
 sys.path.insert(0, str(HERE.parent / "tests"))

@@ -7,7 +7,7 @@ import numpy as np
 
 import pdvol
 from pdvol import Barrier, Body, Friction, Gravity, NeoHookean, Placement, Plane, Rigid, Scene, meshes
-from pdvol.hierarchy.readers import read_shape
+from pdvol.meshing.readers import read_shape
 
 SIZE = 1.0  # m: whatever comes is scaled to this largest extent, y up
 

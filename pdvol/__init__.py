@@ -53,7 +53,7 @@ _HOMES = {
         "Translation",
     ),
     "pdvol.meshes": ("Outline", "Solid", "Surface"),
-    "pdvol.record.reader": ("open_run",),
+    "pdvol.store.reader": ("open_run",),
     "pdvol.runs.runner": ("run_scene", "refine_run"),
     "pdvol.cli": ("main",),
 }

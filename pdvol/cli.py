@@ -126,7 +126,7 @@ def _check(options) -> int:
     if options.measure < 0:
         raise InputError(f"--measure: {options.measure:g} seconds are too few; 0 measures nothing")
     if len(options.files) == 1 and options.files[0].suffix == ".py":
-        from pdvol.runs.shot import load_shot, parse_settings
+        from pdvol.runs.scene_file import load_shot, parse_settings
 
         shot = load_shot(options.files[0], parse_settings(options.set))
         result = preflight.check_scene(shot.scene, options.measure, options.out)
@@ -153,7 +153,7 @@ def _info(options) -> None:
     from pdvol.commands.inspection import describe_run, describe_shot
 
     if options.what.suffix == ".py":
-        from pdvol.runs.shot import load_shot, parse_settings
+        from pdvol.runs.scene_file import load_shot, parse_settings
 
         print("\n".join(describe_shot(load_shot(options.what, parse_settings(options.set)))))
     else:
@@ -169,8 +169,8 @@ def _metrics(options) -> None:
 
 
 def _render(options) -> None:
-    from pdvol.record.pictures import render
-    from pdvol.record.reader import open_run
+    from pdvol.draw.picture import render
+    from pdvol.store.reader import open_run
 
     first, last = _levels(options.levels)
     run = open_run(options.run)
@@ -181,7 +181,7 @@ def _render(options) -> None:
 
 def _export(options) -> None:
     from pdvol.commands.exporting import export_run
-    from pdvol.record.reader import open_run
+    from pdvol.store.reader import open_run
 
     first, last = _levels(options.levels)
     levels = None
@@ -195,7 +195,7 @@ def _export(options) -> None:
 
 
 def _shot(options):
-    from pdvol.runs.shot import load_shot, parse_settings
+    from pdvol.runs.scene_file import load_shot, parse_settings
 
     return load_shot(options.scene, parse_settings(options.set), options.steps)
 
@@ -216,7 +216,7 @@ def _whole(name: str, text: str) -> int:
 
 
 def _progress():
-    from pdvol.record.progress import Progress
+    from pdvol.runs.progress import Progress
 
     return (lambda level, total, done: Progress(level, total, done=done)) if _rank() == 0 else None
 
@@ -226,8 +226,8 @@ def _finish(out: Path) -> None:
     if _rank() != 0:
         return
     from pdvol.commands.inspection import held_back
-    from pdvol.record.pictures import render
-    from pdvol.record.reader import open_run
+    from pdvol.draw.picture import render
+    from pdvol.store.reader import open_run
 
     run = open_run(out)
     picture = render(run, out / "picture.png")

@@ -319,7 +319,7 @@ def check_state(found: Level, step: int, rest, cells, facets, positions, planes=
 def check_levels(path, every: int = 1) -> Iterator[Level]:
     """What is found at each level of a run folder, in its last state and each `every`-th from the first."""
     from pdvol.errors import InputError
-    from pdvol.record.reader import open_run
+    from pdvol.store.reader import open_run
 
     run = open_run(path)
     for level in run.levels:

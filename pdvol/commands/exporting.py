@@ -6,12 +6,12 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from pdvol.errors import InputError
-from pdvol.record.reader import Run, open_run
-from pdvol.record.series import Fields, nothing_more
-from pdvol.record.surfaces import write_obj, write_usd
-from pdvol.record.vtkhdf import write_vtkhdf
-from pdvol.record.xdmf import write_xdmf
-from pdvol.runs.fields import SceneFields, stored_scene
+from pdvol.export.series import Fields, nothing_more
+from pdvol.export.surfaces import write_obj, write_usd
+from pdvol.export.vtkhdf import write_vtkhdf
+from pdvol.export.xdmf import write_xdmf
+from pdvol.runs.stored_fields import SceneFields, stored_scene
+from pdvol.store.reader import Run, open_run
 
 FORMATS = ("xdmf", "vtkhdf", "obj", "usd")
 

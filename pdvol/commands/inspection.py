@@ -6,19 +6,17 @@ from pathlib import Path
 import numpy as np
 from mpi4py import MPI
 
+from pdvol.draw.bindings import draw_binding
 from pdvol.errors import InputError
-from pdvol.hierarchy.build import build_levels
-from pdvol.hierarchy.hierarchy import Hierarchy
-from pdvol.hierarchy.level_mesh import LevelMesh
-from pdvol.hierarchy.readers import read_shape
-from pdvol.hierarchy.scene_fields import scene_diagonal
-from pdvol.hierarchy.tetrahedralise import mean_ratio
+from pdvol.export.vtu import write_vtu
+from pdvol.geometry.level_mesh import LevelMesh
+from pdvol.levels.hierarchy import Hierarchy
+from pdvol.levels.scene_fields import scene_diagonal
 from pdvol.meshes import Outline
-from pdvol.record.bindings import draw_binding
-from pdvol.record.folder import require_scene
-from pdvol.record.reader import Run, open_run
-from pdvol.record.vtu import write_vtu
-from pdvol.runs.shot import Shot
+from pdvol.meshing.build import build_levels
+from pdvol.meshing.readers import read_shape
+from pdvol.meshing.tetrahedralise import mean_ratio
+from pdvol.runs.scene_file import Shot
 from pdvol.scene import (
     Barrier,
     Body,
@@ -36,6 +34,8 @@ from pdvol.scene import (
     Still,
     metres,
 )
+from pdvol.store.folder import require_scene
+from pdvol.store.reader import Run, open_run
 
 
 def modelled(scene: Scene) -> list[str]:

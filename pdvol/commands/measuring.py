@@ -9,20 +9,20 @@ from pathlib import Path
 import numpy as np
 from mpi4py import MPI
 
-from pdvol.animate.march import guide
+from pdvol.draw.plots import plot_metrics
 from pdvol.errors import InputError
-from pdvol.hierarchy.cell_materials import level_materials
-from pdvol.hierarchy.hierarchy import Hierarchy
-from pdvol.hierarchy.scene_fields import supported_points
+from pdvol.integrate.marches import guide
+from pdvol.levels.hierarchy import Hierarchy
+from pdvol.levels.materials import level_materials
+from pdvol.levels.scene_fields import supported_points
+from pdvol.measure import metrics
 from pdvol.potentials.build import build_terms
 from pdvol.potentials.consistency import Consistency, Guide
 from pdvol.potentials.potential import Positions
-from pdvol.record import metrics
-from pdvol.record.files import write_json
-from pdvol.record.plots import plot_metrics
-from pdvol.record.reader import Run, RunLevel, open_run
-from pdvol.runs.fields import stiffen, stored_scene, stored_stiffness
+from pdvol.runs.stored_fields import stiffen, stored_scene, stored_stiffness
 from pdvol.scene import Friction, Scene
+from pdvol.store.files import write_json
+from pdvol.store.reader import Run, RunLevel, open_run
 
 PREDICTED = {
     "direct": "own",

@@ -17,24 +17,24 @@ from pathlib import Path
 import numpy as np
 from mpi4py import MPI
 
-from pdvol.animate.march import Start, direct
 from pdvol.commands.inspection import modelled
 from pdvol.errors import InputError, IntersectionError, SimulationError
-from pdvol.hierarchy.build import build_levels, read_obstacle
-from pdvol.hierarchy.cell_materials import cell_materials
-from pdvol.hierarchy.level_mesh import LevelMesh
-from pdvol.hierarchy.level_space import LevelSpace
-from pdvol.hierarchy.readers import read_shape
-from pdvol.hierarchy.scene_fields import check_fields, initial_velocity, scene_diagonal
-from pdvol.hierarchy.separate import build_apart
-from pdvol.hierarchy.start_check import Defect, find_defects, smallest_gap
-from pdvol.hierarchy.tetrahedralise import mean_ratio
-from pdvol.hierarchy.validate import check_outline, check_solid, check_surface
+from pdvol.export.vtu import write_primitives, write_vtu
+from pdvol.geometry.level_mesh import LevelMesh
+from pdvol.integrate.marches import Start, direct
+from pdvol.integrate.stepper import LevelProblem
+from pdvol.levels.initial_state import Defect, find_defects, smallest_gap
+from pdvol.levels.materials import cell_materials
+from pdvol.levels.scene_fields import check_fields, initial_velocity, scene_diagonal
+from pdvol.levels.separation import build_apart
+from pdvol.levels.space import LevelSpace
 from pdvol.meshes import Outline, Solid
-from pdvol.record.files import write_json
-from pdvol.record.vtu import write_primitives, write_vtu
+from pdvol.meshing.build import build_levels, read_obstacle
+from pdvol.meshing.readers import read_shape
+from pdvol.meshing.tetrahedralise import mean_ratio
+from pdvol.meshing.validate import check_outline, check_solid, check_surface
 from pdvol.scene import Barrier, Rigid, Scene, metres
-from pdvol.solve.level_problem import LevelProblem
+from pdvol.store.files import write_json
 
 WORST = 5  # cells named
 POOR = 0.05  # mean ratio below which a cell slows the linear solver: a note

@@ -1,0 +1,1 @@
+"""Terms of the incremental potential: value, gradient, filtered Hessian, largest admissible step."""

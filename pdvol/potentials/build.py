@@ -5,11 +5,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pdvol.hierarchy.cell_materials import CellMaterials, cell_materials
-from pdvol.hierarchy.level_space import LevelSpace
+from pdvol.levels.materials import CellMaterials, cell_materials
+from pdvol.levels.space import LevelSpace
 from pdvol.potentials.consistency import Consistency, Guide
 from pdvol.potentials.elasticity import elastic_terms
-from pdvol.potentials.load import assemble_mass, load_terms
+from pdvol.potentials.loads import assemble_mass, load_terms
 from pdvol.potentials.potential import Potential
 from pdvol.scene import Barrier, Friction, Plane, Rigid, Scene, metres
 
@@ -68,7 +68,7 @@ def _rules(scene: Scene, space: LevelSpace, diagonal: float, mass: np.ndarray, e
     )
     if law == "convergent":
         return ()
-    from pdvol.potentials.stiffness_rules import AdaptiveStiffness, SemiImplicitStiffness
+    from pdvol.potentials.contact.stiffness import AdaptiveStiffness, SemiImplicitStiffness
 
     if law == "classic":
         return (AdaptiveStiffness(space, (*elastic, *loads), contacts, mass, dhat, diagonal),)
@@ -86,7 +86,7 @@ def _contact(scene: Scene, space: LevelSpace, diagonal: float, obstacles, softes
     contacts, frictions = [], []
     planes = tuple(o for o in scene.obstacles if isinstance(o, Plane))
     if planes:
-        from pdvol.potentials.half_space import HalfSpaceBarrier, HalfSpaceFriction
+        from pdvol.potentials.contact.planes import HalfSpaceBarrier, HalfSpaceFriction
 
         contacts.append(HalfSpaceBarrier(space, planes, dhat, kappa, weighted))
         names = [body.name for body in scene.bodies]
@@ -96,9 +96,9 @@ def _contact(scene: Scene, space: LevelSpace, diagonal: float, obstacles, softes
             )
             for f in friction
         ]
-    from pdvol.potentials.barrier import SurfaceBarrier
-    from pdvol.potentials.collision_surface import CollisionSurface, Obstacle
-    from pdvol.potentials.friction import SurfaceFriction
+    from pdvol.potentials.contact.barrier import SurfaceBarrier
+    from pdvol.potentials.contact.collision_surface import CollisionSurface, Obstacle
+    from pdvol.potentials.contact.friction import SurfaceFriction
 
     rigid = [o for o in scene.obstacles if isinstance(o, Rigid)]
     surface = CollisionSurface(

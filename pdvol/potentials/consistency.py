@@ -9,8 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pdvol.hierarchy.level_space import LevelSpace
-from pdvol.potentials.hessian_blocks import HessianBlocks
+from pdvol.levels.space import LevelSpace
+from pdvol.potentials.assembly.hessian_blocks import HessianBlocks
 from pdvol.potentials.potential import Positions, Term
 
 

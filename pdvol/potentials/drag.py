@@ -14,9 +14,9 @@ from collections.abc import Callable
 
 import numpy as np
 
-from pdvol.hierarchy.level_space import LevelSpace
-from pdvol.potentials.half_space import boundary_areas
-from pdvol.potentials.hessian_blocks import HessianBlocks
+from pdvol.levels.space import LevelSpace
+from pdvol.potentials.assembly.hessian_blocks import HessianBlocks
+from pdvol.potentials.contact.planes import boundary_areas
 from pdvol.potentials.potential import Positions, Term
 
 

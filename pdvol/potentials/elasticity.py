@@ -8,11 +8,11 @@ import numpy as np
 import ufl
 
 from pdvol.forms.viscosity import kelvin_voigt
-from pdvol.hierarchy.cell_materials import CellMaterials
-from pdvol.hierarchy.level_space import LevelSpace
-from pdvol.potentials import native
-from pdvol.potentials.cell_energy import CellEnergy
-from pdvol.potentials.native import pointer
+from pdvol.levels.materials import CellMaterials
+from pdvol.levels.space import LevelSpace
+from pdvol.potentials.assembly import native
+from pdvol.potentials.assembly.cell_energy import CellEnergy
+from pdvol.potentials.assembly.native import pointer
 from pdvol.potentials.potential import KEPT, Positions
 
 # of a cell's current volume, at least, after one Newton step: the logarithm's derivatives stay within reach

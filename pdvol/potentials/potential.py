@@ -5,8 +5,8 @@ from typing import Protocol
 
 import numpy as np
 
-from pdvol.hierarchy.level_space import LevelSpace
-from pdvol.potentials.hessian_blocks import HessianBlocks
+from pdvol.levels.space import LevelSpace
+from pdvol.potentials.assembly.hessian_blocks import HessianBlocks
 
 KEPT = 0.1
 """What a step that contact ends leaves of each gap at least. It may close nine tenths, for the next one opens it again.

@@ -9,8 +9,8 @@ import ufl
 from dolfinx import fem
 
 from pdvol.forms.kinematics import deformation_gradient
-from pdvol.potentials import native
-from pdvol.potentials.cell_energy import CellEnergy
+from pdvol.potentials.assembly import native
+from pdvol.potentials.assembly.cell_energy import CellEnergy
 
 
 class CauchyStress:

@@ -6,16 +6,16 @@ from functools import partial
 
 import numpy as np
 
-from pdvol.animate.march import Start, direct, embedded, guide, progressive
 from pdvol.errors import InputError, SimulationError
-from pdvol.hierarchy.cell_materials import level_materials
-from pdvol.hierarchy.hierarchy import Hierarchy
-from pdvol.hierarchy.scene_fields import initial_velocity
-from pdvol.hierarchy.start_check import count_intersections
-from pdvol.record.progress import Progress
+from pdvol.integrate.marches import Start, direct, embedded, guide, progressive
+from pdvol.integrate.stepper import LevelProblem, StepReport
+from pdvol.levels.hierarchy import Hierarchy
+from pdvol.levels.initial_state import count_intersections
+from pdvol.levels.materials import level_materials
+from pdvol.levels.scene_fields import initial_velocity
 from pdvol.runs.obstacle_places import moving_places
+from pdvol.runs.progress import Progress
 from pdvol.scene import Scene
-from pdvol.solve.level_problem import LevelProblem, StepReport
 
 METHODS = ("progressive", "direct", "tracks", "embedded")
 

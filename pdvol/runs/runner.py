@@ -10,25 +10,25 @@ from pathlib import Path
 from mpi4py import MPI
 
 from pdvol.errors import InputError
-from pdvol.hierarchy.build import read_obstacle
-from pdvol.hierarchy.hierarchy import Hierarchy
-from pdvol.hierarchy.interpolants import INTERPOLANTS
-from pdvol.hierarchy.level_mesh import LevelMesh
-from pdvol.hierarchy.scene_fields import check_fields, initial_velocity, scene_diagonal
-from pdvol.hierarchy.separate import build_apart
-from pdvol.hierarchy.start_check import check_start
+from pdvol.geometry.level_mesh import LevelMesh
+from pdvol.levels.hierarchy import Hierarchy
+from pdvol.levels.initial_state import check_start
+from pdvol.levels.interpolants import INTERPOLANTS
+from pdvol.levels.scene_fields import check_fields, initial_velocity, scene_diagonal
+from pdvol.levels.separation import build_apart
+from pdvol.meshing.build import read_obstacle
 from pdvol.parallel import on_root
-from pdvol.record.files import jsonable
-from pdvol.record.folder import holds_run, in_use, require_scene
-from pdvol.record.reader import Run, open_run
-from pdvol.record.store import RunWriter
-from pdvol.runs.describe import differences_by_level
 from pdvol.runs.level_run import METHODS, Watch, run_level
 from pdvol.runs.obstacle_places import drawn_obstacles
+from pdvol.runs.scene_file import Shot, load_shot, stored_settings
 from pdvol.runs.shared_writer import Export, SharedWriter
-from pdvol.runs.shot import Shot, load_shot, stored_settings
 from pdvol.runs.wavefront import march_levels
 from pdvol.scene import Gravity, Rigid, Scene
+from pdvol.scene.fingerprint import differences_by_level
+from pdvol.store.files import jsonable
+from pdvol.store.folder import holds_run, in_use, require_scene
+from pdvol.store.reader import Run, open_run
+from pdvol.store.writer import RunWriter
 
 LIBRARIES = ("fenics-dolfinx", "petsc4py", "ipctk", "numpy", "scipy", "pytetwild", "gmsh", "fast-simplification")
 TOLD = 6  # changes that a message lists

@@ -9,13 +9,13 @@ import numpy as np
 from mpi4py import MPI
 
 from pdvol.errors import SimulationError
+from pdvol.export.series import nothing_more
+from pdvol.export.xdmf import write_xdmf
 from pdvol.parallel import on_root
-from pdvol.record.reader import open_run
-from pdvol.record.series import nothing_more
-from pdvol.record.store import RunWriter
-from pdvol.record.xdmf import write_xdmf
-from pdvol.runs.fields import SceneFields
+from pdvol.runs.stored_fields import SceneFields
 from pdvol.scene import Scene
+from pdvol.store.reader import open_run
+from pdvol.store.writer import RunWriter
 
 PAUSE, SHARE = (
     20.0,

@@ -19,13 +19,13 @@ import numpy as np
 from mpi4py import MPI
 
 from pdvol.errors import PdvolError, SimulationError
-from pdvol.hierarchy.build import read_obstacle
-from pdvol.hierarchy.hierarchy import Hierarchy
+from pdvol.levels.hierarchy import Hierarchy
+from pdvol.meshing.build import read_obstacle
 from pdvol.processes import die_with_parent, without_launcher
-from pdvol.record.reader import Run, open_run
 from pdvol.runs.level_run import run_level
-from pdvol.runs.shot import load_shot, stored_settings
+from pdvol.runs.scene_file import load_shot, stored_settings
 from pdvol.scene import Rigid
+from pdvol.store.reader import Run, open_run
 
 POLL = 0.005  # seconds between looks for a coarser state
 ENDING = 10.0  # seconds that a worker gets to end in

@@ -4,9 +4,9 @@ import numpy as np
 from mpi4py import MPI
 
 from pdvol.errors import SimulationError
-from pdvol.hierarchy.level_space import LevelSpace
+from pdvol.levels.space import LevelSpace
+from pdvol.potentials.assembly.hessian_blocks import HessianBlocks
 from pdvol.potentials.build import Terms
-from pdvol.potentials.hessian_blocks import HessianBlocks
 from pdvol.potentials.potential import KEPT, Positions
 from pdvol.solve.timing import Stopwatch
 

@@ -17,17 +17,17 @@ from petsc4py import PETSc
 from scipy.sparse import csr_array
 
 from pdvol.errors import PdvolError, SimulationError
-from pdvol.hierarchy.level_space import LevelSpace
-from pdvol.potentials.block_pattern import BlockPattern
-from pdvol.potentials.hessian_blocks import HessianBlocks
+from pdvol.levels.space import LevelSpace
+from pdvol.potentials.assembly.block_pattern import BlockPattern
+from pdvol.potentials.assembly.hessian_blocks import HessianBlocks
 from pdvol.potentials.potential import KEPT, Positions
 from pdvol.scene import Solver
-from pdvol.solve.coarse_space import CoarseSpace, grid_weights
+from pdvol.solve.globalization import ModelChoice, lengthening, promised_decrease
 from pdvol.solve.incremental_potential import IncrementalPotential
-from pdvol.solve.ladder import no_rungs
-from pdvol.solve.linear import LinearSolver, wants_general_matrix
-from pdvol.solve.model_choice import ModelChoice, lengthening, promised_decrease
-from pdvol.solve.system_matrix import SystemMatrix
+from pdvol.solve.linear.solver import LinearSolver, wants_general_matrix
+from pdvol.solve.linear.coarse_space import CoarseSpace, grid_weights
+from pdvol.solve.linear.system_matrix import SystemMatrix
+from pdvol.solve.remedies import no_rungs
 from pdvol.solve.timing import Stopwatch
 
 # a decrease below this share of the energy cannot be told from round-off: there the quadratic model is trusted

@@ -5,9 +5,9 @@ import pytest
 from mpi4py import MPI
 from problems import SOFT, block, make_scene
 
-from pdvol.animate.march import Start, direct, embedded, guide, progressive
-from pdvol.hierarchy.hierarchy import Hierarchy
-from pdvol.solve.level_problem import LevelProblem
+from pdvol.integrate.marches import Start, direct, embedded, guide, progressive
+from pdvol.integrate.stepper import LevelProblem
+from pdvol.levels.hierarchy import Hierarchy
 
 DT, STEPS, W = 0.1, 4, 0.3
 SHIFT = np.array([0.5, -0.2])  # m, per step and step: the coarse level is at t^2 SHIFT after t steps

@@ -7,12 +7,12 @@ import pytest
 from mpi4py import MPI
 from problems import SOFT, block, make_problem, make_scene, masses, polyline, tetrahedron
 
-from pdvol.animate.march import Start, direct, progressive
-from pdvol.hierarchy.hierarchy import Hierarchy
+from pdvol.integrate.marches import Start, direct, progressive
+from pdvol.integrate.stepper import LevelProblem
+from pdvol.levels.hierarchy import Hierarchy
 from pdvol.potentials.build import build_terms
 from pdvol.potentials.potential import Positions
 from pdvol.scene import Barrier, Friction, Gravity, NeoHookean, Plane, Rigid, Solver
-from pdvol.solve.level_problem import LevelProblem
 
 G = 9.81
 LOOSE = 0.1  # solver tolerance [m/s] that leaves residuals far above round-off

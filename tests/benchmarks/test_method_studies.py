@@ -13,7 +13,7 @@ sys.path.insert(0, str(ROOT / "benchmarks"))
 import method_studies
 import methods
 
-from pdvol.hierarchy.level_mesh import boundary_facets
+from pdvol.geometry.level_mesh import boundary_facets
 
 
 def square(n):

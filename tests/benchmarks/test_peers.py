@@ -16,7 +16,7 @@ import peer_scenes
 import peers
 import report
 
-from pdvol.hierarchy.level_mesh import boundary_facets
+from pdvol.geometry.level_mesh import boundary_facets
 
 needs_peers = pytest.mark.skipif(
     not (peer_scenes.PEERS / "README.md").is_file(), reason="the peers' meshes are not there"

@@ -11,8 +11,8 @@ import pytest
 from cli_scenes import SQUARE, pdvol, write
 
 from pdvol import open_run
-from pdvol.runs.fields import SceneFields, stored_scene
-from pdvol.solve.ladder import RUNGS
+from pdvol.runs.stored_fields import SceneFields, stored_scene
+from pdvol.solve.remedies import RUNGS
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 import verify_run

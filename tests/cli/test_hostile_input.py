@@ -19,8 +19,8 @@ import pytest
 from cli_scenes import FALL, pdvol, write
 
 from pdvol.errors import InputError
-from pdvol.hierarchy.bounded import read_bounded
-from pdvol.hierarchy.readers import SURFACES, VOLUMES, read_shape
+from pdvol.meshing.reader_process import read_bounded
+from pdvol.meshing.readers import SURFACES, VOLUMES, read_shape
 
 POINTS = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1], [1, 1, 1]])
 SHELL = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]])
@@ -164,7 +164,7 @@ def _crash(path):
     ("work", "told"), [(_hang, "not read within"), (_devour, "wants more memory"), (_crash, "its reader crashed")]
 )
 def test_what_a_reader_does_stays_its_own(tmp_path, monkeypatch, work, told):
-    monkeypatch.setattr("pdvol.hierarchy.bounded.SECONDS", 0.5)
+    monkeypatch.setattr("pdvol.meshing.reader_process.SECONDS", 0.5)
     path = write(tmp_path / "a.obj", "v 0 0 0\n")
     with pytest.raises(InputError, match=told):
         read_bounded(path, work)
@@ -258,7 +258,7 @@ from pathlib import Path
 from pdvol import cli
 from pdvol.commands.exporting import export_run
 from pdvol.runs.runner import run_scene
-from pdvol.runs.shot import load_shot
+from pdvol.runs.scene_file import load_shot
 for number in range(%d):
     assert cli.run(["info", f"fall{number}.py"]) == 0
     run_scene(load_shot(f"fall{number}.py", steps=1), f"run/{number}", 0, 0)

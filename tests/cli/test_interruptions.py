@@ -23,7 +23,7 @@ RUN = """
 import sys
 from pathlib import Path
 from pdvol.runs.runner import run_scene
-from pdvol.runs.shot import load_shot
+from pdvol.runs.scene_file import load_shot
 print("ready", flush=True)
 run_scene(load_shot("clutter.py"), sys.argv[1], resume=True)
 """
@@ -255,7 +255,7 @@ def test_a_read_only_folder(tmp_path, disk, capfd):
 
 HOLD = """
 import sys, time
-from pdvol.record.store import RunWriter
+from pdvol.store.writer import RunWriter
 with RunWriter.open(sys.argv[1]):
     print("held", flush=True)
     time.sleep(100)

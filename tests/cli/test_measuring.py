@@ -11,12 +11,12 @@ from cli_scenes import FALL, SQUARE, pdvol, write
 from mpi4py import MPI
 
 from pdvol import open_run
-from pdvol.hierarchy.hierarchy import Hierarchy
-from pdvol.hierarchy.level_mesh import LevelMesh
-from pdvol.hierarchy.level_space import LevelSpace
-from pdvol.potentials.load import assemble_mass
-from pdvol.record.metrics import lumped_masses
-from pdvol.record.store import RunWriter
+from pdvol.geometry.level_mesh import LevelMesh
+from pdvol.levels.hierarchy import Hierarchy
+from pdvol.levels.space import LevelSpace
+from pdvol.measure.metrics import lumped_masses
+from pdvol.potentials.loads import assemble_mass
+from pdvol.store.writer import RunWriter
 
 STEPS = 12
 

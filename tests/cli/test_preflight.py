@@ -9,10 +9,10 @@ import pytest
 from cli_scenes import CUBE_OFF, FALL, SQUARE, pdvol, write
 
 from pdvol.commands import preflight
-from pdvol.hierarchy.build import build_levels
-from pdvol.hierarchy.level_mesh import LevelMesh
+from pdvol.geometry.level_mesh import LevelMesh
+from pdvol.meshing.build import build_levels
 from pdvol.runs.runner import run_scene
-from pdvol.runs.shot import load_shot
+from pdvol.runs.scene_file import load_shot
 
 TWO = (
     SQUARE

@@ -5,12 +5,13 @@ from mpi4py import MPI
 from problems import make_scene
 from shapes import box, together
 
-import pdvol.hierarchy.hierarchy as hierarchy_module
+import pdvol.levels.hierarchy as hierarchy_module
 from pdvol import open_run
 from pdvol.cli import run
-from pdvol.hierarchy.level_space import LevelSpace
-from pdvol.potentials import friction, half_space
+from pdvol.levels.space import LevelSpace
 from pdvol.potentials.build import build_terms
+from pdvol.potentials.contact import friction
+from pdvol.potentials.contact import planes as half_space
 from pdvol.scene import Barrier, Flow, Friction, Gravity, Impulse, NeoHookean, Plane
 
 SCENE = """

@@ -78,7 +78,7 @@ def test_a_killed_run_resumes(tmp_path, scene, whole):
     program = f"""
 import os, signal
 from pdvol import cli
-from pdvol.record.store import RunWriter
+from pdvol.store.writer import RunWriter
 write = RunWriter.write_state
 def write_and_die(self, level, step, *rest):
     write(self, level, step, *rest)

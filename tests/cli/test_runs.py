@@ -12,9 +12,9 @@ from cli_scenes import CUBE_OFF, pdvol, states, write
 
 from pdvol import cli, open_run
 from pdvol.errors import InputError
-from pdvol.hierarchy.interpolants import INTERPOLANTS
+from pdvol.levels.interpolants import INTERPOLANTS
 from pdvol.runs.runner import run_scene
-from pdvol.runs.shot import load_shot
+from pdvol.runs.scene_file import load_shot
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 import verify_run

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from pdvol import meshes
-from pdvol.hierarchy.level_mesh import LevelMesh
-from pdvol.record.store import RunWriter
+from pdvol.geometry.level_mesh import LevelMesh
+from pdvol.store.writer import RunWriter
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 import verify_run

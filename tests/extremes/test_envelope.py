@@ -10,7 +10,7 @@ import pytest
 import verify_run
 
 import pdvol
-from pdvol.runs.shot import load_shot
+from pdvol.runs.scene_file import load_shot
 
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT / "benchmarks"))

@@ -28,7 +28,7 @@ from pdvol import (
     Support,
     Translation,
 )
-from pdvol.runs.shot import Shot
+from pdvol.runs.scene_file import Shot
 
 numbers = st.floats(-1.0, 1.0)
 vectors = st.tuples(numbers, numbers, numbers)

@@ -12,9 +12,9 @@ import pytest
 import verify_run
 
 import pdvol
-from pdvol.hierarchy.build import build_levels, read_obstacle
-from pdvol.hierarchy.start_check import check_start
-from pdvol.runs.shot import load_shot
+from pdvol.levels.initial_state import check_start
+from pdvol.meshing.build import build_levels, read_obstacle
+from pdvol.runs.scene_file import load_shot
 from pdvol.scene import Rigid
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -11,10 +11,10 @@ from mpi4py import MPI
 from shapes import together
 from test_binding import comb_pair
 
-from pdvol.hierarchy.binding import bind
-from pdvol.hierarchy.interpolants import INTERPOLANTS
-from pdvol.hierarchy.level_space import LevelSpace
-from pdvol.hierarchy.prolongation import Prolongation
+from pdvol.levels.binding import bind
+from pdvol.levels.interpolants import INTERPOLANTS
+from pdvol.levels.prolongation import Prolongation
+from pdvol.levels.space import LevelSpace
 
 
 def input_triplets(prolongation):

@@ -4,7 +4,7 @@ from itertools import permutations, product
 
 import numpy as np
 
-from pdvol.hierarchy.level_mesh import LevelMesh
+from pdvol.geometry.level_mesh import LevelMesh
 
 
 def grid(*ticks, keep=None, jitter=0.0, seed=0) -> LevelMesh:

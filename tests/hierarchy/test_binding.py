@@ -11,11 +11,11 @@ from mpi4py import MPI
 from shapes import box, comb, comb_branch, fold, fold_branch, grid, level, together
 
 from pdvol.errors import MeshError
-from pdvol.hierarchy.binding import CLOSEST, INSIDE, NEIGHBOUR, RAY, bind, closest_binding
-from pdvol.hierarchy.boundary_search import BoundarySearch
-from pdvol.hierarchy.geodesic import bind_outside, vertex_adjacency
-from pdvol.hierarchy.interpolants import INTERPOLANTS
-from pdvol.hierarchy.level_space import LevelSpace
+from pdvol.geometry.boundary_search import BoundarySearch
+from pdvol.levels.binding import CLOSEST, INSIDE, NEIGHBOUR, RAY, bind, closest_binding
+from pdvol.levels.geodesic import bind_outside, vertex_adjacency
+from pdvol.levels.interpolants import INTERPOLANTS
+from pdvol.levels.space import LevelSpace
 
 COMM = MPI.COMM_WORLD
 

@@ -8,8 +8,8 @@ from pdvol.meshes import Outline, Solid, Surface
 
 from pdvol import meshes
 from pdvol.errors import InputError, IntersectionError, InvertedCellError, MeshError
-from pdvol.hierarchy import build
-from pdvol.hierarchy.build import build_levels, read_obstacle
+from pdvol.meshing import build
+from pdvol.meshing.build import build_levels, read_obstacle
 from pdvol.scene import Body, NeoHookean, Placement, Rigid, Scene
 
 SOFT = NeoHookean(2e5)

@@ -10,10 +10,10 @@ from mpi4py import MPI
 from shapes import box, together
 
 from pdvol.errors import InputError
-from pdvol.hierarchy.cell_materials import cell_materials, level_materials
-from pdvol.hierarchy.hierarchy import Hierarchy
-from pdvol.hierarchy.level_mesh import LevelMesh
-from pdvol.potentials.load import assemble_mass
+from pdvol.geometry.level_mesh import LevelMesh
+from pdvol.levels.hierarchy import Hierarchy
+from pdvol.levels.materials import cell_materials, level_materials
+from pdvol.potentials.loads import assemble_mass
 from pdvol.scene import Body, FixedCorotational, NeoHookean, Region, Scene, StVenantKirchhoff
 
 SOFT, STIFF = NeoHookean(2e4, density=500.0), NeoHookean(2e10, density=2000.0)

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from pdvol import meshes
-from pdvol.hierarchy.decimate import decimate, topology
-from pdvol.hierarchy.readers import read_shape
-from pdvol.hierarchy.tetrahedralise import measure
-from pdvol.hierarchy.validate import check_surface
+from pdvol.meshing.decimate import decimate, topology
+from pdvol.meshing.readers import read_shape
+from pdvol.meshing.tetrahedralise import measure
+from pdvol.meshing.validate import check_surface
 
 SHARED = Path(__file__).parents[2].parent / "shared" / "meshes"
 

@@ -12,15 +12,15 @@ from shapes import box, level, together
 from test_binding import comb_pair, fold_pair
 
 from pdvol.errors import MeshError
-from pdvol.hierarchy.binding import INSIDE, bind
-from pdvol.hierarchy.interpolants import INTERPOLANTS
-from pdvol.hierarchy.interpolants.barycentric import binding_matrix
-from pdvol.hierarchy.interpolants.biharmonic import biharmonic, biharmonic_columns
-from pdvol.hierarchy.interpolants.laplacian import flux_laplacian, squared_laplacian
-from pdvol.hierarchy.interpolants.locality import DROPPED, make_local, restore_affine
-from pdvol.hierarchy.interpolants.phong import vertex_gradients
-from pdvol.hierarchy.level_space import LevelSpace
-from pdvol.hierarchy.prolongation import Prolongation
+from pdvol.levels.binding import INSIDE, bind
+from pdvol.levels.interpolants import INTERPOLANTS
+from pdvol.levels.interpolants.barycentric import binding_matrix
+from pdvol.levels.interpolants.biharmonic import biharmonic, biharmonic_columns
+from pdvol.levels.interpolants.laplacian import flux_laplacian, squared_laplacian
+from pdvol.levels.interpolants.locality import DROPPED, make_local, restore_affine
+from pdvol.levels.interpolants.phong import vertex_gradients
+from pdvol.levels.prolongation import Prolongation
+from pdvol.levels.space import LevelSpace
 
 COMM = MPI.COMM_WORLD
 

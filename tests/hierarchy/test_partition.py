@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from shapes import grid
 
-from pdvol.hierarchy.level_mesh import LevelMesh
-from pdvol.hierarchy.partition import shared_bodies
+from pdvol.geometry.level_mesh import LevelMesh
+from pdvol.levels.partition import shared_bodies
 
 
 def stack(dim: int, axis: int) -> LevelMesh:

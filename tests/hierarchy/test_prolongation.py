@@ -6,10 +6,10 @@ from mpi4py import MPI
 from petsc4py import PETSc
 from shapes import box, together
 
-from pdvol.hierarchy.binding import bind
-from pdvol.hierarchy.hierarchy import Hierarchy
-from pdvol.hierarchy.level_space import LevelSpace
-from pdvol.hierarchy.prolongation import Prolongation
+from pdvol.levels.binding import bind
+from pdvol.levels.hierarchy import Hierarchy
+from pdvol.levels.prolongation import Prolongation
+from pdvol.levels.space import LevelSpace
 
 COMM = MPI.COMM_WORLD
 

@@ -8,8 +8,8 @@ import pytest
 from pdvol.meshes import Outline, Solid, Surface
 
 from pdvol.errors import InputError, MeshError
-from pdvol.hierarchy.readers import SURFACES, VOLUMES, read_shape
-from pdvol.hierarchy.validate import check_solid, check_surface
+from pdvol.meshing.readers import SURFACES, VOLUMES, read_shape
+from pdvol.meshing.validate import check_solid, check_surface
 
 SHARED = Path(__file__).parents[2].parent / "shared" / "meshes"
 POINTS = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1], [1, 1, 1]])

@@ -9,9 +9,9 @@ from shapes import box
 from pdvol import Outline, Solid, open_run
 from pdvol.cli import run
 from pdvol.errors import InputError, IntersectionError
-from pdvol.hierarchy.build import build_levels, read_obstacle
-from pdvol.hierarchy.separate import build_apart
-from pdvol.hierarchy.start_check import check_start
+from pdvol.levels.initial_state import check_start
+from pdvol.levels.separation import build_apart
+from pdvol.meshing.build import build_levels, read_obstacle
 from pdvol.scene import Barrier, Body, NeoHookean, Placement, Plane, Rigid, Scene, Separate
 
 SOFT = NeoHookean(2e5)

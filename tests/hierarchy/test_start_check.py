@@ -6,9 +6,9 @@ from pdvol.meshes import Solid
 
 from pdvol import meshes
 from pdvol.errors import InputError, IntersectionError
-from pdvol.hierarchy.build import read_obstacle
-from pdvol.hierarchy.level_mesh import LevelMesh
-from pdvol.hierarchy.start_check import check_start
+from pdvol.geometry.level_mesh import LevelMesh
+from pdvol.levels.initial_state import check_start
+from pdvol.meshing.build import read_obstacle
 from pdvol.scene import Barrier, Body, NeoHookean, Placement, Plane, Rigid, Scene, Translation
 
 SOFT = NeoHookean(2e5)

@@ -8,10 +8,10 @@ from pdvol.meshes import Surface
 
 from pdvol import meshes
 from pdvol.errors import MeshError
-from pdvol.hierarchy.level_mesh import boundary_facets, simplex_volumes
-from pdvol.hierarchy.sizing import ALLOWED, edge_length, expected_vertices
-from pdvol.hierarchy.tetrahedralise import mean_ratio, tetrahedralise
-from pdvol.hierarchy.validate import check_surface, drop_unused
+from pdvol.geometry.level_mesh import boundary_facets, simplex_volumes
+from pdvol.meshing.edge_length import ALLOWED, edge_length, expected_vertices
+from pdvol.meshing.tetrahedralise import mean_ratio, tetrahedralise
+from pdvol.meshing.validate import check_surface, drop_unused
 
 
 @pytest.mark.parametrize(

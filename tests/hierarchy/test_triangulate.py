@@ -5,10 +5,10 @@ import pytest
 
 from pdvol import meshes
 from pdvol.errors import MeshError
-from pdvol.hierarchy.level_mesh import boundary_facets, simplex_volumes
-from pdvol.hierarchy.sizing import ALLOWED
-from pdvol.hierarchy.tetrahedralise import mean_ratio
-from pdvol.hierarchy.triangulate import boundary_loops, resample, triangulate
+from pdvol.geometry.level_mesh import boundary_facets, simplex_volumes
+from pdvol.meshing.edge_length import ALLOWED
+from pdvol.meshing.tetrahedralise import mean_ratio
+from pdvol.meshing.triangulate import boundary_loops, resample, triangulate
 
 SHAPES = {"disc": meshes.disc(1.0, 200), "comb": meshes.comb(), "folded": meshes.folded(), "square": meshes.rectangle()}
 

@@ -5,7 +5,7 @@ import pytest
 from pdvol.meshes import Outline, Solid, Surface, ball, box
 
 from pdvol.errors import IntersectionError, InvertedCellError, MeshError
-from pdvol.hierarchy.validate import check_outline, check_solid, check_surface
+from pdvol.meshing.validate import check_outline, check_solid, check_surface
 
 
 def joined(*surfaces, shifts):

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from pdvol import meshes
-from pdvol.hierarchy.decimate import topology
-from pdvol.hierarchy.level_mesh import simplex_volumes
-from pdvol.hierarchy.tetrahedralise import measure
-from pdvol.hierarchy.triangulate import boundary_loops
-from pdvol.hierarchy.validate import check_outline, check_solid, check_surface, signed_area
+from pdvol.geometry.level_mesh import simplex_volumes
+from pdvol.meshing.decimate import topology
+from pdvol.meshing.tetrahedralise import measure
+from pdvol.meshing.triangulate import boundary_loops
+from pdvol.meshing.validate import check_outline, check_solid, check_surface, signed_area
 
 
 def _arc_share(parts: int) -> float:

@@ -3,8 +3,8 @@
 import numpy as np
 from scipy.sparse import csr_array
 
-from pdvol.potentials.block_pattern import BlockPattern
-from pdvol.potentials.hessian_blocks import HessianBlocks
+from pdvol.potentials.assembly.block_pattern import BlockPattern
+from pdvol.potentials.assembly.hessian_blocks import HessianBlocks
 from pdvol.potentials.potential import Positions
 
 STEPS = np.geomspace(1.0, 1.0 / 64.0, 7)  # times the length the caller gives

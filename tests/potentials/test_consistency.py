@@ -8,10 +8,10 @@ from mpi4py import MPI
 from shapes import box, together
 from taylor import check_term, hessian_of
 
-from pdvol.hierarchy.level_space import LevelSpace
+from pdvol.levels.space import LevelSpace
 from pdvol.potentials.build import Terms
 from pdvol.potentials.consistency import Consistency, Guide
-from pdvol.potentials.load import assemble_mass
+from pdvol.potentials.loads import assemble_mass
 from pdvol.potentials.potential import Positions
 from pdvol.solve.incremental_potential import IncrementalPotential
 from pdvol.solve.timing import Stopwatch

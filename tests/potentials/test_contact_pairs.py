@@ -8,13 +8,13 @@ from problems import polyline, tetrahedron
 from shapes import box, level, together
 from taylor import hessian_of
 
-from pdvol.hierarchy.level_space import LevelSpace
-from pdvol.potentials import barrier_law
-from pdvol.potentials.barrier import SurfaceBarrier
-from pdvol.potentials.closest_points import segment_distances
-from pdvol.potentials.collision_surface import CollisionSurface, Obstacle
-from pdvol.potentials.friction import SurfaceFriction
-from pdvol.potentials.hessian_blocks import _sorted
+from pdvol.geometry.closest_points import segment_distances
+from pdvol.levels.space import LevelSpace
+from pdvol.potentials.assembly.hessian_blocks import _sorted
+from pdvol.potentials.contact import barrier_law
+from pdvol.potentials.contact.barrier import SurfaceBarrier
+from pdvol.potentials.contact.collision_surface import CollisionSurface, Obstacle
+from pdvol.potentials.contact.friction import SurfaceFriction
 from pdvol.potentials.potential import Positions
 from pdvol.scene import Still
 

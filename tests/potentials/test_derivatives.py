@@ -8,13 +8,13 @@ from problems import elastic, polyline, tetrahedron
 from shapes import box, grid, together
 from taylor import check_derivatives, check_term, hessian_of, smallest_eigenvalue, state
 
-from pdvol.hierarchy.level_space import LevelSpace
-from pdvol.potentials.barrier import SurfaceBarrier
+from pdvol.levels.space import LevelSpace
 from pdvol.potentials.build import Terms
-from pdvol.potentials.collision_surface import CollisionSurface, Obstacle
-from pdvol.potentials.friction import SurfaceFriction
-from pdvol.potentials.half_space import HalfSpaceBarrier, HalfSpaceFriction
-from pdvol.potentials.load import assemble_mass, gravity_load
+from pdvol.potentials.contact.barrier import SurfaceBarrier
+from pdvol.potentials.contact.collision_surface import CollisionSurface, Obstacle
+from pdvol.potentials.contact.friction import SurfaceFriction
+from pdvol.potentials.contact.planes import HalfSpaceBarrier, HalfSpaceFriction
+from pdvol.potentials.loads import assemble_mass, gravity_load
 from pdvol.potentials.potential import Positions
 from pdvol.scene import FixedCorotational, NeoHookean, Plane, Still, StVenantKirchhoff, Translation
 from pdvol.solve.incremental_potential import IncrementalPotential

@@ -9,8 +9,8 @@ from problems import elastic
 from shapes import box
 from taylor import check_term, hessian_of, smallest_eigenvalue, state
 
-from pdvol.hierarchy.level_space import LevelSpace
-from pdvol.potentials.cell_energy import CellEnergy
+from pdvol.levels.space import LevelSpace
+from pdvol.potentials.assembly.cell_energy import CellEnergy
 from pdvol.scene import NeoHookean
 
 DIMENSIONS = [2, 3]

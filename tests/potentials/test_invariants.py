@@ -6,8 +6,8 @@ from mpi4py import MPI
 from problems import elastic
 from shapes import box, level
 
-from pdvol.hierarchy.level_mesh import simplex_volumes
-from pdvol.hierarchy.level_space import LevelSpace
+from pdvol.geometry.level_mesh import simplex_volumes
+from pdvol.levels.space import LevelSpace
 from pdvol.potentials.elasticity import KEEP_VOLUME
 from pdvol.potentials.potential import Positions
 from pdvol.scene import NeoHookean, rotation_matrix

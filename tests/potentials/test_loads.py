@@ -8,12 +8,12 @@ from shapes import box, together
 from taylor import check_term, hessian_of
 
 from pdvol.errors import InputError
-from pdvol.hierarchy.level_space import LevelSpace
-from pdvol.hierarchy.scene_fields import check_fields
-from pdvol.potentials.cell_energy import CellEnergy
+from pdvol.levels.scene_fields import check_fields
+from pdvol.levels.space import LevelSpace
+from pdvol.potentials.assembly.cell_energy import CellEnergy
+from pdvol.potentials.contact.planes import boundary_areas
 from pdvol.potentials.drag import Drag
-from pdvol.potentials.half_space import boundary_areas
-from pdvol.potentials.load import point_shares
+from pdvol.potentials.loads import point_shares
 from pdvol.potentials.potential import Positions
 from pdvol.scene import Flow, Force, Gravity, Impulse, NeoHookean, PointForce, Solver
 

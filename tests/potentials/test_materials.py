@@ -13,8 +13,8 @@ from shapes import box, level
 from taylor import check_term, hessian_of
 
 from pdvol.errors import InputError
-from pdvol.hierarchy.cell_materials import cell_materials, check_laws
-from pdvol.hierarchy.level_space import LevelSpace
+from pdvol.levels.materials import cell_materials, check_laws
+from pdvol.levels.space import LevelSpace
 from pdvol.potentials.elasticity import Damping
 from pdvol.potentials.potential import Positions
 from pdvol.scene import FixedCorotational, Material, NeoHookean, StVenantKirchhoff, rotation_matrix

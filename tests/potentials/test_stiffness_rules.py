@@ -9,13 +9,13 @@ from scipy.sparse import block_diag, csc_matrix
 from shapes import box, together
 from taylor import check_term
 
-from pdvol.hierarchy.level_space import LevelSpace
-from pdvol.potentials.barrier import SurfaceBarrier
+from pdvol.levels.space import LevelSpace
 from pdvol.potentials.build import build_terms
-from pdvol.potentials.collision_surface import CollisionSurface, Obstacle
-from pdvol.potentials.half_space import HalfSpaceBarrier
+from pdvol.potentials.contact.barrier import SurfaceBarrier
+from pdvol.potentials.contact.collision_surface import CollisionSurface, Obstacle
+from pdvol.potentials.contact.planes import HalfSpaceBarrier
+from pdvol.potentials.contact.stiffness import AdaptiveStiffness, SemiImplicitStiffness
 from pdvol.potentials.potential import Positions
-from pdvol.potentials.stiffness_rules import AdaptiveStiffness, SemiImplicitStiffness
 from pdvol.scene import Barrier, Body, Gravity, NeoHookean, Plane, Scene, Still
 
 DHAT, KAPPA = 0.05, 0.3

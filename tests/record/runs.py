@@ -3,8 +3,8 @@
 import numpy as np
 from scipy.spatial import Delaunay
 
-from pdvol.hierarchy.level_mesh import LevelMesh, simplex_volumes
-from pdvol.record.store import RunWriter
+from pdvol.geometry.level_mesh import LevelMesh, simplex_volumes
+from pdvol.store.writer import RunWriter
 
 DT = 0.02
 

@@ -6,7 +6,7 @@ import runs
 import scipy.sparse as sp
 from PIL import Image
 
-from pdvol.record.bindings import TOP, cell_colours, draw_binding, weight_colours
+from pdvol.draw.bindings import TOP, cell_colours, draw_binding, weight_colours
 
 
 def test_same_colour_means_same_cell():

@@ -8,8 +8,8 @@ import pytest
 import pyvista as pv
 
 from pdvol.errors import InputError
-from pdvol.record.store import open_run
-from pdvol.record.xdmf import write_xdmf
+from pdvol.export.xdmf import write_xdmf
+from pdvol.store.writer import open_run
 
 
 @pytest.mark.parametrize("kind", ["flat_run", "solid_run"])

@@ -10,7 +10,7 @@ import numpy as np
 import runs
 
 from pdvol.errors import InputError
-from pdvol.record.store import RunWriter, open_run
+from pdvol.store.writer import RunWriter, open_run
 
 KILLS = 10
 VERTICES = 400
@@ -18,7 +18,7 @@ VERTICES = 400
 _WRITE = """
 import sys; sys.path.insert(0, {folder!r})
 import test_kill, runs
-from pdvol.record.store import RunWriter
+from pdvol.store.writer import RunWriter
 print("ready", flush=True)
 with RunWriter.open({run!r}) as writer:
     while True:
@@ -29,7 +29,7 @@ with RunWriter.open({run!r}) as writer:
 _CREATE = """
 import sys; sys.path.insert(0, {folder!r})
 import runs, test_store
-from pdvol.record.store import RunWriter
+from pdvol.store.writer import RunWriter
 meshes = runs.level_meshes(2, (60, 2000, 6000))
 print("ready", flush=True)
 RunWriter.create({run!r}, test_store.INFO, meshes, ["a", "b"])

@@ -5,9 +5,9 @@ import pytest
 import runs
 import scipy.sparse as sp
 
-from pdvol.hierarchy.level_mesh import LevelMesh
-from pdvol.record import metrics
-from pdvol.record.plots import plot_metrics
+from pdvol.draw.plots import plot_metrics
+from pdvol.geometry.level_mesh import LevelMesh
+from pdvol.measure import metrics
 
 RNG = np.random.default_rng(0)
 

@@ -18,13 +18,13 @@ import shapes
 from pdvol import Body, FixedCorotational, NeoHookean, Scene, Solid, StVenantKirchhoff, open_run
 from pdvol.commands.exporting import export_run
 from pdvol.errors import InputError
-from pdvol.record.series import StepFields
-from pdvol.record.store import RunWriter
-from pdvol.record.vtkhdf import write_vtkhdf
-from pdvol.record.xdmf import write_xdmf
-from pdvol.runs.fields import SceneFields
+from pdvol.export.series import StepFields
+from pdvol.export.vtkhdf import write_vtkhdf
+from pdvol.export.xdmf import write_xdmf
 from pdvol.runs.runner import run_scene
-from pdvol.runs.shot import load_shot
+from pdvol.runs.scene_file import load_shot
+from pdvol.runs.stored_fields import SceneFields
+from pdvol.store.writer import RunWriter
 
 YOUNG, POISSON, DENSITY, GRAVITY, DT = 2e5, 0.3, 1000.0, 9.81, 0.02
 

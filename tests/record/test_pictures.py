@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from pdvol.draw.contact_shadows import shadow_map
+from pdvol.draw.picture import chosen_steps, render
 from pdvol.errors import InputError
-from pdvol.record.pictures import chosen_steps, render
-from pdvol.record.shadows import shadow_map
-from pdvol.record.store import open_run
+from pdvol.store.writer import open_run
 
 
 @pytest.mark.parametrize("kind", ["flat_run", "solid_run"])
@@ -30,8 +30,8 @@ def test_a_picture_shows_the_bodies(kind, request, tmp_path):
 
 def test_no_display_and_no_word(solid_run, tmp_path):
     code = f"""
-from pdvol.record.pictures import render
-from pdvol.record.store import open_run
+from pdvol.draw.picture import render
+from pdvol.store.writer import open_run
 render(open_run({str(solid_run)!r}), {str(tmp_path / "run.png")!r}, levels=[0], steps=[1], cell_width=120)
 """
     for display in ({}, {"DISPLAY": ":77"}):

@@ -4,7 +4,7 @@ import io
 
 import runs
 
-from pdvol.record.progress import Progress
+from pdvol.runs.progress import Progress
 
 
 class Terminal(io.StringIO):

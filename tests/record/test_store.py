@@ -8,7 +8,7 @@ import pytest
 import runs
 
 from pdvol.errors import InputError, SimulationError
-from pdvol.record.store import RunWriter, open_run
+from pdvol.store.writer import RunWriter, open_run
 
 INFO = {"scene": "made up", "dt": runs.DT, "steps": 6, "method": "direct", "parameters": {}, "versions": {}}
 

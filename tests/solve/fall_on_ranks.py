@@ -13,7 +13,7 @@ sys.path.append(str(Path(__file__).parents[1] / "hierarchy"))
 from problems import SOFT, block, make_problem, make_scene, polyline, tetrahedron
 from shapes import together
 
-from pdvol.animate.march import Start, direct
+from pdvol.integrate.marches import Start, direct
 from pdvol.scene import Barrier, Friction, Gravity, Plane, Rigid, Solver, Support, Translation
 
 STEPS, SIZE = 20, 0.5

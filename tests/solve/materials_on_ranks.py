@@ -12,9 +12,10 @@ sys.path.append(str(Path(__file__).parents[1] / "hierarchy"))
 
 from shapes import box
 
-from pdvol.animate.march import Start, direct
-from pdvol.hierarchy.cell_materials import level_materials
-from pdvol.hierarchy.hierarchy import Hierarchy
+from pdvol.integrate.marches import Start, direct
+from pdvol.integrate.stepper import LevelProblem
+from pdvol.levels.hierarchy import Hierarchy
+from pdvol.levels.materials import level_materials
 from pdvol.scene import (
     Body,
     FixedCorotational,
@@ -30,7 +31,6 @@ from pdvol.scene import (
     StVenantKirchhoff,
     Support,
 )
-from pdvol.solve.level_problem import LevelProblem
 
 
 def scene_of(d):

@@ -12,7 +12,7 @@ sys.path.append(str(File(__file__).parents[1] / "hierarchy"))
 
 from problems import block, make_problem, make_scene, polyline
 
-from pdvol.animate.march import Start, direct
+from pdvol.integrate.marches import Start, direct
 from pdvol.scene import Barrier, Path, Plane, Rigid, Rotation, Sequential, Solver, Support
 
 STEPS = 9

@@ -4,11 +4,11 @@ import numpy as np
 from mpi4py import MPI
 from shapes import grid
 
-from pdvol.hierarchy.cell_materials import cell_materials
-from pdvol.hierarchy.level_space import LevelSpace
+from pdvol.integrate.stepper import LevelProblem
+from pdvol.levels.materials import cell_materials
+from pdvol.levels.space import LevelSpace
 from pdvol.potentials.elasticity import elastic_terms
 from pdvol.scene import Body, NeoHookean, Scene, Solver
-from pdvol.solve.level_problem import LevelProblem
 
 SOFT = NeoHookean(young=1e5, poisson=0.4, density=1000.0)
 

@@ -6,8 +6,8 @@ from problems import block, make_problem, make_scene
 from scipy.optimize import brentq
 
 from pdvol.errors import InputError
-from pdvol.potentials import barrier_law
-from pdvol.potentials.half_space import boundary_areas
+from pdvol.potentials.contact import barrier_law
+from pdvol.potentials.contact.planes import boundary_areas
 from pdvol.scene import LAWS, Barrier, Friction, Gravity, NeoHookean, Plane, Solver
 
 G, DHAT, SIDE = 9.81, 2e-3, 0.2

@@ -7,7 +7,7 @@ import pytest
 from problems import block, make_problem, make_scene
 
 from pdvol.scene import Gravity, Solver, Support, Translation
-from pdvol.solve import model_choice
+from pdvol.solve import globalization as model_choice
 
 
 def pressed(press, tolerance=1e-4):

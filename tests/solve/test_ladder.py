@@ -10,7 +10,7 @@ from problems import block, make_problem, make_scene
 from pdvol.errors import ConvergenceError
 from pdvol.potentials.potential import Positions, Term
 from pdvol.scene import Barrier, Gravity, Plane, Solver
-from pdvol.solve.ladder import RUNGS, no_rungs, told
+from pdvol.solve.remedies import RUNGS, no_rungs, told
 
 REASONS = PETSc.SNES.ConvergedReason
 

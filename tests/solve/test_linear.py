@@ -5,20 +5,20 @@ ladder.
 import numpy as np
 import pytest
 from mpi4py import MPI
+from pdvol.solve.linear.coarse_space import SHIFT, CoarseSpace, grid_weights
+from pdvol.solve.linear.system_matrix import SystemMatrix
 from petsc4py import PETSc
 from problems import block, make_problem, make_scene
 from scipy.sparse import csr_array
 from shapes import box, together
 
 from pdvol.errors import SimulationError
-from pdvol.hierarchy.level_space import LevelSpace
-from pdvol.potentials.block_pattern import BlockPattern
-from pdvol.potentials.hessian_blocks import HessianBlocks
+from pdvol.levels.space import LevelSpace
+from pdvol.potentials.assembly.block_pattern import BlockPattern
+from pdvol.potentials.assembly.hessian_blocks import HessianBlocks
 from pdvol.scene import Gravity, NeoHookean, Solver, Support
-from pdvol.solve.coarse_space import SHIFT, CoarseSpace, grid_weights
-from pdvol.solve.linear import SHIFTS, LinearSolver
+from pdvol.solve.linear.solver import SHIFTS, LinearSolver
 from pdvol.solve.newton import Newton
-from pdvol.solve.system_matrix import SystemMatrix
 
 COMM = MPI.COMM_SELF
 ROUND = 1e-12

@@ -7,7 +7,7 @@ import pytest
 from problems import block, make_problem, make_scene
 from shapes import together
 
-from pdvol.hierarchy.level_mesh import simplex_volumes
+from pdvol.geometry.level_mesh import simplex_volumes
 from pdvol.scene import Barrier, FixedCorotational, Friction, Gravity, NeoHookean, Plane, Solver, StVenantKirchhoff
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pdvol.solve.model_choice import LONGEST, PAUSE, STUCK, ModelChoice, lengthening, promised_decrease
+from pdvol.solve.globalization import LONGEST, PAUSE, STUCK, ModelChoice, lengthening, promised_decrease
 
 
 @pytest.mark.parametrize(

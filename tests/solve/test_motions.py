@@ -7,8 +7,8 @@ import pytest
 from problems import block, make_problem, make_scene, polyline, tetrahedron
 
 from pdvol.errors import InputError
-from pdvol.hierarchy.crossings import edges_of, find_crossings
-from pdvol.hierarchy.level_mesh import simplex_volumes
+from pdvol.geometry.crossings import edges_of, find_crossings
+from pdvol.geometry.level_mesh import simplex_volumes
 from pdvol.potentials.potential import Positions
 from pdvol.scene import (
     Barrier,
@@ -24,7 +24,7 @@ from pdvol.scene import (
     Translation,
     moved,
 )
-from pdvol.solve import linear
+from pdvol.solve.linear.solver import solver as linear
 
 X = np.array([[1.0, 0.0, 2.0], [0.0, 1.0, -1.0]])
 SOLVER = Solver(tolerance=1e-4)
@@ -351,7 +351,7 @@ def test_what_was_held_back_is_caught_up_with():
 
 def test_a_scene_with_a_path_and_a_release_can_be_described():
     """What `run.json` keeps of it tells two scripts apart."""
-    from pdvol.runs.describe import describe, differences
+    from pdvol.scene.fingerprint import describe, differences
 
     def scene(end, release):
         support = Support(

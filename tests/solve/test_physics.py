@@ -5,9 +5,9 @@ import pytest
 from problems import block, make_problem, make_scene, masses
 from shapes import box
 
-from pdvol.hierarchy.level_mesh import simplex_volumes
+from pdvol.geometry.level_mesh import simplex_volumes
+from pdvol.integrate.stepper import LevelProblem
 from pdvol.scene import Barrier, Friction, Gravity, NeoHookean, Plane, Rotation, Solver, Support, Translation
-from pdvol.solve.level_problem import LevelProblem
 
 G = 9.81
 

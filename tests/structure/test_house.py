@@ -1,4 +1,4 @@
-"""Data flows one way: scene -> hierarchy -> potentials -> solve -> animate -> record (design, section 3). What a scene
+"""Data flows one way: scene -> levels -> potentials -> solve -> integrate -> store, read by export, draw and measure. What a scene
 lacks is not loaded.
 """
 
@@ -11,17 +11,35 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
-STAGES = ("hierarchy", "potentials", "solve", "animate", "record")
+STAGES = (
+    "geometry",
+    "meshing",
+    "levels",
+    "potentials",
+    "solve",
+    "integrate",
+    "store",
+    "export",
+    "draw",
+    "measure",
+)
 FOUNDATION = {"errors", "scene", "parallel", "processes", "compat"}
 """Modules beside the stages that any stage may use: they know none of them (a test)."""
-MAY_IMPORT = {
+STORED = {"geometry", "store"}
+"""What everything that reads stored runs may use."""
+MAY_IMPORT: dict[str, set[str]] = {
     "forms": set(),
     "meshes": set(),
-    "hierarchy": {"forms", "meshes"},
-    "potentials": {"forms", "meshes", "hierarchy"},
-    "solve": {"forms", "meshes", "hierarchy", "potentials"},
-    "animate": {"forms", "meshes", "hierarchy", "potentials", "solve"},
-    "record": {"forms", "meshes", "hierarchy"},
+    "geometry": set(),
+    "meshing": {"meshes", "geometry"},
+    "levels": {"forms", "meshes", "geometry", "meshing"},
+    "potentials": {"forms", "geometry", "levels"},
+    "solve": {"forms", "geometry", "levels", "potentials"},
+    "integrate": {"geometry", "levels", "potentials", "solve"},
+    "store": {"geometry"},
+    "export": STORED,
+    "draw": STORED,
+    "measure": STORED,
     "runs": {"forms", "meshes", *STAGES},
     "commands": {"forms", "meshes", *STAGES, "runs"},
 }
@@ -35,7 +53,7 @@ SOURCES = [
 
 
 def module_of(path: Path) -> str:
-    """`pdvol.hierarchy.build` of a file; forms/ and meshes/ are installed below pdvol."""
+    """`pdvol.meshing.build` of a file; forms/ and meshes/ are installed below pdvol."""
     parts = path.relative_to(ROOT).with_suffix("").parts
     parts = parts if parts[0] == "pdvol" else ("pdvol", *parts)
     return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
@@ -59,7 +77,7 @@ def imports(path: Path) -> set[str]:
 
 
 def stage(module: str) -> str:
-    """`hierarchy` of `pdvol.hierarchy.build`, `errors` of `pdvol.errors.InputError`, empty for `pdvol` itself and for
+    """`hierarchy` of `pdvol.meshing.build`, `errors` of `pdvol.errors.InputError`, empty for `pdvol` itself and for
     other packages.
     """
     parts = module.split(".")
@@ -189,10 +207,10 @@ def test_reading_a_run_loads_no_finite_elements(tmp_path):
 SOLVE = (
     SCENE
     + """
-from pdvol.hierarchy.hierarchy import Hierarchy
-from pdvol.hierarchy.level_mesh import LevelMesh
-from pdvol.solve.level_problem import LevelProblem
-from pdvol.animate.march import Start, direct
+from pdvol.levels.hierarchy import Hierarchy
+from pdvol.geometry.level_mesh import LevelMesh
+from pdvol.integrate.stepper import LevelProblem
+from pdvol.integrate.marches import Start, direct
 from mpi4py import MPI
 mesh = LevelMesh(square.vertices, square.cells.astype(np.int64), np.zeros(2, np.int32), np.zeros(2, np.int32))
 hierarchy = Hierarchy([mesh], MPI.COMM_WORLD)

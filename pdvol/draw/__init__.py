@@ -1,0 +1,1 @@
+"""Pictures, films and plots of stored runs. Nothing here knows a solver."""

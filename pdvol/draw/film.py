@@ -1,0 +1,84 @@
+"""Films of a run: all levels side by side, at the speed at which it happens. MP4 and GIF need imageio (pip install
+'pdvol[film]').
+"""
+
+import importlib.util
+import os
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from PIL import Image, ImageDraw
+
+from pdvol.draw.picture import FAINT, GAP, INK, cell, font, framing
+from pdvol.draw.renderer import BACKGROUND, Studio
+from pdvol.errors import InputError, SimulationError
+from pdvol.store.files import TEMPORARY
+from pdvol.store.obstacles import DrawnObstacle
+from pdvol.store.reader import Run, RunLevel
+
+FRAME_RATE = 30.0  # at most; shorter time steps are skipped over
+_HEADER = 64
+
+
+def write_film(
+    run: Run,
+    path: Path,
+    levels: Sequence[RunLevel],
+    steps: Sequence[int] | None,
+    obstacles: Sequence[DrawnObstacle],
+    cell_width: int,
+    turn: float = 0.0,
+) -> Path:
+    """Write a .gif or .mp4; see `pdvol.draw.picture.render` for the arguments. Frames are drawn and encoded one at a
+    time.
+
+    Raises
+    ------
+    InputError
+        When imageio, or for .mp4 its ffmpeg, is not installed.
+    SimulationError
+        When the disk cannot be written.
+    """
+    moving = path.suffix.lower() == ".mp4"
+    for module in ("imageio", "imageio_ffmpeg") if moving else ("imageio",):
+        if importlib.util.find_spec(module) is None:
+            raise InputError(f"{path}: a film needs {module}: pip install 'pdvol[film]'")
+    import imageio.v2 as imageio
+
+    stride = max(1, round(1.0 / (FRAME_RATE * run.dt)))
+    frames = list(range(0, max(level.steps for level in levels), stride)) if steps is None else list(steps)
+    rate = 1.0 / (stride * run.dt)
+    # The encoder tells the format by the ending, so the temporary name keeps it.
+    aside = path.with_name(f".{path.stem}{TEMPORARY}{path.suffix}")
+    encoded = dict(fps=rate, codec="libx264", quality=8, macro_block_size=2, ffmpeg_log_level="error")
+    options = encoded if moving else dict(duration=1000 / rate, loop=0)
+    view = framing(run, levels, frames, obstacles, turn)
+    try:
+        with (
+            Studio(run, view, cell_width, obstacles, oversampling=2) as studio,
+            imageio.get_writer(aside, **options) as film,
+        ):
+            for step in frames:
+                film.append_data(np.asarray(_frame(studio, levels, step, run.dt)))
+        os.replace(aside, path)
+    except OSError as error:
+        raise SimulationError(f"cannot write {path}: {error.strerror or error}") from error
+    finally:
+        aside.unlink(missing_ok=True)
+    return path
+
+
+def _frame(studio: Studio, levels: Sequence[RunLevel], step: int, dt: float) -> Image.Image:
+    """All levels at one step. A level that is not simulated that far keeps its last state, and says so."""
+    width, height = studio.size
+    size = (len(levels) * (width + GAP) - GAP, _HEADER + height)
+    frame = Image.new("RGB", tuple(n + n % 2 for n in size), BACKGROUND)  # encoders want even numbers
+    pen = ImageDraw.Draw(frame)
+    for i, level in enumerate(levels):
+        x, held = i * (width + GAP), min(step, level.steps - 1)
+        frame.paste(cell(studio, level, held), (x, _HEADER))
+        pen.text((x + 16, 22), f"level {level.index}", INK, font(19), anchor="lm")
+        pen.text((x + 16, 46), f"{len(level.rest):,} vertices", FAINT, font(14), anchor="lm")
+        pen.text((x + width - 16, 22), f"{held * dt:.2f} s", INK if held == step else FAINT, font(17), anchor="rm")
+    return frame

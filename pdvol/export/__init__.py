@@ -1,0 +1,1 @@
+"""A stored run in the formats of other software. Nothing here knows a solver."""

@@ -1,0 +1,83 @@
+"""What exports show of each step of a level: fields on the level's vertices and cells, in the input's order."""
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from pdvol.errors import InputError
+from pdvol.store.reader import Run, RunLevel
+
+
+@dataclass(frozen=True, eq=False)
+class StepFields:
+    """Fields of one step: `points` (n,) or (n, d) and `cells` (m,) by name."""
+
+    points: Mapping[str, np.ndarray] = field(default_factory=dict)
+    cells: Mapping[str, np.ndarray] = field(default_factory=dict)
+
+
+Fields = Callable[[int], StepFields]
+"""More fields of a level's steps, by step."""
+
+
+def nothing_more(step: int) -> StepFields:
+    """The `Fields` of who knows the stored states alone."""
+    return StepFields()
+
+
+class Series:
+    """The stored steps of one level, as exports write them.
+
+    Vectors have three components in 2D too, for ParaView warps by vectors of three only.
+
+    Parameters
+    ----------
+    more : what is to be shown beside `displacement` [m], `velocity` [m/s], `body` and `region`
+
+    Raises
+    ------
+    InputError
+        When the level does not exist or has no state.
+    """
+
+    def __init__(self, run: Run, level: int, more: Fields = nothing_more):
+        if not 0 <= level < len(run.levels):
+            raise InputError(f"{run.path} has levels 0 to {len(run.levels) - 1}, not {level}")
+        self.level: RunLevel = run.levels[level]
+        self.dt, self.steps, self._more = run.dt, self.level.steps, more
+        self.kind = "stored" if more is nothing_more else "all"  # which fields there are
+        if self.steps == 0:
+            raise InputError(f"{run.path}: level {level} has no stored state to export")
+
+    @property
+    def size(self) -> int:
+        """Bytes that an HDF5 file of all steps takes at most: vectors of three, one cell field, and what HDF5 says of
+        each array.
+        """
+        points, cells = len(self.level.rest), len(self.level.cells)
+        return 2**16 + 8 * (3 * points + 5 * cells) + self.steps * (8 * (9 * points + cells) + 2**13)
+
+    @property
+    def labels(self) -> dict[str, np.ndarray]:
+        """(m,) int32 of each cell: its `body` and `region`, which tell its material."""
+        return {"body": self.level.bodies, "region": self.level.regions}
+
+    def displacement(self, step: int) -> np.ndarray:
+        """(n, 3) [m]."""
+        return padded(self.level.positions(step) - self.level.rest)
+
+    def fields(self, step: int) -> StepFields:
+        """All that changes from step to step."""
+        more = self._more(step)
+        points = {"displacement": self.displacement(step), "velocity": padded(self.level.velocities(step))}
+        return StepFields({**points, **{name: padded(values) for name, values in more.points.items()}}, more.cells)
+
+    def __iter__(self) -> Iterator[tuple[int, float, StepFields]]:
+        for step in range(self.steps):
+            yield step, step * self.dt, self.fields(step)
+
+
+def padded(vectors: np.ndarray) -> np.ndarray:
+    """Vectors (n, d) with a zero third component in 2D, shape (n, 3)."""
+    return np.pad(vectors, ((0, 0), (0, 3 - vectors.shape[1])))

@@ -1,0 +1,81 @@
+"""VTKHDF time series (UnstructuredGrid, version 2.2): one file a level, for ParaView 5.12 and newer; the format that
+follows XDMF.
+
+The rest mesh is stored once; each step adds its fields, one behind the other, and `Steps` says where they begin.
+"""
+
+import os
+from pathlib import Path
+
+import h5py
+import numpy as np
+
+from pdvol.errors import InputError, SimulationError
+from pdvol.export.series import Fields, Series, nothing_more, padded
+from pdvol.export.xdmf import told
+from pdvol.store.files import TEMPORARY, require_room
+from pdvol.store.reader import Run
+
+_CELL_TYPES = {2: 5, 3: 10}  # VTK_TRIANGLE, VTK_TETRA
+
+
+def write_vtkhdf(run: Run, level: int, path: str | Path, more: Fields = nothing_more) -> Path:
+    """Export the stored steps of one level, as `write_xdmf` does; the file's name ends in .vtkhdf. Written aside and
+    renamed.
+    """
+    path = Path(path)
+    if path.suffix != ".vtkhdf":
+        raise InputError(f"{path}: the name of a VTKHDF file ends in .vtkhdf")
+    series = Series(run, level, more)
+    aside = path.with_name(f".{path.name}{TEMPORARY}")
+    require_room(aside, series.size)
+    try:
+        with h5py.File(aside, "w") as file:
+            _write_data(file.create_group("VTKHDF"), series)
+        with open(aside, "rb") as file:
+            os.fsync(file.fileno())
+        os.replace(aside, path)
+    except (OSError, RuntimeError) as error:
+        raise SimulationError(f"cannot write {path}: {told(error)}") from error
+    finally:
+        aside.unlink(missing_ok=True)
+    return path
+
+
+def _write_data(root: h5py.Group, series: Series) -> None:
+    rest, cells, steps = series.level.rest, series.level.cells, series.steps
+    root.attrs["Version"] = (2, 2)
+    root.attrs.create("Type", b"UnstructuredGrid", dtype=h5py.string_dtype("ascii", len("UnstructuredGrid")))
+    sizes = {"NumberOfPoints": len(rest), "NumberOfCells": len(cells), "NumberOfConnectivityIds": cells.size}
+    for name, size in sizes.items():
+        root[name] = np.array([size])
+    root["Points"] = padded(rest)
+    root["Connectivity"] = cells.ravel()
+    root["Offsets"] = np.arange(len(cells) + 1) * cells.shape[1]
+    root["Types"] = np.full(len(cells), _CELL_TYPES[rest.shape[1]], dtype=np.uint8)
+    times = root.create_group("Steps")
+    times.attrs["NSteps"] = steps
+    times["Values"] = np.arange(steps) * series.dt
+    # One part, the same mesh at every step.
+    times["NumberOfParts"] = np.ones(steps, dtype=np.int64)
+    for name in ("PartOffsets", "PointOffsets"):
+        times[name] = np.zeros(steps, dtype=np.int64)
+    for name in ("CellOffsets", "ConnectivityIdOffsets"):
+        times[name] = np.zeros((steps, 1), dtype=np.int64)
+    for label, values in series.labels.items():
+        root[f"CellData/{label}"] = values
+        times[f"CellDataOffsets/{label}"] = np.zeros(steps, dtype=np.int64)
+    for step, _, fields in series:
+        for kind, arrays in (("PointData", fields.points), ("CellData", fields.cells)):
+            for label, values in arrays.items():
+                _append(root, times, kind, label, np.asarray(values), step, steps)
+
+
+def _append(
+    root: h5py.Group, times: h5py.Group, kind: str, label: str, values: np.ndarray, step: int, steps: int
+) -> None:
+    key, n = f"{kind}/{label}", len(values)
+    if step == 0:
+        root.create_dataset(key, (steps * n, *values.shape[1:]), dtype=values.dtype)
+        times[f"{kind}Offsets/{label}"] = np.arange(steps, dtype=np.int64) * n
+    root[key][step * n : (step + 1) * n] = values

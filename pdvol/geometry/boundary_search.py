@@ -1,0 +1,114 @@
+"""Queries against the boundary of one body: first hits of segments, closest facets. Edges in 2D, triangles in 3D."""
+
+import igl
+import numpy as np
+
+from pdvol.geometry.level_mesh import LevelMesh
+
+# Facets are enlarged by this for the ray test, so that a segment through a shared edge or corner cannot slip between
+# two of them.
+OVERLAP = 1e-9
+# A segment that ends on the surface hits it, whatever its last digits.
+END = 1e-9
+
+
+class BoundarySearch:
+    """The boundary facets of one body of a level, with search trees. Not collective.
+
+    Everything is embedded in 3D for libigl. Facets are numbered within the body, in the order of `LevelMesh.boundary`.
+
+    Attributes
+    ----------
+    cells : (k,) int64
+        The cell behind each facet.
+    """
+
+    def __init__(self, mesh: LevelMesh, body: int):
+        mine = mesh.bodies[mesh.boundary_cells] == body
+        self.cells = mesh.boundary_cells[mine]
+        self._facets = np.ascontiguousarray(mesh.boundary[mine], dtype=np.int64)
+        self._points = _embed(mesh.points)
+        self._tree = igl.AABB()
+        self._tree.init(self._points, self._facets)
+
+        self._corners = self._points[self._facets]
+        self._one_facet = np.arange(mesh.dim, dtype=np.int64)[None, :]
+
+        triangles = _triangles(self._corners)
+        normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+        # libigl's ray test compares determinants of the size of twice the triangle's area with an absolute epsilon (at
+        # 1 mm it misses every triangle): in these units the smallest triangle has determinant 1 for a ray along its
+        # normal.
+        self._unit = np.sqrt(np.linalg.norm(normals, axis=1).min())
+        self._origin = self._corners.mean(axis=(0, 1))
+        self._triangles = (triangles - self._origin) / self._unit
+        self._normals = normals / np.linalg.norm(normals, axis=1)[:, None]
+        centres = self._triangles.mean(axis=1, keepdims=True)
+        self._soup = (centres + (1.0 + OVERLAP) * (self._triangles - centres)).reshape(-1, 3)
+        self._soup_faces = np.arange(len(self._soup), dtype=np.int64).reshape(-1, 3)
+        self._soup_tree = igl.AABB()
+        self._soup_tree.init(self._soup, self._soup_faces)
+
+    def first_hits(self, starts: np.ndarray, ends: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The first facet each segment meets.
+
+        Parameters
+        ----------
+        starts, ends : (n, d) float64 [m]
+
+        Returns
+        -------
+        facet : (n,) int64
+            -1 without a hit.
+        distance : (n,) float64 [m]
+            From the start; infinite without a hit.
+        """
+        starts, ends = ((_embed(p) - self._origin) / self._unit for p in (starts, ends))
+        lengths = np.linalg.norm(ends - starts, axis=1)
+        directions = (ends - starts) / lengths[:, None]
+        facet, distance, _ = self._soup_tree.intersect_ray_first(self._soup, self._soup_faces, starts, directions)
+        facet, distance = np.asarray(facet, dtype=np.int64), np.full(len(starts), np.inf)
+        hit = np.flatnonzero(facet >= 0)
+        # libigl's hit distances are single precision: take them from the plane of the facet.
+        normals = self._normals[facet[hit]]
+        offsets = (normals * (self._triangles[facet[hit], 0] - starts[hit])).sum(axis=1)
+        distance[hit] = np.maximum(offsets / (normals * directions[hit]).sum(axis=1), 0.0)
+        miss = ~(distance <= lengths * (1.0 + END))
+        facet[miss], distance[miss] = -1, np.inf
+        return facet, distance * self._unit
+
+    def closest(self, points: np.ndarray) -> np.ndarray:
+        """(n,) int64: the facet closest to each point (n, d)."""
+        return np.asarray(self._tree.squared_distance(self._points, self._facets, _embed(points))[1], dtype=np.int64)
+
+    def closest_of(self, point: np.ndarray, facets) -> int:
+        """The one of `facets` closest to one point (d,); the lowest index among equals."""
+        position = np.zeros(3)
+        position[: len(point)] = point
+
+        def squared_distance(facet):
+            return igl.point_simplex_squared_distance(position, self._corners[facet], self._one_facet, 0)[0]
+
+        return min(sorted(facets), key=squared_distance)
+
+
+def _embed(points: np.ndarray) -> np.ndarray:
+    """Points (n, d) in 3D."""
+    embedded = np.zeros((len(points), 3))
+    embedded[:, : points.shape[1]] = points
+    return embedded
+
+
+def _triangles(facets: np.ndarray) -> np.ndarray:
+    """Triangles (k, 3, 3) whose section with the plane of the rays is the facet.
+
+    A 2D edge becomes one upright triangle that is as wide as the edge at height 0: a quad's diagonal would cross that
+    plane.
+    """
+    if facets.shape[1] == 3:
+        return facets
+    along = facets[:, 1] - facets[:, 0]
+    up = np.linalg.norm(along, axis=1)[:, None] * np.array([0.0, 0.0, 1.0])
+    return np.stack(
+        [facets[:, 0] - 0.5 * along - up, facets[:, 1] + 0.5 * along - up, facets.mean(axis=1) + up], axis=1
+    )

@@ -1,0 +1,126 @@
+"""Time marches: generators of step reports (design, section 2). All but the last solve a step, and differ in the
+velocity that predicts x_hat.
+
+| march | x_hat of the step from t to t + dt |
+|---|---|
+| direct | x^t + (x^t - x^{t-1}): implicit Euler; with a guide in the problem it is tracks |
+| progressive | x^t + P (x_c^t - x_c^{t-1}), x_c the coarser level: VelPro (paper, equations 2 and 3); with a guide it has the consistency penalty |
+| embedded | none: the step ends at P x_c^{t+1}, whatever crosses there |
+"""
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from pdvol.integrate.stepper import LevelProblem, StepReport, peak_memory
+from pdvol.levels.prolongation import Prolongation
+from pdvol.potentials.consistency import Guide
+from pdvol.solve.timing import Stopwatch
+
+SAME_TIME = 1e-9  # of a step: times nearer to the end of one are that end
+
+
+@dataclass(frozen=True, eq=False)
+class Start:
+    """Where a march sets out: after `step` steps, at positions (n, d) [m] with velocity (n, d) [m/s], in the input's
+    order.
+
+    `record` is what the log keeps of that step, where there is one.
+    """
+
+    step: int
+    positions: np.ndarray
+    velocity: np.ndarray
+    record: Mapping = field(default_factory=dict)
+
+
+def direct(problem: LevelProblem, start: Start, steps: int) -> Iterator[StepReport]:
+    """Implicit Euler on one level up to step `steps`. Collective."""
+    positions, velocity = start.positions, start.velocity
+    problem.go_on_from(start.record)
+    for number in range(start.step + 1, steps + 1):
+        report = problem.step(number, positions, velocity)
+        velocity = (report.positions - positions) / problem.scene.dt
+        positions = report.positions
+        yield report
+
+
+def progressive(
+    problem: LevelProblem,
+    prolongation: Prolongation,
+    coarse_velocity: Callable[[int], np.ndarray],
+    start: Start,
+    steps: int,
+) -> Iterator[StepReport]:
+    """VelPro on one level up to step `steps`. Collective.
+
+    Parameters
+    ----------
+    coarse_velocity : step t -> (x_c^t - x_c^{t-1}) / dt, shape (n_coarse, d); the initial velocity for t = 0
+    """
+    positions = start.positions
+    problem.go_on_from(start.record)
+    for number in range(start.step + 1, steps + 1):
+        report = problem.step(number, positions, prolongation.prolong_positions(coarse_velocity(number - 1)))
+        positions = report.positions
+        yield report
+
+
+@dataclass
+class EmbeddedReport(StepReport):
+    """One step of an embedded level; nothing was minimised, so it has no energies.
+
+    Attributes
+    ----------
+    intersections : pairs of edges (2D) or of edges and triangles (3D) that cross, and vertices behind planes; 0 in
+        scenes without contact
+    """
+
+    intersections: int = 0
+
+
+def embedded(
+    prolongation: Prolongation,
+    coarse_positions: Callable[[int], np.ndarray],
+    level: int,
+    start: Start,
+    steps: int,
+    dt: float,
+    count: Callable[[np.ndarray, float], int] = lambda positions, time: 0,
+) -> Iterator[EmbeddedReport]:
+    """The prolonged positions of the level below, up to step `steps`. Collective.
+
+    Parameters
+    ----------
+    coarse_positions : step t -> x_c^t (n_coarse, d) [m]
+    count : positions (n, d) [m] and time [s] -> intersections there
+    """
+    watch = Stopwatch()
+    for number in range(start.step + 1, steps + 1):
+        report = EmbeddedReport(level, number, number * dt, start.positions, reason="EMBEDDED")
+        with watch.part("total"):
+            report.positions = prolongation.prolong_positions(coarse_positions(number))
+            with watch.part("ccd"):
+                report.intersections = count(report.positions, report.time)
+        report.seconds, report.peak_memory_mb = watch.report(), peak_memory(prolongation.fine.comm)
+        yield report
+
+
+def guide(weight: float, dt: float, prolongation: Prolongation, coarse_positions: Callable[[int], np.ndarray]) -> Guide:
+    """What holds a level to P x_c with the weight w of the design's section 2; within a coarse step x_c goes straight.
+
+    Parameters
+    ----------
+    coarse_positions : step t -> x_c^t (n_coarse, d) [m]
+    """
+
+    def target(time: float) -> np.ndarray:
+        step = int(np.floor(time / dt + SAME_TIME))
+        share = time / dt - step
+        positions = coarse_positions(step)
+        if share > SAME_TIME:
+            positions = (1.0 - share) * positions + share * coarse_positions(step + 1)
+        return prolongation.prolong_positions(positions)
+
+    return Guide(weight / dt**2, target)

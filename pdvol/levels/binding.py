@@ -1,0 +1,114 @@
+"""The home cell of every point of one level in another, and its barycentric coordinates there (paper 3.3.2 and 3.3.3)."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pdvol.errors import MeshError
+from pdvol.geometry.boundary_search import BoundarySearch
+from pdvol.geometry.level_mesh import LevelMesh
+from pdvol.levels.geodesic import CLOSEST, INSIDE, NEIGHBOUR, RAY, bind_outside
+from pdvol.levels.locate import barycentric_coordinates, containing_cells
+from pdvol.levels.space import LevelSpace
+
+
+@dataclass(frozen=True, eq=False)
+class Binding:
+    """Target points, in input order, bound to source cells. Replicated on all ranks.
+
+    Attributes
+    ----------
+    cells : (n,) int64
+        Input index of the home cell.
+    kind : (n,) int8
+        INSIDE, RAY, NEIGHBOUR, or CLOSEST: an orphan in `bind`, any point outside in `closest_binding`.
+    weights : (n, d + 1) float64
+        Barycentric coordinates in the home cell; rows sum to one, entries of points outside are partly negative.
+    """
+
+    cells: np.ndarray
+    kind: np.ndarray
+    weights: np.ndarray
+
+    def __post_init__(self):
+        for array in (self.cells, self.kind, self.weights):
+            array.flags.writeable = False
+
+    def report(self) -> dict:
+        """Counts of `inside`, `ray`, `neighbour` and `orphans`, and the `largest_weight` in absolute value."""
+        inside, ray, neighbour, orphans = np.bincount(self.kind, minlength=4).tolist()
+        largest = float(np.abs(self.weights).max())
+        return {"inside": inside, "ray": ray, "neighbour": neighbour, "orphans": orphans, "largest_weight": largest}
+
+
+def bind(target: LevelSpace | LevelMesh, source: LevelSpace) -> Binding:
+    """Bind every point of `target` to a cell of `source`, of the same body. Collective on the source's communicator.
+
+    The levels may be given either way round. The result does not depend on the number of ranks.
+
+    Raises
+    ------
+    MeshError
+        When `source` lacks a body of `target`, or the dimensions differ; on all ranks, before any communication.
+    """
+    return _bind(target, source, bind_outside)
+
+
+def closest_binding(target: LevelSpace | LevelMesh, source: LevelSpace) -> Binding:
+    """As `bind`, but points outside go to the Euclidean-closest cell of their body: the naive baseline. Collective."""
+    return _bind(target, source, _closest_outside)
+
+
+def home_cells(target: LevelSpace, source: LevelSpace, binding: Binding) -> np.ndarray:
+    """(m,) int64: the source cell that contains each target cell's centre; outside, of its corners' homes the one it is
+    least far out of.
+
+    `binding` is the target's points' own. Collective on the source's communicator.
+    """
+    fine, coarse = target.mesh, source.mesh
+    centres = fine.points[fine.cells].mean(axis=1)
+    homes = containing_cells(centres, fine.bodies, source)
+    outside = np.flatnonzero(homes < 0)
+    if len(outside):
+        choices = binding.cells[fine.cells[outside]]
+        corners = np.repeat(centres[outside], fine.dim + 1, axis=0)
+        within = (
+            barycentric_coordinates(corners, coarse.points[coarse.cells[choices.ravel()]])
+            .min(axis=1)
+            .reshape(choices.shape)
+        )
+        homes[outside] = choices[np.arange(len(outside)), within.argmax(axis=1)]
+    return homes
+
+
+def _bind(target, source, outside_rule) -> Binding:
+    target = target.mesh if isinstance(target, LevelSpace) else target
+    mesh = source.mesh
+    _check(target, mesh)
+    cells = containing_cells(target.points, target.point_bodies, source)
+    # One rank decides for all: two machines' arithmetic may part ways in the last digit, which could part the bindings.
+    cells, kind = source.comm.bcast(outside_rule(target, mesh, cells) if source.comm.rank == 0 else None)
+    return Binding(cells, kind, barycentric_coordinates(target.points, mesh.points[mesh.cells[cells]]))
+
+
+def _closest_outside(target: LevelMesh, source: LevelMesh, cells: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    cells, bodies = cells.copy(), target.point_bodies
+    kind = np.where(cells < 0, CLOSEST, INSIDE).astype(np.int8)
+    for body in np.unique(bodies[cells < 0]):
+        outside = np.flatnonzero((cells < 0) & (bodies == body))
+        search = BoundarySearch(source, body)
+        cells[outside] = search.cells[search.closest(target.points[outside])]
+    return cells, kind
+
+
+def _check(target: LevelMesh, source: LevelMesh) -> None:
+    if target.dim != source.dim:
+        raise MeshError(f"cannot bind a {target.dim}D level to a {source.dim}D level")
+    missing = np.setdiff1d(target.bodies, source.bodies)
+    if len(missing):
+        raise MeshError(
+            f"body {missing[0]} has no cells on one of two neighbouring levels: give every level a mesh of every body"
+        )
+
+
+__all__ = ["CLOSEST", "INSIDE", "NEIGHBOUR", "RAY", "Binding", "bind", "closest_binding", "home_cells"]

@@ -1,0 +1,101 @@
+"""The levels of a scene, coarsest first, and the prolongations between neighbours."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from mpi4py import MPI
+from scipy.sparse import csr_array
+
+from pdvol.errors import InputError
+from pdvol.geometry.level_mesh import LevelMesh
+from pdvol.levels.binding import Binding, bind, home_cells
+from pdvol.levels.interpolants import INTERPOLANTS
+from pdvol.levels.prolongation import Prolongation
+from pdvol.levels.space import LevelSpace
+
+MOST_COARSE = 800  # vertices: the coarse system is solved directly in every iteration
+MOST_WEIGHTS = 30  # a vertex: sums over them are taken for each pair of neighbours
+SMALLER = 6  # times: else it costs about as much as what it helps
+
+
+class Hierarchy(Sequence):
+    """A sequence of `LevelSpace`: `hierarchy[0]` is the coarsest, `hierarchy[-1]` the finest. Construction is
+    collective.
+
+    Parameters
+    ----------
+    level_meshes : sequence of LevelMesh
+        Coarsest first; at least one.
+    comm : MPI.Comm
+    interpolant : str
+        A key of `INTERPOLANTS`.
+
+    Raises
+    ------
+    ValueError, InputError
+        No level; an unknown interpolant. On all ranks, before any communication.
+    """
+
+    def __init__(self, level_meshes: Sequence[LevelMesh], comm: MPI.Comm, interpolant: str = "barycentric"):
+        if len(level_meshes) == 0:
+            raise ValueError("a hierarchy needs at least one level")
+        if interpolant not in INTERPOLANTS:
+            raise InputError(f"unknown interpolant {interpolant!r}; choose one of {', '.join(INTERPOLANTS)}")
+        self.comm, self.interpolant = comm, interpolant
+        self._spaces = tuple(LevelSpace(mesh, comm) for mesh in level_meshes)
+        self._bindings: dict[int, Binding] = {}
+        self._prolongations: dict[int, Prolongation] = {}
+
+    def __len__(self) -> int:
+        return len(self._spaces)
+
+    def __getitem__(self, level):
+        return self._spaces[level]
+
+    def prolongation(self, level: int) -> Prolongation:
+        """From `level - 1` to `level`, built at the first call, which is collective.
+
+        Raises
+        ------
+        ValueError
+            When `level` is not one of 1 ... len - 1.
+        """
+        if not 1 <= level < len(self):
+            raise ValueError(
+                f"no prolongation leads to level {level}; levels with a coarser neighbour: 1 to {len(self) - 1}"
+            )
+        if level not in self._prolongations:
+            self._prolongations[level] = Prolongation(
+                self[level - 1], self[level], self._binding(level), INTERPOLANTS[self.interpolant]
+            )
+        return self._prolongations[level]
+
+    def _binding(self, level: int) -> Binding:
+        if level not in self._bindings:
+            self._bindings[level] = bind(self[level], self[level - 1])
+        return self._bindings[level]
+
+    def origins(self, level: int) -> np.ndarray:
+        """(m,) int64: the coarsest level's cell that each cell of a level inherits from, through its home on every
+        level between. Collective.
+        """
+        cells = np.arange(len(self[level].mesh.cells))
+        for k in range(level, 0, -1):
+            cells = home_cells(self[k], self[k - 1], self._binding(k))[cells]
+        return cells
+
+    def coarse_weights(self, level: int) -> csr_array | None:
+        """Weights (n, m) of a level over the coarser level that suits a two-level preconditioner best; None where none
+        does. Collective.
+
+        That is the largest one of at most `MOST_COARSE` vertices that is several times smaller than the level itself,
+        if few of its vertices act on each of this one's.
+        """
+        sizes = [len(space.mesh.points) for space in self._spaces]
+        fitting = [k for k in range(level) if sizes[k] <= min(MOST_COARSE, sizes[level] / SMALLER)]
+        if not fitting:
+            return None
+        weights = self.prolongation(level).weights
+        for between in range(level - 1, fitting[-1], -1):
+            weights = weights @ self.prolongation(between).weights
+        return csr_array(weights) if weights.nnz <= MOST_WEIGHTS * weights.shape[0] else None

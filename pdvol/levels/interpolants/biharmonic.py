@@ -1,0 +1,197 @@
+"""Biharmonic Coordinates with control points that need not be fine vertices (Wang et al. 2015; paper 3.4.1 and appendix
+A).
+
+Each column of W is the smoothest field on the fine mesh that is one at one coarse vertex and zero at the others:
+
+    min_W tr(1/2 W' A W)  subject to  B W = I,        A = L' M^-1 L
+
+with B the binding of the coarse vertices into the fine mesh (weights of coarse vertices outside are partly negative)
+and A the squared Laplacian of `laplacian.py`, whose kernel is the affine functions: W then reproduces affine fields.
+
+All columns come from one factorisation of [[A, B'], [B, -e I]]. With e = 0 that matrix is singular where B lacks rank:
+where a part of the coarse mesh has more vertices than the fine mesh around it. The small e makes those constraints hold
+in the least-squares sense, leaves the others as they are to about e, and does not touch affine fields, which satisfy
+all constraints at no energy.
+
+W decays with the distance, and `locality.py` makes it sparse.
+"""
+
+from collections.abc import Iterator
+
+import numpy as np
+import scipy.sparse as sp
+from mpi4py import MPI
+from petsc4py import PETSc
+from scipy.sparse.csgraph import connected_components
+
+from pdvol.errors import MeshError
+from pdvol.geometry.level_mesh import LevelMesh
+from pdvol.levels.binding import Binding, bind
+from pdvol.levels.interpolants.barycentric import binding_matrix
+from pdvol.levels.interpolants.laplacian import squared_laplacian
+from pdvol.levels.interpolants.locality import DROPPED, make_local
+from pdvol.levels.space import LevelSpace
+from pdvol.meshing.cache import content_key, default_folder, fetch
+from pdvol.parallel import on_root
+
+SLACK = 1e-8  # e, beside A scaled to a median diagonal of one
+BLOCK = 256  # right-hand sides at a time: bounds the dense part of the memory
+# of the body's size, by which the solved W may miss the rest positions before they are restored exactly
+ACCURATE = 1e-6
+# MUMPS' relative threshold; its largest use: multipliers of conflicting constraints are as large as 1 / e
+PIVOTING = 0.5
+KEPT_FROM = 5000  # fine vertices: fewer are solved for in a second or two
+SOLVED = (  # what kept weights depend on besides the meshes; a new number when the method changes
+    f"biharmonic 1, {SLACK:g}, {DROPPED:g}"
+)
+WORKSPACES = (100, 400, 1600, 6400)  # per cent on top of MUMPS' estimate, tried in turn
+
+
+def biharmonic(coarse: LevelSpace, fine: LevelSpace, binding: Binding) -> sp.csr_matrix:
+    """Weights (n_fine, n_coarse), body by body, sparse to within `locality.DROPPED`. Collective; rank 0 solves, or
+    finds them kept from before.
+
+    Raises
+    ------
+    MeshError
+        When a connected part of a fine body has coarse vertices in fewer than d + 1 independent places: W would not be
+        unique.
+    """
+    back = bind(coarse, fine)
+    return on_root(fine.comm, lambda: _kept(coarse.mesh, fine.mesh, back, binding_matrix(binding, coarse.mesh)))
+
+
+def _kept(coarse: LevelMesh, fine: LevelMesh, back: Binding, home: sp.csr_matrix) -> sp.csr_matrix:
+    """The weights, kept beside the meshes where they take seconds."""
+    if len(fine.points) < KEPT_FROM:
+        return _all_bodies(coarse, fine, back, home)
+
+    def build() -> dict[str, np.ndarray]:
+        weights = _all_bodies(coarse, fine, back, home)
+        return {"data": weights.data, "indices": weights.indices, "indptr": weights.indptr}
+
+    meshes = (array for mesh in (coarse, fine) for array in (mesh.points, mesh.cells, mesh.bodies))
+    found = fetch(
+        default_folder(),
+        content_key(*meshes, back.cells, back.weights, home.indices, home.data, SOLVED) + "-weights",
+        build,
+    )
+    return sp.csr_matrix((found["data"], found["indices"], found["indptr"]), shape=home.shape)
+
+
+def _all_bodies(coarse: LevelMesh, fine: LevelMesh, back: Binding, home: sp.csr_matrix) -> sp.csr_matrix:
+    blocks, fine_order, coarse_order = [], [], []
+    for body in np.unique(fine.bodies):
+        mesh, mine = fine.body(body)
+        controls = np.flatnonzero(coarse.point_bodies == body)
+        cells = np.searchsorted(np.flatnonzero(fine.bodies == body), back.cells[controls])
+        own = Binding(cells, back.kind[controls], back.weights[controls])
+        columns = biharmonic_columns(mesh, own, coarse.points[controls], f"body {body}")
+        blocks.append(make_local(columns, home[mine][:, controls], coarse.points[controls], mesh.points))
+        fine_order.append(mine)
+        coarse_order.append(controls)
+    rows, columns = np.argsort(np.concatenate(fine_order)), np.concatenate(coarse_order)
+    weights = sp.block_diag(blocks, format="csr")[rows]
+    weights = sp.csr_matrix((weights.data, columns[weights.indices], weights.indptr), shape=home.shape)
+    weights.sort_indices()
+    return weights
+
+
+def biharmonic_columns(mesh: LevelMesh, back: Binding, points: np.ndarray, name: str) -> Iterator[np.ndarray]:
+    """The dense columns of W of one body, in blocks (n, k). Not collective.
+
+    Parameters
+    ----------
+    mesh : the fine body
+    back : binding of the body's m coarse vertices to its fine cells
+    points : (m, d) these vertices [m]
+    name : of the body, for errors
+    """
+    _check_controls(mesh, back, points, name)
+    control = binding_matrix(back, mesh)
+    energy = squared_laplacian(mesh)
+    energy /= np.median(energy.diagonal()) or 1.0  # a body of one cell has no inner facet and no energy
+    system = sp.bmat([[energy, control.T], [control, -SLACK * sp.eye(len(points))]], format="csr")
+    rest = np.zeros_like(mesh.points)
+    for first, block in _solve(system, len(mesh.points)):
+        rest += block @ points[first : first + block.shape[1]]
+        yield block
+    error = np.abs(rest - mesh.points).max() / np.ptp(mesh.points, axis=0).max()
+    if not error < ACCURATE:
+        raise MeshError(
+            f"{name}: biharmonic coordinates miss the rest positions by {error:.1g} of its size, as its finer mesh has"
+            " cells of very poor shape; use --prolongation barycentric"
+        )
+
+
+def _solve(system: sp.csr_matrix, n: int) -> Iterator[tuple[int, np.ndarray]]:
+    """Rows 0 ... n - 1 of the columns n, n + 1, ... of the inverse of a symmetric indefinite matrix: (first column,
+    dense block (n, k)).
+    """
+    size = system.shape[0]
+    system.sort_indices()
+    csr = (system.indptr.astype(PETSc.IntType), system.indices.astype(PETSc.IntType), system.data)
+    matrix = PETSc.Mat().createAIJ(system.shape, csr=csr, comm=MPI.COMM_SELF)
+    matrix.setOption(PETSc.Mat.Option.SYMMETRIC, True)
+    pc = _factor(matrix)
+    factor = pc.getFactorMatrix()
+    for first in range(n, size, BLOCK):
+        k = min(BLOCK, size - first)
+        # Unit vectors, given to MUMPS as sparse ones (a transposed AIJ): a third faster.
+        units = (np.arange(k + 1, dtype=PETSc.IntType), np.arange(first, first + k, dtype=PETSc.IntType), np.ones(k))
+        right = PETSc.Mat().createTranspose(PETSc.Mat().createAIJ((k, size), csr=units, comm=MPI.COMM_SELF))
+        solution = PETSc.Mat().createDense((size, k), comm=MPI.COMM_SELF)
+        solution.setUp()
+        solution.assemble()
+        factor.matSolve(right, solution)
+        yield first - n, solution.getDenseArray()[:n].copy()
+        solution.destroy()
+        right.destroy()
+    pc.destroy()
+    matrix.destroy()
+
+
+def _factor(matrix: PETSc.Mat) -> PETSc.PC:
+    """MUMPS' LDL' of a symmetric indefinite matrix. It estimates its work array from the pattern; pivoting may need
+    more.
+    """
+    for workspace in WORKSPACES:
+        pc = PETSc.PC().create(MPI.COMM_SELF)
+        pc.setOperators(matrix)
+        pc.setType(PETSc.PC.Type.CHOLESKY)
+        pc.setFactorSolverType(PETSc.Mat.SolverType.MUMPS)
+        pc.setFactorSetUpSolverType()
+        factor = pc.getFactorMatrix()
+        factor.setMumpsIcntl(14, workspace)
+        factor.setMumpsIcntl(27, BLOCK)
+        factor.setMumpsCntl(1, PIVOTING)
+        pc.setUp()
+        status = factor.getMumpsInfog(1)
+        if status >= 0:
+            return pc
+        pc.destroy()
+    raise MeshError(
+        f"the system of the biharmonic coordinates cannot be factorised (MUMPS error {status}); use --prolongation"
+        " barycentric"
+    )
+
+
+def _check_controls(mesh: LevelMesh, back: Binding, points: np.ndarray, name: str) -> None:
+    """Affine functions on every part joined through facets have no energy: the coarse vertices bound to it must fix
+    them.
+    """
+    m = len(mesh.cells)
+    beside = mesh.inner_facets[0]
+    parts, part = connected_components(sp.coo_matrix((np.ones(len(beside)), beside.T), shape=(m, m)), directed=False)
+    homes = part[back.cells]
+    size = np.ptp(mesh.points, axis=0).max()
+    for i in range(parts):
+        mine = points[homes == i]
+        if len(mine) <= mesh.dim or np.linalg.matrix_rank((mine - mine.mean(axis=0)) / size, tol=1e-6) < mesh.dim:
+            where = "" if parts == 1 else f" in one of its {parts} separate parts ({np.sum(part == i):,} cells)"
+            flat = "line" if mesh.dim == 2 else "plane"
+            raise MeshError(
+                f"{name}: biharmonic coordinates need {mesh.dim + 1} or more coarse vertices that do not lie in a"
+                f" {flat}, and find {len(mine)}{where}; give the coarser level more vertices or use --prolongation"
+                " barycentric"
+            )

@@ -1,0 +1,123 @@
+"""What each cell of a level is made of: chosen on the coarsest level, carried to the finer ones by the binding (design,
+section 2).
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import ufl
+
+from pdvol.errors import InputError
+from pdvol.geometry.level_mesh import LevelMesh
+from pdvol.levels.hierarchy import Hierarchy
+from pdvol.scene import Material, Scene, lame
+from pdvol.scene.checks import called
+
+
+@dataclass(frozen=True, eq=False)
+class CellMaterials:
+    """The materials of a level's m cells, in the input's order, replicated.
+
+    Attributes
+    ----------
+    laws : the classes that occur
+    law : (m,) int32, index into `laws`
+    values : for each law, its psi's parameters by name: arrays (m,), zero where another law holds
+    young, density, damping : (m,) [Pa], [kg/m^d], [s]
+    softest : the lowest Young's modulus [Pa] on the coarsest level
+    """
+
+    laws: tuple[type[Material], ...]
+    law: np.ndarray
+    values: tuple[dict[str, np.ndarray], ...]
+    young: np.ndarray
+    density: np.ndarray
+    damping: np.ndarray
+    softest: float
+
+    def carried(self, origins: np.ndarray) -> "CellMaterials":
+        """The same on a finer level whose cells inherit from these: `origins` (m_fine,)."""
+        values = tuple({name: v[origins] for name, v in of_law.items()} for of_law in self.values)
+        return CellMaterials(
+            self.laws,
+            self.law[origins],
+            values,
+            self.young[origins],
+            self.density[origins],
+            self.damping[origins],
+            self.softest,
+        )
+
+
+def cell_materials(scene: Scene, mesh: LevelMesh) -> CellMaterials:
+    """Materials of the cells of a scene's coarsest level, by body, region and position.
+
+    Raises
+    ------
+    InputError
+        A region holds no cell, or a function fails or gives what is out of range.
+    """
+    centres = mesh.points[mesh.cells].mean(axis=1)
+    parts: list[tuple[Material, np.ndarray]] = []
+    for i, body in enumerate(scene.bodies):
+        choice = np.where(mesh.bodies == i, 0, -1)
+        for number, region in enumerate(body.regions, 1):
+            choice[_held(region, f"body {body.name!r}, region {number}", mesh, centres, mesh.bodies == i)] = number
+        parts += [
+            (m, np.flatnonzero(choice == number))
+            for number, m in enumerate((body.material, *(r.material for r in body.regions)))
+        ]
+    laws = tuple(dict.fromkeys(type(material) for material, _ in parts))
+    zeros = lambda: np.zeros(len(mesh.cells))
+    law, fields = np.zeros(len(mesh.cells), dtype=np.int32), {name: zeros() for name in ("young", "density", "damping")}
+    values = tuple({name: zeros() for name in ("mu", "lmbda", *of.own_parameters())} for of in laws)
+    for material, cells in parts:
+        found, number = material.at(centres[cells]), laws.index(type(material))
+        found["mu"], found["lmbda"] = lame(found["young"], found["poisson"])
+        law[cells] = number
+        for into in (fields, values[number]):
+            for name in into:
+                into[name][cells] = found[name]
+    return CellMaterials(laws, law, values, **fields, softest=float(fields["young"].min()))
+
+
+def _held(region, name: str, mesh: LevelMesh, centres: np.ndarray, mine: np.ndarray) -> np.ndarray:
+    if callable(region.where):
+        held = mine & called(f"{name}: `where`", region.where, (centres,), (len(centres),)).astype(bool)
+        mend = "widen its `where`, or give the coarsest level more vertices"
+    else:
+        held = mine & np.isin(mesh.regions, region.labels)
+        mend = f"the labels there are {sorted(set(mesh.regions[mine].tolist()))}"
+    if not held.any():
+        raise InputError(f"{name} holds no cell of the coarsest level; {mend}")
+    return held
+
+
+def level_materials(scene: Scene, hierarchy: Hierarchy, level: int) -> CellMaterials:
+    """Materials of the cells of any level. Collective where they differ within a body: only then is anything bound."""
+    if level == 0 or all(body.uniform for body in scene.bodies):
+        return cell_materials(scene, hierarchy[level].mesh)
+    return cell_materials(scene, hierarchy[0].mesh).carried(hierarchy.origins(level))
+
+
+def check_laws(scene: Scene, dim: int) -> None:
+    """Raise InputError unless every law's psi takes its parameters and gives one number."""
+    F = ufl.as_matrix(np.eye(dim) + np.diag(np.full(dim - 1, 0.1), 1) + 0.1 * np.eye(dim))
+    for body in scene.bodies:
+        for material in (body.material, *(region.material for region in body.regions)):
+            law = type(material)
+            names = ("mu", "lmbda", *law.own_parameters())
+            try:
+                psi = ufl.as_ufl(law.psi(F, **dict.fromkeys(names, 1.0)))
+            except InputError:
+                raise
+            except Exception as error:
+                raise InputError(
+                    f"body {body.name!r}: {law.__name__}.psi(F, {', '.join(names)}) failed: {type(error).__name__}: "
+                    f"{' '.join(str(error).split())}"
+                ) from error
+            if psi.ufl_shape != ():
+                raise InputError(
+                    f"body {body.name!r}: {law.__name__}.psi must give one number, the energy density, not shape"
+                    f" {psi.ufl_shape}"
+                )

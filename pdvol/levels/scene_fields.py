@@ -1,0 +1,129 @@
+"""What a scene says about space, evaluated on its shapes and meshes: its size, and its velocities at t = 0."""
+
+import numpy as np
+
+from pdvol.errors import InputError
+from pdvol.geometry.level_mesh import LevelMesh
+from pdvol.levels.materials import cell_materials, check_laws
+from pdvol.meshes import Outline
+from pdvol.meshing.readers import read_shape
+from pdvol.scene import Flow, Gravity, Impulse, Load, PointForce, Scene, Support, at_time, moved
+from pdvol.scene.checks import called, require
+
+MOMENTS = 50  # of a scene at which its motions are tried beforehand; in a run each step tries its own
+
+
+def scene_diagonal(scene: Scene) -> float:
+    """Diagonal [m] of the box round all bodies as placed: of their input shapes, so that it is the same on every level."""
+    corners = []
+    for body in scene.bodies:
+        shape = read_shape(body.shape[-1] if isinstance(body.shape, (tuple, list)) else body.shape)
+        points = body.placement(shape.points if isinstance(shape, Outline) else shape.vertices)
+        corners += [points.min(axis=0), points.max(axis=0)]
+    return float(np.linalg.norm(np.max(corners, axis=0) - np.min(corners, axis=0)))
+
+
+def initial_velocity(scene: Scene, mesh: LevelMesh) -> np.ndarray:
+    """(n, d) the scene's velocity field [m/s] at a level's points; spins turn about each body's centre of volume."""
+    velocity = np.zeros_like(mesh.points)
+    for i, body in enumerate(scene.bodies):
+        cells, volumes = mesh.cells[mesh.bodies == i], mesh.volumes[mesh.bodies == i]
+        centre = volumes @ mesh.points[cells].mean(axis=1) / volumes.sum()
+        mine = mesh.point_bodies == i
+        velocity[mine] = body.initial_velocity(mesh.points[mine], centre)
+    return velocity
+
+
+def chosen_points(scene: Scene, chooser: Support | Load, mesh: LevelMesh) -> np.ndarray:
+    """(n,) bool: a level's points that a support or a load means by its `body` and, if it has one, its `where`."""
+    points = mesh.points
+    held = np.ones(len(points), dtype=bool)
+    if hasattr(chooser, "where"):
+        what = f"a {type(chooser).__name__.lower()}'s `where`"
+        mask = called(what, chooser.where, (points.copy(),), (len(points),))
+        strange = [] if mask.dtype == bool else mask[~np.isin(mask, (0, 1))]  # NaN, indices: not what a mask holds
+        require(
+            len(strange) == 0,
+            f"{what} must give True or False a vertex, not {mask.dtype} values such as"
+            f" {strange[0] if len(strange) else 0}",
+        )
+        held = mask.astype(bool)
+    if chooser.body:
+        held = held & (mesh.point_bodies == [b.name for b in scene.bodies].index(chooser.body))
+    return held
+
+
+def supported_points(scene: Scene, support: Support, mesh: LevelMesh, level: int) -> np.ndarray:
+    """(n,) bool: the level's points that a support holds.
+
+    Raises
+    ------
+    InputError
+        Its functions fail or give arrays of the wrong shape, or it holds nothing.
+    """
+    points = mesh.points
+    held = chosen_points(scene, support, mesh)
+    if not held.any():
+        raise InputError(
+            f"a support holds no vertex of level {level}; widen its `where` so that the coarsest level has some"
+        )
+    for number in np.unique(np.linspace(0, scene.steps, MOMENTS).astype(int)):
+        if number == 0 or support.holds((number - 1) * scene.dt, scene.dt):
+            moved(support.motion, points[held], number * scene.dt, "a support")
+    return held
+
+
+def check_fields(scene: Scene, mesh: LevelMesh, level: int) -> None:
+    """Raise InputError unless loads, velocities, materials and supports fit a level's dimension and points."""
+    for load in scene.loads:
+        _check_load(scene, load, mesh, level)
+    initial_velocity(scene, mesh)
+    if level == 0:
+        check_laws(scene, mesh.dim)
+        cell_materials(scene, mesh)
+    for support in scene.supports:
+        supported_points(scene, support, mesh, level)
+
+
+def _check_load(scene: Scene, load: Load, mesh: LevelMesh, level: int) -> None:
+    kind = type(load).__name__
+    for time in (0.0, scene.dt, scene.dt * scene.steps):
+        if isinstance(load, Flow):
+            load.at(mesh.points, time)
+        else:
+            name = (
+                "gravity"
+                if isinstance(load, Gravity)
+                else f"{kind}.{'velocity' if isinstance(load, Impulse) else 'force'}"
+            )
+            at_time(
+                name,
+                (
+                    load.acceleration
+                    if isinstance(load, Gravity)
+                    else load.velocity
+                    if isinstance(load, Impulse)
+                    else load.force
+                ),
+                time,
+                mesh.dim,
+            )
+    if isinstance(load, Gravity):
+        return
+    held = chosen_points(scene, load, mesh)
+    if not held.any():
+        raise InputError(
+            f"a {kind} holds no vertex of level {level}; widen its `where` so that the coarsest level has some"
+        )
+    if isinstance(load, PointForce):
+        at, low, high = (
+            at_time("PointForce.at", load.at, 0.0, mesh.dim),
+            mesh.points[held].min(axis=0),
+            mesh.points[held].max(axis=0),
+        )
+        slack = 0.1 * np.linalg.norm(high - low)
+        if np.any(at < low - slack) or np.any(at > high + slack):
+            raise InputError(
+                f"PointForce.at = {tuple(load.at)} lies far outside {load.body or 'all bodies'}; it is a rest position,"
+                " as placed"
+            )

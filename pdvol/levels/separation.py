@@ -1,0 +1,135 @@
+"""Bodies that overlap at t = 0 on some level are set apart, where the scene asks for it: moved, shrunk, or given more
+vertices.
+
+Whole bodies are moved or shrunk, the same on every level, by what the worst level needs: so all levels are built,
+whichever are asked for.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from pdvol.errors import IntersectionError
+from pdvol.geometry.level_mesh import LevelMesh
+from pdvol.levels.initial_state import Obstacle, check_start
+from pdvol.meshing.build import build_levels
+from pdvol.scene import Scene, Separate
+
+STEPS = {"move": 0.01, "shrink": 0.02, "refine": 0.1}
+"""What one try changes: a share of the body's diagonal, of its size, of the level's vertices."""
+
+
+def build_apart(
+    scene: Scene, count: int, obstacles: Sequence[Obstacle], cache: Path | None = None
+) -> tuple[tuple[LevelMesh, ...], list[str]]:
+    """The first `count` levels of a scene, as `build_levels`, with its bodies set apart as its `separate` says; and
+    what was done, in words.
+
+    Raises
+    ------
+    InputError
+        As `build_levels`.
+    IntersectionError
+        Bodies still meet after all that was allowed.
+    """
+    if not scene.separate or not scene.contact:
+        return build_levels(scene, count, cache), []
+    bodies = _Arrangement(scene, cache)
+    error = bodies.meets(obstacles)
+    for remedy in scene.separate:
+        # Every try changes some body by a step, and none by more than the limit.
+        while error is not None and bodies.mend(remedy, error):
+            error = bodies.meets(obstacles)
+    if error is not None:
+        tried = ", ".join(f"{remedy.by} up to {remedy.limit:g}" for remedy in scene.separate)
+        raise IntersectionError(f"{error} (after {tried})", error.pairs)
+    return bodies.levels()[:count], bodies.report()
+
+
+class _Arrangement:
+    """All levels of a scene, and what was done to each body: its size, its shift [m], and vertices asked for by level."""
+
+    def __init__(self, scene: Scene, cache: Path | None):
+        self.scene, self._asked, self._cache = scene, scene, cache
+        self._meshes = build_levels(scene, None, cache)
+        finest, count = self._meshes[-1], len(scene.bodies)
+        boxes = [finest.points[finest.point_bodies == b] for b in range(count)]
+        self._centres = np.array([(box.min(axis=0) + box.max(axis=0)) / 2 for box in boxes])
+        self._diagonals = np.array([np.linalg.norm(np.ptp(box, axis=0)) for box in boxes])
+        self._sizes, self._shifts, self._moved = np.ones(count), np.zeros((count, finest.dim)), np.zeros(count)
+
+    def levels(self) -> tuple[LevelMesh, ...]:
+        """The meshes with every body in its place."""
+        placed = []
+        for mesh in self._meshes:
+            b = mesh.point_bodies
+            points = self._centres[b] + self._sizes[b, None] * (mesh.points - self._centres[b]) + self._shifts[b]
+            untouched = (self._sizes == 1.0)[b] & (self._moved == 0.0)[b]
+            placed.append(
+                LevelMesh(np.where(untouched[:, None], mesh.points, points), mesh.cells, mesh.bodies, mesh.regions)
+            )
+        return tuple(placed)
+
+    def meets(self, obstacles: Sequence[Obstacle]) -> IntersectionError | None:
+        """The first intersection of some level."""
+        try:
+            check_start(self.levels(), obstacles, self.scene)
+        except IntersectionError as error:
+            return error
+        return None
+
+    def mend(self, remedy: Separate, error: IntersectionError) -> bool:
+        """One try; False where the remedy does not apply or has come to its limit."""
+        step = STEPS[remedy.by]
+        if remedy.by == "refine":
+            return any([self._refine(body, error.level, 1.0 + remedy.limit) for body in error.bodies])
+        if error.push is None:
+            return False
+        changed = False
+        for body, way in zip(error.bodies, (1.0, -1.0), strict=False):
+            if remedy.by == "move" and self._moved[body] + step <= remedy.limit * (1 + 1e-9):
+                self._shifts[body] += way * step * self._diagonals[body] * error.push
+                self._moved[body] += step
+                changed = True
+            elif remedy.by == "shrink" and self._sizes[body] - step >= (1.0 - remedy.limit) * (1 - 1e-9):
+                self._sizes[body] -= step
+                changed = True
+        return changed
+
+    def _refine(self, number: int, level: int, most: float) -> bool:
+        body = self._asked.bodies[number]
+        if not body.vertices:
+            return False
+        targets = list(body.vertices)
+        more = int(np.ceil(targets[level] * (1.0 + STEPS["refine"])))
+        above = targets[level + 1] if level + 1 < len(targets) else np.inf
+        if more > min(most * self.scene.bodies[number].vertices[level], above):
+            return False
+        targets[level] = more
+        bodies = tuple(
+            replace(b, vertices=tuple(targets)) if i == number else b for i, b in enumerate(self._asked.bodies)
+        )
+        self._asked = replace(self._asked, bodies=bodies)
+        self._meshes = build_levels(self._asked, None, self._cache)
+        return True
+
+    def report(self) -> list[str]:
+        """A line per change."""
+        lines = []
+        for i, (body, asked) in enumerate(zip(self.scene.bodies, self._asked.bodies, strict=True)):
+            if self._moved[i]:
+                lines.append(
+                    f"body {body.name!r} moved by ({', '.join(f'{c:.3g}' for c in self._shifts[i])}) m to keep it apart"
+                    " at t = 0"
+                )
+            if self._sizes[i] != 1.0:
+                lines.append(f"body {body.name!r} shrunk to {self._sizes[i]:.3g} of its size to keep it apart at t = 0")
+            lines += [
+                f"body {body.name!r}, level {level}: {more} vertices asked for instead of {few} to keep it apart at"
+                " t = 0"
+                for level, (few, more) in enumerate(zip(body.vertices, asked.vertices, strict=True))
+                if few != more
+            ]
+        return lines

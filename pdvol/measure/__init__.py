@@ -1,0 +1,1 @@
+"""Measures of stored runs: arrays in, numbers out."""

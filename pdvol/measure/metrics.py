@@ -1,0 +1,135 @@
+"""Measures of stored motion (paper, appendix C, and three more). Arrays in, numbers out; forces come from elsewhere
+(`pdvol.commands.measuring`).
+
+| measure | formula | unit |
+|---|---|---|
+| continuity n_l^t | e / e_hat, e = \\|(x+ - 2 x + x-) / 2 + pull / 2\\|_M^2, e_hat = \\|x+ - x_hat + pull\\|_M^2, pull = dt^2 M^-1 grad F(x+) | 1 |
+| continuity error e_l^t | the numerator alone, which needs no x_hat | kg m^2 |
+| consistency d_{l-1}^t | \\|Pi x_l - x_{l-1}\\|_M^2, Pi = (P'P)^-1 P', M of level l - 1 | kg m^2 |
+| distance | root of \\|x_l - P x_{l-1}\\|_M^2 over the mass, M of level l | m |
+| centre error | how far bodies' centres of mass have moved apart since the start, root mean square over the mass | m |
+| jitter | 1/2 \\|v+ - v\\|_M^2, v the mean velocity over a step: gravity alone gives 1/2 m g^2 dt^2 | J |
+
+x-, x, x+ are the positions at t - dt, t and t + dt, M the lumped mass. n is 1/4 for implicit Euler, whatever the
+residual its solver leaves.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+import scipy.sparse as sp
+from scipy.sparse.linalg import splu
+
+from pdvol.geometry.level_mesh import LevelMesh
+
+SEEN = 1e-5  # singular values of P below this share of its norm count as zero
+
+
+def lumped_masses(mesh: LevelMesh, densities: Sequence[float]) -> np.ndarray:
+    """(n,) [kg]: each vertex's share of its cells' masses; one density [kg/m^d] per cell."""
+    shares = mesh.volumes * np.asarray(densities, dtype=float) / (mesh.dim + 1)
+    return np.bincount(mesh.cells.ravel(), np.repeat(shares, mesh.dim + 1), minlength=len(mesh.points))
+
+
+def squared_norm(difference: np.ndarray, masses: np.ndarray) -> float:
+    """|u|_M^2 [kg m^2] of vertex vectors (n, d) [m]."""
+    return float(masses @ (difference**2).sum(axis=1))
+
+
+def continuity_error(
+    before: np.ndarray, now: np.ndarray, after: np.ndarray, pull: np.ndarray, masses: np.ndarray
+) -> float:
+    """e [kg m^2]: how far the step from `now` to `after` is from the motion that the forces F alone would give;
+    arguments as `continuity`'s.
+    """
+    return squared_norm(0.5 * (after - 2.0 * now + before) + 0.5 * pull, masses)
+
+
+def continuity(
+    before: np.ndarray,
+    now: np.ndarray,
+    after: np.ndarray,
+    predicted: np.ndarray,
+    pull: np.ndarray,
+    masses: np.ndarray,
+    guided: np.ndarray | float = 0.0,
+) -> float:
+    """n of the step from `now` to `after`; NaN where the solver left no residual at all.
+
+    Parameters
+    ----------
+    before, now, after, predicted : (n, d) [m]
+        Positions, and x_hat of the step.
+    pull : (n, d) [m]
+        dt^2 M^-1 grad F(after).
+    masses : (n,) [kg]
+        Zero at supported vertices, whose forces of reaction are not known.
+    guided : (n, d) [m]
+        What the pull towards a coarser level adds: it belongs to what was solved, so to e_hat, but is no force of the
+        scene, so not to e.
+    """
+    residual = squared_norm(after - predicted + pull + guided, masses)
+    return continuity_error(before, now, after, pull, masses) / residual if residual > 0 else float("nan")
+
+
+def distance(fine: np.ndarray, prolonged: np.ndarray, masses: np.ndarray) -> float:
+    """Root mean square distance [m] of two configurations (n, d) of one level."""
+    return float(np.sqrt(squared_norm(fine - prolonged, masses) / masses.sum()))
+
+
+def jitter(before: np.ndarray, now: np.ndarray, after: np.ndarray, dt: float, masses: np.ndarray) -> float:
+    """Energy of the second difference in time [J]."""
+    return 0.5 * squared_norm(after - 2.0 * now + before, masses) / dt**2
+
+
+def mass_centres(positions: np.ndarray, masses: np.ndarray, bodies: np.ndarray) -> np.ndarray:
+    """(bodies, d) [m]: centre of mass of each body; `bodies` (n,) is the body of each vertex."""
+    total = np.bincount(bodies, masses)
+    return np.column_stack([np.bincount(bodies, masses * x) for x in positions.T]) / total[:, None]
+
+
+def centre_error(moved: np.ndarray, other: np.ndarray, body_masses: np.ndarray) -> float:
+    """Root mean square [m], over the mass, of the distance between two sets of displacements of bodies' centres
+    (bodies, d) [m].
+    """
+    return float(np.sqrt(body_masses @ ((moved - other) ** 2).sum(axis=1) / body_masses.sum()))
+
+
+class Projection:
+    """Pi = (P'P)^-1 P', the least-squares way back from a fine level to a coarse one.
+
+    P'P is singular where fine vertices do not tell coarse ones apart: a coarse vertex that binds no fine one, above
+    all. There the coarse level's own positions are kept, so that nothing is measured where nothing is known:
+    `difference` is the smallest y that minimises
+    |P (x_c + y) - x_f|.
+
+    Attributes
+    ----------
+    columns : int
+        Coarse vertices.
+    rank : int
+        Of P, singular values below `SEEN` times a bound of its norm taken for zero.
+    """
+
+    def __init__(self, weights: sp.csr_matrix):
+        self.weights = weights
+        normal = (weights.T @ weights).tocsc()
+        # The largest row sum bounds the largest eigenvalue.
+        floor = SEEN**2 * float(abs(normal).sum(axis=1).max()) * sp.eye(normal.shape[0], format="csc")
+        self.columns = weights.shape[1]
+        self.rank = self.columns - _negative_eigenvalues(normal - floor)
+        self._solve = splu(normal + floor).solve
+
+    def difference(self, fine: np.ndarray, coarse: np.ndarray) -> np.ndarray:
+        """Pi x_f - x_c, shape (n_coarse, d) [m]."""
+        return self._solve(self.weights.T @ (fine - self.weights @ coarse))
+
+
+def _negative_eigenvalues(matrix: sp.csc_matrix) -> int:
+    """How many eigenvalues of a symmetric matrix are negative: as many as pivots of its LDL' (Sylvester's law of
+    inertia).
+    """
+    factors = splu(matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
+    if np.array_equal(factors.perm_r, factors.perm_c):
+        return int(np.sum(factors.U.diagonal() < 0))
+    return int(np.sum(np.linalg.eigvalsh(matrix.toarray()) < 0))  # a zero on the diagonal made it pivot otherwise

@@ -1,0 +1,179 @@
+"""From a scene to its levels' meshes: read, validate, decimate, mesh, place. Serial: one rank calls it and shares the
+result.
+
+The finest level's surface is decimated from the input's, each coarser one from the next finer one (paper, section
+3.3.1). Meshes are kept in the shape's own coordinates, so that one shape placed many times, or moved, is meshed once.
+"""
+
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+
+import numpy as np
+
+from pdvol.errors import InputError, MeshError
+from pdvol.geometry.crossings import edges_of
+from pdvol.geometry.level_mesh import LevelMesh, boundary_facets
+from pdvol.meshes import Outline, Solid, Surface
+from pdvol.meshing import cache as kept
+from pdvol.meshing.decimate import decimate
+from pdvol.meshing.readers import read_shape
+from pdvol.meshing.region_labels import Regions, no_regions
+from pdvol.meshing.tetrahedralise import surface_share, tetrahedralise
+from pdvol.meshing.triangulate import boundary_loops, triangulate
+from pdvol.meshing.validate import check_outline, check_solid, check_surface, drop_unused, outline_edges
+from pdvol.scene import Body, Rigid, Scene
+
+BUILDER = 1
+"""Raised when the same input would give other meshes, so that what is kept from before is not used."""
+_MESHERS = ("pytetwild", "gmsh", "fast-simplification", "libigl")
+
+
+def build_levels(scene: Scene, count: int | None = None, cache: Path | None = None) -> tuple[LevelMesh, ...]:
+    """The meshes of a scene's levels, coarsest first.
+
+    Parameters
+    ----------
+    scene : Scene
+    count : int, optional
+        Only the first (coarsest) so many levels; they are the same as in the full hierarchy.
+    cache : Path, optional
+        Folder of kept meshes, `cache.default_folder()` if not given.
+
+    Raises
+    ------
+    InputError
+        A shape is missing, unreadable or unfit; one line names the body.
+    """
+    levels = scene.levels if count is None else min(count, scene.levels)
+    if levels < 1:
+        raise InputError(f"count = {count!r}: a hierarchy needs at least one level")
+    folder = kept.default_folder() if cache is None else Path(cache)
+    shapes: dict[tuple, list[Solid]] = {}
+    built = [_body_levels(body, levels, folder, shapes) for body in scene.bodies]
+    dims = {body.name: solids[0].vertices.shape[1] for body, solids in zip(scene.bodies, built, strict=True)}
+    if len(set(dims.values())) > 1:
+        raise InputError(f"bodies must all be 2D or all 3D, not {dims}; replace the odd ones")
+    return tuple(_concatenate(scene, [solids[level] for solids in built]) for level in range(levels))
+
+
+def read_obstacle(rigid: Rigid) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """A rigid obstacle, placed: vertices (n, d) [m], edges (e, 2) int64, faces (f, 3) int64 (none in 2D).
+
+    Raises
+    ------
+    InputError
+        It is missing, unreadable or unfit; with `closed` unset, open surfaces and polylines are fine.
+    """
+    name = f"obstacle {rigid.name!r}"
+    shape = read_shape(rigid.shape)
+    if isinstance(shape, Solid):
+        solid = check_solid(shape, name)
+        points, facets = drop_unused(solid.vertices, boundary_facets(solid.cells.astype(np.int64))[0])
+    elif isinstance(shape, Surface):
+        surface = check_surface(shape, name, rigid.closed)
+        points, facets = surface.vertices, surface.triangles.astype(np.int64)
+    else:
+        points = check_outline(shape, name, rigid.closed).points
+        facets = outline_edges(len(points), rigid.closed)
+    faces = facets if facets.shape[1] == 3 else np.empty((0, 3), dtype=np.int64)
+    return rigid.placement(points), edges_of(facets), faces
+
+
+# ---- one body
+# ----------------------------------------------------------------------------------------------------------------
+
+
+def _body_levels(body: Body, levels: int, folder: Path, shapes: dict) -> list[Solid]:
+    name = f"body {body.name!r}"
+    if isinstance(body.shape, (tuple, list)):
+        return [_as_it_is(shape, f"{name}, level {level}") for level, shape in enumerate(body.shape[:levels])]
+    shape = read_shape(body.shape)
+    key = _shape_key(shape, body.vertices)
+    done = shapes.setdefault(key, [])
+    if len(done) < levels:
+        done[:] = _meshed(shape, body.vertices, levels, folder, key, name)
+    return done
+
+
+def _as_it_is(shape, name: str) -> Solid:
+    solid = read_shape(shape)
+    if not isinstance(solid, Solid):
+        kind = type(solid).__name__.lower()
+        raise MeshError(f"{name}: a list of levels needs volume meshes, not a {kind}; or give one shape and vertices=")
+    solid = check_solid(solid, name)
+    _boundary(solid, name)
+    return solid
+
+
+def _meshed(shape, targets: tuple[int, ...], levels: int, folder: Path, key: str, name: str) -> list[Solid]:
+    """The first `levels` meshes of a shape in its own coordinates, from the cache where they are kept."""
+    # What it takes to mesh is prepared once, and only if some level is not kept.
+    prepared: list = []
+
+    def build(level: int) -> dict[str, np.ndarray]:
+        if not prepared:
+            prepared.append(_prepare(shape, targets, name))
+        boundaries, regions_of = prepared[0]
+        boundary = boundaries[level]
+        mesh = tetrahedralise if isinstance(boundary, Surface) else triangulate
+        sized = mesh(boundary, int(targets[level]), f"{name}, level {level}")
+        return {
+            "points": sized.points,
+            "cells": sized.cells.astype(np.int32),
+            "regions": regions_of(sized.points, sized.cells),
+        }
+
+    solids = []
+    for level in range(levels):
+        arrays = kept.fetch(folder, f"{key}-{level}", lambda level=level: build(level))
+        solids.append(Solid(arrays["points"], arrays["cells"], arrays["regions"]))
+    return solids
+
+
+def _prepare(shape, targets, name: str):
+    """Each level's boundary (Surface, or list of loops), and a function that labels cells with the input's regions."""
+    regions_of = no_regions
+    if isinstance(shape, Solid):
+        solid = check_solid(shape, name)
+        regions_of = Regions(solid)
+        shape = _boundary(solid, name)
+    if isinstance(shape, Outline):
+        shape = [check_outline(shape, name).points]
+    if isinstance(shape, list):
+        return [shape] * len(targets), regions_of
+    surface = check_surface(shape, name)
+    boundaries = []
+    for target in reversed(targets):
+        surface = decimate(surface, surface_share(surface, int(target)), name)
+        boundaries.insert(0, surface)
+    return boundaries, regions_of
+
+
+def _boundary(solid: Solid, name: str) -> Surface | list[np.ndarray]:
+    """The checked boundary of a checked mesh: a surface, or loops with the material on their left."""
+    points, facets = drop_unused(solid.vertices, boundary_facets(solid.cells.astype(np.int64))[0])
+    if facets.shape[1] == 3:
+        return check_surface(Surface(points, facets.astype(np.int32)), f"{name}, boundary")
+    return boundary_loops(points, facets, f"{name}, boundary")
+
+
+def _shape_key(shape, targets) -> str:
+    versions = []
+    for package in _MESHERS:
+        try:
+            versions.append(f"{package} {version(package)}")
+        except PackageNotFoundError:
+            versions.append(package)
+    arrays = (shape.points,) if isinstance(shape, Outline) else tuple(np.asarray(a) for a in vars(shape).values())
+    return kept.content_key(type(shape).__name__, *arrays, *(int(t) for t in targets), BUILDER, *versions)
+
+
+def _concatenate(scene: Scene, solids: list[Solid]) -> LevelMesh:
+    """One level: every body's cells, placed."""
+    starts = np.cumsum([0, *(len(s.vertices) for s in solids)])
+    return LevelMesh(
+        points=np.vstack([body.placement(s.vertices) for body, s in zip(scene.bodies, solids, strict=True)]),
+        cells=np.vstack([s.cells.astype(np.int64) + start for s, start in zip(solids, starts, strict=False)]),
+        bodies=np.repeat(np.arange(len(solids), dtype=np.int32), [len(s.cells) for s in solids]),
+        regions=np.concatenate([s.regions for s in solids]).astype(np.int32),
+    )

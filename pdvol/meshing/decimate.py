@@ -1,0 +1,64 @@
+"""Quadric decimation (Garland and Heckbert 1997) of a closed surface that stays closed, manifold and free of
+self-intersections.
+"""
+
+from collections.abc import Iterator
+
+import fast_simplification
+import igl
+import numpy as np
+
+from pdvol.errors import InputError, MeshError
+from pdvol.meshes import Surface
+from pdvol.meshing.validate import check_surface, shells
+
+SMALLEST = 4
+"""Vertices of the smallest closed surface, a tetrahedron."""
+
+
+def topology(triangles: np.ndarray, n: int) -> tuple[int, int]:
+    """Number of shells and Euler characteristic of a closed surface whose `n` vertices are all used."""
+    return int(shells(triangles, n).max()) + 1, n - len(triangles) // 2
+
+
+def decimate(surface: Surface, target: int, name: str = "surface") -> Surface:
+    """The surface with about `target` vertices, its shells and handles kept; unchanged where it has no more than that.
+
+    Several settings and libraries are tried until the result passes `check_surface`; the ones that block intersections,
+    slower, come last.
+
+    Raises
+    ------
+    MeshError
+        No attempt passed.
+    """
+    n = len(surface.vertices)
+    if n <= target:
+        return surface
+    wanted = topology(surface.triangles, n)
+    reason = ""
+    for points, triangles in _attempts(surface, max(target, SMALLEST * wanted[0]), wanted[1]):
+        try:
+            result = check_surface(Surface(points, triangles), name)
+        except InputError as error:
+            reason = str(error)
+            continue
+        if topology(result.triangles, len(result.vertices)) == wanted:
+            return result
+        reason = f"{name}: decimation closed a hole or lost a part"
+    raise MeshError(
+        f"{reason or name} after decimation to {target} vertices; ask for more vertices or give a cleaner surface"
+    )
+
+
+def _attempts(surface: Surface, target: int, euler: int) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+    points = np.ascontiguousarray(surface.vertices, dtype=np.float64)
+    triangles = np.ascontiguousarray(surface.triangles, dtype=np.int32)
+    for factor, aggression in ((1.0, 7.0), (1.0, 4.0), (1.1, 5.0), (1.2, 3.0)):
+        faces = min(int(2 * (factor * target - euler)), len(triangles))
+        yield fast_simplification.simplify(points, triangles, target_count=max(faces, 4), agg=aggression)
+    faces = max(2 * (target - euler), 4)
+    for collapse in (igl.qslim, igl.decimate):
+        yield collapse(np.asfortranarray(points), np.asfortranarray(triangles), max_m=faces, block_intersections=True)[
+            :2
+        ]

@@ -1,0 +1,235 @@
+"""Reads a shape from whatever a scene names: a file of a surface or a volume mesh, or arrays that are passed through.
+
+Which library reads what is a matter of measurement. For OBJ it is none: meshio refuses files whose normals or textures
+outnumber the vertices, trimesh and VTK split vertices along texture seams, libigl aborts the process on truncated ones.
+PLY, OFF and STL go through trimesh, for meshio never comes back from a PLY or OFF whose header is cut short. Whatever
+goes wrong inside a library becomes one line, and all of it happens in a child of limited time and memory
+(`bounded.py`).
+"""
+
+import shutil
+import tempfile
+from pathlib import Path
+
+import meshio
+import numpy as np
+import trimesh
+
+from pdvol.errors import InputError, MeshError
+from pdvol.meshes import Outline, Solid, Surface
+from pdvol.meshing.mesher_process import run_worker
+from pdvol.meshing.reader_process import PER_SECOND, SECONDS, read_bounded
+from pdvol.meshing.suppressed_output import silenced
+
+SURFACES = (".obj", ".ply", ".off", ".stl")
+VOLUMES = (".msh", ".vtk", ".vtu", ".mesh", ".xdmf")
+_MSH_SECTIONS = {"MeshFormat", "PhysicalNames", "Entities", "PartitionedEntities", "Nodes", "Elements"}
+_LABELS = (
+    "gmsh:physical",
+    "medit:ref",
+    "material",
+    "MaterialIDs",
+    "regions",
+    "region",
+    "cell_tags",
+    "gmsh:geometrical",
+)
+"""Names under which cells carry their region, the most explicit first."""
+
+
+def read_shape(shape: str | Path | Outline | Surface | Solid) -> Outline | Surface | Solid:
+    """The shape as arrays; arrays are passed through.
+
+    A file of tetrahedra, or a volume-mesh file of triangles that all lie at one z, becomes a `Solid`, other triangles a
+    `Surface`.
+
+    Raises
+    ------
+    InputError
+        The file is missing or of an unknown kind.
+    MeshError
+        It is unreadable, truncated or empty.
+    """
+    if isinstance(shape, (Outline, Surface, Solid)):
+        return shape
+    if not isinstance(shape, (str, Path)):
+        raise InputError(f"a shape must be a path, an Outline, a Surface or a Solid, not {type(shape).__name__}")
+    path = Path(shape).expanduser()
+    suffix = path.suffix.lower()
+    if suffix not in SURFACES + VOLUMES:
+        raise InputError(f"{path}: unknown kind of mesh {suffix!r}; there are {', '.join(SURFACES + VOLUMES)}")
+    if not path.is_file():
+        raise InputError(f"{path}: there is no such file; check the path (the working folder is {Path.cwd()})")
+    try:
+        with path.open("rb") as file:
+            start = file.read(1)
+    except OSError as error:
+        raise InputError(f"{path}: cannot be opened ({error.strerror}); check its permissions") from error
+    if not start:
+        raise MeshError(f"{path}: the file is empty; export the mesh again")
+    read = read_bounded(path, _surface if suffix in SURFACES else _volume)
+    points = np.ascontiguousarray(read["points"], dtype=np.float64)
+    if "triangles" in read:
+        return Surface(points, _indices(path, read["triangles"]))
+    return Solid(points, _indices(path, read["cells"]), read["regions"].astype(np.int32))
+
+
+def _indices(path: Path, cells: np.ndarray) -> np.ndarray:
+    """As int32, which larger numbers would silently turn into others."""
+    if cells.size and (cells.min() < -(2**31) or cells.max() >= 2**31):
+        raise MeshError(f"{path}: cells use vertices beyond number {2**31 - 1:,}; export the mesh again")
+    return np.ascontiguousarray(cells, dtype=np.int32)
+
+
+def _attempts(path: Path, readers):
+    """The first result of `readers`; the first failure is told if all fail."""
+    reasons = []
+    for reader in readers:
+        try:
+            with silenced():
+                return reader(path)
+        except MemoryError:
+            raise
+        # The libraries raise whatever they like, and meshio calls sys.exit.
+        except (Exception, SystemExit) as error:
+            reasons.append(" ".join(str(error).split()) if not isinstance(error, SystemExit) else "")
+    reason = next((r for r in reasons if r), "its contents do not fit its extension")
+    raise MeshError(f"{path}: unreadable or truncated ({reason[:160]}); export the mesh again")
+
+
+# ---- surfaces
+# ----------------------------------------------------------------------------------------------------------------
+
+
+def _surface(path: Path) -> dict[str, np.ndarray]:
+    points, triangles = _attempts(path, (_obj if path.suffix.lower() == ".obj" else _with_trimesh,))
+    if len(triangles) == 0:
+        raise MeshError(f"{path}: holds no triangles; export a triangle surface")
+    return {"points": np.asarray(points, dtype=np.float64), "triangles": np.asarray(triangles)}
+
+
+def _obj(path: Path):
+    """The `v` and `f` lines of an OBJ file, polygons cut in fans, texture and normal indices left out."""
+    points, triangles = [], []
+    for line in path.read_text(encoding="utf-8", errors="replace").replace("\\\n", " ").splitlines():
+        word, *rest = line.split() or [""]
+        if word == "v":
+            x, y, z = rest[:3]
+            points.append((float(x), float(y), float(z)))
+        elif word == "f":
+            corners = [int(corner.split("/")[0]) for corner in rest]
+            if len(corners) < 3 or 0 in corners:
+                raise ValueError(f"face {line.strip()!r} has no three corners")
+            corners = [c - 1 if c > 0 else len(points) + c for c in corners]
+            triangles += [(corners[0], b, c) for b, c in zip(corners[1:], corners[2:], strict=False)]
+    return np.array(points).reshape(-1, 3), np.array(triangles, dtype=np.int64).reshape(-1, 3)
+
+
+def _with_trimesh(path: Path):
+    mesh = trimesh.load_mesh(path, process=False)
+    points, triangles = np.asarray(mesh.vertices), np.asarray(mesh.faces)
+    if path.suffix.lower() == ".stl":  # every triangle brings its own corners
+        points, index = np.unique(points, axis=0, return_inverse=True)
+        triangles = index.ravel()[triangles]
+    return points, triangles
+
+
+def _triangles(mesh: meshio.Mesh):
+    """Triangles (k, 3), quadrilaterals and polygons cut in fans, and the index of the cell block each comes from with
+    its row there.
+    """
+    triangles, blocks, rows = [], [], []
+    for b, block in enumerate(mesh.cells):
+        data = np.asarray(block.data)
+        if block.type not in ("triangle", "quad", "polygon") or data.ndim != 2 or len(data) == 0:
+            continue
+        for k in range(1, data.shape[1] - 1):
+            triangles.append(data[:, [0, k, k + 1]])
+            blocks.append(np.full(len(data), b))
+            rows.append(np.arange(len(data)))
+    if not triangles:
+        return np.empty((0, 3), dtype=np.int64), np.empty(0, dtype=int), np.empty(0, dtype=int)
+    return np.concatenate(triangles), np.concatenate(blocks), np.concatenate(rows)
+
+
+# ---- volume meshes
+# -----------------------------------------------------------------------------------------------------------
+
+
+def _volume(path: Path) -> dict[str, np.ndarray]:
+    readers = [_with_meshio]
+    if path.suffix.lower() == ".msh":
+        readers.append(_with_meshio_known_sections)
+    if path.suffix.lower() in (".vtk", ".vtu"):
+        readers.append(_with_vtk)
+    mesh = _attempts(path, readers)
+    points = np.asarray(mesh.points, dtype=np.float64)
+    tets = [b for b, block in enumerate(mesh.cells) if block.type == "tetra" and len(block.data)]
+    if tets:
+        cells = np.concatenate([np.asarray(mesh.cells[b].data) for b in tets])
+        labels = _regions(mesh, np.concatenate([np.full(len(mesh.cells[b].data), b) for b in tets]), None)
+        return {"points": points, "cells": cells, "regions": labels}
+    triangles, blocks, rows = _triangles(mesh)
+    if len(triangles) == 0:
+        kinds = sorted({block.type for block in mesh.cells})
+        raise MeshError(
+            f"{path}: holds no tetrahedra and no triangles (only {', '.join(kinds) or 'nothing'}); export one of"
+            " the two"
+        )
+    if points.shape[1] == 2 or np.ptp(points[triangles, 2]) == 0.0:
+        return {"points": points[:, :2], "cells": triangles, "regions": _regions(mesh, blocks, rows)}
+    return {"points": points, "triangles": triangles}
+
+
+def _regions(mesh: meshio.Mesh, blocks: np.ndarray, rows: np.ndarray | None) -> np.ndarray:
+    """Labels (m,) int32 of cells that come from `rows` (in order where None) of `blocks`."""
+    labels = np.zeros(len(blocks), dtype=np.int32)
+    for name in _LABELS:
+        if name not in mesh.cell_data:
+            continue
+        for b in np.unique(blocks):
+            values = np.asarray(mesh.cell_data[name][b])
+            mine = blocks == b
+            if values.ndim == 1 and np.isfinite(values).all():
+                labels[mine] = np.round(values[: mine.sum()] if rows is None else values[rows[mine]]).astype(np.int32)
+        break
+    return labels
+
+
+def _with_meshio(path: Path) -> meshio.Mesh:
+    return meshio.read(path)
+
+
+def _with_meshio_known_sections(path: Path) -> meshio.Mesh:
+    """A .msh without the sections that only its author knows."""
+    with tempfile.TemporaryDirectory(prefix="pdvol-read-") as folder:
+        copy = Path(folder) / path.name
+        with path.open("rb") as source, copy.open("wb") as target:
+            skipped = b""
+            for line in source:
+                word = line.strip()
+                if (
+                    not skipped
+                    and word.startswith(b"$")
+                    and word[1:].decode("ascii", "replace").removeprefix("End") not in _MSH_SECTIONS
+                ):
+                    skipped = b"$End" + word[1:]
+                if not skipped:
+                    target.write(line)
+                if word == skipped:
+                    skipped = b""
+            shutil.copystat(path, copy)
+        return meshio.read(copy)
+
+
+def _with_vtk(path: Path) -> meshio.Mesh:
+    """Legacy and XML VTK as VTK itself reads them, in a child process: VTK ends the process on some truncated files."""
+    read = run_worker("vtk_worker.py", SECONDS + path.stat().st_size / PER_SECOND, path=np.array(str(path.resolve())))
+    labels = {name.removeprefix("label "): values for name, values in read.items() if name.startswith("label ")}
+    blocks = [(kind, read[kind]) for kind in ("tetra", "triangle") if len(read[kind])]
+    starts = {"tetra": 0, "triangle": len(read["tetra"])}
+    data = {
+        name: [values[starts[kind] : starts[kind] + len(cells)] for kind, cells in blocks]
+        for name, values in labels.items()
+    }
+    return meshio.Mesh(read["points"], blocks, cell_data=data)

@@ -1,0 +1,236 @@
+"""Pre-flight checks of one shape. Every error is one line that names the primitives and the mend."""
+
+import igl
+import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from pdvol.errors import IntersectionError, InvertedCellError, MeshError
+from pdvol.geometry.crossings import edges_of, find_crossings, find_touching
+from pdvol.geometry.level_mesh import simplex_volumes
+from pdvol.meshes import Outline, Solid, Surface
+
+FLAT = 1e-12
+"""A simplex whose measure is below this fraction of its longest edge's power is flat."""
+
+
+def _some(indices, shown: int = 5) -> str:
+    """The first few of many indices, for a message."""
+    listed = ", ".join(str(tuple(int(k) for k in i) if np.ndim(i) else int(i)) for i in indices[:shown])
+    return listed + (f" and {len(indices) - shown} more" if len(indices) > shown else "")
+
+
+def _check_arrays(
+    name: str, points: np.ndarray, cells: np.ndarray, kind: str, dims: tuple[int, ...]
+) -> tuple[np.ndarray, np.ndarray]:
+    points, cells = np.asarray(points, dtype=np.float64), np.asarray(cells)
+    if points.ndim != 2 or points.shape[1] not in dims or cells.ndim != 2:
+        shapes = f"points of shape {points.shape} and {kind} of shape {cells.shape}"
+        raise MeshError(f"{name}: {shapes} do not fit; use (n, {dims[0]}) and 2D indices")
+    if len(cells) == 0 or len(points) == 0:
+        raise MeshError(f"{name}: the mesh is empty; give one with {kind}")
+    if not np.issubdtype(cells.dtype, np.integer):
+        raise MeshError(f"{name}: the {kind} are not whole numbers; give integer vertex indices")
+    cells = cells.astype(np.int64)
+    outside = np.flatnonzero((cells < 0).any(axis=1) | (cells >= len(points)).any(axis=1))
+    if len(outside):
+        raise MeshError(
+            f"{name}: {kind} {_some(outside)} use vertices that do not exist (there are {len(points)}); export the mesh"
+            " again"
+        )
+    broken = np.flatnonzero(~np.isfinite(points).all(axis=1))
+    if len(broken):
+        raise MeshError(f"{name}: vertices {_some(broken)} have NaN or infinite coordinates; export the mesh again")
+    return points, cells
+
+
+def drop_unused(points: np.ndarray, cells: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The points that belong to a cell, in their order, and the cells renumbered."""
+    used, index = np.unique(cells, return_inverse=True)
+    return np.ascontiguousarray(points[used]), index.reshape(cells.shape).astype(np.int64)
+
+
+def _duplicates(cells: np.ndarray) -> np.ndarray:
+    """Indices of the cells that repeat an earlier one."""
+    _, first = np.unique(np.sort(cells, axis=1), axis=0, return_index=True)
+    return np.setdiff1d(np.arange(len(cells)), first)
+
+
+def shells(triangles: np.ndarray, n: int) -> np.ndarray:
+    """(n,) component of each of `n` vertices under the facets' edges."""
+    e = edges_of(triangles)
+    return connected_components(coo_array((np.ones(len(e)), (e[:, 0], e[:, 1])), shape=(n, n)), directed=False)[1]
+
+
+def _crossing_message(points, edges, faces, what: str) -> tuple[str, list] | None:
+    """The first crossing of a shape with itself, in words, and all pairs; None where there is none."""
+    pairs = find_crossings(points, edges, faces)
+    if len(pairs):
+        edge, other = edges[pairs[0, 0]], pairs[0, 1]
+        if len(faces) == 0:
+            return f"segments {pairs[0, 0]} and {other} cross", [tuple(map(int, p)) for p in pairs]
+        owner = np.flatnonzero(np.isin(faces, edge).sum(axis=1) == 2)[0]
+        return f"triangles {owner} and {other} cross", [tuple(map(int, p)) for p in pairs]
+    touching = find_touching(points, edges, faces)
+    if len(touching):
+        return f"{what} touches itself at vertices {touching[0, 0]} and {touching[0, 1]}", [
+            tuple(map(int, p)) for p in touching
+        ]
+    return None
+
+
+def check_manifold(triangles: np.ndarray, n: int, name: str, closed: bool = True) -> None:
+    """Raise MeshError unless the triangles form a closed, consistently oriented 2-manifold."""
+    corners = triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
+    edges, which, counts = np.unique(np.sort(corners, axis=1), axis=0, return_inverse=True, return_counts=True)
+    if (counts > 2).any():
+        heavy = _some(edges[counts > 2])
+        raise MeshError(
+            f"{name}: edges {heavy} have more than two triangles (non-manifold); remove the inner or doubled walls"
+        )
+    if closed and (counts == 1).any():
+        raise MeshError(
+            f"{name}: the surface is open along {int((counts == 1).sum())} edges, {_some(edges[counts == 1])}; close"
+            " the holes"
+        )
+    turns = np.bincount(which.ravel(), weights=np.where(corners[:, 0] < corners[:, 1], 1, -1))
+    mixed = np.flatnonzero((counts == 2) & (turns != 0))
+    if len(mixed):
+        seams = _some(edges[mixed])
+        raise MeshError(
+            f"{name}: triangles disagree on what is outside across edges {seams}; recalculate the normals outward"
+        )
+    fans = igl.is_vertex_manifold(np.ascontiguousarray(triangles, dtype=np.int64))
+    pinched = np.intersect1d(np.flatnonzero(~fans), triangles)
+    if len(pinched):
+        raise MeshError(
+            f"{name}: parts meet in the single vertices {_some(pinched)} (non-manifold); split or merge them there"
+        )
+
+
+def check_surface(surface: Surface, name: str = "surface", closed: bool = True) -> Surface:
+    """The surface made fit to be meshed: unused vertices dropped, a shell turned wholly inside out turned back.
+
+    Parameters
+    ----------
+    surface : Surface
+    name : str, for messages
+    closed : whether open edges are an error
+
+    Raises
+    ------
+    MeshError
+        NaN coordinates, indices out of range, degenerate or duplicate triangles, open or non-manifold edges, pinched
+        vertices, mixed orientation.
+    IntersectionError
+        The surface crosses or touches itself.
+    """
+    points, triangles = _check_arrays(name, surface.vertices, surface.triangles, "triangles", (3,))
+    corners = points[triangles]
+    areas = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
+    flat = np.flatnonzero(areas <= FLAT * longest**2)
+    if len(flat):
+        raise MeshError(f"{name}: triangles {_some(flat)} have no area; merge or remove their vertices")
+    doubled = _duplicates(triangles)
+    if len(doubled):
+        raise MeshError(f"{name}: triangles {_some(doubled)} repeat others; remove the duplicates")
+    check_manifold(triangles, len(points), name, closed)
+    points, triangles = drop_unused(points, triangles)
+    if (
+        closed
+        and np.einsum("ij,ij->", points[triangles[:, 0]], np.cross(points[triangles[:, 1]], points[triangles[:, 2]]))
+        < 0
+    ):
+        triangles = triangles[:, ::-1]
+    found = _crossing_message(points, edges_of(triangles), triangles, "the surface")
+    if found:
+        raise IntersectionError(
+            f"{name}: {found[0]} ({len(found[1])} crossings); repair the self-intersections", found[1]
+        )
+    return Surface(points, np.ascontiguousarray(triangles, dtype=np.int32))
+
+
+def check_outline(outline: Outline, name: str = "outline", closed: bool = True) -> Outline:
+    """The outline, anticlockwise where it is closed.
+
+    Raises
+    ------
+    MeshError
+        Too few points, NaN coordinates, a repeated point.
+    IntersectionError
+        It crosses or touches itself.
+    """
+    points = np.asarray(outline.points, dtype=np.float64)
+    n, least = len(points), 3 if closed else 2
+    if points.ndim != 2 or points.shape[1] != 2 or n < least:
+        raise MeshError(
+            f"{name}: points of shape {points.shape} make no outline; give at least {least} points of 2 coordinates"
+        )
+    segments = outline_edges(n, closed)
+    points, segments = _check_arrays(name, points, segments, "segments", (2,))
+    lengths = np.linalg.norm(points[segments[:, 1]] - points[segments[:, 0]], axis=1)
+    short = np.flatnonzero(lengths <= FLAT * np.linalg.norm(np.ptp(points, axis=0)))
+    if len(short):
+        mend = "remove the repeated points (the first is not repeated at the end)"
+        raise MeshError(f"{name}: segments {_some(short)} have no length; {mend}")
+    found = _crossing_message(points, segments, np.empty((0, 3), dtype=np.int64), "the outline")
+    if found:
+        raise IntersectionError(f"{name}: {found[0]}; untangle the outline", found[1])
+    if closed and signed_area(points) < 0:
+        points = points[::-1]
+    return Outline(np.ascontiguousarray(points))
+
+
+def outline_edges(n: int, closed: bool) -> np.ndarray:
+    """Segments (e, 2) int64 joining `n` points in order."""
+    edges = np.column_stack([np.arange(n), np.roll(np.arange(n), -1)])
+    return edges if closed else edges[:-1]
+
+
+def signed_area(points: np.ndarray) -> float:
+    """Area [m^2] inside a polygon (n, 2), negative where it runs clockwise."""
+    x, y = points.T
+    return 0.5 * float(np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y))
+
+
+def check_solid(solid: Solid, name: str = "mesh") -> Solid:
+    """The solid with its unused vertices dropped and, if all its cells are numbered the other way round, turned.
+
+    Raises
+    ------
+    InvertedCellError
+        Inverted or flat cells; `cells` names them.
+    MeshError
+        NaN coordinates, indices out of range, duplicate cells.
+    """
+    points, cells = _check_arrays(name, solid.vertices, solid.cells, "cells", (2, 3))
+    dim = points.shape[1]
+    if cells.shape[1] != dim + 1:
+        raise MeshError(
+            f"{name}: cells of {cells.shape[1]} vertices in {dim}D; give {'triangles' if dim == 2 else 'tetrahedra'}"
+        )
+    regions = np.asarray(solid.regions)
+    if regions.shape != (len(cells),):
+        raise MeshError(f"{name}: {regions.shape} region labels for {len(cells)} cells; give one a cell")
+    doubled = _duplicates(cells)
+    if len(doubled):
+        raise MeshError(f"{name}: cells {_some(doubled)} repeat others; remove the duplicates")
+    volumes = simplex_volumes(points, cells)
+    corners = points[cells]
+    longest = np.max(
+        [np.linalg.norm(corners - np.roll(corners, k, axis=1), axis=2).max(axis=1) for k in range(1, dim)], axis=0
+    )
+    flat = np.flatnonzero(np.abs(volumes) <= FLAT * longest**dim)
+    if len(flat):
+        raise InvertedCellError(f"{name}: cells {_some(flat)} are flat; mesh the shape again", flat)
+    inverted = np.flatnonzero(volumes < 0)
+    if 0 < len(inverted) < len(cells):
+        many = f"{len(inverted)} of {len(cells)}"
+        raise InvertedCellError(
+            f"{name}: cells {_some(inverted)} are inverted ({many}); renumber or mesh again", inverted
+        )
+    if len(inverted):  # another convention of numbering, not a fault of the shape
+        cells = cells[:, [1, 0, *range(2, dim + 1)]]
+    points, cells = drop_unused(points, cells)
+    return Solid(points, cells.astype(np.int32), regions.astype(np.int32))

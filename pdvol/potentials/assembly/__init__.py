@@ -1,0 +1,1 @@
+"""Cell kernels, the block pattern of Hessians, and the sum of blocks."""

@@ -1,0 +1,253 @@
+"""A term from any UFL energy density psi(F, parameters): value, gradient and filtered Hessian through compiled kernels.
+
+The density may depend on x through F = grad(x) alone, and on parameters that are constant per cell. First and second
+derivatives are UFL's, by F: positions are P1, so F is constant per cell, and what depends on a cell's shape is known
+without them. Isotropic densities in 3D, recognised by trying, get their Hessians through stretches
+(native/isotropic.c), many times faster; all others through UFL's derivatives by F.
+"""
+
+from collections.abc import Callable, Mapping
+
+import basix.ufl
+import numpy as np
+import ufl
+from dolfinx import jit
+from mpi4py import MPI
+
+from pdvol.levels.space import LevelSpace
+from pdvol.potentials.assembly import native
+from pdvol.potentials.assembly.hessian_blocks import FILTERS, HessianBlocks
+from pdvol.potentials.assembly.native import ffi, pointer
+from pdvol.potentials.potential import Positions, Term
+
+ISOTROPIC = 1e-12  # relative change of psi under rotations that is put down to round-off
+
+
+class CellEnergy(Term):
+    """Sum over cells of volume times psi(F).
+
+    Parameters
+    ----------
+    space : LevelSpace
+    psi : callable (F, **parameters) -> UFL energy density [Pa]
+    parameters : mapping of names to arrays (len(cells),)
+    cells : (k,) indices into the space's near cells, ascending
+    name : str
+    isotropic : whether psi(Q F R) = psi(F) for all rotations; found out by trying where not given
+    """
+
+    def __init__(
+        self,
+        space: LevelSpace,
+        psi: Callable,
+        parameters: Mapping[str, np.ndarray],
+        cells: np.ndarray,
+        name: str = "elastic",
+        isotropic: bool | None = None,
+    ):
+        self.space, self.name, self._isotropic = space, name, isotropic
+        self.psi, self.parameters, self.cells = psi, dict(parameters), cells
+        self._counted = int(np.searchsorted(cells, space.n_counted))
+        self._dofs = np.ascontiguousarray(space.near_dofs[cells])
+        self._inverse = np.ascontiguousarray(space.mesh.hat_gradients[space.near_cells[cells], 1:])
+        self._volumes = np.abs(space.mesh.volumes[space.near_cells[cells]])
+        self._library, self._slots = native.library(), None
+        counted = slice(self._counted)
+        self.scale = space.comm.allreduce(
+            float(sum(np.abs(values[counted]) @ self._volumes[counted] for values in parameters.values()))
+        )
+        self._compile(psi, {name: np.asarray(values, dtype=float) for name, values in parameters.items()})
+
+    def _compile(self, psi, parameters) -> None:
+        space, d = self.space, self.space.dim
+        domain = space.domain.ufl_domain()
+        tensors = ufl.FunctionSpace(domain, basix.ufl.element("DG", space.domain.basix_cell(), 0, shape=(d, d)))
+        F, coefficients = ufl.Coefficient(tensors), _constants(space, parameters)
+        density = psi(F, **coefficients) * _one_point(domain)
+        first = ufl.derivative(density, F, ufl.TestFunction(tensors))
+        names = {F: None, **{coefficient: name for name, coefficient in coefficients.items()}}
+        compiled = lambda form: _DensityKernel(space.comm, form, names, parameters, len(self.cells))
+        self._density, self._first, self._second, self._stretches = compiled(density), compiled(first), None, None
+        if (
+            d == 3
+            and 0 < len(parameters) <= _MAX_PARAMETERS
+            and (self._is_isotropic() if self._isotropic is None else self._isotropic)
+        ):
+            self._stretches = _StretchKernels(space, psi, parameters)
+        else:
+            self._second = compiled(ufl.derivative(first, F, ufl.TrialFunction(tensors)))
+
+    def _is_isotropic(self) -> bool:
+        """Whether psi(Q F R) = psi(F) for some arbitrary F and rotations Q, R; the same on every rank.
+
+        Tried with the parameters of the first cell and of those where one is largest: a direction's stiffness may be
+        zero elsewhere.
+        """
+        rng = np.random.default_rng(0)
+        changes = []
+        tried = {0, *np.abs(self._density.parameters).argmax(axis=0).tolist()} if len(self.cells) else ()
+        for cell in sorted(tried):
+            for _ in range(4):
+                Q, R = (_rotation(rng) for _ in range(2))
+                F = np.eye(3) + 0.2 * rng.uniform(-1, 1, (3, 3))
+                one, other = (self._density.at(f, cell) for f in (F, Q @ F @ R))
+                changes.append(abs(one - other) / max(abs(one), abs(other), 1e-300))
+        return self.space.comm.allreduce(max(changes, default=0.0), op=MPI.MAX) < ISOTROPIC
+
+    def _arguments(self, kernel, x: np.ndarray, count: int):
+        return (
+            kernel.function,
+            self.space.dim,
+            count,
+            pointer(self._dofs, "int32_t"),
+            pointer(x),
+            pointer(self._inverse),
+            pointer(self._volumes),
+            pointer(kernel.parameters),
+            kernel.parameters.shape[1],
+            kernel.gradient_at,
+        )
+
+    def set_parameters(self, parameters: Mapping[str, np.ndarray]) -> None:
+        """Other values (k,) of some parameters, without compiling anything; of a density that is not isotropic."""
+        for kernel in (self._density, self._first, self._second):
+            kernel.fill(parameters)
+
+    def value(self, x: Positions) -> float:
+        mine = self._library.cell_values(*self._arguments(self._density, x.local, self._counted))
+        total = self.space.comm.allreduce(mine)
+        return total if np.isfinite(total) else np.inf
+
+    def gradient(self, x: Positions) -> np.ndarray:
+        local = np.zeros((len(self.space.local_points), self.space.dim))
+        self._library.cell_gradients(*self._arguments(self._first, x.local, len(self.cells)), pointer(local))
+        return local[: self.space.n_owned]
+
+    def add_hessian(self, x: Positions, weight: float, into: HessianBlocks) -> None:
+        if self._slots is None or self._slots_of is not into.pattern:
+            self._slots, self._slots_of = np.ascontiguousarray(into.pattern.slots[self.cells]), into.pattern
+        slots, mode, out = pointer(self._slots, "int32_t"), FILTERS[into.positive], pointer(into.cells)
+        if self._stretches is not None:
+            self._library.isotropic_hessians(
+                *self._stretches.functions,
+                len(self.cells),
+                pointer(self._dofs, "int32_t"),
+                pointer(x.local),
+                pointer(self._inverse),
+                pointer(self._volumes),
+                *self._stretches.parameters,
+                slots,
+                mode,
+                weight,
+                out,
+            )
+        else:
+            mode = mode if self._second.gradient_at >= 0 else 0  # a Hessian without F is that of a quadratic energy
+            self._library.cell_hessians(
+                *self._arguments(self._second, x.local, len(self.cells)), slots, mode, weight, out
+            )
+
+
+_MAX_PARAMETERS = 16  # isotropic.c keeps a cell's arguments on the stack
+
+
+def _rotation(rng) -> np.ndarray:
+    q, r = np.linalg.qr(rng.standard_normal((3, 3)))
+    q = q * np.sign(np.diag(r))
+    return q * np.sign(np.linalg.det(q))
+
+
+def _constants(space: LevelSpace, names) -> dict[str, ufl.Coefficient]:
+    """Coefficients constant per cell, by name."""
+    constant = ufl.FunctionSpace(space.domain.ufl_domain(), basix.ufl.element("DG", space.domain.basix_cell(), 0))
+    return {name: ufl.Coefficient(constant) for name in names}
+
+
+def _one_point(domain) -> ufl.Measure:
+    return ufl.Measure("dx", domain=domain, metadata={"quadrature_degree": 0})
+
+
+class _Kernel:
+    """A compiled form's cell kernel.
+
+    Attributes
+    ----------
+    function : cffi pointer
+    coefficients : the form's coefficients, in the order the kernel wants them
+    """
+
+    def __init__(self, comm, form):
+        options = {"cffi_extra_compile_args": list(native.FLAGS), "cache_dir": str(native.cache_folder() / "forms")}
+        compiled, self._module, _ = jit.ffcx_jit(comm, form, jit_options=options)
+        self._kernel = compiled.form_integrals[0].tabulate_tensor_float64
+        self.function = ffi.cast("void *", int(self._module.ffi.cast("uintptr_t", self._kernel)))
+        ordered = form.coefficients()
+        self.coefficients = [
+            ordered[compiled.original_coefficient_positions[i]] for i in range(compiled.num_coefficients)
+        ]
+
+
+class _DensityKernel(_Kernel):
+    """A kernel of a cell's F and parameters.
+
+    Attributes
+    ----------
+    parameters : (cells, k)
+        In the kernel's order.
+    gradient_at : how many of them come before F; -1 where F is not wanted
+    """
+
+    def __init__(self, comm, form, names, parameters, count: int):
+        super().__init__(comm, form)
+        wanted = [names[c] for c in self.coefficients]
+        self.gradient_at = next((i for i, name in enumerate(wanted) if name is None), -1)
+        self._order = [name for name in wanted if name is not None]
+        self.parameters = np.zeros((count, len(self._order)))
+        self.fill(parameters)
+
+    def fill(self, parameters) -> None:
+        """Takes over the values (cells,) of those of the parameters that the kernel wants."""
+        for column, name in enumerate(self._order):
+            if name in parameters:
+                self.parameters[:, column] = parameters[name]
+
+    def at(self, F: np.ndarray, cell: int) -> float:
+        """psi at F (3, 3), with a cell's parameters; of a density in 3D."""
+        corners, dofs = np.vstack([np.zeros(3), *F.T]), np.arange(4, dtype=np.int32)
+        identity, one = np.eye(3), np.ones(1)
+        return native.library().cell_values(
+            self.function,
+            3,
+            1,
+            pointer(dofs, "int32_t"),
+            pointer(corners),
+            pointer(identity),
+            pointer(one),
+            pointer(self.parameters[cell]),
+            self.parameters.shape[1],
+            self.gradient_at,
+        )
+
+
+class _StretchKernels:
+    """First and second derivatives of psi(diag(stretches)), and the parameters, as isotropic.c takes them."""
+
+    def __init__(self, space: LevelSpace, psi, parameters):
+        domain = space.domain.ufl_domain()
+        vectors = ufl.FunctionSpace(domain, basix.ufl.element("DG", space.domain.basix_cell(), 0, shape=(3,)))
+        stretches, coefficients = ufl.Coefficient(vectors), _constants(space, parameters)
+        F = ufl.as_matrix([[stretches[i] if i == j else 0 for j in range(3)] for i in range(3)])
+        first = ufl.derivative(psi(F, **coefficients) * _one_point(domain), stretches, ufl.TestFunction(vectors))
+        second = ufl.derivative(first, stretches, ufl.TrialFunction(vectors))
+        places = {stretches: [0, 1, 2], **{coefficients[name]: [3 + i] for i, name in enumerate(parameters)}}
+        kernels = [_Kernel(space.comm, form) for form in (first, second)]
+        self._kernels = kernels
+        sources = [[place for c in kernel.coefficients for place in places[c]] for kernel in kernels]
+        self._arguments = np.array(sum(sources, []), dtype=np.int32)
+        self._values = np.ascontiguousarray(np.column_stack(list(parameters.values())))
+        self.functions = (
+            *(k.function for k in kernels),
+            pointer(self._arguments, "int32_t"),
+            *(len(s) for s in sources),
+        )
+        self.parameters = (pointer(self._values), self._values.shape[1])

@@ -1,0 +1,104 @@
+"""Where terms add up their Hessians: d x d blocks of this rank's rows, on or right of the diagonal."""
+
+import numpy as np
+from scipy.sparse import bsr_array, csr_array
+
+from pdvol.potentials.assembly.block_pattern import BlockPattern
+
+FILTERS = {"none": 0, "clamp": 1, "abs": 2}
+
+
+class HessianBlocks:
+    """A symmetric matrix being summed, of which this rank holds its rows' upper triangle.
+
+    Attributes
+    ----------
+    pattern : BlockPattern
+    positive : "clamp", "abs" or "none"
+        What terms make of negative eigenvalues of their local Hessians: cut off, taken by size, or left.
+    quick : bool
+        Whether terms may leave out what is dear and mostly cut off anyway (the turning of contact normals).
+    cells : (pattern.count, d, d)
+        Blocks between vertices of a cell, in the pattern's order.
+    added : list of (rows, columns, blocks), what `add_pairs` was given
+    """
+
+    def __init__(self, pattern: BlockPattern, positive: str = "clamp"):
+        self.pattern, self.positive, self.quick = pattern, positive, True
+        d = pattern.space.dim
+        self.cells = np.zeros((pattern.count, d, d))
+        self.added: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []
+
+    def clear(self) -> None:
+        """Back to zero."""
+        self.cells[:] = 0.0
+        self.added.clear()
+
+    def finite(self) -> bool:
+        """Whether all that was added on this rank is finite."""
+        return bool(np.isfinite(self.cells.sum())) and all(np.isfinite(blocks.sum()) for *_, blocks in self.added)
+
+    def add_diagonal(self, vertices: np.ndarray, blocks: np.ndarray) -> None:
+        """Adds blocks (k, d, d) on the diagonal at owned vertices (k,), which may repeat."""
+        np.add.at(self.cells, self.pattern.diagonal[vertices], blocks)
+
+    def add_masses(self, masses: np.ndarray) -> None:
+        """Adds a diagonal matrix, given by its entries (n_owned, d)."""
+        d = masses.shape[1]
+        self.cells[self.pattern.diagonal[:, None], np.arange(d), np.arange(d)] += masses
+
+    def add_pairs(self, rows: np.ndarray, columns: np.ndarray, blocks: np.ndarray) -> None:
+        """Adds blocks (k, d, d) at global block indices (k,), which may repeat. Both triangles may be given: only this
+        rank's share of the upper one is kept.
+        """
+        first, last = self.pattern.space.first_block, self.pattern.space.first_block + self.pattern.space.n_owned
+        kept = (rows >= first) & (rows < last) & (columns >= rows)
+        if kept.all():
+            self.added.append((rows - first, columns, blocks))
+        elif kept.any():
+            self.added.append((rows[kept] - first, columns[kept], blocks[kept]))
+
+    def pairs(self) -> tuple[np.ndarray, np.ndarray]:
+        """What `add_pairs` was given, summed: keys (k,) = local row * n + global column, ascending, and blocks (k, d,
+        d).
+        """
+        d, n = self.pattern.space.dim, len(self.pattern.space.mesh.points)
+        if not self.added:
+            return np.zeros(0, dtype=np.int64), np.zeros((0, d, d))
+        keys = np.concatenate([row * n + column for row, column, _ in self.added])
+        blocks = np.concatenate([blocks for _, _, blocks in self.added])
+        keys, order = _sorted(keys)
+        first = np.flatnonzero(np.diff(keys, prepend=-1))
+        return keys[first], np.add.reduceat(blocks[order], first, axis=0)
+
+    def to_csr(self) -> csr_array:
+        """The whole symmetric matrix (n d, n d), in PETSc's numbering, of a level that lives on one rank."""
+        d, n = self.pattern.space.dim, len(self.pattern.space.mesh.points)
+        keys, blocks = self.pairs()
+        keys, blocks = np.concatenate([self.pattern.keys, keys]), np.concatenate([self.cells, blocks])
+        order = np.argsort(keys, kind="stable")
+        keys, blocks = keys[order], blocks[order]
+        starts = np.searchsorted(keys, np.arange(n + 1) * n)
+        upper = csr_array(bsr_array((blocks, keys % n, starts), shape=(n * d, n * d)).tocsr())
+        upper.sum_duplicates()
+        diagonal = np.flatnonzero(keys // n == keys % n)
+        across = csr_array(
+            bsr_array(
+                (blocks[diagonal], keys[diagonal] % n, np.searchsorted(keys[diagonal], np.arange(n + 1) * n)),
+                shape=(n * d, n * d),
+            ).tocsr()
+        )
+        across.sum_duplicates()
+        return csr_array(upper + upper.T - across)
+
+
+def _sorted(keys: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Keys (k,) >= 0, ascending, and the stable order that puts them so. Sorting values is several times faster than
+    sorting places: each key takes its place along in its low bits, as long as they fit.
+    """
+    bits = len(keys).bit_length()
+    if int(keys.max()).bit_length() + bits > 63:
+        order = np.argsort(keys, kind="stable")
+        return keys[order], order
+    packed = np.sort((keys << bits) | np.arange(len(keys)))
+    return packed >> bits, packed & ((1 << bits) - 1)

@@ -1,0 +1,158 @@
+"""The contact barrier between surfaces: ipctk's convergent formulation (area weights, improved maximum, physical
+stiffness), or the first one, where each contact counts as one. Both have the law of `barrier_law.py`, times a contact's
+weight.
+
+Source: Li et al. 2020 (Incremental Potential Contact); Li et al. 2023 (convergent IPC).
+"""
+
+from dataclasses import replace
+
+import ipctk
+import numpy as np
+from mpi4py import MPI
+
+from pdvol.potentials.assembly.hessian_blocks import HessianBlocks
+from pdvol.potentials.contact import barrier_law
+from pdvol.potentials.contact.collision_surface import CollisionSurface
+from pdvol.potentials.contact.stencils import Stencils
+from pdvol.potentials.potential import KEPT, Positions, Term
+
+
+class SurfaceBarrier(Term):
+    """Barrier between all pairs of boundary primitives nearer than dhat.
+
+    Parameters
+    ----------
+    surface : CollisionSurface
+    dhat : activation distance [m]
+    kappa : stiffness: [Pa] where contacts are weighted, [N] (per metre of depth in 2D) where each counts as one; it may
+        be changed between solves
+    weighted : whether contacts are weighted by area
+    """
+
+    name = "barrier"
+
+    def __init__(self, surface: CollisionSurface, dhat: float, kappa: float, weighted: bool = True):
+        self.surface, self.space, self.dhat, self.kappa, self.weighted = surface, surface.space, dhat, kappa, weighted
+        self._at: Positions | None = None
+        self._expected: Positions | None = None
+        self._vertices: np.ndarray | None = None
+
+    @property
+    def _area(self) -> float:
+        """What ipctk takes an area of one for."""
+        return self.surface.primitives.scale**2 if self.weighted else 1.0
+
+    @property
+    def _potential(self) -> ipctk.BarrierPotential:
+        return ipctk.BarrierPotential(dhat=self.dhat, stiffness=self.kappa / self._area, use_physical_barrier=True)
+
+    def begin_step(self, x_t: Positions, t0: float, t1: float) -> None:
+        self.place(t0)
+        self._at, start = None, self.surface.vertices(x_t)
+        self.surface.begin(start)
+        if self._expected is not None:
+            self.surface.candidates.begin(start, self.surface.vertices(self._expected))
+            self._expected = None
+
+    def expect(self, x_hat: Positions) -> None:
+        self._expected = x_hat
+
+    def place(self, time: float) -> None:
+        if self.surface.place(time):
+            self._at = None
+
+    def collisions(self, x: Positions) -> tuple[ipctk.NormalCollisions, np.ndarray]:
+        """The active set at x (what this rank has a vertex of, at least) and the collision mesh's vertices, built once
+        per x.
+        """
+        if self._at is not x:
+            vertices = self.surface.vertices(x)
+            active = ipctk.NormalCollisions()
+            active.use_area_weighting = self.weighted
+            kinds = ipctk.NormalCollisions.CollisionSetType
+            active.collision_set_type = kinds.IMPROVED_MAX_APPROX if self.weighted else kinds.IPC
+            pairs = self.surface.pairs(vertices)
+            if not pairs.empty():
+                active.build(candidates=pairs, mesh=self.surface.mesh, vertices=vertices, dhat=self.dhat)
+            self._active, self._vertices, self._at, self._stencils = active, vertices, x, None
+        return self._active, self._vertices
+
+    def stencils(self, x: Positions) -> tuple[Stencils, np.ndarray]:
+        """The active pairs as arrays, and their gaps (k, d); once per x."""
+        active, vertices = self.collisions(x)
+        if self._stencils is None:
+            stencils = self.surface.stencils(active, vertices)
+            stencils = replace(stencils, weights=stencils.weights / self._area)
+            self._stencils = stencils, stencils.gaps(vertices)
+        return self._stencils
+
+    def value(self, x: Positions) -> float:
+        active, vertices = self.collisions(x)
+        if self.space.comm.size == 1:
+            return float(self._potential(active, self.surface.mesh, vertices)) if len(active) else 0.0
+        mine = 0.0
+        if len(active):
+            stencils, gaps = self.stencils(x)
+            s = np.minimum(np.einsum("kd,kd->k", gaps, gaps) / self.dhat**2, 1.0)
+            mine = float(
+                stencils.weights[stencils.counted] @ barrier_law.energy(s, self.dhat, self.kappa)[stencils.counted]
+            )
+        return self.space.comm.allreduce(mine)
+
+    def gradient(self, x: Positions) -> np.ndarray:
+        active, vertices = self.collisions(x)
+        if not len(active):
+            return np.zeros_like(x.owned)
+        return self.surface.rows_of(self._potential.gradient(active, self.surface.mesh, vertices))
+
+    def add_hessian(self, x: Positions, weight: float, into: HessianBlocks) -> None:
+        """Through stencils where that will do: several times faster than projecting each pair's 12 x 12 Hessian."""
+        active, vertices = self.collisions(x)
+        if not len(active):
+            return
+        if into.positive == "none" or not into.quick:
+            projection = ipctk.PSDProjectionMethod.NONE if into.positive == "none" else ipctk.PSDProjectionMethod.CLAMP
+            hessian = self._potential.hessian(active, self.surface.mesh, vertices, project_hessian_to_psd=projection)
+            self.surface.add_hessian(hessian, weight, into)
+            return
+        stencils, gaps = self.stencils(x)
+        s = np.einsum("kd,kd->k", gaps, gaps) / self.dhat**2
+        share = (
+            weight
+            * np.maximum(stencils.weights, 0.0)
+            * barrier_law.curvature(s, self.dhat, self.kappa)
+            / (s * self.dhat**2)
+        )
+        self.surface.add_stencils(stencils, share[:, None, None] * gaps[:, :, None] * gaps[:, None, :], into)
+
+    def contact_stiffness(self, x: Positions, masses: np.ndarray, blocks: np.ndarray) -> np.ndarray:
+        """(k,) semi-implicit stiffness [N/m] of this rank's contacts (`stiffness_rules.py`), from masses (n,) and
+        diagonal blocks (n, d, d) in the input's order. Obstacles have neither.
+        """
+        stencils, gaps = self.stencils(x)
+        masses, blocks = self.surface.of_vertices(masses), self.surface.of_vertices(blocks)
+        squares = stencils.coefficients**2
+        distances = np.linalg.norm(gaps, axis=1)
+        normals = gaps / distances[:, None]
+        mass = np.einsum("ki,ki->k", squares, masses[stencils.vertices])
+        stiffness = np.einsum("ki,ka,kiab,kb->k", squares, normals, blocks[stencils.vertices], normals)
+        return ((mass / distances**2 + stiffness) / squares.sum(axis=1))[stencils.counted]
+
+    def max_step(self, x: Positions, direction: np.ndarray, until: float | None = None, keep: float = KEPT) -> float:
+        return self.surface.max_step(
+            self.surface.vertices(x), self.surface.vertices(x.moved(1.0, direction), at=until), keep
+        )
+
+    def count(self, x: Positions) -> int:
+        """Active pairs at x, of all ranks. Collective."""
+        active, _ = self.collisions(x)
+        if self.space.comm.size == 1:
+            return len(active)
+        return self.space.comm.allreduce(int(np.count_nonzero(self.stencils(x)[0].counted)))
+
+    def min_gap(self, x: Positions) -> float:
+        """Smallest distance [m] among active pairs of all ranks; inf when there are none. Collective."""
+        active, vertices = self.collisions(x)
+        gap = float(np.sqrt(active.compute_minimum_distance(self.surface.mesh, vertices))) if len(active) else np.inf
+        return self.space.comm.allreduce(gap, op=MPI.MIN)

@@ -1,0 +1,208 @@
+"""Contact and friction with half-spaces, exactly: only vertices can touch a plane first.
+
+The law is that of the surface barrier (`barrier.py`): kappa a dhat g(s), g(s) = -(s - 1)^2 ln s, s = (gap / dhat)^2, a
+the vertex's area at rest. A plane needs neither a broad phase nor gathered surfaces, may move, and its gap is linear in
+x; that, and ipctk's plane candidates missing contacts beyond dhat / 2 and lacking friction and motion, is why it is
+written out here.
+"""
+
+import numpy as np
+from mpi4py import MPI
+
+from pdvol.geometry.level_mesh import LevelMesh
+from pdvol.levels.space import LevelSpace
+from pdvol.potentials.assembly.hessian_blocks import HessianBlocks
+from pdvol.potentials.contact import barrier_law
+from pdvol.potentials.contact import friction_law as smooth_friction
+from pdvol.potentials.potential import KEPT, Positions, Term
+from pdvol.scene import Plane, moved
+
+
+def boundary_areas(mesh: LevelMesh) -> np.ndarray:
+    """(n,) each vertex's share of the boundary at rest [m^(d-1)], zero inside."""
+    corners = mesh.points[mesh.boundary]
+    edges = corners[:, 1:] - corners[:, :1]
+    size = (
+        np.linalg.norm(edges[:, 0], axis=1)
+        if mesh.dim == 2
+        else np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1) / 2
+    )
+    return np.bincount(mesh.boundary.ravel(), np.repeat(size / mesh.dim, mesh.dim), minlength=len(mesh.points))
+
+
+class HalfSpaceBarrier(Term):
+    """Barrier against all planes of a scene.
+
+    Parameters
+    ----------
+    space : LevelSpace
+    planes : planes, moving or not
+    dhat : activation distance [m]
+    kappa : stiffness: [Pa] where contacts are weighted, [N] (per metre of depth in 2D) where each counts as one
+    weighted : whether contacts are weighted by area
+    """
+
+    name = "barrier"
+
+    def __init__(self, space: LevelSpace, planes: tuple[Plane, ...], dhat: float, kappa: float, weighted: bool = True):
+        self.space, self.planes, self.dhat, self.kappa = space, planes, dhat, kappa
+        areas = boundary_areas(space.mesh)[space.owned_points]
+        self.vertices = np.flatnonzero(areas > 0)
+        self.areas = areas[self.vertices] if weighted else np.ones(len(self.vertices))
+        self.place(0.0)
+
+    def _planes_at(self, time: float) -> tuple[np.ndarray, np.ndarray]:
+        points, normals = zip(*(_placed(plane, time) for plane in self.planes), strict=True)
+        return np.array(points), np.array(normals)
+
+    def place(self, time: float) -> None:
+        self.points, self.normals = self._planes_at(time)
+        self._at: Positions | None = None
+
+    def begin_step(self, x_t: Positions, t0: float, t1: float) -> None:
+        self.place(t0)
+
+    def gaps(self, x: Positions, at: float | None = None) -> np.ndarray:
+        """(planes, surface vertices) distances [m], negative behind a plane; planes as placed, or as they are `at` a
+        time.
+        """
+        if at is None and x is self._at:
+            return self._gaps
+        points, normals = (self.points, self.normals) if at is None else self._planes_at(at)
+        gaps = normals @ x.owned[self.vertices].T - np.sum(normals * points, axis=1)[:, None]
+        if at is None:
+            self._at, self._gaps = x, gaps
+        return gaps
+
+    def _active(self, x: Positions):
+        gaps = self.gaps(x)
+        plane, vertex = np.nonzero(gaps < self.dhat)
+        return plane, vertex, gaps[plane, vertex]
+
+    def value(self, x: Positions) -> float:
+        _, vertex, gap = self._active(x)
+        if np.any(gap <= 0.0):
+            mine = np.inf
+        else:
+            mine = float(np.sum(self.areas[vertex] * barrier_law.energy((gap / self.dhat) ** 2, self.dhat, self.kappa)))
+        return self.space.comm.allreduce(mine)
+
+    def forces(self, x: Positions):
+        """Planes, vertices (into `vertices`) and normal force magnitudes [N] of what is within dhat."""
+        plane, vertex, gap = self._active(x)
+        return plane, vertex, self.areas[vertex] * barrier_law.pressure((gap / self.dhat) ** 2, self.dhat, self.kappa)
+
+    def gradient(self, x: Positions) -> np.ndarray:
+        plane, vertex, force = self.forces(x)
+        out = np.zeros_like(x.owned)
+        np.add.at(out, self.vertices[vertex], -force[:, None] * self.normals[plane])
+        return out
+
+    def add_hessian(self, x: Positions, weight: float, into: HessianBlocks) -> None:
+        plane, vertex, gap = self._active(x)
+        s = (gap / self.dhat) ** 2
+        curvature = self.areas[vertex] * barrier_law.curvature(s, self.dhat, self.kappa)
+        n = self.normals[plane]
+        into.add_diagonal(self.vertices[vertex], weight * curvature[:, None, None] * n[:, :, None] * n[:, None, :])
+
+    def contact_stiffness(self, x: Positions, masses: np.ndarray, blocks: np.ndarray) -> np.ndarray:
+        """(k,) semi-implicit stiffness [N/m] of this rank's contacts (`stiffness_rules.py`), from masses (n,) and
+        diagonal blocks (n, d, d) in the input's order.
+        """
+        plane, vertex, gap = self._active(x)
+        point, n = self.space.owned_points[self.vertices[vertex]], self.normals[plane]
+        return masses[point] / gap**2 + np.einsum("ki,kij,kj->k", n, blocks[point], n)
+
+    def max_step(self, x: Positions, direction: np.ndarray, until: float | None = None, keep: float = KEPT) -> float:
+        # A plane that turns meanwhile is taken to close gaps evenly: exact for translations, and what is left is
+        # checked again.
+        gaps = self.gaps(x)
+        approach = gaps - self.gaps(x.moved(1.0, direction), at=until)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            step = np.where(approach > 0.0, (1.0 - keep) * np.maximum(gaps, 0.0) / approach, 1.0)
+        return float(min(1.0, step.min(initial=1.0)))
+
+    def min_gap(self, x: Positions) -> float:
+        """Smallest distance to any plane [m]; inf where there is no surface. Collective."""
+        return self.space.comm.allreduce(float(self.gaps(x).min(initial=np.inf)), op=MPI.MIN)
+
+    def count(self, x: Positions) -> int:
+        """Contacts within dhat. Collective."""
+        return self.space.comm.allreduce(len(self._active(x)[0]))
+
+
+class HalfSpaceFriction(Term):
+    """Lagged friction on all planes of a scene: normal forces and directions are those of the last `lag`.
+
+    Parameters
+    ----------
+    mu : coefficient of friction, or one (planes, bodies) for each plane and body
+    eps_v : sliding speed [m/s] below which friction is smoothed
+    """
+
+    name = "friction"
+
+    def __init__(self, barrier: HalfSpaceBarrier, mu: float | np.ndarray, eps_v: float):
+        self.space, self.barrier, self.eps_v = barrier.space, barrier, eps_v
+        self._bodies = barrier.space.mesh.point_bodies[barrier.space.owned_points][barrier.vertices]
+        self._mu = np.broadcast_to(mu, (len(barrier.planes), int(barrier.space.mesh.point_bodies.max()) + 1))
+
+    def begin_step(self, x_t: Positions, t0: float, t1: float) -> None:
+        self._x_t = x_t.owned
+        self._eps = self.eps_v * (t1 - t0)
+        self._carried = []
+        for plane in self.barrier.planes:
+            moves = lambda at, plane=plane: plane.motion(np.atleast_2d(at), t1) - plane.motion(np.atleast_2d(at), t0)
+            self._carried.append(moves)
+        self.lag(x_t)
+
+    def lag(self, x: Positions) -> None:
+        plane, vertex, force = self.barrier.forces(x)
+        self._vertices = self.barrier.vertices[vertex]
+        self._normals = self.barrier.normals[plane]
+        self._force = self._mu[plane, self._bodies[vertex]] * force
+        self._ground = np.zeros((len(plane), self.space.dim))
+        for i, moves in enumerate(self._carried):
+            on = plane == i
+            self._ground[on] = moves(self._x_t[self._vertices[on]]) if on.any() else 0.0
+
+    @property
+    def rubs(self) -> bool:
+        return len(self._force) > 0
+
+    def _slip(self, x: Positions):
+        u = x.owned[self._vertices] - self._x_t[self._vertices] - self._ground
+        u = u - np.sum(u * self._normals, axis=1)[:, None] * self._normals
+        return u, np.linalg.norm(u, axis=1)
+
+    def value(self, x: Positions) -> float:
+        _, slip = self._slip(x)
+        return self.space.comm.allreduce(float(np.sum(self._force * smooth_friction.f0(slip, self._eps))))
+
+    def gradient(self, x: Positions) -> np.ndarray:
+        u, slip = self._slip(x)
+        out = np.zeros_like(x.owned)
+        np.add.at(out, self._vertices, (self._force * smooth_friction.f1_over(slip, self._eps))[:, None] * u)
+        return out
+
+    def add_hessian(self, x: Positions, weight: float, into: HessianBlocks) -> None:
+        u, slip = self._slip(x)
+        along = u / np.maximum(slip, 1e-300)[:, None]
+        n = self._normals
+        tangent = np.eye(self.space.dim) - n[:, :, None] * n[:, None, :]
+        outer = along[:, :, None] * along[:, None, :]
+        round_, slope = smooth_friction.stiffness(slip, self._eps, majorise=into.positive == "abs")
+        blocks = (
+            weight
+            * self._force[:, None, None]
+            * (round_[:, None, None] * tangent + (slope - round_)[:, None, None] * outer)
+        )
+        into.add_diagonal(self._vertices, blocks)
+
+
+def _placed(plane: Plane, time: float):
+    """Point and unit normal of a plane at a time, moved as a rigid frame."""
+    point, normal = np.asarray(plane.point, dtype=float), np.asarray(plane.normal, dtype=float)
+    normal = normal / np.linalg.norm(normal)
+    ends = moved(plane.motion, np.stack([point, point + normal]), time, f"plane {plane.name!r}")
+    return ends[0], (ends[1] - ends[0]) / np.linalg.norm(ends[1] - ends[0])

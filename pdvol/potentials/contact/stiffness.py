@@ -1,0 +1,149 @@
+"""Barrier stiffness that is chosen anew at each step's start, for contacts that count as one each, whatever their area.
+
+One number for the whole level, which holds while Newton solves: its objective stays one function, and what a step does
+depends on nothing but its start, so that resumed runs repeat. (A stiffness for each contact would make the potential
+jump where a pair changes its kind, an edge and a vertex becoming two vertices.) A contact's energy is kappa dhat g(s)
+as in `barrier_law.py`, kappa in N.
+"""
+
+import ipctk
+import numpy as np
+
+from pdvol.levels.space import LevelSpace
+from pdvol.potentials.assembly.block_pattern import BlockPattern
+from pdvol.potentials.assembly.hessian_blocks import HessianBlocks
+from pdvol.potentials.contact import barrier_law
+from pdvol.potentials.potential import Positions, Potential
+
+CURVATURE = float(barrier_law.curvature(np.array(0.25), 1.0, 1.0))  # of the barrier half way, in units of kappa / dhat
+CUBIC = 2.0  # the same of Ando's barrier, (2 / 3) k (dhat - gap)^3 / dhat, in units of k
+
+
+class AdaptiveStiffness:
+    """The stiffness of Li et al. 2020 (supplement, section 4): what balances the other forces at the step's start,
+    within bounds, and twice as much, up to the upper one, where a solve ends with gaps that are tiny and shrink. Both
+    by ipctk's functions.
+
+    ipctk's classic barrier K (gap^2 - dhat^2)^2 ln is this law with K dhat^3 = kappa dt^2: it stands unweighted beside
+    the inertia.
+
+    Parameters
+    ----------
+    others : terms that are no contact
+    contacts : terms whose `kappa` is set
+    mass : (n_owned, d) [kg]
+    diagonal : of the scene [m]
+    """
+
+    def __init__(
+        self,
+        space: LevelSpace,
+        others: tuple[Potential, ...],
+        contacts: tuple[Potential, ...],
+        mass: np.ndarray,
+        dhat: float,
+        diagonal: float,
+    ):
+        self.space, self.others, self.contacts, self.mass, self.dhat, self.diagonal = (
+            space,
+            others,
+            contacts,
+            mass,
+            dhat,
+            diagonal,
+        )
+        self._average = float(space.to_input(mass)[:, 0].mean())
+        self.upper = np.inf
+
+    def begin_step(self, x_t: Positions, x_hat: np.ndarray, dt: float) -> None:
+        """Sets the contacts' stiffness for the step from x_t to x_hat (n_owned, d) of length dt [s]. Collective."""
+        scale = self.dhat**3 / dt**2
+        for term in self.contacts:
+            term.kappa = scale
+        forces = self.mass * (x_t.owned - x_hat) + dt**2 * sum(term.gradient(x_t) for term in self.others)
+        barrier = dt**2 * sum(term.gradient(x_t) for term in self.contacts)
+        whole = [self.space.to_input(part).ravel() for part in (forces, barrier)]
+        kappa, upper = ipctk.initial_barrier_stiffness(
+            bbox_diagonal=self.diagonal,
+            barrier=ipctk.ClampedLogBarrier(),
+            dhat=self.dhat,
+            average_mass=self._average,
+            grad_energy=whole[0],
+            grad_barrier=whole[1],
+        )
+        self.upper = upper * scale
+        self._gap = self._smallest(x_t)
+        self._set(kappa * scale)
+
+    def end_solve(self, x: Positions) -> bool:
+        """Whether the stiffness was raised after a solve that ended at x. Collective."""
+        before, self._gap, old = self._gap, self._smallest(x), self.contacts[0].kappa
+        self._set(
+            ipctk.update_barrier_stiffness(
+                prev_min_distance=before**2,
+                min_distance=self._gap**2,
+                max_barrier_stiffness=self.upper,
+                barrier_stiffness=old,
+                bbox_diagonal=self.diagonal,
+            )
+        )
+        return self.contacts[0].kappa > old
+
+    def _smallest(self, x: Positions) -> float:
+        return min(term.min_gap(x) for term in self.contacts)
+
+    def _set(self, kappa: float) -> None:
+        for term in self.contacts:
+            term.kappa = kappa
+
+
+class SemiImplicitStiffness:
+    """The elasticity-inclusive stiffness of Ando 2024, k = m / gap^2 + n' H n at each contact of the step's start
+    (masses in kg, at 1 m/s), averaged over them; without contacts over the surface, gaps being dhat. Of the elastic
+    Hessian H the diagonal blocks are taken; a contact's vertices count by the squares of their coefficients, as in
+    ipctk's `semi_implicit_stiffness`.
+
+    k is the stiffness of Ando's cubic barrier; kappa is such that this one is as stiff half way.
+
+    Parameters
+    ----------
+    elastic : terms that are neither contact nor load
+    contacts : terms whose `kappa` is set
+    mass : (n_owned, d) [kg]
+    """
+
+    def __init__(
+        self,
+        space: LevelSpace,
+        elastic: tuple[Potential, ...],
+        contacts: tuple[Potential, ...],
+        mass: np.ndarray,
+        dhat: float,
+    ):
+        self.space, self.elastic, self.contacts, self.dhat = space, elastic, contacts, dhat
+        self._masses = space.to_input(mass)[:, 0]
+        self._blocks = HessianBlocks(BlockPattern(space))
+        self._surface = np.unique(space.mesh.boundary)
+
+    def begin_step(self, x_t: Positions, x_hat: np.ndarray, dt: float) -> None:
+        """Sets the contacts' stiffness for a step from x_t. Collective."""
+        d = self.space.dim
+        self._blocks.clear()
+        for term in self.elastic:
+            term.add_hessian(x_t, 1.0, self._blocks)
+        mine = self._blocks.cells[self._blocks.pattern.diagonal]
+        blocks = np.stack([self.space.to_input(mine[:, :, j]) for j in range(d)], axis=2)
+        found = np.concatenate([term.contact_stiffness(x_t, self._masses, blocks) for term in self.contacts])
+        total, count = self.space.comm.allreduce(float(found.sum())), self.space.comm.allreduce(len(found))
+        if not count:
+            at = self._surface
+            total, count = (
+                float(np.sum(self._masses[at] / self.dhat**2 + np.trace(blocks[at], axis1=1, axis2=2) / d)),
+                len(at),
+            )
+        for term in self.contacts:
+            term.kappa = CUBIC / CURVATURE * self.dhat * total / count
+
+    def end_solve(self, x: Positions) -> bool:
+        """Nothing changes within a step."""
+        return False

@@ -1,0 +1,113 @@
+"""Lumped mass, and the loads of a scene: those that are constant are assembled once from their UFL forms, the others
+are shares of a vector.
+"""
+
+from collections.abc import Callable
+
+import numpy as np
+import ufl
+from dolfinx import fem, la
+
+from pdvol.forms.inertia import lumped_mass
+from pdvol.forms.loads import body_force
+from pdvol.geometry.level_mesh import LevelMesh
+from pdvol.levels.locate import barycentric_coordinates
+from pdvol.levels.scene_fields import chosen_points
+from pdvol.levels.space import LevelSpace
+from pdvol.potentials.potential import Positions, Term
+from pdvol.scene import Flow, Force, Gravity, Load, PointForce, Scene, at_time
+
+
+def density_field(space: LevelSpace, densities: np.ndarray) -> fem.Function:
+    """Density [kg/m^d] as a field, from one number per cell of the level (m,)."""
+    field = fem.Function(fem.functionspace(space.domain, ("DG", 0)))
+    cells = space.domain_cells
+    field.x.array[np.asarray(field.function_space.dofmap.list)[: len(cells), 0]] = densities[cells]
+    return field
+
+
+def _assemble(space: LevelSpace, form) -> np.ndarray:
+    vector = fem.assemble_vector(fem.form(form))
+    vector.scatter_reverse(la.InsertMode.add)
+    return vector.array[: space.n_owned * space.dim].reshape(-1, space.dim).copy()
+
+
+def assemble_mass(space: LevelSpace, densities: np.ndarray) -> np.ndarray:
+    """Lumped masses [kg] of owned vertices, shape (n_owned, d), equal along rows. Collective."""
+    v = ufl.TestFunction(space.V)
+    return _assemble(space, lumped_mass(density_field(space, densities), v, space.domain))
+
+
+class DeadLoad(Term):
+    """A load whose force [N] does not depend on x: E = -f . x."""
+
+    name = "load"
+
+    def __init__(self, space: LevelSpace, force: np.ndarray):
+        self.space, self.force = space, force
+
+    def value(self, x: Positions) -> float:
+        return -self.space.comm.allreduce(float(np.vdot(self.force, x.owned)))
+
+    def gradient(self, x: Positions) -> np.ndarray:
+        return -self.force
+
+
+def gravity_load(space: LevelSpace, densities: np.ndarray, acceleration) -> DeadLoad:
+    """The weight of all bodies under a uniform acceleration [m/s^2]. Collective."""
+    v = ufl.TestFunction(space.V)
+    g = fem.Constant(space.domain, np.asarray(acceleration, dtype=float))
+    return DeadLoad(space, _assemble(space, body_force(density_field(space, densities), g, v, space.domain)))
+
+
+class TimedLoad(DeadLoad):
+    """A load that is asked anew at each step: shares (n_owned,) of a vector (t0, t1) -> (d,)."""
+
+    def __init__(self, space: LevelSpace, shares: np.ndarray, vector: Callable[[float, float], np.ndarray]):
+        super().__init__(space, np.zeros((space.n_owned, space.dim)))
+        self._shares, self._vector = shares, vector
+
+    def begin_step(self, x_t: Positions, t0: float, t1: float) -> None:
+        self.force = np.outer(self._shares, self._vector(t0, t1))
+
+
+def load_terms(scene: Scene, space: LevelSpace, densities: np.ndarray, mass: np.ndarray) -> tuple[Term, ...]:
+    """The terms of a scene's loads on one level, with densities (m,) of its cells and masses (n_owned, d). Collective."""
+    return tuple(_load_term(load, scene, space, densities, mass[:, 0]) for load in scene.loads)
+
+
+def _load_term(load: Load, scene: Scene, space: LevelSpace, densities: np.ndarray, mass: np.ndarray) -> Term:
+    mesh, d = space.mesh, space.dim
+    if isinstance(load, Flow):
+        from pdvol.potentials.drag import Drag
+
+        return Drag(space, chosen_points(scene, load, mesh), load.at, load.density * load.drag / 2)
+    if isinstance(load, Gravity):
+        if not callable(load.acceleration):
+            return gravity_load(space, densities, load.acceleration)
+        return TimedLoad(space, mass, lambda t0, t1: at_time("gravity", load.acceleration, t1, d))
+    if isinstance(load, PointForce):
+        shares = space.from_input(
+            point_shares(mesh, chosen_points(scene, load, mesh), np.asarray(load.at, dtype=float))
+        )
+        return TimedLoad(space, shares, lambda t0, t1: at_time("PointForce.force", load.force, t1, d))
+    held = np.where(chosen_points(scene, load, mesh)[space.owned_points], mass, 0.0)
+    if isinstance(load, Force):
+        shares = held / space.comm.allreduce(float(held.sum()))
+        return TimedLoad(space, shares, lambda t0, t1: at_time("Force.force", load.force, t1, d))
+    push = np.asarray(load.velocity, dtype=float)
+    return TimedLoad(space, held, lambda t0, t1: push / (t1 - t0) if t0 <= load.time < t1 else 0.0 * push)
+
+
+def point_shares(mesh: LevelMesh, chosen: np.ndarray, at: np.ndarray) -> np.ndarray:
+    """(n,) the share of a force at a rest position (d,) that each point takes: barycentric in the cell nearest to it,
+    of points `chosen`.
+    """
+    cells = mesh.cells[chosen[mesh.cells].all(axis=1)]
+    weights = barycentric_coordinates(np.broadcast_to(at, (len(cells), mesh.dim)), mesh.points[cells]).clip(0.0)
+    weights /= weights.sum(axis=1, keepdims=True)
+    off = np.linalg.norm(np.einsum("ki,kij->kj", weights, mesh.points[cells]) - at, axis=1)
+    nearest = int(off.argmin())
+    shares = np.zeros(len(mesh.points))
+    shares[cells[nearest]] = weights[nearest]
+    return shares

@@ -1,0 +1,127 @@
+"""A scene file and its parameters: loading, setting, and what tells two shots apart."""
+
+import ast
+import importlib.util
+import inspect
+import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from pdvol.errors import InputError, PdvolError
+from pdvol.scene import Relative, Scene
+from pdvol.scene.fingerprint import describe
+from pdvol.scene.scene import SETTINGS
+
+
+@dataclass(frozen=True)
+class Shot:
+    """A scene as its file made it.
+
+    Attributes
+    ----------
+    file : the scene file
+    parameters : what `--set` gave, by name
+    scene : Scene
+    """
+
+    file: Path
+    parameters: Mapping
+    scene: Scene
+
+    @property
+    def name(self) -> str:
+        """The file's name without its ending."""
+        return self.file.stem
+
+    def description(self) -> dict:
+        """The scene as JSON, without how long it runs: a longer run of the same scene is the same scene."""
+        return {key: value for key, value in describe(self.scene).items() if key not in ("steps", "solver", "name")}
+
+
+def parse_settings(words: Sequence[str]) -> dict:
+    """`["mu=0.3", "surface=cow.obj"]` as a dictionary of values."""
+    settings = {}
+    for word in words:
+        name, equals, text = word.partition("=")
+        if not equals or not name.isidentifier():
+            raise InputError(f"--set {word}: write name=value")
+        settings[name] = _value(text)
+    return settings
+
+
+def _value(text: str):
+    """A Python literal, `Relative(1e-3)`, or the text itself."""
+    relative = re.fullmatch(r"Relative\((.+)\)", text.strip())
+    try:
+        value = ast.literal_eval(relative.group(1) if relative else text)
+    except (ValueError, SyntaxError, MemoryError, RecursionError):  # the last two: nested too deeply
+        return text
+    return Relative(value) if relative else value
+
+
+def stored_settings(parameters: Mapping) -> dict:
+    """The settings that `run.json` keeps: JSON has no `Relative`, which is an object with a fraction there."""
+    return {
+        name: Relative(value["fraction"]) if isinstance(value, dict) and set(value) == {"fraction"} else value
+        for name, value in parameters.items()
+    }
+
+
+def load_shot(file: str | Path, settings: Mapping | None = None, steps: int | None = None) -> Shot:
+    """Runs a scene file's `scene(**parameters)`; settings of the solver and the penalty go there instead.
+
+    Raises
+    ------
+    InputError
+        The file is missing or broken, has no `scene`, or a name is unknown; one line says which.
+    """
+    file, settings = Path(file), dict(settings or {})
+    make = _scene_function(file)
+    accepted = inspect.signature(make).parameters
+    anything = any(p.kind is p.VAR_KEYWORD for p in accepted.values())
+    general = SETTINGS.keys() - set(accepted)
+    for name in settings:
+        if name not in accepted and name not in general and not anything:
+            raise InputError(
+                f"{file.name} has no parameter {name!r}; there are {', '.join(accepted)} and every scene's "
+                f"{', '.join(sorted(general))}"
+            )
+    given = {name: value for name, value in settings.items() if name in accepted or (anything and name not in general)}
+    try:
+        scene = make(**given)
+    except PdvolError:
+        raise
+    except (Exception, SystemExit) as error:
+        raise InputError(
+            f"{file.name}: scene({', '.join(f'{k}={v!r}' for k, v in given.items())}) failed: {_told(error)}"
+        ) from error
+    if not isinstance(scene, Scene):
+        raise InputError(f"{file.name}: scene() returned {type(scene).__name__}, not a pdvol.Scene")
+    scene = scene.with_settings(**{name: value for name, value in settings.items() if name not in given})
+    if steps is not None:
+        scene = replace(scene, steps=steps)
+    return Shot(file.resolve(), settings, replace(scene, name=file.stem))
+
+
+def _scene_function(file: Path) -> Callable[..., Scene]:
+    if not file.is_file():
+        raise InputError(f"there is no scene file {file}")
+    spec = importlib.util.spec_from_file_location(f"pdvol_scene_{file.stem}", file)
+    if spec is None or spec.loader is None:
+        raise InputError(f"{file} is not a Python file; a scene file defines scene(**parameters)")
+    module = importlib.util.module_from_spec(spec)
+    try:
+        spec.loader.exec_module(module)
+    except PdvolError:
+        raise
+    except (Exception, SystemExit) as error:
+        raise InputError(f"{file} could not be read: {_told(error)}") from error
+    make = getattr(module, "scene", None)
+    if not callable(make):
+        raise InputError(f"{file} defines no scene(**parameters); it must return a pdvol.Scene")
+    return make
+
+
+def _told(error: BaseException) -> str:
+    return f"{type(error).__name__}: {' '.join(str(error).split())}"

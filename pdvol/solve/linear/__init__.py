@@ -1,0 +1,1 @@
+"""Linear systems of Newton's method: the matrix, its solvers and preconditioners."""

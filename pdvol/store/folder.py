@@ -1,0 +1,220 @@
+"""The layout of a run folder, and who may write there.
+
+run.json              parameters, versions, sizes, state       levels/<l>/mesh.npz        points, cells, bodies,
+regions, surface log.jsonl             one object per level and step            levels/<l>/velocity.npy    initial
+velocity (n, d) [m/s] obstacles.json, obstacles/<i>.npz   for pictures               levels/<l>/<step>.npy
+positions (n, d) [m], input order run.lock              held while a process writes
+levels/<l>/late_<step>.npz  obstacles that contact held back
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from pdvol.errors import InputError
+from pdvol.geometry.level_mesh import LevelMesh
+from pdvol.store.files import TEMPORARY, jsonable, lock, read_json, sync_folder, write_array, write_arrays
+
+FORMAT = 1
+_TYPES = {
+    "scene": str,
+    "scene_file": str,
+    "steps": int,
+    "method": str,
+    "prolongation": str,
+    "parameters": dict,
+    "description": dict,
+    "diagonal": float,
+    "bodies": list,
+    "versions": dict,
+    "up": list,
+    "state": str,
+}
+STATES = (
+    "running",
+    "failed",
+    "interrupted",
+    "done",
+    "pending",
+)  # of levels; a run has the first one that any of its levels has
+
+
+def level_folder(path: Path, level: int) -> Path:
+    """Where a run keeps one level."""
+    return path / "levels" / str(level)
+
+
+def state_file(folder: Path, step: int) -> Path:
+    """Where a level's folder keeps one state."""
+    return folder / f"{step:06d}.npy"
+
+
+def late_file(folder: Path, step: int) -> Path:
+    """Where a level's folder keeps the places of obstacles that are behind their motions at a step."""
+    return folder / f"late_{step:06d}.npz"
+
+
+def read_info(path: Path) -> dict:
+    """`run.json` of a run folder; InputError when it is no run, or one of another format."""
+    try:
+        info = read_json(path / "run.json")
+    except FileNotFoundError as error:
+        what = "is not a run folder: it has no run.json" if path.is_dir() else "does not exist"
+        raise InputError(f"{path} {what}") from error
+    if info.get("format") != FORMAT:
+        raise InputError(
+            f"{path} is a run of format {info.get('format')!r}, this pdvol reads format {FORMAT}: use the pdvol that"
+            " wrote it"
+        )
+    _check_info(path / "run.json", info)
+    return info
+
+
+def _check_info(file: Path, info: dict) -> None:
+    """InputError unless what `run.json` says has the types that its readers rely on."""
+    levels, dt = info.get("levels"), info.get("dt")
+    if (
+        not isinstance(levels, list)
+        or not all(isinstance(entry, dict) for entry in levels)
+        or isinstance(dt, bool)
+        or not isinstance(dt, (int, float))
+        or not 0 < dt < math.inf
+    ):
+        raise InputError(f"{file} lacks the list of levels or the time step dt")
+    for key, kind in _TYPES.items():
+        if key in info and (not isinstance(info[key], kind) or isinstance(info[key], bool)):
+            raise InputError(f"{file}: {key} is not of the type {kind.__name__}; put back the file as pdvol wrote it")
+    for number, entry in enumerate(levels):
+        if (
+            not isinstance(entry.get("vertices"), int)
+            or not isinstance(entry.get("cells"), int)
+            or entry.get("state") not in STATES
+        ):
+            raise InputError(
+                f"{file}: level {number} lacks its vertices, cells or state; put back the file as pdvol wrote it"
+            )
+    if not all(isinstance(name, str) for name in info.get("bodies", [])) or not 0 <= info.get("steps", 0) < 2**31:
+        raise InputError(f"{file}: bodies or steps are not what pdvol wrote; put back the file")
+    if not 0.0 < info.get("diagonal", 1.0) < math.inf:
+        raise InputError(f"{file}: diagonal is no length; put back the file as pdvol wrote it")
+    up = info.get("up", [0.0, 0.0, 1.0])
+    if len(up) not in (2, 3) or not all(isinstance(c, (int, float)) for c in up):
+        raise InputError(f"{file}: up is no vector")
+
+
+def require_scene(path: Path, info: dict) -> None:
+    """InputError unless `run.json` says what was simulated, as that of every run does which `pdvol run` made."""
+    missing = [
+        key
+        for key in ("scene", "scene_file", "steps", "method", "prolongation", "parameters", "description", "diagonal")
+        if key not in info
+    ]
+    if missing:
+        raise InputError(f"{path / 'run.json'} lacks {', '.join(missing)}; put back the file as pdvol wrote it")
+
+
+def holds_run(path: Path) -> bool:
+    """Whether a folder holds a run that was ever begun: one whose creation was killed is free to be taken over."""
+    return (path / "run.json").exists() and read_info(path).get("state") != "creating"
+
+
+def new_info(info: Mapping, body_names: Sequence[str]) -> dict:
+    """`run.json` of a run about to be created. The state "creating" marks what a kill leaves then: no step yet, free to
+    be taken over.
+    """
+    missing = [key for key in ("dt", "steps") if key not in info]
+    if missing:
+        raise InputError(f"a run needs {missing} in its info")
+    return {
+        **jsonable(info),
+        "format": FORMAT,
+        "bodies": [str(name) for name in body_names],
+        "levels": [],
+        "state": "creating",
+    }
+
+
+def remove_states(folder: Path, steps: int) -> None:
+    """Remove a level's states from `steps` on, the latest first, so that a kill leaves no gap."""
+    files = {int(file.stem): file for file in folder.glob("[0-9]*.npy")}
+    for step in sorted(files, reverse=True):
+        if step >= steps:
+            files[step].unlink()
+            late_file(folder, step).unlink(missing_ok=True)
+
+
+def run_state(levels: list[dict]) -> str:
+    """The state of a run, given the entries of its levels: that of the most telling one."""
+    present = {entry["state"] for entry in levels}
+    return next((state for state in STATES if state in present), "pending")
+
+
+def write_level(path: Path, level: int, mesh: LevelMesh, velocity: np.ndarray | None) -> dict:
+    """Store a level's mesh and initial velocity (n, d) [m/s] (at rest when None); returns its entry in `run.json`."""
+    points = np.asarray(mesh.points, dtype=np.float64)
+    v = np.zeros_like(points) if velocity is None else np.ascontiguousarray(velocity, dtype=np.float64)
+    if v.shape != points.shape:
+        raise InputError(f"level {level}: the initial velocity has shape {v.shape}, the mesh {points.shape}")
+    folder = level_folder(path, level)
+    folder.mkdir(parents=True, exist_ok=True)
+    for stale in folder.glob("*.npy"):  # of a creation that was killed
+        stale.unlink()
+    write_arrays(
+        folder / "mesh.npz",
+        points=points,
+        cells=mesh.cells,
+        bodies=mesh.bodies,
+        regions=mesh.regions,
+        surface=mesh.boundary,
+    )
+    write_array(folder / "velocity.npy", v)
+    sync_folder(folder.parent)
+    return {"vertices": len(points), "cells": len(mesh.cells), "state": "pending"}
+
+
+def claim(path: Path):
+    """Take a new, empty or never completed folder for a run, and its lock."""
+    _require_free(path)
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"{path} cannot be made: {error.strerror or error}") from error
+    held = hold(path)
+    try:
+        _require_free(path)  # another process may have started a run before the lock was ours
+    except InputError:
+        held.close()
+        raise
+    return held
+
+
+def _require_free(path: Path) -> None:
+    """InputError unless a run may be created here."""
+    if not path.exists():
+        return
+    if not path.is_dir():
+        raise InputError(f"{path} is a file, not a folder")
+    if holds_run(path):
+        raise InputError(f"{path} already holds a run: continue it with --resume or choose another folder")
+    if not (path / "run.json").exists() and any(
+        not (p.name == "run.lock" or p.name.endswith(TEMPORARY)) for p in path.iterdir()
+    ):
+        raise InputError(f"{path} is not empty and holds no run: choose another folder")
+
+
+def hold(path: Path):
+    """The run's lock, held."""
+    try:
+        held = lock(path / "run.lock")
+    except OSError as error:
+        raise InputError(f"{path} cannot be written: {error.strerror or error}") from error
+    if held is None:
+        raise InputError(in_use(path))
+    return held
+
+
+def in_use(path: Path) -> str:
+    """What is told where another process holds the run."""
+    return f"{path} is being written by another pdvol: wait for it to end, or choose another folder"

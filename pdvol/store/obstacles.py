@@ -1,0 +1,109 @@
+"""Obstacles as pictures need them: `obstacles.json` names them, `obstacles/<i>.npz` holds the arrays of each.
+
+| kind | arrays |
+|---|---|
+| plane | `point` (d,) and `normal` (d,), or (steps + 1, d) each when it moves |
+| mesh | `vertices` (n, 3), `faces` (m, 3); `positions` (steps + 1, n, 3) when it moves; `opacity` (), where it is below 1 |
+| polyline | `vertices` (n, 2), `edges` (m, 2); `positions` (steps + 1, n, 2) when it moves |
+
+Where contact held motions back, `levels/<l>/late_<step>.npz` has their true places at that level and step: `<i>.point`,
+`<i>.normal` or `<i>.vertices` of each obstacle i that moves. A polyline whose edges form loops is a filled outline, any
+other a line.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from pdvol.errors import InputError
+from pdvol.store.files import read_arrays, read_json, write_arrays, write_json
+
+ARRAYS = {"plane": ("point", "normal"), "mesh": ("vertices", "faces"), "polyline": ("vertices", "edges")}
+
+
+@dataclass(frozen=True, eq=False)
+class DrawnObstacle:
+    """One stored obstacle.
+
+    Attributes
+    ----------
+    name : str
+    kind : "plane", "mesh" or "polyline"
+    arrays : dict of numpy arrays, as in the module's table
+    """
+
+    name: str
+    kind: str
+    arrays: dict[str, np.ndarray]
+
+    def __post_init__(self):
+        if self.kind not in ARRAYS:
+            raise InputError(f"obstacle {self.name!r}: kind {self.kind!r} must be one of {', '.join(ARRAYS)}")
+        missing = [key for key in ARRAYS[self.kind] if key not in self.arrays]
+        if missing:
+            raise InputError(f"obstacle {self.name!r}: a {self.kind} needs the arrays {missing}")
+
+    def plane(self, step: int) -> tuple[np.ndarray, np.ndarray]:
+        """A plane's point (d,) [m] and unit normal (d,) at a step; a plane that ended its motion stays."""
+        point, normal = (_at(self.arrays[key], step, moves=self.arrays[key].ndim == 2) for key in ("point", "normal"))
+        return point, normal / np.linalg.norm(normal)
+
+    def vertices(self, step: int) -> np.ndarray:
+        """Vertices (n, d) [m] of a mesh or polyline at a step."""
+        moving = self.arrays.get("positions")
+        return self.arrays["vertices"] if moving is None else _at(moving, step, moves=True)
+
+    def held(self, arrays: Mapping[str, np.ndarray]) -> "DrawnObstacle":
+        """The same obstacle at rest where it was held back: with these `point` and `normal`, or `vertices`."""
+        kept = {key: value for key, value in self.arrays.items() if key != "positions"}
+        return DrawnObstacle(self.name, self.kind, {**kept, **arrays})
+
+
+def _at(values: np.ndarray, step: int, moves: bool) -> np.ndarray:
+    return values[min(step, len(values) - 1)] if moves else values
+
+
+def write_obstacles(folder: Path, obstacles: Sequence[Mapping]) -> None:
+    """Store obstacles: mappings with `name`, `kind` and the arrays of the module's table. Replaces those stored before.
+
+    Raises
+    ------
+    InputError
+        When a kind is unknown or an array is missing; nothing is written then.
+    """
+    drawn = []
+    for entry in obstacles:
+        arrays = {
+            key: np.asarray(value) for key, value in entry.items() if key not in ("name", "kind") and value is not None
+        }
+        drawn.append(DrawnObstacle(str(entry["name"]), str(entry["kind"]), arrays))
+    (folder / "obstacles").mkdir(exist_ok=True)
+    for i, obstacle in enumerate(drawn):
+        write_arrays(folder / "obstacles" / f"{i}.npz", **obstacle.arrays)
+    # The list comes last: once it is there, every file it names is.
+    write_json(folder / "obstacles.json", {"obstacles": [{"name": o.name, "kind": o.kind} for o in drawn]})
+
+
+def read_obstacles(folder: Path) -> tuple[DrawnObstacle, ...]:
+    """The stored obstacles, none when none were stored; InputError when a file is damaged (the states do not depend on
+    it).
+    """
+    try:
+        entries = read_json(folder / "obstacles.json").get("obstacles", [])
+    except FileNotFoundError:
+        return ()
+    if not isinstance(entries, list) or not all(
+        isinstance(entry, dict) and isinstance(entry.get("kind"), str) for entry in entries
+    ):
+        raise InputError(
+            f"{folder / 'obstacles.json'} is no list of obstacles; the stored states do not depend on it: remove it"
+        )
+    result = []
+    for i, entry in enumerate(entries):
+        kind = entry.get("kind")
+        result.append(
+            DrawnObstacle(entry.get("name"), kind, read_arrays(folder / "obstacles" / f"{i}.npz", ARRAYS.get(kind, ())))
+        )
+    return tuple(result)

@@ -1,0 +1,208 @@
+"""Reading a run folder: arrays in the input's vertex order, whatever the number of ranks that wrote them.
+
+A run may be read while it is written. What is missing or damaged is named, together with what is still usable.
+"""
+
+from collections.abc import Sequence
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+
+from pdvol.errors import InputError
+from pdvol.geometry.level_mesh import LevelMesh
+from pdvol.store.files import is_whole, lock, read_array, read_arrays
+from pdvol.store.folder import late_file, level_folder, read_info, state_file
+from pdvol.store.log import read_log
+from pdvol.store.obstacles import DrawnObstacle, read_obstacles
+
+
+class RunLevel:
+    """One level of a stored run.
+
+    Attributes
+    ----------
+    index : int
+        0 is the coarsest level.
+    info : dict
+        Its entry in `run.json`: `state`, `vertices`, `cells` and what the writer added.
+    """
+
+    def __init__(self, run: "Run", index: int, info: dict):
+        self.index, self.info = index, info
+        self.folder = level_folder(run.path, index)
+        self._run = run
+        self._known_steps = 0
+
+    @cached_property
+    def mesh(self) -> LevelMesh:
+        """The level's mesh at rest."""
+        return self._stored_mesh[0]
+
+    @cached_property
+    def _stored_mesh(self) -> tuple[LevelMesh, np.ndarray]:
+        path = self.folder / "mesh.npz"
+        try:
+            arrays = read_arrays(path, ("points", "cells", "bodies", "regions", "surface"))
+        except InputError as error:
+            raise InputError(f"{error}: level {self.index} cannot be used, the other levels can") from error
+        points, cells = arrays["points"], arrays["cells"]
+        sound = (
+            points.ndim == 2 and points.shape[1] in (2, 3) and points.dtype == np.float64 and np.isfinite(points).all()
+        )
+        sound = sound and all(
+            _numbers(array, (None, width), len(points))
+            for array, width in ((cells, points.shape[1] + 1), (arrays["surface"], points.shape[1]))
+        )
+        if (
+            not sound
+            or len(cells) == 0
+            or not all(_numbers(arrays[key], (len(cells),), 2**31) for key in ("bodies", "regions"))
+        ):
+            raise InputError(
+                f"{path} does not hold a mesh of triangles (2D) or tetrahedra (3D): level {self.index} cannot be used"
+            )
+        return LevelMesh(points, cells, arrays["bodies"], arrays["regions"]), arrays["surface"]
+
+    @property
+    def rest(self) -> np.ndarray:
+        """(n, d) float64 [m]: rest positions."""
+        return self.mesh.points
+
+    @property
+    def cells(self) -> np.ndarray:
+        """(m, d + 1) int64."""
+        return self.mesh.cells
+
+    @property
+    def bodies(self) -> np.ndarray:
+        """(m,) int32: the body of each cell; `run.info["bodies"]` names them."""
+        return self.mesh.bodies
+
+    @property
+    def regions(self) -> np.ndarray:
+        """(m,) int32: the region of each cell within its body."""
+        return self.mesh.regions
+
+    @property
+    def surface(self) -> np.ndarray:
+        """(k, d) int64: boundary facets, outward."""
+        return self._stored_mesh[1]
+
+    @property
+    def steps(self) -> int:
+        """How many whole states there are in a row from step 0 on, step 0 included. Grows while the run is written."""
+        while is_whole(state_file(self.folder, self._known_steps), self.rest.shape):
+            self._known_steps += 1
+        return self._known_steps
+
+    def positions(self, step: int) -> np.ndarray:
+        """(n, d) float64 [m]: positions at the end of `step`; step 0 is the start.
+
+        Raises
+        ------
+        InputError
+            When that state is not there or damaged; the message names the usable states.
+        """
+        usable = f"usable states of level {self.index}: {f'0 to {self.steps - 1}' if self.steps else 'none'}"
+        if step < 0:
+            raise InputError(f"{self.folder}: there is no step {step}; {usable}")
+        try:
+            return read_array(state_file(self.folder, step), self.rest.shape)
+        except InputError as error:
+            raise InputError(f"{error}; {usable}") from error
+
+    def velocities(self, step: int) -> np.ndarray:
+        """(n, d) float64 [m/s]: mean velocity over `step`, the scene's initial velocity for step 0."""
+        if step == 0:
+            return read_array(self.folder / "velocity.npy", self.rest.shape)
+        return (self.positions(step) - self.positions(step - 1)) / self._run.dt
+
+    def placed(self, obstacles: Sequence[DrawnObstacle], step: int) -> tuple[DrawnObstacle, ...]:
+        """The run's obstacles; where contact held them back on this level, as they were at that step."""
+        path = late_file(self.folder, step)
+        if not path.exists():
+            return tuple(obstacles)
+        arrays = read_arrays(path, ())
+        late = [
+            {key.partition(".")[2]: value for key, value in arrays.items() if key.partition(".")[0] == str(i)}
+            for i in range(len(obstacles))
+        ]
+        return tuple(o.held(found) if found else o for o, found in zip(obstacles, late, strict=True))
+
+    def behind(self, step: int) -> float:
+        """[s] how far obstacles were behind their motions at the end of a step."""
+        if not late_file(self.folder, step).exists():
+            return 0.0
+        return next((record.get("behind", 0.0) for record in self.log if record.get("step") == step), 0.0)
+
+    @property
+    def log(self) -> list[dict]:
+        """The log's records of this level."""
+        return [
+            record
+            for record in read_log(self._run.path / "log.jsonl")
+            if record.get("level") == self.index and "step" in record
+        ]
+
+
+def _numbers(array: np.ndarray, shape: tuple, end: int) -> bool:
+    """Whether an array holds whole numbers below `end`, none negative, in this shape; None stands for any length."""
+    fits = array.ndim == len(shape) and all(wanted in (None, n) for wanted, n in zip(shape, array.shape, strict=True))
+    return fits and array.dtype.kind in "iu" and (array.size == 0 or (array.min() >= 0 and array.max() < end))
+
+
+class Run:
+    """A stored run.
+
+    Parameters
+    ----------
+    path : folder written by `RunWriter`
+
+    Attributes
+    ----------
+    path : Path
+    info : dict
+        `run.json`: scene, dt [s], steps, method, parameters, versions, bodies, levels, state.
+    levels : sequence of RunLevel
+
+    Raises
+    ------
+    InputError
+        When the folder is no run, was never completed at its creation, or has another format.
+    """
+
+    def __init__(self, path: str | Path):
+        self.path = Path(path)
+        self.info = read_info(self.path)
+        if self.info.get("state") == "creating":
+            raise InputError(f"{self.path}: the run was interrupted before its first step; start it again")
+        if not self.info["levels"]:
+            raise InputError(f"{self.path / 'run.json'} names no level; put back the file as pdvol wrote it")
+        self.levels: Sequence[RunLevel] = tuple(RunLevel(self, i, entry) for i, entry in enumerate(self.info["levels"]))
+
+    @property
+    def dt(self) -> float:
+        """Time step [s]."""
+        return float(self.info["dt"])
+
+    @cached_property
+    def obstacles(self) -> tuple[DrawnObstacle, ...]:
+        """The obstacles as stored for pictures."""
+        return read_obstacles(self.path)
+
+    @property
+    def in_use(self) -> bool:
+        """Whether a process is writing this run now."""
+        try:
+            held = lock(self.path / "run.lock", exclusive=False)
+        except OSError:  # no lock file, or one we may not open: nobody we could know of
+            return False
+        if held:
+            held.close()
+        return held is None
+
+
+def open_run(path: str | Path) -> Run:
+    """Open a stored run for reading; see `Run`."""
+    return Run(path)

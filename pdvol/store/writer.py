@@ -1,0 +1,240 @@
+"""The stored run, which every picture and export is made from; written by one process, killed at any instant, never
+half a state.
+
+`pdvol.store.folder` shows what lies where.
+"""
+
+import shutil
+from collections.abc import Collection, Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from pdvol.geometry.level_mesh import LevelMesh
+from pdvol.store import obstacles as drawn
+from pdvol.store.files import TEMPORARY, jsonable, write_array, write_arrays, write_json
+from pdvol.store.folder import (
+    STATES,
+    claim,
+    hold,
+    late_file,
+    level_folder,
+    new_info,
+    read_info,
+    remove_states,
+    run_state,
+    state_file,
+    write_level,
+)
+from pdvol.store.log import LogFile, keep_log
+from pdvol.store.reader import Run, RunLevel, open_run
+
+__all__ = ["Run", "RunLevel", "RunWriter", "open_run"]
+
+
+class RunWriter:
+    """Writes a run folder. Made by `create` or `open`; closed by `close` or a `with` block. Only one process may hold
+    it.
+
+    `info` is what `run.json` holds; it is changed through `update_info` and `set_level_state`.
+    """
+
+    def __init__(self, path: Path, held):
+        self.path, self._lock = path, held
+        self.info: dict = {}
+        self._log: LogFile | None = None
+        self._count: list[int] = []  # whole states per level
+        self._unswept: set[int] = set()  # levels whose folder may hold states that do not follow on the whole ones
+
+    @classmethod
+    def create(
+        cls,
+        path: str | Path,
+        info: Mapping,
+        meshes: Sequence[LevelMesh],
+        body_names: Sequence[str],
+        velocities: Sequence[np.ndarray] | None = None,
+    ) -> "RunWriter":
+        """Start a run in a new or empty folder.
+
+        Parameters
+        ----------
+        path : folder; its parents are made
+        info : at least `dt` [s], `steps`; JSON's types, numpy numbers and dataclasses of them
+        meshes : one per level, coarsest first
+        body_names : the name of each body index
+        velocities : initial velocities (n, d) [m/s] per level; all at rest when None
+
+        Raises
+        ------
+        InputError
+            When the folder holds something else, a run, or is being written.
+        """
+        path = Path(path)
+        info = new_info(info, body_names)
+        writer = cls(path, claim(path))
+        try:
+            writer.info = info
+            writer._save()
+            for mesh, velocity in zip(meshes, [None] * len(meshes) if velocities is None else velocities, strict=True):
+                writer.add_level(mesh, velocity)
+            writer._open_log()
+            writer._save_states()
+        except BaseException:
+            writer.close()
+            raise
+        return writer
+
+    @classmethod
+    def open(cls, path: str | Path) -> "RunWriter":
+        """Go on with a stored run: left-overs of a kill are removed, and log lines without their state dropped.
+
+        Raises
+        ------
+        InputError
+            When it is no run of this format, damaged, or another process is writing it.
+        """
+        path = Path(path)
+        read_info(path)
+        writer = cls(path, hold(path))
+        try:
+            run = Run(path)
+            writer.info = run.info
+            writer._count = [level.steps for level in run.levels]
+            writer._unswept = set(range(len(run.levels)))
+            for aside in path.rglob(f".*{TEMPORARY}"):
+                aside.unlink()
+            writer._open_log()
+            for entry in writer.info["levels"]:
+                entry["state"] = (
+                    "interrupted" if entry["state"] == "running" else entry["state"]
+                )  # we hold the lock: nobody runs it
+            writer._save_states()
+        except BaseException:
+            writer.close()
+            raise
+        return writer
+
+    def steps(self, level: int) -> int:
+        """How many states of a level are stored, step 0 included."""
+        return self._count[level]
+
+    def add_level(self, mesh: LevelMesh, velocity: np.ndarray | None = None) -> int:
+        """Append a finer level, with its initial velocity (n, d) [m/s] (at rest when None); returns its index."""
+        level = len(self.info["levels"])
+        entry = write_level(self.path, level, mesh, velocity)
+        self._count.append(0)
+        self.info["dimension"] = mesh.dim
+        self.info["levels"].append(entry)
+        self._save()
+        return level
+
+    def write_state(self, level: int, step: int, positions: np.ndarray, record: Mapping | None = None) -> None:
+        """Store the positions (n, d) [m] at the end of a step, and its log record just before them.
+
+        The state is the commit: a record without its state is dropped when the run is opened again. To replace states,
+        `rewind` first.
+
+        Raises
+        ------
+        ValueError
+            When the shape is wrong, numbers are not finite, or this is not the level's next step.
+        SimulationError
+            When the disk cannot be written.
+        """
+        shape = (self.info["levels"][level]["vertices"], self.info["dimension"])
+        x = np.ascontiguousarray(positions, dtype=np.float64)
+        if x.shape != shape or not np.isfinite(x).all():
+            raise ValueError(
+                f"level {level}, step {step}: positions must be finite and of shape {shape}, these have {x.shape}"
+            )
+        if step != self._count[level]:
+            raise ValueError(f"level {level}: the next state to store is that of step {self._count[level]}, not {step}")
+        self._sweep(level)
+        if record is not None:
+            self.append_log({"level": level, "step": step, **record})
+        write_array(state_file(level_folder(self.path, level), step), x)
+        self._count[level] = step + 1
+
+    def write_late(self, level: int, step: int, places: Mapping[int, Mapping[str, np.ndarray]]) -> None:
+        """Store where obstacles, by their number, are at a level's step, if behind their motions; before `write_state`
+        of that step.
+        """
+        arrays = {f"{i}.{key}": value for i, entry in places.items() for key, value in entry.items()}
+        write_arrays(late_file(level_folder(self.path, level), step), **arrays)
+
+    def rewind(self, level: int, steps: int) -> None:
+        """Keep the first `steps` states of a level and their log records, and remove the later ones."""
+        self._count[level] = min(self._count[level], steps)
+        self._unswept.add(level)
+        self._sweep(level)
+        self._open_log()
+
+    def keep_levels(self, count: int) -> None:
+        """Remove all levels but the `count` coarsest, with their states, records and exports."""
+        dropped = range(count, len(self.info["levels"]))
+        if not dropped:
+            return
+        self.info["levels"], self._count = self.info["levels"][:count], self._count[:count]
+        self._save_states()  # first: a folder that no level names is no harm
+        for level in dropped:
+            shutil.rmtree(level_folder(self.path, level), ignore_errors=True)
+            for export in self.path.glob(f"level_{level}.*"):
+                export.unlink()
+        self._open_log(set(dropped))
+
+    def append_log(self, record: Mapping) -> None:
+        """Append one record, which names its `level` and `step`; before `write_state` of that step."""
+        self._log.append(dict(record))
+
+    def set_level_state(self, level: int, state: str, **details) -> None:
+        """Say how a level stands: one of STATES, with details such as `reason` and `step`. The run's own state follows."""
+        if state not in STATES:
+            raise ValueError(f"state {state!r} must be one of {STATES}")
+        kept = {key: self.info["levels"][level][key] for key in ("vertices", "cells")}
+        self.info["levels"][level] = {**kept, "state": state, **jsonable(details)}
+        self._save_states()
+
+    def update_info(self, **entries) -> None:
+        """Replace entries of `run.json`."""
+        self.info.update(jsonable(entries))
+        self._save()
+
+    def write_obstacles(self, obstacles: Sequence[Mapping]) -> None:
+        """Store the obstacles' geometry for pictures; see `pdvol.store.obstacles` for the arrays of each kind."""
+        drawn.write_obstacles(self.path, obstacles)
+
+    def close(self) -> None:
+        """Let go of the run."""
+        if self._log is not None:
+            self._log.close()
+        self._lock.close()
+
+    def __enter__(self) -> "RunWriter":
+        return self
+
+    def __exit__(self, *_) -> None:
+        self.close()
+
+    def _save(self) -> None:
+        write_json(self.path / "run.json", self.info)
+
+    def _save_states(self) -> None:
+        self.info["state"] = run_state(self.info["levels"])
+        self._save()
+
+    def _sweep(self, level: int) -> None:
+        """Once, before the first new state: remove those beyond a gap, which would otherwise seem to follow on it."""
+        if level in self._unswept:
+            remove_states(level_folder(self.path, level), self._count[level])
+            self._unswept.discard(level)
+
+    def _open_log(self, dropped: Collection[int] = ()) -> None:
+        """Open the log for appending, without records whose state is not stored and without a torn last line."""
+        if self._log is not None:
+            self._log.close()
+        stored = {**dict.fromkeys(dropped, 0), **dict(enumerate(self._count))}
+        keep_log(
+            self.path / "log.jsonl", lambda record: record.get("step", 0) < stored.get(record.get("level"), np.inf)
+        )
+        self._log = LogFile(self.path / "log.jsonl")
