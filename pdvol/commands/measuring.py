@@ -12,14 +12,14 @@ from mpi4py import MPI
 from pdvol.draw.plots import plot_metrics
 from pdvol.errors import InputError
 from pdvol.integrate.marches import guide
+from pdvol.integrate.replay import Replay
 from pdvol.levels.hierarchy import Hierarchy
 from pdvol.levels.materials import level_materials
-from pdvol.levels.scene_fields import supported_points
+from pdvol.levels.model import LevelModel, hierarchy_model
+from pdvol.levels.obstacles import Obstacle
 from pdvol.measure import metrics
-from pdvol.potentials.build import build_terms
 from pdvol.potentials.consistency import Consistency, Guide
-from pdvol.potentials.potential import Positions
-from pdvol.runs.stored_fields import stiffen, stored_scene, stored_stiffness
+from pdvol.runs.stored_fields import stored_scene, stored_stiffness
 from pdvol.scene import Friction, Scene
 from pdvol.store.files import write_json
 from pdvol.store.reader import Run, RunLevel, open_run
@@ -41,22 +41,9 @@ class Forces:
         Vertices that no support holds.
     """
 
-    def __init__(
-        self,
-        scene: Scene,
-        hierarchy: Hierarchy,
-        level: int,
-        diagonal: float,
-        obstacles: Sequence,
-        guides: Sequence[Guide] = (),
-    ):
-        self.scene, self.space, mesh = scene, hierarchy[level], hierarchy[level].mesh
-        self._terms = build_terms(
-            scene, self.space, diagonal, obstacles, level_materials(scene, hierarchy, level), guides
-        )
-        self.free = np.ones(len(mesh.points), dtype=bool)
-        for support in scene.supports:
-            self.free &= ~supported_points(scene, support, mesh, level)
+    def __init__(self, model: LevelModel, hierarchy: Hierarchy, guides: Sequence[Guide] = ()):
+        self.dt, self.free = model.dt, model.free
+        self._replay = Replay(model, hierarchy[model.level], guides)
 
     def pull(
         self, number: int, now: np.ndarray, after: np.ndarray, kappa: float | None
@@ -67,24 +54,15 @@ class Forces:
         Friction is lagged at `now`, as the first of its iterations is; `kappa` is the barrier's stiffness in that step,
         where it was logged.
         """
-        dt = self.scene.dt
-        start, end = (Positions(self.space, self.space.from_input(x)) for x in (now, after))
-        stiffen(self._terms.potentials, kappa)
-        # All terms begin before any moves on: friction lags on barriers that are still where the step begins.
-        for term in self._terms.potentials:
-            term.begin_step(start, (number - 1) * dt, number * dt)
-        for term in self._terms.potentials:
-            term.place(number * dt)
-        if not np.isfinite(sum(term.value(end) for term in self._terms.potentials)):
+        replay = self._replay
+        end = replay.put(number, now, after, kappa)
+        if not np.isfinite(sum(term.value(end) for term in replay.terms)):
             return np.full_like(after, np.nan), np.full_like(after, np.nan)
-        force, guided = (
-            sum(
-                (term.gradient(end) for term in self._terms.potentials if isinstance(term, Consistency) == held),
-                start=np.zeros_like(end.owned),
-            )
-            for held in (False, True)
-        )
-        return tuple(self.space.to_input(dt**2 * part / self._terms.mass) for part in (force, guided))
+        pulls = []
+        for guided in (False, True):
+            force = replay.force(end, (term for term in replay.terms if isinstance(term, Consistency) == guided))
+            pulls.append(replay.space.to_input(-(self.dt**2) * force / replay.mass))
+        return pulls[0], pulls[1]
 
 
 def measure(path: str | Path) -> dict:
@@ -207,15 +185,17 @@ def compare(path: str | Path, other: str | Path) -> list[dict]:
     return found
 
 
-def _scene(run: Run, notes: list[str]) -> tuple[Scene | None, list]:
-    """The run's scene and its obstacles' geometry; None, with a note, where forces cannot be had."""
+def _scene(run: Run, notes: list[str]) -> tuple[Scene | None, Sequence[Obstacle]]:
+    """The run's scene and its obstacles; None, with a note, where forces cannot be had."""
     try:
         if run.info.get("method") not in PREDICTED:
             raise InputError(f"x_hat of the method {run.info.get('method')!r} is not known")
         scene, obstacles = stored_scene(run)
+        if scene.integrator != "implicit_euler":
+            raise InputError("it is defined for steps of implicit Euler")
     except InputError as error:
         notes.append(f"no continuity: {error}")
-        return None, []
+        return None, ()
     if any(c.iterations > 1 for c in scene.contact if isinstance(c, Friction)):
         notes.append("continuity lags friction once a step; the run did so several times")
     return scene, obstacles
@@ -246,7 +226,7 @@ def _three(level: RunLevel, number: int, dt: float) -> tuple[np.ndarray, np.ndar
 
 
 def _continuity(
-    run: Run, level: RunLevel, scene: Scene, obstacles: Sequence, hierarchy: Hierarchy, masses: np.ndarray
+    run: Run, level: RunLevel, scene: Scene, obstacles: Sequence[Obstacle], hierarchy: Hierarchy, masses: np.ndarray
 ) -> dict:
     """`continuity` and `continuity_error` of a level."""
     method, taken, guides = run.info["method"], "own", ()
@@ -254,7 +234,8 @@ def _continuity(
         below, prolongation = run.levels[level.index - 1], hierarchy.prolongation(level.index)
         taken, weight = PREDICTED[method], scene.penalty.of(method)
         guides = (guide(weight, run.dt, prolongation, below.positions),) if weight > 0.0 else ()
-    forces = Forces(scene, hierarchy, level.index, run.info["diagonal"], obstacles, guides)
+    model = hierarchy_model(scene, hierarchy, level.index, run.info["diagonal"], obstacles)
+    forces = Forces(model, hierarchy, guides)
     special = {r["step"] for r in level.log if r.get("cuts", 0) or r.get("reached", 1.0) < 1.0}
     special |= {
         r["step"] + 1 for r in level.log if r.get("reached", 1.0) < 1.0

@@ -22,18 +22,20 @@ from pdvol.errors import InputError, IntersectionError, SimulationError
 from pdvol.export.vtu import write_primitives, write_vtu
 from pdvol.geometry.level_mesh import LevelMesh
 from pdvol.integrate.marches import Start, direct
-from pdvol.integrate.stepper import LevelProblem
+from pdvol.integrate.stepper import Stepper
 from pdvol.levels.initial_state import Defect, find_defects, smallest_gap
 from pdvol.levels.materials import cell_materials
+from pdvol.levels.model import level_model
+from pdvol.levels.obstacles import scene_obstacles
 from pdvol.levels.scene_fields import check_fields, initial_velocity, scene_diagonal
 from pdvol.levels.separation import build_apart
 from pdvol.levels.space import LevelSpace
 from pdvol.meshes import Outline, Solid
-from pdvol.meshing.build import build_levels, read_obstacle
+from pdvol.meshing.build import build_levels
 from pdvol.meshing.readers import read_shape
 from pdvol.meshing.tetrahedralise import mean_ratio
 from pdvol.meshing.validate import check_outline, check_solid, check_surface
-from pdvol.scene import Barrier, Rigid, Scene, metres
+from pdvol.scene import Barrier, Scene, metres
 from pdvol.store.files import write_json
 
 WORST = 5  # cells named
@@ -67,7 +69,7 @@ def check_scene(scene: Scene, seconds: float = 3.0, out: Path | None = None) -> 
     result = {"sound": False, "modelled": [], "stiffness_ratio": None, "levels": [], "notes": [], "defects": []}
     try:
         result["modelled"] = modelled(scene)
-        obstacles = [read_obstacle(o) for o in scene.obstacles if isinstance(o, Rigid)]
+        obstacles = scene_obstacles(scene)
         meshes = _levels(scene, obstacles, result["notes"])
     except InputError as error:
         return {**result, "defects": [f"defect: {error}"]}
@@ -123,16 +125,17 @@ def _check_level(scene: Scene, mesh: LevelMesh, level: int, obstacles, diagonal:
         "edges_per_step": None,
     }
     defects: list[Defect] = []
+    names = [body.name for body in scene.bodies]
     try:
         check_fields(scene, mesh, level)
         speed = float(np.linalg.norm(initial_velocity(scene, mesh), axis=1).max())
         entry["speed"], entry["edges_per_step"] = speed, speed * scene.dt / edge
         if scene.contact:
-            defects = list(find_defects(level, mesh, obstacles, scene))
+            defects = list(find_defects(level, mesh, obstacles, names))
             entry["defects"] = [str(d.error) for d in defects]
             if not defects:
                 dhat = metres(next(c.dhat for c in scene.contact if isinstance(c, Barrier)), diagonal)
-                gap, _ = smallest_gap(mesh, obstacles, scene, NEAR * dhat)
+                gap, _ = smallest_gap(mesh, obstacles, names, NEAR * dhat)
                 if gap is not None:
                     entry["smallest_gap"] = {
                         "distance": gap.distance,
@@ -140,7 +143,7 @@ def _check_level(scene: Scene, mesh: LevelMesh, level: int, obstacles, diagonal:
                         "other": gap.other,
                         "dhats": gap.distance / dhat,
                     }
-                    entry["near_pairs"] = smallest_gap(mesh, obstacles, scene, dhat)[1]
+                    entry["near_pairs"] = smallest_gap(mesh, obstacles, names, dhat)[1]
     except InputError as error:
         entry["defects"].append(str(error))
     return entry, defects
@@ -176,10 +179,11 @@ def _estimate(
 ) -> None:
     """Adds what each level will cost, from the beginning of level 0."""
     mesh, dim = meshes[0], meshes[0].dim
-    problem = LevelProblem(scene, LevelSpace(mesh, MPI.COMM_SELF), 0, diagonal, obstacles)
+    model = level_model(scene, mesh, 0, diagonal, obstacles)
+    stepper = Stepper(model, LevelSpace(mesh, MPI.COMM_SELF))
     begin, spent, iterations = time.perf_counter(), [], []
     try:
-        for report in direct(problem, Start(0, mesh.points, initial_velocity(scene, mesh)), scene.steps):
+        for report in direct(stepper, Start.at_rest(mesh.points, model.velocity), scene.steps):
             spent.append(report.seconds["total"])
             iterations.append(report.newton_iterations)
             if time.perf_counter() - begin > seconds:

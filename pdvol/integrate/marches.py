@@ -3,9 +3,9 @@ velocity that predicts x_hat.
 
 | march | x_hat of the step from t to t + dt |
 |---|---|
-| direct | x^t + (x^t - x^{t-1}): implicit Euler; with a guide in the problem it is tracks |
-| progressive | x^t + P (x_c^t - x_c^{t-1}), x_c the coarser level: VelPro (paper, equations 2 and 3); with a guide it has the consistency penalty |
-| embedded | none: the step ends at P x_c^{t+1}, whatever crosses there |
+| direct | x^t + (x^t - x^{t-1}) with implicit Euler; tracks is this march with a guide |
+| progressive | x^t + P (x_c^t - x_c^{t-1}), x_c the coarser level: VelPro (paper, equations 2, 3); a guide adds consistency |
+| embedded | none: the step ends at P x_c^{t+1}, even where that intersects |
 """
 
 from collections.abc import Callable, Iterator, Mapping
@@ -13,7 +13,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from pdvol.integrate.stepper import LevelProblem, StepReport, peak_memory
+from pdvol.integrate.integrator import Past, State, advance
+from pdvol.integrate.report import StepReport, peak_memory
+from pdvol.integrate.stepper import Stepper
 from pdvol.levels.prolongation import Prolongation
 from pdvol.potentials.consistency import Guide
 from pdvol.solve.timing import Stopwatch
@@ -23,31 +25,33 @@ SAME_TIME = 1e-9  # of a step: times nearer to the end of one are that end
 
 @dataclass(frozen=True, eq=False)
 class Start:
-    """Where a march sets out: after `step` steps, at positions (n, d) [m] with velocity (n, d) [m/s], in the input's
-    order.
+    """Where a march sets out: after `step` steps, with the last states in the input's order of vertices.
 
     `record` is what the log keeps of that step, where there is one.
     """
 
     step: int
-    positions: np.ndarray
-    velocity: np.ndarray
+    past: Past
     record: Mapping = field(default_factory=dict)
 
+    @classmethod
+    def at_rest(cls, positions: np.ndarray, velocity: np.ndarray) -> "Start":
+        """Step 0, at positions (n, d) [m] with velocity (n, d) [m/s]."""
+        return cls(0, (State(positions, velocity),))
 
-def direct(problem: LevelProblem, start: Start, steps: int) -> Iterator[StepReport]:
-    """Implicit Euler on one level up to step `steps`. Collective."""
-    positions, velocity = start.positions, start.velocity
-    problem.go_on_from(start.record)
+
+def direct(stepper: Stepper, start: Start, steps: int) -> Iterator[StepReport]:
+    """One level for itself up to step `steps`, by the stepper's integrator. Collective."""
+    past = start.past
+    stepper.go_on_from(start.record)
     for number in range(start.step + 1, steps + 1):
-        report = problem.step(number, positions, velocity)
-        velocity = (report.positions - positions) / problem.scene.dt
-        positions = report.positions
+        report = stepper.step(number, past)
+        past = advance(stepper.integrator, past, report.positions, stepper.model.dt)
         yield report
 
 
 def progressive(
-    problem: LevelProblem,
+    stepper: Stepper,
     prolongation: Prolongation,
     coarse_velocity: Callable[[int], np.ndarray],
     start: Start,
@@ -59,10 +63,11 @@ def progressive(
     ----------
     coarse_velocity : step t -> (x_c^t - x_c^{t-1}) / dt, shape (n_coarse, d); the initial velocity for t = 0
     """
-    positions = start.positions
-    problem.go_on_from(start.record)
+    positions = start.past[0].positions
+    stepper.go_on_from(start.record)
     for number in range(start.step + 1, steps + 1):
-        report = problem.step(number, positions, prolongation.prolong_positions(coarse_velocity(number - 1)))
+        velocity = prolongation.prolong_positions(coarse_velocity(number - 1))
+        report = stepper.step(number, (State(positions, velocity),))
         positions = report.positions
         yield report
 
@@ -94,11 +99,11 @@ def embedded(
     Parameters
     ----------
     coarse_positions : step t -> x_c^t (n_coarse, d) [m]
-    count : positions (n, d) [m] and time [s] -> intersections there
+    count : positions (n, d) [m] and time [s] -> number of intersections there
     """
     watch = Stopwatch()
     for number in range(start.step + 1, steps + 1):
-        report = EmbeddedReport(level, number, number * dt, start.positions, reason="EMBEDDED")
+        report = EmbeddedReport(level, number, number * dt, start.past[0].positions, reason="EMBEDDED")
         with watch.part("total"):
             report.positions = prolongation.prolong_positions(coarse_positions(number))
             with watch.part("ccd"):

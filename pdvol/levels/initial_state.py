@@ -14,22 +14,21 @@ import numpy as np
 from pdvol.errors import InputError, IntersectionError
 from pdvol.geometry.crossings import edges_of, find_crossings, find_touching, fortran
 from pdvol.geometry.level_mesh import LevelMesh
+from pdvol.levels.obstacles import Obstacle
 from pdvol.meshing.validate import shells
-from pdvol.scene import Plane, Rigid, Scene, moved
 
-Obstacle = tuple[np.ndarray, np.ndarray, np.ndarray]
 WORDS = {1: "vertex", 2: "edge", 3: "triangle"}
 MEND = "move them apart, or give more vertices to coarse levels"
 
 
-def check_start(level_meshes: Sequence[LevelMesh], obstacles: Sequence[Obstacle], scene: Scene) -> None:
+def check_start(level_meshes: Sequence[LevelMesh], obstacles: Sequence[Obstacle], bodies: Sequence[str]) -> None:
     """Raise unless every level of a scene with contact is free of intersections at t = 0. Serial.
 
     Parameters
     ----------
     level_meshes : the levels, coarsest first
-    obstacles : vertices, edges and faces (`build.read_obstacle`) of each `Rigid` of the scene, in its order
-    scene : Scene
+    obstacles : of the scene
+    bodies : their names
 
     Raises
     ------
@@ -39,10 +38,8 @@ def check_start(level_meshes: Sequence[LevelMesh], obstacles: Sequence[Obstacle]
     InputError
         An obstacle's dimension is not the bodies'.
     """
-    if not scene.contact:
-        return  # nothing keeps bodies apart later either
     for level, mesh in enumerate(level_meshes):
-        for defect in find_defects(level, mesh, obstacles, scene):
+        for defect in find_defects(level, mesh, obstacles, bodies):
             raise defect.error
 
 
@@ -69,86 +66,76 @@ class Gap:
     other: str
 
 
-def find_defects(level: int, mesh: LevelMesh, obstacles: Sequence[Obstacle], scene: Scene) -> Iterator[Defect]:
+def find_defects(level: int, mesh: LevelMesh, obstacles: Sequence[Obstacle], bodies: Sequence[str]) -> Iterator[Defect]:
     """All that is wrong with one level at t = 0, found one after the other; arguments and InputError as `check_start`."""
-    for plane in scene.obstacles:
-        if isinstance(plane, Plane):
-            yield from _below(level, mesh, plane, scene)
-    parties = _Parties(mesh, obstacles, scene)
+    for plane in _planes(obstacles):
+        yield from _below(level, mesh, plane, bodies)
+    parties = _Parties(mesh, obstacles, bodies)
     crossings = list(parties.crossings(level))
     yield from crossings or parties.contained(level)  # what crosses may well lie inside, too
 
 
-def smallest_gap(mesh: LevelMesh, obstacles: Sequence[Obstacle], scene: Scene, reach: float) -> tuple[Gap | None, int]:
+def smallest_gap(
+    mesh: LevelMesh, obstacles: Sequence[Obstacle], bodies: Sequence[str], reach: float
+) -> tuple[Gap | None, int]:
     """The smallest gap at t = 0 up to `reach` [m], if there is one, and how many pairs of primitives are that near.
     Nothing may cross.
     """
-    gap, count = _Parties(mesh, obstacles, scene).gap(reach)
-    for plane in scene.obstacles:
-        if isinstance(plane, Plane):
-            height = _heights(mesh.points, plane)
-            nearest = int(np.argmin(height))
-            count += int((height < reach).sum())
-            if height[nearest] < (reach if gap is None else gap.distance):
-                gap = Gap(
-                    float(height[nearest]),
-                    f"vertex {nearest} of body {scene.bodies[mesh.point_bodies[nearest]].name!r}",
-                    f"plane {plane.name!r}",
-                )
+    gap, count = _Parties(mesh, obstacles, bodies).gap(reach)
+    for plane in _planes(obstacles):
+        height = _heights(mesh.points, plane)
+        nearest = int(np.argmin(height))
+        count += int((height < reach).sum())
+        if height[nearest] < (reach if gap is None else gap.distance):
+            body = bodies[mesh.point_bodies[nearest]]
+            gap = Gap(float(height[nearest]), f"vertex {nearest} of body {body!r}", plane.label)
     return gap, count
 
 
 def count_intersections(
-    mesh: LevelMesh, positions: np.ndarray, obstacles: Sequence[Obstacle], scene: Scene, time: float
+    mesh: LevelMesh, positions: np.ndarray, obstacles: Sequence[Obstacle], bodies: Sequence[str], time: float
 ) -> int:
-    """How much crosses in a state that nothing kept apart: pairs of edges (2D) or of edges and triangles (3D), and
-    vertices at or below planes. Serial.
+    """Number of intersections in a state that nothing kept apart: pairs of edges (2D) or of edges and triangles (3D),
+    and vertices at or below planes. Serial.
 
     Parameters
     ----------
     positions : (n, d) [m]
-    obstacles : as `check_start` takes them
+    obstacles, bodies : as `check_start` takes them
     time : [s], which says where obstacles are
     """
-    behind = sum(
-        int(np.sum(_heights(positions, plane, time) <= 0.0)) for plane in scene.obstacles if isinstance(plane, Plane)
-    )
-    return behind + len(_Parties(mesh, obstacles, scene, positions, time).crossing_pairs())
+    behind = sum(int(np.sum(_heights(positions, plane, time) <= 0.0)) for plane in _planes(obstacles))
+    return behind + len(_Parties(mesh, obstacles, bodies, positions, time).crossing_pairs())
 
 
-def _heights(points: np.ndarray, plane: Plane, time: float = 0.0) -> np.ndarray:
+def _planes(obstacles: Sequence[Obstacle]) -> list[Obstacle]:
+    return [obstacle for obstacle in obstacles if obstacle.kind == "plane"]
+
+
+def _heights(points: np.ndarray, plane: Obstacle, time: float = 0.0) -> np.ndarray:
     """(n,) heights [m] of points (n, d) above a plane at a time."""
-    dim = points.shape[1]
-    if len(plane.point) != dim:
-        raise InputError(f"plane {plane.name!r} is {len(plane.point)}D in a {dim}D scene; give {dim} components")
-    ends = _ends(plane, time)
-    return (points - ends[0]) @ (ends[1] - ends[0])
+    dim, given = points.shape[1], plane.vertices.shape[1]
+    if given != dim:
+        raise InputError(f"{plane.label} is {given}D in a {dim}D scene; give {dim} components")
+    point, normal = plane.plane_at(time)
+    return (points - point) @ normal
 
 
-def _ends(plane: Plane, time: float = 0.0) -> np.ndarray:
-    """A plane's point and the end of its unit normal there, at a time."""
-    point, normal = np.asarray(plane.point, dtype=float), np.asarray(plane.normal, dtype=float)
-    return moved(
-        plane.motion, np.stack([point, point + normal / np.linalg.norm(normal)]), time, f"plane {plane.name!r}"
-    )
-
-
-def _below(level: int, mesh: LevelMesh, plane: Plane, scene: Scene) -> Iterator[Defect]:
+def _below(level: int, mesh: LevelMesh, plane: Obstacle, bodies: Sequence[str]) -> Iterator[Defect]:
     height = _heights(mesh.points, plane)
     below = np.flatnonzero(height <= 0.0)
     if len(below):
         worst = int(np.argmin(height))
-        body = scene.bodies[mesh.point_bodies[worst]].name
+        body = bodies[mesh.point_bodies[worst]]
         many = f"{len(below)} vertices are" if len(below) > 1 else "1 vertex is"
-        ends = _ends(plane)
         yield Defect(
             IntersectionError(
-                f"level {level}: {many} at or below plane {plane.name!r} at t = 0, the worst vertex {worst} of body"
+                f"level {level}: {many} at or below {plane.label} at t = 0, the worst vertex {worst} of body"
                 f" {body!r} by {-height[worst]:.3g} m; lift the body or lower the plane",
                 [(int(v),) for v in below],
                 level,
                 (mesh.point_bodies[worst],),
-                ends[1] - ends[0],
+                plane.plane_at(0.0)[1],
             ),
             [mesh.points[[v]] for v in below],
         )
@@ -163,35 +150,30 @@ class _Parties:
         self,
         mesh: LevelMesh,
         obstacles: Sequence[Obstacle],
-        scene: Scene,
+        bodies: Sequence[str],
         positions: np.ndarray | None = None,
         time: float = 0.0,
     ):
-        rigids = [o for o in scene.obstacles if isinstance(o, Rigid)]
-        if len(rigids) != len(obstacles):
-            raise InputError(f"{len(obstacles)} obstacle meshes for {len(rigids)} rigid obstacles; read one for each")
+        surfaces = [o for o in obstacles if o.kind != "plane"]
         positions = mesh.points if positions is None else positions
-        self.names = [f"body {b.name!r}" for b in scene.bodies] + [f"obstacle {r.name!r}" for r in rigids]
-        self.closed = [True] * len(scene.bodies) + [r.closed for r in rigids]
-        self.bodies = len(scene.bodies)
-        facets = [mesh.boundary]
+        self.names = [f"body {name!r}" for name in bodies] + [surface.label for surface in surfaces]
+        self.closed = [True] * len(bodies) + [surface.closed for surface in surfaces]
+        self.bodies = len(bodies)
         # Inner points of a body cannot cross anything before its boundary does.
         used = np.unique(mesh.boundary)
         points, owners, first = [positions[used]], [mesh.point_bodies[used]], len(used)
         number = np.full(len(mesh.points), -1, dtype=np.int64)
         number[used] = np.arange(len(used))
         facets, labels = [number[mesh.boundary]], [used]
-        for k, ((vertices, edges, faces), rigid) in enumerate(zip(obstacles, rigids, strict=True)):
-            if vertices.shape[1] != mesh.dim:
-                raise InputError(
-                    f"obstacle {rigid.name!r} is {vertices.shape[1]}D in a {mesh.dim}D scene; give it {mesh.dim}"
-                    " dimensions"
-                )
-            points.append(moved(rigid.motion, vertices, time, f"obstacle {rigid.name!r}"))
-            owners.append(np.full(len(vertices), self.bodies + k))
-            facets.append((faces if mesh.dim == 3 else edges) + first)
-            labels.append(np.arange(len(vertices)))
-            first += len(vertices)
+        for k, surface in enumerate(surfaces):
+            count, dim = surface.vertices.shape
+            if dim != mesh.dim:
+                raise InputError(f"{surface.label} is {dim}D in a {mesh.dim}D scene; give it {mesh.dim} dimensions")
+            points.append(surface.at(time))
+            owners.append(np.full(count, self.bodies + k))
+            facets.append((surface.faces if mesh.dim == 3 else surface.edges) + first)
+            labels.append(np.arange(count))
+            first += count
         self.points, self.owner, self.labels = np.vstack(points), np.concatenate(owners), np.concatenate(labels)
         self.facets = np.vstack(facets).astype(np.int64)
         self.edges = edges_of(self.facets)

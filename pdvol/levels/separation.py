@@ -13,7 +13,8 @@ import numpy as np
 
 from pdvol.errors import IntersectionError
 from pdvol.geometry.level_mesh import LevelMesh
-from pdvol.levels.initial_state import Obstacle, check_start
+from pdvol.levels.initial_state import check_start
+from pdvol.levels.obstacles import Obstacle
 from pdvol.meshing.build import build_levels
 from pdvol.scene import Scene, Separate
 
@@ -75,7 +76,7 @@ class _Arrangement:
     def meets(self, obstacles: Sequence[Obstacle]) -> IntersectionError | None:
         """The first intersection of some level."""
         try:
-            check_start(self.levels(), obstacles, self.scene)
+            check_start(self.levels(), obstacles, [body.name for body in self.scene.bodies])
         except IntersectionError as error:
             return error
         return None

@@ -2,7 +2,7 @@
 are shares of a vector.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 import ufl
@@ -12,7 +12,7 @@ from pdvol.forms.inertia import lumped_mass
 from pdvol.forms.loads import body_force
 from pdvol.geometry.level_mesh import LevelMesh
 from pdvol.levels.locate import barycentric_coordinates
-from pdvol.levels.scene_fields import chosen_points
+from pdvol.levels.model import PlacedLoad
 from pdvol.levels.space import LevelSpace
 from pdvol.potentials.potential import Positions, Term
 from pdvol.scene import Flow, Force, Gravity, Load, PointForce, Scene, at_time
@@ -71,27 +71,27 @@ class TimedLoad(DeadLoad):
         self.force = np.outer(self._shares, self._vector(t0, t1))
 
 
-def load_terms(scene: Scene, space: LevelSpace, densities: np.ndarray, mass: np.ndarray) -> tuple[Term, ...]:
-    """The terms of a scene's loads on one level, with densities (m,) of its cells and masses (n_owned, d). Collective."""
-    return tuple(_load_term(load, scene, space, densities, mass[:, 0]) for load in scene.loads)
+def load_terms(
+    loads: Sequence[PlacedLoad], space: LevelSpace, densities: np.ndarray, mass: np.ndarray
+) -> tuple[Term, ...]:
+    """The terms of a level's loads, with densities (m,) of its cells and masses (n_owned, d). Collective."""
+    return tuple(_load_term(placed.load, placed.mask, space, densities, mass[:, 0]) for placed in loads)
 
 
-def _load_term(load: Load, scene: Scene, space: LevelSpace, densities: np.ndarray, mass: np.ndarray) -> Term:
+def _load_term(load: Load, chosen: np.ndarray, space: LevelSpace, densities: np.ndarray, mass: np.ndarray) -> Term:
     mesh, d = space.mesh, space.dim
     if isinstance(load, Flow):
         from pdvol.potentials.drag import Drag
 
-        return Drag(space, chosen_points(scene, load, mesh), load.at, load.density * load.drag / 2)
+        return Drag(space, chosen, load.at, load.density * load.drag / 2)
     if isinstance(load, Gravity):
         if not callable(load.acceleration):
             return gravity_load(space, densities, load.acceleration)
         return TimedLoad(space, mass, lambda t0, t1: at_time("gravity", load.acceleration, t1, d))
     if isinstance(load, PointForce):
-        shares = space.from_input(
-            point_shares(mesh, chosen_points(scene, load, mesh), np.asarray(load.at, dtype=float))
-        )
+        shares = space.from_input(point_shares(mesh, chosen, np.asarray(load.at, dtype=float)))
         return TimedLoad(space, shares, lambda t0, t1: at_time("PointForce.force", load.force, t1, d))
-    held = np.where(chosen_points(scene, load, mesh)[space.owned_points], mass, 0.0)
+    held = np.where(chosen[space.owned_points], mass, 0.0)
     if isinstance(load, Force):
         shares = held / space.comm.allreduce(float(held.sum()))
         return TimedLoad(space, shares, lambda t0, t1: at_time("Force.force", load.force, t1, d))

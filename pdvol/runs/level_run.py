@@ -7,64 +7,58 @@ from functools import partial
 import numpy as np
 
 from pdvol.errors import InputError, SimulationError
+from pdvol.integrate.bdf2 import BDF2
+from pdvol.integrate.implicit_euler import ImplicitEuler
+from pdvol.integrate.integrator import Integrator, past_of
 from pdvol.integrate.marches import Start, direct, embedded, guide, progressive
-from pdvol.integrate.stepper import LevelProblem, StepReport
+from pdvol.integrate.report import StepReport
+from pdvol.integrate.stepper import Stepper
 from pdvol.levels.hierarchy import Hierarchy
 from pdvol.levels.initial_state import count_intersections
-from pdvol.levels.materials import level_materials
-from pdvol.levels.scene_fields import initial_velocity
-from pdvol.runs.obstacle_places import moving_places
+from pdvol.levels.model import LevelModel
+from pdvol.levels.obstacles import moving_places
 from pdvol.runs.progress import Progress
-from pdvol.scene import Scene
 
 METHODS = ("progressive", "direct", "tracks", "embedded")
+INTEGRATORS: dict[str, type] = {"implicit_euler": ImplicitEuler, "bdf2": BDF2}
 
 Watch = Callable[[int, int, int], Progress]
 
 
-def run_level(
-    scene: Scene,
-    hierarchy: Hierarchy,
-    level: int,
-    method: str,
-    obstacles,
-    diagonal: float,
-    writer,
-    progress: Watch | None,
-) -> None:
-    """Marches one level from where its store ends to the last step; `writer` is shared by the ranks, or a `Follower`.
-    Collective.
+def run_level(model: LevelModel, hierarchy: Hierarchy, method: str, writer, progress: Watch | None) -> None:
+    """Marches one level from where its store ends to the last step. Collective.
+
+    Parameters
+    ----------
+    writer : the run's writer, shared by the ranks, or a `Follower`
+    progress : called as (level, steps, steps done)
     """
-    done = writer.call("steps", level)
-    if done > scene.steps:
+    level, done = model.level, writer.call("steps", model.level)
+    if done > model.steps:
         writer.finish(level)
         return
-    mesh = hierarchy[level].mesh
+    integrator = INTEGRATORS[model.integrator]()
     if done == 0:
-        start = Start(0, mesh.points, initial_velocity(scene, mesh))
-        writer.call("write_state", level, 0, start.positions)
+        start = Start.at_rest(model.mesh.points, model.velocity)
+        writer.call("write_state", level, 0, model.mesh.points)
     else:
-        start = Start(
-            done - 1,
-            writer.read(level, "positions", done - 1),
-            writer.read(level, "velocities", done - 1),
-            writer.record(level, done - 1),
-        )
+        positions = partial(writer.read, level, "positions")
+        past = past_of(integrator, positions, model.velocity, done - 1, model.dt)
+        start = Start(done - 1, past, writer.record(level, done - 1))
     writer.call("set_level_state", level, "running")
-    march = _march(scene, hierarchy, level, method, obstacles, diagonal, partial(writer.read, level - 1), start)
-    watcher = progress(level, scene.steps, start.step) if progress is not None else None
+    march = _march(model, hierarchy, method, integrator, partial(writer.read, level - 1), start)
+    watcher = progress(level, model.steps, start.step) if progress is not None else None
     try:
         for report in march:
-            if report.behind > 0.0 and scene.obstacles:
-                writer.call(
-                    "write_late", level, report.step, moving_places(scene, obstacles, report.time - report.behind)
-                )
+            if report.behind > 0.0 and model.obstacles:
+                places = moving_places(model.obstacles, report.time - report.behind)
+                writer.call("write_late", level, report.step, places)
             writer.call("write_state", level, report.step, report.positions, report.record())
             if watcher is not None:
                 watcher.step(report.record())
         writer.finish(level)
     except (SimulationError, InputError) as error:  # a motion of the scene's own may fail on the way
-        with suppress(SimulationError):  # a full disk, above all: what stopped the run is what is told
+        with suppress(SimulationError):  # a full disk, above all: what stopped the run is what is reported
             writer.call("set_level_state", level, "failed", reason=str(error))
             writer.export(level)
         raise
@@ -74,37 +68,27 @@ def run_level(
 
 
 def _march(
-    scene: Scene,
+    model: LevelModel,
     hierarchy: Hierarchy,
-    level: int,
     method: str,
-    obstacles,
-    diagonal: float,
+    integrator: Integrator,
     coarse: Callable[[str, int], np.ndarray],
     start: Start,
 ) -> Iterator[StepReport]:
     """The march of a method on a level; `coarse` gives `positions` or `velocities` of the level below at a step."""
+    level, steps, dt = model.level, model.steps, model.dt
     where = partial(coarse, "positions")
     if method == "embedded" and level > 0:
-        mesh = hierarchy[level].mesh
-        count = (
-            {"count": lambda positions, time: count_intersections(mesh, positions, obstacles, scene, time)}
-            if scene.contact
-            else {}
-        )
-        return embedded(hierarchy.prolongation(level), where, level, start, scene.steps, scene.dt, **count)
-    weight = scene.penalty.of(method) if level > 0 else 0.0
-    guides = (guide(weight, scene.dt, hierarchy.prolongation(level), where),) if weight > 0.0 else ()
-    problem = LevelProblem(
-        scene,
-        hierarchy[level],
-        level,
-        diagonal,
-        obstacles,
-        partial(hierarchy.coarse_weights, level),
-        level_materials(scene, hierarchy, level),
-        guides,
-    )
+        count = {"count": partial(_count_intersections, model)} if model.contact else {}
+        return embedded(hierarchy.prolongation(level), where, level, start, steps, dt, **count)
+    weight = model.penalty.of(method) if level > 0 else 0.0
+    guides = (guide(weight, dt, hierarchy.prolongation(level), where),) if weight > 0.0 else ()
+    coarse_weights = partial(hierarchy.coarse_weights, level)
+    stepper = Stepper(model, hierarchy[level], coarse_weights, guides, integrator)
     if method == "progressive" and level > 0:
-        return progressive(problem, hierarchy.prolongation(level), partial(coarse, "velocities"), start, scene.steps)
-    return direct(problem, start, scene.steps)
+        return progressive(stepper, hierarchy.prolongation(level), partial(coarse, "velocities"), start, steps)
+    return direct(stepper, start, steps)
+
+
+def _count_intersections(model: LevelModel, positions: np.ndarray, time: float) -> int:
+    return count_intersections(model.mesh, positions, model.obstacles, model.bodies, time)

@@ -13,17 +13,17 @@ from pdvol.errors import InputError
 from pdvol.geometry.level_mesh import LevelMesh
 from pdvol.levels.hierarchy import Hierarchy
 from pdvol.levels.initial_state import check_start
+from pdvol.levels.model import hierarchy_model
+from pdvol.levels.obstacles import scene_obstacles, stored_obstacles
 from pdvol.levels.interpolants import INTERPOLANTS
 from pdvol.levels.scene_fields import check_fields, initial_velocity, scene_diagonal
 from pdvol.levels.separation import build_apart
-from pdvol.meshing.build import read_obstacle
 from pdvol.parallel import on_root
 from pdvol.runs.level_run import METHODS, Watch, run_level
-from pdvol.runs.obstacle_places import drawn_obstacles
 from pdvol.runs.scene_file import Shot, load_shot, stored_settings
 from pdvol.runs.shared_writer import Export, SharedWriter
 from pdvol.runs.wavefront import march_levels
-from pdvol.scene import Gravity, Rigid, Scene
+from pdvol.scene import Gravity, Scene
 from pdvol.scene.fingerprint import differences_by_level
 from pdvol.store.files import jsonable
 from pdvol.store.folder import holds_run, in_use, require_scene
@@ -89,7 +89,8 @@ def run_scene(
         else:
             hierarchy = Hierarchy(meshes, comm, prolongation)
             for level in range(first, last + 1):
-                run_level(scene, hierarchy, level, method, obstacles, diagonal, writer, progress)
+                model = hierarchy_model(scene, hierarchy, level, diagonal, obstacles)
+                run_level(model, hierarchy, method, writer, progress)
     finally:
         writer.close()
     return out
@@ -125,6 +126,10 @@ def _check_request(scene: Scene, out: Path, first: int, last: int, method: str, 
             raise InputError(f"unknown {name} {value!r}; choose one of {', '.join(known)}")
     if method == "tracks" and scene.penalty.weight == 0.0:
         raise InputError("the method tracks needs a weight above zero, as in --set weight=0.1")
+    if scene.integrator != "implicit_euler" and method != "direct" and last > 0:
+        raise InputError(
+            f"the method {method} needs integrator=implicit_euler; {scene.integrator} goes with --method direct"
+        )
     if not 0 <= first <= last < scene.levels:
         raise InputError(f"levels {first}:{last} do not exist; the scene has levels 0:{scene.levels - 1}")
     exists = holds_run(out)
@@ -149,7 +154,7 @@ def _prepare(
         if run.in_use:
             raise InputError(in_use(out))
         stored = [level.mesh for level in run.levels[: _same_levels(run, shot, last, method, prolongation)]]
-    obstacles = [read_obstacle(o) for o in scene.obstacles if isinstance(o, Rigid)]
+    obstacles = scene_obstacles(scene)
     meshes, mended = stored, []
     if len(stored) <= last:
         built, mended = build_apart(scene, last + 1, obstacles)
@@ -161,7 +166,8 @@ def _prepare(
         meshes = [*stored, *built[len(stored) :]]
     for level, mesh in enumerate(meshes):
         check_fields(scene, mesh, level)
-    check_start(meshes, obstacles, scene)
+    if scene.contact:  # nothing keeps bodies apart later either
+        check_start(meshes, obstacles, [body.name for body in scene.bodies])
     return meshes, len(stored), obstacles, scene_diagonal(scene), mended
 
 
@@ -210,7 +216,10 @@ def _open_writer(
     mended: list[str],
 ) -> RunWriter:
     scene = shot.scene
-    velocities, drawn = [initial_velocity(scene, mesh) for mesh in meshes], drawn_obstacles(scene, obstacles)
+    velocities, drawn = (
+        [initial_velocity(scene, mesh) for mesh in meshes],
+        stored_obstacles(obstacles, scene.dt, scene.steps),
+    )
     if kept:
         writer = RunWriter.open(out)
         writer.keep_levels(kept)

@@ -11,7 +11,7 @@ from pathlib import Path
 from pdvol.errors import InputError, PdvolError
 from pdvol.scene import Relative, Scene
 from pdvol.scene.fingerprint import describe
-from pdvol.scene.scene import SETTINGS
+from pdvol.scene.scene import INTEGRATORS, SETTINGS
 
 
 @dataclass(frozen=True)
@@ -36,7 +36,10 @@ class Shot:
 
     def description(self) -> dict:
         """The scene as JSON, without how long it runs: a longer run of the same scene is the same scene."""
-        return {key: value for key, value in describe(self.scene).items() if key not in ("steps", "solver", "name")}
+        found = {key: value for key, value in describe(self.scene).items() if key not in ("steps", "solver", "name")}
+        if self.scene.integrator == INTEGRATORS[0]:  # runs stored before there was a choice have no such field
+            del found["integrator"]
+        return found
 
 
 def parse_settings(words: Sequence[str]) -> dict:

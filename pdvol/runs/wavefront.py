@@ -20,11 +20,11 @@ from mpi4py import MPI
 
 from pdvol.errors import PdvolError, SimulationError
 from pdvol.levels.hierarchy import Hierarchy
-from pdvol.meshing.build import read_obstacle
+from pdvol.levels.model import hierarchy_model
+from pdvol.levels.obstacles import scene_obstacles
 from pdvol.processes import die_with_parent, without_launcher
 from pdvol.runs.level_run import run_level
 from pdvol.runs.scene_file import load_shot, stored_settings
-from pdvol.scene import Rigid
 from pdvol.store.reader import Run, open_run
 
 POLL = 0.005  # seconds between looks for a coarser state
@@ -157,11 +157,9 @@ def _work(path: str, level: int, handle: int) -> None:
         run = open_run(path)
         info = run.info
         shot = load_shot(info["scene_file"], stored_settings(info["parameters"]), info["steps"])
-        obstacles = [read_obstacle(o) for o in shot.scene.obstacles if isinstance(o, Rigid)]
         hierarchy = Hierarchy([stored.mesh for stored in run.levels[: level + 1]], MPI.COMM_SELF, info["prolongation"])
-        run_level(
-            shot.scene, hierarchy, level, info["method"], obstacles, info["diagonal"], Follower(run, keeper), None
-        )
+        model = hierarchy_model(shot.scene, hierarchy, level, info["diagonal"], scene_obstacles(shot.scene))
+        run_level(model, hierarchy, info["method"], Follower(run, keeper), None)
     except PdvolError as error:
         keeper.send(("error", (error,), {}))
     except BrokenPipeError:  # the keeper has left: nobody to tell

@@ -11,13 +11,14 @@ from pdvol.scene.penalty import Penalty
 from pdvol.scene.solver import Solver
 from pdvol.scene.surroundings import Plane, Rigid, Support
 
+INTEGRATORS = ("implicit_euler", "bdf2")
 MOST_STEPS = 10_000_000  # what is beyond is a slip of the pen
 
 
 @dataclass(frozen=True)
 class Scene:
     """A shot. Everything below is described once, for all levels. `separate`: what may be done, in order, where bodies
-    meet at t = 0.
+    meet at t = 0. `integrator`: of the direct march; "bdf2" is second order in dt.
     """
 
     bodies: tuple[Body, ...]
@@ -31,11 +32,16 @@ class Scene:
     solver: Solver = field(default_factory=Solver)
     name: str = "scene"
     separate: tuple[Separate, ...] = ()
+    integrator: str = INTEGRATORS[0]
 
     def __post_init__(self):
         positive("dt", self.dt)
         count("steps", self.steps, 0)
         require(self.steps <= MOST_STEPS, f"steps = {self.steps!r} must be at most {MOST_STEPS}")
+        require(
+            self.integrator in INTEGRATORS,
+            f"integrator = {self.integrator!r} must be {' or '.join(INTEGRATORS)}",
+        )
         for name in ("bodies", "loads", "supports", "obstacles", "contact", "separate"):
             sequence(name, getattr(self, name))
         require(len(self.bodies) > 0, "a scene needs at least one body")
@@ -93,8 +99,12 @@ class Scene:
             part: {name: value for name, value in settings.items() if SETTINGS[name] == part}
             for part in ("solver", "penalty")
         }
-        return replace(self, **{part: replace(getattr(self, part), **own) for part, own in parts.items()})
+        own = {name: value for name, value in settings.items() if SETTINGS[name] == "scene"}
+        return replace(self, **own, **{part: replace(getattr(self, part), **of) for part, of in parts.items()})
 
 
-SETTINGS = {f.name: part for part, kind in (("solver", Solver), ("penalty", Penalty)) for f in fields(kind)}
-"""What `--set` reaches in every scene, and the scene's attribute that holds it."""
+SETTINGS = {
+    **{f.name: part for part, kind in (("solver", Solver), ("penalty", Penalty)) for f in fields(kind)},
+    "integrator": "scene",
+}
+"""What `--set` reaches in every scene, and the part of the scene that holds it."""

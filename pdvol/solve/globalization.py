@@ -1,100 +1,113 @@
-"""Which stand-in for the Hessian Newton takes next, by what came of the last one's promise (in the spirit of Chen et
-al. 2024).
+"""What keeps Newton's steps descending and long: the projection of the Hessian, and the lengthening of repeated steps.
 
-| it promised | the next one |
+The projection of the next Hessian follows from what came of the last quadratic model (in the spirit of Chen et al. 2024):
+
+| the model promised | the next Hessian |
 |---|---|
-| about what came | negative eigenvalues of local Hessians cut off: nearest to Newton's own among the positive ones |
-| much more than came | taken by size, which overshoots less; and contacts without short cuts for the rest of the solve |
-| much less than came | as it is: cutting off has made it too stiff. Should it be indefinite, the linear solve notices, and this is left for a while |
+| about the decrease that came | negative eigenvalues of local Hessians cut off: the positive one nearest to Newton's own |
+| much more than came | negative eigenvalues by size, which overshoots less; full contact Hessians for the rest of the solve |
+| much less than came | unprojected, since cutting off made it too stiff; if the linear solve finds it indefinite, projected for a while |
 
-Where the Hessian is indefinite every stand-in is too stiff: step after step goes the same way, each a few per cent
-shorter than the last. How much softer the truth is that way shows in the second of them, and so how far it is to the
-end of the series (a secant).
+Where the Hessian is indefinite every projected one is too stiff: step after step has the same direction, each a few per cent
+shorter than the last. The second of them shows the stiffness in that direction, and so the length of the whole series (a secant).
 """
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-TRUST = 0.5  # of the promised decrease: a model that delivers less is not trusted
-STIFF = 1.25  # times it: a model that delivers more is too stiff
-TINY_CAP, STUCK = 0.05, 3  # so many steps in a row cut so short by contact: the model does not see what stops it
-# iterations until an unfiltered Hessian is tried again after one was indefinite or not to be trusted; doubled before
-# each use
-PAUSE = 2
+Sum = Callable[[np.ndarray], np.ndarray]
+"""Sums an array over all ranks."""
 
-REPEATS = 0.95  # cosine between steps from which on the second goes the first's way
-SOFT = 0.5  # of the model's stiffness that way: where the truth has less, the step is lengthened
-LONGEST = 20.0  # times
+TRUSTED = 0.5  # share of the promised decrease: a model that delivers less overshoots
+TOO_STIFF = 1.25  # times the promised decrease: a model that delivers more is too stiff
+TINY_CAP = 0.05  # share of a step: a cap below it shows contact that the model does not see
+TINY_CAPS = 3  # consecutive tiny caps after which contact Hessians are taken in full
+PAUSE = 2  # iterations without an unprojected Hessian after a bad one; doubled each time, so that tries end
+
+SAME_DIRECTION = 0.95  # cosine between consecutive steps from which on the second repeats the first
+SOFT = 0.5  # of the model's stiffness in that direction: a softer potential gets a longer step
+MAX_LENGTHENING = 20.0  # factor: the secant is unbounded where the stiffness vanishes
 
 
-class ModelChoice:
-    """The choice during one solve.
+@dataclass(frozen=True)
+class Projection:
+    """How the Hessian is made positive definite, and what the next choice depends on.
 
     Attributes
     ----------
-    positive : "clamp", "abs" or "none", as `HessianBlocks` takes it
-    quick : bool, as `HessianBlocks` takes it
+    mode : "clamp" (negative eigenvalues cut off), "abs" (by size) or "none"
+    quick : whether contact Hessians leave out how normals turn
+    steps : taken so far in this solve
+    unprojected_from : steps before which "none" is not chosen
+    pause : iterations
+    tiny_caps : consecutive steps with a cap below `TINY_CAP`
     """
 
-    def __init__(self):
-        self.positive, self.quick = "clamp", True
-        self._steps, self._raw_from, self._pause, self._stuck = 0, 0, PAUSE, 0
+    mode: str = "clamp"
+    quick: bool = True
+    steps: int = 0
+    unprojected_from: int = 0
+    pause: int = PAUSE
+    tiny_caps: int = 0
 
-    def took(self, promised: float, came: float, whole: bool, cap: float, may_be_raw: bool) -> None:
-        """After a step: the decrease promised for it and the one that came [both < 0 where all is well], whether it was
-        taken in full, what contact and inversion allowed of it, and whether the linear solver would notice an
-        indefinite matrix.
+    def after(self, promised: float, decrease: float, full: bool, cap: float, notices_indefinite: bool) -> "Projection":
+        """The projection after a step.
+
+        Parameters
+        ----------
+        promised, decrease : change of the potential by the model and the actual one; negative where all is well
+        full : whether the step was taken in full
+        cap : share of the step that contact and inversion allowed
+        notices_indefinite : whether the linear solver would notice an indefinite matrix
         """
-        self._steps += 1
-        kept = came / min(promised, -1e-300)
-        if kept < TRUST:
-            self.was_indefinite()  # or as good as that
-        raw = kept > STIFF and whole and may_be_raw and self._steps >= self._raw_from
-        self.positive = "none" if raw else "abs" if kept < TRUST else "clamp"
-        self._stuck = self._stuck + 1 if cap < TINY_CAP else 0
-        self.quick = self.quick and kept >= TRUST and self._stuck < STUCK
+        kept = decrease / min(promised, -1e-300)
+        last = replace(self, steps=self.steps + 1)
+        if kept < TRUSTED:
+            last = last.after_indefinite()
+        unprojected = kept > TOO_STIFF and full and notices_indefinite and last.steps >= last.unprojected_from
+        tiny_caps = last.tiny_caps + 1 if cap < TINY_CAP else 0
+        return replace(
+            last,
+            mode="none" if unprojected else "abs" if kept < TRUSTED else "clamp",
+            tiny_caps=tiny_caps,
+            quick=last.quick and kept >= TRUSTED and tiny_caps < TINY_CAPS,
+        )
 
-    def at_rounding(self) -> None:
-        """After a step whose decrease cannot be told from round-off."""
-        self._steps += 1
-        self.positive = "clamp"
+    def after_rounding(self) -> "Projection":
+        """The projection after a step whose decrease cannot be distinguished from round-off."""
+        return replace(self, steps=self.steps + 1, mode="clamp")
 
-    def was_indefinite(self) -> bool:
-        """After a linear solve or a line search failed: whether the Hessian was taken as it is, and will not be for
-        some steps.
-        """
-        if self.positive != "none":
-            return False
-        self.positive = "clamp"
-        self._pause *= 2
-        self._raw_from = self._steps + self._pause
-        return True
+    def after_indefinite(self) -> "Projection":
+        """The projection after an unprojected Hessian failed; the same one where it was projected."""
+        if self.mode != "none":
+            return self
+        pause = 2 * self.pause
+        return replace(self, mode="clamp", pause=pause, unprojected_from=self.steps + pause)
 
-    def be_careful(self) -> bool:
-        """After a line search failed: the safest model from here on; False where it was that already."""
-        if self.positive == "abs" and not self.quick:
-            return False
-        self.positive, self.quick = "abs", False
-        return True
+    def strongest(self) -> "Projection":
+        """The safest projection; the same one where it is in use."""
+        return self if self.mode == "abs" and not self.quick else replace(self, mode="abs", quick=False)
 
 
-def promised_decrease(slope: float, taken: np.ndarray, direction: np.ndarray, total) -> float:
-    """What the quadratic model with this slope along the direction says of the step taken, a share of it; `total` sums
-    over all ranks.
+def promised_decrease(slope: float, taken: np.ndarray, direction: np.ndarray, total: Sum) -> float:
+    """Change of the potential by the quadratic model for the step `taken`, a share of the direction (both (n_owned, d)).
+
+    `slope` is the derivative along the direction.
     """
     along, size = total(np.array([np.vdot(taken, direction), np.vdot(direction, direction)]))
     share = along / max(size, 1e-300)
     return slope * share * (1.0 - 0.5 * share)
 
 
-def lengthening(direction: np.ndarray, last: np.ndarray, went: np.ndarray, total) -> float:
-    """How many times as far to go along a direction that repeats the `last`, along which positions `went`, both from
-    models that are positive.
-
-    All (n_owned, d); `total` sums over all ranks.
+def lengthening(direction: np.ndarray, last: np.ndarray, moved: np.ndarray, total: Sum) -> float:
+    """Factor of a step whose direction repeats the `last` one, along which positions were `moved`, both by projected
+    Hessians; 1 for other steps. Arrays are (n_owned, d).
     """
-    pairs = ((direction, last), (direction, direction), (last, last), (went, last))
+    pairs = ((direction, last), (direction, direction), (last, last), (moved, last))
     along, size, before, length = total(np.array([np.vdot(*pair) for pair in pairs]))
-    if length <= 0.0 or along < REPEATS * np.sqrt(size * before):
+    if length <= 0.0 or along < SAME_DIRECTION * np.sqrt(size * before):
         return 1.0
     stiffness = (before - along) / length  # over that of the model
-    return 1.0 if stiffness > SOFT else float(1.0 / max(stiffness, 1.0 / LONGEST))
+    return 1.0 if stiffness > SOFT else float(1.0 / max(stiffness, 1.0 / MAX_LENGTHENING))

@@ -1,4 +1,4 @@
-"""The function that a time step minimises: 1/2 |x - x_hat|^2_M + dt^2 sum of terms (design, section 2)."""
+"""The function that a time step minimises: 1/2 |x - x_hat|^2_M + weight times the sum of terms (design, section 2)."""
 
 import numpy as np
 from mpi4py import MPI
@@ -10,7 +10,7 @@ from pdvol.potentials.build import Terms
 from pdvol.potentials.potential import KEPT, Positions
 from pdvol.solve.timing import Stopwatch
 
-NUDGE = 1e-6  # of an obstacle's way: what forces change by over it, from which their change over the whole way is told
+OBSTACLE_STEP = 1e-6  # share of an obstacle's path over which the change of forces is measured: small beside any gap
 
 
 class IncrementalPotential:
@@ -18,28 +18,27 @@ class IncrementalPotential:
 
     Attributes
     ----------
+    mass : (n_owned, d) [kg]
+    terms, contacts, frictions : all potentials; those that know contacts; those of friction
     x_hat : (n_owned, d) predicted positions [m]
-    dt : time step [s]
+    weight : of the terms beside the inertia [s^2], as the integrator gives it
     """
 
     def __init__(self, space: LevelSpace, terms: Terms, watch: Stopwatch):
-        self.space, self.mass, self.terms, self.contacts, self.watch = (
-            space,
-            terms.mass,
-            terms.potentials,
-            terms.contacts,
-            watch,
-        )
-        self.rules, self.frictions = terms.rules, tuple(t for t in terms.potentials if t.name == "friction")
-        self._contact_names = {id(t) for t in terms.contacts} | {id(t) for t in self.frictions}
-        self.x_hat, self.dt = None, None
+        self.space, self.watch, self.mass = space, watch, terms.mass
+        self.terms, self.contacts, self.rules = terms.potentials, terms.contacts, terms.rules
+        self.frictions = tuple(t for t in terms.potentials if t.name == "friction")
+        self._contact_names = {id(t) for t in (*self.contacts, *self.frictions)}
+        self.x_hat, self.weight = np.zeros((0, space.dim)), 0.0
 
-    def begin_step(self, x_t: Positions, x_hat: np.ndarray, t0: float, t1: float, placed: float | None = None) -> None:
+    def begin_step(
+        self, x_t: Positions, x_hat: np.ndarray, weight: float, t0: float, t1: float, placed: float | None = None
+    ) -> None:
         """Starts the step from t0 to t1 [s] at x_t with predicted positions x_hat (n_owned, d).
 
-        Obstacles are where they should be at t0, or at `placed` [s] if contact has stopped them on the way.
+        Obstacles are where they should be at t0, or at `placed` [s] if contact has stopped them before.
         """
-        self.x_hat, self.dt = x_hat, t1 - t0
+        self.x_hat, self.weight = x_hat, weight
         behind = 0.0 if placed is None else t0 - placed
         expected = Positions(self.space, x_hat)
         for term in self.terms:
@@ -49,7 +48,7 @@ class IncrementalPotential:
                 term.begin_step(x_t, t0 - late, t1 - late)
         for rule in self.rules:
             with self.watch.part("contact"):
-                rule.begin_step(x_t, x_hat, self.dt)
+                rule.begin_step(x_t, x_hat, weight)
             self.lag(x_t)
 
     def _part(self, term):
@@ -76,7 +75,7 @@ class IncrementalPotential:
                 energy = term.value(x)
             if np.isnan(energy):
                 self._require_finite(term.name, "energy", energy)
-            total += self.dt**2 * energy
+            total += self.weight * energy
         return total
 
     def require_admissible(self, x: Positions) -> None:
@@ -95,26 +94,26 @@ class IncrementalPotential:
             with self._part(term):
                 part = term.gradient(x)
             self._require_finite(term.name, "gradient", part)
-            total = total + self.dt**2 * part
+            total = total + self.weight * part
         return total
 
-    def add_hessian(self, x: Positions, weight: float, into: HessianBlocks) -> None:
-        """Adds weight times the Hessian, positive definite unless `into.positive` is "none", to blocks that are zero.
+    def add_hessian(self, x: Positions, into: HessianBlocks) -> None:
+        """Adds the Hessian, positive definite unless `into.positive` is "none", to blocks that are zero.
 
         Raises SimulationError, naming the term, where one is not finite. Collective.
         """
-        into.add_masses(weight * self.mass)
+        into.add_masses(self.mass)
         for term in self.terms:
             with self._part(term):
-                term.add_hessian(x, weight * self.dt**2, into)
+                term.add_hessian(x, self.weight, into)
         if not self.space.comm.allreduce(into.finite(), op=MPI.LAND):
-            self._name_hessian(x, weight, into)
+            self._name_hessian(x, into)
 
-    def _name_hessian(self, x: Positions, weight: float, into: HessianBlocks) -> None:
-        """Raises for the first term whose Hessian is not finite, found by asking each alone."""
+    def _name_hessian(self, x: Positions, into: HessianBlocks) -> None:
+        """Raises for the first term whose Hessian is not finite, found by evaluating each alone."""
         for term in self.terms:
             into.clear()
-            term.add_hessian(x, weight * self.dt**2, into)
+            term.add_hessian(x, self.weight, into)
             self._require_finite(
                 term.name, "Hessian", np.array([np.sum(into.cells), *(np.sum(blocks) for *_, blocks in into.added)])
             )
@@ -142,7 +141,7 @@ class IncrementalPotential:
     @property
     def scale(self) -> float:
         """Size [kg m^2] of the terms that cancel in the energy: what its round-off is relative to."""
-        return self.dt**2 * sum(term.scale for term in self.terms)
+        return self.weight * sum(term.scale for term in self.terms)
 
     def lag(self, x: Positions) -> float:
         """Freezes lagged quantities at x. By how much that changes the friction forces at x, relative to them: their
@@ -181,18 +180,18 @@ class IncrementalPotential:
         By differences over a millionth of that way; none where contact is nearer than that.
         """
         ends = []
-        for at in (time, time + NUDGE * (until - time)):
+        for at in (time, time + OBSTACLE_STEP * (until - time)):
             self.place(at)
             with self.watch.part("contact"):
                 fine = all(np.isfinite(term.value(x)) for term in self.contacts)
                 ends.append(sum((term.gradient(x) for term in self.contacts), np.zeros_like(x.owned)) if fine else None)
         self.place(time)
-        return np.zeros_like(x.owned) if ends[1] is None else self.dt**2 * (ends[1] - ends[0]) / NUDGE
+        return np.zeros_like(x.owned) if ends[1] is None else self.weight * (ends[1] - ends[0]) / OBSTACLE_STEP
 
     def energies(self, x: Positions) -> dict[str, float]:
         """Energy by kind [J]: inertia is the potential's first part over dt^2."""
         energy = dict.fromkeys(("inertia", "elastic", "load", "barrier", "friction", "consistency"), 0.0)
-        energy["inertia"] = self.inertia(x) / self.dt**2
+        energy["inertia"] = self.inertia(x) / self.weight
         for term in self.terms:
             with self._part(term):
                 energy[term.name] = energy.get(term.name, 0.0) + term.value(x)

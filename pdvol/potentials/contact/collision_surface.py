@@ -10,13 +10,13 @@ import ipctk
 import numpy as np
 from scipy.sparse import csr_array
 
+from pdvol.levels.obstacles import Obstacle
 from pdvol.levels.space import LevelSpace
 from pdvol.potentials.assembly.hessian_blocks import HessianBlocks
 from pdvol.potentials.contact.candidates import ContactCandidates
 from pdvol.potentials.contact.collision_mesh import CollisionMesh
 from pdvol.potentials.contact.stencils import Stencils, normal_stencils
 from pdvol.potentials.potential import KEPT, Positions
-from pdvol.scene import moved
 
 NARROW = {
     "additive": lambda keep: ipctk.AdditiveCCD(max_iterations=10_000, conservative_rescaling=1.0 - keep),
@@ -28,17 +28,6 @@ Both stop where they cannot tell. The additive one leaves a share of each gap by
 """
 
 ipctk.set_num_threads(1)  # sums over contacts repeat to the last bit; measured again where speed asks for it
-
-
-class Obstacle:
-    """A rigid obstacle's rest geometry and motion: vertices (n, d), edges (e, 2), faces (f, 3), motion (X, t) -> x."""
-
-    def __init__(self, vertices: np.ndarray, edges: np.ndarray, faces: np.ndarray, motion, name: str = "obstacle"):
-        self.vertices, self.edges, self.faces, self.motion, self.name = vertices, edges, faces, motion, name
-
-    def at(self, time: float) -> np.ndarray:
-        """(n, d) vertices at `time` [s]."""
-        return moved(self.motion, self.vertices, time, f"obstacle {self.name!r}")
 
 
 class CollisionSurface:

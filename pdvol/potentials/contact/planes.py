@@ -10,12 +10,12 @@ import numpy as np
 from mpi4py import MPI
 
 from pdvol.geometry.level_mesh import LevelMesh
+from pdvol.levels.obstacles import Obstacle
 from pdvol.levels.space import LevelSpace
 from pdvol.potentials.assembly.hessian_blocks import HessianBlocks
 from pdvol.potentials.contact import barrier_law
 from pdvol.potentials.contact import friction_law as smooth_friction
 from pdvol.potentials.potential import KEPT, Positions, Term
-from pdvol.scene import Plane, moved
 
 
 def boundary_areas(mesh: LevelMesh) -> np.ndarray:
@@ -44,7 +44,9 @@ class HalfSpaceBarrier(Term):
 
     name = "barrier"
 
-    def __init__(self, space: LevelSpace, planes: tuple[Plane, ...], dhat: float, kappa: float, weighted: bool = True):
+    def __init__(
+        self, space: LevelSpace, planes: tuple[Obstacle, ...], dhat: float, kappa: float, weighted: bool = True
+    ):
         self.space, self.planes, self.dhat, self.kappa = space, planes, dhat, kappa
         areas = boundary_areas(space.mesh)[space.owned_points]
         self.vertices = np.flatnonzero(areas > 0)
@@ -52,7 +54,7 @@ class HalfSpaceBarrier(Term):
         self.place(0.0)
 
     def _planes_at(self, time: float) -> tuple[np.ndarray, np.ndarray]:
-        points, normals = zip(*(_placed(plane, time) for plane in self.planes), strict=True)
+        points, normals = zip(*(plane.plane_at(time) for plane in self.planes), strict=True)
         return np.array(points), np.array(normals)
 
     def place(self, time: float) -> None:
@@ -198,11 +200,3 @@ class HalfSpaceFriction(Term):
             * (round_[:, None, None] * tangent + (slope - round_)[:, None, None] * outer)
         )
         into.add_diagonal(self._vertices, blocks)
-
-
-def _placed(plane: Plane, time: float):
-    """Point and unit normal of a plane at a time, moved as a rigid frame."""
-    point, normal = np.asarray(plane.point, dtype=float), np.asarray(plane.normal, dtype=float)
-    normal = normal / np.linalg.norm(normal)
-    ends = moved(plane.motion, np.stack([point, point + normal]), time, f"plane {plane.name!r}")
-    return ends[0], (ends[1] - ends[0]) / np.linalg.norm(ends[1] - ends[0])

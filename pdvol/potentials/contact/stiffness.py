@@ -24,7 +24,7 @@ class AdaptiveStiffness:
     within bounds, and twice as much, up to the upper one, where a solve ends with gaps that are tiny and shrink. Both
     by ipctk's functions.
 
-    ipctk's classic barrier K (gap^2 - dhat^2)^2 ln is this law with K dhat^3 = kappa dt^2: it stands unweighted beside
+    ipctk's classic barrier K (gap^2 - dhat^2)^2 ln is this law with K dhat^3 = kappa weight: it stands unweighted beside
     the inertia.
 
     Parameters
@@ -55,13 +55,13 @@ class AdaptiveStiffness:
         self._average = float(space.to_input(mass)[:, 0].mean())
         self.upper = np.inf
 
-    def begin_step(self, x_t: Positions, x_hat: np.ndarray, dt: float) -> None:
-        """Sets the contacts' stiffness for the step from x_t to x_hat (n_owned, d) of length dt [s]. Collective."""
-        scale = self.dhat**3 / dt**2
+    def begin_step(self, x_t: Positions, x_hat: np.ndarray, weight: float) -> None:
+        """Sets the contacts' stiffness for the step from x_t to x_hat (n_owned, d) with this weight [s^2]. Collective."""
+        scale = self.dhat**3 / weight
         for term in self.contacts:
             term.kappa = scale
-        forces = self.mass * (x_t.owned - x_hat) + dt**2 * sum(term.gradient(x_t) for term in self.others)
-        barrier = dt**2 * sum(term.gradient(x_t) for term in self.contacts)
+        forces = self.mass * (x_t.owned - x_hat) + weight * sum(term.gradient(x_t) for term in self.others)
+        barrier = weight * sum(term.gradient(x_t) for term in self.contacts)
         whole = [self.space.to_input(part).ravel() for part in (forces, barrier)]
         kappa, upper = ipctk.initial_barrier_stiffness(
             bbox_diagonal=self.diagonal,
@@ -125,7 +125,7 @@ class SemiImplicitStiffness:
         self._blocks = HessianBlocks(BlockPattern(space))
         self._surface = np.unique(space.mesh.boundary)
 
-    def begin_step(self, x_t: Positions, x_hat: np.ndarray, dt: float) -> None:
+    def begin_step(self, x_t: Positions, x_hat: np.ndarray, weight: float) -> None:
         """Sets the contacts' stiffness for a step from x_t. Collective."""
         d = self.space.dim
         self._blocks.clear()

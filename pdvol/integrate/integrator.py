@@ -1,0 +1,70 @@
+"""What a time integrator offers: it predicts positions, weighs the potential beside the inertia, and gives velocities.
+
+One step minimises 1/2 |x - x_hat|^2_M + weight (Psi + B + D - f.x). An integrator chooses x_hat and the weight from the last states.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+
+@dataclass(frozen=True, eq=False)
+class State:
+    """Positions (n, d) [m] and velocities (n, d) [m/s] at the end of a step, all in one order of rows."""
+
+    positions: np.ndarray
+    velocity: np.ndarray
+
+    def rows(self, choose: Callable[[np.ndarray], np.ndarray]) -> "State":
+        """The same state with other rows, as `LevelSpace.from_input` chooses them."""
+        return State(choose(self.positions), choose(self.velocity))
+
+
+Past = tuple[State, ...]
+"""The last states, newest first: as many as the integrator uses, fewer at the beginning."""
+
+
+class Integrator(Protocol):
+    """An integrator with constant steps.
+
+    Attributes
+    ----------
+    name : as the registry has it
+    states : how many past states it uses
+    """
+
+    name: str
+    states: int
+
+    def predict(self, past: Past, dt: float) -> np.ndarray:
+        """x_hat (n, d) [m] of a step of dt [s]."""
+
+    def weight(self, past: Past, dt: float) -> float:
+        """Factor [s^2] of the potential beside the inertia 1/2 |x - x_hat|^2_M."""
+
+    def velocity(self, positions: np.ndarray, past: Past, dt: float) -> np.ndarray:
+        """Velocities (n, d) [m/s] at the end of a step that led to `positions`."""
+
+
+def advance(integrator: Integrator, past: Past, positions: np.ndarray, dt: float) -> Past:
+    """The past after a step that led to `positions` (n, d)."""
+    return (State(positions, integrator.velocity(positions, past, dt)), *past[: integrator.states - 1])
+
+
+def past_of(
+    integrator: Integrator, positions: Callable[[int], np.ndarray], velocity: np.ndarray, step: int, dt: float
+) -> Past:
+    """The past at the end of a stored step, to the last bit as it was in the run that stored it.
+
+    Parameters
+    ----------
+    positions : step -> (n, d) [m]
+    velocity : (n, d) [m/s] at step 0
+    """
+    first = max(0, step - 2 * integrator.states + 1)  # velocities of the states used are themselves made of as many
+    past: Past = (State(positions(first), velocity),)
+    for number in range(first + 1, step + 1):
+        past = advance(integrator, past, positions(number), dt)
+    return past

@@ -1,0 +1,63 @@
+"""Terms of a level evaluated at stored states, as the step that led there saw them: for exports and measures."""
+
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+
+from pdvol.levels.model import LevelModel
+from pdvol.levels.space import LevelSpace
+from pdvol.potentials.build import build_terms
+from pdvol.potentials.consistency import Guide
+from pdvol.potentials.potential import Positions, Potential
+
+
+class Replay:
+    """The terms of a level, put to the end of one stored step after the other. Construction is collective.
+
+    Friction is lagged at the step's start, as its first iteration is.
+
+    Attributes
+    ----------
+    terms : all potentials
+    contacts : those of barriers and friction
+    mass : (n_owned, d) [kg]
+    """
+
+    def __init__(self, model: LevelModel, space: LevelSpace, guides: Sequence[Guide] = ()):
+        built = build_terms(model, space, guides)
+        self.space, self.dt, self.mass, self.terms = space, model.dt, built.mass, built.potentials
+        self.barriers = built.contacts
+        self.contacts = tuple(term for term in self.terms if term.name in ("barrier", "friction"))
+
+    def put(
+        self,
+        step: int,
+        start: np.ndarray,
+        end: np.ndarray,
+        kappa: float | None = None,
+        behind: tuple[float, float] = (0.0, 0.0),
+    ) -> Positions:
+        """Puts all terms to the end of a stored step, and returns its positions. Collective.
+
+        Parameters
+        ----------
+        step : its number; 0 stands for the initial state, where nothing slides
+        start, end : (n, d) positions [m] in the input's order
+        kappa : the barrier's stiffness in that step, where it was logged: some laws choose it step by step
+        behind : [s] how far obstacles were behind the time at the step's start and end
+        """
+        x_t, x = (Positions(self.space, self.space.from_input(rows)) for rows in (start, end))
+        t0, late_ones = max(step - 1, 0) * self.dt, {id(term) for term in self.contacts}
+        for term in self.barriers if kappa is not None else ():
+            term.kappa = kappa
+        # All terms begin before any moves on: friction lags on barriers that are still where the step begins.
+        for term in self.terms:
+            late = behind[0] if id(term) in late_ones else 0.0
+            term.begin_step(x_t, t0 - late, t0 - late + self.dt)
+        for term in self.terms:
+            term.place(step * self.dt - behind[1])
+        return x
+
+    def force(self, x: Positions, terms: Iterable[Potential]) -> np.ndarray:
+        """(n_owned, d) [N]: minus the gradient of some of the terms at x."""
+        return -sum((term.gradient(x) for term in terms), start=np.zeros_like(x.owned))

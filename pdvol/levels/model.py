@@ -1,0 +1,243 @@
+"""A scene on one level: all that the scene names, evaluated on the level's mesh, in SI units.
+
+What the scene lacks is an empty tuple here. Terms, time stepping, measures and exports take a `LevelModel`; the `Scene` itself
+is used by what builds levels only.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from pdvol.geometry.level_mesh import LevelMesh
+from pdvol.levels.hierarchy import Hierarchy
+from pdvol.levels.materials import CellMaterials, cell_materials, level_materials
+from pdvol.levels.obstacles import Obstacle
+from pdvol.levels.scene_fields import chosen_points, initial_velocity, supported_points
+from pdvol.scene import Barrier, Friction, Gravity, Load, Motion, Penalty, Scene, Solver, Still, metres, moved
+
+
+@dataclass(frozen=True, eq=False)
+class HeldPoints:
+    """The vertices that a support holds.
+
+    Attributes
+    ----------
+    mask : (n,) bool
+    points : (k, d) [m]
+        Their rest positions.
+    motion : (X, t) -> x
+    release : time [s]
+    """
+
+    mask: np.ndarray
+    points: np.ndarray
+    motion: Motion
+    release: float
+
+    @property
+    def moves(self) -> bool:
+        """Whether they follow a motion."""
+        return not isinstance(self.motion, Still)
+
+    def holds(self, time: float, dt: float) -> bool:
+        """Whether a step of dt [s] that begins at `time` [s] holds them; times are compared to a millionth of a step."""
+        return time < self.release - 1e-6 * dt
+
+    def at(self, time: float) -> np.ndarray:
+        """(k, d) [m]: where they should be at `time` [s]. Raises InputError where a motion of the user's own fails."""
+        return moved(self.motion, self.points, time, "a support")
+
+
+@dataclass(frozen=True, eq=False)
+class PlacedLoad:
+    """A load and the vertices (n,) bool that it acts on."""
+
+    load: Load
+    mask: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class FrictionModel:
+    """Friction with its coefficients by pairs.
+
+    Attributes
+    ----------
+    mu_planes : coefficient, or one (planes, bodies) for each plane and body
+    mu_surfaces : coefficient, or a symmetric matrix between the bodies and, behind them, the rigid surfaces
+    eps_v : sliding speed [m/s] below which friction is smoothed
+    iterations : solves of a step with friction lagged anew, at most
+    tolerance : relative change of the friction forces that counts as converged
+    """
+
+    mu_planes: float | np.ndarray
+    mu_surfaces: float | np.ndarray
+    eps_v: float
+    iterations: int
+    tolerance: float
+
+
+@dataclass(frozen=True, eq=False)
+class ContactModel:
+    """The barrier of a scene, with its friction.
+
+    Attributes
+    ----------
+    dhat : distance [m] at which contact begins to push
+    kappa : stiffness [Pa] of the convergent law
+    law, ccd : as `Barrier` names them
+    friction : none or one
+    """
+
+    dhat: float
+    kappa: float
+    law: str
+    ccd: str
+    friction: tuple[FrictionModel, ...] = ()
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class LevelModel:
+    """A scene on one level.
+
+    Attributes
+    ----------
+    level : its number, 0 the coarsest
+    mesh : LevelMesh
+    bodies : their names
+    materials : CellMaterials
+    velocity : (n, d) [m/s]
+        At t = 0.
+    loads : tuple of PlacedLoad
+    supports : tuple of HeldPoints
+    obstacles : tuple of Obstacle
+    contact : none or one ContactModel
+    penalty : weights that hold levels together
+    integrator : its name in the registry
+    solver : settings; its tolerance is in m/s
+    dt, steps : time step [s], number of steps
+    diagonal : of the scene [m]
+    """
+
+    level: int
+    mesh: LevelMesh
+    bodies: tuple[str, ...]
+    materials: CellMaterials
+    velocity: np.ndarray
+    loads: tuple[PlacedLoad, ...]
+    supports: tuple[HeldPoints, ...]
+    obstacles: tuple[Obstacle, ...]
+    contact: tuple[ContactModel, ...]
+    penalty: Penalty
+    integrator: str
+    solver: Solver
+    dt: float
+    steps: int
+    diagonal: float
+
+    @property
+    def free(self) -> np.ndarray:
+        """(n,) bool: vertices that no support ever holds."""
+        free = np.ones(len(self.mesh.points), dtype=bool)
+        for support in self.supports:
+            free &= ~support.mask
+        return free
+
+    @property
+    def friction(self) -> tuple[FrictionModel, ...]:
+        """None or one."""
+        return self.contact[0].friction if self.contact else ()
+
+    def __repr__(self) -> str:
+        return f"LevelModel(level {self.level}, {len(self.mesh.points)} vertices, {len(self.bodies)} bodies)"
+
+
+def level_model(
+    scene: Scene,
+    mesh: LevelMesh,
+    level: int,
+    diagonal: float,
+    obstacles: Sequence[Obstacle] = (),
+    materials: CellMaterials | None = None,
+) -> LevelModel:
+    """A scene on one level. Not collective: every rank makes the same one.
+
+    Parameters
+    ----------
+    diagonal : of the scene [m], for relative lengths
+    obstacles : of the scene (`scene_obstacles`)
+    materials : of the level's cells; where not given, as if the level were the coarsest
+
+    Raises
+    ------
+    InputError
+        A function of the scene fails, or a support or a load holds no vertex.
+    """
+    materials = cell_materials(scene, mesh) if materials is None else materials
+    supports = []
+    for support in scene.supports:
+        mask = supported_points(scene, support, mesh, level)
+        supports.append(HeldPoints(mask, mesh.points[mask], support.motion, support.release))
+    everywhere = np.ones(len(mesh.points), dtype=bool)
+    loads = (
+        PlacedLoad(load, everywhere if isinstance(load, Gravity) else chosen_points(scene, load, mesh))
+        for load in scene.loads
+    )
+    return LevelModel(
+        level=level,
+        mesh=mesh,
+        bodies=tuple(body.name for body in scene.bodies),
+        materials=materials,
+        velocity=initial_velocity(scene, mesh),
+        loads=tuple(loads),
+        supports=tuple(supports),
+        obstacles=tuple(obstacles),
+        contact=_contact(scene, obstacles, diagonal, materials.softest),
+        penalty=scene.penalty,
+        integrator=scene.integrator,
+        solver=replace(scene.solver, tolerance=metres(scene.solver.tolerance, diagonal)),
+        dt=scene.dt,
+        steps=scene.steps,
+        diagonal=diagonal,
+    )
+
+
+def hierarchy_model(
+    scene: Scene, hierarchy: Hierarchy, level: int, diagonal: float, obstacles: Sequence[Obstacle] = ()
+) -> LevelModel:
+    """A scene on a level of a hierarchy; materials are carried from the coarsest level. Collective.
+
+    Parameters and errors as for `level_model`.
+    """
+    materials = level_materials(scene, hierarchy, level)
+    return level_model(scene, hierarchy[level].mesh, level, diagonal, obstacles, materials)
+
+
+def _contact(scene: Scene, obstacles: Sequence[Obstacle], diagonal: float, softest: float) -> tuple[ContactModel, ...]:
+    bodies = [body.name for body in scene.bodies]
+    planes, surfaces = ([o.name for o in obstacles if (o.kind == "plane") == flat] for flat in (True, False))
+    frictions = tuple(
+        FrictionModel(
+            mu_planes=_coefficients(f, planes, bodies),
+            mu_surfaces=_coefficients(f, [*bodies, *surfaces], [*bodies, *surfaces]),
+            eps_v=metres(f.eps_v, diagonal),
+            iterations=f.iterations,
+            tolerance=f.tolerance,
+        )
+        for f in scene.contact
+        if isinstance(f, Friction)
+    )
+    return tuple(
+        ContactModel(metres(b.dhat, diagonal), b.stiffness * softest, b.law, b.ccd, frictions)
+        for b in scene.contact
+        if isinstance(b, Barrier)
+    )
+
+
+def _coefficients(friction: Friction, ones: Sequence[str], others: Sequence[str]) -> float | np.ndarray:
+    """Friction's coefficient, or a matrix of them between named bodies and obstacles."""
+    if not friction.pairs:
+        return friction.mu
+    return np.array([[friction.between(one, other) for other in others] for one in ones]).reshape(
+        len(ones), len(others)
+    )

@@ -1,0 +1,140 @@
+"""Rigid obstacles in metres, and where they are at a time: the same type for half-spaces, surfaces and polylines."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pdvol.errors import InputError
+from pdvol.meshing.build import read_obstacle
+from pdvol.scene import Motion, Plane, Rigid, Scene, Still, moved
+
+Geometry = tuple[np.ndarray, np.ndarray, np.ndarray]
+"""Vertices (k, d) [m], edges (e, 2) and faces (f, 3) of a rigid obstacle at rest."""
+
+MOST_STORED_VERTICES = 20_000_000  # vertices times states of moving obstacles: what pictures need takes half a GB
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Obstacle:
+    """A rigid obstacle of a scene.
+
+    Attributes
+    ----------
+    name : str
+    kind : "plane", "mesh" (a surface in 3D) or "polyline" (in 2D)
+    vertices : (k, d) [m]
+        At rest. Of a plane: a point on it, and the end of the unit normal there.
+    edges, faces : (e, 2) and (f, 3) int
+        None of a plane; no faces in 2D.
+    motion : (X, t) -> x
+    closed : bool
+        Whether a surface or polyline encloses a volume.
+    opacity : float
+        How pictures draw a surface, above 0 and at most 1.
+    """
+
+    name: str
+    kind: str
+    vertices: np.ndarray
+    edges: np.ndarray
+    faces: np.ndarray
+    motion: Motion = Still()
+    closed: bool = True
+    opacity: float = 1.0
+
+    @property
+    def moves(self) -> bool:
+        """Whether the scene gives it a motion."""
+        return not isinstance(self.motion, Still)
+
+    @property
+    def label(self) -> str:
+        """Its name in messages, as in "plane 'floor'"."""
+        return f"{'plane' if self.kind == 'plane' else 'obstacle'} {self.name!r}"
+
+    def at(self, time: float) -> np.ndarray:
+        """(k, d) [m]: its vertices at `time` [s]. Raises InputError where a motion of the user's own fails."""
+        return moved(self.motion, self.vertices, time, self.label)
+
+    def plane_at(self, time: float) -> tuple[np.ndarray, np.ndarray]:
+        """Point (d,) [m] and unit normal (d,) of a plane at `time` [s]."""
+        point, end = self.at(time)
+        return point, (end - point) / np.linalg.norm(end - point)
+
+    def placed(self, time: float) -> dict[str, np.ndarray]:
+        """Where it is at `time` [s], as run folders store it: `point` and `normal` of a plane, `vertices` of others."""
+        if self.kind == "plane":
+            point, normal = self.plane_at(time)
+            return {"point": point, "normal": normal}
+        return {"vertices": self.at(time)}
+
+    def __repr__(self) -> str:
+        return f"Obstacle({self.name!r}, {self.kind}, {len(self.vertices)} vertices)"
+
+
+def scene_obstacles(scene: Scene, geometry: Sequence[Geometry] | None = None) -> tuple[Obstacle, ...]:
+    """The obstacles of a scene, in its order. Serial.
+
+    Parameters
+    ----------
+    geometry : of each `Rigid` of the scene, in order; read from their shapes where not given
+
+    Raises
+    ------
+    InputError
+        A shape cannot be read, or `geometry` has another length.
+    """
+    rigid = [o for o in scene.obstacles if isinstance(o, Rigid)]
+    shapes = [read_obstacle(o) for o in rigid] if geometry is None else list(geometry)
+    if len(rigid) != len(shapes):
+        raise InputError(f"{len(shapes)} obstacle meshes for {len(rigid)} rigid obstacles; give one for each")
+    remaining = iter(shapes)
+    return tuple(_plane(o) if isinstance(o, Plane) else _rigid(o, next(remaining)) for o in scene.obstacles)
+
+
+def _plane(plane: Plane) -> Obstacle:
+    point, normal = np.asarray(plane.point, dtype=float), np.asarray(plane.normal, dtype=float)
+    ends = np.stack([point, point + normal / np.linalg.norm(normal)])
+    nothing = np.zeros((0, 2), dtype=np.int64), np.zeros((0, 3), dtype=np.int64)
+    return Obstacle(plane.name, "plane", ends, *nothing, motion=plane.motion)
+
+
+def _rigid(rigid: Rigid, geometry: Geometry) -> Obstacle:
+    vertices, edges, faces = geometry
+    kind = "mesh" if vertices.shape[1] == 3 else "polyline"
+    return Obstacle(rigid.name, kind, vertices, edges, faces, rigid.motion, rigid.closed, rigid.opacity)
+
+
+def moving_places(obstacles: Sequence[Obstacle], time: float) -> dict[int, dict[str, np.ndarray]]:
+    """Where the obstacles that move are at `time` [s], by their number."""
+    return {i: obstacle.placed(time) for i, obstacle in enumerate(obstacles) if obstacle.moves}
+
+
+def stored_obstacles(obstacles: Sequence[Obstacle], dt: float, steps: int) -> list[dict]:
+    """Obstacles as `store.obstacles.write_obstacles` takes them, with their places at all steps where they move.
+
+    Raises
+    ------
+    InputError
+        Moving obstacles have too many vertices for so many steps.
+    """
+    moving = sum(len(o.vertices) for o in obstacles if o.moves and o.kind != "plane")
+    if moving * (steps + 1) > MOST_STORED_VERTICES:
+        raise InputError(
+            f"{moving:,} vertices of moving obstacles over {steps:,} steps are too many to keep;"
+            " simulate fewer steps at a time"
+        )
+    return [_stored(obstacle, dt, steps) for obstacle in obstacles]
+
+
+def _stored(obstacle: Obstacle, dt: float, steps: int) -> dict:
+    places = [obstacle.placed(number * dt) for number in range(steps + 1)] if obstacle.moves else []
+    over_time = {key: np.array([place[key] for place in places]) for key in (places[0] if places else ())}
+    entry: dict = {"name": obstacle.name, "kind": obstacle.kind}
+    if obstacle.kind == "plane":
+        return {**entry, **obstacle.placed(0.0), **over_time}
+    cells = {"faces": obstacle.faces} if obstacle.kind == "mesh" else {"edges": obstacle.edges}
+    positions = {"positions": over_time["vertices"]} if places else {}
+    opacity = {"opacity": obstacle.opacity} if obstacle.opacity < 1.0 else {}
+    return {**entry, "vertices": obstacle.vertices, **cells, **positions, **opacity}

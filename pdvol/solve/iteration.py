@@ -1,0 +1,134 @@
+"""The record of one Newton iteration, and the rules that follow from the last two: when to stop, when to keep the matrix.
+
+Newton stops when its full step is nowhere faster than the tolerance [m/s]; that step is still taken. Deep inside a barrier short
+steps say little about the distance to the minimum (Newton on a logarithm doubles the gap, however far it has to go). So the step
+must also have been taken in full, follow one that was, not be longer than it, and not have opened the smallest gap much.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pdvol.potentials.potential import Positions
+from pdvol.solve.globalization import Projection, Sum, lengthening
+
+ROUNDING = 1e-13  # share of the energy: a smaller decrease is round-off, and the quadratic model is trusted
+CANCELLATION = 2e-15  # share of the terms whose difference the energy is: the same for energies that cancel
+
+# Near the minimum the last matrix is nearly as good as a new one. Its steps show the distance to the minimum less well: with the
+# full tolerance the final states of demos/ball_on_spike.py were as with a tolerance four times as wide.
+SHORT = 5.0  # times the tolerance: shorter steps take the last matrix
+CONTRACTING = 0.5  # ratio of consecutive step lengths up to which an older matrix is kept
+OLD_MATRIX_TOLERANCE = 0.25  # of the tolerance: the last step by an older matrix must be shorter
+
+OPENING = 1.2  # ratio of the smallest gaps after and before a step: a larger one shows a step out of a barrier
+UNSETTLED = 1_000.0  # times the tolerance: longer steps may lead to another minimum, and are not lengthened
+STALLED = 0.5  # ratio of consecutive step lengths above which steps at round-off have stopped to contract
+
+
+@dataclass(frozen=True, eq=False)
+class Iteration:
+    """One Newton iteration.
+
+    Attributes
+    ----------
+    start : Positions
+    energy : the potential at the start [kg m^2]
+    direction : (n_owned, d) [m]
+        Newton's full step.
+    slope : derivative of the potential along it [kg m^2]
+    speed : largest row of the direction over the step's length in time [m/s]
+    projection : of the Hessian
+    matrix_age : iterations since the matrix was assembled
+    at_rounding : whether the decrease cannot be distinguished from round-off
+    lengthening : factor of the direction that was tried; 1 but for steps that repeat the last one
+    cap : share of the direction, at most 1, that contact and inversion allowed
+    gap : smallest gap at the start [m]; inf where the step is not short, or nothing is near
+    backtracks : by the line search
+    opened : whether a short step opened the smallest gap much
+    """
+
+    start: Positions
+    energy: float
+    direction: np.ndarray
+    slope: float
+    speed: float
+    projection: Projection
+    matrix_age: int
+    at_rounding: bool
+    lengthening: float
+    cap: float
+    gap: float
+    backtracks: int = 0
+    opened: bool = False
+
+    @property
+    def full(self) -> bool:
+        """Whether the whole direction was taken."""
+        return self.cap == 1.0 and self.backtracks == 0
+
+
+def is_at_rounding(slope: float, energy: float, scale: float) -> bool:
+    """Whether a decrease like the slope is round-off of the energy, whose cancelling parts have the size `scale`."""
+    return abs(slope) <= max(ROUNDING * abs(energy), CANCELLATION * scale)
+
+
+def is_short(speed: float, tolerance: float) -> bool:
+    """Whether a step is short enough for the rules near the minimum [both m/s]."""
+    return speed <= SHORT * tolerance
+
+
+def opens(gap_before: float, gap_after: float) -> bool:
+    """Whether a step led out of a barrier [m]."""
+    return gap_after > OPENING * gap_before
+
+
+def is_calm(last: Iteration, tolerance: float) -> bool:
+    """Whether the last step was taken in full, was short, and did not lead out of a barrier."""
+    return last.full and is_short(last.speed, tolerance) and not last.opened
+
+
+def keeps_matrix(last: Iteration | None, before: Iteration | None, tolerance: float) -> bool:
+    """Whether the last matrix serves for another step: near the minimum, and repeatedly only while steps contract.
+
+    Out of a barrier steps by new matrices grow, and those by older ones shrink as if the minimum were near.
+    """
+    if last is None or last.at_rounding or not is_calm(last, tolerance):
+        return False
+    return last.matrix_age == 0 or last.speed <= CONTRACTING * speed_of(before)
+
+
+def stops(last: Iteration, before: Iteration | None, tolerance: float) -> str:
+    """Why the solve ends after the last iteration: "TOLERANCE", "ROUNDING" (the energy cannot fall any further in
+    double precision), or empty.
+    """
+    settled = is_calm(last, tolerance) and (before is None or before.full) and last.speed <= speed_of(before)
+    reached = last.speed <= (OLD_MATRIX_TOLERANCE if last.matrix_age else 1.0) * tolerance
+    if reached and (settled or last.at_rounding):
+        return "TOLERANCE"
+    if last.at_rounding and last.speed > STALLED * speed_of(before):
+        return "ROUNDING"
+    return ""
+
+
+def step_factor(
+    start: Positions,
+    direction: np.ndarray,
+    speed: float,
+    at_rounding: bool,
+    projection: Projection,
+    last: Iteration | None,
+    tolerance: float,
+    total: Sum,
+) -> float:
+    """Factor of a new direction: more than 1 where it repeats the last one and the potential is softer than its model."""
+    if last is None or "none" in (last.projection.mode, projection.mode):
+        return 1.0
+    if at_rounding or speed > UNSETTLED * tolerance:
+        return 1.0
+    return lengthening(direction, last.direction, start.owned - last.start.owned, total)
+
+
+def speed_of(iteration: Iteration | None) -> float:
+    """Its speed [m/s]; inf before the first one."""
+    return np.inf if iteration is None else iteration.speed

@@ -1,0 +1,211 @@
+"""One minimisation of an incremental potential, without its linear algebra: states, energies, and the records of iterations.
+
+`Newton` gives it what SNES reports: a state, a direction, an accepted step. It answers how far to go, whether the matrix is kept, and
+whether the solve ends.
+"""
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from mpi4py import MPI
+
+from pdvol.errors import SimulationError
+from pdvol.potentials.potential import Positions
+from pdvol.solve.globalization import Projection, promised_decrease
+from pdvol.solve.incremental_potential import IncrementalPotential
+from pdvol.solve.iteration import Iteration, is_at_rounding, is_short, keeps_matrix, opens, step_factor, stops
+from pdvol.solve.remedies import no_remedies
+
+
+@dataclass
+class NewtonReport:
+    """What one solve did.
+
+    Attributes
+    ----------
+    converged : bool
+    reason : PETSc's name of why it stopped; "ROUNDING" where the energy cannot fall any further in double precision
+    iterations, linear_iterations, backtracks : int
+    hessians : matrices assembled; other iterations took the one before
+    step_cap : smallest cap put on a step by contact or inversion
+    gradient_norm : infinity norm of the gradient [kg m]
+    speed : size of the last full Newton step [m/s]
+    remedies : how often each remedy was taken
+    """
+
+    converged: bool = False
+    reason: str = ""
+    iterations: int = 0
+    linear_iterations: int = 0
+    hessians: int = 0
+    backtracks: int = 0
+    step_cap: float = 1.0
+    gradient_norm: float = np.inf
+    speed: float = np.inf
+    remedies: dict[str, int] = field(default_factory=no_remedies)
+
+
+class Minimisation:
+    """The state of one solve from x.
+
+    Parameters
+    ----------
+    potential : IncrementalPotential
+    fixed : (n_owned,) bool
+        Vertices that do not move.
+    dt : length of the step [s]
+    tolerance : [m/s]
+    keep : share of a gap that a step which contact ends leaves
+
+    Attributes
+    ----------
+    report : NewtonReport
+    projection : of the next Hessian
+    gradient : (n_owned, d), zero in fixed rows
+    """
+
+    def __init__(
+        self,
+        potential: IncrementalPotential,
+        fixed: np.ndarray,
+        x: Positions,
+        dt: float,
+        tolerance: float,
+        keep: float,
+    ):
+        self.potential, self.comm = potential, potential.space.comm
+        self.report, self.projection, self.gradient = NewtonReport(), Projection(), np.zeros_like(x.owned)
+        self._fixed, self._dt, self._tolerance, self._keep = fixed, dt, tolerance, keep
+        self._states, self._energies = [x], []
+        self._last: Iteration | None = None
+        self._before: Iteration | None = None
+        self._matrix_age: int | None = None
+        self._trials = 0
+
+    # ---- states --------------------------------------------------------------------------------------------------------------
+
+    def positions(self, array: np.ndarray) -> Positions:
+        """The configuration of owned rows (n_owned, d); the last two are kept, so that terms share what they derived
+        from them. Collective.
+        """
+        for known in self._states:
+            if self.comm.allreduce(np.array_equal(known.owned, array), op=MPI.LAND):
+                return known
+        self._states = [Positions(self.potential.space, array.copy()), *self._states[:1]]
+        return self._states[0]
+
+    def energy(self, x: Positions) -> float:
+        """The potential at x, evaluated once for each of the last two states."""
+        for known, energy in self._energies:
+            if known is x:
+                return energy
+        energy = self.potential.value(x)
+        self._energies = [(x, energy), *self._energies[:1]]
+        return energy
+
+    def objective(self, x: Positions) -> float:
+        """The energy that the line search compares; at round-off the model's, which it accepts."""
+        last = self._last
+        if last is None or x is last.start:
+            return self.energy(x)
+        self._trials += 1
+        return last.energy + 0.5 * last.slope if last.at_rounding else self.energy(x)
+
+    def evaluate_gradient(self, x: Positions) -> np.ndarray:
+        """The gradient (n_owned, d) at x, zero in fixed rows."""
+        self.gradient = self.potential.gradient(x)
+        self.gradient[self._fixed] = 0.0
+        return self.gradient
+
+    def gradient_norm(self) -> float:
+        """Infinity norm of the last gradient [kg m]. Collective."""
+        return self.comm.allreduce(float(np.abs(self.gradient).max(initial=0.0)), op=MPI.MAX)
+
+    # ---- the matrix ----------------------------------------------------------------------------------------------------------
+
+    def keeps_matrix(self) -> bool:
+        """Whether the next iteration takes the last matrix; a new one is counted."""
+        if self._matrix_age is not None and keeps_matrix(self._last, self._before, self._tolerance):
+            self._matrix_age += 1
+            return True
+        self.renew_matrix()
+        return False
+
+    def renew_matrix(self) -> None:
+        """Counts an assembled matrix."""
+        self._matrix_age = 0
+        self.report.hessians += 1
+
+    def drop_matrix(self) -> None:
+        """The next iteration needs a new matrix."""
+        self._matrix_age = None
+
+    # ---- iterations ----------------------------------------------------------------------------------------------------------
+
+    def begin_iteration(self, x: Positions, direction: np.ndarray) -> float:
+        """Records Newton's direction (n_owned, d) at x; returns the factor of it that the line search begins with.
+
+        Raises SimulationError where the direction is not finite. Collective.
+        """
+        self.require_finite(direction)
+        speed = self._largest_row(direction) / self._dt
+        slope = self.comm.allreduce(float(np.vdot(self.gradient, direction)))
+        energy = self.energy(x)
+        gap = self.potential.min_gap(x) if is_short(speed, self._tolerance) else np.inf
+        at_rounding = is_at_rounding(slope, energy, self.potential.scale)
+        factor = step_factor(
+            x, direction, speed, at_rounding, self.projection, self._last, self._tolerance, self.comm.allreduce
+        )
+        length = factor * self.potential.max_step(x, factor * direction, keep=self._keep)
+        cap = min(1.0, length)
+        self.report.speed, self.report.step_cap = speed, min(self.report.step_cap, cap)
+        self._before, self._trials = self._last, 0
+        self._last = Iteration(
+            x,
+            energy,
+            direction,
+            slope,
+            speed,
+            self.projection,
+            self._matrix_age or 0,
+            at_rounding,
+            factor,
+            cap,
+            gap,
+        )
+        return length
+
+    def end_iteration(self, x: Positions, notices_indefinite: bool) -> str:
+        """Records the accepted state x, and chooses the next projection; returns why the solve ends (`stops`), or an
+        empty text. Collective.
+        """
+        last = self._last
+        if last is None:
+            return ""
+        last = replace(last, backtracks=max(0, self._trials - 1))
+        self.report.backtracks += last.backtracks
+        self.projection = self._next_projection(last, x, notices_indefinite)
+        if last.full and is_short(last.speed, self._tolerance):
+            last = replace(last, opened=opens(last.gap, self.potential.min_gap(x)))
+        self._last = last
+        return stops(last, self._before, self._tolerance)
+
+    def _next_projection(self, last: Iteration, x: Positions, notices_indefinite: bool) -> Projection:
+        if last.at_rounding:
+            return self.projection.after_rounding()
+        if last.lengthening > 1.0:  # beyond what a model promises
+            return self.projection
+        moved = x.owned - last.start.owned
+        promised = promised_decrease(last.slope, moved, last.direction, self.comm.allreduce)
+        decrease = self.energy(x) - last.energy
+        return self.projection.after(promised, decrease, last.full, last.cap, notices_indefinite)
+
+    def require_finite(self, direction: np.ndarray) -> None:
+        """Raises SimulationError on all ranks unless a direction is finite on all of them. Collective."""
+        if not self.comm.allreduce(bool(np.isfinite(direction).all()), op=MPI.LAND):
+            raise SimulationError("the linear solve gave NaN or infinity")
+
+    def _largest_row(self, rows: np.ndarray) -> float:
+        """Largest row length over all ranks."""
+        mine = np.sqrt(np.max(np.sum(rows**2, axis=1), initial=0.0))
+        return self.comm.allreduce(float(mine), op=MPI.MAX)
