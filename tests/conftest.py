@@ -1,6 +1,20 @@
-"""Helpers that tests of several folders share: the grids of hierarchy/shapes.py and the problems of solve/problems.py."""
+"""Made-up runs that the tests of storing, exporting, drawing and measuring share, written once."""
 
-import sys
-from pathlib import Path
+import pytest
+import runs
 
-sys.path += [str(Path(__file__).parent / folder) for folder in ("hierarchy", "solve")]
+
+@pytest.fixture(scope="session")
+def flat_run(tmp_path_factory):
+    return runs.stored_run(tmp_path_factory.mktemp("stored") / "flat", 2, (60, 200), 6)
+
+
+@pytest.fixture(scope="session")
+def solid_run(tmp_path_factory):
+    return runs.stored_run(tmp_path_factory.mktemp("stored") / "solid", 3, (150, 600), 4)
+
+
+@pytest.fixture
+def small_run(tmp_path):
+    """A run that a test may damage."""
+    return runs.stored_run(tmp_path / "run", 2, (60, 200), 6)

@@ -5,11 +5,12 @@ import numpy as np
 
 from pdvol.geometry.level_mesh import LevelMesh
 
-# Facets are enlarged by this for the ray test, so that a segment through a shared edge or corner cannot slip between
-# two of them.
-OVERLAP = 1e-9
-# A segment that ends on the surface hits it, whatever its last digits.
-END = 1e-9
+# Enlargement of facets for the ray test, relative to their size: without it a segment through a shared edge or corner
+# may pass between two of them.
+FACET_OVERLAP = 1e-9
+# Distance beyond a segment's end, relative to its length, at which it still hits: one that ends on the surface must hit,
+# whatever the rounding.
+SEGMENT_OVERRUN = 1e-9
 
 
 class BoundarySearch:
@@ -44,7 +45,7 @@ class BoundarySearch:
         self._triangles = (triangles - self._origin) / self._unit
         self._normals = normals / np.linalg.norm(normals, axis=1)[:, None]
         centres = self._triangles.mean(axis=1, keepdims=True)
-        self._soup = (centres + (1.0 + OVERLAP) * (self._triangles - centres)).reshape(-1, 3)
+        self._soup = (centres + (1.0 + FACET_OVERLAP) * (self._triangles - centres)).reshape(-1, 3)
         self._soup_faces = np.arange(len(self._soup), dtype=np.int64).reshape(-1, 3)
         self._soup_tree = igl.AABB()
         self._soup_tree.init(self._soup, self._soup_faces)
@@ -73,7 +74,7 @@ class BoundarySearch:
         normals = self._normals[facet[hit]]
         offsets = (normals * (self._triangles[facet[hit], 0] - starts[hit])).sum(axis=1)
         distance[hit] = np.maximum(offsets / (normals * directions[hit]).sum(axis=1), 0.0)
-        miss = ~(distance <= lengths * (1.0 + END))
+        miss = ~(distance <= lengths * (1.0 + SEGMENT_OVERRUN))
         facet[miss], distance[miss] = -1, np.inf
         return facet, distance * self._unit
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-PARALLEL = 1e-12  # of the product of two segments' squared lengths: as near to parallel as is divided by
+PARALLEL_TOLERANCE = 1e-12  # lower bound of the determinant, relative to the product of squared lengths: avoids 0 / 0
 
 
 def along(p, a, b) -> np.ndarray:
@@ -23,7 +23,7 @@ def closest(a, b, c, d) -> tuple[np.ndarray, np.ndarray]:
     """Closest points of the lines through segments ab and cd, as shares (k,) along each."""
     e, f, r = b - a, d - c, a - c
     ee, ef, ff, er, fr = _dot(e, e), _dot(e, f), _dot(f, f), _dot(e, r), _dot(f, r)
-    determinant = np.maximum(ee * ff - ef**2, PARALLEL * ee * ff + 1e-300)
+    determinant = np.maximum(ee * ff - ef**2, PARALLEL_TOLERANCE * ee * ff + 1e-300)
     return (ef * fr - ff * er) / determinant, (ee * fr - ef * er) / determinant
 
 

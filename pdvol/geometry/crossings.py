@@ -3,15 +3,15 @@ counts) tests here.
 
 Written apart from the solver's contact code, so that it can judge it. In 3D an edge crosses a triangle when its ends
 lie on different sides and its line passes through; in 2D two edges cross. Parallel contact, which has no such crossing,
-is found as a distance below `TOUCH` times the diagonal.
+is found as a distance below `TOUCHING_DISTANCE` times the diagonal.
 """
 
 import numpy as np
 
-FLAT = 1e-12
-"""Of the product of three lengths: a volume below it is that of coplanar points."""
-TOUCH = 1e-10
-"""Two primitives nearer than this fraction of the bounding box's diagonal touch: no barrier is finite there."""
+COPLANAR = 1e-12
+"""Volume of a parallelepiped, relative to the product of its edge lengths, below which its corners are coplanar."""
+TOUCHING_DISTANCE = 1e-10
+"""Distance, relative to the bounding box's diagonal, below which two primitives touch: no barrier is finite there."""
 
 
 def edges_of(faces: np.ndarray) -> np.ndarray:
@@ -65,14 +65,14 @@ def find_crossings(
 def find_touching(
     points: np.ndarray, edges: np.ndarray, faces: np.ndarray, groups: np.ndarray | None = None
 ) -> np.ndarray:
-    """Pairs of vertices (k, 2) int64, one of each primitive, whose primitives are nearer than `TOUCH` times the
+    """Pairs of vertices (k, 2) int64, one of each primitive, whose primitives are nearer than `TOUCHING_DISTANCE` times the
     diagonal.
     """
     import ipctk
 
     vertices, lines, triangles = fortran(points, edges, faces)
     mesh = ipctk.CollisionMesh(rest_positions=vertices, edges=lines, faces=triangles)
-    tolerance = TOUCH * float(np.linalg.norm(np.ptp(points, axis=0)))
+    tolerance = TOUCHING_DISTANCE * float(np.linalg.norm(np.ptp(points, axis=0)))
     near = ipctk.NormalCollisions()
     near.build(mesh=mesh, vertices=vertices, dhat=tolerance)
     pairs = []
@@ -120,7 +120,7 @@ def _segment_meets_triangle(segment: np.ndarray, triangle: np.ndarray) -> np.nda
     def volume(a, b, c, d):
         u, v, w = b - a, c - a, d - a
         value = np.einsum("ij,ij->i", np.cross(u, v), w)
-        noise = FLAT * np.linalg.norm(u, axis=1) * np.linalg.norm(v, axis=1) * np.linalg.norm(w, axis=1)
+        noise = COPLANAR * np.linalg.norm(u, axis=1) * np.linalg.norm(v, axis=1) * np.linalg.norm(w, axis=1)
         return np.where(np.abs(value) <= noise, 0.0, np.sign(value))
 
     p, q = segment[:, 0], segment[:, 1]

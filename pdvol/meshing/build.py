@@ -14,7 +14,7 @@ from pdvol.errors import InputError, MeshError
 from pdvol.geometry.crossings import edges_of
 from pdvol.geometry.level_mesh import LevelMesh, boundary_facets
 from pdvol.meshes import Outline, Solid, Surface
-from pdvol.meshing import cache as kept
+from pdvol.meshing import cache as mesh_cache
 from pdvol.meshing.decimate import decimate
 from pdvol.meshing.readers import read_shape
 from pdvol.meshing.region_labels import Regions, no_regions
@@ -23,8 +23,8 @@ from pdvol.meshing.triangulate import boundary_loops, triangulate
 from pdvol.meshing.validate import check_outline, check_solid, check_surface, drop_unused, outline_edges
 from pdvol.scene import Body, Rigid, Scene
 
-BUILDER = 1
-"""Raised when the same input would give other meshes, so that what is kept from before is not used."""
+BUILD_VERSION = 1
+"""Part of the cache's keys. Increase it by one when the same input gives different meshes, so that old ones are not used."""
 _MESHERS = ("pytetwild", "gmsh", "fast-simplification", "libigl")
 
 
@@ -37,17 +37,17 @@ def build_levels(scene: Scene, count: int | None = None, cache: Path | None = No
     count : int, optional
         Only the first (coarsest) so many levels; they are the same as in the full hierarchy.
     cache : Path, optional
-        Folder of kept meshes, `cache.default_folder()` if not given.
+        Folder of the mesh cache, `cache.default_folder()` if not given.
 
     Raises
     ------
     InputError
-        A shape is missing, unreadable or unfit; one line names the body.
+        A shape is missing, unreadable or invalid; the message of one line names the body.
     """
     levels = scene.levels if count is None else min(count, scene.levels)
     if levels < 1:
         raise InputError(f"count = {count!r}: a hierarchy needs at least one level")
-    folder = kept.default_folder() if cache is None else Path(cache)
+    folder = mesh_cache.default_folder() if cache is None else Path(cache)
     shapes: dict[tuple, list[Solid]] = {}
     built = [_body_levels(body, levels, folder, shapes) for body in scene.bodies]
     dims = {body.name: solids[0].vertices.shape[1] for body, solids in zip(scene.bodies, built, strict=True)}
@@ -62,7 +62,7 @@ def read_obstacle(rigid: Rigid) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     Raises
     ------
     InputError
-        It is missing, unreadable or unfit; with `closed` unset, open surfaces and polylines are fine.
+        It is missing, unreadable or invalid. Open surfaces and polylines are valid unless `rigid.closed` is set.
     """
     name = f"obstacle {rigid.name!r}"
     shape = read_shape(rigid.shape)
@@ -106,8 +106,8 @@ def _as_it_is(shape, name: str) -> Solid:
 
 
 def _meshed(shape, targets: tuple[int, ...], levels: int, folder: Path, key: str, name: str) -> list[Solid]:
-    """The first `levels` meshes of a shape in its own coordinates, from the cache where they are kept."""
-    # What it takes to mesh is prepared once, and only if some level is not kept.
+    """The first `levels` meshes of a shape in its own coordinates, from the cache where it has them."""
+    # The boundaries are prepared once, and only if the cache lacks some level.
     prepared: list = []
 
     def build(level: int) -> dict[str, np.ndarray]:
@@ -125,7 +125,7 @@ def _meshed(shape, targets: tuple[int, ...], levels: int, folder: Path, key: str
 
     solids = []
     for level in range(levels):
-        arrays = kept.fetch(folder, f"{key}-{level}", lambda level=level: build(level))
+        arrays = mesh_cache.fetch(folder, f"{key}-{level}", lambda level=level: build(level))
         solids.append(Solid(arrays["points"], arrays["cells"], arrays["regions"]))
     return solids
 
@@ -165,7 +165,7 @@ def _shape_key(shape, targets) -> str:
         except PackageNotFoundError:
             versions.append(package)
     arrays = (shape.points,) if isinstance(shape, Outline) else tuple(np.asarray(a) for a in vars(shape).values())
-    return kept.content_key(type(shape).__name__, *arrays, *(int(t) for t in targets), BUILDER, *versions)
+    return mesh_cache.content_key(type(shape).__name__, *arrays, *(int(t) for t in targets), BUILD_VERSION, *versions)
 
 
 def _concatenate(scene: Scene, solids: list[Solid]) -> LevelMesh:

@@ -1,4 +1,4 @@
-"""Keeps meshes by the content of what they were built from, in `${XDG_CACHE_HOME:-~/.cache}/pdvol/meshes`."""
+"""A cache of meshes in `${XDG_CACHE_HOME:-~/.cache}/pdvol/meshes`, keyed by the content they were built from."""
 
 import contextlib
 import hashlib
@@ -12,7 +12,7 @@ import numpy as np
 
 
 def default_folder() -> Path:
-    """Where meshes are kept."""
+    """The cache's folder."""
     home = os.environ.get("XDG_CACHE_HOME")
     return (Path(home) if home else Path.home() / ".cache") / "pdvol" / "meshes"
 
@@ -31,9 +31,9 @@ def content_key(*parts: np.ndarray | str | int) -> str:
 
 
 def fetch(folder: Path, key: str, build: Callable[[], dict[str, np.ndarray]]) -> dict[str, np.ndarray]:
-    """The arrays kept under `key`, or those that `build` returns, which are then kept.
+    """The arrays stored under `key`, or those that `build` returns, which are then stored.
 
-    A damaged entry is built again (the archive's checksums tell); a folder that cannot be written to is no error.
+    An entry whose checksums do not fit is built again. A folder that cannot be written to is no error.
     """
     path = folder / f"{key}.npz"
     with contextlib.suppress(OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):

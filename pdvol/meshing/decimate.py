@@ -12,8 +12,8 @@ from pdvol.errors import InputError, MeshError
 from pdvol.meshes import Surface
 from pdvol.meshing.validate import check_surface, shells
 
-SMALLEST = 4
-"""Vertices of the smallest closed surface, a tetrahedron."""
+MIN_SURFACE_VERTICES = 4
+"""Number of vertices of the smallest closed surface, a tetrahedron."""
 
 
 def topology(triangles: np.ndarray, n: int) -> tuple[int, int]:
@@ -24,8 +24,8 @@ def topology(triangles: np.ndarray, n: int) -> tuple[int, int]:
 def decimate(surface: Surface, target: int, name: str = "surface") -> Surface:
     """The surface with about `target` vertices, its shells and handles kept; unchanged where it has no more than that.
 
-    Several settings and libraries are tried until the result passes `check_surface`; the ones that block intersections,
-    slower, come last.
+    Several settings and libraries are tried until the result passes `check_surface`. Those that prevent intersections
+    are slower and come last.
 
     Raises
     ------
@@ -37,7 +37,7 @@ def decimate(surface: Surface, target: int, name: str = "surface") -> Surface:
         return surface
     wanted = topology(surface.triangles, n)
     reason = ""
-    for points, triangles in _attempts(surface, max(target, SMALLEST * wanted[0]), wanted[1]):
+    for points, triangles in _attempts(surface, max(target, MIN_SURFACE_VERTICES * wanted[0]), wanted[1]):
         try:
             result = check_surface(Surface(points, triangles), name)
         except InputError as error:

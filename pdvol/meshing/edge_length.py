@@ -1,5 +1,6 @@
-"""From a number of vertices to an edge length: what a mesh of nearly equilateral simplices has, and how to home in on a
-count.
+"""The edge length for a wanted number of vertices.
+
+`edge_length` predicts it for nearly equilateral simplices; `mesh_of_target_size` corrects it by meshing repeatedly.
 """
 
 from collections.abc import Callable
@@ -10,22 +11,26 @@ from scipy.optimize import brentq
 
 from pdvol.errors import InputError, MeshError
 
-AIM, ALLOWED = 0.15, 0.25
-"""A count within `AIM` of the target ends the search; within `ALLOWED` it is accepted once `PATIENCE` tries are used.
-"""
-TRIES, PATIENCE = 10, 4
+AIMED_DEVIATION = 0.15
+"""Relative deviation of the number of vertices from the target at which the search ends at once."""
+ACCEPTED_DEVIATION = 0.25
+"""Relative deviation at which a mesh is accepted after `ATTEMPTS_BEFORE_ACCEPTING` attempts; beyond it, never."""
+MAX_ATTEMPTS = 10
+"""Number of meshes after which the search gives up: each may take minutes."""
+ATTEMPTS_BEFORE_ACCEPTING = 4
+"""Number of meshes after which the search ends with one within `ACCEPTED_DEVIATION`."""
 
 
 @dataclass(frozen=True, eq=False)
-class Sized:
-    """A mesh and what led to it.
+class SizedMesh:
+    """A mesh and the edge length it was made with.
 
     Attributes
     ----------
     points : (n, d) float64 [m]
     cells : (m, d + 1) int64
     scale : float
-        Edge length asked of the mesher over the one `edge_length` predicts.
+        Edge length given to the mesher, relative to the one `edge_length` predicts.
     """
 
     points: np.ndarray
@@ -58,21 +63,21 @@ def edge_length(target: int, content: float, boundary: float, dim: int) -> float
     return float(np.exp(brentq(excess, low, high)))
 
 
-def home_in(
+def mesh_of_target_size(
     make: Callable[[float, int], tuple[np.ndarray, np.ndarray]], target: int, name: str, start: float, dim: int
-) -> Sized:
+) -> SizedMesh:
     """Call `make(scale, failures)` with edge-length factors until the number of points suits the target.
 
-    `make` raises InputError for a mesh that is no good; the next call is then told of one failure more.
+    `make` raises InputError for an invalid mesh; the next call then gets a `failures` that is larger by one.
 
     Raises
     ------
     MeshError
-        No mesh came within `ALLOWED` of the target: the closest count, or the last failure, is stated.
+        No mesh came within `ACCEPTED_DEVIATION` of the target. The message has the closest count or the last failure.
     """
     best, reason, failures = None, "", 0
     scale, history = start, []
-    for tried in range(1, TRIES + 1):
+    for tried in range(1, MAX_ATTEMPTS + 1):
         try:
             points, cells = make(scale, failures)
         except InputError as error:
@@ -83,36 +88,37 @@ def home_in(
         off = np.log(len(points) / target)
         history.append((np.log(scale), off))
         if best is None or abs(off) < best[0]:
-            best = (abs(off), Sized(points, cells, scale))
+            best = (abs(off), SizedMesh(points, cells, scale))
         share = abs(len(best[1].points) / target - 1.0)
-        if share <= AIM or (share <= ALLOWED and tried >= PATIENCE):
+        if share <= AIMED_DEVIATION or (share <= ACCEPTED_DEVIATION and tried >= ATTEMPTS_BEFORE_ACCEPTING):
             return best[1]
-        if _saturated(history):
+        if _count_stagnates(history):
             break
-        scale = float(np.exp(_next(history, dim)))
+        scale = float(np.exp(_next_log_scale(history, dim)))
     if best is None:
         raise MeshError(
             f"{name}: no valid mesh of about {target} vertices came out ({reason}); clean the surface or ask for more"
             " vertices"
         )
     n = len(best[1].points)
-    if abs(n / target - 1.0) <= ALLOWED:
+    if abs(n / target - 1.0) <= ACCEPTED_DEVIATION:
         return best[1]
     raise MeshError(f"{name}: {target} vertices cannot be had, the closest mesh has {n}; ask for about {n} instead")
 
 
-def _saturated(history) -> bool:
-    """Whether a much longer edge hardly lowered a count that is too high: the shape's own features then set it, at
-    growing cost.
+def _count_stagnates(history) -> bool:
+    """Whether a much longer edge hardly reduced a number of vertices that is too high.
+
+    Features of the shape then set the number, and meshing takes longer and longer.
     """
     last = history[-3:]
-    if len(last) < 3 or min(f for _, f in last) <= np.log(1.0 + ALLOWED):
+    if len(last) < 3 or min(f for _, f in last) <= np.log(1.0 + ACCEPTED_DEVIATION):
         return False
     (a, fa), (b, fb) = last[0], last[-1]
     return b - a > 0.4 and fa - fb < 0.15 * (b - a)
 
 
-def _next(history, dim: int) -> float:
+def _next_log_scale(history, dim: int) -> float:
     """Next log scale: between the nearest counts on either side of the target, else along the expected slope."""
     over = [p for p in history if p[1] > 0]
     under = [p for p in history if p[1] <= 0]

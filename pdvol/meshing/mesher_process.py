@@ -1,5 +1,6 @@
-"""Runs a mesher in a process of its own: its crash, hang or chatter, and the libraries it loads, then stay out of the
-solver's process.
+"""Runs a mesher in a process of its own.
+
+A mesher that crashes, hangs or prints, and the libraries that it loads, then do not affect the solver's process.
 """
 
 import shutil
@@ -14,10 +15,10 @@ import numpy as np
 from pdvol.errors import MeshError
 from pdvol.processes import die_with_parent, without_launcher
 
-# fTetWild shuffles with a std::mt19937 seeded from std::random_device, so the same input would give another mesh every
-# time. The child gets this definition instead (a linear congruential sequence), preloaded; libstdc++'s symbol name is
-# fixed by the Itanium C++ ABI.
-_FIXED_RANDOM = """
+# C source of a std::random_device that returns the same linear congruential sequence in every process. fTetWild shuffles
+# with a std::mt19937 that std::random_device seeds, so without it the same input would give a different mesh each time.
+# The library is preloaded in the mesher's process. The Itanium C++ ABI fixes the symbol's name in libstdc++.
+_SEEDED_RANDOM_DEVICE = """
 unsigned int _ZNSt13random_device9_M_getvalEv(void *self)
 {
     static unsigned int state = 1u;
@@ -28,15 +29,18 @@ unsigned int _ZNSt13random_device9_M_getvalEv(void *self)
 
 
 @cache
-def _fixed_random() -> bytes:
-    """The compiled replacement; empty without a C compiler or ELF preloading, and meshes then vary from build to build."""
+def _seeded_random_device() -> bytes:
+    """The shared library compiled from `_SEEDED_RANDOM_DEVICE`.
+
+    Empty without a C compiler or outside Linux; fTetWild's meshes then differ from build to build.
+    """
     compiler = shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
     if compiler is None or not sys.platform.startswith("linux"):
         return b""
     try:
         with tempfile.TemporaryDirectory(prefix="pdvol-compile-") as folder:
             source, library = Path(folder) / "fixed_random.c", Path(folder) / "fixed_random.so"
-            source.write_text(_FIXED_RANDOM)
+            source.write_text(_SEEDED_RANDOM_DEVICE)
             command = [compiler, "-shared", "-fPIC", "-O1", "-o", str(library), str(source)]
             done = subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, timeout=60)
             return b"" if done.returncode else library.read_bytes()
@@ -50,7 +54,7 @@ def run_worker(script: str, timeout: float, **arrays: np.ndarray) -> dict[str, n
     Parameters
     ----------
     script : file name, for example "gmsh_worker.py"; called with the paths of an input and an output npz file
-    timeout : seconds after which the child is stopped
+    timeout : time limit [s], after which the process is killed
     arrays : what the script reads
 
     Returns
@@ -60,14 +64,14 @@ def run_worker(script: str, timeout: float, **arrays: np.ndarray) -> dict[str, n
     Raises
     ------
     MeshError
-        The child crashed, ran out of time or reported an error; the last line it wrote is quoted.
+        The process crashed, exceeded the time limit or reported an error; the message quotes the last line it wrote.
     """
     env = without_launcher()
     path = Path(__file__).with_name(script)
     with tempfile.TemporaryDirectory(prefix="pdvol-mesh-") as folder:
-        if _fixed_random():
+        if _seeded_random_device():
             library = Path(folder) / "fixed_random.so"
-            library.write_bytes(_fixed_random())
+            library.write_bytes(_seeded_random_device())
             env["LD_PRELOAD"] = ":".join(filter(None, [str(library), env.get("LD_PRELOAD")]))
         given, made = Path(folder) / "in.npz", Path(folder) / "out.npz"
         np.savez(given, **arrays)
@@ -75,9 +79,15 @@ def run_worker(script: str, timeout: float, **arrays: np.ndarray) -> dict[str, n
             # -P: the script's own folder must not shadow other packages.
             done = subprocess.run(
                 [sys.executable, "-P", str(path), str(given), str(made)],
-                env=env, cwd=folder, stdin=subprocess.DEVNULL, capture_output=True, timeout=timeout, text=True, errors="replace",
+                env=env,
+                cwd=folder,
+                stdin=subprocess.DEVNULL,
+                capture_output=True,
+                timeout=timeout,
+                text=True,
+                errors="replace",
                 preexec_fn=die_with_parent,
-            )  # fmt: skip
+            )
         except subprocess.TimeoutExpired as error:
             raise MeshError(f"{path.stem} did not finish within {timeout:g} s") from error
         if done.returncode or not made.exists():

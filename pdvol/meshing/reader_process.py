@@ -1,5 +1,6 @@
-"""Work on files that nobody vouches for, in a forked child with a limit on its time and memory: its crash, hang or
-greed stays its own.
+"""Reads a file in a forked child process with limits on its time and memory.
+
+Libraries that read meshes may crash, hang or take all memory on a damaged file; only the child process then ends.
 """
 
 import contextlib
@@ -17,32 +18,33 @@ import numpy as np
 from pdvol.errors import InputError, MeshError
 from pdvol.processes import die_with_parent
 
-SECONDS, PER_SECOND = 6.0, 1e6  # allowed for any file, and bytes of it that buy another second
-ROOM, PER_BYTE = 600 * 2**20, 60  # bytes of memory for any file, and for each of its bytes
+BASE_SECONDS = 6.0  # time limit [s] for a file of no size: leaves time to load a library
+BYTES_PER_SECOND = 1e6  # file size [bytes] that adds one second to the limit: large files take longer to parse
+BASE_MEMORY = 600 * 2**20  # memory limit [bytes] for a file of no size, beyond what the process already uses
+MEMORY_PER_BYTE = 60  # memory [bytes] that each byte of the file adds to the limit: text is read into Python objects
 
 
-def read_bounded(path: Path, read: Callable[[Path], dict[str, np.ndarray]]) -> dict[str, np.ndarray]:
-    """`read(path)`, done in a child.
+def read_in_child_process(path: Path, read: Callable[[Path], dict[str, np.ndarray]]) -> dict[str, np.ndarray]:
+    """The result of `read(path)`, which runs in a child process.
 
     Raises
     ------
     MeshError
-        It crashed, or wanted more time or memory than files of this size do.
+        `read` crashed, or exceeded the limit on time or memory for a file of this size.
     InputError
-        As `read` raised.
+        As `read` raised it.
     """
     size = path.stat().st_size
-    seconds, room = SECONDS + size / PER_SECOND, int(ROOM + PER_BYTE * size)
+    seconds, memory = BASE_SECONDS + size / BYTES_PER_SECOND, int(BASE_MEMORY + MEMORY_PER_BYTE * size)
     with tempfile.TemporaryDirectory(prefix="pdvol-read-") as folder:
         answer = Path(folder) / "answer"
         watched, held = os.pipe()
         with warnings.catch_warnings():
-            warnings.simplefilter(
-                "ignore", DeprecationWarning
-            )  # of forks beside threads: the child needs none of their locks
+            # Python warns of forking a process that has threads; the child needs none of their locks.
+            warnings.simplefilter("ignore", DeprecationWarning)
             child = os.fork()
         if child == 0:
-            _work(path, read, answer, room)
+            _read_and_exit(path, read, answer, memory)
         os.close(held)
         try:
             ended = bool(select.select([watched], [], [], seconds)[0])  # the child's end closes with it
@@ -56,26 +58,26 @@ def read_bounded(path: Path, read: Callable[[Path], dict[str, np.ndarray]]) -> d
         if os.waitstatus_to_exitcode(status) == 0:
             with np.load(answer, allow_pickle=False) as data:
                 return dict(data)
-        told = answer.read_text(encoding="utf-8", errors="replace") if answer.exists() else ""
-        kind, _, message = told.partition(":")
+        written = answer.read_text(encoding="utf-8", errors="replace") if answer.exists() else ""
+        kind, _, message = written.partition(":")
         if kind == "InputError":
             raise InputError(message)
         raise MeshError(message or f"{path}: unreadable, its reader crashed; export the mesh again")
 
 
-def _work(path: Path, read: Callable, answer: Path, room: int) -> None:
-    """In the child, which never returns."""
+def _read_and_exit(path: Path, read: Callable, answer: Path, memory: int) -> None:
+    """Runs in the child process: writes the arrays or the error message to `answer` and exits."""
     code = 1
     try:
         die_with_parent()
         for number in (signal.SIGSEGV, signal.SIGBUS, signal.SIGFPE, signal.SIGABRT, signal.SIGTERM, signal.SIGINT):
-            signal.signal(number, signal.SIG_DFL)  # PETSc's handlers would end all ranks
+            signal.signal(number, signal.SIG_DFL)  # PETSc's handlers would abort all ranks
         used = (
             int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
             if os.path.exists("/proc/self/statm")
             else 2**32
         )
-        resource.setrlimit(resource.RLIMIT_AS, (used + room, used + room))
+        resource.setrlimit(resource.RLIMIT_AS, (used + memory, used + memory))
         resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
         try:
             arrays = read(path)
@@ -93,7 +95,7 @@ def _work(path: Path, read: Callable, answer: Path, room: int) -> None:
                 f"MeshError:{path}: wants more memory than a file of its size does; export the mesh again",
                 errors="replace",
             )
-    except BaseException:  # noqa: BLE001: nothing of the parent's may run on in the child
+    except BaseException:  # nothing of the parent's code may run on in the child
         with contextlib.suppress(BaseException):
             answer.unlink(missing_ok=True)
     finally:

@@ -1,10 +1,10 @@
 """Reads a shape from whatever a scene names: a file of a surface or a volume mesh, or arrays that are passed through.
 
-Which library reads what is a matter of measurement. For OBJ it is none: meshio refuses files whose normals or textures
-outnumber the vertices, trimesh and VTK split vertices along texture seams, libigl aborts the process on truncated ones.
-PLY, OFF and STL go through trimesh, for meshio never comes back from a PLY or OFF whose header is cut short. Whatever
-goes wrong inside a library becomes one line, and all of it happens in a child of limited time and memory
-(`bounded.py`).
+The library for each format was chosen by trying all of them. OBJ is read here: meshio refuses files that have more
+normals or texture coordinates than vertices, trimesh and VTK split vertices along texture seams, and libigl aborts the
+process on truncated files. PLY, OFF and STL are read by trimesh, because meshio never returns from a PLY or OFF with a
+truncated header. Any error of a library becomes a message of one line. All reading happens in a child process of
+limited time and memory (`reader_process.py`).
 """
 
 import shutil
@@ -18,8 +18,8 @@ import trimesh
 from pdvol.errors import InputError, MeshError
 from pdvol.meshes import Outline, Solid, Surface
 from pdvol.meshing.mesher_process import run_worker
-from pdvol.meshing.reader_process import PER_SECOND, SECONDS, read_bounded
-from pdvol.meshing.suppressed_output import silenced
+from pdvol.meshing.reader_process import BYTES_PER_SECOND, BASE_SECONDS, read_in_child_process
+from pdvol.meshing.suppressed_output import suppressed_output
 
 SURFACES = (".obj", ".ply", ".off", ".stl")
 VOLUMES = (".msh", ".vtk", ".vtu", ".mesh", ".xdmf")
@@ -67,7 +67,7 @@ def read_shape(shape: str | Path | Outline | Surface | Solid) -> Outline | Surfa
         raise InputError(f"{path}: cannot be opened ({error.strerror}); check its permissions") from error
     if not start:
         raise MeshError(f"{path}: the file is empty; export the mesh again")
-    read = read_bounded(path, _surface if suffix in SURFACES else _volume)
+    read = read_in_child_process(path, _surface if suffix in SURFACES else _volume)
     points = np.ascontiguousarray(read["points"], dtype=np.float64)
     if "triangles" in read:
         return Surface(points, _indices(path, read["triangles"]))
@@ -75,18 +75,18 @@ def read_shape(shape: str | Path | Outline | Surface | Solid) -> Outline | Surfa
 
 
 def _indices(path: Path, cells: np.ndarray) -> np.ndarray:
-    """As int32, which larger numbers would silently turn into others."""
+    """The cells as int32, after a check that all indices fit: numpy would wrap larger ones silently."""
     if cells.size and (cells.min() < -(2**31) or cells.max() >= 2**31):
         raise MeshError(f"{path}: cells use vertices beyond number {2**31 - 1:,}; export the mesh again")
     return np.ascontiguousarray(cells, dtype=np.int32)
 
 
 def _attempts(path: Path, readers):
-    """The first result of `readers`; the first failure is told if all fail."""
+    """The result of the first of `readers` that succeeds; if all fail, the error states the first reason."""
     reasons = []
     for reader in readers:
         try:
-            with silenced():
+            with suppressed_output():
                 return reader(path)
         except MemoryError:
             raise
@@ -223,8 +223,10 @@ def _with_meshio_known_sections(path: Path) -> meshio.Mesh:
 
 
 def _with_vtk(path: Path) -> meshio.Mesh:
-    """Legacy and XML VTK as VTK itself reads them, in a child process: VTK ends the process on some truncated files."""
-    read = run_worker("vtk_worker.py", SECONDS + path.stat().st_size / PER_SECOND, path=np.array(str(path.resolve())))
+    """Legacy and XML VTK files, read by VTK in a process of its own: VTK ends the process on some truncated files."""
+    read = run_worker(
+        "vtk_worker.py", BASE_SECONDS + path.stat().st_size / BYTES_PER_SECOND, path=np.array(str(path.resolve()))
+    )
     labels = {name.removeprefix("label "): values for name, values in read.items() if name.startswith("label ")}
     blocks = [(kind, read[kind]) for kind in ("tetra", "triangle") if len(read[kind])]
     starts = {"tetra": 0, "triangle": len(read["tetra"])}

@@ -16,7 +16,7 @@ class Regions:
     near ones does.
     """
 
-    NEAR = 32
+    NEARBY_CELLS = 32  # input cells tried per new cell: those whose centroids are nearest
 
     def __init__(self, solid: Solid):
         self.solid = solid
@@ -29,7 +29,7 @@ class Regions:
         if (self.solid.regions == self.solid.regions[0]).all():
             return np.full(len(cells), self.solid.regions[0], dtype=np.int32)
         centroids = points[cells].mean(axis=1)
-        near = self.tree.query(centroids, k=min(self.NEAR, len(self.solid.cells)))[1].reshape(len(cells), -1)
+        near = self.tree.query(centroids, k=min(self.NEARBY_CELLS, len(self.solid.cells)))[1].reshape(len(cells), -1)
         inner = np.einsum("ckij,ckj->cki", self.inverse[near], centroids[:, None] - self.origins[near])
         # How far outside each near cell the centroid is; the first of the containing ones, else the nearest.
         outside = np.maximum(-inner.min(axis=2), inner.sum(axis=2) - 1.0)

@@ -1,4 +1,4 @@
-"""Silence for libraries that print: meshio, libigl and VTK write to the C-level streams as well as to Python's."""
+"""Suppresses what libraries print: meshio, libigl and VTK write to the C-level streams as well as to Python's."""
 
 import contextlib
 import io
@@ -8,8 +8,8 @@ from collections.abc import Iterator
 
 
 @contextlib.contextmanager
-def silenced() -> Iterator[None]:
-    """Nothing written to standard output or error inside this block reaches the terminal."""
+def suppressed_output() -> Iterator[None]:
+    """Discards all that is written to standard output and standard error within the `with` block."""
     sys.stdout.flush()
     sys.stderr.flush()
     saved = [(fd, os.dup(fd)) for fd in (1, 2)]

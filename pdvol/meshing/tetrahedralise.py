@@ -10,17 +10,17 @@ import numpy as np
 from pdvol.errors import InputError, MeshError
 from pdvol.geometry.level_mesh import boundary_facets, simplex_volumes
 from pdvol.meshes import Surface
-from pdvol.meshing.decimate import SMALLEST, topology
-from pdvol.meshing.edge_length import Sized, edge_length, expected_vertices, home_in
+from pdvol.meshing.decimate import MIN_SURFACE_VERTICES, topology
+from pdvol.meshing.edge_length import SizedMesh, edge_length, expected_vertices, mesh_of_target_size
 from pdvol.meshing.mesher_process import run_worker
 from pdvol.meshing.validate import check_surface, drop_unused, shells
 
-ENVELOPE = 0.1
-"""fTetWild may move the surface by this fraction of the edge length: a tighter envelope costs minutes and forbids
-coarse boundaries.
+ENVELOPE_WIDTH = 0.1
+"""Distance that fTetWild may move the surface, relative to the edge length: less takes minutes and prevents coarse
+boundaries.
 """
-LOWEST_QUALITY = 0.02
-"""Mean-ratio quality below which a mesh is refused; fTetWild's worst are near 0.35."""
+MIN_QUALITY = 0.02
+"""Mean-ratio quality of a mesh's worst cell below which it is refused; fTetWild's worst cells have about 0.35."""
 
 
 def mean_ratio(points: np.ndarray, cells: np.ndarray) -> np.ndarray:
@@ -41,8 +41,8 @@ def measure(surface: Surface) -> tuple[float, float]:
 
 
 def surface_share(surface: Surface, target: int) -> int:
-    """How many of `target` vertices the surface should be decimated to: its expected share, and some to spare for its
-    finer features.
+    """Number of vertices that the surface of a mesh of `target` vertices should have: the expected number and a fifth
+    more, for finer features.
     """
     volume, area = measure(surface)
     return min(
@@ -50,9 +50,9 @@ def surface_share(surface: Surface, target: int) -> int:
     )
 
 
-def tetrahedralise(surface: Surface, target: int, name: str = "surface", keep_boundary: bool = False) -> Sized:
-    """A tetrahedral mesh of about `target` vertices (see `sizing`), its boundary a valid surface with the given one's
-    shells and handles.
+def tetrahedralise(surface: Surface, target: int, name: str = "surface", keep_boundary: bool = False) -> SizedMesh:
+    """A tetrahedral mesh of about `target` vertices (see `edge_length`). Its boundary is a valid surface with the shells
+    and handles of the given one.
 
     Parameters
     ----------
@@ -66,7 +66,7 @@ def tetrahedralise(surface: Surface, target: int, name: str = "surface", keep_bo
     Raises
     ------
     MeshError
-        No such mesh was found within the bounded number of tries, or TetGen is not installed.
+        No such mesh was found within `MAX_ATTEMPTS`, or TetGen is not installed.
     """
     volume, area = measure(surface)
     if volume <= 0:
@@ -76,16 +76,16 @@ def tetrahedralise(surface: Surface, target: int, name: str = "surface", keep_bo
             f"{name}: keeping the boundary needs TetGen (AGPL), which is not installed; run pip install tetgen"
         )
     h = edge_length(target, volume, area, 3)
-    parts = separate(surface)
+    parts = split_shells(surface)
     if len(parts) > 1:
-        # fTetWild also meshes the space between, and refines where parts are near each other: apart, they cost nothing
-        # more.
-        shares = [max(round(expected_vertices(h, *measure(part), 3)[1]), SMALLEST) for part in parts]
+        # fTetWild also meshes the space between parts and refines where they are near each other: meshing them one by
+        # one avoids both.
+        shares = [max(round(expected_vertices(h, *measure(part), 3)[1]), MIN_SURFACE_VERTICES) for part in parts]
         return _merged(
             [tetrahedralise(part, share, name, keep_boundary) for part, share in zip(parts, shares, strict=True)]
         )
-    # fTetWild refines towards curved and thin parts, the more the coarser the mesh: measured on spot, goathead and
-    # torus.
+    # fTetWild refines curved and thin parts, relatively more in coarser meshes: measured on the shapes spot, goathead
+    # and torus.
     start = 1.0 if keep_boundary else 1.0 + 12.0 / np.sqrt(target)
     diagonal = float(np.linalg.norm(np.ptp(surface.vertices, axis=0)))
     wanted = topology(surface.triangles, len(surface.vertices))
@@ -104,7 +104,7 @@ def tetrahedralise(surface: Surface, target: int, name: str = "surface", keep_bo
                 **given,
             )
             return _checked(made["points"], made["cells"], wanted, name, strict=True)
-        epsilon = min(ENVELOPE * scale * h, envelope) / diagonal
+        epsilon = min(ENVELOPE_WIDTH * scale * h, envelope) / diagonal
         try:
             made = run_worker(
                 "tet_worker.py",
@@ -116,14 +116,14 @@ def tetrahedralise(surface: Surface, target: int, name: str = "surface", keep_bo
             )
             return _checked(made["points"], made["cells"], wanted, name, strict=failures < 3)
         except InputError:
-            # Parts closer than two envelopes merge: whatever comes later must stay tighter than what failed.
+            # Parts closer than two envelopes merge: all later attempts use a tighter envelope than the failed one.
             envelope = 0.5 * epsilon * diagonal
             raise
 
-    return home_in(make, target, name, start, 3)
+    return mesh_of_target_size(make, target, name, start, 3)
 
 
-def separate(surface: Surface) -> list[Surface]:
+def split_shells(surface: Surface) -> list[Surface]:
     """The shells of a surface, each on its own; the whole surface where some shell is a cavity of another."""
     owner = shells(surface.triangles, len(surface.vertices))
     parts = []
@@ -133,13 +133,13 @@ def separate(surface: Surface) -> list[Surface]:
     return parts if all(measure(part)[0] > 0 for part in parts) else [surface]
 
 
-def _merged(meshes: list[Sized]) -> Sized:
-    """Several meshes in one set of arrays. Their boundaries moved by less than an envelope each; `start_check` tells if
-    they then cross.
+def _merged(meshes: list[SizedMesh]) -> SizedMesh:
+    """Several meshes in one set of arrays. Their boundaries have moved by less than an envelope each;
+    `levels.initial_state` finds out if they then cross.
     """
     starts = np.cumsum([0, *(len(m.points) for m in meshes)])
     cells = np.vstack([m.cells + start for m, start in zip(meshes, starts, strict=False)])
-    return Sized(np.vstack([m.points for m in meshes]), cells, meshes[0].scale)
+    return SizedMesh(np.vstack([m.points for m in meshes]), cells, meshes[0].scale)
 
 
 def _checked(points: np.ndarray, cells: np.ndarray, wanted: tuple[int, int], name: str, strict: bool):
@@ -152,7 +152,7 @@ def _checked(points: np.ndarray, cells: np.ndarray, wanted: tuple[int, int], nam
     negative = simplex_volumes(points, cells) < 0
     cells[negative] = cells[negative][:, [1, 0, 2, 3]]
     worst = float(mean_ratio(points, cells).min())
-    if worst < LOWEST_QUALITY:
+    if worst < MIN_QUALITY:
         raise MeshError(f"{name}: the worst cell has quality {worst:.2g}")
     facets, _ = boundary_facets(cells)
     boundary, triangles = drop_unused(points, facets)
@@ -161,7 +161,7 @@ def _checked(points: np.ndarray, cells: np.ndarray, wanted: tuple[int, int], nam
     except InputError as error:
         raise MeshError(str(error)) from error
     count, euler = topology(triangles, len(boundary))
-    # A noisy scan's tiniest handles do not survive coarsening: after enough failures only the number of parts must
+    # The smallest handles of a noisy scan are lost in coarsening: after enough failures only the number of shells must
     # agree.
     if count != wanted[0] or (strict and euler != wanted[1]):
         raise MeshError(

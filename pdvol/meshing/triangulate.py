@@ -6,18 +6,18 @@ import numpy as np
 from pdvol.errors import IntersectionError, MeshError
 from pdvol.geometry.crossings import find_crossings
 from pdvol.geometry.level_mesh import simplex_volumes
-from pdvol.meshing.edge_length import Sized, edge_length, home_in
+from pdvol.meshing.edge_length import SizedMesh, edge_length, mesh_of_target_size
 from pdvol.meshing.mesher_process import run_worker
 from pdvol.meshing.validate import drop_unused, outline_edges, signed_area
 
-CORNER = np.pi / 4.0
-"""Turns sharper than this [rad] are corners of the shape and stay on every level."""
-STRAIGHT = 0.1
-"""Bends within this fraction of the edge length are no corners."""
+CORNER_ANGLE = np.pi / 4.0
+"""Angle [rad] between successive segments above which their vertex is a corner of the shape and stays on every level."""
+STRAIGHT_TOLERANCE = 0.1
+"""Distance from a straight line, relative to the edge length, below which vertices of the outline are left out."""
 
 
-def triangulate(loops: list[np.ndarray], target: int, name: str = "outline") -> Sized:
-    """A triangle mesh of about `target` vertices (see `sizing`).
+def triangulate(loops: list[np.ndarray], target: int, name: str = "outline") -> SizedMesh:
+    """A triangle mesh of about `target` vertices (see `edge_length`).
 
     Parameters
     ----------
@@ -30,7 +30,7 @@ def triangulate(loops: list[np.ndarray], target: int, name: str = "outline") -> 
     Raises
     ------
     MeshError
-        No such mesh was found within the bounded number of tries.
+        No such mesh was found within `MAX_ATTEMPTS`.
     """
     content = sum(signed_area(loop) for loop in loops)
     boundary = sum(float(np.linalg.norm(np.roll(loop, -1, axis=0) - loop, axis=1).sum()) for loop in loops)
@@ -55,7 +55,7 @@ def triangulate(loops: list[np.ndarray], target: int, name: str = "outline") -> 
         cells[negative] = cells[negative][:, [1, 0, 2]]
         return points, cells
 
-    return home_in(make, target, name, 1.0, 2)
+    return mesh_of_target_size(make, target, name, 1.0, 2)
 
 
 def boundary_loops(points: np.ndarray, edges: np.ndarray, name: str) -> list[np.ndarray]:
@@ -99,7 +99,7 @@ def resample(loop: np.ndarray, h: float) -> np.ndarray:
     ahead = np.roll(loop[kept], -1, axis=0) - loop[kept]
     behind = np.roll(ahead, 1, axis=0)
     turn = np.arctan2(behind[:, 0] * ahead[:, 1] - behind[:, 1] * ahead[:, 0], (behind * ahead).sum(axis=1))
-    corners = kept[np.abs(turn) > CORNER]
+    corners = kept[np.abs(turn) > CORNER_ANGLE]
     least = 1 if len(corners) > 2 else 3
     if len(corners) == 0:
         corners, least = np.array([0]), 6
@@ -114,10 +114,10 @@ def resample(loop: np.ndarray, h: float) -> np.ndarray:
 
 
 def _simplified(curve: np.ndarray, h: float) -> np.ndarray:
-    """Indices of the points that a polyline keeps within `STRAIGHT` edge lengths."""
+    """Indices of the points that a polyline keeps within `STRAIGHT_TOLERANCE` edge lengths."""
     if len(curve) < 3:
         return np.arange(len(curve))
-    return np.asarray(igl.ramer_douglas_peucker(np.ascontiguousarray(curve), STRAIGHT * h)[1], dtype=np.int64)
+    return np.asarray(igl.ramer_douglas_peucker(np.ascontiguousarray(curve), STRAIGHT_TOLERANCE * h)[1], dtype=np.int64)
 
 
 def _resampled(loops: list[np.ndarray], h: float, name: str) -> list[np.ndarray]:

@@ -1,4 +1,4 @@
-"""Pre-flight checks of one shape. Every error is one line that names the primitives and the mend."""
+"""Checks of one shape before it is used. Every error is one line that names the primitives and what to do."""
 
 import igl
 import numpy as np
@@ -10,8 +10,8 @@ from pdvol.geometry.crossings import edges_of, find_crossings, find_touching
 from pdvol.geometry.level_mesh import simplex_volumes
 from pdvol.meshes import Outline, Solid, Surface
 
-FLAT = 1e-12
-"""A simplex whose measure is below this fraction of its longest edge's power is flat."""
+FLAT_SIMPLEX = 1e-12
+"""Measure (length, area, volume) of a simplex, relative to its longest edge to that power, below which it is flat."""
 
 
 def _some(indices, shown: int = 5) -> str:
@@ -129,7 +129,7 @@ def check_surface(surface: Surface, name: str = "surface", closed: bool = True) 
     corners = points[triangles]
     areas = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
     longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
-    flat = np.flatnonzero(areas <= FLAT * longest**2)
+    flat = np.flatnonzero(areas <= FLAT_SIMPLEX * longest**2)
     if len(flat):
         raise MeshError(f"{name}: triangles {_some(flat)} have no area; merge or remove their vertices")
     doubled = _duplicates(triangles)
@@ -170,7 +170,7 @@ def check_outline(outline: Outline, name: str = "outline", closed: bool = True) 
     segments = outline_edges(n, closed)
     points, segments = _check_arrays(name, points, segments, "segments", (2,))
     lengths = np.linalg.norm(points[segments[:, 1]] - points[segments[:, 0]], axis=1)
-    short = np.flatnonzero(lengths <= FLAT * np.linalg.norm(np.ptp(points, axis=0)))
+    short = np.flatnonzero(lengths <= FLAT_SIMPLEX * np.linalg.norm(np.ptp(points, axis=0)))
     if len(short):
         mend = "remove the repeated points (the first is not repeated at the end)"
         raise MeshError(f"{name}: segments {_some(short)} have no length; {mend}")
@@ -221,7 +221,7 @@ def check_solid(solid: Solid, name: str = "mesh") -> Solid:
     longest = np.max(
         [np.linalg.norm(corners - np.roll(corners, k, axis=1), axis=2).max(axis=1) for k in range(1, dim)], axis=0
     )
-    flat = np.flatnonzero(np.abs(volumes) <= FLAT * longest**dim)
+    flat = np.flatnonzero(np.abs(volumes) <= FLAT_SIMPLEX * longest**dim)
     if len(flat):
         raise InvertedCellError(f"{name}: cells {_some(flat)} are flat; mesh the shape again", flat)
     inverted = np.flatnonzero(volumes < 0)

@@ -1,14 +1,11 @@
 """The benchmark of contact laws gives the figures that docs/contact.md tells, and says how a scene failed."""
 
-import sys
 from pathlib import Path
 
+import contact_laws
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
-sys.path.append(str(ROOT / "benchmarks"))
-
-import contact_laws  # noqa: E402
 
 
 @pytest.mark.parametrize(

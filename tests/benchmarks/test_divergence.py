@@ -1,8 +1,8 @@
 """Distances between levels: those of `pdvol metrics` for neighbours, and nothing between levels that only follow."""
 
-import sys
 from pathlib import Path
 
+import divergence
 import numpy as np
 import pytest
 
@@ -11,8 +11,6 @@ from pdvol.cli import run
 from pdvol.commands.measuring import measure
 
 ROOT = Path(__file__).resolve().parents[2]
-sys.path.insert(0, str(ROOT / "benchmarks"))
-import divergence
 
 
 @pytest.fixture(scope="module")

@@ -1,17 +1,12 @@
 """The comparison of methods, short; and what it judges by, on shapes whose answer is known."""
 
 import json
-import sys
-from pathlib import Path
 from types import SimpleNamespace
 
-import numpy as np
-import pytest
-
-ROOT = Path(__file__).resolve().parents[2]
-sys.path.insert(0, str(ROOT / "benchmarks"))
 import method_studies
 import methods
+import numpy as np
+import pytest
 
 from pdvol.geometry.level_mesh import boundary_facets
 

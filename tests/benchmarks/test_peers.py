@@ -6,18 +6,16 @@ import sys
 from pathlib import Path
 from types import SimpleNamespace
 
-import numpy as np
-import pytest
-
-ROOT = Path(__file__).resolve().parents[2]
-sys.path.insert(0, str(ROOT / "benchmarks"))
 import measure
+import numpy as np
 import peer_scenes
 import peers
+import pytest
 import report
 
 from pdvol.geometry.level_mesh import boundary_facets
 
+ROOT = Path(__file__).resolve().parents[2]
 needs_peers = pytest.mark.skipif(
     not (peer_scenes.PEERS / "README.md").is_file(), reason="the peers' meshes are not there"
 )

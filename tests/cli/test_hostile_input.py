@@ -19,7 +19,7 @@ import pytest
 from cli_scenes import FALL, pdvol, write
 
 from pdvol.errors import InputError
-from pdvol.meshing.reader_process import read_bounded
+from pdvol.meshing.reader_process import read_in_child_process
 from pdvol.meshing.readers import SURFACES, VOLUMES, read_shape
 
 POINTS = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1], [1, 1, 1]])
@@ -164,10 +164,10 @@ def _crash(path):
     ("work", "told"), [(_hang, "not read within"), (_devour, "wants more memory"), (_crash, "its reader crashed")]
 )
 def test_what_a_reader_does_stays_its_own(tmp_path, monkeypatch, work, told):
-    monkeypatch.setattr("pdvol.meshing.reader_process.SECONDS", 0.5)
+    monkeypatch.setattr("pdvol.meshing.reader_process.BASE_SECONDS", 0.5)
     path = write(tmp_path / "a.obj", "v 0 0 0\n")
     with pytest.raises(InputError, match=told):
-        read_bounded(path, work)
+        read_in_child_process(path, work)
 
 
 # ---- settings

@@ -3,11 +3,11 @@ interpenetrating.
 """
 
 import importlib.util
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
+import verify_run
 
 from pdvol import Scene, open_run
 from pdvol.cli import run
@@ -26,9 +26,6 @@ RUN_BY_A_TEST = {
     "tracks",
     "twist",
 }
-
-sys.path.insert(0, str(ROOT / "tests"))
-import verify_run
 
 
 def load(path):

@@ -6,6 +6,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import extreme_scenes
 import pytest
 import verify_run
 
@@ -13,9 +14,6 @@ import pdvol
 from pdvol.runs.scene_file import load_shot
 
 ROOT = Path(__file__).resolve().parents[2]
-sys.path.insert(0, str(ROOT / "benchmarks"))
-import extreme_scenes
-
 FILE = ROOT / "benchmarks" / "extreme_scenes.py"
 SHORT = {
     # row: steps, enough that something touches

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import stress_scenes
 import verify_run
 
 import pdvol
@@ -18,9 +19,6 @@ from pdvol.runs.scene_file import load_shot
 from pdvol.scene import Rigid
 
 ROOT = Path(__file__).resolve().parents[2]
-sys.path.insert(0, str(ROOT / "benchmarks"))
-import stress_scenes
-
 FILE = ROOT / "benchmarks" / "stress_scenes.py"
 GRIDS = ("mat_on_knives", "rods_twist", "mat_twist", "card_house", "masonry_arch", "tight_fit", "mat_on_knives_levels")
 MESHED = sorted(set(stress_scenes.SCENES) - set(GRIDS) - {f"erleben_{name}" for name in stress_scenes.PAIRS})

@@ -3,14 +3,10 @@ tolerance on others.
 """
 
 import json
-import sys
-from pathlib import Path
 
+import golden
 import numpy as np
 import pytest
-
-sys.path.insert(0, str(Path(__file__).parent))
-import golden
 
 # Relative to the scene's diagonal. Newton stops at 1e-3 diagonals/s, so at 1e-5 diagonals a step of 0.01 s; other
 # rounding moves that by up to as much in each of 40 steps.

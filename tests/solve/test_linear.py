@@ -5,8 +5,6 @@ ladder.
 import numpy as np
 import pytest
 from mpi4py import MPI
-from pdvol.solve.linear.coarse_space import SHIFT, CoarseSpace, grid_weights
-from pdvol.solve.linear.system_matrix import SystemMatrix
 from petsc4py import PETSc
 from problems import block, make_problem, make_scene
 from scipy.sparse import csr_array
@@ -17,7 +15,9 @@ from pdvol.levels.space import LevelSpace
 from pdvol.potentials.assembly.block_pattern import BlockPattern
 from pdvol.potentials.assembly.hessian_blocks import HessianBlocks
 from pdvol.scene import Gravity, NeoHookean, Solver, Support
+from pdvol.solve.linear.coarse_space import SHIFT, CoarseSpace, grid_weights
 from pdvol.solve.linear.solver import SHIFTS, LinearSolver
+from pdvol.solve.linear.system_matrix import SystemMatrix
 from pdvol.solve.newton import Newton
 
 COMM = MPI.COMM_SELF

@@ -16,7 +16,7 @@ KILLS = 10
 VERTICES = 400
 
 _WRITE = """
-import sys; sys.path.insert(0, {folder!r})
+import sys; sys.path[:0] = {folders!r}
 import test_kill, runs
 from pdvol.store.writer import RunWriter
 print("ready", flush=True)
@@ -27,7 +27,7 @@ with RunWriter.open({run!r}) as writer:
 """
 
 _CREATE = """
-import sys; sys.path.insert(0, {folder!r})
+import sys; sys.path[:0] = {folders!r}
 import runs, test_store
 from pdvol.store.writer import RunWriter
 meshes = runs.level_meshes(2, (60, 2000, 6000))
@@ -43,7 +43,8 @@ def state(step: int) -> np.ndarray:
 
 def killed_after(seconds: float, program: str, run: Path) -> None:
     """Start a program, wait until it has said "ready" and `seconds` more, and kill it."""
-    code = program.format(folder=str(Path(__file__).parent), run=str(run))
+    folders = [str(Path(file).parent) for file in (__file__, runs.__file__)]
+    code = program.format(folders=folders, run=str(run))
     with subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True) as process:
         assert process.stdout.readline() == "ready\n"
         time.sleep(seconds)

@@ -3,13 +3,9 @@ regions under all loads.
 """
 
 import sys
-from pathlib import Path
 
 import numpy as np
 from mpi4py import MPI
-
-sys.path.append(str(Path(__file__).parents[1] / "hierarchy"))
-
 from shapes import box
 
 from pdvol.integrate.marches import Start, direct

@@ -1,4 +1,4 @@
-"""What a program of this folder leaves on several numbers of ranks."""
+"""What a program leaves on several numbers of ranks."""
 
 import os
 import shutil
@@ -14,6 +14,7 @@ PATIENCE = 300  # seconds: a machine that does much else takes several times the
 # takes too long.
 ENVIRONMENT = {
     "OMP_NUM_THREADS": "1",
+    "PYTHONPATH": str(Path(__file__).parent),
     "OMPI_MCA_mpi_yield_when_idle": "1",
     "MPIEXEC_TIMEOUT": str(PATIENCE),
     "OMPI_MCA_rmaps_base_oversubscribe": "1",
@@ -21,7 +22,7 @@ ENVIRONMENT = {
 }
 
 
-def results_on(counts: tuple[int, ...], folder: Path, program: str, *words: str) -> list:
+def results_on(counts: tuple[int, ...], folder: Path, program: Path, *words: str) -> list:
     """The arrays that `program WORDS FILE.npz` writes on one rank and on more, its `ranks` checked. Skips where nothing
     starts several.
     """
@@ -31,7 +32,7 @@ def results_on(counts: tuple[int, ...], folder: Path, program: str, *words: str)
     results = []
     for count in counts:
         out = folder / f"{count}.npz"
-        command = [sys.executable, str(Path(__file__).with_name(program)), *words, str(out)]
+        command = [sys.executable, str(program), *words, str(out)]
         command = command if count == 1 else [mpirun, "-n", str(count), *command]
         done = subprocess.run(
             command, env={**os.environ, **ENVIRONMENT}, capture_output=True, text=True, timeout=PATIENCE + 20

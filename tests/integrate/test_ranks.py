@@ -1,10 +1,13 @@
 """The number of ranks does not change the motion."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from fall_on_ranks import SIZE, STEPS
 from on_ranks import results_on
 
+PROGRAM = Path(__file__).with_name("fall_on_ranks.py")
 SAME = 1e-6  # of the scene's size, over the first 20 steps with the direct solver
 
 
@@ -20,7 +23,7 @@ SAME = 1e-6  # of the scene's size, over the first 20 steps with the direct solv
     ],
 )
 def test_one_rank_and_more_agree(d, ranks, law, tmp_path):
-    one, more = results_on((1, ranks), tmp_path, "fall_on_ranks.py", str(d), law)
+    one, more = results_on((1, ranks), tmp_path, PROGRAM, str(d), law)
     assert more["owned"].min() > 0
     assert one["positions"].shape[0] == STEPS
     np.testing.assert_array_equal(one["cuts"], 0)  # a cut step on one side only would be another motion

@@ -24,7 +24,7 @@ from pdvol.scene import (
     Translation,
     moved,
 )
-from pdvol.solve.linear.solver import solver as linear
+from pdvol.solve.linear import solver as linear
 
 X = np.array([[1.0, 0.0, 2.0], [0.0, 1.0, -1.0]])
 SOLVER = Solver(tolerance=1e-4)

@@ -3,13 +3,9 @@ bar against contact.
 """
 
 import sys
-from pathlib import Path as File
 
 import numpy as np
 from mpi4py import MPI
-
-sys.path.append(str(File(__file__).parents[1] / "hierarchy"))
-
 from problems import block, make_problem, make_scene, polyline
 
 from pdvol.integrate.marches import Start, direct

@@ -1,13 +1,11 @@
 """Binding: who is inside, the right branch, the right body, the same on any number of ranks."""
 
-import os
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 from mpi4py import MPI
+from on_ranks import results_on
 from shapes import box, comb, comb_branch, fold, fold_branch, grid, level, together
 
 from pdvol.errors import MeshError
@@ -176,17 +174,7 @@ def test_levels_that_do_not_match():
 @pytest.mark.parametrize("d", [2, 3])
 def test_one_rank_and_two_agree(d, tmp_path):
     """Binding and matrices of all interpolants are the same to the last bit, whatever the partition."""
-    results = []
-    for ranks in (1, 2):
-        out = tmp_path / f"{ranks}.npz"
-        command = [sys.executable, str(Path(__file__).with_name("binding_on_ranks.py")), str(d), str(out)]
-        command = command if ranks == 1 else ["mpirun", "-n", str(ranks), *command]
-        done = subprocess.run(
-            command, env={**os.environ, "OMP_NUM_THREADS": "1"}, capture_output=True, text=True, timeout=120
-        )
-        assert done.returncode == 0, done.stderr
-        results.append(np.load(out))
-    assert (int(results[0]["ranks"]), int(results[1]["ranks"])) == (1, 2)
-    assert set(INTERPOLANTS) < set(results[0].files)
-    for name in set(results[0].files) - {"ranks"}:
-        np.testing.assert_array_equal(results[0][name], results[1][name], err_msg=name)
+    one, two = results_on((1, 2), tmp_path, Path(__file__).with_name("binding_on_ranks.py"), str(d))
+    assert set(INTERPOLANTS) < set(one.files)
+    for name in set(one.files) - {"ranks"}:
+        np.testing.assert_array_equal(one[name], two[name], err_msg=name)

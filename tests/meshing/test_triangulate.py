@@ -6,7 +6,7 @@ import pytest
 from pdvol import meshes
 from pdvol.errors import MeshError
 from pdvol.geometry.level_mesh import boundary_facets, simplex_volumes
-from pdvol.meshing.edge_length import ALLOWED
+from pdvol.meshing.edge_length import ACCEPTED_DEVIATION
 from pdvol.meshing.tetrahedralise import mean_ratio
 from pdvol.meshing.triangulate import boundary_loops, resample, triangulate
 
@@ -18,7 +18,7 @@ SHAPES = {"disc": meshes.disc(1.0, 200), "comb": meshes.comb(), "folded": meshes
 def test_a_mesh_of_the_wanted_size(name, target):
     outline = SHAPES[name].points
     mesh = triangulate([outline], target)
-    assert abs(len(mesh.points) / target - 1.0) <= ALLOWED
+    assert abs(len(mesh.points) / target - 1.0) <= ACCEPTED_DEVIATION
     assert simplex_volumes(mesh.points, mesh.cells).min() > 0.0
     assert mean_ratio(mesh.points, mesh.cells).min() > 0.1
     x, y = outline.T

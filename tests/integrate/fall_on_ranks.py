@@ -3,13 +3,9 @@ rigid obstacle.
 """
 
 import sys
-from pathlib import Path
 
 import numpy as np
 from mpi4py import MPI
-
-sys.path.append(str(Path(__file__).parents[1] / "hierarchy"))
-
 from problems import SOFT, block, make_problem, make_scene, polyline, tetrahedron
 from shapes import together
 

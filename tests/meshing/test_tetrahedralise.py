@@ -9,7 +9,7 @@ from pdvol.meshes import Surface
 from pdvol import meshes
 from pdvol.errors import MeshError
 from pdvol.geometry.level_mesh import boundary_facets, simplex_volumes
-from pdvol.meshing.edge_length import ALLOWED, edge_length, expected_vertices
+from pdvol.meshing.edge_length import ACCEPTED_DEVIATION, edge_length, expected_vertices
 from pdvol.meshing.tetrahedralise import mean_ratio, tetrahedralise
 from pdvol.meshing.validate import check_surface, drop_unused
 
@@ -19,7 +19,7 @@ from pdvol.meshing.validate import check_surface, drop_unused
 )
 def test_a_mesh_of_the_wanted_size(surface, target):
     mesh = tetrahedralise(surface, target)
-    assert abs(len(mesh.points) / target - 1.0) <= ALLOWED
+    assert abs(len(mesh.points) / target - 1.0) <= ACCEPTED_DEVIATION
     assert len(np.unique(mesh.cells)) == len(mesh.points), "no unused points"
     volumes = simplex_volumes(mesh.points, mesh.cells)
     assert volumes.min() > 0.0
