@@ -18,7 +18,9 @@ from scipy.optimize import brentq
 
 from pdvol.errors import PdvolError
 from pdvol.geometry.level_mesh import LevelMesh
-from pdvol.integrate.stepper import LevelProblem
+from pdvol.integrate.integrator import State
+from pdvol.integrate.stepper import Stepper
+from pdvol.levels.model import level_model
 from pdvol.levels.space import LevelSpace
 from pdvol.potentials.contact import barrier_law
 from pdvol.scene import LAWS, Barrier, Body, Friction, Gravity, NeoHookean, Placement, Plane, Scene, Solver
@@ -56,7 +58,7 @@ def march(bodies, law: str, steps: int, dt: float, velocity, friction=()) -> dic
         owners,
         np.zeros(len(cells), dtype=np.int32),
     )
-    problem = LevelProblem(scene, LevelSpace(mesh, MPI.COMM_SELF), 0, diagonal=1.0)
+    problem = Stepper(level_model(scene, mesh, 0, 1.0), LevelSpace(mesh, MPI.COMM_SELF))
     x, v, reports, start = (
         mesh.points,
         np.tile(np.asarray(velocity, dtype=float), (len(mesh.points), 1)),
@@ -64,7 +66,7 @@ def march(bodies, law: str, steps: int, dt: float, velocity, friction=()) -> dic
         time.perf_counter(),
     )
     for number in range(1, steps + 1):
-        reports.append(problem.step(number, x, v))
+        reports.append(problem.step(number, (State(x, v),)))
         v, x = (reports[-1].positions - x) / dt, reports[-1].positions
     return {"mesh": mesh, "reports": reports, "seconds": (time.perf_counter() - start) / steps}
 

@@ -90,10 +90,11 @@ def scene_obstacles(scene: Scene, geometry: Sequence[Geometry] | None = None) ->
     if len(rigid) != len(shapes):
         raise InputError(f"{len(shapes)} obstacle meshes for {len(rigid)} rigid obstacles; give one for each")
     remaining = iter(shapes)
-    return tuple(_plane(o) if isinstance(o, Plane) else _rigid(o, next(remaining)) for o in scene.obstacles)
+    return tuple(plane_obstacle(o) if isinstance(o, Plane) else _rigid(o, next(remaining)) for o in scene.obstacles)
 
 
-def _plane(plane: Plane) -> Obstacle:
+def plane_obstacle(plane: Plane) -> Obstacle:
+    """A half-space of a scene."""
     point, normal = np.asarray(plane.point, dtype=float), np.asarray(plane.normal, dtype=float)
     ends = np.stack([point, point + normal / np.linalg.norm(normal)])
     nothing = np.zeros((0, 2), dtype=np.int64), np.zeros((0, 3), dtype=np.int64)

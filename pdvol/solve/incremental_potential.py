@@ -97,23 +97,23 @@ class IncrementalPotential:
             total = total + self.weight * part
         return total
 
-    def add_hessian(self, x: Positions, into: HessianBlocks) -> None:
-        """Adds the Hessian, positive definite unless `into.positive` is "none", to blocks that are zero.
+    def add_hessian(self, x: Positions, weight: float, into: HessianBlocks) -> None:
+        """Adds weight times the Hessian, positive definite unless `into.positive` is "none", to blocks that are zero.
 
         Raises SimulationError, naming the term, where one is not finite. Collective.
         """
-        into.add_masses(self.mass)
+        into.add_masses(weight * self.mass)
         for term in self.terms:
             with self._part(term):
-                term.add_hessian(x, self.weight, into)
+                term.add_hessian(x, weight * self.weight, into)
         if not self.space.comm.allreduce(into.finite(), op=MPI.LAND):
-            self._name_hessian(x, into)
+            self._name_hessian(x, weight, into)
 
-    def _name_hessian(self, x: Positions, into: HessianBlocks) -> None:
+    def _name_hessian(self, x: Positions, weight: float, into: HessianBlocks) -> None:
         """Raises for the first term whose Hessian is not finite, found by evaluating each alone."""
         for term in self.terms:
             into.clear()
-            term.add_hessian(x, self.weight, into)
+            term.add_hessian(x, weight * self.weight, into)
             self._require_finite(
                 term.name, "Hessian", np.array([np.sum(into.cells), *(np.sum(blocks) for *_, blocks in into.added)])
             )

@@ -158,7 +158,7 @@ class Newton:
         projection = self._solve.projection
         self._blocks.clear()
         self._blocks.positive, self._blocks.quick = projection.mode, projection.quick
-        self.potential.add_hessian(x, self._blocks)
+        self.potential.add_hessian(x, 1.0, self._blocks)
 
     def _assemble(self) -> None:
         self._previous = self._system.petsc  # SNES still holds it while the callback runs

@@ -12,7 +12,7 @@ from cli_scenes import SQUARE, pdvol, write
 
 from pdvol import open_run
 from pdvol.runs.stored_fields import SceneFields, stored_scene
-from pdvol.solve.remedies import RUNGS
+from pdvol.solve.remedies import REMEDIES
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 import verify_run
@@ -50,7 +50,7 @@ def test_nothing_is_crossed_where_things_truly_are(folder):
     assert verify_run.verify(folder / "whole") == []
     for level in run.levels:
         last = level.log[-1]
-        assert last["behind"] > 0.0 and 0.0 <= last["reached"] < 1.0 and last["ladder"]["substeps"] > 0
+        assert last["behind"] > 0.0 and 0.0 <= last["reached"] < 1.0 and last["remedies"]["substeps"] > 0
         ram, plate = level.placed(run.obstacles, last["step"])
         fall = 8.0 * (last["time"] - last["behind"])
         np.testing.assert_allclose(plate.plane(0)[0], (0.0, 1.2 - fall), atol=1e-12)
@@ -120,5 +120,5 @@ def test_a_motion_that_fails_ends_in_one_line(folder, capfd):
 
 def test_the_log_counts_every_rung(folder):
     for record in map(json.loads, (folder / "whole" / "log.jsonl").read_text().splitlines()):
-        assert set(record["ladder"]) == set(RUNGS)
-        assert record["ladder"]["halvings"] == record["cuts"]
+        assert set(record["remedies"]) == set(REMEDIES)
+        assert record["remedies"]["halvings"] == record["cuts"]

@@ -2,7 +2,7 @@
 
 import pytest
 from mpi4py import MPI
-from problems import make_scene
+from problems import make_model, make_scene
 from shapes import box, together
 
 import pdvol.levels.hierarchy as hierarchy_module
@@ -90,7 +90,7 @@ def terms(*contact, loads=(), damping=0.0):
     scene = make_scene(
         (law, law), contact=contact, obstacles=(Plane((0.0, -0.01), (0.0, 1.0)),) if contact else (), loads=loads
     )
-    return [term.name for term in build_terms(scene, LevelSpace(mesh, MPI.COMM_SELF), 1.0).potentials]
+    return [term.name for term in build_terms(make_model(scene, mesh), LevelSpace(mesh, MPI.COMM_SELF)).potentials]
 
 
 def test_no_friction_builds_no_tangential_sets(monkeypatch):

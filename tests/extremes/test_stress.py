@@ -14,9 +14,9 @@ import verify_run
 
 import pdvol
 from pdvol.levels.initial_state import check_start
-from pdvol.meshing.build import build_levels, read_obstacle
+from pdvol.levels.obstacles import scene_obstacles
+from pdvol.meshing.build import build_levels
 from pdvol.runs.scene_file import load_shot
-from pdvol.scene import Rigid
 
 ROOT = Path(__file__).resolve().parents[2]
 FILE = ROOT / "benchmarks" / "stress_scenes.py"
@@ -28,7 +28,7 @@ def started(name):
     """A scene's levels, once they have been found to start well."""
     scene = stress_scenes.scene(name)
     levels = build_levels(scene)
-    check_start(levels, [read_obstacle(o) for o in scene.obstacles if isinstance(o, Rigid)], scene)
+    check_start(levels, scene_obstacles(scene), [body.name for body in scene.bodies])
     return levels
 
 

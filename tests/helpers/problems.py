@@ -4,8 +4,12 @@ import numpy as np
 from mpi4py import MPI
 from shapes import grid
 
-from pdvol.integrate.stepper import LevelProblem
+from pdvol.integrate.integrator import State
+from pdvol.integrate.report import StepReport
+from pdvol.integrate.stepper import Stepper
 from pdvol.levels.materials import cell_materials
+from pdvol.levels.model import LevelModel, level_model
+from pdvol.levels.obstacles import scene_obstacles
 from pdvol.levels.space import LevelSpace
 from pdvol.potentials.elasticity import elastic_terms
 from pdvol.scene import Body, NeoHookean, Scene, Solver
@@ -30,8 +34,18 @@ def elastic(space, *materials):
     return elastic_terms(space, cell_materials(make_scene(materials), space.mesh))
 
 
-def make_problem(scene, mesh, obstacles=(), comm=MPI.COMM_WORLD) -> LevelProblem:
-    return LevelProblem(scene, LevelSpace(mesh, comm), 0, diagonal=1.0, obstacles=obstacles)
+def make_model(scene, mesh, obstacles=(), level=0, materials=None, diagonal=1.0) -> LevelModel:
+    """A scene on a mesh; `obstacles` is the geometry of its `Rigid` ones."""
+    return level_model(scene, mesh, level, diagonal, scene_obstacles(scene, obstacles), materials)
+
+
+def make_stepper(scene, mesh, obstacles=(), comm=MPI.COMM_WORLD) -> Stepper:
+    return Stepper(make_model(scene, mesh, obstacles), LevelSpace(mesh, comm))
+
+
+def take_step(stepper, number, positions, velocity) -> StepReport:
+    """One step from positions (n, d) with velocity (n, d)."""
+    return stepper.step(number, (State(positions, velocity),))
 
 
 def masses(problem) -> np.ndarray:
@@ -40,7 +54,7 @@ def masses(problem) -> np.ndarray:
 
 
 def polyline(vertices):
-    """A closed 2D obstacle's geometry, as `LevelProblem` takes it."""
+    """A closed 2D obstacle's geometry, as `make_model` takes it."""
     n = len(vertices)
     return (
         np.asarray(vertices, dtype=float),
@@ -50,6 +64,6 @@ def polyline(vertices):
 
 
 def tetrahedron(vertices):
-    """A rigid tetrahedron's geometry, as `LevelProblem` takes it."""
+    """A rigid tetrahedron's geometry, as `make_model` takes it."""
     edges = np.array([[0, 1], [0, 2], [0, 3], [1, 2], [1, 3], [2, 3]])
     return np.asarray(vertices, dtype=float), edges, np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])

@@ -6,7 +6,7 @@ import sys
 
 import numpy as np
 from mpi4py import MPI
-from problems import SOFT, block, make_problem, make_scene, polyline, tetrahedron
+from problems import SOFT, block, make_scene, make_stepper, polyline, tetrahedron
 from shapes import together
 
 from pdvol.integrate.marches import Start, direct
@@ -56,8 +56,8 @@ def scene_of(d, law):
 def main(d, law, out):
     comm = MPI.COMM_WORLD
     scene, mesh, obstacles, velocity = scene_of(d, law)
-    problem = make_problem(scene, mesh, obstacles, comm)
-    reports = list(direct(problem, Start(0, mesh.points, velocity), scene.steps))
+    problem = make_stepper(scene, mesh, obstacles, comm)
+    reports = list(direct(problem, Start.at_rest(mesh.points, velocity), scene.steps))
     owned = comm.gather(problem.space.n_owned)
     if comm.rank == 0:
         np.savez(

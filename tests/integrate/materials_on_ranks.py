@@ -9,9 +9,10 @@ from mpi4py import MPI
 from shapes import box
 
 from pdvol.integrate.marches import Start, direct
-from pdvol.integrate.stepper import LevelProblem
+from pdvol.integrate.stepper import Stepper
 from pdvol.levels.hierarchy import Hierarchy
 from pdvol.levels.materials import level_materials
+from pdvol.levels.model import level_model
 from pdvol.scene import (
     Body,
     FixedCorotational,
@@ -58,9 +59,9 @@ def main(d, out):
     comm, scene = MPI.COMM_WORLD, scene_of(d)
     hierarchy = Hierarchy([box(d, 2), box(d, 4)], comm)
     materials = level_materials(scene, hierarchy, 1)
-    problem = LevelProblem(scene, hierarchy[1], 1, 1.0, materials=materials)
+    problem = Stepper(level_model(scene, hierarchy[1].mesh, 1, 1.0, materials=materials), hierarchy[1])
     mesh = hierarchy[1].mesh
-    reports = list(direct(problem, Start(0, mesh.points, np.zeros_like(mesh.points)), scene.steps))
+    reports = list(direct(problem, Start.at_rest(mesh.points, np.zeros_like(mesh.points)), scene.steps))
     if comm.rank == 0:
         np.savez(
             out,

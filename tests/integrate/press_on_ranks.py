@@ -6,7 +6,7 @@ import sys
 
 import numpy as np
 from mpi4py import MPI
-from problems import block, make_problem, make_scene, polyline
+from problems import block, make_scene, make_stepper, polyline
 
 from pdvol.integrate.marches import Start, direct
 from pdvol.scene import Barrier, Path, Plane, Rigid, Rotation, Sequential, Solver, Support
@@ -27,15 +27,15 @@ def main(out):
         supports=(Support(lambda X: X[:, 1] < 1e-9, release=0.15), Support(lambda X: X[:, 0] < 1e-9, release=0.05)),
         solver=Solver(tolerance=1e-5, linear="direct"),
     )
-    problem = make_problem(scene, mesh, (bar,), comm)
-    reports = list(direct(problem, Start(0, mesh.points, 0.0 * mesh.points), scene.steps))
+    problem = make_stepper(scene, mesh, (bar,), comm)
+    reports = list(direct(problem, Start.at_rest(mesh.points, 0.0 * mesh.points), scene.steps))
     if comm.rank == 0:
         np.savez(
             out,
             ranks=comm.size,
             positions=[r.positions for r in reports],
             behind=[r.behind for r in reports],
-            substeps=[r.ladder["substeps"] for r in reports],
+            substeps=[r.remedies["substeps"] for r in reports],
         )
 
 

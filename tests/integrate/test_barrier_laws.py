@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from problems import block, make_problem, make_scene
+from problems import block, make_scene, make_stepper, take_step
 from scipy.optimize import brentq
 
 from pdvol.errors import InputError
@@ -29,10 +29,10 @@ def rest(d, law, n, start=0.9, friction=()):
     )
     lift = start * DHAT
     mesh = block((0.0,) * (d - 1) + (lift,), (SIDE,) * (d - 1) + (SIDE + lift,), n)
-    problem = make_problem(scene, mesh)
+    problem = make_stepper(scene, mesh)
     x, v, reports = mesh.points, np.zeros_like(mesh.points), []
     for number in range(1, 41):
-        reports.append(problem.step(number, x, v))
+        reports.append(take_step(problem, number, x, v))
         v, x = (reports[-1].positions - x) / scene.dt, reports[-1].positions
     assert np.abs(v).max() < 1e-3
     low = mesh.points[:, -1] < lift + 1e-9

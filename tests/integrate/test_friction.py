@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from problems import block, make_problem, make_scene, masses, polyline, tetrahedron
+from problems import block, make_scene, make_stepper, masses, polyline, take_step, tetrahedron
 from shapes import together
 
 from pdvol.errors import InputError
@@ -41,7 +41,7 @@ def slide(d, kind, tangent, n, steps, friction):
         solver=Solver(tolerance=1e-7, linear="direct"),
     )
     mesh = block((0.0,) * (d - 1) + (0.88 * DHAT,), (0.2,) * (d - 1) + (0.1,), (2 * n,) * (d - 1) + (n,))
-    return run(make_problem(scene, mesh, geometry), steps)
+    return run(make_stepper(scene, mesh, geometry), steps)
 
 
 def run(problem, steps, velocity=None):
@@ -49,8 +49,8 @@ def run(problem, steps, velocity=None):
     x, mesh = problem.space.mesh.points, problem.space.mesh
     v, weights, speeds, reports = np.zeros_like(x) if velocity is None else velocity, masses(problem), [], []
     for number in range(1, steps + 1):
-        reports.append(problem.step(number, x, v))
-        v, x = (reports[-1].positions - x) / problem.scene.dt, reports[-1].positions
+        reports.append(take_step(problem, number, x, v))
+        v, x = (reports[-1].positions - x) / problem.model.dt, reports[-1].positions
         bodies = range(mesh.point_bodies.max() + 1)
         speeds.append(
             [np.average(v[mesh.point_bodies == b, 0], weights=weights[mesh.point_bodies == b]) for b in bodies]
@@ -108,7 +108,7 @@ def two_blocks(d, kind, friction, stacked):
         contact=(Barrier(dhat=DHAT), friction),
         solver=Solver(tolerance=1e-6, linear="direct"),
     )
-    return make_problem(scene, together(first, second), geometry)
+    return make_stepper(scene, together(first, second), geometry)
 
 
 @pytest.mark.parametrize("d", [2, 3])
@@ -183,7 +183,7 @@ def test_lagging_converges(d, kind):
             supports=(press,),
             contact=(Barrier(dhat=DHAT), Friction(0.5, eps_v=1e-2, iterations=most, tolerance=enough)),
         )
-        _, reports = run(make_problem(scene, mesh, geometry), 4)
+        _, reports = run(make_stepper(scene, mesh, geometry), 4)
         residuals[most, enough] = [report.friction_residual for report in reports]
         counts[most, enough] = [report.friction_iterations for report in reports]
         assert reports[-1].record()["friction_residual"] == residuals[most, enough][-1]
@@ -194,5 +194,5 @@ def test_lagging_converges(d, kind):
 
 def test_no_friction_no_residual():
     scene = make_scene((BLOCK,), obstacles=(ground(2, "plane")[0],), contact=(Barrier(dhat=DHAT),))
-    _, (report,) = run(make_problem(scene, block((0.0, 0.5 * DHAT), (0.2, 0.1), 1)), 1)
+    _, (report,) = run(make_stepper(scene, block((0.0, 0.5 * DHAT), (0.2, 0.1), 1)), 1)
     assert report.friction_residual is None and report.friction_iterations == 0

@@ -5,9 +5,11 @@ import pytest
 from mpi4py import MPI
 from problems import SOFT, block, make_scene
 
+from pdvol.integrate.integrator import State
 from pdvol.integrate.marches import Start, direct, embedded, guide, progressive
-from pdvol.integrate.stepper import LevelProblem
+from pdvol.integrate.stepper import Stepper
 from pdvol.levels.hierarchy import Hierarchy
+from pdvol.levels.model import level_model
 
 DT, STEPS, W = 0.1, 4, 0.3
 SHIFT = np.array([0.5, -0.2])  # m, per step and step: the coarse level is at t^2 SHIFT after t steps
@@ -34,13 +36,14 @@ def places(reports, rest):
 
 
 def guided(levels, scene, path):
-    return LevelProblem(scene, levels[1], 1, 1.0, guides=(guide(W, DT, levels.prolongation(1), path.__getitem__),))
+    guides = (guide(W, DT, levels.prolongation(1), path.__getitem__),)
+    return Stepper(level_model(scene, levels[1].mesh, 1, 1.0), levels[1], guides=guides)
 
 
 def test_tracks(pair):
     """x+ = (x + (x - x-) + 2 w target) / (1 + 2 w)."""
     levels, fine, scene, path = pair
-    reports = list(direct(guided(levels, scene, path), Start(0, fine.points, np.zeros_like(fine.points)), STEPS))
+    reports = list(direct(guided(levels, scene, path), Start.at_rest(fine.points, np.zeros_like(fine.points)), STEPS))
     expected, before, now = [], np.zeros(2), np.zeros(2)
     for t in range(1, STEPS + 1):
         before, now = now, (2 * now - before + 2 * W * t**2 * SHIFT) / (1 + 2 * W)
@@ -54,7 +57,7 @@ def test_progressive_with_consistency(pair):
     """x+ = (x + (x_c - x_c-) + 2 w target) / (1 + 2 w)."""
     levels, fine, scene, path = pair
     speeds = [np.zeros_like(path[0]), *np.diff(path, axis=0) / DT]
-    start = Start(0, fine.points, np.zeros_like(fine.points))
+    start = Start.at_rest(fine.points, np.zeros_like(fine.points))
     reports = list(progressive(guided(levels, scene, path), levels.prolongation(1), speeds.__getitem__, start, STEPS))
     expected, now = [], np.zeros(2)
     for t in range(1, STEPS + 1):
@@ -73,7 +76,7 @@ def test_embedded(pair):
         return 7 * len(asked)
 
     march = lambda step: embedded(
-        levels.prolongation(1), path.__getitem__, 1, Start(step, fine.points, fine.points), STEPS, DT, count
+        levels.prolongation(1), path.__getitem__, 1, Start(step, (State(fine.points, fine.points),)), STEPS, DT, count
     )
     reports = list(march(0))
     assert [(r.level, r.step, r.intersections, r.reason) for r in reports] == [

@@ -5,10 +5,11 @@ stored state.
 import numpy as np
 import pytest
 from mpi4py import MPI
-from problems import SOFT, block, make_problem, make_scene, masses, polyline, tetrahedron
+from problems import SOFT, block, make_model, make_scene, make_stepper, masses, polyline, tetrahedron
 
+from pdvol.integrate.integrator import State
 from pdvol.integrate.marches import Start, direct, progressive
-from pdvol.integrate.stepper import LevelProblem
+from pdvol.integrate.stepper import Stepper
 from pdvol.levels.hierarchy import Hierarchy
 from pdvol.potentials.build import build_terms
 from pdvol.potentials.potential import Positions
@@ -51,8 +52,8 @@ def falling(d, tolerance, steps, dt=0.01, friction=0.3, contact=True):
 
 
 def run(scene, mesh, obstacles, velocity):
-    problem = make_problem(scene, mesh, obstacles)
-    return list(direct(problem, Start(0, mesh.points, velocity), scene.steps))
+    problem = make_stepper(scene, mesh, obstacles)
+    return list(direct(problem, Start.at_rest(mesh.points, velocity), scene.steps))
 
 
 # ---- the continuity metric
@@ -68,7 +69,7 @@ def continuity(scene, problem, obstacles, positions, number):
     """
     before, now, after = positions[number - 2 : number + 1]
     space, dt = problem.space, scene.dt
-    terms = build_terms(scene, space, 1.0, obstacles)
+    terms = build_terms(make_model(scene, space.mesh, obstacles), space)
     start, end = Positions(space, space.from_input(now)), Positions(space, space.from_input(after))
     force = np.zeros_like(start.owned)
     for term in terms.potentials:
@@ -85,8 +86,8 @@ def continuity(scene, problem, obstacles, positions, number):
 @pytest.mark.parametrize("contact", [True, False], ids=["contact", "free"])
 def test_continuity_of_a_direct_run_is_a_quarter(d, steps, contact):
     scene, mesh, obstacles, velocity = falling(d, LOOSE, steps, contact=contact)
-    problem = make_problem(scene, mesh, obstacles)
-    reports = list(direct(problem, Start(0, mesh.points, velocity), steps))
+    problem = make_stepper(scene, mesh, obstacles)
+    reports = list(direct(problem, Start.at_rest(mesh.points, velocity), steps))
     assert all(report.cuts == 0 for report in reports), "a cut step has another x_hat"
     assert not contact or sum(report.contacts > 0 for report in reports) >= 4
     positions = [mesh.points, *(report.positions for report in reports)]
@@ -112,12 +113,12 @@ def test_progressive_on_the_same_mesh_repeats_direct(d):
     levels = Hierarchy([mesh, mesh], MPI.COMM_WORLD)
     prolongation = levels.prolongation(1)
     assert abs(prolongation.weights - np.eye(len(mesh.points))).max() < 1e-12
-    problems = [LevelProblem(scene, levels[i], i, 1.0, obstacles) for i in range(2)]
-    coarse = list(direct(problems[0], Start(0, mesh.points, velocity), scene.steps))
+    problems = [Stepper(make_model(scene, mesh, obstacles, i), levels[i]) for i in range(2)]
+    coarse = list(direct(problems[0], Start.at_rest(mesh.points, velocity), scene.steps))
     places = [mesh.points, *(report.positions for report in coarse)]
     speeds = [velocity, *np.diff(places, axis=0) / scene.dt]
     fine = list(
-        progressive(problems[1], prolongation, speeds.__getitem__, Start(0, mesh.points, velocity), scene.steps)
+        progressive(problems[1], prolongation, speeds.__getitem__, Start.at_rest(mesh.points, velocity), scene.steps)
     )
     assert [report.step for report in fine] == list(range(1, scene.steps + 1))
     assert max(report.contacts for report in coarse) > 0
@@ -134,7 +135,7 @@ def test_progressive_follows_the_coarse_velocity():
     coarse, fine = block((0.0, 0.0), (1.0, 1.0), 1), block((0.0, 0.0), (1.0, 1.0), 3, jitter=0.1)
     scene = make_scene((SOFT,), dt=0.1, steps=3)
     levels = Hierarchy([coarse, fine], MPI.COMM_WORLD)
-    problem = LevelProblem(scene, levels[1], 1, 1.0)
+    problem = Stepper(make_model(scene, fine, level=1), levels[1])
     asked = []
 
     def speeds(step):
@@ -142,7 +143,7 @@ def test_progressive_follows_the_coarse_velocity():
         return np.tile([1.0 + step, -2.0], (len(coarse.points), 1))
 
     reports = list(
-        progressive(problem, levels.prolongation(1), speeds, Start(0, fine.points, np.zeros_like(fine.points)), 3)
+        progressive(problem, levels.prolongation(1), speeds, Start.at_rest(fine.points, np.zeros_like(fine.points)), 3)
     )
     assert asked == [0, 1, 2]
     # Speeds 1, 2 and 3 along x and -2 along y, each for 0.1 s.
@@ -171,8 +172,8 @@ def test_two_scenes_in_one_process_agree_with_each_alone(d):
         *second[1:],
     )
     alone = [run(*first), run(*second)]
-    problems = [make_problem(*scene[:3]) for scene in (first, second)]
-    marches = [direct(p, Start(0, s[1].points, s[3]), 8) for p, s in zip(problems, (first, second), strict=True)]
+    problems = [make_stepper(*scene[:3]) for scene in (first, second)]
+    marches = [direct(p, Start.at_rest(s[1].points, s[3]), 8) for p, s in zip(problems, (first, second), strict=True)]
     together = list(zip(*marches, strict=True))
     for single, both in zip(zip(*alone, strict=True), together, strict=True):
         for a, b in zip(single, both, strict=True):
@@ -192,8 +193,8 @@ def test_resumed_equals_uninterrupted(d, at):
     whole = run(scene, mesh, obstacles, velocity)
     assert max(report.contacts for report in whole) > 0
     before = mesh.points if at == 1 else whole[at - 2].positions
-    start = Start(at, whole[at - 1].positions, (whole[at - 1].positions - before) / scene.dt)
-    resumed = list(direct(make_problem(scene, mesh, obstacles), start, scene.steps))
+    start = Start(at, (State(whole[at - 1].positions, (whole[at - 1].positions - before) / scene.dt),))
+    resumed = list(direct(make_stepper(scene, mesh, obstacles), start, scene.steps))
     assert [report.step for report in resumed] == list(range(at + 1, 11))
     for a, b in zip(whole[at:], resumed, strict=True):
         np.testing.assert_array_equal(a.positions, b.positions)
@@ -201,4 +202,4 @@ def test_resumed_equals_uninterrupted(d, at):
 
 def test_nothing_is_left_to_do():
     scene, mesh, obstacles, velocity = falling(2, 1e-4, 3)
-    assert list(direct(make_problem(scene, mesh, obstacles), Start(3, mesh.points, velocity), 3)) == []
+    assert list(direct(make_stepper(scene, mesh, obstacles), Start(3, (State(mesh.points, velocity),)), 3)) == []

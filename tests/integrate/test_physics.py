@@ -2,11 +2,12 @@
 
 import numpy as np
 import pytest
-from problems import block, make_problem, make_scene, masses
+from problems import block, make_scene, make_stepper, masses, take_step
 from shapes import box
 
 from pdvol.geometry.level_mesh import simplex_volumes
-from pdvol.integrate.stepper import LevelProblem
+from pdvol.integrate.stepper import Stepper
+from pdvol.potentials.potential import Positions
 from pdvol.scene import Barrier, Friction, Gravity, NeoHookean, Plane, Rotation, Solver, Support, Translation
 
 G = 9.81
@@ -17,8 +18,8 @@ def march(problem, steps, velocity=None, positions=None):
     x = problem.space.mesh.points if positions is None else positions
     v = np.zeros_like(x) if velocity is None else velocity
     for number in range(1, steps + 1):
-        report = problem.step(number, x, v)
-        v, x = (report.positions - x) / problem.scene.dt, report.positions
+        report = take_step(problem, number, x, v)
+        v, x = (report.positions - x) / problem.model.dt, report.positions
         yield report, v
 
 
@@ -42,7 +43,7 @@ def test_free_fall(d):
     scene = make_scene(loads=(Gravity((0.0,) * (d - 1) + (-G,)),), dt=0.02)
     mesh = box(d, 2, jitter=0.1)
     v0 = np.linspace(1.0, 2.0, d)
-    for report, _ in march(make_problem(scene, mesh), 10, np.tile(v0, (len(mesh.points), 1))):
+    for report, _ in march(make_stepper(scene, mesh), 10, np.tile(v0, (len(mesh.points), 1))):
         n = report.step
         fall = n * scene.dt * v0 - G * scene.dt**2 * n * (n + 1) / 2 * np.eye(d)[-1]
         np.testing.assert_allclose(report.positions, mesh.points + fall, rtol=1e-9, atol=1e-9)
@@ -64,7 +65,7 @@ def equilibrium(material, mesh, where, seconds, nearest):
         supports=(Support(where),),
         solver=Solver(tolerance=nearest / seconds, linear="direct"),
     )
-    ((report, _),) = march(make_problem(scene, mesh), 1)
+    ((report, _),) = march(make_stepper(scene, mesh), 1)
     assert report.cuts == 0
     return report.positions - mesh.points
 
@@ -132,7 +133,7 @@ def slope_motion(tangent, d, steps):
         solver=Solver(tolerance=1e-7, linear="direct"),
     )
     mesh = block((0.0,) * (d - 1) + (0.6 * dhat,), (0.2,) * (d - 1) + (0.1,), (2 if d == 2 else 1,) * (d - 1) + (1,))
-    problem = make_problem(scene, mesh)
+    problem = make_stepper(scene, mesh)
     m = masses(problem)
     return np.array([np.average(v[:, 0], weights=m) for _, v in march(problem, steps)]), scene.dt
 
@@ -171,7 +172,7 @@ def test_momentum_without_loads(d):
     v_{n+1} x v_n.
     """
     mesh = box(d, 2, jitter=0.1)
-    problem = make_problem(make_scene(dt=0.01, solver=Solver(tolerance=1e-7, linear="direct")), mesh)
+    problem = make_stepper(make_scene(dt=0.01, solver=Solver(tolerance=1e-7, linear="direct")), mesh)
     m = masses(problem)[:, None]
     centre = np.average(mesh.points, axis=0, weights=m[:, 0])
     r = mesh.points - centre
@@ -183,21 +184,22 @@ def test_momentum_without_loads(d):
     for report, v in march(problem, 8, old):
         assert report.cuts == 0
         np.testing.assert_allclose((m * v).sum(axis=0), momentum, rtol=1e-9)
-        expected = turning + problem.scene.dt * wedge(v, m * old)
+        expected = turning + problem.model.dt * wedge(v, m * old)
         turning, old = wedge(report.positions, m * v), v
         np.testing.assert_allclose(
             turning, expected, atol=1e-7 * np.abs(turning).max()
         )  # Newton's last step, about 1e-7 m/s
 
 
-def watched(problem: LevelProblem):
+def watched(problem: Stepper):
     """The potential's values at Newton's iterates, one list per solve, and the reports of all solves."""
     solves, reports = [], []
 
     def monitor(snes, iteration, norm):
         if iteration == 0:
             solves.append([])
-        solves[-1].append(problem.potential.value(problem.newton._positions(snes.getSolution())))
+        rows = snes.getSolution().getArray(readonly=True).reshape(-1, problem.space.dim)
+        solves[-1].append(problem.potential.value(Positions(problem.space, rows.copy())))
 
     problem.newton.snes.setMonitor(monitor)
     solve = problem.newton.solve
@@ -226,7 +228,7 @@ def test_newton_goes_downhill_and_stops_slow(d):
         solver=Solver(tolerance=tolerance, linear="direct"),
     )
     mesh = block((0.0,) * (d - 1) + (0.02,), (0.4,) * (d - 1) + (0.42,), 2, jitter=0.1)
-    problem = make_problem(scene, mesh)
+    problem = make_stepper(scene, mesh)
     solves, reports = watched(problem)
     velocity = np.tile(np.r_[1.0, np.zeros(d - 2), -4.0], (len(mesh.points), 1)) + 5.0 * (mesh.points - 0.2) ** 2
     contacts = [report.contacts for report, _ in march(problem, 12, velocity)]
@@ -248,7 +250,7 @@ def test_a_tolerance_below_rounding_ends_the_solve(d):
     cuts the step.
     """
     mesh = box(d, 2, jitter=0.1)
-    problem = make_problem(
+    problem = make_stepper(
         make_scene(dt=0.01, solver=Solver(tolerance=1e-16, linear="direct", max_iterations=60)), mesh
     )
     for report, _ in march(problem, 4, 4.0 * (mesh.points - 0.3) ** 2):
@@ -262,7 +264,7 @@ def test_no_cell_inverts(d):
     mesh = block((0.0,) * d, (0.4,) * (d - 1) + (0.3,), 2)
     press = Support(top, motion=Translation(tuple(-10.0 * np.eye(d)[-1]), stop=0.02))
     scene = make_scene(dt=0.01, supports=(Support(lambda X: X[:, -1] < 1e-9), press))
-    for report, _ in march(make_problem(scene, mesh), 3):
+    for report, _ in march(make_stepper(scene, mesh), 3):
         assert simplex_volumes(report.positions, mesh.cells).min() > 0.0
         assert report.reached == 1.0
     np.testing.assert_allclose(report.positions[top(mesh.points), -1], 0.1, atol=1e-12)
@@ -275,7 +277,7 @@ def test_scripted_supports_reach_their_places(d):
     turn, pull = Rotation(2.0, (0.0,) * d, axis=(1.0, 0.2, 0.1), stop=0.04), Translation(tuple(0.5 * np.eye(d)[0]))
     scene = make_scene(dt=0.02, supports=(Support(left, motion=turn), Support(right, motion=pull)))
     X = mesh.points
-    for report, _ in march(make_problem(scene, mesh), 4):
+    for report, _ in march(make_stepper(scene, mesh), 4):
         assert report.reached == 1.0
         np.testing.assert_allclose(report.positions[left(X)], turn(X[left(X)], report.time), atol=1e-12)
         np.testing.assert_allclose(report.positions[right(X)], pull(X[right(X)], report.time), atol=1e-12)
@@ -295,7 +297,7 @@ def test_a_moving_plane_pushes(d):
     plane = Plane((-2 * dhat,) + (0.0,) * (d - 1), tuple(speed), Translation(tuple(speed)))
     scene = make_scene((NeoHookean(1e5, 0.3, 1000.0),), dt=0.02, obstacles=(plane,), contact=(Barrier(dhat=dhat),))
     mesh = box(d, 2, high=0.2)
-    problem = make_problem(scene, mesh)
+    problem = make_stepper(scene, mesh)
     m = masses(problem)
     touched = 0
     for report, v in march(problem, 12):

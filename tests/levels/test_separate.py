@@ -10,8 +10,9 @@ from pdvol import Outline, Solid, open_run
 from pdvol.cli import run
 from pdvol.errors import InputError, IntersectionError
 from pdvol.levels.initial_state import check_start
-from pdvol.levels.separation import build_apart
-from pdvol.meshing.build import build_levels, read_obstacle
+from pdvol.levels.obstacles import scene_obstacles
+from pdvol.levels.separation import build_apart as build_apart_from
+from pdvol.meshing.build import build_levels
 from pdvol.scene import Barrier, Body, NeoHookean, Placement, Plane, Rigid, Scene, Separate
 
 SOFT = NeoHookean(2e5)
@@ -31,14 +32,22 @@ def two_boxes(d, gap, separate, *obstacles, contact=(Barrier(),)):
     return Scene((one, other), dt=0.01, steps=1, contact=contact, separate=separate, obstacles=obstacles)
 
 
+def check(level_meshes, scene):
+    check_start(level_meshes, scene_obstacles(scene), [body.name for body in scene.bodies])
+
+
+def build_apart(scene, count, cache=None):
+    return build_apart_from(scene, count, scene_obstacles(scene), cache)
+
+
 @pytest.mark.parametrize("d", [2, 3])
 def test_moved_apart(d):
     """Both move, as little as it takes in steps of a hundredth of their diagonals, the same on both levels."""
     scene = two_boxes(d, -0.1, (Separate("move"),))
     with pytest.raises(IntersectionError):
-        check_start(build_levels(scene), [], scene)
-    meshes, report = build_apart(scene, 2, [])
-    check_start(meshes, [], scene)
+        check(build_levels(scene), scene)
+    meshes, report = build_apart(scene, 2)
+    check(meshes, scene)
     step = 0.01 * np.sqrt(d)
     for mesh in meshes:
         for body, start in ((0, 0.0), (1, 0.9)):
@@ -48,13 +57,13 @@ def test_moved_apart(d):
             assert 0.05 < abs(shift[0]) <= 0.05 + step and np.sign(shift[0]) == (1 if body else -1)
         np.testing.assert_allclose(mesh.volumes.sum(), 2.0)
     assert len(report) == 2 and all("moved by" in line for line in report)
-    np.testing.assert_array_equal(build_apart(scene, 1, [])[0][0].points, meshes[0].points)
+    np.testing.assert_array_equal(build_apart(scene, 1)[0][0].points, meshes[0].points)
 
 
 def test_shrunk():
     scene = two_boxes(2, -0.1, (Separate("shrink"),))
-    meshes, report = build_apart(scene, 2, [])
-    check_start(meshes, [], scene)
+    meshes, report = build_apart(scene, 2)
+    check(meshes, scene)
     size = meshes[0].volumes[meshes[0].bodies == 0].sum() ** 0.5
     assert 0.88 - 1e-9 <= size < 0.9
     assert [line.split(" of its")[0] for line in report] == [f"body 'box {k}' shrunk to {size:.3g}" for k in (1, 2)]
@@ -62,14 +71,14 @@ def test_shrunk():
 
 def test_limits_and_the_next_remedy():
     with pytest.raises(IntersectionError, match=r"crosses.*after move up to 0.01\)"):
-        build_apart(two_boxes(2, -0.3, (Separate("move", 0.01),)), 2, [])
-    _, report = build_apart(two_boxes(2, -0.1, (Separate("move", 0.02), Separate("shrink"))), 2, [])
+        build_apart(two_boxes(2, -0.3, (Separate("move", 0.01),)), 2)
+    _, report = build_apart(two_boxes(2, -0.1, (Separate("move", 0.02), Separate("shrink"))), 2)
     assert sum("moved" in line for line in report) == 2 and sum("shrunk" in line for line in report) == 2
 
 
 def test_nothing_to_do_nothing_done():
     for scene in (two_boxes(2, 0.1, (Separate(),)), two_boxes(2, -0.1, (Separate(),), contact=())):
-        meshes, report = build_apart(scene, 2, [])
+        meshes, report = build_apart(scene, 2)
         assert report == []
         for mesh, plain in zip(meshes, build_levels(scene), strict=True):
             np.testing.assert_array_equal(mesh.points, plain.points)
@@ -78,13 +87,12 @@ def test_nothing_to_do_nothing_done():
 def test_out_of_planes_and_obstacles():
     """Up out of the floor along its normal, and away from the obstacle's middle."""
     floor = Plane((0.0, 0.02), (0.0, 1.0))
-    meshes, report = build_apart(two_boxes(2, 0.1, (Separate(),), floor), 2, [])
+    meshes, report = build_apart(two_boxes(2, 0.1, (Separate(),), floor), 2)
     assert 0.02 < meshes[0].points[:, 1].min() < 0.04 and len(report) == 2
     stone = Rigid(Outline(np.array([[0.9, 0.4], [1.2, 0.4], [1.2, 0.6], [0.9, 0.6]])), name="stone")
     scene = two_boxes(2, 0.3, (Separate(),), stone)
-    obstacles = [read_obstacle(stone)]
-    meshes, report = build_apart(scene, 2, obstacles)
-    check_start(meshes, obstacles, scene)
+    meshes, report = build_apart(scene, 2)
+    check(meshes, scene)
     assert [line.split(" moved")[0] for line in report] == ["body 'box 1'"]
 
 
@@ -108,9 +116,9 @@ def test_refined_where_the_coarse_shape_cuts_corners(tmp_path):
     scene = Scene(bodies, dt=0.01, steps=1, contact=(Barrier(),), separate=(Separate("refine", 1.0),))
     plain = build_levels(scene, cache=tmp_path)
     with pytest.raises(IntersectionError, match="level 0"):
-        check_start(plain, [], scene)
-    meshes, report = build_apart(scene, 2, [], cache=tmp_path)
-    check_start(meshes, [], scene)
+        check(plain, scene)
+    meshes, report = build_apart(scene, 2, cache=tmp_path)
+    check(meshes, scene)
     assert len(meshes[0].points) > len(plain[0].points)
     np.testing.assert_array_equal(meshes[1].points, plain[1].points)
     assert report and all("level 0" in line for line in report)

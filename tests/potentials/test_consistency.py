@@ -64,7 +64,7 @@ def test_the_weight_stands_beside_the_inertia_s_half(held, share):
     term, space, mass, target = held
     potential = IncrementalPotential(space, Terms(mass, (term,), ()), Stopwatch())
     x_hat = np.random.default_rng(2).normal(size=mass.shape)
-    potential.begin_step(Positions(space, x_hat), x_hat, 4 * DT - share * DT, 4 * DT)
+    potential.begin_step(Positions(space, x_hat), x_hat, (share * DT) ** 2, 4 * DT - share * DT, 4 * DT)
     w = WEIGHT * share**2
     least = Positions(space, (x_hat + 2 * w * target) / (1 + 2 * w))
     assert np.abs(potential.gradient(least)).max() < 1e-13 * mass.max()

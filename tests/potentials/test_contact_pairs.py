@@ -16,7 +16,6 @@ from pdvol.potentials.contact.barrier import SurfaceBarrier
 from pdvol.potentials.contact.collision_surface import CollisionSurface, Obstacle
 from pdvol.potentials.contact.friction import SurfaceFriction
 from pdvol.potentials.potential import Positions
-from pdvol.scene import Still
 
 COMM = MPI.COMM_SELF
 DHAT, KAPPA = 0.03, 0.7
@@ -30,7 +29,7 @@ def two_boxes(d, obstacle=False):
     )
     foot = [[-1, -2], [2, -2]] if d == 2 else [[-1, -1, -2], [2, 0, -2], [0, 2, -2]]
     tip = (polyline if d == 2 else tetrahedron)([*foot, [0.5] * (d - 1) + [-0.5 * DHAT]])
-    obstacles = (Obstacle(*tip, Still()),) if obstacle else ()
+    obstacles = (Obstacle("tip", "mesh" if space.dim == 3 else "polyline", *tip),) if obstacle else ()
     return space, CollisionSurface(space, obstacles, DHAT)
 
 

@@ -8,6 +8,7 @@ from problems import elastic, polyline, tetrahedron
 from shapes import box, grid, together
 from taylor import check_derivatives, check_term, hessian_of, smallest_eigenvalue, state
 
+from pdvol.levels.obstacles import plane_obstacle
 from pdvol.levels.space import LevelSpace
 from pdvol.potentials.build import Terms
 from pdvol.potentials.contact.barrier import SurfaceBarrier
@@ -88,7 +89,7 @@ def test_inertia(spaces, d):
     np.testing.assert_allclose(mass.sum(axis=0), DENSITY * space.mesh.volumes.sum(), rtol=ROUND)
     potential = IncrementalPotential(space, Terms(mass, (), ()), Stopwatch())
     x = state(space)
-    potential.begin_step(Positions(space, x), x + 0.3 * state(space, seed=5), 0.0, DT)
+    potential.begin_step(Positions(space, x), x + 0.3 * state(space, seed=5), DT**2, 0.0, DT)
     check_term(potential, space, x, 1e-1, quadratic=True)
 
 
@@ -103,7 +104,7 @@ def test_the_whole_potential(spaces, d):
     )
     potential = IncrementalPotential(space, Terms(assemble_mass(space, densities(space)), terms, ()), Stopwatch())
     x = near_plane(space)
-    potential.begin_step(Positions(space, x), x - 0.1, 0.0, 1.0)
+    potential.begin_step(Positions(space, x), x - 0.1, 1.0, 0.0, 1.0)
     check_term(potential, space, x, 2e-3)
 
 
@@ -114,7 +115,7 @@ def test_the_whole_potential(spaces, d):
 def half_space(space, d, motion=Still()):
     """A plane at height zero and a slanted one, far away."""
     planes = (Plane((0.0,) * d, tuple(np.eye(d)[-1]), motion), Plane((0.0,) * (d - 1) + (-50.0,), (1.0,) * d))
-    barrier = HalfSpaceBarrier(space, planes, DHAT, KAPPA)
+    barrier = HalfSpaceBarrier(space, tuple(map(plane_obstacle, planes)), DHAT, KAPPA)
     return barrier, HalfSpaceFriction(barrier, MU, EPS_V)
 
 
@@ -203,7 +204,9 @@ def near_surfaces(d):
             [[-1.0, -1.0, bottom - 1.0], [3.0, 0.0, bottom - 1.0], [0.0, 3.0, bottom - 1.0], [0.37, 0.41, bottom]]
         )
     space = LevelSpace(together(lower, upper), COMM)
-    surface = CollisionSurface(space, (Obstacle(*obstacle, Still()),), DHAT)
+    surface = CollisionSurface(
+        space, (Obstacle("obstacle", "mesh" if space.dim == 3 else "polyline", *obstacle),), DHAT
+    )
     return space, SurfaceBarrier(surface, DHAT, KAPPA)
 
 
@@ -290,7 +293,7 @@ def test_half_space_barrier_is_ipctks():
     active.collision_set_type = ipctk.NormalCollisions.CollisionSetType.IMPROVED_MAX_APPROX
     active.build(candidates=candidates, mesh=surface.mesh, vertices=vertices, dhat=DHAT)
     theirs = ipctk.BarrierPotential(dhat=DHAT, stiffness=KAPPA, use_physical_barrier=True)
-    ours = HalfSpaceBarrier(space, (Plane(tuple(point), tuple(normal)),), DHAT, KAPPA)
+    ours = HalfSpaceBarrier(space, (plane_obstacle(Plane(tuple(point), tuple(normal))),), DHAT, KAPPA)
     assert len(active) == ours.count(positions) > 3
     gaps = ours.gaps(positions)
     assert np.any((gaps > DHAT / 2) & (gaps < DHAT)), "none beyond half of dhat"

@@ -4,11 +4,12 @@ import ipctk
 import numpy as np
 import pytest
 from mpi4py import MPI
-from problems import polyline, tetrahedron
+from problems import make_model, polyline, tetrahedron
 from scipy.sparse import block_diag, csc_matrix
 from shapes import box, together
 from taylor import check_term
 
+from pdvol.levels.obstacles import plane_obstacle
 from pdvol.levels.space import LevelSpace
 from pdvol.potentials.build import build_terms
 from pdvol.potentials.contact.barrier import SurfaceBarrier
@@ -16,7 +17,7 @@ from pdvol.potentials.contact.collision_surface import CollisionSurface, Obstacl
 from pdvol.potentials.contact.planes import HalfSpaceBarrier
 from pdvol.potentials.contact.stiffness import AdaptiveStiffness, SemiImplicitStiffness
 from pdvol.potentials.potential import Positions
-from pdvol.scene import Barrier, Body, Gravity, NeoHookean, Plane, Scene, Still
+from pdvol.scene import Barrier, Body, Gravity, NeoHookean, Plane, Scene
 
 DHAT, KAPPA = 0.05, 0.3
 
@@ -36,7 +37,12 @@ def touching():
         x = space.from_input(space.mesh.points) + jitter
         made[d] = (
             space,
-            SurfaceBarrier(CollisionSurface(space, (Obstacle(*tip, Still()),), DHAT), DHAT, KAPPA, weighted=False),
+            SurfaceBarrier(
+                CollisionSurface(space, (Obstacle("tip", "mesh" if d == 3 else "polyline", *tip),), DHAT),
+                DHAT,
+                KAPPA,
+                weighted=False,
+            ),
             x,
         )
     return made
@@ -80,7 +86,13 @@ def test_contact_stiffness_is_ipctks(touching, d):
     )
     np.testing.assert_allclose(np.sort(own), np.sort(theirs), rtol=1e-10)
     # A plane's: m / gap^2 + n' H n.
-    plane = HalfSpaceBarrier(space, (Plane((0.0,) * d, tuple(np.eye(d)[-1])),), DHAT, KAPPA, weighted=False)
+    plane = HalfSpaceBarrier(
+        space,
+        (plane_obstacle(Plane((0.0,) * d, tuple(np.eye(d)[-1]))),),
+        DHAT,
+        KAPPA,
+        weighted=False,
+    )
     lifted = x + (0.5 * DHAT - x[:, -1].min()) * np.eye(d)[-1]
     near = np.flatnonzero(lifted[:, -1] < DHAT)
     expected = masses[space.owned_points[near]] / lifted[near, -1] ** 2 + blocks[space.owned_points[near], -1, -1]
@@ -98,7 +110,11 @@ def terms_of(law, gap=0.5):
         contact=(Barrier(dhat=DHAT, law=law),),
     )
     space = LevelSpace(box(2, 3, low=(0.0, gap * DHAT), high=(1.0, 1.0 + gap * DHAT)), MPI.COMM_SELF)
-    return space, build_terms(scene, space, 1.5, ()), Positions(space, space.from_input(space.mesh.points))
+    return (
+        space,
+        build_terms(make_model(scene, space.mesh, diagonal=1.5), space),
+        Positions(space, space.from_input(space.mesh.points)),
+    )
 
 
 def test_adaptive_stiffness_balances_the_other_forces():
@@ -107,7 +123,7 @@ def test_adaptive_stiffness_balances_the_other_forces():
     (rule,) = terms.rules
     assert isinstance(rule, AdaptiveStiffness)
     dt, velocity = 0.01, np.array([0.0, -3.0])
-    rule.begin_step(x, x.owned + dt * velocity, dt)
+    rule.begin_step(x, x.owned + dt * velocity, dt**2)
     plane = terms.contacts[0]
     other = terms.mass * -velocity * dt + dt**2 * sum(
         t.gradient(x) for t in terms.potentials if t.name in ("elastic", "load")
@@ -122,7 +138,7 @@ def test_adaptive_stiffness_balances_the_other_forces():
 def test_adaptive_stiffness_doubles_up_to_its_bound_while_tiny_gaps_shrink():
     space, terms, x = terms_of("classic", gap=1e-9)
     (rule,) = terms.rules
-    rule.begin_step(x, x.owned, 0.01)
+    rule.begin_step(x, x.owned, 1e-4)
     start, seen = terms.contacts[0].kappa, []
     for _ in range(20):
         x = x.moved(-0.1 * x.owned[:, 1].min(), np.tile([0.0, 1.0], (space.n_owned, 1)))
@@ -139,10 +155,10 @@ def test_semi_implicit_stiffness_takes_the_mean_over_contacts():
     space, terms, x = terms_of("semi-implicit")
     (rule,) = terms.rules
     assert isinstance(rule, SemiImplicitStiffness)
-    rule.begin_step(x, x.owned, 0.01)
+    rule.begin_step(x, x.owned, 1e-4)
     near = terms.contacts[0].kappa
     space, terms, x = terms_of("semi-implicit", gap=0.25)
-    terms.rules[0].begin_step(x, x.owned, 0.01)
+    terms.rules[0].begin_step(x, x.owned, 1e-4)
     lumped = terms.mass[np.flatnonzero(x.owned[:, 1] < DHAT), 0].mean()
     # Lowering a stress-free square changes the gaps alone: k grows by m / gap^2, 16 - 4 times m / dhat^2.
     factor = (
@@ -151,7 +167,7 @@ def test_semi_implicit_stiffness_takes_the_mean_over_contacts():
     assert terms.contacts[0].kappa - near == pytest.approx(factor * 12.0 * lumped / DHAT**2, rel=2e-2)
     # Without contacts there is a stiffness, too.
     space, terms, x = terms_of("semi-implicit", gap=3.0)
-    terms.rules[0].begin_step(x, x.owned, 0.01)
+    terms.rules[0].begin_step(x, x.owned, 1e-4)
     assert terms.contacts[0].kappa > 0.0
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from pdvol.meshes import Outline
-from problems import block, make_problem, make_scene, polyline
+from problems import block, make_scene, make_stepper, polyline, take_step
 
 from pdvol.scene import Barrier, Plane, Rigid, Solver
 
@@ -22,7 +22,7 @@ def test_a_body_deep_inside_a_barrier_comes_out(obstacle, gap):
     )
     scene = make_scene(dt=0.01, obstacles=(floor,), contact=(Barrier(dhat=DHAT),), solver=Solver(tolerance=1e-3))
     mesh = block((0.0, gap * DHAT), (0.4, 0.4 + gap * DHAT), 2)
-    problem = make_problem(scene, mesh, geometry)
-    report = problem.step(1, mesh.points, np.zeros_like(mesh.points))
+    problem = make_stepper(scene, mesh, geometry)
+    report = take_step(problem, 1, mesh.points, np.zeros_like(mesh.points))
     assert report.min_gap > 0.05 * DHAT
     assert report.gradient_norm < 1e-3 * 0.01 * problem.potential.mass.max()

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 from petsc4py import PETSc
-from problems import block, make_problem, make_scene
+from problems import block, make_scene, make_stepper, take_step
 from scipy.sparse import csr_array
 from shapes import box, together
 
@@ -15,10 +15,10 @@ from pdvol.levels.space import LevelSpace
 from pdvol.potentials.assembly.block_pattern import BlockPattern
 from pdvol.potentials.assembly.hessian_blocks import HessianBlocks
 from pdvol.scene import Gravity, NeoHookean, Solver, Support
+from pdvol.solve.globalization import Projection
 from pdvol.solve.linear.coarse_space import SHIFT, CoarseSpace, grid_weights
 from pdvol.solve.linear.solver import SHIFTS, LinearSolver
 from pdvol.solve.linear.system_matrix import SystemMatrix
-from pdvol.solve.newton import Newton
 
 COMM = MPI.COMM_SELF
 ROUND = 1e-12
@@ -173,9 +173,9 @@ def test_users_options_reach_petsc(options):
             supports=(Support(lambda X: X[:, 2] < 1e-9),),
             solver=Solver(tolerance=1e-8, **settings),
         )
-        problem = make_problem(scene, box(3, 3))
+        problem = make_stepper(scene, box(3, 3))
         X = problem.space.mesh.points
-        results.append(problem.step(1, X, np.zeros_like(X)).positions)
+        results.append(take_step(problem, 1, X, np.zeros_like(X)).positions)
     assert np.abs(results[0] - X).max() > 1e-5
     np.testing.assert_allclose(results[1], results[0], atol=1e-9)
 
@@ -275,11 +275,15 @@ def test_newton_tries_the_true_hessian_under_a_direct_solver(monkeypatch, indefi
     as by iterations.
     """
     ends, tried = [], []
-    solve_again, choose = Newton._solve_again, Newton._choose_model
-    monkeypatch.setattr(Newton, "_solve_again", lambda self, *words: tried.append("again") or solve_again(self, *words))
-    monkeypatch.setattr(
-        Newton, "_choose_model", lambda self, snes: choose(self, snes) or tried.append(self._model.positive)
-    )
+    solve, after = LinearSolver.solve, Projection.after  # Newton itself solves by SNES, but for a second try
+
+    def projected(self, *arguments):
+        found = after(self, *arguments)
+        tried.append(found.mode)
+        return found
+
+    monkeypatch.setattr(LinearSolver, "solve", lambda self, *vectors: tried.append("again") or solve(self, *vectors))
+    monkeypatch.setattr(Projection, "after", projected)
     if indefinite:
         monkeypatch.setattr(LinearSolver, "indefinite", property(lambda self: self.method == "direct"))
     mesh = block((0.0, 0.0), (1.0, 0.05), (20, 1))
@@ -289,6 +293,6 @@ def test_newton_tries_the_true_hessian_under_a_direct_solver(monkeypatch, indefi
         scene = make_scene(
             materials=(NeoHookean(1e6),), solver=Solver(tolerance=1e-8, linear=method, accuracy=1e-10), dt=0.1
         )
-        ends.append(make_problem(scene, mesh).step(1, wild, np.zeros_like(wild)).positions)
+        ends.append(take_step(make_stepper(scene, mesh), 1, wild, np.zeros_like(wild)).positions)
     assert "none" in tried and ("again" in tried) == indefinite
     np.testing.assert_allclose(ends[1], ends[0], atol=1e-7)

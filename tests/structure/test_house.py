@@ -209,13 +209,14 @@ SOLVE = (
     + """
 from pdvol.levels.hierarchy import Hierarchy
 from pdvol.geometry.level_mesh import LevelMesh
-from pdvol.integrate.stepper import LevelProblem
+from pdvol.integrate.stepper import Stepper
+from pdvol.levels.model import level_model
 from pdvol.integrate.marches import Start, direct
 from mpi4py import MPI
 mesh = LevelMesh(square.vertices, square.cells.astype(np.int64), np.zeros(2, np.int32), np.zeros(2, np.int32))
 hierarchy = Hierarchy([mesh], MPI.COMM_WORLD)
-problem = LevelProblem(scene, hierarchy[0], 0, 1.0, [])
-reports = list(direct(problem, Start(0, mesh.points, 0 * mesh.points), 2))
+stepper = Stepper(level_model(scene, mesh, 0, 1.0), hierarchy[0])
+reports = list(direct(stepper, Start.at_rest(mesh.points, 0 * mesh.points), 2))
 pdvol
 """
 )

@@ -1,16 +1,16 @@
-"""The failure ladder: each rung is taken where it should be and counted, and what is not a number ends a run at once,
-by name.
-"""
+"""Remedies: each is taken where it should be and counted, and what is not a number ends a run at once, by name."""
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from petsc4py import PETSc
-from problems import block, make_problem, make_scene
+from problems import block, make_scene, make_stepper, take_step
 
 from pdvol.errors import ConvergenceError
 from pdvol.potentials.potential import Positions, Term
 from pdvol.scene import Barrier, Gravity, Plane, Solver
-from pdvol.solve.remedies import RUNGS, no_rungs, told
+from pdvol.solve.remedies import REMEDIES, no_remedies, taken
 
 REASONS = PETSc.SNES.ConvergedReason
 
@@ -25,39 +25,38 @@ def falling(**settings):
         solver=Solver(tolerance=1e-5, **settings),
     )
     mesh = block((0.0, 0.02), (0.4, 0.42), 2, jitter=0.1)
-    return make_problem(scene, mesh), mesh.points, np.tile((0.0, -4.0), (len(mesh.points), 1))
+    return make_stepper(scene, mesh), mesh.points, np.tile((0.0, -4.0), (len(mesh.points), 1))
 
 
-# ---- rungs
-# -------------------------------------------------------------------------------------------------------------------
+# ---- remedies
 
 
 def test_an_easy_step_takes_none():
     problem, x, v = falling()
-    assert problem.step(1, x, v).ladder == no_rungs()
-    assert told(no_rungs()) == "" and told({**no_rungs(), "abs": 2, "halvings": 1}) == "abs 2, halvings 1"
+    assert take_step(problem, 1, x, v).remedies == no_remedies()
+    assert taken(no_remedies()) == "" and taken({**no_remedies(), "abs": 2, "halvings": 1}) == "abs 2, halvings 1"
 
 
 def test_the_order_within_a_solve():
-    """After failures of one kind, one after the other: stronger filter, then a direct solver, then nothing is left."""
+    """After failures of one kind, one after the other: a stronger projection, a direct solver, then nothing is left."""
     problem, x, v = falling(linear="auto")
-    problem.step(1, x, v)
+    take_step(problem, 1, x, v)
     newton = problem.newton
-    newton._start(Positions(problem.space, problem.space.from_input(x)))
-    newton._model.positive = "none"
-    taken = []
+    solve = newton.start(Positions(problem.space, problem.space.from_input(x)))
+    solve.projection = replace(solve.projection, mode="none")
+    remedies = []
     for _ in range(5):
-        before = dict(newton.report.rungs)
-        go_on = newton._mend(REASONS.DIVERGED_LINE_SEARCH)
-        new = [name for name in RUNGS if newton.report.rungs[name] > before[name]]
+        before = dict(solve.report.remedies)
+        go_on = newton.remedy(REASONS.DIVERGED_LINE_SEARCH)
+        new = [name for name in REMEDIES if solve.report.remedies[name] > before[name]]
         assert go_on == (len(new) == 1)
-        taken += new
-    assert taken == ["clamp", "abs", "direct"] and newton.linear.method == "direct"
-    assert not newton._mend(REASONS.DIVERGED_MAX_IT)
+        remedies += new
+    assert remedies == ["clamp", "abs", "direct"] and newton.linear.method == "direct"
+    assert not newton.remedy(REASONS.DIVERGED_MAX_IT)
     room = []
-    while newton._mend(REASONS.DIVERGED_LINEAR_SOLVE):
+    while newton.remedy(REASONS.DIVERGED_LINEAR_SOLVE):
         room.append(1)
-    assert newton.report.rungs["workspace"] == len(room) == 2
+    assert solve.report.remedies["workspace"] == len(room) == 2
 
 
 def test_too_many_iterations_halve_the_step_and_end_with_an_error():
@@ -67,7 +66,7 @@ def test_too_many_iterations_halve_the_step_and_end_with_an_error():
     problem, x, v = falling(max_iterations=2, max_halvings=2)
     with pytest.raises(ConvergenceError) as caught:
         for number in range(1, 20):
-            report = problem.step(number, x, v)
+            report = take_step(problem, number, x, v)
             v, x = (report.positions - x) / 0.02, report.positions
     error = caught.value
     assert error.level == 0 and error.step == number
@@ -90,9 +89,9 @@ def test_the_last_resort_can_save_a_step(monkeypatch):
         return x, report
 
     monkeypatch.setattr(problem.newton, "solve", only_careful)
-    report = problem.step(1, x, v)
+    report = take_step(problem, 1, x, v)
     assert careful_ones == [(False, "iterative"), (True, "direct")]
-    assert report.ladder["last_resort"] == 1 and report.cuts == report.ladder["halvings"] == 0
+    assert report.remedies["last_resort"] == 1 and report.cuts == report.remedies["halvings"] == 0
     assert report.positions[:, 1].min() > 0.0
 
 
@@ -107,8 +106,8 @@ def test_halvings_are_counted_and_the_step_is_good(monkeypatch):
         return x, report
 
     monkeypatch.setattr(problem.newton, "solve", fails_once)
-    report = problem.step(1, x, v)
-    assert report.cuts == report.ladder["halvings"] == 1 and len(calls) == 3
+    report = take_step(problem, 1, x, v)
+    assert report.cuts == report.remedies["halvings"] == 1 and len(calls) == 3
     assert report.positions[:, 1].min() > 0.0
 
 
@@ -155,9 +154,9 @@ class Poison(Term):
 def test_what_is_not_a_number_is_named(what, bad, said):
     problem, x, v = falling()
     problem.potential.terms = (*problem.potential.terms, Poison(what, bad, 2))
-    report = problem.step(1, x, v)
+    report = take_step(problem, 1, x, v)
     with pytest.raises(ConvergenceError, match=f"level 0, step 2: the consistency term's {what} is {said}") as caught:
-        problem.step(2, report.positions, v)
+        take_step(problem, 2, report.positions, v)
     assert caught.value.step == 2
 
 
@@ -171,10 +170,10 @@ def test_pairs_that_are_not_numbers_are_named_too():
 
     problem.potential.terms = (*problem.potential.terms, Pairs("Hessian", np.nan, 1))
     with pytest.raises(ConvergenceError, match="level 0, step 1: the consistency term's Hessian is not a number"):
-        problem.step(1, x, v)
+        take_step(problem, 1, x, v)
 
 
 def test_velocities_that_are_not_numbers_end_the_step():
     problem, x, v = falling()
     with pytest.raises(ConvergenceError, match="level 0, step 1: the inertia term's gradient is not a number|inertia"):
-        problem.step(1, x, v * np.nan)
+        take_step(problem, 1, x, v * np.nan)

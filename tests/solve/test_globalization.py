@@ -1,0 +1,113 @@
+"""Which projection comes next, and how long steps are: each line of the module's table, and that tries end."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from pdvol.solve.globalization import (
+    MAX_LENGTHENING,
+    PAUSE,
+    TINY_CAPS,
+    Projection,
+    lengthening,
+    promised_decrease,
+)
+
+
+def after(projection, decrease, promised=-1.0, full=True, cap=1.0, notices_indefinite=True):
+    return projection.after(promised, decrease, full, cap, notices_indefinite)
+
+
+@pytest.mark.parametrize(
+    "decrease, mode, quick",
+    [(-1.0, "clamp", True), (-0.6, "clamp", True), (-0.4, "abs", False), (0.1, "abs", False), (-1.5, "none", True)],
+)
+def test_the_actual_decrease_chooses_the_projection(decrease, mode, quick):
+    found = after(Projection(), decrease)
+    assert (found.mode, found.quick) == (mode, quick)
+
+
+@pytest.mark.parametrize("full, notices_indefinite", [(False, True), (True, False)])
+def test_projected_after_a_cut_step_or_where_nothing_would_notice(full, notices_indefinite):
+    assert after(Projection(), -2.0, full=full, notices_indefinite=notices_indefinite).mode == "clamp"
+
+
+def test_full_contact_hessians_for_the_rest_of_the_solve():
+    """After one bad promise, or steps that contact keeps cutting short."""
+    projection = Projection()
+    for _ in range(TINY_CAPS):
+        assert projection.quick
+        projection = after(projection, -1.0, full=False, cap=0.01)
+    assert not projection.quick and projection.mode == "clamp"
+    assert not after(projection, -1.0).quick
+
+
+def test_an_indefinite_hessian_is_left_alone_for_longer_each_time():
+    projection, waits = Projection(), []
+    for _ in range(4):
+        steps = 0
+        while projection.mode != "none":
+            projection = after(projection, -2.0)
+            steps += 1
+        projection = projection.after_indefinite()
+        assert projection.mode == "clamp" and projection.after_indefinite() is projection
+        waits.append(steps)
+    assert waits == [1, *(PAUSE * 2**k for k in (1, 2, 3))]
+
+
+def test_an_unprojected_hessian_that_promised_too_much_is_left_alone_as_an_indefinite_one():
+    projection = after(after(Projection(), -2.0), -0.1)
+    assert projection.mode == "abs"
+    for _ in range(2 * PAUSE - 1):
+        projection = after(projection, -2.0)
+        assert projection.mode == "clamp"
+    assert after(projection, -2.0).mode == "none"
+
+
+def test_rounding_counts_a_step_and_projects():
+    projection = Projection(mode="none", steps=3).after_rounding()
+    assert (projection.mode, projection.steps) == ("clamp", 4)
+
+
+def test_the_strongest_projection_is_taken_once():
+    strongest = Projection().strongest()
+    assert (strongest.mode, strongest.quick) == ("abs", False)
+    assert strongest.strongest() is strongest
+    assert replace(strongest, quick=True).strongest() is not strongest
+
+
+def test_the_promise_is_the_quadratic_models():
+    """Along d of a quadratic with slope -d'Hd: -(t - t^2 / 2) d'Hd, t the share taken."""
+    d = np.array([[1.0, -2.0], [0.5, 3.0]])
+    for share in (0.1, 0.5, 1.0):
+        np.testing.assert_allclose(promised_decrease(-4.0, share * d, d, lambda a: a), -4.0 * (share - share**2 / 2))
+
+
+@pytest.mark.parametrize("share", [0.3, 1.0, 4.0])
+@pytest.mark.parametrize(
+    "stiffness, expected",
+    [
+        (0.1, 10.0),
+        (0.4, 2.5),
+        (0.6, 1.0),
+        (1.0, 1.0),
+        (0.01, MAX_LENGTHENING),
+        (0.0, MAX_LENGTHENING),
+        (-0.3, MAX_LENGTHENING),
+    ],
+)
+def test_a_step_that_repeats_the_last_one_goes_to_the_end_of_the_series(share, stiffness, expected):
+    """Where the potential has so much of the model's stiffness along d, the step after t d is (1 - t stiffness) d."""
+    d = np.array([[1.0, -2.0], [0.5, 3.0]])
+    left = 1.0 - share * stiffness
+    if left <= 0.0:
+        assert lengthening(left * d, d, share * d, lambda a: a) == 1.0
+    else:
+        np.testing.assert_allclose(lengthening(left * d, d, share * d, lambda a: a), expected)
+
+
+def test_other_steps_keep_their_length():
+    d, other = np.array([[1.0, 0.0]]), np.array([[0.0, 0.5]])
+    assert lengthening(0.9 * d + other, d, d, lambda a: a) == 1.0
+    assert lengthening(0.9 * d, d, 0.0 * d, lambda a: a) == 1.0
