@@ -20,18 +20,27 @@ class Prolongation:
 
     Rows sum to one and rest positions go to rest positions.
 
+    The marches, the metrics and the coarse space of the linear solver use `weights`, mostly through
+    `prolong_positions`: they hold whole states in input order, and the same product on every number of ranks gives the
+    same digits. `matrix`, `prolong` and `restrict` are for PETSc vectors, in code of the user's own and for Galerkin
+    products; pdvol itself does not need them, so the matrix is assembled when it is first asked for.
+
     Attributes
     ----------
     weights : (n_fine, n_coarse) scipy.sparse.csr_matrix
         In input order, replicated.
-    matrix : PETSc.Mat
-        AIJ with block size d: rows laid out as the fine space's vectors, columns as the coarse space's.
     """
 
     def __init__(self, coarse: LevelSpace, fine: LevelSpace, binding: Binding, interpolant: Interpolant = barycentric):
         self.coarse, self.fine, self.binding = coarse, fine, binding
         self.weights = interpolant(coarse, fine, binding)
-        self.matrix = _assemble(self.weights, coarse, fine)
+
+    @cached_property
+    def matrix(self) -> PETSc.Mat:
+        """P as an AIJ matrix with block size d: rows laid out as the fine space's vectors, columns as the coarse
+        space's. First use is collective.
+        """
+        return _assemble(self.weights, self.coarse, self.fine)
 
     def prolong(self, coarse: PETSc.Vec, fine: PETSc.Vec) -> None:
         """fine = P coarse. Collective."""

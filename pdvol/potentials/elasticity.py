@@ -78,7 +78,8 @@ def elastic_terms(space: LevelSpace, materials: CellMaterials) -> tuple[CellEner
     terms = []
     for number, (law, values) in enumerate(zip(materials.laws, materials.values, strict=True)):
         cells = np.flatnonzero(materials.law[near] == number)
-        terms.append(Elastic(space, law.psi, {name: v[near[cells]] for name, v in values.items()}, cells))
+        parameters = {name: v[near[cells]] for name, v in values.items()}
+        terms.append(Elastic(space, law.psi, parameters, cells, material=law.__name__))
     if materials.damping.any():
         cells = np.flatnonzero(materials.damping[near] > 0.0)
         rows = near[cells]

@@ -72,6 +72,17 @@ def test_resume_equals_uninterrupted(tmp_path, scene, whole, level, step):
     assert open_run(out).info["state"] == "done"
 
 
+@pytest.mark.parametrize("method", ["direct", "multilevel"])
+def test_the_linear_solver_may_be_changed_on_resuming(tmp_path, scene, method):
+    """A method that the settings name is the one in use, whatever the steps before were solved with."""
+    out = tmp_path / "run"
+    assert pdvol("run", scene, "--steps", 2, "--levels", "0", "--out", out) == 0
+    assert (
+        pdvol("run", scene, "--steps", 4, "--levels", "0", "--out", out, "--resume", "--set", f"linear={method}") == 0
+    )
+    assert [record["linear_solver"] for record in open_run(out).levels[0].log] == 2 * ["iterative"] + 2 * [method]
+
+
 def test_a_killed_run_resumes(tmp_path, scene, whole):
     # A real SIGKILL, as soon as the third state of level 0 is there.
     out = tmp_path / "run"

@@ -42,6 +42,14 @@ def test_matrix_is_the_weights(pair):
     assert prolongation.matrix.getBlockSizes() == (fine.dim, fine.dim)
 
 
+def test_the_petsc_matrix_is_assembled_once_and_only_when_asked_for(pair):
+    coarse, fine, known = pair
+    prolongation = Prolongation(coarse, fine, known.binding)
+    prolongation.prolong_positions(coarse.mesh.points)
+    assert "matrix" not in vars(prolongation)
+    assert prolongation.matrix is prolongation.matrix
+
+
 def test_matrix_serves_galerkin_products(pair):
     """PCMG needs P'AP with the fine matrix."""
     _, fine, prolongation = pair

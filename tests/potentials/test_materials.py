@@ -2,7 +2,7 @@
 user's law.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, make_dataclass
 
 import numpy as np
 import pytest
@@ -15,6 +15,7 @@ from taylor import check_term, hessian_of
 from pdvol.errors import InputError
 from pdvol.levels.materials import cell_materials, check_laws
 from pdvol.levels.space import LevelSpace
+from pdvol.potentials.assembly import native
 from pdvol.potentials.elasticity import Damping
 from pdvol.potentials.potential import Positions
 from pdvol.scene import FixedCorotational, Material, NeoHookean, StVenantKirchhoff, rotation_matrix
@@ -298,6 +299,40 @@ def test_a_law_with_a_parameter_of_its_own(d):
     X = space.from_input(space.mesh.points)
     check_term(term, space, X + 0.05 * np.random.default_rng(2).uniform(-1, 1, X.shape), 1e-2)
     assert term._stretches is None
+
+
+def many_parameters(count):
+    """A Neo-Hookean law whose mu is split into `count` parameters of its own."""
+
+    def psi(F, mu, lmbda, **own):
+        assert len(own) == count
+        return NeoHookean.psi(F, sum(own.values()), lmbda)
+
+    fields = [(f"p{i}", float, MU / count) for i in range(count)]
+    return make_dataclass("Many", fields, bases=(Material,), namespace={"psi": staticmethod(psi)}, frozen=True)
+
+
+@pytest.mark.parametrize("d", DIMENSIONS)
+@pytest.mark.parametrize("count", [10, 20, native.MAX_PARAMETERS - 2])
+def test_a_law_with_many_parameters_of_its_own(count, d):
+    """As many as the C code has room for; only laws with few of them take the faster path of isotropic ones."""
+    space = LevelSpace(box(d, 2, jitter=0.1), MPI.COMM_SELF)
+    x = space.from_input(space.mesh.points * np.linspace(0.8, 1.3, d))
+    (many,), (plain,) = (
+        elastic(space, many_parameters(count)(YOUNG, POISSON)),
+        elastic(space, NeoHookean(YOUNG, POISSON)),
+    )
+    assert (many._stretches is not None) == (d == 3 and count + 2 <= native.MAX_ISOTROPIC_PARAMETERS)
+    at = Positions(space, x)
+    np.testing.assert_allclose(many.value(at), plain.value(at), rtol=EXACT)
+    np.testing.assert_allclose(many.gradient(at), plain.gradient(at), atol=EXACT * np.abs(plain.gradient(at)).max())
+    H = hessian_of(plain, space, x).toarray()
+    np.testing.assert_allclose(hessian_of(many, space, x).toarray(), H, atol=1e2 * EXACT * np.abs(H).max())
+
+
+def test_a_law_with_too_many_parameters_is_refused(cells):
+    with pytest.raises(InputError, match="^Many: psi has 72 parameters, at most 64 are possible; [^\\n]*$"):
+        elastic(cells[3], many_parameters(70)(YOUNG, POISSON))
 
 
 def test_a_law_s_mistakes_are_told():

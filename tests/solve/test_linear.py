@@ -195,6 +195,29 @@ def test_auto_hands_over_where_iterations_are_many(space):
     assert made.method == "multilevel"
 
 
+@pytest.mark.parametrize("linear", ["auto", "iterative", "multilevel", "direct"])
+def test_a_memory_is_recalled_under_the_setting_that_it_was_learned_under(space, linear):
+    """A solver that has fallen back to the direct method goes on with it. Under another setting the setting wins."""
+    system, _ = systems(space)
+    learned = solver(space, system, linear=linear)
+    learned.be_exact()
+    for other in ("auto", "iterative", "multilevel", "direct"):
+        resumed = solver(space, system, linear=other)
+        before = resumed.method
+        resumed.recall(learned.memory)
+        assert resumed.method == ("direct" if other == linear else before)
+        assert resumed.memory == learned.memory or other != linear
+
+
+@pytest.mark.parametrize("wrong", [{"method": 3}, {"easy": [1]}, {"shift": -1}, {"workspace": "2"}, {"linear": None}])
+def test_a_memory_that_no_solver_wrote_is_ignored(space, wrong):
+    system, _ = systems(space)
+    learned, resumed = solver(space, system), solver(space, system)
+    learned.be_exact()
+    resumed.recall({**learned.memory, **wrong})
+    assert resumed.method == "iterative"
+
+
 def test_a_failure_climbs_the_ladder_to_its_end(space, monkeypatch):
     """Nothing converges: every rung is tried once, then the error names the solve."""
     system, dense = systems(space)

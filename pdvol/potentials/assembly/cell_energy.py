@@ -14,6 +14,7 @@ import ufl
 from dolfinx import jit
 from mpi4py import MPI
 
+from pdvol.errors import InputError
 from pdvol.levels.space import LevelSpace
 from pdvol.potentials.assembly import native
 from pdvol.potentials.assembly.hessian_blocks import FILTERS, HessianBlocks
@@ -34,6 +35,12 @@ class CellEnergy(Term):
     cells : (k,) indices into the space's near cells, ascending
     name : str
     isotropic : whether psi(Q F R) = psi(F) for all rotations; found out by trying where not given
+    material : whose density it is, for error messages
+
+    Raises
+    ------
+    InputError
+        More than `native.MAX_PARAMETERS` parameters. On all ranks, before any communication.
     """
 
     def __init__(
@@ -44,7 +51,13 @@ class CellEnergy(Term):
         cells: np.ndarray,
         name: str = "elastic",
         isotropic: bool | None = None,
+        material: str = "",
     ):
+        if len(parameters) > native.MAX_PARAMETERS:
+            raise InputError(
+                f"{material or name}: psi has {len(parameters)} parameters, at most {native.MAX_PARAMETERS} are possible;"
+                " put constants into psi itself"
+            )
         self.space, self.name, self._isotropic = space, name, isotropic
         self.psi, self.parameters, self.cells = psi, dict(parameters), cells
         self._counted = int(np.searchsorted(cells, space.n_counted))
@@ -70,7 +83,7 @@ class CellEnergy(Term):
         self._density, self._first, self._second, self._stretches = compiled(density), compiled(first), None, None
         if (
             d == 3
-            and 0 < len(parameters) <= _MAX_PARAMETERS
+            and 0 < len(parameters) <= native.MAX_ISOTROPIC_PARAMETERS
             and (self._is_isotropic() if self._isotropic is None else self._isotropic)
         ):
             self._stretches = _StretchKernels(space, psi, parameters)
@@ -146,9 +159,6 @@ class CellEnergy(Term):
             self._library.cell_hessians(
                 *self._arguments(self._second, x.local, len(self.cells)), slots, mode, weight, out
             )
-
-
-_MAX_PARAMETERS = 16  # isotropic.c keeps a cell's arguments on the stack
 
 
 def _rotation(rng) -> np.ndarray:

@@ -88,16 +88,13 @@ class SurfaceBarrier(Term):
         return self._stencils
 
     def value(self, x: Positions) -> float:
-        active, vertices = self.collisions(x)
-        if self.space.comm.size == 1:
-            return float(self._potential(active, self.surface.mesh, vertices)) if len(active) else 0.0
+        active, _ = self.collisions(x)
         mine = 0.0
         if len(active):
             stencils, gaps = self.stencils(x)
             s = np.minimum(np.einsum("kd,kd->k", gaps, gaps) / self.dhat**2, 1.0)
-            mine = float(
-                stencils.weights[stencils.counted] @ barrier_law.energy(s, self.dhat, self.kappa)[stencils.counted]
-            )
+            weights = np.where(stencils.counted, stencils.weights, 0.0)
+            mine = float(weights @ barrier_law.energy(s, self.dhat, self.kappa))
         return self.space.comm.allreduce(mine)
 
     def gradient(self, x: Positions) -> np.ndarray:

@@ -97,9 +97,10 @@ def normal_stencils(
     corners = lambda primitives: positions[primitives].transpose(1, 0, 2)
     mollifiers = _mollifier(positions[one], positions[other], ee[:, 3])
     s, t = closest(*corners(one), *corners(other))
-    ends = [pair for pair in np.flatnonzero(mollifiers < 1.0) if edge_edge[pair].dtype != INSIDE]
-    if ends:
-        kinds = np.array([edge_edge[pair].dtype.value for pair in ends])
+    mollified = np.flatnonzero(mollifiers < 1.0)
+    kinds = np.fromiter((edge_edge[pair].dtype.value for pair in mollified), dtype=np.int64, count=len(mollified))
+    ends, kinds = mollified[kinds != INSIDE.value], kinds[kinds != INSIDE.value]
+    if len(ends):
         s[ends], t[ends] = closest_of_parts(*corners(one[ends]), *corners(other[ends]), kinds)
     parts = [
         _vertex_vertex(first[0], second[0]),

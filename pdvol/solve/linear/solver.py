@@ -92,8 +92,11 @@ class LinearSolver:
 
     @property
     def memory(self) -> dict:
-        """What earlier solves have taught: the rest of what a step's result may depend on besides its start."""
+        """What earlier solves have taught: the rest of what a step's result may depend on besides its start. `linear` is
+        the setting under which it was learned.
+        """
         return {
+            "linear": self.settings.linear,
             "method": self.method,
             "easy": self._easy,
             "shift": self._local.shift,
@@ -102,10 +105,16 @@ class LinearSolver:
         }
 
     def recall(self, memory: Mapping) -> None:
-        """Goes on as the solver did whose `memory` this is; one that no solver wrote is nothing to go by."""
-        whole = [memory.get(key) for key in ("shift", "workspace", "direct")]
-        if not {memory.get("method"), memory.get("easy")} <= set(METHODS) or not all(
-            isinstance(n, int) and n >= 0 for n in whole
+        """Goes on as the solver did whose `memory` this is.
+
+        What was learned under another setting of `linear` is ignored, so that the method that the settings name is the
+        one in use. So is a memory that no solver wrote.
+        """
+        numbers = [memory.get(key) for key in ("shift", "workspace", "direct")]
+        if (
+            memory.get("linear", "auto") != self.settings.linear
+            or not all(memory.get(key) in METHODS for key in ("method", "easy"))
+            or not all(isinstance(number, int) and number >= 0 for number in numbers)
         ):
             return
         self._easy, self._local.shift, self._workspace = (

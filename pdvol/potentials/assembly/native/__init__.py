@@ -16,6 +16,11 @@ from pdvol.errors import InputError
 
 FLAGS = ("-O3", "-march=native", "-ffp-contract=off", "-fno-math-errno", "-fno-trapping-math")
 
+# parameters of an energy density: the C code keeps those of one cell on the stack
+MAX_PARAMETERS = 64
+# the same for isotropic densities, whose kernels run for eight cells at a time; those with more take the general path
+MAX_ISOTROPIC_PARAMETERS = 16
+
 _DECLARATIONS = """
 double cell_values(void *kernel, int d, int64_t count, const int32_t *dofs, const double *x, const double *inverse, const double *volumes,
                    const double *parameters, int np, int at);
@@ -60,6 +65,8 @@ def library():
         os.environ.get("CC") or "cc",
         *FLAGS,
         f"-DKERNEL_ARGUMENTS={compat.KERNEL_ARGUMENTS}",
+        f"-DMAX_PARAMETERS={MAX_PARAMETERS}",
+        f"-DMAX_ISOTROPIC_PARAMETERS={MAX_ISOTROPIC_PARAMETERS}",
         "-shared",
         "-fPIC",
     ]

@@ -10,7 +10,7 @@
 
 #include "kernel.h"
 
-enum { MAX_H = 9, MAX_PARAMETERS = 64 };
+enum { MAX_H = 9 }; /* MAX_PARAMETERS comes from the compiler's command line: its value is in __init__.py, which refuses more */
 
 /* Called with d a constant, so that the loops over it unroll: two to three times faster. */
 #define INLINE static inline __attribute__((always_inline))

@@ -141,7 +141,7 @@ int64_t isotropic_hessians(void *gradient, void *hessian, const int32_t *argumen
         }
         lanes p[3], S[3][3];
         for (int l = 0; l < LANES; ++l) {
-            double all_of[3 + 16], w[3 + 16], first_by[3] = {0}, second_by[9] = {0};
+            double all_of[3 + MAX_ISOTROPIC_PARAMETERS], w[3 + MAX_ISOTROPIC_PARAMETERS], first_by[3] = {0}, second_by[9] = {0};
             for (int q = 0; q < 3; ++q)
                 all_of[q] = s[q][l];
             for (int q = 0; q < np; ++q)
