@@ -6,6 +6,7 @@ They are meant for J = det F > 0, which the solver keeps whatever the law.
 """
 
 import ufl
+
 from pdvol.forms.kinematics import green_strain, sum_of_stretches
 
 GUARDED = 0.1  # of a cell's volume: below it laws that are finite at zero volume get a barrier

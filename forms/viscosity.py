@@ -1,6 +1,7 @@
 """Dissipation potentials of the material, as UFL."""
 
 import ufl
+
 from pdvol.forms.kinematics import green_strain
 
 

@@ -8,8 +8,8 @@ from pdvol.geometry.level_mesh import LevelMesh
 # Enlargement of facets for the ray test, relative to their size: without it a segment through a shared edge or corner
 # may pass between two of them.
 FACET_OVERLAP = 1e-9
-# Distance beyond a segment's end, relative to its length, at which it still hits: one that ends on the surface must hit,
-# whatever the rounding.
+# Distance beyond a segment's end, relative to its length, at which it still hits: one that ends on the surface must
+# hit, whatever the rounding.
 SEGMENT_OVERRUN = 1e-9
 
 

@@ -65,8 +65,8 @@ def find_crossings(
 def find_touching(
     points: np.ndarray, edges: np.ndarray, faces: np.ndarray, groups: np.ndarray | None = None
 ) -> np.ndarray:
-    """Pairs of vertices (k, 2) int64, one of each primitive, whose primitives are nearer than `TOUCHING_DISTANCE` times the
-    diagonal.
+    """Pairs of vertices (k, 2) int64, one of each primitive, whose primitives are nearer than `TOUCHING_DISTANCE` times
+    the diagonal.
     """
     import ipctk
 

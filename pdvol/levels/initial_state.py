@@ -70,7 +70,7 @@ class Gap:
 
 
 def find_defects(level: int, mesh: LevelMesh, obstacles: Sequence[Obstacle], scene: Scene) -> Iterator[Defect]:
-    """All that is wrong with one level at t = 0, found one after the other; arguments and InputError as `check_start`."""
+    """The errors of one level at t = 0, found one after the other; arguments and InputError as `check_start`."""
     for plane in scene.obstacles:
         if isinstance(plane, Plane):
             yield from _below(level, mesh, plane, scene)
@@ -256,7 +256,7 @@ class _Parties:
         return Defect(error, [self.points[list(part)] for pair in pairs for part in pair])
 
     def _apart(self, one: int, other: int) -> tuple[list[int], np.ndarray | None]:
-        """The bodies of two parties, and the way along which the first of them leaves the other: from centre to centre."""
+        """The bodies of two parties, and the direction in which the first leaves the other: from centre to centre."""
         if one == other:
             return [one], None
         bodies = [k for k in (one, other) if k < self.bodies]

@@ -24,7 +24,7 @@ from pdvol.meshing.validate import check_outline, check_solid, check_surface, dr
 from pdvol.scene import Body, Rigid, Scene
 
 BUILD_VERSION = 1
-"""Part of the cache's keys. Increase it by one when the same input gives different meshes, so that old ones are not used."""
+"""Part of the cache's keys. Increase it by one when the same input gives other meshes: old ones are not used then."""
 _MESHERS = ("pytetwild", "gmsh", "fast-simplification", "libigl")
 
 

@@ -15,9 +15,9 @@ import numpy as np
 from pdvol.errors import MeshError
 from pdvol.processes import die_with_parent, without_launcher
 
-# C source of a std::random_device that returns the same linear congruential sequence in every process. fTetWild shuffles
-# with a std::mt19937 that std::random_device seeds, so without it the same input would give a different mesh each time.
-# The library is preloaded in the mesher's process. The Itanium C++ ABI fixes the symbol's name in libstdc++.
+# C source of a std::random_device that returns the same linear congruential sequence in every process. fTetWild
+# shuffles with a std::mt19937 that std::random_device seeds, so without it the same input would give a different mesh
+# each time. The library is preloaded in the mesher's process. The Itanium C++ ABI fixes the symbol's name in libstdc++.
 _SEEDED_RANDOM_DEVICE = """
 unsigned int _ZNSt13random_device9_M_getvalEv(void *self)
 {

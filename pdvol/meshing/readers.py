@@ -18,7 +18,7 @@ import trimesh
 from pdvol.errors import InputError, MeshError
 from pdvol.meshes import Outline, Solid, Surface
 from pdvol.meshing.mesher_process import run_worker
-from pdvol.meshing.reader_process import BYTES_PER_SECOND, BASE_SECONDS, read_in_child_process
+from pdvol.meshing.reader_process import BASE_SECONDS, BYTES_PER_SECOND, read_in_child_process
 from pdvol.meshing.suppressed_output import suppressed_output
 
 SURFACES = (".obj", ".ply", ".off", ".stl")

@@ -51,8 +51,9 @@ def surface_share(surface: Surface, target: int) -> int:
 
 
 def tetrahedralise(surface: Surface, target: int, name: str = "surface", keep_boundary: bool = False) -> SizedMesh:
-    """A tetrahedral mesh of about `target` vertices (see `edge_length`). Its boundary is a valid surface with the shells
-    and handles of the given one.
+    """A tetrahedral mesh of about `target` vertices (see `edge_length`).
+
+    Its boundary is a valid surface with the shells and handles of the given one.
 
     Parameters
     ----------

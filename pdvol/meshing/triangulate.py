@@ -11,7 +11,7 @@ from pdvol.meshing.mesher_process import run_worker
 from pdvol.meshing.validate import drop_unused, outline_edges, signed_area
 
 CORNER_ANGLE = np.pi / 4.0
-"""Angle [rad] between successive segments above which their vertex is a corner of the shape and stays on every level."""
+"""Angle [rad] between segments above which their vertex is a corner of the shape and stays on every level."""
 STRAIGHT_TOLERANCE = 0.1
 """Distance from a straight line, relative to the edge length, below which vertices of the outline are left out."""
 

@@ -72,7 +72,7 @@ class TimedLoad(DeadLoad):
 
 
 def load_terms(scene: Scene, space: LevelSpace, densities: np.ndarray, mass: np.ndarray) -> tuple[Term, ...]:
-    """The terms of a scene's loads on one level, with densities (m,) of its cells and masses (n_owned, d). Collective."""
+    """The terms of a scene's loads on one level; densities (m,) of its cells, masses (n_owned, d). Collective."""
     return tuple(_load_term(load, scene, space, densities, mass[:, 0]) for load in scene.loads)
 
 

@@ -10,7 +10,7 @@ each rung was taken.
 | workspace | more room for the direct solver | it failed |
 | held_back | a quarter of the scripted motion, then none of it | it met contact, and what it left could not be solved |
 | halvings | half the step | all of these, or too many iterations |
-| last_resort | the smallest step once more, from its beginning with the strongest filter and the direct solver | halving no further |
+| last_resort | the smallest step once more, with the strongest filter and the direct solver | halving no further |
 
 After the last one comes `ConvergenceError`, which names level, step and reason; finished steps are kept. What is not a
 number ends the run at once: no rung mends it. `substeps` counts the parts into which a scripted motion was cut because

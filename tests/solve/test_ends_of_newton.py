@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from pdvol.meshes import Outline
 from problems import block, make_problem, make_scene, polyline
 
+from pdvol.meshes import Outline
 from pdvol.scene import Barrier, Plane, Rigid, Solver
 
 DHAT = 0.01

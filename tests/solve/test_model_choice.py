@@ -26,7 +26,7 @@ def test_not_raw_after_a_cut_step_or_where_nothing_would_notice(whole, may_be_ra
 def test_short_cuts_are_given_up_for_good():
     """After one bad promise, or steps that contact keeps cutting short."""
     model = ModelChoice()
-    for k in range(STUCK):
+    for _ in range(STUCK):
         assert model.quick
         model.took(-1.0, -1.0, whole=False, cap=0.01, may_be_raw=True)
     assert not model.quick and model.positive == "clamp"
