@@ -9,6 +9,7 @@ import sys
 import tempfile
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -74,7 +75,8 @@ def run_worker(script: str, timeout: float, **arrays: np.ndarray) -> dict[str, n
             library.write_bytes(_seeded_random_device())
             env["LD_PRELOAD"] = ":".join(filter(None, [str(library), env.get("LD_PRELOAD")]))
         given, made = Path(folder) / "in.npz", Path(folder) / "out.npz"
-        np.savez(given, **arrays)
+        contents: dict[str, Any] = arrays
+        np.savez(given, **contents)
         try:
             # -P: the script's own folder must not shadow other packages.
             done = subprocess.run(
