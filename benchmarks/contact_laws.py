@@ -37,7 +37,7 @@ WEIGHT = SOFT.density * G * SIDE
 
 
 def march(bodies, law: str, steps: int, dt: float, velocity, friction=()) -> dict:
-    """Bodies, each (Solid, material, Placement), over the floor: the mesh, reports, last velocities and seconds a step."""
+    """Bodies, each (Solid, material, Placement), over the floor: mesh, reports, last velocities, seconds a step."""
     scene = Scene(
         tuple(Body((solid,), material, name=f"body {i}") for i, (solid, material, _) in enumerate(bodies)),
         dt=dt,

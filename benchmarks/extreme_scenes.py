@@ -11,7 +11,6 @@ SI units, y up. Everything that a row does not vary is pdvol's default, or E = 1
 from dataclasses import replace
 
 import numpy as np
-from pdvol.meshes import Solid, ball, brick
 
 import pdvol
 from pdvol import (
@@ -29,6 +28,7 @@ from pdvol import (
     Support,
     Translation,
 )
+from pdvol.meshes import Solid, ball, brick
 
 GRAVITY = 9.81
 SOFT = NeoHookean(1e5)
@@ -36,6 +36,8 @@ DOWN = Gravity((0.0, -GRAVITY, 0.0))
 FLOOR = Plane((0.0, 0.0, 0.0), (0.0, 1.0, 0.0), name="floor")
 SKEW = (1.0, 0.4, 0.6)
 """Axis about which what falls is turned, so that nothing meets corner to corner or face to face by construction."""
+DHAT = Relative(1e-3)
+"""Contact distance of most scenes."""
 
 
 def stack(
@@ -44,7 +46,7 @@ def stack(
     size: float = 1.0,
     dt: float = 0.01,
     steps: int = 60,
-    dhat: float | Relative = Relative(1e-3),
+    dhat: float | Relative = DHAT,
     mu: float = 0.3,
     speed: float = 3.0,
 ) -> Scene:

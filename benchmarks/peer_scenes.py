@@ -11,10 +11,10 @@ tolerance and IPC's 1e-5 m per step of 0.01 s mean.
 from pathlib import Path
 
 import numpy as np
-from pdvol.meshes import brick
 
 import pdvol
 from pdvol import Barrier, Body, Friction, Gravity, NeoHookean, Plane, Rotation, Scene, Solid, Solver, Support
+from pdvol.meshes import brick
 
 PEERS = Path(__file__).resolve().parents[2] / "shared" / "peers"
 MATERIAL = NeoHookean(2e5, poisson=0.4, density=1000.0)

@@ -11,7 +11,6 @@ thin tetrahedra and triangles stand here.
 from dataclasses import replace
 
 import numpy as np
-from pdvol.meshes import Solid, Surface, ball, box, brick, creature, cylinder, dolphin, funnel, torus
 
 import pdvol
 from pdvol import (
@@ -31,6 +30,7 @@ from pdvol import (
     Support,
     Translation,
 )
+from pdvol.meshes import Solid, Surface, ball, box, brick, creature, cylinder, dolphin, funnel, torus
 
 DOWN = Gravity((0.0, -9.81, 0.0))
 FLOOR = Plane((0.0, 0.0, 0.0), (0.0, 1.0, 0.0), name="floor")
@@ -207,7 +207,7 @@ def stiff_ball_on_mat(cuts=(39,), vertices=(1760,)) -> Scene:
 
 
 def card_house(n: int = 9) -> Scene:
-    """Seven cards lean and lie on each other in two storeys, as near as they will come to rest; two cubes fall on them."""
+    """Seven cards lean and lie on each other in two storeys, nearly at rest; two cubes fall on them."""
     length, thick, lean, gap, dhat = 0.5, 0.02, np.radians(24.0), 2.5e-4, 2.8e-4
     card = brick((thick, length, length), (1, n, n))
     stiff = NeoHookean(1e8)

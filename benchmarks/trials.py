@@ -16,10 +16,10 @@ import peers
 from pdvol.scene import Scene, metres
 from pdvol.store.reader import Run, RunLevel, open_run
 
-HERE = Path(__file__).resolve().parent
-sys.path.insert(0, str(HERE.parent / "tests"))
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
 import verify_run
 
+HERE = Path(__file__).resolve().parent
 PATIENCE = 60.0
 """Seconds beyond the limit after which a step that does not end is taken to hang, and its process is ended."""
 

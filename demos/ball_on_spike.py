@@ -12,7 +12,7 @@ TIP = 0.5  # m, height of the spike
 
 
 def scene(offset=0.002, young=3e4, steps=120, dt=0.01, height=0.9, mu=0.3):
-    """A ball of radius 0.25 m whose centre starts `offset` m beside the spike's axis and `height` m above the ground."""
+    """A ball of radius 0.25 m; its centre starts `offset` m beside the spike's axis and `height` m above the ground."""
     return Scene(
         bodies=(
             Body(

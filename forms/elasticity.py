@@ -6,12 +6,14 @@ They are meant for J = det F > 0, which the solver keeps whatever the law.
 """
 
 import ufl
+from ufl.core.expr import Expr
+
 from pdvol.forms.kinematics import green_strain, sum_of_stretches
 
 GUARDED = 0.1  # of a cell's volume: below it laws that are finite at zero volume get a barrier
 
 
-def volume_barrier(F, stiffness):
+def volume_barrier(F: Expr, stiffness: Expr) -> Expr:
     r"""-stiffness (u - 1)^2 ln u where u = J / GUARDED is below one, nothing above: twice differentiable, infinite at
     zero volume.
 
@@ -22,7 +24,7 @@ def volume_barrier(F, stiffness):
     return ufl.conditional(ufl.lt(u, 1), -stiffness * (u - 1) ** 2 * ufl.ln(u), 0)
 
 
-def neo_hookean(F, mu, lmbda):
+def neo_hookean(F: Expr, mu: Expr, lmbda: Expr) -> Expr:
     r"""Neo-Hookean law, psi = mu/2 (tr(F'F) - d) - mu ln J + lmbda/2 (ln J)^2.
 
     First Piola-Kirchhoff stress P = mu (F - F^-T) + lmbda ln(J) F^-T: infinite at zero volume. Source: Bonet and Wood
@@ -33,7 +35,7 @@ def neo_hookean(F, mu, lmbda):
     return mu / 2 * (ufl.inner(F, F) - d) - mu * ln_J + lmbda / 2 * ln_J**2
 
 
-def st_venant_kirchhoff(F, mu, lmbda):
+def st_venant_kirchhoff(F: Expr, mu: Expr, lmbda: Expr) -> Expr:
     r"""St. Venant-Kirchhoff law, psi = mu tr(E^2) + lmbda/2 (tr E)^2, E = (F'F - 1) / 2.
 
     P = F (2 mu E + lmbda tr(E) 1). It gives way in compression: pressed along one axis the stress is largest at a
@@ -44,7 +46,7 @@ def st_venant_kirchhoff(F, mu, lmbda):
     return mu * ufl.inner(E, E) + lmbda / 2 * ufl.tr(E) ** 2 + volume_barrier(F, 2 * mu + lmbda)
 
 
-def fixed_corotational(F, mu, lmbda):
+def fixed_corotational(F: Expr, mu: Expr, lmbda: Expr) -> Expr:
     r"""Fixed corotational law, psi = mu |F - R|^2 + lmbda/2 (J - 1)^2, F = R S the polar decomposition.
 
     P = 2 mu (F - R) + lmbda (J - 1) cof F: linear in the stretches but for the volume's part, and finite (2 mu + lmbda

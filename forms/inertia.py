@@ -1,9 +1,10 @@
 """Inertia, lumped at the vertices."""
 
 import ufl
+from ufl.core.expr import Expr
 
 
-def lumped_mass(density, v, domain):
+def lumped_mass(density: Expr, v: Expr, domain: ufl.Mesh) -> ufl.Form:
     """Linear form whose assembly is the diagonal of the lumped mass matrix [kg]: vertex quadrature makes P1 masses
     diagonal.
     """

@@ -1,21 +1,22 @@
 """Deformation measures as UFL. Positions x live on the rest mesh, so grad(x) is the deformation gradient."""
 
 import ufl
+from ufl.core.expr import Expr
 
 NEWTON = 4  # iterations for the sum of three stretches: exact to the last bit, as are two derivatives (see there)
 
 
-def deformation_gradient(x):
+def deformation_gradient(x: Expr) -> Expr:
     """F = dx/dX, shape (d, d)."""
     return ufl.grad(x)
 
 
-def green_strain(F):
+def green_strain(F: Expr) -> Expr:
     """E = (F'F - 1) / 2, shape (d, d). In plane strain the entries that are left out are zero."""
     return (F.T * F - ufl.Identity(F.ufl_shape[0])) / 2
 
 
-def sum_of_stretches(F):
+def sum_of_stretches(F: Expr) -> Expr:
     r"""tr S of F = R S, the sum of the d stretches, for det F > 0: without the singular derivatives of an eigenvalue
     solver.
 

@@ -1,6 +1,7 @@
 """A gorilla, sitting: one fist on the ground, the other arm raised. The shape of demos/ape.py."""
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from .geometry import Surface
 from .implicit import capsule, contoured, ellipsoid, join
@@ -57,7 +58,9 @@ def _figure(p: np.ndarray) -> np.ndarray:
     return -join(-body, p[..., 1], 0.02)  # flat where it sits and stands
 
 
-def _arm(p: np.ndarray, shoulder, elbow, wrist, fist) -> list[tuple[np.ndarray, float]]:
+def _arm(
+    p: np.ndarray, shoulder: ArrayLike, elbow: ArrayLike, wrist: ArrayLike, fist: ArrayLike
+) -> list[tuple[np.ndarray, float]]:
     """The parts of one arm, with their fillets."""
     return [
         (capsule(p, shoulder, elbow, 0.098), 0.08),

@@ -1,11 +1,14 @@
 """Figures as signed distances (nearly), negative inside, and their contours as surfaces."""
 
+from collections.abc import Sequence
+
 import igl
 import numpy as np
+from numpy.typing import ArrayLike
 from skimage import measure
 
 
-def contoured(field: np.ndarray, axes, h: float, vertices: int) -> tuple[np.ndarray, np.ndarray]:
+def contoured(field: np.ndarray, axes: Sequence[np.ndarray], h: float, vertices: int) -> tuple[np.ndarray, np.ndarray]:
     """Points and triangles where `field`, given on the grid of `axes` with spacing h, is zero: faired, then decimated
     to about `vertices`.
     """
@@ -22,7 +25,7 @@ def contoured(field: np.ndarray, axes, h: float, vertices: int) -> tuple[np.ndar
     return points, triangles
 
 
-def ellipsoid(p: np.ndarray, centre, radii) -> np.ndarray:
+def ellipsoid(p: np.ndarray, centre: ArrayLike, radii: ArrayLike) -> np.ndarray:
     """First-order distance to an ellipsoid."""
     radii = np.asarray(radii, dtype=float)
     r = (p - np.asarray(centre)) / radii
@@ -30,7 +33,7 @@ def ellipsoid(p: np.ndarray, centre, radii) -> np.ndarray:
     return k0 * (k0 - 1.0) / np.maximum(k1, 1e-9)
 
 
-def capsule(p: np.ndarray, start, end, radius: float) -> np.ndarray:
+def capsule(p: np.ndarray, start: ArrayLike, end: ArrayLike, radius: float) -> np.ndarray:
     """Distance to a segment thickened by `radius`."""
     a, axis = np.asarray(start), np.asarray(end) - np.asarray(start)
     along = np.clip((p - a) @ axis / (axis @ axis), 0.0, 1.0)

@@ -2,6 +2,8 @@
 them.
 """
 
+from collections.abc import Callable, Sequence
+
 import numpy as np
 
 from .geometry import Surface
@@ -24,7 +26,9 @@ def frog(height: float = 0.6, vertices: int = 4000) -> Surface:
     return _figurine(_frog, ((-0.68, 0.68), (-0.06, 0.80), (-0.60, 0.62)), height, vertices)
 
 
-def _figurine(figure, box, height: float, vertices: int) -> Surface:
+def _figurine(
+    figure: Callable[[np.ndarray], np.ndarray], box: Sequence[tuple[float, float]], height: float, vertices: int
+) -> Surface:
     """The contour of a signed distance within `box`, ((low, high), ...) along x, y, z, scaled to its height."""
     h = 0.014  # grid cell of a figure about one unit tall
     axes = [np.arange(low, high + h, h) for low, high in box]

@@ -1,6 +1,7 @@
 """Flat shapes, as closed outlines; and what extruding one gives."""
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from .geometry import Outline, Surface
 
@@ -11,12 +12,12 @@ def disc(radius: float = 1.0, points: int = 128) -> Outline:
     return Outline(radius * np.column_stack([np.cos(angle), np.sin(angle)]))
 
 
-def polygon(points) -> Outline:
+def polygon(points: ArrayLike) -> Outline:
     """The polygon through `points` (n, 2) [m], turned anticlockwise."""
-    points = np.asarray(points, dtype=float)
-    x, y = points.T
+    corners = np.asarray(points, dtype=float)
+    x, y = corners.T
     area = np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y)
-    return Outline(points if area > 0 else points[::-1].copy())
+    return Outline(corners if area > 0 else corners[::-1].copy())
 
 
 def rectangle(width: float = 1.0, height: float = 1.0) -> Outline:
@@ -145,7 +146,7 @@ def triangles_of(points: np.ndarray) -> np.ndarray:
     left = list(range(len(points)))
     triangles = []
 
-    def turn(a, b, c):
+    def turn(a: np.ndarray, b: np.ndarray, c: np.ndarray) -> np.ndarray:
         u, w = b - a, c - a
         return u[..., 0] * w[..., 1] - u[..., 1] * w[..., 0]
 
@@ -159,7 +160,7 @@ def triangles_of(points: np.ndarray) -> np.ndarray:
             inside = (turn(a, b, ring) >= 0) & (turn(b, c, ring) >= 0) & (turn(c, a, ring) >= 0)
             for corner in (a, b, c):
                 inside &= (ring != corner).any(axis=1)
-            value = -np.linalg.norm(c - a)
+            value = -float(np.linalg.norm(c - a))
             if not inside.any() and value > score:
                 best, score = k, value
         triangles.append([left[best - 1], left[best], left[(best + 1) % len(left)]])

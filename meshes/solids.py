@@ -1,7 +1,10 @@
 """Round and square surfaces to start from."""
 
+from typing import Any
+
 import igl
 import numpy as np
+from numpy.typing import ArrayLike
 
 from .geometry import Surface
 from .outlines import comb as flat_comb
@@ -20,7 +23,7 @@ def ball(radius: float = 1.0, subdivisions: int = 3) -> Surface:
     return Surface(np.ascontiguousarray(vertices), np.ascontiguousarray(triangles, dtype=np.int32))
 
 
-def box(size=(1.0, 1.0, 1.0), divisions=(1, 1, 1)) -> Surface:
+def box(size: ArrayLike = (1.0, 1.0, 1.0), divisions: ArrayLike = (1, 1, 1)) -> Surface:
     """A box [m] about the origin, each side cut into `divisions` along x, y, z."""
     half, cuts = np.asarray(size, dtype=float) / 2.0, np.broadcast_to(divisions, 3)
     grids, triangles, n = [], [], 0
@@ -28,12 +31,12 @@ def box(size=(1.0, 1.0, 1.0), divisions=(1, 1, 1)) -> Surface:
         u, w = (axis + 1) % 3, (axis + 2) % 3
         flat, quads = _grid(cuts[u], cuts[w])
         for side in (-1, 1):
-            points = np.empty((len(flat), 3))
-            points[:, axis] = side
-            points[:, [u, w]] = 2.0 * flat - 1.0
-            grids.append(points)
+            corners = np.empty((len(flat), 3))
+            corners[:, axis] = side
+            corners[:, [u, w]] = 2.0 * flat - 1.0
+            grids.append(corners)
             triangles.append(n + (quads if side > 0 else quads[:, ::-1]))
-            n += len(points)
+            n += len(corners)
     points, index = np.unique(np.round(np.vstack(grids), 12), axis=0, return_inverse=True)
     return Surface(points * half, index.ravel()[np.vstack(triangles)].astype(np.int32))
 
@@ -44,12 +47,12 @@ def bar(length: float = 1.0, width: float = 0.2, height: float = 0.2, cell: floa
     return box(size, np.maximum(np.round(size / cell), 1).astype(int))
 
 
-def comb(thickness: float = 0.1, **parameters) -> Surface:
+def comb(thickness: float = 0.1, **parameters: Any) -> Surface:
     """`outlines.comb` with a thickness [m]."""
     return extrude(flat_comb(**parameters), thickness)
 
 
-def folded(thickness: float = 0.1, **parameters) -> Surface:
+def folded(thickness: float = 0.1, **parameters: Any) -> Surface:
     """`outlines.folded` with a thickness [m]."""
     return extrude(flat_folded(**parameters), thickness)
 

@@ -1,6 +1,9 @@
 """Flat things to throw about: letters, a propeller, a worm, a trampoline and a beach ball."""
 
+from collections.abc import Callable
+
 import numpy as np
+from numpy.typing import ArrayLike
 
 from .geometry import Outline, Solid
 from .outlines import disc, polygon, triangles_of
@@ -10,7 +13,8 @@ def letter(name: str, height: float = 0.5) -> Outline | Solid:
     """The capital A, B or C, `height` [m] tall, about the origin; A and B have holes and are triangulated (see
     `pierced`).
     """
-    shape = {"A": _a, "B": _b, "C": _c}[name]()
+    letters: dict[str, Callable[[], Outline | Solid]] = {"A": _a, "B": _b, "C": _c}
+    shape = letters[name]()
     points = shape.points if isinstance(shape, Outline) else shape.vertices
     points = height * (points - [0.0, 0.5])
     return Outline(points) if isinstance(shape, Outline) else Solid(points, shape.cells, shape.regions)
@@ -76,7 +80,7 @@ def beach_ball(radius: float = 0.2, panels: int = 6, points: int = 96) -> Solid:
 # -------------------------------------------------------------------------------------------------------------------
 
 
-def stroke(middle: np.ndarray, width, cap: int = 12) -> Outline:
+def stroke(middle: np.ndarray, width: ArrayLike, cap: int = 12) -> Outline:
     """The outline of a pen drawn along the curve `middle` (n, 2) [m], round at both ends; `width` [m], one for all or
     one a point.
     """
@@ -135,7 +139,7 @@ def _seen(points: np.ndarray, ring: list[int], eye: np.ndarray) -> int:
     """Where in the ring the nearest point is that a straight cut from `eye` reaches without crossing the ring."""
     a, b = points[ring], points[np.roll(ring, -1)]
 
-    def side(p, q, r):
+    def side(p: np.ndarray, q: np.ndarray, r: np.ndarray) -> np.ndarray:
         return np.sign(
             (q[..., 0] - p[..., 0]) * (r[..., 1] - p[..., 1]) - (q[..., 1] - p[..., 1]) * (r[..., 0] - p[..., 0])
         )
@@ -149,7 +153,7 @@ def _seen(points: np.ndarray, ring: list[int], eye: np.ndarray) -> int:
     raise ValueError("a hole lies outside of the outline")
 
 
-def _arc(centre, radius, start: float, end: float, points: int = 24) -> np.ndarray:
+def _arc(centre: ArrayLike, radius: float, start: float, end: float, points: int = 24) -> np.ndarray:
     """Points of an arc from `start` to `end` [degrees]."""
     angle = np.radians(np.linspace(start, end, points))[:, None]
     return np.asarray(centre) + radius * np.hstack([np.cos(angle), np.sin(angle)])

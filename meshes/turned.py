@@ -1,32 +1,34 @@
 """Surfaces of revolution."""
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from .geometry import Surface
 
 
-def turned(profile, segments: int = 24) -> Surface:
+def turned(profile: ArrayLike, segments: int = 24) -> Surface:
     """A closed profile (n, 2) of radii and heights [m], not negative, turned about the y axis in `segments` steps.
 
     The profile runs anticlockwise, without repeating its first point; it may begin and end on the axis (radius 0),
     which closes the surface there, or keep away from it, which makes a ring.
     """
-    profile = np.asarray(profile, dtype=float)
+    curve = np.asarray(profile, dtype=float)
     angle = 2.0 * np.pi * np.arange(segments) / segments
-    points, rows = [], []
-    for radius, height in profile:
+    points: list[tuple[float, float, float]] = []
+    rows = []
+    for radius, height in curve:
         count, first = (segments, angle) if radius > 0.0 else (1, angle[:1])
         rows.append(len(points) + (np.arange(segments) if count > 1 else np.zeros(segments, dtype=int)))
         points += [(radius * np.cos(a), height, radius * np.sin(a)) for a in first]
     triangles = []
-    for k in range(len(profile)):
-        low, high = rows[k], rows[(k + 1) % len(profile)]
-        if profile[k, 0] == 0.0 and profile[(k + 1) % len(profile), 0] == 0.0:
+    for k in range(len(curve)):
+        low, high = rows[k], rows[(k + 1) % len(curve)]
+        if curve[k, 0] == 0.0 and curve[(k + 1) % len(curve), 0] == 0.0:
             continue
         low_next, high_next = np.roll(low, -1), np.roll(high, -1)
-        if profile[k, 0] > 0.0:
+        if curve[k, 0] > 0.0:
             triangles.append(np.column_stack([low, high_next, low_next]))
-        if profile[(k + 1) % len(profile), 0] > 0.0:
+        if curve[(k + 1) % len(curve), 0] > 0.0:
             triangles.append(np.column_stack([low, high, high_next]))
     return Surface(np.array(points), np.vstack(triangles).astype(np.int32))
 

@@ -20,7 +20,7 @@ PROLONGATIONS = (
 
 
 def main(scene: Callable | None = None, argv: Sequence[str] | None = None) -> None:
-    """The `pdvol` command; with a scene function, `pdvol run` on the file that defines it (what demos end with). Exits."""
+    """The `pdvol` command; with a scene function, `pdvol run` on the file that defines it, as in demos. Exits."""
     arguments = list(sys.argv[1:] if argv is None else argv)
     if scene is not None:
         arguments = ["run", sys.modules[scene.__module__].__file__ or "", *arguments]

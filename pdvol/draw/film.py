@@ -51,8 +51,8 @@ def write_film(
     rate = 1.0 / (stride * run.dt)
     # The encoder tells the format by the ending, so the temporary name keeps it.
     aside = path.with_name(f".{path.stem}{TEMPORARY}{path.suffix}")
-    encoded = dict(fps=rate, codec="libx264", quality=8, macro_block_size=2, ffmpeg_log_level="error")
-    options = encoded if moving else dict(duration=1000 / rate, loop=0)
+    encoded = {"fps": rate, "codec": "libx264", "quality": 8, "macro_block_size": 2, "ffmpeg_log_level": "error"}
+    options = encoded if moving else {"duration": 1000 / rate, "loop": 0}
     view = framing(run, levels, frames, obstacles, turn)
     try:
         with (

@@ -107,17 +107,16 @@ class Studio:
     ) -> None:
         used, local = np.unique(facets, return_inverse=True)
         surface = pv.PolyData.from_regular_faces(points[used], local.reshape(facets.shape))
-        shaded = dict(ambient=0.42, diffuse=0.8, specular=0.14, specular_power=18)
+        shaded = {"ambient": 0.42, "diffuse": 0.8, "specular": 0.14, "specular_power": 18}
         sharp = (
-            dict(smooth_shading=True, split_sharp_edges=True, feature_angle=50.0)
+            {"smooth_shading": True, "split_sharp_edges": True, "feature_angle": 50.0}
             if smooth
-            else dict(smooth_shading=False)
+            else {"smooth_shading": False}
         )
-        drawn = (
-            dict(show_edges=True, edge_color=_darker(colour, 0.45), edge_opacity=edges, line_width=self._width(0.5))
-            if edges
-            else {}
-        )
+        drawn = {}
+        if edges:
+            colour_of_edges, width = _darker(colour, 0.45), self._width(0.5)
+            drawn = {"show_edges": True, "edge_color": colour_of_edges, "edge_opacity": edges, "line_width": width}
         self._plotter.add_mesh(
             surface, color=colour, opacity=opacity, **shaded, **sharp, **drawn, reset_camera=False, render=False
         )
@@ -193,7 +192,7 @@ def _darker(colour: pv.Color, factor: float) -> pv.Color:
 
 
 def _ground(lit: np.ndarray) -> np.ndarray:
-    """The ground's texture (n, n, 3) uint8: its colour under the light, fading into the background with the distance."""
+    """The ground's texture (n, n, 3) uint8: its lit colour, fading into the background with the distance."""
     n = len(lit)
     r = np.linalg.norm((np.indices((n, n)) + 0.5) / n * 2 - 1, axis=0)
     fade = np.clip((r - 0.2) / 0.75, 0, 1)

@@ -1,5 +1,7 @@
 """Queries against the boundary of one body: first hits of segments, closest facets. Edges in 2D, triangles in 3D."""
 
+from collections.abc import Iterable
+
 import igl
 import numpy as np
 
@@ -8,8 +10,8 @@ from pdvol.geometry.level_mesh import LevelMesh
 # Enlargement of facets for the ray test, relative to their size: without it a segment through a shared edge or corner
 # may pass between two of them.
 FACET_OVERLAP = 1e-9
-# Distance beyond a segment's end, relative to its length, at which it still hits: one that ends on the surface must hit,
-# whatever the rounding.
+# Distance beyond a segment's end, relative to its length, at which it still hits: one that ends on the surface must
+# hit, whatever the rounding.
 SEGMENT_OVERRUN = 1e-9
 
 
@@ -82,12 +84,12 @@ class BoundarySearch:
         """(n,) int64: the facet closest to each point (n, d)."""
         return np.asarray(self._tree.squared_distance(self._points, self._facets, _embed(points))[1], dtype=np.int64)
 
-    def closest_of(self, point: np.ndarray, facets) -> int:
+    def closest_of(self, point: np.ndarray, facets: Iterable[int]) -> int:
         """The one of `facets` closest to one point (d,); the lowest index among equals."""
         position = np.zeros(3)
         position[: len(point)] = point
 
-        def squared_distance(facet):
+        def squared_distance(facet: int) -> float:
             return igl.point_simplex_squared_distance(position, self._corners[facet], self._one_facet, 0)[0]
 
         return min(sorted(facets), key=squared_distance)

@@ -5,13 +5,13 @@ import numpy as np
 PARALLEL_TOLERANCE = 1e-12  # lower bound of the determinant, relative to the product of squared lengths: avoids 0 / 0
 
 
-def along(p, a, b) -> np.ndarray:
+def along(p: np.ndarray, a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """Where the foot of p (k, d) lies between a (0) and b (1), cut off at the ends."""
     edge = b - a
     return np.clip(_dot(p - a, edge) / np.maximum(_dot(edge, edge), 1e-300), 0.0, 1.0)
 
 
-def inside(p, corners) -> np.ndarray:
+def inside(p: np.ndarray, corners: np.ndarray) -> np.ndarray:
     """Coordinates (k, 2) of the foot of p in triangles (k, 3, d), along their first vertex's two edges."""
     e, f, r = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0], p - corners[:, 0]
     ee, ef, ff, re, rf = _dot(e, e), _dot(e, f), _dot(f, f), _dot(r, e), _dot(r, f)
@@ -19,7 +19,7 @@ def inside(p, corners) -> np.ndarray:
     return np.column_stack([(ff * re - ef * rf) / determinant, (ee * rf - ef * re) / determinant])
 
 
-def closest(a, b, c, d) -> tuple[np.ndarray, np.ndarray]:
+def closest(a: np.ndarray, b: np.ndarray, c: np.ndarray, d: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Closest points of the lines through segments ab and cd, as shares (k,) along each."""
     e, f, r = b - a, d - c, a - c
     ee, ef, ff, er, fr = _dot(e, e), _dot(e, f), _dot(f, f), _dot(e, r), _dot(f, r)
@@ -27,7 +27,9 @@ def closest(a, b, c, d) -> tuple[np.ndarray, np.ndarray]:
     return (ef * fr - ff * er) / determinant, (ee * fr - ef * er) / determinant
 
 
-def closest_of_parts(a, b, c, d, kind: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def closest_of_parts(
+    a: np.ndarray, b: np.ndarray, c: np.ndarray, d: np.ndarray, kind: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     """Closest points of segments ab and cd, as shares (k,) along each, where one of them at least is an end: which,
     says ipctk's distance type (below 8).
     """
@@ -46,7 +48,7 @@ def closest_of_parts(a, b, c, d, kind: np.ndarray) -> tuple[np.ndarray, np.ndarr
     return np.array([s for s, _ in shares])[kind, pick], np.array([t for _, t in shares])[kind, pick]
 
 
-def segment_distances(a, b, c, d) -> np.ndarray:
+def segment_distances(a: np.ndarray, b: np.ndarray, c: np.ndarray, d: np.ndarray) -> np.ndarray:
     """Distances (k,) of segments ab and cd, too large by no more than 1e-6 of ab's length: as much as that is where
     they are nearly parallel.
 
@@ -61,5 +63,5 @@ def segment_distances(a, b, c, d) -> np.ndarray:
     return np.sqrt(_dot(apart, apart))
 
 
-def _dot(x, y) -> np.ndarray:
+def _dot(x: np.ndarray, y: np.ndarray) -> np.ndarray:
     return np.einsum("kd,kd->k", x, y)

@@ -65,8 +65,8 @@ def find_crossings(
 def find_touching(
     points: np.ndarray, edges: np.ndarray, faces: np.ndarray, groups: np.ndarray | None = None
 ) -> np.ndarray:
-    """Pairs of vertices (k, 2) int64, one of each primitive, whose primitives are nearer than `TOUCHING_DISTANCE` times the
-    diagonal.
+    """Pairs of vertices (k, 2) int64, one of each primitive, whose primitives are nearer than `TOUCHING_DISTANCE` times
+    the diagonal.
     """
     import ipctk
 
@@ -75,31 +75,30 @@ def find_touching(
     tolerance = TOUCHING_DISTANCE * float(np.linalg.norm(np.ptp(points, axis=0)))
     near = ipctk.NormalCollisions()
     near.build(mesh=mesh, vertices=vertices, dhat=tolerance)
-    pairs = []
+    found = []
     for k in range(len(near)):
         ids = [i for i in near[k].vertex_ids(lines, triangles) if i >= 0]
         # Vertex-face and vertex-edge collisions name the vertex first; edge-edge ones the first edge's two ends.
-        pairs.append((ids[0], ids[-1]))
-    pairs = np.array(pairs, dtype=np.int64).reshape(-1, 2)
+        found.append((ids[0], ids[-1]))
+    pairs: np.ndarray = np.array(found, dtype=np.int64).reshape(-1, 2)
     if groups is not None and len(pairs):
         pairs = pairs[~((groups[pairs[:, 0]] < 0) & (groups[pairs[:, 1]] < 0))]
     return pairs
 
 
-def fortran(points, edges, faces):
+def fortran(points: np.ndarray, edges: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Points, edges and faces as ipctk takes them."""
-    order = {"order": "F"}
     return (
-        np.asarray(points, dtype=np.float64, **order),
-        np.asarray(edges, dtype=np.int32, **order).reshape(-1, 2, **order),
-        np.asarray(faces, dtype=np.int32, **order).reshape(-1, 3, **order),
+        np.asarray(points, dtype=np.float64, order="F"),
+        np.asarray(edges, dtype=np.int32, order="F").reshape(-1, 2, order="F"),
+        np.asarray(faces, dtype=np.int32, order="F").reshape(-1, 3, order="F"),
     )
 
 
 def _segments_meet(first: np.ndarray, second: np.ndarray) -> np.ndarray:
     """Mask (k,) of the segment pairs (k, 2, 2) that meet. Collinear overlap is left to `find_touching`."""
 
-    def side(line, point):
+    def side(line: np.ndarray, point: np.ndarray) -> np.ndarray:
         u, w = line[:, 1] - line[:, 0], point - line[:, 0]
         return np.sign(u[:, 0] * w[:, 1] - u[:, 1] * w[:, 0])
 
@@ -117,7 +116,7 @@ def _segment_meets_triangle(segment: np.ndarray, triangle: np.ndarray) -> np.nda
     counts as zero.
     """
 
-    def volume(a, b, c, d):
+    def volume(a: np.ndarray, b: np.ndarray, c: np.ndarray, d: np.ndarray) -> np.ndarray:
         u, v, w = b - a, c - a, d - a
         value = np.einsum("ij,ij->i", np.cross(u, v), w)
         noise = COPLANAR * np.linalg.norm(u, axis=1) * np.linalg.norm(v, axis=1) * np.linalg.norm(w, axis=1)

@@ -49,7 +49,7 @@ class LevelMesh:
         return self._boundary[1]
 
     @cached_property
-    def _boundary(self):
+    def _boundary(self) -> tuple[np.ndarray, np.ndarray]:
         return boundary_facets(self.cells)
 
     @cached_property

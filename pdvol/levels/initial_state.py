@@ -66,11 +66,20 @@ class Gap:
     other: str
 
 
+<<<<<<< HEAD
 def find_defects(level: int, mesh: LevelMesh, obstacles: Sequence[Obstacle], bodies: Sequence[str]) -> Iterator[Defect]:
     """All that is wrong with one level at t = 0, found one after the other; arguments and InputError as `check_start`."""
     for plane in _planes(obstacles):
         yield from _below(level, mesh, plane, bodies)
     parties = _Parties(mesh, obstacles, bodies)
+=======
+def find_defects(level: int, mesh: LevelMesh, obstacles: Sequence[Obstacle], scene: Scene) -> Iterator[Defect]:
+    """The errors of one level at t = 0, found one after the other; arguments and InputError as `check_start`."""
+    for plane in scene.obstacles:
+        if isinstance(plane, Plane):
+            yield from _below(level, mesh, plane, scene)
+    parties = _Parties(mesh, obstacles, scene)
+>>>>>>> tests
     crossings = list(parties.crossings(level))
     yield from crossings or parties.contained(level)  # what crosses may well lie inside, too
 
@@ -238,7 +247,7 @@ class _Parties:
         return Defect(error, [self.points[list(part)] for pair in pairs for part in pair])
 
     def _apart(self, one: int, other: int) -> tuple[list[int], np.ndarray | None]:
-        """The bodies of two parties, and the way along which the first of them leaves the other: from centre to centre."""
+        """The bodies of two parties, and the direction in which the first leaves the other: from centre to centre."""
         if one == other:
             return [one], None
         bodies = [k for k in (one, other) if k < self.bodies]

@@ -50,7 +50,7 @@ def build_apart(
 
 
 class _Arrangement:
-    """All levels of a scene, and what was done to each body: its size, its shift [m], and vertices asked for by level."""
+    """All levels of a scene, and the changes to each body: its size, its shift [m], and the vertices of each level."""
 
     def __init__(self, scene: Scene, cache: Path | None):
         self.scene, self._asked, self._cache = scene, scene, cache
@@ -85,7 +85,8 @@ class _Arrangement:
         """One try; False where the remedy does not apply or has come to its limit."""
         step = STEPS[remedy.by]
         if remedy.by == "refine":
-            return any([self._refine(body, error.level, 1.0 + remedy.limit) for body in error.bodies])
+            refined = [self._refine(body, error.level, 1.0 + remedy.limit) for body in error.bodies]
+            return any(refined)
         if error.push is None:
             return False
         changed = False

@@ -3,15 +3,15 @@
 
 | measure | formula | unit |
 |---|---|---|
-| continuity n_l^t | e / e_hat, e = \\|(x+ - 2 x + x-) / 2 + pull / 2\\|_M^2, e_hat = \\|x+ - x_hat + pull\\|_M^2, pull = dt^2 M^-1 grad F(x+) | 1 |
+| continuity n_l^t | e / e_hat, e = \\|(x+ - 2 x + x-) / 2 + pull / 2\\|_M^2, e_hat = \\|x+ - x_hat + pull\\|_M^2 | 1 |
 | continuity error e_l^t | the numerator alone, which needs no x_hat | kg m^2 |
 | consistency d_{l-1}^t | \\|Pi x_l - x_{l-1}\\|_M^2, Pi = (P'P)^-1 P', M of level l - 1 | kg m^2 |
 | distance | root of \\|x_l - P x_{l-1}\\|_M^2 over the mass, M of level l | m |
 | centre error | how far bodies' centres of mass have moved apart since the start, root mean square over the mass | m |
 | jitter | 1/2 \\|v+ - v\\|_M^2, v the mean velocity over a step: gravity alone gives 1/2 m g^2 dt^2 | J |
 
-x-, x, x+ are the positions at t - dt, t and t + dt, M the lumped mass. n is 1/4 for implicit Euler, whatever the
-residual its solver leaves.
+x-, x, x+ are the positions at t - dt, t and t + dt, M the lumped mass, pull = dt^2 M^-1 grad F(x+). n is 1/4 for
+implicit Euler, whatever the residual its solver leaves.
 """
 
 from collections.abc import Sequence

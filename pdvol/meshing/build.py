@@ -5,8 +5,11 @@ The finest level's surface is decimated from the input's, each coarser one from 
 3.3.1). Meshes are kept in the shape's own coordinates, so that one shape placed many times, or moved, is meshed once.
 """
 
+from collections.abc import Callable
+from functools import partial
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
+from typing import TypeAlias
 
 import numpy as np
 
@@ -24,7 +27,13 @@ from pdvol.meshing.validate import check_outline, check_solid, check_surface, dr
 from pdvol.scene import Body, Rigid, Scene
 
 BUILD_VERSION = 1
-"""Part of the cache's keys. Increase it by one when the same input gives different meshes, so that old ones are not used."""
+"""Part of the cache's keys. Increase it by one when the same input gives other meshes: old ones are not used then."""
+Shape: TypeAlias = Outline | Surface | Solid
+AnyShape: TypeAlias = str | Path | Shape
+Boundary: TypeAlias = Surface | list[np.ndarray]
+"""A surface in 3D, closed polygons (k, 2) in 2D."""
+Labels: TypeAlias = Callable[[np.ndarray, np.ndarray], np.ndarray]
+"""From points and cells to the region of each cell."""
 _MESHERS = ("pytetwild", "gmsh", "fast-simplification", "libigl")
 
 
@@ -48,7 +57,7 @@ def build_levels(scene: Scene, count: int | None = None, cache: Path | None = No
     if levels < 1:
         raise InputError(f"count = {count!r}: a hierarchy needs at least one level")
     folder = mesh_cache.default_folder() if cache is None else Path(cache)
-    shapes: dict[tuple, list[Solid]] = {}
+    shapes: dict[str, list[Solid]] = {}
     built = [_body_levels(body, levels, folder, shapes) for body in scene.bodies]
     dims = {body.name: solids[0].vertices.shape[1] for body, solids in zip(scene.bodies, built, strict=True)}
     if len(set(dims.values())) > 1:
@@ -83,7 +92,7 @@ def read_obstacle(rigid: Rigid) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 # ----------------------------------------------------------------------------------------------------------------
 
 
-def _body_levels(body: Body, levels: int, folder: Path, shapes: dict) -> list[Solid]:
+def _body_levels(body: Body, levels: int, folder: Path, shapes: dict[str, list[Solid]]) -> list[Solid]:
     name = f"body {body.name!r}"
     if isinstance(body.shape, (tuple, list)):
         return [_as_it_is(shape, f"{name}, level {level}") for level, shape in enumerate(body.shape[:levels])]
@@ -95,7 +104,7 @@ def _body_levels(body: Body, levels: int, folder: Path, shapes: dict) -> list[So
     return done
 
 
-def _as_it_is(shape, name: str) -> Solid:
+def _as_it_is(shape: AnyShape, name: str) -> Solid:
     solid = read_shape(shape)
     if not isinstance(solid, Solid):
         kind = type(solid).__name__.lower()
@@ -105,18 +114,21 @@ def _as_it_is(shape, name: str) -> Solid:
     return solid
 
 
-def _meshed(shape, targets: tuple[int, ...], levels: int, folder: Path, key: str, name: str) -> list[Solid]:
+def _meshed(shape: Shape, targets: tuple[int, ...], levels: int, folder: Path, key: str, name: str) -> list[Solid]:
     """The first `levels` meshes of a shape in its own coordinates, from the cache where it has them."""
     # The boundaries are prepared once, and only if the cache lacks some level.
-    prepared: list = []
+    prepared: list[tuple[list[Boundary], Labels]] = []
 
     def build(level: int) -> dict[str, np.ndarray]:
         if not prepared:
             prepared.append(_prepare(shape, targets, name))
         boundaries, regions_of = prepared[0]
         boundary = boundaries[level]
-        mesh = tetrahedralise if isinstance(boundary, Surface) else triangulate
-        sized = mesh(boundary, int(targets[level]), f"{name}, level {level}")
+        target, what = int(targets[level]), f"{name}, level {level}"
+        if isinstance(boundary, Surface):
+            sized = tetrahedralise(boundary, target, what)
+        else:
+            sized = triangulate(boundary, target, what)
         return {
             "points": sized.points,
             "cells": sized.cells.astype(np.int32),
@@ -125,31 +137,34 @@ def _meshed(shape, targets: tuple[int, ...], levels: int, folder: Path, key: str
 
     solids = []
     for level in range(levels):
-        arrays = mesh_cache.fetch(folder, f"{key}-{level}", lambda level=level: build(level))
+        arrays = mesh_cache.fetch(folder, f"{key}-{level}", partial(build, level))
         solids.append(Solid(arrays["points"], arrays["cells"], arrays["regions"]))
     return solids
 
 
-def _prepare(shape, targets, name: str):
+def _prepare(shape: Shape, targets: tuple[int, ...], name: str) -> tuple[list[Boundary], Labels]:
     """Each level's boundary (Surface, or list of loops), and a function that labels cells with the input's regions."""
-    regions_of = no_regions
+    regions_of: Labels = no_regions
+    boundary: Boundary
     if isinstance(shape, Solid):
         solid = check_solid(shape, name)
         regions_of = Regions(solid)
-        shape = _boundary(solid, name)
-    if isinstance(shape, Outline):
-        shape = [check_outline(shape, name).points]
-    if isinstance(shape, list):
-        return [shape] * len(targets), regions_of
-    surface = check_surface(shape, name)
-    boundaries = []
+        boundary = _boundary(solid, name)
+    elif isinstance(shape, Outline):
+        boundary = [check_outline(shape, name).points]
+    else:
+        boundary = shape
+    if isinstance(boundary, list):
+        return [boundary] * len(targets), regions_of
+    surface = check_surface(boundary, name)
+    boundaries: list[Boundary] = []
     for target in reversed(targets):
         surface = decimate(surface, surface_share(surface, int(target)), name)
         boundaries.insert(0, surface)
     return boundaries, regions_of
 
 
-def _boundary(solid: Solid, name: str) -> Surface | list[np.ndarray]:
+def _boundary(solid: Solid, name: str) -> Boundary:
     """The checked boundary of a checked mesh: a surface, or loops with the material on their left."""
     points, facets = drop_unused(solid.vertices, boundary_facets(solid.cells.astype(np.int64))[0])
     if facets.shape[1] == 3:
@@ -157,7 +172,7 @@ def _boundary(solid: Solid, name: str) -> Surface | list[np.ndarray]:
     return boundary_loops(points, facets, f"{name}, boundary")
 
 
-def _shape_key(shape, targets) -> str:
+def _shape_key(shape: Shape, targets: tuple[int, ...]) -> str:
     versions = []
     for package in _MESHERS:
         try:

@@ -7,6 +7,7 @@ import tempfile
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -39,7 +40,7 @@ def fetch(folder: Path, key: str, build: Callable[[], dict[str, np.ndarray]]) ->
     with contextlib.suppress(OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
         with np.load(path, allow_pickle=False) as data:
             return {name: data[name] for name in data.files}
-    arrays = build()
+    arrays: dict[str, Any] = build()
     with contextlib.suppress(OSError):
         folder.mkdir(parents=True, exist_ok=True)
         descriptor, aside = tempfile.mkstemp(dir=folder, prefix=key, suffix=".partial")

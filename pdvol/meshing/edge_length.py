@@ -20,6 +20,9 @@ MAX_ATTEMPTS = 10
 ATTEMPTS_BEFORE_ACCEPTING = 4
 """Number of meshes after which the search ends with one within `ACCEPTED_DEVIATION`."""
 
+History = list[tuple[float, float]]
+"""Per mesh made: logarithms of its scale, and of its number of vertices relative to the target."""
+
 
 @dataclass(frozen=True, eq=False)
 class SizedMesh:
@@ -54,7 +57,7 @@ def edge_length(target: int, content: float, boundary: float, dim: int) -> float
     """Edge length [m] at which `expected_vertices` gives `target`."""
     size = content ** (1.0 / dim)
 
-    def excess(log_h):
+    def excess(log_h: float) -> float:
         return np.log(expected_vertices(np.exp(log_h), content, boundary, dim)[1] / target)
 
     low, high = np.log(size) - 12.0, np.log(size) + 2.0
@@ -75,8 +78,9 @@ def mesh_of_target_size(
     MeshError
         No mesh came within `ACCEPTED_DEVIATION` of the target. The message has the closest count or the last failure.
     """
-    best, reason, failures = None, "", 0
-    scale, history = start, []
+    best: tuple[float, SizedMesh] | None = None
+    reason, failures = "", 0
+    scale, history = start, History()
     for tried in range(1, MAX_ATTEMPTS + 1):
         try:
             points, cells = make(scale, failures)
@@ -106,7 +110,7 @@ def mesh_of_target_size(
     raise MeshError(f"{name}: {target} vertices cannot be had, the closest mesh has {n}; ask for about {n} instead")
 
 
-def _count_stagnates(history) -> bool:
+def _count_stagnates(history: History) -> bool:
     """Whether a much longer edge hardly reduced a number of vertices that is too high.
 
     Features of the shape then set the number, and meshing takes longer and longer.
@@ -118,7 +122,7 @@ def _count_stagnates(history) -> bool:
     return b - a > 0.4 and fa - fb < 0.15 * (b - a)
 
 
-def _next_log_scale(history, dim: int) -> float:
+def _next_log_scale(history: History, dim: int) -> float:
     """Next log scale: between the nearest counts on either side of the target, else along the expected slope."""
     over = [p for p in history if p[1] > 0]
     under = [p for p in history if p[1] <= 0]

@@ -8,7 +8,9 @@ import gmsh
 import numpy as np
 
 
-def triangulate(points, starts, parents, edge_length):
+def triangulate(
+    points: np.ndarray, starts: np.ndarray, parents: np.ndarray, edge_length: float
+) -> tuple[np.ndarray, np.ndarray]:
     """Delaunay-frontal triangles of edge length `edge_length` [m], the given boundary segments kept.
 
     points (n, 2): all loops one after the other; starts (k + 1,): where each begins; parents (k,): -1 for an outer
@@ -42,7 +44,7 @@ def triangulate(points, starts, parents, edge_length):
     return coordinates.reshape(-1, 3)[:, :2], index[nodes.reshape(-1, 3)]
 
 
-def main():
+def main() -> None:
     with np.load(sys.argv[1]) as data:
         points, cells = triangulate(data["points"], data["starts"], data["parents"], float(data["edge_length"]))
     np.savez(sys.argv[2], points=points, cells=cells)

@@ -9,15 +9,16 @@ import sys
 import tempfile
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from pdvol.errors import MeshError
 from pdvol.processes import die_with_parent, without_launcher
 
-# C source of a std::random_device that returns the same linear congruential sequence in every process. fTetWild shuffles
-# with a std::mt19937 that std::random_device seeds, so without it the same input would give a different mesh each time.
-# The library is preloaded in the mesher's process. The Itanium C++ ABI fixes the symbol's name in libstdc++.
+# C source of a std::random_device that returns the same linear congruential sequence in every process. fTetWild
+# shuffles with a std::mt19937 that std::random_device seeds, so without it the same input would give a different mesh
+# each time. The library is preloaded in the mesher's process. The Itanium C++ ABI fixes the symbol's name in libstdc++.
 _SEEDED_RANDOM_DEVICE = """
 unsigned int _ZNSt13random_device9_M_getvalEv(void *self)
 {
@@ -74,7 +75,8 @@ def run_worker(script: str, timeout: float, **arrays: np.ndarray) -> dict[str, n
             library.write_bytes(_seeded_random_device())
             env["LD_PRELOAD"] = ":".join(filter(None, [str(library), env.get("LD_PRELOAD")]))
         given, made = Path(folder) / "in.npz", Path(folder) / "out.npz"
-        np.savez(given, **arrays)
+        contents: dict[str, Any] = arrays
+        np.savez(given, **contents)
         try:
             # -P: the script's own folder must not shadow other packages.
             done = subprocess.run(

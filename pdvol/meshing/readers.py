@@ -9,7 +9,9 @@ limited time and memory (`reader_process.py`).
 
 import shutil
 import tempfile
+from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import TypeVar
 
 import meshio
 import numpy as np
@@ -18,7 +20,7 @@ import trimesh
 from pdvol.errors import InputError, MeshError
 from pdvol.meshes import Outline, Solid, Surface
 from pdvol.meshing.mesher_process import run_worker
-from pdvol.meshing.reader_process import BYTES_PER_SECOND, BASE_SECONDS, read_in_child_process
+from pdvol.meshing.reader_process import BASE_SECONDS, BYTES_PER_SECOND, read_in_child_process
 from pdvol.meshing.suppressed_output import suppressed_output
 
 SURFACES = (".obj", ".ply", ".off", ".stl")
@@ -35,6 +37,8 @@ _LABELS = (
     "gmsh:geometrical",
 )
 """Names under which cells carry their region, the most explicit first."""
+
+Result = TypeVar("Result")
 
 
 def read_shape(shape: str | Path | Outline | Surface | Solid) -> Outline | Surface | Solid:
@@ -81,7 +85,7 @@ def _indices(path: Path, cells: np.ndarray) -> np.ndarray:
     return np.ascontiguousarray(cells, dtype=np.int32)
 
 
-def _attempts(path: Path, readers):
+def _attempts(path: Path, readers: Sequence[Callable[[Path], Result]]) -> Result:
     """The result of the first of `readers` that succeeds; if all fail, the error states the first reason."""
     reasons = []
     for reader in readers:
@@ -108,7 +112,7 @@ def _surface(path: Path) -> dict[str, np.ndarray]:
     return {"points": np.asarray(points, dtype=np.float64), "triangles": np.asarray(triangles)}
 
 
-def _obj(path: Path):
+def _obj(path: Path) -> tuple[np.ndarray, np.ndarray]:
     """The `v` and `f` lines of an OBJ file, polygons cut in fans, texture and normal indices left out."""
     points, triangles = [], []
     for line in path.read_text(encoding="utf-8", errors="replace").replace("\\\n", " ").splitlines():
@@ -125,7 +129,7 @@ def _obj(path: Path):
     return np.array(points).reshape(-1, 3), np.array(triangles, dtype=np.int64).reshape(-1, 3)
 
 
-def _with_trimesh(path: Path):
+def _with_trimesh(path: Path) -> tuple[np.ndarray, np.ndarray]:
     mesh = trimesh.load_mesh(path, process=False)
     points, triangles = np.asarray(mesh.vertices), np.asarray(mesh.faces)
     if path.suffix.lower() == ".stl":  # every triangle brings its own corners
@@ -134,7 +138,7 @@ def _with_trimesh(path: Path):
     return points, triangles
 
 
-def _triangles(mesh: meshio.Mesh):
+def _triangles(mesh: meshio.Mesh) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Triangles (k, 3), quadrilaterals and polygons cut in fans, and the index of the cell block each comes from with
     its row there.
     """

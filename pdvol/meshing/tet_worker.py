@@ -4,11 +4,14 @@ PETSc.
 
 import os
 import sys
+from collections.abc import Callable
 
 import numpy as np
 
 
-def ftetwild(vertices, triangles, edge_length, epsilon):
+def ftetwild(
+    vertices: np.ndarray, triangles: np.ndarray, edge_length: np.ndarray, epsilon: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     import pytetwild
 
     # One processor: fTetWild's parallel passes depend on who comes first.
@@ -24,7 +27,7 @@ def ftetwild(vertices, triangles, edge_length, epsilon):
     )
 
 
-def tetgen(vertices, triangles, max_volume):
+def tetgen(vertices: np.ndarray, triangles: np.ndarray, max_volume: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     import tetgen as library
 
     mesher = library.TetGen(vertices, triangles.astype(np.int32))
@@ -34,11 +37,13 @@ def tetgen(vertices, triangles, max_volume):
     return points, cells
 
 
-def main():
+MESHERS: dict[str, Callable[..., tuple[np.ndarray, np.ndarray]]] = {"ftetwild": ftetwild, "tetgen": tetgen}
+
+
+def main() -> None:
     with np.load(sys.argv[1]) as data:
         given = dict(data)
-    mesher = {"ftetwild": ftetwild, "tetgen": tetgen}[str(given.pop("mesher"))]
-    points, cells = mesher(**given)
+    points, cells = MESHERS[str(given.pop("mesher"))](**given)
     np.savez(sys.argv[2], points=points, cells=cells)
 
 

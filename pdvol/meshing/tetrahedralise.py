@@ -51,8 +51,9 @@ def surface_share(surface: Surface, target: int) -> int:
 
 
 def tetrahedralise(surface: Surface, target: int, name: str = "surface", keep_boundary: bool = False) -> SizedMesh:
-    """A tetrahedral mesh of about `target` vertices (see `edge_length`). Its boundary is a valid surface with the shells
-    and handles of the given one.
+    """A tetrahedral mesh of about `target` vertices (see `edge_length`).
+
+    Its boundary is a valid surface with the shells and handles of the given one.
 
     Parameters
     ----------
@@ -92,7 +93,7 @@ def tetrahedralise(surface: Surface, target: int, name: str = "surface", keep_bo
     timeout = 60.0 + 0.04 * (target + len(surface.vertices))
     envelope = np.inf
 
-    def make(scale: float, failures: int):
+    def make(scale: float, failures: int) -> tuple[np.ndarray, np.ndarray]:
         nonlocal envelope
         given = {"vertices": surface.vertices, "triangles": surface.triangles}
         if keep_boundary:
@@ -142,7 +143,9 @@ def _merged(meshes: list[SizedMesh]) -> SizedMesh:
     return SizedMesh(np.vstack([m.points for m in meshes]), cells, meshes[0].scale)
 
 
-def _checked(points: np.ndarray, cells: np.ndarray, wanted: tuple[int, int], name: str, strict: bool):
+def _checked(
+    points: np.ndarray, cells: np.ndarray, wanted: tuple[int, int], name: str, strict: bool
+) -> tuple[np.ndarray, np.ndarray]:
     """The mesh turned positive and without unused points; MeshError where it is not a valid solid with the wanted
     topology.
     """

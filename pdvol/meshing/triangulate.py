@@ -11,7 +11,7 @@ from pdvol.meshing.mesher_process import run_worker
 from pdvol.meshing.validate import drop_unused, outline_edges, signed_area
 
 CORNER_ANGLE = np.pi / 4.0
-"""Angle [rad] between successive segments above which their vertex is a corner of the shape and stays on every level."""
+"""Angle [rad] between segments above which their vertex is a corner of the shape and stays on every level."""
 STRAIGHT_TOLERANCE = 0.1
 """Distance from a straight line, relative to the edge length, below which vertices of the outline are left out."""
 
@@ -40,7 +40,7 @@ def triangulate(loops: list[np.ndarray], target: int, name: str = "outline") -> 
     parents = _parents(loops, name)
     timeout = 60.0 + 0.01 * target
 
-    def make(scale: float, failures: int):
+    def make(scale: float, failures: int) -> tuple[np.ndarray, np.ndarray]:
         sampled = _resampled(loops, scale * h * 0.8**failures, name)
         made = run_worker(
             "gmsh_worker.py",
@@ -76,7 +76,7 @@ def boundary_loops(points: np.ndarray, edges: np.ndarray, name: str) -> list[np.
         raise IntersectionError(
             f"{name}: edges {a} and {b} cross; untangle the mesh", [tuple(map(int, p)) for p in pairs]
         )
-    following = dict(edges.tolist())
+    following = {int(a): int(b) for a, b in edges}
     loops = []
     while following:
         start, after = following.popitem()

@@ -14,7 +14,7 @@ FLAT_SIMPLEX = 1e-12
 """Measure (length, area, volume) of a simplex, relative to its longest edge to that power, below which it is flat."""
 
 
-def _some(indices, shown: int = 5) -> str:
+def _some(indices: np.ndarray, shown: int = 5) -> str:
     """The first few of many indices, for a message."""
     listed = ", ".join(str(tuple(int(k) for k in i) if np.ndim(i) else int(i)) for i in indices[:shown])
     return listed + (f" and {len(indices) - shown} more" if len(indices) > shown else "")
@@ -62,7 +62,7 @@ def shells(triangles: np.ndarray, n: int) -> np.ndarray:
     return connected_components(coo_array((np.ones(len(e)), (e[:, 0], e[:, 1])), shape=(n, n)), directed=False)[1]
 
 
-def _crossing_message(points, edges, faces, what: str) -> tuple[str, list] | None:
+def _crossing_message(points: np.ndarray, edges: np.ndarray, faces: np.ndarray, what: str) -> tuple[str, list] | None:
     """The first crossing of a shape with itself, in words, and all pairs; None where there is none."""
     pairs = find_crossings(points, edges, faces)
     if len(pairs):

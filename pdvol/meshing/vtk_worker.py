@@ -3,20 +3,20 @@ PETSc.
 """
 
 import sys
+from typing import Any
 
 import numpy as np
 import pyvista
 
 
-def main():
+def main() -> None:
     with np.load(sys.argv[1]) as data:
         grid = pyvista.read(str(data["path"])).cast_to_unstructured_grid()
-    found = {"points": np.asarray(grid.points)}
+    found: dict[str, Any] = {"points": np.asarray(grid.points)}
     rows = []
     for name, kind in (("tetra", pyvista.CellType.TETRA), ("triangle", pyvista.CellType.TRIANGLE)):
-        found[name] = np.asarray(
-            grid.cells_dict.get(int(kind), np.empty((0, 4 if name == "tetra" else 3), dtype=np.int64))
-        )
+        none = np.empty((0, 4 if name == "tetra" else 3), dtype=np.int64)
+        found[name] = np.asarray(dict(grid.cells_dict).get(np.uint8(kind), none))
         rows.append(np.flatnonzero(grid.celltypes == int(kind)))
     order = np.concatenate(rows)
     for name in grid.cell_data:

@@ -13,9 +13,9 @@ from pdvol.errors import InputError
 from pdvol.geometry.level_mesh import LevelMesh
 from pdvol.levels.hierarchy import Hierarchy
 from pdvol.levels.initial_state import check_start
+from pdvol.levels.interpolants import INTERPOLANTS
 from pdvol.levels.model import hierarchy_model
 from pdvol.levels.obstacles import scene_obstacles, stored_obstacles
-from pdvol.levels.interpolants import INTERPOLANTS
 from pdvol.levels.scene_fields import check_fields, initial_velocity, scene_diagonal
 from pdvol.levels.separation import build_apart
 from pdvol.parallel import on_root

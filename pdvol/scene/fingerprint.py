@@ -13,7 +13,7 @@ SHOWN = 100  # characters of one value in a message
 
 
 def describe(thing):
-    """Dataclasses, arrays, paths and functions as JSON. Arrays, files and functions become digests of their contents."""
+    """Dataclasses, arrays, paths and functions as JSON; arrays, files and functions as digests of their contents."""
     if is_dataclass(thing) and not isinstance(thing, type):
         own = (
             {"psi": describe(thing.psi)}

@@ -1,4 +1,4 @@
-"""Lengths and speeds: absolute, or relative to the scene so that they mean the same on every level (design, section 5)."""
+"""Lengths and speeds, absolute or relative to the scene: they mean the same on every level (design, section 5)."""
 
 from dataclasses import dataclass
 

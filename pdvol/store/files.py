@@ -207,7 +207,7 @@ def jsonable(value):
 
 def lock(path: Path, exclusive: bool = True):
     """Take a lock that falls with the process; returns the open file, or None when another process holds it."""
-    file = open(path, "a" if exclusive else "r")  # noqa: SIM115: it stays open for as long as the lock is held
+    file = open(path, "a" if exclusive else "r")  # it stays open for as long as the lock is held
     for attempt in range(LOCKING):
         try:
             fcntl.flock(file, (fcntl.LOCK_EX if exclusive else fcntl.LOCK_SH) | fcntl.LOCK_NB)

@@ -52,11 +52,11 @@ def line(record: dict) -> bytes:
 
 
 class LogFile:
-    """The log open for appending. A record is handed to the system whole, so that a kill right after it loses nothing."""
+    """The log open for appending. Each record is one write to the system: a kill right after it loses nothing."""
 
     def __init__(self, path: Path):
         self.path = path
-        self._file = open(path, "ab", buffering=0)  # noqa: SIM115: closed by close()
+        self._file = open(path, "ab", buffering=0)  # closed by close()
 
     def append(self, record: dict) -> None:
         data = line(record)

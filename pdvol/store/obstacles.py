@@ -3,7 +3,7 @@
 | kind | arrays |
 |---|---|
 | plane | `point` (d,) and `normal` (d,), or (steps + 1, d) each when it moves |
-| mesh | `vertices` (n, 3), `faces` (m, 3); `positions` (steps + 1, n, 3) when it moves; `opacity` (), where it is below 1 |
+| mesh | `vertices` (n, 3), `faces` (m, 3); `positions` (steps + 1, n, 3) when it moves; `opacity` () below 1 |
 | polyline | `vertices` (n, 2), `edges` (m, 2); `positions` (steps + 1, n, 2) when it moves |
 
 Where contact held motions back, `levels/<l>/late_<step>.npz` has their true places at that level and step: `<i>.point`,

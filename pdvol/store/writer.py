@@ -188,7 +188,7 @@ class RunWriter:
         self._log.append(dict(record))
 
     def set_level_state(self, level: int, state: str, **details) -> None:
-        """Say how a level stands: one of STATES, with details such as `reason` and `step`. The run's own state follows."""
+        """Set a level's state, one of STATES, with details such as `reason` and `step`. The run's own state follows."""
         if state not in STATES:
             raise ValueError(f"state {state!r} must be one of {STATES}")
         kept = {key: self.info["levels"][level][key] for key in ("vertices", "cells")}

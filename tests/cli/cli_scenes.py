@@ -9,7 +9,8 @@ from pdvol import cli
 SQUARE = '''
 import numpy as np
 import pdvol
-from pdvol import Barrier, Body, Friction, Gravity, NeoHookean, Placement, Plane, Rigid, Scene, Solid, Support, Surface, Outline
+from pdvol import Barrier, Body, Friction, Gravity, NeoHookean, Outline, Placement, Plane, Rigid, Scene, Solid, Support
+from pdvol import Surface
 
 
 def square(n):

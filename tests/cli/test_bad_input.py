@@ -40,7 +40,8 @@ def scene_of(shape, vertices="vertices=(20, 40)", more="", extra_bodies="", step
         + f"""
 
 def scene(poisson=0.4, dt={dt}, steps={steps}):
-    return Scene(bodies=(Body({shape}, NeoHookean(1e5, poisson), {vertices}), {extra_bodies}), dt=dt, steps=steps, {more})
+    body = Body({shape}, NeoHookean(1e5, poisson), {vertices})
+    return Scene(bodies=(body, {extra_bodies}), dt=dt, steps=steps, {more})
 """
     )
 

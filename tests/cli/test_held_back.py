@@ -23,7 +23,8 @@ PRESS = (
 
 def scene(steps=10, fail=1e9):
     sink = lambda X, t: X - (0.0, 8.0 * t) if t < fail else X * np.nan
-    ram = Rigid(Outline(np.array([(0.1, 1.4), (0.9, 1.4), (0.9, 1.6), (0.1, 1.6)])), motion=pdvol.Path((0.0, 1.0), ((0.0, 0.0), (0.0, -8.0))), name="ram")
+    corners = np.array([(0.1, 1.4), (0.9, 1.4), (0.9, 1.6), (0.1, 1.6)])
+    ram = Rigid(Outline(corners), motion=pdvol.Path((0.0, 1.0), ((0.0, 0.0), (0.0, -8.0))), name="ram")
     return Scene(
         bodies=(Body((square(2), square(3)), NeoHookean(2e4), name="square"),),
         supports=(Support(lambda X: X[:, 1] < 1e-9),),

@@ -253,17 +253,17 @@ def test_names_that_would_be_paths(tmp_path):
             tmp_path / "work" / f"fall{number}.py",
             FALL.replace('name="square"', f"name={name!r}").replace('name="floor"', f"name={name!r}"),
         )
-    program = """
+    program = f"""
 from pathlib import Path
 from pdvol import cli
 from pdvol.commands.exporting import export_run
 from pdvol.runs.runner import run_scene
 from pdvol.runs.scene_file import load_shot
-for number in range(%d):
-    assert cli.run(["info", f"fall{number}.py"]) == 0
-    run_scene(load_shot(f"fall{number}.py", steps=1), f"run/{number}", 0, 0)
-    assert cli.run(["export", f"run/{number}", "--format", "obj", "-o", f"run/{number}/obj"]) == 0
-""" % len(NAMES_OF_PATHS)
+for number in range({len(NAMES_OF_PATHS)}):
+    assert cli.run(["info", f"fall{{number}}.py"]) == 0
+    run_scene(load_shot(f"fall{{number}}.py", steps=1), f"run/{{number}}", 0, 0)
+    assert cli.run(["export", f"run/{{number}}", "--format", "obj", "-o", f"run/{{number}}/obj"]) == 0
+"""
     before = set(tmp_path.rglob("*"))
     ended = subprocess.run(
         [sys.executable, "-c", program],

@@ -34,10 +34,12 @@ CLUTTER = (
 def scene(steps=12, sizes=(3, 6)):
     """Two squares and a stone: surfaces in contact, friction, and a level above the first."""
     place = lambda x, y, angle: Placement(translate=(x, y), angle=angle, scale=0.5)
+    shape, soft = tuple(square(n) for n in sizes), NeoHookean(3e4)
+    stone = Rigid(Outline(np.array([(0.6, 0.1), (0.9, 0.1), (0.75, 0.35)])), name="stone")
     return Scene(
-        bodies=tuple(Body(tuple(square(n) for n in sizes), NeoHookean(3e4), name=f"square {i}", velocity=(0.2 - 0.4 * i, -0.5), placement=place(*at))
+        bodies=tuple(Body(shape, soft, name=f"square {i}", velocity=(0.2 - 0.4 * i, -0.5), placement=place(*at))
                      for i, at in enumerate([(0.0, 0.03, 0.02), (0.1, 0.6, 0.3)])),
-        obstacles=(Plane((0.0, 0.0), (0.0, 1.0)), Rigid(Outline(np.array([(0.6, 0.1), (0.9, 0.1), (0.75, 0.35)])), name="stone")),
+        obstacles=(Plane((0.0, 0.0), (0.0, 1.0)), stone),
         loads=(Gravity((0.0, -9.81)),),
         contact=(Barrier(Relative(3e-3)), Friction(0.3)),
         dt=0.02, steps=steps)

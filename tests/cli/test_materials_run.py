@@ -18,9 +18,12 @@ from pdvol import Body, FixedCorotational, Gravity, Placement, Region, Scene, Su
 
 def scene(fibres=1e5, young=1e6, damping=0.0):
     """A beam with muscle fibres in its lower half and a stiff tip."""
-    beam = Body(meshes.rectangle(1.0, 0.2), FixedCorotational(young, damping=damping), vertices=(40, 90), name="beam", placement=Placement(translate=(0.5, 0.1)),
-                regions=(Region(Muscle(young, fibres=fibres), lambda X: X[:, 1] < 0.1), Region(FixedCorotational(2e10, density=2000.0), lambda X: X[:, 0] > 0.8)))
-    return Scene((beam,), dt=0.02, steps=15, loads=(Gravity((0.0, -9.81)),), supports=(Support(lambda X: X[:, 0] < 0.01),))
+    muscle = Region(Muscle(young, fibres=fibres), lambda X: X[:, 1] < 0.1)
+    tip = Region(FixedCorotational(2e10, density=2000.0), lambda X: X[:, 0] > 0.8)
+    beam = Body(meshes.rectangle(1.0, 0.2), FixedCorotational(young, damping=damping), vertices=(40, 90), name="beam",
+                placement=Placement(translate=(0.5, 0.1)), regions=(muscle, tip))
+    held = Support(lambda X: X[:, 0] < 0.01)
+    return Scene((beam,), dt=0.02, steps=15, loads=(Gravity((0.0, -9.81)),), supports=(held,))
 '''
 
 

@@ -27,7 +27,8 @@ MOVING = (
 from pdvol import Rotation, Translation
 
 def scene(law="convergent"):
-    return Scene(bodies=(Body(tuple(square(n) for n in (2, 3)), NeoHookean(2e4), placement=Placement(translate=(0.0, 0.02), angle=0.05)),),
+    place = Placement(translate=(0.0, 0.02), angle=0.05)
+    return Scene(bodies=(Body(tuple(square(n) for n in (2, 3)), NeoHookean(2e4), placement=place),),
                  obstacles=(Plane((0.0, 0.0), (0.0, 1.0), motion=Translation((0.0, 0.1))),),
                  supports=(Support(lambda X: X[:, 1] > 0.95, motion=Rotation(1.0, (0.5, 1.0))),),
                  loads=(Gravity((0.0, -9.81)),), contact=(Barrier(law=law), Friction(0.3)), dt=0.02, steps=8)

@@ -32,9 +32,11 @@ ROUND = """
 from pdvol import Barrier, Body, Friction, Gravity, NeoHookean, Placement, Plane, Scene, meshes
 
 def scene():
-    return Scene(bodies=tuple(Body(meshes.disc(0.5, 96), NeoHookean(1e4), (14, 90), name=name, velocity=(v, -3.0), placement=Placement((x, 0.55)))
+    disc, soft = meshes.disc(0.5, 96), NeoHookean(1e4)
+    return Scene(bodies=tuple(Body(disc, soft, (14, 90), name=name, velocity=(v, -3.0), placement=Placement((x, 0.55)))
                               for name, x, v in (("left", -0.515, 2.0), ("right", 0.515, -2.0))),
-                 obstacles=(Plane((0.0, 0.0), (0.0, 1.0)),), loads=(Gravity((0.0, -9.81)),), contact=(Barrier(),), dt=0.02, steps=8)
+                 obstacles=(Plane((0.0, 0.0), (0.0, 1.0)),), loads=(Gravity((0.0, -9.81)),), contact=(Barrier(),),
+                 dt=0.02, steps=8)
 """
 
 

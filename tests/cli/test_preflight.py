@@ -22,7 +22,8 @@ def scene(apart=1.005, young=2e4, dhat=0.01, velocity=(0.0, 0.0), dt=0.02, slope
     """Two squares beside each other, the right one with a stone of its own inside it where slope asks for one."""
     return Scene(
         bodies=(Body((square(2), square(3)), NeoHookean(2e4), name="left"),
-                Body((square(1), square(2)), NeoHookean(young), name="right", velocity=velocity, placement=Placement((apart, 0.001)))),
+                Body((square(1), square(2)), NeoHookean(young), name="right", velocity=velocity,
+                     placement=Placement((apart, 0.001)))),
         obstacles=(Plane((0.0, -0.5), (slope, 1.0), name="floor"),),
         contact=(Barrier(dhat=dhat),), dt=dt, steps=3)
 '''

@@ -20,11 +20,15 @@ from pdvol import meshes
 
 def scene(full=False, levels=1):
     steel = NeoHookean(2e10, density=7800.0)
-    disc = Body(meshes.disc(0.2), StVenantKirchhoff(2e4, damping=0.01) if full else NeoHookean(2e4), (20, 40, 60)[:levels], name="disc",
+    soft = StVenantKirchhoff(2e4, damping=0.01) if full else NeoHookean(2e4)
+    disc = Body(meshes.disc(0.2), soft, (20, 40, 60)[:levels], name="disc",
                 regions=(Region(steel, lambda X: X[:, 0] > 0.1),) if full else ())
-    loads = (Force(lambda t: (t, 0.0)), Gravity((0.0, -9.81)), PointForce((1.0, 0.0), (0.0, 0.0)), Impulse((0.0, 3.0), 0.5), Flow((1.0, 0.0), 1.2))
-    return Scene((disc,), dt=0.01, steps=2, loads=loads if full else (), contact=(Barrier(), Friction(0.3)) if full else (),
-                 obstacles=(Plane((0.0, -1.0), (0.0, 1.0)),) if full else (), separate=(Separate("shrink", 0.1),) if full else ())
+    loads = (Force(lambda t: (t, 0.0)), Gravity((0.0, -9.81)), PointForce((1.0, 0.0), (0.0, 0.0)),
+             Impulse((0.0, 3.0), 0.5), Flow((1.0, 0.0), 1.2))
+    return Scene((disc,), dt=0.01, steps=2, loads=loads if full else (),
+                 contact=(Barrier(), Friction(0.3)) if full else (),
+                 obstacles=(Plane((0.0, -1.0), (0.0, 1.0)),) if full else (),
+                 separate=(Separate("shrink", 0.1),) if full else ())
 """
 
 

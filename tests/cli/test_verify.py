@@ -1,4 +1,4 @@
-"""The checker of stored runs finds what it is there to find: planted crossings, vertices below a plane, inverted cells."""
+"""The checker of stored runs finds planted defects: crossings, vertices below a plane, inverted cells."""
 
 import sys
 import time

@@ -20,8 +20,9 @@ from pdvol.meshes import disc
 
 def scene(tolerance=1e-3, iterations=200, halvings=6):
     ball = Body(disc(0.5), NeoHookean(5e4), vertices=(30, 60, 120), velocity=(0.5, -3.0))
-    return Scene(bodies=(ball,), dt=0.01, steps=30, loads=(Gravity((0.0, -9.81)),), obstacles=(Plane((0.0, -0.55), (0.0, 1.0)),),
-                 contact=(Barrier(), Friction(0.5)), solver=Solver(tolerance=tolerance, max_iterations=iterations, max_halvings=halvings))
+    solver = Solver(tolerance=tolerance, max_iterations=iterations, max_halvings=halvings)
+    return Scene(bodies=(ball,), dt=0.01, steps=30, loads=(Gravity((0.0, -9.81)),),
+                 obstacles=(Plane((0.0, -0.55), (0.0, 1.0)),), contact=(Barrier(), Friction(0.5)), solver=solver)
 """
 PROGRAM = [sys.executable, "-c", "import pdvol; pdvol.main()"]
 ENVIRONMENT = {**os.environ, "OMP_NUM_THREADS": "1"}

@@ -90,7 +90,8 @@ from pdvol import *
 def scene(steps=40, name="../../block"):
     mesh = shapes.box(3, 2)
     shape = Solid(mesh.points, mesh.cells.astype("int32"), mesh.regions)
-    return Scene(bodies=(Body((shape,), NeoHookean(2e5, 0.3, 1000.0), name=name, placement=Placement(translate=(0.0, 0.0, 9e-4))),),
+    place = Placement(translate=(0.0, 0.0, 9e-4))
+    return Scene(bodies=(Body((shape,), NeoHookean(2e5, 0.3, 1000.0), name=name, placement=place),),
                  loads=(Gravity((0.0, 0.0, -9.81)),), obstacles=(Plane((0, 0, 0.0), (0, 0, 1.0)),),
                  contact=(Barrier(1e-3), Friction(0.4)), dt=0.05, steps=steps)
 """)

@@ -9,7 +9,6 @@ import pytest
 import verify_run
 from hypothesis import HealthCheck, Phase, event, given, settings
 from hypothesis import strategies as st
-from pdvol.meshes import ball, box, brick
 
 import pdvol
 from pdvol import (
@@ -28,6 +27,7 @@ from pdvol import (
     Support,
     Translation,
 )
+from pdvol.meshes import ball, box, brick
 from pdvol.runs.scene_file import Shot
 
 numbers = st.floats(-1.0, 1.0)

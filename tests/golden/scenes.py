@@ -58,7 +58,7 @@ def spike() -> Scene:
 
 
 def drop() -> Scene:
-    """Two bear cubs, one on a stone and one on the other: two levels in 3D with friction between bodies and obstacles."""
+    """Two bear cubs, one on a stone and one on the other: two levels in 3D, with friction."""
     cub = Body(
         levels("cub"), NeoHookean(5e4, 0.4, 1000.0), name="lower", placement=Placement(translate=(0.0, 0.08, 0.0))
     )

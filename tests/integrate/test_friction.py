@@ -1,4 +1,4 @@
-"""Friction: the slip angle on every kind of ground and resolution, coefficients by pairs, and lagging to convergence."""
+"""Friction: the slip angle on every ground and resolution, coefficients by pairs, and lagging to convergence."""
 
 import numpy as np
 import pytest

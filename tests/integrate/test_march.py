@@ -35,7 +35,7 @@ def falling(d, tolerance, steps, dt=0.01, friction=0.3, contact=True):
             [[0.0, 0.0, bottom - 0.2], [0.4, 0.0, bottom - 0.2], [0.0, 0.4, bottom - 0.2], [0.12, 0.13, bottom - 0.01]]
         )
     physics = (
-        dict(obstacles=(plane, Rigid("spike")), contact=(Barrier(dhat=0.008), Friction(friction, eps_v=0.01)))
+        {"obstacles": (plane, Rigid("spike")), "contact": (Barrier(dhat=0.008), Friction(friction, eps_v=0.01))}
         if contact
         else {}
     )

@@ -144,7 +144,7 @@ def test_first_hits_agree_with_brute_force(d, scale):
 
 
 def test_inside_neighbours_without_hits_give_the_nearest_layer(monkeypatch):
-    """With the rays taken away, points next to inside points follow the boundary reached through the coarse material."""
+    """Without rays, points next to inside points follow the boundary that is reached through the coarse material."""
     fine, coarse, fine_branch, coarse_branch = comb_pair(2)
     binding = bind(fine, LevelSpace(coarse, COMM))
     monkeypatch.setattr(

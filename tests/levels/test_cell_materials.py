@@ -85,7 +85,7 @@ def test_never_across_bodies():
 
 
 def test_labels_functions_and_overlaps():
-    """A label of the input's cells, a function of position for a number, and the last of two regions where both apply."""
+    """A label of the input's cells, a function of position as modulus, and the last of two regions where both apply."""
     mesh = box(2, 4)
     mesh = LevelMesh(mesh.points, mesh.cells, mesh.bodies, (centres(mesh)[:, 1] > 0.5).astype(np.int32) * 3)
     graded = SOFT.__class__(young=lambda X: 1e4 * (1 + X[:, 0]), density=500.0)

@@ -26,7 +26,7 @@ COMM = MPI.COMM_WORLD
 
 
 def boxes(d):
-    """Two bodies that overlap a little; fine points reach out of the coarse boxes, coarse ones out of the fine boxes."""
+    """Two bodies that overlap a little; fine points lie outside of the coarse boxes, coarse ones outside the fine."""
     side = np.eye(d)[0] * 0.98
     coarse = together(box(d, 3, 0.05, 0.9, jitter=0.15), box(d, 3, side - 0.03, side + 1.04, jitter=0.15, seed=1))
     fine = together(box(d, 6, jitter=0.2, seed=2), box(d, 6, side, side + 1.0, jitter=0.2, seed=3))

@@ -23,7 +23,10 @@ def solid(d, n):
     return Solid(mesh.points, mesh.cells.astype(np.int32), mesh.regions)
 
 
-def two_boxes(d, gap, separate, *obstacles, contact=(Barrier(),)):
+CONTACT = (Barrier(),)
+
+
+def two_boxes(d, gap, separate, *obstacles, contact=CONTACT):
     """Unit boxes beside each other on two levels, `gap` apart along x."""
     shape = (solid(d, 1), solid(d, 2))
     one, other = Body(shape, SOFT, name="box").instances(
@@ -129,7 +132,8 @@ import numpy as np
 from pdvol import Barrier, Body, NeoHookean, Placement, Scene, Separate, meshes
 
 def scene(separate=True):
-    discs = Body(meshes.disc(0.5), NeoHookean(1e5), (20, 40), name="disc").instances(Placement(), Placement(translate=(0.98, 0.0)))
+    disc = Body(meshes.disc(0.5), NeoHookean(1e5), (20, 40), name="disc")
+    discs = disc.instances(Placement(), Placement(translate=(0.98, 0.0)))
     return Scene(discs, dt=0.01, steps=2, contact=(Barrier(),), separate=(Separate(),) if separate else ())
 """
 

@@ -4,10 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from pdvol.meshes import Outline, Solid, Surface
 
 from pdvol import meshes
 from pdvol.errors import InputError, IntersectionError, InvertedCellError, MeshError
+from pdvol.meshes import Outline, Solid, Surface
 from pdvol.meshing import build
 from pdvol.meshing.build import build_levels, read_obstacle
 from pdvol.scene import Body, NeoHookean, Placement, Rigid, Scene

@@ -5,9 +5,9 @@ from pathlib import Path
 import meshio
 import numpy as np
 import pytest
-from pdvol.meshes import Outline, Solid, Surface
 
 from pdvol.errors import InputError, MeshError
+from pdvol.meshes import Outline, Solid, Surface
 from pdvol.meshing.readers import SURFACES, VOLUMES, read_shape
 from pdvol.meshing.validate import check_solid, check_surface
 

@@ -4,11 +4,11 @@ import importlib.util
 
 import numpy as np
 import pytest
-from pdvol.meshes import Surface
 
 from pdvol import meshes
 from pdvol.errors import MeshError
 from pdvol.geometry.level_mesh import boundary_facets, simplex_volumes
+from pdvol.meshes import Surface
 from pdvol.meshing.edge_length import ACCEPTED_DEVIATION, edge_length, expected_vertices
 from pdvol.meshing.tetrahedralise import mean_ratio, tetrahedralise
 from pdvol.meshing.validate import check_surface, drop_unused

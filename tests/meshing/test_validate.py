@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from pdvol.meshes import Outline, Solid, Surface, ball, box
 
 from pdvol.errors import IntersectionError, InvertedCellError, MeshError
+from pdvol.meshes import Outline, Solid, Surface, ball, box
 from pdvol.meshing.validate import check_outline, check_solid, check_surface
 
 

@@ -112,7 +112,10 @@ def test_the_whole_potential(spaces, d):
 # -------------------------------------------------------------------------------------------------------------
 
 
-def half_space(space, d, motion=Still()):
+STILL = Still()
+
+
+def half_space(space, d, motion=STILL):
     """A plane at height zero and a slanted one, far away."""
     planes = (Plane((0.0,) * d, tuple(np.eye(d)[-1]), motion), Plane((0.0,) * (d - 1) + (-50.0,), (1.0,) * d))
     barrier = HalfSpaceBarrier(space, tuple(map(plane_obstacle, planes)), DHAT, KAPPA)

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 import ufl
 from mpi4py import MPI
-from pdvol.forms.elasticity import neo_hookean
 from problems import elastic
 from shapes import box
 from taylor import check_term, hessian_of, smallest_eigenvalue, state
 
+from pdvol.forms.elasticity import neo_hookean
 from pdvol.levels.space import LevelSpace
 from pdvol.potentials.assembly.cell_energy import CellEnergy
 from pdvol.scene import NeoHookean

@@ -162,7 +162,7 @@ def test_turning_costs_nothing_and_inverted_cells_are_refused(terms, cells, law,
 
 
 def guard(J):
-    """d/dJ of -k (u - 1)^2 ln u, u = J / 0.1 < 1, k = 2 mu + lmbda: the barrier of laws that are finite at zero volume."""
+    """d/dJ of -k (u - 1)^2 ln u, u = J / 0.1 < 1, k = 2 mu + lmbda: barrier of laws that are finite at zero volume."""
     u = J / 0.1
     return 0.0 if u >= 1 else -(2 * MU + LMBDA) / 0.1 * (2 * (u - 1) * np.log(u) + (u - 1) ** 2 / u)
 
@@ -171,7 +171,7 @@ def guard(J):
 @pytest.mark.parametrize("d", DIMENSIONS)
 @pytest.mark.parametrize("s", [0.101, 0.099, 0.02, 1e-4])
 def test_pressed_to_nothing(terms, cells, law, d, s):
-    """Down to a tenth of the volume the law is its own; below, a barrier joins in, smoothly, and is infinite at zero."""
+    """Down to a tenth of the volume the law is its own; below, a barrier is added, smoothly, infinite at zero."""
     P = stress(terms[law, d], cells[d], np.diag([s] + [1.0] * (d - 1)))
     along, across = uniaxial(law, s, d)
     np.testing.assert_allclose(

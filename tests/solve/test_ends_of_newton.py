@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from pdvol.meshes import Outline
 from problems import block, make_scene, make_stepper, polyline, take_step
 
+from pdvol.meshes import Outline
 from pdvol.scene import Barrier, Plane, Rigid, Solver
 
 DHAT = 0.01

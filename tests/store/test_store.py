@@ -125,7 +125,7 @@ def test_other_damage(small_run):
     for content in (mesh.read_bytes()[:200], b"", (small_run / "levels" / "0" / "000000.npy").read_bytes()):
         mesh.write_bytes(content)
         with pytest.raises(InputError, match="level 0 cannot be used, the other levels can"):
-            open_run(small_run).levels[0].rest
+            _ = open_run(small_run).levels[0].rest
     assert open_run(small_run).levels[1].steps == 7
     mesh.unlink()
     with pytest.raises(InputError, match="mesh.npz is missing"):
@@ -162,7 +162,7 @@ def test_the_log_is_repaired(small_run):
     with pytest.raises(
         InputError, match="line 2, is not a JSON object of a level and step; the stored states are unaffected"
     ):
-        open_run(small_run).levels[0].log
+        _ = open_run(small_run).levels[0].log
     assert open_run(small_run).levels[0].steps == 8
 
 

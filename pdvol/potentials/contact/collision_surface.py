@@ -93,7 +93,7 @@ class CollisionSurface:
         return self.primitives.ipc
 
     def begin(self, vertices: np.ndarray) -> None:
-        """Before a step that starts at `vertices`. From here on nothing depends on the steps before, to the last digit."""
+        """Before a step that starts at `vertices`. Nothing after it depends on earlier steps, to the last digit."""
         self.candidates.forget()
         self._start, self._aligned = (
             vertices if self.space.dim == 3 else None,
@@ -101,7 +101,7 @@ class CollisionSurface:
         )  # two edges never touch side by side in 2D
 
     def _alike(self, pairs: ipctk.Candidates) -> ipctk.Candidates:
-        """The same pairs, after those of their edges that are new in this step were turned to run alike at its start."""
+        """The same pairs, after their edges that are new in this step were turned to run alike at its start."""
         if self._start is not None and self._aligned != self.candidates.searches and not pairs.empty():
             self.primitives.align(self._start, self.candidates.edges)
             self._aligned = self.candidates.searches

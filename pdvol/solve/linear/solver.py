@@ -3,8 +3,8 @@ prefix of their own.
 
 | method | what it is | `auto` takes it |
 |---|---|---|
-| iterative | conjugate gradients, incomplete Cholesky (block Jacobi of it on several ranks) | first, on small levels: inertia makes systems easy |
-| multilevel | the same with a coarse space added | first, on large levels; on small ones once `iterative` takes many iterations |
+| iterative | conjugate gradients, incomplete Cholesky (block Jacobi of it on several ranks) | first, on small levels |
+| multilevel | the same with a coarse space added | first, on large levels; on small ones after many iterations |
 | direct | MUMPS' Cholesky | where the others take more iterations than it costs, or fail |
 """
 
