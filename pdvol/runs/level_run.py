@@ -17,8 +17,6 @@ from pdvol.runs.obstacle_places import moving_places
 from pdvol.runs.progress import Progress
 from pdvol.scene import Scene
 
-METHODS = ("progressive", "direct", "tracks", "embedded")
-
 Watch = Callable[[int, int, int], Progress]
 
 

@@ -13,12 +13,12 @@ from pdvol.errors import InputError
 from pdvol.geometry.level_mesh import LevelMesh
 from pdvol.levels.hierarchy import Hierarchy
 from pdvol.levels.initial_state import check_start
-from pdvol.levels.interpolants import INTERPOLANTS
 from pdvol.levels.scene_fields import check_fields, initial_velocity, scene_diagonal
 from pdvol.levels.separation import build_apart
 from pdvol.meshing.build import read_obstacle
 from pdvol.parallel import on_root
-from pdvol.runs.level_run import METHODS, Watch, run_level
+from pdvol.registry import INTERPOLANTS, METHODS
+from pdvol.runs.level_run import Watch, run_level
 from pdvol.runs.obstacle_places import drawn_obstacles
 from pdvol.runs.scene_file import Shot, load_shot, stored_settings
 from pdvol.runs.shared_writer import Export, SharedWriter
@@ -54,8 +54,8 @@ def run_scene(
     out : run folder: a new one, or with `resume` (or `first` > 0) one of the same scene, of which finished steps are
         kept
     first, last : levels, both included; the finest when `last` is None
-    method : one of METHODS
-    prolongation : a key of `INTERPOLANTS`
+    method : a name in `pdvol.registry.METHODS`
+    prolongation : a name in `pdvol.registry.INTERPOLANTS`
     progress : called as (level, steps, steps done) when a level begins, on the ranks where it is given
     wavefront : run the levels side by side, each in a process of its own; `comm` then has one rank
 
@@ -120,9 +120,8 @@ def _scene_info(out: str | Path) -> dict:
 
 
 def _check_request(scene: Scene, out: Path, first: int, last: int, method: str, prolongation: str, go_on: bool) -> None:
-    for name, value, known in (("method", method, METHODS), ("prolongation", prolongation, tuple(INTERPOLANTS))):
-        if value not in known:
-            raise InputError(f"unknown {name} {value!r}; choose one of {', '.join(known)}")
+    METHODS.check(method)
+    INTERPOLANTS.check(prolongation)
     if method == "tracks" and scene.penalty.weight == 0.0:
         raise InputError("the method tracks needs a weight above zero, as in --set weight=0.1")
     if not 0 <= first <= last < scene.levels:

@@ -10,7 +10,7 @@ from cli_scenes import FALL, pdvol, write
 
 from pdvol import cli, open_run
 from pdvol.commands.measuring import measure
-from pdvol.runs.runner import METHODS
+from pdvol.registry import METHODS
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 import verify_run

@@ -12,7 +12,7 @@ from cli_scenes import CUBE_OFF, pdvol, states, write
 
 from pdvol import cli, open_run
 from pdvol.errors import InputError
-from pdvol.levels.interpolants import INTERPOLANTS
+from pdvol.registry import INTERPOLANTS
 from pdvol.runs.runner import run_scene
 from pdvol.runs.scene_file import load_shot
 

@@ -23,7 +23,7 @@ STAGES = (
     "draw",
     "measure",
 )
-FOUNDATION = {"errors", "scene", "parallel", "processes", "compat"}
+FOUNDATION = {"errors", "registry", "scene", "parallel", "processes", "compat"}
 """Modules beside the stages that any stage may use: they know none of them (a test)."""
 STORED = {"geometry", "store"}
 """What everything that reads stored runs may use."""
@@ -116,7 +116,8 @@ def test_the_foundation_knows_no_stage(name):
 
 
 def test_scene_knows_only_forms_and_meshes():
-    assert stages_of("scene") <= {"scene", "errors", "forms", "meshes"}
+    assert stages_of("scene") <= {"scene", "errors", "registry", "forms", "meshes"}
+    assert stages_of("registry") <= {"errors"}
 
 
 def test_forms_and_meshes_are_pure():
