@@ -10,13 +10,7 @@ from pathlib import Path
 from typing import NoReturn
 
 from pdvol.errors import InputError, PdvolError, SimulationError
-
-METHODS = ("progressive", "direct", "tracks", "embedded")  # those of runner.METHODS
-PROLONGATIONS = (
-    "barycentric",
-    "biharmonic",
-    "phong",
-)  # the keys of hierarchy.interpolants.INTERPOLANTS, which only a simulation loads
+from pdvol.registry import FORMATS, INTERPOLANTS, METHODS
 
 
 def main(scene: Callable | None = None, argv: Sequence[str] | None = None) -> None:
@@ -180,14 +174,15 @@ def _render(options) -> None:
 
 
 def _export(options) -> None:
-    from pdvol.commands.exporting import export_run
+    from pdvol.runs.exports import export_run
     from pdvol.store.reader import open_run
 
     first, last = _levels(options.levels)
     levels = None
     if options.levels:
         levels = range(first, (len(open_run(options.run).levels) - 1 if last is None else last) + 1)
-    print("\n".join(export_run(options.run, options.format, options.out, levels)))
+    written, notes = export_run(options.run, options.format, options.out, levels)
+    print("\n".join([*map(str, written), *notes]))
 
 
 # ---- their parts
@@ -271,7 +266,7 @@ def _parser() -> argparse.ArgumentParser:
         sub.add_argument(
             "--prolongation",
             default="barycentric",
-            choices=PROLONGATIONS,
+            choices=tuple(INTERPOLANTS),
             help="how a level's motion is carried to the next finer one",
         )
 
@@ -282,7 +277,10 @@ def _parser() -> argparse.ArgumentParser:
     sub.add_argument("scene", type=Path, metavar="SCENE.py")
     sub.add_argument("--levels", default="", metavar="A:B", help="levels A to B, both included (default: all)")
     sub.add_argument(
-        "--method", default="progressive", choices=METHODS, help="how finer levels are made (default: progressive)"
+        "--method",
+        default="progressive",
+        choices=tuple(METHODS),
+        help="how finer levels are made (default: progressive)",
     )
     prolongation_option(sub)
     wavefront_option(sub)
@@ -346,7 +344,7 @@ def _parser() -> argparse.ArgumentParser:
         "export", _export, "write a run's levels for ParaView (xdmf, vtkhdf) or animation software (usd, obj)"
     )
     sub.add_argument("run", type=Path, metavar="RUN")
-    sub.add_argument("--format", required=True, choices=("xdmf", "vtkhdf", "obj", "usd"))
+    sub.add_argument("--format", required=True, choices=tuple(FORMATS))
     sub.add_argument("-o", "--out", type=Path, required=True, metavar="DIR")
     sub.add_argument("--levels", default="", metavar="A:B", help="levels A to B, both included (default: all)")
     return parser

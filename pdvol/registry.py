@@ -143,3 +143,15 @@ CONTACT_LAWS = Registry(
     },
 )
 """What finds the barrier's stiffness; the first one is the default."""
+
+FORMATS = Registry(
+    "format",
+    {
+        "xdmf": Entry("pdvol.export.xdmf:export"),
+        "vtkhdf": Entry("pdvol.export.vtkhdf:export"),
+        "obj": Entry("pdvol.export.obj:export"),
+        "usd": Entry("pdvol.export.usd:export"),
+    },
+    "pdvol.formats",
+)
+"""Functions (run, levels, out, fields) -> list of written paths; see `pdvol.export`."""

@@ -97,3 +97,23 @@ weights = Hierarchy(build_levels(scene), MPI.COMM_SELF, "nearest").prolongation(
 print(set(weights.data), weights.shape[1] < weights.shape[0] == weights.nnz)
 """
     assert python(tmp_path, program).split() == ["{np.float64(1.0)}", "True"]
+
+
+COUNTING = """
+def export(run, levels, out, fields):
+    out.mkdir(parents=True)
+    (out / "states.txt").write_text(" ".join(str(run.levels[level].steps) for level in levels))
+    return [out / "states.txt"]
+"""
+
+
+def test_a_format_of_another_package(whole, tmp_path):
+    install(tmp_path, "counting", COUNTING, "[pdvol.formats]\ncount = counting:export\n")
+    program = "from pdvol.cli import run; raise SystemExit(run(__import__('sys').argv[1:]))"
+    words = ["export", str(whole), "--format", "count", "-o", str(tmp_path / "out")]
+    env = os.environ | {"PYTHONPATH": str(tmp_path)}
+    ended = subprocess.run(
+        [sys.executable, "-c", program, *words], env=env, capture_output=True, text=True, timeout=100
+    )
+    assert (ended.returncode, ended.stdout, ended.stderr) == (0, f"{tmp_path / 'out' / 'states.txt'}\n", "")
+    assert (tmp_path / "out" / "states.txt").read_text() == "11 11"
