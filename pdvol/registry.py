@@ -155,3 +155,27 @@ FORMATS = Registry(
     "pdvol.formats",
 )
 """Functions (run, levels, out, fields) -> list of written paths; see `pdvol.export`."""
+
+COMMANDS = Registry(
+    "command",
+    {
+        "run": Entry("pdvol.commands.run", "simulate a scene's levels, coarse to fine"),
+        "preview": Entry("pdvol.commands.preview", "simulate level 0 only"),
+        "refine": Entry("pdvol.commands.refine", "simulate the finer levels of a stored run"),
+        "check": Entry("pdvol.commands.check", "pre-flight: what will be modelled, sizes, and every defect found"),
+        "hierarchy": Entry("pdvol.commands.hierarchy", "build the levels of one mesh and report their bindings"),
+        "info": Entry("pdvol.commands.info", "what a scene will model, or what a run holds"),
+        "metrics": Entry(
+            "pdvol.commands.metrics",
+            "measure a run: continuity, consistency between levels, and more; writes metrics.json and metrics.png into"
+            " it",
+        ),
+        "render": Entry("pdvol.commands.render", "draw a run: rows are levels, columns are moments"),
+        "export": Entry(
+            "pdvol.commands.export",
+            "write a run's levels for ParaView (xdmf, vtkhdf) or animation software (usd, obj)",
+        ),
+    },
+    "pdvol.commands",
+)
+"""Modules with `add_arguments(parser)` and `main(options) -> int | None`, by the verb of the command line."""

@@ -34,7 +34,7 @@ def plot_metrics(path: Path, runs: Sequence[dict]) -> Path:
 
     Parameters
     ----------
-    runs : what `pdvol.commands.measuring.measure` returns
+    runs : what `pdvol.runs.run_metrics.measure_run` returns
     """
     present = [key for key in PANELS if any(_curve(level, key, run["dt"]) for run in runs for level in run["levels"])]
     last = max(level["steps"] for run in runs for level in run["levels"]) * runs[0]["dt"] or 1.0

@@ -37,6 +37,14 @@ def install(folder, name, source, entry_points):
     (info / "entry_points.txt").write_text(entry_points)
 
 
+def pdvol(folder, *words):
+    """Exit code, output and errors of a command line in a process that finds packages in `folder`."""
+    command = [sys.executable, "-m", "pdvol", *map(str, words)]
+    env = os.environ | {"PYTHONPATH": str(folder)}
+    ended = subprocess.run(command, env=env, capture_output=True, text=True, timeout=100)
+    return ended.returncode, ended.stdout, ended.stderr
+
+
 def python(folder, program, **more):
     """What a program prints in a process that finds packages in `folder`."""
     env = os.environ | {"PYTHONPATH": str(folder)}
@@ -109,11 +117,27 @@ def export(run, levels, out, fields):
 
 def test_a_format_of_another_package(whole, tmp_path):
     install(tmp_path, "counting", COUNTING, "[pdvol.formats]\ncount = counting:export\n")
-    program = "from pdvol.cli import run; raise SystemExit(run(__import__('sys').argv[1:]))"
-    words = ["export", str(whole), "--format", "count", "-o", str(tmp_path / "out")]
-    env = os.environ | {"PYTHONPATH": str(tmp_path)}
-    ended = subprocess.run(
-        [sys.executable, "-c", program, *words], env=env, capture_output=True, text=True, timeout=100
-    )
-    assert (ended.returncode, ended.stdout, ended.stderr) == (0, f"{tmp_path / 'out' / 'states.txt'}\n", "")
+    words = ["export", whole, "--format", "count", "-o", tmp_path / "out"]
+    assert pdvol(tmp_path, *words) == (0, f"{tmp_path / 'out' / 'states.txt'}\n", "")
     assert (tmp_path / "out" / "states.txt").read_text() == "11 11"
+    assert "{xdmf,vtkhdf,obj,usd,count}" in pdvol(tmp_path, "export", "--help")[1]
+
+
+STEPS = """
+def add_arguments(parser):
+    parser.add_argument("run")
+def main(options):
+    import pdvol
+    print(pdvol.open_run(options.run).info["steps"])
+    return 1
+"""
+
+
+def test_a_command_of_another_package(whole, tmp_path):
+    install(tmp_path, "stepping", STEPS, "[pdvol.commands]\nsteps = stepping\ninfo = stepping\n")
+    assert pdvol(tmp_path, "steps", whole) == (1, "10\n", "")
+    code, out, _ = pdvol(tmp_path, "info", whole)
+    assert code == 0 and "method progressive" in out, "pdvol's own comes first"
+    assert "from the package stepping" in pdvol(tmp_path, "--help")[1]
+    code, _, err = pdvol(tmp_path, "stops")
+    assert code == 2 and ", steps); see pdvol --help\n" in err and err.count("\n") == 1

@@ -154,7 +154,7 @@ def test_every_module_says_what_it_is(path):
 
 def test_no_print_no_exit_and_no_asserts_outside_the_command_line():
     for path in SOURCES:
-        if path.name == "cli.py" or path.name.endswith("_worker.py"):
+        if path.name == "cli.py" or path.parent.name == "commands" or path.name.endswith("_worker.py"):
             continue
         for node in ast.walk(ast.parse(path.read_text())):
             where = f"{path.relative_to(ROOT)}:{getattr(node, 'lineno', 0)}"
@@ -238,7 +238,7 @@ def readme_commands() -> list[str]:
 
 @pytest.mark.parametrize("line", readme_commands() or ["./run pdvol --help"])
 def test_readme_commands_name_what_exists(line):
-    from pdvol.cli import _parser
+    from pdvol.cli import parse
 
     words = line[line.index("./run ") + 6 :].split()
     if words[0] == "mpirun":
@@ -250,6 +250,6 @@ def test_readme_commands_name_what_exists(line):
     if words[0] != "pdvol" or "--help" in words:
         return
     try:
-        _parser().parse_args([word for word in words[1:] if word not in ("...",)])
+        parse([word for word in words[1:] if word not in ("...",)])
     except SystemExit:
         pytest.fail(f"README: pdvol refuses {line!r}")
