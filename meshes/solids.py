@@ -1,6 +1,5 @@
 """Round and square surfaces to start from."""
 
-import igl
 import numpy as np
 
 from .geometry import Surface
@@ -13,6 +12,8 @@ def ball(radius: float = 1.0, subdivisions: int = 3) -> Surface:
     """A sphere about the origin [m]: an icosahedron whose triangles are cut in four `subdivisions` times, 10 * 4^k + 2
     vertices.
     """
+    import igl  # shapes that do not need it load faster without it
+
     vertices, triangles = igl.icosahedron()
     for _ in range(subdivisions):
         vertices, triangles = igl.upsample(np.asarray(vertices), np.asarray(triangles, dtype=np.int64))
