@@ -130,6 +130,22 @@ def test_forms_and_meshes_are_pure():
         assert {i.split(".")[0] for i in imports(path)} <= {"ufl", "pdvol", "math", "collections"}, path
 
 
+def test_no_two_files_import_each_other():
+    files = {module_of(path): path for path in SOURCES if path.name != "__init__.py"}
+    needs = {
+        name: {
+            module for module in (i if i in files else i.rpartition(".")[0] for i in imports(path)) if module in files
+        }
+        for name, path in files.items()
+    }
+    for name in needs:
+        reached, ahead = set(), set(needs[name])
+        while ahead:
+            reached |= ahead
+            ahead = set().union(*(needs[other] for other in ahead)) - reached
+        assert name not in reached, f"{name} imports itself, by way of others"
+
+
 def test_one_file_of_snes_and_one_of_what_differs_between_dolfinx_versions():
     using = {p.relative_to(ROOT).as_posix() for p in SOURCES if re.search(r"\bSNES\(\)", p.read_text())}
     assert using == {"pdvol/solve/newton.py"}
