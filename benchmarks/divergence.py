@@ -16,7 +16,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from mpi4py import MPI
 
-from pdvol.draw.renderer import BACKGROUND, PALETTE
+from pdvol.draw.layout import BACKGROUND, PALETTE
 from pdvol.errors import InputError
 from pdvol.levels.hierarchy import Hierarchy
 from pdvol.measure.metrics import distance, lumped_masses

@@ -9,8 +9,9 @@ from matplotlib.figure import Figure
 from method_studies import Study
 
 from pdvol import open_run
-from pdvol.draw.picture import cell, framing
-from pdvol.draw.renderer import BACKGROUND, PALETTE, Studio
+from pdvol.draw.camera import camera_of_run
+from pdvol.draw.layout import BACKGROUND, PALETTE
+from pdvol.draw.renderer import Renderer
 
 WIDTH = 420  # pixels of one picture
 FLOOR = 1e-7  # of the largest value: what is drawn of consistency
@@ -30,13 +31,13 @@ def _shots(study: Study, runs: Sequence[Path]) -> list[list[np.ndarray]]:
     stored = [open_run(path) for path in runs]
     last = min(level.steps for run in stored for level in run.levels) - 1
     steps = sorted({min(step, last) for step in study.moments})
-    view = framing(
+    camera = camera_of_run(
         stored[0], [level for run in stored for level in (run.levels[0], run.levels[-1])], steps, stored[0].obstacles
     )
     rows = []
     for run, level in [(stored[0], stored[0].levels[0]), *((run, run.levels[-1]) for run in stored)]:
-        with Studio(run, view, WIDTH, run.obstacles) as studio:
-            rows.append([np.asarray(cell(studio, level, step)) for step in steps])
+        with Renderer(run, camera, WIDTH, run.obstacles) as renderer:
+            rows.append([np.asarray(renderer.picture(level, step)) for step in steps])
     return rows
 
 

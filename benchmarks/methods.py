@@ -21,7 +21,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
 import verify_run
 
 from pdvol import PdvolError, open_run, run_scene
-from pdvol.commands.measuring import measure
+from pdvol.runs.run_metrics import measure_run
 from pdvol.runs.scene_file import load_shot
 from pdvol.store.files import write_json
 
@@ -90,8 +90,8 @@ def run(chosen: Study, case: Case, path: Path, options) -> None:
 
 
 def judge(path: Path, case: Case, count: int) -> dict:
-    """Findings about one run: metrics of its `count` coarsest levels, and defects of their states."""
-    result, stored, levels = measure(path), open_run(path), []
+    """What there is to say about one run: metrics of its `count` coarsest levels, and what was found in their states."""
+    result, stored, levels = measure_run(path), open_run(path), []
     for entry, level in zip(result["levels"][:count], stored.levels, strict=False):
         record = {key: entry[key] for key in ("level", "summary")} | {
             "vertices": len(level.rest),

@@ -88,7 +88,7 @@ def sheet(folder: Path, names: list[str], columns: int = 4, width: int = 300, he
     """pictures.png: the last moment of every scene that has been drawn, side by side."""
     from PIL import Image, ImageDraw
 
-    from pdvol.draw.picture import BACKGROUND, INK, font
+    from pdvol.draw.layout import BACKGROUND, INK, font
 
     drawn = [name for name in names if (folder / f"{name}.png").is_file()]
     page = Image.new("RGB", (columns * width, -(-len(drawn) // columns) * height), BACKGROUND)

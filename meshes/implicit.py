@@ -2,16 +2,17 @@
 
 from collections.abc import Sequence
 
-import igl
 import numpy as np
 from numpy.typing import ArrayLike
-from skimage import measure
 
 
 def contoured(field: np.ndarray, axes: Sequence[np.ndarray], h: float, vertices: int) -> tuple[np.ndarray, np.ndarray]:
     """Points and triangles where `field`, given on the grid of `axes` with spacing h, is zero: faired, then decimated
     to about `vertices`.
     """
+    import igl  # these two take as long to load as the rest of a scene
+    from skimage import measure
+
     points, triangles, _, _ = measure.marching_cubes(field, 0.0, spacing=(h, h, h))
     points = points.astype(float) + np.array([a[0] for a in axes])
     points = _fair(points, triangles.astype(np.int64), 14)
@@ -48,6 +49,9 @@ def join(a: np.ndarray, b: np.ndarray, blend: float) -> np.ndarray:
 
 def _fair(vertices: np.ndarray, triangles: np.ndarray, rounds: int) -> np.ndarray:
     """Taubin smoothing: evens out marching cubes' slivers without shrinking the figure."""
+
+    import igl
+
     adjacency = igl.adjacency_matrix(triangles).astype(float)
     degree = np.asarray(adjacency.sum(axis=1)).ravel()[:, None]
     for _ in range(rounds):

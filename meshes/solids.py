@@ -2,7 +2,6 @@
 
 from typing import Any
 
-import igl
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -16,6 +15,8 @@ def ball(radius: float = 1.0, subdivisions: int = 3) -> Surface:
     """A sphere about the origin [m]: an icosahedron whose triangles are cut in four `subdivisions` times, 10 * 4^k + 2
     vertices.
     """
+    import igl  # shapes that do not need it load faster without it
+
     vertices, triangles = igl.icosahedron()
     for _ in range(subdivisions):
         vertices, triangles = igl.upsample(np.asarray(vertices), np.asarray(triangles, dtype=np.int64))

@@ -1,5 +1,5 @@
-"""A picture of how a level hangs on the one below it: who is bound where, and how far one coarse vertex reaches (paper,
-figure 3 and 3.4.1).
+"""A picture of how a level is bound to the one below it: the home cell of each vertex, and the weights of one coarse
+vertex (paper, figure 3 and 3.4.1).
 """
 
 import colorsys
@@ -12,15 +12,14 @@ import pyvista as pv
 import scipy.sparse as sp
 from PIL import Image, ImageDraw
 
-from pdvol.draw.camera import ANGLE, View, lifted, view_of
-from pdvol.draw.picture import FAINT, GAP, INK, font
-from pdvol.draw.renderer import BACKGROUND, PALETTE
+from pdvol.draw.camera import Camera, fitted_camera, in_3d
+from pdvol.draw.layout import BACKGROUND, CELL_GAP, FAINT_INK, INK, PALETTE, font
 from pdvol.geometry.level_mesh import LevelMesh
 from pdvol.store.files import write_bytes
 
-TOP = 64  # pixels for the captions
-OVERSAMPLING = 2
-NOTHING = (0.86, 0.85, 0.83)
+CAPTION_HEIGHT = 64  # pixels above the two views
+OVERSAMPLING = 2  # pixels rendered for each pixel of the picture, along each side
+ZERO_COLOUR = (0.86, 0.85, 0.83)  # red, green and blue of vertices without a weight
 
 
 def draw_binding(
@@ -47,13 +46,13 @@ def draw_binding(
     title : what the pair is called
     up : the way up of a 3D pair; y as in most surface files
     """
-    view = view_of(lifted(np.concatenate([coarse.points, fine.points])), fine.dim, np.asarray(up, dtype=float))
-    chosen = nearest_vertex(coarse, view)
+    camera = fitted_camera(in_3d(np.concatenate([coarse.points, fine.points])), fine.dim, np.asarray(up, dtype=float))
+    chosen = nearest_vertex(coarse, camera)
     column = weights[:, [chosen]].toarray()[:, 0]
     shown = np.unique(fine.boundary) if fine.dim == 3 else np.arange(len(fine.points))
     pictures = [
-        _picture(coarse, fine, view, width, shown, cell_colours(cells)),
-        _picture(coarse, fine, view, width, shown, weight_colours(column)),
+        _picture(coarse, fine, camera, width, shown, cell_colours(cells)),
+        _picture(coarse, fine, camera, width, shown, weight_colours(column)),
     ]
     reach = f"on {np.count_nonzero(column):,} vertices, from {column.min():.2f} to {column.max():.2f}"
     captions = [
@@ -63,25 +62,27 @@ def draw_binding(
         ),
         (f"one of {len(coarse.points):,} coordinates", reach),
     ]
-    sheet = Image.new("RGB", (2 * width + GAP, TOP + pictures[0].height), BACKGROUND)
+    sheet = Image.new("RGB", (2 * width + CELL_GAP, CAPTION_HEIGHT + pictures[0].height), BACKGROUND)
     pen = ImageDraw.Draw(sheet)
     for i, (picture, (large, small)) in enumerate(zip(pictures, captions, strict=True)):
-        x = i * (width + GAP)
-        sheet.paste(picture, (x, TOP))
-        pen.text((x + width / 2, 0.36 * TOP), large, INK, font(19), anchor="mm")
-        pen.text((x + width / 2, 0.74 * TOP), small, FAINT, font(14), anchor="mm")
+        x = i * (width + CELL_GAP)
+        sheet.paste(picture, (x, CAPTION_HEIGHT))
+        pen.text((x + width / 2, 0.36 * CAPTION_HEIGHT), large, INK, font(19), anchor="mm")
+        pen.text((x + width / 2, 0.74 * CAPTION_HEIGHT), small, FAINT_INK, font(14), anchor="mm")
     buffer = io.BytesIO()
     sheet.save(buffer, "PNG", optimize=True)
     write_bytes(path, buffer.getvalue())
     return path
 
 
-def nearest_vertex(mesh: LevelMesh, view: View) -> int:
-    """The vertex to be shown: of a 3D boundary the one most in front, in 2D the one closest to the middle."""
+def nearest_vertex(mesh: LevelMesh, camera: Camera) -> int:
+    """The vertex whose weights are drawn: of a 3D boundary the one nearest to the camera, in 2D the one nearest to the
+    middle.
+    """
     if mesh.dim == 2:
         return int(np.argmin(np.linalg.norm(mesh.points - mesh.points.mean(axis=0), axis=1)))
     boundary = np.unique(mesh.boundary)
-    return int(boundary[np.argmax(mesh.points[boundary] @ view.towards)])
+    return int(boundary[np.argmax(mesh.points[boundary] @ camera.towards)])
 
 
 def cell_colours(cells: np.ndarray) -> np.ndarray:
@@ -98,19 +99,19 @@ def weight_colours(weights: np.ndarray) -> np.ndarray:
     """(n, 3) in [0, 1]: the palette's first colour for the largest absolute weight if positive, its second if negative,
     grey for none.
 
-    Roots of the weights are drawn, so that small ones can be told from none.
+    The colours show roots of the weights, so that small ones differ from none.
     """
     strength = np.sqrt(np.abs(weights) / np.abs(weights).max())
     strength = np.where(weights != 0, 0.12 + 0.88 * strength, 0.0)[:, None]
     full = np.where(weights[:, None] >= 0, pv.Color(PALETTE[0]).float_rgb, pv.Color(PALETTE[1]).float_rgb)
-    return (1 - strength) * np.array(NOTHING) + strength * full
+    return (1 - strength) * np.array(ZERO_COLOUR) + strength * full
 
 
 def _picture(
-    coarse: LevelMesh, fine: LevelMesh, view: View, width: int, shown: np.ndarray, colours: np.ndarray
+    coarse: LevelMesh, fine: LevelMesh, camera: Camera, width: int, shown: np.ndarray, colours: np.ndarray
 ) -> Image.Image:
-    size = (width, max(2, round(width / view.aspect)))
-    with pv.vtk_verbosity("error"):  # as in studio.py
+    size = (width, max(2, round(width / camera.aspect)))
+    with pv.vtk_verbosity("error"):  # without a display VTK prints long warnings
         plotter = pv.Plotter(
             off_screen=True,
             window_size=[OVERSAMPLING * n for n in size],
@@ -119,24 +120,13 @@ def _picture(
         )
         try:
             plotter.set_background(BACKGROUND)
-            camera = plotter.camera
-            camera.focal_point, camera.up, camera.position = (
-                view.focus,
-                view.up,
-                view.focus + view.distance * view.towards,
-            )
-            camera.view_angle, camera.parallel_projection, camera.parallel_scale = (
-                ANGLE,
-                fine.dim == 2,
-                view.half_height,
-            )
-            camera.clipping_range = (0.05 * view.distance, view.distance + 20 * view.size)
+            camera.set_up(plotter.camera, parallel=fine.dim == 2)
             # Points behind the fine surface are hidden by it; the coarse mesh is drawn as lines over both.
             if fine.dim == 3:
-                surface = pv.PolyData.from_regular_faces(lifted(fine.points), fine.boundary)
+                surface = pv.PolyData.from_regular_faces(in_3d(fine.points), fine.boundary)
                 plotter.add_mesh(surface, color=BACKGROUND, ambient=0.35, diffuse=0.6, render=False, reset_camera=False)
             facets = coarse.boundary if coarse.dim == 3 else coarse.cells
-            lines = pv.PolyData.from_regular_faces(lifted(coarse.points), facets)
+            lines = pv.PolyData.from_regular_faces(in_3d(coarse.points), facets)
             plotter.add_mesh(
                 lines,
                 style="wireframe",
@@ -147,7 +137,7 @@ def _picture(
                 render=False,
                 reset_camera=False,
             )
-            dots = pv.PolyData(lifted(fine.points[shown]))
+            dots = pv.PolyData(in_3d(fine.points[shown]))
             dots["colour"] = np.round(255 * colours[shown]).astype(np.uint8)
             across = float(np.clip(0.55 * size[1] / np.sqrt(len(shown)), 3.0, 16.0))
             plotter.add_mesh(

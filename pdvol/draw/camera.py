@@ -1,27 +1,35 @@
-"""From where a scene is seen: one view for all the moments and levels of a picture, so that they can be compared."""
+"""The camera: one for all the moments and levels of a picture, so that they can be compared."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
-ANGLE = 24.0  # the camera's opening [degrees]: a long lens, which flatters
+from pdvol.store.obstacles import DrawnObstacle
+from pdvol.store.reader import Run, RunLevel
+
+VIEW_ANGLE = 24.0  # degrees from the picture's lower to its upper edge: small, so that shapes are hardly distorted
+MARGIN = 1.08  # the picture's half height over that of its content
+OBSTACLE_MARGIN = 0.3  # share of the bodies' diagonal within which obstacles count: a floor mesh may be far larger
 
 
 @dataclass(frozen=True, eq=False)
-class View:
-    """Where everything is seen from.
+class Camera:
+    """Position, direction and field of view.
 
     Attributes
     ----------
     right, up, towards : (3,) float64
-        The picture's axes; `towards` points at the camera.
+        Unit vectors: the picture's axes, and from the focus to the camera.
     focus : (3,) float64 [m]
+        The point in the picture's middle.
     distance : float [m]
-        Of the camera from the focus; 2D scenes are seen in parallel projection.
+        From the focus to the camera; 2D scenes are drawn in parallel projection.
     half_height : float [m]
         Half of the picture's height at the focus.
     size : float [m]
-        The diagonal of what is to be seen.
+        The diagonal of the content.
     aspect : float
         Width over height.
     """
@@ -35,16 +43,58 @@ class View:
     size: float
     aspect: float
 
+    @property
+    def position(self) -> np.ndarray:
+        """(3,) [m]."""
+        return self.focus + self.distance * self.towards
 
-def lifted(points: np.ndarray) -> np.ndarray:
+    def set_up(self, camera: Any, parallel: bool) -> None:
+        """Give a pyvista camera this position, direction and field of view, in perspective or parallel projection."""
+        camera.focal_point, camera.up, camera.position = self.focus, self.up, self.position
+        camera.view_angle, camera.parallel_projection = VIEW_ANGLE, parallel
+        camera.parallel_scale = self.half_height
+        camera.clipping_range = (0.05 * self.distance, self.distance + 20 * self.size)
+
+
+def in_3d(points: np.ndarray) -> np.ndarray:
     """Points with a zero third coordinate in 2D, shape (n, 3)."""
     return np.pad(np.asarray(points, dtype=float), ((0, 0), (0, 3 - np.shape(points)[1])))
 
 
-def view_of(points: np.ndarray, dim: int, upward: np.ndarray, turn: float = 0.0) -> View:
-    """A view that holds all `points` (n, 3) [m] with a little room.
+def camera_of_run(
+    run: Run, levels: Sequence[RunLevel], steps: Sequence[int], obstacles: Sequence[DrawnObstacle], turn: float = 0.0
+) -> Camera:
+    """The camera that sees all these levels at all these steps, and the obstacles that are not planes.
 
-    `upward` (3,) is the way up of a 3D scene, and `turn` [degrees] walks round it, from the front to its right.
+    Up is `run.info["up"]` where the run has it, else the first plane's normal, else z; `turn` as for `fitted_camera`.
+    """
+    content = [
+        in_3d(level.positions(step)[np.unique(level.surface)])
+        for level in levels
+        for step in steps
+        if step < level.steps
+    ]
+    bodies = np.concatenate(content)
+    low, high = bodies.min(axis=0), bodies.max(axis=0)
+    margin = OBSTACLE_MARGIN * np.linalg.norm(high - low)
+    for obstacle in obstacles:
+        if obstacle.kind != "plane":
+            vertices = in_3d(np.concatenate([obstacle.vertices(step) for step in steps]))
+            content.append(np.clip(vertices, low - margin, high + margin))
+    dim = levels[0].rest.shape[1]
+    upward = run.info.get("up") or next((o.plane(0)[1] for o in obstacles if o.kind == "plane"), (0.0, 0.0, 1.0))
+    return fitted_camera(np.concatenate(content), dim, np.asarray(upward, dtype=float), turn)
+
+
+def fitted_camera(points: np.ndarray, dim: int, upward: np.ndarray, turn: float = 0.0) -> Camera:
+    """The camera that sees all points, with a margin.
+
+    Parameters
+    ----------
+    points : (n, 3) [m]
+    dim : 2 or 3, the scene's dimension
+    upward : (3,) the way up of a 3D scene
+    turn : how far the camera walks round a 3D scene, from the front to its right [degrees]
     """
     if dim == 2:
         right, up, towards = np.eye(3)
@@ -64,10 +114,10 @@ def view_of(points: np.ndarray, dim: int, upward: np.ndarray, turn: float = 0.0)
     low, high = seen.min(axis=0), seen.max(axis=0)
     middle, half = (low + high) / 2, np.maximum((high - low) / 2, 1e-9)
     aspect = float(np.clip(half[0] / half[1], 0.62, 1.5))
-    half_height = 1.08 * max(half[1], half[0] / aspect)
-    # The nearest distance from which the lens holds every point, near ones included.
+    half_height = MARGIN * max(half[1], half[0] / aspect)
+    # The smallest distance at which every point is within the view angle, near ones included.
     focus = np.column_stack([right, up, towards]) @ middle
     x, y, z = (seen - middle).T
-    slope = np.tan(np.radians(ANGLE / 2)) / 1.08
+    slope = np.tan(np.radians(VIEW_ANGLE / 2)) / MARGIN
     distance = float((z + np.maximum(np.abs(y), np.abs(x) / aspect) / slope).max())
-    return View(right, up, towards, focus, distance, float(half_height), float(2 * np.linalg.norm(half)), aspect)
+    return Camera(right, up, towards, focus, distance, float(half_height), float(2 * np.linalg.norm(half)), aspect)

@@ -1,14 +1,15 @@
-"""Soft contact shadows on a plane: dark and sharp where a body touches it, pale and wide where it hovers above.
+"""Soft contact shadows on a plane: dark and sharp where a body touches it, pale and wide where a body is above it.
 
-The surfaces are thrown onto the plane along the light, sorted into bands by their height, and each band is blurred in
-proportion to its height, as the half-shadow of a large lamp is. Cheap, without any help of the graphics driver, and it
-also shows how high a body flies.
+The surfaces are projected onto the plane along the light and sorted into bands by their height. Each band is blurred in
+proportion to its height, like the half-shadow of a large light. This needs no help of the graphics driver, and shows
+how high above the plane a body is.
 """
 
 import numpy as np
 from scipy.ndimage import gaussian_filter
 
-# Upper bound of each band of heights, as a fraction of the scene's size; its blur in the same unit; how dark it is.
+# Of each band of heights: its upper bound and its blur, as fractions of the scene's size, and its darkness (1: black).
+# Chosen by eye.
 _BANDS = ((0.02, 0.007, 0.34), (0.07, 0.018, 0.28), (0.18, 0.04, 0.22), (0.45, 0.08, 0.16), (np.inf, 0.14, 0.10))
 
 
@@ -21,7 +22,7 @@ def shadow_map(triangles: np.ndarray, size: float, half_width: float, pixels: in
         Corners in the plane's frame: two coordinates along it, already shifted along the light, and the height above
         it.
     size : float [m]
-        The scene's size, which bands and blurs are measured by.
+        The scene's size: the unit of bands and blurs.
     half_width : float [m]
         The square reaches from -half_width to half_width.
     pixels : int
@@ -40,8 +41,8 @@ def shadow_map(triangles: np.ndarray, size: float, half_width: float, pixels: in
     np.fmin.at(height, (row[seen], column[seen]), np.maximum(points[seen, 2], 0.0))
     lit = np.ones((pixels, pixels))
     for bound, blur, darkness in _BANDS:
-        # Wider bands include the lower ones: a body touches in one place and hovers around it, and no pale ring must
-        # part the two.
+        # Each band includes the lower ones: around the place where a body touches it is a little above the plane, and
+        # no pale ring must lie between the two.
         band = height <= bound * size
         if band.any():
             lit *= 1.0 - darkness * gaussian_filter(band.astype(float), blur * size / width)

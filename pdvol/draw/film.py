@@ -1,4 +1,4 @@
-"""Films of a run: all levels side by side, at the speed at which it happens. MP4 and GIF need imageio (pip install
+"""Films of a run: all levels side by side, at the speed of the simulated motion. MP4 and GIF need imageio (pip install
 'pdvol[film]').
 """
 
@@ -10,15 +10,16 @@ from pathlib import Path
 import numpy as np
 from PIL import Image, ImageDraw
 
-from pdvol.draw.picture import FAINT, GAP, INK, cell, font, framing
-from pdvol.draw.renderer import BACKGROUND, Studio
+from pdvol.draw.camera import camera_of_run
+from pdvol.draw.layout import BACKGROUND, CELL_GAP, FAINT_INK, INK, font
+from pdvol.draw.renderer import Renderer
 from pdvol.errors import InputError, SimulationError
 from pdvol.store.files import TEMPORARY
 from pdvol.store.obstacles import DrawnObstacle
 from pdvol.store.reader import Run, RunLevel
 
-FRAME_RATE = 30.0  # at most; shorter time steps are skipped over
-_HEADER = 64
+MOST_FRAMES_PER_SECOND = 30.0  # where time steps are shorter, some are left out
+_HEADER = 64  # pixels above the pictures, for captions
 
 
 def write_film(
@@ -40,27 +41,27 @@ def write_film(
     SimulationError
         When the disk cannot be written.
     """
-    moving = path.suffix.lower() == ".mp4"
-    for module in ("imageio", "imageio_ffmpeg") if moving else ("imageio",):
+    is_mp4 = path.suffix.lower() == ".mp4"
+    for module in ("imageio", "imageio_ffmpeg") if is_mp4 else ("imageio",):
         if importlib.util.find_spec(module) is None:
             raise InputError(f"{path}: a film needs {module}: pip install 'pdvol[film]'")
     import imageio.v2 as imageio
 
-    stride = max(1, round(1.0 / (FRAME_RATE * run.dt)))
+    stride = max(1, round(1.0 / (MOST_FRAMES_PER_SECOND * run.dt)))
     frames = list(range(0, max(level.steps for level in levels), stride)) if steps is None else list(steps)
     rate = 1.0 / (stride * run.dt)
-    # The encoder tells the format by the ending, so the temporary name keeps it.
+    # The encoder chooses the format by the file name's ending, so the temporary name keeps it.
     aside = path.with_name(f".{path.stem}{TEMPORARY}{path.suffix}")
-    encoded = {"fps": rate, "codec": "libx264", "quality": 8, "macro_block_size": 2, "ffmpeg_log_level": "error"}
-    options = encoded if moving else {"duration": 1000 / rate, "loop": 0}
-    view = framing(run, levels, frames, obstacles, turn)
+    mp4 = {"fps": rate, "codec": "libx264", "quality": 8, "macro_block_size": 2, "ffmpeg_log_level": "error"}
+    options = mp4 if is_mp4 else {"duration": 1000 / rate, "loop": 0}
+    camera = camera_of_run(run, levels, frames, obstacles, turn)
     try:
         with (
-            Studio(run, view, cell_width, obstacles, oversampling=2) as studio,
+            Renderer(run, camera, cell_width, obstacles, oversampling=2) as renderer,
             imageio.get_writer(aside, **options) as film,
         ):
             for step in frames:
-                film.append_data(np.asarray(_frame(studio, levels, step, run.dt)))
+                film.append_data(np.asarray(_frame(renderer, levels, step, run.dt)))
         os.replace(aside, path)
     except OSError as error:
         raise SimulationError(f"cannot write {path}: {error.strerror or error}") from error
@@ -69,16 +70,16 @@ def write_film(
     return path
 
 
-def _frame(studio: Studio, levels: Sequence[RunLevel], step: int, dt: float) -> Image.Image:
-    """All levels at one step. A level that is not simulated that far keeps its last state, and says so."""
-    width, height = studio.size
-    size = (len(levels) * (width + GAP) - GAP, _HEADER + height)
-    frame = Image.new("RGB", tuple(n + n % 2 for n in size), BACKGROUND)  # encoders want even numbers
+def _frame(renderer: Renderer, levels: Sequence[RunLevel], step: int, dt: float) -> Image.Image:
+    """All levels at one step. A level that is not simulated that far keeps its last state, with its time in grey."""
+    width, height = renderer.size
+    size = (len(levels) * (width + CELL_GAP) - CELL_GAP, _HEADER + height)
+    frame = Image.new("RGB", tuple(n + n % 2 for n in size), BACKGROUND)  # encoders need even numbers
     pen = ImageDraw.Draw(frame)
     for i, level in enumerate(levels):
-        x, held = i * (width + GAP), min(step, level.steps - 1)
-        frame.paste(cell(studio, level, held), (x, _HEADER))
+        x, held = i * (width + CELL_GAP), min(step, level.steps - 1)
+        frame.paste(renderer.picture(level, held), (x, _HEADER))
         pen.text((x + 16, 22), f"level {level.index}", INK, font(19), anchor="lm")
-        pen.text((x + 16, 46), f"{len(level.rest):,} vertices", FAINT, font(14), anchor="lm")
-        pen.text((x + width - 16, 22), f"{held * dt:.2f} s", INK if held == step else FAINT, font(17), anchor="rm")
+        pen.text((x + 16, 46), f"{len(level.rest):,} vertices", FAINT_INK, font(14), anchor="lm")
+        pen.text((x + width - 16, 22), f"{held * dt:.2f} s", INK if held == step else FAINT_INK, font(17), anchor="rm")
     return frame

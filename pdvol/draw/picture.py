@@ -1,5 +1,5 @@
-"""A picture of a run: rows are levels, columns are moments, all seen by the same camera. Film files show all levels
-side by side.
+"""A picture of a run: rows are levels, columns are moments, all with the same camera. Film files show all levels side
+by side.
 """
 
 import io
@@ -7,18 +7,19 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from PIL import Image, ImageDraw, ImageFont
+from PIL import Image, ImageDraw
 
-from pdvol.draw.camera import View, lifted, view_of
-from pdvol.draw.renderer import BACKGROUND, Studio
+from pdvol.draw.camera import camera_of_run
+from pdvol.draw.film import write_film
+from pdvol.draw.layout import BACKGROUND, CELL_GAP, FAINT_INK, INK, font
+from pdvol.draw.renderer import Renderer
 from pdvol.errors import InputError
 from pdvol.store.files import write_bytes
 from pdvol.store.obstacles import DrawnObstacle
 from pdvol.store.reader import Run, RunLevel
 
-INK, FAINT = "#3b3f46", "#8b8f96"
-MOMENTS = 5
-GAP = 8
+COLUMNS = 5  # moments of a picture, where they are not asked for by step
+SAMPLED_STATES = 60  # that a run's motion is measured by when moments are chosen: enough for five of them
 
 
 def render(
@@ -66,12 +67,11 @@ def render(
     drawn = run.obstacles if obstacles is None else tuple(obstacles)
     path.parent.mkdir(parents=True, exist_ok=True)
     if path.suffix.lower() != ".png":
-        from pdvol.draw.film import write_film  # a picture does not need what films need
-
         return write_film(run, path, shown, steps, drawn, cell_width, turn)
     moments = chosen_steps(shown[0], last) if steps is None else list(steps)
-    with Studio(run, framing(run, shown, moments, drawn, turn), cell_width, drawn) as studio:
-        cells = [[cell(studio, level, step) for step in moments] for level in shown]
+    camera = camera_of_run(run, shown, moments, drawn, turn)
+    with Renderer(run, camera, cell_width, drawn) as renderer:
+        cells = [[renderer.picture(level, step) for step in moments] for level in shown]
     sheet = _sheet(cells, [f"{step * run.dt:.3g} s" for step in moments], shown)
     buffer = io.BytesIO()
     sheet.save(buffer, "PNG", optimize=True)
@@ -79,12 +79,18 @@ def render(
     return path
 
 
-def chosen_steps(level: RunLevel, last: int, count: int = MOMENTS) -> list[int]:
-    """Moments that tell the story: first and last, and between them equal shares of time and of the bodies' motion
-    together.
+def chosen_steps(level: RunLevel, last: int, count: int = COLUMNS) -> list[int]:
+    """Steps that show the course of a run: the first and the last, and between them equal shares of the sum of time and
+    the bodies' motion.
+
+    Parameters
+    ----------
+    level : the motion is that of this level
+    last : the last step of all levels drawn; it is added where this level is not simulated as far
+    count : steps of this level
     """
     stored = level.steps - 1
-    sampled = np.unique(np.linspace(0, stored, min(stored, 60) + 1).round().astype(int))
+    sampled = np.unique(np.linspace(0, stored, min(stored, SAMPLED_STATES) + 1).round().astype(int))
     states = [level.positions(int(step)) for step in sampled]
     motion = np.array(
         [0.0] + [np.linalg.norm(b - a, axis=1).mean() for a, b in zip(states, states[1:], strict=False)]
@@ -92,47 +98,6 @@ def chosen_steps(level: RunLevel, last: int, count: int = MOMENTS) -> list[int]:
     share = sampled / max(stored, 1) + (motion / motion[-1] if motion[-1] > 0 else 0)
     steps = np.interp(np.linspace(0, share[-1], count), share, sampled).round().astype(int)
     return sorted({int(step) for step in steps} | ({last} if last > stored else set()))
-
-
-def framing(
-    run: Run, levels: Sequence[RunLevel], steps: Sequence[int], obstacles: Sequence[DrawnObstacle], turn: float = 0.0
-) -> View:
-    """The view that holds all these levels at all these steps, and the obstacles that are not planes.
-
-    Up is `run.info["up"]` where the run says so, else the first plane's normal, else z.
-    """
-    seen = [
-        lifted(level.positions(step)[np.unique(level.surface)])
-        for level in levels
-        for step in steps
-        if step < level.steps
-    ]
-    bodies = np.concatenate(seen)
-    low, high = bodies.min(axis=0), bodies.max(axis=0)
-    room = np.linalg.norm(high - low)
-    for obstacle in obstacles:
-        if obstacle.kind != "plane":
-            vertices = lifted(np.concatenate([obstacle.vertices(step) for step in steps]))
-            # A floor or a wall given as a mesh may be far larger than the shot.
-            seen.append(np.clip(vertices, low - 0.3 * room, high + 0.3 * room))
-    dim = levels[0].rest.shape[1]
-    upward = run.info.get("up") or next((o.plane(0)[1] for o in obstacles if o.kind == "plane"), (0.0, 0.0, 1.0))
-    return view_of(np.concatenate(seen), dim, np.asarray(upward, dtype=float), turn)
-
-
-def cell(studio: Studio, level: RunLevel, step: int) -> Image.Image:
-    """One moment of one level; an empty one where it is not simulated yet."""
-    if step >= level.steps:
-        image = Image.new("RGB", studio.size, BACKGROUND)
-        text = "not simulated yet"
-        ImageDraw.Draw(image).text((studio.size[0] / 2, studio.size[1] / 2), text, FAINT, font(15), anchor="mm")
-        return image
-    return Image.fromarray(studio.shot(level, step)).resize(studio.size, Image.Resampling.LANCZOS)
-
-
-def font(size: float) -> ImageFont.FreeTypeFont:
-    """Pillow's own typeface, which every machine has."""
-    return ImageFont.load_default(size)
 
 
 def _levels(run: Run, wanted: Sequence[int] | None) -> list[RunLevel]:
@@ -153,14 +118,16 @@ def _sheet(cells: list[list[Image.Image]], times: list[str], levels: Sequence[Ru
     """The cells with the levels' names on the left and the times above."""
     width, height = cells[0][0].size
     left, top = 118, 42
-    sheet = Image.new("RGB", (left + len(times) * (width + GAP), top + len(levels) * (height + GAP)), BACKGROUND)
+    sheet = Image.new(
+        "RGB", (left + len(times) * (width + CELL_GAP), top + len(levels) * (height + CELL_GAP)), BACKGROUND
+    )
     pen = ImageDraw.Draw(sheet)
     for j, time in enumerate(times):
-        pen.text((left + j * (width + GAP) + width / 2, top / 2 + 2), time, INK, font(19), anchor="mm")
+        pen.text((left + j * (width + CELL_GAP) + width / 2, top / 2 + 2), time, INK, font(19), anchor="mm")
     for i, (row, level) in enumerate(zip(cells, levels, strict=True)):
-        y = top + i * (height + GAP)
+        y = top + i * (height + CELL_GAP)
         pen.text((20, y + height / 2 - 13), f"level {level.index}", INK, font(21), anchor="lm")
-        pen.text((20, y + height / 2 + 13), f"{len(level.rest):,} vertices", FAINT, font(14), anchor="lm")
+        pen.text((20, y + height / 2 + 13), f"{len(level.rest):,} vertices", FAINT_INK, font(14), anchor="lm")
         for j, image in enumerate(row):
-            sheet.paste(image, (left + j * (width + GAP), y))
+            sheet.paste(image, (left + j * (width + CELL_GAP), y))
     return sheet

@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from pdvol.draw.renderer import BACKGROUND, PALETTE
+from pdvol.draw.layout import BACKGROUND, PALETTE
 from pdvol.store.files import write_bytes
 
 PANELS = {
@@ -20,12 +20,9 @@ PANELS = {
     "jitter": "jitter [J]",
 }
 
-OF_STEPS = (
-    "continuity",
-    "continuity_error",
-    "jitter",
-)  # begin with step 1; the others belong to states and begin with 0
-# drawn below the largest value: the rest is round-off (a quotient of residuals such as continuity has no such floor)
+STEP_MEASURES = ("continuity", "continuity_error", "jitter")  # begin at step 1; the others, of states, at step 0
+# Decades drawn below a measure's largest value: what is smaller is round-off. Continuity, a quotient of residuals, has
+# no such floor.
 DECADES = 9
 
 
@@ -34,7 +31,7 @@ def plot_metrics(path: Path, runs: Sequence[dict]) -> Path:
 
     Parameters
     ----------
-    runs : what `pdvol.commands.measuring.measure` returns
+    runs : what `pdvol.runs.run_metrics.measure_run` returns
     """
     present = [key for key in PANELS if any(_curve(level, key, run["dt"]) for run in runs for level in run["levels"])]
     last = max(level["steps"] for run in runs for level in run["levels"]) * runs[0]["dt"] or 1.0
@@ -65,7 +62,7 @@ def plot_metrics(path: Path, runs: Sequence[dict]) -> Path:
 
 
 def _curve(level: dict, key: str, dt: float) -> tuple[np.ndarray, np.ndarray] | None:
-    """Times and values where they can be drawn: positive ones; None without any."""
+    """Times and values that a logarithmic axis can show, the positive ones; None without any."""
     values = np.array(level.get(key) or [], dtype=float)
     shown = values > 0
-    return ((np.flatnonzero(shown) + (key in OF_STEPS)) * dt, values[shown]) if shown.any() else None
+    return ((np.flatnonzero(shown) + (key in STEP_MEASURES)) * dt, values[shown]) if shown.any() else None

@@ -1,47 +1,60 @@
-"""The photographer: one camera and one set of lamps, and a picture (an array) of one level at one moment. Needs no
-display.
-"""
+"""Renders levels at steps, with one camera and one set of lights for a whole picture or film. Needs no display."""
 
 from collections.abc import Sequence
 from contextlib import ExitStack
 
 import numpy as np
 import pyvista as pv
+from PIL import Image, ImageDraw
 
-from pdvol.draw.camera import ANGLE, View, lifted
+from pdvol.draw.camera import Camera, in_3d
 from pdvol.draw.contact_shadows import shadow_map
+from pdvol.draw.layout import BACKGROUND, FAINT_INK, GROUND, OBSTACLE, PALETTE, font
 from pdvol.store.obstacles import DrawnObstacle
 from pdvol.store.reader import Run, RunLevel
 
-BACKGROUND = "#f6f4f0"
-GROUND = "#e6e1d8"
-STONE = "#c9ccd2"
-PALETTE = ("#f08a67", "#56a3b5", "#f0bd4f", "#8f80c4", "#7fb685", "#e48fb0", "#6b8fc7", "#b98b6a")
-_SMOOTH_FROM = 1500  # facets of a body: fewer show as facets, so that a coarse level looks coarse
+_SMOOTH_FROM = 1500  # facets of a body: with fewer, single facets are shown, so that a coarse level looks coarse
 
 
-class Studio:
-    """Takes pictures of one size from one view, inside a `with` block."""
+class Renderer:
+    """Renders pictures of one size with one camera, inside a `with` block.
 
-    def __init__(self, run: Run, view: View, width: int, obstacles: Sequence[DrawnObstacle], oversampling: int = 3):
-        self.run, self.view, self.obstacles = run, view, tuple(obstacles)
-        self.size = (width, max(2, round(width / view.aspect)))
+    Parameters
+    ----------
+    run : Run
+    camera : Camera
+    width : of a picture [pixels]; the height follows from the camera
+    obstacles : drawn beside the bodies
+    oversampling : pixels rendered for each pixel of a picture, along each side: smooth edges
+
+    Attributes
+    ----------
+    size : (width, height) of a picture [pixels]
+    """
+
+    def __init__(self, run: Run, camera: Camera, width: int, obstacles: Sequence[DrawnObstacle], oversampling: int = 3):
+        self.run, self.camera, self.obstacles = run, camera, tuple(obstacles)
+        self.size = (width, max(2, round(width / camera.aspect)))
         self.oversampling = oversampling
         self._dim = run.levels[0].rest.shape[1]
 
-    def shot(self, level: RunLevel, step: int) -> np.ndarray:
-        """Picture of one level at one step, (height, width, 3) uint8, of `oversampling` times `size`."""
+    def picture(self, level: RunLevel, step: int) -> Image.Image:
+        """One level at one step; a picture that says so where it is not simulated yet."""
+        if step >= level.steps:
+            image = Image.new("RGB", self.size, BACKGROUND)
+            middle = (self.size[0] / 2, self.size[1] / 2)
+            ImageDraw.Draw(image).text(middle, "not simulated yet", FAINT_INK, font(15), anchor="mm")
+            return image
         self._plotter.clear_actors()
-        positions = lifted(level.positions(step))
+        positions = in_3d(level.positions(step))
         (self._draw_flat if self._dim == 2 else self._draw_solid)(level, positions, step)
         self._plotter.render()
-        return self._plotter.screenshot(None, return_img=True)
+        rendered = Image.fromarray(self._plotter.screenshot(None, return_img=True))
+        return rendered.resize(self.size, Image.Resampling.LANCZOS)
 
-    def __enter__(self) -> "Studio":
+    def __enter__(self) -> "Renderer":
         with ExitStack() as stack:
-            stack.enter_context(
-                pv.vtk_verbosity("error")
-            )  # without a display VTK would tell at length how it does without
+            stack.enter_context(pv.vtk_verbosity("error"))  # without a display VTK prints long warnings
             window = [self.oversampling * n for n in self.size]
             self._plotter = pv.Plotter(
                 off_screen=True, window_size=window, lighting="none", theme=pv.themes.DocumentTheme()
@@ -55,26 +68,21 @@ class Studio:
         self._open.close()
 
     def _setup(self) -> None:
-        view, plotter = self.view, self._plotter
+        camera, plotter = self.camera, self._plotter
         plotter.set_background(BACKGROUND)
-        camera = plotter.camera
-        camera.focal_point, camera.up = view.focus, view.up
-        camera.position = view.focus + view.distance * view.towards
-        camera.view_angle = ANGLE
-        camera.parallel_projection = self._dim == 2
-        camera.parallel_scale = view.half_height
-        camera.clipping_range = (0.05 * view.distance, view.distance + 20 * view.size)
+        camera.set_up(plotter.camera, parallel=self._dim == 2)
         if self._dim == 3:
-            self._light = 0.75 * view.up - 0.42 * view.right + 0.5 * view.towards
+            # The directions the three lights come from: a warm main light, a cool one from the right, one from behind.
+            self._light = 0.75 * camera.up - 0.42 * camera.right + 0.5 * camera.towards
             for direction, colour, power in (
                 (self._light, "#fff6ea", 0.74),
-                (0.9 * view.right + 0.1 * view.up + 0.5 * view.towards, "#dfeaff", 0.34),
-                (view.up - 0.6 * view.towards, "#ffffff", 0.3),
+                (0.9 * camera.right + 0.1 * camera.up + 0.5 * camera.towards, "#dfeaff", 0.34),
+                (camera.up - 0.6 * camera.towards, "#ffffff", 0.3),
             ):
                 plotter.add_light(
-                    pv.Light(position=view.focus + direction, focal_point=view.focus, color=colour, intensity=power)
+                    pv.Light(position=camera.focus + direction, focal_point=camera.focus, color=colour, intensity=power)
                 )
-            plotter.enable_ssao(radius=0.06 * view.size, bias=0.002 * view.size, kernel_size=48, blur=True)
+            plotter.enable_ssao(radius=0.06 * camera.size, bias=0.002 * camera.size, kernel_size=48, blur=True)
 
     def _width(self, pixels: float) -> float:
         """A line's width in the pixels of the finished picture."""
@@ -96,7 +104,12 @@ class Studio:
                 vertices, faces = obstacle.vertices(step), obstacle.arrays["faces"]
                 shapes.append(vertices[faces])
                 self._add_surface(
-                    vertices, faces, pv.Color(STONE), len(faces) >= 200, 0.0, float(obstacle.arrays.get("opacity", 1.0))
+                    vertices,
+                    faces,
+                    pv.Color(OBSTACLE),
+                    len(faces) >= 200,
+                    0.0,
+                    float(obstacle.arrays.get("opacity", 1.0)),
                 )
         for obstacle in level.placed(self.obstacles, step):
             if obstacle.kind == "plane":
@@ -122,20 +135,20 @@ class Studio:
         )
 
     def _add_plane(self, point: np.ndarray, normal: np.ndarray, triangles: np.ndarray) -> None:
-        view = self.view
-        if (view.focus + view.distance * view.towards - point) @ normal <= 0:
-            return  # seen from behind it would hide the scene
-        e0 = np.cross(view.up if abs(normal @ view.up) < 0.95 else view.towards, normal)
+        camera = self.camera
+        if (camera.position - point) @ normal <= 0:
+            return  # from behind the plane would hide the scene
+        e0 = np.cross(camera.up if abs(normal @ camera.up) < 0.95 else camera.towards, normal)
         e0 /= np.linalg.norm(e0)
         e1 = np.cross(normal, e0)
-        centre = view.focus - ((view.focus - point) @ normal) * normal
+        centre = camera.focus - ((camera.focus - point) @ normal) * normal
         local = (triangles - centre) @ np.column_stack([e0, e1, normal])
         light = np.array([self._light @ e0, self._light @ e1]) / max(
             self._light @ normal, 0.5 * np.linalg.norm(self._light)
         )
         local[..., :2] -= local[..., 2:] * light
-        half, pixels = 1.7 * view.size, 400
-        texture = _ground(1.0 - shadow_map(local, view.size, half, pixels))
+        half, pixels = 1.7 * camera.size, 400
+        texture = _ground(1.0 - shadow_map(local, camera.size, half, pixels))
         quad = pv.PolyData(centre + half * np.array([-e0 - e1, e0 - e1, e0 + e1, -e0 + e1]), faces=[4, 0, 1, 2, 3])
         quad.active_texture_coordinates = np.array([[0, 0], [1, 0], [1, 1], [0, 1]], dtype=float)
         # The first row of an image is its top.
@@ -157,20 +170,20 @@ class Studio:
             self._lines(positions, outline, _darker(colour, 0.5), 2.0)
         for obstacle in level.placed(self.obstacles, step):
             if obstacle.kind == "plane":
-                self._add_half_space(*(lifted(v[None])[0] for v in obstacle.plane(step)))
+                self._add_half_space(*(in_3d(v[None])[0] for v in obstacle.plane(step)))
             elif obstacle.kind == "polyline":
-                vertices, edges = lifted(obstacle.vertices(step)), obstacle.arrays["edges"]
+                vertices, edges = in_3d(obstacle.vertices(step)), obstacle.arrays["edges"]
                 for loop in _loops(edges):
                     polygon = pv.PolyData(vertices[loop], faces=[len(loop), *range(len(loop))]).triangulate()
-                    self._fill(np.asarray(polygon.points), polygon.regular_faces, pv.Color(STONE), -0.1)
-                self._lines(vertices, edges, _darker(pv.Color(STONE), 0.55), 2.5)
+                    self._fill(np.asarray(polygon.points), polygon.regular_faces, pv.Color(OBSTACLE), -0.1)
+                self._lines(vertices, edges, _darker(pv.Color(OBSTACLE), 0.55), 2.5)
 
     def _fill(self, points: np.ndarray, triangles: np.ndarray, colour: pv.Color, depth: float, **edges) -> None:
-        surface = pv.PolyData.from_regular_faces(points + [0, 0, depth * self.view.size], triangles)
+        surface = pv.PolyData.from_regular_faces(points + [0, 0, depth * self.camera.size], triangles)
         self._plotter.add_mesh(surface, color=colour, lighting=False, reset_camera=False, render=False, **edges)
 
     def _lines(self, points: np.ndarray, segments: np.ndarray, colour: pv.Color, width: float) -> None:
-        raised = points + [0, 0, 0.05 * self.view.size]
+        raised = points + [0, 0, 0.05 * self.camera.size]
         lines = pv.PolyData(raised, lines=np.insert(segments, 0, 2, axis=1).ravel())
         self._plotter.add_mesh(
             lines, color=colour, line_width=self._width(width), lighting=False, reset_camera=False, render=False
@@ -178,8 +191,8 @@ class Studio:
 
     def _add_half_space(self, point: np.ndarray, normal: np.ndarray) -> None:
         along = np.array([-normal[1], normal[0], 0.0])
-        middle = point + ((self.view.focus - point) @ along) * along
-        reach = 4 * self.view.size
+        middle = point + ((self.camera.focus - point) @ along) * along
+        reach = 4 * self.camera.size
         corners = middle + np.array(
             [-reach * along, reach * along, reach * along - reach * normal, -reach * along - reach * normal]
         )

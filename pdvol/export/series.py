@@ -1,4 +1,4 @@
-"""What exports show of each step of a level: fields on the level's vertices and cells, in the input's order."""
+"""The fields that exports write for each step of a level, on its vertices and cells, in the input's order."""
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
@@ -19,21 +19,25 @@ class StepFields:
 
 Fields = Callable[[int], StepFields]
 """More fields of a level's steps, by step."""
+LevelFields = Callable[[int], Fields]
+"""More fields of a run's levels, by level."""
 
 
 def nothing_more(step: int) -> StepFields:
-    """The `Fields` of who knows the stored states alone."""
+    """The `Fields` of a level of which only the stored states are known."""
     return StepFields()
 
 
 class Series:
     """The stored steps of one level, as exports write them.
 
-    Vectors have three components in 2D too, for ParaView warps by vectors of three only.
+    Vectors have three components in 2D too, because ParaView warps by vectors of three only.
 
     Parameters
     ----------
-    more : what is to be shown beside `displacement` [m], `velocity` [m/s], `body` and `region`
+    run : Run
+    level : int
+    more : fields beside `displacement` [m], `velocity` [m/s], `body` and `region`
 
     Raises
     ------
@@ -52,15 +56,15 @@ class Series:
 
     @property
     def size(self) -> int:
-        """Bytes that an HDF5 file of all steps takes at most: vectors of three, one cell field, and what HDF5 says of
-        each array.
+        """Bytes that an HDF5 file of all steps takes at most: vectors of three, one cell field, and HDF5's own
+        description of each array.
         """
         points, cells = len(self.level.rest), len(self.level.cells)
         return 2**16 + 8 * (3 * points + 5 * cells) + self.steps * (8 * (9 * points + cells) + 2**13)
 
     @property
     def labels(self) -> dict[str, np.ndarray]:
-        """(m,) int32 of each cell: its `body` and `region`, which tell its material."""
+        """(m,) int32 of each cell: its `body` and its `region`, which determine its material."""
         return {"body": self.level.bodies, "region": self.level.regions}
 
     def displacement(self, step: int) -> np.ndarray:

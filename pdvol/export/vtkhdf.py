@@ -1,22 +1,29 @@
 """VTKHDF time series (UnstructuredGrid, version 2.2): one file a level, for ParaView 5.12 and newer; the format that
 follows XDMF.
 
-The rest mesh is stored once; each step adds its fields, one behind the other, and `Steps` says where they begin.
+The rest mesh is stored once. The fields of all steps are stored one behind the other, and `Steps` holds where each
+step's begin.
 """
 
 import os
+from collections.abc import Sequence
 from pathlib import Path
 
 import h5py
 import numpy as np
 
 from pdvol.errors import InputError, SimulationError
-from pdvol.export.series import Fields, Series, nothing_more, padded
-from pdvol.export.xdmf import told
+from pdvol.export.hdf5 import failure_reason
+from pdvol.export.series import Fields, LevelFields, Series, nothing_more, padded
 from pdvol.store.files import TEMPORARY, require_room
 from pdvol.store.reader import Run
 
 _CELL_TYPES = {2: 5, 3: 10}  # VTK_TRIANGLE, VTK_TETRA
+
+
+def export(run: Run, levels: Sequence[int], out: Path, fields: LevelFields) -> list[Path]:
+    """Write `out/level_<l>.vtkhdf` for each level. See `pdvol.export`."""
+    return [write_vtkhdf(run, level, out / f"level_{level}.vtkhdf", fields(level)) for level in levels]
 
 
 def write_vtkhdf(run: Run, level: int, path: str | Path, more: Fields = nothing_more) -> Path:
@@ -36,7 +43,7 @@ def write_vtkhdf(run: Run, level: int, path: str | Path, more: Fields = nothing_
             os.fsync(file.fileno())
         os.replace(aside, path)
     except (OSError, RuntimeError) as error:
-        raise SimulationError(f"cannot write {path}: {told(error)}") from error
+        raise SimulationError(f"cannot write {path}: {failure_reason(error)}") from error
     finally:
         aside.unlink(missing_ok=True)
     return path

@@ -1,12 +1,13 @@
-"""XDMF time series with HDF5 data, for ParaView, Blender's importers and meshio; also of a run that goes on.
+"""XDMF time series with HDF5 data, for ParaView, Blender's importers and meshio; also of a run that is not finished.
 
 `level_N.xdmf` is XML and names `level_N.h5` beside it, so the two can be moved together. The rest geometry and the
-cells' data are stored once and referred to by every step; each step adds its fields. Steps that a former export has are
-taken from it. (meshio's own writer puts the HDF5 file into the working directory, hence this one.)
+cells' data are stored once and referred to by every step; each step adds its fields. Steps that an earlier export holds
+are taken from it. (meshio's own writer puts the HDF5 file into the working directory.)
 """
 
 import os
 import shutil
+from collections.abc import Sequence
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
@@ -14,11 +15,17 @@ import h5py
 import numpy as np
 
 from pdvol.errors import InputError, SimulationError
-from pdvol.export.series import Fields, Series, nothing_more
+from pdvol.export.hdf5 import failure_reason
+from pdvol.export.series import Fields, LevelFields, Series, nothing_more
 from pdvol.store.files import TEMPORARY, require_room, write_bytes
 from pdvol.store.reader import Run
 
 _TYPES = {"f": "Float", "i": "Int", "u": "UInt"}
+
+
+def export(run: Run, levels: Sequence[int], out: Path, fields: LevelFields) -> list[Path]:
+    """Write `out/level_<l>.xdmf` and its `.h5` file for each level; returns the .xdmf paths. See `pdvol.export`."""
+    return [write_xdmf(run, level, out / f"level_{level}.xdmf", fields(level)) for level in levels]
 
 
 def write_xdmf(run: Run, level: int, path: str | Path, more: Fields = nothing_more) -> Path:
@@ -34,8 +41,8 @@ def write_xdmf(run: Run, level: int, path: str | Path, more: Fields = nothing_mo
     Returns
     -------
     Path
-        The .xdmf file. It and the .h5 file are written aside and renamed: whoever reads finds a whole export, the
-        former or the new one.
+        The .xdmf file. It and the .h5 file are written aside and renamed: a reader finds a whole export, the earlier
+        or the new one.
 
     Raises
     ------
@@ -52,14 +59,14 @@ def write_xdmf(run: Run, level: int, path: str | Path, more: Fields = nothing_mo
     aside = data.with_name(f".{data.name}{TEMPORARY}")
     require_room(aside, series.size)
     try:
-        with _begun(data, aside, series) as file:
+        with _open_aside(data, aside, series) as file:
             xml = _write_data(file, data.name, series)
         with open(aside, "rb") as file:
             os.fsync(file.fileno())
         # The data first: an old .xdmf finds its steps in new data, while a new one would miss some in the old.
         os.replace(aside, data)
-    except (OSError, RuntimeError) as error:  # HDF5 tells of a full disk by either
-        raise SimulationError(f"cannot write {data}: {told(error)}") from error
+    except (OSError, RuntimeError) as error:  # HDF5 raises either for a full disk
+        raise SimulationError(f"cannot write {data}: {failure_reason(error)}") from error
     finally:
         aside.unlink(missing_ok=True)
     ET.indent(xml)
@@ -67,18 +74,8 @@ def write_xdmf(run: Run, level: int, path: str | Path, more: Fields = nothing_mo
     return path
 
 
-def told(error: Exception) -> str:
-    """Why HDF5 could not write, in the system's words where it quotes them."""
-    if getattr(error, "strerror", None):
-        return error.strerror
-    text = " ".join(str(error).split())
-    return next(
-        (os.strerror(n) for n in (28, 27, 122) if os.strerror(n) in text), text[:160]
-    )  # full, too large, over quota
-
-
-def _begun(data: Path, aside: Path, series: Series) -> h5py.File:
-    """The file to write to, with what a former export of the same mesh holds."""
+def _open_aside(data: Path, aside: Path, series: Series) -> h5py.File:
+    """The file to write to, with the steps of an earlier export of the same mesh."""
     if data.is_file():
         try:
             shutil.copyfile(data, aside)
@@ -141,7 +138,7 @@ def _write_data(file: h5py.File, name: str, series: Series) -> ET.Element:
 
 
 def _drop_other_steps(file: h5py.File, series: Series) -> None:
-    """Steps of a former export that are not stored any more: the run was rewound."""
+    """Remove the steps of an earlier export that the run no longer holds because it was rewound."""
     for key in list(file.require_group("steps")):
         if int(key) >= series.steps:
             del file["steps"][key]
@@ -151,7 +148,7 @@ def _write_step(file: h5py.File, series: Series, step: int) -> None:
     steps = file["steps"]
     if str(step) in steps:
         group = steps[str(step)]
-        # Of a former export, which may have known less, or of a run that was rewound.
+        # Of an earlier export, which may hold fewer fields, or of a run that was rewound.
         if group.attrs.get("fields") == series.kind and np.array_equal(
             group["Node/displacement"], series.displacement(step)
         ):

@@ -17,7 +17,8 @@ from pdvol.geometry.level_mesh import simplex_volumes
 from pdvol.integrate.scripted_motion import ScriptedMotion
 from pdvol.potentials.potential import KEPT_PRESSED, Positions
 from pdvol.solve.incremental_potential import IncrementalPotential
-from pdvol.solve.newton import Newton, NewtonReport
+from pdvol.solve.minimisation import NewtonReport
+from pdvol.solve.newton import Newton
 
 MAX_PARTS = 200  # parts of one step: bounds the time that a blocked motion takes
 MAX_TRIES = 6  # shorter paths tried for one part: bounds the search for a free one

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from mpi4py import MPI
 
-from pdvol.solve.newton import NewtonReport
+from pdvol.solve.minimisation import NewtonReport
 from pdvol.solve.remedies import no_remedies
 
 

@@ -9,7 +9,7 @@ from pdvol.errors import ConvergenceError, SimulationError
 from pdvol.integrate.implicit_euler import ImplicitEuler
 from pdvol.integrate.integrator import Integrator, Past
 from pdvol.integrate.motion_parts import follow
-from pdvol.integrate.recovery import recovered
+from pdvol.integrate.recovery import Recovery, Span
 from pdvol.integrate.report import StepReport, peak_memory
 from pdvol.integrate.scripted_motion import ScriptedMotion
 from pdvol.levels.model import LevelModel
@@ -18,7 +18,8 @@ from pdvol.potentials.build import build_terms
 from pdvol.potentials.consistency import Guide
 from pdvol.potentials.potential import KEPT, KEPT_PRESSED, Positions
 from pdvol.solve.incremental_potential import IncrementalPotential
-from pdvol.solve.newton import Newton, NewtonReport
+from pdvol.solve.minimisation import NewtonReport
+from pdvol.solve.newton import Newton
 from pdvol.solve.timing import Stopwatch
 
 
@@ -54,6 +55,7 @@ class Stepper:
         self.motion = ScriptedMotion(model, space)
         self._coarse_weights = coarse_weights
         self.newton = self._new_newton()
+        self._recovery = Recovery(space, self.motion, self._attempt, model.solver.max_halvings)
         self._friction = next(((f.iterations, f.tolerance) for f in model.friction), (1, 0.0))
 
     def _new_newton(self) -> Newton:
@@ -83,7 +85,7 @@ class Stepper:
                 memory = self.newton.linear.memory
                 self.newton = self._new_newton()
                 self.newton.linear.recall(memory)
-            x = recovered(self, report, mine, (number - 1) * dt, number * dt)
+            x = self._recovery.advance(report, self.integrator, mine, (number - 1) * dt, number * dt)
             report.reached, report.behind = self.motion.end(number * dt), self.motion.behind
             self._measure(report, x)
         report.linear_solver, report.solver_memory = self.newton.linear.method, self.newton.linear.memory
@@ -101,43 +103,17 @@ class Stepper:
         if self.potential.frictions and report.friction_residual is None:
             report.friction_residual = self.potential.lag(x)  # the next step begins with it anyway
 
-    def attempt(
-        self,
-        report: StepReport,
-        x_t: Positions,
-        x_hat: np.ndarray,
-        weight: float,
-        t0: float,
-        t1: float,
-        target: float,
-        careful: bool = False,
-    ) -> tuple[Positions, NewtonReport]:
-        """One try at the step from t0 to t1 [s], with scripted motions going no further than their places at `target` [s].
-
-        Parameters
-        ----------
-        x_hat : (n_owned, d) predicted positions [m]
-        weight : of the potential [s^2]
-        careful : with the strongest projection and the direct solver, from the step's start
-        """
+    def _attempt(self, report: StepReport, span: Span, target: float, careful: bool) -> tuple[Positions, NewtonReport]:
+        """One try at a span (`recovery.Attempt`)."""
         try:
-            return self._solve(report, x_t, x_hat, weight, t0, t1, target, careful)
+            return self._solve(report, span, target, careful)
         except SimulationError as error:
             raise ConvergenceError(self.model.level, report.step, str(error)) from None
 
-    def _solve(
-        self,
-        report: StepReport,
-        x_t: Positions,
-        x_hat: np.ndarray,
-        weight: float,
-        t0: float,
-        t1: float,
-        target: float,
-        careful: bool,
-    ) -> tuple[Positions, NewtonReport]:
-        self.potential.begin_step(x_t, x_hat, weight, t0, t1, self.motion.clock)
-        self.newton.begin_step(t1 - t0)
+    def _solve(self, report: StepReport, span: Span, target: float, careful: bool) -> tuple[Positions, NewtonReport]:
+        x_t, x_hat = span.start, span.x_hat
+        self.potential.begin_step(x_t, x_hat, span.weight, span.t0, span.t1, self.motion.clock)
+        self.newton.begin_step(span.t1 - span.t0)
         parts = report.remedies["substeps"]
         x = None if careful else self._predicted(x_t, x_hat, target)
         if x is None:

@@ -6,12 +6,11 @@ import numpy as np
 from mpi4py import MPI
 from scipy.sparse import csr_array
 
-from pdvol.errors import InputError
 from pdvol.geometry.level_mesh import LevelMesh
 from pdvol.levels.binding import Binding, bind, home_cells
-from pdvol.levels.interpolants import INTERPOLANTS
 from pdvol.levels.prolongation import Prolongation
 from pdvol.levels.space import LevelSpace
+from pdvol.registry import INTERPOLANTS
 
 MOST_COARSE = 800  # vertices: the coarse system is solved directly in every iteration
 MOST_WEIGHTS = 30  # a vertex: sums over them are taken for each pair of neighbours
@@ -28,7 +27,7 @@ class Hierarchy(Sequence):
         Coarsest first; at least one.
     comm : MPI.Comm
     interpolant : str
-        A key of `INTERPOLANTS`.
+        A name in `pdvol.registry.INTERPOLANTS`.
 
     Raises
     ------
@@ -39,8 +38,7 @@ class Hierarchy(Sequence):
     def __init__(self, level_meshes: Sequence[LevelMesh], comm: MPI.Comm, interpolant: str = "barycentric"):
         if len(level_meshes) == 0:
             raise ValueError("a hierarchy needs at least one level")
-        if interpolant not in INTERPOLANTS:
-            raise InputError(f"unknown interpolant {interpolant!r}; choose one of {', '.join(INTERPOLANTS)}")
+        INTERPOLANTS.check(interpolant)
         self.comm, self.interpolant = comm, interpolant
         self._spaces = tuple(LevelSpace(mesh, comm) for mesh in level_meshes)
         self._bindings: dict[int, Binding] = {}

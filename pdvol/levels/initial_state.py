@@ -66,20 +66,11 @@ class Gap:
     other: str
 
 
-<<<<<<< HEAD
 def find_defects(level: int, mesh: LevelMesh, obstacles: Sequence[Obstacle], bodies: Sequence[str]) -> Iterator[Defect]:
     """All that is wrong with one level at t = 0, found one after the other; arguments and InputError as `check_start`."""
     for plane in _planes(obstacles):
         yield from _below(level, mesh, plane, bodies)
     parties = _Parties(mesh, obstacles, bodies)
-=======
-def find_defects(level: int, mesh: LevelMesh, obstacles: Sequence[Obstacle], scene: Scene) -> Iterator[Defect]:
-    """The errors of one level at t = 0, found one after the other; arguments and InputError as `check_start`."""
-    for plane in scene.obstacles:
-        if isinstance(plane, Plane):
-            yield from _below(level, mesh, plane, scene)
-    parties = _Parties(mesh, obstacles, scene)
->>>>>>> tests
     crossings = list(parties.crossings(level))
     yield from crossings or parties.contained(level)  # what crosses may well lie inside, too
 

@@ -3,15 +3,18 @@ section 2).
 """
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 import ufl
 
 from pdvol.errors import InputError
 from pdvol.geometry.level_mesh import LevelMesh
-from pdvol.levels.hierarchy import Hierarchy
 from pdvol.scene import Material, Scene, lame
 from pdvol.scene.checks import called
+
+if TYPE_CHECKING:  # it loads the finite elements, which describing a scene does not need
+    from pdvol.levels.hierarchy import Hierarchy
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,7 +96,7 @@ def _held(region, name: str, mesh: LevelMesh, centres: np.ndarray, mine: np.ndar
     return held
 
 
-def level_materials(scene: Scene, hierarchy: Hierarchy, level: int) -> CellMaterials:
+def level_materials(scene: Scene, hierarchy: "Hierarchy", level: int) -> CellMaterials:
     """Materials of the cells of any level. Collective where they differ within a body: only then is anything bound."""
     if level == 0 or all(body.uniform for body in scene.bodies):
         return cell_materials(scene, hierarchy[level].mesh)

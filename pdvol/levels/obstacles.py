@@ -73,6 +73,11 @@ class Obstacle:
         return f"Obstacle({self.name!r}, {self.kind}, {len(self.vertices)} vertices)"
 
 
+def read_geometry(scene: Scene) -> list[Geometry]:
+    """The geometry of each `Rigid` of a scene, in order; arrays, which ranks can send each other. Serial."""
+    return [read_obstacle(o) for o in scene.obstacles if isinstance(o, Rigid)]
+
+
 def scene_obstacles(scene: Scene, geometry: Sequence[Geometry] | None = None) -> tuple[Obstacle, ...]:
     """The obstacles of a scene, in its order. Serial.
 
@@ -85,10 +90,10 @@ def scene_obstacles(scene: Scene, geometry: Sequence[Geometry] | None = None) ->
     InputError
         A shape cannot be read, or `geometry` has another length.
     """
-    rigid = [o for o in scene.obstacles if isinstance(o, Rigid)]
-    shapes = [read_obstacle(o) for o in rigid] if geometry is None else list(geometry)
-    if len(rigid) != len(shapes):
-        raise InputError(f"{len(shapes)} obstacle meshes for {len(rigid)} rigid obstacles; give one for each")
+    shapes = read_geometry(scene) if geometry is None else list(geometry)
+    rigid = sum(isinstance(o, Rigid) for o in scene.obstacles)
+    if rigid != len(shapes):
+        raise InputError(f"{len(shapes)} obstacle meshes for {rigid} rigid obstacles; give one for each")
     remaining = iter(shapes)
     return tuple(plane_obstacle(o) if isinstance(o, Plane) else _rigid(o, next(remaining)) for o in scene.obstacles)
 

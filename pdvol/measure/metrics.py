@@ -1,5 +1,5 @@
 """Measures of stored motion (paper, appendix C, and three more). Arrays in, numbers out; forces come from elsewhere
-(`pdvol.commands.measuring`).
+(`pdvol.runs.run_metrics`).
 
 | measure | formula | unit |
 |---|---|---|

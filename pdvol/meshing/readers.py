@@ -10,18 +10,20 @@ limited time and memory (`reader_process.py`).
 import shutil
 import tempfile
 from collections.abc import Callable, Sequence
+from importlib import import_module
 from pathlib import Path
-from typing import TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
-import meshio
 import numpy as np
-import trimesh
 
 from pdvol.errors import InputError, MeshError
 from pdvol.meshes import Outline, Solid, Surface
 from pdvol.meshing.mesher_process import run_worker
 from pdvol.meshing.reader_process import BASE_SECONDS, BYTES_PER_SECOND, read_in_child_process
 from pdvol.meshing.suppressed_output import suppressed_output
+
+if TYPE_CHECKING:
+    import meshio
 
 SURFACES = (".obj", ".ply", ".off", ".stl")
 VOLUMES = (".msh", ".vtk", ".vtu", ".mesh", ".xdmf")
@@ -71,6 +73,8 @@ def read_shape(shape: str | Path | Outline | Surface | Solid) -> Outline | Surfa
         raise InputError(f"{path}: cannot be opened ({error.strerror}); check its permissions") from error
     if not start:
         raise MeshError(f"{path}: the file is empty; export the mesh again")
+    if suffix != ".obj":  # before the child is forked: its limits on time and memory are for the file alone
+        import_module("trimesh" if suffix in SURFACES else "meshio")
     read = read_in_child_process(path, _surface if suffix in SURFACES else _volume)
     points = np.ascontiguousarray(read["points"], dtype=np.float64)
     if "triangles" in read:
@@ -130,6 +134,8 @@ def _obj(path: Path) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _with_trimesh(path: Path) -> tuple[np.ndarray, np.ndarray]:
+    import trimesh
+
     mesh = trimesh.load_mesh(path, process=False)
     points, triangles = np.asarray(mesh.vertices), np.asarray(mesh.faces)
     if path.suffix.lower() == ".stl":  # every triangle brings its own corners
@@ -138,7 +144,7 @@ def _with_trimesh(path: Path) -> tuple[np.ndarray, np.ndarray]:
     return points, triangles
 
 
-def _triangles(mesh: meshio.Mesh) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _triangles(mesh: "meshio.Mesh") -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Triangles (k, 3), quadrilaterals and polygons cut in fans, and the index of the cell block each comes from with
     its row there.
     """
@@ -185,7 +191,7 @@ def _volume(path: Path) -> dict[str, np.ndarray]:
     return {"points": points, "triangles": triangles}
 
 
-def _regions(mesh: meshio.Mesh, blocks: np.ndarray, rows: np.ndarray | None) -> np.ndarray:
+def _regions(mesh: "meshio.Mesh", blocks: np.ndarray, rows: np.ndarray | None) -> np.ndarray:
     """Labels (m,) int32 of cells that come from `rows` (in order where None) of `blocks`."""
     labels = np.zeros(len(blocks), dtype=np.int32)
     for name in _LABELS:
@@ -200,12 +206,16 @@ def _regions(mesh: meshio.Mesh, blocks: np.ndarray, rows: np.ndarray | None) -> 
     return labels
 
 
-def _with_meshio(path: Path) -> meshio.Mesh:
+def _with_meshio(path: Path) -> "meshio.Mesh":
+    import meshio
+
     return meshio.read(path)
 
 
-def _with_meshio_known_sections(path: Path) -> meshio.Mesh:
+def _with_meshio_known_sections(path: Path) -> "meshio.Mesh":
     """A .msh without the sections that only its author knows."""
+    import meshio
+
     with tempfile.TemporaryDirectory(prefix="pdvol-read-") as folder:
         copy = Path(folder) / path.name
         with path.open("rb") as source, copy.open("wb") as target:
@@ -226,8 +236,10 @@ def _with_meshio_known_sections(path: Path) -> meshio.Mesh:
         return meshio.read(copy)
 
 
-def _with_vtk(path: Path) -> meshio.Mesh:
+def _with_vtk(path: Path) -> "meshio.Mesh":
     """Legacy and XML VTK files, read by VTK in a process of its own: VTK ends the process on some truncated files."""
+    import meshio
+
     read = run_worker(
         "vtk_worker.py", BASE_SECONDS + path.stat().st_size / BYTES_PER_SECOND, path=np.array(str(path.resolve()))
     )

@@ -15,7 +15,7 @@ from pdvol.levels.locate import barycentric_coordinates
 from pdvol.levels.model import PlacedLoad
 from pdvol.levels.space import LevelSpace
 from pdvol.potentials.potential import Positions, Term
-from pdvol.scene import Flow, Force, Gravity, Load, PointForce, Scene, at_time
+from pdvol.scene import Flow, Force, Gravity, Load, PointForce, at_time
 
 
 def density_field(space: LevelSpace, densities: np.ndarray) -> fem.Function:
@@ -71,17 +71,11 @@ class TimedLoad(DeadLoad):
         self.force = np.outer(self._shares, self._vector(t0, t1))
 
 
-<<<<<<< HEAD
 def load_terms(
     loads: Sequence[PlacedLoad], space: LevelSpace, densities: np.ndarray, mass: np.ndarray
 ) -> tuple[Term, ...]:
     """The terms of a level's loads, with densities (m,) of its cells and masses (n_owned, d). Collective."""
     return tuple(_load_term(placed.load, placed.mask, space, densities, mass[:, 0]) for placed in loads)
-=======
-def load_terms(scene: Scene, space: LevelSpace, densities: np.ndarray, mass: np.ndarray) -> tuple[Term, ...]:
-    """The terms of a scene's loads on one level; densities (m,) of its cells, masses (n_owned, d). Collective."""
-    return tuple(_load_term(load, scene, space, densities, mass[:, 0]) for load in scene.loads)
->>>>>>> tests
 
 
 def _load_term(load: Load, chosen: np.ndarray, space: LevelSpace, densities: np.ndarray, mass: np.ndarray) -> Term:

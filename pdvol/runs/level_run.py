@@ -7,8 +7,6 @@ from functools import partial
 import numpy as np
 
 from pdvol.errors import InputError, SimulationError
-from pdvol.integrate.bdf2 import BDF2
-from pdvol.integrate.implicit_euler import ImplicitEuler
 from pdvol.integrate.integrator import Integrator, past_of
 from pdvol.integrate.marches import Start, direct, embedded, guide, progressive
 from pdvol.integrate.report import StepReport
@@ -17,10 +15,8 @@ from pdvol.levels.hierarchy import Hierarchy
 from pdvol.levels.initial_state import count_intersections
 from pdvol.levels.model import LevelModel
 from pdvol.levels.obstacles import moving_places
+from pdvol.registry import INTEGRATORS
 from pdvol.runs.progress import Progress
-
-METHODS = ("progressive", "direct", "tracks", "embedded")
-INTEGRATORS: dict[str, type] = {"implicit_euler": ImplicitEuler, "bdf2": BDF2}
 
 Watch = Callable[[int, int, int], Progress]
 

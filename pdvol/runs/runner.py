@@ -13,13 +13,13 @@ from pdvol.errors import InputError
 from pdvol.geometry.level_mesh import LevelMesh
 from pdvol.levels.hierarchy import Hierarchy
 from pdvol.levels.initial_state import check_start
-from pdvol.levels.interpolants import INTERPOLANTS
 from pdvol.levels.model import hierarchy_model
-from pdvol.levels.obstacles import scene_obstacles, stored_obstacles
+from pdvol.levels.obstacles import read_geometry, scene_obstacles, stored_obstacles
 from pdvol.levels.scene_fields import check_fields, initial_velocity, scene_diagonal
 from pdvol.levels.separation import build_apart
 from pdvol.parallel import on_root
-from pdvol.runs.level_run import METHODS, Watch, run_level
+from pdvol.registry import INTERPOLANTS, METHODS
+from pdvol.runs.level_run import Watch, run_level
 from pdvol.runs.scene_file import Shot, load_shot, stored_settings
 from pdvol.runs.shared_writer import Export, SharedWriter
 from pdvol.runs.wavefront import march_levels
@@ -54,8 +54,8 @@ def run_scene(
     out : run folder: a new one, or with `resume` (or `first` > 0) one of the same scene, of which finished steps are
         kept
     first, last : levels, both included; the finest when `last` is None
-    method : one of METHODS
-    prolongation : a key of `INTERPOLANTS`
+    method : a name in `pdvol.registry.METHODS`
+    prolongation : a name in `pdvol.registry.INTERPOLANTS`
     progress : called as (level, steps, steps done) when a level begins, on the ranks where it is given
     wavefront : run the levels side by side, each in a process of its own; `comm` then has one rank
 
@@ -77,7 +77,8 @@ def run_scene(
         raise InputError(
             "--wavefront starts a process per level; leave out mpirun, or run the levels one after the other"
         )
-    meshes, kept, obstacles, diagonal, mended = on_root(comm, lambda: _prepare(shot, out, last, method, prolongation))
+    meshes, kept, geometry, diagonal, mended = on_root(comm, lambda: _prepare(shot, out, last, method, prolongation))
+    obstacles = scene_obstacles(scene, geometry)
     writer = SharedWriter(
         comm,
         lambda: _open_writer(shot, out, meshes, kept, obstacles, diagonal, method, prolongation, mended),
@@ -121,9 +122,8 @@ def _scene_info(out: str | Path) -> dict:
 
 
 def _check_request(scene: Scene, out: Path, first: int, last: int, method: str, prolongation: str, go_on: bool) -> None:
-    for name, value, known in (("method", method, METHODS), ("prolongation", prolongation, tuple(INTERPOLANTS))):
-        if value not in known:
-            raise InputError(f"unknown {name} {value!r}; choose one of {', '.join(known)}")
+    METHODS.check(method)
+    INTERPOLANTS.check(prolongation)
     if method == "tracks" and scene.penalty.weight == 0.0:
         raise InputError("the method tracks needs a weight above zero, as in --set weight=0.1")
     if scene.integrator != "implicit_euler" and method != "direct" and last > 0:
@@ -144,7 +144,7 @@ def _check_request(scene: Scene, out: Path, first: int, last: int, method: str, 
 def _prepare(
     shot: Shot, out: Path, last: int, method: str, prolongation: str
 ) -> tuple[Sequence[LevelMesh], int, list, float, list[str]]:
-    """Meshes up to `last`, how many of the coarsest are stored ones, obstacles and the scene's diagonal, checked at t =
+    """Meshes up to `last`, how many of the coarsest are stored ones, obstacles' geometry and the scene's diagonal, checked at t =
     0; what was mended.
     """
     scene = shot.scene
@@ -154,7 +154,8 @@ def _prepare(
         if run.in_use:
             raise InputError(in_use(out))
         stored = [level.mesh for level in run.levels[: _same_levels(run, shot, last, method, prolongation)]]
-    obstacles = scene_obstacles(scene)
+    geometry = read_geometry(scene)
+    obstacles = scene_obstacles(scene, geometry)
     meshes, mended = stored, []
     if len(stored) <= last:
         built, mended = build_apart(scene, last + 1, obstacles)
@@ -168,7 +169,7 @@ def _prepare(
         check_fields(scene, mesh, level)
     if scene.contact:  # nothing keeps bodies apart later either
         check_start(meshes, obstacles, [body.name for body in scene.bodies])
-    return meshes, len(stored), obstacles, scene_diagonal(scene), mended
+    return meshes, len(stored), geometry, scene_diagonal(scene), mended
 
 
 def _same_levels(run: Run, shot: Shot, last: int, method: str, prolongation: str) -> int:

@@ -9,9 +9,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from pdvol.errors import InputError, PdvolError
+from pdvol.registry import INTEGRATORS
 from pdvol.scene import Relative, Scene
 from pdvol.scene.fingerprint import describe
-from pdvol.scene.scene import INTEGRATORS, SETTINGS
+from pdvol.scene.scene import SETTINGS
 
 
 @dataclass(frozen=True)
@@ -37,7 +38,7 @@ class Shot:
     def description(self) -> dict:
         """The scene as JSON, without how long it runs: a longer run of the same scene is the same scene."""
         found = {key: value for key, value in describe(self.scene).items() if key not in ("steps", "solver", "name")}
-        if self.scene.integrator == INTEGRATORS[0]:  # runs stored before there was a choice have no such field
+        if self.scene.integrator == next(iter(INTEGRATORS)):  # runs stored before there was a choice have no such field
             del found["integrator"]
         return found
 

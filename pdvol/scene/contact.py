@@ -3,11 +3,12 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from pdvol.registry import CONTACT_LAWS
 from pdvol.scene.checks import count, finite, positive, require
 from pdvol.scene.lengths import Length, Relative, length
 
 STIFFNESS = 0.1  # of Young's modulus: what the authors of the convergent formulation recommend
-LAWS = ("convergent", "classic", "semi-implicit")
+LAWS = tuple(CONTACT_LAWS)
 
 
 @dataclass(frozen=True)

@@ -3,6 +3,7 @@
 from dataclasses import dataclass, field, fields, replace
 from typing import get_args
 
+from pdvol.registry import INTEGRATORS
 from pdvol.scene.bodies import Body, Separate
 from pdvol.scene.checks import count, positive, require, sequence
 from pdvol.scene.contact import Barrier, Friction
@@ -11,7 +12,6 @@ from pdvol.scene.penalty import Penalty
 from pdvol.scene.solver import Solver
 from pdvol.scene.surroundings import Plane, Rigid, Support
 
-INTEGRATORS = ("implicit_euler", "bdf2")
 MOST_STEPS = 10_000_000  # what is beyond is a slip of the pen
 
 
@@ -32,16 +32,13 @@ class Scene:
     solver: Solver = field(default_factory=Solver)
     name: str = "scene"
     separate: tuple[Separate, ...] = ()
-    integrator: str = INTEGRATORS[0]
+    integrator: str = "implicit_euler"
 
     def __post_init__(self):
         positive("dt", self.dt)
         count("steps", self.steps, 0)
         require(self.steps <= MOST_STEPS, f"steps = {self.steps!r} must be at most {MOST_STEPS}")
-        require(
-            self.integrator in INTEGRATORS,
-            f"integrator = {self.integrator!r} must be {' or '.join(INTEGRATORS)}",
-        )
+        INTEGRATORS.check(self.integrator)
         for name in ("bodies", "loads", "supports", "obstacles", "contact", "separate"):
             sequence(name, getattr(self, name))
         require(len(self.bodies) > 0, "a scene needs at least one body")

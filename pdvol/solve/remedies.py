@@ -9,11 +9,7 @@
 | workspace | more room for the direct solver | it failed |
 | held_back | a quarter of the scripted motion, then none of it | it met contact, and the state it left could not be solved |
 | halvings | half the step | all of these, or too many iterations |
-<<<<<<< HEAD
 | last_resort | the smallest step again, from its start, with the strongest projection and the direct solver | no more halving |
-=======
-| last_resort | the smallest step once more, with the strongest filter and the direct solver | halving no further |
->>>>>>> tests
 
 After the last one comes `ConvergenceError`, which names level, step and reason; finished steps are kept. What is not a number ends
 the run at once. `substeps` counts the parts into which a scripted motion was cut because contact stood in its way.

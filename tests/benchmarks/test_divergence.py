@@ -8,7 +8,7 @@ import pytest
 
 from pdvol import open_run
 from pdvol.cli import run
-from pdvol.commands.measuring import measure
+from pdvol.runs.run_metrics import measure_run
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -24,7 +24,7 @@ def path(tmp_path_factory):
 def test_neighbours_are_as_far_apart_as_metrics_say(path):
     found = divergence.distances(open_run(path))
     assert sorted(found) == [(1, 0), (2, 0), (2, 1)]
-    for level in measure(path)["levels"][1:]:
+    for level in measure_run(path)["levels"][1:]:
         np.testing.assert_allclose(found[level["level"], level["level"] - 1], level["distance"], rtol=1e-9, atol=1e-15)
 
 

@@ -256,7 +256,6 @@ def test_names_that_would_be_paths(tmp_path):
     program = f"""
 from pathlib import Path
 from pdvol import cli
-from pdvol.commands.exporting import export_run
 from pdvol.runs.runner import run_scene
 from pdvol.runs.scene_file import load_shot
 for number in range({len(NAMES_OF_PATHS)}):

@@ -9,8 +9,8 @@ import pytest
 from cli_scenes import FALL, pdvol, write
 
 from pdvol import cli, open_run
-from pdvol.commands.measuring import measure
-from pdvol.runs.runner import METHODS
+from pdvol.registry import METHODS
+from pdvol.runs.run_metrics import measure_run
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 import verify_run
@@ -116,14 +116,14 @@ def test_the_energy_of_the_penalty_is_logged(folder):
         assert (np.array([r["energy"]["consistency"] for r in rows]) > 0.0).sum() == (STEPS if w else 0), name
         assert all(np.isfinite(d).all() for d in distance)
     # W / dt^2 times the squared distance to P x_c, which `pdvol metrics` takes the root of over the mass of 1000 kg.
-    measured = measure(folder / "tracks")["levels"][1]["distance"]
+    measured = measure_run(folder / "tracks")["levels"][1]["distance"]
     logged = [r["energy"]["consistency"] for r in open_run(folder / "tracks").levels[1].log]
     np.testing.assert_allclose(logged, 0.2 / 0.02**2 * 1000.0 * np.array(measured[1:]) ** 2, rtol=1e-9)
 
 
 def test_a_penalty_brings_levels_together(folder):
     free, held, tracked, lifted = (
-        measure(folder / name)["levels"][1] for name in ("progressive", "consistency", "tracks", "embedded")
+        measure_run(folder / name)["levels"][1] for name in ("progressive", "consistency", "tracks", "embedded")
     )
     assert held["summary"]["consistency"]["mean"] < 0.7 * free["summary"]["consistency"]["mean"]
     assert max(lifted["distance"]) < 1e-12
@@ -148,7 +148,7 @@ def test_embedded_levels_cross_and_it_is_counted(tmp_path, capsys):
         assert record["intersections"] == crossing + int((x[:, 1] <= 0.0).sum())
         total += crossing
     assert total > 0 and any((fine.positions(step)[:, 1] <= 0.0).any() for step in range(9))
-    errors = measure(tmp_path / "run")["levels"][1]["continuity_error"]
+    errors = measure_run(tmp_path / "run")["levels"][1]["continuity_error"]
     np.testing.assert_array_equal(
         np.isnan(errors), [r["intersections"] > 0 for r in fine.log]
     )  # no forces are right where surfaces cross

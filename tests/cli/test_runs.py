@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from cli_scenes import CUBE_OFF, pdvol, states, write
 
-from pdvol import cli, open_run
+from pdvol import open_run
 from pdvol.errors import InputError
-from pdvol.levels.interpolants import INTERPOLANTS
+from pdvol.registry import INTERPOLANTS
 from pdvol.runs.runner import run_scene
 from pdvol.runs.scene_file import load_shot
 
@@ -184,10 +184,6 @@ def test_every_prolongation(tmp_path, scene, whole, capsys, name):
     assert " 3 weights a vertex" not in capsys.readouterr().out
     assert pdvol("run", scene, "--out", tmp_path / "run", "--resume") == 2
     assert f"was run with prolongation '{name}', not 'barycentric'" in capsys.readouterr().err
-
-
-def test_the_command_line_offers_every_interpolant():
-    assert set(cli.PROLONGATIONS) == set(INTERPOLANTS)
 
 
 @pytest.mark.parametrize("wrong", [{"method": "magic"}, {"prolongation": "magic"}])

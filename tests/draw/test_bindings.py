@@ -6,7 +6,7 @@ import runs
 import scipy.sparse as sp
 from PIL import Image
 
-from pdvol.draw.bindings import TOP, cell_colours, draw_binding, weight_colours
+from pdvol.draw.bindings import CAPTION_HEIGHT, cell_colours, draw_binding, weight_colours
 
 
 def test_same_colour_means_same_cell():
@@ -23,7 +23,7 @@ def test_colours_of_weights():
     warm, weak, nothing, cool = weight_colours(np.array([1.0, 0.01, 0.0, -0.5]))
     assert warm[0] > warm[2] and cool[2] > cool[0]
     assert np.ptp(nothing) < 0.05
-    assert np.linalg.norm(weak - nothing) > 0.05, "small weights are told from none"
+    assert np.linalg.norm(weak - nothing) > 0.05, "small weights differ from none"
 
 
 @pytest.mark.parametrize("dim", [2, 3])
@@ -43,6 +43,6 @@ def test_both_halves_are_drawn(dim, tmp_path):
     )
     image = np.asarray(Image.open(path).convert("RGB"), dtype=int)
     assert image.shape[1] == 488
-    left, right = image[TOP:, :240], image[TOP:, 248:]
+    left, right = image[CAPTION_HEIGHT:, :240], image[CAPTION_HEIGHT:, 248:]
     vivid = lambda half: (np.ptp(half, axis=2) > 60).mean()
     assert vivid(left) > 0.02 and 0 < vivid(right) < vivid(left)

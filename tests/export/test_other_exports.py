@@ -16,11 +16,11 @@ import pyvista as pv
 import shapes
 
 from pdvol import Body, FixedCorotational, NeoHookean, Scene, Solid, StVenantKirchhoff, open_run
-from pdvol.commands.exporting import export_run
 from pdvol.errors import InputError
 from pdvol.export.series import StepFields
 from pdvol.export.vtkhdf import write_vtkhdf
 from pdvol.export.xdmf import write_xdmf
+from pdvol.runs.exports import export_run
 from pdvol.runs.runner import run_scene
 from pdvol.runs.scene_file import load_shot
 from pdvol.runs.stored_fields import SceneFields
@@ -109,8 +109,8 @@ def test_the_contact_force_is_the_weight_of_what_rests(resting):
 
 
 def test_xdmf_and_vtkhdf_hold_the_same(resting, tmp_path):
-    assert export_run(resting, "xdmf", tmp_path / "x") == [str(tmp_path / "x" / "level_0.xdmf")]
-    assert export_run(resting, "vtkhdf", tmp_path / "v") == [str(tmp_path / "v" / "level_0.vtkhdf")]
+    assert export_run(resting, "xdmf", tmp_path / "x") == ([tmp_path / "x" / "level_0.xdmf"], [])
+    assert export_run(resting, "vtkhdf", tmp_path / "v") == ([tmp_path / "v" / "level_0.vtkhdf"], [])
     level = open_run(resting).levels[0]
     reader = pv.HDFReader(str(tmp_path / "v" / "level_0.vtkhdf"))
     raw = reader.reader
@@ -178,8 +178,9 @@ def test_usd_switches_levels(solid_run, tmp_path):
     from pxr import Usd, UsdGeom
 
     assert pxr
-    (file,) = export_run(solid_run, "usd", tmp_path)
-    stage, run = Usd.Stage.Open(file), open_run(solid_run)
+    (file,), notes = export_run(solid_run, "usd", tmp_path)
+    assert notes == [], "a format without fields asks for no scene"
+    stage, run = Usd.Stage.Open(str(file)), open_run(solid_run)
     assert (stage.GetStartTimeCode(), stage.GetEndTimeCode(), stage.GetTimeCodesPerSecond()) == (
         0,
         4,
@@ -225,7 +226,7 @@ def test_names_lead_nowhere(resting, tmp_path):
     assert "o ______block" in (tmp_path / "obj" / "level_0" / "000000.obj").read_text().splitlines()
 
 
-def test_an_export_goes_on_where_the_former_one_ended(small_run, tmp_path):
+def test_an_export_goes_on_where_the_earlier_one_ended(small_run, tmp_path):
     state = small_run / "levels" / "0" / "000006.npy"
     whole = state.read_bytes()
     state.unlink()
@@ -237,7 +238,7 @@ def test_an_export_goes_on_where_the_former_one_ended(small_run, tmp_path):
         return StepFields()
 
     write_xdmf(open_run(small_run), 0, path, more)
-    assert asked == list(range(6)), "fields that the former export lacks are added"
+    assert asked == list(range(6)), "fields that the earlier export lacks are added"
     state.write_bytes(whole)
     write_xdmf(open_run(small_run), 0, path, more)
     assert asked == list(range(7))
@@ -255,8 +256,8 @@ def test_a_run_without_its_scene_is_exported_as_it_is(resting, tmp_path):
     copy = shutil.copytree(resting, tmp_path / "run")
     info = json.loads((copy / "run.json").read_text())
     (copy / "run.json").write_text(json.dumps({**info, "scene_file": "/nowhere.py"}))
-    file, told = export_run(copy, "xdmf", tmp_path / "out")
-    assert "without contact forces and stresses: its scene file /nowhere.py is gone" == told
+    (file,), (note,) = export_run(copy, "xdmf", tmp_path / "out")
+    assert note == "without contact forces and stresses: its scene file /nowhere.py is gone"
     with meshio.xdmf.TimeSeriesReader(file) as reader:
         reader.read_points_cells()
         assert set(reader.read_data(3)[1]) == {"displacement", "velocity"}

@@ -12,9 +12,9 @@ from shapes import together
 from test_binding import comb_pair
 
 from pdvol.levels.binding import bind
-from pdvol.levels.interpolants import INTERPOLANTS
 from pdvol.levels.prolongation import Prolongation
 from pdvol.levels.space import LevelSpace
+from pdvol.registry import INTERPOLANTS
 
 
 def input_triplets(prolongation):
@@ -34,10 +34,7 @@ def main(d, out):
     move = lambda mesh: type(mesh)(mesh.points + np.eye(d)[0] * 1.5, mesh.cells, mesh.bodies, mesh.regions)
     fine, coarse = LevelSpace(together(fine, move(fine)), comm), LevelSpace(together(coarse, move(coarse)), comm)
     binding, back = bind(fine, coarse), bind(coarse, fine)
-    triplets = {
-        name: input_triplets(Prolongation(coarse, fine, binding, interpolant))
-        for name, interpolant in INTERPOLANTS.items()
-    }
+    triplets = {name: input_triplets(Prolongation(coarse, fine, binding, INTERPOLANTS[name])) for name in INTERPOLANTS}
     if comm.rank == 0:
         np.savez(
             out,

@@ -12,8 +12,8 @@ from pdvol.errors import MeshError
 from pdvol.geometry.boundary_search import BoundarySearch
 from pdvol.levels.binding import CLOSEST, INSIDE, NEIGHBOUR, RAY, bind, closest_binding
 from pdvol.levels.geodesic import bind_outside, vertex_adjacency
-from pdvol.levels.interpolants import INTERPOLANTS
 from pdvol.levels.space import LevelSpace
+from pdvol.registry import INTERPOLANTS
 
 COMM = MPI.COMM_WORLD
 

@@ -13,7 +13,6 @@ from test_binding import comb_pair, fold_pair
 
 from pdvol.errors import MeshError
 from pdvol.levels.binding import INSIDE, bind
-from pdvol.levels.interpolants import INTERPOLANTS
 from pdvol.levels.interpolants.barycentric import binding_matrix
 from pdvol.levels.interpolants.biharmonic import biharmonic, biharmonic_columns
 from pdvol.levels.interpolants.laplacian import flux_laplacian, squared_laplacian
@@ -21,6 +20,7 @@ from pdvol.levels.interpolants.locality import DROPPED, make_local, restore_affi
 from pdvol.levels.interpolants.phong import vertex_gradients
 from pdvol.levels.prolongation import Prolongation
 from pdvol.levels.space import LevelSpace
+from pdvol.registry import INTERPOLANTS
 
 COMM = MPI.COMM_WORLD
 

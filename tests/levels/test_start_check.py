@@ -7,12 +7,8 @@ from pdvol import meshes
 from pdvol.errors import InputError, IntersectionError
 from pdvol.geometry.level_mesh import LevelMesh
 from pdvol.levels.initial_state import check_start
-<<<<<<< HEAD
 from pdvol.levels.obstacles import scene_obstacles
-=======
 from pdvol.meshes import Solid
-from pdvol.meshing.build import read_obstacle
->>>>>>> tests
 from pdvol.scene import Barrier, Body, NeoHookean, Placement, Plane, Rigid, Scene, Translation
 
 SOFT = NeoHookean(2e5)

@@ -22,7 +22,7 @@ STAGES = (
     "draw",
     "measure",
 )
-FOUNDATION = {"errors", "scene", "parallel", "processes", "compat"}
+FOUNDATION = {"errors", "registry", "scene", "parallel", "processes", "compat"}
 """Modules beside the stages that any stage may use: they know none of them (a test)."""
 STORED = {"geometry", "store"}
 """What everything that reads stored runs may use."""
@@ -126,7 +126,8 @@ def test_the_foundation_knows_no_stage():
 
 
 def test_scene_knows_only_forms_and_meshes():
-    assert stages_of("scene") <= {"scene", "errors", "forms", "meshes"}
+    assert stages_of("scene") <= {"scene", "errors", "registry", "forms", "meshes"}
+    assert stages_of("registry") <= {"errors"}
 
 
 def test_forms_and_meshes_are_pure():
@@ -139,6 +140,22 @@ def test_forms_and_meshes_are_pure():
         if (stage(module_of(path)) in ("forms", "meshes") and (found := used & heavy))
         or (stage(module_of(path)) == "forms" and (found := used - {"ufl", "pdvol", "math", "collections"}))
     } == {}
+
+
+def test_no_two_files_import_each_other():
+    files = {module_of(path): path for path in SOURCES if path.name != "__init__.py"}
+    needs = {
+        name: {
+            module for module in (i if i in files else i.rpartition(".")[0] for i in imports(path)) if module in files
+        }
+        for name, path in files.items()
+    }
+    for name in needs:
+        reached, ahead = set(), set(needs[name])
+        while ahead:
+            reached |= ahead
+            ahead = set().union(*(needs[other] for other in ahead)) - reached
+        assert name not in reached, f"{name} imports itself, by way of others"
 
 
 def test_one_file_of_snes_and_one_of_what_differs_between_dolfinx_versions():
@@ -195,7 +212,7 @@ def test_no_two_modules_have_a_constant_of_the_same_name():
 def test_no_print_no_exit_and_no_asserts_outside_the_command_line():
     found = []
     for path in SOURCES:
-        if path.name == "cli.py" or path.name.endswith("_worker.py"):
+        if path.name == "cli.py" or path.parent.name == "commands" or path.name.endswith("_worker.py"):
             continue
         for node in ast.walk(parsed(path)):
             where = f"{place(path)}:{getattr(node, 'lineno', 0)}"
@@ -290,7 +307,7 @@ def readme_commands() -> list[str]:
 
 
 def test_readme_commands_name_what_exists():
-    from pdvol.cli import _parser
+    from pdvol.cli import parse
 
     wrong = []
     for line in readme_commands():
@@ -302,7 +319,7 @@ def test_readme_commands_name_what_exists():
         wrong += [line for word in words if word.startswith(("demos/", "tests/")) and not (ROOT / word).exists()]
         if words[0] == "pdvol" and "--help" not in words:
             try:
-                _parser().parse_args([word for word in words[1:] if word != "..."])
+                parse([word for word in words[1:] if word != "..."])
             except SystemExit:
                 wrong.append(line)
     assert wrong == []

@@ -1,6 +1,4 @@
-"""`pdvol metrics`: the measures of `record/metrics.py` for a stored run, with forces from its scene and P from its
-meshes.
-"""
+"""The measures of `pdvol.measure.metrics` for a stored run, with forces from its scene and P from its meshes."""
 
 import os
 from collections.abc import Sequence
@@ -9,7 +7,6 @@ from pathlib import Path
 import numpy as np
 from mpi4py import MPI
 
-from pdvol.draw.plots import plot_metrics
 from pdvol.errors import InputError
 from pdvol.integrate.marches import guide
 from pdvol.integrate.replay import Replay
@@ -24,12 +21,8 @@ from pdvol.scene import Friction, Scene
 from pdvol.store.files import write_json
 from pdvol.store.reader import Run, RunLevel, open_run
 
-PREDICTED = {
-    "direct": "own",
-    "tracks": "own",
-    "progressive": "coarse",
-    "embedded": "none",
-}  # whose velocity x_hat of levels above 0 takes
+# By method: whose velocity the predicted positions x_hat of a level above 0 are made with.
+PREDICTED_WITH = {"direct": "own", "tracks": "own", "progressive": "coarse", "embedded": "none"}
 
 
 class Forces:
@@ -65,7 +58,7 @@ class Forces:
         return pulls[0], pulls[1]
 
 
-def measure(path: str | Path) -> dict:
+def measure_run(path: str | Path) -> dict:
     """All metrics of a stored run, finished or not.
 
     Returns
@@ -128,23 +121,25 @@ def write_metrics(path: Path, against: Path | None = None, file: Path | None = N
     Returns
     -------
     dict
-        As `measure`, with the other run's under `against` and what `compare` says under its `between`.
+        As `measure_run`, with the other run's under `against` and the result of `compare_runs` under its `between`.
 
     Raises
     ------
     InputError
         A folder is no run or cannot be written, or the runs do not fit together.
     """
+    from pdvol.draw.plots import plot_metrics  # loads the plotting library
+
     open_run(path)
     files = [path / "metrics.json", *([file] if file is not None else [])]
     for target in files:
         if target.is_dir() or not os.access(target.parent, os.W_OK):
             raise InputError(f"{target} cannot be written; choose another file in a folder of yours")
-    between = compare(path, against) if against is not None else []
-    result = measure(path)
+    between = compare_runs(path, against) if against is not None else []
+    result = measure_run(path)
     runs = [result]
     if against is not None:
-        runs.append(measure(against))
+        runs.append(measure_run(against))
         result = {**result, "against": {**runs[1], "between": between}}
     for target in files:
         write_json(target, result)
@@ -152,7 +147,7 @@ def write_metrics(path: Path, against: Path | None = None, file: Path | None = N
     return result
 
 
-def compare(path: str | Path, other: str | Path) -> list[dict]:
+def compare_runs(path: str | Path, other: str | Path) -> list[dict]:
     """How far two runs of one shot are apart, per level that both have: `centre_error` [m] over common states and,
     where the meshes are the same, `distance` [m].
     """
@@ -188,7 +183,7 @@ def compare(path: str | Path, other: str | Path) -> list[dict]:
 def _scene(run: Run, notes: list[str]) -> tuple[Scene | None, Sequence[Obstacle]]:
     """The run's scene and its obstacles; None, with a note, where forces cannot be had."""
     try:
-        if run.info.get("method") not in PREDICTED:
+        if run.info.get("method") not in PREDICTED_WITH:
             raise InputError(f"x_hat of the method {run.info.get('method')!r} is not known")
         scene, obstacles = stored_scene(run)
         if scene.integrator != "implicit_euler":
@@ -232,7 +227,7 @@ def _continuity(
     method, taken, guides = run.info["method"], "own", ()
     if level.index:
         below, prolongation = run.levels[level.index - 1], hierarchy.prolongation(level.index)
-        taken, weight = PREDICTED[method], scene.penalty.of(method)
+        taken, weight = PREDICTED_WITH[method], scene.penalty.of(method)
         guides = (guide(weight, run.dt, prolongation, below.positions),) if weight > 0.0 else ()
     model = hierarchy_model(scene, hierarchy, level.index, run.info["diagonal"], obstacles)
     forces = Forces(model, hierarchy, guides)

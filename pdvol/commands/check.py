@@ -1,0 +1,113 @@
+"""`pdvol check`: what would stop or spoil a run, before it starts."""
+
+import os
+from argparse import ArgumentParser, Namespace
+from pathlib import Path
+
+from pdvol.commands.options import add_settings
+from pdvol.errors import InputError
+
+
+def add_arguments(parser: ArgumentParser) -> None:
+    """The options of `pdvol check`."""
+    parser.add_argument("files", type=Path, nargs="+", metavar="SCENE.py | MESH")
+    parser.add_argument(
+        "-o",
+        "--out",
+        type=Path,
+        metavar="DIR",
+        help="write each level, and the primitives of every defect, there as VTU",
+    )
+    parser.add_argument("--json", type=Path, metavar="FILE", help="write the findings there, too")
+    parser.add_argument(
+        "--measure",
+        type=float,
+        default=3.0,
+        metavar="SECONDS",
+        help="simulate level 0 so long to estimate costs (default 3; 0: not)",
+    )
+    add_settings(parser)
+
+
+def main(options: Namespace) -> int:
+    """Print the findings; 0 where nothing would stop a run, else 2."""
+    if options.measure < 0:
+        raise InputError(f"--measure: {options.measure:g} seconds are too few; 0 measures nothing")
+    from pdvol.runs.preflight import check_meshes, check_scene
+
+    if len(options.files) == 1 and options.files[0].suffix == ".py":
+        from pdvol.runs.scene_file import load_shot, parse_settings
+
+        shot = load_shot(options.files[0], parse_settings(options.set))
+        result = check_scene(shot.scene, options.measure, options.out)
+        lines = _scene_lines(result)
+    else:
+        if options.out is not None:
+            raise InputError("-o writes the levels of a scene; give one SCENE.py, or leave it out")
+        result = check_meshes(options.files)
+        lines = [entry["message"] for entry in result["files"]]
+    if options.json is not None:
+        _write_json(result, options.json)
+    print("\n".join(lines))
+    return 0 if result["sound"] else 2
+
+
+def _write_json(result: dict, file: Path) -> None:
+    """Write the findings; InputError where the file cannot be written."""
+    from pdvol.store.files import write_json
+
+    if file.is_dir() or not os.access(file.parent, os.W_OK):
+        raise InputError(f"{file} cannot be written; choose another file in a folder of yours")
+    write_json(file, result)
+
+
+def _scene_lines(result: dict) -> list[str]:
+    """The result of `check_scene`."""
+    lines = list(result["modelled"])
+    if result["stiffness_ratio"] not in (None, 1.0):
+        lines.append(f"stiffness ratio of the materials: {result['stiffness_ratio']:.3g}")
+    for e in result["levels"]:
+        lines.append(
+            f"level {e['level']}: {e['vertices']:,} vertices, {e['cells']:,} cells, {e['surface_vertices']:,} on the"
+            f" surface, volume {e['volume']:.4g}, smallest cell {e['smallest_cell']:.2g}, shortest edge"
+            f" {e['shortest_edge']:.3g} m"
+        )
+        lines.append(
+            "  worst cells (mean ratio): "
+            + ", ".join(f"{w['cell']} of {w['body']} ({w['quality']:.2f})" for w in e["worst_cells"])
+        )
+        gap = e["smallest_gap"]
+        if gap is not None:
+            lines.append(
+                f"  smallest gap at t = 0: {gap['distance']:.3g} m, {gap['dhats']:.2g} dhat, between {gap['one']} and"
+                f" {gap['other']}"
+            )
+        if e.get("speed"):
+            lines.append(
+                f"  fastest vertex at t = 0: {e['speed']:.3g} m/s, {e['edges_per_step']:.2g} shortest edges a step"
+            )
+        if "seconds" in e:
+            lines.append(
+                f"  about {_duration(e['seconds'])} ({e['seconds_per_step']:.2g} s a step) and {e['memory_mb']:,.0f} MB"
+            )
+    if "measured" in result:
+        m = result["measured"]
+        lines.append(
+            f"costs from {m['steps']} steps of level 0: {m['seconds_per_step']:.2g} s and {m['newton_iterations']:.1f}"
+            " Newton iterations a step"
+        )
+    lines += result["notes"] + result["defects"]
+    return [
+        *lines,
+        "sound: nothing found that would stop a run" if result["sound"] else "not sound: mend the defects above",
+    ]
+
+
+def _duration(seconds: float) -> str:
+    return (
+        f"{seconds:.2g} s"
+        if seconds < 60
+        else f"{seconds / 60:.2g} min"
+        if seconds < 3600
+        else f"{seconds / 3600:.2g} h"
+    )

@@ -1,0 +1,25 @@
+"""`pdvol export`: a run's levels in the formats of other software."""
+
+from argparse import ArgumentParser, Namespace
+from pathlib import Path
+
+from pdvol.commands.options import add_levels, stored_levels
+from pdvol.registry import FORMATS
+
+
+def add_arguments(parser: ArgumentParser) -> None:
+    """The options of `pdvol export`."""
+    parser.add_argument("run", type=Path, metavar="RUN")
+    parser.add_argument("--format", required=True, choices=tuple(FORMATS))
+    parser.add_argument("-o", "--out", type=Path, required=True, metavar="DIR")
+    add_levels(parser)
+
+
+def main(options: Namespace) -> None:
+    """Export, and print the names of the files written."""
+    from pdvol.runs.exports import export_run
+    from pdvol.store.reader import open_run
+
+    levels = stored_levels(options.levels, open_run(options.run))
+    written, notes = export_run(options.run, options.format, options.out, levels)
+    print("\n".join([*map(str, written), *notes]))

@@ -1,0 +1,73 @@
+"""`pdvol metrics`: measure a run, alone or beside another one."""
+
+from argparse import ArgumentParser, Namespace
+from pathlib import Path
+
+
+def add_arguments(parser: ArgumentParser) -> None:
+    """The options of `pdvol metrics`."""
+    parser.add_argument("run", type=Path, metavar="RUN")
+    parser.add_argument("--against", type=Path, metavar="RUN", help="another run of the same shot, to compare with")
+    parser.add_argument("--json", type=Path, metavar="FILE", help="write the numbers there, too")
+
+
+def main(options: Namespace) -> None:
+    """Write metrics.json and metrics.png into the run, and print the means."""
+    from pdvol.runs.run_metrics import write_metrics
+
+    result = write_metrics(options.run, options.against, options.json)
+    print("\n".join([*_result_lines(result), f"{options.run}: metrics.json and metrics.png"]))
+
+
+def _result_lines(result: dict) -> list[str]:
+    """Means over all steps, a line for each level; after it, indented, the other run's."""
+    others = {entry["level"]: entry for entry in result.get("against", {}).get("levels", [])}
+    apart = {entry["level"]: entry["summary"] for entry in result.get("against", {}).get("between", [])}
+    lines = [f"{result['run']}: method {result['method']}, {result['prolongation']} prolongation"]
+    if others:
+        lines.append(
+            f"  against {result['against']['run']}: method {result['against']['method']},"
+            f" {result['against']['prolongation']} prolongation"
+        )
+    for entry in result["levels"]:
+        lines.append(f"level {entry['level']}: {_means(entry)}")
+        if entry["level"] in others:
+            lines.append(f"  against {_means(others[entry['level']])}")
+        if "centre_error" in apart.get(entry["level"], {}):
+            s = apart[entry["level"]]
+            lines.append(
+                f"  apart: centre of mass {s['centre_error']['mean']:.3g} m (most {s['centre_error']['largest']:.3g})"
+                + (
+                    f", distance {s['distance']['mean']:.3g} m (most {s['distance']['largest']:.3g})"
+                    if "distance" in s
+                    else ""
+                )
+            )
+    notes = [*result["notes"], *result.get("against", {}).get("notes", [])]
+    return [*lines, *(f"note: {note}" for note in dict.fromkeys(notes))]
+
+
+def _means(entry: dict) -> str:
+    s = {key: value for key, value in entry["summary"].items() if value}
+    parts = [f"{entry['steps']} steps"]
+    if "continuity" in s:
+        parts.append(
+            f"continuity {s['continuity']['mean']:.4g} (median {s['continuity']['median']:.4g}, most"
+            f" {s['continuity']['largest']:.3g})"
+        )
+    if "continuity_error" in s:
+        parts.append(
+            f"continuity error {s['continuity_error']['mean']:.3g} kg m^2 (most {s['continuity_error']['largest']:.3g})"
+        )
+    if "consistency" in s:
+        parts.append(f"consistency {s['consistency']['mean']:.3g} kg m^2 (most {s['consistency']['largest']:.3g})")
+        parts.append(
+            f"distance from the level below {s['distance']['mean']:.3g} m (most {s['distance']['largest']:.3g})"
+        )
+        parts.append(
+            f"centre of mass {s['centre_error']['mean']:.3g} m apart (most {s['centre_error']['largest']:.3g})"
+        )
+        parts.append(f"rank of P {entry['projection']['rank']} of {entry['projection']['columns']}")
+    if "jitter" in s:
+        parts.append(f"jitter {s['jitter']['mean']:.3g} J (most {s['jitter']['largest']:.3g})")
+    return ", ".join(parts)

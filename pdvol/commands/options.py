@@ -1,0 +1,96 @@
+"""Options that several verbs share, and how their text is read."""
+
+from argparse import ArgumentParser, Namespace
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from pdvol.errors import InputError
+from pdvol.registry import INTERPOLANTS
+
+if TYPE_CHECKING:
+    from pdvol.runs.scene_file import Shot
+    from pdvol.store.reader import Run
+
+
+def add_settings(parser: ArgumentParser) -> None:
+    """`--set NAME=VALUE`."""
+    parser.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        metavar="NAME=VALUE",
+        help="a scene parameter, a solver setting, or a penalty's weight (consistency, weight)",
+    )
+
+
+def add_new_run(parser: ArgumentParser) -> None:
+    """The scene, its settings, and the run folder to write."""
+    parser.add_argument("scene", type=Path, metavar="SCENE.py")
+    add_settings(parser)
+    parser.add_argument("--steps", type=int, help="number of time steps, instead of the scene's")
+    parser.add_argument("--out", type=Path, help="run folder (default: runs/NAME)")
+    parser.add_argument("--resume", action="store_true", help="go on with the run in that folder")
+
+
+def add_prolongation(parser: ArgumentParser) -> None:
+    """`--prolongation NAME`."""
+    parser.add_argument(
+        "--prolongation",
+        default="barycentric",
+        choices=tuple(INTERPOLANTS),
+        help="how a level's motion is carried to the next finer one",
+    )
+
+
+def add_wavefront(parser: ArgumentParser) -> None:
+    """`--wavefront`."""
+    parser.add_argument("--wavefront", action="store_true", help="run the levels side by side, a process each")
+
+
+def add_levels(parser: ArgumentParser) -> None:
+    """`--levels A:B`, for `level_range` or `stored_levels`."""
+    parser.add_argument("--levels", default="", metavar="A:B", help="levels A to B, both included (default: all)")
+
+
+def level_range(text: str) -> tuple[int, int | None]:
+    """`0:2` and `1` as the first and last level, both included; the last is None where the text leaves it open.
+
+    Raises
+    ------
+    InputError
+        A level is not a whole number.
+    """
+    if not text:
+        return 0, None
+    first, colon, last = text.partition(":")
+    first_level = whole_number("--levels", first or "0")
+    return first_level, (whole_number("--levels", last) if last else None) if colon else first_level
+
+
+def stored_levels(text: str, run: "Run") -> Sequence[int] | None:
+    """The levels of a stored run that `--levels` names; None without the option. Raises as `level_range`."""
+    if not text:
+        return None
+    first, last = level_range(text)
+    return range(first, (len(run.levels) - 1 if last is None else last) + 1)
+
+
+def whole_number(option: str, text: str) -> int:
+    """The number that an option's text holds; InputError where it holds none."""
+    if not text.strip().isdigit():
+        raise InputError(f"{option}: {text!r} is not a whole number")
+    return int(text)
+
+
+def chosen_shot(options: Namespace) -> "Shot":
+    """The scene of `options.scene` with its `--set` and, where the verb has it, `--steps`.
+
+    Raises
+    ------
+    InputError
+        The scene file or a setting is wrong.
+    """
+    from pdvol.runs.scene_file import load_shot, parse_settings
+
+    return load_shot(options.scene, parse_settings(options.set), getattr(options, "steps", None))

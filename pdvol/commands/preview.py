@@ -1,0 +1,22 @@
+"""`pdvol preview`: simulate level 0 of a scene."""
+
+from argparse import ArgumentParser, Namespace
+from pathlib import Path
+
+from pdvol.commands.options import add_new_run, chosen_shot
+
+
+def add_arguments(parser: ArgumentParser) -> None:
+    """The options of `pdvol preview`."""
+    add_new_run(parser)
+
+
+def main(options: Namespace) -> None:
+    """Simulate level 0, draw a picture and print where everything is. Collective."""
+    from pdvol.commands.simulation import progress_report, report_run
+    from pdvol.runs.runner import run_scene
+
+    shot = chosen_shot(options)
+    out = options.out or Path("runs") / f"{shot.name}_preview"
+    run_scene(shot, out, 0, 0, resume=options.resume, progress=progress_report())
+    report_run(out)

@@ -1,0 +1,22 @@
+"""`pdvol refine`: simulate the finer levels of a stored run."""
+
+from argparse import ArgumentParser, Namespace
+from pathlib import Path
+
+from pdvol.commands.options import add_wavefront
+
+
+def add_arguments(parser: ArgumentParser) -> None:
+    """The options of `pdvol refine`."""
+    parser.add_argument("run", type=Path, metavar="RUN")
+    parser.add_argument("--to", type=int, required=True, metavar="L", help="the finest level wanted")
+    add_wavefront(parser)
+
+
+def main(options: Namespace) -> None:
+    """Simulate, draw a picture and print where everything is. Collective."""
+    from pdvol.commands.simulation import progress_report, report_run
+    from pdvol.runs.runner import refine_run
+
+    refine_run(options.run, options.to, progress=progress_report(), wavefront=options.wavefront)
+    report_run(options.run)

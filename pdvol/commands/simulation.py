@@ -1,0 +1,36 @@
+"""What the verbs that simulate share: progress while they run, and a report at the end, both by one rank."""
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from pdvol.runs.level_run import Watch
+
+
+def this_rank() -> int:
+    """The rank of this process; 0 where MPI is not loaded."""
+    mpi = sys.modules.get("mpi4py.MPI")
+    return mpi.COMM_WORLD.rank if mpi else 0
+
+
+def progress_report() -> "Watch | None":
+    """Progress of each level on standard error, on one rank; None on the others."""
+    from pdvol.runs.progress import Progress
+
+    return (lambda level, total, done: Progress(level, total, done=done)) if this_rank() == 0 else None
+
+
+def report_run(out: Path) -> None:
+    """Draw `picture.png` of a finished run, and print where its files are and what contact held back, on one rank."""
+    if this_rank() != 0:
+        return
+    from pdvol.draw.picture import render
+    from pdvol.runs.run_summary import held_back_lines
+    from pdvol.store.reader import open_run
+
+    run = open_run(out)
+    picture = render(run, out / "picture.png")
+    for line in (*(f"note: {line}" for line in run.info.get("mended", [])), *held_back_lines(run)):
+        print(line, file=sys.stderr)
+    print(f"{out}: states, log.jsonl, level_N.xdmf and {picture.name}", file=sys.stderr)

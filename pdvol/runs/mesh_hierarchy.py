@@ -1,0 +1,65 @@
+"""The levels of one mesh, without a simulation."""
+
+from pathlib import Path
+
+import numpy as np
+from mpi4py import MPI
+
+from pdvol.errors import InputError
+from pdvol.export.vtu import write_vtu
+from pdvol.geometry.level_mesh import LevelMesh
+from pdvol.levels.hierarchy import Hierarchy
+from pdvol.meshing.build import build_levels
+from pdvol.meshing.tetrahedralise import mean_ratio
+from pdvol.runs.binding_report import binding_lines, draw_bindings
+from pdvol.scene import Body, NeoHookean, Scene
+
+
+def write_hierarchy(mesh: Path, targets: tuple[int, ...], out: Path, prolongation: str = "barycentric") -> list[str]:
+    """Build the levels of a mesh, and write each as VTU with a picture of its binding into `out`.
+
+    Parameters
+    ----------
+    mesh : a file of a surface or volume mesh
+    targets : vertices asked for, coarsest first
+    out : a folder; it is made where there is none
+    prolongation : a name in `pdvol.registry.INTERPOLANTS`
+
+    Returns
+    -------
+    list[str]
+        Sizes and qualities of the levels, and their bindings, one line each.
+
+    Raises
+    ------
+    InputError
+        The mesh cannot be read or meshed, the prolongation is unknown, or `out` cannot be written.
+    """
+    scene = Scene(bodies=(Body(mesh, NeoHookean(1e5), targets, name=mesh.stem),), dt=0.01, steps=0)
+    meshes = build_levels(scene)
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"{out} cannot be written: {error.strerror}") from None
+    hierarchy = Hierarchy(meshes, MPI.COMM_SELF, prolongation)
+    lines = []
+    for level, level_mesh in enumerate(meshes):
+        homes = {"home_cell": hierarchy.prolongation(level).binding.cells} if level else {}
+        write_vtu(out / f"level_{level}.vtu", level_mesh, homes)
+        lines.append(_level_line(level_mesh, level))
+    draw_bindings(hierarchy, out)
+    return [*lines, *binding_lines(hierarchy)]
+
+
+def _level_line(mesh: LevelMesh, level: int) -> str:
+    """Size and quality of one level in one line."""
+    line = (
+        f"level {level}: {len(mesh.points):,} vertices, {len(mesh.cells):,} cells, {len(np.unique(mesh.boundary)):,} on"
+        " the surface, "
+    )
+    line += f"volume {mesh.volumes.sum():.4g}, smallest cell {mesh.volumes.min():.2g}"
+    if mesh.dim == 3:
+        quality = mean_ratio(mesh.points, mesh.cells)
+        worst = int(np.argmin(quality))
+        line += f", worst mean ratio {quality[worst]:.2f} (cell {worst})"
+    return line

@@ -1,0 +1,89 @@
+"""What a run folder holds, as lines of text."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from pdvol.errors import InputError
+from pdvol.registry import INTERPOLANTS
+from pdvol.store.folder import require_scene
+from pdvol.store.reader import Run, open_run
+
+
+def run_summary(path: Path, pictures: Path | None = None) -> list[str]:
+    """What a run folder holds: method, levels, costs, held-back motions and bindings, one line each.
+
+    Parameters
+    ----------
+    path : the run folder
+    pictures : a folder for pictures of the bindings; none are drawn when None
+
+    Raises
+    ------
+    InputError
+        The folder is no run, is damaged, or `pictures` cannot be written.
+    """
+    run = open_run(path)
+    info = run.info
+    require_scene(path, info)
+    lines = [
+        f"{info['scene']}: method {info['method']}, dt {run.dt:g} s, {info['steps']} steps, parameters"
+        f" {info['parameters'] or 'as in the file'}"
+    ]
+    lines += info.get("mended", [])
+    for level in run.levels:
+        log = level.log
+        line = (
+            f"level {level.index}: {level.info['state']}, {len(level.rest):,} vertices, {max(level.steps - 1, 0)} steps"
+        )
+        if log:
+            line += _cost(path, log)
+        if "reason" in level.info:
+            line += f"; {level.info['reason']}"
+        lines.append(line)
+    lines += held_back_lines(run)
+    INTERPOLANTS.check(info["prolongation"])
+    if len(run.levels) == 1 and pictures is None:
+        return lines  # without bindings no finite elements are loaded
+    from mpi4py import MPI
+
+    from pdvol.levels.hierarchy import Hierarchy
+    from pdvol.runs.binding_report import binding_lines, draw_bindings
+
+    hierarchy = Hierarchy([level.mesh for level in run.levels], MPI.COMM_SELF, info["prolongation"])
+    if pictures is not None:
+        draw_bindings(hierarchy, pictures, info.get("up") or (0.0, 0.0, 1.0))
+    return [*lines, *binding_lines(hierarchy)]
+
+
+def held_back_lines(run: Run) -> list[str]:
+    """Where contact held scripted motions back, a line per level; empty where all were carried out."""
+    lines = []
+    for level in run.levels:
+        short = [r for r in level.log if r.get("reached", 1.0) < 1.0]
+        if short:
+            least = min(short, key=lambda r: r["reached"])
+            end = level.log[-1].get("behind", 0.0)
+            lines.append(
+                f"level {level.index}: contact held scripted motions back in {len(short)} of {len(level.log)} steps,"
+                f" first in step {short[0]['step']}; least share of a step {least['reached']:.2g} (step"
+                f" {least['step']}), " + (f"{end:.3g} s behind at the end" if end else "caught up at the end")
+            )
+    return lines
+
+
+def _cost(path: Path, log: Sequence[dict]) -> str:
+    """The seconds, iterations and contacts of a level's steps."""
+    try:
+        seconds = np.array([float(r["seconds"]["total"]) for r in log])
+        newton, contacts, cuts = ([int(r[key]) for r in log] for key in ("newton_iterations", "contacts", "cuts"))
+        crossing = [int(r["intersections"]) for r in log if "intersections" in r]
+    except (KeyError, TypeError, ValueError) as error:
+        mend = "remove that line, the states do not depend on it"
+        raise InputError(f"{path / 'log.jsonl'}: a record lacks what pdvol writes ({error}); {mend}") from error
+    return (
+        f", {seconds.sum():.1f} s ({np.median(seconds):.3g} s a step), Newton {np.mean(newton):.1f} "
+        f"(most {max(newton)}), contacts up to {max(contacts)}, cuts {sum(cuts)}"
+        + (f", intersections {sum(crossing)} in {sum(c > 0 for c in crossing)} states" if crossing else "")
+    )

@@ -1,0 +1,137 @@
+"""What a scene asks for, as lines of text. Nothing is meshed, and only shapes that are files are read."""
+
+import numpy as np
+
+from pdvol.levels.scene_fields import scene_diagonal
+from pdvol.meshes import Outline
+from pdvol.meshing.readers import read_shape
+from pdvol.runs.scene_file import Shot
+from pdvol.scene import (
+    Barrier,
+    Flow,
+    Friction,
+    Gravity,
+    Impulse,
+    Load,
+    Material,
+    Motion,
+    Plane,
+    PointForce,
+    Scene,
+    Sequential,
+    Still,
+    metres,
+)
+
+
+def scene_summary(shot: Shot) -> list[str]:
+    """The terms that will be modelled, and the vertices asked for on each level; raises as `modelled_terms`."""
+    levels = [
+        f"level {i}: " + ", ".join(f"{b.name} {b.vertices[i]:,} vertices" for b in shot.scene.bodies if b.vertices)
+        for i in range(shot.scene.levels)
+    ]
+    return [*modelled_terms(shot.scene), *(levels if any(b.vertices for b in shot.scene.bodies) else [])]
+
+
+def modelled_terms(scene: Scene) -> list[str]:
+    """One line for each thing that the scene asks for and that is therefore modelled: materials, loads, contact, time.
+
+    Raises
+    ------
+    InputError
+        A file of a shape is missing or cannot be read.
+    """
+    lines = []
+    for body in scene.bodies:
+        lines.append(f"body {body.name!r}: {_material(body.material)}")
+        for region in body.regions:
+            where = (
+                f"label {', '.join(map(str, region.labels))}"
+                if region.labels
+                else f"where {getattr(region.where, '__name__', 'asked')}"
+            )
+            lines.append(f"body {body.name!r}, {where}: {_material(region.material)}")
+    lines += [f"load: {_load(load)}" for load in scene.loads]
+    for s in scene.supports:
+        until = f", released at {s.release:g} s" if np.isfinite(s.release) else ""
+        lines.append(f"support: {_named(s.motion)} on {s.body or 'all bodies'}{until}")
+    for o in scene.obstacles:
+        moving = "" if isinstance(o.motion, Still) else f", moving ({_named(o.motion)})"
+        lines.append(f"obstacle {o.name!r}: {'half-space' if isinstance(o, Plane) else 'rigid surface'}{moving}")
+    if _is_plane(scene):
+        lines.append("dimension: 2, plane strain (per metre of depth)")
+    diagonal = scene_diagonal(scene)
+    for c in scene.contact:
+        if isinstance(c, Barrier):
+            known = _youngs(scene)
+            all_known = len(known) == sum(1 + len(b.regions) for b in scene.bodies)
+            kappa = (
+                f"{c.stiffness * min(known):.3g} Pa"
+                if all_known
+                else f"{c.stiffness:g} of the softest cell's Young's modulus"
+            )
+            law = (
+                f"area-weighted barrier, stiffness {kappa}"
+                if c.law == "convergent"
+                else f"{c.law} barrier, stiffness chosen at each step's start"
+            )
+            lines.append(f"contact: {law}, dhat {metres(c.dhat, diagonal):.3g} m")
+        elif isinstance(c, Friction):
+            lines.append(
+                f"friction: mu {c.mu:g}, smooth below {metres(c.eps_v, diagonal):.3g} m/s, lagged {c.iterations}"
+                " time(s) a step"
+            )
+            lines += [f"friction between {one!r} and {other!r}: mu {mu:g}" for one, other, mu in c.pairs]
+    if not scene.contact:
+        lines.append("contact: none")
+    if not any(isinstance(c, Friction) for c in scene.contact):
+        lines.append("friction: none")
+    lines += [f"where bodies meet at t = 0: {remedy.by} by up to {remedy.limit:g}" for remedy in scene.separate]
+    lines.append(f"levels: {scene.levels}" if scene.levels > 1 else "levels: 1, no prolongation")
+    lines.append(
+        f"time: {scene.steps} steps of {scene.dt:g} s; Newton tolerance {metres(scene.solver.tolerance, diagonal):.3g}"
+        f" m/s; scene diagonal {diagonal:.4g} m"
+    )
+    return lines
+
+
+def _material(material: Material) -> str:
+    number = lambda value: "by position" if callable(value) else f"{value:g}"
+    damping = f", damping {number(material.damping)} s" if callable(material.damping) or material.damping else ""
+    extra = "".join(f", {name} {number(getattr(material, name))}" for name in material.own_parameters())
+    return (
+        f"{type(material).__name__}, young {number(material.young)} Pa, poisson {number(material.poisson)}, "
+        f"density {number(material.density)} kg/m^3{extra}{damping}"
+    )
+
+
+def _load(load: Load) -> str:
+    shown = lambda value: "by time" if callable(value) else str(tuple(value))
+    on = f" on {load.body}" if getattr(load, "body", "") else ""
+    if isinstance(load, Gravity):
+        return f"gravity {shown(load.acceleration)} m/s^2"
+    if isinstance(load, Impulse):
+        return f"impulse of {shown(load.velocity)} m/s at {load.time:g} s{on}"
+    if isinstance(load, Flow):
+        u = "by place and time" if callable(load.velocity) else shown(load.velocity)
+        return f"flow {u} m/s of density {load.density:g} kg/m^3, drag {load.drag:g}{on}"
+    where = f"at {tuple(load.at)}" if isinstance(load, PointForce) else "over a region"
+    return f"force {shown(load.force)} N {where}{on}"
+
+
+def _is_plane(scene: Scene) -> bool:
+    shape = scene.bodies[0].shape
+    shape = read_shape(shape[0] if isinstance(shape, (tuple, list)) else shape)
+    return isinstance(shape, Outline) or shape.vertices.shape[1] == 2
+
+
+def _youngs(scene: Scene) -> list[float]:
+    """Young's moduli that are numbers."""
+    materials = [m for body in scene.bodies for m in (body.material, *(region.material for region in body.regions))]
+    return [m.young for m in materials if not callable(m.young)]
+
+
+def _named(motion: Motion) -> str:
+    if isinstance(motion, Sequential):
+        return " then ".join(_named(part) for part in motion.motions)
+    return getattr(motion, "__name__", type(motion).__name__.lower())
