@@ -3,7 +3,6 @@ interpenetrating.
 """
 
 import importlib.util
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +10,7 @@ import pytest
 
 from pdvol import Scene, open_run
 from pdvol.cli import run
+from pdvol.measure.verify import verify_run
 
 ROOT = Path(__file__).resolve().parents[2]
 DEMOS = sorted((ROOT / "demos").glob("*.py"))
@@ -26,9 +26,6 @@ RUN_BY_A_TEST = {
     "tracks",
     "twist",
 }
-
-sys.path.insert(0, str(ROOT / "tests"))
-import verify_run
 
 
 def load(path):
@@ -59,7 +56,7 @@ def end(path, levels, steps, touching=True):
     """
     stored = open_run(path)
     assert [level.steps for level in stored.levels] == [steps + 1] * levels
-    assert verify_run.verify(path) == []
+    assert verify_run(path) == []
     for level in stored.levels if touching else ():
         assert max(record["contacts"] for record in level.log) > 0, f"level {level.index} touched nothing"
     return stored
