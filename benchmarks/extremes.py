@@ -3,7 +3,7 @@
     ./run python benchmarks/extremes.py [--rows young,dt_0.1] [--out runs/extremes] [--limit 900] [--starts 10]
 
 Rows are named in full or by how they begin; those already in the folder --out stay in the table. Each runs in a process
-of its own; every state of it is checked for intersections and inverted cells by tests/verify_run.py. With --starts each
+of its own; every state of it is checked for intersections and inverted cells by `pdvol verify`. With --starts each
 row is repeated that often from starts moved by up to 1e-3 of the bodies' sizes. Exit code 0 when every row ended at its
 end or with a named error and no state is wrong, else 1; 2 for a mistake.
 """

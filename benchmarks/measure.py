@@ -1,7 +1,7 @@
 """What a finished (or broken off) run shows, as JSON: `measure.py NAME RANKS PEERS RUN`.
 
 Times are those of `log.jsonl`, without the first step where there are more (the peers left theirs out: it has the
-set-up in it). States are checked by tests/verify_run.py, which shares nothing with the solver.
+set-up in it). States are checked by `pdvol verify`, which shares nothing with the solver.
 """
 
 import json
@@ -11,10 +11,8 @@ from pathlib import Path
 import numpy as np
 import peer_figures
 
+from pdvol.measure import verify
 from pdvol.store.reader import Run, RunLevel, open_run
-
-sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
-import verify_run
 
 SMALL = 10_000
 """Vertices from which on only every tenth state is searched for intersections."""
@@ -146,17 +144,17 @@ def soundness(run: Run, level: RunLevel) -> dict:
     ball come through.
     """
     every = 1 if len(level.rest) < SMALL or level.steps <= 10 else 10
-    facets, rest = verify_run.boundary(level.cells), verify_run.measures(level.rest, level.cells)
-    found = verify_run.Level(level.index)
+    facets, rest = verify.boundary(level.cells), verify.signed_volumes(level.rest, level.cells)
+    found = verify.LevelFindings(level.index)
     smallest, inverted, through = np.inf, 0, 0
     for step in range(level.steps):
         positions = level.positions(step)
-        ratio = verify_run.measures(positions, level.cells) / rest
+        ratio = verify.signed_volumes(positions, level.cells) / rest
         smallest, inverted = min(smallest, float(ratio.min())), inverted + int((~(ratio > 0)).sum())
         through += come_through(run, level, positions)
         if step % every == 0 or step == level.steps - 1:
             planes = [(o.name, *o.plane(step)) for o in run.obstacles if o.kind == "plane"]
-            verify_run.check_state(found, step, level.rest, level.cells, facets, positions, planes)
+            verify.check_state(found, step, level.rest, level.cells, facets, positions, planes)
     gap = found.smallest_gap if np.isfinite(found.smallest_gap) else None
     return {
         "det_f_min": smallest,
@@ -165,7 +163,7 @@ def soundness(run: Run, level: RunLevel) -> dict:
         "states_searched": found.steps,
         "plane_gap_min": gap,
         "through": through,
-        "problems": found.problems[: verify_run.SHOWN],
+        "problems": found.problems[:5],
     }
 
 

@@ -4,7 +4,7 @@ figure.
     ./run python benchmarks/methods.py rope_drop slit_array [--only WORDS] [--steps N] [--levels N] [--out runs/methods]
 
 Runs, tables (NAME.md), numbers (NAME.json) and figures (NAME.png) go to the folder `--out`; runs that are finished
-there are taken as they are. Intersections are counted by `tests/verify_run.py`, which shares nothing with the solver.
+there are taken as they are. Intersections are counted by `pdvol verify`, which shares nothing with the solver.
 Exit code 2 for a mistake.
 """
 
@@ -17,10 +17,8 @@ from method_figures import draw
 from method_studies import DEMOS, STUDIES, Case, Study
 from report import number, table
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
-import verify_run
-
 from pdvol import PdvolError, open_run, run_scene
+from pdvol.measure import verify
 from pdvol.runs.run_metrics import measure_run
 from pdvol.runs.scene_file import load_shot
 from pdvol.store.files import write_json
@@ -113,8 +111,8 @@ def judge(path: Path, case: Case, count: int) -> dict:
 
 def states(level, obstacles) -> dict:
     """Crossings, volumes, determinants and bent facets over all states of a level."""
-    facets = verify_run.boundary(level.cells)
-    rest = verify_run.measures(level.rest, level.cells)
+    facets = verify.boundary(level.cells)
+    rest = verify.signed_volumes(level.rest, level.cells)
     total, hinges = np.bincount(level.bodies, rest), Hinges(level.rest, level.surface)
     crossing, pairs, change, smallest, turned = 0, 0, 0.0, np.inf, []
     for step in range(level.steps):
@@ -125,9 +123,9 @@ def states(level, obstacles) -> dict:
             if o.kind != "plane"
         ]
         planes = [o.plane(step) for o in obstacles if o.kind == "plane"]
-        found = len(verify_run.crossings(x, facets, solids)) + sum(int(((x - p) @ n <= 0).sum()) for p, n in planes)
+        found = len(verify.crossings(x, facets, solids)) + sum(int(((x - p) @ n <= 0).sum()) for p, n in planes)
         crossing, pairs = crossing + (found > 0), pairs + found
-        volumes = verify_run.measures(x, level.cells)
+        volumes = verify.signed_volumes(x, level.cells)
         change = max(change, float(np.abs(np.bincount(level.bodies, volumes) / total - 1).max()))
         smallest = min(smallest, float((volumes / rest).min()))
         turned.append(hinges.turned(x))

@@ -5,7 +5,7 @@ out.
 
 Scenes are named in full or by how they begin; those already in the folder --out stay in the table. Each runs in a
 process of its own until its end or until its minutes are over, between two steps; every state of it is checked for
-intersections and inverted cells by tests/verify_run.py. Exit code 0 when every scene came to its end or its time and no
+intersections and inverted cells by `pdvol verify`. Exit code 0 when every scene came to its end or its time and no
 state is wrong, else 1; 2 for a mistake.
 """
 

@@ -1,6 +1,6 @@
 """Trials: scenes that are run under a limit of time, each in a process of its own, and what their stored states show.
 
-States are checked by tests/verify_run.py, which shares nothing with the solver; energies are summed here, from the
+States are checked by `pdvol verify`, which shares nothing with the solver; energies are summed here, from the
 states and the log.
 """
 
@@ -13,11 +13,9 @@ from pathlib import Path
 import numpy as np
 import peers
 
+from pdvol.measure import verify
 from pdvol.scene import Scene, metres
 from pdvol.store.reader import Run, RunLevel, open_run
-
-sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
-import verify_run
 
 HERE = Path(__file__).resolve().parent
 PATIENCE = 60.0
@@ -107,7 +105,7 @@ def measured(path: Path) -> dict:
     """What a run folder shows: a record a level, and everything wrong with its states."""
     run = open_run(path)
     levels, problems = [], []
-    for level, found in zip(run.levels, verify_run.check_levels(path), strict=True):
+    for level, found in zip(run.levels, verify.check_levels(path), strict=True):
         problems += found.problems
         levels.append(
             {

@@ -186,6 +186,10 @@ COMMANDS = Registry(
             "pdvol.commands.export",
             "write a run's levels for ParaView (xdmf, vtkhdf) or animation software (usd, obj)",
         ),
+        "verify": Entry(
+            "pdvol.commands.verify",
+            "check every stored state for intersections and inverted cells, independently of the solver",
+        ),
     },
     "pdvol.commands",
 )

@@ -1,1 +1,1 @@
-"""Pictures, films and plots of stored runs. Nothing here knows a solver."""
+"""Pictures, films and plots of stored runs. Nothing here imports a solver."""

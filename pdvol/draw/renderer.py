@@ -39,7 +39,7 @@ class Renderer:
         self._dim = run.levels[0].rest.shape[1]
 
     def picture(self, level: RunLevel, step: int) -> Image.Image:
-        """One level at one step; a picture that says so where it is not simulated yet."""
+        """One level at one step; where the step is not simulated yet, a picture with a note."""
         if step >= level.steps:
             image = Image.new("RGB", self.size, BACKGROUND)
             middle = (self.size[0] / 2, self.size[1] / 2)

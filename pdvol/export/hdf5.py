@@ -3,7 +3,7 @@
 import errno
 import os
 
-LONGEST_REASON = 160  # characters of HDF5's own message that fit into one line
+LONGEST_HDF5_REASON = 160  # characters of HDF5's own message that fit into one line
 
 
 def failure_reason(error: Exception) -> str:
@@ -12,4 +12,4 @@ def failure_reason(error: Exception) -> str:
         return error.strerror
     text = " ".join(str(error).split())
     quoted = (os.strerror(number) for number in (errno.ENOSPC, errno.EFBIG, errno.EDQUOT))
-    return next((reason for reason in quoted if reason in text), text[:LONGEST_REASON])
+    return next((reason for reason in quoted if reason in text), text[:LONGEST_HDF5_REASON])

@@ -12,7 +12,7 @@ from pdvol.export.series import LevelFields, Series, padded
 from pdvol.store.files import TEMPORARY
 from pdvol.store.reader import Run
 
-LONGEST_REASON = 160  # characters of USD's own message that fit into one line
+LONGEST_USD_REASON = 160  # characters of USD's own message that fit into one line
 
 
 def export(run: Run, levels: Sequence[int], out: Path, fields: LevelFields) -> list[Path]:
@@ -84,7 +84,7 @@ def write_usd(run: Run, levels: Sequence[int], path: str | Path) -> Path:
     except OSError as error:
         raise SimulationError(f"cannot write {path}: {error.strerror}") from error
     except Exception as error:  # Tf.ErrorException
-        reason = " ".join(str(error).split())[:LONGEST_REASON]
+        reason = " ".join(str(error).split())[:LONGEST_USD_REASON]
         raise SimulationError(f"cannot write {path}: {reason}") from error
     finally:
         aside.unlink(missing_ok=True)

@@ -20,7 +20,7 @@ from pdvol.export.series import Fields, LevelFields, Series, nothing_more
 from pdvol.store.files import TEMPORARY, require_room, write_bytes
 from pdvol.store.reader import Run
 
-_TYPES = {"f": "Float", "i": "Int", "u": "UInt"}
+_NUMBER_TYPES = {"f": "Float", "i": "Int", "u": "UInt"}
 
 
 def export(run: Run, levels: Sequence[int], out: Path, fields: LevelFields) -> list[Path]:
@@ -99,7 +99,7 @@ def _write_data(file: h5py.File, name: str, series: Series) -> ET.Element:
     def item(parent: ET.Element, key: str) -> None:
         stored = file[key]
         shape = " ".join(str(n) for n in stored.shape)
-        kind, precision = _TYPES[stored.dtype.kind], str(stored.dtype.itemsize)
+        kind, precision = _NUMBER_TYPES[stored.dtype.kind], str(stored.dtype.itemsize)
         ET.SubElement(
             parent, "DataItem", Dimensions=shape, NumberType=kind, Precision=precision, Format="HDF"
         ).text = f"{name}:/{key}"

@@ -3,15 +3,16 @@
 
 | measure | formula | unit |
 |---|---|---|
-| continuity n_l^t | e / e_hat, e = \\|(x+ - 2 x + x-) / 2 + pull / 2\\|_M^2, e_hat = \\|x+ - x_hat + pull\\|_M^2 | 1 |
+| continuity n_l^t | e / e_hat, see below | 1 |
 | continuity error e_l^t | the numerator alone, which needs no x_hat | kg m^2 |
 | consistency d_{l-1}^t | \\|Pi x_l - x_{l-1}\\|_M^2, Pi = (P'P)^-1 P', M of level l - 1 | kg m^2 |
 | distance | root of \\|x_l - P x_{l-1}\\|_M^2 over the mass, M of level l | m |
 | centre error | how far bodies' centres of mass have moved apart since the start, root mean square over the mass | m |
 | jitter | 1/2 \\|v+ - v\\|_M^2, v the mean velocity over a step: gravity alone gives 1/2 m g^2 dt^2 | J |
 
-x-, x, x+ are the positions at t - dt, t and t + dt, M the lumped mass, pull = dt^2 M^-1 grad F(x+). n is 1/4 for
-implicit Euler, whatever the residual its solver leaves.
+Continuity has e = |(x+ - 2 x + x-) / 2 + pull / 2|_M^2 and e_hat = |x+ - x_hat + pull|_M^2 with pull = dt^2 M^-1 grad
+F(x+). x-, x, x+ are the positions at t - dt, t and t + dt, M the lumped mass. n is 1/4 for implicit Euler, whatever the
+residual its solver leaves.
 """
 
 from collections.abc import Sequence
@@ -22,7 +23,7 @@ from scipy.sparse.linalg import splu
 
 from pdvol.geometry.level_mesh import LevelMesh
 
-SEEN = 1e-5  # singular values of P below this share of its norm count as zero
+RANK_TOLERANCE = 1e-5  # of P's norm: smaller singular values count as zero
 
 
 def lumped_masses(mesh: LevelMesh, densities: Sequence[float]) -> np.ndarray:
@@ -98,24 +99,23 @@ def centre_error(moved: np.ndarray, other: np.ndarray, body_masses: np.ndarray) 
 class Projection:
     """Pi = (P'P)^-1 P', the least-squares way back from a fine level to a coarse one.
 
-    P'P is singular where fine vertices do not tell coarse ones apart: a coarse vertex that binds no fine one, above
-    all. There the coarse level's own positions are kept, so that nothing is measured where nothing is known:
-    `difference` is the smallest y that minimises
-    |P (x_c + y) - x_f|.
+    P'P is singular where the fine positions do not determine the coarse ones, above all at a coarse vertex that binds
+    no fine one. There the coarse level's own positions are kept and add nothing to the measure: `difference` is the
+    smallest y that minimises |P (x_c + y) - x_f|.
 
     Attributes
     ----------
     columns : int
         Coarse vertices.
     rank : int
-        Of P, singular values below `SEEN` times a bound of its norm taken for zero.
+        Of P, where singular values below `RANK_TOLERANCE` times a bound of its norm count as zero.
     """
 
     def __init__(self, weights: sp.csr_matrix):
         self.weights = weights
         normal = (weights.T @ weights).tocsc()
         # The largest row sum bounds the largest eigenvalue.
-        floor = SEEN**2 * float(abs(normal).sum(axis=1).max()) * sp.eye(normal.shape[0], format="csc")
+        floor = RANK_TOLERANCE**2 * float(abs(normal).sum(axis=1).max()) * sp.eye(normal.shape[0], format="csc")
         self.columns = weights.shape[1]
         self.rank = self.columns - _negative_eigenvalues(normal - floor)
         self._solve = splu(normal + floor).solve

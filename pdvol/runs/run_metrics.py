@@ -197,7 +197,7 @@ def _scene(run: Run, notes: list[str]) -> tuple[Scene | None, Sequence[Obstacle]
 
 
 def _densities(run: Run, scene: Scene | None, notes: list[str]) -> list[np.ndarray]:
-    """Densities of each level's cells: of the scene, or of what the run says of its bodies where there is none."""
+    """Densities of each level's cells: of the scene, or of the run's description of its bodies where there is none."""
     meshes = [level.mesh for level in run.levels]
     if scene is not None and not all(body.uniform for body in scene.bodies):
         hierarchy = Hierarchy(meshes, MPI.COMM_SELF)
@@ -213,8 +213,8 @@ def _densities(run: Run, scene: Scene | None, notes: list[str]) -> list[np.ndarr
 
 
 def _three(level: RunLevel, number: int, dt: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Positions before, at the start and at the end of step `number`; the initial velocity says what was before the
-    first.
+    """Positions before, at the start and at the end of step `number`; those before the first step follow from the
+    initial velocity.
     """
     now = level.positions(number - 1)
     return level.positions(number - 2) if number > 1 else now - dt * level.velocities(0), now, level.positions(number)

@@ -1,7 +1,7 @@
 """Files that survive a kill at any instant, and reading that trusts nothing.
 
-A file is written to a temporary name in its own folder, synced to the disk and renamed over its final name: whoever
-reads finds the old file, or the new one, or none, never half of one. Arrays are never unpickled.
+A file is written to a temporary name in its own folder, synced to the disk and renamed over its final name: a reader
+finds the old file, or the new one, or none, never half of one. Arrays are never unpickled.
 """
 
 import contextlib
@@ -20,8 +20,9 @@ import numpy as np
 
 from pdvol.errors import InputError, SimulationError
 
-TEMPORARY = ".tmp"
-LOCKING = 5  # attempts to take a lock: who only asks whether a run is in use holds it for an instant
+TEMPORARY = ".tmp"  # the end of temporary names, which a later writer removes
+LOCK_ATTEMPTS = 5  # to take a lock: a process that only asks whether a run is in use holds it for an instant
+LOCK_PAUSE = 0.02  # seconds between attempts
 _UNREADABLE = (
     OSError,
     ValueError,
@@ -67,7 +68,7 @@ def write_bytes(path: Path, data: bytes) -> None:
 def require_room(path: Path, size: int) -> None:
     """SimulationError unless a file of `size` bytes can be written as `path`, which is left empty.
 
-    HDF5 ends the process where its file cannot grow, so its files ask first.
+    HDF5 ends the process where its file cannot grow, so the room is checked before.
     """
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -169,7 +170,15 @@ def read_arrays(path: Path, names: tuple[str, ...]) -> dict[str, np.ndarray]:
 
 
 def read_json(path: Path) -> dict:
-    """Read one JSON object; FileNotFoundError is left to the caller, who knows what the file means."""
+    """Read one JSON object.
+
+    Raises
+    ------
+    InputError
+        The file cannot be read, or holds something else.
+    FileNotFoundError
+        There is no such file; only the caller can say what that means.
+    """
     try:
         value = json.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError:
@@ -208,12 +217,12 @@ def jsonable(value):
 def lock(path: Path, exclusive: bool = True):
     """Take a lock that falls with the process; returns the open file, or None when another process holds it."""
     file = open(path, "a" if exclusive else "r")  # it stays open for as long as the lock is held
-    for attempt in range(LOCKING):
+    for attempt in range(LOCK_ATTEMPTS):
         try:
             fcntl.flock(file, (fcntl.LOCK_EX if exclusive else fcntl.LOCK_SH) | fcntl.LOCK_NB)
             return file
         except BlockingIOError:
-            if exclusive and attempt + 1 < LOCKING:
-                time.sleep(0.02)
+            if exclusive and attempt + 1 < LOCK_ATTEMPTS:
+                time.sleep(LOCK_PAUSE)
     file.close()
     return None

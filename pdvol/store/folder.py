@@ -1,10 +1,15 @@
-"""The layout of a run folder, and who may write there.
+"""The layout of a run folder, and the lock that lets one process write there.
 
-run.json              parameters, versions, sizes, state       levels/<l>/mesh.npz        points, cells, bodies,
-regions, surface log.jsonl             one object per level and step            levels/<l>/velocity.npy    initial
-velocity (n, d) [m/s] obstacles.json, obstacles/<i>.npz   for pictures               levels/<l>/<step>.npy
-positions (n, d) [m], input order run.lock              held while a process writes
-levels/<l>/late_<step>.npz  obstacles that contact held back
+| file | content |
+|---|---|
+| run.json | parameters, versions, sizes, state |
+| run.lock | locked while a process writes |
+| log.jsonl | one object for each level and step |
+| obstacles.json, obstacles/<i>.npz | obstacles, for pictures |
+| levels/<l>/mesh.npz | points, cells, bodies, regions, surface |
+| levels/<l>/velocity.npy | initial velocity (n, d) [m/s] |
+| levels/<l>/<step>.npy | positions (n, d) [m], in the input's order |
+| levels/<l>/late_<step>.npz | places of obstacles that contact held back |
 """
 
 import math
@@ -17,8 +22,8 @@ from pdvol.errors import InputError
 from pdvol.geometry.level_mesh import LevelMesh
 from pdvol.store.files import TEMPORARY, jsonable, lock, read_json, sync_folder, write_array, write_arrays
 
-FORMAT = 1
-_TYPES = {
+RUN_FORMAT = 1  # of run.json: raised when an older pdvol could not read the folder
+_INFO_TYPES = {
     "scene": str,
     "scene_file": str,
     "steps": int,
@@ -32,13 +37,8 @@ _TYPES = {
     "up": list,
     "state": str,
 }
-STATES = (
-    "running",
-    "failed",
-    "interrupted",
-    "done",
-    "pending",
-)  # of levels; a run has the first one that any of its levels has
+# States of levels. A run has the first one that any of its levels has.
+LEVEL_STATES = ("running", "failed", "interrupted", "done", "pending")
 
 
 def level_folder(path: Path, level: int) -> Path:
@@ -52,7 +52,7 @@ def state_file(folder: Path, step: int) -> Path:
 
 
 def late_file(folder: Path, step: int) -> Path:
-    """Where a level's folder keeps the places of obstacles that are behind their motions at a step."""
+    """Where a level's folder keeps the places of obstacles that contact holds back at a step."""
     return folder / f"late_{step:06d}.npz"
 
 
@@ -63,17 +63,17 @@ def read_info(path: Path) -> dict:
     except FileNotFoundError as error:
         what = "is not a run folder: it has no run.json" if path.is_dir() else "does not exist"
         raise InputError(f"{path} {what}") from error
-    if info.get("format") != FORMAT:
+    if info.get("format") != RUN_FORMAT:
         raise InputError(
-            f"{path} is a run of format {info.get('format')!r}, this pdvol reads format {FORMAT}: use the pdvol that"
-            " wrote it"
+            f"{path} is a run of format {info.get('format')!r}, this pdvol reads format {RUN_FORMAT}: use the pdvol"
+            " that wrote it"
         )
     _check_info(path / "run.json", info)
     return info
 
 
 def _check_info(file: Path, info: dict) -> None:
-    """InputError unless what `run.json` says has the types that its readers rely on."""
+    """InputError unless the entries of `run.json` have the types that its readers rely on."""
     levels, dt = info.get("levels"), info.get("dt")
     if (
         not isinstance(levels, list)
@@ -83,14 +83,14 @@ def _check_info(file: Path, info: dict) -> None:
         or not 0 < dt < math.inf
     ):
         raise InputError(f"{file} lacks the list of levels or the time step dt")
-    for key, kind in _TYPES.items():
+    for key, kind in _INFO_TYPES.items():
         if key in info and (not isinstance(info[key], kind) or isinstance(info[key], bool)):
             raise InputError(f"{file}: {key} is not of the type {kind.__name__}; put back the file as pdvol wrote it")
     for number, entry in enumerate(levels):
         if (
             not isinstance(entry.get("vertices"), int)
             or not isinstance(entry.get("cells"), int)
-            or entry.get("state") not in STATES
+            or entry.get("state") not in LEVEL_STATES
         ):
             raise InputError(
                 f"{file}: level {number} lacks its vertices, cells or state; put back the file as pdvol wrote it"
@@ -105,7 +105,7 @@ def _check_info(file: Path, info: dict) -> None:
 
 
 def require_scene(path: Path, info: dict) -> None:
-    """InputError unless `run.json` says what was simulated, as that of every run does which `pdvol run` made."""
+    """InputError unless `run.json` has the entries about the simulated scene that `pdvol run` writes."""
     missing = [
         key
         for key in ("scene", "scene_file", "steps", "method", "prolongation", "parameters", "description", "diagonal")
@@ -116,20 +116,20 @@ def require_scene(path: Path, info: dict) -> None:
 
 
 def holds_run(path: Path) -> bool:
-    """Whether a folder holds a run that was ever begun: one whose creation was killed is free to be taken over."""
+    """Whether a folder holds a run with a state; one whose creation was killed may be replaced."""
     return (path / "run.json").exists() and read_info(path).get("state") != "creating"
 
 
 def new_info(info: Mapping, body_names: Sequence[str]) -> dict:
-    """`run.json` of a run about to be created. The state "creating" marks what a kill leaves then: no step yet, free to
-    be taken over.
+    """`run.json` of a run about to be created, in the state "creating": a folder that a kill leaves in it has no step
+    and may be replaced.
     """
     missing = [key for key in ("dt", "steps") if key not in info]
     if missing:
         raise InputError(f"a run needs {missing} in its info")
     return {
         **jsonable(info),
-        "format": FORMAT,
+        "format": RUN_FORMAT,
         "bodies": [str(name) for name in body_names],
         "levels": [],
         "state": "creating",
@@ -146,9 +146,9 @@ def remove_states(folder: Path, steps: int) -> None:
 
 
 def run_state(levels: list[dict]) -> str:
-    """The state of a run, given the entries of its levels: that of the most telling one."""
+    """The state of a run, given the entries of its levels: the first of LEVEL_STATES that one of them has."""
     present = {entry["state"] for entry in levels}
-    return next((state for state in STATES if state in present), "pending")
+    return next((state for state in LEVEL_STATES if state in present), "pending")
 
 
 def write_level(path: Path, level: int, mesh: LevelMesh, velocity: np.ndarray | None) -> dict:
@@ -175,7 +175,18 @@ def write_level(path: Path, level: int, mesh: LevelMesh, velocity: np.ndarray | 
 
 
 def claim(path: Path):
-    """Take a new, empty or never completed folder for a run, and its lock."""
+    """Make or take a folder for a new run, and lock it. It must be new, empty, or left by a creation that was killed.
+
+    Returns
+    -------
+    file
+        The lock, held until it is closed.
+
+    Raises
+    ------
+    InputError
+        The folder holds a run or other files, cannot be made, or another process writes there.
+    """
     _require_free(path)
     try:
         path.mkdir(parents=True, exist_ok=True)
@@ -205,7 +216,7 @@ def _require_free(path: Path) -> None:
 
 
 def hold(path: Path):
-    """The run's lock, held."""
+    """The run's lock, held until it is closed; InputError where another process holds it."""
     try:
         held = lock(path / "run.lock")
     except OSError as error:
@@ -216,5 +227,5 @@ def hold(path: Path):
 
 
 def in_use(path: Path) -> str:
-    """What is told where another process holds the run."""
+    """The message of errors where another process writes the run."""
     return f"{path} is being written by another pdvol: wait for it to end, or choose another folder"

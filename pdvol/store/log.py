@@ -40,26 +40,27 @@ def read_log(path: Path) -> list[dict]:
 
 def keep_log(path: Path, keep: Callable[[dict], bool]) -> None:
     """Drop the records that `keep` refuses, and a torn last line."""
-    lines = [line(record) for record in read_log(path) if keep(record)]
+    lines = [log_line(record) for record in read_log(path) if keep(record)]
     text = b"".join(lines)
     if not path.exists() or path.read_bytes() != text:
         write_bytes(path, text)
 
 
-def line(record: dict) -> bytes:
-    """One record as a line."""
+def log_line(record: dict) -> bytes:
+    """One record as a line of the log."""
     return (json.dumps(jsonable(record)) + "\n").encode()
 
 
 class LogFile:
-    """The log open for appending. Each record is one write to the system: a kill right after it loses nothing."""
+    """The log, open for appending. Each record is one write to the system: a kill right after it loses nothing."""
 
     def __init__(self, path: Path):
         self.path = path
         self._file = open(path, "ab", buffering=0)  # closed by close()
 
     def append(self, record: dict) -> None:
-        data = line(record)
+        """Add a record; SimulationError where the disk cannot be written, and the log is then as before."""
+        data = log_line(record)
         end = os.fstat(self._file.fileno()).st_size
         try:
             written = self._file.write(data)
@@ -71,4 +72,5 @@ class LogFile:
             raise SimulationError(f"cannot write {self.path}: {reason}; everything stored before it is kept")
 
     def close(self) -> None:
+        """Close the file."""
         self._file.close()

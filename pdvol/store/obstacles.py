@@ -3,7 +3,7 @@
 | kind | arrays |
 |---|---|
 | plane | `point` (d,) and `normal` (d,), or (steps + 1, d) each when it moves |
-| mesh | `vertices` (n, 3), `faces` (m, 3); `positions` (steps + 1, n, 3) when it moves; `opacity` () below 1 |
+| mesh | `vertices` (n, 3), `faces` (m, 3); `positions` (steps + 1, n, 3) when it moves; `opacity` (), if below 1 |
 | polyline | `vertices` (n, 2), `edges` (m, 2); `positions` (steps + 1, n, 2) when it moves |
 
 Where contact held motions back, `levels/<l>/late_<step>.npz` has their true places at that level and step: `<i>.point`,
@@ -20,7 +20,8 @@ import numpy as np
 from pdvol.errors import InputError
 from pdvol.store.files import read_arrays, read_json, write_arrays, write_json
 
-ARRAYS = {"plane": ("point", "normal"), "mesh": ("vertices", "faces"), "polyline": ("vertices", "edges")}
+# By kind of obstacle: the arrays that it must have.
+NEEDED_ARRAYS = {"plane": ("point", "normal"), "mesh": ("vertices", "faces"), "polyline": ("vertices", "edges")}
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,14 +40,14 @@ class DrawnObstacle:
     arrays: dict[str, np.ndarray]
 
     def __post_init__(self):
-        if self.kind not in ARRAYS:
-            raise InputError(f"obstacle {self.name!r}: kind {self.kind!r} must be one of {', '.join(ARRAYS)}")
-        missing = [key for key in ARRAYS[self.kind] if key not in self.arrays]
+        if self.kind not in NEEDED_ARRAYS:
+            raise InputError(f"obstacle {self.name!r}: kind {self.kind!r} must be one of {', '.join(NEEDED_ARRAYS)}")
+        missing = [key for key in NEEDED_ARRAYS[self.kind] if key not in self.arrays]
         if missing:
             raise InputError(f"obstacle {self.name!r}: a {self.kind} needs the arrays {missing}")
 
     def plane(self, step: int) -> tuple[np.ndarray, np.ndarray]:
-        """A plane's point (d,) [m] and unit normal (d,) at a step; a plane that ended its motion stays."""
+        """A plane's point (d,) [m] and unit normal (d,) at a step; after the last stored step it rests."""
         point, normal = (_at(self.arrays[key], step, moves=self.arrays[key].ndim == 2) for key in ("point", "normal"))
         return point, normal / np.linalg.norm(normal)
 
@@ -104,6 +105,8 @@ def read_obstacles(folder: Path) -> tuple[DrawnObstacle, ...]:
     for i, entry in enumerate(entries):
         kind = entry.get("kind")
         result.append(
-            DrawnObstacle(entry.get("name"), kind, read_arrays(folder / "obstacles" / f"{i}.npz", ARRAYS.get(kind, ())))
+            DrawnObstacle(
+                entry.get("name"), kind, read_arrays(folder / "obstacles" / f"{i}.npz", NEEDED_ARRAYS.get(kind, ()))
+            )
         )
     return tuple(result)

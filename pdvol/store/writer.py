@@ -1,7 +1,6 @@
-"""The stored run, which every picture and export is made from; written by one process, killed at any instant, never
-half a state.
+"""Writing a run folder, by one process. A kill at any instant leaves whole states only.
 
-`pdvol.store.folder` shows what lies where.
+`pdvol.store.folder` has the folder's layout.
 """
 
 import shutil
@@ -11,10 +10,10 @@ from pathlib import Path
 import numpy as np
 
 from pdvol.geometry.level_mesh import LevelMesh
-from pdvol.store import obstacles as drawn
+from pdvol.store import obstacles as stored_obstacles
 from pdvol.store.files import TEMPORARY, jsonable, write_array, write_arrays, write_json
 from pdvol.store.folder import (
-    STATES,
+    LEVEL_STATES,
     claim,
     hold,
     late_file,
@@ -33,10 +32,13 @@ __all__ = ["Run", "RunLevel", "RunWriter", "open_run"]
 
 
 class RunWriter:
-    """Writes a run folder. Made by `create` or `open`; closed by `close` or a `with` block. Only one process may hold
-    it.
+    """Writes a run folder. Made by `create` or `open`; closed by `close` or a `with` block. It locks the folder: only
+    one process can have it.
 
-    `info` is what `run.json` holds; it is changed through `update_info` and `set_level_state`.
+    Attributes
+    ----------
+    info : dict
+        The content of `run.json`; it is changed through `update_info` and `set_level_state`.
     """
 
     def __init__(self, path: Path, held):
@@ -44,7 +46,7 @@ class RunWriter:
         self.info: dict = {}
         self._log: LogFile | None = None
         self._count: list[int] = []  # whole states per level
-        self._unswept: set[int] = set()  # levels whose folder may hold states that do not follow on the whole ones
+        self._unswept: set[int] = set()  # levels whose folder may hold states beyond a gap
 
     @classmethod
     def create(
@@ -188,9 +190,9 @@ class RunWriter:
         self._log.append(dict(record))
 
     def set_level_state(self, level: int, state: str, **details) -> None:
-        """Set a level's state, one of STATES, with details such as `reason` and `step`. The run's own state follows."""
-        if state not in STATES:
-            raise ValueError(f"state {state!r} must be one of {STATES}")
+        """Set a level's state, one of LEVEL_STATES, with details such as `reason`; the run's own state follows."""
+        if state not in LEVEL_STATES:
+            raise ValueError(f"state {state!r} must be one of {LEVEL_STATES}")
         kept = {key: self.info["levels"][level][key] for key in ("vertices", "cells")}
         self.info["levels"][level] = {**kept, "state": state, **jsonable(details)}
         self._save_states()
@@ -202,10 +204,10 @@ class RunWriter:
 
     def write_obstacles(self, obstacles: Sequence[Mapping]) -> None:
         """Store the obstacles' geometry for pictures; see `pdvol.store.obstacles` for the arrays of each kind."""
-        drawn.write_obstacles(self.path, obstacles)
+        stored_obstacles.write_obstacles(self.path, obstacles)
 
     def close(self) -> None:
-        """Let go of the run."""
+        """Close the log and release the lock."""
         if self._log is not None:
             self._log.close()
         self._lock.close()
@@ -224,7 +226,7 @@ class RunWriter:
         self._save()
 
     def _sweep(self, level: int) -> None:
-        """Once, before the first new state: remove those beyond a gap, which would otherwise seem to follow on it."""
+        """Before the first new state of a level: remove those beyond a gap, which would otherwise seem to follow it."""
         if level in self._unswept:
             remove_states(level_folder(self.path, level), self._count[level])
             self._unswept.discard(level)

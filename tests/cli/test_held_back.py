@@ -3,19 +3,15 @@ end in one line.
 """
 
 import json
-import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
 from cli_scenes import SQUARE, pdvol, write
 
 from pdvol import open_run
+from pdvol.measure.verify import verify_run
 from pdvol.runs.stored_fields import SceneFields, stored_scene
 from pdvol.solve.remedies import REMEDIES
-
-sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
-import verify_run
 
 PRESS = (
     SQUARE
@@ -48,7 +44,7 @@ def folder(tmp_path_factory):
 
 def test_nothing_is_crossed_where_things_truly_are(folder):
     run = open_run(folder / "whole")
-    assert verify_run.verify(folder / "whole") == []
+    assert verify_run(folder / "whole") == []
     for level in run.levels:
         last = level.log[-1]
         assert last["behind"] > 0.0 and 0.0 <= last["reached"] < 1.0 and last["remedies"]["substeps"] > 0

@@ -2,18 +2,16 @@
 
 import subprocess
 import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
 from cli_scenes import FALL, pdvol, write
 
-from pdvol import cli, open_run
+from pdvol import open_run
+from pdvol.commands import simulation
+from pdvol.measure import verify
 from pdvol.registry import METHODS
 from pdvol.runs.run_metrics import measure_run
-
-sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
-import verify_run
 
 STEPS = 8
 PROGRAM = [sys.executable, "-c", "import pdvol; pdvol.main()"]
@@ -44,7 +42,7 @@ def scene():
 def no_pictures():
     """Nothing here looks at the picture that ends a run."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(cli, "_finish", lambda out: None)
+        patch.setattr(simulation, "report_run", lambda out: None)
         yield
 
 
@@ -83,7 +81,7 @@ def test_level_zero_is_the_same_and_level_one_its_own(folder, name):
     for other in set(CASES) - {name}:
         assert np.abs(run.levels[1].positions(STEPS) - open_run(folder / other).levels[1].positions(STEPS)).max() > 1e-6
     if name != "embedded":
-        assert verify_run.verify(folder / name) == []
+        assert verify.verify_run(folder / name) == []
 
 
 @pytest.mark.parametrize("name", ["consistency", "tracks", "embedded"])
@@ -140,11 +138,11 @@ def test_embedded_levels_cross_and_it_is_counted(tmp_path, capsys):
     run = open_run(tmp_path / "run")
     fine = run.levels[1]
     assert "intersections" not in run.levels[0].log[0]
-    facets, total = verify_run.boundary(fine.cells), 0
+    facets, total = verify.boundary(fine.cells), 0
     for record in fine.log:
         x = fine.positions(record["step"])
         np.testing.assert_array_equal(np.isfinite(x), True)
-        crossing = len(verify_run.crossings(x, facets))
+        crossing = len(verify.crossings(x, facets))
         assert record["intersections"] == crossing + int((x[:, 1] <= 0.0).sum())
         total += crossing
     assert total > 0 and any((fine.positions(step)[:, 1] <= 0.0).any() for step in range(9))
@@ -153,7 +151,7 @@ def test_embedded_levels_cross_and_it_is_counted(tmp_path, capsys):
         np.isnan(errors), [r["intersections"] > 0 for r in fine.log]
     )  # no forces are right where surfaces cross
     assert pdvol("run", scene, "--out", tmp_path / "solved") == 0
-    assert verify_run.verify(tmp_path / "solved") == []
+    assert verify.verify_run(tmp_path / "solved") == []
 
 
 def test_what_methods_refuse(folder, tmp_path, capsys):

@@ -4,15 +4,12 @@ import json
 import shutil
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 from cli_scenes import FALL, pdvol, states, write
 
 from pdvol import open_run
-
-sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
-import verify_run
+from pdvol.measure.verify import verify_run
 
 STEPS = 10
 TIMING = ("seconds", "peak_memory_mb")
@@ -138,4 +135,4 @@ def test_a_simulation_that_cannot_go_on(tmp_path, scene, capfd):
     # A kinder solver goes on from there: solver settings are not part of what the scene is.
     assert pdvol("run", scene, "--out", out, "--resume") == 0
     assert open_run(out).info["state"] == "done"
-    assert verify_run.verify(out) == []
+    assert verify_run(out) == []

@@ -3,7 +3,6 @@
 import json
 import subprocess
 import sys
-from pathlib import Path
 
 import meshio
 import numpy as np
@@ -12,12 +11,10 @@ from cli_scenes import CUBE_OFF, pdvol, states, write
 
 from pdvol import open_run
 from pdvol.errors import InputError
+from pdvol.measure.verify import verify_run
 from pdvol.registry import INTERPOLANTS
 from pdvol.runs.runner import run_scene
 from pdvol.runs.scene_file import load_shot
-
-sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
-import verify_run
 
 STEPS = 10
 LOGGED = {
@@ -82,7 +79,7 @@ def test_the_log_has_its_keys(whole):
 
 
 def test_nothing_interpenetrates(whole):
-    assert verify_run.verify(whole) == []
+    assert verify_run(whole) == []
 
 
 def test_xdmf_has_all_steps(whole):
@@ -165,7 +162,7 @@ def test_direct_differs_from_progressive_on_the_fine_level_only(tmp_path, scene,
     assert direct.info["method"] == "direct"
     np.testing.assert_array_equal(direct.levels[0].positions(STEPS), progressive.levels[0].positions(STEPS))
     assert np.abs(direct.levels[1].positions(STEPS) - progressive.levels[1].positions(STEPS)).max() > 1e-6
-    assert verify_run.verify(tmp_path / "direct") == []
+    assert verify_run(tmp_path / "direct") == []
 
 
 @pytest.mark.parametrize("name", sorted(set(INTERPOLANTS) - {"barycentric"}))
@@ -178,7 +175,7 @@ def test_every_prolongation(tmp_path, scene, whole, capsys, name):
     # Another interpolant of the same motion: not the same, and not far.
     difference = np.abs(run.levels[1].positions(STEPS) - other.levels[1].positions(STEPS)).max()
     assert 1e-7 < difference < 0.02
-    assert verify_run.verify(tmp_path / "run") == []
+    assert verify_run(tmp_path / "run") == []
     capsys.readouterr()
     assert pdvol("info", tmp_path / "run") == 0
     assert " 3 weights a vertex" not in capsys.readouterr().out

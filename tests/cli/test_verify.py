@@ -1,5 +1,7 @@
 """The checker of stored runs finds planted defects: crossings, vertices below a plane, inverted cells."""
 
+import ast
+import subprocess
 import sys
 import time
 from pathlib import Path
@@ -7,12 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pdvol import meshes
+from pdvol import cli, meshes
 from pdvol.geometry.level_mesh import LevelMesh
+from pdvol.measure import verify
 from pdvol.store.writer import RunWriter
-
-sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
-import verify_run
 
 
 def grid(dim, n=3):
@@ -90,8 +90,8 @@ def test_a_sound_run(tmp_path, dim, capsys):
     turn[:, 0] *= np.linalg.det(turn)
     states = [x, moved(dim, -0.25 + 1e-12), x + 10.0 * np.eye(dim)[1], (x - 0.5) @ turn.T + 50.0]
     path = store(tmp_path / "run", dim, states, [floor(dim), rock(dim, 0.5, -0.21, 0.5)])
-    assert verify_run.verify(path) == []
-    assert verify_run.main([path]) == 0
+    assert verify.verify_run(path) == []
+    assert cli.run(["verify", str(path)]) == 0
     out = capsys.readouterr().out
     assert "level 0: 4 states, smallest plane gap 0.5 m, smallest det F 1, 0 intersections" in out
 
@@ -112,7 +112,7 @@ def test_what_is_planted_is_found(tmp_path, dim, capsys):
         moved(dim, 0.3, body=0, axis=1) - 0.45 * np.eye(dim)[1],
     ]
     path = store(tmp_path / "run", dim, states, [floor(dim), rock(dim, -0.21, 0.5, 0.5)])
-    told = verify_run.verify(path)
+    told = verify.verify_run(path)
     assert all(line.startswith("level 0 step ") for line in told)
     of = {
         step: " | ".join(line for line in told if line.startswith(f"level 0 step {step}:"))
@@ -124,7 +124,7 @@ def test_what_is_planted_is_found(tmp_path, dim, capsys):
     assert "intersections: vertex" in of[3]  # touching exactly
     assert "inverted or flat cells" in of[4] and "not above" not in of[4]
     assert of[5] == ""
-    assert verify_run.main([path]) == 1
+    assert cli.run(["verify", str(path)]) == 1
     assert "smallest det F -" in capsys.readouterr().out
 
 
@@ -136,14 +136,14 @@ def test_obstacles(tmp_path, dim):
     moving["positions"] = np.stack([moving["vertices"], moving["vertices"] - 0.2 * np.eye(dim)[1]])
     moving["name"] = "hammer"
     states = [x, x, x - 0.02 * np.eye(dim)[1]]
-    told = verify_run.verify(store(tmp_path / "run", dim, states, [still, moving]))
+    told = verify.verify_run(store(tmp_path / "run", dim, states, [still, moving]))
     assert not any("step 0" in line for line in told)
     assert any("step 1" in line and "obstacle 1" in line and "obstacle 0" not in line for line in told)
     assert any("step 2" in line and "obstacle 0" in line for line in told)
     sinking = floor(dim)
     sinking["point"] = np.stack([sinking["point"], sinking["point"] + 0.6 * np.eye(dim)[1]])
     sinking["normal"] = np.stack([sinking["normal"]] * 2)
-    (line,) = verify_run.verify(store(tmp_path / "rising", dim, [x, x], [sinking]))
+    (line,) = verify.verify_run(store(tmp_path / "rising", dim, [x, x], [sinking]))
     assert line.startswith("level 0 step 1:") and "not above plane" in line
 
 
@@ -151,21 +151,69 @@ def test_damaged_states(tmp_path):
     x = two_blocks(2).points
     path = store(tmp_path / "run", 2, [x, x, x])
     np.save(path / "levels" / "0" / "000001.npy", np.where(x > 2, np.nan, x))
-    (line,) = verify_run.verify(path)
+    (line,) = verify.verify_run(path)
     assert line.startswith("level 0 step 1:") and "finite" in line
 
 
 def test_what_is_no_run(tmp_path, capsys):
-    assert verify_run.main([tmp_path / "nowhere", store(tmp_path / "run", 2, [two_blocks(2).points])]) == 1
+    path = store(tmp_path / "run", 2, [two_blocks(2).points])
+    (tmp_path / "folder").mkdir()
+    for name, reason in (("nowhere", "does not exist"), ("folder", "is not a run folder: it has no run.json")):
+        assert cli.run(["verify", str(path), str(tmp_path / name)]) == 2
+        assert capsys.readouterr() == ("", f"pdvol: {tmp_path / name} {reason}\n"), "refused before any state is read"
+    for number in ("0", "-1", "x"):
+        assert cli.run(["verify", str(path), "--every", number]) == 2
+        out, err = capsys.readouterr()
+        assert out == "" and "--every" in err and err.count("\n") == 1
+
+
+def test_every(tmp_path, capsys):
+    x = two_blocks(2).points
+    path = store(tmp_path / "run", 2, [x, moved(2, -0.3), x, x, moved(2, -0.3), x])
+    assert [level.steps for level in verify.check_levels(path, 3)] == [3]  # 0, 3 and the last one, 5
+    assert cli.run(["verify", str(path), "--every", "3"]) == 0
+    assert cli.run(["verify", str(path), "--every", "2"]) == 1
+    assert "level 0: 4 states" in capsys.readouterr().out
+
+
+def test_a_damaged_run(tmp_path, capsys):
+    path = store(tmp_path / "run", 2, [two_blocks(2).points])
+    sound = store(tmp_path / "sound", 2, [two_blocks(2).points])
+    (path / "levels" / "0" / "mesh.npz").write_bytes(b"nothing")
+    assert cli.run(["verify", str(path), str(sound)]) == 1
     out = capsys.readouterr().out
-    assert "nowhere does not exist" in out and "level 0: 1 states" in out
+    assert "  damaged: " in out and "mesh.npz" in out and "level 0: 1 states" in out
+    (path / "run.json").write_text("{")
+    assert cli.run(["verify", str(path)]) == 1
+
+
+def test_it_shares_nothing_with_the_solver():
+    program = """
+import sys
+import pdvol.measure.verify
+print(*sorted(name for name in sys.modules if name.startswith("pdvol.")))
+print(*sorted({name.partition(".")[0] for name in sys.modules}))
+"""
+    ended = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=100, check=True)
+    own, packages = (set(line.split()) for line in ended.stdout.splitlines())
+    assert {name for name in own if not name.startswith("pdvol.store")} == {
+        "pdvol.errors",
+        "pdvol.geometry",
+        "pdvol.geometry.level_mesh",
+        "pdvol.measure",
+        "pdvol.measure.verify",
+    }
+    assert not packages & {"ipctk", "igl", "dolfinx", "petsc4py", "mpi4py", "scipy"}
+    tree = ast.parse(Path(verify.__file__).read_text())
+    imported = {node.module for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)}
+    assert {name for name in imported if name.startswith("pdvol")} == {"pdvol.errors", "pdvol.store.reader"}
 
 
 def test_missing_states_of_a_finished_level(tmp_path):
     x = two_blocks(2).points
     path = store(tmp_path / "run", 2, [x, x, x])
     (path / "levels" / "0" / "000002.npy").unlink()
-    assert verify_run.verify(path) == ["level 0: done, with 2 states of 3"]
+    assert verify.verify_run(path) == ["level 0: done, with 2 states of 3"]
 
 
 def test_random_triangles_against_every_pair():
@@ -173,11 +221,11 @@ def test_random_triangles_against_every_pair():
     points, facets = rng.random((90, 3)), np.arange(90).reshape(30, 3)
     expected = {
         (*e, *f)
-        for e in verify_run.edges_of(facets)
+        for e in verify.edges_of(facets)
         for f in facets
-        if not set(e) & set(f) and verify_run._segment_meets_triangle_exactly(*points[e], *points[f])
+        if not set(e) & set(f) and verify._segment_meets_triangle_exactly(*points[e], *points[f])
     }
-    found = verify_run.crossing_edges(points, verify_run.edges_of(facets), facets, np.ones(90, bool))
+    found = verify.crossing_edges(points, verify.edges_of(facets), facets, np.ones(90, bool))
     assert len(found) > 50 and set(found) == expected
 
 
@@ -188,9 +236,9 @@ def test_random_segments_against_every_pair():
         (*a, *b)
         for i, a in enumerate(edges)
         for b in edges[i + 1 :]
-        if verify_run._segments_meet_exactly(*points[a], *points[b])
+        if verify._segments_meet_exactly(*points[a], *points[b])
     }
-    found = verify_run.crossing_segments(points, edges, np.ones(80, bool))
+    found = verify.crossing_segments(points, edges, np.ones(80, bool))
     assert len(found) > 50 and set(found) == expected
 
 
@@ -213,7 +261,7 @@ def test_edges_and_a_triangle_by_hand(p, q, meets):
     # The triangle (0, 0), (1, 0), (0, 1) in z = 0: through, a hair above, an end on it, through a corner, a side, a
     # hair beside a side, coplanar.
     points = np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0), p, q], dtype=float)
-    found = verify_run.crossing_edges(points, np.array([[3, 4]]), np.array([[0, 1, 2]]), np.ones(5, bool))
+    found = verify.crossing_edges(points, np.array([[3, 4]]), np.array([[0, 1, 2]]), np.ones(5, bool))
     assert bool(found) == meets
 
 
@@ -227,11 +275,11 @@ def test_boxes_of_very_different_size():
     expected = {
         (i, j) for i in range(300) for j in range(40) if (low_a[i] <= high_b[j]).all() and (low_b[j] <= high_a[i]).all()
     }
-    assert {tuple(pair) for pair in verify_run.overlapping_boxes(low_a, high_a, low_b, high_b)} == expected
+    assert {tuple(pair) for pair in verify.overlapping_boxes(low_a, high_a, low_b, high_b)} == expected
 
 
 def test_fast_enough_for_every_state():
     shape = meshes.creature(height=1.0, vertices=3000)
     start = time.perf_counter()
-    assert verify_run.crossings(shape.vertices, shape.triangles.astype(np.int64)) == []
+    assert verify.crossings(shape.vertices, shape.triangles.astype(np.int64)) == []
     assert time.perf_counter() - start < 2.0  # 0.15 s on an idle core

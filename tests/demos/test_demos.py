@@ -11,6 +11,7 @@ import verify_run
 
 from pdvol import Scene, open_run
 from pdvol.cli import run
+from pdvol.measure.verify import verify_run
 
 ROOT = Path(__file__).resolve().parents[2]
 DEMOS = sorted((ROOT / "demos").glob("*.py"))
@@ -56,7 +57,7 @@ def end(path, levels, steps, touching=True):
     """
     stored = open_run(path)
     assert [level.steps for level in stored.levels] == [steps + 1] * levels
-    assert verify_run.verify(path) == []
+    assert verify_run(path) == []
     for level in stored.levels if touching else ():
         assert max(record["contacts"] for record in level.log) > 0, f"level {level.index} touched nothing"
     return stored

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import extreme_scenes
 import pytest
-import verify_run
 
 import pdvol
+from pdvol.measure.verify import verify_run
 from pdvol.runs.scene_file import load_shot
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -53,7 +53,7 @@ def march(tmp_path, name, steps=None, seed=0):
     except (pdvol.ConvergenceError, pdvol.InputError) as named:
         error = named
     if (out / "run.json").is_file():
-        wrong = [problem for problem in verify_run.verify(out) if error is None or "done" not in problem]
+        wrong = [problem for problem in verify_run(out) if error is None or "done" not in problem]
         assert wrong == []
     return error
 

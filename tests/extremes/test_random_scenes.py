@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import verify_run
 from hypothesis import HealthCheck, Phase, event, given, settings
 from hypothesis import strategies as st
 
@@ -27,6 +26,7 @@ from pdvol import (
     Support,
     Translation,
 )
+from pdvol.measure.verify import verify_run
 from pdvol.meshes import ball, box, brick
 from pdvol.runs.scene_file import Shot
 
@@ -122,7 +122,7 @@ def throw(scene: Scene, out: Path) -> None:
         ended = type(error).__name__
     if (out / "run.json").is_file():
         allowed = () if scene.contact else ("intersections", "not above plane")
-        assert [problem for problem in verify_run.verify(out) if not any(word in problem for word in allowed)] == []
+        assert [problem for problem in verify_run(out) if not any(word in problem for word in allowed)] == []
     event(ended)
 
 

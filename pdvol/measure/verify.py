@@ -1,38 +1,37 @@
-"""Is every stored state of a run free of intersections, above its planes and without inverted cells? Apart from the
-solver and ipctk.
+"""An independent check of stored runs: no intersection, no vertex below a plane, no inverted cell in any state.
 
-    ./run python tests/verify_run.py [--every N] RUN [RUN ...]
-
-A uniform grid finds the candidates, orientation signs decide: in floating point where the round-off bound allows it, in
-rationals where not. Touching counts as an intersection. Primitives with a common vertex are not tested, nor are
-obstacles among themselves.
+It shares no code with the solver, with the checks before a run, or with ipctk: it imports numpy and the reader of run
+folders only (a test). A uniform grid finds the candidates, and orientation signs decide: in floating point where the
+round-off bound allows it, in rational numbers elsewhere. Touching counts as an intersection. Primitives with a common
+vertex are not tested, nor are obstacles among themselves.
 """
 
-import argparse
-import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from fractions import Fraction
 from itertools import combinations
 from pathlib import Path
 
 import numpy as np
 
+from pdvol.errors import InputError
+from pdvol.store.reader import open_run
+
 ROUND_OFF = 1e-14
-"""Above the relative round-off of a 3 x 3 determinant of differences (Shewchuk 1997: 8e-16 times the sum of absolute
-products).
+"""Relative error, above the round-off of a 3 x 3 determinant of differences (Shewchuk 1997: 8e-16 times the sum of
+absolute products): signs of smaller values are computed again in rational numbers.
 """
-ENTRIES = 30
-"""Cells of the grid a box may be put in, on average: what memory is spent on."""
-SHOWN = 5
-"""Problems told per level and kind."""
+CELLS_PER_BOX = 30
+"""Grid cells a box covers on average, at most: it bounds the memory."""
+LISTED_PRIMITIVES = 5
+"""Cells or pairs named in one problem."""
 
 
 # ---- broad phase
 # -------------------------------------------------------------------------------------------------------------
 
 
-def overlapping_boxes(low_a, high_a, low_b, high_b) -> np.ndarray:
-    """Pairs (k, 2) of boxes (n, d) that meet, by a uniform grid."""
+def overlapping_boxes(low_a: np.ndarray, high_a: np.ndarray, low_b: np.ndarray, high_b: np.ndarray) -> np.ndarray:
+    """Pairs (k, 2) of boxes that meet, the first of a, the second of b, by a uniform grid; corners are (n, d) [m]."""
     none = np.empty((0, 2), dtype=np.int64)
     if len(low_a) == 0 or len(low_b) == 0:
         return none
@@ -47,7 +46,7 @@ def overlapping_boxes(low_a, high_a, low_b, high_b) -> np.ndarray:
     extents = np.concatenate([(high_a - low_a)[keep_a].max(1), (high_b - low_b)[keep_b].max(1)])
     size = max(float(np.quantile(extents, 0.75)), float((high - low).max()) / 500, 1e-300)
     boxes = np.concatenate([low_a[keep_a], low_b[keep_b]]), np.concatenate([high_a[keep_a], high_b[keep_b]])
-    while _entries(*boxes, low, high, size) > ENTRIES * len(extents):
+    while _entries(*boxes, low, high, size) > CELLS_PER_BOX * len(extents):
         size *= 2.0  # long needles among short edges
     counts = np.floor((high - low) / size).astype(np.int64) + 1
 
@@ -171,8 +170,8 @@ def _coplanar_meet(p, q, a, b, c) -> bool:
 # ------------------------------------------------------------------------------------------------------------
 
 
-def crossing_segments(points, edges, moves) -> list[tuple]:
-    """Pairs of 2D segments (their vertices) that meet."""
+def crossing_segments(points: np.ndarray, edges: np.ndarray, moves: np.ndarray) -> list[tuple[int, ...]]:
+    """Pairs of 2D segments that meet, as their four vertices; of each pair at least one vertex `moves` (n,) bool."""
     pairs = _candidates(points, edges, edges, moves)
     pairs = pairs[pairs[:, 0] < pairs[:, 1]]
     p, q, r, s = (points[edges[pairs[:, i], k]] for i in (0, 1) for k in (0, 1))
@@ -185,8 +184,10 @@ def crossing_segments(points, edges, moves) -> list[tuple]:
     return [(*map(int, edges[i]), *map(int, edges[j])) for i, j in pairs[meet]]
 
 
-def crossing_edges(points, edges, faces, moves) -> list[tuple]:
-    """Edges and triangles (their vertices) that meet."""
+def crossing_edges(
+    points: np.ndarray, edges: np.ndarray, faces: np.ndarray, moves: np.ndarray
+) -> list[tuple[int, ...]]:
+    """Edges and triangles that meet, as their five vertices; `moves` as for `crossing_segments`."""
     pairs = _candidates(points, edges, faces, moves)
     above = _orientation(*(points[faces[pairs[:, 1], k]] for k in range(3)), points[edges[pairs[:, 0], 0]])
     below = _orientation(*(points[faces[pairs[:, 1], k]] for k in range(3)), points[edges[pairs[:, 0], 1]])
@@ -231,28 +232,40 @@ def _separated(p, q, a, b, c) -> np.ndarray:
 # ------------------------------------------------------------------------------------------------------------------
 
 
-def boundary(cells) -> np.ndarray:
-    """Facets (k, d) that belong to one cell only."""
+def boundary(cells: np.ndarray) -> np.ndarray:
+    """Facets (k, d) that belong to one cell (m, d + 1) only."""
     facets = np.concatenate([np.delete(cells, k, axis=1) for k in range(cells.shape[1])])
     facets, counts = np.unique(np.sort(facets, axis=1), axis=0, return_counts=True)
     return facets[counts == 1]
 
 
-def edges_of(facets) -> np.ndarray:
-    """Their edges (e, 2), once each."""
+def edges_of(facets: np.ndarray) -> np.ndarray:
+    """Edges (e, 2) of segments or triangles (k, d), once each."""
     if facets.shape[1] == 2:
         return facets
     return np.unique(np.sort(np.concatenate([facets[:, [0, 1]], facets[:, [1, 2]], facets[:, [2, 0]]]), axis=1), axis=0)
 
 
-def measures(points, cells) -> np.ndarray:
-    """Signed volumes, up to a factor."""
+def signed_volumes(points: np.ndarray, cells: np.ndarray) -> np.ndarray:
+    """(m,) signed volumes of cells (m, d + 1), times d!."""
     return np.linalg.det(points[cells[:, 1:]] - points[cells[:, :1]])
 
 
-def crossings(points, facets, solids=()) -> list[tuple]:
-    """Crossings of a level's boundary with itself and with obstacles, a sequence of (vertices, facets); vertices
-    numbered on.
+def crossings(
+    points: np.ndarray, facets: np.ndarray, solids: Sequence[tuple[np.ndarray, np.ndarray]] = ()
+) -> list[tuple[tuple[str, int], ...]]:
+    """Crossings of a level's boundary with itself and with obstacles.
+
+    Parameters
+    ----------
+    points : (n, d) [m]
+    facets : (k, d)
+    solids : (vertices, facets) of each obstacle
+
+    Returns
+    -------
+    list
+        For each crossing its vertices, as ("vertex", number) or ("obstacle <i>", number).
     """
     used, facets = np.unique(facets, return_inverse=True)
     facets = facets.reshape(-1, points.shape[1])
@@ -272,22 +285,52 @@ def crossings(points, facets, solids=()) -> list[tuple]:
     return [tuple(names[v] for v in one) for one in found]
 
 
-class Level:
-    """What is found at one level: problems, and the extremes."""
+class LevelFindings:
+    """The findings at one level.
+
+    Attributes
+    ----------
+    index : the level
+    problems : list of str, one line each
+    steps : states checked
+    crossings : pairs of primitives that meet, in all states
+    smallest_gap : of a vertex above a plane [m]
+    smallest_det : of a cell's deformation gradient
+    """
 
     def __init__(self, index: int):
-        self.index, self.problems = index, []
+        self.index = index
+        self.problems: list[str] = []
         self.steps, self.crossings, self.smallest_gap, self.smallest_det = 0, 0, np.inf, np.inf
 
-    def told(self) -> str:
+    def summary(self) -> str:
+        """One line: states, extremes and intersections."""
         return (
             f"level {self.index}: {self.steps} states, smallest plane gap {self.smallest_gap:.3g} m, smallest det F"
             f" {self.smallest_det:.3g}, {self.crossings} intersections"
         )
 
 
-def check_state(found: Level, step: int, rest, cells, facets, positions, planes=(), solids=()) -> None:
-    """Adds one state to what is found; planes are (name, point, normal), solids (vertices, facets)."""
+def check_state(
+    found: LevelFindings,
+    step: int,
+    rest: np.ndarray,
+    cells: np.ndarray,
+    facets: np.ndarray,
+    positions: np.ndarray,
+    planes: Sequence[tuple[str, np.ndarray, np.ndarray]] = (),
+    solids: Sequence[tuple[np.ndarray, np.ndarray]] = (),
+) -> None:
+    """Check one state and add its findings to `found`.
+
+    Parameters
+    ----------
+    rest, positions : (n, d) [m]
+    cells : (m, d + 1)
+    facets : (k, d), the boundary
+    planes : (name, point, normal) of each plane
+    solids : (vertices, facets) of each other obstacle
+    """
     where = f"level {found.index} step {step}"
     found.steps += 1
     if positions.shape != rest.shape or not np.isfinite(positions).all():
@@ -302,28 +345,32 @@ def check_state(found: Level, step: int, rest, cells, facets, positions, planes=
                 f"{where}: {len(below)} vertices not above plane {name!r}, the worst {height.argmin()} by"
                 f" {height.min():.3g} m"
             )
-    ratio = measures(positions, cells) / measures(rest, cells)
+    ratio = signed_volumes(positions, cells) / signed_volumes(rest, cells)
     found.smallest_det = min(found.smallest_det, float(ratio.min()))
     inverted = np.flatnonzero(~(ratio > 0))
     if len(inverted):
         found.problems.append(
-            f"{where}: {len(inverted)} inverted or flat cells, {inverted[:SHOWN].tolist()}, det F {ratio.min():.3g}"
+            f"{where}: {len(inverted)} inverted or flat cells, {inverted[:LISTED_PRIMITIVES].tolist()},"
+            f" det F {ratio.min():.3g}"
         )
     pairs = crossings(positions, facets, solids)
     found.crossings += len(pairs)
     if pairs:
-        told = "; ".join(" ".join(f"{kind} {v}" for kind, v in pair) for pair in pairs[:SHOWN])
-        found.problems.append(f"{where}: {len(pairs)} intersections: {told}")
+        named = "; ".join(" ".join(f"{kind} {v}" for kind, v in pair) for pair in pairs[:LISTED_PRIMITIVES])
+        found.problems.append(f"{where}: {len(pairs)} intersections: {named}")
 
 
-def check_levels(path, every: int = 1) -> Iterator[Level]:
-    """What is found at each level of a run folder, in its last state and each `every`-th from the first."""
-    from pdvol.errors import InputError
-    from pdvol.store.reader import open_run
+def check_levels(path: str | Path, every: int = 1) -> Iterator[LevelFindings]:
+    """The findings at each level of a run folder, in every `every`-th state from the first on and in the last one.
 
+    Raises
+    ------
+    InputError
+        The folder is no run, or a file that all states need is damaged; a damaged state is a finding.
+    """
     run = open_run(path)
     for level in run.levels:
-        found = Level(level.index)
+        found = LevelFindings(level.index)
         rest, cells = level.rest, level.cells
         facets = boundary(cells)
         states = level.steps
@@ -346,34 +393,6 @@ def check_levels(path, every: int = 1) -> Iterator[Level]:
         yield found
 
 
-def verify(path) -> list[str]:
-    """Everything wrong with a run folder, in words; empty when all is well."""
+def verify_run(path: str | Path) -> list[str]:
+    """Everything wrong with a run folder, in words; empty where all states are sound. Raises as `check_levels`."""
     return [problem for level in check_levels(path) for problem in level.problems]
-
-
-def main(paths, every: int = 1) -> int:
-    from pdvol.errors import InputError
-
-    wrong = False
-    for path in paths:
-        print(path)
-        try:
-            for level in check_levels(Path(path), every):
-                print(f"  {level.told()}", flush=True)
-                for problem in level.problems[:SHOWN]:
-                    print(f"    {problem}")
-                if len(level.problems) > SHOWN:
-                    print(f"    and {len(level.problems) - SHOWN} more")
-                wrong = wrong or bool(level.problems)
-        except InputError as error:
-            print(f"  {error}")
-            wrong = True
-    return int(wrong)
-
-
-if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("runs", nargs="+", metavar="RUN")
-    parser.add_argument("--every", type=int, default=1, metavar="N", help="look at every N-th state and the last one")
-    options = parser.parse_args()
-    sys.exit(main(options.runs, max(options.every, 1)))
