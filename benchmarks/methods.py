@@ -20,8 +20,9 @@ from report import number, table
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
 import verify_run
 
-from pdvol import PdvolError, open_run, run_scene
+from pdvol import PdvolError, open_run
 from pdvol.commands.measuring import measure
+from pdvol.runs.runner import run_scene
 from pdvol.runs.scene_file import load_shot
 from pdvol.store.files import write_json
 

@@ -14,6 +14,7 @@ import verify_run
 import pdvol
 from pdvol.levels.initial_state import check_start
 from pdvol.meshing.build import build_levels, read_obstacle
+from pdvol.runs.runner import run_scene
 from pdvol.runs.scene_file import load_shot
 from pdvol.scene import Rigid
 
@@ -55,7 +56,7 @@ def test_the_mats_are_of_the_papers_sizes():
 @pytest.mark.parametrize("name", stress_scenes.PAIRS)
 def test_erlebens_pairs_come_to_touch(tmp_path, name):
     out, deep = tmp_path / "run", name.endswith(("crack", "hole"))  # 0.65 m down
-    pdvol.run_scene(load_shot(FILE, {"name": f"erleben_{name}"}, 90 if deep else 30), out)
+    run_scene(load_shot(FILE, {"name": f"erleben_{name}"}, 90 if deep else 30), out)
     assert verify_run.verify(out) == []
     assert max(json.loads(line)["contacts"] for line in (out / "log.jsonl").read_text().splitlines()) > 0
 
@@ -63,7 +64,7 @@ def test_erlebens_pairs_come_to_touch(tmp_path, name):
 def test_the_arch_stands(tmp_path):
     """Friction holds it: after a tenth of a second its stones have hardly moved, and have not gathered speed."""
     out = tmp_path / "run"
-    pdvol.run_scene(load_shot(FILE, {"name": "masonry_arch"}, 10), out)
+    run_scene(load_shot(FILE, {"name": "masonry_arch"}, 10), out)
     assert verify_run.verify(out) == []
     (level,) = pdvol.open_run(out).levels
     assert np.abs(level.positions(10) - level.rest).max() < 1e-3
