@@ -57,6 +57,7 @@ _HOMES = {
     "pdvol.store.reader": ("open_run",),
     "pdvol.runs.api": ("run",),
     "pdvol.draw.image": ("picture",),
+    "pdvol.runs.own_energy": ("Contact",),
     "pdvol.cli": ("main",),
 }
 _PACKAGES = ("meshes", "forms")
