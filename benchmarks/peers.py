@@ -2,7 +2,7 @@
 
     ./run python benchmarks/peers.py [--scenes small,blocks] [--ranks 1,2] [--peers ../shared/peers] [--out runs/peers]
 
-Every scene runs through `pdvol.run_scene` in a process of its own (two with two ranks), into a folder that is removed
+Every scene runs through `run_scene` in a process of its own (two with two ranks), into a folder that is removed
 again. A scene that fails is reported with its reason, and the others go on. Exit code 0 when all went well, 1 when a
 scene failed or is not sound, 2 for a mistake.
 """

@@ -12,6 +12,7 @@ from pathlib import Path
 from mpi4py import MPI
 
 import pdvol
+from pdvol.runs.runner import run_scene
 from pdvol.runs.scene_file import load_shot
 
 SCENE_FILE = Path(__file__).with_name("peer_scenes.py")
@@ -48,7 +49,7 @@ def main(name: str, peers: str, out: str, steps: str = "") -> int:
     comm, clocks, begin = MPI.COMM_WORLD, {}, time.perf_counter()
     try:
         shot = load_shot(SCENE_FILE, {"name": name, "peers": peers}, int(steps) if steps else None)
-        pdvol.run_scene(shot, out, progress=lambda level, total, done: clocks.setdefault(level, Clock()))
+        run_scene(shot, out, progress=lambda level, total, done: clocks.setdefault(level, Clock()))
         reason = ""
     except pdvol.PdvolError as error:  # raised on every rank
         reason = str(error)

@@ -12,8 +12,8 @@ from pathlib import Path
 
 from run_one import peak_memory
 
-import pdvol
 from pdvol.errors import ConvergenceError, InputError
+from pdvol.runs.runner import run_scene
 from pdvol.runs.scene_file import load_shot
 
 
@@ -44,7 +44,7 @@ def main(file: str, name: str, out: str, seconds: str, seed: str = "") -> int:
     told, kind = "", "done"
     try:
         shot = load_shot(file, {"name": name, **({"seed": int(seed)} if seed else {})})
-        pdvol.run_scene(shot, out, progress=lambda level, total, done: timer)
+        run_scene(shot, out, progress=lambda level, total, done: timer)
     except TimeUp:
         kind = "time"
     except (ConvergenceError, InputError) as error:

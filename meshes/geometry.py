@@ -16,6 +16,9 @@ class Outline:
 
     points: np.ndarray
 
+    def __repr__(self) -> str:
+        return f"Outline(points={np.shape(self.points)})"
+
 
 @dataclass(frozen=True, eq=False)
 class Surface:
@@ -29,6 +32,9 @@ class Surface:
 
     vertices: np.ndarray
     triangles: np.ndarray
+
+    def __repr__(self) -> str:
+        return f"Surface(vertices={np.shape(self.vertices)}, triangles={np.shape(self.triangles)})"
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,3 +52,6 @@ class Solid:
     vertices: np.ndarray
     cells: np.ndarray
     regions: np.ndarray
+
+    def __repr__(self) -> str:
+        return f"Solid(vertices={np.shape(self.vertices)}, cells={np.shape(self.cells)})"

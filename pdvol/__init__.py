@@ -6,6 +6,7 @@ finite elements.
 
 import os
 from importlib import import_module
+from typing import Any
 
 from pdvol.errors import (
     ConvergenceError,
@@ -54,14 +55,19 @@ _HOMES = {
     ),
     "pdvol.meshes": ("Outline", "Solid", "Surface"),
     "pdvol.store.reader": ("open_run",),
-    "pdvol.runs.runner": ("run_scene", "refine_run"),
+    "pdvol.runs.api": ("run",),
+    "pdvol.draw.image": ("picture",),
+    "pdvol.runs.own_energy": ("Contact",),
     "pdvol.cli": ("main",),
 }
+_PACKAGES = ("meshes", "forms")
+"""Public as packages: shape recipes and energies in UFL."""
 _HOME = {name: module for module, names in _HOMES.items() for name in names}
 
 __all__ = sorted(
     [
         *_HOME,
+        *_PACKAGES,
         "ConvergenceError",
         "InputError",
         "IntersectionError",
@@ -73,7 +79,13 @@ __all__ = sorted(
 )
 
 
-def __getattr__(name: str):
-    if name not in _HOME:
-        raise AttributeError(f"module 'pdvol' has no attribute {name!r}")
-    return getattr(import_module(_HOME[name]), name)
+def __getattr__(name: str) -> Any:
+    if name in _HOME:
+        return getattr(import_module(_HOME[name]), name)
+    if name in _PACKAGES:
+        return import_module(f"pdvol.{name}")
+    raise AttributeError(f"module 'pdvol' has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return [*__all__, "__version__", "__doc__", "__file__", "__name__", "__path__"]

@@ -2,6 +2,8 @@
 (exit code 1).
 """
 
+from collections.abc import Iterable, Sequence
+
 
 class PdvolError(Exception):
     """Any error pdvol raises on purpose."""
@@ -18,7 +20,7 @@ class MeshError(InputError):
 class InvertedCellError(MeshError):
     """Cells of non-positive volume at rest. `cells` are their indices in the input."""
 
-    def __init__(self, message: str, cells=()):
+    def __init__(self, message: str, cells: Iterable[int] = ()):
         super().__init__(message)
         self.cells = tuple(int(c) for c in cells)
 
@@ -34,7 +36,14 @@ class IntersectionError(InputError):
     push : (d,) unit vector along which the first body leaves the other party, None for a body that meets itself
     """
 
-    def __init__(self, message: str, pairs=(), level: int = 0, bodies=(), push=None):
+    def __init__(
+        self,
+        message: str,
+        pairs: Iterable = (),
+        level: int = 0,
+        bodies: Iterable[int] = (),
+        push: Sequence[float] | None = None,
+    ):
         super().__init__(message)
         self.pairs, self.level, self.bodies, self.push = tuple(pairs), level, tuple(int(b) for b in bodies), push
 
@@ -56,5 +65,5 @@ class ConvergenceError(SimulationError):
         super().__init__(f"level {level}, step {step}: {reason}")
         self.level, self.step, self.reason = level, step, reason
 
-    def __reduce__(self):  # errors travel between processes
+    def __reduce__(self) -> tuple:  # errors travel between processes
         return type(self), (self.level, self.step, self.reason)

@@ -27,6 +27,9 @@ class LevelMesh:
     bodies: np.ndarray
     regions: np.ndarray
 
+    def __repr__(self) -> str:
+        return f"LevelMesh(points={self.points.shape}, cells={self.cells.shape}, bodies={len(np.unique(self.bodies))})"
+
     @property
     def dim(self) -> int:
         return self.points.shape[1]

@@ -4,9 +4,12 @@ import numpy as np
 from dolfinx import fem, la
 from mpi4py import MPI
 from petsc4py import PETSc
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 
 from pdvol import compat
-from pdvol.geometry.level_mesh import LevelMesh
+from pdvol.errors import InputError
+from pdvol.geometry.level_mesh import LevelMesh, simplex_volumes
 from pdvol.levels.partition import shared_bodies
 
 
@@ -35,21 +38,42 @@ class LevelSpace:
     """
 
     def __init__(self, mesh: LevelMesh, comm: MPI.Comm):
-        self.mesh, self.comm = mesh, comm
         several = comm.size > 1 and mesh.bodies.max() > 0
-        self.domain = compat.create_mesh(
-            comm, mesh.points, mesh.cells, shared_bodies(mesh, comm.size) if several else None
-        )
-        self.V = fem.functionspace(self.domain, ("Lagrange", 1, (mesh.dim,)))
-        index_map = self.V.dofmap.index_map
+        domain = compat.create_mesh(comm, mesh.points, mesh.cells, shared_bodies(mesh, comm.size) if several else None)
+        V = fem.functionspace(domain, ("Lagrange", 1, (mesh.dim,)))
+        points = _of_blocks(V, np.asarray(domain.geometry.input_global_indices))
+        self._number(mesh, V, points[: V.dofmap.index_map.size_local])
+
+    @classmethod
+    def of(cls, V: fem.FunctionSpace) -> "LevelSpace":
+        """The space of a user's own function space, whose numbering and distribution it keeps. Collective.
+
+        Points and cells of `mesh` are in the order of the arrays that the dolfinx mesh was made from, which does not
+        depend on the number of ranks. Connected parts of the mesh are its bodies, in the order of their first points.
+
+        Parameters
+        ----------
+        V : dolfinx.fem.FunctionSpace
+            Vector P1 on straight triangles (2D) or tetrahedra (3D), with as many components as dimensions.
+
+        Raises
+        ------
+        InputError
+            It is another kind of space. On all ranks, before any communication.
+        """
+        _require_vector_p1(V)
+        space = cls.__new__(cls)
+        space._number(*_replicated(V))
+        return space
+
+    def _number(self, mesh: LevelMesh, V: fem.FunctionSpace, owned_points: np.ndarray) -> None:
+        self.mesh, self.V, self.domain, self.comm = mesh, V, V.mesh, V.mesh.comm
+        index_map = V.dofmap.index_map
         self.n_owned = index_map.size_local
         self.first_block = int(index_map.local_range[0])
-        points = np.empty(self.n_owned + index_map.num_ghosts, dtype=np.int64)
-        geometry = self.domain.geometry
-        points[self.V.dofmap.list] = np.asarray(geometry.input_global_indices)[compat.geometry_dofmap(self.domain)]
-        self.owned_points = points[: self.n_owned]
-        self._global_order = np.concatenate(comm.allgather(self.owned_points))
-        self._counts = np.array(comm.allgather(self.n_owned * mesh.dim))
+        self.owned_points = owned_points
+        self._global_order = np.concatenate(self.comm.allgather(self.owned_points))
+        self._counts = np.array(self.comm.allgather(self.n_owned * mesh.dim))
         self.point_blocks = np.empty(len(mesh.points), dtype=np.int64)
         self.point_blocks[self._global_order] = np.arange(len(mesh.points))
         self._find_near_cells()
@@ -77,6 +101,7 @@ class LevelSpace:
 
     @property
     def dim(self) -> int:
+        """2 or 3."""
         return self.mesh.dim
 
     @property
@@ -112,3 +137,65 @@ class LevelSpace:
         self._halo.array[: owned.size] = owned.ravel()
         self._halo.scatter_forward()
         return self._halo.array.reshape(-1, self.dim).copy()
+
+
+def _of_blocks(V: fem.FunctionSpace, values: np.ndarray) -> np.ndarray:
+    """Values of geometry nodes (k, ...) for the blocks of P1 on this rank, owned ones first."""
+    index_map = V.dofmap.index_map
+    found = np.empty((index_map.size_local + index_map.num_ghosts, *values.shape[1:]), dtype=values.dtype)
+    found[V.dofmap.list] = values[compat.geometry_dofmap(V.mesh)]
+    return found
+
+
+def _require_vector_p1(V: fem.FunctionSpace) -> None:
+    """InputError unless V is vector P1 on straight simplices."""
+    domain, element = V.mesh, V.ufl_element()
+    cell, d = domain.topology.cell_name(), domain.topology.dim
+    if cell not in ("triangle", "tetrahedron") or domain.geometry.dim != d:
+        raise InputError(
+            f"contact needs a mesh of triangles in 2D or of tetrahedra in 3D, not of {cell}s in {domain.geometry.dim}D"
+        )
+    if len(compat.geometry_dofmap(domain)) and compat.geometry_dofmap(domain).shape[1] != d + 1:
+        raise InputError("contact needs straight cells; make the mesh with a geometry of degree 1")
+    plain = element.family_name == "P" and element.degree == 1 and not element.discontinuous
+    if not plain or V.dofmap.bs != d:
+        raise InputError(f'contact needs displacements in ("Lagrange", 1, ({d},)), not in {element}')
+
+
+def _replicated(V: fem.FunctionSpace) -> tuple[LevelMesh, fem.FunctionSpace, np.ndarray]:
+    """The whole mesh of V on every rank, V, and the point (n_owned,) of each owned block. Collective."""
+    domain, d, index_map = V.mesh, V.mesh.topology.dim, V.dofmap.index_map
+    n = index_map.size_local
+    together = lambda values: np.concatenate(domain.comm.allgather(np.ascontiguousarray(values)))
+    rest = together(_of_blocks(V, domain.geometry.x[:, :d])[:n])
+    place = _ranks_of(together(_of_blocks(V, np.asarray(domain.geometry.input_global_indices))[:n]))
+    points = np.empty_like(rest, dtype=np.float64)
+    points[place] = rest
+    own = domain.topology.index_map(d).size_local
+    numbers = np.asarray(domain.topology.original_cell_index)
+    if len(numbers) < own:  # a submesh has none
+        numbers = domain.topology.index_map(d).local_range[0] + np.arange(own)
+    blocks = index_map.local_to_global(V.dofmap.list[:own].ravel().astype(np.int32)).reshape(-1, d + 1)
+    cells = np.empty((domain.topology.index_map(d).size_global, d + 1), dtype=np.int64)
+    # Corners in a row, so that nothing depends on how dolfinx turned a cell; then the last two so that it is positive.
+    cells[_ranks_of(together(numbers[:own]))] = np.sort(place[together(blocks)], axis=1)
+    turned = simplex_volumes(points, cells) < 0.0
+    cells[turned, -2:] = cells[turned, :-3:-1]
+    mesh = LevelMesh(points, cells, _parts(cells, len(points)), np.zeros(len(cells), dtype=np.int32))
+    first = int(index_map.local_range[0])
+    return mesh, V, place[first : first + n]
+
+
+def _ranks_of(indices: np.ndarray) -> np.ndarray:
+    """(k,) int64: how many of the indices (k,) are smaller than each; their own order where some are alike."""
+    order = np.argsort(indices, kind="stable")
+    ranks = np.empty(len(indices), dtype=np.int64)
+    ranks[order] = np.arange(len(indices))
+    return ranks
+
+
+def _parts(cells: np.ndarray, count: int) -> np.ndarray:
+    """(m,) int32: the connected part of each cell, numbered by first points."""
+    ends = np.repeat(cells[:, 0], cells.shape[1] - 1), cells[:, 1:].ravel()
+    part = connected_components(coo_array((np.ones(len(ends[0])), ends), shape=(count, count)), directed=False)[1]
+    return np.unique(part, return_index=True)[1].argsort().argsort()[part].astype(np.int32)[cells[:, 0]]

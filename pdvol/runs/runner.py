@@ -6,6 +6,7 @@ import platform
 from collections.abc import Sequence
 from importlib.metadata import version
 from pathlib import Path
+from typing import Any
 
 from mpi4py import MPI
 
@@ -20,7 +21,7 @@ from pdvol.levels.separation import build_apart
 from pdvol.parallel import on_root
 from pdvol.registry import INTERPOLANTS, METHODS
 from pdvol.runs.level_run import Watch, run_level
-from pdvol.runs.scene_file import Shot, load_shot, stored_settings
+from pdvol.runs.scene_file import Shot, load_shot, stored_file, stored_settings
 from pdvol.runs.shared_writer import Export, SharedWriter
 from pdvol.runs.wavefront import march_levels
 from pdvol.scene import Gravity, Scene
@@ -51,6 +52,7 @@ def run_scene(
     Parameters
     ----------
     shot : Shot
+        From a file (`load_shot`), or made in memory.
     out : run folder: a new one, or with `resume` (or `first` > 0) one of the same scene, of which finished steps are
         kept
     first, last : levels, both included; the finest when `last` is None
@@ -73,6 +75,8 @@ def run_scene(
     scene, out = shot.scene, Path(out)
     last = scene.levels - 1 if last is None else last
     _check_request(scene, out, first, last, method, prolongation, resume or first > 0)
+    if wavefront and shot.file is None:
+        raise InputError("levels side by side need a scene file, which their processes load; save the scene as one")
     if wavefront and comm.size > 1:
         raise InputError(
             "--wavefront starts a process per level; leave out mpirun, or run the levels one after the other"
@@ -106,12 +110,12 @@ def refine_run(
     Parameters as for `run_scene`.
     """
     info = on_root(comm, lambda: _scene_info(out))
-    if not Path(info["scene_file"]).is_file():
-        raise InputError(
-            f"{out}: its scene file {info['scene_file']} is gone; put it back, or use pdvol run --resume with another"
-            " path"
-        )
-    shot = load_shot(info["scene_file"], stored_settings(info["parameters"]), info["steps"])
+    try:
+        file = stored_file(info)
+    except InputError as error:
+        mend = "; put it back, or use pdvol run --resume with another path" if info["scene_file"] else ""
+        raise InputError(f"{out}: {error}{mend}") from error
+    shot = load_shot(file, stored_settings(info["parameters"]), info["steps"])
     return run_scene(shot, out, 0, last, info["method"], info["prolongation"], True, comm, progress, wavefront)
 
 
@@ -125,7 +129,7 @@ def _check_request(scene: Scene, out: Path, first: int, last: int, method: str, 
     METHODS.check(method)
     INTERPOLANTS.check(prolongation)
     if method == "tracks" and scene.penalty.weight == 0.0:
-        raise InputError("the method tracks needs a weight above zero, as in --set weight=0.1")
+        raise InputError("the method tracks needs a weight above zero, as in Penalty(weight=0.1) or --set weight=0.1")
     if scene.integrator != "implicit_euler" and method != "direct" and last > 0:
         raise InputError(
             f"the method {method} needs integrator=implicit_euler; {scene.integrator} goes with --method direct"
@@ -134,10 +138,12 @@ def _check_request(scene: Scene, out: Path, first: int, last: int, method: str, 
         raise InputError(f"levels {first}:{last} do not exist; the scene has levels 0:{scene.levels - 1}")
     exists = holds_run(out)
     if exists and not go_on:
-        raise InputError(f"{out} already holds a run; go on with it by --resume, or choose another folder with --out")
+        raise InputError(
+            f"{out} already holds a run; go on with it by --resume (resume=True), or choose another folder"
+        )
     if first > 0 and not exists:
         raise InputError(
-            f"level {first} is refined from level {first - 1}, and {out} holds no run yet; begin with --levels 0:{last}"
+            f"level {first} is refined from level {first - 1}, and {out} holds no run yet; begin with levels 0:{last}"
         )
 
 
@@ -156,13 +162,14 @@ def _prepare(
         stored = [level.mesh for level in run.levels[: _same_levels(run, shot, last, method, prolongation)]]
     geometry = read_geometry(scene)
     obstacles = scene_obstacles(scene, geometry)
-    meshes, mended = stored, []
+    meshes: Sequence[LevelMesh] = stored
+    mended: list[str] = []
     if len(stored) <= last:
         built, mended = build_apart(scene, last + 1, obstacles)
         if stored and mended != run.info.get("mended", []):
             raise InputError(
                 f"{out}: with the levels as they are now, bodies are set apart otherwise than in the stored ones; "
-                "choose another folder with --out"
+                "choose another folder"
             )
         meshes = [*stored, *built[len(stored) :]]
     for level, mesh in enumerate(meshes):
@@ -182,25 +189,20 @@ def _same_levels(run: Run, shot: Shot, last: int, method: str, prolongation: str
     require_scene(run.path, run.info)
     for name, now in (("method", method), ("prolongation", prolongation)):
         if run.info[name] != now:
-            raise InputError(
-                f"{run.path} was run with {name} {run.info[name]!r}, not {now!r}; choose another folder with --out"
-            )
+            raise InputError(f"{run.path} was run with {name} {run.info[name]!r}, not {now!r}; choose another folder")
     changed, same, levels_changed = differences_by_level(run.info["description"], shot.description())
     changed += [] if same else levels_changed
     if changed:
         more = f"; and {len(changed) - TOLD} more" if len(changed) > TOLD else ""
-        raise InputError(
-            f"{run.path} holds another scene ({'; '.join(changed[:TOLD])}{more}); choose another folder with --out"
-        )
+        raise InputError(f"{run.path} holds another scene ({'; '.join(changed[:TOLD])}{more}); choose another folder")
     if len(run.levels) > shot.scene.levels:
         raise InputError(
             f"{run.path} holds {len(run.levels)} levels, the scene has {shot.scene.levels} now; choose another folder"
-            " with --out"
         )
     if same < len(run.levels) and last < len(run.levels) - 1:
         raise InputError(
             f"{run.path}: levels from {same} on have changed ({'; '.join(levels_changed[:TOLD])}); "
-            f"simulate them anew with levels up to {len(run.levels) - 1}, or choose another folder with --out"
+            f"simulate them anew with levels up to {len(run.levels) - 1}, or choose another folder"
         )
     return min(same, len(run.levels))
 
@@ -208,9 +210,9 @@ def _same_levels(run: Run, shot: Shot, last: int, method: str, prolongation: str
 def _open_writer(
     shot: Shot,
     out: Path,
-    meshes,
+    meshes: Sequence[LevelMesh],
     kept: int,
-    obstacles,
+    obstacles: Sequence[tuple],
     diagonal: float,
     method: str,
     prolongation: str,
@@ -227,12 +229,11 @@ def _open_writer(
         for level in range(len(writer.info["levels"]), len(meshes)):
             writer.add_level(meshes[level], velocities[level])
         description = shot.description()
-        changed = (
-            {}
-            if writer.info["description"] == jsonable(description)
-            else {"parameters": dict(shot.parameters), "description": description}
-        )
-        writer.update_info(steps=scene.steps, scene_file=str(shot.file), **changed)
+        same = writer.info["description"] == jsonable(description)
+        changed: dict[str, Any] = {} if same else {"parameters": dict(shot.parameters), "description": description}
+        if shot.file is not None or not same:  # the file that made the stored scene goes on to make it
+            changed["scene_file"] = _file(shot)
+        writer.update_info(steps=scene.steps, **changed)
     else:
         up = _up(scene)
         info = {
@@ -241,7 +242,7 @@ def _open_writer(
             "steps": scene.steps,
             "method": method,
             "prolongation": prolongation,
-            "scene_file": str(shot.file),
+            "scene_file": _file(shot),
             "parameters": dict(shot.parameters),
             "description": shot.description(),
             "diagonal": diagonal,
@@ -252,6 +253,11 @@ def _open_writer(
         writer = RunWriter.create(out, info, meshes, [body.name for body in scene.bodies], velocities)
     writer.write_obstacles(drawn)
     return writer
+
+
+def _file(shot: Shot) -> str:
+    """The scene file's path, empty for a scene made in memory."""
+    return "" if shot.file is None else str(shot.file)
 
 
 def _up(scene: Scene) -> list[float] | None:

@@ -7,6 +7,7 @@ import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 from pdvol.errors import InputError, PdvolError
 from pdvol.registry import INTEGRATORS
@@ -14,26 +15,28 @@ from pdvol.scene import Relative, Scene
 from pdvol.scene.fingerprint import describe
 from pdvol.scene.scene import SETTINGS
 
+IN_MEMORY = "the run was made from a scene in memory; pass the scene again: pdvol.run(scene, out, resume=True)"
+
 
 @dataclass(frozen=True)
 class Shot:
-    """A scene as its file made it.
+    """A scene and where it came from.
 
     Attributes
     ----------
-    file : the scene file
+    file : the scene file; None for a scene made in memory
     parameters : what `--set` gave, by name
     scene : Scene
     """
 
-    file: Path
+    file: Path | None
     parameters: Mapping
     scene: Scene
 
     @property
     def name(self) -> str:
-        """The file's name without its ending."""
-        return self.file.stem
+        """The file's name without its ending; the scene's own name where there is no file."""
+        return self.scene.name if self.file is None else self.file.stem
 
     def description(self) -> dict:
         """The scene as JSON, without how long it runs: a longer run of the same scene is the same scene."""
@@ -54,7 +57,7 @@ def parse_settings(words: Sequence[str]) -> dict:
     return settings
 
 
-def _value(text: str):
+def _value(text: str) -> Any:
     """A Python literal, `Relative(1e-3)`, or the text itself."""
     relative = re.fullmatch(r"Relative\((.+)\)", text.strip())
     try:
@@ -70,6 +73,22 @@ def stored_settings(parameters: Mapping) -> dict:
         name: Relative(value["fraction"]) if isinstance(value, dict) and set(value) == {"fraction"} else value
         for name, value in parameters.items()
     }
+
+
+def stored_file(info: Mapping) -> Path:
+    """The scene file that `run.json` names.
+
+    Raises
+    ------
+    InputError
+        The run was made from a scene in memory, or its file is gone.
+    """
+    file = info.get("scene_file", "")
+    if not file:
+        raise InputError(IN_MEMORY)
+    if not Path(file).is_file():
+        raise InputError(f"its scene file {file} is gone")
+    return Path(file)
 
 
 def load_shot(file: str | Path, settings: Mapping | None = None, steps: int | None = None) -> Shot:

@@ -1,15 +1,16 @@
 """A run's writer for all ranks: one of them writes, and keeps level_N.xdmf up to date."""
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from mpi4py import MPI
 
 from pdvol.errors import SimulationError
-from pdvol.export.series import nothing_more
+from pdvol.export.series import StepFields, nothing_more
 from pdvol.export.xdmf import write_xdmf
 from pdvol.parallel import on_root
 from pdvol.runs.stored_fields import SceneFields
@@ -28,7 +29,7 @@ class Export:
     by rank 0.
     """
 
-    def __init__(self, path: Path, scene: Scene, obstacles):
+    def __init__(self, path: Path, scene: Scene, obstacles: Sequence[tuple[np.ndarray, np.ndarray, np.ndarray]]):
         self._path, self._scene, self._obstacles = path, scene, obstacles
         self._next: dict[int, float] = {}
 
@@ -36,7 +37,7 @@ class Export:
         """Writes one level's, as far as it is."""
         begin, run = time.monotonic(), open_run(self._path)
         try:
-            more = SceneFields(self._scene, run, level, self._obstacles)
+            more: Callable[[int], StepFields] = SceneFields(self._scene, run, level, self._obstacles)
         except (
             ValueError,
             RuntimeError,
@@ -57,7 +58,8 @@ class SharedWriter:
     """The run's writer on rank 0, called by all ranks together; its errors are everybody's."""
 
     def __init__(self, comm: MPI.Comm, open_writer: Callable[[], RunWriter], export: Export):
-        self.comm, self._writer, self._export = comm, None, export
+        self.comm, self._export = comm, export
+        self._writer: Any = None  # a RunWriter on rank 0
 
         def take() -> None:
             self._writer = open_writer()
@@ -69,12 +71,12 @@ class SharedWriter:
         """The run folder; on rank 0."""
         return self._writer.path
 
-    def call(self, name: str, *arguments, **details):
+    def call(self, name: str, *arguments: Any, **details: Any) -> Any:
         """The result of one of the writer's methods, on every rank; a state that was stored is shown in level_N.xdmf,
         too, if it is time.
         """
 
-        def call():
+        def call() -> Any:
             result = getattr(self._writer, name)(*arguments, **details)
             if name == "write_state":
                 self._export.follow(arguments[0])

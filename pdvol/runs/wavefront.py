@@ -14,6 +14,7 @@ from collections.abc import Sequence
 from multiprocessing import Pipe
 from multiprocessing.connection import Connection, wait
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from mpi4py import MPI
@@ -23,8 +24,9 @@ from pdvol.levels.hierarchy import Hierarchy
 from pdvol.levels.model import hierarchy_model
 from pdvol.levels.obstacles import scene_obstacles
 from pdvol.processes import die_with_parent, without_launcher
-from pdvol.runs.level_run import run_level
+from pdvol.runs.level_run import Watch, run_level
 from pdvol.runs.scene_file import load_shot, stored_settings
+from pdvol.runs.shared_writer import SharedWriter
 from pdvol.store.reader import Run, open_run
 
 POLL = 0.005  # seconds between looks for a coarser state
@@ -39,7 +41,7 @@ class Follower:
     def __init__(self, run: Run, keeper: Connection):
         self.run, self._keeper, self._parent = run, keeper, os.getppid()
 
-    def call(self, name: str, *arguments, **details):
+    def call(self, name: str, *arguments: Any, **details: Any) -> Any:
         """The number of stored states, or a request to the keeper."""
         if name == "steps":
             return self.run.levels[arguments[0]].steps
@@ -67,7 +69,7 @@ class Follower:
         self._keeper.send(("finish", (level,), {}))
 
 
-def march_levels(writer, levels: Sequence[int], steps: int, progress=None) -> None:
+def march_levels(writer: SharedWriter, levels: Sequence[int], steps: int, progress: Watch | None = None) -> None:
     """Runs levels of an opened run side by side and stores what they report.
 
     Parameters

@@ -1,33 +1,37 @@
 """The deformable bodies, where they start and how fast."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TypeAlias
 
 import numpy as np
 
 from pdvol.meshes import Outline, Solid, Surface
-from pdvol.scene.checks import called, finite, positive, require, sequence
+from pdvol.scene.checks import called, finite, keep_plain, positive, require, sequence, vector
 from pdvol.scene.materials import Material, Region
-from pdvol.scene.motions import rotation_matrix
+from pdvol.scene.motions import Vector, rotation_matrix
+from pdvol.scene.representation import one_line
 
 MOST_LEVELS, MOST_VERTICES = 32, 100_000_000  # what is beyond is a slip of the pen
-Shape = str | Path | Outline | Surface | Solid
+Shape: TypeAlias = str | Path | Outline | Surface | Solid
 
 
 @dataclass(frozen=True)
 class Placement:
     """Scale, then rotate by `angle` [rad] about `axis` through the origin, then translate [m]."""
 
-    translate: tuple[float, ...] = ()
+    translate: Vector = ()
     angle: float = 0.0
-    axis: tuple[float, ...] = (0.0, 0.0, 1.0)
+    axis: Vector = (0.0, 0.0, 1.0)
     scale: float = 1.0
+    __repr__ = one_line
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
+        keep_plain(self, "translate", "angle", "axis", "scale")
         for name in ("translate", "axis"):
-            for component in np.ravel(getattr(self, name)):
-                finite(f"Placement.{name}", component)
+            if getattr(self, name) != ():
+                vector(f"Placement.{name}", getattr(self, name))
         positive("Placement.scale", self.scale)
         finite("Placement.angle", self.angle)
 
@@ -56,8 +60,10 @@ class Separate:
 
     by: str = "move"
     limit: float = 0.2
+    __repr__ = one_line
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
+        keep_plain(self, "limit")
         require(self.by in ("move", "shrink", "refine"), f"Separate.by = {self.by!r} must be move, shrink or refine")
         positive("Separate.limit", self.limit)
         require(
@@ -83,18 +89,21 @@ class Body:
     regions : parts with materials of their own; later ones win where they overlap
     """
 
-    shape: Shape | tuple[Shape, ...]
+    shape: Shape | Sequence[Shape]
     material: Material
-    vertices: tuple[int, ...] = ()
+    vertices: Sequence[int] | np.ndarray = ()
     name: str = "body"
     placement: Placement = Placement()
-    velocity: tuple[float, ...] | Callable[[np.ndarray], np.ndarray] = ()
-    spin: float | tuple[float, ...] = ()
-    regions: tuple[Region, ...] = ()
+    velocity: Vector | Callable[[np.ndarray], np.ndarray] = ()
+    spin: float | Vector = ()
+    regions: Sequence[Region] = ()
+    __repr__ = one_line
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
+        keep_plain(self, "shape", "vertices", "velocity", "spin", "regions")
         require(isinstance(self.name, str), f"the name of a body must be text, not {self.name!r}")
-        listed = isinstance(self.shape, (tuple, list))
+        listed = self._levels_listed()
+        sequence(f"body {self.name!r}: vertices", self.vertices)
         require(
             isinstance(self.material, Material),
             f"body {self.name!r}: material must be a Material, not {type(self.material).__name__}",
@@ -110,7 +119,7 @@ class Body:
                 len(self.vertices) == 0,
                 f"body {self.name!r}: vertex targets make no sense for a list of meshes; leave vertices empty",
             )
-            require(len(self.shape) > 0, f"body {self.name!r}: the list of meshes is empty")
+            require(self.levels > 0, f"body {self.name!r}: the list of meshes is empty")
         else:
             require(
                 len(self.vertices) > 0,
@@ -129,13 +138,20 @@ class Body:
                 list(self.vertices) == sorted(self.vertices),
                 f"body {self.name!r}: vertex targets {self.vertices} must go from coarse to fine",
             )
-        for value in (*(() if callable(self.velocity) else np.ravel(self.velocity)), *np.ravel(self.spin)):
-            finite(f"body {self.name!r}: velocity or spin", float(value))
+        if not callable(self.velocity) and self.velocity != ():
+            vector(f"body {self.name!r}: velocity", self.velocity)
+        spin = self.spin if isinstance(self.spin, tuple) else (self.spin,)
+        for value in spin:
+            finite(f"body {self.name!r}: spin", value)
+        require(len(spin) in (0, 1, 3), f"body {self.name!r}: spin = {spin!r} must have one component or three")
 
     @property
     def levels(self) -> int:
         """How many levels this body has."""
-        return len(self.shape) if isinstance(self.shape, (tuple, list)) else len(self.vertices)
+        return len(self.shape if self._levels_listed() else self.vertices)  # type: ignore[arg-type]
+
+    def _levels_listed(self) -> bool:
+        return isinstance(self.shape, (tuple, list))
 
     def instances(self, *placements: Placement) -> tuple["Body", ...]:
         """This body at each of several placements, named after it: they share its meshes, which are made once."""

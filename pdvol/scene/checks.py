@@ -1,6 +1,8 @@
 """What the scene's dataclasses ask of the values they are given: each check raises one line that names the value."""
 
 import sys
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
@@ -9,46 +11,67 @@ from pdvol.errors import InputError
 HUGE = sys.float_info.max  # whole numbers can be larger
 
 
-def require(condition: bool, message: str) -> None:
+def require(condition: bool | np.bool_, message: str) -> None:
     """Refuse with `message` unless `condition` holds."""
     if not condition:
         raise InputError(message)
 
 
-def finite(name: str, value, lowest=-np.inf) -> None:
+def plain(value: Any) -> Any:
+    """Arrays, lists and tuples, also nested ones, as tuples; NumPy's numbers as Python's. Other values as they are.
+
+    The dataclasses keep their values so: they compare and hash by value, however they were given.
+    """
+    if isinstance(value, np.ndarray):
+        value = value.tolist()
+    if isinstance(value, (tuple, list)):
+        return tuple(plain(item) for item in value)
+    return value.item() if isinstance(value, np.number | np.bool_) else value
+
+
+def keep_plain(element: object, *names: str) -> None:
+    """Replaces these attributes of a frozen dataclass by their `plain` values; for its `__post_init__`."""
+    for name in names:
+        object.__setattr__(element, name, plain(getattr(element, name)))
+
+
+def finite(name: str, value: Any, lowest: float = -np.inf) -> None:
     """A finite number, not below `lowest`."""
     number = isinstance(value, (int, float, np.integer, np.floating)) and not isinstance(value, bool)
-    require(number and abs(value) <= HUGE, f"{name} = {value!r} is not a finite number")
+    require(number and abs(value) <= HUGE, f"{name} = {' '.join(repr(value).split())} is not a finite number")
     require(value >= lowest, f"{name} = {value!r} is below {lowest:g}")
 
 
-def positive(name: str, value) -> None:
+def positive(name: str, value: Any) -> None:
     """A finite number above zero."""
     finite(name, value)
     require(value > 0, f"{name} = {value!r} must be positive")
 
 
-def vector(name: str, value) -> None:
-    """Two or three finite components."""
-    require(np.ndim(value) == 1 and len(value) in (2, 3), f"{name} = {value!r} must have two or three components")
+def vector(name: str, value: Any) -> None:
+    """Two or three finite components, as `plain` leaves them."""
+    flat = isinstance(value, tuple) and not any(isinstance(component, tuple) for component in value)
+    require(
+        flat and len(value) in (2, 3), f"{name} = {' '.join(repr(value).split())} must have two or three components"
+    )
     for component in value:
         finite(name, component)
 
 
-def sequence(name: str, value) -> None:
+def sequence(name: str, value: Any) -> None:
     """A tuple or a list."""
     require(
         isinstance(value, (tuple, list)), f"{name} must be a tuple, as in {name}=(..., ), not {type(value).__name__}"
     )
 
 
-def count(name: str, value, lowest: int) -> None:
+def count(name: str, value: Any, lowest: int) -> None:
     """A whole number, not below `lowest`."""
     whole = isinstance(value, (int, np.integer)) and not isinstance(value, bool)
     require(whole and value >= lowest, f"{name} = {value!r} is not a whole number >= {lowest}")
 
 
-def called(name: str, function, arguments: tuple, shape: tuple[int, ...]) -> np.ndarray:
+def called(name: str, function: Callable, arguments: tuple, shape: tuple[int, ...]) -> np.ndarray:
     """What a user's function gives, which must be an array of this shape."""
     try:
         result = np.asarray(function(*arguments))

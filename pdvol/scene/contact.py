@@ -1,11 +1,13 @@
 """Contact between surfaces: the barrier and its friction."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import cast
 
 from pdvol.registry import CONTACT_LAWS
-from pdvol.scene.checks import count, finite, positive, require
+from pdvol.scene.checks import count, finite, keep_plain, plain, positive, require
 from pdvol.scene.lengths import Length, Relative, length
+from pdvol.scene.representation import one_line
 
 STIFFNESS = 0.1  # of Young's modulus: what the authors of the convergent formulation recommend
 LAWS = tuple(CONTACT_LAWS)
@@ -29,8 +31,10 @@ class Barrier:
     stiffness: float = STIFFNESS
     ccd: str = "additive"
     law: str = "convergent"
+    __repr__ = one_line
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
+        keep_plain(self, "dhat", "stiffness")
         length("Barrier.dhat", self.dhat)
         positive("Barrier.stiffness", self.stiffness)
         require(
@@ -62,10 +66,12 @@ class Friction:
     mu: float
     eps_v: Length = Relative(1e-3)
     iterations: int = 1
-    pairs: Mapping[tuple[str, str], float] | tuple[tuple[str, str, float], ...] = ()
+    pairs: Mapping[tuple[str, str], float] | Sequence[tuple[str, str, float]] = ()
     tolerance: float = 1e-2
+    __repr__ = one_line
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
+        keep_plain(self, "mu", "eps_v", "iterations", "tolerance")
         finite("Friction.mu", self.mu, 0.0)
         length("Friction.eps_v", self.eps_v)
         count("Friction.iterations", self.iterations, 1)
@@ -74,14 +80,21 @@ class Friction:
 
     def between(self, one: str, other: str) -> float:
         """The coefficient for two names."""
-        return next((mu for a, b, mu in self.pairs if {a, b} == {one, other}), self.mu)
+        return next((mu for a, b, mu in self.triples if {a, b} == {one, other}), self.mu)
+
+    @property
+    def triples(self) -> tuple[tuple[str, str, float], ...]:
+        """`pairs`, as they are kept."""
+        return cast(tuple[tuple[str, str, float], ...], self.pairs)
 
 
-def _triples(pairs) -> tuple[tuple[str, str, float], ...]:
+def _triples(pairs: Mapping | Sequence) -> tuple[tuple[str, str, float], ...]:
     """`Friction.pairs` as ((name, name, mu), ...), checked."""
     shape = 'Friction.pairs must look like {("ball", "floor"): 0.9}'
     listed = (
-        [(names, mu) for names, mu in pairs.items()] if isinstance(pairs, Mapping) else [(p[:-1], p[-1]) for p in pairs]
+        [(names, plain(mu)) for names, mu in pairs.items()]
+        if isinstance(pairs, Mapping)
+        else [(tuple(p[:-1]), plain(p[-1])) for p in pairs]
     )
     for names, mu in listed:
         require(

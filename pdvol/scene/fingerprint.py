@@ -3,8 +3,10 @@
 import hashlib
 import inspect
 import math
+from collections.abc import Callable
 from dataclasses import fields, is_dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -12,14 +14,11 @@ PER_LEVEL = ("vertices", "shape")  # of a body: lists with an entry per level
 SHOWN = 100  # characters of one value in a message
 
 
-def describe(thing):
+def describe(thing: Any) -> Any:
     """Dataclasses, arrays, paths and functions as JSON; arrays, files and functions as digests of their contents."""
     if is_dataclass(thing) and not isinstance(thing, type):
-        own = (
-            {"psi": describe(thing.psi)}
-            if getattr(getattr(thing, "psi", None), "__module__", "pdvol").split(".")[0] != "pdvol"
-            else {}
-        )
+        psi = getattr(thing, "psi", None)
+        own = {"psi": describe(psi)} if getattr(psi, "__module__", "pdvol").split(".")[0] != "pdvol" else {}
         return {
             "type": type(thing).__name__,
             **own,
@@ -50,7 +49,7 @@ def describe(thing):
     return repr(thing)
 
 
-def differences(old, new, where: str = "scene") -> list[str]:
+def differences(old: Any, new: Any, where: str = "scene") -> list[str]:
     """Where two descriptions differ, field by field, as `scene.bodies[0].material.young: 1e5 -> 2e5`."""
     if old == new:
         return []
@@ -76,7 +75,9 @@ def differences_by_level(old: dict, new: dict) -> tuple[list[str], int, list[str
     """
     if len(old.get("bodies", ())) != len(new.get("bodies", ())):
         return differences(old, new), 0, []
-    shared, listed, agree = [], [], []
+    shared: list[dict] = []
+    listed: list[list[dict]] = []
+    agree: list[int] = []
     for description in (old, new):
         bodies = [
             {key: None if isinstance(value, list) and key in PER_LEVEL else value for key, value in b.items()}
@@ -91,14 +92,18 @@ def differences_by_level(old: dict, new: dict) -> tuple[list[str], int, list[str
             if one[key] or other[key]:
                 pairs = zip(one[key], other[key], strict=False)
                 agree.append(next((i for i, (a, b) in enumerate(pairs) if a != b), min(len(one[key]), len(other[key]))))
-    return differences(*shared), min(agree, default=0), differences(*listed, where="scene.bodies")
+    return (
+        differences(shared[0], shared[1]),
+        min(agree, default=0),
+        differences(listed[0], listed[1], "scene.bodies"),
+    )
 
 
 def _entries(values: list) -> bool:
     return any(isinstance(value, (dict, list)) for value in values)
 
 
-def _short(value) -> str:
+def _short(value: Any) -> str:
     text = str(value)
     return text if len(text) <= SHOWN else f"{text[: SHOWN - 3]}..."
 
@@ -107,7 +112,7 @@ def _digest(data: bytes) -> str:
     return hashlib.sha256(data).hexdigest()[:16]
 
 
-def _source(function) -> str:
+def _source(function: Callable) -> str:
     """A function's text and the numbers it closes over."""
     try:
         text = inspect.getsource(function)

@@ -1,8 +1,9 @@
 """Lengths and speeds, absolute or relative to the scene: they mean the same on every level (design, section 5)."""
 
 from dataclasses import dataclass
+from typing import Any
 
-from pdvol.scene.checks import positive
+from pdvol.scene.checks import keep_plain, positive
 
 
 @dataclass(frozen=True)
@@ -11,7 +12,8 @@ class Relative:
 
     fraction: float
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
+        keep_plain(self, "fraction")
         positive("Relative.fraction", self.fraction)
 
 
@@ -23,7 +25,7 @@ def metres(length: Length, diagonal: float) -> float:
     return length.fraction * diagonal if isinstance(length, Relative) else float(length)
 
 
-def length(name: str, value) -> None:
+def length(name: str, value: Any) -> None:
     """A positive length or speed, absolute or `Relative`."""
     if not isinstance(value, Relative):
         positive(name, value)

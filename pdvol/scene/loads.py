@@ -7,11 +7,13 @@ left out.
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
-from pdvol.scene.checks import called, finite, positive, require, vector
+from pdvol.scene.checks import called, finite, keep_plain, positive, require, vector
 from pdvol.scene.motions import Vector
+from pdvol.scene.representation import one_line
 
 TimedVector = Vector | Callable[[float], Vector]
 """A vector, or a function of time [s] that gives one."""
@@ -31,7 +33,7 @@ def at_time(name: str, value: TimedVector, time: float, dim: int) -> np.ndarray:
     return found.astype(float)
 
 
-def _vector(name: str, value) -> None:
+def _vector(name: str, value: Any) -> None:
     if not callable(value):
         vector(name, value)
 
@@ -41,8 +43,10 @@ class Gravity:
     """A uniform acceleration [m/s^2], or a function of time that gives one."""
 
     acceleration: TimedVector
+    __repr__ = one_line
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
+        keep_plain(self, "acceleration")
         _vector("Gravity.acceleration", self.acceleration)
 
 
@@ -57,8 +61,10 @@ class Force:
     force: TimedVector
     where: Where = everywhere
     body: str = ""
+    __repr__ = one_line
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
+        keep_plain(self, "force")
         _vector("Force.force", self.force)
 
 
@@ -71,10 +77,12 @@ class PointForce:
     """
 
     force: TimedVector
-    at: tuple[float, ...]
+    at: Vector
     body: str = ""
+    __repr__ = one_line
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
+        keep_plain(self, "force", "at")
         _vector("PointForce.force", self.force)
         vector("PointForce.at", self.at)
 
@@ -85,12 +93,14 @@ class Impulse:
     `time` [s] falls.
     """
 
-    velocity: tuple[float, ...]
+    velocity: Vector
     time: float = 0.0
     where: Where = everywhere
     body: str = ""
+    __repr__ = one_line
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
+        keep_plain(self, "velocity", "time")
         vector("Impulse.velocity", self.velocity)
         finite("Impulse.time", self.time, 0.0)
 
@@ -114,8 +124,10 @@ class Flow:
     density: float = 1000.0
     drag: float = 1.0
     body: str = ""
+    __repr__ = one_line
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
+        keep_plain(self, "velocity", "density", "drag")
         _vector("Flow.velocity", self.velocity)
         positive("Flow.density", self.density)
         positive("Flow.drag", self.drag)

@@ -1,13 +1,15 @@
 """Materials: one UFL function in forms/ and one dataclass each, and where in a body they are."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
+from typing import Any
 
 import numpy as np
 
 from pdvol.errors import InputError
 from pdvol.forms import elasticity
-from pdvol.scene.checks import called, finite, positive, require
+from pdvol.scene.checks import called, finite, keep_plain, positive, require
+from pdvol.scene.representation import one_line
 
 Value = float | Callable[[np.ndarray], np.ndarray]
 """A number, or a function of rest positions (n, d), as placed in the scene, that gives (n,)."""
@@ -32,9 +34,11 @@ class Material:
     poisson: Value = 0.4
     density: Value = 1000.0
     damping: Value = 0.0
+    __repr__ = one_line
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         for field in fields(self):
+            keep_plain(self, field.name)
             value = getattr(self, field.name)
             if not callable(value):
                 self._check(field.name, value)
@@ -91,12 +95,12 @@ class Material:
         return tuple(field.name for field in fields(cls) if field.name not in {base.name for base in fields(Material)})
 
     @staticmethod
-    def psi(F, mu, lmbda):
+    def psi(F: Any, mu: Any, lmbda: Any, *parameters: Any) -> Any:
         """Energy density [Pa] of the deformation gradient F (d, d), as UFL."""
         raise InputError("a material must define psi(F, mu, lmbda); use NeoHookean or your own subclass of Material")
 
 
-def lame(young, poisson):
+def lame(young: Any, poisson: Any) -> tuple[Any, Any]:
     """Lame's mu and lmbda [Pa] of numbers or arrays."""
     return young / (2.0 * (1.0 + poisson)), young * poisson / ((1.0 + poisson) * (1.0 - 2.0 * poisson))
 
@@ -106,6 +110,7 @@ class NeoHookean(Material):
     """Compressible Neo-Hookean law with a logarithmic volume term: infinite energy at zero volume."""
 
     psi = staticmethod(elasticity.neo_hookean)
+    __repr__ = one_line
 
 
 @dataclass(frozen=True)
@@ -115,6 +120,7 @@ class StVenantKirchhoff(Material):
     """
 
     psi = staticmethod(elasticity.st_venant_kirchhoff)
+    __repr__ = one_line
 
 
 @dataclass(frozen=True)
@@ -124,6 +130,7 @@ class FixedCorotational(Material):
     """
 
     psi = staticmethod(elasticity.fixed_corotational)
+    __repr__ = one_line
 
 
 @dataclass(frozen=True)
@@ -139,9 +146,11 @@ class Region:
     """
 
     material: Material
-    where: Callable[[np.ndarray], np.ndarray] | int | tuple[int, ...]
+    where: Callable[[np.ndarray], np.ndarray] | int | Sequence[int] | np.ndarray
+    __repr__ = one_line
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
+        keep_plain(self, "where")
         require(
             isinstance(self.material, Material),
             f"a region's material must be a Material, not {type(self.material).__name__}",
@@ -160,12 +169,7 @@ class Region:
             )
 
     @property
-    def labels(self) -> tuple:
+    def labels(self) -> tuple[int, ...]:
         """The labels it was given by, none for a function."""
-        return (
-            ()
-            if callable(self.where)
-            else tuple(self.where)
-            if isinstance(self.where, (tuple, list))
-            else (self.where,)
-        )
+        where: Any = self.where
+        return () if callable(where) else where if isinstance(where, tuple) else (where,)

@@ -2,18 +2,23 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
-from pdvol.scene.checks import called, finite, require, sequence, vector
+from pdvol.scene.checks import called, finite, keep_plain, require, sequence, vector
+from pdvol.scene.representation import one_line
 
-Vector = Sequence[float]
+Vector = Sequence[float] | np.ndarray
+"""Components: a tuple, a list or an array. The dataclasses keep a tuple."""
 Motion = Callable[[np.ndarray, float], np.ndarray]
 
 
 @dataclass(frozen=True)
 class Still:
     """No motion."""
+
+    __repr__ = one_line
 
     def __call__(self, X: np.ndarray, t: float) -> np.ndarray:
         return X
@@ -23,10 +28,12 @@ class Still:
 class Translation:
     """Constant velocity [m/s], until `stop` [s]."""
 
-    velocity: tuple[float, ...]
+    velocity: Vector
     stop: float = np.inf
+    __repr__ = one_line
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
+        keep_plain(self, "velocity", "stop")
         vector("Translation.velocity", self.velocity)
         _end("Translation.stop", self.stop)
 
@@ -41,11 +48,13 @@ class Rotation:
     """
 
     speed: float
-    centre: tuple[float, ...]
-    axis: tuple[float, ...] = (0.0, 0.0, 1.0)
+    centre: Vector
+    axis: Vector = (0.0, 0.0, 1.0)
     stop: float = np.inf
+    __repr__ = one_line
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
+        keep_plain(self, "speed", "centre", "axis", "stop")
         finite("Rotation.speed", self.speed)
         vector("Rotation.centre", self.centre)
         vector("Rotation.axis", self.axis)
@@ -64,16 +73,18 @@ class Path:
 
     Attributes
     ----------
-    times : ascending
-    points : one per time, two or three components each
+    times : (k,) ascending
+    points : (k, d) one per time, two or three components each
     smooth : straight and even in between, or a natural cubic spline (continuous accelerations)
     """
 
-    times: tuple[float, ...]
-    points: tuple[tuple[float, ...], ...]
+    times: Vector
+    points: Sequence[Vector] | np.ndarray
     smooth: bool = False
+    __repr__ = one_line
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
+        keep_plain(self, "times", "points", "smooth")
         sequence("Path.times", self.times)
         sequence("Path.points", self.points)
         require(
@@ -106,9 +117,11 @@ class Sequential:
     what has turned.
     """
 
-    motions: tuple[Motion, ...]
+    motions: Sequence[Motion]
+    __repr__ = one_line
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
+        keep_plain(self, "motions")
         sequence("Sequential.motions", self.motions)
         require(
             all(callable(motion) for motion in self.motions),
@@ -121,7 +134,7 @@ class Sequential:
         return X
 
 
-def _end(name: str, value) -> None:
+def _end(name: str, value: Any) -> None:
     require(
         isinstance(value, (int, float, np.number)) and value >= 0.0,
         f"{name} = {value!r} must be a time, not negative (inf: never)",

@@ -2,7 +2,8 @@
 
 from dataclasses import dataclass
 
-from pdvol.scene.checks import finite
+from pdvol.scene.checks import finite, keep_plain
+from pdvol.scene.representation import one_line
 
 
 @dataclass(frozen=True)
@@ -21,8 +22,10 @@ class Penalty:
 
     consistency: float = 0.0
     weight: float = 0.0
+    __repr__ = one_line
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
+        keep_plain(self, "consistency", "weight")
         finite("Penalty.consistency", self.consistency, 0.0)
         finite("Penalty.weight", self.weight, 0.0)
 

@@ -1,18 +1,21 @@
 """A shot: everything that is described once, for all levels."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, fields, replace
-from typing import get_args
+from typing import Any, get_args
 
 from pdvol.registry import INTEGRATORS
 from pdvol.scene.bodies import Body, Separate
-from pdvol.scene.checks import count, positive, require, sequence
+from pdvol.scene.checks import count, keep_plain, positive, require, sequence
 from pdvol.scene.contact import Barrier, Friction
 from pdvol.scene.loads import Load
 from pdvol.scene.penalty import Penalty
+from pdvol.scene.representation import one_line
 from pdvol.scene.solver import Solver
 from pdvol.scene.surroundings import Plane, Rigid, Support
 
 MOST_STEPS = 10_000_000  # what is beyond is a slip of the pen
+PARTS = ("bodies", "loads", "supports", "obstacles", "contact", "separate")
 
 
 @dataclass(frozen=True)
@@ -21,25 +24,27 @@ class Scene:
     meet at t = 0. `integrator`: of the direct march; "bdf2" is second order in dt.
     """
 
-    bodies: tuple[Body, ...]
+    bodies: Sequence[Body]
     dt: float
     steps: int
-    loads: tuple[Load, ...] = ()
-    supports: tuple[Support, ...] = ()
-    obstacles: tuple[Plane | Rigid, ...] = ()
-    contact: tuple[Barrier | Friction, ...] = ()
+    loads: Sequence[Load] = ()
+    supports: Sequence[Support] = ()
+    obstacles: Sequence[Plane | Rigid] = ()
+    contact: Sequence[Barrier | Friction] = ()
     penalty: Penalty = Penalty()
     solver: Solver = field(default_factory=Solver)
     name: str = "scene"
-    separate: tuple[Separate, ...] = ()
+    separate: Sequence[Separate] = ()
     integrator: str = "implicit_euler"
+    __repr__ = one_line
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
+        keep_plain(self, "dt", "steps", *PARTS)
         positive("dt", self.dt)
         count("steps", self.steps, 0)
         require(self.steps <= MOST_STEPS, f"steps = {self.steps!r} must be at most {MOST_STEPS}")
         INTEGRATORS.check(self.integrator)
-        for name in ("bodies", "loads", "supports", "obstacles", "contact", "separate"):
+        for name in PARTS:
             sequence(name, getattr(self, name))
         require(len(self.bodies) > 0, "a scene needs at least one body")
         names = [b.name for b in self.bodies]
@@ -68,7 +73,7 @@ class Scene:
 
     def _check_pairs(self, bodies: list[str], obstacles: list[str]) -> None:
         """That friction's pairs name what can touch."""
-        for one, other, _ in (pair for c in self.contact if isinstance(c, Friction) for pair in c.pairs):
+        for one, other, _ in (pair for c in self.contact if isinstance(c, Friction) for pair in c.triples):
             for name in (one, other):
                 require(
                     name in bodies or name in obstacles,
@@ -88,7 +93,7 @@ class Scene:
         """How many levels the scene has."""
         return self.bodies[0].levels
 
-    def with_settings(self, **settings) -> "Scene":
+    def with_settings(self, **settings: Any) -> "Scene":
         """The same scene with some settings of its solver and penalty replaced."""
         unknown = set(settings) - SETTINGS.keys()
         require(not unknown, f"unknown setting {sorted(unknown)}; there are {sorted(SETTINGS)}")

@@ -2,8 +2,9 @@
 
 from dataclasses import dataclass
 
-from pdvol.scene.checks import count, positive, require
+from pdvol.scene.checks import count, keep_plain, positive, require
 from pdvol.scene.lengths import Length, Relative, length
+from pdvol.scene.representation import one_line
 
 
 @dataclass(frozen=True)
@@ -26,8 +27,10 @@ class Solver:
     linear: str = "auto"
     accuracy: float = 3e-3
     petsc: str = ""
+    __repr__ = one_line
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
+        keep_plain(self, "tolerance", "max_iterations", "max_halvings", "accuracy")
         length("Solver.tolerance", self.tolerance)
         count("Solver.max_iterations", self.max_iterations, 1)
         count("Solver.max_halvings", self.max_halvings, 0)

@@ -8,20 +8,23 @@ import numpy as np
 
 from pdvol.meshes import Outline, Surface
 from pdvol.scene.bodies import Placement
-from pdvol.scene.checks import positive, require, vector
-from pdvol.scene.motions import Motion, Still
+from pdvol.scene.checks import keep_plain, positive, require, vector
+from pdvol.scene.motions import Motion, Still, Vector
+from pdvol.scene.representation import one_line
 
 
 @dataclass(frozen=True)
 class Plane:
     """A rigid half-space: the side that `normal` points to is free."""
 
-    point: tuple[float, ...]
-    normal: tuple[float, ...]
+    point: Vector
+    normal: Vector
     motion: Motion = Still()
     name: str = "plane"
+    __repr__ = one_line
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
+        keep_plain(self, "point", "normal")
         vector(f"plane {self.name!r}: point", self.point)
         vector(f"plane {self.name!r}: normal", self.normal)
         require(len(self.point) == len(self.normal), f"plane {self.name!r}: point and normal differ in length")
@@ -41,8 +44,10 @@ class Rigid:
     name: str = "obstacle"
     closed: bool = True
     opacity: float = 1.0
+    __repr__ = one_line
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
+        keep_plain(self, "closed", "opacity")
         positive(f"obstacle {self.name!r}: opacity", self.opacity)
         require(self.opacity <= 1.0, f"obstacle {self.name!r}: opacity = {self.opacity!r} must be at most 1")
 
@@ -63,8 +68,10 @@ class Support:
     body: str = ""
     motion: Motion = Still()
     release: float = np.inf
+    __repr__ = one_line
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
+        keep_plain(self, "release")
         require(
             callable(self.where),
             f"Support.where = {self.where!r} must be a function of rest positions (n, d) giving a mask (n,)",

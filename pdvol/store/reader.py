@@ -34,6 +34,10 @@ class RunLevel:
         self._run = run
         self._known_steps = 0
 
+    def __repr__(self) -> str:
+        vertices, cells, state = (self.info.get(key) for key in ("vertices", "cells", "state"))
+        return f"RunLevel({self.index}, vertices={vertices}, cells={cells}, steps={self.steps}, {state})"
+
     @cached_property
     def mesh(self) -> LevelMesh:
         """The level's mesh at rest."""
@@ -180,6 +184,10 @@ class Run:
         if not self.info["levels"]:
             raise InputError(f"{self.path / 'run.json'} names no level; put back the file as pdvol wrote it")
         self.levels: Sequence[RunLevel] = tuple(RunLevel(self, i, entry) for i, entry in enumerate(self.info["levels"]))
+
+    def __repr__(self) -> str:
+        levels = [level.info.get("vertices") for level in self.levels]
+        return f"Run({str(self.path)!r}, vertices={levels}, {self.info.get('state')})"
 
     @property
     def dt(self) -> float:

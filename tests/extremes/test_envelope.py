@@ -11,6 +11,7 @@ import pytest
 
 import pdvol
 from pdvol.measure.verify import verify_run
+from pdvol.runs.runner import run_scene
 from pdvol.runs.scene_file import load_shot
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -49,7 +50,7 @@ def march(tmp_path, name, steps=None, seed=0):
     out = tmp_path / "run"
     error = None
     try:
-        pdvol.run_scene(load_shot(FILE, {"name": name, "seed": seed}, steps), out)
+        run_scene(load_shot(FILE, {"name": name, "seed": seed}, steps), out)
     except (pdvol.ConvergenceError, pdvol.InputError) as named:
         error = named
     if (out / "run.json").is_file():

@@ -28,6 +28,7 @@ from pdvol import (
 )
 from pdvol.measure.verify import verify_run
 from pdvol.meshes import ball, box, brick
+from pdvol.runs.runner import run_scene
 from pdvol.runs.scene_file import Shot
 
 numbers = st.floats(-1.0, 1.0)
@@ -115,7 +116,7 @@ def scenes(draw):
 def throw(scene: Scene, out: Path) -> None:
     """Asserts that it ends as it may, and that whatever was stored is sound."""
     try:
-        pdvol.run_scene(Shot(Path(__file__), {}, scene), out)
+        run_scene(Shot(Path(__file__), {}, scene), out)
         ended = "done"
     except (pdvol.ConvergenceError, pdvol.InputError) as error:
         assert str(error) and "\n" not in str(error)

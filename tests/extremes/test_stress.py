@@ -16,6 +16,7 @@ from pdvol.levels.initial_state import check_start
 from pdvol.levels.obstacles import scene_obstacles
 from pdvol.measure.verify import verify_run
 from pdvol.meshing.build import build_levels
+from pdvol.runs.runner import run_scene
 from pdvol.runs.scene_file import load_shot
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -53,7 +54,7 @@ def test_the_mats_are_of_the_papers_sizes():
 @pytest.mark.parametrize("name", stress_scenes.PAIRS)
 def test_erlebens_pairs_come_to_touch(tmp_path, name):
     out, deep = tmp_path / "run", name.endswith(("crack", "hole"))  # 0.65 m down
-    pdvol.run_scene(load_shot(FILE, {"name": f"erleben_{name}"}, 90 if deep else 30), out)
+    run_scene(load_shot(FILE, {"name": f"erleben_{name}"}, 90 if deep else 30), out)
     assert verify_run(out) == []
     assert max(json.loads(line)["contacts"] for line in (out / "log.jsonl").read_text().splitlines()) > 0
 
@@ -61,7 +62,7 @@ def test_erlebens_pairs_come_to_touch(tmp_path, name):
 def test_the_arch_stands(tmp_path):
     """Friction holds it: after a tenth of a second its stones have hardly moved, and have not gathered speed."""
     out = tmp_path / "run"
-    pdvol.run_scene(load_shot(FILE, {"name": "masonry_arch"}, 10), out)
+    run_scene(load_shot(FILE, {"name": "masonry_arch"}, 10), out)
     assert verify_run(out) == []
     (level,) = pdvol.open_run(out).levels
     assert np.abs(level.positions(10) - level.rest).max() < 1e-3

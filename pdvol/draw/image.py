@@ -1,0 +1,44 @@
+"""A picture of a run in memory, for notebooks: a cell that ends with it shows it."""
+
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+
+from PIL import Image
+
+from pdvol.draw.picture import render
+from pdvol.store.reader import Run
+
+
+def picture(
+    run: Run,
+    levels: Sequence[int] | None = None,
+    steps: Sequence[int] | None = None,
+    width: int = 420,
+    turn: float = 0.0,
+) -> Image.Image:
+    """Draw a run off screen: rows are levels, columns are moments.
+
+    Parameters
+    ----------
+    run : Run
+    levels : rows; all levels with a stored state when None
+    steps : columns; chosen over time and motion when None
+    width : int [pixels]
+        Of one moment.
+    turn : float [degrees]
+        How far the camera walks round a 3D scene, from the front to its right.
+
+    Returns
+    -------
+    PIL.Image.Image
+        Notebooks show it; `numpy.asarray` gives its pixels (height, width, 3) uint8, `save` writes a file.
+
+    Raises
+    ------
+    InputError
+        Nothing is stored, or a level or step does not exist.
+    """
+    with tempfile.TemporaryDirectory(prefix="pdvol_") as folder:
+        with Image.open(render(run, Path(folder) / "run.png", levels, steps, cell_width=width, turn=turn)) as drawn:
+            return drawn.convert("RGB")

@@ -1,0 +1,156 @@
+"""`pdvol.run`: a scene made in memory, simulated from a script or a notebook."""
+
+import atexit
+import os
+import shutil
+import tempfile
+import weakref
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from mpi4py import MPI
+
+from pdvol.errors import InputError, PdvolError
+from pdvol.parallel import on_root
+from pdvol.runs.level_run import Watch
+from pdvol.runs.progress import Calls, Progress
+from pdvol.runs.runner import run_scene
+from pdvol.runs.scene_file import Shot
+from pdvol.scene import Scene
+from pdvol.store.reader import Run, open_run
+
+LEVELS = 'levels is a number (levels 0 to that one), a pair (first, last), a range, or text such as "0:2"'
+
+
+def run(
+    scene: Scene,
+    out: str | Path | None = None,
+    levels: int | tuple[int, int] | range | str | None = None,
+    method: str = "progressive",
+    prolongation: str = "barycentric",
+    steps: int | None = None,
+    resume: bool = False,
+    progress: bool | Callable[[dict], Any] | None = None,
+    comm: MPI.Comm | None = None,
+) -> Run:
+    """Simulate a scene, coarse to fine. Collective.
+
+    Parameters
+    ----------
+    scene : Scene
+    out : run folder, a new one, or with `resume` one of the same scene. Without it the run lives in a temporary folder,
+        which is removed with the `Run` object or at the end of the process. Several ranks need a folder.
+    levels : which levels: `2` stands for 0 to 2, and so do `(0, 2)` (both included), `range(3)` and `"0:2"`. All when
+        None. Levels from above 0 on refine the run in `out`.
+    method : "progressive", "direct", "tracks" or "embedded"
+    prolongation : how a level's motion is carried to the next finer one: "barycentric", "biharmonic" or "phong"
+    steps : number of time steps, instead of the scene's
+    resume : go on with the run in `out`: finished steps are kept, further levels are added
+    progress : True shows a bar per level (in a notebook or on a terminal) or a line per step; a function is called with
+        the log record (a dict) of each step, on rank 0
+    comm : MPI communicator; the world when None
+
+    Returns
+    -------
+    Run
+        As `pdvol.open_run(out)` gives it.
+
+    Raises
+    ------
+    InputError
+        Something in the arguments, the scene, its meshes or the folder is unfit.
+    ConvergenceError
+        A step could not be solved. Everything up to the last good step is kept, in a temporary folder until the process
+        ends; a note of the error names the folder.
+    """
+    comm = MPI.COMM_WORLD if comm is None else comm
+    scene, first, last = _checked(scene, out, levels, steps, progress)
+    if out is None and comm.size > 1:
+        raise InputError("several ranks need a run folder: pdvol.run(scene, out=...)")
+    if out is None and resume:
+        raise InputError("resume needs the folder of a stored run: pdvol.run(scene, out=..., resume=True)")
+    folder = Path(tempfile.mkdtemp(prefix="pdvol_")) if out is None else Path(out)
+    try:
+        run_scene(
+            Shot(None, {}, scene), folder, first, last, method, prolongation, resume, comm, _watch(progress, comm)
+        )
+    except BaseException as error:
+        if out is None:
+            _keep_or_remove(folder, error)
+        raise
+    on_root(comm, lambda: None)  # all ranks read what one has written
+    stored = open_run(folder)
+    if out is None:
+        weakref.finalize(stored, _remove, folder, os.getpid())
+    return stored
+
+
+def _checked(scene: Any, out: Any, levels: Any, steps: Any, progress: Any) -> tuple[Scene, int, int | None]:
+    """The scene with its number of steps, the first level and the last one."""
+    if not isinstance(scene, Scene):
+        raise InputError(f"pdvol.run takes a pdvol.Scene, not {type(scene).__name__}; scene files run by `pdvol run`")
+    if not (out is None or isinstance(out, str | os.PathLike)):
+        raise InputError(f"out = {out!r} must be the path of a folder")
+    if not (progress is None or isinstance(progress, bool) or callable(progress)):
+        raise InputError(f"progress = {progress!r} must be True, None or a function of a step's record")
+    return (scene if steps is None else replace(scene, steps=steps)), *_span(levels)
+
+
+def _span(levels: Any) -> tuple[int, int | None]:
+    """First and last level, both included; the finest where the last one is None."""
+    if levels is None:
+        return 0, None
+    if isinstance(levels, str):
+        first, colon, last = levels.partition(":")
+        if not all(
+            word.strip().isdigit() or (colon and not word.strip()) for word in ((first, last) if colon else (first,))
+        ):
+            raise InputError(f"levels = {levels!r} cannot be read; {LEVELS}")
+        if not colon:
+            return 0, int(first)
+        return int(first or 0), (int(last) if last.strip() else None)
+    if isinstance(levels, range):
+        if len(levels) == 0 or (levels.step != 1 and len(levels) > 1):
+            raise InputError(f"levels = {levels!r} must be levels in a row; {LEVELS}")
+        return levels[0], levels[-1]
+    if _whole(levels):
+        return 0, int(levels)
+    if isinstance(levels, Sequence | np.ndarray) and len(levels) == 2 and all(_whole(level) for level in levels):
+        return int(levels[0]), int(levels[1])
+    raise InputError(f"levels = {' '.join(repr(levels).split())} cannot be read; {LEVELS}")
+
+
+def _whole(value: Any) -> bool:
+    return isinstance(value, int | np.integer) and not isinstance(value, bool)
+
+
+def _watch(progress: bool | Callable[[dict], Any] | None, comm: MPI.Comm) -> Watch | None:
+    """What `run_scene` takes for this `progress`."""
+    if progress is None or progress is False:
+        return None
+    if progress is True:
+        return (lambda level, total, done: Progress(level, total, done=done)) if comm.rank == 0 else None
+    return lambda level, total, done: Calls(progress, comm)
+
+
+def _keep_or_remove(folder: Path, error: BaseException) -> None:
+    """After a failure: finished steps stay until the process ends, and the error says where they are."""
+    try:
+        kept = any(level.steps > 0 for level in open_run(folder).levels)
+    except PdvolError:
+        kept = False
+    if not kept:
+        shutil.rmtree(folder, ignore_errors=True)
+        return
+    error.add_note(f"finished steps are kept until this process ends: pdvol.open_run({str(folder)!r})")
+    atexit.register(partial(_remove, folder, os.getpid()))
+
+
+def _remove(folder: Path, process: int) -> None:
+    """Removes a temporary run; not in a process that was forked from the one that made it."""
+    if os.getpid() == process:
+        shutil.rmtree(folder, ignore_errors=True)

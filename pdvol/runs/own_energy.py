@@ -1,0 +1,345 @@
+"""Contact for a user's own energy on a user's own dolfinx mesh: `pdvol.Contact`.
+
+It is the barrier of Li et al. 2023 and the lagged friction of Li et al. 2020, as in a scene's run: functions B(u) [J]
+and D(u) [J] of displacements. The user adds them to an incremental potential of the user's own, `E(u) + B(u) + D(u)`,
+and minimises the sum by steps that `max_step` limits. Where the first state is free of intersections, all states that
+are reached that way are.
+"""
+
+from collections.abc import Sequence
+from typing import Any, TypeAlias
+
+import numpy as np
+from dolfinx import fem
+from mpi4py import MPI
+from petsc4py import PETSc
+
+from pdvol.errors import InputError, IntersectionError
+from pdvol.geometry.crossings import find_crossings
+from pdvol.levels.space import LevelSpace
+from pdvol.meshing.build import read_obstacle
+from pdvol.parallel import on_root
+from pdvol.potentials.assembly.block_pattern import BlockPattern
+from pdvol.potentials.assembly.hessian_blocks import HessianBlocks
+from pdvol.potentials.contact.barrier import SurfaceBarrier
+from pdvol.potentials.contact.collision_surface import CollisionSurface, Obstacle
+from pdvol.potentials.contact.friction import SurfaceFriction
+from pdvol.potentials.contact.planes import HalfSpaceBarrier, HalfSpaceFriction
+from pdvol.potentials.potential import Positions
+from pdvol.scene import Barrier, Friction, Plane, Rigid, metres
+from pdvol.scene.checks import finite, positive
+from pdvol.solve.linear.system_matrix import SystemMatrix
+
+Displacement: TypeAlias = fem.Function | PETSc.Vec
+NAMED = 5  # crossings that a message names
+
+
+class Contact:
+    """Barrier and friction of a mesh's boundary, with itself and with obstacles, as functions of displacements u.
+
+    Construction and all methods are collective. Vectors and matrices have the numbering and the distribution of V.
+    Numbers are the same on every rank. In 2D forces and energies are per metre of depth.
+
+    Parameters
+    ----------
+    V : dolfinx.fem.FunctionSpace
+        Vector P1 on straight triangles (2D) or tetrahedra (3D). Its mesh is the rest configuration.
+    young : float [Pa]
+        Young's modulus of the softest material, or what is as stiff: the barrier's stiffness is `barrier.stiffness`
+        times it.
+    barrier : Barrier
+        Of the convergent law, the default.
+    friction : Friction, optional
+        Names in its `pairs` are those of obstacles and of `bodies`.
+    obstacles : sequence of Plane and Rigid
+        Where they are at a time t is what their motions say.
+    diagonal : float [m], optional
+        What `Relative` lengths and speeds are fractions of; the diagonal of the mesh's box at rest when None.
+
+    Attributes
+    ----------
+    V : dolfinx.fem.FunctionSpace
+    bodies : tuple of str
+        Names of the connected parts of the mesh: "body", or "body 1", "body 2", ... in the order of their first
+        vertices.
+    dhat : float [m]
+        Distance at which contact begins to push.
+    kappa : float [Pa]
+        The barrier's stiffness.
+
+    Raises
+    ------
+    InputError
+        V is another kind of space, a value is unfit, an obstacle has another dimension, or a name in `friction.pairs`
+        is unknown.
+    """
+
+    def __init__(
+        self,
+        V: fem.FunctionSpace,
+        young: float,
+        barrier: Barrier | None = None,
+        friction: Friction | None = None,
+        obstacles: Sequence[Plane | Rigid] = (),
+        diagonal: float | None = None,
+    ):
+        positive("Contact.young", young)
+        barrier = Barrier() if barrier is None else barrier
+        self._check_kinds(barrier, friction, obstacles)
+        self.V, self._space = V, LevelSpace.of(V)
+        mesh, d = self._space.mesh, self._space.dim
+        if diagonal is None:
+            diagonal = float(np.linalg.norm(np.ptp(mesh.points, axis=0)))
+        positive("Contact.diagonal", diagonal)
+        self.dhat, self.kappa = metres(barrier.dhat, diagonal), barrier.stiffness * float(young)
+        count = int(mesh.bodies.max()) + 1
+        self.bodies = ("body",) if count == 1 else tuple(f"body {number}" for number in range(1, count + 1))
+        self._rest = self._space.from_input(mesh.points)
+        self._at: Positions | None = None
+        self._stepped = False
+        self._blocks = HessianBlocks(BlockPattern(self._space))
+        nobody = np.zeros(self._space.n_owned, dtype=bool)  # supported rows are the user's to eliminate
+        self._matrix: Any = SystemMatrix(self._space, nobody)
+        planes = tuple(o for o in obstacles if isinstance(o, Plane))
+        rigid = tuple(o for o in obstacles if isinstance(o, Rigid))
+        shapes = on_root(V.mesh.comm, lambda: [read_obstacle(o) for o in rigid])
+        widths = [(p.name, len(p.point)) for p in planes]
+        widths += [(o.name, shape[0].shape[1]) for o, shape in zip(rigid, shapes, strict=True)]
+        for name, width in widths:
+            if width != d:
+                raise InputError(f"obstacle {name!r} is {width}D, the mesh is {d}D")
+        placed = tuple(
+            Obstacle(vertices, edges, faces, o.motion, o.name)
+            for (vertices, edges, faces), o in zip(shapes, rigid, strict=True)
+        )
+        self._make_terms(barrier, friction, planes, placed, diagonal)
+
+    @staticmethod
+    def _check_kinds(barrier: Barrier, friction: Friction | None, obstacles: Sequence[Plane | Rigid]) -> None:
+        if not isinstance(barrier, Barrier):
+            raise InputError(f"Contact.barrier must be a Barrier, not {type(barrier).__name__}")
+        if barrier.law != "convergent":
+            raise InputError(
+                f"Contact has the convergent law; the {barrier.law} one takes its stiffness from all other forces,"
+                " which only a scene's run knows"
+            )
+        if not (friction is None or isinstance(friction, Friction)):
+            raise InputError(f"Contact.friction must be a Friction, not {type(friction).__name__}")
+        for obstacle in obstacles:
+            if not isinstance(obstacle, Plane | Rigid):
+                raise InputError(f"Contact.obstacles hold Plane and Rigid, not {type(obstacle).__name__}")
+
+    def _make_terms(
+        self,
+        barrier: Barrier,
+        friction: Friction | None,
+        planes: tuple[Plane, ...],
+        rigid: tuple[Obstacle, ...],
+        diagonal: float,
+    ) -> None:
+        surface = CollisionSurface(self._space, rigid, self.dhat, barrier.ccd)
+        self._surface = SurfaceBarrier(surface, self.dhat, self.kappa)
+        self._planes = HalfSpaceBarrier(self._space, planes, self.dhat, self.kappa) if planes else None
+        self._contacts = (self._surface, *((self._planes,) if self._planes else ()))
+        self._frictions: tuple = ()
+        if friction is not None:
+            eps_v = metres(friction.eps_v, diagonal)
+            parties, grounds = [*self.bodies, *(o.name for o in rigid)], [plane.name for plane in planes]
+            unknown = {name for one, other, _ in friction.triples for name in (one, other)} - {*parties, *grounds}
+            if unknown:
+                raise InputError(f"Friction.pairs names {sorted(unknown)[0]!r}; there are {[*parties, *grounds]}")
+            matrix = lambda ones, others: np.array([[friction.between(a, b) for b in others] for a in ones])
+            self._frictions = (SurfaceFriction(self._surface, matrix(parties, parties), eps_v),)
+            if self._planes is not None:
+                self._frictions += (HalfSpaceFriction(self._planes, matrix(grounds, self.bodies), eps_v),)
+        self._terms = (*self._contacts, *self._frictions)
+
+    def __repr__(self) -> str:
+        names = [self.bodies[0] if len(self.bodies) == 1 else f"{len(self.bodies)} bodies"]
+        friction = ", with friction" if self._frictions else ""
+        return f"Contact({names[0]}, dhat={self.dhat:.3g} m, kappa={self.kappa:.3g} Pa{friction})"
+
+    def begin_step(self, u: Displacement, t0: float, t1: float) -> None:
+        """Start the step from t0 to t1 [s] at displacements u.
+
+        Obstacles are at their places at t0. Friction has the forces and directions of u, and slips count from here on.
+
+        Raises
+        ------
+        IntersectionError
+            At the first call: u is not free of intersections.
+        InputError
+            The times do not ascend, or a motion fails.
+        """
+        finite("begin_step: t0", t0)
+        finite("begin_step: t1", t1)
+        if not t1 > t0:
+            raise InputError(f"begin_step: the step from {t0:g} to {t1:g} s has no length")
+        x = self._positions(u)
+        for term in self._contacts:
+            term.place(t0)
+        if not self._stepped:
+            self._require_apart(x, t0)
+        for term in self._terms:
+            term.begin_step(x, t0, t1)
+        self._stepped, self._time = True, float(t0)
+
+    def move_obstacles(self, u: Displacement, until: float) -> float:
+        """Move the obstacles to their places at a time `until` [s], as far as they touch nothing at u.
+
+        Returns the time [s] that they have reached. Where it is not `until`, solve for u and call it again.
+        """
+        x = self._started(u)
+        share = self._largest(x, np.zeros_like(x.owned), until)
+        self._time = float(until) if share == 1.0 else self._time + share * (until - self._time)
+        for term in self._contacts:
+            term.place(self._time)
+        return self._time
+
+    def energy(self, u: Displacement) -> float:
+        """B(u) + D(u) [J]; inf behind a plane.
+
+        It does not see whether surfaces have passed through each other: `max_step` keeps steps from that.
+        """
+        x = self._started(u)
+        return float(sum(term.value(x) for term in self._terms))
+
+    def gradient(self, u: Displacement) -> PETSc.Vec:
+        """Gradient of the energy [N] by the unknowns of V: minus the contact forces. A new vector, with V's ghosts."""
+        x = self._started(u)
+        return self._vector(sum((term.gradient(x) for term in self._terms), np.zeros_like(x.owned)))
+
+    def hessian(self, u: Displacement, projected: bool = True) -> PETSc.Mat:
+        """Hessian of the energy [N/m], a new AIJ matrix that couples at least what cells couple.
+
+        Parameters
+        ----------
+        u : displacements [m]
+        projected : whether it is made positive semi-definite, for Newton's method; or exact, and then indefinite
+
+        Add it to a matrix A of a form on V by `A.axpy(1.0, contact.hessian(u))`.
+        """
+        x = self._started(u)
+        self._blocks.clear()
+        self._blocks.positive, self._blocks.quick = ("clamp", False) if projected else ("none", False)
+        for term in self._terms:
+            term.add_hessian(x, 1.0, self._blocks)
+        self._matrix.assemble(self._blocks, eliminate=False)
+        matrix = self._matrix.petsc.convert("aij", PETSc.Mat())
+        matrix.setOption(PETSc.Mat.Option.SPD, False)  # rows that touch nothing are zero
+        matrix.setOption(PETSc.Mat.Option.SYMMETRIC, True)
+        return matrix
+
+    def max_step(self, u: Displacement, du: Displacement) -> float:
+        """Largest s in [0, 1] such that all states from u to u + s du are free of intersections.
+
+        Where contact ends the step, a tenth of each gap is left.
+        """
+        return self._largest(self._started(u), self._owned(du), None)
+
+    def lag(self, u: Displacement) -> float:
+        """Take the forces and directions of friction from u.
+
+        Returns by how much that changes the friction forces, relative to them. A step may be solved and lagged several
+        times until that is small; once, as `begin_step` does it, is common.
+        """
+        x = self._started(u)
+        before = sum((term.gradient(x) for term in self._frictions), np.zeros_like(x.owned))
+        for term in self._frictions:
+            term.lag(x)
+        after = sum((term.gradient(x) for term in self._frictions), np.zeros_like(x.owned))
+        sums = np.array([np.vdot(f, f) for f in (after - before, before, after)])
+        change, *forces = np.sqrt(self.V.mesh.comm.allreduce(sums))
+        return float(change / max(forces)) if max(forces) > 0.0 else 0.0
+
+    def min_gap(self, u: Displacement) -> float:
+        """Smallest distance [m] between surfaces that are nearer than dhat, and to planes; inf where there is none."""
+        x = self._started(u)
+        return min(term.min_gap(x) for term in self._contacts)
+
+    def count(self, u: Displacement) -> int:
+        """How many pairs are nearer than dhat."""
+        x = self._started(u)
+        return sum(term.count(x) for term in self._contacts)
+
+    def intersections(self, u: Displacement) -> int:
+        """How many edges cross edges (2D) or triangles (3D), and how many vertices lie behind planes.
+
+        The code is not that which keeps surfaces apart, so that it can judge it.
+        """
+        x = self._positions(u)
+        return len(self._crossings(x)) + self._behind_planes(x)
+
+    def positions(self, u: Displacement) -> np.ndarray:
+        """(n, d) [m] on every rank: where all vertices are, in the order of the points that the mesh was made from."""
+        return self._positions(u).whole.copy()
+
+    # ---- their parts
+
+    def _owned(self, u: Displacement) -> np.ndarray:
+        """(n_owned, d) this rank's rows of a function or a vector."""
+        size = self._space.n_owned * self._space.dim
+        if isinstance(u, fem.Function):
+            dofmap = u.function_space.dofmap
+            values = u.x.array[: dofmap.index_map.size_local * dofmap.bs]
+        elif isinstance(u, PETSc.Vec):
+            values = u.array_r
+        else:
+            raise InputError(f"displacements are a dolfinx Function or a PETSc Vec, not {type(u).__name__}")
+        if len(values) != size:
+            raise InputError(f"displacements have {len(values)} values on this rank, the function space has {size}")
+        return np.array(values, dtype=np.float64).reshape(-1, self._space.dim)
+
+    def _positions(self, u: Displacement) -> Positions:
+        """Positions at u: the same object as before where u is the same, for terms keep what they find there."""
+        owned = self._rest + self._owned(u)
+        same = self._at is not None and np.array_equal(owned, self._at.owned)
+        if not self.V.mesh.comm.allreduce(same, op=MPI.LAND) or self._at is None:
+            self._at = Positions(self._space, owned)
+        return self._at
+
+    def _started(self, u: Displacement) -> Positions:
+        if not self._stepped:
+            raise InputError("call contact.begin_step(u, t0, t1) first: it places the obstacles")
+        return self._positions(u)
+
+    def _largest(self, x: Positions, direction: np.ndarray, until: float | None) -> float:
+        steps = (term.max_step(x, direction, until) for term in self._contacts)
+        return float(self.V.mesh.comm.allreduce(min(1.0, *steps), op=MPI.MIN))
+
+    def _vector(self, owned: np.ndarray) -> PETSc.Vec:
+        index_map, d = self.V.dofmap.index_map, self._space.dim
+        vector = PETSc.Vec().createGhost(
+            index_map.ghosts.astype(PETSc.IntType),
+            (index_map.size_local * d, index_map.size_global * d),
+            bsize=d,
+            comm=self.V.mesh.comm,
+        )
+        vector.array_w[:] = owned.ravel()
+        vector.ghostUpdate(PETSc.InsertMode.INSERT, PETSc.ScatterMode.FORWARD)
+        return vector
+
+    def _crossings(self, x: Positions) -> np.ndarray:
+        """(k, 2) primitives of the collision mesh that cross."""
+        primitives, surface = self._surface.surface.primitives, self._surface.surface
+        groups = np.where(surface.parties < len(self.bodies), surface.parties, -1)  # obstacles may cross each other
+        return find_crossings(surface.vertices(x), primitives.edges, primitives.faces, groups)
+
+    def _behind_planes(self, x: Positions) -> int:
+        behind = 0 if self._planes is None else int(np.count_nonzero(self._planes.gaps(x) <= 0.0))
+        return int(self.V.mesh.comm.allreduce(behind))
+
+    def _require_apart(self, x: Positions, time: float) -> None:
+        """IntersectionError unless x is free of intersections."""
+        crossing, behind = self._crossings(x), self._behind_planes(x)
+        if behind:
+            raise IntersectionError(f"{behind} vertices lie at or behind planes at t = {time:g} s; lift the body")
+        if len(crossing):
+            parties = self._surface.surface.parties
+            edges, names = self._surface.surface.primitives.edges, self.bodies
+            found = sorted({int(parties[edges[pair[0], 0]]) for pair in crossing[:NAMED]})
+            whose = ", ".join(names[i] if i < len(names) else "an obstacle" for i in found)
+            raise IntersectionError(
+                f"surfaces cross at t = {time:g} s in {len(crossing)} places (edges of: {whose}); move them apart",
+                pairs=[tuple(pair) for pair in crossing],
+            )

@@ -1,0 +1,41 @@
+"""How the scene's dataclasses show themselves: on one line, arrays by their shapes, functions by their names."""
+
+from dataclasses import MISSING, Field, fields, is_dataclass
+from typing import Any
+
+import numpy as np
+
+MOST_ITEMS = 4  # of a tuple: of a longer one the first two, the last one and the number are shown
+MOST_TEXT = 80  # characters of one value
+
+
+def one_line(element: Any) -> str:
+    """`Name(field=value, ...)` of a dataclass, without the fields that have their default; its `__repr__`."""
+    shown = [f"{f.name}={_value(getattr(element, f.name))}" for f in fields(element) if not _is_default(element, f)]
+    return f"{type(element).__name__}({', '.join(shown)})"
+
+
+def _is_default(element: Any, field: Field) -> bool:
+    value = getattr(element, field.name)
+    default = field.default_factory() if field.default_factory is not MISSING else field.default
+    return type(value) is type(default) and bool(value == default)
+
+
+def _value(value: Any) -> str:
+    if isinstance(value, np.ndarray):
+        return f"array{value.shape}"
+    if isinstance(value, (tuple, list)):
+        # Parts of a scene go by their names where they have one.
+        items = [_part(item) if is_dataclass(item) else _value(item) for item in value]
+        if len(items) > MOST_ITEMS:
+            return f"({items[0]}, {items[1]}, ..., {items[-1]}: {len(items)} in all)"
+        return f"({', '.join(items)}{',' if len(items) == 1 else ''})"
+    if callable(value) and not is_dataclass(value):
+        return getattr(value, "__qualname__", type(value).__name__).rpartition("<locals>.")[2]
+    text = " ".join(repr(value).split())
+    return text if is_dataclass(value) or len(text) <= MOST_TEXT else f"{text[: MOST_TEXT - 3]}..."
+
+
+def _part(part: Any) -> str:
+    name = getattr(part, "name", None)
+    return repr(name) if isinstance(name, str) else type(part).__name__

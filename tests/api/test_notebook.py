@@ -1,0 +1,65 @@
+"""The demo notebook, executed by a kernel of this environment: it shows the progress of its runs, and pictures."""
+
+import base64
+import io
+import sys
+from pathlib import Path
+
+import nbformat
+import numpy as np
+import small
+from nbclient import NotebookClient
+from PIL import Image
+
+import pdvol
+from pdvol.runs.progress import in_notebook
+
+NOTEBOOK = Path(__file__).resolve().parents[2] / "demos" / "notebook.ipynb"
+
+
+def texts(cell) -> str:
+    """All text of a cell's outputs."""
+    return "".join(
+        output.get("text", "") + output.get("data", {}).get("text/plain", "") for output in cell.get("outputs", ())
+    )
+
+
+def pictures(cell) -> list[np.ndarray]:
+    """The PNG pictures among a cell's outputs."""
+    found = [output["data"]["image/png"] for output in cell.get("outputs", ()) if "image/png" in output.get("data", {})]
+    return [np.asarray(Image.open(io.BytesIO(base64.b64decode(data)))) for data in found]
+
+
+def test_the_notebook_shows_progress_and_pictures(tmp_path, monkeypatch):
+    # The kernel that ipykernel installs beside this Python, whatever the user has registered; and no files at home.
+    for name in ("JUPYTER_PATH", "JUPYTER_DATA_DIR", "JUPYTER_RUNTIME_DIR", "IPYTHONDIR", "JUPYTER_CONFIG_DIR"):
+        monkeypatch.setenv(name, str(tmp_path / name.lower()))
+    monkeypatch.setenv("JUPYTER_PATH", str(Path(sys.prefix) / "share" / "jupyter"))
+    notebook = nbformat.read(NOTEBOOK, as_version=4)
+    nbformat.validate(notebook)
+    NotebookClient(notebook, timeout=300, kernel_name="python3", resources={"metadata": {"path": tmp_path}}).execute()
+    cells = [cell for cell in notebook.cells if cell.cell_type == "code"]
+    drawn = [cell for cell in cells if pictures(cell)]
+    assert len(drawn) == 2
+    assert "level 0" in texts(drawn[0]) and "12/12" in texts(drawn[0]) and "level 1" not in texts(drawn[0])
+    assert "level 0" in texts(drawn[1]) and "level 1" in texts(drawn[1]) and "12/12" in texts(drawn[1])
+    for picture in (picture for cell in drawn for picture in pictures(cell)):
+        assert picture.ndim == 3 and len(np.unique(picture.reshape(-1, picture.shape[-1]), axis=0)) > 20
+    assert "Scene(bodies=('ball',), dt=0.02, steps=12" in texts(cells[1])
+    assert "RunLevel(1" in texts(cells[-1])
+    assert not any("Warning" in texts(cell) for cell in cells)
+
+
+def test_the_stored_notebook_has_no_outputs():
+    notebook = nbformat.read(NOTEBOOK, as_version=4)
+    code = [cell for cell in notebook.cells if cell.cell_type == "code"]
+    assert code and all(not cell.outputs and cell.execution_count is None for cell in code)
+
+
+def test_a_picture_is_an_image_that_notebooks_show():
+    run = pdvol.run(small.scene(), steps=2)
+    picture = pdvol.picture(run, levels=[1], steps=[0, 2], width=200)
+    assert picture._repr_png_().startswith(b"\x89PNG")
+    pixels = np.asarray(picture)
+    assert pixels.dtype == np.uint8 and pixels.shape[2] == 3 and pixels.shape[1] > 400
+    assert not in_notebook()

@@ -1,0 +1,190 @@
+"""Scene classes take arrays and lists where they take tuples: the same values, hashes and descriptions, short reprs."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import pdvol
+from pdvol import (
+    Barrier,
+    Body,
+    Flow,
+    Force,
+    Friction,
+    Gravity,
+    Impulse,
+    InputError,
+    NeoHookean,
+    Path,
+    Penalty,
+    Placement,
+    Plane,
+    PointForce,
+    Region,
+    Relative,
+    Rigid,
+    Rotation,
+    Scene,
+    Separate,
+    Sequential,
+    Solid,
+    Solver,
+    Still,
+    Support,
+    Translation,
+)
+from pdvol.scene.fingerprint import describe, differences
+
+SQUARE = Solid(np.array([(0.0, 0), (1, 0), (1, 1), (0, 1)]), np.array([(0, 1, 2), (0, 2, 3)]), np.zeros(2, np.int32))
+SOFT = NeoHookean(1e5)
+
+# Each class with the arguments that may be arrays, as tuples, and with what is wrong in a message.
+VALUES = [
+    (Translation, {"velocity": (1.0, 0.0)}),
+    (Rotation, {"speed": 2.0, "centre": (0.0, 0.5), "axis": (0.0, 0.0, 2.0)}),
+    (Path, {"times": (0.0, 1.0, 2.5), "points": ((0.0, 0.0), (1.0, 0.0), (1.0, 1.0))}),
+    (Gravity, {"acceleration": (0.0, -9.81)}),
+    (Force, {"force": (0.0, 1.0, 2.0)}),
+    (PointForce, {"force": (0.0, 1.0), "at": (0.5, 0.5)}),
+    (Impulse, {"velocity": (0.0, 1.0)}),
+    (Flow, {"velocity": (0.0, 1.0)}),
+    (Plane, {"point": (0.0, 0.0), "normal": (0.0, 1.0)}),
+    (Placement, {"translate": (0.0, 1.0), "axis": (0.0, 1.0, 0.0)}),
+    (
+        lambda **given: Body(SQUARE, SOFT, **given),
+        {"vertices": (100, 400), "velocity": (0.0, 1.0), "spin": (0.1, 0.2, 0.3)},
+    ),
+    (lambda **given: Region(SOFT, **given), {"where": (1, 2)}),
+]
+
+
+def named(value):
+    return getattr(value[0], "__name__", "").replace("<lambda>", next(iter(value[1])))
+
+
+@pytest.mark.parametrize("make, given", VALUES, ids=[named(value) for value in VALUES])
+def test_arrays_and_lists_give_what_tuples_give(make, given):
+    as_tuples = make(**given)
+    for kind in (np.array, lambda value: np.array(value).tolist()):
+        other = make(**{name: kind(value) for name, value in given.items()})
+        assert other == as_tuples and hash(other) == hash(as_tuples)
+        assert json.dumps(describe(other)) == json.dumps(describe(as_tuples))
+        for name in given:
+            assert getattr(other, name) == getattr(as_tuples, name)
+
+
+@pytest.mark.parametrize("make, given", VALUES, ids=[named(value) for value in VALUES])
+@pytest.mark.parametrize("bad", [np.ones((2, 2)), [[1.0], [1.0, 2.0]], np.array([np.nan, 1.0]), "text", [True, False]])
+def test_bad_shapes_are_refused_in_one_line(make, given, bad):
+    for name in given:
+        if name == "points" and isinstance(bad, np.ndarray) and bad.ndim == 2:
+            continue  # two points: the number of times does not fit, which the next test asks for
+        with pytest.raises(InputError) as caught:
+            make(**{**given, name: bad})
+        assert "\n" not in str(caught.value)
+
+
+def test_a_path_needs_as_many_points_as_times():
+    with pytest.raises(InputError, match="3 times and 2 points"):
+        Path(np.arange(3.0), np.zeros((2, 3)))
+    with pytest.raises(InputError, match="must ascend"):
+        Path(np.array([0.0, 0.0]), np.zeros((2, 3)))
+    with pytest.raises(InputError, match="two or three components"):
+        Path(np.arange(2.0), np.zeros((2, 4)))
+
+
+def test_numpy_numbers_are_kept_as_pythons():
+    for element, name in (
+        (NeoHookean(np.float64(1e5), np.float32(0.25)), "poisson"),
+        (Barrier(dhat=np.float64(1e-3)), "dhat"),
+        (Friction(np.float32(0.5)), "mu"),
+        (Relative(np.float64(1e-3)), "fraction"),
+        (Solver(max_iterations=np.int64(7)), "max_iterations"),
+        (Penalty(np.float64(0.5)), "consistency"),
+        (Separate(limit=np.float64(0.5)), "limit"),
+        (Translation((1.0, 0.0), stop=np.float64(2.0)), "stop"),
+        (Rigid(SQUARE, opacity=np.float64(0.5)), "opacity"),
+        (Support(everything, release=np.float64(0.5)), "release"),
+    ):
+        assert type(getattr(element, name)) in (int, float)
+        assert hash(element) == hash(replace(element))
+
+
+def test_pairs_of_friction_may_be_lists():
+    pairs = Friction(0.1, pairs=[["ball", "floor", 0.9]])
+    assert pairs == Friction(0.1, pairs={("ball", "floor"): np.float64(0.9)})
+    assert pairs.between("floor", "ball") == 0.9
+
+
+def everything(X):
+    return np.ones(len(X), dtype=bool)
+
+
+def shot(vector, many):
+    """A scene with something of everything; `vector` and `many` make of tuples what is to be tried."""
+    bodies = (
+        Body(
+            many((SQUARE, SQUARE)),
+            SOFT,
+            name="square",
+            velocity=vector((1.0, 0.0)),
+            spin=0.5,
+            placement=Placement(vector((0.0, 1.0))),
+            regions=many((Region(NeoHookean(2e5), vector((1, 2))),)),
+        ),
+        Body("bear.obj", SOFT, vector((100, 400)), name="bear", spin=vector((0.1, 0.2, 0.3))),
+    )
+    return Scene(
+        bodies=many(bodies),
+        dt=0.01,
+        steps=10,
+        loads=many((Gravity(vector((0.0, -9.81))), Flow(vector((1.0, 0.0))))),
+        supports=many((Support(everything, motion=Sequential(many((Still(), Translation(vector((1.0, 0.0))))))),)),
+        obstacles=many(
+            (Plane(vector((0.0, 0.0)), vector((0.0, 1.0)), Path(vector((0.0, 1.0)), vector(((0.0, 0.0), (0.0, 1.0))))),)
+        ),
+        contact=many((Barrier(), Friction(0.3))),
+        separate=many((Separate(),)),
+    )
+
+
+def test_a_scene_of_arrays_is_the_scene_of_tuples():
+    plain, arrays, lists = shot(tuple, tuple), shot(np.array, tuple), shot(list, list)
+    assert plain == arrays == lists
+    assert hash(plain) == hash(arrays) == hash(lists)
+    for other in (arrays, lists):
+        assert differences(describe(plain), describe(other)) == []
+
+
+def test_descriptions_of_scenes_written_with_tuples_stay():
+    """What runs stored before this version hold: numbers as they were written, whole or not."""
+    assert describe(Gravity((0, -9.81))) == {"type": "Gravity", "acceleration": [0, -9.81]}
+    assert json.dumps(describe(Plane((0, 0.5), (0, 1)))) == (
+        '{"type": "Plane", "point": [0, 0.5], "normal": [0, 1], "motion": {"type": "Still"}, "name": "plane"}'
+    )
+    assert json.dumps(describe(Placement())) == (
+        '{"type": "Placement", "translate": [], "angle": 0.0, "axis": [0.0, 0.0, 1.0], "scale": 1.0}'
+    )
+    assert describe(Body(SQUARE, SOFT, (10, 20)))["spin"] == []
+    assert describe(Body(SQUARE, SOFT, (10, 20), spin=2))["spin"] == 2
+
+
+def test_reprs_are_one_short_line():
+    scene = shot(np.array, tuple)
+    many = Path(np.linspace(0, 1, 500), np.zeros((500, 3)))
+    elements = [scene, *scene.bodies, *scene.loads, *scene.supports, *scene.obstacles, *scene.contact, SQUARE, many]
+    for element in elements:
+        assert "\n" not in repr(element) and len(repr(element)) < 400
+    assert repr(SQUARE) == "Solid(vertices=(4, 2), cells=(2, 3))"
+    assert repr(pdvol.meshes.ball(1.0, 1)).startswith("Surface(vertices=(")
+    assert repr(pdvol.meshes.rectangle(1.0, 1.0)).startswith("Outline(points=(")
+    assert repr(Gravity((0.0, -9.81))) == "Gravity(acceleration=(0.0, -9.81))"
+    assert repr(NeoHookean(everything)) == "NeoHookean(young=everything)"
+    assert repr(Support(lambda X: X[:, 0] < 0)).endswith("<lambda>)")
+    assert repr(many) == (
+        "Path(times=(0.0, 0.002004008016032064, ..., 1.0: 500 in all), "
+        "points=((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), ..., (0.0, 0.0, 0.0): 500 in all))"
+    )
+    assert "bodies=('square', 'bear')" in repr(scene) and "loads=(Gravity, Flow)" in repr(scene)
