@@ -77,6 +77,11 @@ class CellEnergy(Term):
         else:
             self._second = compiled(ufl.derivative(first, F, ufl.TrialFunction(tensors)))
 
+    @property
+    def uses_stretches(self) -> bool:
+        """Whether Hessians are computed from the stretches, many times faster: isotropic densities in 3D."""
+        return self._stretches is not None
+
     def _is_isotropic(self) -> bool:
         """Whether psi(Q F R) = psi(F) for some arbitrary F and rotations Q, R; the same on every rank.
 
