@@ -16,6 +16,7 @@ from mpi4py import MPI
 
 from pdvol.levels.space import LevelSpace
 from pdvol.potentials.assembly import native
+from pdvol.potentials.assembly.compiled_forms import form_cache
 from pdvol.potentials.assembly.hessian_blocks import FILTERS, HessianBlocks
 from pdvol.potentials.assembly.native import ffi, pointer
 from pdvol.potentials.potential import Positions, Term
@@ -182,8 +183,9 @@ class _Kernel:
     """
 
     def __init__(self, comm, form):
-        options = {"cffi_extra_compile_args": list(native.FLAGS), "cache_dir": str(native.cache_folder() / "forms")}
-        compiled, self._module, _ = jit.ffcx_jit(comm, form, jit_options=options)
+        with form_cache(comm) as options:
+            options["cffi_extra_compile_args"] = list(native.FLAGS)
+            compiled, self._module, _ = jit.ffcx_jit(comm, form, jit_options=options)
         self._kernel = compiled.form_integrals[0].tabulate_tensor_float64
         self.function = ffi.cast("void *", int(self._module.ffi.cast("uintptr_t", self._kernel)))
         ordered = form.coefficients()
