@@ -7,8 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 from cli_scenes import FALL, pdvol, write
+from commands import SAFETY, WITHOUT_PICTURE
 
-from pdvol import cli, open_run
+from pdvol import open_run
 from pdvol.commands.measuring import measure
 from pdvol.runs.runner import METHODS
 
@@ -16,7 +17,6 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 import verify_run
 
 STEPS = 8
-PROGRAM = [sys.executable, "-c", "import pdvol; pdvol.main()"]
 CASES = {
     "progressive": (),
     "direct": (),
@@ -38,14 +38,6 @@ def scene():
                  obstacles=(Plane((0.0, 0.0), (0.0, 1.0)),), loads=(Gravity((0.0, -9.81)),), contact=(Barrier(),),
                  dt=0.02, steps=8)
 """
-
-
-@pytest.fixture(scope="module", autouse=True)
-def no_pictures():
-    """Nothing here looks at the picture that ends a run."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(cli, "_finish", lambda out: None)
-        yield
 
 
 @pytest.fixture(scope="module")
@@ -189,8 +181,8 @@ def test_two_ranks_give_the_same(tmp_path, folder, name):
         *CASES[name],
         "--out",
     ]
-    two = [*PROGRAM, *map(str, words), str(tmp_path / "two")]
-    ended = subprocess.run(["mpirun", "-n", "2", *two], capture_output=True, text=True, timeout=200)
+    two = [*WITHOUT_PICTURE, *map(str, words), str(tmp_path / "two")]
+    ended = subprocess.run(["mpirun", "-n", "2", *two], capture_output=True, text=True, timeout=SAFETY)
     assert ended.returncode == 0, ended.stderr
     assert pdvol(*words, tmp_path / "one") == 0
     for a, b in zip(open_run(tmp_path / "one").levels, open_run(tmp_path / "two").levels, strict=True):
