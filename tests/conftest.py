@@ -1,7 +1,33 @@
-"""Made-up runs that the tests of storing, exporting, drawing and measuring share, written once."""
+"""What tests of several folders share: made-up runs, written once, and that runs end without a picture."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
 
 import pytest
 import runs
+
+
+@pytest.fixture(scope="session", autouse=True)
+def final_pictures():
+    """`pdvol run` ends with a picture, which takes longer than the runs of most tests: in this process it is drawn only
+    within `with final_pictures():`. Pictures that are asked for in another way are drawn as ever.
+    """
+    from pdvol.draw import picture
+
+    render, drawn = picture.render, []
+
+    def render_if_wanted(run, path, **choices):
+        return render(run, path, **choices) if choices or drawn else path
+
+    @contextmanager
+    def wanted() -> Iterator[None]:
+        drawn.append(True)
+        yield
+        drawn.pop()
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(picture, "render", render_if_wanted)
+        yield wanted
 
 
 @pytest.fixture(scope="session")

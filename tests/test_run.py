@@ -9,6 +9,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from commands import SAFETY
 
 RUN = Path(__file__).resolve().parents[1] / "run"
 INSIDE = f"{os.environ.get('PDVOL_DEBIAN', '') or 'trixie'}:{RUN.parent}"
@@ -21,7 +22,7 @@ def run(*args, inside=True, env=None, **options):
     env.pop("PDVOL_INSIDE", None)
     if inside:
         env["PDVOL_INSIDE"] = INSIDE
-    options = {"capture_output": True, "text": True, "timeout": 60, **options}
+    options = {"capture_output": True, "text": True, "timeout": SAFETY, **options}
     return subprocess.run([str(RUN), *map(str, args)], env=env, **options)
 
 
@@ -52,7 +53,12 @@ def test_environment_and_folder_are_kept(tmp_path):
     link.symlink_to(RUN)
     env = {**os.environ, "PDVOL_INSIDE": INSIDE, "PDVOL_WORD": "one two"}
     done = subprocess.run(
-        [link, "sh", "-c", 'pwd; echo "$PDVOL_WORD"'], cwd=folder, env=env, capture_output=True, text=True, timeout=60
+        [link, "sh", "-c", 'pwd; echo "$PDVOL_WORD"'],
+        cwd=folder,
+        env=env,
+        capture_output=True,
+        text=True,
+        timeout=SAFETY,
     )
     assert done.stdout == f"{folder}\none two\n", done.stderr
 

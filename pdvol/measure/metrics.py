@@ -117,7 +117,7 @@ class Projection:
         # The largest row sum bounds the largest eigenvalue.
         floor = RANK_TOLERANCE**2 * float(abs(normal).sum(axis=1).max()) * sp.eye(normal.shape[0], format="csc")
         self.columns = weights.shape[1]
-        self.rank = self.columns - _negative_eigenvalues(normal - floor)
+        self.rank = self.columns - negative_eigenvalues(normal - floor)
         self._solve = splu(normal + floor).solve
 
     def difference(self, fine: np.ndarray, coarse: np.ndarray) -> np.ndarray:
@@ -125,7 +125,7 @@ class Projection:
         return self._solve(self.weights.T @ (fine - self.weights @ coarse))
 
 
-def _negative_eigenvalues(matrix: sp.csc_matrix) -> int:
+def negative_eigenvalues(matrix: sp.csc_matrix) -> int:
     """How many eigenvalues of a symmetric matrix are negative: as many as pivots of its LDL' (Sylvester's law of
     inertia).
     """

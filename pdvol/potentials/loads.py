@@ -14,6 +14,7 @@ from pdvol.geometry.level_mesh import LevelMesh
 from pdvol.levels.locate import barycentric_coordinates
 from pdvol.levels.model import PlacedLoad
 from pdvol.levels.space import LevelSpace
+from pdvol.potentials.assembly.compiled_forms import form_cache
 from pdvol.potentials.potential import Positions, Term
 from pdvol.scene import Flow, Force, Gravity, Load, PointForce, at_time
 
@@ -27,7 +28,9 @@ def density_field(space: LevelSpace, densities: np.ndarray) -> fem.Function:
 
 
 def _assemble(space: LevelSpace, form) -> np.ndarray:
-    vector = fem.assemble_vector(fem.form(form))
+    with form_cache(space.comm) as options:
+        compiled = fem.form(form, jit_options=options)
+    vector = fem.assemble_vector(compiled)
     vector.scatter_reverse(la.InsertMode.add)
     return vector.array[: space.n_owned * space.dim].reshape(-1, space.dim).copy()
 

@@ -11,6 +11,7 @@ from dolfinx import fem
 from pdvol.forms.kinematics import deformation_gradient
 from pdvol.potentials.assembly import native
 from pdvol.potentials.assembly.cell_energy import CellEnergy
+from pdvol.potentials.assembly.compiled_forms import form_cache
 
 
 class CauchyStress:
@@ -33,8 +34,9 @@ class CauchyStress:
             ufl.as_matrix([[F[i, j] if max(i, j) < d else float(i == j) for j in range(3)] for i in range(3)])
         )
         stress = ufl.diff(term.psi(F, **parameters), F) * F.T / ufl.det(F)
-        options = {"cffi_extra_compile_args": list(native.FLAGS), "cache_dir": str(native.cache_folder() / "forms")}
-        self._expression = fem.Expression(stress, np.full((1, d), 1.0 / (d + 1)), jit_options=options)
+        with form_cache(self.space.comm) as options:
+            options["cffi_extra_compile_args"] = list(native.FLAGS)
+            self._expression = fem.Expression(stress, np.full((1, d), 1.0 / (d + 1)), jit_options=options)
 
     def add_to(self, stresses: np.ndarray, positions: np.ndarray) -> None:
         """Writes the stresses (m, 3, 3) of the term's cells at positions (n, d), both in the input's order."""

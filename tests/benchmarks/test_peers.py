@@ -12,6 +12,7 @@ import peer_scenes
 import peers
 import pytest
 import report
+from commands import SAFETY
 
 from pdvol.geometry.level_mesh import boundary_facets
 
@@ -26,7 +27,7 @@ def command(*words):
         [sys.executable, str(ROOT / "benchmarks" / "peers.py"), *map(str, words)],
         capture_output=True,
         text=True,
-        timeout=100,
+        timeout=SAFETY,
     )
 
 

@@ -5,11 +5,12 @@ from cli_scenes import FALL, pdvol, write
 
 
 @pytest.fixture(scope="session")
-def folder(tmp_path_factory):
+def folder(tmp_path_factory, final_pictures):
     """A folder with the scene file and one finished run of it."""
     folder = tmp_path_factory.mktemp("runs")
     write(folder / "fall.py", FALL)
-    assert pdvol("run", folder / "fall.py", "--out", folder / "whole") == 0
+    with final_pictures():
+        assert pdvol("run", folder / "fall.py", "--out", folder / "whole") == 0
     return folder
 
 

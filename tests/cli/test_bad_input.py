@@ -9,6 +9,7 @@ import sys
 import numpy as np
 import pytest
 from cli_scenes import CUBE_OFF, FALL, SQUARE, pdvol, write
+from commands import SAFETY
 
 
 @pytest.fixture
@@ -507,7 +508,7 @@ def test_as_a_program(tmp_path, words):
         cwd=tmp_path,
         capture_output=True,
         text=True,
-        timeout=60,
+        timeout=SAFETY,
     )
     assert ended.returncode == 2
     if words[0] == "run":

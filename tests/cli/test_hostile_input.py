@@ -17,6 +17,7 @@ import meshio
 import numpy as np
 import pytest
 from cli_scenes import FALL, pdvol, write
+from commands import SAFETY
 
 from pdvol.errors import InputError
 from pdvol.meshing.reader_process import read_in_child_process
@@ -269,7 +270,7 @@ for number in range({len(NAMES_OF_PATHS)}):
         cwd=tmp_path / "work",
         env={**os.environ, "PYTHONIOENCODING": "ascii"},
         capture_output=True,
-        timeout=200,
+        timeout=SAFETY,
     )
     assert ended.returncode == 0 and b"Traceback" not in ended.stderr, ended.stderr
     new = {p for p in tmp_path.rglob("*") if "__pycache__" not in p.parts} - before

@@ -15,10 +15,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from cli_scenes import FALL, SQUARE, pdvol, write
+from commands import SAFETY, WITHOUT_PICTURE
 
 from pdvol import open_run
 
-PROGRAM = [sys.executable, "-c", "import pdvol; pdvol.main()"]
 RUN = """
 import sys
 from pathlib import Path
@@ -221,7 +221,7 @@ def test_files_that_may_not_grow(tmp_path, limit):
     )
     words = ["run", "fall.py", "--set", "sizes=(2, 8)", "--out", "run"]
     ended = subprocess.run(
-        [sys.executable, "-c", program, *words], cwd=tmp_path, capture_output=True, text=True, timeout=100
+        [sys.executable, "-c", program, *words], cwd=tmp_path, capture_output=True, text=True, timeout=SAFETY
     )
     assert ended.returncode == 1 and "Traceback" not in ended.stderr
     assert ended.stderr.strip().split("\n")[-1].startswith("pdvol: cannot write "), ended.stderr
@@ -276,7 +276,7 @@ def test_a_second_process_is_refused_and_a_stale_lock_is_not(tmp_path):
         before = kept(tmp_path / "run")
         for launcher in ([], ["mpirun", "-n", "2"]):
             ended = subprocess.run(
-                [*launcher, *PROGRAM, *words], cwd=tmp_path, capture_output=True, text=True, timeout=100
+                [*launcher, *WITHOUT_PICTURE, *words], cwd=tmp_path, capture_output=True, text=True, timeout=SAFETY
             )
             assert ended.returncode == 2, ended.stderr
             assert ended.stderr.count("run is being written by another pdvol") == 1 and "Traceback" not in ended.stderr
@@ -284,7 +284,7 @@ def test_a_second_process_is_refused_and_a_stale_lock_is_not(tmp_path):
         holder.kill()
     assert (tmp_path / "run" / "run.lock").exists()
     ended = subprocess.run(
-        ["mpirun", "-n", "2", *PROGRAM, *words], cwd=tmp_path, capture_output=True, text=True, timeout=100
+        ["mpirun", "-n", "2", *WITHOUT_PICTURE, *words], cwd=tmp_path, capture_output=True, text=True, timeout=SAFETY
     )
     assert ended.returncode == 0, ended.stderr
     assert [level.steps for level in open_run(tmp_path / "run").levels] == [3, 3]

@@ -6,6 +6,7 @@ import sys
 import numpy as np
 import pytest
 from cli_scenes import FALL, pdvol, write
+from commands import SAFETY, WITHOUT_PICTURE
 
 from pdvol import open_run
 from pdvol.commands import simulation
@@ -14,7 +15,6 @@ from pdvol.registry import METHODS
 from pdvol.runs.run_metrics import measure_run
 
 STEPS = 8
-PROGRAM = [sys.executable, "-c", "import pdvol; pdvol.main()"]
 CASES = {
     "progressive": (),
     "direct": (),
@@ -36,14 +36,6 @@ def scene():
                  obstacles=(Plane((0.0, 0.0), (0.0, 1.0)),), loads=(Gravity((0.0, -9.81)),), contact=(Barrier(),),
                  dt=0.02, steps=8)
 """
-
-
-@pytest.fixture(scope="module", autouse=True)
-def no_pictures():
-    """Nothing here looks at the picture that ends a run."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(simulation, "report_run", lambda out: None)
-        yield
 
 
 @pytest.fixture(scope="module")
@@ -187,8 +179,8 @@ def test_two_ranks_give_the_same(tmp_path, folder, name):
         *CASES[name],
         "--out",
     ]
-    two = [*PROGRAM, *map(str, words), str(tmp_path / "two")]
-    ended = subprocess.run(["mpirun", "-n", "2", *two], capture_output=True, text=True, timeout=200)
+    two = [*WITHOUT_PICTURE, *map(str, words), str(tmp_path / "two")]
+    ended = subprocess.run(["mpirun", "-n", "2", *two], capture_output=True, text=True, timeout=SAFETY)
     assert ended.returncode == 0, ended.stderr
     assert pdvol(*words, tmp_path / "one") == 0
     for a, b in zip(open_run(tmp_path / "one").levels, open_run(tmp_path / "two").levels, strict=True):

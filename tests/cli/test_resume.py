@@ -7,6 +7,7 @@ import sys
 
 import pytest
 from cli_scenes import FALL, pdvol, states, write
+from commands import SAFETY
 
 from pdvol import open_run
 from pdvol.measure.verify import verify_run
@@ -95,7 +96,7 @@ def write_and_die(self, level, step, *rest):
 RunWriter.write_state = write_and_die
 cli.run(["run", {str(scene)!r}, "--out", {str(out)!r}])
 """
-    assert subprocess.run([sys.executable, "-c", program], capture_output=True, timeout=100).returncode == -9
+    assert subprocess.run([sys.executable, "-c", program], capture_output=True, timeout=SAFETY).returncode == -9
     assert open_run(out).levels[0].steps == 4
     assert pdvol("run", scene, "--out", out, "--resume") == 0
     assert_same_motion(out, whole)

@@ -8,6 +8,7 @@ import meshio
 import numpy as np
 import pytest
 from cli_scenes import CUBE_OFF, pdvol, states, write
+from commands import SAFETY, WITHOUT_PICTURE
 
 from pdvol import open_run
 from pdvol.errors import InputError
@@ -36,7 +37,6 @@ LOGGED = {
 }
 ENERGIES = {"inertia", "elastic", "load", "barrier", "friction"}
 SECONDS = {"total", "assembly", "contact", "ccd", "linear", "other"}
-PROGRAM = [sys.executable, "-c", "import pdvol; pdvol.main()"]
 
 
 def png_size(path):
@@ -203,7 +203,10 @@ def test_preview_and_the_default_folder(tmp_path, scene, whole, monkeypatch):
 def test_a_scene_file_run_by_python(tmp_path, scene, whole):
     # What demos end with: the file's own command line.
     ended = subprocess.run(
-        [sys.executable, scene, "--steps", "2", "--out", tmp_path / "run"], capture_output=True, text=True, timeout=100
+        [sys.executable, scene, "--steps", "2", "--out", tmp_path / "run"],
+        capture_output=True,
+        text=True,
+        timeout=SAFETY,
     )
     assert ended.returncode == 0, ended.stderr
     assert "Traceback" not in ended.stderr and "picture.png" in ended.stderr
@@ -314,7 +317,10 @@ def test_two_ranks_give_the_same_motion(tmp_path, scene):
         "--out",
     ]
     ended = subprocess.run(
-        ["mpirun", "-n", "2", *PROGRAM, *words, str(tmp_path / "two")], capture_output=True, text=True, timeout=200
+        ["mpirun", "-n", "2", *WITHOUT_PICTURE, *words, str(tmp_path / "two")],
+        capture_output=True,
+        text=True,
+        timeout=SAFETY,
     )
     assert ended.returncode == 0, ended.stderr
     assert ended.stderr.count("picture.png") == 1
@@ -335,7 +341,9 @@ def test_two_ranks_give_the_same_motion(tmp_path, scene):
 @pytest.mark.mpi
 def test_two_ranks_refuse_in_one_line(tmp_path, scene):
     words = ["run", str(scene), "--out", str(tmp_path / "bad"), "--set", "height=-0.5"]
-    ended = subprocess.run(["mpirun", "-n", "2", *PROGRAM, *words], capture_output=True, text=True, timeout=100)
+    ended = subprocess.run(
+        ["mpirun", "-n", "2", *WITHOUT_PICTURE, *words], capture_output=True, text=True, timeout=SAFETY
+    )
     assert ended.returncode == 2
     assert ended.stderr.count("pdvol: level 0") == 1 and "Traceback" not in ended.stderr
     assert not (tmp_path / "bad").exists()

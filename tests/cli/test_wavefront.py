@@ -5,11 +5,11 @@ import os
 import shutil
 import signal
 import subprocess
-import sys
 import time
 
 import numpy as np
 import pytest
+from commands import SAFETY, WITHOUT_PICTURE
 
 import pdvol
 
@@ -24,17 +24,16 @@ def scene(tolerance=1e-3, iterations=200, halvings=6):
     return Scene(bodies=(ball,), dt=0.01, steps=30, loads=(Gravity((0.0, -9.81)),),
                  obstacles=(Plane((0.0, -0.55), (0.0, 1.0)),), contact=(Barrier(), Friction(0.5)), solver=solver)
 """
-PROGRAM = [sys.executable, "-c", "import pdvol; pdvol.main()"]
 ENVIRONMENT = {**os.environ, "OMP_NUM_THREADS": "1"}
 
 
 def pdvol_run(scene, out, *options):
     return subprocess.run(
-        [*PROGRAM, "run", str(scene), "--out", str(out), *options],
+        [*WITHOUT_PICTURE, "run", str(scene), "--out", str(out), *options],
         env=ENVIRONMENT,
         capture_output=True,
         text=True,
-        timeout=300,
+        timeout=SAFETY,
     )
 
 
@@ -74,7 +73,9 @@ def test_numbers_are_those_of_one_after_the_other(scene, one_after_the_other, tm
 def test_a_killed_wavefront_goes_on_where_it_was(scene, one_after_the_other, tmp_path):
     out = tmp_path / "run"
     running = subprocess.Popen(
-        [*PROGRAM, "run", str(scene), "--out", str(out), "--wavefront"], env=ENVIRONMENT, stderr=subprocess.DEVNULL
+        [*WITHOUT_PICTURE, "run", str(scene), "--out", str(out), "--wavefront"],
+        env=ENVIRONMENT,
+        stderr=subprocess.DEVNULL,
     )
     deadline = time.monotonic() + 120
     while not (out / "levels" / "1" / "000004.npy").exists() and time.monotonic() < deadline:
@@ -106,11 +107,11 @@ def test_ranks_and_a_wavefront_do_not_go_together(scene, tmp_path):
     if mpirun is None:
         pytest.skip("there is no mpirun")
     done = subprocess.run(
-        [mpirun, "-n", "2", *PROGRAM, "run", str(scene), "--out", str(tmp_path / "run"), "--wavefront"],
-        env={**ENVIRONMENT, "MPIEXEC_TIMEOUT": "100"},
+        [mpirun, "-n", "2", *WITHOUT_PICTURE, "run", str(scene), "--out", str(tmp_path / "run"), "--wavefront"],
+        env={**ENVIRONMENT, "MPIEXEC_TIMEOUT": str(int(SAFETY))},
         capture_output=True,
         text=True,
-        timeout=120,
+        timeout=SAFETY,
     )
     assert done.returncode == 2
     assert "--wavefront" in done.stderr

@@ -7,6 +7,7 @@ import sys
 
 import numpy as np
 import pytest
+from commands import SAFETY
 from PIL import Image
 
 from pdvol.draw.contact_shadows import shadow_map
@@ -36,7 +37,7 @@ render(open_run({str(solid_run)!r}), {str(tmp_path / "run.png")!r}, levels=[0], 
 """
     for display in ({}, {"DISPLAY": ":77"}):
         env = {key: value for key, value in os.environ.items() if key not in ("DISPLAY", "WAYLAND_DISPLAY")} | display
-        done = subprocess.run([sys.executable, "-c", code], env=env, capture_output=True, text=True, timeout=60)
+        done = subprocess.run([sys.executable, "-c", code], env=env, capture_output=True, text=True, timeout=SAFETY)
         assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
 
 

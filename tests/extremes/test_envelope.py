@@ -8,6 +8,7 @@ from pathlib import Path
 
 import extreme_scenes
 import pytest
+from commands import SAFETY
 
 import pdvol
 from pdvol.measure.verify import verify_run
@@ -79,8 +80,8 @@ def test_from_jittered_starts(tmp_path, name, seed):
 
 def test_the_command(tmp_path):
     words = [sys.executable, str(ROOT / "benchmarks" / "extremes.py"), "--out", str(tmp_path)]
-    done = subprocess.run([*words, "--rows", "mu_0"], capture_output=True, text=True, timeout=200)
+    done = subprocess.run([*words, "--rows", "mu_0"], capture_output=True, text=True, timeout=SAFETY)
     assert done.returncode == 0, done.stderr
     assert [line.split(" | ")[0] for line in done.stdout.splitlines() if "| done |" in line] == ["| mu_0"]
-    refused = subprocess.run([*words, "--rows", "nothing"], capture_output=True, text=True, timeout=100)
+    refused = subprocess.run([*words, "--rows", "nothing"], capture_output=True, text=True, timeout=SAFETY)
     assert refused.returncode == 2 and refused.stderr.startswith("extremes.py: ") and refused.stderr.count("\n") == 1

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import stress_scenes
+from commands import SAFETY
 
 import pdvol
 from pdvol.levels.initial_state import check_start
@@ -72,10 +73,10 @@ def test_the_arch_stands(tmp_path):
 def test_the_command(tmp_path):
     words = [sys.executable, str(ROOT / "benchmarks" / "stress.py"), "--out", str(tmp_path)]
     done = subprocess.run(
-        [*words, "--scenes", "erleben_cube_cliff", "--minutes", "0.05"], capture_output=True, text=True, timeout=200
+        [*words, "--scenes", "erleben_cube_cliff", "--minutes", "0.05"], capture_output=True, text=True, timeout=SAFETY
     )
     assert done.returncode == 0, done.stderr
     (row,) = [line for line in done.stdout.splitlines() if line.startswith("| erleben_cube_cliff | 8 | 6 | 0.005 |")]
     assert "time limit" in row or "full time" in row
-    refused = subprocess.run([*words, "--scenes", "nothing"], capture_output=True, text=True, timeout=100)
+    refused = subprocess.run([*words, "--scenes", "nothing"], capture_output=True, text=True, timeout=SAFETY)
     assert refused.returncode == 2 and refused.stderr.startswith("stress.py: ") and refused.stderr.count("\n") == 1

@@ -1,5 +1,6 @@
-"""Runs of the golden shots, the digests of their states, and what digests depend on. `python tests/golden/golden.py`
-records them anew.
+"""Runs of the golden shots, the digests of their states, and what digests depend on.
+
+`./run env PYTHONPATH=tests/helpers python tests/golden/golden.py` records them anew.
 
 States repeat to the last bit on one kind of processor with one set of libraries. Digests are therefore kept by
 `platform_key`; on any other platform the last states, kept as arrays, are compared instead.
@@ -8,12 +9,12 @@ States repeat to the last bit on one kind of processor with one set of libraries
 import hashlib
 import json
 import subprocess
-import sys
 import tempfile
 from importlib.metadata import version
 from pathlib import Path
 
 import numpy as np
+from commands import SAFETY, WITHOUT_PICTURE
 
 from pdvol import open_run
 
@@ -36,8 +37,8 @@ def simulate(name: str, out: Path):
     """The stored run of a golden shot, simulated into the folder `out` in a process of its own."""
     shot, ranks = RUNS[name]
     launch = ["mpirun", "-n", str(ranks)] if ranks > 1 else []
-    command = [*launch, sys.executable, str(HERE / "scenes.py"), "--set", f"shot={shot}", "--out", str(out)]
-    ended = subprocess.run(command, capture_output=True, text=True, timeout=300)
+    command = [*launch, *WITHOUT_PICTURE, "run", str(HERE / "scenes.py"), "--set", f"shot={shot}", "--out", str(out)]
+    ended = subprocess.run(command, capture_output=True, text=True, timeout=SAFETY)
     if ended.returncode:
         raise RuntimeError(ended.stderr)
     return open_run(out)

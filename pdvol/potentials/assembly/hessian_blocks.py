@@ -67,7 +67,7 @@ class HessianBlocks:
             return np.zeros(0, dtype=np.int64), np.zeros((0, d, d))
         keys = np.concatenate([row * n + column for row, column, _ in self.added])
         blocks = np.concatenate([blocks for _, _, blocks in self.added])
-        keys, order = _sorted(keys)
+        keys, order = sorted_keys(keys)
         first = np.flatnonzero(np.diff(keys, prepend=-1))
         return keys[first], np.add.reduceat(blocks[order], first, axis=0)
 
@@ -92,7 +92,7 @@ class HessianBlocks:
         return csr_array(upper + upper.T - across)
 
 
-def _sorted(keys: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def sorted_keys(keys: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Keys (k,) >= 0, ascending, and the stable order that puts them so. Sorting values is several times faster than
     sorting places: each key takes its place along in its low bits, as long as they fit.
     """
