@@ -1,4 +1,6 @@
-"""The home cell of every point of one level in another, and its barycentric coordinates there (paper 3.3.2 and 3.3.3)."""
+"""The home cell of every point of one level in another, and its barycentric coordinates there (paper 3.3.2 and
+3.3.3).
+"""
 
 from dataclasses import dataclass
 

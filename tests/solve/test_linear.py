@@ -5,8 +5,6 @@ ladder.
 import numpy as np
 import pytest
 from mpi4py import MPI
-from pdvol.solve.linear.coarse_space import SHIFT, CoarseSpace, grid_weights
-from pdvol.solve.linear.system_matrix import SystemMatrix
 from petsc4py import PETSc
 from problems import block, make_problem, make_scene
 from scipy.sparse import csr_array
@@ -17,7 +15,9 @@ from pdvol.levels.space import LevelSpace
 from pdvol.potentials.assembly.block_pattern import BlockPattern
 from pdvol.potentials.assembly.hessian_blocks import HessianBlocks
 from pdvol.scene import Gravity, NeoHookean, Solver, Support
-from pdvol.solve.linear.solver import SHIFTS, LinearSolver
+from pdvol.solve.linear.coarse_space import COARSE_DIAGONAL_SHIFT, CoarseSpace, grid_weights
+from pdvol.solve.linear.solver import DIAGONAL_SHIFTS, LinearSolver
+from pdvol.solve.linear.system_matrix import SystemMatrix
 from pdvol.solve.newton import Newton
 
 COMM = MPI.COMM_SELF
@@ -128,7 +128,7 @@ def test_the_coarse_correction_is_galerkins(space):
     )
     assert np.all(P[np.repeat(supported, d)] == 0.0)
     G = P.T @ A @ P
-    G[np.diag_indices(len(G))] *= 1.0 + SHIFT
+    G[np.diag_indices(len(G))] *= 1.0 + COARSE_DIAGONAL_SHIFT
     r, into = np.random.default_rng(3).standard_normal((2, n * d))
     before, expected = into.copy(), P @ np.linalg.solve(G, P.T @ r)
     coarse.add_correction(r, into)
@@ -240,8 +240,8 @@ def test_a_failure_climbs_the_ladder_to_its_end(space, monkeypatch):
     made.ksp = Failing()
     with pytest.raises(SimulationError, match="linear solve failed"):
         made.solve(None, None)
-    assert tried.count("iterative") == len(SHIFTS) - 1
-    assert tried[len(SHIFTS) - 1 :] == ["direct"] * 3
+    assert tried.count("iterative") == len(DIAGONAL_SHIFTS) - 1
+    assert tried[len(DIAGONAL_SHIFTS) - 1 :] == ["direct"] * 3
 
 
 def test_an_indefinite_factor_is_strengthened():
