@@ -62,7 +62,7 @@ def test_contact_stiffness_is_ipctks(touching, d):
     """With masses and a block-diagonal Hessian of random numbers, contact by contact."""
     space, term, x = touching[d]
     rng = np.random.default_rng(7)
-    n, k = len(space.mesh.points), len(term.surface.parties)
+    n, k = len(space.mesh.points), len(term.surface.objects)
     masses, blocks = rng.uniform(0.5, 1.5, n), rng.uniform(-1, 1, (n, d, d))
     blocks = blocks @ blocks.transpose(0, 2, 1)
     own = term.contact_stiffness(Positions(space, x), masses, blocks)
