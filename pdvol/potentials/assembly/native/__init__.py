@@ -14,6 +14,8 @@ import cffi
 from pdvol import compat
 from pdvol.errors import InputError
 
+# options of the C compiler: vector instructions of this processor, no fused multiply-add, so that sums repeat on one
+# kind of processor, and no errno or traps, which would prevent vectorisation
 FLAGS = ("-O3", "-march=native", "-ffp-contract=off", "-fno-math-errno", "-fno-trapping-math")
 
 # parameters of an energy density: the C code keeps those of one cell on the stack
@@ -22,19 +24,24 @@ MAX_PARAMETERS = 64
 MAX_ISOTROPIC_PARAMETERS = 16
 
 _DECLARATIONS = """
-double cell_values(void *kernel, int d, int64_t count, const int32_t *dofs, const double *x, const double *inverse, const double *volumes,
-                   const double *parameters, int np, int at);
-void cell_gradients(void *kernel, int d, int64_t count, const int32_t *dofs, const double *x, const double *inverse, const double *volumes,
-                    const double *parameters, int np, int at, double *out);
-int64_t cell_hessians(void *kernel, int d, int64_t count, const int32_t *dofs, const double *x, const double *inverse, const double *volumes,
-                      const double *parameters, int np, int at, const int32_t *slots, int mode, double weight, double *out);
-int64_t isotropic_hessians(void *gradient, void *hessian, const int32_t *arguments, int ng, int nh, int64_t count, const int32_t *dofs,
-                           const double *x, const double *inverse, const double *volumes, const double *parameters, int np,
-                           const int32_t *slots, int mode, double weight, double *out);
+double cell_values(void *kernel, int d, int64_t count, const int32_t *dofs, const double *x, const double *inverse,
+                   const double *volumes, const double *parameters, int np, int at);
+void cell_gradients(void *kernel, int d, int64_t count, const int32_t *dofs, const double *x, const double *inverse,
+                    const double *volumes, const double *parameters, int np, int at, double *out);
+int64_t cell_hessians(void *kernel, int d, int64_t count, const int32_t *dofs, const double *x, const double *inverse,
+                      const double *volumes, const double *parameters, int np, int at, const int32_t *slots, int mode,
+                      double weight, double *out);
+int64_t isotropic_hessians(void *gradient, void *hessian, const int32_t *arguments, int ng, int nh, int64_t count,
+                           const int32_t *dofs, const double *x, const double *inverse, const double *volumes,
+                           const double *parameters, int np, const int32_t *slots, int mode,
+                           double weight, double *out);
 int galerkin(int d, int64_t rows, int64_t first, const int32_t *starts, const int32_t *columns, const double *blocks,
-             const int32_t *p_starts, const int32_t *p_columns, const double *p_weights, int64_t coarse, const int32_t *table, double *out);
-void restriction(int d, int64_t rows, const int32_t *starts, const int32_t *columns, const double *weights, const double *fine, double *coarse);
-void prolongation(int d, int64_t rows, const int32_t *starts, const int32_t *columns, const double *weights, const double *coarse, double *fine);
+             const int32_t *p_starts, const int32_t *p_columns, const double *p_weights, int64_t coarse,
+             const int32_t *table, double *out);
+void restriction(int d, int64_t rows, const int32_t *starts, const int32_t *columns, const double *weights,
+                 const double *fine, double *coarse);
+void prolongation(int d, int64_t rows, const int32_t *starts, const int32_t *columns, const double *weights,
+                  const double *coarse, double *fine);
 int64_t inverted_cells(int d, int64_t count, const int32_t *dofs, const double *x);
 double volume_step(int d, int64_t count, const int32_t *dofs, const double *x, const double *p, double keep);
 """
