@@ -2,6 +2,7 @@
 3.3.3).
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -32,7 +33,7 @@ class Binding:
     kind: np.ndarray
     weights: np.ndarray
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         for array in (self.cells, self.kind, self.weights):
             array.flags.writeable = False
 
@@ -83,7 +84,7 @@ def home_cells(target: LevelSpace, source: LevelSpace, binding: Binding) -> np.n
     return homes
 
 
-def _bind(target, source, outside_rule) -> Binding:
+def _bind(target: LevelSpace | LevelMesh, source: LevelSpace, outside_rule: Callable) -> Binding:
     target = target.mesh if isinstance(target, LevelSpace) else target
     mesh = source.mesh
     _check(target, mesh)

@@ -52,7 +52,7 @@ class Hierarchy(Sequence):
     def __len__(self) -> int:
         return len(self._spaces)
 
-    def __getitem__(self, level):
+    def __getitem__(self, level: int) -> LevelSpace:
         return self._spaces[level]
 
     def prolongation(self, level: int) -> Prolongation:

@@ -7,7 +7,7 @@ whether a density is isotropic is found by evaluating it at rotated F. All other
 F.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 
 import basix.ufl
 import numpy as np
@@ -73,7 +73,7 @@ class CellEnergy(Term):
         )
         self._compile(psi, {name: np.asarray(values, dtype=float) for name, values in parameters.items()})
 
-    def _compile(self, psi, parameters) -> None:
+    def _compile(self, psi: Callable, parameters: Mapping[str, np.ndarray]) -> None:
         space, d = self.space, self.space.dim
         domain = space.domain.ufl_domain()
         tensors = ufl.FunctionSpace(domain, basix.ufl.element("DG", space.domain.basix_cell(), 0, shape=(d, d)))
@@ -109,7 +109,7 @@ class CellEnergy(Term):
                 changes.append(abs(one - other) / max(abs(one), abs(other), 1e-300))
         return self.space.comm.allreduce(max(changes, default=0.0), op=MPI.MAX) < ISOTROPY_TOLERANCE
 
-    def _arguments(self, kernel, x: np.ndarray, count: int):
+    def _arguments(self, kernel: "_DensityKernel", x: np.ndarray, count: int) -> tuple:
         return (
             kernel.function,
             self.space.dim,
@@ -163,19 +163,19 @@ class CellEnergy(Term):
             )
 
 
-def _rotation(rng) -> np.ndarray:
+def _rotation(rng: np.random.Generator) -> np.ndarray:
     q, r = np.linalg.qr(rng.standard_normal((3, 3)))
     q = q * np.sign(np.diag(r))
     return q * np.sign(np.linalg.det(q))
 
 
-def _constants(space: LevelSpace, names) -> dict[str, ufl.Coefficient]:
+def _constants(space: LevelSpace, names: Iterable[str]) -> dict[str, ufl.Coefficient]:
     """Coefficients constant per cell, by name."""
     constant = ufl.FunctionSpace(space.domain.ufl_domain(), basix.ufl.element("DG", space.domain.basix_cell(), 0))
     return {name: ufl.Coefficient(constant) for name in names}
 
 
-def _one_point(domain) -> ufl.Measure:
+def _one_point(domain: ufl.Mesh) -> ufl.Measure:
     return ufl.Measure("dx", domain=domain, metadata={"quadrature_degree": 0})
 
 
@@ -188,7 +188,7 @@ class _Kernel:
     coefficients : the form's coefficients, in the order the kernel wants them
     """
 
-    def __init__(self, comm, form):
+    def __init__(self, comm: MPI.Comm, form: ufl.Form):
         options = {"cffi_extra_compile_args": list(native.FLAGS), "cache_dir": str(native.cache_folder() / "forms")}
         compiled, self._module, _ = jit.ffcx_jit(comm, form, jit_options=options)
         self._kernel = compiled.form_integrals[0].tabulate_tensor_float64
@@ -209,7 +209,14 @@ class _DensityKernel(_Kernel):
     gradient_at : how many of them come before F; -1 where F is not wanted
     """
 
-    def __init__(self, comm, form, names, parameters, count: int):
+    def __init__(
+        self,
+        comm: MPI.Comm,
+        form: ufl.Form,
+        names: Mapping[ufl.Coefficient, str | None],
+        parameters: Mapping[str, np.ndarray],
+        count: int,
+    ):
         super().__init__(comm, form)
         wanted = [names[c] for c in self.coefficients]
         self.gradient_at = next((i for i, name in enumerate(wanted) if name is None), -1)
@@ -217,7 +224,7 @@ class _DensityKernel(_Kernel):
         self.parameters = np.zeros((count, len(self._order)))
         self.fill(parameters)
 
-    def fill(self, parameters) -> None:
+    def fill(self, parameters: Mapping[str, np.ndarray]) -> None:
         """Sets the values (cells,) of those parameters that the kernel takes; others are ignored."""
         for column, name in enumerate(self._order):
             if name in parameters:
@@ -244,7 +251,7 @@ class _DensityKernel(_Kernel):
 class _StretchKernels:
     """First and second derivatives of psi(diag(stretches)), and the parameters, as isotropic.c takes them."""
 
-    def __init__(self, space: LevelSpace, psi, parameters):
+    def __init__(self, space: LevelSpace, psi: Callable, parameters: Mapping[str, np.ndarray]):
         domain = space.domain.ufl_domain()
         vectors = ufl.FunctionSpace(domain, basix.ufl.element("DG", space.domain.basix_cell(), 0, shape=(3,)))
         stretches, coefficients = ufl.Coefficient(vectors), _constants(space, parameters)

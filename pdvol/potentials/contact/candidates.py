@@ -24,7 +24,7 @@ MAX_SLACK = 0.2
 MIN_SLACK = 0.15
 # slack, in lengths of the move that it is made for: the moves after it are seldom longer
 SLACK_PER_MOVE = 1.2
-# searched distance, in needed distances: room for round-off in the broad phase
+# searched distance, in needed distances: room for round-off, above all in the distances of nearly parallel edges
 SEARCH_MARGIN = 1.02
 # distance from a straight move that counts as round-off, in largest coordinates
 STRAIGHT_TOLERANCE = 1e-12

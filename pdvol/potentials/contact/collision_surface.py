@@ -4,11 +4,12 @@ Its vertices are the bodies' boundary vertices, in the order of `surface`, and t
 whole mesh, so contact does not depend on how the level is distributed.
 """
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import ipctk
 import numpy as np
-from scipy.sparse import csr_array
+from scipy.sparse import csr_array, sparray, spmatrix
 
 from pdvol.levels.space import LevelSpace
 from pdvol.potentials.assembly.hessian_blocks import HessianBlocks
@@ -35,7 +36,9 @@ ipctk.set_num_threads(1)  # with one thread sums over contacts repeat to the las
 class Obstacle:
     """A rigid obstacle's rest geometry and motion: vertices (n, d), edges (e, 2), faces (f, 3), motion (X, t) -> x."""
 
-    def __init__(self, vertices: np.ndarray, edges: np.ndarray, faces: np.ndarray, motion, name: str = "obstacle"):
+    def __init__(
+        self, vertices: np.ndarray, edges: np.ndarray, faces: np.ndarray, motion: Callable, name: str = "obstacle"
+    ):
         self.vertices, self.edges, self.faces, self.motion, self.name = vertices, edges, faces, motion, name
 
     def at(self, time: float) -> np.ndarray:
@@ -207,7 +210,7 @@ class CollisionSurface:
         """Adds the contact pairs' Hessians, from those over their gaps (k, d, d) [N/m]; obstacles have no rows."""
         stencils.add(gap_hessian, self._blocks, into)
 
-    def add_hessian(self, hessian, weight: float, into: HessianBlocks) -> None:
+    def add_hessian(self, hessian: sparray | spmatrix, weight: float, into: HessianBlocks) -> None:
         """Adds `weight` times a sparse Hessian (n d, n d) of the collision mesh; obstacles have no rows."""
         d, k = self.space.dim, len(self.surface)
         blocks = csr_array(hessian)[: k * d, : k * d].tobsr(blocksize=(d, d))

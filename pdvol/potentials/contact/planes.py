@@ -74,7 +74,8 @@ class HalfSpaceBarrier(Term):
             self._at, self._gaps = x, gaps
         return gaps
 
-    def _active(self, x: Positions):
+    def _active(self, x: Positions) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Plane, vertex (index into `vertices`) and gap [m] of each contact within dhat, (k,) each."""
         gaps = self.gaps(x)
         plane, vertex = np.nonzero(gaps < self.dhat)
         return plane, vertex, gaps[plane, vertex]
@@ -87,7 +88,7 @@ class HalfSpaceBarrier(Term):
             mine = float(np.sum(self.areas[vertex] * barrier_law.energy((gap / self.dhat) ** 2, self.dhat, self.kappa)))
         return self.space.comm.allreduce(mine)
 
-    def forces(self, x: Positions):
+    def forces(self, x: Positions) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Plane, vertex (index into `vertices`) and normal force [N] of each contact within dhat, (k,) each."""
         plane, vertex, gap = self._active(x)
         return plane, vertex, self.areas[vertex] * barrier_law.pressure((gap / self.dhat) ** 2, self.dhat, self.kappa)
@@ -170,7 +171,8 @@ class HalfSpaceFriction(Term):
     def rubs(self) -> bool:
         return len(self._force) > 0
 
-    def _slip(self, x: Positions):
+    def _slip(self, x: Positions) -> tuple[np.ndarray, np.ndarray]:
+        """Slips (k, d) [m] along the planes since the step's start, and their lengths (k,)."""
         u = x.owned[self._vertices] - self._x_t[self._vertices] - self._ground
         u = u - np.sum(u * self._normals, axis=1)[:, None] * self._normals
         return u, np.linalg.norm(u, axis=1)
@@ -200,7 +202,7 @@ class HalfSpaceFriction(Term):
         into.add_diagonal(self._vertices, blocks)
 
 
-def _placed(plane: Plane, time: float):
+def _placed(plane: Plane, time: float) -> tuple[np.ndarray, np.ndarray]:
     """Point and unit normal of a plane at a time, moved as a rigid frame."""
     point, normal = np.asarray(plane.point, dtype=float), np.asarray(plane.normal, dtype=float)
     normal = normal / np.linalg.norm(normal)

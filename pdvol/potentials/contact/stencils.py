@@ -136,25 +136,29 @@ def normal_stencils(
     return Stencils(vertices.astype(np.int64), coefficients, weights * share, share == 1.0, owned)
 
 
-def _vertex_vertex(first, second):
+def _vertex_vertex(first: np.ndarray, second: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Vertices and coefficients (k, 4) of pairs of vertices."""
     zero = np.zeros(len(first))
     return np.column_stack([first, second, first, first]), np.column_stack([zero + 1.0, zero - 1.0, zero, zero])
 
 
-def _edge_vertex(edge, point, t):
+def _edge_vertex(edge: np.ndarray, point: np.ndarray, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The same of vertices and edges (k, 2), with the closest point at the share t (k,) of the edge."""
     return np.column_stack([point, edge, point]), np.column_stack([np.ones(len(t)), t - 1.0, -t, np.zeros(len(t))])
 
 
-def _face_vertex(face, point, uv):
+def _face_vertex(face: np.ndarray, point: np.ndarray, uv: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The same of vertices and faces (k, 3), with the closest point at coordinates uv (k, 2)."""
     u, v = uv.T
     return np.column_stack([point, face]), np.column_stack([np.ones(len(u)), u + v - 1.0, -u, -v])
 
 
-def _edge_edge(one, other, s, t):
+def _edge_edge(one: np.ndarray, other: np.ndarray, s: np.ndarray, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The same of pairs of edges (k, 2), with the closest points at the shares s and t (k,)."""
     return np.column_stack([one, other]), np.column_stack([1.0 - s, s, t - 1.0, -t])
 
 
-def _mollifier(one, other, eps) -> np.ndarray:
+def _mollifier(one: np.ndarray, other: np.ndarray, eps: np.ndarray) -> np.ndarray:
     """(k,) factors in [0, 1] of pairs of edges, zero where they are parallel (Li et al. 2020, section 4.2).
 
     `one` and `other` (k, 2, 3) are their corners, `eps` (k,) [m^4] the squared cross product below which they count as

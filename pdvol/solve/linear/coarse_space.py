@@ -14,6 +14,7 @@ from pdvol.geometry.level_mesh import LevelMesh
 from pdvol.levels.space import LevelSpace
 from pdvol.potentials.assembly import native
 from pdvol.potentials.assembly.native import pointer
+from pdvol.solve.linear.system_matrix import BlockCsr
 
 # grid nodes over the square root of the level's vertices: every rank solves for all of them, and twice as many save
 # only a tenth to a seventh of the iterations
@@ -112,7 +113,7 @@ class CoarseSpace:
             pointer(self._weights),
         )
 
-    def update(self, parts) -> None:
+    def update(self, parts: tuple[BlockCsr, BlockCsr]) -> None:
         """Sums and factors P' A P. Collective.
 
         Parameters
@@ -135,7 +136,7 @@ class CoarseSpace:
         self._solver.setOperators(self._matrix)
         self._solver.setUp()
 
-    def _product(self, parts) -> np.ndarray:
+    def _product(self, parts: tuple[BlockCsr, BlockCsr]) -> np.ndarray:
         """(k + 1, d, d) blocks of P' U P, where U is A's upper triangle with half its diagonal, summed over all ranks.
         The last one is the sum of all blocks that the pattern does not have.
         """
@@ -170,7 +171,7 @@ class CoarseSpace:
         if self.size and self._solver is not None and len(self._keys) > self._cell_pattern_size:
             self._solver = None
 
-    def _find_pattern(self, parts) -> None:
+    def _find_pattern(self, parts: tuple[BlockCsr, BlockCsr]) -> None:
         """Finds the blocks between coarse vertices that some cell or contact couples, and makes the matrix and its
         solver. Blocks of contacts that are gone stay in the pattern until `forget`. Collective.
         """
@@ -203,7 +204,7 @@ class CoarseSpace:
         self._solver.pc.setFactorSolverType(PETSc.Mat.SolverType.MUMPS)
         self._right, self._solution = self._matrix.createVecs()
 
-    def _coupled(self, part) -> np.ndarray:
+    def _coupled(self, part: BlockCsr) -> np.ndarray:
         """(m, m) bool: pairs of coarse vertices that a block CSR of A's rows couples on some rank. Collective."""
         starts, columns, _ = part
         n, space = len(self.space.mesh.points), self.space

@@ -8,15 +8,17 @@ levels | | multilevel | the same with a coarse space added | first, on large lev
 many iterations | | direct | MUMPS' Cholesky | after a solve with more iterations than it costs, or after a failure |
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from itertools import count
 
 import numpy as np
+from mpi4py import MPI
 from petsc4py import PETSc
 
 from pdvol.errors import InputError, SimulationError
 from pdvol.scene import Solver
 from pdvol.solve.linear.coarse_space import CoarseSpace
+from pdvol.solve.linear.system_matrix import BlockCsr
 
 LINEAR_METHODS = ("iterative", "multilevel", "direct")
 # vertices: on larger levels the coarse space saves more time than its set-up takes, from the first solve on
@@ -149,7 +151,7 @@ class LinearSolver:
         if self._coarse is not None:
             self._coarse.forget()
 
-    def follow(self, parts) -> None:
+    def follow(self, parts: tuple[BlockCsr, BlockCsr]) -> None:
         """After a new matrix was assembled: `parts` are its cells' and pairs' blocks, as `CoarseSpace.update` takes
         them. Collective.
         """
@@ -244,7 +246,7 @@ class _Incomplete:
     shift : index into DIAGONAL_SHIFTS
     """
 
-    def __init__(self, comm):
+    def __init__(self, comm: MPI.Comm):
         self.parts, self.shift = (), 0
         self._pc = PETSc.PC().create(comm)
         prefix = f"pdvol_local_{next(_serial)}_"
@@ -274,7 +276,7 @@ class _Incomplete:
         self._pc.setOperators(matrix)
         self._pc.setUp()
 
-    def _diagonals(self):
+    def _diagonals(self) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]]:
         """Diagonal blocks of cells, then of pairs, as block CSR (starts, columns, blocks), and for each block whether
         its row is in contact.
         """

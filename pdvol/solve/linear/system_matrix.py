@@ -7,7 +7,11 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 from pdvol.levels.space import LevelSpace
+from pdvol.potentials.assembly.block_pattern import BlockPattern
 from pdvol.potentials.assembly.hessian_blocks import HessianBlocks
+
+BlockCsr = tuple[np.ndarray, np.ndarray, np.ndarray]
+"""Blocks of this rank's rows: starts (n_owned + 1,), global columns (k,), blocks (k, d, d)."""
 
 
 class SystemMatrix:
@@ -42,7 +46,7 @@ class SystemMatrix:
         self._extra, self._recent, self._pattern = None, np.zeros(0, dtype=np.int64), None
         self.petsc, self._blocked, self.parts = None, None, ()
 
-    def _follow(self, pattern) -> None:
+    def _follow(self, pattern: BlockPattern) -> None:
         self._pattern = pattern
         n = len(self.space.mesh.points)
         self._rows = (pattern.starts, pattern.columns.astype(PETSc.IntType))
