@@ -1,5 +1,6 @@
 """The home cell of every point of one level in another, and its barycentric coordinates there (paper 3.3.2, 3.3.3)."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -30,7 +31,7 @@ class Binding:
     kind: np.ndarray
     weights: np.ndarray
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         for array in (self.cells, self.kind, self.weights):
             array.flags.writeable = False
 
@@ -81,7 +82,7 @@ def home_cells(target: LevelSpace, source: LevelSpace, binding: Binding) -> np.n
     return homes
 
 
-def _bind(target, source, outside_rule) -> Binding:
+def _bind(target: LevelSpace | LevelMesh, source: LevelSpace, outside_rule: Callable) -> Binding:
     target = target.mesh if isinstance(target, LevelSpace) else target
     mesh = source.mesh
     _check(target, mesh)

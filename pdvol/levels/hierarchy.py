@@ -12,9 +12,12 @@ from pdvol.levels.prolongation import Prolongation
 from pdvol.levels.space import LevelSpace
 from pdvol.registry import INTERPOLANTS
 
-MOST_COARSE = 800  # vertices: the coarse system is solved directly in every iteration
-MOST_WEIGHTS = 30  # a vertex: sums over them are taken for each pair of neighbours
-SMALLER = 6  # times: else it costs about as much as what it helps
+# vertices: every rank solves the coarse system directly in every iteration
+MAX_COARSE_VERTICES = 800
+# weights per fine vertex, on average: the coarse operator's cost grows with their square
+MAX_WEIGHTS = 30
+# ratio of a level's vertices to the coarse ones: with less a coarse solve costs about as much as it saves
+MIN_COARSENING = 6
 
 
 class Hierarchy(Sequence):
@@ -47,7 +50,7 @@ class Hierarchy(Sequence):
     def __len__(self) -> int:
         return len(self._spaces)
 
-    def __getitem__(self, level):
+    def __getitem__(self, level: int) -> LevelSpace:
         return self._spaces[level]
 
     def prolongation(self, level: int) -> Prolongation:
@@ -86,14 +89,14 @@ class Hierarchy(Sequence):
         """Weights (n, m) of a level over the coarser level that suits a two-level preconditioner best; None where none
         does. Collective.
 
-        That is the largest one of at most `MOST_COARSE` vertices that is several times smaller than the level itself,
-        if few of its vertices act on each of this one's.
+        That is the finest level with at most `MAX_COARSE_VERTICES` vertices and at least `MIN_COARSENING` times fewer
+        than the level itself, if the weights have at most `MAX_WEIGHTS` entries per row.
         """
         sizes = [len(space.mesh.points) for space in self._spaces]
-        fitting = [k for k in range(level) if sizes[k] <= min(MOST_COARSE, sizes[level] / SMALLER)]
+        fitting = [k for k in range(level) if sizes[k] <= min(MAX_COARSE_VERTICES, sizes[level] / MIN_COARSENING)]
         if not fitting:
             return None
         weights = self.prolongation(level).weights
         for between in range(level - 1, fitting[-1], -1):
             weights = weights @ self.prolongation(between).weights
-        return csr_array(weights) if weights.nnz <= MOST_WEIGHTS * weights.shape[0] else None
+        return csr_array(weights) if weights.nnz <= MAX_WEIGHTS * weights.shape[0] else None

@@ -1,8 +1,8 @@
 """Which cell of a distributed level contains a point, and the barycentric coordinates of points in cells.
 
-A point is in a cell when its signed distance to every facet's plane is at least `-INSIDE * size`, `size` being the
-largest coordinate of the level. On a shared facet the lowest input cell index wins, so the answer does not depend on
-the number of ranks.
+A point is in a cell when its signed distance to every facet's plane is at least `-FACET_TOLERANCE * size`, `size` being
+the largest coordinate of the level. On a shared facet the lowest input cell index wins, so the answer does not depend
+on the number of ranks.
 """
 
 import numpy as np
@@ -12,7 +12,7 @@ from mpi4py import MPI
 from pdvol.levels.space import LevelSpace
 
 # Round-off of coordinates, with room to spare: far below any gap that could matter to a mesh.
-INSIDE = 1e-12
+FACET_TOLERANCE = 1e-12
 # Points searched at a time: bounds the memory of the candidate pairs.
 CHUNK = 20_000
 
@@ -39,7 +39,7 @@ def containing_cells(points: np.ndarray, bodies: np.ndarray, source: LevelSpace)
     owned = source.domain_cells[: topology.index_map(topology.dim).size_local]
     outside = len(mesh.cells)
     found = np.full(len(points), outside, dtype=np.int64)
-    slack = INSIDE * np.abs(mesh.points).max()
+    slack = FACET_TOLERANCE * np.abs(mesh.points).max()
     search = np.zeros((len(points), 3))
     search[:, : mesh.dim] = points
     for body in np.unique(mesh.bodies):

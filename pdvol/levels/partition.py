@@ -17,7 +17,9 @@ def shared_bodies(mesh: LevelMesh, ranks: int) -> np.ndarray:
     return owner
 
 
-def _bisect(corners, bodies, cells, first: int, ranks: int, owner: np.ndarray) -> None:
+def _bisect(
+    corners: np.ndarray, bodies: np.ndarray, cells: np.ndarray, first: int, ranks: int, owner: np.ndarray
+) -> None:
     owner[cells] = first
     if ranks == 1 or not len(cells):
         return
@@ -30,7 +32,9 @@ def _bisect(corners, bodies, cells, first: int, ranks: int, owner: np.ndarray) -
     _bisect(corners, bodies, cells[~below], first + lower, ranks - lower, owner)
 
 
-def _halves(corners, bodies, cells, axis: int, share: float) -> tuple[float, np.ndarray]:
+def _halves(
+    corners: np.ndarray, bodies: np.ndarray, cells: np.ndarray, axis: int, share: float
+) -> tuple[float, np.ndarray]:
     """Each body's cells below the plane that leaves `share` of them there, and what such a cut costs: cells that it
     goes through, times how far the bodies lie apart along the axis: across what lies between them they would press on
     another rank's.

@@ -322,7 +322,7 @@ class Contact:
     def _crossings(self, x: Positions) -> np.ndarray:
         """(k, 2) primitives of the collision mesh that cross."""
         primitives, surface = self._surface.surface.primitives, self._surface.surface
-        groups = np.where(surface.parties < len(self.bodies), surface.parties, -1)  # obstacles may cross each other
+        groups = np.where(surface.objects < len(self.bodies), surface.objects, -1)  # obstacles may cross each other
         return find_crossings(surface.vertices(x), primitives.edges, primitives.faces, groups)
 
     def _behind_planes(self, x: Positions) -> int:
@@ -335,7 +335,7 @@ class Contact:
         if behind:
             raise IntersectionError(f"{behind} vertices lie at or behind planes at t = {time:g} s; lift the body")
         if len(crossing):
-            parties = self._surface.surface.parties
+            parties = self._surface.surface.objects
             edges, names = self._surface.surface.primitives.edges, self.bodies
             found = sorted({int(parties[edges[pair[0], 0]]) for pair in crossing[:NAMED]})
             whose = ", ".join(names[i] if i < len(names) else "an obstacle" for i in found)

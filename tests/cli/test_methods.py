@@ -1,7 +1,6 @@
 """Every method through the command line: what is stored, gone on with, refined, measured and refused."""
 
 import subprocess
-import sys
 
 import numpy as np
 import pytest
@@ -9,7 +8,6 @@ from cli_scenes import FALL, pdvol, write
 from commands import SAFETY, WITHOUT_PICTURE
 
 from pdvol import open_run
-from pdvol.commands import simulation
 from pdvol.measure import verify
 from pdvol.registry import METHODS
 from pdvol.runs.run_metrics import measure_run

@@ -99,6 +99,16 @@ def test_bad_hierarchies():
         Hierarchy([box(2, 1)], COMM, interpolant="nearest")
 
 
+@pytest.mark.parametrize("limit, value, columns", [("MAX_COARSE_VERTICES", 63, 8), ("MAX_WEIGHTS", 1, None)])
+def test_coarse_levels_that_cost_too_much_are_not_taken(monkeypatch, limit, value, columns):
+    """A level of 64 vertices that is too large, and weights of more than one coarse vertex for each fine one."""
+    hierarchy = Hierarchy([box(3, n) for n in (1, 3, 8)], MPI.COMM_WORLD)
+    assert hierarchy.coarse_weights(2).shape[1] == 64
+    monkeypatch.setattr("pdvol.levels.hierarchy." + limit, value)
+    weights = hierarchy.coarse_weights(2)
+    assert columns == (None if weights is None else weights.shape[1])
+
+
 def test_the_coarse_level_for_linear_solvers():
     """The largest level that is small enough, through all prolongations between; none below the coarsest."""
     hierarchy = Hierarchy([box(3, n) for n in (1, 3, 8, 9)], MPI.COMM_WORLD)

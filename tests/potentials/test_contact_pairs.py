@@ -11,7 +11,7 @@ from taylor import hessian_of
 from pdvol.geometry.closest_points import segment_distances
 from pdvol.levels.space import LevelSpace
 from pdvol.potentials.assembly.hessian_blocks import sorted_keys
-from pdvol.potentials.contact import barrier_law
+from pdvol.potentials.contact import barrier_law, candidates
 from pdvol.potentials.contact.barrier import SurfaceBarrier
 from pdvol.potentials.contact.collision_surface import CollisionSurface, Obstacle
 from pdvol.potentials.contact.friction import SurfaceFriction
@@ -163,6 +163,60 @@ def test_pairs_of_edges_that_are_far_apart_are_dropped():
     pairs = lambda candidates: sorted((c.edge0_id, c.edge1_id) for c in candidates)
     assert pairs(left) == pairs(c for c in boxes.ee_candidates if distance(c) <= near)
     assert 0 < 2 * len(left) < len(boxes.ee_candidates)
+
+
+@pytest.mark.parametrize("expected_move", [0.0, 0.1, 0.5, 2.0])
+def test_candidates_are_kept_within_the_slack(expected_move):
+    """A search leaves room for the move that is expected, and for a little more; longer ones than the largest slack are
+    not searched for in advance.
+    """
+    space, surface = two_boxes(3, obstacle=True)
+    rest = surface.vertices(Positions(space, space.from_input(space.mesh.points)))
+    edges = rest[surface.mesh.edges]
+    largest = candidates.MAX_SLACK * np.median(np.linalg.norm(edges[:, 1] - edges[:, 0], axis=1))
+    slack = largest * max(candidates.MIN_SLACK, candidates.SLACK_PER_MOVE * expected_move)
+    moved = lambda length: np.asfortranarray(rest + np.r_[length, 0.0, 0.0])
+    surface.begin(rest)
+    found = surface.candidates
+    found.begin(rest, moved(largest * expected_move))
+    assert found.searches == (slack <= largest)
+    if slack <= largest:
+        for length, searches in ((0.999 * slack, 1), (1.001 * slack, 2)):
+            found.at(moved(length))
+            assert found.searches == searches
+
+
+def test_points_of_a_long_move_need_no_search_of_their_own():
+    """Round-off off its line counts as on it; twice as far as the end, or beside it, does not."""
+    space, surface = two_boxes(3, obstacle=True)
+    start = surface.vertices(Positions(space, space.from_input(space.mesh.points)))
+    move = np.random.default_rng(1).uniform(-1.0, 1.0, start.shape)
+    found, size = surface.candidates, np.abs(start).max()
+    for where, searches in (
+        (start + 0.3 * move, 1),
+        (start + 0.3 * move + 0.1 * candidates.STRAIGHT_TOLERANCE * size, 1),
+        (start + 2.0 * move, 2),
+        (start + 0.3 * move + 1e3 * candidates.STRAIGHT_TOLERANCE * size, 2),
+    ):
+        found.forget()
+        found.searches = 0
+        found.along(start, np.asfortranarray(start + move))
+        found.at(np.asfortranarray(where))
+        assert found.searches == searches
+
+
+@pytest.mark.parametrize("angle", [1e-3, 1e-6, 1e-9])
+def test_pairs_at_the_searched_distance_are_kept(monkeypatch, angle):
+    """Distances of nearly parallel edges are found too large by up to 1e-6 of their length, which the margin covers."""
+    monkeypatch.setattr(candidates, "MAX_SLACK", 1e-2)
+    space, surface = edges_side_by_side(angle)
+    found = surface.candidates
+    vertices = surface.vertices(Positions(space, space.from_input(space.mesh.points)))
+    slack = candidates.MIN_SLACK * found.max_slack
+    found.reach = 0.6 * DHAT - 2.0 * slack
+    pairs = [{c.edge0_id, c.edge1_id} for c in found.at(vertices).ee_candidates]
+    lengths = vertices[surface.mesh.edges][:, :, 2]
+    assert {int(np.flatnonzero(np.all(lengths == z, axis=1))[0]) for z in (0.0, 0.6 * DHAT)} in pairs
 
 
 def searched_anew(surface, vertices):

@@ -12,10 +12,16 @@ from taylor import check_term
 from pdvol.levels.obstacles import plane_obstacle
 from pdvol.levels.space import LevelSpace
 from pdvol.potentials.build import build_terms
+from pdvol.potentials.contact import barrier_law
 from pdvol.potentials.contact.barrier import SurfaceBarrier
 from pdvol.potentials.contact.collision_surface import CollisionSurface, Obstacle
 from pdvol.potentials.contact.planes import HalfSpaceBarrier
-from pdvol.potentials.contact.stiffness import AdaptiveStiffness, SemiImplicitStiffness
+from pdvol.potentials.contact.stiffness import (
+    CUBIC_CURVATURE,
+    MIDWAY_CURVATURE,
+    AdaptiveStiffness,
+    SemiImplicitStiffness,
+)
 from pdvol.potentials.potential import Positions
 from pdvol.scene import Barrier, Body, Gravity, NeoHookean, Plane, Scene
 
@@ -68,7 +74,7 @@ def test_contact_stiffness_is_ipctks(touching, d):
     """With masses and a block-diagonal Hessian of random numbers, contact by contact."""
     space, term, x = touching[d]
     rng = np.random.default_rng(7)
-    n, k = len(space.mesh.points), len(term.surface.parties)
+    n, k = len(space.mesh.points), len(term.surface.objects)
     masses, blocks = rng.uniform(0.5, 1.5, n), rng.uniform(-1, 1, (n, d, d))
     blocks = blocks @ blocks.transpose(0, 2, 1)
     own = term.contact_stiffness(Positions(space, x), masses, blocks)
@@ -169,6 +175,14 @@ def test_semi_implicit_stiffness_takes_the_mean_over_contacts():
     space, terms, x = terms_of("semi-implicit", gap=3.0)
     terms.rules[0].begin_step(x, x.owned, 1e-4)
     assert terms.contacts[0].kappa > 0.0
+
+
+def test_both_barriers_are_equally_stiff_half_way():
+    """By second differences of the energies: this one's g, and Ando's (2 / 3) k (dhat - gap)^3 / dhat."""
+    h, gap = 1e-4, 0.5 + 1e-4 * np.array([-1.0, 0.0, 1.0])
+    second = lambda energies: energies @ [1.0, -2.0, 1.0] / h**2
+    np.testing.assert_allclose(second(barrier_law.energy(gap**2, 1.0, 1.0)), MIDWAY_CURVATURE, rtol=1e-6)
+    np.testing.assert_allclose(second(2.0 / 3.0 * (1.0 - gap) ** 3), CUBIC_CURVATURE, rtol=1e-6)
 
 
 def test_the_default_law_has_no_rules():

@@ -16,8 +16,23 @@ from pdvol.potentials.assembly.block_pattern import BlockPattern
 from pdvol.potentials.assembly.hessian_blocks import HessianBlocks
 from pdvol.scene import Gravity, NeoHookean, Solver, Support
 from pdvol.solve.globalization import Projection
-from pdvol.solve.linear.coarse_space import SHIFT, SMALLEST_SUPPORT, CoarseSpace, grid_weights
-from pdvol.solve.linear.solver import SHIFTS, LinearSolver
+from pdvol.solve.linear.coarse_space import (
+    COARSE_DIAGONAL_SHIFT,
+    GRID_NODES,
+    MIN_NODE_WEIGHT,
+    CoarseSpace,
+    grid_weights,
+)
+from pdvol.solve.linear.solver import (
+    COARSE_SPACE_GROWTH,
+    COARSE_SPACE_MARGIN,
+    COARSE_SPACE_VERTICES,
+    DIAGONAL_SHIFTS,
+    DIRECT_SOLVES,
+    MAX_CG_ITERATIONS,
+    MAX_ITERATIONS_WITHOUT_COARSE_SPACE,
+    LinearSolver,
+)
 from pdvol.solve.linear.system_matrix import SystemMatrix
 
 COMM = MPI.COMM_SELF
@@ -125,10 +140,10 @@ def test_the_coarse_correction_is_galerkins(space):
         A[:, k] = y.getArray()
     weights = grid_weights(space.mesh)[space.owned_points].toarray()
     weights[supported] = 0.0
-    P = np.kron(weights[:, weights.sum(axis=0) > SMALLEST_SUPPORT], np.eye(d))
+    P = np.kron(weights[:, weights.sum(axis=0) > MIN_NODE_WEIGHT], np.eye(d))
     assert P.shape[1] == coarse.size * d
     G = P.T @ A @ P
-    G[np.diag_indices(len(G))] *= 1.0 + SHIFT
+    G[np.diag_indices(len(G))] *= 1.0 + COARSE_DIAGONAL_SHIFT
     r, into = np.random.default_rng(3).standard_normal((2, n * d))
     before, expected = into.copy(), P @ np.linalg.solve(G, P.T @ r)
     coarse.add_correction(r, into)
@@ -180,19 +195,90 @@ def test_users_options_reach_petsc(options):
     np.testing.assert_allclose(results[1], results[0], atol=1e-9)
 
 
+def test_auto_begins_with_a_coarse_space_on_large_levels(space):
+    system, _ = systems(space)
+    coarse = lambda: CoarseSpace(space, grid_weights(space.mesh), system.all_supported)
+    for vertices, method in ((COARSE_SPACE_VERTICES - 1, "iterative"), (COARSE_SPACE_VERTICES, "multilevel")):
+        assert LinearSolver(PETSc.KSP().create(COMM), Solver(), vertices, coarse).method == method
+
+
 def test_auto_hands_over_where_iterations_are_many(space):
     system, _ = systems(space)
     made = solver(space, system)
-    assert made.method == "iterative"
-    made.learn(30)
-    assert made.method == "iterative"
-    made.learn(60)
-    assert made.method == "multilevel"
-    made.learn(500)
+    for iterations, method in (
+        (MAX_ITERATIONS_WITHOUT_COARSE_SPACE, "iterative"),
+        (MAX_ITERATIONS_WITHOUT_COARSE_SPACE + 1, "multilevel"),
+        (MAX_CG_ITERATIONS, "multilevel"),
+        (MAX_CG_ITERATIONS + 1, "direct"),
+        *((1, "direct") for _ in range(DIRECT_SOLVES - 1)),
+        (1, "multilevel"),
+    ):
+        made.learn(iterations)
+        assert made.method == method
+
+
+def test_the_coarse_operator_is_summed_again_once_iterations_grow(space, monkeypatch):
+    updates = []
+    monkeypatch.setattr(CoarseSpace, "update", lambda self, parts: updates.append(parts))
+    system, _ = systems(space)
+    made = solver(space, system, linear="multilevel")
+    first = 10
+    most = int(COARSE_SPACE_GROWTH * first + COARSE_SPACE_MARGIN)
+    for iterations, expected in ((first, 1), (most, 1), (most + 1, 2), (most + 1, 2)):
+        made.learn(iterations)
+        made.follow(system.parts)
+        assert len(updates) == expected
+
+
+def test_conjugate_gradients_that_reach_their_limit_are_a_failure(space, monkeypatch):
+    """The direct method takes over within the same solve."""
+    monkeypatch.setattr("pdvol.solve.linear.solver.CG_ITERATION_LIMIT", 2)
+    system, dense = systems(space, mass=1e-3)
+    made = solver(space, system, linear="iterative", accuracy=1e-10)
+    right = space.create_vector()
+    right.setArray(np.random.default_rng(4).standard_normal(len(dense)))
+    solution = right.duplicate()
+    made.solve(right, solution)
     assert made.method == "direct"
-    for _ in range(20):
-        made.learn(1)
-    assert made.method == "multilevel"
+    residual = dense @ solution.getArray() - right.getArray()
+    assert np.linalg.norm(residual) < 1e-9 * np.linalg.norm(right.getArray())
+
+
+@pytest.mark.parametrize("d, n", [(2, 12), (2, 40), (3, 5), (3, 12)])
+def test_a_grid_has_as_many_nodes_as_the_square_root_of_the_vertices_asks_for(d, n):
+    mesh = box(d, n)
+    nodes = grid_weights(mesh).shape[1]
+    most = round(GRID_NODES * len(mesh.points) ** 0.5) + 2**d
+    assert most / 4 <= nodes <= most
+
+
+def test_a_coarse_node_with_hardly_any_weight_is_left_out(space):
+    """Its row of P'AP would be nearly zero."""
+    supported = np.zeros(space.n_owned, dtype=bool)
+    weights = grid_weights(space.mesh).toarray()
+    faint = np.zeros((len(weights), 1))
+    faint[3] = 0.5 * MIN_NODE_WEIGHT
+    size = CoarseSpace(space, csr_array(weights), supported).size
+    assert CoarseSpace(space, csr_array(np.hstack([weights, faint])), supported).size == size
+    assert CoarseSpace(space, csr_array(np.hstack([weights, 4 * faint])), supported).size == size + 1
+
+
+def test_dependent_coarse_nodes_do_no_harm(space):
+    """Two nodes with the same weights make P'AP exactly singular; the shift of its diagonal keeps it definite."""
+    blocks = HessianBlocks(BlockPattern(space))
+    blocks.add_masses(np.ones((space.n_owned, space.dim)))
+    system = SystemMatrix(space, np.zeros(space.n_owned, dtype=bool))
+    system.assemble(blocks)
+    halves = np.arange(space.n_owned)[:, None] % 2 == np.arange(2)
+    residual = np.random.default_rng(3).standard_normal(space.n_owned * space.dim)
+    corrections = []
+    for P in (halves, np.hstack([halves, halves])):
+        coarse = CoarseSpace(space, csr_array(P.astype(float)), system.all_supported)
+        coarse.update(system.parts)
+        corrections.append(np.zeros(len(residual)))
+        coarse.add_correction(residual, corrections[-1])
+    scale = np.abs(corrections[0]).max()
+    np.testing.assert_allclose(corrections[1], corrections[0], rtol=0.0, atol=1e-5 * scale)
 
 
 @pytest.mark.parametrize("linear", ["auto", "iterative", "multilevel", "direct"])
@@ -240,8 +326,8 @@ def test_a_failure_climbs_the_ladder_to_its_end(space, monkeypatch):
     made.ksp = Failing()
     with pytest.raises(SimulationError, match="linear solve failed"):
         made.solve(None, None)
-    assert tried.count("iterative") == len(SHIFTS) - 1
-    assert tried[len(SHIFTS) - 1 :] == ["direct"] * 3
+    assert tried.count("iterative") == len(DIAGONAL_SHIFTS) - 1
+    assert tried[len(DIAGONAL_SHIFTS) - 1 :] == ["direct"] * 3
 
 
 def test_an_indefinite_factor_is_strengthened():
@@ -260,11 +346,12 @@ def test_an_indefinite_factor_is_strengthened():
     dense = blocks.to_csr().toarray()
     system = SystemMatrix(space, np.zeros(space.n_owned, dtype=bool))
     system.assemble(blocks)
-    made = solver(space, system, linear="auto", accuracy=1e-8)
+    made = solver(space, system, linear="iterative", accuracy=1e-8)
     right = space.create_vector()
     right.setArray(rng.standard_normal(len(dense)))
     solution = right.duplicate()
     made.solve(right, solution)
+    assert made.memory["shift"] > 0 and made.method == "iterative"
     residual = right.getArray() - dense @ solution.getArray()
     assert np.linalg.norm(residual) < 1e-4 * np.linalg.norm(right.getArray())
 

@@ -1,12 +1,14 @@
-"""Which vertices cells couple: the sparsity of a level's Hessian in blocks, upper triangle. Built once per level."""
+"""The sparsity pattern of a level's Hessian from its cells: upper triangle, in blocks. Built once per level."""
 
 import numpy as np
 from petsc4py import PETSc
 
 from pdvol.levels.space import LevelSpace
 
-TRANSPOSED = -2  # slot s of a block stored transposed is given as TRANSPOSED - s
-ELSEWHERE = -1  # the block belongs to another rank's rows
+# code of block s that is added transposed: TRANSPOSED - s, as elements.c decodes it
+TRANSPOSED = -2
+# code of a block in another rank's rows, which is not added
+ELSEWHERE = -1
 
 
 class BlockPattern:
@@ -21,7 +23,8 @@ class BlockPattern:
     diagonal : (n_owned,)
         Which blocks lie on the diagonal.
     slots : (m_near, (d + 1)(d + 2) / 2) int32
-        For each pair i <= j of a near cell's vertices its block's index, coded as above where transposed or not stored.
+        Block index of each pair i <= j of a near cell's vertices, with the codes above for blocks that are added
+        transposed or not stored.
     """
 
     def __init__(self, space: LevelSpace):

@@ -1,12 +1,13 @@
 """A term from any UFL energy density psi(F, parameters): value, gradient and filtered Hessian through compiled kernels.
 
-The density may depend on x through F = grad(x) alone, and on parameters that are constant per cell. First and second
-derivatives are UFL's, by F: positions are P1, so F is constant per cell, and what depends on a cell's shape is known
-without them. Isotropic densities in 3D, recognised by trying, get their Hessians through stretches
-(native/isotropic.c), many times faster; all others through UFL's derivatives by F.
+The density may depend on x through F = grad(x) alone, and on parameters that are constant per cell. UFL
+differentiates psi by F only: positions are P1, so F is constant per cell and linear in the positions. Isotropic
+densities in 3D get their Hessians through the principal stretches (native/isotropic.c), which is many times faster;
+whether a density is isotropic is found by evaluating it at rotated F. All others go through UFL's second derivatives by
+F.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 
 import basix.ufl
 import numpy as np
@@ -22,7 +23,8 @@ from pdvol.potentials.assembly.hessian_blocks import FILTERS, HessianBlocks
 from pdvol.potentials.assembly.native import ffi, pointer
 from pdvol.potentials.potential import Positions, Term
 
-ISOTROPIC = 1e-12  # relative change of psi under rotations that is put down to round-off
+# relative change of psi under rotations that counts as round-off: larger ones make a density anisotropic
+ISOTROPY_TOLERANCE = 1e-12
 
 
 class CellEnergy(Term):
@@ -56,8 +58,8 @@ class CellEnergy(Term):
     ):
         if len(parameters) > native.MAX_PARAMETERS:
             raise InputError(
-                f"{material or name}: psi has {len(parameters)} parameters, at most {native.MAX_PARAMETERS} are possible;"
-                " put constants into psi itself"
+                f"{material or name}: psi has {len(parameters)} parameters, at most {native.MAX_PARAMETERS} are"
+                " possible; put constants into psi itself"
             )
         self.space, self.name, self._isotropic = space, name, isotropic
         self.psi, self.parameters, self.cells = psi, dict(parameters), cells
@@ -72,7 +74,7 @@ class CellEnergy(Term):
         )
         self._compile(psi, {name: np.asarray(values, dtype=float) for name, values in parameters.items()})
 
-    def _compile(self, psi, parameters) -> None:
+    def _compile(self, psi: Callable, parameters: Mapping[str, np.ndarray]) -> None:
         space, d = self.space, self.space.dim
         domain = space.domain.ufl_domain()
         tensors = ufl.FunctionSpace(domain, basix.ufl.element("DG", space.domain.basix_cell(), 0, shape=(d, d)))
@@ -97,10 +99,10 @@ class CellEnergy(Term):
         return self._stretches is not None
 
     def _is_isotropic(self) -> bool:
-        """Whether psi(Q F R) = psi(F) for some arbitrary F and rotations Q, R; the same on every rank.
+        """Whether psi(Q F R) = psi(F) for some arbitrary F and rotations Q, R; the same on every rank. Collective.
 
-        Tried with the parameters of the first cell and of those where one is largest: a direction's stiffness may be
-        zero elsewhere.
+        It is tried with the parameters of the first cell, and of the cells where a parameter is largest: elsewhere the
+        stiffness in one direction may be zero.
         """
         rng = np.random.default_rng(0)
         changes = []
@@ -111,9 +113,9 @@ class CellEnergy(Term):
                 F = np.eye(3) + 0.2 * rng.uniform(-1, 1, (3, 3))
                 one, other = (self._density.at(f, cell) for f in (F, Q @ F @ R))
                 changes.append(abs(one - other) / max(abs(one), abs(other), 1e-300))
-        return self.space.comm.allreduce(max(changes, default=0.0), op=MPI.MAX) < ISOTROPIC
+        return self.space.comm.allreduce(max(changes, default=0.0), op=MPI.MAX) < ISOTROPY_TOLERANCE
 
-    def _arguments(self, kernel, x: np.ndarray, count: int):
+    def _arguments(self, kernel: "_DensityKernel", x: np.ndarray, count: int) -> tuple:
         return (
             kernel.function,
             self.space.dim,
@@ -128,7 +130,7 @@ class CellEnergy(Term):
         )
 
     def set_parameters(self, parameters: Mapping[str, np.ndarray]) -> None:
-        """Other values (k,) of some parameters, without compiling anything; of a density that is not isotropic."""
+        """Sets the values (k,) of some parameters without compiling anything. Not for isotropic densities."""
         for kernel in (self._density, self._first, self._second):
             kernel.fill(parameters)
 
@@ -167,19 +169,19 @@ class CellEnergy(Term):
             )
 
 
-def _rotation(rng) -> np.ndarray:
+def _rotation(rng: np.random.Generator) -> np.ndarray:
     q, r = np.linalg.qr(rng.standard_normal((3, 3)))
     q = q * np.sign(np.diag(r))
     return q * np.sign(np.linalg.det(q))
 
 
-def _constants(space: LevelSpace, names) -> dict[str, ufl.Coefficient]:
+def _constants(space: LevelSpace, names: Iterable[str]) -> dict[str, ufl.Coefficient]:
     """Coefficients constant per cell, by name."""
     constant = ufl.FunctionSpace(space.domain.ufl_domain(), basix.ufl.element("DG", space.domain.basix_cell(), 0))
     return {name: ufl.Coefficient(constant) for name in names}
 
 
-def _one_point(domain) -> ufl.Measure:
+def _one_point(domain: ufl.Mesh) -> ufl.Measure:
     return ufl.Measure("dx", domain=domain, metadata={"quadrature_degree": 0})
 
 
@@ -192,7 +194,7 @@ class _Kernel:
     coefficients : the form's coefficients, in the order the kernel wants them
     """
 
-    def __init__(self, comm, form):
+    def __init__(self, comm: MPI.Comm, form: ufl.Form):
         with form_cache(comm) as options:
             options["cffi_extra_compile_args"] = list(native.FLAGS)
             compiled, self._module, _ = jit.ffcx_jit(comm, form, jit_options=options)
@@ -214,7 +216,14 @@ class _DensityKernel(_Kernel):
     gradient_at : how many of them come before F; -1 where F is not wanted
     """
 
-    def __init__(self, comm, form, names, parameters, count: int):
+    def __init__(
+        self,
+        comm: MPI.Comm,
+        form: ufl.Form,
+        names: Mapping[ufl.Coefficient, str | None],
+        parameters: Mapping[str, np.ndarray],
+        count: int,
+    ):
         super().__init__(comm, form)
         wanted = [names[c] for c in self.coefficients]
         self.gradient_at = next((i for i, name in enumerate(wanted) if name is None), -1)
@@ -222,14 +231,14 @@ class _DensityKernel(_Kernel):
         self.parameters = np.zeros((count, len(self._order)))
         self.fill(parameters)
 
-    def fill(self, parameters) -> None:
-        """Takes over the values (cells,) of those of the parameters that the kernel wants."""
+    def fill(self, parameters: Mapping[str, np.ndarray]) -> None:
+        """Sets the values (cells,) of those parameters that the kernel takes; others are ignored."""
         for column, name in enumerate(self._order):
             if name in parameters:
                 self.parameters[:, column] = parameters[name]
 
     def at(self, F: np.ndarray, cell: int) -> float:
-        """psi at F (3, 3), with a cell's parameters; of a density in 3D."""
+        """psi [Pa] at F (3, 3) with one cell's parameters; for densities in 3D."""
         corners, dofs = np.vstack([np.zeros(3), *F.T]), np.arange(4, dtype=np.int32)
         identity, one = np.eye(3), np.ones(1)
         return native.library().cell_values(
@@ -249,7 +258,7 @@ class _DensityKernel(_Kernel):
 class _StretchKernels:
     """First and second derivatives of psi(diag(stretches)), and the parameters, as isotropic.c takes them."""
 
-    def __init__(self, space: LevelSpace, psi, parameters):
+    def __init__(self, space: LevelSpace, psi: Callable, parameters: Mapping[str, np.ndarray]):
         domain = space.domain.ufl_domain()
         vectors = ufl.FunctionSpace(domain, basix.ufl.element("DG", space.domain.basix_cell(), 0, shape=(3,)))
         stretches, coefficients = ufl.Coefficient(vectors), _constants(space, parameters)

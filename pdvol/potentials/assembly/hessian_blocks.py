@@ -1,10 +1,11 @@
-"""Where terms add up their Hessians: d x d blocks of this rank's rows, on or right of the diagonal."""
+"""The sum of the terms' Hessians: d x d blocks of this rank's rows, on or right of the diagonal."""
 
 import numpy as np
 from scipy.sparse import bsr_array, csr_array
 
 from pdvol.potentials.assembly.block_pattern import BlockPattern
 
+# treatment of negative eigenvalues: its number in the C code (`mode` in elements.c and isotropic.c)
 FILTERS = {"none": 0, "clamp": 1, "abs": 2}
 
 
@@ -15,12 +16,14 @@ class HessianBlocks:
     ----------
     pattern : BlockPattern
     positive : "clamp", "abs" or "none"
-        What terms make of negative eigenvalues of their local Hessians: cut off, taken by size, or left.
+        Negative eigenvalues of the terms' local Hessians are set to zero, replaced by their absolute values, or kept.
     quick : bool
-        Whether terms may leave out what is dear and mostly cut off anyway (the turning of contact normals).
+        Whether terms may leave out parts that are expensive and that the filter mostly removes: the rotation of contact
+        normals.
     cells : (pattern.count, d, d)
         Blocks between vertices of a cell, in the pattern's order.
-    added : list of (rows, columns, blocks), what `add_pairs` was given
+    added : list of (rows, columns, blocks)
+        The contributions of `add_pairs`, rows local.
     """
 
     def __init__(self, pattern: BlockPattern, positive: str = "clamp"):
@@ -35,7 +38,7 @@ class HessianBlocks:
         self.added.clear()
 
     def finite(self) -> bool:
-        """Whether all that was added on this rank is finite."""
+        """Whether all blocks of this rank are finite."""
         return bool(np.isfinite(self.cells.sum())) and all(np.isfinite(blocks.sum()) for *_, blocks in self.added)
 
     def add_diagonal(self, vertices: np.ndarray, blocks: np.ndarray) -> None:
@@ -48,8 +51,8 @@ class HessianBlocks:
         self.cells[self.pattern.diagonal[:, None], np.arange(d), np.arange(d)] += masses
 
     def add_pairs(self, rows: np.ndarray, columns: np.ndarray, blocks: np.ndarray) -> None:
-        """Adds blocks (k, d, d) at global block indices (k,), which may repeat. Both triangles may be given: only this
-        rank's share of the upper one is kept.
+        """Adds blocks (k, d, d) at global block indices (k,), which may repeat. Both triangles may be given: only
+        blocks in this rank's rows, on or right of the diagonal, are kept.
         """
         first, last = self.pattern.space.first_block, self.pattern.space.first_block + self.pattern.space.n_owned
         kept = (rows >= first) & (rows < last) & (columns >= rows)
@@ -59,8 +62,8 @@ class HessianBlocks:
             self.added.append((rows[kept] - first, columns[kept], blocks[kept]))
 
     def pairs(self) -> tuple[np.ndarray, np.ndarray]:
-        """What `add_pairs` was given, summed: keys (k,) = local row * n + global column, ascending, and blocks (k, d,
-        d).
+        """The contributions of `add_pairs`, summed by place: keys (k,) = local row * n + global column, ascending, and
+        blocks (k, d, d).
         """
         d, n = self.pattern.space.dim, len(self.pattern.space.mesh.points)
         if not self.added:
@@ -93,8 +96,10 @@ class HessianBlocks:
 
 
 def sorted_keys(keys: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Keys (k,) >= 0, ascending, and the stable order that puts them so. Sorting values is several times faster than
-    sorting places: each key takes its place along in its low bits, as long as they fit.
+    """The keys (k,) >= 0 in ascending order, and the stable permutation that sorts them.
+
+    Sorting values is several times faster than argsort. Each key therefore carries its index in its low bits, where 63
+    bits suffice for both.
     """
     bits = len(keys).bit_length()
     if int(keys.max()).bit_length() + bits > 63:

@@ -1,6 +1,8 @@
-"""The contact barrier between surfaces: ipctk's convergent formulation (area weights, improved maximum, physical
-stiffness), or the first one, where each contact counts as one. Both have the law of `barrier_law.py`, times a contact's
-weight.
+"""The contact barrier between surfaces: the sum over active pairs of their weight times the law of `barrier_law.py`.
+
+In ipctk's convergent formulation weights are areas, with the improved maximum; in the original one each contact counts
+as one. Energies, and Hessians where `HessianBlocks.quick` allows it, come from stencils; gradients, full Hessians and
+the active pairs from ipctk.
 
 Source: Li et al. 2020 (Incremental Potential Contact); Li et al. 2023 (convergent IPC).
 """
@@ -19,7 +21,7 @@ from pdvol.potentials.potential import KEPT, Positions, Term
 
 
 class SurfaceBarrier(Term):
-    """Barrier between all pairs of boundary primitives nearer than dhat.
+    """Barrier between all pairs of boundary primitives nearer than dhat, obstacles included.
 
     Parameters
     ----------
@@ -40,7 +42,7 @@ class SurfaceBarrier(Term):
 
     @property
     def _area(self) -> float:
-        """What ipctk takes an area of one for."""
+        """ipctk's weight of a true area of one, or of one contact: its mesh may be scaled down."""
         return self.surface.primitives.scale**2 if self.weighted else 1.0
 
     @property
@@ -63,8 +65,8 @@ class SurfaceBarrier(Term):
             self._at = None
 
     def collisions(self, x: Positions) -> tuple[ipctk.NormalCollisions, np.ndarray]:
-        """The active set at x (what this rank has a vertex of, at least) and the collision mesh's vertices, built once
-        per x.
+        """The active pairs with a vertex of this rank at x, and the collision mesh's positions (n, d); built once per
+        x.
         """
         if self._at is not x:
             vertices = self.surface.vertices(x)
@@ -79,7 +81,7 @@ class SurfaceBarrier(Term):
         return self._active, self._vertices
 
     def stencils(self, x: Positions) -> tuple[Stencils, np.ndarray]:
-        """The active pairs as arrays, and their gaps (k, d); once per x."""
+        """The active pairs as arrays, and their gap vectors (k, d) [m]; built once per x."""
         active, vertices = self.collisions(x)
         if self._stencils is None:
             stencils = self.surface.stencils(active, vertices)
@@ -93,7 +95,7 @@ class SurfaceBarrier(Term):
         if len(active):
             stencils, gaps = self.stencils(x)
             s = np.minimum(np.einsum("kd,kd->k", gaps, gaps) / self.dhat**2, 1.0)
-            weights = np.where(stencils.counted, stencils.weights, 0.0)
+            weights = np.where(stencils.owned, stencils.weights, 0.0)
             mine = float(weights @ barrier_law.energy(s, self.dhat, self.kappa))
         return self.space.comm.allreduce(mine)
 
@@ -104,7 +106,9 @@ class SurfaceBarrier(Term):
         return self.surface.rows_of(self._potential.gradient(active, self.surface.mesh, vertices))
 
     def add_hessian(self, x: Positions, weight: float, into: HessianBlocks) -> None:
-        """Through stencils where that will do: several times faster than projecting each pair's 12 x 12 Hessian."""
+        """By stencils where `into.quick` allows it, which is several times faster than projecting each pair's 12 x 12
+        Hessian.
+        """
         active, vertices = self.collisions(x)
         if not len(active):
             return
@@ -124,8 +128,8 @@ class SurfaceBarrier(Term):
         self.surface.add_stencils(stencils, share[:, None, None] * gaps[:, :, None] * gaps[:, None, :], into)
 
     def contact_stiffness(self, x: Positions, masses: np.ndarray, blocks: np.ndarray) -> np.ndarray:
-        """(k,) semi-implicit stiffness [N/m] of this rank's contacts (`stiffness_rules.py`), from masses (n,) and
-        diagonal blocks (n, d, d) in the input's order. Obstacles have neither.
+        """(k,) semi-implicit stiffness [N/m] of the contacts that this rank owns (`stiffness.py`), from masses (m,)
+        [kg] and diagonal blocks (m, d, d) [N/m] of the level's points, in the input's order. Obstacles have neither.
         """
         stencils, gaps = self.stencils(x)
         masses, blocks = self.surface.of_vertices(masses), self.surface.of_vertices(blocks)
@@ -134,7 +138,7 @@ class SurfaceBarrier(Term):
         normals = gaps / distances[:, None]
         mass = np.einsum("ki,ki->k", squares, masses[stencils.vertices])
         stiffness = np.einsum("ki,ka,kiab,kb->k", squares, normals, blocks[stencils.vertices], normals)
-        return ((mass / distances**2 + stiffness) / squares.sum(axis=1))[stencils.counted]
+        return ((mass / distances**2 + stiffness) / squares.sum(axis=1))[stencils.owned]
 
     def max_step(self, x: Positions, direction: np.ndarray, until: float | None = None, keep: float = KEPT) -> float:
         return self.surface.max_step(
@@ -142,11 +146,11 @@ class SurfaceBarrier(Term):
         )
 
     def count(self, x: Positions) -> int:
-        """Active pairs at x, of all ranks. Collective."""
+        """Number of active pairs at x, of all ranks. Collective."""
         active, _ = self.collisions(x)
         if self.space.comm.size == 1:
             return len(active)
-        return self.space.comm.allreduce(int(np.count_nonzero(self.stencils(x)[0].counted)))
+        return self.space.comm.allreduce(int(np.count_nonzero(self.stencils(x)[0].owned)))
 
     def min_gap(self, x: Positions) -> float:
         """Smallest distance [m] among active pairs of all ranks; inf when there are none. Collective."""

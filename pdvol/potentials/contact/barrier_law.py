@@ -11,7 +11,7 @@ def energy(s: np.ndarray, dhat: float, kappa: float) -> np.ndarray:
 
 
 def pressure(s: np.ndarray, dhat: float, kappa: float) -> np.ndarray:
-    """What pushes apart [Pa]: minus the derivative by the gap."""
+    """Contact pressure [Pa]: minus the energy's derivative by the gap."""
     return 2.0 * kappa * np.sqrt(s) * (s - 1.0) * (2.0 * np.log(s) + (s - 1.0) / s)
 
 

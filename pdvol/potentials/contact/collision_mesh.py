@@ -1,70 +1,78 @@
-"""The primitives that may touch, as ipctk's mesh, with edges that run alike, also where they are crushed."""
+"""The collision mesh that ipctk takes, with its edges oriented alike and scaled down where edges are compressed."""
 
 import ipctk
 import numpy as np
 
-ALIKE = np.array([0.5377, 0.3121, 0.7832])
-"""What edges' directions are compared with: one that few meshes have many edges at right angles to.
+REFERENCE_DIRECTION = np.array([0.5377, 0.3121, 0.7832])
+"""Direction (no unit) with which all edges are oriented alike: few meshes have many edges at right angles to it.
 
-The convergent set of ipctk 1.6.1 keeps the parts of a pair of nearly parallel edges apart by their names (edge a with
-end 0 of b, say), and takes (a, b) and (b, a) of one name for the same part. Where a and b run against each other these
-are two, one of them is lost, and the energy jumps by it when the other comes or goes. Edges that run alike have no two
-parts of one name within reach, while nearly parallel means a few degrees. ipctk measures that by edges' lengths at
-rest: of edges crushed to a quarter, pairs at 30 degrees count as nearly parallel.
+The convergent collision set of ipctk 1.6.1 identifies the parts of a pair of nearly parallel edges by a name (edge a
+with end 0 of edge b, say), and takes the parts of (a, b) and (b, a) with the same name for one. If a and b have
+opposite directions these are two different parts: one of them is lost, and the energy jumps when the other appears or
+vanishes. Nearly parallel edges of the same direction have no two parts with one name within dhat. ipctk decides what is
+nearly parallel by the edges' lengths at rest: of edges compressed to a quarter, pairs at 30 degrees count as nearly
+parallel.
 """
 
-CRUSHED = 2.0  # times as long at rest as now: where an edge is, ipctk's mesh is drawn smaller
-# of its size: pairs of edges crushed to an eighth then fade below 7 degrees, of others below 0.1, where kinks begin to
-# tell
-SMALLER = 0.25
+# ratio of an edge's length at rest to its current one: beyond it ipctk's mesh is scaled down, for the reason above
+MAX_COMPRESSION = 2.0
+# ratio of the scaled mesh to the true one: edges compressed to an eighth then count as nearly parallel below 7 degrees,
+# uncompressed ones below 0.1 degrees; at smaller scales kinks in the energy become visible
+COMPRESSED_SCALE = 0.25
 
 
 class CollisionMesh:
-    """Vertices, edges and faces of bodies and obstacles.
+    """Vertices, edges and faces of bodies and obstacles, as an `ipctk.CollisionMesh`.
 
     Parameters
     ----------
     vertices : (n, d) positions at rest [m]
     edges : (e, 2) int
     faces : (f, 3) int, none in 2D
-    own : pairs of which no vertex is among the first `own` are left out
+    own : number of this rank's own vertices, which come first; pairs without any of them are left out
 
     Attributes
     ----------
     ipc : ipctk.CollisionMesh
-        Another one each time that edges turned round or were crushed further.
-    scale : its size at rest over the true one; its areas are scale**2 of the true ones, to the last bit
+        Replaced whenever edges are reversed or the scale changes.
+    scale : ratio of its size at rest to the true one, a power of two, so that its areas are exactly scale**2 of the
+        true ones
     edges, faces : int64
-        As ipctk has them.
+        Vertices of each primitive, in the order in which ipctk has them.
     """
 
     def __init__(self, vertices: np.ndarray, edges: np.ndarray, faces: np.ndarray, own: int):
         self._at_rest, self._own = np.asfortranarray(vertices), own
-        self._given, self._turned = edges.astype(np.int64), np.zeros(len(edges), dtype=bool)
+        self._given, self._reversed = edges.astype(np.int64), np.zeros(len(edges), dtype=bool)
         self.edges, self.faces, self.scale = self._given, faces.astype(np.int64), 1.0
         self._make()
 
     def _make(self) -> None:
         integers = (np.asfortranarray(primitives, dtype=np.int32) for primitives in (self.edges, self.faces))
         self.ipc = ipctk.CollisionMesh(self.scale * self._at_rest, *integers)
-        # What ipctk calls static vertices do not meet each other: all beyond this rank's own, whose pairs are other
-        # ranks'.
+        # ipctk lets no two static vertices collide. All but this rank's own are static here: their pairs belong to
+        # other ranks.
         self.ipc.can_collide = ipctk.make_static_obstacle_filter(self._own)
 
-    def align(self, vertices: np.ndarray, edges: np.ndarray | None = None) -> None:
-        """Turns edges round, in this mesh alone, until at `vertices` (n, 3) all that matter run alike, and draws it
-        smaller where edges are crushed. What it makes of those that matter is a function of the positions alone.
+    def orient_edges(self, vertices: np.ndarray, edges: np.ndarray | None = None) -> None:
+        """Orients edges alike at the positions `vertices` (n, 3) [m], and scales the mesh down where an edge is
+        compressed.
+
+        The result for the given edges is a function of the positions alone. The other edges may keep an older
+        orientation, which spares a new mesh.
 
         Parameters
         ----------
         edges : (k,) int
-            Those that matter; all where not given.
+            Edges that must be oriented; all where not given.
         """
-        along, at_rest = (points[self._given[:, 1]] - points[self._given[:, 0]] for points in (vertices, self._at_rest))
-        crushed = np.any(np.linalg.norm(at_rest, axis=1) > CRUSHED * np.linalg.norm(along, axis=1))
-        turned, scale = along @ ALIKE < 0.0, SMALLER if crushed else 1.0
-        changed = turned != self._turned
+        current, at_rest = (
+            points[self._given[:, 1]] - points[self._given[:, 0]] for points in (vertices, self._at_rest)
+        )
+        compressed = np.any(np.linalg.norm(at_rest, axis=1) > MAX_COMPRESSION * np.linalg.norm(current, axis=1))
+        reversed_, scale = current @ REFERENCE_DIRECTION < 0.0, COMPRESSED_SCALE if compressed else 1.0
+        changed = reversed_ != self._reversed
         if scale != self.scale or np.any(changed if edges is None else changed[edges]):
-            self._turned, self.scale = turned, scale
-            self.edges = np.where(turned[:, None], self._given[:, ::-1], self._given)
+            self._reversed, self.scale = reversed_, scale
+            self.edges = np.where(reversed_[:, None], self._given[:, ::-1], self._given)
             self._make()

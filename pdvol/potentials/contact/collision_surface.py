@@ -1,14 +1,14 @@
-"""The collision geometry of one level: all bodies' boundaries and the rigid obstacles, in one ipctk mesh.
+"""The collision geometry of one level: all bodies' boundaries and the rigid obstacles, in one collision mesh.
 
-Bodies come first, in the order of `surface` (input indices of boundary vertices), obstacles behind them. Every rank
-holds all of it, so contact does not depend on how the level is distributed.
+Its vertices are the bodies' boundary vertices, in the order of `surface`, and then the obstacles'. Every rank holds the
+whole mesh, so contact does not depend on how the level is distributed.
 """
 
 from dataclasses import replace
 
 import ipctk
 import numpy as np
-from scipy.sparse import csr_array
+from scipy.sparse import csr_array, sparray, spmatrix
 
 from pdvol.levels.obstacles import Obstacle
 from pdvol.levels.space import LevelSpace
@@ -18,32 +18,42 @@ from pdvol.potentials.contact.collision_mesh import CollisionMesh
 from pdvol.potentials.contact.stencils import Stencils, normal_stencils
 from pdvol.potentials.potential import KEPT, Positions
 
-NARROW = {
+NARROW_PHASES = {
     "additive": lambda keep: ipctk.AdditiveCCD(max_iterations=10_000, conservative_rescaling=1.0 - keep),
     "tight-inclusion": lambda keep: ipctk.TightInclusionCCD(tolerance=1e-6, max_iterations=1_000_000),
 }
-"""Continuous collision detection by name: how far a straight move may go.
+"""Continuous collision detection by name, as a function of the share of each gap that is kept.
 
-Both stop where they cannot tell. The additive one leaves a share of each gap by itself.
+Iterations bound the time of one pair: the detection ends there with a smaller step, which is safe. The additive kind
+leaves a share of each gap by itself. Tight inclusion is exact to its tolerance [m] and goes to the contact itself, so
+its steps are shortened afterwards.
 """
 
-ipctk.set_num_threads(1)  # sums over contacts repeat to the last bit; measured again where speed asks for it
+ipctk.set_num_threads(1)  # with one thread sums over contacts repeat to the last bit
 
 
 class CollisionSurface:
-    """Boundaries of a level with its obstacles.
+    """Boundaries of a level with its obstacles. Construction is not collective.
+
+    Parameters
+    ----------
+    space : LevelSpace
+    obstacles : tuple of Obstacle
+    reach : distance [m] up to which pairs matter
+    ccd : a key of `NARROW_PHASES`
 
     Attributes
     ----------
     surface : (k,) int64
         Input indices of the bodies' boundary vertices, this rank's first.
     primitives : CollisionMesh
-        k bodies' vertices, then the obstacles'. Edges that can touch others are turned to run alike at each step's
-        start.
-    parties : (k + obstacles' vertices,) int
-        Whose each vertex is: bodies' numbers, then obstacles' after the last body's.
+        Of the bodies' k vertices and, behind them, the obstacles'. Edges that can touch others are oriented alike at
+        the start of each step.
+    objects : (n,) int
+        Number of the body or obstacle that each of the collision mesh's n vertices belongs to; obstacles are numbered
+        after the bodies.
     candidates : ContactCandidates
-        Pairs with a vertex of this rank's that can be within `reach` [m] of each other.
+        Pairs with a vertex of this rank that can be within `reach` of each other.
     """
 
     def __init__(self, space: LevelSpace, obstacles: tuple[Obstacle, ...], reach: float, ccd: str = "additive"):
@@ -73,18 +83,17 @@ class CollisionSurface:
         self.primitives = CollisionMesh(
             at_rest, np.concatenate(edges), np.concatenate(faces) if faces else np.zeros((0, 3)), own
         )
-        self._start, self._aligned = None, -1
-        owners = [np.full(len(o.vertices), int(level.point_bodies.max()) + 1 + i) for i, o in enumerate(obstacles)]
-        self.parties = np.concatenate([level.point_bodies[self.surface], *owners])
+        self._start, self._oriented_search = None, -1
+        numbers = [np.full(len(o.vertices), int(level.point_bodies.max()) + 1 + i) for i, o in enumerate(obstacles)]
+        self.objects = np.concatenate([level.point_bodies[self.surface], *numbers])
         self._blocks = space.point_blocks[self.surface]
-        # A pair that several ranks have a vertex of is counted by the one that owns the vertex that comes first in the
-        # input.
-        self._input_order = np.concatenate(
-            [self.surface, np.full(len(self.parties) - len(self.surface), len(level.points))]
+        # Of the ranks that hold a pair, the one with the pair's first vertex in the input's order owns it.
+        self._input_index = np.concatenate(
+            [self.surface, np.full(len(self.objects) - len(self.surface), len(level.points))]
         )
-        self._own = np.arange(len(self.parties)) < own
+        self._is_own = np.arange(len(self.objects)) < own
         self.obstacle_positions, self._at = self._obstacles_at(0.0), None
-        self._narrow, self._goes_all_the_way = NARROW[ccd], ccd != "additive"
+        self._narrow_phase, self._stops_at_contact = NARROW_PHASES[ccd], ccd != "additive"
         self.candidates = ContactCandidates(self.primitives, at_rest, reach, not obstacles)
 
     @property
@@ -93,18 +102,22 @@ class CollisionSurface:
         return self.primitives.ipc
 
     def begin(self, vertices: np.ndarray) -> None:
-        """Before a step that starts at `vertices`. Nothing after it depends on earlier steps, to the last digit."""
+        """Before a step that starts at `vertices` (n, d) [m]: forgets the candidates of earlier steps, so that not even
+        the last digits depend on them.
+        """
         self.candidates.forget()
-        self._start, self._aligned = (
+        self._start, self._oriented_search = (
             vertices if self.space.dim == 3 else None,
             -1,
         )  # two edges never touch side by side in 2D
 
-    def _alike(self, pairs: ipctk.Candidates) -> ipctk.Candidates:
-        """The same pairs, after their edges that are new in this step were turned to run alike at its start."""
-        if self._start is not None and self._aligned != self.candidates.searches and not pairs.empty():
-            self.primitives.align(self._start, self.candidates.edges)
-            self._aligned = self.candidates.searches
+    def _with_oriented_edges(self, pairs: ipctk.Candidates) -> ipctk.Candidates:
+        """The same pairs, after the edges of a new search have been oriented by their directions at the step's
+        start.
+        """
+        if self._start is not None and self._oriented_search != self.candidates.searches and not pairs.empty():
+            self.primitives.orient_edges(self._start, self.candidates.edges)
+            self._oriented_search = self.candidates.searches
         return pairs
 
     def _obstacles_at(self, time: float) -> np.ndarray:
@@ -112,7 +125,7 @@ class CollisionSurface:
         return np.concatenate(placed) if placed else np.zeros((0, self.space.dim))
 
     def place(self, time: float) -> bool:
-        """Puts the obstacles where they are at `time` [s]; says whether any moved."""
+        """Puts the obstacles where they are at `time` [s]. Returns whether any of them moved."""
         positions = self._obstacles_at(time)
         changed = not np.array_equal(positions, self.obstacle_positions)
         if changed:
@@ -120,8 +133,8 @@ class CollisionSurface:
         return changed
 
     def vertices(self, x: Positions, at: float | None = None) -> np.ndarray:
-        """Positions (k + obstacles, d) of the collision mesh, obstacles as placed or as they are `at` a time. First use
-        per x is collective.
+        """(n, d) positions [m] of the collision mesh's vertices; obstacles where they were placed, or where they are
+        `at` a time [s]. First use per x is collective.
         """
         if at is None and x is self._at:
             return self._vertices
@@ -132,14 +145,14 @@ class CollisionSurface:
         return vertices
 
     def pairs(self, vertices: np.ndarray) -> ipctk.Candidates:
-        """Pairs among which are all that touch at the collision mesh's positions."""
-        return self._alike(self.candidates.at(vertices))
+        """Candidates among which are all pairs nearer than the reach at the collision mesh's positions (n, d)."""
+        return self._with_oriented_edges(self.candidates.at(vertices))
 
     def max_step(self, start: np.ndarray, end: np.ndarray, keep: float = KEPT) -> float:
-        """Largest step in [0, 1] along straight paths that keeps everything apart, for this rank's pairs, and `keep` of
-        every gap.
+        """Largest step in [0, 1] along straight paths from start to end (n, d) at which all pairs of this rank stay
+        apart and keep at least the share `keep` of their gap.
         """
-        pairs = self._alike(self.candidates.along(start, end))
+        pairs = self._with_oriented_edges(self.candidates.along(start, end))
         if pairs.empty():
             return 1.0
         step = float(
@@ -148,41 +161,43 @@ class CollisionSurface:
                 vertices_t0=start,
                 vertices_t1=end,
                 min_distance=0.0,
-                narrow_phase_ccd=self._narrow(keep),
+                narrow_phase_ccd=self._narrow_phase(keep),
             )
         )
-        return (1.0 - keep) * step if self._goes_all_the_way and step < 1.0 else step
+        return (1.0 - keep) * step if self._stops_at_contact and step < 1.0 else step
 
     def rows_of(self, values: np.ndarray) -> np.ndarray:
-        """Owned rows (n_owned, d) of values over the collision mesh's unknowns, zero away from the surface. Sums over
-        this rank's pairs are complete there.
+        """(n_owned, d) rows of the level from values (n d,) of the collision mesh; zero away from the surface. Sums
+        over this rank's pairs are complete in these rows.
         """
         whole = np.zeros((len(self.space.mesh.points), self.space.dim))
         whole[self.surface] = values.reshape(-1, self.space.dim)[: len(self.surface)]
         return self.space.from_input(whole)
 
     def of_vertices(self, values: np.ndarray) -> np.ndarray:
-        """Rows of (n, ...) in the input's order for the collision mesh's vertices; zeros for obstacles'."""
+        """Values of the collision mesh's vertices, from those of the level's points (m, ...) in the input's order;
+        zeros at obstacles.
+        """
         out = np.zeros((len(self.surface) + len(self.obstacle_positions), *values.shape[1:]))
         out[: len(self.surface)] = values[self.surface]
         return out
 
     def stencils(self, active: ipctk.NormalCollisions, vertices: np.ndarray) -> Stencils:
-        """The active pairs at the collision mesh's positions, as arrays."""
+        """The active pairs of this rank at the collision mesh's positions (n, d), as arrays."""
         stencils = normal_stencils(active, self.primitives.edges, self.primitives.faces, vertices)
         if self.space.comm.size == 1:
             return stencils
         first = np.take_along_axis(
-            stencils.vertices, self._input_order[stencils.vertices].argmin(axis=1)[:, None], axis=1
+            stencils.vertices, self._input_index[stencils.vertices].argmin(axis=1)[:, None], axis=1
         )[:, 0]
-        return replace(stencils, counted=self._own[first])
+        return replace(stencils, owned=self._is_own[first])
 
-    def add_stencils(self, stencils: Stencils, middle: np.ndarray, into: HessianBlocks) -> None:
-        """Adds C' M C of contact pairs; obstacles have no rows."""
-        stencils.add(middle, self._blocks, into)
+    def add_stencils(self, stencils: Stencils, gap_hessian: np.ndarray, into: HessianBlocks) -> None:
+        """Adds the contact pairs' Hessians, from those over their gaps (k, d, d) [N/m]; obstacles have no rows."""
+        stencils.add(gap_hessian, self._blocks, into)
 
-    def add_hessian(self, hessian, weight: float, into: HessianBlocks) -> None:
-        """Adds a sparse Hessian over the collision mesh's unknowns; obstacles have none."""
+    def add_hessian(self, hessian: sparray | spmatrix, weight: float, into: HessianBlocks) -> None:
+        """Adds `weight` times a sparse Hessian (n d, n d) of the collision mesh; obstacles have no rows."""
         d, k = self.space.dim, len(self.surface)
         blocks = csr_array(hessian)[: k * d, : k * d].tobsr(blocksize=(d, d))
         into.add_pairs(

@@ -14,14 +14,15 @@ from pdvol.potentials.potential import Positions, Term
 
 
 class SurfaceFriction(Term):
-    """Friction on all pairs that the barrier held apart at the last `lag`.
+    """Friction on all pairs that were active in the barrier at the last `lag`.
 
-    Slip is measured from the start of the step, obstacles' own motion included, so the threshold is eps_v times the
-    step's length.
+    Normal forces, normals and closest points are those of the last `lag`. Slip [m] is measured from the start of the
+    step, relative to moving obstacles, so friction is smoothed below a slip of eps_v times the step's length.
 
     Parameters
     ----------
-    mu : coefficient of friction, or a symmetric matrix of them between the surface's parties
+    barrier : SurfaceBarrier
+    mu : coefficient of friction, or a symmetric matrix (objects, objects) of them between the surface's objects
     eps_v : sliding speed [m/s] below which friction is smoothed
     """
 
@@ -39,12 +40,12 @@ class SurfaceFriction(Term):
     def lag(self, x: Positions) -> None:
         stencils, gaps = self.barrier.stencils(x)
         distances = np.linalg.norm(gaps, axis=1)
-        pushes = barrier_law.pressure(
+        pressures = barrier_law.pressure(
             np.minimum(distances / self.barrier.dhat, 1.0) ** 2, self.barrier.dhat, self.barrier.kappa
         )
-        mu = self.mu[stencils.sides(self.surface.parties)] if np.ndim(self.mu) else self.mu
+        mu = self.mu[stencils.objects_in_contact(self.surface.objects)] if np.ndim(self.mu) else self.mu
         self._stencils = replace(
-            stencils, weights=mu * pushes * np.where(stencils.oblique, stencils.weights, 0.0)
+            stencils, weights=mu * pressures * np.where(stencils.has_normal, stencils.weights, 0.0)
         )  # [N]
         self._normals = gaps / np.maximum(distances, 1e-300)[:, None]
         self._count = len(stencils.weights)
@@ -54,7 +55,7 @@ class SurfaceFriction(Term):
         return self._count > 0
 
     def _slip(self, x: Positions) -> tuple[np.ndarray, np.ndarray]:
-        """Slips (k, d) across the pairs' normals, and their sizes."""
+        """Slips (k, d) [m] in the pairs' tangential planes, and their lengths (k,)."""
         u = self._stencils.gaps(self.surface.vertices(x) - self._start)
         u -= np.einsum("kd,kd->k", u, self._normals)[:, None] * self._normals
         return u, np.linalg.norm(u, axis=1)
@@ -64,7 +65,7 @@ class SurfaceFriction(Term):
         if self._count:
             _, size = self._slip(x)
             mine = float(
-                np.where(self._stencils.counted, self._stencils.weights, 0.0) @ smooth_friction.f0(size, self._eps)
+                np.where(self._stencils.owned, self._stencils.weights, 0.0) @ smooth_friction.f0(size, self._eps)
             )
         return self.space.comm.allreduce(mine)
 
@@ -73,22 +74,22 @@ class SurfaceFriction(Term):
             return np.zeros_like(x.owned)
         slip, size = self._slip(x)
         forces = (self._stencils.weights * smooth_friction.f1_over(size, self._eps))[:, None] * slip
-        return self.surface.rows_of(self._stencils.gather(forces, len(self._start)))
+        return self.surface.rows_of(self._stencils.scatter(forces, len(self._start)))
 
     def add_hessian(self, x: Positions, weight: float, into: HessianBlocks) -> None:
         if not self._count:
             return
         slip, size = self._slip(x)
-        along = slip / np.maximum(size, 1e-300)[:, None]
-        round_, slope = (
+        direction = slip / np.maximum(size, 1e-300)[:, None]
+        across, slope = (
             k[:, None, None] for k in smooth_friction.stiffness(size, self._eps, majorise=into.positive == "abs")
         )
         n = self._normals
-        middle = (
-            round_ * (np.eye(n.shape[1]) - n[:, :, None] * n[:, None, :])
-            + (slope - round_) * along[:, :, None] * along[:, None, :]
+        gap_hessian = (
+            across * (np.eye(n.shape[1]) - n[:, :, None] * n[:, None, :])
+            + (slope - across) * direction[:, :, None] * direction[:, None, :]
         )
         forces = self._stencils.weights
-        if into.positive != "none":  # in 3D some pairs of the improved maximum weigh negatively
+        if into.positive != "none":  # in 3D some pairs of the improved maximum have negative weights
             forces = np.abs(forces) if into.positive == "abs" else np.maximum(forces, 0.0)
-        self.surface.add_stencils(self._stencils, weight * forces[:, None, None] * middle, into)
+        self.surface.add_stencils(self._stencils, weight * forces[:, None, None] * gap_hessian, into)

@@ -1,4 +1,6 @@
-"""The smoothed Coulomb law of Li et al. 2020, section 5: forces grow to mu lambda within a slip of eps, then stay."""
+"""The smoothed Coulomb law of Li et al. 2020, section 5: friction forces grow to mu lambda at a slip of eps [m] and are
+constant beyond, where lambda [N] is the normal force.
+"""
 
 import numpy as np
 
@@ -10,7 +12,7 @@ def f0(slip: np.ndarray, eps: float) -> np.ndarray:
 
 
 def f1_over(slip: np.ndarray, eps: float) -> np.ndarray:
-    """f1(slip) / slip [1/m], finite at zero slip."""
+    """f1(slip) / slip [1/m]; 2 / eps at zero slip."""
     return np.where(slip < eps, (2.0 - slip / eps) / eps, 1.0 / np.maximum(slip, eps))
 
 
@@ -20,10 +22,10 @@ def f1_slope(slip: np.ndarray, eps: float) -> np.ndarray:
 
 
 def stiffness(slip: np.ndarray, eps: float, majorise: bool) -> tuple[np.ndarray, np.ndarray]:
-    """Stiffness across and along the slip [1/m], per unit of mu lambda.
+    """Stiffness across and along the slip [1/m], (k,) each, per unit of mu lambda.
 
-    With `majorise` that along the slip is the one across: f0 is concave in slip^2, so this quadratic model lies above
-    it everywhere, and Newton does not jump to and fro across the kink between sticking and sliding.
+    With `majorise` the stiffness along the slip is the one across it. f0 is concave in slip^2, so the quadratic model
+    is then nowhere below f0, and Newton's method does not oscillate between sticking and sliding.
     """
     across = f1_over(slip, eps)
     return across, across if majorise else f1_slope(slip, eps)

@@ -2,8 +2,8 @@
 
 The law is that of the surface barrier (`barrier.py`): kappa a dhat g(s), g(s) = -(s - 1)^2 ln s, s = (gap / dhat)^2, a
 the vertex's area at rest. A plane needs neither a broad phase nor gathered surfaces, may move, and its gap is linear in
-x; that, and ipctk's plane candidates missing contacts beyond dhat / 2 and lacking friction and motion, is why it is
-written out here.
+x. It is written out here because ipctk's plane candidates miss contacts beyond dhat / 2 and have neither friction nor
+motion.
 """
 
 import numpy as np
@@ -76,7 +76,8 @@ class HalfSpaceBarrier(Term):
             self._at, self._gaps = x, gaps
         return gaps
 
-    def _active(self, x: Positions):
+    def _active(self, x: Positions) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Plane, vertex (index into `vertices`) and gap [m] of each contact within dhat, (k,) each."""
         gaps = self.gaps(x)
         plane, vertex = np.nonzero(gaps < self.dhat)
         return plane, vertex, gaps[plane, vertex]
@@ -89,8 +90,8 @@ class HalfSpaceBarrier(Term):
             mine = float(np.sum(self.areas[vertex] * barrier_law.energy((gap / self.dhat) ** 2, self.dhat, self.kappa)))
         return self.space.comm.allreduce(mine)
 
-    def forces(self, x: Positions):
-        """Planes, vertices (into `vertices`) and normal force magnitudes [N] of what is within dhat."""
+    def forces(self, x: Positions) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Plane, vertex (index into `vertices`) and normal force [N] of each contact within dhat, (k,) each."""
         plane, vertex, gap = self._active(x)
         return plane, vertex, self.areas[vertex] * barrier_law.pressure((gap / self.dhat) ** 2, self.dhat, self.kappa)
 
@@ -108,7 +109,7 @@ class HalfSpaceBarrier(Term):
         into.add_diagonal(self.vertices[vertex], weight * curvature[:, None, None] * n[:, :, None] * n[:, None, :])
 
     def contact_stiffness(self, x: Positions, masses: np.ndarray, blocks: np.ndarray) -> np.ndarray:
-        """(k,) semi-implicit stiffness [N/m] of this rank's contacts (`stiffness_rules.py`), from masses (n,) and
+        """(k,) semi-implicit stiffness [N/m] of this rank's contacts (`stiffness.py`), from masses (n,) and
         diagonal blocks (n, d, d) in the input's order.
         """
         plane, vertex, gap = self._active(x)
@@ -116,8 +117,8 @@ class HalfSpaceBarrier(Term):
         return masses[point] / gap**2 + np.einsum("ki,kij,kj->k", n, blocks[point], n)
 
     def max_step(self, x: Positions, direction: np.ndarray, until: float | None = None, keep: float = KEPT) -> float:
-        # A plane that turns meanwhile is taken to close gaps evenly: exact for translations, and what is left is
-        # checked again.
+        # A plane's gaps are taken to close at a constant rate: exact for translations. For rotations Newton's next
+        # iterate is checked again.
         gaps = self.gaps(x)
         approach = gaps - self.gaps(x.moved(1.0, direction), at=until)
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -129,7 +130,7 @@ class HalfSpaceBarrier(Term):
         return self.space.comm.allreduce(float(self.gaps(x).min(initial=np.inf)), op=MPI.MIN)
 
     def count(self, x: Positions) -> int:
-        """Contacts within dhat. Collective."""
+        """Number of contacts within dhat, of all ranks. Collective."""
         return self.space.comm.allreduce(len(self._active(x)[0]))
 
 
@@ -172,7 +173,8 @@ class HalfSpaceFriction(Term):
     def rubs(self) -> bool:
         return len(self._force) > 0
 
-    def _slip(self, x: Positions):
+    def _slip(self, x: Positions) -> tuple[np.ndarray, np.ndarray]:
+        """Slips (k, d) [m] along the planes since the step's start, and their lengths (k,)."""
         u = x.owned[self._vertices] - self._x_t[self._vertices] - self._ground
         u = u - np.sum(u * self._normals, axis=1)[:, None] * self._normals
         return u, np.linalg.norm(u, axis=1)
@@ -189,14 +191,14 @@ class HalfSpaceFriction(Term):
 
     def add_hessian(self, x: Positions, weight: float, into: HessianBlocks) -> None:
         u, slip = self._slip(x)
-        along = u / np.maximum(slip, 1e-300)[:, None]
+        direction = u / np.maximum(slip, 1e-300)[:, None]
         n = self._normals
         tangent = np.eye(self.space.dim) - n[:, :, None] * n[:, None, :]
-        outer = along[:, :, None] * along[:, None, :]
-        round_, slope = smooth_friction.stiffness(slip, self._eps, majorise=into.positive == "abs")
+        outer = direction[:, :, None] * direction[:, None, :]
+        across, slope = smooth_friction.stiffness(slip, self._eps, majorise=into.positive == "abs")
         blocks = (
             weight
             * self._force[:, None, None]
-            * (round_[:, None, None] * tangent + (slope - round_)[:, None, None] * outer)
+            * (across[:, None, None] * tangent + (slope - across)[:, None, None] * outer)
         )
         into.add_diagonal(self._vertices, blocks)

@@ -1,9 +1,9 @@
-"""Barrier stiffness that is chosen anew at each step's start, for contacts that count as one each, whatever their area.
+"""Barrier stiffness chosen at the start of each step, for contacts that count as one each, whatever their area.
 
-One number for the whole level, which holds while Newton solves: its objective stays one function, and what a step does
-depends on nothing but its start, so that resumed runs repeat. (A stiffness for each contact would make the potential
-jump where a pair changes its kind, an edge and a vertex becoming two vertices.) A contact's energy is kappa dhat g(s)
-as in `barrier_law.py`, kappa in N.
+One number holds for the whole level, and while Newton solves, so that its objective stays one function. It depends on
+the step's start alone, so that resumed runs repeat. (A stiffness for each contact would make the energy jump where a
+pair changes its kind, for example from edge and vertex to two vertices.) A contact's energy is kappa dhat g(s) as in
+`barrier_law.py`, with kappa in N.
 """
 
 import ipctk
@@ -15,17 +15,20 @@ from pdvol.potentials.assembly.hessian_blocks import HessianBlocks
 from pdvol.potentials.contact import barrier_law
 from pdvol.potentials.potential import Positions, Potential
 
-CURVATURE = float(barrier_law.curvature(np.array(0.25), 1.0, 1.0))  # of the barrier half way, in units of kappa / dhat
-CUBIC = 2.0  # the same of Ando's barrier, (2 / 3) k (dhat - gap)^3 / dhat, in units of k
+# curvature of this barrier at a gap of dhat / 2 [kappa / dhat]: there it is made as stiff as Ando's
+MIDWAY_CURVATURE = float(barrier_law.curvature(np.array(0.25), 1.0, 1.0))
+# curvature of Ando's barrier (2 / 3) k (dhat - gap)^3 / dhat at a gap of dhat / 2 [k]
+CUBIC_CURVATURE = 2.0
 
 
 class AdaptiveStiffness:
-    """The stiffness of Li et al. 2020 (supplement, section 4): what balances the other forces at the step's start,
-    within bounds, and twice as much, up to the upper one, where a solve ends with gaps that are tiny and shrink. Both
-    by ipctk's functions.
+    """The stiffness of Li et al. 2020 (supplement, section 4), by ipctk's functions.
 
-    ipctk's classic barrier K (gap^2 - dhat^2)^2 ln is this law with K dhat^3 = kappa weight: it stands unweighted beside
-    the inertia.
+    At the step's start it balances the other forces, within bounds. Where a solve ends with tiny gaps that have become
+    smaller, it doubles, up to the upper bound.
+
+    ipctk's classic barrier -K (gap^2 - dhat^2)^2 ln(gap^2 / dhat^2), added to the inertia without a weight, is this law
+    with K dhat^3 = kappa weight.
 
     Parameters
     ----------
@@ -98,12 +101,14 @@ class AdaptiveStiffness:
 
 
 class SemiImplicitStiffness:
-    """The elasticity-inclusive stiffness of Ando 2024, k = m / gap^2 + n' H n at each contact of the step's start
-    (masses in kg, at 1 m/s), averaged over them; without contacts over the surface, gaps being dhat. Of the elastic
-    Hessian H the diagonal blocks are taken; a contact's vertices count by the squares of their coefficients, as in
-    ipctk's `semi_implicit_stiffness`.
+    """The elasticity-inclusive stiffness of Ando 2024: k = m / gap^2 + n' H n [N/m], averaged over the contacts at the
+    step's start.
 
-    k is the stiffness of Ando's cubic barrier; kappa is such that this one is as stiff half way.
+    m / gap^2 stands for m (1 m/s)^2 / gap^2. Of the elastic Hessian H only the diagonal blocks are taken. A contact's
+    vertices have the squares of their coefficients as weights, as in ipctk's `semi_implicit_stiffness`. Without
+    contacts the average is over the surface's vertices, with dhat for the gap.
+
+    k is the stiffness of Ando's cubic barrier. kappa is such that both barriers have the same curvature at dhat / 2.
 
     Parameters
     ----------
@@ -142,7 +147,7 @@ class SemiImplicitStiffness:
                 len(at),
             )
         for term in self.contacts:
-            term.kappa = CUBIC / CURVATURE * self.dhat * total / count
+            term.kappa = CUBIC_CURVATURE / MIDWAY_CURVATURE * self.dhat * total / count
 
     def end_solve(self, x: Positions) -> bool:
         """Nothing changes within a step."""

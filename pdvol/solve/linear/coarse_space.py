@@ -1,8 +1,8 @@
-"""The coarse space of the two-level preconditioner: smooth displacements that a local preconditioner cannot see.
+"""The coarse space of the two-level preconditioner: smooth displacements that a local preconditioner hardly corrects.
 
-Its Galerkin operator P' A P (contact included) is summed by each rank from its rows and solved on every rank alike: it
-has some hundred vertices. P comes from the hierarchy's own coarsest levels, or, where a level stands alone, from a
-regular background grid whose multilinear hat functions are restricted to the mesh.
+Each rank sums the Galerkin operator P' A P (contact included) from its own rows. The sum has some hundred vertices and
+every rank factors and solves it. P is the prolongation from the hierarchy's own coarser levels. For a level without
+them it consists of the multilinear hat functions of a regular background grid, evaluated at the mesh's points.
 """
 
 import numpy as np
@@ -14,22 +14,27 @@ from pdvol.geometry.level_mesh import LevelMesh
 from pdvol.levels.space import LevelSpace
 from pdvol.potentials.assembly import native
 from pdvol.potentials.assembly.native import pointer
+from pdvol.solve.linear.system_matrix import BlockCsr
 
-# of a grid, over the square root of the vertices: every rank solves with all of them; twice as many spare a tenth to a
-# seventh of the iterations
-NODES = 1.4
-SMALLEST_SUPPORT = 1e-2  # a grid node whose weights add up to less has nothing to say
-SHIFT = 1e-7  # of the diagonal: nodes at a rim can be nearly dependent
+# grid nodes over the square root of the level's vertices: every rank solves for all of them, and twice as many save
+# only a tenth to a seventh of the iterations
+GRID_NODES = 1.4
+# sum of a node's weights below which it is left out: its row of P' A P would be nearly zero
+MIN_NODE_WEIGHT = 1e-2
+# share of the diagonal of P' A P that is added to it: nodes at the boundary can be nearly linearly dependent
+COARSE_DIAGONAL_SHIFT = 1e-7
 
 
 def grid_weights(mesh: LevelMesh) -> csr_array:
-    """Multilinear weights (n, nodes) of a background grid, separate for each body; rows sum to one."""
+    """(n, m) values of a background grid's m multilinear hat functions at the mesh's n points. Each body has a grid of
+    its own. Rows sum to one.
+    """
     d, parts = mesh.dim, []
-    nodes = round(NODES * len(mesh.points) ** 0.5) + 2**d
+    nodes = round(GRID_NODES * len(mesh.points) ** 0.5) + 2**d
     bodies = np.unique(mesh.point_bodies)
     volumes = np.array([np.abs(mesh.volumes[mesh.bodies == body]).sum() for body in bodies])
-    # Nodes outside count too: a solid of volume V has about V / H^d + surface nodes; shrink H until the count is
-    # reached.
+    # A solid of volume V has about V / H^d nodes of spacing H inside, and those outside that its boundary cells have. H
+    # is therefore enlarged until there are no more nodes than wanted; a few steps suffice.
     spacing = (volumes.sum() / nodes) ** (1.0 / d)
     for _ in range(20):
         parts = [_body_grid(mesh.points[mesh.point_bodies == body], spacing) for body in bodies]
@@ -50,11 +55,11 @@ def grid_weights(mesh: LevelMesh) -> csr_array:
 
 
 def _body_grid(points: np.ndarray, spacing: float) -> csr_array:
+    """(n, m) values of the m hat functions of a grid round one body's points that are not zero at all of them."""
     d = points.shape[1]
     low, size = points.min(axis=0), np.ptp(points, axis=0)
-    boxes = np.maximum(1, np.round(size / spacing)).astype(
-        int
-    )  # whole boxes along each axis: no slivers at the far side
+    # A whole number of boxes along each axis, so that none of them is mostly outside.
+    boxes = np.maximum(1, np.round(size / spacing)).astype(int)
     scaled = (points - low) / np.maximum(size, 1e-300) * boxes
     corner = np.minimum(scaled.astype(int), boxes - 1)
     share = scaled - corner
@@ -72,14 +77,19 @@ def _body_grid(points: np.ndarray, spacing: float) -> csr_array:
 
 
 class CoarseSpace:
-    """Solves with P' A P. Construction is collective.
+    """The Galerkin operator P' A P, its factor, and the coarse correction. Construction is collective.
 
     Parameters
     ----------
     space : LevelSpace
-    weights : (n, m) sparse, rows in input order
+    weights : (n, m) sparse
+        P of one component, rows in input order.
     supported : (n,) bool, in PETSc's block order
-        Vertices that coarse displacements leave alone.
+        Vertices whose rows of P are set to zero.
+
+    Attributes
+    ----------
+    size : number of coarse vertices
     """
 
     def __init__(self, space: LevelSpace, weights: csr_array, supported: np.ndarray):
@@ -88,9 +98,9 @@ class CoarseSpace:
         P = csr_array(weights)[order]
         P = csr_array(P.multiply(~supported[:, None]))
         P.eliminate_zeros()
-        P = csr_array(P[:, np.asarray(abs(P).sum(axis=0)).ravel() > SMALLEST_SUPPORT])
+        P = csr_array(P[:, np.asarray(abs(P).sum(axis=0)).ravel() > MIN_NODE_WEIGHT])
         P.sort_indices()
-        self.size, self._solver, self._by_cells = P.shape[1], None, None
+        self.size, self._solver, self._cell_pattern = P.shape[1], None, None
         if self.size == 0:
             return
         self._starts, self._columns, self._weights = P.indptr.astype(np.int32), P.indices.astype(np.int32), P.data
@@ -103,9 +113,13 @@ class CoarseSpace:
             pointer(self._weights),
         )
 
-    def update(self, parts) -> None:
-        """Sums and factors P' A P. `parts`: (starts, columns, blocks) of A's cells and pairs, each a block CSR of this
-        rank's rows. Collective.
+    def update(self, parts: tuple[BlockCsr, BlockCsr]) -> None:
+        """Sums and factors P' A P. Collective.
+
+        Parameters
+        ----------
+        parts : two block CSR matrices (starts, columns, blocks) of this rank's rows
+            A's upper triangle is the sum of the first one, from cells, and the second one, from contact pairs.
         """
         if self._solver is None:
             self._find_pattern(parts)
@@ -116,14 +130,16 @@ class CoarseSpace:
         d = self.space.dim
         out = out[:-1] + out[self._mirror].transpose(0, 2, 1)
         out = out[self._upper]
-        out[self._diagonal, np.arange(d)[:, None], np.arange(d)[:, None]] *= 1.0 + SHIFT
+        out[self._diagonal, np.arange(d)[:, None], np.arange(d)[:, None]] *= 1.0 + COARSE_DIAGONAL_SHIFT
         self._matrix.setValuesBlockedCSR(*self._rows, out)
         self._matrix.assemble()
         self._solver.setOperators(self._matrix)
         self._solver.setUp()
 
-    def _product(self, parts) -> np.ndarray:
-        """Blocks of one triangle of P' A P, summed over all ranks; the last one holds what the pattern leaves out."""
+    def _product(self, parts: tuple[BlockCsr, BlockCsr]) -> np.ndarray:
+        """(k + 1, d, d) blocks of P' U P, where U is A's upper triangle with half its diagonal, summed over all ranks.
+        The last one is the sum of all blocks that the pattern does not have.
+        """
         out = np.zeros((len(self._keys) + 1, self.space.dim, self.space.dim))
         for starts, columns, blocks in parts:
             starts, columns = (
@@ -151,19 +167,19 @@ class CoarseSpace:
         return out
 
     def forget(self) -> None:
-        """Drops what contacts have added to the pattern, which the factor's last digits follow."""
-        if self.size and self._solver is not None and len(self._keys) > self._least:
+        """Drops the blocks that contacts have added to the pattern, because the factor's last digits depend on it."""
+        if self.size and self._solver is not None and len(self._keys) > self._cell_pattern_size:
             self._solver = None
 
-    def _find_pattern(self, parts) -> None:
-        """Blocks between coarse vertices that some cell or contact couples; none is dropped when contacts go, until
-        `forget`.
+    def _find_pattern(self, parts: tuple[BlockCsr, BlockCsr]) -> None:
+        """Finds the blocks between coarse vertices that some cell or contact couples, and makes the matrix and its
+        solver. Blocks of contacts that are gone stay in the pattern until `forget`. Collective.
         """
         m, d = self.size, self.space.dim
-        if self._by_cells is None:
-            self._by_cells = self._coupled(parts[0])
-            self._least = int(np.count_nonzero(self._by_cells))
-        pattern = self._by_cells | self._coupled(parts[1])
+        if self._cell_pattern is None:
+            self._cell_pattern = self._coupled(parts[0])
+            self._cell_pattern_size = int(np.count_nonzero(self._cell_pattern))
+        pattern = self._cell_pattern | self._coupled(parts[1])
         if self._solver is not None:
             pattern.ravel()[self._keys] = True
         self._keys = np.flatnonzero(pattern)
@@ -188,8 +204,8 @@ class CoarseSpace:
         self._solver.pc.setFactorSolverType(PETSc.Mat.SolverType.MUMPS)
         self._right, self._solution = self._matrix.createVecs()
 
-    def _coupled(self, part) -> np.ndarray:
-        """(m, m) bool: coarse vertices that a block CSR of rows of A couples on some rank. Collective."""
+    def _coupled(self, part: BlockCsr) -> np.ndarray:
+        """(m, m) bool: pairs of coarse vertices that a block CSR of A's rows couples on some rank. Collective."""
         starts, columns, _ = part
         n, space = len(self.space.mesh.points), self.space
         P = csr_array((np.ones(len(self._columns), dtype=np.int32), self._columns, self._starts), shape=(n, self.size))

@@ -1,63 +1,81 @@
-"""Linear solvers for Newton's systems: which one, by what the problem turns out to be, and PETSc options behind a
-prefix of their own.
+"""Linear solvers for Newton's systems: the choice among three methods, and the user's PETSc options behind a prefix of
+their own.
 
-| method | what it is | `auto` takes it |
+| method | what it is | `auto` uses it |
 |---|---|---|
 | iterative | conjugate gradients, incomplete Cholesky (block Jacobi of it on several ranks) | first, on small levels |
 | multilevel | the same with a coarse space added | first, on large levels; on small ones after many iterations |
 | direct | MUMPS' Cholesky | where the others take more iterations than it costs, or fail |
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from itertools import count
 
 import numpy as np
+from mpi4py import MPI
 from petsc4py import PETSc
 
 from pdvol.errors import InputError, SimulationError
 from pdvol.scene import Solver
 from pdvol.solve.linear.coarse_space import CoarseSpace
+from pdvol.solve.linear.system_matrix import BlockCsr
 
-METHODS = ("iterative", "multilevel", "direct")
-LARGE = 2_000  # vertices from which on the coarse space pays for its set-up at once
-MANY = 40  # iterations after which `iterative` hands over to `multilevel`
-# iterations that cost more than a direct solve: from 500 to 20,000 vertices that takes as long as 100 to 400
-HARD = 200
-PATIENCE = 20  # direct solves after which the others are tried again
-# An incomplete factor of a positive definite matrix need not be one: stiff contacts break it, and slivers do. Diagonal
-# blocks of rows in contact, and of all rows, then grow for its purposes by these shares in turn (Manteuffel 1980).
-SHIFTS = ((0.0, 0.0), (0.1, 0.0), (0.1, 0.01), (0.2, 0.01), (0.2, 0.05), (0.4, 0.05), (0.8, 0.2))
-STALE = 1.5  # growth of the iteration count at which the coarse space is summed again
-# MUMPS estimates its work array from the pattern and gives up (INFOG(1) = -9) where pivoting on several ranks needs
-# more.
-WORKSPACES = (100, 400, 1600)  # per cent on top of the estimate, tried in turn
+LINEAR_METHODS = ("iterative", "multilevel", "direct")
+# vertices: on larger levels the coarse space saves more time than its set-up takes, from the first solve on
+COARSE_SPACE_VERTICES = 2_000
+# iterations of one solve: after more of them `iterative` is replaced by `multilevel`
+MAX_ITERATIONS_WITHOUT_COARSE_SPACE = 40
+# iterations of one solve: more of them take longer than a direct solve (100 to 400 do, from 500 to 20,000 vertices)
+MAX_CG_ITERATIONS = 200
+# iterations at which conjugate gradients count as failed: twice and more what a direct solve costs at any size
+CG_ITERATION_LIMIT = 1000
+# solves: after so many direct ones conjugate gradients are tried again, for systems may have become easier
+DIRECT_SOLVES = 20
+# Shares of the diagonal blocks that are added to them before the incomplete factorization: of rows in contact, and of
+# all rows. The incomplete factor of a positive definite matrix can be indefinite where contacts are stiff or cells are
+# slivers; the shares are tried in turn until it is not (Manteuffel 1980).
+DIAGONAL_SHIFTS = ((0.0, 0.0), (0.1, 0.0), (0.1, 0.01), (0.2, 0.01), (0.2, 0.05), (0.4, 0.05), (0.8, 0.2))
+# ratio and number of iterations: a coarse operator is outdated when a solve takes more iterations than this ratio times
+# those of its first solve, plus this number
+COARSE_SPACE_GROWTH, COARSE_SPACE_MARGIN = 1.5, 2
+# per cent on top of MUMPS' estimate of its work array, tried in turn: it estimates from the pattern and gives up
+# (INFOG(1) = -9) where pivoting on several ranks needs more
+MUMPS_WORKSPACES = (100, 400, 1600)
 _serial = count()
 
 
 class LinearSolver:
-    """A KSP with pdvol's choice of method and the user's options on top.
+    """A KSP with pdvol's choice of method and, on top of it, the user's PETSc options.
+
+    Before each solve `follow` takes the new matrix, after each solve `learn` chooses the method of the next one.
 
     Parameters
     ----------
     ksp : PETSc.KSP
     settings : Solver
-    vertices : of the level
-    coarse : called when a coarse space is wanted for the first time
+    vertices : number of the level's vertices
+    coarse : called when a coarse space is needed for the first time
 
     Attributes
     ----------
-    method : one of METHODS, the one in use
+    method : the one of LINEAR_METHODS in use
     """
 
     def __init__(self, ksp: PETSc.KSP, settings: Solver, vertices: int, coarse: Callable[[], CoarseSpace]):
         self.ksp, self.settings, self._make_coarse = ksp, settings, coarse
         self._coarse: CoarseSpace | None = None
-        self._workspace, self._direct_solves, self._parts, self._fresh, self._good = 0, 0, (), False, None
+        self._workspace, self._direct_solves, self._parts, self._coarse_is_current, self._fresh_iterations = (
+            0,
+            0,
+            (),
+            False,
+            None,
+        )
         self._local = _Incomplete(ksp.comm)
-        self._easy = "multilevel" if vertices >= LARGE else "iterative"
+        self._cg_method = "multilevel" if vertices >= COARSE_SPACE_VERTICES else "iterative"
         self.prefix = f"pdvol_{next(_serial)}_"
         ksp.setOptionsPrefix(self.prefix)
-        self._use(self._easy if settings.linear == "auto" else settings.linear)
+        self._use(self._cg_method if settings.linear == "auto" else settings.linear)
 
     def _use(self, method: str) -> None:
         self.method, ksp = method, self.ksp
@@ -68,15 +86,15 @@ class LinearSolver:
             ksp.setType(PETSc.KSP.Type.PREONLY)
             ksp.pc.setType(PETSc.PC.Type.CHOLESKY)
             ksp.pc.setFactorSolverType(PETSc.Mat.SolverType.MUMPS)
-            self._with_options({"mat_mumps_icntl_14": str(WORKSPACES[self._workspace])})
+            self._with_options({"mat_mumps_icntl_14": str(MUMPS_WORKSPACES[self._workspace])})
         else:
             ksp.setType(PETSc.KSP.Type.CG)
             ksp.setNormType(
                 PETSc.KSP.NormType.DEFAULT if "ksp_type" in _parse(self.settings.petsc) else PETSc.KSP.NormType.NATURAL
             )
-            ksp.setTolerances(rtol=self.settings.accuracy, max_it=1000)
+            ksp.setTolerances(rtol=self.settings.accuracy, max_it=CG_ITERATION_LIMIT)
             if method == "multilevel":
-                self._coarse, self._fresh = self._coarse or self._make_coarse(), False
+                self._coarse, self._coarse_is_current = self._coarse or self._make_coarse(), False
             ksp.pc.setType(PETSc.PC.Type.PYTHON)
             ksp.pc.setPythonContext(_Preconditioner(self._local, self._coarse if method == "multilevel" else None))
         self._with_options(_parse(self.settings.petsc))
@@ -84,7 +102,7 @@ class LinearSolver:
 
     def _with_options(self, options: dict[str, str]) -> None:
         database = PETSc.Options()
-        # factors read theirs late, or never where they are not made: nothing to warn of
+        # options of factors are read late, and never where no factor is made: PETSc must not warn of them
         database["options_left"] = "no"
         for name, value in options.items():
             database[f"{self.prefix}{name}"] = value
@@ -92,20 +110,20 @@ class LinearSolver:
 
     @property
     def memory(self) -> dict:
-        """What earlier solves have taught: the rest of what a step's result may depend on besides its start. `linear` is
-        the setting under which it was learned.
+        """The state that earlier solves leave to the next step: with the step's start and the settings it determines
+        the step's result. `linear` is the setting under which it was learned.
         """
         return {
             "linear": self.settings.linear,
             "method": self.method,
-            "easy": self._easy,
+            "easy": self._cg_method,
             "shift": self._local.shift,
             "workspace": self._workspace,
             "direct": self._direct_solves,
         }
 
     def recall(self, memory: Mapping) -> None:
-        """Goes on as the solver did whose `memory` this is.
+        """Restores the state of the solver whose `memory` this is.
 
         What was learned under another setting of `linear` is ignored, so that the method that the settings name is the
         one in use. So is a memory that no solver wrote.
@@ -113,46 +131,50 @@ class LinearSolver:
         numbers = [memory.get(key) for key in ("shift", "workspace", "direct")]
         if (
             memory.get("linear", "auto") != self.settings.linear
-            or not all(memory.get(key) in METHODS for key in ("method", "easy"))
+            or not all(memory.get(key) in LINEAR_METHODS for key in ("method", "easy"))
             or not all(isinstance(number, int) and number >= 0 for number in numbers)
         ):
             return
-        self._easy, self._local.shift, self._workspace = (
+        self._cg_method, self._local.shift, self._workspace = (
             memory["easy"],
             memory["shift"],
-            min(memory["workspace"], len(WORKSPACES) - 1),
+            min(memory["workspace"], len(MUMPS_WORKSPACES) - 1),
         )
         self._use(memory["method"])
         self._direct_solves = memory["direct"]
 
     def forget(self) -> None:
-        """Before a step: the coarse space is summed anew, so that the step depends on its start and `memory` alone."""
-        self._fresh = False
+        """Before a step: marks the coarse operator as outdated, so that the step depends on its start and `memory`
+        alone.
+        """
+        self._coarse_is_current = False
         if self._coarse is not None:
             self._coarse.forget()
 
-    def follow(self, parts) -> None:
-        """Tells of a new matrix: `parts` as `CoarseSpace.update` takes them. Collective."""
+    def follow(self, parts: tuple[BlockCsr, BlockCsr]) -> None:
+        """After a new matrix was assembled: `parts` are its cells' and pairs' blocks, as `CoarseSpace.update` takes
+        them. Collective.
+        """
         self._parts = self._local.parts = parts
-        if self.method == "multilevel" and not self._fresh:
+        if self.method == "multilevel" and not self._coarse_is_current:
             self._refresh()
 
     def _refresh(self) -> None:
         self._coarse.update(self._parts)
-        self._fresh, self._good = True, None
+        self._coarse_is_current, self._fresh_iterations = True, None
 
     def learn(self, iterations: int) -> None:
-        """Takes note of a solve that went well, and picks what solves the next one."""
+        """After a successful solve with this number of iterations: chooses the method of the next one."""
         if self.settings.linear != "auto":
             self._watch_coarse(iterations)
         elif self.method == "direct":
             self._direct_solves += 1
-            if self._direct_solves >= PATIENCE and self._workspace == 0:
-                self._use(self._easy)
-        elif iterations > HARD:
+            if self._direct_solves >= DIRECT_SOLVES and self._workspace == 0:
+                self._use(self._cg_method)
+        elif iterations > MAX_CG_ITERATIONS:
             self._use("direct")
-        elif self.method == "iterative" and iterations > MANY:
-            self._easy = "multilevel"
+        elif self.method == "iterative" and iterations > MAX_ITERATIONS_WITHOUT_COARSE_SPACE:
+            self._cg_method = "multilevel"
             self._use("multilevel")
         else:
             self._watch_coarse(iterations)
@@ -160,14 +182,14 @@ class LinearSolver:
     def _watch_coarse(self, iterations: int) -> None:
         if self.method != "multilevel":
             return
-        if self._good is None:
-            self._good = iterations
-        elif iterations > STALE * self._good + 2:
-            self._fresh = False
+        if self._fresh_iterations is None:
+            self._fresh_iterations = iterations
+        elif iterations > COARSE_SPACE_GROWTH * self._fresh_iterations + COARSE_SPACE_MARGIN:
+            self._coarse_is_current = False
 
     def fall_back(self) -> bool:
-        """After a failure: a safer incomplete factor, then the direct method, then more room for it; False when nothing
-        is left to try.
+        """After a failure: a larger diagonal shift of the incomplete factor, then the direct method, then a larger work
+        array for it. Returns False when nothing is left to try.
         """
         if (
             self.method != "direct"
@@ -177,14 +199,14 @@ class LinearSolver:
             self._use(self.method)
             return True
         if self.method == "direct":
-            if self._workspace + 1 == len(WORKSPACES):
+            if self._workspace + 1 == len(MUMPS_WORKSPACES):
                 return False
             self._workspace += 1
         self._use("direct")
         return True
 
     def be_exact(self) -> bool:
-        """The direct method from the next solve on; False where it is in use."""
+        """Uses the direct method from the next solve on. Returns False where it is in use already."""
         if self.method == "direct":
             return False
         self._use("direct")
@@ -192,7 +214,7 @@ class LinearSolver:
 
     @property
     def notices_indefinite(self) -> bool:
-        """Whether `indefinite` or a failure tells of an indefinite matrix."""
+        """Whether an indefinite matrix would be detected: by a failure of conjugate gradients, or by `indefinite`."""
         pc = self.ksp.pc
         return self.method != "direct" or (
             pc.getType() == PETSc.PC.Type.CHOLESKY and pc.getFactorSolverType() == PETSc.Mat.SolverType.MUMPS
@@ -200,7 +222,7 @@ class LinearSolver:
 
     @property
     def indefinite(self) -> bool:
-        """Whether the direct solve just done met negative pivots. Collective."""
+        """Whether the last solve was direct and met negative pivots. Collective."""
         return (
             self.method == "direct" and self.notices_indefinite and self.ksp.pc.getFactorMatrix().getMumpsInfog(12) > 0
         )
@@ -216,15 +238,15 @@ class LinearSolver:
 
 
 class _Incomplete:
-    """Incomplete Cholesky of each rank's diagonal block, its diagonal strengthened where it must be.
+    """Incomplete Cholesky factor of each rank's diagonal block, with a diagonal shift where it needs one.
 
     Attributes
     ----------
-    parts : what the matrix was summed from (`SystemMatrix.parts`)
-    shift : index into SHIFTS
+    parts : blocks of cells and of pairs that the matrix is the sum of (`SystemMatrix.parts`)
+    shift : index into DIAGONAL_SHIFTS
     """
 
-    def __init__(self, comm):
+    def __init__(self, comm: MPI.Comm):
         self.parts, self.shift = (), 0
         self._pc = PETSc.PC().create(comm)
         prefix = f"pdvol_local_{next(_serial)}_"
@@ -237,12 +259,12 @@ class _Incomplete:
             self._pc.setFromOptions()
 
     def shift_more(self) -> bool:
-        """Strengthens the diagonal from the next factor on; False when it already is as strong as it gets."""
+        """Uses the next diagonal shift from the next factor on. Returns False after the last one."""
         self.shift += 1
-        return self.shift < len(SHIFTS)
+        return self.shift < len(DIAGONAL_SHIFTS)
 
     def factor(self, matrix: PETSc.Mat) -> None:
-        at_contacts, everywhere = SHIFTS[min(self.shift, len(SHIFTS) - 1)]
+        at_contacts, everywhere = DIAGONAL_SHIFTS[min(self.shift, len(DIAGONAL_SHIFTS) - 1)]
         if at_contacts > 0.0:
             matrix = matrix.duplicate(copy=True)
             for starts, columns, blocks, touched in self._diagonals():
@@ -254,12 +276,14 @@ class _Incomplete:
         self._pc.setOperators(matrix)
         self._pc.setUp()
 
-    def _diagonals(self):
-        """Diagonal blocks of cells and of pairs, each as (starts, columns, blocks, whether the row is in contact)."""
+    def _diagonals(self) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]]:
+        """Diagonal blocks of cells, then of pairs, as block CSR (starts, columns, blocks), and for each block whether
+        its row is in contact.
+        """
         (cell_starts, cell_columns, cells), (starts, columns, pairs) = self.parts
         n = len(cell_starts) - 1
         rows = np.repeat(np.arange(n), np.diff(starts))
-        first = cell_columns[0] if n else 0  # upper triangle: a row begins on its diagonal
+        first = cell_columns[0] if n else 0  # rows of the upper triangle begin on the diagonal
         touched = np.zeros(n, dtype=bool)
         touched[rows] = True
         touched[columns[(columns >= first) & (columns < first + n)] - first] = True
@@ -277,7 +301,7 @@ class _Incomplete:
 
 
 class _Preconditioner:
-    """A PETSc preconditioner in Python: the incomplete factor's answer, plus the coarse space's if there is one."""
+    """PETSc's Python preconditioner: the incomplete factor's correction plus, with a coarse space, the coarse one."""
 
     def __init__(self, local: _Incomplete, coarse: CoarseSpace | None):
         self.local, self.coarse = local, coarse
@@ -292,7 +316,7 @@ class _Preconditioner:
 
 
 def wants_general_matrix(settings: Solver) -> bool:
-    """Whether the user's own options pick a preconditioner, which may not take a symmetric blocked matrix."""
+    """Whether the user's options name a preconditioner: it may not support symmetric blocked matrices."""
     return any(name.endswith("pc_type") for name in _parse(settings.petsc))
 
 

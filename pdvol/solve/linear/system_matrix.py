@@ -1,5 +1,5 @@
-"""The PETSc matrix of Newton's systems: symmetric, blocked, supported rows eliminated, its pattern following the
-contacts.
+"""The PETSc matrix of Newton's systems: symmetric and blocked, with supported rows eliminated and a pattern that
+changes with the contacts.
 """
 
 import numpy as np
@@ -7,15 +7,20 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 from pdvol.levels.space import LevelSpace
+from pdvol.potentials.assembly.block_pattern import BlockPattern
 from pdvol.potentials.assembly.hessian_blocks import HessianBlocks
+
+BlockCsr = tuple[np.ndarray, np.ndarray, np.ndarray]
+"""Blocks of this rank's rows: starts (n_owned + 1,), global columns (k,), blocks (k, d, d)."""
 
 
 class SystemMatrix:
     """An SBAIJ matrix (upper triangle in d x d blocks) filled from `HessianBlocks`.
 
-    Contacts change the pattern. Pairs stay in it for one more assembly after they were last needed, so that contacts
-    that come and go do not make a new matrix each time. A changed pattern gets a matrix of its own: one preallocated
-    anew can keep its nonzero state, and a preconditioner would then take old symbolic factors for the new pattern.
+    Contacts change the pattern. A new matrix has the pairs of this assembly and of the last one, and it serves until a
+    pair is missing, so that not every change of contacts makes a new matrix. A changed pattern needs a new PETSc
+    object: one that is preallocated again can keep its nonzero state, and a preconditioner would then reuse the
+    symbolic factor of the old pattern.
 
     Parameters
     ----------
@@ -23,13 +28,14 @@ class SystemMatrix:
     supported : (n_owned,) bool
         Vertices whose rows and columns are the identity's.
     general : bool
-        Whether to hand out a general AIJ copy, which every preconditioner takes.
+        Whether `petsc` is a general AIJ copy, which every preconditioner supports.
 
     Attributes
     ----------
     petsc : PETSc.Mat
     all_supported : (n,) bool, in PETSc's block order
-    parts : what was last put into it: (starts, columns, blocks) of cells and of pairs, whose sum it is
+    parts : the last assembly as two block CSR matrices (starts, columns, blocks), of cells and of pairs
+        `petsc` is their sum.
     """
 
     def __init__(self, space: LevelSpace, supported: np.ndarray, general: bool = False):
@@ -40,7 +46,7 @@ class SystemMatrix:
         self._extra, self._recent, self._pattern = None, np.zeros(0, dtype=np.int64), None
         self.petsc, self._blocked, self.parts = None, None, ()
 
-    def _follow(self, pattern) -> None:
+    def _follow(self, pattern: BlockPattern) -> None:
         self._pattern = pattern
         n = len(self.space.mesh.points)
         self._rows = (pattern.starts, pattern.columns.astype(PETSc.IntType))
@@ -50,15 +56,16 @@ class SystemMatrix:
         self._n = n
 
     def forget(self) -> None:
-        """Drops pairs that only earlier assemblies needed: factors, and the last digits of what they solve, follow the
-        pattern.
-        """
+        """Drops pairs of earlier assemblies from the pattern, because the last digits of a solution depend on it."""
         self._recent = np.zeros(0, dtype=np.int64)
         if self._extra is not None and len(self._extra):
             self._extra = None
 
     def assemble(self, blocks: HessianBlocks, eliminate: bool = True) -> bool:
-        """Fills the matrix; `blocks` may be changed. Says whether the matrix is a new one. Collective."""
+        """Fills the matrix from `blocks`, which it may change. Returns whether `petsc` is a new object. Collective.
+
+        With `eliminate` the rows and columns of supported vertices become the identity's.
+        """
         if self._pattern is not blocks.pattern:
             self._follow(blocks.pattern)
         keys, values = blocks.pairs()
@@ -85,7 +92,9 @@ class SystemMatrix:
         return new
 
     def _fit(self, keys: np.ndarray) -> bool:
-        """Makes a new matrix where the present one lacks one of the pairs on some rank."""
+        """Makes a new matrix if the present one lacks one of the pairs on some rank. Returns whether it did.
+        Collective.
+        """
         base = self._pattern.keys
         needed = keys[~_among(keys, base)]
         fits = self._extra is not None and _among(needed, self._extra).all()

@@ -8,12 +8,16 @@ import sysconfig
 import tempfile
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import cffi
+import numpy as np
 
 from pdvol import compat
 from pdvol.errors import InputError
 
+# options of the C compiler: vector instructions of this processor, no fused multiply-add, so that sums repeat on one
+# kind of processor, and no errno or traps, which would prevent vectorisation
 FLAGS = ("-O3", "-march=native", "-ffp-contract=off", "-fno-math-errno", "-fno-trapping-math")
 
 # parameters of an energy density: the C code keeps those of one cell on the stack
@@ -62,7 +66,7 @@ def cache_folder() -> Path:
 
 
 @cache
-def library():
+def library() -> Any:
     """The loaded library. Two processes may build it at once: each builds aside and renames."""
     sources = [Path(__file__).with_name(name) for name in SOURCES]
     contents = b"".join(path.read_bytes() for path in (*sources, Path(__file__).with_name("kernel.h")))
@@ -94,6 +98,6 @@ def library():
     return ffi.dlopen(str(target))
 
 
-def pointer(array, kind: str = "double"):
+def pointer(array: np.ndarray, kind: str = "double") -> Any:
     """A contiguous numpy array for C, kept alive for as long as what is returned."""
     return ffi.from_buffer(f"{kind}[]", array)
