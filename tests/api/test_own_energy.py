@@ -271,3 +271,12 @@ def test_the_demos_loop_is_short():
     first = next(i for i, line in enumerate(lines) if line.startswith("    for step in range(steps)"))
     last = next(i for i, line in enumerate(lines) if line.startswith("    return contact"))
     assert last - first < 40 and len(lines) < 150
+
+
+def test_the_page_of_the_docs_shows_the_demos_loop():
+    page = (ROOT / "docs" / "own_energy.md").read_text()
+    (loop,) = [block for block in page.split("```python\n")[1:] if block.startswith("for step in range(steps):")]
+    shown = [line.strip() for line in loop.split("```")[0].splitlines()]
+    own = [line.strip() for line in DEMO.read_text().splitlines()]
+    first = own.index(shown[0])
+    assert own[first : first + len(shown)] == shown
