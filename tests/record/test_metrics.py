@@ -110,7 +110,7 @@ def test_negative_eigenvalues_are_counted(diagonal):
             A.setdiag(0.0)
             A += 1e-3 * sp.eye(30)
         expected = int(np.sum(np.linalg.eigvalsh(A.toarray()) < 0))
-        assert metrics._negative_eigenvalues(sp.csc_matrix(A)) == expected
+        assert metrics.negative_eigenvalues(sp.csc_matrix(A)) == expected
 
 
 def test_metrics_are_drawn(tmp_path):
