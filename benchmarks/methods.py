@@ -89,7 +89,7 @@ def run(chosen: Study, case: Case, path: Path, options) -> None:
 
 
 def judge(path: Path, case: Case, count: int) -> dict:
-    """What there is to say about one run: metrics of its `count` coarsest levels, and what was found in their states."""
+    """Findings about one run: metrics of its `count` coarsest levels, and defects of their states."""
     result, stored, levels = measure_run(path), open_run(path), []
     for entry, level in zip(result["levels"][:count], stored.levels, strict=False):
         record = {key: entry[key] for key in ("level", "summary")} | {

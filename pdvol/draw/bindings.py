@@ -155,4 +155,4 @@ def _picture(
             image = plotter.screenshot(None, return_img=True)
         finally:
             plotter.close()
-    return Image.fromarray(image).resize(size, Image.Resampling.LANCZOS)
+    return Image.fromarray(np.asarray(image)).resize(size, Image.Resampling.LANCZOS)

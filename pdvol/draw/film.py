@@ -73,8 +73,8 @@ def write_film(
 def _frame(renderer: Renderer, levels: Sequence[RunLevel], step: int, dt: float) -> Image.Image:
     """All levels at one step. A level that is not simulated that far keeps its last state, with its time in grey."""
     width, height = renderer.size
-    size = (len(levels) * (width + CELL_GAP) - CELL_GAP, _HEADER + height)
-    frame = Image.new("RGB", tuple(n + n % 2 for n in size), BACKGROUND)  # encoders need even numbers
+    across, down = len(levels) * (width + CELL_GAP) - CELL_GAP, _HEADER + height
+    frame = Image.new("RGB", (across + across % 2, down + down % 2), BACKGROUND)  # encoders need even numbers
     pen = ImageDraw.Draw(frame)
     for i, level in enumerate(levels):
         x, held = i * (width + CELL_GAP), min(step, level.steps - 1)

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from contextlib import ExitStack
+from typing import Any
 
 import numpy as np
 import pyvista as pv
@@ -49,7 +50,7 @@ class Renderer:
         positions = in_3d(level.positions(step))
         (self._draw_flat if self._dim == 2 else self._draw_solid)(level, positions, step)
         self._plotter.render()
-        rendered = Image.fromarray(self._plotter.screenshot(None, return_img=True))
+        rendered = Image.fromarray(np.asarray(self._plotter.screenshot(None, return_img=True)))
         return rendered.resize(self.size, Image.Resampling.LANCZOS)
 
     def __enter__(self) -> "Renderer":
@@ -64,7 +65,7 @@ class Renderer:
             self._open = stack.pop_all()
         return self
 
-    def __exit__(self, *_) -> None:
+    def __exit__(self, *_: object) -> None:
         self._open.close()
 
     def _setup(self) -> None:
@@ -120,19 +121,14 @@ class Renderer:
     ) -> None:
         used, local = np.unique(facets, return_inverse=True)
         surface = pv.PolyData.from_regular_faces(points[used], local.reshape(facets.shape))
-        shaded = {"ambient": 0.42, "diffuse": 0.8, "specular": 0.14, "specular_power": 18}
-        sharp = (
-            {"smooth_shading": True, "split_sharp_edges": True, "feature_angle": 50.0}
-            if smooth
-            else {"smooth_shading": False}
-        )
-        drawn = {}
+        style: dict[str, Any] = {"ambient": 0.42, "diffuse": 0.8, "specular": 0.14, "specular_power": 18}
+        style["smooth_shading"] = smooth
+        if smooth:
+            style |= {"split_sharp_edges": True, "feature_angle": 50.0}
         if edges:
-            colour_of_edges, width = _darker(colour, 0.45), self._width(0.5)
-            drawn = {"show_edges": True, "edge_color": colour_of_edges, "edge_opacity": edges, "line_width": width}
-        self._plotter.add_mesh(
-            surface, color=colour, opacity=opacity, **shaded, **sharp, **drawn, reset_camera=False, render=False
-        )
+            style |= {"show_edges": True, "edge_color": _darker(colour, 0.45), "edge_opacity": edges}
+            style["line_width"] = self._width(0.5)
+        self._plotter.add_mesh(surface, color=colour, opacity=opacity, **style, reset_camera=False, render=False)
 
     def _add_plane(self, point: np.ndarray, normal: np.ndarray, triangles: np.ndarray) -> None:
         camera = self.camera
@@ -178,7 +174,7 @@ class Renderer:
                     self._fill(np.asarray(polygon.points), polygon.regular_faces, pv.Color(OBSTACLE), -0.1)
                 self._lines(vertices, edges, _darker(pv.Color(OBSTACLE), 0.55), 2.5)
 
-    def _fill(self, points: np.ndarray, triangles: np.ndarray, colour: pv.Color, depth: float, **edges) -> None:
+    def _fill(self, points: np.ndarray, triangles: np.ndarray, colour: pv.Color, depth: float, **edges: Any) -> None:
         surface = pv.PolyData.from_regular_faces(points + [0, 0, depth * self.camera.size], triangles)
         self._plotter.add_mesh(surface, color=colour, lighting=False, reset_camera=False, render=False, **edges)
 

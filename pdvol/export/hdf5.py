@@ -8,7 +8,7 @@ LONGEST_HDF5_REASON = 160  # characters of HDF5's own message that fit into one 
 
 def failure_reason(error: Exception) -> str:
     """Why HDF5 could not write, in the operating system's words where the error quotes them."""
-    if getattr(error, "strerror", None):
+    if isinstance(error, OSError) and error.strerror:
         return error.strerror
     text = " ".join(str(error).split())
     quoted = (os.strerror(number) for number in (errno.ENOSPC, errno.EFBIG, errno.EDQUOT))

@@ -43,7 +43,8 @@ def write_obj(run: Run, level: int, folder: str | Path) -> Path:
     used = np.unique(np.concatenate([surface.vertices for _, surface in surfaces]))
     parts = []
     for name, surface in surfaces:
-        corners = np.searchsorted(used, surface.vertices)[surface.faces] + 1
+        numbers = np.searchsorted(used, surface.vertices) + 1
+        corners = np.asarray(numbers)[surface.faces]
         parts.append("\n".join([f"o {name}", *("f {} {} {}".format(*row) for row in corners.tolist()), ""]))
     for step in range(series.steps):
         points = padded(series.level.positions(step)[used])

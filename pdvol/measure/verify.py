@@ -16,6 +16,8 @@ import numpy as np
 from pdvol.errors import InputError
 from pdvol.store.reader import open_run
 
+ExactPoint = tuple[Fraction, ...]
+
 ROUND_OFF = 1e-14
 """Relative error, above the round-off of a 3 x 3 determinant of differences (Shewchuk 1997: 8e-16 times the sum of
 absolute products): signs of smaller values are computed again in rational numbers.
@@ -50,7 +52,7 @@ def overlapping_boxes(low_a: np.ndarray, high_a: np.ndarray, low_b: np.ndarray, 
         size *= 2.0  # long needles among short edges
     counts = np.floor((high - low) / size).astype(np.int64) + 1
 
-    def entries(lo, hi, keep):
+    def entries(lo: np.ndarray, hi: np.ndarray, keep: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         first = np.floor((np.clip(lo[keep], low, high) - low) / size).astype(np.int64)
         spans = np.floor((np.clip(hi[keep], low, high) - low) / size).astype(np.int64) - first + 1
         many = spans.prod(1)
@@ -75,18 +77,18 @@ def overlapping_boxes(low_a: np.ndarray, high_a: np.ndarray, low_b: np.ndarray, 
     return np.column_stack(np.divmod(code, len(low_b)))
 
 
-def _entries(lo, hi, low, high, size) -> float:
+def _entries(lo: np.ndarray, hi: np.ndarray, low: np.ndarray, high: np.ndarray, size: float) -> float:
     """Grid cells that boxes cover, counted as often as they do."""
     spans = np.floor((np.clip(hi, low, high) - low) / size) - np.floor((np.clip(lo, low, high) - low) / size) + 1.0
     return float(spans.prod(1).sum())
 
 
-def _boxes(points, simplices):
+def _boxes(points: np.ndarray, simplices: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     corners = points[simplices]
     return corners.min(1), corners.max(1)
 
 
-def _candidates(points, first, second, moves) -> np.ndarray:
+def _candidates(points: np.ndarray, first: np.ndarray, second: np.ndarray, moves: np.ndarray) -> np.ndarray:
     """Pairs of simplices whose boxes meet, that share no vertex and of which one at least is a body's."""
     pairs = overlapping_boxes(*_boxes(points, first), *_boxes(points, second))
     a, b = first[pairs[:, 0]], second[pairs[:, 1]]
@@ -98,7 +100,7 @@ def _candidates(points, first, second, moves) -> np.ndarray:
 # -------------------------------------------------------------------------------------------------------------------
 
 
-def _orientation(*corners) -> tuple[np.ndarray, np.ndarray]:
+def _orientation(*corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Sign of the simplices' volume, and where round-off leaves it open; corners are d + 1 arrays (k, d)."""
     rows = np.stack([c - corners[0] for c in corners[1:]], axis=1)
     absolute = np.abs(rows)
@@ -114,7 +116,7 @@ def _orientation(*corners) -> tuple[np.ndarray, np.ndarray]:
     return np.sign(value).astype(int), np.abs(value) <= ROUND_OFF * bound
 
 
-def _exact_orientation(*corners) -> int:
+def _exact_orientation(*corners: ExactPoint) -> int:
     rows = [[c - o for c, o in zip(corner, corners[0], strict=True)] for corner in corners[1:]]
     if len(rows) == 2:
         value = rows[0][0] * rows[1][1] - rows[0][1] * rows[1][0]
@@ -124,12 +126,17 @@ def _exact_orientation(*corners) -> int:
     return (value > 0) - (value < 0)
 
 
-def _rational(points) -> list[tuple[Fraction, ...]]:
+def _rational(points: Sequence[np.ndarray]) -> list[ExactPoint]:
     return [tuple(Fraction(float(c)) for c in p) for p in points]
 
 
-def _segments_meet_exactly(p, q, r, s) -> bool:
-    p, q, r, s = _rational((p, q, r, s))
+def segments_meet(*corners: np.ndarray) -> bool:
+    """Whether two 2D segments meet, in rational numbers; four corners (2,)."""
+    p, q, r, s = _rational(corners)
+    return _segments_meet_exactly(p, q, r, s)
+
+
+def _segments_meet_exactly(p: ExactPoint, q: ExactPoint, r: ExactPoint, s: ExactPoint) -> bool:
     a, b, c, d = (
         _exact_orientation(p, q, r),
         _exact_orientation(p, q, s),
@@ -141,8 +148,9 @@ def _segments_meet_exactly(p, q, r, s) -> bool:
     return a * b <= 0 and c * d <= 0
 
 
-def _segment_meets_triangle_exactly(p, q, a, b, c) -> bool:
-    p, q, a, b, c = _rational((p, q, a, b, c))
+def segment_meets_triangle(*corners: np.ndarray) -> bool:
+    """Whether a segment and a triangle meet, in rational numbers; the five corners (3,), the segment's first."""
+    p, q, a, b, c = _rational(corners)
     above, below = _exact_orientation(a, b, c, p), _exact_orientation(a, b, c, q)
     if above == below == 0:
         return _coplanar_meet(p, q, a, b, c)
@@ -152,14 +160,14 @@ def _segment_meets_triangle_exactly(p, q, a, b, c) -> bool:
     return not {1, -1} <= signs
 
 
-def _coplanar_meet(p, q, a, b, c) -> bool:
+def _coplanar_meet(p: ExactPoint, q: ExactPoint, a: ExactPoint, b: ExactPoint, c: ExactPoint) -> bool:
     """Of exactly coplanar ones, in the coordinate plane where the triangle keeps an area."""
     for x, y in ((0, 1), (1, 2), (0, 2)):
         flat = [(v[x], v[y]) for v in (p, q, a, b, c)]
         turn = _exact_orientation(*flat[2:])
         if turn == 0:
             continue
-        if any(_segments_meet_exactly(*flat[:2], *edge) for edge in combinations(flat[2:], 2)):
+        if any(_segments_meet_exactly(flat[0], flat[1], start, end) for start, end in combinations(flat[2:], 2)):
             return True
         sides = [_exact_orientation(flat[2 + i], flat[2 + (i + 1) % 3], flat[0]) * turn for i in range(3)]
         return min(sides) >= 0
@@ -180,7 +188,7 @@ def crossing_segments(points: np.ndarray, edges: np.ndarray, moves: np.ndarray) 
     open_ = ~apart & (a[1] | b[1] | c[1] | d[1])
     meet = ~apart & ~open_
     for k in np.flatnonzero(open_):
-        meet[k] = _segments_meet_exactly(p[k], q[k], r[k], s[k])
+        meet[k] = segments_meet(p[k], q[k], r[k], s[k])
     return [(*map(int, edges[i]), *map(int, edges[j])) for i, j in pairs[meet]]
 
 
@@ -203,15 +211,15 @@ def crossing_edges(
     open_ = ~apart & (unsure | open_.any(0))
     meet = ~apart & ~open_
     for k in np.flatnonzero(open_):
-        meet[k] = _segment_meets_triangle_exactly(p[k], q[k], a[k], b[k], c[k])
+        meet[k] = segment_meets_triangle(p[k], q[k], a[k], b[k], c[k])
     return [(*map(int, edges[i]), *map(int, faces[j])) for i, j in pairs[meet]]
 
 
-def _surely_one_sided(one, other) -> np.ndarray:
+def _surely_one_sided(one: tuple[np.ndarray, np.ndarray], other: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
     return (one[0] == other[0]) & (one[0] != 0) & ~one[1] & ~other[1]
 
 
-def _separated(p, q, a, b, c) -> np.ndarray:
+def _separated(p: np.ndarray, q: np.ndarray, a: np.ndarray, b: np.ndarray, c: np.ndarray) -> np.ndarray:
     """Segments that an axis within the triangle's plane keeps well apart from it: what settles flat regions without
     rationals.
     """
@@ -269,7 +277,8 @@ def crossings(
     """
     used, facets = np.unique(facets, return_inverse=True)
     facets = facets.reshape(-1, points.shape[1])
-    everything, parts = [points[used]], [facets]
+    everything: list[np.ndarray] = [points[used]]
+    parts: list[np.ndarray] = [facets]
     total, names = len(used), [("vertex", int(v)) for v in used]
     for i, (vertices, its) in enumerate(solids):
         parts.append(np.asarray(its, dtype=np.int64) + total)

@@ -12,6 +12,7 @@ import time
 from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from mpi4py import MPI
@@ -62,7 +63,14 @@ def check_scene(scene: Scene, seconds: float = 3.0, out: Path | None = None) -> 
         `sound`, `modelled` (lines), `stiffness_ratio`, `levels` (sizes, worst cells, smallest gap, defects, cost),
         `notes` and `defects` (lines).
     """
-    result = {"sound": False, "modelled": [], "stiffness_ratio": None, "levels": [], "notes": [], "defects": []}
+    result: dict[str, Any] = {
+        "sound": False,
+        "modelled": [],
+        "stiffness_ratio": None,
+        "levels": [],
+        "notes": [],
+        "defects": [],
+    }
     try:
         result["modelled"] = modelled_terms(scene)
         obstacles = scene_obstacles(scene)
@@ -88,7 +96,7 @@ def check_scene(scene: Scene, seconds: float = 3.0, out: Path | None = None) -> 
     return result
 
 
-def _build_levels(scene: Scene, obstacles, notes: list[str]) -> Sequence[LevelMesh]:
+def _build_levels(scene: Scene, obstacles: Sequence, notes: list[str]) -> Sequence[LevelMesh]:
     """The levels, with bodies set apart where the scene asks for it; as they are where that is not enough."""
     try:
         meshes, mended = build_apart(scene, scene.levels, obstacles)
@@ -99,11 +107,13 @@ def _build_levels(scene: Scene, obstacles, notes: list[str]) -> Sequence[LevelMe
         return build_levels(scene)
 
 
-def _check_level(scene: Scene, mesh: LevelMesh, level: int, obstacles, diagonal: float) -> tuple[dict, list[Defect]]:
+def _check_level(
+    scene: Scene, mesh: LevelMesh, level: int, obstacles: Sequence, diagonal: float
+) -> tuple[dict, list[Defect]]:
     quality = mean_ratio(mesh.points, mesh.cells)
     worst = np.argsort(quality, kind="stable")[:NAMED_CELLS]
     edge = _shortest_edge(mesh)
-    entry = {
+    entry: dict[str, Any] = {
         "level": level,
         "vertices": len(mesh.points),
         "cells": len(mesh.cells),
@@ -171,7 +181,7 @@ def _write_levels(out: Path, meshes: Sequence[LevelMesh], found: Sequence[Sequen
 
 
 def _estimate_costs(
-    result: dict, scene: Scene, meshes: Sequence[LevelMesh], obstacles, diagonal: float, seconds: float
+    result: dict, scene: Scene, meshes: Sequence[LevelMesh], obstacles: Sequence, diagonal: float, seconds: float
 ) -> None:
     """Add the estimated cost of each level, from the beginning of level 0."""
     mesh, dim = meshes[0], meshes[0].dim

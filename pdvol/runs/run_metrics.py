@@ -3,8 +3,10 @@
 import os
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+import scipy.sparse as sp
 from mpi4py import MPI
 
 from pdvol.errors import InputError
@@ -88,7 +90,7 @@ def measure_run(path: str | Path) -> dict:
         if not level.steps:
             continue
         masses = metrics.lumped_masses(level.mesh, densities[level.index])
-        entry = {"level": level.index, "steps": level.steps - 1, "mass": float(masses.sum())}
+        entry: dict[str, Any] = {"level": level.index, "steps": level.steps - 1, "mass": float(masses.sum())}
         if scene is not None:
             entry |= _continuity(run, level, scene, obstacles, hierarchy, masses)
         entry["jitter"] = [
@@ -167,7 +169,7 @@ def compare_runs(path: str | Path, other: str | Path) -> list[dict]:
         masses, theirs = (
             metrics.lumped_masses(x.mesh, of[x.index]) for x, of in zip((level, its), densities, strict=True)
         )
-        entry = {
+        entry: dict[str, Any] = {
             "level": level.index,
             "steps": states - 1,
             "centre_error": _centre_errors(level, its, masses, theirs, states),
@@ -224,7 +226,8 @@ def _continuity(
     run: Run, level: RunLevel, scene: Scene, obstacles: Sequence[Obstacle], hierarchy: Hierarchy, masses: np.ndarray
 ) -> dict:
     """`continuity` and `continuity_error` of a level."""
-    method, taken, guides = run.info["method"], "own", ()
+    method, taken = run.info["method"], "own"
+    guides: tuple[Guide, ...] = ()
     if level.index:
         below, prolongation = run.levels[level.index - 1], hierarchy.prolongation(level.index)
         taken, weight = PREDICTED_WITH[method], scene.penalty.of(method)
@@ -253,7 +256,9 @@ def _continuity(
     return {"continuity": values, "continuity_error": errors}
 
 
-def _between_levels(level: RunLevel, below: RunLevel, weights, masses: np.ndarray, below_masses: np.ndarray) -> dict:
+def _between_levels(
+    level: RunLevel, below: RunLevel, weights: sp.csr_matrix, masses: np.ndarray, below_masses: np.ndarray
+) -> dict:
     projection, consistency, distance = metrics.Projection(weights), [], []
     states = min(level.steps, below.steps)
     for n in range(states):

@@ -107,9 +107,9 @@ def _material(material: Material) -> str:
 
 def _load(load: Load) -> str:
     shown = lambda value: "by time" if callable(value) else str(tuple(value))
-    on = f" on {load.body}" if getattr(load, "body", "") else ""
     if isinstance(load, Gravity):
         return f"gravity {shown(load.acceleration)} m/s^2"
+    on = f" on {load.body}" if load.body else ""
     if isinstance(load, Impulse):
         return f"impulse of {shown(load.velocity)} m/s at {load.time:g} s{on}"
     if isinstance(load, Flow):

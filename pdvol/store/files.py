@@ -15,6 +15,7 @@ import time
 import zipfile
 import zlib
 from pathlib import Path
+from typing import Any, TextIO
 
 import numpy as np
 
@@ -41,7 +42,7 @@ _UNREADABLE = (
 )
 
 
-def write_bytes(path: Path, data: bytes) -> None:
+def write_bytes(path: Path, data: bytes | memoryview) -> None:
     """Replace `path` by `data`, whole or not at all.
 
     Raises
@@ -190,7 +191,7 @@ def read_json(path: Path) -> dict:
     return value
 
 
-def jsonable(value):
+def jsonable(value: Any) -> Any:
     """The same value in JSON's types. Numbers that are not finite become null, for JSON has none; dataclasses become
     objects.
     """
@@ -214,7 +215,7 @@ def jsonable(value):
     )
 
 
-def lock(path: Path, exclusive: bool = True):
+def lock(path: Path, exclusive: bool = True) -> TextIO | None:
     """Take a lock that falls with the process; returns the open file, or None when another process holds it."""
     file = open(path, "a" if exclusive else "r")  # it stays open for as long as the lock is held
     for attempt in range(LOCK_ATTEMPTS):

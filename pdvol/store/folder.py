@@ -15,6 +15,7 @@
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import TextIO
 
 import numpy as np
 
@@ -174,7 +175,7 @@ def write_level(path: Path, level: int, mesh: LevelMesh, velocity: np.ndarray | 
     return {"vertices": len(points), "cells": len(mesh.cells), "state": "pending"}
 
 
-def claim(path: Path):
+def claim(path: Path) -> TextIO:
     """Make or take a folder for a new run, and lock it. It must be new, empty, or left by a creation that was killed.
 
     Returns
@@ -215,7 +216,7 @@ def _require_free(path: Path) -> None:
         raise InputError(f"{path} is not empty and holds no run: choose another folder")
 
 
-def hold(path: Path):
+def hold(path: Path) -> TextIO:
     """The run's lock, held until it is closed; InputError where another process holds it."""
     try:
         held = lock(path / "run.lock")

@@ -3,7 +3,7 @@
 | kind | arrays |
 |---|---|
 | plane | `point` (d,) and `normal` (d,), or (steps + 1, d) each when it moves |
-| mesh | `vertices` (n, 3), `faces` (m, 3); `positions` (steps + 1, n, 3) when it moves; `opacity` (), if below 1 |
+| mesh | `vertices` (n, 3), `faces` (m, 3); `positions` (steps + 1, n, 3) when it moves; `opacity` () below 1 |
 | polyline | `vertices` (n, 2), `edges` (m, 2); `positions` (steps + 1, n, 2) when it moves |
 
 Where contact held motions back, `levels/<l>/late_<step>.npz` has their true places at that level and step: `<i>.point`,
@@ -39,7 +39,7 @@ class DrawnObstacle:
     kind: str
     arrays: dict[str, np.ndarray]
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         if self.kind not in NEEDED_ARRAYS:
             raise InputError(f"obstacle {self.name!r}: kind {self.kind!r} must be one of {', '.join(NEEDED_ARRAYS)}")
         missing = [key for key in NEEDED_ARRAYS[self.kind] if key not in self.arrays]

@@ -6,6 +6,7 @@
 import shutil
 from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
+from typing import Any, TextIO
 
 import numpy as np
 
@@ -41,7 +42,7 @@ class RunWriter:
         The content of `run.json`; it is changed through `update_info` and `set_level_state`.
     """
 
-    def __init__(self, path: Path, held):
+    def __init__(self, path: Path, held: TextIO):
         self.path, self._lock = path, held
         self.info: dict = {}
         self._log: LogFile | None = None
@@ -187,9 +188,11 @@ class RunWriter:
 
     def append_log(self, record: Mapping) -> None:
         """Append one record, which names its `level` and `step`; before `write_state` of that step."""
+        if self._log is None:
+            raise ValueError(f"{self.path} is not open for writing")
         self._log.append(dict(record))
 
-    def set_level_state(self, level: int, state: str, **details) -> None:
+    def set_level_state(self, level: int, state: str, **details: Any) -> None:
         """Set a level's state, one of LEVEL_STATES, with details such as `reason`; the run's own state follows."""
         if state not in LEVEL_STATES:
             raise ValueError(f"state {state!r} must be one of {LEVEL_STATES}")
@@ -197,7 +200,7 @@ class RunWriter:
         self.info["levels"][level] = {**kept, "state": state, **jsonable(details)}
         self._save_states()
 
-    def update_info(self, **entries) -> None:
+    def update_info(self, **entries: Any) -> None:
         """Replace entries of `run.json`."""
         self.info.update(jsonable(entries))
         self._save()
@@ -215,7 +218,7 @@ class RunWriter:
     def __enter__(self) -> "RunWriter":
         return self
 
-    def __exit__(self, *_) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     def _save(self) -> None:
@@ -237,6 +240,6 @@ class RunWriter:
             self._log.close()
         stored = {**dict.fromkeys(dropped, 0), **dict(enumerate(self._count))}
         keep_log(
-            self.path / "log.jsonl", lambda record: record.get("step", 0) < stored.get(record.get("level"), np.inf)
+            self.path / "log.jsonl", lambda record: record.get("step", 0) < stored.get(record.get("level", -1), np.inf)
         )
         self._log = LogFile(self.path / "log.jsonl")
