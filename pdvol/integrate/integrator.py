@@ -1,6 +1,7 @@
 """What a time integrator offers: it predicts positions, weighs the potential beside the inertia, and gives velocities.
 
-One step minimises 1/2 |x - x_hat|^2_M + weight (Psi + B + D - f.x). An integrator chooses x_hat and the weight from the last states.
+One step minimises 1/2 |x - x_hat|^2_M + weight (Psi + B + D - f.x). An integrator chooses x_hat and the weight from the
+last states.
 """
 
 from collections.abc import Callable

@@ -1,12 +1,12 @@
 """Scripted motions under contact: supports and obstacles are moved as far as nothing crosses, in parts of the step.
 
 Each part ends at a time on the clock, with supports and obstacles exactly where their motions have them then. Collision
-detection clears the straight path there from the end of the part before. So an obstacle that turns never stays on a chord of
-its arc. Newton's direction lets bodies give way to supports and, through the barrier, to obstacles. Where the bodies' own
-motion towards equilibrium shortens the path, the part of the direction that is due to the scripted motion alone goes further, and
-the rest is left to the minimisation between parts. Bodies move on straight lines, what turns does not: a direction found for a
-place far ahead is blocked early. So each direction is found for a place `LOOK_AHEAD` times as far as the last part came.
-A part never squeezes a cell below `MIN_CELL_VOLUME` of its rest volume.
+detection clears the straight path there from the end of the part before. So an obstacle that turns never stays on a
+chord of its arc. Newton's direction lets bodies give way to supports and, through the barrier, to obstacles. Where the
+bodies' own motion towards equilibrium shortens the path, the part of the direction that is due to the scripted motion
+alone goes further, and the rest is left to the minimisation between parts. Bodies move on straight lines, what turns
+does not: a direction found for a place far ahead is blocked early. So each direction is found for a place `LOOK_AHEAD`
+times as far as the last part came. A part never squeezes a cell below `MIN_CELL_VOLUME` of its rest volume.
 """
 
 from collections.abc import Callable
@@ -15,7 +15,7 @@ import numpy as np
 
 from pdvol.geometry.level_mesh import simplex_volumes
 from pdvol.integrate.scripted_motion import ScriptedMotion
-from pdvol.potentials.potential import KEPT_PRESSED, Positions
+from pdvol.potentials.potential import SCRIPTED_GAP_SHARE, Positions
 from pdvol.solve.incremental_potential import IncrementalPotential
 from pdvol.solve.minimisation import NewtonReport
 from pdvol.solve.newton import Newton
@@ -45,7 +45,8 @@ def follow(
 ) -> Positions:
     """Moves everything scripted from `motion.clock` towards its place at t1 [s], while bodies give way. Collective.
 
-    The clock then shows how far that was possible. `count` is called after every solve. The state returned is admissible.
+    The clock then shows how far that was possible. `count` is called after every solve. The state returned is
+    admissible.
     """
     if motion.clock == t1:
         return x
@@ -64,7 +65,7 @@ def follow(
         relaxed, now = further is None, potential.min_gap(x)
         gap = now if gap == np.inf else gap  # the step began out of contact
         limit = OPENING_ITERATIONS if now < PINCHED * gap else RELAXING_ITERATIONS
-        x, solved = newton.solve(x, max_iterations=None if relaxed else limit, keep=KEPT_PRESSED)
+        x, solved = newton.solve(x, max_iterations=None if relaxed else limit, gap_share=SCRIPTED_GAP_SHARE)
         solved.remedies["substeps"] += 1
         count(solved)
     return x
@@ -75,7 +76,7 @@ def _part(
 ) -> Positions | None:
     """Takes the longest free part towards places at t1 [s]; None where that gains less than `least` [s]."""
     clock = motion.clock
-    push = potential.push(x, clock, t1) if motion.moves_obstacles else 0.0
+    push = potential.gradient_change(x, clock, t1) if motion.moves_obstacles else 0.0
     furthest, there = clock, None
     for direction in newton.directions(x, motion.positions(t1) - x.owned, push):
         until, end = _free_part(motion, potential, x, t1, least, direction)
@@ -85,7 +86,7 @@ def _part(
             break
     if there is not None:
         motion.clock = furthest
-        potential.place(furthest)
+        potential.move_obstacles(furthest)
     return there
 
 
@@ -104,7 +105,7 @@ def _free_part(
     until, share = t1, 1.0
     for _ in range(MAX_TRIES):
         path = np.where(held, motion.positions(until) - x.owned, share * direction)
-        free = potential.max_step(x, path, until=until, keep=KEPT_PRESSED)
+        free = potential.max_step(x, path, until=until, gap_share=SCRIPTED_GAP_SHARE)
         end = x.moved(1.0, path) if free == 1.0 else None
         if end is not None and _smallest_volume(end) >= min(MIN_CELL_VOLUME, _smallest_volume(x)):
             return until, end

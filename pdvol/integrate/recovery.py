@@ -41,12 +41,12 @@ class Span:
 
 
 class Attempt(Protocol):
-    """One try at a span, with scripted motions going no further than their places at `target` [s]; `careful` tries use
+    """One try at a span, with scripted motions going no further than their places at `target` [s]; `robust` tries use
     the strongest projection and the direct solver.
     """
 
     def __call__(
-        self, report: StepReport, span: Span, target: float, careful: bool
+        self, report: StepReport, span: Span, target: float, robust: bool
     ) -> tuple[Positions, NewtonReport]: ...
 
 
@@ -118,14 +118,14 @@ class Recovery:
                     x, solved = self._try(report, span, clock, clock + share * gained)
         if x is None and deepest:
             report.remedies["last_resort"] += 1
-            x, solved = self._try(report, span, clock, span.t1, careful=True)
+            x, solved = self._try(report, span, clock, span.t1, robust=True)
         return x, solved
 
     def _try(
-        self, report: StepReport, span: Span, clock: float, target: float, careful: bool = False
+        self, report: StepReport, span: Span, clock: float, target: float, robust: bool = False
     ) -> tuple[Positions | None, NewtonReport]:
         self.motion.clock = clock
-        x, solved = self.attempt(report, span, target, careful)
+        x, solved = self.attempt(report, span, target, robust)
         if not solved.converged:
             return None, solved
         report.reason, report.gradient_norm = solved.reason, solved.gradient_norm

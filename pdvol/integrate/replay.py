@@ -55,7 +55,7 @@ class Replay:
             late = behind[0] if id(term) in late_ones else 0.0
             term.begin_step(x_t, t0 - late, t0 - late + self.dt)
         for term in self.terms:
-            term.place(step * self.dt - behind[1])
+            term.move_obstacles(step * self.dt - behind[1])
         return x
 
     def force(self, x: Positions, terms: Iterable[Potential]) -> np.ndarray:

@@ -1,4 +1,6 @@
-"""One level's steps: prediction, scripted motion, Newton solves with friction lagged anew; cut by `recovery.py` where they must be."""
+"""One level's steps: prediction, scripted motion, Newton solves with friction lagged anew; cut by `recovery.py` where
+they must be.
+"""
 
 from collections.abc import Callable, Mapping, Sequence
 
@@ -16,7 +18,7 @@ from pdvol.levels.model import LevelModel
 from pdvol.levels.space import LevelSpace
 from pdvol.potentials.build import build_terms
 from pdvol.potentials.consistency import Guide
-from pdvol.potentials.potential import KEPT, KEPT_PRESSED, Positions
+from pdvol.potentials.potential import MIN_GAP_SHARE, SCRIPTED_GAP_SHARE, Positions
 from pdvol.solve.incremental_potential import IncrementalPotential
 from pdvol.solve.minimisation import NewtonReport
 from pdvol.solve.newton import Newton
@@ -101,43 +103,43 @@ class Stepper:
         report.min_gap = gap if np.isfinite(gap) else None
         report.kappa = next((term.kappa for term in self.potential.contacts), None)
         if self.potential.frictions and report.friction_residual is None:
-            report.friction_residual = self.potential.lag(x)  # the next step begins with it anyway
+            report.friction_residual = self.potential.update_lag(x)  # the next step begins with it anyway
 
-    def _attempt(self, report: StepReport, span: Span, target: float, careful: bool) -> tuple[Positions, NewtonReport]:
+    def _attempt(self, report: StepReport, span: Span, target: float, robust: bool) -> tuple[Positions, NewtonReport]:
         """One try at a span (`recovery.Attempt`)."""
         try:
-            return self._solve(report, span, target, careful)
+            return self._solve(report, span, target, robust)
         except SimulationError as error:
             raise ConvergenceError(self.model.level, report.step, str(error)) from None
 
-    def _solve(self, report: StepReport, span: Span, target: float, careful: bool) -> tuple[Positions, NewtonReport]:
+    def _solve(self, report: StepReport, span: Span, target: float, robust: bool) -> tuple[Positions, NewtonReport]:
         x_t, x_hat = span.start, span.x_hat
         self.potential.begin_step(x_t, x_hat, span.weight, span.t0, span.t1, self.motion.clock)
         self.newton.begin_step(span.t1 - span.t0)
         parts = report.remedies["substeps"]
-        x = None if careful else self._predicted(x_t, x_hat, target)
+        x = None if robust else self._predicted(x_t, x_hat, target)
         if x is None:
             moves = self.motion.moves
             x = follow(self.motion, self.potential, self.newton, x_t, target, report.add) if moves else x_t
-        keep = KEPT_PRESSED if report.remedies["substeps"] > parts else KEPT
-        return self._solve_lagged(report, x, careful, keep)
+        gap_share = SCRIPTED_GAP_SHARE if report.remedies["substeps"] > parts else MIN_GAP_SHARE
+        return self._solve_lagged(report, x, robust, gap_share)
 
     def _solve_lagged(
-        self, report: StepReport, x: Positions, careful: bool, keep: float
+        self, report: StepReport, x: Positions, robust: bool, gap_share: float
     ) -> tuple[Positions, NewtonReport]:
         """Newton solves from x, with friction lagged anew and contact stiffened as long as they change something."""
         most, tolerance = self._friction
         lags, report.friction_residual = 1, None
         while True:
-            x, solved = self.newton.solve(x, careful, keep=keep)
+            x, solved = self.newton.solve(x, robust, gap_share=gap_share)
             report.add(solved)
             if not solved.converged:
                 break
-            if self.potential.stiffen(x):  # by doubling, up to a bound
+            if self.potential.raise_stiffness(x):  # by doubling, up to a bound
                 continue
             if lags == most:
                 break
-            residual = self.potential.lag(x)
+            residual = self.potential.update_lag(x)
             if residual <= tolerance:
                 report.friction_residual = residual
                 break
@@ -152,7 +154,7 @@ class Stepper:
         Obstacles and supports then are at their places at `target`. Under friction x_t is better: nothing has slipped
         there, and from anywhere else Newton zigzags across the kink between sticking and sliding.
         """
-        if self.potential.rubs:
+        if self.potential.has_friction:
             return None
         motion = self.motion
         start = self.potential.value(x_t) if not motion.moves else np.inf
@@ -162,9 +164,9 @@ class Stepper:
         x = x_t.moved(1.0, direction)
         if not motion.moves:
             return x if self.potential.value(x) <= start else None
-        self.potential.place(target)
+        self.potential.move_obstacles(target)
         if not np.isfinite(self.potential.value(x)):
-            self.potential.place(motion.clock)
+            self.potential.move_obstacles(motion.clock)
             return None
         motion.clock = target
         return x

@@ -67,7 +67,7 @@ class Gap:
 
 
 def find_defects(level: int, mesh: LevelMesh, obstacles: Sequence[Obstacle], bodies: Sequence[str]) -> Iterator[Defect]:
-    """All that is wrong with one level at t = 0, found one after the other; arguments and InputError as `check_start`."""
+    """The errors of one level at t = 0, found one after the other; arguments and InputError as `check_start`."""
     for plane in _planes(obstacles):
         yield from _below(level, mesh, plane, bodies)
     parties = _Parties(mesh, obstacles, bodies)

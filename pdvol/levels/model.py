@@ -1,7 +1,7 @@
 """A scene on one level: all that the scene names, evaluated on the level's mesh, in SI units.
 
-What the scene lacks is an empty tuple here. Terms, time stepping, measures and exports take a `LevelModel`; the `Scene` itself
-is used by what builds levels only.
+What the scene lacks is an empty tuple here. Terms, time stepping, measures and exports take a `LevelModel`; the `Scene`
+itself is used by what builds levels only.
 """
 
 from collections.abc import Sequence
@@ -41,7 +41,7 @@ class HeldPoints:
         return not isinstance(self.motion, Still)
 
     def holds(self, time: float, dt: float) -> bool:
-        """Whether a step of dt [s] that begins at `time` [s] holds them; times are compared to a millionth of a step."""
+        """Whether a step of dt [s] from `time` [s] on holds them; times are compared to a millionth of a step."""
         return time < self.release - 1e-6 * dt
 
     def at(self, time: float) -> np.ndarray:

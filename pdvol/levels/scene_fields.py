@@ -14,7 +14,7 @@ MOMENTS = 50  # of a scene at which its motions are tried beforehand; in a run e
 
 
 def scene_diagonal(scene: Scene) -> float:
-    """Diagonal [m] of the box round all bodies as placed: of their input shapes, so that it is the same on every level."""
+    """Diagonal [m] of the box around all bodies as placed, by their input shapes: it is the same on every level."""
     corners = []
     for body in scene.bodies:
         shape = read_shape(body.shape[-1] if isinstance(body.shape, (tuple, list)) else body.shape)

@@ -12,7 +12,7 @@ from pdvol.meshing.validate import drop_unused, outline_edges, signed_area
 
 CORNER_ANGLE = np.pi / 4.0
 """Angle [rad] between segments above which their vertex is a corner of the shape and stays on every level."""
-STRAIGHT_TOLERANCE = 0.1
+COLLINEAR_TOLERANCE = 0.1
 """Distance from a straight line, relative to the edge length, below which vertices of the outline are left out."""
 
 
@@ -114,10 +114,10 @@ def resample(loop: np.ndarray, h: float) -> np.ndarray:
 
 
 def _simplified(curve: np.ndarray, h: float) -> np.ndarray:
-    """Indices of the points that a polyline keeps within `STRAIGHT_TOLERANCE` edge lengths."""
+    """Indices of the points that a polyline keeps within `COLLINEAR_TOLERANCE` edge lengths."""
     if len(curve) < 3:
         return np.arange(len(curve))
-    return np.asarray(igl.ramer_douglas_peucker(np.ascontiguousarray(curve), STRAIGHT_TOLERANCE * h)[1], dtype=np.int64)
+    return np.asarray(igl.ramer_douglas_peucker(np.ascontiguousarray(curve), COLLINEAR_TOLERANCE * h)[1], dtype=np.int64)
 
 
 def _resampled(loops: list[np.ndarray], h: float, name: str) -> list[np.ndarray]:

@@ -10,7 +10,7 @@ from pdvol.levels.space import LevelSpace
 from pdvol.potentials.consistency import Consistency, Guide
 from pdvol.potentials.elasticity import elastic_terms
 from pdvol.potentials.loads import assemble_mass, load_terms
-from pdvol.potentials.potential import Potential
+from pdvol.potentials.potential import ContactPotential, Potential
 
 
 @dataclass(frozen=True)
@@ -27,7 +27,7 @@ class Terms:
 
     mass: np.ndarray
     potentials: tuple[Potential, ...]
-    contacts: tuple[Potential, ...]
+    contacts: tuple[ContactPotential, ...]
     rules: tuple = ()
 
 
@@ -62,8 +62,9 @@ def _stiffness_rules(model: LevelModel, space: LevelSpace, mass: np.ndarray, ela
     return tuple(rules)
 
 
-def _contact(model: LevelModel, space: LevelSpace) -> tuple[tuple[Potential, ...], tuple[Potential, ...]]:
-    contacts, frictions = [], []
+def _contact(model: LevelModel, space: LevelSpace) -> tuple[tuple[ContactPotential, ...], tuple[Potential, ...]]:
+    contacts: list[ContactPotential] = []
+    frictions: list[Potential] = []
     planes, surfaces = (tuple(o for o in model.obstacles if (o.kind == "plane") == flat) for flat in (True, False))
     for contact in model.contact:
         weighted = contact.law == "convergent"

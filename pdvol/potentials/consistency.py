@@ -45,7 +45,7 @@ class Consistency(Term):
         self._weight = guide.stiffness * mass
         self._target = np.zeros_like(mass)
 
-    def begin_step(self, x_t: Positions, t0: float, t1: float) -> None:
+    def begin_step(self, x_t: Positions, t0: float, t1: float, x_hat: Positions | None = None) -> None:
         self._target = self.space.from_input(self.guide.target(t1))
 
     def value(self, x: Positions) -> float:

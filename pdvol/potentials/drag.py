@@ -41,7 +41,7 @@ class Drag(Term):
         self.vertices = np.flatnonzero(areas > 0)
         self._strength = strength * areas[self.vertices]
 
-    def begin_step(self, x_t: Positions, t0: float, t1: float) -> None:
+    def begin_step(self, x_t: Positions, t0: float, t1: float, x_hat: Positions | None = None) -> None:
         self._start, self._dt = x_t.owned[self.vertices], t1 - t0
         self._flow = self._velocity(self._start, t1)
 

@@ -13,7 +13,7 @@ from pdvol.levels.space import LevelSpace
 from pdvol.potentials.assembly import native
 from pdvol.potentials.assembly.cell_energy import CellEnergy
 from pdvol.potentials.assembly.native import pointer
-from pdvol.potentials.potential import KEPT, Positions
+from pdvol.potentials.potential import MIN_GAP_SHARE, Positions
 
 # of a cell's current volume, at least, after one Newton step: the logarithm's derivatives stay within reach
 KEEP_VOLUME = 0.1
@@ -30,7 +30,9 @@ class Elastic(CellEnergy):
         )
         return np.inf if self.space.comm.allreduce(inverted) else super().value(x)
 
-    def max_step(self, x: Positions, direction: np.ndarray, until: float | None = None, keep: float = KEPT) -> float:
+    def max_step(
+        self, x: Positions, direction: np.ndarray, until: float | None = None, gap_share: float = MIN_GAP_SHARE
+    ) -> float:
         moved = np.ascontiguousarray(self.space.with_ghosts(direction))
         return native.library().volume_step(
             self.space.dim, self._counted, pointer(self._dofs, "int32_t"), pointer(x.local), pointer(moved), KEEP_VOLUME
@@ -61,7 +63,7 @@ class Damping(CellEnergy):
         super().__init__(space, psi, {"mu": self._mu, "lmbda": self._lmbda, **start}, cells, "damping", isotropic=False)
         self.scale = 0.0  # differences are taken before they are squared: nothing large cancels
 
-    def begin_step(self, x_t: Positions, t0: float, t1: float) -> None:
+    def begin_step(self, x_t: Positions, t0: float, t1: float, x_hat: Positions | None = None) -> None:
         F = np.einsum("kia,kij->kaj", x_t.local[self._dofs], self._hats)
         C = np.einsum("kai,kaj->kij", F, F)
         before = {_entry(i, j): C[:, i, j] for i, j in self._pairs}

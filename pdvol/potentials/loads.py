@@ -70,7 +70,7 @@ class TimedLoad(DeadLoad):
         super().__init__(space, np.zeros((space.n_owned, space.dim)))
         self._shares, self._vector = shares, vector
 
-    def begin_step(self, x_t: Positions, t0: float, t1: float) -> None:
+    def begin_step(self, x_t: Positions, t0: float, t1: float, x_hat: Positions | None = None) -> None:
         self.force = np.outer(self._shares, self._vector(t0, t1))
 
 

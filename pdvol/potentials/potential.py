@@ -8,14 +8,13 @@ import numpy as np
 from pdvol.levels.space import LevelSpace
 from pdvol.potentials.assembly.hessian_blocks import HessianBlocks
 
-KEPT = 0.1
-"""What a step that contact ends leaves of each gap at least. It may close nine tenths, for the next one opens it again.
-"""
+# Share of each gap that a step which contact ends leaves at least: it may close nine tenths, since the next step opens
+# the gap again.
+MIN_GAP_SHARE = 0.1
 
-KEPT_PRESSED = 0.5
-"""The same where scripted motions press on, perhaps from several sides: gaps would shrink and shrink there, and bodies
-that slide past one of 1e-6 dhat are stuck, hundreds of steps each ended by it.
-"""
+# The same share where scripted motions press, perhaps from several sides. With less, gaps shrink step after step, and
+# bodies that slide past a gap of 1e-6 dhat take hundreds of steps, each ended by it.
+SCRIPTED_GAP_SHARE = 0.5
 
 
 class Positions:
@@ -55,20 +54,20 @@ class Potential(Protocol):
     """
 
     name: str
-    rubs: bool  # whether friction acts on this rank, as lagged
+    has_friction: bool  # whether friction acts on this rank, as lagged
     scale: float  # [J] of parts that cancel in value(x), which its round-off is relative to
 
-    def expect(self, x_hat: Positions) -> None:
-        """Before `begin_step`: where the step is likely to end, give or take; for searches only."""
+    def begin_step(self, x_t: Positions, t0: float, t1: float, x_hat: Positions | None = None) -> None:
+        """Starts the step from t0 to t1 [s] at x_t: obstacles are at their places at t0, and friction is lagged at x_t.
 
-    def begin_step(self, x_t: Positions, t0: float, t1: float) -> None:
-        """Starts the step from t0 to t1 [s] at x_t, with obstacles at their t0 places, and lags there."""
+        `x_hat` is where the step will probably end; searches for contact use it.
+        """
 
-    def place(self, time: float) -> None:
-        """Puts obstacles where they are at `time` [s]."""
+    def move_obstacles(self, time: float) -> None:
+        """Moves obstacles to their places at `time` [s]."""
 
-    def lag(self, x: Positions) -> None:
-        """Freezes lagged quantities (friction) at x."""
+    def update_lag(self, x: Positions) -> None:
+        """Lags friction at x: contact forces and directions are constant until the next call."""
 
     def value(self, x: Positions) -> float:
         """E(x) [J]; inf where x is not admissible."""
@@ -79,33 +78,54 @@ class Potential(Protocol):
     def add_hessian(self, x: Positions, weight: float, into: HessianBlocks) -> None:
         """Adds weight times d2E/dx2 [N/m], made positive semi-definite as `into.positive` says."""
 
-    def max_step(self, x: Positions, direction: np.ndarray, until: float | None = None, keep: float = KEPT) -> float:
+    def max_step(
+        self, x: Positions, direction: np.ndarray, until: float | None = None, gap_share: float = MIN_GAP_SHARE
+    ) -> float:
         """Largest step in [0, 1] along direction (n_owned, d) that stays admissible for what this rank sees, while
-        obstacles go where they are at `until` [s]. Where contact is what ends it, `keep` of a gap is left.
+        obstacles go where they are at `until` [s]. Where contact is what ends it, `gap_share` of a gap is left.
         """
+
+
+class ContactPotential(Potential, Protocol):
+    """A potential of contact.
+
+    Attributes
+    ----------
+    kappa : stiffness: [Pa] where contacts are weighted by area, else [N]; it may be changed between solves
+    """
+
+    kappa: float
+
+    def count(self, x: Positions) -> int:
+        """Number of contacts at x, of all ranks. Collective."""
+
+    def min_gap(self, x: Positions) -> float:
+        """Smallest distance [m] within reach, of all ranks; inf where there is none. Collective."""
+
+    def contact_stiffness(self, x: Positions, masses: np.ndarray, blocks: np.ndarray) -> np.ndarray:
+        """(k,) stiffness [N/m] of this rank's contacts from masses (n,) and diagonal blocks (n, d, d)."""
 
 
 class Term:
     """Default answers, for terms that need nothing of the kind."""
 
     name = "term"
-    rubs = False
+    has_friction = False
     scale = 0.0
 
-    def expect(self, x_hat: Positions) -> None:
+    def begin_step(self, x_t: Positions, t0: float, t1: float, x_hat: Positions | None = None) -> None:
         pass
 
-    def begin_step(self, x_t: Positions, t0: float, t1: float) -> None:
+    def move_obstacles(self, time: float) -> None:
         pass
 
-    def place(self, time: float) -> None:
-        pass
-
-    def lag(self, x: Positions) -> None:
+    def update_lag(self, x: Positions) -> None:
         pass
 
     def add_hessian(self, x: Positions, weight: float, into: HessianBlocks) -> None:
         pass
 
-    def max_step(self, x: Positions, direction: np.ndarray, until: float | None = None, keep: float = KEPT) -> float:
+    def max_step(
+        self, x: Positions, direction: np.ndarray, until: float | None = None, gap_share: float = MIN_GAP_SHARE
+    ) -> float:
         return 1.0

@@ -177,7 +177,7 @@ class Contact:
             raise InputError(f"begin_step: the step from {t0:g} to {t1:g} s has no length")
         x = self._positions(u)
         for term in self._contacts:
-            term.place(t0)
+            term.move_obstacles(t0)
         if not self._stepped:
             self._require_apart(x, t0)
         for term in self._terms:
@@ -193,7 +193,7 @@ class Contact:
         share = self._largest(x, np.zeros_like(x.owned), until)
         self._time = float(until) if share == 1.0 else self._time + share * (until - self._time)
         for term in self._contacts:
-            term.place(self._time)
+            term.move_obstacles(self._time)
         return self._time
 
     def energy(self, u: Displacement) -> float:
@@ -237,7 +237,7 @@ class Contact:
         """
         return self._largest(self._started(u), self._owned(du), None)
 
-    def lag(self, u: Displacement) -> float:
+    def update_lag(self, u: Displacement) -> float:
         """Take the forces and directions of friction from u.
 
         Returns by how much that changes the friction forces, relative to them. A step may be solved and lagged several
@@ -246,7 +246,7 @@ class Contact:
         x = self._started(u)
         before = sum((term.gradient(x) for term in self._frictions), np.zeros_like(x.owned))
         for term in self._frictions:
-            term.lag(x)
+            term.update_lag(x)
         after = sum((term.gradient(x) for term in self._frictions), np.zeros_like(x.owned))
         sums = np.array([np.vdot(f, f) for f in (after - before, before, after)])
         change, *forces = np.sqrt(self.V.mesh.comm.allreduce(sums))

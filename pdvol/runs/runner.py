@@ -150,8 +150,8 @@ def _check_request(scene: Scene, out: Path, first: int, last: int, method: str, 
 def _prepare(
     shot: Shot, out: Path, last: int, method: str, prolongation: str
 ) -> tuple[Sequence[LevelMesh], int, list, float, list[str]]:
-    """Meshes up to `last`, how many of the coarsest are stored ones, obstacles' geometry and the scene's diagonal, checked at t =
-    0; what was mended.
+    """Meshes up to `last`, how many of the coarsest are stored ones, obstacles' geometry and the scene's diagonal,
+    checked at t = 0; what was mended.
     """
     scene = shot.scene
     stored: list[LevelMesh] = []

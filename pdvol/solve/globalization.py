@@ -1,15 +1,17 @@
 """What keeps Newton's steps descending and long: the projection of the Hessian, and the lengthening of repeated steps.
 
-The projection of the next Hessian follows from what came of the last quadratic model (in the spirit of Chen et al. 2024):
+The projection of the next Hessian follows from what came of the last quadratic model (in the spirit of Chen et al.
+2024):
 
 | the model promised | the next Hessian |
 |---|---|
-| about the decrease that came | negative eigenvalues of local Hessians cut off: the positive one nearest to Newton's own |
-| much more than came | negative eigenvalues by size, which overshoots less; full contact Hessians for the rest of the solve |
-| much less than came | unprojected, since cutting off made it too stiff; if the linear solve finds it indefinite, projected for a while |
+| about the decrease that came | negative eigenvalues of local Hessians cut off: the nearest positive one |
+| much more than came | negative eigenvalues by size, which overshoots less; from now on full contact Hessians |
+| much less than came | unprojected, since cutting off made it too stiff; projected for a while if indefinite |
 
-Where the Hessian is indefinite every projected one is too stiff: step after step has the same direction, each a few per cent
-shorter than the last. The second of them shows the stiffness in that direction, and so the length of the whole series (a secant).
+Where the Hessian is indefinite every projected one is too stiff: step after step has the same direction, each a few per
+cent shorter than the last. The second of them shows the stiffness in that direction, and so the length of the whole
+series (a secant).
 """
 
 from collections.abc import Callable
@@ -92,7 +94,8 @@ class Projection:
 
 
 def promised_decrease(slope: float, taken: np.ndarray, direction: np.ndarray, total: Sum) -> float:
-    """Change of the potential by the quadratic model for the step `taken`, a share of the direction (both (n_owned, d)).
+    """Change of the potential by the quadratic model for the step `taken`, a share of the direction (both (n_owned,
+    d)).
 
     `slope` is the derivative along the direction.
     """

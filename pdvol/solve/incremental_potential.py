@@ -7,7 +7,7 @@ from pdvol.errors import SimulationError
 from pdvol.levels.space import LevelSpace
 from pdvol.potentials.assembly.hessian_blocks import HessianBlocks
 from pdvol.potentials.build import Terms
-from pdvol.potentials.potential import KEPT, Positions
+from pdvol.potentials.potential import MIN_GAP_SHARE, Positions
 from pdvol.solve.timing import Stopwatch
 
 OBSTACLE_STEP = 1e-6  # share of an obstacle's path over which the change of forces is measured: small beside any gap
@@ -43,13 +43,12 @@ class IncrementalPotential:
         expected = Positions(self.space, x_hat)
         for term in self.terms:
             with self._part(term):
-                term.expect(expected)
                 late = behind if id(term) in self._contact_names else 0.0
-                term.begin_step(x_t, t0 - late, t1 - late)
+                term.begin_step(x_t, t0 - late, t1 - late, expected)
         for rule in self.rules:
             with self.watch.part("contact"):
                 rule.begin_step(x_t, x_hat, weight)
-            self.lag(x_t)
+            self.update_lag(x_t)
 
     def _part(self, term):
         return self.watch.part("contact" if id(term) in self._contact_names else "assembly")
@@ -119,14 +118,16 @@ class IncrementalPotential:
             )
         raise SimulationError("the Hessian is too large for double precision")
 
-    def max_step(self, x: Positions, direction: np.ndarray, until: float | None = None, keep: float = KEPT) -> float:
+    def max_step(
+        self, x: Positions, direction: np.ndarray, until: float | None = None, gap_share: float = MIN_GAP_SHARE
+    ) -> float:
         """Largest admissible step in [0, 1] along direction, obstacles moving to `until` [s] meanwhile: the same on
         every rank.
 
-        Where contact is what ends it, `keep` of a gap is left.
+        Where contact is what ends it, `gap_share` of a gap is left.
         """
         with self.watch.part("ccd"):
-            steps = np.array([1.0, *(term.max_step(x, direction, until, keep) for term in self.terms)])
+            steps = np.array([1.0, *(term.max_step(x, direction, until, gap_share) for term in self.terms)])
             lost = np.flatnonzero(np.isnan(steps))
             largest = self.space.comm.allreduce(float(-lost[0] if len(lost) else steps.min()), op=MPI.MIN)
         if largest < 0.0:
@@ -143,49 +144,48 @@ class IncrementalPotential:
         """Size [kg m^2] of the terms that cancel in the energy: what its round-off is relative to."""
         return self.weight * sum(term.scale for term in self.terms)
 
-    def lag(self, x: Positions) -> float:
-        """Freezes lagged quantities at x. By how much that changes the friction forces at x, relative to them: their
-        residual. Collective.
-        """
+    def update_lag(self, x: Positions) -> float:
+        """Lags friction at x. Returns the relative change of the friction forces at x, their residual. Collective."""
         with self.watch.part("contact"):
             before = [term.gradient(x) for term in self.frictions]
             for term in self.terms:
-                term.lag(x)
+                term.update_lag(x)
             after = [term.gradient(x) for term in self.frictions]
             size = lambda forces: np.sqrt(self.space.comm.allreduce(float(np.vdot(forces, forces))))
             change, force = size(np.subtract(sum(after), sum(before))), max(size(sum(before)), size(sum(after)))
         return float(change / force) if force > 0.0 else 0.0
 
-    def stiffen(self, x: Positions) -> bool:
+    def raise_stiffness(self, x: Positions) -> bool:
         """After a solve that ended at x: whether a contact stiffness was raised, so that it has to be solved again.
         Collective.
         """
         with self.watch.part("contact"):
-            return any([rule.end_solve(x) for rule in self.rules])
+            raised = [rule.end_solve(x) for rule in self.rules]  # each is asked: the calls are collective
+        return any(raised)
 
     @property
-    def rubs(self) -> bool:
+    def has_friction(self) -> bool:
         """Whether friction acts anywhere, as lagged. Collective."""
-        return self.space.comm.allreduce(any(term.rubs for term in self.terms), op=MPI.LOR)
+        return self.space.comm.allreduce(any(term.has_friction for term in self.terms), op=MPI.LOR)
 
-    def place(self, time: float) -> None:
+    def move_obstacles(self, time: float) -> None:
         """Puts obstacles where they are at `time` [s]."""
         for term in self.terms:
-            term.place(time)
+            term.move_obstacles(time)
 
-    def push(self, x: Positions, time: float, until: float) -> np.ndarray:
-        """What obstacles add to the gradient (n_owned, d) on their way from their places at `time` to those at `until`
+    def gradient_change(self, x: Positions, time: float, until: float) -> np.ndarray:
+        """The change of the gradient (n_owned, d) while obstacles move from their places at `time` to those at `until`
         [s], to first order.
 
-        By differences over a millionth of that way; none where contact is nearer than that.
+        It is a difference over a millionth of that path; zero where contact is nearer than that.
         """
         ends = []
         for at in (time, time + OBSTACLE_STEP * (until - time)):
-            self.place(at)
+            self.move_obstacles(at)
             with self.watch.part("contact"):
                 fine = all(np.isfinite(term.value(x)) for term in self.contacts)
                 ends.append(sum((term.gradient(x) for term in self.contacts), np.zeros_like(x.owned)) if fine else None)
-        self.place(time)
+        self.move_obstacles(time)
         return np.zeros_like(x.owned) if ends[1] is None else self.weight * (ends[1] - ends[0]) / OBSTACLE_STEP
 
     def energies(self, x: Positions) -> dict[str, float]:

@@ -1,8 +1,10 @@
-"""The record of one Newton iteration, and the rules that follow from the last two: when to stop, when to keep the matrix.
+"""The record of one Newton iteration, and the rules that follow from the last two: when to stop, when to keep the
+matrix.
 
-Newton stops when its full step is nowhere faster than the tolerance [m/s]; that step is still taken. Deep inside a barrier short
-steps say little about the distance to the minimum (Newton on a logarithm doubles the gap, however far it has to go). So the step
-must also have been taken in full, follow one that was, not be longer than it, and not have opened the smallest gap much.
+Newton stops when its full step is nowhere faster than the tolerance [m/s]; that step is still taken. Deep inside a
+barrier short steps say little about the distance to the minimum (Newton on a logarithm doubles the gap, however far it
+has to go). So the step must also have been taken in full, follow one that was, not be longer than it, and not have
+opened the smallest gap much.
 """
 
 from dataclasses import dataclass
@@ -15,8 +17,8 @@ from pdvol.solve.globalization import Projection, Sum, lengthening
 ROUNDING = 1e-13  # share of the energy: a smaller decrease is round-off, and the quadratic model is trusted
 CANCELLATION = 2e-15  # share of the terms whose difference the energy is: the same for energies that cancel
 
-# Near the minimum the last matrix is nearly as good as a new one. Its steps show the distance to the minimum less well: with the
-# full tolerance the final states of demos/ball_on_spike.py were as with a tolerance four times as wide.
+# Near the minimum the last matrix is nearly as good as a new one. Its steps show the distance to the minimum less well:
+# with the full tolerance the final states of demos/ball_on_spike.py were as with a tolerance four times as wide.
 SHORT = 5.0  # times the tolerance: shorter steps take the last matrix
 CONTRACTING = 0.5  # ratio of consecutive step lengths up to which an older matrix is kept
 OLD_MATRIX_TOLERANCE = 0.25  # of the tolerance: the last step by an older matrix must be shorter
@@ -121,7 +123,7 @@ def step_factor(
     tolerance: float,
     total: Sum,
 ) -> float:
-    """Factor of a new direction: more than 1 where it repeats the last one and the potential is softer than its model."""
+    """Factor of a new direction: above 1 where it repeats the last one, and the potential is softer than its model."""
     if last is None or "none" in (last.projection.mode, projection.mode):
         return 1.0
     if at_rounding or speed > UNSETTLED * tolerance:

@@ -1,7 +1,8 @@
-"""One minimisation of an incremental potential, without its linear algebra: states, energies, and the records of iterations.
+"""One minimisation of an incremental potential, without its linear algebra: states, energies, and the records of
+iterations.
 
-`Newton` gives it what SNES reports: a state, a direction, an accepted step. It answers how far to go, whether the matrix is kept, and
-whether the solve ends.
+`Newton` gives it what SNES reports: a state, a direction, an accepted step. It answers how far to go, whether the
+matrix is kept, and whether the solve ends.
 """
 
 from dataclasses import dataclass, field, replace
@@ -55,7 +56,7 @@ class Minimisation:
         Vertices that do not move.
     dt : length of the step [s]
     tolerance : [m/s]
-    keep : share of a gap that a step which contact ends leaves
+    gap_share : share of a gap that a step which contact ends leaves
 
     Attributes
     ----------
@@ -71,18 +72,19 @@ class Minimisation:
         x: Positions,
         dt: float,
         tolerance: float,
-        keep: float,
+        gap_share: float,
     ):
         self.potential, self.comm = potential, potential.space.comm
         self.report, self.projection, self.gradient = NewtonReport(), Projection(), np.zeros_like(x.owned)
-        self._fixed, self._dt, self._tolerance, self._keep = fixed, dt, tolerance, keep
+        self._fixed, self._dt, self._tolerance, self._gap_share = fixed, dt, tolerance, gap_share
         self._states, self._energies = [x], []
         self._last: Iteration | None = None
         self._before: Iteration | None = None
         self._matrix_age: int | None = None
         self._trials = 0
 
-    # ---- states --------------------------------------------------------------------------------------------------------------
+    # ---- states
+    # --------------------------------------------------------------------------------------------------------------
 
     def positions(self, array: np.ndarray) -> Positions:
         """The configuration of owned rows (n_owned, d); the last two are kept, so that terms share what they derived
@@ -121,7 +123,8 @@ class Minimisation:
         """Infinity norm of the last gradient [kg m]. Collective."""
         return self.comm.allreduce(float(np.abs(self.gradient).max(initial=0.0)), op=MPI.MAX)
 
-    # ---- the matrix ----------------------------------------------------------------------------------------------------------
+    # ---- the matrix
+    # ----------------------------------------------------------------------------------------------------------
 
     def keeps_matrix(self) -> bool:
         """Whether the next iteration takes the last matrix; a new one is counted."""
@@ -140,7 +143,8 @@ class Minimisation:
         """The next iteration needs a new matrix."""
         self._matrix_age = None
 
-    # ---- iterations ----------------------------------------------------------------------------------------------------------
+    # ---- iterations
+    # ----------------------------------------------------------------------------------------------------------
 
     def begin_iteration(self, x: Positions, direction: np.ndarray) -> float:
         """Records Newton's direction (n_owned, d) at x; returns the factor of it that the line search begins with.
@@ -156,7 +160,7 @@ class Minimisation:
         factor = step_factor(
             x, direction, speed, at_rounding, self.projection, self._last, self._tolerance, self.comm.allreduce
         )
-        length = factor * self.potential.max_step(x, factor * direction, keep=self._keep)
+        length = factor * self.potential.max_step(x, factor * direction, gap_share=self._gap_share)
         cap = min(1.0, length)
         self.report.speed, self.report.step_cap = speed, min(self.report.step_cap, cap)
         self._before, self._trials = self._last, 0

@@ -1,8 +1,8 @@
 """The one SNES file: projected Newton on an incremental potential.
 
-SNES minimises: the potential is its objective (backtracking), the gradient its function, the projected Hessian its Jacobian. The
-pre-check scales each step by what contact and inversion allow. The callbacks translate between PETSc and `Minimisation`, which
-decides.
+SNES minimises: the potential is its objective (backtracking), the gradient its function, the projected Hessian its
+Jacobian. The pre-check scales each step by what contact and inversion allow. The callbacks translate between PETSc and
+`Minimisation`, which decides.
 """
 
 from collections.abc import Callable, Iterator
@@ -16,7 +16,7 @@ from pdvol.errors import PdvolError, SimulationError
 from pdvol.levels.space import LevelSpace
 from pdvol.potentials.assembly.block_pattern import BlockPattern
 from pdvol.potentials.assembly.hessian_blocks import HessianBlocks
-from pdvol.potentials.potential import KEPT, Positions
+from pdvol.potentials.potential import MIN_GAP_SHARE, Positions
 from pdvol.scene import Solver
 from pdvol.solve.incremental_potential import IncrementalPotential
 from pdvol.solve.linear.coarse_space import CoarseSpace, grid_weights
@@ -33,7 +33,7 @@ _REASONS = {value: name for name, value in vars(PETSc.SNES.ConvergedReason).item
 
 @contextmanager
 def _own_errors() -> Iterator[None]:
-    """What a callback raised, instead of the error PETSc makes of it; PETSc's own errors as errors of the simulation."""
+    """Raises what a callback raised instead of PETSc's error; PETSc's own errors become errors of the simulation."""
     try:
         yield
     except PETSc.Error as error:
@@ -106,7 +106,8 @@ class Newton:
             self.space, grid_weights(self.space.mesh) if weights is None else weights, self._system.all_supported
         )
 
-    # ---- callbacks -----------------------------------------------------------------------------------------------------------
+    # ---- callbacks
+    # -----------------------------------------------------------------------------------------------------------
 
     def _positions(self, vector: PETSc.Vec) -> Positions:
         return self._solve.positions(vector.getArray(readonly=True).reshape(-1, self.space.dim))
@@ -152,7 +153,8 @@ class Newton:
                 return reasons.CONVERGED_SNORM_RELATIVE
         return reasons.ITERATING
 
-    # ---- matrices ------------------------------------------------------------------------------------------------------------
+    # ---- matrices
+    # ------------------------------------------------------------------------------------------------------------
 
     def _sum_hessian(self, x: Positions) -> None:
         projection = self._solve.projection
@@ -179,38 +181,40 @@ class Newton:
         self.linear.follow(self._system.parts)
         self.linear.solve(self._residual, step)
 
-    # ---- what callers use ----------------------------------------------------------------------------------------------------
+    # ---- what callers use
+    # ----------------------------------------------------------------------------------------------------
 
     def begin_step(self, dt: float) -> None:
         """Solves from here on are for a step of dt [s], by which speeds are measured."""
         self._dt = dt
 
-    def start(self, x: Positions, keep: float = KEPT) -> Minimisation:
+    def start(self, x: Positions, gap_share: float = MIN_GAP_SHARE) -> Minimisation:
         """A minimisation from x, which the callbacks then serve."""
-        self._solve = Minimisation(self.potential, self._fixed, x, self._dt, self.settings.tolerance, keep)
+        self._solve = Minimisation(self.potential, self._fixed, x, self._dt, self.settings.tolerance, gap_share)
         return self._solve
 
     def solve(
-        self, x: Positions, careful: bool = False, max_iterations: int | None = None, keep: float = KEPT
+        self, x: Positions, robust: bool = False, max_iterations: int | None = None, gap_share: float = MIN_GAP_SHARE
     ) -> tuple[Positions, NewtonReport]:
         """Minimises from the admissible x. The result is admissible whether or not the report says it converged.
 
         Parameters
         ----------
-        careful : begin with the strongest projection and the direct solver
+        robust : begin with the strongest projection and the direct solver
         max_iterations : Newton iterations allowed, instead of the settings'
-        keep : share of a gap that a step which it ends leaves
+        gap_share : share of a gap that a step which it ends leaves
 
         Raises SimulationError, naming the term, where something is not a number.
         """
-        solve = self.start(x, keep)
+        solve = self.start(x, gap_share)
         if not np.isfinite(solve.energy(x)):
             self.potential.require_admissible(x)
-        if careful:
+        if robust:
             solve.projection = solve.projection.strongest()
             self.linear.be_exact()
         self.snes.setTolerances(max_it=self.settings.max_iterations if max_iterations is None else max_iterations)
-        # A direct solve of an ill-conditioned system, or an incomplete factor that breaks down, shows in the linear reason.
+        # A direct solve of an ill-conditioned system, or an incomplete factor that breaks down, shows in the linear
+        # reason.
         while True:
             self._vector.setArray(x.owned.ravel())
             with self.watch.part("linear"), _own_errors():

@@ -1,4 +1,5 @@
-"""Remedies (design, section 6): what is tried, in this order, where a solve does not go on. Each step counts how often each was taken.
+"""Remedies (design, section 6): what is tried, in this order, where a solve does not go on. Each step counts how often
+each was taken.
 
 | remedy | what | after |
 |---|---|---|
@@ -7,12 +8,13 @@
 | shift | a stronger diagonal for the incomplete factor | it was not positive definite |
 | direct | a direct solver | an iterative one failed, or the line search failed with the strongest projection |
 | workspace | more room for the direct solver | it failed |
-| held_back | a quarter of the scripted motion, then none of it | it met contact, and the state it left could not be solved |
+| held_back | a quarter of the scripted motion, then none of it | it met contact, and its end could not be solved |
 | halvings | half the step | all of these, or too many iterations |
-| last_resort | the smallest step again, from its start, with the strongest projection and the direct solver | no more halving |
+| last_resort | the smallest step again with the strongest projection and the direct solver | no more halving |
 
-After the last one comes `ConvergenceError`, which names level, step and reason; finished steps are kept. What is not a number ends
-the run at once. `substeps` counts the parts into which a scripted motion was cut because contact stood in its way.
+After the last one comes `ConvergenceError`, which names level, step and reason; finished steps are kept. What is not a
+number ends the run at once. `substeps` counts the parts into which a scripted motion was cut because contact stood in
+its way.
 """
 
 REMEDIES = (

@@ -89,7 +89,7 @@ def findings(dim: int) -> dict[str, np.ndarray]:
         "min_gap": touching.min_gap(u),
         "count": touching.count(u),
         "intersections": touching.intersections(far),
-        "lag": touching.lag(u),
+        "lag": touching.update_lag(u),
         "lagged": whole(touching.gradient(u)),
     }
     return {f"{key}_{dim}": np.asarray(value) for key, value in found.items()}

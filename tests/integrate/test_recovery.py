@@ -80,17 +80,17 @@ def test_the_last_resort_can_save_a_step(monkeypatch):
     """
     problem, x, v = falling(max_halvings=0, linear="iterative")
     solve = problem.newton.solve
-    careful_ones = []
+    robust_ones = []
 
-    def only_careful(x, careful=False, **more):
-        x, report = solve(x, careful, **more)
-        careful_ones.append((careful, problem.newton.linear.method))
-        report.converged = report.converged and careful
+    def only_robust(x, robust=False, **more):
+        x, report = solve(x, robust, **more)
+        robust_ones.append((robust, problem.newton.linear.method))
+        report.converged = report.converged and robust
         return x, report
 
-    monkeypatch.setattr(problem.newton, "solve", only_careful)
+    monkeypatch.setattr(problem.newton, "solve", only_robust)
     report = take_step(problem, 1, x, v)
-    assert careful_ones == [(False, "iterative"), (True, "direct")]
+    assert robust_ones == [(False, "iterative"), (True, "direct")]
     assert report.remedies["last_resort"] == 1 and report.cuts == report.remedies["halvings"] == 0
     assert report.positions[:, 1].min() > 0.0
 
@@ -123,7 +123,7 @@ class Poison(Term):
     def __init__(self, what, bad, first):
         self.what, self.bad, self.first, self.steps = what, bad, first, 0
 
-    def begin_step(self, x_t, t0, t1):
+    def begin_step(self, x_t, t0, t1, x_hat=None):
         self.steps += 1
         self._x_t = x_t
 
@@ -140,7 +140,7 @@ class Poison(Term):
         n = len(x.owned)
         into.add_diagonal(np.arange(n), self._or_bad("Hessian", np.tile(weight * np.eye(2), (n, 1, 1))))
 
-    def max_step(self, x, direction, until=None, keep=0.1):
+    def max_step(self, x, direction, until=None, gap_share=0.1):
         return float(self._or_bad("largest step", np.array(1.0)))
 
 

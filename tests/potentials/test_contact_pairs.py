@@ -368,5 +368,5 @@ def test_a_step_leaves_the_share_of_a_gap_that_it_is_asked_to_keep(ccd, keep):
     x = Positions(space, space.from_input(space.mesh.points))
     fall = np.where(space.mesh.point_bodies[:, None] == 1, [0.0, 0.0, -1.0], 0.0)
     barrier = SurfaceBarrier(surface, DHAT, KAPPA)
-    step = barrier.max_step(x, space.from_input(fall), keep=keep)
+    step = barrier.max_step(x, space.from_input(fall), gap_share=keep)
     assert keep - 1e-9 <= barrier.min_gap(x.moved(step, space.from_input(fall))) / barrier.min_gap(x) <= keep + 0.02

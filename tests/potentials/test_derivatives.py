@@ -149,7 +149,7 @@ def test_half_space_barrier_follows_a_moving_plane(spaces, d):
     term, _ = half_space(space, d, Translation(tuple(rise * np.eye(d)[-1])))
     x = near_plane(space, share=1.4, spread=0.2)
     assert term.count(Positions(space, x)) == 0
-    term.place(1.0)
+    term.move_obstacles(1.0)
     check_term(term, space, x, 2e-3)
     still, _ = half_space(space, d)
     np.testing.assert_allclose(

@@ -1,4 +1,6 @@
-"""The rules on the last two iterations, as tables: when the matrix is kept, when a solve ends, which steps are lengthened."""
+"""The rules on the last two iterations, as tables: when the matrix is kept, when a solve ends, which steps are
+lengthened.
+"""
 
 from types import SimpleNamespace
 

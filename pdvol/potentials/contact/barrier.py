@@ -17,7 +17,7 @@ from pdvol.potentials.assembly.hessian_blocks import HessianBlocks
 from pdvol.potentials.contact import barrier_law
 from pdvol.potentials.contact.collision_surface import CollisionSurface
 from pdvol.potentials.contact.stencils import Stencils
-from pdvol.potentials.potential import KEPT, Positions, Term
+from pdvol.potentials.potential import MIN_GAP_SHARE, Positions, Term
 
 
 class SurfaceBarrier(Term):
@@ -37,7 +37,6 @@ class SurfaceBarrier(Term):
     def __init__(self, surface: CollisionSurface, dhat: float, kappa: float, weighted: bool = True):
         self.surface, self.space, self.dhat, self.kappa, self.weighted = surface, surface.space, dhat, kappa, weighted
         self._at: Positions | None = None
-        self._expected: Positions | None = None
         self._vertices: np.ndarray | None = None
 
     @property
@@ -49,19 +48,15 @@ class SurfaceBarrier(Term):
     def _potential(self) -> ipctk.BarrierPotential:
         return ipctk.BarrierPotential(dhat=self.dhat, stiffness=self.kappa / self._area, use_physical_barrier=True)
 
-    def begin_step(self, x_t: Positions, t0: float, t1: float) -> None:
-        self.place(t0)
+    def begin_step(self, x_t: Positions, t0: float, t1: float, x_hat: Positions | None = None) -> None:
+        self.move_obstacles(t0)
         self._at, start = None, self.surface.vertices(x_t)
         self.surface.begin(start)
-        if self._expected is not None:
-            self.surface.candidates.begin(start, self.surface.vertices(self._expected))
-            self._expected = None
+        if x_hat is not None:
+            self.surface.candidates.begin(start, self.surface.vertices(x_hat))
 
-    def expect(self, x_hat: Positions) -> None:
-        self._expected = x_hat
-
-    def place(self, time: float) -> None:
-        if self.surface.place(time):
+    def move_obstacles(self, time: float) -> None:
+        if self.surface.move_obstacles(time):
             self._at = None
 
     def collisions(self, x: Positions) -> tuple[ipctk.NormalCollisions, np.ndarray]:
@@ -140,9 +135,11 @@ class SurfaceBarrier(Term):
         stiffness = np.einsum("ki,ka,kiab,kb->k", squares, normals, blocks[stencils.vertices], normals)
         return ((mass / distances**2 + stiffness) / squares.sum(axis=1))[stencils.owned]
 
-    def max_step(self, x: Positions, direction: np.ndarray, until: float | None = None, keep: float = KEPT) -> float:
+    def max_step(
+        self, x: Positions, direction: np.ndarray, until: float | None = None, gap_share: float = MIN_GAP_SHARE
+    ) -> float:
         return self.surface.max_step(
-            self.surface.vertices(x), self.surface.vertices(x.moved(1.0, direction), at=until), keep
+            self.surface.vertices(x), self.surface.vertices(x.moved(1.0, direction), at=until), gap_share
         )
 
     def count(self, x: Positions) -> int:

@@ -16,11 +16,11 @@ from pdvol.potentials.assembly.hessian_blocks import HessianBlocks
 from pdvol.potentials.contact.candidates import ContactCandidates
 from pdvol.potentials.contact.collision_mesh import CollisionMesh
 from pdvol.potentials.contact.stencils import Stencils, normal_stencils
-from pdvol.potentials.potential import KEPT, Positions
+from pdvol.potentials.potential import MIN_GAP_SHARE, Positions
 
 NARROW_PHASES = {
-    "additive": lambda keep: ipctk.AdditiveCCD(max_iterations=10_000, conservative_rescaling=1.0 - keep),
-    "tight-inclusion": lambda keep: ipctk.TightInclusionCCD(tolerance=1e-6, max_iterations=1_000_000),
+    "additive": lambda gap_share: ipctk.AdditiveCCD(max_iterations=10_000, conservative_rescaling=1.0 - gap_share),
+    "tight-inclusion": lambda gap_share: ipctk.TightInclusionCCD(tolerance=1e-6, max_iterations=1_000_000),
 }
 """Continuous collision detection by name, as a function of the share of each gap that is kept.
 
@@ -124,7 +124,7 @@ class CollisionSurface:
         placed = [o.at(time) for o in self.obstacles]
         return np.concatenate(placed) if placed else np.zeros((0, self.space.dim))
 
-    def place(self, time: float) -> bool:
+    def move_obstacles(self, time: float) -> bool:
         """Puts the obstacles where they are at `time` [s]. Returns whether any of them moved."""
         positions = self._obstacles_at(time)
         changed = not np.array_equal(positions, self.obstacle_positions)
@@ -148,9 +148,9 @@ class CollisionSurface:
         """Candidates among which are all pairs nearer than the reach at the collision mesh's positions (n, d)."""
         return self._with_oriented_edges(self.candidates.at(vertices))
 
-    def max_step(self, start: np.ndarray, end: np.ndarray, keep: float = KEPT) -> float:
+    def max_step(self, start: np.ndarray, end: np.ndarray, gap_share: float = MIN_GAP_SHARE) -> float:
         """Largest step in [0, 1] along straight paths from start to end (n, d) at which all pairs of this rank stay
-        apart and keep at least the share `keep` of their gap.
+        apart and keep at least the share `gap_share` of their gap.
         """
         pairs = self._with_oriented_edges(self.candidates.along(start, end))
         if pairs.empty():
@@ -161,10 +161,10 @@ class CollisionSurface:
                 vertices_t0=start,
                 vertices_t1=end,
                 min_distance=0.0,
-                narrow_phase_ccd=self._narrow_phase(keep),
+                narrow_phase_ccd=self._narrow_phase(gap_share),
             )
         )
-        return (1.0 - keep) * step if self._stops_at_contact and step < 1.0 else step
+        return (1.0 - gap_share) * step if self._stops_at_contact and step < 1.0 else step
 
     def rows_of(self, values: np.ndarray) -> np.ndarray:
         """(n_owned, d) rows of the level from values (n d,) of the collision mesh; zero away from the surface. Sums

@@ -32,12 +32,12 @@ class SurfaceFriction(Term):
         self.barrier, self.surface, self.space = barrier, barrier.surface, barrier.space
         self.mu, self.eps_v = mu, eps_v
 
-    def begin_step(self, x_t: Positions, t0: float, t1: float) -> None:
+    def begin_step(self, x_t: Positions, t0: float, t1: float, x_hat: Positions | None = None) -> None:
         self._start = self.surface.vertices(x_t, at=t0)
         self._eps = self.eps_v * (t1 - t0)
-        self.lag(x_t)
+        self.update_lag(x_t)
 
-    def lag(self, x: Positions) -> None:
+    def update_lag(self, x: Positions) -> None:
         stencils, gaps = self.barrier.stencils(x)
         distances = np.linalg.norm(gaps, axis=1)
         pressures = barrier_law.pressure(
@@ -51,7 +51,7 @@ class SurfaceFriction(Term):
         self._count = len(stencils.weights)
 
     @property
-    def rubs(self) -> bool:
+    def has_friction(self) -> bool:
         return self._count > 0
 
     def _slip(self, x: Positions) -> tuple[np.ndarray, np.ndarray]:

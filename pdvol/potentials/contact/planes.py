@@ -15,7 +15,7 @@ from pdvol.levels.space import LevelSpace
 from pdvol.potentials.assembly.hessian_blocks import HessianBlocks
 from pdvol.potentials.contact import barrier_law
 from pdvol.potentials.contact import friction_law as smooth_friction
-from pdvol.potentials.potential import KEPT, Positions, Term
+from pdvol.potentials.potential import MIN_GAP_SHARE, Positions, Term
 
 
 def boundary_areas(mesh: LevelMesh) -> np.ndarray:
@@ -51,18 +51,18 @@ class HalfSpaceBarrier(Term):
         areas = boundary_areas(space.mesh)[space.owned_points]
         self.vertices = np.flatnonzero(areas > 0)
         self.areas = areas[self.vertices] if weighted else np.ones(len(self.vertices))
-        self.place(0.0)
+        self.move_obstacles(0.0)
 
     def _planes_at(self, time: float) -> tuple[np.ndarray, np.ndarray]:
         points, normals = zip(*(plane.plane_at(time) for plane in self.planes), strict=True)
         return np.array(points), np.array(normals)
 
-    def place(self, time: float) -> None:
+    def move_obstacles(self, time: float) -> None:
         self.points, self.normals = self._planes_at(time)
         self._at: Positions | None = None
 
-    def begin_step(self, x_t: Positions, t0: float, t1: float) -> None:
-        self.place(t0)
+    def begin_step(self, x_t: Positions, t0: float, t1: float, x_hat: Positions | None = None) -> None:
+        self.move_obstacles(t0)
 
     def gaps(self, x: Positions, at: float | None = None) -> np.ndarray:
         """(planes, surface vertices) distances [m], negative behind a plane; planes as placed, or as they are `at` a
@@ -116,13 +116,15 @@ class HalfSpaceBarrier(Term):
         point, n = self.space.owned_points[self.vertices[vertex]], self.normals[plane]
         return masses[point] / gap**2 + np.einsum("ki,kij,kj->k", n, blocks[point], n)
 
-    def max_step(self, x: Positions, direction: np.ndarray, until: float | None = None, keep: float = KEPT) -> float:
+    def max_step(
+        self, x: Positions, direction: np.ndarray, until: float | None = None, gap_share: float = MIN_GAP_SHARE
+    ) -> float:
         # A plane's gaps are taken to close at a constant rate: exact for translations. For rotations Newton's next
         # iterate is checked again.
         gaps = self.gaps(x)
         approach = gaps - self.gaps(x.moved(1.0, direction), at=until)
         with np.errstate(divide="ignore", invalid="ignore"):
-            step = np.where(approach > 0.0, (1.0 - keep) * np.maximum(gaps, 0.0) / approach, 1.0)
+            step = np.where(approach > 0.0, (1.0 - gap_share) * np.maximum(gaps, 0.0) / approach, 1.0)
         return float(min(1.0, step.min(initial=1.0)))
 
     def min_gap(self, x: Positions) -> float:
@@ -150,16 +152,16 @@ class HalfSpaceFriction(Term):
         self._bodies = barrier.space.mesh.point_bodies[barrier.space.owned_points][barrier.vertices]
         self._mu = np.broadcast_to(mu, (len(barrier.planes), int(barrier.space.mesh.point_bodies.max()) + 1))
 
-    def begin_step(self, x_t: Positions, t0: float, t1: float) -> None:
+    def begin_step(self, x_t: Positions, t0: float, t1: float, x_hat: Positions | None = None) -> None:
         self._x_t = x_t.owned
         self._eps = self.eps_v * (t1 - t0)
         self._carried = []
         for plane in self.barrier.planes:
             moves = lambda at, plane=plane: plane.motion(np.atleast_2d(at), t1) - plane.motion(np.atleast_2d(at), t0)
             self._carried.append(moves)
-        self.lag(x_t)
+        self.update_lag(x_t)
 
-    def lag(self, x: Positions) -> None:
+    def update_lag(self, x: Positions) -> None:
         plane, vertex, force = self.barrier.forces(x)
         self._vertices = self.barrier.vertices[vertex]
         self._normals = self.barrier.normals[plane]
@@ -170,7 +172,7 @@ class HalfSpaceFriction(Term):
             self._ground[on] = moves(self._x_t[self._vertices[on]]) if on.any() else 0.0
 
     @property
-    def rubs(self) -> bool:
+    def has_friction(self) -> bool:
         return len(self._force) > 0
 
     def _slip(self, x: Positions) -> tuple[np.ndarray, np.ndarray]:

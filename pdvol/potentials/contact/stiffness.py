@@ -59,7 +59,7 @@ class AdaptiveStiffness:
         self.upper = np.inf
 
     def begin_step(self, x_t: Positions, x_hat: np.ndarray, weight: float) -> None:
-        """Sets the contacts' stiffness for the step from x_t to x_hat (n_owned, d) with this weight [s^2]. Collective."""
+        """Sets the stiffness for the step from x_t to x_hat (n_owned, d) of this weight [s^2]. Collective."""
         scale = self.dhat**3 / weight
         for term in self.contacts:
             term.kappa = scale
