@@ -75,7 +75,7 @@ def test_signals_reach_the_command(name):
         try:
             assert int(process.stdout.readline()) == process.pid
             process.send_signal(getattr(signal, name))
-            assert process.wait(20) == {"SIGTERM": 5, "SIGINT": 6}[name]
+            assert process.wait(SAFETY) == {"SIGTERM": 5, "SIGINT": 6}[name]
         finally:
             process.kill()
 

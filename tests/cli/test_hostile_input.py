@@ -73,9 +73,15 @@ def mutated(data: bytes, rng: random.Random) -> bytes:
     return bytes(bits)
 
 
+def seconds_of_processor() -> float:
+    """Of this process and its children that have ended: other programs on the machine do not count."""
+    spent = os.times()
+    return spent.user + spent.system + spent.children_user + spent.children_system
+
+
 def answer(path) -> str:
     """What reading a file comes to, held to the limits."""
-    begin = time.monotonic()
+    begin = seconds_of_processor()
     try:
         shape = read_shape(path)
         told = type(shape).__name__
@@ -88,7 +94,7 @@ def answer(path) -> str:
     assert used < max(MEGABYTES, 1.2 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024 + MEGABYTES), (
         "a child took too much"
     )
-    assert time.monotonic() - begin < 5 * SECONDS, "10 s of an idle machine"
+    assert seconds_of_processor() - begin < 2 * SECONDS
     return told
 
 

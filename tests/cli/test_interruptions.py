@@ -9,23 +9,25 @@ import shutil
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import numpy as np
 import pytest
 from cli_scenes import FALL, SQUARE, pdvol, write
 from commands import SAFETY, WITHOUT_PICTURE
+from killing import HELPERS
 
 from pdvol import open_run
 
-RUN = """
+RUN = f"""
 import sys
-from pathlib import Path
+sys.path.insert(0, {HELPERS!r})
+from killing import FileOperations
 from pdvol.runs.runner import run_scene
 from pdvol.runs.scene_file import load_shot
-print("ready", flush=True)
+operations = FileOperations(sys.argv[1], int(sys.argv[2]))
 run_scene(load_shot("clutter.py"), sys.argv[1], resume=True)
+print(operations.count)
 """
 CLUTTER = (
     SQUARE
@@ -63,45 +65,37 @@ def kept(run: Path) -> dict:
 
 @pytest.fixture(scope="module")
 def clutter(tmp_path_factory):
-    """A scene file, and its run that nothing interrupted with the seconds it took."""
+    """A scene file, and its run that nothing interrupted with the number of its file operations."""
     folder = tmp_path_factory.mktemp("clutter")
     write(folder / "clutter.py", CLUTTER)
-    with started(folder, "whole") as process:
-        begin = time.monotonic()
-        assert process.wait(200) == 0, process.stderr.read()
-        seconds = time.monotonic() - begin
+    done = simulated(folder, "whole")
+    assert done.returncode == 0, done.stderr
     whole = open_run(folder / "whole")
     assert [level.steps for level in whole.levels] == [13, 13] and max(r["contacts"] for r in whole.levels[1].log) > 3
-    return folder, seconds
+    return folder, int(done.stdout)
 
 
-def started(folder: Path, out: str) -> subprocess.Popen:
-    """A process that simulates, or goes on, and has loaded its libraries."""
-    process = subprocess.Popen(
-        [sys.executable, "-c", RUN, out], cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+def simulated(folder: Path, out: str, deadly: int = 0) -> subprocess.CompletedProcess:
+    """A process that simulates, or goes on, until it is killed before the file operation of number `deadly`, if any."""
+    return subprocess.run(
+        [sys.executable, "-c", RUN, out, str(deadly)], cwd=folder, capture_output=True, text=True, timeout=SAFETY
     )
-    assert process.stdout.readline() == "ready\n", process.stderr.read()
-    return process
 
 
-def killed_at_random(folder: Path, seconds: float, instants: int, kills: int, seed: int) -> list[str]:
-    """Kills runs at random instants, `kills` times each, and goes on until they are done, all compared with the whole
-    one; what the kills left.
+def killed_at_random(folder: Path, operations: int, instants: int, kills: int, seed: int) -> list[str]:
+    """Kills runs before random file operations, `kills` times each, and goes on until they are done, all compared with
+    the whole one; what the kills left.
     """
     rng, found = np.random.default_rng(seed), []
     expected = kept(folder / "whole")
     for instant in range(instants):
         out, interrupted = folder / f"run{instant}", 0
         while True:
-            with started(folder, out.name) as process:
-                try:
-                    _, told = process.communicate(
-                        timeout=rng.uniform(0.0, 0.9) * seconds if interrupted < kills else 200
-                    )
-                    assert process.returncode == 0, told
-                    break
-                except subprocess.TimeoutExpired:
-                    process.send_signal(signal.SIGKILL)
+            deadly = int(rng.integers(1, operations // kills)) if interrupted < kills else 0
+            done = simulated(folder, out.name, deadly)
+            if done.returncode != -signal.SIGKILL:  # the end, or fewer operations were left
+                assert done.returncode == 0, done.stderr
+                break
             interrupted += 1
             found.append(state_of(out))
         assert kept(out) == expected, f"instant {instant}, killed {interrupted} times"
@@ -132,14 +126,14 @@ def state_of(out: Path) -> str:
 
 
 def test_killed_at_random_instants(clutter):
-    folder, seconds = clutter
-    assert killed_at_random(folder, seconds, 4, 1, seed=1)
+    folder, operations = clutter
+    assert len(killed_at_random(folder, operations, 2, 2, seed=1)) == 4
 
 
 @pytest.mark.slow
 def test_killed_at_fifty_random_instants(clutter):
-    folder, seconds = clutter
-    found = killed_at_random(folder, seconds, 50, 2, seed=2)
+    folder, operations = clutter
+    found = killed_at_random(folder, operations, 50, 2, seed=2)
     assert len(found) >= 50 and {"level 0", "level 1"} <= set(found), found
 
 
@@ -256,11 +250,11 @@ def test_a_read_only_folder(tmp_path, disk, capfd):
 
 
 HOLD = """
-import sys, time
+import sys
 from pdvol.store.writer import RunWriter
 with RunWriter.open(sys.argv[1]):
     print("held", flush=True)
-    time.sleep(100)
+    sys.stdin.read()
 """
 
 
@@ -270,7 +264,7 @@ def test_a_second_process_is_refused_and_a_stale_lock_is_not(tmp_path):
     assert pdvol("run", tmp_path / "fall.py", "--levels", 0, "--steps", 1, "--out", tmp_path / "run") == 0
     words = ["run", "fall.py", "--steps", "2", "--out", "run", "--resume"]
     with subprocess.Popen(
-        [sys.executable, "-c", HOLD, str(tmp_path / "run")], stdout=subprocess.PIPE, text=True
+        [sys.executable, "-c", HOLD, str(tmp_path / "run")], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
     ) as holder:
         assert holder.stdout.readline() == "held\n"
         before = kept(tmp_path / "run")

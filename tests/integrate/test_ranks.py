@@ -19,7 +19,7 @@ SAME = 1e-6  # of the scene's size, over the first 20 steps with the direct solv
         (3, 2, "convergent"),
         (2, 3, "classic"),
         pytest.param(3, 2, "semi-implicit", marks=pytest.mark.slow),
-        (3, 4, "convergent"),
+        pytest.param(3, 4, "convergent", marks=pytest.mark.slow),  # more ranks than two: in 2D; 3D: on two
     ],
 )
 def test_one_rank_and_more_agree(d, ranks, law, tmp_path):

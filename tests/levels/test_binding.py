@@ -121,28 +121,6 @@ def test_points_without_hits_wait_for_their_neighbours():
     assert report["ray"] > 0 and report["neighbour"] > 0
 
 
-@pytest.mark.parametrize("d", [2, 3])
-@pytest.mark.parametrize("scale", [1e-4, 1.0, 1e3])
-def test_first_hits_agree_with_brute_force(d, scale):
-    rng = np.random.default_rng(1)
-    mesh = box(d, 3, jitter=0.2)
-    mesh = level(mesh.points * scale, mesh.cells)
-    starts, ends = (rng.uniform(-0.5, 1.5, (2, 400, d))) * scale
-    facet, distance = BoundarySearch(mesh, 0).first_hits(starts, ends)
-    corners = mesh.points[mesh.boundary]
-    for start, end, found, reach in zip(starts, ends, facet, distance, strict=True):
-        columns = [np.broadcast_to(start - end, (len(corners), d))] + [
-            corners[:, k] - corners[:, 0] for k in range(1, d)
-        ]
-        solution = np.linalg.solve(np.stack(columns, axis=-1), (start - corners[:, 0])[..., None])[..., 0]
-        t, uv = solution[:, 0], solution[:, 1:]
-        t = np.where((t >= 0) & (t <= 1) & (uv >= 0).all(axis=1) & (uv.sum(axis=1) <= 1), t, np.inf)
-        assert (found >= 0) == np.isfinite(t.min())
-        if found >= 0:
-            assert found == t.argmin()
-            np.testing.assert_allclose(reach, t.min() * np.linalg.norm(end - start), rtol=1e-9)
-
-
 def test_inside_neighbours_without_hits_give_the_nearest_layer(monkeypatch):
     """Without rays, points next to inside points follow the boundary that is reached through the coarse material."""
     fine, coarse, fine_branch, coarse_branch = comb_pair(2)

@@ -8,7 +8,6 @@ from problems import polyline, tetrahedron
 from shapes import box, level, together
 from taylor import hessian_of
 
-from pdvol.geometry.closest_points import segment_distances
 from pdvol.levels.space import LevelSpace
 from pdvol.potentials.assembly.hessian_blocks import sorted_keys
 from pdvol.potentials.contact import barrier_law, candidates
@@ -117,33 +116,6 @@ def test_crushed_edges_push_for_their_area_at_rest():
     """Where they cross at right angles, the energy is that of edges that are not crushed."""
     crossing = [slide(*crushed_edges(size, 0.5 * np.pi, 0))[0][1000] for size in (1.0, 0.6, 0.3, 0.1)]
     np.testing.assert_allclose(crossing, crossing[0], rtol=1e-10)
-
-
-@pytest.mark.parametrize("angle", [0.0, 1e-9, 1e-7, 1e-3, 1.0])
-def test_distances_of_segments(angle):
-    """Of segments of all lengths and places, from parallel to across, some of them nearly points, against a search
-    along them.
-    """
-    rng = np.random.default_rng(3)
-    a, c = rng.uniform(-1, 1, (2, 500, 3))
-    e = rng.standard_normal((500, 3)) * 10.0 ** rng.uniform(-3, 0, (500, 1))
-    f = rng.choice([-3.0, -0.1, 1e-9, 0.5, 2.0], (500, 1)) * (
-        e + angle * np.linalg.norm(e, axis=1)[:, None] * rng.standard_normal((500, 3))
-    )
-    found = segment_distances(a, a + e, c, c + f)
-    low, high = np.zeros(500), np.ones(500)
-    for _ in range(80):  # thirds: the distance of a point on ab to cd is convex in where that point is
-        places = low + (high - low) / 3.0, high - (high - low) / 3.0
-        nearer = np.less(*(distance_to(c, f, a + s[:, None] * e) for s in places))
-        low, high = np.where(nearer, low, places[0]), np.where(nearer, places[1], high)
-    expected = distance_to(c, f, a + low[:, None] * e)
-    assert np.all(found >= expected - 1e-7)
-    assert np.all(found <= expected + 1e-6 * np.linalg.norm(e, axis=1) + 1e-9)
-
-
-def distance_to(c, f, p):
-    t = np.clip(np.einsum("kd,kd->k", p - c, f) / np.einsum("kd,kd->k", f, f), 0.0, 1.0)
-    return np.linalg.norm(p - c - t[:, None] * f, axis=1)
 
 
 def test_pairs_of_edges_that_are_far_apart_are_dropped():

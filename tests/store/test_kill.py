@@ -3,11 +3,12 @@
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import numpy as np
 import runs
+from commands import SAFETY
+from killing import HELPERS
 
 from pdvol.errors import InputError
 from pdvol.store.writer import RunWriter, open_run
@@ -18,8 +19,9 @@ VERTICES = 400
 _WRITE = """
 import sys; sys.path[:0] = {folders!r}
 import test_kill, runs
+from killing import FileOperations
 from pdvol.store.writer import RunWriter
-print("ready", flush=True)
+FileOperations({run!r}, {deadly})
 with RunWriter.open({run!r}) as writer:
     while True:
         step = writer.steps(0)
@@ -29,10 +31,12 @@ with RunWriter.open({run!r}) as writer:
 _CREATE = """
 import sys; sys.path[:0] = {folders!r}
 import runs, test_store
+from killing import FileOperations
 from pdvol.store.writer import RunWriter
 meshes = runs.level_meshes(2, (60, 2000, 6000))
-print("ready", flush=True)
+operations = FileOperations({run!r}, {deadly})
 RunWriter.create({run!r}, test_store.INFO, meshes, ["a", "b"])
+print(operations.count)
 """
 
 
@@ -41,14 +45,10 @@ def state(step: int) -> np.ndarray:
     return np.random.default_rng(step).normal(size=(VERTICES, 2))
 
 
-def killed_after(seconds: float, program: str, run: Path) -> None:
-    """Start a program, wait until it has said "ready" and `seconds` more, and kill it."""
-    folders = [str(Path(file).parent) for file in (__file__, runs.__file__)]
-    code = program.format(folders=folders, run=str(run))
-    with subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True) as process:
-        assert process.stdout.readline() == "ready\n"
-        time.sleep(seconds)
-        process.send_signal(signal.SIGKILL)
+def ended(program: str, run: Path, deadly: int) -> subprocess.CompletedProcess:
+    """A program that was killed before a file operation, or has come to its end."""
+    code = program.format(folders=[str(Path(__file__).parent), HELPERS], run=str(run), deadly=deadly)
+    return subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=SAFETY)
 
 
 def test_states_survive_kills(tmp_path):
@@ -57,10 +57,9 @@ def test_states_survive_kills(tmp_path):
     labels = np.zeros(len(cells), np.int32)
     path = tmp_path / "run"
     RunWriter.create(path, {"dt": 0.1, "steps": 10**6}, [runs.LevelMesh(points, cells, labels, labels)], ["a"]).close()
-    waits = np.random.default_rng(7).uniform(0.02, 0.15, KILLS)
     found, checked = 0, 0
-    for wait in waits:
-        killed_after(wait, _WRITE, path)
+    for deadly in np.random.default_rng(7).integers(40, 120, KILLS):
+        assert ended(_WRITE, path, deadly).returncode == -signal.SIGKILL
         level = open_run(path).levels[0]
         assert level.steps >= found
         found = level.steps
@@ -75,9 +74,11 @@ def test_states_survive_kills(tmp_path):
 
 def test_a_creation_that_was_killed_can_be_repeated(tmp_path):
     seen = set()
-    for i, wait in enumerate(np.linspace(0.0, 0.03, 6)):
+    whole = ended(_CREATE, tmp_path / "whole", 0)
+    assert whole.returncode == 0, whole.stderr
+    for i, deadly in enumerate(np.linspace(1, int(whole.stdout), 6).astype(int)):
         path = tmp_path / f"run{i}"
-        killed_after(wait, _CREATE, path)
+        assert ended(_CREATE, path, deadly).returncode == -signal.SIGKILL
         try:
             open_run(path)
             seen.add("whole")
