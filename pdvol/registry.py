@@ -148,9 +148,9 @@ serve the direct march.
 CONTACT_LAWS = Registry(
     "contact law",
     {
-        "convergent": Entry("pdvol.potentials.contact.barrier:SurfaceBarrier"),  # its stiffness is given by the scene
-        "classic": Entry("pdvol.potentials.contact.stiffness:AdaptiveStiffness"),
-        "semi-implicit": Entry("pdvol.potentials.contact.stiffness:SemiImplicitStiffness"),
+        "convergent": Entry("pdvol.potentials.contact.laws:Convergent"),
+        "classic": Entry("pdvol.potentials.contact.laws:Classic"),
+        "semi-implicit": Entry("pdvol.potentials.contact.laws:SemiImplicit"),
     },
 )
 """What finds the barrier's stiffness; the first one is the default."""

@@ -165,7 +165,7 @@ def level_model(
     Parameters
     ----------
     diagonal : of the scene [m], for relative lengths
-    obstacles : of the scene (`scene_obstacles`)
+    obstacles : of the scene (`placed_obstacles`)
     materials : of the level's cells; where not given, as if the level were the coarsest
 
     Raises
@@ -174,6 +174,7 @@ def level_model(
         A function of the scene fails, or a support or a load holds no vertex.
     """
     materials = cell_materials(scene, mesh) if materials is None else materials
+    names = tuple(body.name for body in scene.bodies)
     supports = []
     for support in scene.supports:
         mask = supported_points(scene, support, mesh, level)
@@ -186,13 +187,13 @@ def level_model(
     return LevelModel(
         level=level,
         mesh=mesh,
-        bodies=tuple(body.name for body in scene.bodies),
+        bodies=names,
         materials=materials,
         velocity=initial_velocity(scene, mesh),
         loads=tuple(loads),
         supports=tuple(supports),
         obstacles=tuple(obstacles),
-        contact=_contact(scene, obstacles, diagonal, materials.softest),
+        contact=contact_models(scene.contact, names, obstacles, diagonal, materials.softest),
         penalty=scene.penalty,
         integrator=scene.integrator,
         solver=replace(scene.solver, tolerance=metres(scene.solver.tolerance, diagonal)),
@@ -213,8 +214,21 @@ def hierarchy_model(
     return level_model(scene, hierarchy[level].mesh, level, diagonal, obstacles, materials)
 
 
-def _contact(scene: Scene, obstacles: Sequence[Obstacle], diagonal: float, softest: float) -> tuple[ContactModel, ...]:
-    bodies = [body.name for body in scene.bodies]
+def contact_models(
+    contact: Sequence[Barrier | Friction],
+    bodies: Sequence[str],
+    obstacles: Sequence[Obstacle],
+    diagonal: float,
+    softest: float,
+) -> tuple[ContactModel, ...]:
+    """The barrier of a scene with its friction; empty where it has none.
+
+    Parameters
+    ----------
+    bodies : their names
+    diagonal : of the scene [m]
+    softest : the lowest Young's modulus [Pa]
+    """
     planes, surfaces = ([o.name for o in obstacles if (o.kind == "plane") == flat] for flat in (True, False))
     frictions = tuple(
         FrictionModel(
@@ -224,12 +238,12 @@ def _contact(scene: Scene, obstacles: Sequence[Obstacle], diagonal: float, softe
             iterations=f.iterations,
             tolerance=f.tolerance,
         )
-        for f in scene.contact
+        for f in contact
         if isinstance(f, Friction)
     )
     return tuple(
         ContactModel(metres(b.dhat, diagonal), b.stiffness * softest, b.law, b.ccd, frictions)
-        for b in scene.contact
+        for b in contact
         if isinstance(b, Barrier)
     )
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from pdvol.errors import InputError
 from pdvol.meshing.build import read_obstacle
-from pdvol.scene import Motion, Plane, Rigid, Scene, Still, moved
+from pdvol.scene import Motion, Plane, Rigid, Still, moved
 
 Geometry = tuple[np.ndarray, np.ndarray, np.ndarray]
 """Vertices (k, d) [m], edges (e, 2) and faces (f, 3) of a rigid obstacle at rest."""
@@ -73,29 +73,31 @@ class Obstacle:
         return f"Obstacle({self.name!r}, {self.kind}, {len(self.vertices)} vertices)"
 
 
-def read_geometry(scene: Scene) -> list[Geometry]:
-    """The geometry of each `Rigid` of a scene, in order; arrays, which ranks can send each other. Serial."""
-    return [read_obstacle(o) for o in scene.obstacles if isinstance(o, Rigid)]
+def read_geometry(obstacles: Sequence[Plane | Rigid]) -> list[Geometry]:
+    """The geometry of each `Rigid`, in order; arrays, which ranks can send each other. Serial."""
+    return [read_obstacle(o) for o in obstacles if isinstance(o, Rigid)]
 
 
-def scene_obstacles(scene: Scene, geometry: Sequence[Geometry] | None = None) -> tuple[Obstacle, ...]:
-    """The obstacles of a scene, in its order. Serial.
+def placed_obstacles(
+    obstacles: Sequence[Plane | Rigid], geometry: Sequence[Geometry] | None = None
+) -> tuple[Obstacle, ...]:
+    """The obstacles of a scene with their geometry, in its order. Serial.
 
     Parameters
     ----------
-    geometry : of each `Rigid` of the scene, in order; read from their shapes where not given
+    geometry : of each `Rigid`, in order; read from their shapes where not given
 
     Raises
     ------
     InputError
         A shape cannot be read, or `geometry` has another length.
     """
-    shapes = read_geometry(scene) if geometry is None else list(geometry)
-    rigid = sum(isinstance(o, Rigid) for o in scene.obstacles)
+    shapes = read_geometry(obstacles) if geometry is None else list(geometry)
+    rigid = sum(isinstance(o, Rigid) for o in obstacles)
     if rigid != len(shapes):
         raise InputError(f"{len(shapes)} obstacle meshes for {rigid} rigid obstacles; give one for each")
     remaining = iter(shapes)
-    return tuple(plane_obstacle(o) if isinstance(o, Plane) else _rigid(o, next(remaining)) for o in scene.obstacles)
+    return tuple(plane_obstacle(o) if isinstance(o, Plane) else _rigid(o, next(remaining)) for o in obstacles)
 
 
 def plane_obstacle(plane: Plane) -> Obstacle:

@@ -117,7 +117,9 @@ def _simplified(curve: np.ndarray, h: float) -> np.ndarray:
     """Indices of the points that a polyline keeps within `COLLINEAR_TOLERANCE` edge lengths."""
     if len(curve) < 3:
         return np.arange(len(curve))
-    return np.asarray(igl.ramer_douglas_peucker(np.ascontiguousarray(curve), COLLINEAR_TOLERANCE * h)[1], dtype=np.int64)
+    return np.asarray(
+        igl.ramer_douglas_peucker(np.ascontiguousarray(curve), COLLINEAR_TOLERANCE * h)[1], dtype=np.int64
+    )
 
 
 def _resampled(loops: list[np.ndarray], h: float, name: str) -> list[np.ndarray]:

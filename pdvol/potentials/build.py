@@ -5,12 +5,36 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pdvol.levels.model import LevelModel
+from pdvol.levels.model import ContactModel, LevelModel
+from pdvol.levels.obstacles import Obstacle
 from pdvol.levels.space import LevelSpace
 from pdvol.potentials.consistency import Consistency, Guide
 from pdvol.potentials.elasticity import elastic_terms
 from pdvol.potentials.loads import assemble_mass, load_terms
 from pdvol.potentials.potential import ContactPotential, Potential
+from pdvol.registry import CONTACT_LAWS
+
+
+@dataclass(frozen=True, eq=False)
+class Surroundings:
+    """What a contact law may choose its stiffness by.
+
+    Attributes
+    ----------
+    space : LevelSpace
+    mass : (n_owned, d) [kg]
+    elastic, loads, contacts : potentials
+    dhat : activation distance [m]
+    diagonal : of the scene [m]
+    """
+
+    space: LevelSpace
+    mass: np.ndarray
+    elastic: tuple[Potential, ...]
+    loads: tuple[Potential, ...]
+    contacts: tuple[ContactPotential, ...]
+    dhat: float
+    diagonal: float
 
 
 @dataclass(frozen=True)
@@ -39,45 +63,38 @@ def build_terms(model: LevelModel, space: LevelSpace, guides: Sequence[Guide] = 
     guides : what holds the level to the coarser one, if anything
     """
     mass = assemble_mass(space, model.materials.density)
-    contacts, frictions = _contact(model, space)
+    contacts, frictions = contact_terms(model.contact, model.obstacles, space)
     elastic = elastic_terms(space, model.materials)
     loads = load_terms(model.loads, space, model.materials.density, mass)
     held = tuple(Consistency(space, mass, guide) for guide in guides)
-    rules = _stiffness_rules(model, space, mass, elastic, loads, contacts)
+    rules: tuple = ()
+    for contact in model.contact:
+        found = Surroundings(space, mass, elastic, loads, contacts, contact.dhat, model.diagonal)
+        rules += CONTACT_LAWS[contact.law].rules(found)
     return Terms(mass, (*elastic, *loads, *contacts, *frictions, *held), contacts, rules)
 
 
-def _stiffness_rules(model: LevelModel, space: LevelSpace, mass: np.ndarray, elastic, loads, contacts) -> tuple:
-    rules = []
-    for contact in model.contact:
-        if contact.law == "convergent":
-            continue
-        from pdvol.potentials.contact.stiffness import AdaptiveStiffness, SemiImplicitStiffness
-
-        if contact.law == "classic":
-            others = (*elastic, *loads)
-            rules.append(AdaptiveStiffness(space, others, contacts, mass, contact.dhat, model.diagonal))
-        else:
-            rules.append(SemiImplicitStiffness(space, elastic, contacts, mass, contact.dhat))
-    return tuple(rules)
-
-
-def _contact(model: LevelModel, space: LevelSpace) -> tuple[tuple[ContactPotential, ...], tuple[Potential, ...]]:
+def contact_terms(
+    models: Sequence[ContactModel], obstacles: Sequence[Obstacle], space: LevelSpace
+) -> tuple[tuple[ContactPotential, ...], tuple[Potential, ...]]:
+    """The terms of barriers and of friction. Collective."""
     contacts: list[ContactPotential] = []
     frictions: list[Potential] = []
-    planes, surfaces = (tuple(o for o in model.obstacles if (o.kind == "plane") == flat) for flat in (True, False))
-    for contact in model.contact:
-        weighted = contact.law == "convergent"
+    planes, surfaces = (tuple(o for o in obstacles if (o.kind == "plane") == flat) for flat in (True, False))
+    for contact in models:
+        weighted = CONTACT_LAWS[contact.law].weighted
         if planes:
             from pdvol.potentials.contact.planes import HalfSpaceBarrier, HalfSpaceFriction
 
-            contacts.append(HalfSpaceBarrier(space, planes, contact.dhat, contact.kappa, weighted))
-            frictions += [HalfSpaceFriction(contacts[-1], f.mu_planes, f.eps_v) for f in contact.friction]
+            half_spaces = HalfSpaceBarrier(space, planes, contact.dhat, contact.kappa, weighted)
+            contacts.append(half_spaces)
+            frictions += [HalfSpaceFriction(half_spaces, f.mu_planes, f.eps_v) for f in contact.friction]
         from pdvol.potentials.contact.barrier import SurfaceBarrier
         from pdvol.potentials.contact.collision_surface import CollisionSurface
         from pdvol.potentials.contact.friction import SurfaceFriction
 
         surface = CollisionSurface(space, surfaces, contact.dhat, contact.ccd)
-        contacts.append(SurfaceBarrier(surface, contact.dhat, contact.kappa, weighted))
-        frictions += [SurfaceFriction(contacts[-1], f.mu_surfaces, f.eps_v) for f in contact.friction]
+        barrier = SurfaceBarrier(surface, contact.dhat, contact.kappa, weighted)
+        contacts.append(barrier)
+        frictions += [SurfaceFriction(barrier, f.mu_surfaces, f.eps_v) for f in contact.friction]
     return tuple(contacts), tuple(frictions)

@@ -16,15 +16,13 @@ from petsc4py import PETSc
 
 from pdvol.errors import InputError, IntersectionError
 from pdvol.geometry.crossings import find_crossings
+from pdvol.levels.model import contact_models
+from pdvol.levels.obstacles import Obstacle, placed_obstacles, read_geometry
 from pdvol.levels.space import LevelSpace
-from pdvol.meshing.build import read_obstacle
 from pdvol.parallel import on_root
 from pdvol.potentials.assembly.block_pattern import BlockPattern
 from pdvol.potentials.assembly.hessian_blocks import HessianBlocks
-from pdvol.potentials.contact.barrier import SurfaceBarrier
-from pdvol.potentials.contact.collision_surface import CollisionSurface, Obstacle
-from pdvol.potentials.contact.friction import SurfaceFriction
-from pdvol.potentials.contact.planes import HalfSpaceBarrier, HalfSpaceFriction
+from pdvol.potentials.build import contact_terms
 from pdvol.potentials.potential import Positions
 from pdvol.scene import Barrier, Friction, Plane, Rigid, metres
 from pdvol.scene.checks import finite, positive
@@ -100,19 +98,8 @@ class Contact:
         self._blocks = HessianBlocks(BlockPattern(self._space))
         nobody = np.zeros(self._space.n_owned, dtype=bool)  # supported rows are the user's to eliminate
         self._matrix: Any = SystemMatrix(self._space, nobody)
-        planes = tuple(o for o in obstacles if isinstance(o, Plane))
-        rigid = tuple(o for o in obstacles if isinstance(o, Rigid))
-        shapes = on_root(V.mesh.comm, lambda: [read_obstacle(o) for o in rigid])
-        widths = [(p.name, len(p.point)) for p in planes]
-        widths += [(o.name, shape[0].shape[1]) for o, shape in zip(rigid, shapes, strict=True)]
-        for name, width in widths:
-            if width != d:
-                raise InputError(f"obstacle {name!r} is {width}D, the mesh is {d}D")
-        placed = tuple(
-            Obstacle(vertices, edges, faces, o.motion, o.name)
-            for (vertices, edges, faces), o in zip(shapes, rigid, strict=True)
-        )
-        self._make_terms(barrier, friction, planes, placed, diagonal)
+        geometry = on_root(V.mesh.comm, lambda: read_geometry(obstacles))
+        self._make_terms(barrier, friction, placed_obstacles(obstacles, geometry), diagonal, float(young))
 
     @staticmethod
     def _check_kinds(barrier: Barrier, friction: Friction | None, obstacles: Sequence[Plane | Rigid]) -> None:
@@ -133,25 +120,22 @@ class Contact:
         self,
         barrier: Barrier,
         friction: Friction | None,
-        planes: tuple[Plane, ...],
-        rigid: tuple[Obstacle, ...],
+        obstacles: tuple[Obstacle, ...],
         diagonal: float,
+        young: float,
     ) -> None:
-        surface = CollisionSurface(self._space, rigid, self.dhat, barrier.ccd)
-        self._surface = SurfaceBarrier(surface, self.dhat, self.kappa)
-        self._planes = HalfSpaceBarrier(self._space, planes, self.dhat, self.kappa) if planes else None
-        self._contacts = (self._surface, *((self._planes,) if self._planes else ()))
-        self._frictions: tuple = ()
-        if friction is not None:
-            eps_v = metres(friction.eps_v, diagonal)
-            parties, grounds = [*self.bodies, *(o.name for o in rigid)], [plane.name for plane in planes]
-            unknown = {name for one, other, _ in friction.triples for name in (one, other)} - {*parties, *grounds}
-            if unknown:
-                raise InputError(f"Friction.pairs names {sorted(unknown)[0]!r}; there are {[*parties, *grounds]}")
-            matrix = lambda ones, others: np.array([[friction.between(a, b) for b in others] for a in ones])
-            self._frictions = (SurfaceFriction(self._surface, matrix(parties, parties), eps_v),)
-            if self._planes is not None:
-                self._frictions += (HalfSpaceFriction(self._planes, matrix(grounds, self.bodies), eps_v),)
+        for obstacle in obstacles:
+            if obstacle.vertices.shape[1] != self._space.dim:
+                dim, given = self._space.dim, obstacle.vertices.shape[1]
+                raise InputError(f"obstacle {obstacle.name!r} is {given}D, the mesh is {dim}D")
+        names = [*self.bodies, *(obstacle.name for obstacle in obstacles)]
+        unknown = {name for one, other, _ in (friction.triples if friction else ()) for name in (one, other)} - {*names}
+        if unknown:
+            raise InputError(f"Friction.pairs names {sorted(unknown)[0]!r}; there are {names}")
+        contact = (barrier,) if friction is None else (barrier, friction)
+        models = contact_models(contact, self.bodies, obstacles, diagonal, young)
+        self._contacts, self._frictions = contact_terms(models, obstacles, self._space)
+        self._surface, self._planes = self._contacts[-1], next(iter(self._contacts[:-1]), None)
         self._terms = (*self._contacts, *self._frictions)
 
     def __repr__(self) -> str:

@@ -25,7 +25,7 @@ from pdvol.integrate.stepper import Stepper
 from pdvol.levels.initial_state import Defect, find_defects, smallest_gap
 from pdvol.levels.materials import cell_materials
 from pdvol.levels.model import level_model
-from pdvol.levels.obstacles import scene_obstacles
+from pdvol.levels.obstacles import placed_obstacles
 from pdvol.levels.scene_fields import check_fields, initial_velocity, scene_diagonal
 from pdvol.levels.separation import build_apart
 from pdvol.levels.space import LevelSpace
@@ -73,7 +73,7 @@ def check_scene(scene: Scene, seconds: float = 3.0, out: Path | None = None) -> 
     }
     try:
         result["modelled"] = modelled_terms(scene)
-        obstacles = scene_obstacles(scene)
+        obstacles = placed_obstacles(scene.obstacles)
         meshes = _build_levels(scene, obstacles, result["notes"])
     except InputError as error:
         return {**result, "defects": [f"defect: {error}"]}

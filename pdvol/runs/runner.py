@@ -15,7 +15,7 @@ from pdvol.geometry.level_mesh import LevelMesh
 from pdvol.levels.hierarchy import Hierarchy
 from pdvol.levels.initial_state import check_start
 from pdvol.levels.model import hierarchy_model
-from pdvol.levels.obstacles import read_geometry, scene_obstacles, stored_obstacles
+from pdvol.levels.obstacles import placed_obstacles, read_geometry, stored_obstacles
 from pdvol.levels.scene_fields import check_fields, initial_velocity, scene_diagonal
 from pdvol.levels.separation import build_apart
 from pdvol.parallel import on_root
@@ -82,7 +82,7 @@ def run_scene(
             "--wavefront starts a process per level; leave out mpirun, or run the levels one after the other"
         )
     meshes, kept, geometry, diagonal, mended = on_root(comm, lambda: _prepare(shot, out, last, method, prolongation))
-    obstacles = scene_obstacles(scene, geometry)
+    obstacles = placed_obstacles(scene.obstacles, geometry)
     writer = SharedWriter(
         comm,
         lambda: _open_writer(shot, out, meshes, kept, obstacles, diagonal, method, prolongation, mended),
@@ -160,8 +160,8 @@ def _prepare(
         if run.in_use:
             raise InputError(in_use(out))
         stored = [level.mesh for level in run.levels[: _same_levels(run, shot, last, method, prolongation)]]
-    geometry = read_geometry(scene)
-    obstacles = scene_obstacles(scene, geometry)
+    geometry = read_geometry(scene.obstacles)
+    obstacles = placed_obstacles(scene.obstacles, geometry)
     meshes: Sequence[LevelMesh] = stored
     mended: list[str] = []
     if len(stored) <= last:

@@ -3,7 +3,6 @@ solver.
 """
 
 from collections.abc import Sequence
-from pathlib import Path
 
 import numpy as np
 from mpi4py import MPI
@@ -13,11 +12,11 @@ from pdvol.export.series import StepFields
 from pdvol.integrate.replay import Replay
 from pdvol.levels.hierarchy import Hierarchy
 from pdvol.levels.model import hierarchy_model, level_model
-from pdvol.levels.obstacles import Obstacle, scene_obstacles
+from pdvol.levels.obstacles import Obstacle, placed_obstacles
 from pdvol.levels.space import LevelSpace
 from pdvol.potentials.elasticity import Elastic
 from pdvol.potentials.stress import CauchyStress, von_mises
-from pdvol.runs.scene_file import load_shot, stored_settings
+from pdvol.runs.scene_file import load_shot, stored_file, stored_settings
 from pdvol.scene import Scene
 from pdvol.scene.fingerprint import differences
 from pdvol.store.folder import require_scene
@@ -86,10 +85,8 @@ def stored_scene(run: Run) -> tuple[Scene, tuple[Obstacle, ...]]:
     """
     info = run.info
     require_scene(run.path, info)
-    if not Path(info.get("scene_file", "")).is_file():
-        raise InputError(f"its scene file {info.get('scene_file', '')} is gone")
-    shot = load_shot(info["scene_file"], stored_settings(info["parameters"]), info["steps"])
+    shot = load_shot(stored_file(info), stored_settings(info["parameters"]), info["steps"])
     changed = differences(info["description"], shot.description())
     if changed:
         raise InputError(f"its scene file has changed ({changed[0]})")
-    return shot.scene, scene_obstacles(shot.scene)
+    return shot.scene, placed_obstacles(shot.scene.obstacles)

@@ -22,7 +22,7 @@ from mpi4py import MPI
 from pdvol.errors import PdvolError, SimulationError
 from pdvol.levels.hierarchy import Hierarchy
 from pdvol.levels.model import hierarchy_model
-from pdvol.levels.obstacles import scene_obstacles
+from pdvol.levels.obstacles import placed_obstacles
 from pdvol.processes import die_with_parent, without_launcher
 from pdvol.runs.level_run import Watch, run_level
 from pdvol.runs.scene_file import load_shot, stored_settings
@@ -160,7 +160,7 @@ def _work(path: str, level: int, handle: int) -> None:
         info = run.info
         shot = load_shot(info["scene_file"], stored_settings(info["parameters"]), info["steps"])
         hierarchy = Hierarchy([stored.mesh for stored in run.levels[: level + 1]], MPI.COMM_SELF, info["prolongation"])
-        model = hierarchy_model(shot.scene, hierarchy, level, info["diagonal"], scene_obstacles(shot.scene))
+        model = hierarchy_model(shot.scene, hierarchy, level, info["diagonal"], placed_obstacles(shot.scene.obstacles))
         run_level(model, hierarchy, info["method"], Follower(run, keeper), None)
     except PdvolError as error:
         keeper.send(("error", (error,), {}))

@@ -14,7 +14,7 @@ from commands import SAFETY
 
 import pdvol
 from pdvol.levels.initial_state import check_start
-from pdvol.levels.obstacles import scene_obstacles
+from pdvol.levels.obstacles import placed_obstacles
 from pdvol.measure.verify import verify_run
 from pdvol.meshing.build import build_levels
 from pdvol.runs.runner import run_scene
@@ -30,7 +30,7 @@ def started(name):
     """A scene's levels, once they have been found to start well."""
     scene = stress_scenes.scene(name)
     levels = build_levels(scene)
-    check_start(levels, scene_obstacles(scene), [body.name for body in scene.bodies])
+    check_start(levels, placed_obstacles(scene.obstacles), [body.name for body in scene.bodies])
     return levels
 
 

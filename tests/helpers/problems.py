@@ -9,7 +9,7 @@ from pdvol.integrate.report import StepReport
 from pdvol.integrate.stepper import Stepper
 from pdvol.levels.materials import cell_materials
 from pdvol.levels.model import LevelModel, level_model
-from pdvol.levels.obstacles import scene_obstacles
+from pdvol.levels.obstacles import placed_obstacles
 from pdvol.levels.space import LevelSpace
 from pdvol.potentials.elasticity import elastic_terms
 from pdvol.scene import Body, NeoHookean, Scene, Solver
@@ -36,7 +36,7 @@ def elastic(space, *materials):
 
 def make_model(scene, mesh, obstacles=(), level=0, materials=None, diagonal=1.0) -> LevelModel:
     """A scene on a mesh; `obstacles` is the geometry of its `Rigid` ones."""
-    return level_model(scene, mesh, level, diagonal, scene_obstacles(scene, obstacles), materials)
+    return level_model(scene, mesh, level, diagonal, placed_obstacles(scene.obstacles, obstacles), materials)
 
 
 def make_stepper(scene, mesh, obstacles=(), comm=MPI.COMM_WORLD) -> Stepper:

@@ -10,7 +10,7 @@ from pdvol import Outline, Solid, open_run
 from pdvol.cli import run
 from pdvol.errors import InputError, IntersectionError
 from pdvol.levels.initial_state import check_start
-from pdvol.levels.obstacles import scene_obstacles
+from pdvol.levels.obstacles import placed_obstacles
 from pdvol.levels.separation import build_apart as build_apart_from
 from pdvol.meshing.build import build_levels
 from pdvol.scene import Barrier, Body, NeoHookean, Placement, Plane, Rigid, Scene, Separate
@@ -36,11 +36,11 @@ def two_boxes(d, gap, separate, *obstacles, contact=CONTACT):
 
 
 def check(level_meshes, scene):
-    check_start(level_meshes, scene_obstacles(scene), [body.name for body in scene.bodies])
+    check_start(level_meshes, placed_obstacles(scene.obstacles), [body.name for body in scene.bodies])
 
 
 def build_apart(scene, count, cache=None):
-    return build_apart_from(scene, count, scene_obstacles(scene), cache)
+    return build_apart_from(scene, count, placed_obstacles(scene.obstacles), cache)
 
 
 @pytest.mark.parametrize("d", [2, 3])

@@ -7,7 +7,7 @@ from pdvol import meshes
 from pdvol.errors import InputError, IntersectionError
 from pdvol.geometry.level_mesh import LevelMesh
 from pdvol.levels.initial_state import check_start
-from pdvol.levels.obstacles import scene_obstacles
+from pdvol.levels.obstacles import placed_obstacles
 from pdvol.meshes import Solid
 from pdvol.scene import Barrier, Body, NeoHookean, Placement, Plane, Rigid, Scene, Translation
 
@@ -42,7 +42,7 @@ def scene(dim, count, *obstacles):
 
 
 def check(level_meshes, the_scene):
-    check_start(level_meshes, scene_obstacles(the_scene), [body.name for body in the_scene.bodies])
+    check_start(level_meshes, placed_obstacles(the_scene.obstacles), [body.name for body in the_scene.bodies])
 
 
 def refuse(match, meshes_, the_scene):
@@ -126,4 +126,4 @@ def test_planes(dim):
 
 def test_an_obstacle_mesh_for_each_rigid():
     with pytest.raises(InputError, match="give one for each"):
-        scene_obstacles(scene(2, 1, Rigid(shape=meshes.disc())), [])
+        placed_obstacles(scene(2, 1, Rigid(shape=meshes.disc())), [])
