@@ -85,7 +85,7 @@ class Contact:
         barrier = Barrier() if barrier is None else barrier
         self._check_kinds(barrier, friction, obstacles)
         self.V, self._space = V, LevelSpace.of(V)
-        mesh, d = self._space.mesh, self._space.dim
+        mesh = self._space.mesh
         if diagonal is None:
             diagonal = float(np.linalg.norm(np.ptp(mesh.points, axis=0)))
         positive("Contact.diagonal", diagonal)

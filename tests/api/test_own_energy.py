@@ -194,7 +194,7 @@ def test_other_spaces_are_refused(message):
         ("obstacle 'plane' is 3D, the mesh is 2D", {"obstacles": (Plane((0, 0, 0), (0, 0, 1)),)}),
         ("obstacle 'ball' is 3D, the mesh is 2D", {"obstacles": (Rigid(touching.wedge(3), name="ball"),)}),
         (
-            "Friction.pairs names 'cat'; there are ['body 1', 'body 2', 'wedge', 'ground']",
+            "Friction.pairs names 'cat'; there are ['body 1', 'body 2', 'ground', 'wedge']",
             {"friction": Friction(0.1, pairs={("cat", "body 1"): 1})},
         ),
         ("nowhere.obj", {"obstacles": (Rigid("nowhere.obj"),)}),

@@ -126,4 +126,4 @@ def test_planes(dim):
 
 def test_an_obstacle_mesh_for_each_rigid():
     with pytest.raises(InputError, match="give one for each"):
-        placed_obstacles(scene(2, 1, Rigid(shape=meshes.disc())), [])
+        placed_obstacles(scene(2, 1, Rigid(shape=meshes.disc())).obstacles, [])
