@@ -15,7 +15,7 @@ from pdvol.geometry.level_mesh import LevelMesh
 from pdvol.levels.hierarchy import Hierarchy
 from pdvol.levels.initial_state import check_start
 from pdvol.levels.model import hierarchy_model
-from pdvol.levels.obstacles import placed_obstacles, read_geometry, stored_obstacles
+from pdvol.levels.obstacles import Geometry, Obstacle, placed_obstacles, read_geometry, stored_obstacles
 from pdvol.levels.scene_fields import check_fields, initial_velocity, scene_diagonal
 from pdvol.levels.separation import build_apart
 from pdvol.parallel import on_root
@@ -149,7 +149,7 @@ def _check_request(scene: Scene, out: Path, first: int, last: int, method: str, 
 
 def _prepare(
     shot: Shot, out: Path, last: int, method: str, prolongation: str
-) -> tuple[Sequence[LevelMesh], int, list, float, list[str]]:
+) -> tuple[Sequence[LevelMesh], int, list[Geometry], float, list[str]]:
     """Meshes up to `last`, how many of the coarsest are stored ones, obstacles' geometry and the scene's diagonal,
     checked at t = 0; what was mended.
     """
@@ -212,7 +212,7 @@ def _open_writer(
     out: Path,
     meshes: Sequence[LevelMesh],
     kept: int,
-    obstacles: Sequence[tuple],
+    obstacles: Sequence[Obstacle],
     diagonal: float,
     method: str,
     prolongation: str,

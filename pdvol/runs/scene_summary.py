@@ -81,7 +81,7 @@ def modelled_terms(scene: Scene) -> list[str]:
                 f"friction: mu {c.mu:g}, smooth below {metres(c.eps_v, diagonal):.3g} m/s, lagged {c.iterations}"
                 " time(s) a step"
             )
-            lines += [f"friction between {one!r} and {other!r}: mu {mu:g}" for one, other, mu in c.pairs]
+            lines += [f"friction between {one!r} and {other!r}: mu {mu:g}" for one, other, mu in c.triples]
     if not scene.contact:
         lines.append("contact: none")
     if not any(isinstance(c, Friction) for c in scene.contact):

@@ -12,6 +12,7 @@ from mpi4py import MPI
 from pdvol.errors import SimulationError
 from pdvol.export.series import StepFields, nothing_more
 from pdvol.export.xdmf import write_xdmf
+from pdvol.levels.obstacles import Obstacle
 from pdvol.parallel import on_root
 from pdvol.runs.stored_fields import SceneFields
 from pdvol.scene import Scene
@@ -29,7 +30,7 @@ class Export:
     by rank 0.
     """
 
-    def __init__(self, path: Path, scene: Scene, obstacles: Sequence[tuple[np.ndarray, np.ndarray, np.ndarray]]):
+    def __init__(self, path: Path, scene: Scene, obstacles: Sequence[Obstacle]):
         self._path, self._scene, self._obstacles = path, scene, obstacles
         self._next: dict[int, float] = {}
 

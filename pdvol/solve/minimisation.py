@@ -77,7 +77,8 @@ class Minimisation:
         self.potential, self.comm = potential, potential.space.comm
         self.report, self.projection, self.gradient = NewtonReport(), Projection(), np.zeros_like(x.owned)
         self._fixed, self._dt, self._tolerance, self._gap_share = fixed, dt, tolerance, gap_share
-        self._states, self._energies = [x], []
+        self._states = [x]
+        self._energies: list[tuple[Positions, float]] = []
         self._last: Iteration | None = None
         self._before: Iteration | None = None
         self._matrix_age: int | None = None

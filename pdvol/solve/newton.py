@@ -17,7 +17,7 @@ from pdvol.levels.space import LevelSpace
 from pdvol.potentials.assembly.block_pattern import BlockPattern
 from pdvol.potentials.assembly.hessian_blocks import HessianBlocks
 from pdvol.potentials.potential import MIN_GAP_SHARE, Positions
-from pdvol.scene import Solver
+from pdvol.scene import Relative, Solver
 from pdvol.solve.incremental_potential import IncrementalPotential
 from pdvol.solve.linear.coarse_space import CoarseSpace, grid_weights
 from pdvol.solve.linear.solver import LinearSolver, wants_general_matrix
@@ -72,7 +72,10 @@ class Newton:
         watch: Stopwatch,
         coarse_weights: Callable[[], csr_array | None] = lambda: None,
     ):
+        if isinstance(settings.tolerance, Relative):
+            raise ValueError("Newton's tolerance must be a speed in m/s, not a Relative one")
         self.space, self.potential, self.settings, self.watch = space, potential, settings, watch
+        self._tolerance = settings.tolerance
         self._fixed, self._coarse_weights, self._dt = supported, coarse_weights, np.inf
         self._vector, self._residual = space.create_vector(), space.create_vector()
         self._blocks = HessianBlocks(BlockPattern(space))
@@ -190,7 +193,7 @@ class Newton:
 
     def start(self, x: Positions, gap_share: float = MIN_GAP_SHARE) -> Minimisation:
         """A minimisation from x, which the callbacks then serve."""
-        self._solve = Minimisation(self.potential, self._fixed, x, self._dt, self.settings.tolerance, gap_share)
+        self._solve = Minimisation(self.potential, self._fixed, x, self._dt, self._tolerance, gap_share)
         return self._solve
 
     def solve(

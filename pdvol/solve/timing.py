@@ -2,6 +2,7 @@
 
 import time
 from collections import defaultdict
+from collections.abc import Iterator
 from contextlib import contextmanager
 
 PARTS = ("assembly", "contact", "ccd", "linear")
@@ -10,12 +11,12 @@ PARTS = ("assembly", "contact", "ccd", "linear")
 class Stopwatch:
     """Seconds by part; what is measured inside another part counts for the inner one only."""
 
-    def __init__(self):
-        self.seconds = defaultdict(float)
-        self._open = []
+    def __init__(self) -> None:
+        self.seconds: defaultdict[str, float] = defaultdict(float)
+        self._open: list[float] = []
 
     @contextmanager
-    def part(self, name: str):
+    def part(self, name: str) -> Iterator[None]:
         """Adds the time spent inside to `name`."""
         self._open.append(0.0)
         start = time.perf_counter()

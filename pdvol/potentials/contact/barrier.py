@@ -36,8 +36,10 @@ class SurfaceBarrier(Term):
 
     def __init__(self, surface: CollisionSurface, dhat: float, kappa: float, weighted: bool = True):
         self.surface, self.space, self.dhat, self.kappa, self.weighted = surface, surface.space, dhat, kappa, weighted
-        self._at: Positions | None = None
-        self._vertices: np.ndarray | None = None
+        self._at: Positions | None = None  # where the following three belong to
+        self._active: ipctk.NormalCollisions
+        self._vertices: np.ndarray
+        self._stencils: tuple[Stencils, np.ndarray] | None = None
 
     @property
     def _area(self) -> float:

@@ -43,7 +43,9 @@ class SurfaceFriction(Term):
         pressures = barrier_law.pressure(
             np.minimum(distances / self.barrier.dhat, 1.0) ** 2, self.barrier.dhat, self.barrier.kappa
         )
-        mu = self.mu[stencils.objects_in_contact(self.surface.objects)] if np.ndim(self.mu) else self.mu
+        mu = self.mu
+        if isinstance(mu, np.ndarray):
+            mu = mu[stencils.objects_in_contact(self.surface.objects)]
         self._stencils = replace(
             stencils, weights=mu * pressures * np.where(stencils.has_normal, stencils.weights, 0.0)
         )  # [N]

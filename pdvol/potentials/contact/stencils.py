@@ -121,7 +121,8 @@ def normal_stencils(
     kinds = np.fromiter((edge_edge[pair].dtype.value for pair in mollified), dtype=np.int64, count=len(mollified))
     ends, kinds = mollified[kinds != INTERIORS.value], kinds[kinds != INTERIORS.value]
     if len(ends):
-        s[ends], t[ends] = closest_of_parts(*corners(one[ends]), *corners(other[ends]), kinds)
+        (a, b), (c, d) = corners(one[ends]), corners(other[ends])
+        s[ends], t[ends] = closest_of_parts(a, b, c, d, kinds)
     parts = [
         _vertex_vertex(first[0], second[0]),
         _edge_vertex(edge, second[1], along(positions[second[1]], *corners(edge))),

@@ -18,7 +18,7 @@ from petsc4py import PETSc
 from pdvol.errors import InputError, SimulationError
 from pdvol.scene import Solver
 from pdvol.solve.linear.coarse_space import CoarseSpace
-from pdvol.solve.linear.system_matrix import BlockCsr
+from pdvol.solve.linear.system_matrix import MatrixParts
 
 LINEAR_METHODS = ("iterative", "multilevel", "direct")
 # vertices: on larger levels the coarse space saves more time than its set-up takes, from the first solve on
@@ -64,13 +64,8 @@ class LinearSolver:
     def __init__(self, ksp: PETSc.KSP, settings: Solver, vertices: int, coarse: Callable[[], CoarseSpace]):
         self.ksp, self.settings, self._make_coarse = ksp, settings, coarse
         self._coarse: CoarseSpace | None = None
-        self._workspace, self._direct_solves, self._parts, self._coarse_is_current, self._fresh_iterations = (
-            0,
-            0,
-            (),
-            False,
-            None,
-        )
+        self._workspace, self._direct_solves, self._coarse_is_current = 0, 0, False
+        self._fresh_iterations: int | None = None
         self._local = _Incomplete(ksp.comm)
         self._cg_method = "multilevel" if vertices >= COARSE_SPACE_VERTICES else "iterative"
         self.prefix = f"pdvol_{next(_serial)}_"
@@ -151,17 +146,12 @@ class LinearSolver:
         if self._coarse is not None:
             self._coarse.forget()
 
-    def follow(self, parts: tuple[BlockCsr, BlockCsr]) -> None:
-        """After a new matrix was assembled: `parts` are its cells' and pairs' blocks, as `CoarseSpace.update` takes
-        them. Collective.
-        """
-        self._parts = self._local.parts = parts
-        if self.method == "multilevel" and not self._coarse_is_current:
-            self._refresh()
-
-    def _refresh(self) -> None:
-        self._coarse.update(self._parts)
-        self._coarse_is_current, self._fresh_iterations = True, None
+    def follow(self, parts: MatrixParts) -> None:
+        """After a new matrix was assembled of these parts: updates an outdated coarse operator. Collective."""
+        self._local.parts = parts
+        if self.method == "multilevel" and self._coarse is not None and not self._coarse_is_current:
+            self._coarse.update(parts)
+            self._coarse_is_current, self._fresh_iterations = True, None
 
     def learn(self, iterations: int) -> None:
         """After a successful solve with this number of iterations: chooses the method of the next one."""
@@ -242,12 +232,14 @@ class _Incomplete:
 
     Attributes
     ----------
-    parts : blocks of cells and of pairs that the matrix is the sum of (`SystemMatrix.parts`)
+    parts : MatrixParts
+        Their sum is the matrix.
     shift : index into DIAGONAL_SHIFTS
     """
 
     def __init__(self, comm: MPI.Comm):
-        self.parts, self.shift = (), 0
+        self.parts: MatrixParts
+        self.shift = 0
         self._pc = PETSc.PC().create(comm)
         prefix = f"pdvol_local_{next(_serial)}_"
         self._pc.setOptionsPrefix(prefix)
