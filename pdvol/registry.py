@@ -137,7 +137,7 @@ the default.
 INTEGRATORS = Registry(
     "integrator",
     {
-        "implicit_euler": Entry("pdvol.integrate.implicit_euler:ImplicitEuler"),
+        "implicit_euler": Entry("pdvol.integrate.integrator:ImplicitEuler"),
         "bdf2": Entry("pdvol.integrate.bdf2:BDF2"),
     },
 )

@@ -79,7 +79,7 @@ class Potential(Protocol):
         """dE/dx [N], shape (n_owned, d)."""
 
     def add_hessian(self, x: Positions, weight: float, into: HessianBlocks) -> None:
-        """Adds weight times d2E/dx2 [N/m], made positive semi-definite as `into.positive` says."""
+        """Adds weight times d2E/dx2 [N/m], made positive semi-definite as `into.projection` says."""
 
     def max_step(
         self, x: Positions, direction: np.ndarray, until: float | None = None, gap_share: float = MIN_GAP_SHARE

@@ -10,7 +10,6 @@ import numpy as np
 from pdvol.errors import InputError, SimulationError
 from pdvol.integrate.integrator import Integrator, past_of
 from pdvol.integrate.marches import Start, direct, embedded, guide, progressive
-from pdvol.integrate.report import StepReport
 from pdvol.integrate.stepper import Stepper
 from pdvol.levels.hierarchy import Hierarchy
 from pdvol.levels.initial_state import count_intersections
@@ -18,6 +17,7 @@ from pdvol.levels.model import LevelModel
 from pdvol.levels.obstacles import moving_places
 from pdvol.registry import INTEGRATORS
 from pdvol.runs.progress import Progress
+from pdvol.solve.report import StepReport
 
 Watch = Callable[[int, int, int], Progress]
 

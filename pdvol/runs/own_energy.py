@@ -20,8 +20,7 @@ from pdvol.levels.model import contact_models
 from pdvol.levels.obstacles import Obstacle, placed_obstacles, read_geometry
 from pdvol.levels.space import LevelSpace
 from pdvol.parallel import on_root
-from pdvol.potentials.assembly.block_pattern import BlockPattern
-from pdvol.potentials.assembly.hessian_blocks import HessianBlocks
+from pdvol.potentials.assembly.hessian_blocks import BlockPattern, HessianBlocks
 from pdvol.potentials.build import contact_terms
 from pdvol.potentials.contact.barrier import SurfaceBarrier
 from pdvol.potentials.contact.planes import HalfSpaceBarrier
@@ -208,7 +207,7 @@ class Contact:
         """
         x = self._started(u)
         self._blocks.clear()
-        self._blocks.positive, self._blocks.quick = ("clamp", False) if projected else ("none", False)
+        self._blocks.projection, self._blocks.gauss_newton = ("clamp", False) if projected else ("none", False)
         for term in self._terms:
             term.add_hessian(x, 1.0, self._blocks)
         self._matrix.assemble(self._blocks, eliminate=False)

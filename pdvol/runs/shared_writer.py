@@ -19,10 +19,8 @@ from pdvol.scene import Scene
 from pdvol.store.reader import open_run
 from pdvol.store.writer import RunWriter
 
-PAUSE, SHARE = (
-    20.0,
-    0.05,
-)  # at least so many seconds between exports of a level that goes on, and at most this share of the time
+EXPORT_INTERVAL = 20.0  # seconds between exports of a level that goes on, at least: each writes the whole level
+EXPORT_SHARE = 0.05  # share of the time that exports may take
 
 
 class Export:
@@ -46,7 +44,7 @@ class Export:
             more = nothing_more
         write_xdmf(run, level, self._path / f"level_{level}.xdmf", more)
         now = time.monotonic()
-        self._next[level] = now + max(PAUSE, (now - begin) / SHARE)
+        self._next[level] = now + max(EXPORT_INTERVAL, (now - begin) / EXPORT_SHARE)
 
     def follow(self, level: int) -> None:
         """The same after a state was stored, where it is due."""

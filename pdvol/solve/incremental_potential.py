@@ -10,7 +10,7 @@ from pdvol.levels.space import LevelSpace
 from pdvol.potentials.assembly.hessian_blocks import HessianBlocks
 from pdvol.potentials.build import Terms
 from pdvol.potentials.potential import MIN_GAP_SHARE, Positions, Potential
-from pdvol.solve.timing import Stopwatch
+from pdvol.solve.report import Stopwatch
 
 OBSTACLE_STEP = 1e-6  # share of an obstacle's path over which the change of forces is measured: small beside any gap
 
@@ -99,7 +99,7 @@ class IncrementalPotential:
         return total
 
     def add_hessian(self, x: Positions, weight: float, into: HessianBlocks) -> None:
-        """Adds weight times the Hessian, positive definite unless `into.positive` is "none", to blocks that are zero.
+        """Adds weight times the Hessian, positive definite unless `into.projection` is "none", to blocks that are zero.
 
         Raises SimulationError, naming the term, where one is not finite. Collective.
         """

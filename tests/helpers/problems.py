@@ -5,7 +5,6 @@ from mpi4py import MPI
 from shapes import grid
 
 from pdvol.integrate.integrator import State
-from pdvol.integrate.report import StepReport
 from pdvol.integrate.stepper import Stepper
 from pdvol.levels.materials import cell_materials
 from pdvol.levels.model import LevelModel, level_model
@@ -13,6 +12,7 @@ from pdvol.levels.obstacles import placed_obstacles
 from pdvol.levels.space import LevelSpace
 from pdvol.potentials.elasticity import elastic_terms
 from pdvol.scene import Body, NeoHookean, Scene, Solver
+from pdvol.solve.report import StepReport
 
 SOFT = NeoHookean(young=1e5, poisson=0.4, density=1000.0)
 

@@ -18,9 +18,8 @@ from mpi4py import MPI
 from pdvol.errors import InputError
 from pdvol.levels.space import LevelSpace
 from pdvol.potentials.assembly import native
-from pdvol.potentials.assembly.block_pattern import BlockPattern
 from pdvol.potentials.assembly.compiled_forms import form_cache
-from pdvol.potentials.assembly.hessian_blocks import FILTERS, HessianBlocks
+from pdvol.potentials.assembly.hessian_blocks import FILTERS, BlockPattern, HessianBlocks
 from pdvol.potentials.assembly.native import ffi, pointer
 from pdvol.potentials.potential import Positions, Term
 
@@ -154,7 +153,7 @@ class CellEnergy(Term):
     def add_hessian(self, x: Positions, weight: float, into: HessianBlocks) -> None:
         if self._slots is None or self._slots_of is not into.pattern:
             self._slots, self._slots_of = np.ascontiguousarray(into.pattern.slots[self.cells]), into.pattern
-        slots, mode, out = pointer(self._slots, "int32_t"), FILTERS[into.positive], pointer(into.cells)
+        slots, mode, out = pointer(self._slots, "int32_t"), FILTERS[into.projection], pointer(into.cells)
         if self._stretches is not None:
             self._library.isotropic_hessians(
                 *self._stretches.functions,

@@ -16,7 +16,7 @@ import numpy as np
 
 from pdvol.geometry.closest_points import segment_distances
 from pdvol.potentials.contact.collision_mesh import CollisionMesh
-from pdvol.potentials.contact.pair_arrays import column
+from pdvol.potentials.contact.stencils import column
 
 # largest slack, in median edge lengths: longer lists cost more in every evaluation than a new search does
 MAX_SLACK = 0.2

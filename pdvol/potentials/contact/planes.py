@@ -198,7 +198,7 @@ class HalfSpaceFriction(Term):
         n = self._normals
         tangent = np.eye(self.space.dim) - n[:, :, None] * n[:, None, :]
         outer = direction[:, :, None] * direction[:, None, :]
-        across, slope = smooth_friction.stiffness(slip, self._eps, majorise=into.positive == "abs")
+        across, slope = smooth_friction.stiffness(slip, self._eps, majorise=into.projection == "abs")
         blocks = (
             weight
             * self._force[:, None, None]

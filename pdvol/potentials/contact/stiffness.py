@@ -10,8 +10,7 @@ import ipctk
 import numpy as np
 
 from pdvol.levels.space import LevelSpace
-from pdvol.potentials.assembly.block_pattern import BlockPattern
-from pdvol.potentials.assembly.hessian_blocks import HessianBlocks
+from pdvol.potentials.assembly.hessian_blocks import BlockPattern, HessianBlocks
 from pdvol.potentials.contact import barrier_law
 from pdvol.potentials.potential import ContactPotential, Positions, Potential
 

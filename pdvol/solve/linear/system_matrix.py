@@ -7,8 +7,7 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 from pdvol.levels.space import LevelSpace
-from pdvol.potentials.assembly.block_pattern import BlockPattern
-from pdvol.potentials.assembly.hessian_blocks import HessianBlocks
+from pdvol.potentials.assembly.hessian_blocks import BlockPattern, HessianBlocks
 
 BlockCsr = tuple[np.ndarray, np.ndarray, np.ndarray]
 """Blocks of this rank's rows: starts (n_owned + 1,), global columns (k,), blocks (k, d, d)."""
