@@ -75,7 +75,7 @@ class Registry:
         return len(self._own) + len(self._installed)
 
     def __contains__(self, name: object) -> bool:
-        return name in self._own or name in self._installed
+        return isinstance(name, str) and (name in self._own or name in self._installed)
 
     def check(self, name: str) -> None:
         """Raise InputError, listing the legal names, unless `name` is one of them."""

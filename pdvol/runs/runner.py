@@ -21,7 +21,7 @@ from pdvol.levels.separation import build_apart
 from pdvol.parallel import on_root
 from pdvol.registry import INTERPOLANTS, METHODS
 from pdvol.runs.level_run import Watch, run_level
-from pdvol.runs.scene_file import Shot, load_shot, stored_file, stored_settings
+from pdvol.runs.scene_file import DEFAULTS, Shot, load_shot, stored_file, stored_settings
 from pdvol.runs.shared_writer import Export, SharedWriter
 from pdvol.runs.wavefront import march_levels
 from pdvol.scene import Gravity, Scene
@@ -190,7 +190,9 @@ def _same_levels(run: Run, shot: Shot, last: int, method: str, prolongation: str
     for name, now in (("method", method), ("prolongation", prolongation)):
         if run.info[name] != now:
             raise InputError(f"{run.path} was run with {name} {run.info[name]!r}, not {now!r}; choose another folder")
-    changed, same, levels_changed = differences_by_level(run.info["description"], shot.description())
+    changed, same, levels_changed = differences_by_level(
+        {**DEFAULTS, **run.info["description"]}, {**DEFAULTS, **shot.description()}
+    )
     changed += [] if same else levels_changed
     if changed:
         more = f"; and {len(changed) - TOLD} more" if len(changed) > TOLD else ""

@@ -5,6 +5,7 @@ import numpy as np
 from pdvol.levels.scene_fields import scene_diagonal
 from pdvol.meshes import Outline
 from pdvol.meshing.readers import read_shape
+from pdvol.registry import INTEGRATORS
 from pdvol.runs.scene_file import Shot
 from pdvol.scene import (
     Barrier,
@@ -87,6 +88,8 @@ def modelled_terms(scene: Scene) -> list[str]:
     if not any(isinstance(c, Friction) for c in scene.contact):
         lines.append("friction: none")
     lines += [f"where bodies meet at t = 0: {remedy.by} by up to {remedy.limit:g}" for remedy in scene.separate]
+    if scene.integrator != next(iter(INTEGRATORS)):
+        lines.append(f"integrator: {scene.integrator}, for --method direct")
     lines.append(f"levels: {scene.levels}" if scene.levels > 1 else "levels: 1, no prolongation")
     lines.append(
         f"time: {scene.steps} steps of {scene.dt:g} s; Newton tolerance {metres(scene.solver.tolerance, diagonal):.3g}"

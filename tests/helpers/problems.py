@@ -39,8 +39,8 @@ def make_model(scene, mesh, obstacles=(), level=0, materials=None, diagonal=1.0)
     return level_model(scene, mesh, level, diagonal, placed_obstacles(scene.obstacles, obstacles), materials)
 
 
-def make_stepper(scene, mesh, obstacles=(), comm=MPI.COMM_WORLD) -> Stepper:
-    return Stepper(make_model(scene, mesh, obstacles), LevelSpace(mesh, comm))
+def make_stepper(scene, mesh, obstacles=(), comm=MPI.COMM_WORLD, integrator=None) -> Stepper:
+    return Stepper(make_model(scene, mesh, obstacles), LevelSpace(mesh, comm), integrator=integrator)
 
 
 def take_step(stepper, number, positions, velocity) -> StepReport:
