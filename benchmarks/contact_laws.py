@@ -2,8 +2,8 @@
 
     ./run python benchmarks/contact_laws.py [--json FILE]
 
-A cube on a plane at several resolutions; the same thrown at it on an edge; a stiff, heavy block on a soft one. Gaps in
-units of dhat.
+The scenes are a cube at rest on a plane at several resolutions, the same cube thrown at the plane with an edge first,
+and a stiff, heavy block on a soft one. Gaps are in units of dhat.
 """
 
 import argparse
@@ -37,7 +37,7 @@ WEIGHT = SOFT.density * G * SIDE
 
 
 def march(bodies, law: str, steps: int, dt: float, velocity, friction=()) -> dict:
-    """Bodies, each (Solid, material, Placement), over the floor: mesh, reports, last velocities, seconds a step."""
+    """Marches bodies (Solid, material, Placement) above the floor: mesh, reports, last velocities, seconds a step."""
     scene = Scene(
         tuple(Body((solid,), material, name=f"body {i}") for i, (solid, material, _) in enumerate(bodies)),
         dt=dt,
@@ -72,7 +72,7 @@ def march(bodies, law: str, steps: int, dt: float, velocity, friction=()) -> dic
 
 
 def effort(done: dict) -> dict:
-    """What a march took."""
+    """Iterations, cuts, gaps and seconds of a march."""
     newton = [report.newton_iterations for report in done["reports"]]
     kappas = [report.kappa for report in done["reports"]]
     return {
@@ -125,7 +125,7 @@ def stack(law: str) -> dict:
 
 
 def attempt(scene, *arguments) -> dict:
-    """What a scene gives, or how it failed."""
+    """The result of a scene, or the error that ended it."""
     try:
         return scene(*arguments)
     except PdvolError as error:
@@ -133,7 +133,7 @@ def attempt(scene, *arguments) -> dict:
 
 
 def effort_row(name: str, law: str, row: dict) -> str:
-    """A line of the table of efforts."""
+    """A row of the table of efforts."""
     if "failed" in row:
         return f"| {name} | {law} | {row['failed']} | | | | |"
     kappas = (

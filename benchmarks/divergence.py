@@ -3,8 +3,8 @@
     ./run python benchmarks/divergence.py runs/ape_direct runs/ape -o divergence.png
 
 The distance of level l from level k is the root mean square, over the volume of level l, of |x_l - P x_k| [m], P the
-prolongation from k to l (barycentric, the product of those in between): zero at rest, and for all time if level l did
-nothing but follow level k.
+prolongation from k to l (barycentric, the product of those in between). It is zero at rest, and always zero if level l
+only follows level k.
 """
 
 import argparse
@@ -56,7 +56,7 @@ def table(name: str, dt: float, found: dict[tuple[int, int], np.ndarray]) -> str
 
 
 def draw(path: Path, runs: list[tuple[str, float, dict]]) -> None:
-    """Each level's distance from level 0 over time, a panel a run, on one scale."""
+    """Draws each level's distance from level 0 over time, one panel per run, on one scale."""
     figure = Figure(figsize=(4.2 * len(runs), 3.2), facecolor=BACKGROUND, layout="constrained")
     FigureCanvasAgg(figure)
     panels = figure.subplots(1, len(runs), sharey=True, squeeze=False)[0]
@@ -82,7 +82,7 @@ def draw(path: Path, runs: list[tuple[str, float, dict]]) -> None:
 
 
 def main(words: list[str]) -> int:
-    """Print the table and draw the figure; 2 where a folder is no run of several levels."""
+    """Prints the table and draws the figure; returns 2 where a folder is no run of several levels."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("runs", nargs="+", type=Path, metavar="RUN")
     parser.add_argument("-o", "--out", type=Path, metavar="FILE.png")

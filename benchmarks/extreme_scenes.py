@@ -1,10 +1,9 @@
-"""Small scenes at the ends of what is asked for, in every direction: the stability envelope. A scene file like any
-other.
+"""Small scenes with extreme parameters: the stability envelope. A scene file like any other.
 
     ./run pdvol run benchmarks/extreme_scenes.py --set name=young_1e2
 
 Most are `stack`: two cubes of 125 vertices, the upper one thrown askew onto the lower one, with friction, on a floor.
-SI units, y up. Everything that a row does not vary is pdvol's default, or E = 1e5 Pa, nu = 0.4, 1000 kg/m^3, a cube of
+SI units, y up. What a row does not vary is pdvol's default, or E = 1e5 Pa, nu = 0.4, 1000 kg/m^3, a cube of
 1 m, dt = 0.01 s.
 """
 
@@ -189,7 +188,7 @@ def flat_levels(dt: float = 0.04, steps: int = 40) -> Scene:
 
 
 def powers(first: int, last: int) -> list[str]:
-    """`1e2` to `1e11`."""
+    """Names of powers of ten, such as `1e2` to `1e11`."""
     return [f"1e{k}" for k in range(first, last + 1)]
 
 

@@ -1,11 +1,11 @@
-"""The stability envelope: every scene of extreme_scenes.py under a limit of time, and one table of how each came out.
+"""The stability envelope: every scene of extreme_scenes.py under a limit of time, and one table of the outcomes.
 
     ./run python benchmarks/extremes.py [--rows young,dt_0.1] [--out runs/extremes] [--limit 900] [--starts 10]
 
-Rows are named in full or by how they begin; those already in the folder --out stay in the table. Each runs in a process
-of its own; every state of it is checked for intersections and inverted cells by `pdvol verify`. With --starts each
-row is repeated that often from starts moved by up to 1e-3 of the bodies' sizes. Exit code 0 when every row ended at its
-end or with a named error and no state is wrong, else 1; 2 for a mistake.
+Rows are named in full or by their first letters; rows already in the folder --out stay in the table. Each row runs in
+a process of its own, and `pdvol verify` checks every state for intersections and inverted cells. With --starts each
+row is repeated that often from starts moved by up to 1e-3 of the bodies' sizes. The exit code is 0 when every row came
+to its end or ended with a named error and no state is wrong, 1 otherwise, and 2 for a wrong command line.
 """
 
 import argparse
@@ -44,7 +44,7 @@ STARTS = [
 
 
 def main(words: list[str] | None = None) -> int:
-    """The command; its exit code."""
+    """Runs the command; returns its exit code."""
     parser = argparse.ArgumentParser(prog="extremes.py", description=__doc__.splitlines()[0])
     parser.add_argument(
         "--rows", default="", metavar="NAME,...", help="rows by name or by how their names begin (default: all)"
@@ -80,7 +80,7 @@ def main(words: list[str] | None = None) -> int:
 
 
 def told(records: list[dict]) -> str:
-    """The table; of jittered starts, a row a scene."""
+    """The table; for jittered starts, one row per scene."""
     names = list(dict.fromkeys(record["name"] for record in records))
     if len(names) < len(records):
         return trials.table(
@@ -90,7 +90,7 @@ def told(records: list[dict]) -> str:
 
 
 def cells(record: dict) -> list[str]:
-    """One row; of several levels the extremes of all."""
+    """One row; for several levels, the extremes of all."""
     levels = [level for level in record["levels"] if level["newton"]["mean"] is not None]
     outcome = {"done": "done", "hang": "ended by the clock"}.get(record["outcome"], record["outcome"])
     if not levels:
@@ -121,8 +121,8 @@ def cells(record: dict) -> list[str]:
 
 
 def summary(records: list[dict]) -> list[str]:
-    """One row for all starts of a scene: how many came to their end, extremes, and how far apart the bodies' vertices
-    are on average then.
+    """One row for all starts of a scene: how many came to their end, extremes, and the mean distance of the bodies'
+    vertices between starts at the end.
     """
     last = [record["levels"][-1] for record in records if record["levels"]]
     ends = np.array([level["end"] for level in last if level["end"] is not None])

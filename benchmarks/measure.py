@@ -1,7 +1,7 @@
-"""What a finished (or broken off) run shows, as JSON: `measure.py NAME RANKS PEERS RUN`.
+"""Measures of a finished (or interrupted) run, as JSON: `measure.py NAME RANKS PEERS RUN`.
 
-Times are those of `log.jsonl`, without the first step where there are more (the peers left theirs out: it has the
-set-up in it). States are checked by `pdvol verify`, which shares nothing with the solver.
+Times are those of `log.jsonl`, without the first step where there are more: it contains the set-up, and the peers leave
+theirs out. States are checked by `pdvol verify`, which shares nothing with the solver.
 """
 
 import json
@@ -22,7 +22,7 @@ def measured(name: str, ranks: int, peers: Path, path: Path) -> dict:
     """The record of one run: figures of its finest level that has begun, a summary of the coarser ones, and the
     comparison with the peers.
 
-    Only the number of steps, 0, where no step was finished.
+    Where no step was finished it holds only the number of steps, 0.
     """
     run, noted = open_run(path), _noted(path)
     begun = [level for level in run.levels if level.steps > 1 and level.log]
@@ -46,7 +46,7 @@ def measured(name: str, ranks: int, peers: Path, path: Path) -> dict:
 
 
 def _noted(path: Path) -> dict:
-    """What run_one.py left beside the run; nothing when it was ended before."""
+    """What run_one.py wrote beside the run; empty when it was killed before."""
     file = path.with_suffix(".json")
     return json.loads(file.read_text()) if file.is_file() else {}
 
@@ -61,7 +61,7 @@ def sizes(level: RunLevel) -> dict:
 
 
 def timed(level: RunLevel) -> list[dict]:
-    """The log's records that count for times: all but the first step, where there are more."""
+    """The log's records that times are taken from: all but the first step, where there are more."""
     return level.log[1:] or level.log
 
 
@@ -95,14 +95,14 @@ def spread(values: list) -> dict:
 
 
 def mean(values) -> float | None:
-    """Their mean, None of nothing."""
+    """Their mean; None where there are no values."""
     values = list(values)
     return float(np.mean(values)) if values else None
 
 
 def memory(level: RunLevel, noted: dict) -> dict:
-    """Peak memory [MB] of the largest process from start to end, of all ranks together, and of the largest at its last
-    step (`log.jsonl`).
+    """Peak memory [MB] of the largest process from start to end, of all ranks together, and of the largest one at its
+    last step (`log.jsonl`).
     """
     ranks = noted.get("peak_memory_mb") or [None]
     whole = None not in ranks
@@ -114,8 +114,8 @@ def memory(level: RunLevel, noted: dict) -> dict:
 
 
 def stored(level: RunLevel, noted: dict) -> dict:
-    """Wall-clock seconds of a step with its storage, in all, free and touching; and of the whole process from its
-    imports on.
+    """Wall-clock seconds of a step with its storage: of all steps, of those without and with contact; and of the whole
+    process from its imports on.
     """
     steps = list(
         zip(
@@ -140,8 +140,8 @@ def stored(level: RunLevel, noted: dict) -> dict:
 
 
 def soundness(run: Run, level: RunLevel) -> dict:
-    """Smallest det F and inverted cells of all states; intersections, and depths below planes, of those searched; a
-    ball come through.
+    """Smallest det F and inverted cells of all states; intersections and depths below planes of the states searched;
+    vertices of a ball that came through a slab.
     """
     every = 1 if len(level.rest) < SMALL or level.steps <= 10 else 10
     facets, rest = verify.boundary(level.cells), verify.signed_volumes(level.rest, level.cells)
@@ -211,7 +211,7 @@ def against_peers(name: str, ranks: int, peers: Path, level: RunLevel) -> dict:
         steps = peer_figures.steps(name, peer)
         its = peer_figures.SECONDS.get(name, {}).get(peer, {})
         ours = mean(record["seconds"]["total"] for record in timed(level) if record["step"] <= steps)
-        whole = level.steps > steps and ranks in its  # the cheap first steps of a scene tell nothing of all of it
+        whole = level.steps > steps and ranks in its  # the cheap first steps of a scene do not represent all of it
         result[peer] = {
             "seconds": its,
             "newton": peer_figures.NEWTON.get(name, {}).get(peer),

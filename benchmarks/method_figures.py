@@ -1,4 +1,4 @@
-"""The figures of `methods.py`: finest levels beside each other at the same moments, and consistency over time."""
+"""The figures of `methods.py`: finest levels side by side at the same moments, and consistency over time."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -65,7 +65,7 @@ def shapes(path: Path, study: Study, records: Sequence[dict], runs: Sequence[Pat
 
 
 def curves(path: Path, records: Sequence[dict]) -> None:
-    """Consistency of the finest level over time for every weight, and of each level at the second smallest one."""
+    """Draws consistency over time: of the finest level for every weight, of each level for the second smallest one."""
     figure = Figure(figsize=(11.0, 3.6), facecolor=BACKGROUND, layout="constrained")
     FigureCanvasAgg(figure)
     left, right = figure.subplots(1, 2)

@@ -3,9 +3,9 @@ figure.
 
     ./run python benchmarks/methods.py rope_drop slit_array [--only WORDS] [--steps N] [--levels N] [--out runs/methods]
 
-Runs, tables (NAME.md), numbers (NAME.json) and figures (NAME.png) go to the folder `--out`; runs that are finished
-there are taken as they are. Intersections are counted by `pdvol verify`, which shares nothing with the solver.
-Exit code 2 for a mistake.
+Runs, tables (NAME.md), numbers (NAME.json) and figures (NAME.png) go to the folder `--out`; finished runs there are
+used again. Intersections are counted by `pdvol verify`, which shares nothing with the solver. The exit code is 2 for a
+wrong command line.
 """
 
 import argparse
@@ -41,7 +41,7 @@ HEAD = [
 
 
 def main(words: list[str] | None = None) -> int:
-    """The command; its exit code."""
+    """Runs the command; returns its exit code."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("studies", nargs="+", choices=sorted(STUDIES), metavar="STUDY", help=", ".join(STUDIES))
     parser.add_argument("--steps", type=int, help="instead of the study's")
@@ -80,7 +80,7 @@ def study(name: str, options) -> None:
 
 
 def run(chosen: Study, case: Case, path: Path, options) -> None:
-    """Simulates a case, or what is missing of it."""
+    """Simulates a case, or the steps that are missing."""
     shot = load_shot(DEMOS / f"{chosen.demo}.py", case.settings, options.steps or chosen.steps)
     levels = options.levels or chosen.levels
     stored = open_run(path).levels if (path / "run.json").is_file() else ()
@@ -141,7 +141,7 @@ def states(level, obstacles) -> dict:
 
 
 class Hinges:
-    """Neighbouring facets of a boundary: by how much they have turned against each other, which is large where facets
+    """Neighbouring facets of a boundary, and how much the angle between them has changed. That is large where facets
     of a coarse mesh show.
     """
 

@@ -30,5 +30,5 @@ _BROKEN_OFF = {("drop_20k", "ipc"): 33, ("twist_20k", "ipc"): 20}
 
 
 def steps(scene: str, peer: str) -> int:
-    """How many steps a peer's mean is of; its last state is at the end of them."""
+    """The number of steps that a peer's mean is taken over; its last state is at their end."""
     return _BROKEN_OFF.get((scene, peer), 60 if scene == "blocks" else 100)

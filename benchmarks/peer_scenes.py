@@ -79,8 +79,8 @@ def blocks(peers: Path) -> Scene:
 def twist(levels: tuple[Solid, ...], speed: float, steps: int = 100) -> Scene:
     """A bar of 1 x 0.25 x 0.25 m along x, its ends turned by +speed (at x = -0.5 m) and -speed [deg/s].
 
-    The barrier is there although nothing touches at 72 deg/s: what guarantees that nothing crosses is part of the cost,
-    as it is for the peers.
+    The scene has a barrier although nothing touches at 72 deg/s. The guarantee that nothing crosses is part of the
+    cost, as it is for the peers.
     """
     turn, axis, centre = np.radians(speed), (1.0, 0.0, 0.0), (0.0, 0.0, 0.0)
     ends = (
@@ -96,7 +96,7 @@ def impact(peers: Path, speed: float) -> Scene:
     """A ball of radius 0.1 m, 0.05 m above the middle of a 1 x 1 x 0.1 m slab held at its rim, thrown down at `speed`
     [m/s].
 
-    The slab's upper side is at y = 0. There is nothing below it and no friction: only contact keeps the ball from
+    The slab's upper side is at y = 0. There is nothing below it and no friction, so only contact keeps the ball from
     coming out underneath.
     """
     ball, slab = peer_mesh(peers, "drop_500"), brick((1.0, 0.1, 1.0), (20, 3, 20))

@@ -1,10 +1,10 @@
-"""Measures pdvol on the peers' scenes: one JSON, and the tables of it.
+"""Measures pdvol on the peers' scenes; writes one JSON file and its tables.
 
     ./run python benchmarks/peers.py [--scenes small,blocks] [--ranks 1,2] [--peers ../shared/peers] [--out runs/peers]
 
 Every scene runs through `run_scene` in a process of its own (two with two ranks), into a folder that is removed
-again. A scene that fails is reported with its reason, and the others go on. Exit code 0 when all went well, 1 when a
-scene failed or is not sound, 2 for a mistake.
+afterwards. A scene that fails is reported with its reason, and the others go on. The exit code is 0 when all went well,
+1 when a scene failed or is not sound, and 2 for a wrong command line.
 """
 
 import argparse
@@ -39,11 +39,11 @@ ENDING = 20.0
 
 
 class Mistake(Exception):
-    """What the user has to mend, in one line."""
+    """A mistake of the user's, with what to correct in one line."""
 
 
 def main(words: list[str] | None = None) -> int:
-    """The command; its exit code."""
+    """Runs the command; returns its exit code."""
     options = _options(words)
     try:
         names, ranks = chosen(options.scenes), rank_counts(options.ranks)
@@ -134,8 +134,8 @@ def machine() -> dict:
 
 
 def yardstick() -> float:
-    """Milliseconds that a fixed loop takes the interpreter, at best of five: what others on the host leave of its
-    speed.
+    """Milliseconds that a fixed loop takes the interpreter, the best of five: it shows how much of its speed other work
+    on the host leaves.
     """
     taken = []
     for _ in range(5):
@@ -151,7 +151,7 @@ def yardstick() -> float:
 
 
 def run(name: str, ranks: int, options: argparse.Namespace) -> dict:
-    """The record of one scene on so many ranks."""
+    """The record of one scene on this number of ranks."""
     with tempfile.TemporaryDirectory(prefix=f"pdvol-{name}-") as folder:
         path = Path(folder) / "run"
         steps = [] if options.steps is None else [str(options.steps)]
@@ -180,8 +180,8 @@ def run(name: str, ranks: int, options: argparse.Namespace) -> dict:
 
 
 def middle(records: tuple[dict, ...]) -> dict:
-    """Of records of one scene the one with the median mean time, and the means of all; one that failed or is not sound,
-    if there is any.
+    """Of the records of one scene, the one with the median mean time, with the means of all; a record that failed or is
+    not sound, if there is one.
     """
     bad = [record for record in records if not (record["ok"] and record["sound"])]
     if bad:
@@ -191,7 +191,7 @@ def middle(records: tuple[dict, ...]) -> dict:
 
 
 def measure(name: str, ranks: int, options: argparse.Namespace, path: Path) -> dict:
-    """What measure.py finds in a run folder; its failure is the reason."""
+    """What measure.py finds in a run folder; if it fails, its message is the reason."""
     found = path.with_name("measured.json")
     command = [sys.executable, str(HERE / "measure.py"), name, str(ranks), str(options.peers), str(path)]
     reason = child(command, options.limit, path.with_name("measure.log"), found)
@@ -199,7 +199,7 @@ def measure(name: str, ranks: int, options: argparse.Namespace, path: Path) -> d
 
 
 def child(command: list[str], limit: float, log: Path, output: Path | None = None) -> str:
-    """Runs a command with one thread; empty when it went well, else why not: the last line it said."""
+    """Runs a command with one thread; returns an empty text when it succeeds, else the last line it printed."""
     environment = {**os.environ, "OMP_NUM_THREADS": "1"}
     with log.open("w") as errors, (output or log.with_suffix(".out")).open("w") as out:
         begin = time.monotonic()
@@ -216,7 +216,7 @@ def child(command: list[str], limit: float, log: Path, output: Path | None = Non
 
 
 def end(process: subprocess.Popen) -> None:
-    """Ends a process of ours that still runs, by its own group. mpirun must be asked, for its ranks are in groups of
+    """Ends a process of ours that still runs, by its own group. mpirun must end its ranks, since they are in groups of
     their own.
     """
     for sign in (signal.SIGTERM, signal.SIGKILL):
@@ -230,13 +230,13 @@ def end(process: subprocess.Popen) -> None:
 
 
 def last_words(log: Path) -> str:
-    """The last line of a log that names an error, for Open MPI has much to say after it; or else the last line."""
+    """The last line of a log that names an error, since Open MPI prints much after it; or else the last line."""
     lines = [line.strip() for line in log.read_text(errors="replace").splitlines() if line.strip()]
     errors = [line for line in lines if re.match(r"[\w.]+(Error|Exception|Interrupt)\b", line)]
     return (errors or lines or [""])[-1][:300]
 
 
-# ---- what is told
+# ---- what is printed
 # ------------------------------------------------------------------------------------------------------------
 
 
@@ -248,7 +248,7 @@ def _told(record: dict) -> str:
 
 
 def write(result: dict, out: Path) -> None:
-    """peers.json and peers.md, whole after every scene."""
+    """Writes peers.json and peers.md, complete after every scene."""
     (out / "peers.json").write_text(json.dumps(result, indent=1) + "\n")
     (out / "peers.md").write_text(report.tables(result))
 

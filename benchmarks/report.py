@@ -36,7 +36,7 @@ def table(head: list[str], rows: list[list[str]]) -> str:
 
 
 def number(value: float | None, digits: int = 3) -> str:
-    """Significant digits without exponents where they are not needed; a dash for nothing."""
+    """A number with its significant digits, without an exponent where none is needed; a dash for None."""
     if value is None:
         return "-"
     if value == 0 or not 1e-4 <= abs(value) < 1e6:
@@ -45,12 +45,12 @@ def number(value: float | None, digits: int = 3) -> str:
 
 
 def title(record: dict) -> str:
-    """Scene, marked where it did not finish."""
+    """The scene's name, marked where it did not finish."""
     return record["scene"] + ("" if record["ok"] else f" (failed after {record.get('steps', 0)} steps)")
 
 
 def measured(records: list[dict]) -> list[dict]:
-    """Those with at least one step."""
+    """The records with at least one step."""
     return [record for record in records if record.get("steps")]
 
 
@@ -92,7 +92,7 @@ def speed(records: list[dict]) -> str:
 
 
 def pace(level: dict, ranks: int) -> list[str]:
-    """The cells that a level shows by itself."""
+    """The cells of a row that a level has of its own."""
     newton, linear, stored, each = (
         level["newton"],
         level["linear"],
@@ -111,7 +111,7 @@ def pace(level: dict, ranks: int) -> list[str]:
 
 
 def beside(record: dict, peer: str) -> str:
-    """A peer's seconds on as many threads, and how many times ours."""
+    """A peer's seconds on as many threads, and the ratio to ours."""
     figures = record[peer]
     theirs = figures["seconds"].get(str(record["ranks"]))
     return f"{number(theirs)} ({number(figures['ratio'])})" if theirs else "-"
@@ -175,7 +175,7 @@ def apart(figures: dict) -> str:
 
 
 def growth(records: list[dict]) -> str:
-    """Exponents of cost over size on the twists, and the gain of two ranks."""
+    """Exponents of the cost as a function of size on the twists, and the gain of two ranks."""
     lines = [f"- two ranks on {name}: {number(gain)} times faster than one" for name, gain in gains(records).items()]
     lines += [
         f"- cost of a Newton iteration from {a} to {b}, one rank: n^{exponent:.2f}"
@@ -193,7 +193,7 @@ def gains(records: list[dict]) -> dict[str, float]:
 
 
 def exponents(records: list[dict]) -> dict[tuple[str, str], float]:
-    """Pairs of twists -> p of cost per Newton iteration ~ vertices^p on one rank."""
+    """Pairs of twists -> the exponent p in cost per Newton iteration ~ vertices^p, on one rank."""
     known = {
         r["scene"]: (r["vertices"], r["seconds_per_newton"])
         for r in measured(records)

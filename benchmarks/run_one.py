@@ -1,7 +1,7 @@
 """One scene in a process of its own, or one per rank: `run_one.py NAME PEERS RUN [STEPS]` marches it into the run
 folder RUN.
 
-Beside the run it leaves RUN.json: wall-clock seconds of each step with its storage, and each rank's peak memory.
+Beside the run it writes RUN.json: wall-clock seconds of each step with its storage, and each rank's peak memory.
 """
 
 import json
@@ -19,7 +19,7 @@ SCENE_FILE = Path(__file__).with_name("peer_scenes.py")
 
 
 class Clock:
-    """Seconds from one stored step to the next [s], of one level; takes the place of a progress bar."""
+    """Seconds from one stored step to the next [s], of one level; used in place of a progress bar."""
 
     def __init__(self):
         self.seconds, self._last = [], time.perf_counter()
@@ -35,7 +35,7 @@ class Clock:
 
 
 def peak_memory() -> float:
-    """Largest resident size of this process [MB]. Linux' ru_maxrss would start from that of the process that started
+    """Largest resident size of this process [MB]. Linux' ru_maxrss would include the size of the process that started
     it.
     """
     for line in Path("/proc/self/status").read_text().splitlines():
@@ -45,7 +45,7 @@ def peak_memory() -> float:
 
 
 def main(name: str, peers: str, out: str, steps: str = "") -> int:
-    """Runs the scene; 0, or 1 with the reason on standard error when pdvol gives up."""
+    """Runs the scene; returns 0, or 1 with the reason on standard error when pdvol gives up."""
     comm, clocks, begin = MPI.COMM_WORLD, {}, time.perf_counter()
     try:
         shot = load_shot(SCENE_FILE, {"name": name, "peers": peers}, int(steps) if steps else None)

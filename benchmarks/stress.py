@@ -1,12 +1,12 @@
-"""The classic stress tests of contact (stress_scenes.py) under a limit of time each, and one table of how they came
-out.
+"""The classic stress tests of contact (stress_scenes.py) under a limit of time each, and one table of the
+outcomes.
 
     ./run python benchmarks/stress.py [--scenes chain,erleben] [--minutes 20] [--out runs/stress] [--pictures]
 
-Scenes are named in full or by how they begin; those already in the folder --out stay in the table. Each runs in a
-process of its own until its end or until its minutes are over, between two steps; every state of it is checked for
-intersections and inverted cells by `pdvol verify`. Exit code 0 when every scene came to its end or its time and no
-state is wrong, else 1; 2 for a mistake.
+Scenes are named in full or by their first letters; scenes already in the folder --out stay in the table. Each runs in a
+process of its own until its end, or until it is stopped between two steps when its minutes are over. `pdvol verify`
+checks every state for intersections and inverted cells. The exit code is 0 when every scene came to its end or its time
+limit and no state is wrong, 1 otherwise, and 2 for a wrong command line.
 """
 
 import argparse
@@ -39,7 +39,7 @@ HEAD = [
 
 
 def main(words: list[str] | None = None) -> int:
-    """The command; its exit code."""
+    """Runs the command; returns its exit code."""
     parser = argparse.ArgumentParser(prog="stress.py", description=__doc__.splitlines()[0])
     parser.add_argument(
         "--scenes", default="", metavar="NAME,...", help="scenes by name or by how their names begin (default: all)"
@@ -75,7 +75,7 @@ def main(words: list[str] | None = None) -> int:
 
 
 def draw(path: Path, picture: Path) -> None:
-    """A picture of three moments of the finest level that has begun."""
+    """Draws three moments of the finest level that has begun."""
     from pdvol.draw.picture import render
     from pdvol.store.reader import open_run
 
@@ -103,12 +103,12 @@ def sheet(folder: Path, names: list[str], columns: int = 4, width: int = 300, he
 
 
 def told(records: list[dict]) -> str:
-    """The table: a row a level."""
+    """The table, with one row per level."""
     return trials.table(HEAD, [row for record in records for row in rows(record)])
 
 
 def rows(record: dict) -> list[list[str]]:
-    """A row a level."""
+    """The rows of one record, one per level."""
     ends = {"done": "full time", "time": "time limit", "hang": "ended by the clock"}
     outcome = ends.get(record["outcome"], record["outcome"]) + (", states wrong" if record["problems"] else "")
     begun = [level for level in record["levels"] if level["newton"]["mean"] is not None]

@@ -5,7 +5,7 @@
 
 Materials, time steps, mu and motions are the paper's scripts' (SI units, y up); contact distances and tolerances are
 pdvol's defaults unless a script asks for something special. Where the paper has points and edges without thickness,
-thin tetrahedra and triangles stand here.
+these scenes have thin tetrahedra and triangles.
 """
 
 from dataclasses import replace
@@ -56,7 +56,7 @@ def merged(surfaces) -> Surface:
 
 
 def knives() -> Surface:
-    """Nine upright triangles, their tips up at y = 0.3 m, turned this way and that."""
+    """Nine upright triangles, their tips up at y = 0.3 m, turned in different directions."""
     blades = []
     for k, (x, z) in enumerate((x, z) for x in (-0.3, 0.0, 0.3) for z in (-0.3, 0.0, 0.3)):
         across = 0.12 * np.array([np.cos(0.7 * k), 0.0, np.sin(0.7 * k)])
@@ -160,7 +160,7 @@ def trash_compactor(gap: float = 0.1) -> Scene:
 
 
 def dolphin_funnel(vertices=(4000,)) -> Scene:
-    """A dolphin is drawn by its nose through a funnel whose neck is a third of its girth."""
+    """A dolphin is pulled by its nose through a funnel whose neck is a third of its girth."""
     body = Body(dolphin(1.0, 4000), NeoHookean(1e4), vertices, placement=Placement((0.0, 0.45, 0.0)))
     nose = Support(lambda X: X[:, 1] < -0.01, motion=Translation((0.0, -0.08, 0.0)))
     return Scene(
@@ -282,7 +282,7 @@ def masonry_arch(stones: int = 25) -> Scene:
 
 
 def chain(links: int = 10) -> Scene:
-    """A chain of soft links hangs from a rigid one and drops taut; IPC's chain10."""
+    """A chain of soft links hangs from a rigid one and falls until it is taut; IPC's chain10."""
     soft, ring = NeoHookean(1e7, density=500.0), torus(0.35, 0.1, 24, 10)
 
     def place(k: int) -> Placement:

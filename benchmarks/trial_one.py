@@ -1,8 +1,7 @@
 """One scene in a process of its own: `trial_one.py FILE NAME RUN SECONDS [SEED]` marches `scene(name=NAME)` of FILE
 into the run folder RUN.
 
-After SECONDS it stops where it is, between two steps. Beside the run it leaves RUN.json: how it ended, peak memory [MB]
-and seconds.
+After SECONDS it stops between two steps. Beside the run it writes RUN.json: how it ended, peak memory [MB] and seconds.
 """
 
 import json
@@ -22,7 +21,7 @@ class TimeUp(Exception):
 
 
 class Timer:
-    """Ends the march once the time is over; takes the place of a progress bar."""
+    """Ends the march once the time is over; used in place of a progress bar."""
 
     def __init__(self, until: float):
         self.until = until
@@ -37,8 +36,8 @@ class Timer:
 
 
 def main(file: str, name: str, out: str, seconds: str, seed: str = "") -> int:
-    """Runs the scene; 0 when it came to its end or the time was over, 1 when pdvol gave up. Any other error is a
-    traceback.
+    """Runs the scene; returns 0 when it came to its end or the time was over, 1 when pdvol gave up. Any other error is
+    a traceback.
     """
     begin, timer = time.perf_counter(), Timer(time.perf_counter() + float(seconds))
     told, kind = "", "done"

@@ -1,4 +1,4 @@
-"""Trials: scenes that are run under a limit of time, each in a process of its own, and what their stored states show.
+"""Trials: scenes that run under a limit of time, each in a process of its own, and the measures of their stored states.
 
 States are checked by `pdvol verify`, which shares nothing with the solver; energies are summed here, from the
 states and the log.
@@ -25,8 +25,8 @@ PATIENCE = 60.0
 def trial(
     file: Path, name: str, seconds: float, hard: float, keep: Callable[[Path], None] | None = None, seed: int = 0
 ) -> dict:
-    """The record of one scene: stopped between steps after `seconds`, ended as hanging after `hard`; `keep` is handed
-    its run folder.
+    """The record of one scene. It is stopped between steps after `seconds`, and killed after `hard` seconds; `keep` is
+    called with its run folder.
     """
     with tempfile.TemporaryDirectory(prefix=f"pdvol-{name}-") as folder:
         path = Path(folder) / "run"
@@ -45,7 +45,7 @@ def trial(
 
 
 def chosen(text: str, known) -> list[str]:
-    """Names from names and beginnings of names, each once; all of them when there is no text."""
+    """Names from names and beginnings of names, each once; all names when the text is empty."""
     names = []
     for word in filter(None, text.split(",")):
         fitting = [word] if word in known else [name for name in known if name.startswith(word)]
@@ -56,8 +56,8 @@ def chosen(text: str, known) -> list[str]:
 
 
 class Trials:
-    """The trials of a table: records in the order of `known`, kept as NAME.json and NAME.md in a folder, each as soon
-    as it is there.
+    """The trials of a table: records in the order of `known`, written to NAME.json and NAME.md in a folder, each as
+    soon as it exists.
 
     Parameters
     ----------
@@ -79,11 +79,11 @@ class Trials:
 
     @property
     def records(self) -> list[dict]:
-        """All there are."""
+        """All records."""
         return self.result["rows"]
 
     def add(self, record: dict, line: str) -> None:
-        """Keeps a record, and says so on stderr in a line."""
+        """Adds a record, and prints a line about it on stderr."""
         self.records.append(record)
         self.records.sort(key=lambda row: self._order.index(row["name"]))
         print(line, record["told"], *record["problems"], file=sys.stderr, flush=True)
@@ -91,7 +91,7 @@ class Trials:
         self._markdown.write_text(str(self))
 
     def __str__(self) -> str:
-        """The machine, the table, and what was told of trials that stopped or whose states are wrong."""
+        """The machine, the table, and the messages of trials that stopped or whose states are wrong."""
         lines = [f"Measured on {machine_line(self.result['machine'])}.", "", self._told(self.records), ""]
         lines += [
             f"- {record['name']}: {text}"
@@ -102,7 +102,7 @@ class Trials:
 
 
 def measured(path: Path) -> dict:
-    """What a run folder shows: a record a level, and everything wrong with its states."""
+    """The measures of a run folder: one record per level, and everything wrong with its states."""
     run = open_run(path)
     levels, problems = [], []
     for level, found in zip(run.levels, verify.check_levels(path), strict=True):
@@ -131,7 +131,7 @@ def measured(path: Path) -> dict:
 
 
 def lengths(scene: Scene, diagonal: float) -> dict:
-    """dhat [m], eps_v [m/s] and Newton's tolerance [m/s] of a scene, None what it does not have."""
+    """dhat [m], eps_v [m/s] and Newton's tolerance [m/s] of a scene; None for what it does not have."""
     given = {"dhat": None, "eps_v": None, "tolerance": scene.solver.tolerance}
     for contact in scene.contact:
         given |= {key: getattr(contact, key) for key in ("dhat", "eps_v") if hasattr(contact, key)}
@@ -165,7 +165,7 @@ def spread(log: list[dict], key: str) -> dict:
 
 
 def finite(value: float) -> float | None:
-    """The value, None where there was nothing to measure."""
+    """The value; None where there was nothing to measure."""
     return float(value) if np.isfinite(value) else None
 
 
@@ -210,7 +210,7 @@ def kinetic_energy(run: Run, level: RunLevel, step: int) -> float:
 
 
 def sound(record: dict) -> bool:
-    """Whether a trial ended as it may: at its end, at its time or with a named error, and every state free of
+    """Whether a trial ended as allowed: at its end, at its time limit or with a named error, with every state free of
     intersections and inversions.
     """
     return record["outcome"] in ("done", "time", "ConvergenceError", "InputError") and not record["problems"]
@@ -222,10 +222,10 @@ def table(head: list[str], rows: list[list[str]]) -> str:
 
 
 def number(value: float | None, digits: int = 2) -> str:
-    """A few digits, empty for None."""
+    """A number with a few digits; empty for None."""
     return "" if value is None else f"{value:.{digits}g}"
 
 
 def machine_line(machine: dict) -> str:
-    """What it was measured on."""
+    """The machine that the trials were measured on."""
     return f"{machine['processor']}, one of {machine['cores']} cores, one thread"

@@ -1,6 +1,6 @@
 """A soft gorilla, held by its seat, its feet and one fist, is thrown upward with force (paper, "Large deformation").
 
-Simulated on its own, each level swings its own way after a while; refined progressively, all swing as level 0 does:
+A level simulated on its own drifts away from level 0 after a while. Progressively refined levels swing as level 0 does:
 
     pdvol run demos/ape.py                                                 # runs/ape
     pdvol run demos/ape.py --method direct --out runs/ape_direct
@@ -16,7 +16,7 @@ HELD = 0.03  # m above the ground: seat, soles and the right fist
 
 
 def scene(vertices=(300, 700, 1600, 3600), young=2e4, speed=5.0, steps=800, dt=0.01):
-    """The gorilla, 1 m tall along z, gets an upward velocity of `speed` m/s all at once; nothing else acts on it."""
+    """The gorilla, 1 m tall along z, suddenly gets an upward velocity of `speed` m/s; nothing else acts on it."""
     return Scene(
         bodies=(
             Body(

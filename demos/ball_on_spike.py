@@ -1,7 +1,7 @@
-"""A soft ball dropped on a sharp spike, a hair off-centre (paper, figures 2 and 9).
+"""A soft ball dropped on a sharp spike, slightly off-centre (paper, figures 2 and 9).
 
-Which way does it fall? Simulated on its own, every level answers for itself; refined progressively, they fall the same
-way.
+Which way does it fall? Levels simulated on their own fall to different sides. Progressively refined levels fall to the
+same side.
 """
 
 import pdvol

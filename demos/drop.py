@@ -1,4 +1,4 @@
-"""A soft shape falls spinning on two round stones and the floor: any surface file, or a bear cub of our own.
+"""A soft shape falls spinning on two round stones and the floor: a surface file, or pdvol's bear cub.
 
 pdvol run demos/drop.py --set surface=cow.obj
 """
@@ -9,7 +9,7 @@ import pdvol
 from pdvol import Barrier, Body, Friction, Gravity, NeoHookean, Placement, Plane, Rigid, Scene, meshes
 from pdvol.meshing.readers import read_shape
 
-SIZE = 1.0  # m: whatever comes is scaled to this largest extent, y up
+SIZE = 1.0  # m: the largest extent that any shape is scaled to, y up
 
 
 def scene(surface="", vertices=(500, 2000, 8000), young=1e5, mu=0.3, spin=2.0, steps=100, dt=0.01, height=1.0):

@@ -1,7 +1,9 @@
-"""Soft and stiff together on a trampoline (paper, section 5, heterogeneous materials): do all levels bounce alike?
+"""Soft and stiff together on a trampoline (paper, section 5, heterogeneous materials).
 
-A worm of 2e4 Pa, a propeller of 2e10, the letters A, B and C of 4e4, 5e5 and 6e6 by three laws, and a ball of soft and
-firm panels.
+Is the bounce the same on all levels?
+
+The bodies are a worm of 2e4 Pa, a propeller of 2e10 Pa, the letters A, B and C of 4e4, 5e5 and 6e6 Pa by three material
+laws, and a ball of soft and firm panels.
 """
 
 import numpy as np
@@ -28,10 +30,10 @@ WIDTH, BED, LEG = 2.8, 0.7, 0.12  # m: the trampoline, the height of its bed, an
 
 
 def scene(vertices=(40, 100, 250, 600), drop=0.4, bounce=1e7, spin=0.0, mu=0.2, steps=120, dt=0.01):
-    """All fall from `drop` m and more on a bed of `bounce` Pa, the propeller turning at `spin` rad/s.
+    """All bodies fall from `drop` m and more on a bed of `bounce` Pa; the propeller turns at `spin` rad/s.
 
-    `vertices` are those of each body; the bed has twice as many. A spinning body as stiff as the propeller takes 15
-    Newton iterations a step.
+    `vertices` is the number for each body; the bed has twice as many. A spinning body as stiff as the propeller takes
+    15 Newton iterations a step.
     """
     A, B, C = (meshes.letter(name, 0.5) for name in "ABC")
     low, high = BED + 0.25 + drop, BED + 0.95 + drop
@@ -62,7 +64,7 @@ def scene(vertices=(40, 100, 250, 600), drop=0.4, bounce=1e7, spin=0.0, mu=0.2, 
         contact=(Barrier(), Friction(mu)),
         solver=Solver(
             linear="direct"
-        ),  # stiffnesses a million times apart: 37 conjugate-gradient iterations a solve on level 0
+        ),  # conjugate gradients need 37 iterations a solve on level 0: stiffnesses a million times apart
         dt=dt,
         steps=steps,
     )

@@ -1,8 +1,8 @@
 """Jelly animals thrown fast into a glass bowl (paper, section 5, jello in the bowl): a bear, a bunny and a frog, with
 little friction.
 
-Level 0 has about 500 vertices an animal, blobs that answer at once; the finest shows their faces and the ripples of the
-impact.
+Level 0 has about 500 vertices an animal: rough shapes, simulated quickly. The finest level shows their faces and the
+ripples of the impact.
 """
 
 import pdvol
@@ -20,7 +20,7 @@ THROWN = (
 def scene(
     vertices=(500, 1500, 4500, 13500), who=("bear", "bunny", "frog"), speed=6.0, young=6e4, mu=0.05, steps=60, dt=0.01
 ):
-    """The animals `who`, each of `vertices`, are thrown at `speed` m/s; `young` Pa makes them jelly."""
+    """The animals `who`, with `vertices` each, are thrown at `speed` m/s. `young` is their stiffness [Pa]."""
     material = NeoHookean(young, 0.45, 1000.0)
     bodies = tuple(
         Body(

@@ -1,7 +1,7 @@
-"""An own energy on an own mesh: a beam with fibres, in UFL, falls on a ball and the floor in a time loop of its own.
+"""Contact for a user's own energy on a user's own mesh: a beam with fibres, in UFL, falls on a ball and the floor.
 
-pdvol adds contact alone: its barrier and friction keep the beam from the ball, the floor and itself. Any number of
-ranks gives the same:
+The time loop is the user's own. pdvol adds only contact: its barrier and friction keep the beam from the ball, the
+floor and itself. The result is the same on any number of ranks:
 
 python demos/own_energy.py
 mpirun -n 2 python demos/own_energy.py
@@ -36,7 +36,7 @@ def energy_density(u):
 
 
 def simulate(steps=STEPS, comm=MPI.COMM_WORLD):
-    """The contact, the last displacements, and what `Claims` gathers of all steps."""
+    """The contact, the last displacements, and the `Claims` with what they found in all steps."""
     domain = mesh.create_box(comm, (LOW, HIGH), (18, 3, 2), mesh.CellType.tetrahedron)
     V = fem.functionspace(domain, ("Lagrange", 1, (3,)))
     u, u_hat, v, du = (fem.Function(V) for _ in range(4))  # displacement, predicted one, velocity, Newton's step
@@ -80,7 +80,7 @@ def simulate(steps=STEPS, comm=MPI.COMM_WORLD):
 
 
 class Claims:
-    """The smallest gap [m] at the end of steps, and how wrong momentum is: only weight and contact may change it."""
+    """The smallest gap [m] at the end of steps, and the error of momentum: only weight and contact may change it."""
 
     def __init__(self, v):
         self._momentum = [fem.form(DENSITY * v[i] * ufl.dx) for i in range(3)]

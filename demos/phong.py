@@ -1,8 +1,8 @@
 """A soft round ball falls on a post (paper, figure "Phong Deformation"): a fine mesh bent by a few coarse cells shows
 their facets.
 
-How much of that does Phong Deformation hide, and what is left of it when the fine level is simulated?
-`benchmarks/methods.py phong` compares.
+How much of that does Phong Deformation hide, and how much remains when the fine level is simulated?
+`benchmarks/methods.py phong` compares them.
 
     pdvol run demos/phong.py --prolongation phong
 """

@@ -1,8 +1,8 @@
-"""Two levels of the slit array (paper, figure "TRACKS"): a fine simulation of its own, pulled after the coarse one by
-springs.
+"""Two levels of the slit array (paper, figure "TRACKS"): an independent fine simulation that springs pull towards the
+coarse one.
 
-What does it take to follow the preview: springs whose strength must be found, or the coarse velocity?
-`benchmarks/methods.py tracks` compares.
+Which follows the preview better: springs, whose strength must be chosen, or the coarse velocity?
+`benchmarks/methods.py tracks` compares them.
 
     pdvol run demos/tracks.py --method tracks --set weight=0.01
 """

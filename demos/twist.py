@@ -1,8 +1,8 @@
-"""A bar whose ends are turned in opposite directions, then one of them let go (paper, section "Twisting behaviour").
+"""A bar whose ends are turned in opposite directions, then one is released (paper, section "Twisting behaviour").
 
     pdvol run demos/twist.py --levels 0:1
 
-Four levels of 3,700, 9,126, 32,000 and 107,100 vertices; `--levels 0:1` is for every day, all four took 20 minutes on
+Four levels of 3,700, 9,126, 32,000 and 107,100 vertices; `--levels 0:1` is a quick look; all four took 20 minutes on
 one shared core.
 """
 
@@ -17,7 +17,7 @@ END = 1e-6  # m within which a vertex belongs to an end face
 
 
 def scene(cuts=CUTS, speed=300.0, release=0.7, young=2e5, poisson=0.4, steps=100, dt=0.01):
-    """The ends turn at `speed` deg/s, one this way, one that, until `release` [s], when the end at +x is let go; the
+    """The ends turn at `speed` deg/s in opposite directions until `release` [s], when the end at +x is released; the
     other one then stays.
     """
     turns = [Rotation(sign * np.radians(speed), (0.0, 0.0, 0.0), (1.0, 0.0, 0.0), stop=release) for sign in (1, -1)]
