@@ -1,5 +1,5 @@
 """A step that does not converge is tried with less of its scripted motion, then in halves, down to a bound
-(`solve/remedies.py`).
+(`solve/report.py`).
 """
 
 from dataclasses import dataclass

@@ -126,7 +126,7 @@ class StepReport:
     behind : [s] how far scripted motions are behind the time at the step's end, because contact stops them
     cuts : how often the step was halved
     solver_memory : what the next step's linear solves begin with (`LinearSolver.memory`)
-    remedies : how often each remedy was taken (`solve/remedies.py`)
+    remedies : how often each remedy was taken
     """
 
     level: int
