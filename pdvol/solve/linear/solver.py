@@ -47,7 +47,7 @@ _serial = count()
 class LinearSolver:
     """A KSP with pdvol's choice of method and, on top of it, the user's PETSc options.
 
-    Before each solve `set_parts` takes the new matrix, after each solve `note_iterations` chooses the method of the next
+    Before each solve `set_parts` takes the new matrix; after it `note_iterations` chooses the next
     one.
 
     Parameters
