@@ -165,7 +165,6 @@ class Newton:
         self.potential.add_hessian(x, 1.0, self._blocks)
 
     def _assemble(self) -> None:
-        self._previous = self._system.petsc  # SNES still holds it while the callback runs
         if self._system.assemble(self._blocks):
             self.snes.setJacobian(self._jacobian, self._system.petsc)
 

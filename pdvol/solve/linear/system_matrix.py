@@ -79,6 +79,7 @@ class SystemMatrix:
             blocks.cells[self._ones] = np.eye(self.space.dim)
             free = ~(self._supported[keys // self._n] | self.all_supported[keys % self._n])
             keys, values = keys[free], values[free]
+        self._replaced = self.petsc  # kept: SNES still holds it while its callback assembles the next one
         new = self._fit(keys, blocks.pattern.keys)
         matrix = self._blocked
         matrix.zeroEntries()
