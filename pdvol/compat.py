@@ -1,9 +1,12 @@
 """What differs between dolfinx 0.9 and its successors, in one place."""
 
+from typing import Any
+
 import basix.ufl
 import dolfinx
 import dolfinx.graph
 import numpy as np
+from mpi4py import MPI
 
 DOLFINX = tuple(int(part) for part in dolfinx.__version__.split(".")[:2])
 
@@ -17,7 +20,9 @@ def geometry_dofmap(mesh: dolfinx.mesh.Mesh) -> np.ndarray:
     return np.asarray(mesh.geometry.dofmap if dofmaps is None or callable(dofmaps) else dofmaps[0])
 
 
-def create_mesh(comm, points: np.ndarray, cells: np.ndarray, owner: np.ndarray | None = None) -> dolfinx.mesh.Mesh:
+def create_mesh(
+    comm: MPI.Comm, points: np.ndarray, cells: np.ndarray, owner: np.ndarray | None = None
+) -> dolfinx.mesh.Mesh:
     """A simplex mesh distributed over `comm` from arrays given on rank 0: each cell to its `owner` (m,) int32, or as
     dolfinx thinks best. Collective.
 
@@ -37,13 +42,13 @@ def create_mesh(comm, points: np.ndarray, cells: np.ndarray, owner: np.ndarray |
     )
 
 
-def _destinations(owner: np.ndarray):
+def _destinations(owner: np.ndarray) -> Any:
     """One rank per cell, as dolfinx' C++ wants it; newer versions wrap it."""
     graph = dolfinx.graph.adjacencylist(np.ascontiguousarray(owner, dtype=np.int32)[:, None])
     return getattr(graph, "_cpp_object", graph)
 
 
-def index_map(comm, owned: int, ghosts: np.ndarray, owners: np.ndarray) -> dolfinx.common.IndexMap:
+def index_map(comm: MPI.Comm, owned: int, ghosts: np.ndarray, owners: np.ndarray) -> dolfinx.common.IndexMap:
     """A distribution of indices from each rank's share, its ghosts (int64, global) and their owners (int32).
     Collective.
 

@@ -3,6 +3,10 @@
 """
 
 from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    import numpy as np
 
 
 class PdvolError(Exception):
@@ -10,7 +14,7 @@ class PdvolError(Exception):
 
 
 class InputError(PdvolError, ValueError):
-    """A user's mistake, told in one line: what, where, and the mend."""
+    """A user's mistake. The message says in one line what is wrong, where, and how to mend it."""
 
 
 class MeshError(InputError):
@@ -42,7 +46,7 @@ class IntersectionError(InputError):
         pairs: Iterable = (),
         level: int = 0,
         bodies: Iterable[int] = (),
-        push: Sequence[float] | None = None,
+        push: "Sequence[float] | np.ndarray | None" = None,
     ):
         super().__init__(message)
         self.pairs, self.level, self.bodies, self.push = tuple(pairs), level, tuple(int(b) for b in bodies), push

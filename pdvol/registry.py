@@ -75,7 +75,7 @@ class Registry:
         return len(self._own) + len(self._installed)
 
     def __contains__(self, name: object) -> bool:
-        return name in self._own or name in self._installed
+        return isinstance(name, str) and (name in self._own or name in self._installed)
 
     def check(self, name: str) -> None:
         """Raise InputError, listing the legal names, unless `name` is one of them."""
@@ -137,7 +137,7 @@ the default.
 INTEGRATORS = Registry(
     "integrator",
     {
-        "implicit_euler": Entry("pdvol.integrate.implicit_euler:ImplicitEuler"),
+        "implicit_euler": Entry("pdvol.integrate.integrator:ImplicitEuler"),
         "bdf2": Entry("pdvol.integrate.bdf2:BDF2"),
     },
 )

@@ -10,8 +10,7 @@ first order with any integrator. Source: Hairer, Wanner, Solving Ordinary Differ
 
 import numpy as np
 
-from pdvol.integrate.implicit_euler import ImplicitEuler
-from pdvol.integrate.integrator import Past
+from pdvol.integrate.integrator import ImplicitEuler, Past
 
 _FIRST = ImplicitEuler()
 

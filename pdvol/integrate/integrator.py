@@ -49,6 +49,28 @@ class Integrator(Protocol):
         """Velocities (n, d) [m/s] at the end of a step that led to `positions`."""
 
 
+class ImplicitEuler:
+    """Implicit Euler: x_hat = x^t + dt v^t, weight dt^2, v = (x^{t+1} - x^t) / dt. First order in dt, strongly damping.
+
+    It is the integrator of all marches.
+    """
+
+    name = "implicit_euler"
+    states = 1
+
+    def predict(self, past: Past, dt: float) -> np.ndarray:
+        """x^t + dt v^t, (n, d) [m]."""
+        return past[0].positions + dt * past[0].velocity
+
+    def weight(self, past: Past, dt: float) -> float:
+        """dt^2 [s^2]."""
+        return dt**2
+
+    def velocity(self, positions: np.ndarray, past: Past, dt: float) -> np.ndarray:
+        """The difference over the step, (n, d) [m/s]."""
+        return (positions - past[0].positions) / dt
+
+
 def advance(integrator: Integrator, past: Past, positions: np.ndarray, dt: float) -> Past:
     """The past after a step that led to `positions` (n, d)."""
     return (State(positions, integrator.velocity(positions, past, dt)), *past[: integrator.states - 1])

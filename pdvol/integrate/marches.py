@@ -14,11 +14,10 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from pdvol.integrate.integrator import Past, State, advance
-from pdvol.integrate.report import StepReport, peak_memory
 from pdvol.integrate.stepper import Stepper
 from pdvol.levels.prolongation import Prolongation
 from pdvol.potentials.consistency import Guide
-from pdvol.solve.timing import Stopwatch
+from pdvol.solve.report import StepReport, Stopwatch, peak_memory
 
 SAME_TIME = 1e-9  # of a step: times nearer to the end of one are that end
 

@@ -1,5 +1,5 @@
 """A step that does not converge is tried with less of its scripted motion, then in halves, down to a bound
-(`solve/remedies.py`).
+(`solve/report.py`).
 """
 
 from dataclasses import dataclass
@@ -8,14 +8,11 @@ from typing import Protocol
 import numpy as np
 
 from pdvol.errors import ConvergenceError
-from pdvol.integrate.implicit_euler import ImplicitEuler
-from pdvol.integrate.integrator import Integrator, Past, State
-from pdvol.integrate.report import StepReport
+from pdvol.integrate.integrator import ImplicitEuler, Integrator, Past, State
 from pdvol.integrate.scripted_motion import ScriptedMotion
 from pdvol.levels.space import LevelSpace
 from pdvol.potentials.potential import Positions
-from pdvol.solve.minimisation import NewtonReport
-from pdvol.solve.remedies import taken
+from pdvol.solve.report import NewtonReport, StepReport, taken
 
 # Shares of the motion carried out before a solve failed: with so much of it the step is tried again.
 HELD_BACK = (0.25, 0.0)

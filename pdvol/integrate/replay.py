@@ -48,8 +48,9 @@ class Replay:
         """
         x_t, x = (Positions(self.space, self.space.from_input(rows)) for rows in (start, end))
         t0, late_ones = max(step - 1, 0) * self.dt, {id(term) for term in self.contacts}
-        for term in self.barriers if kappa is not None else ():
-            term.kappa = kappa
+        if kappa is not None:
+            for barrier in self.barriers:
+                barrier.kappa = kappa
         # All terms begin before any moves on: friction lags on barriers that are still where the step begins.
         for term in self.terms:
             late = behind[0] if id(term) in late_ones else 0.0

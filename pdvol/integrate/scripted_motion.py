@@ -2,12 +2,43 @@
 
 All motions of a scene share one clock, so that what contact stops (obstacles as well as supports) stays at a place of
 its motion, and goes on from there as soon as it can. A step ends with the clock at its own time, or `behind` it.
+
+Scripted motions under contact: supports and obstacles are moved as far as nothing crosses, in parts of the step.
+
+Each part ends at a time on the clock, with supports and obstacles exactly where their motions have them then. Collision
+detection clears the straight path there from the end of the part before. So an obstacle that turns never stays on a
+chord of its arc. Newton's direction lets bodies give way to supports and, through the barrier, to obstacles. Where the
+bodies' own motion towards equilibrium shortens the path, the part of the direction that is due to the scripted motion
+alone goes further, and the rest is left to the minimisation between parts. Bodies move on straight lines, what turns
+does not: a direction found for a place far ahead is blocked early. So each direction is found for a place `LOOK_AHEAD`
+times as far as the last part came. A part never squeezes a cell below `MIN_CELL_VOLUME` of its rest volume.
 """
+
+from collections.abc import Callable
 
 import numpy as np
 
+from pdvol.geometry.level_mesh import simplex_volumes
 from pdvol.levels.model import HeldPoints, LevelModel
 from pdvol.levels.space import LevelSpace
+from pdvol.potentials.potential import SCRIPTED_GAP_SHARE, Positions
+from pdvol.solve.incremental_potential import IncrementalPotential
+from pdvol.solve.newton import Newton
+from pdvol.solve.report import NewtonReport
+
+MAX_PARTS = 200  # parts of one step: bounds the time that a blocked motion takes
+MAX_TRIES = 6  # shorter paths tried for one part: bounds the search for a free one
+LOOK_AHEAD = (
+    2.0  # times the last part's length: the place that the next direction leads to, unless the step ends before
+)
+SHORTEST_AHEAD = 0.005  # share of the step: least length that LOOK_AHEAD multiplies, or blocked motions would creep
+PATH_SHARE = 0.9  # share of a free path that is tried next: detection for the shorter path may be stricter
+LEAST_GAIN = 2e-4  # share of the step: a part that gains less is not taken, since it closes gaps for nothing
+PINCHED = 0.25  # share of the smallest gap before the first part: below it bodies get more iterations to open the gap
+MIN_CELL_VOLUME = 1e-3  # share of a cell's rest volume: no part squeezes it further, or Newton could not recover it
+SHORTER = 0.5  # factor of a part's length where it squeezes a cell too far
+RELAXING_ITERATIONS = 2  # Newton iterations between parts: enough for bodies to follow
+OPENING_ITERATIONS = 20  # Newton iterations between parts where gaps are pinched
 
 
 class ScriptedMotion:
@@ -69,3 +100,90 @@ class _Owned:
     def __init__(self, points: HeldPoints, space: LevelSpace):
         self.points, self.mask = points, points.mask[space.owned_points]
         self.rows = np.cumsum(points.mask)[space.owned_points][self.mask] - 1
+
+
+def follow(
+    motion: ScriptedMotion,
+    potential: IncrementalPotential,
+    newton: Newton,
+    x: Positions,
+    t1: float,
+    count: Callable[[NewtonReport], None],
+) -> Positions:
+    """Moves everything scripted from `motion.clock` towards its place at t1 [s], while bodies give way. Collective.
+
+    The clock then shows how far that was possible. `count` is called after every solve. The state returned is
+    admissible.
+    """
+    if motion.clock == t1:
+        return x
+    least, near = LEAST_GAIN * (t1 - motion.clock), SHORTEST_AHEAD * (t1 - motion.clock)
+    relaxed, gap, aim = False, potential.min_gap(x), t1
+    for _ in range(MAX_PARTS):
+        clock = motion.clock
+        further = _part(motion, potential, newton, x, aim, least)
+        aim = min(t1, motion.clock + LOOK_AHEAD * max(near, motion.clock - clock))
+        if further is not None:
+            x = further
+        elif relaxed:
+            return x  # bodies have given way as far as they do: contact holds
+        if motion.clock == t1:
+            return x
+        relaxed, now = further is None, potential.min_gap(x)
+        gap = now if gap == np.inf else gap  # the step began out of contact
+        limit = OPENING_ITERATIONS if now < PINCHED * gap else RELAXING_ITERATIONS
+        x, solved = newton.solve(x, max_iterations=None if relaxed else limit, gap_share=SCRIPTED_GAP_SHARE)
+        solved.remedies["substeps"] += 1
+        count(solved)
+    return x
+
+
+def _part(
+    motion: ScriptedMotion, potential: IncrementalPotential, newton: Newton, x: Positions, t1: float, least: float
+) -> Positions | None:
+    """Takes the longest free part towards places at t1 [s]; None where that gains less than `least` [s]."""
+    clock = motion.clock
+    push = potential.gradient_change(x, clock, t1) if motion.moves_obstacles else 0.0
+    furthest, there = clock, None
+    for direction in newton.directions(x, motion.positions(t1) - x.owned, push):
+        until, end = _free_part(motion, potential, x, t1, least, direction)
+        if until > furthest:
+            furthest, there = until, end
+        if furthest == t1:
+            break
+    if there is not None:
+        motion.clock = furthest
+        potential.move_obstacles(furthest)
+    return there
+
+
+def _free_part(
+    motion: ScriptedMotion,
+    potential: IncrementalPotential,
+    x: Positions,
+    t1: float,
+    least: float,
+    direction: np.ndarray,
+) -> tuple[float, Positions | None]:
+    """Until when a part can go along a direction that leads to t1 [s], and where it ends; None where that gains less
+    than `least` [s].
+    """
+    clock, held = motion.clock, motion.held[:, None]
+    until, share = t1, 1.0
+    for _ in range(MAX_TRIES):
+        path = np.where(held, motion.positions(until) - x.owned, share * direction)
+        free = potential.max_step(x, path, until=until, gap_share=SCRIPTED_GAP_SHARE)
+        end = x.moved(1.0, path) if free == 1.0 else None
+        if end is not None and _smallest_volume(end) >= min(MIN_CELL_VOLUME, _smallest_volume(x)):
+            return until, end
+        share *= PATH_SHARE * free if end is None else SHORTER
+        until = clock + share * (t1 - clock)
+        if until - clock < least:
+            break
+    return clock, None
+
+
+def _smallest_volume(x: Positions) -> float:
+    """The smallest volume of a cell over that at rest. Collective where x is new."""
+    mesh = x.space.mesh
+    return float((simplex_volumes(x.whole, mesh.cells) / mesh.volumes).min())

@@ -8,21 +8,17 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from pdvol.errors import ConvergenceError, SimulationError
-from pdvol.integrate.implicit_euler import ImplicitEuler
-from pdvol.integrate.integrator import Integrator, Past
-from pdvol.integrate.motion_parts import follow
+from pdvol.integrate.integrator import ImplicitEuler, Integrator, Past
 from pdvol.integrate.recovery import Recovery, Span
-from pdvol.integrate.report import StepReport, peak_memory
-from pdvol.integrate.scripted_motion import ScriptedMotion
+from pdvol.integrate.scripted_motion import ScriptedMotion, follow
 from pdvol.levels.model import LevelModel
 from pdvol.levels.space import LevelSpace
 from pdvol.potentials.build import build_terms
 from pdvol.potentials.consistency import Guide
 from pdvol.potentials.potential import MIN_GAP_SHARE, SCRIPTED_GAP_SHARE, Positions
 from pdvol.solve.incremental_potential import IncrementalPotential
-from pdvol.solve.minimisation import NewtonReport
 from pdvol.solve.newton import Newton
-from pdvol.solve.timing import Stopwatch
+from pdvol.solve.report import NewtonReport, StepReport, Stopwatch, peak_memory
 
 
 class Stepper:
@@ -70,7 +66,7 @@ class Stepper:
         behind = record.get("behind", 0.0)
         self.motion.behind = float(behind) if isinstance(behind, (int, float)) else 0.0
         if isinstance(record.get("solver_memory"), dict):
-            self.newton.linear.recall(record["solver_memory"])
+            self.newton.linear.restore(record["solver_memory"])
 
     def step(self, number: int, past: Past) -> StepReport:
         """Step `number` (from 1) from the last states, in the input's order of vertices.
@@ -86,7 +82,7 @@ class Stepper:
             if self.motion.begin((number - 1) * dt):  # other rows are free
                 memory = self.newton.linear.memory
                 self.newton = self._new_newton()
-                self.newton.linear.recall(memory)
+                self.newton.linear.restore(memory)
             x = self._recovery.advance(report, self.integrator, mine, (number - 1) * dt, number * dt)
             report.reached, report.behind = self.motion.end(number * dt), self.motion.behind
             self._measure(report, x)

@@ -37,7 +37,7 @@ class Binding:
 
     def report(self) -> dict:
         """Counts of `inside`, `ray`, `neighbour` and `orphans`, and the `largest_weight` in absolute value."""
-        inside, ray, neighbour, orphans = np.bincount(self.kind, minlength=4).tolist()
+        inside, ray, neighbour, orphans = (int(count) for count in np.bincount(self.kind, minlength=4))
         largest = float(np.abs(self.weights).max())
         return {"inside": inside, "ray": ray, "neighbour": neighbour, "orphans": orphans, "largest_weight": largest}
 

@@ -12,6 +12,7 @@ has any: reached through the source's material, hence on the same branch.
 import heapq
 from functools import cached_property
 from itertools import combinations
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
@@ -62,11 +63,20 @@ def vertex_adjacency(mesh: LevelMesh) -> sp.csr_array:
     return adjacency
 
 
-def _march(outside, points, edges, cells, search, material):
+def _march(
+    outside: np.ndarray,
+    points: np.ndarray,
+    edges: sp.csr_array,
+    cells: np.ndarray,
+    search: BoundarySearch,
+    material: "_Material",
+) -> tuple[np.ndarray, np.ndarray]:
     """Facet (k,) and kind (k,) of the outside points of one body."""
-    neighbours = {v: edges.indices[edges.indptr[v] : edges.indptr[v + 1]].tolist() for v in outside.tolist()}
+    neighbours: dict[int, list[int]] = {
+        v: edges.indices[edges.indptr[v] : edges.indptr[v + 1]].tolist() for v in _integers(outside)
+    }
     facet = _ray_hits(outside, points, edges, search)
-    kind = dict.fromkeys(neighbours)
+    kind: dict[int, int | None] = dict.fromkeys(neighbours)
     bound = {v: sum(u not in kind for u in around) for v, around in neighbours.items()}
     # The middle entry puts points without hits behind all others while nothing near them is bound.
     queue = [(-bound[v], bound[v] == 0 and v not in facet, v) for v in neighbours]
@@ -80,7 +90,7 @@ def _march(outside, points, edges, cells, search, material):
         if v in facet:
             kind[v] = RAY
         else:
-            candidates = set()
+            candidates = set[int]()
             for u in neighbours[v]:
                 if u not in kind:
                     candidates.update(material.facets_near(cells[u], search.cells))
@@ -93,14 +103,14 @@ def _march(outside, points, edges, cells, search, material):
                 heapq.heappush(queue, (-bound[u], False, u))
     orphans = np.array([v for v in neighbours if kind[v] is None], dtype=np.int64)
     if len(orphans):
-        for v, closest in zip(orphans.tolist(), search.closest(points[orphans]).tolist(), strict=True):
+        for v, closest in zip(_integers(orphans), _integers(search.closest(points[orphans])), strict=True):
             facet[v], kind[v] = closest, CLOSEST
     return np.array([facet[v] for v in neighbours], dtype=np.int64), np.array(
         [kind[v] for v in neighbours], dtype=np.int8
     )
 
 
-def _ray_hits(outside, points, edges, search) -> dict[int, int]:
+def _ray_hits(outside: np.ndarray, points: np.ndarray, edges: sp.csr_array, search: BoundarySearch) -> dict[int, int]:
     """The closest facet hit from each outside point along its edges, where there is one."""
     # The rays do not depend on the order in which points are taken: all are cast at once.
     fan = edges[outside]
@@ -109,7 +119,13 @@ def _ray_hits(outside, points, edges, search) -> dict[int, int]:
     order = np.lexsort((facet, distance, start))
     order = order[facet[order] >= 0]
     vertex, first = np.unique(start[order], return_index=True)
-    return dict(zip(vertex.tolist(), facet[order[first]].tolist(), strict=True))
+    return dict(zip(_integers(vertex), _integers(facet[order[first]]), strict=True))
+
+
+def _integers(array: np.ndarray) -> list[int]:
+    """An integer array (k,) as a list."""
+    numbers: Any = array.tolist()  # numpy's hint has a number, too: it does not know the dimension
+    return numbers
 
 
 class _Material:
@@ -127,11 +143,11 @@ class _Material:
         """Boundary facets of the first layer of cells around `cell` that has any; `facet_cells` (k,) says whose each
         facet is.
         """
-        layer, seen = {int(cell)}, set()
+        layer, seen = {int(cell)}, set[int]()
         while layer:
             facets = np.flatnonzero(np.isin(facet_cells, list(layer)))
             if len(facets):
-                return facets.tolist()
+                return _integers(facets)
             seen |= layer
             layer = {
                 int(c) for k in layer for c in self._links.indices[self._links.indptr[k] : self._links.indptr[k + 1]]

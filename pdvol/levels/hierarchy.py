@@ -1,6 +1,7 @@
 """The levels of a scene, coarsest first, and the prolongations between neighbours."""
 
 from collections.abc import Sequence
+from typing import overload
 
 import numpy as np
 from mpi4py import MPI
@@ -20,7 +21,7 @@ MAX_WEIGHTS = 30
 MIN_COARSENING = 6
 
 
-class Hierarchy(Sequence):
+class Hierarchy(Sequence[LevelSpace]):
     """A sequence of `LevelSpace`: `hierarchy[0]` is the coarsest, `hierarchy[-1]` the finest. Construction is
     collective.
 
@@ -50,7 +51,13 @@ class Hierarchy(Sequence):
     def __len__(self) -> int:
         return len(self._spaces)
 
-    def __getitem__(self, level: int) -> LevelSpace:
+    @overload
+    def __getitem__(self, level: int) -> LevelSpace: ...
+
+    @overload
+    def __getitem__(self, level: slice) -> Sequence[LevelSpace]: ...
+
+    def __getitem__(self, level: int | slice) -> LevelSpace | Sequence[LevelSpace]:
         return self._spaces[level]
 
     def prolongation(self, level: int) -> Prolongation:

@@ -5,7 +5,7 @@ Written apart from the solver's contact code. Separately decimated surfaces can 
 every level is tested.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 import igl
@@ -218,10 +218,12 @@ class _Parties:
         )
         return Gap(float(np.sqrt(squares[k])), one, other), len(near)
 
-    def _numbers(self, vertices) -> tuple[int, ...]:
+    def _numbers(self, vertices: Iterable[int]) -> tuple[int, ...]:
         return tuple(int(self.labels[v]) for v in vertices)
 
-    def _defect(self, level: int, does: str, pairs) -> Defect:
+    def _defect(
+        self, level: int, does: str, pairs: Sequence[tuple[Sequence[int] | np.ndarray, Sequence[int] | np.ndarray]]
+    ) -> Defect:
         named = [(self._numbers(a), self._numbers(b)) for a, b in pairs]
         one, other = self._whose(pairs[0][0][0]), self._whose(pairs[0][1][0])
         first, second = named[0]

@@ -10,7 +10,7 @@ import ufl
 
 from pdvol.errors import InputError
 from pdvol.geometry.level_mesh import LevelMesh
-from pdvol.scene import Material, Scene, lame
+from pdvol.scene import Material, Region, Scene, lame
 from pdvol.scene.checks import called
 
 if TYPE_CHECKING:  # it loads the finite elements, which describing a scene does not need
@@ -84,7 +84,7 @@ def cell_materials(scene: Scene, mesh: LevelMesh) -> CellMaterials:
     return CellMaterials(laws, law, values, **fields, softest=float(fields["young"].min()))
 
 
-def _held(region, name: str, mesh: LevelMesh, centres: np.ndarray, mine: np.ndarray) -> np.ndarray:
+def _held(region: Region, name: str, mesh: LevelMesh, centres: np.ndarray, mine: np.ndarray) -> np.ndarray:
     if callable(region.where):
         held = mine & called(f"{name}: `where`", region.where, (centres,), (len(centres),)).astype(bool)
         mend = "widen its `where`, or give the coarsest level more vertices"

@@ -46,7 +46,7 @@ class HeldPoints:
 
     def at(self, time: float) -> np.ndarray:
         """(k, d) [m]: where they should be at `time` [s]. Raises InputError where a motion of the user's own fails."""
-        return moved(self.motion, self.points, time, "a support")
+        return moved(self.motion, self.points, time, "a support") if self.moves else self.points
 
 
 @dataclass(frozen=True, eq=False)

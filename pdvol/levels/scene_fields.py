@@ -1,5 +1,7 @@
 """What a scene says about space, evaluated on its shapes and meshes: its size, and its velocities at t = 0."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from pdvol.errors import InputError
@@ -7,9 +9,11 @@ from pdvol.geometry.level_mesh import LevelMesh
 from pdvol.levels.materials import cell_materials, check_laws
 from pdvol.meshes import Outline
 from pdvol.meshing.readers import read_shape
-from pdvol.scene import Flow, Gravity, Impulse, Load, PointForce, Scene, Support, at_time, moved
+from pdvol.scene import Flow, Force, Gravity, Impulse, Load, PointForce, Scene, Support, at_time, moved
 from pdvol.scene.checks import called, require
 
+Chooser = Support | Force | PointForce | Impulse | Flow
+"""What acts on chosen points."""
 MOMENTS = 50  # of a scene at which its motions are tried beforehand; in a run each step tries its own
 
 
@@ -34,14 +38,16 @@ def initial_velocity(scene: Scene, mesh: LevelMesh) -> np.ndarray:
     return velocity
 
 
-def chosen_points(scene: Scene, chooser: Support | Load, mesh: LevelMesh) -> np.ndarray:
+def chosen_points(scene: Scene, chooser: Chooser, mesh: LevelMesh) -> np.ndarray:
     """(n,) bool: a level's points that a support or a load means by its `body` and, if it has one, its `where`."""
     points = mesh.points
     held = np.ones(len(points), dtype=bool)
     if hasattr(chooser, "where"):
         what = f"a {type(chooser).__name__.lower()}'s `where`"
         mask = called(what, chooser.where, (points.copy(),), (len(points),))
-        strange = [] if mask.dtype == bool else mask[~np.isin(mask, (0, 1))]  # NaN, indices: not what a mask holds
+        strange: Sequence | np.ndarray = (
+            [] if mask.dtype == bool else mask[~np.isin(mask, (0, 1))]
+        )  # NaN, indices: not what a mask holds
         require(
             len(strange) == 0,
             f"{what} must give True or False a vertex, not {mask.dtype} values such as"

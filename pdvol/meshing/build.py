@@ -5,7 +5,7 @@ The finest level's surface is decimated from the input's, each coarser one from 
 3.3.1). Meshes are kept in the shape's own coordinates, so that one shape placed many times, or moved, is meshed once.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -114,7 +114,9 @@ def _as_it_is(shape: AnyShape, name: str) -> Solid:
     return solid
 
 
-def _meshed(shape: Shape, targets: tuple[int, ...], levels: int, folder: Path, key: str, name: str) -> list[Solid]:
+def _meshed(
+    shape: Shape, targets: Sequence[int] | np.ndarray, levels: int, folder: Path, key: str, name: str
+) -> list[Solid]:
     """The first `levels` meshes of a shape in its own coordinates, from the cache where it has them."""
     # The boundaries are prepared once, and only if the cache lacks some level.
     prepared: list[tuple[list[Boundary], Labels]] = []
@@ -142,7 +144,7 @@ def _meshed(shape: Shape, targets: tuple[int, ...], levels: int, folder: Path, k
     return solids
 
 
-def _prepare(shape: Shape, targets: tuple[int, ...], name: str) -> tuple[list[Boundary], Labels]:
+def _prepare(shape: Shape, targets: Sequence[int] | np.ndarray, name: str) -> tuple[list[Boundary], Labels]:
     """Each level's boundary (Surface, or list of loops), and a function that labels cells with the input's regions."""
     regions_of: Labels = no_regions
     boundary: Boundary
@@ -172,7 +174,7 @@ def _boundary(solid: Solid, name: str) -> Boundary:
     return boundary_loops(points, facets, f"{name}, boundary")
 
 
-def _shape_key(shape: Shape, targets: tuple[int, ...]) -> str:
+def _shape_key(shape: Shape, targets: Sequence[int] | np.ndarray) -> str:
     versions = []
     for package in _MESHERS:
         try:

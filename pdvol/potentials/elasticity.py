@@ -3,6 +3,7 @@ stay upright.
 """
 
 from itertools import combinations_with_replacement
+from typing import Any
 
 import numpy as np
 import ufl
@@ -54,7 +55,7 @@ class Damping(CellEnergy):
         self._pairs = tuple(combinations_with_replacement(range(d), 2))
         self._hats = space.mesh.hat_gradients[space.near_cells[cells]]
 
-        def psi(F, mu, lmbda, **before):
+        def psi(F: Any, mu: Any, lmbda: Any, **before: Any) -> Any:
             return kelvin_voigt(
                 F, mu, lmbda, ufl.as_matrix([[before[_entry(*sorted((i, j)))] for j in range(d)] for i in range(d)])
             )
@@ -77,7 +78,7 @@ def _entry(i: int, j: int) -> str:
 def elastic_terms(space: LevelSpace, materials: CellMaterials) -> tuple[CellEnergy, ...]:
     """One term per law that occurs, and one for all damping if there is any."""
     near = space.near_cells
-    terms = []
+    terms: list[CellEnergy] = []
     for number, (law, values) in enumerate(zip(materials.laws, materials.values, strict=True)):
         cells = np.flatnonzero(materials.law[near] == number)
         parameters = {name: v[near[cells]] for name, v in values.items()}

@@ -15,8 +15,9 @@ from pdvol.levels.locate import barycentric_coordinates
 from pdvol.levels.model import PlacedLoad
 from pdvol.levels.space import LevelSpace
 from pdvol.potentials.assembly.compiled_forms import form_cache
-from pdvol.potentials.potential import Positions, Term
+from pdvol.potentials.potential import Positions, Potential, Term
 from pdvol.scene import Flow, Force, Gravity, Load, PointForce, at_time
+from pdvol.scene.motions import Vector
 
 
 def density_field(space: LevelSpace, densities: np.ndarray) -> fem.Function:
@@ -27,7 +28,7 @@ def density_field(space: LevelSpace, densities: np.ndarray) -> fem.Function:
     return field
 
 
-def _assemble(space: LevelSpace, form) -> np.ndarray:
+def _assemble(space: LevelSpace, form: ufl.Form) -> np.ndarray:
     with form_cache(space.comm) as options:
         compiled = fem.form(form, jit_options=options)
     vector = fem.assemble_vector(compiled)
@@ -56,7 +57,7 @@ class DeadLoad(Term):
         return -self.force
 
 
-def gravity_load(space: LevelSpace, densities: np.ndarray, acceleration) -> DeadLoad:
+def gravity_load(space: LevelSpace, densities: np.ndarray, acceleration: Vector | np.ndarray) -> DeadLoad:
     """The weight of all bodies under a uniform acceleration [m/s^2]. Collective."""
     v = ufl.TestFunction(space.V)
     g = fem.Constant(space.domain, np.asarray(acceleration, dtype=float))
@@ -76,12 +77,12 @@ class TimedLoad(DeadLoad):
 
 def load_terms(
     loads: Sequence[PlacedLoad], space: LevelSpace, densities: np.ndarray, mass: np.ndarray
-) -> tuple[Term, ...]:
+) -> tuple[Potential, ...]:
     """The terms of a level's loads, with densities (m,) of its cells and masses (n_owned, d). Collective."""
     return tuple(_load_term(placed.load, placed.mask, space, densities, mass[:, 0]) for placed in loads)
 
 
-def _load_term(load: Load, chosen: np.ndarray, space: LevelSpace, densities: np.ndarray, mass: np.ndarray) -> Term:
+def _load_term(load: Load, chosen: np.ndarray, space: LevelSpace, densities: np.ndarray, mass: np.ndarray) -> Potential:
     mesh, d = space.mesh, space.dim
     if isinstance(load, Flow):
         from pdvol.potentials.drag import Drag

@@ -54,8 +54,11 @@ class Potential(Protocol):
     """
 
     name: str
-    has_friction: bool  # whether friction acts on this rank, as lagged
     scale: float  # [J] of parts that cancel in value(x), which its round-off is relative to
+
+    @property
+    def has_friction(self) -> bool:
+        """Whether friction acts on this rank, as lagged."""
 
     def begin_step(self, x_t: Positions, t0: float, t1: float, x_hat: Positions | None = None) -> None:
         """Starts the step from t0 to t1 [s] at x_t: obstacles are at their places at t0, and friction is lagged at x_t.
@@ -76,7 +79,7 @@ class Potential(Protocol):
         """dE/dx [N], shape (n_owned, d)."""
 
     def add_hessian(self, x: Positions, weight: float, into: HessianBlocks) -> None:
-        """Adds weight times d2E/dx2 [N/m], made positive semi-definite as `into.positive` says."""
+        """Adds weight times d2E/dx2 [N/m], made positive semi-definite as `into.projection` says."""
 
     def max_step(
         self, x: Positions, direction: np.ndarray, until: float | None = None, gap_share: float = MIN_GAP_SHARE
@@ -110,8 +113,11 @@ class Term:
     """Default answers, for terms that need nothing of the kind."""
 
     name = "term"
-    has_friction = False
     scale = 0.0
+
+    @property
+    def has_friction(self) -> bool:
+        return False
 
     def begin_step(self, x_t: Positions, t0: float, t1: float, x_hat: Positions | None = None) -> None:
         pass

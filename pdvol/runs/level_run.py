@@ -3,13 +3,13 @@
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from functools import partial
+from typing import Any, Protocol
 
 import numpy as np
 
 from pdvol.errors import InputError, SimulationError
 from pdvol.integrate.integrator import Integrator, past_of
 from pdvol.integrate.marches import Start, direct, embedded, guide, progressive
-from pdvol.integrate.report import StepReport
 from pdvol.integrate.stepper import Stepper
 from pdvol.levels.hierarchy import Hierarchy
 from pdvol.levels.initial_state import count_intersections
@@ -17,16 +17,38 @@ from pdvol.levels.model import LevelModel
 from pdvol.levels.obstacles import moving_places
 from pdvol.registry import INTEGRATORS
 from pdvol.runs.progress import Progress
+from pdvol.solve.report import StepReport
 
 Watch = Callable[[int, int, int], Progress]
 
 
-def run_level(model: LevelModel, hierarchy: Hierarchy, method: str, writer, progress: Watch | None) -> None:
+class LevelWriter(Protocol):
+    """What stores a level's states and gives those that are stored: `SharedWriter`, or a worker's `Follower`."""
+
+    def call(self, name: str, *arguments: Any, **details: Any) -> Any:
+        """Calls a method of the run's writer; "steps" gives the number of stored states."""
+
+    def read(self, level: int, what: str, step: int) -> np.ndarray:
+        """`positions` or `velocities` (n, d) of a stored state."""
+
+    def record(self, level: int, step: int) -> dict:
+        """The log's record of a stored step."""
+
+    def export(self, level: int) -> None:
+        """Writes level_N.xdmf."""
+
+    def finish(self, level: int) -> None:
+        """Marks a level as done, with its export."""
+
+
+def run_level(
+    model: LevelModel, hierarchy: Hierarchy, method: str, writer: LevelWriter, progress: Watch | None
+) -> None:
     """Marches one level from where its store ends to the last step. Collective.
 
     Parameters
     ----------
-    writer : the run's writer, shared by the ranks, or a `Follower`
+    writer : LevelWriter
     progress : called as (level, steps, steps done)
     """
     level, done = model.level, writer.call("steps", model.level)

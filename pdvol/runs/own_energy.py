@@ -20,9 +20,10 @@ from pdvol.levels.model import contact_models
 from pdvol.levels.obstacles import Obstacle, placed_obstacles, read_geometry
 from pdvol.levels.space import LevelSpace
 from pdvol.parallel import on_root
-from pdvol.potentials.assembly.block_pattern import BlockPattern
-from pdvol.potentials.assembly.hessian_blocks import HessianBlocks
+from pdvol.potentials.assembly.hessian_blocks import BlockPattern, HessianBlocks
 from pdvol.potentials.build import contact_terms
+from pdvol.potentials.contact.barrier import SurfaceBarrier
+from pdvol.potentials.contact.planes import HalfSpaceBarrier
 from pdvol.potentials.potential import Positions
 from pdvol.scene import Barrier, Friction, Plane, Rigid, metres
 from pdvol.scene.checks import finite, positive
@@ -135,7 +136,8 @@ class Contact:
         contact = (barrier,) if friction is None else (barrier, friction)
         models = contact_models(contact, self.bodies, obstacles, diagonal, young)
         self._contacts, self._frictions = contact_terms(models, obstacles, self._space)
-        self._surface, self._planes = self._contacts[-1], next(iter(self._contacts[:-1]), None)
+        self._surface = next(term for term in self._contacts if isinstance(term, SurfaceBarrier)).surface
+        self._planes = next((term for term in self._contacts if isinstance(term, HalfSpaceBarrier)), None)
         self._terms = (*self._contacts, *self._frictions)
 
     def __repr__(self) -> str:
@@ -160,8 +162,8 @@ class Contact:
         if not t1 > t0:
             raise InputError(f"begin_step: the step from {t0:g} to {t1:g} s has no length")
         x = self._positions(u)
-        for term in self._contacts:
-            term.move_obstacles(t0)
+        for contact in self._contacts:
+            contact.move_obstacles(t0)
         if not self._stepped:
             self._require_apart(x, t0)
         for term in self._terms:
@@ -205,7 +207,7 @@ class Contact:
         """
         x = self._started(u)
         self._blocks.clear()
-        self._blocks.positive, self._blocks.quick = ("clamp", False) if projected else ("none", False)
+        self._blocks.projection, self._blocks.gauss_newton = ("clamp", False) if projected else ("none", False)
         for term in self._terms:
             term.add_hessian(x, 1.0, self._blocks)
         self._matrix.assemble(self._blocks, eliminate=False)
@@ -305,7 +307,7 @@ class Contact:
 
     def _crossings(self, x: Positions) -> np.ndarray:
         """(k, 2) primitives of the collision mesh that cross."""
-        primitives, surface = self._surface.surface.primitives, self._surface.surface
+        surface, primitives = self._surface, self._surface.primitives
         groups = np.where(surface.objects < len(self.bodies), surface.objects, -1)  # obstacles may cross each other
         return find_crossings(surface.vertices(x), primitives.edges, primitives.faces, groups)
 
@@ -319,9 +321,8 @@ class Contact:
         if behind:
             raise IntersectionError(f"{behind} vertices lie at or behind planes at t = {time:g} s; lift the body")
         if len(crossing):
-            parties = self._surface.surface.objects
-            edges, names = self._surface.surface.primitives.edges, self.bodies
-            found = sorted({int(parties[edges[pair[0], 0]]) for pair in crossing[:NAMED]})
+            edges, names = self._surface.primitives.edges, self.bodies
+            found = sorted({int(self._surface.objects[edges[pair[0], 0]]) for pair in crossing[:NAMED]})
             whose = ", ".join(names[i] if i < len(names) else "an obstacle" for i in found)
             raise IntersectionError(
                 f"surfaces cross at t = {time:g} s in {len(crossing)} places (edges of: {whose}); move them apart",

@@ -15,13 +15,13 @@ from pdvol.geometry.level_mesh import LevelMesh
 from pdvol.levels.hierarchy import Hierarchy
 from pdvol.levels.initial_state import check_start
 from pdvol.levels.model import hierarchy_model
-from pdvol.levels.obstacles import placed_obstacles, read_geometry, stored_obstacles
+from pdvol.levels.obstacles import Geometry, Obstacle, placed_obstacles, read_geometry, stored_obstacles
 from pdvol.levels.scene_fields import check_fields, initial_velocity, scene_diagonal
 from pdvol.levels.separation import build_apart
 from pdvol.parallel import on_root
 from pdvol.registry import INTERPOLANTS, METHODS
 from pdvol.runs.level_run import Watch, run_level
-from pdvol.runs.scene_file import Shot, load_shot, stored_file, stored_settings
+from pdvol.runs.scene_file import DEFAULTS, Shot, load_shot, stored_file, stored_settings
 from pdvol.runs.shared_writer import Export, SharedWriter
 from pdvol.runs.wavefront import march_levels
 from pdvol.scene import Gravity, Scene
@@ -149,7 +149,7 @@ def _check_request(scene: Scene, out: Path, first: int, last: int, method: str, 
 
 def _prepare(
     shot: Shot, out: Path, last: int, method: str, prolongation: str
-) -> tuple[Sequence[LevelMesh], int, list, float, list[str]]:
+) -> tuple[Sequence[LevelMesh], int, list[Geometry], float, list[str]]:
     """Meshes up to `last`, how many of the coarsest are stored ones, obstacles' geometry and the scene's diagonal,
     checked at t = 0; what was mended.
     """
@@ -190,7 +190,9 @@ def _same_levels(run: Run, shot: Shot, last: int, method: str, prolongation: str
     for name, now in (("method", method), ("prolongation", prolongation)):
         if run.info[name] != now:
             raise InputError(f"{run.path} was run with {name} {run.info[name]!r}, not {now!r}; choose another folder")
-    changed, same, levels_changed = differences_by_level(run.info["description"], shot.description())
+    changed, same, levels_changed = differences_by_level(
+        {**DEFAULTS, **run.info["description"]}, {**DEFAULTS, **shot.description()}
+    )
     changed += [] if same else levels_changed
     if changed:
         more = f"; and {len(changed) - TOLD} more" if len(changed) > TOLD else ""
@@ -212,7 +214,7 @@ def _open_writer(
     out: Path,
     meshes: Sequence[LevelMesh],
     kept: int,
-    obstacles: Sequence[tuple],
+    obstacles: Sequence[Obstacle],
     diagonal: float,
     method: str,
     prolongation: str,

@@ -17,6 +17,9 @@ from pdvol.scene.scene import SETTINGS
 
 IN_MEMORY = "the run was made from a scene in memory; pass the scene again: pdvol.run(scene, out, resume=True)"
 
+DEFAULTS = {"integrator": next(iter(INTEGRATORS))}
+"""What a description leaves out, as those of runs stored before there was a choice do."""
+
 
 @dataclass(frozen=True)
 class Shot:
@@ -41,7 +44,7 @@ class Shot:
     def description(self) -> dict:
         """The scene as JSON, without how long it runs: a longer run of the same scene is the same scene."""
         found = {key: value for key, value in describe(self.scene).items() if key not in ("steps", "solver", "name")}
-        if self.scene.integrator == next(iter(INTEGRATORS)):  # runs stored before there was a choice have no such field
+        if found["integrator"] == DEFAULTS["integrator"]:
             del found["integrator"]
         return found
 

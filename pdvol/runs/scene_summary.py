@@ -5,6 +5,7 @@ import numpy as np
 from pdvol.levels.scene_fields import scene_diagonal
 from pdvol.meshes import Outline
 from pdvol.meshing.readers import read_shape
+from pdvol.registry import INTEGRATORS
 from pdvol.runs.scene_file import Shot
 from pdvol.scene import (
     Barrier,
@@ -81,12 +82,14 @@ def modelled_terms(scene: Scene) -> list[str]:
                 f"friction: mu {c.mu:g}, smooth below {metres(c.eps_v, diagonal):.3g} m/s, lagged {c.iterations}"
                 " time(s) a step"
             )
-            lines += [f"friction between {one!r} and {other!r}: mu {mu:g}" for one, other, mu in c.pairs]
+            lines += [f"friction between {one!r} and {other!r}: mu {mu:g}" for one, other, mu in c.triples]
     if not scene.contact:
         lines.append("contact: none")
     if not any(isinstance(c, Friction) for c in scene.contact):
         lines.append("friction: none")
     lines += [f"where bodies meet at t = 0: {remedy.by} by up to {remedy.limit:g}" for remedy in scene.separate]
+    if scene.integrator != next(iter(INTEGRATORS)):
+        lines.append(f"integrator: {scene.integrator}, for --method direct")
     lines.append(f"levels: {scene.levels}" if scene.levels > 1 else "levels: 1, no prolongation")
     lines.append(
         f"time: {scene.steps} steps of {scene.dt:g} s; Newton tolerance {metres(scene.solver.tolerance, diagonal):.3g}"

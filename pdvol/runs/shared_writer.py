@@ -12,16 +12,15 @@ from mpi4py import MPI
 from pdvol.errors import SimulationError
 from pdvol.export.series import StepFields, nothing_more
 from pdvol.export.xdmf import write_xdmf
+from pdvol.levels.obstacles import Obstacle
 from pdvol.parallel import on_root
 from pdvol.runs.stored_fields import SceneFields
 from pdvol.scene import Scene
 from pdvol.store.reader import open_run
 from pdvol.store.writer import RunWriter
 
-PAUSE, SHARE = (
-    20.0,
-    0.05,
-)  # at least so many seconds between exports of a level that goes on, and at most this share of the time
+EXPORT_INTERVAL = 20.0  # seconds between exports of a level that goes on, at least: each writes the whole level
+EXPORT_SHARE = 0.05  # share of the time that exports may take
 
 
 class Export:
@@ -29,7 +28,7 @@ class Export:
     by rank 0.
     """
 
-    def __init__(self, path: Path, scene: Scene, obstacles: Sequence[tuple[np.ndarray, np.ndarray, np.ndarray]]):
+    def __init__(self, path: Path, scene: Scene, obstacles: Sequence[Obstacle]):
         self._path, self._scene, self._obstacles = path, scene, obstacles
         self._next: dict[int, float] = {}
 
@@ -45,7 +44,7 @@ class Export:
             more = nothing_more
         write_xdmf(run, level, self._path / f"level_{level}.xdmf", more)
         now = time.monotonic()
-        self._next[level] = now + max(PAUSE, (now - begin) / SHARE)
+        self._next[level] = now + max(EXPORT_INTERVAL, (now - begin) / EXPORT_SHARE)
 
     def follow(self, level: int) -> None:
         """The same after a state was stored, where it is due."""

@@ -15,7 +15,7 @@ from pdvol.scene.solver import Solver
 from pdvol.scene.surroundings import Plane, Rigid, Support
 
 MOST_STEPS = 10_000_000  # what is beyond is a slip of the pen
-PARTS = ("bodies", "loads", "supports", "obstacles", "contact", "separate")
+LISTS = ("bodies", "loads", "supports", "obstacles", "contact", "separate")
 
 
 @dataclass(frozen=True)
@@ -39,12 +39,12 @@ class Scene:
     __repr__ = one_line
 
     def __post_init__(self) -> None:
-        keep_plain(self, "dt", "steps", *PARTS)
+        keep_plain(self, "dt", "steps", *LISTS)
         positive("dt", self.dt)
         count("steps", self.steps, 0)
         require(self.steps <= MOST_STEPS, f"steps = {self.steps!r} must be at most {MOST_STEPS}")
         INTEGRATORS.check(self.integrator)
-        for name in PARTS:
+        for name in LISTS:
             sequence(name, getattr(self, name))
         require(len(self.bodies) > 0, "a scene needs at least one body")
         names = [b.name for b in self.bodies]

@@ -40,7 +40,7 @@ class Projection:
     Attributes
     ----------
     mode : "clamp" (negative eigenvalues cut off), "abs" (by size) or "none"
-    quick : whether contact Hessians leave out how normals turn
+    gauss_newton : whether contact Hessians leave out how normals turn
     steps : taken so far in this solve
     unprojected_from : steps before which "none" is not chosen
     pause : iterations
@@ -48,13 +48,13 @@ class Projection:
     """
 
     mode: str = "clamp"
-    quick: bool = True
+    gauss_newton: bool = True
     steps: int = 0
     unprojected_from: int = 0
     pause: int = PAUSE
     tiny_caps: int = 0
 
-    def after(self, promised: float, decrease: float, full: bool, cap: float, notices_indefinite: bool) -> "Projection":
+    def after(self, promised: float, decrease: float, full: bool, cap: float, detects_indefinite: bool) -> "Projection":
         """The projection after a step.
 
         Parameters
@@ -62,19 +62,19 @@ class Projection:
         promised, decrease : change of the potential by the model and the actual one; negative where all is well
         full : whether the step was taken in full
         cap : share of the step that contact and inversion allowed
-        notices_indefinite : whether the linear solver would notice an indefinite matrix
+        detects_indefinite : whether the linear solver would notice an indefinite matrix
         """
         kept = decrease / min(promised, -1e-300)
         last = replace(self, steps=self.steps + 1)
         if kept < TRUSTED:
             last = last.after_indefinite()
-        unprojected = kept > TOO_STIFF and full and notices_indefinite and last.steps >= last.unprojected_from
+        unprojected = kept > TOO_STIFF and full and detects_indefinite and last.steps >= last.unprojected_from
         tiny_caps = last.tiny_caps + 1 if cap < TINY_CAP else 0
         return replace(
             last,
             mode="none" if unprojected else "abs" if kept < TRUSTED else "clamp",
             tiny_caps=tiny_caps,
-            quick=last.quick and kept >= TRUSTED and tiny_caps < TINY_CAPS,
+            gauss_newton=last.gauss_newton and kept >= TRUSTED and tiny_caps < TINY_CAPS,
         )
 
     def after_rounding(self) -> "Projection":
@@ -90,7 +90,7 @@ class Projection:
 
     def strongest(self) -> "Projection":
         """The safest projection; the same one where it is in use."""
-        return self if self.mode == "abs" and not self.quick else replace(self, mode="abs", quick=False)
+        return self if self.mode == "abs" and not self.gauss_newton else replace(self, mode="abs", gauss_newton=False)
 
 
 def promised_decrease(slope: float, taken: np.ndarray, direction: np.ndarray, total: Sum) -> float:

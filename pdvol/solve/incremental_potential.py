@@ -1,5 +1,7 @@
 """The function that a time step minimises: 1/2 |x - x_hat|^2_M + weight times the sum of terms (design, section 2)."""
 
+from contextlib import AbstractContextManager
+
 import numpy as np
 from mpi4py import MPI
 
@@ -7,8 +9,8 @@ from pdvol.errors import SimulationError
 from pdvol.levels.space import LevelSpace
 from pdvol.potentials.assembly.hessian_blocks import HessianBlocks
 from pdvol.potentials.build import Terms
-from pdvol.potentials.potential import MIN_GAP_SHARE, Positions
-from pdvol.solve.timing import Stopwatch
+from pdvol.potentials.potential import MIN_GAP_SHARE, Positions, Potential
+from pdvol.solve.report import Stopwatch
 
 OBSTACLE_STEP = 1e-6  # share of an obstacle's path over which the change of forces is measured: small beside any gap
 
@@ -50,10 +52,10 @@ class IncrementalPotential:
                 rule.begin_step(x_t, x_hat, weight)
             self.update_lag(x_t)
 
-    def _part(self, term):
+    def _part(self, term: Potential) -> AbstractContextManager[None]:
         return self.watch.part("contact" if id(term) in self._contact_names else "assembly")
 
-    def _require_finite(self, term_name: str, what: str, values: np.ndarray) -> None:
+    def _require_finite(self, term_name: str, what: str, values: np.ndarray | float) -> None:
         """Raises SimulationError, naming the term, unless the values of all ranks are finite. Collective."""
         bad = 0 if np.isfinite(values).all() else 2 if np.isnan(values).any() else 1
         bad = self.space.comm.allreduce(bad, op=MPI.MAX)
@@ -97,7 +99,7 @@ class IncrementalPotential:
         return total
 
     def add_hessian(self, x: Positions, weight: float, into: HessianBlocks) -> None:
-        """Adds weight times the Hessian, positive definite unless `into.positive` is "none", to blocks that are zero.
+        """Adds weight times the Hessian, positive definite unless `into.projection` is "none", to blocks that are zero.
 
         Raises SimulationError, naming the term, where one is not finite. Collective.
         """
@@ -179,14 +181,16 @@ class IncrementalPotential:
 
         It is a difference over a millionth of that path; zero where contact is nearer than that.
         """
-        ends = []
+        forces: list[np.ndarray] = []
         for at in (time, time + OBSTACLE_STEP * (until - time)):
             self.move_obstacles(at)
             with self.watch.part("contact"):
-                fine = all(np.isfinite(term.value(x)) for term in self.contacts)
-                ends.append(sum((term.gradient(x) for term in self.contacts), np.zeros_like(x.owned)) if fine else None)
+                if all(np.isfinite(term.value(x)) for term in self.contacts):
+                    forces.append(sum((term.gradient(x) for term in self.contacts), np.zeros_like(x.owned)))
         self.move_obstacles(time)
-        return np.zeros_like(x.owned) if ends[1] is None else self.weight * (ends[1] - ends[0]) / OBSTACLE_STEP
+        if len(forces) < 2:
+            return np.zeros_like(x.owned)
+        return self.weight * (forces[1] - forces[0]) / OBSTACLE_STEP
 
     def energies(self, x: Positions) -> dict[str, float]:
         """Energy by kind [J]: inertia is the potential's first part over dt^2."""

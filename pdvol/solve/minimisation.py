@@ -5,7 +5,7 @@ iterations.
 matrix is kept, and whether the solve ends.
 """
 
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 
 import numpy as np
 from mpi4py import MPI
@@ -15,35 +15,7 @@ from pdvol.potentials.potential import Positions
 from pdvol.solve.globalization import Projection, promised_decrease
 from pdvol.solve.incremental_potential import IncrementalPotential
 from pdvol.solve.iteration import Iteration, is_at_rounding, is_short, keeps_matrix, opens, step_factor, stops
-from pdvol.solve.remedies import no_remedies
-
-
-@dataclass
-class NewtonReport:
-    """What one solve did.
-
-    Attributes
-    ----------
-    converged : bool
-    reason : PETSc's name of why it stopped; "ROUNDING" where the energy cannot fall any further in double precision
-    iterations, linear_iterations, backtracks : int
-    hessians : matrices assembled; other iterations took the one before
-    step_cap : smallest cap put on a step by contact or inversion
-    gradient_norm : infinity norm of the gradient [kg m]
-    speed : size of the last full Newton step [m/s]
-    remedies : how often each remedy was taken
-    """
-
-    converged: bool = False
-    reason: str = ""
-    iterations: int = 0
-    linear_iterations: int = 0
-    hessians: int = 0
-    backtracks: int = 0
-    step_cap: float = 1.0
-    gradient_norm: float = np.inf
-    speed: float = np.inf
-    remedies: dict[str, int] = field(default_factory=no_remedies)
+from pdvol.solve.report import NewtonReport
 
 
 class Minimisation:
@@ -77,7 +49,8 @@ class Minimisation:
         self.potential, self.comm = potential, potential.space.comm
         self.report, self.projection, self.gradient = NewtonReport(), Projection(), np.zeros_like(x.owned)
         self._fixed, self._dt, self._tolerance, self._gap_share = fixed, dt, tolerance, gap_share
-        self._states, self._energies = [x], []
+        self._states = [x]
+        self._energies: list[tuple[Positions, float]] = []
         self._last: Iteration | None = None
         self._before: Iteration | None = None
         self._matrix_age: int | None = None
@@ -179,7 +152,7 @@ class Minimisation:
         )
         return length
 
-    def end_iteration(self, x: Positions, notices_indefinite: bool) -> str:
+    def end_iteration(self, x: Positions, detects_indefinite: bool) -> str:
         """Records the accepted state x, and chooses the next projection; returns why the solve ends (`stops`), or an
         empty text. Collective.
         """
@@ -188,13 +161,13 @@ class Minimisation:
             return ""
         last = replace(last, backtracks=max(0, self._trials - 1))
         self.report.backtracks += last.backtracks
-        self.projection = self._next_projection(last, x, notices_indefinite)
+        self.projection = self._next_projection(last, x, detects_indefinite)
         if last.full and is_short(last.speed, self._tolerance):
             last = replace(last, opened=opens(last.gap, self.potential.min_gap(x)))
         self._last = last
         return stops(last, self._before, self._tolerance)
 
-    def _next_projection(self, last: Iteration, x: Positions, notices_indefinite: bool) -> Projection:
+    def _next_projection(self, last: Iteration, x: Positions, detects_indefinite: bool) -> Projection:
         if last.at_rounding:
             return self.projection.after_rounding()
         if last.lengthening > 1.0:  # beyond what a model promises
@@ -202,7 +175,7 @@ class Minimisation:
         moved = x.owned - last.start.owned
         promised = promised_decrease(last.slope, moved, last.direction, self.comm.allreduce)
         decrease = self.energy(x) - last.energy
-        return self.projection.after(promised, decrease, last.full, last.cap, notices_indefinite)
+        return self.projection.after(promised, decrease, last.full, last.cap, detects_indefinite)
 
     def require_finite(self, direction: np.ndarray) -> None:
         """Raises SimulationError on all ranks unless a direction is finite on all of them. Collective."""

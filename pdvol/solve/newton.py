@@ -14,16 +14,15 @@ from scipy.sparse import csr_array
 
 from pdvol.errors import PdvolError, SimulationError
 from pdvol.levels.space import LevelSpace
-from pdvol.potentials.assembly.block_pattern import BlockPattern
-from pdvol.potentials.assembly.hessian_blocks import HessianBlocks
+from pdvol.potentials.assembly.hessian_blocks import BlockPattern, HessianBlocks
 from pdvol.potentials.potential import MIN_GAP_SHARE, Positions
-from pdvol.scene import Solver
+from pdvol.scene import Relative, Solver
 from pdvol.solve.incremental_potential import IncrementalPotential
 from pdvol.solve.linear.coarse_space import CoarseSpace, grid_weights
 from pdvol.solve.linear.solver import LinearSolver, wants_general_matrix
 from pdvol.solve.linear.system_matrix import SystemMatrix
-from pdvol.solve.minimisation import Minimisation, NewtonReport
-from pdvol.solve.timing import Stopwatch
+from pdvol.solve.minimisation import Minimisation
+from pdvol.solve.report import NewtonReport, Stopwatch
 
 MAX_SOLVES = 3  # times the iterations allowed per solve: bound on all restarts after remedies
 LINE_SEARCH = {"type": "bt", "order": 3, "max_it": 40}  # cubic backtracking: 40 halvings reach round-off
@@ -72,7 +71,10 @@ class Newton:
         watch: Stopwatch,
         coarse_weights: Callable[[], csr_array | None] = lambda: None,
     ):
+        if isinstance(settings.tolerance, Relative):
+            raise ValueError("Newton's tolerance must be a speed in m/s, not a Relative one")
         self.space, self.potential, self.settings, self.watch = space, potential, settings, watch
+        self._tolerance = settings.tolerance
         self._fixed, self._coarse_weights, self._dt = supported, coarse_weights, np.inf
         self._vector, self._residual = space.create_vector(), space.create_vector()
         self._blocks = HessianBlocks(BlockPattern(space))
@@ -120,21 +122,21 @@ class Newton:
 
     def _jacobian(self, snes: PETSc.SNES, vector: PETSc.Vec, J: PETSc.Mat, P: PETSc.Mat) -> None:
         if self._solve.keeps_matrix():
-            self.linear.follow(self._system.parts)  # it may have changed its mind about how to solve
+            self.linear.set_parts(self._system.parts)  # it may have changed its mind about how to solve
             return
         self._sum_hessian(self._positions(vector))
         with self.watch.part("linear"):
             self._assemble()
-            self.linear.follow(self._system.parts)
+            self.linear.set_parts(self._system.parts)
 
     def _precheck(self, vector: PETSc.Vec, step: PETSc.Vec) -> None:
         """Scales the step so that nothing crosses or inverts; SNES moves by its negative."""
         x = self._positions(vector)
-        if self.linear.indefinite and self._leave_unprojected():
+        if self.linear.found_indefinite and self._leave_unprojected():
             self._solve_again(x, step)
         direction = -step.getArray(readonly=True).reshape(-1, self.space.dim)
         self._solve.require_finite(direction)
-        self.linear.learn(self.snes.ksp.getIterationNumber())
+        self.linear.note_iterations(self.snes.ksp.getIterationNumber())
         length = self._solve.begin_iteration(x, direction)
         if length != 1.0:
             step.scale(length)
@@ -147,7 +149,7 @@ class Newton:
             report.speed = 0.0
             return reasons.CONVERGED_FNORM_ABS
         if iteration > 0:
-            why = self._solve.end_iteration(self._positions(snes.getSolution()), self.linear.notices_indefinite)
+            why = self._solve.end_iteration(self._positions(snes.getSolution()), self.linear.detects_indefinite)
             report.reason = "ROUNDING" if why == "ROUNDING" else report.reason
             if why:
                 return reasons.CONVERGED_SNORM_RELATIVE
@@ -159,7 +161,7 @@ class Newton:
     def _sum_hessian(self, x: Positions) -> None:
         projection = self._solve.projection
         self._blocks.clear()
-        self._blocks.positive, self._blocks.quick = projection.mode, projection.quick
+        self._blocks.projection, self._blocks.gauss_newton = projection.mode, projection.gauss_newton
         self.potential.add_hessian(x, 1.0, self._blocks)
 
     def _assemble(self) -> None:
@@ -178,7 +180,7 @@ class Newton:
         self._solve.renew_matrix()
         self._sum_hessian(x)
         self._system.assemble(self._blocks)  # at the same x the matrix and its pattern stay
-        self.linear.follow(self._system.parts)
+        self.linear.set_parts(self._system.parts)
         self.linear.solve(self._residual, step)
 
     # ---- what callers use
@@ -190,7 +192,7 @@ class Newton:
 
     def start(self, x: Positions, gap_share: float = MIN_GAP_SHARE) -> Minimisation:
         """A minimisation from x, which the callbacks then serve."""
-        self._solve = Minimisation(self.potential, self._fixed, x, self._dt, self.settings.tolerance, gap_share)
+        self._solve = Minimisation(self.potential, self._fixed, x, self._dt, self._tolerance, gap_share)
         return self._solve
 
     def solve(
@@ -211,7 +213,7 @@ class Newton:
             self.potential.require_admissible(x)
         if robust:
             solve.projection = solve.projection.strongest()
-            self.linear.be_exact()
+            self.linear.use_direct()
         self.snes.setTolerances(max_it=self.settings.max_iterations if max_iterations is None else max_iterations)
         # A direct solve of an ill-conditioned system, or an incomplete factor that breaks down, shows in the linear
         # reason.
@@ -256,7 +258,7 @@ class Newton:
         if strongest is not self._solve.projection:
             self._solve.projection = strongest
             return "abs"
-        return "direct" if self.linear.be_exact() else ""
+        return "direct" if self.linear.use_direct() else ""
 
     def forget(self) -> None:
         """Before a step: drops what its last digits must not depend on, or a resumed run would differ."""
@@ -287,7 +289,7 @@ class Newton:
         for right in (motions - gradient, motions):
             with self.watch.part("linear"), _own_errors():
                 moved.setArray(np.where(self._fixed[:, None], prescribed, right).ravel())
-                self.linear.follow(self._system.parts)  # it may have changed its mind about how to solve
+                self.linear.set_parts(self._system.parts)  # it may have changed its mind about how to solve
                 self.linear.solve(moved, force)
             found = force.getArray().reshape(-1, self.space.dim).copy()
             solve.require_finite(found)

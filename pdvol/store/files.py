@@ -103,7 +103,7 @@ def write_array(path: Path, array: np.ndarray) -> None:
 def write_arrays(path: Path, **arrays: np.ndarray) -> None:
     """Write named arrays as .npz, whose entries carry checksums."""
     buffer = io.BytesIO()
-    np.savez(buffer, **arrays)
+    np.savez(buffer, **arrays)  # type: ignore[arg-type]  # numpy's hints take any name for `allow_pickle`
     write_bytes(path, buffer.getbuffer())
 
 

@@ -110,7 +110,8 @@ def test_friction_is_coulombs():
     assert contact.update_lag(slid) == pytest.approx(0.0, abs=1e-12)  # as far above the ground as before
     slid.x.array[1::2] = 0.001
     assert contact.update_lag(slid) > 0.1
-    assert block_on_ground(0.0)[1]._frictions and touching.contact(touching.space(2), friction=None)._frictions == ()
+    assert "with friction" in repr(block_on_ground(0.0)[1])
+    assert "with friction" not in repr(touching.contact(touching.space(2), friction=None))
 
 
 def test_max_step_keeps_blocks_apart():

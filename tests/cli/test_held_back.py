@@ -11,7 +11,7 @@ from cli_scenes import SQUARE, pdvol, write
 from pdvol import open_run
 from pdvol.measure.verify import verify_run
 from pdvol.runs.stored_fields import SceneFields, stored_scene
-from pdvol.solve.remedies import REMEDIES
+from pdvol.solve.report import REMEDIES
 
 PRESS = (
     SQUARE

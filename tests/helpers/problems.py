@@ -5,7 +5,6 @@ from mpi4py import MPI
 from shapes import grid
 
 from pdvol.integrate.integrator import State
-from pdvol.integrate.report import StepReport
 from pdvol.integrate.stepper import Stepper
 from pdvol.levels.materials import cell_materials
 from pdvol.levels.model import LevelModel, level_model
@@ -13,6 +12,7 @@ from pdvol.levels.obstacles import placed_obstacles
 from pdvol.levels.space import LevelSpace
 from pdvol.potentials.elasticity import elastic_terms
 from pdvol.scene import Body, NeoHookean, Scene, Solver
+from pdvol.solve.report import StepReport
 
 SOFT = NeoHookean(young=1e5, poisson=0.4, density=1000.0)
 
@@ -39,8 +39,8 @@ def make_model(scene, mesh, obstacles=(), level=0, materials=None, diagonal=1.0)
     return level_model(scene, mesh, level, diagonal, placed_obstacles(scene.obstacles, obstacles), materials)
 
 
-def make_stepper(scene, mesh, obstacles=(), comm=MPI.COMM_WORLD) -> Stepper:
-    return Stepper(make_model(scene, mesh, obstacles), LevelSpace(mesh, comm))
+def make_stepper(scene, mesh, obstacles=(), comm=MPI.COMM_WORLD, integrator=None) -> Stepper:
+    return Stepper(make_model(scene, mesh, obstacles), LevelSpace(mesh, comm), integrator=integrator)
 
 
 def take_step(stepper, number, positions, velocity) -> StepReport:

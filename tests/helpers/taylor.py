@@ -3,8 +3,7 @@
 import numpy as np
 from scipy.sparse import csr_array
 
-from pdvol.potentials.assembly.block_pattern import BlockPattern
-from pdvol.potentials.assembly.hessian_blocks import HessianBlocks
+from pdvol.potentials.assembly.hessian_blocks import BlockPattern, HessianBlocks
 from pdvol.potentials.potential import Positions
 
 STEPS = np.geomspace(1.0, 1.0 / 64.0, 7)  # times the length the caller gives
@@ -76,9 +75,9 @@ def check_term(term, space, x: np.ndarray, length: float, hessian="own", **optio
     check_derivatives(at(term.value), at(term.gradient), second, x, length, **options)
 
 
-def hessian_of(term, space, x: np.ndarray, positive: str = "clamp") -> csr_array:
+def hessian_of(term, space, x: np.ndarray, projection: str = "clamp") -> csr_array:
     """A term's whole Hessian (n d, n d) at owned positions x, of a level on one rank."""
-    blocks = HessianBlocks(BlockPattern(space), positive)
+    blocks = HessianBlocks(BlockPattern(space), projection)
     term.add_hessian(Positions(space, x), 1.0, blocks)
     return blocks.to_csr()
 

@@ -1,5 +1,5 @@
-"""Run by test_ranks on one rank and two: python fall_on_ranks.py DIM LAW OUT.npz marches a block onto a plane and a
-rigid obstacle.
+"""Run by test_ranks on one rank and two: python fall_on_ranks.py DIM LAW INTEGRATOR OUT.npz marches a block onto a
+plane and a rigid obstacle.
 """
 
 import sys
@@ -10,6 +10,7 @@ from problems import SOFT, block, make_scene, make_stepper, polyline, tetrahedro
 from shapes import together
 
 from pdvol.integrate.marches import Start, direct
+from pdvol.registry import INTEGRATORS
 from pdvol.scene import Barrier, Friction, Gravity, Plane, Rigid, Solver, Support, Translation
 
 STEPS, SIZE = 20, 0.5
@@ -53,10 +54,10 @@ def scene_of(d, law):
     return scene, mesh, (spike,), velocity
 
 
-def main(d, law, out):
+def main(d, law, integrator, out):
     comm = MPI.COMM_WORLD
     scene, mesh, obstacles, velocity = scene_of(d, law)
-    problem = make_stepper(scene, mesh, obstacles, comm)
+    problem = make_stepper(scene, mesh, obstacles, comm, INTEGRATORS[integrator]())
     reports = list(direct(problem, Start.at_rest(mesh.points, velocity), scene.steps))
     owned = comm.gather(problem.space.n_owned)
     if comm.rank == 0:

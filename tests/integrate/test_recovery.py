@@ -10,7 +10,7 @@ from problems import block, make_scene, make_stepper, take_step
 from pdvol.errors import ConvergenceError
 from pdvol.potentials.potential import Positions, Term
 from pdvol.scene import Barrier, Gravity, Plane, Solver
-from pdvol.solve.remedies import REMEDIES, no_remedies, taken
+from pdvol.solve.report import REMEDIES, no_remedies, taken
 
 REASONS = PETSc.SNES.ConvergedReason
 

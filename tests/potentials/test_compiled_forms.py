@@ -6,6 +6,8 @@ import sys
 import pytest
 from commands import SAFETY
 
+from pdvol.potentials.assembly.compiled_forms import COMPILING, FINISHED
+
 COMPILE = """
 from mpi4py import MPI
 from problems import elastic, SOFT
@@ -41,9 +43,9 @@ def test_two_processes_and_what_a_killed_one_has_left(started, tmp_path):
     expected, same = map(energy, both)
     assert same == expected > 0.0
     (lock,) = tmp_path.rglob("forms/lock")
-    assert lock.read_text() == "finished"
+    assert lock.read_bytes() == FINISHED
     # As a process leaves it that is killed between the opening of a form's source and the end of the compiler.
-    lock.write_text("compiling")
+    lock.write_bytes(COMPILING)
     ready = list(tmp_path.rglob("forms/*.c.cached"))
     assert ready
     for file in ready:

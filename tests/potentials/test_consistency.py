@@ -14,7 +14,7 @@ from pdvol.potentials.consistency import Consistency, Guide
 from pdvol.potentials.loads import assemble_mass
 from pdvol.potentials.potential import Positions
 from pdvol.solve.incremental_potential import IncrementalPotential
-from pdvol.solve.timing import Stopwatch
+from pdvol.solve.report import Stopwatch
 
 DENSITIES = np.array([2.0, 5.0])
 DT, WEIGHT = 0.02, 0.3

@@ -19,7 +19,7 @@ from pdvol.potentials.loads import assemble_mass, gravity_load
 from pdvol.potentials.potential import Positions
 from pdvol.scene import FixedCorotational, NeoHookean, Plane, Still, StVenantKirchhoff, Translation
 from pdvol.solve.incremental_potential import IncrementalPotential
-from pdvol.solve.timing import Stopwatch
+from pdvol.solve.report import Stopwatch
 
 COMM = MPI.COMM_SELF
 DIMENSIONS = [2, 3]

@@ -15,8 +15,8 @@ from pdvol.solve.globalization import (
 )
 
 
-def after(projection, decrease, promised=-1.0, full=True, cap=1.0, notices_indefinite=True):
-    return projection.after(promised, decrease, full, cap, notices_indefinite)
+def after(projection, decrease, promised=-1.0, full=True, cap=1.0, detects_indefinite=True):
+    return projection.after(promised, decrease, full, cap, detects_indefinite)
 
 
 @pytest.mark.parametrize(
@@ -25,22 +25,22 @@ def after(projection, decrease, promised=-1.0, full=True, cap=1.0, notices_indef
 )
 def test_the_actual_decrease_chooses_the_projection(decrease, mode, quick):
     found = after(Projection(), decrease)
-    assert (found.mode, found.quick) == (mode, quick)
+    assert (found.mode, found.gauss_newton) == (mode, quick)
 
 
-@pytest.mark.parametrize("full, notices_indefinite", [(False, True), (True, False)])
-def test_projected_after_a_cut_step_or_where_nothing_would_notice(full, notices_indefinite):
-    assert after(Projection(), -2.0, full=full, notices_indefinite=notices_indefinite).mode == "clamp"
+@pytest.mark.parametrize("full, detects_indefinite", [(False, True), (True, False)])
+def test_projected_after_a_cut_step_or_where_nothing_would_notice(full, detects_indefinite):
+    assert after(Projection(), -2.0, full=full, detects_indefinite=detects_indefinite).mode == "clamp"
 
 
 def test_full_contact_hessians_for_the_rest_of_the_solve():
     """After one bad promise, or steps that contact keeps cutting short."""
     projection = Projection()
     for _ in range(TINY_CAPS):
-        assert projection.quick
+        assert projection.gauss_newton
         projection = after(projection, -1.0, full=False, cap=0.01)
-    assert not projection.quick and projection.mode == "clamp"
-    assert not after(projection, -1.0).quick
+    assert not projection.gauss_newton and projection.mode == "clamp"
+    assert not after(projection, -1.0).gauss_newton
 
 
 def test_an_indefinite_hessian_is_left_alone_for_longer_each_time():
@@ -72,9 +72,9 @@ def test_rounding_counts_a_step_and_projects():
 
 def test_the_strongest_projection_is_taken_once():
     strongest = Projection().strongest()
-    assert (strongest.mode, strongest.quick) == ("abs", False)
+    assert (strongest.mode, strongest.gauss_newton) == ("abs", False)
     assert strongest.strongest() is strongest
-    assert replace(strongest, quick=True).strongest() is not strongest
+    assert replace(strongest, gauss_newton=True).strongest() is not strongest
 
 
 def test_the_promise_is_the_quadratic_models():

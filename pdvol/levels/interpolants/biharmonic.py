@@ -90,9 +90,9 @@ def _all_bodies(coarse: LevelMesh, fine: LevelMesh, back: Binding, home: sp.csr_
         blocks.append(make_local(columns, home[mine][:, controls], coarse.points[controls], mesh.points))
         fine_order.append(mine)
         coarse_order.append(controls)
-    rows, columns = np.argsort(np.concatenate(fine_order)), np.concatenate(coarse_order)
+    rows, coarse_points = np.argsort(np.concatenate(fine_order)), np.concatenate(coarse_order)
     weights = sp.block_diag(blocks, format="csr")[rows]
-    weights = sp.csr_matrix((weights.data, columns[weights.indices], weights.indptr), shape=home.shape)
+    weights = sp.csr_matrix((weights.data, coarse_points[weights.indices], weights.indptr), shape=home.shape)
     weights.sort_indices()
     return weights
 

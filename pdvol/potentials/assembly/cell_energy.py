@@ -19,7 +19,7 @@ from pdvol.errors import InputError
 from pdvol.levels.space import LevelSpace
 from pdvol.potentials.assembly import native
 from pdvol.potentials.assembly.compiled_forms import form_cache
-from pdvol.potentials.assembly.hessian_blocks import FILTERS, HessianBlocks
+from pdvol.potentials.assembly.hessian_blocks import FILTERS, BlockPattern, HessianBlocks
 from pdvol.potentials.assembly.native import ffi, pointer
 from pdvol.potentials.potential import Positions, Term
 
@@ -67,7 +67,9 @@ class CellEnergy(Term):
         self._dofs = np.ascontiguousarray(space.near_dofs[cells])
         self._inverse = np.ascontiguousarray(space.mesh.hat_gradients[space.near_cells[cells], 1:])
         self._volumes = np.abs(space.mesh.volumes[space.near_cells[cells]])
-        self._library, self._slots = native.library(), None
+        self._library = native.library()
+        self._slots: np.ndarray | None = None
+        self._slots_of: BlockPattern
         counted = slice(self._counted)
         self.scale = space.comm.allreduce(
             float(sum(np.abs(values[counted]) @ self._volumes[counted] for values in parameters.values()))
@@ -83,7 +85,9 @@ class CellEnergy(Term):
         first = ufl.derivative(density, F, ufl.TestFunction(tensors))
         names = {F: None, **{coefficient: name for name, coefficient in coefficients.items()}}
         compiled = lambda form: _DensityKernel(space.comm, form, names, parameters, len(self.cells))
-        self._density, self._first, self._second, self._stretches = compiled(density), compiled(first), None, None
+        self._density, self._first = compiled(density), compiled(first)
+        self._second: _DensityKernel | None = None
+        self._stretches: _StretchKernels | None = None
         if (
             d == 3
             and 0 < len(parameters) <= native.MAX_ISOTROPIC_PARAMETERS
@@ -131,6 +135,8 @@ class CellEnergy(Term):
 
     def set_parameters(self, parameters: Mapping[str, np.ndarray]) -> None:
         """Sets the values (k,) of some parameters without compiling anything. Not for isotropic densities."""
+        if self._second is None:
+            raise ValueError(f"the parameters of the isotropic term {self.name} are constant")
         for kernel in (self._density, self._first, self._second):
             kernel.fill(parameters)
 
@@ -147,7 +153,7 @@ class CellEnergy(Term):
     def add_hessian(self, x: Positions, weight: float, into: HessianBlocks) -> None:
         if self._slots is None or self._slots_of is not into.pattern:
             self._slots, self._slots_of = np.ascontiguousarray(into.pattern.slots[self.cells]), into.pattern
-        slots, mode, out = pointer(self._slots, "int32_t"), FILTERS[into.positive], pointer(into.cells)
+        slots, mode, out = pointer(self._slots, "int32_t"), FILTERS[into.projection], pointer(into.cells)
         if self._stretches is not None:
             self._library.isotropic_hessians(
                 *self._stretches.functions,
@@ -162,7 +168,7 @@ class CellEnergy(Term):
                 weight,
                 out,
             )
-        else:
+        elif self._second is not None:
             mode = mode if self._second.gradient_at >= 0 else 0  # a Hessian without F is that of a quadratic energy
             self._library.cell_hessians(
                 *self._arguments(self._second, x.local, len(self.cells)), slots, mode, weight, out

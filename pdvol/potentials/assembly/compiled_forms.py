@@ -6,6 +6,7 @@ next one removes what a killed one has left unfinished.
 """
 
 import fcntl
+import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -14,6 +15,9 @@ from typing import IO, Any
 from mpi4py import MPI
 
 from pdvol.potentials.assembly import native
+
+COMPILING, FINISHED = b"compiling", b"finished "
+"""What the lock file holds, in equally many bytes: from the start of compiling on, and when it is done."""
 
 
 @contextmanager
@@ -26,28 +30,22 @@ def form_cache(comm: MPI.Comm) -> Iterator[dict[str, Any]]:
         yield options
         return
     with lock:  # closing the file releases the lock
-        if lock.read() != "finished":
+        if lock.read() != FINISHED:
             for source in folder.glob("*.c"):
                 if not source.with_name(source.name + ".cached").exists():
                     source.unlink(missing_ok=True)
-        _write(lock, "compiling")
+        os.pwrite(lock.fileno(), COMPILING, 0)
         yield options
-        _write(lock, "finished")
+        os.pwrite(lock.fileno(), FINISHED, 0)
 
 
-def _locked(folder: Path) -> IO[str] | None:
+def _locked(folder: Path) -> IO[bytes] | None:
     """The folder's lock file, locked; None where files cannot be written or locked."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        lock = open(folder / "lock", "a+")
+        descriptor = os.open(folder / "lock", os.O_RDWR | os.O_CREAT, 0o666)
+        lock = os.fdopen(descriptor, "rb+")
         fcntl.flock(lock, fcntl.LOCK_EX)
-        lock.seek(0)
         return lock
     except OSError:
         return None
-
-
-def _write(lock: IO[str], state: str) -> None:
-    lock.truncate(0)
-    lock.write(state)
-    lock.flush()

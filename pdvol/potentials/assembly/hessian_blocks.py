@@ -1,12 +1,59 @@
-"""The sum of the terms' Hessians: d x d blocks of this rank's rows, on or right of the diagonal."""
+"""The sum of the terms' Hessians: d x d blocks of this rank's rows, on or right of the diagonal.
+
+The sparsity pattern of a level's Hessian from its cells: upper triangle, in blocks. Built once per level.
+"""
 
 import numpy as np
+from petsc4py import PETSc
 from scipy.sparse import bsr_array, csr_array
 
-from pdvol.potentials.assembly.block_pattern import BlockPattern
+from pdvol.levels.space import LevelSpace
 
+# code of block s that is added transposed: TRANSPOSED - s, as elements.c decodes it
+TRANSPOSED = -2
+# code of a block in another rank's rows, which is not added
+ELSEWHERE = -1
 # treatment of negative eigenvalues: its number in the C code (`mode` in elements.c and isotropic.c)
 FILTERS = {"none": 0, "clamp": 1, "abs": 2}
+
+
+class BlockPattern:
+    """Blocks (d x d) in this rank's rows, on or right of the diagonal, in global block numbering.
+
+    Attributes
+    ----------
+    rows, columns : (count,) int64
+        Local row and global column of each block, sorted.
+    starts : (n_owned + 1,)
+        Where each row's blocks begin.
+    diagonal : (n_owned,)
+        Which blocks lie on the diagonal.
+    slots : (m_near, (d + 1)(d + 2) / 2) int32
+        Block index of each pair i <= j of a near cell's vertices, with the codes above for blocks that are added
+        transposed or not stored.
+    """
+
+    def __init__(self, space: LevelSpace):
+        self.space = space
+        d, n = space.dim, len(space.mesh.points)
+        i, j = np.triu_indices(d + 1)
+        blocks = space.local_blocks[space.near_dofs]
+        row, column = np.minimum(blocks[:, i], blocks[:, j]), np.maximum(blocks[:, i], blocks[:, j])
+        stored = (row >= space.first_block) & (row < space.first_block + space.n_owned)
+        keys = (row - space.first_block) * n + column
+        unique, slot = np.unique(keys[stored], return_inverse=True)
+        slots = np.full(keys.shape, ELSEWHERE, dtype=np.int64)
+        slots[stored] = np.where((blocks[:, i] > blocks[:, j])[stored], TRANSPOSED - slot, slot)
+        self.slots = np.ascontiguousarray(slots, dtype=np.int32)
+        self.keys, self.rows, self.columns = unique, unique // n, unique % n
+        self.starts = np.searchsorted(unique, np.arange(space.n_owned + 1) * n).astype(PETSc.IntType)
+        self.diagonal = np.searchsorted(
+            unique, np.arange(space.n_owned) * n + space.first_block + np.arange(space.n_owned)
+        )
+
+    @property
+    def count(self) -> int:
+        return len(self.keys)
 
 
 class HessianBlocks:
@@ -15,9 +62,9 @@ class HessianBlocks:
     Attributes
     ----------
     pattern : BlockPattern
-    positive : "clamp", "abs" or "none"
+    projection : "clamp", "abs" or "none"
         Negative eigenvalues of the terms' local Hessians are set to zero, replaced by their absolute values, or kept.
-    quick : bool
+    gauss_newton : bool
         Whether terms may leave out parts that are expensive and that the filter mostly removes: the rotation of contact
         normals.
     cells : (pattern.count, d, d)
@@ -26,8 +73,8 @@ class HessianBlocks:
         The contributions of `add_pairs`, rows local.
     """
 
-    def __init__(self, pattern: BlockPattern, positive: str = "clamp"):
-        self.pattern, self.positive, self.quick = pattern, positive, True
+    def __init__(self, pattern: BlockPattern, projection: str = "clamp"):
+        self.pattern, self.projection, self.gauss_newton = pattern, projection, True
         d = pattern.space.dim
         self.cells = np.zeros((pattern.count, d, d))
         self.added: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []

@@ -1,8 +1,8 @@
 """The contact barrier between surfaces: the sum over active pairs of their weight times the law of `barrier_law.py`.
 
 In ipctk's convergent formulation weights are areas, with the improved maximum; in the original one each contact counts
-as one. Energies, and Hessians where `HessianBlocks.quick` allows it, come from stencils; gradients, full Hessians and
-the active pairs from ipctk.
+as one. Energies, and Hessians where `HessianBlocks.gauss_newton` allows it, come from stencils; gradients, full
+Hessians and the active pairs from ipctk.
 
 Source: Li et al. 2020 (Incremental Potential Contact); Li et al. 2023 (convergent IPC).
 """
@@ -36,8 +36,10 @@ class SurfaceBarrier(Term):
 
     def __init__(self, surface: CollisionSurface, dhat: float, kappa: float, weighted: bool = True):
         self.surface, self.space, self.dhat, self.kappa, self.weighted = surface, surface.space, dhat, kappa, weighted
-        self._at: Positions | None = None
-        self._vertices: np.ndarray | None = None
+        self._at: Positions | None = None  # where the following three belong to
+        self._active: ipctk.NormalCollisions
+        self._vertices: np.ndarray
+        self._stencils: tuple[Stencils, np.ndarray] | None = None
 
     @property
     def _area(self) -> float:
@@ -101,14 +103,16 @@ class SurfaceBarrier(Term):
         return self.surface.rows_of(self._potential.gradient(active, self.surface.mesh, vertices))
 
     def add_hessian(self, x: Positions, weight: float, into: HessianBlocks) -> None:
-        """By stencils where `into.quick` allows it, which is several times faster than projecting each pair's 12 x 12
-        Hessian.
+        """By stencils where `into.gauss_newton` allows it, which is several times faster than projecting each pair's 12
+        x 12 Hessian.
         """
         active, vertices = self.collisions(x)
         if not len(active):
             return
-        if into.positive == "none" or not into.quick:
-            projection = ipctk.PSDProjectionMethod.NONE if into.positive == "none" else ipctk.PSDProjectionMethod.CLAMP
+        if into.projection == "none" or not into.gauss_newton:
+            projection = (
+                ipctk.PSDProjectionMethod.NONE if into.projection == "none" else ipctk.PSDProjectionMethod.CLAMP
+            )
             hessian = self._potential.hessian(active, self.surface.mesh, vertices, project_hessian_to_psd=projection)
             self.surface.add_hessian(hessian, weight, into)
             return

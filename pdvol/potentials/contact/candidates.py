@@ -16,7 +16,7 @@ import numpy as np
 
 from pdvol.geometry.closest_points import segment_distances
 from pdvol.potentials.contact.collision_mesh import CollisionMesh
-from pdvol.potentials.contact.pair_arrays import column
+from pdvol.potentials.contact.stencils import column
 
 # largest slack, in median edge lengths: longer lists cost more in every evaluation than a new search does
 MAX_SLACK = 0.2
@@ -53,13 +53,16 @@ class ContactCandidates:
         self.mesh, self.reach, self.drifts = mesh, reach, drifts
         starts, ends = vertices[mesh.edges.T]
         self.max_slack = MAX_SLACK * float(np.median(np.linalg.norm(starts - ends, axis=1)))
-        self.pairs, self.edges = ipctk.Candidates(), None
+        self.pairs = ipctk.Candidates()
+        self.edges: np.ndarray | None = None
         self.forget()
         self.searches = 0
 
     def forget(self) -> None:
         """Drops the candidates: the next call starts a new search."""
-        self._slack, self._reference, self._move = -1.0, None, None
+        self._slack = -1.0
+        self._reference: np.ndarray | None = None
+        self._move: np.ndarray | None = None
 
     def begin(self, start: np.ndarray, end: np.ndarray) -> None:
         """Searches for a step that starts at `start` and probably ends near `end` (n, d)."""
@@ -72,9 +75,6 @@ class ContactCandidates:
     def _without_drift(self, vertices: np.ndarray) -> np.ndarray:
         return vertices - vertices.mean(axis=0) if self.drifts else vertices
 
-    def _largest_move(self, vertices: np.ndarray) -> float:
-        return _largest(self._without_drift(vertices) - self._reference)
-
     def at(self, vertices: np.ndarray) -> ipctk.Candidates:
         """Candidates among which are all pairs nearer than the reach at `vertices` (n, d)."""
         if not self._covers(vertices):
@@ -86,7 +86,9 @@ class ContactCandidates:
         """Candidates among which are all pairs that come nearer than the reach on the straight move from start to end
         (n, d).
         """
-        if self._reference is not None and max(self._largest_move(start), self._largest_move(end)) <= self._slack:
+        if self._reference is not None and all(
+            _largest(self._without_drift(vertices) - self._reference) <= self._slack for vertices in (start, end)
+        ):
             return self.pairs
         move = _largest(self._without_drift(end) - self._without_drift(start))
         if SLACK_PER_MOVE * move <= self.max_slack:

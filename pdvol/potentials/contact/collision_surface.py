@@ -83,7 +83,8 @@ class CollisionSurface:
         self.primitives = CollisionMesh(
             at_rest, np.concatenate(edges), np.concatenate(faces) if faces else np.zeros((0, 3)), own
         )
-        self._start, self._oriented_search = None, -1
+        self._start: np.ndarray | None = None
+        self._oriented_search = -1
         numbers = [np.full(len(o.vertices), int(level.point_bodies.max()) + 1 + i) for i, o in enumerate(obstacles)]
         self.objects = np.concatenate([level.point_bodies[self.surface], *numbers])
         self._blocks = space.point_blocks[self.surface]
@@ -92,7 +93,9 @@ class CollisionSurface:
             [self.surface, np.full(len(self.objects) - len(self.surface), len(level.points))]
         )
         self._is_own = np.arange(len(self.objects)) < own
-        self.obstacle_positions, self._at = self._obstacles_at(0.0), None
+        self.obstacle_positions = self._obstacles_at(0.0)
+        self._at: Positions | None = None
+        self._vertices: np.ndarray
         self._narrow_phase, self._stops_at_contact = NARROW_PHASES[ccd], ccd != "additive"
         self.candidates = ContactCandidates(self.primitives, at_rest, reach, not obstacles)
 
@@ -106,10 +109,8 @@ class CollisionSurface:
         the last digits depend on them.
         """
         self.candidates.forget()
-        self._start, self._oriented_search = (
-            vertices if self.space.dim == 3 else None,
-            -1,
-        )  # two edges never touch side by side in 2D
+        self._start = vertices if self.space.dim == 3 else None  # two edges never touch side by side in 2D
+        self._oriented_search = -1
 
     def _with_oriented_edges(self, pairs: ipctk.Candidates) -> ipctk.Candidates:
         """The same pairs, after the edges of a new search have been oriented by their directions at the step's

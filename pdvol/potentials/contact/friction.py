@@ -43,7 +43,9 @@ class SurfaceFriction(Term):
         pressures = barrier_law.pressure(
             np.minimum(distances / self.barrier.dhat, 1.0) ** 2, self.barrier.dhat, self.barrier.kappa
         )
-        mu = self.mu[stencils.objects_in_contact(self.surface.objects)] if np.ndim(self.mu) else self.mu
+        mu = self.mu
+        if isinstance(mu, np.ndarray):
+            mu = mu[stencils.objects_in_contact(self.surface.objects)]
         self._stencils = replace(
             stencils, weights=mu * pressures * np.where(stencils.has_normal, stencils.weights, 0.0)
         )  # [N]
@@ -82,7 +84,7 @@ class SurfaceFriction(Term):
         slip, size = self._slip(x)
         direction = slip / np.maximum(size, 1e-300)[:, None]
         across, slope = (
-            k[:, None, None] for k in smooth_friction.stiffness(size, self._eps, majorise=into.positive == "abs")
+            k[:, None, None] for k in smooth_friction.stiffness(size, self._eps, majorise=into.projection == "abs")
         )
         n = self._normals
         gap_hessian = (
@@ -90,6 +92,6 @@ class SurfaceFriction(Term):
             + (slope - across) * direction[:, :, None] * direction[:, None, :]
         )
         forces = self._stencils.weights
-        if into.positive != "none":  # in 3D some pairs of the improved maximum have negative weights
-            forces = np.abs(forces) if into.positive == "abs" else np.maximum(forces, 0.0)
+        if into.projection != "none":  # in 3D some pairs of the improved maximum have negative weights
+            forces = np.abs(forces) if into.projection == "abs" else np.maximum(forces, 0.0)
         self.surface.add_stencils(self._stencils, weight * forces[:, None, None] * gap_hessian, into)

@@ -51,6 +51,7 @@ class HalfSpaceBarrier(Term):
         areas = boundary_areas(space.mesh)[space.owned_points]
         self.vertices = np.flatnonzero(areas > 0)
         self.areas = areas[self.vertices] if weighted else np.ones(len(self.vertices))
+        self._gaps: np.ndarray
         self.move_obstacles(0.0)
 
     def _planes_at(self, time: float) -> tuple[np.ndarray, np.ndarray]:
@@ -197,7 +198,7 @@ class HalfSpaceFriction(Term):
         n = self._normals
         tangent = np.eye(self.space.dim) - n[:, :, None] * n[:, None, :]
         outer = direction[:, :, None] * direction[:, None, :]
-        across, slope = smooth_friction.stiffness(slip, self._eps, majorise=into.positive == "abs")
+        across, slope = smooth_friction.stiffness(slip, self._eps, majorise=into.projection == "abs")
         blocks = (
             weight
             * self._force[:, None, None]

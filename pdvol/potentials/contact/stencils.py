@@ -7,13 +7,13 @@ a projection to positive definite matrices would remove it anyway.
 """
 
 from dataclasses import dataclass
+from operator import attrgetter
 
 import ipctk
 import numpy as np
 
 from pdvol.geometry.closest_points import along, closest, closest_of_parts, inside
 from pdvol.potentials.assembly.hessian_blocks import HessianBlocks
-from pdvol.potentials.contact.pair_arrays import columns
 
 # kind of the nearest parts of two edges: their interiors. ipctk makes other kinds pairs of vertices or edges instead,
 # except between nearly parallel edges.
@@ -121,7 +121,8 @@ def normal_stencils(
     kinds = np.fromiter((edge_edge[pair].dtype.value for pair in mollified), dtype=np.int64, count=len(mollified))
     ends, kinds = mollified[kinds != INTERIORS.value], kinds[kinds != INTERIORS.value]
     if len(ends):
-        s[ends], t[ends] = closest_of_parts(*corners(one[ends]), *corners(other[ends]), kinds)
+        (a, b), (c, d) = corners(one[ends]), corners(other[ends])
+        s[ends], t[ends] = closest_of_parts(a, b, c, d, kinds)
     parts = [
         _vertex_vertex(first[0], second[0]),
         _edge_vertex(edge, second[1], along(positions[second[1]], *corners(edge))),
@@ -169,3 +170,13 @@ def _mollifier(one: np.ndarray, other: np.ndarray, eps: np.ndarray) -> np.ndarra
     cross = np.cross(one[:, 1] - one[:, 0], other[:, 1] - other[:, 0])
     share = np.einsum("kd,kd->k", cross, cross) / eps
     return np.where(share < 1.0, (2.0 - share) * share, 1.0)
+
+
+def column(pairs: list, name: str, kind: type = float) -> np.ndarray:
+    """(k,) one attribute of k pairs."""
+    return np.fromiter(map(attrgetter(name), pairs), dtype=kind, count=len(pairs))
+
+
+def columns(pairs: list, *names: str) -> np.ndarray:
+    """(k, names) several attributes of k pairs, as floats."""
+    return np.column_stack([column(pairs, name) for name in names])

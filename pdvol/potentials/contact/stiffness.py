@@ -10,10 +10,9 @@ import ipctk
 import numpy as np
 
 from pdvol.levels.space import LevelSpace
-from pdvol.potentials.assembly.block_pattern import BlockPattern
-from pdvol.potentials.assembly.hessian_blocks import HessianBlocks
+from pdvol.potentials.assembly.hessian_blocks import BlockPattern, HessianBlocks
 from pdvol.potentials.contact import barrier_law
-from pdvol.potentials.potential import Positions, Potential
+from pdvol.potentials.potential import ContactPotential, Positions, Potential
 
 # curvature of this barrier at a gap of dhat / 2 [kappa / dhat]: there it is made as stiff as Ando's
 MIDWAY_CURVATURE = float(barrier_law.curvature(np.array(0.25), 1.0, 1.0))
@@ -42,19 +41,13 @@ class AdaptiveStiffness:
         self,
         space: LevelSpace,
         others: tuple[Potential, ...],
-        contacts: tuple[Potential, ...],
+        contacts: tuple[ContactPotential, ...],
         mass: np.ndarray,
         dhat: float,
         diagonal: float,
     ):
-        self.space, self.others, self.contacts, self.mass, self.dhat, self.diagonal = (
-            space,
-            others,
-            contacts,
-            mass,
-            dhat,
-            diagonal,
-        )
+        self.space, self.others, self.contacts = space, others, contacts
+        self.mass, self.dhat, self.diagonal = mass, dhat, diagonal
         self._average = float(space.to_input(mass)[:, 0].mean())
         self.upper = np.inf
 
@@ -63,8 +56,9 @@ class AdaptiveStiffness:
         scale = self.dhat**3 / weight
         for term in self.contacts:
             term.kappa = scale
-        forces = self.mass * (x_t.owned - x_hat) + weight * sum(term.gradient(x_t) for term in self.others)
-        barrier = weight * sum(term.gradient(x_t) for term in self.contacts)
+        nothing = np.zeros_like(x_t.owned)
+        forces = self.mass * (x_t.owned - x_hat) + weight * sum((term.gradient(x_t) for term in self.others), nothing)
+        barrier = weight * sum((term.gradient(x_t) for term in self.contacts), nothing)
         whole = [self.space.to_input(part).ravel() for part in (forces, barrier)]
         kappa, upper = ipctk.initial_barrier_stiffness(
             bbox_diagonal=self.diagonal,
@@ -121,7 +115,7 @@ class SemiImplicitStiffness:
         self,
         space: LevelSpace,
         elastic: tuple[Potential, ...],
-        contacts: tuple[Potential, ...],
+        contacts: tuple[ContactPotential, ...],
         mass: np.ndarray,
         dhat: float,
     ):

@@ -14,7 +14,7 @@ from pdvol.geometry.level_mesh import LevelMesh
 from pdvol.levels.space import LevelSpace
 from pdvol.potentials.assembly import native
 from pdvol.potentials.assembly.native import pointer
-from pdvol.solve.linear.system_matrix import BlockCsr
+from pdvol.solve.linear.system_matrix import BlockCsr, MatrixParts
 
 # grid nodes over the square root of the level's vertices: every rank solves for all of them, and twice as many save
 # only a tenth to a seventh of the iterations
@@ -100,7 +100,10 @@ class CoarseSpace:
         P.eliminate_zeros()
         P = csr_array(P[:, np.asarray(abs(P).sum(axis=0)).ravel() > MIN_NODE_WEIGHT])
         P.sort_indices()
-        self.size, self._solver, self._cell_pattern = P.shape[1], None, None
+        self.size: int = P.shape[1]
+        self._solver: PETSc.KSP = None
+        self._cell_pattern: np.ndarray | None = None
+        self._keys: np.ndarray
         if self.size == 0:
             return
         self._starts, self._columns, self._weights = P.indptr.astype(np.int32), P.indices.astype(np.int32), P.data
@@ -113,13 +116,13 @@ class CoarseSpace:
             pointer(self._weights),
         )
 
-    def update(self, parts: tuple[BlockCsr, BlockCsr]) -> None:
+    def update(self, parts: MatrixParts) -> None:
         """Sums and factors P' A P. Collective.
 
         Parameters
         ----------
-        parts : two block CSR matrices (starts, columns, blocks) of this rank's rows
-            A's upper triangle is the sum of the first one, from cells, and the second one, from contact pairs.
+        parts : MatrixParts
+            Their sum is A's upper triangle, of this rank's rows.
         """
         if self._solver is None:
             self._find_pattern(parts)
@@ -136,7 +139,7 @@ class CoarseSpace:
         self._solver.setOperators(self._matrix)
         self._solver.setUp()
 
-    def _product(self, parts: tuple[BlockCsr, BlockCsr]) -> np.ndarray:
+    def _product(self, parts: MatrixParts) -> np.ndarray:
         """(k + 1, d, d) blocks of P' U P, where U is A's upper triangle with half its diagonal, summed over all ranks.
         The last one is the sum of all blocks that the pattern does not have.
         """
@@ -171,7 +174,7 @@ class CoarseSpace:
         if self.size and self._solver is not None and len(self._keys) > self._cell_pattern_size:
             self._solver = None
 
-    def _find_pattern(self, parts: tuple[BlockCsr, BlockCsr]) -> None:
+    def _find_pattern(self, parts: MatrixParts) -> None:
         """Finds the blocks between coarse vertices that some cell or contact couples, and makes the matrix and its
         solver. Blocks of contacts that are gone stay in the pattern until `forget`. Collective.
         """

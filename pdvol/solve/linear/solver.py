@@ -18,7 +18,7 @@ from petsc4py import PETSc
 from pdvol.errors import InputError, SimulationError
 from pdvol.scene import Solver
 from pdvol.solve.linear.coarse_space import CoarseSpace
-from pdvol.solve.linear.system_matrix import BlockCsr
+from pdvol.solve.linear.system_matrix import MatrixParts
 
 LINEAR_METHODS = ("iterative", "multilevel", "direct")
 # vertices: on larger levels the coarse space saves more time than its set-up takes, from the first solve on
@@ -47,7 +47,8 @@ _serial = count()
 class LinearSolver:
     """A KSP with pdvol's choice of method and, on top of it, the user's PETSc options.
 
-    Before each solve `follow` takes the new matrix, after each solve `learn` chooses the method of the next one.
+    Before each solve `set_parts` takes the new matrix; after it `note_iterations` chooses the next
+    one.
 
     Parameters
     ----------
@@ -64,13 +65,8 @@ class LinearSolver:
     def __init__(self, ksp: PETSc.KSP, settings: Solver, vertices: int, coarse: Callable[[], CoarseSpace]):
         self.ksp, self.settings, self._make_coarse = ksp, settings, coarse
         self._coarse: CoarseSpace | None = None
-        self._workspace, self._direct_solves, self._parts, self._coarse_is_current, self._fresh_iterations = (
-            0,
-            0,
-            (),
-            False,
-            None,
-        )
+        self._workspace, self._direct_solves, self._coarse_is_current = 0, 0, False
+        self._fresh_iterations: int | None = None
         self._local = _Incomplete(ksp.comm)
         self._cg_method = "multilevel" if vertices >= COARSE_SPACE_VERTICES else "iterative"
         self.prefix = f"pdvol_{next(_serial)}_"
@@ -122,7 +118,7 @@ class LinearSolver:
             "direct": self._direct_solves,
         }
 
-    def recall(self, memory: Mapping) -> None:
+    def restore(self, memory: Mapping) -> None:
         """Restores the state of the solver whose `memory` this is.
 
         What was learned under another setting of `linear` is ignored, so that the method that the settings name is the
@@ -151,19 +147,14 @@ class LinearSolver:
         if self._coarse is not None:
             self._coarse.forget()
 
-    def follow(self, parts: tuple[BlockCsr, BlockCsr]) -> None:
-        """After a new matrix was assembled: `parts` are its cells' and pairs' blocks, as `CoarseSpace.update` takes
-        them. Collective.
-        """
-        self._parts = self._local.parts = parts
-        if self.method == "multilevel" and not self._coarse_is_current:
-            self._refresh()
+    def set_parts(self, parts: MatrixParts) -> None:
+        """After a new matrix was assembled of these parts: updates an outdated coarse operator. Collective."""
+        self._local.parts = parts
+        if self.method == "multilevel" and self._coarse is not None and not self._coarse_is_current:
+            self._coarse.update(parts)
+            self._coarse_is_current, self._fresh_iterations = True, None
 
-    def _refresh(self) -> None:
-        self._coarse.update(self._parts)
-        self._coarse_is_current, self._fresh_iterations = True, None
-
-    def learn(self, iterations: int) -> None:
+    def note_iterations(self, iterations: int) -> None:
         """After a successful solve with this number of iterations: chooses the method of the next one."""
         if self.settings.linear != "auto":
             self._watch_coarse(iterations)
@@ -205,7 +196,7 @@ class LinearSolver:
         self._use("direct")
         return True
 
-    def be_exact(self) -> bool:
+    def use_direct(self) -> bool:
         """Uses the direct method from the next solve on. Returns False where it is in use already."""
         if self.method == "direct":
             return False
@@ -213,18 +204,20 @@ class LinearSolver:
         return True
 
     @property
-    def notices_indefinite(self) -> bool:
-        """Whether an indefinite matrix would be detected: by a failure of conjugate gradients, or by `indefinite`."""
+    def detects_indefinite(self) -> bool:
+        """Whether an indefinite matrix would be detected: by a failure of conjugate gradients, or by
+        `found_indefinite`.
+        """
         pc = self.ksp.pc
         return self.method != "direct" or (
             pc.getType() == PETSc.PC.Type.CHOLESKY and pc.getFactorSolverType() == PETSc.Mat.SolverType.MUMPS
         )
 
     @property
-    def indefinite(self) -> bool:
+    def found_indefinite(self) -> bool:
         """Whether the last solve was direct and met negative pivots. Collective."""
         return (
-            self.method == "direct" and self.notices_indefinite and self.ksp.pc.getFactorMatrix().getMumpsInfog(12) > 0
+            self.method == "direct" and self.detects_indefinite and self.ksp.pc.getFactorMatrix().getMumpsInfog(12) > 0
         )
 
     def solve(self, right: PETSc.Vec, solution: PETSc.Vec) -> None:
@@ -234,7 +227,7 @@ class LinearSolver:
             self.ksp.solve(right, solution)
         if self.ksp.getConvergedReason() < 0:
             raise SimulationError(f"the linear solve failed (PETSc's reason {self.ksp.getConvergedReason()})")
-        self.learn(self.ksp.getIterationNumber())
+        self.note_iterations(self.ksp.getIterationNumber())
 
 
 class _Incomplete:
@@ -242,12 +235,14 @@ class _Incomplete:
 
     Attributes
     ----------
-    parts : blocks of cells and of pairs that the matrix is the sum of (`SystemMatrix.parts`)
+    parts : MatrixParts
+        Their sum is the matrix.
     shift : index into DIAGONAL_SHIFTS
     """
 
     def __init__(self, comm: MPI.Comm):
-        self.parts, self.shift = (), 0
+        self.parts: MatrixParts
+        self.shift = 0
         self._pc = PETSc.PC().create(comm)
         prefix = f"pdvol_local_{next(_serial)}_"
         self._pc.setOptionsPrefix(prefix)

@@ -7,11 +7,12 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 from pdvol.levels.space import LevelSpace
-from pdvol.potentials.assembly.block_pattern import BlockPattern
-from pdvol.potentials.assembly.hessian_blocks import HessianBlocks
+from pdvol.potentials.assembly.hessian_blocks import BlockPattern, HessianBlocks
 
 BlockCsr = tuple[np.ndarray, np.ndarray, np.ndarray]
 """Blocks of this rank's rows: starts (n_owned + 1,), global columns (k,), blocks (k, d, d)."""
+MatrixParts = tuple[BlockCsr, BlockCsr]
+"""A matrix as the sum of the blocks of cells and the blocks of contact pairs."""
 
 
 class SystemMatrix:
@@ -34,8 +35,8 @@ class SystemMatrix:
     ----------
     petsc : PETSc.Mat
     all_supported : (n,) bool, in PETSc's block order
-    parts : the last assembly as two block CSR matrices (starts, columns, blocks), of cells and of pairs
-        `petsc` is their sum.
+    parts : MatrixParts
+        The last assembly: `petsc` is the sum of both.
     """
 
     def __init__(self, space: LevelSpace, supported: np.ndarray, general: bool = False):
@@ -43,8 +44,12 @@ class SystemMatrix:
         self._sizes = ((space.n_owned * space.dim, len(space.mesh.points) * space.dim),) * 2
         self.all_supported = space.to_input(np.repeat(supported[:, None].astype(float), space.dim, axis=1))[:, 0] > 0
         self.all_supported = self.all_supported[np.argsort(space.point_blocks)]  # in PETSc's order
-        self._extra, self._recent, self._pattern = None, np.zeros(0, dtype=np.int64), None
-        self.petsc, self._blocked, self.parts = None, None, ()
+        self._extra: np.ndarray | None = None
+        self._recent = np.zeros(0, dtype=np.int64)
+        self._pattern: BlockPattern | None = None
+        self.petsc: PETSc.Mat = None
+        self._blocked: PETSc.Mat = None
+        self.parts: MatrixParts
 
     def _follow(self, pattern: BlockPattern) -> None:
         self._pattern = pattern
@@ -74,7 +79,7 @@ class SystemMatrix:
             blocks.cells[self._ones] = np.eye(self.space.dim)
             free = ~(self._supported[keys // self._n] | self.all_supported[keys % self._n])
             keys, values = keys[free], values[free]
-        new = self._fit(keys)
+        new = self._fit(keys, blocks.pattern.keys)
         matrix = self._blocked
         matrix.zeroEntries()
         matrix.setValuesBlockedCSR(*self._rows, blocks.cells)
@@ -91,11 +96,15 @@ class SystemMatrix:
         self.parts = ((*self._rows, blocks.cells), pairs)
         return new
 
-    def _fit(self, keys: np.ndarray) -> bool:
+    def _fit(self, keys: np.ndarray, base: np.ndarray) -> bool:
         """Makes a new matrix if the present one lacks one of the pairs on some rank. Returns whether it did.
         Collective.
+
+        Parameters
+        ----------
+        keys : (k,) of the contact pairs
+        base : (m,) of the blocks that cells couple
         """
-        base = self._pattern.keys
         needed = keys[~_among(keys, base)]
         fits = self._extra is not None and _among(needed, self._extra).all()
         fits = self.space.comm.allreduce(bool(fits), op=MPI.LAND)

@@ -1,0 +1,175 @@
+"""What solves and steps report: seconds by part, the remedies taken, and the counts of a Newton solve and of a step.
+
+Remedies (design, section 6): what is tried, in this order, where a solve does not go on. Each step counts how often
+each was taken.
+
+| remedy | what | after |
+|---|---|---|
+| clamp | the Hessian projected again, and for longer | an unprojected one turned out indefinite |
+| abs | the strongest projection: eigenvalues by size, full contact Hessians | the line search failed |
+| shift | a stronger diagonal for the incomplete factor | it was not positive definite |
+| direct | a direct solver | an iterative one failed, or the line search failed with the strongest projection |
+| workspace | more room for the direct solver | it failed |
+| held_back | a quarter of the scripted motion, then none of it | it met contact, and its end could not be solved |
+| halvings | half the step | all of these, or too many iterations |
+| last_resort | the smallest step again with the strongest projection and the direct solver | no more halving |
+
+After the last one comes `ConvergenceError`, which names level, step and reason; finished steps are kept. What is not a
+number ends the run at once. `substeps` counts the parts into which a scripted motion was cut because contact stood in
+its way.
+"""
+
+import resource
+import time
+from collections import defaultdict
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+
+import numpy as np
+from mpi4py import MPI
+
+PARTS = ("assembly", "contact", "ccd", "linear")
+
+
+class Stopwatch:
+    """Seconds by part; what is measured inside another part counts for the inner one only."""
+
+    def __init__(self) -> None:
+        self.seconds: defaultdict[str, float] = defaultdict(float)
+        self._open: list[float] = []
+
+    @contextmanager
+    def part(self, name: str) -> Iterator[None]:
+        """Adds the time spent inside to `name`."""
+        self._open.append(0.0)
+        start = time.perf_counter()
+        try:
+            yield
+        finally:
+            spent = time.perf_counter() - start
+            self.seconds[name] += spent - self._open.pop()
+            if self._open:
+                self._open[-1] += spent
+
+    def report(self) -> dict[str, float]:
+        """Seconds: total, each part, and the rest as `other`. Starts over."""
+        total = self.seconds.pop("total", 0.0)
+        parts = {name: self.seconds.get(name, 0.0) for name in PARTS}
+        other = total + sum(self.seconds.get(name, 0.0) for name in self.seconds if name not in PARTS)
+        self.seconds.clear()
+        return {"total": other + sum(parts.values()), **parts, "other": other}
+
+
+REMEDIES = (
+    "clamp",
+    "abs",
+    "shift",
+    "direct",
+    "workspace",
+    "held_back",
+    "halvings",
+    "last_resort",
+    "substeps",
+)
+
+
+def no_remedies() -> dict[str, int]:
+    """A count of zero for each remedy."""
+    return dict.fromkeys(REMEDIES, 0)
+
+
+def taken(remedies: dict[str, int]) -> str:
+    """The remedies taken, for a message; empty where none was."""
+    return ", ".join(f"{name} {count}" for name, count in remedies.items() if count)
+
+
+@dataclass
+class NewtonReport:
+    """What one solve did.
+
+    Attributes
+    ----------
+    converged : bool
+    reason : PETSc's name of why it stopped; "ROUNDING" where the energy cannot fall any further in double precision
+    iterations, linear_iterations, backtracks : int
+    hessians : matrices assembled; other iterations took the one before
+    step_cap : smallest cap put on a step by contact or inversion
+    gradient_norm : infinity norm of the gradient [kg m]
+    speed : size of the last full Newton step [m/s]
+    remedies : how often each remedy was taken
+    """
+
+    converged: bool = False
+    reason: str = ""
+    iterations: int = 0
+    linear_iterations: int = 0
+    hessians: int = 0
+    backtracks: int = 0
+    step_cap: float = 1.0
+    gradient_norm: float = np.inf
+    speed: float = np.inf
+    remedies: dict[str, int] = field(default_factory=no_remedies)
+
+
+@dataclass
+class StepReport:
+    """One finished step of one level (design, section 4, `log.jsonl`), with its positions.
+
+    Attributes
+    ----------
+    positions : (n, d) [m], in the input's vertex order, on every rank
+    friction_iterations : solves with friction lagged anew, over all parts of a step that was cut
+    friction_residual : change of the friction forces at the end if they were lagged anew there, relative to them
+    kappa : stiffness of the barrier: [Pa], or [N] per contact where its law is not the convergent one
+    reached : share of the step's scripted motion that was carried out
+    behind : [s] how far scripted motions are behind the time at the step's end, because contact stops them
+    cuts : how often the step was halved
+    solver_memory : what the next step's linear solves begin with (`LinearSolver.memory`)
+    remedies : how often each remedy was taken
+    """
+
+    level: int
+    step: int
+    time: float
+    positions: np.ndarray
+    newton_iterations: int = 0
+    linear_iterations: int = 0
+    hessians: int = 0
+    backtracks: int = 0
+    step_cap: float = 1.0
+    contacts: int = 0
+    min_gap: float | None = None
+    friction_iterations: int = 0
+    friction_residual: float | None = None
+    kappa: float | None = None
+    energy: dict[str, float] = field(default_factory=dict)
+    gradient_norm: float = 0.0
+    reason: str = ""
+    linear_solver: str = ""
+    solver_memory: dict = field(default_factory=dict)
+    cuts: int = 0
+    reached: float = 1.0
+    behind: float = 0.0
+    remedies: dict[str, int] = field(default_factory=no_remedies)
+    seconds: dict[str, float] = field(default_factory=dict)
+    peak_memory_mb: float = 0.0
+
+    def add(self, solved: NewtonReport) -> None:
+        """Adds the counts of one Newton solve."""
+        self.newton_iterations += solved.iterations
+        self.linear_iterations += solved.linear_iterations
+        self.hessians += solved.hessians
+        self.backtracks += solved.backtracks
+        self.step_cap = min(self.step_cap, solved.step_cap)
+        for remedy, count in solved.remedies.items():
+            self.remedies[remedy] += count
+
+    def record(self) -> dict:
+        """What the log keeps: everything but the positions."""
+        return {key: value for key, value in vars(self).items() if key != "positions"}
+
+
+def peak_memory(comm: MPI.Comm) -> float:
+    """The most memory that one rank's process has held so far [MB]. Collective."""
+    return round(comm.allreduce(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024, op=MPI.MAX), 1)
