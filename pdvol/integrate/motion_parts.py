@@ -4,8 +4,9 @@ Each part ends at a time on the clock, with supports and obstacles exactly where
 detection clears the straight path there from the end of the part before. So an obstacle that turns never stays on a
 chord of its arc. Newton's direction lets bodies give way to supports and, through the barrier, to obstacles. Where the
 bodies' own motion towards equilibrium shortens the path, the part of the direction that is due to the scripted motion
-alone goes further, and the rest is left to the minimisation between parts. Bodies move on straight lines, what turns
-does not: a direction found for a place far ahead is blocked early. So each direction is found for a place `LOOK_AHEAD`
+alone goes further, and the rest is left to the minimisation between parts. Bodies move on straight lines, obstacles
+that turn do not: a direction computed for a place far ahead is blocked early. So each direction is computed for a place
+`LOOK_AHEAD`
 times as far as the last part came. A part never squeezes a cell below `MIN_CELL_VOLUME` of its rest volume.
 """
 
@@ -27,7 +28,7 @@ LOOK_AHEAD = (
 )
 SHORTEST_AHEAD = 0.005  # share of the step: least length that LOOK_AHEAD multiplies, or blocked motions would creep
 PATH_SHARE = 0.9  # share of a free path that is tried next: detection for the shorter path may be stricter
-LEAST_GAIN = 2e-4  # share of the step: a part that gains less is not taken, since it closes gaps for nothing
+LEAST_GAIN = 2e-4  # share of the step: a part that gains less is not worth the gaps that it closes
 PINCHED = 0.25  # share of the smallest gap before the first part: below it bodies get more iterations to open the gap
 MIN_CELL_VOLUME = 1e-3  # share of a cell's rest volume: no part squeezes it further, or Newton could not recover it
 SHORTER = 0.5  # factor of a part's length where it squeezes a cell too far
@@ -59,7 +60,7 @@ def follow(
         if further is not None:
             x = further
         elif relaxed:
-            return x  # bodies have given way as far as they do: contact holds
+            return x  # bodies do not give way any further
         if motion.clock == t1:
             return x
         relaxed, now = further is None, potential.min_gap(x)

@@ -23,7 +23,7 @@ class StepReport:
     reached : share of the step's scripted motion that was carried out
     behind : [s] how far scripted motions are behind the time at the step's end, because contact stops them
     cuts : how often the step was halved
-    solver_memory : what the next step's linear solves begin with (`LinearSolver.memory`)
+    solver_memory : the linear solver's state for the next step (`LinearSolver.memory`)
     remedies : how often each remedy was taken (`solve/remedies.py`)
     """
 
@@ -64,7 +64,7 @@ class StepReport:
             self.remedies[remedy] += count
 
     def record(self) -> dict:
-        """What the log keeps: everything but the positions."""
+        """The log's record: everything but the positions."""
         return {key: value for key, value in vars(self).items() if key != "positions"}
 
 

@@ -1,7 +1,7 @@
 """What supports and obstacles prescribe on one level, and how far their motions were carried out.
 
-All motions of a scene share one clock, so that what contact stops (obstacles as well as supports) stays at a place of
-its motion, and goes on from there as soon as it can. A step ends with the clock at its own time, or `behind` it.
+All motions of a scene share one clock: supports and obstacles that contact stops stay on their paths, and go on from
+there as soon as they can. A step ends with the clock at its own time, or `behind` it.
 """
 
 import numpy as np
