@@ -87,7 +87,7 @@ def _bind(target: LevelSpace | LevelMesh, source: LevelSpace, outside_rule: Call
     mesh = source.mesh
     _check(target, mesh)
     cells = containing_cells(target.points, target.point_bodies, source)
-    # One rank decides for all: two machines' arithmetic may part ways in the last digit, which could part the bindings.
+    # One rank computes it for all: arithmetic on two machines may differ in the last digit, and bindings with it.
     cells, kind = source.comm.bcast(outside_rule(target, mesh, cells) if source.comm.rank == 0 else None)
     return Binding(cells, kind, barycentric_coordinates(target.points, mesh.points[mesh.cells[cells]]))
 
