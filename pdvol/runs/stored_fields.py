@@ -67,7 +67,7 @@ class SceneFields:
 
 
 def stored_stiffness(level: RunLevel) -> dict[int, float]:
-    """The barrier's stiffness in each step, as logged: some laws choose it at each step, from data that are not stored."""
+    """The barrier's stiffness in each step, as logged: some laws choose it from data that are not stored."""
     return {record["step"]: record["kappa"] for record in level.log if record.get("kappa")}
 
 
