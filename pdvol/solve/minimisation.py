@@ -1,8 +1,8 @@
 """One minimisation of an incremental potential, without its linear algebra: states, energies, and the records of
 iterations.
 
-`Newton` gives it what SNES reports: a state, a direction, an accepted step. It answers how far to go, whether the
-matrix is kept, and whether the solve ends.
+`Newton` passes on what SNES reports: a state, a direction, an accepted step. `Minimisation` decides on the length of
+the step, whether the matrix is kept, and whether the solve ends.
 """
 
 from dataclasses import dataclass, field, replace
@@ -20,14 +20,14 @@ from pdvol.solve.remedies import no_remedies
 
 @dataclass
 class NewtonReport:
-    """What one solve did.
+    """The result of one solve.
 
     Attributes
     ----------
     converged : bool
     reason : PETSc's name of why it stopped; "ROUNDING" where the energy cannot fall any further in double precision
     iterations, linear_iterations, backtracks : int
-    hessians : matrices assembled; other iterations took the one before
+    hessians : matrices assembled; other iterations used the last one
     step_cap : smallest cap put on a step by contact or inversion
     gradient_norm : infinity norm of the gradient [kg m]
     speed : size of the last full Newton step [m/s]
@@ -198,7 +198,7 @@ class Minimisation:
     def _next_projection(self, last: Iteration, x: Positions, notices_indefinite: bool) -> Projection:
         if last.at_rounding:
             return self.projection.after_rounding()
-        if last.lengthening > 1.0:  # beyond what a model promises
+        if last.lengthening > 1.0:  # the quadratic model does not hold for lengthened steps
             return self.projection
         moved = x.owned - last.start.owned
         promised = promised_decrease(last.slope, moved, last.direction, self.comm.allreduce)

@@ -1,4 +1,4 @@
-"""Remedies (design, section 6): what is tried, in this order, where a solve does not go on. Each step counts how often
+"""Remedies (design, section 6) for a solve that fails, in the order in which they are tried. Each step counts how often
 each was taken.
 
 | remedy | what | after |

@@ -1,4 +1,4 @@
-"""Where the seconds of a step go."""
+"""The seconds of a step, by part."""
 
 import time
 from collections import defaultdict
@@ -9,7 +9,7 @@ PARTS = ("assembly", "contact", "ccd", "linear")
 
 
 class Stopwatch:
-    """Seconds by part; what is measured inside another part counts for the inner one only."""
+    """Seconds by part; time in a nested part counts for the inner part only."""
 
     def __init__(self) -> None:
         self.seconds: defaultdict[str, float] = defaultdict(float)
