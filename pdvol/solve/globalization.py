@@ -1,7 +1,6 @@
 """Globalization of Newton's method: the projection of the Hessian, and the lengthening of repeated steps.
 
-The projection of the next Hessian is chosen by the actual decrease after the last step (in the spirit of Chen et al.
-2024):
+The next projection follows from how well the last model promised the decrease (in the spirit of Chen et al. 2024):
 
 | the model promised | the next Hessian |
 |---|---|

@@ -1,4 +1,4 @@
-"""Projected Newton on an incremental potential by PETSc's SNES, in this file only.
+"""Projected Newton on an incremental potential by PETSc's SNES, which no other file uses.
 
 The potential is SNES's objective (for backtracking), the gradient its function, the projected Hessian its Jacobian. The
 pre-check shortens each step such that nothing crosses or inverts. The callbacks translate between PETSc and
