@@ -33,9 +33,8 @@ def check_start(level_meshes: Sequence[LevelMesh], obstacles: Sequence[Obstacle]
     Raises
     ------
     IntersectionError
-        Names the level, the two bodies or obstacles, and example primitives; `pairs` has all of them. Edges are given
-        by their
-        vertices, triangles by their vertices, numbered as in the level's mesh or in the obstacle.
+        Names the level, the two bodies or obstacles, and example primitives; `pairs` has all of them. Edges and
+        triangles are given by their vertices, numbered as in the level's mesh or in the obstacle.
     InputError
         An obstacle's dimension is not the bodies'.
     """
@@ -96,8 +95,8 @@ def smallest_gap(
 def count_intersections(
     mesh: LevelMesh, positions: np.ndarray, obstacles: Sequence[Obstacle], bodies: Sequence[str], time: float
 ) -> int:
-    """Number of intersections in a state without contact: pairs of edges (2D) or of edges and triangles (3D),
-    and vertices at or below planes. Serial.
+    """Number of intersections in a state without contact: pairs of edges (2D) or of edges and triangles (3D), and
+    vertices at or below planes. Serial.
 
     Parameters
     ----------
