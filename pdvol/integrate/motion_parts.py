@@ -6,8 +6,8 @@ chord of its arc. Newton's direction lets bodies give way to supports and, throu
 bodies' own motion towards equilibrium shortens the path, the part of the direction that is due to the scripted motion
 alone goes further, and the rest is left to the minimisation between parts. Bodies move on straight lines, obstacles
 that turn do not: a direction computed for a place far ahead is blocked early. So each direction is computed for a place
-`LOOK_AHEAD`
-times as far as the last part came. A part never squeezes a cell below `MIN_CELL_VOLUME` of its rest volume.
+`LOOK_AHEAD` times as far as the last part came. A part never squeezes a cell below `MIN_CELL_VOLUME` of its rest
+volume.
 """
 
 from collections.abc import Callable
