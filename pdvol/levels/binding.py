@@ -12,6 +12,9 @@ from pdvol.levels.geodesic import CLOSEST, INSIDE, NEIGHBOUR, RAY, bind_outside
 from pdvol.levels.locate import barycentric_coordinates, containing_cells
 from pdvol.levels.space import LevelSpace
 
+OutsideRule = Callable[[LevelMesh, LevelMesh, np.ndarray], tuple[np.ndarray, np.ndarray]]
+"""A function (target, source, home cells with -1 outside) that completes the cells, and gives the kinds (n,) of all."""
+
 
 @dataclass(frozen=True, eq=False)
 class Binding:
@@ -82,7 +85,7 @@ def home_cells(target: LevelSpace, source: LevelSpace, binding: Binding) -> np.n
     return homes
 
 
-def _bind(target: LevelSpace | LevelMesh, source: LevelSpace, outside_rule: Callable) -> Binding:
+def _bind(target: LevelSpace | LevelMesh, source: LevelSpace, outside_rule: OutsideRule) -> Binding:
     target = target.mesh if isinstance(target, LevelSpace) else target
     mesh = source.mesh
     _check(target, mesh)

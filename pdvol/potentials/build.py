@@ -11,7 +11,7 @@ from pdvol.levels.space import LevelSpace
 from pdvol.potentials.consistency import Consistency, Guide
 from pdvol.potentials.elasticity import elastic_terms
 from pdvol.potentials.loads import assemble_mass, load_terms
-from pdvol.potentials.potential import ContactPotential, Potential
+from pdvol.potentials.potential import ContactPotential, Potential, StiffnessRule
 from pdvol.registry import CONTACT_LAWS
 
 
@@ -52,7 +52,7 @@ class Terms:
     mass: np.ndarray
     potentials: tuple[Potential, ...]
     contacts: tuple[ContactPotential, ...]
-    rules: tuple = ()
+    rules: tuple[StiffnessRule, ...] = ()
 
 
 def build_terms(model: LevelModel, space: LevelSpace, guides: Sequence[Guide] = ()) -> Terms:
@@ -67,7 +67,7 @@ def build_terms(model: LevelModel, space: LevelSpace, guides: Sequence[Guide] = 
     elastic = elastic_terms(space, model.materials)
     loads = load_terms(model.loads, space, model.materials.density, mass)
     held = tuple(Consistency(space, mass, guide) for guide in guides)
-    rules: tuple = ()
+    rules: tuple[StiffnessRule, ...] = ()
     for contact in model.contact:
         found = Surroundings(space, mass, elastic, loads, contacts, contact.dhat, model.diagonal)
         rules += CONTACT_LAWS[contact.law].rules(found)

@@ -109,6 +109,16 @@ class ContactPotential(Potential, Protocol):
         """(k,) stiffness [N/m] of this rank's contacts from masses (n,) and diagonal blocks (n, d, d)."""
 
 
+class StiffnessRule(Protocol):
+    """What sets the stiffness of a level's contacts at each step's start. All calls are collective."""
+
+    def begin_step(self, x_t: Positions, x_hat: np.ndarray, weight: float) -> None:
+        """Sets the stiffness for the step from x_t to x_hat (n_owned, d), of this weight [s^2]."""
+
+    def end_solve(self, x: Positions) -> bool:
+        """Whether the stiffness was raised after a solve that ended at x."""
+
+
 class Term:
     """Defaults for terms without obstacles, friction, Hessian or bounded steps."""
 

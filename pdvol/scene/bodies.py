@@ -148,7 +148,7 @@ class Body:
     @property
     def levels(self) -> int:
         """How many levels this body has."""
-        return len(self.shape if self._levels_listed() else self.vertices)  # type: ignore[arg-type]
+        return len(self.shape) if isinstance(self.shape, (tuple, list)) else len(self.vertices)
 
     def _levels_listed(self) -> bool:
         return isinstance(self.shape, (tuple, list))
