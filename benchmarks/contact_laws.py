@@ -21,6 +21,7 @@ from pdvol.geometry.level_mesh import LevelMesh
 from pdvol.integrate.integrator import State
 from pdvol.integrate.stepper import Stepper
 from pdvol.levels.model import level_model
+from pdvol.levels.obstacles import placed_obstacles
 from pdvol.levels.space import LevelSpace
 from pdvol.potentials.contact import barrier_law
 from pdvol.scene import LAWS, Barrier, Body, Friction, Gravity, NeoHookean, Placement, Plane, Scene, Solver
@@ -58,7 +59,9 @@ def march(bodies, law: str, steps: int, dt: float, velocity, friction=()) -> dic
         owners,
         np.zeros(len(cells), dtype=np.int32),
     )
-    problem = Stepper(level_model(scene, mesh, 0, 1.0), LevelSpace(mesh, MPI.COMM_SELF))
+    problem = Stepper(
+        level_model(scene, mesh, 0, 1.0, placed_obstacles(scene.obstacles)), LevelSpace(mesh, MPI.COMM_SELF)
+    )
     x, v, reports, start = (
         mesh.points,
         np.tile(np.asarray(velocity, dtype=float), (len(mesh.points), 1)),

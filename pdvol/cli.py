@@ -38,7 +38,7 @@ def run(arguments: Sequence[str]) -> int:
     """
     for stream in (sys.stdout, sys.stderr):
         if hasattr(stream, "reconfigure"):
-            stream.reconfigure(errors="backslashreplace")  # names may hold what the terminal's encoding does not
+            stream.reconfigure(errors="backslashreplace")  # names may not fit the terminal's encoding
     try:
         options = parse(arguments)
         return COMMANDS[options.command].main(options) or 0
@@ -49,7 +49,7 @@ def run(arguments: Sequence[str]) -> int:
     except KeyboardInterrupt:
         return _end("interrupted; finished steps are kept, go on with --resume", 130)
     except BrokenPipeError:
-        sys.stdout = open(os.devnull, "w")  # the reader of our output has ended
+        sys.stdout = open(os.devnull, "w")  # the reader of the output has ended
         return 0
     except PdvolError as error:
         return _end(error, 1)
@@ -72,7 +72,7 @@ def _end(message: object, code: int) -> int:
 
 
 def _abort_other_ranks() -> None:
-    """End all ranks: an error that only one of them sees would leave the others waiting for ever."""
+    """End all ranks: after an error on one of them the others would wait for ever."""
     mpi = sys.modules.get("mpi4py.MPI")
     if mpi and mpi.COMM_WORLD.size > 1:
         import traceback

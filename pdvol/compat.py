@@ -1,4 +1,4 @@
-"""What differs between dolfinx 0.9 and its successors, in one place."""
+"""Differences between dolfinx 0.9 and later versions, in one place."""
 
 from typing import Any
 
@@ -23,8 +23,8 @@ def geometry_dofmap(mesh: dolfinx.mesh.Mesh) -> np.ndarray:
 def create_mesh(
     comm: MPI.Comm, points: np.ndarray, cells: np.ndarray, owner: np.ndarray | None = None
 ) -> dolfinx.mesh.Mesh:
-    """A simplex mesh distributed over `comm` from arrays given on rank 0: each cell to its `owner` (m,) int32, or as
-    dolfinx thinks best. Collective.
+    """A simplex mesh distributed over `comm` from arrays given on rank 0: each cell to its `owner` (m,) int32, or by
+    dolfinx' partitioner. Collective.
 
     The argument order of `dolfinx.mesh.create_mesh` changed silently in 0.10: keywords only.
     """
@@ -43,7 +43,7 @@ def create_mesh(
 
 
 def _destinations(owner: np.ndarray) -> Any:
-    """One rank per cell, as dolfinx' C++ wants it; newer versions wrap it."""
+    """One rank per cell, as the graph of dolfinx' C++; newer versions wrap it in Python."""
     graph = dolfinx.graph.adjacencylist(np.ascontiguousarray(owner, dtype=np.int32)[:, None])
     return getattr(graph, "_cpp_object", graph)
 

@@ -37,7 +37,8 @@ class IntersectionError(InputError):
     pairs : the primitives
     level, bodies : where, and the indices of the bodies that meet; none in a shape that crosses itself before it is in
         a scene
-    push : (d,) unit vector along which the first body leaves the other party, None for a body that meets itself
+    push : (d,) unit vector along which the first body leaves the other body or obstacle, None for a body that meets
+        itself
     """
 
     def __init__(

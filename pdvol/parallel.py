@@ -1,4 +1,4 @@
-"""One rank does it, all ranks have it: for work that is not distributed, files above all."""
+"""Work of one rank for all ranks: for what is not distributed, above all files."""
 
 from collections.abc import Callable
 from typing import Any, TypeVar
@@ -11,9 +11,7 @@ T = TypeVar("T")
 
 
 def on_root(comm: MPI.Comm, work: Callable[[], T]) -> T:
-    """The result of `work()` done on rank 0, on every rank; an error pdvol raises there is raised on every rank.
-    Collective.
-    """
+    """The result of rank 0's `work()` on every rank; its `PdvolError` is raised on every rank. Collective."""
     result: Any = None
     error: PdvolError | None = None
     if comm.rank == 0:

@@ -64,7 +64,7 @@ def in_3d(points: np.ndarray) -> np.ndarray:
 def camera_of_run(
     run: Run, levels: Sequence[RunLevel], steps: Sequence[int], obstacles: Sequence[DrawnObstacle], turn: float = 0.0
 ) -> Camera:
-    """The camera that sees all these levels at all these steps, and the obstacles that are not planes.
+    """The camera that shows all these levels at all these steps, and the obstacles that are not planes.
 
     Up is `run.info["up"]` where the run has it, else the first plane's normal, else z; `turn` as for `fitted_camera`.
     """
@@ -87,14 +87,14 @@ def camera_of_run(
 
 
 def fitted_camera(points: np.ndarray, dim: int, upward: np.ndarray, turn: float = 0.0) -> Camera:
-    """The camera that sees all points, with a margin.
+    """The camera that shows all points, with a margin.
 
     Parameters
     ----------
     points : (n, 3) [m]
     dim : 2 or 3, the scene's dimension
     upward : (3,) the way up of a 3D scene
-    turn : how far the camera walks round a 3D scene, from the front to its right [degrees]
+    turn : angle of the camera about a 3D scene, from the front to its right [degrees]
     """
     if dim == 2:
         right, up, towards = np.eye(3)

@@ -41,8 +41,8 @@ def shadow_map(triangles: np.ndarray, size: float, half_width: float, pixels: in
     np.fmin.at(height, (row[seen], column[seen]), np.maximum(points[seen, 2], 0.0))
     lit = np.ones((pixels, pixels))
     for bound, blur, darkness in _BANDS:
-        # Each band includes the lower ones: around the place where a body touches it is a little above the plane, and
-        # no pale ring must lie between the two.
+        # Each band includes the lower ones: near the place of contact a body is a little above the plane, and without
+        # the lower bands a pale ring would appear.
         band = height <= bound * size
         if band.any():
             lit *= 1.0 - darkness * gaussian_filter(band.astype(float), blur * size / width)

@@ -27,7 +27,7 @@ def picture(
     width : int [pixels]
         Of one moment.
     turn : float [degrees]
-        How far the camera walks round a 3D scene, from the front to its right.
+        Angle of the camera about a 3D scene, from the front to its right.
 
     Returns
     -------

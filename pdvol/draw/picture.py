@@ -19,7 +19,7 @@ from pdvol.store.obstacles import DrawnObstacle
 from pdvol.store.reader import Run, RunLevel
 
 COLUMNS = 5  # moments of a picture, where they are not asked for by step
-SAMPLED_STATES = 60  # that a run's motion is measured by when moments are chosen: enough for five of them
+SAMPLED_STATES = 60  # states at which a run's motion is measured to choose moments: enough for five of them
 
 
 def render(
@@ -44,7 +44,7 @@ def render(
     cell_width : int [pixels]
         Width of one moment.
     turn : float [degrees]
-        How far the camera walks round a 3D scene, from the front to its right.
+        Angle of the camera about a 3D scene, from the front to its right.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""What the formats with HDF5 data share: why a file could not be written."""
+"""Shared by the formats with HDF5 data: the reason why a file could not be written."""
 
 import errno
 import os

@@ -24,9 +24,8 @@ SAME_TIME = 1e-9  # of a step: times nearer to the end of one are that end
 
 @dataclass(frozen=True, eq=False)
 class Start:
-    """Where a march sets out: after `step` steps, with the last states in the input's order of vertices.
-
-    `record` is what the log keeps of that step, where there is one.
+    """The start of a march: the last states after `step` steps, in the input's order of vertices, and that step's
+    record in the log, where there is one.
     """
 
     step: int
@@ -40,7 +39,7 @@ class Start:
 
 
 def direct(stepper: Stepper, start: Start, steps: int) -> Iterator[StepReport]:
-    """One level for itself up to step `steps`, by the stepper's integrator. Collective."""
+    """Steps of one level by the stepper's integrator, up to step `steps`. Collective."""
     past = start.past
     stepper.go_on_from(start.record)
     for number in range(start.step + 1, steps + 1):
@@ -112,7 +111,8 @@ def embedded(
 
 
 def guide(weight: float, dt: float, prolongation: Prolongation, coarse_positions: Callable[[int], np.ndarray]) -> Guide:
-    """What holds a level to P x_c with the weight w of the design's section 2; within a coarse step x_c goes straight.
+    """The guide that pulls a level towards P x_c with the weight w of the design's section 2. Within a coarse step x_c
+    is linear in time.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""A step that does not converge is tried with less of its scripted motion, then in halves, down to a bound
+"""Recovery of a step that does not converge: less of its scripted motion, then halves of the step, down to a bound
 (`solve/report.py`).
 """
 
@@ -14,7 +14,7 @@ from pdvol.levels.space import LevelSpace
 from pdvol.potentials.potential import Positions
 from pdvol.solve.report import NewtonReport, StepReport, taken
 
-# Shares of the motion carried out before a solve failed: with so much of it the step is tried again.
+# Shares of the motion that was carried out before a solve failed: the step is tried again with these.
 HELD_BACK = (0.25, 0.0)
 
 
@@ -104,10 +104,10 @@ class Recovery:
     def _try_span(
         self, report: StepReport, span: Span, clock: float, deepest: bool
     ) -> tuple[Positions | None, NewtonReport]:
-        """A span by all remedies but halving: its state, or None."""
+        """Tries a span with all remedies but halving. Returns its state, or None."""
         parts = report.remedies["substeps"]
         x, solved = self._try(report, span, clock, span.t1)
-        if report.remedies["substeps"] > parts:  # contact blocked motions, which may have crushed what they met
+        if report.remedies["substeps"] > parts:  # contact blocked motions, which may have crushed bodies
             gained = self.motion.clock - clock
             for share in HELD_BACK:
                 if x is None:

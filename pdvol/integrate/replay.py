@@ -1,4 +1,4 @@
-"""Terms of a level evaluated at stored states, as the step that led there saw them: for exports and measures."""
+"""Terms of a level evaluated at stored states, as in the step that led there: for exports and measures."""
 
 from collections.abc import Iterable, Sequence
 

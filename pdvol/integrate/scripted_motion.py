@@ -1,17 +1,16 @@
 """What supports and obstacles prescribe on one level, and how far their motions were carried out.
 
-All motions of a scene share one clock, so that what contact stops (obstacles as well as supports) stays at a place of
-its motion, and goes on from there as soon as it can. A step ends with the clock at its own time, or `behind` it.
+All motions of a scene share one clock: supports and obstacles that contact stops stay on their paths, and go on from
+there as soon as they can. A step ends with the clock at its own time, or `behind` it.
 
-Scripted motions under contact: supports and obstacles are moved as far as nothing crosses, in parts of the step.
-
-Each part ends at a time on the clock, with supports and obstacles exactly where their motions have them then. Collision
-detection clears the straight path there from the end of the part before. So an obstacle that turns never stays on a
-chord of its arc. Newton's direction lets bodies give way to supports and, through the barrier, to obstacles. Where the
-bodies' own motion towards equilibrium shortens the path, the part of the direction that is due to the scripted motion
-alone goes further, and the rest is left to the minimisation between parts. Bodies move on straight lines, what turns
-does not: a direction found for a place far ahead is blocked early. So each direction is found for a place `LOOK_AHEAD`
-times as far as the last part came. A part never squeezes a cell below `MIN_CELL_VOLUME` of its rest volume.
+Under contact, supports and obstacles are moved as far as nothing crosses, in parts of the step. Each part ends at a
+time on the clock, with supports and obstacles exactly where their motions have them then. Collision detection clears
+the straight path there from the end of the part before. So an obstacle that turns never stays on a chord of its arc.
+Newton's direction lets bodies give way to supports and, through the barrier, to obstacles. Where the bodies' own motion
+towards equilibrium shortens the path, the part of the direction that is due to the scripted motion alone goes further,
+and the rest is left to the minimisation between parts. Bodies move on straight lines, what turns does not: a direction
+found for a place far ahead is blocked early. So each direction is found for a place `LOOK_AHEAD` times as far as the
+last part came. A part never squeezes a cell below `MIN_CELL_VOLUME` of its rest volume.
 """
 
 from collections.abc import Callable

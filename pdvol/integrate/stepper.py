@@ -28,8 +28,8 @@ class Stepper:
     ----------
     model : LevelModel
     space : LevelSpace
-    coarse_weights : called when a linear solver wants a coarse space, for weights (n, m) over fewer vertices or None
-    guides : what holds the level to the coarser one, if anything
+    coarse_weights : called when a linear solver needs a coarse space, gives weights (n, m) over fewer vertices or None
+    guides : guides that hold the level to the coarser one, if any
     integrator : Integrator
 
     Attributes
@@ -60,7 +60,7 @@ class Stepper:
         return Newton(self.space, self.potential, self.motion.held, self.model.solver, self.watch, self._coarse_weights)
 
     def go_on_from(self, record: Mapping) -> None:
-        """Starts with what the step of this log record knew, so that the next one is the same as without an
+        """Restores the solver's memory from a step's log record, so that the next step is the same as without an
         interruption.
         """
         behind = record.get("behind", 0.0)
@@ -71,8 +71,8 @@ class Stepper:
     def step(self, number: int, past: Past) -> StepReport:
         """Step `number` (from 1) from the last states, in the input's order of vertices.
 
-        Raises ConvergenceError, naming level, step and reason, where no remedy helps, and InputError where a motion of
-        the scene's own fails. Collective.
+        Raises ConvergenceError, naming level, step and reason, where no remedy helps, and InputError where a function
+        of the scene fails. Collective.
         """
         dt = self.model.dt
         report = StepReport(self.model.level, number, number * dt, past[0].positions)
@@ -99,7 +99,7 @@ class Stepper:
         report.min_gap = gap if np.isfinite(gap) else None
         report.kappa = next((term.kappa for term in self.potential.contacts), None)
         if self.potential.frictions and report.friction_residual is None:
-            report.friction_residual = self.potential.update_lag(x)  # the next step begins with it anyway
+            report.friction_residual = self.potential.update_lag(x)  # the next step starts with the same lag
 
     def _attempt(self, report: StepReport, span: Span, target: float, robust: bool) -> tuple[Positions, NewtonReport]:
         """One try at a span (`recovery.Attempt`)."""
@@ -147,8 +147,8 @@ class Stepper:
         """The predicted state, supports in their places, where the straight path there is free and it is a better start
         than x_t.
 
-        Obstacles and supports then are at their places at `target`. Under friction x_t is better: nothing has slipped
-        there, and from anywhere else Newton zigzags across the kink between sticking and sliding.
+        Obstacles and supports then are at their places at `target`. Under friction x_t is the better start: nothing has
+        slipped there. From other states Newton's method oscillates between sticking and sliding.
         """
         if self.potential.has_friction:
             return None

@@ -12,6 +12,9 @@ from pdvol.levels.geodesic import CLOSEST, INSIDE, NEIGHBOUR, RAY, bind_outside
 from pdvol.levels.locate import barycentric_coordinates, containing_cells
 from pdvol.levels.space import LevelSpace
 
+OutsideRule = Callable[[LevelMesh, LevelMesh, np.ndarray], tuple[np.ndarray, np.ndarray]]
+"""A function (target, source, home cells with -1 outside) that completes the cells, and gives the kinds (n,) of all."""
+
 
 @dataclass(frozen=True, eq=False)
 class Binding:
@@ -82,12 +85,12 @@ def home_cells(target: LevelSpace, source: LevelSpace, binding: Binding) -> np.n
     return homes
 
 
-def _bind(target: LevelSpace | LevelMesh, source: LevelSpace, outside_rule: Callable) -> Binding:
+def _bind(target: LevelSpace | LevelMesh, source: LevelSpace, outside_rule: OutsideRule) -> Binding:
     target = target.mesh if isinstance(target, LevelSpace) else target
     mesh = source.mesh
     _check(target, mesh)
     cells = containing_cells(target.points, target.point_bodies, source)
-    # One rank decides for all: two machines' arithmetic may part ways in the last digit, which could part the bindings.
+    # One rank computes it for all: arithmetic on two machines may differ in the last digit, and bindings with it.
     cells, kind = source.comm.bcast(outside_rule(target, mesh, cells) if source.comm.rank == 0 else None)
     return Binding(cells, kind, barycentric_coordinates(target.points, mesh.points[mesh.cells[cells]]))
 

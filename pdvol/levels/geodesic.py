@@ -78,7 +78,7 @@ def _march(
     facet = _ray_hits(outside, points, edges, search)
     kind: dict[int, int | None] = dict.fromkeys(neighbours)
     bound = {v: sum(u not in kind for u in around) for v, around in neighbours.items()}
-    # The middle entry puts points without hits behind all others while nothing near them is bound.
+    # The middle entry sorts points without a hit and without a bound neighbour behind all others.
     queue = [(-bound[v], bound[v] == 0 and v not in facet, v) for v in neighbours]
     heapq.heapify(queue)
     while queue:
@@ -140,8 +140,8 @@ class _Material:
         return sp.csr_array((np.ones(2 * len(a)), (np.r_[a, b], np.r_[b, a])), shape=(len(self._mesh.cells),) * 2)
 
     def facets_near(self, cell: int, facet_cells: np.ndarray) -> list[int]:
-        """Boundary facets of the first layer of cells around `cell` that has any; `facet_cells` (k,) says whose each
-        facet is.
+        """Boundary facets of the first layer of cells around `cell` that has any; `facet_cells` (k,) are the facets'
+        cells.
         """
         layer, seen = {int(cell)}, set[int]()
         while layer:

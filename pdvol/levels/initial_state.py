@@ -33,8 +33,8 @@ def check_start(level_meshes: Sequence[LevelMesh], obstacles: Sequence[Obstacle]
     Raises
     ------
     IntersectionError
-        Names the level, the two parties and example primitives; `pairs` has all of them. Edges are given by their
-        vertices, triangles by their vertices, numbered as in the level's mesh or in the obstacle.
+        Names the level, the two bodies or obstacles, and example primitives; `pairs` has all of them. Edges and
+        triangles are given by their vertices, numbered as in the level's mesh or in the obstacle.
     InputError
         An obstacle's dimension is not the bodies'.
     """
@@ -49,7 +49,7 @@ class Defect:
 
     Attributes
     ----------
-    error : what there is to raise: what, where, the mend
+    error : names what is wrong, where, and how to mend it
     primitives : (k, d) corners [m] of each primitive, two for each pair where two are involved
     """
 
@@ -70,9 +70,9 @@ def find_defects(level: int, mesh: LevelMesh, obstacles: Sequence[Obstacle], bod
     """The errors of one level at t = 0, found one after the other; arguments and InputError as `check_start`."""
     for plane in _planes(obstacles):
         yield from _below(level, mesh, plane, bodies)
-    parties = _Parties(mesh, obstacles, bodies)
-    crossings = list(parties.crossings(level))
-    yield from crossings or parties.contained(level)  # what crosses may well lie inside, too
+    boundaries = _Boundaries(mesh, obstacles, bodies)
+    crossings = list(boundaries.crossings(level))
+    yield from crossings or boundaries.contained(level)  # boundaries that cross may also count as inside
 
 
 def smallest_gap(
@@ -81,7 +81,7 @@ def smallest_gap(
     """The smallest gap at t = 0 up to `reach` [m], if there is one, and how many pairs of primitives are that near.
     Nothing may cross.
     """
-    gap, count = _Parties(mesh, obstacles, bodies).gap(reach)
+    gap, count = _Boundaries(mesh, obstacles, bodies).gap(reach)
     for plane in _planes(obstacles):
         height = _heights(mesh.points, plane)
         nearest = int(np.argmin(height))
@@ -95,17 +95,17 @@ def smallest_gap(
 def count_intersections(
     mesh: LevelMesh, positions: np.ndarray, obstacles: Sequence[Obstacle], bodies: Sequence[str], time: float
 ) -> int:
-    """Number of intersections in a state that nothing kept apart: pairs of edges (2D) or of edges and triangles (3D),
-    and vertices at or below planes. Serial.
+    """Number of intersections in a state without contact: pairs of edges (2D) or of edges and triangles (3D), and
+    vertices at or below planes. Serial.
 
     Parameters
     ----------
     positions : (n, d) [m]
     obstacles, bodies : as `check_start` takes them
-    time : [s], which says where obstacles are
+    time : [s] at which obstacles are placed
     """
     behind = sum(int(np.sum(_heights(positions, plane, time) <= 0.0)) for plane in _planes(obstacles))
-    return behind + len(_Parties(mesh, obstacles, bodies, positions, time).crossing_pairs())
+    return behind + len(_Boundaries(mesh, obstacles, bodies, positions, time).crossing_pairs())
 
 
 def _planes(obstacles: Sequence[Obstacle]) -> list[Obstacle]:
@@ -141,7 +141,7 @@ def _below(level: int, mesh: LevelMesh, plane: Obstacle, bodies: Sequence[str]) 
         )
 
 
-class _Parties:
+class _Boundaries:
     """All boundaries of one level, at rest or at positions (n, d), in one set of arrays: bodies first (owner >= 0),
     then obstacles, where they are at a time.
     """
@@ -240,7 +240,9 @@ class _Parties:
         return Defect(error, [self.points[list(part)] for pair in pairs for part in pair])
 
     def _apart(self, one: int, other: int) -> tuple[list[int], np.ndarray | None]:
-        """The bodies of two parties, and the direction in which the first leaves the other: from centre to centre."""
+        """The bodies among two owners of boundaries, and the direction in which the first leaves the other: from centre
+        to centre.
+        """
         if one == other:
             return [one], None
         bodies = [k for k in (one, other) if k < self.bodies]
@@ -254,7 +256,9 @@ class _Parties:
         return bodies, way / length if length > 0.0 else up
 
     def contained(self, level: int) -> Iterator[Defect]:
-        """One party wholly inside another crosses nothing: the winding number of a vertex of each shell tells."""
+        """A body or obstacle that lies wholly inside another one: found by the winding number of a vertex of each
+        shell.
+        """
         shell = shells(self.facets, len(self.points))
         _, representatives = np.unique(shell, return_index=True)
         facet_owner = self.owner[self.facets[:, 0]]

@@ -11,9 +11,9 @@ from mpi4py import MPI
 
 from pdvol.levels.space import LevelSpace
 
-# Round-off of coordinates, with room to spare: far below any gap that could matter to a mesh.
+# share of the largest coordinate: above the coordinates' round-off, far below any gap in a mesh
 FACET_TOLERANCE = 1e-12
-# Points searched at a time: bounds the memory of the candidate pairs.
+# points searched at a time: bounds the memory of the candidate pairs
 CHUNK = 20_000
 
 

@@ -1,7 +1,7 @@
-"""A scene on one level: all that the scene names, evaluated on the level's mesh, in SI units.
+"""A scene on one level: all that the scene describes, evaluated on the level's mesh, in SI units.
 
-What the scene lacks is an empty tuple here. Terms, time stepping, measures and exports take a `LevelModel`; the `Scene`
-itself is used by what builds levels only.
+What the scene lacks is an empty tuple here. Terms, time stepping, measures and exports take a `LevelModel`; only the
+code that builds levels uses the `Scene` itself.
 """
 
 from collections.abc import Sequence

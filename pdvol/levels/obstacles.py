@@ -12,7 +12,7 @@ from pdvol.scene import Motion, Plane, Rigid, Still, moved
 Geometry = tuple[np.ndarray, np.ndarray, np.ndarray]
 """Vertices (k, d) [m], edges (e, 2) and faces (f, 3) of a rigid obstacle at rest."""
 
-MOST_STORED_VERTICES = 20_000_000  # vertices times states of moving obstacles: what pictures need takes half a GB
+MOST_STORED_VERTICES = 20_000_000  # vertices times states of moving obstacles: stored places take half a GB
 
 
 @dataclass(frozen=True, eq=False, repr=False)

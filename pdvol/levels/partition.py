@@ -1,8 +1,7 @@
-"""Which rank gets which cells, where the mesh alone does not say it well: several bodies, that will touch.
+"""A partition of the cells of several bodies that may touch.
 
-A graph partitioner sees no contact: it gives each rank bodies of its own, and no rank's part of a preconditioner then
-knows how they press on each other. Here every body is shared out among all ranks, by planes across one axis for all of
-them.
+A graph partitioner does not know contacts. It gives each rank bodies of its own, and the local preconditioners then
+contain no contact. Here every body is divided among all ranks, by planes across a common axis.
 """
 
 import numpy as np
@@ -35,9 +34,9 @@ def _bisect(
 def _halves(
     corners: np.ndarray, bodies: np.ndarray, cells: np.ndarray, axis: int, share: float
 ) -> tuple[float, np.ndarray]:
-    """Each body's cells below the plane that leaves `share` of them there, and what such a cut costs: cells that it
-    goes through, times how far the bodies lie apart along the axis: across what lies between them they would press on
-    another rank's.
+    """The cost of a cut across an axis, and the cells (k,) below it. Each body is cut by a plane of its own with
+    `share` of its cells below. The cost is the number of cells that are cut, times a factor that grows with the
+    distance of the bodies' planes: contacts between those planes join two ranks.
     """
     low, high, middle = (function(corners[cells, :, axis], axis=1) for function in (np.min, np.max, np.mean))
     below, cut, centres, sizes = np.zeros(len(cells), dtype=bool), 0, [], []

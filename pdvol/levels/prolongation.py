@@ -23,7 +23,7 @@ class Prolongation:
     The marches, the metrics and the coarse space of the linear solver use `weights`, mostly through
     `prolong_positions`: they hold whole states in input order, and the same product on every number of ranks gives the
     same digits. `matrix`, `prolong` and `restrict` are for PETSc vectors, in code of the user's own and for Galerkin
-    products; pdvol itself does not need them, so the matrix is assembled when it is first asked for.
+    products; pdvol itself does not need them, so the matrix is assembled at first use.
 
     Attributes
     ----------

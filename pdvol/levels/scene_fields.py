@@ -1,4 +1,4 @@
-"""What a scene says about space, evaluated on its shapes and meshes: its size, and its velocities at t = 0."""
+"""A scene's functions of space, evaluated on its shapes and meshes: size, velocities at t = 0, chosen points."""
 
 from collections.abc import Sequence
 
@@ -14,7 +14,7 @@ from pdvol.scene.checks import called, require
 
 Chooser = Support | Force | PointForce | Impulse | Flow
 """What acts on chosen points."""
-MOMENTS = 50  # of a scene at which its motions are tried beforehand; in a run each step tries its own
+MOTION_SAMPLES = 50  # times of a scene at which its motions are evaluated before a run, to find those that fail
 
 
 def scene_diagonal(scene: Scene) -> float:
@@ -39,15 +39,13 @@ def initial_velocity(scene: Scene, mesh: LevelMesh) -> np.ndarray:
 
 
 def chosen_points(scene: Scene, chooser: Chooser, mesh: LevelMesh) -> np.ndarray:
-    """(n,) bool: a level's points that a support or a load means by its `body` and, if it has one, its `where`."""
+    """(n,) bool: a level's points that a support or a load chooses by its `body` and, if it has one, its `where`."""
     points = mesh.points
     held = np.ones(len(points), dtype=bool)
     if hasattr(chooser, "where"):
         what = f"a {type(chooser).__name__.lower()}'s `where`"
         mask = called(what, chooser.where, (points.copy(),), (len(points),))
-        strange: Sequence | np.ndarray = (
-            [] if mask.dtype == bool else mask[~np.isin(mask, (0, 1))]
-        )  # NaN, indices: not what a mask holds
+        strange: Sequence | np.ndarray = [] if mask.dtype == bool else mask[~np.isin(mask, (0, 1))]  # NaN or indices
         require(
             len(strange) == 0,
             f"{what} must give True or False a vertex, not {mask.dtype} values such as"
@@ -73,7 +71,7 @@ def supported_points(scene: Scene, support: Support, mesh: LevelMesh, level: int
         raise InputError(
             f"a support holds no vertex of level {level}; widen its `where` so that the coarsest level has some"
         )
-    for number in np.unique(np.linspace(0, scene.steps, MOMENTS).astype(int)):
+    for number in np.unique(np.linspace(0, scene.steps, MOTION_SAMPLES).astype(int)):
         if number == 0 or support.holds((number - 1) * scene.dt, scene.dt):
             moved(support.motion, points[held], number * scene.dt, "a support")
     return held

@@ -1,8 +1,7 @@
-"""Bodies that overlap at t = 0 on some level are set apart, where the scene asks for it: moved, shrunk, or given more
-vertices.
+"""Bodies that overlap at t = 0 on some level are moved, shrunk or refined, where the scene's `separate` allows it.
 
-Whole bodies are moved or shrunk, the same on every level, by what the worst level needs: so all levels are built,
-whichever are asked for.
+Whole bodies are moved or shrunk, the same on every level, as far as the worst level needs. All levels are therefore
+built, also where fewer are requested.
 """
 
 from collections.abc import Sequence
@@ -19,30 +18,30 @@ from pdvol.meshing.build import build_levels
 from pdvol.scene import Scene, Separate
 
 STEPS = {"move": 0.01, "shrink": 0.02, "refine": 0.1}
-"""What one try changes: a share of the body's diagonal, of its size, of the level's vertices."""
+"""One step of a change: a share of the body's diagonal, of its size, of the level's vertices."""
 
 
 def build_apart(
     scene: Scene, count: int, obstacles: Sequence[Obstacle], cache: Path | None = None
 ) -> tuple[tuple[LevelMesh, ...], list[str]]:
-    """The first `count` levels of a scene, as `build_levels`, with its bodies set apart as its `separate` says; and
-    what was done, in words.
+    """The first `count` levels of a scene, as `build_levels`, with its bodies set apart as its `separate` allows; and a
+    line of text for each change.
 
     Raises
     ------
     InputError
         As `build_levels`.
     IntersectionError
-        Bodies still meet after all that was allowed.
+        Bodies still meet after all changes that are allowed.
     """
     if not scene.separate or not scene.contact:
         return build_levels(scene, count, cache), []
     bodies = _Arrangement(scene, cache)
-    error = bodies.meets(obstacles)
+    error = bodies.first_intersection(obstacles)
     for remedy in scene.separate:
-        # Every try changes some body by a step, and none by more than the limit.
-        while error is not None and bodies.mend(remedy, error):
-            error = bodies.meets(obstacles)
+        # Every change is one step of some body, and all steps of a body stay below the limit.
+        while error is not None and bodies.take_step(remedy, error):
+            error = bodies.first_intersection(obstacles)
     if error is not None:
         tried = ", ".join(f"{remedy.by} up to {remedy.limit:g}" for remedy in scene.separate)
         raise IntersectionError(f"{error} (after {tried})", error.pairs)
@@ -73,7 +72,7 @@ class _Arrangement:
             )
         return tuple(placed)
 
-    def meets(self, obstacles: Sequence[Obstacle]) -> IntersectionError | None:
+    def first_intersection(self, obstacles: Sequence[Obstacle]) -> IntersectionError | None:
         """The first intersection of some level."""
         try:
             check_start(self.levels(), obstacles, [body.name for body in self.scene.bodies])
@@ -81,8 +80,8 @@ class _Arrangement:
             return error
         return None
 
-    def mend(self, remedy: Separate, error: IntersectionError) -> bool:
-        """One try; False where the remedy does not apply or has come to its limit."""
+    def take_step(self, remedy: Separate, error: IntersectionError) -> bool:
+        """Takes one step of a remedy. Returns False where it does not apply or has reached its limit."""
         step = STEPS[remedy.by]
         if remedy.by == "refine":
             refined = [self._refine(body, error.level, 1.0 + remedy.limit) for body in error.bodies]

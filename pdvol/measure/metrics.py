@@ -63,7 +63,7 @@ def continuity(
     pull : (n, d) [m]
         dt^2 M^-1 grad F(after).
     masses : (n,) [kg]
-        Zero at supported vertices, whose forces of reaction are not known.
+        Zero at supported vertices, whose reaction forces are unknown.
     guided : (n, d) [m]
         What the pull towards a coarser level adds: it belongs to what was solved, so to e_hat, but is no force of the
         scene, so not to e.

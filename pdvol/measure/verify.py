@@ -220,8 +220,8 @@ def _surely_one_sided(one: tuple[np.ndarray, np.ndarray], other: tuple[np.ndarra
 
 
 def _separated(p: np.ndarray, q: np.ndarray, a: np.ndarray, b: np.ndarray, c: np.ndarray) -> np.ndarray:
-    """Segments that an axis within the triangle's plane keeps well apart from it: what settles flat regions without
-    rationals.
+    """Segments that an axis within the triangle's plane keeps well apart from it: this decides flat regions without
+    rational numbers.
     """
     normal = np.cross(b - a, c - a)
     size = np.max([np.abs(v - a).max(1) for v in (p, q, b, c)], axis=0)
@@ -403,5 +403,5 @@ def check_levels(path: str | Path, every: int = 1) -> Iterator[LevelFindings]:
 
 
 def verify_run(path: str | Path) -> list[str]:
-    """Everything wrong with a run folder, in words; empty where all states are sound. Raises as `check_levels`."""
+    """The defects of a run folder, one line each; empty where all states are sound. Raises as `check_levels`."""
     return [problem for level in check_levels(path) for problem in level.problems]

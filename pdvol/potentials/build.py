@@ -1,4 +1,4 @@
-"""From a level's model to its terms: only what the scene names is made, and only then are its libraries loaded."""
+"""From a level's model to its terms. Terms that the scene does not need are not made, nor their libraries loaded."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,13 +11,13 @@ from pdvol.levels.space import LevelSpace
 from pdvol.potentials.consistency import Consistency, Guide
 from pdvol.potentials.elasticity import elastic_terms
 from pdvol.potentials.loads import assemble_mass, load_terms
-from pdvol.potentials.potential import ContactPotential, Potential
+from pdvol.potentials.potential import ContactPotential, Potential, StiffnessRule
 from pdvol.registry import CONTACT_LAWS
 
 
 @dataclass(frozen=True, eq=False)
 class Surroundings:
-    """What a contact law may choose its stiffness by.
+    """The data from which a contact law may choose its stiffness.
 
     Attributes
     ----------
@@ -39,20 +39,20 @@ class Surroundings:
 
 @dataclass(frozen=True)
 class Terms:
-    """What one level minimises.
+    """The terms that one level minimises.
 
     Attributes
     ----------
     mass : (n_owned, d) [kg]
     potentials : all terms
-    contacts : those among them that know contacts (`count`, `min_gap`)
-    rules : what sets the contacts' stiffness at each step's start, where the barrier's law wants that
+    contacts : the barriers among them
+    rules : set the contacts' stiffness at each step's start; none where the barrier's law has a constant one
     """
 
     mass: np.ndarray
     potentials: tuple[Potential, ...]
     contacts: tuple[ContactPotential, ...]
-    rules: tuple = ()
+    rules: tuple[StiffnessRule, ...] = ()
 
 
 def build_terms(model: LevelModel, space: LevelSpace, guides: Sequence[Guide] = ()) -> Terms:
@@ -60,14 +60,14 @@ def build_terms(model: LevelModel, space: LevelSpace, guides: Sequence[Guide] = 
 
     Parameters
     ----------
-    guides : what holds the level to the coarser one, if anything
+    guides : guides that hold the level to the coarser one, if any
     """
     mass = assemble_mass(space, model.materials.density)
     contacts, frictions = contact_terms(model.contact, model.obstacles, space)
     elastic = elastic_terms(space, model.materials)
     loads = load_terms(model.loads, space, model.materials.density, mass)
     held = tuple(Consistency(space, mass, guide) for guide in guides)
-    rules: tuple = ()
+    rules: tuple[StiffnessRule, ...] = ()
     for contact in model.contact:
         found = Surroundings(space, mass, elastic, loads, contacts, contact.dhat, model.diagonal)
         rules += CONTACT_LAWS[contact.law].rules(found)

@@ -1,7 +1,8 @@
-"""What holds a level to the positions of the level below it (paper, equation 4): E = k |x - target|^2_M, k = w / dt^2.
+"""The penalty that holds a level to the positions of the level below it (paper, equation 4):
+E = k |x - target|^2_M, k = w / dt^2.
 
-Quadratic, so its Hessian 2 k M is exact and needs no filter. k belongs to the scene's time step: a step that is cut in
-two feels the same springs, towards where the coarser level is half-way.
+Quadratic, so its Hessian 2 k M is exact and needs no filter. k belongs to the scene's time step. Both halves of a step
+that is cut have the same k; the first one's target is the coarser level half-way.
 """
 
 from collections.abc import Callable
@@ -29,7 +30,7 @@ class Guide:
 
 
 class Consistency(Term):
-    """The pull towards a guide's positions at the end of the step.
+    """The penalty towards a guide's positions at the end of the step.
 
     Parameters
     ----------

@@ -6,8 +6,7 @@ derivative of
     D(x) = sum of a rho c/2 (dt/3) |w|^3
 
 by x at fixed u, which is convex: nothing is lagged but u, taken at the step's start positions and end time, and rest
-areas stand for current ones. Implicit, so that no step, however long, overshoots the flow; dt is in D as eps_v dt is in
-friction.
+areas stand for current ones. It is implicit: no step, however long, accelerates a vertex beyond the flow.
 """
 
 from collections.abc import Callable
@@ -26,7 +25,8 @@ class Drag(Term):
     Parameters
     ----------
     space : LevelSpace
-    felt : (n,) bool, points of the level, in the input's order, that may feel it; those inside bodies do not
+    felt : (n,) bool, points of the level, in the input's order, on which it may act; it does not act on those inside
+        bodies
     velocity : (positions (k, d), time) -> (k, d) [m/s]
     strength : density times drag coefficient / 2 [kg/m^3]
     """

@@ -1,5 +1,5 @@
-"""Elastic terms of a scene: one `CellEnergy` per law, whatever the number of bodies and regions, and its damping; cells
-stay upright.
+"""Elastic terms of a scene: one `CellEnergy` per law, whatever the number of bodies and regions, and one for all
+damping. Cells do not invert.
 """
 
 from itertools import combinations_with_replacement
@@ -16,7 +16,7 @@ from pdvol.potentials.assembly.cell_energy import CellEnergy
 from pdvol.potentials.assembly.native import pointer
 from pdvol.potentials.potential import MIN_GAP_SHARE, Positions
 
-# of a cell's current volume, at least, after one Newton step: the logarithm's derivatives stay within reach
+# share of a cell's current volume that one Newton step leaves at least: the logarithm's derivatives stay moderate
 KEEP_VOLUME = 0.1
 
 
@@ -41,7 +41,7 @@ class Elastic(CellEnergy):
 
 
 class Damping(CellEnergy):
-    """Kelvin-Voigt damping of all cells that ask for it, stiffness-proportional: forms/viscosity.py over one step.
+    """Kelvin-Voigt damping of all cells that have it, stiffness-proportional: forms/viscosity.py over one step.
 
     Parameters
     ----------

@@ -65,7 +65,7 @@ def gravity_load(space: LevelSpace, densities: np.ndarray, acceleration: Vector 
 
 
 class TimedLoad(DeadLoad):
-    """A load that is asked anew at each step: shares (n_owned,) of a vector (t0, t1) -> (d,)."""
+    """A load that is evaluated at each step's start: shares (n_owned,) of a vector (t0, t1) -> (d,)."""
 
     def __init__(self, space: LevelSpace, shares: np.ndarray, vector: Callable[[float, float], np.ndarray]):
         super().__init__(space, np.zeros((space.n_owned, space.dim)))

@@ -1,4 +1,4 @@
-"""What every term of the incremental potential offers, and the positions it is evaluated at."""
+"""The protocol of the incremental potential's terms, and the positions at which they are evaluated."""
 
 from functools import cached_property
 from typing import Protocol
@@ -8,11 +8,11 @@ import numpy as np
 from pdvol.levels.space import LevelSpace
 from pdvol.potentials.assembly.hessian_blocks import HessianBlocks
 
-# Share of each gap that a step which contact ends leaves at least: it may close nine tenths, since the next step opens
-# the gap again.
+# share of each gap that remains after a step that contact ends, at least: small, since the next step opens the gap
+# again
 MIN_GAP_SHARE = 0.1
 
-# The same share where scripted motions press, perhaps from several sides. With less, gaps shrink step after step, and
+# the same share under scripted motions, which may press from several sides. With less, gaps shrink step after step, and
 # bodies that slide past a gap of 1e-6 dhat take hundreds of steps, each ended by it.
 SCRIPTED_GAP_SHARE = 0.5
 
@@ -47,8 +47,8 @@ class Positions:
 
 
 class Potential(Protocol):
-    """A term E(x) [J]. Terms never see the time step's weight or supported rows: the integrator weighs, newton
-    eliminates.
+    """A term E(x) [J]. Terms do not know the time step's weight or supported rows: the integrator weighs them, Newton's
+    method eliminates rows.
 
     All calls are collective; values are the same on every rank, arrays hold this rank's rows.
     """
@@ -84,8 +84,8 @@ class Potential(Protocol):
     def max_step(
         self, x: Positions, direction: np.ndarray, until: float | None = None, gap_share: float = MIN_GAP_SHARE
     ) -> float:
-        """Largest step in [0, 1] along direction (n_owned, d) that stays admissible for what this rank sees, while
-        obstacles go where they are at `until` [s]. Where contact is what ends it, `gap_share` of a gap is left.
+        """Largest step in [0, 1] along direction (n_owned, d) that stays admissible for this rank's cells and contacts,
+        while obstacles move to their places at `until` [s]. Where contact ends it, `gap_share` of a gap is left.
         """
 
 
@@ -109,8 +109,18 @@ class ContactPotential(Potential, Protocol):
         """(k,) stiffness [N/m] of this rank's contacts from masses (n,) and diagonal blocks (n, d, d)."""
 
 
+class StiffnessRule(Protocol):
+    """What sets the stiffness of a level's contacts at each step's start. All calls are collective."""
+
+    def begin_step(self, x_t: Positions, x_hat: np.ndarray, weight: float) -> None:
+        """Sets the stiffness for the step from x_t to x_hat (n_owned, d), of this weight [s^2]."""
+
+    def end_solve(self, x: Positions) -> bool:
+        """Whether the stiffness was raised after a solve that ended at x."""
+
+
 class Term:
-    """Default answers, for terms that need nothing of the kind."""
+    """Defaults for terms without obstacles, friction, Hessian or bounded steps."""
 
     name = "term"
     scale = 0.0

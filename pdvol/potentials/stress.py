@@ -1,7 +1,7 @@
 """Cauchy stress of stored positions, per cell, from the same energy densities that were minimised.
 
-sigma = P F' / J with P = d psi / d F. In 2D, which is plane strain, F is completed by F_33 = 1: the stress across the
-plane counts.
+sigma = P F' / J with P = d psi / d F. In 2D, which is plane strain, F is completed by F_33 = 1, so the stress across
+the plane is included.
 """
 
 import numpy as np

@@ -138,7 +138,7 @@ def _watch(progress: bool | Callable[[dict], Any] | None, comm: MPI.Comm) -> Wat
 
 
 def _keep_or_remove(folder: Path, error: BaseException) -> None:
-    """After a failure: finished steps stay until the process ends, and the error says where they are."""
+    """After a failure: finished steps stay until the process ends, and the error names their folder."""
     try:
         kept = any(level.steps > 0 for level in open_run(folder).levels)
     except PdvolError:

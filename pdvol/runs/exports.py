@@ -1,4 +1,4 @@
-"""Exports of stored runs, with contact forces and stresses where the run's scene is at hand."""
+"""Exports of stored runs, with contact forces and stresses where the run's scene is available."""
 
 from collections.abc import Sequence
 from functools import cached_property
@@ -47,7 +47,7 @@ def export_run(
 
 
 class RunFields:
-    """`contact_force` and `von_mises` of a run's levels, by level; none where the run's scene is not at hand.
+    """`contact_force` and `von_mises` of a run's levels, by level; none where the run's scene is not available.
 
     The scene and the finite elements are loaded at the first call, which formats without fields never make.
 

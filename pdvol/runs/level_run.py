@@ -75,8 +75,8 @@ def run_level(
             if watcher is not None:
                 watcher.step(report.record())
         writer.finish(level)
-    except (SimulationError, InputError) as error:  # a motion of the scene's own may fail on the way
-        with suppress(SimulationError):  # a full disk, above all: what stopped the run is what is reported
+    except (SimulationError, InputError) as error:  # a function of the scene may fail during the run
+        with suppress(SimulationError):  # the disk may be full; the first error is the one to report
             writer.call("set_level_state", level, "failed", reason=str(error))
             writer.export(level)
         raise

@@ -30,7 +30,7 @@ from pdvol.scene.checks import finite, positive
 from pdvol.solve.linear.system_matrix import SystemMatrix
 
 Displacement: TypeAlias = fem.Function | PETSc.Vec
-NAMED = 5  # crossings that a message names
+NAMED_CROSSINGS = 5  # crossings whose bodies a message names
 
 
 class Contact:
@@ -44,14 +44,14 @@ class Contact:
     V : dolfinx.fem.FunctionSpace
         Vector P1 on straight triangles (2D) or tetrahedra (3D). Its mesh is the rest configuration.
     young : float [Pa]
-        Young's modulus of the softest material, or what is as stiff: the barrier's stiffness is `barrier.stiffness`
-        times it.
+        Young's modulus of the softest material, or a comparable stiffness. The barrier's stiffness is
+        `barrier.stiffness` times it.
     barrier : Barrier
         Of the convergent law, the default.
     friction : Friction, optional
         Names in its `pairs` are those of obstacles and of `bodies`.
     obstacles : sequence of Plane and Rigid
-        Where they are at a time t is what their motions say.
+        Their motions give their places at a time t.
     diagonal : float [m], optional
         What `Relative` lengths and speeds are fractions of; the diagonal of the mesh's box at rest when None.
 
@@ -69,7 +69,7 @@ class Contact:
     Raises
     ------
     InputError
-        V is another kind of space, a value is unfit, an obstacle has another dimension, or a name in `friction.pairs`
+        V is another kind of space, a value is invalid, an obstacle has another dimension, or a name in `friction.pairs`
         is unknown.
     """
 
@@ -97,7 +97,7 @@ class Contact:
         self._at: Positions | None = None
         self._stepped = False
         self._blocks = HessianBlocks(BlockPattern(self._space))
-        nobody = np.zeros(self._space.n_owned, dtype=bool)  # supported rows are the user's to eliminate
+        nobody = np.zeros(self._space.n_owned, dtype=bool)  # the user eliminates supported rows
         self._matrix: Any = SystemMatrix(self._space, nobody)
         geometry = on_root(V.mesh.comm, lambda: read_geometry(obstacles))
         self._make_terms(barrier, friction, placed_obstacles(obstacles, geometry), diagonal, float(young))
@@ -185,7 +185,7 @@ class Contact:
     def energy(self, u: Displacement) -> float:
         """B(u) + D(u) [J]; inf behind a plane.
 
-        It does not see whether surfaces have passed through each other: `max_step` keeps steps from that.
+        It does not detect surfaces that have passed through each other: `max_step` prevents that.
         """
         x = self._started(u)
         return float(sum(term.value(x) for term in self._terms))
@@ -251,7 +251,7 @@ class Contact:
     def intersections(self, u: Displacement) -> int:
         """How many edges cross edges (2D) or triangles (3D), and how many vertices lie behind planes.
 
-        The code is not that which keeps surfaces apart, so that it can judge it.
+        The test for crossings is independent of the barrier's code.
         """
         x = self._positions(u)
         return len(self._crossings(x)) + self._behind_planes(x)
@@ -277,7 +277,7 @@ class Contact:
         return np.array(values, dtype=np.float64).reshape(-1, self._space.dim)
 
     def _positions(self, u: Displacement) -> Positions:
-        """Positions at u: the same object as before where u is the same, for terms keep what they find there."""
+        """Positions at u: the same object as before where u is the same, because terms keep their results for it."""
         owned = self._rest + self._owned(u)
         same = self._at is not None and np.array_equal(owned, self._at.owned)
         if not self.V.mesh.comm.allreduce(same, op=MPI.LAND) or self._at is None:
@@ -322,7 +322,7 @@ class Contact:
             raise IntersectionError(f"{behind} vertices lie at or behind planes at t = {time:g} s; lift the body")
         if len(crossing):
             edges, names = self._surface.primitives.edges, self.bodies
-            found = sorted({int(self._surface.objects[edges[pair[0], 0]]) for pair in crossing[:NAMED]})
+            found = sorted({int(self._surface.objects[edges[pair[0], 0]]) for pair in crossing[:NAMED_CROSSINGS]})
             whose = ", ".join(names[i] if i < len(names) else "an obstacle" for i in found)
             raise IntersectionError(
                 f"surfaces cross at t = {time:g} s in {len(crossing)} places (edges of: {whose}); move them apart",

@@ -97,7 +97,7 @@ def check_scene(scene: Scene, seconds: float = 3.0, out: Path | None = None) -> 
 
 
 def _build_levels(scene: Scene, obstacles: Sequence, notes: list[str]) -> Sequence[LevelMesh]:
-    """The levels, with bodies set apart where the scene asks for it; as they are where that is not enough."""
+    """The levels, with bodies set apart where the scene's `separate` allows it; unchanged where that is not enough."""
     try:
         meshes, mended = build_apart(scene, scene.levels, obstacles)
         notes += [f"note: {line}" for line in mended]

@@ -23,7 +23,7 @@ from pdvol.scene import Friction, Scene
 from pdvol.store.files import write_json
 from pdvol.store.reader import Run, RunLevel, open_run
 
-# By method: whose velocity the predicted positions x_hat of a level above 0 are made with.
+# By method: the level whose velocity predicts the positions x_hat of a level above 0.
 PREDICTED_WITH = {"direct": "own", "tracks": "own", "progressive": "coarse", "embedded": "none"}
 
 
@@ -70,9 +70,9 @@ def measure_run(path: str | Path) -> dict:
         `level`, `steps`, `mass` [kg], lists over steps 1, 2, ... (`continuity`, `continuity_error`, `jitter`) and, from
         level 1 on, over states 0, 1, ... of both levels (`consistency`, `distance`, `centre_error`), the `projection`'s
         `rank` and `columns`, and `summary`: mean, median and largest of each list. Steps that were cut, or whose
-        scripted motion contact stopped, have no x_hat of their own: their continuity is NaN. So is all of it where no
-        x_hat leads (embedded levels), and its error too where nothing is pushed apart rightly: in states with
-        intersections or inverted cells.
+        scripted motion contact stopped, have no x_hat of their own: their continuity is NaN. The continuity of embedded
+        levels, which have no x_hat, is NaN as well. In states with intersections or inverted cells the forces are
+        meaningless: continuity and its error are NaN.
 
     Raises
     ------
@@ -183,8 +183,8 @@ def compare_runs(path: str | Path, other: str | Path) -> list[dict]:
 
 
 def _scene(run: Run, notes: list[str]) -> tuple[Scene | None, Sequence[Obstacle]]:
-    """The run's scene and its obstacles; None, with a note, where there is none. Notes say, too, what its continuity is
-    not.
+    """The run's scene and its obstacles; None, with a note, where forces cannot be computed. Notes also name what the
+    continuity does not describe.
     """
     try:
         if run.info.get("method") not in PREDICTED_WITH:
@@ -241,7 +241,7 @@ def _continuity(
     special = {r["step"] for r in level.log if r.get("cuts", 0) or r.get("reached", 1.0) < 1.0}
     special |= {
         r["step"] + 1 for r in level.log if r.get("reached", 1.0) < 1.0
-    }  # sets out from where its obstacles were held back
+    }  # these steps start from obstacles that were held back
     values, errors, kappas, masses = [], [], stored_stiffness(level), np.where(forces.free, masses, 0.0)
     crossing = {r["step"] for r in level.log if r.get("intersections", 0)}
     for number in range(1, level.steps):

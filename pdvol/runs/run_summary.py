@@ -45,7 +45,7 @@ def run_summary(path: Path, pictures: Path | None = None) -> list[str]:
     lines += held_back_lines(run)
     INTERPOLANTS.check(info["prolongation"])
     if len(run.levels) == 1 and pictures is None:
-        return lines  # without bindings no finite elements are loaded
+        return lines  # finite elements are loaded for bindings only
     from mpi4py import MPI
 
     from pdvol.levels.hierarchy import Hierarchy

@@ -1,6 +1,4 @@
-"""From a shot to a run folder: builds the levels, marches them coarse to fine, stores every step. All ranks call it
-together.
-"""
+"""From a shot to a run folder: builds the levels, marches them coarse to fine, stores every step. Collective."""
 
 import platform
 from collections.abc import Sequence
@@ -32,7 +30,7 @@ from pdvol.store.reader import Run, open_run
 from pdvol.store.writer import RunWriter
 
 LIBRARIES = ("fenics-dolfinx", "petsc4py", "ipctk", "numpy", "scipy", "pytetwild", "gmsh", "fast-simplification")
-TOLD = 6  # changes that a message lists
+LISTED_CHANGES = 6  # changes of a scene: a message lists no more
 
 
 def run_scene(
@@ -68,7 +66,7 @@ def run_scene(
     Raises
     ------
     InputError
-        Something in the scene, its meshes or the folder is unfit; nothing is half-written.
+        Something in the scene, its meshes or the folder is invalid; nothing is half-written.
     ConvergenceError
         A step could not be solved; everything up to the last good step is kept.
     """
@@ -150,8 +148,8 @@ def _check_request(scene: Scene, out: Path, first: int, last: int, method: str, 
 def _prepare(
     shot: Shot, out: Path, last: int, method: str, prolongation: str
 ) -> tuple[Sequence[LevelMesh], int, list[Geometry], float, list[str]]:
-    """Meshes up to `last`, how many of the coarsest are stored ones, obstacles' geometry and the scene's diagonal,
-    checked at t = 0; what was mended.
+    """Meshes up to `last`, the number of stored ones among them, obstacles' geometry, the scene's diagonal [m], and the
+    bodies that were set apart. Checked at t = 0.
     """
     scene = shot.scene
     stored: list[LevelMesh] = []
@@ -174,17 +172,17 @@ def _prepare(
         meshes = [*stored, *built[len(stored) :]]
     for level, mesh in enumerate(meshes):
         check_fields(scene, mesh, level)
-    if scene.contact:  # nothing keeps bodies apart later either
+    if scene.contact:  # without contact bodies may cross
         check_start(meshes, obstacles, [body.name for body in scene.bodies])
     return meshes, len(stored), geometry, scene_diagonal(scene), mended
 
 
 def _same_levels(run: Run, shot: Shot, last: int, method: str, prolongation: str) -> int:
-    """How many of a run's levels, from the coarsest on, are still those of the shot; the others are to be simulated
-    anew, up to `last`.
+    """The number of a run's coarsest levels that are still those of the shot. The others are simulated anew, up to
+    `last`.
 
-    Raises InputError, saying field by field what has changed, where that leaves none, or would drop a level that is not
-    asked for.
+    Raises InputError, with the changed fields, where no level is left, or a level would be dropped that is not
+    requested.
     """
     require_scene(run.path, run.info)
     for name, now in (("method", method), ("prolongation", prolongation)):
@@ -195,15 +193,17 @@ def _same_levels(run: Run, shot: Shot, last: int, method: str, prolongation: str
     )
     changed += [] if same else levels_changed
     if changed:
-        more = f"; and {len(changed) - TOLD} more" if len(changed) > TOLD else ""
-        raise InputError(f"{run.path} holds another scene ({'; '.join(changed[:TOLD])}{more}); choose another folder")
+        more = f"; and {len(changed) - LISTED_CHANGES} more" if len(changed) > LISTED_CHANGES else ""
+        raise InputError(
+            f"{run.path} holds another scene ({'; '.join(changed[:LISTED_CHANGES])}{more}); choose another folder"
+        )
     if len(run.levels) > shot.scene.levels:
         raise InputError(
             f"{run.path} holds {len(run.levels)} levels, the scene has {shot.scene.levels} now; choose another folder"
         )
     if same < len(run.levels) and last < len(run.levels) - 1:
         raise InputError(
-            f"{run.path}: levels from {same} on have changed ({'; '.join(levels_changed[:TOLD])}); "
+            f"{run.path}: levels from {same} on have changed ({'; '.join(levels_changed[:LISTED_CHANGES])}); "
             f"simulate them anew with levels up to {len(run.levels) - 1}, or choose another folder"
         )
     return min(same, len(run.levels))
@@ -233,7 +233,7 @@ def _open_writer(
         description = shot.description()
         same = writer.info["description"] == jsonable(description)
         changed: dict[str, Any] = {} if same else {"parameters": dict(shot.parameters), "description": description}
-        if shot.file is not None or not same:  # the file that made the stored scene goes on to make it
+        if shot.file is not None or not same:  # the same scene from memory keeps the stored path
             changed["scene_file"] = _file(shot)
         writer.update_info(steps=scene.steps, **changed)
     else:
@@ -263,7 +263,7 @@ def _file(shot: Shot) -> str:
 
 
 def _up(scene: Scene) -> list[float] | None:
-    """Against the first gravity, at t = 0: which way pictures have up; None without one."""
+    """The upward direction of pictures: against the first gravity at t = 0; None without one."""
     gravity = next((load.acceleration for load in scene.loads if isinstance(load, Gravity)), None)
     return None if gravity is None else [-float(a) for a in (gravity(0.0) if callable(gravity) else gravity)]
 

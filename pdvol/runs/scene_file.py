@@ -1,4 +1,4 @@
-"""A scene file and its parameters: loading, setting, and what tells two shots apart."""
+"""A scene file and its parameters: loading, settings, and a description by which shots are compared."""
 
 import ast
 import importlib.util
@@ -42,7 +42,7 @@ class Shot:
         return self.scene.name if self.file is None else self.file.stem
 
     def description(self) -> dict:
-        """The scene as JSON, without how long it runs: a longer run of the same scene is the same scene."""
+        """The scene as JSON, without its number of steps: a longer run has the same scene."""
         found = {key: value for key, value in describe(self.scene).items() if key not in ("steps", "solver", "name")}
         if found["integrator"] == DEFAULTS["integrator"]:
             del found["integrator"]
@@ -120,7 +120,7 @@ def load_shot(file: str | Path, settings: Mapping | None = None, steps: int | No
         raise
     except (Exception, SystemExit) as error:
         raise InputError(
-            f"{file.name}: scene({', '.join(f'{k}={v!r}' for k, v in given.items())}) failed: {_told(error)}"
+            f"{file.name}: scene({', '.join(f'{k}={v!r}' for k, v in given.items())}) failed: {_error_text(error)}"
         ) from error
     if not isinstance(scene, Scene):
         raise InputError(f"{file.name}: scene() returned {type(scene).__name__}, not a pdvol.Scene")
@@ -142,12 +142,12 @@ def _scene_function(file: Path) -> Callable[..., Scene]:
     except PdvolError:
         raise
     except (Exception, SystemExit) as error:
-        raise InputError(f"{file} could not be read: {_told(error)}") from error
+        raise InputError(f"{file} could not be read: {_error_text(error)}") from error
     make = getattr(module, "scene", None)
     if not callable(make):
         raise InputError(f"{file} defines no scene(**parameters); it must return a pdvol.Scene")
     return make
 
 
-def _told(error: BaseException) -> str:
+def _error_text(error: BaseException) -> str:
     return f"{type(error).__name__}: {' '.join(str(error).split())}"

@@ -1,4 +1,4 @@
-"""What a scene asks for, as lines of text. Nothing is meshed, and only shapes that are files are read."""
+"""What a scene models, as lines of text. Nothing is meshed, and only shapes that are files are read."""
 
 import numpy as np
 
@@ -35,7 +35,7 @@ def scene_summary(shot: Shot) -> list[str]:
 
 
 def modelled_terms(scene: Scene) -> list[str]:
-    """One line for each thing that the scene asks for and that is therefore modelled: materials, loads, contact, time.
+    """One line for each part of the model: materials, loads, contact, levels, time.
 
     Raises
     ------

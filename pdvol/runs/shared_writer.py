@@ -19,13 +19,13 @@ from pdvol.scene import Scene
 from pdvol.store.reader import open_run
 from pdvol.store.writer import RunWriter
 
-EXPORT_INTERVAL = 20.0  # seconds between exports of a level that goes on, at least: each writes the whole level
-EXPORT_SHARE = 0.05  # share of the time that exports may take
+EXPORT_PAUSE = 20.0  # seconds between exports of a running level, at least
+EXPORT_SHARE = 0.05  # of a level's time that its exports may take, at most
 
 
 class Export:
-    """level_N.xdmf of the levels being simulated, kept up to date for who watches them and for what a kill leaves. Used
-    by rank 0.
+    """level_N.xdmf of the levels being simulated, kept up to date for viewers and for runs that are killed. Used by
+    rank 0.
     """
 
     def __init__(self, path: Path, scene: Scene, obstacles: Sequence[Obstacle]):
@@ -37,24 +37,21 @@ class Export:
         begin, run = time.monotonic(), open_run(self._path)
         try:
             more: Callable[[int], StepFields] = SceneFields(self._scene, run, level, self._obstacles)
-        except (
-            ValueError,
-            RuntimeError,
-        ):  # a law of the user's own that knows two dimensions only: what it can show is no reason to stop
+        except (ValueError, RuntimeError):  # a user's law may fail here alone, which must not stop the run
             more = nothing_more
         write_xdmf(run, level, self._path / f"level_{level}.xdmf", more)
         now = time.monotonic()
-        self._next[level] = now + max(EXPORT_INTERVAL, (now - begin) / EXPORT_SHARE)
+        self._next[level] = now + max(EXPORT_PAUSE, (now - begin) / EXPORT_SHARE)
 
     def follow(self, level: int) -> None:
-        """The same after a state was stored, where it is due."""
+        """The same after a state was stored, where the last export is old enough."""
         if time.monotonic() >= self._next.get(level, 0.0):
-            with suppress(SimulationError):  # the next state will tell of a full disk
+            with suppress(SimulationError):  # a full disk is reported by the next state
                 self.write(level)
 
 
 class SharedWriter:
-    """The run's writer on rank 0, called by all ranks together; its errors are everybody's."""
+    """The run's writer on rank 0. All ranks call it together, and its errors are raised on all of them."""
 
     def __init__(self, comm: MPI.Comm, open_writer: Callable[[], RunWriter], export: Export):
         self.comm, self._export = comm, export
@@ -71,8 +68,8 @@ class SharedWriter:
         return self._writer.path
 
     def call(self, name: str, *arguments: Any, **details: Any) -> Any:
-        """The result of one of the writer's methods, on every rank; a state that was stored is shown in level_N.xdmf,
-        too, if it is time.
+        """The result of one of the writer's methods, on every rank. After a state was stored, level_N.xdmf follows if
+        that is due.
         """
 
         def call() -> Any:
@@ -99,7 +96,7 @@ class SharedWriter:
         on_root(self.comm, lambda: self._export.write(level))
 
     def finish(self, level: int) -> None:
-        """Marks a level as done, with its export; a level that already is stays as it is."""
+        """Marks a level as done, with its export; nothing happens where it is done."""
 
         def finish() -> None:
             if self._writer.info["levels"][level]["state"] != "done":

@@ -1,6 +1,4 @@
-"""Contact forces and stresses of stored states, for exports: `record` writes what it is given here, and knows no
-solver.
-"""
+"""Contact forces and stresses of stored states, for exports, which import no solver themselves."""
 
 from collections.abc import Sequence
 
@@ -26,7 +24,7 @@ from pdvol.store.reader import Run, RunLevel
 class SceneFields:
     """`contact_force` (n, d) [N] and `von_mises` (m,) [Pa] of any step of a level, computed by this rank alone.
 
-    The force is what barrier and friction do to each vertex, friction lagged at the step's start as in its first
+    The force is that of barrier and friction on each vertex. Friction is lagged at the step's start, as in its first
     iteration.
     """
 
@@ -69,9 +67,7 @@ class SceneFields:
 
 
 def stored_stiffness(level: RunLevel) -> dict[int, float]:
-    """The barrier's stiffness in each step, as logged: some of its laws choose it step by step, from what is not
-    stored.
-    """
+    """The barrier's stiffness in each step, as logged: some laws choose it from data that are not stored."""
     return {record["step"]: record["kappa"] for record in level.log if record.get("kappa")}
 
 
@@ -81,7 +77,7 @@ def stored_scene(run: Run) -> tuple[Scene, tuple[Obstacle, ...]]:
     Raises
     ------
     InputError
-        Its file is gone or has changed; one line says what.
+        Its file is missing or has changed; the message names what has.
     """
     info = run.info
     require_scene(run.path, info)

@@ -1,9 +1,8 @@
 """Levels side by side: one process a level, each a few steps behind the coarser one, whose states it reads from the run
 folder.
 
-A step needs the coarser level's states up to one step only (design, section 2), so finer levels need not wait for whole
-films. This process keeps the folder: workers send it their states, and find their coarser level's there. Numbers are
-those of one level after the other.
+A step needs the coarser level's states up to the same step only (design, section 2). This process writes the folder:
+workers send it their states, and read their coarser level's there. The results are those of one level after the other.
 """
 
 import os
@@ -29,14 +28,12 @@ from pdvol.runs.scene_file import load_shot, stored_settings
 from pdvol.runs.shared_writer import SharedWriter
 from pdvol.store.reader import Run, open_run
 
-POLL = 0.005  # seconds between looks for a coarser state
-ENDING = 10.0  # seconds that a worker gets to end in
+POLL = 0.005  # seconds between checks for a coarser state
+WORKER_GRACE_TIME = 10.0  # seconds that a worker has to end before it is killed
 
 
 class Follower:
-    """A level's writer in a worker: what it stores goes to the process that keeps the folder, what it reads may not be
-    there yet.
-    """
+    """A level's writer in a worker: it sends states to the keeper of the folder, and waits for those it reads."""
 
     def __init__(self, run: Run, keeper: Connection):
         self.run, self._keeper, self._parent = run, keeper, os.getppid()
@@ -48,7 +45,9 @@ class Follower:
         return self._keeper.send(("call", (name, *arguments), details))
 
     def read(self, level: int, what: str, step: int) -> np.ndarray:
-        """`positions` or `velocities` of a stored state; waits for it for as long as somebody keeps the folder."""
+        """`positions` or `velocities` of a stored state; it waits for one that is not stored yet, as long as the keeper
+        runs.
+        """
         stored = self.run.levels[level]
         while stored.steps <= step:
             if os.getppid() != self._parent:
@@ -65,7 +64,7 @@ class Follower:
         self._keeper.send(("export", (level,), {}))
 
     def finish(self, level: int) -> None:
-        """Says that a level is done."""
+        """Reports that a level is done."""
         self._keeper.send(("finish", (level,), {}))
 
 
@@ -82,7 +81,7 @@ def march_levels(writer: SharedWriter, levels: Sequence[int], steps: int, progre
     Raises
     ------
     SimulationError
-        A level could not go on: coarser ones are finished, finer ones end where they are, all steps are kept.
+        A level could not go on. Coarser levels are finished, finer ones are interrupted, all steps are kept.
     """
     workers = {level: _Worker(writer.path, level) for level in levels}
     watches = (
@@ -122,7 +121,7 @@ def march_levels(writer: SharedWriter, levels: Sequence[int], steps: int, progre
 
 
 class _Worker:
-    """A process that marches one level; `reports` is what it says."""
+    """A process that marches one level; `reports` receives its messages."""
 
     def __init__(self, path: Path, level: int):
         self.reports, theirs = Pipe(duplex=False)
@@ -138,10 +137,10 @@ class _Worker:
         theirs.close()
 
     def end(self) -> int:
-        """Its exit status, once it has said everything."""
+        """Its exit status, after its last message."""
         self.reports.close()
         try:
-            return self._process.wait(ENDING)
+            return self._process.wait(WORKER_GRACE_TIME)
         except subprocess.TimeoutExpired:
             self._process.kill()
             return self._process.wait()
@@ -164,7 +163,7 @@ def _work(path: str, level: int, handle: int) -> None:
         run_level(model, hierarchy, info["method"], Follower(run, keeper), None)
     except PdvolError as error:
         keeper.send(("error", (error,), {}))
-    except BrokenPipeError:  # the keeper has left: nobody to tell
+    except BrokenPipeError:  # the keeper has ended and takes no report
         return
     keeper.close()
 

@@ -1,6 +1,6 @@
-"""What to simulate: frozen dataclasses that know nothing of meshes' levels, solvers or files' formats.
+"""The description of a simulation: frozen dataclasses, independent of levels' meshes, solvers and file formats.
 
-Absent physics is an absent element: a scene without `contact` has no barrier, one without a `Friction` lags nothing.
+Physics that is absent is left out: a scene without `contact` has no barrier, one without a `Friction` no friction.
 Units are SI; lengths marked `Relative` are fractions of the scene's diagonal, so that they mean the same on every level
 (design, section 5).
 """

@@ -13,7 +13,7 @@ from pdvol.scene.materials import Material, Region
 from pdvol.scene.motions import Vector, rotation_matrix
 from pdvol.scene.representation import one_line
 
-MOST_LEVELS, MOST_VERTICES = 32, 100_000_000  # what is beyond is a slip of the pen
+MOST_LEVELS, MOST_VERTICES = 32, 100_000_000  # numbers above these are typing errors
 Shape: TypeAlias = str | Path | Outline | Surface | Solid
 
 
@@ -148,7 +148,7 @@ class Body:
     @property
     def levels(self) -> int:
         """How many levels this body has."""
-        return len(self.shape if self._levels_listed() else self.vertices)  # type: ignore[arg-type]
+        return len(self.shape) if isinstance(self.shape, (tuple, list)) else len(self.vertices)
 
     def _levels_listed(self) -> bool:
         return isinstance(self.shape, (tuple, list))

@@ -1,4 +1,4 @@
-"""What the scene's dataclasses ask of the values they are given: each check raises one line that names the value."""
+"""Checks of the values in a scene's dataclasses: each raises an error of one line that names the value."""
 
 import sys
 from collections.abc import Callable
@@ -72,7 +72,7 @@ def count(name: str, value: Any, lowest: int) -> None:
 
 
 def called(name: str, function: Callable, arguments: tuple, shape: tuple[int, ...]) -> np.ndarray:
-    """What a user's function gives, which must be an array of this shape."""
+    """The result of a user's function, which must be an array of this shape."""
     try:
         result = np.asarray(function(*arguments))
     except Exception as error:

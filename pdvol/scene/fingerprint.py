@@ -1,4 +1,4 @@
-"""A scene as plain JSON: what `run.json` keeps, and what tells whether a stored run is still the same scene."""
+"""A scene as plain JSON: `run.json` keeps it, and a stored run's scene is compared with it."""
 
 import hashlib
 import inspect
@@ -70,8 +70,8 @@ def differences(old: Any, new: Any, where: str = "scene") -> list[str]:
 
 
 def differences_by_level(old: dict, new: dict) -> tuple[list[str], int, list[str]]:
-    """Where two scenes' descriptions differ in what all levels share; how many of the coarsest levels agree in what is
-    said of each level (vertex targets, listed meshes); and where the others differ.
+    """The differences of two scenes in what all levels share; the number of coarsest levels whose own entries (vertex
+    targets, listed meshes) agree; and the differences of the other levels.
     """
     if len(old.get("bodies", ())) != len(new.get("bodies", ())):
         return differences(old, new), 0, []

@@ -1,8 +1,8 @@
-"""What pulls and pushes: accelerations, forces, impulses and flows, constant or changing with time.
+"""Loads: accelerations, forces, impulses and flows, constant or changing with time.
 
-Values that change are functions, asked at the end of each step: nothing is compiled anew. What acts on a part takes
-`where`, a function of rest positions (n, d), as placed, that gives a mask (n,), and `body`, a name; everything where
-left out.
+Values that change are functions of time, evaluated at the end of each step: nothing is compiled again. What acts on a
+part takes `where`, a function of rest positions (n, d), as placed, that gives a mask (n,), and `body`, a name;
+everything where left out.
 """
 
 from collections.abc import Callable

@@ -14,7 +14,7 @@ from pdvol.scene.representation import one_line
 from pdvol.scene.solver import Solver
 from pdvol.scene.surroundings import Plane, Rigid, Support
 
-MOST_STEPS = 10_000_000  # what is beyond is a slip of the pen
+MOST_STEPS = 10_000_000  # a larger number is a typing error
 LISTS = ("bodies", "loads", "supports", "obstacles", "contact", "separate")
 
 

@@ -1,4 +1,4 @@
-"""What acts on the bodies from outside: rigid obstacles and supports."""
+"""Rigid obstacles and supports."""
 
 from collections.abc import Callable
 from dataclasses import dataclass

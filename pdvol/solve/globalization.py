@@ -1,13 +1,12 @@
-"""What keeps Newton's steps descending and long: the projection of the Hessian, and the lengthening of repeated steps.
+"""Globalization of Newton's method: the projection of the Hessian, and the lengthening of repeated steps.
 
-The projection of the next Hessian follows from what came of the last quadratic model (in the spirit of Chen et al.
-2024):
+The next projection follows from how well the last model promised the decrease (in the spirit of Chen et al. 2024):
 
 | the model promised | the next Hessian |
 |---|---|
-| about the decrease that came | negative eigenvalues of local Hessians cut off: the nearest positive one |
-| much more than came | negative eigenvalues by size, which overshoots less; from now on full contact Hessians |
-| much less than came | unprojected, since cutting off made it too stiff; projected for a while if indefinite |
+| about the actual decrease | negative eigenvalues of local Hessians cut off: the nearest positive one |
+| much more | negative eigenvalues by size, which overshoots less; from now on full contact Hessians |
+| much less | unprojected, since cutting off made it too stiff; projected for a while if indefinite |
 
 Where the Hessian is indefinite every projected one is too stiff: step after step has the same direction, each a few per
 cent shorter than the last. The second of them shows the stiffness in that direction, and so the length of the whole
@@ -24,9 +23,9 @@ Sum = Callable[[np.ndarray], np.ndarray]
 
 TRUSTED = 0.5  # share of the promised decrease: a model that delivers less overshoots
 TOO_STIFF = 1.25  # times the promised decrease: a model that delivers more is too stiff
-TINY_CAP = 0.05  # share of a step: a cap below it shows contact that the model does not see
+TINY_CAP = 0.05  # share of a step: a cap below it shows contact that the quadratic model lacks
 TINY_CAPS = 3  # consecutive tiny caps after which contact Hessians are taken in full
-PAUSE = 2  # iterations without an unprojected Hessian after a bad one; doubled each time, so that tries end
+PAUSE = 2  # iterations without an unprojected Hessian after a bad one; doubled each time, so that few are tried
 
 SAME_DIRECTION = 0.95  # cosine between consecutive steps from which on the second repeats the first
 SOFT = 0.5  # of the model's stiffness in that direction: a softer potential gets a longer step
@@ -40,7 +39,7 @@ class Projection:
     Attributes
     ----------
     mode : "clamp" (negative eigenvalues cut off), "abs" (by size) or "none"
-    gauss_newton : whether contact Hessians leave out how normals turn
+    gauss_newton : whether contact Hessians leave out the rotation of normals
     steps : taken so far in this solve
     unprojected_from : steps before which "none" is not chosen
     pause : iterations
@@ -59,7 +58,8 @@ class Projection:
 
         Parameters
         ----------
-        promised, decrease : change of the potential by the model and the actual one; negative where all is well
+        promised, decrease : change of the potential by the model and the actual one; negative where the potential
+            decreases
         full : whether the step was taken in full
         cap : share of the step that contact and inversion allowed
         detects_indefinite : whether the linear solver would notice an indefinite matrix

@@ -21,7 +21,7 @@ class IncrementalPotential:
     Attributes
     ----------
     mass : (n_owned, d) [kg]
-    terms, contacts, frictions : all potentials; those that know contacts; those of friction
+    terms, contacts, frictions : all potentials; the barriers; those of friction
     x_hat : (n_owned, d) predicted positions [m]
     weight : of the terms beside the inertia [s^2], as the integrator gives it
     """
@@ -126,7 +126,7 @@ class IncrementalPotential:
         """Largest admissible step in [0, 1] along direction, obstacles moving to `until` [s] meanwhile: the same on
         every rank.
 
-        Where contact is what ends it, `gap_share` of a gap is left.
+        Where contact ends it, `gap_share` of a gap is left.
         """
         with self.watch.part("ccd"):
             steps = np.array([1.0, *(term.max_step(x, direction, until, gap_share) for term in self.terms)])
@@ -137,13 +137,13 @@ class IncrementalPotential:
         return largest
 
     def min_gap(self, x: Positions) -> float:
-        """Smallest distance [m] that a contact term sees at x; inf where none sees any. Collective."""
+        """Smallest gap [m] of all contact terms at x; inf where there is none. Collective."""
         with self.watch.part("contact"):
             return min((term.min_gap(x) for term in self.contacts), default=np.inf)
 
     @property
     def scale(self) -> float:
-        """Size [kg m^2] of the terms that cancel in the energy: what its round-off is relative to."""
+        """Size [kg m^2] of the terms that cancel in the energy: its round-off is relative to it."""
         return self.weight * sum(term.scale for term in self.terms)
 
     def update_lag(self, x: Positions) -> float:
@@ -162,7 +162,7 @@ class IncrementalPotential:
         Collective.
         """
         with self.watch.part("contact"):
-            raised = [rule.end_solve(x) for rule in self.rules]  # each is asked: the calls are collective
+            raised = [rule.end_solve(x) for rule in self.rules]  # no short cut: the calls are collective
         return any(raised)
 
     @property

@@ -3,8 +3,8 @@ matrix.
 
 Newton stops when its full step is nowhere faster than the tolerance [m/s]; that step is still taken. Deep inside a
 barrier short steps say little about the distance to the minimum (Newton on a logarithm doubles the gap, however far it
-has to go). So the step must also have been taken in full, follow one that was, not be longer than it, and not have
-opened the smallest gap much.
+has to go). So the step before and the last one must have been taken in full, the last one must not be longer, and it
+must not have opened the smallest gap much.
 """
 
 from dataclasses import dataclass
@@ -25,7 +25,7 @@ OLD_MATRIX_TOLERANCE = 0.25  # of the tolerance: the last step by an older matri
 
 OPENING = 1.2  # ratio of the smallest gaps after and before a step: a larger one shows a step out of a barrier
 UNSETTLED = 1_000.0  # times the tolerance: longer steps may lead to another minimum, and are not lengthened
-STALLED = 0.5  # ratio of consecutive step lengths above which steps at round-off have stopped to contract
+STALLED = 0.5  # ratio of consecutive step lengths above which steps at round-off no longer contract
 
 
 @dataclass(frozen=True, eq=False)

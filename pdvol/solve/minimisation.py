@@ -1,8 +1,8 @@
 """One minimisation of an incremental potential, without its linear algebra: states, energies, and the records of
 iterations.
 
-`Newton` gives it what SNES reports: a state, a direction, an accepted step. It answers how far to go, whether the
-matrix is kept, and whether the solve ends.
+`Newton` passes on what SNES reports: a state, a direction, an accepted step. `Minimisation` decides on the length of
+the step, whether the matrix is kept, and whether the solve ends.
 """
 
 from dataclasses import replace
@@ -170,7 +170,7 @@ class Minimisation:
     def _next_projection(self, last: Iteration, x: Positions, detects_indefinite: bool) -> Projection:
         if last.at_rounding:
             return self.projection.after_rounding()
-        if last.lengthening > 1.0:  # beyond what a model promises
+        if last.lengthening > 1.0:  # the quadratic model does not hold for lengthened steps
             return self.projection
         moved = x.owned - last.start.owned
         promised = promised_decrease(last.slope, moved, last.direction, self.comm.allreduce)

@@ -1,7 +1,7 @@
-"""The one SNES file: projected Newton on an incremental potential.
+"""Projected Newton on an incremental potential by PETSc's SNES, which no other file uses.
 
-SNES minimises: the potential is its objective (backtracking), the gradient its function, the projected Hessian its
-Jacobian. The pre-check scales each step by what contact and inversion allow. The callbacks translate between PETSc and
+The potential is SNES's objective (for backtracking), the gradient its function, the projected Hessian its Jacobian. The
+pre-check shortens each step such that nothing crosses or inverts. The callbacks translate between PETSc and
 `Minimisation`, which decides.
 """
 
@@ -32,7 +32,7 @@ _REASONS = {value: name for name, value in vars(PETSc.SNES.ConvergedReason).item
 
 @contextmanager
 def _own_errors() -> Iterator[None]:
-    """Raises what a callback raised instead of PETSc's error; PETSc's own errors become errors of the simulation."""
+    """Raises a callback's error instead of PETSc's. PETSc's own errors become `SimulationError`."""
     try:
         yield
     except PETSc.Error as error:
@@ -122,7 +122,7 @@ class Newton:
 
     def _jacobian(self, snes: PETSc.SNES, vector: PETSc.Vec, J: PETSc.Mat, P: PETSc.Mat) -> None:
         if self._solve.keeps_matrix():
-            self.linear.set_parts(self._system.parts)  # it may have changed its mind about how to solve
+            self.linear.set_parts(self._system.parts)  # the linear method may have changed
             return
         self._sum_hessian(self._positions(vector))
         with self.watch.part("linear"):
@@ -175,10 +175,10 @@ class Newton:
         return self._solve.projection is not before
 
     def _solve_again(self, x: Positions, step: PETSc.Vec) -> None:
-        """The same step by the projection as it is chosen now."""
+        """Solves for the step again, with the present projection."""
         self._solve.renew_matrix()
         self._sum_hessian(x)
-        self._system.assemble(self._blocks)  # at the same x the matrix and its pattern stay
+        self._system.assemble(self._blocks)  # at the same x the pattern, and so the PETSc object, stays the same
         self.linear.set_parts(self._system.parts)
         self.linear.solve(self._residual, step)
 
@@ -186,11 +186,11 @@ class Newton:
     # ----------------------------------------------------------------------------------------------------
 
     def begin_step(self, dt: float) -> None:
-        """Solves from here on are for a step of dt [s], by which speeds are measured."""
+        """Sets the length dt [s] of the step that the next solves are for: speeds are distances over dt."""
         self._dt = dt
 
     def start(self, x: Positions, gap_share: float = MIN_GAP_SHARE) -> Minimisation:
-        """A minimisation from x, which the callbacks then serve."""
+        """A new minimisation from x, which the callbacks use from now on."""
         self._solve = Minimisation(self.potential, self._fixed, x, self._dt, self._tolerance, gap_share)
         return self._solve
 
@@ -260,7 +260,7 @@ class Newton:
         return "direct" if self.linear.use_direct() else ""
 
     def forget(self) -> None:
-        """Before a step: drops what its last digits must not depend on, or a resumed run would differ."""
+        """Before a step: drops states of the solver that would change the last digits of a resumed run."""
         self._system.forget()
         self.linear.forget()
 
@@ -278,7 +278,7 @@ class Newton:
         with self.watch.part("linear"), _own_errors():
             moved, force = self.space.create_vector(), self.space.create_vector()
             moved.setArray(prescribed.ravel())
-            # The free rows see what the supports do; then rows and columns of supports are eliminated.
+            # Free rows get the forces of the supports' motion; then rows and columns of supports are eliminated.
             self._system.assemble(self._blocks, eliminate=False)
             self._system.petsc.mult(moved, force)
             motions = -push - force.getArray().reshape(-1, self.space.dim)
@@ -288,7 +288,7 @@ class Newton:
         for right in (motions - gradient, motions):
             with self.watch.part("linear"), _own_errors():
                 moved.setArray(np.where(self._fixed[:, None], prescribed, right).ravel())
-                self.linear.set_parts(self._system.parts)  # it may have changed its mind about how to solve
+                self.linear.set_parts(self._system.parts)  # the linear method may have changed
                 self.linear.solve(moved, force)
             found = force.getArray().reshape(-1, self.space.dim).copy()
             solve.require_finite(found)

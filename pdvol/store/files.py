@@ -1,4 +1,4 @@
-"""Files that survive a kill at any instant, and reading that trusts nothing.
+"""Files that survive a kill at any instant, and checks of files that are read.
 
 A file is written to a temporary name in its own folder, synced to the disk and renamed over its final name: a reader
 finds the old file, or the new one, or none, never half of one. Arrays are never unpickled.
@@ -22,7 +22,7 @@ import numpy as np
 from pdvol.errors import InputError, SimulationError
 
 TEMPORARY = ".tmp"  # the end of temporary names, which a later writer removes
-LOCK_ATTEMPTS = 5  # to take a lock: a process that only asks whether a run is in use holds it for an instant
+LOCK_ATTEMPTS = 5  # to take a lock: a process that checks whether a run is in use holds it for an instant
 LOCK_PAUSE = 0.02  # seconds between attempts
 _UNREADABLE = (
     OSError,
@@ -122,7 +122,7 @@ def read_array(path: Path, shape: tuple[int, ...]) -> np.ndarray:
     """
     try:
         if path.exists() and not is_whole(path, shape):
-            raise ValueError(f"it is no float64 array of shape {shape}")  # before a header can ask for memory
+            raise ValueError(f"it is no float64 array of shape {shape}")  # before a damaged header can request memory
         array = np.load(path, allow_pickle=False)
     except FileNotFoundError as error:
         raise InputError(f"{path} is missing") from error
@@ -156,7 +156,7 @@ def read_arrays(path: Path, names: tuple[str, ...]) -> dict[str, np.ndarray]:
         with zipfile.ZipFile(path) as archive:
             if (
                 sum(entry.file_size for entry in archive.infolist()) > path.stat().st_size
-            ):  # ours are not compressed: this one would swell
+            ):  # pdvol's are not compressed; this one could fill the memory
                 raise ValueError("compressed")
         with np.load(path, allow_pickle=False) as archive:
             arrays = {name: archive[name] for name in archive.files}
@@ -178,7 +178,7 @@ def read_json(path: Path) -> dict:
     InputError
         The file cannot be read, or holds something else.
     FileNotFoundError
-        There is no such file; only the caller can say what that means.
+        There is no such file; the caller knows whether that is an error.
     """
     try:
         value = json.loads(path.read_text(encoding="utf-8"))

@@ -23,7 +23,7 @@ from pdvol.errors import InputError
 from pdvol.geometry.level_mesh import LevelMesh
 from pdvol.store.files import TEMPORARY, jsonable, lock, read_json, sync_folder, write_array, write_arrays
 
-RUN_FORMAT = 1  # of run.json: raised when an older pdvol could not read the folder
+RUN_FORMAT = 1  # of run.json: increased when an older pdvol cannot read new folders
 _INFO_TYPES = {
     "scene": str,
     "scene_file": str,
@@ -195,7 +195,7 @@ def claim(path: Path) -> TextIO:
         raise InputError(f"{path} cannot be made: {error.strerror or error}") from error
     held = hold(path)
     try:
-        _require_free(path)  # another process may have started a run before the lock was ours
+        _require_free(path)  # another process may have started a run before this one had the lock
     except InputError:
         held.close()
         raise

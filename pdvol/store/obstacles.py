@@ -1,4 +1,4 @@
-"""Obstacles as pictures need them: `obstacles.json` names them, `obstacles/<i>.npz` holds the arrays of each.
+"""Obstacles for pictures: `obstacles.json` names them, `obstacles/<i>.npz` holds the arrays of each.
 
 | kind | arrays |
 |---|---|

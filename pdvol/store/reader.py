@@ -1,6 +1,6 @@
 """Reading a run folder: arrays in the input's vertex order, whatever the number of ranks that wrote them.
 
-A run may be read while it is written. What is missing or damaged is named, together with what is still usable.
+A run may be read while it is written. Errors name what is missing or damaged, and what is still usable.
 """
 
 from collections.abc import Sequence
@@ -204,7 +204,7 @@ class Run:
         """Whether a process is writing this run now."""
         try:
             held = lock(self.path / "run.lock", exclusive=False)
-        except OSError:  # no lock file, or one we may not open: nobody we could know of
+        except OSError:  # no lock file, or none that can be opened: no writer can be found
             return False
         if held:
             held.close()

@@ -111,7 +111,7 @@ class RunWriter:
             for entry in writer.info["levels"]:
                 entry["state"] = (
                     "interrupted" if entry["state"] == "running" else entry["state"]
-                )  # we hold the lock: nobody runs it
+                )  # this process has the lock: no other one writes
             writer._save_states()
         except BaseException:
             writer.close()
@@ -179,7 +179,7 @@ class RunWriter:
         if not dropped:
             return
         self.info["levels"], self._count = self.info["levels"][:count], self._count[:count]
-        self._save_states()  # first: a folder that no level names is no harm
+        self._save_states()  # first: a folder without an entry does no harm
         for level in dropped:
             shutil.rmtree(level_folder(self.path, level), ignore_errors=True)
             for export in self.path.glob(f"level_{level}.*"):

@@ -36,12 +36,12 @@ from pdvol.parallel import on_root
 
 SLACK = 1e-8  # e, beside A scaled to a median diagonal of one
 BLOCK = 256  # right-hand sides at a time: bounds the dense part of the memory
-# of the body's size, by which the solved W may miss the rest positions before they are restored exactly
+# share of the body's size by which the solved W may miss the rest positions, before they are restored exactly
 ACCURATE = 1e-6
-# MUMPS' relative threshold; its largest use: multipliers of conflicting constraints are as large as 1 / e
+# MUMPS' relative pivoting threshold, the largest value: multipliers of conflicting constraints are as large as 1 / e
 PIVOTING = 0.5
-KEPT_FROM = 5000  # fine vertices: fewer are solved for in a second or two
-SOLVED = (  # what kept weights depend on besides the meshes; a new number when the method changes
+KEPT_FROM = 5000  # fine vertices: weights of smaller levels take a second or two and are not kept
+SOLVED = (  # key of kept weights beside the meshes; its number grows when the method changes
     f"biharmonic 1, {SLACK:g}, {DROPPED:g}"
 )
 WORKSPACES = (100, 400, 1600, 6400)  # per cent on top of MUMPS' estimate, tried in turn
@@ -49,7 +49,7 @@ WORKSPACES = (100, 400, 1600, 6400)  # per cent on top of MUMPS' estimate, tried
 
 def biharmonic(coarse: LevelSpace, fine: LevelSpace, binding: Binding) -> sp.csr_matrix:
     """Weights (n_fine, n_coarse), body by body, sparse to within `locality.DROPPED`. Collective; rank 0 solves, or
-    finds them kept from before.
+    takes them from the cache.
 
     Raises
     ------
@@ -62,7 +62,7 @@ def biharmonic(coarse: LevelSpace, fine: LevelSpace, binding: Binding) -> sp.csr
 
 
 def _kept(coarse: LevelMesh, fine: LevelMesh, back: Binding, home: sp.csr_matrix) -> sp.csr_matrix:
-    """The weights, kept beside the meshes where they take seconds."""
+    """The weights, kept in the cache of meshes where they take seconds."""
     if len(fine.points) < KEPT_FROM:
         return _all_bodies(coarse, fine, back, home)
 

@@ -1,10 +1,9 @@
-"""From dense weights that decay to sparse ones: small weights are dropped, and what they did to affine fields is put
-back.
+"""From dense weights that decay to sparse ones: small weights are dropped, and affine fields are made exact again.
 
-From each row the smallest weights go, as long as their absolute sum stays below `DROPPED`: a field moves by at most
-that share of its range. The remaining weights are then corrected, per row, by the smallest change (in the sense of
-least squares) after which affine fields are exact again. The home cell's corners stay in every row, so that the
-remaining coarse vertices never lie in a plane.
+Each row loses its smallest weights, whose absolute sum is at most `DROPPED`: a field changes by at most that share of
+its range. The remaining weights are then corrected, per row, by the smallest change (in the sense of least squares)
+after which affine fields are exact again. The home cell's corners stay in every row, so that the remaining coarse
+vertices never lie in a plane.
 """
 
 from collections.abc import Iterable
@@ -27,7 +26,7 @@ def make_local(
     home : (n, m) barycentric weights in home cells; only its pattern counts
     coarse, fine : (m, d), (n, d) rest positions [m]
     """
-    # All m weights of a row below this together make a fifth of what may be dropped.
+    # Even if all m weights of a row are below this, their sum is a fifth of what may be dropped.
     noise = 0.2 * DROPPED / home.shape[1]
     blocks = [sp.csc_matrix(np.where(np.abs(block) > noise, block, 0.0)) for block in columns]
     weights = sp.hstack(blocks, format="csr")

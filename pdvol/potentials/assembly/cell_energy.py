@@ -37,7 +37,7 @@ class CellEnergy(Term):
     parameters : mapping of names to arrays (len(cells),)
     cells : (k,) indices into the space's near cells, ascending
     name : str
-    isotropic : whether psi(Q F R) = psi(F) for all rotations; found out by trying where not given
+    isotropic : whether psi(Q F R) = psi(F) for all rotations; found by evaluation where not given
     material : whose density it is, for error messages
 
     Raises
@@ -105,8 +105,8 @@ class CellEnergy(Term):
     def _is_isotropic(self) -> bool:
         """Whether psi(Q F R) = psi(F) for some arbitrary F and rotations Q, R; the same on every rank. Collective.
 
-        It is tried with the parameters of the first cell, and of the cells where a parameter is largest: elsewhere the
-        stiffness in one direction may be zero.
+        It is evaluated with the parameters of the first cell, and of the cells where a parameter is largest: elsewhere
+        the stiffness in one direction may be zero.
         """
         rng = np.random.default_rng(0)
         changes = []
@@ -197,7 +197,7 @@ class _Kernel:
     Attributes
     ----------
     function : cffi pointer
-    coefficients : the form's coefficients, in the order the kernel wants them
+    coefficients : the form's coefficients, in the kernel's order
     """
 
     def __init__(self, comm: MPI.Comm, form: ufl.Form):
@@ -219,7 +219,7 @@ class _DensityKernel(_Kernel):
     ----------
     parameters : (cells, k)
         In the kernel's order.
-    gradient_at : how many of them come before F; -1 where F is not wanted
+    gradient_at : number of parameters before F; -1 where the kernel does not depend on F
     """
 
     def __init__(

@@ -122,7 +122,7 @@ class HessianBlocks:
         return keys[first], np.add.reduceat(blocks[order], first, axis=0)
 
     def to_csr(self) -> csr_array:
-        """The whole symmetric matrix (n d, n d), in PETSc's numbering, of a level that lives on one rank."""
+        """The whole symmetric matrix (n d, n d), in PETSc's numbering, of a level on one rank."""
         d, n = self.pattern.space.dim, len(self.pattern.space.mesh.points)
         keys, blocks = self.pairs()
         keys, blocks = np.concatenate([self.pattern.keys, keys]), np.concatenate([self.cells, blocks])

@@ -36,14 +36,14 @@ class SurfaceBarrier(Term):
 
     def __init__(self, surface: CollisionSurface, dhat: float, kappa: float, weighted: bool = True):
         self.surface, self.space, self.dhat, self.kappa, self.weighted = surface, surface.space, dhat, kappa, weighted
-        self._at: Positions | None = None  # where the following three belong to
+        self._at: Positions | None = None  # where the next three were computed
         self._active: ipctk.NormalCollisions
         self._vertices: np.ndarray
         self._stencils: tuple[Stencils, np.ndarray] | None = None
 
     @property
     def _area(self) -> float:
-        """ipctk's weight of a true area of one, or of one contact: its mesh may be scaled down."""
+        """ipctk's weight of a unit area, or of one contact, in its mesh, which may be scaled down."""
         return self.surface.primitives.scale**2 if self.weighted else 1.0
 
     @property

@@ -20,7 +20,7 @@ from pdvol.potentials.contact.stencils import column
 
 # largest slack, in median edge lengths: longer lists cost more in every evaluation than a new search does
 MAX_SLACK = 0.2
-# smallest slack, in largest slacks: the room for the next moves where no larger one is expected
+# smallest slack, in largest slacks: enough for the next moves where no longer ones are expected
 MIN_SLACK = 0.15
 # slack, in lengths of the move that it is made for: the moves after it are seldom longer
 SLACK_PER_MOVE = 1.2

@@ -14,10 +14,10 @@ from pdvol.potentials.potential import Positions, Term
 
 
 class SurfaceFriction(Term):
-    """Friction on all pairs that were active in the barrier at the last `lag`.
+    """Friction on all pairs that were active in the barrier at the last `update_lag`.
 
-    Normal forces, normals and closest points are those of the last `lag`. Slip [m] is measured from the start of the
-    step, relative to moving obstacles, so friction is smoothed below a slip of eps_v times the step's length.
+    Normal forces, normals and closest points are those of the last `update_lag`. Slip [m] is measured from the start of
+    the step, relative to moving obstacles, so friction is smoothed below a slip of eps_v times the step's length.
 
     Parameters
     ----------

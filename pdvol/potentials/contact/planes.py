@@ -2,7 +2,7 @@
 
 The law is that of the surface barrier (`barrier.py`): kappa a dhat g(s), g(s) = -(s - 1)^2 ln s, s = (gap / dhat)^2, a
 the vertex's area at rest. A plane needs neither a broad phase nor gathered surfaces, may move, and its gap is linear in
-x. It is written out here because ipctk's plane candidates miss contacts beyond dhat / 2 and have neither friction nor
+x. ipctk's plane candidates are not used, because they miss contacts beyond dhat / 2 and have neither friction nor
 motion.
 """
 
@@ -138,7 +138,7 @@ class HalfSpaceBarrier(Term):
 
 
 class HalfSpaceFriction(Term):
-    """Lagged friction on all planes of a scene: normal forces and directions are those of the last `lag`.
+    """Lagged friction on all planes of a scene: normal forces and directions are those of the last `update_lag`.
 
     Parameters
     ----------
@@ -156,10 +156,10 @@ class HalfSpaceFriction(Term):
     def begin_step(self, x_t: Positions, t0: float, t1: float, x_hat: Positions | None = None) -> None:
         self._x_t = x_t.owned
         self._eps = self.eps_v * (t1 - t0)
-        self._carried = []
+        self._displacements = []
         for plane in self.barrier.planes:
             moves = lambda at, plane=plane: plane.motion(np.atleast_2d(at), t1) - plane.motion(np.atleast_2d(at), t0)
-            self._carried.append(moves)
+            self._displacements.append(moves)
         self.update_lag(x_t)
 
     def update_lag(self, x: Positions) -> None:
@@ -168,7 +168,7 @@ class HalfSpaceFriction(Term):
         self._normals = self.barrier.normals[plane]
         self._force = self._mu[plane, self._bodies[vertex]] * force
         self._ground = np.zeros((len(plane), self.space.dim))
-        for i, moves in enumerate(self._carried):
+        for i, moves in enumerate(self._displacements):
             on = plane == i
             self._ground[on] = moves(self._x_t[self._vertices[on]]) if on.any() else 0.0
 
