@@ -7,8 +7,7 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import eigh
 
 from pdvol.integrate.bdf2 import BDF2
-from pdvol.integrate.implicit_euler import ImplicitEuler
-from pdvol.integrate.integrator import Past, advance, past_of
+from pdvol.integrate.integrator import ImplicitEuler, Past, advance, past_of
 from pdvol.integrate.marches import Start, direct
 from pdvol.potentials.potential import Positions
 from pdvol.registry import INTEGRATORS
