@@ -102,7 +102,7 @@ def test_order_in_dt(oscillation, integrator, low, high, record_property):
         *_, past = oscillation.march(integrator, end, steps)
         errors.append(np.linalg.norm(past[0].positions - exact))
     slope = -np.polyfit(np.log(counts), np.log(errors), 1)[0]
-    record_property("slope", slope)
+    record_property("slope", float(slope))
     assert low < slope < high
     assert errors[-1] > 1e3 * TOLERANCE * end, "the solver's tolerance is part of the error"
 
