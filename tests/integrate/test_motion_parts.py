@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import pytest
 from mpi4py import MPI
-from problems import block
+from problems import block, make_scene, make_stepper, take_step
 
 from pdvol.geometry.level_mesh import simplex_volumes
 from pdvol.integrate.scripted_motion import (
@@ -26,7 +26,8 @@ from pdvol.integrate.scripted_motion import (
     follow,
 )
 from pdvol.levels.space import LevelSpace
-from pdvol.potentials.potential import SCRIPTED_GAP_SHARE, Positions
+from pdvol.potentials.potential import MIN_GAP_SHARE, SCRIPTED_GAP_SHARE, Positions
+from pdvol.scene import Barrier, Plane, Support, Translation
 from pdvol.solve.report import NewtonReport
 
 SPACE = LevelSpace(block((0.0, 0.0), (1.0, 1.0), 1), MPI.COMM_SELF)
@@ -222,3 +223,23 @@ def test_scripted_motions_leave_more_of_a_gap():
     potential = Potential(Motion(), free=0.3)
     followed(potential)
     assert potential.shares == {SCRIPTED_GAP_SHARE}
+
+
+@pytest.mark.parametrize("moves, share", [(True, SCRIPTED_GAP_SHARE), (False, MIN_GAP_SHARE)])
+def test_solves_of_a_step_leave_that_share_of_a_gap(monkeypatch, moves, share):
+    """The larger one where a support presses a block to a wall, the smaller one where the block flies against it."""
+    supports = (Support(lambda X: X[:, 0] < 1e-9, motion=Translation((25.0, 0.0))),) if moves else ()
+    wall = Plane((0.35, 0.0), (-1.0, 0.0))
+    scene = make_scene(dt=0.02, obstacles=(wall,), supports=supports, contact=(Barrier(dhat=5e-3),))
+    mesh, shares = block((0.0, 0.0), (0.3, 0.2), 1), []
+    problem = make_stepper(scene, mesh)
+    solve = problem.newton.solve
+
+    def recorded(*arguments, gap_share, **more):
+        shares.append(gap_share)
+        return solve(*arguments, gap_share=gap_share, **more)
+
+    monkeypatch.setattr(problem.newton, "solve", recorded)
+    report = take_step(problem, 1, mesh.points, np.tile((0.0 if moves else 10.0, 0.0), (len(mesh.points), 1)))
+    assert (report.remedies["substeps"] > 0) == moves and report.contacts > 0
+    assert set(shares) == {share} and 0.0 < MIN_GAP_SHARE < SCRIPTED_GAP_SHARE < 1.0

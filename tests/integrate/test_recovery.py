@@ -13,7 +13,7 @@ from pdvol.integrate.integrator import ImplicitEuler, State
 from pdvol.integrate.recovery import HELD_BACK, Recovery
 from pdvol.potentials.potential import Positions, Term
 from pdvol.scene import Barrier, Gravity, Plane, Solver
-from pdvol.solve.newton import MAX_SOLVES
+from pdvol.solve.newton import LINE_SEARCH, MAX_SOLVES
 from pdvol.solve.report import REMEDIES, NewtonReport, StepReport, no_remedies, taken
 
 REASONS = PETSc.SNES.ConvergedReason
@@ -174,6 +174,19 @@ class Spring(Term):
     def add_hessian(self, x, weight, into):
         n = len(x.owned)
         into.add_diagonal(np.arange(n), np.tile(self.factor * self.stiffness * weight * np.eye(2), (n, 1, 1)))
+
+
+def test_the_line_search_cuts_steps_that_are_far_too_long():
+    """By ten powers of ten in one iteration, so that the energy falls and no remedy is needed."""
+    problem, x, v = falling()
+    problem.potential.terms = (*problem.potential.terms, Spring(0.0, stiffness=1e15))
+    start = Positions(problem.space, problem.space.from_input(x))
+    problem.potential.begin_step(start, start.owned - 0.02 * problem.space.from_input(v), 4e-4, 0.0, 0.02)
+    problem.newton.begin_step(0.02)
+    end, solved = problem.newton.solve(start, max_iterations=1)
+    assert problem.potential.value(end) < problem.potential.value(start)
+    assert 0.0 < np.abs(end.owned - start.owned).max() < 1e-9 * 0.08
+    assert 5 < solved.backtracks < LINE_SEARCH["max_it"] and solved.remedies == no_remedies()
 
 
 # ---- what is not a number
