@@ -14,7 +14,8 @@ from pdvol.levels.space import LevelSpace
 from pdvol.potentials.potential import Positions
 from pdvol.solve.report import NewtonReport, StepReport, taken
 
-# Shares of the motion carried out before a solve failed: with so much of it the step is tried again.
+# Shares of the motion carried out before a solve failed: with so much of it the step is tried again. First less, since
+# what it met may have been crushed; then none, since the step can be solved where nothing moves.
 HELD_BACK = (0.25, 0.0)
 
 

@@ -16,7 +16,7 @@ from pdvol.potentials.assembly.cell_energy import CellEnergy
 from pdvol.potentials.assembly.native import pointer
 from pdvol.potentials.potential import MIN_GAP_SHARE, Positions
 
-# of a cell's current volume, at least, after one Newton step: the logarithm's derivatives stay within reach
+# Share of a cell's volume that one Newton step leaves at least: the derivatives of the logarithm stay within reach.
 KEEP_VOLUME = 0.1
 
 

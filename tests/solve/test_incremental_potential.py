@@ -26,8 +26,8 @@ def pushed(gap):
 @pytest.mark.parametrize("gap", [0.01 * DHAT, 0.3 * DHAT])
 @pytest.mark.parametrize("path", [0.1 * DHAT, DHAT])
 def test_the_change_of_forces_is_their_derivative_along_the_obstacles_path(gap, path):
-    """Whether or not the path goes through the block; a hundredth of it and more would, or would be a chord. The
-    obstacle stays where it is.
+    """Whether or not the path goes through the block: it is measured over a small share of it. The obstacle stays where
+    it is.
     """
     potential, x = pushed(gap)
     here = potential.gradient(x)
