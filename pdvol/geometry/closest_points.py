@@ -2,7 +2,8 @@
 
 import numpy as np
 
-PARALLEL_TOLERANCE = 1e-12  # lower bound of the determinant, relative to the product of squared lengths: avoids 0 / 0
+# Lower bound of the squared sine of the angle between lines, in the determinant: avoids 0 / 0 where they are parallel.
+PARALLEL_TOLERANCE = 1e-12
 
 
 def along(p: np.ndarray, a: np.ndarray, b: np.ndarray) -> np.ndarray:

@@ -14,7 +14,8 @@ from pdvol.levels.space import LevelSpace
 from pdvol.potentials.potential import Positions
 from pdvol.solve.report import NewtonReport, StepReport, taken
 
-# Shares of the motion that was carried out before a solve failed: the step is tried again with these.
+# Shares of the motion that was carried out before a solve failed: the step is tried again with these. First with
+# less, since the motion may have crushed what it met; then with none, since the step can be solved where nothing moves.
 HELD_BACK = (0.25, 0.0)
 
 

@@ -26,18 +26,18 @@ from pdvol.solve.newton import Newton
 from pdvol.solve.report import NewtonReport
 
 MAX_PARTS = 200  # parts of one step: bounds the time that a blocked motion takes
-MAX_TRIES = 6  # shorter paths tried for one part: bounds the search for a free one
-LOOK_AHEAD = (
-    2.0  # times the last part's length: the place that the next direction leads to, unless the step ends before
-)
+MAX_TRIES = 6  # paths tried along one direction, each shorter than the last: bounds the search for a free one
+# Times the last part's length: how far ahead, at most at the step's end, is the place that the next direction leads to.
+# Above 1, so that parts can grow; not far above, since directions for places far ahead are blocked early.
+LOOK_AHEAD = 2.0
 SHORTEST_AHEAD = 0.005  # share of the step: least length that LOOK_AHEAD multiplies, or blocked motions would creep
 PATH_SHARE = 0.9  # share of a free path that is tried next: detection for the shorter path may be stricter
 LEAST_GAIN = 2e-4  # share of the step: a part that gains less is not taken, since it closes gaps for nothing
 PINCHED = 0.25  # share of the smallest gap before the first part: below it bodies get more iterations to open the gap
 MIN_CELL_VOLUME = 1e-3  # share of a cell's rest volume: no part squeezes it further, or Newton could not recover it
-SHORTER = 0.5  # factor of a part's length where it squeezes a cell too far
-RELAXING_ITERATIONS = 2  # Newton iterations between parts: enough for bodies to follow
-OPENING_ITERATIONS = 20  # Newton iterations between parts where gaps are pinched
+SHORTER = 0.5  # factor of a part's length where it squeezes a cell too far: how much too far is not known
+RELAXING_ITERATIONS = 2  # Newton iterations between parts: enough for bodies to follow, and cheap
+OPENING_ITERATIONS = 20  # Newton iterations between parts where gaps are pinched: each opens one by a factor only
 
 
 class ScriptedMotion:

@@ -16,7 +16,7 @@ from pdvol.potentials.assembly.cell_energy import CellEnergy
 from pdvol.potentials.assembly.native import pointer
 from pdvol.potentials.potential import MIN_GAP_SHARE, Positions
 
-# share of a cell's current volume that one Newton step leaves at least: the logarithm's derivatives stay moderate
+# Share of a cell's current volume that one Newton step leaves at least: the logarithm's derivatives stay moderate.
 KEEP_VOLUME = 0.1
 
 

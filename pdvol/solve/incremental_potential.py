@@ -12,7 +12,9 @@ from pdvol.potentials.build import Terms
 from pdvol.potentials.potential import MIN_GAP_SHARE, Positions, Potential
 from pdvol.solve.report import Stopwatch
 
-OBSTACLE_STEP = 1e-6  # share of an obstacle's path over which the change of forces is measured: small beside any gap
+# Share of an obstacle's path over which the change of forces is measured: small beside most gaps, large beside
+# round-off.
+OBSTACLE_STEP = 1e-6
 
 
 class IncrementalPotential:

@@ -24,8 +24,9 @@ from pdvol.solve.linear.system_matrix import SystemMatrix
 from pdvol.solve.minimisation import Minimisation
 from pdvol.solve.report import NewtonReport, Stopwatch
 
-MAX_SOLVES = 3  # times the iterations allowed per solve: bound on all restarts after remedies
-LINE_SEARCH = {"type": "bt", "order": 3, "max_it": 40}  # cubic backtracking: 40 halvings reach round-off
+MAX_SOLVES = 3  # times the iterations allowed per solve: after more of them no remedy starts it again
+# Backtracking by cubic models, which need fewer trials than halving; `max_it` trials: 40 halvings reach round-off.
+LINE_SEARCH = {"type": "bt", "order": 3, "max_it": 40}
 
 _REASONS = {value: name for name, value in vars(PETSc.SNES.ConvergedReason).items() if isinstance(value, int)}
 

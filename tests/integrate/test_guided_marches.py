@@ -6,7 +6,7 @@ from mpi4py import MPI
 from problems import SOFT, block, make_scene
 
 from pdvol.integrate.integrator import State
-from pdvol.integrate.marches import Start, direct, embedded, guide, progressive
+from pdvol.integrate.marches import SAME_TIME, Start, direct, embedded, guide, progressive
 from pdvol.integrate.stepper import Stepper
 from pdvol.levels.hierarchy import Hierarchy
 from pdvol.levels.model import level_model
@@ -98,4 +98,6 @@ def test_a_guide_goes_straight_between_coarse_steps(pair):
         np.testing.assert_array_equal(
             held.target(step * DT), P @ path[step]
         )  # exactly, and never beyond the last state
+    for time in (DT * (2.0 - 0.1 * SAME_TIME), DT * (2.0 + 0.1 * SAME_TIME), STEPS * DT * (1.0 + 1e-15)):
+        np.testing.assert_array_equal(held.target(time), P @ path[round(time / DT)])  # times are sums, with round-off
     np.testing.assert_allclose(held.target(2.25 * DT), P @ (0.75 * path[2] + 0.25 * path[3]), atol=1e-14)

@@ -1,6 +1,7 @@
 """Remedies: each is taken where it should be and counted, and what is not a number ends a run at once, by name."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -8,9 +9,12 @@ from petsc4py import PETSc
 from problems import block, make_scene, make_stepper, take_step
 
 from pdvol.errors import ConvergenceError
+from pdvol.integrate.integrator import ImplicitEuler, State
+from pdvol.integrate.recovery import HELD_BACK, Recovery
 from pdvol.potentials.potential import Positions, Term
 from pdvol.scene import Barrier, Gravity, Plane, Solver
-from pdvol.solve.report import REMEDIES, no_remedies, taken
+from pdvol.solve.newton import LINE_SEARCH, MAX_SOLVES
+from pdvol.solve.report import REMEDIES, NewtonReport, StepReport, no_remedies, taken
 
 REASONS = PETSc.SNES.ConvergedReason
 
@@ -109,6 +113,82 @@ def test_halvings_are_counted_and_the_step_is_good(monkeypatch):
     report = take_step(problem, 1, x, v)
     assert report.cuts == report.remedies["halvings"] == 1 and len(calls) == 3
     assert report.positions[:, 1].min() > 0.0
+
+
+def retried(solved_at):
+    """A stand-in for the solver that carries 0.8 of a step's motion out, in parts, and solves only tries that go no
+    further than `solved_at` [s]: where tries went, and the report.
+    """
+    problem, x, v = falling(max_halvings=1)
+    report, motion, tried = StepReport(0, 1, 1.0, x), SimpleNamespace(clock=0.0), []
+
+    def attempt(report, span, target, robust):
+        assert motion.clock == 0.0, "a try sets out from where the step does"
+        tried.append(target)
+        motion.clock = min(target, 0.8)
+        report.remedies["substeps"] += motion.clock > 0.0
+        return span.start, NewtonReport(converged=target <= solved_at, speed=0.0)
+
+    Recovery(problem.space, motion, attempt, 1).advance(
+        report, ImplicitEuler(), (State(problem.space.from_input(x), problem.space.from_input(v)),), 0.0, 1.0
+    )
+    return tried, report
+
+
+@pytest.mark.parametrize("solved_at, tries", [(0.5, 1), (0.1, 2)])
+def test_a_motion_that_met_contact_is_tried_with_less_of_it(solved_at, tries):
+    """Where what it met is crushed: with smaller and smaller shares of what was carried out, then with none."""
+    tried, report = retried(solved_at)
+    assert tried == [1.0, *(share * 0.8 for share in HELD_BACK[:tries])]
+    assert report.remedies["held_back"] == tries and report.remedies["halvings"] == 0
+    assert 1.0 > HELD_BACK[0] > HELD_BACK[-1] == 0.0
+
+
+def test_restarts_after_remedies_are_bounded():
+    """In Newton iterations of one solve, all restarts together."""
+    problem, x, v = falling(linear="auto", max_iterations=7)
+    take_step(problem, 1, x, v)
+    for iterations, goes_on in ((MAX_SOLVES * 7, True), (MAX_SOLVES * 7 + 1, False)):
+        solve = problem.newton.start(Positions(problem.space, problem.space.from_input(x)))
+        solve.report.iterations = iterations
+        assert problem.newton.remedy(REASONS.DIVERGED_LINE_SEARCH) is goes_on
+
+
+class Spring(Term):
+    """A stiff spring to the start, whose Hessian is too small by a factor: Newton's steps are that much too long."""
+
+    name = "consistency"
+
+    def __init__(self, factor, stiffness=1e9):
+        self.factor, self.stiffness = factor, stiffness
+
+    def begin_step(self, x_t, t0, t1, x_hat=None):
+        self._x_t = x_t
+
+    def value(self, x):
+        return 0.5 * self.stiffness * float(np.sum((x.owned - self._x_t.owned) ** 2))
+
+    def gradient(self, x):
+        return self.stiffness * (x.owned - self._x_t.owned)
+
+    def add_hessian(self, x, weight, into):
+        n = len(x.owned)
+        into.add_diagonal(np.arange(n), np.tile(self.factor * self.stiffness * weight * np.eye(2), (n, 1, 1)))
+
+
+def test_the_line_search_cuts_steps_that_are_far_too_long():
+    """By ten powers of ten in one iteration, so that the energy falls and no remedy is needed; in about as many trials,
+    where halving needs 34.
+    """
+    problem, x, v = falling()
+    problem.potential.terms = (*problem.potential.terms, Spring(0.0, stiffness=1e15))
+    start = Positions(problem.space, problem.space.from_input(x))
+    problem.potential.begin_step(start, start.owned - 0.02 * problem.space.from_input(v), 4e-4, 0.0, 0.02)
+    problem.newton.begin_step(0.02)
+    end, solved = problem.newton.solve(start, max_iterations=1)
+    assert problem.potential.value(end) < problem.potential.value(start)
+    assert 0.0 < np.abs(end.owned - start.owned).max() < 1e-9 * 0.08
+    assert 5 < solved.backtracks < 15 < 34 < LINE_SEARCH["max_it"] and solved.remedies == no_remedies()
 
 
 # ---- what is not a number

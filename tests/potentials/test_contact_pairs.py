@@ -14,7 +14,7 @@ from pdvol.potentials.contact import barrier_law, candidates
 from pdvol.potentials.contact.barrier import SurfaceBarrier
 from pdvol.potentials.contact.collision_surface import CollisionSurface, Obstacle
 from pdvol.potentials.contact.friction import SurfaceFriction
-from pdvol.potentials.potential import Positions
+from pdvol.potentials.potential import MIN_GAP_SHARE, SCRIPTED_GAP_SHARE, Positions
 
 COMM = MPI.COMM_SELF
 DHAT, KAPPA = 0.03, 0.7
@@ -329,7 +329,7 @@ def test_keys_are_sorted_stably_also_where_they_leave_no_room_for_places(largest
 
 
 @pytest.mark.parametrize("ccd", ["additive", "tight-inclusion"])
-@pytest.mark.parametrize("keep", [0.1, 0.5])
+@pytest.mark.parametrize("keep", [MIN_GAP_SHARE, SCRIPTED_GAP_SHARE])
 def test_a_step_leaves_the_share_of_a_gap_that_it_is_asked_to_keep(ccd, keep):
     """A box falls on a face 0.6 dhat below it, straight down: the gap left is that share, and a little more where
     detection cannot tell.

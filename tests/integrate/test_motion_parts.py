@@ -1,0 +1,245 @@
+"""How `follow` cuts a scripted motion into parts, and what each of its constants is for: light stand-ins for the
+potential and for Newton say what is free, and record what they are asked.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+from problems import block, make_scene, make_stepper, take_step
+
+from pdvol.geometry.level_mesh import simplex_volumes
+from pdvol.integrate.scripted_motion import (
+    LEAST_GAIN,
+    LOOK_AHEAD,
+    MAX_PARTS,
+    MAX_TRIES,
+    MIN_CELL_VOLUME,
+    OPENING_ITERATIONS,
+    PATH_SHARE,
+    PINCHED,
+    RELAXING_ITERATIONS,
+    SHORTER,
+    SHORTEST_AHEAD,
+    follow,
+)
+from pdvol.levels.space import LevelSpace
+from pdvol.potentials.potential import MIN_GAP_SHARE, SCRIPTED_GAP_SHARE, Positions
+from pdvol.scene import Barrier, Plane, Support, Translation
+from pdvol.solve.report import NewtonReport
+
+SPACE = LevelSpace(block((0.0, 0.0), (1.0, 1.0), 1), MPI.COMM_SELF)
+REST = SPACE.from_input(SPACE.mesh.points)
+RIGHT = REST[:, 0] > 0.5
+EVERYWHERE = np.ones(len(REST), dtype=bool)
+END = 1.0  # s: shares of the step are seconds
+
+
+@dataclass
+class Motion:
+    """Held vertices go `way` (m/s, negative to the left) along x."""
+
+    held: np.ndarray = field(default_factory=lambda: EVERYWHERE)
+    way: float = 1.0
+    clock: float = 0.0
+    moves_obstacles: bool = False
+
+    def positions(self, time):
+        return REST + self.way * time * self.held[:, None] * [1.0, 0.0]
+
+
+@dataclass
+class Potential:
+    """Contact allows each part `free` seconds of the motion; the smallest gaps are `gaps`, then there is none."""
+
+    motion: Motion
+    free: float = np.inf
+    gaps: Iterator = field(default_factory=lambda: iter(()))
+    asked: list = field(default_factory=list)
+    places: list = field(default_factory=list)
+    shares: set = field(default_factory=set)
+    solves: int = 0
+
+    def min_gap(self, x):
+        return next(self.gaps, np.inf)
+
+    def max_step(self, x, path, until, gap_share):
+        self.asked.append(until - self.motion.clock)
+        self.shares.add(gap_share)
+        return self.detect(self.asked[-1])
+
+    def detect(self, length):
+        return min(1.0, self.free / length)
+
+    def move_obstacles(self, time):
+        self.places.append(time)
+
+
+@dataclass
+class Newton:
+    """Bodies go where supports go; after each solve contact allows the next number of seconds in `opens`."""
+
+    potential: Potential
+    aims: list = field(default_factory=list)
+    limits: list = field(default_factory=list)
+    opens: tuple = ()
+
+    def directions(self, x, move, push):
+        motion = self.potential.motion
+        self.aims.append(motion.clock + move[RIGHT, 0].max() / motion.way if motion.way > 0.0 else END)
+        yield move
+        yield move
+
+    def solve(self, x, max_iterations, gap_share):
+        self.limits.append(max_iterations)
+        self.potential.shares.add(gap_share)
+        self.potential.free = dict(enumerate(self.opens)).get(self.potential.solves, self.potential.free)
+        self.potential.solves += 1
+        return x, NewtonReport(converged=True)
+
+
+def followed(potential, opens=()):
+    """The state that `follow` ends with, Newton, and the reports that it counts."""
+    newton, reports = Newton(potential, opens=opens), []
+    x = follow(potential.motion, potential, newton, Positions(SPACE, REST), END, reports.append)
+    assert len(reports) == len(newton.limits) == sum(report.remedies["substeps"] for report in reports)
+    return x, newton
+
+
+def test_a_free_motion_is_one_part():
+    potential = Potential(Motion())
+    x, newton = followed(potential)
+    np.testing.assert_allclose(x.owned, potential.motion.positions(END), atol=1e-15)
+    assert (potential.motion.clock, potential.asked, potential.places, newton.limits) == (END, [END], [END], [])
+
+
+def test_directions_are_found_for_a_place_a_little_further_than_the_last_part_came():
+    """`LOOK_AHEAD` times as far; the first one is found for the whole step, and none for a place beyond its end."""
+    potential = Potential(Motion(), free=0.1)
+    x, newton = followed(potential)
+    ends = np.r_[0.0, potential.places]
+    assert 1.0 < LOOK_AHEAD < 5.0 and newton.aims[0] == END == ends[-1]
+    assert len(ends) >= END / 0.1
+    lengths = np.diff(ends)
+    np.testing.assert_allclose(newton.aims[1:], np.minimum(END, ends[1:-1] + LOOK_AHEAD * lengths[:-1]), rtol=1e-12)
+    np.testing.assert_allclose(x.owned, potential.motion.positions(END), atol=1e-12)
+
+
+def test_after_a_short_part_the_look_ahead_stays_a_share_of_the_step():
+    """A support waits for a body to give way: after two parts of a thousandth of the step its path is free, and the
+    step is done in some parts. Without `SHORTEST_AHEAD` each part could be twice the last one only.
+    """
+    potential = Potential(Motion(), free=1e-3)
+    _, newton = followed(potential, opens=(1e-3, np.inf))
+    np.testing.assert_allclose(
+        newton.aims[1:3], np.array(potential.places[:2]) + LOOK_AHEAD * SHORTEST_AHEAD, rtol=1e-12
+    )
+    assert potential.motion.clock == END
+    assert len(potential.places) <= 3 + np.ceil(np.log2(1.0 / (LOOK_AHEAD * SHORTEST_AHEAD)))
+
+
+def test_a_motion_that_creeps_ends_after_so_many_parts():
+    """Each part gains a little more than the least: `MAX_PARTS` solves, and the step ends behind its time."""
+    potential = Potential(Motion(), free=2.0 * LEAST_GAIN)
+    x, newton = followed(potential)
+    assert len(newton.limits) == len(potential.places) == MAX_PARTS
+    assert MAX_PARTS * LEAST_GAIN < potential.motion.clock == potential.places[-1] < 0.1 * END
+    np.testing.assert_allclose(x.owned, potential.motion.positions(potential.motion.clock), atol=1e-12)
+
+
+def test_a_part_that_gains_too_little_is_not_taken():
+    """Bodies then give way in a whole solve; where that does not help, contact holds and nothing has moved."""
+    potential = Potential(Motion(), free=0.9 * LEAST_GAIN)
+    x, newton = followed(potential)
+    assert (potential.motion.clock, potential.places, newton.limits) == (0.0, [], [None])
+    np.testing.assert_array_equal(x.owned, REST)
+
+
+def test_a_motion_goes_on_where_a_whole_solve_frees_it():
+    potential = Potential(Motion(), free=0.0)
+    _, newton = followed(potential, opens=(np.inf,))
+    assert potential.motion.clock == END
+    assert newton.limits[0] is None and set(newton.limits[1:]) == {RELAXING_ITERATIONS}
+
+
+@pytest.mark.parametrize("before", [1.0, np.inf])
+def test_bodies_get_more_iterations_where_a_gap_is_pinched(before):
+    """Compared with the gap before the first part, or after it where the step began out of contact."""
+    gaps = (before, 1.0, 1.01 * PINCHED, 0.99 * PINCHED, 1.0)
+    potential = Potential(Motion(), free=0.1, gaps=iter(gaps))
+    _, newton = followed(potential)
+    few, many = RELAXING_ITERATIONS, OPENING_ITERATIONS
+    assert 0 < few < many
+    assert newton.limits[:4] == [few, few, many, few]
+
+
+def test_nothing_is_squeezed_until_newton_cannot_recover_it():
+    """The right side goes to the left one, until a hundred-thousandth of the width is left: parts are halved, and the
+    last one leaves `MIN_CELL_VOLUME`.
+    """
+    potential = Potential(Motion(held=RIGHT, way=-(1.0 - 1e-5)))
+    x, _ = followed(potential)
+    smallest = simplex_volumes(x.whole, SPACE.mesh.cells).min() / SPACE.mesh.volumes.min()
+    assert potential.places[0] == SHORTER * END
+    assert MIN_CELL_VOLUME <= smallest < MIN_CELL_VOLUME / SHORTER + LEAST_GAIN
+    assert MIN_CELL_VOLUME > 1e-5
+
+
+class Stricter(Potential):
+    """Detection that finds a path of nine tenths and more of what it has allowed too long again."""
+
+    def detect(self, length):
+        return 1.0 if length <= 0.95 * self.free else min(0.95, self.free / length)
+
+
+def test_the_path_that_is_tried_next_is_shorter_than_the_free_one():
+    """So that the second path is free even where detection for it is stricter: two tries for each direction."""
+    potential = Stricter(Motion(), free=0.4)
+    followed(potential)
+    first, second = potential.asked[:2]
+    assert (first, second) == (END, PATH_SHARE * 0.4) and PATH_SHARE < 0.95
+    assert potential.places[0] == second and potential.asked[2] == END
+
+
+class Never(Potential):
+    def detect(self, length):
+        return 0.999
+
+
+def test_the_search_for_a_free_path_ends():
+    """Where none is free and all are nearly so: `MAX_TRIES` for each of two directions, before and after the bodies
+    have given way.
+    """
+    potential = Never(Motion())
+    _, newton = followed(potential)
+    assert len(potential.asked) == 2 * 2 * MAX_TRIES and newton.limits == [None]
+    assert min(potential.asked) > LEAST_GAIN
+
+
+def test_scripted_motions_leave_more_of_a_gap():
+    """In paths and in solves between parts."""
+    potential = Potential(Motion(), free=0.3)
+    followed(potential)
+    assert potential.shares == {SCRIPTED_GAP_SHARE}
+
+
+@pytest.mark.parametrize("moves, share", [(True, SCRIPTED_GAP_SHARE), (False, MIN_GAP_SHARE)])
+def test_solves_of_a_step_leave_that_share_of_a_gap(monkeypatch, moves, share):
+    """The larger one where a support presses a block to a wall, the smaller one where the block flies against it."""
+    supports = (Support(lambda X: X[:, 0] < 1e-9, motion=Translation((25.0, 0.0))),) if moves else ()
+    wall = Plane((0.35, 0.0), (-1.0, 0.0))
+    scene = make_scene(dt=0.02, obstacles=(wall,), supports=supports, contact=(Barrier(dhat=5e-3),))
+    mesh, shares = block((0.0, 0.0), (0.3, 0.2), 1), []
+    problem = make_stepper(scene, mesh)
+    solve = problem.newton.solve
+
+    def recorded(*arguments, gap_share, **more):
+        shares.append(gap_share)
+        return solve(*arguments, gap_share=gap_share, **more)
+
+    monkeypatch.setattr(problem.newton, "solve", recorded)
+    report = take_step(problem, 1, mesh.points, np.tile((0.0 if moves else 10.0, 0.0), (len(mesh.points), 1)))
+    assert (report.remedies["substeps"] > 0) == moves and report.contacts > 0
+    assert set(shares) == {share} and 0.0 < MIN_GAP_SHARE < SCRIPTED_GAP_SHARE < 1.0

@@ -1,0 +1,26 @@
+"""Where obstacles are over time, as it is stored."""
+
+import numpy as np
+import pytest
+
+from pdvol.errors import InputError
+from pdvol.levels.obstacles import MOST_STORED_VERTICES, Obstacle, stored_obstacles
+from pdvol.scene import Still, Translation
+
+
+def triangle(motion):
+    corners, edges = np.array([(0.0, 0.0), (1.0, 0.0), (0.0, 1.0)]), np.array([(0, 1), (1, 2), (2, 0)])
+    return Obstacle("rock", "polyline", corners, edges, np.zeros((0, 3), dtype=int), motion)
+
+
+def test_places_of_moving_obstacles_are_stored_up_to_half_a_gigabyte():
+    """One state more is refused before any is computed; what rests is stored once, however many steps there are."""
+    moving, still = triangle(Translation((1.0, 0.0))), triangle(Still())
+    states = MOST_STORED_VERTICES // 3
+    with pytest.raises(InputError, match="3 vertices of moving obstacles over 6,666,666 steps are too many to keep"):
+        stored_obstacles((moving, still), 0.01, states)
+    (entry,) = stored_obstacles((still,), 0.01, states)
+    assert "positions" not in entry
+    (entry,) = stored_obstacles((moving,), 0.01, 2)
+    np.testing.assert_allclose(entry["positions"], moving.vertices + 0.01 * np.arange(3)[:, None, None] * [1.0, 0.0])
+    assert MOST_STORED_VERTICES * 3 * np.dtype(float).itemsize < 0.5e9
