@@ -34,6 +34,7 @@ from pdvol.meshing.build import build_levels
 from pdvol.meshing.readers import read_shape
 from pdvol.meshing.tetrahedralise import mean_ratio
 from pdvol.meshing.validate import check_outline, check_solid, check_surface
+from pdvol.registry import INTEGRATORS
 from pdvol.runs.scene_summary import modelled_terms
 from pdvol.scene import Barrier, Scene, metres
 
@@ -186,7 +187,7 @@ def _estimate_costs(
     """Add the estimated cost of each level, from the beginning of level 0."""
     mesh, dim = meshes[0], meshes[0].dim
     model = level_model(scene, mesh, 0, diagonal, obstacles)
-    stepper = Stepper(model, LevelSpace(mesh, MPI.COMM_SELF))
+    stepper = Stepper(model, LevelSpace(mesh, MPI.COMM_SELF), integrator=INTEGRATORS[model.integrator]())
     begin, spent, iterations = time.perf_counter(), [], []
     try:
         for report in direct(stepper, Start.at_rest(mesh.points, model.velocity), scene.steps):
