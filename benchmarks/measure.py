@@ -57,7 +57,6 @@ def sizes(level: RunLevel) -> dict:
 
 
 # ---- speed
-# -------------------------------------------------------------------------------------------------------------------
 
 
 def timed(level: RunLevel) -> list[dict]:
@@ -136,7 +135,6 @@ def stored(level: RunLevel, noted: dict) -> dict:
 
 
 # ---- states
-# ------------------------------------------------------------------------------------------------------------------
 
 
 def soundness(run: Run, level: RunLevel) -> dict:
@@ -199,7 +197,6 @@ def solid_angles(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
 
 
 # ---- peers
-# -------------------------------------------------------------------------------------------------------------------
 
 
 def against_peers(name: str, ranks: int, peers: Path, level: RunLevel) -> dict:

@@ -170,7 +170,6 @@ def finite(value: float) -> float | None:
 
 
 # ---- energy
-# ------------------------------------------------------------------------------------------------------------------
 
 
 def energies(run: Run, level: RunLevel) -> dict:
@@ -206,7 +205,6 @@ def kinetic_energy(run: Run, level: RunLevel, step: int) -> float:
 
 
 # ---- tables
-# ------------------------------------------------------------------------------------------------------------------
 
 
 def sound(record: dict) -> bool:

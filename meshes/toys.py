@@ -77,7 +77,6 @@ def beach_ball(radius: float = 0.2, panels: int = 6, points: int = 96) -> Solid:
 
 
 # ---- tools
-# -------------------------------------------------------------------------------------------------------------------
 
 
 def stroke(middle: np.ndarray, width: ArrayLike, cap: int = 12) -> Outline:
@@ -160,7 +159,6 @@ def _arc(centre: ArrayLike, radius: float, start: float, end: float, points: int
 
 
 # ---- letters of height one, from y = 0 to 1
-# ------------------------------------------------------------------------------------
 
 
 def _a() -> Solid:

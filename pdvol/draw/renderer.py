@@ -90,7 +90,6 @@ class Renderer:
         return self.oversampling * pixels
 
     # ---- 3D
-    # ------------------------------------------------------------------------------------------------------------------
 
     def _draw_solid(self, level: RunLevel, positions: np.ndarray, step: int) -> None:
         facets, owners = level.surface, level.mesh.point_bodies[level.surface[:, 0]]
@@ -153,7 +152,6 @@ class Renderer:
         self._plotter.add_mesh(quad, texture=image, lighting=False, reset_camera=False, render=False)
 
     # ---- 2D
-    # ------------------------------------------------------------------------------------------------------------------
 
     def _draw_flat(self, level: RunLevel, positions: np.ndarray, step: int) -> None:
         coarseness = float(np.clip(14.0 / np.sqrt(len(level.cells)), 0.2, 1.0))

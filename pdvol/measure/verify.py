@@ -29,7 +29,6 @@ LISTED_PRIMITIVES = 5
 
 
 # ---- broad phase
-# -------------------------------------------------------------------------------------------------------------
 
 
 def overlapping_boxes(low_a: np.ndarray, high_a: np.ndarray, low_b: np.ndarray, high_b: np.ndarray) -> np.ndarray:
@@ -97,7 +96,6 @@ def _candidates(points: np.ndarray, first: np.ndarray, second: np.ndarray, moves
 
 
 # ---- signs
-# -------------------------------------------------------------------------------------------------------------------
 
 
 def _orientation(*corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -175,7 +173,6 @@ def _coplanar_meet(p: ExactPoint, q: ExactPoint, a: ExactPoint, b: ExactPoint, c
 
 
 # ---- narrow phase
-# ------------------------------------------------------------------------------------------------------------
 
 
 def crossing_segments(points: np.ndarray, edges: np.ndarray, moves: np.ndarray) -> list[tuple[int, ...]]:
@@ -237,7 +234,6 @@ def _separated(p: np.ndarray, q: np.ndarray, a: np.ndarray, b: np.ndarray, c: np
 
 
 # ---- states
-# ------------------------------------------------------------------------------------------------------------------
 
 
 def boundary(cells: np.ndarray) -> np.ndarray:

@@ -89,7 +89,6 @@ def read_obstacle(rigid: Rigid) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 # ---- one body
-# ----------------------------------------------------------------------------------------------------------------
 
 
 def _body_levels(body: Body, levels: int, folder: Path, shapes: dict[str, list[Solid]]) -> list[Solid]:

@@ -106,7 +106,6 @@ def _attempts(path: Path, readers: Sequence[Callable[[Path], Result]]) -> Result
 
 
 # ---- surfaces
-# ----------------------------------------------------------------------------------------------------------------
 
 
 def _surface(path: Path) -> dict[str, np.ndarray]:
@@ -163,7 +162,6 @@ def _triangles(mesh: "meshio.Mesh") -> tuple[np.ndarray, np.ndarray, np.ndarray]
 
 
 # ---- volume meshes
-# -----------------------------------------------------------------------------------------------------------
 
 
 def _volume(path: Path) -> dict[str, np.ndarray]:

@@ -57,7 +57,6 @@ class Minimisation:
         self._trials = 0
 
     # ---- states
-    # --------------------------------------------------------------------------------------------------------------
 
     def positions(self, array: np.ndarray) -> Positions:
         """The configuration of owned rows (n_owned, d); the last two are kept, so that terms share what they derived
@@ -97,7 +96,6 @@ class Minimisation:
         return self.comm.allreduce(float(np.abs(self.gradient).max(initial=0.0)), op=MPI.MAX)
 
     # ---- the matrix
-    # ----------------------------------------------------------------------------------------------------------
 
     def keeps_matrix(self) -> bool:
         """Whether the next iteration takes the last matrix; a new one is counted."""
@@ -117,7 +115,6 @@ class Minimisation:
         self._matrix_age = None
 
     # ---- iterations
-    # ----------------------------------------------------------------------------------------------------------
 
     def begin_iteration(self, x: Positions, direction: np.ndarray) -> float:
         """Records Newton's direction (n_owned, d) at x; returns the factor of it that the line search begins with.

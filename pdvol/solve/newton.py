@@ -110,7 +110,6 @@ class Newton:
         )
 
     # ---- callbacks
-    # -----------------------------------------------------------------------------------------------------------
 
     def _positions(self, vector: PETSc.Vec) -> Positions:
         return self._solve.positions(vector.getArray(readonly=True).reshape(-1, self.space.dim))
@@ -157,7 +156,6 @@ class Newton:
         return reasons.ITERATING
 
     # ---- matrices
-    # ------------------------------------------------------------------------------------------------------------
 
     def _sum_hessian(self, x: Positions) -> None:
         projection = self._solve.projection
@@ -184,7 +182,6 @@ class Newton:
         self.linear.solve(self._residual, step)
 
     # ---- what callers use
-    # ----------------------------------------------------------------------------------------------------
 
     def begin_step(self, dt: float) -> None:
         """Sets the length dt [s] of the step that the next solves are for: speeds are distances over dt."""

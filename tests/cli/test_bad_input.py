@@ -48,7 +48,6 @@ def scene(poisson=0.4, dt={dt}, steps={steps}):
 
 
 # ---- files
-# -------------------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("command", ["run", "preview", "check", "info"])
@@ -89,7 +88,6 @@ def test_an_unreadable_shape(refuse, tmp_path, name, text):
 
 
 # ---- shapes
-# ------------------------------------------------------------------------------------------------------------------
 
 
 def off(points, triangles):
@@ -203,7 +201,6 @@ def test_bad_outlines(refuse, tmp_path, points, told):
 
 
 # ---- t = 0
-# -------------------------------------------------------------------------------------------------------------------
 
 TWO = (
     "Body((square(2), square(3)), NeoHookean(1e5), name='other', placement=Placement(translate={place},"
@@ -258,7 +255,6 @@ def test_a_body_that_crosses_an_obstacle(refuse, tmp_path, obstacle, told):
 
 
 # ---- parameters
-# --------------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -423,7 +419,6 @@ def test_a_scene_file_that_is_none(refuse, tmp_path):
 
 
 # ---- run folders
-# -------------------------------------------------------------------------------------------------------------
 
 
 @pytest.fixture

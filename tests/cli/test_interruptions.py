@@ -60,7 +60,6 @@ def kept(run: Path) -> dict:
 
 
 # ---- kills
-# -------------------------------------------------------------------------------------------------------------------
 
 
 @pytest.fixture(scope="module")
@@ -150,7 +149,6 @@ def test_killed_while_the_folder_is_made(tmp_path):
 
 
 # ---- disks
-# -------------------------------------------------------------------------------------------------------------------
 
 
 @pytest.fixture
@@ -246,7 +244,6 @@ def test_a_read_only_folder(tmp_path, disk, capfd):
 
 
 # ---- two processes
-# -----------------------------------------------------------------------------------------------------------
 
 
 HOLD = """
@@ -285,7 +282,6 @@ def test_a_second_process_is_refused_and_a_stale_lock_is_not(tmp_path):
 
 
 # ---- a scene that has changed
-# ------------------------------------------------------------------------------------------------
 
 
 def test_what_has_changed_is_said_field_by_field(tmp_path, capfd):
@@ -343,7 +339,6 @@ def test_a_change_of_the_finest_level_keeps_the_coarser_ones(tmp_path, capfd):
 
 
 # ---- damage
-# ------------------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(

@@ -162,7 +162,6 @@ def test_meshes(tmp_path, capfd, monkeypatch):
 
 
 # ---- costs
-# -------------------------------------------------------------------------------------------------------------------
 
 
 def test_the_estimate_is_within_a_factor_of_three(tmp_path, monkeypatch):

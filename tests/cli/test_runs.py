@@ -46,7 +46,6 @@ def png_size(path):
 
 
 # ---- run
-# ---------------------------------------------------------------------------------------------------------------------
 
 
 def test_what_a_run_leaves(whole):
@@ -216,7 +215,6 @@ def test_a_scene_file_run_by_python(tmp_path, scene, whole):
 
 
 # ---- info, check, hierarchy, render
-# ------------------------------------------------------------------------------------------
 
 
 def test_info(whole, scene, capsys):
@@ -298,7 +296,6 @@ def test_render(whole, tmp_path, capsys):
 
 
 # ---- ranks
-# -------------------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.mpi

@@ -88,7 +88,6 @@ def test_the_slip_angle_is_within_a_per_cent_of_mu(d, kind, n):
 
 
 # ---- coefficients by pairs
-# ---------------------------------------------------------------------------------------------------
 
 
 def two_blocks(d, kind, friction, stacked):
@@ -162,7 +161,6 @@ def test_bad_pairs(pairs, told):
 
 
 # ---- lagging
-# -----------------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("d", [2, 3])

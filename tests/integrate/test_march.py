@@ -57,7 +57,6 @@ def run(scene, mesh, obstacles, velocity):
 
 
 # ---- the continuity metric
-# ---------------------------------------------------------------------------------------------------
 
 
 def continuity(scene, problem, obstacles, positions, number):
@@ -100,7 +99,6 @@ def test_continuity_of_a_direct_run_is_a_quarter(d, steps, contact):
 
 
 # ---- levels
-# ------------------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("d", [2, 3])
@@ -152,7 +150,6 @@ def test_progressive_follows_the_coarse_velocity():
 
 
 # ---- processes and restarts
-# --------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("d", [2, 3])

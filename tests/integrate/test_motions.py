@@ -55,7 +55,6 @@ def crosses(mesh, positions, obstacle) -> bool:
 
 
 # ---- motions by themselves
-# ---------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("smooth", [False, True])
@@ -128,7 +127,6 @@ def test_a_motion_that_goes_wrong_on_the_way_stops_at_once():
 
 
 # ---- release
-# -----------------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("d", [2, 3])
@@ -205,7 +203,6 @@ def test_the_second_direction_is_right_where_the_first_changes_the_solver(monkey
 
 
 # ---- through contact
-# ---------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("d", [2, 3])

@@ -32,7 +32,6 @@ def left(X):
 
 
 # ---- free fall
-# ---------------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("d", [2, 3])
@@ -50,7 +49,6 @@ def test_free_fall(d):
 
 
 # ---- equilibria: one step so long that inertia, (period / step)^2 of the load, does not matter
-# --------------------------------
 
 
 def equilibrium(material, mesh, where, seconds, nearest):
@@ -113,7 +111,6 @@ def test_cantilever():
 
 
 # ---- friction on a slope
-# -----------------------------------------------------------------------------------------------------
 
 MU, EPS_V = 0.3, 1e-3
 BLOCK = NeoHookean(young=1e6, poisson=0.3, density=1000.0)
@@ -163,7 +160,6 @@ def test_block_slides_above_the_slip_angle(d):
 
 
 # ---- what every solve keeps
-# --------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("d", [2, 3])

@@ -192,7 +192,6 @@ def test_the_line_search_cuts_steps_that_are_far_too_long():
 
 
 # ---- what is not a number
-# ----------------------------------------------------------------------------------------------------
 
 
 class Poison(Term):

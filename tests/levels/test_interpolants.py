@@ -57,7 +57,6 @@ def vector(space, values):
 
 
 # ---- all of them
-# ---------------------------------------------------------------------------------------------------------------
 
 
 def test_rows_sum_to_one_and_affine_fields_are_reproduced(prolongation):
@@ -134,7 +133,6 @@ def test_the_others_are_better_than_barycentric_inside(name, d):
 
 
 # ---- the Laplacian
-# -------------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("d", [2, 3])
@@ -166,7 +164,6 @@ def test_the_laplacian_integrates_the_jump_of_the_gradient(d):
 
 
 # ---- biharmonic
-# ----------------------------------------------------------------------------------------------------------------
 
 
 def dense(coarse, fine):
@@ -309,7 +306,6 @@ def test_thirty_thousand_fine_vertices_in_two_minutes(tmp_path, monkeypatch):
 
 
 # ---- Phong
-# ---------------------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("d", [2, 3])

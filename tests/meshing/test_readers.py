@@ -99,7 +99,6 @@ def test_an_unknown_msh_section_does_not_matter(tmp_path):
 
 
 # ---- bad input
-# ---------------------------------------------------------------------------------------------------------------
 
 
 def refuse(path, error, match, capfd):

@@ -44,7 +44,6 @@ def dense(rows):
 
 
 # ---- elasticity, loads, inertia
-# ----------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("law", LAWS)
@@ -109,7 +108,6 @@ def test_the_whole_potential(spaces, d):
 
 
 # ---- half-spaces
-# -------------------------------------------------------------------------------------------------------------
 
 
 STILL = Still()
@@ -185,7 +183,6 @@ def test_half_space_friction(spaces, d, share, ground):
 
 
 # ---- surfaces
-# ----------------------------------------------------------------------------------------------------------------
 
 
 def near_surfaces(d):
@@ -274,7 +271,6 @@ def test_contact_forces_balance(touching, d):
 
 
 # ---- the half-space law is the surfaces' law
-# ---------------------------------------------------------------------------------
 
 
 def test_half_space_barrier_is_ipctks():

@@ -43,7 +43,6 @@ def momentum(v, m):
 
 
 # ---- drag as a term
-# ----------------------------------------------------------------------------------------------------------
 
 
 def swirl(x, t):
@@ -96,7 +95,6 @@ def test_a_huge_step_does_not_overshoot_the_flow():
 
 
 # ---- forces
-# ------------------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("d", DIMENSIONS)
@@ -154,7 +152,6 @@ def test_a_point_force_acts_where_it_says(d):
 
 
 # ---- impulses
-# ----------------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("d", DIMENSIONS)
@@ -188,7 +185,6 @@ def test_an_impulse_in_a_halved_step_is_whole():
 
 
 # ---- one body, and mistakes
-# --------------------------------------------------------------------------------------------------
 
 
 def test_loads_on_one_body():

@@ -218,7 +218,6 @@ def test_no_print_no_exit_and_no_asserts_outside_the_command_line():
 
 
 # ---- what is loaded when
-# -----------------------------------------------------------------------------------------------------
 
 
 def loaded_after(program: str, cwd) -> set[str]:
