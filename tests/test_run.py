@@ -1,5 +1,5 @@
-"""./run passes everything through and speaks plainly. Inside the environment it hands over at once, so these tests are
-quick.
+"""./run passes everything through and prints clear messages. Inside the environment it calls the command at once, so
+these tests are quick.
 """
 
 import os

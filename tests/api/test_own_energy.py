@@ -82,8 +82,8 @@ def test_a_vector_is_as_good_as_a_function(dim):
 
 
 @DIMENSIONS
-def test_forces_sum_to_what_obstacles_give(dim):
-    """Without obstacles, contact changes no momentum; friction between the blocks does not either."""
+def test_contact_forces_sum_to_zero_without_obstacles(dim):
+    """Without obstacles the contact forces sum to zero. This holds with friction between the blocks, too."""
     V = touching.space(dim)
     contact = touching.contact(V, obstacles=(), friction=Friction(0.4))
     contact.begin_step(touching.displaced(V, 1e-3), 0.0, 0.01)

@@ -141,7 +141,9 @@ def test_what_needs_the_scene_of_a_run_from_memory_asks_for_it(tmp_path, capsys)
 
 
 def test_a_scene_file_takes_over_and_is_kept(tmp_path):
-    """A file that makes the same scene goes on with a run from memory; the scene from memory leaves it the file."""
+    """A scene file that makes the same scene can continue a run from memory. The run keeps the name of the file when
+    the scene from memory continues it later.
+    """
     pdvol.run(small.scene(), tmp_path / "run", levels=0, steps=1)
     file = tmp_path / "square.py"
     file.write_text(f"import sys; sys.path.insert(0, {str(Path(small.__file__).parent)!r})\nfrom small import scene\n")

@@ -1,4 +1,4 @@
-"""The benchmark of contact laws gives the figures that docs/contact.md tells, and says how a scene failed."""
+"""The benchmark of contact laws reproduces the figures in docs/contact.md, and reports how a scene failed."""
 
 from pathlib import Path
 
@@ -12,7 +12,7 @@ ROOT = Path(__file__).resolve().parents[2]
     ("column", "arguments"),
     [(1, ("convergent", 2)), (4, ("classic", 2)), (5, ("classic", 2, 0.6)), (6, ("semi-implicit", 2))],
 )
-def test_the_page_tells_the_gaps(column, arguments):
+def test_the_gaps_in_the_documentation_are_reproduced(column, arguments):
     table = (ROOT / "docs" / "contact.md").read_text().split("gap: convergent")[1]
     (row,) = [line.split("|")[1:-1] for line in table.split("\n\n")[0].splitlines() if line.startswith("| 2 |")]
     told = float(row[column])

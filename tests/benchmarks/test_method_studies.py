@@ -1,4 +1,4 @@
-"""The comparison of methods, short; and what it judges by, on shapes whose answer is known."""
+"""The comparison of methods in a short form. Its measures are also tested on shapes whose answer is known."""
 
 import json
 from types import SimpleNamespace

@@ -1,4 +1,4 @@
-"""The benchmark's command, short; and what it judges by, on shapes whose answer is known."""
+"""The benchmark's command in a short form. Its measures are also tested on shapes whose answer is known."""
 
 import json
 import subprocess
@@ -103,7 +103,7 @@ def test_what_has_come_through_a_slab(dent, fall, through):
     assert found == (len(ball.vertices) if through else 0)
 
 
-def test_of_several_runs_the_middle_one_is_told_but_for_one_that_went_wrong():
+def test_the_median_run_is_reported_unless_a_run_failed():
     runs = [{"ok": True, "sound": True, "seconds": {"mean": mean}} for mean in (0.3, 0.1, 0.2)]
     assert peers.middle(runs) == {**runs[2], "means": [0.3, 0.1, 0.2]}
     assert peers.middle([*runs, bad := {"ok": True, "sound": False, "seconds": {"mean": 0.2}}]) is bad

@@ -1,5 +1,5 @@
-"""A user's mistake ends with exit code 2 and one line that says what, where and the mend; no traceback, nothing
-half-written.
+"""A user's mistake ends with exit code 2 and one line. The line says what is wrong, where it is and how to correct it.
+There is no traceback and no half-written file.
 """
 
 import os
@@ -14,7 +14,7 @@ from commands import SAFETY
 
 @pytest.fixture
 def refuse(tmp_path, capfd, monkeypatch):
-    """Runs a command line and holds it to the contract; the line told."""
+    """Runs a command line, checks that it fails as promised, and returns the one line that it printed."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
 

@@ -1,5 +1,5 @@
-"""Runs whose scripted motions contact holds back: told, stored where things truly are, resumed alike; motions that fail
-end in one line.
+"""Runs in which contact holds scripted motions back. The delay is reported, obstacles are stored where they really are,
+and a resumed run gives the same states. A motion that fails ends the run with a one-line error.
 """
 
 import json
@@ -42,7 +42,7 @@ def folder(tmp_path_factory):
     return folder
 
 
-def test_nothing_is_crossed_where_things_truly_are(folder):
+def test_nothing_is_crossed_at_the_real_positions(folder):
     run = open_run(folder / "whole")
     assert verify_run(folder / "whole") == []
     for level in run.levels:
@@ -58,9 +58,9 @@ def test_nothing_is_crossed_where_things_truly_are(folder):
     assert run.obstacles[1].plane(10)[0][1] < 0.0
 
 
-def test_forces_are_those_of_obstacles_where_they_are(folder):
-    """What the plate does to the block is what the block's elastic forces and inertia balance; where the script has it,
-    it would be through.
+def test_forces_use_the_real_positions_of_obstacles(folder):
+    """Contact forces are computed with the plate where it really is. At the position in its script the plate would have
+    passed through the block.
     """
     run = open_run(folder / "whole")
     level = run.levels[1]
@@ -74,14 +74,14 @@ def test_forces_are_those_of_obstacles_where_they_are(folder):
     assert force[pressed, 1].min() < -1.0 and force[pressed, 1].max() <= 0.0
 
 
-def test_it_is_told(folder, capfd):
+def test_info_reports_motions_that_were_held_back(folder, capfd):
     assert pdvol("info", folder / "whole") == 0
     told = [line for line in capfd.readouterr().out.splitlines() if "held scripted motions back" in line]
     assert [line.split(":")[0] for line in told] == ["level 0", "level 1"]
     assert all("s behind at the end" in line and "first in step" in line for line in told)
 
 
-def test_resumed_alike(folder):
+def test_a_resumed_run_gives_the_same_states(folder):
     assert pdvol("run", folder / "press.py", "--out", folder / "parts", "--steps", 9) == 0
     assert open_run(folder / "parts").levels[0].log[-1]["behind"] > 0.0
     assert pdvol("run", folder / "press.py", "--out", folder / "parts", "--resume") == 0
@@ -100,8 +100,8 @@ def test_a_run_ends_with_the_line(folder, capfd):
 
 
 def test_a_motion_that_fails_ends_in_one_line(folder, capfd):
-    """Between the ends of steps, where only a motion that contact cuts in parts is asked: the good steps are kept. At
-    their ends: before all.
+    """Between the ends of steps a motion is only evaluated when contact cuts it into parts. If it fails there, the run
+    keeps the completed steps. A motion that fails at the end of a step is found before the run starts.
     """
     write(folder / "parts.py", PRESS.replace("if t < fail", "if abs(t / 0.02 - round(t / 0.02)) < 1e-9"))
     capfd.readouterr()
@@ -115,7 +115,7 @@ def test_a_motion_that_fails_ends_in_one_line(folder, capfd):
     assert not (folder / "nan").exists()
 
 
-def test_the_log_counts_every_rung(folder):
+def test_the_log_counts_every_remedy(folder):
     for record in map(json.loads, (folder / "whole" / "log.jsonl").read_text().splitlines()):
         assert set(record["remedies"]) == set(REMEDIES)
         assert record["remedies"]["halvings"] == record["cuts"]

@@ -1,5 +1,5 @@
-"""Files and settings that nobody would write on purpose: an answer in under 10 s and 1 GB, never a crash, a hang or a
-stray file.
+"""Deliberately damaged files and unusual settings. Each ends with an answer in less than 10 s and 1 GB, without a
+crash, a hang or an unexpected file.
 """
 
 import io
@@ -40,7 +40,7 @@ def sound_file(folder, suffix) -> bytes:
 
 
 def mutated(data: bytes, rng: random.Random) -> bytes:
-    """One of the ways in which a file goes wrong."""
+    """The data after one random kind of damage."""
     kind = rng.randrange(9)
     at = rng.randrange(len(data))
     if kind == 0:
@@ -80,7 +80,7 @@ def seconds_of_processor() -> float:
 
 
 def answer(path) -> str:
-    """What reading a file comes to, held to the limits."""
+    """The kind of shape that a file holds, or the text of the error. Checks the limits of time and memory."""
     begin = seconds_of_processor()
     try:
         shape = read_shape(path)
@@ -170,7 +170,7 @@ def _crash(path):
 @pytest.mark.parametrize(
     ("work", "told"), [(_hang, "not read within"), (_devour, "wants more memory"), (_crash, "its reader crashed")]
 )
-def test_what_a_reader_does_stays_its_own(tmp_path, monkeypatch, work, told):
+def test_failures_of_a_reader_become_errors(tmp_path, monkeypatch, work, told):
     monkeypatch.setattr("pdvol.meshing.reader_process.BASE_SECONDS", 0.5)
     path = write(tmp_path / "a.obj", "v 0 0 0\n")
     with pytest.raises(InputError, match=told):
@@ -406,7 +406,7 @@ def npy(array) -> bytes:
 
 
 def header(shape) -> bytes:
-    """A .npy file that promises a shape and holds nothing."""
+    """A .npy file whose header promises a shape, without any data."""
     data = npy(np.zeros((2, 2)))
     text = f"{{'descr': '<f8', 'fortran_order': False, 'shape': {shape}, }}".ljust(117).encode() + b"\n"
     return data[:8] + len(text).to_bytes(2, "little") + text

@@ -1,4 +1,4 @@
-"""What a run meets at night: SIGKILL at any instant, a full disk, a read-only folder, a second process, a scene that
+"""Interruptions of a run: SIGKILL at any instant, a full disk, a read-only folder, a second process, and a scene that
 has changed meanwhile.
 """
 

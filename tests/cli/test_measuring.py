@@ -1,5 +1,5 @@
-"""`pdvol metrics` on runs: what theory says about direct ones, what is left out and said so, two runs beside each
-other.
+"""`pdvol metrics` gives the values that theory predicts for direct runs, reports what it leaves out, and compares two
+runs.
 """
 
 import json
@@ -176,7 +176,9 @@ def test_a_run_that_is_prolonged_exactly(tmp_path, name):
 
 
 def test_a_coarse_vertex_that_nothing_is_bound_to(tmp_path):
-    """The coarse level has more vertices: rank below the number of columns, told, and nothing infinite."""
+    """The coarse level has more vertices than the fine one. The report gives a rank below the number of columns, and no
+    value is infinite.
+    """
     meshes = [box(5), box(2)]
     with RunWriter.create(
         tmp_path / "run", {"scene": "made", "dt": 0.1, "steps": 1, "method": "direct"}, meshes, ["b"]

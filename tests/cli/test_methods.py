@@ -86,8 +86,8 @@ def test_resumed_and_refined_are_as_never_stopped(folder, tmp_path, name):
     same_motion(out, folder / name)
 
 
-def test_levels_side_by_side_wait_for_what_they_are_held_to(folder, tmp_path):
-    """The penalty needs the coarser level one step further than its velocities do."""
+def test_levels_side_by_side_wait_for_the_coarser_level(folder, tmp_path):
+    """The penalty needs the coarser level one step further ahead than the velocities do."""
     words = ("--steps", STEPS, "--out", tmp_path / "run", "--wavefront")
     assert pdvol("run", folder / "fall.py", *words, *CASES["consistency"]) == 0
     for a, b in zip(open_run(tmp_path / "run").levels, open_run(folder / "consistency").levels, strict=True):

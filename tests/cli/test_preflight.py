@@ -1,4 +1,4 @@
-"""`pdvol check`: what it tells is so, what is wrong is named and drawn, and nothing is written unasked."""
+"""`pdvol check` reports correct values, names and draws every defect, and writes files only on request."""
 
 import json
 import time
@@ -85,7 +85,7 @@ def test_the_worst_cells_come_first(check):
     assert sum("worst cells (mean ratio)" in line for line in lines) == 2
 
 
-def test_gaps_to_planes_are_told(check):
+def test_gaps_to_planes_are_reported(check):
     _, _, found = check(TWO, "--set", "apart=1.5", "--set", "dhat=0.1")
     gap = found["levels"][0]["smallest_gap"]
     assert gap["distance"] == pytest.approx(0.5, abs=2e-3) and not found["levels"][0]["near_pairs"]
@@ -104,7 +104,9 @@ def test_speed_and_stiffness_are_noted(check):
 
 
 def test_every_crossing_is_named_and_drawn(check, tmp_path):
-    """The right square reaches into the left one, and both stand in a floor: all of it is told, not just the first."""
+    """The right square reaches into the left one, and both intersect a floor. All defects are reported, not just the
+    first.
+    """
     text = TWO.replace("(0.0, -0.5)", "(0.0, 0.1)")
     code, lines, found = check(text, "--set", "apart=0.9", "-o", "drawn")
     assert code == 2 and lines[-1].startswith("not sound") and not found["sound"]

@@ -1,4 +1,4 @@
-"""A scene costs what it says: `pdvol info` lists the terms, and what is not listed is neither loaded nor built."""
+"""A scene loads and builds only the terms that it uses. `pdvol info` lists these terms."""
 
 import pytest
 from mpi4py import MPI

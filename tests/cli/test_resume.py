@@ -1,4 +1,4 @@
-"""Going on with a run, refining it and beginning it again are as good as never having stopped."""
+"""A run that is resumed, refined or started again equals a run without interruption."""
 
 import json
 import shutil

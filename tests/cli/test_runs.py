@@ -1,4 +1,4 @@
-"""The commands on a scene of a few triangles: what each leaves behind."""
+"""The commands on a scene of a few triangles, and the files that each of them leaves."""
 
 import json
 import subprocess

@@ -14,7 +14,7 @@ def test_same_colour_means_same_cell():
     colours = cell_colours(cells)
     same = (colours[:, None] == colours[None]).all(axis=2)
     np.testing.assert_array_equal(same, cells[:, None] == cells[None])
-    # Cells that follow each other, as neighbours often do, are easy to tell apart.
+    # Cells that follow each other, as neighbours often do, have clearly different colours.
     row = cell_colours(np.arange(50))
     assert np.linalg.norm(np.diff(row, axis=0), axis=1).min() > 0.3
 

@@ -1,4 +1,4 @@
-"""Pictures are drawn without a display or a word, and show something."""
+"""Pictures are drawn without a display and without output on the terminal, and they are not empty."""
 
 import importlib.util
 import os

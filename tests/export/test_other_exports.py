@@ -217,8 +217,8 @@ def _others(root, own) -> set:
     return {p for p in root.rglob("*") if not {"__pycache__", "compiled"} & set(p.parts) and own not in (p, *p.parents)}
 
 
-def test_names_lead_nowhere(resting, tmp_path):
-    """A body called ../../block: nothing is written outside the folders asked for."""
+def test_names_of_bodies_do_not_lead_outside_the_folder(resting, tmp_path):
+    """A body is named ../../block. The export writes no file outside the requested folders."""
     before = _others(resting.parent.parent, tmp_path)
     for kind in ("xdmf", "vtkhdf", "obj"):
         export_run(resting, kind, tmp_path / kind)

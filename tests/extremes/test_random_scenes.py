@@ -1,5 +1,5 @@
-"""Random small scenes thrown at the solver: they end well or with a named error, and no state that is stored crosses or
-inverts.
+"""Random small scenes test the solver. Each run ends normally or with a named error, and no stored state has an
+intersection or an inverted cell.
 """
 
 from pathlib import Path
@@ -114,7 +114,7 @@ def scenes(draw):
 
 
 def throw(scene: Scene, out: Path) -> None:
-    """Asserts that it ends as it may, and that whatever was stored is sound."""
+    """Runs a scene, and asserts that it ends in an allowed way and that every stored state is sound."""
     try:
         run_scene(Shot(Path(__file__), {}, scene), out)
         ended = "done"

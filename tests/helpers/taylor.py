@@ -8,7 +8,7 @@ from pdvol.potentials.potential import Positions
 
 STEPS = np.geomspace(1.0, 1.0 / 64.0, 7)  # times the length the caller gives
 ORDER = 1.9  # a wrong first derivative gives slope 1, a right one 2 (or 3 where the next term vanishes)
-ROUNDING = 1e-12  # of the sizes that are subtracted: remainders below cannot be told from round-off
+ROUNDING = 1e-12  # of the sizes that are subtracted: smaller remainders are indistinguishable from round-off
 
 
 def slope(steps, remainders) -> float:

@@ -1,5 +1,5 @@
-"""Bodies that are as good as rigid are stiff materials: 2e10 Pa beside 2e4 Pa in one scene, with the solver's own
-choices.
+"""Stiff materials stand for nearly rigid bodies: 2e10 Pa beside 2e4 Pa in one scene, with the solver's default
+settings.
 """
 
 import numpy as np

@@ -150,7 +150,9 @@ def test_a_motion_that_creeps_ends_after_so_many_parts():
 
 
 def test_a_part_that_gains_too_little_is_not_taken():
-    """Bodies then give way in a whole solve; where that does not help, contact holds and nothing has moved."""
+    """A whole solve then lets the bodies give way. If that does not help, contact holds the motion back and nothing has
+    moved.
+    """
     potential = Potential(Motion(), free=0.9 * LEAST_GAIN)
     x, newton = followed(potential)
     assert (potential.motion.clock, potential.places, newton.limits) == (0.0, [], [None])
@@ -188,7 +190,7 @@ def test_nothing_is_squeezed_until_newton_cannot_recover_it():
 
 
 class Stricter(Potential):
-    """Detection that finds a path of nine tenths and more of what it has allowed too long again."""
+    """Collision detection that rejects a path of more than 0.95 of the free length."""
 
     def detect(self, length):
         return 1.0 if length <= 0.95 * self.free else min(0.95, self.free / length)

@@ -112,13 +112,13 @@ def test_nonsense_is_refused(make):
         (lambda X, t: None, ""),
     ],
 )
-def test_a_motion_of_ones_own_is_told_what_is_wrong(motion, said):
+def test_an_error_names_what_is_wrong_with_a_users_motion(motion, said):
     with pytest.raises(InputError, match=f"obstacle 'rock': its motion .*{said}"):
         moved(motion, X, 0.5, "obstacle 'rock'")
 
 
-def test_a_motion_that_goes_wrong_on_the_way_stops_at_once():
-    """At t = 2, which no one tried beforehand."""
+def test_a_motion_that_fails_during_a_run_ends_it_at_once():
+    """The motion first fails in the second step, at a time that no check before the run evaluates."""
     scene = make_scene(
         dt=0.05, steps=1, supports=(Support(left, motion=lambda X, t: X if t < 0.09 else X * np.nan),), solver=SOLVER
     )
@@ -250,8 +250,9 @@ def paddle(d, speed):
 @pytest.mark.parametrize("d", [2, 3])
 @pytest.mark.parametrize("speed", [5.0, 50.0])
 def test_a_paddle_turns_into_a_body_without_crossing_it(d, speed):
-    """By 0.1 rad and by 1 rad a step, where the chord of the arc cuts through the body and the arc does not: at the end
-    of every step the obstacle is where its motion has it at the time told, and nothing crosses it there.
+    """The paddle turns by 0.1 rad and by 1 rad a step. The chord of its arc cuts through the body, but the arc itself
+    does not. At the end of every step the obstacle is where its motion places it at the reported time, and nothing
+    crosses it there.
     """
     rigid, geometry = paddle(d, speed)
     mesh = block((0.1,) + (0.0,) * (d - 1), (0.5,) + (0.1,) * (d - 1), (4, 1) if d == 2 else (3, 1, 1))
@@ -326,8 +327,8 @@ def test_a_plane_carries_a_free_block_along(d, speed):
 
 
 def test_what_was_held_back_is_caught_up_with():
-    """A plate sinks onto a held block and rises again before it is through: it is on time again when the motion has
-    come back.
+    """A plate sinks onto a held block, and contact holds it back. Its script then rises again. The plate is on time
+    again when the script is back at its start.
     """
     plate = Plane((0.0, 0.3), (0.0, -1.0), Path((0.0, 0.1, 0.2), ((0.0, 0.0), (0.0, -0.5), (0.0, 0.0))))
     scene = make_scene(
@@ -347,7 +348,7 @@ def test_what_was_held_back_is_caught_up_with():
 
 
 def test_a_scene_with_a_path_and_a_release_can_be_described():
-    """What `run.json` keeps of it tells two scripts apart."""
+    """The description that `run.json` keeps differs between two scripts that differ."""
     from pdvol.scene.fingerprint import describe, differences
 
     def scene(end, release):

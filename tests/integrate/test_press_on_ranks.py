@@ -1,4 +1,4 @@
-"""What contact holds back, and what is released, is the same on two ranks."""
+"""Motions that contact holds back, and supports that are released, give the same result on one rank and on two."""
 
 from pathlib import Path
 

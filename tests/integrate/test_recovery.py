@@ -1,4 +1,6 @@
-"""Remedies: each is taken where it should be and counted, and what is not a number ends a run at once, by name."""
+"""Each remedy is applied where it is needed, and is counted. A value that is not a number ends a run at once, and the
+error names its source.
+"""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -42,7 +44,9 @@ def test_an_easy_step_takes_none():
 
 
 def test_the_order_within_a_solve():
-    """After failures of one kind, one after the other: a stronger projection, a direct solver, then nothing is left."""
+    """Failures of one kind follow each other. The remedies are a stronger projection, then a direct solver; after that
+    no remedy is left.
+    """
     problem, x, v = falling(linear="auto")
     take_step(problem, 1, x, v)
     newton = problem.newton
@@ -64,8 +68,8 @@ def test_the_order_within_a_solve():
 
 
 def test_too_many_iterations_halve_the_step_and_end_with_an_error():
-    """Two Newton iterations are never enough here: halves, quarters, then the last resort, and an error that says all
-    of it.
+    """Two Newton iterations are never enough here. The step is halved, quartered and tried with the last remedy. Then
+    an error reports all of these.
     """
     problem, x, v = falling(max_iterations=2, max_halvings=2)
     with pytest.raises(ConvergenceError) as caught:
@@ -79,8 +83,8 @@ def test_too_many_iterations_halve_the_step_and_end_with_an_error():
 
 
 def test_the_last_resort_can_save_a_step(monkeypatch):
-    """At the smallest step the strongest filter and the direct solver are used from the beginning on; what they solve
-    goes on.
+    """At the smallest step the strongest filter and the direct solver are used from the beginning. If they solve the
+    step, the run continues.
     """
     problem, x, v = falling(max_halvings=0, linear="iterative")
     solve = problem.newton.solve
@@ -136,8 +140,10 @@ def retried(solved_at):
 
 
 @pytest.mark.parametrize("solved_at, tries", [(0.5, 1), (0.1, 2)])
-def test_a_motion_that_met_contact_is_tried_with_less_of_it(solved_at, tries):
-    """Where what it met is crushed: with smaller and smaller shares of what was carried out, then with none."""
+def test_a_motion_that_met_contact_is_tried_with_smaller_shares(solved_at, tries):
+    """The motion crushes the body that it meets. It is tried again with smaller and smaller shares of the part that was
+    carried out, and finally with none.
+    """
     tried, report = retried(solved_at)
     assert tried == [1.0, *(share * 0.8 for share in HELD_BACK[:tries])]
     assert report.remedies["held_back"] == tries and report.remedies["halvings"] == 0
@@ -145,7 +151,7 @@ def test_a_motion_that_met_contact_is_tried_with_less_of_it(solved_at, tries):
 
 
 def test_restarts_after_remedies_are_bounded():
-    """In Newton iterations of one solve, all restarts together."""
+    """The bound counts the Newton iterations of all restarts of one solve together."""
     problem, x, v = falling(linear="auto", max_iterations=7)
     take_step(problem, 1, x, v)
     for iterations, goes_on in ((MAX_SOLVES * 7, True), (MAX_SOLVES * 7 + 1, False)):

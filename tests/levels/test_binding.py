@@ -1,4 +1,6 @@
-"""Binding: who is inside, the right branch, the right body, the same on any number of ranks."""
+"""Binding: which points are inside, whether they find the right branch and the right body, and whether any number of
+ranks gives the same result.
+"""
 
 from pathlib import Path
 
@@ -57,8 +59,8 @@ def test_only_the_euclidean_binding_takes_the_wrong_branch(pair, d):
 
 @pytest.mark.parametrize("d", [2, 3])
 @pytest.mark.parametrize("pair", [comb_pair, fold_pair])
-def test_the_other_way_round(pair, d):
-    """Coarse points into a fine mesh, displaced so that some lie outside it."""
+def test_coarse_points_are_bound_to_a_fine_mesh(pair, d):
+    """Coarse points are bound to a fine mesh. They are displaced so that some lie outside it."""
     fine, coarse, _, coarse_cells = pair(d)
     shifted = level(coarse.points - 0.05, coarse.cells)
     branch = np.full(len(coarse.points), -1)
@@ -114,7 +116,9 @@ def test_orphans_are_counted():
 
 
 def test_points_without_hits_wait_for_their_neighbours():
-    """A coarse triangle that contains no fine vertex but crosses fine edges: everything follows from the first rays."""
+    """A coarse triangle contains no fine vertex but crosses fine edges. The first rays decide the binding of all its
+    points.
+    """
     sliver = level(np.array([[0.1, 0.45], [0.9, 0.45], [0.5, 0.48]]), [[0, 1, 2]])
     report = bind(box(2, 6), LevelSpace(sliver, COMM)).report()
     assert report["inside"] == report["orphans"] == 0

@@ -64,8 +64,10 @@ def test_regions_follow_the_coarse_cells(d):
     np.testing.assert_array_equal(found[0].young == 2e10, right(centres(coarse)))
 
 
-def test_cells_outside_the_coarse_mesh_have_a_home():
-    """A level that reaches beyond the coarser one: what sticks out is of what it sticks out of."""
+def test_cells_outside_the_coarse_mesh_have_the_material_of_the_nearest_region():
+    """The fine level reaches beyond the coarse one. A cell outside has the material of the region that it sticks out
+    of.
+    """
     coarse, fine = box(2, 2), box(2, 6, low=-0.3, high=1.3)
     shot = scene(body(regions=(Region(STIFF, right),)))
     of = level_materials(shot, levels(2, coarse, fine), 1)

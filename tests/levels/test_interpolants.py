@@ -1,5 +1,5 @@
-"""Every interpolant passes the same tests; then what is particular to each. That one rank and two agree is tested with
-the binding.
+"""Every interpolant passes the same tests. Tests of single interpolants follow. The tests of the binding check that one
+rank and two agree.
 """
 
 import sys
@@ -89,9 +89,9 @@ def test_nothing_is_bound_across_bodies(prolongation):
     np.testing.assert_array_equal(coarse.point_bodies[entries.col], fine.point_bodies[entries.row])
 
 
-def test_the_weights_are_tame(prolongation):
-    """Extrapolation stays bounded: no weight above 6 in these pairs, and the norms of the paper's appendix B within a
-    factor of two.
+def test_the_weights_are_bounded(prolongation):
+    """Extrapolation stays bounded. No weight exceeds 6 in these pairs, and the norms agree with the paper's appendix B
+    within a factor of two.
     """
     report = prolongation.report()
     assert report["largest_weight"] < 6.0
@@ -226,7 +226,9 @@ def test_a_body_of_one_cell(d):
 
 @pytest.mark.parametrize("d", [2, 3])
 def test_a_part_without_control_points_is_named(d):
-    """One body of two separate boxes, of which the coarse mesh has one."""
+    """One body has two separate boxes, but the coarse mesh has only one of them. The error says that one of two parts
+    has no control points.
+    """
     two = together(box(d, 2), box(d, 2, 3.0, 4.0))
     fine = LevelSpace(level(two.points, two.cells), COMM)
     coarse = LevelSpace(box(d, 1), COMM)
@@ -265,7 +267,9 @@ def test_restoring_affine_fields_is_the_smallest_change():
 
 
 def test_weights_that_take_seconds_are_kept(tmp_path, monkeypatch):
-    """Found again for the same meshes, solved for again for others; small ones leave nothing behind."""
+    """Stored weights are read again for the same meshes, and other meshes cause a new solve. Small systems are not
+    stored.
+    """
 
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     fine, coarse = (LevelSpace(mesh, COMM) for mesh in boxes(2))

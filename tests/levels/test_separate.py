@@ -1,5 +1,5 @@
-"""Bodies that meet at t = 0 on some level are set apart on request: moved, shrunk or refined; reported, and refused
-beyond the limit.
+"""Bodies that intersect at t = 0 on some level are separated on request. They are moved, shrunk or refined. The change
+is reported, and a change beyond the limit is refused.
 """
 
 import numpy as np

@@ -1,4 +1,4 @@
-"""No level may start with an intersection: who crosses whom, on which level, is told."""
+"""No level may start with an intersection. The error names the level and both parties of each intersection."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Compiled forms: what a killed process left does not stop the next one, and processes wait for each other."""
+"""Compiled forms: the remains of a killed process do not stop the next one, and processes wait for each other."""
 
 import subprocess
 import sys

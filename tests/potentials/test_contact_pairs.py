@@ -48,7 +48,7 @@ def edges_side_by_side(angle, foot=False):
 @pytest.mark.parametrize("angle", [0.01, 0.02, 0.025])
 @pytest.mark.parametrize("way", [(1.0, 0.0, 0.0), (0.2, 0.06, 0.0), (0.4, -0.03, 0.01), (0.0, 0.08, 0.005)])
 def test_the_energy_of_edges_side_by_side_does_not_jump(angle, way):
-    """Along a way on which ends come and go the energy changes by what its gradient says."""
+    """Pairs appear and disappear along the path. The energy still changes by the integral of its gradient."""
     space, surface = edges_side_by_side(angle)
     energies, promised = slide(space, surface, space.mesh.points, np.array(way))
     np.testing.assert_allclose(np.diff(energies), promised, atol=1e-3 * energies.max())
@@ -56,8 +56,10 @@ def test_the_energy_of_edges_side_by_side_does_not_jump(angle, way):
 
 @pytest.mark.parametrize("foot", [False, True])
 @pytest.mark.parametrize("begun", [(0.0, 0.0, 0.5), (0.0, 0.0, 2.0), (0.0, 1.0, 0.0)])
-def test_nor_that_of_edges_that_only_meet_later_in_a_step(begun, foot):
-    """They are turned to run alike when they meet, also where others have met before."""
+def test_the_energy_of_edges_that_meet_later_in_a_step_does_not_jump(begun, foot):
+    """Edges that meet later in a step are also turned to the same direction. This holds where other edges have met
+    before, too.
+    """
     space, surface = edges_side_by_side(0.02, foot)
     energies, promised = slide(space, surface, space.mesh.points, np.array([0.4, -0.03, 0.01]), begun)
     np.testing.assert_allclose(np.diff(energies), promised, atol=1e-3 * energies.max())
@@ -158,8 +160,10 @@ def test_candidates_are_kept_within_the_slack(expected_move):
             assert found.searches == searches
 
 
-def test_points_of_a_long_move_need_no_search_of_their_own():
-    """Round-off off its line counts as on it; twice as far as the end, or beside it, does not."""
+def test_positions_on_the_line_of_a_move_need_no_new_search():
+    """Positions on the line of the move need no new search, and round-off off the line is accepted. Positions beyond
+    the end of the move or beside the line need a new search.
+    """
     space, surface = two_boxes(3, obstacle=True)
     start = surface.vertices(Positions(space, space.from_input(space.mesh.points)))
     move = np.random.default_rng(1).uniform(-1.0, 1.0, start.shape)
@@ -307,8 +311,10 @@ def test_friction_is_ipctks(d):
     np.testing.assert_allclose(term.gradient(x), gradient, rtol=0.0, atol=1e-10 * np.abs(gradient).max())
 
 
-def test_certified_collision_detection_stops_there_too():
-    """Tight inclusion lets a body go about as far as the additive kind, and no further than is free."""
+def test_certified_and_additive_collision_detection_allow_similar_steps():
+    """Tight inclusion allows about the same step as additive collision detection. The step never ends in an
+    intersection.
+    """
     space, additive = two_boxes(3)
     certified = CollisionSurface(space, (), DHAT, "tight-inclusion")
     x = Positions(space, space.from_input(space.mesh.points))
@@ -331,8 +337,8 @@ def test_keys_are_sorted_stably_also_where_they_leave_no_room_for_places(largest
 @pytest.mark.parametrize("ccd", ["additive", "tight-inclusion"])
 @pytest.mark.parametrize("keep", [MIN_GAP_SHARE, SCRIPTED_GAP_SHARE])
 def test_a_step_leaves_the_share_of_a_gap_that_it_is_asked_to_keep(ccd, keep):
-    """A box falls on a face 0.6 dhat below it, straight down: the gap left is that share, and a little more where
-    detection cannot tell.
+    """A box falls straight down on a face 0.6 dhat below it. The remaining gap is the requested share, or a little more
+    where collision detection is not precise enough.
     """
     low = np.array([0.2, 0.2, 1.0 + 0.6 * DHAT])
     space = LevelSpace(together(box(3, 2), box(3, 2, low=low, high=low + 0.5)), COMM)

@@ -1,4 +1,6 @@
-"""What elastic terms must not feel, and the step that keeps cells upright."""
+"""Elastic energies do not change under rigid motions, and internal forces and torques sum to zero. The largest step
+keeps cells from inverting.
+"""
 
 import numpy as np
 import pytest

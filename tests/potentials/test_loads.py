@@ -173,7 +173,7 @@ def test_an_impulse_at_a_step_s_end_is_not_lost(time):
 
 
 def test_an_impulse_in_a_halved_step_is_whole():
-    """Halves share the step's force: only the one in which it falls has it, with twice the strength."""
+    """The halves of a step share its force. Only the half that contains the impulse has it, with twice the force."""
     scene, mesh = shot(Impulse((1.0, 0.0), 0.002)), box(2, 1)
     problem = make_stepper(scene, mesh)
     (load,) = [term for term in problem.potential.terms if term.name == "load"]
@@ -213,7 +213,7 @@ def test_loads_on_one_body():
         (Flow((1.0, 2.0, 3.0)), "3 components"),
     ],
 )
-def test_mistakes_are_told_before_the_run(load, message):
+def test_mistakes_in_loads_are_reported_before_the_run(load, message):
     with pytest.raises(InputError, match=message):
         check_fields(shot(load), box(2, 2), 0)
 

@@ -170,8 +170,10 @@ def guard(J):
 @pytest.mark.parametrize("law", [StVenantKirchhoff, FixedCorotational])
 @pytest.mark.parametrize("d", DIMENSIONS)
 @pytest.mark.parametrize("s", [0.101, 0.099, 0.02, 1e-4])
-def test_pressed_to_nothing(terms, cells, law, d, s):
-    """Down to a tenth of the volume the law is its own; below, a barrier is added, smoothly, infinite at zero."""
+def test_compression_to_zero_volume(terms, cells, law, d, s):
+    """Down to a tenth of the volume the law is unchanged. Below, a smooth barrier is added, which is infinite at zero
+    volume.
+    """
     P = stress(terms[law, d], cells[d], np.diag([s] + [1.0] * (d - 1)))
     along, across = uniaxial(law, s, d)
     np.testing.assert_allclose(
@@ -333,7 +335,7 @@ def test_a_law_with_too_many_parameters_is_refused(cells):
         elastic(cells[3], many_parameters(70)(YOUNG, POISSON))
 
 
-def test_a_law_s_mistakes_are_told():
+def test_mistakes_in_a_law_are_reported():
     class Takes(Material):
         @staticmethod
         def psi(F, mu):

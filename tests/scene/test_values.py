@@ -1,4 +1,6 @@
-"""Scene classes take arrays and lists where they take tuples: the same values, hashes and descriptions, short reprs."""
+"""Scene classes accept arrays and lists in place of tuples. Values, hashes and descriptions are the same, and reprs are
+short.
+"""
 
 import json
 from dataclasses import replace

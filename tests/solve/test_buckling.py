@@ -1,5 +1,5 @@
-"""Bars that buckle: their Hessian is indefinite on the way, every filtered one too stiff, and lengthened steps save
-most of the way.
+"""Bars that buckle. Their Hessian is indefinite on the way, and every filtered Hessian is too stiff. Lengthened steps
+save most of the iterations.
 """
 
 import numpy as np
@@ -27,7 +27,9 @@ def pressed(press, tolerance=1e-4):
 
 @pytest.mark.parametrize("press", [0.2, 0.3, 0.4])
 def test_a_bar_that_buckles_takes_fewer_steps_and_comes_nearer_to_its_end(monkeypatch, press):
-    """Without, steps that shrink by a few per cent each reach the tolerance long before the end (1 mm early at 0.4)."""
+    """Without lengthening, each step is a few per cent shorter than the one before. The tolerance is then reached long
+    before the end (1 mm early at 0.4).
+    """
     lengthened, end = pressed(press), pressed(press, tolerance=1e-6)
     monkeypatch.setattr(globalization, "MAX_LENGTHENING", 1.0)
     plain = pressed(press)

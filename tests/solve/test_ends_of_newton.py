@@ -1,4 +1,4 @@
-"""Where Newton stops: not deep inside a barrier, where its steps are short however far the end is."""
+"""Newton must not stop deep inside a barrier. Its steps are short there, although the solution is still far away."""
 
 import numpy as np
 import pytest
@@ -13,8 +13,8 @@ DHAT = 0.01
 @pytest.mark.parametrize("obstacle", ["plane", "surface"])
 @pytest.mark.parametrize("gap", [1e-4, 1e-7, 1e-10])
 def test_a_body_deep_inside_a_barrier_comes_out(obstacle, gap):
-    """A block at rest, a millionth and less of dhat away from what pushes it: the step ends where the forces balance,
-    not where it began.
+    """A block at rest is a millionth of dhat or less away from the surface that pushes it. The step ends where the
+    forces balance, not where it began.
     """
     corners = np.array([(-1.0, -0.5), (1.0, -0.5), (1.0, 0.0), (-1.0, 0.0)])
     floor, geometry = (

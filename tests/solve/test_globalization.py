@@ -1,4 +1,6 @@
-"""Which projection comes next, and how long steps are: each line of the module's table, and that tries end."""
+"""The tests cover each line of the module's table: the choice of the next projection and the length of steps. They also
+check that retries end.
+"""
 
 from dataclasses import replace
 
@@ -34,7 +36,7 @@ def test_projected_after_a_cut_step_or_where_nothing_would_notice(full, detects_
 
 
 def test_full_contact_hessians_for_the_rest_of_the_solve():
-    """After one bad promise, or steps that contact keeps cutting short."""
+    """Full Hessians are used after one bad prediction of the decrease, or after contact has cut several steps short."""
     projection = Projection()
     for _ in range(TINY_CAPS):
         assert projection.gauss_newton

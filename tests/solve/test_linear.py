@@ -1,5 +1,5 @@
-"""Linear solvers: the coarse space is a Galerkin one, every method gives the same answer, and failures climb the
-ladder.
+"""Linear solvers: the coarse space is a Galerkin one, every method gives the same answer, and failures lead through the
+remedies in order.
 """
 
 import numpy as np
@@ -96,7 +96,7 @@ def test_supported_rows_are_the_identitys(space):
 
 
 def test_pairs_come_and_go(space):
-    """A new pair makes a new matrix; one that stays away leaves nothing behind."""
+    """A new pair makes a new matrix. A pair that has disappeared leaves no entry behind."""
     system = SystemMatrix(space, np.zeros(space.n_owned, dtype=bool))
     assert system.assemble(random_blocks(space, pairs=False))
     assert system.assemble(random_blocks(space, pairs=True))
@@ -281,8 +281,10 @@ def test_dependent_coarse_nodes_do_no_harm(space):
 
 
 @pytest.mark.parametrize("linear", ["auto", "iterative", "multilevel", "direct"])
-def test_a_memory_is_recalled_under_the_setting_that_it_was_learned_under(space, linear):
-    """A solver that has fallen back to the direct method goes on with it. Under another setting the setting wins."""
+def test_a_remembered_method_is_used_only_with_the_same_setting(space, linear):
+    """A solver that has switched to the direct method continues with it after a resume. If the setting has changed, the
+    setting decides.
+    """
     system, _ = systems(space)
     learned = solver(space, system, linear=linear)
     learned.use_direct()
@@ -304,13 +306,13 @@ def test_a_memory_that_no_solver_wrote_is_ignored(space, wrong):
 
 
 def test_failures_take_every_remedy_once(space):
-    """Nothing converges: every remedy is tried once, then the error names the solve."""
+    """No linear solve converges. Every remedy is tried once, then the error names the linear solve."""
     system, dense = systems(space)
     made = solver(space, system)
     tried = []
 
     class Failing:
-        """The KSP, of which every solve fails."""
+        """A KSP whose solves all fail."""
 
         def __init__(self, ksp):
             self.ksp = ksp
@@ -357,8 +359,8 @@ def test_an_indefinite_factor_is_strengthened():
 
 
 @pytest.mark.parametrize("method", ["iterative", "direct"])
-def test_a_direct_solve_tells_of_an_indefinite_matrix(space, method):
-    """A negative mass at one vertex: the factor has negative pivots, and only then."""
+def test_a_direct_solve_reports_an_indefinite_matrix(space, method):
+    """One vertex has a negative mass. The factor then has negative pivots, and otherwise it has none."""
     for mass in (1.0, -100.0):
         blocks = random_blocks(space)
         masses = np.zeros((space.n_owned, space.dim))
@@ -381,8 +383,8 @@ def test_an_option_that_hides_the_pivots_is_respected(space):
 
 @pytest.mark.parametrize("indefinite", [False, True])
 def test_newton_tries_the_true_hessian_under_a_direct_solver(monkeypatch, indefinite):
-    """A thin strip, released pressed together and uneven: told that it is indefinite or not, it comes to the same end
-    as by iterations.
+    """A thin strip is released from a compressed and uneven state. The solver reports an indefinite matrix or does not;
+    the step ends in the same state as with the iterative solver in both cases.
     """
     ends, tried = [], []
     solve, after = LinearSolver.solve, Projection.after  # Newton itself solves by SNES, but for a second try

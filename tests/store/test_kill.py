@@ -1,4 +1,6 @@
-"""A run killed at any instant: what is found afterwards is whole, in a row, and equal to what was written."""
+"""A run is killed at any instant. The states found afterwards are complete, consecutive, and equal to those that were
+written.
+"""
 
 import signal
 import subprocess

@@ -1,4 +1,4 @@
-"""The run folder: what is written is read, what is damaged is named, and only one process writes."""
+"""The run folder: stored data is read back, errors name damaged data, and only one process writes."""
 
 import json
 import shutil
