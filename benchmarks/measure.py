@@ -9,8 +9,8 @@ import sys
 from pathlib import Path
 
 import numpy as np
-import peer_figures
 
+import peer_figures
 from pdvol.measure import verify
 from pdvol.store.reader import Run, RunLevel, open_run
 

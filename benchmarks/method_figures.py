@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
-from method_studies import Study
 
+from method_studies import Study
 from pdvol import open_run
 from pdvol.draw.camera import camera_of_run
 from pdvol.draw.layout import BACKGROUND, PALETTE

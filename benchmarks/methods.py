@@ -13,16 +13,16 @@ import sys
 from pathlib import Path
 
 import numpy as np
+
 from method_figures import draw
 from method_studies import DEMOS, STUDIES, Case, Study
-from report import number, table
-
 from pdvol import PdvolError, open_run
 from pdvol.measure import verify
 from pdvol.runs.run_metrics import measure_run
 from pdvol.runs.runner import run_scene
 from pdvol.runs.scene_file import load_shot
 from pdvol.store.files import write_json
+from report import number, table
 
 HEAD = [
     "method",

@@ -9,11 +9,10 @@ import sys
 import time
 from pathlib import Path
 
-from run_one import peak_memory
-
 from pdvol.errors import ConvergenceError, InputError
 from pdvol.runs.runner import run_scene
 from pdvol.runs.scene_file import load_shot
+from run_one import peak_memory
 
 
 class TimeUp(Exception):

@@ -11,8 +11,8 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 
 import numpy as np
-import peers
 
+import peers
 from pdvol.measure import verify
 from pdvol.scene import Scene, metres
 from pdvol.store.reader import Run, RunLevel, open_run

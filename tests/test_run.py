@@ -9,6 +9,7 @@ import sys
 from pathlib import Path
 
 import pytest
+
 from commands import SAFETY
 
 RUN = Path(__file__).resolve().parents[1] / "run"

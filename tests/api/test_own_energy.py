@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import taylor
 import touching
 import ufl
 from dolfinx import fem, mesh
@@ -16,6 +15,7 @@ from petsc4py import PETSc
 from scipy.sparse import csr_array
 
 import pdvol
+import taylor
 from pdvol import Barrier, Friction, InputError, IntersectionError, Plane, Rigid, Translation
 from pdvol.levels.space import LevelSpace
 

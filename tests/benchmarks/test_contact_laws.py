@@ -2,8 +2,9 @@
 
 from pathlib import Path
 
-import contact_laws
 import pytest
+
+import contact_laws
 
 ROOT = Path(__file__).resolve().parents[2]
 

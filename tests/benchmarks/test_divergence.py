@@ -2,10 +2,10 @@
 
 from pathlib import Path
 
-import divergence
 import numpy as np
 import pytest
 
+import divergence
 from pdvol import open_run
 from pdvol.cli import run
 from pdvol.runs.run_metrics import measure_run

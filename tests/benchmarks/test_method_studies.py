@@ -3,11 +3,11 @@
 import json
 from types import SimpleNamespace
 
-import method_studies
-import methods
 import numpy as np
 import pytest
 
+import method_studies
+import methods
 from pdvol.geometry.level_mesh import boundary_facets
 
 

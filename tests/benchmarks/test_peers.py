@@ -6,14 +6,14 @@ import sys
 from pathlib import Path
 from types import SimpleNamespace
 
-import measure
 import numpy as np
+import pytest
+
+import measure
 import peer_scenes
 import peers
-import pytest
 import report
 from commands import SAFETY
-
 from pdvol.geometry.level_mesh import boundary_facets
 
 ROOT = Path(__file__).resolve().parents[2]

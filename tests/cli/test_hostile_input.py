@@ -17,8 +17,8 @@ import meshio
 import numpy as np
 import pytest
 from cli_scenes import FALL, pdvol, write
-from commands import SAFETY
 
+from commands import SAFETY
 from pdvol.errors import InputError
 from pdvol.meshing.reader_process import read_in_child_process
 from pdvol.meshing.readers import SURFACES, VOLUMES, read_shape

@@ -5,8 +5,8 @@ import subprocess
 import numpy as np
 import pytest
 from cli_scenes import FALL, pdvol, write
-from commands import SAFETY, WITHOUT_PICTURE
 
+from commands import SAFETY, WITHOUT_PICTURE
 from pdvol import open_run
 from pdvol.measure import verify
 from pdvol.registry import METHODS

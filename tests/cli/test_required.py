@@ -2,8 +2,6 @@
 
 import pytest
 from mpi4py import MPI
-from problems import make_model, make_scene
-from shapes import box, together
 
 import pdvol.levels.hierarchy as hierarchy_module
 from pdvol import open_run
@@ -13,6 +11,8 @@ from pdvol.potentials.build import build_terms
 from pdvol.potentials.contact import friction
 from pdvol.potentials.contact import planes as half_space
 from pdvol.scene import Barrier, Flow, Friction, Gravity, Impulse, NeoHookean, Plane
+from problems import make_model, make_scene
+from shapes import box, together
 
 SCENE = """
 from pdvol import *

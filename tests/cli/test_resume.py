@@ -7,8 +7,8 @@ import sys
 
 import pytest
 from cli_scenes import FALL, pdvol, states, write
-from commands import SAFETY
 
+from commands import SAFETY
 from pdvol import open_run
 from pdvol.measure.verify import verify_run
 

@@ -8,8 +8,8 @@ import meshio
 import numpy as np
 import pytest
 from cli_scenes import CUBE_OFF, pdvol, states, write
-from commands import SAFETY, WITHOUT_PICTURE
 
+from commands import SAFETY, WITHOUT_PICTURE
 from pdvol import open_run
 from pdvol.errors import InputError
 from pdvol.measure.verify import verify_run

@@ -9,9 +9,9 @@ import sys
 
 import numpy as np
 import pytest
-from commands import SAFETY, WITHOUT_PICTURE
 
 import pdvol
+from commands import SAFETY, WITHOUT_PICTURE
 
 SCENE = """
 import sys

@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
-import runs
 import scipy.sparse as sp
 from PIL import Image
 
+import runs
 from pdvol.draw.bindings import CAPTION_HEIGHT, cell_colours, draw_binding, weight_colours
 
 

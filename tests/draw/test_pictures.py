@@ -7,9 +7,9 @@ import sys
 
 import numpy as np
 import pytest
-from commands import SAFETY
 from PIL import Image
 
+from commands import SAFETY
 from pdvol.draw.contact_shadows import shadow_map
 from pdvol.draw.picture import chosen_steps, render
 from pdvol.errors import InputError

@@ -13,8 +13,8 @@ import meshio
 import numpy as np
 import pytest
 import pyvista as pv
-import shapes
 
+import shapes
 from pdvol import Body, FixedCorotational, NeoHookean, Scene, Solid, StVenantKirchhoff, open_run
 from pdvol.errors import InputError
 from pdvol.export.series import StepFields

@@ -6,11 +6,11 @@ import subprocess
 import sys
 from pathlib import Path
 
-import extreme_scenes
 import pytest
-from commands import SAFETY
 
+import extreme_scenes
 import pdvol
+from commands import SAFETY
 from pdvol.measure.verify import verify_run
 from pdvol.runs.runner import run_scene
 from pdvol.runs.scene_file import load_shot

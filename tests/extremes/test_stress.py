@@ -9,10 +9,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import stress_scenes
-from commands import SAFETY
 
 import pdvol
+import stress_scenes
+from commands import SAFETY
 from pdvol.levels.initial_state import check_start
 from pdvol.levels.obstacles import placed_obstacles
 from pdvol.measure.verify import verify_run

@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from shapes import box, level
 
 from pdvol.geometry.boundary_search import BoundarySearch
+from shapes import box, level
 
 
 @pytest.mark.parametrize("d", [2, 3])

@@ -14,8 +14,8 @@ from importlib.metadata import version
 from pathlib import Path
 
 import numpy as np
-from commands import SAFETY, WITHOUT_PICTURE
 
+from commands import SAFETY, WITHOUT_PICTURE
 from pdvol import open_run
 
 HERE = Path(__file__).parent

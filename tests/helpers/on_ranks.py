@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+
 from commands import SAFETY
 
 # Ranks give way while they wait, or a busy machine spends its time on their spinning; mpirun ends them itself when it

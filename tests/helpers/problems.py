@@ -2,7 +2,6 @@
 
 import numpy as np
 from mpi4py import MPI
-from shapes import grid
 
 from pdvol.integrate.integrator import State
 from pdvol.integrate.stepper import Stepper
@@ -13,6 +12,7 @@ from pdvol.levels.space import LevelSpace
 from pdvol.potentials.elasticity import elastic_terms
 from pdvol.scene import Body, NeoHookean, Scene, Solver
 from pdvol.solve.report import StepReport
+from shapes import grid
 
 SOFT = NeoHookean(young=1e5, poisson=0.4, density=1000.0)
 

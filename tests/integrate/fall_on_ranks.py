@@ -6,12 +6,12 @@ import sys
 
 import numpy as np
 from mpi4py import MPI
-from problems import SOFT, block, make_scene, make_stepper, polyline, tetrahedron
-from shapes import together
 
 from pdvol.integrate.marches import Start, direct
 from pdvol.registry import INTEGRATORS
 from pdvol.scene import Barrier, Friction, Gravity, Plane, Rigid, Solver, Support, Translation
+from problems import SOFT, block, make_scene, make_stepper, polyline, tetrahedron
+from shapes import together
 
 STEPS, SIZE = 20, 0.5
 PAIRS = {("body 0", "body 1"): 0.6, ("spike", "body 0"): 0.1, ("body 1", "plane"): 0.2}

@@ -6,7 +6,6 @@ import sys
 
 import numpy as np
 from mpi4py import MPI
-from shapes import box
 
 from pdvol.integrate.marches import Start, direct
 from pdvol.integrate.stepper import Stepper
@@ -28,6 +27,7 @@ from pdvol.scene import (
     StVenantKirchhoff,
     Support,
 )
+from shapes import box
 
 
 def scene_of(d):

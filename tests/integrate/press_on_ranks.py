@@ -6,10 +6,10 @@ import sys
 
 import numpy as np
 from mpi4py import MPI
-from problems import block, make_scene, make_stepper, polyline
 
 from pdvol.integrate.marches import Start, direct
 from pdvol.scene import Barrier, Path, Plane, Rigid, Rotation, Sequential, Solver, Support
+from problems import block, make_scene, make_stepper, polyline
 
 STEPS = 9
 

@@ -2,13 +2,13 @@
 
 import numpy as np
 import pytest
-from problems import block, make_scene, make_stepper, take_step
 from scipy.optimize import brentq
 
 from pdvol.errors import InputError
 from pdvol.potentials.contact import barrier_law
 from pdvol.potentials.contact.planes import boundary_areas
 from pdvol.scene import LAWS, Barrier, Friction, Gravity, NeoHookean, Plane, Solver
+from problems import block, make_scene, make_stepper, take_step
 
 G, DHAT, SIDE = 9.81, 2e-3, 0.2
 SOFT = NeoHookean(young=1e5, poisson=0.3, density=1000.0)

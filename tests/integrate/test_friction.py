@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
-from problems import block, make_scene, make_stepper, masses, polyline, take_step, tetrahedron
-from shapes import together
 
 from pdvol.errors import InputError
 from pdvol.scene import Barrier, Friction, Gravity, NeoHookean, Plane, Rigid, Solver, Support, Translation
+from problems import block, make_scene, make_stepper, masses, polyline, take_step, tetrahedron
+from shapes import together
 
 G, EPS_V, DHAT = 9.81, 1e-4, 2e-3
 BLOCK = NeoHookean(young=1e6, poisson=0.3, density=1000.0)

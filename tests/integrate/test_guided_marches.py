@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 from mpi4py import MPI
-from problems import SOFT, block, make_scene
 
 from pdvol.integrate.integrator import State
 from pdvol.integrate.marches import SAME_TIME, Start, direct, embedded, guide, progressive
 from pdvol.integrate.stepper import Stepper
 from pdvol.levels.hierarchy import Hierarchy
 from pdvol.levels.model import level_model
+from problems import SOFT, block, make_scene
 
 DT, STEPS, W = 0.1, 4, 0.3
 SHIFT = np.array([0.5, -0.2])  # m, per step and step: the coarse level is at t^2 SHIFT after t steps

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from problems import block, make_scene, make_stepper, masses, take_step
 from scipy.integrate import solve_ivp
 from scipy.linalg import eigh
 
@@ -12,6 +11,7 @@ from pdvol.integrate.marches import Start, direct
 from pdvol.potentials.potential import Positions
 from pdvol.registry import INTEGRATORS
 from pdvol.scene import Barrier, Friction, Gravity, NeoHookean, Plane, Solver, Support
+from problems import block, make_scene, make_stepper, masses, take_step
 
 G = 9.81
 BAR = NeoHookean(young=1e5, poisson=0.3, density=1000.0)

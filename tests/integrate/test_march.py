@@ -5,7 +5,6 @@ stored state.
 import numpy as np
 import pytest
 from mpi4py import MPI
-from problems import SOFT, block, make_model, make_scene, make_stepper, masses, polyline, tetrahedron
 
 from pdvol.integrate.integrator import State
 from pdvol.integrate.marches import Start, direct, progressive
@@ -14,6 +13,7 @@ from pdvol.levels.hierarchy import Hierarchy
 from pdvol.potentials.build import build_terms
 from pdvol.potentials.potential import Positions
 from pdvol.scene import Barrier, Friction, Gravity, NeoHookean, Plane, Rigid, Solver
+from problems import SOFT, block, make_model, make_scene, make_stepper, masses, polyline, tetrahedron
 
 G = 9.81
 LOOSE = 0.1  # solver tolerance [m/s] that leaves residuals far above round-off

@@ -4,11 +4,11 @@ settings.
 
 import numpy as np
 import pytest
-from problems import block, make_scene, make_stepper, take_step
-from shapes import together
 
 from pdvol.geometry.level_mesh import simplex_volumes
 from pdvol.scene import Barrier, FixedCorotational, Friction, Gravity, NeoHookean, Plane, Solver, StVenantKirchhoff
+from problems import block, make_scene, make_stepper, take_step
+from shapes import together
 
 
 @pytest.mark.parametrize(("d", "law"), [(2, StVenantKirchhoff), (2, FixedCorotational), (3, NeoHookean)])

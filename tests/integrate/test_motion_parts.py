@@ -8,7 +8,6 @@ from dataclasses import dataclass, field
 import numpy as np
 import pytest
 from mpi4py import MPI
-from problems import block, make_scene, make_stepper, take_step
 
 from pdvol.geometry.level_mesh import simplex_volumes
 from pdvol.integrate.scripted_motion import (
@@ -29,6 +28,7 @@ from pdvol.levels.space import LevelSpace
 from pdvol.potentials.potential import MIN_GAP_SHARE, SCRIPTED_GAP_SHARE, Positions
 from pdvol.scene import Barrier, Plane, Support, Translation
 from pdvol.solve.report import NewtonReport
+from problems import block, make_scene, make_stepper, take_step
 
 SPACE = LevelSpace(block((0.0, 0.0), (1.0, 1.0), 1), MPI.COMM_SELF)
 REST = SPACE.from_input(SPACE.mesh.points)

@@ -4,7 +4,6 @@ anything.
 
 import numpy as np
 import pytest
-from problems import block, make_scene, make_stepper, polyline, take_step, tetrahedron
 
 from pdvol.errors import InputError
 from pdvol.geometry.crossings import edges_of, find_crossings
@@ -25,6 +24,7 @@ from pdvol.scene import (
     moved,
 )
 from pdvol.solve.linear import solver as linear
+from problems import block, make_scene, make_stepper, polyline, take_step, tetrahedron
 
 X = np.array([[1.0, 0.0, 2.0], [0.0, 1.0, -1.0]])
 SOLVER = Solver(tolerance=1e-4)

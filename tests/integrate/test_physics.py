@@ -2,13 +2,13 @@
 
 import numpy as np
 import pytest
-from problems import block, make_scene, make_stepper, masses, take_step
-from shapes import box
 
 from pdvol.geometry.level_mesh import simplex_volumes
 from pdvol.integrate.stepper import Stepper
 from pdvol.potentials.potential import Positions
 from pdvol.scene import Barrier, Friction, Gravity, NeoHookean, Plane, Rotation, Solver, Support, Translation
+from problems import block, make_scene, make_stepper, masses, take_step
+from shapes import box
 
 G = 9.81
 

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+
 from on_ranks import results_on
 
 PROGRAM = Path(__file__).with_name("press_on_ranks.py")

@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from fall_on_ranks import SIZE, STEPS
+
 from on_ranks import results_on
 
 PROGRAM = Path(__file__).with_name("fall_on_ranks.py")

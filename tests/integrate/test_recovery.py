@@ -8,7 +8,6 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from petsc4py import PETSc
-from problems import block, make_scene, make_stepper, take_step
 
 from pdvol.errors import ConvergenceError
 from pdvol.integrate.integrator import ImplicitEuler, State
@@ -17,6 +16,7 @@ from pdvol.potentials.potential import Positions, Term
 from pdvol.scene import Barrier, Gravity, Plane, Solver
 from pdvol.solve.newton import LINE_SEARCH, MAX_SOLVES
 from pdvol.solve.report import REMEDIES, NewtonReport, StepReport, no_remedies, taken
+from problems import block, make_scene, make_stepper, take_step
 
 REASONS = PETSc.SNES.ConvergedReason
 

@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 from mpi4py import MPI
-from problems import SOFT, block, make_model, make_scene, make_stepper, polyline, tetrahedron
-from shapes import together
 
 from pdvol.integrate.marches import Start, direct
 from pdvol.integrate.replay import Replay
 from pdvol.levels.space import LevelSpace
 from pdvol.scene import Barrier, Friction, Gravity, Path, Plane, Rigid, Solver, Support, Translation
+from problems import SOFT, block, make_model, make_scene, make_stepper, polyline, tetrahedron
+from shapes import together
 
 
 def seen_by(stepper, monkeypatch):

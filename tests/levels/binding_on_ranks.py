@@ -8,13 +8,13 @@ import sys
 
 import numpy as np
 from mpi4py import MPI
-from shapes import together
 from test_binding import comb_pair
 
 from pdvol.levels.binding import bind
 from pdvol.levels.prolongation import Prolongation
 from pdvol.levels.space import LevelSpace
 from pdvol.registry import INTERPOLANTS
+from shapes import together
 
 
 def input_triplets(prolongation):

@@ -7,15 +7,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 from mpi4py import MPI
-from on_ranks import results_on
-from shapes import box, comb, comb_branch, fold, fold_branch, grid, level, together
 
+from on_ranks import results_on
 from pdvol.errors import MeshError
 from pdvol.geometry.boundary_search import BoundarySearch
 from pdvol.levels.binding import CLOSEST, INSIDE, NEIGHBOUR, RAY, bind, closest_binding
 from pdvol.levels.geodesic import bind_outside, vertex_adjacency
 from pdvol.levels.space import LevelSpace
 from pdvol.registry import INTERPOLANTS
+from shapes import box, comb, comb_branch, fold, fold_branch, grid, level, together
 
 COMM = MPI.COMM_WORLD
 

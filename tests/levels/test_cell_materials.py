@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from mpi4py import MPI
-from shapes import box, together
 
 from pdvol.errors import InputError
 from pdvol.geometry.level_mesh import LevelMesh
@@ -15,6 +14,7 @@ from pdvol.levels.hierarchy import Hierarchy
 from pdvol.levels.materials import cell_materials, level_materials
 from pdvol.potentials.loads import assemble_mass
 from pdvol.scene import Body, FixedCorotational, NeoHookean, Region, Scene, StVenantKirchhoff
+from shapes import box, together
 
 SOFT, STIFF = NeoHookean(2e4, density=500.0), NeoHookean(2e10, density=2000.0)
 DIMENSIONS = [2, 3]

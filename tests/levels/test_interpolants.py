@@ -8,7 +8,6 @@ import igl
 import numpy as np
 import pytest
 from mpi4py import MPI
-from shapes import box, level, together
 from test_binding import comb_pair, fold_pair
 
 from pdvol.errors import MeshError
@@ -21,6 +20,7 @@ from pdvol.levels.interpolants.phong import vertex_gradients
 from pdvol.levels.prolongation import Prolongation
 from pdvol.levels.space import LevelSpace
 from pdvol.registry import INTERPOLANTS
+from shapes import box, level, together
 
 COMM = MPI.COMM_WORLD
 

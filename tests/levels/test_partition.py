@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
-from shapes import grid
 
 from pdvol.geometry.level_mesh import LevelMesh
 from pdvol.levels.partition import shared_bodies
+from shapes import grid
 
 
 def stack(dim: int, axis: int) -> LevelMesh:

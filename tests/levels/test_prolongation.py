@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 from petsc4py import PETSc
-from shapes import box, together
 
 from pdvol.levels.binding import bind
 from pdvol.levels.hierarchy import Hierarchy
 from pdvol.levels.prolongation import Prolongation
 from pdvol.levels.space import LevelSpace
+from shapes import box, together
 
 COMM = MPI.COMM_WORLD
 

@@ -4,7 +4,6 @@ is reported, and a change beyond the limit is refused.
 
 import numpy as np
 import pytest
-from shapes import box
 
 from pdvol import Outline, Solid, open_run
 from pdvol.cli import run
@@ -14,6 +13,7 @@ from pdvol.levels.obstacles import placed_obstacles
 from pdvol.levels.separation import build_apart as build_apart_from
 from pdvol.meshing.build import build_levels
 from pdvol.scene import Barrier, Body, NeoHookean, Placement, Plane, Rigid, Scene, Separate
+from shapes import box
 
 SOFT = NeoHookean(2e5)
 

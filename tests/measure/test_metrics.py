@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-import runs
 import scipy.sparse as sp
 
+import runs
 from pdvol.draw.plots import plot_metrics
 from pdvol.geometry.level_mesh import LevelMesh
 from pdvol.measure import metrics

@@ -4,8 +4,8 @@ import subprocess
 import sys
 
 import pytest
-from commands import SAFETY
 
+from commands import SAFETY
 from pdvol.potentials.assembly.compiled_forms import COMPILING, FINISHED
 
 COMPILE = """

@@ -5,8 +5,6 @@
 import numpy as np
 import pytest
 from mpi4py import MPI
-from shapes import box, together
-from taylor import check_term, hessian_of
 
 from pdvol.levels.space import LevelSpace
 from pdvol.potentials.build import Terms
@@ -15,6 +13,8 @@ from pdvol.potentials.loads import assemble_mass
 from pdvol.potentials.potential import Positions
 from pdvol.solve.incremental_potential import IncrementalPotential
 from pdvol.solve.report import Stopwatch
+from shapes import box, together
+from taylor import check_term, hessian_of
 
 DENSITIES = np.array([2.0, 5.0])
 DT, WEIGHT = 0.02, 0.3

@@ -4,9 +4,6 @@ import ipctk
 import numpy as np
 import pytest
 from mpi4py import MPI
-from problems import polyline, tetrahedron
-from shapes import box, level, together
-from taylor import hessian_of
 
 from pdvol.levels.space import LevelSpace
 from pdvol.potentials.assembly.hessian_blocks import sorted_keys
@@ -15,6 +12,9 @@ from pdvol.potentials.contact.barrier import SurfaceBarrier
 from pdvol.potentials.contact.collision_surface import CollisionSurface, Obstacle
 from pdvol.potentials.contact.friction import SurfaceFriction
 from pdvol.potentials.potential import MIN_GAP_SHARE, SCRIPTED_GAP_SHARE, Positions
+from problems import polyline, tetrahedron
+from shapes import box, level, together
+from taylor import hessian_of
 
 COMM = MPI.COMM_SELF
 DHAT, KAPPA = 0.03, 0.7

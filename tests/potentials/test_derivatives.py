@@ -4,9 +4,6 @@ import ipctk
 import numpy as np
 import pytest
 from mpi4py import MPI
-from problems import elastic, polyline, tetrahedron
-from shapes import box, grid, together
-from taylor import check_derivatives, check_term, hessian_of, smallest_eigenvalue, state
 
 from pdvol.levels.obstacles import plane_obstacle
 from pdvol.levels.space import LevelSpace
@@ -20,6 +17,9 @@ from pdvol.potentials.potential import Positions
 from pdvol.scene import FixedCorotational, NeoHookean, Plane, Still, StVenantKirchhoff, Translation
 from pdvol.solve.incremental_potential import IncrementalPotential
 from pdvol.solve.report import Stopwatch
+from problems import elastic, polyline, tetrahedron
+from shapes import box, grid, together
+from taylor import check_derivatives, check_term, hessian_of, smallest_eigenvalue, state
 
 COMM = MPI.COMM_SELF
 DIMENSIONS = [2, 3]

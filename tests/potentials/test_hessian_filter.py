@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 import ufl
 from mpi4py import MPI
-from problems import elastic
-from shapes import box
-from taylor import check_term, hessian_of, smallest_eigenvalue, state
 
 from pdvol.forms.elasticity import neo_hookean
 from pdvol.levels.space import LevelSpace
 from pdvol.potentials.assembly.cell_energy import CellEnergy
 from pdvol.scene import NeoHookean
+from problems import elastic
+from shapes import box
+from taylor import check_term, hessian_of, smallest_eigenvalue, state
 
 DIMENSIONS = [2, 3]
 YOUNG, POISSON, DENSITY = 3.0, 0.3, 2.0

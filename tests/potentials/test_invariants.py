@@ -5,14 +5,14 @@ keeps cells from inverting.
 import numpy as np
 import pytest
 from mpi4py import MPI
-from problems import elastic
-from shapes import box, level
 
 from pdvol.geometry.level_mesh import simplex_volumes
 from pdvol.levels.space import LevelSpace
 from pdvol.potentials.elasticity import KEEP_VOLUME
 from pdvol.potentials.potential import Positions
 from pdvol.scene import NeoHookean, rotation_matrix
+from problems import elastic
+from shapes import box, level
 
 COMM = MPI.COMM_SELF
 ROUND = 1e-12  # relative size of sums that cancel

@@ -4,9 +4,6 @@ import dolfinx
 import numpy as np
 import pytest
 from mpi4py import MPI
-from problems import make_scene, make_stepper, masses, take_step
-from shapes import box, together
-from taylor import check_term, hessian_of
 
 from pdvol.errors import InputError
 from pdvol.levels.scene_fields import check_fields
@@ -16,6 +13,9 @@ from pdvol.potentials.drag import Drag
 from pdvol.potentials.loads import point_shares
 from pdvol.potentials.potential import Positions
 from pdvol.scene import Flow, Force, Gravity, Impulse, NeoHookean, PointForce, Solver
+from problems import make_scene, make_stepper, masses, take_step
+from shapes import box, together
+from taylor import check_term, hessian_of
 
 DIMENSIONS = [2, 3]
 LOOSE = 1e-7  # m/s: the solver's tolerance, of speeds of order one

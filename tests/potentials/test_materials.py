@@ -8,9 +8,6 @@ import numpy as np
 import pytest
 import ufl
 from mpi4py import MPI
-from problems import elastic, make_scene
-from shapes import box, level
-from taylor import check_term, hessian_of
 
 from pdvol.errors import InputError
 from pdvol.levels.materials import cell_materials, check_laws
@@ -19,6 +16,9 @@ from pdvol.potentials.assembly import native
 from pdvol.potentials.elasticity import Damping
 from pdvol.potentials.potential import Positions
 from pdvol.scene import FixedCorotational, Material, NeoHookean, StVenantKirchhoff, rotation_matrix
+from problems import elastic, make_scene
+from shapes import box, level
+from taylor import check_term, hessian_of
 
 LAWS = [NeoHookean, StVenantKirchhoff, FixedCorotational]
 DIMENSIONS = [2, 3]

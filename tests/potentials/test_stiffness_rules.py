@@ -4,10 +4,7 @@ import ipctk
 import numpy as np
 import pytest
 from mpi4py import MPI
-from problems import make_model, polyline, tetrahedron
 from scipy.sparse import block_diag, csc_matrix
-from shapes import box, together
-from taylor import check_term
 
 from pdvol.levels.obstacles import plane_obstacle
 from pdvol.levels.space import LevelSpace
@@ -24,6 +21,9 @@ from pdvol.potentials.contact.stiffness import (
 )
 from pdvol.potentials.potential import Positions
 from pdvol.scene import Barrier, Body, Gravity, NeoHookean, Plane, Scene
+from problems import make_model, polyline, tetrahedron
+from shapes import box, together
+from taylor import check_term
 
 DHAT, KAPPA = 0.05, 0.3
 

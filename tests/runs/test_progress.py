@@ -3,7 +3,6 @@
 import io
 
 import runs
-
 from pdvol.runs.progress import Progress
 
 

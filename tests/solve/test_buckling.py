@@ -4,10 +4,10 @@ save most of the iterations.
 
 import numpy as np
 import pytest
-from problems import block, make_scene, make_stepper, take_step
 
 from pdvol.scene import Gravity, Solver, Support, Translation
 from pdvol.solve import globalization
+from problems import block, make_scene, make_stepper, take_step
 
 
 def pressed(press, tolerance=1e-4):

@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
-from problems import block, make_scene, make_stepper, polyline, take_step
 
 from pdvol.meshes import Outline
 from pdvol.scene import Barrier, Plane, Rigid, Solver
+from problems import block, make_scene, make_stepper, polyline, take_step
 
 DHAT = 0.01
 

@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
-from problems import block, make_scene, make_stepper
 
 from pdvol.potentials.potential import Positions
 from pdvol.scene import Barrier, Plane, Translation
+from problems import block, make_scene, make_stepper
 
 DHAT, SPEED, START = 0.01, 1.0, 0.002  # m, m/s, s
 

@@ -6,9 +6,7 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 from petsc4py import PETSc
-from problems import block, make_scene, make_stepper, take_step
 from scipy.sparse import csr_array
-from shapes import box, together
 
 from pdvol.errors import SimulationError
 from pdvol.levels.space import LevelSpace
@@ -33,6 +31,8 @@ from pdvol.solve.linear.solver import (
     LinearSolver,
 )
 from pdvol.solve.linear.system_matrix import SystemMatrix
+from problems import block, make_scene, make_stepper, take_step
+from shapes import box, together
 
 COMM = MPI.COMM_SELF
 ROUND = 1e-12

@@ -8,10 +8,10 @@ import sys
 from pathlib import Path
 
 import numpy as np
+
 import runs
 from commands import SAFETY
 from killing import HELPERS
-
 from pdvol.errors import InputError
 from pdvol.store.writer import RunWriter, open_run
 

@@ -5,8 +5,8 @@ import shutil
 
 import numpy as np
 import pytest
-import runs
 
+import runs
 from pdvol.errors import InputError, SimulationError
 from pdvol.store.writer import RunWriter, open_run
 
