@@ -184,10 +184,6 @@ def test_every_module_says_what_it_is():
     assert missing == []
 
 
-SHARED_NAMES: set[str] = set()
-"""Constants of several modules whose names are still to be changed: remove a name from here when it is."""
-
-
 def test_no_two_modules_have_a_constant_of_the_same_name():
     owners: dict[str, set[str]] = {}
     for path in SOURCES:
@@ -197,7 +193,7 @@ def test_no_two_modules_have_a_constant_of_the_same_name():
             for name in names:
                 if name.isupper() and not name.startswith("_"):
                     owners.setdefault(name, set()).add(place(path))
-    assert {name: sorted(files) for name, files in owners.items() if len(files) > 1 and name not in SHARED_NAMES} == {}
+    assert {name: sorted(files) for name, files in owners.items() if len(files) > 1} == {}
 
 
 def test_no_print_no_exit_and_no_asserts_outside_the_command_line():
