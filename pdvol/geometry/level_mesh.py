@@ -96,6 +96,14 @@ def simplex_volumes(points: np.ndarray, cells: np.ndarray) -> np.ndarray:
     return np.linalg.det(edges) / (2.0 if d == 2 else 6.0)
 
 
+def facet_sizes(points: np.ndarray, facets: np.ndarray) -> np.ndarray:
+    """(k,) lengths [m] of edges (k, 2) in 2D, areas [m^2] of triangles (k, 3) in 3D."""
+    edges = points[facets[:, 1:]] - points[facets[:, :1]]
+    if points.shape[1] == 2:
+        return np.linalg.norm(edges[:, 0], axis=1)
+    return np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1) / 2
+
+
 def boundary_facets(cells: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Facets that belong to one cell only, oriented outward, and that cell's index."""
     d = cells.shape[1] - 1

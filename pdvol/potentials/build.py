@@ -93,8 +93,8 @@ def contact_terms(
         from pdvol.potentials.contact.collision_surface import CollisionSurface
         from pdvol.potentials.contact.friction import SurfaceFriction
 
-        surface = CollisionSurface(space, surfaces, contact.dhat, contact.ccd)
-        barrier = SurfaceBarrier(surface, contact.dhat, contact.kappa, weighted)
+        surface = CollisionSurface(space, surfaces, contact.dhat, contact.ccd, weighted)
+        barrier = SurfaceBarrier(surface, contact.kappa)
         contacts.append(barrier)
         frictions += [SurfaceFriction(barrier, f.mu_surfaces, f.eps_v) for f in contact.friction]
     return tuple(contacts), tuple(frictions)

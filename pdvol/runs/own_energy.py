@@ -207,7 +207,7 @@ class Contact:
         """
         x = self._started(u)
         self._blocks.clear()
-        self._blocks.projection, self._blocks.gauss_newton = ("clamp", False) if projected else ("none", False)
+        self._blocks.projection = "clamp" if projected else "none"
         for term in self._terms:
             term.add_hessian(x, 1.0, self._blocks)
         self._matrix.assemble(self._blocks, eliminate=False)

@@ -5,7 +5,7 @@ The next projection follows from how well the last model promised the decrease (
 | the model promised | the next Hessian |
 |---|---|
 | about the actual decrease | negative eigenvalues of local Hessians cut off: the nearest positive one |
-| much more | negative eigenvalues by size, which overshoots less; from now on full contact Hessians |
+| much more | negative eigenvalues by size, which overshoots less |
 | much less | unprojected, since cutting off made it too stiff; projected for a while if indefinite |
 
 Where the Hessian is indefinite every projected one is too stiff: step after step has the same direction, each a few per
@@ -23,8 +23,6 @@ Sum = Callable[[np.ndarray], np.ndarray]
 
 TRUSTED = 0.5  # share of the promised decrease: a model that delivers less overshoots
 TOO_STIFF = 1.25  # times the promised decrease: a model that delivers more is too stiff
-TINY_CAP = 0.05  # share of a step: a cap below it shows contact that the quadratic model lacks
-TINY_CAPS = 3  # consecutive tiny caps after which contact Hessians are taken in full
 PAUSE = 2  # iterations without an unprojected Hessian after a bad one; doubled each time, so that few are tried
 
 SAME_DIRECTION = 0.95  # cosine between consecutive steps from which on the second repeats the first
@@ -39,21 +37,17 @@ class Projection:
     Attributes
     ----------
     mode : "clamp" (negative eigenvalues cut off), "abs" (by size) or "none"
-    gauss_newton : whether contact Hessians leave out the rotation of normals
     steps : taken so far in this solve
     unprojected_from : steps before which "none" is not chosen
     pause : iterations
-    tiny_caps : consecutive steps with a cap below `TINY_CAP`
     """
 
     mode: str = "clamp"
-    gauss_newton: bool = True
     steps: int = 0
     unprojected_from: int = 0
     pause: int = PAUSE
-    tiny_caps: int = 0
 
-    def after(self, promised: float, decrease: float, full: bool, cap: float, detects_indefinite: bool) -> "Projection":
+    def after(self, promised: float, decrease: float, full: bool, detects_indefinite: bool) -> "Projection":
         """The projection after a step.
 
         Parameters
@@ -61,7 +55,6 @@ class Projection:
         promised, decrease : change of the potential by the model and the actual one; negative where the potential
             decreases
         full : whether the step was taken in full
-        cap : share of the step that contact and inversion allowed
         detects_indefinite : whether the linear solver would notice an indefinite matrix
         """
         kept = decrease / min(promised, -1e-300)
@@ -69,12 +62,9 @@ class Projection:
         if kept < TRUSTED:
             last = last.after_indefinite()
         unprojected = kept > TOO_STIFF and full and detects_indefinite and last.steps >= last.unprojected_from
-        tiny_caps = last.tiny_caps + 1 if cap < TINY_CAP else 0
         return replace(
             last,
             mode="none" if unprojected else "abs" if kept < TRUSTED else "clamp",
-            tiny_caps=tiny_caps,
-            gauss_newton=last.gauss_newton and kept >= TRUSTED and tiny_caps < TINY_CAPS,
         )
 
     def after_rounding(self) -> "Projection":
@@ -90,7 +80,7 @@ class Projection:
 
     def strongest(self) -> "Projection":
         """The safest projection; the same one where it is in use."""
-        return self if self.mode == "abs" and not self.gauss_newton else replace(self, mode="abs", gauss_newton=False)
+        return self if self.mode == "abs" else replace(self, mode="abs")
 
 
 def promised_decrease(slope: float, taken: np.ndarray, direction: np.ndarray, total: Sum) -> float:

@@ -172,7 +172,7 @@ class Minimisation:
         moved = x.owned - last.start.owned
         promised = promised_decrease(last.slope, moved, last.direction, self.comm.allreduce)
         decrease = self.energy(x) - last.energy
-        return self.projection.after(promised, decrease, last.full, last.cap, detects_indefinite)
+        return self.projection.after(promised, decrease, last.full, detects_indefinite)
 
     def require_finite(self, direction: np.ndarray) -> None:
         """Raises SimulationError on all ranks unless a direction is finite on all of them. Collective."""

@@ -160,7 +160,7 @@ class Newton:
     def _sum_hessian(self, x: Positions) -> None:
         projection = self._solve.projection
         self._blocks.clear()
-        self._blocks.projection, self._blocks.gauss_newton = projection.mode, projection.gauss_newton
+        self._blocks.projection = projection.mode
         self.potential.add_hessian(x, 1.0, self._blocks)
 
     def _assemble(self) -> None:

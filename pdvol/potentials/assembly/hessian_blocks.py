@@ -64,9 +64,6 @@ class HessianBlocks:
     pattern : BlockPattern
     projection : "clamp", "abs" or "none"
         Negative eigenvalues of the terms' local Hessians are set to zero, replaced by their absolute values, or kept.
-    gauss_newton : bool
-        Whether terms may leave out parts that are expensive and that the filter mostly removes: the rotation of contact
-        normals.
     cells : (pattern.count, d, d)
         Blocks between vertices of a cell, in the pattern's order.
     added : list of (rows, columns, blocks)
@@ -74,7 +71,7 @@ class HessianBlocks:
     """
 
     def __init__(self, pattern: BlockPattern, projection: str = "clamp"):
-        self.pattern, self.projection, self.gauss_newton = pattern, projection, True
+        self.pattern, self.projection = pattern, projection
         d = pattern.space.dim
         self.cells = np.zeros((pattern.count, d, d))
         self.added: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []

@@ -1,160 +1,163 @@
-"""Candidate pairs of primitives, found by one broad phase and kept while no vertex moves far (a Verlet list).
+"""Candidate pairs of primitives, found by one search and kept while they stay complete (Verlet lists).
 
-While every vertex stays within a distance `slack` of its place at the search, two primitives approach each other by
-2 slack at most. The pairs nearer than the reach plus 2 slack at the search therefore contain all pairs in contact, and
-all collisions on the way. A longer straight move gets a list of its own, from the boxes that it sweeps, which holds for
-every point of that move.
+Pairs within an object and pairs between objects have a list each. No distance within an object changes while it moves
+as a whole, and none between two objects that move alike. A list that was searched at one place is complete while no two
+primitives can have approached each other by more than twice the slack, or come from far away. A longer straight move
+gets a list of its own, from the boxes that it sweeps, which holds for every point of that move.
 
-The broad phase compares bounding boxes. Boxes of edges in one flat face overlap although the edges are far apart, so
-about four of five pairs of edges are dropped again by their true distance.
+The pairs of all lists have one order, whatever was searched. So sums over active pairs do not depend on the lists, and
+lists may outlast steps.
 """
 
-from itertools import compress
-
-import ipctk
 import numpy as np
 
-from pdvol.geometry.closest_points import segment_distances
-from pdvol.potentials.contact.collision_mesh import CollisionMesh
-from pdvol.potentials.contact.stencils import column
+from pdvol.compiled import pointer
+from pdvol.potentials.contact.native import library
+from pdvol.potentials.contact.primitives import Primitives
 
-# largest slack, in median edge lengths: longer lists cost more in every evaluation than a new search does
-MAX_SLACK = 0.2
-# smallest slack, in largest slacks: enough for the next moves where no longer ones are expected
-MIN_SLACK = 0.15
-# slack, in lengths of the move that it is made for: the moves after it are seldom longer
-SLACK_PER_MOVE = 1.2
-# searched distance, in needed distances: room for round-off, above all in the distances of nearly parallel edges
-SEARCH_MARGIN = 1.02
+# slack, in median edge lengths: longer lists cost more in every evaluation, shorter ones are searched more often
+SLACK = 0.1
+# searched distance, in needed distances: room for round-off
+SEARCH_MARGIN = 1.001
 # distance from a straight move that counts as round-off, in largest coordinates
 STRAIGHT_TOLERANCE = 1e-12
 
 
-class ContactCandidates:
-    """Candidate pairs of a collision mesh for states and straight moves.
+class PairList:
+    """Pairs of vertices and facets, and of edges, that can be within reach of each other.
 
     Parameters
     ----------
-    mesh : CollisionMesh
-    vertices : (n, d) positions [m] that the slack's size is measured at
+    primitives : Primitives
     reach : distance [m] up to which pairs matter
-    drifts : bool
-        Whether to ignore translations common to all vertices: without obstacles they change no distance.
+    within : whether for the pairs within bodies; else for those between two bodies, or a body and an obstacle
+    leaves : the tree's leaves from the first to before the second whose pairs are this rank's
 
     Attributes
     ----------
-    pairs : ipctk.Candidates
-    searches : number of broad phases so far
-    edges : (k,) int64
-        Edges that occur in the candidate pairs of two edges; None where any edge may.
+    points : (k, 2) int32
+        Vertex and facet of each pair; the pairs of a vertex stand together.
+    edges : (k, 2) int32
+    searches : number of searches so far
     """
 
-    def __init__(self, mesh: CollisionMesh, vertices: np.ndarray, reach: float, drifts: bool):
-        self.mesh, self.reach, self.drifts = mesh, reach, drifts
-        starts, ends = vertices[mesh.edges.T]
-        self.max_slack = MAX_SLACK * float(np.median(np.linalg.norm(starts - ends, axis=1)))
-        self.pairs = ipctk.Candidates()
-        self.edges: np.ndarray | None = None
-        self.forget()
-        self.searches = 0
-
-    def forget(self) -> None:
-        """Drops the candidates: the next call starts a new search."""
-        self._slack = -1.0
+    def __init__(self, primitives: Primitives, reach: float, within: bool, leaves: tuple[int, int]):
+        self.primitives, self.reach, self.within, self.leaves, self.searches = primitives, reach, within, leaves, 0
+        numbers = np.arange(len(primitives.roots) - 1)
+        bodies = numbers < primitives.bodies
+        same = numbers[:, None] == numbers
+        self._allowed = same & bodies if within else ~same & (bodies[:, None] | bodies)
+        self._slack = SLACK * primitives.edge_length
+        self._boxes = np.zeros((int(primitives.roots[-1]), 2 * primitives.d))
+        self._counts = np.bincount(primitives.objects, minlength=len(numbers))
+        self._starts = np.flatnonzero(np.diff(primitives.objects, prepend=-1))
+        self._boxed: tuple[np.ndarray, np.ndarray] | None = None
         self._reference: np.ndarray | None = None
         self._move: np.ndarray | None = None
+        self._room = np.zeros((len(numbers), len(numbers)))
+        self._buffers = [np.zeros((1024, 2), dtype=np.int32) for _ in range(2)]
+        self.points, self.edges = (buffer[:0] for buffer in self._buffers)
 
-    def begin(self, start: np.ndarray, end: np.ndarray) -> None:
-        """Searches for a step that starts at `start` and probably ends near `end` (n, d)."""
-        self.forget()
-        move = SLACK_PER_MOVE * _largest(self._without_drift(end) - self._without_drift(start))
-        if move <= self.max_slack:
-            self._search_around(start, max(move, MIN_SLACK * self.max_slack))
-            self._drop_far_edges(start)
+    @property
+    def empty(self) -> bool:
+        """Whether no pairs are possible at all."""
+        return not self._allowed.any()
 
-    def _without_drift(self, vertices: np.ndarray) -> np.ndarray:
-        return vertices - vertices.mean(axis=0) if self.drifts else vertices
+    def at(self, vertices: np.ndarray) -> None:
+        """Makes the list complete at `vertices` (n, d)."""
+        if not self.empty and not self._covers(vertices):
+            self._place(vertices)
+            self._search(vertices, vertices)
 
-    def at(self, vertices: np.ndarray) -> ipctk.Candidates:
-        """Candidates among which are all pairs nearer than the reach at `vertices` (n, d)."""
-        if not self._covers(vertices):
-            self._search_around(vertices, MIN_SLACK * self.max_slack)
-            self._drop_far_edges(vertices)
-        return self.pairs
-
-    def along(self, start: np.ndarray, end: np.ndarray) -> ipctk.Candidates:
-        """Candidates among which are all pairs that come nearer than the reach on the straight move from start to end
-        (n, d).
-        """
-        if self._reference is not None and all(
-            _largest(self._without_drift(vertices) - self._reference) <= self._slack for vertices in (start, end)
-        ):
-            return self.pairs
-        move = _largest(self._without_drift(end) - self._without_drift(start))
-        if SLACK_PER_MOVE * move <= self.max_slack:
-            self._search_around(start, max(SLACK_PER_MOVE * move, MIN_SLACK * self.max_slack))
+    def along(self, start: np.ndarray, end: np.ndarray) -> None:
+        """Makes the list complete everywhere on the straight move from start to end (n, d)."""
+        if self.empty or (self._move is None and self._covers(start) and self._covers(end)):
+            return
+        self._place(start)
+        if self._covers(end):
+            self._search(start, start)
         else:
-            self.pairs.build(
-                mesh=self.mesh.ipc,
-                vertices_t0=start,
-                vertices_t1=self._end_without_drift(start, end),
-                inflation_radius=0.5 * SEARCH_MARGIN * self.reach,
-                broad_phase=ipctk.LBVH(),
-            )
-            self._reference, self._slack, self._move = (
-                self._without_drift(start),
-                0.0,
-                self._without_drift(end) - self._without_drift(start),
-            )
-            self.edges = None
-            self.searches += 1
-        return self.pairs
+            end = end - self._drift(end - start)[self.primitives.objects] if self.within else end
+            self._fit(start, end)
+            self._move = end - start
+            self._room[:] = self.reach
+            self._search(start, end)
 
-    def _end_without_drift(self, start: np.ndarray, end: np.ndarray) -> np.ndarray:
-        return np.asfortranarray(end + (start.mean(axis=0) - end.mean(axis=0))) if self.drifts else end
+    def _drift(self, moves: np.ndarray) -> np.ndarray:
+        """(objects, d) mean motion of each object."""
+        sums = np.add.reduceat(moves, self._starts, axis=0)
+        return sums / self._counts[:, None]
 
     def _covers(self, vertices: np.ndarray) -> bool:
         if self._reference is None:
             return False
-        offset = self._without_drift(vertices) - self._reference
-        if _largest(offset) <= self._slack:
-            return True
-        if self._move is None:
-            return False
-        share = float(np.vdot(offset, self._move) / max(np.vdot(self._move, self._move), 1e-300))
-        return (
-            0.0 <= share <= 1.0 + STRAIGHT_TOLERANCE
-            and _largest(offset - share * self._move) <= STRAIGHT_TOLERANCE * np.abs(vertices).max()
-        )
+        moves = vertices - self._reference
+        drift = self._drift(moves)
+        if self._move is not None:
+            return self._is_on_the_way(moves - drift[self.primitives.objects] if self.within else moves, vertices)
+        own = moves - drift[self.primitives.objects]
+        sizes = np.sqrt(np.maximum.reduceat(np.einsum("ij,ij->i", own, own), self._starts))
+        if self.within:
+            return bool(np.all(sizes[: self.primitives.bodies] <= self._slack))
+        between = np.linalg.norm(drift[:, None] - drift, axis=2) + sizes[:, None] + sizes
+        return bool(np.all((between <= self._room) | ~self._allowed))
 
-    def _search_around(self, vertices: np.ndarray, slack: float) -> None:
-        # Both boxes of a pair are inflated by the radius: half the distance each.
-        self.pairs.build(
-            mesh=self.mesh.ipc,
-            vertices=vertices,
-            inflation_radius=0.5 * self._search_distance(slack),
-            broad_phase=ipctk.LBVH(),
-        )
-        self._reference, self._slack, self._move = self._without_drift(vertices).copy(), slack, None
-        self.edges = None
+    def _is_on_the_way(self, moves: np.ndarray, vertices: np.ndarray) -> bool:
+        assert self._move is not None
+        share = float(np.vdot(moves, self._move) / max(np.vdot(self._move, self._move), 1e-300))
+        off = np.abs(moves - share * self._move).max(initial=0.0)
+        tolerance = STRAIGHT_TOLERANCE * np.abs(vertices).max()
+        return -STRAIGHT_TOLERANCE <= share <= 1.0 + STRAIGHT_TOLERANCE and bool(off <= tolerance)
+
+    def _place(self, vertices: np.ndarray) -> None:
+        """Makes `vertices` the list's reference, and finds how far any two objects may approach each other."""
+        self._reference, self._move = vertices, None
+        self._fit(vertices, vertices)
+        apart = self._apart()
+        near = apart <= self._distance
+        self._room = np.where(near, 2.0 * self._slack, apart - self.reach)
+
+    @property
+    def _distance(self) -> float:
+        return SEARCH_MARGIN * (self.reach + 2.0 * self._slack)
+
+    def _fit(self, start: np.ndarray, end: np.ndarray) -> None:
+        """Fits the boxes of what is not where it was when they were fitted last."""
+        numbers = np.arange(len(self._counts))
+        if self._boxed is not None:
+            same = (self._boxed[0] == start).all(axis=1) & (self._boxed[1] == end).all(axis=1)
+            numbers = np.flatnonzero(~np.logical_and.reduceat(same, self._starts))
+        self.primitives.fit_boxes(numbers, start, end, self._boxes)
+        self._boxed = start, end
+
+    def _apart(self) -> np.ndarray:
+        """(objects, objects) distances [m] of the objects' boxes."""
+        d, boxes = self.primitives.d, self._boxes[self.primitives.roots[:-1]]
+        low, high = boxes[:, :d], boxes[:, d:]
+        gaps = np.maximum(low[:, None] - high, low - high[:, None])
+        return np.linalg.norm(np.maximum(gaps, 0.0), axis=2)
+
+    def _search(self, start: np.ndarray, end: np.ndarray) -> None:
+        distance = self._distance if self._move is None else SEARCH_MARGIN * self.reach
+        meets = self._allowed & (self._apart() <= distance)
         self.searches += 1
-
-    def _search_distance(self, slack: float) -> float:
-        return SEARCH_MARGIN * (self.reach + 2.0 * slack)
-
-    def _drop_far_edges(self, vertices: np.ndarray) -> None:
-        """Drops pairs of edges farther apart than the searched distance at the vertices (n, d) of the search.
-
-        It costs as much as three evaluations of all pairs. Lists for a single long move are seldom used that often and
-        are left as they are.
-        """
-        found = self.pairs.ee_candidates
-        pairs = [column(found, name, np.int64) for name in ("edge0_id", "edge1_id")]
-        ends = (vertices[self.mesh.edges[edges, end]] for edges in pairs for end in (0, 1))
-        kept = segment_distances(*ends) <= self._search_distance(self._slack)
-        self.pairs.ee_candidates = list(compress(found, kept))
-        self.edges = np.unique(np.concatenate([edges[kept] for edges in pairs]))
-
-
-def _largest(rows: np.ndarray) -> float:
-    return float(np.sqrt(np.max(np.einsum("ij,ij->i", rows, rows), initial=0.0)))
+        counts, found = np.zeros(2, dtype=np.int64), False
+        while not found:
+            capacities = np.array([len(buffer) for buffer in self._buffers])
+            if library().search_pairs(
+                self.primitives.c,
+                pointer(self._boxes),
+                pointer(start),
+                pointer(end) if end is not start else pointer(start),
+                distance,
+                pointer(meets, "uint8_t"),
+                *self.leaves,
+                pointer(capacities, "int64_t"),
+                *(pointer(buffer, "int32_t") for buffer in self._buffers),
+                pointer(counts, "int64_t"),
+            ):
+                raise MemoryError("no memory left for the search of contacts")
+            found = bool(np.all(counts <= capacities))
+            if not found:
+                self._buffers = [np.zeros((2 * int(count), 2), dtype=np.int32) for count in np.maximum(counts, 512)]
+        self.points, self.edges = (buffer[:count] for buffer, count in zip(self._buffers, counts, strict=True))

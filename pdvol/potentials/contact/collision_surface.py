@@ -1,35 +1,22 @@
-"""The collision geometry of one level: all bodies' boundaries and the rigid obstacles, in one collision mesh.
+"""The contact surface of one level: all bodies' boundaries and the rigid obstacles, in one set of primitives.
 
 Its vertices are the bodies' boundary vertices, in the order of `surface`, and then the obstacles'. Every rank holds the
-whole mesh, so contact does not depend on how the level is distributed.
+whole surface and all active pairs; ranks share the work of finding them.
 """
 
-from dataclasses import replace
+from collections.abc import Callable
 
-import ipctk
 import numpy as np
-from scipy.sparse import csr_array, sparray, spmatrix
 
+from pdvol.compiled import pointer
 from pdvol.levels.obstacles import Obstacle
 from pdvol.levels.space import LevelSpace
 from pdvol.potentials.assembly.hessian_blocks import HessianBlocks
-from pdvol.potentials.contact.candidates import ContactCandidates
-from pdvol.potentials.contact.collision_mesh import CollisionMesh
-from pdvol.potentials.contact.stencils import Stencils, normal_stencils
+from pdvol.potentials.contact.candidates import PairList
+from pdvol.potentials.contact.native import library
+from pdvol.potentials.contact.primitives import Primitives
+from pdvol.potentials.contact.stencils import Stencils
 from pdvol.potentials.potential import MIN_GAP_SHARE, Positions
-
-NARROW_PHASES = {
-    "additive": lambda gap_share: ipctk.AdditiveCCD(max_iterations=10_000, conservative_rescaling=1.0 - gap_share),
-    "tight-inclusion": lambda gap_share: ipctk.TightInclusionCCD(tolerance=1e-6, max_iterations=1_000_000),
-}
-"""Continuous collision detection by name, as a function of the share of each gap that is kept.
-
-Iterations bound the time of one pair: the detection ends there with a smaller step, which is safe. The additive kind
-leaves a share of each gap by itself. Tight inclusion is exact to its tolerance [m] and goes to the contact itself, so
-its steps are shortened afterwards.
-"""
-
-ipctk.set_num_threads(1)  # with one thread sums over contacts repeat to the last bit
 
 
 class CollisionSurface:
@@ -39,87 +26,55 @@ class CollisionSurface:
     ----------
     space : LevelSpace
     obstacles : tuple of Obstacle
-    reach : distance [m] up to which pairs matter
-    ccd : a key of `NARROW_PHASES`
+    dhat : distance [m] up to which pairs matter
+    ccd : "additive" or "tight-inclusion"
+    weighted : whether contacts weigh as much as their area; else each weighs as much as one
 
     Attributes
     ----------
     surface : (k,) int64
-        Input indices of the bodies' boundary vertices, this rank's first.
-    primitives : CollisionMesh
-        Of the bodies' k vertices and, behind them, the obstacles'. Edges that can touch others are oriented alike at
-        the start of each step.
-    objects : (n,) int
-        Number of the body or obstacle that each of the collision mesh's n vertices belongs to; obstacles are numbered
-        after the bodies.
-    candidates : ContactCandidates
-        Pairs with a vertex of this rank that can be within `reach` of each other.
+        Input indices of the bodies' boundary vertices.
+    primitives : Primitives
+        Of the bodies' k vertices and, behind them, the obstacles'.
+    objects : (n,) int64
+        Number of the body or obstacle that each of the surface's n vertices belongs to; obstacles are numbered after
+        the bodies.
+    lists : the candidates within bodies and between objects
     """
 
-    def __init__(self, space: LevelSpace, obstacles: tuple[Obstacle, ...], reach: float, ccd: str = "additive"):
-        self.space, self.obstacles = space, obstacles
-        d, level = space.dim, space.mesh
-        self.surface, facets = np.unique(level.boundary, return_inverse=True)
-        facets = facets.reshape(-1, d)
-        if space.comm.size > 1:
-            others = ~np.isin(self.surface, space.owned_points)
-            order = np.argsort(others, kind="stable")
-            self.surface, facets, own = self.surface[order], np.argsort(order)[facets], int(np.count_nonzero(~others))
-        else:
-            own = len(self.surface)
-        vertices, edges, faces = [level.points[self.surface]], [], []
-        if d == 2:
-            edges.append(facets)
-        else:
-            faces.append(facets)
-            edges.append(ipctk.edges(np.asfortranarray(facets, dtype=np.int32)))
-        offset = len(self.surface)
-        for obstacle in obstacles:
+    def __init__(
+        self,
+        space: LevelSpace,
+        obstacles: tuple[Obstacle, ...],
+        dhat: float,
+        ccd: str = "additive",
+        weighted: bool = True,
+    ):
+        self.space, self.obstacles, self.dhat, self.ccd, level = space, obstacles, dhat, ccd, space.mesh
+        boundary = np.unique(level.boundary)
+        self.surface = boundary[np.argsort(level.point_bodies[boundary], kind="stable")]
+        index = np.zeros(len(level.points), dtype=np.int64)
+        index[self.surface] = np.arange(len(self.surface))
+        vertices, facets = [level.points[self.surface]], [index[level.boundary]]
+        bodies = int(level.point_bodies.max()) + 1
+        numbers = [level.point_bodies[self.surface].astype(np.int64)]
+        for i, obstacle in enumerate(obstacles):
+            primitives = obstacle.edges if space.dim == 2 else obstacle.faces
+            facets.append(primitives.reshape(-1, space.dim) + sum(map(len, vertices)))
             vertices.append(obstacle.at(0.0))
-            edges.append(obstacle.edges.reshape(-1, 2) + offset)
-            faces.append(obstacle.faces.reshape(-1, 3) + offset)
-            offset += len(obstacle.vertices)
+            numbers.append(np.full(len(obstacle.vertices), bodies + i))
+        self.objects = np.concatenate(numbers)
         at_rest = np.concatenate(vertices)
-        self.primitives = CollisionMesh(
-            at_rest, np.concatenate(edges), np.concatenate(faces) if faces else np.zeros((0, 3)), own
-        )
-        self._start: np.ndarray | None = None
-        self._oriented_search = -1
-        numbers = [np.full(len(o.vertices), int(level.point_bodies.max()) + 1 + i) for i, o in enumerate(obstacles)]
-        self.objects = np.concatenate([level.point_bodies[self.surface], *numbers])
-        self._blocks = space.point_blocks[self.surface]
-        # Of the ranks that hold a pair, the one with the pair's first vertex in the input's order owns it.
-        self._input_index = np.concatenate(
-            [self.surface, np.full(len(self.objects) - len(self.surface), len(level.points))]
-        )
-        self._is_own = np.arange(len(self.objects)) < own
+        self.primitives = Primitives(at_rest, np.concatenate(facets), self.objects, bodies, weighted)
+        self._rows = np.full(len(at_rest), -1, dtype=np.int64)
+        self._rows[: len(self.surface)] = space.point_blocks[self.surface]
+        share = [self.primitives.leaves * (space.comm.rank + i) // space.comm.size for i in range(2)]
+        leaves = share[0], share[1]
+        self.lists = tuple(PairList(self.primitives, dhat, within, leaves) for within in (True, False))
         self.obstacle_positions = self._obstacles_at(0.0)
         self._at: Positions | None = None
         self._vertices: np.ndarray
-        self._narrow_phase, self._stops_at_contact = NARROW_PHASES[ccd], ccd != "additive"
-        self.candidates = ContactCandidates(self.primitives, at_rest, reach, not obstacles)
-
-    @property
-    def mesh(self) -> ipctk.CollisionMesh:
-        """ipctk's mesh of the primitives."""
-        return self.primitives.ipc
-
-    def begin(self, vertices: np.ndarray) -> None:
-        """Before a step that starts at `vertices` (n, d) [m]: forgets the candidates of earlier steps, so that not even
-        the last digits depend on them.
-        """
-        self.candidates.forget()
-        self._start = vertices if self.space.dim == 3 else None  # two edges never touch side by side in 2D
-        self._oriented_search = -1
-
-    def _with_oriented_edges(self, pairs: ipctk.Candidates) -> ipctk.Candidates:
-        """The same pairs, after the edges of a new search have been oriented by their directions at the step's
-        start.
-        """
-        if self._start is not None and self._oriented_search != self.candidates.searches and not pairs.empty():
-            self.primitives.orient_edges(self._start, self.candidates.edges)
-            self._oriented_search = self.candidates.searches
-        return pairs
+        self._capacities = np.array([1024, 256])
 
     def _obstacles_at(self, time: float) -> np.ndarray:
         placed = [o.at(time) for o in self.obstacles]
@@ -134,75 +89,138 @@ class CollisionSurface:
         return changed
 
     def vertices(self, x: Positions, at: float | None = None) -> np.ndarray:
-        """(n, d) positions [m] of the collision mesh's vertices; obstacles where they were placed, or where they are
-        `at` a time [s]. First use per x is collective.
+        """(n, d) positions [m] of the surface's vertices; obstacles where they were placed, or where they are `at` a
+        time [s]. First use per x is collective.
         """
         if at is None and x is self._at:
             return self._vertices
         obstacles = self.obstacle_positions if at is None else self._obstacles_at(at)
-        vertices = np.asfortranarray(np.concatenate([x.whole[self.surface], obstacles]))
+        vertices = np.concatenate([x.whole[self.surface], obstacles])
         if at is None:
             self._at, self._vertices = x, vertices
         return vertices
 
-    def pairs(self, vertices: np.ndarray) -> ipctk.Candidates:
-        """Candidates among which are all pairs nearer than the reach at the collision mesh's positions (n, d)."""
-        return self._with_oriented_edges(self.candidates.at(vertices))
+    def contacts(self, vertices: np.ndarray) -> Stencils:
+        """All contacts nearer than dhat at positions (n, d). Collective."""
+        for pairs in self.lists:
+            pairs.at(vertices)
+        points, edges = self._candidates()
+        d, counts = self.space.dim, np.zeros(2, dtype=np.int64)
+        while True:
+            k, f = self._capacities
+            found = Stencils(
+                np.empty((k, 4), dtype=np.int32),
+                np.empty((k, 4)),
+                np.empty((k, d)),
+                np.empty(k),
+                np.empty(f, dtype=np.int64),
+                np.empty((f, 4, 3)),
+            )
+            if library().active_pairs(
+                self.primitives.c,
+                pointer(vertices),
+                self.dhat,
+                len(points),
+                pointer(points, "int32_t"),
+                len(edges),
+                pointer(edges, "int32_t"),
+                pointer(self._capacities, "int64_t"),
+                pointer(found.vertices, "int32_t"),
+                pointer(found.coefficients),
+                pointer(found.gaps),
+                pointer(found.weights),
+                pointer(found.fading, "int64_t"),
+                pointer(found.fades),
+                pointer(counts, "int64_t"),
+            ):
+                raise MemoryError("no memory left for contacts")
+            if np.all(counts <= self._capacities):
+                return self._of_all_ranks(found, *counts)
+            self._capacities = np.maximum(self._capacities, 2 * counts)
+
+    def _of_all_ranks(self, found: Stencils, k: int, f: int) -> Stencils:
+        mine = [array[:k] for array in (found.vertices, found.coefficients, found.gaps, found.weights)]
+        mine += [found.fading[:f], found.fades[:f]]
+        comm = self.space.comm
+        if comm.size == 1:
+            return Stencils(*mine)
+        parts = comm.allgather(mine)
+        for part, before in zip(parts, np.cumsum([0, *(len(part[3]) for part in parts[:-1])]), strict=True):
+            part[4] = part[4] + before
+        return Stencils(*(np.concatenate(arrays) for arrays in zip(*parts, strict=True)))
+
+    def _candidates(self) -> tuple[np.ndarray, np.ndarray]:
+        """Pairs (k, 2) of vertices and facets, and of edges, of this rank."""
+        return (
+            np.concatenate([pairs.points for pairs in self.lists]),
+            np.concatenate([pairs.edges for pairs in self.lists]),
+        )
 
     def max_step(self, start: np.ndarray, end: np.ndarray, gap_share: float = MIN_GAP_SHARE) -> float:
         """Largest step in [0, 1] along straight paths from start to end (n, d) at which all pairs of this rank stay
-        apart and keep at least the share `gap_share` of their gap.
+        apart, and keep at least the share `gap_share` of their gap, or of dhat where that is less.
         """
-        pairs = self._with_oriented_edges(self.candidates.along(start, end))
-        if pairs.empty():
-            return 1.0
-        step = float(
-            pairs.compute_collision_free_stepsize(
-                mesh=self.mesh,
-                vertices_t0=start,
-                vertices_t1=end,
-                min_distance=0.0,
-                narrow_phase_ccd=self._narrow_phase(gap_share),
-            )
+        for pairs in self.lists:
+            pairs.along(start, end)
+        points, edges = self._candidates()
+        if self.ccd != "additive":
+            return self._certified_step(start, end, gap_share, points, edges)
+        return self._longest_step(start, end, gap_share, points, edges)
+
+    def _longest_step(
+        self, start: np.ndarray, end: np.ndarray, gap_share: float, points: np.ndarray, edges: np.ndarray
+    ) -> float:
+        return library().longest_step(
+            self.primitives.c,
+            pointer(start),
+            pointer(end),
+            self.dhat,
+            gap_share,
+            len(points),
+            pointer(points, "int32_t"),
+            len(edges),
+            pointer(edges, "int32_t"),
+            1.0,
         )
-        return (1.0 - gap_share) * step if self._stops_at_contact and step < 1.0 else step
+
+    def _certified_step(
+        self, start: np.ndarray, end: np.ndarray, gap_share: float, points: np.ndarray, edges: np.ndarray
+    ) -> float:
+        """The step by tight inclusion, of the pairs that conservative advancement cannot clear. Tight inclusion goes to
+        the contact itself, so its step is shortened afterwards.
+        """
+        import ipctk
+
+        ccd, none, step = ipctk.TightInclusionCCD(tolerance=1e-6, max_iterations=1_000_000), points[:0], 1.0
+        detect: Callable
+        for pairs, is_point in ((points, True), (edges, False)):
+            for k in range(len(pairs)):
+                one = pairs[k : k + 1]
+                if self._longest_step(start, end, gap_share, *((one, none) if is_point else (none, one))) == 1.0:
+                    continue
+                if is_point:
+                    corners = [one[0, 0], *self.primitives.facets[one[0, 1]]]
+                    detect = ccd.point_triangle_ccd if len(corners) == 4 else ccd.point_edge_ccd
+                else:
+                    corners, detect = [*self.primitives.edges[one[0]].ravel()], ccd.edge_edge_ccd
+                hit, at = detect(*start[corners], *end[corners], min_distance=0.0, tmax=step)
+                step = min(step, at) if hit else step
+        return (1.0 - gap_share) * step if step < 1.0 else step
 
     def rows_of(self, values: np.ndarray) -> np.ndarray:
-        """(n_owned, d) rows of the level from values (n d,) of the collision mesh; zero away from the surface. Sums
-        over this rank's pairs are complete in these rows.
-        """
+        """(n_owned, d) rows of the level from values (n, d) of the surface; zero away from it."""
         whole = np.zeros((len(self.space.mesh.points), self.space.dim))
-        whole[self.surface] = values.reshape(-1, self.space.dim)[: len(self.surface)]
+        whole[self.surface] = values[: len(self.surface)]
         return self.space.from_input(whole)
 
     def of_vertices(self, values: np.ndarray) -> np.ndarray:
-        """Values of the collision mesh's vertices, from those of the level's points (m, ...) in the input's order;
-        zeros at obstacles.
+        """Values of the surface's vertices, from those of the level's points (m, ...) in the input's order; zeros at
+        obstacles.
         """
-        out = np.zeros((len(self.surface) + len(self.obstacle_positions), *values.shape[1:]))
+        out = np.zeros((len(self.objects), *values.shape[1:]))
         out[: len(self.surface)] = values[self.surface]
         return out
 
-    def stencils(self, active: ipctk.NormalCollisions, vertices: np.ndarray) -> Stencils:
-        """The active pairs of this rank at the collision mesh's positions (n, d), as arrays."""
-        stencils = normal_stencils(active, self.primitives.edges, self.primitives.faces, vertices)
-        if self.space.comm.size == 1:
-            return stencils
-        first = np.take_along_axis(
-            stencils.vertices, self._input_index[stencils.vertices].argmin(axis=1)[:, None], axis=1
-        )[:, 0]
-        return replace(stencils, owned=self._is_own[first])
-
     def add_stencils(self, stencils: Stencils, gap_hessian: np.ndarray, into: HessianBlocks) -> None:
-        """Adds the contact pairs' Hessians, from those over their gaps (k, d, d) [N/m]; obstacles have no rows."""
-        stencils.add(gap_hessian, self._blocks, into)
-
-    def add_hessian(self, hessian: sparray | spmatrix, weight: float, into: HessianBlocks) -> None:
-        """Adds `weight` times a sparse Hessian (n d, n d) of the collision mesh; obstacles have no rows."""
-        d, k = self.space.dim, len(self.surface)
-        blocks = csr_array(hessian)[: k * d, : k * d].tobsr(blocksize=(d, d))
-        into.add_pairs(
-            self._blocks[np.repeat(np.arange(k), np.diff(blocks.indptr))],
-            self._blocks[blocks.indices],
-            weight * blocks.data,
-        )
+        """Adds the contacts' Hessians, from those over their gaps (k, d, d) [N/m]; obstacles have no rows."""
+        stencils.add(gap_hessian, self._rows, into)

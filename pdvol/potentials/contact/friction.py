@@ -1,5 +1,5 @@
-"""Lagged, smoothed Coulomb friction between surfaces (Li et al. 2020, section 5), on the pairs that the barrier finds
-with ipctk.
+"""Lagged, smoothed Coulomb friction between surfaces (Li et al. 2020, section 5), on the contacts that the barrier
+finds.
 """
 
 from dataclasses import replace
@@ -38,18 +38,16 @@ class SurfaceFriction(Term):
         self.update_lag(x_t)
 
     def update_lag(self, x: Positions) -> None:
-        stencils, gaps = self.barrier.stencils(x)
-        distances = np.linalg.norm(gaps, axis=1)
+        stencils = self.barrier.stencils(x)
+        distances = np.linalg.norm(stencils.gaps, axis=1)
         pressures = barrier_law.pressure(
             np.minimum(distances / self.barrier.dhat, 1.0) ** 2, self.barrier.dhat, self.barrier.kappa
         )
         mu = self.mu
         if isinstance(mu, np.ndarray):
             mu = mu[stencils.objects_in_contact(self.surface.objects)]
-        self._stencils = replace(
-            stencils, weights=mu * pressures * np.where(stencils.has_normal, stencils.weights, 0.0)
-        )  # [N]
-        self._normals = gaps / np.maximum(distances, 1e-300)[:, None]
+        self._stencils = replace(stencils, weights=mu * pressures * stencils.weights)  # [N]
+        self._normals = stencils.gaps / np.maximum(distances, 1e-300)[:, None]
         self._count = len(stencils.weights)
 
     @property
@@ -58,18 +56,15 @@ class SurfaceFriction(Term):
 
     def _slip(self, x: Positions) -> tuple[np.ndarray, np.ndarray]:
         """Slips (k, d) [m] in the pairs' tangential planes, and their lengths (k,)."""
-        u = self._stencils.gaps(self.surface.vertices(x) - self._start)
+        u = self._stencils.gaps_of(self.surface.vertices(x) - self._start)
         u -= np.einsum("kd,kd->k", u, self._normals)[:, None] * self._normals
         return u, np.linalg.norm(u, axis=1)
 
     def value(self, x: Positions) -> float:
-        mine = 0.0
-        if self._count:
-            _, size = self._slip(x)
-            mine = float(
-                np.where(self._stencils.owned, self._stencils.weights, 0.0) @ smooth_friction.f0(size, self._eps)
-            )
-        return self.space.comm.allreduce(mine)
+        if not self._count:
+            return 0.0
+        _, size = self._slip(x)
+        return float(self._stencils.weights @ smooth_friction.f0(size, self._eps))
 
     def gradient(self, x: Positions) -> np.ndarray:
         if not self._count:

@@ -9,7 +9,7 @@ motion.
 import numpy as np
 from mpi4py import MPI
 
-from pdvol.geometry.level_mesh import LevelMesh
+from pdvol.geometry.level_mesh import LevelMesh, facet_sizes
 from pdvol.levels.obstacles import Obstacle
 from pdvol.levels.space import LevelSpace
 from pdvol.potentials.assembly.hessian_blocks import HessianBlocks
@@ -20,13 +20,7 @@ from pdvol.potentials.potential import MIN_GAP_SHARE, Positions, Term
 
 def boundary_areas(mesh: LevelMesh) -> np.ndarray:
     """(n,) each vertex's share of the boundary at rest [m^(d-1)], zero inside."""
-    corners = mesh.points[mesh.boundary]
-    edges = corners[:, 1:] - corners[:, :1]
-    size = (
-        np.linalg.norm(edges[:, 0], axis=1)
-        if mesh.dim == 2
-        else np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1) / 2
-    )
+    size = facet_sizes(mesh.points, mesh.boundary)
     return np.bincount(mesh.boundary.ravel(), np.repeat(size / mesh.dim, mesh.dim), minlength=len(mesh.points))
 
 

@@ -1,0 +1,72 @@
+"""C code that is built once per machine, with the C compiler that FFCx needs anyway, and loaded through cffi."""
+
+import hashlib
+import os
+import platform
+import subprocess
+import sysconfig
+import tempfile
+from collections.abc import Sequence
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import cffi
+import numpy as np
+
+from pdvol.errors import InputError
+
+# options of the C compiler: vector instructions of this processor, no fused multiply-add, so that sums repeat on one
+# kind of processor, and no errno or traps, which would prevent vectorisation
+FLAGS = ("-O3", "-march=native", "-ffp-contract=off", "-fno-math-errno", "-fno-trapping-math")
+
+ffi = cffi.FFI()
+
+
+@cache
+def cache_folder() -> Path:
+    """Where compiled code is kept: one folder per kind of processor, since it is compiled for the one at hand."""
+    try:
+        cpu = next(line for line in Path("/proc/cpuinfo").read_text().splitlines() if line.startswith("flags"))
+    except (OSError, StopIteration):
+        cpu = platform.processor()
+    key = hashlib.sha256(f"{platform.machine()} {cpu}".encode()).hexdigest()[:12]
+    base = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+    return base / "pdvol" / "compiled" / key
+
+
+def load(folder: Path, sources: Sequence[str], headers: Sequence[str], defines: Sequence[str] = ()) -> Any:
+    """The library of the C files of a folder, whose functions are declared to `ffi`.
+
+    Two processes may build it at once: each builds aside and renames.
+
+    Raises
+    ------
+    InputError
+        There is no C compiler.
+    """
+    paths = [folder / name for name in sources]
+    contents = b"".join(path.read_bytes() for path in (*paths, *(folder / name for name in headers)))
+    command = [os.environ.get("CC") or "cc", *FLAGS, *(f"-D{define}" for define in defines), "-shared", "-fPIC"]
+    key = hashlib.sha256(contents + " ".join(command).encode()).hexdigest()[:16]
+    target = cache_folder() / f"{folder.parent.name}-{key}{sysconfig.get_config_var('SHLIB_SUFFIX') or '.so'}"
+    if not target.exists():
+        target.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(dir=target.parent) as aside:
+            built = Path(aside) / target.name
+            try:
+                subprocess.run(
+                    [*command, *map(str, paths), "-o", str(built), "-lm"], check=True, capture_output=True, text=True
+                )
+            except (OSError, subprocess.CalledProcessError) as error:
+                detail = (getattr(error, "stderr", "") or str(error)).strip().splitlines()
+                raise InputError(
+                    f"no C compiler: {detail[-1] if detail else error}; install one (FFCx needs it too) or set CC"
+                ) from None
+            os.replace(built, target)
+    return ffi.dlopen(str(target))
+
+
+def pointer(array: np.ndarray, kind: str = "double") -> Any:
+    """A contiguous numpy array for C, kept alive for as long as what is returned."""
+    return ffi.from_buffer(f"{kind}[]", array)

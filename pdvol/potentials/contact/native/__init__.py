@@ -1,0 +1,42 @@
+"""The compiled loops of contact: broad phase, collision detection, active pairs and sums over them."""
+
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from pdvol.compiled import ffi, load
+
+ffi.cdef(
+    """
+typedef struct {
+    int32_t d;
+    int64_t vertices, edges, facets, objects, leaves;
+    const int32_t *edge, *facet, *facet_edges;
+    const int32_t *vertex_share, *edge_share;
+    const double *areas, *widths;
+    const int32_t *skip, *leaf, *roots;
+    const int32_t *leaf_facets, *leaf_vertices, *leaf_edges;
+    const int32_t *leaf_facet_starts, *leaf_vertex_starts, *leaf_edge_starts;
+} surface_t;
+void fit_boxes(const surface_t *s, int64_t object, const double *x, const double *y, double *boxes);
+int search_pairs(const surface_t *s, const double *boxes, const double *x, const double *y, double distance,
+                 const uint8_t *meets, int64_t first, int64_t last, const int64_t *capacities, int32_t *points,
+                 int32_t *edges, int64_t *counts);
+double longest_step(const surface_t *s, const double *x, const double *y, double dhat, double gap_share,
+                    int64_t n_points, const int32_t *points, int64_t n_edges, const int32_t *edges, double step);
+int active_pairs(const surface_t *s, const double *x, double dhat, int64_t n_points, const int32_t *points,
+                 int64_t n_edges, const int32_t *edges, const int64_t *capacities, int32_t *vertices,
+                 double *coefficients, double *gaps, double *weights, int64_t *fading, double *fades, int64_t *counts);
+double barrier_sum(int d, int64_t count, const int32_t *vertices, const double *coefficients, const double *gaps,
+                   const double *weights, int64_t faded, const int64_t *fading, const double *fades, double dhat,
+                   double kappa, double *gradient);
+int64_t pair_blocks(int d, int64_t count, const int32_t *vertices, const double *coefficients, const double *matrices,
+                    const int64_t *rows, int64_t *out_rows, int64_t *out_columns, double *blocks);
+"""
+)
+
+
+@cache
+def library() -> Any:
+    """The loaded library."""
+    return load(Path(__file__).parent, ("search.c", "pairs.c"), ("surface.h",))

@@ -1,0 +1,129 @@
+/* The primitives of a contact surface, and distances between them. Points have d = 2 or 3 numbers; facets are edges in 2D, triangles in 3D. */
+#ifndef PDVOL_SURFACE_H
+#define PDVOL_SURFACE_H
+#include <math.h>
+#include <stdint.h>
+#include <stdlib.h>
+#include <string.h>
+
+#define NEARLY_PARALLEL 1e-8 /* sin^2 of an angle: below it products of edges lose half of their digits */
+
+#define INLINE static inline __attribute__((always_inline))
+
+typedef struct {
+    int32_t d;
+    int64_t vertices, edges, facets, objects, leaves;
+    const int32_t *edge, *facet, *facet_edges; /* (edges, 2); (facets, d); (facets, 3), in 3D alone */
+    const int32_t *vertex_share, *edge_share;  /* how often unions of facets count a vertex and an edge: Surface in surface.py */
+    const double *areas, *widths;              /* weights of vertices [m^(d-1)] and of edges [m] */
+    const int32_t *skip, *leaf, *roots;        /* tree: next node outside of each node, its leaf or -1; (objects + 1) first nodes */
+    const int32_t *leaf_facets, *leaf_vertices, *leaf_edges;                      /* leaf by leaf; each vertex and edge is in one leaf */
+    const int32_t *leaf_facet_starts, *leaf_vertex_starts, *leaf_edge_starts; /* (leaves + 1) */
+} surface_t;
+
+INLINE double dot(int d, const double *a, const double *b)
+{
+    return a[0] * b[0] + a[1] * b[1] + (d == 3 ? a[2] * b[2] : 0.0);
+}
+
+INLINE void minus(int d, const double *a, const double *b, double *out)
+{
+    for (int j = 0; j < d; ++j)
+        out[j] = a[j] - b[j];
+}
+
+INLINE double clamp(double t)
+{
+    return t < 0.0 ? 0.0 : t > 1.0 ? 1.0 : t;
+}
+
+/* A primitive's closest point to a point: `kind` vertices of it (corners `corner`) with their shares. `gap` is the point minus the closest
+ * one; returns |gap|^2. */
+typedef struct {
+    int kind, corner[3];
+    double share[3], gap[3];
+} closest_t;
+
+INLINE double to_edge(int d, const double *p, const double *a, const double *b, closest_t *c)
+{
+    double ab[3], ap[3];
+    minus(d, b, a, ab), minus(d, p, a, ap);
+    const double along = dot(d, ab, ap), size = dot(d, ab, ab);
+    if (!(along > 0.0) || along >= size) {
+        const int end = along > 0.0;
+        c->kind = 1, c->corner[0] = end, c->share[0] = 1.0;
+        minus(d, p, end ? b : a, c->gap);
+    } else {
+        const double t = along / size;
+        c->kind = 2, c->corner[0] = 0, c->corner[1] = 1, c->share[0] = 1.0 - t, c->share[1] = t;
+        for (int j = 0; j < d; ++j)
+            c->gap[j] = ap[j] - t * ab[j];
+    }
+    return dot(d, c->gap, c->gap);
+}
+
+/* Of a triangle: inside it, or the closest of its edges' closest points. */
+INLINE double to_triangle(const double *p, const double *const *x, closest_t *c)
+{
+    double u[3], v[3], w[3];
+    minus(3, x[1], x[0], u), minus(3, x[2], x[0], v), minus(3, p, x[0], w);
+    const double uu = dot(3, u, u), uv = dot(3, u, v), vv = dot(3, v, v), uw = dot(3, u, w), vw = dot(3, v, w);
+    const double det = uu * vv - uv * uv, s = vv * uw - uv * vw, t = uu * vw - uv * uw;
+    if (s > 0.0 && t > 0.0 && s + t < det) {
+        const double a = s / det, b = t / det;
+        c->kind = 3;
+        for (int i = 0; i < 3; ++i)
+            c->corner[i] = i;
+        c->share[0] = 1.0 - a - b, c->share[1] = a, c->share[2] = b;
+        for (int j = 0; j < 3; ++j)
+            c->gap[j] = w[j] - a * u[j] - b * v[j];
+        return dot(3, c->gap, c->gap);
+    }
+    double least = INFINITY;
+    for (int i = 0; i < 3; ++i) {
+        closest_t edge;
+        const double distance = to_edge(3, p, x[i], x[(i + 1) % 3], &edge);
+        if (distance < least) {
+            least = distance, *c = edge;
+            for (int k = 0; k < edge.kind; ++k)
+                c->corner[k] = (i + edge.corner[k]) % 3;
+        }
+    }
+    return least;
+}
+
+INLINE double to_facet(int d, const double *p, const double *const *x, closest_t *c)
+{
+    return d == 3 ? to_triangle(p, x, c) : to_edge(2, p, x[0], x[1], c);
+}
+
+/* Closest points of two segments a, b and c, d: shares along both; returns the squared distance. Any pair of closest points of parallel ones. */
+INLINE double between_segments(const double *a, const double *b, const double *c, const double *d, double *s, double *t)
+{
+    double u[3], v[3], w[3], gap[3];
+    minus(3, b, a, u), minus(3, d, c, v), minus(3, c, a, w);
+    const double uu = dot(3, u, u), uv = dot(3, u, v), vv = dot(3, v, v), uw = dot(3, u, w), vw = dot(3, v, w);
+    const double det = uu * vv - uv * uv;
+    *s = det > 0.0 ? clamp((uw * vv - vw * uv) / det) : 0.0;
+    *t = (*s * uv - vw) / vv;
+    if (!(*t > 0.0))
+        *t = 0.0, *s = clamp(uw / uu);
+    else if (*t > 1.0)
+        *t = 1.0, *s = clamp((uw + uv) / uu);
+    for (int j = 0; j < 3; ++j)
+        gap[j] = *s * u[j] - w[j] - *t * v[j];
+    double least = dot(3, gap, gap);
+    if (det <= NEARLY_PARALLEL * uu * vv) { /* where the shares above are round-off: an end of one of them is closest, or nearly so */
+        const double *ends[4] = {a, b, c, d};
+        for (int i = 0; i < 4; ++i) {
+            closest_t found;
+            const double distance = to_edge(3, ends[i], i < 2 ? c : a, i < 2 ? d : b, &found);
+            if (distance < least) {
+                const double along = found.kind == 2 ? found.share[1] : found.corner[0];
+                least = distance, *s = i < 2 ? i : along, *t = i < 2 ? along : i - 2;
+            }
+        }
+    }
+    return least;
+}
+#endif

@@ -1,0 +1,134 @@
+"""Vertices, edges and facets of contact surfaces as the compiled loops take them, and the tree that searches them."""
+
+from typing import Any
+
+import numpy as np
+
+from pdvol.compiled import ffi, pointer
+from pdvol.geometry.level_mesh import facet_sizes
+from pdvol.potentials.contact.native import library
+
+# facets of one leaf of the tree: smaller leaves make more nodes, larger ones more pairs that are tested in vain
+LEAF_FACETS = 4
+# area of a crossing of two edges, in squares of the narrower strip that belongs to an edge: see docs/contact.md
+CROSSING_AREA = 1.0
+
+
+class Primitives:
+    """The primitives of bodies and obstacles; facets are edges in 2D and triangles in 3D.
+
+    Parameters
+    ----------
+    vertices : (n, d) positions at rest [m]
+    facets : (f, d) int
+    objects : (n,) int
+        Number of the body or obstacle of each vertex; bodies first.
+    bodies : number of bodies
+    weighted : whether contacts weigh as much as their area; else each weighs as much as one
+
+    Attributes
+    ----------
+    edges : (e, 2) int32
+        None in 2D.
+    edge_length : median length of edges (3D) or facets (2D) at rest [m]
+    roots : (objects + 1,) int32
+        Where the nodes of each object begin.
+    c : the C struct of all this
+    """
+
+    def __init__(self, vertices: np.ndarray, facets: np.ndarray, objects: np.ndarray, bodies: int, weighted: bool):
+        self.d, self.bodies = vertices.shape[1], bodies
+        self.objects, self.facets = objects.astype(np.int64), np.ascontiguousarray(facets, dtype=np.int32)
+        n, d = len(vertices), self.d
+        if d == 3:
+            corners = self.facets[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
+            edges, of_facets = np.unique(np.sort(corners, axis=1), axis=0, return_inverse=True)
+            self.edges, facet_edges = edges.astype(np.int32), of_facets.reshape(-1, 3)
+        else:
+            self.edges, facet_edges = np.zeros((0, 2), dtype=np.int32), np.zeros((0, 3), dtype=np.int64)
+        lines = self.edges if d == 3 else self.facets
+        lengths = np.linalg.norm(vertices[lines[:, 1]] - vertices[lines[:, 0]], axis=1)
+        self.edge_length = float(np.median(lengths)) if len(lengths) else 0.0
+        areas, widths = np.ones(n), np.ones(len(self.edges))
+        if weighted:
+            sizes = facet_sizes(vertices, self.facets)
+            areas = 0.5 * np.bincount(self.facets.ravel(), np.repeat(sizes / d, d), minlength=n)  # both sides count
+            beside = np.bincount(facet_edges.ravel(), np.repeat(sizes / 3.0, 3), minlength=len(self.edges))
+            widths = np.sqrt(CROSSING_AREA) * beside / lengths if d == 3 else widths
+        # In a union a facet counts once; an edge and a vertex as often as is left to one after what contains them.
+        edge_share = 1 - np.bincount(facet_edges.ravel(), minlength=len(self.edges))
+        vertex_share = 1 - np.bincount(self.facets.ravel(), minlength=n)
+        vertex_share -= np.bincount(self.edges.ravel(), np.repeat(edge_share, 2), minlength=n).astype(int)
+        self._arrays: dict[str, np.ndarray] = {
+            "edge": self.edges,
+            "facet": self.facets,
+            "facet_edges": facet_edges,
+            "vertex_share": vertex_share,
+            "edge_share": edge_share,
+            "areas": areas,
+            "widths": widths,
+        }
+        self._build_tree(vertices, facet_edges)
+        self.c = self._struct(n)
+
+    def _build_tree(self, vertices: np.ndarray, facet_edges: np.ndarray) -> None:
+        """The tree of each object, nodes in the order of a walk through it: a node's first child follows it."""
+        middles = vertices[self.facets].mean(axis=1)
+        owner = self.objects[self.facets[:, 0]]
+        skip: list[int] = []
+        leaf: list[int] = []
+        leaves: list[np.ndarray] = []
+        roots = [0]
+        for number in range(int(self.objects.max()) + 1):
+            pending = [np.flatnonzero(owner == number)]
+            closing: list[tuple[int, int]] = []  # node, and how many are pending when its subtree is complete
+            while pending and len(pending[-1]):
+                facets = pending.pop()
+                node = len(skip)
+                skip.append(0)
+                if len(facets) <= LEAF_FACETS:
+                    leaf.append(len(leaves))
+                    leaves.append(facets)
+                    skip[node] = len(skip)
+                    while closing and closing[-1][1] == len(pending):
+                        skip[closing.pop()[0]] = len(skip)
+                else:
+                    leaf.append(-1)
+                    closing.append((node, len(pending)))
+                    at = middles[facets]
+                    order = np.argsort(at[:, np.ptp(at, axis=0).argmax()], kind="stable")
+                    pending += [facets[order[len(order) // 2 :]], facets[order[: len(order) // 2]]]
+            roots.append(len(skip))
+        self.roots, self.leaves = np.array(roots, dtype=np.int32), len(leaves)
+        everything = np.concatenate(leaves)
+        home = np.empty(len(self.facets), dtype=np.int64)
+        home[everything] = np.repeat(np.arange(len(leaves)), [len(facets) for facets in leaves])
+        self._arrays |= {"skip": np.array(skip), "leaf": np.array(leaf), "roots": self.roots}
+        for primitives, of_facets, count in (
+            ("facet", np.arange(len(self.facets))[:, None], len(self.facets)),
+            ("vertex", self.facets, len(vertices)),
+            ("edge", facet_edges, len(self.edges)),
+        ):
+            first = np.full(count, len(leaves))  # of the leaves that it is in
+            np.minimum.at(first, of_facets, home[: len(of_facets), None])
+            order = np.argsort(first, kind="stable")
+            plural = "vertices" if primitives == "vertex" else f"{primitives}s"
+            self._arrays[f"leaf_{plural}"] = order
+            self._arrays[f"leaf_{primitives}_starts"] = np.searchsorted(first[order], np.arange(len(leaves) + 1))
+
+    def _struct(self, n: int) -> Any:
+        struct = ffi.new("surface_t *")
+        struct.d, struct.vertices, struct.edges, struct.facets = self.d, n, len(self.edges), len(self.facets)
+        struct.objects, struct.leaves = len(self.roots) - 1, self.leaves
+        self._kept = []
+        for name, array in self._arrays.items():
+            kind = "double" if array.dtype == np.float64 else "int32_t"
+            plain = np.ascontiguousarray(array, dtype=np.float64 if kind == "double" else np.int32)
+            self._kept.append(pointer(plain, kind))
+            setattr(struct, name, self._kept[-1])
+        return struct
+
+    def fit_boxes(self, numbers: np.ndarray, start: np.ndarray, end: np.ndarray, boxes: np.ndarray) -> None:
+        """Fits the boxes (nodes, 2 d) of these objects while vertices go from start to end (n, d)."""
+        for number in numbers:
+            library().fit_boxes(self.c, int(number), pointer(start), pointer(end), pointer(boxes))
