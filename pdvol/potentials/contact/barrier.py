@@ -10,7 +10,6 @@ import numpy as np
 
 from pdvol.compiled import pointer
 from pdvol.potentials.assembly.hessian_blocks import HessianBlocks
-from pdvol.potentials.contact import barrier_law
 from pdvol.potentials.contact.collision_surface import CollisionSurface
 from pdvol.potentials.contact.native import library
 from pdvol.potentials.contact.stencils import Stencils
@@ -47,16 +46,21 @@ class SurfaceBarrier(Term):
             self._stencils, self._at = self.surface.contacts(self.surface.vertices(x)), x
         return self._stencils
 
-    def _sum(self, x: Positions) -> tuple[float, np.ndarray]:
-        """The energy [J], and its gradient (n, d) [N] by the surface's vertices."""
-        found, gradient = self.stencils(x), np.zeros((len(self.surface.objects), self.space.dim))
-        energy = library().barrier_sum(
+    def _arguments(self, found: Stencils) -> tuple:
+        return (
             self.space.dim,
             len(found),
             pointer(found.vertices, "int32_t"),
             pointer(found.coefficients),
             pointer(found.gaps),
             pointer(found.weights),
+        )
+
+    def _sum(self, x: Positions) -> tuple[float, np.ndarray]:
+        """The energy [J], and its gradient (n, d) [N] by the surface's vertices."""
+        found, gradient = self.stencils(x), np.zeros((len(self.surface.objects), self.space.dim))
+        energy = library().barrier_sum(
+            *self._arguments(found),
             len(found.fading),
             pointer(found.fading, "int64_t"),
             pointer(found.fades),
@@ -76,10 +80,19 @@ class SurfaceBarrier(Term):
         found = self.stencils(x)
         if not len(found):
             return
-        squared = np.einsum("kd,kd->k", found.gaps, found.gaps)
-        curvature = barrier_law.curvature(squared / self.dhat**2, self.dhat, self.kappa)
-        share = weight * np.maximum(found.weights, 0.0) * curvature / squared
-        self.surface.add_stencils(found, share[:, None, None] * found.gaps[:, :, None] * found.gaps[:, None, :], into)
+        arguments = (
+            *self._arguments(found),
+            pointer(self.surface.vertices(x)),
+            len(found.fading),
+            pointer(found.fading, "int64_t"),
+            pointer(found.fades),
+            pointer(found.bends),
+            self.dhat,
+            self.kappa,
+            weight,
+            into.projection != "none",
+        )
+        self.surface.add_blocks(library().barrier_blocks, arguments, len(found), into)
 
     def contact_stiffness(self, x: Positions, masses: np.ndarray, blocks: np.ndarray) -> np.ndarray:
         """(k,) semi-implicit stiffness [N/m] of the contacts (`stiffness.py`), all of them on the first rank, from masses (m,)

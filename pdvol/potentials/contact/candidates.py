@@ -123,11 +123,12 @@ class PairList:
 
     def _fit(self, start: np.ndarray, end: np.ndarray) -> None:
         """Fits the boxes of what is not where it was when they were fitted last."""
-        numbers = np.arange(len(self._counts))
+        marked = np.ones(len(self._counts), dtype=bool)
         if self._boxed is not None:
             same = (self._boxed[0] == start).all(axis=1) & (self._boxed[1] == end).all(axis=1)
-            numbers = np.flatnonzero(~np.logical_and.reduceat(same, self._starts))
-        self.primitives.fit_boxes(numbers, start, end, self._boxes)
+            marked = ~np.logical_and.reduceat(same, self._starts)
+        moving = pointer(start), pointer(end)
+        library().fit_boxes(self.primitives.c, pointer(marked, "uint8_t"), *moving, pointer(self._boxes))
         self._boxed = start, end
 
     def _apart(self) -> np.ndarray:

@@ -115,6 +115,7 @@ class CollisionSurface:
                 np.empty(k),
                 np.empty(f, dtype=np.int64),
                 np.empty((f, 4, 3)),
+                np.empty((f, 5, 4, 3)),
             )
             if library().active_pairs(
                 self.primitives.c,
@@ -131,6 +132,7 @@ class CollisionSurface:
                 pointer(found.weights),
                 pointer(found.fading, "int64_t"),
                 pointer(found.fades),
+                pointer(found.bends),
                 pointer(counts, "int64_t"),
             ):
                 raise MemoryError("no memory left for contacts")
@@ -140,7 +142,7 @@ class CollisionSurface:
 
     def _of_all_ranks(self, found: Stencils, k: int, f: int) -> Stencils:
         mine = [array[:k] for array in (found.vertices, found.coefficients, found.gaps, found.weights)]
-        mine += [found.fading[:f], found.fades[:f]]
+        mine += [found.fading[:f], found.fades[:f], found.bends[:f]]
         comm = self.space.comm
         if comm.size == 1:
             return Stencils(*mine)
@@ -221,6 +223,22 @@ class CollisionSurface:
         out[: len(self.surface)] = values[self.surface]
         return out
 
-    def add_stencils(self, stencils: Stencils, gap_hessian: np.ndarray, into: HessianBlocks) -> None:
-        """Adds the contacts' Hessians, from those over their gaps (k, d, d) [N/m]; obstacles have no rows."""
-        stencils.add(gap_hessian, self._rows, into)
+    def add_squares(self, vertices: np.ndarray, vectors: np.ndarray, into: HessianBlocks) -> None:
+        """Adds the sum of the squares v v' of vectors (m, 4, d) over four of the surface's vertices (m, 4) each;
+        obstacles have no rows.
+        """
+        arguments = self.space.dim, len(vectors), pointer(vertices, "int32_t"), pointer(vectors)
+        self.add_blocks(library().square_blocks, arguments, len(vectors), into)
+
+    def add_blocks(self, compiled: Callable, arguments: tuple, count: int, into: HessianBlocks) -> None:
+        """Adds the blocks that a compiled function finds for `count` contacts, 10 each at most."""
+        d = self.space.dim
+        keys, blocks = np.empty((2, 10 * count), dtype=np.int64), np.empty((10 * count, d, d))
+        found = compiled(
+            *arguments,
+            pointer(self._rows, "int64_t"),
+            pointer(keys[0], "int64_t"),
+            pointer(keys[1], "int64_t"),
+            pointer(blocks),
+        )
+        into.add_pairs(keys[0, :found], keys[1, :found], blocks[:found])

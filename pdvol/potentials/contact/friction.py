@@ -77,16 +77,18 @@ class SurfaceFriction(Term):
         if not self._count:
             return
         slip, size = self._slip(x)
-        direction = slip / np.maximum(size, 1e-300)[:, None]
-        across, slope = (
-            k[:, None, None] for k in smooth_friction.stiffness(size, self._eps, majorise=into.projection == "abs")
-        )
         n = self._normals
-        gap_hessian = (
-            across * (np.eye(n.shape[1]) - n[:, :, None] * n[:, None, :])
-            + (slope - across) * direction[:, :, None] * direction[:, None, :]
-        )
-        forces = self._stencils.weights
-        if into.projection != "none":  # in 3D some pairs of the improved maximum have negative weights
-            forces = np.abs(forces) if into.projection == "abs" else np.maximum(forces, 0.0)
-        self.surface.add_stencils(self._stencils, weight * forces[:, None, None] * gap_hessian, into)
+        if n.shape[1] == 2:
+            first = np.column_stack([-n[:, 1], n[:, 0]])
+        else:  # along the slip, or anywhere in the tangential plane
+            smallest = np.eye(3)[np.abs(n).argmin(axis=1)]
+            first = np.where(size[:, None] > 0.0, slip, np.cross(n, smallest))
+            first /= np.linalg.norm(first, axis=1)[:, None]
+        across, slope = smooth_friction.stiffness(size, self._eps, majorise=into.projection == "abs")
+        forces = weight * np.maximum(self._stencils.weights, 0.0)  # those of unions may be negative
+        tangents = [np.sqrt(forces * slope)[:, None] * first]
+        if n.shape[1] == 3:
+            tangents.append(np.sqrt(forces * across)[:, None] * np.cross(n, first))
+        for tangent in tangents:
+            vectors = self._stencils.coefficients[:, :, None] * tangent[:, None, :]
+            self.surface.add_squares(self._stencils.vertices, np.ascontiguousarray(vectors), into)

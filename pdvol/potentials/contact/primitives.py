@@ -11,7 +11,8 @@ from pdvol.potentials.contact.native import library
 # facets of one leaf of the tree: smaller leaves make more nodes, larger ones more pairs that are tested in vain
 LEAF_FACETS = 4
 # area of a crossing of two edges, in squares of the narrower strip that belongs to an edge: see docs/contact.md
-CROSSING_AREA = 1.0
+import os
+CROSSING_AREA = float(os.environ.get("CROSS", 1.0))
 
 
 class Primitives:
@@ -54,7 +55,7 @@ class Primitives:
             sizes = facet_sizes(vertices, self.facets)
             areas = 0.5 * np.bincount(self.facets.ravel(), np.repeat(sizes / d, d), minlength=n)  # both sides count
             beside = np.bincount(facet_edges.ravel(), np.repeat(sizes / 3.0, 3), minlength=len(self.edges))
-            widths = np.sqrt(CROSSING_AREA) * beside / lengths if d == 3 else widths
+            widths = CROSSING_AREA * beside
         # In a union a facet counts once; an edge and a vertex as often as is left to one after what contains them.
         edge_share = 1 - np.bincount(facet_edges.ravel(), minlength=len(self.edges))
         vertex_share = 1 - np.bincount(self.facets.ravel(), minlength=n)
@@ -127,8 +128,3 @@ class Primitives:
             self._kept.append(pointer(plain, kind))
             setattr(struct, name, self._kept[-1])
         return struct
-
-    def fit_boxes(self, numbers: np.ndarray, start: np.ndarray, end: np.ndarray, boxes: np.ndarray) -> None:
-        """Fits the boxes (nodes, 2 d) of these objects while vertices go from start to end (n, d)."""
-        for number in numbers:
-            library().fit_boxes(self.c, int(number), pointer(start), pointer(end), pointer(boxes))

@@ -10,10 +10,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pdvol.compiled import pointer
-from pdvol.potentials.assembly.hessian_blocks import HessianBlocks
-from pdvol.potentials.contact.native import library
-
 
 @dataclass(frozen=True)
 class Stencils:
@@ -31,6 +27,8 @@ class Stencils:
         Contacts whose weights change with the positions.
     fades : (f, 4, 3)
         Derivatives of their weights by the positions of their vertices.
+    bends : (f, 5, 4, 3)
+        Vectors over their vertices, whose squares add up to the convex part of the weights' second derivatives.
     """
 
     vertices: np.ndarray
@@ -39,6 +37,7 @@ class Stencils:
     weights: np.ndarray
     fading: np.ndarray
     fades: np.ndarray
+    bends: np.ndarray
 
     def __len__(self) -> int:
         return len(self.weights)
@@ -70,29 +69,3 @@ class Stencils:
                 self.vertices.ravel(), (self.coefficients * forces[:, axis, None]).ravel(), minlength=count
             )
         return out
-
-    def add(self, gap_hessian: np.ndarray, rows: np.ndarray, into: HessianBlocks) -> None:
-        """Adds the contacts' Hessians over the positions, c_i c_j M for the vertices i, j of a contact.
-
-        Parameters
-        ----------
-        gap_hessian : (k, d, d) [N/m]
-            Symmetric: M, the Hessian of each contact's energy over its gap vector.
-        rows : (n,) int64
-            Global block index of the surface's vertices; -1 for obstacles'.
-        into : HessianBlocks
-        """
-        d, most = gap_hessian.shape[1], 10 * len(self)
-        keys, blocks = np.empty((2, most), dtype=np.int64), np.empty((most, d, d))
-        count = library().pair_blocks(
-            d,
-            len(self),
-            pointer(self.vertices, "int32_t"),
-            pointer(self.coefficients),
-            pointer(np.ascontiguousarray(gap_hessian)),
-            pointer(rows, "int64_t"),
-            pointer(keys[0], "int64_t"),
-            pointer(keys[1], "int64_t"),
-            pointer(blocks),
-        )
-        into.add_pairs(keys[0, :count], keys[1, :count], blocks[:count])

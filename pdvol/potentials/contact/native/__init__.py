@@ -18,7 +18,7 @@ typedef struct {
     const int32_t *leaf_facets, *leaf_vertices, *leaf_edges;
     const int32_t *leaf_facet_starts, *leaf_vertex_starts, *leaf_edge_starts;
 } surface_t;
-void fit_boxes(const surface_t *s, int64_t object, const double *x, const double *y, double *boxes);
+void fit_boxes(const surface_t *s, const uint8_t *marked, const double *x, const double *y, double *boxes);
 int search_pairs(const surface_t *s, const double *boxes, const double *x, const double *y, double distance,
                  const uint8_t *meets, int64_t first, int64_t last, const int64_t *capacities, int32_t *points,
                  int32_t *edges, int64_t *counts);
@@ -26,12 +26,17 @@ double longest_step(const surface_t *s, const double *x, const double *y, double
                     int64_t n_points, const int32_t *points, int64_t n_edges, const int32_t *edges, double step);
 int active_pairs(const surface_t *s, const double *x, double dhat, int64_t n_points, const int32_t *points,
                  int64_t n_edges, const int32_t *edges, const int64_t *capacities, int32_t *vertices,
-                 double *coefficients, double *gaps, double *weights, int64_t *fading, double *fades, int64_t *counts);
+                 double *coefficients, double *gaps, double *weights, int64_t *fading, double *fades, double *bends, int64_t *counts);
 double barrier_sum(int d, int64_t count, const int32_t *vertices, const double *coefficients, const double *gaps,
                    const double *weights, int64_t faded, const int64_t *fading, const double *fades, double dhat,
                    double kappa, double *gradient);
-int64_t pair_blocks(int d, int64_t count, const int32_t *vertices, const double *coefficients, const double *matrices,
-                    const int64_t *rows, int64_t *out_rows, int64_t *out_columns, double *blocks);
+int64_t square_blocks(int d, int64_t count, const int32_t *vertices, const double *vectors, const int64_t *rows,
+                      int64_t *out_rows, int64_t *out_columns, double *blocks);
+int64_t barrier_blocks(int d, int64_t count, const int32_t *vertices, const double *coefficients, const double *gaps,
+                       const double *weights, const double *x, int64_t faded, const int64_t *fading,
+                       const double *fades, const double *bends, double dhat, double kappa, double factor, int convex,
+                       const int64_t *rows,
+                       int64_t *out_rows, int64_t *out_columns, double *blocks);
 """
 )
 
@@ -39,4 +44,4 @@ int64_t pair_blocks(int d, int64_t count, const int32_t *vertices, const double 
 @cache
 def library() -> Any:
     """The loaded library."""
-    return load(Path(__file__).parent, ("search.c", "pairs.c"), ("surface.h",))
+    return load(Path(__file__).parent, ("search.c", "pairs.c"), ("surface.h",), __import__("os").environ.get("DEFS", "").split())

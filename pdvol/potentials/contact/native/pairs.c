@@ -1,13 +1,19 @@
 /* The active pairs of a contact surface, and sums over them. */
 #include "surface.h"
 
-#define PARALLEL 1e-3 /* sin^2 of the angle between edges below which their contact fades (Li et al. 2020, section 4.2) */
+#ifndef FADE
+#define FADE 1.0
+#endif
+#ifndef PARALLEL
+#define PARALLEL 1e-3
+#endif
 
 /* One contact: up to four vertices and their coefficients in its gap vector, and its weight. */
 typedef struct {
     int64_t count, capacity, faded, fades_capacity;
     int32_t *vertices;
     double *coefficients, *gaps, *weights, *fades; /* fades (faded, 12): derivative of the weight by the vertices */
+    double *bends;                                 /* (faded, 5, 12): their squares are the convex part of the weight's Hessian */
     int64_t *fading;                               /* (faded) indices of the contacts whose weights depend on positions */
 } contacts_t;
 
@@ -126,35 +132,45 @@ INLINE void edge_contact(const surface_t *s, const double *x, double reach, int3
     const double distance = dot(3, gap, gap);
     if (!(distance < reach))
         return;
-    double factors[5], slopes[5], rates[5][12] = {{0.0}}, product = 1.0;
+    double factors[5], slopes[5], rates[5][12] = {{0.0}}, bends[5][12] = {{0.0}}, product = 1.0;
     const double sine = det / (aa * bb);
     factors[4] = fade(sine / PARALLEL, slopes + 4);
     for (int i = 0; i < 4; ++i) { /* in the plane of both edges, from an end to the other edge */
         closest_t end;
         const int k = i < 2 ? 2 : 0;
         const double beyond = to_edge(3, at[i], at[k], at[k + 1], &end) - distance;
-        factors[i] = fade(fmax(beyond, 0.0) / reach, slopes + i);
+        factors[i] = fade(fmax(beyond, 0.0) / (FADE * FADE * reach), slopes + i);
         product *= factors[i];
         if (slopes[i] == 0.0)
             continue;
+        const double up = dot(3, end.gap, gap) / distance;
+        const double size = dot(3, end.gap, end.gap) - up * up * distance, scale = sqrt(2.0 * slopes[i] / (FADE * FADE * reach * fmax(size, 1e-300)));
         for (int j = 0; j < 3; ++j) {
-            rates[i][3 * i + j] += 2.0 * end.gap[j] / reach;
+            const double across = scale * (end.gap[j] - up * gap[j]);
+            bends[i][3 * i + j] = across;
             for (int q = 0; q < end.kind; ++q)
-                rates[i][3 * (k + end.corner[q]) + j] -= 2.0 * end.share[q] * end.gap[j] / reach;
+                bends[i][3 * (k + end.corner[q]) + j] = -end.share[q] * across;
+        }
+        for (int j = 0; j < 3; ++j) {
+            rates[i][3 * i + j] += 2.0 * end.gap[j] / (FADE * FADE * reach);
+            for (int q = 0; q < end.kind; ++q)
+                rates[i][3 * (k + end.corner[q]) + j] -= 2.0 * end.share[q] * end.gap[j] / (FADE * FADE * reach);
             for (int q = 0; q < 4; ++q)
-                rates[i][3 * q + j] -= 2.0 * c[q] * gap[j] / reach;
+                rates[i][3 * q + j] -= 2.0 * c[q] * gap[j] / (FADE * FADE * reach);
         }
     }
     product *= factors[4];
     if (!(product > 0.0))
         return;
-    const double area = s->widths[one] * s->widths[other];
+    const double area = fmin(s->widths[one], s->widths[other]);
     if (product < 1.0) {
         if (slopes[4] > 0.0)
             for (int j = 0; j < 3; ++j) {
                 const double by_a = 2.0 * ((bb * a[j] - ab * b[j]) / (aa * bb) - sine * a[j] / aa) / PARALLEL;
                 const double by_b = 2.0 * ((aa * b[j] - ab * a[j]) / (aa * bb) - sine * b[j] / bb) / PARALLEL;
                 rates[4][j] = -by_a, rates[4][3 + j] = by_a, rates[4][6 + j] = -by_b, rates[4][9 + j] = by_b;
+                for (int q = 0; q < 4; ++q) /* of the angle itself, of which the sine is nearly the size */
+                    bends[4][3 * q + j] = rates[4][3 * q + j] * sqrt(0.5 * PARALLEL * slopes[4] / sine);
             }
         if (out->count < out->capacity && out->faded < out->fades_capacity) {
             double *fades = out->fades + 12 * out->faded;
@@ -163,6 +179,9 @@ INLINE void edge_contact(const surface_t *s, const double *x, double reach, int3
                 for (int q = 0; q < 12; ++q)
                     fades[q] += area * product / factors[i] * slopes[i] * rates[i][q];
             out->fading[out->faded] = out->count;
+            for (int i = 0; i < 5; ++i)
+                for (int q = 0; q < 12; ++q)
+                    out->bends[60 * out->faded + 12 * i + q] = bends[i][q] * sqrt(area * product / factors[i]);
         }
         ++out->faded;
     }
@@ -173,11 +192,11 @@ INLINE void edge_contact(const surface_t *s, const double *x, double reach, int3
  * those with weights that depend on positions, no more than `capacities` are written; counts says how many there are. Returns 1 without memory. */
 int active_pairs(const surface_t *s, const double *x, double dhat, int64_t n_points, const int32_t *points, int64_t n_edges, const int32_t *edges,
                  const int64_t *capacities, int32_t *vertices, double *coefficients, double *gaps, double *weights, int64_t *fading, double *fades,
-                 int64_t *counts)
+                 double *bends, int64_t *counts)
 {
     const int64_t size = s->vertices + s->edges + s->facets;
     const double reach = dhat * dhat;
-    contacts_t out = {0, capacities[0], 0, capacities[1], vertices, coefficients, gaps, weights, fades, fading};
+    contacts_t out = {0, capacities[0], 0, capacities[1], vertices, coefficients, gaps, weights, fades, bends, fading};
     int64_t most = 0;
     for (int64_t k = 0, first = 0; k < n_points; ++k) {
         first = k && points[2 * k] == points[2 * k - 2] ? first : k;
@@ -239,23 +258,169 @@ double barrier_sum(int d, int64_t count, const int32_t *vertices, const double *
     return total;
 }
 
-/* Blocks c_i c_j M of the contacts' vertices i, j that have rows (`rows`, -1: none), M (count, d, d) symmetric, on or right of the diagonal.
- * Returns how many: up to 10 count. */
-int64_t pair_blocks(int d, int64_t count, const int32_t *vertices, const double *coefficients, const double *matrices, const int64_t *rows,
-                    int64_t *out_rows, int64_t *out_columns, double *blocks)
+/* Blocks of the sum of squares v v' of vectors (count, 4, d) over four vertices each that have rows (`rows`, -1: none), on or right of the
+ * diagonal. Returns how many: up to 10 count. */
+int64_t square_blocks(int d, int64_t count, const int32_t *vertices, const double *vectors, const int64_t *rows, int64_t *out_rows,
+                      int64_t *out_columns, double *blocks)
 {
     int64_t n = 0;
-    for (int64_t k = 0; k < count; ++k)
+    for (int64_t k = 0; k < count; ++k) {
+        double sizes[4];
+        for (int i = 0; i < 4; ++i)
+            sizes[i] = dot(d, vectors + d * (4 * k + i), vectors + d * (4 * k + i));
         for (int i = 0; i < 4; ++i)
             for (int j = i; j < 4; ++j) {
-                const double share = coefficients[4 * k + i] * coefficients[4 * k + j];
                 const int64_t a = rows[vertices[4 * k + i]], b = rows[vertices[4 * k + j]];
-                if (share == 0.0 || a < 0 || b < 0)
+                if (sizes[i] * sizes[j] == 0.0 || a < 0 || b < 0)
                     continue;
+                const double *u = vectors + d * (4 * k + (a < b ? i : j)), *v = vectors + d * (4 * k + (a < b ? j : i));
                 out_rows[n] = a < b ? a : b, out_columns[n] = a < b ? b : a;
-                for (int q = 0; q < d * d; ++q)
-                    blocks[d * d * n + q] = share * matrices[d * d * k + q];
+                for (int p = 0; p < d; ++p)
+                    for (int q = 0; q < d; ++q)
+                        blocks[d * d * n + d * p + q] = u[p] * v[q];
                 ++n;
             }
+    }
+    return n;
+}
+
+/* Adds scale v v' to the blocks H of a contact, on or right of the diagonal. */
+INLINE void add_square(int d, double scale, const double *v, double (*H)[9])
+{
+    for (int i = 0, n = 0; i < 4; ++i)
+        for (int j = i; j < 4; ++j, ++n)
+            for (int p = 0; p < d; ++p)
+                for (int q = 0; q < d; ++q)
+                    H[n][d * p + q] += scale * v[d * i + p] * v[d * j + q];
+}
+
+/* Adds a b' + b a', or its convex part. */
+INLINE void add_product(const double *a, const double *b, int convex, double (*H)[9])
+{
+    double aa = 0.0, ab = 0.0, bb = 0.0, vector[12];
+    for (int q = 0; q < 12; ++q)
+        aa += a[q] * a[q], ab += a[q] * b[q], bb += b[q] * b[q];
+    if (!(aa * bb > 0.0))
+        return;
+    for (int side = convex ? 1 : -1; side < 2; side += 2) {
+        const double ratio = side * sqrt(aa / bb), value = ab + side * sqrt(aa * bb), size = aa + 2.0 * ratio * ab + ratio * ratio * bb;
+        for (int q = 0; q < 12; ++q)
+            vector[q] = a[q] + ratio * b[q];
+        if (size > 0.0)
+            add_square(3, value / size, vector, H);
+    }
+}
+
+INLINE void outer(int d, const double *c, const double *v, double scale, double *out)
+{
+    for (int i = 0; i < 4; ++i)
+        for (int j = 0; j < d; ++j)
+            out[d * i + j] = scale * c[i] * v[j];
+}
+
+/* The convex part of one contact's Hessian: weight times the law. Its curvature along the gap counts where the weight is positive, and the one
+ * across the gap where it is negative. To these comes what the gap's rotation adds: with the closest points' parameters eliminated, and tangents t
+ * and derivatives b of the coefficients by them orthonormal, (gap^2)'' = 2 sum over the normals n of (c n)(c n)' - 2 sum over the tangents of
+ * u v' + v u' + v v', u = c t, v = b gap. */
+INLINE void contact_hessian(int d, const double *c, const int32_t *vertices, const double *x, const double *gap, double weight, double dhat,
+                            double kappa, int convex, double (*H)[9])
+{
+    double slope, t[2][3], b[2][4] = {{0.0}}, vector[12], u[12], v[12];
+    const double squared = dot(d, gap, gap), s = squared / (dhat * dhat);
+    law(squared, dhat, kappa, &slope);
+    slope *= 2.0 * weight;
+    const int edges = c[0] > 0.0 && c[1] > 0.0, corners = (c[1] != 0.0) + (c[2] != 0.0) + (c[3] != 0.0);
+    const int parameters = edges ? 2 : corners - 1;
+    for (int e = 0; e < parameters; ++e) {
+        const int from = edges ? 3 * e : 1, to = edges ? 1 + e : 2 + e; /* the coefficient of `from` falls */
+        const double sign = edges && e == 0 ? 1.0 : edges ? 1.0 : -1.0;
+        b[e][from] = -sign, b[e][to] = sign;
+        minus(d, x + (int64_t)d * vertices[to], x + (int64_t)d * vertices[from], t[e]);
+        for (int j = 0; j < d; ++j)
+            t[e][j] *= sign;
+        if (e == 1) {
+            const double along = dot(d, t[1], t[0]);
+            for (int j = 0; j < d; ++j)
+                t[1][j] -= along * t[0][j];
+            for (int i = 0; i < 4; ++i)
+                b[1][i] -= along * b[0][i];
+        }
+        const double size = sqrt(dot(d, t[e], t[e]));
+        for (int j = 0; j < d; ++j)
+            t[e][j] /= size;
+        for (int i = 0; i < 4; ++i)
+            b[e][i] /= size;
+    }
+    const double second = -(2.0 * log(s) + 4.0 * (s - 1.0) / s - (s - 1.0) * (s - 1.0) / (s * s)) * kappa / (dhat * dhat * dhat);
+    const double along = 4.0 * weight * second + slope / squared;
+    outer(d, c, gap, 1.0, vector);
+    if (along > 0.0 || !convex)
+        add_square(d, along, vector, H);
+    if (parameters + 1 < d && (slope > 0.0 || !convex)) { /* normals beside the gap's own */
+        double n[2][3];
+        if (d == 2)
+            n[0][0] = -gap[1], n[0][1] = gap[0];
+        else {
+            const int least = fabs(gap[0]) < fabs(gap[1]) ? (fabs(gap[0]) < fabs(gap[2]) ? 0 : 2) : (fabs(gap[1]) < fabs(gap[2]) ? 1 : 2);
+            const double any[3] = {least == 0, least == 1, least == 2}, *a = parameters ? t[0] : any;
+            cross(gap, a, n[0]), cross(gap, n[0], n[1]);
+        }
+        for (int e = 0; e < d - 1 - parameters; ++e) {
+            outer(d, c, n[e], 1.0, vector);
+            add_square(d, slope / dot(d, n[e], n[e]), vector, H);
+        }
+    }
+    for (int e = 0; e < parameters; ++e) {
+        outer(d, c, t[e], 1.0, u), outer(d, b[e], gap, 1.0, v);
+        const double uu = dot(2, c, c) + dot(2, c + 2, c + 2), vv = squared * (dot(2, b[e], b[e]) + dot(2, b[e] + 2, b[e] + 2));
+        const double root = sqrt(vv * vv + 4.0 * uu * vv);
+        for (int side = -1; side < 2; side += 2) { /* the two eigenvalues of what is subtracted */
+            const double value = 0.5 * (vv + side * root), size = -slope * value;
+            if (size < 0.0 && convex)
+                continue;
+            for (int q = 0; q < 4 * d; ++q)
+                vector[q] = vv * u[q] + value * v[q];
+            add_square(d, size / (uu * vv * vv + value * value * vv), vector, H);
+        }
+    }
+}
+
+/* Blocks of the convex part of the Hessian of `factor` times the sum of weights times the law, as square_blocks has them. */
+int64_t barrier_blocks(int d, int64_t count, const int32_t *vertices, const double *coefficients, const double *gaps, const double *weights,
+                       const double *x, int64_t faded, const int64_t *fading, const double *fades, const double *bends, double dhat,
+                       double kappa, double factor,
+                       int convex, const int64_t *rows, int64_t *out_rows, int64_t *out_columns, double *blocks)
+{
+    int64_t n = 0;
+    double slope;
+    for (int64_t k = 0, f = 0; k < count; ++k) {
+        double H[10][9] = {{0.0}};
+        const int32_t *v = vertices + 4 * k;
+        const double *gap = gaps + d * k;
+        if (d == 3)
+            contact_hessian(3, coefficients + 4 * k, v, x, gap, factor * weights[k], dhat, kappa, convex, H);
+        else
+            contact_hessian(2, coefficients + 4 * k, v, x, gap, factor * weights[k], dhat, kappa, convex, H);
+        if (f < faded && fading[f] == k) {
+            const double size = factor * law(dot(3, gap, gap), dhat, kappa, &slope);
+            double force[12];
+            for (int e = 0; e < 5; ++e)
+                add_square(3, size, bends + 60 * f + 12 * e, H);
+            outer(3, coefficients + 4 * k, gap, 2.0 * factor * slope, force);
+            add_product(force, fades + 12 * f, convex, H);
+            ++f;
+        }
+        for (int i = 0, m = 0; i < 4; ++i)
+            for (int j = i; j < 4; ++j, ++m) {
+                const int64_t a = rows[v[i]], b = rows[v[j]];
+                if (a < 0 || b < 0 || coefficients[4 * k + i] * coefficients[4 * k + j] == 0.0)
+                    continue;
+                out_rows[n] = a < b ? a : b, out_columns[n] = a < b ? b : a;
+                for (int p = 0; p < d; ++p)
+                    for (int q = 0; q < d; ++q)
+                        blocks[d * d * n + d * p + q] = H[m][a < b ? d * p + q : d * q + p];
+                ++n;
+            }
+    }
     return n;
 }

@@ -38,10 +38,9 @@ INLINE void enclose(int d, int n, const int32_t *vertices, const double *x, cons
         grow(d, x + (int64_t)d * vertices[i], box), grow(d, y + (int64_t)d * vertices[i], box);
 }
 
-/* Boxes (nodes, 2 d) of the nodes of one object while its vertices go from x to y. */
-void fit_boxes(const surface_t *s, int64_t object, const double *x, const double *y, double *boxes)
+/* Boxes (nodes, 2 d) of the nodes of an object while its vertices go from x to y. */
+INLINE void fit(int d, const surface_t *s, int64_t object, const double *x, const double *y, double *boxes)
 {
-    const int d = s->d;
     for (int64_t node = s->roots[object + 1] - 1; node >= s->roots[object]; --node) {
         double *box = boxes + 2 * d * node;
         clear(d, box);
@@ -58,6 +57,16 @@ void fit_boxes(const surface_t *s, int64_t object, const double *x, const double
                 grow(d, children[i], box), grow(d, children[i] + d, box);
         }
     }
+}
+
+/* The same of all objects that are marked. */
+void fit_boxes(const surface_t *s, const uint8_t *marked, const double *x, const double *y, double *boxes)
+{
+    for (int64_t object = 0; object < s->objects; ++object)
+        if (marked[object] && s->d == 3)
+            fit(3, s, object, x, y, boxes);
+        else if (marked[object])
+            fit(2, s, object, x, y, boxes);
 }
 
 /* Largest relative motion of two primitives, whose vertices move by y - x: their distance changes by no more. */

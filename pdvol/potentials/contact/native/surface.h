@@ -32,6 +32,11 @@ INLINE void minus(int d, const double *a, const double *b, double *out)
         out[j] = a[j] - b[j];
 }
 
+INLINE void cross(const double *a, const double *b, double *out)
+{
+    out[0] = a[1] * b[2] - a[2] * b[1], out[1] = a[2] * b[0] - a[0] * b[2], out[2] = a[0] * b[1] - a[1] * b[0];
+}
+
 INLINE double clamp(double t)
 {
     return t < 0.0 ? 0.0 : t > 1.0 ? 1.0 : t;
