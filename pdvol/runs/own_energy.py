@@ -309,7 +309,7 @@ class Contact:
         """(k, 2) primitives of the collision mesh that cross."""
         surface, primitives = self._surface, self._surface.primitives
         groups = np.where(surface.objects < len(self.bodies), surface.objects, -1)  # obstacles may cross each other
-        return find_crossings(surface.vertices(x), primitives.edges, primitives.faces, groups)
+        return find_crossings(surface.vertices(x), primitives.lines, primitives.triangles, groups)
 
     def _behind_planes(self, x: Positions) -> int:
         behind = 0 if self._planes is None else int(np.count_nonzero(self._planes.gaps(x) <= 0.0))
@@ -321,7 +321,7 @@ class Contact:
         if behind:
             raise IntersectionError(f"{behind} vertices lie at or behind planes at t = {time:g} s; lift the body")
         if len(crossing):
-            edges, names = self._surface.primitives.edges, self.bodies
+            edges, names = self._surface.primitives.lines, self.bodies
             found = sorted({int(self._surface.objects[edges[pair[0], 0]]) for pair in crossing[:NAMED_CROSSINGS]})
             whose = ", ".join(names[i] if i < len(names) else "an obstacle" for i in found)
             raise IntersectionError(

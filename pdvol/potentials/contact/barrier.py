@@ -86,7 +86,7 @@ class SurfaceBarrier(Term):
             len(found.fading),
             pointer(found.fading, "int64_t"),
             pointer(found.fades),
-            pointer(found.bends),
+            pointer(found.curves),
             self.dhat,
             self.kappa,
             weight,
@@ -95,8 +95,9 @@ class SurfaceBarrier(Term):
         self.surface.add_blocks(library().barrier_blocks, arguments, len(found), into)
 
     def contact_stiffness(self, x: Positions, masses: np.ndarray, blocks: np.ndarray) -> np.ndarray:
-        """(k,) semi-implicit stiffness [N/m] of the contacts (`stiffness.py`), all of them on the first rank, from masses (m,)
-        [kg] and diagonal blocks (m, d, d) [N/m] of the level's points, in the input's order. Obstacles have neither.
+        """(k,) semi-implicit stiffness [N/m] of the contacts (`stiffness.py`), all of them on the first rank, from masses
+        (m,) [kg] and diagonal blocks (m, d, d) [N/m] of the level's points, in the input's order. Obstacles have
+        neither.
         """
         found = self.stencils(x)
         masses, blocks = self.surface.of_vertices(masses), self.surface.of_vertices(blocks)

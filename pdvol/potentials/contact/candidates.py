@@ -48,13 +48,13 @@ class PairList:
         same = numbers[:, None] == numbers
         self._allowed = same & bodies if within else ~same & (bodies[:, None] | bodies)
         self._slack = SLACK * primitives.edge_length
-        self._boxes = np.zeros((int(primitives.roots[-1]), 2 * primitives.d))
+        self._boxes: np.ndarray = np.zeros((int(primitives.roots[-1]), 2 * primitives.d))
         self._counts = np.bincount(primitives.objects, minlength=len(numbers))
         self._starts = np.flatnonzero(np.diff(primitives.objects, prepend=-1))
         self._boxed: tuple[np.ndarray, np.ndarray] | None = None
         self._reference: np.ndarray | None = None
         self._move: np.ndarray | None = None
-        self._room = np.zeros((len(numbers), len(numbers)))
+        self._room: np.ndarray = np.zeros((len(numbers), len(numbers)))
         self._buffers = [np.zeros((1024, 2), dtype=np.int32) for _ in range(2)]
         self.points, self.edges = (buffer[:0] for buffer in self._buffers)
 
@@ -123,7 +123,7 @@ class PairList:
 
     def _fit(self, start: np.ndarray, end: np.ndarray) -> None:
         """Fits the boxes of what is not where it was when they were fitted last."""
-        marked = np.ones(len(self._counts), dtype=bool)
+        marked: np.ndarray = np.ones(len(self._counts), dtype=bool)
         if self._boxed is not None:
             same = (self._boxed[0] == start).all(axis=1) & (self._boxed[1] == end).all(axis=1)
             marked = ~np.logical_and.reduceat(same, self._starts)

@@ -115,7 +115,7 @@ class CollisionSurface:
                 np.empty(k),
                 np.empty(f, dtype=np.int64),
                 np.empty((f, 4, 3)),
-                np.empty((f, 5, 4, 3)),
+                np.empty((f, 10, 3, 3)),
             )
             if library().active_pairs(
                 self.primitives.c,
@@ -132,7 +132,7 @@ class CollisionSurface:
                 pointer(found.weights),
                 pointer(found.fading, "int64_t"),
                 pointer(found.fades),
-                pointer(found.bends),
+                pointer(found.curves),
                 pointer(counts, "int64_t"),
             ):
                 raise MemoryError("no memory left for contacts")
@@ -142,7 +142,7 @@ class CollisionSurface:
 
     def _of_all_ranks(self, found: Stencils, k: int, f: int) -> Stencils:
         mine = [array[:k] for array in (found.vertices, found.coefficients, found.gaps, found.weights)]
-        mine += [found.fading[:f], found.fades[:f], found.bends[:f]]
+        mine += [found.fading[:f], found.fades[:f], found.curves[:f]]
         comm = self.space.comm
         if comm.size == 1:
             return Stencils(*mine)

@@ -6,13 +6,9 @@ import numpy as np
 
 from pdvol.compiled import ffi, pointer
 from pdvol.geometry.level_mesh import facet_sizes
-from pdvol.potentials.contact.native import library
 
 # facets of one leaf of the tree: smaller leaves make more nodes, larger ones more pairs that are tested in vain
 LEAF_FACETS = 4
-# area of a crossing of two edges, in squares of the narrower strip that belongs to an edge: see docs/contact.md
-import os
-CROSSING_AREA = float(os.environ.get("CROSS", 1.0))
 
 
 class Primitives:
@@ -30,7 +26,9 @@ class Primitives:
     Attributes
     ----------
     edges : (e, 2) int32
-        None in 2D.
+        Sides of facets in 3D; none in 2D.
+    lines, triangles : (k, 2), (f, 3) int32
+        Edges and triangles; in 2D facets and none.
     edge_length : median length of edges (3D) or facets (2D) at rest [m]
     roots : (objects + 1,) int32
         Where the nodes of each object begin.
@@ -47,15 +45,16 @@ class Primitives:
             self.edges, facet_edges = edges.astype(np.int32), of_facets.reshape(-1, 3)
         else:
             self.edges, facet_edges = np.zeros((0, 2), dtype=np.int32), np.zeros((0, 3), dtype=np.int64)
-        lines = self.edges if d == 3 else self.facets
-        lengths = np.linalg.norm(vertices[lines[:, 1]] - vertices[lines[:, 0]], axis=1)
+        self.lines, self.triangles = (self.edges, self.facets) if d == 3 else (self.facets, np.zeros((0, 3), np.int32))
+        lengths = np.linalg.norm(vertices[self.lines[:, 1]] - vertices[self.lines[:, 0]], axis=1)
         self.edge_length = float(np.median(lengths)) if len(lengths) else 0.0
-        areas, widths = np.ones(n), np.ones(len(self.edges))
+        areas: np.ndarray = np.ones(n)
+        edge_areas: np.ndarray = np.ones(len(self.edges))
         if weighted:
             sizes = facet_sizes(vertices, self.facets)
             areas = 0.5 * np.bincount(self.facets.ravel(), np.repeat(sizes / d, d), minlength=n)  # both sides count
-            beside = np.bincount(facet_edges.ravel(), np.repeat(sizes / 3.0, 3), minlength=len(self.edges))
-            widths = CROSSING_AREA * beside
+            beside = np.repeat(sizes[: len(facet_edges)] / 3.0, 3)
+            edge_areas = 0.5 * np.bincount(facet_edges.ravel(), beside, minlength=len(self.edges))
         # In a union a facet counts once; an edge and a vertex as often as is left to one after what contains them.
         edge_share = 1 - np.bincount(facet_edges.ravel(), minlength=len(self.edges))
         vertex_share = 1 - np.bincount(self.facets.ravel(), minlength=n)
@@ -67,7 +66,7 @@ class Primitives:
             "vertex_share": vertex_share,
             "edge_share": edge_share,
             "areas": areas,
-            "widths": widths,
+            "edge_areas": edge_areas,
         }
         self._build_tree(vertices, facet_edges)
         self.c = self._struct(n)

@@ -27,8 +27,8 @@ class Stencils:
         Contacts whose weights change with the positions.
     fades : (f, 4, 3)
         Derivatives of their weights by the positions of their vertices.
-    bends : (f, 5, 4, 3)
-        Vectors over their vertices, whose squares add up to the convex part of the weights' second derivatives.
+    curves : (f, 10, 3, 3)
+        Their second derivatives, blocks on or right of the diagonal.
     """
 
     vertices: np.ndarray
@@ -37,7 +37,7 @@ class Stencils:
     weights: np.ndarray
     fading: np.ndarray
     fades: np.ndarray
-    bends: np.ndarray
+    curves: np.ndarray
 
     def __len__(self) -> int:
         return len(self.weights)

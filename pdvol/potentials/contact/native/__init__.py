@@ -13,7 +13,7 @@ typedef struct {
     int64_t vertices, edges, facets, objects, leaves;
     const int32_t *edge, *facet, *facet_edges;
     const int32_t *vertex_share, *edge_share;
-    const double *areas, *widths;
+    const double *areas, *edge_areas;
     const int32_t *skip, *leaf, *roots;
     const int32_t *leaf_facets, *leaf_vertices, *leaf_edges;
     const int32_t *leaf_facet_starts, *leaf_vertex_starts, *leaf_edge_starts;
@@ -26,7 +26,8 @@ double longest_step(const surface_t *s, const double *x, const double *y, double
                     int64_t n_points, const int32_t *points, int64_t n_edges, const int32_t *edges, double step);
 int active_pairs(const surface_t *s, const double *x, double dhat, int64_t n_points, const int32_t *points,
                  int64_t n_edges, const int32_t *edges, const int64_t *capacities, int32_t *vertices,
-                 double *coefficients, double *gaps, double *weights, int64_t *fading, double *fades, double *bends, int64_t *counts);
+                 double *coefficients, double *gaps, double *weights, int64_t *fading, double *fades, double *curves,
+                 int64_t *counts);
 double barrier_sum(int d, int64_t count, const int32_t *vertices, const double *coefficients, const double *gaps,
                    const double *weights, int64_t faded, const int64_t *fading, const double *fades, double dhat,
                    double kappa, double *gradient);
@@ -34,8 +35,8 @@ int64_t square_blocks(int d, int64_t count, const int32_t *vertices, const doubl
                       int64_t *out_rows, int64_t *out_columns, double *blocks);
 int64_t barrier_blocks(int d, int64_t count, const int32_t *vertices, const double *coefficients, const double *gaps,
                        const double *weights, const double *x, int64_t faded, const int64_t *fading,
-                       const double *fades, const double *bends, double dhat, double kappa, double factor, int convex,
-                       const int64_t *rows,
+                       const double *fades, const double *curves, double dhat, double kappa, double factor,
+                       int convex, const int64_t *rows,
                        int64_t *out_rows, int64_t *out_columns, double *blocks);
 """
 )
@@ -44,4 +45,4 @@ int64_t barrier_blocks(int d, int64_t count, const int32_t *vertices, const doub
 @cache
 def library() -> Any:
     """The loaded library."""
-    return load(Path(__file__).parent, ("search.c", "pairs.c"), ("surface.h",), __import__("os").environ.get("DEFS", "").split())
+    return load(Path(__file__).parent, ("search.c", "pairs.c"), ("surface.h",))

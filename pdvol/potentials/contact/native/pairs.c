@@ -1,19 +1,15 @@
 /* The active pairs of a contact surface, and sums over them. */
 #include "surface.h"
 
-#ifndef FADE
-#define FADE 1.0
-#endif
-#ifndef PARALLEL
+/* sin^2 of the angle between edges below which their contact fades: the pair's normal is lost there (Li et al. 2020, section 4.2) */
 #define PARALLEL 1e-3
-#endif
 
-/* One contact: up to four vertices and their coefficients in its gap vector, and its weight. */
+/* Contacts being found: up to four vertices each and their coefficients in the gap vector, and a weight. */
 typedef struct {
     int64_t count, capacity, faded, fades_capacity;
     int32_t *vertices;
     double *coefficients, *gaps, *weights, *fades; /* fades (faded, 12): derivative of the weight by the vertices */
-    double *bends;                                 /* (faded, 5, 12): their squares are the convex part of the weight's Hessian */
+    double *curves;                                /* (faded, 10, 9): second derivatives, blocks on or right of the diagonal */
     int64_t *fading;                               /* (faded) indices of the contacts whose weights depend on positions */
 } contacts_t;
 
@@ -105,15 +101,82 @@ INLINE void point_contacts(int d, const surface_t *s, const double *x, double re
     }
 }
 
-/* From zero at t = 0 to one at t = 1 and beyond, with its derivative. */
-INLINE double fade(double t, double *slope)
+/* Symmetric 12 x 12 (8 x 8) matrices over four vertices: blocks on or right of the diagonal, row by row. */
+typedef double blocks_t[10][9];
+
+/* Adds scale (u v' + v u') / 2. */
+INLINE void add_product(int d, double scale, const double *u, const double *v, blocks_t H)
 {
-    *slope = t < 1.0 ? 2.0 - 2.0 * t : 0.0;
-    return t < 1.0 ? (2.0 - t) * t : 1.0;
+    for (int i = 0, n = 0; i < 4; ++i)
+        for (int j = i; j < 4; ++j, ++n)
+            for (int p = 0; p < d; ++p)
+                for (int q = 0; q < d; ++q)
+                    H[n][d * p + q] += 0.5 * scale * (u[d * i + p] * v[d * j + q] + v[d * i + p] * u[d * j + q]);
 }
 
-/* The contact of two edges that cross: it fades where they are nearly parallel, and where their closest points come within dhat of an end, for
- * there the end's own contact takes over. */
+INLINE void outer(int d, const double *c, const double *v, double *out)
+{
+    for (int i = 0; i < 4; ++i)
+        for (int j = 0; j < d; ++j)
+            out[d * i + j] = c[i] * v[j];
+}
+
+/* The gap's rotation. Its vector g = sum c_i x_i over closest points that depend on `parameters` numbers; `b` has the derivatives of the
+ * coefficients by them. Gives for each, after they have been made orthonormal, u = c t (t its tangent) and v = b g: with their parameters
+ * eliminated, (g^2)'' = 2 c_i c_j I - 2 sum (u + v)(u + v)'. Tangents (d each) go to `t`. */
+INLINE void rotation(int d, int parameters, const double *c, double (*b)[4], const double *const *x, const double *gap, double (*t)[3],
+                     double (*u)[12], double (*v)[12])
+{
+    for (int e = 0; e < parameters; ++e) {
+        for (int j = 0; j < d; ++j) {
+            t[e][j] = 0.0;
+            for (int i = 0; i < 4; ++i)
+                t[e][j] += b[e][i] * x[i][j];
+        }
+        if (e == 1) {
+            const double along = dot(d, t[1], t[0]);
+            for (int j = 0; j < d; ++j)
+                t[1][j] -= along * t[0][j];
+            for (int i = 0; i < 4; ++i)
+                b[1][i] -= along * b[0][i];
+        }
+        const double size = sqrt(dot(d, t[e], t[e]));
+        for (int j = 0; j < d; ++j)
+            t[e][j] /= size;
+        for (int i = 0; i < 4; ++i)
+            b[e][i] /= size;
+        outer(d, c, t[e], u[e]), outer(d, b[e], gap, v[e]);
+    }
+}
+
+/* Adds scale times the Hessian of the squared gap. */
+INLINE void add_distance(int d, double scale, int parameters, const double *c, double (*b)[4], const double *const *x, const double *gap,
+                         blocks_t H)
+{
+    double t[2][3], u[2][12], v[2][12];
+    rotation(d, parameters, c, b, x, gap, t, u, v);
+    for (int i = 0, n = 0; i < 4; ++i)
+        for (int j = i; j < 4; ++j, ++n)
+            for (int p = 0; p < d; ++p)
+                H[n][(d + 1) * p] += 2.0 * scale * c[i] * c[j];
+    for (int e = 0; e < parameters; ++e) {
+        for (int q = 0; q < 4 * d; ++q)
+            u[e][q] += v[e][q];
+        add_product(d, -2.0 * scale, u[e], u[e], H);
+    }
+}
+
+/* Derivatives of the coefficients of two edges' closest points by the shares along them. */
+#define OF_EDGES {{-1.0, 1.0, 0.0, 0.0}, {0.0, 0.0, 1.0, -1.0}}
+
+/* From zero at t = 0 to one at t = 1 and beyond; F, F' and F''. */
+INLINE void fade(double t, double *F)
+{
+    F[0] = t < 1.0 ? (2.0 - t) * t : 1.0, F[1] = t < 1.0 ? 2.0 - 2.0 * t : 0.0, F[2] = t < 1.0 ? -2.0 : 0.0;
+}
+
+/* The contact of two edges that cross. It fades where they are nearly parallel, and where an end of one is nearly as close to the other edge as the
+ * closest points are: there the end's own contact takes over. The weight's derivatives are found where it fades. */
 INLINE void edge_contact(const surface_t *s, const double *x, double reach, int32_t one, int32_t other, contacts_t *out)
 {
     const int32_t v[4] = {s->edge[2 * (int64_t)one], s->edge[2 * (int64_t)one + 1], s->edge[2 * (int64_t)other], s->edge[2 * (int64_t)other + 1]};
@@ -129,74 +192,87 @@ INLINE void edge_contact(const surface_t *s, const double *x, double reach, int3
     const double c[4] = {1.0 - s0 / det, s0 / det, t0 / det - 1.0, -t0 / det};
     for (int j = 0; j < 3; ++j)
         gap[j] = c[0] * at[0][j] + c[1] * at[1][j] + c[2] * at[2][j] + c[3] * at[3][j];
-    const double distance = dot(3, gap, gap);
-    if (!(distance < reach))
+    const double D = dot(3, gap, gap);
+    if (!(D < reach))
         return;
-    double factors[5], slopes[5], rates[5][12] = {{0.0}}, bends[5][12] = {{0.0}}, product = 1.0;
+    closest_t ends[4];
+    double F[5][3], ratios[4], weight = fmin(s->edge_areas[one], s->edge_areas[other]);
     const double sine = det / (aa * bb);
-    factors[4] = fade(sine / PARALLEL, slopes + 4);
-    for (int i = 0; i < 4; ++i) { /* in the plane of both edges, from an end to the other edge */
-        closest_t end;
+    fade(sine / PARALLEL, F[4]);
+    weight *= F[4][0];
+    for (int i = 0; i < 4; ++i) {
         const int k = i < 2 ? 2 : 0;
-        const double beyond = to_edge(3, at[i], at[k], at[k + 1], &end) - distance;
-        factors[i] = fade(fmax(beyond, 0.0) / (FADE * FADE * reach), slopes + i);
-        product *= factors[i];
-        if (slopes[i] == 0.0)
-            continue;
-        const double up = dot(3, end.gap, gap) / distance;
-        const double size = dot(3, end.gap, end.gap) - up * up * distance, scale = sqrt(2.0 * slopes[i] / (FADE * FADE * reach * fmax(size, 1e-300)));
-        for (int j = 0; j < 3; ++j) {
-            const double across = scale * (end.gap[j] - up * gap[j]);
-            bends[i][3 * i + j] = across;
-            for (int q = 0; q < end.kind; ++q)
-                bends[i][3 * (k + end.corner[q]) + j] = -end.share[q] * across;
-        }
-        for (int j = 0; j < 3; ++j) {
-            rates[i][3 * i + j] += 2.0 * end.gap[j] / (FADE * FADE * reach);
-            for (int q = 0; q < end.kind; ++q)
-                rates[i][3 * (k + end.corner[q]) + j] -= 2.0 * end.share[q] * end.gap[j] / (FADE * FADE * reach);
-            for (int q = 0; q < 4; ++q)
-                rates[i][3 * q + j] -= 2.0 * c[q] * gap[j] / (FADE * FADE * reach);
-        }
+        ratios[i] = to_edge(3, at[i], at[k], at[k + 1], ends + i) / D;
+        fade(fmax(ratios[i] - 1.0, 0.0), F[i]);
+        weight *= F[i][0];
     }
-    product *= factors[4];
-    if (!(product > 0.0))
+    if (!(weight > 0.0))
         return;
-    const double area = fmin(s->widths[one], s->widths[other]);
-    if (product < 1.0) {
-        if (slopes[4] > 0.0)
-            for (int j = 0; j < 3; ++j) {
-                const double by_a = 2.0 * ((bb * a[j] - ab * b[j]) / (aa * bb) - sine * a[j] / aa) / PARALLEL;
-                const double by_b = 2.0 * ((aa * b[j] - ab * a[j]) / (aa * bb) - sine * b[j] / bb) / PARALLEL;
-                rates[4][j] = -by_a, rates[4][3 + j] = by_a, rates[4][6 + j] = -by_b, rates[4][9 + j] = by_b;
-                for (int q = 0; q < 4; ++q) /* of the angle itself, of which the sine is nearly the size */
-                    bends[4][3 * q + j] = rates[4][3 * q + j] * sqrt(0.5 * PARALLEL * slopes[4] / sine);
-            }
-        if (out->count < out->capacity && out->faded < out->fades_capacity) {
-            double *fades = out->fades + 12 * out->faded;
-            memset(fades, 0, 12 * sizeof(double));
-            for (int i = 0; i < 5; ++i)
-                for (int q = 0; q < 12; ++q)
-                    fades[q] += area * product / factors[i] * slopes[i] * rates[i][q];
-            out->fading[out->faded] = out->count;
-            for (int i = 0; i < 5; ++i)
-                for (int q = 0; q < 12; ++q)
-                    out->bends[60 * out->faded + 12 * i + q] = bends[i][q] * sqrt(area * product / factors[i]);
+    const int fades = F[0][1] + F[1][1] + F[2][1] + F[3][1] + F[4][1] > 0.0;
+    if (fades && out->count < out->capacity && out->faded < out->fades_capacity) {
+        double rates[5][12] = {{0.0}}, of_gap[12], *gradient = out->fades + 12 * out->faded;
+        double(*H)[9] = (double(*)[9])(out->curves + 90 * out->faded);
+        memset(gradient, 0, 12 * sizeof(double)), memset(H, 0, 90 * sizeof(double));
+        out->fading[out->faded] = out->count;
+        outer(3, c, gap, of_gap); /* half of D' */
+        for (int i = 0; i < 4; ++i) {
+            if (F[i][1] == 0.0)
+                continue;
+            const int k = i < 2 ? 2 : 0;
+            double e[4] = {0.0}, of_end[12], slide[1][4] = {{0.0}}, edges[2][4] = OF_EDGES;
+            e[i] = 1.0;
+            for (int q = 0; q < ends[i].kind; ++q)
+                e[k + ends[i].corner[q]] = -ends[i].share[q];
+            slide[0][k] = 1.0, slide[0][k + 1] = -1.0;
+            outer(3, e, ends[i].gap, of_end);
+            const double share = weight * F[i][1] / F[i][0] / D;
+            add_distance(3, share, ends[i].kind - 1, e, slide, at, ends[i].gap, H);
+            add_distance(3, -share * ratios[i], 2, c, edges, at, gap, H);
+            add_product(3, -8.0 * share / D, of_end, of_gap, H);
+            add_product(3, 8.0 * share * ratios[i] / D, of_gap, of_gap, H);
+            for (int q = 0; q < 12; ++q)
+                rates[i][q] = 2.0 * (of_end[q] - ratios[i] * of_gap[q]) / D;
         }
-        ++out->faded;
+        if (F[4][1] > 0.0) { /* of 1 - C, C the squared cosine */
+            const double C = ab * ab / (aa * bb), share = -C * weight * F[4][1] / F[4][0] / PARALLEL;
+            double of_a[3], of_b[3];
+            for (int j = 0; j < 3; ++j)
+                of_a[j] = 2.0 * (b[j] / ab - a[j] / aa), of_b[j] = 2.0 * (a[j] / ab - b[j] / bb);
+            for (int i = 0, n = 0; i < 4; ++i)
+                for (int k = i; k < 4; ++k, ++n)
+                    for (int p = 0; p < 3; ++p)
+                        for (int q = 0; q < 3; ++q) {
+                            const double same = p == q;
+                            const double h = k < 2   ? of_a[p] * of_a[q] + 4.0 * a[p] * a[q] / (aa * aa) - 2.0 * same / aa - 2.0 * b[p] * b[q] / (ab * ab)
+                                             : i < 2 ? of_a[p] * of_b[q] + 2.0 * same / ab - 2.0 * b[p] * a[q] / (ab * ab)
+                                                     : of_b[p] * of_b[q] + 4.0 * b[p] * b[q] / (bb * bb) - 2.0 * same / bb - 2.0 * a[p] * a[q] / (ab * ab);
+                            H[n][3 * p + q] += ((i + k) % 2 ? -share : share) * h;
+                        }
+            for (int j = 0; j < 3; ++j) {
+                rates[4][3 + j] = -C * of_a[j] / PARALLEL, rates[4][9 + j] = -C * of_b[j] / PARALLEL;
+                rates[4][j] = -rates[4][3 + j], rates[4][6 + j] = -rates[4][9 + j];
+            }
+        }
+        for (int i = 0; i < 5; ++i) {
+            for (int k = 0; k <= i; ++k)
+                add_product(3, k < i ? 2.0 * weight * F[i][1] / F[i][0] * F[k][1] / F[k][0] : weight * F[i][2] / F[i][0], rates[i], rates[k], H);
+            for (int q = 0; q < 12; ++q)
+                gradient[q] += weight * F[i][1] / F[i][0] * rates[i][q];
+        }
     }
-    emit(3, out, 4, v, c, gap, area * product);
+    out->faded += fades;
+    emit(3, out, 4, v, c, gap, weight);
 }
 
 /* The contacts nearer than dhat among candidate pairs: `points` (vertex and facet; a vertex's pairs stand together) and `edges`. Of contacts and of
  * those with weights that depend on positions, no more than `capacities` are written; counts says how many there are. Returns 1 without memory. */
 int active_pairs(const surface_t *s, const double *x, double dhat, int64_t n_points, const int32_t *points, int64_t n_edges, const int32_t *edges,
                  const int64_t *capacities, int32_t *vertices, double *coefficients, double *gaps, double *weights, int64_t *fading, double *fades,
-                 double *bends, int64_t *counts)
+                 double *curves, int64_t *counts)
 {
     const int64_t size = s->vertices + s->edges + s->facets;
     const double reach = dhat * dhat;
-    contacts_t out = {0, capacities[0], 0, capacities[1], vertices, coefficients, gaps, weights, fades, bends, fading};
+    contacts_t out = {0, capacities[0], 0, capacities[1], vertices, coefficients, gaps, weights, fades, curves, fading};
     int64_t most = 0;
     for (int64_t k = 0, first = 0; k < n_points; ++k) {
         first = k && points[2 * k] == points[2 * k - 2] ? first : k;
@@ -224,33 +300,33 @@ int active_pairs(const surface_t *s, const double *x, double dhat, int64_t n_poi
     return 0;
 }
 
-/* The barrier's law kappa dhat g(s), g(s) = -(s - 1)^2 ln s, s = (gap / dhat)^2, and its derivative by gap^2. */
-INLINE double law(double squared, double dhat, double kappa, double *slope)
+/* The barrier's law kappa dhat g(s), g(s) = -(s - 1)^2 ln s, s = (gap / dhat)^2, and its first two derivatives by gap^2. */
+INLINE double law(double squared, double dhat, double kappa, double *slope, double *second)
 {
     const double s = squared / (dhat * dhat);
-    if (s >= 1.0) {
-        *slope = 0.0;
+    *slope = *second = 0.0;
+    if (s >= 1.0)
         return 0.0;
-    }
-    const double logarithm = log(s);
-    *slope = -kappa / dhat * (s - 1.0) * (2.0 * logarithm + (s - 1.0) / s);
-    return -kappa * dhat * (s - 1.0) * (s - 1.0) * logarithm;
+    const double logarithm = log(s), rest = s - 1.0;
+    *slope = -kappa / dhat * rest * (2.0 * logarithm + rest / s);
+    *second = -kappa / (dhat * dhat * dhat) * (2.0 * logarithm + 4.0 * rest / s - rest * rest / (s * s));
+    return -kappa * dhat * rest * rest * logarithm;
 }
 
 /* The sum of weights times the law, and its gradient by the vertices (n, d), added to `gradient`. */
 double barrier_sum(int d, int64_t count, const int32_t *vertices, const double *coefficients, const double *gaps, const double *weights,
                    int64_t faded, const int64_t *fading, const double *fades, double dhat, double kappa, double *gradient)
 {
-    double total = 0.0, slope;
+    double total = 0.0, slope, second;
     for (int64_t k = 0; k < count; ++k) {
-        total += weights[k] * law(dot(d, gaps + d * k, gaps + d * k), dhat, kappa, &slope);
+        total += weights[k] * law(dot(d, gaps + d * k, gaps + d * k), dhat, kappa, &slope, &second);
         for (int i = 0; i < 4; ++i)
             for (int j = 0; j < d; ++j)
                 gradient[(int64_t)d * vertices[4 * k + i] + j] += 2.0 * weights[k] * slope * coefficients[4 * k + i] * gaps[d * k + j];
     }
     for (int64_t f = 0; f < faded; ++f) {
         const int64_t k = fading[f];
-        const double energy = law(dot(d, gaps + d * k, gaps + d * k), dhat, kappa, &slope);
+        const double energy = law(dot(d, gaps + d * k, gaps + d * k), dhat, kappa, &slope, &second);
         for (int i = 0; i < 4; ++i)
             for (int j = 0; j < d; ++j)
                 gradient[(int64_t)d * vertices[4 * k + i] + j] += energy * fades[12 * f + 3 * i + j];
@@ -284,78 +360,21 @@ int64_t square_blocks(int d, int64_t count, const int32_t *vertices, const doubl
     return n;
 }
 
-/* Adds scale v v' to the blocks H of a contact, on or right of the diagonal. */
-INLINE void add_square(int d, double scale, const double *v, double (*H)[9])
+/* The Hessian over a contact's vertices of its weight times the law, or (`convex`) its convex part: the curvature along the gap and across it, where
+ * they are positive, and of each parameter's u v' + v u' + v v' (`rotation`) one of two eigenvalues. */
+INLINE void contact_hessian(int d, const double *c, const double *const *x, const double *gap, double weight, double dhat, double kappa, int convex,
+                            blocks_t H)
 {
-    for (int i = 0, n = 0; i < 4; ++i)
-        for (int j = i; j < 4; ++j, ++n)
-            for (int p = 0; p < d; ++p)
-                for (int q = 0; q < d; ++q)
-                    H[n][d * p + q] += scale * v[d * i + p] * v[d * j + q];
-}
-
-/* Adds a b' + b a', or its convex part. */
-INLINE void add_product(const double *a, const double *b, int convex, double (*H)[9])
-{
-    double aa = 0.0, ab = 0.0, bb = 0.0, vector[12];
-    for (int q = 0; q < 12; ++q)
-        aa += a[q] * a[q], ab += a[q] * b[q], bb += b[q] * b[q];
-    if (!(aa * bb > 0.0))
-        return;
-    for (int side = convex ? 1 : -1; side < 2; side += 2) {
-        const double ratio = side * sqrt(aa / bb), value = ab + side * sqrt(aa * bb), size = aa + 2.0 * ratio * ab + ratio * ratio * bb;
-        for (int q = 0; q < 12; ++q)
-            vector[q] = a[q] + ratio * b[q];
-        if (size > 0.0)
-            add_square(3, value / size, vector, H);
-    }
-}
-
-INLINE void outer(int d, const double *c, const double *v, double scale, double *out)
-{
-    for (int i = 0; i < 4; ++i)
-        for (int j = 0; j < d; ++j)
-            out[d * i + j] = scale * c[i] * v[j];
-}
-
-/* The convex part of one contact's Hessian: weight times the law. Its curvature along the gap counts where the weight is positive, and the one
- * across the gap where it is negative. To these comes what the gap's rotation adds: with the closest points' parameters eliminated, and tangents t
- * and derivatives b of the coefficients by them orthonormal, (gap^2)'' = 2 sum over the normals n of (c n)(c n)' - 2 sum over the tangents of
- * u v' + v u' + v v', u = c t, v = b gap. */
-INLINE void contact_hessian(int d, const double *c, const int32_t *vertices, const double *x, const double *gap, double weight, double dhat,
-                            double kappa, int convex, double (*H)[9])
-{
-    double slope, t[2][3], b[2][4] = {{0.0}}, vector[12], u[12], v[12];
-    const double squared = dot(d, gap, gap), s = squared / (dhat * dhat);
-    law(squared, dhat, kappa, &slope);
+    double slope, second, t[2][3], vector[12], u[2][12], v[2][12], edges[2][4] = OF_EDGES, facet[2][4] = {{0.0, 1.0, -1.0, 0.0}, {0.0, 1.0, 0.0, -1.0}};
+    const double squared = dot(d, gap, gap);
+    law(squared, dhat, kappa, &slope, &second);
     slope *= 2.0 * weight;
-    const int edges = c[0] > 0.0 && c[1] > 0.0, corners = (c[1] != 0.0) + (c[2] != 0.0) + (c[3] != 0.0);
-    const int parameters = edges ? 2 : corners - 1;
-    for (int e = 0; e < parameters; ++e) {
-        const int from = edges ? 3 * e : 1, to = edges ? 1 + e : 2 + e; /* the coefficient of `from` falls */
-        const double sign = edges && e == 0 ? 1.0 : edges ? 1.0 : -1.0;
-        b[e][from] = -sign, b[e][to] = sign;
-        minus(d, x + (int64_t)d * vertices[to], x + (int64_t)d * vertices[from], t[e]);
-        for (int j = 0; j < d; ++j)
-            t[e][j] *= sign;
-        if (e == 1) {
-            const double along = dot(d, t[1], t[0]);
-            for (int j = 0; j < d; ++j)
-                t[1][j] -= along * t[0][j];
-            for (int i = 0; i < 4; ++i)
-                b[1][i] -= along * b[0][i];
-        }
-        const double size = sqrt(dot(d, t[e], t[e]));
-        for (int j = 0; j < d; ++j)
-            t[e][j] /= size;
-        for (int i = 0; i < 4; ++i)
-            b[e][i] /= size;
-    }
-    const double second = -(2.0 * log(s) + 4.0 * (s - 1.0) / s - (s - 1.0) * (s - 1.0) / (s * s)) * kappa / (dhat * dhat * dhat);
+    const int of_edges = c[1] > 0.0, parameters = of_edges ? 2 : (c[2] != 0.0) + (c[3] != 0.0);
+    rotation(d, parameters, c, of_edges ? edges : facet, x, gap, t, u, v);
     const double along = 4.0 * weight * second + slope / squared;
-    outer(d, c, gap, 1.0, vector);
+    outer(d, c, gap, vector);
     if (along > 0.0 || !convex)
-        add_square(d, along, vector, H);
+        add_product(d, along, vector, vector, H);
     if (parameters + 1 < d && (slope > 0.0 || !convex)) { /* normals beside the gap's own */
         double n[2][3];
         if (d == 2)
@@ -366,54 +385,99 @@ INLINE void contact_hessian(int d, const double *c, const int32_t *vertices, con
             cross(gap, a, n[0]), cross(gap, n[0], n[1]);
         }
         for (int e = 0; e < d - 1 - parameters; ++e) {
-            outer(d, c, n[e], 1.0, vector);
-            add_square(d, slope / dot(d, n[e], n[e]), vector, H);
+            outer(d, c, n[e], vector);
+            add_product(d, slope / dot(d, n[e], n[e]), vector, vector, H);
         }
     }
     for (int e = 0; e < parameters; ++e) {
-        outer(d, c, t[e], 1.0, u), outer(d, b[e], gap, 1.0, v);
-        const double uu = dot(2, c, c) + dot(2, c + 2, c + 2), vv = squared * (dot(2, b[e], b[e]) + dot(2, b[e] + 2, b[e] + 2));
+        double uu = 0.0, vv = 0.0;
+        for (int q = 0; q < 4 * d; ++q)
+            uu += u[e][q] * u[e][q], vv += v[e][q] * v[e][q];
         const double root = sqrt(vv * vv + 4.0 * uu * vv);
-        for (int side = -1; side < 2; side += 2) { /* the two eigenvalues of what is subtracted */
+        for (int side = -1; side < 2; side += 2) {
             const double value = 0.5 * (vv + side * root), size = -slope * value;
             if (size < 0.0 && convex)
                 continue;
             for (int q = 0; q < 4 * d; ++q)
-                vector[q] = vv * u[q] + value * v[q];
-            add_square(d, size / (uu * vv * vv + value * value * vv), vector, H);
+                vector[q] = vv * u[e][q] + value * v[e][q];
+            add_product(d, size / (uu * vv * vv + value * value * vv), vector, vector, H);
         }
     }
 }
 
+/* Cuts off negative eigenvalues of a symmetric 12 x 12 matrix (cyclic Jacobi). */
+static void clamp_matrix(blocks_t H)
+{
+    enum { N = 12, SWEEPS = 20 };
+    double A[N][N], V[N][N] = {{0.0}};
+    for (int i = 0, n = 0; i < 4; ++i)
+        for (int j = i; j < 4; ++j, ++n)
+            for (int p = 0; p < 3; ++p)
+                for (int q = 0; q < 3; ++q)
+                    A[3 * i + p][3 * j + q] = A[3 * j + q][3 * i + p] = H[n][3 * p + q];
+    for (int i = 0; i < N; ++i)
+        V[i][i] = 1.0; /* its rows are eigenvectors */
+    for (int sweep = 0; sweep < SWEEPS; ++sweep) {
+        double off = 0.0, size = 0.0;
+        for (int i = 0; i < N; ++i)
+            for (int j = 0; j < N; ++j)
+                size += A[i][j] * A[i][j], off += i == j ? 0.0 : A[i][j] * A[i][j];
+        if (off <= 1e-20 * size)
+            break;
+        for (int p = 0; p < N - 1; ++p)
+            for (int q = p + 1; q < N; ++q) {
+                if (A[p][q] == 0.0)
+                    continue;
+                const double theta = (A[q][q] - A[p][p]) / (2.0 * A[p][q]);
+                const double t = (theta >= 0 ? 1.0 : -1.0) / (fabs(theta) + sqrt(theta * theta + 1.0)), c = 1.0 / sqrt(t * t + 1.0), s = t * c;
+                for (int k = 0; k < N; ++k) {
+                    const double a = A[p][k], b = A[q][k];
+                    A[p][k] = c * a - s * b, A[q][k] = s * a + c * b;
+                }
+                for (int k = 0; k < N; ++k) {
+                    const double a = A[k][p], b = A[k][q], e = V[p][k], f = V[q][k];
+                    A[k][p] = c * a - s * b, A[k][q] = s * a + c * b;
+                    V[p][k] = c * e - s * f, V[q][k] = s * e + c * f;
+                }
+            }
+    }
+    for (int i = 0; i < N; ++i)
+        if (A[i][i] < 0.0)
+            add_product(3, -A[i][i], V[i], V[i], H);
+}
+
 /* Blocks of the convex part of the Hessian of `factor` times the sum of weights times the law, as square_blocks has them. */
 int64_t barrier_blocks(int d, int64_t count, const int32_t *vertices, const double *coefficients, const double *gaps, const double *weights,
-                       const double *x, int64_t faded, const int64_t *fading, const double *fades, const double *bends, double dhat,
-                       double kappa, double factor,
-                       int convex, const int64_t *rows, int64_t *out_rows, int64_t *out_columns, double *blocks)
+                       const double *x, int64_t faded, const int64_t *fading, const double *fades, const double *curves, double dhat,
+                       double kappa, double factor, int convex, const int64_t *rows, int64_t *out_rows, int64_t *out_columns, double *blocks)
 {
     int64_t n = 0;
-    double slope;
     for (int64_t k = 0, f = 0; k < count; ++k) {
-        double H[10][9] = {{0.0}};
+        blocks_t H = {{0.0}};
         const int32_t *v = vertices + 4 * k;
-        const double *gap = gaps + d * k;
+        const double *c = coefficients + 4 * k, *gap = gaps + d * k, *at[4];
+        const int fade = f < faded && fading[f] == k;
+        for (int i = 0; i < 4; ++i)
+            at[i] = x + (int64_t)d * v[i];
         if (d == 3)
-            contact_hessian(3, coefficients + 4 * k, v, x, gap, factor * weights[k], dhat, kappa, convex, H);
+            contact_hessian(3, c, at, gap, factor * weights[k], dhat, kappa, convex && !fade, H);
         else
-            contact_hessian(2, coefficients + 4 * k, v, x, gap, factor * weights[k], dhat, kappa, convex, H);
-        if (f < faded && fading[f] == k) {
-            const double size = factor * law(dot(3, gap, gap), dhat, kappa, &slope);
-            double force[12];
-            for (int e = 0; e < 5; ++e)
-                add_square(3, size, bends + 60 * f + 12 * e, H);
-            outer(3, coefficients + 4 * k, gap, 2.0 * factor * slope, force);
-            add_product(force, fades + 12 * f, convex, H);
+            contact_hessian(2, c, at, gap, factor * weights[k], dhat, kappa, convex, H);
+        if (fade) {
+            double slope, second, force[12];
+            const double energy = factor * law(dot(3, gap, gap), dhat, kappa, &slope, &second);
+            for (int q = 0; q < 90; ++q)
+                H[q / 9][q % 9] += energy * curves[90 * f + q];
+            outer(3, c, gap, force);
+            add_product(3, 4.0 * factor * slope, force, fades + 12 * f, H);
+            if (convex)
+                clamp_matrix(H);
             ++f;
         }
         for (int i = 0, m = 0; i < 4; ++i)
             for (int j = i; j < 4; ++j, ++m) {
                 const int64_t a = rows[v[i]], b = rows[v[j]];
-                if (a < 0 || b < 0 || coefficients[4 * k + i] * coefficients[4 * k + j] == 0.0)
+                if (a < 0 || b < 0 || c[i] * c[j] == 0.0)
                     continue;
                 out_rows[n] = a < b ? a : b, out_columns[n] = a < b ? b : a;
                 for (int p = 0; p < d; ++p)

@@ -15,7 +15,7 @@ typedef struct {
     int64_t vertices, edges, facets, objects, leaves;
     const int32_t *edge, *facet, *facet_edges; /* (edges, 2); (facets, d); (facets, 3), in 3D alone */
     const int32_t *vertex_share, *edge_share;  /* how often unions of facets count a vertex and an edge: Surface in surface.py */
-    const double *areas, *widths;              /* weights of vertices [m^(d-1)] and of edges [m] */
+    const double *areas, *edge_areas;              /* weights of vertices and of edges [m^(d-1)] */
     const int32_t *skip, *leaf, *roots;        /* tree: next node outside of each node, its leaf or -1; (objects + 1) first nodes */
     const int32_t *leaf_facets, *leaf_vertices, *leaf_edges;                      /* leaf by leaf; each vertex and edge is in one leaf */
     const int32_t *leaf_facet_starts, *leaf_vertex_starts, *leaf_edge_starts; /* (leaves + 1) */
