@@ -95,7 +95,7 @@ class SurfaceBarrier(Term):
         self.surface.add_blocks(library().barrier_blocks, arguments, len(found), into)
 
     def contact_stiffness(self, x: Positions, masses: np.ndarray, blocks: np.ndarray) -> np.ndarray:
-        """(k,) semi-implicit stiffness [N/m] of the contacts (`stiffness.py`), all of them on the first rank, from masses
+        """(k,) semi-implicit stiffness [N/m] of the contacts (`stiffness.py`), all on the first rank, from masses
         (m,) [kg] and diagonal blocks (m, d, d) [N/m] of the level's points, in the input's order. Obstacles have
         neither.
         """
