@@ -4,6 +4,7 @@ Objects are loose or in packs of version 2, as every git since 2008 writes them.
 """
 
 import mmap
+import re
 import struct
 import zlib
 from bisect import bisect_left
@@ -56,11 +57,13 @@ class Repository:
         MissingObject
             There is none, or more than one.
         """
+        if not re.fullmatch("[0-9a-f]{4,40}", start):
+            raise MissingObject(f"{start!r} is no commit's id, or less than four digits of one")
         found = {start[:2] + path.name for path in (self.common / "objects" / start[:2]).glob(f"{start[2:]}*")}
         for pack in self._packs:
             found.update(pack.starting(start))
-        if len(start) < 4 or len(found) != 1:
-            raise MissingObject(f"{len(found)} objects begin with {start!r}: name one, by four digits or more")
+        if len(found) != 1:
+            raise MissingObject(f"{len(found)} objects begin with {start!r}; more digits, or a deeper clone, may help")
         return found.pop()
 
     def read(self, name: str) -> tuple[str, bytes]:

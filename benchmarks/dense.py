@@ -5,7 +5,9 @@
 Old and new code march the same scene file in turn, each run in a process of its own with one thread: up to three runs
 of each, fewer once they have taken a minute together; the median counts. Seconds are CPU seconds (user and system) of
 the steps themselves, without start-up, storage and the first step, so that other work on the machine does not count.
-Rows on two ranks are timed by the wall clock instead, and need a machine with nothing else to do.
+How many times as fast the new code is, is told in ticks, the time of a fixed loop between the steps: a core of a shared
+host runs at its best or at half of that. Rows on two ranks are timed by the wall clock instead, and need a machine with
+nothing else to do.
 
 The old commit's records are kept in the user's cache folder by commit and processor, and not measured again without
 --again (needed after a change of a scene). The tables are written between the markers of docs/dense_contact.md; rows
@@ -83,7 +85,11 @@ def parsed(words: list[str] | None) -> argparse.Namespace:
         "--out", type=Path, default=ROOT / "runs" / "dense", metavar="DIR", help="for dense.json, the records"
     )
     parser.add_argument(
-        "--docs", type=Path, default=ROOT / "docs" / "dense_contact.md", metavar="FILE", help="where the tables are kept"
+        "--docs",
+        type=Path,
+        default=ROOT / "docs" / "dense_contact.md",
+        metavar="FILE",
+        help="where the tables are kept",
     )
     return parser.parse_args(words)
 
@@ -177,7 +183,7 @@ def wanted(records: list[dict]) -> bool:
 def median(records: list[dict]) -> dict:
     """The record with the median time, or one that failed; `runs` is how many there are."""
     failed = [record for record in records if record["reason"]]
-    ordered = failed or sorted(records, key=lambda record: sum(record["seconds"]))
+    ordered = failed or sorted(records, key=lambda record: dense_rows.pace(record) / record["tick"])
     return {**ordered[len(ordered) // 2], "runs": len(records)}
 
 
@@ -185,7 +191,7 @@ def march(name: str, steps: int, code: Path, commit: str, folder: Path, end: Pat
     """The record of one run with the package in `code`; its last positions go into the file `end`."""
     row, path = ROWS[name], folder / "run"
     clock = "cpu" if row.ranks == 1 else "wall"
-    before, walls = peers.yardstick(), []
+    walls = []
     for ranks in range(1, row.ranks + 1):
         shutil.rmtree(path, ignore_errors=True)
         start = [sys.executable]
@@ -194,10 +200,11 @@ def march(name: str, steps: int, code: Path, commit: str, folder: Path, end: Pat
         words = [code, clock, row.limit, ROOT / row.file, path, steps, json.dumps(row.settings), 0]
         command = ["env", f"PYTHONPATH={code}", *start, str(HERE / "dense_one.py"), *map(str, words)]
         reason = peers.child(command, 3.0 * row.limit + 600.0, folder / "run.log")
-        found = {**measured(path, end, check), "reason": reason}
+        ticks = json.loads(path.with_suffix(".json").read_text()) if path.with_suffix(".json").is_file() else []
+        found = {**measured(path, end, check), "reason": reason, "tick": sum(ticks) / len(ticks) if ticks else 1.0}
         walls.append(sum(found["seconds"]))
     gain = {"gain": walls[0] / walls[1]} if row.ranks > 1 and walls[-1] else {}
-    return {**found, **gain, "commit": commit, "yardstick_ms": [before, peers.yardstick()]}
+    return {**found, **gain, "commit": commit}
 
 
 def measured(path: Path, end: Path, check: bool) -> dict:
@@ -261,18 +268,13 @@ class Table:
 
     def __str__(self) -> str:
         pairs = {name: self.rows[name] for name in ROWS if name in self.rows}
-        ticks = [tick for pair in pairs.values() for record in pair for tick in record["yardstick_ms"]]
+        old = ", ".join(sorted({pair[0]["commit"][:7] for pair in pairs.values()}))
         machine = peers.machine()
         return (
-            f"{machine['processor']}, one of {machine['cores']} cores; yardstick {min(ticks):.1f} to {max(ticks):.1f}"
-            f" ms. Where two figures stand together, the first is that of {pairs_commit(pairs)}.\n\n"
+            f"{machine['processor']}, one of {machine['cores']} cores. Where two figures stand together, the first is"
+            f" that of {old}. What is missed is in bold.\n\n"
             f"{dense_rows.tables(pairs)}"
         )
-
-
-def pairs_commit(pairs: dict) -> str:
-    """The commits of the old code, shortened."""
-    return ", ".join(sorted({old["commit"][:7] for old, _ in pairs.values()}))
 
 
 def between(docs: Path) -> tuple[str, str]:

@@ -8,9 +8,9 @@ SI units, y up, with the material, contact distance and tolerance of the peers' 
 import numpy as np
 
 import pdvol
-from peer_scenes import BARRIER, DOWN, FLOOR, MATERIAL, SOLVER
 from pdvol import Barrier, Body, Friction, NeoHookean, Placement, Plane, Rigid, Scene, Translation
 from pdvol.meshes import ball, brick
+from peer_scenes import BARRIER, DOWN, FLOOR, MATERIAL, SOLVER
 
 RUB = Friction(0.3, eps_v=1e-3)
 GAP = 9e-4
@@ -24,9 +24,7 @@ def stack(count: int = 5, side: float = 0.2, cuts: int = 7, steps: int = 100) ->
         Body((cube,), MATERIAL, name=f"cube {k}", placement=Placement((0.0, GAP + side / 2 + k * (side + GAP), 0.0)))
         for k in range(count)
     )
-    return Scene(
-        bodies, dt=0.01, steps=steps, loads=(DOWN,), obstacles=(FLOOR,), contact=(BARRIER, RUB), solver=SOLVER
-    )
+    return Scene(bodies, dt=0.01, steps=steps, loads=(DOWN,), obstacles=(FLOOR,), contact=(BARRIER, RUB), solver=SOLVER)
 
 
 def balls(across: int = 3, radius: float = 0.1, vertices: int = 150, steps: int = 80) -> Scene:
