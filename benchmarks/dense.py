@@ -5,14 +5,14 @@
 Old and new code march the same scene file in turn, each run in a process of its own with one thread: up to three runs
 of each, fewer once they have taken a minute together; the median counts. Seconds are CPU seconds (user and system) of
 the steps themselves, without start-up, storage and the first step, so that other work on the machine does not count.
-How many times as fast the new code is, is told in ticks, the time of a fixed loop between the steps: a core of a shared
-host runs at its best or at half of that. Rows on two ranks are timed by the wall clock instead, and need a machine with
-nothing else to do.
+Beside them stands the tick, the time of a fixed loop between the steps: a core of a shared host runs at its best or at
+half of that. Rows on two ranks are timed by the wall clock instead, and need a machine with nothing else to do.
 
 The old commit's records are kept in the user's cache folder by commit and processor, and not measured again without
---again (needed after a change of a scene). The tables are written between the markers of docs/dense_contact.md; rows
-that are not run again stay. The exit code is 0 when every run of the new code came to its end or its time limit and
-`pdvol verify`'s check finds no wrong state, 1 otherwise, and 2 for a wrong command line.
+--again. It is needed after a change of a scene, and where the ticks of both differ by more than a tenth. The tables are
+written between the markers of docs/dense_contact.md; rows that are not run again stay. The exit code is 0 when every
+run of the new code came to its end or its time limit and `pdvol verify`'s check finds no wrong state, 1 otherwise, and
+2 for a wrong command line.
 """
 
 import argparse
@@ -183,7 +183,7 @@ def wanted(records: list[dict]) -> bool:
 def median(records: list[dict]) -> dict:
     """The record with the median time, or one that failed; `runs` is how many there are."""
     failed = [record for record in records if record["reason"]]
-    ordered = failed or sorted(records, key=lambda record: dense_rows.pace(record) / record["tick"])
+    ordered = failed or sorted(records, key=dense_rows.pace)
     return {**ordered[len(ordered) // 2], "runs": len(records)}
 
 
@@ -201,7 +201,9 @@ def march(name: str, steps: int, code: Path, commit: str, folder: Path, end: Pat
         command = ["env", f"PYTHONPATH={code}", *start, str(HERE / "dense_one.py"), *map(str, words)]
         reason = peers.child(command, 3.0 * row.limit + 600.0, folder / "run.log")
         ticks = json.loads(path.with_suffix(".json").read_text()) if path.with_suffix(".json").is_file() else []
-        found = {**measured(path, end, check), "reason": reason, "tick": sum(ticks) / len(ticks) if ticks else 1.0}
+        found = measured(path, end, check)
+        reason = reason or ("" if found["seconds"] else "no step was done")
+        found |= {"reason": reason, "tick": sum(ticks) / len(ticks) if ticks else 1.0}
         walls.append(sum(found["seconds"]))
     gain = {"gain": walls[0] / walls[1]} if row.ranks > 1 and walls[-1] else {}
     return {**found, **gain, "commit": commit}
@@ -209,7 +211,7 @@ def march(name: str, steps: int, code: Path, commit: str, folder: Path, end: Pat
 
 def measured(path: Path, end: Path, check: bool) -> dict:
     """What a run folder tells; with `check`, also whether its states (a hundred at most) are sound."""
-    empty = {"seconds": [], "vertices": 0, "states": "none"}
+    empty = {"seconds": [], "states": "none"}
     try:
         run = open_run(path)
         level = next((level for level in run.levels if level.steps > 1), None)
