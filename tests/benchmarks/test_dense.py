@@ -161,7 +161,7 @@ def test_a_row_that_failed_says_why():
 
 def test_the_median_run_counts_and_a_failed_one_more():
     runs = [record(seconds=[1.0, s, s]) for s in (3.0, 1.0, 2.0)]
-    assert dense.median(runs) == {**runs[2], "runs": 3}
+    assert dense.median(runs) == {**runs[2], "runs": 3, "paces": [3.0, 1.0, 2.0]}
     assert dense.median([*runs, bad := record(reason="no")])["reason"] == bad["reason"]
     assert dense.wanted([]) and dense.wanted(runs[:2]) and not dense.wanted(runs)
     assert not dense.wanted([record(seconds=[100.0])]) and not dense.wanted([bad])
