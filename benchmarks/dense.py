@@ -205,7 +205,7 @@ def march(name: str, steps: int, code: Path, commit: str, folder: Path, end: Pat
         found = measured(path, end, check)
         reason = reason or ("" if found["seconds"] else "no step was done")
         found |= {"reason": reason, "tick": sum(ticks) / len(ticks) if ticks else 1.0}
-        walls.append(sum(found["seconds"]))
+        walls.append(dense_rows.pace(found) if found["seconds"] else 0.0)
     gain = {"gain": walls[0] / walls[1]} if row.ranks > 1 and walls[-1] else {}
     return {**found, **gain, "commit": commit}
 
