@@ -181,11 +181,14 @@ def wanted(records: list[dict]) -> bool:
 
 
 def median(records: list[dict]) -> dict:
-    """The record with the median time, or one that failed; `paces` are the seconds a step of all that did not."""
+    """The record with the median time (of two the faster), or one that failed.
+
+    `paces` are the seconds a step of all that did not.
+    """
     failed = [record for record in records if record["reason"]]
     ordered = failed or sorted(records, key=dense_rows.pace)
     paces = [dense_rows.pace(record) for record in records if not record["reason"]]
-    return {**ordered[len(ordered) // 2], "runs": len(records), "paces": paces}
+    return {**ordered[(len(ordered) - 1) // 2], "runs": len(records), "paces": paces}
 
 
 def march(name: str, steps: int, code: Path, commit: str, folder: Path, end: Path, check: bool = False) -> dict:
