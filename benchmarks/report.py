@@ -65,8 +65,8 @@ def speed(records: list[dict]) -> str:
         "Newton mean / max",
         "linear mean / max",
         "ms per Newton",
-        "STARK s (times ours)",
-        "IPC s (times ours)",
+        "STARK s, other machine (times ours)",
+        "IPC s, other machine (times ours)",
         "memory MB",
         "yardstick ms",
     ]

@@ -1,0 +1,108 @@
+"""Scenes of dense contact that only dense.py runs; a scene file.
+
+    ./run pdvol run benchmarks/dense_scenes.py --set name=stack
+
+SI units, y up, with the material, contact distance and tolerance of the peers' scenes (peer_scenes.py).
+"""
+
+import numpy as np
+
+import pdvol
+from pdvol import Barrier, Body, Friction, NeoHookean, Placement, Plane, Rigid, Scene, Translation
+from pdvol.meshes import ball, brick
+from peer_scenes import BARRIER, DOWN, FLOOR, MATERIAL, SOLVER
+
+RUB = Friction(0.3, eps_v=1e-3)
+GAP = 9e-4
+"""Metres between faces that touch at the start: nine tenths of the contact distance."""
+
+
+def stack(count: int = 5, side: float = 0.2, cuts: int = 7, steps: int = 100) -> Scene:
+    """Cubes on the floor, face on face, their meshes alike: most edges of two faces are parallel."""
+    cube = brick((side, side, side), (cuts, cuts, cuts))
+    bodies = tuple(
+        Body((cube,), MATERIAL, name=f"cube {k}", placement=Placement((0.0, GAP + side / 2 + k * (side + GAP), 0.0)))
+        for k in range(count)
+    )
+    return Scene(bodies, dt=0.01, steps=steps, loads=(DOWN,), obstacles=(FLOOR,), contact=(BARRIER, RUB), solver=SOLVER)
+
+
+def balls(across: int = 3, radius: float = 0.1, vertices: int = 150, steps: int = 80) -> Scene:
+    """across^3 balls fall between four walls onto the floor and each other, at 2 m/s from the start."""
+    pitch, dice = 2.3 * radius, np.random.default_rng(19)
+    wall = across / 2 * pitch + 0.1 * radius
+    shape, bodies = ball(radius, 2), []
+    for place in np.ndindex(across, across, across):
+        centre = pitch * (np.array(place) - [(across - 1) / 2, -0.6, (across - 1) / 2])
+        centre += 0.1 * radius * dice.uniform(-1.0, 1.0, 3)
+        bodies.append(
+            Body(
+                shape,
+                MATERIAL,
+                (vertices,),
+                name=f"ball {len(bodies)}",
+                placement=Placement(tuple(centre)),
+                velocity=(0.0, -2.0, 0.0),
+            )
+        )
+    walls = tuple(
+        Plane(tuple(-wall * n), tuple(n), name=f"wall {k}")
+        for k, n in enumerate(side * np.eye(3)[axis] for axis in (0, 2) for side in (-1.0, 1.0))
+    )
+    return Scene(
+        tuple(bodies),
+        dt=0.01,
+        steps=steps,
+        loads=(DOWN,),
+        obstacles=(FLOOR, *walls),
+        contact=(BARRIER, RUB),
+        solver=SOLVER,
+    )
+
+
+def plates(cuts: int = 15, share: float = 0.4, steps: int = 40) -> Scene:
+    """A block of 0.5 m is pressed between two plates that close by `share` of its height, at the same speed all the
+    time.
+    """
+    side, dt = 0.5, 0.01
+    speed = (share * side + 2 * GAP) / (steps * dt)
+    bottom = Plane((0.0, -side / 2 - GAP, 0.0), (0.0, 1.0, 0.0), name="bottom")
+    top = Plane((0.0, side / 2 + GAP, 0.0), (0.0, -1.0, 0.0), Translation((0.0, -speed, 0.0)), "top")
+    block = Body((brick((side, side, side), (cuts, cuts, cuts)),), MATERIAL, name="block")
+    return Scene((block,), dt=dt, steps=steps, obstacles=(bottom, top), contact=(BARRIER, RUB), solver=SOLVER)
+
+
+def struck(speed: float, away: float = 0.01, cuts: int = 6, steps: int = 20) -> Scene:
+    """A rigid ball of radius 0.1 m, moving at `speed` [m/s] along x, meets a free cube of 0.3 m; there is nothing
+    else.
+    """
+    radius, side = 0.1, 0.3
+    cube = Body((brick((side, side, side), (cuts, cuts, cuts)),), NeoHookean(1e5), name="cube")
+    hammer = Rigid(
+        ball(radius, 3),
+        Placement((-side / 2 - radius - away, 0.0, 0.0)),
+        Translation((float(speed), 0.0, 0.0)),
+        name="ball",
+    )
+    return Scene((cube,), dt=0.01, steps=steps, obstacles=(hammer,), contact=(Barrier(),))
+
+
+SCENES = {
+    "stack": stack,
+    "balls": balls,
+    "plates": plates,
+    "struck_15": lambda **other: struck(15.0, **other),
+    "struck_50": lambda **other: struck(50.0, **other),
+}
+"""Functions by name."""
+
+
+def scene(name: str = "stack", **other) -> Scene:
+    """One of `SCENES`, with what its function takes."""
+    if name not in SCENES:
+        raise pdvol.InputError(f"there is no scene {name!r}; choose one of {', '.join(SCENES)}")
+    return SCENES[name](**other)
+
+
+if __name__ == "__main__":
+    pdvol.main(scene)
