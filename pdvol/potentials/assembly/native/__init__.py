@@ -1,4 +1,4 @@
-"""The compiled cell loops, built once per machine with the C compiler that FFCx needs anyway."""
+"""The compiled cell loops, and how C code is built: once per machine, with the C compiler that FFCx needs anyway."""
 
 import hashlib
 import os
@@ -6,6 +6,7 @@ import platform
 import subprocess
 import sysconfig
 import tempfile
+from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -37,17 +38,13 @@ int64_t isotropic_hessians(void *gradient, void *hessian, const int32_t *argumen
                            const int32_t *dofs, const double *x, const double *inverse, const double *volumes,
                            const double *parameters, int np, const int32_t *slots, int mode, double weight,
                            double *out);
-int galerkin(int d, int64_t rows, int64_t first, const int32_t *starts, const int32_t *columns, const double *blocks,
-             const int32_t *p_starts, const int32_t *p_columns, const double *p_weights, int64_t coarse,
-             const int32_t *table, double *out);
-void restriction(int d, int64_t rows, const int32_t *starts, const int32_t *columns, const double *weights,
-                 const double *fine, double *coarse);
-void prolongation(int d, int64_t rows, const int32_t *starts, const int32_t *columns, const double *weights,
-                  const double *coarse, double *fine);
+int64_t merge_pairs(int d, int64_t rows, int64_t first, int64_t n, const int32_t *cell_starts,
+                    const int32_t *cell_columns, const double *cells, int64_t pairs, const int64_t *pair_rows,
+                    const int64_t *pair_columns, const double *pair_blocks, const uint8_t *fixed, int32_t *starts,
+                    int32_t *columns, double *blocks);
 int64_t inverted_cells(int d, int64_t count, const int32_t *dofs, const double *x);
 double volume_step(int d, int64_t count, const int32_t *dofs, const double *x, const double *p, double keep);
 """
-SOURCES = ("elements.c", "isotropic.c", "prolongations.c")
 
 ffi = cffi.FFI()
 ffi.cdef(_DECLARATIONS)
@@ -65,29 +62,25 @@ def cache_folder() -> Path:
     return base / "pdvol" / "compiled" / key
 
 
-@cache
-def library() -> Any:
-    """The loaded library. Two processes may build it at once: each builds aside and renames."""
-    sources = [Path(__file__).with_name(name) for name in SOURCES]
-    contents = b"".join(path.read_bytes() for path in (*sources, Path(__file__).with_name("kernel.h")))
-    command = [
-        os.environ.get("CC") or "cc",
-        *FLAGS,
-        f"-DKERNEL_ARGUMENTS={compat.KERNEL_ARGUMENTS}",
-        f"-DMAX_PARAMETERS={MAX_PARAMETERS}",
-        f"-DMAX_ISOTROPIC_PARAMETERS={MAX_ISOTROPIC_PARAMETERS}",
-        "-shared",
-        "-fPIC",
-    ]
+def build(folder: Path, definitions: Mapping[str, int] | None = None) -> str:
+    """Path of the library made of a folder's C files, which is built unless it exists.
+
+    Two processes may build it at once: each builds aside and renames. Raises InputError without a C compiler.
+    """
+    paths = sorted(folder.glob("*.c"))
+    contents = b"".join(path.read_bytes() for path in (*paths, *sorted(folder.glob("*.h"))))
+    words = [f"-D{name}={value}" for name, value in (definitions or {}).items()]
+    command = [os.environ.get("CC") or "cc", *FLAGS, *words, "-shared", "-fPIC"]
     key = hashlib.sha256(contents + " ".join(command).encode()).hexdigest()[:16]
-    target = cache_folder() / f"elements-{key}{sysconfig.get_config_var('SHLIB_SUFFIX') or '.so'}"
+    name = f"{folder.parent.name}-{key}{sysconfig.get_config_var('SHLIB_SUFFIX') or '.so'}"
+    target = cache_folder() / name
     if not target.exists():
         target.parent.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(dir=target.parent) as aside:
             built = Path(aside) / target.name
             try:
                 subprocess.run(
-                    [*command, *map(str, sources), "-o", str(built), "-lm"], check=True, capture_output=True, text=True
+                    [*command, *map(str, paths), "-o", str(built), "-lm"], check=True, capture_output=True, text=True
                 )
             except (OSError, subprocess.CalledProcessError) as error:
                 detail = (getattr(error, "stderr", "") or str(error)).strip().splitlines()
@@ -95,7 +88,18 @@ def library() -> Any:
                     f"no C compiler: {detail[-1] if detail else error}; install one (FFCx needs it too) or set CC"
                 ) from None
             os.replace(built, target)
-    return ffi.dlopen(str(target))
+    return str(target)
+
+
+@cache
+def library() -> Any:
+    """The loaded library of the cell loops."""
+    definitions = {
+        "KERNEL_ARGUMENTS": compat.KERNEL_ARGUMENTS,
+        "MAX_PARAMETERS": MAX_PARAMETERS,
+        "MAX_ISOTROPIC_PARAMETERS": MAX_ISOTROPIC_PARAMETERS,
+    }
+    return ffi.dlopen(build(Path(__file__).parent, definitions))
 
 
 def pointer(array: np.ndarray, kind: str = "double") -> Any:
