@@ -6,7 +6,7 @@ import platform
 import subprocess
 import sysconfig
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -35,19 +35,20 @@ def cache_folder() -> Path:
     return base / "pdvol" / "compiled" / key
 
 
-def load(folder: Path, sources: Sequence[str], headers: Sequence[str], defines: Sequence[str] = ()) -> Any:
-    """The library of the C files of a folder, whose functions are declared to `ffi`.
+def load(folder: Path, definitions: Mapping[str, int] | None = None) -> Any:
+    """The library made of a folder's C files, whose functions are declared to `ffi`; built unless it exists.
 
     Two processes may build it at once: each builds aside and renames.
 
     Raises
     ------
     InputError
-        There is no C compiler.
+        The C compiler is missing, or fails.
     """
-    paths = [folder / name for name in sources]
-    contents = b"".join(path.read_bytes() for path in (*paths, *(folder / name for name in headers)))
-    command = [os.environ.get("CC") or "cc", *FLAGS, *(f"-D{define}" for define in defines), "-shared", "-fPIC"]
+    paths = sorted(folder.glob("*.c"))
+    contents = b"".join(path.read_bytes() for path in (*paths, *sorted(folder.glob("*.h"))))
+    words = [f"-D{name}={value}" for name, value in (definitions or {}).items()]
+    command = [os.environ.get("CC") or "cc", *FLAGS, *words, "-shared", "-fPIC"]
     key = hashlib.sha256(contents + " ".join(command).encode()).hexdigest()[:16]
     target = cache_folder() / f"{folder.parent.name}-{key}{sysconfig.get_config_var('SHLIB_SUFFIX') or '.so'}"
     if not target.exists():

@@ -18,7 +18,8 @@ class Solver:
     max_halvings : how often a step may be halved before the run stops
     linear : "auto", or "iterative", "multilevel" or "direct"
     accuracy : relative error of an iterative linear solve, in the energy norm
-    petsc : extra PETSc options, for example "-ksp_rtol 1e-6"
+    petsc : extra PETSc options, for example "-ksp_rtol 1e-6"; with a `-ksp_type` or `-pc_type` among them PETSc's own
+        solvers replace the compiled ones
     """
 
     tolerance: Length = Relative(1e-3)

@@ -7,6 +7,7 @@ pre-check shortens each step such that nothing crosses or inverts. The callbacks
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import partial
 
 import numpy as np
 from petsc4py import PETSc
@@ -80,9 +81,8 @@ class Newton:
         self._vector, self._residual = space.create_vector(), space.create_vector()
         self._blocks = HessianBlocks(BlockPattern(space))
         self._system = SystemMatrix(space, supported, wants_general_matrix(settings))
-        self._system.assemble(self._blocks)
         self.snes = self._create_snes()
-        self.linear = LinearSolver(self.snes.ksp, settings, len(space.mesh.points), self._coarse_space)
+        self.linear = LinearSolver(self.snes.ksp, settings, self._coarse_space, partial(watch.part, "linear"))
         self._solve: Minimisation
 
     def _create_snes(self) -> PETSc.SNES:
@@ -90,7 +90,7 @@ class Newton:
         snes.setType(PETSc.SNES.Type.NEWTONLS)
         snes.setObjective(self._objective)
         snes.setFunction(self._function, self._residual)
-        snes.setJacobian(self._jacobian, self._system.petsc)
+        snes.setJacobian(self._jacobian, self._system.shell)
         snes.setLineSearchPreCheck(self._precheck)
         snes.setConvergenceTest(self._test)
         snes.setTolerances(rtol=0.0, atol=0.0, stol=0.0, max_it=self.settings.max_iterations)
@@ -104,10 +104,11 @@ class Newton:
         return snes
 
     def _coarse_space(self) -> CoarseSpace:
-        weights = self._coarse_weights()
-        return CoarseSpace(
-            self.space, grid_weights(self.space.mesh) if weights is None else weights, self._system.all_supported
-        )
+        """On a coarser level where that has no more vertices than a grid (a larger one costs more than it saves)."""
+        weights, own = grid_weights(self.space.mesh), self._coarse_weights()
+        if own is not None and own.shape[1] <= weights.shape[1]:
+            weights = own
+        return CoarseSpace(self.space, weights, self._system.all_supported)
 
     # ---- callbacks
 
@@ -121,13 +122,8 @@ class Newton:
         residual.setArray(self._solve.evaluate_gradient(self._positions(vector)).ravel())
 
     def _jacobian(self, snes: PETSc.SNES, vector: PETSc.Vec, J: PETSc.Mat, P: PETSc.Mat) -> None:
-        if self._solve.keeps_matrix():
-            self.linear.set_parts(self._system.parts)  # the linear method may have changed
-            return
-        self._sum_hessian(self._positions(vector))
-        with self.watch.part("linear"):
-            self._assemble()
-            self.linear.set_parts(self._system.parts)
+        if not self._solve.keeps_matrix():
+            self._renew_matrix(self._positions(vector))
 
     def _precheck(self, vector: PETSc.Vec, step: PETSc.Vec) -> None:
         """Scales the step so that nothing crosses or inverts; SNES moves by its negative."""
@@ -159,13 +155,16 @@ class Newton:
 
     def _sum_hessian(self, x: Positions) -> None:
         projection = self._solve.projection
-        self._blocks.clear()
-        self._blocks.projection = projection.mode
-        self.potential.add_hessian(x, 1.0, self._blocks)
+        with self.watch.part("assembly"):
+            self._blocks.clear()
+            self._blocks.projection = projection.mode
+            self.potential.add_hessian(x, 1.0, self._blocks)
 
-    def _assemble(self) -> None:
-        if self._system.assemble(self._blocks):
-            self.snes.setJacobian(self._jacobian, self._system.petsc)
+    def _renew_matrix(self, x: Positions) -> None:
+        self._sum_hessian(x)
+        with self.watch.part("linear"):
+            self._system.assemble(self._blocks)
+            self.linear.set_matrix(self._system)
 
     def _leave_unprojected(self) -> bool:
         """Whether the Hessian was unprojected; it will be projected for some iterations."""
@@ -176,9 +175,7 @@ class Newton:
     def _solve_again(self, x: Positions, step: PETSc.Vec) -> None:
         """Solves for the step again, with the present projection."""
         self._solve.renew_matrix()
-        self._sum_hessian(x)
-        self._system.assemble(self._blocks)  # at the same x the pattern, and so the PETSc object, stays the same
-        self.linear.set_parts(self._system.parts)
+        self._renew_matrix(x)
         self.linear.solve(self._residual, step)
 
     # ---- what callers use
@@ -212,11 +209,10 @@ class Newton:
             solve.projection = solve.projection.strongest()
             self.linear.use_direct()
         self.snes.setTolerances(max_it=self.settings.max_iterations if max_iterations is None else max_iterations)
-        # A direct solve of an ill-conditioned system, or an incomplete factor that breaks down, shows in the linear
-        # reason.
+        # A direct solve of an ill-conditioned system shows in the linear reason.
         while True:
             self._vector.setArray(x.owned.ravel())
-            with self.watch.part("linear"), _own_errors():
+            with _own_errors():
                 self.snes.solve(None, self._vector)
             x = self._positions(self._vector)
             reason = self.snes.getConvergedReason()
@@ -250,7 +246,7 @@ class Newton:
             before = self.linear.method
             if not self.linear.fall_back():
                 return ""
-            return "workspace" if before == "direct" else "direct" if self.linear.method == "direct" else "shift"
+            return "workspace" if before == "direct" else "direct"
         strongest = self._solve.projection.strongest()
         if strongest is not self._solve.projection:
             self._solve.projection = strongest
@@ -259,7 +255,6 @@ class Newton:
 
     def forget(self) -> None:
         """Before a step: drops states of the solver that would change the last digits of a resumed run."""
-        self._system.forget()
         self.linear.forget()
 
     def directions(
@@ -278,15 +273,13 @@ class Newton:
             moved.setArray(prescribed.ravel())
             # Free rows get the forces of the supports' motion; then rows and columns of supports are eliminated.
             self._system.assemble(self._blocks, eliminate=False)
-            self._system.petsc.mult(moved, force)
+            self._system.shell.mult(moved, force)
             motions = -push - force.getArray().reshape(-1, self.space.dim)
             self._system.assemble(self._blocks)
-            self.snes.setJacobian(self._jacobian, self._system.petsc)
-            self.snes.ksp.setOperators(self._system.petsc)
+            self.linear.set_matrix(self._system)
         for right in (motions - gradient, motions):
-            with self.watch.part("linear"), _own_errors():
+            with _own_errors():
                 moved.setArray(np.where(self._fixed[:, None], prescribed, right).ravel())
-                self.linear.set_parts(self._system.parts)  # the linear method may have changed
                 self.linear.solve(moved, force)
             found = force.getArray().reshape(-1, self.space.dim).copy()
             solve.require_finite(found)

@@ -7,7 +7,6 @@ each was taken.
 |---|---|---|
 | clamp | the Hessian projected again, and for longer | an unprojected one turned out indefinite |
 | abs | the strongest projection: eigenvalues by size, full contact Hessians | the line search failed |
-| shift | a stronger diagonal for the incomplete factor | it was not positive definite |
 | direct | a direct solver | an iterative one failed, or the line search failed with the strongest projection |
 | workspace | more room for the direct solver | it failed |
 | held_back | a quarter of the scripted motion, then none of it | it met contact, and its end could not be solved |
@@ -64,7 +63,6 @@ class Stopwatch:
 REMEDIES = (
     "clamp",
     "abs",
-    "shift",
     "direct",
     "workspace",
     "held_back",

@@ -194,7 +194,7 @@ def test_what_motions_do_by_themselves_is_the_direction_less_the_way_to_rest():
     np.testing.assert_allclose(both - alone, rest, atol=1e-9 * scale)
 
 
-@pytest.mark.parametrize("limit", ["MAX_ITERATIONS_WITHOUT_COARSE_SPACE", "MAX_CG_ITERATIONS"])
+@pytest.mark.parametrize("limit", ["COARSE_SETUP", "MAX_ITERATIONS"])
 def test_the_second_direction_is_right_where_the_first_changes_the_solver(monkeypatch, limit):
     (_, expected), *_ = both_directions(Solver(tolerance=1e-6, linear="direct"))
     monkeypatch.setattr(linear, limit, 0)

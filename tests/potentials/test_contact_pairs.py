@@ -6,7 +6,6 @@ import pytest
 from mpi4py import MPI
 
 from pdvol.levels.space import LevelSpace
-from pdvol.potentials.assembly.hessian_blocks import sorted_keys
 from pdvol.potentials.contact import barrier_law, candidates
 from pdvol.potentials.contact.barrier import SurfaceBarrier
 from pdvol.potentials.contact.collision_surface import CollisionSurface, Obstacle
@@ -324,14 +323,6 @@ def test_certified_and_additive_collision_detection_allow_similar_steps():
     assert 0.0 < steps[0] < 0.05
     np.testing.assert_allclose(steps[1], steps[0], rtol=0.2)
     assert not ipctk.has_intersections(certified.mesh, np.asfortranarray(start + steps[1] * (end - start)))
-
-
-@pytest.mark.parametrize("largest", [10**6, 2**62])
-def test_keys_are_sorted_stably_also_where_they_leave_no_room_for_places(largest):
-    keys = np.random.default_rng(1).integers(0, 20, 1000) * (largest // 20)
-    values, order = sorted_keys(keys)
-    np.testing.assert_array_equal(order, np.argsort(keys, kind="stable"))
-    np.testing.assert_array_equal(values, keys[order])
 
 
 @pytest.mark.parametrize("ccd", ["additive", "tight-inclusion"])

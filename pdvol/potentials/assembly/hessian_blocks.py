@@ -4,11 +4,18 @@ The sparsity pattern of a level's Hessian from its cells: upper triangle, in blo
 """
 
 import numpy as np
-from petsc4py import PETSc
 from scipy.sparse import bsr_array, csr_array
 
 from pdvol.levels.space import LevelSpace
+from pdvol.potentials.assembly import native
+from pdvol.potentials.assembly.native import pointer
 
+BlockCsr = tuple[np.ndarray, np.ndarray, np.ndarray]
+"""Blocks of this rank's rows: starts (n_owned + 1,) int32, global columns (k,) int32 that ascend, blocks (k, d, d).
+
+The array of blocks has SPARE numbers behind its last block, which compiled products may read.
+"""
+SPARE = 4
 # code of block s that is added transposed: TRANSPOSED - s, as elements.c decodes it
 TRANSPOSED = -2
 # code of a block in another rank's rows, which is not added
@@ -22,9 +29,10 @@ class BlockPattern:
 
     Attributes
     ----------
-    rows, columns : (count,) int64
+    count : number of blocks
+    rows, columns : (count,) int64, int32
         Local row and global column of each block, sorted.
-    starts : (n_owned + 1,)
+    starts : (n_owned + 1,) int32
         Where each row's blocks begin.
     diagonal : (n_owned,)
         Which blocks lie on the diagonal.
@@ -45,15 +53,12 @@ class BlockPattern:
         slots = np.full(keys.shape, ELSEWHERE, dtype=np.int64)
         slots[stored] = np.where((blocks[:, i] > blocks[:, j])[stored], TRANSPOSED - slot, slot)
         self.slots = np.ascontiguousarray(slots, dtype=np.int32)
-        self.keys, self.rows, self.columns = unique, unique // n, unique % n
-        self.starts = np.searchsorted(unique, np.arange(space.n_owned + 1) * n).astype(PETSc.IntType)
+        self.count = len(unique)
+        self.rows, self.columns = unique // n, (unique % n).astype(np.int32)
+        self.starts = np.searchsorted(unique, np.arange(space.n_owned + 1) * n).astype(np.int32)
         self.diagonal = np.searchsorted(
             unique, np.arange(space.n_owned) * n + space.first_block + np.arange(space.n_owned)
         )
-
-    @property
-    def count(self) -> int:
-        return len(self.keys)
 
 
 class HessianBlocks:
@@ -92,7 +97,8 @@ class HessianBlocks:
     def add_masses(self, masses: np.ndarray) -> None:
         """Adds a diagonal matrix, given by its entries (n_owned, d)."""
         d = masses.shape[1]
-        self.cells[self.pattern.diagonal[:, None], np.arange(d), np.arange(d)] += masses
+        entries = d * d * self.pattern.diagonal[:, None] + (d + 1) * np.arange(d)
+        self.cells.reshape(-1)[entries] += masses
 
     def add_pairs(self, rows: np.ndarray, columns: np.ndarray, blocks: np.ndarray) -> None:
         """Adds blocks (k, d, d) at global block indices (k,), which may repeat. Both triangles may be given: only
@@ -105,49 +111,53 @@ class HessianBlocks:
         elif kept.any():
             self.added.append((rows[kept] - first, columns[kept], blocks[kept]))
 
-    def pairs(self) -> tuple[np.ndarray, np.ndarray]:
-        """The contributions of `add_pairs`, summed by place: keys (k,) = local row * n + global column, ascending, and
-        blocks (k, d, d).
+    def merged(self, fixed: np.ndarray | None = None) -> BlockCsr:
+        """The sum of `cells` and `added`, on or right of the diagonal.
+
+        Parameters
+        ----------
+        fixed : (n,) bool, in PETSc's block order
+            Vertices whose rows and columns become the identity's.
         """
-        d, n = self.pattern.space.dim, len(self.pattern.space.mesh.points)
-        if not self.added:
-            return np.zeros(0, dtype=np.int64), np.zeros((0, d, d))
-        keys = np.concatenate([row * n + column for row, column, _ in self.added])
-        blocks = np.concatenate([blocks for _, _, blocks in self.added])
-        keys, order = sorted_keys(keys)
-        first = np.flatnonzero(np.diff(keys, prepend=-1))
-        return keys[first], np.add.reduceat(blocks[order], first, axis=0)
+        pattern, space = self.pattern, self.pattern.space
+        d, n = space.dim, len(space.mesh.points)
+        empty = (np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64), np.zeros((0, d, d)))
+        rows, columns, blocks = (
+            np.ascontiguousarray(np.concatenate(parts), dtype=kind)
+            for parts, kind in zip(zip(empty, *self.added, strict=True), (np.int64, np.int64, np.float64), strict=True)
+        )
+        most = pattern.count + len(rows)
+        starts, found = np.empty(space.n_owned + 1, dtype=np.int32), np.empty(most, dtype=np.int32)
+        sums = np.empty(most * d * d + SPARE)
+        count = native.library().merge_pairs(
+            d,
+            space.n_owned,
+            space.first_block,
+            n,
+            pointer(pattern.starts, "int32_t"),
+            pointer(pattern.columns, "int32_t"),
+            pointer(self.cells),
+            len(rows),
+            pointer(rows, "int64_t"),
+            pointer(columns, "int64_t"),
+            pointer(blocks),
+            native.ffi.NULL if fixed is None else pointer(fixed, "uint8_t"),
+            pointer(starts, "int32_t"),
+            pointer(found, "int32_t"),
+            pointer(sums),
+        )
+        if count < 0:
+            raise MemoryError("no memory left for the sum of the Hessians")
+        sums[count * d * d :][:SPARE] = 0.0
+        return starts, found[:count], sums[: count * d * d].reshape(count, d, d)
 
     def to_csr(self) -> csr_array:
         """The whole symmetric matrix (n d, n d), in PETSc's numbering, of a level on one rank."""
         d, n = self.pattern.space.dim, len(self.pattern.space.mesh.points)
-        keys, blocks = self.pairs()
-        keys, blocks = np.concatenate([self.pattern.keys, keys]), np.concatenate([self.cells, blocks])
-        order = np.argsort(keys, kind="stable")
-        keys, blocks = keys[order], blocks[order]
-        starts = np.searchsorted(keys, np.arange(n + 1) * n)
-        upper = csr_array(bsr_array((blocks, keys % n, starts), shape=(n * d, n * d)).tocsr())
-        upper.sum_duplicates()
-        diagonal = np.flatnonzero(keys // n == keys % n)
-        across = csr_array(
-            bsr_array(
-                (blocks[diagonal], keys[diagonal] % n, np.searchsorted(keys[diagonal], np.arange(n + 1) * n)),
-                shape=(n * d, n * d),
-            ).tocsr()
+        starts, columns, blocks = self.merged()
+        whole = lambda starts, columns, blocks: csr_array(
+            bsr_array((blocks, columns, starts), shape=(n * d, n * d)).tocsr()
         )
-        across.sum_duplicates()
+        upper = whole(starts, columns, blocks)
+        across = whole(np.arange(n + 1), np.arange(n), blocks[starts[:-1]])
         return csr_array(upper + upper.T - across)
-
-
-def sorted_keys(keys: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The keys (k,) >= 0 in ascending order, and the stable permutation that sorts them.
-
-    Sorting values is several times faster than argsort. Each key therefore carries its index in its low bits, where 63
-    bits suffice for both.
-    """
-    bits = len(keys).bit_length()
-    if int(keys.max()).bit_length() + bits > 63:
-        order = np.argsort(keys, kind="stable")
-        return keys[order], order
-    packed = np.sort((keys << bits) | np.arange(len(keys)))
-    return packed >> bits, packed & ((1 << bits) - 1)

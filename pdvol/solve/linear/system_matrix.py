@@ -1,27 +1,22 @@
-"""The PETSc matrix of Newton's systems: symmetric and blocked, with supported rows eliminated and a pattern that
-changes with the contacts.
+"""The matrix of Newton's systems: symmetric, in d x d blocks, with supported rows eliminated and a pattern that changes
+with the contacts.
 """
+
+from typing import Any
 
 import numpy as np
 from mpi4py import MPI
 from petsc4py import PETSc
 
 from pdvol.levels.space import LevelSpace
-from pdvol.potentials.assembly.hessian_blocks import BlockPattern, HessianBlocks
-
-BlockCsr = tuple[np.ndarray, np.ndarray, np.ndarray]
-"""Blocks of this rank's rows: starts (n_owned + 1,), global columns (k,), blocks (k, d, d)."""
-MatrixParts = tuple[BlockCsr, BlockCsr]
-"""A matrix as the sum of the blocks of cells and the blocks of contact pairs."""
+from pdvol.potentials.assembly.hessian_blocks import BlockCsr, HessianBlocks
+from pdvol.potentials.assembly.native import pointer
+from pdvol.solve.linear import native
+from pdvol.solve.linear.halo import Halo
 
 
 class SystemMatrix:
-    """An SBAIJ matrix (upper triangle in d x d blocks) filled from `HessianBlocks`.
-
-    Contacts change the pattern. A new matrix has the pairs of this assembly and of the last one, and it serves until a
-    pair is missing, so that not every change of contacts makes a new matrix. A changed pattern needs a new PETSc
-    object: one that is preallocated again can keep its nonzero state, and a preconditioner would then reuse the
-    symbolic factor of the old pattern.
+    """The sum of `HessianBlocks`, for compiled products; PETSc's matrix is made of it where it is asked for.
 
     Parameters
     ----------
@@ -29,104 +24,101 @@ class SystemMatrix:
     supported : (n_owned,) bool
         Vertices whose rows and columns are the identity's.
     general : bool
-        Whether `petsc` is a general AIJ copy, which every preconditioner supports.
+        Whether `petsc` is a general AIJ matrix, which every preconditioner supports.
 
     Attributes
     ----------
-    petsc : PETSc.Mat
+    rows : BlockCsr
+        Of the last assembly, on or right of the diagonal, with global columns.
     all_supported : (n,) bool, in PETSc's block order
-    parts : MatrixParts
-        The last assembly: `petsc` is the sum of both.
+    compiled : linear_system *
+        For the functions of native/, without a preconditioner.
+    own : BlockCsr
+        The rows' blocks between this rank's vertices, in its own numbers.
+    shell : PETSc.Mat
+        Multiplies by the last assembly; the same object for ever.
     """
 
     def __init__(self, space: LevelSpace, supported: np.ndarray, general: bool = False):
-        self.space, self._supported, self._general = space, supported, general
+        self.space, self._general = space, general
         self._sizes = ((space.n_owned * space.dim, len(space.mesh.points) * space.dim),) * 2
-        self.all_supported = space.to_input(np.repeat(supported[:, None].astype(float), space.dim, axis=1))[:, 0] > 0
-        self.all_supported = self.all_supported[np.argsort(space.point_blocks)]  # in PETSc's order
-        self._extra: np.ndarray | None = None
-        self._recent = np.zeros(0, dtype=np.int64)
-        self._pattern: BlockPattern | None = None
-        self.petsc: PETSc.Mat = None
+        everything = space.to_input(np.repeat(supported[:, None].astype(float), space.dim, axis=1))[:, 0] > 0
+        self.all_supported = everything[np.argsort(space.point_blocks)]
+        self.rows: BlockCsr
+        self.own: BlockCsr
+        self.compiled = native.ffi.new("linear_system *", {"d": space.dim, "count": space.n_owned})
+        self._halo: Halo | None = None
+        self._far = np.zeros((0, space.dim))
+        self._petsc: PETSc.Mat = None
         self._blocked: PETSc.Mat = None
-        self.parts: MatrixParts
+        self._pattern: tuple[np.ndarray, np.ndarray] | None = None
+        self.shell = PETSc.Mat().createPython(self._sizes, self, comm=space.comm)
+        self.shell.setUp()
 
-    def _follow(self, pattern: BlockPattern) -> None:
-        self._pattern = pattern
-        n = len(self.space.mesh.points)
-        self._rows = (pattern.starts, pattern.columns.astype(PETSc.IntType))
-        touched = self._supported[pattern.rows] | self.all_supported[pattern.columns]
-        self._eliminated = np.flatnonzero(touched)
-        self._ones = pattern.diagonal[self._supported]
-        self._n = n
-
-    def forget(self) -> None:
-        """Drops pairs of earlier assemblies from the pattern, because the last digits of a solution depend on it."""
-        self._recent = np.zeros(0, dtype=np.int64)
-        if self._extra is not None and len(self._extra):
-            self._extra = None
-
-    def assemble(self, blocks: HessianBlocks, eliminate: bool = True) -> bool:
-        """Fills the matrix from `blocks`, which it may change. Returns whether `petsc` is a new object. Collective.
-
-        With `eliminate` the rows and columns of supported vertices become the identity's.
-        """
-        if self._pattern is not blocks.pattern:
-            self._follow(blocks.pattern)
-        keys, values = blocks.pairs()
-        if eliminate:
-            blocks.cells[self._eliminated] = 0.0
-            blocks.cells[self._ones] = np.eye(self.space.dim)
-            free = ~(self._supported[keys // self._n] | self.all_supported[keys % self._n])
-            keys, values = keys[free], values[free]
-        self._replaced = self.petsc  # kept: SNES still holds it while its callback assembles the next one
-        new = self._fit(keys, blocks.pattern.keys)
-        matrix = self._blocked
-        matrix.zeroEntries()
-        matrix.setValuesBlockedCSR(*self._rows, blocks.cells)
-        matrix.assemble(PETSc.Mat.AssemblyType.FLUSH)
-        starts = np.searchsorted(keys, np.arange(self.space.n_owned + 1) * self._n).astype(PETSc.IntType)
-        pairs = (starts, (keys % self._n).astype(PETSc.IntType), values)
-        matrix.setValuesBlockedCSR(*pairs, addv=PETSc.InsertMode.ADD_VALUES)
-        matrix.assemble()
-        if self._general:
-            self.petsc = matrix.convert("aij") if new else matrix.convert("aij", self.petsc)
-            self.petsc.setOption(PETSc.Mat.Option.SPD, True)
-        else:
-            self.petsc = matrix
-        self.parts = ((*self._rows, blocks.cells), pairs)
-        return new
-
-    def _fit(self, keys: np.ndarray, base: np.ndarray) -> bool:
-        """Makes a new matrix if the present one lacks one of the pairs on some rank. Returns whether it did.
+    def assemble(self, blocks: HessianBlocks, eliminate: bool = True) -> None:
+        """Sums `blocks`; with `eliminate` the rows and columns of supported vertices become the identity's.
         Collective.
+        """
+        self.rows = self.own = blocks.merged(self.all_supported if eliminate else None)
+        self._petsc = None
+        system = self.compiled
+        if self.space.comm.size > 1:
+            self._halo = halo = Halo(self.space, self.rows)
+            self.own, self._far = halo.own, halo.values
+            system.far_starts, system.far_columns, system.far_blocks = _pointers(halo.far)
+            system.exchange, system.sum = halo.exchange, halo.sum
+        system.starts, system.columns, system.blocks = _pointers(self.own)
+
+    def solve(self, right: np.ndarray, tolerance: float, most: int) -> tuple[np.ndarray, int, int]:
+        """Conjugate gradients with the preconditioner that `compiled` names (`conjugate_gradients` in native/).
 
         Parameters
         ----------
-        keys : (k,) of the contact pairs
-        base : (m,) of the blocks that cells couple
+        right : (n_owned d,)
+        tolerance : reduction of the residual, measured by the preconditioner
+        most : iterations allowed
+
+        Returns the solution (n_owned d,), PETSc's reason, and the number of iterations. Collective.
         """
-        needed = keys[~_among(keys, base)]
-        fits = self._extra is not None and _among(needed, self._extra).all()
-        fits = self.space.comm.allreduce(bool(fits), op=MPI.LAND)
-        if not fits:
-            self._extra = np.union1d(needed, self._recent)
-            everything = np.sort(np.concatenate([base, self._extra]))
-            starts = np.searchsorted(everything, np.arange(self.space.n_owned + 1) * self._n).astype(PETSc.IntType)
-            d = self.space.dim
-            self._blocked = PETSc.Mat().createSBAIJ(
-                self._sizes,
-                d,
-                csr=(starts, (everything % self._n).astype(PETSc.IntType), np.zeros((len(everything), d, d))),
-                comm=self.space.comm,
-            )
-            self._blocked.assemble()
-            self._blocked.setOption(PETSc.Mat.Option.SPD, True)
-        self._recent = needed
-        return not fits
+        found, count = np.zeros(len(right)), native.ffi.new("int32_t *")
+        reason = native.library().conjugate_gradients(
+            self.compiled, pointer(right), tolerance, most, pointer(self._far), pointer(found), count
+        )
+        return found, reason, count[0]
+
+    def mult(self, matrix: PETSc.Mat, x: PETSc.Vec, y: PETSc.Vec) -> None:
+        """y = A x, as PETSc calls it on `shell`. Collective."""
+        native.library().symmetric_product(
+            self.compiled, pointer(x.getArray(readonly=True)), pointer(self._far), pointer(y.getArray())
+        )
+
+    @property
+    def petsc(self) -> PETSc.Mat:
+        """The last assembly as PETSc's own matrix, SBAIJ or AIJ, made at the first call after it. Collective.
+
+        An unchanged pattern keeps the object, and with it what solvers derived from the pattern.
+        """
+        if self._petsc is None:
+            starts, columns, blocks = self.rows
+            known = self._pattern is not None and all(map(np.array_equal, self._pattern, (starts, columns)))
+            known = self.space.comm.allreduce(known, op=MPI.LAND)
+            csr = (starts.astype(PETSc.IntType), columns.astype(PETSc.IntType), blocks)
+            if known:
+                self._blocked.setValuesBlockedCSR(*csr)
+                self._blocked.assemble()
+            else:
+                self._pattern = (starts, columns)
+                self._blocked = PETSc.Mat().createSBAIJ(self._sizes, self.space.dim, csr=csr, comm=self.space.comm)
+                self._blocked.assemble()
+                self._blocked.setOption(PETSc.Mat.Option.SPD, True)
+            self._petsc = self._blocked
+            if self._general:
+                self._petsc = self._blocked.convert("aij", PETSc.Mat())  # one that is converted again is not symmetric
+                self._petsc.setOption(PETSc.Mat.Option.SPD, True)
+        return self._petsc
 
 
-def _among(keys: np.ndarray, known: np.ndarray) -> np.ndarray:
-    """Which of the keys (k,) are among the known ones, which ascend."""
-    place = np.searchsorted(known, keys)
-    return np.append(known, -1)[place] == keys
+def _pointers(rows: BlockCsr) -> tuple[Any, Any, Any]:
+    """A block CSR for C, whose arrays must be kept."""
+    starts, columns, blocks = rows
+    return pointer(starts, "int32_t"), pointer(columns, "int32_t"), pointer(blocks)

@@ -1,4 +1,4 @@
-"""The compiled cell loops and products with prolongations."""
+"""The compiled cell loops."""
 
 from functools import cache
 from pathlib import Path
@@ -27,13 +27,10 @@ int64_t isotropic_hessians(void *gradient, void *hessian, const int32_t *argumen
                            const int32_t *dofs, const double *x, const double *inverse, const double *volumes,
                            const double *parameters, int np, const int32_t *slots, int mode, double weight,
                            double *out);
-int galerkin(int d, int64_t rows, int64_t first, const int32_t *starts, const int32_t *columns, const double *blocks,
-             const int32_t *p_starts, const int32_t *p_columns, const double *p_weights, int64_t coarse,
-             const int32_t *table, double *out);
-void restriction(int d, int64_t rows, const int32_t *starts, const int32_t *columns, const double *weights,
-                 const double *fine, double *coarse);
-void prolongation(int d, int64_t rows, const int32_t *starts, const int32_t *columns, const double *weights,
-                  const double *coarse, double *fine);
+int64_t merge_pairs(int d, int64_t rows, int64_t first, int64_t n, const int32_t *cell_starts,
+                    const int32_t *cell_columns, const double *cells, int64_t pairs, const int64_t *pair_rows,
+                    const int64_t *pair_columns, const double *pair_blocks, const uint8_t *fixed, int32_t *starts,
+                    int32_t *columns, double *blocks);
 int64_t inverted_cells(int d, int64_t count, const int32_t *dofs, const double *x);
 double volume_step(int d, int64_t count, const int32_t *dofs, const double *x, const double *p, double keep);
 """
@@ -43,13 +40,9 @@ double volume_step(int d, int64_t count, const int32_t *dofs, const double *x, c
 @cache
 def library() -> Any:
     """The loaded library."""
-    return load(
-        Path(__file__).parent,
-        ("elements.c", "isotropic.c", "prolongations.c"),
-        ("kernel.h",),
-        (
-            f"KERNEL_ARGUMENTS={compat.KERNEL_ARGUMENTS}",
-            f"MAX_PARAMETERS={MAX_PARAMETERS}",
-            f"MAX_ISOTROPIC_PARAMETERS={MAX_ISOTROPIC_PARAMETERS}",
-        ),
-    )
+    definitions = {
+        "KERNEL_ARGUMENTS": compat.KERNEL_ARGUMENTS,
+        "MAX_PARAMETERS": MAX_PARAMETERS,
+        "MAX_ISOTROPIC_PARAMETERS": MAX_ISOTROPIC_PARAMETERS,
+    }
+    return load(Path(__file__).parent, definitions)

@@ -45,4 +45,4 @@ int64_t barrier_blocks(int d, int64_t count, const int32_t *vertices, const doub
 @cache
 def library() -> Any:
     """The loaded library."""
-    return load(Path(__file__).parent, ("search.c", "pairs.c"), ("surface.h",))
+    return load(Path(__file__).parent)

@@ -1,0 +1,154 @@
+/* Products with a symmetric matrix in blocks, and conjugate gradients (Hestenes and Stiefel 1952). */
+#include "linear.h"
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+INLINE double across(int d, wide v) { return d == 3 ? v[0] + v[1] + v[2] : v[0] + v[1]; }
+
+/* y = A x; returns x' y of these rows. */
+INLINE double product(int d, const linear_system *s, const double *x, const double *far, double *y)
+{
+    const int dd = d * d;
+    double total = 0.0;
+    memset(y, 0, (size_t)s->count * 4 * sizeof(double));
+    for (int64_t i = 0; i < s->count; ++i) {
+        const wide own = *(const wide *)(x + i * 4);
+        int64_t k = s->starts[i];
+        const double *A = s->blocks + k * dd;
+        wide sum[3];
+        for (int a = 0; a < d; ++a)
+            sum[a] = own * *(const wide *)(A + a * d);
+        for (++k; k < s->starts[i + 1]; ++k) {
+            const int64_t j = s->columns[k];
+            const wide other = *(const wide *)(x + j * 4);
+            wide to = *(wide *)(y + j * 4);
+            A = s->blocks + k * dd;
+            for (int a = 0; a < d; ++a) {
+                const wide row = *(const wide *)(A + a * d);
+                sum[a] += row * other;
+                to += row * own[a];
+            }
+            *(wide *)(y + j * 4) = to;
+        }
+        for (k = far ? s->far_starts[i] : 0; k < (far ? s->far_starts[i + 1] : 0); ++k)
+            for (int a = 0; a < d; ++a)
+                for (int b = 0; b < d; ++b)
+                    sum[a][0] += s->far_blocks[k * dd + a * d + b] * far[(int64_t)s->far_columns[k] * d + b];
+        for (int a = 0; a < d; ++a) {
+            y[i * 4 + a] += across(d, sum[a]);
+            total += own[a] * y[i * 4 + a];
+        }
+        for (int a = d; a < 4; ++a)
+            y[i * 4 + a] = 0.0;
+    }
+    return total;
+}
+
+static double times(const linear_system *s, const double *x, double *far, double *y)
+{
+    if (s->exchange)
+        s->exchange(x, far);
+    else
+        far = 0;
+    double total = s->d == 3 ? product(3, s, x, far, y) : product(2, s, x, far, y);
+    if (s->sum)
+        s->sum(&total, 1);
+    return total;
+}
+
+/* z = M r, where z is r at first; returns r' z. */
+static double precondition(const linear_system *s, const double *r, double *coarse, float *z)
+{
+    const int64_t n = s->count;
+    precondition_locally(s, z);
+    if (s->nodes)
+        add_coarse_correction(s, r, coarse, z);
+    wide sum = {0};
+    for (int64_t i = 0; i < n; ++i)
+        sum += *(const wide *)(r + i * 4) * __builtin_convertvector(*(const narrow *)(z + i * 4), wide);
+    double total = across(3, sum);
+    if (s->sum)
+        s->sum(&total, 1);
+    return total;
+}
+
+static void pad(int d, int64_t n, const double *x, double *out)
+{
+    for (int64_t i = 0; i < n; ++i)
+        for (int a = 0; a < 4; ++a)
+            out[i * 4 + a] = a < d ? x[i * d + a] : 0.0;
+}
+
+static void strip(int d, int64_t n, const double *x, double *out)
+{
+    for (int64_t i = 0; i < n; ++i)
+        for (int a = 0; a < d; ++a)
+            out[i * d + a] = x[i * 4 + a];
+}
+
+/* y = A x, (count, d) each; far: room for other ranks' values. Returns 1 if memory ran out. */
+int symmetric_product(const linear_system *s, const double *x, double *far, double *y)
+{
+    double *v = malloc((size_t)s->count * 8 * sizeof(double) + 1);
+    if (!v)
+        return 1;
+    pad(s->d, s->count, x, v);
+    times(s, v, far, v + 4 * s->count);
+    strip(s->d, s->count, v + 4 * s->count, y);
+    free(v);
+    return 0;
+}
+
+/* PETSc's numbers of the same reasons (KSPConvergedReason). */
+enum { NO_MEMORY = 0, CONVERGED = 2, TOO_MANY = -3, INDEFINITE_PRECONDITIONER = -8, NOT_A_NUMBER = -9, INDEFINITE_MATRIX = -10 };
+
+/* Solves A solution = right, (count, d) each, from zero until sqrt(r' M r) is `tolerance` times its first value, M the preconditioner. Returns one
+ * of the numbers above; *iterations: how many there were. */
+int conjugate_gradients(const linear_system *s, const double *right, double tolerance, int32_t most, double *far, double *solution,
+                        int32_t *iterations)
+{
+    const int64_t m = 4 * (int64_t)s->count;
+    double *r = calloc(4 * m + (int64_t)s->nodes * s->d + SPARE, sizeof(double)), *p = r + m, *q = p + m, *x = q + m, *coarse = x + m;
+    float *z = malloc(m * sizeof(float) + 1);
+    int reason = TOO_MANY;
+    double first = 0.0, before = 1.0;
+    *iterations = 0;
+    if (!r || !z) {
+        free(r), free(z);
+        return NO_MEMORY;
+    }
+    pad(s->d, s->count, right, r);
+    for (int64_t k = 0; k < m; ++k)
+        z[k] = r[k];
+    for (int32_t i = 0;; ++i) {
+        const double now = precondition(s, r, coarse, z);
+        first = i ? first : now;
+        *iterations = i;
+        if (!isfinite(now))
+            reason = NOT_A_NUMBER;
+        else if (now < 0.0)
+            reason = INDEFINITE_PRECONDITIONER;
+        else if (now <= tolerance * tolerance * first)
+            reason = CONVERGED;
+        if (reason != TOO_MANY || i == most)
+            break;
+        const double beta = i ? now / before : 0.0;
+        before = now;
+        for (int64_t k = 0; k < m; ++k)
+            p[k] = z[k] + beta * p[k];
+        const double curvature = times(s, p, far, q);
+        if (!(curvature > 0.0)) {
+            reason = isfinite(curvature) ? INDEFINITE_MATRIX : NOT_A_NUMBER;
+            break;
+        }
+        const double alpha = now / curvature;
+        for (int64_t k = 0; k < m; ++k) {
+            x[k] += alpha * p[k];
+            z[k] = r[k] -= alpha * q[k];
+        }
+    }
+    strip(s->d, s->count, x, solution);
+    free(r), free(z);
+    return reason;
+}
