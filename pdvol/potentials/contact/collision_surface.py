@@ -162,15 +162,23 @@ class CollisionSurface:
         """Largest step in [0, 1] along straight paths from start to end (n, d) at which all pairs of this rank stay
         apart, and keep at least the share `gap_share` of their gap, or of dhat where that is less.
         """
+        # The pairs that are near stop most moves early. What else may meet is searched for on the way until then.
+        step = self._longest_step(start, end, gap_share, *self._candidates())
         for pairs in self.lists:
-            pairs.along(start, end)
+            pairs.along(start, end if step == 1.0 else start + step * (end - start))
         points, edges = self._candidates()
         if self.ccd != "additive":
             return self._certified_step(start, end, gap_share, points, edges)
-        return self._longest_step(start, end, gap_share, points, edges)
+        return self._longest_step(start, end, gap_share, points, edges, step)
 
     def _longest_step(
-        self, start: np.ndarray, end: np.ndarray, gap_share: float, points: np.ndarray, edges: np.ndarray
+        self,
+        start: np.ndarray,
+        end: np.ndarray,
+        gap_share: float,
+        points: np.ndarray,
+        edges: np.ndarray,
+        step: float = 1.0,
     ) -> float:
         return library().longest_step(
             self.primitives.c,
@@ -182,7 +190,7 @@ class CollisionSurface:
             pointer(points, "int32_t"),
             len(edges),
             pointer(edges, "int32_t"),
-            1.0,
+            step,
         )
 
     def _certified_step(

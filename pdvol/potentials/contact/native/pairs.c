@@ -405,16 +405,42 @@ INLINE void contact_hessian(int d, const double *c, const double *const *x, cons
     }
 }
 
+enum { N = 12, SWEEPS = 20 }; /* of Jacobi rotations: they converge in less than ten */
+
+/* Whether a symmetric matrix has no negative eigenvalues but round-off (Cholesky). */
+static int definite(double (*A)[N])
+{
+    double L[N][N], shift = 0.0;
+    for (int i = 0; i < N; ++i)
+        shift += 1e-12 * fabs(A[i][i]);
+    for (int j = 0; j < N; ++j) {
+        double pivot = A[j][j] + shift;
+        for (int k = 0; k < j; ++k)
+            pivot -= L[j][k] * L[j][k];
+        if (!(pivot > 0.0))
+            return 0;
+        L[j][j] = sqrt(pivot);
+        for (int i = j + 1; i < N; ++i) {
+            double sum = A[i][j];
+            for (int k = 0; k < j; ++k)
+                sum -= L[i][k] * L[j][k];
+            L[i][j] = sum / L[j][j];
+        }
+    }
+    return 1;
+}
+
 /* Cuts off negative eigenvalues of a symmetric 12 x 12 matrix (cyclic Jacobi). */
 static void clamp_matrix(blocks_t H)
 {
-    enum { N = 12, SWEEPS = 20 };
     double A[N][N], V[N][N] = {{0.0}};
     for (int i = 0, n = 0; i < 4; ++i)
         for (int j = i; j < 4; ++j, ++n)
             for (int p = 0; p < 3; ++p)
                 for (int q = 0; q < 3; ++q)
                     A[3 * i + p][3 * j + q] = A[3 * j + q][3 * i + p] = H[n][3 * p + q];
+    if (definite(A))
+        return;
     for (int i = 0; i < N; ++i)
         V[i][i] = 1.0; /* its rows are eigenvectors */
     for (int sweep = 0; sweep < SWEEPS; ++sweep) {
