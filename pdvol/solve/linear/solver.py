@@ -75,6 +75,7 @@ class LinearSolver:
         self._workspace, self._direct_solves = 0, 0
         self._is_factored, self._coarse_is_current, self._is_definite = False, False, True
         self._fresh_iterations: int | None = None
+        self._excess = 0
         self._factor = np.zeros(0, dtype=np.float32)
         self._options = _parse(settings.petsc)
         self._cg_method = "iterative"
@@ -234,9 +235,10 @@ class LinearSolver:
         elif automatic and 2 * iterations < COARSE_SETUP:
             self._change("iterative")
         elif self._fresh_iterations is None:
-            self._fresh_iterations = iterations
-        elif iterations > self._fresh_iterations + COARSE_SETUP:
-            self._coarse_is_current = False
+            self._fresh_iterations, self._excess = iterations, 0
+        else:  # renewed once what it has cost to keep it would have paid for that
+            self._excess += iterations - self._fresh_iterations
+            self._coarse_is_current = self._excess <= COARSE_SETUP
 
     def _change(self, method: str) -> None:
         self._cg_method = method
