@@ -13,12 +13,14 @@ found for a place far ahead is blocked early. So each direction is found for a p
 last part came. A part never squeezes a cell below `MIN_CELL_VOLUME` of its rest volume.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 import numpy as np
 
 from pdvol.geometry.level_mesh import simplex_volumes
+from pdvol.integrate.carriers import Carriers, rigid_motion
 from pdvol.levels.model import HeldPoints, LevelModel
+from pdvol.levels.obstacles import Obstacle
 from pdvol.levels.space import LevelSpace
 from pdvol.potentials.potential import SCRIPTED_GAP_SHARE, Positions
 from pdvol.solve.incremental_potential import IncrementalPotential
@@ -49,6 +51,8 @@ class ScriptedMotion:
         Vertices that supports hold in the present step.
     moves : bool
         Whether supports or obstacles move in the present step.
+    moves_supports : bool
+        Whether supports move in the present step.
     moves_obstacles : bool
         Whether an obstacle moves.
     clock : time [s] up to which motions have been carried out
@@ -57,6 +61,7 @@ class ScriptedMotion:
 
     def __init__(self, model: LevelModel, space: LevelSpace):
         self._dt, self._rest = model.dt, space.from_input(space.mesh.points)
+        self._bodies, self._point_bodies = space.mesh.point_bodies[space.owned_points], space.mesh.point_bodies
         # Every rank moves all points of a support, so that a motion that fails does so on all ranks.
         self._supports = [_Owned(support, space) for support in model.supports]
         self.moves_obstacles = any(obstacle.moves for obstacle in model.obstacles)
@@ -73,7 +78,10 @@ class ScriptedMotion:
             self._holding, self.held = holding, np.zeros(len(self._rest), dtype=bool)
             for support in self._active():
                 self.held |= support.mask
-            self.moves = self.moves_obstacles or any(support.points.moves for support in self._active())
+            self.moves_supports = any(support.points.moves for support in self._active())
+            self.moves = self.moves_obstacles or self.moves_supports
+            held = [self._point_bodies[support.points.mask] for support in self._active()]
+            self._held_bodies = frozenset(np.concatenate([*held, np.zeros(0, int)]).tolist())
         return changed
 
     def end(self, time: float) -> float:
@@ -91,6 +99,24 @@ class ScriptedMotion:
         for support in self._active():
             target[support.mask] = support.points.at(time)[support.rows]
         return target
+
+
+    def carriers(self, potential: IncrementalPotential, x: Positions, until: float) -> Carriers:
+        """Who carries which body from x (at `clock`) while motions go on to `until` [s]. Collective."""
+        nothing = np.zeros_like(x.owned)
+        meet = lambda of: potential.closing(x, self.path(x, until, nothing, of), until)
+        return Carriers(self._held_bodies, meet)
+
+    def path(self, x: Positions, until: float, direction: np.ndarray, of: Mapping[int, Obstacle]) -> np.ndarray:
+        """(n_owned, d) [m]: the way from x (at `clock`) to where supports hold vertices at `until` [s], for bodies that
+        obstacles carry with these, for all others along direction (n_owned, d).
+        """
+        path = np.where(self.held[:, None], self.positions(until) - x.owned, direction)
+        for carrier in set(of.values()):
+            moved = rigid_motion(carrier.at(self.clock), carrier.at(until))
+            rows = np.isin(self._bodies, [body for body, by in of.items() if by is carrier])
+            path[rows] = moved(x.owned[rows]) - x.owned[rows]
+        return path
 
 
 class _Owned:
@@ -120,7 +146,17 @@ def follow(
     relaxed, gap, aim = False, potential.min_gap(x), t1
     for _ in range(MAX_PARTS):
         clock = motion.clock
-        further = _part(motion, potential, newton, x, aim, least)
+        carriers = motion.carriers(potential, x, t1)
+        if not (carriers.blocked or motion.moves_supports):
+            still = np.zeros_like(x.owned)
+            until, end = _free_part(motion, potential, x, t1, 0.0, still, carriers.of)
+            if end is not None:
+                x = _arrive(motion, potential, until, end)
+                if until == t1:
+                    return x
+                relaxed = False
+                continue
+        further = _part(motion, potential, newton, x, aim, least, carriers.of)
         aim = min(t1, motion.clock + LOOK_AHEAD * max(near, motion.clock - clock))
         if further is not None:
             x = further
@@ -137,23 +173,33 @@ def follow(
     return x
 
 
+def _arrive(motion: ScriptedMotion, potential: IncrementalPotential, until: float, end: Positions) -> Positions:
+    """Sets clock and obstacles to `until` [s], where a part ends."""
+    motion.clock = until
+    potential.move_obstacles(until)
+    return end
+
+
 def _part(
-    motion: ScriptedMotion, potential: IncrementalPotential, newton: Newton, x: Positions, t1: float, least: float
+    motion: ScriptedMotion,
+    potential: IncrementalPotential,
+    newton: Newton,
+    x: Positions,
+    t1: float,
+    least: float,
+    carriers: Mapping[int, Obstacle],
 ) -> Positions | None:
     """Takes the longest free part towards places at t1 [s]; None where that gains less than `least` [s]."""
     clock = motion.clock
     push = potential.gradient_change(x, clock, t1) if motion.moves_obstacles else 0.0
     furthest, there = clock, None
     for direction in newton.directions(x, motion.positions(t1) - x.owned, push):
-        until, end = _free_part(motion, potential, x, t1, least, direction)
+        until, end = _free_part(motion, potential, x, t1, least, direction, carriers)
         if until > furthest:
             furthest, there = until, end
         if furthest == t1:
             break
-    if there is not None:
-        motion.clock = furthest
-        potential.move_obstacles(furthest)
-    return there
+    return None if there is None else _arrive(motion, potential, furthest, there)
 
 
 def _free_part(
@@ -163,21 +209,22 @@ def _free_part(
     t1: float,
     least: float,
     direction: np.ndarray,
+    carriers: Mapping[int, Obstacle],
 ) -> tuple[float, Positions | None]:
     """Until when a part can go along a direction that leads to t1 [s], and where it ends; None where that gains less
     than `least` [s].
     """
-    clock, held = motion.clock, motion.held[:, None]
+    clock = motion.clock
     until, share = t1, 1.0
     for _ in range(MAX_TRIES):
-        path = np.where(held, motion.positions(until) - x.owned, share * direction)
+        path = motion.path(x, until, share * direction, carriers)
         free = potential.max_step(x, path, until=until, gap_share=SCRIPTED_GAP_SHARE)
         end = x.moved(1.0, path) if free == 1.0 else None
         if end is not None and _smallest_volume(end) >= min(MIN_CELL_VOLUME, _smallest_volume(x)):
             return until, end
         share *= PATH_SHARE * free if end is None else SHORTER
         until = clock + share * (t1 - clock)
-        if until - clock < least:
+        if until - clock <= least:
             break
     return clock, None
 

@@ -13,10 +13,11 @@ import ipctk
 import numpy as np
 from mpi4py import MPI
 
+from pdvol.levels.obstacles import Obstacle
 from pdvol.potentials.assembly.hessian_blocks import HessianBlocks
 from pdvol.potentials.contact import barrier_law
 from pdvol.potentials.contact.collision_surface import CollisionSurface
-from pdvol.potentials.contact.stencils import Stencils
+from pdvol.potentials.contact.stencils import Stencils, different_pairs
 from pdvol.potentials.potential import MIN_GAP_SHARE, Positions, Term
 
 
@@ -40,6 +41,11 @@ class SurfaceBarrier(Term):
         self._active: ipctk.NormalCollisions
         self._vertices: np.ndarray
         self._stencils: tuple[Stencils, np.ndarray] | None = None
+
+    @property
+    def obstacles(self) -> tuple[Obstacle, ...]:
+        """The rigid surfaces."""
+        return self.surface.obstacles
 
     @property
     def _area(self) -> float:
@@ -145,6 +151,14 @@ class SurfaceBarrier(Term):
         return self.surface.max_step(
             self.surface.vertices(x), self.surface.vertices(x.moved(1.0, direction), at=until), gap_share
         )
+
+    def closing(self, x: Positions, path: np.ndarray, until: float) -> set[tuple[int, int]]:
+        """Pairs of objects whose gap vectors, closest points held, would be gone or turned round at the path's end."""
+        stencils, gaps = self.stencils(x)
+        ends = stencils.gaps(self.surface.vertices(x.moved(1.0, path), at=until))
+        meet = np.einsum("kd,kd->k", ends, gaps) <= 0.0
+        one, other = (objects[meet] for objects in stencils.objects_in_contact(self.surface.objects))
+        return different_pairs(one, other, self.space.comm)
 
     def count(self, x: Positions) -> int:
         """Number of active pairs at x, of all ranks. Collective."""
