@@ -1,7 +1,8 @@
 """Steps at rest: where nothing moves visibly, nor would soon, nothing is solved, and the next solve is one longer step.
 
-Let v be the velocities at the last solved state x, and a = -M^-1 dE/dx(x) what forces would change them by, friction
-and damping as in that solve. As long as nothing scripted changes, a state that is held at x for a time T lacks
+Let v be the velocities at the last solved state x, and a the accelerations by which its solve changed them: with the
+prediction x_hat and the weight w of the forces, a = (x - x_hat) / w = -M^-1 dE/dx(x), but for Newton's residual. As
+long as nothing scripted changes, a state that is held at x for a time T lacks
 
     T v in positions,    T a in velocities.
 
@@ -68,9 +69,9 @@ class Rest:
         """
         self.steps, self.acceleration = 0, np.inf
         if speed <= self._tolerance:
-            forces = potential.gradient(x) - potential.mass * (x.owned - potential.x_hat)
-            largest = np.linalg.norm(forces / potential.mass, axis=1)[~fixed].max(initial=0.0) / potential.weight
-            self.acceleration = x.space.comm.allreduce(float(largest), op=MPI.MAX)
+            changes = np.linalg.norm(x.owned - potential.x_hat, axis=1)[~fixed]
+            largest = float(changes.max(initial=0.0)) / potential.weight
+            self.acceleration = x.space.comm.allreduce(largest, op=MPI.MAX)
 
 
 def _is_constant(load: Load, time: float) -> bool:

@@ -10,6 +10,7 @@ import pytest
 from mpi4py import MPI
 
 from pdvol.geometry.level_mesh import simplex_volumes
+from pdvol.integrate.carriers import Carriers
 from pdvol.integrate.scripted_motion import (
     LEAST_GAIN,
     LOOK_AHEAD,
@@ -45,9 +46,16 @@ class Motion:
     way: float = 1.0
     clock: float = 0.0
     moves_obstacles: bool = False
+    moves_supports: bool = True
 
     def positions(self, time):
         return REST + self.way * time * self.held[:, None] * [1.0, 0.0]
+
+    def carriers(self, potential, x, until):
+        return Carriers(frozenset(), lambda of: ())
+
+    def path(self, x, until, direction, of):
+        return np.where(self.held[:, None], self.positions(until) - x.owned, direction)
 
 
 @dataclass
