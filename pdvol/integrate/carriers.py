@@ -1,4 +1,5 @@
-"""Which bodies moving obstacles carry: free bodies that would be met go along rigidly, and so do bodies that these meet.
+"""Which bodies moving obstacles carry: free bodies that they would meet go along rigidly, and so do those that these
+meet.
 
 Seen from an obstacle, a body that goes along with it stays where it is. A step against an obstacle that moves is then
 as hard as one against an obstacle that stands still. What bodies do meanwhile is left to the minimisation.
@@ -52,7 +53,7 @@ class Carriers:
                 return
 
     def _joining(self, one: Object, other: Object) -> Iterable[tuple[int, Obstacle]]:
-        """Who could carry either of two objects that would meet: the other one's carrier, unless that has been tried."""
+        """Who could carry either of two objects that would meet: the other one's carrier, unless that was tried."""
         for body, by in ((one, other), (other, one)):
             carrier = by if isinstance(by, Obstacle) else self.of.get(by)
             if carrier is None or not carrier.moves or isinstance(body, Obstacle):

@@ -6,6 +6,11 @@ there as soon as they can. A step ends with the clock at its own time, or `behin
 Under contact, supports and obstacles are moved as far as nothing crosses, in parts of the step. Each part ends at a
 time on the clock, with supports and obstacles exactly where their motions have them then. Collision detection clears
 the straight path there from the end of the part before. So an obstacle that turns never stays on a chord of its arc.
+
+Bodies that are free to go are carried along by the obstacles that they would hinder (`carriers.py`), and all others
+stay. That takes no solve, and where nothing is pressed it carries out the whole motion.
+
+Where supports move, or bodies are pressed against something, bodies have to give way.
 Newton's direction lets bodies give way to supports and, through the barrier, to obstacles. Where the bodies' own motion
 towards equilibrium shortens the path, the part of the direction that is due to the scripted motion alone goes further,
 and the rest is left to the minimisation between parts. Bodies move on straight lines, what turns does not: a direction
@@ -32,12 +37,10 @@ MAX_TRIES = 6  # paths tried along one direction, each shorter than the last: bo
 # Times the last part's length: how far ahead, at most at the step's end, is the place that the next direction leads to.
 # Above 1, so that parts can grow; not far above, since directions for places far ahead are blocked early.
 LOOK_AHEAD = 2.0
-SHORTEST_AHEAD = 0.005  # share of the step: least length that LOOK_AHEAD multiplies, or blocked motions would creep
 PATH_SHARE = 0.9  # share of a free path that is tried next: detection for the shorter path may be stricter
 LEAST_GAIN = 2e-4  # share of the step: a part that gains less is not taken, since it closes gaps for nothing
 PINCHED = 0.25  # share of the smallest gap before the first part: below it bodies get more iterations to open the gap
 MIN_CELL_VOLUME = 1e-3  # share of a cell's rest volume: no part squeezes it further, or Newton could not recover it
-SHORTER = 0.5  # factor of a part's length where it squeezes a cell too far: how much too far is not known
 RELAXING_ITERATIONS = 2  # Newton iterations between parts: enough for bodies to follow, and cheap
 OPENING_ITERATIONS = 20  # Newton iterations between parts where gaps are pinched: each opens one by a factor only
 
@@ -100,7 +103,6 @@ class ScriptedMotion:
             target[support.mask] = support.points.at(time)[support.rows]
         return target
 
-
     def carriers(self, potential: IncrementalPotential, x: Positions, until: float) -> Carriers:
         """Who carries which body from x (at `clock`) while motions go on to `until` [s]. Collective."""
         nothing = np.zeros_like(x.owned)
@@ -142,7 +144,7 @@ def follow(
     """
     if motion.clock == t1:
         return x
-    least, near = LEAST_GAIN * (t1 - motion.clock), SHORTEST_AHEAD * (t1 - motion.clock)
+    least = LEAST_GAIN * (t1 - motion.clock)
     relaxed, gap, aim = False, potential.min_gap(x), t1
     for _ in range(MAX_PARTS):
         clock = motion.clock
@@ -157,7 +159,7 @@ def follow(
                 relaxed = False
                 continue
         further = _part(motion, potential, newton, x, aim, least, carriers.of)
-        aim = min(t1, motion.clock + LOOK_AHEAD * max(near, motion.clock - clock))
+        aim = min(t1, motion.clock + LOOK_AHEAD * max(least, motion.clock - clock))
         if further is not None:
             x = further
         elif relaxed:
@@ -219,14 +221,22 @@ def _free_part(
     for _ in range(MAX_TRIES):
         path = motion.path(x, until, share * direction, carriers)
         free = potential.max_step(x, path, until=until, gap_share=SCRIPTED_GAP_SHARE)
-        end = x.moved(1.0, path) if free == 1.0 else None
-        if end is not None and _smallest_volume(end) >= min(MIN_CELL_VOLUME, _smallest_volume(x)):
-            return until, end
-        share *= PATH_SHARE * free if end is None else SHORTER
+        if free == 1.0:
+            end = x.moved(1.0, path)
+            free = _unsqueezed(_smallest_volume(x), _smallest_volume(end))
+            if free == 1.0:
+                return until, end
+        share *= PATH_SHARE * free
         until = clock + share * (t1 - clock)
         if until - clock <= least:
             break
     return clock, None
+
+
+def _unsqueezed(before: float, after: float) -> float:
+    """The share of a path on which no cell is squeezed too far, if the smallest volume falls at a constant rate."""
+    bound = min(MIN_CELL_VOLUME, before)
+    return 1.0 if after >= bound else (before - bound) / (before - after)
 
 
 def _smallest_volume(x: Positions) -> float:

@@ -96,11 +96,13 @@ class ContactPotential(Potential, Protocol):
     Attributes
     ----------
     kappa : stiffness: [Pa] where contacts are weighted by area, else [N]; it may be changed between solves
-    obstacles : those that it keeps bodies away from
     """
 
     kappa: float
-    obstacles: tuple[Obstacle, ...]
+
+    @property
+    def obstacles(self) -> tuple[Obstacle, ...]:
+        """Those that it keeps bodies away from."""
 
     def closing(self, x: Positions, path: np.ndarray, until: float) -> set[tuple[int, int]]:
         """The pairs of different objects in contact at x that would meet, to first order, on the straight way along

@@ -70,9 +70,9 @@ def measure_run(path: str | Path) -> dict:
         `level`, `steps`, `mass` [kg], lists over steps 1, 2, ... (`continuity`, `continuity_error`, `jitter`) and, from
         level 1 on, over states 0, 1, ... of both levels (`consistency`, `distance`, `centre_error`), the `projection`'s
         `rank` and `columns`, and `summary`: mean, median and largest of each list. Steps that were cut, that were
-        joined at rest, or whose scripted motion contact stopped, have no x_hat of their own: their continuity is NaN. The continuity of embedded
-        levels, which have no x_hat, is NaN as well. In states with intersections or inverted cells the forces are
-        meaningless: continuity and its error are NaN.
+        joined at rest, or whose scripted motion contact stopped, have no x_hat of their own: their continuity is NaN.
+        The continuity of embedded levels, which have no x_hat, is NaN as well. In states with intersections or
+        inverted cells the forces are meaningless: continuity and its error are NaN.
 
     Raises
     ------

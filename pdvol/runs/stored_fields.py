@@ -55,8 +55,8 @@ class SceneFields:
 
     def _solved(self, step: int) -> tuple[int, int]:
         """The last solved step up to `step`, whose forces still act, and how many steps were joined to it."""
-        last = [self.level.positions(max(step - back, 0)) for back in range(3)]
-        if step == 0 or not any(np.array_equal(*pair) for pair in (last[:2], last[1:])):
+        end, start, before = (self.level.positions(max(step - back, 0)) for back in range(3))
+        if step == 0 or not (np.array_equal(start, end) or np.array_equal(before, start)):
             return step, 1  # at rest positions repeat to the last bit
         joined = {record["step"]: record.get("joined", 1) for record in self.level.log}
         while joined.get(step) == 0:

@@ -4,10 +4,10 @@ import sys
 
 import numpy as np
 from mpi4py import MPI
+from test_carriers import ball_and_cubes
 
 from pdvol.integrate.marches import Start, direct
 from problems import make_stepper
-from test_carriers import ball_and_cubes
 
 
 def main(out):

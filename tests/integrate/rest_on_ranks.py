@@ -4,10 +4,10 @@ import sys
 
 import numpy as np
 from mpi4py import MPI
+from test_rest import heap
 
 from pdvol.integrate.marches import Start, direct
 from problems import make_stepper
-from test_rest import heap
 
 
 def main(out):

@@ -1,4 +1,4 @@
-"""Obstacles that move carry the free bodies that they meet: they keep their time, as if they stood still and bodies came.
+"""Obstacles that move carry the free bodies that they meet, and so keep their time.
 
 Where a body is pressed against something that does not go along, nothing is carried.
 """
@@ -46,9 +46,7 @@ def ball_and_cubes(d, speed, bodies=1, resolution=4, **more):
     materials = make_scene().bodies[0].material
     more = {"contact": (Barrier(dhat=2e-3),)} | more
     obstacles = (ball, *more.pop("obstacles", ()))
-    scene = make_scene(
-        (materials,) * bodies, dt=0.01, obstacles=obstacles, solver=Solver(tolerance=1e-3), **more
-    )
+    scene = make_scene((materials,) * bodies, dt=0.01, obstacles=obstacles, solver=Solver(tolerance=1e-3), **more)
     return scene, together(*cubes), [read_obstacle(ball)]
 
 

@@ -16,11 +16,13 @@ from pdvol.scene import (
     Gravity,
     Impulse,
     NeoHookean,
-    Path as Keyframes,
     Plane,
     PointForce,
     Solver,
     Support,
+)
+from pdvol.scene import (
+    Path as Keyframes,
 )
 from problems import block, make_scene, make_stepper
 from shapes import together
