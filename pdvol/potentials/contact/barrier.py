@@ -17,7 +17,8 @@ from pdvol.levels.obstacles import Obstacle
 from pdvol.potentials.assembly.hessian_blocks import HessianBlocks
 from pdvol.potentials.contact import barrier_law
 from pdvol.potentials.contact.collision_surface import CollisionSurface
-from pdvol.potentials.contact.stencils import Stencils, different_pairs
+from pdvol.potentials.contact.meeting import different_pairs
+from pdvol.potentials.contact.stencils import Stencils
 from pdvol.potentials.potential import MIN_GAP_SHARE, Positions, Term
 
 

@@ -15,7 +15,7 @@ from pdvol.levels.space import LevelSpace
 from pdvol.potentials.assembly.hessian_blocks import HessianBlocks
 from pdvol.potentials.contact import barrier_law
 from pdvol.potentials.contact import friction_law as smooth_friction
-from pdvol.potentials.contact.stencils import different_pairs
+from pdvol.potentials.contact.meeting import different_pairs
 from pdvol.potentials.potential import MIN_GAP_SHARE, Positions, Term
 
 

@@ -11,7 +11,6 @@ from operator import attrgetter
 
 import ipctk
 import numpy as np
-from mpi4py import MPI
 
 from pdvol.geometry.closest_points import along, closest, closest_of_parts, inside
 from pdvol.potentials.assembly.hessian_blocks import HessianBlocks
@@ -93,12 +92,6 @@ class Stencils:
         a, b = rows[pair, one], rows[pair, other]
         shares = self.coefficients[pair, one] * self.coefficients[pair, other]
         into.add_pairs(np.minimum(a, b), np.maximum(a, b), shares[:, None, None] * gap_hessian[pair])
-
-
-def different_pairs(one: np.ndarray, other: np.ndarray, comm: MPI.Comm) -> set[tuple[int, int]]:
-    """The pairs of different numbers in two arrays (k,), of all ranks together. Collective."""
-    mine = {(int(a), int(b)) for a, b in np.unique(np.stack([one, other]), axis=1).T if a != b}
-    return set().union(*comm.allgather(mine))
 
 
 def normal_stencils(
