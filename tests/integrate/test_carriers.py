@@ -15,6 +15,7 @@ from pdvol.integrate.carriers import Carriers, rigid_motion
 from pdvol.integrate.marches import Start, direct
 from pdvol.levels.obstacles import plane_obstacle
 from pdvol.meshing.build import read_obstacle
+from pdvol.potentials.potential import Positions
 from pdvol.scene import (
     Barrier,
     Friction,
@@ -173,3 +174,34 @@ def test_the_rigid_motion_of_points_is_found(d, count):
         np.testing.assert_allclose(moved(others), others @ R.T + shift, atol=1e-7)
     else:
         np.testing.assert_allclose(moved(others) - others, np.tile(moved(points)[0] - points[0], (5, 1)), atol=1e-12)
+
+
+# ---- what would meet
+
+
+@pytest.mark.parametrize("d", [2, 3])
+def test_what_would_meet_is_what_approaches_by_more_than_its_gap(d):
+    """A block 1 mm over a plane and 1 mm beside another one, on its way down, sideways, along and away."""
+    gap, dhat = 1e-3, 2e-3
+    along, up = np.eye(d)[0], np.eye(d)[-1]
+    one = block((0.0,) * (d - 1) + (gap,), (0.1,) * (d - 1) + (0.1,), 1)
+    two = block((0.1 + gap,) + (0.0,) * (d - 2) + (gap,), (0.2,) + (0.1,) * (d - 2) + (0.1,), 1)
+    floor = Plane((0.0,) * d, tuple(up), name="floor")
+    soft = make_scene().bodies[0].material
+    problem = make_stepper(
+        make_scene((soft, soft), obstacles=(floor,), contact=(Barrier(dhat=dhat),)), together(one, two)
+    )
+    mesh, potential, space = problem.space.mesh, problem.potential, problem.space
+    x = Positions(space, space.from_input(mesh.points))
+    potential.begin_step(x, x.owned, 1e-4, 0.0, 0.01)
+    first = (mesh.point_bodies == 0)[:, None]
+
+    def met(way):
+        pairs = potential.closing(x, space.from_input(np.where(first, way, 0.0)), 0.01)
+        return {frozenset(p if isinstance(p, int) else p.name for p in pair) for pair in pairs}
+
+    assert met(-2 * gap * up) == {frozenset({0, "floor"})}
+    assert met(2 * gap * along) == {frozenset({0, 1})}
+    assert met(2 * gap * (along - up)) == {frozenset({0, 1}), frozenset({0, "floor"})}
+    for way in (-0.9 * gap * up, 0.9 * gap * along, -2 * gap * along, 2 * gap * up, 0.0 * up):
+        assert met(way) == set()
