@@ -71,13 +71,24 @@ class ImplicitEuler:
         return (positions - past[0].positions) / dt
 
 
-def advance(integrator: Integrator, past: Past, positions: np.ndarray, dt: float) -> Past:
-    """The past after a step that led to `positions` (n, d)."""
+def advance(integrator: Integrator, past: Past, positions: np.ndarray, dt: float, joined: int = 1) -> Past:
+    """The past after a step that led to `positions` (n, d), of so many steps of dt [s] joined to one; itself after a
+    step at rest, joined 0. Steps that were joined are one of implicit Euler, from which the integrator starts anew.
+    """
+    if joined == 0:
+        return past
+    if joined > 1:
+        integrator, past, dt = ImplicitEuler(), past[:1], joined * dt
     return (State(positions, integrator.velocity(positions, past, dt)), *past[: integrator.states - 1])
 
 
 def past_of(
-    integrator: Integrator, positions: Callable[[int], np.ndarray], velocity: np.ndarray, step: int, dt: float
+    integrator: Integrator,
+    positions: Callable[[int], np.ndarray],
+    velocity: np.ndarray,
+    step: int,
+    dt: float,
+    joined: Callable[[int], int] = lambda step: 1,
 ) -> Past:
     """The past at the end of a stored step, to the last bit as it was in the run that stored it.
 
@@ -85,9 +96,14 @@ def past_of(
     ----------
     positions : step -> (n, d) [m]
     velocity : (n, d) [m/s] at step 0
+    joined : step -> how many steps were joined to one there
     """
-    first = max(0, step - 2 * integrator.states + 1)  # velocities of the states used are themselves made of as many
-    past: Past = (State(positions(first), velocity),)
-    for number in range(first + 1, step + 1):
-        past = advance(integrator, past, positions(number), dt)
+    solved: list[tuple[int, int]] = []  # velocities of the states used are themselves made of as many
+    while step > 0 and len(solved) < 2 * integrator.states - 1:
+        number = joined(step)
+        solved += [(step, number)] * (number > 0)
+        step -= 1
+    past: Past = (State(positions(step), velocity),)
+    for number, steps in reversed(solved):
+        past = advance(integrator, past, positions(number), dt, steps)
     return past

@@ -44,7 +44,7 @@ def direct(stepper: Stepper, start: Start, steps: int) -> Iterator[StepReport]:
     stepper.go_on_from(start.record)
     for number in range(start.step + 1, steps + 1):
         report = stepper.step(number, past)
-        past = advance(stepper.integrator, past, report.positions, stepper.model.dt)
+        past = advance(stepper.integrator, past, report.positions, stepper.model.dt, report.joined)
         yield report
 
 
@@ -65,7 +65,7 @@ def progressive(
     stepper.go_on_from(start.record)
     for number in range(start.step + 1, steps + 1):
         velocity = prolongation.prolong_positions(coarse_velocity(number - 1))
-        report = stepper.step(number, (State(positions, velocity),))
+        report = stepper.step(number, (State(positions, velocity),), keeps_velocity=False)
         positions = report.positions
         yield report
 

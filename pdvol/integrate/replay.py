@@ -36,6 +36,7 @@ class Replay:
         end: np.ndarray,
         kappa: float | None = None,
         behind: tuple[float, float] = (0.0, 0.0),
+        joined: int = 1,
     ) -> Positions:
         """Puts all terms to the end of a stored step, and returns its positions. Collective.
 
@@ -45,16 +46,17 @@ class Replay:
         start, end : (n, d) positions [m] in the input's order
         kappa : the barrier's stiffness in that step, where it was logged: some laws choose it step by step
         behind : [s] how far obstacles were behind the time at the step's start and end
+        joined : how many steps were solved as this one, which began where the first of them did
         """
         x_t, x = (Positions(self.space, self.space.from_input(rows)) for rows in (start, end))
-        t0, late_ones = max(step - 1, 0) * self.dt, {id(term) for term in self.contacts}
+        t0, late_ones = max(step - joined, 0) * self.dt, {id(term) for term in self.contacts}
         if kappa is not None:
             for barrier in self.barriers:
                 barrier.kappa = kappa
         # All terms begin before any moves on: friction lags on barriers that are still where the step begins.
         for term in self.terms:
             late = behind[0] if id(term) in late_ones else 0.0
-            term.begin_step(x_t, t0 - late, t0 - late + self.dt)
+            term.begin_step(x_t, t0 - late, t0 - late + joined * self.dt)
         for term in self.terms:
             term.move_obstacles(step * self.dt - behind[1])
         return x

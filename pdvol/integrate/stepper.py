@@ -10,6 +10,7 @@ from scipy.sparse import csr_array
 from pdvol.errors import ConvergenceError, SimulationError
 from pdvol.integrate.integrator import ImplicitEuler, Integrator, Past
 from pdvol.integrate.recovery import Recovery, Span
+from pdvol.integrate.rest import Rest
 from pdvol.integrate.scripted_motion import ScriptedMotion, follow
 from pdvol.levels.model import LevelModel
 from pdvol.levels.space import LevelSpace
@@ -37,6 +38,7 @@ class Stepper:
     potential : IncrementalPotential
     motion : ScriptedMotion
     newton : Newton
+    rest : Rest
     """
 
     def __init__(
@@ -53,6 +55,8 @@ class Stepper:
         self.motion = ScriptedMotion(model, space)
         self._coarse_weights = coarse_weights
         self.newton = self._new_newton()
+        self.rest, self._may_rest = Rest(model, self.newton.tolerance), not guides
+        self._record: Mapping = {}
         self._recovery = Recovery(space, self.motion, self._attempt, model.solver.max_halvings)
         self._friction = next(((f.iterations, f.tolerance) for f in model.friction), (1, 0.0))
 
@@ -67,29 +71,56 @@ class Stepper:
         self.motion.behind = float(behind) if isinstance(behind, (int, float)) else 0.0
         if isinstance(record.get("solver_memory"), dict):
             self.newton.linear.restore(record["solver_memory"])
+        self.rest.restore(record.get("rest", {}))
+        self._record = record
 
-    def step(self, number: int, past: Past) -> StepReport:
-        """Step `number` (from 1) from the last states, in the input's order of vertices.
+    def step(self, number: int, past: Past, keeps_velocity: bool = True) -> StepReport:
+        """Step `number` (from 1) from the last solved states, in the input's order of vertices.
+
+        Parameters
+        ----------
+        keeps_velocity : whether the velocities are those of the last solved state. After steps at rest (`rest.py`) the
+            step then begins at that state's time.
 
         Raises ConvergenceError, naming level, step and reason, where no remedy helps, and InputError where a function
         of the scene fails. Collective.
         """
-        dt = self.model.dt
+        dt, integrator, start = self.model.dt, self.integrator, number - 1
         report = StepReport(self.model.level, number, number * dt, past[0].positions)
         self.newton.forget()
         with self.watch.part("total"):
-            mine = tuple(state.rows(self.space.from_input) for state in past)
-            if self.motion.begin((number - 1) * dt):  # other rows are free
+            released = self.motion.begin(start * dt)
+            if released:  # other rows are free
                 memory = self.newton.linear.memory
                 self.newton = self._new_newton()
                 self.newton.linear.restore(memory)
-            x = self._recovery.advance(report, self.integrator, mine, (number - 1) * dt, number * dt)
-            report.reached, report.behind = self.motion.end(number * dt), self.motion.behind
-            self._measure(report, x)
+            may_rest = self._may_rest and not self.motion.moves
+            held = may_rest and not released and self.rest.lasts(past[0], start * dt)
+            if not held:
+                if self.rest.steps and keeps_velocity and not released:
+                    start -= self.rest.steps
+                    integrator, past = ImplicitEuler(), past[:1]  # it needs no constant steps
+                mine = tuple(state.rows(self.space.from_input) for state in past)
+                x = self._recovery.advance(report, integrator, mine, start * dt, number * dt)
+                report.joined = number - start
+                report.reached, report.behind = self.motion.end(number * dt), self.motion.behind
+                moved = np.linalg.norm(x.whole - past[0].positions, axis=1).max() if may_rest else np.inf
+                self.rest.begin(self.potential, x, self.motion.held, float(moved) / (report.joined * dt))
+                self._measure(report, x)
+        if held:
+            self._repeat(report)
+        report.rest = self.rest.memory
         report.linear_solver, report.solver_memory = self.newton.linear.method, self.newton.linear.memory
         report.seconds = self.watch.report()
         report.peak_memory_mb = peak_memory(self.space.comm)
+        self._record = report.record()
         return report
+
+    def _repeat(self, report: StepReport) -> None:
+        """Reports a step at rest: what the last step measured has not changed."""
+        for name in ("contacts", "min_gap", "kappa", "energy", "friction_residual", "gradient_norm"):
+            setattr(report, name, self._record.get(name))
+        report.reason, report.joined = "AT_REST", 0
 
     def _measure(self, report: StepReport, x: Positions) -> None:
         report.positions = x.whole

@@ -5,6 +5,7 @@ from typing import Protocol
 
 import numpy as np
 
+from pdvol.levels.obstacles import Obstacle
 from pdvol.levels.space import LevelSpace
 from pdvol.potentials.assembly.hessian_blocks import HessianBlocks
 
@@ -98,6 +99,17 @@ class ContactPotential(Potential, Protocol):
     """
 
     kappa: float
+
+    @property
+    def obstacles(self) -> tuple[Obstacle, ...]:
+        """Those that it keeps bodies away from."""
+
+    def closing(self, x: Positions, path: np.ndarray, until: float) -> set[tuple[int, int]]:
+        """The pairs of different objects in contact at x that would meet, to first order, on the straight way along
+        path (n_owned, d), while obstacles move to their places at `until` [s]. The same on every rank. Collective.
+
+        Objects are bodies and, numbered after them, `obstacles`.
+        """
 
     def count(self, x: Positions) -> int:
         """Number of contacts at x, of all ranks. Collective."""

@@ -61,7 +61,8 @@ def run_level(
         writer.call("write_state", level, 0, model.mesh.points)
     else:
         positions = partial(writer.read, level, "positions")
-        past = past_of(integrator, positions, model.velocity, done - 1, model.dt)
+        joined = lambda step: int(writer.record(level, step).get("joined", 1))
+        past = past_of(integrator, positions, model.velocity, done - 1, model.dt, joined)
         start = Start(done - 1, past, writer.record(level, done - 1))
     writer.call("set_level_state", level, "running")
     march = _march(model, hierarchy, method, integrator, partial(writer.read, level - 1), start)

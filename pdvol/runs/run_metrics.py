@@ -69,10 +69,10 @@ def measure_run(path: str | Path) -> dict:
         `run`, `dt`, `method`, `prolongation`, `notes` (what could not be measured, and why) and `levels`, each with
         `level`, `steps`, `mass` [kg], lists over steps 1, 2, ... (`continuity`, `continuity_error`, `jitter`) and, from
         level 1 on, over states 0, 1, ... of both levels (`consistency`, `distance`, `centre_error`), the `projection`'s
-        `rank` and `columns`, and `summary`: mean, median and largest of each list. Steps that were cut, or whose
-        scripted motion contact stopped, have no x_hat of their own: their continuity is NaN. The continuity of embedded
-        levels, which have no x_hat, is NaN as well. In states with intersections or inverted cells the forces are
-        meaningless: continuity and its error are NaN.
+        `rank` and `columns`, and `summary`: mean, median and largest of each list. Steps that were cut, that were
+        joined at rest, or whose scripted motion contact stopped, have no x_hat of their own: their continuity is NaN.
+        The continuity of embedded levels, which have no x_hat, is NaN as well. In states with intersections or
+        inverted cells the forces are meaningless: continuity and its error are NaN.
 
     Raises
     ------
@@ -242,6 +242,8 @@ def _continuity(
     special |= {
         r["step"] + 1 for r in level.log if r.get("reached", 1.0) < 1.0
     }  # these steps start from obstacles that were held back
+    joined = {r["step"] for r in level.log if r.get("joined", 1) != 1}
+    special |= joined | {number + 1 for number in joined}  # steps of other lengths, and those that follow them
     values, errors, kappas, masses = [], [], stored_stiffness(level), np.where(forces.free, masses, 0.0)
     crossing = {r["step"] for r in level.log if r.get("intersections", 0)}
     for number in range(1, level.steps):

@@ -41,15 +41,27 @@ class SceneFields:
 
     def contact_force(self, step: int) -> np.ndarray:
         """(n, d) [N] at the end of a step; at the start, step 0, nothing slides."""
-        before = max(step - 1, 0)
+        step, joined = self._solved(step)
+        before = max(step - joined, 0)
         x = self._replay.put(
             step,
             self.level.positions(before),
             self.level.positions(step),
             self._kappas.get(max(step, 1)),
             (self.level.behind(before), self.level.behind(step)),
+            joined,
         )
         return self._replay.space.to_input(self._replay.force(x, self._replay.contacts))
+
+    def _solved(self, step: int) -> tuple[int, int]:
+        """The last solved step up to `step`, whose forces still act, and how many steps were joined to it."""
+        end, start, before = (self.level.positions(max(step - back, 0)) for back in range(3))
+        if step == 0 or not (np.array_equal(start, end) or np.array_equal(before, start)):
+            return step, 1  # at rest positions repeat to the last bit
+        joined = {record["step"]: record.get("joined", 1) for record in self.level.log}
+        while joined.get(step) == 0:
+            step -= 1
+        return step, joined.get(step, 1)
 
     def von_mises(self, step: int) -> np.ndarray:
         """(m,) [Pa], of the elastic Cauchy stress."""

@@ -6,6 +6,7 @@ import numpy as np
 from mpi4py import MPI
 
 from pdvol.errors import SimulationError
+from pdvol.levels.obstacles import Obstacle
 from pdvol.levels.space import LevelSpace
 from pdvol.potentials.assembly.hessian_blocks import HessianBlocks
 from pdvol.potentials.build import Terms
@@ -176,6 +177,17 @@ class IncrementalPotential:
         """Puts obstacles where they are at `time` [s]."""
         for term in self.terms:
             term.move_obstacles(time)
+
+    def closing(self, x: Positions, path: np.ndarray, until: float) -> list[tuple[int | Obstacle, int | Obstacle]]:
+        """The pairs of bodies (by number) and obstacles in contact at x that would meet on the straight way along path
+        (n_owned, d), to first order, while obstacles move to their places at `until` [s]. Collective.
+        """
+        bodies, found = range(int(self.space.mesh.point_bodies.max()) + 1), []
+        for term in self.contacts:
+            objects = (*bodies, *term.obstacles)
+            with self.watch.part("contact"):
+                found += [(objects[one], objects[other]) for one, other in sorted(term.closing(x, path, until))]
+        return found
 
     def gradient_change(self, x: Positions, time: float, until: float) -> np.ndarray:
         """The change of the gradient (n_owned, d) while obstacles move from their places at `time` to those at `until`

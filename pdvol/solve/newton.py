@@ -62,6 +62,7 @@ class Newton:
     ----------
     linear : LinearSolver
     snes : PETSc.SNES
+    tolerance : [m/s]
     """
 
     def __init__(
@@ -76,7 +77,7 @@ class Newton:
         if isinstance(settings.tolerance, Relative):
             raise ValueError("Newton's tolerance must be a speed in m/s, not a Relative one")
         self.space, self.potential, self.settings, self.watch = space, potential, settings, watch
-        self._tolerance = settings.tolerance
+        self.tolerance = settings.tolerance
         self._fixed, self._coarse_weights, self._dt = supported, coarse_weights, np.inf
         self._vector, self._residual = space.create_vector(), space.create_vector()
         self._blocks = HessianBlocks(BlockPattern(space))
@@ -186,7 +187,7 @@ class Newton:
 
     def start(self, x: Positions, gap_share: float = MIN_GAP_SHARE) -> Minimisation:
         """A new minimisation from x, which the callbacks use from now on."""
-        self._solve = Minimisation(self.potential, self._fixed, x, self._dt, self._tolerance, gap_share)
+        self._solve = Minimisation(self.potential, self._fixed, x, self._dt, self.tolerance, gap_share)
         return self._solve
 
     def solve(

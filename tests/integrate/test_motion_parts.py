@@ -10,6 +10,7 @@ import pytest
 from mpi4py import MPI
 
 from pdvol.geometry.level_mesh import simplex_volumes
+from pdvol.integrate.carriers import Carriers
 from pdvol.integrate.scripted_motion import (
     LEAST_GAIN,
     LOOK_AHEAD,
@@ -20,8 +21,6 @@ from pdvol.integrate.scripted_motion import (
     PATH_SHARE,
     PINCHED,
     RELAXING_ITERATIONS,
-    SHORTER,
-    SHORTEST_AHEAD,
     follow,
 )
 from pdvol.levels.space import LevelSpace
@@ -45,9 +44,16 @@ class Motion:
     way: float = 1.0
     clock: float = 0.0
     moves_obstacles: bool = False
+    moves_supports: bool = True
 
     def positions(self, time):
         return REST + self.way * time * self.held[:, None] * [1.0, 0.0]
+
+    def carriers(self, potential, x, until):
+        return Carriers(frozenset(), lambda of: ())
+
+    def path(self, x, until, direction, of):
+        return np.where(self.held[:, None], self.positions(until) - x.owned, direction)
 
 
 @dataclass
@@ -127,17 +133,15 @@ def test_directions_are_found_for_a_place_a_little_further_than_the_last_part_ca
     np.testing.assert_allclose(x.owned, potential.motion.positions(END), atol=1e-12)
 
 
-def test_after_a_short_part_the_look_ahead_stays_a_share_of_the_step():
-    """A support waits for a body to give way: after two parts of a thousandth of the step its path is free, and the
-    step is done in some parts. Without `SHORTEST_AHEAD` each part could be twice the last one only.
+def test_after_short_parts_the_look_ahead_grows_again():
+    """A support waits for a body to give way: after a part of a thousandth of the step, and one that gains too little,
+    its path is free. Parts then double from the least gain on.
     """
     potential = Potential(Motion(), free=1e-3)
-    _, newton = followed(potential, opens=(1e-3, np.inf))
-    np.testing.assert_allclose(
-        newton.aims[1:3], np.array(potential.places[:2]) + LOOK_AHEAD * SHORTEST_AHEAD, rtol=1e-12
-    )
+    _, newton = followed(potential, opens=(0.0, np.inf))
+    assert newton.aims[2] == pytest.approx(potential.places[0] + LOOK_AHEAD * LEAST_GAIN, rel=1e-12)
     assert potential.motion.clock == END
-    assert len(potential.places) <= 3 + np.ceil(np.log2(1.0 / (LOOK_AHEAD * SHORTEST_AHEAD)))
+    assert len(potential.places) <= 3 + np.ceil(np.log2(1.0 / (LOOK_AHEAD * LEAST_GAIN)))
 
 
 def test_a_motion_that_creeps_ends_after_so_many_parts():
@@ -178,14 +182,15 @@ def test_bodies_get_more_iterations_where_a_gap_is_pinched(before):
 
 
 def test_nothing_is_squeezed_until_newton_cannot_recover_it():
-    """The right side goes to the left one, until a hundred-thousandth of the width is left: parts are halved, and the
-    last one leaves `MIN_CELL_VOLUME`.
+    """The right side goes to the left one, until a hundred-thousandth of the width is left: parts end before cells have
+    less than `MIN_CELL_VOLUME`, and what is left of the way there shrinks to a tenth with each.
     """
     potential = Potential(Motion(held=RIGHT, way=-(1.0 - 1e-5)))
     x, _ = followed(potential)
     smallest = simplex_volumes(x.whole, SPACE.mesh.cells).min() / SPACE.mesh.volumes.min()
-    assert potential.places[0] == SHORTER * END
-    assert MIN_CELL_VOLUME <= smallest < MIN_CELL_VOLUME / SHORTER + LEAST_GAIN
+    assert potential.places[0] == pytest.approx(PATH_SHARE * (1.0 - MIN_CELL_VOLUME) / (1.0 - 1e-5) * END, rel=1e-9)
+    assert MIN_CELL_VOLUME <= smallest < MIN_CELL_VOLUME + LEAST_GAIN / PATH_SHARE
+    assert len(potential.places) < 10
     assert MIN_CELL_VOLUME > 1e-5
 
 

@@ -9,8 +9,10 @@ Source: Li et al. 2020 (Incremental Potential Contact); Li et al. 2023 (converge
 import numpy as np
 
 from pdvol.compiled import pointer
+from pdvol.levels.obstacles import Obstacle
 from pdvol.potentials.assembly.hessian_blocks import HessianBlocks
 from pdvol.potentials.contact.collision_surface import CollisionSurface
+from pdvol.potentials.contact.meeting import different_pairs
 from pdvol.potentials.contact.native import library
 from pdvol.potentials.contact.stencils import Stencils
 from pdvol.potentials.potential import MIN_GAP_SHARE, Positions, Term
@@ -32,6 +34,11 @@ class SurfaceBarrier(Term):
         self.surface, self.space, self.dhat, self.kappa = surface, surface.space, surface.dhat, kappa
         self._at: Positions | None = None  # where the next was found
         self._stencils: Stencils
+
+    @property
+    def obstacles(self) -> tuple[Obstacle, ...]:
+        """The rigid surfaces."""
+        return self.surface.obstacles
 
     def begin_step(self, x_t: Positions, t0: float, t1: float, x_hat: Positions | None = None) -> None:
         self.move_obstacles(t0)
@@ -115,6 +122,14 @@ class SurfaceBarrier(Term):
         return self.surface.max_step(
             self.surface.vertices(x), self.surface.vertices(x.moved(1.0, direction), at=until), gap_share
         )
+
+    def closing(self, x: Positions, path: np.ndarray, until: float) -> set[tuple[int, int]]:
+        """Pairs of objects whose gap vectors, closest points held, would be gone or turned round at the path's end."""
+        found = self.stencils(x)
+        ends = found.gaps_of(self.surface.vertices(x.moved(1.0, path), at=until))
+        meet = np.einsum("kd,kd->k", ends, found.gaps) <= 0.0
+        one, other = (objects[meet] for objects in found.objects_in_contact(self.surface.objects))
+        return different_pairs(one, other, self.space.comm)
 
     def count(self, x: Positions) -> int:
         """Number of contacts at x. Collective."""

@@ -15,6 +15,7 @@ from pdvol.levels.space import LevelSpace
 from pdvol.potentials.assembly.hessian_blocks import HessianBlocks
 from pdvol.potentials.contact import barrier_law
 from pdvol.potentials.contact import friction_law as smooth_friction
+from pdvol.potentials.contact.meeting import different_pairs
 from pdvol.potentials.potential import MIN_GAP_SHARE, Positions, Term
 
 
@@ -121,6 +122,18 @@ class HalfSpaceBarrier(Term):
         with np.errstate(divide="ignore", invalid="ignore"):
             step = np.where(approach > 0.0, (1.0 - gap_share) * np.maximum(gaps, 0.0) / approach, 1.0)
         return float(min(1.0, step.min(initial=1.0)))
+
+    @property
+    def obstacles(self) -> tuple[Obstacle, ...]:
+        """The planes."""
+        return self.planes
+
+    def closing(self, x: Positions, path: np.ndarray, until: float) -> set[tuple[int, int]]:
+        """Bodies with vertices within dhat of a plane that would be behind it at the path's end."""
+        bodies = self.space.mesh.point_bodies
+        plane, vertex = np.nonzero((self.gaps(x) < self.dhat) & (self.gaps(x.moved(1.0, path), at=until) <= 0.0))
+        body = bodies[self.space.owned_points[self.vertices[vertex]]]
+        return different_pairs(body, int(bodies.max()) + 1 + plane, self.space.comm)
 
     def min_gap(self, x: Positions) -> float:
         """Smallest distance to any plane [m]; inf where there is no surface. Collective."""

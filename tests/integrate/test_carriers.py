@@ -1,0 +1,207 @@
+"""Obstacles that move carry the free bodies that they meet, and so keep their time.
+
+Where a body is pressed against something that does not go along, nothing is carried.
+"""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from on_ranks import results_on
+from pdvol import meshes
+from pdvol.geometry.level_mesh import simplex_volumes
+from pdvol.integrate.carriers import Carriers, rigid_motion
+from pdvol.integrate.marches import Start, direct
+from pdvol.levels.obstacles import plane_obstacle
+from pdvol.meshing.build import read_obstacle
+from pdvol.potentials.potential import Positions
+from pdvol.scene import (
+    Barrier,
+    Friction,
+    Placement,
+    Plane,
+    Rigid,
+    Rotation,
+    Solver,
+    Support,
+    Translation,
+)
+from problems import block, make_scene, make_stepper, masses, tetrahedron
+from shapes import together
+
+PROGRAM = Path(__file__).with_name("carriers_on_ranks.py")
+RADIUS, GAP = 0.15, 0.02
+
+
+def ball_and_cubes(d, speed, bodies=1, resolution=4, **more):
+    """A rigid ball on its way to a row of cubes of 0.3 m, 1e5 Pa, 1 cm apart, by steps of 0.01 s."""
+    e = np.eye(d)[0]
+    shape = meshes.ball(RADIUS, 2) if d == 3 else meshes.disc(RADIUS)
+    start = Placement(translate=tuple(-(RADIUS + GAP) * e))
+    ball = Rigid(shape, name="ball", placement=start, motion=Translation(tuple(speed * e)))
+    cubes = [
+        block((0.31 * i,) + (-0.15,) * (d - 1), (0.31 * i + 0.3,) + (0.15,) * (d - 1), resolution)
+        for i in range(bodies)
+    ]
+    materials = make_scene().bodies[0].material
+    more = {"contact": (Barrier(dhat=2e-3),)} | more
+    obstacles = (ball, *more.pop("obstacles", ()))
+    scene = make_scene((materials,) * bodies, dt=0.01, obstacles=obstacles, solver=Solver(tolerance=1e-3), **more)
+    return scene, together(*cubes), [read_obstacle(ball)]
+
+
+def march(scene, mesh, geometry, steps):
+    """Reports, and each step's mean velocities (bodies, d) [m/s]."""
+    problem = make_stepper(scene, mesh, geometry)
+    m, x, reports, speeds = masses(problem), mesh.points, [], []
+    bodies = [mesh.point_bodies == b for b in range(int(mesh.point_bodies.max()) + 1)]
+    for report in direct(problem, Start.at_rest(x, 0.0 * x), steps):
+        assert simplex_volumes(report.positions, mesh.cells).min() > 0.0
+        assert report.min_gap is None or report.min_gap > 0.0
+        v, x = (report.positions - x) / scene.dt, report.positions
+        reports.append(report)
+        speeds.append([np.average(v[body], axis=0, weights=m[body]) for body in bodies])
+    return reports, np.array(speeds)
+
+
+@pytest.mark.parametrize(("d", "speed", "most"), [(2, 15.0, 80), (3, 15.0, 80), (3, 50.0, 200)])
+def test_a_ball_drives_a_free_cube_before_it_and_keeps_its_time(d, speed, most):
+    """At 50 m/s it moves by more than the cube's size in a step, at thrice the speed of sound. The cube leaves faster
+    than the ball.
+    """
+    reports, speeds = march(*ball_and_cubes(d, speed), 8)
+    assert all(report.reached == 1.0 and report.behind == 0.0 and report.cuts == 0 for report in reports)
+    assert max(report.newton_iterations for report in reports) <= most
+    assert speeds[-1, 0, 0] > speed
+
+
+@pytest.mark.parametrize("friction", [(), (Friction(0.5),)])
+def test_a_row_of_cubes_is_pushed_until_a_wall_holds_it(friction):
+    """The first cube carries the second. Once that is at the wall, both are pressed, and the ball waits."""
+    scene, mesh, geometry = ball_and_cubes(
+        2, 15.0, bodies=2, obstacles=(Plane((0.8, 0.0), (-1.0, 0.0)),), contact=(Barrier(dhat=2e-3), *friction)
+    )
+    reports, speeds = march(scene, mesh, geometry, 12)
+    reached = [report.reached for report in reports]
+    assert reached[:2] == [1.0, 1.0] and not any(report.remedies["substeps"] for report in reports[:2])
+    assert speeds[1, 0, 0] > 5.0, "the first cube goes with the ball"
+    assert reached[-1] < 0.1 and reports[-1].behind > 0.02
+    assert reports[-1].positions[:, 0].max() < 0.8
+    places = RADIUS + GAP - 15.0 * (reports[-1].time - reports[-1].behind)
+    assert -places < 0.8 - 0.05, "nothing is squeezed to nothing"
+
+
+@pytest.mark.parametrize("speed", [10.0, 30.0])
+def test_a_paddle_carries_a_free_cube_round(speed):
+    """By up to 0.3 rad a step: the cube goes along a chord of the arc, as the paddle does."""
+    geometry = tetrahedron([(0.0, -0.3, -0.02), (1.5, -0.3, 0.01), (0.0, -0.35, 0.0), (0.0, -0.3, 0.1)])
+    paddle = Rigid("paddle", motion=Rotation(speed, (0.0, -0.3, 0.0), (0.0, 0.0, 1.0)))
+    mesh = block((0.5, -0.15, -0.15), (0.8, 0.15, 0.15), 3)
+    scene = make_scene(dt=0.01, obstacles=(paddle,), contact=(Barrier(dhat=2e-3),), solver=Solver(tolerance=1e-3))
+    reports, speeds = march(scene, mesh, [geometry], 8)
+    assert all(report.reached == 1.0 and report.remedies["substeps"] == 0 for report in reports)
+    assert np.linalg.norm(speeds[-1, 0]) > 0.5 * speed
+
+
+def test_what_supports_hold_is_not_carried():
+    """A held cube makes the ball wait, though a free one behind it would go along."""
+    scene, mesh, geometry = ball_and_cubes(2, 15.0, bodies=2, supports=(Support(lambda X: X[:, 0] < 0.29, "body 0"),))
+    reports, speeds = march(scene, mesh, geometry, 3)
+    assert reports[-1].behind > 0.0 and abs(speeds[-1, 1, 0]) < 0.1
+
+
+@pytest.mark.mpi
+def test_one_rank_and_two_carry_alike(tmp_path):
+    one, two = results_on((1, 2), tmp_path, PROGRAM)
+    assert one["behind"].max() == two["behind"].max() == 0.0
+    np.testing.assert_allclose(two["positions"], one["positions"], rtol=0.0, atol=1e-4)
+
+
+# ---- who carries whom
+
+STILL, PUSH, OTHER = (
+    plane_obstacle(Plane((0.0, 0.0), (0.0, 1.0), motion, name=name))
+    for name, motion in (("still", Plane((0, 0), (0, 1)).motion), *((n, Translation((1.0, 0.0))) for n in "ab"))
+)
+
+
+def carried(pairs, held=()):
+    """Who carries whom where these pairs meet whenever exactly one of them goes along, or both with different ones."""
+    of = lambda thing, carriers: thing if not isinstance(thing, int) and thing.moves else carriers.get(thing)
+    meet = lambda carriers: [pair for pair in pairs if of(pair[0], carriers) is not of(pair[1], carriers)]
+    return Carriers(frozenset(held), meet)
+
+
+def test_a_body_is_carried_by_what_meets_it_and_carries_the_next():
+    found = carried([(0, PUSH), (1, 0), (1, 2), (3, STILL)])
+    assert found.of == {0: PUSH, 1: PUSH, 2: PUSH} and not found.blocked
+
+
+def test_a_row_that_ends_at_a_wall_stays():
+    found = carried([(0, PUSH), (0, 1), (1, STILL), (2, OTHER)])
+    assert found.of == {2: OTHER} and found.blocked
+
+
+def test_a_row_that_ends_at_a_held_body_stays():
+    found = carried([(0, PUSH), (0, 1)], held=(1,))
+    assert found.of == {} and found.blocked
+
+
+def test_a_body_between_two_that_move_apart_in_time_is_stuck():
+    found = carried([(0, PUSH), (0, OTHER)])
+    assert found.of == {} and found.blocked
+
+
+def test_where_nothing_meets_nothing_is_carried():
+    found = carried([])
+    assert found.of == {} and not found.blocked
+
+
+@pytest.mark.parametrize("d", [2, 3])
+@pytest.mark.parametrize("count", [1, 2, 6])
+def test_the_rigid_motion_of_points_is_found(d, count):
+    """Of two points (a plane's) in 3D, the one that turns least."""
+    random, turn = np.random.default_rng(3), 0.7
+    R = np.eye(d)
+    R[:2, :2] = [[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]]
+    points = random.standard_normal((count, d))
+    points[:, 2:] = 0.0 if count == 2 else points[:, 2:]
+    shift, others = random.standard_normal(d), random.standard_normal((5, d))
+    moved = rigid_motion(points, points @ R.T + shift)
+    np.testing.assert_allclose(moved(points), points @ R.T + shift, atol=1e-8)
+    if count > 1:
+        np.testing.assert_allclose(moved(others), others @ R.T + shift, atol=1e-7)
+    else:
+        np.testing.assert_allclose(moved(others) - others, np.tile(moved(points)[0] - points[0], (5, 1)), atol=1e-12)
+
+
+# ---- what would meet
+
+
+@pytest.mark.parametrize("d", [2, 3])
+def test_what_would_meet_is_what_approaches_by_more_than_its_gap(d):
+    """A block 1 mm over a plane and 1 mm beside another one, on its way down, sideways, along and away."""
+    gap, dhat = 1e-3, 2e-3
+    along, up = np.eye(d)[0], np.eye(d)[-1]
+    one = block((0.0,) * (d - 1) + (gap,), (0.1,) * (d - 1) + (0.1,), 1)
+    two = block((0.1 + gap,) + (0.0,) * (d - 2) + (gap,), (0.2,) + (0.1,) * (d - 2) + (0.1,), 1)
+    floor = Plane((0.0,) * d, tuple(up), name="floor")
+    soft = make_scene().bodies[0].material
+    problem = make_stepper(
+        make_scene((soft, soft), obstacles=(floor,), contact=(Barrier(dhat=dhat),)), together(one, two)
+    )
+    mesh, potential, space = problem.space.mesh, problem.potential, problem.space
+    x = Positions(space, space.from_input(mesh.points))
+    potential.begin_step(x, x.owned, 1e-4, 0.0, 0.01)
+    first = (mesh.point_bodies == 0)[:, None]
+
+    def met(way):
+        pairs = potential.closing(x, space.from_input(np.where(first, way, 0.0)), 0.01)
+        return {frozenset(p if isinstance(p, int) else p.name for p in pair) for pair in pairs}
+
+    assert met(-2 * gap * up) == {frozenset({0, "floor"})}
+    assert met(2 * gap * along) == {frozenset({0, 1})}
+    assert met(2 * gap * (along - up)) == {frozenset({0, 1}), frozenset({0, "floor"})}
+    for way in (-0.9 * gap * up, 0.9 * gap * along, -2 * gap * along, 2 * gap * up, 0.0 * up):
+        assert met(way) == set()

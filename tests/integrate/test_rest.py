@@ -1,0 +1,166 @@
+"""Steps at rest: a heap that has settled costs nothing, no slow motion is lost, and what changes wakes everything."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from on_ranks import results_on
+from pdvol.integrate.integrator import past_of
+from pdvol.integrate.marches import Start, direct
+from pdvol.registry import INTEGRATORS
+from pdvol.scene import (
+    Barrier,
+    Force,
+    Friction,
+    Gravity,
+    Impulse,
+    NeoHookean,
+    Plane,
+    PointForce,
+    Solver,
+    Support,
+)
+from pdvol.scene import (
+    Path as Keyframes,
+)
+from problems import block, make_scene, make_stepper
+from shapes import together
+
+G, DT, TOLERANCE = 9.81, 0.01, 1e-3
+DAMPED = NeoHookean(young=1e5, poisson=0.3, density=1000.0, damping=0.05)
+FLOOR = Plane((0.0, 0.0), (0.0, 1.0))
+PROGRAM = Path(__file__).with_name("rest_on_ranks.py")
+
+
+def heap(steps, **more):
+    """Three damped blocks fall on each other, by 3, 6 and 9 cm, and come to rest within a second or two."""
+    mesh = together(*(block((0.01 * i, 0.13 * i + 0.03), (0.2 + 0.01 * i, 0.13 * i + 0.13), 2) for i in range(3)))
+    more = {"obstacles": (FLOOR,), "loads": (Gravity((0.0, -G)),)} | more
+    contact = (Barrier(dhat=2e-3), Friction(0.4, eps_v=1e-3))
+    return make_scene(
+        (DAMPED,) * 3, dt=DT, steps=steps, contact=contact, solver=Solver(tolerance=TOLERANCE), **more
+    ), mesh
+
+
+def march(scene, mesh, name="implicit_euler", velocity=0.0):
+    start = Start.at_rest(mesh.points, np.zeros_like(mesh.points) + velocity)
+    return list(direct(make_stepper(scene, mesh, integrator=INTEGRATORS[name]()), start, scene.steps))
+
+
+@pytest.fixture
+def never_at_rest(monkeypatch):
+    return lambda: monkeypatch.setattr("pdvol.integrate.rest.Rest.lasts", lambda *_: False)
+
+
+@pytest.mark.parametrize("name", INTEGRATORS)
+def test_a_heap_that_has_come_to_rest_costs_next_to_nothing(name, never_at_rest):
+    """One iteration in twenty of those of its fall, and it lies where it would if every step was solved."""
+    scene, mesh = heap(400)
+    reports = march(scene, mesh, name)
+    iterations = np.array([report.newton_iterations for report in reports])
+    assert iterations[-100:].mean() <= 0.05 * iterations[:50].mean()
+    held = [report for report in reports if report.joined == 0]
+    assert {report.reason for report in held} == {"AT_REST"}
+    assert all(report.newton_iterations == report.hessians == 0 and report.contacts > 0 for report in held)
+    joined = sum(report.joined for report in reports) + reports[-1].rest["steps"]
+    assert joined == scene.steps, "joined steps fill the time of those at rest"
+    assert max(report.joined for report in reports) >= 20
+    never_at_rest()
+    solved = march(scene, mesh, name)
+    np.testing.assert_allclose(reports[-1].positions, solved[-1].positions, atol=2.0 * TOLERANCE * DT)
+
+
+@pytest.mark.parametrize("name", INTEGRATORS)
+@pytest.mark.parametrize("at", [399, 250, 120])
+def test_resumed_equals_uninterrupted_at_rest(name, at):
+    """To the last bit, in a step at rest, after one, and before."""
+    scene, mesh = heap(400)
+    whole, mine = march(scene, mesh, name), INTEGRATORS[name]()
+    step = next(n for n in range(at, 0, -1) if whole[n - 1].joined == 0) if at > 200 else at
+    for number in {step, min(step + 1, 398)}:
+        positions = lambda n: mesh.points if n == 0 else whole[n - 1].positions
+        joined = lambda n: whole[n - 1].joined
+        past = past_of(mine, positions, np.zeros_like(mesh.points), number, DT, joined)
+        start = Start(number, past, whole[number - 1].record())
+        resumed = list(direct(make_stepper(scene, mesh, integrator=mine), start, scene.steps))
+        for a, b in zip(whole[number:], resumed, strict=True):
+            np.testing.assert_array_equal(a.positions, b.positions)
+            assert (a.joined, a.newton_iterations, a.energy) == (b.joined, b.newton_iterations, b.energy)
+
+
+def test_a_fall_over_tiny_steps_is_a_fall():
+    """A step of 1e-5 s gains a tenth of the tolerance in speed: ten are joined, and nothing is lost."""
+    dt, steps = 1e-5, 400
+    scene = make_scene(dt=dt, steps=steps, loads=(Gravity((0.0, -G)),), solver=Solver(tolerance=TOLERANCE))
+    mesh = block((0.0, 0.0), (0.1, 0.1), 1)
+    reports, time = march(scene, mesh), steps * dt
+    assert reports[0].joined == 1 and max(report.joined for report in reports) > 1
+    fallen = mesh.points[:, 1] - reports[-1].positions[:, 1]
+    np.testing.assert_allclose(fallen, 0.5 * G * time**2, atol=TOLERANCE * time)
+    speed = (reports[-2].positions - reports[-1].positions)[:, 1] / dt
+    np.testing.assert_allclose(speed, G * time, atol=TOLERANCE)
+
+
+@pytest.mark.parametrize("held", [1.01, 0.99])
+def test_slow_slides_and_creeping_go_on(held, never_at_rest):
+    """On a slope that friction just holds, the block creeps; on one that it just does not, it starts to slide, by less
+    than the tolerance in each step. Either way it gets as far as where every step is solved.
+    """
+    tangent, steps, tolerance, eps_v = 0.5, 60, 1e-2, 1e-3
+    angle = np.arctan(tangent)
+    scene = make_scene(
+        (DAMPED,),
+        dt=DT,
+        steps=steps,
+        loads=(Gravity((G * np.sin(angle), -G * np.cos(angle))),),
+        obstacles=(FLOOR,),
+        contact=(Barrier(dhat=2e-3), Friction(held * tangent, eps_v=eps_v)),
+        solver=Solver(tolerance=tolerance),
+    )
+    mesh = block((0.0, 1.76e-3), (0.2, 0.1), (4, 2))
+    reports = march(scene, mesh)
+    assert any(report.joined == 0 for report in reports)
+    never_at_rest()
+    solved = march(scene, mesh)
+    way = lambda reports: (reports[-1].positions - mesh.points)[:, 0].mean()
+    assert way(solved) > 10 * eps_v * DT
+    assert abs(way(reports) - way(solved)) <= 0.1 * tolerance * steps * DT
+    speed = lambda reports: (reports[-1].positions - reports[-16].positions)[:, 0].mean() / (15 * DT)
+    assert abs(speed(reports) - speed(solved)) <= 0.2 * tolerance
+
+
+def test_what_is_scripted_wakes_bodies():
+    """An impulse, a support that lets go, and a force that changes act in the step that they should act in."""
+    dt, steps, at = 0.01, 40, 0.2
+    mesh = block((0.0, 0.0), (0.1, 0.1), 1)
+    still = {"dt": dt, "steps": steps, "solver": Solver(tolerance=TOLERANCE)}
+
+    def heights(**physics):
+        reports = march(make_scene(**still, **physics), mesh)
+        return np.array([r.positions[:, 1].mean() for r in reports]), [r.joined for r in reports]
+
+    y, joined = heights(loads=(Impulse((0.0, 1.0), time=at),))
+    np.testing.assert_allclose(np.diff(y), np.where(np.arange(2, steps + 1) * dt > at + 1e-9, dt, 0.0), atol=1e-9)
+    assert joined[-1] == 1
+    hold = Support(lambda X: X[:, 1] > 0.09, release=at)
+    y, joined = heights(loads=(Gravity((0.0, -G)),), supports=(hold,), obstacles=(), contact=())
+    fall = np.diff(y)[21:] / dt
+    np.testing.assert_allclose(np.diff(fall), -G * dt, atol=0.05 * G * dt)
+    y, joined = heights(loads=(Force(lambda t: (0.0, float(t > at))),))
+    assert 0 not in joined, "forces that change keep bodies awake"
+    y, joined = heights(loads=(PointForce((0.0, 0.0), at=(0.05, 0.05)),))
+    assert joined[1:] == [0] * (steps - 1), "what nothing moves is solved once"
+
+
+def test_scenes_with_motions_never_rest():
+    lift = Plane((0.0, -0.5), (0.0, 1.0), motion=Keyframes((0.0, 9.0), ((0.0, 0.0), (0.0, 0.0))))
+    scene, mesh = heap(20, obstacles=(lift,), loads=())
+    assert {report.joined for report in march(scene, mesh)} == {1}
+
+
+@pytest.mark.mpi
+def test_one_rank_and_two_rest_alike(tmp_path):
+    one, two = results_on((1, 2), tmp_path, PROGRAM)
+    assert one["joined"].min() == 0 and two["joined"].min() == 0
+    np.testing.assert_allclose(two["positions"], one["positions"], rtol=0.0, atol=TOLERANCE * DT)
