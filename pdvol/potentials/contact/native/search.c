@@ -113,10 +113,12 @@ INLINE void append(list_t *list, int32_t a, int32_t b)
 }
 
 INLINE void search(int d, const surface_t *s, const double *boxes, const double *x, const double *y, double distance, const uint8_t *meets,
-                   int64_t first, int64_t last, int32_t *found, list_t *points, list_t *edges)
+                   int64_t first, int64_t last, int32_t *found, double *lines, list_t *points, list_t *edges)
 {
     const int moving = x != y;
     int64_t object = 0;
+    for (int64_t k = 0; d == 3 && k < s->leaf_edge_starts[s->leaves]; ++k)
+        enclose(3, 2, s->edge + 2 * (int64_t)s->leaf_edges[k], x, y, lines + 6 * k);
     for (int64_t leaf = first; leaf < last; ++leaf) {
         const int32_t *own = s->leaf_facets + s->leaf_facet_starts[leaf];
         while (s->leaf[s->roots[object + 1] - 1] < leaf)
@@ -171,19 +173,15 @@ INLINE void search(int d, const surface_t *s, const double *boxes, const double 
             continue;
         for (int32_t k = s->leaf_edge_starts[leaf]; k < s->leaf_edge_starts[leaf + 1]; ++k) {
             const int32_t e = s->leaf_edges[k], *one = s->edge + 2 * (int64_t)e;
-            double edge[6];
-            enclose(3, 2, one, x, y, edge);
+            const double *edge = lines + 6 * k;
             for (int64_t i = 0; i < n; ++i) {
                 const int32_t facing = s->leaf[found[i]];
                 if (facing < leaf || !meet(3, edge, boxes + 6 * (int64_t)found[i], distance))
                     continue;
                 for (int32_t q = s->leaf_edge_starts[facing]; q < s->leaf_edge_starts[facing + 1]; ++q) {
                     const int32_t *other = s->edge + 2 * (int64_t)s->leaf_edges[q];
-                    double around[6], a, b;
-                    if ((facing == leaf && q <= k) || share(2, one, 2, other))
-                        continue;
-                    enclose(3, 2, other, x, y, around);
-                    if (!meet(3, edge, around, distance))
+                    double a, b;
+                    if (!meet(3, edge, lines + 6 * (int64_t)q, distance) || (facing == leaf && q <= k) || share(2, one, 2, other))
                         continue;
                     const double squared = between_segments(x + 3 * (int64_t)one[0], x + 3 * (int64_t)one[1], x + 3 * (int64_t)other[0],
                                                             x + 3 * (int64_t)other[1], &a, &b);
@@ -202,14 +200,17 @@ int search_pairs(const surface_t *s, const double *boxes, const double *x, const
                  int64_t last, const int64_t *capacities, int32_t *points, int32_t *edges, int64_t *counts)
 {
     int32_t *found = malloc((s->leaves + 1) * sizeof(int32_t));
-    if (!found)
+    double *lines = malloc((6 * s->edges + 1) * sizeof(double)); /* boxes of edges, leaf by leaf */
+    if (!found || !lines) {
+        free(found), free(lines);
         return 1;
+    }
     list_t p = {0, capacities[0], points}, e = {0, capacities[1], edges};
     if (s->d == 3)
-        search(3, s, boxes, x, y, distance, meets, first, last, found, &p, &e);
+        search(3, s, boxes, x, y, distance, meets, first, last, found, lines, &p, &e);
     else
-        search(2, s, boxes, x, y, distance, meets, first, last, found, &p, &e);
-    free(found);
+        search(2, s, boxes, x, y, distance, meets, first, last, found, lines, &p, &e);
+    free(found), free(lines);
     counts[0] = p.count, counts[1] = e.count;
     return 0;
 }
