@@ -1,4 +1,4 @@
-"""Candidates and collision detection: lists miss nothing, sums do not depend on them, and steps end before bodies meet."""
+"""Candidates miss nothing, sums do not depend on them, and steps end before bodies meet."""
 
 from weakref import WeakKeyDictionary
 
@@ -6,6 +6,16 @@ import ipctk
 import numpy as np
 import pytest
 
+from contact_reference import (
+    DHAT,
+    KAPPA,
+    all_pairs,
+    between_edges,
+    mesh_of,
+    surface_of,
+    to_facets,
+    two_boxes,
+)
 from pdvol.levels.obstacles import Obstacle
 from pdvol.measure.verify import crossings
 from pdvol.potentials.contact import candidates
@@ -16,16 +26,6 @@ from pdvol.scene import Translation
 from problems import polyline, tetrahedron
 from shapes import box
 from taylor import hessian_of
-from touching import (
-    DHAT,
-    KAPPA,
-    all_pairs,
-    between_edges,
-    mesh_of,
-    surface_of,
-    to_facets,
-    two_boxes,
-)
 
 
 def heap(d, count=5, obstacle=None):
@@ -170,7 +170,7 @@ def test_sums_do_not_depend_on_lists(d, obstacle):
     barrier = SurfaceBarrier(used, KAPPA)
     rng, touched, time = np.random.default_rng(2), 0, 0.0
     x = Positions(space, space.from_input(space.mesh.points))
-    for k in range(12):
+    for _ in range(12):
         direction = 10.0 ** rng.uniform(-3, -0.5) * rng.uniform(-1, 1, x.owned.shape) + 0.1 * rng.uniform(-1, 1, d)
         step = barrier.max_step(x, direction, until=time + 0.01)
         barrier.value(x.moved(step, direction))
@@ -254,7 +254,7 @@ def test_a_move_of_all_bodies_together_is_never_cut():
 
 
 def test_certified_and_additive_collision_detection_allow_similar_steps():
-    """Tight inclusion allows about the same step as conservative advancement. The step never ends in an intersection."""
+    """Tight inclusion allows about the same step as conservative advancement, and never an intersection."""
     space, additive = two_boxes(3)
     certified = CollisionSurface(space, (), DHAT, "tight-inclusion")
     x = Positions(space, space.from_input(space.mesh.points))
