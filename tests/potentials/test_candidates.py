@@ -115,7 +115,7 @@ def test_one_search_serves_small_and_common_moves(d):
     x = Positions(space, space.from_input(space.mesh.points))
     surface.contacts(surface.vertices(x))
     within, between = surface.lists
-    slack = candidates.SLACK * surface.primitives.edge_length
+    slack = candidates.LIST_SLACK * surface.primitives.edge_length
     rng = np.random.default_rng(1)
     for k in range(5):
         noise = 0.9 * slack / np.sqrt(d) * rng.uniform(-1, 1, x.owned.shape) * 0.5

@@ -16,7 +16,7 @@ from contact_reference import (
     two_boxes,
 )
 from pdvol.geometry.level_mesh import facet_sizes
-from pdvol.potentials.assembly.hessian_blocks import sorted_keys
+from pdvol.potentials.assembly.hessian_blocks import BlockPattern, HessianBlocks, sorted_keys
 from pdvol.potentials.contact import barrier_law
 from pdvol.potentials.contact.barrier import SurfaceBarrier
 from pdvol.potentials.contact.friction import SurfaceFriction
@@ -440,3 +440,13 @@ def test_keys_are_sorted_stably_also_where_they_leave_no_room_for_places(largest
     values, order = sorted_keys(keys)
     np.testing.assert_array_equal(order, np.argsort(keys, kind="stable"))
     np.testing.assert_array_equal(values, keys[order])
+
+
+def test_a_rank_without_rows_of_any_contact_adds_nothing():
+    """Contacts are those of all ranks, but blocks only those of a rank's own rows; there may be none."""
+    space, _ = two_boxes(2)
+    blocks = HessianBlocks(BlockPattern(space))
+    none = np.zeros(0, dtype=np.int64)
+    blocks.add_pairs(none, none, np.zeros((0, 2, 2)))
+    keys, values = blocks.pairs()
+    assert len(keys) == len(values) == 0 and blocks.finite()
