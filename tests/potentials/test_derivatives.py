@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 
+from contact_reference import mesh_of
 from pdvol.levels.obstacles import plane_obstacle
 from pdvol.levels.space import LevelSpace
 from pdvol.potentials.build import Terms
@@ -17,7 +18,6 @@ from pdvol.potentials.potential import Positions
 from pdvol.scene import FixedCorotational, NeoHookean, Plane, Still, StVenantKirchhoff, Translation
 from pdvol.solve.incremental_potential import IncrementalPotential
 from pdvol.solve.report import Stopwatch
-from contact_reference import mesh_of
 from problems import elastic, polyline, tetrahedron
 from shapes import box, grid, together
 from taylor import check_derivatives, check_term, hessian_of, smallest_eigenvalue, state

@@ -6,6 +6,7 @@ import pytest
 from mpi4py import MPI
 from scipy.sparse import block_diag, csc_matrix
 
+from contact_reference import mesh_of
 from pdvol.levels.obstacles import plane_obstacle
 from pdvol.levels.space import LevelSpace
 from pdvol.potentials.build import build_terms
@@ -21,7 +22,6 @@ from pdvol.potentials.contact.stiffness import (
 )
 from pdvol.potentials.potential import Positions
 from pdvol.scene import Barrier, Body, Gravity, NeoHookean, Plane, Scene
-from contact_reference import mesh_of
 from problems import make_model, polyline, tetrahedron
 from shapes import box, together
 
