@@ -1,341 +1,443 @@
-"""Contact pairs: kept candidates miss nothing, and stencils are the pairs' own geometry."""
+"""The contact energy is its definition in docs/contact.md, without jumps, and has these derivatives."""
 
 import ipctk
 import numpy as np
 import pytest
-from mpi4py import MPI
 
-from pdvol.levels.space import LevelSpace
-from pdvol.potentials.contact import barrier_law, candidates
+from contact_reference import (
+    DHAT,
+    KAPPA,
+    brute_force_energy,
+    check_slide,
+    crossing_tetrahedra,
+    mesh_of,
+    random_tetrahedra,
+    surface_of,
+    two_boxes,
+)
+from pdvol.geometry.level_mesh import facet_sizes
+from pdvol.potentials.assembly.hessian_blocks import BlockPattern, HessianBlocks
+from pdvol.potentials.contact import barrier_law
 from pdvol.potentials.contact.barrier import SurfaceBarrier
-from pdvol.potentials.contact.collision_surface import CollisionSurface, Obstacle
 from pdvol.potentials.contact.friction import SurfaceFriction
-from pdvol.potentials.potential import MIN_GAP_SHARE, SCRIPTED_GAP_SHARE, Positions
-from problems import polyline, tetrahedron
-from shapes import box, level, together
+from pdvol.potentials.potential import Positions
+from shapes import box, grid, level
 from taylor import hessian_of
 
-COMM = MPI.COMM_SELF
-DHAT, KAPPA = 0.03, 0.7
+
+def at_rest(space):
+    return Positions(space, space.from_input(space.mesh.points))
 
 
-def two_boxes(d, obstacle=False):
-    """A finer box 0.6 dhat above a coarser one, both jittered; with an obstacle's tip below the lower one."""
-    low = np.r_[np.full(d - 1, 0.13), 1.0 + 0.6 * DHAT]
-    space = LevelSpace(
-        together(box(d, 3, jitter=0.02, seed=1), box(d, 4, low=low, high=low + 0.7, jitter=0.02, seed=2)), COMM
-    )
-    foot = [[-1, -2], [2, -2]] if d == 2 else [[-1, -1, -2], [2, 0, -2], [0, 2, -2]]
-    tip = (polyline if d == 2 else tetrahedron)([*foot, [0.5] * (d - 1) + [-0.5 * DHAT]])
-    obstacles = (Obstacle("tip", "mesh" if space.dim == 3 else "polyline", *tip),) if obstacle else ()
-    return space, CollisionSurface(space, obstacles, DHAT)
+def jittered(space, size, seed):
+    noise = size * np.random.default_rng(seed).uniform(-1, 1, space.mesh.points.shape)
+    return space.from_input(space.mesh.points + noise)
 
 
-def edges_side_by_side(angle, foot=False):
-    """Two tetrahedra, an edge of one 0.6 dhat above an edge of the other and almost along it, from its end to its start
-    in the input. The lower one may stand on a third, edge across edge.
-    """
-    below = np.array([[0.0, 0, 0], [1, 0, 0], [0.5, -0.6, -0.8], [0.5, 0.6, -0.8]])
-    above = np.array([[1.4, 0, 0], [0.4, 0, 0], [0.9, -0.6, 0.8], [0.9, 0.6, 0.8]])
-    turn = np.array([[np.cos(angle), -np.sin(angle), 0], [np.sin(angle), np.cos(angle), 0], [0, 0, 1]])
-    above = (above - [0.9, 0, 0]) @ turn.T + [0.9, 0, 0.6 * DHAT]
-    bodies = [below, above, *([below - [0, 0, 0.8 + 0.6 * DHAT]] if foot else [])]
-    space = LevelSpace(together(*(level(points, [[0, 1, 2, 3]]) for points in bodies)), COMM)
-    return space, CollisionSurface(space, (), DHAT)
-
-
-@pytest.mark.parametrize("angle", [0.01, 0.02, 0.025])
-@pytest.mark.parametrize("way", [(1.0, 0.0, 0.0), (0.2, 0.06, 0.0), (0.4, -0.03, 0.01), (0.0, 0.08, 0.005)])
-def test_the_energy_of_edges_side_by_side_does_not_jump(angle, way):
-    """Pairs appear and disappear along the path. The energy still changes by the integral of its gradient."""
-    space, surface = edges_side_by_side(angle)
-    energies, promised = slide(space, surface, space.mesh.points, np.array(way))
-    np.testing.assert_allclose(np.diff(energies), promised, atol=1e-3 * energies.max())
-
-
-@pytest.mark.parametrize("foot", [False, True])
-@pytest.mark.parametrize("begun", [(0.0, 0.0, 0.5), (0.0, 0.0, 2.0), (0.0, 1.0, 0.0)])
-def test_the_energy_of_edges_that_meet_later_in_a_step_does_not_jump(begun, foot):
-    """Edges that meet later in a step are also turned to the same direction. This holds where other edges have met
-    before, too.
-    """
-    space, surface = edges_side_by_side(0.02, foot)
-    energies, promised = slide(space, surface, space.mesh.points, np.array([0.4, -0.03, 0.01]), begun)
-    np.testing.assert_allclose(np.diff(energies), promised, atol=1e-3 * energies.max())
-
-
-def slide(space, surface, points, way, begun=(0.0, 0.0, 0.0)):
-    """The second body goes from -0.7 to 0.7 of a way: energies, and what their gradients promise that they change by.
-    The step begins where it is `begun` away from the middle.
-    """
-    barrier = SurfaceBarrier(surface, DHAT, KAPPA)
-    places = [
-        Positions(space, space.from_input(points + np.where(space.mesh.point_bodies[:, None] == 1, way, 0.0)))
-        for way in (begun, np.zeros(3))
-    ]
-    barrier.begin_step(places[0], 0.0, 0.01)
-    first = barrier.value(places[0])
-    move = space.from_input(np.where(space.mesh.point_bodies[:, None] == 1, way, 0.0))
-    places = [places[1].moved(share, move) for share in np.linspace(-0.7, 0.7, 2001)]
-    energies = np.array([barrier.value(y) for y in places])
-    slopes = np.array([np.vdot(barrier.gradient(y), move) for y in places])
-    assert np.ptp(energies) > 0.1 * energies.max() > 0.0
-    assert not any(begun) or first <= energies.min(), "all met at once"
-    return energies, 0.5 * (slopes[1:] + slopes[:-1]) * 1.4 / 2000
-
-
-def crushed_edges(size, angle, seed):
-    """The two tetrahedra, crushed to `size`, their edges crossing at an angle, any way round; and the same at rest, as
-    large as before.
-    """
-    space, surface = edges_side_by_side(0.0)
-    frame = np.linalg.qr(np.random.default_rng(seed).standard_normal((3, 3)))[0]
-    turn = np.array([[np.cos(angle), -np.sin(angle), 0], [np.sin(angle), np.cos(angle), 0], [0, 0, 1]])
-    below, above = space.mesh.points[:4] - [0.5, 0, 0], (space.mesh.points[4:] - [0.9, 0, 0.6 * DHAT]) @ turn.T
-    return (
-        space,
-        surface,
-        np.concatenate([size * below, size * above + [0, 0, 0.6 * DHAT]]) @ frame.T,
-        size * np.array([1.0, 0.3, 0.0]) @ frame.T,
-    )
-
-
-@pytest.mark.parametrize(
-    "size, angle, seed",
-    [(1 / 6, 0.5, 2), (1 / 6, 0.5, 3), (1 / 6, 0.2, 0), (1 / 4, 0.5, 3), (1 / 4, 0.5, 7), (1 / 7, 1.0, 0)],
-)
-def test_the_energy_of_crushed_edges_does_not_jump(size, angle, seed):
-    """Their lengths at rest say when edges count as nearly parallel: these do at 30 degrees, where they do not all run
-    alike.
-    """
-    space, surface, points, way = crushed_edges(size, angle, seed)
-    energies, promised = slide(space, surface, points, way)
-    np.testing.assert_allclose(np.diff(energies), promised, atol=1e-4 * energies.max())
-
-
-def test_crushed_edges_push_for_their_area_at_rest():
-    """Where they cross at right angles, the energy is that of edges that are not crushed."""
-    crossing = [slide(*crushed_edges(size, 0.5 * np.pi, 0))[0][1000] for size in (1.0, 0.6, 0.3, 0.1)]
-    np.testing.assert_allclose(crossing, crossing[0], rtol=1e-10)
-
-
-def test_pairs_of_edges_that_are_far_apart_are_dropped():
-    """Edges of flat faces, whose boxes meet: the pairs that are left are exactly those nearer than some distance, which
-    is little more than dhat.
-    """
-    space, surface = two_boxes(3)
-    vertices = surface.vertices(Positions(space, space.from_input(space.mesh.points)))
-    surface.candidates.begin(vertices, vertices)
-    ends = lambda c: [vertices[i] for edge in (c.edge0_id, c.edge1_id) for i in surface.mesh.edges[edge]]
-    distance = lambda c: np.sqrt(ipctk.edge_edge_distance(*ends(c)))
-    left = list(surface.candidates.pairs.ee_candidates)
-    near = max(map(distance, left))
-    assert DHAT < near < 2.0 * DHAT
-    boxes = ipctk.Candidates()
-    boxes.build(mesh=surface.mesh, vertices=vertices, inflation_radius=0.5 * near, broad_phase=ipctk.LBVH())
-    pairs = lambda candidates: sorted((c.edge0_id, c.edge1_id) for c in candidates)
-    assert pairs(left) == pairs(c for c in boxes.ee_candidates if distance(c) <= near)
-    assert 0 < 2 * len(left) < len(boxes.ee_candidates)
-
-
-@pytest.mark.parametrize("expected_move", [0.0, 0.1, 0.5, 2.0])
-def test_candidates_are_kept_within_the_slack(expected_move):
-    """A search leaves room for the move that is expected, and for a little more; longer ones than the largest slack are
-    not searched for in advance.
-    """
-    space, surface = two_boxes(3, obstacle=True)
-    rest = surface.vertices(Positions(space, space.from_input(space.mesh.points)))
-    edges = rest[surface.mesh.edges]
-    largest = candidates.MAX_SLACK * np.median(np.linalg.norm(edges[:, 1] - edges[:, 0], axis=1))
-    slack = largest * max(candidates.MIN_SLACK, candidates.SLACK_PER_MOVE * expected_move)
-    moved = lambda length: np.asfortranarray(rest + np.r_[length, 0.0, 0.0])
-    surface.begin(rest)
-    found = surface.candidates
-    found.begin(rest, moved(largest * expected_move))
-    assert found.searches == (slack <= largest)
-    if slack <= largest:
-        for length, searches in ((0.999 * slack, 1), (1.001 * slack, 2)):
-            found.at(moved(length))
-            assert found.searches == searches
-
-
-def test_positions_on_the_line_of_a_move_need_no_new_search():
-    """Positions on the line of the move need no new search, and round-off off the line is accepted. Positions beyond
-    the end of the move or beside the line need a new search.
-    """
-    space, surface = two_boxes(3, obstacle=True)
-    start = surface.vertices(Positions(space, space.from_input(space.mesh.points)))
-    move = np.random.default_rng(1).uniform(-1.0, 1.0, start.shape)
-    found, size = surface.candidates, np.abs(start).max()
-    for where, searches in (
-        (start + 0.3 * move, 1),
-        (start + 0.3 * move + 0.1 * candidates.STRAIGHT_TOLERANCE * size, 1),
-        (start + 2.0 * move, 2),
-        (start + 0.3 * move + 1e3 * candidates.STRAIGHT_TOLERANCE * size, 2),
-    ):
-        found.forget()
-        found.searches = 0
-        found.along(start, np.asfortranarray(start + move))
-        found.at(np.asfortranarray(where))
-        assert found.searches == searches
-
-
-@pytest.mark.parametrize("angle", [1e-3, 1e-6, 1e-9])
-def test_pairs_at_the_searched_distance_are_kept(monkeypatch, angle):
-    """Distances of nearly parallel edges are found too large by up to 1e-6 of their length, which the margin covers."""
-    monkeypatch.setattr(candidates, "MAX_SLACK", 1e-2)
-    space, surface = edges_side_by_side(angle)
-    found = surface.candidates
-    vertices = surface.vertices(Positions(space, space.from_input(space.mesh.points)))
-    slack = candidates.MIN_SLACK * found.max_slack
-    found.reach = 0.6 * DHAT - 2.0 * slack
-    pairs = [{c.edge0_id, c.edge1_id} for c in found.at(vertices).ee_candidates]
-    lengths = vertices[surface.mesh.edges][:, :, 2]
-    assert {int(np.flatnonzero(np.all(lengths == z, axis=1))[0]) for z in (0.0, 0.6 * DHAT)} in pairs
-
-
-def searched_anew(surface, vertices):
-    active = ipctk.NormalCollisions()
-    active.use_area_weighting = True
-    active.collision_set_type = ipctk.NormalCollisions.CollisionSetType.IMPROVED_MAX_APPROX
-    active.build(mesh=surface.mesh, vertices=vertices, dhat=DHAT, broad_phase=ipctk.BruteForce())
-    return active
+# ---- what is summed over
 
 
 @pytest.mark.parametrize("d", [2, 3])
+@pytest.mark.parametrize("weighted", [True, False])
 @pytest.mark.parametrize("obstacle", [False, True])
-@pytest.mark.parametrize("size", [1e-4, 3e-3, 0.05, 0.5])
-def test_candidates_are_those_of_a_search_anew(d, obstacle, size):
-    """Random walks by Newton-like moves: caps and active pairs are those of brute force, at the ends and on the way."""
-    space, surface = two_boxes(d, obstacle)
-    barrier = SurfaceBarrier(surface, DHAT, KAPPA)
-    theirs = ipctk.BarrierPotential(dhat=DHAT, stiffness=KAPPA, use_physical_barrier=True)
-    rng = np.random.default_rng(5)
-    x = Positions(space, space.from_input(space.mesh.points))
-    narrow = ipctk.AdditiveCCD(max_iterations=10_000, conservative_rescaling=0.9)
-    stopped = 0
-    for k in range(12):
-        common = rng.standard_normal(d) * (10.0 if k % 3 == 0 and not obstacle else 0.3)
-        direction = size * (common + rng.uniform(-1, 1, x.owned.shape))
-        start, end = surface.vertices(x), surface.vertices(x.moved(1.0, direction))
-        step = surface.max_step(start, end)
-        expected = ipctk.compute_collision_free_stepsize(
-            mesh=surface.mesh,
-            vertices_t0=start,
-            vertices_t1=end,
-            min_distance=0.0,
-            broad_phase=ipctk.BruteForce(),
-            narrow_phase_ccd=narrow,
+def test_the_energy_is_its_definition(d, weighted, obstacle):
+    """In numpy, over all pairs: random states of two boxes, some nearly flat, some crumpled."""
+    space, surface = two_boxes(d, obstacle, weighted=weighted)
+    barrier = SurfaceBarrier(surface, KAPPA)
+    for seed, size in enumerate((0.0, 1e-9, 0.1 * DHAT, DHAT, 3.0 * DHAT)):
+        x = Positions(space, jittered(space, size, seed))
+        expected = sum(brute_force_energy(surface, surface.vertices(x), weighted))
+        assert expected > 0.0 or (d == 2 and size == 3.0 * DHAT)
+        np.testing.assert_allclose(barrier.value(x), expected, rtol=1e-9)
+
+
+def test_the_energy_of_tetrahedra_is_its_definition():
+    """In all positions, even ones that intersect, with lengths of dhat: all kinds of contact, faded ones among them."""
+    crossed = faded = 0
+    for seed in range(200):
+        space, surface = random_tetrahedra(seed, size=(0.5 + seed % 5) * DHAT)
+        x = at_rest(space)
+        points, edges = brute_force_energy(surface, surface.vertices(x))
+        barrier = SurfaceBarrier(surface, KAPPA)
+        np.testing.assert_allclose(
+            barrier.value(x), points + edges, rtol=1e-8, atol=1e-10 * (abs(points) + edges), err_msg=str(seed)
         )
-        np.testing.assert_allclose(step, expected, rtol=1e-12)
-        stopped += step < 1.0
-        for share in (1.0, 0.5, 0.1):
-            trial = x.moved(share * step, direction)
-            anew = searched_anew(surface, surface.vertices(trial))
-            np.testing.assert_allclose(
-                barrier.value(trial), theirs(anew, surface.mesh, surface.vertices(trial)), rtol=1e-10, atol=1e-300
-            )
-        x = x.moved(0.5 * step, direction)
-    assert stopped or size < 0.05, "nothing came near"
-    assert surface.candidates.searches <= (30 if size > 1e-3 else 2)
+        crossed += edges > 0.0
+        faded += len(barrier.stencils(x).fading) > 0
+    assert crossed > 100 and faded > 100
+
+
+def tip_of(*corners):
+    """A tetrahedron of these corners."""
+    return level(np.array(corners, dtype=float), [[0, 1, 2, 3]])
+
+
+UP, DOWN = (
+    [[0, 0, 0], [0.5, -0.4, sign], [-0.5, -0.4, sign], [0, 0.6, sign]] for sign in (1.0, -1.0)
+)  # regular tips, at the origin
+FLAT = [[-1, -1, 0], [2, -1, 0], [-1, 2, 0], [0, 0, -2]]  # a face through it
+ALONG, ACROSS = (
+    [[-0.5, 0, 0], [0.5, 0, 0], [0, -0.6, -0.8], [0, 0.6, -0.8]],
+    [[0, -0.5, 0], [0, 0.5, 0], [-0.6, 0, 0.8], [0.6, 0, 0.8]],
+)
+
+
+def one_contact(kind, below, above, weighted):
+    """Two tetrahedra that meet in one contact of a kind, half a dhat apart, their positions, and ipctk's contacts."""
+    space, surface = surface_of(tip_of(*below), tip_of(*(np.array(above) + [0, 0, 0.5 * DHAT])), weighted=weighted)
+    x, mesh, active = at_rest(space), mesh_of(surface), ipctk.NormalCollisions()
+    active.use_area_weighting = weighted
+    if weighted:
+        active.collision_set_type = ipctk.NormalCollisions.CollisionSetType.IMPROVED_MAX_APPROX
+    active.build(mesh=mesh, vertices=surface.vertices(x), dhat=DHAT, broad_phase=ipctk.BruteForce())
+    found = [len(getattr(active, f"{name}_collisions")) for name in ("vv", "ev", "fv", "ee")]
+    assert found == [kind == name for name in ("vv", "ev", "fv", "ee")]
+    return space, surface, x, mesh, active
+
+
+ONE_OF_EACH_KIND = pytest.mark.parametrize(
+    "kind, below, above", [("vv", DOWN, UP), ("ev", ALONG, UP), ("fv", FLAT, UP), ("ee", ALONG, ACROSS)]
+)
+
+
+@pytest.mark.parametrize("weighted", [False, True])
+@ONE_OF_EACH_KIND
+def test_the_energy_of_one_contact_is_ipctks(kind, below, above, weighted):
+    """Energy and forces of one weight are ipctk's for each kind. The weight is half the area of each vertex that meets
+    the other body, or that of crossing edges, which ipctk has, too; without weights, one for each of these.
+    """
+    space, surface, x, mesh, active = one_contact(kind, below, above, weighted)
+    stiffness = KAPPA if weighted else KAPPA / DHAT**3  # `physical` energies have dhat in them
+    theirs = ipctk.BarrierPotential(dhat=DHAT, stiffness=stiffness, use_physical_barrier=weighted)
+    weight = sum(c.weight for c in getattr(active, f"{kind}_collisions"))
+    tips = {"vv": (0, 4), "ev": (4,), "fv": (4,)}.get(kind)
+    if tips is None:
+        share = 1.0
+        assert weight == 1.0 or weighted
+    else:
+        share = sum(0.5 * mesh.vertex_area(tip) if weighted else 1.0 for tip in tips) / weight
+    barrier = SurfaceBarrier(surface, KAPPA)
+    vertices = surface.vertices(x)
+    np.testing.assert_allclose(barrier.value(x), share * theirs(active, mesh, vertices), rtol=1e-10)
+    gradient = share * surface.rows_of(theirs.gradient(active, mesh, vertices).reshape(-1, 3))
+    np.testing.assert_allclose(barrier.gradient(x), gradient, rtol=0.0, atol=1e-10 * np.abs(gradient).max())
 
 
 @pytest.mark.parametrize("d", [2, 3])
-def test_stencils_know_the_distances(d):
+@pytest.mark.parametrize("jitter", [0.0, 0.3])
+def test_a_flat_surface_does_not_touch_itself(d, jitter):
+    """However small its cells are beside dhat: inside of faces, everything is counted as often as it is taken off
+    again. Around edges of the box it touches itself.
+    """
+    n = 24 if d == 2 else 11
+    cube = box(d, n, high=n * DHAT / 4.0)
+    points = cube.points
+    noise = jitter * DHAT / 4.0 * np.random.default_rng(0).uniform(-1, 1, points.shape)
+    inner = (points > 1e-9) & (points < points.max() - 1e-9)
+    space, surface = surface_of(level(points + np.where(inner, noise, 0.0), cube.cells))
+    x, barrier = at_rest(space), SurfaceBarrier(surface, KAPPA)
+    assert len(surface.lists[0].points) == 0
+    found = barrier.stencils(x)
+    assert len(surface.lists[0].points) > 100 and (d == 2 or len(found) > 10)
+    flat = ((x.owned > 1.01 * DHAT) & (x.owned < points.max() - 1.01 * DHAT)).sum(axis=1) == d - 1
+    assert flat.sum() > 2
+    force = barrier_law.pressure(np.array(1.0 / 16.0), DHAT, KAPPA) * (DHAT / 4.0) ** (d - 1)
+    np.testing.assert_allclose(barrier.gradient(x)[flat], 0.0, atol=1e-11 * force)
+
+
+@pytest.mark.parametrize("d", [2, 3])
+def test_contacts_of_two_flat_faces_weigh_their_area(d):
+    """A small face above the middle of a large one: its vertices weigh half of its area and, at their rims, half of
+    what the sides have there; of the large one's vertices below it the weights add up alike.
+    """
+    low = np.r_[np.full(d - 1, 0.3), 1.0 + 0.5 * DHAT]
+    space, surface = surface_of(box(d, 7), box(d, 3, low=low, high=low + 0.37))
+    barrier = SurfaceBarrier(surface, KAPPA)
+    found, x = barrier.stencils(at_rest(space)), at_rest(space)
+    vertices = surface.vertices(x)
+    points = found.coefficients[:, 1:].max(axis=1) <= 0.0
+    sizes = facet_sizes(vertices, surface.primitives.facets)
+    area = 0.5 * np.bincount(surface.primitives.facets.ravel(), np.repeat(sizes / d, d), minlength=len(vertices))
+    up = vertices[:, -1]
+    above = surface.objects == 1
+    on_top = above & (up < up[above].min() + 1e-9)
+    inside = np.all((vertices[:, :-1] > 0.3) & (vertices[:, :-1] < 0.67), axis=1)
+    below = ~above & (up > 1.0 - 1e-9) & inside
+    assert below.any() and np.linalg.norm(found.gaps, axis=1).min() > 0.5 * DHAT - 1e-12
+    one = found.vertices[:, 0]
+    for group in (on_top, below):
+        weights = np.bincount(one[points], found.weights[points], minlength=len(vertices))
+        np.testing.assert_allclose(weights[group], area[group], rtol=1e-9)
+
+
+@pytest.mark.parametrize("d", [2, 3])
+@pytest.mark.parametrize("cells", [1, 2, 4, 9])
+def test_the_force_on_a_flat_face_is_pressure_times_half_its_area(d, cells):
+    """Whatever the mesh below is: vertices inside of the upper body's face push with the area that they stand for. The
+    lower body's own half is pushed by its own vertices.
+    """
+    low = np.r_[np.full(d - 1, 0.3), 1.0 + 0.5 * DHAT]
+    space, surface = surface_of(box(d, cells), box(d, 4, low=low, high=low + 0.37))
+    barrier = SurfaceBarrier(surface, KAPPA)
+    found = barrier.stencils(at_rest(space))
+    owners = surface.objects[found.vertices[:, 0]]
+    points = found.coefficients[:, 1:].max(axis=1) <= 0.0
+    total = found.weights[points & (owners == 1)].sum()
+    face = 0.37 ** (d - 1)
+    rim = 2.0 * (d - 1) * 0.37 ** (d - 2) * 0.37 / 4.0  # of the side faces' cells half or a third is the rim's
+    assert 0.5 * face < total <= 0.5 * (face + rim)
+
+
+@pytest.mark.parametrize("d", [2, 3])
+def test_gaps_and_forces_of_contacts(d):
+    """Gap vectors are the coefficients' combinations, and all coefficients add up to zero."""
     space, surface = two_boxes(d, obstacle=True)
-    barrier = SurfaceBarrier(surface, DHAT, KAPPA)
-    active, vertices = barrier.collisions(Positions(space, space.from_input(space.mesh.points)))
-    stencils = surface.stencils(active, vertices)
-    ends = [c for c in active.ee_collisions if c.dtype != ipctk.EdgeEdgeDistanceType.EA_EB]
-    assert d == 2 or len(ends) > 3, "edges that are nearly parallel and touch with their ends"
-    pairs = [*active.vv_collisions, *active.ev_collisions, *active.fv_collisions, *active.ee_collisions]
-    squared = [c.compute_distance(c.dof(vertices, surface.mesh.edges, surface.mesh.faces)) for c in pairs]
-    assert len(pairs) > 3
-    np.testing.assert_allclose(np.linalg.norm(stencils.gaps(vertices), axis=1), np.sqrt(squared), rtol=1e-7)
-    np.testing.assert_allclose(stencils.coefficients.sum(axis=1), 0.0, atol=1e-12)
-
-
-@pytest.mark.parametrize("d", [2, 3])
-def test_the_stencils_hessian_is_exact_along_the_gap(d):
-    """Moving one body along the common normal of two flat faces turns no gap: there the stencils leave nothing out."""
-    low = np.r_[np.full(d - 1, 0.13), 1.0 + 0.6 * DHAT]
-    space = LevelSpace(together(box(d, 3), box(d, 2, low=low, high=low + 0.5)), COMM)
-    barrier = SurfaceBarrier(CollisionSurface(space, (), DHAT), DHAT, KAPPA)
-    x = space.from_input(space.mesh.points)
-    active, vertices = barrier.collisions(Positions(space, x))
-    assert len(active) > 1
-    up = (space.mesh.point_bodies[space.owned_points] == 1)[:, None] * np.eye(d)[-1]
-    exact, ours = (
-        up.ravel() @ hessian_of(barrier, space, x, mode).toarray() @ up.ravel() for mode in ("none", "clamp")
-    )
-    stencils = barrier.surface.stencils(active, vertices)
-    moved = stencils.gaps(barrier.surface.vertices(Positions(space, up)))
-    gaps = stencils.gaps(vertices)
-    squared = np.einsum("kd,kd->k", gaps, gaps)
-    along = np.einsum("kd,kd->k", gaps, moved) ** 2 / squared * barrier_law.curvature(squared / DHAT**2, DHAT, KAPPA)
-    np.testing.assert_allclose(stencils.weights @ along, exact, rtol=1e-8)
+    x = at_rest(space)
+    found = SurfaceBarrier(surface, KAPPA).stencils(x)
+    vertices = surface.vertices(x)
+    assert len(found) > 7
+    np.testing.assert_allclose(found.gaps_of(vertices), found.gaps, atol=1e-13)
+    np.testing.assert_allclose(found.coefficients.sum(axis=1), 0.0, atol=1e-12)
+    forces = np.random.default_rng(0).uniform(-1, 1, found.gaps.shape)
     np.testing.assert_allclose(
-        np.maximum(stencils.weights, 0.0) @ along, ours, rtol=1e-8
-    )  # what weighs negatively is cut off
+        np.vdot(found.scatter(forces, len(vertices)), vertices), np.vdot(forces, found.gaps), rtol=1e-10
+    )
+
+
+# ---- no jumps
+
+
+@pytest.mark.parametrize("angle", [0.0, 0.01, 0.02, 0.025, 0.04, 0.3, 0.5 * np.pi])
+@pytest.mark.parametrize("way", [(1.0, 0.0, 0.0), (0.2, 0.06, 0.0), (0.4, -0.03, 0.01), (0.0, 0.08, 0.005)])
+def test_edges_that_slide_along_each_other(angle, way):
+    space, surface, points, _ = crossing_tetrahedra(angle)
+    slide_upper(space, surface, points, np.array(way))
+
+
+@pytest.mark.parametrize("size", [0.25, 1 / 7, 0.03])
+@pytest.mark.parametrize("angle, seed", [(0.2, 0), (0.5, 2), (1.0, 7), (0.02, 3)])
+def test_crushed_edges_that_slide_along_each_other(size, angle, seed):
+    """Turned any way round. Lengths at rest do not say which edges are nearly parallel."""
+    space, surface, points, frame = crossing_tetrahedra(angle, size, seed)
+    slide_upper(space, surface, points, size * np.array([1.0, 0.3, 0.0]) @ frame.T)
+
+
+def slide_upper(space, surface, points, way):
+    move = np.where(space.mesh.point_bodies[:, None] == 1, 0.7 * way, 0.0)
+    return check_slide(space, surface, points - move, points + move)
+
+
+@pytest.mark.parametrize("swap", [False, True])
+def test_edges_that_turn_until_they_are_parallel(swap):
+    """Through the angle at which they fade, and past the parallel position."""
+    space, surface, _, _ = crossing_tetrahedra(0.0)
+    before, after = (crossing_tetrahedra(angle)[2] for angle in (0.06, -0.05))
+    if swap:
+        before, after = (points[:, [1, 2, 0]] for points in (before, after))
+    check_slide(space, surface, before, after)
+
+
+def test_crossing_edges_push_for_their_area_at_rest():
+    """Where they cross at right angles, the energy is that of edges that are not crushed."""
+    energies = []
+    for size in (1.0, 0.6, 0.3, 0.1):
+        space, surface, points, _ = crossing_tetrahedra(0.5 * np.pi, size)
+        energies.append(SurfaceBarrier(surface, KAPPA).value(Positions(space, space.from_input(points))))
+    np.testing.assert_allclose(energies, energies[0], rtol=1e-10)
+
+
+def bent(d, n, angle):
+    """A plate of 2 n cells whose right half is bent downwards by an angle, below a small box whose lower face is a
+    third of a dhat above the plate.
+    """
+    ticks = [np.linspace(-0.3, 0.3, 2 * n + 1), *[np.linspace(-0.21, 0.2, n + 1)] * (d - 2), np.linspace(-0.2, 0.0, 2)]
+    plate = grid(*ticks)
+    points = plate.points.copy()
+    points[:, -1] -= np.tan(angle) * np.maximum(points[:, 0], 0.0)
+    return level(points, plate.cells)
 
 
 @pytest.mark.parametrize("d", [2, 3])
-def test_the_stencils_hessian_is_positive(d):
-    space, surface = two_boxes(d, obstacle=True)
-    H = hessian_of(SurfaceBarrier(surface, DHAT, KAPPA), space, space.from_input(space.mesh.points)).toarray()
-    assert np.linalg.eigvalsh(H)[0] > -1e-12 * np.abs(H).max()
+@pytest.mark.parametrize("angle", [0.0, 0.3, -0.3, 1.0, -1.0])
+@pytest.mark.parametrize("corner", [False, True])
+def test_a_body_that_slides_over_a_surface(d, angle, corner):
+    """Over the vertices and edges of a flat, a convex and a concave surface: a box, or a box on its corner."""
+    body = box(d, 2, low=-0.05, high=0.05)
+    points = body.points
+    if corner:
+        turn = np.linalg.qr(np.random.default_rng(1).standard_normal((d, d)))[0]
+        points = points @ turn.T
+    start = np.r_[np.full(d - 1, -0.13), 0.0]
+    end = np.r_[0.15, np.full(d - 2, 0.07), 0.0]
+    points = points + start
+    points[:, -1] += 0.4 * DHAT - points[:, -1].min()
+    rise = max(0.0, -np.tan(angle)) * (end[0] + 0.1)
+    space, surface = surface_of(bent(d, 3, angle), level(points, body.cells))
+    move = np.where(space.mesh.point_bodies[:, None] == 1, end - start + np.r_[np.zeros(d - 1), rise], 0.0)
+    check_slide(space, surface, space.mesh.points, space.mesh.points + move, sections=36)
 
 
 @pytest.mark.parametrize("d", [2, 3])
-def test_friction_is_ipctks(d):
-    """Value and gradient through stencils against ipctk's own friction potential, some pairs sticking, some sliding."""
+@pytest.mark.parametrize("seed", range(4))
+def test_a_body_that_deforms(d, seed):
+    """Straight ways between two random states of two boxes and an obstacle, contact within bodies included."""
     space, surface = two_boxes(d, obstacle=True)
-    barrier = SurfaceBarrier(surface, DHAT, KAPPA)
+    rng = np.random.default_rng(seed)
+    start, end = (space.mesh.points + 0.3 * DHAT * rng.uniform(-1, 1, space.mesh.points.shape) for _ in range(2))
+    check_slide(space, surface, start, end, parts=50, sections=36)
+
+
+def test_a_surface_that_folds_itself():
+    """A fine strip, bent until its halves touch: contacts within a body begin without a jump."""
+    n, length = 24, 24 * DHAT
+    strip = grid(np.linspace(-0.5, 0.5, n + 1) * length, [0.0, 0.3 * DHAT])
+    space, surface = surface_of(strip)
+    x, y = strip.points.T
+
+    def rolled(angle):
+        radius = length / angle
+        return np.column_stack([(radius - y) * np.sin(x / radius), radius - (radius - y) * np.cos(x / radius)])
+
+    for one, other in ((5.2, 5.7), (5.7, 6.2)):
+        check_slide(space, surface, rolled(one), rolled(other), parts=100, sections=36)
+
+
+# ---- derivatives
+
+
+def check_derivatives_at(space, surface, points, seed, length):
+    """Gradient and unprojected Hessian along a random direction, by central differences over some lengths (energies are
+    twice differentiable but at some places); projected Hessians are positive, and no less than the exact one.
+    """
+    barrier = SurfaceBarrier(surface, KAPPA)
+    x, way = space.from_input(points), np.random.default_rng(seed).uniform(-1, 1, points.shape)
+    exact = hessian_of(barrier, space, x, "none").toarray()
+    force, along = barrier.gradient(Positions(space, x)), (exact @ way.ravel()).reshape(way.shape)
+    slopes, changes = [], []
+    for h in length * np.array([1.0, 0.1, 0.01]):
+        ahead, back = (Positions(space, x + s * h * way) for s in (1.0, -1.0))
+        slopes.append((barrier.value(ahead) - barrier.value(back)) / (2.0 * h))
+        changes.append((barrier.gradient(ahead) - barrier.gradient(back)) / (2.0 * h))
+    off = np.abs(np.array(slopes) - np.vdot(force, way)).min() / np.abs(force).sum()
+    assert off < 1e-6, f"gradient: {off:.1e}"
+    off = np.abs(np.array(changes) - along).max(axis=(1, 2)).min() / np.abs(along).max()
+    assert off < 1e-6, f"Hessian: {off:.1e}"
+    for mode in ("clamp", "abs"):
+        convex = hessian_of(barrier, space, x, mode).toarray()
+        tolerance = 1e-10 * max(np.abs(convex).max(), np.abs(exact).max())
+        assert np.linalg.eigvalsh(convex)[0] > -tolerance, f"{mode}: not positive"
+        assert np.linalg.eigvalsh(convex - exact)[0] > -tolerance, f"{mode}: less than the exact one"
+
+
+@pytest.mark.parametrize("d", [2, 3])
+@pytest.mark.parametrize("seed", range(3))
+def test_gradient_and_hessian_of_boxes(d, seed):
+    space, surface = two_boxes(d, obstacle=True)
+    points = space.mesh.points + 0.2 * DHAT * np.random.default_rng(seed).uniform(-1, 1, space.mesh.points.shape)
+    check_derivatives_at(space, surface, points, seed, 1e-4 * DHAT)
+
+
+def test_gradient_and_hessian_of_tetrahedra():
+    """All kinds of contact and of fades, each kind by itself in some of the states."""
+    seen, faded = 0, 0
+    for seed in range(150):
+        space, surface = random_tetrahedra(seed, size=(0.5 + seed % 4) * DHAT)
+        found = SurfaceBarrier(surface, KAPPA).stencils(at_rest(space))
+        if not len(found) or np.linalg.norm(found.gaps, axis=1).min() < 0.05 * DHAT:
+            continue
+        check_derivatives_at(space, surface, space.mesh.points, seed, 1e-4 * DHAT)
+        seen, faded = seen + 1, faded + (len(found.fading) > 0)
+    assert seen > 40 and faded > 20
+
+
+@pytest.mark.parametrize("angle", [0.005, 0.01, 0.02, 0.03])
+@pytest.mark.parametrize("shift", [0.0, 0.31, -0.2])
+def test_gradient_and_hessian_of_edges_that_are_nearly_parallel(angle, shift):
+    space, surface, points, _ = crossing_tetrahedra(angle, seed=3)
+    points[4:] += shift * (points[1] - points[0])
+    assert len(SurfaceBarrier(surface, KAPPA).stencils(Positions(space, space.from_input(points))).fading)
+    check_derivatives_at(space, surface, points, 0, 1e-3 * DHAT * angle)
+
+
+@pytest.mark.parametrize("d", [2, 3])
+def test_the_hessian_is_exact_along_the_gap(d):
+    """Moving one body along the common normal of two flat faces turns no gap: nothing is left out there but what weighs
+    negatively.
+    """
+    low = np.r_[np.full(d - 1, 0.13), 1.0 + 0.6 * DHAT]
+    space, surface = surface_of(box(d, 3), box(d, 2, low=low, high=low + 0.5))
+    barrier = SurfaceBarrier(surface, KAPPA)
+    x = at_rest(space)
+    found = barrier.stencils(x)
+    up = (space.mesh.point_bodies[space.owned_points] == 1)[:, None] * np.eye(d)[-1]
+    exact = up.ravel() @ hessian_of(barrier, space, x.owned, "none").toarray() @ up.ravel()
+    squared = np.einsum("kd,kd->k", found.gaps, found.gaps)
+    moved = found.gaps_of(surface.vertices(Positions(space, up)))
+    along = np.einsum("kd,kd->k", found.gaps, moved) ** 2 / squared
+    expected = found.weights @ (along * barrier_law.curvature(squared / DHAT**2, DHAT, KAPPA))
+    np.testing.assert_allclose(exact, expected, rtol=1e-8)
+
+
+def test_contact_forces_of_crumpled_bodies_balance():
+    """No net force and no net torque, faded contacts included."""
+    for seed in range(30):
+        space, surface = random_tetrahedra(seed, size=DHAT)
+        x = at_rest(space)
+        g = SurfaceBarrier(surface, KAPPA).gradient(x)
+        scale = max(np.abs(g).max(), 1e-300)
+        np.testing.assert_allclose(g.sum(axis=0), 0.0, atol=1e-9 * scale)
+        np.testing.assert_allclose(x.owned.T @ g - g.T @ x.owned, 0.0, atol=1e-9 * scale * DHAT)
+
+
+# ---- friction
+
+
+@pytest.mark.parametrize("kind, below, above", [("fv", FLAT, UP), ("ee", ALONG, ACROSS)])
+def test_friction_of_one_contact_is_ipctks(kind, below, above):
+    """Value and gradient against ipctk's own friction potential, sticking and sliding."""
+    space, surface, x_t, mesh, active = one_contact(kind, below, above, False)
+    barrier = SurfaceBarrier(surface, KAPPA)
     eps_v, dt, mu = 0.1, 0.02, 0.4
-    term = SurfaceFriction(barrier, mu, eps_v)
-    x_t = Positions(space, space.from_input(space.mesh.points))
+    term, lagged = SurfaceFriction(barrier, mu, eps_v), ipctk.TangentialCollisions()
     barrier.begin_step(x_t, 0.0, dt)
     term.begin_step(x_t, 0.0, dt)
-    active, vertices = barrier.collisions(x_t)
-    lagged = ipctk.TangentialCollisions()
-    stiffness = KAPPA / surface.primitives.scale**2  # the surface's primitives are scaled, and so are ipctk's areas
-    theirs = ipctk.BarrierPotential(dhat=DHAT, stiffness=stiffness, use_physical_barrier=True)
-    lagged.build(surface.mesh, vertices, active, theirs, mu)
+    vertices = surface.vertices(x_t)
+    law = ipctk.BarrierPotential(dhat=DHAT, stiffness=KAPPA / DHAT**3)
+    lagged.build(mesh, vertices, active, law, mu)
     theirs = ipctk.FrictionPotential(eps_v=eps_v * dt)
-    x = Positions(space, x_t.owned + 2.0 * eps_v * dt * np.random.default_rng(1).uniform(-1, 1, x_t.owned.shape))
-    slip = np.asfortranarray(surface.vertices(x) - vertices)
-    value, gradient = theirs(lagged, surface.mesh, slip), surface.rows_of(theirs.gradient(lagged, surface.mesh, slip))
-    assert len(lagged) > 3
-    np.testing.assert_allclose(term.value(x), value, rtol=1e-10)
-    np.testing.assert_allclose(term.gradient(x), gradient, rtol=0.0, atol=1e-10 * np.abs(gradient).max())
+    assert len(lagged) == 1
+    for share in (0.3, 3.0):
+        way = np.random.default_rng(1).uniform(-1, 1, x_t.owned.shape)
+        x = Positions(space, x_t.owned + share * eps_v * dt * way)
+        slip = np.asfortranarray(surface.vertices(x) - vertices)
+        gradient = surface.rows_of(theirs.gradient(lagged, mesh, slip).reshape(-1, 3))
+        np.testing.assert_allclose(term.value(x), theirs(lagged, mesh, slip), rtol=1e-10)
+        np.testing.assert_allclose(term.gradient(x), gradient, rtol=0.0, atol=1e-10 * np.abs(gradient).max())
 
 
-def test_certified_and_additive_collision_detection_allow_similar_steps():
-    """Tight inclusion allows about the same step as additive collision detection. The step never ends in an
-    intersection.
+@pytest.mark.parametrize("d", [2, 3])
+def test_friction_is_mu_times_the_normal_force(d):
+    """The upper of two boxes slides on the flat face of the lower one: the force on it, whatever the signs of the
+    weights that make it up.
     """
-    space, additive = two_boxes(3)
-    certified = CollisionSurface(space, (), DHAT, "tight-inclusion")
-    x = Positions(space, space.from_input(space.mesh.points))
-    fall = (space.mesh.point_bodies[space.owned_points] == 1)[:, None] * np.array([0.01, 0.02, -0.5])
-    start, end = additive.vertices(x), additive.vertices(x.moved(1.0, fall))
-    steps = [surface.max_step(start, end) for surface in (additive, certified)]
-    assert 0.0 < steps[0] < 0.05
-    np.testing.assert_allclose(steps[1], steps[0], rtol=0.2)
-    assert not ipctk.has_intersections(certified.mesh, np.asfortranarray(start + steps[1] * (end - start)))
+    low = np.r_[np.full(d - 1, 0.13), 1.0 + 0.6 * DHAT]
+    space, surface = surface_of(box(d, 1), box(d, 4, low=low, high=low + 0.7))
+    barrier = SurfaceBarrier(surface, KAPPA)
+    eps_v, dt, mu = 0.1, 0.02, 0.4
+    term, x_t = SurfaceFriction(barrier, mu, eps_v), at_rest(space)
+    barrier.begin_step(x_t, 0.0, dt)
+    term.begin_step(x_t, 0.0, dt)
+    upper = space.mesh.point_bodies[space.owned_points] == 1
+    x = Positions(space, x_t.owned + np.where(upper, 5.0 * eps_v * dt, 0.0)[:, None] * np.eye(d)[0])
+    normal = barrier.gradient(x_t)[upper].sum(axis=0)[-1]
+    assert normal < 0.0
+    np.testing.assert_allclose(term.gradient(x)[upper].sum(axis=0)[0], -mu * normal, rtol=1e-9)
 
 
-@pytest.mark.parametrize("ccd", ["additive", "tight-inclusion"])
-@pytest.mark.parametrize("keep", [MIN_GAP_SHARE, SCRIPTED_GAP_SHARE])
-def test_a_step_leaves_the_share_of_a_gap_that_it_is_asked_to_keep(ccd, keep):
-    """A box falls straight down on a face 0.6 dhat below it. The remaining gap is the requested share, or a little more
-    where collision detection is not precise enough.
-    """
-    low = np.array([0.2, 0.2, 1.0 + 0.6 * DHAT])
-    space = LevelSpace(together(box(3, 2), box(3, 2, low=low, high=low + 0.5)), COMM)
-    surface = CollisionSurface(space, (), DHAT, ccd)
-    x = Positions(space, space.from_input(space.mesh.points))
-    fall = np.where(space.mesh.point_bodies[:, None] == 1, [0.0, 0.0, -1.0], 0.0)
-    barrier = SurfaceBarrier(surface, DHAT, KAPPA)
-    step = barrier.max_step(x, space.from_input(fall), gap_share=keep)
-    assert keep - 1e-9 <= barrier.min_gap(x.moved(step, space.from_input(fall))) / barrier.min_gap(x) <= keep + 0.02
+def test_a_rank_without_rows_of_any_contact_adds_nothing():
+    """Contacts are those of all ranks, but blocks only those of a rank's own rows; there may be none."""
+    space, _ = two_boxes(2)
+    blocks = HessianBlocks(BlockPattern(space))
+    none = np.zeros(0, dtype=np.int64)
+    blocks.add_pairs(none, none, np.zeros((0, 2, 2)))
+    assert blocks.finite() and not blocks.added and len(blocks.merged(None)[2]) == blocks.pattern.count

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 
+from contact_reference import mesh_of
 from pdvol.levels.obstacles import plane_obstacle
 from pdvol.levels.space import LevelSpace
 from pdvol.potentials.build import Terms
@@ -207,7 +208,7 @@ def near_surfaces(d):
     surface = CollisionSurface(
         space, (Obstacle("obstacle", "mesh" if space.dim == 3 else "polyline", *obstacle),), DHAT
     )
-    return space, SurfaceBarrier(surface, DHAT, KAPPA)
+    return space, SurfaceBarrier(surface, KAPPA)
 
 
 @pytest.fixture(scope="module")
@@ -233,9 +234,7 @@ def test_surface_barrier(touching, d):
 @pytest.mark.parametrize("d", DIMENSIONS)
 @pytest.mark.parametrize("share", [0.4, 4.0], ids=["stick", "slip"])
 def test_surface_friction(touching, d, share):
-    """Slopes with ipctk's unprojected Hessian: in 3D some pairs of the improved maximum weigh negatively, and
-    projection cuts those off.
-    """
+    """Slopes of value and gradient; the Hessian leaves out what weighs negatively."""
     space, barrier = touching[d]
     term = SurfaceFriction(barrier, MU, EPS_V)
     x_t = space.from_input(space.mesh.points)
@@ -259,7 +258,7 @@ def test_surface_friction(touching, d, share):
 def test_contact_forces_balance(touching, d):
     """Between bodies: lower minus obstacle's share; a lone pair of bodies has no net force and no net torque."""
     space, _ = touching[d]
-    barrier = SurfaceBarrier(CollisionSurface(space, (), DHAT), DHAT, KAPPA)
+    barrier = SurfaceBarrier(CollisionSurface(space, (), DHAT), KAPPA)
     x = space.from_input(space.mesh.points)
     g = barrier.gradient(Positions(space, x))
     scale = np.abs(g).max()
@@ -283,21 +282,22 @@ def test_half_space_barrier_is_ipctks():
     surface = CollisionSurface(space, (), DHAT)
     point, normal = np.array([0.1, -0.2, 0.0]), np.array([0.01, -0.004, 1.0])
     normal = normal / np.linalg.norm(normal)
-    surface.mesh.planes = [ipctk.Hyperplane(normal, point)]
+    mesh = mesh_of(surface)
+    mesh.planes = [ipctk.Hyperplane(normal, point)]
     vertices = surface.vertices(positions)
     candidates = ipctk.Candidates()
-    candidates.build(mesh=surface.mesh, vertices=vertices, inflation_radius=DHAT, broad_phase=ipctk.LBVH())
+    candidates.build(mesh=mesh, vertices=vertices, inflation_radius=DHAT, broad_phase=ipctk.LBVH())
     active = ipctk.NormalCollisions()
     active.use_area_weighting = True
     active.collision_set_type = ipctk.NormalCollisions.CollisionSetType.IMPROVED_MAX_APPROX
-    active.build(candidates=candidates, mesh=surface.mesh, vertices=vertices, dhat=DHAT)
+    active.build(candidates=candidates, mesh=mesh, vertices=vertices, dhat=DHAT)
     theirs = ipctk.BarrierPotential(dhat=DHAT, stiffness=KAPPA, use_physical_barrier=True)
     ours = HalfSpaceBarrier(space, (plane_obstacle(Plane(tuple(point), tuple(normal))),), DHAT, KAPPA)
     assert len(active) == ours.count(positions) > 3
     gaps = ours.gaps(positions)
     assert np.any((gaps > DHAT / 2) & (gaps < DHAT)), "none beyond half of dhat"
-    np.testing.assert_allclose(ours.value(positions), theirs(active, surface.mesh, vertices), rtol=1e-10)
-    gradient = surface.rows_of(theirs.gradient(active, surface.mesh, vertices))
+    np.testing.assert_allclose(ours.value(positions), theirs(active, mesh, vertices), rtol=1e-10)
+    gradient = surface.rows_of(theirs.gradient(active, mesh, vertices).reshape(-1, 3))
     np.testing.assert_allclose(ours.gradient(positions), gradient, rtol=1e-9, atol=1e-12 * np.abs(gradient).max())
 
 

@@ -106,9 +106,11 @@ class HessianBlocks:
         """
         first, last = self.pattern.space.first_block, self.pattern.space.first_block + self.pattern.space.n_owned
         kept = (rows >= first) & (rows < last) & (columns >= rows)
+        if not kept.any():
+            return
         if kept.all():
             self.added.append((rows - first, columns, blocks))
-        elif kept.any():
+        else:
             self.added.append((rows[kept] - first, columns[kept], blocks[kept]))
 
     def merged(self, fixed: np.ndarray | None = None) -> BlockCsr:

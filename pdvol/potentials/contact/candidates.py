@@ -16,7 +16,7 @@ from pdvol.potentials.contact.native import library
 from pdvol.potentials.contact.primitives import Primitives
 
 # slack, in median edge lengths: longer lists cost more in every evaluation, shorter ones are searched more often
-SLACK = 0.1
+LIST_SLACK = 0.1
 # searched distance, in needed distances: room for round-off
 SEARCH_MARGIN = 1.001
 # distance from a straight move that counts as round-off, in largest coordinates
@@ -47,7 +47,7 @@ class PairList:
         bodies = numbers < primitives.bodies
         same = numbers[:, None] == numbers
         self._allowed = same & bodies if within else ~same & (bodies[:, None] | bodies)
-        self._slack = SLACK * primitives.edge_length
+        self._slack = LIST_SLACK * primitives.edge_length
         self._boxes: np.ndarray = np.zeros((int(primitives.roots[-1]), 2 * primitives.d))
         self._counts = np.bincount(primitives.objects, minlength=len(numbers))
         self._starts = np.flatnonzero(np.diff(primitives.objects, prepend=-1))
@@ -94,20 +94,14 @@ class PairList:
         moves = vertices - self._reference
         drift = self._drift(moves)
         if self._move is not None:
-            return self._is_on_the_way(moves - drift[self.primitives.objects] if self.within else moves, vertices)
+            moves = moves - drift[self.primitives.objects] if self.within else moves
+            return _on_the_way(moves, self._move, STRAIGHT_TOLERANCE * np.abs(vertices).max())
         own = moves - drift[self.primitives.objects]
         sizes = np.sqrt(np.maximum.reduceat(np.einsum("ij,ij->i", own, own), self._starts))
         if self.within:
             return bool(np.all(sizes[: self.primitives.bodies] <= self._slack))
         between = np.linalg.norm(drift[:, None] - drift, axis=2) + sizes[:, None] + sizes
         return bool(np.all((between <= self._room) | ~self._allowed))
-
-    def _is_on_the_way(self, moves: np.ndarray, vertices: np.ndarray) -> bool:
-        assert self._move is not None
-        share = float(np.vdot(moves, self._move) / max(np.vdot(self._move, self._move), 1e-300))
-        off = np.abs(moves - share * self._move).max(initial=0.0)
-        tolerance = STRAIGHT_TOLERANCE * np.abs(vertices).max()
-        return -STRAIGHT_TOLERANCE <= share <= 1.0 + STRAIGHT_TOLERANCE and bool(off <= tolerance)
 
     def _place(self, vertices: np.ndarray) -> None:
         """Makes `vertices` the list's reference, and finds how far any two objects may approach each other."""
@@ -162,3 +156,10 @@ class PairList:
             if not found:
                 self._buffers = [np.zeros((2 * int(count), 2), dtype=np.int32) for count in np.maximum(counts, 512)]
         self.points, self.edges = (buffer[:count] for buffer, count in zip(self._buffers, counts, strict=True))
+
+
+def _on_the_way(moves: np.ndarray, whole: np.ndarray, tolerance: float) -> bool:
+    """Whether moves (n, d) are a share of the whole one, up to a tolerance [m]."""
+    share = float(np.vdot(moves, whole) / max(np.vdot(whole, whole), 1e-300))
+    off = np.abs(moves - share * whole).max(initial=0.0)
+    return -STRAIGHT_TOLERANCE <= share <= 1.0 + STRAIGHT_TOLERANCE and bool(off <= tolerance)

@@ -1,0 +1,283 @@
+"""Candidates miss nothing, sums do not depend on them, and steps end before bodies meet."""
+
+from weakref import WeakKeyDictionary
+
+import ipctk
+import numpy as np
+import pytest
+
+from contact_reference import (
+    DHAT,
+    KAPPA,
+    all_pairs,
+    between_edges,
+    mesh_of,
+    surface_of,
+    to_facets,
+    two_boxes,
+)
+from pdvol.levels.obstacles import Obstacle
+from pdvol.measure.verify import crossings
+from pdvol.potentials.contact import candidates
+from pdvol.potentials.contact.barrier import SurfaceBarrier
+from pdvol.potentials.contact.collision_surface import CollisionSurface
+from pdvol.potentials.potential import MIN_GAP_SHARE, SCRIPTED_GAP_SHARE, Positions
+from pdvol.scene import Translation
+from problems import polyline, tetrahedron
+from shapes import box
+from taylor import hessian_of
+
+
+def heap(d, count=5, obstacle=None):
+    """Small boxes beside and above each other, some within dhat and the last one far away, and a tip below them that
+    may move to the right at 1 m/s.
+    """
+    places = np.argwhere(np.ones((2,) * d))[: count - 1] * (0.2 + 1.3 * DHAT)
+    places = np.r_[places + 0.1 * DHAT * np.random.default_rng(7).uniform(-1, 1, places.shape), [[1.0] * d]]
+    meshes = [box(d, 2, low=low, high=low + 0.2, jitter=0.1, seed=k) for k, low in enumerate(places)]
+    if obstacle is None:
+        return surface_of(*meshes)
+    foot = [[-1, -2], [2, -2]] if d == 2 else [[-1, -1, -2], [2, 0, -2], [0, 2, -2]]
+    tip = (polyline if d == 2 else tetrahedron)([*foot, [0.1] * (d - 1) + [-0.8 * DHAT]])
+    motion = (Translation(tuple(np.eye(d)[0])),) if obstacle == "moving" else ()
+    return surface_of(*meshes, obstacles=(Obstacle("tip", "mesh" if d == 3 else "polyline", *tip, *motion),))
+
+
+PAIRS = WeakKeyDictionary()  # of each surface: all of them
+
+
+def distances(surface, vertices):
+    """All pairs of points and facets, and of edges, with their distances."""
+    if surface not in PAIRS:
+        PAIRS[surface] = all_pairs(surface)
+    points, edges = PAIRS[surface]
+    primitives = surface.primitives
+    far = to_facets(vertices[points[:, 0]], vertices[primitives.facets[points[:, 1]]])
+    ends = [vertices[primitives.edges[edges[:, i], k]] for i in (0, 1) for k in (0, 1)] if len(edges) else []
+    return points, far, edges, between_edges(*ends) if ends else np.zeros(0)
+
+
+def as_set(pairs, ordered=True):
+    pairs = [tuple(map(int, pair)) for pair in pairs]
+    found = {pair if ordered else tuple(sorted(pair)) for pair in pairs}
+    assert len(found) == len(pairs), "a pair is listed twice"
+    return found
+
+
+def check_complete(surface, vertices):
+    """The lists have all pairs within dhat, and none that may not touch."""
+    points, far, edges, apart = distances(surface, vertices)
+    listed = as_set(np.concatenate([pairs.points for pairs in surface.lists]))
+    crossing = as_set(np.concatenate([pairs.edges for pairs in surface.lists]), ordered=False)
+    assert as_set(points[far < DHAT]) <= listed <= as_set(points)
+    assert as_set(edges[apart < DHAT], ordered=False) <= crossing <= as_set(edges, ordered=False)
+    first = np.concatenate([pairs.points for pairs in surface.lists[:1]])[:, 0]
+    assert np.count_nonzero(np.diff(first)) + 1 == len(set(first)) or not len(first), "a vertex's pairs stand together"
+    return int((far < DHAT).sum() + (apart < DHAT).sum())
+
+
+@pytest.mark.parametrize("d", [2, 3])
+@pytest.mark.parametrize("obstacle", [None, "still", "moving"])
+@pytest.mark.parametrize("size", [1e-4, 3e-3, 0.05, 0.5])
+def test_lists_are_complete_on_random_walks(d, obstacle, size):
+    """Of several bodies, with moves of any length, some of all together: at the ends, and anywhere on the way."""
+    space, surface = heap(d, obstacle=obstacle)
+    rng, time = np.random.default_rng(5), 0.0
+    x = Positions(space, space.from_input(space.mesh.points))
+    bodies = space.mesh.point_bodies[space.owned_points]
+    near = 0
+    for k in range(6):
+        common = rng.standard_normal(d) * (10.0 if k % 3 == 0 and not obstacle else 0.3)
+        own = rng.standard_normal((bodies.max() + 1, d))[bodies] if k % 2 else 0.0
+        direction = size * (common + own + 0.3 * rng.uniform(-1, 1, x.owned.shape))
+        until = time + size
+        start, end = surface.vertices(x), surface.vertices(x.moved(1.0, direction), at=until)
+        for pairs in surface.lists:
+            pairs.along(start, end)
+        for share in (0.0, 0.37, 1.0):
+            near += check_complete(surface, start + share * (end - start))
+        for share in (1.0, 0.3):  # and what is kept serves where it is said to
+            there = start + share * (end - start)
+            surface.contacts(there)
+            near += check_complete(surface, there)
+        x = x.moved(0.6, direction)
+        time = time + 0.6 * size
+        surface.move_obstacles(time)
+        surface.contacts(surface.vertices(x))
+        near += check_complete(surface, surface.vertices(x))
+    assert near > 0
+
+
+@pytest.mark.parametrize("d", [2, 3])
+def test_one_search_serves_small_and_common_moves(d):
+    """Within the slack, and however far all bodies move together; a move of one body past that is searched anew."""
+    space, surface = heap(d)
+    x = Positions(space, space.from_input(space.mesh.points))
+    surface.contacts(surface.vertices(x))
+    within, between = surface.lists
+    slack = candidates.LIST_SLACK * surface.primitives.edge_length
+    rng = np.random.default_rng(1)
+    for k in range(5):
+        noise = 0.9 * slack / np.sqrt(d) * rng.uniform(-1, 1, x.owned.shape) * 0.5
+        moved = Positions(space, x.owned + 3.0 * k + noise)
+        surface.contacts(surface.vertices(moved))
+        check_complete(surface, surface.vertices(moved))
+    assert within.searches == between.searches == 1
+    bodies = space.mesh.point_bodies[space.owned_points]
+    one = np.where(bodies[:, None] == 0, 10.0, 0.0)
+    surface.contacts(surface.vertices(Positions(space, x.owned + one)))
+    assert within.searches == 1 and between.searches == 2
+
+
+def test_bodies_far_from_each_other_are_not_searched_until_they_come_near():
+    space, surface = surface_of(*(box(3, 2, low=[2.0 * k, 0.0, 0.0], high=[2.0 * k + 1.0, 1.0, 1.0]) for k in range(2)))
+    x = Positions(space, space.from_input(space.mesh.points))
+    other = np.where(space.mesh.point_bodies[space.owned_points][:, None] == 1, [-1.0, 0.0, 0.0], 0.0)
+    surface.contacts(surface.vertices(x))
+    _, between = surface.lists
+    for distance in (0.3, 0.6, 0.9):
+        surface.contacts(surface.vertices(x.moved(distance, other)))
+    assert between.searches == 1
+    surface.contacts(surface.vertices(x.moved(1.0 - 0.5 * DHAT, other)))
+    assert between.searches == 2 and len(between.points)
+
+
+@pytest.mark.parametrize("d", [2, 3])
+def test_places_on_the_line_of_a_move_need_no_new_search(d):
+    """Nor does round-off off the line. Places beyond its end or beside it do."""
+    space, surface = two_boxes(d, obstacle=True)
+    start = surface.vertices(Positions(space, space.from_input(space.mesh.points)))
+    move = np.random.default_rng(1).uniform(-1.0, 1.0, start.shape)
+    size = np.abs(start).max()
+    for where, more in (
+        (start + 0.3 * move, 0),
+        (start + 0.3 * move + 0.1 * candidates.STRAIGHT_TOLERANCE * size, 0),
+        (start + 2.0 * move, 1),
+        (start + 0.3 * move + 1e3 * candidates.STRAIGHT_TOLERANCE * size * np.linspace(0, 1, len(start))[:, None], 1),
+    ):
+        for pairs in CollisionSurface(space, surface.obstacles, DHAT).lists:
+            pairs.along(start, start + move)
+            before = pairs.searches
+            pairs.at(where)
+            assert pairs.searches == before + more
+
+
+@pytest.mark.parametrize("d", [2, 3])
+@pytest.mark.parametrize("obstacle", [None, "moving"])
+def test_sums_do_not_depend_on_lists(d, obstacle):
+    """A surface with a history gives the same numbers as a new one, to the last bit: energy, forces, Hessian, steps."""
+    space, used = heap(d, 6, obstacle)
+    barrier = SurfaceBarrier(used, KAPPA)
+    rng, touched, time = np.random.default_rng(2), 0, 0.0
+    x = Positions(space, space.from_input(space.mesh.points))
+    for _ in range(12):
+        direction = 10.0 ** rng.uniform(-3, -0.5) * rng.uniform(-1, 1, x.owned.shape) + 0.1 * rng.uniform(-1, 1, d)
+        step = barrier.max_step(x, direction, until=time + 0.01)
+        barrier.value(x.moved(step, direction))
+        x, time = x.moved(0.7 * step, direction), time + 0.007 * step
+        barrier.move_obstacles(time)
+        fresh = SurfaceBarrier(CollisionSurface(space, used.obstacles, DHAT), KAPPA)
+        fresh.move_obstacles(time)
+        anew = Positions(space, x.owned.copy())
+        assert barrier.value(x) == fresh.value(anew)
+        np.testing.assert_array_equal(barrier.gradient(x), fresh.gradient(anew))
+        for mode in ("none", "clamp"):
+            ours, theirs = (hessian_of(term, space, x.owned, mode) for term in (barrier, fresh))
+            np.testing.assert_array_equal(ours.toarray(), theirs.toarray())
+        assert barrier.max_step(x, direction, until=time + 0.01) == fresh.max_step(anew, direction, until=time + 0.01)
+        touched += len(barrier.stencils(x)) > 0
+    assert touched > 3
+
+
+# ---- collision detection
+
+
+@pytest.mark.parametrize("d", [2, 3])
+@pytest.mark.parametrize("obstacle", [None, "still", "moving"])
+@pytest.mark.parametrize("size", [0.02, 0.3, 3.0])
+def test_nothing_meets_during_a_step(d, obstacle, size):
+    """By the independent check, at the end of each step and on the way; the steps are nearly as long as they may be."""
+    space, surface = heap(d, 6, obstacle)
+    rng, stopped, time = np.random.default_rng(11), 0, 0.0
+    x = Positions(space, space.from_input(space.mesh.points))
+    mesh = mesh_of(surface)
+    exact = ipctk.AdditiveCCD(max_iterations=100_000, conservative_rescaling=0.999)
+    bodies = space.mesh.point_bodies[space.owned_points]
+    facets = surface.primitives.facets
+    assert met(surface, surface.vertices(x)) == []
+    for _ in range(8):
+        own = rng.standard_normal((bodies.max() + 1, d))[bodies]
+        direction = size * (own + 0.2 * rng.uniform(-1, 1, x.owned.shape))
+        start, end = surface.vertices(x), surface.vertices(x.moved(1.0, direction), at=time + size)
+        step = surface.max_step(start, end)
+        free = ipctk.compute_collision_free_stepsize(
+            mesh=mesh, vertices_t0=start, vertices_t1=end, broad_phase=ipctk.BruteForce(), narrow_phase_ccd=exact
+        )
+        assert 0.0 < step <= max(free, 1.0 if free == 1.0 else free) and step > 0.7 * min(free, 1.0) or free < 1e-3
+        stopped += step < 1.0
+        for share in (1.0, 0.6):
+            assert met(surface, start + share * step * (end - start)) == []
+        x, time = x.moved(step, direction), time + step * size
+        surface.move_obstacles(time)
+    assert stopped or size < 0.1
+    assert len(facets)
+
+
+def met(surface, vertices):
+    own = len(surface.surface)
+    facets = surface.primitives.facets
+    solids = facets[facets.min(axis=1) >= own]
+    others = [(vertices[own:], solids - own)] if len(solids) else []
+    return crossings(vertices[:own], facets[facets.max(axis=1) < own], others)
+
+
+@pytest.mark.parametrize("share", [MIN_GAP_SHARE, 0.5])
+def test_every_pair_keeps_its_share(share):
+    """Of its own gap, or of dhat where that is less: by distances of all pairs before and after."""
+    for seed in range(6):
+        space, surface = heap(3, 6)
+        rng = np.random.default_rng(seed)
+        start = surface.vertices(Positions(space, space.from_input(space.mesh.points)))
+        end = start + rng.standard_normal((surface.objects.max() + 1, 3))[surface.objects]
+        step = surface.max_step(start, end, share)
+        _, *before = distances(surface, start)
+        _, *after = distances(surface, start + step * (end - start))
+        for one, other in ((before[0], after[0]), (before[2], after[2])):
+            assert np.all(other >= share * np.minimum(one, DHAT) * (1.0 - 1e-9))
+
+
+def test_a_move_of_all_bodies_together_is_never_cut():
+    space, surface = heap(3)
+    start = surface.vertices(Positions(space, space.from_input(space.mesh.points)))
+    assert surface.max_step(start, start + [3.0, -7.0, 5.0]) == 1.0
+    assert surface.max_step(start, start) == 1.0
+
+
+def test_certified_and_additive_collision_detection_allow_similar_steps():
+    """Tight inclusion allows about the same step as conservative advancement, and never an intersection."""
+    space, additive = two_boxes(3)
+    certified = CollisionSurface(space, (), DHAT, "tight-inclusion")
+    x = Positions(space, space.from_input(space.mesh.points))
+    fall = (space.mesh.point_bodies[space.owned_points] == 1)[:, None] * np.array([0.01, 0.02, -0.5])
+    start, end = additive.vertices(x), additive.vertices(x.moved(1.0, fall))
+    steps = [surface.max_step(start, end) for surface in (additive, certified)]
+    assert 0.0 < steps[0] < 0.05
+    np.testing.assert_allclose(steps[1], steps[0], rtol=0.2)
+    for step in steps:
+        assert met(certified, start + step * (end - start)) == []
+
+
+@pytest.mark.parametrize("ccd", ["additive", "tight-inclusion"])
+@pytest.mark.parametrize("keep", [MIN_GAP_SHARE, SCRIPTED_GAP_SHARE])
+def test_a_step_leaves_the_share_of_a_gap_that_it_is_asked_to_keep(ccd, keep):
+    """A box falls straight down on a face 0.6 dhat below it. The remaining gap is the requested share, or a little more
+    where collision detection is not precise enough.
+    """
+    low = np.array([0.2, 0.2, 1.0 + 0.6 * DHAT])
+    space, surface = surface_of(box(3, 2), box(3, 2, low=low, high=low + 0.5), ccd=ccd)
+    x = Positions(space, space.from_input(space.mesh.points))
+    fall = np.where(space.mesh.point_bodies[:, None] == 1, [0.0, 0.0, -1.0], 0.0)
+    barrier = SurfaceBarrier(surface, KAPPA)
+    step = barrier.max_step(x, space.from_input(fall), gap_share=keep)
+    left = barrier.min_gap(x.moved(step, space.from_input(fall))) / barrier.min_gap(x)
+    assert keep - 1e-9 <= left <= keep + max(0.02, 0.11 * keep)
