@@ -1,9 +1,7 @@
 """Contacts as arrays: the vertices that a contact joins and their coefficients.
 
 The gap vector of a contact is g = sum_i c_i x_i over up to four vertices, its distance is |g|. With constant
-coefficients the distance's gradient is exact, because closest points are stationary. A Hessian made with constant
-coefficients and a constant normal leaves out the force times the distance's own curvature. For a barrier that part is
-mostly negative, and a projection to positive definite matrices would remove it anyway.
+coefficients the distance's gradient is exact, because closest points are stationary.
 """
 
 from dataclasses import dataclass
