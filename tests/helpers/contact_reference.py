@@ -195,9 +195,10 @@ def brute_force_energy(surface, vertices, weighted=True):
     beside = np.array([0.5 * sum(sizes[f] for f in sides[tuple(edge)]) for edge in edges])
     least = np.minimum(*beside[crossed.T]) if weighted else np.ones(len(crossed))
     ends = [vertices[edges[crossed[:, i], k]] for i in (0, 1) for k in (0, 1)]
-    r, inside, sine = crossing(*ends)
-    a, b, c, e = ends
-    share = least * fade(sine / PARALLEL) * inside
+    inside = crossing(*ends)[1]
+    a, b, c, e = (end[inside] for end in ends)
+    r, _, sine = crossing(a, b, c, e)
+    share = least[inside] * fade(sine / PARALLEL)
     for end in ((a, c, e), (b, c, e), (c, a, b), (e, a, b)):
         nearest = np.linalg.norm(to_segment(*end), axis=1)
         share = share * fade(np.maximum((nearest / np.maximum(r, 1e-300)) ** 2 - 1.0, 0.0))

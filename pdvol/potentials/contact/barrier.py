@@ -1,7 +1,7 @@
 """The contact barrier between surfaces: the sum over contacts of their weight times the law of `barrier_law.py`.
 
-Its contacts and their weights are those of docs/contact.md, "What is summed over". Energy and gradient are exact;
-Hessians take normals and coefficients as constant (`stencils.py`).
+Its contacts, their weights and their Hessians are those of docs/contact.md, "What is summed over". Energy and gradient
+are exact, and so is the Hessian that is not projected; projected ones leave out what is negative.
 
 Source: Li et al. 2020 (Incremental Potential Contact); Li et al. 2023 (convergent IPC).
 """

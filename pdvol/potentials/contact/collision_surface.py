@@ -101,10 +101,17 @@ class CollisionSurface:
         return vertices
 
     def contacts(self, vertices: np.ndarray) -> Stencils:
-        """All contacts nearer than dhat at positions (n, d). Collective."""
+        """All contacts nearer than dhat at positions (n, d), in an order that does not depend on ranks. Collective."""
         for pairs in self.lists:
             pairs.at(vertices)
-        points, edges = self._candidates()
+        mine = [self._active(vertices, pairs.points, pairs.edges[:0]) for pairs in self.lists]
+        mine += [self._active(vertices, pairs.points[:0], pairs.edges) for pairs in self.lists]
+        if self.space.comm.size > 1:
+            mine = [part for parts in zip(*self.space.comm.allgather(mine), strict=True) for part in parts]
+        return Stencils.joined(mine)
+
+    def _active(self, vertices: np.ndarray, points: np.ndarray, edges: np.ndarray) -> Stencils:
+        """The contacts among candidate pairs of vertices and facets, and of edges, (k, 2) each."""
         d, counts = self.space.dim, np.zeros(2, dtype=np.int64)
         while True:
             k, f = self._capacities
@@ -137,19 +144,8 @@ class CollisionSurface:
             ):
                 raise MemoryError("no memory left for contacts")
             if np.all(counts <= self._capacities):
-                return self._of_all_ranks(found, *counts)
+                return found.first(*counts)
             self._capacities = np.maximum(self._capacities, 2 * counts)
-
-    def _of_all_ranks(self, found: Stencils, k: int, f: int) -> Stencils:
-        mine = [array[:k] for array in (found.vertices, found.coefficients, found.gaps, found.weights)]
-        mine += [found.fading[:f], found.fades[:f], found.curves[:f]]
-        comm = self.space.comm
-        if comm.size == 1:
-            return Stencils(*mine)
-        parts = comm.allgather(mine)
-        for part, before in zip(parts, np.cumsum([0, *(len(part[3]) for part in parts[:-1])]), strict=True):
-            part[4] = part[4] + before
-        return Stencils(*(np.concatenate(arrays) for arrays in zip(*parts, strict=True)))
 
     def _candidates(self) -> tuple[np.ndarray, np.ndarray]:
         """Pairs (k, 2) of vertices and facets, and of edges, of this rank."""

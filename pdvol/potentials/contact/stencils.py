@@ -1,12 +1,11 @@
 """Contacts as arrays: the vertices that a contact joins and their coefficients.
 
 The gap vector of a contact is g = sum_i c_i x_i over up to four vertices, its distance is |g|. With constant
-coefficients the distance's gradient is exact, because closest points are stationary. A Hessian made with constant
-coefficients and a constant normal leaves out the force times the distance's own curvature. For a barrier that part is
-mostly negative, and a projection to positive definite matrices would remove it anyway.
+coefficients the distance's gradient is exact, because closest points are stationary.
 """
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
@@ -41,6 +40,18 @@ class Stencils:
 
     def __len__(self) -> int:
         return len(self.weights)
+
+    def first(self, count: int, faded: int) -> "Stencils":
+        """The first contacts, and the first of those whose weights change."""
+        plain = (array[:count] for array in (self.vertices, self.coefficients, self.gaps, self.weights))
+        return Stencils(*plain, self.fading[:faded], self.fades[:faded], self.curves[:faded])
+
+    @classmethod
+    def joined(cls, parts: Sequence["Stencils"]) -> "Stencils":
+        """The contacts of all parts, in their order."""
+        before = np.cumsum([0, *map(len, parts[:-1])])
+        shifted = [replace(part, fading=part.fading + start) for part, start in zip(parts, before, strict=True)]
+        return cls(*(np.concatenate([getattr(part, f.name) for part in shifted]) for f in fields(cls)))
 
     def gaps_of(self, values: np.ndarray) -> np.ndarray:
         """(k, d) combinations of values (n, d) at the surface's vertices, as gap vectors are of positions."""

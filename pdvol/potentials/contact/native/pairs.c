@@ -278,7 +278,7 @@ int active_pairs(const surface_t *s, const double *x, double dhat, int64_t n_poi
         first = k && points[2 * k] == points[2 * k - 2] ? first : k;
         most = most > k - first + 1 ? most : k - first + 1;
     }
-    int32_t *memory = calloc(3 * size, sizeof(int32_t));
+    int32_t *memory = calloc(n_points ? 3 * size : 1, sizeof(int32_t));
     nearest_t *nearest = malloc((7 * most + 1) * sizeof(nearest_t));
     if (!memory || !nearest) {
         free(memory), free(nearest);
