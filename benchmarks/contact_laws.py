@@ -97,7 +97,7 @@ def rest(law: str, n: int, start: float = 0.9) -> dict:
     facets = mesh.boundary[low[mesh.boundary].all(axis=1)]
     areas = np.bincount(facets.ravel(), minlength=len(low))[low] / facets.size
     gaps = x[low, 1] / DHAT
-    pressures = barrier_law.pressure(gaps**2, DHAT, 0.1 * SOFT.young) / WEIGHT
+    pressures = barrier_law.pressure(gaps**2, DHAT, Barrier().stiffness * SOFT.young) / WEIGHT
     spread = float(np.sqrt(np.average((pressures - 1.0) ** 2, weights=areas)))
     mean_gap, mean_pressure = (float(np.average(values, weights=areas)) for values in (gaps, pressures))
     return {"n": n, "gap": mean_gap, "pressure": mean_pressure, "spread": spread, **effort(done)}
@@ -156,7 +156,9 @@ def main() -> None:
     parser.add_argument("--json", help="write all figures there, too")
     options, out = parser.parse_args(), {}
     ideal = brentq(
-        lambda y: float(barrier_law.pressure(np.array(y * y), DHAT, 0.1 * SOFT.young)) - WEIGHT, 1e-3, 1.0 - 1e-9
+        lambda y: float(barrier_law.pressure(np.array(y * y), DHAT, Barrier().stiffness * SOFT.young)) - WEIGHT,
+        1e-3,
+        1.0 - 1e-9,
     )
     print(f"By hand: pressure {WEIGHT:.0f} Pa, gap {ideal:.4f} dhat.\n")
     print(

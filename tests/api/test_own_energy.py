@@ -158,7 +158,7 @@ def test_parts_of_the_mesh_are_bodies_in_the_inputs_order():
         np.testing.assert_array_equal(space.mesh.point_bodies, np.arange(len(points)) >= len(points) // 2)
         assert touching.contact(space.V).bodies == ("body 1", "body 2")
     assert block_on_ground(0.3)[1].bodies == ("body",)
-    assert repr(block_on_ground(0.3)[1]) == "Contact(body, dhat=0.01 m, kappa=1e+04 Pa, with friction)"
+    assert repr(block_on_ground(0.3)[1]) == "Contact(body, dhat=0.01 m, kappa=3e+04 Pa, with friction)"
 
 
 def spaces():

@@ -43,8 +43,15 @@ class Stencils:
 
     def first(self, count: int, faded: int) -> "Stencils":
         """The first contacts, and the first of those whose weights change."""
-        plain = (array[:count] for array in (self.vertices, self.coefficients, self.gaps, self.weights))
-        return Stencils(*plain, self.fading[:faded], self.fades[:faded], self.curves[:faded])
+        return Stencils(
+            self.vertices[:count],
+            self.coefficients[:count],
+            self.gaps[:count],
+            self.weights[:count],
+            self.fading[:faded],
+            self.fades[:faded],
+            self.curves[:faded],
+        )
 
     @classmethod
     def joined(cls, parts: Sequence["Stencils"]) -> "Stencils":

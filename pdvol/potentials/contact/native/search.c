@@ -6,7 +6,7 @@
 
 enum { MAX_ADVANCES = 1000 }; /* of one pair: bounds the time that a pair takes */
 #define ADVANCE 0.9            /* share of the safe advance: the rest is for round-off */
-#define ADVANCED 0.1           /* share of the distance to keep: nearer than that to it the advance ends */
+#define ADVANCED 1e-6          /* share of the distance to keep: nearer than that to it the advance ends; it makes steps continuous */
 
 INLINE void grow(int d, const double *x, double *box)
 {
