@@ -48,7 +48,7 @@ def mean_gap(*block_at_rest):
 
 
 def pressures(gaps):
-    return barrier_law.pressure((gaps / DHAT) ** 2, DHAT, 0.1 * SOFT.young)
+    return barrier_law.pressure((gaps / DHAT) ** 2, DHAT, Barrier().stiffness * SOFT.young)
 
 
 @pytest.mark.parametrize(("d", "sizes"), [(2, (2, 4, 8, 16)), (3, (1, 2, 4))])
