@@ -65,10 +65,10 @@ def march(scene, mesh, geometry, steps):
     return reports, np.array(speeds)
 
 
-@pytest.mark.parametrize(("d", "speed", "most"), [(2, 15.0, 80), (3, 15.0, 80), (3, 50.0, 200)])
+@pytest.mark.parametrize(("d", "speed", "most"), [(2, 15.0, 80), (3, 15.0, 80), (3, 50.0, 600)])
 def test_a_ball_drives_a_free_cube_before_it_and_keeps_its_time(d, speed, most):
     """At 50 m/s it moves by more than the cube's size in a step, at thrice the speed of sound. The cube leaves faster
-    than the ball.
+    than the ball. The impact itself takes some 500 iterations there.
     """
     reports, speeds = march(*ball_and_cubes(d, speed), 8)
     assert all(report.reached == 1.0 and report.behind == 0.0 and report.cuts == 0 for report in reports)
