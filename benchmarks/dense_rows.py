@@ -52,7 +52,7 @@ class Goal:
     measure: Callable[[dict, dict], float]
     least: bool = False
 
-    def told(self, asked: float, old: dict, new: dict) -> str:
+    def verdict(self, asked: float, old: dict, new: dict) -> str:
         """What was asked and what was measured, in bold where it is missed."""
         value = self.measure(old, new)
         met = value >= asked if self.least else value <= asked
@@ -189,7 +189,7 @@ def row(name: str, old: dict, new: dict) -> list[str]:
     failed = [f"{age}: {record['reason']}" for age, record in (("old", old), ("new", new)) if record["reason"]]
     if not (done(old) and done(new)):
         return [title, "", "", "; ".join(failed), *[""] * (len(HEAD) - 4)]
-    goals = [GOALS[key].told(value, old, new) for key, value in asked.items()]
+    goals = [GOALS[key].verdict(value, old, new) for key, value in asked.items()]
     apart = new["apart"]
     return [
         title,

@@ -1,1 +1,1 @@
-"""Pure geometry: arrays in, arrays out. Level meshes, closest points, crossings, searches on boundaries."""
+"""Pure geometry: arrays in, arrays out. Level meshes, crossings, searches on boundaries."""

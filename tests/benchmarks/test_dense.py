@@ -92,8 +92,8 @@ def test_a_mistake_is_one_line(words, tmp_path, capsys):
     page = tmp_path / "page.md"
     page.write_text(PAGE)
     code = dense.main(["--docs", str(page), "--out", str(tmp_path), "--cache", str(tmp_path), *words])
-    told = capsys.readouterr()
-    assert code == 2 and told.err.startswith("dense.py: ") and told.err.count("\n") == 1 and not told.out
+    shown = capsys.readouterr()
+    assert code == 2 and shown.err.startswith("dense.py: ") and shown.err.count("\n") == 1 and not shown.out
 
 
 def test_everyday_rows_come_without_being_asked_for():
@@ -134,7 +134,7 @@ def test_times_leave_out_the_first_step():
 
 
 @pytest.mark.parametrize(
-    "goal, asked, told",
+    "goal, asked, shown",
     [
         ("faster", 2, "2 times as fast: **1.00**"),
         ("ms", 1000, "at most 1000 ms a step: 1000"),
@@ -148,8 +148,8 @@ def test_times_leave_out_the_first_step():
         ("gain", 1.6, "two ranks 1.6 times as fast as one: 1.70"),
     ],
 )
-def test_goals(goal, asked, told):
-    assert dense_rows.GOALS[goal].told(asked, record(), record(gain=1.7)) == told
+def test_goals(goal, asked, shown):
+    assert dense_rows.GOALS[goal].verdict(asked, record(), record(gain=1.7)) == shown
 
 
 def test_a_row_that_failed_says_why():

@@ -158,12 +158,14 @@ class CollisionSurface:
         """Largest step in [0, 1] along straight paths from start to end (n, d) at which all pairs of this rank stay
         apart, and keep at least the share `gap_share` of their gap, or of dhat where that is less.
         """
-        # The pairs that are near stop most moves early. What else may meet is searched for on the way until then.
-        step = self._longest_step(start, end, gap_share, *self._candidates())
+        # The pairs that are near stop most moves early. What else may meet is searched for on the way until then. Tight
+        # inclusion may go further than conservative advancement, and needs the pairs of the whole way.
+        additive = self.ccd == "additive"
+        step = self._longest_step(start, end, gap_share, *self._candidates()) if additive else 1.0
         for pairs in self.lists:
             pairs.along(start, end if step == 1.0 else start + step * (end - start))
         points, edges = self._candidates()
-        if self.ccd != "additive":
+        if not additive:
             return self._certified_step(start, end, gap_share, points, edges)
         return self._longest_step(start, end, gap_share, points, edges, step)
 
