@@ -71,7 +71,7 @@ def build_terms(model: LevelModel, space: LevelSpace, guides: Sequence[Guide] = 
     for contact in model.contact:
         found = Surroundings(space, mass, elastic, loads, contacts, contact.dhat, model.diagonal)
         rules += CONTACT_LAWS[contact.law].rules(found)
-    return Terms(mass, (*elastic, *loads, *contacts, *frictions, *held), contacts, rules)
+    return Terms(mass, (*elastic, *loads, *contacts, *held, *frictions), contacts, rules)
 
 
 def contact_terms(

@@ -10,6 +10,7 @@ from pdvol.levels.obstacles import Obstacle
 from pdvol.levels.space import LevelSpace
 from pdvol.potentials.assembly.hessian_blocks import HessianBlocks
 from pdvol.potentials.build import Terms
+from pdvol.potentials.contact.lagged_friction import LaggedFriction
 from pdvol.potentials.potential import MIN_GAP_SHARE, Positions, Potential
 from pdvol.solve.report import Stopwatch
 
@@ -32,7 +33,7 @@ class IncrementalPotential:
     def __init__(self, space: LevelSpace, terms: Terms, watch: Stopwatch):
         self.space, self.watch, self.mass = space, watch, terms.mass
         self.terms, self.contacts, self.rules = terms.potentials, terms.contacts, terms.rules
-        self.frictions = tuple(t for t in terms.potentials if t.name == "friction")
+        self.frictions = tuple(t for t in terms.potentials if isinstance(t, LaggedFriction))
         self._contact_names = {id(t) for t in (*self.contacts, *self.frictions)}
         self.x_hat, self.weight = np.zeros((0, space.dim)), 0.0
 
@@ -108,10 +109,20 @@ class IncrementalPotential:
         """
         into.add_masses(weight * self.mass)
         for term in self.terms:
-            with self._part(term):
-                term.add_hessian(x, weight * self.weight, into)
+            if term not in self.frictions:
+                with self._part(term):
+                    term.add_hessian(x, weight * self.weight, into)
+        into.keep_added()
+        self.renew_friction(x, weight, into)
         if not self.space.comm.allreduce(into.finite(), op=MPI.LAND):
             self._name_hessian(x, weight, into)
+
+    def renew_friction(self, x: Positions, weight: float, into: HessianBlocks) -> None:
+        """Replaces friction in the blocks of the last `add_hessian` by that of its present prediction."""
+        into.drop_later()
+        with self.watch.part("contact"):
+            for term in self.frictions:
+                term.add_hessian(x, weight * self.weight, into)
 
     def _name_hessian(self, x: Positions, weight: float, into: HessianBlocks) -> None:
         """Raises for the first term whose Hessian is not finite, found by evaluating each alone."""
@@ -167,6 +178,25 @@ class IncrementalPotential:
         with self.watch.part("contact"):
             raised = [rule.end_solve(x) for rule in self.rules]  # no short cut: the calls are collective
         return any(raised)
+
+    def predict_friction(self, x: Positions, direction: np.ndarray) -> np.ndarray | None:
+        """Predicts which contacts stick and which slide at the end of a direction (n_owned, d) from x, with the last
+        prediction in mind: the gradient (n_owned, d) at x with these states less the gradient as it is. None where the
+        states are those of the last prediction. Collective.
+        """
+        if not self.has_friction:
+            return None
+        with self.watch.part("contact"):
+            end = x.moved(1.0, direction)
+            changed = [term.predict(x, end) for term in self.frictions]  # no short cut: the calls are collective
+            if not self.space.comm.allreduce(any(changed), op=MPI.LOR):
+                return None
+            return self.weight * sum((term.predicted_change(x) for term in self.frictions), np.zeros_like(x.owned))
+
+    def forget_prediction(self) -> None:
+        """All contacts are in their present states again."""
+        for term in self.frictions:
+            term.forget_prediction()
 
     @property
     def has_friction(self) -> bool:

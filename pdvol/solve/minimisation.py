@@ -174,6 +174,10 @@ class Minimisation:
         decrease = self.energy(x) - last.energy
         return self.projection.after(promised, decrease, last.full, detects_indefinite)
 
+    def descends(self, direction: np.ndarray) -> bool:
+        """Whether the potential falls along a direction (n_owned d,) at first. Collective."""
+        return self.comm.allreduce(float(np.vdot(self.gradient, direction))) < 0.0
+
     def require_finite(self, direction: np.ndarray) -> None:
         """Raises SimulationError on all ranks unless a direction is finite on all of them. Collective."""
         if not self.comm.allreduce(bool(np.isfinite(direction).all()), op=MPI.LAND):

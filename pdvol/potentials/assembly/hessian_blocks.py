@@ -80,11 +80,20 @@ class HessianBlocks:
         d = pattern.space.dim
         self.cells = np.zeros((pattern.count, d, d))
         self.added: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []
+        self._kept = 0
 
     def clear(self) -> None:
         """Back to zero."""
         self.cells[:] = 0.0
         self.added.clear()
+
+    def keep_added(self) -> None:
+        """Marks the pairs added so far as those that `drop_later` keeps."""
+        self._kept = len(self.added)
+
+    def drop_later(self) -> None:
+        """Removes the pairs added since the last `keep_added`."""
+        del self.added[self._kept :]
 
     def finite(self) -> bool:
         """Whether all blocks of this rank are finite."""

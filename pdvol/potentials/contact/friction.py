@@ -2,22 +2,17 @@
 finds.
 """
 
-from dataclasses import replace
-
 import numpy as np
 
 from pdvol.potentials.assembly.hessian_blocks import HessianBlocks
-from pdvol.potentials.contact import barrier_law
-from pdvol.potentials.contact import friction_law as smooth_friction
+from pdvol.potentials.contact import barrier_law, friction_law
 from pdvol.potentials.contact.barrier import SurfaceBarrier
-from pdvol.potentials.potential import Positions, Term
+from pdvol.potentials.contact.lagged_friction import LaggedFriction
+from pdvol.potentials.potential import Positions
 
 
-class SurfaceFriction(Term):
+class SurfaceFriction(LaggedFriction):
     """Friction on all pairs that were active in the barrier at the last `update_lag`.
-
-    Normal forces, normals and closest points are those of the last `update_lag`. Slip [m] is measured from the start of
-    the step, relative to moving obstacles, so friction is smoothed below a slip of eps_v times the step's length.
 
     Parameters
     ----------
@@ -25,8 +20,6 @@ class SurfaceFriction(Term):
     mu : coefficient of friction, or a symmetric matrix (objects, objects) of them between the surface's objects
     eps_v : sliding speed [m/s] below which friction is smoothed
     """
-
-    name = "friction"
 
     def __init__(self, barrier: SurfaceBarrier, mu: float | np.ndarray, eps_v: float):
         self.barrier, self.surface, self.space = barrier, barrier.surface, barrier.space
@@ -46,49 +39,22 @@ class SurfaceFriction(Term):
         mu = self.mu
         if isinstance(mu, np.ndarray):
             mu = mu[stencils.objects_in_contact(self.surface.objects)]
-        self._stencils = replace(stencils, weights=mu * pressures * stencils.weights)  # [N]
-        self._normals = stencils.gaps / np.maximum(distances, 1e-300)[:, None]
-        self._count = len(stencils.weights)
+        self._stencils = stencils
+        self.forces = mu * pressures * stencils.weights
+        self.normals = stencils.gaps / np.maximum(distances, 1e-300)[:, None]
 
-    @property
-    def has_friction(self) -> bool:
-        return self._count > 0
-
-    def _slip(self, x: Positions) -> tuple[np.ndarray, np.ndarray]:
-        """Slips (k, d) [m] in the pairs' tangential planes, and their lengths (k,)."""
+    def slips(self, x: Positions) -> np.ndarray:
         u = self._stencils.gaps_of(self.surface.vertices(x) - self._start)
-        u -= np.einsum("kd,kd->k", u, self._normals)[:, None] * self._normals
-        return u, np.linalg.norm(u, axis=1)
+        return u - np.einsum("kd,kd->k", u, self.normals)[:, None] * self.normals
 
     def value(self, x: Positions) -> float:
-        if not self._count:
+        if not self.has_friction:
             return 0.0
-        _, size = self._slip(x)
-        return float(self._stencils.weights @ smooth_friction.f0(size, self._eps))
+        return float(self.forces @ friction_law.f0(np.linalg.norm(self.slips(x), axis=1), self._eps))
 
-    def gradient(self, x: Positions) -> np.ndarray:
-        if not self._count:
-            return np.zeros_like(x.owned)
-        slip, size = self._slip(x)
-        forces = (self._stencils.weights * smooth_friction.f1_over(size, self._eps))[:, None] * slip
+    def _rows(self, forces: np.ndarray) -> np.ndarray:
         return self.surface.rows_of(self._stencils.scatter(forces, len(self._start)))
 
-    def add_hessian(self, x: Positions, weight: float, into: HessianBlocks) -> None:
-        if not self._count:
-            return
-        slip, size = self._slip(x)
-        n = self._normals
-        if n.shape[1] == 2:
-            first = np.column_stack([-n[:, 1], n[:, 0]])
-        else:  # along the slip, or anywhere in the tangential plane
-            smallest = np.eye(3)[np.abs(n).argmin(axis=1)]
-            first = np.where(size[:, None] > 0.0, slip, np.cross(n, smallest))
-            first /= np.linalg.norm(first, axis=1)[:, None]
-        across, slope = smooth_friction.stiffness(size, self._eps, majorise=into.projection == "abs")
-        forces = weight * np.maximum(self._stencils.weights, 0.0)  # those of unions may be negative
-        tangents = [np.sqrt(forces * slope)[:, None] * first]
-        if n.shape[1] == 3:
-            tangents.append(np.sqrt(forces * across)[:, None] * np.cross(n, first))
-        for tangent in tangents:
-            vectors = self._stencils.coefficients[:, :, None] * tangent[:, None, :]
-            self.surface.add_squares(self._stencils.vertices, np.ascontiguousarray(vectors), into)
+    def _add_squares(self, vectors: np.ndarray, into: HessianBlocks) -> None:
+        spread = self._stencils.coefficients[:, :, None] * vectors[:, None, :]
+        self.surface.add_squares(self._stencils.vertices, np.ascontiguousarray(spread), into)

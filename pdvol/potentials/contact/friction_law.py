@@ -19,13 +19,3 @@ def f1_over(slip: np.ndarray, eps: float) -> np.ndarray:
 def f1_slope(slip: np.ndarray, eps: float) -> np.ndarray:
     """d f1 / d slip [1/m]: never negative, so that friction Hessians are positive semi-definite as they are."""
     return np.where(slip < eps, 2.0 * (1.0 - slip / eps) / eps, 0.0)
-
-
-def stiffness(slip: np.ndarray, eps: float, majorise: bool) -> tuple[np.ndarray, np.ndarray]:
-    """Stiffness across and along the slip [1/m], (k,) each, per unit of mu lambda.
-
-    With `majorise` the stiffness along the slip is the one across it. f0 is concave in slip^2, so the quadratic model
-    is then nowhere below f0, and Newton's method does not oscillate between sticking and sliding.
-    """
-    across = f1_over(slip, eps)
-    return across, across if majorise else f1_slope(slip, eps)

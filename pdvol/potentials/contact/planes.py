@@ -13,8 +13,8 @@ from pdvol.geometry.level_mesh import LevelMesh, facet_sizes
 from pdvol.levels.obstacles import Obstacle
 from pdvol.levels.space import LevelSpace
 from pdvol.potentials.assembly.hessian_blocks import HessianBlocks
-from pdvol.potentials.contact import barrier_law
-from pdvol.potentials.contact import friction_law as smooth_friction
+from pdvol.potentials.contact import barrier_law, friction_law
+from pdvol.potentials.contact.lagged_friction import LaggedFriction
 from pdvol.potentials.contact.meeting import different_pairs
 from pdvol.potentials.potential import MIN_GAP_SHARE, Positions, Term
 
@@ -144,16 +144,14 @@ class HalfSpaceBarrier(Term):
         return self.space.comm.allreduce(len(self._active(x)[0]))
 
 
-class HalfSpaceFriction(Term):
-    """Lagged friction on all planes of a scene: normal forces and directions are those of the last `update_lag`.
+class HalfSpaceFriction(LaggedFriction):
+    """Lagged friction on all planes of a scene.
 
     Parameters
     ----------
     mu : coefficient of friction, or one (planes, bodies) for each plane and body
     eps_v : sliding speed [m/s] below which friction is smoothed
     """
-
-    name = "friction"
 
     def __init__(self, barrier: HalfSpaceBarrier, mu: float | np.ndarray, eps_v: float):
         self.space, self.barrier, self.eps_v = barrier.space, barrier, eps_v
@@ -172,43 +170,26 @@ class HalfSpaceFriction(Term):
     def update_lag(self, x: Positions) -> None:
         plane, vertex, force = self.barrier.forces(x)
         self._vertices = self.barrier.vertices[vertex]
-        self._normals = self.barrier.normals[plane]
-        self._force = self._mu[plane, self._bodies[vertex]] * force
+        self.normals = self.barrier.normals[plane]
+        self.forces = self._mu[plane, self._bodies[vertex]] * force
         self._ground = np.zeros((len(plane), self.space.dim))
         for i, moves in enumerate(self._displacements):
             on = plane == i
             self._ground[on] = moves(self._x_t[self._vertices[on]]) if on.any() else 0.0
 
-    @property
-    def has_friction(self) -> bool:
-        return len(self._force) > 0
-
-    def _slip(self, x: Positions) -> tuple[np.ndarray, np.ndarray]:
-        """Slips (k, d) [m] along the planes since the step's start, and their lengths (k,)."""
+    def slips(self, x: Positions) -> np.ndarray:
         u = x.owned[self._vertices] - self._x_t[self._vertices] - self._ground
-        u = u - np.sum(u * self._normals, axis=1)[:, None] * self._normals
-        return u, np.linalg.norm(u, axis=1)
+        return u - np.sum(u * self.normals, axis=1)[:, None] * self.normals
 
     def value(self, x: Positions) -> float:
-        _, slip = self._slip(x)
-        return self.space.comm.allreduce(float(np.sum(self._force * smooth_friction.f0(slip, self._eps))))
+        sizes = np.linalg.norm(self.slips(x), axis=1)
+        return self.space.comm.allreduce(float(np.sum(self.forces * friction_law.f0(sizes, self._eps))))
 
-    def gradient(self, x: Positions) -> np.ndarray:
-        u, slip = self._slip(x)
-        out = np.zeros_like(x.owned)
-        np.add.at(out, self._vertices, (self._force * smooth_friction.f1_over(slip, self._eps))[:, None] * u)
+    def _rows(self, forces: np.ndarray) -> np.ndarray:
+        out = np.zeros((self.space.n_owned, self.space.dim))
+        np.add.at(out, self._vertices, forces)
         return out
 
-    def add_hessian(self, x: Positions, weight: float, into: HessianBlocks) -> None:
-        u, slip = self._slip(x)
-        direction = u / np.maximum(slip, 1e-300)[:, None]
-        n = self._normals
-        tangent = np.eye(self.space.dim) - n[:, :, None] * n[:, None, :]
-        outer = direction[:, :, None] * direction[:, None, :]
-        across, slope = smooth_friction.stiffness(slip, self._eps, majorise=into.projection == "abs")
-        blocks = (
-            weight
-            * self._force[:, None, None]
-            * (across[:, None, None] * tangent + (slope - across)[:, None, None] * outer)
-        )
-        into.add_diagonal(self._vertices, blocks)
+    def _add_tensors(self, tensors: np.ndarray, into: HessianBlocks) -> None:
+        rows = self.space.first_block + self._vertices
+        into.add_pairs(rows, rows, tensors)
