@@ -405,71 +405,31 @@ INLINE void contact_hessian(int d, const double *c, const double *const *x, cons
     }
 }
 
-enum { N = 12, SWEEPS = 20 }; /* of Jacobi rotations: they converge in less than ten */
-
-/* Whether a symmetric matrix has no negative eigenvalues but round-off (Cholesky). */
-static int definite(double (*A)[N])
-{
-    double L[N][N], shift = 0.0;
-    for (int i = 0; i < N; ++i)
-        shift += 1e-12 * fabs(A[i][i]);
-    for (int j = 0; j < N; ++j) {
-        double pivot = A[j][j] + shift;
-        for (int k = 0; k < j; ++k)
-            pivot -= L[j][k] * L[j][k];
-        if (!(pivot > 0.0))
-            return 0;
-        L[j][j] = sqrt(pivot);
-        for (int i = j + 1; i < N; ++i) {
-            double sum = A[i][j];
-            for (int k = 0; k < j; ++k)
-                sum -= L[i][k] * L[j][k];
-            L[i][j] = sum / L[j][j];
-        }
-    }
-    return 1;
-}
-
-/* Cuts off negative eigenvalues of a symmetric 12 x 12 matrix (cyclic Jacobi). */
+/* Cuts off negative eigenvalues of a symmetric 12 x 12 matrix that has none but zero for translations: over three differences of the four
+ * vertices, which are orthonormal. */
 static void clamp_matrix(blocks_t H)
 {
-    double A[N][N], V[N][N] = {{0.0}};
+    static const double differences[3][4] = {{0.5, 0.5, -0.5, -0.5}, {0.5, -0.5, 0.5, -0.5}, {0.5, -0.5, -0.5, 0.5}};
+    double A[9 * 9] = {0.0};
     for (int i = 0, n = 0; i < 4; ++i)
         for (int j = i; j < 4; ++j, ++n)
-            for (int p = 0; p < 3; ++p)
-                for (int q = 0; q < 3; ++q)
-                    A[3 * i + p][3 * j + q] = A[3 * j + q][3 * i + p] = H[n][3 * p + q];
-    if (definite(A))
+            for (int a = 0; a < 3; ++a)
+                for (int b = 0; b < 3; ++b) {
+                    const double right = differences[a][i] * differences[b][j], left = i < j ? differences[a][j] * differences[b][i] : 0.0;
+                    for (int p = 0; p < 3; ++p)
+                        for (int q = 0; q < 3; ++q)
+                            A[9 * (3 * a + p) + 3 * b + q] += right * H[n][3 * p + q] + left * H[n][3 * q + p];
+                }
+    if (!filter(9, A, 1))
         return;
-    for (int i = 0; i < N; ++i)
-        V[i][i] = 1.0; /* its rows are eigenvectors */
-    for (int sweep = 0; sweep < SWEEPS; ++sweep) {
-        double off = 0.0, size = 0.0;
-        for (int i = 0; i < N; ++i)
-            for (int j = 0; j < N; ++j)
-                size += A[i][j] * A[i][j], off += i == j ? 0.0 : A[i][j] * A[i][j];
-        if (off <= 1e-20 * size)
-            break;
-        for (int p = 0; p < N - 1; ++p)
-            for (int q = p + 1; q < N; ++q) {
-                if (A[p][q] == 0.0)
-                    continue;
-                const double theta = (A[q][q] - A[p][p]) / (2.0 * A[p][q]);
-                const double t = (theta >= 0 ? 1.0 : -1.0) / (fabs(theta) + sqrt(theta * theta + 1.0)), c = 1.0 / sqrt(t * t + 1.0), s = t * c;
-                for (int k = 0; k < N; ++k) {
-                    const double a = A[p][k], b = A[q][k];
-                    A[p][k] = c * a - s * b, A[q][k] = s * a + c * b;
-                }
-                for (int k = 0; k < N; ++k) {
-                    const double a = A[k][p], b = A[k][q], e = V[p][k], f = V[q][k];
-                    A[k][p] = c * a - s * b, A[k][q] = s * a + c * b;
-                    V[p][k] = c * e - s * f, V[q][k] = s * e + c * f;
-                }
-            }
-    }
-    for (int i = 0; i < N; ++i)
-        if (A[i][i] < 0.0)
-            add_product(3, -A[i][i], V[i], V[i], H);
+    memset(H, 0, sizeof(blocks_t));
+    for (int i = 0, n = 0; i < 4; ++i)
+        for (int j = i; j < 4; ++j, ++n)
+            for (int a = 0; a < 3; ++a)
+                for (int b = 0; b < 3; ++b)
+                    for (int p = 0; p < 3; ++p)
+                        for (int q = 0; q < 3; ++q)
+                            H[n][3 * p + q] += differences[a][i] * differences[b][j] * A[9 * (3 * a + p) + 3 * b + q];
 }
 
 /* Blocks of the convex part of the Hessian of `factor` times the sum of weights times the law, as square_blocks has them. */
