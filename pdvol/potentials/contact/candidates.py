@@ -88,7 +88,7 @@ class PairList:
         start, move = self._reference
         moves = vertices - start
         if move is not None:
-            moves -= min(max(float(np.vdot(moves, move) / np.vdot(move, move)), 0.0), 1.0) * move
+            moves -= min(max(float(np.vdot(moves, move)) / max(float(np.vdot(move, move)), 1e-300), 0.0), 1.0) * move
         drift = self._drift(moves)
         own = moves - drift[self.primitives.objects]
         sizes = np.sqrt(np.maximum.reduceat(np.einsum("ij,ij->i", own, own), self._starts))
