@@ -11,7 +11,7 @@ lists may outlast steps.
 
 import numpy as np
 
-from pdvol.compiled import pointer
+from pdvol.compiled import ffi, pointer
 from pdvol.potentials.contact.native import library
 from pdvol.potentials.contact.primitives import Primitives
 
@@ -50,7 +50,7 @@ class PairList:
         self._slack = LIST_SLACK * primitives.edge_length
         self._boxes: np.ndarray = np.zeros((primitives.boxes, BOX))
         self._counts = np.bincount(primitives.objects, minlength=len(numbers))
-        self._starts = np.flatnonzero(np.diff(primitives.objects, prepend=-1))
+        self._firsts = np.cumsum([0, *self._counts])
         self._boxed: tuple[np.ndarray, np.ndarray] | None = None
         self._reference: tuple[np.ndarray, np.ndarray | None] | None = None  # start, and what it moves by
         self._room: np.ndarray = np.zeros((len(numbers), len(numbers)))
@@ -76,7 +76,7 @@ class PairList:
 
     def _drift(self, moves: np.ndarray) -> np.ndarray:
         """(objects, d) mean motion of each object."""
-        sums = np.add.reduceat(moves, self._starts, axis=0)
+        sums = np.add.reduceat(moves, self._firsts[:-1], axis=0)
         return sums / self._counts[:, None]
 
     def _covers(self, vertices: np.ndarray) -> bool:
@@ -86,12 +86,17 @@ class PairList:
         if self._reference is None:
             return False
         start, move = self._reference
-        moves = vertices - start
-        if move is not None:
-            moves -= min(max(float(np.vdot(moves, move)) / max(float(np.vdot(move, move)), 1e-300), 0.0), 1.0) * move
-        drift = self._drift(moves)
-        own = moves - drift[self.primitives.objects]
-        sizes = np.sqrt(np.maximum.reduceat(np.einsum("ij,ij->i", own, own), self._starts))
+        drift, sizes = np.zeros((len(self._counts), self.primitives.d)), np.zeros(len(self._counts))
+        library().deviations(
+            self.primitives.d,
+            len(self._counts),
+            pointer(self._firsts, "int64_t"),
+            pointer(start),
+            ffi.NULL if move is None else pointer(move),
+            pointer(vertices),
+            pointer(drift),
+            pointer(sizes),
+        )
         if self.within:
             return bool(np.all(sizes[: self.primitives.bodies] <= self._slack))
         between = np.linalg.norm(drift[:, None] - drift, axis=2) + sizes[:, None] + sizes
@@ -106,7 +111,7 @@ class PairList:
         marked: np.ndarray = np.ones(len(self._counts), dtype=bool)
         if self._boxed is not None:
             same = (self._boxed[0] == start).all(axis=1) & (self._boxed[1] == end).all(axis=1)
-            marked = ~np.logical_and.reduceat(same, self._starts)
+            marked = ~np.logical_and.reduceat(same, self._firsts[:-1])
         moving = pointer(start), pointer(end)
         library().fit_boxes(self.primitives.c, pointer(marked, "uint8_t"), *moving, pointer(self._boxes))
         self._boxed = start, end

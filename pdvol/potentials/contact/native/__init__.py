@@ -19,6 +19,8 @@ typedef struct {
     const int32_t *leaf_facet_starts, *leaf_vertex_starts, *leaf_edge_starts;
 } surface_t;
 void fit_boxes(const surface_t *s, const uint8_t *marked, const double *x, const double *y, double *boxes);
+void deviations(int d, int64_t objects, const int64_t *firsts, const double *start, const double *move,
+                const double *vertices, double *drift, double *sizes);
 int search_pairs(const surface_t *s, const double *boxes, const double *x, const double *y, double distance,
                  const uint8_t *meets, int64_t first, int64_t last, const int64_t *capacities, int32_t *points,
                  int32_t *edges, int64_t *counts);

@@ -83,6 +83,34 @@ void fit_boxes(const surface_t *s, const uint8_t *marked, const double *x, const
             fit(2, s, object, x, y, boxes);
 }
 
+/* How vertices are away from the nearest place on the straight way from `start` by `move` (0: `start` itself): the mean vector of each object's
+ * (`drift`), and the largest length of what is left without it (`sizes`). `firsts`: (objects + 1) where the objects' vertices begin. */
+void deviations(int d, int64_t objects, const int64_t *firsts, const double *start, const double *move, const double *vertices, double *drift,
+                double *sizes)
+{
+    double along = 0.0, size = 0.0;
+    for (int64_t k = 0; move && k < d * firsts[objects]; ++k)
+        along += (vertices[k] - start[k]) * move[k], size += move[k] * move[k];
+    const double share = size > 0.0 ? clamp(along / size) : 0.0;
+    for (int64_t object = 0; object < objects; ++object) {
+        const int64_t first = d * firsts[object], end = d * firsts[object + 1];
+        double sum[3] = {0.0}, most = 0.0;
+        for (int pass = 0; pass < 2; ++pass)
+            for (int64_t k = first; k < end; k += d) {
+                double own = 0.0;
+                for (int j = 0; j < d; ++j) {
+                    const double off = vertices[k + j] - start[k + j] - (move ? share * move[k + j] : 0.0) - (pass ? drift[d * object + j] : 0.0);
+                    sum[j] += off, own += off * off;
+                }
+                most = pass && !(own <= most) ? own : most;
+                if (!pass && k + d == end)
+                    for (int j = 0; j < d; ++j)
+                        drift[d * object + j] = d * sum[j] / (end - first);
+            }
+        sizes[object] = sqrt(most);
+    }
+}
+
 /* Largest relative motion of two primitives, whose vertices move by y - x: their distance changes by no more. */
 INLINE double approach(int d, int n, const int32_t *one, int m, const int32_t *other, const double *x, const double *y)
 {
@@ -265,7 +293,7 @@ INLINE double advance(int d, int n, const int32_t *one, int m, const int32_t *ot
         if (round == 0)
             kept = gap_share * fmin(distance, dhat);
         const double room = distance - kept;
-        if (room >= (step - at) * speed)
+        if (ADVANCE * room >= (step - at) * speed) /* its own end is no sooner: the least of many steps depends on no order */
             return step;
         if (round > 0 && room <= ADVANCED * kept)
             return at;
