@@ -2,8 +2,8 @@
 
 Pairs within an object and pairs between objects have a list each. No distance within an object changes while it moves
 as a whole, and none between two objects that move alike. A list that was searched at one place is complete while no two
-primitives can have approached each other by more than twice the slack, or come from far away. A longer straight move
-gets a list of its own, from the boxes that it sweeps, which holds for every point of that move.
+primitives can have approached each other by more than twice the slack, or come from far away. A longer straight move is
+searched as a whole, by the boxes that it sweeps: its list is as complete near every place on it.
 
 The pairs of all lists have one order, whatever was searched. So sums over active pairs do not depend on the lists, and
 lists may outlast steps.
@@ -154,4 +154,3 @@ class PairList:
             if not found:
                 self._buffers = [np.zeros((2 * int(count), 2), dtype=np.int32) for count in np.maximum(counts, 512)]
         self.points, self.edges = (buffer[:count] for buffer, count in zip(self._buffers, counts, strict=True))
-

@@ -227,12 +227,16 @@ class CollisionSurface:
         out[: len(self.surface)] = values[self.surface]
         return out
 
-    def add_squares(self, vertices: np.ndarray, vectors: np.ndarray, into: HessianBlocks) -> None:
-        """Adds the sum of the squares v v' of vectors (m, 4, d) over four of the surface's vertices (m, 4) each;
-        obstacles have no rows.
-        """
-        arguments = self.space.dim, len(vectors), pointer(vertices, "int32_t"), pointer(vectors)
-        self.add_blocks(library().square_blocks, arguments, len(vectors), into)
+    def add_tensors(self, stencils: Stencils, tensors: np.ndarray, into: HessianBlocks) -> None:
+        """Adds the blocks c_i c_j T of contacts with symmetric tensors T (k, d, d); obstacles have no rows."""
+        arguments = (
+            self.space.dim,
+            len(stencils),
+            pointer(stencils.vertices, "int32_t"),
+            pointer(stencils.coefficients),
+            pointer(tensors),
+        )
+        self.add_blocks(library().tensor_blocks, arguments, len(stencils), into)
 
     def add_blocks(self, compiled: Callable, arguments: tuple, count: int, into: HessianBlocks) -> None:
         """Adds the blocks that a compiled function finds for `count` contacts, 10 each at most."""

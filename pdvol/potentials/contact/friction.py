@@ -31,6 +31,8 @@ class SurfaceFriction(Term):
     def __init__(self, barrier: SurfaceBarrier, mu: float | np.ndarray, eps_v: float):
         self.barrier, self.surface, self.space = barrier, barrier.surface, barrier.space
         self.mu, self.eps_v = mu, eps_v
+        self._at: np.ndarray | None = None  # positions of the surface where the next was found
+        self._slipped: tuple[np.ndarray, np.ndarray]
 
     def begin_step(self, x_t: Positions, t0: float, t1: float, x_hat: Positions | None = None) -> None:
         self._start = self.surface.vertices(x_t, at=t0)
@@ -48,7 +50,7 @@ class SurfaceFriction(Term):
             mu = mu[stencils.objects_in_contact(self.surface.objects)]
         self._stencils = replace(stencils, weights=mu * pressures * stencils.weights)  # [N]
         self._normals = stencils.gaps / np.maximum(distances, 1e-300)[:, None]
-        self._count = len(stencils.weights)
+        self._count, self._at = len(stencils.weights), None
 
     @property
     def has_friction(self) -> bool:
@@ -56,9 +58,12 @@ class SurfaceFriction(Term):
 
     def _slip(self, x: Positions) -> tuple[np.ndarray, np.ndarray]:
         """Slips (k, d) [m] in the pairs' tangential planes, and their lengths (k,)."""
-        u = self._stencils.gaps_of(self.surface.vertices(x) - self._start)
-        u -= np.einsum("kd,kd->k", u, self._normals)[:, None] * self._normals
-        return u, np.linalg.norm(u, axis=1)
+        vertices = self.surface.vertices(x)
+        if self._at is not vertices:
+            u = self._stencils.gaps_of(vertices - self._start)
+            u -= np.einsum("kd,kd->k", u, self._normals)[:, None] * self._normals
+            self._slipped, self._at = (u, np.linalg.norm(u, axis=1)), vertices
+        return self._slipped
 
     def value(self, x: Positions) -> float:
         if not self._count:
@@ -77,18 +82,10 @@ class SurfaceFriction(Term):
         if not self._count:
             return
         slip, size = self._slip(x)
-        n = self._normals
-        if n.shape[1] == 2:
-            first = np.column_stack([-n[:, 1], n[:, 0]])
-        else:  # along the slip, or anywhere in the tangential plane
-            smallest = np.eye(3)[np.abs(n).argmin(axis=1)]
-            first = np.where(size[:, None] > 0.0, slip, np.cross(n, smallest))
-            first /= np.linalg.norm(first, axis=1)[:, None]
+        n, along = self._normals, slip / np.maximum(size, 1e-300)[:, None]
         across, slope = smooth_friction.stiffness(size, self._eps, majorise=into.projection == "abs")
         forces = weight * np.maximum(self._stencils.weights, 0.0)  # those of unions may be negative
-        tangents = [np.sqrt(forces * slope)[:, None] * first]
-        if n.shape[1] == 3:
-            tangents.append(np.sqrt(forces * across)[:, None] * np.cross(n, first))
-        for tangent in tangents:
-            vectors = self._stencils.coefficients[:, :, None] * tangent[:, None, :]
-            self.surface.add_squares(self._stencils.vertices, np.ascontiguousarray(vectors), into)
+        tensors = np.eye(n.shape[1]) - n[:, :, None] * n[:, None, :]
+        tensors *= (forces * across)[:, None, None]
+        tensors += (forces * (slope - across))[:, None, None] * along[:, :, None] * along[:, None, :]
+        self.surface.add_tensors(self._stencils, tensors, into)

@@ -334,26 +334,25 @@ double barrier_sum(int d, int64_t count, const int32_t *vertices, const double *
     return total;
 }
 
-/* Blocks of the sum of squares v v' of vectors (count, 4, d) over four vertices each that have rows (`rows`, -1: none), on or right of the
- * diagonal. Returns how many: up to 10 count. */
-int64_t square_blocks(int d, int64_t count, const int32_t *vertices, const double *vectors, const int64_t *rows, int64_t *out_rows,
-                      int64_t *out_columns, double *blocks)
+/* Blocks c_i c_j T of contacts with symmetric tensors T (count, d, d), of vertices that have rows (`rows`, -1: none), on or right of the diagonal.
+ * Returns how many: up to 10 count. */
+int64_t tensor_blocks(int d, int64_t count, const int32_t *vertices, const double *coefficients, const double *tensors, const int64_t *rows,
+                      int64_t *out_rows, int64_t *out_columns, double *blocks)
 {
     int64_t n = 0;
     for (int64_t k = 0; k < count; ++k) {
-        double sizes[4];
-        for (int i = 0; i < 4; ++i)
-            sizes[i] = dot(d, vectors + d * (4 * k + i), vectors + d * (4 * k + i));
+        const double *c = coefficients + 4 * k, *T = tensors + d * d * k;
+        double trace = 0.0;
+        for (int p = 0; p < d; ++p)
+            trace += T[(d + 1) * p];
         for (int i = 0; i < 4; ++i)
             for (int j = i; j < 4; ++j) {
                 const int64_t a = rows[vertices[4 * k + i]], b = rows[vertices[4 * k + j]];
-                if (sizes[i] * sizes[j] == 0.0 || a < 0 || b < 0)
+                if (c[i] * c[j] * trace == 0.0 || a < 0 || b < 0)
                     continue;
-                const double *u = vectors + d * (4 * k + (a < b ? i : j)), *v = vectors + d * (4 * k + (a < b ? j : i));
                 out_rows[n] = a < b ? a : b, out_columns[n] = a < b ? b : a;
-                for (int p = 0; p < d; ++p)
-                    for (int q = 0; q < d; ++q)
-                        blocks[d * d * n + d * p + q] = u[p] * v[q];
+                for (int p = 0; p < d * d; ++p)
+                    blocks[d * d * n + p] = c[i] * c[j] * T[p];
                 ++n;
             }
     }
@@ -432,7 +431,7 @@ static void clamp_matrix(blocks_t H)
                             H[n][3 * p + q] += differences[a][i] * differences[b][j] * A[9 * (3 * a + p) + 3 * b + q];
 }
 
-/* Blocks of the convex part of the Hessian of `factor` times the sum of weights times the law, as square_blocks has them. */
+/* Blocks of the convex part of the Hessian of `factor` times the sum of weights times the law, as tensor_blocks has them. */
 int64_t barrier_blocks(int d, int64_t count, const int32_t *vertices, const double *coefficients, const double *gaps, const double *weights,
                        const double *x, int64_t faded, const int64_t *fading, const double *fades, const double *curves, double dhat,
                        double kappa, double factor, int convex, const int64_t *rows, int64_t *out_rows, int64_t *out_columns, double *blocks)
