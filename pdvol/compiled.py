@@ -36,7 +36,8 @@ def cache_folder() -> Path:
 
 
 def load(folder: Path, definitions: Mapping[str, int] | None = None) -> Any:
-    """The library made of a folder's C files, whose functions are declared to `ffi`; built unless it exists.
+    """The library made of a folder's C files, whose functions are declared to `ffi`; built unless it exists. Headers
+    that folders share are two folders above.
 
     Two processes may build it at once: each builds aside and renames.
 
@@ -46,7 +47,8 @@ def load(folder: Path, definitions: Mapping[str, int] | None = None) -> Any:
         The C compiler is missing, or fails.
     """
     paths = sorted(folder.glob("*.c"))
-    contents = b"".join(path.read_bytes() for path in (*paths, *sorted(folder.glob("*.h"))))
+    headers = sorted(folder.glob("*.h")) + sorted(folder.parents[1].glob("*.h"))
+    contents = b"".join(path.read_bytes() for path in (*paths, *headers))
     words = [f"-D{name}={value}" for name, value in (definitions or {}).items()]
     command = [os.environ.get("CC") or "cc", *FLAGS, *words, "-shared", "-fPIC"]
     key = hashlib.sha256(contents + " ".join(command).encode()).hexdigest()[:16]

@@ -143,23 +143,26 @@ def test_bodies_far_from_each_other_are_not_searched_until_they_come_near():
 
 
 @pytest.mark.parametrize("d", [2, 3])
-def test_places_on_the_line_of_a_move_need_no_new_search(d):
-    """Nor does round-off off the line. Places beyond its end or beside it do."""
+def test_places_near_the_line_of_a_move_need_no_new_search(d):
+    """Nor do moves between them. Places far beyond its end or beside it do."""
     space, surface = two_boxes(d, obstacle=True)
     start = surface.vertices(Positions(space, space.from_input(space.mesh.points)))
     move = np.random.default_rng(1).uniform(-1.0, 1.0, start.shape)
-    size = np.abs(start).max()
+    slack = candidates.LIST_SLACK * surface.primitives.edge_length
+    beside = np.random.default_rng(2).uniform(-1.0, 1.0, start.shape) / np.sqrt(d)
     for where, more in (
         (start + 0.3 * move, 0),
-        (start + 0.3 * move + 0.1 * candidates.STRAIGHT_TOLERANCE * size, 0),
+        (start + 0.3 * move + 0.4 * slack * beside, 0),
         (start + 2.0 * move, 1),
-        (start + 0.3 * move + 1e3 * candidates.STRAIGHT_TOLERANCE * size * np.linspace(0, 1, len(start))[:, None], 1),
+        (start + 0.3 * move + 10.0 * slack * beside, 1),
     ):
         for pairs in CollisionSurface(space, surface.obstacles, DHAT).lists:
             pairs.along(start, start + move)
             before = pairs.searches
             pairs.at(where)
             assert pairs.searches == before + more
+            pairs.along(where, start + 0.7 * move)
+            assert pairs.searches == before + 2 * more
 
 
 @pytest.mark.parametrize("d", [2, 3])

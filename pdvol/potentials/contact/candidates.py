@@ -2,8 +2,8 @@
 
 Pairs within an object and pairs between objects have a list each. No distance within an object changes while it moves
 as a whole, and none between two objects that move alike. A list that was searched at one place is complete while no two
-primitives can have approached each other by more than twice the slack, or come from far away. A longer straight move
-gets a list of its own, from the boxes that it sweeps, which holds for every point of that move.
+primitives can have approached each other by more than twice the slack, or come from far away. A longer straight move is
+searched as a whole, by the boxes that it sweeps: its list is as complete near every place on it.
 
 The pairs of all lists have one order, whatever was searched. So sums over active pairs do not depend on the lists, and
 lists may outlast steps.
@@ -11,7 +11,7 @@ lists may outlast steps.
 
 import numpy as np
 
-from pdvol.compiled import pointer
+from pdvol.compiled import ffi, pointer
 from pdvol.potentials.contact.native import library
 from pdvol.potentials.contact.primitives import Primitives
 
@@ -19,8 +19,8 @@ from pdvol.potentials.contact.primitives import Primitives
 LIST_SLACK = 0.1
 # searched distance, in needed distances: room for round-off
 SEARCH_MARGIN = 1.001
-# distance from a straight move that counts as round-off, in largest coordinates
-STRAIGHT_TOLERANCE = 1e-12
+# numbers of a box: least coordinates and greatest ones with the opposite sign, four each; as in search.c
+BOX = 8
 
 
 class PairList:
@@ -48,12 +48,11 @@ class PairList:
         same = numbers[:, None] == numbers
         self._allowed = same & bodies if within else ~same & (bodies[:, None] | bodies)
         self._slack = LIST_SLACK * primitives.edge_length
-        self._boxes: np.ndarray = np.zeros((int(primitives.roots[-1]), 2 * primitives.d))
+        self._boxes: np.ndarray = np.zeros((primitives.boxes, BOX))
         self._counts = np.bincount(primitives.objects, minlength=len(numbers))
-        self._starts = np.flatnonzero(np.diff(primitives.objects, prepend=-1))
+        self._firsts = np.cumsum([0, *self._counts])
         self._boxed: tuple[np.ndarray, np.ndarray] | None = None
-        self._reference: np.ndarray | None = None
-        self._move: np.ndarray | None = None
+        self._reference: tuple[np.ndarray, np.ndarray | None] | None = None  # start, and what it moves by
         self._room: np.ndarray = np.zeros((len(numbers), len(numbers)))
         self._buffers = [np.zeros((1024, 2), dtype=np.int32) for _ in range(2)]
         self.points, self.edges = (buffer[:0] for buffer in self._buffers)
@@ -66,50 +65,42 @@ class PairList:
     def at(self, vertices: np.ndarray) -> None:
         """Makes the list complete at `vertices` (n, d)."""
         if not self.empty and not self._covers(vertices):
-            self._place(vertices)
             self._search(vertices, vertices)
 
     def along(self, start: np.ndarray, end: np.ndarray) -> None:
         """Makes the list complete everywhere on the straight move from start to end (n, d)."""
-        if self.empty or (self._move is None and self._covers(start) and self._covers(end)):
-            return
-        self._place(start)
-        if self._covers(end):
-            self._search(start, start)
-        else:
-            end = end - self._drift(end - start)[self.primitives.objects] if self.within else end
-            self._fit(start, end)
-            self._move = end - start
-            self._room[:] = self.reach
+        if not (self.empty or (self._covers(start) and self._covers(end))):
+            if self.within:
+                end = end - self._drift(end - start)[self.primitives.objects]
             self._search(start, end)
 
     def _drift(self, moves: np.ndarray) -> np.ndarray:
         """(objects, d) mean motion of each object."""
-        sums = np.add.reduceat(moves, self._starts, axis=0)
+        sums = np.add.reduceat(moves, self._firsts[:-1], axis=0)
         return sums / self._counts[:, None]
 
     def _covers(self, vertices: np.ndarray) -> bool:
+        """Whether `vertices` are near a place on the move that the list was searched for. What lies between two such
+        places is as near to that move.
+        """
         if self._reference is None:
             return False
-        moves = vertices - self._reference
-        drift = self._drift(moves)
-        if self._move is not None:
-            moves = moves - drift[self.primitives.objects] if self.within else moves
-            return _on_the_way(moves, self._move, STRAIGHT_TOLERANCE * np.abs(vertices).max())
-        own = moves - drift[self.primitives.objects]
-        sizes = np.sqrt(np.maximum.reduceat(np.einsum("ij,ij->i", own, own), self._starts))
+        start, move = self._reference
+        drift, sizes = np.zeros((len(self._counts), self.primitives.d)), np.zeros(len(self._counts))
+        library().deviations(
+            self.primitives.d,
+            len(self._counts),
+            pointer(self._firsts, "int64_t"),
+            pointer(start),
+            ffi.NULL if move is None else pointer(move),
+            pointer(vertices),
+            pointer(drift),
+            pointer(sizes),
+        )
         if self.within:
             return bool(np.all(sizes[: self.primitives.bodies] <= self._slack))
         between = np.linalg.norm(drift[:, None] - drift, axis=2) + sizes[:, None] + sizes
         return bool(np.all((between <= self._room) | ~self._allowed))
-
-    def _place(self, vertices: np.ndarray) -> None:
-        """Makes `vertices` the list's reference, and finds how far any two objects may approach each other."""
-        self._reference, self._move = vertices, None
-        self._fit(vertices, vertices)
-        apart = self._apart()
-        near = apart <= self._distance
-        self._room = np.where(near, 2.0 * self._slack, apart - self.reach)
 
     @property
     def _distance(self) -> float:
@@ -120,7 +111,7 @@ class PairList:
         marked: np.ndarray = np.ones(len(self._counts), dtype=bool)
         if self._boxed is not None:
             same = (self._boxed[0] == start).all(axis=1) & (self._boxed[1] == end).all(axis=1)
-            marked = ~np.logical_and.reduceat(same, self._starts)
+            marked = ~np.logical_and.reduceat(same, self._firsts[:-1])
         moving = pointer(start), pointer(end)
         library().fit_boxes(self.primitives.c, pointer(marked, "uint8_t"), *moving, pointer(self._boxes))
         self._boxed = start, end
@@ -128,13 +119,20 @@ class PairList:
     def _apart(self) -> np.ndarray:
         """(objects, objects) distances [m] of the objects' boxes."""
         d, boxes = self.primitives.d, self._boxes[self.primitives.roots[:-1]]
-        low, high = boxes[:, :d], boxes[:, d:]
+        low, high = boxes[:, :d], -boxes[:, BOX // 2 : BOX // 2 + d]
         gaps = np.maximum(low[:, None] - high, low - high[:, None])
         return np.linalg.norm(np.maximum(gaps, 0.0), axis=2)
 
     def _search(self, start: np.ndarray, end: np.ndarray) -> None:
-        distance = self._distance if self._move is None else SEARCH_MARGIN * self.reach
-        meets = self._allowed & (self._apart() <= distance)
+        """Searches along a move, which becomes the list's reference, and finds how far any two objects may approach
+        each other besides.
+        """
+        self._reference = start, None if end is start else end - start
+        self._fit(start, end)
+        apart = self._apart()
+        near = apart <= self._distance
+        self._room = np.where(near, 2.0 * self._slack, apart - self.reach)
+        meets = self._allowed & near
         self.searches += 1
         counts, found = np.zeros(2, dtype=np.int64), False
         while not found:
@@ -144,7 +142,7 @@ class PairList:
                 pointer(self._boxes),
                 pointer(start),
                 pointer(end) if end is not start else pointer(start),
-                distance,
+                self._distance,
                 pointer(meets, "uint8_t"),
                 *self.leaves,
                 pointer(capacities, "int64_t"),
@@ -156,10 +154,3 @@ class PairList:
             if not found:
                 self._buffers = [np.zeros((2 * int(count), 2), dtype=np.int32) for count in np.maximum(counts, 512)]
         self.points, self.edges = (buffer[:count] for buffer, count in zip(self._buffers, counts, strict=True))
-
-
-def _on_the_way(moves: np.ndarray, whole: np.ndarray, tolerance: float) -> bool:
-    """Whether moves (n, d) are a share of the whole one, up to a tolerance [m]."""
-    share = float(np.vdot(moves, whole) / max(np.vdot(whole, whole), 1e-300))
-    off = np.abs(moves - share * whole).max(initial=0.0)
-    return -STRAIGHT_TOLERANCE <= share <= 1.0 + STRAIGHT_TOLERANCE and bool(off <= tolerance)

@@ -4,7 +4,7 @@ Its vertices are the bodies' boundary vertices, in the order of `surface`, and t
 whole surface and all active pairs; ranks share the work of finding them.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -147,12 +147,9 @@ class CollisionSurface:
                 return found.first(*counts)
             self._capacities = np.maximum(self._capacities, 2 * counts)
 
-    def _candidates(self) -> tuple[np.ndarray, np.ndarray]:
-        """Pairs (k, 2) of vertices and facets, and of edges, of this rank."""
-        return (
-            np.concatenate([pairs.points for pairs in self.lists]),
-            np.concatenate([pairs.edges for pairs in self.lists]),
-        )
+    def _candidates(self, lists: Sequence[PairList]) -> tuple[np.ndarray, np.ndarray]:
+        """Pairs (k, 2) of vertices and facets, and of edges, of lists of this rank."""
+        return np.concatenate([pairs.points for pairs in lists]), np.concatenate([pairs.edges for pairs in lists])
 
     def max_step(self, start: np.ndarray, end: np.ndarray, gap_share: float = MIN_GAP_SHARE) -> float:
         """Largest step in [0, 1] along straight paths from start to end (n, d) at which all pairs of this rank stay
@@ -161,13 +158,14 @@ class CollisionSurface:
         # The pairs that are near stop most moves early. What else may meet is searched for on the way until then. Tight
         # inclusion may go further than conservative advancement, and needs the pairs of the whole way.
         additive = self.ccd == "additive"
-        step = self._longest_step(start, end, gap_share, *self._candidates()) if additive else 1.0
+        step = self._longest_step(start, end, gap_share, *self._candidates(self.lists)) if additive else 1.0
+        searches = [pairs.searches for pairs in self.lists]
         for pairs in self.lists:
             pairs.along(start, end if step == 1.0 else start + step * (end - start))
-        points, edges = self._candidates()
         if not additive:
-            return self._certified_step(start, end, gap_share, points, edges)
-        return self._longest_step(start, end, gap_share, points, edges, step)
+            return self._certified_step(start, end, gap_share, *self._candidates(self.lists))
+        new = [pairs for pairs, before in zip(self.lists, searches, strict=True) if pairs.searches > before]
+        return self._longest_step(start, end, gap_share, *self._candidates(new), step) if new else step
 
     def _longest_step(
         self,
@@ -229,12 +227,16 @@ class CollisionSurface:
         out[: len(self.surface)] = values[self.surface]
         return out
 
-    def add_squares(self, vertices: np.ndarray, vectors: np.ndarray, into: HessianBlocks) -> None:
-        """Adds the sum of the squares v v' of vectors (m, 4, d) over four of the surface's vertices (m, 4) each;
-        obstacles have no rows.
-        """
-        arguments = self.space.dim, len(vectors), pointer(vertices, "int32_t"), pointer(vectors)
-        self.add_blocks(library().square_blocks, arguments, len(vectors), into)
+    def add_tensors(self, stencils: Stencils, tensors: np.ndarray, into: HessianBlocks) -> None:
+        """Adds the blocks c_i c_j T of contacts with symmetric tensors T (k, d, d); obstacles have no rows."""
+        arguments = (
+            self.space.dim,
+            len(stencils),
+            pointer(stencils.vertices, "int32_t"),
+            pointer(stencils.coefficients),
+            pointer(tensors),
+        )
+        self.add_blocks(library().tensor_blocks, arguments, len(stencils), into)
 
     def add_blocks(self, compiled: Callable, arguments: tuple, count: int, into: HessianBlocks) -> None:
         """Adds the blocks that a compiled function finds for `count` contacts, 10 each at most."""

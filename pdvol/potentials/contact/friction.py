@@ -24,6 +24,8 @@ class SurfaceFriction(LaggedFriction):
     def __init__(self, barrier: SurfaceBarrier, mu: float | np.ndarray, eps_v: float):
         self.barrier, self.surface, self.space = barrier, barrier.surface, barrier.space
         self.mu, self.eps_v = mu, eps_v
+        self._at: np.ndarray | None = None  # positions of the surface where the next was found
+        self._slips: np.ndarray
 
     def begin_step(self, x_t: Positions, t0: float, t1: float, x_hat: Positions | None = None) -> None:
         self._start = self.surface.vertices(x_t, at=t0)
@@ -39,13 +41,17 @@ class SurfaceFriction(LaggedFriction):
         mu = self.mu
         if isinstance(mu, np.ndarray):
             mu = mu[stencils.objects_in_contact(self.surface.objects)]
-        self._stencils = stencils
+        self._stencils, self._at = stencils, None
         self.forces = mu * pressures * stencils.weights
         self.normals = stencils.gaps / np.maximum(distances, 1e-300)[:, None]
 
     def slips(self, x: Positions) -> np.ndarray:
-        u = self._stencils.gaps_of(self.surface.vertices(x) - self._start)
-        return u - np.einsum("kd,kd->k", u, self.normals)[:, None] * self.normals
+        vertices = self.surface.vertices(x)
+        if self._at is not vertices:
+            u = self._stencils.gaps_of(vertices - self._start)
+            u -= np.einsum("kd,kd->k", u, self.normals)[:, None] * self.normals
+            self._slips, self._at = u, vertices
+        return self._slips
 
     def value(self, x: Positions) -> float:
         if not self.has_friction:
@@ -55,6 +61,5 @@ class SurfaceFriction(LaggedFriction):
     def _rows(self, forces: np.ndarray) -> np.ndarray:
         return self.surface.rows_of(self._stencils.scatter(forces, len(self._start)))
 
-    def _add_squares(self, vectors: np.ndarray, into: HessianBlocks) -> None:
-        spread = self._stencils.coefficients[:, :, None] * vectors[:, None, :]
-        self.surface.add_squares(self._stencils.vertices, np.ascontiguousarray(spread), into)
+    def _add_tensors(self, tensors: np.ndarray, into: HessianBlocks) -> None:
+        self.surface.add_tensors(self._stencils, tensors, into)

@@ -32,6 +32,7 @@ class Primitives:
     edge_length : median length of edges (3D) or facets (2D) at rest [m]
     roots : (objects + 1,) int32
         Where the nodes of each object begin.
+    boxes : number of nodes, facets and edges
     c : the C struct of all this
     """
 
@@ -69,6 +70,7 @@ class Primitives:
             "edge_areas": edge_areas,
         }
         self._build_tree(vertices, facet_edges)
+        self.boxes = int(self.roots[-1]) + len(self.facets) + len(self.edges)
         self.c = self._struct(n)
 
     def _build_tree(self, vertices: np.ndarray, facet_edges: np.ndarray) -> None:

@@ -8,12 +8,10 @@
 #include <stdint.h>
 #include <string.h>
 
+#include "../../positive.h"
 #include "kernel.h"
 
-enum { MAX_H = 9 }; /* MAX_PARAMETERS comes from the compiler's command line: its value is in __init__.py, which refuses more */
-
-/* Called with d a constant, so that the loops over it unroll: two to three times faster. */
-#define INLINE static inline __attribute__((always_inline))
+/* MAX_PARAMETERS comes from the compiler's command line: its value is in __init__.py, which refuses more */
 
 /* By what a kernel's tensor on the unit simplex is multiplied for a cell of that volume. */
 INLINE double from_unit(int d, double volume)
@@ -98,105 +96,6 @@ void cell_gradients(void *kernel, int d, int64_t count, const int32_t *dofs, con
         gradients(kernel, 2, count, dofs, x, inverse, volumes, parameters, np, at, out);
 }
 
-/* In-place Cholesky attempt on a copy: 1 if A + shift is positive definite. */
-INLINE int definite(int n, const double *A, double shift)
-{
-    double L[MAX_H * MAX_H];
-    for (int j = 0; j < n; ++j) {
-        double diagonal = A[j * n + j] + shift;
-        for (int k = 0; k < j; ++k)
-            diagonal -= L[j * n + k] * L[j * n + k];
-        if (!(diagonal > 0.0))
-            return 0;
-        const double inverse = 1.0 / sqrt(diagonal);
-        L[j * n + j] = sqrt(diagonal);
-        for (int i = j + 1; i < n; ++i) {
-            double s = A[i * n + j];
-            for (int k = 0; k < j; ++k)
-                s -= L[i * n + k] * L[j * n + k];
-            L[i * n + j] = s * inverse;
-        }
-    }
-    return 1;
-}
-
-/* Cyclic Jacobi: A becomes diagonal, the columns of V its eigenvectors. */
-INLINE void eigensystem(int n, double *A, double *V)
-{
-    for (int i = 0; i < n * n; ++i)
-        V[i] = 0.0;
-    for (int i = 0; i < n; ++i)
-        V[i * n + i] = 1.0;
-    for (int sweep = 0; sweep < 30; ++sweep) {
-        double off = 0.0, scale = 0.0;
-        for (int i = 0; i < n; ++i) {
-            scale += A[i * n + i] * A[i * n + i];
-            for (int j = 0; j < i; ++j)
-                off += A[i * n + j] * A[i * n + j];
-        }
-        if (off <= 1e-26 * scale)
-            return;
-        for (int p = 0; p < n - 1; ++p)
-            for (int q = p + 1; q < n; ++q) {
-                const double apq = A[p * n + q];
-                if (apq == 0.0)
-                    continue;
-                const double theta = (A[q * n + q] - A[p * n + p]) / (2.0 * apq);
-                const double t = (theta >= 0 ? 1.0 : -1.0) / (fabs(theta) + sqrt(theta * theta + 1.0));
-                const double c = 1.0 / sqrt(t * t + 1.0), s = t * c;
-                for (int k = 0; k < n; ++k) {
-                    const double akp = A[k * n + p], akq = A[k * n + q];
-                    A[k * n + p] = c * akp - s * akq;
-                    A[k * n + q] = s * akp + c * akq;
-                }
-                for (int k = 0; k < n; ++k) {
-                    const double apk = A[p * n + k], aqk = A[q * n + k];
-                    A[p * n + k] = c * apk - s * aqk;
-                    A[q * n + k] = s * apk + c * aqk;
-                    const double vkp = V[k * n + p], vkq = V[k * n + q];
-                    V[k * n + p] = c * vkp - s * vkq;
-                    V[k * n + q] = s * vkp + c * vkq;
-                }
-            }
-    }
-}
-
-/* Replaces negative eigenvalues of the symmetric H by zero (mode 1) or by their absolute values (mode 2). */
-INLINE void filter_full(int n, double *H, int mode)
-{
-    double A[MAX_H * MAX_H], V[MAX_H * MAX_H];
-    for (int i = 0; i < n; ++i)
-        for (int j = 0; j < n; ++j)
-            A[i * n + j] = 0.5 * (H[i * n + j] + H[j * n + i]);
-    eigensystem(n, A, V);
-    memset(H, 0, sizeof(double) * n * n);
-    for (int k = 0; k < n; ++k) {
-        double lambda = A[k * n + k];
-        if (lambda < 0.0)
-            lambda = mode == 1 ? 0.0 : -lambda;
-        if (lambda == 0.0)
-            continue;
-        for (int i = 0; i < n; ++i) {
-            const double s = lambda * V[i * n + k];
-            for (int j = 0; j < n; ++j)
-                H[i * n + j] += s * V[j * n + k];
-        }
-    }
-}
-
-/* Makes the symmetric H over F positive semi-definite. Returns 1 if it changed. */
-INLINE int filter(int d, double *H, int mode)
-{
-    const int n = d * d;
-    double trace = 0.0;
-    for (int i = 0; i < n; ++i)
-        trace += fabs(H[i * n + i]);
-    if (definite(n, H, 1e-13 * trace))
-        return 0;
-    filter_full(n, H, mode);
-    return 1;
-}
-
 INLINE int64_t hessians(void *kernel, int d, int64_t count, const int32_t *dofs, const double *x, const double *inverse, const double *volumes,
                         const double *parameters, int np, int at, const int32_t *slots, int mode, double weight, double *out)
 {
@@ -208,7 +107,7 @@ INLINE int64_t hessians(void *kernel, int d, int64_t count, const int32_t *dofs,
         coefficients(d, k, dofs, x, inverse, parameters, np, at, w);
         CALL(kernel, H, w, 0, unit_simplex);
         if (mode)
-            changed += filter(d, H, mode);
+            changed += filter(d * d, H, mode);
         for (int j = 0; j < d; ++j) {
             g[0][j] = 0.0;
             for (int i = 0; i < d; ++i) {

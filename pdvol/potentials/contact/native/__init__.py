@@ -19,6 +19,8 @@ typedef struct {
     const int32_t *leaf_facet_starts, *leaf_vertex_starts, *leaf_edge_starts;
 } surface_t;
 void fit_boxes(const surface_t *s, const uint8_t *marked, const double *x, const double *y, double *boxes);
+void deviations(int d, int64_t objects, const int64_t *firsts, const double *start, const double *move,
+                const double *vertices, double *drift, double *sizes);
 int search_pairs(const surface_t *s, const double *boxes, const double *x, const double *y, double distance,
                  const uint8_t *meets, int64_t first, int64_t last, const int64_t *capacities, int32_t *points,
                  int32_t *edges, int64_t *counts);
@@ -31,8 +33,8 @@ int active_pairs(const surface_t *s, const double *x, double dhat, int64_t n_poi
 double barrier_sum(int d, int64_t count, const int32_t *vertices, const double *coefficients, const double *gaps,
                    const double *weights, int64_t faded, const int64_t *fading, const double *fades, double dhat,
                    double kappa, double *gradient);
-int64_t square_blocks(int d, int64_t count, const int32_t *vertices, const double *vectors, const int64_t *rows,
-                      int64_t *out_rows, int64_t *out_columns, double *blocks);
+int64_t tensor_blocks(int d, int64_t count, const int32_t *vertices, const double *coefficients, const double *tensors,
+                      const int64_t *rows, int64_t *out_rows, int64_t *out_columns, double *blocks);
 int64_t barrier_blocks(int d, int64_t count, const int32_t *vertices, const double *coefficients, const double *gaps,
                        const double *weights, const double *x, int64_t faded, const int64_t *fading,
                        const double *fades, const double *curves, double dhat, double kappa, double factor,

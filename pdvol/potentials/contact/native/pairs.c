@@ -334,26 +334,25 @@ double barrier_sum(int d, int64_t count, const int32_t *vertices, const double *
     return total;
 }
 
-/* Blocks of the sum of squares v v' of vectors (count, 4, d) over four vertices each that have rows (`rows`, -1: none), on or right of the
- * diagonal. Returns how many: up to 10 count. */
-int64_t square_blocks(int d, int64_t count, const int32_t *vertices, const double *vectors, const int64_t *rows, int64_t *out_rows,
-                      int64_t *out_columns, double *blocks)
+/* Blocks c_i c_j T of contacts with symmetric tensors T (count, d, d), of vertices that have rows (`rows`, -1: none), on or right of the diagonal.
+ * Returns how many: up to 10 count. */
+int64_t tensor_blocks(int d, int64_t count, const int32_t *vertices, const double *coefficients, const double *tensors, const int64_t *rows,
+                      int64_t *out_rows, int64_t *out_columns, double *blocks)
 {
     int64_t n = 0;
     for (int64_t k = 0; k < count; ++k) {
-        double sizes[4];
-        for (int i = 0; i < 4; ++i)
-            sizes[i] = dot(d, vectors + d * (4 * k + i), vectors + d * (4 * k + i));
+        const double *c = coefficients + 4 * k, *T = tensors + d * d * k;
+        double trace = 0.0;
+        for (int p = 0; p < d; ++p)
+            trace += T[(d + 1) * p];
         for (int i = 0; i < 4; ++i)
             for (int j = i; j < 4; ++j) {
                 const int64_t a = rows[vertices[4 * k + i]], b = rows[vertices[4 * k + j]];
-                if (sizes[i] * sizes[j] == 0.0 || a < 0 || b < 0)
+                if (c[i] * c[j] * trace == 0.0 || a < 0 || b < 0)
                     continue;
-                const double *u = vectors + d * (4 * k + (a < b ? i : j)), *v = vectors + d * (4 * k + (a < b ? j : i));
                 out_rows[n] = a < b ? a : b, out_columns[n] = a < b ? b : a;
-                for (int p = 0; p < d; ++p)
-                    for (int q = 0; q < d; ++q)
-                        blocks[d * d * n + d * p + q] = u[p] * v[q];
+                for (int p = 0; p < d * d; ++p)
+                    blocks[d * d * n + p] = c[i] * c[j] * T[p];
                 ++n;
             }
     }
@@ -405,74 +404,34 @@ INLINE void contact_hessian(int d, const double *c, const double *const *x, cons
     }
 }
 
-enum { N = 12, SWEEPS = 20 }; /* of Jacobi rotations: they converge in less than ten */
-
-/* Whether a symmetric matrix has no negative eigenvalues but round-off (Cholesky). */
-static int definite(double (*A)[N])
-{
-    double L[N][N], shift = 0.0;
-    for (int i = 0; i < N; ++i)
-        shift += 1e-12 * fabs(A[i][i]);
-    for (int j = 0; j < N; ++j) {
-        double pivot = A[j][j] + shift;
-        for (int k = 0; k < j; ++k)
-            pivot -= L[j][k] * L[j][k];
-        if (!(pivot > 0.0))
-            return 0;
-        L[j][j] = sqrt(pivot);
-        for (int i = j + 1; i < N; ++i) {
-            double sum = A[i][j];
-            for (int k = 0; k < j; ++k)
-                sum -= L[i][k] * L[j][k];
-            L[i][j] = sum / L[j][j];
-        }
-    }
-    return 1;
-}
-
-/* Cuts off negative eigenvalues of a symmetric 12 x 12 matrix (cyclic Jacobi). */
+/* Cuts off negative eigenvalues of a symmetric 12 x 12 matrix that has none but zero for translations: over three differences of the four
+ * vertices, which are orthonormal. */
 static void clamp_matrix(blocks_t H)
 {
-    double A[N][N], V[N][N] = {{0.0}};
+    static const double differences[3][4] = {{0.5, 0.5, -0.5, -0.5}, {0.5, -0.5, 0.5, -0.5}, {0.5, -0.5, -0.5, 0.5}};
+    double A[9 * 9] = {0.0};
     for (int i = 0, n = 0; i < 4; ++i)
         for (int j = i; j < 4; ++j, ++n)
-            for (int p = 0; p < 3; ++p)
-                for (int q = 0; q < 3; ++q)
-                    A[3 * i + p][3 * j + q] = A[3 * j + q][3 * i + p] = H[n][3 * p + q];
-    if (definite(A))
+            for (int a = 0; a < 3; ++a)
+                for (int b = 0; b < 3; ++b) {
+                    const double right = differences[a][i] * differences[b][j], left = i < j ? differences[a][j] * differences[b][i] : 0.0;
+                    for (int p = 0; p < 3; ++p)
+                        for (int q = 0; q < 3; ++q)
+                            A[9 * (3 * a + p) + 3 * b + q] += right * H[n][3 * p + q] + left * H[n][3 * q + p];
+                }
+    if (!filter(9, A, 1))
         return;
-    for (int i = 0; i < N; ++i)
-        V[i][i] = 1.0; /* its rows are eigenvectors */
-    for (int sweep = 0; sweep < SWEEPS; ++sweep) {
-        double off = 0.0, size = 0.0;
-        for (int i = 0; i < N; ++i)
-            for (int j = 0; j < N; ++j)
-                size += A[i][j] * A[i][j], off += i == j ? 0.0 : A[i][j] * A[i][j];
-        if (off <= 1e-20 * size)
-            break;
-        for (int p = 0; p < N - 1; ++p)
-            for (int q = p + 1; q < N; ++q) {
-                if (A[p][q] == 0.0)
-                    continue;
-                const double theta = (A[q][q] - A[p][p]) / (2.0 * A[p][q]);
-                const double t = (theta >= 0 ? 1.0 : -1.0) / (fabs(theta) + sqrt(theta * theta + 1.0)), c = 1.0 / sqrt(t * t + 1.0), s = t * c;
-                for (int k = 0; k < N; ++k) {
-                    const double a = A[p][k], b = A[q][k];
-                    A[p][k] = c * a - s * b, A[q][k] = s * a + c * b;
-                }
-                for (int k = 0; k < N; ++k) {
-                    const double a = A[k][p], b = A[k][q], e = V[p][k], f = V[q][k];
-                    A[k][p] = c * a - s * b, A[k][q] = s * a + c * b;
-                    V[p][k] = c * e - s * f, V[q][k] = s * e + c * f;
-                }
-            }
-    }
-    for (int i = 0; i < N; ++i)
-        if (A[i][i] < 0.0)
-            add_product(3, -A[i][i], V[i], V[i], H);
+    memset(H, 0, sizeof(blocks_t));
+    for (int i = 0, n = 0; i < 4; ++i)
+        for (int j = i; j < 4; ++j, ++n)
+            for (int a = 0; a < 3; ++a)
+                for (int b = 0; b < 3; ++b)
+                    for (int p = 0; p < 3; ++p)
+                        for (int q = 0; q < 3; ++q)
+                            H[n][3 * p + q] += differences[a][i] * differences[b][j] * A[9 * (3 * a + p) + 3 * b + q];
 }
 
-/* Blocks of the convex part of the Hessian of `factor` times the sum of weights times the law, as square_blocks has them. */
+/* Blocks of the convex part of the Hessian of `factor` times the sum of weights times the law, as tensor_blocks has them. */
 int64_t barrier_blocks(int d, int64_t count, const int32_t *vertices, const double *coefficients, const double *gaps, const double *weights,
                        const double *x, int64_t faded, const int64_t *fading, const double *fades, const double *curves, double dhat,
                        double kappa, double factor, int convex, const int64_t *rows, int64_t *out_rows, int64_t *out_columns, double *blocks)

@@ -8,54 +8,68 @@ enum { MAX_ADVANCES = 1000 }; /* of one pair: bounds the time that a pair takes 
 #define ADVANCE 0.9            /* share of the safe advance: the rest is for round-off */
 #define ADVANCED 1e-6          /* share of the distance to keep: nearer than that to it the advance ends; it makes steps continuous */
 
-INLINE void grow(int d, const double *x, double *box)
-{
-    for (int j = 0; j < d; ++j) {
-        box[j] = fmin(box[j], x[j]);
-        box[d + j] = fmax(box[d + j], x[j]);
-    }
-}
+/* A box: its least coordinates, and from SIDE on its greatest with the opposite sign; zeros where d = 2. */
+enum { SIDE = 4, BOX = 2 * SIDE };
 
-INLINE void clear(int d, double *box)
+INLINE double least(double a, double b)
 {
-    for (int j = 0; j < d; ++j)
-        box[j] = INFINITY, box[d + j] = -INFINITY;
-}
-
-INLINE int meet(int d, const double *a, const double *b, double distance)
-{
-    int apart = 0;
-    for (int j = 0; j < d; ++j)
-        apart |= (a[j] > b[d + j] + distance) | (b[j] > a[d + j] + distance);
-    return !apart;
+    return b < a ? b : a;
 }
 
 /* The box of n vertices on the way from x to y. */
 INLINE void enclose(int d, int n, const int32_t *vertices, const double *x, const double *y, double *box)
 {
-    clear(d, box);
+    for (int j = 0; j < BOX; ++j)
+        box[j] = j % SIDE < d ? INFINITY : 0.0;
     for (int i = 0; i < n; ++i)
-        grow(d, x + (int64_t)d * vertices[i], box), grow(d, y + (int64_t)d * vertices[i], box);
+        for (int j = 0; j < d; ++j) {
+            const double from = x[(int64_t)d * vertices[i] + j], to = y[(int64_t)d * vertices[i] + j];
+            box[j] = least(box[j], least(from, to)), box[SIDE + j] = least(box[SIDE + j], least(-from, -to));
+        }
 }
 
-/* Boxes (nodes, 2 d) of the nodes of an object while its vertices go from x to y. */
+INLINE void join(double *box, const double *other)
+{
+    for (int j = 0; j < BOX; ++j)
+        box[j] = least(box[j], other[j]);
+}
+
+/* Those of n boxes (or of the boxes that `of` numbers) that are no further from `box` than `distance`; returns how many. */
+INLINE int64_t meet(const double *box, int64_t n, const int32_t *of, int64_t first, const double *boxes, double distance, int32_t *found)
+{
+    int64_t count = 0;
+    for (int64_t i = 0; i < n; ++i) {
+        const int64_t k = of ? of[i] : first + i;
+        double gaps[BOX];
+        for (int j = 0; j < BOX; ++j)
+            gaps[j] = box[(j + SIDE) % BOX] + boxes[BOX * k + j];
+        for (int half = SIDE; half; half /= 2)
+            for (int j = 0; j < half; ++j)
+                gaps[j] = gaps[j + half] > gaps[j] ? gaps[j + half] : gaps[j];
+        found[count] = (int32_t)k, count += gaps[0] <= distance;
+    }
+    return count;
+}
+
+/* Boxes of the nodes of an object while its vertices go from x to y; behind all nodes those of facets, and then those of edges, leaf by leaf. */
 INLINE void fit(int d, const surface_t *s, int64_t object, const double *x, const double *y, double *boxes)
 {
+    double *facets = boxes + BOX * (int64_t)s->roots[s->objects], *edges = facets + BOX * s->facets;
     for (int64_t node = s->roots[object + 1] - 1; node >= s->roots[object]; --node) {
-        double *box = boxes + 2 * d * node;
-        clear(d, box);
-        if (s->leaf[node] >= 0) {
-            const int32_t *starts = s->leaf_facet_starts + s->leaf[node];
-            for (int32_t k = starts[0]; k < starts[1]; ++k) {
-                double facet[6];
-                enclose(d, d, s->facet + (int64_t)d * s->leaf_facets[k], x, y, facet);
-                grow(d, facet, box), grow(d, facet + d, box);
-            }
-        } else {
-            const double *children[2] = {boxes + 2 * d * (node + 1), boxes + 2 * d * s->skip[node + 1]};
-            for (int i = 0; i < 2; ++i)
-                grow(d, children[i], box), grow(d, children[i] + d, box);
+        double *box = boxes + BOX * node;
+        const int64_t leaf = s->leaf[node];
+        if (leaf < 0) {
+            memcpy(box, box + BOX, BOX * sizeof(double)), join(box, boxes + BOX * (int64_t)s->skip[node + 1]);
+            continue;
         }
+        for (int32_t k = s->leaf_facet_starts[leaf]; k < s->leaf_facet_starts[leaf + 1]; ++k) {
+            enclose(d, d, s->facet + (int64_t)d * s->leaf_facets[k], x, y, facets + BOX * (int64_t)k);
+            if (k == s->leaf_facet_starts[leaf])
+                memcpy(box, facets + BOX * (int64_t)k, BOX * sizeof(double));
+            join(box, facets + BOX * (int64_t)k);
+        }
+        for (int32_t k = s->leaf_edge_starts[leaf]; d == 3 && k < s->leaf_edge_starts[leaf + 1]; ++k)
+            enclose(3, 2, s->edge + 2 * (int64_t)s->leaf_edges[k], x, y, edges + BOX * (int64_t)k);
     }
 }
 
@@ -67,6 +81,34 @@ void fit_boxes(const surface_t *s, const uint8_t *marked, const double *x, const
             fit(3, s, object, x, y, boxes);
         else if (marked[object])
             fit(2, s, object, x, y, boxes);
+}
+
+/* How vertices are away from the nearest place on the straight way from `start` by `move` (0: `start` itself): the mean vector of each object's
+ * (`drift`), and the largest length of what is left without it (`sizes`). `firsts`: (objects + 1) where the objects' vertices begin. */
+void deviations(int d, int64_t objects, const int64_t *firsts, const double *start, const double *move, const double *vertices, double *drift,
+                double *sizes)
+{
+    double along = 0.0, size = 0.0;
+    for (int64_t k = 0; move && k < d * firsts[objects]; ++k)
+        along += (vertices[k] - start[k]) * move[k], size += move[k] * move[k];
+    const double share = size > 0.0 ? clamp(along / size) : 0.0;
+    for (int64_t object = 0; object < objects; ++object) {
+        const int64_t first = d * firsts[object], end = d * firsts[object + 1];
+        double sum[3] = {0.0}, most = 0.0;
+        for (int pass = 0; pass < 2; ++pass)
+            for (int64_t k = first; k < end; k += d) {
+                double own = 0.0;
+                for (int j = 0; j < d; ++j) {
+                    const double off = vertices[k + j] - start[k + j] - (move ? share * move[k + j] : 0.0) - (pass ? drift[d * object + j] : 0.0);
+                    sum[j] += off, own += off * off;
+                }
+                most = pass && !(own <= most) ? own : most;
+                if (!pass && k + d == end)
+                    for (int j = 0; j < d; ++j)
+                        drift[d * object + j] = d * sum[j] / (end - first);
+            }
+        sizes[object] = sqrt(most);
+    }
 }
 
 /* Largest relative motion of two primitives, whose vertices move by y - x: their distance changes by no more. */
@@ -112,83 +154,98 @@ INLINE void append(list_t *list, int32_t a, int32_t b)
     ++list->count;
 }
 
-INLINE void search(int d, const surface_t *s, const double *boxes, const double *x, const double *y, double distance, const uint8_t *meets,
-                   int64_t first, int64_t last, int32_t *found, double *lines, list_t *points, list_t *edges)
+/* Scratch memory of a search: nodes that are near each node on the way from a root to a leaf, and primitives that are near. */
+typedef struct {
+    int32_t *nodes, *leaves, *facets, *edges, *near;
+} room_t;
+
+/* Pairs of the vertices and edges of a leaf with the leaves of n nodes. */
+INLINE void leaf_pairs(int d, const surface_t *s, const double *boxes, const double *x, const double *y, double distance, int64_t node, int64_t n,
+                       const int32_t *nodes, const room_t *room, list_t *points, list_t *edges)
 {
     const int moving = x != y;
-    int64_t object = 0;
-    for (int64_t k = 0; d == 3 && k < s->leaf_edge_starts[s->leaves]; ++k)
-        enclose(3, 2, s->edge + 2 * (int64_t)s->leaf_edges[k], x, y, lines + 6 * k);
-    for (int64_t leaf = first; leaf < last; ++leaf) {
-        const int32_t *own = s->leaf_facets + s->leaf_facet_starts[leaf];
-        while (s->leaf[s->roots[object + 1] - 1] < leaf)
-            ++object;
-        double box[6];
-        clear(d, box);
-        for (int32_t k = 0; k < s->leaf_facet_starts[leaf + 1] - s->leaf_facet_starts[leaf]; ++k) {
-            double facet[6];
-            enclose(d, d, s->facet + (int64_t)d * own[k], x, y, facet);
-            grow(d, facet, box), grow(d, facet + d, box);
+    const int64_t leaf = s->leaf[node];
+    const double *box = boxes + BOX * node, *of_facets = boxes + BOX * (int64_t)s->roots[s->objects], *of_edges = of_facets + BOX * s->facets;
+    int64_t n_facets = 0, n_edges = 0;
+    for (int64_t i = 0; i < n; ++i) {
+        const int64_t other = s->leaf[nodes[i]];
+        const int32_t *facets = s->leaf_facet_starts + other, *lines = s->leaf_edge_starts + other;
+        n_facets += meet(box, facets[1] - facets[0], 0, facets[0], of_facets, distance, room->facets + n_facets);
+        if (d == 3 && other >= leaf)
+            n_edges += meet(box, lines[1] - lines[0], 0, lines[0], of_edges, distance, room->edges + n_edges);
+    }
+    for (int32_t k = s->leaf_vertex_starts[leaf]; k < s->leaf_vertex_starts[leaf + 1]; ++k) {
+        const int32_t p = s->leaf_vertices[k];
+        double point[BOX];
+        enclose(d, 1, &p, x, y, point);
+        const int64_t near = meet(point, n_facets, room->facets, 0, of_facets, distance, room->near);
+        for (int64_t i = 0; i < near; ++i) {
+            const int32_t f = s->leaf_facets[room->near[i]], *facet = s->facet + (int64_t)d * f;
+            const double *corners[3] = {x + (int64_t)d * facet[0], x + (int64_t)d * facet[1], d == 3 ? x + (int64_t)d * facet[2] : 0};
+            closest_t closest;
+            if (!share(1, &p, d, facet)
+                && within(distance + (moving ? approach(d, 1, &p, d, facet, x, y) : 0.0), to_facet(d, x + (int64_t)d * p, corners, &closest)))
+                append(points, p, f);
         }
-        int64_t n = 0; /* nodes of leaves that are near */
-        for (int64_t other = 0; other < s->objects; ++other) {
-            if (!meets[object * s->objects + other])
-                continue;
-            for (int32_t node = s->roots[other]; node < s->roots[other + 1];) {
-                if (!meet(d, box, boxes + 2 * d * (int64_t)node, distance))
-                    node = s->skip[node];
-                else {
-                    if (s->leaf[node] >= 0)
-                        found[n++] = node;
-                    ++node;
-                }
+    }
+    for (int32_t k = s->leaf_edge_starts[leaf]; d == 3 && k < s->leaf_edge_starts[leaf + 1]; ++k) {
+        const int32_t e = s->leaf_edges[k], *one = s->edge + 2 * (int64_t)e;
+        const int64_t near = meet(of_edges + BOX * (int64_t)k, n_edges, room->edges, 0, of_edges, distance, room->near);
+        for (int64_t i = 0; i < near; ++i) {
+            const int32_t *other = s->edge + 2 * (int64_t)s->leaf_edges[room->near[i]];
+            double a, b;
+            if (room->near[i] > k && !share(2, one, 2, other)
+                && within(distance + (moving ? approach(3, 2, one, 2, other, x, y) : 0.0),
+                          between_segments(x + 3 * (int64_t)one[0], x + 3 * (int64_t)one[1], x + 3 * (int64_t)other[0], x + 3 * (int64_t)other[1], &a, &b)))
+                append(edges, e, s->leaf_edges[room->near[i]]);
+        }
+    }
+}
+
+/* The n nodes that are near a node: children in place of nodes that have some, all leaves in place of nodes where the node is a leaf. */
+INLINE int64_t refine(const surface_t *s, const double *boxes, double distance, int64_t node, int64_t n, const int32_t *nodes, int32_t *found)
+{
+    int64_t count = 0;
+    const double *box = boxes + BOX * node;
+    for (int64_t i = 0; i < n; ++i)
+        for (int32_t k = nodes[i], end = s->skip[k]; k < end;) {
+            const int32_t child = k + 1;
+            if (!meet(box, 1, 0, k, boxes, distance, found + count)) {
+                k = s->skip[k];
+            } else if (s->leaf[k] >= 0) {
+                ++count, k = s->skip[k];
+            } else if (s->leaf[node] >= 0) {
+                k = child;
+            } else {
+                count += meet(box, 1, 0, child, boxes, distance, found + count);
+                count += meet(box, 1, 0, s->skip[child], boxes, distance, found + count);
+                k = s->skip[k];
             }
         }
-        if (!n)
-            continue;
-        for (int32_t k = s->leaf_vertex_starts[leaf]; k < s->leaf_vertex_starts[leaf + 1]; ++k) {
-            const int32_t p = s->leaf_vertices[k];
-            double point[6];
-            enclose(d, 1, &p, x, y, point);
-            for (int64_t i = 0; i < n; ++i) {
-                if (!meet(d, point, boxes + 2 * d * (int64_t)found[i], distance))
-                    continue;
-                const int32_t *starts = s->leaf_facet_starts + s->leaf[found[i]];
-                for (int32_t q = starts[0]; q < starts[1]; ++q) {
-                    const int32_t f = s->leaf_facets[q], *facet = s->facet + (int64_t)d * f;
-                    double around[6];
-                    if (share(1, &p, d, facet))
-                        continue;
-                    enclose(d, d, facet, x, y, around);
-                    if (!meet(d, point, around, distance))
-                        continue;
-                    const double *corners[3] = {x + (int64_t)d * facet[0], x + (int64_t)d * facet[1], d == 3 ? x + (int64_t)d * facet[2] : 0};
-                    closest_t closest;
-                    if (within(distance + (moving ? approach(d, 1, &p, d, facet, x, y) : 0.0), to_facet(d, x + (int64_t)d * p, corners, &closest)))
-                        append(points, p, f);
-                }
-            }
-        }
-        if (d == 2)
-            continue;
-        for (int32_t k = s->leaf_edge_starts[leaf]; k < s->leaf_edge_starts[leaf + 1]; ++k) {
-            const int32_t e = s->leaf_edges[k], *one = s->edge + 2 * (int64_t)e;
-            const double *edge = lines + 6 * k;
-            for (int64_t i = 0; i < n; ++i) {
-                const int32_t facing = s->leaf[found[i]];
-                if (facing < leaf || !meet(3, edge, boxes + 6 * (int64_t)found[i], distance))
-                    continue;
-                for (int32_t q = s->leaf_edge_starts[facing]; q < s->leaf_edge_starts[facing + 1]; ++q) {
-                    const int32_t *other = s->edge + 2 * (int64_t)s->leaf_edges[q];
-                    double a, b;
-                    if (!meet(3, edge, lines + 6 * (int64_t)q, distance) || (facing == leaf && q <= k) || share(2, one, 2, other))
-                        continue;
-                    const double squared = between_segments(x + 3 * (int64_t)one[0], x + 3 * (int64_t)one[1], x + 3 * (int64_t)other[0],
-                                                            x + 3 * (int64_t)other[1], &a, &b);
-                    if (within(distance + (moving ? approach(3, 2, one, 2, other, x, y) : 0.0), squared))
-                        append(edges, e, s->leaf_edges[q]);
-                }
-            }
+    return count;
+}
+
+enum { DEPTH = 64 }; /* of trees whose nodes are halved */
+
+INLINE void search(int d, const surface_t *s, const double *boxes, const double *x, const double *y, double distance, const uint8_t *meets,
+                   int64_t first, int64_t last, const room_t *room, list_t *points, list_t *edges)
+{
+    for (int64_t object = 0; object < s->objects; ++object) {
+        int64_t ends[DEPTH + 1], starts[DEPTH + 2] = {0, 0}, depth = 0; /* of the nodes on the way; where their near nodes are */
+        for (int64_t other = 0; other < s->objects; ++other)
+            if (meets[object * s->objects + other] && s->roots[other] < s->roots[other + 1])
+                room->nodes[starts[1]++] = s->roots[other];
+        ends[0] = s->roots[object + 1];
+        for (int64_t node = s->roots[object]; node < s->roots[object + 1];) {
+            while (node >= ends[depth])
+                --depth;
+            const int64_t begin = starts[depth + 1], leaf = s->leaf[node];
+            const int64_t n = refine(s, boxes, distance, node, begin - starts[depth], room->nodes + starts[depth], leaf < 0 ? room->nodes + begin : room->leaves);
+            if (leaf >= first && leaf < last)
+                leaf_pairs(d, s, boxes, x, y, distance, node, n, room->leaves, room, points, edges);
+            if (leaf < 0 && n)
+                ends[++depth] = s->skip[node], starts[depth + 1] = begin + n;
+            node = leaf < 0 && n ? node + 1 : s->skip[node];
         }
     }
 }
@@ -199,18 +256,18 @@ INLINE void search(int d, const surface_t *s, const double *boxes, const double 
 int search_pairs(const surface_t *s, const double *boxes, const double *x, const double *y, double distance, const uint8_t *meets, int64_t first,
                  int64_t last, const int64_t *capacities, int32_t *points, int32_t *edges, int64_t *counts)
 {
-    int32_t *found = malloc((s->leaves + 1) * sizeof(int32_t));
-    double *lines = malloc((6 * s->edges + 1) * sizeof(double)); /* boxes of edges, leaf by leaf */
-    if (!found || !lines) {
-        free(found), free(lines);
+    const int64_t most = s->edges > s->facets ? s->edges : s->facets, nodes = (DEPTH + 1) * (s->leaves + s->objects);
+    int32_t *memory = malloc((nodes + s->leaves + s->facets + s->edges + most + 8) * sizeof(int32_t));
+    if (!memory)
         return 1;
-    }
+    room_t room = {memory, memory + nodes, 0, 0, 0};
+    room.facets = room.leaves + s->leaves + 2, room.edges = room.facets + s->facets + 2, room.near = room.edges + s->edges + 2;
     list_t p = {0, capacities[0], points}, e = {0, capacities[1], edges};
     if (s->d == 3)
-        search(3, s, boxes, x, y, distance, meets, first, last, found, lines, &p, &e);
+        search(3, s, boxes, x, y, distance, meets, first, last, &room, &p, &e);
     else
-        search(2, s, boxes, x, y, distance, meets, first, last, found, lines, &p, &e);
-    free(found), free(lines);
+        search(2, s, boxes, x, y, distance, meets, first, last, &room, &p, &e);
+    free(memory);
     counts[0] = p.count, counts[1] = e.count;
     return 0;
 }
@@ -236,7 +293,7 @@ INLINE double advance(int d, int n, const int32_t *one, int m, const int32_t *ot
         if (round == 0)
             kept = gap_share * fmin(distance, dhat);
         const double room = distance - kept;
-        if (room >= (step - at) * speed)
+        if (ADVANCE * room >= (step - at) * speed) /* its own end is no sooner: the least of many steps depends on no order */
             return step;
         if (round > 0 && room <= ADVANCED * kept)
             return at;

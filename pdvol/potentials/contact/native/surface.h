@@ -6,9 +6,9 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define NEARLY_PARALLEL 1e-8 /* sin^2 of an angle: below it products of edges lose half of their digits */
+#include "../../positive.h"
 
-#define INLINE static inline __attribute__((always_inline))
+#define NEARLY_PARALLEL 1e-8 /* sin^2 of an angle: below it products of edges lose half of their digits */
 
 typedef struct {
     int32_t d;
