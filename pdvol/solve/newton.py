@@ -25,8 +25,8 @@ from pdvol.solve.linear.system_matrix import SystemMatrix
 from pdvol.solve.minimisation import Minimisation
 from pdvol.solve.report import NewtonReport, Stopwatch
 
-# linear solves of one iteration in which friction's states are predicted: two settle most of them (27 balls: 888
-# Newton iterations without, 744 with 1, 704 with 3)
+# linear solves of one iteration in which friction's states are predicted: more save no Newton iterations (27 balls, 60
+# steps: 888 without, 736 with 1, 717 with 2, 710 with 3 and with 6)
 PREDICTIONS = 3
 MAX_SOLVES = 3  # times the iterations allowed per solve: after more of them no remedy starts it again
 # Backtracking by cubic models, which need fewer trials than halving; `max_it` trials: 40 halvings reach round-off.
