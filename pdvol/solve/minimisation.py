@@ -12,9 +12,18 @@ from mpi4py import MPI
 
 from pdvol.errors import SimulationError
 from pdvol.potentials.potential import Positions
-from pdvol.solve.globalization import Projection, promised_decrease
 from pdvol.solve.incremental_potential import IncrementalPotential
-from pdvol.solve.iteration import Iteration, is_at_rounding, is_short, keeps_matrix, opens, step_factor, stops
+from pdvol.solve.iteration import (
+    Iteration,
+    Projection,
+    is_at_rounding,
+    is_short,
+    keeps_matrix,
+    opens,
+    promised_decrease,
+    step_factor,
+    stops,
+)
 from pdvol.solve.report import NewtonReport
 
 

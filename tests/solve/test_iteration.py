@@ -7,7 +7,6 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from pdvol.solve.globalization import Projection
 from pdvol.solve.iteration import (
     CANCELLATION,
     CONTRACTING,
@@ -18,6 +17,7 @@ from pdvol.solve.iteration import (
     STALLED,
     UNSETTLED,
     Iteration,
+    Projection,
     is_at_rounding,
     is_calm,
     is_short,

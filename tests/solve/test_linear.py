@@ -10,7 +10,7 @@ from pdvol.integrate.integrator import State
 from pdvol.integrate.marches import Start, direct
 from pdvol.levels.space import LevelSpace
 from pdvol.scene import Barrier, Friction, Gravity, NeoHookean, Plane, Solver, Support
-from pdvol.solve.globalization import Projection
+from pdvol.solve.iteration import Projection
 from pdvol.solve.linear import solver as linear
 from pdvol.solve.linear.coarse_space import CoarseSpace, grid_weights
 from pdvol.solve.linear.solver import COARSE_SETUP, DIRECT_SOLVES, MUMPS_WORKSPACES, LinearSolver

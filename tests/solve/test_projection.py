@@ -5,7 +5,7 @@ check that retries end.
 import numpy as np
 import pytest
 
-from pdvol.solve.globalization import (
+from pdvol.solve.iteration import (
     MAX_LENGTHENING,
     PAUSE,
     Projection,
