@@ -178,11 +178,8 @@ class Stepper:
         """The predicted state, supports in their places, where the straight path there is free and it is a better start
         than x_t.
 
-        Obstacles and supports then are at their places at `target`. Under friction x_t is the better start: nothing has
-        slipped there. From other states Newton's method oscillates between sticking and sliding.
+        Obstacles and supports then are at their places at `target`.
         """
-        if self.potential.has_friction:
-            return None
         motion = self.motion
         start = self.potential.value(x_t) if not motion.moves else np.inf
         direction = np.where(motion.held[:, None], motion.positions(target), x_hat) - x_t.owned
