@@ -148,16 +148,18 @@ def _check_request(scene: Scene, out: Path, first: int, last: int, method: str, 
 def _prepare(
     shot: Shot, out: Path, last: int, method: str, prolongation: str
 ) -> tuple[Sequence[LevelMesh], int, list[Geometry], float, list[str]]:
-    """Meshes up to `last`, the number of stored ones among them, obstacles' geometry, the scene's diagonal [m], and the
-    bodies that were set apart. Checked at t = 0.
+    """Meshes up to `last`, the number of stored ones among them, obstacles' geometry, the diagonal [m] of relative
+    lengths, and the bodies that were set apart. Checked at t = 0.
     """
     scene = shot.scene
     stored: list[LevelMesh] = []
+    diagonal = scene_diagonal(scene)
     if holds_run(out):
         run = open_run(out)
         if run.in_use:
             raise InputError(in_use(out))
         stored = [level.mesh for level in run.levels[: _same_levels(run, shot, last, method, prolongation)]]
+        diagonal = run.info["diagonal"]  # a run goes on with the lengths that it began with
     geometry = read_geometry(scene.obstacles)
     obstacles = placed_obstacles(scene.obstacles, geometry)
     meshes: Sequence[LevelMesh] = stored
@@ -174,7 +176,7 @@ def _prepare(
         check_fields(scene, mesh, level)
     if scene.contact:  # without contact bodies may cross
         check_start(meshes, obstacles, [body.name for body in scene.bodies])
-    return meshes, len(stored), geometry, scene_diagonal(scene), mended
+    return meshes, len(stored), geometry, diagonal, mended
 
 
 def _same_levels(run: Run, shot: Shot, last: int, method: str, prolongation: str) -> int:
