@@ -45,15 +45,16 @@ def check_start(level_meshes: Sequence[LevelMesh], obstacles: Sequence[Obstacle]
 
 @dataclass(frozen=True, eq=False)
 class Defect:
-    """Something that crosses, touches or contains another at t = 0.
+    """What stops a run on a level: mostly something that crosses, touches or contains another at t = 0.
 
     Attributes
     ----------
     error : names what is wrong, where, and how to mend it
-    primitives : (k, d) corners [m] of each primitive, two for each pair where two are involved
+    primitives : (k, d) corners [m] of each primitive, two for each pair where two are involved; none if it has no
+        place
     """
 
-    error: IntersectionError
+    error: InputError
     primitives: list[np.ndarray]
 
 

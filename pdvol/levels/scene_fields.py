@@ -1,6 +1,6 @@
 """A scene's functions of space, evaluated on its shapes and meshes: size, velocities at t = 0, chosen points."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -24,7 +24,8 @@ def scene_diagonal(scene: Scene) -> float:
     A body that supports hold wholly and for ever does not move freely. Where all are held so, the smallest of them
     counts.
     """
-    free, held = [], []
+    free: list[float] = []
+    held: list[float] = []
     for body in scene.bodies:
         shape = read_shape(body.shape[-1] if isinstance(body.shape, (tuple, list)) else body.shape)
         points = body.placement(shape.points if isinstance(shape, Outline) else shape.vertices)
@@ -38,7 +39,7 @@ def _held_for_ever(scene: Scene, body: str, points: np.ndarray) -> bool:
     held = np.zeros(len(points), dtype=bool)
     for support in scene.supports:
         if support.body in ("", body) and np.isinf(support.release):
-            held |= _mask(support, points).astype(bool)
+            held |= _mask(support, support.where, points)
     return bool(held.all())
 
 
@@ -58,21 +59,20 @@ def chosen_points(scene: Scene, chooser: Chooser, mesh: LevelMesh) -> np.ndarray
     points = mesh.points
     held = np.ones(len(points), dtype=bool)
     if hasattr(chooser, "where"):
-        held = _mask(chooser, points)
+        held = _mask(chooser, chooser.where, points)
     if chooser.body:
         held = held & (mesh.point_bodies == [b.name for b in scene.bodies].index(chooser.body))
     return held
 
 
-def _mask(chooser: Chooser, points: np.ndarray) -> np.ndarray:
+def _mask(chooser: Chooser, where: Callable, points: np.ndarray) -> np.ndarray:
     """(n,) bool: the points (n, d) that the `where` of a support or a load chooses."""
     what = f"a {type(chooser).__name__.lower()}'s `where`"
-    mask = called(what, chooser.where, (points.copy(),), (len(points),))
+    mask = called(what, where, (points.copy(),), (len(points),))
     strange: Sequence | np.ndarray = [] if mask.dtype == bool else mask[~np.isin(mask, (0, 1))]  # NaN or indices
     require(
         len(strange) == 0,
-        f"{what} must give True or False a vertex, not {mask.dtype} values such as"
-        f" {strange[0] if len(strange) else 0}",
+        f"{what} must give True or False a vertex, not {mask.dtype} values such as {strange[0] if len(strange) else 0}",
     )
     return mask.astype(bool)
 

@@ -63,9 +63,13 @@ def check_kind(path: Path) -> None:
     if kind == suffix == ".off" and b"BINARY" in start.split(b"\n", 1)[0]:
         raise MeshError(f"{path}: a binary OFF file, which is not read; export the mesh as text, or as PLY")
     if kind and kind != suffix:
-        raise MeshError(f"{path}: {KINDS[kind]} file under the name of {KINDS[suffix]} one; rename it to {path.stem}{kind}")
+        raise MeshError(
+            f"{path}: {KINDS[kind]} file under the name of {KINDS[suffix]} one; rename it to {path.stem}{kind}"
+        )
     if start.startswith(b"\xef\xbb\xbf") and suffix != ".obj":
-        raise MeshError(f"{path}: begins with a byte-order mark; export the mesh again, or save it as UTF-8 without one")
+        raise MeshError(
+            f"{path}: begins with a byte-order mark; export the mesh again, or save it as UTF-8 without one"
+        )
     if suffix == ".stl" and kind != ".stl" and size >= 84:
         promised = int.from_bytes(start[80:84], "little")
         if 84 + 50 * promised > size:

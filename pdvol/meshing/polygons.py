@@ -1,8 +1,8 @@
 """Polygons cut into triangles that use all their corners, also those that lie on a straight edge.
 
-Libraries that cut ears (mapbox_earcut) leave such corners out, and the neighbouring polygon's edge then ends in nothing.
-Here a fan is taken where all its triangles have an area. Else the worst triangle is made as good as it can be, by the
-recurrence over the polygon's chords. Triangles of positive area whose sides are the polygon's cover it without overlap.
+Libraries that cut ears (mapbox_earcut) leave such corners out, and the surface is then open there. Here a fan is taken
+where all its triangles have an area. Else the worst triangle is made as good as it can be, by the recurrence over the
+polygon's chords. Triangles of positive area whose sides are the polygon's cover it without overlap.
 """
 
 from collections.abc import Sequence
@@ -34,7 +34,9 @@ def cut_polygons(points: np.ndarray, polygons: np.ndarray) -> np.ndarray:
     """
     polygons = np.asarray(polygons, dtype=np.int64)
     count, corners = polygons.shape
-    fans = np.stack([np.stack([polygons[:, 0], polygons[:, i], polygons[:, i + 1]], 1) for i in range(1, corners - 1)], 1)
+    fans = np.stack(
+        [np.stack([polygons[:, 0], polygons[:, i], polygons[:, i + 1]], 1) for i in range(1, corners - 1)], 1
+    )
     if corners == 3 or polygons.size == 0 or polygons.min() < 0 or polygons.max() >= len(points):
         return fans
     place = points[polygons]
@@ -82,16 +84,17 @@ def _best(p: np.ndarray) -> np.ndarray | None:
     worth, split = np.full((n, n), -np.inf), np.zeros((n, n), dtype=np.int64)
     worth[np.arange(n - 1), np.arange(1, n)] = np.inf
     for span in range(2, n):
-        i = np.arange(n - span)
-        j = i + span
+        starts = np.arange(n - span)
+        ends = starts + span
         for step in range(1, span):
-            k = i + step
-            a, b, c = p[k] - p[i], p[j] - p[k], p[i] - p[j]
+            middles = starts + step
+            a, b, c = p[middles] - p[starts], p[ends] - p[middles], p[starts] - p[ends]
             area = a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
             quality = area / np.maximum((a**2 + b**2 + c**2).sum(axis=1), np.finfo(float).tiny)
-            found = np.minimum(np.minimum(worth[i, k], worth[k, j]), quality)
-            better = found > worth[i, j]
-            worth[i[better], j[better]], split[i[better], j[better]] = found[better], k[better]
+            found = np.minimum(np.minimum(worth[starts, middles], worth[middles, ends]), quality)
+            better = found > worth[starts, ends]
+            worth[starts[better], ends[better]] = found[better]
+            split[starts[better], ends[better]] = middles[better]
     if worth[0, n - 1] <= SMALL_AREA:
         return None
     triangles, chords = [], [(0, n - 1)]

@@ -92,7 +92,15 @@ def _read_and_exit(path: Path, read: Callable, answer: Path, seconds: float, mem
     code = 1
     try:
         die_with_parent()
-        for number in (signal.SIGSEGV, signal.SIGBUS, signal.SIGFPE, signal.SIGABRT, signal.SIGTERM, signal.SIGINT, signal.SIGXCPU):
+        for number in (
+            signal.SIGSEGV,
+            signal.SIGBUS,
+            signal.SIGFPE,
+            signal.SIGABRT,
+            signal.SIGTERM,
+            signal.SIGINT,
+            signal.SIGXCPU,
+        ):
             signal.signal(number, signal.SIG_DFL)  # PETSc's handlers would abort all ranks
         used = (
             int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()

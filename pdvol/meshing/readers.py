@@ -62,7 +62,8 @@ def read_with_notes(shape: str | Path | Outline | Surface | Solid) -> tuple[Outl
     """The shape as arrays, and a line for each thing that reading has done to it; arrays are passed through.
 
     A file of tetrahedra, or a volume-mesh file of triangles that all lie at one z, becomes a `Solid`, other triangles a
-    `Surface`. Vertices of an open surface that are exactly the same are welded. Quadratic cells are read by their corners.
+    `Surface`. Vertices of an open surface that are exactly the same are welded. Quadratic cells are read by their
+    corners.
 
     Raises
     ------
@@ -90,7 +91,10 @@ def read_with_notes(shape: str | Path | Outline | Surface | Solid) -> tuple[Outl
     if not start:
         raise MeshError(f"{path}: the file is empty; export the mesh again")
     check_kind(path)
-    if suffix not in (".obj", *PAIR):  # before the child is forked: its limits on time and memory are for the file alone
+    if suffix not in (
+        ".obj",
+        *PAIR,
+    ):  # before the child is forked: its limits on time and memory are for the file alone
         import_module("trimesh" if suffix in SURFACES else "meshio")
     read = read_in_child_process(path, _surface if suffix in SURFACES else _pair if suffix in PAIR else _volume)
     points = np.ascontiguousarray(read["points"], dtype=np.float64)
@@ -130,7 +134,8 @@ def _attempts(path: Path, readers: Sequence[Callable[[Path], Result]]) -> Result
 
 
 def _surface(path: Path) -> dict[str, np.ndarray]:
-    points, triangles = _attempts(path, (_obj if path.suffix.lower() == ".obj" else _with_trimesh,))
+    readers = {".obj": (_obj,), ".off": (_with_trimesh, _off)}.get(path.suffix.lower(), (_with_trimesh,))
+    points, triangles = _attempts(path, readers)
     if len(triangles) == 0:
         raise MeshError(f"{path}: holds no triangles; export a triangle surface")
     return {"points": np.asarray(points, dtype=np.float64), "triangles": np.asarray(triangles)}
@@ -173,6 +178,8 @@ def _off(path: Path) -> tuple[np.ndarray, np.ndarray]:
     words = [line for line in lines if line]
     header = words.pop(0)[1:] or words.pop(0)
     n, m = int(header[0]), int(header[1])
+    if len(words) < n + m:
+        raise ValueError(f"{n} vertices and {m} faces promised, {len(words)} lines found")
     points = np.array([[float(x) for x in line[:3]] for line in words[:n]]).reshape(-1, 3)
     return points, cut_faces(points, [[int(c) for c in line[1 : int(line[0]) + 1]] for line in words[n : n + m]])
 

@@ -1,6 +1,7 @@
 """Pairs of files NAME.node and NAME.ele, as TetGen and Triangle write them, in text."""
 
 import re
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -55,7 +56,7 @@ def _header(file: Path, path: Path) -> np.ndarray:
     return header
 
 
-def _table(file: Path, path: Path, columns) -> tuple[np.ndarray, np.ndarray]:
+def _table(file: Path, path: Path, columns: Callable[[np.ndarray], int]) -> tuple[np.ndarray, np.ndarray]:
     """A file's header and its rows of numbers."""
     header, numbers = _header(file, path), _numbers(file)
     with file.open(encoding="utf-8-sig", errors="replace") as lines:

@@ -19,7 +19,7 @@ def open_edges(triangles: np.ndarray) -> np.ndarray:
 
 
 def coincident(points: np.ndarray, distance: float) -> np.ndarray:
-    """(n,) for each point the first one that lies at its place: nearer than `distance` [m], also over others between."""
+    """(n,) for each point the first one at its place: nearer than `distance` [m], also over others between."""
     if distance == 0.0:
         _, first, index = np.unique(points, axis=0, return_index=True, return_inverse=True)
         return first[index.ravel()]
@@ -57,4 +57,5 @@ def weld_open(surface: Surface) -> tuple[Surface, list[str]]:
     if len(open_edges(welded)) >= len(open_edges(triangles)):
         return surface, []
     lost = len(points) - len(kept)
-    return Surface(np.ascontiguousarray(points[kept]), welded), [f"{lost:,} vertices repeat others exactly and are welded"]
+    note = f"{lost:,} vertices repeat others exactly and are welded"
+    return Surface(np.ascontiguousarray(points[kept]), welded), [note]

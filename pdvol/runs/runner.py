@@ -11,10 +11,10 @@ from mpi4py import MPI
 from pdvol.errors import InputError
 from pdvol.geometry.level_mesh import LevelMesh
 from pdvol.levels.hierarchy import Hierarchy
-from pdvol.levels.initial_state import check_start
+from pdvol.levels.level_check import level_defects
 from pdvol.levels.model import hierarchy_model
 from pdvol.levels.obstacles import Geometry, Obstacle, placed_obstacles, read_geometry, stored_obstacles
-from pdvol.levels.scene_fields import check_fields, initial_velocity, scene_diagonal
+from pdvol.levels.scene_fields import initial_velocity, scene_diagonal
 from pdvol.levels.separation import build_apart
 from pdvol.parallel import on_root
 from pdvol.registry import INTERPOLANTS, METHODS
@@ -173,9 +173,8 @@ def _prepare(
             )
         meshes = [*stored, *built[len(stored) :]]
     for level, mesh in enumerate(meshes):
-        check_fields(scene, mesh, level)
-    if scene.contact:  # without contact bodies may cross
-        check_start(meshes, obstacles, [body.name for body in scene.bodies])
+        for defect in level_defects(scene, mesh, level, obstacles, diagonal):
+            raise defect.error
     return meshes, len(stored), geometry, diagonal, mended
 
 
