@@ -105,9 +105,15 @@ WRONG: dict[str, tuple[bytes, str]] = {
     "alone.node": (b"4 3 0 0\n1 0 0 0\n2 1 0 0\n3 0 1 0\n4 0 0 1\n", "no alone.ele beside it"),
     # Meshes of tetrahedra whose boundary is no body's surface.
     "overlapping.mesh": (mesh(*together(tets(), tets(0.37))), "boundary: triangles .* cross"),
-    "nested.mesh": (mesh(*together(tets(), tets((0.3, 0.3, 0.3), 0.3))), "inside another one, so that two bodies overlap"),
+    "nested.mesh": (
+        mesh(*together(tets(), tets((0.3, 0.3, 0.3), 0.3))),
+        "inside another one, so that two bodies overlap",
+    ),
     "touching.mesh": (mesh(*together(tets(), tets((1.0, 0.2, 0.3)))), "boundary: .*(touches|cross)"),
-    "unwelded.mesh": (mesh(TETS.points[TETS.cells].reshape(-1, 3), np.arange(4 * len(TETS.cells)).reshape(-1, 4)), "weld: "),
+    "unwelded.mesh": (
+        mesh(TETS.points[TETS.cells].reshape(-1, 3), np.arange(4 * len(TETS.cells)).reshape(-1, 4)),
+        "weld: ",
+    ),
     "edge.mesh": (mesh(grid(3, 2).points, TETS.cells[[0, 47]]), "non-manifold|single vertices|touches"),
     "partly_inverted.mesh": (mesh(TETS.points, np.vstack([TETS.cells[:1, [1, 0, 2, 3]], TETS.cells[1:]])), "inverted"),
     # Surfaces that are none.
@@ -120,8 +126,10 @@ WRONG: dict[str, tuple[bytes, str]] = {
     "crossing.obj": (obj(*CROSSING), "cross"),
     "inside.obj": (obj(*together(shifted(BALL, 0.0), shifted(BALL, 0.0, size=0.5))), "inside another one"),
     "flat_and_unused.off": (
-        off([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], *np.random.default_rng(1).random((5000, 3))],
-            [[0, 1, 2], [0, 2, 3], [0, 3, 1], [1, 3, 2]]),
+        off(
+            [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], *np.random.default_rng(1).random((5000, 3))],
+            [[0, 1, 2], [0, 2, 3], [0, 3, 1], [1, 3, 2]],
+        ),
         "encloses no volume",
     ),
     # Sizes and places without precision.
@@ -137,7 +145,10 @@ SOUND: dict[str, tuple[bytes, str]] = {
     "collinear.off": (off([*CORNERS, [0, 0, 0.5]], SPLIT), ""),
     "unwelded.obj": (obj(*UNWELDED), "28 vertices repeat others exactly and are welded"),
     "inward.obj": (obj(*shifted(CUBE, 0.0, turned=True)), "all triangles face inward; they are turned"),
-    "unused.obj": (obj(np.vstack([CUBE.vertices, np.ones((3, 3))]), CUBE.triangles), "3 of 11 vertices belong to no triangle"),
+    "unused.obj": (
+        obj(np.vstack([CUBE.vertices, np.ones((3, 3))]), CUBE.triangles),
+        "3 of 11 vertices belong to no triangle",
+    ),
     "cavity.obj": (obj(*together(shifted(BALL, 0.0), shifted(BALL, 0.0, True, 0.5))), ""),
     "inverted.mesh": (mesh(TETS.points, TETS.cells[:, [1, 0, 2, 3]]), "all cells are inverted; they are turned"),
     "sliver.mesh": (
