@@ -181,7 +181,10 @@ def _off(path: Path) -> tuple[np.ndarray, np.ndarray]:
     if len(words) < n + m:
         raise ValueError(f"{n} vertices and {m} faces promised, {len(words)} lines found")
     points = np.array([[float(x) for x in line[:3]] for line in words[:n]]).reshape(-1, 3)
-    return points, cut_faces(points, [[int(c) for c in line[1 : int(line[0]) + 1]] for line in words[n : n + m]])
+    faces = [[int(c) for c in line[1 : int(line[0]) + 1]] for line in words[n : n + m]]
+    if any(not 0 <= c < n for face in faces for c in face):
+        raise IndexError(f"a face has an index beyond the {n} vertices")
+    return points, cut_faces(points, faces)
 
 
 def _polygons_of_ply(path: Path) -> tuple[np.ndarray, np.ndarray]:

@@ -12,6 +12,7 @@ from pdvol.levels.hierarchy import Hierarchy
 from pdvol.levels.level_check import level_defects
 from pdvol.levels.scene_fields import scene_diagonal
 from pdvol.meshing.build import build_levels
+from pdvol.meshing.readers import read_with_notes
 from pdvol.meshing.tetrahedralise import mean_ratio
 from pdvol.runs.binding_report import binding_lines, draw_bindings
 from pdvol.runs.preflight import shape_notes
@@ -38,11 +39,12 @@ def write_hierarchy(mesh: Path, targets: tuple[int, ...], out: Path, prolongatio
     InputError
         The mesh cannot be read or meshed, the prolongation is unknown, or `out` cannot be written.
     """
-    scene = Scene(bodies=(Body(mesh, NeoHookean(1e5), targets, name=mesh.stem),), dt=0.01, steps=0)
-    notes = shape_notes(scene)
-    meshes = build_levels(scene)
+    shape, notes = read_with_notes(mesh)
+    scene = Scene(bodies=(Body(shape, NeoHookean(1e5), targets, name=mesh.stem),), dt=0.01, steps=0)
+    notes += shape_notes(scene)
+    meshes, diagonal = build_levels(scene), scene_diagonal(scene)
     for level, level_mesh in enumerate(meshes):
-        for defect in level_defects(scene, level_mesh, level, (), scene_diagonal(scene)):
+        for defect in level_defects(scene, level_mesh, level, (), diagonal):
             raise defect.error
     try:
         out.mkdir(parents=True, exist_ok=True)

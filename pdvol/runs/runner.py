@@ -153,13 +153,11 @@ def _prepare(
     """
     scene = shot.scene
     stored: list[LevelMesh] = []
-    diagonal = scene_diagonal(scene)
     if holds_run(out):
         run = open_run(out)
         if run.in_use:
             raise InputError(in_use(out))
         stored = [level.mesh for level in run.levels[: _same_levels(run, shot, last, method, prolongation)]]
-        diagonal = run.info["diagonal"]  # a run goes on with the lengths that it began with
     geometry = read_geometry(scene.obstacles)
     obstacles = placed_obstacles(scene.obstacles, geometry)
     meshes: Sequence[LevelMesh] = stored
@@ -172,6 +170,8 @@ def _prepare(
                 "choose another folder"
             )
         meshes = [*stored, *built[len(stored) :]]
+    # A run goes on with the lengths that it began with.
+    diagonal = run.info["diagonal"] if stored else scene_diagonal(scene)
     for level, mesh in enumerate(meshes):
         for defect in level_defects(scene, mesh, level, obstacles, diagonal):
             raise defect.error

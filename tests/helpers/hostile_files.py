@@ -90,7 +90,10 @@ WRONG: dict[str, tuple[bytes, str]] = {
     "truncated.stl": (stl(BALL)[:2000], "promises 320 triangles and holds 38"),
     "negative.off": (b"OFF\n-8 12 0\n", "negative count"),
     "negative.ply": (b"ply\nformat ascii 1.0\nelement vertex -8\nend_header\n", "negative count"),
-    "negative.vtk": (b"# vtk DataFile Version 3.0\nx\nASCII\nDATASET UNSTRUCTURED_GRID\nPOINTS -8 double\n", "negative"),
+    "negative.vtk": (
+        b"# vtk DataFile Version 3.0\nx\nASCII\nDATASET UNSTRUCTURED_GRID\nPOINTS -8 double\n",
+        "negative",
+    ),
     "negative.mesh": (b"MeshVersionFormatted 2\nDimension 3\nVertices\n-8\n", "negative count"),
     "negative.vtu": (vtu((-5, 2)), "negative count"),
     "stl.obj": (stl(CUBE), "an STL file under the name of an OBJ one; rename it to stl.stl"),
@@ -137,7 +140,7 @@ WRONG: dict[str, tuple[bytes, str]] = {
     "far.obj": (obj(*shifted(CUBE, 1e8)), "from the origin .* lose their precision"),
     "needle.obj": (obj(CUBE.vertices * (1.0, 1e-7, 1e-7), CUBE.triangles), "times as long as it is thin"),
     "plate.mesh": (mesh(TETS.points * (1.0, 1.0, 1e-7), TETS.cells), "times as long as it is thin"),
-}  # fmt: skip
+}
 
 SOUND: dict[str, tuple[bytes, str]] = {
     "bom.obj": (b"\xef\xbb\xbf" + obj(*shifted(CUBE, 0.0)), ""),
@@ -157,10 +160,18 @@ SOUND: dict[str, tuple[bytes, str]] = {
     ),
     "pair.node": (b"# points\n5 3 0 0\n1 0 0 0\n2 1 0 0\n3 0 1 0\n4 0 0 1\n5 1 1 1\n", ""),
     "quadratic.vtu": (b"", "1 quadratic cells are read by their corners"),
-}  # fmt: skip
+}
 
-MENDED = ("open.obj", "doubled.obj", "twice.obj", "nearly_welded.obj", "half_turned.obj", "crossing.obj", "unwelded.mesh",
-          "partly_inverted.mesh")  # fmt: skip
+MENDED = (
+    "open.obj",
+    "doubled.obj",
+    "twice.obj",
+    "nearly_welded.obj",
+    "half_turned.obj",
+    "crossing.obj",
+    "unwelded.mesh",
+    "partly_inverted.mesh",
+)
 """Files of `WRONG` that `pdvol repair` turns into bodies."""
 
 
