@@ -63,6 +63,10 @@ def read_in_child_process(path: Path, read: Callable[[Path], dict[str, np.ndarra
         code = os.waitstatus_to_exitcode(status)
         if code == -signal.SIGXCPU:
             raise MeshError(f"{path}: not read within {seconds:.0f} s of processor time; export the mesh again")
+        if idle > IDLE_LOOKS:
+            raise MeshError(
+                f"{path}: unreadable, its reader waits for something that never comes; export the mesh again"
+            )
         if code == 0:
             with np.load(answer, allow_pickle=False) as data:
                 return dict(data)

@@ -18,11 +18,11 @@ import numpy as np
 
 from pdvol.errors import InputError, MeshError
 from pdvol.meshes import Outline, Solid, Surface
-from pdvol.meshing.file_kinds import check_kind, converter, promised_faces
+from pdvol.meshing.file_kinds import check_kind, converter
 from pdvol.meshing.mesher_process import run_worker
-from pdvol.meshing.polygons import cut_faces, cut_polygons
 from pdvol.meshing.reader_process import BASE_SECONDS, BYTES_PER_SECOND, read_in_child_process
 from pdvol.meshing.suppressed_output import suppressed_output
+from pdvol.meshing.surface_files import QUADRATIC, read_obj, read_off, triangles_of, with_trimesh
 from pdvol.meshing.tetgen_files import PAIR, node_and_ele
 from pdvol.meshing.weld import weld_open
 
@@ -43,9 +43,6 @@ _LABELS = (
     "gmsh:geometrical",
 )
 """Names under which cells carry their region, the most explicit first."""
-
-QUADRATIC = {"triangle6": 3, "tetra10": 4}
-"""Quadratic cells, and how many of their nodes are corners; these come first."""
 
 Result = TypeVar("Result")
 
@@ -134,85 +131,11 @@ def _attempts(path: Path, readers: Sequence[Callable[[Path], Result]]) -> Result
 
 
 def _surface(path: Path) -> dict[str, np.ndarray]:
-    readers = {".obj": (_obj,), ".off": (_with_trimesh, _off)}.get(path.suffix.lower(), (_with_trimesh,))
+    readers = {".obj": (read_obj,), ".off": (with_trimesh, read_off)}.get(path.suffix.lower(), (with_trimesh,))
     points, triangles = _attempts(path, readers)
     if len(triangles) == 0:
         raise MeshError(f"{path}: holds no triangles; export a triangle surface")
     return {"points": np.asarray(points, dtype=np.float64), "triangles": np.asarray(triangles)}
-
-
-def _obj(path: Path) -> tuple[np.ndarray, np.ndarray]:
-    """The `v` and `f` lines of an OBJ file, polygons cut, texture and normal indices left out."""
-    points, faces = [], []
-    for line in path.read_text(encoding="utf-8-sig", errors="replace").replace("\\\n", " ").splitlines():
-        word, *rest = line.split() or [""]
-        if word == "v":
-            x, y, z = rest[:3]
-            points.append((float(x), float(y), float(z)))
-        elif word == "f":
-            corners = [int(corner.split("/")[0]) for corner in rest]
-            if len(corners) < 3 or 0 in corners:
-                raise ValueError(f"face {line.strip()!r} has no three corners")
-            faces.append([c - 1 if c > 0 else len(points) + c for c in corners])
-    places = np.array(points).reshape(-1, 3)
-    return places, cut_faces(places, faces)
-
-
-def _with_trimesh(path: Path) -> tuple[np.ndarray, np.ndarray]:
-    import trimesh
-
-    mesh = trimesh.load_mesh(path, process=False)
-    points, triangles = np.asarray(mesh.vertices), np.asarray(mesh.faces)
-    if path.suffix.lower() == ".stl":  # every triangle brings its own corners
-        points, index = np.unique(points, axis=0, return_inverse=True)
-        triangles = index.ravel()[triangles]
-    promised = promised_faces(path) if path.suffix.lower() in (".ply", ".off") else None
-    if promised is not None and promised < len(triangles):  # polygons, which trimesh has cut in fans
-        return _off(path) if path.suffix.lower() == ".off" else _polygons_of_ply(path)
-    return points, triangles
-
-
-def _off(path: Path) -> tuple[np.ndarray, np.ndarray]:
-    """An OFF file of polygons."""
-    lines = (line.partition("#")[0].split() for line in path.read_text(errors="replace").splitlines())
-    words = [line for line in lines if line]
-    header = words.pop(0)[1:] or words.pop(0)
-    n, m = int(header[0]), int(header[1])
-    if len(words) < n + m:
-        raise ValueError(f"{n} vertices and {m} faces promised, {len(words)} lines found")
-    points = np.array([[float(x) for x in line[:3]] for line in words[:n]]).reshape(-1, 3)
-    faces = [[int(c) for c in line[1 : int(line[0]) + 1]] for line in words[n : n + m]]
-    if any(not 0 <= c < n for face in faces for c in face):
-        raise IndexError(f"a face has an index beyond the {n} vertices")
-    return points, cut_faces(points, faces)
-
-
-def _polygons_of_ply(path: Path) -> tuple[np.ndarray, np.ndarray]:
-    """A PLY file of polygons, whose header is whole."""
-    mesh = _with_meshio(path)
-    return np.asarray(mesh.points), _triangles(mesh)[0]
-
-
-def _triangles(mesh: "meshio.Mesh") -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Triangles (k, 3), quadrilaterals and polygons cut, and the index of the cell block each comes from with its row
-    there.
-    """
-    triangles, blocks, rows = [], [], []
-    for b, block in enumerate(mesh.cells):
-        data = np.asarray(block.data)
-        if block.type in QUADRATIC:
-            data = data[:, : QUADRATIC[block.type]]
-        elif block.type not in ("triangle", "quad", "polygon"):
-            continue
-        if data.ndim != 2 or len(data) == 0 or block.type == "tetra10":
-            continue
-        cut = cut_polygons(np.asarray(mesh.points, dtype=np.float64), data)
-        triangles.append(cut.swapaxes(0, 1).reshape(-1, 3))
-        blocks.append(np.full(len(triangles[-1]), b))
-        rows.append(np.tile(np.arange(len(data)), cut.shape[1]))
-    if not triangles:
-        return np.empty((0, 3), dtype=np.int64), np.empty(0, dtype=int), np.empty(0, dtype=int)
-    return np.concatenate(triangles), np.concatenate(blocks), np.concatenate(rows)
 
 
 # ---- volume meshes
@@ -233,7 +156,7 @@ def _volume(path: Path) -> dict[str, np.ndarray]:
         cells = np.concatenate([np.asarray(mesh.cells[b].data)[:, :4] for b in tets])
         labels = _regions(mesh, np.concatenate([np.full(len(mesh.cells[b].data), b) for b in tets]), None)
         return {"points": points, "cells": cells, "regions": labels, "notes": notes}
-    triangles, blocks, rows = _triangles(mesh)
+    triangles, blocks, rows = triangles_of(mesh)
     if len(triangles) == 0:
         kinds = sorted({block.type for block in mesh.cells})
         raise MeshError(
