@@ -109,7 +109,7 @@ def _surface(points: np.ndarray, triangles: np.ndarray, hole: float, done: list[
         triangles = _oriented(triangles, done)
         points, triangles = _split(points, triangles, done)
         points, triangles = _filled(points, triangles, hole * _diagonal(points), done)
-        triangles = _outward(points, triangles, done)
+        points, triangles = drop_unused(points, _outward(points, triangles, done))
     return Surface(points, triangles.astype(np.int32))
 
 
@@ -163,8 +163,11 @@ def _oriented(triangles: np.ndarray, done: list[str]) -> np.ndarray:
 
 
 def _split(points: np.ndarray, triangles: np.ndarray, done: list[str]) -> tuple[np.ndarray, np.ndarray]:
-    """Vertices in which parts meet that share no edge there, one for each part, moved a little into it."""
+    """Vertices in which parts meet that are not joined by an edge of two triangles, split and moved into each part."""
+    corners = np.sort(triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
+    edges, counts = np.unique(corners, axis=0, return_counts=True)
     pinched = np.intersect1d(np.flatnonzero(~np.asarray(igl.is_vertex_manifold(triangles))), triangles)
+    pinched = np.union1d(pinched, edges[counts > 2])
     triangles = triangles.copy()
     added: list[np.ndarray] = []
     for v in pinched:
@@ -174,22 +177,23 @@ def _split(points: np.ndarray, triangles: np.ndarray, done: list[str]) -> tuple[
         for number in names if len(names) > 1 else []:
             mine = fan[part == number]
             ring = np.setdiff1d(triangles[mine], [v])
-            place = points[v] + PARTED * (points[ring].mean(axis=0) - points[v])
+            around = np.array([added[r - len(points)] if r >= len(points) else points[r] for r in ring])
+            place = points[v] + PARTED * (around.mean(axis=0) - points[v])
             triangles[mine] = np.where(triangles[mine] == v, len(points) + len(added), triangles[mine])
             added.append(place)
     if not added:
         return points, triangles
-    _say(done, len(pinched), "{} vertices in which parts met split")
+    _say(done, len(added), "{} vertices made of those in which parts met")
     return drop_unused(np.vstack([points, added]), triangles)
 
 
 def _parts_around(fan: np.ndarray, v: int) -> np.ndarray:
-    """(k,) which triangles at a vertex hang together by edges through it."""
+    """(k,) which triangles at a vertex hang together by edges through it that belong to two of them."""
     part = np.arange(len(fan))
-    for i in range(len(fan)):
-        for j in range(i):
-            if len(np.intersect1d(fan[i], fan[j])) >= 2 and part[i] != part[j]:
-                part[part == part[i]] = part[j]
+    for other in np.setdiff1d(fan, [v]):
+        at = np.flatnonzero((fan == other).any(axis=1))
+        if len(at) == 2:
+            part[part == part[at[0]]] = part[at[1]]
     return part
 
 
@@ -289,7 +293,10 @@ def _enclosed(surface: Surface, hole: float, envelope: float, name: str, done: l
             edge_length=np.array(ENVELOPE_EDGE),
             epsilon=np.array(envelope),
         )
-        facets = boundary_facets(made["cells"].astype(np.int64))[0]
+        cells = made["cells"].astype(np.int64)
+        inverted = simplex_volumes(made["points"], cells) < 0
+        cells[inverted, :2] = cells[inverted, 1::-1]
+        facets = boundary_facets(cells)[0]
         found, steps = drop_unused(made["points"] * size + surface.vertices.mean(axis=0), facets), list[str]()
         enclosed = _surface(*found, hole, steps)
         judge(enclosed, name)

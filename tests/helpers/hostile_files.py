@@ -70,6 +70,13 @@ def tets(by=0.0, size=1.0) -> tuple[np.ndarray, np.ndarray]:
     return TETS.points * size + np.asarray(by), TETS.cells
 
 
+def joined(*parts) -> tuple[np.ndarray, np.ndarray]:
+    """`together`, with vertices at one place made one."""
+    points, cells = together(*parts)
+    points, index = np.unique(points, axis=0, return_inverse=True)
+    return points, index.ravel()[cells]
+
+
 UNWELDED = CUBE.vertices[CUBE.triangles].reshape(-1, 3), np.arange(3 * len(CUBE.triangles)).reshape(-1, 3)
 NEARLY = UNWELDED[0] * (1 + 1e-11 * np.arange(len(UNWELDED[0]))[:, None]), UNWELDED[1]
 DOUBLED = CUBE.vertices, np.vstack([CUBE.triangles, CUBE.triangles])
@@ -77,6 +84,13 @@ TWICE = CUBE.vertices, np.vstack([CUBE.triangles, CUBE.triangles[:, ::-1]])
 OPEN = BALL.vertices, BALL.triangles[4:]
 HALF_TURNED = CUBE.vertices, np.vstack([CUBE.triangles[:5, ::-1], CUBE.triangles[5:]])
 WALL = np.vstack([CUBE.vertices, [[0.0, 0.0, 0.0]]]), np.vstack([CUBE.triangles, [[*CUBE.triangles[0, :2], 8]]])
+PINCHED = joined(shifted(CUBE, 0.0), shifted(CUBE, 1.0))
+SHARED_EDGE = joined(shifted(CUBE, 0.0), shifted(CUBE, (1.0, 1.0, 0.0)))
+FLAT = (
+    np.vstack([CUBE.vertices, CUBE.vertices[CUBE.triangles[0, :2]].mean(axis=0)]),
+    np.vstack([CUBE.triangles[0, [0, 1]].tolist() + [8], CUBE.triangles]),
+)
+"""A cube, and a triangle without area on one of its edges."""
 CROSSING = together(shifted(BALL, 0.0), shifted(BALL, (1.1, 0.2, 0.1)))
 CORNERS = np.array(list(product((0.0, 1.0), repeat=3)))
 QUADS = np.array([[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]])
@@ -126,6 +140,9 @@ WRONG: dict[str, tuple[bytes, str]] = {
     "nearly_welded.obj": (obj(*NEARLY), "weld: 36 vertices coincide within 1e-08"),
     "half_turned.obj": (obj(*HALF_TURNED), "disagree on what is outside"),
     "wall.obj": (obj(*WALL), "non-manifold"),
+    "pinched.obj": (obj(*PINCHED), "single vertices"),
+    "shared_edge.obj": (obj(*SHARED_EDGE), "more than two triangles"),
+    "flat_triangle.obj": (obj(*FLAT), "have no area"),
     "crossing.obj": (obj(*CROSSING), "cross"),
     "inside.obj": (obj(*together(shifted(BALL, 0.0), shifted(BALL, 0.0, size=0.5))), "inside another one"),
     "flat_and_unused.off": (
@@ -168,6 +185,9 @@ MENDED = (
     "twice.obj",
     "nearly_welded.obj",
     "half_turned.obj",
+    "pinched.obj",
+    "shared_edge.obj",
+    "flat_triangle.obj",
     "crossing.obj",
     "unwelded.mesh",
     "partly_inverted.mesh",
