@@ -15,6 +15,8 @@ FLAT_SIMPLEX = 1e-12
 """Measure (length, area, volume) of a simplex, relative to its longest edge to that power, below which it is flat."""
 FLAT_BODY = 1e-12
 """Volume of a closed surface, relative to its area times its diagonal, below which it encloses nothing."""
+LARGE_SURFACE, SAMPLE = 20_000, 500
+"""Triangles of a surface above which crossings are sought in a sample first, and how many it has."""
 MOST_SHELLS = 300
 """Shells of a surface that are looked at for one inside another: with more it takes minutes."""
 
@@ -75,7 +77,19 @@ def shells(triangles: np.ndarray, n: int) -> np.ndarray:
 
 
 def _crossing_message(points: np.ndarray, edges: np.ndarray, faces: np.ndarray, what: str) -> tuple[str, list] | None:
-    """The first crossing of a shape with itself, in words, and all pairs; None where there is none."""
+    """The first crossing of a shape with itself, in words, and all pairs; None where there is none.
+
+    Of a large surface some triangles are looked at first: where everything overlaps everything, pairs do not fit into
+    memory.
+    """
+    if len(faces) > LARGE_SURFACE:
+        some_faces = np.sort(np.random.default_rng(0).choice(len(faces), SAMPLE, replace=False))
+        few = faces[some_faces]
+        pairs = find_crossings(points, edges_of(few), few)
+        if len(pairs):
+            few_edges = edges_of(few)
+            named = [(tuple(few_edges[a].tolist()), int(some_faces[b])) for a, b in pairs]
+            return f"edge {named[0][0]} and triangle {named[0][1]} cross, in a sample of {SAMPLE:,}", named
     pairs = find_crossings(points, edges, faces)
     if len(pairs):
         edge, other = edges[pairs[0, 0]], pairs[0, 1]
