@@ -12,7 +12,7 @@ COPLANAR = 1e-12
 """Volume of a parallelepiped, relative to the product of its edge lengths, below which its corners are coplanar."""
 TOUCHING_DISTANCE = 1e-10
 """Distance, relative to the size of bodies, below which two primitives touch: no barrier is finite there."""
-ROUND_OFF = 1e-15
+LAST_BITS = 1e-15
 """The same, relative to the largest coordinate: a few of its last bits."""
 
 
@@ -79,7 +79,7 @@ def find_touching(
     vertices, lines, triangles = fortran(points, edges, faces)
     mesh = ipctk.CollisionMesh(rest_positions=vertices, edges=lines, faces=triangles)
     size = float(np.linalg.norm(np.ptp(points, axis=0))) if size is None else size
-    tolerance = max(TOUCHING_DISTANCE * size, ROUND_OFF * float(np.abs(points).max()))
+    tolerance = max(TOUCHING_DISTANCE * size, LAST_BITS * float(np.abs(points).max()))
     near = ipctk.NormalCollisions()
     near.build(mesh=mesh, vertices=vertices, dhat=tolerance)
     found = []

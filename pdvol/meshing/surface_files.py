@@ -33,6 +33,7 @@ def read_obj(path: Path) -> tuple[np.ndarray, np.ndarray]:
 
 
 def with_trimesh(path: Path) -> tuple[np.ndarray, np.ndarray]:
+    """Points (n, 3) and triangles of a PLY, OFF or STL file; polygons, which trimesh cuts in fans, by other readers."""
     import trimesh
 
     mesh = trimesh.load_mesh(path, process=False)
