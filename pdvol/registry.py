@@ -174,6 +174,7 @@ COMMANDS = Registry(
         "preview": Entry("pdvol.commands.preview", "simulate level 0 only"),
         "refine": Entry("pdvol.commands.refine", "simulate the finer levels of a stored run"),
         "check": Entry("pdvol.commands.check", "pre-flight: what will be modelled, sizes, and every defect found"),
+        "repair": Entry("pdvol.commands.repair", "mend a mesh into another file: weld, fill, orient, uncross"),
         "hierarchy": Entry("pdvol.commands.hierarchy", "build the levels of one mesh and report their bindings"),
         "info": Entry("pdvol.commands.info", "what a scene will model, or what a run holds"),
         "metrics": Entry(

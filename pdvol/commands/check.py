@@ -45,7 +45,7 @@ def main(options: Namespace) -> int:
         if options.out is not None:
             raise InputError("-o writes the levels of a scene; give one SCENE.py, or leave it out")
         result = check_meshes(options.files)
-        lines = [entry["message"] for entry in result["files"]]
+        lines = [line for entry in result["files"] for line in (entry["message"], *entry["notes"])]
     if options.json is not None:
         _write_json(result, options.json)
     print("\n".join(lines))

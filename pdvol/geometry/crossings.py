@@ -3,7 +3,7 @@ counts) tests here.
 
 Written apart from the solver's contact code, so that it can judge it. In 3D an edge crosses a triangle when its ends
 lie on different sides and its line passes through; in 2D two edges cross. Parallel contact, which has no such crossing,
-is found as a distance below `TOUCHING_DISTANCE` times the diagonal.
+is found as a distance below `TOUCHING_DISTANCE` times the size.
 """
 
 import numpy as np
@@ -11,7 +11,9 @@ import numpy as np
 COPLANAR = 1e-12
 """Volume of a parallelepiped, relative to the product of its edge lengths, below which its corners are coplanar."""
 TOUCHING_DISTANCE = 1e-10
-"""Distance, relative to the bounding box's diagonal, below which two primitives touch: no barrier is finite there."""
+"""Distance, relative to the size of bodies, below which two primitives touch: no barrier is finite there."""
+LAST_BITS = 1e-15
+"""The same, relative to the largest coordinate: a few of its last bits."""
 
 
 def edges_of(faces: np.ndarray) -> np.ndarray:
@@ -63,16 +65,21 @@ def find_crossings(
 
 
 def find_touching(
-    points: np.ndarray, edges: np.ndarray, faces: np.ndarray, groups: np.ndarray | None = None
+    points: np.ndarray,
+    edges: np.ndarray,
+    faces: np.ndarray,
+    groups: np.ndarray | None = None,
+    size: float | None = None,
 ) -> np.ndarray:
     """Pairs of vertices (k, 2) int64, one of each primitive, whose primitives are nearer than `TOUCHING_DISTANCE` times
-    the diagonal.
+    `size` [m] (the diagonal where it is not given), or so near that round-off hides their distance.
     """
     import ipctk
 
     vertices, lines, triangles = fortran(points, edges, faces)
     mesh = ipctk.CollisionMesh(rest_positions=vertices, edges=lines, faces=triangles)
-    tolerance = TOUCHING_DISTANCE * float(np.linalg.norm(np.ptp(points, axis=0)))
+    size = float(np.linalg.norm(np.ptp(points, axis=0))) if size is None else size
+    tolerance = max(TOUCHING_DISTANCE * size, LAST_BITS * float(np.abs(points).max()))
     near = ipctk.NormalCollisions()
     near.build(mesh=mesh, vertices=vertices, dhat=tolerance)
     found = []

@@ -45,15 +45,16 @@ def check_start(level_meshes: Sequence[LevelMesh], obstacles: Sequence[Obstacle]
 
 @dataclass(frozen=True, eq=False)
 class Defect:
-    """Something that crosses, touches or contains another at t = 0.
+    """What stops a run on a level: mostly something that crosses, touches or contains another at t = 0.
 
     Attributes
     ----------
     error : names what is wrong, where, and how to mend it
-    primitives : (k, d) corners [m] of each primitive, two for each pair where two are involved
+    primitives : (k, d) corners [m] of each primitive, two for each pair where two are involved; none if it has no
+        place
     """
 
-    error: IntersectionError
+    error: InputError
     primitives: list[np.ndarray]
 
 
@@ -178,6 +179,8 @@ class _Boundaries:
         self.facets = np.vstack(facets).astype(np.int64)
         self.edges = edges_of(self.facets)
         self.faces = self.facets if mesh.dim == 3 else np.empty((0, 3), dtype=np.int64)
+        boxes = (np.ptp(self.points[self.owner == body], axis=0) for body in np.unique(self.owner[: len(used)]))
+        self.smallest = min(float(np.linalg.norm(box)) for box in boxes)  # of the bodies' diagonals [m]
 
     def _whose(self, vertex: int) -> str:
         return self.names[self.owner[vertex]]
@@ -194,7 +197,7 @@ class _Boundaries:
         if len(pairs):
             yield self._defect(level, "crosses", [(self.edges[a], second[b]) for a, b in pairs])
             return
-        touching = find_touching(self.points, self.edges, self.faces, obstacle)
+        touching = find_touching(self.points, self.edges, self.faces, obstacle, self.smallest)
         if len(touching):
             yield self._defect(level, "touches", [([a], [b]) for a, b in touching])
 

@@ -116,7 +116,7 @@ class LevelModel:
     integrator : its name in the registry
     solver : settings; its tolerance is in m/s
     dt, steps : time step [s], number of steps
-    diagonal : of the scene [m]
+    diagonal : of the smallest free body [m]
     """
 
     level: int
@@ -164,7 +164,7 @@ def level_model(
 
     Parameters
     ----------
-    diagonal : of the scene [m], for relative lengths
+    diagonal : of the smallest free body [m] (`scene_diagonal`), for relative lengths
     obstacles : of the scene (`placed_obstacles`)
     materials : of the level's cells; where not given, as if the level were the coarsest
 
@@ -226,7 +226,7 @@ def contact_models(
     Parameters
     ----------
     bodies : their names
-    diagonal : of the scene [m]
+    diagonal : of the smallest free body [m]
     softest : the lowest Young's modulus [Pa]
     """
     planes, surfaces = ([o.name for o in obstacles if (o.kind == "plane") == flat] for flat in (True, False))

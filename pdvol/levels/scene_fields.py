@@ -1,6 +1,6 @@
 """A scene's functions of space, evaluated on its shapes and meshes: size, velocities at t = 0, chosen points."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -18,13 +18,29 @@ MOTION_SAMPLES = 50  # times of a scene at which its motions are evaluated befor
 
 
 def scene_diagonal(scene: Scene) -> float:
-    """Diagonal [m] of the box around all bodies as placed, by their input shapes: it is the same on every level."""
-    corners = []
+    """Diagonal [m] of the box around the smallest body that moves freely, as placed, by its input shape: it is the same
+    on every level, and does not depend on how far apart bodies are.
+
+    A body that supports hold wholly and for ever does not move freely. Where all are held so, the smallest of them
+    counts.
+    """
+    free: list[float] = []
+    held: list[float] = []
     for body in scene.bodies:
         shape = read_shape(body.shape[-1] if isinstance(body.shape, (tuple, list)) else body.shape)
         points = body.placement(shape.points if isinstance(shape, Outline) else shape.vertices)
-        corners += [points.min(axis=0), points.max(axis=0)]
-    return float(np.linalg.norm(np.max(corners, axis=0) - np.min(corners, axis=0)))
+        diagonal = float(np.linalg.norm(points.max(axis=0) - points.min(axis=0)))
+        (held if _held_for_ever(scene, body.name, points) else free).append(diagonal)
+    return min(free or held)
+
+
+def _held_for_ever(scene: Scene, body: str, points: np.ndarray) -> bool:
+    """Whether supports that never let go hold all points (n, d) of a body."""
+    held = np.zeros(len(points), dtype=bool)
+    for support in scene.supports:
+        if support.body in ("", body) and np.isinf(support.release):
+            held |= _mask(support, support.where, points)
+    return bool(held.all())
 
 
 def initial_velocity(scene: Scene, mesh: LevelMesh) -> np.ndarray:
@@ -43,18 +59,22 @@ def chosen_points(scene: Scene, chooser: Chooser, mesh: LevelMesh) -> np.ndarray
     points = mesh.points
     held = np.ones(len(points), dtype=bool)
     if hasattr(chooser, "where"):
-        what = f"a {type(chooser).__name__.lower()}'s `where`"
-        mask = called(what, chooser.where, (points.copy(),), (len(points),))
-        strange: Sequence | np.ndarray = [] if mask.dtype == bool else mask[~np.isin(mask, (0, 1))]  # NaN or indices
-        require(
-            len(strange) == 0,
-            f"{what} must give True or False a vertex, not {mask.dtype} values such as"
-            f" {strange[0] if len(strange) else 0}",
-        )
-        held = mask.astype(bool)
+        held = _mask(chooser, chooser.where, points)
     if chooser.body:
         held = held & (mesh.point_bodies == [b.name for b in scene.bodies].index(chooser.body))
     return held
+
+
+def _mask(chooser: Chooser, where: Callable, points: np.ndarray) -> np.ndarray:
+    """(n,) bool: the points (n, d) that the `where` of a support or a load chooses."""
+    what = f"a {type(chooser).__name__.lower()}'s `where`"
+    mask = called(what, where, (points.copy(),), (len(points),))
+    strange: Sequence | np.ndarray = [] if mask.dtype == bool else mask[~np.isin(mask, (0, 1))]  # NaN or indices
+    require(
+        len(strange) == 0,
+        f"{what} must give True or False a vertex, not {mask.dtype} values such as {strange[0] if len(strange) else 0}",
+    )
+    return mask.astype(bool)
 
 
 def supported_points(scene: Scene, support: Support, mesh: LevelMesh, level: int) -> np.ndarray:

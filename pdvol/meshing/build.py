@@ -22,16 +22,15 @@ from pdvol.meshing.decimate import decimate
 from pdvol.meshing.readers import read_shape
 from pdvol.meshing.region_labels import Regions, no_regions
 from pdvol.meshing.tetrahedralise import surface_share, tetrahedralise
-from pdvol.meshing.triangulate import boundary_loops, triangulate
+from pdvol.meshing.triangulate import triangulate
 from pdvol.meshing.validate import check_outline, check_solid, check_surface, drop_unused, outline_edges
+from pdvol.meshing.verdict import Boundary, check_place, judge, place_of
 from pdvol.scene import Body, Rigid, Scene
 
 BUILD_VERSION = 1
 """Part of the cache's keys. Increase it by one when the same input gives other meshes: old ones are not used then."""
 Shape: TypeAlias = Outline | Surface | Solid
 AnyShape: TypeAlias = str | Path | Shape
-Boundary: TypeAlias = Surface | list[np.ndarray]
-"""A surface in 3D, closed polygons (k, 2) in 2D."""
 Labels: TypeAlias = Callable[[np.ndarray, np.ndarray], np.ndarray]
 """From points and cells to the region of each cell."""
 _MESHERS = ("pytetwild", "gmsh", "fast-simplification", "libigl")
@@ -94,27 +93,34 @@ def read_obstacle(rigid: Rigid) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 def _body_levels(body: Body, levels: int, folder: Path, shapes: dict[str, list[Solid]]) -> list[Solid]:
     name = f"body {body.name!r}"
     if isinstance(body.shape, (tuple, list)):
-        return [_as_it_is(shape, f"{name}, level {level}") for level, shape in enumerate(body.shape[:levels])]
+        return [_as_it_is(shape, body, f"{name}, level {level}") for level, shape in enumerate(body.shape[:levels])]
     shape = read_shape(body.shape)
+    check_place(body.placement(place_of(shape)), name)
     key = _shape_key(shape, body.vertices)
     done = shapes.setdefault(key, [])
     if len(done) < levels:
-        done[:] = _meshed(shape, body.vertices, levels, folder, key, name)
+        boundary = judge(shape, name)[1]
+        done[:] = _meshed(shape, boundary, body.vertices, levels, folder, key, name)
     return done
 
 
-def _as_it_is(shape: AnyShape, name: str) -> Solid:
+def _as_it_is(shape: AnyShape, body: Body, name: str) -> Solid:
     solid = read_shape(shape)
     if not isinstance(solid, Solid):
         kind = type(solid).__name__.lower()
         raise MeshError(f"{name}: a list of levels needs volume meshes, not a {kind}; or give one shape and vertices=")
-    solid = check_solid(solid, name)
-    _boundary(solid, name)
-    return solid
+    check_place(body.placement(place_of(solid)), name)
+    return judge(solid, name)[0]
 
 
 def _meshed(
-    shape: Shape, targets: Sequence[int] | np.ndarray, levels: int, folder: Path, key: str, name: str
+    shape: Shape,
+    boundary: Boundary,
+    targets: Sequence[int] | np.ndarray,
+    levels: int,
+    folder: Path,
+    key: str,
+    name: str,
 ) -> list[Solid]:
     """The first `levels` meshes of a shape in its own coordinates, from the cache where it has them."""
     # The boundaries are prepared once, and only if the cache lacks some level.
@@ -122,14 +128,14 @@ def _meshed(
 
     def build(level: int) -> dict[str, np.ndarray]:
         if not prepared:
-            prepared.append(_prepare(shape, targets, name))
+            prepared.append(_prepare(shape, boundary, targets, name))
         boundaries, regions_of = prepared[0]
-        boundary = boundaries[level]
+        own = boundaries[level]
         target, what = int(targets[level]), f"{name}, level {level}"
-        if isinstance(boundary, Surface):
-            sized = tetrahedralise(boundary, target, what)
+        if isinstance(own, Surface):
+            sized = tetrahedralise(own, target, what)
         else:
-            sized = triangulate(boundary, target, what)
+            sized = triangulate(own, target, what)
         return {
             "points": sized.points,
             "cells": sized.cells.astype(np.int32),
@@ -143,34 +149,19 @@ def _meshed(
     return solids
 
 
-def _prepare(shape: Shape, targets: Sequence[int] | np.ndarray, name: str) -> tuple[list[Boundary], Labels]:
+def _prepare(
+    shape: Shape, boundary: Boundary, targets: Sequence[int] | np.ndarray, name: str
+) -> tuple[list[Boundary], Labels]:
     """Each level's boundary (Surface, or list of loops), and a function that labels cells with the input's regions."""
-    regions_of: Labels = no_regions
-    boundary: Boundary
-    if isinstance(shape, Solid):
-        solid = check_solid(shape, name)
-        regions_of = Regions(solid)
-        boundary = _boundary(solid, name)
-    elif isinstance(shape, Outline):
-        boundary = [check_outline(shape, name).points]
-    else:
-        boundary = shape
+    regions_of: Labels = Regions(check_solid(shape, name)) if isinstance(shape, Solid) else no_regions
     if isinstance(boundary, list):
         return [boundary] * len(targets), regions_of
-    surface = check_surface(boundary, name)
+    surface = boundary
     boundaries: list[Boundary] = []
     for target in reversed(targets):
         surface = decimate(surface, surface_share(surface, int(target)), name)
         boundaries.insert(0, surface)
     return boundaries, regions_of
-
-
-def _boundary(solid: Solid, name: str) -> Boundary:
-    """The checked boundary of a checked mesh: a surface, or loops with the material on their left."""
-    points, facets = drop_unused(solid.vertices, boundary_facets(solid.cells.astype(np.int64))[0])
-    if facets.shape[1] == 3:
-        return check_surface(Surface(points, facets.astype(np.int32)), f"{name}, boundary")
-    return boundary_loops(points, facets, f"{name}, boundary")
 
 
 def _shape_key(shape: Shape, targets: Sequence[int] | np.ndarray) -> str:

@@ -1,9 +1,10 @@
-"""Reads a file in a forked child process with limits on its time and memory.
+"""Reads a file in a forked child process with limits on its processor time and memory.
 
 Libraries that read meshes may crash, hang or take all memory on a damaged file; only the child process then ends.
 """
 
 import contextlib
+import math
 import os
 import resource
 import select
@@ -18,10 +19,11 @@ import numpy as np
 from pdvol.errors import InputError, MeshError
 from pdvol.processes import die_with_parent
 
-BASE_SECONDS = 6.0  # time limit [s] for a file of no size: leaves time to load a library
-BYTES_PER_SECOND = 1e6  # file size [bytes] that adds one second to the limit: large files take longer to parse
+BASE_SECONDS = 6.0  # limit on processor time [s] for a file of no size: leaves time to load a library
+BYTES_PER_SECOND = 1e6  # file size [bytes] that adds one second to that limit: large files take longer to parse
 BASE_MEMORY = 600 * 2**20  # memory limit [bytes] for a file of no size, beyond what the process already uses
 MEMORY_PER_BYTE = 60  # memory [bytes] that each byte of the file adds to the limit: text is read into Python objects
+IDLE_LOOKS = 120  # looks, one a second, at a child that sleeps and uses no processor: it waits for what never comes
 
 
 def read_in_child_process(path: Path, read: Callable[[Path], dict[str, np.ndarray]]) -> dict[str, np.ndarray]:
@@ -30,7 +32,7 @@ def read_in_child_process(path: Path, read: Callable[[Path], dict[str, np.ndarra
     Raises
     ------
     MeshError
-        `read` crashed, or exceeded the limit on time or memory for a file of this size.
+        `read` crashed, hung, or exceeded the limit on processor time or memory for a file of this size.
     InputError
         As `read` raised it.
     """
@@ -44,18 +46,28 @@ def read_in_child_process(path: Path, read: Callable[[Path], dict[str, np.ndarra
             warnings.simplefilter("ignore", DeprecationWarning)
             child = os.fork()
         if child == 0:
-            _read_and_exit(path, read, answer, memory)
+            _read_and_exit(path, read, answer, seconds, memory)
         os.close(held)
         try:
-            ended = bool(select.select([watched], [], [], seconds)[0])  # the child's end closes with it
-            if not ended:
-                os.kill(child, signal.SIGKILL)
+            idle, before = 0, -1
+            while not select.select([watched], [], [], 1.0)[0]:  # the child's end closes with it
+                spent, sleeps = _processor_ticks(child)
+                idle = idle + 1 if sleeps and spent == before else 0
+                before = spent
+                if idle > IDLE_LOOKS:
+                    os.kill(child, signal.SIGKILL)
+                    break
         finally:
             os.close(watched)
             _, status = os.waitpid(child, 0)
-        if not ended:
-            raise MeshError(f"{path}: not read within {seconds:.0f} s; export the mesh again")
-        if os.waitstatus_to_exitcode(status) == 0:
+        code = os.waitstatus_to_exitcode(status)
+        if code == -signal.SIGXCPU:
+            raise MeshError(f"{path}: not read within {seconds:.0f} s of processor time; export the mesh again")
+        if idle > IDLE_LOOKS:
+            raise MeshError(
+                f"{path}: unreadable, its reader waits for something that never comes; export the mesh again"
+            )
+        if code == 0:
             with np.load(answer, allow_pickle=False) as data:
                 return dict(data)
         written = answer.read_text(encoding="utf-8", errors="replace") if answer.exists() else ""
@@ -65,12 +77,34 @@ def read_in_child_process(path: Path, read: Callable[[Path], dict[str, np.ndarra
         raise MeshError(message or f"{path}: unreadable, its reader crashed; export the mesh again")
 
 
-def _read_and_exit(path: Path, read: Callable, answer: Path, memory: int) -> None:
+def _processor_ticks(process: int) -> tuple[int, bool]:
+    """Processor time [ticks] of a process and those that it has started, and whether all of them sleep."""
+    try:
+        fields = Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()
+        children = Path(f"/proc/{process}/task/{process}/children").read_text().split()
+    except OSError:  # it has just ended, or this is no Linux
+        return 0, False
+    below = [_processor_ticks(int(child)) for child in children]
+    return (
+        int(fields[11]) + int(fields[12]) + sum(ticks for ticks, _ in below),
+        fields[0] == "S" and all(sleeps for _, sleeps in below),
+    )
+
+
+def _read_and_exit(path: Path, read: Callable, answer: Path, seconds: float, memory: int) -> None:
     """Runs in the child process: writes the arrays or the error message to `answer` and exits."""
     code = 1
     try:
         die_with_parent()
-        for number in (signal.SIGSEGV, signal.SIGBUS, signal.SIGFPE, signal.SIGABRT, signal.SIGTERM, signal.SIGINT):
+        for number in (
+            signal.SIGSEGV,
+            signal.SIGBUS,
+            signal.SIGFPE,
+            signal.SIGABRT,
+            signal.SIGTERM,
+            signal.SIGINT,
+            signal.SIGXCPU,
+        ):
             signal.signal(number, signal.SIG_DFL)  # PETSc's handlers would abort all ranks
         used = (
             int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
@@ -79,6 +113,7 @@ def _read_and_exit(path: Path, read: Callable, answer: Path, memory: int) -> Non
         )
         resource.setrlimit(resource.RLIMIT_AS, (used + memory, used + memory))
         resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+        resource.setrlimit(resource.RLIMIT_CPU, (math.ceil(seconds), math.ceil(seconds) + 1))
         try:
             arrays = read(path)
             with open(answer, "wb") as file:

@@ -3,8 +3,8 @@
 The library for each format was chosen by trying all of them. OBJ is read here: meshio refuses files that have more
 normals or texture coordinates than vertices, trimesh and VTK split vertices along texture seams, and libigl aborts the
 process on truncated files. PLY, OFF and STL are read by trimesh, because meshio never returns from a PLY or OFF with a
-truncated header. Any error of a library becomes a message of one line. All reading happens in a child process of
-limited time and memory (`reader_process.py`).
+truncated header. What a file really is, is looked at before (`file_kinds.py`). Any error of a library becomes a message
+of one line. All reading happens in a child process of limited processor time and memory (`reader_process.py`).
 """
 
 import shutil
@@ -18,9 +18,13 @@ import numpy as np
 
 from pdvol.errors import InputError, MeshError
 from pdvol.meshes import Outline, Solid, Surface
+from pdvol.meshing.file_kinds import check_kind, converter
 from pdvol.meshing.mesher_process import run_worker
 from pdvol.meshing.reader_process import BASE_SECONDS, BYTES_PER_SECOND, read_in_child_process
 from pdvol.meshing.suppressed_output import suppressed_output
+from pdvol.meshing.surface_files import QUADRATIC, read_obj, read_off, triangles_of, with_trimesh
+from pdvol.meshing.tetgen_files import PAIR, node_and_ele
+from pdvol.meshing.weld import weld_open
 
 if TYPE_CHECKING:
     import meshio
@@ -46,8 +50,17 @@ Result = TypeVar("Result")
 def read_shape(shape: str | Path | Outline | Surface | Solid) -> Outline | Surface | Solid:
     """The shape as arrays; arrays are passed through.
 
+    See `read_with_notes`, which also says what was done to it.
+    """
+    return read_with_notes(shape)[0]
+
+
+def read_with_notes(shape: str | Path | Outline | Surface | Solid) -> tuple[Outline | Surface | Solid, list[str]]:
+    """The shape as arrays, and a line for each thing that reading has done to it; arrays are passed through.
+
     A file of tetrahedra, or a volume-mesh file of triangles that all lie at one z, becomes a `Solid`, other triangles a
-    `Surface`.
+    `Surface`. Vertices of an open surface that are exactly the same are welded. Quadratic cells are read by their
+    corners.
 
     Raises
     ------
@@ -57,13 +70,14 @@ def read_shape(shape: str | Path | Outline | Surface | Solid) -> Outline | Surfa
         It is unreadable, truncated or empty.
     """
     if isinstance(shape, (Outline, Surface, Solid)):
-        return shape
+        return shape, []
     if not isinstance(shape, (str, Path)):
         raise InputError(f"a shape must be a path, an Outline, a Surface or a Solid, not {type(shape).__name__}")
     path = Path(shape).expanduser()
     suffix = path.suffix.lower()
-    if suffix not in SURFACES + VOLUMES:
-        raise InputError(f"{path}: unknown kind of mesh {suffix!r}; there are {', '.join(SURFACES + VOLUMES)}")
+    if suffix not in SURFACES + VOLUMES + PAIR:
+        known = ", ".join(SURFACES + VOLUMES + PAIR)
+        raise InputError(f"{path}: unknown kind of mesh {suffix!r}; there are {known}{converter(path)}")
     if not path.is_file():
         raise InputError(f"{path}: there is no such file; check the path (the working folder is {Path.cwd()})")
     try:
@@ -73,13 +87,19 @@ def read_shape(shape: str | Path | Outline | Surface | Solid) -> Outline | Surfa
         raise InputError(f"{path}: cannot be opened ({error.strerror}); check its permissions") from error
     if not start:
         raise MeshError(f"{path}: the file is empty; export the mesh again")
-    if suffix != ".obj":  # before the child is forked: its limits on time and memory are for the file alone
+    check_kind(path)
+    if suffix not in (
+        ".obj",
+        *PAIR,
+    ):  # before the child is forked: its limits on time and memory are for the file alone
         import_module("trimesh" if suffix in SURFACES else "meshio")
-    read = read_in_child_process(path, _surface if suffix in SURFACES else _volume)
+    read = read_in_child_process(path, _surface if suffix in SURFACES else _pair if suffix in PAIR else _volume)
     points = np.ascontiguousarray(read["points"], dtype=np.float64)
+    notes = [str(note) for note in read.get("notes", ())]
     if "triangles" in read:
-        return Surface(points, _indices(path, read["triangles"]))
-    return Solid(points, _indices(path, read["cells"]), read["regions"].astype(np.int32))
+        surface, welded = weld_open(Surface(points, _indices(path, read["triangles"])))
+        return surface, notes + welded
+    return Solid(points, _indices(path, read["cells"]), read["regions"].astype(np.int32)), notes
 
 
 def _indices(path: Path, cells: np.ndarray) -> np.ndarray:
@@ -100,6 +120,8 @@ def _attempts(path: Path, readers: Sequence[Callable[[Path], Result]]) -> Result
             raise
         # The libraries raise whatever they like, and meshio calls sys.exit.
         except (Exception, SystemExit) as error:
+            if isinstance(error, MeshError) and str(error).startswith(str(path)):  # what is wrong is known
+                raise
             reasons.append(" ".join(str(error).split()) if not isinstance(error, SystemExit) else "")
     reason = next((r for r in reasons if r), "its contents do not fit its extension")
     raise MeshError(f"{path}: unreadable or truncated ({reason[:160]}); export the mesh again")
@@ -109,56 +131,11 @@ def _attempts(path: Path, readers: Sequence[Callable[[Path], Result]]) -> Result
 
 
 def _surface(path: Path) -> dict[str, np.ndarray]:
-    points, triangles = _attempts(path, (_obj if path.suffix.lower() == ".obj" else _with_trimesh,))
+    readers = {".obj": (read_obj,), ".off": (with_trimesh, read_off)}.get(path.suffix.lower(), (with_trimesh,))
+    points, triangles = _attempts(path, readers)
     if len(triangles) == 0:
         raise MeshError(f"{path}: holds no triangles; export a triangle surface")
     return {"points": np.asarray(points, dtype=np.float64), "triangles": np.asarray(triangles)}
-
-
-def _obj(path: Path) -> tuple[np.ndarray, np.ndarray]:
-    """The `v` and `f` lines of an OBJ file, polygons cut in fans, texture and normal indices left out."""
-    points, triangles = [], []
-    for line in path.read_text(encoding="utf-8", errors="replace").replace("\\\n", " ").splitlines():
-        word, *rest = line.split() or [""]
-        if word == "v":
-            x, y, z = rest[:3]
-            points.append((float(x), float(y), float(z)))
-        elif word == "f":
-            corners = [int(corner.split("/")[0]) for corner in rest]
-            if len(corners) < 3 or 0 in corners:
-                raise ValueError(f"face {line.strip()!r} has no three corners")
-            corners = [c - 1 if c > 0 else len(points) + c for c in corners]
-            triangles += [(corners[0], b, c) for b, c in zip(corners[1:], corners[2:], strict=False)]
-    return np.array(points).reshape(-1, 3), np.array(triangles, dtype=np.int64).reshape(-1, 3)
-
-
-def _with_trimesh(path: Path) -> tuple[np.ndarray, np.ndarray]:
-    import trimesh
-
-    mesh = trimesh.load_mesh(path, process=False)
-    points, triangles = np.asarray(mesh.vertices), np.asarray(mesh.faces)
-    if path.suffix.lower() == ".stl":  # every triangle brings its own corners
-        points, index = np.unique(points, axis=0, return_inverse=True)
-        triangles = index.ravel()[triangles]
-    return points, triangles
-
-
-def _triangles(mesh: "meshio.Mesh") -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Triangles (k, 3), quadrilaterals and polygons cut in fans, and the index of the cell block each comes from with
-    its row there.
-    """
-    triangles, blocks, rows = [], [], []
-    for b, block in enumerate(mesh.cells):
-        data = np.asarray(block.data)
-        if block.type not in ("triangle", "quad", "polygon") or data.ndim != 2 or len(data) == 0:
-            continue
-        for k in range(1, data.shape[1] - 1):
-            triangles.append(data[:, [0, k, k + 1]])
-            blocks.append(np.full(len(data), b))
-            rows.append(np.arange(len(data)))
-    if not triangles:
-        return np.empty((0, 3), dtype=np.int64), np.empty(0, dtype=int), np.empty(0, dtype=int)
-    return np.concatenate(triangles), np.concatenate(blocks), np.concatenate(rows)
 
 
 # ---- volume meshes
@@ -172,12 +149,14 @@ def _volume(path: Path) -> dict[str, np.ndarray]:
         readers.append(_with_vtk)
     mesh = _attempts(path, readers)
     points = np.asarray(mesh.points, dtype=np.float64)
-    tets = [b for b, block in enumerate(mesh.cells) if block.type == "tetra" and len(block.data)]
+    curved = sum(len(block.data) for block in mesh.cells if block.type in QUADRATIC)
+    notes = np.array([f"{curved:,} quadratic cells are read by their corners"] if curved else [], dtype=str)
+    tets = [b for b, block in enumerate(mesh.cells) if block.type in ("tetra", "tetra10") and len(block.data)]
     if tets:
-        cells = np.concatenate([np.asarray(mesh.cells[b].data) for b in tets])
+        cells = np.concatenate([np.asarray(mesh.cells[b].data)[:, :4] for b in tets])
         labels = _regions(mesh, np.concatenate([np.full(len(mesh.cells[b].data), b) for b in tets]), None)
-        return {"points": points, "cells": cells, "regions": labels}
-    triangles, blocks, rows = _triangles(mesh)
+        return {"points": points, "cells": cells, "regions": labels, "notes": notes}
+    triangles, blocks, rows = triangles_of(mesh)
     if len(triangles) == 0:
         kinds = sorted({block.type for block in mesh.cells})
         raise MeshError(
@@ -185,8 +164,12 @@ def _volume(path: Path) -> dict[str, np.ndarray]:
             " the two"
         )
     if points.shape[1] == 2 or np.ptp(points[triangles, 2]) == 0.0:
-        return {"points": points[:, :2], "cells": triangles, "regions": _regions(mesh, blocks, rows)}
-    return {"points": points, "triangles": triangles}
+        return {"points": points[:, :2], "cells": triangles, "regions": _regions(mesh, blocks, rows), "notes": notes}
+    return {"points": points, "triangles": triangles, "notes": notes}
+
+
+def _pair(path: Path) -> dict[str, np.ndarray]:
+    return _attempts(path, (node_and_ele,))
 
 
 def _regions(mesh: "meshio.Mesh", blocks: np.ndarray, rows: np.ndarray | None) -> np.ndarray:
@@ -207,7 +190,23 @@ def _regions(mesh: "meshio.Mesh", blocks: np.ndarray, rows: np.ndarray | None) -
 def _with_meshio(path: Path) -> "meshio.Mesh":
     import meshio
 
+    if path.suffix.lower() == ".vtu":
+        return _vtu_with_meshio(path)
     return meshio.read(path)
+
+
+def _vtu_with_meshio(path: Path) -> "meshio.Mesh":
+    """A VTU file; one whose counts do not fit its arrays is not left to VTK, which would drop what is too much."""
+    import meshio
+
+    try:
+        return meshio.vtu.read(path)
+    except (ValueError, meshio.ReadError) as error:
+        if str(error).startswith("cannot reshape array") or not str(error):  # of points, of cells
+            raise MeshError(
+                f"{path}: unreadable, the counts of points and cells do not fit the arrays; export the mesh again"
+            ) from error
+        raise
 
 
 def _with_meshio_known_sections(path: Path) -> "meshio.Mesh":
@@ -242,8 +241,8 @@ def _with_vtk(path: Path) -> "meshio.Mesh":
         "vtk_worker.py", BASE_SECONDS + path.stat().st_size / BYTES_PER_SECOND, path=np.array(str(path.resolve()))
     )
     labels = {name.removeprefix("label "): values for name, values in read.items() if name.startswith("label ")}
-    blocks = [(kind, read[kind]) for kind in ("tetra", "triangle") if len(read[kind])]
-    starts = {"tetra": 0, "triangle": len(read["tetra"])}
+    blocks = [(kind, read[kind]) for kind in ("tetra", "tetra10", "triangle") if len(read[kind])]
+    starts = {"tetra": 0, "tetra10": len(read["tetra"]), "triangle": len(read["tetra"]) + len(read["tetra10"])}
     data = {
         name: [values[starts[kind] : starts[kind] + len(cells)] for kind, cells in blocks]
         for name, values in labels.items()

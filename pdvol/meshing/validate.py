@@ -9,12 +9,19 @@ from pdvol.errors import IntersectionError, InvertedCellError, MeshError
 from pdvol.geometry.crossings import edges_of, find_crossings, find_touching
 from pdvol.geometry.level_mesh import simplex_volumes
 from pdvol.meshes import Outline, Solid, Surface
+from pdvol.meshing.weld import COINCIDENT, open_edges, seam_vertices
 
 FLAT_SIMPLEX = 1e-12
 """Measure (length, area, volume) of a simplex, relative to its longest edge to that power, below which it is flat."""
+FLAT_BODY = 1e-12
+"""Volume of a closed surface, relative to its area times its diagonal, below which it encloses nothing."""
+LARGE_SURFACE, SAMPLE = 20_000, 500
+"""Triangles of a surface above which crossings are sought in a sample first, and how many it has."""
+MOST_SHELLS = 300
+"""Shells of a surface that are looked at for one inside another: with more it takes minutes."""
 
 
-def _some(indices: np.ndarray, shown: int = 5) -> str:
+def some(indices: np.ndarray, shown: int = 5) -> str:
     """The first few of many indices, for a message."""
     listed = ", ".join(str(tuple(int(k) for k in i) if np.ndim(i) else int(i)) for i in indices[:shown])
     return listed + (f" and {len(indices) - shown} more" if len(indices) > shown else "")
@@ -35,12 +42,12 @@ def _check_arrays(
     outside = np.flatnonzero((cells < 0).any(axis=1) | (cells >= len(points)).any(axis=1))
     if len(outside):
         raise MeshError(
-            f"{name}: {kind} {_some(outside)} use vertices that do not exist (there are {len(points)}); export the mesh"
+            f"{name}: {kind} {some(outside)} use vertices that do not exist (there are {len(points)}); export the mesh"
             " again"
         )
     broken = np.flatnonzero(~np.isfinite(points).all(axis=1))
     if len(broken):
-        raise MeshError(f"{name}: vertices {_some(broken)} have NaN or infinite coordinates; export the mesh again")
+        raise MeshError(f"{name}: vertices {some(broken)} have NaN or infinite coordinates; export the mesh again")
     return points, cells
 
 
@@ -50,10 +57,17 @@ def drop_unused(points: np.ndarray, cells: np.ndarray) -> tuple[np.ndarray, np.n
     return np.ascontiguousarray(points[used]), index.reshape(cells.shape).astype(np.int64)
 
 
-def _duplicates(cells: np.ndarray) -> np.ndarray:
+def repeated(cells: np.ndarray) -> np.ndarray:
     """Indices of the cells that repeat an earlier one."""
     _, first = np.unique(np.sort(cells, axis=1), axis=0, return_index=True)
     return np.setdiff1d(np.arange(len(cells)), first)
+
+
+def simplex_lengths(points: np.ndarray, cells: np.ndarray) -> np.ndarray:
+    """(m,) the longest edge [m] of each simplex."""
+    corners = points[cells]
+    steps = range(1, cells.shape[1] // 2 + 1)
+    return np.max([np.linalg.norm(corners - np.roll(corners, k, axis=1), axis=2).max(axis=1) for k in steps], axis=0)
 
 
 def shells(triangles: np.ndarray, n: int) -> np.ndarray:
@@ -63,7 +77,19 @@ def shells(triangles: np.ndarray, n: int) -> np.ndarray:
 
 
 def _crossing_message(points: np.ndarray, edges: np.ndarray, faces: np.ndarray, what: str) -> tuple[str, list] | None:
-    """The first crossing of a shape with itself, in words, and all pairs; None where there is none."""
+    """The first crossing of a shape with itself, in words, and all pairs; None where there is none.
+
+    Of a large surface some triangles are looked at first: where everything overlaps everything, pairs do not fit into
+    memory.
+    """
+    if len(faces) > LARGE_SURFACE:
+        some_faces = np.sort(np.random.default_rng(0).choice(len(faces), SAMPLE, replace=False))
+        few = faces[some_faces]
+        pairs = find_crossings(points, edges_of(few), few)
+        if len(pairs):
+            few_edges = edges_of(few)
+            named = [(tuple(few_edges[a].tolist()), int(some_faces[b])) for a, b in pairs]
+            return f"edge {named[0][0]} and triangle {named[0][1]} cross, in a sample of {SAMPLE:,}", named
     pairs = find_crossings(points, edges, faces)
     if len(pairs):
         edge, other = edges[pairs[0, 0]], pairs[0, 1]
@@ -84,19 +110,19 @@ def check_manifold(triangles: np.ndarray, n: int, name: str, closed: bool = True
     corners = triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
     edges, which, counts = np.unique(np.sort(corners, axis=1), axis=0, return_inverse=True, return_counts=True)
     if (counts > 2).any():
-        heavy = _some(edges[counts > 2])
+        heavy = some(edges[counts > 2])
         raise MeshError(
             f"{name}: edges {heavy} have more than two triangles (non-manifold); remove the inner or doubled walls"
         )
     if closed and (counts == 1).any():
         raise MeshError(
-            f"{name}: the surface is open along {int((counts == 1).sum())} edges, {_some(edges[counts == 1])}; close"
+            f"{name}: the surface is open along {int((counts == 1).sum())} edges, {some(edges[counts == 1])}; close"
             " the holes"
         )
     turns = np.bincount(which.ravel(), weights=np.where(corners[:, 0] < corners[:, 1], 1, -1))
     mixed = np.flatnonzero((counts == 2) & (turns != 0))
     if len(mixed):
-        seams = _some(edges[mixed])
+        seams = some(edges[mixed])
         raise MeshError(
             f"{name}: triangles disagree on what is outside across edges {seams}; recalculate the normals outward"
         )
@@ -104,7 +130,7 @@ def check_manifold(triangles: np.ndarray, n: int, name: str, closed: bool = True
     pinched = np.intersect1d(np.flatnonzero(~fans), triangles)
     if len(pinched):
         raise MeshError(
-            f"{name}: parts meet in the single vertices {_some(pinched)} (non-manifold); split or merge them there"
+            f"{name}: parts meet in the single vertices {some(pinched)} (non-manifold); split or merge them there"
         )
 
 
@@ -128,27 +154,69 @@ def check_surface(surface: Surface, name: str = "surface", closed: bool = True) 
     points, triangles = _check_arrays(name, surface.vertices, surface.triangles, "triangles", (3,))
     corners = points[triangles]
     areas = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
-    longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
+    longest = simplex_lengths(points, triangles)
     flat = np.flatnonzero(areas <= FLAT_SIMPLEX * longest**2)
     if len(flat):
-        raise MeshError(f"{name}: triangles {_some(flat)} have no area; merge or remove their vertices")
-    doubled = _duplicates(triangles)
+        raise MeshError(f"{name}: triangles {some(flat)} have no area; merge or remove their vertices")
+    doubled = repeated(triangles)
     if len(doubled):
-        raise MeshError(f"{name}: triangles {_some(doubled)} repeat others; remove the duplicates")
+        raise MeshError(f"{name}: triangles {some(doubled)} repeat others; remove the duplicates")
+    seams = seam_vertices(points, triangles) if closed else 0
+    if seams:
+        raise MeshError(
+            f"{name}: weld: {seams} vertices coincide within {COINCIDENT:g} of its size, and the surface is open along"
+            f" {len(open_edges(triangles))} edges; weld them, as pdvol repair does"
+        )
     check_manifold(triangles, len(points), name, closed)
     points, triangles = drop_unused(points, triangles)
-    if (
-        closed
-        and np.einsum("ij,ij->", points[triangles[:, 0]], np.cross(points[triangles[:, 1]], points[triangles[:, 2]]))
-        < 0
-    ):
-        triangles = triangles[:, ::-1]
+    if closed:
+        volume = _signed_volumes(points, triangles).sum()
+        if abs(volume) <= FLAT_BODY * areas.sum() * np.linalg.norm(np.ptp(points, axis=0)):
+            raise MeshError(f"{name}: the surface encloses no volume; give a body with an inside")
+        triangles = triangles[:, ::-1] if volume < 0 else triangles
     found = _crossing_message(points, edges_of(triangles), triangles, "the surface")
     if found:
         raise IntersectionError(
             f"{name}: {found[0]} ({len(found[1])} crossings); repair the self-intersections", found[1]
         )
+    if closed:
+        _check_nested(points, triangles.astype(np.int64), name)
     return Surface(points, np.ascontiguousarray(triangles, dtype=np.int32))
+
+
+def _signed_volumes(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+    """(k,) volume [m^3] of the tetrahedra between each triangle and one of the surface's points."""
+    a, b, c = (points[triangles[:, k]] - points[triangles[0, 0]] for k in range(3))
+    return np.einsum("ij,ij->i", a, np.cross(b, c)) / 6.0
+
+
+def _check_nested(points: np.ndarray, triangles: np.ndarray, name: str) -> None:
+    """Raise IntersectionError where a shell lies inside another one and is no cavity of it, or bounds no body."""
+    owner = shells(triangles, len(points))[triangles[:, 0]]
+    names, first = np.unique(owner, return_index=True)
+    if not 1 < len(names) <= MOST_SHELLS:
+        return
+    volumes = np.bincount(owner, _signed_volumes(points, triangles))
+    places = points[triangles[first, 0]]
+    around = np.zeros(len(names))
+    for shell in names:
+        mine, others = triangles[owner == shell], np.flatnonzero(names != shell)
+        low, high = points[mine].min(axis=(0, 1)), points[mine].max(axis=(0, 1))
+        inside = others[((places[others] > low) & (places[others] < high)).all(axis=1)]
+        if len(inside):
+            corners = np.unique(mine)
+            local = np.searchsorted(corners, mine)
+            winding = igl.winding_number(points[corners], local, np.ascontiguousarray(places[inside]))
+            around[inside] += np.round(winding)
+    for shell, volume, deep in zip(names, volumes[names], around, strict=True):
+        if deep != (volume < 0):
+            vertex = int(triangles[first[shell], 0])
+            what = (
+                "lies inside another one, so that two bodies overlap; remove it, or turn it inward for a cavity"
+                if deep > 0
+                else "faces inward, and lies inside no other; turn it outward"
+            )
+            raise IntersectionError(f"{name}: the shell of vertex {vertex} {what}", [(vertex,)])
 
 
 def check_outline(outline: Outline, name: str = "outline", closed: bool = True) -> Outline:
@@ -173,7 +241,7 @@ def check_outline(outline: Outline, name: str = "outline", closed: bool = True) 
     short = np.flatnonzero(lengths <= FLAT_SIMPLEX * np.linalg.norm(np.ptp(points, axis=0)))
     if len(short):
         mend = "remove the repeated points (the first is not repeated at the end)"
-        raise MeshError(f"{name}: segments {_some(short)} have no length; {mend}")
+        raise MeshError(f"{name}: segments {some(short)} have no length; {mend}")
     found = _crossing_message(points, segments, np.empty((0, 3), dtype=np.int64), "the outline")
     if found:
         raise IntersectionError(f"{name}: {found[0]}; untangle the outline", found[1])
@@ -213,22 +281,19 @@ def check_solid(solid: Solid, name: str = "mesh") -> Solid:
     regions = np.asarray(solid.regions)
     if regions.shape != (len(cells),):
         raise MeshError(f"{name}: {regions.shape} region labels for {len(cells)} cells; give one a cell")
-    doubled = _duplicates(cells)
+    doubled = repeated(cells)
     if len(doubled):
-        raise MeshError(f"{name}: cells {_some(doubled)} repeat others; remove the duplicates")
+        raise MeshError(f"{name}: cells {some(doubled)} repeat others; remove the duplicates")
     volumes = simplex_volumes(points, cells)
-    corners = points[cells]
-    longest = np.max(
-        [np.linalg.norm(corners - np.roll(corners, k, axis=1), axis=2).max(axis=1) for k in range(1, dim)], axis=0
-    )
+    longest = simplex_lengths(points, cells)
     flat = np.flatnonzero(np.abs(volumes) <= FLAT_SIMPLEX * longest**dim)
     if len(flat):
-        raise InvertedCellError(f"{name}: cells {_some(flat)} are flat; mesh the shape again", flat)
+        raise InvertedCellError(f"{name}: cells {some(flat)} are flat; mesh the shape again", flat)
     inverted = np.flatnonzero(volumes < 0)
     if 0 < len(inverted) < len(cells):
         many = f"{len(inverted)} of {len(cells)}"
         raise InvertedCellError(
-            f"{name}: cells {_some(inverted)} are inverted ({many}); renumber or mesh again", inverted
+            f"{name}: cells {some(inverted)} are inverted ({many}); renumber or mesh again", inverted
         )
     if len(inverted):  # another convention of numbering, not a fault of the shape
         cells = cells[:, [1, 0, *range(2, dim + 1)]]

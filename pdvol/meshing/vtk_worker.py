@@ -14,8 +14,12 @@ def main() -> None:
         grid = pyvista.read(str(data["path"])).cast_to_unstructured_grid()
     found: dict[str, Any] = {"points": np.asarray(grid.points)}
     rows = []
-    for name, kind in (("tetra", pyvista.CellType.TETRA), ("triangle", pyvista.CellType.TRIANGLE)):
-        none = np.empty((0, 4 if name == "tetra" else 3), dtype=np.int64)
+    for name, kind, nodes in (
+        ("tetra", pyvista.CellType.TETRA, 4),
+        ("tetra10", pyvista.CellType.QUADRATIC_TETRA, 10),
+        ("triangle", pyvista.CellType.TRIANGLE, 3),
+    ):
+        none = np.empty((0, nodes), dtype=np.int64)
         found[name] = np.asarray(dict(grid.cells_dict).get(np.uint8(kind), none))
         rows.append(np.flatnonzero(grid.celltypes == int(kind)))
     order = np.concatenate(rows)

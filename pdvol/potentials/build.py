@@ -25,7 +25,7 @@ class Surroundings:
     mass : (n_owned, d) [kg]
     elastic, loads, contacts : potentials
     dhat : activation distance [m]
-    diagonal : of the scene [m]
+    diagonal : of the smallest free body [m]
     """
 
     space: LevelSpace

@@ -29,7 +29,7 @@ def density_field(space: LevelSpace, densities: np.ndarray) -> fem.Function:
 
 
 def _assemble(space: LevelSpace, form: ufl.Form) -> np.ndarray:
-    with form_cache(space.comm) as options:
+    with form_cache(space.comm, form) as options:
         compiled = fem.form(form, jit_options=options)
     vector = fem.assemble_vector(compiled)
     vector.scatter_reverse(la.InsertMode.add)

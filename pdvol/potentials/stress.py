@@ -34,9 +34,9 @@ class CauchyStress:
             ufl.as_matrix([[F[i, j] if max(i, j) < d else float(i == j) for j in range(3)] for i in range(3)])
         )
         stress = ufl.diff(term.psi(F, **parameters), F) * F.T / ufl.det(F)
-        with form_cache(self.space.comm) as options:
-            options["cffi_extra_compile_args"] = list(native.FLAGS)
-            self._expression = fem.Expression(stress, np.full((1, d), 1.0 / (d + 1)), jit_options=options)
+        middle = np.full((1, d), 1.0 / (d + 1))
+        with form_cache(self.space.comm, (stress, middle), native.FLAGS) as options:
+            self._expression = fem.Expression(stress, middle, jit_options=options)
 
     def add_to(self, stresses: np.ndarray, positions: np.ndarray) -> None:
         """Writes the stresses (m, 3, 3) of the term's cells at positions (n, d), both in the input's order."""

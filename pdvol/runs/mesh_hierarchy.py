@@ -9,9 +9,13 @@ from pdvol.errors import InputError
 from pdvol.export.vtu import write_vtu
 from pdvol.geometry.level_mesh import LevelMesh
 from pdvol.levels.hierarchy import Hierarchy
+from pdvol.levels.level_check import level_defects
+from pdvol.levels.scene_fields import scene_diagonal
 from pdvol.meshing.build import build_levels
+from pdvol.meshing.readers import read_with_notes
 from pdvol.meshing.tetrahedralise import mean_ratio
 from pdvol.runs.binding_report import binding_lines, draw_bindings
+from pdvol.runs.preflight import shape_notes
 from pdvol.scene import Body, NeoHookean, Scene
 
 
@@ -35,14 +39,19 @@ def write_hierarchy(mesh: Path, targets: tuple[int, ...], out: Path, prolongatio
     InputError
         The mesh cannot be read or meshed, the prolongation is unknown, or `out` cannot be written.
     """
-    scene = Scene(bodies=(Body(mesh, NeoHookean(1e5), targets, name=mesh.stem),), dt=0.01, steps=0)
-    meshes = build_levels(scene)
+    shape, notes = read_with_notes(mesh)
+    scene = Scene(bodies=(Body(shape, NeoHookean(1e5), targets, name=mesh.stem),), dt=0.01, steps=0)
+    notes += shape_notes(scene)
+    meshes, diagonal = build_levels(scene), scene_diagonal(scene)
+    for level, level_mesh in enumerate(meshes):
+        for defect in level_defects(scene, level_mesh, level, (), diagonal):
+            raise defect.error
     try:
         out.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise InputError(f"{out} cannot be written: {error.strerror}") from None
     hierarchy = Hierarchy(meshes, MPI.COMM_SELF, prolongation)
-    lines = []
+    lines = [f"note: {note}" for note in notes]
     for level, level_mesh in enumerate(meshes):
         homes = {"home_cell": hierarchy.prolongation(level).binding.cells} if level else {}
         write_vtu(out / f"level_{level}.vtu", level_mesh, homes)

@@ -53,7 +53,8 @@ class Contact:
     obstacles : sequence of Plane and Rigid
         Their motions give their places at a time t.
     diagonal : float [m], optional
-        What `Relative` lengths and speeds are fractions of; the diagonal of the mesh's box at rest when None.
+        What `Relative` lengths and speeds are fractions of; when None the diagonal of the box around the mesh's
+        smallest connected part, at rest.
 
     Attributes
     ----------
@@ -88,7 +89,8 @@ class Contact:
         self.V, self._space = V, LevelSpace.of(V)
         mesh = self._space.mesh
         if diagonal is None:
-            diagonal = float(np.linalg.norm(np.ptp(mesh.points, axis=0)))
+            parts = (mesh.points[mesh.point_bodies == part] for part in range(int(mesh.bodies.max()) + 1))
+            diagonal = min(float(np.linalg.norm(np.ptp(points, axis=0))) for points in parts)
         positive("Contact.diagonal", diagonal)
         self.dhat, self.kappa = metres(barrier.dhat, diagonal), barrier.stiffness * float(young)
         count = int(mesh.bodies.max()) + 1

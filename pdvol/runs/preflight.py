@@ -22,24 +22,24 @@ from pdvol.export.vtu import write_primitives, write_vtu
 from pdvol.geometry.level_mesh import LevelMesh
 from pdvol.integrate.marches import Start, direct
 from pdvol.integrate.stepper import Stepper
-from pdvol.levels.initial_state import Defect, find_defects, smallest_gap
+from pdvol.levels.initial_state import Defect, smallest_gap
+from pdvol.levels.level_check import level_defects, level_notes
 from pdvol.levels.materials import cell_materials
 from pdvol.levels.model import level_model
 from pdvol.levels.obstacles import placed_obstacles
-from pdvol.levels.scene_fields import check_fields, initial_velocity, scene_diagonal
+from pdvol.levels.scene_fields import initial_velocity, scene_diagonal
 from pdvol.levels.separation import build_apart
 from pdvol.levels.space import LevelSpace
-from pdvol.meshes import Outline, Solid
+from pdvol.meshes import Outline, Solid, Surface
 from pdvol.meshing.build import build_levels
-from pdvol.meshing.readers import read_shape
+from pdvol.meshing.readers import read_with_notes
 from pdvol.meshing.tetrahedralise import mean_ratio
-from pdvol.meshing.validate import check_outline, check_solid, check_surface
+from pdvol.meshing.verdict import POOR_QUALITY, check_place, judge, place_of
 from pdvol.registry import INTEGRATORS
 from pdvol.runs.scene_summary import modelled_terms
 from pdvol.scene import Barrier, Scene, metres
 
 NAMED_CELLS = 5  # worst cells that are listed for each level
-POOR_QUALITY = 0.05  # mean ratio below which a cell makes the linear solver need more iterations
 GAP_RANGE = 10.0  # multiples of dhat: larger gaps do not touch in the first steps and are not searched for
 HIGH_STIFFNESS_RATIO = 1e4  # of Young's moduli: above it the iterative linear solver may fail
 COST_EXPONENT = 1.05  # of the vertices, fitted to benchmarks of 4,000 to 100,000 vertices
@@ -75,6 +75,7 @@ def check_scene(scene: Scene, seconds: float = 3.0, out: Path | None = None) -> 
     try:
         result["modelled"] = modelled_terms(scene)
         obstacles = placed_obstacles(scene.obstacles)
+        result["notes"] += [f"note: {line}" for line in shape_notes(scene)]
         meshes = _build_levels(scene, obstacles, result["notes"])
     except InputError as error:
         return {**result, "defects": [f"defect: {error}"]}
@@ -86,6 +87,7 @@ def check_scene(scene: Scene, seconds: float = 3.0, out: Path | None = None) -> 
     for level, mesh in enumerate(meshes):
         entry, found = _check_level(scene, mesh, level, obstacles, diagonal)
         result["levels"].append(entry)
+        result["notes"] += [f"note: {line}" for line in level_notes(scene, mesh, level, diagonal)]
         result["defects"] += [f"defect at level {level}: {message}" for message in entry["defects"]]
         defects.append(found)
     if out is not None:
@@ -134,25 +136,23 @@ def _check_level(
     defects: list[Defect] = []
     names = [body.name for body in scene.bodies]
     try:
-        check_fields(scene, mesh, level)
+        defects = list(level_defects(scene, mesh, level, obstacles, diagonal))
+        entry["defects"] = [str(d.error) for d in defects]
         speed = float(np.linalg.norm(initial_velocity(scene, mesh), axis=1).max())
         entry["speed"], entry["edges_per_step"] = speed, speed * scene.dt / edge
-        if scene.contact:
-            defects = list(find_defects(level, mesh, obstacles, names))
-            entry["defects"] = [str(d.error) for d in defects]
-            if not defects:
-                dhat = metres(next(c.dhat for c in scene.contact if isinstance(c, Barrier)), diagonal)
-                gap, _ = smallest_gap(mesh, obstacles, names, GAP_RANGE * dhat)
-                if gap is not None:
-                    entry["smallest_gap"] = {
-                        "distance": gap.distance,
-                        "one": gap.one,
-                        "other": gap.other,
-                        "dhats": gap.distance / dhat,
-                    }
-                    entry["near_pairs"] = smallest_gap(mesh, obstacles, names, dhat)[1]
+        if scene.contact and not defects:
+            dhat = metres(next(c.dhat for c in scene.contact if isinstance(c, Barrier)), diagonal)
+            gap, _ = smallest_gap(mesh, obstacles, names, GAP_RANGE * dhat)
+            if gap is not None:
+                entry["smallest_gap"] = {
+                    "distance": gap.distance,
+                    "one": gap.one,
+                    "other": gap.other,
+                    "dhats": gap.distance / dhat,
+                }
+                entry["near_pairs"] = smallest_gap(mesh, obstacles, names, dhat)[1]
     except InputError as error:
-        entry["defects"].append(str(error))
+        entry["defects"] = entry["defects"] or [str(error)]
     return entry, defects
 
 
@@ -246,29 +246,45 @@ def check_meshes(files: Sequence[Path]) -> dict:
     Returns
     -------
     dict
-        `sound`, and `files`: a list of objects with `file`, `sound` and `message`, one line.
+        `sound`, and `files`: a list of objects with `file`, `sound`, `message` (one line) and `notes` (lines).
     """
     entries = []
     for file in files:
         try:
-            entries.append({"file": str(file), "sound": True, "message": _check_mesh(file)})
+            message, notes = _check_mesh(file)
+            entries.append({"file": str(file), "sound": True, "message": message, "notes": notes})
         except InputError as error:
-            entries.append({"file": str(file), "sound": False, "message": f"defect: {error}"})
+            entries.append({"file": str(file), "sound": False, "message": f"defect: {error}", "notes": []})
     return {"sound": all(entry["sound"] for entry in entries), "files": entries}
 
 
-def _check_mesh(file: Path) -> str:
-    shape = read_shape(file)
+def _check_mesh(file: Path) -> tuple[str, list[str]]:
+    read, notes = read_with_notes(file)
+    check_place(place_of(read), str(file))
+    shape, _, found = judge(read, str(file))
+    return f"{file}: {_in_words(shape)}, sound", [f"note: {file}: {note}" for note in notes + found]
+
+
+def _in_words(shape: Outline | Surface | Solid) -> str:
     if isinstance(shape, Outline):
-        check_outline(shape, str(file))
-        return f"{file}: outline of {len(shape.points):,} points, sound"
-    if not isinstance(shape, Solid):
-        check_surface(shape, str(file))
-        return f"{file}: surface of {len(shape.vertices):,} vertices, {len(shape.triangles):,} triangles, sound"
-    solid = check_solid(shape, str(file))
-    quality = mean_ratio(solid.vertices, solid.cells)
+        return f"outline of {len(shape.points):,} points"
+    if isinstance(shape, Surface):
+        return f"surface of {len(shape.vertices):,} vertices, {len(shape.triangles):,} triangles"
+    quality = mean_ratio(shape.vertices, shape.cells)
     worst = ", ".join(f"{c} ({quality[c]:.2f})" for c in np.argsort(quality, kind="stable")[:NAMED_CELLS])
     return (
-        f"{file}: {len(shape.vertices):,} vertices, {len(shape.cells):,} cells, regions"
-        f" {sorted(set(shape.regions.tolist()))}, worst cells (mean ratio) {worst}, sound"
+        f"{len(shape.vertices):,} vertices, {len(shape.cells):,} cells, regions"
+        f" {sorted(set(shape.regions.tolist()))}, worst cells (mean ratio) {worst}"
     )
+
+
+def shape_notes(scene: Scene) -> list[str]:
+    """What is worth knowing of the bodies' shapes, and of how they were read, in lines; InputError as `judge`."""
+    lines = []
+    for body in scene.bodies:
+        for shape in body.shape if isinstance(body.shape, (tuple, list)) else (body.shape,):
+            read, notes = read_with_notes(shape)
+            name = f"body {body.name!r}"
+            check_place(body.placement(place_of(read)), name)
+            lines += [f"{name}: {note}" for note in notes + judge(read, name)[2]]
+    return list(dict.fromkeys(lines))

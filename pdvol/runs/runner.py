@@ -11,10 +11,10 @@ from mpi4py import MPI
 from pdvol.errors import InputError
 from pdvol.geometry.level_mesh import LevelMesh
 from pdvol.levels.hierarchy import Hierarchy
-from pdvol.levels.initial_state import check_start
+from pdvol.levels.level_check import level_defects
 from pdvol.levels.model import hierarchy_model
 from pdvol.levels.obstacles import Geometry, Obstacle, placed_obstacles, read_geometry, stored_obstacles
-from pdvol.levels.scene_fields import check_fields, initial_velocity, scene_diagonal
+from pdvol.levels.scene_fields import initial_velocity, scene_diagonal
 from pdvol.levels.separation import build_apart
 from pdvol.parallel import on_root
 from pdvol.registry import INTERPOLANTS, METHODS
@@ -148,8 +148,8 @@ def _check_request(scene: Scene, out: Path, first: int, last: int, method: str, 
 def _prepare(
     shot: Shot, out: Path, last: int, method: str, prolongation: str
 ) -> tuple[Sequence[LevelMesh], int, list[Geometry], float, list[str]]:
-    """Meshes up to `last`, the number of stored ones among them, obstacles' geometry, the scene's diagonal [m], and the
-    bodies that were set apart. Checked at t = 0.
+    """Meshes up to `last`, the number of stored ones among them, obstacles' geometry, the diagonal [m] of relative
+    lengths, and the bodies that were set apart. Checked at t = 0.
     """
     scene = shot.scene
     stored: list[LevelMesh] = []
@@ -170,11 +170,12 @@ def _prepare(
                 "choose another folder"
             )
         meshes = [*stored, *built[len(stored) :]]
+    # A run goes on with the lengths that it began with.
+    diagonal = run.info["diagonal"] if stored else scene_diagonal(scene)
     for level, mesh in enumerate(meshes):
-        check_fields(scene, mesh, level)
-    if scene.contact:  # without contact bodies may cross
-        check_start(meshes, obstacles, [body.name for body in scene.bodies])
-    return meshes, len(stored), geometry, scene_diagonal(scene), mended
+        for defect in level_defects(scene, mesh, level, obstacles, diagonal):
+            raise defect.error
+    return meshes, len(stored), geometry, diagonal, mended
 
 
 def _same_levels(run: Run, shot: Shot, last: int, method: str, prolongation: str) -> int:

@@ -93,7 +93,7 @@ def modelled_terms(scene: Scene) -> list[str]:
     lines.append(f"levels: {scene.levels}" if scene.levels > 1 else "levels: 1, no prolongation")
     lines.append(
         f"time: {scene.steps} steps of {scene.dt:g} s; Newton tolerance {metres(scene.solver.tolerance, diagonal):.3g}"
-        f" m/s; scene diagonal {diagonal:.4g} m"
+        f" m/s; diagonal of the smallest free body {diagonal:.4g} m"
     )
     return lines
 

@@ -1,7 +1,7 @@
 """The description of a simulation: frozen dataclasses, independent of levels' meshes, solvers and file formats.
 
 Physics that is absent is left out: a scene without `contact` has no barrier, one without a `Friction` no friction.
-Units are SI; lengths marked `Relative` are fractions of the scene's diagonal, so that they mean the same on every level
+Units are SI; lengths marked `Relative` are fractions of the smallest free body's diagonal, the same on every level
 (design, section 5).
 """
 

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 PER_LEVEL = ("vertices", "shape")  # of a body: lists with an entry per level
+PAIRED = (".node", ".ele")  # endings of the two files of one mesh
 SHOWN = 100  # characters of one value in a message
 
 
@@ -39,7 +40,7 @@ def describe(thing: Any) -> Any:
     if isinstance(thing, (str, Path)):
         path = Path(thing)
         if isinstance(thing, Path) or path.suffix:
-            return {"file": path.name, "digest": _digest(path.read_bytes())} if path.is_file() else {"file": path.name}
+            return {"file": path.name, "digest": _digest(_contents(path))} if path.is_file() else {"file": path.name}
         return thing
     if callable(thing):
         return {
@@ -106,6 +107,12 @@ def _entries(values: list) -> bool:
 def _short(value: Any) -> str:
     text = str(value)
     return text if len(text) <= SHOWN else f"{text[: SHOWN - 3]}..."
+
+
+def _contents(path: Path) -> bytes:
+    """The bytes of a file; of both where a mesh is a pair of files."""
+    names = [path.with_suffix(ending) for ending in PAIRED] if path.suffix.lower() in PAIRED else [path]
+    return b"".join(name.read_bytes() for name in names if name.is_file())
 
 
 def _digest(data: bytes) -> str:

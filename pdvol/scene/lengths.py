@@ -1,4 +1,8 @@
-"""Lengths and speeds, absolute or relative to the scene: they mean the same on every level (design, section 5)."""
+"""Lengths and speeds, absolute or relative to the bodies: they mean the same on every level (design, section 5).
+
+The diagonal is that of the smallest body that moves freely (`pdvol.levels.scene_fields.scene_diagonal`), not that of
+all bodies together, which would grow with their distance.
+"""
 
 from dataclasses import dataclass
 from typing import Any
@@ -8,7 +12,7 @@ from pdvol.scene.checks import keep_plain, positive
 
 @dataclass(frozen=True)
 class Relative:
-    """A length (or speed) given as a fraction of the scene's diagonal (per second)."""
+    """A length (or speed) given as a fraction of the smallest free body's diagonal (per second)."""
 
     fraction: float
 
@@ -21,7 +25,7 @@ Length = float | Relative
 
 
 def metres(length: Length, diagonal: float) -> float:
-    """A length in metres (or a speed in m/s), given the scene's diagonal [m]."""
+    """A length in metres (or a speed in m/s), given the diagonal [m] of the smallest free body."""
     return length.fraction * diagonal if isinstance(length, Relative) else float(length)
 
 

@@ -10,6 +10,7 @@ import resource
 import shutil
 import subprocess
 import sys
+import threading
 import time
 import zipfile
 
@@ -163,15 +164,26 @@ def _devour(path):
     return {"points": np.ones(2**28)}
 
 
+def _wait(path):
+    threading.Event().wait()
+
+
 def _crash(path):
     os.abort()
 
 
 @pytest.mark.parametrize(
-    ("work", "told"), [(_hang, "not read within"), (_devour, "wants more memory"), (_crash, "its reader crashed")]
+    ("work", "told"),
+    [
+        (_hang, "not read within"),
+        (_devour, "wants more memory"),
+        (_crash, "its reader crashed"),
+        (_wait, "never comes"),
+    ],
 )
 def test_failures_of_a_reader_become_errors(tmp_path, monkeypatch, work, told):
     monkeypatch.setattr("pdvol.meshing.reader_process.BASE_SECONDS", 0.5)
+    monkeypatch.setattr("pdvol.meshing.reader_process.IDLE_LOOKS", 2)
     path = write(tmp_path / "a.obj", "v 0 0 0\n")
     with pytest.raises(InputError, match=told):
         read_in_child_process(path, work)

@@ -6,10 +6,11 @@ import pytest
 from pdvol import meshes
 from pdvol.errors import InputError, IntersectionError
 from pdvol.geometry.level_mesh import LevelMesh
-from pdvol.levels.initial_state import check_start
+from pdvol.levels.initial_state import check_start, find_defects
 from pdvol.levels.obstacles import placed_obstacles
 from pdvol.meshes import Solid
 from pdvol.scene import Barrier, Body, NeoHookean, Placement, Plane, Rigid, Scene, Translation
+from shapes import box, together
 
 SOFT = NeoHookean(2e5)
 
@@ -127,3 +128,11 @@ def test_planes(dim):
 def test_an_obstacle_mesh_for_each_rigid():
     with pytest.raises(InputError, match="give one for each"):
         placed_obstacles(scene(2, 1, Rigid(shape=meshes.disc())).obstacles, [])
+
+
+def test_what_touches_does_not_depend_on_what_is_far_away():
+    """Two cubes of 1 mm, 1e-7 m apart, and a third one 10 km away."""
+    near = together(box(3, 1, 0.0, 1e-3), box(3, 1, [1.0001e-3, 0.0, 0.0], [2e-3, 1e-3, 1e-3]), box(3, 1, 1e4, 1e4 + 1))
+    assert list(find_defects(0, near, (), ("one", "other", "far"))) == []
+    touching = together(box(3, 1, 0.0, 1e-3), box(3, 1, [1e-3, 0.0, 0.0], [2e-3, 1e-3, 1e-3]), box(3, 1, 1e4, 1e4 + 1))
+    assert len(list(find_defects(0, touching, (), ("one", "other", "far")))) == 1

@@ -1,5 +1,7 @@
 """Each defect of a shape is refused in one line that names its primitives."""
 
+import time
+
 import numpy as np
 import pytest
 
@@ -74,6 +76,20 @@ def test_self_intersections_name_two_triangles_that_cross():
     two = joined(ball(1.0, 1), ball(1.0, 1), shifts=(np.zeros(3), np.array([1.2, 0.1, 0.05])))
     error = refuse(check_surface, two, IntersectionError, r"triangles \d+ and \d+ cross")
     assert len(error.pairs) > 0
+
+
+def test_a_heap_of_overlapping_shells_is_refused_before_all_pairs_are_listed():
+    """30,000 tetrahedra in one place: a billion pairs of boxes overlap."""
+    rng = np.random.default_rng(0)
+    corners = rng.random((30_000, 4, 3))
+    turned = np.linalg.det(corners[:, 1:] - corners[:, :1]) < 0
+    corners[turned, :2] = corners[turned, 1::-1]
+    faces = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]])
+    triangles = (4 * np.arange(len(corners))[:, None, None] + faces).reshape(-1, 3)
+    heap = Surface(corners.reshape(-1, 3), triangles)
+    begin = time.process_time()
+    refuse(check_surface, heap, IntersectionError, "cross, in a sample of 500")
+    assert time.process_time() - begin < 20.0
 
 
 def test_touching_shells_are_refused():

@@ -201,8 +201,7 @@ class _Kernel:
     """
 
     def __init__(self, comm: MPI.Comm, form: ufl.Form):
-        with form_cache(comm) as options:
-            options["cffi_extra_compile_args"] = list(native.FLAGS)
+        with form_cache(comm, form, native.FLAGS) as options:
             compiled, self._module, _ = jit.ffcx_jit(comm, form, jit_options=options)
         self._kernel = compiled.form_integrals[0].tabulate_tensor_float64
         self.function = ffi.cast("void *", int(self._module.ffi.cast("uintptr_t", self._kernel)))

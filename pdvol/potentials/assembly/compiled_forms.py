@@ -1,51 +1,87 @@
-"""Where FFCx keeps the forms that it has compiled, used by one process at a time.
+"""Where FFCx keeps the forms that it has compiled: a folder a form, made aside and renamed.
 
 By itself FFCx lets a process wait for ten seconds while another one compiles the same form, and then fails: on a busy
-machine, or after a process was killed while it compiled. Here processes wait for a lock, however long it takes, and the
-next one removes what a killed one has left unfinished.
+machine, or for ever after a process was killed while it compiled. Here nobody waits. A form that is not yet kept is
+compiled in a folder of the process's own, which then gets the form's name. A folder with such a name is therefore
+whole. Of two processes that compile one form at once, the first one keeps it.
 """
 
-import fcntl
+import contextlib
 import os
-from collections.abc import Iterator
+import shutil
+import sysconfig
+import tempfile
+import time
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import IO, Any
+from typing import Any
 
+import ffcx.naming
+import ffcx.options
+import numpy as np
+import ufl
+from dolfinx import jit
 from mpi4py import MPI
 
 from pdvol.potentials.assembly import native
 
-COMPILING, FINISHED = b"compiling", b"finished "
-"""What the lock file holds, in equally many bytes: from the start of compiling on, and when it is done."""
+ASIDE = "aside-"
+"""How the names of the folders in which processes compile begin."""
+ABANDONED_SECONDS = 86_400.0
+"""Age [s] of such a folder from which on it is that of a killed process. Compiling takes seconds."""
+Expression = tuple[ufl.core.expr.Expr, np.ndarray]
+"""An expression and the points (n, d) of the reference cell at which it is evaluated."""
 
 
 @contextmanager
-def form_cache(comm: MPI.Comm) -> Iterator[dict[str, Any]]:
-    """The options that make FFCx use the folder, for compiling within the `with` block. Collective."""
+def form_cache(comm: MPI.Comm, form: ufl.Form | Expression, flags: Sequence[str] = ()) -> Iterator[dict[str, Any]]:
+    """The options with which dolfinx compiles or loads a form within the `with` block. Collective.
+
+    Parameters
+    ----------
+    form : what is compiled in the block, and nothing else
+    flags : of the C compiler
+    """
+    options: dict[str, Any] = {"cffi_extra_compile_args": list(flags)} if flags else {}
     folder = native.cache_folder() / "forms"
-    options = {"cache_dir": str(folder)}
-    lock = _locked(folder) if comm.rank == 0 else None
-    if lock is None:
-        yield options
-        return
-    with lock:  # closing the file releases the lock
-        if lock.read() != FINISHED:
-            for source in folder.glob("*.c"):
-                if not source.with_name(source.name + ".cached").exists():
-                    source.unlink(missing_ok=True)
-        os.pwrite(lock.fileno(), COMPILING, 0)
-        yield options
-        os.pwrite(lock.fileno(), FINISHED, 0)
+    kept = folder / _name(form, options) if comm.rank == 0 else folder
+    own = (kept if kept.is_dir() else _folder_aside(folder)) if comm.rank == 0 else None
+    used = comm.bcast(own)
+    try:
+        yield {**options, "cache_dir": str(used)}
+        comm.barrier()  # the other ranks load what the first one has compiled
+        if comm.rank == 0 and used != kept:
+            _keep(used, kept)
+    finally:
+        if comm.rank == 0 and used != kept:
+            shutil.rmtree(used, ignore_errors=True)
 
 
-def _locked(folder: Path) -> IO[bytes] | None:
-    """The folder's lock file, locked; None where files cannot be written or locked."""
+def _name(form: ufl.Form | Expression, options: dict[str, Any]) -> str:
+    """A name for a form, how it is compiled, and for which Python."""
+    how = sorted(jit.get_options(options).items()), sorted(ffcx.options.get_options().items())
+    return ffcx.naming.compute_signature([form], f"{how} {sysconfig.get_config_var('SOABI')}")
+
+
+def _folder_aside(folder: Path) -> Path:
+    """A new folder beside the kept ones; among temporary files where these cannot be written."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        descriptor = os.open(folder / "lock", os.O_RDWR | os.O_CREAT, 0o666)
-        lock = os.fdopen(descriptor, "rb+")
-        fcntl.flock(lock, fcntl.LOCK_EX)
-        return lock
+        return Path(tempfile.mkdtemp(prefix=ASIDE, dir=folder))
     except OSError:
-        return None
+        return Path(tempfile.mkdtemp(prefix="pdvol-form-"))
+
+
+def _keep(made: Path, kept: Path) -> None:
+    """Rename a folder with a compiled form, and remove what killed processes have left."""
+    with contextlib.suppress(OSError):  # it is kept already, or lies on another file system
+        for path in made.iterdir():
+            with path.open("rb") as file:
+                os.fsync(file.fileno())  # a machine that stops must not leave a name without its contents
+        made.chmod(0o755)
+        made.rename(kept)
+    with contextlib.suppress(OSError):
+        for left in kept.parent.glob(ASIDE + "*"):
+            if time.time() - left.stat().st_mtime > ABANDONED_SECONDS:
+                shutil.rmtree(left, ignore_errors=True)

@@ -34,7 +34,7 @@ class AdaptiveStiffness:
     others : terms that are no contact
     contacts : terms whose `kappa` is set
     mass : (n_owned, d) [kg]
-    diagonal : of the scene [m]
+    diagonal : of the smallest free body [m]
     """
 
     def __init__(

@@ -1,0 +1,86 @@
+"""What would stop a scene on one level, found before it runs: the same for `pdvol check`, `hierarchy` and `run`."""
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from pdvol.errors import InputError
+from pdvol.geometry.level_mesh import LevelMesh
+from pdvol.levels.initial_state import Defect, find_defects
+from pdvol.levels.obstacles import Obstacle
+from pdvol.levels.scene_fields import check_fields
+from pdvol.scene import Barrier, Scene, metres
+
+MOST_TURN = np.pi
+"""Turn [rad] in a step from which on it cannot be seen which way a body turns."""
+COARSE_TURN = 0.5
+"""Turn [rad] in a step from which on time stepping damps and stretches a body visibly: by (1 + turn^2)^(1/2)."""
+
+
+def level_defects(
+    scene: Scene, mesh: LevelMesh, level: int, obstacles: Sequence[Obstacle], diagonal: float
+) -> Iterator[Defect]:
+    """Everything on a level that stops a run; the first one where others would follow from it.
+
+    Parameters
+    ----------
+    diagonal : of the smallest free body [m] (`scene_diagonal`)
+    """
+    try:
+        check_fields(scene, mesh, level)
+        for body in scene.bodies:
+            turn = _turn(scene, body.spin)
+            if turn >= MOST_TURN:
+                raise InputError(
+                    f"body {body.name!r}: its spin turns it by {turn:.3g} rad in a step of {scene.dt:g} s, which a step"
+                    f" cannot resolve; slow it down, or take dt below {scene.dt * COARSE_TURN / turn:.2g} s"
+                )
+        for barrier in scene.contact:
+            if isinstance(barrier, Barrier):
+                _check_distance(scene, mesh, metres(barrier.dhat, diagonal))
+    except InputError as error:
+        yield Defect(error, [])
+        return
+    if scene.contact:  # without contact bodies may cross
+        yield from find_defects(level, mesh, obstacles, [body.name for body in scene.bodies])
+
+
+def level_notes(scene: Scene, mesh: LevelMesh, level: int, diagonal: float) -> list[str]:
+    """What does not stop a run on a level without `level_defects`, but spoils it: lines."""
+    notes = []
+    for number, body in enumerate(scene.bodies):
+        turn = _turn(scene, body.spin)
+        if turn > COARSE_TURN and level == 0:
+            notes.append(
+                f"body {body.name!r}: its spin turns it by {turn:.2g} rad a step; time stepping damps that"
+                f" (dt = {scene.dt * COARSE_TURN / turn:.2g} s turns it by {COARSE_TURN:g})"
+            )
+        for barrier in scene.contact:
+            if isinstance(barrier, Barrier):
+                dhat, thin = metres(barrier.dhat, diagonal), _sides(mesh, number).min()
+                if dhat >= thin:
+                    notes.append(
+                        f"level {level}: dhat = {dhat:.3g} m is no less than the thickness of body {body.name!r}"
+                        f" ({thin:.3g} m); its own sides may push each other"
+                    )
+    return notes
+
+
+def _check_distance(scene: Scene, mesh: LevelMesh, dhat: float) -> None:
+    for number, body in enumerate(scene.bodies):
+        long = _sides(mesh, number).max()
+        if dhat >= long:
+            raise InputError(
+                f"body {body.name!r}: the contact distance dhat = {dhat:.3g} m is larger than the body ({long:.3g} m);"
+                f" give Barrier(dhat=...) of {1e-3 * long:.1g} m or so"
+            )
+
+
+def _sides(mesh: LevelMesh, body: int) -> np.ndarray:
+    """The sides [m] of the box around a body."""
+    return np.ptp(mesh.points[mesh.point_bodies == body], axis=0)
+
+
+def _turn(scene: Scene, spin: object) -> float:
+    """The angle [rad] by which a spin turns a body in a step."""
+    return float(np.linalg.norm(np.ravel(np.asarray(spin, dtype=float)))) * scene.dt

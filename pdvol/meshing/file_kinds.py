@@ -1,0 +1,129 @@
+"""What a mesh file really is, by its first bytes and its counts, where its name or its header says something else."""
+
+import mmap
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+from pdvol.errors import MeshError
+
+START = 65_536
+"""Bytes of a file that show its kind."""
+KINDS = {
+    ".stl": "an STL",
+    ".ply": "a PLY",
+    ".off": "an OFF",
+    ".obj": "an OBJ",
+    ".msh": "a Gmsh",
+    ".vtk": "a legacy VTK",
+    ".vtu": "a VTU",
+    ".mesh": "a Medit",
+    ".xdmf": "an XDMF",
+}
+_COUNTS = {
+    ".ply": rb"element\s+\w+\s+(-\d+)",
+    ".off": rb"\AOFF\s+(?:#[^\n]*\s+)*(?:\d+\s+){0,2}(-\d+)",
+    ".vtk": rb"\n(?:POINTS|CELLS|CELL_TYPES|POLYGONS)\s+(-\d+)",
+    ".vtu": rb"NumberOf(?:Points|Cells)=\"(-\d+)\"",
+    ".mesh": rb"(?:Vertices|Tetrahedra|Triangles)\s+(-\d+)",
+    ".msh": rb"\$(?:Nodes|Elements)\s+(-\d+)",
+}
+"""Where a count is negative, by the ending of the name."""
+CONVERTERS = {
+    (".glb", ".gltf", ".fbx", ".3ds", ".dae", ".3mf", ".blend"): "assimp export {path} {stem}.obj",
+    (".step", ".stp", ".iges", ".igs", ".brep", ".geo"): "gmsh -3 {path} -format msh22 -o {stem}.msh",
+    (
+        ".inp", ".bdf", ".fem", ".nas", ".cgns", ".e", ".exo", ".ex2", ".f3grid", ".h5m", ".med", ".avs", ".su2",
+        ".ugrid", ".wkt", ".post", ".dat", ".xml",
+    ): "meshio convert {path} {stem}.vtu",
+    (".vtp", ".vtm", ".vtkhdf", ".pvtu"): "meshio convert, or ParaView's File > Save Data, to {stem}.vtu",
+}  # fmt: skip
+"""Command lines that turn files of other kinds into ones that are read."""
+
+
+def converter(path: Path) -> str:
+    """How to convert a file that is not read, as an ending of a message; empty where nothing is known."""
+    line = next((line for endings, line in CONVERTERS.items() if path.suffix.lower() in endings), "")
+    return f"; convert it: {line.format(path=path.name, stem=path.stem)}" if line else ""
+
+
+def check_kind(path: Path) -> None:
+    """Raise MeshError where a file is evidently not what its name says, or promises what it does not hold."""
+    size, suffix = path.stat().st_size, path.suffix.lower()
+    with path.open("rb") as file:
+        start = file.read(START)
+    if start[:2] in (b"\xff\xfe", b"\xfe\xff") or _is_wide(start):
+        raise MeshError(f"{path}: text in UTF-16; export the mesh again, or save the file as UTF-8")
+    kind = _kind(start.removeprefix(b"\xef\xbb\xbf").lstrip(), start, size)
+    if kind == suffix == ".msh" and start.lstrip().startswith(b"$NOD"):
+        raise MeshError(
+            f"{path}: of Gmsh's first format, which is not read; convert it: gmsh {path.name} -save -format msh22 -o"
+            f" {path.stem}_2.msh"
+        )
+    if kind == suffix == ".off" and b"BINARY" in start.split(b"\n", 1)[0]:
+        raise MeshError(f"{path}: a binary OFF file, which is not read; export the mesh as text, or as PLY")
+    if kind and kind != suffix:
+        raise MeshError(
+            f"{path}: {KINDS[kind]} file under the name of {KINDS[suffix]} one; rename it to {path.stem}{kind}"
+        )
+    if start.startswith(b"\xef\xbb\xbf") and suffix != ".obj":
+        raise MeshError(
+            f"{path}: begins with a byte-order mark; export the mesh again, or save it as UTF-8 without one"
+        )
+    if suffix == ".stl" and kind != ".stl" and size >= 84:
+        promised = int.from_bytes(start[80:84], "little")
+        if 84 + 50 * promised > size:
+            raise MeshError(
+                f"{path}: truncated or unreadable, it promises {promised:,} triangles and holds {(size - 84) // 50:,};"
+                " export the mesh again"
+            )
+    if suffix == ".ply" and b"end_header" not in start:
+        raise MeshError(f"{path}: unreadable or truncated (its header has no end); export the mesh again")
+    for count in _negative_counts(path, suffix):
+        raise MeshError(f"{path}: unreadable, it promises a negative count ({count}); export the mesh again")
+
+
+def _is_wide(start: bytes) -> bool:
+    """Whether the bytes are text whose every second byte is zero."""
+    some = start[:400]
+    return len(some) >= 40 and any(
+        not any(some[zero::2]) and all(9 <= byte < 127 for byte in some[1 - zero :: 2]) for zero in (0, 1)
+    )
+
+
+def _kind(text: bytes, start: bytes, size: int) -> str:
+    """The ending that a file of these first bytes should have; empty where they do not show it."""
+    if len(start) >= 84 and 84 + 50 * int.from_bytes(start[80:84], "little") == size:
+        return ".stl"
+    if text.startswith(b"solid") and (b"facet" in text or b"endsolid" in text):
+        return ".stl"
+    if text.startswith((b"<?xml", b"<VTKFile", b"<Xdmf")):
+        return ".vtu" if b"<VTKFile" in text else ".xdmf" if b"<Xdmf" in text else ""
+    beginnings = {
+        ".ply": (b"ply\n", b"ply\r"),
+        ".off": (b"OFF", b"COFF", b"NOFF"),
+        ".msh": (b"$MeshFormat", b"$NOD"),
+        ".vtk": (b"# vtk DataFile",),
+        ".mesh": (b"MeshVersionFormatted",),
+        ".obj": (b"v ", b"mtllib ", b"o ", b"vn ", b"vt "),
+    }
+    return next((kind for kind, words in beginnings.items() if text.startswith(words)), "")
+
+
+def _negative_counts(path: Path, suffix: str) -> Iterator[str]:
+    """The first negative count of a file."""
+    if suffix in _COUNTS:
+        with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as contents:
+            found = re.search(_COUNTS[suffix], contents)
+            if found:
+                yield found.group(1).decode()
+
+
+def promised_faces(path: Path) -> int | None:
+    """Faces that the header of a PLY or OFF file promises; None where it does not say so."""
+    with path.open("rb") as file:
+        start = file.read(START)
+    found = re.search(
+        rb"element\s+face\s+(\d+)" if path.suffix.lower() == ".ply" else rb"\AOFF\s+(?:#[^\n]*\s+)*\d+\s+(\d+)", start
+    )
+    return int(found.group(1)) if found else None

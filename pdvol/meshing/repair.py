@@ -1,0 +1,311 @@
+"""Mends a shape where it can be mended without guessing what was meant, and says each thing that it did.
+
+A surface is welded, rid of what is doubled or has no area, oriented, split where it is not manifold, and its holes are
+filled. What still crosses itself is enclosed by a mesh of fTetWild, whose boundary stays within an envelope of the
+given surface. Nothing here is done by a run: `pdvol repair` asks for it.
+"""
+
+import igl
+import numpy as np
+
+from pdvol.errors import InputError, MeshError
+from pdvol.geometry.level_mesh import boundary_facets, simplex_volumes
+from pdvol.meshes import Outline, Solid, Surface
+from pdvol.meshing.mesher_process import run_worker
+from pdvol.meshing.polygons import MOST_CORNERS, cut_polygons
+from pdvol.meshing.validate import FLAT_SIMPLEX, drop_unused, repeated, shells, simplex_lengths
+from pdvol.meshing.verdict import judge
+from pdvol.meshing.weld import coincident, open_edges
+
+ENVELOPE_EDGE = 0.04
+"""Edge length of fTetWild's mesh in a repair, in diagonals: its boundary keeps to the envelope anyway."""
+MESHER_SECONDS = 100.0
+"""Time [s] that fTetWild may take in a repair."""
+PARTED = 1e-3
+"""Share of its way to its neighbours by which each copy of a split vertex moves: the copies must not touch."""
+MOST_FLIPS = 10
+"""Rounds in which edges are turned against triangles without area; one is enough for polygons cut in fans."""
+
+
+def repair(
+    shape: Outline | Surface | Solid, weld: float, hole: float, envelope: float, name: str
+) -> tuple[Surface | Solid, list[str]]:
+    """The mended shape, and a line for each thing that was done.
+
+    Parameters
+    ----------
+    weld : distance in diagonals up to which vertices are joined
+    hole : length of a hole's rim in diagonals up to which it is filled
+    envelope : distance in diagonals by which the surface may move where it crosses itself; 0: leave crossings
+    name : for messages
+
+    Raises
+    ------
+    MeshError
+        The shape is an outline, is empty, or nothing is left of it.
+    """
+    if isinstance(shape, Outline):
+        raise MeshError(f"{name}: an outline; repair mends surfaces and volume meshes")
+    points = np.asarray(shape.vertices, dtype=np.float64)
+    given = np.asarray(shape.cells if isinstance(shape, Solid) else shape.triangles, dtype=np.int64)
+    if given.size == 0 or points.size == 0:
+        raise MeshError(f"{name}: the mesh is empty; give one with cells")
+    done: list[str] = []
+    inside: np.ndarray = np.all((given >= 0) & (given < len(points)), axis=1)
+    sound = inside & np.isfinite(points[np.where(inside[:, None], given, 0)]).all(axis=(1, 2))
+    _say(done, (~sound).sum(), "{} cells of missing or infinite vertices dropped")
+    if not sound.any():
+        raise MeshError(f"{name}: no cell has all its vertices; export the mesh again")
+    cells, regions = given[sound], shape.regions[sound] if isinstance(shape, Solid) else None
+    unused = len(points) - len(np.unique(cells))
+    points, cells = drop_unused(points, cells)
+    _say(done, unused, "{} unused vertices dropped")
+    points, cells = _weld(points, cells, weld, done)
+    corners = np.sort(cells, axis=1)
+    keep = (np.diff(corners, axis=1) > 0).all(axis=1)
+    _say(done, (~keep).sum(), "{} cells that had lost a corner dropped")
+    cells, regions = cells[keep], None if regions is None else regions[keep]
+    keep = np.ones(len(cells), dtype=bool)
+    keep[repeated(cells)] = False
+    _say(done, (~keep).sum(), "{} doubled cells dropped")
+    cells, regions = cells[keep], None if regions is None else regions[keep]
+    if len(cells) == 0:
+        raise MeshError(f"{name}: nothing is left of it; export the mesh again, or join fewer vertices (--weld)")
+    if regions is not None:
+        return _solid(points, cells, regions, done), done
+    surface = _surface(points, cells, hole, done)
+    return (_enclosed(surface, hole, envelope, name, done) if envelope > 0.0 else surface), done
+
+
+def _say(done: list[str], count: int, line: str) -> None:
+    if count:
+        done.append(line.format(f"{int(count):,}"))
+
+
+def _diagonal(points: np.ndarray) -> float:
+    return float(np.linalg.norm(np.ptp(points, axis=0)))
+
+
+def _weld(points: np.ndarray, cells: np.ndarray, share: float, done: list[str]) -> tuple[np.ndarray, np.ndarray]:
+    first = coincident(points, share * _diagonal(points))
+    _say(done, (first != np.arange(len(first))).sum(), "{} vertices welded to others")
+    return drop_unused(points, first[cells])
+
+
+def _solid(points: np.ndarray, cells: np.ndarray, regions: np.ndarray, done: list[str]) -> Solid:
+    volumes, longest = simplex_volumes(points, cells), simplex_lengths(points, cells)
+    thick = np.abs(volumes) > FLAT_SIMPLEX * longest ** points.shape[1]
+    _say(done, (~thick).sum(), "{} flat cells dropped")
+    cells, regions, volumes = cells[thick], regions[thick], volumes[thick]
+    cells[volumes < 0, :2] = cells[volumes < 0, 1::-1]
+    _say(done, (volumes < 0).sum(), "{} inverted cells turned")
+    points, cells = drop_unused(points, cells)
+    return Solid(points, cells.astype(np.int32), regions.astype(np.int32))
+
+
+def _surface(points: np.ndarray, triangles: np.ndarray, hole: float, done: list[str]) -> Surface:
+    triangles = _without_flat(points, triangles, done)
+    if len(triangles):
+        triangles = _oriented(triangles, done)
+        points, triangles = _split(points, triangles, done)
+        points, triangles = _filled(points, triangles, hole * _diagonal(points), done)
+        points, triangles = drop_unused(points, _outward(points, triangles, done))
+    return Surface(points, triangles.astype(np.int32))
+
+
+def _without_flat(points: np.ndarray, triangles: np.ndarray, done: list[str]) -> np.ndarray:
+    """Triangles without area turned against the neighbour across their longest edge, or dropped."""
+    turned, triangles = 0, triangles.copy()
+    for _ in range(MOST_FLIPS):
+        flat = _flat(points, triangles)
+        touched: set[int] = set()
+        for t in flat:
+            corners = triangles[t]
+            sides = [np.linalg.norm(points[corners[(k + 1) % 3]] - points[corners[(k + 2) % 3]]) for k in range(3)]
+            k = int(np.argmax(sides))
+            b, c, a = corners[k], corners[(k + 1) % 3], corners[(k + 2) % 3]  # b lies on the edge from c to a
+            others = np.flatnonzero(((triangles == a) | (triangles == c)).sum(axis=1) == 2)
+            others = others[others != t]
+            if len(others) == 1 and not touched & {int(t), int(others[0])}:
+                other = triangles[others[0]]
+                d = int(other[(other != a) & (other != c)][0])
+                along = (int(a), int(c)) in {(int(other[i]), int(other[(i + 1) % 3])) for i in range(3)}
+                pair = [(a, b, d), (b, c, d)] if along else [(b, a, d), (c, b, d)]
+                triangles[t], triangles[others[0]] = pair
+                touched |= {int(t), int(others[0])}
+                turned += 1
+        if not touched:
+            break
+    flat = _flat(points, triangles)
+    _say(done, turned, "{} triangles without area joined to their neighbours")
+    _say(done, len(flat), "{} triangles without area dropped")
+    return np.delete(triangles, flat, axis=0)
+
+
+def _flat(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+    corners = points[triangles]
+    areas = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    return np.flatnonzero(areas <= FLAT_SIMPLEX * simplex_lengths(points, triangles) ** 2)
+
+
+def _oriented(triangles: np.ndarray, done: list[str]) -> np.ndarray:
+    """Neighbouring triangles turned the same way; each connected part as most of it is."""
+    turned, part = igl.bfs_orient(np.ascontiguousarray(triangles))[:2]
+    turned = np.asarray(turned, dtype=np.int64)
+    changed = (turned != triangles).any(axis=1)
+    for number in np.unique(part):
+        mine = part == number
+        if changed[mine].sum() > mine.sum() / 2:
+            turned[mine] = turned[mine][:, ::-1]
+            changed[mine] = ~changed[mine]
+    _say(done, changed.sum(), "{} triangles turned to agree with their neighbours")
+    return turned
+
+
+def _split(points: np.ndarray, triangles: np.ndarray, done: list[str]) -> tuple[np.ndarray, np.ndarray]:
+    """Vertices in which parts meet that are not joined by an edge of two triangles, split and moved into each part."""
+    corners = np.sort(triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
+    edges, counts = np.unique(corners, axis=0, return_counts=True)
+    pinched = np.intersect1d(np.flatnonzero(~np.asarray(igl.is_vertex_manifold(triangles))), triangles)
+    pinched = np.union1d(pinched, edges[counts > 2])
+    triangles = triangles.copy()
+    added: list[np.ndarray] = []
+    for v in pinched:
+        fan = np.flatnonzero((triangles == v).any(axis=1))
+        part = _parts_around(triangles[fan], v)
+        names = np.unique(part)
+        for number in names if len(names) > 1 else []:
+            mine = fan[part == number]
+            ring = np.setdiff1d(triangles[mine], [v])
+            around = np.array([added[r - len(points)] if r >= len(points) else points[r] for r in ring])
+            place = points[v] + PARTED * (around.mean(axis=0) - points[v])
+            triangles[mine] = np.where(triangles[mine] == v, len(points) + len(added), triangles[mine])
+            added.append(place)
+    if not added:
+        return points, triangles
+    _say(done, len(added), "{} vertices made of those in which parts met")
+    return drop_unused(np.vstack([points, added]), triangles)
+
+
+def _parts_around(fan: np.ndarray, v: int) -> np.ndarray:
+    """(k,) which triangles at a vertex hang together by edges through it that belong to two of them."""
+    part = np.arange(len(fan))
+    for other in np.setdiff1d(fan, [v]):
+        at = np.flatnonzero((fan == other).any(axis=1))
+        if len(at) == 2:
+            part[part == part[at[0]]] = part[at[1]]
+    return part
+
+
+def _filled(points: np.ndarray, triangles: np.ndarray, most: float, done: list[str]) -> tuple[np.ndarray, np.ndarray]:
+    """Holes whose rim is no longer than `most` [m] covered: by a cut polygon, or by a fan about their middle."""
+    filled, large, covers = 0, 0, [triangles]
+    added: list[np.ndarray] = []
+    for rim in _rims(triangles):
+        if np.linalg.norm(points[rim] - np.roll(points[rim], 1, axis=0), axis=1).sum() > most:
+            large += 1
+            continue
+        filled += 1
+        cover = cut_polygons(points, rim[None])[0] if len(rim) <= MOST_CORNERS else None
+        if cover is None or len(_flat(points, cover)):
+            middle = len(points) + len(added)
+            added.append(points[rim].mean(axis=0))
+            cover = np.column_stack([rim, np.roll(rim, -1), np.full(len(rim), middle)])
+        covers.append(cover)
+    _say(done, filled, "{} holes filled")
+    _say(done, large, "{} holes left open: their rims are longer than --hole allows")
+    return np.vstack([points, *added]) if added else points, np.concatenate(covers)
+
+
+def _rims(triangles: np.ndarray) -> list[np.ndarray]:
+    """The closed loops of open edges, each so directed that a cover agrees with the triangles around it."""
+    sides = triangles[:, [[1, 0], [2, 1], [0, 2]]].reshape(-1, 2)
+    single = {tuple(edge) for edge in np.sort(open_edges(triangles), axis=1).tolist()}
+    following: dict[int, list[int]] = {}
+    for side in sides:
+        a, b = int(side[0]), int(side[1])
+        if (min(a, b), max(a, b)) in single:
+            following.setdefault(a, []).append(b)
+    rims = []
+    while following:
+        path: list[int] = [next(iter(following))]
+        place = {path[0]: 0}
+        while path:
+            ahead = following.get(path[-1])
+            if not ahead:
+                path.pop()  # an edge without a continuation belongs to no loop
+                break
+            b = ahead.pop()
+            if not ahead:
+                del following[path[-1]]
+            if b in place:  # a loop is closed; what led to it goes on
+                loop = path[place[b] :]
+                rims.append(np.array(loop))
+                for v in loop[1:]:
+                    del place[v]
+                path = path[: place[b] + 1]
+                if not following.get(b):
+                    break
+            else:
+                place[b] = len(path)
+                path.append(b)
+    return [rim for rim in rims if len(rim) > 2]
+
+
+def _outward(points: np.ndarray, triangles: np.ndarray, done: list[str]) -> np.ndarray:
+    """Closed shells turned outward; those inside others inward, as cavities."""
+    if len(open_edges(triangles)):
+        return triangles
+    owner = shells(triangles, len(points))[triangles[:, 0]]
+    triangles, turned = triangles.copy(), 0
+    for shell in np.unique(owner):
+        mine, rest = owner == shell, owner != shell
+        corner = points[triangles[mine][0, 0]]
+        a, b, c = (points[triangles[mine, k]] - corner for k in range(3))
+        volume = np.einsum("ij,ij->", a, np.cross(b, c))
+        deep = 0
+        for other in np.unique(owner[rest]):
+            own = np.ascontiguousarray(triangles[owner == other])
+            deep += int(abs(igl.winding_number(points, own, corner[None])[0]) > 0.5)
+        if (volume < 0) != bool(deep % 2):
+            triangles[mine] = triangles[mine][:, ::-1]
+            turned += 1
+    _say(done, turned, "{} shells turned inside out")
+    return triangles
+
+
+def _enclosed(surface: Surface, hole: float, envelope: float, name: str, done: list[str]) -> Surface:
+    """The surface where it is sound; else the boundary of fTetWild's mesh of what it encloses, if that is sound."""
+    try:
+        judge(surface, name)
+        return surface
+    except InputError:
+        pass
+    points = surface.vertices - surface.vertices.mean(axis=0)
+    size = _diagonal(points)
+    try:
+        made = run_worker(
+            "tet_worker.py",
+            MESHER_SECONDS,
+            mesher=np.array("ftetwild"),
+            vertices=points / size,
+            triangles=surface.triangles,
+            edge_length=np.array(ENVELOPE_EDGE),
+            epsilon=np.array(envelope),
+        )
+        cells = made["cells"].astype(np.int64)
+        inverted = simplex_volumes(made["points"], cells) < 0
+        cells[inverted, :2] = cells[inverted, 1::-1]
+        facets = boundary_facets(cells)[0]
+        found, steps = drop_unused(made["points"] * size + surface.vertices.mean(axis=0), facets), list[str]()
+        enclosed = _surface(*found, hole, steps)
+        judge(enclosed, name)
+    except InputError as error:
+        done.append(f"no envelope found that mends the rest ({error})")
+        return surface
+    done.append(
+        f"meshed anew: the boundary of what it encloses, moved by up to {envelope:g} of its size"
+        f" ({len(surface.triangles):,} triangles became {len(enclosed.triangles):,})"
+    )
+    done += [f"of the new boundary, {step}" for step in steps]
+    return enclosed

@@ -1,0 +1,92 @@
+"""Triangles from files of surfaces, and from the blocks of meshio; polygons are cut."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pdvol.meshing.file_kinds import promised_faces
+from pdvol.meshing.polygons import cut_faces, cut_polygons
+
+if TYPE_CHECKING:
+    import meshio
+
+QUADRATIC = {"triangle6": 3, "tetra10": 4}
+"""Quadratic cells, and how many of their nodes are corners; these come first."""
+
+
+def read_obj(path: Path) -> tuple[np.ndarray, np.ndarray]:
+    """The `v` and `f` lines of an OBJ file, polygons cut, texture and normal indices left out."""
+    points, faces = [], []
+    for line in path.read_text(encoding="utf-8-sig", errors="replace").replace("\\\n", " ").splitlines():
+        word, *rest = line.split() or [""]
+        if word == "v":
+            x, y, z = rest[:3]
+            points.append((float(x), float(y), float(z)))
+        elif word == "f":
+            corners = [int(corner.split("/")[0]) for corner in rest]
+            if len(corners) < 3 or 0 in corners:
+                raise ValueError(f"face {line.strip()!r} has no three corners")
+            faces.append([c - 1 if c > 0 else len(points) + c for c in corners])
+    places = np.array(points).reshape(-1, 3)
+    return places, cut_faces(places, faces)
+
+
+def with_trimesh(path: Path) -> tuple[np.ndarray, np.ndarray]:
+    """Points (n, 3) and triangles of a PLY, OFF or STL file; polygons, which trimesh cuts in fans, by other readers."""
+    import trimesh
+
+    mesh = trimesh.load_mesh(path, process=False)
+    points, triangles = np.asarray(mesh.vertices), np.asarray(mesh.faces)
+    if path.suffix.lower() == ".stl":  # every triangle brings its own corners
+        points, index = np.unique(points, axis=0, return_inverse=True)
+        triangles = index.ravel()[triangles]
+    promised = promised_faces(path) if path.suffix.lower() in (".ply", ".off") else None
+    if promised is not None and promised < len(triangles):  # polygons, which trimesh has cut in fans
+        return read_off(path) if path.suffix.lower() == ".off" else _polygons_of_ply(path)
+    return points, triangles
+
+
+def read_off(path: Path) -> tuple[np.ndarray, np.ndarray]:
+    """An OFF file of polygons."""
+    lines = (line.partition("#")[0].split() for line in path.read_text(errors="replace").splitlines())
+    words = [line for line in lines if line]
+    header = words.pop(0)[1:] or words.pop(0)
+    n, m = int(header[0]), int(header[1])
+    if len(words) < n + m:
+        raise ValueError(f"{n} vertices and {m} faces promised, {len(words)} lines found")
+    points = np.array([[float(x) for x in line[:3]] for line in words[:n]]).reshape(-1, 3)
+    faces = [[int(c) for c in line[1 : int(line[0]) + 1]] for line in words[n : n + m]]
+    if any(not 0 <= c < n for face in faces for c in face):
+        raise IndexError(f"a face has an index beyond the {n} vertices")
+    return points, cut_faces(points, faces)
+
+
+def _polygons_of_ply(path: Path) -> tuple[np.ndarray, np.ndarray]:
+    """A PLY file of polygons, whose header is whole."""
+    import meshio
+
+    mesh = meshio.read(path)
+    return np.asarray(mesh.points), triangles_of(mesh)[0]
+
+
+def triangles_of(mesh: "meshio.Mesh") -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Triangles (k, 3), quadrilaterals and polygons cut, and the index of the cell block each comes from with its row
+    there.
+    """
+    triangles, blocks, rows = [], [], []
+    for b, block in enumerate(mesh.cells):
+        data = np.asarray(block.data)
+        if block.type in QUADRATIC:
+            data = data[:, : QUADRATIC[block.type]]
+        elif block.type not in ("triangle", "quad", "polygon"):
+            continue
+        if data.ndim != 2 or len(data) == 0 or block.type == "tetra10":
+            continue
+        cut = cut_polygons(np.asarray(mesh.points, dtype=np.float64), data)
+        triangles.append(cut.swapaxes(0, 1).reshape(-1, 3))
+        blocks.append(np.full(len(triangles[-1]), b))
+        rows.append(np.tile(np.arange(len(data)), cut.shape[1]))
+    if not triangles:
+        return np.empty((0, 3), dtype=np.int64), np.empty(0, dtype=int), np.empty(0, dtype=int)
+    return np.concatenate(triangles), np.concatenate(blocks), np.concatenate(rows)

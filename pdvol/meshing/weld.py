@@ -1,0 +1,61 @@
+"""Vertices at one place, made one: of a surface's seams, which many exporters leave open."""
+
+import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
+
+from pdvol.meshes import Surface
+
+COINCIDENT = 1e-8
+"""Distance, relative to the diagonal, up to which two vertices count as one: round-off of an export in text."""
+
+
+def open_edges(triangles: np.ndarray) -> np.ndarray:
+    """Edges (e, 2) that belong to one triangle only."""
+    corners = np.sort(triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
+    edges, counts = np.unique(corners, axis=0, return_counts=True)
+    return edges[counts == 1]
+
+
+def coincident(points: np.ndarray, distance: float) -> np.ndarray:
+    """(n,) for each point the first one at its place: nearer than `distance` [m], also over others between."""
+    if distance == 0.0:
+        _, first, index = np.unique(points, axis=0, return_index=True, return_inverse=True)
+        return first[index.ravel()]
+    pairs = cKDTree(points).query_pairs(distance, output_type="ndarray")
+    n = len(points)
+    group = connected_components(coo_array((np.ones(len(pairs)), pairs.T), shape=(n, n)), directed=False)[1]
+    _, first = np.unique(group, return_index=True)
+    return first[group]
+
+
+def seam_vertices(points: np.ndarray, triangles: np.ndarray) -> int:
+    """Number of vertices of open edges that coincide with another one within `COINCIDENT`."""
+    at_seams = np.unique(open_edges(triangles))
+    if len(at_seams) == 0:
+        return 0
+    size = float(np.linalg.norm(np.ptp(points[triangles.ravel()], axis=0)))
+    _, counts = np.unique(coincident(points[at_seams], COINCIDENT * size), return_counts=True)
+    return int(counts[counts > 1].sum())
+
+
+def weld_open(surface: Surface) -> tuple[Surface, list[str]]:
+    """An open surface with its exact duplicates of vertices welded, and a line that says so; others as they are.
+
+    Vertices keep their order. Triangles that lose a corner by it are kept, for `check_surface` to name.
+    """
+    points, triangles = surface.vertices, surface.triangles
+    sound = len(triangles) and triangles.min() >= 0 and triangles.max() < len(points) and np.isfinite(points).all()
+    if not sound or len(open_edges(triangles)) == 0:
+        return surface, []
+    first = coincident(points, 0.0)
+    if (first == np.arange(len(points))).all():
+        return surface, []
+    kept, index = np.unique(first, return_inverse=True)
+    welded = index.ravel()[triangles].astype(np.int32)
+    if len(open_edges(welded)) >= len(open_edges(triangles)):
+        return surface, []
+    lost = len(points) - len(kept)
+    note = f"{lost:,} vertices repeat others exactly and are welded"
+    return Surface(np.ascontiguousarray(points[kept]), welded), [note]
