@@ -12,7 +12,7 @@ import numpy as np
 
 STOP_ENERGY = 30.0
 """AMIPS energy of the worst cell at which fTetWild stops: 3 divided by the mean ratio, so 0.1. Its default of 10 takes
-two to five times as long and adds vertices at every sharp edge.
+up to four times as long and adds vertices at sharp edges.
 """
 
 
