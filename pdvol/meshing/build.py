@@ -2,13 +2,16 @@
 result.
 
 The finest level's surface is decimated from the input's, each coarser one from the next finer one (paper, section
-3.3.1). Meshes are kept in the shape's own coordinates, so that one shape placed many times, or moved, is meshed once.
+3.3.1). All have the input's volume. Meshes are kept in the shape's own coordinates, so that one shape placed many
+times, or moved, is meshed once.
 """
 
 from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
+from threading import Lock
 from typing import TypeAlias
 
 import numpy as np
@@ -21,19 +24,25 @@ from pdvol.meshing import cache as mesh_cache
 from pdvol.meshing.decimate import decimate
 from pdvol.meshing.readers import read_shape
 from pdvol.meshing.region_labels import Regions, no_regions
-from pdvol.meshing.tetrahedralise import surface_share, tetrahedralise
+from pdvol.meshing.tetrahedralise import measure, surface_share, tetrahedralise
 from pdvol.meshing.triangulate import triangulate
 from pdvol.meshing.validate import check_outline, check_solid, check_surface, drop_unused, outline_edges
 from pdvol.meshing.verdict import Boundary, check_place, judge, place_of
 from pdvol.scene import Body, Rigid, Scene
 
-BUILD_VERSION = 1
+BUILD_VERSION = 2
 """Part of the cache's keys. Increase it by one when the same input gives other meshes: old ones are not used then."""
 Shape: TypeAlias = Outline | Surface | Solid
 AnyShape: TypeAlias = str | Path | Shape
 Labels: TypeAlias = Callable[[np.ndarray, np.ndarray], np.ndarray]
 """From points and cells to the region of each cell."""
-_MESHERS = ("pytetwild", "gmsh", "fast-simplification", "libigl")
+_LIBRARIES = ("pytetwild", "tetgen", "gmsh", "fast-simplification", "libigl", "numpy", "scipy")
+SIDE_BY_SIDE = 2
+"""Number of levels of a body that are made at once; each takes one core."""
+SPARE_VERTICES = 1.5
+"""Vertices of the surface that a level is decimated from, relative to the number expected on its boundary: the search
+for a level's count takes from none to a third of them away.
+"""
 
 
 def build_levels(scene: Scene, count: int | None = None, cache: Path | None = None) -> tuple[LevelMesh, ...]:
@@ -124,16 +133,20 @@ def _meshed(
 ) -> list[Solid]:
     """The first `levels` meshes of a shape in its own coordinates, from the cache where it has them."""
     # The boundaries are prepared once, and only if the cache lacks some level.
-    prepared: list[tuple[list[Boundary], Labels]] = []
+    prepared = Lock()
+    boundaries: list[Boundary] = []
+    regions_of: Labels = no_regions
 
     def build(level: int) -> dict[str, np.ndarray]:
-        if not prepared:
-            prepared.append(_prepare(shape, boundary, targets, name))
-        boundaries, regions_of = prepared[0]
+        nonlocal regions_of
+        with prepared:
+            if not boundaries:
+                found, regions_of = _prepare(shape, boundary, targets, name)
+                boundaries.extend(found)
         own = boundaries[level]
         target, what = int(targets[level]), f"{name}, level {level}"
         if isinstance(own, Surface):
-            sized = tetrahedralise(own, target, what)
+            sized = tetrahedralise(own, target, what, volume=measure(boundaries[-1])[0])
         else:
             sized = triangulate(own, target, what)
         return {
@@ -142,11 +155,16 @@ def _meshed(
             "regions": regions_of(sized.points, sized.cells),
         }
 
-    solids = []
-    for level in range(levels):
+    def fetch(level: int) -> Solid:
         arrays = mesh_cache.fetch(folder, f"{key}-{level}", partial(build, level))
-        solids.append(Solid(arrays["points"], arrays["cells"], arrays["regions"]))
-    return solids
+        return Solid(arrays["points"], arrays["cells"], arrays["regions"])
+
+    # The meshers are processes of their own: levels are made side by side. Of several failures the coarsest is raised.
+    pool = ThreadPoolExecutor(SIDE_BY_SIDE)
+    try:
+        return list(pool.map(fetch, range(levels)))
+    finally:
+        pool.shutdown(cancel_futures=True)
 
 
 def _prepare(
@@ -156,17 +174,16 @@ def _prepare(
     regions_of: Labels = Regions(check_solid(shape, name)) if isinstance(shape, Solid) else no_regions
     if isinstance(boundary, list):
         return [boundary] * len(targets), regions_of
-    surface = boundary
-    boundaries: list[Boundary] = []
-    for target in reversed(targets):
-        surface = decimate(surface, surface_share(surface, int(target)), name)
-        boundaries.insert(0, surface)
+    boundaries: list[Boundary] = [boundary]
+    for target in reversed(targets[:-1]):
+        boundary = decimate(boundary, int(SPARE_VERTICES * surface_share(boundary, int(target))), name)
+        boundaries.insert(0, boundary)
     return boundaries, regions_of
 
 
 def _shape_key(shape: Shape, targets: Sequence[int] | np.ndarray) -> str:
     versions = []
-    for package in _MESHERS:
+    for package in _LIBRARIES:
         try:
             versions.append(f"{package} {version(package)}")
         except PackageNotFoundError:

@@ -1,6 +1,6 @@
 """The edge length for a wanted number of vertices.
 
-`edge_length` predicts it for nearly equilateral simplices; `mesh_of_target_size` corrects it by meshing repeatedly.
+`edge_length` predicts it for nearly equilateral simplices; `mesh_of_target_size` corrects it by meshing a few times.
 """
 
 from collections.abc import Callable
@@ -10,15 +10,23 @@ import numpy as np
 from scipy.optimize import brentq
 
 from pdvol.errors import InputError, MeshError
+from pdvol.meshing.mesher_process import MesherStopped
 
 AIMED_DEVIATION = 0.15
 """Relative deviation of the number of vertices from the target at which the search ends at once."""
 ACCEPTED_DEVIATION = 0.25
 """Relative deviation at which a mesh is accepted after `ATTEMPTS_BEFORE_ACCEPTING` attempts; beyond it, never."""
-MAX_ATTEMPTS = 10
-"""Number of meshes after which the search gives up: each may take minutes."""
-ATTEMPTS_BEFORE_ACCEPTING = 4
+MAX_ATTEMPTS = 6
+"""Number of meshes after which the search gives up."""
+ATTEMPTS_BEFORE_ACCEPTING = 2
 """Number of meshes after which the search ends with one within `ACCEPTED_DEVIATION`."""
+FINER = 0.94
+"""Factor on the edge length after a mesh that is not valid: about 15 % more vertices, which still suits the target."""
+
+BASE_CPU_SECONDS = 30.0
+"""Processor time [s] that one call of a mesher may use, whatever the target: 20 times what a coarse mesh takes."""
+CPU_SECONDS_PER_VERTEX = 0.02
+"""Processor time [s] that one call of a mesher may use per vertex of the target: two to ten times what is measured."""
 
 History = list[tuple[float, float]]
 """Per mesh made: logarithms of its scale, and of its number of vertices relative to the target."""
@@ -77,6 +85,7 @@ def mesh_of_target_size(
     ------
     MeshError
         No mesh came within `ACCEPTED_DEVIATION` of the target. The message has the closest count or the last failure.
+        A mesher that crashed or ran out of processor time is not called again.
     """
     best: tuple[float, SizedMesh] | None = None
     reason, failures = "", 0
@@ -84,10 +93,15 @@ def mesh_of_target_size(
     for tried in range(1, MAX_ATTEMPTS + 1):
         try:
             points, cells = make(scale, failures)
+        except MesherStopped as error:
+            raise MeshError(
+                f"{name}: no mesh of about {target} vertices: {error}; ask for another number of vertices or clean the"
+                " surface"
+            ) from None
         except InputError as error:
             reason, failures = str(error), failures + 1
             history.clear()  # the next mesh is made differently: counts do not compare
-            scale *= 0.93
+            scale *= FINER
             continue
         off = np.log(len(points) / target)
         history.append((np.log(scale), off))
@@ -96,8 +110,6 @@ def mesh_of_target_size(
         share = abs(len(best[1].points) / target - 1.0)
         if share <= AIMED_DEVIATION or (share <= ACCEPTED_DEVIATION and tried >= ATTEMPTS_BEFORE_ACCEPTING):
             return best[1]
-        if _count_stagnates(history):
-            break
         scale = float(np.exp(_next_log_scale(history, dim)))
     if best is None:
         raise MeshError(
@@ -105,21 +117,7 @@ def mesh_of_target_size(
             " vertices"
         )
     n = len(best[1].points)
-    if abs(n / target - 1.0) <= ACCEPTED_DEVIATION:
-        return best[1]
     raise MeshError(f"{name}: {target} vertices cannot be had, the closest mesh has {n}; ask for about {n} instead")
-
-
-def _count_stagnates(history: History) -> bool:
-    """Whether a much longer edge hardly reduced a number of vertices that is too high.
-
-    Features of the shape then set the number, and meshing takes longer and longer.
-    """
-    last = history[-3:]
-    if len(last) < 3 or min(f for _, f in last) <= np.log(1.0 + ACCEPTED_DEVIATION):
-        return False
-    (a, fa), (b, fb) = last[0], last[-1]
-    return b - a > 0.4 and fa - fb < 0.15 * (b - a)
 
 
 def _next_log_scale(history: History, dim: int) -> float:
@@ -127,12 +125,13 @@ def _next_log_scale(history: History, dim: int) -> float:
     over = [p for p in history if p[1] > 0]
     under = [p for p in history if p[1] <= 0]
     if over and under:
-        (a, fa), (b, fb) = min(over, key=lambda p: p[1]), max(under, key=lambda p: p[1])
-        share = np.clip(fa / (fa - fb), 0.15, 0.85)
-        return a + share * (b - a)
+        # The last change of side: counts jump a little, and the same scale must not be tried again.
+        a, fa = max(over)
+        b, fb = min((p for p in under if p[0] > a), default=max(under, key=lambda p: p[1]))
+        return a + np.clip(fa / (fa - fb), 0.15, 0.85) * (b - a)
     # A little below the dimension: part of the vertices lie on the boundary.
     slope = dim - 0.4
     if len(history) > 1 and history[-1][0] != history[-2][0]:
-        slope = np.clip(-(history[-1][1] - history[-2][1]) / (history[-1][0] - history[-2][0]), 0.5, dim)
+        slope = np.clip(-(history[-1][1] - history[-2][1]) / (history[-1][0] - history[-2][0]), 1.0, dim)
     x, f = history[-1]
     return x + float(np.clip(f / slope, -1.2, 1.2))

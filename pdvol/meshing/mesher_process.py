@@ -3,18 +3,26 @@
 A mesher that crashes, hangs or prints, and the libraries that it loads, then do not affect the solver's process.
 """
 
+import math
+import resource
 import shutil
+import signal
 import subprocess
 import sys
 import tempfile
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from pdvol.errors import MeshError
+from pdvol.errors import InputError, MeshError
 from pdvol.processes import die_with_parent, without_launcher
+
+
+class MesherStopped(MeshError):
+    """A mesher's process crashed or ran out of processor time: the same input would end in the same way."""
+
 
 # C source of a std::random_device that returns the same linear congruential sequence in every process. fTetWild
 # shuffles with a std::mt19937 that std::random_device seeds, so without it the same input would give a different mesh
@@ -33,29 +41,42 @@ unsigned int _ZNSt13random_device9_M_getvalEv(void *self)
 def _seeded_random_device() -> bytes:
     """The shared library compiled from `_SEEDED_RANDOM_DEVICE`.
 
-    Empty without a C compiler or outside Linux; fTetWild's meshes then differ from build to build.
+    Raises
+    ------
+    InputError
+        There is no C compiler, or it fails: without the library no mesh of fTetWild could be made a second time.
     """
     compiler = shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
-    if compiler is None or not sys.platform.startswith("linux"):
-        return b""
-    try:
-        with tempfile.TemporaryDirectory(prefix="pdvol-compile-") as folder:
-            source, library = Path(folder) / "fixed_random.c", Path(folder) / "fixed_random.so"
-            source.write_text(_SEEDED_RANDOM_DEVICE)
-            command = [compiler, "-shared", "-fPIC", "-O1", "-o", str(library), str(source)]
-            done = subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, timeout=60)
-            return b"" if done.returncode else library.read_bytes()
-    except (OSError, subprocess.SubprocessError):
-        return b""
+    if compiler is None:
+        raise InputError(
+            "no C compiler: tetrahedral meshes would differ from day to day; install gcc (FFCx needs it too)"
+        )
+    with tempfile.TemporaryDirectory(prefix="pdvol-compile-") as folder:
+        source, library = Path(folder) / "fixed_random.c", Path(folder) / "fixed_random.so"
+        source.write_text(_SEEDED_RANDOM_DEVICE)
+        command = [compiler, "-shared", "-fPIC", "-O1", "-o", str(library), str(source)]
+        try:
+            subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, check=True)
+        except (OSError, subprocess.CalledProcessError) as error:
+            raise InputError(f"the C compiler {compiler} failed: {error}; mend it (FFCx needs it too)") from None
+        return library.read_bytes()
 
 
-def run_worker(script: str, timeout: float, **arrays: np.ndarray) -> dict[str, np.ndarray]:
+def _limited(limit: int) -> None:
+    """In the child: end with pdvol, and by SIGXCPU after `limit` seconds of processor time."""
+    die_with_parent()
+    resource.setrlimit(resource.RLIMIT_CPU, (limit, limit + 5))
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+
+
+def run_worker(script: str, cpu_seconds: float, seeded: bool = False, **arrays: np.ndarray) -> dict[str, np.ndarray]:
     """Run `script` (a file beside this one) with `arrays` as its input and return its output.
 
     Parameters
     ----------
     script : file name, for example "gmsh_worker.py"; called with the paths of an input and an output npz file
-    timeout : time limit [s], after which the process is killed
+    cpu_seconds : processor time [s] that the process may use. How busy the machine is does not matter to it.
+    seeded : whether `std::random_device` gives the same numbers in every process
     arrays : what the script reads
 
     Returns
@@ -65,33 +86,40 @@ def run_worker(script: str, timeout: float, **arrays: np.ndarray) -> dict[str, n
     Raises
     ------
     MeshError
-        The process crashed, exceeded the time limit or reported an error; the message quotes the last line it wrote.
+        The process reported an error; the message quotes the last line it wrote.
+    MesherStopped
+        It crashed or used up its processor time.
     """
     env = without_launcher()
     path = Path(__file__).with_name(script)
     with tempfile.TemporaryDirectory(prefix="pdvol-mesh-") as folder:
-        if _seeded_random_device():
+        if seeded and sys.platform.startswith("linux"):
             library = Path(folder) / "fixed_random.so"
             library.write_bytes(_seeded_random_device())
             env["LD_PRELOAD"] = ":".join(filter(None, [str(library), env.get("LD_PRELOAD")]))
         given, made = Path(folder) / "in.npz", Path(folder) / "out.npz"
         contents: dict[str, Any] = arrays
         np.savez(given, **contents)
-        try:
-            # -P: the script's own folder must not shadow other packages.
-            done = subprocess.run(
-                [sys.executable, "-P", str(path), str(given), str(made)],
-                env=env,
-                cwd=folder,
-                stdin=subprocess.DEVNULL,
-                capture_output=True,
-                timeout=timeout,
-                text=True,
-                errors="replace",
-                preexec_fn=die_with_parent,
+        # -P: the script's own folder must not shadow other packages.
+        done = subprocess.run(
+            [sys.executable, "-P", str(path), str(given), str(made)],
+            env=env,
+            cwd=folder,
+            stdin=subprocess.DEVNULL,
+            capture_output=True,
+            text=True,
+            errors="replace",
+            preexec_fn=partial(_limited, max(math.ceil(cpu_seconds), 1)),
+        )
+        if done.returncode in (-signal.SIGXCPU, -signal.SIGKILL):
+            spent = (
+                f"used up its {cpu_seconds:.0f} s of processor time"
+                if done.returncode == -signal.SIGXCPU
+                else ("was killed, probably for lack of memory")
             )
-        except subprocess.TimeoutExpired as error:
-            raise MeshError(f"{path.stem} did not finish within {timeout:g} s") from error
+            raise MesherStopped(f"{path.stem} {spent}")
+        if done.returncode < 0:
+            raise MesherStopped(f"{path.stem} crashed ({signal.Signals(-done.returncode).name})")
         if done.returncode or not made.exists():
             lines = (done.stderr or done.stdout).strip().splitlines() or [f"exit status {done.returncode}"]
             raise MeshError(f"{path.stem} failed: {lines[-1].strip()[:300]}")

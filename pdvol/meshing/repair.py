@@ -287,6 +287,7 @@ def _enclosed(surface: Surface, hole: float, envelope: float, name: str, done: l
         made = run_worker(
             "tet_worker.py",
             MESHER_SECONDS,
+            seeded=True,
             mesher=np.array("ftetwild"),
             vertices=points / size,
             triangles=surface.triangles,

@@ -2,26 +2,36 @@
 PETSc.
 """
 
+import ctypes
 import os
 import sys
 from collections.abc import Callable
+from types import ModuleType
 
 import numpy as np
+
+STOP_ENERGY = 30.0
+"""AMIPS energy of the worst cell at which fTetWild stops: 3 divided by the mean ratio, so 0.1. Its default of 10 takes
+up to four times as long and adds vertices at sharp edges.
+"""
 
 
 def ftetwild(
     vertices: np.ndarray, triangles: np.ndarray, edge_length: np.ndarray, epsilon: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
+    # pytetwild adds itself to pyvista where that can be extended. Importing pyvista takes longer than a coarse mesh.
+    sys.modules.setdefault("pyvista", ModuleType("pyvista"))
     import pytetwild
 
-    # One processor: fTetWild's parallel passes depend on who comes first.
-    cpus = sorted(os.sched_getaffinity(0))
-    os.sched_setaffinity(0, {cpus[os.getpid() % len(cpus)]})
+    # One processor: fTetWild's parallel passes depend on who comes first. The one at hand: two meshers then use two.
+    os.sched_setaffinity(0, {ctypes.CDLL(None).sched_getcpu()})
     return pytetwild.tetrahedralize(
         vertices,
         triangles.astype(np.int32),
         edge_length_abs=float(edge_length),
         epsilon=float(epsilon),
+        simplify=False,  # the surface is decimated already
+        stop_energy=STOP_ENERGY,
         num_threads=1,
         quiet=True,
     )

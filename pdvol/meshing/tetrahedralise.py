@@ -1,5 +1,8 @@
-"""Tetrahedra inside a closed surface, with a given number of vertices: fTetWild, or TetGen where the boundary must stay
-as it is.
+"""Tetrahedra inside a closed surface, with a given number of vertices and the surface's volume: fTetWild, or TetGen
+where the boundary must stay as it is.
+
+The surface is decimated (or its longest edges are split) to the number of vertices that a mesh of the wanted size has
+on its boundary, then meshed within a narrow envelope, in coordinates about its centre and in units of its size.
 """
 
 import importlib.util
@@ -10,17 +13,32 @@ import numpy as np
 from pdvol.errors import InputError, MeshError
 from pdvol.geometry.level_mesh import boundary_facets, simplex_volumes
 from pdvol.meshes import Surface
-from pdvol.meshing.decimate import MIN_SURFACE_VERTICES, topology
-from pdvol.meshing.edge_length import SizedMesh, edge_length, expected_vertices, mesh_of_target_size
+from pdvol.meshing.decimate import MIN_SURFACE_VERTICES, decimate, topology
+from pdvol.meshing.edge_length import (
+    BASE_CPU_SECONDS,
+    CPU_SECONDS_PER_VERTEX,
+    SizedMesh,
+    edge_length,
+    expected_vertices,
+    mesh_of_target_size,
+)
 from pdvol.meshing.mesher_process import run_worker
+from pdvol.meshing.subdivide import split_longest_edges
 from pdvol.meshing.validate import check_surface, drop_unused, shells
+from pdvol.meshing.volume import with_volume
 
 ENVELOPE_WIDTH = 0.1
-"""Distance that fTetWild may move the surface, relative to the edge length: less takes minutes and prevents coarse
-boundaries.
+"""Distance that fTetWild may move the decimated surface, relative to the edge length: half of it takes twice as long,
+twice of it doubles the distance from the input.
+"""
+SPLIT_EDGE_FACTOR = 0.85
+"""Edge length, relative to the expected one, inside a surface whose edges were split: fTetWild collapses edges below
+0.8 of its edge length, and with them what was split.
 """
 MIN_QUALITY = 0.02
-"""Mean-ratio quality of a mesh's worst cell below which it is refused; fTetWild's worst cells have about 0.35."""
+"""Mean-ratio quality of a mesh's worst cell below which it is refused; fTetWild's worst cells have 0.1 to 0.6."""
+MIN_BOUNDARY_VERTICES = 12
+"""Number of vertices below which a surface is not decimated: those of an icosahedron."""
 
 
 def mean_ratio(points: np.ndarray, cells: np.ndarray) -> np.ndarray:
@@ -45,12 +63,17 @@ def surface_share(surface: Surface, target: int) -> int:
     more, for finer features.
     """
     volume, area = measure(surface)
-    return min(
-        max(int(1.2 * expected_vertices(edge_length(target, volume, area, 3), volume, area, 3)[0]), 12), max(target, 12)
-    )
+    expected = expected_vertices(edge_length(target, volume, area, 3), volume, area, 3)[0]
+    return max(min(int(1.2 * expected), target), MIN_BOUNDARY_VERTICES)
 
 
-def tetrahedralise(surface: Surface, target: int, name: str = "surface", keep_boundary: bool = False) -> SizedMesh:
+def tetrahedralise(
+    surface: Surface,
+    target: int,
+    name: str = "surface",
+    keep_boundary: bool = False,
+    volume: float | None = None,
+) -> SizedMesh:
     """A tetrahedral mesh of about `target` vertices (see `edge_length`).
 
     Its boundary is a valid surface with the shells and handles of the given one.
@@ -58,70 +81,94 @@ def tetrahedralise(surface: Surface, target: int, name: str = "surface", keep_bo
     Parameters
     ----------
     surface : Surface
-        Valid (`check_surface`); its own number of vertices should not be far above the expected boundary's.
+        Valid (`check_surface`).
     target : int
     name : str, for messages
     keep_boundary : bool
         Keep every triangle of the surface, with TetGen (an optional extra: `pip install pdvol[tetgen]`).
+    volume : float, optional
+        The mesh's volume [m^3], the surface's own if not given. A kept boundary has the latter.
 
     Raises
     ------
     MeshError
         No such mesh was found within `MAX_ATTEMPTS`, or TetGen is not installed.
     """
-    volume, area = measure(surface)
-    if volume <= 0:
+    own, area = measure(surface)
+    if own <= 0:
         raise MeshError(f"{name}: the surface encloses no volume; turn its triangles outward")
     if keep_boundary and importlib.util.find_spec("tetgen") is None:
         raise MeshError(
             f"{name}: keeping the boundary needs TetGen (AGPL), which is not installed; run pip install tetgen"
         )
-    h = edge_length(target, volume, area, 3)
+    volume = own if volume is None else volume
     parts = split_shells(surface)
     if len(parts) > 1:
         # fTetWild also meshes the space between parts and refines where they are near each other: meshing them one by
         # one avoids both.
-        shares = [max(round(expected_vertices(h, *measure(part), 3)[1]), MIN_SURFACE_VERTICES) for part in parts]
+        h = edge_length(target, own, area, 3)
+        measures = [measure(part) for part in parts]
+        shares = [max(round(expected_vertices(h, *m, 3)[1]), MIN_SURFACE_VERTICES) for m in measures]
         return _merged(
-            [tetrahedralise(part, share, name, keep_boundary) for part, share in zip(parts, shares, strict=True)]
+            [
+                tetrahedralise(part, share, name, keep_boundary, volume * m[0] / own)
+                for part, share, m in zip(parts, shares, measures, strict=True)
+            ]
         )
-    # fTetWild refines curved and thin parts, relatively more in coarser meshes: measured on the shapes spot, goathead
-    # and torus.
-    start = 1.0 if keep_boundary else 1.0 + 12.0 / np.sqrt(target)
-    diagonal = float(np.linalg.norm(np.ptp(surface.vertices, axis=0)))
+    size = own ** (1.0 / 3.0)
+    centre = surface.vertices.mean(axis=0)
+    unit = Surface((surface.vertices - centre) / size, surface.triangles)
+    made = _unit_mesh(unit, target, name, keep_boundary, volume / own)
+    return SizedMesh(centre + size * made.points, made.cells, made.scale)
+
+
+def _unit_mesh(surface: Surface, target: int, name: str, keep_boundary: bool, volume: float) -> SizedMesh:
+    """As `tetrahedralise`, of one shell of volume 1 about the origin."""
+    h = edge_length(target, *measure(surface), 3)
     wanted = topology(surface.triangles, len(surface.vertices))
-    timeout = 60.0 + 0.04 * (target + len(surface.vertices))
-    envelope = np.inf
+    cpu_seconds = BASE_CPU_SECONDS + CPU_SECONDS_PER_VERTEX * (target + len(surface.vertices) * keep_boundary)
+
+    def with_kept_boundary(scale: float, failures: int) -> tuple[np.ndarray, np.ndarray]:
+        made = run_worker(
+            "tet_worker.py",
+            cpu_seconds,
+            mesher=np.array("tetgen"),
+            max_volume=np.array(0.2 * (scale * h) ** 3),
+            vertices=surface.vertices,
+            triangles=surface.triangles,
+        )
+        return _checked(*_oriented(made["points"], made["cells"], name), wanted, name)
 
     def make(scale: float, failures: int) -> tuple[np.ndarray, np.ndarray]:
-        nonlocal envelope
-        given = {"vertices": surface.vertices, "triangles": surface.triangles}
-        if keep_boundary:
-            made = run_worker(
-                "tet_worker.py",
-                timeout,
-                mesher=np.array("tetgen"),
-                max_volume=np.array(0.2 * (scale * h) ** 3),
-                **given,
-            )
-            return _checked(made["points"], made["cells"], wanted, name, strict=True)
-        epsilon = min(ENVELOPE_WIDTH * scale * h, envelope) / diagonal
-        try:
-            made = run_worker(
-                "tet_worker.py",
-                timeout,
-                mesher=np.array("ftetwild"),
-                edge_length=np.array(scale * h),
-                epsilon=np.array(epsilon),
-                **given,
-            )
-            return _checked(made["points"], made["cells"], wanted, name, strict=failures < 3)
-        except InputError:
-            # Parts closer than two envelopes merge: all later attempts use a tighter envelope than the failed one.
-            envelope = 0.5 * epsilon * diagonal
-            raise
+        share = max(int(surface_share(surface, target) / scale**2), MIN_BOUNDARY_VERTICES)
+        if share < len(surface.vertices):
+            # Coarse meshes have relatively more vertices at sharp edges, and fewer inside.
+            coarse, longer = decimate(surface, share, name), 1.0 + 6.0 / np.sqrt(target)
+        else:
+            coarse, longer = split_longest_edges(surface, share), SPLIT_EDGE_FACTOR
+        # Parts closer than two envelopes merge: after each failure the envelope is half as wide.
+        epsilon = ENVELOPE_WIDTH * scale * h * 0.5**failures / np.linalg.norm(np.ptp(coarse.vertices, axis=0))
+        made = run_worker(
+            "tet_worker.py",
+            cpu_seconds,
+            seeded=True,
+            mesher=np.array("ftetwild"),
+            edge_length=np.array(scale * longer * h),
+            epsilon=np.array(epsilon),
+            vertices=coarse.vertices,
+            triangles=coarse.triangles,
+        )
+        points, cells = _oriented(made["points"], made["cells"], name)
+        refused = MeshError(name)
+        for moved in with_volume(points, cells, volume):
+            try:
+                return _checked(moved, cells, wanted, name)
+            except InputError as error:
+                refused = MeshError(str(error))
+        raise refused
 
-    return mesh_of_target_size(make, target, name, start, 3)
+    start = 1.0 + 1.0 / np.sqrt(target)
+    return mesh_of_target_size(with_kept_boundary if keep_boundary else make, target, name, start, 3)
 
 
 def split_shells(surface: Surface) -> list[Surface]:
@@ -143,17 +190,20 @@ def _merged(meshes: list[SizedMesh]) -> SizedMesh:
     return SizedMesh(np.vstack([m.points for m in meshes]), cells, meshes[0].scale)
 
 
-def _checked(
-    points: np.ndarray, cells: np.ndarray, wanted: tuple[int, int], name: str, strict: bool
-) -> tuple[np.ndarray, np.ndarray]:
-    """The mesh turned positive and without unused points; MeshError where it is not a valid solid with the wanted
-    topology.
-    """
+def _oriented(points: np.ndarray, cells: np.ndarray, name: str) -> tuple[np.ndarray, np.ndarray]:
+    """A mesher's result with positive cells and without unused points."""
     if len(cells) == 0:
         raise MeshError(f"{name}: the mesher returned no cells")
     points, cells = drop_unused(np.asarray(points, dtype=np.float64), np.asarray(cells, dtype=np.int64))
     negative = simplex_volumes(points, cells) < 0
     cells[negative] = cells[negative][:, [1, 0, 2, 3]]
+    return points, cells
+
+
+def _checked(
+    points: np.ndarray, cells: np.ndarray, wanted: tuple[int, int], name: str
+) -> tuple[np.ndarray, np.ndarray]:
+    """The mesh; MeshError where it is not a valid solid with the wanted topology."""
     worst = float(mean_ratio(points, cells).min())
     if worst < MIN_QUALITY:
         raise MeshError(f"{name}: the worst cell has quality {worst:.2g}")
@@ -164,9 +214,7 @@ def _checked(
     except InputError as error:
         raise MeshError(str(error)) from error
     count, euler = topology(triangles, len(boundary))
-    # The smallest handles of a noisy scan are lost in coarsening: after enough failures only the number of shells must
-    # agree.
-    if count != wanted[0] or (strict and euler != wanted[1]):
+    if (count, euler) != wanted:
         raise MeshError(
             f"{name}: the mesh has {count} shells and Euler number {euler} where the surface has {wanted[0]} and"
             f" {wanted[1]}"

@@ -5,10 +5,17 @@ import numpy as np
 
 from pdvol.errors import IntersectionError, MeshError
 from pdvol.geometry.crossings import find_crossings
-from pdvol.geometry.level_mesh import simplex_volumes
-from pdvol.meshing.edge_length import SizedMesh, edge_length, mesh_of_target_size
+from pdvol.geometry.level_mesh import boundary_facets, simplex_volumes
+from pdvol.meshing.edge_length import (
+    BASE_CPU_SECONDS,
+    CPU_SECONDS_PER_VERTEX,
+    SizedMesh,
+    edge_length,
+    mesh_of_target_size,
+)
 from pdvol.meshing.mesher_process import run_worker
 from pdvol.meshing.validate import drop_unused, outline_edges, signed_area
+from pdvol.meshing.volume import with_volume
 
 CORNER_ANGLE = np.pi / 4.0
 """Angle [rad] between segments above which their vertex is a corner of the shape and stays on every level."""
@@ -17,7 +24,7 @@ COLLINEAR_TOLERANCE = 0.1
 
 
 def triangulate(loops: list[np.ndarray], target: int, name: str = "outline") -> SizedMesh:
-    """A triangle mesh of about `target` vertices (see `edge_length`).
+    """A triangle mesh of about `target` vertices (see `edge_length`) with the area of the loops.
 
     Parameters
     ----------
@@ -38,13 +45,13 @@ def triangulate(loops: list[np.ndarray], target: int, name: str = "outline") -> 
         raise MeshError(f"{name}: the loops enclose no area; outer ones must run anticlockwise")
     h = edge_length(target, content, boundary, 2)
     parents = _parents(loops, name)
-    timeout = 60.0 + 0.01 * target
+    cpu_seconds = BASE_CPU_SECONDS + CPU_SECONDS_PER_VERTEX * target
 
     def make(scale: float, failures: int) -> tuple[np.ndarray, np.ndarray]:
         sampled = _resampled(loops, scale * h * 0.8**failures, name)
         made = run_worker(
             "gmsh_worker.py",
-            timeout,
+            cpu_seconds,
             points=np.concatenate(sampled),
             starts=np.cumsum([0, *(len(loop) for loop in sampled)]),
             parents=parents,
@@ -53,9 +60,19 @@ def triangulate(loops: list[np.ndarray], target: int, name: str = "outline") -> 
         points, cells = drop_unused(made["points"], made["cells"])
         negative = simplex_volumes(points, cells) < 0
         cells[negative] = cells[negative][:, [1, 0, 2]]
-        return points, cells
+        for moved in with_volume(points, cells, content):
+            if _is_valid(moved, cells):
+                return moved, cells
+        raise MeshError(f"{name}: a mesh of {len(points)} vertices crosses itself; ask for more vertices")
 
     return mesh_of_target_size(make, target, name, 1.0, 2)
+
+
+def _is_valid(points: np.ndarray, cells: np.ndarray) -> bool:
+    edges, _ = boundary_facets(cells)
+    return bool(simplex_volumes(points, cells).min() > 0.0) and not len(
+        find_crossings(points, edges, np.empty((0, 3), dtype=np.int64))
+    )
 
 
 def boundary_loops(points: np.ndarray, edges: np.ndarray, name: str) -> list[np.ndarray]:

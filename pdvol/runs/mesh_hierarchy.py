@@ -8,15 +8,19 @@ from mpi4py import MPI
 from pdvol.errors import InputError
 from pdvol.export.vtu import write_vtu
 from pdvol.geometry.level_mesh import LevelMesh
+from pdvol.geometry.surface_distance import hausdorff_distance
 from pdvol.levels.hierarchy import Hierarchy
 from pdvol.levels.level_check import level_defects
 from pdvol.levels.scene_fields import scene_diagonal
-from pdvol.meshing.build import build_levels
+from pdvol.meshing.build import build_levels, read_obstacle
+from pdvol.meshing.decimate import topology
 from pdvol.meshing.readers import read_with_notes
 from pdvol.meshing.tetrahedralise import mean_ratio
+from pdvol.meshing.validate import drop_unused, shells
+from pdvol.meshing.volume import enclosed_volume
 from pdvol.runs.binding_report import binding_lines, draw_bindings
 from pdvol.runs.preflight import shape_notes
-from pdvol.scene import Body, NeoHookean, Scene
+from pdvol.scene import Body, NeoHookean, Rigid, Scene
 
 
 def write_hierarchy(mesh: Path, targets: tuple[int, ...], out: Path, prolongation: str = "barycentric") -> list[str]:
@@ -32,7 +36,7 @@ def write_hierarchy(mesh: Path, targets: tuple[int, ...], out: Path, prolongatio
     Returns
     -------
     list[str]
-        Sizes and qualities of the levels, and their bindings, one line each.
+        Sizes and qualities of the levels, how far their shapes are from the input's, and their bindings, one line each.
 
     Raises
     ------
@@ -51,11 +55,13 @@ def write_hierarchy(mesh: Path, targets: tuple[int, ...], out: Path, prolongatio
     except OSError as error:
         raise InputError(f"{out} cannot be written: {error.strerror}") from None
     hierarchy = Hierarchy(meshes, MPI.COMM_SELF, prolongation)
+    points, edges, faces = read_obstacle(Rigid(shape=mesh))
+    facets = faces if len(faces) else edges
     lines = [f"note: {note}" for note in notes]
     for level, level_mesh in enumerate(meshes):
         homes = {"home_cell": hierarchy.prolongation(level).binding.cells} if level else {}
         write_vtu(out / f"level_{level}.vtu", level_mesh, homes)
-        lines.append(_level_line(level_mesh, level))
+        lines.append(f"{_level_line(level_mesh, level)}; {_shape_words(level_mesh, points, facets)}")
     draw_bindings(hierarchy, out)
     return [*lines, *binding_lines(hierarchy)]
 
@@ -72,3 +78,19 @@ def _level_line(mesh: LevelMesh, level: int) -> str:
         worst = int(np.argmin(quality))
         line += f", worst mean ratio {quality[worst]:.2f} (cell {worst})"
     return line
+
+
+def _shape_words(mesh: LevelMesh, points: np.ndarray, facets: np.ndarray) -> str:
+    """What a level keeps of the input's boundary."""
+    volume, wanted = float(mesh.volumes.sum()), enclosed_volume(points, facets)
+    distance = hausdorff_distance(mesh.points, mesh.boundary, points, facets)
+    diagonal = float(np.linalg.norm(np.ptp(points, axis=0)))
+    line = (
+        f"{distance:.3g} m from the input (Hausdorff, {distance / diagonal:.2%} of its diagonal), volume"
+        f" {volume / wanted - 1:+.2g} of the input's, "
+    )
+    corners, triangles = drop_unused(mesh.points, mesh.boundary)
+    if mesh.dim == 2:
+        return line + f"{int(shells(triangles, len(corners)).max()) + 1} boundary loops"
+    count, euler = topology(triangles, len(corners))
+    return line + f"{count} {'shell' if count == 1 else 'shells'}, genus {count - euler // 2}"

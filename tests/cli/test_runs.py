@@ -263,6 +263,8 @@ def test_hierarchy(tmp_path, capsys):
     assert pdvol("hierarchy", tmp_path / "ball.off", "--levels", "60,150", "-o", tmp_path / "out") == 0
     lines = capsys.readouterr().out.splitlines()
     assert [line.split(":")[0] for line in lines] == ["level 0", "level 1", "levels 0 -> 1"]
+    for line in lines[:2]:
+        assert "Hausdorff" in line and line.endswith(" of the input's, 1 shell, genus 0")
     coarse, fine = (meshio.read(tmp_path / "out" / f"level_{level}.vtu") for level in range(2))
     assert abs(len(coarse.points) - 60) <= 15 and abs(len(fine.points) - 150) <= 38
     homes = next(iter(fine.point_data.values()))

@@ -1,6 +1,7 @@
 """Tetrahedra: their number, orientation, quality, and that the same input gives the same mesh."""
 
 import importlib.util
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -8,10 +9,15 @@ import pytest
 from pdvol import meshes
 from pdvol.errors import MeshError
 from pdvol.geometry.level_mesh import boundary_facets, simplex_volumes
+from pdvol.geometry.surface_distance import hausdorff_distance
 from pdvol.meshes import Surface
+from pdvol.meshing.decimate import topology
 from pdvol.meshing.edge_length import ACCEPTED_DEVIATION, edge_length, expected_vertices
-from pdvol.meshing.tetrahedralise import mean_ratio, tetrahedralise
+from pdvol.meshing.readers import read_shape
+from pdvol.meshing.tetrahedralise import mean_ratio, measure, tetrahedralise
 from pdvol.meshing.validate import check_surface, drop_unused
+
+SURFACES = Path(__file__).parents[2].parent / "shared" / "meshes" / "surfaces"
 
 
 @pytest.mark.parametrize(
@@ -27,6 +33,21 @@ def test_a_mesh_of_the_wanted_size(surface, target):
     facets, _ = boundary_facets(mesh.cells)
     points, facets = drop_unused(mesh.points, facets)
     check_surface(Surface(points, facets))
+
+
+@pytest.mark.skipif(not SURFACES.exists(), reason="the shared meshes are not here")
+@pytest.mark.parametrize("name", ["cube.obj", "spot_low.obj", "goathead.obj", "torus.off"])
+def test_300_vertices_of_shared_surfaces(name):
+    surface = read_shape(SURFACES / name)
+    mesh = tetrahedralise(surface, 300)
+    assert abs(len(mesh.points) / 300 - 1.0) <= ACCEPTED_DEVIATION
+    assert mean_ratio(mesh.points, mesh.cells).min() > 0.05
+    assert simplex_volumes(mesh.points, mesh.cells).sum() == pytest.approx(measure(surface)[0], rel=1e-9)
+    points, facets = drop_unused(mesh.points, boundary_facets(mesh.cells)[0])
+    assert topology(facets, len(points)) == topology(surface.triangles, len(surface.vertices))
+    diagonal = np.linalg.norm(np.ptp(surface.vertices, axis=0))
+    # measured: 0 to 1.4 % of the diagonal; a surface of triangles of 6 % of it can miss a feature's tip
+    assert hausdorff_distance(points, facets, surface.vertices, surface.triangles) < 0.025 * diagonal
 
 
 def test_the_same_input_gives_the_same_mesh():

@@ -1,0 +1,88 @@
+"""Meshers in processes of their own: limits of processor time, crashes, and the same result under load."""
+
+import multiprocessing
+import os
+
+import numpy as np
+import pytest
+
+from pdvol import meshes
+from pdvol.errors import MeshError
+from pdvol.meshing import mesher_process, tetrahedralise
+from pdvol.meshing.build import build_levels
+from pdvol.meshing.edge_length import MAX_ATTEMPTS, mesh_of_target_size
+from pdvol.meshing.mesher_process import MesherStopped, run_worker
+from pdvol.scene import Body, NeoHookean, Scene
+
+
+def script(folder, text, monkeypatch):
+    """A worker beside a copy of nothing: `run_worker` looks for it in `folder`."""
+    (folder / "worker.py").write_text(text)
+    monkeypatch.setattr(mesher_process, "__file__", str(folder / "mesher_process.py"))
+    return "worker.py"
+
+
+def test_running_out_of_processor_time_is_an_error(tmp_path, monkeypatch):
+    endless = script(tmp_path, "while True: pass", monkeypatch)
+    with pytest.raises(MesherStopped, match="used up its 1 s of processor time"):
+        run_worker(endless, 1.0)
+
+
+def test_waiting_does_not_count(tmp_path, monkeypatch):
+    text = "import sys, time\ntime.sleep(2.5)\nimport numpy as np\nnp.savez(sys.argv[2], made=np.arange(3))"
+    assert run_worker(script(tmp_path, text, monkeypatch), 2.0)["made"].tolist() == [0, 1, 2]
+
+
+def test_a_crash_is_named(tmp_path, monkeypatch):
+    with pytest.raises(MesherStopped, match="crashed \\(SIGSEGV\\)"):
+        run_worker(script(tmp_path, "import os\nos.kill(os.getpid(), 11)", monkeypatch), 5.0)
+
+
+def test_a_mesher_that_crashes_is_not_called_again(monkeypatch):
+    calls = []
+
+    def crash(*_args, **_arrays):
+        calls.append(1)
+        raise MesherStopped("tet_worker crashed (SIGSEGV)")
+
+    monkeypatch.setattr(tetrahedralise, "run_worker", crash)
+    with pytest.raises(MeshError, match="no mesh of about 50 vertices: tet_worker crashed") as caught:
+        tetrahedralise.tetrahedralise(meshes.box(), 50)
+    assert len(calls) == 1 and "\n" not in str(caught.value)
+
+
+def test_a_search_ends_and_never_repeats_a_scale():
+    scales = []
+
+    def make(scale, failures):
+        scales.append(scale)
+        return np.zeros((3000 if scale < 0.5 else 100, 3)), np.zeros((0, 4), dtype=np.int64)
+
+    with pytest.raises(MeshError, match="1000 vertices cannot be had, the closest mesh has"):
+        mesh_of_target_size(make, 1000, "steps", 1.0, 3)
+    assert len(scales) == MAX_ATTEMPTS == len(set(scales))
+
+
+def _burn(stop) -> None:
+    while not stop.is_set():
+        sum(range(10_000))
+
+
+def test_the_same_levels_alone_and_under_load(tmp_path):
+    body = Body(shape=meshes.ball(0.5, 3), material=NeoHookean(1e5), vertices=(60, 200))
+    scene = Scene(bodies=(body,), dt=0.01, steps=1)
+    alone = build_levels(scene, cache=tmp_path / "alone")
+    context = multiprocessing.get_context("spawn")
+    stop = context.Event()
+    busy = [context.Process(target=_burn, args=(stop,), daemon=True) for _ in range(2 * (os.cpu_count() or 1))]
+    for process in busy:
+        process.start()
+    try:
+        loaded = build_levels(scene, cache=tmp_path / "loaded")
+    finally:
+        stop.set()
+        for process in busy:
+            process.join()
+    for first, second in zip(alone, loaded, strict=True):
+        assert first.points.tobytes() == second.points.tobytes()
+        assert first.cells.tobytes() == second.cells.tobytes()

@@ -1,0 +1,78 @@
+"""Meshes get the volume that they should have, and surfaces are refined without a change of shape."""
+
+import numpy as np
+import pytest
+
+from pdvol import meshes
+from pdvol.geometry.level_mesh import boundary_facets, simplex_volumes
+from pdvol.geometry.surface_distance import hausdorff_distance
+from pdvol.meshing.decimate import topology
+from pdvol.meshing.subdivide import split_longest_edges
+from pdvol.meshing.tetrahedralise import measure, tetrahedralise
+from pdvol.meshing.triangulate import triangulate
+from pdvol.meshing.validate import check_surface
+from pdvol.meshing.volume import enclosed_volume, with_volume
+
+TRIANGLE = np.array([[0.0, 0.0], [3.0, 0.0], [0.0, 4.0]])
+TETRAHEDRON = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
+
+
+def test_a_triangle_grows_by_an_offset_then_by_scale():
+    # Vertices move along the gradient of the area: away from the opposite side's middle, not along angle bisectors.
+    cells = np.array([[0, 1, 2]])
+    moved, scaled = with_volume(TRIANGLE, cells, 7.0)
+    steps = np.linalg.norm(moved - TRIANGLE, axis=1)
+    assert steps == pytest.approx(np.full(3, steps[0])) and steps[0] > 0.05
+    middle = TRIANGLE.mean(axis=0)
+    assert scaled == pytest.approx(middle + np.sqrt(7.0 / 6.0) * (TRIANGLE - middle))
+    for points in (moved, scaled):
+        assert simplex_volumes(points, cells).sum() == pytest.approx(7.0, rel=1e-12)
+
+
+def test_a_mesh_that_has_its_volume_stays():
+    (same,) = with_volume(TETRAHEDRON, np.array([[0, 1, 2, 3]]), 1.0 / 6.0)
+    assert same is TETRAHEDRON
+
+
+def test_the_volume_inside_a_boundary():
+    assert enclosed_volume(TRIANGLE + 100.0, np.array([[0, 1], [1, 2], [2, 0]])) == pytest.approx(6.0)
+    facets, _ = boundary_facets(np.array([[0, 1, 2, 3]]))
+    assert enclosed_volume(TETRAHEDRON - 50.0, facets) == pytest.approx(1.0 / 6.0)
+
+
+@pytest.mark.parametrize("target", [60, 400])
+def test_levels_have_the_volume_of_their_shape(target):
+    ball = meshes.ball(1.0, 3)
+    mesh = tetrahedralise(ball, target)
+    assert simplex_volumes(mesh.points, mesh.cells).sum() == pytest.approx(measure(ball)[0], rel=1e-9)
+    asked = tetrahedralise(ball, target, volume=4.0)
+    assert simplex_volumes(asked.points, asked.cells).sum() == pytest.approx(4.0, rel=1e-9)
+    outline = meshes.disc(1.0, 200).points
+    flat = triangulate([outline], target)
+    x, y = outline.T
+    area = 0.5 * np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y)
+    assert simplex_volumes(flat.points, flat.cells).sum() == pytest.approx(area, rel=1e-9)
+
+
+def test_split_edges_keep_the_shape():
+    cube = meshes.box()
+    fine = check_surface(split_longest_edges(cube, 301))
+    assert len(fine.vertices) == 301
+    assert topology(fine.triangles, 301) == (1, 2)
+    assert measure(fine) == pytest.approx(measure(cube))
+    assert hausdorff_distance(fine.vertices, fine.triangles, cube.vertices, cube.triangles) < 1e-12
+    corners = fine.vertices[fine.triangles]
+    lengths = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2)
+    assert lengths.max() <= 4.0 * lengths.min(), "the longest are split first"
+    assert split_longest_edges(cube, 8) is cube
+
+
+def test_hausdorff_distance_of_known_shapes():
+    cube = meshes.box()
+    moved = cube.vertices + [0.25, 0.0, 0.0]
+    assert hausdorff_distance(cube.vertices, cube.triangles, moved, cube.triangles) == pytest.approx(0.25)
+    # A triangle and the same one with a spike: only one of the two directions sees it.
+    outline, spiked = TRIANGLE, np.vstack([TRIANGLE, [-2.0, 2.0]])
+    edges, more = np.array([[0, 1], [1, 2], [2, 0]]), np.array([[0, 1], [1, 2], [2, 3], [3, 0]])
+    assert hausdorff_distance(outline, edges, spiked, more) == pytest.approx(2.0)
+    assert hausdorff_distance(spiked, more, outline, edges) == pytest.approx(2.0)
