@@ -118,9 +118,10 @@ def stress(name: str, steps: int, asked: dict, file: str = "stress", **other) ->
     return Row(f"`{name}`", f"benchmarks/{file}_scenes.py", steps, asked, {"name": name}, long=True, **other)
 
 
-BOWL = "demos/jelly_bowl.py"
 ROWS = {
-    "flight": Row("`jelly_bowl` level 0, in free flight", BOWL, 6, {"ms": 15}),
+    "flight": Row(
+        "`jelly_bowl` level 0, in free flight", "benchmarks/dense_scenes.py", 6, {"ms": 15}, {"name": "jelly_bowl"}
+    ),
     "drop_500": peer("drop_500", 100, {"faster": 2}),
     "twistx_1k": peer("twistx_1k", 100, {"faster": 1.7}),
     "plates": dense("plates", "a block pressed between plates by 40 %", 40, {"faster": 1.7}),
@@ -128,7 +129,7 @@ ROWS = {
     "drop_4k": peer("drop_4k", 100, {"faster": 1.7}),
     "stack": dense("stack", "five cubes stacked face on face", 100, {"faster": 5}),
     "balls": dense("balls", "27 balls between four walls", 80, {"faster": 3}),
-    "jelly_bowl": Row("`jelly_bowl` level 0", BOWL, 60, {"faster": 6, "mean": 15, "most": 50}),
+    "jelly_bowl": dense("jelly_bowl", "`jelly_bowl` level 0", 60, {"faster": 6, "mean": 15, "most": 50}),
     **{f"impact_{speed}": peer(f"impact_{speed}", 20, {"share": 0.667}, long=True) for speed in (45, 100, 150)},
     **{
         f"struck_{speed}": dense(

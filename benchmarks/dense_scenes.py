@@ -3,18 +3,32 @@
     ./run pdvol run benchmarks/dense_scenes.py --set name=stack
 
 SI units, y up, with the material, contact distance and tolerance of the peers' scenes (peer_scenes.py).
+
+Balls and animals have the meshes that 97e899e made of them (dense_meshes.npz), so that all commits march the same ones.
 """
+
+from pathlib import Path
 
 import numpy as np
 
 import pdvol
-from pdvol import Barrier, Body, Friction, NeoHookean, Placement, Plane, Rigid, Scene, Translation
-from pdvol.meshes import ball, brick
+from pdvol import Barrier, Body, Friction, Gravity, NeoHookean, Placement, Plane, Rigid, Scene, Solver, Translation
+from pdvol.meshes import Solid, ball, bowl, brick
 from peer_scenes import BARRIER, DOWN, FLOOR, MATERIAL, SOLVER
 
 RUB = Friction(0.3, eps_v=1e-3)
 GAP = 9e-4
 """Metres between faces that touch at the start: nine tenths of the contact distance."""
+
+DIAGONAL = 3.128461310521044
+"""Metres: the animals' of jelly_bowl together. 97e899e took its default lengths from it."""
+
+
+def kept(name: str) -> Solid:
+    """A mesh of dense_meshes.npz."""
+    with np.load(Path(__file__).with_name("dense_meshes.npz")) as arrays:
+        cells = arrays[f"{name}_cells"]
+        return Solid(arrays[f"{name}_points"], cells, np.zeros(len(cells), dtype=np.int32))
 
 
 def stack(count: int = 5, side: float = 0.2, cuts: int = 7, steps: int = 100) -> Scene:
@@ -27,19 +41,18 @@ def stack(count: int = 5, side: float = 0.2, cuts: int = 7, steps: int = 100) ->
     return Scene(bodies, dt=0.01, steps=steps, loads=(DOWN,), obstacles=(FLOOR,), contact=(BARRIER, RUB), solver=SOLVER)
 
 
-def balls(across: int = 3, radius: float = 0.1, vertices: int = 150, steps: int = 80) -> Scene:
+def balls(across: int = 3, radius: float = 0.1, steps: int = 80) -> Scene:
     """across^3 balls fall between four walls onto the floor and each other, at 2 m/s from the start."""
     pitch, dice = 2.3 * radius, np.random.default_rng(19)
     wall = across / 2 * pitch + 0.1 * radius
-    shape, bodies = ball(radius, 2), []
+    shape, bodies = kept("ball"), []
     for place in np.ndindex(across, across, across):
         centre = pitch * (np.array(place) - [(across - 1) / 2, -0.6, (across - 1) / 2])
         centre += 0.1 * radius * dice.uniform(-1.0, 1.0, 3)
         bodies.append(
             Body(
-                shape,
+                (shape,),
                 MATERIAL,
-                (vertices,),
                 name=f"ball {len(bodies)}",
                 placement=Placement(tuple(centre)),
                 velocity=(0.0, -2.0, 0.0),
@@ -87,8 +100,32 @@ def struck(speed: float, away: float = 0.01, cuts: int = 6, steps: int = 20) -> 
     return Scene((cube,), dt=0.01, steps=steps, obstacles=(hammer,), contact=(Barrier(),))
 
 
+def jelly_bowl(steps: int = 60) -> Scene:
+    """Level 0 of demos/jelly_bowl.py: three animals of some 530 vertices, thrown into a glass bowl at 6 m/s."""
+    thrown = (
+        ("bear", (0.62, -0.78, -0.02), (0.0, 2.0, -4.0)),
+        ("bunny", (-0.60, -0.80, -0.12), (3.0, 0.0, 4.0)),
+        ("frog", (0.0, -0.93, 0.36), (-4.0, 0.0, 1.0)),
+    )
+    jelly, length = NeoHookean(6e4, 0.45, 1000.0), 1e-3 * DIAGONAL
+    bodies = tuple(
+        Body((kept(name),), jelly, name=name, spin=spin, velocity=tuple(6.0 * part for part in way))
+        for name, way, spin in thrown
+    )
+    return Scene(
+        bodies,
+        dt=0.01,
+        steps=steps,
+        loads=(Gravity((0.0, -9.81, 0.0)),),
+        obstacles=(Rigid(bowl(1.0, 0.6, 0.05), name="bowl"),),
+        contact=(Barrier(dhat=length), Friction(0.05, eps_v=length)),
+        solver=Solver(tolerance=length),
+    )
+
+
 SCENES = {
     "stack": stack,
+    "jelly_bowl": jelly_bowl,
     "balls": balls,
     "plates": plates,
     "struck_15": lambda **other: struck(15.0, **other),
