@@ -53,6 +53,7 @@ class PairList:
         self._firsts = np.cumsum([0, *self._counts])
         self._boxed: tuple[np.ndarray, np.ndarray] | None = None
         self._reference: tuple[np.ndarray, np.ndarray | None] | None = None  # start, and what it moves by
+        self._covered: np.ndarray | None = None  # one array that the list is known to be complete at
         self._room: np.ndarray = np.zeros((len(numbers), len(numbers)))
         self._buffers = [np.zeros((1024, 2), dtype=np.int32) for _ in range(2)]
         self.points, self.edges = (buffer[:0] for buffer in self._buffers)
@@ -83,6 +84,8 @@ class PairList:
         """Whether `vertices` are near a place on the move that the list was searched for. What lies between two such
         places is as near to that move.
         """
+        if vertices is self._covered:
+            return True
         if self._reference is None:
             return False
         start, move = self._reference
@@ -98,9 +101,12 @@ class PairList:
             pointer(sizes),
         )
         if self.within:
-            return bool(np.all(sizes[: self.primitives.bodies] <= self._slack))
-        between = np.linalg.norm(drift[:, None] - drift, axis=2) + sizes[:, None] + sizes
-        return bool(np.all((between <= self._room) | ~self._allowed))
+            covers = bool(np.all(sizes[: self.primitives.bodies] <= self._slack))
+        else:
+            between = np.linalg.norm(drift[:, None] - drift, axis=2) + sizes[:, None] + sizes
+            covers = bool(np.all((between <= self._room) | ~self._allowed))
+        self._covered = vertices if covers else self._covered
+        return covers
 
     @property
     def _distance(self) -> float:
@@ -127,7 +133,7 @@ class PairList:
         """Searches along a move, which becomes the list's reference, and finds how far any two objects may approach
         each other besides.
         """
-        self._reference = start, None if end is start else end - start
+        self._reference, self._covered = (start, None if end is start else end - start), start
         self._fit(start, end)
         apart = self._apart()
         near = apart <= self._distance
