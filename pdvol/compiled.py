@@ -70,6 +70,11 @@ def load(folder: Path, definitions: Mapping[str, int] | None = None) -> Any:
     return ffi.dlopen(str(target))
 
 
+@cache
+def _array_of(kind: str) -> Any:
+    return ffi.typeof(f"{kind}[]")
+
+
 def pointer(array: np.ndarray, kind: str = "double") -> Any:
     """A contiguous numpy array for C, kept alive for as long as what is returned."""
-    return ffi.from_buffer(f"{kind}[]", array)
+    return ffi.from_buffer(_array_of(kind), array)

@@ -1,4 +1,4 @@
-"""Work of one rank for all ranks: for what is not distributed, above all files."""
+"""What ranks do together: reductions, and work of one rank for all, as for files."""
 
 from collections.abc import Callable
 from typing import Any, TypeVar
@@ -8,6 +8,14 @@ from mpi4py import MPI
 from pdvol.errors import PdvolError
 
 T = TypeVar("T")
+
+
+def reduce(comm: MPI.Comm, value: T, op: MPI.Op = MPI.SUM) -> T:
+    """The sum of all ranks' values, or what else `op` makes of them. Collective.
+
+    mpi4py takes 12 us on one rank (measured on a loaded machine), and an iteration asks many times.
+    """
+    return value if comm.size == 1 else comm.allreduce(value, op=op)
 
 
 def on_root(comm: MPI.Comm, work: Callable[[], T]) -> T:

@@ -19,6 +19,7 @@ from mpi4py import MPI
 
 from pdvol.integrate.integrator import State
 from pdvol.levels.model import LevelModel
+from pdvol.parallel import reduce
 from pdvol.potentials.potential import Positions
 from pdvol.scene import Force, Gravity, Impulse, Load, PointForce
 from pdvol.solve.incremental_potential import IncrementalPotential
@@ -71,7 +72,7 @@ class Rest:
         if speed <= self._tolerance and not potential.rules:  # a law that adapts its stiffness does so at every step
             changes = np.linalg.norm(x.owned - potential.x_hat, axis=1)[~fixed]
             largest = float(changes.max(initial=0.0)) / potential.weight
-            self.acceleration = x.space.comm.allreduce(largest, op=MPI.MAX)
+            self.acceleration = reduce(x.space.comm, largest, MPI.MAX)
 
 
 def _is_constant(load: Load, time: float) -> bool:

@@ -14,6 +14,7 @@ from collections.abc import Callable
 import numpy as np
 
 from pdvol.levels.space import LevelSpace
+from pdvol.parallel import reduce
 from pdvol.potentials.assembly.hessian_blocks import HessianBlocks
 from pdvol.potentials.contact.planes import boundary_areas
 from pdvol.potentials.potential import Positions, Term
@@ -51,7 +52,7 @@ class Drag(Term):
 
     def value(self, x: Positions) -> float:
         _, speed = self._past(x)
-        return self.space.comm.allreduce(float(self._strength @ speed**3) * self._dt / 3.0)
+        return reduce(self.space.comm, float(self._strength @ speed**3) * self._dt / 3.0)
 
     def gradient(self, x: Positions) -> np.ndarray:
         w, speed = self._past(x)

@@ -11,6 +11,7 @@ import ufl
 from pdvol.forms.viscosity import kelvin_voigt
 from pdvol.levels.materials import CellMaterials
 from pdvol.levels.space import LevelSpace
+from pdvol.parallel import reduce
 from pdvol.potentials.assembly import native
 from pdvol.potentials.assembly.cell_energy import CellEnergy
 from pdvol.potentials.assembly.native import pointer
@@ -29,7 +30,7 @@ class Elastic(CellEnergy):
         inverted = self._library.inverted_cells(
             self.space.dim, self._counted, pointer(self._dofs, "int32_t"), pointer(x.local)
         )
-        return np.inf if self.space.comm.allreduce(inverted) else super().value(x)
+        return np.inf if reduce(self.space.comm, inverted) else super().value(x)
 
     def max_step(
         self, x: Positions, direction: np.ndarray, until: float | None = None, gap_share: float = MIN_GAP_SHARE

@@ -8,6 +8,7 @@ from mpi4py import MPI
 from pdvol.errors import SimulationError
 from pdvol.levels.obstacles import Obstacle
 from pdvol.levels.space import LevelSpace
+from pdvol.parallel import reduce
 from pdvol.potentials.assembly.hessian_blocks import HessianBlocks
 from pdvol.potentials.build import Terms
 from pdvol.potentials.contact.lagged_friction import LaggedFriction
@@ -62,13 +63,13 @@ class IncrementalPotential:
     def _require_finite(self, term_name: str, what: str, values: np.ndarray | float) -> None:
         """Raises SimulationError, naming the term, unless the values of all ranks are finite. Collective."""
         bad = 0 if np.isfinite(values).all() else 2 if np.isnan(values).any() else 1
-        bad = self.space.comm.allreduce(bad, op=MPI.MAX)
+        bad = reduce(self.space.comm, bad, MPI.MAX)
         if bad:
             raise SimulationError(f"the {term_name} term's {what} is {'not a number' if bad == 2 else 'infinite'}")
 
     def inertia(self, x: Positions) -> float:
         """1/2 |x - x_hat|^2_M [kg m^2]."""
-        return 0.5 * self.space.comm.allreduce(float(np.vdot(x.owned - self.x_hat, self.mass * (x.owned - self.x_hat))))
+        return 0.5 * reduce(self.space.comm, float(np.vdot(x.owned - self.x_hat, self.mass * (x.owned - self.x_hat))))
 
     def value(self, x: Positions) -> float:
         """The potential at x; inf where x is not admissible. Raises SimulationError, naming the term, where one is not
@@ -93,13 +94,17 @@ class IncrementalPotential:
 
     def gradient(self, x: Positions) -> np.ndarray:
         """Gradient rows (n_owned, d). Raises SimulationError, naming the term, where one is not finite."""
-        total = self.mass * (x.owned - self.x_hat)
-        self._require_finite("inertia", "gradient", total)
+        inertia = self.mass * (x.owned - self.x_hat)
+        total, parts = inertia, []
         for term in self.terms:
             with self._part(term):
-                part = term.gradient(x)
-            self._require_finite(term.name, "gradient", part)
-            total = total + self.weight * part
+                parts.append(term.gradient(x))
+            total = total + self.weight * parts[-1]
+        if not reduce(self.space.comm, bool(np.isfinite(total).all()), MPI.LAND):
+            names = ("inertia", *(term.name for term in self.terms))
+            for name, part in zip(names, (inertia, *parts), strict=True):
+                self._require_finite(name, "gradient", part)
+            raise SimulationError("the gradient is too large for double precision")
         return total
 
     def add_hessian(self, x: Positions, weight: float, into: HessianBlocks) -> None:
@@ -114,7 +119,7 @@ class IncrementalPotential:
                     term.add_hessian(x, weight * self.weight, into)
         into.keep_added()
         self.renew_friction(x, weight, into)
-        if not self.space.comm.allreduce(into.finite(), op=MPI.LAND):
+        if not reduce(self.space.comm, into.finite(), MPI.LAND):
             self._name_hessian(x, weight, into)
 
     def renew_friction(self, x: Positions, weight: float, into: HessianBlocks) -> None:
@@ -145,7 +150,7 @@ class IncrementalPotential:
         with self.watch.part("ccd"):
             steps = np.array([1.0, *(term.max_step(x, direction, until, gap_share) for term in self.terms)])
             lost = np.flatnonzero(np.isnan(steps))
-            largest = self.space.comm.allreduce(float(-lost[0] if len(lost) else steps.min()), op=MPI.MIN)
+            largest = reduce(self.space.comm, float(-lost[0] if len(lost) else steps.min()), MPI.MIN)
         if largest < 0.0:
             raise SimulationError(f"the {self.terms[int(-largest) - 1].name} term's largest step is not a number")
         return largest
@@ -167,7 +172,7 @@ class IncrementalPotential:
             for term in self.terms:
                 term.update_lag(x)
             after = [term.gradient(x) for term in self.frictions]
-            size = lambda forces: np.sqrt(self.space.comm.allreduce(float(np.vdot(forces, forces))))
+            size = lambda forces: np.sqrt(reduce(self.space.comm, float(np.vdot(forces, forces))))
             change, force = size(np.subtract(sum(after), sum(before))), max(size(sum(before)), size(sum(after)))
         return float(change / force) if force > 0.0 else 0.0
 
@@ -189,7 +194,7 @@ class IncrementalPotential:
         with self.watch.part("contact"):
             end = x.moved(1.0, direction)
             changed = [term.predict(x, end) for term in self.frictions]  # no short cut: the calls are collective
-            if not self.space.comm.allreduce(any(changed), op=MPI.LOR):
+            if not reduce(self.space.comm, any(changed), MPI.LOR):
                 return None
             return self.weight * sum((term.predicted_change(x) for term in self.frictions), np.zeros_like(x.owned))
 
@@ -201,7 +206,7 @@ class IncrementalPotential:
     @property
     def has_friction(self) -> bool:
         """Whether friction acts anywhere, as lagged. Collective."""
-        return self.space.comm.allreduce(any(term.has_friction for term in self.terms), op=MPI.LOR)
+        return reduce(self.space.comm, any(term.has_friction for term in self.terms), MPI.LOR)
 
     def move_obstacles(self, time: float) -> None:
         """Puts obstacles where they are at `time` [s]."""

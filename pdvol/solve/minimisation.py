@@ -6,11 +6,13 @@ the step, whether the matrix is kept, and whether the solve ends.
 """
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from mpi4py import MPI
 
 from pdvol.errors import SimulationError
+from pdvol.parallel import reduce
 from pdvol.potentials.potential import Positions
 from pdvol.solve.incremental_potential import IncrementalPotential
 from pdvol.solve.iteration import (
@@ -56,6 +58,7 @@ class Minimisation:
         gap_share: float,
     ):
         self.potential, self.comm = potential, potential.space.comm
+        self._sum = partial(reduce, self.comm)
         self.report, self.projection, self.gradient = NewtonReport(), Projection(), np.zeros_like(x.owned)
         self._fixed, self._dt, self._tolerance, self._gap_share = fixed, dt, tolerance, gap_share
         self._states = [x]
@@ -72,7 +75,7 @@ class Minimisation:
         from them. Collective.
         """
         for known in self._states:
-            if self.comm.allreduce(np.array_equal(known.owned, array), op=MPI.LAND):
+            if reduce(self.comm, bool((known.owned == array).all()), MPI.LAND):
                 return known
         self._states = [Positions(self.potential.space, array.copy()), *self._states[:1]]
         return self._states[0]
@@ -102,7 +105,7 @@ class Minimisation:
 
     def gradient_norm(self) -> float:
         """Infinity norm of the last gradient [kg m]. Collective."""
-        return self.comm.allreduce(float(np.abs(self.gradient).max(initial=0.0)), op=MPI.MAX)
+        return reduce(self.comm, float(np.abs(self.gradient).max(initial=0.0)), MPI.MAX)
 
     # ---- the matrix
 
@@ -132,13 +135,11 @@ class Minimisation:
         """
         self.require_finite(direction)
         speed = self._largest_row(direction) / self._dt
-        slope = self.comm.allreduce(float(np.vdot(self.gradient, direction)))
+        slope = reduce(self.comm, float(np.vdot(self.gradient, direction)))
         energy = self.energy(x)
         gap = self.potential.min_gap(x) if is_short(speed, self._tolerance) else np.inf
         at_rounding = is_at_rounding(slope, energy, self.potential.scale)
-        factor = step_factor(
-            x, direction, speed, at_rounding, self.projection, self._last, self._tolerance, self.comm.allreduce
-        )
+        factor = step_factor(x, direction, speed, at_rounding, self.projection, self._last, self._tolerance, self._sum)
         length = factor * self.potential.max_step(x, factor * direction, gap_share=self._gap_share)
         cap = min(1.0, length)
         self.report.speed, self.report.step_cap = speed, min(self.report.step_cap, cap)
@@ -179,20 +180,20 @@ class Minimisation:
         if last.lengthening > 1.0:  # the quadratic model does not hold for lengthened steps
             return self.projection
         moved = x.owned - last.start.owned
-        promised = promised_decrease(last.slope, moved, last.direction, self.comm.allreduce)
+        promised = promised_decrease(last.slope, moved, last.direction, self._sum)
         decrease = self.energy(x) - last.energy
         return self.projection.after(promised, decrease, last.full, detects_indefinite)
 
     def descends(self, direction: np.ndarray) -> bool:
         """Whether the potential falls along a direction (n_owned d,) at first. Collective."""
-        return self.comm.allreduce(float(np.vdot(self.gradient, direction))) < 0.0
+        return reduce(self.comm, float(np.vdot(self.gradient, direction))) < 0.0
 
     def require_finite(self, direction: np.ndarray) -> None:
         """Raises SimulationError on all ranks unless a direction is finite on all of them. Collective."""
-        if not self.comm.allreduce(bool(np.isfinite(direction).all()), op=MPI.LAND):
+        if not reduce(self.comm, bool(np.isfinite(direction).all()), MPI.LAND):
             raise SimulationError("the linear solve gave NaN or infinity")
 
     def _largest_row(self, rows: np.ndarray) -> float:
         """Largest row length over all ranks."""
         mine = np.sqrt(np.max(np.sum(rows**2, axis=1), initial=0.0))
-        return self.comm.allreduce(float(mine), op=MPI.MAX)
+        return reduce(self.comm, float(mine), MPI.MAX)

@@ -21,8 +21,6 @@ its way.
 import resource
 import time
 from collections import defaultdict
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -38,18 +36,21 @@ class Stopwatch:
         self.seconds: defaultdict[str, float] = defaultdict(float)
         self._open: list[float] = []
 
-    @contextmanager
-    def part(self, name: str) -> Iterator[None]:
+    def part(self, name: str) -> "_Part":
         """Adds the time spent inside to `name`."""
+        return _Part(self, name)
+
+    def begin(self) -> float:
+        """Opens a part; returns when [s]."""
         self._open.append(0.0)
-        start = time.perf_counter()
-        try:
-            yield
-        finally:
-            spent = time.perf_counter() - start
-            self.seconds[name] += spent - self._open.pop()
-            if self._open:
-                self._open[-1] += spent
+        return time.perf_counter()
+
+    def end(self, name: str, start: float) -> None:
+        """Closes the part that was opened last, at `start` [s]."""
+        spent = time.perf_counter() - start
+        self.seconds[name] += spent - self._open.pop()
+        if self._open:
+            self._open[-1] += spent
 
     def report(self) -> dict[str, float]:
         """Seconds: total, each part, and the rest as `other`. Starts over."""
@@ -58,6 +59,21 @@ class Stopwatch:
         other = total + sum(self.seconds.get(name, 0.0) for name in self.seconds if name not in PARTS)
         self.seconds.clear()
         return {"total": other + sum(parts.values()), **parts, "other": other}
+
+
+class _Part:
+    """A context that a stopwatch measures, without the cost of a generator."""
+
+    __slots__ = ("_name", "_start", "_watch")
+
+    def __init__(self, watch: Stopwatch, name: str):
+        self._watch, self._name = watch, name
+
+    def __enter__(self) -> None:
+        self._start = self._watch.begin()
+
+    def __exit__(self, *raised: object) -> None:
+        self._watch.end(self._name, self._start)
 
 
 REMEDIES = (

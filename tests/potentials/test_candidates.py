@@ -5,6 +5,7 @@ from weakref import WeakKeyDictionary
 import ipctk
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from contact_reference import (
     DHAT,
@@ -127,6 +128,66 @@ def test_one_search_serves_small_and_common_moves(d):
     one = np.where(bodies[:, None] == 0, 10.0, 0.0)
     surface.contacts(surface.vertices(Positions(space, x.owned + one)))
     assert within.searches == 1 and between.searches == 2
+
+
+def turned(surface, vertices, angles, d):
+    """Each body turned about its centre by its angle [rad], about an arbitrary axis in 3D."""
+    axes = np.random.default_rng(3).standard_normal((len(angles), 3))
+    axes = np.array([[0.0, 0.0, 1.0]] * len(angles)) if d == 2 else axes / np.linalg.norm(axes, axis=1)[:, None]
+    out = vertices.copy()
+    for body, turn in enumerate(Rotation.from_rotvec(axes * angles[:, None]).as_matrix()[:, :d, :d]):
+        own = surface.objects == body
+        centre = vertices[own].mean(axis=0)
+        out[own] = centre + (vertices[own] - centre) @ turn.T
+    return out
+
+
+@pytest.mark.parametrize("d", [2, 3])
+def test_turning_bodies_need_no_search_within_them(d):
+    """However far they have turned at a place, and a little on a straight way, on which they shrink; a turn that
+    shrinks them below the reach, and a change of shape, do need one.
+    """
+    space, surface = heap(d)
+    within, _ = surface.lists
+    start = surface.vertices(Positions(space, space.from_input(space.mesh.points)))
+    within.at(start)
+    angles = np.linspace(0.5, 3.0, within.primitives.bodies)
+    for k in range(4):
+        within.at(turned(surface, start, k * angles, d))
+    within.along(turned(surface, start, angles, d), turned(surface, start, angles + 0.05, d))
+    assert within.searches == 1
+    mirrored = start * np.r_[-1.0, np.ones(d - 1)]
+    for end in (turned(surface, start, angles + 3.0, d), mirrored, 0.3 * start):
+        before = within.searches
+        within.along(start, end)
+        assert within.searches > before
+
+
+@pytest.mark.parametrize("d", [2, 3])
+@pytest.mark.parametrize("angle", [0.02, 0.3, 1.5, 3.1])
+@pytest.mark.parametrize("size", [1e-3, 0.02, 0.2])
+def test_lists_are_complete_where_bodies_turn(d, angle, size):
+    """And are bent by random moves, or flattened until they touch themselves: at the ends of straight moves and on the
+    way, after any history.
+    """
+    space, surface = heap(d)
+    rng, near = np.random.default_rng(8), 0
+    x = surface.vertices(Positions(space, space.from_input(space.mesh.points)))
+    for k in range(6):
+        turns = angle * rng.uniform(-1, 1, surface.primitives.bodies)
+        end = turned(surface, x, turns, d) + size * (rng.uniform(-1, 1, x.shape) + 3.0 * rng.standard_normal(d))
+        if k % 3 == 1:  # flat: all vertices of a body are near facets of its own
+            end[:, 0] = 0.02 * end[:, 0]
+        for pairs in surface.lists:
+            pairs.along(x, end)
+        for share in (0.0, 0.3, 0.5, 0.8, 1.0):
+            near += check_complete(surface, x + share * (end - x))
+        for share in (0.9, 0.2):
+            there = x + share * (end - x)
+            surface.contacts(there)
+            near += check_complete(surface, there)
+        x = x + 0.6 * (end - x)
+    assert near > 0
 
 
 def test_bodies_far_from_each_other_are_not_searched_until_they_come_near():

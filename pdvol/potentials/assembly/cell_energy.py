@@ -17,6 +17,7 @@ from mpi4py import MPI
 
 from pdvol.errors import InputError
 from pdvol.levels.space import LevelSpace
+from pdvol.parallel import reduce
 from pdvol.potentials.assembly import native
 from pdvol.potentials.assembly.compiled_forms import form_cache
 from pdvol.potentials.assembly.hessian_blocks import FILTERS, BlockPattern, HessianBlocks
@@ -71,8 +72,8 @@ class CellEnergy(Term):
         self._slots: np.ndarray | None = None
         self._slots_of: BlockPattern
         counted = slice(self._counted)
-        self.scale = space.comm.allreduce(
-            float(sum(np.abs(values[counted]) @ self._volumes[counted] for values in parameters.values()))
+        self.scale = reduce(
+            space.comm, float(sum(np.abs(values[counted]) @ self._volumes[counted] for values in parameters.values()))
         )
         self._compile(psi, {name: np.asarray(values, dtype=float) for name, values in parameters.items()})
 
@@ -117,7 +118,7 @@ class CellEnergy(Term):
                 F = np.eye(3) + 0.2 * rng.uniform(-1, 1, (3, 3))
                 one, other = (self._density.at(f, cell) for f in (F, Q @ F @ R))
                 changes.append(abs(one - other) / max(abs(one), abs(other), 1e-300))
-        return self.space.comm.allreduce(max(changes, default=0.0), op=MPI.MAX) < ISOTROPY_TOLERANCE
+        return reduce(self.space.comm, max(changes, default=0.0), MPI.MAX) < ISOTROPY_TOLERANCE
 
     def _arguments(self, kernel: "_DensityKernel", x: np.ndarray, count: int) -> tuple:
         return (
@@ -142,7 +143,7 @@ class CellEnergy(Term):
 
     def value(self, x: Positions) -> float:
         mine = self._library.cell_values(*self._arguments(self._density, x.local, self._counted))
-        total = self.space.comm.allreduce(mine)
+        total = reduce(self.space.comm, mine)
         return total if np.isfinite(total) else np.inf
 
     def gradient(self, x: Positions) -> np.ndarray:

@@ -9,6 +9,8 @@ The pairs of all lists have one order, whatever was searched. So sums over activ
 lists may outlast steps.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 
 from pdvol.compiled import ffi, pointer
@@ -21,6 +23,24 @@ LIST_SLACK = 0.1
 SEARCH_MARGIN = 1.001
 # numbers of a box: least coordinates and greatest ones with the opposite sign, four each; as in search.c
 BOX = 8
+
+
+class Shapes(NamedTuple):
+    """How b bodies differ in shape from a list's reference.
+
+    Attributes
+    ----------
+    turns : (b, 3, 3)
+        Rotations from the reference; about the third axis in 2D.
+    shares : (b,) of the reference's move, at which the shape is nearest
+    sizes : (b,) largest distance [m] that is left there without centre and rotation
+    moves : (b,) largest part [m] of the reference's move, without the centre's
+    """
+
+    turns: np.ndarray
+    shares: np.ndarray
+    sizes: np.ndarray
+    moves: np.ndarray
 
 
 class PairList:
@@ -53,6 +73,7 @@ class PairList:
         self._firsts = np.cumsum([0, *self._counts])
         self._boxed: tuple[np.ndarray, np.ndarray] | None = None
         self._reference: tuple[np.ndarray, np.ndarray | None] | None = None  # start, and what it moves by
+        self._covered: np.ndarray | None = None  # one array that the list is known to be complete at
         self._room: np.ndarray = np.zeros((len(numbers), len(numbers)))
         self._buffers = [np.zeros((1024, 2), dtype=np.int32) for _ in range(2)]
         self.points, self.edges = (buffer[:0] for buffer in self._buffers)
@@ -69,23 +90,77 @@ class PairList:
 
     def along(self, start: np.ndarray, end: np.ndarray) -> None:
         """Makes the list complete everywhere on the straight move from start to end (n, d)."""
-        if not (self.empty or (self._covers(start) and self._covers(end))):
-            if self.within:
-                end = end - self._drift(end - start)[self.primitives.objects]
+        if self.empty or self._covers_way(start, end):
+            return
+        if not self.within:
             self._search(start, end)
+            return
+        back = self._without_motions(start, end, turned=True)
+        self._reference = start, back - start
+        if not self._covers_way(start, end):  # turned so far on the way that distances shrink
+            back = self._without_motions(start, end, turned=False)
+        self._search(start, back)
 
-    def _drift(self, moves: np.ndarray) -> np.ndarray:
-        """(objects, d) mean motion of each object."""
-        sums = np.add.reduceat(moves, self._firsts[:-1], axis=0)
+    def _without_motions(self, start: np.ndarray, end: np.ndarray, turned: bool) -> np.ndarray:
+        """`end` (n, d) with the bodies' centres, and their rotations where these are `turned` back, as at the start."""
+        objects, turns = self.primitives.objects, np.broadcast_to(np.eye(3), (len(self._counts), 3, 3)).copy()
+        if turned:
+            turns[: self.primitives.bodies] = self._shapes(start, None, end).turns
+        d, (before, after) = self.primitives.d, (self._centres(x)[objects] for x in (start, end))
+        return before + np.einsum("ki,kij->kj", end - after, turns[:, :d, :d][objects])
+
+    def _centres(self, vertices: np.ndarray) -> np.ndarray:
+        """(objects, d) mean of each object's vertices."""
+        sums = np.add.reduceat(vertices, self._firsts[:-1], axis=0)
         return sums / self._counts[:, None]
 
     def _covers(self, vertices: np.ndarray) -> bool:
-        """Whether `vertices` are near a place on the move that the list was searched for. What lies between two such
-        places is as near to that move.
-        """
+        """Whether `vertices` are near a place on the move that the list was searched for."""
+        if vertices is self._covered:
+            return True
         if self._reference is None:
             return False
-        start, move = self._reference
+        if self.within:
+            covers = bool(np.all(self._shapes(*self._reference, vertices).sizes <= self._slack))
+        else:
+            covers = self._is_near(*self._reference, vertices)
+        self._covered = vertices if covers else self._covered
+        return covers
+
+    def _covers_way(self, start: np.ndarray, end: np.ndarray) -> bool:
+        """Whether the list is complete on the straight way between two places.
+
+        Between objects what lies between two near places is as near to the move. Within a body that is turned by an
+        angle theta on the way, places between are those of the list times a matrix whose singular values are at least
+        cos(theta / 2), besides what the turn changes in the part of the move between them (docs/contact.md).
+        """
+        if not self.within:
+            return self._covers(start) and self._covers(end)
+        if self._reference is None:
+            return False
+        one, other = (self._shapes(*self._reference, x) for x in (start, end))
+        cosine = np.sqrt(np.clip((1.0 + np.einsum("bij,bij->b", one.turns, other.turns)) / 4.0, 0.0, 1.0))
+        bent = 0.5 * np.sqrt(1.0 - cosine**2) * np.abs(one.shares - other.shares) * one.moves
+        off = np.maximum(one.sizes, other.sizes) + bent
+        return bool(np.all(cosine * (self.reach + 2.0 * self._slack) - 2.0 * off >= self.reach))
+
+    def _shapes(self, start: np.ndarray, move: np.ndarray | None, vertices: np.ndarray) -> Shapes:
+        """How the bodies at `vertices` differ in shape from `start`, or from the nearest place on a move from there."""
+        n = self.primitives.bodies
+        found = Shapes(np.empty((n, 3, 3)), np.empty(n), np.empty(n), np.empty(n))
+        library().shapes(
+            self.primitives.d,
+            n,
+            pointer(self._firsts, "int64_t"),
+            pointer(start),
+            ffi.NULL if move is None else pointer(move),
+            pointer(vertices),
+            *(pointer(array) for array in (found.turns, found.shares, found.sizes, found.moves)),
+        )
+        return found
+
+    def _is_near(self, start: np.ndarray, move: np.ndarray | None, vertices: np.ndarray) -> bool:
+        """Whether no two objects can have come nearer to each other than there is room."""
         drift, sizes = np.zeros((len(self._counts), self.primitives.d)), np.zeros(len(self._counts))
         library().deviations(
             self.primitives.d,
@@ -97,8 +172,6 @@ class PairList:
             pointer(drift),
             pointer(sizes),
         )
-        if self.within:
-            return bool(np.all(sizes[: self.primitives.bodies] <= self._slack))
         between = np.linalg.norm(drift[:, None] - drift, axis=2) + sizes[:, None] + sizes
         return bool(np.all((between <= self._room) | ~self._allowed))
 
@@ -127,7 +200,7 @@ class PairList:
         """Searches along a move, which becomes the list's reference, and finds how far any two objects may approach
         each other besides.
         """
-        self._reference = start, None if end is start else end - start
+        self._reference, self._covered = (start, None if end is start else end - start), start
         self._fit(start, end)
         apart = self._apart()
         near = apart <= self._distance

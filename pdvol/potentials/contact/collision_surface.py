@@ -75,6 +75,7 @@ class CollisionSurface:
         self._at: Positions | None = None
         self._vertices: np.ndarray
         self._capacities = np.array([1024, 256])
+        self._none = Stencils.room(0, 0, space.dim)
 
     def _obstacles_at(self, time: float) -> np.ndarray:
         placed = [o.at(time) for o in self.obstacles]
@@ -112,18 +113,12 @@ class CollisionSurface:
 
     def _active(self, vertices: np.ndarray, points: np.ndarray, edges: np.ndarray) -> Stencils:
         """The contacts among candidate pairs of vertices and facets, and of edges, (k, 2) each."""
+        if not (len(points) or len(edges)):
+            return self._none
         d, counts = self.space.dim, np.zeros(2, dtype=np.int64)
         while True:
             k, f = self._capacities
-            found = Stencils(
-                np.empty((k, 4), dtype=np.int32),
-                np.empty((k, 4)),
-                np.empty((k, d)),
-                np.empty(k),
-                np.empty(f, dtype=np.int64),
-                np.empty((f, 4, 3)),
-                np.empty((f, 10, 3, 3)),
-            )
+            found = Stencils.room(k, f, d)
             if library().active_pairs(
                 self.primitives.c,
                 pointer(vertices),

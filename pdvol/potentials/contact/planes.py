@@ -12,6 +12,7 @@ from mpi4py import MPI
 from pdvol.geometry.level_mesh import LevelMesh, facet_sizes
 from pdvol.levels.obstacles import Obstacle
 from pdvol.levels.space import LevelSpace
+from pdvol.parallel import reduce
 from pdvol.potentials.assembly.hessian_blocks import HessianBlocks
 from pdvol.potentials.contact import barrier_law, friction_law
 from pdvol.potentials.contact.lagged_friction import LaggedFriction
@@ -47,6 +48,7 @@ class HalfSpaceBarrier(Term):
         self.vertices = np.flatnonzero(areas > 0)
         self.areas = areas[self.vertices] if weighted else np.ones(len(self.vertices))
         self._gaps: np.ndarray
+        self._contacts: tuple[np.ndarray | None, tuple[np.ndarray, ...]] = None, ()  # of which gaps, and what they are
         self.move_obstacles(0.0)
 
     def _planes_at(self, time: float) -> tuple[np.ndarray, np.ndarray]:
@@ -72,11 +74,13 @@ class HalfSpaceBarrier(Term):
             self._at, self._gaps = x, gaps
         return gaps
 
-    def _active(self, x: Positions) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def _active(self, x: Positions) -> tuple[np.ndarray, ...]:
         """Plane, vertex (index into `vertices`) and gap [m] of each contact within dhat, (k,) each."""
         gaps = self.gaps(x)
-        plane, vertex = np.nonzero(gaps < self.dhat)
-        return plane, vertex, gaps[plane, vertex]
+        if self._contacts[0] is not gaps:
+            plane, vertex = np.nonzero(gaps < self.dhat)
+            self._contacts = gaps, (plane, vertex, gaps[plane, vertex])
+        return self._contacts[1]
 
     def value(self, x: Positions) -> float:
         _, vertex, gap = self._active(x)
@@ -84,7 +88,7 @@ class HalfSpaceBarrier(Term):
             mine = np.inf
         else:
             mine = float(np.sum(self.areas[vertex] * barrier_law.energy((gap / self.dhat) ** 2, self.dhat, self.kappa)))
-        return self.space.comm.allreduce(mine)
+        return reduce(self.space.comm, mine)
 
     def forces(self, x: Positions) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Plane, vertex (index into `vertices`) and normal force [N] of each contact within dhat, (k,) each."""
@@ -137,11 +141,11 @@ class HalfSpaceBarrier(Term):
 
     def min_gap(self, x: Positions) -> float:
         """Smallest distance to any plane [m]; inf where there is no surface. Collective."""
-        return self.space.comm.allreduce(float(self.gaps(x).min(initial=np.inf)), op=MPI.MIN)
+        return reduce(self.space.comm, float(self.gaps(x).min(initial=np.inf)), MPI.MIN)
 
     def count(self, x: Positions) -> int:
         """Number of contacts within dhat, of all ranks. Collective."""
-        return self.space.comm.allreduce(len(self._active(x)[0]))
+        return reduce(self.space.comm, len(self._active(x)[0]))
 
 
 class HalfSpaceFriction(LaggedFriction):
@@ -156,6 +160,8 @@ class HalfSpaceFriction(LaggedFriction):
     def __init__(self, barrier: HalfSpaceBarrier, mu: float | np.ndarray, eps_v: float):
         self.space, self.barrier, self.eps_v = barrier.space, barrier, eps_v
         self._bodies = barrier.space.mesh.point_bodies[barrier.space.owned_points][barrier.vertices]
+        self._at: Positions | None = None  # where the next was found
+        self._slips: np.ndarray
         self._mu = np.broadcast_to(mu, (len(barrier.planes), int(barrier.space.mesh.point_bodies.max()) + 1))
 
     def begin_step(self, x_t: Positions, t0: float, t1: float, x_hat: Positions | None = None) -> None:
@@ -169,6 +175,7 @@ class HalfSpaceFriction(LaggedFriction):
 
     def update_lag(self, x: Positions) -> None:
         plane, vertex, force = self.barrier.forces(x)
+        self._at = None
         self._vertices = self.barrier.vertices[vertex]
         self.normals = self.barrier.normals[plane]
         self.forces = self._mu[plane, self._bodies[vertex]] * force
@@ -178,12 +185,16 @@ class HalfSpaceFriction(LaggedFriction):
             self._ground[on] = moves(self._x_t[self._vertices[on]]) if on.any() else 0.0
 
     def slips(self, x: Positions) -> np.ndarray:
-        u = x.owned[self._vertices] - self._x_t[self._vertices] - self._ground
-        return u - np.sum(u * self.normals, axis=1)[:, None] * self.normals
+        if x is not self._at:
+            u = x.owned[self._vertices] - self._x_t[self._vertices] - self._ground
+            self._slips, self._at = u - np.sum(u * self.normals, axis=1)[:, None] * self.normals, x
+        return self._slips
 
     def value(self, x: Positions) -> float:
+        if not self.has_friction:
+            return reduce(self.space.comm, 0.0)
         sizes = np.linalg.norm(self.slips(x), axis=1)
-        return self.space.comm.allreduce(float(np.sum(self.forces * friction_law.f0(sizes, self._eps))))
+        return reduce(self.space.comm, float(np.sum(self.forces * friction_law.f0(sizes, self._eps))))
 
     def _rows(self, forces: np.ndarray) -> np.ndarray:
         out = np.zeros((self.space.n_owned, self.space.dim))

@@ -41,6 +41,19 @@ class Stencils:
     def __len__(self) -> int:
         return len(self.weights)
 
+    @classmethod
+    def room(cls, count: int, faded: int, d: int) -> "Stencils":
+        """Memory for so many contacts, and for those whose weights change, in d dimensions; nothing is set."""
+        return cls(
+            np.empty((count, 4), dtype=np.int32),
+            np.empty((count, 4)),
+            np.empty((count, d)),
+            np.empty(count),
+            np.empty(faded, dtype=np.int64),
+            np.empty((faded, 4, 3)),
+            np.empty((faded, 10, 3, 3)),
+        )
+
     def first(self, count: int, faded: int) -> "Stencils":
         """The first contacts, and the first of those whose weights change."""
         return Stencils(
@@ -56,6 +69,9 @@ class Stencils:
     @classmethod
     def joined(cls, parts: Sequence["Stencils"]) -> "Stencils":
         """The contacts of all parts, in their order."""
+        parts = [part for part in parts if len(part)] or parts[:1]
+        if len(parts) == 1:
+            return parts[0]
         before = np.cumsum([0, *map(len, parts[:-1])])
         shifted = [replace(part, fading=part.fading + start) for part, start in zip(parts, before, strict=True)]
         return cls(*(np.concatenate([getattr(part, f.name) for part in shifted]) for f in fields(cls)))

@@ -10,6 +10,7 @@ import ipctk
 import numpy as np
 
 from pdvol.levels.space import LevelSpace
+from pdvol.parallel import reduce
 from pdvol.potentials.assembly.hessian_blocks import BlockPattern, HessianBlocks
 from pdvol.potentials.contact import barrier_law
 from pdvol.potentials.potential import ContactPotential, Positions, Potential
@@ -133,7 +134,7 @@ class SemiImplicitStiffness:
         mine = self._blocks.cells[self._blocks.pattern.diagonal]
         blocks = np.stack([self.space.to_input(mine[:, :, j]) for j in range(d)], axis=2)
         found = np.concatenate([term.contact_stiffness(x_t, self._masses, blocks) for term in self.contacts])
-        total, count = self.space.comm.allreduce(float(found.sum())), self.space.comm.allreduce(len(found))
+        total, count = reduce(self.space.comm, float(found.sum())), reduce(self.space.comm, len(found))
         if not count:
             at = self._surface
             total, count = (

@@ -20,6 +20,7 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 from pdvol.errors import InputError, SimulationError
+from pdvol.parallel import reduce
 from pdvol.potentials.assembly.hessian_blocks import SPARE
 from pdvol.potentials.assembly.native import pointer
 from pdvol.scene import Solver
@@ -218,7 +219,7 @@ class LinearSolver:
         )
         if tries == 0:
             raise MemoryError("no memory left for the incomplete factor")
-        return self._system.space.comm.allreduce(tries > 0, op=MPI.LAND)
+        return reduce(self._system.space.comm, tries > 0, MPI.LAND)
 
     # ---- the choice
 

@@ -9,6 +9,7 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 from pdvol.levels.space import LevelSpace
+from pdvol.parallel import reduce
 from pdvol.potentials.assembly.hessian_blocks import BlockCsr, HessianBlocks
 from pdvol.potentials.assembly.native import pointer
 from pdvol.solve.linear import native
@@ -101,7 +102,7 @@ class SystemMatrix:
         if self._petsc is None:
             starts, columns, blocks = self.rows
             known = self._pattern is not None and all(map(np.array_equal, self._pattern, (starts, columns)))
-            known = self.space.comm.allreduce(known, op=MPI.LAND)
+            known = reduce(self.space.comm, known, MPI.LAND)
             csr = (starts.astype(PETSc.IntType), columns.astype(PETSc.IntType), blocks)
             if known:
                 self._blocked.setValuesBlockedCSR(*csr)

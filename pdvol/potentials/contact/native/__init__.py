@@ -21,6 +21,8 @@ typedef struct {
 void fit_boxes(const surface_t *s, const uint8_t *marked, const double *x, const double *y, double *boxes);
 void deviations(int d, int64_t objects, const int64_t *firsts, const double *start, const double *move,
                 const double *vertices, double *drift, double *sizes);
+void shapes(int d, int64_t bodies, const int64_t *firsts, const double *start, const double *move,
+            const double *vertices, double *turns, double *shares, double *sizes, double *moves);
 int search_pairs(const surface_t *s, const double *boxes, const double *x, const double *y, double distance,
                  const uint8_t *meets, int64_t first, int64_t last, const int64_t *capacities, int32_t *points,
                  int32_t *edges, int64_t *counts);

@@ -5,8 +5,10 @@
 #include "surface.h"
 
 enum { MAX_ADVANCES = 1000 }; /* of one pair: bounds the time that a pair takes */
+enum { MAX_POLAR_ROUNDS = 60 }; /* halvings of the iteration: thin bodies need log2(length / thickness)^2 and five more */
 #define ADVANCE 0.9            /* share of the safe advance: the rest is for round-off */
 #define ADVANCED 1e-6          /* share of the distance to keep: nearer than that to it the advance ends; it makes steps continuous */
+#define POLAR_CHANGE 1e-15      /* of a rotation whose iteration has converged: round-off */
 
 /* A box: its least coordinates, and from SIDE on its greatest with the opposite sign; zeros where d = 2. */
 enum { SIDE = 4, BOX = 2 * SIDE };
@@ -108,6 +110,88 @@ void deviations(int d, int64_t objects, const int64_t *firsts, const double *sta
                         drift[d * object + j] = d * sum[j] / (end - first);
             }
         sizes[object] = sqrt(most);
+    }
+}
+
+/* The rotation R (3 x 3) nearest to a matrix A of positive determinant: its orthogonal polar factor, by Newton's iteration R <- (R + R^-T) / 2.
+ * The identity where the iteration does not converge. */
+INLINE void nearest_rotation(const double *A, double *R)
+{
+    double size = 0.0, change = 1.0;
+    for (int k = 0; k < 9; ++k)
+        size += A[k] * A[k];
+    for (int k = 0; k < 9; ++k)
+        R[k] = A[k] / sqrt(size);
+    for (int round = 0; round < MAX_POLAR_ROUNDS && change > POLAR_CHANGE; ++round) {
+        double cofactors[9];
+        cross(R + 3, R + 6, cofactors), cross(R + 6, R, cofactors + 3), cross(R, R + 3, cofactors + 6);
+        const double determinant = dot(3, R, cofactors);
+        change = 0.0;
+        for (int k = 0; k < 9; ++k) {
+            const double next = 0.5 * (R[k] + cofactors[k] / determinant);
+            change = determinant > 0.0 ? fmax(change, fabs(next - R[k])) : INFINITY, R[k] = next;
+        }
+        if (!(change < INFINITY))
+            break;
+    }
+    for (int k = 0; k < 9; ++k)
+        R[k] = change <= POLAR_CHANGE ? R[k] : k % 4 == 0;
+}
+
+/* The share of a body's way at which its shape, turned back by R (3 x 3), is nearest, and the largest distance left there (`shapes`). */
+INLINE double left_over(int d, int64_t first, int64_t end, const double *start, const double *move, const double *vertices, const double (*centres)[3],
+                        const double *R, double *share)
+{
+    double along = 0.0, size = 0.0, most = 0.0;
+    for (int pass = move ? 0 : 1; pass < 2; ++pass) {
+        *share = size > 0.0 ? clamp(along / size) : 0.0;
+        for (int64_t k = d * first; k < d * end; k += d) {
+            double own = 0.0;
+            for (int j = 0; j < d; ++j) {
+                double off = centres[0][j] - start[k + j];
+                for (int i = 0; i < d; ++i)
+                    off += R[3 * i + j] * (vertices[k + i] - centres[1][i]);
+                const double way = move ? move[k + j] - centres[2][j] : 0.0, left = off - *share * way;
+                own += left * left, along += off * way, size += way * way;
+            }
+            most = pass && !(own <= most) ? own : most;
+        }
+    }
+    return sqrt(most);
+}
+
+/* How the bodies at `vertices` differ in shape from the nearest shape on the straight way from `start` by `move` (0: `start` itself). For each
+ * body: the rotation (3 x 3) from the way, the nearest one to the motion from `start` or none, whichever leaves less; the share of the way; the
+ * largest distance that is left when centre, rotation and share are taken out; and the largest move besides that of the centre. */
+void shapes(int d, int64_t bodies, const int64_t *firsts, const double *start, const double *move, const double *vertices, double *turns,
+            double *shares, double *sizes, double *moves)
+{
+    static const double none[9] = {1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0};
+    for (int64_t body = 0; body < bodies; ++body) {
+        const int64_t first = firsts[body], end = firsts[body + 1];
+        double centres[3][3] = {{0.0}}, A[9] = {0.0}, *R = turns + 9 * body, most = 0.0, share;
+        for (int64_t k = d * first; k < d * end; k += d)
+            for (int j = 0; j < d; ++j) {
+                centres[0][j] += start[k + j] / (end - first), centres[1][j] += vertices[k + j] / (end - first);
+                centres[2][j] += move ? move[k + j] / (end - first) : 0.0;
+            }
+        for (int64_t k = d * first; k < d * end; k += d) {
+            double length = 0.0;
+            for (int i = 0; i < d; ++i) {
+                for (int j = 0; j < d; ++j)
+                    A[3 * i + j] += (vertices[k + i] - centres[1][i]) * (start[k + j] - centres[0][j]);
+                length += move ? (move[k + i] - centres[2][i]) * (move[k + i] - centres[2][i]) : 0.0;
+            }
+            most = length <= most ? most : length;
+        }
+        moves[body] = sqrt(most);
+        if (d == 2)
+            A[8] = sqrt(A[0] * A[0] + A[1] * A[1] + A[3] * A[3] + A[4] * A[4]);
+        nearest_rotation(A, R);
+        sizes[body] = left_over(d, first, end, start, move, vertices, centres, R, shares + body);
+        const double unturned = left_over(d, first, end, start, move, vertices, centres, none, &share);
+        if (!(sizes[body] <= unturned))
+            memcpy(R, none, sizeof none), sizes[body] = unturned, shares[body] = share;
     }
 }
 
