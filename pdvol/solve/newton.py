@@ -29,9 +29,8 @@ from pdvol.solve.report import NewtonReport, Stopwatch
 # steps: 888 without, 736 with 1, 717 with 2, 710 with 3 and with 6)
 PREDICTIONS = 3
 MAX_SOLVES = 3  # times the iterations allowed per solve: after more of them no remedy starts it again
-# Backtracking by halves: steps that end deep in a barrier mislead PETSc's cubic models, which then go a tenth of the
-# way. `max_it` trials: 40 halvings reach round-off.
-LINE_SEARCH = {"type": "bt", "order": 1, "max_it": 40}
+# Backtracking by cubic models, which need fewer trials than halving; `max_it` trials: 40 halvings reach round-off.
+LINE_SEARCH = {"type": "bt", "order": 3, "max_it": 40}
 
 _REASONS = {value: name for name, value in vars(PETSc.SNES.ConvergedReason).items() if isinstance(value, int)}
 
