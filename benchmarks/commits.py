@@ -150,7 +150,7 @@ class Pack:
         """Kind and content of the object there, its deltas carried out."""
         begin, byte = offset, self._data[offset]
         kind, offset = byte >> 4 & 7, offset + 1
-        while byte & 0x80:  # its size, which the stream below tells as well
+        while byte & 0x80:  # its size, which the stream below has as well
             byte, offset = self._data[offset], offset + 1
         if kind == 6:  # a delta to an object of this pack
             byte, offset = self._data[offset], offset + 1

@@ -214,7 +214,7 @@ def march(name: str, steps: int, code: Path, commit: str, folder: Path, end: Pat
 
 
 def measured(path: Path, end: Path, check: bool) -> dict:
-    """What a run folder tells; with `check`, also whether its states (a hundred at most) are sound."""
+    """What a run folder holds; with `check`, also whether its states (a hundred at most) are sound."""
     empty = {"seconds": [], "states": "none"}
     try:
         run = open_run(path)

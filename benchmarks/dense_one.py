@@ -2,7 +2,7 @@
 SETTINGS LEVEL` marches one level of a scene file into the run folder RUN, with the package of the folder CODE.
 
 CLOCK is `cpu` or `wall`: what the seconds of log.jsonl are. The march stops between two steps after SECONDS of CPU
-time, and its finished steps stay. SETTINGS are the scene's, as JSON. Beside the run RUN.json tells the milliseconds
+time, and its finished steps stay. SETTINGS are the scene's, as JSON. Beside the run RUN.json has the milliseconds
 that a fixed loop took after each step. The exit code is 0 when all steps were done or the time was over, and 1
 otherwise, with the reason on standard error.
 """
