@@ -54,7 +54,7 @@ def parse_settings(words: Sequence[str]) -> dict:
     settings = {}
     for word in words:
         name, equals, text = word.partition("=")
-        if not equals or not name.isidentifier():
+        if not equals or not name.replace(".", "_").isidentifier():
             raise InputError(f"--set {word}: write name=value")
         settings[name] = _value(text)
     return settings

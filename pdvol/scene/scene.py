@@ -8,6 +8,7 @@ from pdvol.registry import INTEGRATORS
 from pdvol.scene.bodies import Body, Separate
 from pdvol.scene.checks import count, keep_plain, positive, require, sequence
 from pdvol.scene.contact import Barrier, Friction
+from pdvol.scene.jitter import jittered
 from pdvol.scene.loads import Load
 from pdvol.scene.penalty import Penalty
 from pdvol.scene.representation import one_line
@@ -94,19 +95,33 @@ class Scene:
         return self.bodies[0].levels
 
     def with_settings(self, **settings: Any) -> "Scene":
-        """The same scene with some settings of its solver and penalty replaced."""
+        """The same scene with some of `SETTINGS` replaced.
+
+        The number of steps stays when `dt` changes. `jitter` is a pair (speed [m/s], seed): see `jittered`.
+        """
         unknown = set(settings) - SETTINGS.keys()
         require(not unknown, f"unknown setting {sorted(unknown)}; there are {sorted(SETTINGS)}")
-        parts = {
-            part: {name: value for name, value in settings.items() if SETTINGS[name] == part}
-            for part in ("solver", "penalty")
-        }
-        own = {name: value for name, value in settings.items() if SETTINGS[name] == "scene"}
-        return replace(self, **own, **{part: replace(getattr(self, part), **of) for part, of in parts.items()})
+        jitter = settings.pop("jitter", None)
+        parts: dict[str, dict[str, Any]] = {"scene": {}, "solver": {}, "penalty": {}, "Barrier": {}, "Friction": {}}
+        for name, value in settings.items():
+            parts[SETTINGS[name]][name.rpartition(".")[2]] = value
+        contact = [replace(c, **parts[type(c).__name__]) for c in self.contact]
+        for kind in ("Barrier", "Friction"):
+            missing = parts[kind] and not any(type(c).__name__ == kind for c in self.contact)
+            require(not missing, f"{', '.join(parts[kind])}: the scene has no {kind} that could have it")
+        return replace(
+            self,
+            **parts["scene"],
+            bodies=self.bodies if jitter is None else jittered(self.bodies, jitter),
+            contact=tuple(contact),
+            solver=replace(self.solver, **parts["solver"]),
+            penalty=replace(self.penalty, **parts["penalty"]),
+        )
 
 
 SETTINGS = {
     **{f.name: part for part, kind in (("solver", Solver), ("penalty", Penalty)) for f in fields(kind)},
-    "integrator": "scene",
+    **{"dhat": "Barrier", "law": "Barrier", "friction.iterations": "Friction"},
+    **{"dt": "scene", "integrator": "scene", "jitter": "scene"},
 }
 """What `--set` reaches in every scene, and the part of the scene that holds it."""

@@ -17,7 +17,7 @@ class Solver:
     max_iterations : Newton iterations allowed per solve
     max_halvings : how often a step may be halved before the run stops
     linear : "auto", or "iterative", "multilevel" or "direct"
-    accuracy : relative error of an iterative linear solve, in the energy norm
+    linear_rtol : relative error of an iterative linear solve, in the energy norm
     petsc : extra PETSc options, for example "-ksp_rtol 1e-6"; with a `-ksp_type` or `-pc_type` among them PETSc's own
         solvers replace the compiled ones
     """
@@ -26,12 +26,12 @@ class Solver:
     max_iterations: int = 200
     max_halvings: int = 6
     linear: str = "auto"
-    accuracy: float = 3e-3
+    linear_rtol: float = 3e-3
     petsc: str = ""
     __repr__ = one_line
 
     def __post_init__(self) -> None:
-        keep_plain(self, "tolerance", "max_iterations", "max_halvings", "accuracy")
+        keep_plain(self, "tolerance", "max_iterations", "max_halvings", "linear_rtol")
         length("Solver.tolerance", self.tolerance)
         count("Solver.max_iterations", self.max_iterations, 1)
         count("Solver.max_halvings", self.max_halvings, 0)
@@ -41,5 +41,5 @@ class Solver:
             self.linear in ("auto", "iterative", "multilevel", "direct"),
             f"Solver.linear = {self.linear!r} must be auto, iterative, multilevel or direct",
         )
-        positive("Solver.accuracy", self.accuracy)
-        require(self.accuracy <= 0.1, f"Solver.accuracy = {self.accuracy!r} must be at most 0.1")
+        positive("Solver.linear_rtol", self.linear_rtol)
+        require(self.linear_rtol <= 0.1, f"Solver.linear_rtol = {self.linear_rtol!r} must be at most 0.1")

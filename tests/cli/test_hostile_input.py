@@ -227,7 +227,7 @@ NAMES = [
     "max_iterations",
     "max_halvings",
     "linear",
-    "accuracy",
+    "linear_rtol",
     "petsc",
 ]
 

@@ -198,7 +198,7 @@ def test_what_motions_do_by_themselves_is_the_direction_less_the_way_to_rest():
 def test_the_second_direction_is_right_where_the_first_changes_the_solver(monkeypatch, limit):
     (_, expected), *_ = both_directions(Solver(tolerance=1e-6, linear="direct"))
     monkeypatch.setattr(linear, limit, 0)
-    (_, alone), *_ = both_directions(Solver(tolerance=1e-6, accuracy=1e-10))
+    (_, alone), *_ = both_directions(Solver(tolerance=1e-6, linear_rtol=1e-10))
     np.testing.assert_allclose(alone, expected, atol=1e-6 * np.abs(expected).max())
 
 

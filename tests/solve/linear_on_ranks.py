@@ -32,7 +32,7 @@ def main(d, out):
         for method in LINEAR_METHODS:
             made = LinearSolver(
                 PETSc.KSP().create(comm),
-                Solver(linear=method, accuracy=1e-11),
+                Solver(linear=method, linear_rtol=1e-11),
                 lambda: CoarseSpace(space, grid_weights(space.mesh), system.all_supported),
             )
             made.set_matrix(system)

@@ -47,7 +47,7 @@ def solver(space, system, **settings):
 @pytest.mark.parametrize("method", ["iterative", "multilevel", "direct"])
 def test_all_methods_agree(space, method):
     system, matrix = systems(space, mass=0.1)
-    made = solver(space, system, linear=method, accuracy=1e-10)
+    made = solver(space, system, linear=method, linear_rtol=1e-10)
     right = space.create_vector()
     right.setArray(np.random.default_rng(4).standard_normal(len(matrix)))
     solution = right.duplicate()
@@ -119,7 +119,7 @@ def test_conjugate_gradients_that_reach_their_limit_are_a_failure(space, monkeyp
     """The direct method takes over within the same solve."""
     monkeypatch.setattr(linear, "MAX_ITERATIONS", 2)
     system, matrix = systems(space, mass=1e-3)
-    made = solver(space, system, linear="iterative", accuracy=1e-10)
+    made = solver(space, system, linear="iterative", linear_rtol=1e-10)
     right = space.create_vector()
     right.setArray(np.random.default_rng(4).standard_normal(len(matrix)))
     solution = right.duplicate()
@@ -230,7 +230,7 @@ def test_newton_tries_the_true_hessian_under_a_direct_solver(monkeypatch, indefi
     for method in ("iterative", "direct"):
         tried.clear()
         scene = make_scene(
-            materials=(NeoHookean(1e6),), solver=Solver(tolerance=1e-8, linear=method, accuracy=1e-10), dt=0.1
+            materials=(NeoHookean(1e6),), solver=Solver(tolerance=1e-8, linear=method, linear_rtol=1e-10), dt=0.1
         )
         ends.append(take_step(make_stepper(scene, mesh), 1, wild, np.zeros_like(wild)).positions)
     assert "none" in tried and ("again" in tried) == indefinite

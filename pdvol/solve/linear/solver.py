@@ -87,7 +87,7 @@ class LinearSolver:
         self._inner = PETSc.KSP().create(ksp.comm)  # what PETSc's own methods run in
         for solver in (ksp, self._inner):
             solver.setOptionsPrefix(self.prefix)
-            solver.setTolerances(rtol=settings.accuracy, max_it=MAX_ITERATIONS)
+            solver.setTolerances(rtol=settings.linear_rtol, max_it=MAX_ITERATIONS)
         self._use(self._cg_method if settings.linear == "auto" else settings.linear)
 
     def _use(self, method: str) -> None:

@@ -1,0 +1,63 @@
+"""Starts that differ by a little: how far their ends are apart shows how chaotic a scene is."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from pdvol.scene.bodies import Body
+from pdvol.scene.checks import called, count, finite, plain, require
+from pdvol.scene.motions import Vector
+
+
+@dataclass(frozen=True)
+class Jittered:
+    """An initial velocity with a small random one added, the same at all points.
+
+    Attributes
+    ----------
+    velocity : as `Body.velocity`
+    speed : of what is added [m/s]; its direction follows from the seed
+    seed : tuple of whole numbers
+    """
+
+    velocity: Vector | Callable[[np.ndarray], np.ndarray]
+    speed: float
+    seed: tuple[int, ...]
+
+    def __call__(self, points: np.ndarray) -> np.ndarray:
+        """(n, d) [m/s] at `points` (n, d) [m]."""
+        dim = points.shape[1]
+        base = np.zeros_like(points)
+        if callable(self.velocity):
+            base = called("velocity", self.velocity, (points,), points.shape)
+        elif len(self.velocity):
+            require(len(self.velocity) == dim, f"velocity = {self.velocity} has the wrong length in a {dim}D scene")
+            base = base + np.asarray(self.velocity, dtype=float)
+        direction = np.random.default_rng(self.seed).normal(size=dim)
+        return base + self.speed * direction / np.linalg.norm(direction)
+
+
+def jittered(bodies: Sequence[Body], jitter: Any) -> tuple[Body, ...]:
+    """The bodies, each with a velocity of its own added, of random direction.
+
+    A velocity is added, and no displacement, so that no body meets another one at the start.
+
+    Parameters
+    ----------
+    jitter : pair (speed [m/s], seed)
+
+    Raises
+    ------
+    InputError
+        It is no such pair.
+    """
+    pair = plain(jitter)
+    require(isinstance(pair, tuple) and len(pair) == 2, f"jitter = {pair!r} must be (speed in m/s, seed)")
+    finite("the speed of jitter", pair[0], 0.0)
+    count("the seed of jitter", pair[1], 0)
+    return tuple(
+        replace(body, velocity=Jittered(body.velocity, float(pair[0]), (pair[1], number)))
+        for number, body in enumerate(bodies)
+    )
