@@ -35,6 +35,7 @@ class Stopwatch:
     def __init__(self) -> None:
         self.seconds: defaultdict[str, float] = defaultdict(float)
         self._open: list[float] = []
+        self._cpu = self._cpu_start = 0.0
 
     def part(self, name: str) -> "_Part":
         """Adds the time spent inside to `name`."""
@@ -42,6 +43,8 @@ class Stopwatch:
 
     def begin(self) -> float:
         """Opens a part; returns when [s]."""
+        if not self._open:
+            self._cpu_start = time.process_time()
         self._open.append(0.0)
         return time.perf_counter()
 
@@ -51,14 +54,17 @@ class Stopwatch:
         self.seconds[name] += spent - self._open.pop()
         if self._open:
             self._open[-1] += spent
+        else:
+            self._cpu += time.process_time() - self._cpu_start
 
     def report(self) -> dict[str, float]:
-        """Seconds: total, each part, and the rest as `other`. Starts over."""
+        """Seconds: total, each part, the rest as `other`, and `cpu`, the process's CPU time in all. Starts over."""
+        cpu, self._cpu = self._cpu, 0.0
         total = self.seconds.pop("total", 0.0)
         parts = {name: self.seconds.get(name, 0.0) for name in PARTS}
         other = total + sum(self.seconds.get(name, 0.0) for name in self.seconds if name not in PARTS)
         self.seconds.clear()
-        return {"total": other + sum(parts.values()), **parts, "other": other}
+        return {"total": other + sum(parts.values()), **parts, "other": other, "cpu": cpu}
 
 
 class _Part:
