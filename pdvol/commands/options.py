@@ -33,6 +33,11 @@ def add_new_run(parser: ArgumentParser) -> None:
     parser.add_argument("--resume", action="store_true", help="go on with the run in that folder")
 
 
+def add_picture(parser: ArgumentParser) -> None:
+    """`--no-picture`."""
+    parser.add_argument("--no-picture", action="store_true", help="do not draw picture.png at the end")
+
+
 def add_prolongation(parser: ArgumentParser) -> None:
     """`--prolongation NAME`."""
     parser.add_argument(

@@ -3,7 +3,15 @@
 from argparse import ArgumentParser, Namespace
 from pathlib import Path
 
-from pdvol.commands.options import add_levels, add_new_run, add_prolongation, add_wavefront, chosen_shot, level_range
+from pdvol.commands.options import (
+    add_levels,
+    add_new_run,
+    add_picture,
+    add_prolongation,
+    add_wavefront,
+    chosen_shot,
+    level_range,
+)
 from pdvol.registry import METHODS
 
 
@@ -18,6 +26,7 @@ def add_arguments(parser: ArgumentParser) -> None:
     )
     add_prolongation(parser)
     add_wavefront(parser)
+    add_picture(parser)
     add_new_run(parser)
 
 
@@ -41,4 +50,4 @@ def main(options: Namespace) -> None:
         progress=progress_report(),
         wavefront=options.wavefront,
     )
-    report_run(out)
+    report_run(out, not options.no_picture)

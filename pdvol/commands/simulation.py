@@ -21,16 +21,21 @@ def progress_report() -> "Watch | None":
     return (lambda level, total, done: Progress(level, total, done=done)) if this_rank() == 0 else None
 
 
-def report_run(out: Path) -> None:
-    """Draw `picture.png` of a finished run, and print where its files are and what contact held back, on one rank."""
+def report_run(out: Path, drawn: bool = True) -> None:
+    """Draw `picture.png` of a finished run unless `drawn` is False, and print where its files are and what contact held
+    back, on one rank.
+    """
     if this_rank() != 0:
         return
-    from pdvol.draw.picture import render
     from pdvol.runs.run_summary import held_back_lines
     from pdvol.store.reader import open_run
 
     run = open_run(out)
-    picture = render(run, out / "picture.png")
+    if drawn:
+        from pdvol.draw.picture import render
+
+        render(run, out / "picture.png")
     for line in (*(f"note: {line}" for line in run.info.get("mended", [])), *held_back_lines(run)):
         print(line, file=sys.stderr)
-    print(f"{out}: states, log.jsonl, level_N.xdmf and {picture.name}", file=sys.stderr)
+    files = "log.jsonl, level_N.xdmf and picture.png" if drawn else "log.jsonl and level_N.xdmf"
+    print(f"{out}: states, {files}", file=sys.stderr)

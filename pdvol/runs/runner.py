@@ -139,7 +139,7 @@ def _check_request(scene: Scene, out: Path, first: int, last: int, method: str, 
         raise InputError(
             f"{out} already holds a run; go on with it by --resume (resume=True), or choose another folder"
         )
-    if first > 0 and not exists:
+    if first > 0 and not exists and method != "direct":
         raise InputError(
             f"level {first} is refined from level {first - 1}, and {out} holds no run yet; begin with levels 0:{last}"
         )

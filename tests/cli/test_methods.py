@@ -189,3 +189,13 @@ def test_two_ranks_give_the_same(tmp_path, folder, name):
             assert other["energy"].get("consistency", 0.0) == pytest.approx(
                 one["energy"].get("consistency", 0.0), rel=1e-4, abs=1e-9
             )
+
+
+def test_a_level_alone_needs_no_coarser_one(tmp_path):
+    write(tmp_path / "fall.py", FALL)
+    words = ("--method", "direct", "--no-picture", "--steps", 2)
+    assert pdvol("run", tmp_path / "fall.py", "--levels", "1:1", "--out", tmp_path / "alone", *words) == 0
+    assert pdvol("run", tmp_path / "fall.py", "--out", tmp_path / "all", *words) == 0
+    alone, every = (open_run(tmp_path / name) for name in ("alone", "all"))
+    assert [level.steps for level in alone.levels] == [0, 3] and not (tmp_path / "alone" / "picture.png").exists()
+    np.testing.assert_array_equal(alone.levels[1].positions(2), every.levels[1].positions(2))
