@@ -187,6 +187,9 @@ COMMANDS = Registry(
             "pdvol.commands.export",
             "write a run's levels for ParaView (xdmf, vtkhdf) or animation software (usd, obj)",
         ),
+        "study": Entry(
+            "pdvol.commands.study", "speed against accuracy: run a scene with many settings and compare them"
+        ),
         "verify": Entry(
             "pdvol.commands.verify",
             "check every stored state for intersections and inverted cells, independently of the solver",

@@ -1,7 +1,9 @@
 """`pdvol run`: simulate a scene's levels into a run folder."""
 
+import sys
 from argparse import ArgumentParser, Namespace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from pdvol.commands.options import (
     add_levels,
@@ -12,7 +14,12 @@ from pdvol.commands.options import (
     chosen_shot,
     level_range,
 )
+from pdvol.commands.simulation import this_rank
+from pdvol.errors import InputError
 from pdvol.registry import METHODS
+
+if TYPE_CHECKING:
+    from pdvol.runs.scene_file import Shot
 
 
 def add_arguments(parser: ArgumentParser) -> None:
@@ -28,6 +35,9 @@ def add_arguments(parser: ArgumentParser) -> None:
     add_wavefront(parser)
     add_picture(parser)
     add_new_run(parser)
+    parser.add_argument("--accuracy", default="", metavar="LENGTH", help="settings of a study: 5mm or 1%% at the end")
+    parser.add_argument("--time", default="", metavar="TIME", help="settings of a study: 90s or 10min of CPU time")
+    parser.add_argument("--study", type=Path, metavar="DIR", help="the study to take them from")
 
 
 def main(options: Namespace) -> None:
@@ -37,6 +47,8 @@ def main(options: Namespace) -> None:
 
     shot = chosen_shot(options)
     first, last = level_range(options.levels)
+    if options.accuracy or options.time or options.study:
+        shot, first, last, options.method = _from_study(options, shot)
     name = shot.name if options.method == "progressive" else f"{shot.name}_{options.method}"
     out = options.out or Path("runs") / name
     run_scene(
@@ -51,3 +63,30 @@ def main(options: Namespace) -> None:
         wavefront=options.wavefront,
     )
     report_run(out, not options.no_picture)
+
+
+def _from_study(options: Namespace, shot: "Shot") -> "tuple[Shot, int, int | None, str]":
+    """The shot, levels and method that a study has found for the accuracy or time asked for."""
+    from pdvol.explore.choice import chaos_note, chosen_point, with_point
+    from pdvol.explore.conclusions import length, option_text
+
+    if bool(options.accuracy) == bool(options.time):
+        raise InputError("--study needs --accuracy LENGTH or --time TIME, one of them")
+    if options.study is None:
+        asked = f"--accuracy {options.accuracy}" if options.accuracy else f"--time {options.time}"
+        raise InputError(f"{asked} needs a study: pdvol study {options.scene} -o DIR, then add --study DIR")
+    if options.levels or options.steps is not None:
+        raise InputError("--levels and --steps come from the study here; leave them out")
+    point = chosen_point(options.study, shot, options.accuracy, options.time)
+    if this_rank() == 0:
+        print(
+            f"{option_text(point)}: {length(point['errors']['end'])} from the study's reference,"
+            f" {point['cost']['cpu']:.3g} s of CPU time there",
+            file=sys.stderr,
+        )
+        note = chaos_note(options.study, point)
+        if note:
+            print(note, file=sys.stderr)
+    words = point["words"]
+    first, last = level_range(words[words.index("--levels") + 1])
+    return with_point(shot, point), first, last, point["method"]

@@ -13,12 +13,11 @@ from pdvol.errors import InputError
 from pdvol.integrate.marches import guide
 from pdvol.integrate.replay import Replay
 from pdvol.levels.hierarchy import Hierarchy
-from pdvol.levels.materials import level_materials
 from pdvol.levels.model import LevelModel, hierarchy_model
 from pdvol.levels.obstacles import Obstacle
 from pdvol.measure import metrics
 from pdvol.potentials.consistency import Consistency, Guide
-from pdvol.runs.stored_fields import stored_scene, stored_stiffness
+from pdvol.runs.stored_fields import level_densities, stored_scene, stored_stiffness
 from pdvol.scene import Friction, Scene
 from pdvol.store.files import write_json
 from pdvol.store.reader import Run, RunLevel, open_run
@@ -84,7 +83,7 @@ def measure_run(path: str | Path) -> dict:
     prolongation = run.info.get("prolongation", "barycentric")
     hierarchy = Hierarchy([level.mesh for level in run.levels], MPI.COMM_SELF, prolongation)
     scene, obstacles = _scene(run, notes)
-    densities = _densities(run, scene, notes)
+    densities = level_densities(run, scene, notes)
     levels = []
     for level in run.levels:
         if not level.steps:
@@ -161,7 +160,7 @@ def compare_runs(path: str | Path, other: str | Path) -> list[dict]:
     if run.info.get("bodies") != against.info.get("bodies"):
         raise InputError(f"{path} and {other} hold different bodies; compare runs of one shot")
     found = []
-    densities = [_densities(r, _scene(r, [])[0], []) for r in (run, against)]
+    densities = [level_densities(r, _scene(r, [])[0], []) for r in (run, against)]
     for level, its in zip(run.levels, against.levels, strict=False):
         states = min(level.steps, its.steps)
         if not states:
@@ -200,22 +199,6 @@ def _scene(run: Run, notes: list[str]) -> tuple[Scene | None, Sequence[Obstacle]
     elif any(c.iterations > 1 for c in scene.contact if isinstance(c, Friction)):
         notes.append("continuity lags friction once a step; the run did so several times")
     return scene, obstacles
-
-
-def _densities(run: Run, scene: Scene | None, notes: list[str]) -> list[np.ndarray]:
-    """Densities of each level's cells: of the scene, or of the run's description of its bodies where there is none."""
-    meshes = [level.mesh for level in run.levels]
-    if scene is not None and not all(body.uniform for body in scene.bodies):
-        hierarchy = Hierarchy(meshes, MPI.COMM_SELF)
-        return [level_materials(scene, hierarchy, level).density for level in range(len(meshes))]
-    try:
-        bodies = np.array([float(body["material"]["density"]) for body in run.info["description"]["bodies"]])
-        if any(body.get("regions") for body in run.info["description"]["bodies"]):
-            notes.append("without the scene, masses are those of the bodies' materials outside their regions")
-    except (KeyError, TypeError):
-        notes.append("the run does not say its bodies' densities: masses are volumes")
-        bodies = np.ones(len(run.info["bodies"]))
-    return [bodies[mesh.bodies] for mesh in meshes]
 
 
 def _three(level: RunLevel, number: int, dt: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -56,11 +56,11 @@ def parse_settings(words: Sequence[str]) -> dict:
         name, equals, text = word.partition("=")
         if not equals or not name.replace(".", "_").isidentifier():
             raise InputError(f"--set {word}: write name=value")
-        settings[name] = _value(text)
+        settings[name] = parse_value(text)
     return settings
 
 
-def _value(text: str) -> Any:
+def parse_value(text: str) -> Any:
     """A Python literal, `Relative(1e-3)`, or the text itself."""
     relative = re.fullmatch(r"Relative\((.+)\)", text.strip())
     try:

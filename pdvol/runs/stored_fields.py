@@ -9,6 +9,7 @@ from pdvol.errors import InputError
 from pdvol.export.series import StepFields
 from pdvol.integrate.replay import Replay
 from pdvol.levels.hierarchy import Hierarchy
+from pdvol.levels.materials import level_materials
 from pdvol.levels.model import hierarchy_model, level_model
 from pdvol.levels.obstacles import Obstacle, placed_obstacles
 from pdvol.levels.space import LevelSpace
@@ -98,3 +99,30 @@ def stored_scene(run: Run) -> tuple[Scene, tuple[Obstacle, ...]]:
     if changed:
         raise InputError(f"its scene file has changed ({changed[0]})")
     return shot.scene, placed_obstacles(shot.scene.obstacles)
+
+
+def stored_densities(run: Run) -> list[np.ndarray]:
+    """(m,) [kg/m^d] of each level's cells: of the run's scene, or of its description where that cannot be loaded."""
+    try:
+        scene = stored_scene(run)[0]
+    except InputError:
+        scene = None
+    return level_densities(run, scene, [])
+
+
+def level_densities(run: Run, scene: Scene | None, notes: list[str]) -> list[np.ndarray]:
+    """(m,) [kg/m^d] of each level's cells: of the scene, or of the run's description of its bodies where there is none.
+    Notes name what that leaves out.
+    """
+    meshes = [level.mesh for level in run.levels]
+    if scene is not None and not all(body.uniform for body in scene.bodies):
+        hierarchy = Hierarchy(meshes, MPI.COMM_SELF)
+        return [level_materials(scene, hierarchy, level).density for level in range(len(meshes))]
+    try:
+        bodies = np.array([float(body["material"]["density"]) for body in run.info["description"]["bodies"]])
+        if any(body.get("regions") for body in run.info["description"]["bodies"]):
+            notes.append("without the scene, masses are those of the bodies' materials outside their regions")
+    except (KeyError, TypeError):
+        notes.append("the run does not say its bodies' densities: masses are volumes")
+        bodies = np.ones(len(run.info["bodies"]))
+    return [bodies[mesh.bodies] for mesh in meshes]

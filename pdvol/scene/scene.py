@@ -121,7 +121,11 @@ class Scene:
 
 SETTINGS = {
     **{f.name: part for part, kind in (("solver", Solver), ("penalty", Penalty)) for f in fields(kind)},
-    **{"dhat": "Barrier", "law": "Barrier", "friction.iterations": "Friction"},
-    **{"dt": "scene", "integrator": "scene", "jitter": "scene"},
+    "dhat": "Barrier",
+    "law": "Barrier",
+    "friction.iterations": "Friction",
+    "dt": "scene",
+    "integrator": "scene",
+    "jitter": "scene",
 }
 """What `--set` reaches in every scene, and the part of the scene that holds it."""

@@ -42,9 +42,10 @@ MAY_IMPORT: dict[str, set[str]] = {
     "draw": STORED,
     "measure": STORED,
     "runs": {"forms", "meshes", *STAGES},
-    "commands": {"forms", "meshes", *STAGES, "runs"},
+    "explore": {"forms", "meshes", *STAGES, "runs"},
+    "commands": {"forms", "meshes", *STAGES, "runs", "explore"},
 }
-ABOVE = {"runs", "commands"}
+ABOVE = {"runs", "explore", "commands"}
 """What brings the stages together: no stage knows of it."""
 SOURCES = [
     *sorted((ROOT / "pdvol").rglob("*.py")),

@@ -1,0 +1,85 @@
+"""`pdvol study`: measure what a scene's settings cost, and what they give."""
+
+import sys
+from argparse import ArgumentParser, Namespace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from pdvol.commands.options import add_levels, add_settings, chosen_shot, level_range, whole_number
+from pdvol.errors import InputError
+
+if TYPE_CHECKING:
+    from pdvol.explore.study import Study
+    from pdvol.explore.variation import Variation
+
+BUDGET = 10.0  # minutes: enough for the scenes in demos/ on their coarse levels
+
+
+def add_arguments(parser: ArgumentParser) -> None:
+    """The options of `pdvol study`."""
+    parser.add_argument("scene", type=Path, metavar="SCENE.py")
+    parser.add_argument("-o", "--out", type=Path, required=True, metavar="DIR", help="folder of the study")
+    parser.add_argument(
+        "--vary",
+        default="",
+        metavar="NAMES",
+        help="what to vary: dt, tolerance, dhat, level, law, friction.iterations, integrator, linear_rtol, or a setting"
+        " with values, NAME=A:B (default: dt,tolerance,dhat,level)",
+    )
+    parser.add_argument(
+        "--reference", default="", metavar="NAME=VALUE,...", help="settings of the reference (default: by the budget)"
+    )
+    parser.add_argument("--budget", type=float, default=BUDGET, metavar="MINUTES", help=f"default: {BUDGET:g}")
+    parser.add_argument("--jobs", default="", metavar="N", help="runs at a time (default: one per core)")
+    parser.add_argument("--method", default="", choices=("progressive", "direct"), help="of the scene's own settings")
+    parser.add_argument("--steps", type=int, help="number of time steps, instead of the scene's")
+    add_levels(parser)
+    add_settings(parser)
+
+
+def main(options: Namespace) -> None:
+    """Run the study, write study.json and study.html, print the sentences."""
+    from pdvol.explore.axes import chosen_axes
+    from pdvol.explore.jobs import cores
+    from pdvol.explore.study import Study
+
+    if not options.budget > 0.0:
+        raise InputError(f"--budget {options.budget:g}: give minutes above zero")
+    jobs = whole_number("--jobs", options.jobs) if options.jobs else cores()
+    if jobs < 1:
+        raise InputError("--jobs 0: give at least 1")
+    shot = chosen_shot(options)
+    first, last = level_range(options.levels)
+    if first != 0:
+        raise InputError("--levels: a study begins with level 0; write 0:B")
+    method = options.method or ("progressive" if shot.scene.integrator == "implicit_euler" else "direct")
+    if shot.scene.integrator != "implicit_euler" and method != "direct":
+        raise InputError(f"--method {method} needs integrator=implicit_euler")
+    axes, alone = chosen_axes(options.vary, shot)
+    reference = _reference(options.reference, method)
+    last = shot.scene.levels - 1 if options.levels and last is None else last
+    made = Study(
+        shot, options.out, axes, alone, method, last if options.levels else None, reference, 60.0 * options.budget, jobs
+    )
+    _show(made)
+
+
+def _show(made: "Study") -> None:
+
+    from pdvol.explore.page import write_page
+
+    result = made.run(lambda line: print(line, file=sys.stderr, flush=True))
+    page = write_page(made.out / "study.html", result)
+    for sentence in result.get("sentences", ["no reference was finished; go on with a larger --budget"]):
+        print(sentence)
+    print(f"{made.out}: study.json and {page.name}")
+
+
+def _reference(text: str, method: str) -> "Variation | None":
+    from pdvol.explore.variation import Variation
+    from pdvol.runs.scene_file import parse_settings
+
+    if not text:
+        return None
+    changes = parse_settings(text.split(","))
+    return Variation.of(changes, str(changes.pop("method", method)))

@@ -1,0 +1,1 @@
+"""Many runs of one scene: studies of speed against accuracy."""

@@ -1,0 +1,122 @@
+"""The settings that a study varies, and the values it tries."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from pdvol.errors import InputError
+from pdvol.explore.variation import Variation, number, times
+from pdvol.registry import CONTACT_LAWS, INTEGRATORS
+from pdvol.runs.scene_file import Shot, parse_value
+from pdvol.scene import Barrier, Friction, Scene
+
+# Factors of the scene's own value, the most telling ones first. Powers of two for the time step: all runs share times.
+FACTORS = {
+    "dt": (2.0, 0.5, 4.0, 0.25),
+    "tolerance": (10.0, 0.1, 3.0, 100.0),
+    "dhat": (2.0, 0.5),
+    "linear_rtol": (10.0, 0.1),
+}
+LAGS = (3, 10)  # solves with friction lagged anew in a step: once more or twice more hardly differs from one
+DEFAULT_AXES = ("dt", "tolerance", "dhat", "level")
+# Exponents of a first guess of the cost, until it is measured: steps are cheaper where they are short.
+COST_EXPONENTS = {"dt": -0.85, "tolerance": -0.06, "dhat": -0.05, "friction.iterations": 0.8}
+
+
+@dataclass(frozen=True)
+class Axis:
+    """One setting that is varied.
+
+    Attributes
+    ----------
+    name : as `--set` has it
+    base : the scene's own value
+    others : the values to try
+    """
+
+    name: str
+    base: Any
+    others: tuple[Any, ...]
+
+    def variations(self, method: str) -> list[Variation]:
+        """One for each other value, all else as in the scene. BDF2 serves direct runs only."""
+        return [
+            Variation.of({self.name: value}, "direct" if self.name == "integrator" else method) for value in self.others
+        ]
+
+
+def chosen_axes(text: str, shot: Shot) -> tuple[list[Axis], bool]:
+    """The axes that `--vary` names, and whether levels simulated alone are compared with progressive ones.
+
+    Parameters
+    ----------
+    text : names separated by commas; a name may be followed by values of its own, as in `dt=0.01:0.02,level`. A scene
+        parameter may be named, too, with values. Empty: `DEFAULT_AXES` as far as the scene has them.
+
+    Raises
+    ------
+    InputError
+        A name is unknown, the scene lacks what it varies, or it needs values.
+    """
+    words = text.split(",") if text else [name for name in DEFAULT_AXES if _has(shot.scene, name)]
+    axes: list[Axis] = []
+    for word in words:
+        name, _, values = word.strip().partition("=")
+        if name == "level":
+            if values:
+                raise InputError("--vary level: choose levels by --levels A:B")
+            continue
+        if name in (axis.name for axis in axes):
+            raise InputError(f"--vary names {name} twice")
+        if not _has(shot.scene, name):
+            raise InputError(f"--vary {name}: the scene has no {'Friction' if 'friction' in name else 'Barrier'}")
+        base = base_value(shot, name)
+        given = tuple(parse_value(value) for value in values.split(":")) if values else _others(name, base)
+        axes.append(Axis(name, base, tuple(value for value in given if value != base)))
+    return axes, any(word.strip().partition("=")[0] == "level" for word in words)
+
+
+def base_value(shot: Shot, name: str) -> Any:
+    """The value of a setting in a shot as it is; None for a parameter whose default is not known."""
+    scene = shot.scene
+    barrier, friction = _contact(scene)
+    known = {
+        "dt": scene.dt,
+        "tolerance": scene.solver.tolerance,
+        "linear_rtol": scene.solver.linear_rtol,
+        "integrator": scene.integrator,
+        "dhat": barrier.dhat if barrier else None,
+        "law": barrier.law if barrier else None,
+        "friction.iterations": friction.iterations if friction else None,
+    }
+    return known.get(name, getattr(scene.solver, name, shot.parameters.get(name)))
+
+
+def cost_factor(name: str, value: Any, base: Any) -> float:
+    """A first guess of a run's cost, relative to the one with a setting's base value."""
+    mine, its = number(value), number(base)
+    if name not in COST_EXPONENTS or not mine or not its:
+        return 1.0
+    return float((mine / its) ** COST_EXPONENTS[name])
+
+
+def _others(name: str, base: Any) -> Sequence[Any]:
+    if name in FACTORS:
+        return tuple(times(base, factor) for factor in FACTORS[name])
+    names = {"law": CONTACT_LAWS, "integrator": INTEGRATORS}.get(name)
+    if names is not None:
+        return tuple(names)
+    if name == "friction.iterations":
+        return LAGS
+    raise InputError(f"--vary {name} needs values, as in --vary {name}=A:B")
+
+
+def _has(scene: Scene, name: str) -> bool:
+    """Whether a scene has what a setting varies."""
+    barrier, friction = _contact(scene)
+    return {"dhat": barrier, "law": barrier, "friction.iterations": friction}.get(name, scene) is not None
+
+
+def _contact(scene: Scene) -> tuple[Barrier | None, Friction | None]:
+    barrier = next((c for c in scene.contact if isinstance(c, Barrier)), None)
+    return barrier, next((c for c in scene.contact if isinstance(c, Friction)), None)

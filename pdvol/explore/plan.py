@@ -1,0 +1,182 @@
+"""Which run of a study comes next: the scene as it is, jittered starts, reference, single changes, combinations."""
+
+import itertools
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from pdvol.explore.axes import Axis, cost_factor
+from pdvol.explore.front import candidates
+from pdvol.explore.variation import Variation, times
+
+JITTERS = 3  # repeated starts
+REFERENCE_SHARE = 0.35  # of the budget: what the reference may take, one run that nothing can shorten
+FINER_STEPS = (8, 4, 2)  # the reference's time steps in the scene's one; powers of two, so that runs share times
+STRICTER = 0.1  # the reference's tolerance, in the scene's
+LEVEL_SHARE = 0.08  # of the budget: what the scene's own settings may take on all levels of a study
+MOST_COMBINATIONS = 24
+REFERENCE = "the reference"  # what its run is wanted for
+START_UP = 4.0  # seconds of a process before its first step
+CROWDED = 1.2  # a job's seconds beside others, in CPU seconds of its steps
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """A run that is wanted: a variation on levels 0 to `last`, and what for."""
+
+    variation: Variation
+    last: int
+    purpose: str
+
+
+@dataclass
+class Plan:
+    """The order of runs, from what is known so far. It starts nothing itself.
+
+    Attributes
+    ----------
+    axes : what is varied, one at a time first
+    alone : whether levels simulated alone are compared
+    method : of the scene's own settings
+    values : the scene's own values, of dt, tolerance and all axes
+    seconds : the budget [s]
+    speed : [m/s] of jitter
+    reference : changes asked for; None where the plan chooses
+    last : the finest level; None until it is known
+    done : runs with a result
+    closed : runs that failed or were left out
+    """
+
+    axes: Sequence[Axis]
+    alone: bool
+    method: str
+    values: Mapping[str, Any]
+    seconds: float
+    speed: float
+    reference: Variation | None = None
+    last: int | None = None
+    done: dict[Variation, int] = field(default_factory=dict)
+    closed: dict[Variation, str] = field(default_factory=dict)
+    costs: dict[Variation, list[float]] = field(default_factory=dict)
+    _combined: list[Variation] = field(default_factory=list)
+    _reference: Variation | None = None
+
+    @property
+    def base(self) -> Variation:
+        """The scene as it is."""
+        return Variation(method=self.method)
+
+    @property
+    def jitters(self) -> list[Variation]:
+        """Repeated starts of level 0."""
+        return [Variation.of({"jitter": (self.speed, seed)}, self.method) for seed in range(1, JITTERS + 1)]
+
+    @property
+    def singles(self) -> list[Variation]:
+        """One change each, the most telling values of all axes first; levels alone after the first two."""
+        each = [axis.variations(self.method) for axis in self.axes]
+        ordered = [v for row in itertools.zip_longest(*each) for v in row if v is not None]
+        if self.alone and self.method != "direct" and self.last:
+            ordered.insert(2, Variation(method="direct"))
+        return ordered
+
+    def references(self) -> list[Variation]:
+        """What may serve as the reference, the most accurate one that the budget allows first."""
+        if self.reference is not None:
+            return [self.reference]
+        strict = {"tolerance": times(self.values["tolerance"], STRICTER)}
+        finer = [
+            Variation.of({**strict, "dt": times(self.values["dt"], 1.0 / step)}, self.method) for step in FINER_STEPS
+        ]
+        room = REFERENCE_SHARE * self.seconds
+        affordable = [v for v in finer if CROWDED * self.expected(v, self.last or 0) <= room]
+        return [*affordable, Variation.of(strict, self.method)]
+
+    def chosen_reference(self) -> Variation | None:
+        """The reference: the first that did not fail; None before the scene's own settings ran on all levels. It stays
+        the same when costs become better known.
+        """
+        if self.last is None or self.done.get(self.base, -1) < self.last:
+            return None
+        if self._reference is None or self._reference in self.closed:
+            self._reference = next((v for v in self.references() if v not in self.closed), None)
+        return self._reference
+
+    def second_reference(self) -> Variation | None:
+        """The reference with twice its time step."""
+        first = self.chosen_reference()
+        dt = dict(first.changes).get("dt") if first is not None else None
+        if first is None or dt is None:
+            return None
+        return Variation.of({**dict(first.changes), "dt": times(dt, 2.0)}, first.method)
+
+    def wanted(self) -> list[Wanted]:
+        """All runs wanted now, the first ones first, finished ones included."""
+        last = self.last
+        found = [Wanted(self.base, 0, "the scene's settings")]
+        found += [Wanted(variation, 0, "a jittered start") for variation in self.jitters]
+        if last is None:
+            return found
+        found.insert(0, Wanted(self.base, last, "the scene's settings"))
+        for variation, purpose in (
+            (self.chosen_reference(), REFERENCE),
+            (self.second_reference(), "the reference's error"),
+        ):
+            if variation is not None:
+                found.append(Wanted(variation, last, purpose))
+        found += [Wanted(variation, last, "one change") for variation in self.singles]
+        found += [Wanted(variation, last, "a combination") for variation in self._combined]
+        return found
+
+    def missing(self) -> list[Wanted]:
+        """What is wanted and neither done nor closed."""
+        return [
+            entry
+            for entry in self.wanted()
+            if self.done.get(entry.variation, -1) < entry.last and entry.variation not in self.closed
+        ]
+
+    def combine(self, measured: Callable[[Variation], tuple[float, float] | None]) -> bool:
+        """Add the combinations that the front asks for; False where there is none.
+
+        Parameters
+        ----------
+        measured : gives (cost, error) of a run on the finest level, None where it has none
+        """
+        base = measured(self.base)
+        if base is None or len(self._combined) >= MOST_COMBINATIONS:
+            return False
+        axes: dict[str, dict[Any, tuple[float, float]]] = {}
+        for axis in self.axes:
+            for variation in axis.variations(self.method):
+                found = measured(variation) if variation.method == self.method else None
+                if found is not None:
+                    axes.setdefault(axis.name, {})[variation.changes[0][1]] = found
+        points = [found for variation in self.done if (found := measured(variation)) is not None]
+        known = {*self.done, *self.closed, *self._combined}
+        for _, changes in candidates(base, axes, points):
+            variation = Variation.of(changes, self.method)
+            if variation not in known:
+                self._combined.append(variation)
+                return True
+        return False
+
+    def expected(self, variation: Variation, last: int) -> float:
+        """CPU seconds that a run is expected to take on levels 0 to `last`."""
+        base = self.costs.get(self.base, [1.0])
+        base = [*base, *([base[-1] * 4.0] * (last + 1 - len(base)))][: last + 1]
+        factor = 1.0
+        for name, value in variation.changes:
+            factor *= self._factor(name, value)
+        return float(np.sum(base)) * factor
+
+    def _factor(self, name: str, value: Any) -> float:
+        """Of the cost, as measured where it was."""
+        alone = Variation.of({name: value}, self.method)
+        mine, base = self.costs.get(alone), self.costs.get(self.base)
+        if not mine or not base:
+            return cost_factor(name, value, self.values.get(name))
+        common = min(len(mine), len(base))
+        return float(np.sum(mine[:common]) / max(np.sum(base[:common]), 1e-9))

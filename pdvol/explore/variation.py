@@ -1,0 +1,105 @@
+"""One choice of settings of a scene: its name, the words of its command line, and its place in JSON."""
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from pdvol.runs.scene_file import parse_value
+from pdvol.scene import Relative
+
+LONGEST_NAME = 120  # characters of a folder's name: file systems allow 255 bytes
+
+
+@dataclass(frozen=True)
+class Base:
+    """What all variations of a scene share.
+
+    Attributes
+    ----------
+    scene : the scene file
+    settings : (name, value) of what `--set` gave for all of them
+    duration : of the shot [s]
+    dt : the scene's time step [s]
+    """
+
+    scene: Path
+    settings: tuple[tuple[str, Any], ...]
+    duration: float
+    dt: float
+
+
+@dataclass(frozen=True)
+class Variation:
+    """Settings that differ from the scene's own, and how its levels are made.
+
+    Attributes
+    ----------
+    changes : (name, value), sorted by name
+    method : "progressive", or "direct", whose levels are computed alone
+    """
+
+    changes: tuple[tuple[str, Any], ...] = ()
+    method: str = "progressive"
+
+    @classmethod
+    def of(cls, changes: Mapping[str, Any], method: str = "progressive") -> "Variation":
+        """A variation with these changes."""
+        return cls(tuple(sorted(changes.items())), method)
+
+    @property
+    def name(self) -> str:
+        """The name of its folder: unique, without characters that a shell or a file system reads otherwise."""
+        parts = [f"{name}-{value_text(value)}" for name, value in self.changes]
+        if self.method != "progressive":
+            parts.append(self.method)
+        text = "_".join(parts).replace("Relative", "").replace("(", "").replace(")", "")
+        return re.sub(r"[^A-Za-z0-9._+-]+", "-", text)[:LONGEST_NAME] or "default"
+
+    def label(self, level: int | None = None) -> str:
+        """For plots and tables: `level 1, dt 0.02, tolerance Relative(0.01)`."""
+        parts = [] if level is None else [f"level {level}{' alone' if self.method == 'direct' else ''}"]
+        parts += [f"{name} {value_text(value)}" for name, value in self.changes]
+        return ", ".join(parts) or "the scene's settings"
+
+    def steps(self, base: Base) -> int:
+        """Steps of the shot with this time step."""
+        return max(1, round(base.duration / dict(self.changes).get("dt", base.dt)))
+
+    def words(self, base: Base, levels: str) -> list[str]:
+        """The words after `pdvol run SCENE.py`, without the run folder."""
+        words = ["--levels", levels, "--steps", str(self.steps(base))]
+        if self.method != "progressive":
+            words += ["--method", self.method]
+        for name, value in {**dict(base.settings), **dict(self.changes)}.items():
+            words += ["--set", f"{name}={value_text(value)}"]
+        return words
+
+    def as_json(self) -> dict:
+        """For `study.json`."""
+        return {"changes": {name: value_text(value) for name, value in self.changes}, "method": self.method}
+
+    @classmethod
+    def from_json(cls, entry: Mapping) -> "Variation":
+        """What `as_json` gave."""
+        return cls.of({name: parse_value(text) for name, text in entry["changes"].items()}, entry["method"])
+
+
+def value_text(value: Any) -> str:
+    """A value as `--set` reads it."""
+    if isinstance(value, Relative):
+        return f"Relative({value.fraction:.6g})"
+    return f"{value:.6g}" if isinstance(value, float) else str(value).replace(" ", "")
+
+
+def number(value: Any) -> float | None:
+    """The number in a value, also in a `Relative` one; None where it has none."""
+    value = value.fraction if isinstance(value, Relative) else value
+    return float(value) if isinstance(value, int | float) and not isinstance(value, bool) else None
+
+
+def times(value: Any, factor: float) -> Any:
+    """A number, or a `Relative` one, times a factor."""
+    product = float(f"{(number(value) or 0.0) * factor:.12g}")  # 0.1 * 0.1 is 0.01 on every page
+    return Relative(product) if isinstance(value, Relative) else product
