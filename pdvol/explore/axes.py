@@ -7,7 +7,7 @@ from typing import Any
 from pdvol.errors import InputError
 from pdvol.explore.variation import Variation, number, times
 from pdvol.registry import CONTACT_LAWS, INTEGRATORS
-from pdvol.runs.scene_file import Shot, parse_value
+from pdvol.runs.scene_file import Shot, load_shot, parse_value
 from pdvol.scene import Barrier, Friction, Scene
 
 # Factors of the scene's own value, the most telling ones first. Powers of two for the time step: all runs share times.
@@ -58,6 +58,8 @@ def chosen_axes(text: str, shot: Shot) -> tuple[list[Axis], bool]:
     InputError
         A name is unknown, the scene lacks what it varies, or it needs values.
     """
+    if shot.file is None:
+        raise InputError("a study needs a scene file, which its processes load; save the scene as one")
     words = text.split(",") if text else [name for name in DEFAULT_AXES if _has(shot.scene, name)]
     axes: list[Axis] = []
     for word in words:
@@ -72,6 +74,8 @@ def chosen_axes(text: str, shot: Shot) -> tuple[list[Axis], bool]:
             raise InputError(f"--vary {name}: the scene has no {'Friction' if 'friction' in name else 'Barrier'}")
         base = base_value(shot, name)
         given = tuple(parse_value(value) for value in values.split(":")) if values else _others(name, base)
+        for value in given:
+            load_shot(shot.file, {**shot.parameters, name: value})  # a wrong name or value is an error now, not later
         axes.append(Axis(name, base, tuple(value for value in given if value != base)))
     return axes, any(word.strip().partition("=")[0] == "level" for word in words)
 

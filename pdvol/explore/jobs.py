@@ -30,7 +30,6 @@ class Job:
     out : its run folder
     levels : the levels that have to be complete
     steps : of each of them
-    expected : CPU time [s] that it is expected to take
     """
 
     name: str
@@ -38,7 +37,6 @@ class Job:
     out: Path
     levels: range
     steps: int
-    expected: float
 
 
 @dataclass

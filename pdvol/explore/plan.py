@@ -19,7 +19,7 @@ LEVEL_SHARE = 0.08  # of the budget: what the scene's own settings may take on a
 MOST_COMBINATIONS = 24
 REFERENCE = "the reference"  # what its run is wanted for
 START_UP = 4.0  # seconds of a process before its first step
-CROWDED = 1.2  # a job's seconds beside others, in CPU seconds of its steps
+CROWDED = 1.2  # a job's seconds beside others, in CPU seconds of its steps: at least, until more is seen
 
 
 @dataclass(frozen=True)
@@ -47,6 +47,8 @@ class Plan:
     last : the finest level; None until it is known
     done : runs with a result
     closed : runs that failed or were left out
+    costs : CPU seconds of each level, by run
+    taken : seconds and CPU seconds of all runs so far
     """
 
     axes: Sequence[Axis]
@@ -60,6 +62,7 @@ class Plan:
     done: dict[Variation, int] = field(default_factory=dict)
     closed: dict[Variation, str] = field(default_factory=dict)
     costs: dict[Variation, list[float]] = field(default_factory=dict)
+    taken: tuple[float, float] = (0.0, 0.0)
     _combined: list[Variation] = field(default_factory=list)
     _reference: Variation | None = None
 
@@ -91,7 +94,7 @@ class Plan:
             Variation.of({**strict, "dt": times(self.values["dt"], 1.0 / step)}, self.method) for step in FINER_STEPS
         ]
         room = REFERENCE_SHARE * self.seconds
-        affordable = [v for v in finer if CROWDED * self.expected(v, self.last or 0) <= room]
+        affordable = [v for v in finer if self.seconds_of(v, self.last or 0) <= room]
         return [*affordable, Variation.of(strict, self.method)]
 
     def chosen_reference(self) -> Variation | None:
@@ -171,6 +174,15 @@ class Plan:
         for name, value in variation.changes:
             factor *= self._factor(name, value)
         return float(np.sum(base)) * factor
+
+    def seconds_of(self, variation: Variation, last: int) -> float:
+        """[s] that a run is expected to take, on a machine as busy as it was so far."""
+        crowded = max(CROWDED, self.taken[0] / self.taken[1]) if self.taken[1] > 0.0 else CROWDED
+        return START_UP + crowded * self.expected(variation, last)
+
+    def observe(self, seconds: float, cpu: float) -> None:
+        """Takes note of a run: its seconds, and the CPU seconds of its steps."""
+        self.taken = (self.taken[0] + max(seconds - START_UP, cpu), self.taken[1] + cpu)
 
     def _factor(self, name: str, value: Any) -> float:
         """Of the cost, as measured where it was."""

@@ -13,7 +13,7 @@ from pdvol.errors import InputError, SimulationError
 from pdvol.explore.axes import Axis, base_value
 from pdvol.explore.conclusions import conclusions
 from pdvol.explore.jobs import Job, Outcome, run_jobs
-from pdvol.explore.plan import CROWDED, LEVEL_SHARE, REFERENCE, START_UP, Plan, Wanted
+from pdvol.explore.plan import LEVEL_SHARE, REFERENCE, Plan, Wanted
 from pdvol.explore.variation import Base, Variation, number, value_text
 from pdvol.explore.yardstick import Yardstick, cost
 from pdvol.levels.scene_fields import scene_diagonal
@@ -55,10 +55,9 @@ class Study:
         budget: float,
         jobs: int,
     ):
-        if shot.file is None:
-            raise InputError("a study needs a scene file, which its processes load; save the scene as one")
         if last is not None and not 0 <= last < shot.scene.levels:
             raise InputError(f"level {last} does not exist; the scene has levels 0:{shot.scene.levels - 1}")
+        assert shot.file is not None  # `chosen_axes` has seen to it
         self.shot, self.out, self.jobs, self.budget = shot, out, jobs, budget
         self.begin = time.monotonic()
         scene = shot.scene
@@ -136,9 +135,8 @@ class Study:
         if not missing and not running and self.plan.combine(self._cost_and_error):
             missing = self.plan.missing()
         for entry in missing:
-            job = self._job(entry)
-            if START_UP + CROWDED * job.expected <= left or entry.variation == self.plan.base:
-                return job
+            if entry.variation == self.plan.base or self.plan.seconds_of(entry.variation, entry.last) <= left:
+                return self._job(entry)
             if entry.purpose == REFERENCE:
                 self.plan.closed[entry.variation] = "the time left does not suffice"
                 return self._choose(running, left)
@@ -148,9 +146,8 @@ class Study:
         variation = entry.variation
         steps, levels = variation.steps(self.base), range(entry.last + 1)
         words = [str(self.base.scene), *variation.words(self.base, f"0:{entry.last}")]
-        expected = self.plan.expected(variation, entry.last) if self.plan.done else 0.0
         self._runs.setdefault(variation, {"purpose": entry.purpose})
-        return Job(variation.name, words, self.folder(variation), levels, steps, expected)
+        return Job(variation.name, words, self.folder(variation), levels, steps)
 
     def _take(self, outcome: Outcome) -> None:
         """Keeps how a run ended."""
@@ -167,6 +164,8 @@ class Study:
         self.plan.done[variation] = last
         run = open_run(outcome.job.out)
         self.plan.costs[variation] = [cost(run, [level])["cpu"] for level in range(last + 1)]
+        if outcome.seconds:
+            self.plan.observe(outcome.seconds, sum(self.plan.costs[variation]))
         if variation not in self.plan.jitters:
             for level in range(last + 1):
                 self._point(variation, level)

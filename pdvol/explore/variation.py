@@ -1,5 +1,6 @@
 """One choice of settings of a scene: its name, the words of its command line, and its place in JSON."""
 
+import hashlib
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -54,8 +55,11 @@ class Variation:
         parts = [f"{name}-{value_text(value)}" for name, value in self.changes]
         if self.method != "progressive":
             parts.append(self.method)
-        text = "_".join(parts).replace("Relative", "").replace("(", "").replace(")", "")
-        return re.sub(r"[^A-Za-z0-9._+-]+", "-", text)[:LONGEST_NAME] or "default"
+        text = "_".join(parts).replace("Relative", "rel").replace("(", "").replace(")", "")
+        name = re.sub(r"[^A-Za-z0-9._+-]+", "-", text) or "default"
+        if len(name) <= LONGEST_NAME:
+            return name
+        return f"{name[:LONGEST_NAME]}-{hashlib.sha256(text.encode()).hexdigest()[:8]}"
 
     def label(self, level: int | None = None) -> str:
         """For plots and tables: `level 1, dt 0.02, tolerance Relative(0.01)`."""
@@ -90,7 +94,9 @@ def value_text(value: Any) -> str:
     """A value as `--set` reads it."""
     if isinstance(value, Relative):
         return f"Relative({value.fraction:.6g})"
-    return f"{value:.6g}" if isinstance(value, float) else str(value).replace(" ", "")
+    if isinstance(value, tuple | list):
+        return str(tuple(value)).replace(" ", "")
+    return f"{value:.6g}" if isinstance(value, float) else str(value)
 
 
 def number(value: Any) -> float | None:

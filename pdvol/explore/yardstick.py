@@ -31,7 +31,7 @@ class Yardstick:
 
     def __init__(self, run: Run, level: int):
         meshes = [stored.mesh for stored in run.levels[: level + 1]]
-        hierarchy = Hierarchy(meshes, MPI.COMM_SELF, run.info["prolongation"])
+        hierarchy = Hierarchy(meshes, MPI.COMM_SELF, run.info.get("prolongation", "barycentric"))
         self.run, self.level = run, run.levels[level]
         self.masses = lumped_masses(self.level.mesh, stored_densities(run)[level])
         self.sizes = _sizes(self.level)
