@@ -9,6 +9,7 @@ import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 
@@ -29,7 +30,7 @@ def write_page(path: Path, study: Mapping[str, Any]) -> Path:
     text = template.render(
         study=study,
         points=points,
-        front=Markup(front_picture(study)) if points else "",
+        front=Markup(_svg(front_figure(study))) if points else "",
         axes=[Markup(axis_picture(order)) for order in study.get("orders", []) if order["values"]],
         sentences=study.get("sentences", []),
         length=length,
@@ -42,8 +43,18 @@ def write_page(path: Path, study: Mapping[str, Any]) -> Path:
     return path
 
 
-def front_picture(study: Mapping[str, Any]) -> str:
-    """Time against error at the end, as SVG; one colour per level, open marks for other stories."""
+def front_image(path: Path, study: Mapping[str, Any]) -> Path:
+    """Write the front as .png."""
+    figure = front_figure(study)
+    FigureCanvasAgg(figure)
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format="png", dpi=110)
+    write_bytes(path, buffer.getvalue())
+    return path
+
+
+def front_figure(study: Mapping[str, Any]) -> Figure:
+    """Time against error at the end; one colour per level, open marks for other stories."""
     figure, axes = _figure(8.6, 5.4)
     points = [p for p in study["points"] if p["errors"]["end"] > 0.0]
     for level in sorted({p["level"] for p in points}):
@@ -94,7 +105,7 @@ def front_picture(study: Mapping[str, Any]) -> str:
     axes.set_xlabel("CPU time of the steps [s]")
     axes.set_ylabel("error at the end, root mean square [m]")
     axes.legend(fontsize=8, frameon=False, loc="upper left", bbox_to_anchor=(1.0, 1.0))
-    return _svg(figure)
+    return figure
 
 
 def axis_picture(order: Mapping[str, Any]) -> str:

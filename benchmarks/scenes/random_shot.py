@@ -1,0 +1,57 @@
+"""A shot that follows from a number: shape, stiffness, throw, spin, friction and ground are drawn at random."""
+
+import numpy as np
+
+import pdvol
+from pdvol import Barrier, Body, Friction, Gravity, NeoHookean, Placement, Plane, Rigid, Scene, meshes
+
+SHAPES = {
+    "disc": (2, lambda r: meshes.disc(r)),
+    "worm": (2, lambda r: meshes.worm(3.0 * r, 0.6 * r)),
+    "comb": (2, lambda r: meshes.comb(4, 2.0 * r, 0.25 * r, 0.2 * r, 0.4 * r)),
+    "ball": (3, lambda r: meshes.solids.ball(r)),
+    "torus": (3, lambda r: meshes.torus(r, 0.35 * r)),
+    "bunny": (3, lambda r: meshes.bunny(2.0 * r)),
+}
+VERTICES = {2: (60, 150, 400), 3: (100, 300, 700)}
+
+
+def scene(seed=0, steps=80, dt=0.01):
+    """One body above the ground, a round stone below it in half of the shots."""
+    draw = np.random.default_rng([7, seed])
+    dim, shape = SHAPES[list(SHAPES)[draw.integers(len(SHAPES))]]
+    radius = float(draw.uniform(0.1, 0.4))
+    up = np.eye(dim)[-1]
+    velocity = np.append(draw.uniform(-1.5, 1.5, dim - 1), draw.uniform(-1.0, 1.0))
+    spin = float(draw.uniform(-4.0, 4.0)) if dim == 2 else tuple(draw.uniform(-4.0, 4.0, 3))
+    height = float(draw.uniform(4.5, 6.0)) * radius
+    stone = meshes.disc(0.5 * radius, 48) if dim == 2 else meshes.solids.ball(0.5 * radius, 2)
+    stones = draw.uniform() < 0.5
+    return Scene(
+        bodies=(
+            Body(
+                shape(radius),
+                NeoHookean(float(10.0 ** draw.uniform(4.3, 5.5)), float(draw.uniform(0.2, 0.45)), 1000.0),
+                VERTICES[dim],
+                name="body",
+                placement=Placement(translate=tuple(height * up), angle=float(draw.uniform(0.0, 1.0))),
+                velocity=tuple(velocity),
+                spin=spin,
+            ),
+        ),
+        obstacles=(
+            Plane((0.0,) * dim, tuple(up), name="ground"),
+            *(
+                Rigid(stone, name="stone", placement=Placement(translate=tuple(0.52 * radius * up)))
+                for _ in range(stones)
+            ),
+        ),
+        loads=(Gravity(tuple(-9.81 * up)),),
+        contact=(Barrier(), Friction(float(draw.uniform(0.0, 0.6)))),
+        dt=dt,
+        steps=steps,
+    )
+
+
+if __name__ == "__main__":
+    pdvol.main(scene)
