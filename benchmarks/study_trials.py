@@ -1,6 +1,6 @@
 """Do a study's predictions hold? Random shots, three accuracies each, measured against finer references.
 
-    ./run python benchmarks/study_trials.py [--shots 10] [--first 0] [--budget 1] [--out runs/study_trials] [--json FILE]
+    ./run python benchmarks/study_trials.py [--shots 10] [--first 0] [--budget 1] [--out runs/study_trials]
 
 Each shot is studied within the budget. Three accuracies between its best and its worst point are asked for; the runs
 that `pdvol run --accuracy` would make are compared with a reference of half the study's finest time step and a tenth of
@@ -86,11 +86,11 @@ def finer(seed: int, folder: Path, study: dict) -> Yardstick:
     changes = dict(reference.changes)
     dt = changes.get("dt", study["dt"])
     tolerance = changes.get("tolerance")
-    finer = Variation.of({"dt": times(dt, 0.5), "tolerance": times(tolerance, 0.1)})
+    stricter = Variation.of({"dt": times(dt, 0.5), "tolerance": times(tolerance, 0.1)})
     base = Base(SHOT, (("seed", seed),), study["duration"], study["dt"])
     out, level = folder / "finer", study["reference"]["level"]
     go_on = ["--resume"] if (out / "run.json").exists() else []
-    words = ["run", str(SHOT), *finer.words(base, f"0:{level}"), "--out", str(out), "--no-picture", *go_on]
+    words = ["run", str(SHOT), *stricter.words(base, f"0:{level}"), "--out", str(out), "--no-picture", *go_on]
     _pdvol(words, folder.with_suffix(".finer.log"))
     return Yardstick(open_run(out), level)
 

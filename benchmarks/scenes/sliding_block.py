@@ -17,7 +17,7 @@ def scene(cuts=(2, 4, 8), young=1e5, mu=0.2, steps=100, dt=0.01):
                 tuple(meshes.brick((SIDE, SIDE, SIDE), (n, n, n)) for n in cuts),
                 NeoHookean(young, 0.4, 1000.0),
                 name="cube",
-                placement=Placement(translate=(0.0, 0.0, SIDE / 2 + 2e-4)),
+                placement=Placement(translate=(0.0, 0.0, SIDE / 2 + 4e-4)),
             ),
         ),
         obstacles=(Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), name="slope"),),
