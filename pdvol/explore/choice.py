@@ -44,7 +44,9 @@ def chosen_point(folder: Path, shot: Shot, accuracy: str, time: str) -> dict:
             raise InputError(f"--time {time}: the cheapest settings in {folder} take {least:.3g} s")
         return dict(found)
     limit = _amount("--accuracy", accuracy, {**LENGTHS, "%": 0.01 * study["size"]})
-    own = study["reference"]["error"] or 0.0
+    own = study["reference"]["error"]
+    if own is None:
+        raise InputError(f"{folder} does not know its reference's own error; run pdvol study with a larger --budget")
     found = cheapest_within(points, limit, own)
     if found is None:
         best = min(point["errors"]["end"] for point in points) + own

@@ -61,10 +61,9 @@ def _reference(stick: Yardstick, plan: Plan, folder: Callable[[Variation], Path]
 
     parts: dict[str, float | None] = {}
     second = plan.second_reference()
-    if second is not None:
-        difference = apart(reference, second)
-        order = TIME_ORDERS.get(integrator, 1.0)
-        parts["dt"] = None if difference is None else richardson(difference, 2.0, order)
+    difference = None if second is None else apart(reference, second)
+    order = TIME_ORDERS.get(integrator, 1.0)
+    parts["dt"] = None if difference is None else richardson(difference, 2.0, order)
     tolerances = [
         v
         for axis in plan.axes
@@ -86,7 +85,7 @@ def _reference(stick: Yardstick, plan: Plan, folder: Callable[[Variation], Path]
         **reference.as_json(),
         "level": last,
         "parts": parts,
-        "error": sum(known) if known else None,
+        "error": sum(known) if parts["dt"] is not None else None,
         "mesh": mesh,
     }
 
@@ -127,7 +126,8 @@ def _orders(result: Mapping[str, Any], stick: Yardstick, plan: Plan, folder: Cal
         run = _alone(plan, folder)
         sizes = [_mesh_size(run.levels[level].mesh) for level in range(last, -1, -1)]
         rest = [(size, stick.apart((run, last - k), (run, last))[0]) for k, size in enumerate(sizes) if k]
-        found.append(_fit("mesh size", sizes[0], rest))
+        # Interpolation from the next coarser mesh adds to its difference, but has no part at the finest one.
+        found.append(_fit("mesh size", sizes[0], rest, skipped=1 if len(rest) >= FITTED else 0))
     return found
 
 
@@ -144,16 +144,18 @@ def _mesh_size(mesh: LevelMesh) -> float:
     return float(mesh.volumes.mean() ** (1.0 / mesh.dim))
 
 
-def _fit(name: str, finest: float, rest: Sequence[tuple[float, float]]) -> dict:
-    """The order of the finest values: coarser ones are further from where an order holds."""
-    values, differences = zip(*rest[: FITTED - 1], strict=True)
-    return {"axis": name, "finest": finest, "values": rest, "order": fitted_order(values, differences, finest)}
+def _fit(name: str, finest: float, rest: Sequence[tuple[float, float]], skipped: int = 0) -> dict:
+    """The order of the finest values, after the ones skipped: coarser ones are further from where an order holds."""
+    fitted = list(range(skipped, skipped + FITTED - 1))
+    values, differences = zip(*(rest[i] for i in fitted), strict=True)
+    order = fitted_order(values, differences, finest)
+    return {"axis": name, "finest": finest, "values": rest, "fitted": fitted, "order": order}
 
 
 def sentences(points: Sequence[Mapping], found: Mapping[str, Any], size: float) -> list[str]:
     """What a user wants to know, one sentence each."""
     reference, spread, default = found["reference"], found["spread"], found["default"]
-    own = reference["error"] or 0.0
+    own = float("inf") if reference["error"] is None else reference["error"]
     lines = []
     if default is not None:
         error, seconds = default["errors"]["end"], default["cost"]["cpu"]
@@ -217,11 +219,9 @@ def _levels(points: Sequence[Mapping], found: Mapping[str, Any]) -> list[str]:
 
 def _reference_sentence(reference: Mapping) -> str:
     parts = [f"{name} {length(part)}" for name, part in reference["parts"].items() if part is not None]
-    own = (
-        f"its own error is about {length(reference['error'])} ({', '.join(parts)})"
-        if parts
-        else ("its own error could not be estimated in the budget")
-    )
+    own = "its own error could not be estimated in the budget"
+    if reference["error"] is not None:
+        own = f"its own error is about {length(reference['error'])} ({', '.join(parts)})"
     mesh = "" if reference["mesh"] is None else f"; the mesh of its level adds about {length(reference['mesh'])}"
     label = Variation.from_json(reference).label(reference["level"])
     return f"The reference is {label}; {own}{mesh}."

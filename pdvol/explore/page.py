@@ -14,7 +14,7 @@ from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 
 from pdvol.draw.layout import BACKGROUND, FAINT_INK, INK, PALETTE
-from pdvol.explore.conclusions import FITTED, length, option_text
+from pdvol.explore.conclusions import length, option_text
 from pdvol.store.files import write_bytes
 
 LABELLED = 14  # points of the front that carry their settings: more texts cover each other
@@ -116,7 +116,7 @@ def axis_picture(order: Mapping[str, Any]) -> str:
     title = f"{order['axis']}: no order is seen"
     if order["order"] is not None:
         p, finest = order["order"], order["finest"]
-        fitted = slice(0, FITTED - 1)
+        fitted = order["fitted"]
         model = abs(values[fitted] ** p - finest**p)
         constant = float(np.exp(np.mean(np.log(differences[fitted] / model))))
         h = np.geomspace(values.min(), values.max(), 60)

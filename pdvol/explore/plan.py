@@ -110,9 +110,9 @@ class Plan:
     def second_reference(self) -> Variation | None:
         """The reference with twice its time step."""
         first = self.chosen_reference()
-        dt = dict(first.changes).get("dt") if first is not None else None
-        if first is None or dt is None:
+        if first is None:
             return None
+        dt = dict(first.changes).get("dt", self.values["dt"])
         return Variation.of({**dict(first.changes), "dt": times(dt, 2.0)}, first.method)
 
     def wanted(self) -> list[Wanted]:
