@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 from pdvol.errors import InputError
@@ -58,8 +59,7 @@ def chosen_axes(text: str, shot: Shot) -> tuple[list[Axis], bool]:
     InputError
         A name is unknown, the scene lacks what it varies, or it needs values.
     """
-    if shot.file is None:
-        raise InputError("a study needs a scene file, which its processes load; save the scene as one")
+    file = scene_file(shot)
     words = text.split(",") if text else [name for name in DEFAULT_AXES if _has(shot.scene, name)]
     axes: list[Axis] = []
     for word in words:
@@ -75,9 +75,16 @@ def chosen_axes(text: str, shot: Shot) -> tuple[list[Axis], bool]:
         base = base_value(shot, name)
         given = tuple(parse_value(value) for value in values.split(":")) if values else _others(name, base)
         for value in given:
-            load_shot(shot.file, {**shot.parameters, name: value})  # a wrong name or value is an error now, not later
+            load_shot(file, {**shot.parameters, name: value})  # a wrong name or value is an error now, not later
         axes.append(Axis(name, base, tuple(value for value in given if value != base)))
     return axes, any(word.strip().partition("=")[0] == "level" for word in words)
+
+
+def scene_file(shot: Shot) -> Path:
+    """The scene's file; InputError where it was made in memory."""
+    if shot.file is None:
+        raise InputError("many runs need a scene file, which their processes load; save the scene as one")
+    return shot.file
 
 
 def base_value(shot: Shot, name: str) -> Any:

@@ -19,13 +19,19 @@ SHARES = (0.01, 0.03)  # of the size: accuracies of the sentences
 
 
 def conclusions(
-    result: Mapping[str, Any], stick: Yardstick, plan: Plan, folder: Callable[[Variation], Path], integrator: str
+    result: Mapping[str, Any],
+    reference: Variation,
+    stick: Yardstick,
+    plan: Plan,
+    folder: Callable[[Variation], Path],
+    integrator: str,
 ) -> dict:
     """`reference`, `spread`, `orders`, `default`, `sentences`, for study.json; marks the points on the front.
 
     Parameters
     ----------
     result : what study.json has so far
+    reference : whose run `stick` holds
     folder : the run folder of a variation
     integrator : of the scene
     """
@@ -34,11 +40,11 @@ def conclusions(
     front = on_front([p["cost"]["cpu"] for p in points], [p["errors"]["end"] for p in points])
     for point, kept in zip(points, front, strict=True):
         point["front"] = kept
-    reference = _reference(stick, plan, folder, integrator)
+    known = _reference(reference, stick, plan, folder, integrator)
     spread = _spread(stick, plan, folder)
     default = next((p for p in points if p["run"] == plan.base.name and p["level"] == plan.last), None)
     found = {
-        "reference": reference,
+        "reference": known,
         "spread": spread,
         "orders": _orders(result, stick, plan, folder),
         "default": default,
@@ -47,11 +53,11 @@ def conclusions(
     return {**found, "sentences": sentences(points, found, result["size"])}
 
 
-def _reference(stick: Yardstick, plan: Plan, folder: Callable[[Variation], Path], integrator: str) -> dict:
+def _reference(
+    reference: Variation, stick: Yardstick, plan: Plan, folder: Callable[[Variation], Path], integrator: str
+) -> dict:
     """The reference and its own error [m], by parts: time step, tolerance, and, beside them, the finest mesh."""
-    reference = plan.chosen_reference()
-    assert reference is not None and plan.last is not None
-    last = plan.last
+    last = plan.last or 0
 
     def apart(*variations: Variation) -> float | None:
         if any(plan.done.get(v, -1) < last for v in variations):

@@ -15,7 +15,7 @@ from pdvol.processes import die_with_parent, without_launcher
 from pdvol.store.folder import holds_run
 from pdvol.store.reader import open_run
 
-POLL = 0.05  # seconds between looks at the processes
+JOB_POLL = 0.05  # seconds between looks at the processes
 GRACE = 5.0  # seconds that a process has to end after it was asked to; it stores a state in less
 
 
@@ -160,7 +160,7 @@ def run_jobs(
                     yield Outcome(process.job, "stopped", "the budget of time was used up")
                 return
             if all(outcome is None for _, outcome in outcomes):
-                time.sleep(POLL)
+                time.sleep(JOB_POLL)
     finally:
         for process in running:
             process.stop()

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from pdvol.errors import InputError, SimulationError
-from pdvol.explore.axes import Axis, base_value
+from pdvol.explore.axes import Axis, base_value, scene_file
 from pdvol.explore.conclusions import conclusions
 from pdvol.explore.jobs import Job, Outcome, run_jobs
 from pdvol.explore.plan import LEVEL_SHARE, REFERENCE, Plan, Wanted
@@ -57,11 +57,10 @@ class Study:
     ):
         if last is not None and not 0 <= last < shot.scene.levels:
             raise InputError(f"level {last} does not exist; the scene has levels 0:{shot.scene.levels - 1}")
-        assert shot.file is not None  # `chosen_axes` has seen to it
         self.shot, self.out, self.jobs, self.budget = shot, out, jobs, budget
         self.begin = time.monotonic()
         scene = shot.scene
-        self.base = Base(shot.file, tuple(shot.parameters.items()), scene.steps * scene.dt, scene.dt)
+        self.base = Base(scene_file(shot), tuple(shot.parameters.items()), scene.steps * scene.dt, scene.dt)
         self.size = scene_diagonal(scene)
         values = {name: base_value(shot, name) for name in ("dt", "tolerance")} | {a.name: a.base for a in axes}
         speed = float(f"{JITTER_SHARE * self.size / self.base.duration:.6g}")
@@ -269,7 +268,7 @@ class Study:
         }
         stick = self._yardstick()
         if stick is not None and reference is not None:
-            result |= conclusions(result, stick, plan, self.folder, self.shot.scene.integrator)
+            result |= conclusions(result, reference, stick, plan, self.folder, self.shot.scene.integrator)
         write_json(self.file, result)
         return read_json(self.file)
 

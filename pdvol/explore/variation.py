@@ -10,7 +10,7 @@ from typing import Any
 from pdvol.runs.scene_file import parse_value
 from pdvol.scene import Relative
 
-LONGEST_NAME = 120  # characters of a folder's name: file systems allow 255 bytes
+LONGEST_FOLDER_NAME = 120  # characters of a folder's name: file systems allow 255 bytes
 
 
 @dataclass(frozen=True)
@@ -57,9 +57,9 @@ class Variation:
             parts.append(self.method)
         text = "_".join(parts).replace("Relative", "rel").replace("(", "").replace(")", "")
         name = re.sub(r"[^A-Za-z0-9._+-]+", "-", text) or "default"
-        if len(name) <= LONGEST_NAME:
+        if len(name) <= LONGEST_FOLDER_NAME:
             return name
-        return f"{name[:LONGEST_NAME]}-{hashlib.sha256(text.encode()).hexdigest()[:8]}"
+        return f"{name[:LONGEST_FOLDER_NAME]}-{hashlib.sha256(text.encode()).hexdigest()[:8]}"
 
     def label(self, level: int | None = None) -> str:
         """For plots and tables: `level 1, dt 0.02, tolerance Relative(0.01)`."""

@@ -15,9 +15,9 @@ from pdvol.runs.stored_fields import stored_densities
 from pdvol.store.reader import Run, RunLevel
 
 MOST_TIMES = 100  # states that are compared: more do not change a mean over time visibly
-SAME_TIME = 1e-6  # share of a step: times that are nearer are one time
-PLACE = 0.25  # of the body's size: a body that ends further away lies in another place
-TURN = 30.0  # degrees: a body that is turned further about its own axes lies on another face
+COMMON_TIME = 1e-6  # share of a step: times that are nearer are one time
+OTHER_PLACE = 0.25  # of the body's size: a body that ends further away lies in another place
+OTHER_FACE = 30.0  # degrees: a body that is turned further about its own axes lies on another face
 
 
 class Yardstick:
@@ -49,10 +49,10 @@ class Yardstick:
         """(n, d) [m] of a run's level on the reference's mesh; linear in time between stored states."""
         stored = run.levels[level]
         share = time / run.dt
-        step = int(np.floor(share + SAME_TIME))
+        step = int(np.floor(share + COMMON_TIME))
         share = max(share - step, 0.0)
         found = stored.positions(step)
-        if share > SAME_TIME:
+        if share > COMMON_TIME:
             found = (1.0 - share) * found + share * stored.positions(step + 1)
         return self._up[level] @ found
 
@@ -109,7 +109,7 @@ class Yardstick:
         gaps = [record["min_gap"] for record in mine.log if record.get("min_gap") is not None]
         found["min_gap"] = min(gaps, default=None)
         found["story"] = all(
-            body["centre"] <= PLACE * size and body["angle"] <= TURN
+            body["centre"] <= OTHER_PLACE * size and body["angle"] <= OTHER_FACE
             for body, size in zip(found["bodies"], self.sizes, strict=True)
         )
         return found
@@ -126,8 +126,8 @@ class Yardstick:
         their, theirs = (self.run, self.level) if other is None else (other[0], other[0].levels[other[1]])
         dts.append(their.dt)
         ends.append((theirs.steps - 1) * their.dt)
-        dt, end = max(dts), min(ends) + SAME_TIME * min(dts)
-        count = int(end / dt + SAME_TIME)
+        dt, end = max(dts), min(ends) + COMMON_TIME * min(dts)
+        count = int(end / dt + COMMON_TIME)
         if count < 1:
             raise InputError(f"{run.path}: level {level.index} has no step to compare")
         steps = np.unique(np.linspace(1, count, min(count, MOST_TIMES)).round().astype(int))
