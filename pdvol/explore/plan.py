@@ -18,7 +18,7 @@ STRICTER = 0.1  # the reference's tolerance, in the scene's
 LEVEL_SHARE = 0.08  # of the budget: what the scene's own settings may take on all levels of a study
 MOST_COMBINATIONS = 24
 REFERENCE = "the reference"  # what its run is wanted for
-START_UP = 4.0  # seconds of a process before its first step
+START_UP = 3.5  # CPU seconds of a process before its first step
 CROWDED = 1.2  # a job's seconds beside others, in CPU seconds of its steps: at least, until more is seen
 
 
@@ -177,12 +177,16 @@ class Plan:
 
     def seconds_of(self, variation: Variation, last: int) -> float:
         """[s] that a run is expected to take, on a machine as busy as it was so far."""
-        crowded = max(CROWDED, self.taken[0] / self.taken[1]) if self.taken[1] > 0.0 else CROWDED
-        return START_UP + crowded * self.expected(variation, last)
+        return self.crowding * (START_UP + self.expected(variation, last))
+
+    @property
+    def crowding(self) -> float:
+        """Seconds of a run in its CPU seconds."""
+        return max(CROWDED, self.taken[0] / self.taken[1]) if self.taken[1] > 0.0 else CROWDED
 
     def observe(self, seconds: float, cpu: float) -> None:
         """Takes note of a run: its seconds, and the CPU seconds of its steps."""
-        self.taken = (self.taken[0] + max(seconds - START_UP, cpu), self.taken[1] + cpu)
+        self.taken = (self.taken[0] + seconds, self.taken[1] + START_UP + cpu)
 
     def _factor(self, name: str, value: Any) -> float:
         """Of the cost, as measured where it was."""

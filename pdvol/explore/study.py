@@ -184,7 +184,7 @@ class Study:
                 )
                 count *= grown
             total += own * ((count + offset) / (len(mesh.points) + offset)) ** COST_EXPONENT
-            if total <= LEVEL_SHARE * self.plan.seconds:
+            if self.plan.crowding * total <= LEVEL_SHARE * self.plan.seconds:
                 finest = level
         return finest
 

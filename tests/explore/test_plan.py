@@ -92,5 +92,5 @@ def test_a_busy_machine_gets_shorter_runs():
     made = plan()
     finish(made, made.base, [10.0])
     before = made.seconds_of(made.base, 0)
-    made.observe(44.0, 10.0)
-    assert made.seconds_of(made.base, 0) > 3.0 * (before - START_UP)
+    made.observe(4.0 * (START_UP + 10.0), 10.0)
+    assert made.seconds_of(made.base, 0) == 4.0 * (START_UP + 10.0) > 3.0 * before
