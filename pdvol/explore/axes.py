@@ -18,6 +18,7 @@ FACTORS = {
     "dhat": (2.0, 0.5),
     "linear_rtol": (10.0, 0.1),
 }
+RELATIVE_TOLERANCES = (0.01, 0.003, 0.03)  # shares of the change of velocity
 LAGS = (3, 10)  # solves with friction lagged anew in a step: once more or twice more hardly differs from one
 DEFAULT_AXES = ("dt", "tolerance", "dhat", "level")
 # Exponents of a first guess of the cost, until it is measured: steps are cheaper where they are short.
@@ -119,6 +120,8 @@ def _others(name: str, base: Any) -> Sequence[Any]:
         return tuple(names)
     if name == "friction.iterations":
         return LAGS
+    if name == "relative_tolerance":
+        return RELATIVE_TOLERANCES
     raise InputError(f"--vary {name} needs values, as in --vary {name}=A:B")
 
 

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from pdvol.scene.checks import count, keep_plain, positive, require
+from pdvol.scene.checks import count, finite, keep_plain, positive, require
 from pdvol.scene.lengths import Length, Relative, length
 from pdvol.scene.representation import one_line
 
@@ -14,6 +14,8 @@ class Solver:
     Attributes
     ----------
     tolerance : speed [m/s]: Newton stops when its full step is nowhere faster
+    relative_tolerance : Newton also stops when its full step is slower than this share of the largest change of
+        velocity in the time step so far, |x - x_hat| / dt: the time step's own error grows with that change
     max_iterations : Newton iterations allowed per solve
     max_halvings : how often a step may be halved before the run stops
     linear : "auto", or "iterative", "multilevel" or "direct"
@@ -23,6 +25,7 @@ class Solver:
     """
 
     tolerance: Length = Relative(1e-3)
+    relative_tolerance: float = 0.0
     max_iterations: int = 200
     max_halvings: int = 6
     linear: str = "auto"
@@ -31,8 +34,11 @@ class Solver:
     __repr__ = one_line
 
     def __post_init__(self) -> None:
-        keep_plain(self, "tolerance", "max_iterations", "max_halvings", "linear_rtol")
+        keep_plain(self, "tolerance", "relative_tolerance", "max_iterations", "max_halvings", "linear_rtol")
         length("Solver.tolerance", self.tolerance)
+        finite("Solver.relative_tolerance", self.relative_tolerance, 0.0)
+        share = self.relative_tolerance
+        require(share <= 0.1, f"Solver.relative_tolerance = {share!r} must be at most 0.1")
         count("Solver.max_iterations", self.max_iterations, 1)
         count("Solver.max_halvings", self.max_halvings, 0)
         require(self.max_halvings <= 20, f"Solver.max_halvings = {self.max_halvings!r} must be at most 20")

@@ -40,6 +40,7 @@ class Minimisation:
     dt : length of the step [s]
     tolerance : [m/s]
     gap_share : share of a gap that a step which contact ends leaves
+    relative_tolerance : share of the largest change of velocity so far, where that is more than `tolerance`
 
     Attributes
     ----------
@@ -56,11 +57,13 @@ class Minimisation:
         dt: float,
         tolerance: float,
         gap_share: float,
+        relative_tolerance: float = 0.0,
     ):
         self.potential, self.comm = potential, potential.space.comm
         self._sum = partial(reduce, self.comm)
         self.report, self.projection, self.gradient = NewtonReport(), Projection(), np.zeros_like(x.owned)
-        self._fixed, self._dt, self._tolerance, self._gap_share = fixed, dt, tolerance, gap_share
+        self._fixed, self._dt, self._gap_share = fixed, dt, gap_share
+        self._tolerance, self._strict, self._relative = tolerance, tolerance, relative_tolerance
         self._states = [x]
         self._energies: list[tuple[Positions, float]] = []
         self._last: Iteration | None = None
@@ -135,6 +138,9 @@ class Minimisation:
         """
         self.require_finite(direction)
         speed = self._largest_row(direction) / self._dt
+        if self._relative > 0.0:
+            change = self._largest_row(x.owned - self.potential.x_hat) / self._dt
+            self._tolerance = max(self._strict, self._relative * change)
         slope = reduce(self.comm, float(np.vdot(self.gradient, direction)))
         energy = self.energy(x)
         gap = self.potential.min_gap(x) if is_short(speed, self._tolerance) else np.inf

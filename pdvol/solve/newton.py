@@ -214,7 +214,8 @@ class Newton:
 
     def start(self, x: Positions, gap_share: float = MIN_GAP_SHARE) -> Minimisation:
         """A new minimisation from x, which the callbacks use from now on."""
-        self._solve = Minimisation(self.potential, self._fixed, x, self._dt, self.tolerance, gap_share)
+        relative = self.settings.relative_tolerance
+        self._solve = Minimisation(self.potential, self._fixed, x, self._dt, self.tolerance, gap_share, relative)
         return self._solve
 
     def solve(

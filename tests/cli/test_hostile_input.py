@@ -17,8 +17,8 @@ import zipfile
 import meshio
 import numpy as np
 import pytest
-from cli_scenes import FALL, pdvol, write
 
+from cli_scenes import FALL, pdvol, write
 from commands import SAFETY
 from pdvol.errors import InputError
 from pdvol.meshing.reader_process import read_in_child_process
@@ -228,6 +228,7 @@ NAMES = [
     "max_halvings",
     "linear",
     "linear_rtol",
+    "relative_tolerance",
     "petsc",
 ]
 

@@ -26,3 +26,34 @@ def test_a_body_deep_inside_a_barrier_comes_out(obstacle, gap):
     report = take_step(problem, 1, mesh.points, np.zeros_like(mesh.points))
     assert report.min_gap > 0.05 * DHAT
     assert report.gradient_norm < 1e-3 * 0.01 * problem.potential.mass.max()
+
+
+def impact(**settings):
+    """The step in which a block that falls at 3 m/s meets the floor, after four steps in the air."""
+    solver = Solver(tolerance=1e-5, **settings)
+    floor = Plane((0.0, 0.0), (0.0, 1.0))
+    scene = make_scene(dt=0.01, obstacles=(floor,), contact=(Barrier(dhat=DHAT),), solver=solver)
+    mesh = block((0.0, 0.02), (0.4, 0.42), 4)
+    problem = make_stepper(scene, mesh, ())
+    return take_step(problem, 1, mesh.points, np.full_like(mesh.points, (0.0, -3.0)))
+
+
+def test_a_relative_tolerance_ends_impacts_earlier_and_near_the_same_state():
+    """The velocity changes by 3 m/s; what is left of it is a few times the share that was allowed."""
+    strict, loose = impact(), impact(relative_tolerance=0.01)
+    assert loose.newton_iterations < strict.newton_iterations
+    left = np.linalg.norm(loose.positions - strict.positions, axis=1).max() / 0.01
+    assert 0.0 < left < 3.0 * 0.01 * 3.0
+
+
+def test_the_relative_tolerance_is_one_of_the_change_of_velocity():
+    """A slow turn hardly changes velocities, and so the step is solved nearly as strictly as without."""
+    mesh = block((0.0, 0.0), (0.4, 0.4), 4)
+    turning = 0.5 * (mesh.points - 0.2) @ np.array([[0.0, 1.0], [-1.0, 0.0]])
+    ends = []
+    for share in (0.0, 0.1):
+        scene = make_scene(dt=0.01, solver=Solver(tolerance=1e-5, relative_tolerance=share))
+        ends.append(take_step(make_stepper(scene, mesh, ()), 1, mesh.points, turning).positions)
+    change = np.linalg.norm((ends[0] - mesh.points) / 0.01 - turning, axis=1).max()
+    left = np.linalg.norm(ends[1] - ends[0], axis=1).max() / 0.01
+    assert change < 0.02 and left <= 3.0 * max(1e-5, 0.1 * change)
