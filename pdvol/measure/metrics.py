@@ -82,12 +82,6 @@ def jitter(before: np.ndarray, now: np.ndarray, after: np.ndarray, dt: float, ma
     return 0.5 * squared_norm(after - 2.0 * now + before, masses) / dt**2
 
 
-def mass_centres(positions: np.ndarray, masses: np.ndarray, bodies: np.ndarray) -> np.ndarray:
-    """(bodies, d) [m]: centre of mass of each body; `bodies` (n,) is the body of each vertex."""
-    total = np.bincount(bodies, masses)
-    return np.column_stack([np.bincount(bodies, masses * x) for x in positions.T]) / total[:, None]
-
-
 def centre_error(moved: np.ndarray, other: np.ndarray, body_masses: np.ndarray) -> float:
     """Root mean square [m], over the mass, of the distance between two sets of displacements of bodies' centres
     (bodies, d) [m].

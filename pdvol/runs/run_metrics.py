@@ -17,6 +17,7 @@ from pdvol.levels.materials import level_materials
 from pdvol.levels.model import LevelModel, hierarchy_model
 from pdvol.levels.obstacles import Obstacle
 from pdvol.measure import metrics
+from pdvol.measure.rigid import mass_centres
 from pdvol.potentials.consistency import Consistency, Guide
 from pdvol.runs.stored_fields import stored_scene, stored_stiffness
 from pdvol.scene import Friction, Scene
@@ -283,10 +284,8 @@ def _centre_errors(
     level: RunLevel, other: RunLevel, masses: np.ndarray, other_masses: np.ndarray, states: int
 ) -> list[float]:
     bodies = level.mesh.point_bodies
-    centres = np.array([metrics.mass_centres(level.positions(n), masses, bodies) for n in range(states)])
-    theirs = np.array(
-        [metrics.mass_centres(other.positions(n), other_masses, other.mesh.point_bodies) for n in range(states)]
-    )
+    centres = np.array([mass_centres(level.positions(n), masses, bodies) for n in range(states)])
+    theirs = np.array([mass_centres(other.positions(n), other_masses, other.mesh.point_bodies) for n in range(states)])
     weight = np.bincount(bodies, masses)
     return [metrics.centre_error(a - centres[0], b - theirs[0], weight) for a, b in zip(centres, theirs, strict=True)]
 

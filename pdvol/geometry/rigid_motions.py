@@ -1,0 +1,55 @@
+"""The rigid motion of each body, whatever its deformation: where its centre of mass is, and how it is turned
+(Kabsch 1976).
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+LEAST_TURN = 1e-9  # weight of the identity in a fitted rotation: it decides on turns that the points do not show
+
+
+@dataclass(frozen=True, eq=False)
+class RigidMotions:
+    """Motions x -> c + R (X - C) of b bodies, C the centre of mass of the reference.
+
+    Attributes
+    ----------
+    centres : (b, d) c, the centres of mass [m]
+    rotations : (b, d, d) R, with determinant 1
+    """
+
+    centres: np.ndarray
+    rotations: np.ndarray
+
+
+def rigid_motions(reference: np.ndarray, positions: np.ndarray, masses: np.ndarray, bodies: np.ndarray) -> RigidMotions:
+    """The motions that take each body from `reference` to `positions` with the least sum of squares over the mass.
+    Turns that a body's points do not show, as of a single point or about a line of points, are left out.
+
+    Parameters
+    ----------
+    reference, positions : (n, d) [m]
+    masses : (n,) [kg]
+    bodies : (n,) the body of each vertex, 0 ... b - 1; each has a mass
+    """
+    before, after = (mass_centres(x, masses, bodies) for x in (reference, positions))
+    r, q = (reference - before[bodies]).T, masses * (positions - after[bodies]).T
+    products = np.stack([np.bincount(bodies, a * b) for a in q for b in r], axis=1)
+    return RigidMotions(after, best_rotations(products.reshape(-1, len(q), len(r))))
+
+
+def mass_centres(positions: np.ndarray, masses: np.ndarray, bodies: np.ndarray) -> np.ndarray:
+    """(b, d) [m]: centre of mass of each body; `bodies` (n,) is the body of each vertex."""
+    total = np.bincount(bodies, masses)
+    return np.column_stack([np.bincount(bodies, masses * x) for x in positions.T]) / total[:, None]
+
+
+def best_rotations(covariances: np.ndarray) -> np.ndarray:
+    """(k, d, d): the rotations R, with determinant 1, that take points r to points q with the least sum of squares,
+    from the sums of q r' (k, d, d). Of several it is the one that turns least: the identity where all sums are zero.
+    """
+    size = np.linalg.norm(covariances, axis=(1, 2), keepdims=True)
+    u, _, vt = np.linalg.svd(covariances + LEAST_TURN * size * np.eye(covariances.shape[-1]))
+    u[:, :, -1] *= np.sign(np.linalg.det(u @ vt))[:, None]
+    return u @ vt
