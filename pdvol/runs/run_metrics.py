@@ -10,11 +10,12 @@ import scipy.sparse as sp
 from mpi4py import MPI
 
 from pdvol.errors import InputError
+from pdvol.geometry.level_mesh import lumped_masses
 from pdvol.levels.hierarchy import Hierarchy
 from pdvol.levels.materials import level_materials
 from pdvol.levels.obstacles import Obstacle
 from pdvol.measure import metrics
-from pdvol.measure.rigid import mass_centres
+from pdvol.measure.rigid import drift, mass_centres, rigid_motions
 from pdvol.runs.run_continuity import PREDICTED_WITH, continuity_of_level, three_states
 from pdvol.runs.stored_fields import stored_scene
 from pdvol.scene import Friction, Scene
@@ -30,11 +31,13 @@ def measure_run(path: str | Path) -> dict:
     dict
         `run`, `dt`, `method`, `prolongation`, `notes` (what could not be measured, and why) and `levels`, each with
         `level`, `steps`, `mass` [kg], lists over steps 1, 2, ... (`continuity`, `continuity_error`, `jitter`) and, from
-        level 1 on, over states 0, 1, ... of both levels (`consistency`, `distance`, `centre_error`), the `projection`'s
-        `rank` and `columns`, and `summary`: mean, median and largest of each list. Steps that were cut, that were
-        joined at rest, or whose scripted motion contact stopped, have no x_hat of their own: their continuity is NaN.
-        The continuity of embedded levels, which have no x_hat, is NaN as well. In states with intersections or
-        inverted cells the forces are meaningless: continuity and its error are NaN.
+        level 1 on, over states 0, 1, ... of both levels (`consistency`, `distance`, and the largest drift of a body:
+        `centre_drift` [m] and `angle_drift` [degrees] from the level below, the same with `_from_0` from level 0), the
+        `projection`'s `rank` and `columns`, the drift of each of the `bodies`, and `summary`: mean, median, largest and
+        last value of each list. Steps that were cut, that were joined at rest, or whose scripted motion contact
+        stopped, have no x_hat of their own: their continuity is NaN. The continuity of embedded levels, which have no
+        x_hat, is NaN as well. In states with intersections or inverted cells the forces are meaningless: continuity and
+        its error are NaN.
 
     Raises
     ------
@@ -51,7 +54,7 @@ def measure_run(path: str | Path) -> dict:
     for level in run.levels:
         if not level.steps:
             continue
-        masses = metrics.lumped_masses(level.mesh, densities[level.index])
+        masses = lumped_masses(level.mesh, densities[level.index])
         entry: dict[str, Any] = {"level": level.index, "steps": level.steps - 1, "mass": float(masses.sum())}
         if scene is not None and scene.integrator == "implicit_euler":
             entry |= continuity_of_level(run, level, scene, obstacles, hierarchy, masses)
@@ -61,12 +64,10 @@ def measure_run(path: str | Path) -> dict:
         if level.index and run.levels[level.index - 1].steps:
             below = run.levels[level.index - 1]
             weights = hierarchy.prolongation(level.index).weights
-            entry |= _between_levels(
-                level, below, weights, masses, metrics.lumped_masses(below.mesh, densities[below.index])
-            )
-        levels.append(
-            entry | {"summary": {key: _summary(values) for key, values in entry.items() if isinstance(values, list)}}
-        )
+            below_masses = lumped_masses(below.mesh, densities[below.index])
+            entry |= _between_levels(level, below, weights, masses, below_masses)
+            entry |= _drift(run, level, hierarchy, masses)
+        levels.append(entry | {"summary": _summaries(entry)})
     if not levels:
         raise InputError(f"{path} has no stored state to measure")
     return {
@@ -128,9 +129,7 @@ def compare_runs(path: str | Path, other: str | Path) -> list[dict]:
         states = min(level.steps, its.steps)
         if not states:
             continue
-        masses, theirs = (
-            metrics.lumped_masses(x.mesh, of[x.index]) for x, of in zip((level, its), densities, strict=True)
-        )
+        masses, theirs = (lumped_masses(x.mesh, of[x.index]) for x, of in zip((level, its), densities, strict=True))
         entry: dict[str, Any] = {
             "level": level.index,
             "steps": states - 1,
@@ -138,9 +137,7 @@ def compare_runs(path: str | Path, other: str | Path) -> list[dict]:
         }
         if level.rest.shape == its.rest.shape and np.array_equal(level.rest, its.rest):
             entry["distance"] = [metrics.distance(level.positions(n), its.positions(n), masses) for n in range(states)]
-        found.append(
-            entry | {"summary": {key: _summary(values) for key, values in entry.items() if isinstance(values, list)}}
-        )
+        found.append(entry | {"summary": _summaries(entry)})
     return found
 
 
@@ -192,9 +189,30 @@ def _between_levels(
     return {
         "consistency": consistency,
         "distance": distance,
-        "centre_error": _centre_errors(level, below, masses, below_masses, states),
         "projection": {"rank": projection.rank, "columns": projection.columns},
     }
+
+
+def _drift(run: Run, level: RunLevel, hierarchy: Hierarchy, masses: np.ndarray) -> dict:
+    """Drift of bodies from the level below and from level 0, both prolonged to this level and fitted with its masses
+    (n,) [kg], so that a level that is prolonged exactly has none.
+    """
+    found: dict[str, Any] = {}
+    bodies: list[dict] = [{"name": name} for name in run.info["bodies"]]
+    for reference, suffix in ((level.index - 1, ""), (0, "_from_0")):
+        states = min(level.steps, run.levels[reference].steps)
+        apart = np.zeros((2, states, len(bodies)))
+        for n in range(states):
+            lifted = run.levels[reference].positions(n)
+            for finer in range(reference + 1, level.index + 1):
+                lifted = hierarchy.prolongation(finer).prolong_positions(lifted)
+            fits = (rigid_motions(level.rest, x, masses, level.mesh.point_bodies) for x in (level.positions(n), lifted))
+            apart[:, n] = drift(*fits)
+        for name, values in zip(("centre_drift", "angle_drift"), apart, strict=True):
+            found[name + suffix] = values.max(axis=1).tolist()
+            for body, its in zip(bodies, values.T, strict=True):
+                body[name + suffix] = its.tolist()
+    return {**found, "bodies": bodies}
 
 
 def _centre_errors(
@@ -207,10 +225,18 @@ def _centre_errors(
     return [metrics.centre_error(a - centres[0], b - theirs[0], weight) for a, b in zip(centres, theirs, strict=True)]
 
 
+def _summaries(entry: dict) -> dict:
+    """Of each of its lists of numbers."""
+    return {key: _summary(values) for key, values in entry.items() if isinstance(values, list) and key != "bodies"}
+
+
 def _summary(values: Sequence[float]) -> dict:
     known = np.array([v for v in values if np.isfinite(v)])
-    return (
-        {"mean": float(known.mean()), "median": float(np.median(known)), "largest": float(known.max())}
-        if len(known)
-        else {}
-    )
+    if not len(known):
+        return {}
+    return {
+        "mean": float(known.mean()),
+        "median": float(np.median(known)),
+        "largest": float(known.max()),
+        "last": float(known[-1]),
+    }

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pdvol.measure.rigid import angle_between, mass_centres, rigid_motions
+from pdvol.measure.rigid import angle_between, drift, mass_centres, rigid_motions
 
 RNG = np.random.default_rng(0)
 
@@ -77,3 +77,16 @@ def test_angles_in_the_plane_have_no_sign():
     b = np.array([turn(-20.0), turn(10.0), turn(180.0)])
     np.testing.assert_allclose(angle_between(a, b), [30.0, 20.0, 180.0])
     np.testing.assert_allclose(angle_between(b, a), [30.0, 20.0, 180.0])
+
+
+@pytest.mark.parametrize("d", [2, 3])
+def test_drift_of_two_bodies_that_are_deformed_alike(d):
+    """One is shifted by 5 m, the other one turned about its centre by 20 degrees."""
+    bodies, masses = np.repeat([0, 1], 9), RNG.uniform(0.5, 2.0, 18)
+    X = RNG.normal(size=(18, d))
+    x = X @ (np.eye(d) + 0.1 * RNG.normal(size=(d, d))) + 0.05 * RNG.normal(size=(18, d))
+    centre, R = mass_centres(x, masses, bodies)[1], turn(20.0, *([(3, 1, 2)] if d == 3 else []))
+    other = np.where(bodies[:, None] == 0, x + np.array([3.0, 4.0, 0.0])[:d], centre + (x - centre) @ R.T)
+    distances, angles = drift(*(rigid_motions(X, y, masses, bodies) for y in (x, other)))
+    np.testing.assert_allclose(distances, [5.0, 0.0], atol=1e-12)
+    np.testing.assert_allclose(angles, [0.0, 20.0], atol=1e-6)
