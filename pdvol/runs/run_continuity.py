@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from pdvol.integrate.feedback import level_feedback
 from pdvol.integrate.marches import guide
 from pdvol.integrate.replay import Replay
 from pdvol.levels.hierarchy import Hierarchy
@@ -65,6 +66,7 @@ def continuity_of_level(
         taken, weight = PREDICTED_WITH[method], scene.penalty.of(method)
         guides = (guide(weight, run.dt, prolongation, below.positions),) if weight > 0.0 else ()
     model = hierarchy_model(scene, hierarchy, level.index, run.info["diagonal"], obstacles)
+    feedback = level_feedback(model, hierarchy, method, below.positions) if level.index else ()
     forces = Forces(model, hierarchy, guides)
     special = {r["step"] for r in level.log if r.get("cuts", 0) or r.get("reached", 1.0) < 1.0}
     special |= {
@@ -86,7 +88,8 @@ def continuity_of_level(
             values.append(float("nan"))
             continue
         move = now - before if taken == "own" else prolongation.prolong_positions(run.dt * below.velocities(number - 1))
-        values.append(metrics.continuity(before, now, after, now + move, pull, masses, guided))
+        pushes = (each.push(number - 1, now) for each in feedback)
+        values.append(metrics.continuity(before, now, after, sum(pushes, start=now + move), pull, masses, guided))
     return {"continuity": values, "continuity_error": errors}
 
 
