@@ -18,8 +18,9 @@ from mpi4py import MPI
 
 from pdvol.draw.layout import BACKGROUND, PALETTE
 from pdvol.errors import InputError
+from pdvol.geometry.level_mesh import lumped_masses
 from pdvol.levels.hierarchy import Hierarchy
-from pdvol.measure.metrics import distance, lumped_masses
+from pdvol.measure.metrics import distance
 from pdvol.store.reader import Run, open_run
 
 

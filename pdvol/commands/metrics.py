@@ -64,10 +64,17 @@ def _means(entry: dict) -> str:
         parts.append(
             f"distance from the level below {s['distance']['mean']:.3g} m (most {s['distance']['largest']:.3g})"
         )
-        parts.append(
-            f"centre of mass {s['centre_error']['mean']:.3g} m apart (most {s['centre_error']['largest']:.3g})"
-        )
+        parts += [_drift(s, "", "the level below")] + [_drift(s, "_from_0", "level 0")] * (entry["level"] > 1)
         parts.append(f"rank of P {entry['projection']['rank']} of {entry['projection']['columns']}")
     if "jitter" in s:
         parts.append(f"jitter {s['jitter']['mean']:.3g} J (most {s['jitter']['largest']:.3g})")
     return ", ".join(parts)
+
+
+def _drift(s: dict, suffix: str, reference: str) -> str:
+    """What `summary` says of the drift from a level."""
+    centre, angle = s["centre_drift" + suffix], s["angle_drift" + suffix]
+    return (
+        f"drift from {reference} at most {centre['largest']:.3g} m and {angle['largest']:.3g} degrees"
+        f" (at the end {centre['last']:.3g}, {angle['last']:.3g})"
+    )

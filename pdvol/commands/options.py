@@ -20,7 +20,7 @@ def add_settings(parser: ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="NAME=VALUE",
-        help="a scene parameter, a solver setting, or a penalty's weight (consistency, weight)",
+        help="a scene parameter, a solver setting, or what holds levels together (consistency, weight, feedback)",
     )
 
 

@@ -16,7 +16,9 @@ PANELS = {
     "continuity_error": "continuity error e [kg m²]",
     "consistency": "consistency d, to the level below [kg m²]",
     "distance": "distance from the prolonged level below [m]",
-    "centre_error": "centre of mass, apart from the level below [m]",
+    "centre_drift": "drift of a body's centre from the level below, the largest [m]",
+    "angle_drift": "turn of a body against the level below, the largest [degrees]",
+    "centre_drift_from_0": "drift of a body's centre from level 0, the largest [m]",
     "jitter": "jitter [J]",
 }
 

@@ -8,8 +8,9 @@ import scipy.sparse as sp
 from mpi4py import MPI
 
 from pdvol.errors import InputError
+from pdvol.geometry.level_mesh import lumped_masses
 from pdvol.levels.hierarchy import Hierarchy
-from pdvol.measure.metrics import distance, lumped_masses
+from pdvol.measure.metrics import distance
 from pdvol.measure.rigid import angle_between, rigid_motions
 from pdvol.runs.stored_fields import stored_densities
 from pdvol.store.reader import Run, RunLevel

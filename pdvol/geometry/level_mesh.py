@@ -1,5 +1,6 @@
 """The mesh of one level: every body's cells in one set of arrays, replicated on all ranks in the input's order."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -87,6 +88,12 @@ class LevelMesh:
             LevelMesh(self.points[points], cells.reshape(-1, self.dim + 1), self.bodies[mine], self.regions[mine]),
             points,
         )
+
+
+def lumped_masses(mesh: LevelMesh, densities: Sequence[float] | np.ndarray) -> np.ndarray:
+    """(n,) [kg]: each vertex's share of its cells' masses; one density [kg/m^d] per cell."""
+    shares = mesh.volumes * np.asarray(densities, dtype=float) / (mesh.dim + 1)
+    return np.bincount(mesh.cells.ravel(), np.repeat(shares, mesh.dim + 1), minlength=len(mesh.points))
 
 
 def simplex_volumes(points: np.ndarray, cells: np.ndarray) -> np.ndarray:

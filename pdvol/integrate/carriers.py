@@ -12,12 +12,11 @@ from collections.abc import Callable, Iterable, Mapping
 
 import numpy as np
 
+from pdvol.geometry.rigid_motions import best_rotations
 from pdvol.levels.obstacles import Obstacle
 
 Object = int | Obstacle
 """A body by its number, or an obstacle."""
-
-LEAST_TURN = 1e-9  # weight of the identity in a fitted rotation: it decides on turns that the points do not show
 
 
 class Carriers:
@@ -67,8 +66,5 @@ def rigid_motion(before: np.ndarray, after: np.ndarray) -> Callable[[np.ndarray]
     points (n, d). Of several it is the one that turns least.
     """
     start, end = before.mean(axis=0), after.mean(axis=0)
-    covariance = (after - end).T @ (before - start)
-    covariance += LEAST_TURN * np.linalg.norm(covariance) * np.eye(len(start))
-    u, _, vt = np.linalg.svd(covariance)
-    u[:, -1] *= np.sign(np.linalg.det(u @ vt))
-    return lambda points: end + (points - start) @ (u @ vt).T
+    (turn,) = best_rotations(((after - end).T @ (before - start))[None])
+    return lambda points: end + (points - start) @ turn.T

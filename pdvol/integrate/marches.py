@@ -4,7 +4,7 @@ velocity that predicts x_hat.
 | march | x_hat of the step from t to t + dt |
 |---|---|
 | direct | x^t + (x^t - x^{t-1}) with implicit Euler; tracks is this march with a guide |
-| progressive | x^t + P (x_c^t - x_c^{t-1}), x_c the coarser level: VelPro (paper, eq. 2, 3); may have a guide |
+| progressive | x^t + P (x_c^t - x_c^{t-1}), x_c the coarser level: VelPro (paper, eq. 2, 3); guides, feedback |
 | embedded | none: the step ends at P x_c^{t+1}, even where that intersects |
 """
 

@@ -1,8 +1,9 @@
 """Steps at rest: where nothing moves visibly, nor would soon, nothing is solved, and the next solve is one longer step.
 
 Let v be the velocities at the last solved state x, and a the accelerations by which its solve changed them: with the
-prediction x_hat and the weight w of the forces, a = (x - x_hat) / w = -M^-1 dE/dx(x), but for Newton's residual. As
-long as nothing scripted changes, a state that is held at x for a time T lacks
+prediction x_hat and the weight w of the forces, a = (x - x_hat) / w = -M^-1 dE/dx(x), but for Newton's residual. Drift
+feedback (`feedback.py`) counts as a force: its acceleration is added to a, and so is what it gains meanwhile. As long
+as nothing scripted changes, a state that is held at x for a time T lacks
 
     T v in positions,    T a in velocities.
 
@@ -12,7 +13,7 @@ x and v over all the time since. So no motion is lost, however slow: a slope sta
 and free fall over tiny steps becomes free fall.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 import numpy as np
 from mpi4py import MPI
@@ -52,25 +53,38 @@ class Rest:
         """Sets what `memory` gave."""
         self.steps, self.acceleration = int(memory.get("steps", 0)), memory.get("acceleration", np.inf)
 
-    def lasts(self, state: State, time: float) -> bool:
-        """Whether a step from `time` [s] on may end where it begins, at the last solved state; it is counted."""
+    def lasts(self, state: State, time: float, added: float = 0.0) -> bool:
+        """Whether a step from `time` [s] on may end where it begins, at the last solved state; it is counted.
+
+        Parameters
+        ----------
+        added : acceleration [m/s^2] that the feedback has gained since that state, at most
+        """
         held = (self.steps + 1) * self._dt
         fastest = float(np.linalg.norm(state.velocity, axis=1).max())
         lasts = (
-            held * self.acceleration <= self._tolerance
+            held * (self.acceleration + added) <= self._tolerance
             and held * fastest <= self._dt * self._tolerance
             and all(_is_constant(load, time) for load in self._loads)
         )
         self.steps += lasts
         return lasts
 
-    def begin(self, potential: IncrementalPotential, x: Positions, fixed: np.ndarray, speed: float) -> None:
+    def begin(
+        self,
+        potential: IncrementalPotential,
+        x: Positions,
+        fixed: np.ndarray,
+        speed: float,
+        acting: Callable[[], np.ndarray] = lambda: np.zeros(1),
+    ) -> None:
         """Begins anew at x, which a step has led to that was nowhere faster than `speed` [m/s]. Vertices `fixed`
-        (n_owned,) are held by supports. Collective.
+        (n_owned,) are held by supports. `acting` gives the feedback's acceleration (n_owned, d) [m/s^2] at x, which is
+        asked for where x may be held. Collective.
         """
         self.steps, self.acceleration = 0, np.inf
         if speed <= self._tolerance and not potential.rules:  # a law that adapts its stiffness does so at every step
-            changes = np.linalg.norm(x.owned - potential.x_hat, axis=1)[~fixed]
+            changes = np.linalg.norm(x.owned - potential.x_hat + potential.weight * acting(), axis=1)[~fixed]
             largest = float(changes.max(initial=0.0)) / potential.weight
             self.acceleration = reduce(x.space.comm, largest, MPI.MAX)
 

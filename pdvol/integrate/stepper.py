@@ -8,7 +8,8 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from pdvol.errors import ConvergenceError, SimulationError
-from pdvol.integrate.integrator import ImplicitEuler, Integrator, Past
+from pdvol.integrate.feedback import Feedback
+from pdvol.integrate.integrator import ImplicitEuler, Integrator, Past, State
 from pdvol.integrate.recovery import Recovery, Span
 from pdvol.integrate.rest import Rest
 from pdvol.integrate.scripted_motion import ScriptedMotion, follow
@@ -32,6 +33,7 @@ class Stepper:
     coarse_weights : called when a linear solver needs a coarse space, gives weights (n, m) over fewer vertices or None
     guides : guides that hold the level to the coarser one, if any
     integrator : Integrator
+    feedback : of the drift from the coarser level, if any
 
     Attributes
     ----------
@@ -48,12 +50,13 @@ class Stepper:
         coarse_weights: Callable[[], csr_array | None] = lambda: None,
         guides: Sequence[Guide] = (),
         integrator: Integrator | None = None,
+        feedback: Sequence[Feedback] = (),
     ):
         self.model, self.space, self.integrator = model, space, integrator or ImplicitEuler()
         self.watch = Stopwatch()
         self.potential = IncrementalPotential(space, build_terms(model, space, guides), self.watch)
         self.motion = ScriptedMotion(model, space)
-        self._coarse_weights = coarse_weights
+        self._coarse_weights, self._feedback = coarse_weights, feedback
         self.newton = self._new_newton()
         self.rest, self._may_rest = Rest(model, self.newton.tolerance), not guides
         self._record: Mapping = {}
@@ -95,17 +98,21 @@ class Stepper:
                 self.newton = self._new_newton()
                 self.newton.linear.restore(memory)
             may_rest = self._may_rest and not self.motion.moves
-            held = may_rest and not released and self.rest.lasts(past[0], start * dt)
+            held = may_rest and not released and self.rest.lasts(past[0], start * dt, self._added(start, past[0]))
             if not held:
                 if self.rest.steps and keeps_velocity and not released:
                     start -= self.rest.steps
                     integrator, past = ImplicitEuler(), past[:1]  # it needs no constant steps
+                if self._feedback:
+                    x_t, v = past[0].positions, past[0].velocity
+                    past = (State(x_t, v + dt * self._acceleration(start, x_t)), *past[1:])
                 mine = tuple(state.rows(self.space.from_input) for state in past)
                 x = self._recovery.advance(report, integrator, mine, start * dt, number * dt)
                 report.joined = number - start
                 report.reached, report.behind = self.motion.end(number * dt), self.motion.behind
                 moved = np.linalg.norm(x.whole - past[0].positions, axis=1).max() if may_rest else np.inf
-                self.rest.begin(self.potential, x, self.motion.held, float(moved) / (report.joined * dt))
+                acting = lambda: self.space.from_input(self._acceleration(number, x.whole))
+                self.rest.begin(self.potential, x, self.motion.held, float(moved) / (report.joined * dt), acting)
                 self._measure(report, x)
         if held:
             self._repeat(report)
@@ -115,6 +122,18 @@ class Stepper:
         report.peak_memory_mb = peak_memory(self.space.comm)
         self._record = report.record()
         return report
+
+    def _acceleration(self, step: int, positions: np.ndarray) -> np.ndarray:
+        """(n, d) [m/s^2]: what the feedback adds in the step that begins at `positions` (n, d) after so many steps."""
+        pushes = (feedback.push(step, positions) for feedback in self._feedback)
+        return sum(pushes, start=np.zeros_like(positions)) / self.model.dt**2
+
+    def _added(self, step: int, state: State) -> float:
+        """How much that has changed anywhere since the last solve [m/s^2], for a state that was held since then."""
+        if not self._feedback or self.rest.steps == 0:
+            return 0.0
+        before, now = (self._acceleration(at, state.positions) for at in (step - self.rest.steps, step))
+        return float(np.linalg.norm(now - before, axis=1).max())
 
     def _repeat(self, report: StepReport) -> None:
         """Reports a step at rest: what the last step measured has not changed."""

@@ -113,6 +113,7 @@ class LevelModel:
     obstacles : tuple of Obstacle
     contact : none or one ContactModel
     penalty : weights that hold levels together
+    feedback, feedback_modes : of the drift from the level below, as `Scene` has them
     integrator : its name in the registry
     solver : settings; its tolerance is in m/s
     dt, steps : time step [s], number of steps
@@ -129,6 +130,8 @@ class LevelModel:
     obstacles: tuple[Obstacle, ...]
     contact: tuple[ContactModel, ...]
     penalty: Penalty
+    feedback: float
+    feedback_modes: str
     integrator: str
     solver: Solver
     dt: float
@@ -195,6 +198,8 @@ def level_model(
         obstacles=tuple(obstacles),
         contact=contact_models(scene.contact, names, obstacles, diagonal, materials.softest),
         penalty=scene.penalty,
+        feedback=scene.feedback,
+        feedback_modes=scene.feedback_modes,
         integrator=scene.integrator,
         solver=replace(scene.solver, tolerance=metres(scene.solver.tolerance, diagonal)),
         dt=scene.dt,

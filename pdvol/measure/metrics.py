@@ -7,28 +7,19 @@
 | continuity error e_l^t | the numerator alone, which needs no x_hat | kg m^2 |
 | consistency d_{l-1}^t | \\|Pi x_l - x_{l-1}\\|_M^2, Pi = (P'P)^-1 P', M of level l - 1 | kg m^2 |
 | distance | root of \\|x_l - P x_{l-1}\\|_M^2 over the mass, M of level l | m |
-| centre error | how far bodies' centres of mass have moved apart since the start, root mean square over the mass | m |
+| drift | of a body's centre and turn in x_l from those in P x_{l-1}, or in P ... P x_0 (`rigid.py`) | m, degrees |
+| centre error | how far two runs' bodies have moved apart since the start, root mean square over the mass | m |
 | jitter | 1/2 \\|v+ - v\\|_M^2, v the mean velocity over a step: gravity alone gives 1/2 m g^2 dt^2 | J |
 
 x-, x, x+ are the positions at t - dt, t and t + dt, M the lumped mass, pull = dt^2 M^-1 grad F(x+). n is 1/4 for
 implicit Euler, whatever the residual its solver leaves.
 """
 
-from collections.abc import Sequence
-
 import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.linalg import splu
 
-from pdvol.geometry.level_mesh import LevelMesh
-
 RANK_TOLERANCE = 1e-5  # of P's norm: smaller singular values count as zero
-
-
-def lumped_masses(mesh: LevelMesh, densities: Sequence[float] | np.ndarray) -> np.ndarray:
-    """(n,) [kg]: each vertex's share of its cells' masses; one density [kg/m^d] per cell."""
-    shares = mesh.volumes * np.asarray(densities, dtype=float) / (mesh.dim + 1)
-    return np.bincount(mesh.cells.ravel(), np.repeat(shares, mesh.dim + 1), minlength=len(mesh.points))
 
 
 def squared_norm(difference: np.ndarray, masses: np.ndarray) -> float:
@@ -80,12 +71,6 @@ def distance(fine: np.ndarray, prolonged: np.ndarray, masses: np.ndarray) -> flo
 def jitter(before: np.ndarray, now: np.ndarray, after: np.ndarray, dt: float, masses: np.ndarray) -> float:
     """Energy of the second difference in time [J]."""
     return 0.5 * squared_norm(after - 2.0 * now + before, masses) / dt**2
-
-
-def mass_centres(positions: np.ndarray, masses: np.ndarray, bodies: np.ndarray) -> np.ndarray:
-    """(bodies, d) [m]: centre of mass of each body; `bodies` (n,) is the body of each vertex."""
-    total = np.bincount(bodies, masses)
-    return np.column_stack([np.bincount(bodies, masses * x) for x in positions.T]) / total[:, None]
 
 
 def centre_error(moved: np.ndarray, other: np.ndarray, body_masses: np.ndarray) -> float:

@@ -14,3 +14,10 @@ def angle_between(one: np.ndarray, other: np.ndarray) -> np.ndarray:
     """
     chord = np.linalg.norm(one - other, axis=(1, 2)) / np.sqrt(8.0)
     return np.degrees(2.0 * np.arcsin(np.minimum(chord, 1.0)))
+
+
+def drift(one: RigidMotions, other: RigidMotions) -> tuple[np.ndarray, np.ndarray]:
+    """How far b bodies are from where they are in another motion of the same points: distances of their centres (b,)
+    [m], and angles between their orientations (b,) [degrees].
+    """
+    return np.linalg.norm(one.centres - other.centres, axis=1), angle_between(one.rotations, other.rotations)

@@ -8,6 +8,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from pdvol.errors import InputError, SimulationError
+from pdvol.integrate.feedback import level_feedback
 from pdvol.integrate.integrator import Integrator, past_of
 from pdvol.integrate.marches import Start, direct, embedded, guide, progressive
 from pdvol.integrate.stepper import Stepper
@@ -102,8 +103,14 @@ def _march(
         return embedded(hierarchy.prolongation(level), where, level, start, steps, dt, **count)
     weight = model.penalty.of(method) if level > 0 else 0.0
     guides = (guide(weight, dt, hierarchy.prolongation(level), where),) if weight > 0.0 else ()
-    coarse_weights = partial(hierarchy.coarse_weights, level)
-    stepper = Stepper(model, hierarchy[level], coarse_weights, guides, integrator)
+    stepper = Stepper(
+        model,
+        hierarchy[level],
+        partial(hierarchy.coarse_weights, level),
+        guides,
+        integrator,
+        level_feedback(model, hierarchy, method, where),
+    )
     if method == "progressive" and level > 0:
         return progressive(stepper, hierarchy.prolongation(level), partial(coarse, "velocities"), start, steps)
     return direct(stepper, start, steps)

@@ -10,53 +10,16 @@ import scipy.sparse as sp
 from mpi4py import MPI
 
 from pdvol.errors import InputError
-from pdvol.integrate.marches import guide
-from pdvol.integrate.replay import Replay
+from pdvol.geometry.level_mesh import lumped_masses
 from pdvol.levels.hierarchy import Hierarchy
-from pdvol.levels.model import LevelModel, hierarchy_model
 from pdvol.levels.obstacles import Obstacle
 from pdvol.measure import metrics
-from pdvol.potentials.consistency import Consistency, Guide
-from pdvol.runs.stored_fields import level_densities, stored_scene, stored_stiffness
+from pdvol.measure.rigid import drift, mass_centres, rigid_motions
+from pdvol.runs.run_continuity import PREDICTED_WITH, continuity_of_level, three_states
+from pdvol.runs.stored_fields import level_densities, stored_scene
 from pdvol.scene import Friction, Scene
 from pdvol.store.files import write_json
 from pdvol.store.reader import Run, RunLevel, open_run
-
-# By method: the level whose velocity predicts the positions x_hat of a level above 0.
-PREDICTED_WITH = {"direct": "own", "tracks": "own", "progressive": "coarse", "embedded": "none"}
-
-
-class Forces:
-    """The forces of one level of a scene at stored positions, on this rank alone.
-
-    Attributes
-    ----------
-    free : (n,) bool
-        Vertices that no support holds.
-    """
-
-    def __init__(self, model: LevelModel, hierarchy: Hierarchy, guides: Sequence[Guide] = ()):
-        self.dt, self.free = model.dt, model.free
-        self._replay = Replay(model, hierarchy[model.level], guides)
-
-    def pull(
-        self, number: int, now: np.ndarray, after: np.ndarray, kappa: float | None
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """dt^2 M^-1 grad F(after) [m], shape (n, d), in the step `number` (from 1) that begins at `now`; and the
-        guides' part of it, which F does not contain. NaN where `after` is not admissible (inverted cells).
-
-        Friction is lagged at `now`, as the first of its iterations is; `kappa` is the barrier's stiffness in that step,
-        where it was logged.
-        """
-        replay = self._replay
-        end = replay.put(number, now, after, kappa)
-        if not np.isfinite(sum(term.value(end) for term in replay.terms)):
-            return np.full_like(after, np.nan), np.full_like(after, np.nan)
-        pulls = []
-        for guided in (False, True):
-            force = replay.force(end, (term for term in replay.terms if isinstance(term, Consistency) == guided))
-            pulls.append(replay.space.to_input(-(self.dt**2) * force / replay.mass))
-        return pulls[0], pulls[1]
 
 
 def measure_run(path: str | Path) -> dict:
@@ -67,11 +30,13 @@ def measure_run(path: str | Path) -> dict:
     dict
         `run`, `dt`, `method`, `prolongation`, `notes` (what could not be measured, and why) and `levels`, each with
         `level`, `steps`, `mass` [kg], lists over steps 1, 2, ... (`continuity`, `continuity_error`, `jitter`) and, from
-        level 1 on, over states 0, 1, ... of both levels (`consistency`, `distance`, `centre_error`), the `projection`'s
-        `rank` and `columns`, and `summary`: mean, median and largest of each list. Steps that were cut, that were
-        joined at rest, or whose scripted motion contact stopped, have no x_hat of their own: their continuity is NaN.
-        The continuity of embedded levels, which have no x_hat, is NaN as well. In states with intersections or
-        inverted cells the forces are meaningless: continuity and its error are NaN.
+        level 1 on, over states 0, 1, ... of both levels (`consistency`, `distance`, and the largest drift of a body:
+        `centre_drift` [m] and `angle_drift` [degrees] from the level below, the same with `_from_0` from level 0), the
+        `projection`'s `rank` and `columns`, the drift of each of the `bodies`, and `summary`: mean, median, largest and
+        last value of each list. Steps that were cut, that were joined at rest, or whose scripted motion contact
+        stopped, have no x_hat of their own: their continuity is NaN. The continuity of embedded levels, which have no
+        x_hat, is NaN as well. In states with intersections or inverted cells the forces are meaningless: continuity and
+        its error are NaN.
 
     Raises
     ------
@@ -88,22 +53,20 @@ def measure_run(path: str | Path) -> dict:
     for level in run.levels:
         if not level.steps:
             continue
-        masses = metrics.lumped_masses(level.mesh, densities[level.index])
+        masses = lumped_masses(level.mesh, densities[level.index])
         entry: dict[str, Any] = {"level": level.index, "steps": level.steps - 1, "mass": float(masses.sum())}
         if scene is not None and scene.integrator == "implicit_euler":
-            entry |= _continuity(run, level, scene, obstacles, hierarchy, masses)
+            entry |= continuity_of_level(run, level, scene, obstacles, hierarchy, masses)
         entry["jitter"] = [
-            metrics.jitter(*_three(level, n, run.dt), run.dt, masses) for n in range(1, entry["steps"] + 1)
+            metrics.jitter(*three_states(level, n, run.dt), run.dt, masses) for n in range(1, entry["steps"] + 1)
         ]
         if level.index and run.levels[level.index - 1].steps:
             below = run.levels[level.index - 1]
             weights = hierarchy.prolongation(level.index).weights
-            entry |= _between_levels(
-                level, below, weights, masses, metrics.lumped_masses(below.mesh, densities[below.index])
-            )
-        levels.append(
-            entry | {"summary": {key: _summary(values) for key, values in entry.items() if isinstance(values, list)}}
-        )
+            below_masses = lumped_masses(below.mesh, densities[below.index])
+            entry |= _between_levels(level, below, weights, masses, below_masses)
+            entry |= _drift(run, level, hierarchy, masses)
+        levels.append(entry | {"summary": _summaries(entry)})
     if not levels:
         raise InputError(f"{path} has no stored state to measure")
     return {
@@ -165,9 +128,7 @@ def compare_runs(path: str | Path, other: str | Path) -> list[dict]:
         states = min(level.steps, its.steps)
         if not states:
             continue
-        masses, theirs = (
-            metrics.lumped_masses(x.mesh, of[x.index]) for x, of in zip((level, its), densities, strict=True)
-        )
+        masses, theirs = (lumped_masses(x.mesh, of[x.index]) for x, of in zip((level, its), densities, strict=True))
         entry: dict[str, Any] = {
             "level": level.index,
             "steps": states - 1,
@@ -175,9 +136,7 @@ def compare_runs(path: str | Path, other: str | Path) -> list[dict]:
         }
         if level.rest.shape == its.rest.shape and np.array_equal(level.rest, its.rest):
             entry["distance"] = [metrics.distance(level.positions(n), its.positions(n), masses) for n in range(states)]
-        found.append(
-            entry | {"summary": {key: _summary(values) for key, values in entry.items() if isinstance(values, list)}}
-        )
+        found.append(entry | {"summary": _summaries(entry)})
     return found
 
 
@@ -201,50 +160,6 @@ def _scene(run: Run, notes: list[str]) -> tuple[Scene | None, Sequence[Obstacle]
     return scene, obstacles
 
 
-def _three(level: RunLevel, number: int, dt: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Positions before, at the start and at the end of step `number`; those before the first step follow from the
-    initial velocity.
-    """
-    now = level.positions(number - 1)
-    return level.positions(number - 2) if number > 1 else now - dt * level.velocities(0), now, level.positions(number)
-
-
-def _continuity(
-    run: Run, level: RunLevel, scene: Scene, obstacles: Sequence[Obstacle], hierarchy: Hierarchy, masses: np.ndarray
-) -> dict:
-    """`continuity` and `continuity_error` of a level."""
-    method, taken = run.info["method"], "own"
-    guides: tuple[Guide, ...] = ()
-    if level.index:
-        below, prolongation = run.levels[level.index - 1], hierarchy.prolongation(level.index)
-        taken, weight = PREDICTED_WITH[method], scene.penalty.of(method)
-        guides = (guide(weight, run.dt, prolongation, below.positions),) if weight > 0.0 else ()
-    model = hierarchy_model(scene, hierarchy, level.index, run.info["diagonal"], obstacles)
-    forces = Forces(model, hierarchy, guides)
-    special = {r["step"] for r in level.log if r.get("cuts", 0) or r.get("reached", 1.0) < 1.0}
-    special |= {
-        r["step"] + 1 for r in level.log if r.get("reached", 1.0) < 1.0
-    }  # these steps start from obstacles that were held back
-    joined = {r["step"] for r in level.log if r.get("joined", 1) != 1}
-    special |= joined | {number + 1 for number in joined}  # steps of other lengths, and those that follow them
-    values, errors, kappas, masses = [], [], stored_stiffness(level), np.where(forces.free, masses, 0.0)
-    crossing = {r["step"] for r in level.log if r.get("intersections", 0)}
-    for number in range(1, level.steps):
-        if number in crossing:
-            values.append(float("nan"))
-            errors.append(float("nan"))
-            continue
-        before, now, after = _three(level, number, run.dt)
-        pull, guided = forces.pull(number, now, after, kappas.get(number))
-        errors.append(metrics.continuity_error(before, now, after, pull, masses))
-        if taken == "none" or number in special:
-            values.append(float("nan"))
-            continue
-        move = now - before if taken == "own" else prolongation.prolong_positions(run.dt * below.velocities(number - 1))
-        values.append(metrics.continuity(before, now, after, now + move, pull, masses, guided))
-    return {"continuity": values, "continuity_error": errors}
-
-
 def _between_levels(
     level: RunLevel, below: RunLevel, weights: sp.csr_matrix, masses: np.ndarray, below_masses: np.ndarray
 ) -> dict:
@@ -257,27 +172,54 @@ def _between_levels(
     return {
         "consistency": consistency,
         "distance": distance,
-        "centre_error": _centre_errors(level, below, masses, below_masses, states),
         "projection": {"rank": projection.rank, "columns": projection.columns},
     }
+
+
+def _drift(run: Run, level: RunLevel, hierarchy: Hierarchy, masses: np.ndarray) -> dict:
+    """Drift of bodies from the level below and from level 0, both prolonged to this level and fitted with its masses
+    (n,) [kg], so that a level that is prolonged exactly has none.
+    """
+    found: dict[str, Any] = {}
+    bodies: list[dict] = [{"name": name} for name in run.info["bodies"]]
+    for reference, suffix in ((level.index - 1, ""), (0, "_from_0")):
+        states = min(level.steps, run.levels[reference].steps)
+        apart = np.zeros((2, states, len(bodies)))
+        for n in range(states):
+            lifted = run.levels[reference].positions(n)
+            for finer in range(reference + 1, level.index + 1):
+                lifted = hierarchy.prolongation(finer).prolong_positions(lifted)
+            fits = (rigid_motions(level.rest, x, masses, level.mesh.point_bodies) for x in (level.positions(n), lifted))
+            apart[:, n] = drift(*fits)
+        for name, values in zip(("centre_drift", "angle_drift"), apart, strict=True):
+            found[name + suffix] = values.max(axis=1).tolist()
+            for body, its in zip(bodies, values.T, strict=True):
+                body[name + suffix] = its.tolist()
+    return {**found, "bodies": bodies}
 
 
 def _centre_errors(
     level: RunLevel, other: RunLevel, masses: np.ndarray, other_masses: np.ndarray, states: int
 ) -> list[float]:
     bodies = level.mesh.point_bodies
-    centres = np.array([metrics.mass_centres(level.positions(n), masses, bodies) for n in range(states)])
-    theirs = np.array(
-        [metrics.mass_centres(other.positions(n), other_masses, other.mesh.point_bodies) for n in range(states)]
-    )
+    centres = np.array([mass_centres(level.positions(n), masses, bodies) for n in range(states)])
+    theirs = np.array([mass_centres(other.positions(n), other_masses, other.mesh.point_bodies) for n in range(states)])
     weight = np.bincount(bodies, masses)
     return [metrics.centre_error(a - centres[0], b - theirs[0], weight) for a, b in zip(centres, theirs, strict=True)]
 
 
+def _summaries(entry: dict) -> dict:
+    """Of each of its lists of numbers."""
+    return {key: _summary(values) for key, values in entry.items() if isinstance(values, list) and key != "bodies"}
+
+
 def _summary(values: Sequence[float]) -> dict:
     known = np.array([v for v in values if np.isfinite(v)])
-    return (
-        {"mean": float(known.mean()), "median": float(np.median(known)), "largest": float(known.max())}
-        if len(known)
-        else {}
-    )
+    if not len(known):
+        return {}
+    return {
+        "mean": float(known.mean()),
+        "median": float(np.median(known)),
+        "largest": float(known.max()),
+        "last": float(known[-1]),
+    }

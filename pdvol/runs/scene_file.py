@@ -17,7 +17,7 @@ from pdvol.scene.scene import SETTINGS
 
 IN_MEMORY = "the run was made from a scene in memory; pass the scene again: pdvol.run(scene, out, resume=True)"
 
-DEFAULTS = {"integrator": next(iter(INTEGRATORS))}
+DEFAULTS = {"integrator": next(iter(INTEGRATORS)), "feedback": 0.0, "feedback_modes": "rigid"}
 """What a description leaves out, as those of runs stored before there was a choice do."""
 
 
@@ -43,10 +43,11 @@ class Shot:
 
     def description(self) -> dict:
         """The scene as JSON, without its number of steps: a longer run has the same scene."""
-        found = {key: value for key, value in describe(self.scene).items() if key not in ("steps", "solver", "name")}
-        if found["integrator"] == DEFAULTS["integrator"]:
-            del found["integrator"]
-        return found
+        return {
+            key: value
+            for key, value in describe(self.scene).items()
+            if key not in ("steps", "solver", "name") and not (key in DEFAULTS and value == DEFAULTS[key])
+        }
 
 
 def parse_settings(words: Sequence[str]) -> dict:

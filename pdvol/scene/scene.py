@@ -6,7 +6,7 @@ from typing import Any, get_args
 
 from pdvol.registry import INTEGRATORS
 from pdvol.scene.bodies import Body, Separate
-from pdvol.scene.checks import count, keep_plain, positive, require, sequence
+from pdvol.scene.checks import count, finite, keep_plain, positive, require, sequence
 from pdvol.scene.contact import Barrier, Friction
 from pdvol.scene.jitter import jittered
 from pdvol.scene.loads import Load
@@ -16,13 +16,16 @@ from pdvol.scene.solver import Solver
 from pdvol.scene.surroundings import Plane, Rigid, Support
 
 MOST_STEPS = 10_000_000  # a larger number is a typing error
+FEEDBACK_MODES = ("rigid", "all")
 LISTS = ("bodies", "loads", "supports", "obstacles", "contact", "separate")
 
 
 @dataclass(frozen=True)
 class Scene:
     """A shot. Everything below is described once, for all levels. `separate`: what may be done, in order, where bodies
-    meet at t = 0. `integrator`: of the direct march; "bdf2" is second order in dt.
+    meet at t = 0. `integrator`: of the direct march; "bdf2" is second order in dt. `feedback`: the share, 0 to 1, of
+    its drift from the level below that a progressive level makes up for in each step, in the `feedback_modes` "rigid"
+    (bodies as a whole) or "all".
     """
 
     bodies: Sequence[Body]
@@ -37,14 +40,22 @@ class Scene:
     name: str = "scene"
     separate: Sequence[Separate] = ()
     integrator: str = "implicit_euler"
+    feedback: float = 0.0
+    feedback_modes: str = "rigid"
     __repr__ = one_line
 
     def __post_init__(self) -> None:
-        keep_plain(self, "dt", "steps", *LISTS)
+        keep_plain(self, "dt", "steps", "feedback", *LISTS)
         positive("dt", self.dt)
         count("steps", self.steps, 0)
         require(self.steps <= MOST_STEPS, f"steps = {self.steps!r} must be at most {MOST_STEPS}")
         INTEGRATORS.check(self.integrator)
+        finite("feedback", self.feedback, 0.0)
+        require(self.feedback <= 1.0, f"feedback = {self.feedback!r} must be at most 1: it is a share of the drift")
+        require(
+            self.feedback_modes in FEEDBACK_MODES,
+            f"feedback_modes = {self.feedback_modes!r} must be {' or '.join(FEEDBACK_MODES)}",
+        )
         for name in LISTS:
             sequence(name, getattr(self, name))
         require(len(self.bodies) > 0, "a scene needs at least one body")
@@ -127,5 +138,7 @@ SETTINGS = {
     "dt": "scene",
     "integrator": "scene",
     "jitter": "scene",
+    "feedback": "scene",
+    "feedback_modes": "scene",
 }
 """What `--set` reaches in every scene, and the part of the scene that holds it."""

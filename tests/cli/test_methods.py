@@ -4,8 +4,8 @@ import subprocess
 
 import numpy as np
 import pytest
-from cli_scenes import FALL, pdvol, write
 
+from cli_scenes import FALL, pdvol, write
 from commands import SAFETY, WITHOUT_PICTURE
 from pdvol import open_run
 from pdvol.measure import verify
@@ -17,6 +17,8 @@ CASES = {
     "progressive": (),
     "direct": (),
     "consistency": ("--method", "progressive", "--set", "consistency=0.2"),
+    "feedback": ("--method", "progressive", "--set", "feedback=0.2"),
+    "feedback of all modes": ("--method", "progressive", "--set", "feedback=0.2", "--set", "feedback_modes=all"),
     "tracks": ("--method", "tracks", "--set", "weight=0.2"),
     "embedded": ("--method", "embedded", "--prolongation", "phong"),
 }
@@ -74,7 +76,7 @@ def test_level_zero_is_the_same_and_level_one_its_own(folder, name):
         assert verify.verify_run(folder / name) == []
 
 
-@pytest.mark.parametrize("name", ["consistency", "tracks", "embedded"])
+@pytest.mark.parametrize("name", ["consistency", "feedback", "feedback of all modes", "tracks", "embedded"])
 def test_resumed_and_refined_are_as_never_stopped(folder, tmp_path, name):
     scene, out = folder / "fall.py", tmp_path / "run"
     assert pdvol("run", scene, "--steps", STEPS, "--levels", "0", "--out", out, *CASES[name]) == 0
@@ -86,11 +88,12 @@ def test_resumed_and_refined_are_as_never_stopped(folder, tmp_path, name):
     same_motion(out, folder / name)
 
 
-def test_levels_side_by_side_wait_for_the_coarser_level(folder, tmp_path):
+@pytest.mark.parametrize("name", ["consistency", "feedback"])
+def test_levels_side_by_side_wait_for_the_coarser_level(folder, tmp_path, name):
     """The penalty needs the coarser level one step further ahead than the velocities do."""
     words = ("--steps", STEPS, "--out", tmp_path / "run", "--wavefront")
-    assert pdvol("run", folder / "fall.py", *words, *CASES["consistency"]) == 0
-    for a, b in zip(open_run(tmp_path / "run").levels, open_run(folder / "consistency").levels, strict=True):
+    assert pdvol("run", folder / "fall.py", *words, *CASES[name]) == 0
+    for a, b in zip(open_run(tmp_path / "run").levels, open_run(folder / name).levels, strict=True):
         for step in range(STEPS + 1):
             np.testing.assert_array_equal(a.positions(step), b.positions(step))
 
@@ -119,6 +122,20 @@ def test_a_penalty_brings_levels_together(folder):
     for entry in (held, tracked):
         assert entry["summary"]["continuity"]["median"] > 1e3
     assert not lifted["summary"]["continuity"] and lifted["summary"]["continuity_error"]["mean"] > 0.0
+
+
+def test_feedback_brings_levels_together(folder):
+    """Centres are nearer than without; what was solved leaves little beside the scene's own balance, as only the same
+    x_hat can show.
+    """
+    free, rigid, every = (
+        measure_run(folder / name)["levels"][1] for name in ("progressive", "feedback", "feedback of all modes")
+    )
+    for entry in (rigid, every):
+        assert entry["centre_drift"][-1] < 0.7 * free["centre_drift"][-1]
+        assert entry["summary"]["continuity"]["median"] > 1e3
+    described = [open_run(folder / name).info["description"] for name in ("progressive", "feedback")]
+    assert [each.get("feedback") for each in described] == [None, 0.2], "runs without are as before there was any"
 
 
 def test_embedded_levels_cross_and_it_is_counted(tmp_path, capsys):
@@ -152,6 +169,10 @@ def test_what_methods_refuse(folder, tmp_path, capsys):
     assert "tracks needs a weight above zero" in refuse("--method", "tracks", "--out", tmp_path / "a")
     assert "Penalty.consistency = -1 is below 0" in refuse("--set", "consistency=-1", "--out", tmp_path / "a")
     assert "Penalty.weight = 'much' is not a finite number" in refuse("--set", "weight=much", "--out", tmp_path / "a")
+    assert "feedback = -1 is below 0" in refuse("--set", "feedback=-1", "--out", tmp_path / "a")
+    assert "feedback = 1.5 must be at most 1" in refuse("--set", "feedback=1.5", "--out", tmp_path / "a")
+    assert "must be rigid or all" in refuse("--set", "feedback_modes=some", "--out", tmp_path / "a")
+    assert "scene.feedback: 0.2 -> 0.3" in refuse("--set", "feedback=0.3", "--resume", "--out", folder / "feedback")
     assert "scene.penalty.weight: 0.2 -> 0.3" in refuse(
         "--method", "tracks", "--set", "weight=0.3", "--resume", "--out", folder / "tracks"
     )
@@ -163,7 +184,7 @@ def test_what_methods_refuse(folder, tmp_path, capsys):
 
 
 @pytest.mark.mpi
-@pytest.mark.parametrize("name", ["consistency", "embedded"])
+@pytest.mark.parametrize("name", ["consistency", "feedback", "embedded"])
 def test_two_ranks_give_the_same(tmp_path, folder, name):
     words = [
         "run",

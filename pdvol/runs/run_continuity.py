@@ -1,0 +1,101 @@
+"""Continuity of a stored level: the forces that its scene has at stored states, and the x_hat of each step."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from pdvol.integrate.feedback import level_feedback
+from pdvol.integrate.marches import guide
+from pdvol.integrate.replay import Replay
+from pdvol.levels.hierarchy import Hierarchy
+from pdvol.levels.model import LevelModel, hierarchy_model
+from pdvol.levels.obstacles import Obstacle
+from pdvol.measure import metrics
+from pdvol.potentials.consistency import Consistency, Guide
+from pdvol.runs.stored_fields import stored_stiffness
+from pdvol.scene import Scene
+from pdvol.store.reader import Run, RunLevel
+
+# By method: the level whose velocity predicts the positions x_hat of a level above 0.
+PREDICTED_WITH = {"direct": "own", "tracks": "own", "progressive": "coarse", "embedded": "none"}
+
+
+class Forces:
+    """The forces of one level of a scene at stored positions, on this rank alone.
+
+    Attributes
+    ----------
+    free : (n,) bool
+        Vertices that no support holds.
+    """
+
+    def __init__(self, model: LevelModel, hierarchy: Hierarchy, guides: Sequence[Guide] = ()):
+        self.dt, self.free = model.dt, model.free
+        self._replay = Replay(model, hierarchy[model.level], guides)
+
+    def pull(
+        self, number: int, now: np.ndarray, after: np.ndarray, kappa: float | None
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """dt^2 M^-1 grad F(after) [m], shape (n, d), in the step `number` (from 1) that begins at `now`; and the
+        guides' part of it, which F does not contain. NaN where `after` is not admissible (inverted cells).
+
+        Friction is lagged at `now`, as the first of its iterations is; `kappa` is the barrier's stiffness in that step,
+        where it was logged.
+        """
+        replay = self._replay
+        end = replay.put(number, now, after, kappa)
+        if not np.isfinite(sum(term.value(end) for term in replay.terms)):
+            return np.full_like(after, np.nan), np.full_like(after, np.nan)
+        pulls = []
+        for guided in (False, True):
+            force = replay.force(end, (term for term in replay.terms if isinstance(term, Consistency) == guided))
+            pulls.append(replay.space.to_input(-(self.dt**2) * force / replay.mass))
+        return pulls[0], pulls[1]
+
+
+def continuity_of_level(
+    run: Run, level: RunLevel, scene: Scene, obstacles: Sequence[Obstacle], hierarchy: Hierarchy, masses: np.ndarray
+) -> dict:
+    """`continuity` and `continuity_error` of a level with masses (n,) [kg]: lists over its steps, as
+    `pdvol.runs.run_metrics.measure_run` gives them.
+    """
+    method, taken = run.info["method"], "own"
+    guides: tuple[Guide, ...] = ()
+    if level.index:
+        below, prolongation = run.levels[level.index - 1], hierarchy.prolongation(level.index)
+        taken, weight = PREDICTED_WITH[method], scene.penalty.of(method)
+        guides = (guide(weight, run.dt, prolongation, below.positions),) if weight > 0.0 else ()
+    model = hierarchy_model(scene, hierarchy, level.index, run.info["diagonal"], obstacles)
+    feedback = level_feedback(model, hierarchy, method, below.positions) if level.index else ()
+    forces = Forces(model, hierarchy, guides)
+    special = {r["step"] for r in level.log if r.get("cuts", 0) or r.get("reached", 1.0) < 1.0}
+    special |= {
+        r["step"] + 1 for r in level.log if r.get("reached", 1.0) < 1.0
+    }  # these steps start from obstacles that were held back
+    joined = {r["step"] for r in level.log if r.get("joined", 1) != 1}
+    special |= joined | {number + 1 for number in joined}  # steps of other lengths, and those that follow them
+    values, errors, kappas, masses = [], [], stored_stiffness(level), np.where(forces.free, masses, 0.0)
+    crossing = {r["step"] for r in level.log if r.get("intersections", 0)}
+    for number in range(1, level.steps):
+        if number in crossing:
+            values.append(float("nan"))
+            errors.append(float("nan"))
+            continue
+        before, now, after = three_states(level, number, run.dt)
+        pull, guided = forces.pull(number, now, after, kappas.get(number))
+        errors.append(metrics.continuity_error(before, now, after, pull, masses))
+        if taken == "none" or number in special:
+            values.append(float("nan"))
+            continue
+        move = now - before if taken == "own" else prolongation.prolong_positions(run.dt * below.velocities(number - 1))
+        pushes = (each.push(number - 1, now) for each in feedback)
+        values.append(metrics.continuity(before, now, after, sum(pushes, start=now + move), pull, masses, guided))
+    return {"continuity": values, "continuity_error": errors}
+
+
+def three_states(level: RunLevel, number: int, dt: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Positions before, at the start and at the end of step `number`; those before the first step follow from the
+    initial velocity.
+    """
+    now = level.positions(number - 1)
+    return level.positions(number - 2) if number > 1 else now - dt * level.velocities(0), now, level.positions(number)
