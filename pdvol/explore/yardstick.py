@@ -11,7 +11,7 @@ from pdvol.errors import InputError
 from pdvol.geometry.level_mesh import lumped_masses
 from pdvol.levels.hierarchy import Hierarchy
 from pdvol.measure.metrics import distance
-from pdvol.measure.rigid import angle_between, rigid_motions
+from pdvol.measure.rigid import drift, rigid_motions
 from pdvol.runs.stored_fields import stored_densities
 from pdvol.store.reader import Run, RunLevel
 
@@ -66,7 +66,8 @@ class Yardstick:
             `end`, `time` [m]: root mean square distance over the mass, at the end and over all times; `worst` [m]: of
             any vertex at any time; `share`: `end` in sizes of the smallest body; `bodies`: of each its name, distance
             of the centres [m] and angle [degrees], at the end and the largest; `first_contact` [s], how much later;
-            `volume`, relative, and `energy` [J], kinetic, elastic and of loads, at the end; `min_gap` [m]; `story`.
+            `volume`, relative, and `energy` [J], kinetic, elastic and of loads, at the end; `min_gap` [m]; `drift` [m],
+            the largest distance of a body's centre from where level 0 of the same run has it, at the end; `story`.
 
         Raises
         ------
@@ -84,8 +85,9 @@ class Yardstick:
             rms.append(distance(a, b, self.masses))
             worst = max(worst, float(np.linalg.norm(a - b, axis=1).max()))
             one, other = (rigid_motions(theirs.rest, x, self.masses, bodies) for x in (a, b))
-            moved.append(np.linalg.norm(one.centres - other.centres, axis=1))
-            turned.append(angle_between(one.rotations, other.rotations))
+            apart, angle = drift(one, other)
+            moved.append(apart)
+            turned.append(angle)
         size = float(self.sizes.min())
         found: dict[str, Any] = {
             "end": rms[-1],
@@ -109,11 +111,21 @@ class Yardstick:
         found["energy"] = _energy(run, mine) - _energy(self.run, theirs)
         gaps = [record["min_gap"] for record in mine.log if record.get("min_gap") is not None]
         found["min_gap"] = min(gaps, default=None)
+        found["drift"] = self._drift(run, level, float(times[-1])) if level and run.levels[0].steps else None
         found["story"] = all(
             body["centre"] <= OTHER_PLACE * size and body["angle"] <= OTHER_FACE
             for body, size in zip(found["bodies"], self.sizes, strict=True)
         )
         return found
+
+    def _drift(self, run: Run, level: int, time: float) -> float:
+        """[m] largest distance of a body's centre on a level from where level 0 of the same run has it."""
+        bodies = self.level.mesh.point_bodies
+        mine, coarsest = (
+            rigid_motions(self.level.rest, self.positions(run, index, time), self.masses, bodies)
+            for index in (level, 0)
+        )
+        return float(drift(mine, coarsest)[0].max())
 
     def apart(self, one: tuple[Run, int], other: tuple[Run, int]) -> tuple[float, float]:
         """[m] root mean square distance of two runs' levels on the reference's mesh, at the end and over time."""

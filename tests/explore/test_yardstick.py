@@ -77,6 +77,7 @@ def test_coarse_levels_are_compared_through_the_prolongation(reference, tmp_path
     affine = lambda mesh, x, t: mesh.points @ (np.eye(2) + t * np.array([[0.1, 0.4], [-0.3, 0.2]])) + t
     run = write(tmp_path / "run", affine)
     own = Yardstick(run, 1)
+    assert own.errors(run, 1)["drift"] < 1e-12 and own.errors(run, 0)["drift"] is None
     assert own.errors(run, 0)["worst"] < 1e-12
     assert own.errors(run, 0)["energy"] == pytest.approx(0.0, abs=0.05 * abs(own.errors(run, 0)["energy"]) + 50.0)
 
