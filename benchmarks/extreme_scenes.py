@@ -71,6 +71,38 @@ def thrown(speed: float, dt: float = 0.01, steps: int = 40) -> Scene:
     return Scene((cube,), dt=dt, steps=steps, loads=(DOWN,), obstacles=(FLOOR,), contact=(Barrier(), Friction(0.3)))
 
 
+def speck(dt: float, steps: int = 40) -> Scene:
+    """A cube of 0.1 mm thrown askew at the floor at 2 m/s, as `thrown`."""
+    size, speed = 1e-4, 2.0
+    cube = Body(
+        (brick((size, size, size), (4, 4, 4)),),
+        NeoHookean(1e6),
+        placement=Placement((0.0, size, 0.0), 0.5, SKEW),
+        velocity=(0.3 * speed, -speed, 0.1 * speed),
+    )
+    return Scene((cube,), dt=dt, steps=steps, loads=(DOWN,), obstacles=(FLOOR,), contact=(Barrier(), Friction(0.3)))
+
+
+def spinning(spin: float, integrator: str = "implicit_euler", dt: float = 0.01, steps: int = 200) -> Scene:
+    """A free cube of 0.2 m, E = 1e8 Pa, that turns with `spin` [rad/s] about a diagonal, a principal axis of its lumped
+    masses (a cube's cells are not symmetric about its sides' normals, about which it would tumble).
+    """
+    cube = Body((brick((0.2, 0.2, 0.2), (3, 3, 3)),), NeoHookean(1e8), spin=(spin / np.sqrt(3.0),) * 3)
+    return Scene((cube,), dt=dt, steps=steps, integrator=integrator)
+
+
+SLOPE, HOLD = 0.3, 0.5
+"""Tangent of a slope, and the coefficient of friction that holds a cube there."""
+
+
+def on_a_slope(steps: int = 300) -> Scene:
+    """A cube of 0.2 m, E = 1e6 Pa, put on a slope that friction holds it on. The first axis points downhill."""
+    angle = np.arctan(SLOPE)
+    down = Gravity((GRAVITY * np.sin(angle), -GRAVITY * np.cos(angle), 0.0))
+    cube = Body((brick((0.2, 0.2, 0.2), (3, 3, 3)),), NeoHookean(1e6), placement=Placement((0.0, 0.1003, 0.0)))
+    return Scene((cube,), dt=0.01, steps=steps, loads=(down,), obstacles=(FLOOR,), contact=(Barrier(), Friction(HOLD)))
+
+
 def shot_at_a_sheet(speed: float, dt: float = 0.01, steps: int = 20) -> Scene:
     """The same cube thrown at a sheet of 1 m, one cell of 2 cm thick, held at its rim, with nothing behind it."""
     cube = Body(
@@ -201,13 +233,15 @@ SCENES = {
     **{f"poisson_{nu}": lambda nu=nu: stack(NeoHookean(1e5, nu)) for nu in (0.0, 0.3, 0.45, 0.49, 0.499)},
     **{f"dt_{dt}": lambda dt=dt: stack(dt=float(dt)) for dt in ("1e-5", "1e-4", "1e-3", "0.01", "0.04", "0.1")},
     "dt_1e-5_touching": lambda: replace(thrown(30.0, dt=1e-5), steps=200),
-    **{f"impact_{speed}": lambda speed=speed: thrown(speed) for speed in (1, 10, 100, 1000)},
+    **{f"impact_{speed}": lambda speed=speed: thrown(speed) for speed in (1, 10, 100, 1000, 10000)},
     "impact_1000_dt_1e-4": lambda: thrown(1000, dt=1e-4, steps=60),
     **{f"impact_sheet_{speed}": lambda speed=speed: shot_at_a_sheet(speed) for speed in (10, 100)},
     "impact_sheet_1000": lambda: shot_at_a_sheet(1000, steps=3),
     "impact_sheet_1000_dt_1e-4": lambda: shot_at_a_sheet(1000, dt=1e-4, steps=40),
     **{f"dhat_1e{k}": lambda k=k: stack(dhat=10.0**k, steps=60 if k > -6 else 30) for k in range(-6, 0)},
+    "dhat_2.5_sizes": lambda: replace(thrown(3.0), contact=(Barrier(0.5), Friction(0.3))),
     **{f"mu_{mu}": lambda mu=mu: slide(mu) for mu in (0, 0.1, 1, 10)},
+    "slope_sticks": on_a_slope,
     "mass_ratio_1e6_heavy_above": lambda: stack(
         NeoHookean(1e8, density=10.0), NeoHookean(1e8, density=10.0 * HEAVY), size=0.1
     ),
@@ -222,6 +256,10 @@ SCENES = {
     "twist_2_turns": lambda: twist(2, steps=60),
     "twist_20_turns": lambda: twist(20),
     "twist_20_turns_one_cell_thick": lambda: twist(20, (30, 1, 1)),
+    **{f"spin_{speed}": lambda speed=speed: spinning(float(speed)) for speed in (2, 30, 1000)},
+    "spin_2_bdf2": lambda: spinning(2.0, "bdf2"),
+    "spin_30_bdf2": lambda: spinning(30.0, "bdf2"),
+    **{f"size_0.1mm_thrown_dt_{dt}": lambda dt=dt: speck(float(dt)) for dt in ("1e-5", "1e-4", "0.01")},
     **{
         f"size_{word}": lambda size=size: stack(NeoHookean(1e7), size=size, dt=0.01 * np.sqrt(size))
         for word, size in (

@@ -65,6 +65,7 @@ def main(words: list[str] | None = None) -> int:
     )
     options = parser.parse_args(words)
     try:
+        import extreme_figures
         import extreme_scenes
 
         names = trials.chosen(options.rows, extreme_scenes.SCENES)
@@ -74,20 +75,24 @@ def main(words: list[str] | None = None) -> int:
         return 2
     for name in names:
         for seed in range(1, options.starts + 1) if options.starts else (0,):
-            record = trials.trial(FILE, name, float("inf"), options.limit, seed=seed)
+            own: list[str] = []
+            keep = lambda path, name=name, own=own: own.append(extreme_figures.figure(name, path))
+            record = trials.trial(FILE, name, float("inf"), options.limit, keep, seed)
+            record["figure"] = "".join(own)
             table.add(record, " | ".join(cells(record)))
     print(table)
     return int(not all(trials.sound(record) for record in table.records))
 
 
 def told(records: list[dict]) -> str:
-    """The table; for jittered starts, one row per scene."""
+    """The table, and the lines of rows that have figures of their own; for jittered starts, one row per scene."""
     names = list(dict.fromkeys(record["name"] for record in records))
     if len(names) < len(records):
         return trials.table(
             STARTS, [summary([record for record in records if record["name"] == name]) for name in names]
         )
-    return trials.table(HEAD, [cells(record) for record in records])
+    lines = [f"- {record['name']}: {record['figure']}" for record in records if record.get("figure")]
+    return "\n".join([trials.table(HEAD, [cells(record) for record in records]), *([""] if lines else []), *lines])
 
 
 def cells(record: dict) -> list[str]:

@@ -195,13 +195,18 @@ def energies(run: Run, level: RunLevel) -> dict:
 
 
 def kinetic_energy(run: Run, level: RunLevel, step: int) -> float:
-    """1/2 sum of m v^2 [J] with a quarter (third in 2D) of each cell's mass at each of its corners."""
+    """1/2 sum of m v^2 [J]."""
+    return float(0.5 * lumped_masses(run, level) @ (level.velocities(step) ** 2).sum(axis=1))
+
+
+def lumped_masses(run: Run, level: RunLevel) -> np.ndarray:
+    """(n,) [kg], a quarter (third in 2D) of each cell's mass at each of its corners."""
     corners = level.rest[level.cells]
     dim = level.rest.shape[1]
     volumes = np.abs(np.linalg.det(corners[:, 1:] - corners[:, :1])) / (2.0 if dim == 2 else 6.0)
     density = np.array([body["material"]["density"] for body in run.info["description"]["bodies"]])[level.bodies]
-    squares = (level.velocities(step) ** 2).sum(axis=1)
-    return float(0.5 * (density * volumes * squares[level.cells].mean(axis=1)).sum())
+    shares = np.repeat(density * volumes / (dim + 1), dim + 1)
+    return np.bincount(level.cells.ravel(), weights=shares, minlength=len(level.rest))
 
 
 # ---- tables

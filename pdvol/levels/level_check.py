@@ -14,7 +14,12 @@ from pdvol.scene import Barrier, Scene, metres
 MOST_TURN = np.pi
 """Turn [rad] in a step from which on it cannot be seen which way a body turns."""
 COARSE_TURN = 0.5
-"""Turn [rad] in a step from which on time stepping damps and stretches a body visibly: by (1 + turn^2)^(1/2)."""
+"""Turn [rad] in a step from which on time stepping stretches a body visibly: by (1 + turn^2)^(1/2)."""
+DAMPING_POWERS = {"implicit_euler": 2, "bdf2": 4}
+"""Powers p of the turn [rad] in a step: a rigid body that turns freely keeps (1 + 2 n turn^p)^(-1/p) of its spin over
+n steps (docs/extremes.md derives it)."""
+LOST_SPIN = 0.1
+"""Share of a spin: more of it lost to time stepping alone within a shot shows."""
 
 
 def level_defects(
@@ -50,20 +55,41 @@ def level_notes(scene: Scene, mesh: LevelMesh, level: int, diagonal: float) -> l
     notes = []
     for number, body in enumerate(scene.bodies):
         turn = _turn(scene, body.spin)
-        if turn > COARSE_TURN and level == 0:
+        lost = 1.0 - spin_kept(scene.integrator, turn, scene.steps)
+        if level == 0 and lost > LOST_SPIN and turn < MOST_TURN:
             notes.append(
-                f"body {body.name!r}: its spin turns it by {turn:.2g} rad a step; time stepping damps that"
-                f" (dt = {scene.dt * COARSE_TURN / turn:.2g} s turns it by {COARSE_TURN:g})"
+                f"body {body.name!r}: its spin turns it by {turn:.2g} rad a step; time stepping damps that, and takes"
+                f" {100 * lost:.2g} % of it within {scene.dt * scene.steps:.3g} s unless contact does before"
+                f" ({_slower_damping(scene, turn)})"
             )
         for barrier in scene.contact:
             if isinstance(barrier, Barrier):
                 dhat, thin = metres(barrier.dhat, diagonal), _sides(mesh, number).min()
-                if dhat >= thin:
+                if thin <= dhat < _sides(mesh, number).max():
                     notes.append(
                         f"level {level}: dhat = {dhat:.3g} m is no less than the thickness of body {body.name!r}"
                         f" ({thin:.3g} m); its own sides may push each other"
                     )
     return notes
+
+
+def spin_kept(integrator: str, turn: float, steps: int) -> float:
+    """The share of its spin that a rigid body keeps, which turns freely by `turn` [rad] in its first step. An
+    integrator that is not in `DAMPING_POWERS` is taken to keep all.
+    """
+    power = DAMPING_POWERS.get(integrator)
+    return 1.0 if power is None else float((1.0 + 2.0 * steps * turn**power) ** (-1.0 / power))
+
+
+def _slower_damping(scene: Scene, turn: float) -> str:
+    """How less of a spin would be lost, in words."""
+    power = DAMPING_POWERS[scene.integrator]
+    # n = T / dt steps of turn = spin dt lose as much as LOST_SPIN where 2 (T / dt) (spin dt)^p is this:
+    allowed = (1.0 - LOST_SPIN) ** -power - 1.0
+    dt = scene.dt * (allowed / (2.0 * scene.steps * turn**power)) ** (1.0 / (power - 1))
+    words = f"dt = {dt:.2g} s takes {100 * LOST_SPIN:g} %"
+    other = 1.0 - spin_kept("bdf2", turn, scene.steps)
+    return words if scene.integrator == "bdf2" else f"{words}; integrator=bdf2 with --method direct {100 * other:.2g} %"
 
 
 def _check_distance(scene: Scene, mesh: LevelMesh, dhat: float) -> None:

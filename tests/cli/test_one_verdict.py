@@ -17,9 +17,9 @@ SCENE = """
 import pdvol
 
 
-def scene(spin=(0.0, 0.0, 0.0), dhat=1e-3):
+def scene(spin=(0.0, 0.0, 0.0), dhat=1e-3, count=0):
     body = pdvol.Body({shape}, pdvol.NeoHookean(1e5), {targets}, spin=spin)
-    return pdvol.Scene((body,), dt=0.01, steps=0, contact=(pdvol.Barrier(dhat=dhat),))
+    return pdvol.Scene((body,), dt=0.01, steps=count, contact=(pdvol.Barrier(dhat=dhat),))
 """
 
 
@@ -111,8 +111,9 @@ def test_settings_that_stop_a_run(files, tmp_path, capfd, setting, match):
 
 def test_settings_that_spoil_one_are_noted(files, tmp_path, capfd):
     scene = scene_of(files / "sliver.mesh", tmp_path)
-    code, text = said(capfd, "check", scene, "--measure", 0, "--set", "spin=(0.0, 0.0, 100.0)")
-    assert code == 0 and "note: body 'body': its spin turns it by 1 rad a step" in text
+    for spin, words in ((100.0, "turns it by 1 rad a step"), (10.0, "takes 15 % of it within 0.2 s")):
+        code, text = said(capfd, "check", scene, "--measure", 0, "--set", f"spin=(0, 0, {spin})", "--set", "count=20")
+        assert code == 0 and [line for line in text.splitlines() if "note: body 'body'" in line and words in line], text
 
 
 # ---- repair
