@@ -13,11 +13,11 @@ from pdvol.explore.variation import Variation, times
 
 JITTERS = 3  # repeated starts
 REFERENCE_SHARE = 0.35  # of the budget: what the reference may take, one run that nothing can shorten
-FINER_STEPS = (8, 4, 2)  # the reference's time steps in the scene's one; powers of two, so that runs share times
+FINER_STEPS = (2, 4, 8)  # the scene's time step in references' ones; powers of two, so that runs share times
 STRICTER = 0.1  # the reference's tolerance, in the scene's
 LEVEL_SHARE = 0.08  # of the budget: what the scene's own settings may take on all levels of a study
 MOST_COMBINATIONS = 24
-REFERENCE = "the reference"  # what its run is wanted for
+REFERENCE = "a reference"  # what its run is wanted for
 START_UP = 3.5  # CPU seconds of a process before its first step
 CROWDED = 1.2  # a job's seconds beside others, in CPU seconds of its steps: at least, until more is seen
 
@@ -64,7 +64,7 @@ class Plan:
     costs: dict[Variation, list[float]] = field(default_factory=dict)
     taken: tuple[float, float] = (0.0, 0.0)
     _combined: list[Variation] = field(default_factory=list)
-    _reference: Variation | None = None
+    _ladder: list[Variation] = field(default_factory=list)
 
     @property
     def base(self) -> Variation:
@@ -85,35 +85,40 @@ class Plan:
             ordered.insert(2, Variation(method="direct"))
         return ordered
 
-    def references(self) -> list[Variation]:
-        """What may serve as the reference, the most accurate one that the budget allows first."""
-        if self.reference is not None:
-            return [self.reference]
-        strict = {"tolerance": times(self.values["tolerance"], STRICTER)}
-        finer = [
-            Variation.of({**strict, "dt": times(self.values["dt"], 1.0 / step)}, self.method) for step in FINER_STEPS
-        ]
-        room = REFERENCE_SHARE * self.seconds
-        affordable = [v for v in finer if self.seconds_of(v, self.last or 0) <= room]
-        return [*affordable, Variation.of(strict, self.method)]
+    def ladder(self) -> list[Variation]:
+        """What may serve as the reference, the cheapest first: each has half the time step of the one before. Empty
+        before the scene's own settings ran on all levels. It stays the same when costs become better known.
+        """
+        if not self._ladder and self.last is not None and self.done.get(self.base, -1) >= self.last:
+            if self.reference is not None:
+                changes = dict(self.reference.changes)
+                twice = times(changes.get("dt", self.values["dt"]), 2.0)
+                self._ladder = [Variation.of({**changes, "dt": twice}, self.reference.method), self.reference]
+                return self._ladder
+            strict = {"tolerance": times(self.values["tolerance"], STRICTER)}
+            finer = [
+                Variation.of({**strict, "dt": times(self.values["dt"], 1.0 / step)}, self.method)
+                for step in FINER_STEPS
+            ]
+            room = REFERENCE_SHARE * self.seconds
+            affordable = [v for v in finer if self.seconds_of(v, self.last) <= room]
+            self._ladder = [Variation.of(strict, self.method), *affordable]
+        return self._ladder
+
+    @property
+    def settled(self) -> bool:
+        """Whether no finer reference is to come."""
+        return bool(self.ladder()) and all(v in self.done or v in self.closed for v in self.ladder())
 
     def chosen_reference(self) -> Variation | None:
-        """The reference: the first that did not fail; None before the scene's own settings ran on all levels. It stays
-        the same when costs become better known.
-        """
-        if self.last is None or self.done.get(self.base, -1) < self.last:
-            return None
-        if self._reference is None or self._reference in self.closed:
-            self._reference = next((v for v in self.references() if v not in self.closed), None)
-        return self._reference
+        """The reference: the finest that was finished."""
+        return next((v for v in reversed(self.ladder()) if self.done.get(v, -1) >= (self.last or 0)), None)
 
     def second_reference(self) -> Variation | None:
-        """The reference with twice its time step."""
+        """The one with twice the reference's time step, for the reference's own error."""
         first = self.chosen_reference()
-        if first is None:
-            return None
-        dt = dict(first.changes).get("dt", self.values["dt"])
-        return Variation.of({**dict(first.changes), "dt": times(dt, 2.0)}, first.method)
+        below = self.ladder()[: self.ladder().index(first)] if first is not None else []
+        return below[-1] if below else None
 
     def wanted(self) -> list[Wanted]:
         """All runs wanted now, the first ones first, finished ones included."""
@@ -123,13 +128,9 @@ class Plan:
         if last is None:
             return found
         found.insert(0, Wanted(self.base, last, "the scene's settings"))
-        for variation, purpose in (
-            (self.chosen_reference(), REFERENCE),
-            (self.second_reference(), "the reference's error"),
-        ):
-            if variation is not None:
-                found.append(Wanted(variation, last, purpose))
-        found += [Wanted(variation, last, "one change") for variation in self.singles]
+        found += [Wanted(variation, last, REFERENCE) for variation in self.ladder()]
+        ladder = self.ladder()
+        found += [Wanted(variation, last, "one change") for variation in self.singles if variation not in ladder]
         found += [Wanted(variation, last, "a combination") for variation in self._combined]
         return found
 

@@ -69,6 +69,7 @@ class Study:
         self._runs: dict[Variation, dict] = {}
         self._measured: dict[tuple[Variation, int], dict] = {}
         self._yardsticks: dict[Variation, Yardstick] = {}
+        self._ended = False
 
     # ---- the folder
 
@@ -197,12 +198,12 @@ class Study:
     # ---- results
 
     def _yardstick(self) -> Yardstick | None:
+        """That of the reference; None as long as a finer reference is to come."""
         reference = self.plan.chosen_reference()
-        if reference is None or self.plan.last is None or self.plan.done.get(reference, -1) < self.plan.last:
+        if reference is None or self.plan.last is None or not (self.plan.settled or self._ended):
             return None
         if reference not in self._yardsticks:
             self._yardsticks[reference] = Yardstick(open_run(self.folder(reference)), self.plan.last)
-            self._measured.clear()
         return self._yardsticks[reference]
 
     def _point(self, variation: Variation, level: int) -> dict | None:
@@ -237,6 +238,7 @@ class Study:
     def write(self) -> dict:
         """Measure what there is and write study.json; returns it."""
         plan = self.plan
+        self._ended = True
         reference = plan.chosen_reference()
         jittered = set(plan.jitters)
         points = [

@@ -4,10 +4,10 @@ import re
 
 import numpy as np
 import pytest
-from cli_scenes import pdvol
-from cli_scenes import write as write_text
 
 import hostile_files
+from cli_scenes import pdvol
+from cli_scenes import write as write_text
 from hostile_files import CUBE, MENDED, SOUND, WRONG
 from pdvol.meshes import Surface
 from pdvol.meshing.readers import read_shape

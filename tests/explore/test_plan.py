@@ -27,38 +27,51 @@ def test_level_0_comes_first_and_everything_else_after_the_scene_s_own_settings(
     assert made.chosen_reference() is None
     finish(made, made.base, [1.0, 3.0, 9.0])
     wanted = [entry for entry in made.missing() if entry.last == 2]
-    assert wanted[0].purpose == REFERENCE
-    reference, second = wanted[0].variation, wanted[1].variation
-    assert dict(second.changes)["dt"] == 2 * dict(reference.changes)["dt"]
-    assert dict(reference.changes)["tolerance"] == Relative(1e-4)
+    ladder = [entry.variation for entry in wanted if entry.purpose == REFERENCE]
+    steps = [dict(variation.changes).get("dt", 0.01) for variation in ladder]
+    assert len(steps) > 1 and all(a == 2 * b for a, b in zip(steps, steps[1:], strict=False))
+    assert all(dict(variation.changes)["tolerance"] == Relative(1e-4) for variation in ladder)
+    assert [entry.variation for entry in wanted[: len(ladder)]] == ladder
     assert Variation(method="direct") in [entry.variation for entry in wanted]
     assert len({entry.variation for entry in wanted}) == len(wanted)
 
 
-def test_the_reference_is_the_finest_that_the_budget_allows_and_then_stays():
+def test_the_finest_reference_is_what_the_budget_allows_and_then_stays():
     for seconds in (20.0, 100.0, 300.0, 3000.0):
         made = plan(seconds)
         finish(made, made.base, [10.0])
         made.last = 0
-        reference = made.chosen_reference()
-        if "dt" in dict(reference.changes):
-            assert made.seconds_of(reference, 0) <= REFERENCE_SHARE * seconds
+        finest = made.ladder()[-1]
+        if "dt" in dict(finest.changes):
+            assert made.seconds_of(finest, 0) <= REFERENCE_SHARE * seconds
         finish(made, Variation.of({"dt": 0.005}), [1000.0])
-        assert made.chosen_reference() == reference, "a cost that turns out otherwise changes nothing"
-    assert dict(reference.changes)["dt"] == 0.01 / 8
+        assert made.ladder()[-1] == finest, "a cost that turns out otherwise changes nothing"
+    assert dict(finest.changes)["dt"] == 0.01 / 8
     small = plan(20.0)
     finish(small, small.base, [10.0])
     small.last = 0
-    assert dict(small.chosen_reference().changes) == {"tolerance": Relative(1e-4)}
+    assert [dict(variation.changes) for variation in small.ladder()] == [{"tolerance": Relative(1e-4)}]
 
 
-def test_a_failed_reference_is_replaced_by_the_next_one():
+def test_the_reference_is_the_finest_that_was_finished():
     made = plan()
     finish(made, made.base, [1.0])
     made.last = 0
-    first = made.chosen_reference()
-    made.closed[first] = "it failed"
-    assert dict(made.chosen_reference().changes)["dt"] == 2 * dict(first.changes)["dt"]
+    ladder = made.ladder()
+    assert made.chosen_reference() is None and not made.settled
+    for variation in ladder[:-1]:
+        finish(made, variation, [1.0])
+    assert made.chosen_reference() == ladder[-2] and made.second_reference() == ladder[-3] and not made.settled
+    made.closed[ladder[-1]] = "it failed"
+    assert made.chosen_reference() == ladder[-2] and made.settled
+
+
+def test_a_reference_that_is_asked_for_comes_with_twice_its_time_step():
+    asked = Variation.of({"dt": 0.001, "dhat": 1e-4})
+    made = plan(reference=asked)
+    finish(made, made.base, [1.0])
+    made.last = 0
+    assert made.ladder() == [Variation.of({"dt": 0.002, "dhat": 1e-4}), asked]
 
 
 def test_combinations_are_asked_for_until_none_promises_anything():
