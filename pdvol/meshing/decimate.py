@@ -10,7 +10,9 @@ import numpy as np
 
 from pdvol.errors import InputError, MeshError
 from pdvol.meshes import Surface
-from pdvol.meshing.validate import check_surface, shells
+from pdvol.meshing.cpu_budget import check_budget
+from pdvol.meshing.shells import shells
+from pdvol.meshing.validate import check_surface
 
 MIN_SURFACE_VERTICES = 4
 """Number of vertices of the smallest closed surface, a tetrahedron."""
@@ -38,6 +40,7 @@ def decimate(surface: Surface, target: int, name: str = "surface") -> Surface:
     wanted = topology(surface.triangles, n)
     reason = ""
     for points, triangles in _attempts(surface, max(target, MIN_SURFACE_VERTICES * wanted[0]), wanted[1]):
+        check_budget(name)
         try:
             result = check_surface(Surface(points, triangles), name)
         except InputError as error:
