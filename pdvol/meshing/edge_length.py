@@ -12,7 +12,7 @@ from scipy.optimize import brentq
 from pdvol.errors import InputError, MeshError
 from pdvol.meshing.cpu_budget import ProcessStopped, check_budget
 
-AIMED_DEVIATION = 0.15
+AIMED_DEVIATION = 0.2
 """Relative deviation of the number of vertices from the target at which the search ends at once."""
 ACCEPTED_DEVIATION = 0.25
 """Relative deviation at which a mesh is accepted after `ATTEMPTS_BEFORE_ACCEPTING` attempts; beyond it, never."""

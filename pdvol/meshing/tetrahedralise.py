@@ -32,6 +32,14 @@ ENVELOPE_WIDTH = 0.1
 """Distance that fTetWild may move the decimated surface, relative to the edge length: half of it takes twice as long,
 twice of it doubles the distance from the input.
 """
+SURFACE_FACTOR = 1.3
+"""Number of vertices of the decimated surface, relative to the number expected on the boundary: for finer features.
+The inside is coarser for it, and so is the space around the shape, which fTetWild meshes, too: that takes its time.
+"""
+SPARSE_SURFACE = 2.5
+"""Number of vertices that a surface should have, relative to those it has, above which its edges are split. With less,
+fTetWild splits them.
+"""
 SPLIT_EDGE_FACTOR = 0.85
 """Edge length, relative to the expected one, inside a surface whose edges were split: fTetWild collapses edges below
 0.8 of its edge length, and with them what was split.
@@ -53,12 +61,10 @@ def mean_ratio(points: np.ndarray, cells: np.ndarray) -> np.ndarray:
 
 
 def surface_share(surface: Surface, target: int) -> int:
-    """Number of vertices that the surface of a mesh of `target` vertices should have: the expected number and a fifth
-    more, for finer features.
-    """
+    """Number of vertices that the surface of a mesh of `target` vertices should have."""
     volume, area = _volume_and_area(surface)
     expected = expected_vertices(edge_length(target, volume, area, 3), volume, area, 3)[0]
-    return max(min(int(1.2 * expected), target), MIN_BOUNDARY_VERTICES)
+    return max(min(int(SURFACE_FACTOR * expected), target), MIN_BOUNDARY_VERTICES)
 
 
 def tetrahedralise(
@@ -120,6 +126,7 @@ def _unit_mesh(surface: Surface, target: int, name: str, keep_boundary: bool, vo
     """As `tetrahedralise`, of one shell of volume 1 about the origin."""
     h = edge_length(target, *_volume_and_area(surface), 3)
     wanted = topology(surface.triangles, len(surface.vertices))
+    sparse = surface_share(surface, target) > SPARSE_SURFACE * len(surface.vertices)
     cpu_seconds = BASE_CPU_SECONDS + CPU_SECONDS_PER_VERTEX * (target + len(surface.vertices) * keep_boundary)
 
     def with_kept_boundary(scale: float, failures: int) -> tuple[np.ndarray, np.ndarray]:
@@ -135,13 +142,16 @@ def _unit_mesh(surface: Surface, target: int, name: str, keep_boundary: bool, vo
 
     def make(scale: float, failures: int) -> tuple[np.ndarray, np.ndarray]:
         share = max(int(surface_share(surface, target) / scale**2), MIN_BOUNDARY_VERTICES)
+        # Coarse meshes have relatively more vertices at sharp edges, and fewer inside.
+        coarse, longer, width = surface, 1.23 + 5.0 / np.sqrt(target), ENVELOPE_WIDTH
         if share < len(surface.vertices):
-            # Coarse meshes have relatively more vertices at sharp edges, and fewer inside.
-            coarse, longer = decimate(surface, share, name), 1.0 + 6.0 / np.sqrt(target)
-        else:
+            coarse = decimate(surface, share, name)
+        elif sparse:
             coarse, longer = split_longest_edges(surface, share), SPLIT_EDGE_FACTOR
+        else:
+            width *= 0.5  # all of the distance from the input is then the envelope's
         # Parts closer than two envelopes merge: after each failure the envelope is half as wide.
-        epsilon = ENVELOPE_WIDTH * scale * h * 0.5**failures / np.linalg.norm(np.ptp(coarse.vertices, axis=0))
+        epsilon = width * scale * h * 0.5**failures / np.linalg.norm(np.ptp(coarse.vertices, axis=0))
         made = run_worker(
             "tet_worker.py",
             cpu_seconds,
@@ -161,7 +171,7 @@ def _unit_mesh(surface: Surface, target: int, name: str, keep_boundary: bool, vo
                 refused = MeshError(str(error))
         raise refused
 
-    start = 1.0 + 1.0 / np.sqrt(target)
+    start = 0.87 + 3.6 / np.sqrt(target)
     return mesh_of_target_size(with_kept_boundary if keep_boundary else make, target, name, start, 3)
 
 
