@@ -24,8 +24,8 @@ def edges_of(faces: np.ndarray) -> np.ndarray:
 
 
 def counted_edges(triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Unique edges (e, 2) int64 of triangles (k, 3), sorted; which of them each triangle's sides are (3 k,), in turn; and
-    how many triangles have each edge (e,).
+    """Unique edges (e, 2) int64 of triangles (k, 3), sorted; which of them each triangle's sides are (3 k,), in turn;
+    and how many triangles have each (e,).
     """
     sides = np.sort(triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2).astype(np.int64), axis=1)
     stride = int(sides.max()) + 1 if len(sides) else 1

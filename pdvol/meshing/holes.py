@@ -8,7 +8,7 @@ from pdvol.meshing.weld import open_edges
 
 
 def filled_holes(points: np.ndarray, triangles: np.ndarray, most: float) -> tuple[np.ndarray, np.ndarray, int, int]:
-    """The surface with holes covered whose rim is no longer than `most` [m], how many these are, and how many are larger.
+    """The surface with holes covered whose rim is at most `most` [m] long; how many these and the larger ones are.
 
     A cover is a cut polygon, or a fan about the middle.
     """
