@@ -4,6 +4,7 @@ import contextlib
 import ctypes
 import os
 import signal
+from pathlib import Path
 
 _PR_SET_PDEATHSIG = 1  # of Linux's prctl
 # Variables by which MPI launchers mark their ranks: a child must not inherit them.
@@ -21,3 +22,24 @@ def without_launcher() -> dict[str, str]:
     env = {k: v for k, v in os.environ.items() if not k.startswith(_LAUNCHER_PREFIXES)}
     env["OMP_NUM_THREADS"] = "1"
     return env
+
+
+def processor_use(process: int) -> tuple[float, bool]:
+    """Processor time [s] of a process and all that it has started, and whether all of them sleep.
+
+    Zero where there is no such process, or no /proc.
+    """
+    try:
+        fields = Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()
+        tasks = list(Path(f"/proc/{process}/task").iterdir())
+    except OSError:  # it has just ended, or this is no Linux
+        return 0.0, False
+    used, sleeps = sum(map(int, fields[11:15])) / os.sysconf("SC_CLK_TCK"), fields[0] == "S"  # with children that ended
+    for task in tasks:
+        children = ""
+        with contextlib.suppress(OSError):  # a thread that has just ended
+            children = (task / "children").read_text()
+        for child in children.split():
+            more, sleeps_too = processor_use(int(child))
+            used, sleeps = used + more, sleeps and sleeps_too
+    return used, sleeps

@@ -20,7 +20,18 @@ def edges_of(faces: np.ndarray) -> np.ndarray:
     """Unique edges (e, 2) of facets: triangles (k, 3), or edges (k, 2), which are their own."""
     if faces.shape[1] == 2:
         return faces
-    return np.unique(np.sort(faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1), axis=0)
+    return counted_edges(faces)[0]
+
+
+def counted_edges(triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Unique edges (e, 2) int64 of triangles (k, 3), sorted; which of them each triangle's sides are (3 k,), in turn;
+    and how many triangles have each (e,).
+    """
+    sides = np.sort(triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2).astype(np.int64), axis=1)
+    stride = int(sides.max()) + 1 if len(sides) else 1
+    # one number for a pair: unique rows take twenty times as long
+    keys, which, counts = np.unique(sides[:, 0] * stride + sides[:, 1], return_inverse=True, return_counts=True)
+    return np.column_stack(np.divmod(keys, stride)), which.ravel(), counts
 
 
 def find_crossings(

@@ -15,7 +15,7 @@ from pdvol.errors import InputError, IntersectionError
 from pdvol.geometry.crossings import edges_of, find_crossings, find_touching, fortran
 from pdvol.geometry.level_mesh import LevelMesh
 from pdvol.levels.obstacles import Obstacle
-from pdvol.meshing.validate import shells
+from pdvol.meshing.shells import shells
 
 WORDS = {1: "vertex", 2: "edge", 3: "triangle"}
 MEND = "move them apart, or give more vertices to coarse levels"

@@ -21,16 +21,18 @@ from pdvol.geometry.crossings import edges_of
 from pdvol.geometry.level_mesh import LevelMesh, boundary_facets
 from pdvol.meshes import Outline, Solid, Surface
 from pdvol.meshing import cache as mesh_cache
+from pdvol.meshing.cpu_budget import cpu_budget
 from pdvol.meshing.decimate import decimate
 from pdvol.meshing.readers import read_shape
 from pdvol.meshing.region_labels import Regions, no_regions
-from pdvol.meshing.tetrahedralise import measure, surface_share, tetrahedralise
+from pdvol.meshing.tetrahedralise import surface_share, tetrahedralise
 from pdvol.meshing.triangulate import triangulate
 from pdvol.meshing.validate import check_outline, check_solid, check_surface, drop_unused, outline_edges
-from pdvol.meshing.verdict import Boundary, check_place, judge, place_of
+from pdvol.meshing.verdict import Boundary, boundary_facets_of, check_place, judge, place_of
+from pdvol.meshing.volume import enclosed_volume
 from pdvol.scene import Body, Rigid, Scene
 
-BUILD_VERSION = 2
+BUILD_VERSION = 3
 """Part of the cache's keys. Increase it by one when the same input gives other meshes: old ones are not used then."""
 Shape: TypeAlias = Outline | Surface | Solid
 AnyShape: TypeAlias = str | Path | Shape
@@ -66,11 +68,17 @@ def build_levels(scene: Scene, count: int | None = None, cache: Path | None = No
         raise InputError(f"count = {count!r}: a hierarchy needs at least one level")
     folder = mesh_cache.default_folder() if cache is None else Path(cache)
     shapes: dict[str, list[Solid]] = {}
-    built = [_body_levels(body, levels, folder, shapes) for body in scene.bodies]
+    with cpu_budget(vertices_asked(scene)):
+        built = [_body_levels(body, levels, folder, shapes) for body in scene.bodies]
     dims = {body.name: solids[0].vertices.shape[1] for body, solids in zip(scene.bodies, built, strict=True)}
     if len(set(dims.values())) > 1:
         raise InputError(f"bodies must all be 2D or all 3D, not {dims}; replace the odd ones")
     return tuple(_concatenate(scene, [solids[level] for solids in built]) for level in range(levels))
+
+
+def vertices_asked(scene: Scene) -> int:
+    """Number of vertices that a scene's bodies ask for, on all levels."""
+    return sum(int(sum(body.vertices)) for body in scene.bodies)
 
 
 def read_obstacle(rigid: Rigid) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -146,7 +154,7 @@ def _meshed(
         own = boundaries[level]
         target, what = int(targets[level]), f"{name}, level {level}"
         if isinstance(own, Surface):
-            sized = tetrahedralise(own, target, what, volume=measure(boundaries[-1])[0])
+            sized = tetrahedralise(own, target, what, volume=enclosed_volume(*boundary_facets_of(boundaries[-1])))
         else:
             sized = triangulate(own, target, what)
         return {

@@ -10,10 +10,19 @@ import numpy as np
 
 from pdvol.errors import InputError, MeshError
 from pdvol.meshes import Surface
-from pdvol.meshing.validate import check_surface, shells
+from pdvol.meshing.cpu_budget import check_budget
+from pdvol.meshing.shells import shells
+from pdvol.meshing.validate import check_surface
 
 MIN_SURFACE_VERTICES = 4
 """Number of vertices of the smallest closed surface, a tetrahedron."""
+DIAGONAL = 0.3
+"""Size in which fast-simplification works: its limit on a collapse's squared error grows from round to round, from an
+absolute length. With `AGGRESSION` it grows slowly enough for cheap collapses to come first, and reaches a third of the
+diagonal.
+"""
+AGGRESSION = 3.5
+"""Exponent with which that limit grows; the library's own 7 doubles the distance from the input."""
 
 
 def topology(triangles: np.ndarray, n: int) -> tuple[int, int]:
@@ -38,6 +47,7 @@ def decimate(surface: Surface, target: int, name: str = "surface") -> Surface:
     wanted = topology(surface.triangles, n)
     reason = ""
     for points, triangles in _attempts(surface, max(target, MIN_SURFACE_VERTICES * wanted[0]), wanted[1]):
+        check_budget(name)
         try:
             result = check_surface(Surface(points, triangles), name)
         except InputError as error:
@@ -52,13 +62,15 @@ def decimate(surface: Surface, target: int, name: str = "surface") -> Surface:
 
 
 def _attempts(surface: Surface, target: int, euler: int) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-    points = np.ascontiguousarray(surface.vertices, dtype=np.float64)
+    low, high = surface.vertices.min(axis=0), surface.vertices.max(axis=0)
+    centre, size = (low + high) / 2.0, float(np.linalg.norm(high - low)) / DIAGONAL
+    points = np.ascontiguousarray((surface.vertices - centre) / size, dtype=np.float64)
     triangles = np.ascontiguousarray(surface.triangles, dtype=np.int32)
-    for factor, aggression in ((1.0, 7.0), (1.0, 4.0), (1.1, 5.0), (1.2, 3.0)):
+    for factor, more in ((1.0, 0.0), (1.0, 0.5), (1.1, 1.0), (1.2, -0.5)):
         faces = min(int(2 * (factor * target - euler)), len(triangles))
-        yield fast_simplification.simplify(points, triangles, target_count=max(faces, 4), agg=aggression)
+        made = fast_simplification.simplify(points, triangles, target_count=max(faces, 4), agg=AGGRESSION + more)
+        yield centre + size * made[0], made[1]
     faces = max(2 * (target - euler), 4)
     for collapse in (igl.qslim, igl.decimate):
-        yield collapse(np.asfortranarray(points), np.asfortranarray(triangles), max_m=faces, block_intersections=True)[
-            :2
-        ]
+        made = collapse(np.asfortranarray(points), np.asfortranarray(triangles), max_m=faces, block_intersections=True)
+        yield centre + size * made[0], made[1]

@@ -10,9 +10,9 @@ import numpy as np
 from scipy.optimize import brentq
 
 from pdvol.errors import InputError, MeshError
-from pdvol.meshing.mesher_process import MesherStopped
+from pdvol.meshing.cpu_budget import ProcessStopped, check_budget
 
-AIMED_DEVIATION = 0.15
+AIMED_DEVIATION = 0.2
 """Relative deviation of the number of vertices from the target at which the search ends at once."""
 ACCEPTED_DEVIATION = 0.25
 """Relative deviation at which a mesh is accepted after `ATTEMPTS_BEFORE_ACCEPTING` attempts; beyond it, never."""
@@ -91,9 +91,10 @@ def mesh_of_target_size(
     reason, failures = "", 0
     scale, history = start, History()
     for tried in range(1, MAX_ATTEMPTS + 1):
+        check_budget(name)
         try:
             points, cells = make(scale, failures)
-        except MesherStopped as error:
+        except ProcessStopped as error:
             raise MeshError(
                 f"{name}: no mesh of about {target} vertices: {error}; ask for another number of vertices or clean the"
                 " surface"

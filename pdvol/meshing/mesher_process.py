@@ -17,12 +17,8 @@ from typing import Any
 import numpy as np
 
 from pdvol.errors import InputError, MeshError
+from pdvol.meshing.cpu_budget import BudgetSpent, ProcessStopped, Watch
 from pdvol.processes import die_with_parent, without_launcher
-
-
-class MesherStopped(MeshError):
-    """A mesher's process crashed or ran out of processor time: the same input would end in the same way."""
-
 
 # C source of a std::random_device that returns the same linear congruential sequence in every process. fTetWild
 # shuffles with a std::mt19937 that std::random_device seeds, so without it the same input would give a different mesh
@@ -87,8 +83,8 @@ def run_worker(script: str, cpu_seconds: float, seeded: bool = False, **arrays: 
     ------
     MeshError
         The process reported an error; the message quotes the last line it wrote.
-    MesherStopped
-        It crashed or used up its processor time.
+    ProcessStopped
+        It crashed, waited without end, or used up its processor time, or that of the command (`BudgetSpent`).
     """
     env = without_launcher()
     path = Path(__file__).with_name(script)
@@ -101,27 +97,45 @@ def run_worker(script: str, cpu_seconds: float, seeded: bool = False, **arrays: 
         contents: dict[str, Any] = arrays
         np.savez(given, **contents)
         # -P: the script's own folder must not shadow other packages.
-        done = subprocess.run(
+        with subprocess.Popen(
             [sys.executable, "-P", str(path), str(given), str(made)],
             env=env,
             cwd=folder,
             stdin=subprocess.DEVNULL,
-            capture_output=True,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
             text=True,
             errors="replace",
             preexec_fn=partial(_limited, max(math.ceil(cpu_seconds), 1)),
-        )
+        ) as done:
+            out, err = _watched(done, path.stem)
         if done.returncode in (-signal.SIGXCPU, -signal.SIGKILL):
             spent = (
                 f"used up its {cpu_seconds:.0f} s of processor time"
                 if done.returncode == -signal.SIGXCPU
                 else ("was killed, probably for lack of memory")
             )
-            raise MesherStopped(f"{path.stem} {spent}")
+            raise ProcessStopped(f"{path.stem} {spent}")
         if done.returncode < 0:
-            raise MesherStopped(f"{path.stem} crashed ({signal.Signals(-done.returncode).name})")
+            raise ProcessStopped(f"{path.stem} crashed ({signal.Signals(-done.returncode).name})")
         if done.returncode or not made.exists():
-            lines = (done.stderr or done.stdout).strip().splitlines() or [f"exit status {done.returncode}"]
+            lines = (err or out).strip().splitlines() or [f"exit status {done.returncode}"]
             raise MeshError(f"{path.stem} failed: {lines[-1].strip()[:300]}")
         with np.load(made) as data:
             return dict(data)
+
+
+def _watched(process: subprocess.Popen, name: str) -> tuple[str, str]:
+    """What the process has written to its standard output and error, at its end."""
+    watch = Watch(process.pid)
+    try:
+        while True:
+            try:
+                return process.communicate(timeout=1.0)
+            except subprocess.TimeoutExpired:
+                reason = watch.reason_to_end()
+                if reason:
+                    raise (BudgetSpent if watch.spent else ProcessStopped)(f"{name} {reason}") from None
+    except BaseException:
+        process.kill()
+        raise

@@ -17,13 +17,13 @@ from pathlib import Path
 import numpy as np
 
 from pdvol.errors import InputError, MeshError
+from pdvol.meshing.cpu_budget import BudgetSpent, Watch
 from pdvol.processes import die_with_parent
 
 BASE_SECONDS = 6.0  # limit on processor time [s] for a file of no size: leaves time to load a library
 BYTES_PER_SECOND = 1e6  # file size [bytes] that adds one second to that limit: large files take longer to parse
 BASE_MEMORY = 600 * 2**20  # memory limit [bytes] for a file of no size, beyond what the process already uses
 MEMORY_PER_BYTE = 60  # memory [bytes] that each byte of the file adds to the limit: text is read into Python objects
-IDLE_LOOKS = 120  # looks, one a second, at a child that sleeps and uses no processor: it waits for what never comes
 
 
 def read_in_child_process(path: Path, read: Callable[[Path], dict[str, np.ndarray]]) -> dict[str, np.ndarray]:
@@ -49,12 +49,10 @@ def read_in_child_process(path: Path, read: Callable[[Path], dict[str, np.ndarra
             _read_and_exit(path, read, answer, seconds, memory)
         os.close(held)
         try:
-            idle, before = 0, -1
+            watch, reason = Watch(child), ""
             while not select.select([watched], [], [], 1.0)[0]:  # the child's end closes with it
-                spent, sleeps = _processor_ticks(child)
-                idle = idle + 1 if sleeps and spent == before else 0
-                before = spent
-                if idle > IDLE_LOOKS:
+                reason = watch.reason_to_end()
+                if reason:
                     os.kill(child, signal.SIGKILL)
                     break
         finally:
@@ -63,10 +61,10 @@ def read_in_child_process(path: Path, read: Callable[[Path], dict[str, np.ndarra
         code = os.waitstatus_to_exitcode(status)
         if code == -signal.SIGXCPU:
             raise MeshError(f"{path}: not read within {seconds:.0f} s of processor time; export the mesh again")
-        if idle > IDLE_LOOKS:
-            raise MeshError(
-                f"{path}: unreadable, its reader waits for something that never comes; export the mesh again"
-            )
+        if watch.spent:
+            raise BudgetSpent(f"{path}: {reason}")
+        if reason:
+            raise MeshError(f"{path}: unreadable, its reader {reason}; export the mesh again")
         if code == 0:
             with np.load(answer, allow_pickle=False) as data:
                 return dict(data)
@@ -75,20 +73,6 @@ def read_in_child_process(path: Path, read: Callable[[Path], dict[str, np.ndarra
         if kind == "InputError":
             raise InputError(message)
         raise MeshError(message or f"{path}: unreadable, its reader crashed; export the mesh again")
-
-
-def _processor_ticks(process: int) -> tuple[int, bool]:
-    """Processor time [ticks] of a process and those that it has started, and whether all of them sleep."""
-    try:
-        fields = Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()
-        children = Path(f"/proc/{process}/task/{process}/children").read_text().split()
-    except OSError:  # it has just ended, or this is no Linux
-        return 0, False
-    below = [_processor_ticks(int(child)) for child in children]
-    return (
-        int(fields[11]) + int(fields[12]) + sum(ticks for ticks, _ in below),
-        fields[0] == "S" and all(sleeps for _, sleeps in below),
-    )
 
 
 def _read_and_exit(path: Path, read: Callable, answer: Path, seconds: float, memory: int) -> None:

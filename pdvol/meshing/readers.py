@@ -18,6 +18,7 @@ import numpy as np
 
 from pdvol.errors import InputError, MeshError
 from pdvol.meshes import Outline, Solid, Surface
+from pdvol.meshing.cpu_budget import check_budget
 from pdvol.meshing.file_kinds import check_kind, converter
 from pdvol.meshing.mesher_process import run_worker
 from pdvol.meshing.reader_process import BASE_SECONDS, BYTES_PER_SECOND, read_in_child_process
@@ -94,6 +95,7 @@ def read_with_notes(shape: str | Path | Outline | Surface | Solid) -> tuple[Outl
     ):  # before the child is forked: its limits on time and memory are for the file alone
         import_module("trimesh" if suffix in SURFACES else "meshio")
     read = read_in_child_process(path, _surface if suffix in SURFACES else _pair if suffix in PAIR else _volume)
+    check_budget(str(path))
     points = np.ascontiguousarray(read["points"], dtype=np.float64)
     notes = [str(note) for note in read.get("notes", ())]
     if "triangles" in read:

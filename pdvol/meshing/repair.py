@@ -9,11 +9,13 @@ import igl
 import numpy as np
 
 from pdvol.errors import InputError, MeshError
+from pdvol.geometry.crossings import counted_edges
 from pdvol.geometry.level_mesh import boundary_facets, simplex_volumes
 from pdvol.meshes import Outline, Solid, Surface
+from pdvol.meshing.holes import filled_holes
 from pdvol.meshing.mesher_process import run_worker
-from pdvol.meshing.polygons import MOST_CORNERS, cut_polygons
-from pdvol.meshing.validate import FLAT_SIMPLEX, drop_unused, repeated, shells, simplex_lengths
+from pdvol.meshing.shells import shells
+from pdvol.meshing.validate import FLAT_SIMPLEX, drop_unused, flat_triangles, repeated, simplex_lengths
 from pdvol.meshing.verdict import judge
 from pdvol.meshing.weld import coincident, open_edges
 
@@ -108,7 +110,9 @@ def _surface(points: np.ndarray, triangles: np.ndarray, hole: float, done: list[
     if len(triangles):
         triangles = _oriented(triangles, done)
         points, triangles = _split(points, triangles, done)
-        points, triangles = _filled(points, triangles, hole * _diagonal(points), done)
+        points, triangles, filled, large = filled_holes(points, triangles, hole * _diagonal(points))
+        _say(done, filled, "{} holes filled")
+        _say(done, large, "{} holes left open: their rims are longer than --hole allows")
         points, triangles = drop_unused(points, _outward(points, triangles, done))
     return Surface(points, triangles.astype(np.int32))
 
@@ -117,7 +121,7 @@ def _without_flat(points: np.ndarray, triangles: np.ndarray, done: list[str]) ->
     """Triangles without area turned against the neighbour across their longest edge, or dropped."""
     turned, triangles = 0, triangles.copy()
     for _ in range(MOST_FLIPS):
-        flat = _flat(points, triangles)
+        flat = flat_triangles(points, triangles)
         touched: set[int] = set()
         for t in flat:
             corners = triangles[t]
@@ -136,16 +140,10 @@ def _without_flat(points: np.ndarray, triangles: np.ndarray, done: list[str]) ->
                 turned += 1
         if not touched:
             break
-    flat = _flat(points, triangles)
+    flat = flat_triangles(points, triangles)
     _say(done, turned, "{} triangles without area joined to their neighbours")
     _say(done, len(flat), "{} triangles without area dropped")
     return np.delete(triangles, flat, axis=0)
-
-
-def _flat(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
-    corners = points[triangles]
-    areas = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
-    return np.flatnonzero(areas <= FLAT_SIMPLEX * simplex_lengths(points, triangles) ** 2)
 
 
 def _oriented(triangles: np.ndarray, done: list[str]) -> np.ndarray:
@@ -164,8 +162,7 @@ def _oriented(triangles: np.ndarray, done: list[str]) -> np.ndarray:
 
 def _split(points: np.ndarray, triangles: np.ndarray, done: list[str]) -> tuple[np.ndarray, np.ndarray]:
     """Vertices in which parts meet that are not joined by an edge of two triangles, split and moved into each part."""
-    corners = np.sort(triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
-    edges, counts = np.unique(corners, axis=0, return_counts=True)
+    edges, _, counts = counted_edges(triangles)
     pinched = np.intersect1d(np.flatnonzero(~np.asarray(igl.is_vertex_manifold(triangles))), triangles)
     pinched = np.union1d(pinched, edges[counts > 2])
     triangles = triangles.copy()
@@ -195,61 +192,6 @@ def _parts_around(fan: np.ndarray, v: int) -> np.ndarray:
         if len(at) == 2:
             part[part == part[at[0]]] = part[at[1]]
     return part
-
-
-def _filled(points: np.ndarray, triangles: np.ndarray, most: float, done: list[str]) -> tuple[np.ndarray, np.ndarray]:
-    """Holes whose rim is no longer than `most` [m] covered: by a cut polygon, or by a fan about their middle."""
-    filled, large, covers = 0, 0, [triangles]
-    added: list[np.ndarray] = []
-    for rim in _rims(triangles):
-        if np.linalg.norm(points[rim] - np.roll(points[rim], 1, axis=0), axis=1).sum() > most:
-            large += 1
-            continue
-        filled += 1
-        cover = cut_polygons(points, rim[None])[0] if len(rim) <= MOST_CORNERS else None
-        if cover is None or len(_flat(points, cover)):
-            middle = len(points) + len(added)
-            added.append(points[rim].mean(axis=0))
-            cover = np.column_stack([rim, np.roll(rim, -1), np.full(len(rim), middle)])
-        covers.append(cover)
-    _say(done, filled, "{} holes filled")
-    _say(done, large, "{} holes left open: their rims are longer than --hole allows")
-    return np.vstack([points, *added]) if added else points, np.concatenate(covers)
-
-
-def _rims(triangles: np.ndarray) -> list[np.ndarray]:
-    """The closed loops of open edges, each so directed that a cover agrees with the triangles around it."""
-    sides = triangles[:, [[1, 0], [2, 1], [0, 2]]].reshape(-1, 2)
-    single = {tuple(edge) for edge in np.sort(open_edges(triangles), axis=1).tolist()}
-    following: dict[int, list[int]] = {}
-    for side in sides:
-        a, b = int(side[0]), int(side[1])
-        if (min(a, b), max(a, b)) in single:
-            following.setdefault(a, []).append(b)
-    rims = []
-    while following:
-        path: list[int] = [next(iter(following))]
-        place = {path[0]: 0}
-        while path:
-            ahead = following.get(path[-1])
-            if not ahead:
-                path.pop()  # an edge without a continuation belongs to no loop
-                break
-            b = ahead.pop()
-            if not ahead:
-                del following[path[-1]]
-            if b in place:  # a loop is closed; what led to it goes on
-                loop = path[place[b] :]
-                rims.append(np.array(loop))
-                for v in loop[1:]:
-                    del place[v]
-                path = path[: place[b] + 1]
-                if not following.get(b):
-                    break
-            else:
-                place[b] = len(path)
-                path.append(b)
-    return [rim for rim in rims if len(rim) > 2]
 
 
 def _outward(points: np.ndarray, triangles: np.ndarray, done: list[str]) -> np.ndarray:

@@ -23,13 +23,22 @@ from pdvol.meshing.edge_length import (
     mesh_of_target_size,
 )
 from pdvol.meshing.mesher_process import run_worker
+from pdvol.meshing.shells import shells
 from pdvol.meshing.subdivide import split_longest_edges
-from pdvol.meshing.validate import check_surface, drop_unused, shells
-from pdvol.meshing.volume import with_volume
+from pdvol.meshing.validate import check_surface, drop_unused
+from pdvol.meshing.volume import enclosed_volume, surface_area, with_volume
 
 ENVELOPE_WIDTH = 0.1
 """Distance that fTetWild may move the decimated surface, relative to the edge length: half of it takes twice as long,
 twice of it doubles the distance from the input.
+"""
+SURFACE_FACTOR = 1.3
+"""Number of vertices of the decimated surface, relative to the number expected on the boundary: for finer features.
+The inside is coarser for it, and so is the space around the shape, which fTetWild meshes, too: that takes its time.
+"""
+SPARSE_SURFACE = 2.5
+"""Number of vertices that a surface should have, relative to those it has, above which its edges are split. With less,
+fTetWild splits them.
 """
 SPLIT_EDGE_FACTOR = 0.85
 """Edge length, relative to the expected one, inside a surface whose edges were split: fTetWild collapses edges below
@@ -51,20 +60,11 @@ def mean_ratio(points: np.ndarray, cells: np.ndarray) -> np.ndarray:
     return 4.0 * np.sqrt(3.0) * volumes / squares if d == 2 else 12.0 * (3.0 * volumes) ** (2.0 / 3.0) / squares
 
 
-def measure(surface: Surface) -> tuple[float, float]:
-    """Volume [m^3] and area [m^2] of a closed surface."""
-    a, b, c = (surface.vertices[surface.triangles[:, k]] for k in range(3))
-    normals = np.cross(b - a, c - a)
-    return float(np.einsum("ij,ij->", a, normals)) / 6.0, float(np.linalg.norm(normals, axis=1).sum()) / 2.0
-
-
 def surface_share(surface: Surface, target: int) -> int:
-    """Number of vertices that the surface of a mesh of `target` vertices should have: the expected number and a fifth
-    more, for finer features.
-    """
-    volume, area = measure(surface)
+    """Number of vertices that the surface of a mesh of `target` vertices should have."""
+    volume, area = _volume_and_area(surface)
     expected = expected_vertices(edge_length(target, volume, area, 3), volume, area, 3)[0]
-    return max(min(int(1.2 * expected), target), MIN_BOUNDARY_VERTICES)
+    return max(min(int(SURFACE_FACTOR * expected), target), MIN_BOUNDARY_VERTICES)
 
 
 def tetrahedralise(
@@ -94,7 +94,7 @@ def tetrahedralise(
     MeshError
         No such mesh was found within `MAX_ATTEMPTS`, or TetGen is not installed.
     """
-    own, area = measure(surface)
+    own, area = _volume_and_area(surface)
     if own <= 0:
         raise MeshError(f"{name}: the surface encloses no volume; turn its triangles outward")
     if keep_boundary and importlib.util.find_spec("tetgen") is None:
@@ -107,7 +107,7 @@ def tetrahedralise(
         # fTetWild also meshes the space between parts and refines where they are near each other: meshing them one by
         # one avoids both.
         h = edge_length(target, own, area, 3)
-        measures = [measure(part) for part in parts]
+        measures = [_volume_and_area(part) for part in parts]
         shares = [max(round(expected_vertices(h, *m, 3)[1]), MIN_SURFACE_VERTICES) for m in measures]
         return _merged(
             [
@@ -124,8 +124,9 @@ def tetrahedralise(
 
 def _unit_mesh(surface: Surface, target: int, name: str, keep_boundary: bool, volume: float) -> SizedMesh:
     """As `tetrahedralise`, of one shell of volume 1 about the origin."""
-    h = edge_length(target, *measure(surface), 3)
+    h = edge_length(target, *_volume_and_area(surface), 3)
     wanted = topology(surface.triangles, len(surface.vertices))
+    sparse = surface_share(surface, target) > SPARSE_SURFACE * len(surface.vertices)
     cpu_seconds = BASE_CPU_SECONDS + CPU_SECONDS_PER_VERTEX * (target + len(surface.vertices) * keep_boundary)
 
     def with_kept_boundary(scale: float, failures: int) -> tuple[np.ndarray, np.ndarray]:
@@ -141,13 +142,16 @@ def _unit_mesh(surface: Surface, target: int, name: str, keep_boundary: bool, vo
 
     def make(scale: float, failures: int) -> tuple[np.ndarray, np.ndarray]:
         share = max(int(surface_share(surface, target) / scale**2), MIN_BOUNDARY_VERTICES)
+        # Coarse meshes have relatively more vertices at sharp edges, and fewer inside.
+        coarse, longer, width = surface, 1.23 + 5.0 / np.sqrt(target), ENVELOPE_WIDTH
         if share < len(surface.vertices):
-            # Coarse meshes have relatively more vertices at sharp edges, and fewer inside.
-            coarse, longer = decimate(surface, share, name), 1.0 + 6.0 / np.sqrt(target)
-        else:
+            coarse = decimate(surface, share, name)
+        elif sparse:
             coarse, longer = split_longest_edges(surface, share), SPLIT_EDGE_FACTOR
+        else:
+            width *= 0.5  # all of the distance from the input is then the envelope's
         # Parts closer than two envelopes merge: after each failure the envelope is half as wide.
-        epsilon = ENVELOPE_WIDTH * scale * h * 0.5**failures / np.linalg.norm(np.ptp(coarse.vertices, axis=0))
+        epsilon = width * scale * h * 0.5**failures / np.linalg.norm(np.ptp(coarse.vertices, axis=0))
         made = run_worker(
             "tet_worker.py",
             cpu_seconds,
@@ -167,8 +171,13 @@ def _unit_mesh(surface: Surface, target: int, name: str, keep_boundary: bool, vo
                 refused = MeshError(str(error))
         raise refused
 
-    start = 1.0 + 1.0 / np.sqrt(target)
+    start = 0.87 + 3.6 / np.sqrt(target)
     return mesh_of_target_size(with_kept_boundary if keep_boundary else make, target, name, start, 3)
+
+
+def _volume_and_area(surface: Surface) -> tuple[float, float]:
+    points, triangles = surface.vertices, surface.triangles
+    return enclosed_volume(points, triangles), surface_area(points, triangles)
 
 
 def split_shells(surface: Surface) -> list[Surface]:
@@ -178,7 +187,7 @@ def split_shells(surface: Surface) -> list[Surface]:
     for shell in np.unique(owner[surface.triangles[:, 0]]):
         points, triangles = drop_unused(surface.vertices, surface.triangles[owner[surface.triangles[:, 0]] == shell])
         parts.append(Surface(points, triangles.astype(np.int32)))
-    return parts if all(measure(part)[0] > 0 for part in parts) else [surface]
+    return parts if all(enclosed_volume(part.vertices, part.triangles) > 0 for part in parts) else [surface]
 
 
 def _merged(meshes: list[SizedMesh]) -> SizedMesh:

@@ -2,13 +2,14 @@
 
 import igl
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from pdvol.errors import IntersectionError, InvertedCellError, MeshError
-from pdvol.geometry.crossings import edges_of, find_crossings, find_touching
+from pdvol.geometry.crossings import counted_edges, edges_of, find_crossings, find_touching
 from pdvol.geometry.level_mesh import simplex_volumes
 from pdvol.meshes import Outline, Solid, Surface
+from pdvol.meshing.cpu_budget import check_budget
+from pdvol.meshing.shells import check_nested, signed_volumes
+from pdvol.meshing.volume import surface_area
 from pdvol.meshing.weld import COINCIDENT, open_edges, seam_vertices
 
 FLAT_SIMPLEX = 1e-12
@@ -17,8 +18,6 @@ FLAT_BODY = 1e-12
 """Volume of a closed surface, relative to its area times its diagonal, below which it encloses nothing."""
 LARGE_SURFACE, SAMPLE = 20_000, 500
 """Triangles of a surface above which crossings are sought in a sample first, and how many it has."""
-MOST_SHELLS = 300
-"""Shells of a surface that are looked at for one inside another: with more it takes minutes."""
 
 
 def some(indices: np.ndarray, shown: int = 5) -> str:
@@ -70,10 +69,11 @@ def simplex_lengths(points: np.ndarray, cells: np.ndarray) -> np.ndarray:
     return np.max([np.linalg.norm(corners - np.roll(corners, k, axis=1), axis=2).max(axis=1) for k in steps], axis=0)
 
 
-def shells(triangles: np.ndarray, n: int) -> np.ndarray:
-    """(n,) component of each of `n` vertices under the facets' edges."""
-    e = edges_of(triangles)
-    return connected_components(coo_array((np.ones(len(e)), (e[:, 0], e[:, 1])), shape=(n, n)), directed=False)[1]
+def flat_triangles(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+    """Indices of the triangles without area."""
+    corners = points[triangles]
+    areas = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    return np.flatnonzero(areas <= FLAT_SIMPLEX * simplex_lengths(points, triangles) ** 2)
 
 
 def _crossing_message(points: np.ndarray, edges: np.ndarray, faces: np.ndarray, what: str) -> tuple[str, list] | None:
@@ -108,7 +108,7 @@ def _crossing_message(points: np.ndarray, edges: np.ndarray, faces: np.ndarray, 
 def check_manifold(triangles: np.ndarray, n: int, name: str, closed: bool = True) -> None:
     """Raise MeshError unless the triangles form a closed, consistently oriented 2-manifold."""
     corners = triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
-    edges, which, counts = np.unique(np.sort(corners, axis=1), axis=0, return_inverse=True, return_counts=True)
+    edges, which, counts = counted_edges(triangles)
     if (counts > 2).any():
         heavy = some(edges[counts > 2])
         raise MeshError(
@@ -119,7 +119,7 @@ def check_manifold(triangles: np.ndarray, n: int, name: str, closed: bool = True
             f"{name}: the surface is open along {int((counts == 1).sum())} edges, {some(edges[counts == 1])}; close"
             " the holes"
         )
-    turns = np.bincount(which.ravel(), weights=np.where(corners[:, 0] < corners[:, 1], 1, -1))
+    turns = np.bincount(which, weights=np.where(corners[:, 0] < corners[:, 1], 1, -1))
     mixed = np.flatnonzero((counts == 2) & (turns != 0))
     if len(mixed):
         seams = some(edges[mixed])
@@ -152,10 +152,7 @@ def check_surface(surface: Surface, name: str = "surface", closed: bool = True) 
         The surface crosses or touches itself.
     """
     points, triangles = _check_arrays(name, surface.vertices, surface.triangles, "triangles", (3,))
-    corners = points[triangles]
-    areas = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
-    longest = simplex_lengths(points, triangles)
-    flat = np.flatnonzero(areas <= FLAT_SIMPLEX * longest**2)
+    flat = flat_triangles(points, triangles)
     if len(flat):
         raise MeshError(f"{name}: triangles {some(flat)} have no area; merge or remove their vertices")
     doubled = repeated(triangles)
@@ -170,53 +167,20 @@ def check_surface(surface: Surface, name: str = "surface", closed: bool = True) 
     check_manifold(triangles, len(points), name, closed)
     points, triangles = drop_unused(points, triangles)
     if closed:
-        volume = _signed_volumes(points, triangles).sum()
-        if abs(volume) <= FLAT_BODY * areas.sum() * np.linalg.norm(np.ptp(points, axis=0)):
+        volume = signed_volumes(points, triangles).sum()
+        if abs(volume) <= FLAT_BODY * surface_area(points, triangles) * np.linalg.norm(np.ptp(points, axis=0)):
             raise MeshError(f"{name}: the surface encloses no volume; give a body with an inside")
         triangles = triangles[:, ::-1] if volume < 0 else triangles
+    check_budget(name)
     found = _crossing_message(points, edges_of(triangles), triangles, "the surface")
+    check_budget(name)
     if found:
         raise IntersectionError(
             f"{name}: {found[0]} ({len(found[1])} crossings); repair the self-intersections", found[1]
         )
     if closed:
-        _check_nested(points, triangles.astype(np.int64), name)
+        check_nested(points, triangles.astype(np.int64), name)
     return Surface(points, np.ascontiguousarray(triangles, dtype=np.int32))
-
-
-def _signed_volumes(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
-    """(k,) volume [m^3] of the tetrahedra between each triangle and one of the surface's points."""
-    a, b, c = (points[triangles[:, k]] - points[triangles[0, 0]] for k in range(3))
-    return np.einsum("ij,ij->i", a, np.cross(b, c)) / 6.0
-
-
-def _check_nested(points: np.ndarray, triangles: np.ndarray, name: str) -> None:
-    """Raise IntersectionError where a shell lies inside another one and is no cavity of it, or bounds no body."""
-    owner = shells(triangles, len(points))[triangles[:, 0]]
-    names, first = np.unique(owner, return_index=True)
-    if not 1 < len(names) <= MOST_SHELLS:
-        return
-    volumes = np.bincount(owner, _signed_volumes(points, triangles))
-    places = points[triangles[first, 0]]
-    around = np.zeros(len(names))
-    for shell in names:
-        mine, others = triangles[owner == shell], np.flatnonzero(names != shell)
-        low, high = points[mine].min(axis=(0, 1)), points[mine].max(axis=(0, 1))
-        inside = others[((places[others] > low) & (places[others] < high)).all(axis=1)]
-        if len(inside):
-            corners = np.unique(mine)
-            local = np.searchsorted(corners, mine)
-            winding = igl.winding_number(points[corners], local, np.ascontiguousarray(places[inside]))
-            around[inside] += np.round(winding)
-    for shell, volume, deep in zip(names, volumes[names], around, strict=True):
-        if deep != (volume < 0):
-            vertex = int(triangles[first[shell], 0])
-            what = (
-                "lies inside another one, so that two bodies overlap; remove it, or turn it inward for a cavity"
-                if deep > 0
-                else "faces inward, and lies inside no other; turn it outward"
-            )
-            raise IntersectionError(f"{name}: the shell of vertex {vertex} {what}", [(vertex,)])
 
 
 def check_outline(outline: Outline, name: str = "outline", closed: bool = True) -> Outline:

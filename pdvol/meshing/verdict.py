@@ -10,9 +10,10 @@ import numpy as np
 from pdvol.errors import MeshError
 from pdvol.geometry.level_mesh import boundary_facets, simplex_volumes
 from pdvol.meshes import Outline, Solid, Surface
-from pdvol.meshing.tetrahedralise import mean_ratio, measure
+from pdvol.meshing.tetrahedralise import mean_ratio
 from pdvol.meshing.triangulate import boundary_loops
-from pdvol.meshing.validate import check_outline, check_solid, check_surface, drop_unused, some
+from pdvol.meshing.validate import check_outline, check_solid, check_surface, drop_unused, outline_edges, some
+from pdvol.meshing.volume import enclosed_volume
 from pdvol.meshing.weld import COINCIDENT, coincident
 
 POOR_QUALITY = 0.05  # mean ratio below which a cell makes the linear solver need more iterations
@@ -44,7 +45,7 @@ def judge(shape: Shape, name: str) -> tuple[Shape, Boundary, list[str]]:
     if isinstance(shape, Surface):
         surface = check_surface(shape, name)
         notes = _unused(shape.vertices, shape.triangles, "triangle")
-        if measure(Surface(shape.vertices - shape.vertices[shape.triangles[0, 0]], shape.triangles))[0] < 0.0:
+        if enclosed_volume(shape.vertices, shape.triangles) < 0.0:
             notes.append("all triangles face inward; they are turned")
         return surface, surface, notes
     solid = check_solid(shape, name)
@@ -77,6 +78,15 @@ def solid_boundary(solid: Solid, name: str) -> Boundary:
     if facets.shape[1] == 3:
         return check_surface(Surface(points, facets.astype(np.int32)), f"{name}, boundary")
     return boundary_loops(points, facets, f"{name}, boundary")
+
+
+def boundary_facets_of(boundary: Boundary) -> tuple[np.ndarray, np.ndarray]:
+    """Points (n, d) [m] of a boundary, and its triangles (k, 3) or edges (k, 2)."""
+    if isinstance(boundary, Surface):
+        return boundary.vertices, boundary.triangles.astype(np.int64)
+    starts = np.cumsum([0, *(len(loop) for loop in boundary)])
+    edges = [start + outline_edges(len(loop), True) for start, loop in zip(starts, boundary, strict=False)]
+    return np.concatenate(boundary), np.vstack(edges)
 
 
 def check_place(points: np.ndarray, name: str) -> None:

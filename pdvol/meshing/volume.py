@@ -59,6 +59,13 @@ def enclosed_volume(points: np.ndarray, facets: np.ndarray) -> float:
     return float((_volume_gradient(centred, facets) * centred).sum()) / points.shape[1]
 
 
+def surface_area(points: np.ndarray, triangles: np.ndarray) -> float:
+    """Area [m^2] of triangles (k, 3)."""
+    corners = points[triangles]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    return float(np.linalg.norm(normals, axis=1).sum()) / 2.0
+
+
 def _volume_gradient(points: np.ndarray, facets: np.ndarray) -> np.ndarray:
     """(n, d) derivative of the volume inside outward facets (k, d) with respect to each vertex."""
     corners = points[facets]

@@ -5,6 +5,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
+from pdvol.geometry.crossings import counted_edges
 from pdvol.meshes import Surface
 
 COINCIDENT = 1e-8
@@ -13,8 +14,7 @@ COINCIDENT = 1e-8
 
 def open_edges(triangles: np.ndarray) -> np.ndarray:
     """Edges (e, 2) that belong to one triangle only."""
-    corners = np.sort(triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
-    edges, counts = np.unique(corners, axis=0, return_counts=True)
+    edges, _, counts = counted_edges(triangles)
     return edges[counts == 1]
 
 

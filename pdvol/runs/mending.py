@@ -6,6 +6,7 @@ import numpy as np
 
 from pdvol.errors import InputError
 from pdvol.meshes import Solid, Surface
+from pdvol.meshing.cpu_budget import cpu_budget
 from pdvol.meshing.readers import read_with_notes
 from pdvol.meshing.repair import repair
 from pdvol.runs.preflight import check_meshes
@@ -32,6 +33,11 @@ def mend_file(file: Path, out: Path, weld: float, hole: float, envelope: float) 
     InputError
         The file cannot be read or is beyond repair, or `out` cannot be written.
     """
+    with cpu_budget():
+        return _mend_file(file, out, weld, hole, envelope)
+
+
+def _mend_file(file: Path, out: Path, weld: float, hole: float, envelope: float) -> tuple[list[str], bool]:
     shape, lines = read_with_notes(file)
     kinds = VOLUME_FILES if isinstance(shape, Solid) else SURFACE_FILES
     if out.suffix.lower() not in kinds:

@@ -12,15 +12,17 @@ from pdvol.geometry.surface_distance import hausdorff_distance
 from pdvol.levels.hierarchy import Hierarchy
 from pdvol.levels.level_check import level_defects
 from pdvol.levels.scene_fields import scene_diagonal
-from pdvol.meshing.build import build_levels, read_obstacle
+from pdvol.meshing.build import build_levels
+from pdvol.meshing.cpu_budget import cpu_budget
 from pdvol.meshing.decimate import topology
 from pdvol.meshing.readers import read_with_notes
+from pdvol.meshing.shells import shells
 from pdvol.meshing.tetrahedralise import mean_ratio
-from pdvol.meshing.validate import drop_unused, shells
+from pdvol.meshing.validate import drop_unused
+from pdvol.meshing.verdict import boundary_facets_of, check_place, judge, place_of
 from pdvol.meshing.volume import enclosed_volume
 from pdvol.runs.binding_report import binding_lines, draw_bindings
-from pdvol.runs.preflight import shape_notes
-from pdvol.scene import Body, NeoHookean, Rigid, Scene
+from pdvol.scene import Body, NeoHookean, Scene
 
 
 def write_hierarchy(mesh: Path, targets: tuple[int, ...], out: Path, prolongation: str = "barycentric") -> list[str]:
@@ -43,10 +45,13 @@ def write_hierarchy(mesh: Path, targets: tuple[int, ...], out: Path, prolongatio
     InputError
         The mesh cannot be read or meshed, the prolongation is unknown, or `out` cannot be written.
     """
-    shape, notes = read_with_notes(mesh)
-    scene = Scene(bodies=(Body(shape, NeoHookean(1e5), targets, name=mesh.stem),), dt=0.01, steps=0)
-    notes += shape_notes(scene)
-    meshes, diagonal = build_levels(scene), scene_diagonal(scene)
+    with cpu_budget(sum(targets)):
+        read, notes = read_with_notes(mesh)
+        name = f"body {mesh.stem!r}"
+        check_place(place_of(read), name)
+        shape, boundary, found = judge(read, name)
+        scene = Scene(bodies=(Body(shape, NeoHookean(1e5), targets, name=mesh.stem),), dt=0.01, steps=0)
+        meshes, diagonal = build_levels(scene), scene_diagonal(scene)
     for level, level_mesh in enumerate(meshes):
         for defect in level_defects(scene, level_mesh, level, (), diagonal):
             raise defect.error
@@ -55,9 +60,8 @@ def write_hierarchy(mesh: Path, targets: tuple[int, ...], out: Path, prolongatio
     except OSError as error:
         raise InputError(f"{out} cannot be written: {error.strerror}") from None
     hierarchy = Hierarchy(meshes, MPI.COMM_SELF, prolongation)
-    points, edges, faces = read_obstacle(Rigid(shape=mesh))
-    facets = faces if len(faces) else edges
-    lines = [f"note: {note}" for note in notes]
+    points, facets = boundary_facets_of(boundary)
+    lines = [f"note: {note}" for note in notes + [f"{name}: {note}" for note in found]]
     for level, level_mesh in enumerate(meshes):
         homes = {"home_cell": hierarchy.prolongation(level).binding.cells} if level else {}
         write_vtu(out / f"level_{level}.vtu", level_mesh, homes)

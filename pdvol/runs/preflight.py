@@ -31,7 +31,8 @@ from pdvol.levels.scene_fields import initial_velocity, scene_diagonal
 from pdvol.levels.separation import build_apart
 from pdvol.levels.space import LevelSpace
 from pdvol.meshes import Outline, Solid, Surface
-from pdvol.meshing.build import build_levels
+from pdvol.meshing.build import build_levels, vertices_asked
+from pdvol.meshing.cpu_budget import cpu_budget
 from pdvol.meshing.readers import read_with_notes
 from pdvol.meshing.tetrahedralise import mean_ratio
 from pdvol.meshing.verdict import POOR_QUALITY, check_place, judge, place_of
@@ -75,8 +76,9 @@ def check_scene(scene: Scene, seconds: float = 3.0, out: Path | None = None) -> 
     try:
         result["modelled"] = modelled_terms(scene)
         obstacles = placed_obstacles(scene.obstacles)
-        result["notes"] += [f"note: {line}" for line in shape_notes(scene)]
-        meshes = _build_levels(scene, obstacles, result["notes"])
+        with cpu_budget(vertices_asked(scene)):
+            result["notes"] += [f"note: {line}" for line in shape_notes(scene)]
+            meshes = _build_levels(scene, obstacles, result["notes"])
     except InputError as error:
         return {**result, "defects": [f"defect: {error}"]}
     diagonal = scene_diagonal(scene)
@@ -251,7 +253,8 @@ def check_meshes(files: Sequence[Path]) -> dict:
     entries = []
     for file in files:
         try:
-            message, notes = _check_mesh(file)
+            with cpu_budget():
+                message, notes = _check_mesh(file)
             entries.append({"file": str(file), "sound": True, "message": message, "notes": notes})
         except InputError as error:
             entries.append({"file": str(file), "sound": False, "message": f"defect: {error}", "notes": []})

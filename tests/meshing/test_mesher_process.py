@@ -10,8 +10,9 @@ from pdvol import meshes
 from pdvol.errors import MeshError
 from pdvol.meshing import mesher_process, tetrahedralise
 from pdvol.meshing.build import build_levels
+from pdvol.meshing.cpu_budget import ProcessStopped
 from pdvol.meshing.edge_length import MAX_ATTEMPTS, mesh_of_target_size
-from pdvol.meshing.mesher_process import MesherStopped, run_worker
+from pdvol.meshing.mesher_process import run_worker
 from pdvol.scene import Body, NeoHookean, Scene
 
 
@@ -24,7 +25,7 @@ def script(folder, text, monkeypatch):
 
 def test_running_out_of_processor_time_is_an_error(tmp_path, monkeypatch):
     endless = script(tmp_path, "while True: pass", monkeypatch)
-    with pytest.raises(MesherStopped, match="used up its 1 s of processor time"):
+    with pytest.raises(ProcessStopped, match="used up its 1 s of processor time"):
         run_worker(endless, 1.0)
 
 
@@ -34,7 +35,7 @@ def test_waiting_does_not_count(tmp_path, monkeypatch):
 
 
 def test_a_crash_is_named(tmp_path, monkeypatch):
-    with pytest.raises(MesherStopped, match="crashed \\(SIGSEGV\\)"):
+    with pytest.raises(ProcessStopped, match="crashed \\(SIGSEGV\\)"):
         run_worker(script(tmp_path, "import os\nos.kill(os.getpid(), 11)", monkeypatch), 5.0)
 
 
@@ -43,7 +44,7 @@ def test_a_mesher_that_crashes_is_not_called_again(monkeypatch):
 
     def crash(*_args, **_arrays):
         calls.append(1)
-        raise MesherStopped("tet_worker crashed (SIGSEGV)")
+        raise ProcessStopped("tet_worker crashed (SIGSEGV)")
 
     monkeypatch.setattr(tetrahedralise, "run_worker", crash)
     with pytest.raises(MeshError, match="no mesh of about 50 vertices: tet_worker crashed") as caught:

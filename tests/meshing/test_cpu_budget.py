@@ -1,0 +1,114 @@
+"""All work on a command's meshes shares one budget of processor time, and ends with one line where it is used up."""
+
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+
+from pdvol import meshes
+from pdvol.errors import InputError
+from pdvol.meshing import cpu_budget, mesher_process, reader_process
+from pdvol.meshing.cpu_budget import BudgetSpent, ProcessStopped, Watch, check_budget
+from pdvol.meshing.mesher_process import run_worker
+from pdvol.processes import processor_use
+from pdvol.runs.mending import mend_file
+from pdvol.runs.mesh_hierarchy import write_hierarchy
+from pdvol.runs.preflight import check_meshes
+
+
+def worker(folder, text, monkeypatch):
+    """A mesher of a given text, which `run_worker` finds."""
+    (folder / "worker.py").write_text(text)
+    monkeypatch.setattr(mesher_process, "__file__", str(folder / "mesher_process.py"))
+    return "worker.py"
+
+
+def burn(seconds: float) -> None:
+    """Use so much processor time [s] in this process."""
+    end = time.process_time() + seconds
+    while time.process_time() < end:
+        sum(range(1000))
+
+
+def write_ball(path):
+    ball = meshes.ball(1.0, 6)
+    with path.open("w") as file:
+        np.savetxt(file, ball.vertices, "v %.9f %.9f %.9f")
+        np.savetxt(file, ball.triangles + 1, "f %d %d %d")
+    return path
+
+
+def test_a_mesher_ends_with_the_budget_of_its_command(tmp_path, monkeypatch):
+    endless = worker(tmp_path, "while True: pass", monkeypatch)
+    before = time.process_time()
+    with pytest.raises(BudgetSpent, match="not done within the 1 s of processor time") as caught:
+        with cpu_budget.cpu_budget(seconds=1.0):
+            run_worker(endless, 60.0)
+    assert "\n" not in str(caught.value)
+    assert time.process_time() - before < 1.0, "it was the child's time"
+
+
+def test_a_mesher_that_waits_for_ever_is_ended(tmp_path, monkeypatch):
+    monkeypatch.setattr(cpu_budget, "IDLE_LOOKS", 2)
+    asleep = worker(tmp_path, "import time\ntime.sleep(1e6)", monkeypatch)
+    with pytest.raises(ProcessStopped, match="worker waits for something that never comes"):
+        run_worker(asleep, 60.0)
+
+
+def test_this_process_and_its_ended_children_count():
+    with cpu_budget.cpu_budget(seconds=0.4):
+        check_budget("mesh")
+        with cpu_budget.cpu_budget(seconds=100.0):  # belongs to the outer one
+            burn(0.5)
+            with pytest.raises(BudgetSpent, match="^mesh: not done within the 0.4 s"):
+                check_budget("mesh")
+    check_budget("mesh")  # no budget is in force
+    with cpu_budget.cpu_budget(seconds=0.4):
+        subprocess.run([sys.executable, "-c", "import time\nwhile time.process_time() < 0.6: pass"], check=True)
+        with pytest.raises(BudgetSpent):
+            check_budget("mesh")
+
+
+def test_a_process_that_waits_is_told_from_one_that_works():
+    with subprocess.Popen([sys.executable, "-c", "while True: pass"]) as busy:
+        try:
+            time.sleep(0.5)
+            assert processor_use(busy.pid)[0] > 0.0
+            assert Watch(busy.pid).reason_to_end() == ""
+        finally:
+            busy.kill()
+    assert processor_use(busy.pid) == (0.0, False), "it is no longer there"
+
+
+@pytest.mark.parametrize("command", ["check", "hierarchy", "repair"])
+def test_every_command_on_a_mesh_has_a_budget(tmp_path, monkeypatch, command):
+    file = write_ball(tmp_path / "ball.obj")
+    monkeypatch.setattr(cpu_budget, "INPUT_SECONDS", 0.2)
+    monkeypatch.setattr(cpu_budget, "SECONDS_PER_VERTEX", 0.0)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    if command == "check":
+        (entry,) = check_meshes([file])["files"]
+        message = entry["message"]
+    else:
+        with pytest.raises(InputError) as caught:
+            if command == "hierarchy":
+                write_hierarchy(file, (100, 300), tmp_path / "out")
+            else:
+                mend_file(file, tmp_path / "mended.obj", 1e-8, 1.0, 1e-3)
+        message = str(caught.value)
+    assert "not done within the 0.2 s of processor time" in message
+    assert "\n" not in message and not (tmp_path / "out").exists()
+
+
+def test_a_reader_ends_with_the_budget(tmp_path, monkeypatch):
+    def endless(path):
+        while True:
+            pass
+
+    file = tmp_path / "any.obj"
+    file.write_text("v 0 0 0\n")
+    with pytest.raises(BudgetSpent, match="any.obj: not done within the 1 s"):
+        with cpu_budget.cpu_budget(seconds=1.0):
+            reader_process.read_in_child_process(file, endless)
