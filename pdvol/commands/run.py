@@ -67,7 +67,7 @@ def main(options: Namespace) -> None:
 
 def _from_study(options: Namespace, shot: "Shot") -> "tuple[Shot, int, int | None, str]":
     """The shot, levels and method that a study has found for the accuracy or time asked for."""
-    from pdvol.explore.choice import chaos_note, chosen_point, with_point
+    from pdvol.explore.choice import choice_notes, chosen_point, with_point
     from pdvol.explore.conclusions import length, option_text
 
     if bool(options.accuracy) == bool(options.time):
@@ -84,8 +84,7 @@ def _from_study(options: Namespace, shot: "Shot") -> "tuple[Shot, int, int | Non
             f" {point['cost']['cpu']:.3g} s of CPU time there",
             file=sys.stderr,
         )
-        note = chaos_note(options.study, point)
-        if note:
+        for note in choice_notes(options.study, point):
             print(note, file=sys.stderr)
     words = point["words"]
     first, last = level_range(words[words.index("--levels") + 1])

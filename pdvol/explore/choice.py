@@ -33,9 +33,9 @@ def chosen_point(folder: Path, shot: Shot, accuracy: str, time: str) -> dict:
     study = read_study(folder)
     if study["description"] != {"scene": shot.description(), "steps": shot.scene.steps, "method": study["method"]}:
         raise InputError(f"{folder} is a study of another scene or other settings; run: pdvol study {shot.file} -o DIR")
-    points = study["points"]
-    if "reference" not in study or not points:
+    if "reference" not in study or not study["points"]:
         raise InputError(f"{folder} has no reference yet; run pdvol study again with a larger --budget")
+    points = [*study["points"], study["reference"]["point"]]
     if time:
         seconds = _amount("--time", time, TIMES)
         found = most_accurate_within(points, seconds)
@@ -44,28 +44,33 @@ def chosen_point(folder: Path, shot: Shot, accuracy: str, time: str) -> dict:
             raise InputError(f"--time {time}: the cheapest settings in {folder} take {least:.3g} s")
         return dict(found)
     limit = _amount("--accuracy", accuracy, {**LENGTHS, "%": 0.01 * study["size"]})
-    own = study["reference"]["error"]
-    if own is None:
-        raise InputError(f"{folder} does not know its reference's own error; run pdvol study with a larger --budget")
-    found = cheapest_within(points, limit, own)
+    own = float("inf") if study["reference"]["error"] is None else study["reference"]["error"]
+    found = cheapest_within(points, limit, own) or cheapest_within(points, limit, 0.0)
     if found is None:
-        best = min(point["errors"]["end"] for point in points) + own
+        best = min(point["errors"]["end"] for point in points)
         raise InputError(
-            f"--accuracy {accuracy}: the best settings in {folder} give {length(best)} (the reference's own error of"
-            f" {length(own)} included); run pdvol study with a larger --budget"
+            f"--accuracy {accuracy}: the best settings in {folder} end {length(best)} from its reference; run pdvol"
+            " study with a larger --budget"
         )
-    return dict(found)
+    return {**found, "within_own_error": found["errors"]["end"] + own > limit}
 
 
-def chaos_note(folder: Path, point: Mapping[str, Any]) -> str:
-    """A line that says where chance is larger than a point's error; empty where it is not."""
-    spread = read_study(folder)["spread"] or {}
-    if not spread.get("chaotic") or point["errors"]["end"] > spread["end"]:
-        return ""
-    apart, ends = length(spread["jitter"]), length(spread["end"])
-    return (
-        f"note: the scene is chaotic: starts {apart} apart end {ends} apart, and so may a scene that differs a little"
-    )
+def choice_notes(folder: Path, point: Mapping[str, Any]) -> list[str]:
+    """What a user should know about a point: that the reference is not as accurate as was asked, that chance is larger
+    than the point's error; a line each.
+    """
+    study = read_study(folder)
+    spread, own = study["spread"] or {}, study["reference"]["error"]
+    notes = []
+    if point.get("within_own_error"):
+        known = "is not known" if own is None else f"is about {length(own)}"
+        notes.append(f"note: that is the distance from the study's reference, whose own error {known}")
+    if spread.get("chaotic") and point["errors"]["end"] <= spread["end"]:
+        apart, ends = length(spread["jitter"]), length(spread["end"])
+        notes.append(
+            f"note: the scene is chaotic: starts {apart} apart end {ends} apart, and so may scenes that differ a little"
+        )
+    return notes
 
 
 def with_point(shot: Shot, point: Mapping[str, Any]) -> Shot:

@@ -271,6 +271,7 @@ class Study:
         stick = self._yardstick()
         if stick is not None and reference is not None:
             result |= conclusions(result, reference, stick, plan, self.folder, self.shot.scene.integrator)
+            result["reference"]["point"] = self._point(reference, self.plan.last or 0)
         write_json(self.file, result)
         return read_json(self.file)
 
