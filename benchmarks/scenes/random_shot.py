@@ -13,7 +13,7 @@ SHAPES = {
     "torus": (3, lambda r: meshes.torus(r, 0.35 * r)),
     "bunny": (3, lambda r: meshes.bunny(2.0 * r)),
 }
-VERTICES = {2: (60, 150, 400), 3: (100, 300, 700)}
+VERTICES = {2: (60, 200), 3: (100, 300)}
 
 
 def scene(seed=0, steps=80, dt=0.01):
