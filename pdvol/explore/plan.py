@@ -10,6 +10,9 @@ import numpy as np
 from pdvol.explore.axes import Axis, cost_factor
 from pdvol.explore.front import candidates
 from pdvol.explore.variation import Variation, times
+from pdvol.geometry.level_mesh import LevelMesh
+from pdvol.runs.preflight import COST_EXPONENT, COST_OFFSET
+from pdvol.scene import Scene
 
 JITTERS = 3  # repeated starts
 REFERENCE_SHARE = 0.35  # of the budget: what the reference may take, one run that nothing can shorten
@@ -20,6 +23,23 @@ MOST_COMBINATIONS = 24
 REFERENCE = "a reference"  # what its run is wanted for
 START_UP = 3.5  # CPU seconds of a process before its first step
 CROWDED = 1.2  # a job's seconds beside others, in CPU seconds of its steps: at least, until more is seen
+
+UNKNOWN_GROWTH = 3.0  # vertices of a level in those of the one below, where the scene gives no counts
+
+
+def finest_level(scene: Scene, mesh: LevelMesh, seconds: float, room: float) -> int:
+    """The finest level for which there is room [s], with all coarser ones, by the seconds of level 0 and its mesh."""
+    offset = COST_OFFSET[mesh.dim]
+    targets = [body.vertices for body in scene.bodies if len(body.vertices)]
+    total, count, finest = 0.0, float(len(mesh.points)), 0
+    for level in range(scene.levels):
+        if level:
+            below = sum(t[level - 1] for t in targets)
+            count *= sum(t[level] for t in targets) / below if targets else UNKNOWN_GROWTH
+        total += seconds * ((count + offset) / (len(mesh.points) + offset)) ** COST_EXPONENT
+        if total <= room:
+            finest = level
+    return finest
 
 
 @dataclass(frozen=True)

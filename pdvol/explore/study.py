@@ -13,19 +13,17 @@ from pdvol.errors import InputError, SimulationError
 from pdvol.explore.axes import Axis, base_value, scene_file
 from pdvol.explore.conclusions import conclusions
 from pdvol.explore.jobs import Job, Outcome, run_jobs
-from pdvol.explore.plan import LEVEL_SHARE, REFERENCE, Plan, Wanted
+from pdvol.explore.plan import LEVEL_SHARE, REFERENCE, Plan, Wanted, finest_level
 from pdvol.explore.variation import Base, Variation, number, value_text
 from pdvol.explore.yardstick import Yardstick, cost
 from pdvol.levels.scene_fields import scene_diagonal
-from pdvol.runs.preflight import COST_EXPONENT, COST_OFFSET
 from pdvol.runs.scene_file import Shot
 from pdvol.store.files import lock, read_json, write_json
-from pdvol.store.reader import Run, open_run
+from pdvol.store.reader import open_run
 
 STUDY_FORMAT = 1  # of study.json: increased when an older pdvol cannot read it
 JITTER_SHARE = 1e-3  # of the smallest body's diagonal: how far apart jittered starts end in free flight
 PAGE_TIME = 6.0  # seconds of the budget that are kept for errors and the page
-UNKNOWN_GROWTH = 3.0  # vertices of a level in those of the one below, where the scene gives no counts
 
 
 class Study:
@@ -131,15 +129,15 @@ class Study:
     def _choose(self, running: Sequence[Job], left: float) -> Job | None:
         """The next run that fits into the seconds left."""
         names = {job.name for job in running}
-        missing = [entry for entry in self.plan.missing() if entry.variation.name not in names]
-        if not missing and not running and self.plan.combine(self._cost_and_error):
-            missing = self.plan.missing()
-        for entry in missing:
+        for entry in self.plan.missing():
+            if entry.variation.name in names:
+                continue
             if entry.variation == self.plan.base or self.plan.seconds_of(entry.variation, entry.last) <= left:
                 return self._job(entry)
             if entry.purpose == REFERENCE:
                 self.plan.closed[entry.variation] = "the time left does not suffice"
-                return self._choose(running, left)
+        if not running and self.plan.combine(self._cost_and_error):
+            return self._choose(running, left)
         return None
 
     def _job(self, entry: Wanted) -> Job:
@@ -170,24 +168,10 @@ class Study:
             for level in range(last + 1):
                 self._point(variation, level)
         if variation == self.plan.base and self.plan.last is None:
-            self.plan.last = self._finest(run) if self.asked_last is None else self.asked_last
-
-    def _finest(self, run: Run) -> int:
-        """The finest level for which the budget has room, by the cost of level 0."""
-        scene, mesh = self.shot.scene, run.levels[0].mesh
-        own, offset = self.plan.costs[self.plan.base][0], COST_OFFSET[mesh.dim]
-        targets = [body.vertices for body in scene.bodies if len(body.vertices)]
-        total, count, finest = 0.0, float(len(mesh.points)), 0
-        for level in range(scene.levels):
-            if level:
-                grown = (
-                    sum(t[level] for t in targets) / sum(t[level - 1] for t in targets) if targets else UNKNOWN_GROWTH
-                )
-                count *= grown
-            total += own * ((count + offset) / (len(mesh.points) + offset)) ** COST_EXPONENT
-            if self.plan.crowding * total <= LEVEL_SHARE * self.plan.seconds:
-                finest = level
-        return finest
+            cost0 = self.plan.crowding * self.plan.costs[variation][0]
+            room = LEVEL_SHARE * self.plan.seconds
+            finest = finest_level(self.shot.scene, run.levels[0].mesh, cost0, room)
+            self.plan.last = finest if self.asked_last is None else self.asked_last
 
     def _line(self, outcome: Outcome) -> str:
         done, missing = len(self.plan.done), len(self.plan.missing())
