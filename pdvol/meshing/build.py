@@ -32,7 +32,7 @@ from pdvol.meshing.verdict import Boundary, boundary_facets_of, check_place, jud
 from pdvol.meshing.volume import enclosed_volume
 from pdvol.scene import Body, Rigid, Scene
 
-BUILD_VERSION = 3
+BUILD_VERSION = 4
 """Part of the cache's keys. Increase it by one when the same input gives other meshes: old ones are not used then."""
 Shape: TypeAlias = Outline | Surface | Solid
 AnyShape: TypeAlias = str | Path | Shape

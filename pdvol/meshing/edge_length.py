@@ -12,8 +12,10 @@ from scipy.optimize import brentq
 from pdvol.errors import InputError, MeshError
 from pdvol.meshing.cpu_budget import ProcessStopped, check_budget
 
-AIMED_DEVIATION = 0.2
-"""Relative deviation of the number of vertices from the target at which the search ends at once."""
+AIMED_DEVIATION = {2: 0.15, 3: 0.2}
+"""By dimension: relative deviation of the number of vertices from the target at which the search ends at once. Triangle
+meshes cost little, so that one more is worth a closer count.
+"""
 ACCEPTED_DEVIATION = 0.25
 """Relative deviation at which a mesh is accepted after `ATTEMPTS_BEFORE_ACCEPTING` attempts; beyond it, never."""
 MAX_ATTEMPTS = 6
@@ -109,7 +111,7 @@ def mesh_of_target_size(
         if best is None or abs(off) < best[0]:
             best = (abs(off), SizedMesh(points, cells, scale))
         share = abs(len(best[1].points) / target - 1.0)
-        if share <= AIMED_DEVIATION or (share <= ACCEPTED_DEVIATION and tried >= ATTEMPTS_BEFORE_ACCEPTING):
+        if share <= AIMED_DEVIATION[dim] or (share <= ACCEPTED_DEVIATION and tried >= ATTEMPTS_BEFORE_ACCEPTING):
             return best[1]
         scale = float(np.exp(_next_log_scale(history, dim)))
     if best is None:
