@@ -59,6 +59,7 @@ def front_figure(study: Mapping[str, Any]) -> Figure:
     points = [p for p in study["points"] if p["errors"]["end"] > 0.0]
     for level in sorted({p["level"] for p in points}):
         for alone in (False, True):
+            name = f"level {level}{' alone' if alone else ''}"
             for story in (True, False):
                 mine = [
                     p
@@ -73,7 +74,7 @@ def front_figure(study: Mapping[str, Any]) -> Figure:
                     color=colour,
                     markerfacecolor=colour if story else "none",
                     markersize=6,
-                    label=f"level {level}{' alone' if alone else ''}" if story and mine else None,
+                    label=name if mine and name not in axes.get_legend_handles_labels()[1] else None,
                 )
     front = sorted((p["cost"]["cpu"], p["errors"]["end"], p) for p in points if p["front"])
     axes.step([c for c, _, _ in front], [e for _, e, _ in front], where="post", color=FAINT_INK, linewidth=1.0)
