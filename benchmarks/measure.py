@@ -69,7 +69,7 @@ def speed(level: RunLevel, ranks: int) -> dict:
     log, counted = level.log, timed(level)
     seconds = [record["seconds"]["total"] for record in counted]
     newton = sum(record["newton_iterations"] for record in counted)
-    parts = sorted({part for record in counted for part in record["seconds"]} - {"total"})
+    parts = sorted({part for record in counted for part in record["seconds"]} - {"total", "cpu"})
     return {
         "seconds": spread(seconds),
         "seconds_first_step": log[0]["seconds"]["total"] if log else None,

@@ -183,7 +183,7 @@ def _crash(path):
 )
 def test_failures_of_a_reader_become_errors(tmp_path, monkeypatch, work, message):
     monkeypatch.setattr("pdvol.meshing.reader_process.BASE_SECONDS", 0.5)
-    monkeypatch.setattr("pdvol.meshing.reader_process.IDLE_LOOKS", 2)
+    monkeypatch.setattr("pdvol.meshing.cpu_budget.IDLE_LOOKS", 2)
     path = write(tmp_path / "a.obj", "v 0 0 0\n")
     with pytest.raises(InputError, match=message):
         read_in_child_process(path, work)
