@@ -1,6 +1,7 @@
 """What tests of several commands begin with: a scene file, and one finished run of it."""
 
 import pytest
+
 from cli_scenes import FALL, pdvol, write
 
 

@@ -8,8 +8,8 @@ import sys
 
 import numpy as np
 import pytest
-from cli_scenes import CUBE_OFF, FALL, SQUARE, pdvol, write
 
+from cli_scenes import CUBE_OFF, FALL, SQUARE, pdvol, write
 from commands import SAFETY
 
 

@@ -6,8 +6,8 @@ import json
 
 import numpy as np
 import pytest
-from cli_scenes import SQUARE, pdvol, write
 
+from cli_scenes import SQUARE, pdvol, write
 from pdvol import open_run
 from pdvol.measure.verify import verify_run
 from pdvol.runs.stored_fields import SceneFields, stored_scene

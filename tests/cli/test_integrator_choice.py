@@ -5,8 +5,8 @@ import shutil
 
 import numpy as np
 import pytest
-from cli_scenes import FALL, pdvol, states, write
 
+from cli_scenes import FALL, pdvol, states, write
 from pdvol import open_run
 from pdvol.measure.verify import verify_run
 

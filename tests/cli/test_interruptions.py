@@ -13,8 +13,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from cli_scenes import FALL, SQUARE, pdvol, write
 
+from cli_scenes import FALL, SQUARE, pdvol, write
 from commands import SAFETY, WITHOUT_PICTURE
 from killing import HELPERS
 from pdvol import open_run

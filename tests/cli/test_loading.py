@@ -4,6 +4,7 @@ import subprocess
 import sys
 
 import pytest
+
 from cli_scenes import CUBE_OFF, FALL, write
 
 PLOTTING = {"pyvista", "vtkmodules", "matplotlib"}

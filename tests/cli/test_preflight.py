@@ -6,8 +6,8 @@ import time
 import meshio
 import numpy as np
 import pytest
-from cli_scenes import CUBE_OFF, FALL, SQUARE, pdvol, write
 
+from cli_scenes import CUBE_OFF, FALL, SQUARE, pdvol, write
 from pdvol.geometry.level_mesh import LevelMesh
 from pdvol.meshing.build import build_levels
 from pdvol.runs import preflight

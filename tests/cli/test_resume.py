@@ -6,8 +6,8 @@ import subprocess
 import sys
 
 import pytest
-from cli_scenes import FALL, pdvol, states, write
 
+from cli_scenes import FALL, pdvol, states, write
 from commands import SAFETY
 from pdvol import open_run
 from pdvol.measure.verify import verify_run

@@ -7,8 +7,8 @@ import sys
 import meshio
 import numpy as np
 import pytest
-from cli_scenes import CUBE_OFF, pdvol, states, write
 
+from cli_scenes import CUBE_OFF, pdvol, states, write
 from commands import SAFETY, WITHOUT_PICTURE
 from pdvol import open_run
 from pdvol.errors import InputError
