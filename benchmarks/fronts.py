@@ -13,9 +13,9 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from pdvol.explore.conclusions import length, option_text
-from pdvol.explore.front import cheapest_within
-from pdvol.explore.page import front_image
+from pdvol.explore.study.conclusions import length, option_text
+from pdvol.explore.study.front import cheapest_within
+from pdvol.explore.study.page import front_image
 from report import number, table
 
 ROOT = Path(__file__).resolve().parents[1]

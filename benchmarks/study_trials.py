@@ -16,10 +16,10 @@ from pathlib import Path
 
 import numpy as np
 
-from pdvol.explore.conclusions import length
-from pdvol.explore.front import cheapest_within
+from pdvol.explore.study.conclusions import length
+from pdvol.explore.study.front import cheapest_within
+from pdvol.explore.study.yardstick import Yardstick
 from pdvol.explore.variation import Base, Variation, times
-from pdvol.explore.yardstick import Yardstick
 from pdvol.runs.scene_file import load_shot
 from pdvol.store.files import write_json
 from pdvol.store.reader import open_run

@@ -9,7 +9,7 @@ from pdvol.commands.options import add_levels, add_settings, chosen_shot, level_
 from pdvol.errors import InputError
 
 if TYPE_CHECKING:
-    from pdvol.explore.study import Study
+    from pdvol.explore.study.study import Study
     from pdvol.explore.variation import Variation
 
 BUDGET = 10.0  # minutes: enough for the scenes in demos/ on their coarse levels
@@ -39,9 +39,9 @@ def add_arguments(parser: ArgumentParser) -> None:
 
 def main(options: Namespace) -> None:
     """Run the study, write study.json and study.html, print the sentences."""
-    from pdvol.explore.axes import chosen_axes
     from pdvol.explore.jobs import cores
-    from pdvol.explore.study import Study
+    from pdvol.explore.study.axes import chosen_axes
+    from pdvol.explore.study.study import Study
 
     if not options.budget > 0.0:
         raise InputError(f"--budget {options.budget:g}: give minutes above zero")
@@ -66,7 +66,7 @@ def main(options: Namespace) -> None:
 
 def _show(made: "Study") -> None:
 
-    from pdvol.explore.page import write_page
+    from pdvol.explore.study.page import write_page
 
     result = made.run(lambda line: print(line, file=sys.stderr, flush=True))
     page = write_page(made.out / "study.html", result)

@@ -1,1 +1,1 @@
-"""Many runs of one scene: studies of speed against accuracy."""
+"""Many runs of one scene: variations, their jobs, and what is made of them."""

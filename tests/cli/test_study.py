@@ -11,7 +11,7 @@ import pytest
 
 from cli_scenes import FALL, pdvol, write
 from commands import PDVOL, SAFETY
-from pdvol.explore.yardstick import Yardstick
+from pdvol.explore.study.yardstick import Yardstick
 from pdvol.store.reader import open_run
 
 WORDS = ("--steps", 6, "--vary", "dt=0.04:0.01,max_iterations=1:200,level", "--budget", 3, "--reference", "dt=0.005")

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from pdvol.explore.axes import Axis, cost_factor
-from pdvol.explore.front import candidates
+from pdvol.explore.study.axes import Axis, cost_factor
+from pdvol.explore.study.front import candidates
 from pdvol.explore.variation import Variation, times
 from pdvol.geometry.level_mesh import LevelMesh
 from pdvol.runs.preflight import COST_EXPONENT, COST_OFFSET

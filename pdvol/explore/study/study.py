@@ -10,12 +10,12 @@ from pathlib import Path
 from typing import Any
 
 from pdvol.errors import InputError, SimulationError
-from pdvol.explore.axes import Axis, base_value, scene_file
-from pdvol.explore.conclusions import conclusions
 from pdvol.explore.jobs import Job, Outcome, run_jobs
-from pdvol.explore.plan import LEVEL_SHARE, REFERENCE, Plan, Wanted, finest_level
+from pdvol.explore.study.axes import Axis, base_value, scene_file
+from pdvol.explore.study.conclusions import conclusions
+from pdvol.explore.study.plan import LEVEL_SHARE, REFERENCE, Plan, Wanted, finest_level
+from pdvol.explore.study.yardstick import Yardstick, cost
 from pdvol.explore.variation import Base, Variation, number, value_text
-from pdvol.explore.yardstick import Yardstick, cost
 from pdvol.levels.scene_fields import scene_diagonal
 from pdvol.runs.scene_file import Shot
 from pdvol.store.files import lock, read_json, write_json

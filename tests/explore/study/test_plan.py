@@ -1,7 +1,7 @@
 """The order of a study's runs, on made-up costs."""
 
-from pdvol.explore.axes import Axis
-from pdvol.explore.plan import REFERENCE, REFERENCE_SHARE, START_UP, Plan
+from pdvol.explore.study.axes import Axis
+from pdvol.explore.study.plan import REFERENCE, REFERENCE_SHARE, START_UP, Plan
 from pdvol.explore.variation import Variation
 from pdvol.scene import Relative
 

@@ -5,7 +5,14 @@ import itertools
 import numpy as np
 import pytest
 
-from pdvol.explore.front import candidates, cheapest_within, fitted_order, most_accurate_within, on_front, richardson
+from pdvol.explore.study.front import (
+    candidates,
+    cheapest_within,
+    fitted_order,
+    most_accurate_within,
+    on_front,
+    richardson,
+)
 
 
 def test_the_front_holds_what_no_other_point_beats():

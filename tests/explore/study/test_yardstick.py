@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pdvol.explore.yardstick import Yardstick
+from pdvol.explore.study.yardstick import Yardstick
 from pdvol.store.reader import open_run
 from pdvol.store.writer import RunWriter
 from runs import DT, level_meshes, moved

@@ -4,10 +4,10 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from pdvol.explore.front import cheapest_within, fitted_order, on_front, richardson
-from pdvol.explore.plan import STRICTER, Plan
+from pdvol.explore.study.front import cheapest_within, fitted_order, on_front, richardson
+from pdvol.explore.study.plan import STRICTER, Plan
+from pdvol.explore.study.yardstick import Yardstick
 from pdvol.explore.variation import Variation, number
-from pdvol.explore.yardstick import Yardstick
 from pdvol.geometry.level_mesh import LevelMesh
 from pdvol.store.reader import Run, open_run
 

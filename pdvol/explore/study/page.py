@@ -14,7 +14,7 @@ from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 
 from pdvol.draw.layout import BACKGROUND, FAINT_INK, INK, PALETTE
-from pdvol.explore.conclusions import length, option_text
+from pdvol.explore.study.conclusions import length, option_text
 from pdvol.store.files import write_bytes
 
 LABELLED = 14  # points of the front that carry their settings: more texts cover each other
@@ -23,7 +23,7 @@ LABELLED = 14  # points of the front that carry their settings: more texts cover
 def write_page(path: Path, study: Mapping[str, Any]) -> Path:
     """Write the page of a study's results (`study.json`) as one HTML file."""
     environment = Environment(
-        loader=PackageLoader("pdvol.explore", "."), autoescape=True, undefined=StrictUndefined, trim_blocks=True
+        loader=PackageLoader("pdvol.explore.study", "."), autoescape=True, undefined=StrictUndefined, trim_blocks=True
     )
     template = environment.get_template("study.html.jinja")
     points = sorted(study["points"], key=lambda point: point["cost"]["cpu"])
