@@ -33,9 +33,10 @@ def add_new_run(parser: ArgumentParser) -> None:
     parser.add_argument("--resume", action="store_true", help="go on with the run in that folder")
 
 
-def add_picture(parser: ArgumentParser) -> None:
-    """`--no-picture`."""
+def add_outputs(parser: ArgumentParser) -> None:
+    """`--no-picture` and `--no-xdmf`."""
     parser.add_argument("--no-picture", action="store_true", help="do not draw picture.png at the end")
+    parser.add_argument("--no-xdmf", action="store_true", help="do not write level_N.xdmf; pdvol export makes it later")
 
 
 def add_prolongation(parser: ArgumentParser) -> None:

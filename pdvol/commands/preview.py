@@ -3,13 +3,13 @@
 from argparse import ArgumentParser, Namespace
 from pathlib import Path
 
-from pdvol.commands.options import add_new_run, add_picture, chosen_shot
+from pdvol.commands.options import add_new_run, add_outputs, chosen_shot
 
 
 def add_arguments(parser: ArgumentParser) -> None:
     """The options of `pdvol preview`."""
     add_new_run(parser)
-    add_picture(parser)
+    add_outputs(parser)
 
 
 def main(options: Namespace) -> None:
@@ -19,5 +19,5 @@ def main(options: Namespace) -> None:
 
     shot = chosen_shot(options)
     out = options.out or Path("runs") / f"{shot.name}_preview"
-    run_scene(shot, out, 0, 0, resume=options.resume, progress=progress_report())
-    report_run(out, not options.no_picture)
+    run_scene(shot, out, 0, 0, resume=options.resume, progress=progress_report(), xdmf=not options.no_xdmf)
+    report_run(out, not options.no_picture, not options.no_xdmf)

@@ -3,7 +3,7 @@
 from argparse import ArgumentParser, Namespace
 from pathlib import Path
 
-from pdvol.commands.options import add_picture, add_wavefront
+from pdvol.commands.options import add_outputs, add_wavefront
 
 
 def add_arguments(parser: ArgumentParser) -> None:
@@ -11,7 +11,7 @@ def add_arguments(parser: ArgumentParser) -> None:
     parser.add_argument("run", type=Path, metavar="RUN")
     parser.add_argument("--to", type=int, required=True, metavar="L", help="the finest level wanted")
     add_wavefront(parser)
-    add_picture(parser)
+    add_outputs(parser)
 
 
 def main(options: Namespace) -> None:
@@ -19,5 +19,7 @@ def main(options: Namespace) -> None:
     from pdvol.commands.simulation import progress_report, report_run
     from pdvol.runs.runner import refine_run
 
-    refine_run(options.run, options.to, progress=progress_report(), wavefront=options.wavefront)
-    report_run(options.run, not options.no_picture)
+    refine_run(
+        options.run, options.to, progress=progress_report(), wavefront=options.wavefront, xdmf=not options.no_xdmf
+    )
+    report_run(options.run, not options.no_picture, not options.no_xdmf)

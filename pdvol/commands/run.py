@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from pdvol.commands.options import (
     add_levels,
     add_new_run,
-    add_picture,
+    add_outputs,
     add_prolongation,
     add_wavefront,
     chosen_shot,
@@ -33,7 +33,7 @@ def add_arguments(parser: ArgumentParser) -> None:
     )
     add_prolongation(parser)
     add_wavefront(parser)
-    add_picture(parser)
+    add_outputs(parser)
     add_new_run(parser)
     parser.add_argument("--accuracy", default="", metavar="LENGTH", help="settings of a study: 5mm or 1%% at the end")
     parser.add_argument("--time", default="", metavar="TIME", help="settings of a study: 90s or 10min of CPU time")
@@ -61,8 +61,9 @@ def main(options: Namespace) -> None:
         options.resume,
         progress=progress_report(),
         wavefront=options.wavefront,
+        xdmf=not options.no_xdmf,
     )
-    report_run(out, not options.no_picture)
+    report_run(out, not options.no_picture, not options.no_xdmf)
 
 
 def _from_study(options: Namespace, shot: "Shot") -> "tuple[Shot, int, int | None, str]":

@@ -21,9 +21,9 @@ def progress_report() -> "Watch | None":
     return (lambda level, total, done: Progress(level, total, done=done)) if this_rank() == 0 else None
 
 
-def report_run(out: Path, drawn: bool = True) -> None:
-    """Draw `picture.png` of a finished run unless `drawn` is False, and print where its files are and what contact held
-    back, on one rank.
+def report_run(out: Path, drawn: bool = True, exported: bool = True) -> None:
+    """Draw `picture.png` of a finished run if `drawn`, and print where its files are and what contact held back, on one
+    rank. `exported` says that level_N.xdmf is among them.
     """
     if this_rank() != 0:
         return
@@ -37,5 +37,5 @@ def report_run(out: Path, drawn: bool = True) -> None:
         render(run, out / "picture.png")
     for line in (*(f"note: {line}" for line in run.info.get("mended", [])), *held_back_lines(run)):
         print(line, file=sys.stderr)
-    files = "log.jsonl, level_N.xdmf and picture.png" if drawn else "log.jsonl and level_N.xdmf"
-    print(f"{out}: states, {files}", file=sys.stderr)
+    files = ["states", "log.jsonl", *(["level_N.xdmf"] if exported else []), *(["picture.png"] if drawn else [])]
+    print(f"{out}: {', '.join(files[:-1])} and {files[-1]}", file=sys.stderr)

@@ -111,7 +111,7 @@ class _Process:
 def _start(words: Sequence[str], log: TextIO) -> subprocess.Popen:
     # A session of its own: Ctrl-C is for the process that keeps the study.
     return subprocess.Popen(
-        [sys.executable, "-m", "pdvol", "run", *words, "--no-picture"],
+        [sys.executable, "-m", "pdvol", "run", *words, "--no-picture", "--no-xdmf"],
         env=without_launcher(),
         stdin=subprocess.DEVNULL,
         stdout=log,

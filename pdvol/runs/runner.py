@@ -44,6 +44,7 @@ def run_scene(
     comm: MPI.Comm = MPI.COMM_WORLD,
     progress: Watch | None = None,
     wavefront: bool = False,
+    xdmf: bool = True,
 ) -> Path:
     """Simulate levels `first` to `last` of a shot into the run folder `out`. Collective.
 
@@ -58,6 +59,7 @@ def run_scene(
     prolongation : a name in `pdvol.registry.INTERPOLANTS`
     progress : called as (level, steps, steps done) when a level begins, on the ranks where it is given
     wavefront : run the levels side by side, each in a process of its own; `comm` then has one rank
+    xdmf : keep level_N.xdmf up to date; without it `pdvol export` makes it later
 
     Returns
     -------
@@ -84,7 +86,7 @@ def run_scene(
     writer = SharedWriter(
         comm,
         lambda: _open_writer(shot, out, meshes, kept, obstacles, diagonal, method, prolongation, mended),
-        Export(out, scene, obstacles),
+        (Export(out, scene, obstacles),) if xdmf else (),
     )
     try:
         if wavefront:
@@ -100,7 +102,12 @@ def run_scene(
 
 
 def refine_run(
-    out: str | Path, last: int, comm: MPI.Comm = MPI.COMM_WORLD, progress: Watch | None = None, wavefront: bool = False
+    out: str | Path,
+    last: int,
+    comm: MPI.Comm = MPI.COMM_WORLD,
+    progress: Watch | None = None,
+    wavefront: bool = False,
+    xdmf: bool = True,
 ) -> Path:
     """Simulate the finer levels of a stored run, up to `last`; finished steps of coarser levels are not touched.
     Collective.
@@ -114,7 +121,7 @@ def refine_run(
         mend = "; put it back, or use pdvol run --resume with another path" if info["scene_file"] else ""
         raise InputError(f"{out}: {error}{mend}") from error
     shot = load_shot(file, stored_settings(info["parameters"]), info["steps"])
-    return run_scene(shot, out, 0, last, info["method"], info["prolongation"], True, comm, progress, wavefront)
+    return run_scene(shot, out, 0, last, info["method"], info["prolongation"], True, comm, progress, wavefront, xdmf)
 
 
 def _scene_info(out: str | Path) -> dict:

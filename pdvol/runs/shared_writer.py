@@ -1,4 +1,4 @@
-"""A run's writer for all ranks: one of them writes, and keeps level_N.xdmf up to date."""
+"""A run's writer for all ranks: one of them writes, and keeps level_N.xdmf up to date where the run has it."""
 
 import time
 from collections.abc import Callable, Sequence
@@ -53,8 +53,8 @@ class Export:
 class SharedWriter:
     """The run's writer on rank 0. All ranks call it together, and its errors are raised on all of them."""
 
-    def __init__(self, comm: MPI.Comm, open_writer: Callable[[], RunWriter], export: Export):
-        self.comm, self._export = comm, export
+    def __init__(self, comm: MPI.Comm, open_writer: Callable[[], RunWriter], exports: Sequence[Export]):
+        self.comm, self._exports = comm, exports
         self._writer: Any = None  # a RunWriter on rank 0
 
         def take() -> None:
@@ -75,7 +75,8 @@ class SharedWriter:
         def call() -> Any:
             result = getattr(self._writer, name)(*arguments, **details)
             if name == "write_state":
-                self._export.follow(arguments[0])
+                for export in self._exports:
+                    export.follow(arguments[0])
             return result
 
         return on_root(self.comm, call)
@@ -92,18 +93,22 @@ class SharedWriter:
         )
 
     def export(self, level: int) -> None:
-        """Writes level_N.xdmf."""
-        on_root(self.comm, lambda: self._export.write(level))
+        """Writes level_N.xdmf, where the run has it."""
+        on_root(self.comm, lambda: self._write_exports(level))
 
     def finish(self, level: int) -> None:
         """Marks a level as done, with its export; nothing happens where it is done."""
 
         def finish() -> None:
             if self._writer.info["levels"][level]["state"] != "done":
-                self._export.write(level)
+                self._write_exports(level)
                 self._writer.set_level_state(level, "done")
 
         on_root(self.comm, finish)
+
+    def _write_exports(self, level: int) -> None:
+        for export in self._exports:
+            export.write(level)
 
     def close(self) -> None:
         if self._writer is not None:

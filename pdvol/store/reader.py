@@ -16,6 +16,8 @@ from pdvol.store.folder import late_file, level_folder, read_info, state_file
 from pdvol.store.log import read_log
 from pdvol.store.obstacles import DrawnObstacle, read_obstacles
 
+KEPT_STATES = 4  # states of a level that stay in memory: velocities and fields of a step need it and two before
+
 
 class RunLevel:
     """One level of a stored run.
@@ -33,6 +35,7 @@ class RunLevel:
         self.folder = level_folder(run.path, index)
         self._run = run
         self._known_steps = 0
+        self._latest: dict[tuple[int, int, int], np.ndarray] = {}
 
     def __repr__(self) -> str:
         vertices, cells, state = (self.info.get(key) for key in ("vertices", "cells", "state"))
@@ -108,13 +111,24 @@ class RunLevel:
         InputError
             When that state is not there or damaged; the message names the usable states.
         """
-        usable = f"usable states of level {self.index}: {f'0 to {self.steps - 1}' if self.steps else 'none'}"
         if step < 0:
-            raise InputError(f"{self.folder}: there is no step {step}; {usable}")
+            raise InputError(f"{self.folder}: there is no step {step}; {self._usable()}")
+        file = state_file(self.folder, step)
         try:
-            return read_array(state_file(self.folder, step), self.rest.shape)
+            stamp = file.stat()
+            key = step, stamp.st_ino, stamp.st_mtime_ns  # a step that is computed again is another file
+            if key not in self._latest:
+                self._latest[key] = read_array(file, self.rest.shape)
+                if len(self._latest) > KEPT_STATES:
+                    del self._latest[next(iter(self._latest))]
+            return self._latest[key].copy()
+        except FileNotFoundError as error:
+            raise InputError(f"{file} is missing; {self._usable()}") from error
         except InputError as error:
-            raise InputError(f"{error}; {usable}") from error
+            raise InputError(f"{error}; {self._usable()}") from error
+
+    def _usable(self) -> str:
+        return f"usable states of level {self.index}: {f'0 to {self.steps - 1}' if self.steps else 'none'}"
 
     def velocities(self, step: int) -> np.ndarray:
         """(n, d) float64 [m/s]: mean velocity over `step`, the scene's initial velocity for step 0."""
