@@ -1,0 +1,124 @@
+"""A process that has all libraries loaded and carries out one `pdvol run` after the other."""
+
+import contextlib
+import json
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import IO, cast
+
+from pdvol.processes import die_with_parent, without_launcher
+
+PATIENCE = 5.0  # seconds that a process has to end after it was asked to; it stores a state in less
+
+
+class Worker:
+    """One process. It starts at once; libraries are loaded while the caller goes on.
+
+    Attributes
+    ----------
+    busy : whether a command line is carried out
+    """
+
+    def __init__(self) -> None:
+        self.busy = False
+        self._answers = b""
+        self._paused = False
+        self._process = subprocess.Popen(
+            [sys.executable, "-m", "pdvol.worker"],
+            env=without_launcher(),
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
+            start_new_session=True,  # Ctrl-C is for the process that keeps the runs
+            preexec_fn=die_with_parent,
+        )
+        self._commands = cast(IO[bytes], self._process.stdin)
+        self._output = cast(IO[bytes], self._process.stdout)
+        os.set_blocking(self._output.fileno(), False)
+
+    @property
+    def process(self) -> int:
+        """The process's id."""
+        return self._process.pid
+
+    @property
+    def alive(self) -> bool:
+        """Whether the process can take another command line."""
+        return self._process.poll() is None
+
+    def start(self, words: Sequence[str], log: Path) -> None:
+        """Carry out `pdvol` with these words; what it prints goes to the file `log`.
+
+        Raises
+        ------
+        RuntimeError
+            It is busy, or has ended.
+        """
+        if self.busy:
+            raise RuntimeError("a worker carries out one command line at a time")
+        line = json.dumps({"words": [str(word) for word in words], "log": str(log)}) + "\n"
+        try:
+            self._commands.write(line.encode())
+            self._commands.flush()
+        except OSError as error:
+            raise RuntimeError("the worker has ended") from error
+        self.busy = True
+
+    def poll(self) -> int | None:
+        """The exit code of the command line; None while it is carried out.
+
+        A negative number is the signal that has ended the process before the command line had.
+        """
+        if not self.busy:
+            return None
+        with contextlib.suppress(BlockingIOError):
+            while read := os.read(self._output.fileno(), 65536):
+                self._answers += read
+        *lines, self._answers = self._answers.split(b"\n")
+        for line in lines:
+            answer = json.loads(line)
+            if "code" in answer:
+                self.busy = False
+                return int(answer["code"])
+        code = self._process.poll()
+        if code is None:
+            return None
+        self.busy = False
+        return code if code < 0 else -signal.SIGKILL
+
+    def pause(self) -> None:
+        """Hold the process until `resume`."""
+        self._signal(signal.SIGSTOP)
+        self._paused = True
+
+    def resume(self) -> None:
+        """Go on after `pause`."""
+        self._signal(signal.SIGCONT)
+        self._paused = False
+
+    @property
+    def paused(self) -> bool:
+        """Whether `pause` holds it."""
+        return self._paused and self.alive
+
+    def stop(self) -> None:
+        """End the process. States that a run has stored are whole."""
+        self.resume()
+        with contextlib.suppress(OSError):
+            self._commands.close()
+        if self.busy:
+            self._signal(signal.SIGTERM)
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            self._process.wait(PATIENCE)
+        self._process.kill()
+        self._process.wait()
+        self._output.close()
+        self.busy = False
+
+    def _signal(self, number: int) -> None:
+        with contextlib.suppress(ProcessLookupError):
+            os.kill(self._process.pid, number)
