@@ -60,6 +60,8 @@ class Worker:
         """
         if self.busy:
             raise RuntimeError("a worker carries out one command line at a time")
+        if not self.alive:
+            raise RuntimeError("the worker has ended")
         line = json.dumps({"words": [str(word) for word in words], "log": str(log)}) + "\n"
         try:
             self._commands.write(line.encode())

@@ -9,6 +9,7 @@ import pytest
 
 from cli_scenes import FALL, pdvol, write
 from pdvol.explore.worker import Worker
+from pdvol.store.folder import holds_run, read_info
 from pdvol.store.reader import open_run
 
 STEPS = 5
@@ -30,6 +31,10 @@ def scene(tmp_path):
 
 def words(scene, name, *more):
     return ["run", scene, "--steps", STEPS, "--out", scene.parent / name, "--no-picture", "--no-xdmf", *more]
+
+
+def in_creation(folder):
+    return read_info(folder).get("state") == "creating"
 
 
 def ended(worker):
@@ -68,8 +73,8 @@ def test_a_held_worker_stores_no_state_until_it_goes_on(worker, scene):
     worker.start(words(scene, "held", "--steps", 100_000), scene.parent / "held.log")
     limit = time.monotonic() + PATIENCE_OF_TESTS
     folder = scene.parent / "held"
-    while not (folder / "log.jsonl").exists() or open_run(folder).levels[0].steps < 3:
-        assert time.monotonic() < limit and worker.poll() is None
+    while not holds_run(folder) or in_creation(folder) or open_run(folder).levels[0].steps < 3:
+        assert time.monotonic() < limit and worker.poll() is None, (scene.parent / "held.log").read_text()
         time.sleep(0.02)
     worker.pause()
     time.sleep(0.2)
