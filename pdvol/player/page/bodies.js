@@ -132,7 +132,7 @@ class Shown {
   plane(obstacle) {
     const square = new THREE.PlaneGeometry(2, 2);
     const uniforms = { ...SHARED, dark: { value: 0 } };
-    for (const name of ["centre", "normal", "along", "across"]) uniforms[name] = { value: new THREE.Vector3() };
+    for (const name of ["centre", "upright", "along", "across"]) uniforms[name] = { value: new THREE.Vector3() };
     const plane = { places: obstacle.places, uniforms, shadows: [], objects: [] };
     const material = (more) => new THREE.ShaderMaterial({ uniforms: { ...uniforms, ...more }, vertexShader: GROUND_VERTEX,
       fragmentShader: GROUND_FRAGMENT, side: THREE.DoubleSide, depthTest: !FLAT, depthWrite: !FLAT,
@@ -171,8 +171,8 @@ class Shown {
     const state = Math.min(Math.floor(position + 1e-9), plane.places.length - 1), next = Math.min(state + 1, plane.places.length - 1);
     const place = plane.places[state].map((value, i) => value + (plane.places[next][i] - value) * (position - Math.floor(position)));
     const half = place.length / 2, point = vector(place.slice(0, half)), normal = vector(place.slice(half)).normalize();
-    const { centre, along, across, normal: held } = plane.uniforms;
-    held.value.copy(normal);
+    const { centre, upright, along, across } = plane.uniforms;
+    upright.value.copy(normal);
     plane.point = point;
     const reach = FLAT ? 60 * DATA.camera.size : SHARED.reach.value;
     const depth = CAMERA.focus.clone().sub(point).dot(normal);
@@ -189,7 +189,7 @@ class Shown {
   }
   seenFrom(camera) {  // from behind a plane would hide the scene
     for (const plane of this.grounds) {
-      const shown = FLAT || camera.position.clone().sub(plane.point).dot(plane.uniforms.normal.value) > 0;
+      const shown = FLAT || camera.position.clone().sub(plane.point).dot(plane.uniforms.upright.value) > 0;
       for (const object of plane.objects) object.visible = shown;
     }
   }

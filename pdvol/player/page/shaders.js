@@ -58,11 +58,11 @@ void main() {
   gl_Position = projectionMatrix * viewMatrix * vec4(place, 1.0);
 }`;
 const SHADOW_VERTEX = PLACED + `
-uniform vec3 centre, normal, mainLight;
+uniform vec3 centre, upright, mainLight;
 varying vec3 place;
 void main() {
   place = placed();
-  place -= mainLight * dot(place - centre, normal) / max(dot(mainLight, normal), 0.5);
+  place -= mainLight * dot(place - centre, upright) / max(dot(mainLight, upright), 0.5);
   gl_Position = projectionMatrix * viewMatrix * vec4(place, 1.0);
 }`;
 const GROUND_FRAGMENT = `

@@ -13,8 +13,7 @@ class View {
     this.wipe = 0.5;
     this.size = [1, 1];
     this.renderer = new THREE.WebGLRenderer({ canvas, antialias: true });
-    this.renderer.setClearColor(new THREE.Color().setRGB(...colour(DATA.colours.background).toArray(), THREE.LinearSRGBColorSpace));
-    this.renderer.outputColorSpace = THREE.LinearSRGBColorSpace;  // the shaders' colours are those of the screen
+    this.renderer.setClearColor(new THREE.Color(DATA.colours.background));
     this.renderer.autoClear = false;
     this.camera = FLAT ? new THREE.OrthographicCamera() : new THREE.PerspectiveCamera(DATA.camera.angle);
     this.camera.up.copy(CAMERA.upward);
