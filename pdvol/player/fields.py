@@ -13,7 +13,7 @@ FIELDS = {"strain": ("strain", ""), "contact_force": ("contact force", "Pa")}
 """By name: what a field is called on the page, and its unit. Strain is the largest |principal stretch - 1|; contact force
 is per area at rest, so that levels can be compared.
 """
-BRIGHTEST = 99.5  # percentile of a field's positive values that gets the last colour: single peaks hide the rest
+BRIGHTEST = 98.0  # percentile of a field's positive values that gets the last colour: single peaks hide the rest
 
 PointField = Callable[[int], np.ndarray]
 """Values of a level's vertices at a step: (n,), or (n, d) whose lengths are shown."""

@@ -4,6 +4,7 @@ of a network. WebGL is drawn in software. No wait is without end, and the browse
 
 import io
 import shutil
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -61,6 +62,13 @@ class Tab:
         """Load an address or a file, up to the load event."""
         self.page.goto(address.resolve().as_uri() if isinstance(address, Path) else address)
         return self
+
+    def until(self, expression: str) -> None:
+        """Wait until an expression of JavaScript holds; pages whose policy forbids `eval` have no other way."""
+        end = time.monotonic() + PATIENCE
+        while not self.page.evaluate(expression):
+            assert time.monotonic() < end, f"{expression} did not hold within {PATIENCE:g} s; {self.complaints}"
+            self.page.wait_for_timeout(30)
 
     def picture(self, selector: str | None = None, path: Path | None = None) -> np.ndarray:
         """(height, width, 3) uint8: what the page, or one element of it, looks like now; also written to `path`."""

@@ -100,7 +100,7 @@ class Shown {
     const share = Math.min(Math.max((FLAT ? 14 : 9) / Math.sqrt(faces.length / 3), 0.16), 0.6);
     const lines = (index, opacity, order) => added(this.scene, new THREE.LineSegments(body.geometry(index),
       surfaceMaterial(body, { lit: 0, darker: 0.45, opacity, transparent: true })), order);
-    this.edges.push(lines(uniqueEdges(faces, body.points), share, 11));
+    this.edges.push(Object.assign(lines(uniqueEdges(faces, body.points), share, 11), { share }));
     if (FLAT) lines(arrays[pane.outline].values, 0.95, 12);
     const obstacles = pane.obstacles.map((obstacle) => this[obstacle.kind](obstacle));
     if (!FLAT) {
@@ -202,6 +202,7 @@ class Shown {
     for (const edges of this.edges) {
       edges.visible = how !== "surface";
       edges.material.uniforms.darker.value = how === "wire" ? 0.8 : 0.45;
+      edges.material.uniforms.opacity.value = how === "wire" ? 0.85 : edges.share;
     }
   }
 }

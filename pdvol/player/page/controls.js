@@ -8,7 +8,7 @@ const element = (name, properties, ...children) => {
   return made;
 };
 const swatch = (background) => { const mark = element("i", {}); mark.style.background = background; return mark; };
-const SMALL = 190;  // pixels: a pane narrower than this has small labels
+const SMALL = 190;  // pixels: a pane narrower or lower than this has small labels
 
 class Player {
   constructor(arrays) {
@@ -39,8 +39,8 @@ class Player {
     $("scrubber").max = this.steps;
     const names = this.panes.find((pane) => pane.states).names;
     this.bodies = names.map((name, i) => element("span", {}, swatch(DATA.colours.bodies[i % DATA.colours.bodies.length]), name));
-    const obstacles = new Set(live.flatMap(([pane]) => pane.obstacles.map((obstacle) => obstacle.name)).filter(Boolean));
-    for (const name of obstacles) this.bodies.push(element("span", {}, swatch(DATA.colours.obstacle), name));
+    const obstacles = new Map(live.flatMap(([pane]) => pane.obstacles.map(({ name, kind }) => [name, kind === "plane" ? "ground" : "obstacle"])));
+    for (const [name, kind] of obstacles) if (name) this.bodies.push(element("span", {}, swatch(DATA.colours[kind]), name));
     const error = Math.max(...live.map(([pane]) => pane.error));
     $("legend").title = [`Positions within ${short(error)} m of the stored ones.`, ...DATA.notes].join(" ");
   }
@@ -73,11 +73,11 @@ class Player {
     $("labels").replaceChildren();
     for (const [n, place] of this.view.places().entries()) {
       const pane = this.panes[place.pane], frame = element("div", { className: "frame" });
-      const right = n === 1 && this.view.layout === "wipe", small = place.width < SMALL;
+      const right = n === 1 && this.view.layout === "wipe", small = Math.min(place.width, place.height) < SMALL;
       const mark = swatch(colourOfPane(place.pane)), words = [pane.title, ...pane.lines, pane.states ? pane.note : ""].filter(Boolean);
       const label = element("div", { className: `label${small ? " small" : ""}${right ? " right" : ""}`, title: words.join("\n") });
       label.append(element("span", { className: "title" }, pane.states ? mark : "", element("b", { textContent: pane.title })));
-      const lines = small && place.height < SMALL ? words.slice(1, 3) : words.slice(1);
+      const lines = small ? words.slice(1, 3) : words.slice(1);
       for (const line of lines) label.append(element("span", { textContent: line }));
       if (!pane.states) frame.append(element("p", { textContent: pane.note, title: pane.note }));
       for (const box of [frame, label]) Object.assign(box.style, { left: `${place.x}px`, top: `${place.y}px`, width: `${place.width}px` });
