@@ -9,6 +9,8 @@ from pdvol.commands.options import add_levels, stored_levels
 from pdvol.errors import InputError
 
 if TYPE_CHECKING:
+    from pdvol.export.series import Fields
+    from pdvol.player.fields import PointField
     from pdvol.player.panes import Pane
 
 
@@ -86,8 +88,12 @@ def with_contact_force(panes: list["Pane"], notes: list[str]) -> list["Pane"]:
         if pane.run is not None:
             of_step = by_run[id(pane.run)](pane.level)
             if "contact_force" in of_step(0).points:
-                forces = per_area(pane.stored, lambda step, of_step=of_step: of_step(step).points["contact_force"])
-                pane = replace(pane, fields={**pane.fields, "contact_force": forces})
+                fields = {**pane.fields, "contact_force": per_area(pane.stored, _contact_force(of_step))}
+                pane = replace(pane, fields=fields)
         found.append(pane)
-    notes += dict.fromkeys(note for fields in by_run.values() for note in fields.notes)
+    notes += dict.fromkeys(note for its in by_run.values() for note in its.notes)
     return found
+
+
+def _contact_force(of_step: "Fields") -> "PointField":
+    return lambda step: of_step(step).points["contact_force"]

@@ -52,16 +52,14 @@ class Curves:
         found["total"] = kinetic + found["elastic"] + found["load"]
         if number and self.run.levels[number - 1].steps:
             found |= self._drift(number, states)
-        return {name: values.tolist() for name, values in found.items() if not np.isnan(values).all()}
+        return {name: [float(v) for v in values] for name, values in found.items() if not np.isnan(values).all()}
 
     def _drift(self, number: int, states: int) -> dict[str, np.ndarray]:
         """The largest drift of a body since the start from the level below: of its centre of mass [m], and of its
         orientation [degrees]. Each level is fitted on its own mesh.
         """
         apart = np.full((2, states), np.nan)
-        for step, mine, below in zip(
-            range(states), self._motions(number), self._motions(number - 1), strict=False
-        ):
+        for step, mine, below in zip(range(states), self._motions(number), self._motions(number - 1), strict=False):
             apart[:, step] = [worst.max() for worst in drift(mine, below)]
         return dict(zip(GRAPHS["drift"], apart, strict=True))
 

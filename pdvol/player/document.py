@@ -1,4 +1,6 @@
-"""The player as one HTML file: states, obstacles, graphs, three.js and the page's own scripts, nothing from a network."""
+"""The player as one HTML file: states, obstacles, graphs, three.js and the page's own scripts. Nothing comes from a
+network.
+"""
 
 from collections.abc import Sequence
 from dataclasses import replace

@@ -9,9 +9,10 @@ from pdvol.player.motion import Skin
 from pdvol.player.packing import Chunks, quantised
 from pdvol.store.reader import RunLevel
 
-FIELDS = {"strain": ("strain", ""), "contact_force": ("contact force", "Pa")}
-"""By name: what a field is called on the page, and its unit. Strain is the largest |principal stretch - 1|; contact force
-is per area at rest, so that levels can be compared.
+FIELDS = {"strain": ("strain", "", 1e-3), "contact_force": ("contact force", "Pa", 1e-3)}
+"""By name: what a field is called on the page, its unit, and the least value for the last colour, below which there is
+only rounding. Strain is the largest |principal stretch - 1|; contact force is per area at rest, so that levels can be
+compared.
 """
 BRIGHTEST = 98.0  # percentile of a field's positive values that gets the last colour: single peaks hide the rest
 
@@ -76,8 +77,8 @@ def packed_fields(
                 drawn, field = Skin(level).vertices, fields[name]
                 values[i] = np.stack([field(step)[drawn] for step in range(states)]).astype(np.float32)
         positive = np.concatenate([v[v > 0.0] for v in values.values()])
-        top = float(np.percentile(positive, BRIGHTEST)) if len(positive) else 1.0
-        label, unit = FIELDS[name]
+        label, unit, least = FIELDS[name]
+        top = max(float(np.percentile(positive, BRIGHTEST)), least) if len(positive) else least
         found[name] = {"label": label, "unit": unit, "top": top}
         for i, v in values.items():
             shares = quantised(v[..., None], np.zeros(1), np.array([top]), np.uint8)

@@ -59,10 +59,8 @@ def packed_states(positions: Callable[[int], np.ndarray], states: int, chunks: C
     return {"low": low, "span": high - low, "error": error, "positions": chunks.states(values)}
 
 
-def packed_obstacles(
-    level: RunLevel, obstacles: Sequence[DrawnObstacle], states: int, chunks: Chunks
-) -> list[dict]:
-    """A run's obstacles as they were at a level's first states: one state of those that rest, all of those that move."""
+def packed_obstacles(level: RunLevel, obstacles: Sequence[DrawnObstacle], states: int, chunks: Chunks) -> list[dict]:
+    """A run's obstacles as they were at a level's first states: one state of those that rest, all of others."""
     placed = [level.placed(obstacles, step) for step in range(states)]
     return [_packed_obstacle([at[i] for at in placed], chunks) for i in range(len(obstacles))]
 

@@ -1,7 +1,7 @@
 """What a player shows: levels of runs beside each other, or the variations of a wedge folder."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -95,9 +95,9 @@ def panes_of_wedge(folder: Path, levels: Sequence[int] | None = None) -> list[Pa
 
 def _panes_of_variation(folder: Path, place: int, entry: Mapping[str, Any], levels: Sequence[int] | None) -> list[Pane]:
     name = str(entry.get("name", place))
-    changes, scores = (entry.get(key) if isinstance(entry.get(key), dict) else {} for key in ("changes", "scores"))
-    lines = [" ".join(f"{key}={value}" for key, value in (changes or {}).items())]
-    lines += [f"{key} {value:.3g}" for key, value in (scores or {}).items() if isinstance(value, int | float)]
+    changes, scores = _mapping(entry, "changes"), _mapping(entry, "scores")
+    lines = [" ".join(f"{key}={value}" for key, value in changes.items())]
+    lines += [f"{key} {value:.3g}" for key, value in scores.items() if isinstance(value, int | float)]
     lines = [line for line in lines if line]
     title = str(entry.get("number", place)) if changes else name
     reason = str(entry.get("reason") or "")
@@ -105,11 +105,15 @@ def _panes_of_variation(folder: Path, place: int, entry: Mapping[str, Any], leve
         panes = panes_of_run(open_run(folder / "runs" / name), [0] if levels is None else levels)
     except InputError as error:
         return [Pane(title, lines=lines, note=reason or _short(error, entry.get("state")))]
-    several = len(panes) > 1
+    titles = [f"{title}, {pane.title}" for pane in panes] if len(panes) > 1 else [title]
     return [
-        Pane(f"{title}, {pane.title}" if several else title, pane.run, pane.level, pane.states, lines, reason or pane.note)
-        for pane in panes
+        replace(pane, title=own, lines=lines, note=reason or pane.note) for pane, own in zip(panes, titles, strict=True)
     ]
+
+
+def _mapping(entry: Mapping[str, Any], key: str) -> Mapping[str, Any]:
+    value = entry.get(key)
+    return value if isinstance(value, dict) else {}
 
 
 def _short(error: InputError, state: Any) -> str:

@@ -35,7 +35,8 @@ def player(tab, tmp_path):
 
 def seen(tab):
     """What the stage shows once its next frame is drawn."""
-    tab.page.evaluate("() => new Promise((done) => { player.redraw(); requestAnimationFrame(() => requestAnimationFrame(done)); })")
+    tab.page.evaluate("player.redraw()")
+    tab.page.evaluate("new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
     return tab.picture("#stage")
 
 
@@ -146,7 +147,7 @@ def test_colours_wireframe_and_camera(player, solid_run):
 
 def test_moving_obstacles_move(player, solid_run):
     tab = player(panes_of_run(open_run(solid_run), [0]))
-    tab.page.evaluate("for (const moving of player.view.shown[0].moving.slice(0, 1)) moving.goTo = () => {};")  # bodies rest
+    tab.page.evaluate("player.view.shown[0].body.goTo = () => {}")  # bodies rest
     start = seen(tab)
     scrub(tab, 4)
     assert difference(start, seen(tab)) > CHANGED
@@ -184,7 +185,7 @@ def test_every_control_has_a_name_and_fits(player, solid_run):
     for control in controls.all():
         box = control.bounding_box()
         assert 0 <= box["x"] and box["x"] + box["width"] <= 1000 and 0 <= box["y"] and box["y"] + box["height"] <= 700
-        name = control.evaluate("e => e.getAttribute('aria-label') || e.innerText || (e.labels && e.labels[0].innerText)")
+        name = control.evaluate("e => e.ariaLabel || e.innerText || (e.labels && e.labels[0].innerText)")
         assert name and name.strip()
     assert tab.page.evaluate("[document.body.scrollWidth, document.body.scrollHeight]") == [1000, 700]
 
@@ -196,7 +197,9 @@ def test_a_wedge_is_a_grid_of_labelled_tiles(player, tmp_path):
         {"number": n, "name": f"v{n}", "changes": {"spin": f"{n}"}, "state": "done", "scores": {"upright": 0.25 * n}}
         for n in range(3)
     ]
-    variations.append({"number": 3, "name": "v3", "changes": {"spin": "9"}, "state": "failed", "reason": "it <b>broke</b>"})
+    variations.append(
+        {"number": 3, "name": "v3", "changes": {"spin": "9"}, "state": "failed", "reason": "it <b>broke</b>"}
+    )
     variations.append({"name": "bare"})
     (tmp_path / "wedge" / "wedge.json").write_text(json.dumps({"format": 1, "variations": variations}))
     tab = player(panes_of_wedge(tmp_path / "wedge"))
@@ -208,7 +211,10 @@ def test_a_wedge_is_a_grid_of_labelled_tiles(player, tmp_path):
     tab.page.mouse.dblclick(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
     assert tab.page.evaluate("[player.view.layout, player.view.first]") == ["one", 2]
     assert difference(grid, seen(tab)) > CHANGED
-    assert "spin=2" in tab.page.locator("#labels").inner_text() and "spin=1" not in tab.page.locator("#labels").inner_text()
+    assert (
+        "spin=2" in tab.page.locator("#labels").inner_text()
+        and "spin=1" not in tab.page.locator("#labels").inner_text()
+    )
 
 
 def test_a_frame_of_ten_thousand_vertices_leaves_the_processor_idle(player, tmp_path):
