@@ -18,8 +18,8 @@ def final_pictures():
 
     render, drawn = picture.render, []
 
-    def render_if_wanted(run, path, **choices):
-        return render(run, path, **choices) if choices or drawn else path
+    def render_if_wanted(run, path, *choices, **named):
+        return render(run, path, *choices, **named) if choices or named or drawn else path
 
     @contextmanager
     def wanted() -> Iterator[None]:
