@@ -167,6 +167,9 @@ FORMATS = Registry(
 )
 """Functions (run, levels, out, fields) -> list of written paths; see `pdvol.export`."""
 
+VIEWS = Registry("view", {"play": Entry("pdvol.player.notebook:play")})
+"""Functions (run, ...) that show a stored run in a notebook. The store, which knows none of them, finds them here."""
+
 COMMANDS = Registry(
     "command",
     {
@@ -183,6 +186,9 @@ COMMANDS = Registry(
             " it",
         ),
         "render": Entry("pdvol.commands.render", "draw a run: rows are levels, columns are moments"),
+        "play": Entry(
+            "pdvol.commands.play", "write runs as one HTML file that plays them in a browser, without a network"
+        ),
         "export": Entry(
             "pdvol.commands.export",
             "write a run's levels for ParaView (xdmf, vtkhdf) or animation software (usd, obj)",

@@ -6,6 +6,7 @@ from contextlib import contextmanager
 import pytest
 
 import runs
+from browser import Tab, chromium
 
 
 @pytest.fixture(scope="session", autouse=True)
@@ -17,8 +18,8 @@ def final_pictures():
 
     render, drawn = picture.render, []
 
-    def render_if_wanted(run, path, **choices):
-        return render(run, path, **choices) if choices or drawn else path
+    def render_if_wanted(run, path, *choices, **named):
+        return render(run, path, *choices, **named) if choices or named or drawn else path
 
     @contextmanager
     def wanted() -> Iterator[None]:
@@ -45,3 +46,10 @@ def solid_run(tmp_path_factory):
 def small_run(tmp_path):
     """A run that a test may damage."""
     return runs.stored_run(tmp_path / "run", 2, (60, 200), 6)
+
+
+@pytest.fixture
+def tab() -> Iterator[Tab]:
+    """An empty page of 1000 x 700 pixels in a headless browser of its own; the test is skipped where there is none."""
+    with chromium() as opened:
+        yield opened

@@ -68,22 +68,42 @@ def camera_of_run(
 
     Up is `run.info["up"]` where the run has it, else the first plane's normal, else z; `turn` as for `fitted_camera`.
     """
-    content = [
+    points = content(levels, steps, obstacles)
+    return fitted_camera(points, levels[0].rest.shape[1], way_up(run, obstacles), turn)
+
+
+def content(levels: Sequence[RunLevel], steps: Sequence[int], obstacles: Sequence[DrawnObstacle]) -> np.ndarray:
+    """(n, 3) [m]: what a picture of these levels at these steps must show; obstacles near to the bodies count, planes
+    do not.
+    """
+    shown = [
         in_3d(level.positions(step)[np.unique(level.surface)])
         for level in levels
         for step in steps
         if step < level.steps
     ]
-    bodies = np.concatenate(content)
+    bodies = np.concatenate(shown)
     low, high = bodies.min(axis=0), bodies.max(axis=0)
     margin = OBSTACLE_MARGIN * np.linalg.norm(high - low)
     for obstacle in obstacles:
         if obstacle.kind != "plane":
             vertices = in_3d(np.concatenate([obstacle.vertices(step) for step in steps]))
-            content.append(np.clip(vertices, low - margin, high + margin))
-    dim = levels[0].rest.shape[1]
+            shown.append(np.clip(vertices, low - margin, high + margin))
+    return np.concatenate(shown)
+
+
+def way_up(run: Run, obstacles: Sequence[DrawnObstacle]) -> np.ndarray:
+    """The way up of a run: `run.info["up"]` where the run has it, else the first plane's normal, else z."""
     upward = run.info.get("up") or next((o.plane(0)[1] for o in obstacles if o.kind == "plane"), (0.0, 0.0, 1.0))
-    return fitted_camera(np.concatenate(content), dim, np.asarray(upward, dtype=float), turn)
+    return np.asarray(upward, dtype=float)
+
+
+def front_of(upward: np.ndarray) -> np.ndarray:
+    """(3,) unit vector towards the front of a 3D scene, which is -y where z is up and +z where y is."""
+    upward = upward / np.linalg.norm(upward)
+    front = np.array([0.0, -1.0, 0.0]) if abs(upward[1]) < 0.7 else np.array([0.0, 0.0, 1.0])
+    front -= (front @ upward) * upward
+    return front / np.linalg.norm(front)
 
 
 def fitted_camera(points: np.ndarray, dim: int, upward: np.ndarray, turn: float = 0.0) -> Camera:
@@ -100,11 +120,7 @@ def fitted_camera(points: np.ndarray, dim: int, upward: np.ndarray, turn: float 
         right, up, towards = np.eye(3)
     else:
         upward = upward / np.linalg.norm(upward)
-        # Seen from the front, which is -y where z is up and +z where y is, turned a little and from above to show
-        # depth.
-        front = np.array([0.0, -1.0, 0.0]) if abs(upward[1]) < 0.7 else np.array([0.0, 0.0, 1.0])
-        front -= (front @ upward) * upward
-        front /= np.linalg.norm(front)
+        front = front_of(upward)  # turned a little and from above, to show depth
         c, s = np.cos(np.radians(turn + 23.0)), np.sin(np.radians(turn + 23.0))
         towards = 0.94 * (c * front + s * np.cross(upward, front)) + 0.34 * upward
         towards /= np.linalg.norm(towards)

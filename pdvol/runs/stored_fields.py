@@ -18,6 +18,7 @@ from pdvol.potentials.stress import CauchyStress, von_mises
 from pdvol.runs.scene_file import DEFAULTS, load_shot, stored_file, stored_settings
 from pdvol.scene import Scene
 from pdvol.scene.fingerprint import differences
+from pdvol.store.densities import described_densities
 from pdvol.store.folder import require_scene
 from pdvol.store.reader import Run, RunLevel
 
@@ -114,15 +115,9 @@ def level_densities(run: Run, scene: Scene | None, notes: list[str]) -> list[np.
     """(m,) [kg/m^d] of each level's cells: of the scene, or of the run's description of its bodies where there is none.
     Notes name what that leaves out.
     """
-    meshes = [level.mesh for level in run.levels]
     if scene is not None and not all(body.uniform for body in scene.bodies):
-        hierarchy = Hierarchy(meshes, MPI.COMM_SELF)
-        return [level_materials(scene, hierarchy, level).density for level in range(len(meshes))]
-    try:
-        bodies = np.array([float(body["material"]["density"]) for body in run.info["description"]["bodies"]])
-        if any(body.get("regions") for body in run.info["description"]["bodies"]):
-            notes.append("without the scene, masses are those of the bodies' materials outside their regions")
-    except (KeyError, TypeError):
-        notes.append("the run does not say its bodies' densities: masses are volumes")
-        bodies = np.ones(len(run.info["bodies"]))
-    return [bodies[mesh.bodies] for mesh in meshes]
+        hierarchy = Hierarchy([level.mesh for level in run.levels], MPI.COMM_SELF)
+        return [level_materials(scene, hierarchy, level).density for level in range(len(run.levels))]
+    densities, note = described_densities(run)
+    notes += [note] if note else []
+    return densities

@@ -6,11 +6,13 @@ A run may be read while it is written. Errors name what is missing or damaged, a
 from collections.abc import Sequence
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from pdvol.errors import InputError
 from pdvol.geometry.level_mesh import LevelMesh
+from pdvol.registry import VIEWS
 from pdvol.store.files import is_whole, lock, read_array, read_arrays
 from pdvol.store.folder import late_file, level_folder, read_info, state_file
 from pdvol.store.log import read_log
@@ -212,6 +214,10 @@ class Run:
     def obstacles(self) -> tuple[DrawnObstacle, ...]:
         """The obstacles as stored for pictures."""
         return read_obstacles(self.path)
+
+    def play(self, width: int = 960, height: int = 640, **choices: Any) -> Any:
+        """The run in a player, which a notebook shows; `choices` are those of `pdvol.player.notebook.play`."""
+        return VIEWS["play"](self, width, height, **choices)
 
     @property
     def in_use(self) -> bool:

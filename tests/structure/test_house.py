@@ -23,6 +23,7 @@ STAGES = (
     "export",
     "draw",
     "measure",
+    "player",
 )
 FOUNDATION = {"errors", "registry", "scene", "parallel", "processes", "compat", "compiled"}
 """Modules beside the stages that any stage may use: they know none of them (a test)."""
@@ -41,6 +42,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     "export": STORED,
     "draw": STORED,
     "measure": STORED,
+    "player": STORED | {"draw", "measure"},
     "runs": {"forms", "meshes", *STAGES},
     "explore": {"forms", "meshes", *STAGES, "runs"},
     "commands": {"forms", "meshes", *STAGES, "runs", "explore"},
@@ -254,7 +256,7 @@ def test_reading_a_run_loads_no_finite_elements(tmp_path):
 
 
 def test_storing_exporting_drawing_and_measuring_load_no_finite_elements(tmp_path):
-    folders = ("store", "export", "draw", "measure")
+    folders = ("store", "export", "draw", "measure", "player")
     modules = [module_of(path) for path in SOURCES if stage(module_of(path)) in folders]
     assert len(modules) > 15
     program = "import importlib\nfor name in " + repr(modules) + ": importlib.import_module(name)"
