@@ -6,6 +6,7 @@ from contextlib import contextmanager
 import pytest
 
 import runs
+from browser import Tab, chromium
 
 
 @pytest.fixture(scope="session", autouse=True)
@@ -45,3 +46,10 @@ def solid_run(tmp_path_factory):
 def small_run(tmp_path):
     """A run that a test may damage."""
     return runs.stored_run(tmp_path / "run", 2, (60, 200), 6)
+
+
+@pytest.fixture
+def tab() -> Iterator[Tab]:
+    """An empty page of 1000 x 700 pixels in a headless browser of its own; the test is skipped where there is none."""
+    with chromium() as opened:
+        yield opened
