@@ -1,0 +1,76 @@
+"""Shapes in a viser scene: made once, then moved."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from pdvol.draw.camera import VIEW_ANGLE, Camera
+from pdvol.live.frames import Shape, same_topology
+
+LINE_WIDTH = 1.5  # pixels
+
+
+class Stage:
+    """Shows one frame after the other.
+
+    Parameters
+    ----------
+    server : viser's
+    """
+
+    def __init__(self, server: Any):
+        self._server = server
+        self._shown: list[Shape] = []
+        self._handles: dict[str, Any] = {}
+
+    def show(self, shapes: Sequence[Shape]) -> None:
+        """Put this frame in place of the one before."""
+        with self._server.atomic():
+            if not same_topology(self._shown, shapes):
+                kept = {shape.name for shape in shapes}
+                for name in [name for name in self._handles if name not in kept]:
+                    self._handles.pop(name).remove()
+                for shape in shapes:
+                    self._handles[shape.name] = self._add(shape)
+            else:
+                for before, shape in zip(self._shown, shapes, strict=True):
+                    if not np.array_equal(before.points, shape.points):
+                        self._move(shape)
+        self._shown = list(shapes)
+
+    def look_from(self, camera: Camera) -> None:
+        """Turn the cameras of all pages, and of those that open later, to this view."""
+        start = self._server.initial_camera
+        self._server.scene.set_up_direction(tuple(camera.up))
+        for one in (start, *(client.camera for client in self._server.get_clients().values())):
+            one.fov = float(np.radians(VIEW_ANGLE))
+            one.position, one.look_at = tuple(camera.position), tuple(camera.focus)
+            if one is not start:
+                one.up_direction = tuple(camera.up)
+            one.near, one.far = 0.02 * camera.distance, camera.distance + 20 * camera.size
+
+    def _add(self, shape: Shape) -> Any:
+        scene, name = self._server.scene, f"/{shape.name}"
+        if shape.faces.shape[1] == 2:
+            return scene.add_line_segments(
+                name, shape.points[shape.faces], shape.colour, thickness=LINE_WIDTH, thickness_units="screen"
+            )
+        return scene.add_mesh_simple(
+            name,
+            shape.points,
+            shape.faces,
+            color=shape.colour,
+            flat_shading=not shape.smooth,
+            opacity=None if shape.opacity >= 1.0 else shape.opacity,
+            side="double",
+            cast_shadow=shape.lit,
+            receive_shadow=shape.lit,
+        )
+
+    def _move(self, shape: Shape) -> None:
+        handle = self._handles[shape.name]
+        if shape.faces.shape[1] == 2:
+            handle.points = shape.points[shape.faces]
+        else:
+            handle.vertices = shape.points
