@@ -19,6 +19,7 @@ from pdvol.runs.scene_file import parse_value
 
 PERIOD = 0.02  # seconds between looks at the stored states
 TYPING_PAUSE = 0.7  # seconds after the last key in a text field
+BUTTONS = ("first", "<", ">", "newest")
 FINEST = "finest"
 BUTTON_COLOUR = (107, 143, 199)  # red, green and blue
 
@@ -119,13 +120,12 @@ class Page:
         gui = self._server.gui
         gui.configure_theme(show_logo=False, show_share_button=False, brand_color=BUTTON_COLOUR)
         gui.main_panel.dock_right()
-        self._server.scene.world_axes.visible = False
         self._status = gui.add_markdown("*starting ...*")
         with gui.add_folder("Time"):
             self._moment = gui.add_slider("step", min=0, max=1, step=1, initial_value=0)
             self._play = gui.add_button("Play")
-            self._one = gui.add_button_group("", ("⏮", "◀ step", "step ▶", "⏭"))
-            self._pause = gui.add_button("Pause computing", hint="hold the simulation; step ▶ computes the next step")
+            self._one = gui.add_button_group("", BUTTONS)
+            self._pause = gui.add_button("Pause computing", hint="hold the simulation; > computes the next step")
             names = (FINEST, *(str(level) for level in range(self._levels)))
             self._level = gui.add_dropdown("level", names, hint="finest: of those that have reached the step")
         with gui.add_folder("Parameters"):
@@ -190,11 +190,11 @@ class Page:
         run, step = self._session.shown, self._playback.step
         if run is None:
             return
-        step = {"⏮": 0, "◀ step": step - 1, "step ▶": step + 1, "⏭": run.steps - 1}[button]
+        step = dict(zip(BUTTONS, (0, step - 1, step + 1, run.steps - 1), strict=True))[button]
         if step >= run.steps:
             self._session.go_to(step)
         self._playback.choose(step)
-        self._playback.follows = button == "⏭"
+        self._playback.follows = button == BUTTONS[-1]
 
     def _pause_or_go_on(self) -> None:
         if self._session.paused:

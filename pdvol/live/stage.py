@@ -6,7 +6,8 @@ from typing import Any
 import numpy as np
 
 from pdvol.draw.camera import VIEW_ANGLE, Camera
-from pdvol.live.frames import Shape, same_topology
+from pdvol.draw.layout import BACKGROUND
+from pdvol.live.frames import Shape, rgb, same_topology
 
 LINE_WIDTH = 1.5  # pixels
 
@@ -23,6 +24,8 @@ class Stage:
         self._server = server
         self._shown: list[Shape] = []
         self._handles: dict[str, Any] = {}
+        server.scene.set_background_image(np.full((1, 1, 3), rgb(BACKGROUND), np.uint8), format="png")
+        server.scene.world_axes.visible = False
 
     def show(self, shapes: Sequence[Shape]) -> None:
         """Put this frame in place of the one before."""
