@@ -19,7 +19,7 @@ FORBIDDEN = 1008  # websocket's code for what breaks a rule
 
 
 class LocalServer(viser.ViserServer):
-    """A viser server that tells nobody else, and answers pages of its own only.
+    """A viser server that answers pages of its own only.
 
     Parameters
     ----------
@@ -49,6 +49,11 @@ class LocalServer(viser.ViserServer):
         host = self.get_host()
         shown = "127.0.0.1" if host in ("0.0.0.0", "::") else f"[{host}]" if ":" in host else host
         return f"http://{shown}:{self.get_port()}"
+
+    def stop(self) -> None:
+        """Close all connections and end the server's threads."""
+        with contextlib.redirect_stdout(io.StringIO()):
+            super().stop()
 
     def request_share_url(self, verbose: bool = True) -> None:
         """No tunnel: a client's request for one stays without an answer."""
