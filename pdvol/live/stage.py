@@ -10,6 +10,7 @@ from pdvol.draw.layout import BACKGROUND
 from pdvol.live.frames import Shape, rgb, same_topology
 
 LINE_WIDTH = 1.5  # pixels
+FLAT_LIGHT = 3.14  # of an ambient light that gives a surface its own colour: three.js divides by pi
 
 
 class Stage:
@@ -26,10 +27,13 @@ class Stage:
         self._handles: dict[str, Any] = {}
         server.scene.set_background_image(np.full((1, 1, 3), rgb(BACKGROUND), np.uint8), format="png")
         server.scene.world_axes.visible = False
+        server.scene.configure_environment_map(None)  # its filters hold a page without a GPU up for half a minute
+        self._flat: bool | None = None
 
     def show(self, shapes: Sequence[Shape]) -> None:
         """Put this frame in place of the one before."""
         with self._server.atomic():
+            self._light(not any(shape.lit for shape in shapes))
             if not same_topology(self._shown, shapes):
                 kept = {shape.name for shape in shapes}
                 for name in [name for name in self._handles if name not in kept]:
@@ -52,6 +56,13 @@ class Stage:
             if one is not start:
                 one.up_direction = tuple(camera.up)
             one.near, one.far = 0.02 * camera.distance, camera.distance + 20 * camera.size
+
+    def _light(self, flat: bool) -> None:
+        """A light from everywhere for drawings, which shows their colours as they are; lamps and shadows for solids."""
+        if flat != self._flat:
+            self._flat = flat
+            self._server.scene.configure_default_lights(enabled=not flat, cast_shadow=not flat)
+            self._server.scene.add_light_ambient("/light", intensity=FLAT_LIGHT if flat else 0.3 * FLAT_LIGHT)
 
     def _add(self, shape: Shape) -> Any:
         scene, name = self._server.scene, f"/{shape.name}"
