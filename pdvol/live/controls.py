@@ -90,7 +90,8 @@ def _control(name: str, value: Any, values: tuple | None) -> Control:
 def _around(value: float) -> tuple[float, float]:
     """A range for a number of which nothing else is known."""
     if isinstance(value, int):
-        return (0, 10) if value == 0 else tuple(sorted((max(1, value // 4) if value > 0 else value // 4, 2 * value)))
+        low, high = sorted((value // 4, 2 * value))
+        return (0, 10) if value == 0 else (max(1, low) if value > 0 else low, high)
     if value == 0.0:
         return -1.0, 1.0
     low, high = sorted(float(f"{value * factor:.3g}") for factor in SPREAD)

@@ -16,6 +16,7 @@ from pdvol.live.server import LocalServer
 from pdvol.live.session import Session
 from pdvol.live.stage import Stage
 from pdvol.runs.scene_file import parse_value
+from pdvol.store.reader import Run
 
 PERIOD = 0.02  # seconds between looks at the stored states
 TYPING_PAUSE = 0.7  # seconds after the last key in a text field
@@ -63,15 +64,14 @@ class Page:
         self._session.tick()
         with self._lock:
             run = self._session.shown
-            if run is not None and run.stored is not None:
-                self._draw(run)
+            stored = None if run is None else run.stored
+            if run is not None and stored is not None:
+                self._draw(run, stored)
             self._set(self._status, "content", self._text())
 
     # ---- drawing
 
-    def _draw(self, run: LiveRun) -> None:
-        stored = run.stored
-        assert stored is not None
+    def _draw(self, run: LiveRun, stored: Run) -> None:
         if self._drawn is None or self._drawn[0] != run.number:
             begins = run.branch[1] if run.branch else 0
             self._playback.restart()
@@ -147,6 +147,7 @@ class Page:
 
     def _field(self, control: Control) -> Any:
         gui, name = self._server.gui, control.name
+        field: Any
         if control.kind == "checkbox":
             field = gui.add_checkbox(name, bool(control.value))
         elif control.kind == "slider":

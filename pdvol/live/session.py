@@ -132,7 +132,9 @@ class Session:
         with self._lock:
             self._pool.look()
             now = time.monotonic()
-            if self._asked and (now - self._asked[1] >= self._wait or now - self._asked[0] >= LONGEST_WAIT + self._wait):
+            if self._asked and (
+                now - self._asked[1] >= self._wait or now - self._asked[0] >= LONGEST_WAIT + self._wait
+            ):
                 asked, self._asked = self._asked[1], None
                 branch, self._branch = self._branch, None
                 self._begin(asked, branch)
@@ -179,9 +181,8 @@ class Session:
         steps = [] if self.steps is None else ["--steps", self.steps]
         settings = [word for name, value in run.values.items() for word in ("--set", f"{name}={value_text(value)}")]
         run.worker = self._pool.take()
-        run.worker.start(
-            ["run", self.scene, "--out", run.folder, "--no-picture", "--no-xdmf", *steps, *words, *settings], run.log
-        )
+        line = ["run", self.scene, "--out", run.folder, "--no-picture", "--no-xdmf", *steps, *words, *settings]
+        run.worker.start([str(word) for word in line], run.log)
         run.state = "running"
         if self.paused:
             self._hold(True)

@@ -52,7 +52,8 @@ class Stage:
         self._server.scene.set_up_direction(tuple(camera.up))
         for one in (start, *(client.camera for client in self._server.get_clients().values())):
             one.fov = float(np.radians(VIEW_ANGLE))
-            one.position, one.look_at = tuple(camera.position), tuple(camera.focus)
+            one.position = tuple(camera.focus + max(1.0, camera.aspect) * camera.distance * camera.towards)  # a window
+            one.look_at = tuple(camera.focus)  # may be as high as it is wide
             if one is not start:
                 one.up_direction = tuple(camera.up)
             one.near, one.far = 0.02 * camera.distance, camera.distance + 20 * camera.size

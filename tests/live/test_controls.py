@@ -7,7 +7,7 @@ from pdvol.errors import InputError
 from pdvol.live.controls import controls
 
 TYPED = FALL.replace(
-    'def scene(young=2e4, height=0.02, mu=0.3, steps=10, velocity=(0.3, 0.0), sizes=(2, 4)):',
+    "def scene(young=2e4, height=0.02, mu=0.3, steps=10, velocity=(0.3, 0.0), sizes=(2, 4)):",
     "def scene(young: Annotated[float, (1e3, 1e5)] = 2e4, height=0.02, mu=0.3, steps: 'Nowhere' = 10,\n"
     "          velocity=(0.3, 0.0), sizes=(2, 4), soft: bool = False, label='x', nothing=None, zero=0.0, less=-2.0,\n"
     "          count: Annotated[int, (1, 9)] = 3):",

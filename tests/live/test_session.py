@@ -123,7 +123,7 @@ def test_a_wrong_value_is_one_line_and_the_run_before_stays_on_the_screen(sessio
 
 
 def test_a_failed_simulation_says_why_and_keeps_its_steps(session):
-    run = run_with(session, **{"max_iterations": 1, "velocity": (0.0, -300.0)})
+    run = run_with(session, max_iterations=1, velocity=(0.0, -300.0))
     values = session.values
     for name in ("max_iterations", "velocity"):
         del values[name]
@@ -176,7 +176,9 @@ def test_a_kept_run_is_a_run_of_its_own_with_all_that_follows(session, folder):
     assert open_run(long).levels[0].steps > 4
     assert open_run(long).info["state"] == "interrupted"
     assert_same_states(open_run(session.keep("done")), done.stored)
-    assert pdvol("verify", long) == 0 and pdvol("run", folder / "fall.py", "--resume", "--out", long) == 2  # other steps
+    assert (
+        pdvol("verify", long) == 0 and pdvol("run", folder / "fall.py", "--resume", "--out", long) == 2
+    )  # other steps
     assert pdvol("refine", folder / "kept" / "done", "--to", 1, "--no-picture") == 0
 
 
