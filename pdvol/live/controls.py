@@ -90,8 +90,8 @@ def _control(name: str, value: Any, values: tuple | None) -> Control:
 def _around(value: float) -> tuple[float, float]:
     """A range for a number of which nothing else is known."""
     if isinstance(value, int):
-        low, high = sorted((value // 4, 2 * value))
-        return (0, 10) if value == 0 else (max(1, low) if value > 0 else low, high)
+        least, most = sorted((value // 4, 2 * value))
+        return (0, 10) if value == 0 else (max(1, least) if value > 0 else least, most)
     if value == 0.0:
         return -1.0, 1.0
     low, high = sorted(float(f"{value * factor:.3g}") for factor in SPREAD)

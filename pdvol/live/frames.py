@@ -32,7 +32,7 @@ class Shape:
     colour : red, green and blue, 0 to 255
     smooth : whether facets are shaded as a smooth surface
     opacity : 0 to 1
-    lit : whether it takes light and shadows; drawings of 2D scenes do not
+    lit : whether it is shaded; drawings of 2D scenes are not
     """
 
     name: str
@@ -110,17 +110,23 @@ def view(run: Run) -> Camera:
     bodies = in_3d(level.positions(0))
     low, high = bodies.min(axis=0), bodies.max(axis=0)
     margin = SURROUNDINGS * np.linalg.norm(high - low)
-    content, upward = [bodies], run.info.get("up")
+    content = [bodies]
     for obstacle in run.obstacles:
         if obstacle.kind == "plane":
             point, normal = (in_3d(v[None])[0] for v in obstacle.plane(0))
-            upward = upward or list(normal)
             heights = (bodies - point) @ normal
             content.append((bodies - heights[:, None] * normal)[heights < 2 * margin])
         else:
             content.append(np.clip(in_3d(obstacle.vertices(0)), low - margin, high + margin))
-    dim = level.mesh.dim
-    return fitted_camera(np.concatenate(content), dim, np.asarray(in_3d(np.array([upward or [0, 0, 1]]))[0]))
+    return fitted_camera(np.concatenate(content), level.mesh.dim, upward(run))
+
+
+def upward(run: Run) -> np.ndarray:
+    """(3,) the way up: that of the run where it has one, else the first plane's normal, else z; y in 2D."""
+    if run.levels[0].mesh.dim == 2:
+        return np.array([0.0, 1.0, 0.0])
+    normal = next((obstacle.plane(0)[1] for obstacle in run.obstacles if obstacle.kind == "plane"), (0.0, 0.0, 1.0))
+    return np.asarray(run.info.get("up") or normal, dtype=float)
 
 
 def rgb(colour: str) -> tuple[int, int, int]:

@@ -9,7 +9,7 @@ from pdvol.draw.camera import Camera
 from pdvol.errors import PdvolError
 from pdvol.explore.variation import value_text
 from pdvol.live.controls import Control
-from pdvol.live.frames import Frames, view
+from pdvol.live.frames import Frames, upward, view
 from pdvol.live.live_run import LiveRun
 from pdvol.live.playback import Playback
 from pdvol.live.server import LocalServer
@@ -84,7 +84,7 @@ class Page:
             return
         if self._camera is None:
             self._camera = view(stored)
-            self._stage.look_from(self._camera)
+            self._stage.look_from(self._camera, upward(stored))
         if self._frames is None or self._frames[:2] != (run.number, level):
             self._frames = run.number, level, Frames(stored, level, self._camera.size, self._camera.focus)
         self._stage.show(self._frames[2].at(step))

@@ -1,8 +1,8 @@
 """The runs behind a live page, without the page: which one is computed, which one is shown, and what became of each.
 
 A change of a value starts a new run of level 0 in a temporary folder, and ends the one before. When level 0 is done the
-finer levels follow in the same folder. `tick` moves everything on and is called again and again by one thread; the other
-methods may be called by any thread, and return at once.
+finer levels follow in the same folder. `tick` moves everything on and is called again and again by one thread. Any
+thread may call the other methods, which return at once.
 """
 
 import shutil

@@ -46,23 +46,23 @@ class Stage:
                         self._move(shape)
         self._shown = list(shapes)
 
-    def look_from(self, camera: Camera) -> None:
+    def look_from(self, camera: Camera, up: np.ndarray) -> None:
         """Turn the cameras of all pages, and of those that open later, to this view."""
         start = self._server.initial_camera
-        self._server.scene.set_up_direction(tuple(camera.up))
+        self._server.scene.set_up_direction(tuple(up))
         for one in (start, *(client.camera for client in self._server.get_clients().values())):
             one.fov = float(np.radians(VIEW_ANGLE))
             one.position = tuple(camera.focus + max(1.0, camera.aspect) * camera.distance * camera.towards)  # a window
             one.look_at = tuple(camera.focus)  # may be as high as it is wide
             if one is not start:
-                one.up_direction = tuple(camera.up)
+                one.up_direction = tuple(up)
             one.near, one.far = 0.02 * camera.distance, camera.distance + 20 * camera.size
 
     def _light(self, flat: bool) -> None:
-        """A light from everywhere for drawings, which shows their colours as they are; lamps and shadows for solids."""
+        """A light from everywhere for drawings, which shows their colours as they are; lamps too for solids."""
         if flat != self._flat:
             self._flat = flat
-            self._server.scene.configure_default_lights(enabled=not flat, cast_shadow=not flat)
+            self._server.scene.configure_default_lights(enabled=not flat, cast_shadow=False)
             self._server.scene.add_light_ambient("/light", intensity=FLAT_LIGHT if flat else 0.3 * FLAT_LIGHT)
 
     def _add(self, shape: Shape) -> Any:
@@ -79,8 +79,8 @@ class Stage:
             flat_shading=not shape.smooth,
             opacity=None if shape.opacity >= 1.0 else shape.opacity,
             side="double",
-            cast_shadow=shape.lit,
-            receive_shadow=shape.lit,
+            cast_shadow=False,  # a shadow map leaves stripes on a large ground, and takes most of a frame's time
+            receive_shadow=False,
         )
 
     def _move(self, shape: Shape) -> None:

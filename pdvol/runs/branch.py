@@ -1,9 +1,9 @@
 """A new run that begins with the stored states of another one, and goes on with changed settings.
 
 Step s of a run follows from its states up to step s - 1 and the settings. So a branch at step s is sound where its
-states are those of a run with the same meshes, time step and integrator, and places of obstacles and supports; what else
-differs (materials, loads, friction, solver) acts from step s + 1 on. A level that the first run had not brought to that
-step cannot be refined in the branch: it would have the new settings from its start. `run.json` names the first run.
+states are those of a run with the same meshes, time step, integrator, obstacles and supports. What else differs
+(materials, loads, friction, solver) acts from step s + 1 on. A level that the first run had not brought to that step
+cannot be refined in the branch: it would have the new settings from its start. `run.json` names the first run.
 """
 
 from collections.abc import Sequence
