@@ -176,6 +176,7 @@ COMMANDS = Registry(
         "run": Entry("pdvol.commands.run", "simulate a scene's levels, coarse to fine"),
         "preview": Entry("pdvol.commands.preview", "simulate level 0 only"),
         "refine": Entry("pdvol.commands.refine", "simulate the finer levels of a stored run"),
+        "live": Entry("pdvol.commands.live", "a local page: level 0 runs while one looks and changes values"),
         "check": Entry("pdvol.commands.check", "pre-flight: what will be modelled, sizes, and every defect found"),
         "repair": Entry("pdvol.commands.repair", "mend a mesh into another file: weld, fill, orient, uncross"),
         "hierarchy": Entry("pdvol.commands.hierarchy", "build the levels of one mesh and report their bindings"),

@@ -166,6 +166,11 @@ def _prepare(
             raise InputError(in_use(out))
         stored = [level.mesh for level in run.levels[: _same_levels(run, shot, last, method, prolongation)]]
     geometry = read_geometry(scene.obstacles)
+    if stored and "branched" in run.info and len(stored) <= last:
+        raise InputError(
+            f"{out} went on from step {run.info['branched']['step']} of another run, and has no level {len(stored)} of"
+            f" that one; it has levels 0:{len(stored) - 1}"
+        )
     obstacles = placed_obstacles(scene.obstacles, geometry)
     meshes: Sequence[LevelMesh] = stored
     mended: list[str] = []

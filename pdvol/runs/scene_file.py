@@ -131,6 +131,20 @@ def load_shot(file: str | Path, settings: Mapping | None = None, steps: int | No
     return Shot(file.resolve(), settings, replace(scene, name=file.stem))
 
 
+def scene_parameters(file: str | Path) -> dict[str, inspect.Parameter]:
+    """The parameters of a scene file's `scene(**parameters)`, by name, in its order; raises as `load_shot`.
+
+    Annotations that are text are evaluated where they can be.
+    """
+    make = _scene_function(Path(file))
+    try:
+        signature = inspect.signature(make, eval_str=True)
+    except Exception:  # an annotation may name what is not there
+        signature = inspect.signature(make)
+    kinds = (inspect.Parameter.POSITIONAL_OR_KEYWORD, inspect.Parameter.KEYWORD_ONLY)
+    return {name: parameter for name, parameter in signature.parameters.items() if parameter.kind in kinds}
+
+
 def _scene_function(file: Path) -> Callable[..., Scene]:
     if not file.is_file():
         raise InputError(f"there is no scene file {file}")

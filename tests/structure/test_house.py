@@ -45,9 +45,10 @@ MAY_IMPORT: dict[str, set[str]] = {
     "player": STORED | {"draw", "measure"},
     "runs": {"forms", "meshes", *STAGES},
     "explore": {"forms", "meshes", *STAGES, "runs"},
-    "commands": {"forms", "meshes", *STAGES, "runs", "explore"},
+    "live": {"geometry", "meshing", "store", "draw", "runs", "explore"},
+    "commands": {"forms", "meshes", *STAGES, "runs", "explore", "live"},
 }
-ABOVE = {"runs", "explore", "commands"}
+ABOVE = {"runs", "explore", "live", "commands"}
 """What brings the stages together: no stage knows of it."""
 SOURCES = [
     *sorted((ROOT / "pdvol").rglob("*.py")),
