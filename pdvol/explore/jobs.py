@@ -65,9 +65,8 @@ class Job:
     steps: int
 
     def command(self) -> list[str]:
-        """The words after `pdvol`; those of a run that goes on where its folder holds a part of it."""
-        go_on = ["--resume"] if holds_run(self.out) else []
-        return ["run", *self.words, "--out", str(self.out), *go_on, "--no-picture", "--no-xdmf"]
+        """The words after `pdvol`. The run goes on where its folder holds a part of it."""
+        return ["run", *self.words, "--out", str(self.out), "--resume", "--no-picture", "--no-xdmf"]
 
 
 @dataclass

@@ -4,7 +4,7 @@ import ast
 import importlib.util
 import inspect
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -105,15 +105,8 @@ def load_shot(file: str | Path, settings: Mapping | None = None, steps: int | No
     """
     file, settings = Path(file), dict(settings or {})
     make = _scene_function(file)
-    accepted = inspect.signature(make).parameters
-    anything = any(p.kind is p.VAR_KEYWORD for p in accepted.values())
-    general = SETTINGS.keys() - set(accepted)
-    for name in settings:
-        if name not in accepted and name not in general and not anything:
-            raise InputError(
-                f"{file.name} has no parameter {name!r}; there are {', '.join(accepted)} and every scene's "
-                f"{', '.join(sorted(general))}"
-            )
+    accepted, general, anything = _names(make)
+    _check_names(file, make, settings)
     given = {name: value for name, value in settings.items() if name in accepted or (anything and name not in general)}
     try:
         scene = make(**given)
@@ -129,6 +122,28 @@ def load_shot(file: str | Path, settings: Mapping | None = None, steps: int | No
     if steps is not None:
         scene = replace(scene, steps=steps)
     return Shot(file.resolve(), settings, replace(scene, name=file.stem))
+
+
+def check_names(file: Path, names: Iterable[str]) -> None:
+    """InputError unless a scene file's `scene` has parameters of these names, or every scene has such settings."""
+    _check_names(file, _scene_function(file), names)
+
+
+def _check_names(file: Path, make: Callable[..., Scene], names: Iterable[str]) -> None:
+    accepted, general, anything = _names(make)
+    for name in names:
+        if name not in accepted and name not in general and not anything:
+            raise InputError(
+                f"{file.name} has no parameter {name!r}; there are {', '.join(accepted)} and every scene's "
+                f"{', '.join(sorted(general))}"
+            )
+
+
+def _names(make: Callable[..., Scene]) -> tuple[list[str], set[str], bool]:
+    """The parameters of a scene function, the settings of every scene beside them, and whether it takes any name."""
+    parameters = inspect.signature(make).parameters
+    anything = any(p.kind is p.VAR_KEYWORD for p in parameters.values())
+    return list(parameters), SETTINGS.keys() - set(parameters), anything
 
 
 def _scene_function(file: Path) -> Callable[..., Scene]:

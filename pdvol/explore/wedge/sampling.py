@@ -147,7 +147,9 @@ def _grid(varies: Sequence[Vary], jitter: bool) -> list[dict[str, Any]]:
             )
     count = math.prod(len(vary.values) for vary in varies)
     if count > MOST_VARIATIONS:
-        raise InputError(f"--vary: {count} variations are more than {MOST_VARIATIONS}; give fewer values, or --sample N")
+        raise InputError(
+            f"--vary: {count} variations are more than {MOST_VARIATIONS}; give fewer values, or --sample N"
+        )
     return [
         {vary.name: value for vary, value in zip(varies, values, strict=True)}
         for values in itertools.product(*(vary.values for vary in varies))

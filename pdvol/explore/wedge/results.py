@@ -1,0 +1,120 @@
+"""What a user sees of a wedge: the table, the contact sheet, its film, and parameters against scores."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from pdvol.explore.wedge.wedge import Wedge, ordered
+
+WIDEST = 40  # characters of a reason in a table
+
+
+def default_sort(entries: Sequence[Mapping[str, Any]]) -> str:
+    """The first score, or the number where there is none."""
+    return next((name for entry in entries for name in entry["scores"]), "number")
+
+
+def table(entries: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
+    """A row for each variation: number, parameters, scores, cluster, state and reason."""
+    changes = dict.fromkeys(name for entry in entries for name in entry["changes"])
+    scores = dict.fromkeys(name for entry in entries for name in entry["scores"])
+    return [
+        {
+            "number": entry["number"],
+            **{name: entry["changes"].get(name, "") for name in changes},
+            **{name: entry["scores"].get(name) for name in scores},
+            "cluster": entry["cluster"] if entry["cluster"] >= 0 else "",
+            "state": entry["state"] + (f": {entry['reason']}" if entry["reason"] else ""),
+        }
+        for entry in entries
+    ]
+
+
+def table_lines(entries: Sequence[Mapping[str, Any]]) -> list[str]:
+    """The table as text in columns."""
+    rows = table(entries)
+    if not rows:
+        return []
+    cells = [list(rows[0]), *([cell_text(value) for value in row.values()] for row in rows)]
+    if not any(row[-2] for row in cells[1:]):
+        cells = [[*row[:-2], row[-1]] for row in cells]
+    widths = [max(len(row[i]) for row in cells) for i in range(len(cells[0]) - 1)]
+    return ["  ".join([*(c.rjust(w) for c, w in zip(row, widths, strict=False)), row[-1]]).rstrip() for row in cells]
+
+
+def cell_text(value: Any) -> str:
+    """A value as a table shows it."""
+    if value is None:
+        return "-"
+    return f"{value:.4g}" if isinstance(value, float) else str(value)
+
+
+def tiles(wedge: Wedge, entries: Sequence[Mapping[str, Any]]) -> list:
+    """A tile of the contact sheet for each variation: its number, parameters and scores; a failed one has its reason."""
+    from pdvol.draw.sheet import Tile
+
+    found = []
+    for entry, run in zip(entries, wedge.runs(entries), strict=True):
+        lines = [f"{name} {text}" for name, text in entry["changes"].items()]
+        lines += [f"{name} {cell_text(value)}" for name, value in entry["scores"].items()]
+        note = "" if run else f"{entry['state']}: {entry['reason'] or 'it has not run'}"
+        found.append(Tile(str(entry["number"]), lines, run, note))
+    return found
+
+
+def write_results(
+    wedge: Wedge, sort: str = "", sheet: bool = True, film: bool = False
+) -> tuple[list[dict], list[Path]]:
+    """Group the variations, draw sheet.png, the film if wanted, and scatter.png, and write wedge.json.
+
+    Parameters
+    ----------
+    sort : as `ordered` takes it; `default_sort` where empty
+
+    Returns
+    -------
+    entries, files
+        Variations in order, and the files that were written.
+
+    Raises
+    ------
+    InputError
+        `sort` names nothing.
+    """
+    wedge.group()
+    entries = ordered(wedge.entries, sort or default_sort(wedge.entries))
+    wedge.write()
+    files = [wedge.file]
+    if sheet and entries:
+        from pdvol.draw.sheet import sheet_image
+
+        drawn = tiles(wedge, entries)
+        files.append(sheet_image(drawn, wedge.out / "sheet.png"))
+        if film:
+            from pdvol.draw.sheet_film import sheet_film
+
+            files.append(sheet_film(drawn, wedge.out / "sheet.mp4"))
+        scatter = draw_scatter(wedge.out / "scatter.png", entries)
+        files += [scatter] if scatter else []
+    return entries, files
+
+
+def draw_scatter(file: Path, entries: Sequence[Mapping[str, Any]]) -> Path | None:
+    """Parameters against scores, coloured by cluster; None where there is no number for either."""
+    from pdvol.draw.scatter import scatter
+
+    done = [entry for entry in entries if entry["state"] == "done"]
+    changes = {name: [_number(e["changes"].get(name)) for e in done] for e in done for name in e["changes"]}
+    scores = {name: [_number(e["scores"].get(name)) for e in done] for e in done for name in e["scores"]}
+    across = {name: values for name, values in changes.items() if any(v is not None for v in values)}
+    up = {name: values for name, values in scores.items() if any(v is not None for v in values)}
+    if not across or not up:
+        return None
+    return scatter(file, across, up, [entry["cluster"] for entry in done], [entry["number"] for entry in done])
+
+
+def _number(value: Any) -> float | None:
+    try:
+        return None if value is None else float(value)
+    except ValueError:
+        return None
