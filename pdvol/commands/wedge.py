@@ -47,9 +47,7 @@ def add_arguments(parser: ArgumentParser) -> None:
         help="add a small random velocity [m/s] to each body's initial one, another in each variation",
     )
     parser.add_argument("--seed", default="0", metavar="N", help="of --sample and --seek (default: 0)")
-    parser.add_argument(
-        "--jobs", default="", metavar="N", help="runs at a time here (default: one per core)"
-    )
+    parser.add_argument("--jobs", default="", metavar="N", help="runs at a time here (default: one per core)")
     parser.add_argument(
         "--executor", default="local", metavar="HOW", help="local (default), dask=tcp://HOST:PORT, or print"
     )
@@ -68,6 +66,7 @@ def add_arguments(parser: ArgumentParser) -> None:
     parser.add_argument(
         "--budget", type=float, metavar="MINUTES", help=f"at most, of --seek (default: {SEEK_BUDGET:g})"
     )
+    parser.add_argument("--goal", type=float, metavar="SCORE", help="end --seek with the first score as large as this")
     parser.add_argument("--steps", type=int, help="number of time steps, instead of the scene's")
     add_settings(parser)
 
@@ -111,8 +110,8 @@ def _check_seek(options: Namespace) -> None:
             raise InputError("--seek needs its runs at once: --executor local or dask=tcp://HOST:PORT")
         if options.sample or options.jitter is not None:
             raise InputError("--seek chooses its own variations; leave out --sample and --jitter")
-    elif options.runs or options.budget is not None:
-        raise InputError("--runs and --budget are bounds of --seek")
+    elif options.runs or options.budget is not None or options.goal is not None:
+        raise InputError("--runs, --budget and --goal are bounds of --seek")
     if options.budget is not None and not options.budget > 0.0:
         raise InputError(f"--budget {options.budget:g}: give minutes above zero")
 
@@ -157,7 +156,7 @@ def _seek(options: Namespace, wedge: "Wedge", varies: "Sequence[Vary]", executor
     ranges, seed = search_ranges(varies), whole_number("--seed", options.seed)
     progress = WedgeProgress(runs, wedge.out / "wedge.log", options.seek)
     try:
-        seek_best(wedge, options.seek, ranges, executor, runs, deadline, seed, progress.ended)
+        seek_best(wedge, options.seek, ranges, executor, runs, deadline, seed, progress.ended, options.goal)
     finally:
         progress.close()
 

@@ -7,6 +7,7 @@ import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 from pdvol.errors import InputError, PdvolError
@@ -146,7 +147,8 @@ def _names(make: Callable[..., Scene]) -> tuple[list[str], set[str], bool]:
     return list(parameters), SETTINGS.keys() - set(parameters), anything
 
 
-def _scene_function(file: Path) -> Callable[..., Scene]:
+def load_module(file: Path) -> ModuleType:
+    """A scene file, or another Python file of the user's, as a module of its own; InputError where it cannot be read."""
     if not file.is_file():
         raise InputError(f"there is no scene file {file}")
     spec = importlib.util.spec_from_file_location(f"pdvol_scene_{file.stem}", file)
@@ -159,7 +161,11 @@ def _scene_function(file: Path) -> Callable[..., Scene]:
         raise
     except (Exception, SystemExit) as error:
         raise InputError(f"{file} could not be read: {_error_text(error)}") from error
-    make = getattr(module, "scene", None)
+    return module
+
+
+def _scene_function(file: Path) -> Callable[..., Scene]:
+    make = getattr(load_module(file), "scene", None)
     if not callable(make):
         raise InputError(f"{file} defines no scene(**parameters); it must return a pdvol.Scene")
     return make

@@ -2,16 +2,21 @@
 
 import os
 import shutil
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from pdvol.errors import InputError
-from pdvol.explore.wedge.wedge import Score, read_wedge
+from pdvol.explore.lengths import length
+from pdvol.explore.wedge.scored_body import at_level
+from pdvol.explore.wedge.scores import Score
+from pdvol.explore.wedge.wedge import read_wedge
 from pdvol.runs.run_metrics import motion_from_level_0
 from pdvol.store.files import TEMPORARY
 from pdvol.store.folder import holds_run
-from pdvol.store.reader import Run, open_run
+from pdvol.store.reader import open_run
+
+LOSS = 0.1  # of a score: a level that loses less still does what was chosen
 
 
 def chosen_run(folder: Path, number: int) -> tuple[Path, dict[str, Any]]:
@@ -32,7 +37,25 @@ def chosen_run(folder: Path, number: int) -> tuple[Path, dict[str, Any]]:
     return run, entry
 
 
-def take_out(source: Path, out: Path, same: Callable[[Run], bool] | None = None) -> Path:
+def picked_number(folder: Path, text: str) -> int:
+    """A number, or the one of `best`.
+
+    Raises
+    ------
+    InputError
+        It is neither, or nothing was searched.
+    """
+    if text == "best":
+        best = read_wedge(folder).get("best")
+        if not best:
+            raise InputError(f"{folder} holds no search; name a number, or use pdvol wedge --seek")
+        return int(best["number"])
+    if not text.isdigit():
+        raise InputError(f"{text!r} is not the number of a variation; give one, or best")
+    return int(text)
+
+
+def take_out(source: Path, out: Path) -> Path:
     """Copy a run folder, unless `out` holds that run already: then it is gone on with.
 
     Raises
@@ -60,40 +83,34 @@ def take_out(source: Path, out: Path, same: Callable[[Run], bool] | None = None)
     return out
 
 
-def level_view(run: Run, level: int) -> Run:
-    """The run as if this level was its only one: scores look at level 0."""
-    view = open_run(run.path)
-    view.levels = (view.levels[level],)
-    return view
-
-
 def compared_levels(path: Path, scores: Mapping[str, Score]) -> list[dict[str, Any]]:
-    """How far each level of a run is from level 0, which was chosen, and its scores.
-
-    Returns
-    -------
-    list of dict
-        For each level with all its states: as `motion_from_level_0`, and `scores`.
+    """How far each finished level of a run is from level 0, which was chosen: as `motion_from_level_0` gives it, and
+    the `scores` of each.
     """
     run = open_run(path)
     return [
-        {**entry, "scores": {text: float(score(level_view(run, entry["level"]))) for text, score in scores.items()}}
+        {**entry, "scores": {text: float(score(at_level(run, entry["level"]))) for text, score in scores.items()}}
         for entry in motion_from_level_0(run)
     ]
 
 
-def level_line(entry: Mapping[str, Any], chosen: Mapping[str, Any], unit: Callable[[float], str]) -> str:
-    """A level in one line: distances from what was chosen, and whether each score holds."""
-    line = f"level {entry['level']} ({entry['vertices']} vertices)"
-    if entry["level"]:
-        line += (
-            f": {unit(entry['distance'])} from level 0 at the end (largest over time {unit(entry['largest_distance'])}),"
-            f" {entry['body']}'s centre {unit(entry['centre_drift'])} and {entry['angle_drift']:.2g} degrees"
-        )
+def level_line(entry: Mapping[str, Any], chosen: Mapping[str, Any]) -> str:
+    """A level in one line: how far it is from what was chosen, and whether each score holds."""
+    line = f"level {entry['level']}, {entry['vertices']:,} vertices: "
+    if not entry["level"]:
+        line += "as chosen"
     else:
-        line += ": as chosen"
+        line += (
+            f"ends {length(entry['distance'])} from level 0 (largest over time {length(entry['largest_distance'])}), "
+        )
+        line += f"{entry['body']} {length(entry['centre_drift'])} and {entry['angle_drift']:.2g} degrees"
     for text, score in entry["scores"].items():
         line += f"; {text} {score:.4g}"
         if entry["level"]:
-            line += f" ({holds(score, chosen['scores'][text])})"
+            line += " holds" if holds(score, chosen["scores"][text]) else " does not hold"
     return line
+
+
+def holds(score: float, chosen: float) -> bool:
+    """Whether a finer level's score is as good as the chosen one, but for `LOSS` of its size."""
+    return score >= chosen - LOSS * max(abs(chosen), LOSS)

@@ -50,7 +50,7 @@ def cell_text(value: Any) -> str:
 
 
 def tiles(wedge: Wedge, entries: Sequence[Mapping[str, Any]]) -> list:
-    """A tile of the contact sheet for each variation: its number, parameters and scores; a failed one has its reason."""
+    """A tile of the contact sheet for each variation, with parameters and scores, or the reason of a failure."""
     from pdvol.draw.sheet import Tile
 
     found = []

@@ -12,6 +12,9 @@ from pdvol.explore.wedge.sampling import stored_value
 from pdvol.explore.wedge.search import seek
 from pdvol.explore.wedge.wedge import Wedge
 
+BATCH = 6  # variations of a generation at least: what CMA-ES takes in two parameters
+LEAST_SECONDS = 1e-3  # of a search whose time was up before it began
+
 
 def seek_best(
     wedge: Wedge,
@@ -22,6 +25,7 @@ def seek_best(
     deadline: float,
     seed: int,
     report: Callable[[dict[str, Any], Outcome], None],
+    goal: float | None = None,
 ) -> dict[str, Any]:
     """Search ranges of parameters for the largest score; wedge.json gets the result as `best`.
 
@@ -33,6 +37,7 @@ def seek_best(
     runs : evaluations at most
     deadline : on `time.monotonic()`'s clock [s]
     report : called with the entry and the outcome of each run that ended
+    goal : a score with which the search ends
 
     Returns
     -------
@@ -55,7 +60,8 @@ def seek_best(
         wedge.best = _best(wedge, text, numbers) or wedge.best
         return [math.nan if score is None else score for score in scores]
 
-    seek(evaluate, ranges, runs, max(deadline - time.monotonic(), 0.0), seed, lambda *_: None)
+    batch = executor.count * math.ceil(BATCH / executor.count)
+    seek(evaluate, ranges, runs, max(deadline - time.monotonic(), LEAST_SECONDS), seed, goal=goal, batch=batch)
     best = _best(wedge, text, numbers)
     if best is None:
         reason = next((wedge.entries[n]["reason"] for n in numbers if wedge.entries[n]["reason"]), "")

@@ -7,18 +7,18 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from pdvol.errors import InputError, PdvolError
+from pdvol.errors import InputError
 from pdvol.explore.folder import take_folder
 from pdvol.explore.jobs import Executor, Job, Outcome, run_jobs, stored_outcome
 from pdvol.explore.variation import Base, Variation, value_text
 from pdvol.explore.wedge.sampling import MOST_VARIATIONS
+from pdvol.explore.wedge.scores import Score
 from pdvol.runs.scene_file import Shot, check_names
 from pdvol.store.files import read_json, write_json
 from pdvol.store.reader import Run, open_run
 
 WEDGE_FORMAT = 1  # of wedge.json: increased when an older pdvol cannot read it
 WRITE_SHARE = 0.02  # of the time since wedge.json was last written that writing it may take
-Score = Callable[[Run], float]
 
 
 class Wedge:
@@ -140,8 +140,7 @@ class Wedge:
         report : called with the entry and the outcome of each run that ended
         deadline : on `time.monotonic()`'s clock [s]: what runs then is stopped
         """
-        waiting = [self.job(number) for number in numbers]
-        waiting.reverse()
+        waiting = [self.job(number) for number in reversed(dict.fromkeys(numbers))]
         self.write()
         for outcome in run_jobs(lambda running, left: waiting.pop() if waiting else None, executor, deadline):
             entry = self._take(outcome)
@@ -161,17 +160,9 @@ class Wedge:
         """NaN, as None: a run that is not done has no score."""
         if entry["state"] != "done" or not self.scores:
             return dict.fromkeys(self.scores)
-        run, found = open_run(self.run_folder(entry["name"])), {}
-        for text, score in self.scores.items():
-            try:
-                value = float(score(run))
-            except PdvolError:
-                raise
-            except Exception as error:  # it is a user's own function
-                what = f"{type(error).__name__}: {' '.join(str(error).split())}"
-                raise InputError(f"--score {text} of variation {entry['number']} failed: {what}") from error
-            found[text] = value if math.isfinite(value) else None
-        return found
+        run = open_run(self.run_folder(entry["name"]))
+        values = {text: score(run) for text, score in self.scores.items()}
+        return {text: value if math.isfinite(value) else None for text, value in values.items()}
 
     # ---- results
 
