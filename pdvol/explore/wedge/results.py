@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from pdvol.explore.wedge.wedge import Wedge, ordered
+from pdvol.store.reader import Run
 
 WIDEST = 40  # characters of a reason in a table
 
@@ -49,16 +50,16 @@ def cell_text(value: Any) -> str:
     return f"{value:.4g}" if isinstance(value, float) else str(value)
 
 
-def tiles(wedge: Wedge, entries: Sequence[Mapping[str, Any]]) -> list:
+def tiles(entries: Sequence[Mapping[str, Any]], runs: Sequence[Run | None]) -> list:
     """A tile of the contact sheet for each variation, with parameters and scores, or the reason of a failure."""
     from pdvol.draw.sheet import Tile
 
     found = []
-    for entry, run in zip(entries, wedge.runs(entries), strict=True):
+    for entry, run in zip(entries, runs, strict=True):
         lines = [f"{name} {text}" for name, text in entry["changes"].items()]
         lines += [f"{name} {cell_text(value)}" for name, value in entry["scores"].items()]
         note = "" if run else f"{entry['state']}: {entry['reason'] or 'it has not run'}"
-        found.append(Tile(str(entry["number"]), lines, run, note))
+        found.append(Tile(str(entry["number"]), lines, run, note, entry["cluster"]))
     return found
 
 
@@ -86,9 +87,10 @@ def write_results(
     wedge.write()
     files = [wedge.file]
     if sheet and entries:
-        from pdvol.draw.sheet import sheet_image
+        from pdvol.draw.sheet import MOST_TILES, sheet_image
 
-        drawn = tiles(wedge, entries)
+        shown = entries[:MOST_TILES]
+        drawn = tiles(shown, wedge.runs(shown))
         files.append(sheet_image(drawn, wedge.out / "sheet.png"))
         if film:
             from pdvol.draw.sheet_film import sheet_film

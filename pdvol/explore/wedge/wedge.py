@@ -101,10 +101,8 @@ class Wedge:
         if len(self.entries) + len(new) > MOST_VARIATIONS:
             raise InputError(f"{self.out} would hold more than {MOST_VARIATIONS} variations; choose another folder")
         for variation in new:
-            changes = {name: value_text(value) for name, value in variation.changes}
-            entry = {"number": len(self.entries), "name": variation.name, "changes": changes, "state": "waiting"}
             self._numbers[variation.name] = len(self.entries)
-            self.entries.append({**entry, "reason": "", "scores": {}, "cluster": -1})
+            self.entries.append(new_entry(len(self.entries), variation))
         self._vary += [word for word in vary if word not in self._vary]
         return [self._numbers[variation.name] for variation in variations]
 
@@ -160,9 +158,7 @@ class Wedge:
         """NaN, as None: a run that is not done has no score."""
         if entry["state"] != "done" or not self.scores:
             return dict.fromkeys(self.scores)
-        run = open_run(self.run_folder(entry["name"]))
-        values = {text: score(run) for text, score in self.scores.items()}
-        return {text: value if math.isfinite(value) else None for text, value in values.items()}
+        return scored(self.run_folder(entry["name"]), self.scores)
 
     # ---- results
 
@@ -199,6 +195,27 @@ class Wedge:
         )
         self._written = time.monotonic()
         self._writing = self._written - begin
+
+
+def new_entry(number: int, variation: Variation) -> dict[str, Any]:
+    """A variation that waits, as wedge.json lists it."""
+    changes = {name: value_text(value) for name, value in variation.changes}
+    return {
+        "number": number,
+        "name": variation.name,
+        "changes": changes,
+        "state": "waiting",
+        "reason": "",
+        "scores": {},
+        "cluster": -1,
+    }
+
+
+def scored(folder: Path, scores: Mapping[str, Score]) -> dict[str, float | None]:
+    """Scores of a stored run, None where one cannot be said."""
+    run = open_run(folder)
+    values = {text: float(score(run)) for text, score in scores.items()}
+    return {text: value if math.isfinite(value) else None for text, value in values.items()}
 
 
 def ordered(entries: Sequence[Mapping[str, Any]], sort: str) -> list[dict[str, Any]]:
