@@ -22,7 +22,7 @@ GOOD = 0.9  # through_and_sits from here on: nothing touched, on the step, at mo
 
 
 def scene(
-    speed=5.0, angle=55.0, aim=0.0, spin=0.0, vertices=(200, 500, 1200), young=1e5, mu=0.8, steps=100, dt=0.02
+    speed=5.0, angle=55.0, aim=0.0, spin=0.0, vertices=(150, 400, 1000), young=1e5, mu=0.8, steps=75, dt=0.02
 ):
     """The bear is thrown at `speed` m/s, `angle` degrees above the ground and `aim` degrees to the side, turning at
     `spin` rad/s about the axis across the throw.
