@@ -66,8 +66,14 @@ def camera_of_run(
 ) -> Camera:
     """The camera that shows all these levels at all these steps, and the obstacles that are not planes.
 
-    Up is `run.info["up"]` where the run has it, else the first plane's normal, else z; `turn` as for `fitted_camera`.
+    `turn` as for `fitted_camera`.
     """
+    content = content_of_run(levels, steps, obstacles)
+    return fitted_camera(content, levels[0].rest.shape[1], upward_of_run(run, obstacles), turn)
+
+
+def content_of_run(levels: Sequence[RunLevel], steps: Sequence[int], obstacles: Sequence[DrawnObstacle]) -> np.ndarray:
+    """(n, 3) [m]: points of all bodies on these levels at these steps, and of the obstacles near them."""
     content = [
         in_3d(level.positions(step)[np.unique(level.surface)])
         for level in levels
@@ -81,9 +87,13 @@ def camera_of_run(
         if obstacle.kind != "plane":
             vertices = in_3d(np.concatenate([obstacle.vertices(step) for step in steps]))
             content.append(np.clip(vertices, low - margin, high + margin))
-    dim = levels[0].rest.shape[1]
+    return np.concatenate(content)
+
+
+def upward_of_run(run: Run, obstacles: Sequence[DrawnObstacle]) -> np.ndarray:
+    """(2,) or (3,) up: `run.info["up"]` where the run has it, else the first plane's normal, else z."""
     upward = run.info.get("up") or next((o.plane(0)[1] for o in obstacles if o.kind == "plane"), (0.0, 0.0, 1.0))
-    return fitted_camera(np.concatenate(content), dim, np.asarray(upward, dtype=float), turn)
+    return np.asarray(upward, dtype=float)
 
 
 def fitted_camera(points: np.ndarray, dim: int, upward: np.ndarray, turn: float = 0.0) -> Camera:

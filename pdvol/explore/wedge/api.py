@@ -26,8 +26,8 @@ from pdvol.runs.scene_file import load_shot
 from pdvol.scene import Scene
 from pdvol.store.reader import Run, open_run
 
-MOST_PICTURES = 48  # of a table in a notebook
-PICTURE_WIDTH = 140  # pixels, of one of them
+MOST_THUMBNAILS = 48  # of a table in a notebook
+THUMBNAIL_WIDTH = 140  # pixels, of one of them
 
 
 def wedge(
@@ -198,7 +198,7 @@ class WedgeTable:
         head = "".join(f"<th>{html.escape(name)}</th>" for name in ["", *rows[0]] if rows)
         lines = []
         for place, (row, entry) in enumerate(zip(rows, self.entries, strict=True)):
-            shown = _thumbnail(self.run(row["number"])) if entry["state"] == "done" and place < MOST_PICTURES else ""
+            shown = _thumbnail(self.run(row["number"])) if entry["state"] == "done" and place < MOST_THUMBNAILS else ""
             lines.append(f"<td>{shown}</td>" + "".join(f"<td>{html.escape(cell_text(v))}</td>" for v in row.values()))
         return f"<table><tr>{head}</tr>{''.join(f'<tr>{line}</tr>' for line in lines)}</table>"
 
@@ -207,5 +207,5 @@ def _thumbnail(stored: Run) -> str:
     """The end of a run, as an image within a page."""
     buffer = io.BytesIO()
     last = stored.levels[0].steps - 1
-    picture(stored, [0], [last], PICTURE_WIDTH).save(buffer, "PNG")
+    picture(stored, [0], [last], THUMBNAIL_WIDTH).save(buffer, "PNG")
     return f'<img src="data:image/png;base64,{base64.b64encode(buffer.getvalue()).decode()}">'

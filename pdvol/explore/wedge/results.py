@@ -102,21 +102,21 @@ def write_results(
 
 
 def draw_scatter(file: Path, entries: Sequence[Mapping[str, Any]]) -> Path | None:
-    """Parameters against scores, coloured by cluster; None where there is no number for either."""
-    from pdvol.draw.scatter import scatter
+    """Parameters against scores; None where there is none of either."""
+    from pdvol.draw.scatter import scatter_image
 
     done = [entry for entry in entries if entry["state"] == "done"]
-    changes = {name: [_number(e["changes"].get(name)) for e in done] for e in done for name in e["changes"]}
-    scores = {name: [_number(e["scores"].get(name)) for e in done] for e in done for name in e["scores"]}
-    across = {name: values for name, values in changes.items() if any(v is not None for v in values)}
-    up = {name: values for name, values in scores.items() if any(v is not None for v in values)}
-    if not across or not up:
+    names = dict.fromkeys(name for entry in done for name in entry["changes"])
+    values = {name: [_number(entry["changes"].get(name, "")) for entry in done] for name in names}
+    texts = dict.fromkeys(name for entry in done for name in entry["scores"])
+    scores = {text: [entry["scores"].get(text) for entry in done] for text in texts}
+    if not values or not scores:
         return None
-    return scatter(file, across, up, [entry["cluster"] for entry in done], [entry["number"] for entry in done])
+    return scatter_image(values, scores, [str(entry["number"]) for entry in done], file)
 
 
-def _number(value: Any) -> float | None:
+def _number(text: str) -> float | str:
     try:
-        return None if value is None else float(value)
+        return float(text)
     except ValueError:
-        return None
+        return text

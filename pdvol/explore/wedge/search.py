@@ -121,7 +121,7 @@ def _bounds(ranges: Mapping[str, tuple[float, float]]) -> tuple[np.ndarray, np.n
 
 
 def _named(names: Sequence[str], low: np.ndarray, high: np.ndarray, point: np.ndarray) -> dict[str, float]:
-    values = np.clip(low + np.asarray(point) * (high - low), low, high)
+    values = np.clip(low + np.asarray(point)[: len(names)] * (high - low), low, high)
     return dict(zip(names, values.tolist(), strict=True))
 
 
@@ -130,6 +130,7 @@ def _strategy(count: int, size: int, seed: int, low_start: bool):  # type: ignor
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # cma warns at import where matplotlib's pyplot is not wanted
         import cma
-    start = np.random.default_rng(seed).uniform(0.2, 0.8, count) if low_start else np.full(count, 0.5)
+    dimensions = max(count, 2)  # cma takes no single parameter: one that nothing depends on is added
+    start = np.random.default_rng(seed).uniform(0.2, 0.8, dimensions) if low_start else np.full(dimensions, 0.5)
     options = {"bounds": [0.0, 1.0], "seed": seed + 1, "popsize": size, "verbose": -9, "verb_log": 0}
     return cma.CMAEvolutionStrategy(start, FIRST_SPREAD, options)
