@@ -170,12 +170,12 @@ def test_a_killed_worker_and_a_killed_wedge_cost_nothing_but_time(tmp_path):
 
 def test_a_search_finds_and_goes_on_with_what_is_stored(tmp_path, capsys):
     scene = scene_in(tmp_path)
-    words = ("--steps", 3, "--vary", "height=0.02:0.4", "--runs", 18, "--no-picture", "--seek", "near")
+    words = ("--steps", 3, "--vary", "height=0.02:0.4", "--runs", 30, "--no-picture", "--seek", "near")
     assert pdvol("wedge", scene, "-o", tmp_path / "w", *words) == 0
     assert "best: number" in capsys.readouterr().err
     wedge = stored(tmp_path / "w")
     scores = [entry["scores"]["near"] for entry in wedge["variations"]]
-    assert wedge["best"]["score"] == max(scores) == scores[wedge["best"]["number"]] and wedge["best"]["runs"] == 18
+    assert wedge["best"]["score"] == max(scores) == scores[wedge["best"]["number"]] and wedge["best"]["runs"] == 30
     assert max(scores) > -0.01 and max(scores) > max(scores[:6])
     before = {p: p.stat().st_mtime_ns for p in (tmp_path / "w/runs").glob("*/levels/0/*")}
     assert pdvol("wedge", scene, "-o", tmp_path / "w", *words) == 0

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from PIL import Image
+from tqdm import tqdm
 
 from pdvol.draw.image import picture
 from pdvol.errors import InputError, PdvolError
@@ -19,7 +20,7 @@ from pdvol.explore.wedge.progress import WedgeProgress
 from pdvol.explore.wedge.results import cell_text, default_sort, table, tiles
 from pdvol.explore.wedge.sampling import Vary, chosen_variations, parse_vary
 from pdvol.explore.wedge.scores import Score, chosen_scores
-from pdvol.explore.wedge.wedge import Wedge, new_entry, ordered, scored
+from pdvol.explore.wedge.wedge import Wedge, done_runs, group, new_entry, ordered, scored
 from pdvol.runs.api import run
 from pdvol.runs.runner import refine_run
 from pdvol.runs.scene_file import load_shot
@@ -70,22 +71,21 @@ def wedge(
     folder = Path(temporary.name if temporary else str(out))
     file = None if callable(scene) else Path(scene)
     functions = _functions(scores, file)
-    watch = WedgeProgress(len(variations), folder / "wedge.log") if progress else None
     if callable(scene):
-        entries = _run_here(scene, variations, folder, functions, steps)
+        entries = _run_here(scene, variations, folder, functions, steps, progress)
     else:
-        shot = load_shot(scene, None, steps)
-        made, workers = Wedge(shot, folder, functions), Workers(jobs or cores())
+        made, workers = Wedge(load_shot(scene, None, steps), folder, functions), Workers(jobs or cores())
         try:
             with made.taken():
                 numbers = made.add(variations)
+                watch = WedgeProgress(len(numbers), made.out / "wedge.log") if progress else None
                 made.run(numbers, workers, watch.ended if watch else lambda *_: None)
-                made.group()
+                if watch:
+                    watch.close()
                 entries = made.entries
         finally:
             workers.close()
-            if watch:
-                watch.close()
+    group(entries, done_runs(folder, entries))
     return WedgeTable(folder, ordered(entries, default_sort(entries)), scene, steps, temporary)
 
 
@@ -110,10 +110,11 @@ def _run_here(
     folder: Path,
     scores: Mapping[str, Score],
     steps: int | None,
+    progress: bool,
 ) -> list[dict[str, Any]]:
     """Variations of a scene in memory, which no other process can load."""
     entries = []
-    for number, variation in enumerate(variations):
+    for number, variation in enumerate(tqdm(variations, desc="wedge", unit="run", disable=not progress)):
         entry, where = new_entry(number, variation), folder / "runs" / variation.name
         try:
             run(scene(**dict(variation.changes)), where, levels=0, steps=steps, resume=where.exists())
@@ -169,7 +170,7 @@ class WedgeTable:
         """All variations in one picture."""
         from pdvol.draw.sheet import sheet_image
 
-        runs = [self.run(entry["number"]) if entry["state"] == "done" else None for entry in self.entries]
+        runs = done_runs(self.folder, self.entries)
         with tempfile.TemporaryDirectory(prefix="pdvol_") as folder:
             file = sheet_image(tiles(self.entries, runs), Path(folder) / "sheet.png", columns)
             with Image.open(file) as drawn:

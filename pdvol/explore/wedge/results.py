@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from pdvol.explore.wedge.wedge import Wedge, ordered
+from pdvol.explore.wedge.wedge import Wedge, group, ordered
 from pdvol.store.reader import Run
 
 WIDEST = 40  # characters of a reason in a table
@@ -82,7 +82,7 @@ def write_results(
     InputError
         `sort` names nothing.
     """
-    wedge.group()
+    group(wedge.entries, wedge.runs(wedge.entries))
     entries = ordered(wedge.entries, sort or default_sort(wedge.entries))
     wedge.write()
     files = [wedge.file]

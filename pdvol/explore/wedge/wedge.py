@@ -11,6 +11,7 @@ from pdvol.errors import InputError
 from pdvol.explore.folder import take_folder
 from pdvol.explore.jobs import Executor, Job, Outcome, run_jobs, stored_outcome
 from pdvol.explore.variation import Base, Variation, value_text
+from pdvol.explore.wedge.clusters import clusters
 from pdvol.explore.wedge.sampling import MOST_VARIATIONS
 from pdvol.explore.wedge.scores import Score
 from pdvol.runs.scene_file import Shot, check_names
@@ -164,18 +165,7 @@ class Wedge:
 
     def runs(self, entries: Sequence[Mapping[str, Any]]) -> list[Run | None]:
         """The stored run of each; None where it is not done."""
-        return [open_run(self.run_folder(e["name"])) if e["state"] == "done" else None for e in entries]
-
-    def group(self) -> None:
-        """Number the groups of variations that end alike: `cluster`, -1 where a run is not done."""
-        from pdvol.explore.wedge.clusters import clusters
-
-        for entry in self.entries:
-            entry["cluster"] = -1
-        found = [(entry, run) for entry, run in zip(self.entries, self.runs(self.entries), strict=True) if run]
-        if found:
-            for (entry, _), cluster in zip(found, clusters([run for _, run in found]), strict=True):
-                entry["cluster"] = int(cluster)
+        return done_runs(self.out, entries)
 
     def write(self) -> None:
         """Write wedge.json."""
@@ -209,6 +199,21 @@ def new_entry(number: int, variation: Variation) -> dict[str, Any]:
         "scores": {},
         "cluster": -1,
     }
+
+
+def done_runs(folder: Path, entries: Sequence[Mapping[str, Any]]) -> list[Run | None]:
+    """The stored run of each variation of a wedge's folder; None where it is not done."""
+    return [open_run(folder / "runs" / e["name"]) if e["state"] == "done" else None for e in entries]
+
+
+def group(entries: Sequence[dict[str, Any]], runs: Sequence[Run | None]) -> None:
+    """Number the groups of variations that end alike: `cluster`, -1 where a run is not done."""
+    for entry in entries:
+        entry["cluster"] = -1
+    found = [(entry, run) for entry, run in zip(entries, runs, strict=True) if run]
+    if found:
+        for (entry, _), cluster in zip(found, clusters([run for _, run in found]), strict=True):
+            entry["cluster"] = int(cluster)
 
 
 def scored(folder: Path, scores: Mapping[str, Score]) -> dict[str, float | None]:
