@@ -19,11 +19,22 @@ RING = np.array([1.1, 1.4, 0.0])  # m, the ring's middle; its axis is x
 HOLE, TUBE = 0.30, 0.05  # m, radii of the ring's hole and tube
 LOWER, UPPER = np.array([1.6, 0.0, -0.5]), np.array([2.8, 0.9, 0.5])  # m, corners of the step
 MARGIN = 0.02  # m, what is left between frog and ring, at least
-GOOD = 0.9  # through_and_on_its_feet from here on: nothing touched, on the step, at most 26 degrees from upright, at rest
+GOOD = (
+    0.9  # through_and_on_its_feet from here on: nothing touched, on the step, at most 26 degrees from upright, at rest
+)
 
 
 def scene(
-    speed=5.0, angle=55.0, aim=0.0, spin=0.0, vertices=(150, 400, 1000), young=1e5, damping=0.02, mu=0.8, steps=70, dt=0.02
+    speed=5.0,
+    angle=55.0,
+    aim=0.0,
+    spin=0.0,
+    vertices=(150, 400, 1000),
+    young=1e5,
+    damping=0.02,
+    mu=0.8,
+    steps=70,
+    dt=0.02,
 ):
     """The frog is thrown at `speed` m/s, `angle` degrees above the ground and `aim` degrees to the side, turning at
     `spin` rad/s about the axis across the throw.
