@@ -9,11 +9,11 @@ import numpy as np
 from PIL import Image, ImageDraw
 
 from pdvol.draw.camera import Camera, content_of_run, fitted_camera, upward_of_run
-from pdvol.draw.layout import BACKGROUND, FAINT_INK, INK, PALETTE, font
+from pdvol.draw.layout import BACKGROUND, INK, PALETTE, cluster_name, font
 from pdvol.draw.renderer import Renderer
 from pdvol.errors import InputError
 from pdvol.store.files import write_bytes
-from pdvol.store.reader import Run
+from pdvol.store.reader import Run, RunLevel
 
 WIDEST_SHEET = 4000  # pixels
 WIDEST_TILE = 560  # pixels: more shows no more of a coarse level
@@ -88,7 +88,7 @@ def sheet_image(
     return out
 
 
-def drawn_level(run: Run | None):  # type: ignore[no-untyped-def]
+def drawn_level(run: Run | None) -> RunLevel | None:
     """The finest level of a run that has a state; None without one."""
     return None if run is None else next((level for level in reversed(run.levels) if level.steps), None)
 
@@ -170,7 +170,8 @@ class SheetLayout:
         lines = max(len(tile.lines) for tile in tiles) + 1
         if columns is None:
             tall = 1.0 / aspect + 0.09 * lines  # a tile's height over its width, about
-            columns = max(1, min(count, round(np.sqrt(count * tall * SHAPE))))
+            most = (widest - TILE_GAP) // (NARROWEST_TILE + TILE_GAP)
+            columns = max(1, min(count, most, round(np.sqrt(count * tall * SHAPE))))
         width = int(np.clip((widest - TILE_GAP) // columns - TILE_GAP, NARROWEST_TILE, WIDEST_TILE))
         width -= width % 2
         text = float(np.clip(LABEL_SIZE * width / 420, LEAST_LABEL_SIZE, LABEL_SIZE))
@@ -197,8 +198,7 @@ class SheetLayout:
     def empty(self) -> Image.Image:
         """A sheet without tiles; its sides are even, as encoders of films need them."""
         across, down = (
-            n * (size + TILE_GAP) + TILE_GAP
-            for n, size in zip((self.columns, self.rows), self.tile_size, strict=True)
+            n * (size + TILE_GAP) + TILE_GAP for n, size in zip((self.columns, self.rows), self.tile_size, strict=True)
         )
         return Image.new("RGB", (across + across % 2, down + down % 2), BACKGROUND)
 
@@ -238,16 +238,10 @@ class SheetLayout:
             rows = rows if len(rows) <= fits else [*rows[: fits - 1], rows[fits - 1] + " ..."]
             start = y + (height - len(rows) * self.line) // 2 if picture is None else y + TILE_GAP // 2
             for k, row in enumerate(rows):
-                pen.text((x + TILE_GAP, start + k * self.line), row, INK if picture is None else "#a04020", font(self.text))
+                pen.text(
+                    (x + TILE_GAP, start + k * self.line), row, INK if picture is None else "#a04020", font(self.text)
+                )
         pen.rectangle((x, y, x + width - 1, y + height - 1), outline="#dcd7cd")
-
-
-def cluster_name(cluster: int) -> str:
-    """`group A` to `group Z`, then `group AA`."""
-    letters = ""
-    while cluster >= 0:
-        letters, cluster = chr(ord("A") + cluster % 26) + letters, cluster // 26 - 1
-    return f"group {letters}"
 
 
 def wrapped(lines: Sequence[str], width: int, size: float) -> list[str]:

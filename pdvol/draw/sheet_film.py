@@ -11,7 +11,7 @@ from pdvol.draw.sheet import SHAPE, SheetLayout, Tile, TilePictures, drawn_level
 WIDEST_FILM = 1920  # pixels, of a film of a few tiles
 WIDEST_DENSE_FILM = 3840  # pixels, of one whose labels need more: players show 4K
 DENSE_FROM = 5  # columns of tiles from which a film needs more
-MOST_PICTURES = 6000  # tiles drawn in one film: minutes; with more tiles, fewer moments are drawn
+MOST_PICTURES = 2500  # tiles drawn in one film: minutes; with more tiles, fewer moments are drawn
 
 
 def sheet_film(

@@ -14,7 +14,9 @@ def surface_gap(points: np.ndarray, facets: np.ndarray, other_points: np.ndarray
     points, other_points : (n, d) [m]
     facets, other_facets : (k, d) corners of each facet
     """
-    gap = min(_corner_gap(points, facets, other_points, other_facets), _corner_gap(other_points, other_facets, points, facets))
+    gap = min(
+        _corner_gap(points, facets, other_points, other_facets), _corner_gap(other_points, other_facets, points, facets)
+    )
     if points.shape[1] == 2:
         return gap
     one, other = points[_edges(facets)], other_points[_edges(other_facets)]

@@ -148,7 +148,7 @@ def _names(make: Callable[..., Scene]) -> tuple[list[str], set[str], bool]:
 
 
 def load_module(file: Path) -> ModuleType:
-    """A scene file, or another Python file of the user's, as a module of its own; InputError where it cannot be read."""
+    """A scene file, or another Python file of the user's, as a module; InputError where it cannot be read."""
     if not file.is_file():
         raise InputError(f"there is no scene file {file}")
     spec = importlib.util.spec_from_file_location(f"pdvol_scene_{file.stem}", file)

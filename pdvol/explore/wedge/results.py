@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from pdvol.draw.layout import cluster_name
 from pdvol.explore.wedge.wedge import Wedge, group, ordered
 from pdvol.store.reader import Run
 
@@ -24,7 +25,7 @@ def table(entries: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
             "number": entry["number"],
             **{name: entry["changes"].get(name, "") for name in changes},
             **{name: entry["scores"].get(name) for name in scores},
-            "cluster": entry["cluster"] if entry["cluster"] >= 0 else "",
+            "cluster": cluster_name(entry["cluster"]) if entry["cluster"] >= 0 else "",
             "state": entry["state"] + (f": {entry['reason']}" if entry["reason"] else ""),
         }
         for entry in entries

@@ -120,8 +120,8 @@ class ScoredBody:
 
     def rotation(self, step: int) -> np.ndarray:
         """(d, d): the rotation that takes it from rest to a step best."""
-        states = (x[self.vertices] for x in (self.level.rest, self.level.positions(step)))
-        return rigid_motions(*states, self.weights, np.zeros(len(self.vertices), dtype=np.int64)).rotations[0]
+        rest, now = self.level.rest[self.vertices], self.level.positions(step)[self.vertices]
+        return rigid_motions(rest, now, self.weights, np.zeros(len(rest), dtype=np.int64)).rotations[0]
 
     def placed_direction(self, direction: np.ndarray) -> np.ndarray:
         """(d,) a direction of the body's shape as the scene's placement has turned it."""

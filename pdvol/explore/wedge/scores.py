@@ -219,26 +219,25 @@ def _chosen(text: str, scene_file: Path | None) -> Score:
     file, colon, rest = text.strip().rpartition(".py:")
     turned = file.startswith("-")
     source = Path(file.removeprefix("-").strip() + ".py") if colon else scene_file
-    call = _parsed(text, rest)
-    if isinstance(call, ast.UnaryOp):
-        turned, call = not turned, call.operand
-    name = call.func.id if isinstance(call, ast.Call) else call.id
+    call, minus = _parsed(text, rest)
+    turned = turned != minus
+    name = ast.unparse(call.func if isinstance(call, ast.Call) else call)
     function = _named(text, name, None if colon else READY.get(name), source)
     if isinstance(call, ast.Call) or function is READY.get(name):
         function = _made(text, function, call)
     return _checked_score(text, function, -1.0 if turned else 1.0)
 
 
-def _parsed(text: str, expression: str) -> Any:
-    """A name or a call of a name with literals, perhaps with a minus in front."""
+def _parsed(text: str, expression: str) -> tuple[Any, bool]:
+    """A name or the call of a name, and whether a minus is in front."""
     try:
         call = ast.parse(expression.strip(), mode="eval").body
     except (SyntaxError, ValueError, MemoryError, RecursionError):
         call = None
-    inner = call.operand if isinstance(call, ast.UnaryOp) and isinstance(call.op, ast.USub) else call
+    inner: Any = call.operand if isinstance(call, ast.UnaryOp) and isinstance(call.op, ast.USub) else call
     if not isinstance(inner, ast.Name) and not (isinstance(inner, ast.Call) and isinstance(inner.func, ast.Name)):
         raise InputError(f'score {text!r} cannot be read; write upright("bear"), my_score, or module.py:my_score')
-    return call
+    return inner, inner is not call
 
 
 def _named(text: str, name: str, ready: Callable | None, source: Path | None) -> Callable:

@@ -7,6 +7,7 @@ import time
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -75,9 +76,10 @@ def seek(
         raise InputError(f"a search needs runs = {runs}, seconds = {seconds:g} above 0 and seed = {seed} not below 0")
     begin, names = time.monotonic(), list(ranges)
     size = max(4, 4 + int(3 * np.log(len(names))) if batch is None else batch)
-    best, scores, history = Found({}, np.nan, -1, 0, 0.0, (), ""), [], []
+    best, spent = Found({}, np.nan, -1, 0, 0.0, (), ""), 0.0
+    history: list[float] = []
     for restart in range(MOST_RESTARTS):
-        strategy = _strategy(len(names), size, seed + 7919 * restart, low_start=restart > 0)
+        strategy = _strategy(len(names), size, seed + 7919 * restart, anywhere=restart > 0)
         while not strategy.stop():
             asked = strategy.ask()
             now = asked[: runs - len(history)]
@@ -103,11 +105,11 @@ def seek(
 
 def losses(scores: Sequence[float]) -> list[float]:
     """What a strategy makes small: minus the scores; all that failed share a value above that of any other."""
-    values = -np.asarray(scores, dtype=float)
-    finite = values[np.isfinite(values)]
+    values = [-score for score in scores]
+    finite = np.array([value for value in values if np.isfinite(value)])
     worst = (float(finite.max()) + max(1.0, float(np.ptp(finite)))) if len(finite) else 0.0
     least = (float(finite.min()) - 1.0) if len(finite) else -1.0
-    return [least if value == -np.inf else value if np.isfinite(value) else worst for value in values.tolist()]
+    return [least if value == -np.inf else value if np.isfinite(value) else worst for value in values]
 
 
 def _bounds(ranges: Mapping[str, tuple[float, float]]) -> tuple[np.ndarray, np.ndarray]:
@@ -116,7 +118,7 @@ def _bounds(ranges: Mapping[str, tuple[float, float]]) -> tuple[np.ndarray, np.n
     for name, (lower, upper) in ranges.items():
         if not (np.isfinite(lower) and np.isfinite(upper) and lower < upper):
             raise InputError(f"a search varies {name} from {lower:g} to {upper:g}: write a lower and a higher number")
-    low, high = np.array([ends for ends in ranges.values()], dtype=float).T
+    low, high = np.array(list(ranges.values()), dtype=float).T
     return low, high
 
 
@@ -125,12 +127,12 @@ def _named(names: Sequence[str], low: np.ndarray, high: np.ndarray, point: np.nd
     return dict(zip(names, values.tolist(), strict=True))
 
 
-def _strategy(count: int, size: int, seed: int, low_start: bool):  # type: ignore[no-untyped-def]
+def _strategy(count: int, size: int, seed: int, anywhere: bool) -> Any:
     """CMA-ES in the unit cube, from its middle, or from a random place."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # cma warns at import where matplotlib's pyplot is not wanted
         import cma
     dimensions = max(count, 2)  # cma takes no single parameter: one that nothing depends on is added
-    start = np.random.default_rng(seed).uniform(0.2, 0.8, dimensions) if low_start else np.full(dimensions, 0.5)
+    start = np.random.default_rng(seed).uniform(0.2, 0.8, dimensions) if anywhere else np.full(dimensions, 0.5)
     options = {"bounds": [0.0, 1.0], "seed": seed + 1, "popsize": size, "verbose": -9, "verb_log": 0}
     return cma.CMAEvolutionStrategy(start, FIRST_SPREAD, options)

@@ -31,7 +31,7 @@ def test_a_function_s_variations_are_rows_and_failures_have_reasons(made):
     rows = made.table
     assert [row["state"].partition(":")[0] for row in rows] == ["done", "done", "failed", "failed"]
     assert rows[0]["right"] > rows[1]["right"] and "floor" in rows[2]["state"]
-    assert rows[0]["velocity"] == "(0.6,0.0)" and rows[0]["height"] == "0.02" and rows[0]["cluster"] >= 0
+    assert rows[0]["velocity"] == "(0.6,0.0)" and rows[0]["height"] == "0.02" and rows[0]["cluster"] == "group A"
     assert made.run(rows[0]["number"]).levels[0].steps == STEPS + 1
     with pytest.raises(pdvol.InputError, match="failed"):
         made.run(rows[3]["number"])
