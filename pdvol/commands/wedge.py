@@ -71,8 +71,17 @@ def add_arguments(parser: ArgumentParser) -> None:
     add_settings(parser)
 
 
-def main(options: Namespace) -> None:
+def main(options: Namespace) -> int:
     """Run the variations, or search; print the table; draw the sheet."""
+    try:
+        _make(options)
+    except KeyboardInterrupt:
+        print("pdvol: interrupted; what is stored is kept, the same command goes on with it", file=sys.stderr)
+        return 130
+    return 0
+
+
+def _make(options: Namespace) -> None:
     from pdvol.explore.executors import cores
     from pdvol.explore.wedge.farm import PRINT, chosen_executor
     from pdvol.explore.wedge.results import write_results
