@@ -56,6 +56,7 @@ _HOMES = {
     "pdvol.meshes": ("Outline", "Solid", "Surface"),
     "pdvol.store.reader": ("open_run",),
     "pdvol.runs.api": ("run",),
+    "pdvol.explore.wedge.api": ("wedge",),
     "pdvol.draw.image": ("picture",),
     "pdvol.runs.own_energy": ("Contact",),
     "pdvol.cli": ("main",),

@@ -197,6 +197,8 @@ COMMANDS = Registry(
         "study": Entry(
             "pdvol.commands.study", "speed against accuracy: run a scene with many settings and compare them"
         ),
+        "wedge": Entry("pdvol.commands.wedge", "many variations of a scene on level 0, scored and on one sheet"),
+        "pick": Entry("pdvol.commands.pick", "take one variation of a wedge, and refine it"),
         "verify": Entry(
             "pdvol.commands.verify",
             "check every stored state for intersections and inverted cells, independently of the solver",

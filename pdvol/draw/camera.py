@@ -66,17 +66,15 @@ def camera_of_run(
 ) -> Camera:
     """The camera that shows all these levels at all these steps, and the obstacles that are not planes.
 
-    Up is `run.info["up"]` where the run has it, else the first plane's normal, else z; `turn` as for `fitted_camera`.
+    `turn` as for `fitted_camera`.
     """
-    points = content(levels, steps, obstacles)
-    return fitted_camera(points, levels[0].rest.shape[1], way_up(run, obstacles), turn)
+    content = content_of_run(levels, steps, obstacles)
+    return fitted_camera(content, levels[0].rest.shape[1], upward_of_run(run, obstacles), turn)
 
 
-def content(levels: Sequence[RunLevel], steps: Sequence[int], obstacles: Sequence[DrawnObstacle]) -> np.ndarray:
-    """(n, 3) [m]: what a picture of these levels at these steps must show; obstacles near to the bodies count, planes
-    do not.
-    """
-    shown = [
+def content_of_run(levels: Sequence[RunLevel], steps: Sequence[int], obstacles: Sequence[DrawnObstacle]) -> np.ndarray:
+    """(n, 3) [m]: points of all bodies on these levels at these steps, and of the obstacles near them."""
+    content = [
         in_3d(level.positions(step)[np.unique(level.surface)])
         for level in levels
         for step in steps
@@ -88,12 +86,12 @@ def content(levels: Sequence[RunLevel], steps: Sequence[int], obstacles: Sequenc
     for obstacle in obstacles:
         if obstacle.kind != "plane":
             vertices = in_3d(np.concatenate([obstacle.vertices(step) for step in steps]))
-            shown.append(np.clip(vertices, low - margin, high + margin))
-    return np.concatenate(shown)
+            content.append(np.clip(vertices, low - margin, high + margin))
+    return np.concatenate(content)
 
 
-def way_up(run: Run, obstacles: Sequence[DrawnObstacle]) -> np.ndarray:
-    """The way up of a run: `run.info["up"]` where the run has it, else the first plane's normal, else z."""
+def upward_of_run(run: Run, obstacles: Sequence[DrawnObstacle]) -> np.ndarray:
+    """(2,) or (3,) up: `run.info["up"]` where the run has it, else the first plane's normal, else z."""
     upward = run.info.get("up") or next((o.plane(0)[1] for o in obstacles if o.kind == "plane"), (0.0, 0.0, 1.0))
     return np.asarray(upward, dtype=float)
 

@@ -31,43 +31,76 @@ def write_film(
     cell_width: int,
     turn: float = 0.0,
 ) -> Path:
-    """Write a .gif or .mp4; see `pdvol.draw.picture.render` for the arguments. Frames are drawn and encoded one at a
-    time.
+    """Write a .gif or .mp4; see `pdvol.draw.picture.render` for the arguments and `FilmFile` for the errors. Frames are
+    drawn and encoded one at a time.
+    """
+    stride = max(1, round(1.0 / (MOST_FRAMES_PER_SECOND * run.dt)))
+    frames = list(range(0, max(level.steps for level in levels), stride)) if steps is None else list(steps)
+    camera = camera_of_run(run, levels, frames, obstacles, turn)
+    with (
+        FilmFile(path, 1.0 / (stride * run.dt)) as film,
+        Renderer(run, camera, cell_width, obstacles, oversampling=2) as renderer,
+    ):
+        for step in frames:
+            film.add(_frame(renderer, levels, step, run.dt))
+    return path
+
+
+class FilmFile:
+    """A .gif or .mp4 that is written a frame at a time, in a `with` block: it has its name once it is whole.
+
+    Parameters
+    ----------
+    path : the file
+    rate : frames per second
 
     Raises
     ------
     InputError
-        When imageio, or for .mp4 its ffmpeg, is not installed.
+        The ending is another one, or imageio, or for .mp4 its ffmpeg, is not installed.
     SimulationError
-        When the disk cannot be written.
+        The disk cannot be written.
     """
-    is_mp4 = path.suffix.lower() == ".mp4"
-    for module in ("imageio", "imageio_ffmpeg") if is_mp4 else ("imageio",):
-        if importlib.util.find_spec(module) is None:
-            raise InputError(f"{path}: a film needs {module}: pip install 'pdvol[film]'")
-    import imageio.v2 as imageio
 
-    stride = max(1, round(1.0 / (MOST_FRAMES_PER_SECOND * run.dt)))
-    frames = list(range(0, max(level.steps for level in levels), stride)) if steps is None else list(steps)
-    rate = 1.0 / (stride * run.dt)
-    # The encoder chooses the format by the file name's ending, so the temporary name keeps it.
-    aside = path.with_name(f".{path.stem}{TEMPORARY}{path.suffix}")
-    mp4 = {"fps": rate, "codec": "libx264", "quality": 8, "macro_block_size": 2, "ffmpeg_log_level": "error"}
-    options = mp4 if is_mp4 else {"duration": 1000 / rate, "loop": 0}
-    camera = camera_of_run(run, levels, frames, obstacles, turn)
-    try:
-        with (
-            Renderer(run, camera, cell_width, obstacles, oversampling=2) as renderer,
-            imageio.get_writer(aside, **options) as film,
-        ):
-            for step in frames:
-                film.append_data(np.asarray(_frame(renderer, levels, step, run.dt)))
-        os.replace(aside, path)
-    except OSError as error:
-        raise SimulationError(f"cannot write {path}: {error.strerror or error}") from error
-    finally:
-        aside.unlink(missing_ok=True)
-    return path
+    def __init__(self, path: Path, rate: float):
+        is_mp4 = path.suffix.lower() == ".mp4"
+        if not is_mp4 and path.suffix.lower() != ".gif":
+            raise InputError(f"{path}: the name of a film ends in .gif or .mp4")
+        for module in ("imageio", "imageio_ffmpeg") if is_mp4 else ("imageio",):
+            if importlib.util.find_spec(module) is None:
+                raise InputError(f"{path}: a film needs {module}: pip install 'pdvol[film]'")
+        # The encoder chooses the format by the file name's ending, so the temporary name keeps it.
+        self._path, self._aside = path, path.with_name(f".{path.stem}{TEMPORARY}{path.suffix}")
+        mp4 = {"fps": rate, "codec": "libx264", "quality": 8, "macro_block_size": 2, "ffmpeg_log_level": "error"}
+        self._options = mp4 if is_mp4 else {"duration": 1000 / rate, "loop": 0}
+
+    def add(self, frame: Image.Image) -> None:
+        """Append a picture; all have one size, of even sides."""
+        self._film.append_data(np.asarray(frame))
+
+    def __enter__(self) -> "FilmFile":
+        import imageio.v2 as imageio
+
+        try:
+            self._film = imageio.get_writer(self._aside, **self._options)
+        except OSError as error:
+            raise self._unwritable(error) from error
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, _: object) -> None:
+        try:
+            self._film.close()
+            if kind is None:
+                os.replace(self._aside, self._path)
+        except OSError as closing:
+            raise self._unwritable(closing) from closing
+        finally:
+            self._aside.unlink(missing_ok=True)
+        if isinstance(error, OSError):
+            raise self._unwritable(error) from error
+
+    def _unwritable(self, error: OSError) -> SimulationError:
+        return SimulationError(f"cannot write {self._path}: {error.strerror or error}")
 
 
 def _frame(renderer: Renderer, levels: Sequence[RunLevel], step: int, dt: float) -> Image.Image:

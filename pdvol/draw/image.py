@@ -40,5 +40,6 @@ def picture(
         Nothing is stored, or a level or step does not exist.
     """
     with tempfile.TemporaryDirectory(prefix="pdvol_") as folder:
-        with Image.open(render(run, Path(folder) / "run.png", levels, steps, cell_width=width, turn=turn)) as drawn:
+        file = Path(folder) / "run.png"
+        with Image.open(render(run, file, levels=levels, steps=steps, cell_width=width, turn=turn)) as drawn:
             return drawn.convert("RGB")

@@ -14,3 +14,11 @@ CELL_GAP = 8  # pixels between the pictures of two moments or levels
 def font(size: float) -> ImageFont.FreeTypeFont | ImageFont.ImageFont:
     """Pillow's own typeface in a size [pixels]; every machine has it."""
     return ImageFont.load_default(size)
+
+
+def cluster_name(cluster: int) -> str:
+    """`group A` to `group Z`, then `group AA`."""
+    letters = ""
+    while cluster >= 0:
+        letters, cluster = chr(ord("A") + cluster % 26) + letters, cluster // 26 - 1
+    return f"group {letters}"

@@ -11,7 +11,7 @@ import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
-from pdvol.draw.camera import VIEW_ANGLE, content, fitted_camera, front_of, way_up
+from pdvol.draw.camera import VIEW_ANGLE, content_of_run, fitted_camera, front_of, upward_of_run
 from pdvol.draw.layout import BACKGROUND, FAINT_INK, GROUND, INK, OBSTACLE, PALETTE
 from pdvol.errors import InputError, SimulationError
 from pdvol.player.curves import GRAPHS, UNITS, Curves
@@ -145,9 +145,9 @@ def _camera(panes: Sequence[Pane]) -> dict:
     for pane in panes:
         steps = np.unique(np.linspace(0, pane.states - 1, FRAMED_STATES).round().astype(int)).tolist()
         obstacles = pane.run.obstacles if pane.run else ()
-        seen.append(content([pane.stored], steps, obstacles))
+        seen.append(content_of_run([pane.stored], steps, obstacles))
     first, dim = panes[0].run, panes[0].stored.rest.shape[1]
-    upward = way_up(first, first.obstacles) if first else np.array([0.0, 0.0, 1.0])
+    upward = upward_of_run(first, first.obstacles) if first else np.array([0.0, 0.0, 1.0])
     camera = fitted_camera(np.concatenate(seen), dim, upward)
     upward = upward / np.linalg.norm(upward) if dim == 3 else camera.up
     front = front_of(upward) if dim == 3 else camera.towards

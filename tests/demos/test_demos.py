@@ -22,6 +22,7 @@ RUN_BY_A_TEST = {
     "heterogeneous",
     "jelly_bowl",
     "phong",
+    "ring_throw",
     "rope_drop",
     "slit_array",
     "tracks",
@@ -275,3 +276,18 @@ def test_jelly_bowl(tmp_path):
         == load(ROOT / "demos" / "jelly_bowl.py").scene().obstacles[0].opacity
         < 1.0
     )  # glass
+
+
+def test_ring_throw(tmp_path):
+    # Through the ring at step 24, down on the step at step 40.
+    demo = load(ROOT / "demos" / "ring_throw.py")
+    steps = 44
+    words = ["--set", "vertices=(150, 300)", "--set", "speed=4.7", "--set", "angle=60", "--set", "spin=5"]
+    words += ["--steps", str(steps), "--out", str(tmp_path / "run")]
+    assert run(["run", str(ROOT / "demos" / "ring_throw.py"), *words]) == 0
+    stored = end(tmp_path / "run", 2, steps)
+    assert demo.clearance(stored) > demo.MARGIN
+    for level in stored.levels:
+        middle = level.positions(steps).mean(axis=0)
+        assert demo.LOWER[0] - 0.2 < middle[0] < demo.UPPER[0] and middle[1] > demo.UPPER[1]
+    assert demo.through_and_on_its_feet(stored) <= 1.0
