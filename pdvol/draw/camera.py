@@ -80,7 +80,7 @@ def content_of_run(levels: Sequence[RunLevel], steps: Sequence[int], obstacles: 
         for step in steps
         if step < level.steps
     ]
-    bodies = np.concatenate(shown)
+    bodies = np.concatenate(content)
     low, high = bodies.min(axis=0), bodies.max(axis=0)
     margin = OBSTACLE_MARGIN * np.linalg.norm(high - low)
     for obstacle in obstacles:
