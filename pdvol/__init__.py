@@ -25,6 +25,7 @@ __version__ = "0.1.0"
 
 _HOMES = {
     "pdvol.scene": (
+        "Attachment",
         "Barrier",
         "Body",
         "FixedCorotational",

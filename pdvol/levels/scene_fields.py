@@ -1,16 +1,17 @@
 """A scene's functions of space, evaluated on its shapes and meshes: size, velocities at t = 0, chosen points."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 
 import numpy as np
 
 from pdvol.errors import InputError
 from pdvol.geometry.level_mesh import LevelMesh
+from pdvol.levels.attachments import attachment_springs
 from pdvol.levels.materials import cell_materials, check_laws
 from pdvol.meshes import Outline
 from pdvol.meshing.readers import read_shape
 from pdvol.scene import Flow, Force, Gravity, Impulse, Load, PointForce, Scene, Support, at_time, moved
-from pdvol.scene.checks import called, require
+from pdvol.scene.checks import chosen
 
 Chooser = Support | Force | PointForce | Impulse | Flow
 """What acts on chosen points."""
@@ -67,14 +68,7 @@ def chosen_points(scene: Scene, chooser: Chooser, mesh: LevelMesh) -> np.ndarray
 
 def _mask(chooser: Chooser, where: Callable, points: np.ndarray) -> np.ndarray:
     """(n,) bool: the points (n, d) that the `where` of a support or a load chooses."""
-    what = f"a {type(chooser).__name__.lower()}'s `where`"
-    mask = called(what, where, (points.copy(),), (len(points),))
-    strange: Sequence | np.ndarray = [] if mask.dtype == bool else mask[~np.isin(mask, (0, 1))]  # NaN or indices
-    require(
-        len(strange) == 0,
-        f"{what} must give True or False a vertex, not {mask.dtype} values such as {strange[0] if len(strange) else 0}",
-    )
-    return mask.astype(bool)
+    return chosen(f"a {type(chooser).__name__.lower()}'s `where`", where, points)
 
 
 def supported_points(scene: Scene, support: Support, mesh: LevelMesh, level: int) -> np.ndarray:
@@ -104,6 +98,7 @@ def check_fields(scene: Scene, mesh: LevelMesh, level: int) -> None:
     initial_velocity(scene, mesh)
     if level == 0:
         check_laws(scene, mesh.dim)
+        attachment_springs(scene, mesh)
         cell_materials(scene, mesh)
     for support in scene.supports:
         supported_points(scene, support, mesh, level)

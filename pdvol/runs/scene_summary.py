@@ -8,6 +8,7 @@ from pdvol.meshing.readers import read_shape
 from pdvol.registry import INTEGRATORS
 from pdvol.runs.scene_file import Shot
 from pdvol.scene import (
+    Attachment,
     Barrier,
     Flow,
     Friction,
@@ -53,6 +54,7 @@ def modelled_terms(scene: Scene) -> list[str]:
             )
             lines.append(f"body {body.name!r}, {where}: {_material(region.material)}")
     lines += [f"load: {_load(load)}" for load in scene.loads]
+    lines += [_attachment(attachment) for attachment in scene.attachments]
     for s in scene.supports:
         until = f", released at {s.release:g} s" if np.isfinite(s.release) else ""
         lines.append(f"support: {_named(s.motion)} on {s.body or 'all bodies'}{until}")
@@ -120,6 +122,13 @@ def _load(load: Load) -> str:
         return f"flow {u} m/s of density {load.density:g} kg/m^3, drag {load.drag:g}{on}"
     where = f"at {tuple(load.at)}" if isinstance(load, PointForce) else "over a region"
     return f"force {shown(load.force)} N {where}{on}"
+
+
+def _attachment(attachment: Attachment) -> str:
+    length = "" if attachment.rest_length is None else f", rest length {attachment.rest_length:g} m"
+    breaking = "never breaks" if attachment.breaking is None else f"breaks at {attachment.breaking:g} N"
+    ends = f"{attachment.body!r} to {attachment.other!r}"
+    return f"attachment: {ends}, {attachment.stiffness:g} N/m in all{length}, {breaking}"
 
 
 def _is_plane(scene: Scene) -> bool:

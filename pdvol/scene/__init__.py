@@ -5,6 +5,7 @@ Units are SI; lengths marked `Relative` are fractions of the smallest free body'
 (design, section 5).
 """
 
+from pdvol.scene.attachments import Attachment
 from pdvol.scene.bodies import Body, Placement, Separate, Shape
 from pdvol.scene.contact import LAWS, Barrier, Friction
 from pdvol.scene.lengths import Length, Relative, metres
@@ -17,6 +18,7 @@ from pdvol.scene.solver import Solver
 from pdvol.scene.surroundings import Plane, Rigid, Support
 
 __all__ = [
+    "Attachment",
     "Barrier",
     "Body",
     "FixedCorotational",

@@ -71,6 +71,17 @@ def count(name: str, value: Any, lowest: int) -> None:
     require(whole and value >= lowest, f"{name} = {value!r} is not a whole number >= {lowest}")
 
 
+def chosen(name: str, where: Callable, points: np.ndarray) -> np.ndarray:
+    """(n,) bool: the points (n, d) that a user's function chooses. Raises InputError, naming it, where that fails."""
+    mask = called(name, where, (points.copy(),), (len(points),))
+    strange: Any = [] if mask.dtype == bool else mask[~np.isin(mask, (0, 1))]  # NaN or indices
+    require(
+        len(strange) == 0,
+        f"{name} must give True or False a vertex, not {mask.dtype} values such as {strange[0] if len(strange) else 0}",
+    )
+    return mask.astype(bool)
+
+
 def called(name: str, function: Callable, arguments: tuple, shape: tuple[int, ...]) -> np.ndarray:
     """The result of a user's function, which must be an array of this shape."""
     try:

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field, fields, replace
 from typing import Any, get_args
 
 from pdvol.registry import INTEGRATORS
+from pdvol.scene.attachments import Attachment
 from pdvol.scene.bodies import Body, Separate
 from pdvol.scene.checks import count, finite, keep_plain, positive, require, sequence
 from pdvol.scene.contact import Barrier, Friction
@@ -17,7 +18,7 @@ from pdvol.scene.surroundings import Plane, Rigid, Support
 
 MOST_STEPS = 10_000_000  # a larger number is a typing error
 FEEDBACK_MODES = ("rigid", "all")
-LISTS = ("bodies", "loads", "supports", "obstacles", "contact", "separate")
+LISTS = ("bodies", "loads", "supports", "obstacles", "contact", "separate", "attachments")
 
 
 @dataclass(frozen=True)
@@ -25,7 +26,7 @@ class Scene:
     """A shot. Everything below is described once, for all levels. `separate`: what may be done, in order, where bodies
     meet at t = 0. `integrator`: of the direct march; "bdf2" is second order in dt. `feedback`: the share, 0 to 1, of
     its drift from the level below that a progressive level makes up for in each step, in the `feedback_modes` "rigid"
-    (bodies as a whole) or "all".
+    (bodies as a whole) or "all". `attachments`: springs between bodies.
     """
 
     bodies: Sequence[Body]
@@ -42,6 +43,7 @@ class Scene:
     integrator: str = "implicit_euler"
     feedback: float = 0.0
     feedback_modes: str = "rigid"
+    attachments: Sequence[Attachment] = ()
     __repr__ = one_line
 
     def __post_init__(self) -> None:
@@ -74,6 +76,13 @@ class Scene:
             )
             body = getattr(load, "body", "")
             require(body in ("", *names), f"a {type(load).__name__} names the body {body!r}; there are {names}")
+        for attachment in self.attachments:
+            require(
+                isinstance(attachment, Attachment),
+                f"attachments hold Attachment(body, other, where), not {type(attachment).__name__}",
+            )
+            for name in (attachment.body, attachment.other):
+                require(name in names, f"an Attachment names the body {name!r}; there are {names}")
         for kind in (Barrier, Friction):
             require(sum(isinstance(c, kind) for c in self.contact) <= 1, f"contact names more than one {kind.__name__}")
         self._check_pairs(names, [getattr(o, "name", "") for o in self.obstacles])
