@@ -21,6 +21,7 @@ RUN_BY_A_TEST = {
     "drop",
     "heterogeneous",
     "jelly_bowl",
+    "peel",
     "phong",
     "rope_drop",
     "slit_array",
@@ -275,3 +276,28 @@ def test_jelly_bowl(tmp_path):
         == load(ROOT / "demos" / "jelly_bowl.py").scene().obstacles[0].opacity
         < 1.0
     )  # glass
+
+
+def test_peel(tmp_path):
+    # Twice the weight on glue that bears less: it has peeled off after a third of a second.
+    steps = 45
+    words = ["--set", "vertices=(60, 150)", "--steps", str(steps), "--out", str(tmp_path / "run")]
+    assert run(["run", str(ROOT / "demos" / "peel.py"), *words]) == 0
+    stored = end(tmp_path / "run", 2, steps)
+    broken = [
+        [record["terms"].get("attachment", {}).get("broken", []) for record in level.log] for level in stored.levels
+    ]
+    count = len(broken[0][-1])
+    assert count > 15
+    firsts, lasts = [], []
+    for level, of_level in zip(stored.levels, broken, strict=True):
+        assert of_level[-1] == list(range(count)), "the same springs on both levels, all torn"
+        numbers = [len(found) for found in of_level]
+        firsts.append(next(step for step, number in enumerate(numbers) if number))
+        lasts.append(numbers.index(count))
+        assert lasts[-1] - firsts[-1] > 10, "it peels, one spring after the other"
+        strip = level.mesh.point_bodies == 1
+        assert level.positions(steps)[strip, 1].mean() < level.rest[strip, 1].mean() - 0.01
+    assert abs(firsts[0] - firsts[1]) <= 4 and abs(lasts[0] - lasts[1]) <= 4
+    places = [level.positions(steps)[level.mesh.point_bodies == 1].mean(axis=0) for level in stored.levels]
+    assert np.linalg.norm(places[0] - places[1]) < 0.03

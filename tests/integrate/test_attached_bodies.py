@@ -4,8 +4,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-
 from attached_on_ranks import torn
+
 from on_ranks import results_on
 from pdvol.integrate.integrator import past_of
 from pdvol.integrate.marches import Start, direct
@@ -89,7 +89,9 @@ def test_an_interrupted_march_goes_on_to_the_last_bit():
     stop = next(number for number, count in enumerate(torn_by) if count) + 1
     states = [mesh.points, *(report.positions for report in whole)]
     stepper = make_stepper(scene, mesh)
-    past = past_of(stepper.integrator, states.__getitem__, velocity, stop, scene.dt, lambda step: whole[step - 1].joined)
+    past = past_of(
+        stepper.integrator, states.__getitem__, velocity, stop, scene.dt, lambda step: whole[step - 1].joined
+    )
     again = list(direct(stepper, Start(stop, past, whole[stop - 1].record()), scene.steps))
     for one, other in zip(whole[stop:], again, strict=True):
         assert np.array_equal(one.positions, other.positions)
