@@ -35,6 +35,7 @@ _HOMES = {
         "Gravity",
         "Impulse",
         "Material",
+        "Muscle",
         "NeoHookean",
         "Path",
         "Penalty",

@@ -8,6 +8,7 @@ from pdvol.errors import InputError
 from pdvol.geometry.level_mesh import LevelMesh
 from pdvol.levels.attachments import attachment_springs
 from pdvol.levels.materials import cell_materials, check_laws
+from pdvol.levels.muscles import cell_muscles
 from pdvol.meshes import Outline
 from pdvol.meshing.readers import read_shape
 from pdvol.scene import Flow, Force, Gravity, Impulse, Load, PointForce, Scene, Support, at_time, moved
@@ -98,6 +99,7 @@ def check_fields(scene: Scene, mesh: LevelMesh, level: int) -> None:
     initial_velocity(scene, mesh)
     if level == 0:
         check_laws(scene, mesh.dim)
+        cell_muscles(scene, mesh)
         attachment_springs(scene, mesh)
         cell_materials(scene, mesh)
     for support in scene.supports:

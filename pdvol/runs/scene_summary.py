@@ -17,6 +17,7 @@ from pdvol.scene import (
     Load,
     Material,
     Motion,
+    Muscle,
     Plane,
     PointForce,
     Scene,
@@ -54,6 +55,7 @@ def modelled_terms(scene: Scene) -> list[str]:
             )
             lines.append(f"body {body.name!r}, {where}: {_material(region.material)}")
     lines += [f"load: {_load(load)}" for load in scene.loads]
+    lines += [_muscle(muscle) for muscle in scene.muscles]
     lines += [_attachment(attachment) for attachment in scene.attachments]
     for s in scene.supports:
         until = f", released at {s.release:g} s" if np.isfinite(s.release) else ""
@@ -122,6 +124,12 @@ def _load(load: Load) -> str:
         return f"flow {u} m/s of density {load.density:g} kg/m^3, drag {load.drag:g}{on}"
     where = f"at {tuple(load.at)}" if isinstance(load, PointForce) else "over a region"
     return f"force {shown(load.force)} N {where}{on}"
+
+
+def _muscle(muscle: Muscle) -> str:
+    fibre = "by position" if callable(muscle.fibre) else str(tuple(muscle.fibre))
+    activation = "by time and place" if callable(muscle.activation) else f"{muscle.activation:g}"
+    return f"muscle: {muscle.body!r} along {fibre}, {muscle.strength:g} Pa, activation {activation}"
 
 
 def _attachment(attachment: Attachment) -> str:

@@ -12,6 +12,7 @@ from pdvol.scene.lengths import Length, Relative, metres
 from pdvol.scene.loads import Flow, Force, Gravity, Impulse, Load, PointForce, at_time
 from pdvol.scene.materials import FixedCorotational, Material, NeoHookean, Region, StVenantKirchhoff, Value, lame
 from pdvol.scene.motions import Motion, Path, Rotation, Sequential, Still, Translation, Vector, moved, rotation_matrix
+from pdvol.scene.muscles import Muscle
 from pdvol.scene.penalty import Penalty
 from pdvol.scene.scene import Scene
 from pdvol.scene.solver import Solver
@@ -31,6 +32,7 @@ __all__ = [
     "Load",
     "Material",
     "Motion",
+    "Muscle",
     "NeoHookean",
     "Path",
     "Penalty",

@@ -27,6 +27,7 @@ RUN_BY_A_TEST = {
     "slit_array",
     "tracks",
     "twist",
+    "worm",
 }
 
 
@@ -301,3 +302,24 @@ def test_peel(tmp_path):
     assert abs(firsts[0] - firsts[1]) <= 4 and abs(lasts[0] - lasts[1]) <= 4
     places = [level.positions(steps)[level.mesh.point_bodies == 1].mean(axis=0) for level in stored.levels]
     assert np.linalg.norm(places[0] - places[1]) < 0.03
+
+
+def test_worm(tmp_path):
+    # Two waves a second for 0.6 s on the floor; on ice the same waves lead nowhere.
+    steps, moved = 60, {}
+    for mu in (0.6, 0.0):
+        words = ["--set", "vertices=(60, 150)", "--set", f"mu={mu}", "--set", "frequency=2.0", "--steps", str(steps)]
+        out = tmp_path / f"run {mu}"
+        assert run(["run", str(ROOT / "demos" / "worm.py"), *words, "--out", str(out)]) == 0
+        stored = end(out, 2, steps)
+        centres = [centre(level, steps)[0] - centre(level, 0)[0] for level in stored.levels]
+        moved[mu] = np.array(centres)
+    assert (moved[0.6] < -0.03).all(), "against the waves, as an earthworm"
+    assert abs(moved[0.6][0] - moved[0.6][1]) < 0.01
+    assert (abs(moved[0.0]) < 2e-3).all()
+
+
+def centre(level, step):
+    """The centre of mass [m] of a level of one density."""
+    cells, volumes = level.mesh.cells, level.mesh.volumes
+    return volumes @ level.positions(step)[cells].mean(axis=1) / volumes.sum()
