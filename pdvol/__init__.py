@@ -42,6 +42,7 @@ _HOMES = {
         "Placement",
         "Plane",
         "PointForce",
+        "Pressure",
         "Region",
         "Relative",
         "Rigid",

@@ -22,7 +22,7 @@ from pdvol.integrate.integrator import State
 from pdvol.levels.model import LevelModel
 from pdvol.parallel import reduce
 from pdvol.potentials.potential import Positions
-from pdvol.scene import Force, Gravity, Impulse, Load, PointForce
+from pdvol.scene import Force, Gravity, Impulse, Load, PointForce, Pressure
 from pdvol.solve.incremental_potential import IncrementalPotential
 
 
@@ -96,6 +96,8 @@ def _is_constant(load: Load, time: float) -> bool:
     match load:
         case Gravity(acceleration=vector) | Force(force=vector) | PointForce(force=vector):
             return not callable(vector)
+        case Pressure(pressure=value):
+            return not callable(value)
         case Impulse(time=at):
             return at < time
     return False

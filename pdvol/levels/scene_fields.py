@@ -11,10 +11,10 @@ from pdvol.levels.materials import cell_materials, check_laws
 from pdvol.levels.muscles import cell_muscles
 from pdvol.meshes import Outline
 from pdvol.meshing.readers import read_shape
-from pdvol.scene import Flow, Force, Gravity, Impulse, Load, PointForce, Scene, Support, at_time, moved
+from pdvol.scene import Flow, Force, Gravity, Impulse, Load, PointForce, Pressure, Scene, Support, at_time, moved
 from pdvol.scene.checks import chosen
 
-Chooser = Support | Force | PointForce | Impulse | Flow
+Chooser = Support | Force | PointForce | Impulse | Flow | Pressure
 """What acts on chosen points."""
 MOTION_SAMPLES = 50  # times of a scene at which its motions are evaluated before a run, to find those that fail
 
@@ -111,6 +111,8 @@ def _check_load(scene: Scene, load: Load, mesh: LevelMesh, level: int) -> None:
     for time in (0.0, scene.dt, scene.dt * scene.steps):
         if isinstance(load, Flow):
             load.at(mesh.points, time)
+        elif isinstance(load, Pressure):
+            load.at(time)
         else:
             name = (
                 "gravity"

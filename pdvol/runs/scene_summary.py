@@ -20,6 +20,7 @@ from pdvol.scene import (
     Muscle,
     Plane,
     PointForce,
+    Pressure,
     Scene,
     Sequential,
     Still,
@@ -119,6 +120,8 @@ def _load(load: Load) -> str:
     on = f" on {load.body}" if load.body else ""
     if isinstance(load, Impulse):
         return f"impulse of {shown(load.velocity)} m/s at {load.time:g} s{on}"
+    if isinstance(load, Pressure):
+        return f"pressure {'by time' if callable(load.pressure) else f'{load.pressure:g}'} Pa in {load.body}"
     if isinstance(load, Flow):
         u = "by place and time" if callable(load.velocity) else shown(load.velocity)
         return f"flow {u} m/s of density {load.density:g} kg/m^3, drag {load.drag:g}{on}"

@@ -9,7 +9,7 @@ from pdvol.scene.attachments import Attachment
 from pdvol.scene.bodies import Body, Placement, Separate, Shape
 from pdvol.scene.contact import LAWS, Barrier, Friction
 from pdvol.scene.lengths import Length, Relative, metres
-from pdvol.scene.loads import Flow, Force, Gravity, Impulse, Load, PointForce, at_time
+from pdvol.scene.loads import Flow, Force, Gravity, Impulse, Load, PointForce, Pressure, at_time
 from pdvol.scene.materials import FixedCorotational, Material, NeoHookean, Region, StVenantKirchhoff, Value, lame
 from pdvol.scene.motions import Motion, Path, Rotation, Sequential, Still, Translation, Vector, moved, rotation_matrix
 from pdvol.scene.muscles import Muscle
@@ -39,6 +39,7 @@ __all__ = [
     "Placement",
     "Plane",
     "PointForce",
+    "Pressure",
     "Region",
     "Relative",
     "Rigid",
