@@ -10,6 +10,7 @@ import pytest
 
 from pdvol import Scene, open_run
 from pdvol.cli import run
+from pdvol.geometry.closed_surfaces import enclosed_volume, pressed_facets
 from pdvol.measure.verify import verify_run
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -18,6 +19,7 @@ DEMOS = sorted(path for path in (ROOT / "demos").glob("*.py") if path.stem not i
 RUN_BY_A_TEST = {
     "ape",
     "ball_on_spike",
+    "balloon",
     "drop",
     "heterogeneous",
     "jelly_bowl",
@@ -323,3 +325,20 @@ def centre(level, step):
     """The centre of mass [m] of a level of one density."""
     cells, volumes = level.mesh.cells, level.mesh.volumes
     return volumes @ level.positions(step)[cells].mean(axis=1) / volumes.sum()
+
+
+def test_balloon(tmp_path):
+    # Full at 0.4 s and until 0.8 s, step 40 here; empty from 1.1 s on.
+    steps = 60
+    words = ["--set", "subdivisions=(1, 2)", "--set", "layers=(1, 1)", "--set", "dt=0.02", "--steps", str(steps)]
+    assert run(["run", str(ROOT / "demos" / "balloon.py"), *words, "--out", str(tmp_path / "run")]) == 0
+    stored = end(tmp_path / "run", 2, steps)
+    grown = []
+    for level in stored.levels:
+        facets = pressed_facets(level.mesh, 0)
+        volumes = [enclosed_volume(level.positions(step), facets) for step in (0, 40, steps)]
+        grown.append(volumes[1] / volumes[0])
+        assert volumes[2] < 1.3 * volumes[0]
+        heights = level.positions(40)[:, 1]
+        assert heights.min() < 1e-3 and heights.max() > 0.68 - 2e-3, "wedged between floor and ceiling"
+    assert min(grown) > 1.6 and abs(grown[0] / grown[1] - 1.0) < 0.2
