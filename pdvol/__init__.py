@@ -34,6 +34,7 @@ _HOMES = {
         "Friction",
         "Gravity",
         "Impulse",
+        "Keyed",
         "Material",
         "Muscle",
         "NeoHookean",

@@ -42,7 +42,8 @@ class Rest:
 
     def __init__(self, model: LevelModel, tolerance: float):
         self._loads, self._dt, self._tolerance = [placed.load for placed in model.loads], model.dt, tolerance
-        self._muscles_work = any(callable(placed.muscle.activation) for placed in model.muscles)
+        working = any(callable(placed.muscle.activation) for placed in model.muscles)
+        self._changing = working or bool(model.materials.keyed)
         self.steps, self.acceleration = 0, np.inf
 
     @property
@@ -66,7 +67,7 @@ class Rest:
         lasts = (
             held * (self.acceleration + added) <= self._tolerance
             and held * fastest <= self._dt * self._tolerance
-            and not self._muscles_work
+            and not self._changing
             and all(_is_constant(load, time) for load in self._loads)
         )
         self.steps += lasts

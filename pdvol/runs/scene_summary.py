@@ -14,6 +14,7 @@ from pdvol.scene import (
     Friction,
     Gravity,
     Impulse,
+    Keyed,
     Load,
     Material,
     Motion,
@@ -104,7 +105,7 @@ def modelled_terms(scene: Scene) -> list[str]:
 
 
 def _material(material: Material) -> str:
-    number = lambda value: "by position" if callable(value) else f"{value:g}"
+    number = lambda value: "by time" if isinstance(value, Keyed) else "by position" if callable(value) else f"{value:g}"
     damping = f", damping {number(material.damping)} s" if callable(material.damping) or material.damping else ""
     extra = "".join(f", {name} {number(getattr(material, name))}" for name in material.own_parameters())
     return (

@@ -38,7 +38,8 @@ class SceneFields:
             hierarchy = Hierarchy([stored.mesh for stored in run.levels[: level + 1]], MPI.COMM_SELF)
             space, model = hierarchy[level], hierarchy_model(scene, hierarchy, level, diagonal, obstacles)
         self._replay, self._kappas = Replay(model, space), stored_stiffness(self.level)
-        self._stresses = [CauchyStress(term) for term in self._replay.terms if isinstance(term, Elastic)]
+        self._elastic = [term for term in self._replay.terms if isinstance(term, Elastic)]
+        self._stresses = [CauchyStress(term) for term in self._elastic]
 
     def contact_force(self, step: int) -> np.ndarray:
         """(n, d) [N] at the end of a step; at the start, step 0, nothing slides."""
@@ -67,7 +68,8 @@ class SceneFields:
     def von_mises(self, step: int) -> np.ndarray:
         """(m,) [Pa], of the elastic Cauchy stress."""
         stresses, positions = np.zeros((len(self.level.cells), 3, 3)), self.level.positions(step)
-        for stress in self._stresses:
+        for term, stress in zip(self._elastic, self._stresses, strict=True):
+            term.set_time(step * self._replay.dt)
             stress.add_to(stresses, positions)
         return von_mises(stresses)
 

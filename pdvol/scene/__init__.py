@@ -8,6 +8,7 @@ Units are SI; lengths marked `Relative` are fractions of the smallest free body'
 from pdvol.scene.attachments import Attachment
 from pdvol.scene.bodies import Body, Placement, Separate, Shape
 from pdvol.scene.contact import LAWS, Barrier, Friction
+from pdvol.scene.keyed import Keyed
 from pdvol.scene.lengths import Length, Relative, metres
 from pdvol.scene.loads import Flow, Force, Gravity, Impulse, Load, PointForce, Pressure, at_time
 from pdvol.scene.materials import FixedCorotational, Material, NeoHookean, Region, StVenantKirchhoff, Value, lame
@@ -28,6 +29,7 @@ __all__ = [
     "Friction",
     "Gravity",
     "Impulse",
+    "Keyed",
     "Length",
     "Load",
     "Material",

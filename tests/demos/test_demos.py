@@ -23,6 +23,7 @@ RUN_BY_A_TEST = {
     "drop",
     "heterogeneous",
     "jelly_bowl",
+    "melt",
     "peel",
     "phong",
     "rope_drop",
@@ -342,3 +343,15 @@ def test_balloon(tmp_path):
         heights = level.positions(40)[:, 1]
         assert heights.min() < 1e-3 and heights.max() > 0.68 - 2e-3, "wedged between floor and ceiling"
     assert min(grown) > 1.6 and abs(grown[0] / grown[1] - 1.0) < 0.2
+
+
+def test_melt(tmp_path):
+    # Soft from 0.5 to 0.9 s, steps 25 to 45 here, and firm again from 1.1 s on.
+    steps = 65
+    words = ["--set", "vertices=(30, 90)", "--set", "dt=0.02", "--steps", str(steps), "--out", str(tmp_path / "run")]
+    assert run(["run", str(ROOT / "demos" / "melt.py"), *words]) == 0
+    stored = end(tmp_path / "run", 2, steps)
+    heights = np.array([[level.positions(s)[:, 1].max() for s in range(steps + 1)] for level in stored.levels])
+    assert (heights[:, 25:46].min(axis=1) < 0.33).all()
+    assert (heights[:, :10].min(axis=1) > 0.38).all() and (heights[:, -1] > 0.38).all()
+    assert np.abs(heights[0] - heights[1]).max() < 0.01
