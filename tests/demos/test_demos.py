@@ -307,6 +307,22 @@ def test_peel(tmp_path):
     assert np.linalg.norm(places[0] - places[1]) < 0.03
 
 
+def test_peel_goes_on_to_the_last_bit(tmp_path):
+    # Springs have torn at step 22 and before, and go on tearing after it.
+    words = [str(ROOT / "demos" / "peel.py"), "--set", "vertices=(60, 150)", "--no-picture", "--out"]
+    assert run(["run", *words, str(tmp_path / "whole"), "--steps", "30"]) == 0
+    assert run(["run", *words, str(tmp_path / "parts"), "--steps", "22"]) == 0
+    assert run(["run", *words, str(tmp_path / "parts"), "--steps", "30", "--resume"]) == 0
+    whole, parts = (open_run(tmp_path / name) for name in ("whole", "parts"))
+    for one, other in zip(whole.levels, parts.levels, strict=True):
+        broken = [[record["terms"] for record in level.log] for level in (one, other)]
+        assert broken[0] == broken[1]
+        numbers = [len(terms.get("attachment", {}).get("broken", ())) for terms in broken[0]]
+        assert 0 < numbers[21] < numbers[29]
+        for step in range(31):
+            np.testing.assert_array_equal(one.positions(step), other.positions(step))
+
+
 def test_worm(tmp_path):
     # Two waves a second for 0.6 s on the floor; on ice the same waves lead nowhere.
     steps, moved = 60, {}
