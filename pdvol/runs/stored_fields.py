@@ -31,7 +31,8 @@ class SceneFields:
 
     def __init__(self, scene: Scene, run: Run, level: int, obstacles: Sequence[Obstacle]):
         self.level, diagonal = run.levels[level], run.info["diagonal"]
-        if level == 0 or all(body.uniform for body in scene.bodies):
+        alone = all(body.uniform for body in scene.bodies) and not (scene.attachments or scene.muscles)
+        if level == 0 or alone:
             space = LevelSpace(self.level.mesh, MPI.COMM_SELF)
             model = level_model(scene, self.level.mesh, level, diagonal, obstacles)
         else:
