@@ -11,7 +11,7 @@ from pdvol.geometry.boundary_search import nearest_points
 from pdvol.geometry.level_mesh import LevelMesh, facet_sizes
 from pdvol.levels.locate import nearest_material
 from pdvol.scene import Attachment, Scene
-from pdvol.scene.checks import chosen, require
+from pdvol.scene.checks import chosen, near, require
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,7 +84,7 @@ def _chosen(scene: Scene, attachment: Attachment, mesh: LevelMesh) -> Springs:
 def _starts(mesh: LevelMesh, body: int, attachment: Attachment) -> tuple[np.ndarray, np.ndarray]:
     """Where springs begin (k, d) [m], and the share of the attached area (k,) that each stands for."""
     if not callable(attachment.where):
-        return _one_place(mesh, "Attachment.where", attachment.where), np.ones(1)
+        return _one_place(mesh, body, attachment.body, "Attachment.where", attachment.where), np.ones(1)
     facets = _part(mesh, body, attachment.body, "Attachment.where", attachment.where)
     sizes = facet_sizes(mesh.points, facets)
     return mesh.points[facets].mean(axis=1), sizes / sizes.sum()
@@ -92,12 +92,15 @@ def _starts(mesh: LevelMesh, body: int, attachment: Attachment) -> tuple[np.ndar
 
 def _ends(mesh: LevelMesh, body: int, attachment: Attachment, starts: np.ndarray) -> np.ndarray:
     if not callable(attachment.to):
-        return np.repeat(_one_place(mesh, "Attachment.to", attachment.to), len(starts), axis=0)
+        place = _one_place(mesh, body, attachment.other, "Attachment.to", attachment.to)
+        return np.repeat(place, len(starts), axis=0)
     return nearest_points(mesh, _part(mesh, body, attachment.other, "Attachment.to", attachment.to), starts)[1]
 
 
-def _one_place(mesh: LevelMesh, name: str, place: Any) -> np.ndarray:
-    require(len(place) == mesh.dim, f"{name} = {tuple(place)} has {len(place)} components in a {mesh.dim}D scene")
+def _one_place(mesh: LevelMesh, body: int, name: str, what: str, place: Any) -> np.ndarray:
+    """(1, d) [m]: a rest position that is given in a body."""
+    require(len(place) == mesh.dim, f"{what} = {tuple(place)} has {len(place)} components in a {mesh.dim}D scene")
+    near(what, np.asarray(place, dtype=float), mesh.points[mesh.point_bodies == body], name)
     return np.asarray(place, dtype=float)[None, :]
 
 

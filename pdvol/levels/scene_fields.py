@@ -6,13 +6,12 @@ import numpy as np
 
 from pdvol.errors import InputError
 from pdvol.geometry.level_mesh import LevelMesh
-from pdvol.levels.attachments import attachment_springs
 from pdvol.levels.materials import cell_materials, check_laws
 from pdvol.levels.muscles import cell_muscles
 from pdvol.meshes import Outline
 from pdvol.meshing.readers import read_shape
 from pdvol.scene import Flow, Force, Gravity, Impulse, Load, PointForce, Pressure, Scene, Support, at_time, moved
-from pdvol.scene.checks import chosen
+from pdvol.scene.checks import chosen, near
 
 Chooser = Support | Force | PointForce | Impulse | Flow | Pressure
 """What acts on chosen points."""
@@ -100,7 +99,10 @@ def check_fields(scene: Scene, mesh: LevelMesh, level: int) -> None:
     if level == 0:
         check_laws(scene, mesh.dim)
         cell_muscles(scene, mesh)
-        attachment_springs(scene, mesh)
+        if scene.attachments:
+            from pdvol.levels.attachments import attachment_springs  # it loads search trees and finite elements
+
+            attachment_springs(scene, mesh)
         cell_materials(scene, mesh)
     for support in scene.supports:
         supported_points(scene, support, mesh, level)
@@ -139,14 +141,5 @@ def _check_load(scene: Scene, load: Load, mesh: LevelMesh, level: int) -> None:
             f"a {kind} holds no vertex of level {level}; widen its `where` so that the coarsest level has some"
         )
     if isinstance(load, PointForce):
-        at, low, high = (
-            at_time("PointForce.at", load.at, 0.0, mesh.dim),
-            mesh.points[held].min(axis=0),
-            mesh.points[held].max(axis=0),
-        )
-        slack = 0.1 * np.linalg.norm(high - low)
-        if np.any(at < low - slack) or np.any(at > high + slack):
-            raise InputError(
-                f"PointForce.at = {tuple(load.at)} lies far outside {load.body or 'all bodies'}; it is a rest position,"
-                " as placed"
-            )
+        at = at_time("PointForce.at", load.at, 0.0, mesh.dim)
+        near("PointForce.at", at, mesh.points[held], load.body or "all bodies")

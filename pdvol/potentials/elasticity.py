@@ -119,8 +119,8 @@ class Damping(CellEnergy):
         F = np.einsum("kia,kij->kaj", x_t.local[self._dofs], self._hats)
         C = np.einsum("kai,kaj->kij", F, F)
         before = {_entry(i, j): C[:, i, j] for i, j in self._pairs}
-        rate = _shares(self._keyed, len(self.cells), t1) / (t1 - t0)
-        self.set_parameters({"mu": rate * self._mu, "lmbda": rate * self._lmbda, **before})
+        shares, dt = _shares(self._keyed, len(self.cells), t1), t1 - t0
+        self.set_parameters({"mu": shares * self._mu / dt, "lmbda": shares * self._lmbda / dt, **before})
 
 
 def _entry(i: int, j: int) -> str:

@@ -1,5 +1,7 @@
 """Springs between bodies: derivatives, momentum, totals that no mesh changes, and the same material on every level."""
 
+import re
+
 import numpy as np
 import pytest
 from mpi4py import MPI
@@ -138,12 +140,14 @@ def test_mistakes_are_named():
     wrong = [
         ({"where": lambda X: X[:, 0] > 9.0}, "Attachment.where holds no boundary facet of body 'body 0'"),
         ({"to": lambda X: X[:, 0] > 9.0}, "Attachment.to holds no boundary facet of body 'body 1'"),
+        ({"where": (0.0, 9.0)}, "Attachment.where = (0.0, 9.0) lies far outside body 0"),
+        ({"to": (0.0, 0.5)}, "Attachment.to = (0.0, 0.5) lies far outside body 1"),
         ({"where": (0.0, 0.0, 0.0)}, "3 components in a 2D scene"),
         ({"where": lambda X: X[:3, 0] > 0}, "must give an array of shape"),
         ({"where": lambda X: X[:, 0]}, "must give True or False"),
     ]
     for settings, message in wrong:
-        with pytest.raises(InputError, match=message.replace("(", r"\(")):
+        with pytest.raises(InputError, match=re.escape(message)):
             check_fields(scene(**settings), mesh, 0)
     for settings in ({"stiffness": 0.0}, {"rest_length": -1.0}, {"breaking": 0.0}, {"where": (1.0,)}):
         with pytest.raises(InputError, match="Attachment"):
