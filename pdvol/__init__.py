@@ -25,6 +25,7 @@ __version__ = "0.1.0"
 
 _HOMES = {
     "pdvol.scene": (
+        "Attachment",
         "Barrier",
         "Body",
         "FixedCorotational",
@@ -33,13 +34,16 @@ _HOMES = {
         "Friction",
         "Gravity",
         "Impulse",
+        "Keyed",
         "Material",
+        "Muscle",
         "NeoHookean",
         "Path",
         "Penalty",
         "Placement",
         "Plane",
         "PointForce",
+        "Pressure",
         "Region",
         "Relative",
         "Rigid",

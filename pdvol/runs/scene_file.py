@@ -18,7 +18,13 @@ from pdvol.scene.scene import SETTINGS
 
 IN_MEMORY = "the run was made from a scene in memory; pass the scene again: pdvol.run(scene, out, resume=True)"
 
-DEFAULTS = {"integrator": next(iter(INTEGRATORS)), "feedback": 0.0, "feedback_modes": "rigid"}
+DEFAULTS = {
+    "integrator": next(iter(INTEGRATORS)),
+    "feedback": 0.0,
+    "feedback_modes": "rigid",
+    "attachments": [],
+    "muscles": [],
+}
 """What a description leaves out, as those of runs stored before there was a choice do."""
 
 

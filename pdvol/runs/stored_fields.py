@@ -32,14 +32,16 @@ class SceneFields:
 
     def __init__(self, scene: Scene, run: Run, level: int, obstacles: Sequence[Obstacle]):
         self.level, diagonal = run.levels[level], run.info["diagonal"]
-        if level == 0 or all(body.uniform for body in scene.bodies):
+        alone = all(body.uniform for body in scene.bodies) and not (scene.attachments or scene.muscles)
+        if level == 0 or alone:
             space = LevelSpace(self.level.mesh, MPI.COMM_SELF)
             model = level_model(scene, self.level.mesh, level, diagonal, obstacles)
         else:
             hierarchy = Hierarchy([stored.mesh for stored in run.levels[: level + 1]], MPI.COMM_SELF)
             space, model = hierarchy[level], hierarchy_model(scene, hierarchy, level, diagonal, obstacles)
         self._replay, self._kappas = Replay(model, space), stored_stiffness(self.level)
-        self._stresses = [CauchyStress(term) for term in self._replay.terms if isinstance(term, Elastic)]
+        self._elastic = [term for term in self._replay.terms if isinstance(term, Elastic)]
+        self._stresses = [CauchyStress(term) for term in self._elastic]
 
     def contact_force(self, step: int) -> np.ndarray:
         """(n, d) [N] at the end of a step; at the start, step 0, nothing slides."""
@@ -68,7 +70,8 @@ class SceneFields:
     def von_mises(self, step: int) -> np.ndarray:
         """(m,) [Pa], of the elastic Cauchy stress."""
         stresses, positions = np.zeros((len(self.level.cells), 3, 3)), self.level.positions(step)
-        for stress in self._stresses:
+        for term, stress in zip(self._elastic, self._stresses, strict=True):
+            term.set_time(step * self._replay.dt)
             stress.add_to(stresses, positions)
         return von_mises(stresses)
 
