@@ -107,10 +107,10 @@ def content_of_run(levels: Sequence[RunLevel], steps: Sequence[int], obstacles: 
     for level in levels:
         surface = np.unique(level.surface)
         owners = level.mesh.point_bodies[surface]
-        bodies = [surface[owners == body] for body in np.unique(owners)]
+        bodies = {int(body): surface[owners == body] for body in np.unique(owners)}
         for step in chosen[chosen < level.steps]:
             positions = in_3d(level.positions(int(step)))
-            samples += [Sample(outermost(positions[body])) for body in bodies]
+            samples += [Sample(body, outermost(positions[mine])) for body, mine in bodies.items()]
     shapes = [obstacle for obstacle in obstacles if obstacle.kind != "plane"]
     places = (
         in_3d(obstacle.vertices(int(step)))

@@ -65,13 +65,16 @@ def cameras_of_run(
 
 
 def smoothed_path(places: np.ndarray, width: float) -> np.ndarray:
-    """A path (n, 3) smoothed with a bell curve of `width` samples; its ends weigh those samples that there are."""
-    if width <= 0.0 or len(places) < 2:
+    """A path (n, 3) smoothed with a bell curve of `width` samples; as it is where that is less than one sample.
+
+    A straight path at constant speed stays as it is, up to its ends.
+    """
+    if width < 1.0 or len(places) < 2:
         return places
     reach = min(int(np.ceil(3 * width)), len(places) - 1)
     weights = np.exp(-0.5 * (np.arange(-reach, reach + 1) / width) ** 2)
-    total = np.convolve(np.ones(len(places)), weights)[reach:-reach]
-    return np.column_stack([np.convolve(axis, weights)[reach:-reach] for axis in places.T]) / total[:, None]
+    longer = np.pad(places, ((reach, reach), (0, 0)), mode="reflect", reflect_type="odd")
+    return np.column_stack([np.convolve(axis, weights / weights.sum(), mode="valid") for axis in longer.T])
 
 
 def _following(

@@ -88,8 +88,20 @@ def render(
     drawn = run.obstacles if obstacles is None else tuple(obstacles)
     path.parent.mkdir(parents=True, exist_ok=True)
     if is_film:
-        how = {"size": size, "fps": fps, "span": (begin, end), "view": seen, "turntable": turntable}
-        return write_film(run, path, shown, steps, drawn, cell_width, turn, **how)
+        return write_film(
+            run,
+            path,
+            shown,
+            steps,
+            drawn,
+            cell_width,
+            turn,
+            size=size,
+            fps=fps,
+            span=(begin, end),
+            view=seen,
+            turntable=turntable,
+        )
     moments = chosen_steps(shown[0], end, COLUMNS, begin) if steps is None else list(steps)
     if steps is None and begin == end and turntable:
         moments = [begin] * COLUMNS
