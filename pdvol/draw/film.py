@@ -16,6 +16,7 @@ from pdvol.draw.layout import BACKGROUND, CELL_GAP, FAINT_INK, INK, font, grid
 from pdvol.draw.renderer import Renderer
 from pdvol.draw.views import STANDARD_VIEW, View
 from pdvol.errors import InputError, SimulationError
+from pdvol.stages import say
 from pdvol.store.files import TEMPORARY
 from pdvol.store.obstacles import DrawnObstacle
 from pdvol.store.reader import Run, RunLevel
@@ -90,8 +91,10 @@ def write_film(
             Renderer(run, cameras[0], width, obstacles, oversampling) as renderer,
             imageio.get_writer(aside, **options) as film,
         ):
-            for step, camera in zip(frames, cameras, strict=True):
+            for number, (step, camera) in enumerate(zip(frames, cameras, strict=True), 1):
+                say(f"frame {number} of {len(frames)}")
                 film.append_data(np.asarray(_frame(renderer, levels, step, run.dt, camera, columns, size)))
+        say(f"{len(frames)} frames")
         os.replace(aside, path)
     except OSError as error:
         raise SimulationError(f"cannot write {path}: {error.strerror or error}") from error

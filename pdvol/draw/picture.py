@@ -15,6 +15,7 @@ from pdvol.draw.layout import BACKGROUND, CELL_GAP, FAINT_INK, INK, font
 from pdvol.draw.renderer import Renderer
 from pdvol.draw.views import read_view
 from pdvol.errors import InputError
+from pdvol.stages import stage
 from pdvol.store.files import write_bytes
 from pdvol.store.obstacles import DrawnObstacle
 from pdvol.store.reader import Run, RunLevel
@@ -88,20 +89,21 @@ def render(
     drawn = run.obstacles if obstacles is None else tuple(obstacles)
     path.parent.mkdir(parents=True, exist_ok=True)
     if is_film:
-        return write_film(
-            run,
-            path,
-            shown,
-            steps,
-            drawn,
-            cell_width,
-            turn,
-            size=size,
-            fps=fps,
-            span=(begin, end),
-            view=seen,
-            turntable=turntable,
-        )
+        with stage(f"drawing {path.name}"):
+            return write_film(
+                run,
+                path,
+                shown,
+                steps,
+                drawn,
+                cell_width,
+                turn,
+                size=size,
+                fps=fps,
+                span=(begin, end),
+                view=seen,
+                turntable=turntable,
+            )
     moments = chosen_steps(shown[0], end, COLUMNS, begin) if steps is None else list(steps)
     if steps is None and begin == end and turntable:
         moments = [begin] * COLUMNS
@@ -109,12 +111,13 @@ def render(
     if size is not None:
         width, height = _cell_size(size, len(moments), len(shown))
         aspect = width / height
-    cameras = cameras_of_run(run, shown, moments, drawn, turn, seen, turntable, aspect)
-    with Renderer(run, cameras[0], width, drawn) as renderer:
-        cells = [
-            [renderer.picture(level, step, camera) for step, camera in zip(moments, cameras, strict=True)]
-            for level in shown
-        ]
+    with stage(f"drawing {path.name}"):
+        cameras = cameras_of_run(run, shown, moments, drawn, turn, seen, turntable, aspect)
+        with Renderer(run, cameras[0], width, drawn) as renderer:
+            cells = [
+                [renderer.picture(level, step, camera) for step, camera in zip(moments, cameras, strict=True)]
+                for level in shown
+            ]
     sheet = _sheet(cells, [f"{step * run.dt:.3g} s" for step in moments], shown, size)
     buffer = io.BytesIO()
     sheet.save(buffer, "PNG", optimize=True)
