@@ -270,10 +270,11 @@ def test_two_ranks_say_it_once(tmp_path):
 
 
 @pytest.mark.slow
-def test_a_first_run_says_that_it_compiles(tmp_path):
+@pytest.mark.parametrize("side_by_side", [[], ["--wavefront"]])
+def test_a_first_run_says_that_it_compiles(tmp_path, side_by_side):
     (tmp_path / "fall.py").write_text(FALL)
     env = {**os.environ, "XDG_CACHE_HOME": str(tmp_path / "cache")}
-    words = ["run", "fall.py", "--steps", "1", "--levels", "0:0", "--out", "a"]
+    words = ["run", "fall.py", "--steps", "1", "--levels", "0:0", "--out", "a", *side_by_side]
     done = subprocess.run(
         [*WITHOUT_PICTURE, *words], cwd=tmp_path, env=env, capture_output=True, text=True, timeout=SAFETY
     )
