@@ -1,7 +1,8 @@
 """Stages on standard error: on a terminal one line that is rewritten while they last, in a log plain lines.
 
-A stage that took a second or longer leaves a line with its duration, whichever the stream. In a log a stage that lasts
-long has further lines meanwhile, the first after 30 s, and each one after twice the time of the one before.
+A stage that took a second or longer leaves a line with its duration, whichever the stream; one that an error ended
+does not, since the error has a line of its own. In a log a stage that lasts long has further lines meanwhile, the
+first after 30 s, and each one after twice the time of the one before.
 """
 
 import shutil
@@ -56,7 +57,7 @@ class StageLines:
         with self._changed:
             self._active.remove(stage)
             del self._next[stage]
-            leaves_line = stage.seconds >= SHOWN_SECONDS
+            leaves_line = stage.seconds >= SHOWN_SECONDS and not stage.failed
             if self._written or leaves_line:
                 self._wipe()
             if leaves_line:
@@ -109,8 +110,7 @@ def finished_line(stage: Stage) -> str:
     """A stage that has ended in a line, with its long parts: `preparing level 0: 9.1 s (compiling forms 8.2 s)`."""
     parts = [f"{name} {duration(seconds)}" for name, seconds in stage.parts.items() if seconds >= SHOWN_SECONDS]
     details = "; ".join(([stage.detail] if stage.detail else []) + parts)
-    stopped = "stopped after " if stage.failed else ""
-    return f"{stage.name}: {stopped}{duration(stage.seconds)}{f' ({details})' if details else ''}"
+    return f"{stage.name}: {duration(stage.seconds)}{f' ({details})' if details else ''}"
 
 
 def duration(seconds: float, digits: int = 1) -> str:
