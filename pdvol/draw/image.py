@@ -42,6 +42,7 @@ def picture(
         Nothing is stored, or a level, step, view or body does not exist.
     """
     with tempfile.TemporaryDirectory(prefix="pdvol_") as folder:
-        file = render(run, Path(folder) / "run.png", levels, steps, cell_width=width, turn=turn, view=camera)
+        path = Path(folder) / "run.png"
+        file = render(run, path, levels=levels, steps=steps, cell_width=width, turn=turn, view=camera)
         with Image.open(file) as drawn:
             return drawn.convert("RGB")
