@@ -1,4 +1,4 @@
-"""What tests of several folders share: made-up runs, written once, and that runs end without a picture."""
+"""What tests of several folders share: made-up runs, written once, and that runs end without a picture and stages."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -30,6 +30,18 @@ def final_pictures():
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(picture, "render", render_if_wanted)
         yield wanted
+
+
+@pytest.fixture(scope="session", autouse=True)
+def quiet_stages():
+    """Commands in this process show no stages: what they print does not depend on how busy the machine is. Tests of
+    stages set `SHOWN_SECONDS` themselves.
+    """
+    from pdvol.runs import stage_lines
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(stage_lines, "SHOWN_SECONDS", float("inf"))
+        yield
 
 
 @pytest.fixture(scope="session")

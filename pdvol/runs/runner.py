@@ -24,6 +24,7 @@ from pdvol.runs.shared_writer import Export, SharedWriter
 from pdvol.runs.wavefront import march_levels
 from pdvol.scene import Gravity, Scene
 from pdvol.scene.fingerprint import differences_by_level
+from pdvol.stages import stage
 from pdvol.store.files import jsonable
 from pdvol.store.folder import holds_run, in_use, require_scene
 from pdvol.store.reader import Run, open_run
@@ -92,9 +93,11 @@ def run_scene(
         if wavefront:
             march_levels(writer, range(first, last + 1), scene.steps, progress)
         else:
-            hierarchy = Hierarchy(meshes, comm, prolongation)
+            with stage("numbering the levels"):
+                hierarchy = Hierarchy(meshes, comm, prolongation)
             for level in range(first, last + 1):
-                model = hierarchy_model(scene, hierarchy, level, diagonal, obstacles)
+                with stage(f"evaluating the scene on level {level}"):
+                    model = hierarchy_model(scene, hierarchy, level, diagonal, obstacles)
                 run_level(model, hierarchy, method, writer, progress)
     finally:
         writer.close()
@@ -185,8 +188,9 @@ def _prepare(
     # A run goes on with the lengths that it began with.
     diagonal = run.info["diagonal"] if stored else scene_diagonal(scene)
     for level, mesh in enumerate(meshes):
-        for defect in level_defects(scene, mesh, level, obstacles, diagonal):
-            raise defect.error
+        with stage(f"checking level {level}"):
+            for defect in level_defects(scene, mesh, level, obstacles, diagonal):
+                raise defect.error
     return meshes, len(stored), geometry, diagonal, mended
 
 
