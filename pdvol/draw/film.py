@@ -43,7 +43,7 @@ def write_film(
     view: View = STANDARD_VIEW,
     turntable: bool = False,
 ) -> Path:
-    """Write a .gif or .mp4; see `pdvol.draw.picture.render` for the arguments and `FilmFile` for the other errors. Frames
+    """Write a .gif or .mp4; see `pdvol.draw.picture.render` for the arguments and `FilmFile` for more errors. Frames
     are drawn and encoded one at a time.
 
     Parameters

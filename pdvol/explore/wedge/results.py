@@ -8,7 +8,7 @@ from pdvol.draw.layout import cluster_name
 from pdvol.explore.wedge.wedge import Wedge, group, ordered
 from pdvol.store.reader import Run
 
-WIDEST = 40  # characters of a reason in a table
+WIDEST_REASON = 40  # characters of a reason in a table
 
 
 def default_sort(entries: Sequence[Mapping[str, Any]]) -> str:
