@@ -195,7 +195,7 @@ class Page:
         if step >= run.steps:
             self._session.go_to(step)
         self._playback.choose(step)
-        self._playback.follows = button == BUTTONS[-1]
+        self._playback.follows = button == BUTTONS[-1] and not run.level_0_ended
 
     def _pause_or_go_on(self) -> None:
         if self._session.paused:
