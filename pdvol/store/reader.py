@@ -12,7 +12,6 @@ import numpy as np
 
 from pdvol.errors import InputError
 from pdvol.geometry.level_mesh import LevelMesh
-from pdvol.registry import VIEWS
 from pdvol.store.files import is_whole, lock, read_array, read_arrays
 from pdvol.store.folder import late_file, level_folder, read_info, state_file
 from pdvol.store.log import read_log
@@ -217,6 +216,8 @@ class Run:
 
     def play(self, width: int = 960, height: int = 640, **choices: Any) -> Any:
         """The run in a player, which a notebook shows; `choices` are those of `pdvol.player.notebook.play`."""
+        from pdvol.registry import VIEWS  # reading states needs nothing of it
+
         return VIEWS["play"](self, width, height, **choices)
 
     @property

@@ -39,7 +39,13 @@ def test_complaints_and_requests_are_heard(tab, tmp_path):
 
 
 def test_the_browser_ends_with_its_test():
+    before = children()
     with chromium():
-        started = {process.pid for process in psutil.Process().children(recursive=True)}
+        started = children() - before
         assert len(started) > 1
-    assert not started & {process.pid for process in psutil.Process().children(recursive=True)}
+    assert not started & children()
+
+
+def children():
+    """The ids of all processes that this one, or one of them, has started."""
+    return {process.pid for process in psutil.Process().children(recursive=True)}
