@@ -33,6 +33,7 @@ class Shape:
     smooth : whether facets are shaded as a smooth surface
     opacity : 0 to 1
     lit : whether it is shaded; drawings of 2D scenes are not
+    body : whether it is the surface of a body, which may be drawn as a wireframe
     """
 
     name: str
@@ -42,6 +43,7 @@ class Shape:
     smooth: bool = False
     opacity: float = 1.0
     lit: bool = True
+    body: bool = False
 
 
 class Frames:
@@ -77,12 +79,12 @@ class Frames:
         for body, used, faces, edges, outline in self._parts:
             colour, name, drawn = rgb(PALETTE[body % len(PALETTE)]), f"body {body}", points[used].astype(np.float32)
             if self._flat:
-                shapes.append(Shape(name, drawn, faces, colour, lit=False))
+                shapes.append(Shape(name, drawn, faces, colour, lit=False, body=True))
                 inner = _shifted(points[used], LAYER * self._size)
                 shapes.append(Shape(f"{name} cells", inner, edges, darker(colour, 0.7), lit=False))
                 shapes.append(_line(f"{name} outline", points, outline, darker(colour, 0.45), 2 * LAYER * self._size))
             else:
-                shapes.append(Shape(name, drawn, faces, colour, smooth=len(faces) >= SMOOTH_FROM))
+                shapes.append(Shape(name, drawn, faces, colour, smooth=len(faces) >= SMOOTH_FROM, body=True))
         for number, obstacle in enumerate(self.level.placed(self.run.obstacles, step)):
             shapes += self._obstacle(number, obstacle, step)
         return shapes

@@ -127,6 +127,7 @@ class Page:
             self._one = gui.add_button_group("", BUTTONS)
             self._pause = gui.add_button("Pause computing", hint="hold the simulation; > computes the next step")
             names = (FINEST, *(str(level) for level in range(self._levels)))
+            self._wireframe = gui.add_checkbox("wireframe", False, hint="the bodies' edges alone")
             self._level = gui.add_dropdown("level", names, hint="finest: of those that have reached the step")
         with gui.add_folder("Parameters"):
             self._fields = [(control, self._field(control)) for control in self._controls]
@@ -140,6 +141,7 @@ class Page:
         self._play.on_click(lambda _: self._asked(self._play_or_stop))
         self._one.on_click(lambda event: self._asked(lambda: self._move(event.target.value)))
         self._pause.on_click(lambda _: self._asked(self._pause_or_go_on))
+        self._wireframe.on_update(lambda event: self._asked(lambda: self._stage.draw_wireframe(event.target.value)))
         again.on_click(lambda _: self._asked(lambda: self._session.branch(self._playback.step)))
         reset.on_click(lambda _: self._asked(self._reset))
         keep.on_click(lambda _: self._asked(lambda: self._keep(name)))

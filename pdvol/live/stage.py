@@ -29,6 +29,7 @@ class Stage:
         server.scene.world_axes.visible = False
         server.scene.configure_environment_map(None)  # its filters hold a page without a GPU up for half a minute
         self._flat: bool | None = None
+        self._wireframe = False
 
     def show(self, shapes: Sequence[Shape]) -> None:
         """Put this frame in place of the one before."""
@@ -45,6 +46,13 @@ class Stage:
                     if not np.array_equal(before.points, shape.points):
                         self._move(shape)
         self._shown = list(shapes)
+
+    def draw_wireframe(self, wireframe: bool) -> None:
+        """Show the edges of the bodies' facets alone, or the facets."""
+        self._wireframe = wireframe
+        for shape in self._shown:
+            if shape.body:
+                self._handles[shape.name].wireframe = wireframe
 
     def look_from(self, camera: Camera, up: np.ndarray) -> None:
         """Turn the cameras of all pages, and of those that open later, to this view."""
@@ -76,6 +84,7 @@ class Stage:
             shape.points,
             shape.faces,
             color=shape.colour,
+            wireframe=self._wireframe and shape.body,
             flat_shading=not shape.smooth,
             opacity=None if shape.opacity >= 1.0 else shape.opacity,
             side="double",

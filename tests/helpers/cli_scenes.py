@@ -42,6 +42,29 @@ if __name__ == "__main__":
 """
 )
 
+DROP = """
+import pdvol
+from pdvol import Barrier, Body, Friction, Gravity, NeoHookean, Placement, Plane, Scene, meshes
+
+
+def scene(young=2e4, height=0.1, cuts=(1, 2), steps=10, turn=0.3):
+    shapes = tuple(meshes.brick((1.0, 0.6, 0.6), (2 * n, n, n)) for n in cuts)
+    return Scene(
+        bodies=(Body(shapes, NeoHookean(young), name="brick",
+                     placement=Placement(translate=(0.0, 0.0, 0.45 + height), angle=turn, axis=(0.0, 1.0, 0.0))),),
+        obstacles=(Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), name="floor"),),
+        loads=(Gravity((0.0, 0.0, -9.81)),),
+        contact=(Barrier(), Friction(0.3)),
+        dt=0.02,
+        steps=steps,
+    )
+
+
+if __name__ == "__main__":
+    pdvol.main(scene)
+"""
+"""A brick of 12 vertices, then 45, that falls on a floor."""
+
 CUBE_OFF = """OFF
 8 12 0
 0 0 0

@@ -1,4 +1,4 @@
-"""The live page in a browser, over a scene so small that the page is what is tested."""
+"""The live page in a browser, over scenes so small that the page is what is tested."""
 
 import os
 import re
@@ -11,21 +11,31 @@ import time
 import pytest
 
 from browser import busy, difference
-from cli_scenes import FALL, write
+from cli_scenes import DROP, FALL, write
+from sockets import listening_addresses
 
 STEPS = 12
 DONE = f"level 1: {STEPS} of {STEPS} steps"
 PATIENCE_OF_TESTS = 120.0  # seconds for one thing to appear on a busy machine
 WINDOW = {"width": 820, "height": 520}  # pixels: software draws it
+SETTLED = 500  # milliseconds after which a change is drawn
+WATCH_LEVELS = r"""() => {
+  window.levels = [];
+  setInterval(() => {
+    const text = document.body.innerText, found = text.match(/, level (\d)\s+run 2\s/);
+    if (found && !text.includes("on the screen: run 1") && window.levels.at(-1) !== found[1]) window.levels.push(found[1]);
+  }, 10);
+}"""
+"""Notes each level that is shown of run 2, once for each change."""
 SCENE = (0, 0, 480, 520)  # left, upper, right, lower edge of the drawing: the controls are beside it [pixels]
 
 
 class Live:
     """`pdvol live` as a process."""
 
-    def __init__(self, folder, *words):
+    def __init__(self, folder, scene, *words):
         self.folder = folder
-        write(folder / "fall.py", FALL)
+        write(folder / "fall.py", scene)
         self.process = subprocess.Popen(
             [sys.executable, "-m", "pdvol", "live", folder / "fall.py", "--port", "0", "-o", folder / "kept", *words],
             stderr=subprocess.PIPE,
@@ -48,9 +58,10 @@ class Live:
             self.process.kill()
 
 
-@pytest.fixture
-def live(tmp_path):
-    made = Live(tmp_path, "--vary", "young=5e3:5e4", "--vary", "height=0.01:1.0", "--steps", str(STEPS))
+@pytest.fixture(params=[FALL])
+def live(tmp_path, request):
+    ranges = ("--vary", "young=5e3:5e4", "--vary", "height=0.01:1.0")
+    made = Live(tmp_path, request.param, *ranges, "--steps", str(STEPS))
     yield made
     made.process.kill()
     made.process.wait()
@@ -92,11 +103,11 @@ def test_a_shot_is_seen_changed_stepped_gone_on_with_and_kept(tab, live):
     tab.page.get_by_role("button", name="Stop").click()
     tab.page.get_by_role("button", name="first").click()
     shows(tab, "step 0,")
-    tab.page.wait_for_timeout(500)
+    tab.page.wait_for_timeout(SETTLED)
     first = drawing(tab)
     tab.page.get_by_role("button", name="newest").click()
     shows(tab, f"step {STEPS},")
-    tab.page.wait_for_timeout(500)
+    tab.page.wait_for_timeout(SETTLED)
     last = drawing(tab)
     assert busy(first) > 0.02 and busy(last) > 0.02 and difference(first, last) > 0.01
     put(tab, "height", 0.9)
@@ -104,7 +115,7 @@ def test_a_shot_is_seen_changed_stepped_gone_on_with_and_kept(tab, live):
     shows(tab, "height 0.9")
     shows(tab, DONE)
     tab.page.get_by_role("button", name="newest").click()
-    tab.page.wait_for_timeout(500)
+    tab.page.wait_for_timeout(SETTLED)
     assert difference(last, drawing(tab)) > 0.01
     put(tab, "young", 8000)
     shows(tab, "run 3")
@@ -127,8 +138,57 @@ def test_a_shot_is_seen_changed_stepped_gone_on_with_and_kept(tab, live):
     assert not [path for path in live.folder.iterdir() if path.name.startswith("pdvol-live-")]
 
 
+def still(tab, live, button):
+    """The drawing once the step that a button asks for is shown."""
+    tab.page.get_by_role("button", name=button, exact=True).click()
+    shows(tab, {"first": "step 0,", "newest": f"step {STEPS},"}[button])
+    tab.page.wait_for_timeout(SETTLED)
+    return drawing(tab)
+
+
+def choose_level(tab, level):
+    field(tab, "level").click()
+    tab.page.get_by_role("option", name=level, exact=True).click()
+
+
+@pytest.mark.parametrize("live", [DROP], indirect=True)
+def test_a_solid_is_previewed_refined_and_drawn_as_a_wireframe(tab, live):
+    assert listening_addresses(int(live.address.rpartition(":")[2])) == {"127.0.0.1"}
+    opened(tab, live)
+    first, last = still(tab, live, "first"), still(tab, live, "newest")
+    assert busy(first) > 0.02 and busy(last) > 0.02 and difference(first, last) > 0.01
+    shows(tab, f"step {STEPS}, 0.24 s, level 1")
+    choose_level(tab, "0")
+    shows(tab, f"step {STEPS}, 0.24 s, level 0")
+    tab.page.wait_for_timeout(SETTLED)
+    assert difference(last, drawing(tab)) > 0.002, "the preview has another surface"
+    choose_level(tab, "finest")
+    shows(tab, f"step {STEPS}, 0.24 s, level 1")
+    tab.page.wait_for_timeout(SETTLED)
+    assert difference(last, drawing(tab)) < 0.0005
+    tab.page.get_by_label("wireframe").click()
+    tab.page.wait_for_timeout(SETTLED)
+    edges = drawing(tab)
+    assert difference(last, edges) > 0.02 and busy(edges) > 0.005
+    tab.page.evaluate(WATCH_LEVELS)
+    put(tab, "height", 0.9)
+    shows(tab, "run 2")
+    shows(tab, DONE)
+    higher = still(tab, live, "first")
+    assert difference(first, higher) > 0.02
+    assert tab.page.evaluate("window.levels")[:2] == ["0", "1"], "the preview comes first, and is replaced"
+    tab.page.get_by_label("wireframe").click()
+    tab.page.wait_for_timeout(SETTLED)
+    assert difference(higher, drawing(tab)) > 0.01, "the new run's bodies were edges, too"
+    assert not [said for said in tab.complaints if "THREE.Clock" not in said]
+
+
 def test_a_mistake_is_shown_and_the_last_run_stays(tab, live):
     opened(tab, live)
+    field(tab, "name").fill("a/b")
+    tab.page.get_by_role("button", name="Keep this run").click()
+    shows(tab, "'a/b' is no name of a folder")
+    assert not (live.folder / "kept").exists()
     field(tab, "velocity").fill("sideways")
     shows(tab, "on the screen: run 1")
     shows(tab, "must have two or three components")
