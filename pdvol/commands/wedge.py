@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from pdvol.explore.jobs import Executor
-    from pdvol.explore.wedge.sampling import Vary
+    from pdvol.explore.vary import Vary
     from pdvol.explore.wedge.wedge import Wedge
 
 SEEK_RUNS = 200  # of a search: an evolution strategy in two to four parameters has settled by then
@@ -83,16 +83,17 @@ def main(options: Namespace) -> int:
 
 def _make(options: Namespace) -> None:
     from pdvol.explore.executors import cores
+    from pdvol.explore.vary import parsed_varies
     from pdvol.explore.wedge.farm import PRINT, chosen_executor
     from pdvol.explore.wedge.results import write_results
-    from pdvol.explore.wedge.sampling import parsed_varies
+    from pdvol.explore.wedge.sampling import TAKEN
     from pdvol.explore.wedge.wedge import Wedge
 
     jobs = whole_number("--jobs", options.jobs) if options.jobs else cores()
     if jobs < 1:
         raise InputError("--jobs 0: give at least 1")
     _check_seek(options)
-    shot, varies = chosen_shot(options), parsed_varies(options.vary)
+    shot, varies = chosen_shot(options), parsed_varies(options.vary, TAKEN)
     texts = [*([options.seek] if options.seek else []), *(text for text in options.score if text != options.seek)]
     scores = {}
     if texts:

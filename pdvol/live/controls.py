@@ -9,7 +9,8 @@ from typing import Annotated, Any, get_args, get_origin
 
 from pdvol.errors import InputError
 from pdvol.explore.variation import value_text
-from pdvol.runs.scene_file import load_shot, parse_value, scene_parameters
+from pdvol.explore.vary import Vary, parsed_varies
+from pdvol.runs.scene_file import load_shot, scene_parameters
 
 SLIDER_POSITIONS = 200  # of a slider of real numbers, about
 SPREAD = (0.25, 2.0)  # ends of a slider whose range nobody gave, over the value
@@ -56,33 +57,43 @@ def controls(file: Path, settings: Mapping[str, Any], vary: Sequence[str]) -> li
         The scene or a range is wrong.
     """
     shot = load_shot(file, settings)
-    ranges = dict(_range(text) for text in vary)
+    ranges = {one.name: _wanted(one, word) for one, word in zip(parsed_varies(vary), vary, strict=True)}
     parameters = scene_parameters(file)
     made = []
     for name, parameter in parameters.items():
         value = settings.get(name, None if parameter.default is inspect.Parameter.empty else parameter.default)
-        made.append(_control(name, value, ranges.pop(name, None) or _annotated(parameter.annotation)))
-    for name, values in ranges.items():
-        own = settings.get(name, getattr(shot.scene, name, getattr(shot.scene.solver, name, values[0])))
+        wanted = ranges.pop(name) if name in ranges else Vary(name, (), _annotated(parameter.annotation))
+        made.append(_control(name, value, wanted))
+    for name, wanted in ranges.items():
+        first = wanted.ends[0] if wanted.ends else wanted.values[0]
+        own = settings.get(name, getattr(shot.scene, name, getattr(shot.scene.solver, name, first)))
         # An unknown name is the same mistake as after --set; the message is that of `load_shot`.
-        load_shot(file, {**settings, name: values[0]})
-        made.append(_control(name, own, values))
+        load_shot(file, {**settings, name: first})
+        made.append(_control(name, own, wanted))
     return made
 
 
-def _control(name: str, value: Any, values: tuple | None) -> Control:
+def _wanted(vary: Vary, word: str) -> Vary:
+    """A range or a list that a control can show; the number of values of `A:B:N` is left."""
+    if len({value_text(value) for value in vary.ends or vary.values}) < 2:
+        raise InputError(f"--vary {word}: write name=low:high or name=one,another")
+    return vary
+
+
+def _control(name: str, value: Any, wanted: Vary) -> Control:
+    """With the range or the list that is wanted; a `Vary` of neither leaves the choice to the value."""
     if isinstance(value, bool):
         return Control(name, "checkbox", value)
-    if values is not None and len(values) != 2:
-        texts = dict.fromkeys([value_text(value), *map(value_text, values)])
+    if wanted.ends is None and wanted.values:
+        texts = dict.fromkeys([value_text(value), *map(value_text, wanted.values)])
         return Control(name, "choice", value, choices=tuple(texts))
-    number = isinstance(value, int | float)
-    if values is None and number and math.isfinite(value):
-        values = _around(value)
-    if values is None or not number:
+    ends, number = wanted.ends, isinstance(value, int | float)
+    if ends is None and number and math.isfinite(value):
+        ends = _around(value)
+    if ends is None or not number:
         return Control(name, "text", value)
-    low, high = min(*values, value), max(*values, value)
-    if all(isinstance(n, int) for n in (value, *values)):
+    low, high = min(*ends, value), max(*ends, value)
+    if all(isinstance(n, int) for n in (value, *ends)):
         return Control(name, "slider", value, low, high, 1)
     return Control(name, "slider", float(value), float(low), float(high), _step(high - low))
 
@@ -116,22 +127,6 @@ def _annotated(annotation: Any) -> tuple | None:
         if len(ends) == 2 and all(_is_number(end) for end in ends) and ends[0] < ends[1]:
             return ends
     return None
-
-
-def _range(text: str) -> tuple[str, tuple]:
-    """`offset=-0.1:0.1` or `spin=0,2,4`; a number of values after a second colon, as `pdvol wedge` has it, is left."""
-    name, equals, values = text.partition("=")
-    if not equals or not name.replace(".", "_").isidentifier():
-        raise InputError(f"--vary {text}: write name=low:high or name=one,another")
-    if ":" in values:
-        ends = tuple(parse_value(part) for part in values.split(":")[:2])
-        if not all(_is_number(end) for end in ends) or not ends[0] < ends[1]:
-            raise InputError(f"--vary {text}: {values!r} is no range; write low:high, two numbers")
-        return name, ends
-    found = tuple(parse_value(part) for part in values.split(","))
-    if len(found) < 2 or "" in found:
-        raise InputError(f"--vary {text}: write name=low:high or name=one,another")
-    return name, found if len(found) != 2 else (*found, found[0])
 
 
 def _is_number(value: Any) -> bool:

@@ -45,13 +45,23 @@ def test_ranges_and_values_that_are_given_come_first(scene):
     assert (made["steps"].low, made["steps"].high, made["steps"].step) == (5, 20, 1)
 
 
+def test_ranges_and_lists_are_read_as_by_wedge(scene):
+    vary = ["young=3e4:1e4", "mu=0.1,0.2", "velocity=(0,1),(2.5,3)"]
+    made = {control.name: control for control in controls(scene, {}, vary)}
+    assert (made["young"].low, made["young"].high) == (1e4, 3e4)
+    assert made["mu"].choices == ("0.3", "0.1", "0.2")
+    assert made["velocity"].choices == ("(0.3,0.0)", "(0,1)", "(2.5,3)")
+    with pytest.raises(InputError, match="--vary names mu twice"):
+        controls(scene, {}, ["mu=0.1,0.2", "mu=0:1"])
+
+
 def test_annotations_that_name_nothing_are_left(tmp_path):
     write(tmp_path / "typed.py", TYPED)
     made = {control.name: control for control in controls(tmp_path / "typed.py", {}, [])}
     assert made["steps"].kind == "slider"
 
 
-@pytest.mark.parametrize("text", ["young", "young=", "young=1", "young=b:c", "young=2:1", "=1:2", "colour=1:2"])
+@pytest.mark.parametrize("text", ["young", "young=", "young=1", "young=b:c", "young=2:2", "=1:2", "colour=1:2"])
 def test_mistakes_are_one_line(scene, text):
     with pytest.raises(InputError):
         controls(scene, {}, [text])

@@ -23,7 +23,8 @@ WATCH_LEVELS = r"""() => {
   window.levels = [];
   setInterval(() => {
     const text = document.body.innerText, found = text.match(/, level (\d)\s+run 2\s/);
-    if (found && !text.includes("on the screen: run 1") && window.levels.at(-1) !== found[1]) window.levels.push(found[1]);
+    if (!found || text.includes("on the screen: run 1")) return;
+    if (window.levels.at(-1) !== found[1]) window.levels.push(found[1]);
   }, 10);
 }"""
 """Notes each level that is shown of run 2, once for each change."""

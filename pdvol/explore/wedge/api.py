@@ -15,10 +15,11 @@ from pdvol.draw.image import picture
 from pdvol.errors import InputError, PdvolError
 from pdvol.explore.executors import Workers, cores
 from pdvol.explore.variation import Variation
+from pdvol.explore.vary import Vary, parsed_varies
 from pdvol.explore.wedge.pick import take_out
 from pdvol.explore.wedge.progress import WedgeProgress
 from pdvol.explore.wedge.results import cell_text, default_sort, table, tiles
-from pdvol.explore.wedge.sampling import Vary, chosen_variations, parse_vary
+from pdvol.explore.wedge.sampling import TAKEN, chosen_variations
 from pdvol.explore.wedge.scores import Score, chosen_scores
 from pdvol.explore.wedge.wedge import Wedge, done_runs, group, new_entry, ordered, scored
 from pdvol.runs.api import run
@@ -91,7 +92,7 @@ def wedge(
 
 def _vary(name: str, values: Sequence | str) -> Vary:
     if isinstance(values, str):
-        return parse_vary(f"{name}={values}")
+        return parsed_varies([f"{name}={values}"], TAKEN)[0]
     if len(values) == 0:
         raise InputError(f"vary: {name} has no values")
     return Vary(name, tuple(value.item() if hasattr(value, "item") else value for value in values))

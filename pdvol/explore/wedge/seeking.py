@@ -8,7 +8,7 @@ from typing import Any
 from pdvol.errors import SimulationError
 from pdvol.explore.jobs import Executor, Outcome
 from pdvol.explore.variation import Variation
-from pdvol.explore.wedge.sampling import stored_value
+from pdvol.explore.vary import stored_value
 from pdvol.explore.wedge.search import seek
 from pdvol.explore.wedge.wedge import Wedge
 

@@ -11,8 +11,8 @@ from pdvol.errors import InputError
 from pdvol.explore.folder import take_folder
 from pdvol.explore.jobs import Executor, Job, Outcome, run_jobs, stored_outcome
 from pdvol.explore.variation import Base, Variation, value_text
+from pdvol.explore.vary import MOST_VARIATIONS
 from pdvol.explore.wedge.clusters import clusters
-from pdvol.explore.wedge.sampling import MOST_VARIATIONS
 from pdvol.explore.wedge.scores import Score
 from pdvol.runs.scene_file import Shot, check_names
 from pdvol.store.files import read_json, write_json

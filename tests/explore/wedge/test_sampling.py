@@ -5,12 +5,13 @@ import pytest
 from scipy.stats import qmc
 
 from pdvol.errors import InputError
-from pdvol.explore.wedge.sampling import MOST_VARIATIONS, chosen_variations, parse_vary, parsed_varies, search_ranges
+from pdvol.explore.vary import MOST_VARIATIONS, parse_vary, parsed_varies
+from pdvol.explore.wedge.sampling import TAKEN, chosen_variations, search_ranges
 from pdvol.scene import Relative
 
 
 def changes(*words, **options):
-    return [dict(variation.changes) for variation in chosen_variations(parsed_varies(words), **options)]
+    return [dict(variation.changes) for variation in chosen_variations(parsed_varies(words, TAKEN), **options)]
 
 
 def test_a_range_has_its_ends_and_values_as_a_command_line_writes_them():
