@@ -13,6 +13,7 @@ import pytest
 
 from cli_scenes import FALL, pdvol, states, write
 from commands import PDVOL, SAFETY
+from pdvol.explore.wedge import farm
 from pdvol.store.reader import open_run
 
 SCORES = """
@@ -134,22 +135,64 @@ def test_workers_of_dask_give_the_same_states(folder, tmp_path):
         ]
 
 
+def test_a_killed_worker_of_dask_costs_nothing_but_time(tmp_path):
+    distributed = pytest.importorskip("distributed")
+    words = ("--steps", 200, "--vary", "mu=0.1,0.2,0.3", "--no-picture")
+    with distributed.LocalCluster(
+        n_workers=2, threads_per_worker=1, host="127.0.0.1", dashboard_address=None, local_directory=tmp_path / "dask"
+    ) as cluster:
+        command = [*PDVOL, "wedge", scene_in(tmp_path), "-o", tmp_path / "w", *map(str, words)]
+        command += ["--executor", f"dask={cluster.scheduler_address}"]
+        with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as process:
+            wait_for(tmp_path / "w/runs/mu-0.1/levels/0/000010.npy", process)
+            (hurt,) = [
+                worker.pid
+                for worker in cluster.workers.values()
+                for child in children(worker.pid)
+                if str(tmp_path / "w/runs/mu-0.1") in Path(f"/proc/{child}/cmdline").read_text().split("\0")
+            ]
+            os.kill(hurt, signal.SIGKILL)
+            assert not (tmp_path / "w/runs/mu-0.1/levels/0/000200.npy").exists(), "it was killed in mid-task"
+            assert process.wait(SAFETY) == 0
+    assert [entry["state"] for entry in stored(tmp_path / "w")["variations"]] == ["done"] * 3
+    assert pdvol("wedge", tmp_path / "fall.py", "-o", tmp_path / "local", *words, "--jobs", 1) == 0
+    assert "000200.npy" in states_of(tmp_path / "local")["mu-0.1"]
+    assert states_of(tmp_path / "w") == states_of(tmp_path / "local")
+
+
+def test_what_a_worker_of_dask_cannot_start_has_its_reason(tmp_path, monkeypatch):
+    distributed = pytest.importorskip("distributed")
+
+    def nothing_there(words, log):
+        raise FileNotFoundError(f"No such file: {log}")
+
+    monkeypatch.setattr(farm, "carry_out", nothing_there)
+    with distributed.LocalCluster(
+        n_workers=1, threads_per_worker=1, host="127.0.0.1", dashboard_address=None, local_directory=tmp_path / "dask"
+    ) as cluster:
+        words = ("wedge", scene_in(tmp_path), "-o", tmp_path / "w", "--steps", 2, "--vary", "mu=0.1", "--no-picture")
+        assert pdvol(*words, "--executor", f"dask={cluster.scheduler_address}") == 0
+    (entry,) = stored(tmp_path / "w")["variations"]
+    assert entry["state"] == "failed" and "could not start it: No such file: " in entry["reason"]
+
+
 def children(process):
     return [
         int(pid) for task in Path(f"/proc/{process}/task").iterdir() for pid in (task / "children").read_text().split()
     ]
 
 
+def wait_for(path, process):
+    deadline = time.monotonic() + SAFETY
+    while not path.exists() and time.monotonic() < deadline and process.poll() is None:
+        time.sleep(0.01)
+    assert path.exists() and process.poll() is None
+
+
 def test_a_killed_worker_and_a_killed_wedge_cost_nothing_but_time(tmp_path):
     scene_in(tmp_path)
     words = ("--steps", 200, "--vary", "mu=0.1,0.2,0.3", "--jobs", 1, "--no-picture")
     command = [*PDVOL, "wedge", tmp_path / "fall.py", "-o", tmp_path / "w", *map(str, words)]
-
-    def wait_for(path, process):
-        deadline = time.monotonic() + SAFETY
-        while not path.exists() and time.monotonic() < deadline and process.poll() is None:
-            time.sleep(0.01)
-        assert path.exists() and process.poll() is None
 
     with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as process:
         wait_for(tmp_path / "w/runs/mu-0.1/levels/0/000010.npy", process)

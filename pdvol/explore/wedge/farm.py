@@ -15,6 +15,7 @@ from pdvol.processes import die_with_parent, without_launcher
 
 CONNECT = 10.0  # seconds for the scheduler to answer
 LOST = -9  # the exit code of a process that was killed: its job is started again
+NOT_STARTED = 126  # the exit code that a shell gives for a command that it cannot carry out
 PRINT = "print"
 
 
@@ -55,7 +56,7 @@ class Dask:
 
     def start(self, words: Sequence[str], log: Path) -> "Task":
         """Carry out `pdvol` with these words; what it prints goes to the file `log`."""
-        return Task(self._client.submit(carry_out, [str(word) for word in words], str(log), pure=False))
+        return Task(self._client.submit(carry_out, [str(word) for word in words], str(log), pure=False), log)
 
     def close(self) -> None:
         """Leave the scheduler."""
@@ -65,16 +66,25 @@ class Dask:
 class Task:
     """A command line that a worker of Dask carries out."""
 
-    def __init__(self, future: Any):
-        self._future = future
+    def __init__(self, future: Any, log: Path):
+        self._future, self._log = future, log
 
     def poll(self) -> int | None:
-        """Its exit code; None while it is carried out. A task that was lost with its workers counts as killed."""
+        """Its exit code; None while it is carried out. A task that was lost with its workers counts as killed. What
+        a worker cannot even start has failed, and the log has the reason.
+        """
+        from distributed import KilledWorker
+
         if not self._future.done():
             return None
-        if self._future.status != "finished":
+        if self._future.status == "finished":
+            return int(self._future.result())
+        error = self._future.exception() if self._future.status == "error" else None
+        if error is None or isinstance(error, KilledWorker):
             return LOST
-        return int(self._future.result())
+        with contextlib.suppress(OSError):
+            self._log.write_text(f"a worker of Dask could not start it: {' '.join(str(error).split())}\n")
+        return NOT_STARTED
 
     def stop(self) -> None:
         """Do not carry it out. What has begun ends by itself."""
