@@ -25,20 +25,32 @@ def add_arguments(parser: ArgumentParser) -> None:
         metavar="NAMES",
         help="more to colour by, with commas: strain, contact_force (needs the scene's file)",
     )
+    parser.add_argument(
+        "--every",
+        type=int,
+        metavar="N",
+        help="store one state in N, and the last (default: as many as a browser takes)",
+    )
 
 
 def main(options: Namespace) -> None:
     """Write the player, and print its name, its size and how exact it is."""
     from pdvol.player.document import html_name, with_strain, write_player
     from pdvol.player.fields import FIELDS
+    from pdvol.player.panes import thinned
 
     out = html_name(options.out or options.runs[0] / "player.html")
     fields = [name for name in options.fields.split(",") if name]
     for name in fields:
         if name not in FIELDS:
             raise InputError(f"--fields: unknown field {name!r}; choose of {', '.join(FIELDS)}")
+    if options.every is not None and options.every < 1:
+        raise InputError(f"--every: {options.every} is too small; 1 stores every state")
     panes, columns, title = chosen_panes(options)
-    notes: list[str] = []
+    panes, notes = thinned(panes, options.every), list[str]()
+    every = max(pane.every for pane in panes)
+    if every > 1 and options.every is None:
+        notes.append(f"one state in {every} is stored: the file would be too large for a browser; --every 1 stores all")
     if "contact_force" in fields:
         panes = with_contact_force(panes, notes)
     if "strain" in fields:

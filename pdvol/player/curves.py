@@ -34,39 +34,50 @@ class Curves:
     def __init__(self, run: Run):
         self.run = run
         self._densities, self.note = described_densities(run)
-        self._motions = cache(self._motions_of)
+        self._motion = cache(self._motion_of)
+        self._bodies = cache(self._bodies_of)
 
-    def of_level(self, number: int, states: int) -> dict[str, list[float]]:
-        """By name of the curve: one value for each of a level's first states. A level without stored states below it
+    def of_level(self, number: int, steps: Sequence[int]) -> dict[str, list[float]]:
+        """By name of the curve: one value for each of these steps of a level. A level without stored states below it
         has no drift.
         """
         level = self.run.levels[number]
         masses = lumped_masses(level.mesh, self._densities[number])
-        speeds = (level.velocities(step) for step in range(states))
+        speeds = (level.velocities(step) for step in steps)
         kinetic = np.array([0.5 * masses @ (speed**2).sum(axis=1) for speed in speeds])
         found = {"kinetic": kinetic}
         logged = {record["step"]: record.get("energy") or {} for record in level.log}
         for name in ("elastic", "load"):
-            values = [logged.get(step, {}).get(name) for step in range(states)]
+            values = [logged.get(step, {}).get(name) for step in steps]
             found[name] = np.array([np.nan if value is None else value for value in values], dtype=float)
         found["total"] = kinetic + found["elastic"] + found["load"]
         if number and self.run.levels[number - 1].steps:
-            found |= self._drift(number, states)
+            found |= self._drift(number, steps)
         return {name: [float(v) for v in values] for name, values in found.items() if not np.isnan(values).all()}
 
-    def _drift(self, number: int, states: int) -> dict[str, np.ndarray]:
+    def _drift(self, number: int, steps: Sequence[int]) -> dict[str, np.ndarray]:
         """The largest drift of a body since the start from the level below: of its centre of mass [m], and of its
         orientation [degrees]. Each level is fitted on its own mesh.
         """
-        apart = np.full((2, states), np.nan)
-        for step, mine, below in zip(range(states), self._motions(number), self._motions(number - 1), strict=False):
-            apart[:, step] = [worst.max() for worst in drift(mine, below)]
+        apart = np.full((2, len(steps)), np.nan)
+        for place, step in enumerate(steps):
+            if step < self.run.levels[number - 1].steps:
+                mine, below = self._motion(number, step), self._motion(number - 1, step)
+                apart[:, place] = [worst.max() for worst in drift(mine, below)]
         return dict(zip(GRAPHS["drift"], apart, strict=True))
 
-    def _motions_of(self, number: int) -> Sequence[RigidMotions]:
-        """Of each state of a level: the bodies' displacements since the start, and their rotations."""
+    def _motion_of(self, number: int, step: int) -> RigidMotions:
+        """Of a state of a level: the bodies' displacements since the start, and their rotations."""
+        start, masses, bodies, centres = self._bodies(number)
+        motion = rigid_motions(start, self.run.levels[number].positions(step), masses, bodies)
+        return RigidMotions(motion.centres - centres, motion.rotations)
+
+    def _bodies_of(self, number: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """Of a level: the vertices at the start, their masses and bodies, and the bodies' centres at the start."""
         level = self.run.levels[number]
-        masses, bodies = lumped_masses(level.mesh, self._densities[number]), level.mesh.point_bodies
-        start = level.positions(0)
-        motions = [rigid_motions(start, level.positions(step), masses, bodies) for step in range(level.steps)]
-        return [RigidMotions(motion.centres - motions[0].centres, motion.rotations) for motion in motions]
+        start, masses, bodies = (
+            level.positions(0),
+            lumped_masses(level.mesh, self._densities[number]),
+            level.mesh.point_bodies,
+        )
+        return start, masses, bodies, rigid_motions(start, start, masses, bodies).centres

@@ -76,7 +76,7 @@ def player_page(panes: Sequence[Pane], title: str = "", columns: int | None = No
     if len(dims) > 1:
         raise InputError("scenes in 2D and in 3D cannot be played in one file; write a file for each")
     chunks = Chunks()
-    fields, numbers = packed_fields([(pane.stored, pane.states, pane.fields) for pane in shown], chunks)
+    fields, numbers = packed_fields([(pane.stored, pane.steps, pane.fields) for pane in shown], chunks)
     curves = {id(pane.run): Curves(pane.run) for pane in shown if pane.run is not None}
     data = {
         "title": title,
@@ -125,13 +125,14 @@ def _text(pane: Pane) -> dict:
 def _pane(pane: Pane, fields: dict, curves: Curves, chunks: Chunks) -> dict:
     level, run = pane.stored, curves.run
     return _text(pane) | {
-        "states": pane.states,
-        "dt": run.dt,
+        "states": len(pane.steps),
+        "dt": pane.every * run.dt,
+        "end": (pane.states - 1) * run.dt,
         "names": list(run.info.get("bodies", [])),
         "fields": fields,
-        "obstacles": packed_obstacles(level, run.obstacles, pane.states, chunks),
-        "curves": {name: _rounded(values) for name, values in curves.of_level(pane.level, pane.states).items()},
-        **packed_skin(level, pane.states, chunks),
+        "obstacles": packed_obstacles(level, run.obstacles, pane.steps, chunks),
+        "curves": {name: _rounded(values) for name, values in curves.of_level(pane.level, pane.steps).items()},
+        **packed_skin(level, pane.steps, chunks),
     }
 
 

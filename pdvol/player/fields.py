@@ -57,9 +57,9 @@ def per_area(level: RunLevel, forces: PointField) -> PointField:
 
 
 def packed_fields(
-    levels: Sequence[tuple[RunLevel, int, Mapping[str, PointField]]], chunks: Chunks
+    levels: Sequence[tuple[RunLevel, Sequence[int], Mapping[str, PointField]]], chunks: Chunks
 ) -> tuple[dict, list[dict]]:
-    """Fields of levels at their first states, as whole numbers of 8 bits from 0 to one largest value for all levels.
+    """Fields of levels at some of their steps, as whole numbers of 8 bits from 0 to one largest value for all levels.
 
     Returns
     -------
@@ -72,10 +72,10 @@ def packed_fields(
     numbers: list[dict] = [{} for _ in levels]
     for name in names:
         values = {}
-        for i, (level, states, fields) in enumerate(levels):
+        for i, (level, steps, fields) in enumerate(levels):
             if name in fields:
                 drawn, field = Skin(level).vertices, fields[name]
-                values[i] = np.stack([field(step)[drawn] for step in range(states)]).astype(np.float32)
+                values[i] = np.stack([field(step)[drawn] for step in steps]).astype(np.float32)
         positive = np.concatenate([v[v > 0.0] for v in values.values()])
         label, unit, least = FIELDS[name]
         top = max(float(np.percentile(positive, BRIGHTEST)), least) if len(positive) else least

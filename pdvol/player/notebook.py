@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from pdvol.player.document import player_page, with_strain
-from pdvol.player.panes import panes_of_run
+from pdvol.player.panes import panes_of_run, thinned
 from pdvol.store.reader import Run
 
 
@@ -44,6 +44,6 @@ def play(
     InputError
         When nothing is stored, or a level does not exist.
     """
-    panes = panes_of_run(run, levels)
+    panes = thinned(panes_of_run(run, levels))
     panes = [with_strain(pane) for pane in panes] if strain else panes
     return PlayerFrame(player_page(panes, str(run.info.get("scene", "") or run.path.name)), width, height)

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from math import ceil
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ from pdvol.store.reader import Run, RunLevel, open_run
 
 WEDGE = "wedge.json"
 """The file that a wedge folder is known by; its runs are in the folder `runs` beside it."""
+MOST_VERTEX_STATES = 12_000_000  # vertices times states in a file: about 50 MB, and 100 MB in a browser's memory
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,13 +27,15 @@ class Pane:
         None where there is only a title and a note.
     level : int
     states : int
-        How many of the level's states are shown, from the first one on.
+        How many of the level's states are played, from the first one on.
     lines : sequence of str
         Below the title: parameters, scores.
     note : str
         Why there is nothing to see, or not all of it.
     fields : mapping
         Colours of the level's vertices, by a name in `fields.FIELDS`.
+    every : int
+        One state in this many is in the file, and the last one.
     """
 
     title: str
@@ -41,6 +45,7 @@ class Pane:
     lines: Sequence[str] = ()
     note: str = ""
     fields: Mapping[str, PointField] = field(default_factory=dict)
+    every: int = 1
 
     @property
     def stored(self) -> RunLevel:
@@ -48,6 +53,11 @@ class Pane:
         if self.run is None:
             raise ValueError(f"the pane {self.title!r} has no run")
         return self.run.levels[self.level]
+
+    @property
+    def steps(self) -> list[int]:
+        """The states in the file."""
+        return sorted({*range(0, self.states, self.every), *range(self.states)[-1:]})
 
 
 def panes_of_run(run: Run, levels: Sequence[int] | None = None, named: bool = False) -> list[Pane]:
@@ -76,6 +86,17 @@ def panes_of_run(run: Run, levels: Sequence[int] | None = None, named: bool = Fa
         vertices = f"{len(run.levels[number].rest):,} vertices"
         panes.append(Pane(f"{name}level {number}", run, number, states, (vertices,), _unfinished(run, number, states)))
     return panes
+
+
+def thinned(panes: Sequence[Pane], every: int | None = None) -> list[Pane]:
+    """The same panes with one state in `every`, which each names; as few are left out as a file of
+    `MOST_VERTEX_STATES` asks for when None.
+    """
+    if every is None:
+        count = sum(pane.states * len(pane.stored.rest) for pane in panes if pane.run is not None)
+        every = max(1, ceil(count / MOST_VERTEX_STATES))
+    remark = (f"one state in {every}",) if every > 1 else ()
+    return [replace(pane, every=every, lines=(*pane.lines, *remark)) if pane.run else pane for pane in panes]
 
 
 def panes_of_wedge(folder: Path, levels: Sequence[int] | None = None) -> list[Pane]:

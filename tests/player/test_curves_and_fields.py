@@ -33,7 +33,7 @@ def stored(path, dim, motions, log=()):
 def test_energies_of_a_steady_flight(dim, tmp_path):
     velocity = np.arange(1.0, dim + 1)
     run = stored(tmp_path / "run", dim, [lambda X, step: X + 0.1 * step * velocity], {"elastic": 2.0, "load": -7.0})
-    curves = Curves(run).of_level(0, 4)
+    curves = Curves(run).of_level(0, range(4))
     kinetic = 0.5 * DENSITY * run.levels[0].mesh.volumes.sum() * velocity @ velocity
     assert np.allclose(curves["kinetic"][1:], kinetic, rtol=1e-9)
     assert np.isnan(curves["total"][0]) and np.allclose(curves["total"][1:], kinetic - 5.0, rtol=1e-9)
@@ -52,7 +52,7 @@ def test_drift_is_the_largest_of_a_body(tmp_path):
         return moved
 
     run = stored(tmp_path / "run", 2, [lambda X, step: X, turned])
-    curves = Curves(run).of_level(1, 4)
+    curves = Curves(run).of_level(1, range(4))
     assert np.allclose(curves["centre"], 0.05 * np.arange(4), atol=1e-3)
     assert np.allclose(curves["turn"], np.degrees(0.2 * np.arange(4)), atol=1e-6)
 
@@ -63,7 +63,7 @@ def test_drift_ends_where_the_level_below_does(tmp_path):
     run = open_run(run.path)
     below = run.levels[0].steps
     assert below == 3
-    assert [np.isnan(value) for value in Curves(run).of_level(1, 4)["centre"]] == [False] * below + [True]
+    assert [np.isnan(value) for value in Curves(run).of_level(1, range(4))["centre"]] == [False] * below + [True]
 
 
 def test_without_a_description_masses_are_volumes_and_the_page_says_so(flat_run):
@@ -100,7 +100,7 @@ def test_fields_share_one_scale(tmp_path):
     run = stored(tmp_path / "run", 3, [lambda X, step: X * (1.0 + 0.1 * step), lambda X, step: X])
     panes = [with_strain(pane) for pane in panes_of_run(run)]
     chunks = Chunks()
-    fields, numbers = packed_fields([(pane.stored, pane.states, pane.fields) for pane in panes], chunks)
+    fields, numbers = packed_fields([(pane.stored, pane.steps, pane.fields) for pane in panes], chunks)
     assert list(fields) == ["strain"] and [list(found) for found in numbers] == [["strain"]] * 2
     assert fields["strain"]["top"] == pytest.approx(0.3, rel=1e-6)
     for number, level in zip(numbers, run.levels, strict=True):

@@ -11,7 +11,7 @@ import pytest
 import runs
 from pdvol.player.document import player_page, write_player
 from pdvol.player.packing import Chunks, quantised, residuals
-from pdvol.player.panes import panes_of_run
+from pdvol.player.panes import panes_of_run, thinned
 from pdvol.store.reader import open_run
 
 
@@ -90,6 +90,22 @@ def test_positions_are_the_stored_ones_within_the_stated_error(dim, flat_run, so
         assert abs(shown - stored).max() > pane["error"] / 20  # the bound means something
         assert np.array_equal(drawn[page.array(pane["faces"]).reshape(facets.shape)], facets)
         assert np.array_equal(page.array(pane["bodies"]), level.mesh.point_bodies[drawn])
+
+
+def test_a_thinned_file_has_its_states_and_the_curves_of_these(flat_run, solid_run):
+    for path, every, steps in ((flat_run, 4, [0, 4, 6]), (solid_run, 3, [0, 3, 4])):
+        run = open_run(path)
+        page, whole = (Decoded(player_page(thinned(panes_of_run(run, [1]), n))) for n in (every, 1))
+        (pane,), (other,) = page.data["panes"], whole.data["panes"]
+        assert (pane["states"], pane["dt"], pane["end"]) == (3, every * run.dt, other["end"])
+        shown, all_shown = page.positions(pane), whole.positions(other)
+        assert abs(shown - all_shown[steps]).max() <= pane["error"] + other["error"]
+        for name, values in pane["curves"].items():
+            np.testing.assert_allclose(values, np.array(other["curves"][name])[steps], rtol=1e-5)
+        rising = [obstacle for obstacle in pane["obstacles"] if obstacle["kind"] == "mesh"][1:]
+        for obstacle in rising:
+            for step, place in zip(steps, page.positions(obstacle), strict=True):
+                assert abs(place - run.obstacles[2].vertices(step)).max() <= obstacle["error"]
 
 
 def test_obstacles_are_where_they_were(solid_run):

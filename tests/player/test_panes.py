@@ -8,7 +8,7 @@ import pytest
 import runs
 from pdvol.errors import InputError
 from pdvol.player.document import player_page, write_player
-from pdvol.player.panes import Pane, panes_of_run, panes_of_wedge
+from pdvol.player.panes import Pane, panes_of_run, panes_of_wedge, thinned
 from pdvol.store.reader import open_run
 
 
@@ -17,6 +17,20 @@ def test_a_pane_for_each_level(flat_run):
     panes = panes_of_run(run)
     assert [(pane.title, pane.level, pane.states) for pane in panes] == [("level 0", 0, 7), ("level 1", 1, 7)]
     assert [pane.title for pane in panes_of_run(run, [1], named=True)] == [f"{run.path.name}, level 1"]
+
+
+def test_one_state_in_some_and_the_last_one(flat_run, monkeypatch):
+    run = open_run(flat_run)
+    panes = panes_of_run(run)
+    assert [(pane.lines, pane.steps) for pane in thinned(panes)] == [(pane.lines, list(range(7))) for pane in panes]
+    assert [list(pane.steps) for pane in thinned(panes, 4)] == [[0, 4, 6]] * 2
+    assert [list(pane.steps) for pane in thinned(panes, 9)] == [[0, 6]] * 2
+    assert thinned(panes, 4)[0].lines[-1] == "one state in 4"
+    count = 7 * sum(len(level.rest) for level in run.levels)
+    monkeypatch.setattr("pdvol.player.panes.MOST_VERTEX_STATES", count // 3)
+    assert [list(pane.steps) for pane in thinned(panes)] == [[0, 4, 6]] * 2
+    nothing = Pane("a", note="it failed")
+    assert thinned([nothing, *panes], 2)[0] is nothing and nothing.steps == []
 
 
 @pytest.mark.parametrize("levels", [[2], [-1], [0, 5]])

@@ -10,7 +10,7 @@ from browser import busy, difference
 from pdvol.geometry.level_mesh import LevelMesh
 from pdvol.meshes import brick
 from pdvol.player.document import with_strain, write_player
-from pdvol.player.panes import panes_of_run, panes_of_wedge
+from pdvol.player.panes import panes_of_run, panes_of_wedge, thinned
 from pdvol.store.reader import open_run
 
 CHANGED = 0.002  # share of the pixels: a small body that moves by its size is more
@@ -74,6 +74,27 @@ def test_it_plays_and_pauses(player, solid_run):
     assert tab.page.evaluate("player.time") == time
     between = time / tab.page.evaluate("player.dt")
     assert between != round(between)  # states are interpolated
+
+
+def test_a_thinned_shot_ends_where_the_whole_one_does(player, flat_run):
+    run = open_run(flat_run)
+    ends = []
+    for every in (1, 4):
+        tab = player(thinned(panes_of_run(run), every))
+        tab.page.keyboard.press("End")
+        ends.append(seen(tab))
+        assert tab.page.evaluate("[player.time, Number(document.getElementById('scrubber').value)]") == [
+            pytest.approx((run.levels[0].steps - 1) * run.dt),
+            {1: 6, 4: 2}[every],
+        ]
+    tab.page.evaluate("document.getElementById('labels').hidden = true")
+    ends[1] = seen(tab)
+    tab.page.keyboard.press("ArrowLeft")
+    assert tab.page.evaluate("player.time") == pytest.approx(4 * run.dt)
+    assert difference(ends[1], seen(tab)) > CHANGED
+    tab.page.evaluate(f"player.go({5 * run.dt})")
+    assert tab.page.evaluate("player.view.shown[0].body.uniforms.between.value") == pytest.approx(0.5)
+    assert difference(ends[0][TITLES:], ends[1][TITLES:]) < 0.01
 
 
 def test_it_ends_unless_it_loops(player, flat_run):

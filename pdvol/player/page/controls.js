@@ -15,8 +15,8 @@ class Player {
     const panes = DATA.panes, live = panes.filter((pane) => pane.states);
     this.panes = panes;
     this.dt = Math.min(...live.map((pane) => pane.dt));
-    this.duration = Math.max(...live.map((pane) => (pane.states - 1) * pane.dt), this.dt);
-    this.steps = Math.round(this.duration / this.dt);
+    this.duration = Math.max(...live.map((pane) => pane.end), this.dt);
+    this.steps = Math.ceil(this.duration / this.dt - 1e-6);
     this.view = new View(panes.map((pane) => (pane.states ? new Shown(pane, arrays) : null)));
     this.graphs = new Graphs(panes, this.duration);
     Object.assign(this, { time: 0, playing: false, speed: 1, frames: 0, last: 0, waiting: false });
@@ -112,16 +112,17 @@ class Player {
   // ---- time
   go(time) {
     this.time = Math.min(Math.max(time, 0), this.duration);
-    $("scrubber").value = Math.round(this.time / this.dt);
+    $("scrubber").value = this.stepAt(this.time);
     const digits = Math.min(Math.max(Math.ceil(-Math.log10(this.dt)), 0), 6);
     const text = `${this.time.toFixed(digits)} / ${this.duration.toFixed(digits)} s`;
     if ($("clock").textContent !== text) $("clock").textContent = text;
     this.graphs.put(this.time);
     this.redraw();
   }
+  stepAt(time) { return time < this.duration - 1e-6 * this.dt ? Math.min(Math.round(time / this.dt), this.steps - 1) : this.steps; }
   stepBy(steps) {
     this.play(false);
-    this.go((Math.round(this.time / this.dt) + steps) * this.dt);
+    this.go((this.stepAt(this.time) + steps) * this.dt);
   }
   play(playing = !this.playing) {
     if (playing && this.time >= this.duration) this.time = 0;

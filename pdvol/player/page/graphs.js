@@ -49,7 +49,7 @@ class Graphs {
     for (const pane of order) {
       for (const part of unbroken(curves[pane])) {
         const line = document.createElementNS(SVG, "polyline");
-        line.setAttribute("points", part.map(([state, value]) => `${x(state * this.panes[pane].dt).toFixed(1)},${y(value).toFixed(1)}`).join(" "));
+        line.setAttribute("points", part.map(([state, value]) => `${x(Math.min(state * this.panes[pane].dt, this.panes[pane].end)).toFixed(1)},${y(value).toFixed(1)}`).join(" "));
         line.setAttribute("stroke", colourOfPane(pane));
         line.setAttribute("opacity", this.chosen.includes(pane) ? 1 : 0.22);
         svg.append(line);
