@@ -9,6 +9,7 @@ import time
 import numpy as np
 import pytest
 
+from browser import busy
 from cli_scenes import FALL, pdvol, write
 from commands import PDVOL, SAFETY
 from pdvol.explore.study.yardstick import Yardstick
@@ -57,6 +58,31 @@ def test_a_run_that_fails_is_a_failed_point_and_not_the_end(folder):
     assert [run["run"] for run in failed] == ["max_iterations-1"] and "level 0" in failed[0]["reason"]
     page = (folder / "s" / "study.html").read_text()
     assert "max_iterations-1: failed" in page and page.count("<svg") >= 2 and "http" not in page.split("<svg")[0]
+
+
+ONE_LINE = """cell => {
+  const range = document.createRange();
+  range.selectNodeContents(cell);
+  return new Set([...range.getClientRects()].map((box) => Math.round(box.top))).size <= 1;
+}"""
+"""Whether what a cell or a word holds is on one line."""
+
+
+def test_the_page_opens_from_a_disk_and_shows_its_plots_and_table(folder, tab):
+    tab.page.set_viewport_size({"width": 1200, "height": 800})
+    tab.open(folder / "s" / "study.html")
+    plots = tab.page.locator("svg")
+    assert plots.count() >= 2
+    for plot in plots.all():
+        box = plot.bounding_box()
+        assert box["width"] > 200 and box["height"] > 150
+    for number in range(plots.count()):
+        assert busy(tab.picture(f"svg >> nth={number}")) > 0.01
+    assert tab.page.locator("table tr").count() == len(studied(folder)["points"]) + 1
+    assert tab.page.evaluate(f"[...document.querySelectorAll('td:not(:first-child), .option')].every({ONE_LINE})")
+    said = tab.page.inner_text("body")
+    assert "`" not in said and all(s.replace("`", "") in said for s in studied(folder)["sentences"])
+    assert tab.complaints == [] and tab.requests == []
 
 
 def test_the_time_step_s_order_is_fitted_and_the_reference_has_an_error(folder):

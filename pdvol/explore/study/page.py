@@ -1,6 +1,7 @@
 """The page of a study: the front, a plot per axis, the sentences and the table, in one file without a network."""
 
 import io
+import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -36,6 +37,7 @@ def write_page(path: Path, study: Mapping[str, Any]) -> Path:
         sentences=study.get("sentences", []),
         length=length,
         options=option_text,
+        by_option=_by_option,
         percent=lambda share: f"{share:.2%}",
         failed=[run for run in study["runs"] if run.get("state") not in ("done", None)],
         colours={"background": BACKGROUND, "ink": INK, "faint": FAINT_INK},
@@ -146,6 +148,12 @@ def _svg(figure: Figure) -> str:
     figure.savefig(buffer, format="svg", metadata={"Date": None})
     text = buffer.getvalue()
     return text[text.index("<svg") :]
+
+
+def _by_option(words: str) -> Markup:
+    """Options of a command line as HTML: lines break between them only."""
+    options = re.split(r" (?=--)", words)
+    return Markup(" ").join(Markup('<span class="option">{}</span>').format(option) for option in options)
 
 
 def _spread(count: int, wanted: int) -> Sequence[int]:
