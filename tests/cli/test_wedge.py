@@ -9,11 +9,17 @@ import subprocess
 import time
 from pathlib import Path
 
+import numpy as np
 import pytest
+from PIL import Image
 
 from cli_scenes import FALL, pdvol, states, write
 from commands import PDVOL, SAFETY
+from pdvol.draw.sheet import SheetLayout, shared_camera
 from pdvol.explore.wedge import farm
+from pdvol.explore.wedge.results import tiles
+from pdvol.explore.wedge.wedge import Wedge, ordered
+from pdvol.runs.scene_file import load_shot
 from pdvol.store.reader import open_run
 
 SCORES = """
@@ -72,6 +78,37 @@ def test_a_failed_variation_has_its_reason_and_is_not_the_end(folder):
     for entry in stored(folder / "w")["variations"][2:]:
         assert entry["state"] == "failed" and "floor" in entry["reason"] and "\n" not in entry["reason"]
         assert entry["scores"] == {"right": None} and entry["cluster"] == -1
+
+
+def test_the_film_shows_all_variations_and_failed_ones_with_their_reason(folder, tmp_path, capsys):
+    imageio = pytest.importorskip("imageio.v2")
+    shutil.copytree(folder, tmp_path / "copy")
+    words = (tmp_path / "copy/fall.py", "-o", tmp_path / "copy/w", *WORDS)
+    assert pdvol("wedge", *words, "--film") == 0
+    assert "sheet.mp4" in capsys.readouterr().err
+    assert not (tmp_path / "copy/w/sheet.png").exists()
+    with imageio.get_reader(tmp_path / "copy/w/sheet.mp4") as film:
+        frames = [np.asarray(frame)[..., :3].astype(int) for frame in film]
+    assert len(frames) == 5  # 0.12 s at 30 frames a second at most, both ends included
+    assert pdvol("wedge", *[word for word in words if word != "--no-picture"]) == 0
+    wedge = Wedge(load_shot(tmp_path / "copy/fall.py", None, STEPS), tmp_path / "copy/w")
+    with wedge.taken():
+        entries = ordered(wedge.entries, "right")
+    shown = tiles(entries, wedge.runs(entries))
+    moves = [entry["number"] < 2 for entry in entries]
+    assert [tile.note.startswith("failed: ") and "floor" in tile.note for tile in shown] == [not m for m in moves]
+    layout = SheetLayout.of(shown, shared_camera(shown).aspect, None)
+    with Image.open(tmp_path / "copy/w/sheet.png") as picture:
+        sheet = np.asarray(picture.convert("RGB"), dtype=int)
+    scale = np.array(frames[0].shape[:2]) / sheet.shape[:2]
+    for place, moved in enumerate(moves):
+        x, y = layout.corner(place)
+        width, height = layout.picture
+        top, bottom = (np.array([y, y + height]) * scale[0]).astype(int)
+        left, right = (np.array([x, x + width]) * scale[1]).astype(int)
+        first, last = (frame[top:bottom, left:right] for frame in (frames[0], frames[-1]))
+        assert (abs(first - last).max() > 60) == moved, "bodies move, and reasons stay"
+        assert (sheet[y : y + height, x : x + width].sum(axis=2) < 350).sum() > 300, "a body's outline, or a reason"
 
 
 def test_the_same_command_goes_on_and_more_values_are_added(folder, tmp_path, capsys):

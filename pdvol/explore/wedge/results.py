@@ -67,10 +67,12 @@ def tiles(entries: Sequence[Mapping[str, Any]], runs: Sequence[Run | None]) -> l
 def write_results(
     wedge: Wedge, sort: str = "", sheet: bool = True, film: bool = False
 ) -> tuple[list[dict], list[Path]]:
-    """Group the variations, draw sheet.png, the film if wanted, and scatter.png, and write wedge.json.
+    """Group the variations, draw what is wanted, and write wedge.json.
 
     Parameters
     ----------
+    sheet : whether to draw sheet.png, and scatter.png where there are scores
+    film : whether to write sheet.mp4
     sort : as `ordered` takes it; `default_sort` where empty
 
     Returns
@@ -87,18 +89,20 @@ def write_results(
     entries = ordered(wedge.entries, sort or default_sort(wedge.entries))
     wedge.write()
     files = [wedge.file]
-    if sheet and entries:
-        from pdvol.draw.sheet import MOST_TILES, sheet_image
+    if not entries or not (sheet or film):
+        return entries, files
+    from pdvol.draw.sheet import MOST_TILES, sheet_image
 
-        shown = entries[:MOST_TILES]
-        drawn = tiles(shown, wedge.runs(shown))
+    shown = entries[:MOST_TILES]
+    drawn = tiles(shown, wedge.runs(shown))
+    if sheet:
         files.append(sheet_image(drawn, wedge.out / "sheet.png"))
-        if film:
-            from pdvol.draw.sheet_film import sheet_film
-
-            files.append(sheet_film(drawn, wedge.out / "sheet.mp4"))
         scatter = draw_scatter(wedge.out / "scatter.png", entries)
         files += [scatter] if scatter else []
+    if film:
+        from pdvol.draw.sheet_film import sheet_film
+
+        files.append(sheet_film(drawn, wedge.out / "sheet.mp4"))
     return entries, files
 
 
