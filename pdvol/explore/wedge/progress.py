@@ -55,8 +55,8 @@ class WedgeProgress:
         return notes
 
     def _line(self, entry: dict[str, Any], outcome: Outcome) -> str:
-        how = f"in {outcome.seconds:.1f} s" if outcome.seconds else "stored before"
-        state = f"done {how}" if outcome.state == "done" else f"{outcome.state}: {outcome.reason}"
+        how = f"done in {outcome.seconds:.1f} s" if outcome.seconds else "stored before"
+        state = how if outcome.state == "done" else f"{outcome.state}: {outcome.reason}"
         line = f"{self.done}/{self.total}  number {entry['number']}, {entry['name']}: {state}"
         return "; ".join([line, *(self._notes() if self.best_of else [])])
 
