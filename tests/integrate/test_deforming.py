@@ -86,9 +86,8 @@ def test_a_block_on_a_belt_slides_and_then_goes_along_with_it(d):
     problem = make_stepper(scene, mesh, geometry(scene))
     weights = masses(problem) / masses(problem).sum()
     speeds = np.array([weights @ v for _, v in march(problem, 20)])
-    assert speeds[2, 0] == pytest.approx(3 * 0.01 * MU * G, rel=0.05)
-    assert speeds[-1, 0] == pytest.approx(0.2, abs=2e-3)
-    assert np.abs(speeds[-5:, 0] - 0.2).max() < 5e-3
+    np.testing.assert_allclose(speeds[2:4, 0], 0.01 * MU * G * np.array([3, 4]), rtol=5e-3)
+    np.testing.assert_allclose(speeds[-5:, 0], 0.2, atol=1e-4)
     assert np.abs(speeds[-5:, 1:]).max() < 5e-3
 
 
