@@ -1,7 +1,8 @@
 """Obstacles in metres, and where they are at a time: the same type for half-spaces, surfaces and polylines."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -116,9 +117,13 @@ def _with_mesh(given: Rigid | Deforming, geometry: Geometry) -> Obstacle:
     return Obstacle(given.name, kind, vertices, edges, faces, motion, given.closed, given.opacity)
 
 
-def moving_places(obstacles: Sequence[Obstacle], time: float) -> dict[int, dict[str, np.ndarray]]:
-    """Where the obstacles that move are at `time` [s], by their number."""
-    return {i: obstacle.placed(time) for i, obstacle in enumerate(obstacles) if obstacle.moves}
+def moving_places(
+    obstacles: Sequence[Obstacle], time: float, lags: Mapping[Any, float]
+) -> dict[int, dict[str, np.ndarray]]:
+    """Where the obstacles that move are at `time` [s], by their number, each as far behind its motion as `lags` [s] has
+    it.
+    """
+    return {i: o.placed(time - lags.get(o, 0.0)) for i, o in enumerate(obstacles) if o.moves}
 
 
 def stored_obstacles(obstacles: Sequence[Obstacle], dt: float, steps: int) -> list[dict]:
