@@ -95,15 +95,15 @@ class BoundarySearch:
         return min(sorted(facets), key=squared_distance)
 
 
-def nearest_points(mesh: LevelMesh, facets: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The nearest of some boundary facets (k, d) at rest to points (n, d): its number (n,) int64, and the point on it
-    (n, d) [m].
+def nearest_points(corners: np.ndarray, facets: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The nearest of some facets (k, d) between corners (m, d) to points (n, d): its number (n,) int64, and the point
+    on it (n, d) [m].
     """
-    corners, facets = _embed(mesh.points), np.ascontiguousarray(facets, dtype=np.int64)
+    embedded, facets = _embed(corners), np.ascontiguousarray(facets, dtype=np.int64)
     tree = igl.AABB()
-    tree.init(corners, facets)
-    _, nearest, places = tree.squared_distance(corners, facets, _embed(points))
-    return np.asarray(nearest, dtype=np.int64), np.asarray(places)[:, : mesh.dim]
+    tree.init(embedded, facets)
+    _, nearest, places = tree.squared_distance(embedded, facets, _embed(points))
+    return np.asarray(nearest, dtype=np.int64), np.asarray(places)[:, : corners.shape[1]]
 
 
 def _embed(points: np.ndarray) -> np.ndarray:

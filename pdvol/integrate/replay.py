@@ -4,6 +4,7 @@ from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
+from pdvol.levels.clocks import Clocks, lags_of, names_of
 from pdvol.levels.model import LevelModel
 from pdvol.levels.space import LevelSpace
 from pdvol.potentials.build import build_terms
@@ -24,7 +25,8 @@ class Replay:
     """
 
     def __init__(self, model: LevelModel, space: LevelSpace, guides: Sequence[Guide] = ()):
-        built = build_terms(model, space, guides)
+        self._clocks, self._names = Clocks(), names_of((), model.obstacles)
+        built = build_terms(model, space, guides, self._clocks)
         self.space, self.dt, self.mass, self.terms = space, model.dt, built.mass, built.potentials
         self.barriers = built.contacts
         self.contacts = tuple(term for term in self.terms if term.name in ("barrier", "friction"))
@@ -38,6 +40,7 @@ class Replay:
         behind: tuple[float, float] = (0.0, 0.0),
         joined: int = 1,
         memory: Mapping[str, Mapping] | None = None,
+        late: tuple[Mapping[str, float], Mapping[str, float]] = ({}, {}),
     ) -> Positions:
         """Puts all terms to the end of a stored step, and returns its positions. Collective.
 
@@ -49,20 +52,27 @@ class Replay:
         behind : [s] how far obstacles were behind the time at the step's start and end
         joined : how many steps were solved as this one, which began where the first of them did
         memory : `terms` of the log's record of the step before, where there is one
+        late : the same as `behind` by motions, as the log has it, where it has it
         """
         for term in self.terms:
             term.restore((memory or {}).get(term.name, {}))
         x_t, x = (Positions(self.space, self.space.from_input(rows)) for rows in (start, end))
         t0, late_ones = max(step - joined, 0) * self.dt, {id(term) for term in self.contacts}
+        start_lags, end_lags = (lags_of(b, each, self._names) for b, each in zip(behind, late, strict=True))
+        all_late = min(start_lags.values(), default=0.0)
+        self._clocks.begin(t0 - all_late, step * self.dt, {mover: lag - all_late for mover, lag in start_lags.items()})
         if kappa is not None:
             for barrier in self.barriers:
                 barrier.kappa = kappa
         # All terms begin before any moves on: friction lags on barriers that are still where the step begins.
         for term in self.terms:
-            late = behind[0] if id(term) in late_ones else 0.0
-            term.begin_step(x_t, t0 - late, t0 - late + joined * self.dt)
+            shift = all_late if id(term) in late_ones else 0.0
+            term.begin_step(x_t, t0 - shift, t0 - shift + joined * self.dt)
+        self._clocks.begin(0.0, 1.0, {})
+        for mover, lag in end_lags.items():
+            self._clocks.stop((mover,), step * self.dt - lag)
         for term in self.terms:
-            term.move_obstacles(step * self.dt - behind[1])
+            term.move_obstacles(step * self.dt)
         return x
 
     def force(self, x: Positions, terms: Iterable[Potential]) -> np.ndarray:

@@ -1,52 +1,31 @@
 """What supports and obstacles prescribe on one level, and how far their motions were carried out.
 
-All motions of a scene share one clock: supports and obstacles that contact stops stay on their paths, and go on from
-there as soon as they can. A step ends with the clock at its own time, or `behind` it.
-
-Under contact, supports and obstacles are moved as far as nothing crosses, in parts of the step. Each part ends at a
-time on the clock, with supports and obstacles exactly where their motions have them then. Collision detection clears
-the straight path there from the end of the part before. So an obstacle that turns never stays on a chord of its arc.
-
-Bodies that are free to go are carried along by the obstacles that they would hinder (`carriers.py`), and all others
-stay. That takes no solve, and where nothing is pressed it carries out the whole motion.
-
-Where supports move, or bodies are pressed against something, bodies have to give way.
-Newton's direction lets bodies give way to supports and, through the barrier, to obstacles. Where the bodies' own motion
-towards equilibrium shortens the path, the part of the direction that is due to the scripted motion alone goes further,
-and the rest is left to the minimisation between parts. Bodies move on straight lines, what turns does not: a direction
-found for a place far ahead is blocked early. So each direction is found for a place `LOOK_AHEAD` times as far as the
-last part came. A part never squeezes a cell below `MIN_CELL_VOLUME` of its rest volume.
+Each motion has a clock of its own (`levels/clocks.py`): supports and obstacles that contact stops stay on their paths,
+and go on from there as soon as they can. A step has one clock, which all motions follow that nothing stops. It ends
+with each motion at its own time, or behind it.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from pdvol.geometry.level_mesh import simplex_volumes
 from pdvol.integrate.carriers import Carriers, rigid_motion
+from pdvol.levels.clocks import Clocks, Mover, lags_of, names_of
 from pdvol.levels.model import HeldPoints, LevelModel
 from pdvol.levels.obstacles import Obstacle
 from pdvol.levels.space import LevelSpace
-from pdvol.potentials.potential import SCRIPTED_GAP_SHARE, Positions
+from pdvol.potentials.potential import Positions
 from pdvol.solve.incremental_potential import IncrementalPotential
-from pdvol.solve.newton import Newton
-from pdvol.solve.report import NewtonReport
 
-MAX_PARTS = 200  # parts of one step: bounds the time that a blocked motion takes
-MAX_TRIES = 6  # paths tried along one direction, each shorter than the last: bounds the search for a free one
-# Times the last part's length: how far ahead, at most at the step's end, is the place that the next direction leads to.
-# Above 1, so that parts can grow; not far above, since directions for places far ahead are blocked early.
-LOOK_AHEAD = 2.0
-PATH_SHARE = 0.9  # share of a free path that is tried next: detection for the shorter path may be stricter
-LEAST_GAIN = 2e-4  # share of the step: a part that gains less is not taken, since it closes gaps for nothing
-PINCHED = 0.25  # share of the smallest gap before the first part: below it bodies get more iterations to open the gap
-MIN_CELL_VOLUME = 1e-3  # share of a cell's rest volume: no part squeezes it further, or Newton could not recover it
-RELAXING_ITERATIONS = 2  # Newton iterations between parts: enough for bodies to follow, and cheap
-OPENING_ITERATIONS = 20  # Newton iterations between parts where gaps are pinched: each opens one by a factor only
+ON_TIME = 1e-9  # share of a step: a motion that is less late is on time, since times are sums with round-off
 
 
 class ScriptedMotion:
-    """The supports of a level, and the clock of all motions.
+    """The supports of a level, and the clocks of all motions.
+
+    Parameters
+    ----------
+    clocks : those that obstacles in contact go by
 
     Attributes
     ----------
@@ -58,23 +37,24 @@ class ScriptedMotion:
         Whether supports move in the present step.
     moves_obstacles : bool
         Whether an obstacle moves.
-    clock : time [s] up to which motions have been carried out
-    behind : [s] how far that is behind the end of the last step
+    clock : time [s] up to which motions have been carried out that were not stopped; motions that all set out late have
+        one that sets out as late
     """
 
-    def __init__(self, model: LevelModel, space: LevelSpace):
+    def __init__(self, model: LevelModel, space: LevelSpace, clocks: Clocks | None = None):
         self._dt, self._rest = model.dt, space.from_input(space.mesh.points)
         self._bodies, self._point_bodies = space.mesh.point_bodies[space.owned_points], space.mesh.point_bodies
         # Every rank moves all points of a support, so that a motion that fails does so on all ranks.
         self._supports = [_Owned(support, space) for support in model.supports]
         self.moves_obstacles = any(obstacle.moves for obstacle in model.obstacles)
-        self.clock, self.behind = 0.0, 0.0
+        self._clocks = Clocks() if clocks is None else clocks
+        self._names = names_of(model.supports, model.obstacles)
+        self._clock, self._lags = 0.0, dict.fromkeys(self._names.values(), 0.0)
         self._holding: list[bool] | None = None
         self.begin(0.0)
 
     def begin(self, time: float) -> bool:
         """Starts the step at `time` [s]; returns whether other vertices are held than in the last one."""
-        self.clock = time - self.behind
         holding = [support.points.holds(time, self._dt) for support in self._supports]
         changed = holding != self._holding
         if changed:
@@ -85,13 +65,61 @@ class ScriptedMotion:
             self.moves = self.moves_obstacles or self.moves_supports
             held = [self._point_bodies[support.points.mask] for support in self._active()]
             self._held_bodies = frozenset(np.concatenate([*held, np.zeros(0, int)]).tolist())
+        lags = {mover: self._lags[mover] for mover in self._moving().values()}
+        all_late = min(lags.values(), default=0.0)
+        self._clock = time - all_late
+        self._clocks.begin(self._clock, time + self._dt, {mover: lag - all_late for mover, lag in lags.items()})
         return changed
 
-    def end(self, time: float) -> float:
-        """Ends the step at `time` [s]; returns the share of the remaining motion that it carried out."""
-        before = self.behind
-        self.behind = time - self.clock if self.moves else 0.0
-        return max(0.0, round(1.0 - self.behind / (self._dt + before), 12))
+    @property
+    def clock(self) -> float:
+        return self._clock
+
+    @clock.setter
+    def clock(self, time: float) -> None:
+        self._clock = time
+        self._clocks.rewind(time)
+
+    def end(self, time: float) -> tuple[float, float, dict[str, float]]:
+        """Ends the step at `time` [s].
+
+        Returns
+        -------
+        reached : the smallest share of its remaining motion that a support or obstacle has carried out
+        behind : [s] how far it is behind the time, at most
+        late : [s] the same of each that is, by its name; empty where all are equally far behind
+        """
+        moving, before = self._moving(), self._lags
+        self._lags = dict.fromkeys(self._names.values(), 0.0)
+        shares = [1.0]
+        for mover in moving.values():
+            lag = time - self._clocks.of(mover, self.clock)
+            self._lags[mover] = lag if lag > ON_TIME * self._dt else 0.0
+            shares.append(max(0.0, round(1.0 - self._lags[mover] / (self._dt + before[mover]), 12)))
+        lags = {name: self._lags[mover] for name, mover in moving.items()}
+        late = {name: lag for name, lag in lags.items() if lag > 0.0} if len(set(lags.values())) > 1 else {}
+        return min(shares), max(lags.values(), default=0.0), late
+
+    def go_on_from(self, behind: float, late: Mapping[str, float]) -> None:
+        """Sets what `end` gave."""
+        self._lags = lags_of(behind, late, self._names)
+
+    def _moving(self) -> dict[str, Mover]:
+        """What moves in the present step, by name: obstacles, and the supports that hold."""
+        active = {support.points for support in self._active()}
+        return {name: m for name, m in self._names.items() if isinstance(m, Obstacle) or m in active}
+
+    def going(self) -> list[Mover]:
+        """What moves and has not been stopped in the present step."""
+        return [mover for mover in self._moving().values() if not self._clocks.is_stopped(mover)]
+
+    def stop(self, movers: Sequence[Mover]) -> None:
+        """Stops some motions where they are, up to the end of the step."""
+        self._clocks.stop(movers, self.clock)
+
+    def release(self, movers: Sequence[Mover]) -> None:
+        """Lets some motions go on that were stopped at the clock's present time."""
+        self._clocks.release(movers)
 
     def _active(self) -> "list[_Owned]":
         return [support for support, holds in zip(self._supports, self._holding or [], strict=True) if holds]
@@ -100,7 +128,8 @@ class ScriptedMotion:
         """(n_owned, d) [m]: where held vertices should be at `time` [s]; rest positions elsewhere."""
         target = self._rest.copy()
         for support in self._active():
-            target[support.mask] = support.points.at(time)[support.rows]
+            own = self._clocks.of(support.points, time)
+            target[support.mask] = support.points.at(own)[support.rows]
         return target
 
     def carriers(self, potential: IncrementalPotential, x: Positions, until: float) -> Carriers:
@@ -115,7 +144,8 @@ class ScriptedMotion:
         """
         path = np.where(self.held[:, None], self.positions(until) - x.owned, direction)
         for carrier in set(of.values()):
-            moved = rigid_motion(carrier.at(self.clock), carrier.at(until))
+            places = [carrier.at(self._clocks.of(carrier, time)) for time in (self.clock, until)]
+            moved = rigid_motion(*places)
             rows = np.isin(self._bodies, [body for body, by in of.items() if by is carrier])
             path[rows] = moved(x.owned[rows]) - x.owned[rows]
         return path
@@ -127,119 +157,3 @@ class _Owned:
     def __init__(self, points: HeldPoints, space: LevelSpace):
         self.points, self.mask = points, points.mask[space.owned_points]
         self.rows = np.cumsum(points.mask)[space.owned_points][self.mask] - 1
-
-
-def follow(
-    motion: ScriptedMotion,
-    potential: IncrementalPotential,
-    newton: Newton,
-    x: Positions,
-    t1: float,
-    count: Callable[[NewtonReport], None],
-) -> Positions:
-    """Moves everything scripted from `motion.clock` towards its place at t1 [s], while bodies give way. Collective.
-
-    The clock then shows how far that was possible. `count` is called after every solve. The state returned is
-    admissible.
-    """
-    if motion.clock == t1:
-        return x
-    least = LEAST_GAIN * (t1 - motion.clock)
-    relaxed, gap, aim = False, potential.min_gap(x), t1
-    for _ in range(MAX_PARTS):
-        clock = motion.clock
-        carriers = motion.carriers(potential, x, t1)
-        if not (carriers.blocked or motion.moves_supports):
-            still = np.zeros_like(x.owned)
-            until, end = _free_part(motion, potential, x, t1, 0.0, still, carriers.of)
-            if end is not None:
-                x = _arrive(motion, potential, until, end)
-                if until == t1:
-                    return x
-                relaxed = False
-                continue
-        further = _part(motion, potential, newton, x, aim, least, carriers.of)
-        aim = min(t1, motion.clock + LOOK_AHEAD * max(least, motion.clock - clock))
-        if further is not None:
-            x = further
-        elif relaxed:
-            return x  # bodies have given way as far as they do: contact holds
-        if motion.clock == t1:
-            return x
-        relaxed, now = further is None, potential.min_gap(x)
-        gap = now if gap == np.inf else gap  # the step began out of contact
-        limit = OPENING_ITERATIONS if now < PINCHED * gap else RELAXING_ITERATIONS
-        x, solved = newton.solve(x, max_iterations=None if relaxed else limit, gap_share=SCRIPTED_GAP_SHARE)
-        solved.remedies["substeps"] += 1
-        count(solved)
-    return x
-
-
-def _arrive(motion: ScriptedMotion, potential: IncrementalPotential, until: float, end: Positions) -> Positions:
-    """Sets clock and obstacles to `until` [s], where a part ends."""
-    motion.clock = until
-    potential.move_obstacles(until)
-    return end
-
-
-def _part(
-    motion: ScriptedMotion,
-    potential: IncrementalPotential,
-    newton: Newton,
-    x: Positions,
-    t1: float,
-    least: float,
-    carriers: Mapping[int, Obstacle],
-) -> Positions | None:
-    """Takes the longest free part towards places at t1 [s]; None where that gains less than `least` [s]."""
-    clock = motion.clock
-    push = potential.gradient_change(x, clock, t1) if motion.moves_obstacles else 0.0
-    furthest, there = clock, None
-    for direction in newton.directions(x, motion.positions(t1) - x.owned, push):
-        until, end = _free_part(motion, potential, x, t1, least, direction, carriers)
-        if until > furthest:
-            furthest, there = until, end
-        if furthest == t1:
-            break
-    return None if there is None else _arrive(motion, potential, furthest, there)
-
-
-def _free_part(
-    motion: ScriptedMotion,
-    potential: IncrementalPotential,
-    x: Positions,
-    t1: float,
-    least: float,
-    direction: np.ndarray,
-    carriers: Mapping[int, Obstacle],
-) -> tuple[float, Positions | None]:
-    """Until when a part can go along a direction that leads to t1 [s], and where it ends; None where that gains less
-    than `least` [s].
-    """
-    clock = motion.clock
-    until, share = t1, 1.0
-    for _ in range(MAX_TRIES):
-        path = motion.path(x, until, share * direction, carriers)
-        free = potential.max_step(x, path, until=until, gap_share=SCRIPTED_GAP_SHARE)
-        if free == 1.0:
-            end = x.moved(1.0, path)
-            free = _unsqueezed(_smallest_volume(x), _smallest_volume(end))
-            if free == 1.0:
-                return until, end
-        share *= PATH_SHARE * free
-        until = clock + share * (t1 - clock)
-        if until - clock <= least:
-            break
-    return clock, None
-
-
-def _unsqueezed(before: float, after: float) -> float:
-    """The share of a path on which no cell is squeezed too far, if the smallest volume falls at a constant rate."""
-    bound = min(MIN_CELL_VOLUME, before)
-    return 1.0 if after >= bound else (before - bound) / (before - after)
-
-
-def _smallest_volume(x: Positions) -> float:
-    """The smallest volume of a cell over that at rest. Collective where x is new."""
-    mesh = x.space.mesh
-    return float((simplex_volumes(x.whole, mesh.cells) / mesh.volumes).min())

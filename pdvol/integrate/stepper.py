@@ -10,9 +10,11 @@ from scipy.sparse import csr_array
 from pdvol.errors import ConvergenceError, SimulationError
 from pdvol.integrate.feedback import Feedback
 from pdvol.integrate.integrator import ImplicitEuler, Integrator, Past, State
+from pdvol.integrate.motion_parts import follow
 from pdvol.integrate.recovery import Recovery, Span
 from pdvol.integrate.rest import Rest
-from pdvol.integrate.scripted_motion import ScriptedMotion, follow
+from pdvol.integrate.scripted_motion import ScriptedMotion
+from pdvol.levels.clocks import Clocks
 from pdvol.levels.model import LevelModel
 from pdvol.levels.space import LevelSpace
 from pdvol.potentials.build import build_terms
@@ -54,8 +56,9 @@ class Stepper:
     ):
         self.model, self.space, self.integrator = model, space, integrator or ImplicitEuler()
         self.watch = Stopwatch()
-        self.potential = IncrementalPotential(space, build_terms(model, space, guides), self.watch)
-        self.motion = ScriptedMotion(model, space)
+        clocks = Clocks()
+        self.potential = IncrementalPotential(space, build_terms(model, space, guides, clocks), self.watch)
+        self.motion = ScriptedMotion(model, space, clocks)
         self._coarse_weights, self._feedback = coarse_weights, feedback
         self.newton = self._new_newton()
         self.rest, self._may_rest = Rest(model, self.newton.tolerance), not guides
@@ -70,8 +73,10 @@ class Stepper:
         """Restores the solver's memory from a step's log record, so that the next step is the same as without an
         interruption.
         """
-        behind = record.get("behind", 0.0)
-        self.motion.behind = float(behind) if isinstance(behind, (int, float)) else 0.0
+        behind, late = record.get("behind", 0.0), record.get("late", {})
+        self.motion.go_on_from(
+            float(behind) if isinstance(behind, (int, float)) else 0.0, late if isinstance(late, dict) else {}
+        )
         if isinstance(record.get("solver_memory"), dict):
             self.newton.linear.restore(record["solver_memory"])
         self.rest.restore(record.get("rest", {}))
@@ -110,7 +115,7 @@ class Stepper:
                 mine = tuple(state.rows(self.space.from_input) for state in past)
                 x = self._recovery.advance(report, integrator, mine, start * dt, number * dt)
                 report.joined = number - start
-                report.reached, report.behind = self.motion.end(number * dt), self.motion.behind
+                report.reached, report.behind, report.late = self.motion.end(number * dt)
                 moved = np.linalg.norm(x.whole - past[0].positions, axis=1).max() if may_rest else np.inf
                 acting = lambda: self.space.from_input(self._acceleration(number, x.whole))
                 self.rest.begin(self.potential, x, self.motion.held, float(moved) / (report.joined * dt), acting)

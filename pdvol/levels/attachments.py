@@ -94,7 +94,7 @@ def _ends(mesh: LevelMesh, body: int, attachment: Attachment, starts: np.ndarray
     if not callable(attachment.to):
         place = _one_place(mesh, body, attachment.other, "Attachment.to", attachment.to)
         return np.repeat(place, len(starts), axis=0)
-    return nearest_points(mesh, _part(mesh, body, attachment.other, "Attachment.to", attachment.to), starts)[1]
+    return nearest_points(mesh.points, _part(mesh, body, attachment.other, "Attachment.to", attachment.to), starts)[1]
 
 
 def _one_place(mesh: LevelMesh, body: int, name: str, what: str, place: Any) -> np.ndarray:

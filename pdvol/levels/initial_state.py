@@ -5,7 +5,7 @@ Written apart from the solver's contact code. Separately decimated surfaces can 
 every level is tested.
 """
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import igl
@@ -94,7 +94,11 @@ def smallest_gap(
 
 
 def count_intersections(
-    mesh: LevelMesh, positions: np.ndarray, obstacles: Sequence[Obstacle], bodies: Sequence[str], time: float
+    mesh: LevelMesh,
+    positions: np.ndarray,
+    obstacles: Sequence[Obstacle],
+    bodies: Sequence[str],
+    time: float | Mapping[Obstacle, float],
 ) -> int:
     """Number of intersections in a state without contact: pairs of edges (2D) or of edges and triangles (3D), and
     vertices at or below planes. Serial.
@@ -103,10 +107,11 @@ def count_intersections(
     ----------
     positions : (n, d) [m]
     obstacles, bodies : as `check_start` takes them
-    time : [s] at which obstacles are placed
+    time : [s] at which obstacles are placed, or one for each of them
     """
-    behind = sum(int(np.sum(_heights(positions, plane, time) <= 0.0)) for plane in _planes(obstacles))
-    return behind + len(_Boundaries(mesh, obstacles, bodies, positions, time).crossing_pairs())
+    times = time if isinstance(time, Mapping) else dict.fromkeys(obstacles, time)
+    behind = sum(int(np.sum(_heights(positions, plane, times[plane]) <= 0.0)) for plane in _planes(obstacles))
+    return behind + len(_Boundaries(mesh, obstacles, bodies, positions, times).crossing_pairs())
 
 
 def _planes(obstacles: Sequence[Obstacle]) -> list[Obstacle]:
@@ -144,7 +149,7 @@ def _below(level: int, mesh: LevelMesh, plane: Obstacle, bodies: Sequence[str]) 
 
 class _Boundaries:
     """All boundaries of one level, at rest or at positions (n, d), in one set of arrays: bodies first (owner >= 0),
-    then obstacles, where they are at a time.
+    then obstacles, where they are at their times, t = 0 where none are given.
     """
 
     def __init__(
@@ -153,8 +158,9 @@ class _Boundaries:
         obstacles: Sequence[Obstacle],
         bodies: Sequence[str],
         positions: np.ndarray | None = None,
-        time: float = 0.0,
+        times: Mapping[Obstacle, float] | None = None,
     ):
+        times = times or dict.fromkeys(obstacles, 0.0)
         surfaces = [o for o in obstacles if o.kind != "plane"]
         positions = mesh.points if positions is None else positions
         self.names = [f"body {name!r}" for name in bodies] + [surface.label for surface in surfaces]
@@ -170,7 +176,7 @@ class _Boundaries:
             count, dim = surface.vertices.shape
             if dim != mesh.dim:
                 raise InputError(f"{surface.label} is {dim}D in a {mesh.dim}D scene; give it {mesh.dim} dimensions")
-            points.append(surface.at(time))
+            points.append(surface.at(times[surface]))
             owners.append(np.full(count, self.bodies + k))
             facets.append((surface.faces if mesh.dim == 3 else surface.edges) + first)
             labels.append(np.arange(count))

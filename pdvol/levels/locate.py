@@ -86,7 +86,7 @@ def nearest_material(mesh: LevelMesh, points: np.ndarray, bodies: np.ndarray) ->
     for body in np.unique(bodies):
         mine, own = np.flatnonzero(bodies == body), np.flatnonzero(mesh.bodies == body)
         facets = mesh.bodies[mesh.boundary_cells] == body
-        facet, nearest = nearest_points(mesh, mesh.boundary[facets], points[mine])
+        facet, nearest = nearest_points(mesh.points, mesh.boundary[facets], points[mine])
         behind = mesh.boundary_cells[facets][facet]
         centres = cKDTree(mesh.points[mesh.cells[own]].mean(axis=1))
         _, near = centres.query(points[mine], k=np.arange(1, min(NEAREST_CENTRES, len(own)) + 1))

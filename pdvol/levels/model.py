@@ -10,12 +10,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pdvol.geometry.level_mesh import LevelMesh
+from pdvol.levels.animated import motion_of
 from pdvol.levels.attachments import BoundSprings, Springs, attachment_springs, bound_springs
 from pdvol.levels.hierarchy import Hierarchy
 from pdvol.levels.materials import CellMaterials, cell_materials, level_materials
 from pdvol.levels.muscles import CellMuscle, cell_muscles, level_muscles
 from pdvol.levels.obstacles import Obstacle
-from pdvol.levels.scene_fields import chosen_points, initial_velocity, supported_points
+from pdvol.levels.scene_fields import chosen_points, initial_velocity, support_label, supported_points
 from pdvol.scene import Barrier, Friction, Gravity, Load, Motion, Penalty, Scene, Solver, Still, metres, moved
 
 
@@ -190,7 +191,8 @@ def level_model(
     supports = []
     for support in scene.supports:
         mask = supported_points(scene, support, mesh, level)
-        supports.append(HeldPoints(mask, mesh.points[mask], support.motion, support.release))
+        motion = motion_of(support.motion, mesh.points[mask], support_label(support, level))
+        supports.append(HeldPoints(mask, mesh.points[mask], motion, support.release))
     everywhere = np.ones(len(mesh.points), dtype=bool)
     loads = (
         PlacedLoad(load, everywhere if isinstance(load, Gravity) else chosen_points(scene, load, mesh))

@@ -1,23 +1,25 @@
-"""Rigid obstacles in metres, and where they are at a time: the same type for half-spaces, surfaces and polylines."""
+"""Obstacles in metres, and where they are at a time: the same type for half-spaces, surfaces and polylines."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from pdvol.errors import InputError
+from pdvol.levels.animated import motion_of
 from pdvol.meshing.build import read_obstacle
-from pdvol.scene import Motion, Plane, Rigid, Still, moved
+from pdvol.scene import Deforming, Motion, Obstructing, Plane, Rigid, Still, moved
 
 Geometry = tuple[np.ndarray, np.ndarray, np.ndarray]
-"""Vertices (k, d) [m], edges (e, 2) and faces (f, 3) of a rigid obstacle at rest."""
+"""Vertices (k, d) [m], edges (e, 2) and faces (f, 3) of a surface or polyline at rest."""
 
 MOST_STORED_VERTICES = 20_000_000  # vertices times states of moving obstacles: stored places take half a GB
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Obstacle:
-    """A rigid obstacle of a scene.
+    """An obstacle of a scene.
 
     Attributes
     ----------
@@ -73,31 +75,31 @@ class Obstacle:
         return f"Obstacle({self.name!r}, {self.kind}, {len(self.vertices)} vertices)"
 
 
-def read_geometry(obstacles: Sequence[Plane | Rigid]) -> list[Geometry]:
-    """The geometry of each `Rigid`, in order; arrays, which ranks can send each other. Serial."""
-    return [read_obstacle(o) for o in obstacles if isinstance(o, Rigid)]
+def read_geometry(obstacles: Sequence[Obstructing]) -> list[Geometry]:
+    """The geometry of each obstacle but planes, in order; arrays, which ranks can send each other. Serial."""
+    return [read_obstacle(o) for o in obstacles if isinstance(o, Rigid | Deforming)]
 
 
 def placed_obstacles(
-    obstacles: Sequence[Plane | Rigid], geometry: Sequence[Geometry] | None = None
+    obstacles: Sequence[Obstructing], geometry: Sequence[Geometry] | None = None
 ) -> tuple[Obstacle, ...]:
     """The obstacles of a scene with their geometry, in its order. Serial.
 
     Parameters
     ----------
-    geometry : of each `Rigid`, in order; read from their shapes where not given
+    geometry : of each obstacle but planes, in order; read from their shapes where not given
 
     Raises
     ------
     InputError
-        A shape cannot be read, or `geometry` has another length.
+        A shape or a point cache cannot be read or do not fit, or `geometry` has another length.
     """
     shapes = read_geometry(obstacles) if geometry is None else list(geometry)
-    rigid = sum(isinstance(o, Rigid) for o in obstacles)
-    if rigid != len(shapes):
-        raise InputError(f"{len(shapes)} obstacle meshes for {rigid} rigid obstacles; give one for each")
+    solid = sum(not isinstance(o, Plane) for o in obstacles)
+    if solid != len(shapes):
+        raise InputError(f"{len(shapes)} obstacle meshes for {solid} obstacles with a mesh; give one for each")
     remaining = iter(shapes)
-    return tuple(plane_obstacle(o) if isinstance(o, Plane) else _rigid(o, next(remaining)) for o in obstacles)
+    return tuple(plane_obstacle(o) if isinstance(o, Plane) else _with_mesh(o, next(remaining)) for o in obstacles)
 
 
 def plane_obstacle(plane: Plane) -> Obstacle:
@@ -108,15 +110,20 @@ def plane_obstacle(plane: Plane) -> Obstacle:
     return Obstacle(plane.name, "plane", ends, *nothing, motion=plane.motion)
 
 
-def _rigid(rigid: Rigid, geometry: Geometry) -> Obstacle:
+def _with_mesh(given: Rigid | Deforming, geometry: Geometry) -> Obstacle:
     vertices, edges, faces = geometry
     kind = "mesh" if vertices.shape[1] == 3 else "polyline"
-    return Obstacle(rigid.name, kind, vertices, edges, faces, rigid.motion, rigid.closed, rigid.opacity)
+    motion = motion_of(given.motion, vertices, f"obstacle {given.name!r}")
+    return Obstacle(given.name, kind, vertices, edges, faces, motion, given.closed, given.opacity)
 
 
-def moving_places(obstacles: Sequence[Obstacle], time: float) -> dict[int, dict[str, np.ndarray]]:
-    """Where the obstacles that move are at `time` [s], by their number."""
-    return {i: obstacle.placed(time) for i, obstacle in enumerate(obstacles) if obstacle.moves}
+def moving_places(
+    obstacles: Sequence[Obstacle], time: float, lags: Mapping[Any, float]
+) -> dict[int, dict[str, np.ndarray]]:
+    """Where the obstacles that move are at `time` [s], by their number, each as far behind its motion as `lags` [s] has
+    it.
+    """
+    return {i: o.placed(time - lags.get(o, 0.0)) for i, o in enumerate(obstacles) if o.moves}
 
 
 def stored_obstacles(obstacles: Sequence[Obstacle], dt: float, steps: int) -> list[dict]:

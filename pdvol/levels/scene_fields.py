@@ -6,11 +6,26 @@ import numpy as np
 
 from pdvol.errors import InputError
 from pdvol.geometry.level_mesh import LevelMesh
+from pdvol.levels.animated import motion_of, taken_velocity
 from pdvol.levels.materials import cell_materials, check_laws
 from pdvol.levels.muscles import cell_muscles
 from pdvol.meshes import Outline
 from pdvol.meshing.readers import read_shape
-from pdvol.scene import Flow, Force, Gravity, Impulse, Load, PointForce, Pressure, Scene, Support, at_time, moved
+from pdvol.scene import (
+    Flow,
+    Force,
+    Gravity,
+    Impulse,
+    Load,
+    PointCache,
+    PointForce,
+    Pressure,
+    Scene,
+    Support,
+    TakeOver,
+    at_time,
+    moved,
+)
 from pdvol.scene.checks import chosen, near
 
 Chooser = Support | Force | PointForce | Impulse | Flow | Pressure
@@ -47,11 +62,17 @@ def _held_for_ever(scene: Scene, body: str, points: np.ndarray) -> bool:
 def initial_velocity(scene: Scene, mesh: LevelMesh) -> np.ndarray:
     """(n, d) the scene's velocity field [m/s] at a level's points; spins turn about each body's centre of volume."""
     velocity = np.zeros_like(mesh.points)
+    surface = np.zeros(len(mesh.points), dtype=bool)
+    surface[mesh.boundary] = True
     for i, body in enumerate(scene.bodies):
         cells, volumes = mesh.cells[mesh.bodies == i], mesh.volumes[mesh.bodies == i]
         centre = volumes @ mesh.points[cells].mean(axis=1) / volumes.sum()
         mine = mesh.point_bodies == i
         velocity[mine] = body.initial_velocity(mesh.points[mine], centre)
+        if isinstance(body.velocity, TakeOver):
+            velocity[mine] += taken_velocity(
+                body.velocity, mesh.points[mine], surface[mine], f"body {body.name!r}, which takes over an animation"
+            )
     return velocity
 
 
@@ -72,23 +93,31 @@ def _mask(chooser: Chooser, where: Callable, points: np.ndarray) -> np.ndarray:
 
 
 def supported_points(scene: Scene, support: Support, mesh: LevelMesh, level: int) -> np.ndarray:
-    """(n,) bool: the level's points that a support holds.
+    """(n,) bool: the level's points that a support holds; where a point cache moves them, those on the surface.
 
     Raises
     ------
     InputError
-        Its functions fail or give arrays of the wrong shape, or it holds nothing.
+        Its functions fail or give arrays of the wrong shape, it holds nothing, or its point cache is too far away.
     """
     points = mesh.points
     held = chosen_points(scene, support, mesh)
+    if isinstance(support.motion, PointCache):
+        held &= np.isin(np.arange(len(points)), mesh.boundary)
     if not held.any():
         raise InputError(
             f"a support holds no vertex of level {level}; widen its `where` so that the coarsest level has some"
         )
+    motion = motion_of(support.motion, points[held], support_label(support, level))
     for number in np.unique(np.linspace(0, scene.steps, MOTION_SAMPLES).astype(int)):
         if number == 0 or support.holds((number - 1) * scene.dt, scene.dt):
-            moved(support.motion, points[held], number * scene.dt, "a support")
+            moved(motion, points[held], number * scene.dt, "a support")
     return held
+
+
+def support_label(support: Support, level: int) -> str:
+    """A support's name in messages about what it holds on a level."""
+    return f"a support of {f'body {support.body!r}' if support.body else 'all bodies'}, level {level}"
 
 
 def check_fields(scene: Scene, mesh: LevelMesh, level: int) -> None:

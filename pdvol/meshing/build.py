@@ -23,14 +23,16 @@ from pdvol.meshes import Outline, Solid, Surface
 from pdvol.meshing import cache as mesh_cache
 from pdvol.meshing.cpu_budget import cpu_budget
 from pdvol.meshing.decimate import decimate
+from pdvol.meshing.point_caches import cached_surface, edges_or_faces
 from pdvol.meshing.readers import read_shape
 from pdvol.meshing.region_labels import Regions, no_regions
+from pdvol.meshing.shells import signed_volumes
 from pdvol.meshing.tetrahedralise import surface_share, tetrahedralise
 from pdvol.meshing.triangulate import triangulate
 from pdvol.meshing.validate import check_outline, check_solid, check_surface, drop_unused, outline_edges
 from pdvol.meshing.verdict import Boundary, boundary_facets_of, check_place, judge, place_of
 from pdvol.meshing.volume import enclosed_volume
-from pdvol.scene import Body, Rigid, Scene
+from pdvol.scene import Body, Deforming, Rigid, Scene
 from pdvol.stages import stage
 
 BUILD_VERSION = 4
@@ -82,27 +84,43 @@ def vertices_asked(scene: Scene) -> int:
     return sum(int(sum(body.vertices)) for body in scene.bodies)
 
 
-def read_obstacle(rigid: Rigid) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """A rigid obstacle, placed: vertices (n, d) [m], edges (e, 2) int64, faces (f, 3) int64 (none in 2D).
+def read_obstacle(obstacle: Rigid | Deforming) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """An obstacle at rest, placed: vertices (n, d) [m], edges (e, 2) int64, faces (f, 3) int64 (none in 2D). A mesh
+    that a point cache brings has all vertices that faces use, in their order.
 
     Raises
     ------
     InputError
-        It is missing, unreadable or invalid. Open surfaces and polylines are valid unless `rigid.closed` is set.
+        It is missing, unreadable or invalid. Open surfaces and polylines are valid unless `obstacle.closed` is set.
     """
-    name = f"obstacle {rigid.name!r}"
-    shape = read_shape(rigid.shape)
+    name = f"obstacle {obstacle.name!r}"
+    if isinstance(obstacle, Deforming) and obstacle.shape is None:
+        return _animated_mesh(obstacle, name)
+    shape = read_shape(obstacle.shape)
     if isinstance(shape, Solid):
         solid = check_solid(shape, name)
         points, facets = drop_unused(solid.vertices, boundary_facets(solid.cells.astype(np.int64))[0])
     elif isinstance(shape, Surface):
-        surface = check_surface(shape, name, rigid.closed)
+        surface = check_surface(shape, name, obstacle.closed)
         points, facets = surface.vertices, surface.triangles.astype(np.int64)
     else:
-        points = check_outline(shape, name, rigid.closed).points
-        facets = outline_edges(len(points), rigid.closed)
+        points = check_outline(shape, name, obstacle.closed).points
+        facets = outline_edges(len(points), obstacle.closed)
     faces = facets if facets.shape[1] == 3 else np.empty((0, 3), dtype=np.int64)
-    return rigid.placement(points), edges_of(facets), faces
+    return obstacle.placement(points), edges_of(facets), faces
+
+
+def _animated_mesh(obstacle: Deforming, name: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The mesh of a point cache in its first frame; vertices, edges and faces as `read_obstacle` gives them."""
+    shape, facets = cached_surface(obstacle.motion), edges_or_faces(obstacle.motion, obstacle.closed)
+    if isinstance(shape, Surface):
+        check_surface(shape, name, obstacle.closed)
+        turned = obstacle.closed and signed_volumes(shape.vertices, facets).sum() < 0.0
+        points, faces = drop_unused(shape.vertices, facets[:, ::-1] if turned else facets)
+        return points, edges_of(faces), faces
+    if len(np.asarray(obstacle.motion.faces)) == 0:
+        check_outline(shape, name, obstacle.closed)
+    return shape.points, facets, np.empty((0, 3), dtype=np.int64)
 
 
 # ---- one body

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pdvol.levels.clocks import Clocks
 from pdvol.levels.model import ContactModel, LevelModel
 from pdvol.levels.obstacles import Obstacle
 from pdvol.levels.space import LevelSpace
@@ -57,15 +58,18 @@ class Terms:
     rules: tuple[StiffnessRule, ...] = ()
 
 
-def build_terms(model: LevelModel, space: LevelSpace, guides: Sequence[Guide] = ()) -> Terms:
+def build_terms(
+    model: LevelModel, space: LevelSpace, guides: Sequence[Guide] = (), clocks: Clocks | None = None
+) -> Terms:
     """The terms of a level. Collective.
 
     Parameters
     ----------
     guides : guides that hold the level to the coarser one, if any
+    clocks : of the obstacles' motions; all on time where not given
     """
     mass = assemble_mass(space, model.materials.density)
-    contacts, frictions = contact_terms(model.contact, model.obstacles, space)
+    contacts, frictions = contact_terms(model.contact, model.obstacles, space, clocks)
     elastic = elastic_terms(space, model.materials)
     loads = load_terms(model.loads, space, model.materials.density, mass)
     loads += tuple(ActiveFibres(space, muscle) for muscle in model.muscles)
@@ -79,9 +83,10 @@ def build_terms(model: LevelModel, space: LevelSpace, guides: Sequence[Guide] = 
 
 
 def contact_terms(
-    models: Sequence[ContactModel], obstacles: Sequence[Obstacle], space: LevelSpace
+    models: Sequence[ContactModel], obstacles: Sequence[Obstacle], space: LevelSpace, clocks: Clocks | None = None
 ) -> tuple[tuple[ContactPotential, ...], tuple[Potential, ...]]:
     """The terms of barriers and of friction. Collective."""
+    clocks = Clocks() if clocks is None else clocks
     contacts: list[ContactPotential] = []
     frictions: list[Potential] = []
     planes, surfaces = (tuple(o for o in obstacles if (o.kind == "plane") == flat) for flat in (True, False))
@@ -90,14 +95,14 @@ def contact_terms(
         if planes:
             from pdvol.potentials.contact.planes import HalfSpaceBarrier, HalfSpaceFriction
 
-            half_spaces = HalfSpaceBarrier(space, planes, contact.dhat, contact.kappa, weighted)
+            half_spaces = HalfSpaceBarrier(space, planes, contact.dhat, contact.kappa, weighted, clocks)
             contacts.append(half_spaces)
             frictions += [HalfSpaceFriction(half_spaces, f.mu_planes, f.eps_v) for f in contact.friction]
         from pdvol.potentials.contact.barrier import SurfaceBarrier
         from pdvol.potentials.contact.collision_surface import CollisionSurface
         from pdvol.potentials.contact.friction import SurfaceFriction
 
-        surface = CollisionSurface(space, surfaces, contact.dhat, contact.ccd, weighted)
+        surface = CollisionSurface(space, surfaces, contact.dhat, contact.ccd, weighted, clocks)
         barrier = SurfaceBarrier(surface, contact.kappa)
         contacts.append(barrier)
         frictions += [SurfaceFriction(barrier, f.mu_surfaces, f.eps_v) for f in contact.friction]

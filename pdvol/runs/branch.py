@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from pdvol.errors import InputError
+from pdvol.levels.clocks import lags_of, names_of
 from pdvol.levels.initial_state import count_intersections
 from pdvol.levels.obstacles import placed_obstacles
 from pdvol.levels.separation import build_apart
@@ -103,9 +104,10 @@ def _check_states(levels: Sequence[RunLevel], shot: Shot, step: int, source: Pat
                     f" {level.index} differ from those in {source})"
                 )
         if scene.contact:
-            time = step * scene.dt - level.behind(step)
+            lags = lags_of(level.behind(step), level.late(step), names_of((), obstacles))
+            times = {obstacle: step * scene.dt - lags.get(obstacle, 0.0) for obstacle in obstacles}
             names = [body.name for body in scene.bodies]
-            count = count_intersections(mesh, level.positions(step), obstacles, names, time)
+            count = count_intersections(mesh, level.positions(step), obstacles, names, times)
             if count:
                 raise InputError(f"level {level.index} has {count} intersections at step {step}; contact cannot begin")
 

@@ -12,6 +12,7 @@ from pdvol.integrate.feedback import level_feedback
 from pdvol.integrate.integrator import Integrator, past_of
 from pdvol.integrate.marches import Start, direct, embedded, guide, progressive
 from pdvol.integrate.stepper import Stepper
+from pdvol.levels.clocks import lags_of, names_of
 from pdvol.levels.hierarchy import Hierarchy
 from pdvol.levels.initial_state import count_intersections
 from pdvol.levels.model import LevelModel
@@ -66,7 +67,8 @@ def run_level(
     try:
         for report in march:
             if report.behind > 0.0 and model.obstacles:
-                places = moving_places(model.obstacles, report.time - report.behind)
+                lags = lags_of(report.behind, report.late, names_of(model.supports, model.obstacles))
+                places = moving_places(model.obstacles, report.time, lags)
                 writer.call("write_late", level, report.step, places)
             writer.call("write_state", level, report.step, report.positions, report.record())
             if watcher is not None:

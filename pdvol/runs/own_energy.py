@@ -25,7 +25,7 @@ from pdvol.potentials.build import contact_terms
 from pdvol.potentials.contact.barrier import SurfaceBarrier
 from pdvol.potentials.contact.planes import HalfSpaceBarrier
 from pdvol.potentials.potential import Positions
-from pdvol.scene import Barrier, Friction, Plane, Rigid, metres
+from pdvol.scene import Barrier, Deforming, Friction, Obstructing, Plane, Rigid, metres
 from pdvol.scene.checks import finite, positive
 from pdvol.solve.linear.system_matrix import SystemMatrix
 
@@ -50,7 +50,7 @@ class Contact:
         Of the convergent law, the default.
     friction : Friction, optional
         Names in its `pairs` are those of obstacles and of `bodies`.
-    obstacles : sequence of Plane and Rigid
+    obstacles : sequence of Plane, Rigid and Deforming
         Their motions give their places at a time t.
     diagonal : float [m], optional
         What `Relative` lengths and speeds are fractions of; when None the diagonal of the box around the mesh's
@@ -80,7 +80,7 @@ class Contact:
         young: float,
         barrier: Barrier | None = None,
         friction: Friction | None = None,
-        obstacles: Sequence[Plane | Rigid] = (),
+        obstacles: Sequence[Obstructing] = (),
         diagonal: float | None = None,
     ):
         positive("Contact.young", young)
@@ -105,7 +105,7 @@ class Contact:
         self._make_terms(barrier, friction, placed_obstacles(obstacles, geometry), diagonal, float(young))
 
     @staticmethod
-    def _check_kinds(barrier: Barrier, friction: Friction | None, obstacles: Sequence[Plane | Rigid]) -> None:
+    def _check_kinds(barrier: Barrier, friction: Friction | None, obstacles: Sequence[Obstructing]) -> None:
         if not isinstance(barrier, Barrier):
             raise InputError(f"Contact.barrier must be a Barrier, not {type(barrier).__name__}")
         if barrier.law != "convergent":
@@ -116,8 +116,8 @@ class Contact:
         if not (friction is None or isinstance(friction, Friction)):
             raise InputError(f"Contact.friction must be a Friction, not {type(friction).__name__}")
         for obstacle in obstacles:
-            if not isinstance(obstacle, Plane | Rigid):
-                raise InputError(f"Contact.obstacles hold Plane and Rigid, not {type(obstacle).__name__}")
+            if not isinstance(obstacle, Plane | Rigid | Deforming):
+                raise InputError(f"Contact.obstacles hold Plane, Rigid and Deforming, not {type(obstacle).__name__}")
 
     def _make_terms(
         self,

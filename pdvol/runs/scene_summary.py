@@ -10,6 +10,7 @@ from pdvol.runs.scene_file import Shot
 from pdvol.scene import (
     Attachment,
     Barrier,
+    Deforming,
     Flow,
     Friction,
     Gravity,
@@ -20,6 +21,7 @@ from pdvol.scene import (
     Motion,
     Muscle,
     Plane,
+    PointCache,
     PointForce,
     Pressure,
     Scene,
@@ -64,7 +66,10 @@ def modelled_terms(scene: Scene) -> list[str]:
         lines.append(f"support: {_named(s.motion)} on {s.body or 'all bodies'}{until}")
     for o in scene.obstacles:
         moving = "" if isinstance(o.motion, Still) else f", moving ({_named(o.motion)})"
-        lines.append(f"obstacle {o.name!r}: {'half-space' if isinstance(o, Plane) else 'rigid surface'}{moving}")
+        kind = (
+            "half-space" if isinstance(o, Plane) else f"{'deforming' if isinstance(o, Deforming) else 'rigid'} surface"
+        )
+        lines.append(f"obstacle {o.name!r}: {kind}{moving}")
     if _is_plane(scene):
         lines.append("dimension: 2, plane strain (per metre of depth)")
     diagonal = scene_diagonal(scene)
@@ -155,7 +160,9 @@ def _youngs(scene: Scene) -> list[float]:
     return [m.young for m in materials if not callable(m.young)]
 
 
-def _named(motion: Motion) -> str:
+def _named(motion: Motion | PointCache) -> str:
+    if isinstance(motion, PointCache):
+        return motion.label
     if isinstance(motion, Sequential):
         return " then ".join(_named(part) for part in motion.motions)
     return getattr(motion, "__name__", type(motion).__name__.lower())

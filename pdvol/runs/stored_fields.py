@@ -54,6 +54,7 @@ class SceneFields:
             self._kappas.get(max(step, 1)),
             (self.level.behind(before), self.level.behind(step)),
             joined,
+            late=(self.level.late(before), self.level.late(step)),
         )
         return self._replay.space.to_input(self._replay.force(x, self._replay.contacts))
 

@@ -6,7 +6,7 @@ Units are SI; lengths marked `Relative` are fractions of the smallest free body'
 """
 
 from pdvol.scene.attachments import Attachment
-from pdvol.scene.bodies import Body, Placement, Separate, Shape
+from pdvol.scene.bodies import Body, Separate, Shape
 from pdvol.scene.contact import LAWS, Barrier, Friction
 from pdvol.scene.keyed import Keyed
 from pdvol.scene.lengths import Length, Relative, metres
@@ -15,14 +15,17 @@ from pdvol.scene.materials import FixedCorotational, Material, NeoHookean, Regio
 from pdvol.scene.motions import Motion, Path, Rotation, Sequential, Still, Translation, Vector, moved, rotation_matrix
 from pdvol.scene.muscles import Muscle
 from pdvol.scene.penalty import Penalty
+from pdvol.scene.placement import Placement
+from pdvol.scene.point_caches import PointCache, TakeOver
 from pdvol.scene.scene import Scene
 from pdvol.scene.solver import Solver
-from pdvol.scene.surroundings import Plane, Rigid, Support
+from pdvol.scene.surroundings import Deforming, Obstructing, Plane, Rigid, Support
 
 __all__ = [
     "Attachment",
     "Barrier",
     "Body",
+    "Deforming",
     "FixedCorotational",
     "Flow",
     "Force",
@@ -36,10 +39,12 @@ __all__ = [
     "Motion",
     "Muscle",
     "NeoHookean",
+    "Obstructing",
     "Path",
     "Penalty",
     "Placement",
     "Plane",
+    "PointCache",
     "PointForce",
     "Pressure",
     "Region",
@@ -54,6 +59,7 @@ __all__ = [
     "StVenantKirchhoff",
     "Still",
     "Support",
+    "TakeOver",
     "Translation",
     "Value",
     "Vector",

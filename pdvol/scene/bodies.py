@@ -10,40 +10,13 @@ import numpy as np
 from pdvol.meshes import Outline, Solid, Surface
 from pdvol.scene.checks import called, finite, keep_plain, positive, require, sequence, vector
 from pdvol.scene.materials import Material, Region
-from pdvol.scene.motions import Vector, rotation_matrix
+from pdvol.scene.motions import Vector
+from pdvol.scene.placement import Placement
+from pdvol.scene.point_caches import TakeOver
 from pdvol.scene.representation import one_line
 
 MOST_LEVELS, MOST_VERTICES = 32, 100_000_000  # numbers above these are typing errors
 Shape: TypeAlias = str | Path | Outline | Surface | Solid
-
-
-@dataclass(frozen=True)
-class Placement:
-    """Scale, then rotate by `angle` [rad] about `axis` through the origin, then translate [m]."""
-
-    translate: Vector = ()
-    angle: float = 0.0
-    axis: Vector = (0.0, 0.0, 1.0)
-    scale: float = 1.0
-    __repr__ = one_line
-
-    def __post_init__(self) -> None:
-        keep_plain(self, "translate", "angle", "axis", "scale")
-        for name in ("translate", "axis"):
-            if getattr(self, name) != ():
-                vector(f"Placement.{name}", getattr(self, name))
-        positive("Placement.scale", self.scale)
-        finite("Placement.angle", self.angle)
-
-    def __call__(self, points: np.ndarray) -> np.ndarray:
-        dim = points.shape[1]
-        moved = self.scale * points @ rotation_matrix(self.angle, self.axis, dim).T
-        if len(self.translate) == 0:
-            return moved
-        require(
-            len(self.translate) == dim, f"Placement.translate has {len(self.translate)} components in a {dim}D scene"
-        )
-        return moved + np.asarray(self.translate, dtype=float)
 
 
 @dataclass(frozen=True)
@@ -84,7 +57,7 @@ class Body:
     vertices : vertex targets, coarsest level first; left empty where `shape` lists the levels
     name : str
     placement : Placement
-    velocity : initial velocity [m/s], or a function of rest positions (n, d) that gives it (n, d)
+    velocity : initial velocity [m/s]; a function of rest positions (n, d) that gives it (n, d); or a `TakeOver`
     spin : initial angular velocity [rad/s] about the body's centre of volume: a number in 2D, three in 3D
     regions : parts with materials of their own; later ones win where they overlap
     """
@@ -94,7 +67,7 @@ class Body:
     vertices: Sequence[int] | np.ndarray = ()
     name: str = "body"
     placement: Placement = Placement()
-    velocity: Vector | Callable[[np.ndarray], np.ndarray] = ()
+    velocity: Vector | Callable[[np.ndarray], np.ndarray] | TakeOver = ()
     spin: float | Vector = ()
     regions: Sequence[Region] = ()
     __repr__ = one_line
@@ -138,7 +111,7 @@ class Body:
                 list(self.vertices) == sorted(self.vertices),
                 f"body {self.name!r}: vertex targets {self.vertices} must go from coarse to fine",
             )
-        if not callable(self.velocity) and self.velocity != ():
+        if not callable(self.velocity) and not isinstance(self.velocity, TakeOver) and self.velocity != ():
             vector(f"body {self.name!r}: velocity", self.velocity)
         spin = self.spin if isinstance(self.spin, tuple) else (self.spin,)
         for value in spin:
@@ -166,10 +139,14 @@ class Body:
         return not self.regions and not self.material.varies
 
     def initial_velocity(self, points: np.ndarray, centre: np.ndarray) -> np.ndarray:
-        """Velocity field [m/s] at `points` (n, d) of a body with centre of mass `centre` (d,)."""
+        """Velocity field [m/s] at `points` (n, d) of a body with centre of mass `centre` (d,); without what it takes
+        over from an animation.
+        """
         dim = points.shape[1]
         v = np.zeros_like(points)
-        if callable(self.velocity):
+        if isinstance(self.velocity, TakeOver):
+            pass
+        elif callable(self.velocity):
             field = called(f"body {self.name!r}: velocity", self.velocity, (points,), points.shape)
             require(bool(np.isfinite(field).all()), f"body {self.name!r}: velocity gives NaN or infinity")
             v += field

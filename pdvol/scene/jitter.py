@@ -6,9 +6,11 @@ from typing import Any
 
 import numpy as np
 
+from pdvol.errors import InputError
 from pdvol.scene.bodies import Body
 from pdvol.scene.checks import called, count, finite, plain, require
 from pdvol.scene.motions import Vector
+from pdvol.scene.point_caches import TakeOver
 
 
 @dataclass(frozen=True)
@@ -57,7 +59,9 @@ def jittered(bodies: Sequence[Body], jitter: Any) -> tuple[Body, ...]:
     require(isinstance(pair, tuple) and len(pair) == 2, f"jitter = {pair!r} must be (speed in m/s, seed)")
     finite("the speed of jitter", pair[0], 0.0)
     count("the seed of jitter", pair[1], 0)
-    return tuple(
-        replace(body, velocity=Jittered(body.velocity, float(pair[0]), (pair[1], number)))
-        for number, body in enumerate(bodies)
-    )
+    moved = []
+    for number, body in enumerate(bodies):
+        if isinstance(body.velocity, TakeOver):
+            raise InputError(f"jitter: body {body.name!r} takes its velocity over from an animation, and keeps it")
+        moved.append(replace(body, velocity=Jittered(body.velocity, float(pair[0]), (pair[1], number))))
+    return tuple(moved)

@@ -15,7 +15,7 @@ from pdvol.scene.muscles import Muscle
 from pdvol.scene.penalty import Penalty
 from pdvol.scene.representation import one_line
 from pdvol.scene.solver import Solver
-from pdvol.scene.surroundings import Plane, Rigid, Support
+from pdvol.scene.surroundings import Obstructing, Support
 
 MOST_STEPS = 10_000_000  # a larger number is a typing error
 FEEDBACK_MODES = ("rigid", "all")
@@ -36,7 +36,7 @@ class Scene:
     steps: int
     loads: Sequence[Load] = ()
     supports: Sequence[Support] = ()
-    obstacles: Sequence[Plane | Rigid] = ()
+    obstacles: Sequence[Obstructing] = ()
     contact: Sequence[Barrier | Friction] = ()
     penalty: Penalty = Penalty()
     solver: Solver = field(default_factory=Solver)

@@ -1,15 +1,17 @@
-"""Rigid obstacles and supports."""
+"""Obstacles, rigid and deforming, and supports."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from pdvol.meshes import Outline, Surface
-from pdvol.scene.bodies import Placement
 from pdvol.scene.checks import keep_plain, positive, require, vector
 from pdvol.scene.motions import Motion, Still, Vector
+from pdvol.scene.placement import Placement
+from pdvol.scene.point_caches import PointCache
 from pdvol.scene.representation import one_line
 
 
@@ -29,6 +31,7 @@ class Plane:
         vector(f"plane {self.name!r}: normal", self.normal)
         require(len(self.point) == len(self.normal), f"plane {self.name!r}: point and normal differ in length")
         require(np.linalg.norm(self.normal) > 0, f"plane {self.name!r}: the normal is zero")
+        _no_cache(f"plane {self.name!r}", self.motion)
 
 
 @dataclass(frozen=True)
@@ -50,6 +53,43 @@ class Rigid:
         keep_plain(self, "closed", "opacity")
         positive(f"obstacle {self.name!r}: opacity", self.opacity)
         require(self.opacity <= 1.0, f"obstacle {self.name!r}: opacity = {self.opacity!r} must be at most 1")
+        _no_cache(f"obstacle {self.name!r}", self.motion)
+
+
+@dataclass(frozen=True)
+class Deforming:
+    """An obstacle whose vertices follow an animation. Within a step they move on straight ways, and collision detection
+    and friction see each of them.
+
+    Attributes
+    ----------
+    motion : PointCache
+    shape : as of `Rigid`, matched to the animation's first frame; where not given, the animated mesh itself
+    placement : of the shape
+    name, closed, opacity : as of `Rigid`
+    """
+
+    motion: PointCache
+    shape: str | Path | Outline | Surface | None = None
+    placement: Placement = Placement()
+    name: str = "obstacle"
+    closed: bool = True
+    opacity: float = 1.0
+    __repr__ = one_line
+
+    def __post_init__(self) -> None:
+        keep_plain(self, "closed", "opacity")
+        require(
+            isinstance(self.motion, PointCache),
+            f"obstacle {self.name!r}: motion must be a PointCache, not {type(self.motion).__name__};"
+            " a Rigid takes functions",
+        )
+        positive(f"obstacle {self.name!r}: opacity", self.opacity)
+        require(self.opacity <= 1.0, f"obstacle {self.name!r}: opacity = {self.opacity!r} must be at most 1")
+
+
+Obstructing = Plane | Rigid | Deforming
+"""What bodies cannot enter."""
 
 
 @dataclass(frozen=True)
@@ -60,13 +100,13 @@ class Support:
     ----------
     where : function of rest positions (n, d) giving a mask (n,)
     body : name of the body it applies to; all bodies when empty
-    motion : callable (X, t) -> x; Still() fixes them
+    motion : callable (X, t) -> x; Still() fixes them. A PointCache moves those on the body's surface alone
     release : time [s]; they are free in all steps that begin then or later
     """
 
     where: Callable[[np.ndarray], np.ndarray]
     body: str = ""
-    motion: Motion = Still()
+    motion: Motion | PointCache = Still()
     release: float = np.inf
     __repr__ = one_line
 
@@ -76,7 +116,10 @@ class Support:
             callable(self.where),
             f"Support.where = {self.where!r} must be a function of rest positions (n, d) giving a mask (n,)",
         )
-        require(callable(self.motion), f"Support.motion = {self.motion!r} must be a motion, a callable (X, t) -> x")
+        require(
+            callable(self.motion) or isinstance(self.motion, PointCache),
+            f"Support.motion = {self.motion!r} must be a motion, a callable (X, t) -> x or a PointCache",
+        )
         number = isinstance(self.release, (int, float, np.number)) and not isinstance(self.release, bool)
         require(
             number and self.release >= 0.0,
@@ -88,3 +131,10 @@ class Support:
         step.
         """
         return time < self.release - 1e-6 * dt
+
+
+def _no_cache(whose: str, motion: Any) -> None:
+    require(
+        not isinstance(motion, PointCache),
+        f"{whose}: a PointCache moves each point by itself; use Deforming, or a Support",
+    )

@@ -142,11 +142,12 @@ class StepReport:
     friction_iterations : solves with friction lagged anew, over all parts of a step that was cut
     friction_residual : change of the friction forces at the end if they were lagged anew there, relative to them
     kappa : stiffness of the barrier: [Pa], or [N] per contact where its law is not the convergent one
-    reached : share of the step's scripted motion that was carried out
+    reached : share of the step's scripted motion that was carried out, at least
     joined : how many steps were solved as one: more than 1 after steps at rest, 0 in a step at rest
     rest : what the next step needs to know about rest (`Rest.memory`)
     terms : what the next step needs to know of the terms, by their names (`Potential.memory`)
-    behind : [s] how far scripted motions are behind the time at the step's end, because contact stops them
+    behind : [s] how far scripted motions are behind the time at the step's end, at most, because contact stops them
+    late : the same of each motion that is behind, by its name, where they are not all equally far behind
     cuts : how often the step was halved
     solver_memory : what the next step's linear solves begin with (`LinearSolver.memory`)
     remedies : how often each remedy was taken
@@ -174,6 +175,7 @@ class StepReport:
     cuts: int = 0
     reached: float = 1.0
     behind: float = 0.0
+    late: dict[str, float] = field(default_factory=dict)
     joined: int = 1
     rest: dict = field(default_factory=dict)
     terms: dict = field(default_factory=dict)

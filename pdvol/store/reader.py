@@ -150,10 +150,16 @@ class RunLevel:
         return tuple(o.held(found) if found else o for o, found in zip(obstacles, late, strict=True))
 
     def behind(self, step: int) -> float:
-        """[s] how far obstacles were behind their motions at the end of a step."""
+        """[s] how far obstacles were behind their motions at the end of a step, at most."""
         if not late_file(self.folder, step).exists():
             return 0.0
         return next((record.get("behind", 0.0) for record in self.log if record.get("step") == step), 0.0)
+
+    def late(self, step: int) -> dict[str, float]:
+        """[s] the same of each motion that was behind, by its name in the log, where not all were as far behind."""
+        if not late_file(self.folder, step).exists():
+            return {}
+        return next((record.get("late", {}) for record in self.log if record.get("step") == step), {})
 
     @property
     def log(self) -> list[dict]:

@@ -191,7 +191,7 @@ def test_other_spaces_are_refused(message):
         ("Contact has the convergent law", {"barrier": Barrier(law="classic")}),
         ("Contact.barrier must be a Barrier, not Friction", {"barrier": Friction(0.1)}),
         ("Contact.friction must be a Friction, not float", {"friction": 0.1}),
-        ("Contact.obstacles hold Plane and Rigid, not Outline", {"obstacles": (touching.wedge(2),)}),
+        ("Contact.obstacles hold Plane, Rigid and Deforming, not Outline", {"obstacles": (touching.wedge(2),)}),
         ("obstacle 'plane' is 3D, the mesh is 2D", {"obstacles": (Plane((0, 0, 0), (0, 0, 1)),)}),
         ("obstacle 'ball' is 3D, the mesh is 2D", {"obstacles": (Rigid(touching.wedge(3), name="ball"),)}),
         (

@@ -21,6 +21,7 @@ RUN_BY_A_TEST = {
     "ball_on_spike",
     "balloon",
     "drop",
+    "gripper",
     "heterogeneous",
     "jelly_bowl",
     "melt",
@@ -375,6 +376,22 @@ def test_balloon(tmp_path):
         heights = level.positions(40)[:, 1]
         assert heights.min() < 1e-3 and heights.max() > 0.68 - 2e-3, "wedged between floor and ceiling"
     assert min(grown) > 1.6 and abs(grown[0] / grown[1] - 1.0) < 0.2
+
+
+def test_gripper(tmp_path):
+    # Gripped at 0.4 s, lifted from 0.5 to 1.1 s by 0.4 m, and held; without friction it stays below.
+    steps, module, found = 70, load(ROOT / "demos" / "gripper.py"), {}
+    for mu, levels in ((0.7, 2), (0.0, 1)):
+        words = ["--set", "vertices=(60, 150)", "--set", f"mu={mu}", "--set", "dt=0.02", "--steps", str(steps)]
+        words += ["--no-picture", "--no-xdmf", "--levels", f"0:{levels - 1}", "--out", str(tmp_path / f"run {mu}")]
+        assert run(["run", str(ROOT / "demos" / "gripper.py"), *words]) == 0
+        stored = end(tmp_path / f"run {mu}", levels, steps)
+        assert all(record["behind"] == 0.0 for level in stored.levels for record in level.log)
+        found[mu] = module.hold(stored)
+    for held in found[0.7]:
+        assert 0.35 < held["risen"] < 0.4 and held["above"] > 0.34 and abs(held["speed"]) < 0.02
+    assert abs(found[0.7][0]["risen"] - found[0.7][1]["risen"]) < 0.02
+    assert found[0.0][0]["risen"] < 0.0 and found[0.0][0]["above"] < 0.01
 
 
 def test_melt(tmp_path):

@@ -11,7 +11,7 @@ from mpi4py import MPI
 
 from pdvol.geometry.level_mesh import simplex_volumes
 from pdvol.integrate.carriers import Carriers
-from pdvol.integrate.scripted_motion import (
+from pdvol.integrate.motion_parts import (
     LEAST_GAIN,
     LOOK_AHEAD,
     MAX_PARTS,
@@ -48,6 +48,9 @@ class Motion:
 
     def positions(self, time):
         return REST + self.way * time * self.held[:, None] * [1.0, 0.0]
+
+    def going(self):
+        return ["the supports"]
 
     def carriers(self, potential, x, until):
         return Carriers(frozenset(), lambda of: ())

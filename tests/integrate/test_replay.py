@@ -40,8 +40,8 @@ def replay_of(scene, mesh, geometry):
     return Replay(make_model(scene, mesh, geometry), LevelSpace(mesh, MPI.COMM_WORLD))
 
 
-def replayed(replay, report, start, behind):
-    end = replay.put(report.step, start, report.positions, report.kappa, behind)
+def replayed(replay, report, start, behind, late=({}, {})):
+    end = replay.put(report.step, start, report.positions, report.kappa, behind, late=late)
     return replay.space.to_input(replay.force(end, replay.contacts))
 
 
@@ -98,14 +98,15 @@ def test_forces_of_obstacles_that_are_held_back(monkeypatch):
     )
     mesh = block((0.0, 0.0), (0.4, 0.2), (4, 2))
     replay = replay_of(scene, mesh, (ram,))
-    before, held_back = 0.0, 0
+    before, late, held_back, apart = 0.0, {}, 0, 0
     for report, start, force in march(scene, mesh, (ram,), np.zeros_like(mesh.points), monkeypatch):
-        found = replayed(replay, report, start, (before, report.behind))
+        found = replayed(replay, report, start, (before, report.behind), (late, report.late))
         np.testing.assert_allclose(found, force, rtol=0.0, atol=1e-6 * max(1.0, np.abs(force).max()))
         if before > 0.0:
             held_back += 1
             with np.errstate(all="ignore"):  # obstacles stand where their motions are, in the block
                 on_time = replayed(replay, report, start, (0.0, 0.0))
             assert not np.allclose(on_time, force, rtol=0.0, atol=1e-3 * np.abs(force).max())
-        before = report.behind
-    assert held_back > 1
+        before, late = report.behind, report.late
+        apart += len(late) > 0
+    assert held_back > 1 and apart > 0

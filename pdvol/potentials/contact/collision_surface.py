@@ -9,6 +9,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from pdvol.compiled import pointer
+from pdvol.levels.clocks import Clocks
 from pdvol.levels.obstacles import Obstacle
 from pdvol.levels.space import LevelSpace
 from pdvol.potentials.assembly.hessian_blocks import HessianBlocks
@@ -29,6 +30,7 @@ class CollisionSurface:
     dhat : distance [m] up to which pairs matter
     ccd : "additive" or "tight-inclusion"
     weighted : whether contacts weigh as much as their area; else each weighs as much as one
+    clocks : of the obstacles' motions; all on time where not given
 
     Attributes
     ----------
@@ -49,7 +51,9 @@ class CollisionSurface:
         dhat: float,
         ccd: str = "additive",
         weighted: bool = True,
+        clocks: Clocks | None = None,
     ):
+        self._clocks = Clocks() if clocks is None else clocks
         self.space, self.obstacles, self.dhat, self.ccd, level = space, obstacles, dhat, ccd, space.mesh
         boundary = np.unique(level.boundary)
         self.surface = boundary[np.argsort(level.point_bodies[boundary], kind="stable")]
@@ -78,7 +82,7 @@ class CollisionSurface:
         self._none = Stencils.room(0, 0, space.dim)
 
     def _obstacles_at(self, time: float) -> np.ndarray:
-        placed = [o.at(time) for o in self.obstacles]
+        placed = [o.at(self._clocks.of(o, time)) for o in self.obstacles]
         return np.concatenate(placed) if placed else np.zeros((0, self.space.dim))
 
     def move_obstacles(self, time: float) -> bool:

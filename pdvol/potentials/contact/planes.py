@@ -10,6 +10,7 @@ import numpy as np
 from mpi4py import MPI
 
 from pdvol.geometry.level_mesh import LevelMesh, facet_sizes
+from pdvol.levels.clocks import Clocks
 from pdvol.levels.obstacles import Obstacle
 from pdvol.levels.space import LevelSpace
 from pdvol.parallel import reduce
@@ -36,14 +37,22 @@ class HalfSpaceBarrier(Term):
     dhat : activation distance [m]
     kappa : stiffness: [Pa] where contacts are weighted, [N] (per metre of depth in 2D) where each counts as one
     weighted : whether contacts are weighted by area
+    clocks : of the planes' motions
     """
 
     name = "barrier"
 
     def __init__(
-        self, space: LevelSpace, planes: tuple[Obstacle, ...], dhat: float, kappa: float, weighted: bool = True
+        self,
+        space: LevelSpace,
+        planes: tuple[Obstacle, ...],
+        dhat: float,
+        kappa: float,
+        weighted: bool = True,
+        clocks: Clocks | None = None,
     ):
         self.space, self.planes, self.dhat, self.kappa = space, planes, dhat, kappa
+        self.clocks = Clocks() if clocks is None else clocks
         areas = boundary_areas(space.mesh)[space.owned_points]
         self.vertices = np.flatnonzero(areas > 0)
         self.areas = areas[self.vertices] if weighted else np.ones(len(self.vertices))
@@ -52,7 +61,7 @@ class HalfSpaceBarrier(Term):
         self.move_obstacles(0.0)
 
     def _planes_at(self, time: float) -> tuple[np.ndarray, np.ndarray]:
-        points, normals = zip(*(plane.plane_at(time) for plane in self.planes), strict=True)
+        points, normals = zip(*(plane.plane_at(self.clocks.of(plane, time)) for plane in self.planes), strict=True)
         return np.array(points), np.array(normals)
 
     def move_obstacles(self, time: float) -> None:
@@ -169,7 +178,11 @@ class HalfSpaceFriction(LaggedFriction):
         self._eps = self.eps_v * (t1 - t0)
         self._displacements = []
         for plane in self.barrier.planes:
-            moves = lambda at, plane=plane: plane.motion(np.atleast_2d(at), t1) - plane.motion(np.atleast_2d(at), t0)
+            start = self.barrier.clocks.of(plane, t0)
+            ends = start, t1 + (start - t0)
+            moves = lambda at, plane=plane, ends=ends: np.subtract(
+                *(plane.motion(np.atleast_2d(at), end) for end in reversed(ends))
+            )
             self._displacements.append(moves)
         self.update_lag(x_t)
 

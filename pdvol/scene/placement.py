@@ -1,0 +1,38 @@
+"""Where a shape is put in the scene."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pdvol.scene.checks import finite, keep_plain, positive, require, vector
+from pdvol.scene.motions import Vector, rotation_matrix
+from pdvol.scene.representation import one_line
+
+
+@dataclass(frozen=True)
+class Placement:
+    """Scale, then rotate by `angle` [rad] about `axis` through the origin, then translate [m]."""
+
+    translate: Vector = ()
+    angle: float = 0.0
+    axis: Vector = (0.0, 0.0, 1.0)
+    scale: float = 1.0
+    __repr__ = one_line
+
+    def __post_init__(self) -> None:
+        keep_plain(self, "translate", "angle", "axis", "scale")
+        for name in ("translate", "axis"):
+            if getattr(self, name) != ():
+                vector(f"Placement.{name}", getattr(self, name))
+        positive("Placement.scale", self.scale)
+        finite("Placement.angle", self.angle)
+
+    def __call__(self, points: np.ndarray) -> np.ndarray:
+        dim = points.shape[1]
+        moved = self.scale * points @ rotation_matrix(self.angle, self.axis, dim).T
+        if len(self.translate) == 0:
+            return moved
+        require(
+            len(self.translate) == dim, f"Placement.translate has {len(self.translate)} components in a {dim}D scene"
+        )
+        return moved + np.asarray(self.translate, dtype=float)

@@ -1,0 +1,140 @@
+"""Motions have clocks of their own: what contact stops waits, and all others go on."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from test_motions import crosses
+
+from on_ranks import results_on
+from pdvol.geometry.level_mesh import simplex_volumes
+from pdvol.scene import Barrier, Friction, Plane, Rigid, Solver, Support, Translation
+from pdvol.scene import Path as Keys
+from problems import block, make_scene, make_stepper, polyline, take_step, tetrahedron
+from shapes import together
+
+SOLVER = Solver(tolerance=1e-4, linear="direct")
+DT = 0.02
+PROGRAM = Path(__file__).with_name("clocks_on_ranks.py")
+
+
+def ram(d, side=0.05):
+    """A block-like obstacle's geometry above the origin, its lower side at height 0.25."""
+    if d == 2:
+        return polyline([(-side, 0.25), (side, 0.25), (side, 0.35), (-side, 0.35)])
+    return tetrahedron([(0.0, 0.0, 0.25), (0.2, 0.0, 0.5), (-0.2, 0.2, 0.5), (-0.2, -0.2, 0.5)])
+
+
+def pressed_and_driven(d, script):
+    """A ram goes up and down by `script` onto a block that is held below; a support leads another block to the right,
+    and a floor goes to the right below a third one, which rests on it.
+    """
+    flat = (2,) * d
+    low, high = (-0.2,) * (d - 1) + (0.0,), (0.2,) * (d - 1) + (0.2,)
+    shift = lambda by: np.eye(d)[0] * by
+    pressed = block(low, high, (4,) * (d - 1) + (2,) if d == 2 else flat)
+    driven = block(tuple(np.array(low) + shift(1.0)), tuple(np.array(high) + shift(1.0)), flat)
+    carried = block(tuple(np.array(low) + shift(-1.0)), tuple(np.array(high) + shift(-1.0)), flat)
+    down = tuple(-np.eye(d)[-1])
+    speed = tuple(np.eye(d)[0])
+    scene = make_scene(
+        tuple([make_scene().bodies[0].material] * 3),
+        dt=DT,
+        supports=(
+            Support(lambda X: X[:, -1] < 1e-9, body="body 0"),
+            Support(lambda X: X[:, -1] < 1e-9, body="body 1", motion=Translation(speed)),
+        ),
+        obstacles=(
+            Rigid("ram", motion=Keys(script[0], [tuple(-h * np.array(down)) for h in script[1]]), name="ram"),
+            Plane(tuple(np.eye(d)[-1] * -0.004), tuple(np.eye(d)[-1]), Translation(speed), name="floor"),
+        ),
+        contact=(Barrier(dhat=5e-3), Friction(0.5)),
+        solver=SOLVER,
+    )
+    return scene, together(pressed, driven, carried)
+
+
+DOWN = ((0.0, 1.0), (0.0, -5.0))
+DOWN_AND_UP = ((0.0, 0.06, 0.16), (0.0, -0.3, 0.0))
+
+
+def march(problem, steps):
+    x = problem.space.mesh.points
+    v = 0.0 * x
+    for number in range(1, steps + 1):
+        report = take_step(problem, number, x, v)
+        v, x = (report.positions - x) / problem.model.dt, report.positions
+        yield report, v
+
+
+@pytest.mark.parametrize("d", [2, 3])
+def test_what_contact_stops_waits_and_what_it_does_not_stop_goes_on(d):
+    scene, mesh = pressed_and_driven(d, DOWN)
+    geometry = ram(d)
+    problem = make_stepper(scene, mesh, [geometry])
+    held = (mesh.points[:, -1] < 1e-9) & (mesh.point_bodies == 1)
+    obstacle, floor = problem.model.obstacles
+    surface = problem.potential.contacts[-1].surface
+    last = 0.0
+    for report, _ in march(problem, 6):
+        driven = mesh.points[held] + report.time * np.eye(d)[0]
+        np.testing.assert_allclose(report.positions[held], driven, atol=1e-12)
+        np.testing.assert_allclose(problem.potential.contacts[0].points[0], floor.at(report.time)[0], atol=1e-14)
+        at = obstacle.at(report.time - report.behind)
+        np.testing.assert_allclose(surface.obstacle_positions, at, atol=1e-12)
+        assert not crosses(mesh, report.positions, (at, *geometry[1:]))
+        assert simplex_volumes(report.positions, mesh.cells).min() > 0.0
+        assert report.late == ({"obstacle 0": report.behind} if report.behind > 0.0 else {})
+        assert report.reached == pytest.approx(1.0 - report.behind / (DT + last), abs=1e-11)
+        last = report.behind
+    assert report.behind > 0.03 and report.reached < 0.1
+
+
+def test_a_late_motion_catches_up_and_others_do_not_wait_for_it():
+    """The ram is on time again when its script is back where it began."""
+    scene, mesh = pressed_and_driven(2, DOWN_AND_UP)
+    problem = make_stepper(scene, mesh, [ram(2)])
+    held = (mesh.points[:, -1] < 1e-9) & (mesh.point_bodies == 1)
+    behind = []
+    for report, _ in march(problem, 9):
+        np.testing.assert_allclose(report.positions[held], mesh.points[held] + [report.time, 0.0], atol=1e-12)
+        behind.append(report.behind)
+    assert max(behind) > 0.01 and behind[-1] == 0.0 and report.late == {} and report.reached == 1.0
+
+
+def test_a_march_that_goes_on_from_the_log_repeats_to_the_last_bit():
+    scene, mesh = pressed_and_driven(2, DOWN_AND_UP)
+    whole = list(march(make_stepper(scene, mesh, [ram(2)]), 9))
+    late = next(i for i, (report, _) in enumerate(whole) if report.late)
+    report, v = whole[late]
+    problem, x = make_stepper(scene, mesh, [ram(2)]), report.positions
+    problem.go_on_from(json.loads(json.dumps(report.record())))
+    for expected, _ in whole[late + 1 :]:
+        report = take_step(problem, expected.step, x, v)
+        np.testing.assert_array_equal(report.positions, expected.positions)
+        assert (report.behind, report.late) == (expected.behind, expected.late)
+        v, x = (report.positions - x) / DT, report.positions
+
+
+def test_two_plates_that_squeeze_a_body_stop_both():
+    """Neither goes on alone: they stay as far from the middle as each other."""
+    mesh = block((-0.1, 0.0), (0.1, 0.2), (4, 4))
+    plates = [Plane((s * 0.12, 0.0), (-s, 0.0), Translation((-s * 1.0, 0.0)), name=f"plate {s}") for s in (-1.0, 1.0)]
+    scene = make_scene(dt=DT, obstacles=tuple(plates), contact=(Barrier(dhat=5e-3),), solver=SOLVER)
+    problem = make_stepper(scene, mesh)
+    for report, _ in march(problem, 8):
+        assert simplex_volumes(report.positions, mesh.cells).min() > 0.0
+    lags = [report.late.get(f"obstacle {i}", report.behind if not report.late else 0.0) for i in (0, 1)]
+    assert min(lags) > 0.01 and abs(lags[0] - lags[1]) < 0.02
+    places = [plate.at(report.time - lag)[0, 0] for plate, lag in zip(problem.model.obstacles, lags, strict=True)]
+    assert places[0] < report.positions[:, 0].min() and report.positions[:, 0].max() < places[1]
+
+
+@pytest.mark.mpi
+def test_one_rank_and_two_stop_the_same_motions(tmp_path):
+    one, two = results_on((1, 2), tmp_path, PROGRAM)
+    assert one["behind"].max() > 0.01 and (one["late"] == one["behind"]).all()
+    np.testing.assert_allclose(two["behind"], one["behind"], rtol=0.0, atol=1e-5)
+    np.testing.assert_allclose(two["late"], one["late"], rtol=0.0, atol=1e-5)
+    np.testing.assert_allclose(two["positions"], one["positions"], rtol=0.0, atol=1e-4)

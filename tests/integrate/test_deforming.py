@@ -1,0 +1,149 @@
+"""Deforming obstacles: friction takes the velocity of the point that it acts on, and nothing crosses what changes its
+shape.
+"""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from test_motions import crosses
+
+from on_ranks import results_on
+from pdvol.geometry.level_mesh import simplex_volumes
+from pdvol.levels.obstacles import read_geometry
+from pdvol.scene import Barrier, Deforming, Friction, Gravity, NeoHookean, PointCache, Solver, Support
+from problems import block, make_scene, make_stepper, masses, take_step
+
+G, MU, DHAT = 9.81, 0.5, 2e-3
+STIFF = NeoHookean(young=1e6, poisson=0.3, density=1000.0)
+PROGRAM = Path(__file__).with_name("deforming_on_ranks.py")
+
+
+def belt(d, speed, time=1.0, n=8):
+    """The cache of a belt whose upper run goes to the right and whose lower run to the left, at `speed` [m/s]: no rigid
+    motion goes with it. Its top is at height zero.
+    """
+    x = np.linspace(-2.0, 2.0, n + 1)
+    loop = np.concatenate([np.column_stack([x[::-1], 0.0 * x]), np.column_stack([x, 0.0 * x - 0.5])])
+    way = np.where(loop[:, 1] > -0.25, 1.0, -1.0)[:, None] * [speed * time, 0.0]
+    count = len(loop)
+    edges = np.column_stack([np.arange(count), np.roll(np.arange(count), -1)])
+    if d == 3:
+        sides = [np.insert(loop, 1, y, axis=1) for y in (-1.0, 1.0)]
+        loop, way = np.concatenate(sides), np.tile(np.insert(way, 1, 0.0, axis=1), (2, 1))
+        a, b = edges.T
+        edges = np.concatenate([np.column_stack([a, b, b + count]), np.column_stack([a, b + count, a + count])])
+    return PointCache(np.array([loop, loop + way]), times=(0.0, time), faces=edges)
+
+
+def bulge(d, height, time, n=8):
+    """The cache of a sheet at height zero whose middle rises to `height` [m] within `time` [s]."""
+    ticks = [np.linspace(-0.5, 0.5, n + 1)] * (d - 1)
+    flat = np.stack(np.meshgrid(*ticks, indexing="ij"), axis=-1).reshape(-1, d - 1)
+    up = height * np.prod(np.cos(np.pi * flat), axis=1)
+    rest = np.column_stack([flat, 0.0 * up])
+    if d == 2:
+        faces = np.column_stack([np.arange(n), np.arange(1, n + 1)])
+    else:
+        a = (np.arange(n)[:, None] * (n + 1) + np.arange(n)).ravel()
+        faces = np.concatenate([np.column_stack([a, a + n + 1, a + n + 2]), np.column_stack([a, a + n + 2, a + 1])])
+    return PointCache(np.array([rest, rest + up[:, None] * np.eye(d)[-1]]), times=(0.0, time), faces=faces)
+
+
+def geometry(scene):
+    """The obstacle's mesh, as `make_stepper` takes it."""
+    return read_geometry(scene.obstacles)
+
+
+def march(problem, steps, x=None, v=None):
+    x = problem.space.mesh.points if x is None else x
+    v = 0.0 * x if v is None else v
+    for number in range(1, steps + 1):
+        report = take_step(problem, number, x, v)
+        v, x = (report.positions - x) / problem.model.dt, report.positions
+        yield report, v
+
+
+def on_belt(d, speed):
+    """A scene of a block that lies on a belt, and its mesh."""
+    scene = make_scene(
+        (STIFF,),
+        dt=0.01,
+        loads=(Gravity(tuple(-G * np.eye(d)[-1])),),
+        obstacles=(Deforming(belt(d, speed), name="belt", closed=d == 2),),
+        contact=(Barrier(dhat=DHAT), Friction(MU, eps_v=1e-4, iterations=3)),
+        solver=Solver(tolerance=1e-7, linear="direct"),
+    )
+    return scene, block((0.0,) * (d - 1) + (0.88 * DHAT,), (0.2,) * (d - 1) + (0.1,), (4,) * (d - 1) + (2,))
+
+
+@pytest.mark.parametrize("d", [2, 3])
+def test_a_block_on_a_belt_slides_and_then_goes_along_with_it(d):
+    """The belt starts at 0.2 m/s. Friction accelerates the block by mu g until it has the belt's speed, after 0.041 s;
+    it keeps that, to the speed below which friction is smoothed. The belt as a whole does not move.
+    """
+    scene, mesh = on_belt(d, 0.2)
+    problem = make_stepper(scene, mesh, geometry(scene))
+    weights = masses(problem) / masses(problem).sum()
+    speeds = np.array([weights @ v for _, v in march(problem, 20)])
+    np.testing.assert_allclose(speeds[2:4, 0], 0.01 * MU * G * np.array([3, 4]), rtol=5e-3)
+    np.testing.assert_allclose(speeds[-5:, 0], 0.2, atol=1e-4)
+    assert np.abs(speeds[-5:, 1:]).max() < 5e-3
+
+
+@pytest.mark.parametrize("d", [2, 3])
+def test_a_sheet_bulges_into_a_held_block_as_far_as_it_can(d):
+    """The block's top is held 0.1 m above the sheet, whose middle wants to rise by 0.3 m within two steps. Each state
+    is free of crossings, with the sheet where its cache has it at the reported time.
+    """
+    scene = make_scene(
+        dt=0.02,
+        supports=(Support(lambda X: X[:, -1] > 0.2 - 1e-9),),
+        obstacles=(Deforming(bulge(d, 0.3, 0.04), name="sheet", closed=False),),
+        contact=(Barrier(dhat=5e-3),),
+        solver=Solver(tolerance=1e-4),
+    )
+    mesh = block(
+        (-0.15,) * (d - 1) + (0.1,), (0.15,) * (d - 1) + (0.2,), (4,) * (d - 1) + (2,) if d == 2 else (2, 2, 1)
+    )
+    shapes = geometry(scene)
+    problem = make_stepper(scene, mesh, shapes)
+    (obstacle,) = problem.model.obstacles
+    for report, _ in march(problem, 3):
+        at = obstacle.at(report.time - report.behind)
+        assert not crosses(mesh, report.positions, (at, *shapes[0][1:]))
+        assert simplex_volumes(report.positions, mesh.cells).min() > 0.0
+    assert report.contacts > 0 and report.behind > 0.0
+    assert crosses(mesh, report.positions, (obstacle.at(report.time), *shapes[0][1:]))
+    assert at[:, -1].max() > 0.1, "the sheet has dented the block"
+
+
+def thrown_up(d):
+    """A free block above a sheet that bulges by 0.2 m within one step, twice the block's height."""
+    scene = make_scene(
+        dt=0.02,
+        obstacles=(Deforming(bulge(d, 0.2, 0.02), name="sheet", closed=False),),
+        contact=(Barrier(dhat=5e-3), Friction(0.3)),
+        solver=Solver(tolerance=1e-5, linear="direct"),
+    )
+    return scene, block((-0.1,) * (d - 1) + (0.01,), (0.12,) * (d - 1) + (0.11,), (4,) * (d - 1) + (2,))
+
+
+@pytest.mark.parametrize("d", [2, 3])
+def test_a_free_block_is_thrown_up_by_a_sheet_and_never_crosses_it(d):
+    scene, mesh = thrown_up(d)
+    shapes = geometry(scene)
+    problem = make_stepper(scene, mesh, shapes)
+    (obstacle,) = problem.model.obstacles
+    for report, _ in march(problem, 3):
+        assert not crosses(mesh, report.positions, (obstacle.at(report.time - report.behind), *shapes[0][1:]))
+        assert simplex_volumes(report.positions, mesh.cells).min() > 0.0
+    assert report.behind == 0.0 and report.positions[:, -1].mean() > 0.25
+
+
+@pytest.mark.mpi
+def test_one_rank_and_two_move_alike(tmp_path):
+    one, two = results_on((1, 2), tmp_path, PROGRAM)
+    assert one["positions"][-1][:, -1].mean() > 0.25
+    np.testing.assert_allclose(two["positions"], one["positions"], rtol=0.0, atol=1e-6)
+    np.testing.assert_array_equal(two["behind"], one["behind"])

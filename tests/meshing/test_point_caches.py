@@ -1,0 +1,203 @@
+"""Point caches are read as their formats say, put into the scene, and refused in one line where they are damaged."""
+
+import struct
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pdvol.errors import InputError
+from pdvol.meshes import Surface
+from pdvol.meshing.point_caches import cached_surface, read_frames
+from pdvol.scene import Placement, PointCache
+from pdvol.scene.fingerprint import describe, differences
+
+FRAMES = np.random.default_rng(0).normal(size=(4, 5, 3))
+QUADS = [[0, 1, 2, 3], [0, 4, 1]]
+TRIANGLES = [(0, 1, 2), (0, 2, 3), (0, 4, 1)]
+FLAT = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0.5, -1, 0]])
+
+
+def pc2(path: Path, frames, start=3.0, rate=1.0, head=b"POINTCACHE2\0", version=1, samples=None) -> Path:
+    """A PC2 file, written field by field."""
+    frames = np.asarray(frames)
+    header = head + struct.pack("<i", version) + struct.pack("<i", frames.shape[1]) + struct.pack("<f", start)
+    header += struct.pack("<f", rate) + struct.pack("<i", len(frames) if samples is None else samples)
+    path.write_bytes(header + b"".join(struct.pack("<f", x) for x in frames.ravel()))
+    assert len(header) == 32
+    return path
+
+
+def test_a_pc2_file_gives_its_points_in_the_scene_at_times_from_its_beginning_on(tmp_path):
+    place = Placement((0.0, 0.0, 1.0), angle=np.pi / 2, axis=(1.0, 0.0, 0.0), scale=0.01)
+    frames = read_frames(PointCache(pc2(tmp_path / "a.pc2", FRAMES, rate=2.0), fps=24.0, begin=0.5, placement=place))
+    np.testing.assert_allclose(frames.times, 0.5 + np.arange(4) * 2.0 / 24.0)
+    for k in range(4):
+        x, y, z = 0.01 * FRAMES[k].T
+        np.testing.assert_allclose(frames.frame(k), np.column_stack([x, -z, y + 1.0]), atol=1e-8)
+
+
+def test_points_move_straight_between_frames_and_rest_outside_them():
+    frames, rows = read_frames(PointCache(FRAMES, times=(0.0, 0.1, 0.3, 0.4))), np.array([2, 0])
+    for time, place in (
+        (-1.0, FRAMES[0]),
+        (0.0, FRAMES[0]),
+        (0.1, FRAMES[1]),
+        (0.15, 0.75 * FRAMES[1] + 0.25 * FRAMES[2]),
+        (0.4, FRAMES[3]),
+        (9.0, FRAMES[3]),
+    ):
+        np.testing.assert_allclose(frames.at(time, rows), place[rows], atol=1e-14)
+
+
+def test_one_frame_rests():
+    frames = read_frames(PointCache(FRAMES[:1], fps=24.0))
+    np.testing.assert_array_equal(frames.at(0.7, np.arange(5)), FRAMES[0])
+
+
+def test_faces_come_from_an_obj_a_surface_or_an_array(tmp_path):
+    obj = tmp_path / "rest.obj"
+    lines = [f"v {x} {y} {z}" for x, y, z in FLAT]
+    obj.write_text("\n".join([*lines, *(f"f {' '.join(str(i + 1) for i in face)}" for face in QUADS)]))
+    flat = np.array([FLAT, FLAT + 1.0])
+    for faces in (obj, TRIANGLES, Surface(FLAT, np.array(TRIANGLES))):
+        surface = cached_surface(PointCache(flat, fps=24.0, faces=faces), frame=-1)
+        assert {frozenset(t) for t in surface.triangles.tolist()} == {frozenset(t) for t in TRIANGLES}
+        np.testing.assert_array_equal(surface.vertices, FLAT + 1.0)
+
+
+@pytest.mark.parametrize(
+    "change, said",
+    [
+        ({"head": b"POINTCACHE3\0"}, "not a PC2 file"),
+        ({"version": 2}, "version 2"),
+        ({"samples": 9}, "truncated, it promises 572 bytes and holds 272"),
+        ({"samples": 0}, "0 samples"),
+        ({"rate": 0.0}, "0 frames each"),
+        ({"frames": FRAMES * np.where(np.arange(4) == 2, np.nan, 1.0)[:, None, None]}, "NaN or infinity in frame 2"),
+    ],
+)
+def test_a_damaged_pc2_file_is_named(tmp_path, change, said):
+    path = pc2(tmp_path / "a.pc2", **{"frames": FRAMES, **change})
+    with pytest.raises(InputError, match=said):
+        read_frames(PointCache(path, fps=24.0))
+
+
+@pytest.mark.parametrize(
+    "make, said",
+    [
+        (lambda path: PointCache(path / "a.pc2"), "give fps"),
+        (lambda path: PointCache(path / "a.abc", fps=24.0), "unknown kind"),
+        (lambda path: PointCache(path / "a.pc2", fps=24.0, times=(0.0,)), "times go with arrays"),
+        (lambda path: PointCache(FRAMES), "times, or fps"),
+        (lambda path: PointCache(FRAMES, fps=24.0, times=(0, 1, 2, 3)), "times, or fps"),
+        (lambda path: PointCache(FRAMES, times=(0.0, 1.0)), "2 times and 4 frames"),
+        (lambda path: PointCache(FRAMES, times=(0.0, 1.0, 1.0, 2.0)), "ascend"),
+        (lambda path: PointCache(FRAMES[0], fps=24.0), "shape"),
+        (lambda path: PointCache(FRAMES * np.nan, fps=24.0), "NaN or infinity in frame 0"),
+        (lambda path: PointCache(FRAMES, fps=0.0), "positive"),
+        (lambda path: PointCache("a b", fps=1.0), "unknown kind"),
+        (lambda path: PointCache(FRAMES, fps=1.0, faces=[[0.5, 1.0, 2.0]]), "whole numbers"),
+        (
+            lambda path: read_frames(PointCache(FRAMES, fps=1.0, faces=[[0, 1, 5]])),
+            "5 points, and its faces use number 5",
+        ),
+        (lambda path: read_frames(PointCache(FRAMES, fps=1.0, faces=[[0, 1]])), "triangles"),
+        (lambda path: read_frames(PointCache(FRAMES, fps=1.0, faces=path / "no.obj")), "no such file"),
+        (lambda path: read_frames(PointCache(path / "no.pc2", fps=1.0)), "no such file"),
+        (lambda path: cached_surface(PointCache(FRAMES, fps=1.0)), "without faces"),
+        (lambda path: cached_surface(PointCache(FRAMES, fps=1.0, faces=TRIANGLES), 4), "no frame 4"),
+    ],
+)
+def test_nonsense_is_refused_in_one_line(tmp_path, make, said):
+    with pytest.raises(InputError, match=said) as error:
+        make(tmp_path)
+    assert "\n" not in str(error.value)
+
+
+def test_an_obj_with_other_vertices_is_refused(tmp_path):
+    obj = tmp_path / "rest.obj"
+    obj.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+    with pytest.raises(InputError, match="3 vertices and the point cache .* 5 points"):
+        read_frames(PointCache(pc2(tmp_path / "a.pc2", FRAMES), fps=24.0, faces=obj))
+
+
+def test_a_scenes_description_has_what_a_cache_holds(tmp_path):
+    path = pc2(tmp_path / "a.pc2", FRAMES)
+    before = describe(PointCache(path, fps=24.0)), describe(PointCache(FRAMES, fps=24.0))
+    pc2(path, FRAMES + 1.0)
+    after = describe(PointCache(path, fps=24.0)), describe(PointCache(FRAMES + 1.0, fps=24.0))
+    assert differences(before[0], after[0]) == ["scene.source: the contents of a.pc2 have changed"]
+    assert differences(before[1], after[1]) == ["scene.source: the contents of the array have changed"]
+    assert describe(PointCache(FRAMES.copy(), fps=24.0)) == before[1]
+
+
+# ---- USD
+
+
+def usd(path: Path, up=100.0):
+    """A quadrilateral and a triangle in centimetres at 25 codes a second: points at codes 0 and 10, and a parent that
+    moves until code 20; beside it a mesh that rests. Returns the stage.
+    """
+    pxr = pytest.importorskip("pxr")
+    from pxr import Gf, Usd, UsdGeom, Vt
+
+    assert pxr
+    stage = Usd.Stage.CreateNew(str(path))
+    UsdGeom.SetStageMetersPerUnit(stage, 0.01)
+    stage.SetTimeCodesPerSecond(25.0)
+    parent = UsdGeom.Xform.Define(stage, "/rig")
+    shift = parent.AddTranslateOp()
+    shift.Set(Gf.Vec3d(0.0, 0.0, 0.0), 0)
+    shift.Set(Gf.Vec3d(0.0, 0.0, up), 20)
+    for name in ("/rig/hand", "/still"):
+        mesh = UsdGeom.Mesh.Define(stage, name)
+        mesh.CreateFaceVertexCountsAttr([4, 3])
+        mesh.CreateFaceVertexIndicesAttr([i for face in QUADS for i in face])
+        points = mesh.CreatePointsAttr()
+        if name == "/still":
+            points.Set(Vt.Vec3fArray.FromNumpy(FLAT.astype(np.float32)))
+        else:
+            points.Set(Vt.Vec3fArray.FromNumpy((100.0 * FLAT).astype(np.float32)), 0)
+            points.Set(Vt.Vec3fArray.FromNumpy((100.0 * (FLAT + [1.0, 0.0, 0.0])).astype(np.float32)), 10)
+    stage.GetRootLayer().Save()
+    return stage
+
+
+@pytest.mark.parametrize("ending", ["usda", "usdc"])
+def test_a_usd_mesh_gives_points_in_metres_with_what_moves_above_it(tmp_path, ending):
+    path = tmp_path / f"rig.{ending}"
+    usd(path)
+    frames = read_frames(PointCache(path, prim="/rig/hand", begin=1.0))
+    np.testing.assert_allclose(frames.times, [1.0, 1.4, 1.8])
+    for k, shift in enumerate(([0.0, 0.0, 0.0], [1.0, 0.0, 0.5], [1.0, 0.0, 1.0])):
+        np.testing.assert_allclose(frames.frame(k), FLAT + shift, atol=1e-6)
+    assert {frozenset(t) for t in frames.faces.tolist()} == {frozenset(t) for t in TRIANGLES}
+    np.testing.assert_allclose(read_frames(PointCache(path, prim="/rig/hand", fps=10.0)).times, [0.0, 1.0, 2.0])
+
+
+@pytest.mark.parametrize(
+    "prim, said", [("", "2 meshes; .*one of /rig/hand, /still"), ("/foot", "no mesh '/foot'"), ("/still", "not move")]
+)
+def test_a_usd_file_without_the_mesh_is_refused(tmp_path, prim, said):
+    usd(tmp_path / "rig.usda")
+    with pytest.raises(InputError, match=said):
+        read_frames(PointCache(tmp_path / "rig.usda", prim=prim))
+
+
+def test_a_usd_mesh_whose_points_change_in_number_is_refused(tmp_path):
+    from pxr import UsdGeom, Vt
+
+    stage = usd(tmp_path / "rig.usda")
+    UsdGeom.Mesh(stage.GetPrimAtPath("/rig/hand")).GetPointsAttr().Set(Vt.Vec3fArray(3), 10)
+    stage.GetRootLayer().Save()
+    with pytest.raises(InputError, match="3 points at time code 10 and 5 before"):
+        read_frames(PointCache(tmp_path / "rig.usda", prim="/rig/hand"))
+
+
+def test_a_damaged_usd_file_is_named(tmp_path):
+    pytest.importorskip("pxr")
+    (tmp_path / "rig.usdc").write_bytes(b"PXR-USDC" + bytes(50))
+    with pytest.raises(InputError, match="unreadable") as error:
+        read_frames(PointCache(tmp_path / "rig.usdc"))
+    assert "\n" not in str(error.value)
