@@ -8,9 +8,11 @@ import numpy as np
 import pyvista as pv
 from PIL import Image, ImageDraw
 
+from pdvol.colours import GROUND, OBSTACLE, PALETTE
 from pdvol.draw.camera import Camera, in_3d
 from pdvol.draw.contact_shadows import shadow_map
-from pdvol.draw.layout import BACKGROUND, FAINT_INK, GROUND, OBSTACLE, PALETTE, font
+from pdvol.draw.layout import BACKGROUND, FAINT_INK, font
+from pdvol.geometry.loops import closed_loops
 from pdvol.store.obstacles import DrawnObstacle
 from pdvol.store.reader import Run, RunLevel
 
@@ -167,7 +169,7 @@ class Renderer:
                 self._add_half_space(*(in_3d(v[None])[0] for v in obstacle.plane(step)))
             elif obstacle.kind == "polyline":
                 vertices, edges = in_3d(obstacle.vertices(step)), obstacle.arrays["edges"]
-                for loop in _loops(edges):
+                for loop in closed_loops(edges):
                     polygon = pv.PolyData(vertices[loop], faces=[len(loop), *range(len(loop))]).triangulate()
                     self._fill(np.asarray(polygon.points), polygon.regular_faces, pv.Color(OBSTACLE), -0.1)
                 self._lines(vertices, edges, _darker(pv.Color(OBSTACLE), 0.55), 2.5)
@@ -207,18 +209,3 @@ def _ground(lit: np.ndarray) -> np.ndarray:
     colour = (1 - fade) * pv.Color(GROUND).float_rgb + fade * np.array(pv.Color(BACKGROUND).float_rgb)
     tint = 1 - (1 - lit[..., None]) * np.array([1.0, 0.97, 0.9])  # shadows are a little blue
     return np.round(255 * colour * tint).astype(np.uint8)
-
-
-def _loops(edges: np.ndarray) -> list[list[int]]:
-    """Closed chains of a polyline's directed edges, as lists of vertices; open chains are left out."""
-    following = {int(a): int(b) for a, b in edges}
-    loops, seen = [], set()
-    for start in following:
-        chain, at = [], start
-        while at in following and at not in seen:
-            seen.add(at)
-            chain.append(at)
-            at = following[at]
-        if len(chain) > 2 and at == start:
-            loops.append(chain)
-    return loops

@@ -1,7 +1,8 @@
 """Exports of stored runs, with contact forces and stresses where the run's scene is available."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from functools import cached_property
+from inspect import signature
 from pathlib import Path
 
 from pdvol.errors import InputError
@@ -11,7 +12,12 @@ from pdvol.store.reader import Run, open_run
 
 
 def export_run(
-    path: str | Path, format_name: str, out: str | Path, levels: Sequence[int] | None = None
+    path: str | Path,
+    format_name: str,
+    out: str | Path,
+    levels: Sequence[int] | None = None,
+    fps: float | None = None,
+    with_fields: bool = False,
 ) -> tuple[list[Path], list[str]]:
     """Export a stored run, finished or not, into the folder `out`.
 
@@ -21,6 +27,8 @@ def export_run(
     format_name : a name in `pdvol.registry.FORMATS`
     out : a folder; it is made where there is none
     levels : all that hold a state when None
+    fps : frames a second, for formats that resample; the format's own choice when None
+    with_fields : contact forces and stresses also in formats that leave them out otherwise
 
     Returns
     -------
@@ -30,7 +38,8 @@ def export_run(
     Raises
     ------
     InputError
-        The folder is no run, a level is missing or empty, the format unknown or its library not installed.
+        The folder is no run, a level is missing or empty, the format unknown, its library not installed, or it does
+        not take one of the choices.
     SimulationError
         `out` cannot be written.
     """
@@ -42,8 +51,23 @@ def export_run(
         raise InputError(f"{path} has no stored state to export")
     for level in levels:
         Series(run, level)  # refuses a level that is missing or empty, before anything is written
-    written = FORMATS[format_name](run, levels, Path(out), fields)
+    chosen = {**({} if fps is None else {"fps": fps}), **({"with_fields": True} if with_fields else {})}
+    writer = FORMATS[format_name]
+    _check_choices(format_name, writer, chosen)
+    written = writer(run, levels, Path(out), fields, **chosen)
     return [Path(file) for file in written], fields.notes
+
+
+def _check_choices(format_name: str, writer: Callable, chosen: Iterable[str]) -> None:
+    """InputError where a format does not take one of the choices."""
+    refused = {
+        "fps": f"--fps: the format {format_name} holds the stored steps alone, without frames between them",
+        "with_fields": f"--fields: the format {format_name} has no such choice",
+    }
+    taken = signature(writer).parameters
+    for name in chosen:
+        if name not in taken:
+            raise InputError(refused[name])
 
 
 class RunFields:

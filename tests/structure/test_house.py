@@ -24,7 +24,7 @@ STAGES = (
     "draw",
     "measure",
 )
-FOUNDATION = {"errors", "registry", "scene", "parallel", "processes", "compat", "compiled"}
+FOUNDATION = {"colours", "errors", "registry", "scene", "parallel", "processes", "compat", "compiled"}
 """Modules beside the stages that any stage may use: they know none of them (a test)."""
 STORED = {"geometry", "store"}
 """What everything that reads stored runs may use."""
