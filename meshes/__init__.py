@@ -5,7 +5,7 @@ from .ape import ape
 from .creature import creature
 from .dolphin import dolphin
 from .geometry import Outline, Solid, Surface
-from .grids import brick
+from .grids import brick, hollow_ball
 from .jellies import bunny, frog
 from .outlines import comb, disc, extrude, folded, polygon, rectangle, rope, slit_array, spike
 from .solids import ball, bar, box
@@ -33,6 +33,7 @@ __all__ = [
     "folded",
     "frog",
     "funnel",
+    "hollow_ball",
     "letter",
     "outlines",
     "polygon",

@@ -7,6 +7,34 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .geometry import Solid
+from .solids import ball
+
+
+def hollow_ball(radius: float = 1.0, thickness: float = 0.1, subdivisions: int = 2, layers: int = 1) -> Solid:
+    """A ball [m] about the origin with a wall of a thickness around a cavity: `layers` of prisms over the triangles of
+    `ball(radius, subdivisions)`, each cut into three tetrahedra.
+    """
+    if not 0.0 < thickness < radius:
+        raise ValueError(f"thickness = {thickness!r} must lie between 0 and the radius {radius!r}")
+    outside = ball(radius, subdivisions)
+    count, shells = len(outside.vertices), np.linspace(1.0 - thickness / radius, 1.0, layers + 1)
+    points = np.concatenate([share * outside.vertices for share in shells])
+    # Corners in ascending order: prisms that share a side cut it along the same diagonal.
+    a, b, c = np.sort(outside.triangles, axis=1).T
+    cells = []
+    for low in range(0, layers * count, count):
+        up = low + count
+        for cell in (
+            (a + low, b + low, c + low, c + up),
+            (a + low, b + low, b + up, c + up),
+            (a + low, a + up, b + up, c + up),
+        ):
+            cells.append(np.column_stack(cell))
+    found = np.concatenate(cells)
+    edges = points[found[:, 1:]] - points[found[:, :1]]
+    turned = np.linalg.det(edges) < 0.0
+    found[turned, :2] = found[turned, 1::-1]
+    return Solid(points, found.astype(np.int32), np.zeros(len(found), np.int32))
 
 
 def brick(

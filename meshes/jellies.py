@@ -3,6 +3,7 @@ them.
 """
 
 from collections.abc import Callable, Sequence
+from functools import lru_cache
 
 import numpy as np
 
@@ -18,6 +19,7 @@ def bunny(height: float = 1.0, vertices: int = 4000) -> Surface:
     return _figurine(_bunny, ((-0.40, 0.40), (-0.06, 1.10), (-0.45, 0.50)), height, vertices)
 
 
+@lru_cache(maxsize=4)  # a second to make: a process that runs many variations of a scene makes it once
 def frog(height: float = 0.6, vertices: int = 4000) -> Surface:
     """A squatting frog `height` [m] tall to the top of its eyes, y up, facing +z, its lowest point at y = 0.
 

@@ -25,6 +25,7 @@ __version__ = "0.1.0"
 
 _HOMES = {
     "pdvol.scene": (
+        "Attachment",
         "Barrier",
         "Body",
         "FixedCorotational",
@@ -33,13 +34,16 @@ _HOMES = {
         "Friction",
         "Gravity",
         "Impulse",
+        "Keyed",
         "Material",
+        "Muscle",
         "NeoHookean",
         "Path",
         "Penalty",
         "Placement",
         "Plane",
         "PointForce",
+        "Pressure",
         "Region",
         "Relative",
         "Rigid",
@@ -56,6 +60,7 @@ _HOMES = {
     "pdvol.meshes": ("Outline", "Solid", "Surface"),
     "pdvol.store.reader": ("open_run",),
     "pdvol.runs.api": ("run",),
+    "pdvol.explore.wedge.api": ("wedge",),
     "pdvol.draw.image": ("picture",),
     "pdvol.runs.own_energy": ("Contact",),
     "pdvol.cli": ("main",),

@@ -12,6 +12,8 @@ from typing import NoReturn
 from pdvol.commands.simulation import this_rank
 from pdvol.errors import InputError, PdvolError, SimulationError
 from pdvol.registry import COMMANDS
+from pdvol.runs.stage_lines import StageLines
+from pdvol.stages import reported_to
 
 
 def main(scene: Callable | None = None, argv: Sequence[str] | None = None) -> NoReturn:
@@ -41,7 +43,8 @@ def run(arguments: Sequence[str]) -> int:
             stream.reconfigure(errors="backslashreplace")  # names may not fit the terminal's encoding
     try:
         options = parse(arguments)
-        return COMMANDS[options.command].main(options) or 0
+        with reported_to(StageLines(rank=this_rank)):
+            return COMMANDS[options.command].main(options) or 0
     except InputError as error:
         return _end(error, 2)
     except SimulationError as error:

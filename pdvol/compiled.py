@@ -15,6 +15,7 @@ import cffi
 import numpy as np
 
 from pdvol.errors import InputError
+from pdvol.stages import stage
 
 # options of the C compiler: vector instructions of this processor, no fused multiply-add, so that sums repeat on one
 # kind of processor, and no errno or traps, which would prevent vectorisation
@@ -55,7 +56,7 @@ def load(folder: Path, definitions: Mapping[str, int] | None = None) -> Any:
     target = cache_folder() / f"{folder.parent.name}-{key}{sysconfig.get_config_var('SHLIB_SUFFIX') or '.so'}"
     if not target.exists():
         target.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(dir=target.parent) as aside:
+        with tempfile.TemporaryDirectory(dir=target.parent) as aside, stage("compiling C code"):
             built = Path(aside) / target.name
             try:
                 subprocess.run(

@@ -167,12 +167,16 @@ FORMATS = Registry(
 )
 """Functions (run, levels, out, fields) -> list of written paths; see `pdvol.export`."""
 
+VIEWS = Registry("view", {"play": Entry("pdvol.player.notebook:play")})
+"""Functions (run, ...) that show a stored run in a notebook. The store, which knows none of them, finds them here."""
+
 COMMANDS = Registry(
     "command",
     {
         "run": Entry("pdvol.commands.run", "simulate a scene's levels, coarse to fine"),
         "preview": Entry("pdvol.commands.preview", "simulate level 0 only"),
         "refine": Entry("pdvol.commands.refine", "simulate the finer levels of a stored run"),
+        "live": Entry("pdvol.commands.live", "a local page: level 0 runs while one looks and changes values"),
         "check": Entry("pdvol.commands.check", "pre-flight: what will be modelled, sizes, and every defect found"),
         "repair": Entry("pdvol.commands.repair", "mend a mesh into another file: weld, fill, orient, uncross"),
         "hierarchy": Entry("pdvol.commands.hierarchy", "build the levels of one mesh and report their bindings"),
@@ -183,6 +187,9 @@ COMMANDS = Registry(
             " it",
         ),
         "render": Entry("pdvol.commands.render", "draw a run: rows are levels, columns are moments"),
+        "play": Entry(
+            "pdvol.commands.play", "write runs as one HTML file that plays them in a browser, without a network"
+        ),
         "export": Entry(
             "pdvol.commands.export",
             "write a run's levels for ParaView (xdmf, vtkhdf) or animation software (usd, obj)",
@@ -190,6 +197,8 @@ COMMANDS = Registry(
         "study": Entry(
             "pdvol.commands.study", "speed against accuracy: run a scene with many settings and compare them"
         ),
+        "wedge": Entry("pdvol.commands.wedge", "many variations of a scene on level 0, scored and on one sheet"),
+        "pick": Entry("pdvol.commands.pick", "take one variation of a wedge, and refine it"),
         "verify": Entry(
             "pdvol.commands.verify",
             "check every stored state for intersections and inverted cells, independently of the solver",

@@ -10,6 +10,7 @@ import importlib
 import json
 import os
 import resource
+import signal
 import sys
 import traceback
 from typing import TextIO
@@ -17,6 +18,7 @@ from typing import TextIO
 LOADED_BEFORE = ("pdvol.runs.runner", "pdvol.potentials.build", "pdvol.potentials.contact.collision_surface")
 """What every run of a scene with contact imports."""
 
+INTERRUPTED = 130  # exit code of a command line that was asked to end, as `pdvol.cli` gives it
 MOST_MEMORY = 2_000_000  # kilobytes of peak memory after which the process ends: another one then starts small
 
 
@@ -24,6 +26,7 @@ def main() -> None:
     """Carry out lines until standard input ends, or the process has become large."""
     from pdvol.cli import run
 
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # between commands there is nothing to interrupt
     answers = os.fdopen(os.dup(1), "w", buffering=1)
     with open(os.devnull) as nothing:
         commands = os.fdopen(os.dup(0))
@@ -37,13 +40,17 @@ def main() -> None:
         with open(command["log"], "w") as log:
             _redirect(log.fileno())
             try:
+                signal.signal(signal.SIGINT, signal.default_int_handler)
                 code = run(command["words"])
+            except KeyboardInterrupt:  # at the last moment
+                code = INTERRUPTED
             except SystemExit as end:
                 code = end.code if isinstance(end.code, int) else 1
             except Exception:
                 traceback.print_exc()
                 code = 1
             finally:
+                signal.signal(signal.SIGINT, signal.SIG_IGN)
                 sys.stdout.flush()
                 sys.stderr.flush()
         gc.collect()  # PETSc's objects end with Python's

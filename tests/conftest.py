@@ -1,4 +1,4 @@
-"""What tests of several folders share: made-up runs, written once, and that runs end without a picture."""
+"""What tests of several folders share: made-up runs, written once, and that runs end without a picture and stages."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -6,6 +6,7 @@ from contextlib import contextmanager
 import pytest
 
 import runs
+from browser import Tab, chromium
 
 
 @pytest.fixture(scope="session", autouse=True)
@@ -17,8 +18,8 @@ def final_pictures():
 
     render, drawn = picture.render, []
 
-    def render_if_wanted(run, path, **choices):
-        return render(run, path, **choices) if choices or drawn else path
+    def render_if_wanted(run, path, *choices, **named):
+        return render(run, path, *choices, **named) if choices or named or drawn else path
 
     @contextmanager
     def wanted() -> Iterator[None]:
@@ -29,6 +30,18 @@ def final_pictures():
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(picture, "render", render_if_wanted)
         yield wanted
+
+
+@pytest.fixture(scope="session", autouse=True)
+def quiet_stages():
+    """Commands in this process show no stages: what they print does not depend on how busy the machine is. Tests of
+    stages set `SHOWN_SECONDS` themselves.
+    """
+    from pdvol.runs import stage_lines
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(stage_lines, "SHOWN_SECONDS", float("inf"))
+        yield
 
 
 @pytest.fixture(scope="session")
@@ -45,3 +58,10 @@ def solid_run(tmp_path_factory):
 def small_run(tmp_path):
     """A run that a test may damage."""
     return runs.stored_run(tmp_path / "run", 2, (60, 200), 6)
+
+
+@pytest.fixture
+def tab() -> Iterator[Tab]:
+    """An empty page of 1000 x 700 pixels in a headless browser of its own; the test is skipped where there is none."""
+    with chromium() as opened:
+        yield opened

@@ -3,6 +3,8 @@ these tests are quick.
 """
 
 import os
+import pty
+import re
 import signal
 import subprocess
 import sys
@@ -117,3 +119,43 @@ def test_missing_mount_namespaces_are_named(tmp_path):
     done = run("true", inside=False, env=env)
     assert done.returncode == 2 and "does not allow mount namespaces" in done.stderr
     assert not (tmp_path / "cache").exists()
+
+
+# ---- what a build shows
+
+BUILD = """
+set -euo pipefail
+eval "$(sed -n '/^say()/p; /^shown()/,/^}/p' "$1")"
+build() { for n in one two; do echo "I: stage $n" >>"$log"; sleep 2; done; }
+fail() { echo "I: stage one" >>"$log"; sleep 2; exit 3; }
+log=$2
+(shown "$log" "$3")
+"""
+
+
+def test_a_build_has_a_line_per_stage_in_a_log(tmp_path):
+    words = ["bash", "-c", BUILD, "bash", RUN, tmp_path / "log", "build"]
+    done = subprocess.run(words, capture_output=True, text=True, timeout=SAFETY)
+    assert (done.returncode, done.stdout) == (0, ""), done.stderr
+    lines = [re.sub(r"\d+ s", "N s", line) for line in done.stderr.splitlines()]
+    assert lines[-3:] == ["run: stage one, after N s", "run: stage two, after N s", "run: done in N s"]
+    failed = subprocess.run([*words[:-1], "fail"], capture_output=True, text=True, timeout=SAFETY)
+    assert failed.returncode == 3 and "done" not in failed.stderr
+
+
+def test_a_build_rewrites_a_line_on_a_terminal(tmp_path):
+    ours, theirs = pty.openpty()
+    process = subprocess.Popen(
+        ["bash", "-c", BUILD, "bash", RUN, tmp_path / "log", "build"], stdin=theirs, stdout=theirs, stderr=theirs
+    )
+    os.close(theirs)
+    shown = b""
+    try:
+        while chunk := os.read(ours, 4096):
+            shown += chunk
+    except OSError:  # the other side is closed
+        pass
+    assert process.wait(SAFETY) == 0
+    text = shown.decode()
+    assert "\r\x1b[Krun: stage one, " in text and "\r\x1b[Krun: stage two, " in text
+    assert text.endswith("s\r\n") and text.count("\n") == 1, "one line is left: done in N s"

@@ -3,7 +3,8 @@
 from argparse import ArgumentParser, Namespace
 from pathlib import Path
 
-from pdvol.commands.options import add_levels, stored_levels
+from pdvol.commands.options import add_levels, stored_levels, whole_number
+from pdvol.errors import InputError
 
 
 def add_arguments(parser: ArgumentParser) -> None:
@@ -12,6 +13,16 @@ def add_arguments(parser: ArgumentParser) -> None:
     parser.add_argument("-o", "--out", type=Path, metavar="FILE.png|.mp4|.gif")
     add_levels(parser)
     parser.add_argument("--turn", type=float, default=0.0, metavar="DEGREES", help="turn the camera about the vertical")
+    parser.add_argument("--size", default="", metavar="WxH", help="pixels of the whole file, as 1920x1080")
+    parser.add_argument("--fps", type=float, help="frames a second of a film, which plays at real speed")
+    parser.add_argument("--frames", default="", metavar="A:B", help="steps A to B, both included (default: all)")
+    parser.add_argument(
+        "--camera",
+        default="",
+        metavar="VIEW",
+        help="front, side, top, three-quarter, follow:BODY, or position and target in metres, X,Y,Z:TX,TY,TZ",
+    )
+    parser.add_argument("--turntable", action="store_true", help="the camera goes once round, also at one step")
 
 
 def main(options: Namespace) -> None:
@@ -21,4 +32,38 @@ def main(options: Namespace) -> None:
 
     run = open_run(options.run)
     out = options.out or options.run / "picture.png"
-    print(render(run, out, levels=stored_levels(options.levels, run), turn=options.turn))
+    levels, size, span = stored_levels(options.levels, run), _size(options.size), _span(options.frames)
+    print(
+        render(
+            run,
+            out,
+            levels=levels,
+            turn=options.turn,
+            size=size,
+            fps=options.fps,
+            span=span,
+            view=options.camera,
+            turntable=options.turntable,
+        )
+    )
+
+
+def _size(text: str) -> tuple[int, int] | None:
+    """`1920x1080` as width and height; None for an empty text."""
+    if not text:
+        return None
+    width, cross, height = text.lower().partition("x")
+    if not cross:
+        raise InputError(f"--size: {text!r} is no width and height; give both, as 1920x1080")
+    return whole_number("--size", width), whole_number("--size", height)
+
+
+def _span(text: str) -> tuple[int, int | None] | None:
+    """`20:60`, `20:`, `:60` or `20` as first and last step; the last is None where the text leaves it open."""
+    if not text:
+        return None
+    first, colon, last = text.partition(":")
+    begin = whole_number("--frames", first or "0" if colon else first)
+    if not colon:
+        return begin, begin
+    return begin, whole_number("--frames", last) if last else None

@@ -35,6 +35,13 @@ def add_arguments(parser: ArgumentParser) -> None:
     add_wavefront(parser)
     add_outputs(parser)
     add_new_run(parser)
+    parser.add_argument(
+        "--branch",
+        type=Path,
+        metavar="RUN",
+        help="begin with the stored states of another run, and go on from --at STEP with the settings given here",
+    )
+    parser.add_argument("--at", type=int, metavar="STEP", help="the last step taken over by --branch")
     parser.add_argument("--accuracy", default="", metavar="LENGTH", help="settings of a study: 5mm or 1%% at the end")
     parser.add_argument("--time", default="", metavar="TIME", help="settings of a study: 90s or 10min of CPU time")
     parser.add_argument("--study", type=Path, metavar="DIR", help="the study to take them from")
@@ -51,6 +58,8 @@ def main(options: Namespace) -> None:
         shot, first, last, options.method = _from_study(options, shot)
     name = shot.name if options.method == "progressive" else f"{shot.name}_{options.method}"
     out = options.out or Path("runs") / name
+    if options.branch is not None or options.at is not None:
+        first, last, options.resume = _begin_branch(options, shot, first, last, out)
     run_scene(
         shot,
         out,
@@ -66,10 +75,29 @@ def main(options: Namespace) -> None:
     report_run(out, not options.no_picture, not options.no_xdmf)
 
 
+def _begin_branch(
+    options: Namespace, shot: "Shot", first: int, last: int | None, out: Path
+) -> tuple[int, int | None, bool]:
+    """Takes the stored states over; the levels to go on with, and that the run is to be resumed. Collective."""
+    from mpi4py import MPI
+
+    from pdvol.parallel import on_root
+    from pdvol.runs.branch import branch_run
+
+    if options.branch is None or options.at is None:
+        raise InputError("--branch RUN and --at STEP go together")
+    if options.resume or options.method != "progressive" or first > 0:
+        raise InputError("--branch begins a new run, progressive and from level 0 on; leave out --resume, --method")
+    finest = shot.scene.levels - 1 if last is None else last
+    on_root(MPI.COMM_WORLD, lambda: branch_run(shot, options.branch, options.at, out, finest))
+    return first, finest, True
+
+
 def _from_study(options: Namespace, shot: "Shot") -> "tuple[Shot, int, int | None, str]":
     """The shot, levels and method that a study has found for the accuracy or time asked for."""
+    from pdvol.explore.lengths import length
     from pdvol.explore.study.choice import choice_notes, chosen_point, with_point
-    from pdvol.explore.study.conclusions import length, option_text
+    from pdvol.explore.study.conclusions import option_text
 
     if bool(options.accuracy) == bool(options.time):
         raise InputError("--study needs --accuracy LENGTH or --time TIME, one of them")

@@ -39,7 +39,7 @@ def add_arguments(parser: ArgumentParser) -> None:
 
 def main(options: Namespace) -> None:
     """Run the study, write study.json and study.html, print the sentences."""
-    from pdvol.explore.jobs import cores
+    from pdvol.explore.executors import cores
     from pdvol.explore.study.axes import chosen_axes
     from pdvol.explore.study.study import Study
 

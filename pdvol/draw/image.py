@@ -16,6 +16,7 @@ def picture(
     steps: Sequence[int] | None = None,
     width: int = 420,
     turn: float = 0.0,
+    camera: str = "",
 ) -> Image.Image:
     """Draw a run off screen: rows are levels, columns are moments.
 
@@ -28,6 +29,7 @@ def picture(
         Of one moment.
     turn : float [degrees]
         Angle of the camera about a 3D scene, from the front to its right.
+    camera : "front", "side", "top", "three-quarter", "follow:BODY", or position and target, "X,Y,Z:TX,TY,TZ" [m]
 
     Returns
     -------
@@ -37,8 +39,10 @@ def picture(
     Raises
     ------
     InputError
-        Nothing is stored, or a level or step does not exist.
+        Nothing is stored, or a level, step, view or body does not exist.
     """
     with tempfile.TemporaryDirectory(prefix="pdvol_") as folder:
-        with Image.open(render(run, Path(folder) / "run.png", levels, steps, cell_width=width, turn=turn)) as drawn:
+        path = Path(folder) / "run.png"
+        file = render(run, path, levels=levels, steps=steps, cell_width=width, turn=turn, view=camera)
+        with Image.open(file) as drawn:
             return drawn.convert("RGB")

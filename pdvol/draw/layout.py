@@ -1,4 +1,4 @@
-"""Background, ink, fonts and spacing that all pictures share; the colours of what they show are in `pdvol.colours`."""
+"""Background, ink, fonts and spacing that all pictures share, and how pictures of several levels share a given size."""
 
 from PIL import ImageFont
 
@@ -11,3 +11,30 @@ CELL_GAP = 8  # pixels between the pictures of two moments or levels
 def font(size: float) -> ImageFont.FreeTypeFont | ImageFont.ImageFont:
     """Pillow's own typeface in a size [pixels]; every machine has it."""
     return ImageFont.load_default(size)
+
+
+def cluster_name(cluster: int) -> str:
+    """`group A` to `group Z`, then `group AA`."""
+    letters = ""
+    while cluster >= 0:
+        letters, cluster = chr(ord("A") + cluster % 26) + letters, cluster // 26 - 1
+    return f"group {letters}"
+
+
+def grid(count: int, size: tuple[int, int], aspect: float, band: int) -> tuple[int, tuple[int, int]]:
+    """The columns, and the width and height of a cell [pixels], with which cells of a given shape are largest.
+
+    Parameters
+    ----------
+    count : cells
+    size : width and height of the whole [pixels]
+    aspect : width over height of what a cell shows
+    band : height of the text above each cell [pixels]
+    """
+    best = (0.0, 1, (0, 0))
+    for columns in range(1, count + 1):
+        rows = -(-count // columns)
+        width = (size[0] - CELL_GAP * (columns - 1)) // columns
+        height = (size[1] - CELL_GAP * (rows - 1)) // rows - band
+        best = max(best, (min(width / aspect, float(height)), columns, (width, height)), key=lambda found: found[0])
+    return best[1], best[2]

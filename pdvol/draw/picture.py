@@ -9,15 +9,20 @@ from pathlib import Path
 import numpy as np
 from PIL import Image, ImageDraw
 
-from pdvol.draw.camera import camera_of_run
+from pdvol.draw.camera_path import cameras_of_run
 from pdvol.draw.film import write_film
 from pdvol.draw.layout import BACKGROUND, CELL_GAP, FAINT_INK, INK, font
 from pdvol.draw.renderer import Renderer
+from pdvol.draw.views import read_view
 from pdvol.errors import InputError
+from pdvol.stages import stage
 from pdvol.store.files import write_bytes
 from pdvol.store.obstacles import DrawnObstacle
 from pdvol.store.reader import Run, RunLevel
 
+HIGHEST_RATE = 240.0  # frames a second: no screen shows more
+SMALLEST_SIDE, LARGEST_SIDE = 64, 8192  # pixels: captions must fit, and what is rendered in one piece
+_LEFT, _TOP = 118, 42  # pixels beside and above the moments, for captions
 COLUMNS = 5  # moments of a picture, where they are not asked for by step
 SAMPLED_STATES = 60  # states at which a run's motion is measured to choose moments: enough for five of them
 
@@ -28,8 +33,14 @@ def render(
     levels: Sequence[int] | None = None,
     steps: Sequence[int] | None = None,
     obstacles: Sequence[DrawnObstacle] | None = None,
-    cell_width: int = 420,
+    cell_width: int | None = None,
     turn: float = 0.0,
+    *,
+    size: tuple[int, int] | None = None,
+    fps: float | None = None,
+    span: tuple[int, int | None] | None = None,
+    view: str = "",
+    turntable: bool = False,
 ) -> Path:
     """Draw a run off screen.
 
@@ -42,9 +53,15 @@ def render(
     steps : columns of the picture, or frames of the film; chosen over time and motion when None
     obstacles : those stored in the run when None
     cell_width : int [pixels]
-        Width of one moment.
+        Width of one moment; 420 when None, and films of a single level are then 960 x 540.
     turn : float [degrees]
         Angle of the camera about a 3D scene, from the front to its right.
+    size : width and height of the whole file [pixels], instead of `cell_width`
+    fps : frames a second of a film; it plays at real speed, each frame shows the nearest stored state
+    span : first and last step, both included, from which moments or frames are chosen; the last stored one when None
+    view : "front", "side", "top", "three-quarter", "follow:BODY", or "X,Y,Z:TX,TY,TZ" [m]
+    turntable : the camera goes once round a 3D scene during the film, or in the columns of a picture; a film of one
+        step then lasts six seconds
 
     Returns
     -------
@@ -54,32 +71,89 @@ def render(
     Raises
     ------
     InputError
-        When nothing is stored, a level or step does not exist, the ending is unknown, or a film's extra is not
-        installed.
+        When nothing is stored, a level, step, view or body does not exist, a size does not fit, the ending is unknown,
+        or a film's extra is not installed.
     """
-    path = Path(path)
+    path, seen = Path(path), read_view(view)
     if path.suffix.lower() not in (".png", ".gif", ".mp4"):
         raise InputError(f"{path}: the name of a picture ends in .png, .gif or .mp4")
+    is_film = path.suffix.lower() != ".png"
+    _check_size(size, is_film)
+    if fps is not None and not (is_film and 0.0 < fps <= HIGHEST_RATE):
+        raise InputError(f"fps = {fps:g}: a .gif or .mp4 has more than 0 and up to {HIGHEST_RATE:g} frames a second")
     shown = _levels(run, levels)
     last = max(level.steps for level in shown) - 1
     if steps is not None and (len(steps) == 0 or min(steps) < 0 or max(steps) > last):
         raise InputError(f"{run.path}: steps to draw must lie between 0 and {last}, not {list(steps)}")
+    begin, end = _checked_span(run, span, last)
     drawn = run.obstacles if obstacles is None else tuple(obstacles)
     path.parent.mkdir(parents=True, exist_ok=True)
-    if path.suffix.lower() != ".png":
-        return write_film(run, path, shown, steps, drawn, cell_width, turn)
-    moments = chosen_steps(shown[0], last) if steps is None else list(steps)
-    camera = camera_of_run(run, shown, moments, drawn, turn)
-    with Renderer(run, camera, cell_width, drawn) as renderer:
-        cells = [[renderer.picture(level, step) for step in moments] for level in shown]
-    sheet = _sheet(cells, [f"{step * run.dt:.3g} s" for step in moments], shown)
+    if is_film:
+        with stage(f"drawing {path.name}"):
+            return write_film(
+                run,
+                path,
+                shown,
+                steps,
+                drawn,
+                cell_width,
+                turn,
+                size=size,
+                fps=fps,
+                span=(begin, end),
+                view=seen,
+                turntable=turntable,
+            )
+    moments = chosen_steps(shown[0], end, COLUMNS, begin) if steps is None else list(steps)
+    if steps is None and begin == end and turntable:
+        moments = [begin] * COLUMNS
+    width, aspect = cell_width or 420, None
+    if size is not None:
+        width, height = _cell_size(size, len(moments), len(shown))
+        aspect = width / height
+    with stage(f"drawing {path.name}"):
+        cameras = cameras_of_run(run, shown, moments, drawn, turn, seen, turntable, aspect)
+        with Renderer(run, cameras[0], width, drawn) as renderer:
+            cells = [
+                [renderer.picture(level, step, camera) for step, camera in zip(moments, cameras, strict=True)]
+                for level in shown
+            ]
+    sheet = _sheet(cells, [f"{step * run.dt:.3g} s" for step in moments], shown, size)
     buffer = io.BytesIO()
     sheet.save(buffer, "PNG", optimize=True)
     write_bytes(path, buffer.getvalue())
     return path
 
 
-def chosen_steps(level: RunLevel, last: int, count: int = COLUMNS) -> list[int]:
+def _check_size(size: tuple[int, int] | None, is_film: bool) -> None:
+    if size is None:
+        return
+    name = f"size = {size[0]}x{size[1]}"
+    if not all(SMALLEST_SIDE <= side <= LARGEST_SIDE for side in size):
+        raise InputError(f"{name}: each side has {SMALLEST_SIDE} to {LARGEST_SIDE} pixels")
+    if is_film and any(side % 2 for side in size):
+        raise InputError(f"{name}: films need even numbers; take {size[0] // 2 * 2}x{size[1] // 2 * 2}")
+
+
+def _checked_span(run: Run, span: tuple[int, int | None] | None, last: int) -> tuple[int, int]:
+    begin, end = (0, None) if span is None else span
+    end = last if end is None else end
+    if not 0 <= begin <= end <= last:
+        raise InputError(f"{run.path}: steps {begin}:{end} are not stored; there are steps 0:{last}")
+    return begin, end
+
+
+def _cell_size(size: tuple[int, int], columns: int, rows: int) -> tuple[int, int]:
+    """Width and height of a moment in a picture of a given size [pixels]."""
+    width, height = (size[0] - _LEFT) // columns - CELL_GAP, (size[1] - _TOP) // rows - CELL_GAP
+    if min(width, height) < 32:
+        raise InputError(
+            f"{size[0]}x{size[1]} pixels are too small for {rows} levels at {columns} moments; choose a larger size"
+        )
+    return width, height
+
+
+def chosen_steps(level: RunLevel, last: int, count: int = COLUMNS, first: int = 0) -> list[int]:
     """Steps that show the course of a run: the first and the last, and between them equal shares of the sum of time and
     the bodies' motion.
 
@@ -88,14 +162,18 @@ def chosen_steps(level: RunLevel, last: int, count: int = COLUMNS) -> list[int]:
     level : the motion is that of this level
     last : the last step of all levels drawn; it is added where this level is not simulated as far
     count : steps of this level
+    first : the first step
     """
-    stored = level.steps - 1
-    sampled = np.unique(np.linspace(0, stored, min(stored, SAMPLED_STATES) + 1).round().astype(int))
+    stored = min(level.steps - 1, last)
+    if first >= stored:
+        return sorted({first, last})
+    length = stored - first
+    sampled = np.unique(np.linspace(first, stored, min(length, SAMPLED_STATES) + 1).round().astype(int))
     states = [level.positions(int(step)) for step in sampled]
     motion = np.array(
         [0.0] + [np.linalg.norm(b - a, axis=1).mean() for a, b in zip(states, states[1:], strict=False)]
     ).cumsum()
-    share = sampled / max(stored, 1) + (motion / motion[-1] if motion[-1] > 0 else 0)
+    share = (sampled - first) / length + (motion / motion[-1] if motion[-1] > 0 else 0)
     steps = np.interp(np.linspace(0, share[-1], count), share, sampled).round().astype(int)
     return sorted({int(step) for step in steps} | ({last} if last > stored else set()))
 
@@ -114,13 +192,14 @@ def _levels(run: Run, wanted: Sequence[int] | None) -> list[RunLevel]:
     return [run.levels[index] for index in wanted]
 
 
-def _sheet(cells: list[list[Image.Image]], times: list[str], levels: Sequence[RunLevel]) -> Image.Image:
-    """The cells with the levels' names on the left and the times above."""
+def _sheet(
+    cells: list[list[Image.Image]], times: list[str], levels: Sequence[RunLevel], size: tuple[int, int] | None
+) -> Image.Image:
+    """The cells with the levels' names on the left and the times above; as large as they are where `size` is None."""
     width, height = cells[0][0].size
-    left, top = 118, 42
-    sheet = Image.new(
-        "RGB", (left + len(times) * (width + CELL_GAP), top + len(levels) * (height + CELL_GAP)), BACKGROUND
-    )
+    left, top = _LEFT, _TOP
+    own = (left + len(times) * (width + CELL_GAP), top + len(levels) * (height + CELL_GAP))
+    sheet = Image.new("RGB", own if size is None else size, BACKGROUND)
     pen = ImageDraw.Draw(sheet)
     for j, time in enumerate(times):
         pen.text((left + j * (width + CELL_GAP) + width / 2, top / 2 + 2), time, INK, font(19), anchor="mm")

@@ -12,7 +12,7 @@ from pdvol.colours import GROUND, OBSTACLE, PALETTE
 from pdvol.draw.camera import Camera, in_3d
 from pdvol.draw.contact_shadows import shadow_map
 from pdvol.draw.layout import BACKGROUND, FAINT_INK, font
-from pdvol.geometry.loops import closed_loops
+from pdvol.geometry.polylines import closed_loops
 from pdvol.store.obstacles import DrawnObstacle
 from pdvol.store.reader import Run, RunLevel
 
@@ -20,12 +20,13 @@ _SMOOTH_FROM = 1500  # facets of a body: with fewer, single facets are shown, so
 
 
 class Renderer:
-    """Renders pictures of one size with one camera, inside a `with` block.
+    """Renders pictures of one size, inside a `with` block.
 
     Parameters
     ----------
     run : Run
     camera : Camera
+        Of every picture that names no other one. The lights belong to it: they rest when another camera turns.
     width : of a picture [pixels]; the height follows from the camera
     obstacles : drawn beside the bodies
     oversampling : pixels rendered for each pixel of a picture, along each side: smooth edges
@@ -40,17 +41,29 @@ class Renderer:
         self.size = (width, max(2, round(width / camera.aspect)))
         self.oversampling = oversampling
         self._dim = run.levels[0].rest.shape[1]
+        self._view = camera
+        self._drawn: tuple = ()
 
-    def picture(self, level: RunLevel, step: int) -> Image.Image:
-        """One level at one step; where the step is not simulated yet, a picture with a note."""
+    def picture(self, level: RunLevel, step: int, camera: Camera | None = None) -> Image.Image:
+        """One level at one step; where the step is not simulated yet, a picture with a note.
+
+        Parameters
+        ----------
+        camera : instead of the renderer's own, of the same aspect
+        """
         if step >= level.steps:
             image = Image.new("RGB", self.size, BACKGROUND)
             middle = (self.size[0] / 2, self.size[1] / 2)
             ImageDraw.Draw(image).text(middle, "not simulated yet", FAINT_INK, font(15), anchor="mm")
             return image
-        self._plotter.clear_actors()
-        positions = in_3d(level.positions(step))
-        (self._draw_flat if self._dim == 2 else self._draw_solid)(level, positions, step)
+        self._view = self.camera if camera is None else camera
+        self._view.set_up(self._plotter.camera, parallel=self._dim == 2)
+        drawn = (level, step, *self._view.focus, self._view.distance)
+        if drawn != self._drawn:  # a camera that goes round a standing moment shows the same things
+            self._plotter.clear_actors()
+            positions = in_3d(level.positions(step))
+            (self._draw_flat if self._dim == 2 else self._draw_solid)(level, positions, step)
+            self._drawn = drawn
         self._plotter.render()
         rendered = Image.fromarray(np.asarray(self._plotter.screenshot(None, return_img=True)))
         return rendered.resize(self.size, Image.Resampling.LANCZOS)
@@ -132,7 +145,7 @@ class Renderer:
         self._plotter.add_mesh(surface, color=colour, opacity=opacity, **style, reset_camera=False, render=False)
 
     def _add_plane(self, point: np.ndarray, normal: np.ndarray, triangles: np.ndarray) -> None:
-        camera = self.camera
+        camera = self._view
         if (camera.position - point) @ normal <= 0:
             return  # from behind the plane would hide the scene
         e0 = np.cross(camera.up if abs(normal @ camera.up) < 0.95 else camera.towards, normal)
@@ -175,11 +188,11 @@ class Renderer:
                 self._lines(vertices, edges, _darker(pv.Color(OBSTACLE), 0.55), 2.5)
 
     def _fill(self, points: np.ndarray, triangles: np.ndarray, colour: pv.Color, depth: float, **edges: Any) -> None:
-        surface = pv.PolyData.from_regular_faces(points + [0, 0, depth * self.camera.size], triangles)
+        surface = pv.PolyData.from_regular_faces(points + [0, 0, depth * self._view.size], triangles)
         self._plotter.add_mesh(surface, color=colour, lighting=False, reset_camera=False, render=False, **edges)
 
     def _lines(self, points: np.ndarray, segments: np.ndarray, colour: pv.Color, width: float) -> None:
-        raised = points + [0, 0, 0.05 * self.camera.size]
+        raised = points + [0, 0, 0.05 * self._view.size]
         lines = pv.PolyData(raised, lines=np.insert(segments, 0, 2, axis=1).ravel())
         self._plotter.add_mesh(
             lines, color=colour, line_width=self._width(width), lighting=False, reset_camera=False, render=False
@@ -187,8 +200,8 @@ class Renderer:
 
     def _add_half_space(self, point: np.ndarray, normal: np.ndarray) -> None:
         along = np.array([-normal[1], normal[0], 0.0])
-        middle = point + ((self.camera.focus - point) @ along) * along
-        reach = 4 * self.camera.size
+        middle = point + ((self._view.focus - point) @ along) * along
+        reach = 4 * self._view.size
         corners = middle + np.array(
             [-reach * along, reach * along, reach * along - reach * normal, -reach * along - reach * normal]
         )

@@ -1,22 +1,48 @@
-"""Runs in processes side by side, each a normal run folder. What is stored already is gone on with."""
+"""Jobs: runs that are to be made, each a normal run folder, carried out some at a time by an executor. What is stored
+already is gone on with.
+"""
 
-import contextlib
 import os
-import subprocess
-import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TextIO
+from typing import Protocol
 
 from pdvol.errors import InputError
-from pdvol.processes import die_with_parent, without_launcher
 from pdvol.store.folder import holds_run
 from pdvol.store.reader import open_run
 
-JOB_POLL = 0.05  # seconds between looks at the processes
-GRACE = 5.0  # seconds that a process has to end after it was asked to; it stores a state in less
+JOB_POLL = 0.02  # seconds between looks at what runs
+MOST_STARTS = 3  # of a job whose process is killed by others, for want of memory say
+
+
+class Execution(Protocol):
+    """A command line that is carried out."""
+
+    def poll(self) -> int | None:
+        """Its exit code; None while it is carried out. A negative one is the signal that has ended its process."""
+
+    def stop(self) -> None:
+        """End it; whole states are kept."""
+
+
+class Executor(Protocol):
+    """What carries out command lines.
+
+    Attributes
+    ----------
+    count : of command lines at a time
+    """
+
+    @property
+    def count(self) -> int: ...
+
+    def start(self, words: Sequence[str], log: Path) -> Execution:
+        """Carry out `pdvol` with these words; what it prints goes to the file `log`."""
+
+    def close(self) -> None:
+        """Free what carried them out."""
 
 
 @dataclass
@@ -37,6 +63,10 @@ class Job:
     out: Path
     levels: range
     steps: int
+
+    def command(self) -> list[str]:
+        """The words after `pdvol`. The run goes on where its folder holds a part of it."""
+        return ["run", *self.words, "--out", str(self.out), "--resume", "--no-picture", "--no-xdmf"]
 
 
 @dataclass
@@ -73,69 +103,67 @@ def stored_outcome(job: Job) -> Outcome | None:
     return None if failed is None else Outcome(job, "failed", str(failed.info.get("reason", "")))
 
 
-class _Process:
-    """A job that runs."""
+class _Running:
+    """A job that an executor carries out."""
 
-    def __init__(self, job: Job):
-        self.job, self.start, self.beside = job, time.monotonic(), 0
+    def __init__(self, job: Job, executor: Executor):
+        self.job, self.begin, self.beside = job, time.monotonic(), 0
+        self._executor, self._starts = executor, 0
         job.out.parent.mkdir(parents=True, exist_ok=True)
         self.log = job.out.with_name(f"{job.out.name}.log")
-        go_on = ["--resume"] if holds_run(job.out) else []
-        with open(self.log, "w") as log:
-            self._process = _start([*job.words, "--out", str(job.out), *go_on], log)
+        self._start()
+
+    def _start(self) -> None:
+        self._starts += 1
+        self._execution = self._executor.start(self.job.command(), self.log)
 
     def outcome(self) -> Outcome | None:
-        """None while it runs."""
-        code = self._process.poll()
+        """None while it runs. A job whose process was killed is started again."""
+        code = self._execution.poll()
+        if code is not None and code < 0 and self._starts < MOST_STARTS:
+            self._start()
+            return None
         if code is None:
             return None
-        seconds = time.monotonic() - self.start
+        seconds = time.monotonic() - self.begin
         load = {"average": os.getloadavg()[0], "jobs_beside": self.beside}
         if code == 0:
             return Outcome(self.job, "done", "", seconds, load)
-        return Outcome(self.job, "failed", self._last_line() or f"it ended with status {code}", seconds, load)
+        if code < 0:
+            reason = f"its process was killed {self._starts} times (signal {-code})"
+        else:
+            reason = self._last_line() or f"it ended with status {code}"
+        return Outcome(self.job, "failed", reason, seconds, load)
 
     def _last_line(self) -> str:
-        lines = [line for line in self.log.read_text(errors="replace").splitlines() if line.strip()]
+        try:
+            text = self.log.read_text(errors="replace")
+        except OSError:
+            return ""
+        lines = [line for line in text.splitlines() if line.strip()]
         return lines[-1].removeprefix("pdvol: ") if lines else ""
 
     def stop(self) -> None:
         """Ends it; whole states are kept."""
-        self._process.terminate()
-        with contextlib.suppress(subprocess.TimeoutExpired):
-            self._process.wait(GRACE)
-        self._process.kill()
-        self._process.wait()
-
-
-def _start(words: Sequence[str], log: TextIO) -> subprocess.Popen:
-    # A session of its own: Ctrl-C is for the process that keeps the study.
-    return subprocess.Popen(
-        [sys.executable, "-m", "pdvol", "run", *words, "--no-picture", "--no-xdmf"],
-        env=without_launcher(),
-        stdin=subprocess.DEVNULL,
-        stdout=log,
-        stderr=log,
-        start_new_session=True,
-        preexec_fn=die_with_parent,
-    )
+        self._execution.stop()
 
 
 def run_jobs(
-    choose: Callable[[Sequence[Job], float], Job | None], count: int, deadline: float = float("inf")
+    choose: Callable[[Sequence[Job], float], Job | None], executor: Executor, deadline: float = float("inf")
 ) -> Iterator[Outcome]:
-    """Run jobs, `count` at a time, until `choose` gives no more; yields each one's outcome as it ends.
+    """Run jobs, as many at a time as the executor takes, until `choose` gives no more; yields each one's outcome as it
+    ends.
 
     Parameters
     ----------
     choose : called with the jobs that run and the seconds left; gives the next job, or None where none is to start now
     deadline : on `time.monotonic()`'s clock [s]: what runs then is stopped
     """
-    running: list[_Process] = []
+    running: list[_Running] = []
     try:
         while True:
             left = deadline - time.monotonic()
-            while len(running) < count and left > 0:
+            while len(running) < executor.count and left > 0:
                 job = choose([process.job for process in running], left)
                 if job is None:
                     break
@@ -143,7 +171,7 @@ def run_jobs(
                 if stored is not None:
                     yield stored
                     continue
-                running.append(_Process(job))
+                running.append(_Running(job, executor))
             if not running:
                 return
             for process in running:
@@ -164,8 +192,3 @@ def run_jobs(
     finally:
         for process in running:
             process.stop()
-
-
-def cores() -> int:
-    """Cores that this process may use."""
-    return len(os.sched_getaffinity(0))

@@ -92,6 +92,15 @@ class Worker:
         self.busy = False
         return code if code < 0 else -signal.SIGKILL
 
+    def interrupt(self) -> None:
+        """Ask the command line to end, as Ctrl-C does: its exit code is then 130, and the process takes the next one.
+
+        It may not follow, as long as it loads libraries or is in code that is not Python.
+        """
+        self.resume()
+        if self.busy:
+            self._signal(signal.SIGINT)
+
     def pause(self) -> None:
         """Hold the process until `resume`."""
         self._signal(signal.SIGSTOP)

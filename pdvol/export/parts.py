@@ -11,13 +11,13 @@ import numpy as np
 from pdvol.colours import GROUND, OBSTACLE, PALETTE
 from pdvol.export.body_surfaces import BodySurface, body_surfaces, plain_names
 from pdvol.export.series import padded
-from pdvol.geometry.loops import closed_loops
+from pdvol.geometry.polylines import closed_loops
 from pdvol.store.obstacles import DrawnObstacle
 from pdvol.store.reader import Run, RunLevel
 
 PLANE_REACH = 1.5  # half the side of a plane's quad, as a multiple of the diagonal of the box that the bodies pass
-LINE_WIDTH = 0.005  # width of an open polyline, as a multiple of the same diagonal
-SAMPLED_STATES = 30  # states of a level that the box of its motion is taken from
+OUTLINE_WIDTH = 0.005  # width of an open polyline, as a multiple of the same diagonal
+BOX_STATES = 30  # states of a level that the box of its motion is taken from
 
 
 Faces = Sequence[Sequence[int]] | np.ndarray
@@ -112,7 +112,7 @@ def _obstacle(run: Run, level: RunLevel, i: int, name: str, middle: np.ndarray, 
     else:
         moves = "positions" in obstacle.arrays
         shape = _mesh_faces if obstacle.kind == "mesh" else _polyline_faces
-        faces, corners = shape(obstacle.arrays, LINE_WIDTH * size)
+        faces, corners = shape(obstacle.arrays, OUTLINE_WIDTH * size)
         at = lambda step: corners(padded(placed(step).vertices(step)))
     counts = np.array([len(face) for face in faces], dtype=np.int64)
     return Part(
@@ -175,7 +175,7 @@ def _quad(point: np.ndarray, normal: np.ndarray, middle: np.ndarray, axis: np.nd
 def _passed_box(level: RunLevel) -> tuple[np.ndarray, np.ndarray]:
     """The lowest and highest coordinates (d,) [m] of a level's states; of some of them where there are many."""
     last = level.steps - 1
-    states = [level.positions(step) for step in np.unique(np.linspace(0, last, SAMPLED_STATES).round().astype(int))]
+    states = [level.positions(step) for step in np.unique(np.linspace(0, last, BOX_STATES).round().astype(int))]
     return np.min([x.min(axis=0) for x in states], axis=0), np.max([x.max(axis=0) for x in states], axis=0)
 
 

@@ -95,6 +95,17 @@ class BoundarySearch:
         return min(sorted(facets), key=squared_distance)
 
 
+def nearest_points(mesh: LevelMesh, facets: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The nearest of some boundary facets (k, d) at rest to points (n, d): its number (n,) int64, and the point on it
+    (n, d) [m].
+    """
+    corners, facets = _embed(mesh.points), np.ascontiguousarray(facets, dtype=np.int64)
+    tree = igl.AABB()
+    tree.init(corners, facets)
+    _, nearest, places = tree.squared_distance(corners, facets, _embed(points))
+    return np.asarray(nearest, dtype=np.int64), np.asarray(places)[:, : mesh.dim]
+
+
 def _embed(points: np.ndarray) -> np.ndarray:
     """Points (n, d) in 3D."""
     embedded = np.zeros((len(points), 3))

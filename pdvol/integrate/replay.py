@@ -1,6 +1,6 @@
 """Terms of a level evaluated at stored states, as in the step that led there: for exports and measures."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
@@ -37,6 +37,7 @@ class Replay:
         kappa: float | None = None,
         behind: tuple[float, float] = (0.0, 0.0),
         joined: int = 1,
+        memory: Mapping[str, Mapping] | None = None,
     ) -> Positions:
         """Puts all terms to the end of a stored step, and returns its positions. Collective.
 
@@ -47,7 +48,10 @@ class Replay:
         kappa : the barrier's stiffness in that step, where it was logged: some laws choose it step by step
         behind : [s] how far obstacles were behind the time at the step's start and end
         joined : how many steps were solved as this one, which began where the first of them did
+        memory : `terms` of the log's record of the step before, where there is one
         """
+        for term in self.terms:
+            term.restore((memory or {}).get(term.name, {}))
         x_t, x = (Positions(self.space, self.space.from_input(rows)) for rows in (start, end))
         t0, late_ones = max(step - joined, 0) * self.dt, {id(term) for term in self.contacts}
         if kappa is not None:

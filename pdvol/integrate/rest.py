@@ -22,7 +22,7 @@ from pdvol.integrate.integrator import State
 from pdvol.levels.model import LevelModel
 from pdvol.parallel import reduce
 from pdvol.potentials.potential import Positions
-from pdvol.scene import Force, Gravity, Impulse, Load, PointForce
+from pdvol.scene import Force, Gravity, Impulse, Load, PointForce, Pressure
 from pdvol.solve.incremental_potential import IncrementalPotential
 
 
@@ -42,6 +42,8 @@ class Rest:
 
     def __init__(self, model: LevelModel, tolerance: float):
         self._loads, self._dt, self._tolerance = [placed.load for placed in model.loads], model.dt, tolerance
+        working = any(callable(placed.muscle.activation) for placed in model.muscles)
+        self._changing = working or bool(model.materials.keyed)
         self.steps, self.acceleration = 0, np.inf
 
     @property
@@ -65,6 +67,7 @@ class Rest:
         lasts = (
             held * (self.acceleration + added) <= self._tolerance
             and held * fastest <= self._dt * self._tolerance
+            and not self._changing
             and all(_is_constant(load, time) for load in self._loads)
         )
         self.steps += lasts
@@ -94,6 +97,8 @@ def _is_constant(load: Load, time: float) -> bool:
     match load:
         case Gravity(acceleration=vector) | Force(force=vector) | PointForce(force=vector):
             return not callable(vector)
+        case Pressure(pressure=value):
+            return not callable(value)
         case Impulse(time=at):
             return at < time
     return False

@@ -75,6 +75,7 @@ class Stepper:
         if isinstance(record.get("solver_memory"), dict):
             self.newton.linear.restore(record["solver_memory"])
         self.rest.restore(record.get("rest", {}))
+        self.potential.restore(record.get("terms", {}))
         self._record = record
 
     def step(self, number: int, past: Past, keeps_velocity: bool = True) -> StepReport:
@@ -114,9 +115,11 @@ class Stepper:
                 acting = lambda: self.space.from_input(self._acceleration(number, x.whole))
                 self.rest.begin(self.potential, x, self.motion.held, float(moved) / (report.joined * dt), acting)
                 self._measure(report, x)
+                if self.potential.end_step(x):
+                    self.rest.restore({})  # the next step is solved
         if held:
             self._repeat(report)
-        report.rest = self.rest.memory
+        report.rest, report.terms = self.rest.memory, self.potential.memory
         report.linear_solver, report.solver_memory = self.newton.linear.method, self.newton.linear.memory
         report.seconds = self.watch.report()
         report.peak_memory_mb = peak_memory(self.space.comm)

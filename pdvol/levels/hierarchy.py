@@ -12,6 +12,7 @@ from pdvol.levels.binding import Binding, bind, home_cells
 from pdvol.levels.prolongation import Prolongation
 from pdvol.levels.space import LevelSpace
 from pdvol.registry import INTERPOLANTS
+from pdvol.stages import stage
 
 # vertices: every rank solves the coarse system directly in every iteration
 MAX_COARSE_VERTICES = 800
@@ -73,9 +74,10 @@ class Hierarchy(Sequence[LevelSpace]):
                 f"no prolongation leads to level {level}; levels with a coarser neighbour: 1 to {len(self) - 1}"
             )
         if level not in self._prolongations:
-            self._prolongations[level] = Prolongation(
-                self[level - 1], self[level], self._binding(level), INTERPOLANTS[self.interpolant]
-            )
+            with stage(f"binding level {level} to level {level - 1}"):
+                self._prolongations[level] = Prolongation(
+                    self[level - 1], self[level], self._binding(level), INTERPOLANTS[self.interpolant]
+                )
         return self._prolongations[level]
 
     def _binding(self, level: int) -> Binding:

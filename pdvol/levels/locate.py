@@ -8,13 +8,18 @@ on the number of ranks.
 import numpy as np
 from dolfinx import geometry
 from mpi4py import MPI
+from scipy.spatial import cKDTree
 
+from pdvol.geometry.boundary_search import nearest_points
+from pdvol.geometry.level_mesh import LevelMesh
 from pdvol.levels.space import LevelSpace
 
 # share of the largest coordinate: above the coordinates' round-off, far below any gap in a mesh
 FACET_TOLERANCE = 1e-12
 # points searched at a time: bounds the memory of the candidate pairs
 CHUNK = 20_000
+# cells, by their centres, among which the one nearest to a point is sought: many times those around one vertex
+NEAREST_CENTRES = 128
 
 
 def containing_cells(points: np.ndarray, bodies: np.ndarray, source: LevelSpace) -> np.ndarray:
@@ -59,6 +64,41 @@ def containing_cells(points: np.ndarray, bodies: np.ndarray, source: LevelSpace)
     source.comm.Allreduce(MPI.IN_PLACE, found, op=MPI.MIN)
     found[found == outside] = -1
     return found
+
+
+def nearest_material(mesh: LevelMesh, points: np.ndarray, bodies: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The material of a level at points: the cell that contains a point or, where the level's body ends short of it,
+    that of the nearest point on the body's boundary. Not collective.
+
+    Parameters
+    ----------
+    points : (k, d) [m], rest positions
+    bodies : (k,) int, the bodies that they belong to
+
+    Returns
+    -------
+    cells : (k,) int64
+    weights : (k, d + 1) float64
+        Barycentric coordinates, none negative, rows sum to one.
+    """
+    found = np.zeros(len(points), dtype=np.int64)
+    weights = np.zeros((len(points), mesh.dim + 1))
+    for body in np.unique(bodies):
+        mine, own = np.flatnonzero(bodies == body), np.flatnonzero(mesh.bodies == body)
+        facets = mesh.bodies[mesh.boundary_cells] == body
+        facet, nearest = nearest_points(mesh, mesh.boundary[facets], points[mine])
+        behind = mesh.boundary_cells[facets][facet]
+        centres = cKDTree(mesh.points[mesh.cells[own]].mean(axis=1))
+        _, near = centres.query(points[mine], k=np.arange(1, min(NEAREST_CENTRES, len(own)) + 1))
+        tried = np.repeat(points[mine], near.shape[1], axis=0)
+        within = barycentric_coordinates(tried, mesh.points[mesh.cells[own[near.ravel()]]]).reshape(*near.shape, -1)
+        best, each = within.min(axis=2).argmax(axis=1), np.arange(len(mine))
+        outside = within[each, best].min(axis=1) < 0.0
+        found[mine] = np.where(outside, behind, own[near[each, best]])
+        weights[mine] = within[each, best]
+        at_surface = barycentric_coordinates(nearest[outside], mesh.points[mesh.cells[behind[outside]]]).clip(0.0)
+        weights[mine[outside]] = at_surface / at_surface.sum(axis=1, keepdims=True)
+    return found, weights
 
 
 def barycentric_coordinates(points: np.ndarray, corners: np.ndarray) -> np.ndarray:

@@ -10,7 +10,7 @@ import ufl
 
 from pdvol.errors import InputError
 from pdvol.geometry.level_mesh import LevelMesh
-from pdvol.scene import Material, Region, Scene, lame
+from pdvol.scene import Keyed, Material, Region, Scene, lame
 from pdvol.scene.checks import called
 
 if TYPE_CHECKING:  # it loads the finite elements, which describing a scene does not need
@@ -27,7 +27,8 @@ class CellMaterials:
     law : (m,) int32, index into `laws`
     values : for each law, its psi's parameters by name: arrays (m,), zero where another law holds
     young, density, damping : (m,) [Pa], [kg/m^d], [s]
-    softest : the lowest Young's modulus [Pa] on the coarsest level
+    softest : the lowest Young's modulus [Pa] on the coarsest level, at any time
+    keyed : what Young's modulus follows in time, and the cells (m,) bool that do; the other fields are those at t = 0
     """
 
     laws: tuple[type[Material], ...]
@@ -37,6 +38,7 @@ class CellMaterials:
     density: np.ndarray
     damping: np.ndarray
     softest: float
+    keyed: tuple[tuple[Keyed, np.ndarray], ...] = ()
 
     def carried(self, origins: np.ndarray) -> "CellMaterials":
         """The same on a finer level whose cells inherit from these: `origins` (m_fine,)."""
@@ -49,6 +51,7 @@ class CellMaterials:
             self.density[origins],
             self.damping[origins],
             self.softest,
+            tuple((keyed, cells[origins]) for keyed, cells in self.keyed),
         )
 
 
@@ -74,14 +77,17 @@ def cell_materials(scene: Scene, mesh: LevelMesh) -> CellMaterials:
     zeros = lambda: np.zeros(len(mesh.cells))
     law, fields = np.zeros(len(mesh.cells), dtype=np.int32), {name: zeros() for name in ("young", "density", "damping")}
     values = tuple({name: zeros() for name in ("mu", "lmbda", *of.own_parameters())} for of in laws)
+    keyed: list[tuple[Keyed, np.ndarray]] = []
     for material, cells in parts:
         found, number = material.at(centres[cells]), laws.index(type(material))
         found["mu"], found["lmbda"] = lame(found["young"], found["poisson"])
         law[cells] = number
+        keyed += [(follows, np.isin(np.arange(len(mesh.cells)), cells)) for follows in material.keyed if len(cells)]
         for into in (fields, values[number]):
             for name in into:
                 into[name][cells] = found[name]
-    return CellMaterials(laws, law, values, **fields, softest=float(fields["young"].min()))
+    softest = min([float(fields["young"].min()), *(min(follows.values) for follows, _ in keyed)])
+    return CellMaterials(laws, law, values, **fields, softest=softest, keyed=tuple(keyed))
 
 
 def _held(region: Region, name: str, mesh: LevelMesh, centres: np.ndarray, mine: np.ndarray) -> np.ndarray:

@@ -10,8 +10,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pdvol.geometry.level_mesh import LevelMesh
+from pdvol.levels.attachments import BoundSprings, Springs, attachment_springs, bound_springs
 from pdvol.levels.hierarchy import Hierarchy
 from pdvol.levels.materials import CellMaterials, cell_materials, level_materials
+from pdvol.levels.muscles import CellMuscle, cell_muscles, level_muscles
 from pdvol.levels.obstacles import Obstacle
 from pdvol.levels.scene_fields import chosen_points, initial_velocity, supported_points
 from pdvol.scene import Barrier, Friction, Gravity, Load, Motion, Penalty, Scene, Solver, Still, metres, moved
@@ -112,6 +114,8 @@ class LevelModel:
     supports : tuple of HeldPoints
     obstacles : tuple of Obstacle
     contact : none or one ContactModel
+    springs : none or one BoundSprings, of all attachments
+    muscles : tuple of CellMuscle
     penalty : weights that hold levels together
     feedback, feedback_modes : of the drift from the level below, as `Scene` has them
     integrator : its name in the registry
@@ -129,6 +133,8 @@ class LevelModel:
     supports: tuple[HeldPoints, ...]
     obstacles: tuple[Obstacle, ...]
     contact: tuple[ContactModel, ...]
+    springs: tuple[BoundSprings, ...]
+    muscles: tuple[CellMuscle, ...]
     penalty: Penalty
     feedback: float
     feedback_modes: str
@@ -162,6 +168,8 @@ def level_model(
     diagonal: float,
     obstacles: Sequence[Obstacle] = (),
     materials: CellMaterials | None = None,
+    springs: Springs | None = None,
+    muscles: tuple[CellMuscle, ...] | None = None,
 ) -> LevelModel:
     """A scene on one level. Not collective: every rank makes the same one.
 
@@ -170,6 +178,7 @@ def level_model(
     diagonal : of the smallest free body [m] (`scene_diagonal`), for relative lengths
     obstacles : of the scene (`placed_obstacles`)
     materials : of the level's cells; where not given, as if the level were the coarsest
+    springs, muscles : of the scene's attachments, and of the level's cells, likewise
 
     Raises
     ------
@@ -197,6 +206,8 @@ def level_model(
         supports=tuple(supports),
         obstacles=tuple(obstacles),
         contact=contact_models(scene.contact, names, obstacles, diagonal, materials.softest),
+        springs=bound_springs(attachment_springs(scene, mesh) if springs is None else springs, mesh),
+        muscles=cell_muscles(scene, mesh) if muscles is None else muscles,
         penalty=scene.penalty,
         feedback=scene.feedback,
         feedback_modes=scene.feedback_modes,
@@ -211,12 +222,15 @@ def level_model(
 def hierarchy_model(
     scene: Scene, hierarchy: Hierarchy, level: int, diagonal: float, obstacles: Sequence[Obstacle] = ()
 ) -> LevelModel:
-    """A scene on a level of a hierarchy; materials are carried from the coarsest level. Collective.
+    """A scene on a level of a hierarchy; materials, muscles and attachments are chosen on the coarsest level.
+    Collective.
 
     Parameters and errors as for `level_model`.
     """
     materials = level_materials(scene, hierarchy, level)
-    return level_model(scene, hierarchy[level].mesh, level, diagonal, obstacles, materials)
+    springs = attachment_springs(scene, hierarchy[0].mesh)
+    muscles = level_muscles(scene, hierarchy, level)
+    return level_model(scene, hierarchy[level].mesh, level, diagonal, obstacles, materials, springs, muscles)
 
 
 def contact_models(

@@ -1,18 +1,19 @@
 """A scene's functions of space, evaluated on its shapes and meshes: size, velocities at t = 0, chosen points."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 
 import numpy as np
 
 from pdvol.errors import InputError
 from pdvol.geometry.level_mesh import LevelMesh
 from pdvol.levels.materials import cell_materials, check_laws
+from pdvol.levels.muscles import cell_muscles
 from pdvol.meshes import Outline
 from pdvol.meshing.readers import read_shape
-from pdvol.scene import Flow, Force, Gravity, Impulse, Load, PointForce, Scene, Support, at_time, moved
-from pdvol.scene.checks import called, require
+from pdvol.scene import Flow, Force, Gravity, Impulse, Load, PointForce, Pressure, Scene, Support, at_time, moved
+from pdvol.scene.checks import chosen, near
 
-Chooser = Support | Force | PointForce | Impulse | Flow
+Chooser = Support | Force | PointForce | Impulse | Flow | Pressure
 """What acts on chosen points."""
 MOTION_SAMPLES = 50  # times of a scene at which its motions are evaluated before a run, to find those that fail
 
@@ -67,14 +68,7 @@ def chosen_points(scene: Scene, chooser: Chooser, mesh: LevelMesh) -> np.ndarray
 
 def _mask(chooser: Chooser, where: Callable, points: np.ndarray) -> np.ndarray:
     """(n,) bool: the points (n, d) that the `where` of a support or a load chooses."""
-    what = f"a {type(chooser).__name__.lower()}'s `where`"
-    mask = called(what, where, (points.copy(),), (len(points),))
-    strange: Sequence | np.ndarray = [] if mask.dtype == bool else mask[~np.isin(mask, (0, 1))]  # NaN or indices
-    require(
-        len(strange) == 0,
-        f"{what} must give True or False a vertex, not {mask.dtype} values such as {strange[0] if len(strange) else 0}",
-    )
-    return mask.astype(bool)
+    return chosen(f"a {type(chooser).__name__.lower()}'s `where`", where, points)
 
 
 def supported_points(scene: Scene, support: Support, mesh: LevelMesh, level: int) -> np.ndarray:
@@ -104,6 +98,11 @@ def check_fields(scene: Scene, mesh: LevelMesh, level: int) -> None:
     initial_velocity(scene, mesh)
     if level == 0:
         check_laws(scene, mesh.dim)
+        cell_muscles(scene, mesh)
+        if scene.attachments:
+            from pdvol.levels.attachments import attachment_springs  # it loads search trees and finite elements
+
+            attachment_springs(scene, mesh)
         cell_materials(scene, mesh)
     for support in scene.supports:
         supported_points(scene, support, mesh, level)
@@ -114,6 +113,8 @@ def _check_load(scene: Scene, load: Load, mesh: LevelMesh, level: int) -> None:
     for time in (0.0, scene.dt, scene.dt * scene.steps):
         if isinstance(load, Flow):
             load.at(mesh.points, time)
+        elif isinstance(load, Pressure):
+            load.at(time)
         else:
             name = (
                 "gravity"
@@ -140,14 +141,5 @@ def _check_load(scene: Scene, load: Load, mesh: LevelMesh, level: int) -> None:
             f"a {kind} holds no vertex of level {level}; widen its `where` so that the coarsest level has some"
         )
     if isinstance(load, PointForce):
-        at, low, high = (
-            at_time("PointForce.at", load.at, 0.0, mesh.dim),
-            mesh.points[held].min(axis=0),
-            mesh.points[held].max(axis=0),
-        )
-        slack = 0.1 * np.linalg.norm(high - low)
-        if np.any(at < low - slack) or np.any(at > high + slack):
-            raise InputError(
-                f"PointForce.at = {tuple(load.at)} lies far outside {load.body or 'all bodies'}; it is a rest position,"
-                " as placed"
-            )
+        at = at_time("PointForce.at", load.at, 0.0, mesh.dim)
+        near("PointForce.at", at, mesh.points[held], load.body or "all bodies")

@@ -16,6 +16,7 @@ from pdvol.levels.initial_state import check_start
 from pdvol.levels.obstacles import Obstacle
 from pdvol.meshing.build import build_levels
 from pdvol.scene import Scene, Separate
+from pdvol.stages import stage
 
 STEPS = {"move": 0.01, "shrink": 0.02, "refine": 0.1}
 """One step of a change: a share of the body's diagonal, of its size, of the level's vertices."""
@@ -75,7 +76,8 @@ class _Arrangement:
     def first_intersection(self, obstacles: Sequence[Obstacle]) -> IntersectionError | None:
         """The first intersection of some level."""
         try:
-            check_start(self.levels(), obstacles, [body.name for body in self.scene.bodies])
+            with stage("checking that bodies are apart"):
+                check_start(self.levels(), obstacles, [body.name for body in self.scene.bodies])
         except IntersectionError as error:
             return error
         return None

@@ -31,6 +31,7 @@ from pdvol.meshing.validate import check_outline, check_solid, check_surface, dr
 from pdvol.meshing.verdict import Boundary, boundary_facets_of, check_place, judge, place_of
 from pdvol.meshing.volume import enclosed_volume
 from pdvol.scene import Body, Rigid, Scene
+from pdvol.stages import stage
 
 BUILD_VERSION = 4
 """Part of the cache's keys. Increase it by one when the same input gives other meshes: old ones are not used then."""
@@ -111,12 +112,14 @@ def _body_levels(body: Body, levels: int, folder: Path, shapes: dict[str, list[S
     name = f"body {body.name!r}"
     if isinstance(body.shape, (tuple, list)):
         return [_as_it_is(shape, body, f"{name}, level {level}") for level, shape in enumerate(body.shape[:levels])]
-    shape = read_shape(body.shape)
+    with stage(f"reading {name}"):
+        shape = read_shape(body.shape)
     check_place(body.placement(place_of(shape)), name)
     key = _shape_key(shape, body.vertices)
     done = shapes.setdefault(key, [])
     if len(done) < levels:
-        boundary = judge(shape, name)[1]
+        with stage(f"checking {name}"):
+            boundary = judge(shape, name)[1]
         done[:] = _meshed(shape, boundary, body.vertices, levels, folder, key, name)
     return done
 
@@ -149,14 +152,16 @@ def _meshed(
         nonlocal regions_of
         with prepared:
             if not boundaries:
-                found, regions_of = _prepare(shape, boundary, targets, name)
+                with stage(f"decimating {name}"):
+                    found, regions_of = _prepare(shape, boundary, targets, name)
                 boundaries.extend(found)
         own = boundaries[level]
         target, what = int(targets[level]), f"{name}, level {level}"
-        if isinstance(own, Surface):
-            sized = tetrahedralise(own, target, what, volume=enclosed_volume(*boundary_facets_of(boundaries[-1])))
-        else:
-            sized = triangulate(own, target, what)
+        with stage(f"meshing {what}"):
+            if isinstance(own, Surface):
+                sized = tetrahedralise(own, target, what, volume=enclosed_volume(*boundary_facets_of(boundaries[-1])))
+            else:
+                sized = triangulate(own, target, what)
         return {
             "points": sized.points,
             "cells": sized.cells.astype(np.int32),

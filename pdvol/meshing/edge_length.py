@@ -11,6 +11,7 @@ from scipy.optimize import brentq
 
 from pdvol.errors import InputError, MeshError
 from pdvol.meshing.cpu_budget import ProcessStopped, check_budget
+from pdvol.stages import say
 
 AIMED_DEVIATION = {2: 0.15, 3: 0.2}
 """By dimension: relative deviation of the number of vertices from the target at which the search ends at once. Triangle
@@ -94,6 +95,7 @@ def mesh_of_target_size(
     scale, history = start, History()
     for tried in range(1, MAX_ATTEMPTS + 1):
         check_budget(name)
+        say(f"try {tried} of at most {MAX_ATTEMPTS}")
         try:
             points, cells = make(scale, failures)
         except ProcessStopped as error:
@@ -112,6 +114,7 @@ def mesh_of_target_size(
             best = (abs(off), SizedMesh(points, cells, scale))
         share = abs(len(best[1].points) / target - 1.0)
         if share <= AIMED_DEVIATION[dim] or (share <= ACCEPTED_DEVIATION and tried >= ATTEMPTS_BEFORE_ACCEPTING):
+            say(f"{len(best[1].points):,} vertices, {'1 try' if tried == 1 else f'{tried} tries'}")
             return best[1]
         scale = float(np.exp(_next_log_scale(history, dim)))
     if best is None:

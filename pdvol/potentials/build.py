@@ -8,9 +8,11 @@ import numpy as np
 from pdvol.levels.model import ContactModel, LevelModel
 from pdvol.levels.obstacles import Obstacle
 from pdvol.levels.space import LevelSpace
+from pdvol.potentials.attachments import Attachments
 from pdvol.potentials.consistency import Consistency, Guide
 from pdvol.potentials.elasticity import elastic_terms
 from pdvol.potentials.loads import assemble_mass, load_terms
+from pdvol.potentials.muscles import ActiveFibres
 from pdvol.potentials.potential import ContactPotential, Potential, StiffnessRule
 from pdvol.registry import CONTACT_LAWS
 
@@ -23,7 +25,7 @@ class Surroundings:
     ----------
     space : LevelSpace
     mass : (n_owned, d) [kg]
-    elastic, loads, contacts : potentials
+    elastic, loads, contacts : potentials; muscles and attachments are among the loads
     dhat : activation distance [m]
     diagonal : of the smallest free body [m]
     """
@@ -66,6 +68,8 @@ def build_terms(model: LevelModel, space: LevelSpace, guides: Sequence[Guide] = 
     contacts, frictions = contact_terms(model.contact, model.obstacles, space)
     elastic = elastic_terms(space, model.materials)
     loads = load_terms(model.loads, space, model.materials.density, mass)
+    loads += tuple(ActiveFibres(space, muscle) for muscle in model.muscles)
+    loads += tuple(Attachments(space, springs) for springs in model.springs)
     held = tuple(Consistency(space, mass, guide) for guide in guides)
     rules: tuple[StiffnessRule, ...] = ()
     for contact in model.contact:

@@ -10,6 +10,7 @@ from dolfinx import fem, la
 
 from pdvol.forms.inertia import lumped_mass
 from pdvol.forms.loads import body_force
+from pdvol.geometry.closed_surfaces import pressed_facets
 from pdvol.geometry.level_mesh import LevelMesh
 from pdvol.levels.locate import barycentric_coordinates
 from pdvol.levels.model import PlacedLoad
@@ -17,7 +18,7 @@ from pdvol.levels.space import LevelSpace
 from pdvol.parallel import reduce
 from pdvol.potentials.assembly.compiled_forms import form_cache
 from pdvol.potentials.potential import Positions, Potential, Term
-from pdvol.scene import Flow, Force, Gravity, Load, PointForce, at_time
+from pdvol.scene import Flow, Force, Gravity, Load, PointForce, Pressure, at_time
 from pdvol.scene.motions import Vector
 
 
@@ -89,6 +90,10 @@ def _load_term(load: Load, chosen: np.ndarray, space: LevelSpace, densities: np.
         from pdvol.potentials.drag import Drag
 
         return Drag(space, chosen, load.at, load.density * load.drag / 2)
+    if isinstance(load, Pressure):
+        from pdvol.potentials.pressure import EnclosedPressure
+
+        return EnclosedPressure(space, pressed_facets(mesh, int(mesh.point_bodies[chosen][0])), load.at)
     if isinstance(load, Gravity):
         if not callable(load.acceleration):
             return gravity_load(space, densities, load.acceleration)

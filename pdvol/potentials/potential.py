@@ -1,7 +1,8 @@
 """The protocol of the incremental potential's terms, and the positions at which they are evaluated."""
 
+from collections.abc import Mapping
 from functools import cached_property
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -72,6 +73,16 @@ class Potential(Protocol):
 
     def update_lag(self, x: Positions) -> None:
         """Lags friction at x: contact forces and directions are constant until the next call."""
+
+    def end_step(self, x: Positions) -> bool:
+        """Ends the step at x; returns whether forces are others from now on. Collective."""
+
+    @property
+    def memory(self) -> Mapping[str, Any]:
+        """What the next step needs to know of those before, as JSON; empty where that is nothing."""
+
+    def restore(self, memory: Mapping[str, Any]) -> None:
+        """Sets what `memory` gave."""
 
     def value(self, x: Positions) -> float:
         """E(x) [J]; inf where x is not admissible."""
@@ -148,6 +159,16 @@ class Term:
         pass
 
     def update_lag(self, x: Positions) -> None:
+        pass
+
+    def end_step(self, x: Positions) -> bool:
+        return False
+
+    @property
+    def memory(self) -> Mapping[str, Any]:
+        return {}
+
+    def restore(self, memory: Mapping[str, Any]) -> None:
         pass
 
     def add_hessian(self, x: Positions, weight: float, into: HessianBlocks) -> None:

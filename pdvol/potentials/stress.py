@@ -22,24 +22,25 @@ class CauchyStress:
         domain, V = self.space.domain, self.space.V
         self._x = fem.Function(V)
         constant = fem.functionspace(domain, ("DG", 0))
-        parameters = {}
-        for name, values in term.parameters.items():
-            parameters[name] = fem.Function(constant)
-            everywhere = np.ones(len(self.space.mesh.cells))
-            everywhere[self.space.near_cells[term.cells]] = values
-            parameters[name].x.array[:] = everywhere[self.space.domain_cells]
+        self._parameters = {name: fem.Function(constant) for name in term.parameters}
         F = deformation_gradient(self._x)
         d = self.space.dim
         F = ufl.variable(
             ufl.as_matrix([[F[i, j] if max(i, j) < d else float(i == j) for j in range(3)] for i in range(3)])
         )
-        stress = ufl.diff(term.psi(F, **parameters), F) * F.T / ufl.det(F)
+        stress = ufl.diff(term.psi(F, **self._parameters), F) * F.T / ufl.det(F)
         middle = np.full((1, d), 1.0 / (d + 1))
         with form_cache(self.space.comm, (stress, middle), native.FLAGS) as options:
             self._expression = fem.Expression(stress, middle, jit_options=options)
 
     def add_to(self, stresses: np.ndarray, positions: np.ndarray) -> None:
-        """Writes the stresses (m, 3, 3) of the term's cells at positions (n, d), both in the input's order."""
+        """Writes the stresses (m, 3, 3) of the term's cells at positions (n, d), both in the input's order; with the
+        term's parameters as they are.
+        """
+        for name, values in self._term.parameters.items():
+            everywhere = np.ones(len(self.space.mesh.cells))
+            everywhere[self.space.near_cells[self._term.cells]] = values
+            self._parameters[name].x.array[:] = everywhere[self.space.domain_cells]
         self._x.x.array[:] = self.space.from_input(positions).ravel()
         local = np.arange(len(self.space.mesh.cells), dtype=np.int32)
         found = np.empty_like(stresses)

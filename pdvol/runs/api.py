@@ -6,6 +6,7 @@ import shutil
 import tempfile
 import weakref
 from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -17,10 +18,12 @@ from mpi4py import MPI
 from pdvol.errors import InputError, PdvolError
 from pdvol.parallel import on_root
 from pdvol.runs.level_run import Watch
-from pdvol.runs.progress import Calls, Progress
+from pdvol.runs.progress import Calls, Progress, in_notebook
 from pdvol.runs.runner import run_scene
 from pdvol.runs.scene_file import Shot
+from pdvol.runs.stage_lines import StageLines
 from pdvol.scene import Scene
+from pdvol.stages import reported_to
 from pdvol.store.reader import Run, open_run
 
 LEVELS = 'levels is a number (levels 0 to that one), a pair (first, last), a range, or text such as "0:2"'
@@ -50,8 +53,8 @@ def run(
     prolongation : how a level's motion is carried to the next finer one: "barycentric", "biharmonic" or "phong"
     steps : number of time steps, instead of the scene's
     resume : go on with the run in `out`: finished steps are kept, further levels are added
-    progress : True shows a bar per level (in a notebook or on a terminal) or a line per step; a function is called with
-        the log record (a dict) of each step, on rank 0
+    progress : True shows a bar per level (in a notebook or on a terminal) or a line per step, and before them what
+        takes long, as meshing; a function is called with the log record (a dict) of each step, on rank 0
     comm : MPI communicator; the world when None
 
     Returns
@@ -75,9 +78,10 @@ def run(
         raise InputError("resume needs the folder of a stored run: pdvol.run(scene, out=..., resume=True)")
     folder = Path(tempfile.mkdtemp(prefix="pdvol_")) if out is None else Path(out)
     try:
-        run_scene(
-            Shot(None, {}, scene), folder, first, last, method, prolongation, resume, comm, _watch(progress, comm)
-        )
+        with _stages(progress, comm):
+            run_scene(
+                Shot(None, {}, scene), folder, first, last, method, prolongation, resume, comm, _watch(progress, comm)
+            )
     except BaseException as error:
         if out is None:
             _keep_or_remove(folder, error)
@@ -135,6 +139,13 @@ def _watch(progress: bool | Callable[[dict], Any] | None, comm: MPI.Comm) -> Wat
     if progress is True:
         return (lambda level, total, done: Progress(level, total, done=done)) if comm.rank == 0 else None
     return lambda level, total, done: Calls(progress, comm)
+
+
+def _stages(progress: bool | Callable[[dict], Any] | None, comm: MPI.Comm) -> AbstractContextManager:
+    """Within it, what is done before a level's steps is shown where bars are."""
+    if progress is not True or comm.rank != 0:
+        return nullcontext()
+    return reported_to(StageLines(rewritten=True if in_notebook() else None))
 
 
 def _keep_or_remove(folder: Path, error: BaseException) -> None:

@@ -19,6 +19,7 @@ from pdvol.levels.obstacles import moving_places
 from pdvol.registry import INTEGRATORS
 from pdvol.runs.progress import Progress
 from pdvol.solve.report import StepReport
+from pdvol.stages import stage
 
 Watch = Callable[[int, int, int], Progress]
 
@@ -56,17 +57,11 @@ def run_level(
     if done > model.steps:
         writer.finish(level)
         return
-    integrator = INTEGRATORS[model.integrator]()
-    if done == 0:
-        start = Start.at_rest(model.mesh.points, model.velocity)
-        writer.call("write_state", level, 0, model.mesh.points)
-    else:
-        positions = partial(writer.read, level, "positions")
-        joined = lambda step: int(writer.record(level, step).get("joined", 1))
-        past = past_of(integrator, positions, model.velocity, done - 1, model.dt, joined)
-        start = Start(done - 1, past, writer.record(level, done - 1))
-    writer.call("set_level_state", level, "running")
-    march = _march(model, hierarchy, method, integrator, partial(writer.read, level - 1), start)
+    with stage(f"preparing level {level}"):
+        integrator = INTEGRATORS[model.integrator]()
+        start = _start(model, integrator, writer, done)
+        writer.call("set_level_state", level, "running")
+        march = _march(model, hierarchy, method, integrator, partial(writer.read, level - 1), start)
     watcher = progress(level, model.steps, start.step) if progress is not None else None
     try:
         for report in march:
@@ -85,6 +80,18 @@ def run_level(
     finally:
         if watcher is not None:
             watcher.close()
+
+
+def _start(model: LevelModel, integrator: Integrator, writer: LevelWriter, done: int) -> Start:
+    """Where a level goes on that has `done` stored states; it begins at rest, and that state is stored."""
+    level = model.level
+    if done == 0:
+        writer.call("write_state", level, 0, model.mesh.points)
+        return Start.at_rest(model.mesh.points, model.velocity)
+    positions = partial(writer.read, level, "positions")
+    joined = lambda step: int(writer.record(level, step).get("joined", 1))
+    past = past_of(integrator, positions, model.velocity, done - 1, model.dt, joined)
+    return Start(done - 1, past, writer.record(level, done - 1))
 
 
 def _march(

@@ -10,6 +10,7 @@ from pdvol.meshing.cpu_budget import cpu_budget
 from pdvol.meshing.readers import read_with_notes
 from pdvol.meshing.repair import repair
 from pdvol.runs.preflight import check_meshes
+from pdvol.stages import stage
 
 SURFACE_FILES = (".obj", ".off", ".ply")
 VOLUME_FILES = (".vtu", ".vtk", ".mesh", ".msh")
@@ -38,11 +39,13 @@ def mend_file(file: Path, out: Path, weld: float, hole: float, envelope: float) 
 
 
 def _mend_file(file: Path, out: Path, weld: float, hole: float, envelope: float) -> tuple[list[str], bool]:
-    shape, lines = read_with_notes(file)
+    with stage(f"reading {file}"):
+        shape, lines = read_with_notes(file)
     kinds = VOLUME_FILES if isinstance(shape, Solid) else SURFACE_FILES
     if out.suffix.lower() not in kinds:
         raise InputError(f"{out}: {file.name} can be written as {', '.join(kinds)}")
-    mended, done = repair(shape, weld, hole, envelope, str(file))
+    with stage(f"mending {file}"):
+        mended, done = repair(shape, weld, hole, envelope, str(file))
     out.parent.mkdir(parents=True, exist_ok=True)
     _write(mended, out)
     verdict = check_meshes([out])

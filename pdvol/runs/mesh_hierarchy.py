@@ -23,6 +23,7 @@ from pdvol.meshing.verdict import boundary_facets_of, check_place, judge, place_
 from pdvol.meshing.volume import enclosed_volume
 from pdvol.runs.binding_report import binding_lines, draw_bindings
 from pdvol.scene import Body, NeoHookean, Scene
+from pdvol.stages import stage
 
 
 def write_hierarchy(mesh: Path, targets: tuple[int, ...], out: Path, prolongation: str = "barycentric") -> list[str]:
@@ -46,15 +47,18 @@ def write_hierarchy(mesh: Path, targets: tuple[int, ...], out: Path, prolongatio
         The mesh cannot be read or meshed, the prolongation is unknown, or `out` cannot be written.
     """
     with cpu_budget(sum(targets)):
-        read, notes = read_with_notes(mesh)
         name = f"body {mesh.stem!r}"
+        with stage(f"reading {name}"):
+            read, notes = read_with_notes(mesh)
         check_place(place_of(read), name)
-        shape, boundary, found = judge(read, name)
+        with stage(f"checking {name}"):
+            shape, boundary, found = judge(read, name)
         scene = Scene(bodies=(Body(shape, NeoHookean(1e5), targets, name=mesh.stem),), dt=0.01, steps=0)
         meshes, diagonal = build_levels(scene), scene_diagonal(scene)
     for level, level_mesh in enumerate(meshes):
-        for defect in level_defects(scene, level_mesh, level, (), diagonal):
-            raise defect.error
+        with stage(f"checking level {level}"):
+            for defect in level_defects(scene, level_mesh, level, (), diagonal):
+                raise defect.error
     try:
         out.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -65,8 +69,10 @@ def write_hierarchy(mesh: Path, targets: tuple[int, ...], out: Path, prolongatio
     for level, level_mesh in enumerate(meshes):
         homes = {"home_cell": hierarchy.prolongation(level).binding.cells} if level else {}
         write_vtu(out / f"level_{level}.vtu", level_mesh, homes)
-        lines.append(f"{_level_line(level_mesh, level)}; {_shape_words(level_mesh, points, facets)}")
-    draw_bindings(hierarchy, out)
+        with stage(f"measuring level {level}"):
+            lines.append(f"{_level_line(level_mesh, level)}; {_shape_words(level_mesh, points, facets)}")
+    with stage("drawing the bindings"):
+        draw_bindings(hierarchy, out)
     return [*lines, *binding_lines(hierarchy)]
 
 

@@ -39,6 +39,7 @@ from pdvol.meshing.verdict import POOR_QUALITY, check_place, judge, place_of
 from pdvol.registry import INTEGRATORS
 from pdvol.runs.scene_summary import modelled_terms
 from pdvol.scene import Barrier, Scene, metres
+from pdvol.stages import say, stage
 
 NAMED_CELLS = 5  # worst cells that are listed for each level
 GAP_RANGE = 10.0  # multiples of dhat: larger gaps do not touch in the first steps and are not searched for
@@ -87,7 +88,8 @@ def check_scene(scene: Scene, seconds: float = 3.0, out: Path | None = None) -> 
         result["stiffness_ratio"] = float(young.max() / young.min())
     defects = []
     for level, mesh in enumerate(meshes):
-        entry, found = _check_level(scene, mesh, level, obstacles, diagonal)
+        with stage(f"checking level {level}"):
+            entry, found = _check_level(scene, mesh, level, obstacles, diagonal)
         result["levels"].append(entry)
         result["notes"] += [f"note: {line}" for line in level_notes(scene, mesh, level, diagonal)]
         result["defects"] += [f"defect at level {level}: {message}" for message in entry["defects"]]
@@ -96,7 +98,8 @@ def check_scene(scene: Scene, seconds: float = 3.0, out: Path | None = None) -> 
         _write_levels(out, meshes, defects)
     result["sound"] = not result["defects"]
     if result["sound"] and seconds > 0 and scene.steps:
-        _estimate_costs(result, scene, meshes, obstacles, diagonal, seconds)
+        with stage("estimating costs from level 0"):
+            _estimate_costs(result, scene, meshes, obstacles, diagonal, seconds)
     _add_notes(result)
     return result
 
@@ -194,6 +197,7 @@ def _estimate_costs(
     try:
         for report in direct(stepper, Start.at_rest(mesh.points, model.velocity), scene.steps):
             spent.append(report.seconds["total"])
+            say(f"{len(spent)} steps")
             iterations.append(report.newton_iterations)
             if time.perf_counter() - begin > seconds:
                 break
@@ -253,7 +257,7 @@ def check_meshes(files: Sequence[Path]) -> dict:
     entries = []
     for file in files:
         try:
-            with cpu_budget():
+            with cpu_budget(), stage(f"checking {file}"):
                 message, notes = _check_mesh(file)
             entries.append({"file": str(file), "sound": True, "message": message, "notes": notes})
         except InputError as error:
@@ -286,8 +290,9 @@ def shape_notes(scene: Scene) -> list[str]:
     lines = []
     for body in scene.bodies:
         for shape in body.shape if isinstance(body.shape, (tuple, list)) else (body.shape,):
-            read, notes = read_with_notes(shape)
             name = f"body {body.name!r}"
-            check_place(body.placement(place_of(read)), name)
-            lines += [f"{name}: {note}" for note in notes + judge(read, name)[2]]
+            with stage(f"checking the shape of {name}"):
+                read, notes = read_with_notes(shape)
+                check_place(body.placement(place_of(read)), name)
+                lines += [f"{name}: {note}" for note in notes + judge(read, name)[2]]
     return list(dict.fromkeys(lines))

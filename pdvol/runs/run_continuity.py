@@ -1,6 +1,6 @@
 """Continuity of a stored level: the forces that its scene has at stored states, and the x_hat of each step."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -34,16 +34,16 @@ class Forces:
         self._replay = Replay(model, hierarchy[model.level], guides)
 
     def pull(
-        self, number: int, now: np.ndarray, after: np.ndarray, kappa: float | None
+        self, number: int, now: np.ndarray, after: np.ndarray, kappa: float | None, memory: Mapping | None = None
     ) -> tuple[np.ndarray, np.ndarray]:
         """dt^2 M^-1 grad F(after) [m], shape (n, d), in the step `number` (from 1) that begins at `now`; and the
         guides' part of it, which F does not contain. NaN where `after` is not admissible (inverted cells).
 
         Friction is lagged at `now`, as the first of its iterations is; `kappa` is the barrier's stiffness in that step,
-        where it was logged.
+        where it was logged, and `memory` what the step before has left to the terms.
         """
         replay = self._replay
-        end = replay.put(number, now, after, kappa)
+        end = replay.put(number, now, after, kappa, memory=memory)
         if not np.isfinite(sum(term.value(end) for term in replay.terms)):
             return np.full_like(after, np.nan), np.full_like(after, np.nan)
         pulls = []
@@ -75,6 +75,7 @@ def continuity_of_level(
     joined = {r["step"] for r in level.log if r.get("joined", 1) != 1}
     special |= joined | {number + 1 for number in joined}  # steps of other lengths, and those that follow them
     values, errors, kappas, masses = [], [], stored_stiffness(level), np.where(forces.free, masses, 0.0)
+    memories = {r["step"]: r["terms"] for r in level.log if r.get("terms")}
     crossing = {r["step"] for r in level.log if r.get("intersections", 0)}
     for number in range(1, level.steps):
         if number in crossing:
@@ -82,7 +83,7 @@ def continuity_of_level(
             errors.append(float("nan"))
             continue
         before, now, after = three_states(level, number, run.dt)
-        pull, guided = forces.pull(number, now, after, kappas.get(number))
+        pull, guided = forces.pull(number, now, after, kappas.get(number), memories.get(number - 1))
         errors.append(metrics.continuity_error(before, now, after, pull, masses))
         if taken == "none" or number in special:
             values.append(float("nan"))

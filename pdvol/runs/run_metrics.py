@@ -111,6 +111,36 @@ def write_metrics(path: Path, against: Path | None = None, file: Path | None = N
     return result
 
 
+def motion_from_level_0(run: Run) -> list[dict[str, Any]]:
+    """How far each finished level of a run is from level 0, prolonged to it by the run's own interpolant.
+
+    Returns
+    -------
+    list of dict
+        `level`, `vertices`; and above level 0 `distance` [m] at the end and `largest_distance` over all states (root
+        mean square over the mass), and at the end the largest `centre_drift` [m] and `angle_drift` [degrees] of a
+        body, and which `body` has drifted furthest.
+    """
+    prolongation = run.info.get("prolongation", "barycentric")
+    done = [level for level in run.levels if level.info["state"] == "done" and level.steps]
+    hierarchy = Hierarchy([level.mesh for level in run.levels], MPI.COMM_SELF, prolongation)
+    densities = level_densities(run, _scene(run, [])[0], [])
+    found: list[dict[str, Any]] = []
+    for level in done:
+        entry: dict[str, Any] = {"level": level.index, "vertices": len(level.rest)}
+        if level.index:
+            masses = lumped_masses(level.mesh, densities[level.index])
+            states = min(level.steps, run.levels[0].steps)
+            lifted = (_lifted(run, hierarchy, 0, level.index, n) for n in range(states))
+            apart = [metrics.distance(level.positions(n), x, masses) for n, x in enumerate(lifted)]
+            centres, angles = _drift_of_bodies(run, level, hierarchy, masses, 0, states - 1)
+            entry |= {"distance": apart[-1], "largest_distance": max(apart)}
+            entry |= {"centre_drift": float(centres.max()), "angle_drift": float(angles.max())}
+            entry["body"] = run.info["bodies"][int(centres.argmax())]
+        found.append(entry)
+    return found
+
+
 def compare_runs(path: str | Path, other: str | Path) -> list[dict]:
     """How far two runs of one shot are apart, per level that both have: `centre_error` [m] over common states and,
     where the meshes are the same, `distance` [m].
@@ -186,16 +216,28 @@ def _drift(run: Run, level: RunLevel, hierarchy: Hierarchy, masses: np.ndarray) 
         states = min(level.steps, run.levels[reference].steps)
         apart = np.zeros((2, states, len(bodies)))
         for n in range(states):
-            lifted = run.levels[reference].positions(n)
-            for finer in range(reference + 1, level.index + 1):
-                lifted = hierarchy.prolongation(finer).prolong_positions(lifted)
-            fits = (rigid_motions(level.rest, x, masses, level.mesh.point_bodies) for x in (level.positions(n), lifted))
-            apart[:, n] = drift(*fits)
+            apart[:, n] = _drift_of_bodies(run, level, hierarchy, masses, reference, n)
         for name, values in zip(("centre_drift", "angle_drift"), apart, strict=True):
             found[name + suffix] = values.max(axis=1).tolist()
             for body, its in zip(bodies, values.T, strict=True):
                 body[name + suffix] = its.tolist()
     return {**found, "bodies": bodies}
+
+
+def _lifted(run: Run, hierarchy: Hierarchy, reference: int, level: int, step: int) -> np.ndarray:
+    """(n, d) [m]: a state of a coarser level, prolonged."""
+    positions = run.levels[reference].positions(step)
+    for finer in range(reference + 1, level + 1):
+        positions = hierarchy.prolongation(finer).prolong_positions(positions)
+    return positions
+
+
+def _drift_of_bodies(
+    run: Run, level: RunLevel, hierarchy: Hierarchy, masses: np.ndarray, reference: int, step: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Of each body from the prolonged reference level: (b,) [m] and (b,) [degrees]."""
+    states = level.positions(step), _lifted(run, hierarchy, reference, level.index, step)
+    return drift(*(rigid_motions(level.rest, x, masses, level.mesh.point_bodies) for x in states))
 
 
 def _centre_errors(

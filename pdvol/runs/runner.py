@@ -24,6 +24,7 @@ from pdvol.runs.shared_writer import Export, SharedWriter
 from pdvol.runs.wavefront import march_levels
 from pdvol.scene import Gravity, Scene
 from pdvol.scene.fingerprint import differences_by_level
+from pdvol.stages import stage
 from pdvol.store.files import jsonable
 from pdvol.store.folder import holds_run, in_use, require_scene
 from pdvol.store.reader import Run, open_run
@@ -92,9 +93,11 @@ def run_scene(
         if wavefront:
             march_levels(writer, range(first, last + 1), scene.steps, progress)
         else:
-            hierarchy = Hierarchy(meshes, comm, prolongation)
+            with stage("numbering the levels"):
+                hierarchy = Hierarchy(meshes, comm, prolongation)
             for level in range(first, last + 1):
-                model = hierarchy_model(scene, hierarchy, level, diagonal, obstacles)
+                with stage(f"evaluating the scene on level {level}"):
+                    model = hierarchy_model(scene, hierarchy, level, diagonal, obstacles)
                 run_level(model, hierarchy, method, writer, progress)
     finally:
         writer.close()
@@ -166,6 +169,11 @@ def _prepare(
             raise InputError(in_use(out))
         stored = [level.mesh for level in run.levels[: _same_levels(run, shot, last, method, prolongation)]]
     geometry = read_geometry(scene.obstacles)
+    if stored and "branched" in run.info and len(stored) <= last:
+        raise InputError(
+            f"{out} went on from step {run.info['branched']['step']} of another run, and has no level {len(stored)} of"
+            f" that one; it has levels 0:{len(stored) - 1}"
+        )
     obstacles = placed_obstacles(scene.obstacles, geometry)
     meshes: Sequence[LevelMesh] = stored
     mended: list[str] = []
@@ -180,8 +188,9 @@ def _prepare(
     # A run goes on with the lengths that it began with.
     diagonal = run.info["diagonal"] if stored else scene_diagonal(scene)
     for level, mesh in enumerate(meshes):
-        for defect in level_defects(scene, mesh, level, obstacles, diagonal):
-            raise defect.error
+        with stage(f"checking level {level}"):
+            for defect in level_defects(scene, mesh, level, obstacles, diagonal):
+                raise defect.error
     return meshes, len(stored), geometry, diagonal, mended
 
 

@@ -4,9 +4,10 @@ import ast
 import importlib.util
 import inspect
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 from pdvol.errors import InputError, PdvolError
@@ -17,7 +18,13 @@ from pdvol.scene.scene import SETTINGS
 
 IN_MEMORY = "the run was made from a scene in memory; pass the scene again: pdvol.run(scene, out, resume=True)"
 
-DEFAULTS = {"integrator": next(iter(INTEGRATORS)), "feedback": 0.0, "feedback_modes": "rigid"}
+DEFAULTS = {
+    "integrator": next(iter(INTEGRATORS)),
+    "feedback": 0.0,
+    "feedback_modes": "rigid",
+    "attachments": [],
+    "muscles": [],
+}
 """What a description leaves out, as those of runs stored before there was a choice do."""
 
 
@@ -105,15 +112,8 @@ def load_shot(file: str | Path, settings: Mapping | None = None, steps: int | No
     """
     file, settings = Path(file), dict(settings or {})
     make = _scene_function(file)
-    accepted = inspect.signature(make).parameters
-    anything = any(p.kind is p.VAR_KEYWORD for p in accepted.values())
-    general = SETTINGS.keys() - set(accepted)
-    for name in settings:
-        if name not in accepted and name not in general and not anything:
-            raise InputError(
-                f"{file.name} has no parameter {name!r}; there are {', '.join(accepted)} and every scene's "
-                f"{', '.join(sorted(general))}"
-            )
+    accepted, general, anything = _names(make)
+    _check_names(file, make, settings)
     given = {name: value for name, value in settings.items() if name in accepted or (anything and name not in general)}
     try:
         scene = make(**given)
@@ -131,7 +131,44 @@ def load_shot(file: str | Path, settings: Mapping | None = None, steps: int | No
     return Shot(file.resolve(), settings, replace(scene, name=file.stem))
 
 
-def _scene_function(file: Path) -> Callable[..., Scene]:
+def scene_parameters(file: str | Path) -> dict[str, inspect.Parameter]:
+    """The parameters of a scene file's `scene(**parameters)`, by name, in its order; raises as `load_shot`.
+
+    Annotations that are text are evaluated where they can be.
+    """
+    make = _scene_function(Path(file))
+    try:
+        signature = inspect.signature(make, eval_str=True)
+    except Exception:  # an annotation may name what is not there
+        signature = inspect.signature(make)
+    kinds = (inspect.Parameter.POSITIONAL_OR_KEYWORD, inspect.Parameter.KEYWORD_ONLY)
+    return {name: parameter for name, parameter in signature.parameters.items() if parameter.kind in kinds}
+
+
+def check_names(file: Path, names: Iterable[str]) -> None:
+    """InputError unless a scene file's `scene` has parameters of these names, or every scene has such settings."""
+    _check_names(file, _scene_function(file), names)
+
+
+def _check_names(file: Path, make: Callable[..., Scene], names: Iterable[str]) -> None:
+    accepted, general, anything = _names(make)
+    for name in names:
+        if name not in accepted and name not in general and not anything:
+            raise InputError(
+                f"{file.name} has no parameter {name!r}; there are {', '.join(accepted)} and every scene's "
+                f"{', '.join(sorted(general))}"
+            )
+
+
+def _names(make: Callable[..., Scene]) -> tuple[list[str], set[str], bool]:
+    """The parameters of a scene function, the settings of every scene beside them, and whether it takes any name."""
+    parameters = inspect.signature(make).parameters
+    anything = any(p.kind is p.VAR_KEYWORD for p in parameters.values())
+    return list(parameters), SETTINGS.keys() - set(parameters), anything
+
+
+def load_module(file: Path) -> ModuleType:
+    """A scene file, or another Python file of the user's, as a module; InputError where it cannot be read."""
     if not file.is_file():
         raise InputError(f"there is no scene file {file}")
     spec = importlib.util.spec_from_file_location(f"pdvol_scene_{file.stem}", file)
@@ -144,7 +181,11 @@ def _scene_function(file: Path) -> Callable[..., Scene]:
         raise
     except (Exception, SystemExit) as error:
         raise InputError(f"{file} could not be read: {_error_text(error)}") from error
-    make = getattr(module, "scene", None)
+    return module
+
+
+def _scene_function(file: Path) -> Callable[..., Scene]:
+    make = getattr(load_module(file), "scene", None)
     if not callable(make):
         raise InputError(f"{file} defines no scene(**parameters); it must return a pdvol.Scene")
     return make

@@ -8,16 +8,20 @@ from pdvol.meshing.readers import read_shape
 from pdvol.registry import INTEGRATORS
 from pdvol.runs.scene_file import Shot
 from pdvol.scene import (
+    Attachment,
     Barrier,
     Flow,
     Friction,
     Gravity,
     Impulse,
+    Keyed,
     Load,
     Material,
     Motion,
+    Muscle,
     Plane,
     PointForce,
+    Pressure,
     Scene,
     Sequential,
     Still,
@@ -53,6 +57,8 @@ def modelled_terms(scene: Scene) -> list[str]:
             )
             lines.append(f"body {body.name!r}, {where}: {_material(region.material)}")
     lines += [f"load: {_load(load)}" for load in scene.loads]
+    lines += [_muscle(muscle) for muscle in scene.muscles]
+    lines += [_attachment(attachment) for attachment in scene.attachments]
     for s in scene.supports:
         until = f", released at {s.release:g} s" if np.isfinite(s.release) else ""
         lines.append(f"support: {_named(s.motion)} on {s.body or 'all bodies'}{until}")
@@ -99,7 +105,7 @@ def modelled_terms(scene: Scene) -> list[str]:
 
 
 def _material(material: Material) -> str:
-    number = lambda value: "by position" if callable(value) else f"{value:g}"
+    number = lambda value: "by time" if isinstance(value, Keyed) else "by position" if callable(value) else f"{value:g}"
     damping = f", damping {number(material.damping)} s" if callable(material.damping) or material.damping else ""
     extra = "".join(f", {name} {number(getattr(material, name))}" for name in material.own_parameters())
     return (
@@ -115,11 +121,26 @@ def _load(load: Load) -> str:
     on = f" on {load.body}" if load.body else ""
     if isinstance(load, Impulse):
         return f"impulse of {shown(load.velocity)} m/s at {load.time:g} s{on}"
+    if isinstance(load, Pressure):
+        return f"pressure {'by time' if callable(load.pressure) else f'{load.pressure:g}'} Pa in {load.body}"
     if isinstance(load, Flow):
         u = "by place and time" if callable(load.velocity) else shown(load.velocity)
         return f"flow {u} m/s of density {load.density:g} kg/m^3, drag {load.drag:g}{on}"
     where = f"at {tuple(load.at)}" if isinstance(load, PointForce) else "over a region"
     return f"force {shown(load.force)} N {where}{on}"
+
+
+def _muscle(muscle: Muscle) -> str:
+    fibre = "by position" if callable(muscle.fibre) else str(tuple(muscle.fibre))
+    activation = "by time and place" if callable(muscle.activation) else f"{muscle.activation:g}"
+    return f"muscle: {muscle.body!r} along {fibre}, {muscle.strength:g} Pa, activation {activation}"
+
+
+def _attachment(attachment: Attachment) -> str:
+    length = "" if attachment.rest_length is None else f", rest length {attachment.rest_length:g} m"
+    breaking = "never breaks" if attachment.breaking is None else f"breaks at {attachment.breaking:g} N"
+    ends = f"{attachment.body!r} to {attachment.other!r}"
+    return f"attachment: {ends}, {attachment.stiffness:g} N/m in all{length}, {breaking}"
 
 
 def _is_plane(scene: Scene) -> bool:

@@ -18,6 +18,7 @@ from pdvol.potentials.stress import CauchyStress, von_mises
 from pdvol.runs.scene_file import DEFAULTS, load_shot, stored_file, stored_settings
 from pdvol.scene import Scene
 from pdvol.scene.fingerprint import differences
+from pdvol.store.densities import described_densities
 from pdvol.store.folder import require_scene
 from pdvol.store.reader import Run, RunLevel
 
@@ -31,14 +32,16 @@ class SceneFields:
 
     def __init__(self, scene: Scene, run: Run, level: int, obstacles: Sequence[Obstacle]):
         self.level, diagonal = run.levels[level], run.info["diagonal"]
-        if level == 0 or all(body.uniform for body in scene.bodies):
+        alone = all(body.uniform for body in scene.bodies) and not (scene.attachments or scene.muscles)
+        if level == 0 or alone:
             space = LevelSpace(self.level.mesh, MPI.COMM_SELF)
             model = level_model(scene, self.level.mesh, level, diagonal, obstacles)
         else:
             hierarchy = Hierarchy([stored.mesh for stored in run.levels[: level + 1]], MPI.COMM_SELF)
             space, model = hierarchy[level], hierarchy_model(scene, hierarchy, level, diagonal, obstacles)
         self._replay, self._kappas = Replay(model, space), stored_stiffness(self.level)
-        self._stresses = [CauchyStress(term) for term in self._replay.terms if isinstance(term, Elastic)]
+        self._elastic = [term for term in self._replay.terms if isinstance(term, Elastic)]
+        self._stresses = [CauchyStress(term) for term in self._elastic]
 
     def contact_force(self, step: int) -> np.ndarray:
         """(n, d) [N] at the end of a step; at the start, step 0, nothing slides."""
@@ -67,7 +70,8 @@ class SceneFields:
     def von_mises(self, step: int) -> np.ndarray:
         """(m,) [Pa], of the elastic Cauchy stress."""
         stresses, positions = np.zeros((len(self.level.cells), 3, 3)), self.level.positions(step)
-        for stress in self._stresses:
+        for term, stress in zip(self._elastic, self._stresses, strict=True):
+            term.set_time(step * self._replay.dt)
             stress.add_to(stresses, positions)
         return von_mises(stresses)
 
@@ -114,15 +118,9 @@ def level_densities(run: Run, scene: Scene | None, notes: list[str]) -> list[np.
     """(m,) [kg/m^d] of each level's cells: of the scene, or of the run's description of its bodies where there is none.
     Notes name what that leaves out.
     """
-    meshes = [level.mesh for level in run.levels]
     if scene is not None and not all(body.uniform for body in scene.bodies):
-        hierarchy = Hierarchy(meshes, MPI.COMM_SELF)
-        return [level_materials(scene, hierarchy, level).density for level in range(len(meshes))]
-    try:
-        bodies = np.array([float(body["material"]["density"]) for body in run.info["description"]["bodies"]])
-        if any(body.get("regions") for body in run.info["description"]["bodies"]):
-            notes.append("without the scene, masses are those of the bodies' materials outside their regions")
-    except (KeyError, TypeError):
-        notes.append("the run does not say its bodies' densities: masses are volumes")
-        bodies = np.ones(len(run.info["bodies"]))
-    return [bodies[mesh.bodies] for mesh in meshes]
+        hierarchy = Hierarchy([level.mesh for level in run.levels], MPI.COMM_SELF)
+        return [level_materials(scene, hierarchy, level).density for level in range(len(run.levels))]
+    densities, note = described_densities(run)
+    notes += [note] if note else []
+    return densities

@@ -10,6 +10,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Sequence
+from contextlib import nullcontext
 from multiprocessing import Pipe
 from multiprocessing.connection import Connection, wait
 from pathlib import Path
@@ -26,6 +27,8 @@ from pdvol.processes import die_with_parent, without_launcher
 from pdvol.runs.level_run import Watch, run_level
 from pdvol.runs.scene_file import load_shot, stored_settings
 from pdvol.runs.shared_writer import SharedWriter
+from pdvol.runs.stage_lines import StageLines
+from pdvol.stages import reported_to
 from pdvol.store.reader import Run, open_run
 
 POLL = 0.005  # seconds between checks for a coarser state
@@ -160,7 +163,9 @@ def _work(path: str, level: int, handle: int) -> None:
         shot = load_shot(info["scene_file"], stored_settings(info["parameters"]), info["steps"])
         hierarchy = Hierarchy([stored.mesh for stored in run.levels[: level + 1]], MPI.COMM_SELF, info["prolongation"])
         model = hierarchy_model(shot.scene, hierarchy, level, info["diagonal"], placed_obstacles(shot.scene.obstacles))
-        run_level(model, hierarchy, info["method"], Follower(run, keeper), None)
+        # On a terminal the bars of all levels are there at once, and lines would tear them apart.
+        with nullcontext() if sys.stderr.isatty() else reported_to(StageLines()):
+            run_level(model, hierarchy, info["method"], Follower(run, keeper), None)
     except PdvolError as error:
         keeper.send(("error", (error,), {}))
     except BrokenPipeError:  # the keeper has ended and takes no report

@@ -5,18 +5,22 @@ Units are SI; lengths marked `Relative` are fractions of the smallest free body'
 (design, section 5).
 """
 
+from pdvol.scene.attachments import Attachment
 from pdvol.scene.bodies import Body, Placement, Separate, Shape
 from pdvol.scene.contact import LAWS, Barrier, Friction
+from pdvol.scene.keyed import Keyed
 from pdvol.scene.lengths import Length, Relative, metres
-from pdvol.scene.loads import Flow, Force, Gravity, Impulse, Load, PointForce, at_time
+from pdvol.scene.loads import Flow, Force, Gravity, Impulse, Load, PointForce, Pressure, at_time
 from pdvol.scene.materials import FixedCorotational, Material, NeoHookean, Region, StVenantKirchhoff, Value, lame
 from pdvol.scene.motions import Motion, Path, Rotation, Sequential, Still, Translation, Vector, moved, rotation_matrix
+from pdvol.scene.muscles import Muscle
 from pdvol.scene.penalty import Penalty
 from pdvol.scene.scene import Scene
 from pdvol.scene.solver import Solver
 from pdvol.scene.surroundings import Plane, Rigid, Support
 
 __all__ = [
+    "Attachment",
     "Barrier",
     "Body",
     "FixedCorotational",
@@ -25,16 +29,19 @@ __all__ = [
     "Friction",
     "Gravity",
     "Impulse",
+    "Keyed",
     "Length",
     "Load",
     "Material",
     "Motion",
+    "Muscle",
     "NeoHookean",
     "Path",
     "Penalty",
     "Placement",
     "Plane",
     "PointForce",
+    "Pressure",
     "Region",
     "Relative",
     "Rigid",

@@ -8,6 +8,7 @@ import numpy as np
 
 from pdvol.errors import InputError
 
+FAR_OUTSIDE = 0.1  # of a body's diagonal: a place further outside its box is a typing error
 HUGE = sys.float_info.max  # whole numbers can be larger
 
 
@@ -69,6 +70,27 @@ def count(name: str, value: Any, lowest: int) -> None:
     """A whole number, not below `lowest`."""
     whole = isinstance(value, (int, np.integer)) and not isinstance(value, bool)
     require(whole and value >= lowest, f"{name} = {value!r} is not a whole number >= {lowest}")
+
+
+def chosen(name: str, where: Callable, points: np.ndarray) -> np.ndarray:
+    """(n,) bool: the points (n, d) that a user's function chooses. Raises InputError, naming it, where that fails."""
+    mask = called(name, where, (points.copy(),), (len(points),))
+    strange: Any = [] if mask.dtype == bool else mask[~np.isin(mask, (0, 1))]  # NaN or indices
+    require(
+        len(strange) == 0,
+        f"{name} must give True or False a vertex, not {mask.dtype} values such as {strange[0] if len(strange) else 0}",
+    )
+    return mask.astype(bool)
+
+
+def near(name: str, place: np.ndarray, points: np.ndarray, whose: str) -> None:
+    """A rest position (d,) not far outside the box around points (n, d)."""
+    low, high = points.min(axis=0), points.max(axis=0)
+    slack = FAR_OUTSIDE * np.linalg.norm(high - low)
+    require(
+        bool(np.all(place >= low - slack) and np.all(place <= high + slack)),
+        f"{name} = {tuple(place.tolist())} lies far outside {whose}; it is a rest position, as placed",
+    )
 
 
 def called(name: str, function: Callable, arguments: tuple, shape: tuple[int, ...]) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""Loads: accelerations, forces, impulses and flows, constant or changing with time.
+"""Loads: accelerations, forces, impulses, flows and pressures, constant or changing with time.
 
 Values that change are functions of time, evaluated at the end of each step: nothing is compiled again. What acts on a
 part takes `where`, a function of rest positions (n, d), as placed, that gives a mask (n,), and `body`, a name;
@@ -141,4 +141,33 @@ class Flow:
         return found
 
 
-Load = Gravity | Force | PointForce | Impulse | Flow
+@dataclass(frozen=True)
+class Pressure:
+    """A pressure in all cavities of a body or, where it has none, in the body itself: a follower load, which pushes its
+    surface outward.
+
+    Attributes
+    ----------
+    body : name
+    pressure : above that outside [Pa]: a number, or a function of time that gives one
+    """
+
+    body: str
+    pressure: float | Callable[[float], float]
+    __repr__ = one_line
+
+    def __post_init__(self) -> None:
+        keep_plain(self, "pressure")
+        if not callable(self.pressure):
+            finite("Pressure.pressure", self.pressure)
+
+    def at(self, time: float) -> float:
+        """[Pa] at a time [s]. Raises InputError where a function fails or gives no finite number."""
+        if not callable(self.pressure):
+            return float(self.pressure)
+        found = float(called("Pressure.pressure", self.pressure, (time,), ()))
+        require(np.isfinite(found), f"Pressure.pressure is NaN or infinite at t = {time:g} s")
+        return found
+
+
+Load = Gravity | Force | PointForce | Impulse | Flow | Pressure

@@ -9,6 +9,7 @@ import numpy as np
 from pdvol.errors import InputError
 from pdvol.forms import elasticity
 from pdvol.scene.checks import called, finite, keep_plain, positive, require
+from pdvol.scene.keyed import Keyed
 from pdvol.scene.representation import one_line
 
 Value = float | Callable[[np.ndarray], np.ndarray]
@@ -24,13 +25,13 @@ class Material:
 
     Attributes
     ----------
-    young : [Pa]
+    young : [Pa]; also `Keyed`, in time
     poisson : between -1 and 0.5
     density : [kg/m^3] ([kg/m^2] per metre of depth in 2D, which is plane strain)
     damping : [s]: stress per strain rate, divided by stress per strain; zero leaves it out
     """
 
-    young: Value
+    young: Value | Keyed
     poisson: Value = 0.4
     density: Value = 1000.0
     damping: Value = 0.0
@@ -40,7 +41,10 @@ class Material:
         for field in fields(self):
             keep_plain(self, field.name)
             value = getattr(self, field.name)
-            if not callable(value):
+            if isinstance(value, Keyed):
+                require(field.name == "young", f"{type(self).__name__}.{field.name} cannot be Keyed; young can")
+                positive(f"{type(self).__name__}.young, its lowest key,", min(value.values))
+            elif not callable(value):
                 self._check(field.name, value)
 
     def _check(self, name: str, value: float) -> None:
@@ -68,15 +72,22 @@ class Material:
     @property
     def varies(self) -> bool:
         """Whether some field is a function of position."""
-        return any(callable(getattr(self, field.name)) for field in fields(self))
+        values = (getattr(self, field.name) for field in fields(self))
+        return any(callable(value) and not isinstance(value, Keyed) for value in values)
+
+    @property
+    def keyed(self) -> tuple[Keyed, ...]:
+        """What Young's modulus follows in time: none or one."""
+        return (self.young,) if isinstance(self.young, Keyed) else ()
 
     def at(self, points: np.ndarray) -> dict[str, np.ndarray]:
-        """All fields at rest positions (n, d), each (n,). Raises InputError where a function fails or gives a value out
-        of range.
+        """All fields at rest positions (n, d) and t = 0, each (n,). Raises InputError where a function fails or gives
+        a value out of range.
         """
         values = {}
         for field in fields(self):
             given, label = getattr(self, field.name), f"{type(self).__name__}.{field.name}"
+            given = given(0.0) if isinstance(given, Keyed) else given
             found = (
                 called(label, given, (points,), (len(points),)).astype(float)
                 if callable(given)

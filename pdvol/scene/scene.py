@@ -5,11 +5,13 @@ from dataclasses import dataclass, field, fields, replace
 from typing import Any, get_args
 
 from pdvol.registry import INTEGRATORS
+from pdvol.scene.attachments import Attachment
 from pdvol.scene.bodies import Body, Separate
 from pdvol.scene.checks import count, finite, keep_plain, positive, require, sequence
 from pdvol.scene.contact import Barrier, Friction
 from pdvol.scene.jitter import jittered
 from pdvol.scene.loads import Load
+from pdvol.scene.muscles import Muscle
 from pdvol.scene.penalty import Penalty
 from pdvol.scene.representation import one_line
 from pdvol.scene.solver import Solver
@@ -17,7 +19,7 @@ from pdvol.scene.surroundings import Plane, Rigid, Support
 
 MOST_STEPS = 10_000_000  # a larger number is a typing error
 FEEDBACK_MODES = ("rigid", "all")
-LISTS = ("bodies", "loads", "supports", "obstacles", "contact", "separate")
+LISTS = ("bodies", "loads", "supports", "obstacles", "contact", "separate", "attachments", "muscles")
 
 
 @dataclass(frozen=True)
@@ -25,7 +27,8 @@ class Scene:
     """A shot. Everything below is described once, for all levels. `separate`: what may be done, in order, where bodies
     meet at t = 0. `integrator`: of the direct march; "bdf2" is second order in dt. `feedback`: the share, 0 to 1, of
     its drift from the level below that a progressive level makes up for in each step, in the `feedback_modes` "rigid"
-    (bodies as a whole) or "all".
+    (bodies as a whole) or "all". `attachments`: springs between bodies. `muscles`: parts of
+    bodies that contract.
     """
 
     bodies: Sequence[Body]
@@ -42,6 +45,8 @@ class Scene:
     integrator: str = "implicit_euler"
     feedback: float = 0.0
     feedback_modes: str = "rigid"
+    attachments: Sequence[Attachment] = ()
+    muscles: Sequence[Muscle] = ()
     __repr__ = one_line
 
     def __post_init__(self) -> None:
@@ -74,6 +79,18 @@ class Scene:
             )
             body = getattr(load, "body", "")
             require(body in ("", *names), f"a {type(load).__name__} names the body {body!r}; there are {names}")
+        for muscle in self.muscles:
+            require(
+                isinstance(muscle, Muscle), f"muscles hold Muscle(body, fibre, strength), not {type(muscle).__name__}"
+            )
+            require(muscle.body in names, f"a Muscle names the body {muscle.body!r}; there are {names}")
+        for attachment in self.attachments:
+            require(
+                isinstance(attachment, Attachment),
+                f"attachments hold Attachment(body, other, where), not {type(attachment).__name__}",
+            )
+            for name in (attachment.body, attachment.other):
+                require(name in names, f"an Attachment names the body {name!r}; there are {names}")
         for kind in (Barrier, Friction):
             require(sum(isinstance(c, kind) for c in self.contact) <= 1, f"contact names more than one {kind.__name__}")
         self._check_pairs(names, [getattr(o, "name", "") for o in self.obstacles])

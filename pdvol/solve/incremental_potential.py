@@ -1,5 +1,6 @@
 """The function that a time step minimises: 1/2 |x - x_hat|^2_M + weight times the sum of terms (design, section 2)."""
 
+from collections.abc import Mapping
 from contextlib import AbstractContextManager
 
 import numpy as np
@@ -183,6 +184,21 @@ class IncrementalPotential:
         with self.watch.part("contact"):
             raised = [rule.end_solve(x) for rule in self.rules]  # no short cut: the calls are collective
         return any(raised)
+
+    def end_step(self, x: Positions) -> bool:
+        """Ends a step at x; returns whether forces are others from now on. Collective."""
+        changed = [term.end_step(x) for term in self.terms]  # no short cut: the calls are collective
+        return any(changed)
+
+    @property
+    def memory(self) -> dict[str, dict]:
+        """What the next step needs to know of those before, by the terms' names; without those that need nothing."""
+        return {term.name: dict(term.memory) for term in self.terms if term.memory}
+
+    def restore(self, memory: Mapping[str, Mapping]) -> None:
+        """Sets what `memory` gave."""
+        for term in self.terms:
+            term.restore(memory.get(term.name, {}))
 
     def predict_friction(self, x: Positions, direction: np.ndarray) -> np.ndarray | None:
         """Predicts which contacts stick and which slide at the end of a direction (n_owned, d) from x, with the last

@@ -145,6 +145,7 @@ class StepReport:
     reached : share of the step's scripted motion that was carried out
     joined : how many steps were solved as one: more than 1 after steps at rest, 0 in a step at rest
     rest : what the next step needs to know about rest (`Rest.memory`)
+    terms : what the next step needs to know of the terms, by their names (`Potential.memory`)
     behind : [s] how far scripted motions are behind the time at the step's end, because contact stops them
     cuts : how often the step was halved
     solver_memory : what the next step's linear solves begin with (`LinearSolver.memory`)
@@ -175,6 +176,7 @@ class StepReport:
     behind: float = 0.0
     joined: int = 1
     rest: dict = field(default_factory=dict)
+    terms: dict = field(default_factory=dict)
     remedies: dict[str, int] = field(default_factory=no_remedies)
     seconds: dict[str, float] = field(default_factory=dict)
     peak_memory_mb: float = 0.0

@@ -6,6 +6,7 @@ A run may be read while it is written. Errors name what is missing or damaged, a
 from collections.abc import Sequence
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -212,6 +213,12 @@ class Run:
     def obstacles(self) -> tuple[DrawnObstacle, ...]:
         """The obstacles as stored for pictures."""
         return read_obstacles(self.path)
+
+    def play(self, width: int = 960, height: int = 640, **choices: Any) -> Any:
+        """The run in a player, which a notebook shows; `choices` are those of `pdvol.player.notebook.play`."""
+        from pdvol.registry import VIEWS  # reading states needs nothing of it
+
+        return VIEWS["play"](self, width, height, **choices)
 
     @property
     def in_use(self) -> bool:

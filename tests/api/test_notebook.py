@@ -47,6 +47,8 @@ def test_the_notebook_shows_progress_and_pictures(tmp_path, monkeypatch):
         assert picture.ndim == 3 and len(np.unique(picture.reshape(-1, picture.shape[-1]), axis=0)) > 20
     assert "Scene(bodies=('ball',), dt=0.02, steps=12" in texts(cells[1])
     assert "RunLevel(1" in texts(cells[-1])
+    assert "PlayerFrame(900 x 560" in texts(cells[-2])
+    assert '<iframe srcdoc="' in cells[-2]["outputs"][0]["data"]["text/html"]
     assert not any("Warning" in texts(cell) for cell in cells)
 
 

@@ -87,3 +87,22 @@ def test_a_held_worker_stores_no_state_until_it_goes_on(worker, scene):
         time.sleep(0.02)
     worker.stop()
     assert not worker.alive and open_run(folder).levels[0].steps > held
+
+
+def test_an_interrupted_worker_carries_out_the_next_run_as_any_other(worker, scene):
+    worker.start(words(scene, "before"), scene.parent / "before.log")
+    assert ended(worker) == 0
+    worker.start(words(scene, "long", "--steps", 100_000), scene.parent / "long.log")
+    folder, limit = scene.parent / "long", time.monotonic() + PATIENCE_OF_TESTS
+    while not holds_run(folder) or in_creation(folder) or open_run(folder).levels[0].steps < 3:
+        assert time.monotonic() < limit and worker.poll() is None
+        time.sleep(0.02)
+    worker.interrupt()
+    assert ended(worker) == 130 and worker.alive
+    assert "interrupted" in (scene.parent / "long.log").read_text()
+    worker.interrupt()  # nothing runs: nothing happens
+    worker.start(words(scene, "after"), scene.parent / "after.log")
+    assert ended(worker) == 0
+    before, after = (open_run(scene.parent / name).levels[0] for name in ("before", "after"))
+    for step in range(STEPS + 1):
+        np.testing.assert_array_equal(after.positions(step), before.positions(step))

@@ -149,6 +149,25 @@ def test_the_dolphin_is_whole():
     assert enclosed_volume(animal.vertices, animal.triangles) == pytest.approx(8 * 0.022, rel=0.1)
 
 
+@pytest.mark.parametrize("layers", [1, 2])
+def test_a_hollow_ball_is_a_wall_round_a_cavity(layers):
+    ball, inside = meshes.ball(0.5, 2), meshes.ball(0.4, 2)
+    hollow = meshes.hollow_ball(0.5, 0.1, 2, layers)
+    corners = hollow.vertices[hollow.cells]
+    volumes = np.linalg.det(corners[:, 1:] - corners[:, :1]) / 6
+    assert volumes.min() > 0.0 and len(hollow.vertices) == (layers + 1) * len(ball.vertices)
+    within = lambda shape: np.linalg.det(shape.vertices[shape.triangles]).sum() / 6
+    assert volumes.sum() == pytest.approx(within(ball) - within(inside), rel=1e-12)
+    facets, counts = np.unique(
+        np.sort(hollow.cells[:, [[1, 2, 3], [0, 2, 3], [0, 1, 3], [0, 1, 2]]].reshape(-1, 3), axis=1),
+        axis=0,
+        return_counts=True,
+    )
+    assert (counts == 1).sum() == 2 * len(ball.triangles) and counts.max() == 2
+    with pytest.raises(ValueError, match="thickness"):
+        meshes.hollow_ball(0.5, 0.5)
+
+
 def test_a_brick_fills_its_box():
     brick = meshes.brick((1.0, 0.5, 0.25), (3, 2, 1))
     corners = brick.vertices[brick.cells]

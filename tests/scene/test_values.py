@@ -10,6 +10,7 @@ import pytest
 
 import pdvol
 from pdvol import (
+    Attachment,
     Barrier,
     Body,
     Flow,
@@ -18,6 +19,8 @@ from pdvol import (
     Gravity,
     Impulse,
     InputError,
+    Keyed,
+    Muscle,
     NeoHookean,
     Path,
     Penalty,
@@ -52,6 +55,9 @@ VALUES = [
     (PointForce, {"force": (0.0, 1.0), "at": (0.5, 0.5)}),
     (Impulse, {"velocity": (0.0, 1.0)}),
     (Flow, {"velocity": (0.0, 1.0)}),
+    (Keyed, {"times": (0.0, 1.0), "values": (2.0, 3.0)}),
+    (lambda **given: Attachment("a", "b", **given), {"where": (0.0, 1.0), "to": (0.5, 1.0)}),
+    (lambda **given: Muscle("a", strength=1.0, **given), {"fibre": (0.0, 1.0)}),
     (Plane, {"point": (0.0, 0.0), "normal": (0.0, 1.0)}),
     (Placement, {"translate": (0.0, 1.0), "axis": (0.0, 1.0, 0.0)}),
     (

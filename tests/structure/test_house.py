@@ -23,8 +23,9 @@ STAGES = (
     "export",
     "draw",
     "measure",
+    "player",
 )
-FOUNDATION = {"colours", "errors", "registry", "scene", "parallel", "processes", "compat", "compiled"}
+FOUNDATION = {"colours", "errors", "registry", "scene", "parallel", "processes", "compat", "compiled", "stages"}
 """Modules beside the stages that any stage may use: they know none of them (a test)."""
 STORED = {"geometry", "store"}
 """What everything that reads stored runs may use."""
@@ -41,11 +42,13 @@ MAY_IMPORT: dict[str, set[str]] = {
     "export": STORED,
     "draw": STORED,
     "measure": STORED,
+    "player": STORED | {"draw", "measure"},
     "runs": {"forms", "meshes", *STAGES},
     "explore": {"forms", "meshes", *STAGES, "runs"},
-    "commands": {"forms", "meshes", *STAGES, "runs", "explore"},
+    "live": {"geometry", "meshing", "store", "draw", "runs", "explore"},
+    "commands": {"forms", "meshes", *STAGES, "runs", "explore", "live"},
 }
-ABOVE = {"runs", "explore", "commands"}
+ABOVE = {"runs", "explore", "live", "commands"}
 """What brings the stages together: no stage knows of it."""
 SOURCES = [
     *sorted((ROOT / "pdvol").rglob("*.py")),
@@ -254,7 +257,7 @@ def test_reading_a_run_loads_no_finite_elements(tmp_path):
 
 
 def test_storing_exporting_drawing_and_measuring_load_no_finite_elements(tmp_path):
-    folders = ("store", "export", "draw", "measure")
+    folders = ("store", "export", "draw", "measure", "player")
     modules = [module_of(path) for path in SOURCES if stage(module_of(path)) in folders]
     assert len(modules) > 15
     program = "import importlib\nfor name in " + repr(modules) + ": importlib.import_module(name)"

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from pdvol.errors import InputError
-from pdvol.explore.study.conclusions import length
+from pdvol.explore.lengths import length
 from pdvol.explore.study.front import cheapest_within, most_accurate_within
 from pdvol.runs.scene_file import Shot, load_shot, parse_value
 from pdvol.store.files import read_json

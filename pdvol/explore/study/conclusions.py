@@ -4,6 +4,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from pdvol.explore.lengths import length
 from pdvol.explore.study.front import cheapest_within, fitted_order, on_front, richardson
 from pdvol.explore.study.plan import STRICTER, Plan
 from pdvol.explore.study.yardstick import Yardstick
@@ -251,13 +252,3 @@ def option_text(point: Mapping) -> str:
     steps = [f"--steps {words[words.index('--steps') + 1]}"] if "dt" in point["changes"] else []
     method = ["--method direct"] if point["method"] == "direct" else []
     return f"`{' '.join([*settings, *steps, *method, f'--levels {level}'])}`"
-
-
-def length(metres: float | None) -> str:
-    """A length for people: 5 mm, 0.31 mm, 1.2 m."""
-    if metres is None:
-        return "an unknown distance"
-    for unit, factor in (("m", 1.0), ("cm", 1e2), ("mm", 1e3), ("um", 1e6)):
-        if metres * factor >= 1.0 or unit == "um":
-            return f"{metres * factor:.2g} {unit}" if metres * factor < 99.5 else f"{metres * factor:.0f} {unit}"
-    raise AssertionError

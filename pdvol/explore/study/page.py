@@ -15,7 +15,8 @@ from matplotlib.figure import Figure
 
 from pdvol.colours import PALETTE
 from pdvol.draw.layout import BACKGROUND, FAINT_INK, INK
-from pdvol.explore.study.conclusions import length, option_text
+from pdvol.explore.lengths import length
+from pdvol.explore.study.conclusions import option_text
 from pdvol.store.files import write_bytes
 
 LABELLED = 14  # points of the front that carry their settings: more texts cover each other

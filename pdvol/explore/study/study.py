@@ -10,6 +10,8 @@ from pathlib import Path
 from typing import Any
 
 from pdvol.errors import InputError, SimulationError
+from pdvol.explore.executors import Processes
+from pdvol.explore.folder import take_folder
 from pdvol.explore.jobs import Job, Outcome, run_jobs
 from pdvol.explore.study.axes import Axis, base_value, scene_file
 from pdvol.explore.study.conclusions import conclusions
@@ -18,7 +20,7 @@ from pdvol.explore.study.yardstick import Yardstick, cost
 from pdvol.explore.variation import Base, Variation, number, value_text
 from pdvol.levels.scene_fields import scene_diagonal
 from pdvol.runs.scene_file import Shot
-from pdvol.store.files import lock, read_json, write_json
+from pdvol.store.files import read_json, write_json
 from pdvol.store.reader import open_run
 
 STUDY_FORMAT = 1  # of study.json: increased when an older pdvol cannot read it
@@ -94,32 +96,12 @@ class Study:
         SimulationError
             The scene's own settings fail.
         """
-        self._claim()
-        held = lock(self.out / "study.lock")
-        if held is None:
-            raise InputError(f"{self.out} is used by another pdvol study: wait for it to end, or choose another folder")
-        with closing(held):
+        with closing(take_folder(self.file, STUDY_FORMAT, self._description(), {"points": []})):
             deadline = self.begin + max(self.budget - PAGE_TIME, 1.0)
-            for outcome in run_jobs(self._choose, self.jobs, deadline):
+            for outcome in run_jobs(self._choose, Processes(self.jobs), deadline):
                 self._take(outcome)
                 report(self._line(outcome))
             return self.write()
-
-    def _claim(self) -> None:
-        if self.file.exists():
-            stored = read_json(self.file)
-            if stored.get("format") != STUDY_FORMAT:
-                raise InputError(f"{self.file} has another format; choose another folder")
-            if stored["description"] != self._description():
-                raise InputError(f"{self.out} holds a study of another scene or other settings; choose another folder")
-            return
-        if self.out.exists() and any(self.out.iterdir()):
-            raise InputError(f"{self.out} is not empty and holds no study; choose another folder")
-        try:
-            self.out.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise InputError(f"{self.out} cannot be made: {error.strerror}") from error
-        write_json(self.file, {"format": STUDY_FORMAT, "description": self._description(), "points": []})
 
     def _description(self) -> dict:
         return {"scene": self.shot.description(), "steps": self.shot.scene.steps, "method": self.plan.method}

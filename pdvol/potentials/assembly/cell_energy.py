@@ -135,11 +135,11 @@ class CellEnergy(Term):
         )
 
     def set_parameters(self, parameters: Mapping[str, np.ndarray]) -> None:
-        """Sets the values (k,) of some parameters without compiling anything. Not for isotropic densities."""
-        if self._second is None:
-            raise ValueError(f"the parameters of the isotropic term {self.name} are constant")
-        for kernel in (self._density, self._first, self._second):
-            kernel.fill(parameters)
+        """Sets the values (k,) of some parameters without compiling anything."""
+        self.parameters.update(parameters)
+        for kernel in (self._density, self._first, self._second, self._stretches):
+            if kernel is not None:
+                kernel.fill(parameters)
 
     def value(self, x: Positions) -> float:
         mine = self._library.cell_values(*self._arguments(self._density, x.local, self._counted))
@@ -283,3 +283,9 @@ class _StretchKernels:
             *(len(s) for s in sources),
         )
         self.parameters = (pointer(self._values), self._values.shape[1])
+        self._names = tuple(parameters)
+
+    def fill(self, parameters: Mapping[str, np.ndarray]) -> None:
+        """Sets the values (cells,) of some parameters."""
+        for name, values in parameters.items():
+            self._values[:, self._names.index(name)] = values

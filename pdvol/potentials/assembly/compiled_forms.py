@@ -25,6 +25,7 @@ from dolfinx import jit
 from mpi4py import MPI
 
 from pdvol.potentials.assembly import native
+from pdvol.stages import stage
 
 ASIDE = "aside-"
 """How the names of the folders in which processes compile begin."""
@@ -49,8 +50,9 @@ def form_cache(comm: MPI.Comm, form: ufl.Form | Expression, flags: Sequence[str]
     own = (kept if kept.is_dir() else _folder_aside(folder)) if comm.rank == 0 else None
     used = comm.bcast(own)
     try:
-        yield {**options, "cache_dir": str(used)}
-        comm.barrier()  # the other ranks load what the first one has compiled
+        with stage("compiling forms") if used != kept else contextlib.nullcontext():
+            yield {**options, "cache_dir": str(used)}
+            comm.barrier()  # the other ranks load what the first one has compiled
         if comm.rank == 0 and used != kept:
             _keep(used, kept)
     finally:

@@ -1,10 +1,10 @@
-"""Outlines of filled shapes: the closed chains of a polyline's edges."""
+"""Polylines as directed edges."""
 
 import numpy as np
 
 
 def closed_loops(edges: np.ndarray) -> list[list[int]]:
-    """Closed chains of a polyline's directed edges, as lists of vertices; open chains are left out."""
+    """Closed chains of directed edges (m, 2), as lists of vertices; open chains are left out."""
     following = {int(a): int(b) for a, b in edges}
     loops, seen = [], set()
     for start in following:

@@ -1,0 +1,85 @@
+"""`pdvol live`: a local page on which level 0 of a scene runs while one looks."""
+
+import shutil
+import signal
+import sys
+import tempfile
+from argparse import ArgumentParser, Namespace
+from pathlib import Path
+from typing import Any
+
+from pdvol.commands.options import add_levels, add_settings, level_range
+from pdvol.errors import InputError
+
+PORT = 8080
+FINEST_BY_DEFAULT = 1  # level: it follows the preview within seconds
+
+
+def add_arguments(parser: ArgumentParser) -> None:
+    """The options of `pdvol live`."""
+    parser.add_argument("scene", type=Path, metavar="SCENE.py")
+    add_settings(parser)
+    parser.add_argument(
+        "--vary",
+        action="append",
+        default=[],
+        metavar="NAME=A:B",
+        help="the range of a parameter's slider, or NAME=A,B,C for a choice",
+    )
+    add_levels(parser)
+    parser.add_argument("--steps", type=int, help="number of time steps, instead of the scene's")
+    parser.add_argument("--wavefront", action="store_true", help="run the finer levels side by side, a process each")
+    parser.add_argument("-o", "--out", type=Path, default=Path("runs"), help="folder for kept runs (default: runs)")
+    parser.add_argument("--port", type=int, default=PORT, help=f"of the page (default: {PORT}, or the next free one)")
+    parser.add_argument("--host", default="127.0.0.1", help="address to listen on (default: this machine only)")
+
+
+def main(options: Namespace) -> None:
+    """Serve the page until Ctrl-C; processes and temporary runs end with it."""
+    from pdvol.live.controls import controls
+    from pdvol.live.session import Session
+    from pdvol.runs.scene_file import load_shot, parse_settings
+
+    settings = parse_settings(options.set)
+    shot = load_shot(options.scene, settings, options.steps)
+    first, last = level_range(options.levels or f"0:{min(FINEST_BY_DEFAULT, shot.scene.levels - 1)}")
+    last = shot.scene.levels - 1 if last is None else last
+    if first != 0 or last >= shot.scene.levels:
+        raise InputError(f"--levels {options.levels}: write 0:L; the scene has levels 0:{shot.scene.levels - 1}")
+    if not 0 <= options.port < 65536:
+        raise InputError(f"--port {options.port} is no port; write a number below 65536")
+    shown = controls(options.scene, settings, options.vary)
+    try:
+        from pdvol.live.page import Page
+        from pdvol.live.server import LocalServer
+    except ModuleNotFoundError as error:
+        if error.name != "viser":
+            raise
+        raise InputError("the live page needs viser: pip install 'pdvol[live]'") from None
+    server = LocalServer(options.host, options.port, f"pdvol live: {shot.name}")
+    folder = Path(tempfile.mkdtemp(prefix="pdvol-live-"))
+    session = None
+    try:
+        signal.signal(signal.SIGTERM, _interrupt)
+        session = Session(
+            options.scene.resolve(), settings, folder, options.out, last, options.steps, options.wavefront
+        )
+        page = Page(server, session, shown, last + 1, shot.name)
+        session.start()
+        print(f"{server.address} shows {options.scene}; Ctrl-C ends it", file=sys.stderr, flush=True)
+        page.serve()
+    except KeyboardInterrupt:
+        print("ended; kept runs are in " + str(options.out) if _kept(options.out) else "ended", file=sys.stderr)
+    finally:
+        if session is not None:
+            session.close()
+        server.stop()
+        shutil.rmtree(folder, ignore_errors=True)
+
+
+def _kept(out: Path) -> bool:
+    return out.is_dir() and any(out.iterdir())
+
+
+def _interrupt(*_: Any) -> None:
+    raise KeyboardInterrupt

@@ -1,0 +1,56 @@
+"""`pdvol pick`: one variation of a wedge as a run of its own, refined."""
+
+import sys
+from argparse import ArgumentParser, Namespace
+from pathlib import Path
+
+from pdvol.commands.options import add_outputs, add_wavefront, whole_number
+from pdvol.errors import InputError
+
+
+def add_arguments(parser: ArgumentParser) -> None:
+    """The options of `pdvol pick`."""
+    parser.add_argument("wedge", type=Path, metavar="DIR", help="folder of the wedge")
+    parser.add_argument("number", metavar="NUMBER", help="of the variation, or best: what --seek has found")
+    parser.add_argument("--refine", action="store_true", help="simulate the finer levels as well")
+    parser.add_argument("--to", default="", metavar="L", help="the finest level of --refine (default: the scene's)")
+    parser.add_argument("-o", "--out", type=Path, help="run folder (default: runs/NAME_pickNUMBER)")
+    add_wavefront(parser)
+    add_outputs(parser)
+
+
+def main(options: Namespace) -> None:
+    """Copy the run, refine it, and print how far finer levels are from what was chosen, and whether scores hold."""
+    from pdvol.commands.simulation import progress_report, report_run
+    from pdvol.explore.wedge.pick import chosen_run, compared_levels, level_line, picked_number, take_out
+    from pdvol.explore.wedge.scores import chosen_scores
+    from pdvol.runs.runner import refine_run
+    from pdvol.runs.scene_file import stored_file
+    from pdvol.store.reader import open_run
+
+    last = whole_number("--to", options.to) if options.to else None
+    if last is not None and not options.refine:
+        raise InputError("--to is the finest level of --refine; add --refine")
+    number = picked_number(options.wedge, options.number)
+    source, entry = chosen_run(options.wedge, number)
+    stored = open_run(source)
+    out = options.out or Path("runs") / f"{stored.info['scene']}_pick{number}"
+    take_out(source, out)
+    if options.refine:
+        finest = last if last is not None else _levels(out) - 1
+        refine_run(out, finest, progress=progress_report(), wavefront=options.wavefront, xdmf=not options.no_xdmf)
+    levels = compared_levels(out, chosen_scores(list(entry["scores"]), stored_file(stored.info)))
+    for level in levels:
+        print(level_line(level, levels[0]))
+    if not options.refine:
+        print(f"refine it by: pdvol pick {options.wedge} {number} --refine", file=sys.stderr)
+    report_run(out, not options.no_picture, not options.no_xdmf and options.refine)
+
+
+def _levels(out: Path) -> int:
+    """Of the scene of a stored run."""
+    from pdvol.runs.scene_file import load_shot, stored_file, stored_settings
+    from pdvol.store.reader import open_run
+
+    info = open_run(out).info
+    return load_shot(stored_file(info), stored_settings(info["parameters"]), info["steps"]).scene.levels

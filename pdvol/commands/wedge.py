@@ -1,0 +1,181 @@
+"""`pdvol wedge`: many variations of a scene on level 0."""
+
+import sys
+import time
+from argparse import ArgumentParser, Namespace, RawDescriptionHelpFormatter
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from pdvol.commands.options import add_settings, chosen_shot, whole_number
+from pdvol.errors import InputError
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from pdvol.explore.jobs import Executor
+    from pdvol.explore.wedge.sampling import Vary
+    from pdvol.explore.wedge.wedge import Wedge
+
+SEEK_RUNS = 200  # of a search: an evolution strategy in two to four parameters has settled by then
+SEEK_BUDGET = 15.0  # minutes of a search
+EPILOG = """\
+The folder DIR gets wedge.json, runs/NAME (normal run folders), sheet.png and scatter.png. The same command goes on
+with what is stored; another --vary adds variations. --executor print writes command lines for a farm or a batch system
+and runs nothing; after they have run, the same command collects what is stored.
+"""
+
+
+def add_arguments(parser: ArgumentParser) -> None:
+    """The options of `pdvol wedge`."""
+    parser.formatter_class = RawDescriptionHelpFormatter
+    parser.epilog = EPILOG
+    parser.add_argument("scene", type=Path, metavar="SCENE.py")
+    parser.add_argument("-o", "--out", type=Path, required=True, metavar="DIR", help="folder of the wedge")
+    parser.add_argument(
+        "--vary",
+        action="append",
+        default=[],
+        metavar="NAME=A:B:N",
+        help="a setting and its values: A:B:N (N values from A to B), A:B (a range, with --sample or --seek) or a list,"
+        " 0,2,4; several make a grid",
+    )
+    parser.add_argument("--sample", default="", metavar="N", help="N variations that fill the ranges evenly, no grid")
+    parser.add_argument(
+        "--jitter",
+        type=float,
+        metavar="SPEED",
+        help="add a small random velocity [m/s] to each body's initial one, another in each variation",
+    )
+    parser.add_argument("--seed", default="0", metavar="N", help="of --sample and --seek (default: 0)")
+    parser.add_argument("--jobs", default="", metavar="N", help="runs at a time here (default: one per core)")
+    parser.add_argument(
+        "--executor", default="local", metavar="HOW", help="local (default), dask=tcp://HOST:PORT, or print"
+    )
+    parser.add_argument(
+        "--score",
+        action="append",
+        default=[],
+        metavar="TEXT",
+        help="""the larger the better: 'upright("bear")', a function of a run in the scene file, or FILE.py:NAME""",
+    )
+    parser.add_argument("--sort", default="", metavar="NAME", help="a score, a parameter, cluster or number")
+    parser.add_argument("--film", action="store_true", help="a film of all variations as well")
+    parser.add_argument("--no-picture", action="store_true", help="do not draw sheet.png and scatter.png")
+    parser.add_argument("--seek", default="", metavar="TEXT", help="search the ranges for the largest score")
+    parser.add_argument("--runs", default="", metavar="N", help=f"at most, of --seek (default: {SEEK_RUNS})")
+    parser.add_argument(
+        "--budget", type=float, metavar="MINUTES", help=f"at most, of --seek (default: {SEEK_BUDGET:g})"
+    )
+    parser.add_argument("--goal", type=float, metavar="SCORE", help="end --seek with the first score as large as this")
+    parser.add_argument("--steps", type=int, help="number of time steps, instead of the scene's")
+    add_settings(parser)
+
+
+def main(options: Namespace) -> int:
+    """Run the variations, or search; print the table; draw the sheet."""
+    try:
+        _make(options)
+    except KeyboardInterrupt:
+        print("pdvol: interrupted; what is stored is kept, the same command goes on with it", file=sys.stderr)
+        return 130
+    return 0
+
+
+def _make(options: Namespace) -> None:
+    from pdvol.explore.executors import cores
+    from pdvol.explore.wedge.farm import PRINT, chosen_executor
+    from pdvol.explore.wedge.results import write_results
+    from pdvol.explore.wedge.sampling import parsed_varies
+    from pdvol.explore.wedge.wedge import Wedge
+
+    jobs = whole_number("--jobs", options.jobs) if options.jobs else cores()
+    if jobs < 1:
+        raise InputError("--jobs 0: give at least 1")
+    _check_seek(options)
+    shot, varies = chosen_shot(options), parsed_varies(options.vary)
+    texts = [*([options.seek] if options.seek else []), *(text for text in options.score if text != options.seek)]
+    scores = {}
+    if texts:
+        from pdvol.explore.wedge.scores import chosen_scores
+
+        scores = chosen_scores(texts, shot.file)
+    wedge, executor = Wedge(shot, options.out, scores), chosen_executor(options.executor, jobs)
+    try:
+        with wedge.taken():
+            if options.seek and executor is not None:
+                _seek(options, wedge, varies, executor)
+            elif not _run(options, wedge, varies, executor):
+                return
+            entries, files = write_results(wedge, options.sort, not options.no_picture, options.film)
+    finally:
+        if executor is not None:
+            executor.close()
+    _print(wedge, entries, files, sys.stderr if options.executor == PRINT else sys.stdout)
+
+
+def _check_seek(options: Namespace) -> None:
+    if options.seek:
+        if options.executor == "print":
+            raise InputError("--seek needs its runs at once: --executor local or dask=tcp://HOST:PORT")
+        if options.sample or options.jitter is not None:
+            raise InputError("--seek chooses its own variations; leave out --sample and --jitter")
+    elif options.runs or options.budget is not None or options.goal is not None:
+        raise InputError("--runs, --budget and --goal are bounds of --seek")
+    if options.budget is not None and not options.budget > 0.0:
+        raise InputError(f"--budget {options.budget:g}: give minutes above zero")
+
+
+def _run(options: Namespace, wedge: "Wedge", varies: "Sequence[Vary]", executor: "Executor | None") -> bool:
+    """Make the runs, or print their command lines; whether all have ended."""
+    from pdvol.explore.wedge.farm import command_line
+    from pdvol.explore.wedge.progress import WedgeProgress
+    from pdvol.explore.wedge.sampling import chosen_variations
+
+    sample = whole_number("--sample", options.sample) if options.sample else None
+    seed = whole_number("--seed", options.seed)
+    if varies or sample is not None or options.jitter is not None or not wedge.entries:
+        wedge.add(chosen_variations(varies, sample, options.jitter, seed), options.vary)
+    numbers = range(len(wedge.entries))
+    if executor is None:
+        jobs = wedge.missing(numbers)
+        for job in jobs:
+            print(command_line(job))
+        if jobs:
+            print(
+                f"{len(jobs)} of {len(numbers)} runs are missing; then the same command collects them", file=sys.stderr
+            )
+        return not jobs
+    progress = WedgeProgress(len(numbers), wedge.out / "wedge.log")
+    try:
+        wedge.run(numbers, executor, progress.ended)
+    finally:
+        progress.close()
+    return True
+
+
+def _seek(options: Namespace, wedge: "Wedge", varies: "Sequence[Vary]", executor: "Executor") -> None:
+    from pdvol.explore.wedge.progress import WedgeProgress
+    from pdvol.explore.wedge.sampling import search_ranges
+    from pdvol.explore.wedge.seeking import seek_best
+
+    runs = whole_number("--runs", options.runs) if options.runs else SEEK_RUNS
+    if runs < 1:
+        raise InputError("--runs 0: give at least 1")
+    deadline = time.monotonic() + 60.0 * (SEEK_BUDGET if options.budget is None else options.budget)
+    ranges, seed = search_ranges(varies), whole_number("--seed", options.seed)
+    progress = WedgeProgress(runs, wedge.out / "wedge.log", options.seek)
+    try:
+        seek_best(wedge, options.seek, ranges, executor, runs, deadline, seed, progress.ended, options.goal)
+    finally:
+        progress.close()
+
+
+def _print(wedge: "Wedge", entries: list, files: "Sequence[Path]", stream) -> None:  # type: ignore[no-untyped-def]
+    from pdvol.explore.wedge.results import cell_text, table_lines
+
+    for line in table_lines(entries):
+        print(line, file=stream)
+    if wedge.best:
+        best = wedge.best
+        print(f"best: number {best['number']}, {best['of']} = {cell_text(best['score'])}", file=sys.stderr)
+    print(f"{wedge.out}: {', '.join(file.name for file in files)}", file=sys.stderr)

@@ -1,0 +1,72 @@
+"""The graphs under the time line: a level's energies, and its drift from the level below."""
+
+from collections.abc import Sequence
+from functools import cache
+
+import numpy as np
+
+from pdvol.geometry.level_mesh import lumped_masses
+from pdvol.measure.rigid import RigidMotions, drift, rigid_motions
+from pdvol.store.densities import described_densities
+from pdvol.store.reader import Run
+
+GRAPHS = {
+    "energy": {"total": "kinetic + elastic + load", "kinetic": "kinetic", "elastic": "elastic", "load": "load"},
+    "drift": {"centre": "of centres", "turn": "of orientations"},
+}
+"""By graph: the curves that it offers, with the words for them."""
+UNITS = {"total": "J", "kinetic": "J", "elastic": "J", "load": "J", "centre": "m", "turn": "°"}
+"""By curve."""
+
+
+class Curves:
+    """The curves of a run's levels, of all stored states; NaN where a value is not known.
+
+    Masses are those of the bodies' materials, as the run describes them.
+
+    Attributes
+    ----------
+    run : Run
+    note : str
+        What the masses leave out; empty where they are the scene's.
+    """
+
+    def __init__(self, run: Run):
+        self.run = run
+        self._densities, self.note = described_densities(run)
+        self._motions = cache(self._motions_of)
+
+    def of_level(self, number: int, states: int) -> dict[str, list[float]]:
+        """By name of the curve: one value for each of a level's first states. A level without stored states below it
+        has no drift.
+        """
+        level = self.run.levels[number]
+        masses = lumped_masses(level.mesh, self._densities[number])
+        speeds = (level.velocities(step) for step in range(states))
+        kinetic = np.array([0.5 * masses @ (speed**2).sum(axis=1) for speed in speeds])
+        found = {"kinetic": kinetic}
+        logged = {record["step"]: record.get("energy") or {} for record in level.log}
+        for name in ("elastic", "load"):
+            values = [logged.get(step, {}).get(name) for step in range(states)]
+            found[name] = np.array([np.nan if value is None else value for value in values], dtype=float)
+        found["total"] = kinetic + found["elastic"] + found["load"]
+        if number and self.run.levels[number - 1].steps:
+            found |= self._drift(number, states)
+        return {name: [float(v) for v in values] for name, values in found.items() if not np.isnan(values).all()}
+
+    def _drift(self, number: int, states: int) -> dict[str, np.ndarray]:
+        """The largest drift of a body since the start from the level below: of its centre of mass [m], and of its
+        orientation [degrees]. Each level is fitted on its own mesh.
+        """
+        apart = np.full((2, states), np.nan)
+        for step, mine, below in zip(range(states), self._motions(number), self._motions(number - 1), strict=False):
+            apart[:, step] = [worst.max() for worst in drift(mine, below)]
+        return dict(zip(GRAPHS["drift"], apart, strict=True))
+
+    def _motions_of(self, number: int) -> Sequence[RigidMotions]:
+        """Of each state of a level: the bodies' displacements since the start, and their rotations."""
+        level = self.run.levels[number]
+        masses, bodies = lumped_masses(level.mesh, self._densities[number]), level.mesh.point_bodies
+        start = level.positions(0)
+        motions = [rigid_motions(start, level.positions(step), masses, bodies) for step in range(level.steps)]
+        return [RigidMotions(motion.centres - motions[0].centres, motion.rotations) for motion in motions]

@@ -1,0 +1,81 @@
+"""What moves: the drawn vertices of a level, and obstacles, at all stored states, as whole numbers of 16 bits."""
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from pdvol.geometry.polylines import closed_loops
+from pdvol.player.packing import LARGEST, Chunks, quantised
+from pdvol.store.obstacles import DrawnObstacle
+from pdvol.store.reader import RunLevel
+
+FLOAT_ROUNDING = 2.0**-22  # relative error of positions that a graphics card computes in single precision
+
+
+class Skin:
+    """The drawn part of a level: its boundary in 3D, all of it in 2D.
+
+    Attributes
+    ----------
+    vertices : (k,) int64
+        Of the level, ascending: the input's order.
+    faces : (f, 3) int64
+        Into `vertices`.
+    bodies : (k,) int32
+        The body of each vertex.
+    """
+
+    def __init__(self, level: RunLevel):
+        facets = level.surface if level.rest.shape[1] == 3 else level.cells
+        self.vertices, faces = np.unique(facets, return_inverse=True)
+        self.faces = faces.reshape(facets.shape)
+        self.bodies = level.mesh.point_bodies[self.vertices]
+
+
+def packed_skin(level: RunLevel, states: int, chunks: Chunks) -> dict:
+    """A level's drawn vertices at its first states: `low` and `span` [m] of their box, `positions` and `faces`,
+    `bodies` and, in 2D, `outline` in `chunks`, and `error` [m], a bound for what the browser shows of a coordinate.
+    """
+    skin = Skin(level)
+    found = packed_states(lambda step: level.positions(step)[skin.vertices], states, chunks)
+    found |= {"faces": chunks.raw(skin.faces.astype(np.uint32)), "bodies": chunks.raw(skin.bodies.astype(np.uint16))}
+    if level.rest.shape[1] == 2:
+        outline = np.searchsorted(skin.vertices, level.surface)
+        found["outline"] = chunks.raw(outline.astype(np.uint32))
+    return found
+
+
+def packed_states(positions: Callable[[int], np.ndarray], states: int, chunks: Chunks) -> dict:
+    """`low` and `span` [m] of the box of positions (n, d) at all states, these as whole numbers `positions` in
+    `chunks`, and `error` [m], a bound for a coordinate. States are read one by one, twice.
+    """
+    low, high = (np.full(positions(0).shape[1], sign * np.inf) for sign in (1, -1))
+    for step in range(states):
+        x = positions(step)
+        low, high = np.minimum(low, x.min(axis=0)), np.maximum(high, x.max(axis=0))
+    values = np.stack([quantised(positions(step), low, high - low) for step in range(states)])
+    largest = LARGEST[values.dtype]
+    error = float((high - low).max() / largest / 2 + FLOAT_ROUNDING * np.maximum(abs(low), abs(high)).max())
+    return {"low": low, "span": high - low, "error": error, "positions": chunks.states(values)}
+
+
+def packed_obstacles(level: RunLevel, obstacles: Sequence[DrawnObstacle], states: int, chunks: Chunks) -> list[dict]:
+    """A run's obstacles as they were at a level's first states: one state of those that rest, all of others."""
+    placed = [level.placed(obstacles, step) for step in range(states)]
+    return [_packed_obstacle([at[i] for at in placed], chunks) for i in range(len(obstacles))]
+
+
+def _packed_obstacle(at: Sequence[DrawnObstacle], chunks: Chunks) -> dict:
+    obstacle = at[0]
+    found = {"kind": obstacle.kind, "name": obstacle.name}
+    if obstacle.kind == "plane":
+        places = [np.concatenate(o.plane(step)) for step, o in enumerate(at)]
+        rests = all(np.array_equal(place, places[0]) for place in places)
+        return found | {"places": places[:1] if rests else places}
+    rests = all(np.array_equal(o.vertices(step), obstacle.vertices(0)) for step, o in enumerate(at))
+    found |= packed_states(lambda step: at[step].vertices(step), 1 if rests else len(at), chunks)
+    if obstacle.kind == "mesh":
+        opacity = float(obstacle.arrays.get("opacity", 1.0))
+        return found | {"faces": chunks.raw(obstacle.arrays["faces"].astype(np.uint32)), "opacity": opacity}
+    edges = obstacle.arrays["edges"]
+    return found | {"edges": chunks.raw(edges.astype(np.uint32)), "loops": closed_loops(edges)}

@@ -1,0 +1,128 @@
+"""What a player shows: levels of runs beside each other, or the variations of a wedge folder."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+from pdvol.errors import InputError
+from pdvol.player.fields import PointField
+from pdvol.store.files import read_json
+from pdvol.store.reader import Run, RunLevel, open_run
+
+WEDGE = "wedge.json"
+"""The file that a wedge folder is known by; its runs are in the folder `runs` beside it."""
+
+
+@dataclass(frozen=True, eq=False)
+class Pane:
+    """One picture of the player.
+
+    Attributes
+    ----------
+    title : str
+    run : Run or None
+        None where there is only a title and a note.
+    level : int
+    states : int
+        How many of the level's states are shown, from the first one on.
+    lines : sequence of str
+        Below the title: parameters, scores.
+    note : str
+        Why there is nothing to see, or not all of it.
+    fields : mapping
+        Colours of the level's vertices, by a name in `fields.FIELDS`.
+    """
+
+    title: str
+    run: Run | None = None
+    level: int = 0
+    states: int = 0
+    lines: Sequence[str] = ()
+    note: str = ""
+    fields: Mapping[str, PointField] = field(default_factory=dict)
+
+    @property
+    def stored(self) -> RunLevel:
+        """The level; only of panes that have a run."""
+        if self.run is None:
+            raise ValueError(f"the pane {self.title!r} has no run")
+        return self.run.levels[self.level]
+
+
+def panes_of_run(run: Run, levels: Sequence[int] | None = None, named: bool = False) -> list[Pane]:
+    """A pane for each level; `named` puts the run's name before the level's number.
+
+    Parameters
+    ----------
+    levels : all that hold a state when None
+
+    Raises
+    ------
+    InputError
+        A level does not exist or has no state.
+    """
+    chosen = [level.index for level in run.levels if level.steps] if levels is None else list(levels)
+    if not chosen:
+        raise InputError(f"{run.path} has no stored state to play")
+    panes = []
+    for number in chosen:
+        if not 0 <= number < len(run.levels):
+            raise InputError(f"{run.path} has levels 0 to {len(run.levels) - 1}, not {number}")
+        states = run.levels[number].steps
+        if not states:
+            raise InputError(f"{run.path}: level {number} has no stored state to play")
+        name = f"{run.path.resolve().name}, " if named else ""
+        vertices = f"{len(run.levels[number].rest):,} vertices"
+        panes.append(Pane(f"{name}level {number}", run, number, states, (vertices,), _unfinished(run, number, states)))
+    return panes
+
+
+def panes_of_wedge(folder: Path, levels: Sequence[int] | None = None) -> list[Pane]:
+    """A pane for each variation of a wedge folder, on level 0 if no levels are named. Those that failed, or that cannot
+    be read, are panes with their reason.
+
+    Raises
+    ------
+    InputError
+        `wedge.json` is no list of variations.
+    """
+    entries = read_json(folder / WEDGE).get("variations")
+    if not isinstance(entries, list) or not entries or not all(isinstance(entry, dict) for entry in entries):
+        raise InputError(f"{folder / WEDGE} has no list of variations: it is not as pdvol wedge wrote it")
+    return [pane for place, entry in enumerate(entries) for pane in _panes_of_variation(folder, place, entry, levels)]
+
+
+def _panes_of_variation(folder: Path, place: int, entry: Mapping[str, Any], levels: Sequence[int] | None) -> list[Pane]:
+    name = str(entry.get("name", place))
+    changes, scores = _mapping(entry, "changes"), _mapping(entry, "scores")
+    lines = [" ".join(f"{key}={value}" for key, value in changes.items())]
+    lines += [f"{key} {value:.3g}" for key, value in scores.items() if isinstance(value, int | float)]
+    lines = [line for line in lines if line]
+    title = str(entry.get("number", place)) if changes else name
+    reason = str(entry.get("reason") or "")
+    try:
+        panes = panes_of_run(open_run(folder / "runs" / name), [0] if levels is None else levels)
+    except InputError as error:
+        return [Pane(title, lines=lines, note=reason or _short(error, entry.get("state")))]
+    titles = [f"{title}, {pane.title}" for pane in panes] if len(panes) > 1 else [title]
+    return [
+        replace(pane, title=own, lines=lines, note=reason or pane.note) for pane, own in zip(panes, titles, strict=True)
+    ]
+
+
+def _mapping(entry: Mapping[str, Any], key: str) -> Mapping[str, Any]:
+    value = entry.get(key)
+    return value if isinstance(value, dict) else {}
+
+
+def _short(error: InputError, state: Any) -> str:
+    return "not simulated yet" if state == "waiting" else str(error)
+
+
+def _unfinished(run: Run, level: int, states: int) -> str:
+    """A remark on a level whose last state is not the run's last one."""
+    wanted = run.info.get("steps")
+    if not isinstance(wanted, int) or states > wanted:
+        return ""
+    return f"stored up to {(states - 1) * run.dt:.3g} s of {wanted * run.dt:.3g} s"

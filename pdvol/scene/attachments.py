@@ -1,0 +1,50 @@
+"""Springs that attach bodies to each other, until they break."""
+
+from dataclasses import dataclass
+
+from pdvol.scene.checks import finite, keep_plain, positive, require, vector
+from pdvol.scene.loads import Where, everywhere
+from pdvol.scene.motions import Vector
+from pdvol.scene.representation import one_line
+
+
+@dataclass(frozen=True)
+class Attachment:
+    """Springs between two bodies: from places spread over a part of the first one's surface to the nearest places of
+    the other's.
+
+    The springs are chosen on the coarsest level, one for each boundary facet of the part, and lead between the same
+    material points on every level. They share stiffness and strength by area, so neither depends on the mesh. A spring
+    breaks for good at the end of the step in which it pulls with more than its share of `breaking`.
+
+    Attributes
+    ----------
+    body, other : names of two bodies
+    where : the part of `body`: a function of rest positions (n, d), as placed, that gives a mask (n,), asked at the
+        centres of boundary facets; or one rest position
+    to : the part of `other`, likewise
+    stiffness : of all springs together [N/m] ([N/m] per metre of depth in 2D)
+    rest_length : [m] of each spring; its length at t = 0 where left out, so that nothing pulls at first
+    breaking : force [N] that all springs together bear; None where they never break
+    """
+
+    body: str
+    other: str
+    where: Where | Vector
+    to: Where | Vector = everywhere
+    stiffness: float = 1e4
+    rest_length: float | None = None
+    breaking: float | None = None
+    __repr__ = one_line
+
+    def __post_init__(self) -> None:
+        keep_plain(self, "where", "to", "stiffness", "rest_length", "breaking")
+        require(self.body != self.other, f"an Attachment leads from body {self.body!r} to itself; name two bodies")
+        for name in ("where", "to"):
+            if not callable(getattr(self, name)):
+                vector(f"Attachment.{name}", getattr(self, name))
+        positive("Attachment.stiffness", self.stiffness)
+        if self.rest_length is not None:
+            finite("Attachment.rest_length", self.rest_length, 0.0)
+        if self.breaking is not None:
+            positive("Attachment.breaking", self.breaking)

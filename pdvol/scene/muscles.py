@@ -1,0 +1,78 @@
+"""Muscles: parts of bodies that contract along fibres, by an activation that changes with time and place."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from pdvol.scene.checks import called, finite, keep_plain, positive, require, vector
+from pdvol.scene.loads import Where, everywhere
+from pdvol.scene.motions import Vector
+from pdvol.scene.representation import one_line
+
+
+@dataclass(frozen=True)
+class Muscle:
+    """A part of a body that pulls along its fibres, besides what its material does.
+
+    The energy density is 1/2 a T |F f|^2: an active stress a T along the fibre f (second Piola-Kirchhoff), as in models
+    of the heart. Cells are chosen on the coarsest level and carried to the finer ones by the binding, with the places
+    at which functions are asked. A body may have several muscles, also in one place.
+
+    Attributes
+    ----------
+    body : name
+    fibre : direction at rest, of any length but zero: a vector, or a function of rest positions (n, d), as placed, that
+        gives (n, d)
+    strength : T, the stress [Pa] at an activation of 1
+    activation : a, a number or a function (t, X) of time [s] and rest positions (n, d) that gives (n,); not negative,
+        and taken at the end of each step
+    where : function of rest positions (n, d) giving a mask (n,), asked at cell centres
+    """
+
+    body: str
+    fibre: Vector | Callable[[np.ndarray], np.ndarray]
+    strength: float
+    activation: float | Callable[[float, np.ndarray], np.ndarray] = 1.0
+    where: Where = everywhere
+    __repr__ = one_line
+
+    def __post_init__(self) -> None:
+        keep_plain(self, "fibre", "strength", "activation")
+        if not callable(self.fibre):
+            vector("Muscle.fibre", self.fibre)
+            require(np.linalg.norm(self.fibre) > 0, f"Muscle.fibre = {self.fibre!r} has no direction")
+        positive("Muscle.strength", self.strength)
+        if not callable(self.activation):
+            finite("Muscle.activation", self.activation, 0.0)
+        require(callable(self.where), f"Muscle.where = {self.where!r} must be a function of rest positions (n, d)")
+
+    def fibres(self, points: np.ndarray) -> np.ndarray:
+        """(n, d) unit vectors at rest positions (n, d). Raises InputError where a function fails or has no direction
+        to give.
+        """
+        if callable(self.fibre):
+            found = called("Muscle.fibre", self.fibre, (points.copy(),), points.shape).astype(float)
+        else:
+            dim = points.shape[1]
+            require(len(self.fibre) == dim, f"Muscle.fibre has {len(self.fibre)} components in a {dim}D scene")
+            found = np.broadcast_to(np.asarray(self.fibre, dtype=float), points.shape)
+        lengths = np.linalg.norm(found, axis=1)
+        require(
+            bool(np.isfinite(lengths).all() and (lengths > 0.0).all()),
+            "Muscle.fibre gives NaN, infinity or a vector of no length",
+        )
+        return found / lengths[:, None]
+
+    def tension(self, time: float, points: np.ndarray) -> np.ndarray:
+        """(n,) [Pa] at a time [s] and rest positions (n, d). Raises InputError where a function fails, or gives what is
+        negative or not finite.
+        """
+        if not callable(self.activation):
+            return np.full(len(points), self.strength * self.activation)
+        found = called("Muscle.activation", self.activation, (time, points.copy()), (len(points),)).astype(float)
+        require(
+            bool((np.isfinite(found) & (found >= 0.0)).all()),
+            f"Muscle.activation is negative, NaN or infinite at t = {time:g} s",
+        )
+        return self.strength * found

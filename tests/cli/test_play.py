@@ -1,0 +1,67 @@
+"""`pdvol play`: one file from runs, their contact forces, and one line for what cannot be played."""
+
+import pytest
+
+from cli_scenes import FALL, pdvol, write
+
+CHOICES = ("--steps", 6, "--no-picture")
+
+
+@pytest.fixture(scope="module")
+def shot(tmp_path_factory):
+    """A small run of two levels whose scene file is there."""
+    folder = tmp_path_factory.mktemp("play")
+    scene = write(folder / "fall.py", FALL)
+    assert pdvol("run", scene, "--out", folder / "run", *CHOICES) == 0
+    return folder / "run"
+
+
+def test_a_run_with_both_fields(shot, tmp_path, capsys):
+    out = tmp_path / "shot.html"
+    assert pdvol("play", shot, "-o", out, "--fields", "strain,contact_force") == 0
+    said = capsys.readouterr().out.strip()
+    assert said.startswith(f"{out}: 2 panes, 0.") and "\n" not in said
+    page = out.read_text()
+    assert '<option value="strain">' in page and '<option value="contact_force">' in page
+    assert "centre" in page and "<title>fall</title>" in page
+
+
+def test_two_runs_and_one_level(shot, tmp_path):
+    assert pdvol("play", shot, shot, "--levels", "1", "-o", tmp_path / "two.html") == 0
+    assert (tmp_path / "two.html").read_text().count('"run, level 1"') == 2
+
+
+def test_the_default_is_in_the_first_folder(shot):
+    assert pdvol("play", shot) == 0
+    assert (shot / "player.html").is_file()
+    (shot / "player.html").unlink()
+
+
+@pytest.mark.parametrize(
+    "words, said",
+    [
+        (("nowhere",), "nowhere"),
+        (("RUN", "-o", "shot.mp4"), "ends in .html"),
+        (("RUN", "-o", "shot.html", "--levels", "0:4"), "has levels 0 to 1"),
+        (("RUN", "-o", "shot.html", "--levels", "x"), "--levels"),
+        (("RUN", "-o", "shot.html", "--fields", "heat"), "choose of strain, contact_force"),
+    ],
+)
+def test_one_line_for_a_mistake(words, said, shot, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert pdvol("play", *(shot if word == "RUN" else word for word in words)) == 2
+    message = capsys.readouterr().err.strip()
+    assert said in message and "\n" not in message and "Traceback" not in message
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_scene_that_is_gone_leaves_out_contact_forces(shot, tmp_path, capsys):
+    scene = shot.parent / "fall.py"
+    text = scene.read_text()
+    scene.unlink()
+    try:
+        assert pdvol("play", shot, "-o", tmp_path / "a.html", "--fields", "contact_force") == 0
+    finally:
+        scene.write_text(text)
+    assert "without contact forces" in capsys.readouterr().out
+    assert "contact_force" not in (tmp_path / "a.html").read_text().split("var THREE=")[0]

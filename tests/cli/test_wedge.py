@@ -1,0 +1,253 @@
+"""`pdvol wedge` and `pdvol pick`, through the command line."""
+
+import json
+import os
+import shlex
+import shutil
+import signal
+import subprocess
+import time
+from pathlib import Path
+
+import pytest
+
+from cli_scenes import FALL, pdvol, states, write
+from commands import PDVOL, SAFETY
+from pdvol.store.reader import open_run
+
+SCORES = """
+
+def right(run):
+    return run.levels[-1].positions(run.info["steps"])[:, 0].mean()
+
+
+def near(run):
+    return -abs(run.levels[-1].positions(run.info["steps"])[:, 1].mean() - 0.54)
+
+
+def broken(run):
+    return run.levels[7]
+"""
+STEPS = 6
+WORDS = ("--steps", STEPS, "--vary", "height=0.02,-1", "--vary", "mu=0.1:0.3:2", "--score", "right", "--no-picture")
+NAMES = ["height-0.02_mu-0.1", "height-0.02_mu-0.3", "height--1_mu-0.1", "height--1_mu-0.3"]
+
+
+def scene_in(folder):
+    return write(folder / "fall.py", FALL + SCORES)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """A wedge of the falling square; half of it would begin below the floor."""
+    folder = tmp_path_factory.mktemp("wedge")
+    assert pdvol("wedge", scene_in(folder), "-o", folder / "w", *WORDS, "--jobs", 2) == 0
+    return folder
+
+
+def stored(folder):
+    return json.loads((folder / "wedge.json").read_text())
+
+
+def states_of(wedge):
+    return {run.name: states(run, 0) for run in sorted((wedge / "runs").iterdir()) if run.is_dir()}
+
+
+def test_each_variation_is_a_run_as_any_other(folder, tmp_path):
+    wedge = stored(folder / "w")
+    assert [entry["name"] for entry in wedge["variations"]] == NAMES
+    assert [entry["number"] for entry in wedge["variations"]] == [0, 1, 2, 3]
+    assert wedge["vary"] == ["height=0.02,-1", "mu=0.1:0.3:2"]
+    for entry in wedge["variations"][:2]:
+        run = open_run(folder / "w" / "runs" / entry["name"])
+        assert entry["state"] == "done" and run.levels[0].steps == STEPS + 1 and len(run.levels) == 1
+        assert entry["scores"] == {"right": run.levels[0].positions(STEPS)[:, 0].mean()}
+    words = ("--set", "height=0.02", "--set", "mu=0.1", "--steps", STEPS, "--no-picture")
+    assert pdvol("preview", folder / "fall.py", *words, "--out", tmp_path / "p") == 0
+    assert states(tmp_path / "p", 0) == states(folder / "w" / "runs" / NAMES[0], 0)
+
+
+def test_a_failed_variation_has_its_reason_and_is_not_the_end(folder):
+    for entry in stored(folder / "w")["variations"][2:]:
+        assert entry["state"] == "failed" and "floor" in entry["reason"] and "\n" not in entry["reason"]
+        assert entry["scores"] == {"right": None} and entry["cluster"] == -1
+
+
+def test_the_same_command_goes_on_and_more_values_are_added(folder, tmp_path, capsys):
+    shutil.copytree(folder, tmp_path / "copy")
+    copy, before = tmp_path / "copy", {p: p.stat().st_mtime_ns for p in (tmp_path / "copy").glob("w/runs/*/levels/*/*")}
+    assert before
+    assert pdvol("wedge", copy / "fall.py", "-o", copy / "w", *WORDS) == 0
+    assert {p: p.stat().st_mtime_ns for p in copy.glob("w/runs/*/levels/*/*")} == before
+    again, first = stored(copy / "w"), stored(folder / "w")
+    for entry, its in zip(again["variations"], first["variations"], strict=True):
+        assert {**entry, "seconds": 0, "cluster": 0} == {**its, "seconds": 0, "cluster": 0}
+    capsys.readouterr()
+    more = ("--steps", STEPS, "--vary", "mu=0.1,0.2", "--set", "height=0.02", "--score", "right", "--no-picture")
+    assert pdvol("wedge", copy / "fall.py", "-o", copy / "w", *more) == 0
+    assert len(stored(copy / "w")["variations"]) == 6
+
+
+def test_the_table_is_sorted_as_asked(folder, capsys):
+    for sort, order in (("", [0, 1]), ("number", [0, 1]), ("mu", [0, 1])):
+        words = [*WORDS, *(["--sort", sort] if sort else [])]
+        capsys.readouterr()
+        assert pdvol("wedge", folder / "fall.py", "-o", folder / "w", *words) == 0
+        lines = capsys.readouterr().out.splitlines()
+        assert lines[0].split() == ["number", "height", "mu", "right", "cluster", "state"]
+        shown = [int(line.split()[0]) for line in lines[1:]]
+        scores = {e["number"]: e["scores"]["right"] for e in stored(folder / "w")["variations"]}
+        if sort == "":
+            assert shown[:2] == sorted(order, key=lambda n: -scores[n]) and "failed: " in lines[-1]
+        else:
+            assert [n for n in shown if n in order] == order
+
+
+def test_printed_lines_give_the_same_states_and_are_collected(folder, tmp_path, capsys):
+    words = ("wedge", folder / "fall.py", "-o", tmp_path / "w", *WORDS, "--executor", "print")
+    capsys.readouterr()
+    assert pdvol(*words) == 0
+    output = capsys.readouterr()
+    lines = output.out.splitlines()
+    assert len(lines) == 4 and "4 of 4 runs are missing" in output.err
+    codes = [pdvol(*shlex.split(line)[1:]) for line in lines]
+    assert codes == [0, 0, 2, 2] and all(line.startswith("pdvol run ") for line in lines)
+    capsys.readouterr()
+    assert pdvol(*words) == 0
+    output = capsys.readouterr()
+    assert [shlex.split(line)[1:] for line in output.out.splitlines()] == [shlex.split(line)[1:] for line in lines[2:]]
+    assert states_of(tmp_path / "w") == states_of(folder / "w")
+    assert [entry["state"] for entry in stored(tmp_path / "w")["variations"]] == ["done", "done", "waiting", "waiting"]
+
+
+def test_workers_of_dask_give_the_same_states(folder, tmp_path):
+    distributed = pytest.importorskip("distributed")
+    with distributed.LocalCluster(
+        n_workers=2, threads_per_worker=1, host="127.0.0.1", dashboard_address=None, local_directory=tmp_path / "dask"
+    ) as cluster:
+        words = ("wedge", folder / "fall.py", "-o", tmp_path / "w", *WORDS)
+        assert pdvol(*words, "--executor", f"dask={cluster.scheduler_address}") == 0
+    assert states_of(tmp_path / "w") == states_of(folder / "w")
+    for entry, its in zip(stored(tmp_path / "w")["variations"], stored(folder / "w")["variations"], strict=True):
+        assert [entry[key] for key in ("name", "state", "reason", "scores")] == [
+            its[key] for key in ("name", "state", "reason", "scores")
+        ]
+
+
+def children(process):
+    return [
+        int(pid) for task in Path(f"/proc/{process}/task").iterdir() for pid in (task / "children").read_text().split()
+    ]
+
+
+def test_a_killed_worker_and_a_killed_wedge_cost_nothing_but_time(tmp_path):
+    scene_in(tmp_path)
+    words = ("--steps", 200, "--vary", "mu=0.1,0.2,0.3", "--jobs", 1, "--no-picture")
+    command = [*PDVOL, "wedge", tmp_path / "fall.py", "-o", tmp_path / "w", *map(str, words)]
+
+    def wait_for(path, process):
+        deadline = time.monotonic() + SAFETY
+        while not path.exists() and time.monotonic() < deadline and process.poll() is None:
+            time.sleep(0.01)
+        assert path.exists() and process.poll() is None
+
+    with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as process:
+        wait_for(tmp_path / "w/runs/mu-0.1/levels/0/000010.npy", process)
+        for child in children(process.pid):
+            os.kill(child, signal.SIGKILL)
+        wait_for(tmp_path / "w/runs/mu-0.2/levels/0/000010.npy", process)
+        assert stored(tmp_path / "w")["variations"][0]["state"] == "done", "the killed job was run again"
+        process.kill()
+    kept = {p: p.stat().st_mtime_ns for p in (tmp_path / "w/runs/mu-0.1/levels/0").iterdir()}
+    assert pdvol("wedge", tmp_path / "fall.py", "-o", tmp_path / "w", *words) == 0
+    assert {p: p.stat().st_mtime_ns for p in (tmp_path / "w/runs/mu-0.1/levels/0").iterdir()} == kept
+    assert [entry["state"] for entry in stored(tmp_path / "w")["variations"]] == ["done"] * 3
+    for name in ("0.1", "0.2"):
+        alone = ("--set", f"mu={name}", "--steps", 200, "--no-picture", "--out", tmp_path / name)
+        assert pdvol("preview", tmp_path / "fall.py", *alone) == 0
+        assert states(tmp_path / "w/runs" / f"mu-{name}", 0) == states(tmp_path / name, 0)
+
+
+def test_a_search_finds_and_goes_on_with_what_is_stored(tmp_path, capsys):
+    scene = scene_in(tmp_path)
+    words = ("--steps", 3, "--vary", "height=0.02:0.4", "--runs", 30, "--no-picture", "--seek", "near")
+    assert pdvol("wedge", scene, "-o", tmp_path / "w", *words) == 0
+    assert "best: number" in capsys.readouterr().err
+    wedge = stored(tmp_path / "w")
+    scores = [entry["scores"]["near"] for entry in wedge["variations"]]
+    assert wedge["best"]["score"] == max(scores) == scores[wedge["best"]["number"]] and wedge["best"]["runs"] == 30
+    assert max(scores) > -0.01 and max(scores) > max(scores[:6])
+    before = {p: p.stat().st_mtime_ns for p in (tmp_path / "w/runs").glob("*/levels/0/*")}
+    assert pdvol("wedge", scene, "-o", tmp_path / "w", *words) == 0
+    assert {p: p.stat().st_mtime_ns for p in (tmp_path / "w/runs").glob("*/levels/0/*")} == before
+    assert stored(tmp_path / "w")["best"] == wedge["best"]
+    assert pdvol("pick", tmp_path / "w", "best", "-o", tmp_path / "best", "--no-picture") == 0
+
+
+def test_a_picked_variation_is_refined_as_a_run_of_its_settings(folder, tmp_path, capsys):
+    words = ("pick", folder / "w", 1, "--refine", "-o", tmp_path / "picked", "--no-picture")
+    assert pdvol(*words) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0].startswith("level 0, 9 vertices: as chosen; right ") and "level 1, 25 vertices: ends" in lines[1]
+    assert "from level 0" in lines[1] and ("right" in lines[1].split("degrees")[1])
+    settings = ("--set", "height=0.02", "--set", "mu=0.3", "--steps", STEPS, "--no-picture")
+    assert pdvol("run", folder / "fall.py", *settings, "--out", tmp_path / "alone") == 0
+    for level in (0, 1):
+        assert states(tmp_path / "picked", level) == states(tmp_path / "alone", level)
+    assert pdvol(*words) == 0, "it goes on with the run that is there"
+    assert len(open_run(folder / "w" / "runs" / NAMES[1]).levels) == 1, "the wedge is as before"
+    assert pdvol("pick", folder / "w", 0, "-o", tmp_path / "picked") == 2
+    assert "another run" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("7",), "has no variation 7"),
+        (("2",), "variation 2 of"),
+        (("two",), "not the number"),
+        (("best",), "holds no search"),
+        (("1", "--to", "1"), "add --refine"),
+    ],
+)
+def test_what_cannot_be_picked_is_said_in_one_line(folder, tmp_path, capsys, words, message):
+    assert pdvol("pick", folder / "w", *words, "-o", tmp_path / "out") == 2
+    error = capsys.readouterr().err
+    assert message in error and error.count("\n") == 1 and not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("--vary", "colour=1,2"), "no parameter 'colour'"),
+        (("--vary", "mu=0:1"), "mu=0:1:9"),
+        ((), "say what differs"),
+        (("--vary", "mu=1,2", "--executor", "cloud"), "choose local, dask"),
+        (("--vary", "mu=1,2", "--executor", "dask=tcp://127.0.0.1:9"), "no scheduler answers"),
+        (("--vary", "mu=1,2", "--score", "beauty"), "there is no beauty"),
+        (("--vary", "mu=1,2", "--jobs", "0"), "at least 1"),
+        (("--vary", "mu=1,2", "--runs", "5"), "bounds of --seek"),
+        (("--vary", "mu=1,2", "--seek", "right"), "needs ranges"),
+        (("--vary", "mu=0:1", "--seek", "right", "--executor", "print"), "needs its runs at once"),
+        (("--vary", "mu=0:1", "--seek", "right", "--sample", "3"), "chooses its own"),
+        (("--vary", "mu=0:1", "--seek", "right", "--budget", "0"), "above zero"),
+        (("--vary", "mu=0:1", "--sample", "x"), "not a whole number"),
+    ],
+)
+def test_a_wedge_that_cannot_be_made_is_said_in_one_line(tmp_path, capsys, words, message):
+    scene = scene_in(tmp_path)
+    assert pdvol("wedge", scene, "-o", tmp_path / "w", *words, "--no-picture") == 2
+    error = capsys.readouterr().err
+    assert message in error and error.count("\n") == 1 and not (tmp_path / "w" / "runs").exists()
+
+
+def test_another_scene_a_full_folder_and_a_broken_score_are_refused(folder, tmp_path, capsys):
+    scene = write(tmp_path / "fall.py", FALL.replace("dt=0.02", "dt=0.01"))
+    assert pdvol("wedge", scene, "-o", folder / "w", *WORDS[:-3], "--no-picture") == 2
+    assert "another scene" in capsys.readouterr().err
+    (tmp_path / "full").mkdir()
+    (tmp_path / "full" / "thesis.txt").write_text("mine")
+    assert pdvol("wedge", folder / "fall.py", "-o", tmp_path / "full", *WORDS) == 2
+    assert "not empty" in capsys.readouterr().err
+    assert pdvol("wedge", folder / "fall.py", "-o", folder / "w", *WORDS, "--score", "broken") == 2
+    assert "score 'broken': IndexError" in capsys.readouterr().err

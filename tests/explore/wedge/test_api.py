@@ -1,0 +1,72 @@
+"""`pdvol.wedge` from a script."""
+
+import numpy as np
+import pytest
+
+import pdvol
+from cli_scenes import FALL, states, write
+
+STEPS = 4
+
+
+def right(run):
+    return run.levels[-1].positions(run.info["steps"])[:, 0].mean()
+
+
+@pytest.fixture(scope="module")
+def scene():
+    names = {}
+    exec(FALL.split("if __name__")[0], names)  # as a cell of a notebook does
+    return names["scene"]
+
+
+@pytest.fixture(scope="module")
+def made(scene):
+    return pdvol.wedge(
+        scene, {"velocity": [(0.3, 0.0), (0.6, 0.0)], "height": (0.02, -1.0)}, scores=[right], steps=STEPS
+    )
+
+
+def test_a_function_s_variations_are_rows_and_failures_have_reasons(made):
+    rows = made.table
+    assert [row["state"].partition(":")[0] for row in rows] == ["done", "done", "failed", "failed"]
+    assert rows[0]["right"] > rows[1]["right"] and "floor" in rows[2]["state"]
+    assert rows[0]["velocity"] == "(0.6,0.0)" and rows[0]["height"] == "0.02" and rows[0]["cluster"] == "group A"
+    assert made.run(rows[0]["number"]).levels[0].steps == STEPS + 1
+    with pytest.raises(pdvol.InputError, match="failed"):
+        made.run(rows[3]["number"])
+    with pytest.raises(pdvol.InputError, match="no variation 9"):
+        made.run(9)
+
+
+def test_a_notebook_gets_a_picture_for_each_run(made):
+    page = made._repr_html_()
+    assert page.count("<img") == 2 and page.count("<tr>") == 5 and "floor" in page
+    assert len(np.unique(np.asarray(made.sheet()).reshape(-1, 3), axis=0)) > 20
+
+
+def test_a_picked_run_is_refined(made, tmp_path):
+    number = made.table[0]["number"]
+    run = made.pick(number, tmp_path / "picked", to=1)
+    assert [level.steps for level in run.levels] == [STEPS + 1] * 2
+    assert states(tmp_path / "picked", 0) == states(made.run(number).path, 0)
+
+
+def test_a_file_s_variations_are_those_of_the_function(made, tmp_path):
+    file = write(tmp_path / "fall.py", FALL)
+    other = pdvol.wedge(
+        file, {"velocity": [(0.3, 0.0), (0.6, 0.0)], "height": [0.02]}, tmp_path / "w", [right], steps=STEPS, jobs=1
+    )
+    assert [row["right"] for row in other.table] == [row["right"] for row in made.table[:2]]
+    assert (tmp_path / "w" / "wedge.json").exists()
+    run = other.pick(0, tmp_path / "picked", to=1)
+    assert len(run.levels) == 2
+
+
+def test_mistakes_are_named(scene):
+    with pytest.raises(pdvol.InputError, match="no values"):
+        pdvol.wedge(scene, {"height": []})
+    with pytest.raises(pdvol.InputError, match="say what differs"):
+        pdvol.wedge(scene)
+    with pytest.raises(pdvol.InputError, match="there is no scene file"):
+        pdvol.wedge("nowhere.py", {"height": [1.0]})

@@ -1,0 +1,117 @@
+"""Bodies on springs: periods and breaking worked out by hand, interrupted marches, ranks, and levels that agree."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from attached_on_ranks import torn
+
+from on_ranks import results_on
+from pdvol.integrate.integrator import past_of
+from pdvol.integrate.marches import Start, direct
+from pdvol.scene import Attachment, NeoHookean, Solver
+from problems import block, make_scene, make_stepper
+from shapes import together
+
+PROGRAM = Path(__file__).with_name("attached_on_ranks.py")
+STIFF = NeoHookean(1e9, 0.3, 1000.0)
+GAP, LENGTH, K, DT = 0.1, 0.05, 2000.0, 0.01
+MASS = 1000.0 * 0.2 * 0.1  # kg of each block, per metre of depth
+OMEGA2 = K / (MASS / 2)  # 1/s^2: two masses on a spring have the reduced mass m/2
+
+
+def blocks(steps, speed=0.0, **settings):
+    """Two blocks without gravity, `GAP` apart, on springs of rest length `LENGTH`; the right one has a speed."""
+    mesh = together(block((0.0, 0.0), (0.2, 0.1), 2), block((0.2 + GAP, 0.0), (0.4 + GAP, 0.1), 2))
+    spring = Attachment(
+        "body 0", "body 1", lambda X: X[:, 0] > 0.199, stiffness=K, **({"rest_length": LENGTH} | settings)
+    )
+    scene = make_scene(
+        (STIFF, STIFF), dt=DT, steps=steps, attachments=(spring,), solver=Solver(tolerance=1e-7, linear="direct")
+    )
+    velocity = speed * np.outer(mesh.point_bodies == 1, (1.0, 0.0))
+    return scene, mesh, velocity
+
+
+def march(scene, mesh, velocity):
+    return list(direct(make_stepper(scene, mesh), Start.at_rest(mesh.points, velocity), scene.steps))
+
+
+def stretch(report, mesh):
+    """How much longer than at rest the springs are: the mean distance of both blocks, less that."""
+    apart = [report.positions[mesh.point_bodies == i, 0].mean() for i in range(2)]
+    return apart[1] - apart[0] - 0.2 - LENGTH
+
+
+def by_hand(steps, first=GAP - LENGTH, speed=0.0):
+    """Implicit Euler of e'' = -omega^2 e: e+ = (e + dt e') / (1 + omega^2 dt^2)."""
+    e, v, found = first, speed, []
+    for _ in range(steps):
+        before, e = e, (e + DT * v) / (1.0 + OMEGA2 * DT**2)
+        v = (e - before) / DT
+        found.append(e)
+    return np.array(found)
+
+
+def test_two_blocks_swing_with_the_spring_s_period():
+    steps = 60
+    scene, mesh, velocity = blocks(steps)
+    found = np.array([stretch(report, mesh) for report in march(scene, mesh, velocity)])
+    np.testing.assert_allclose(found, by_hand(steps), atol=2e-5)
+    # A quarter period is pi / (2 omega) = 0.111 s, lengthened by the damping of implicit Euler.
+    assert 10 <= np.argmax(found < 0.0) <= 13
+
+
+def test_a_spring_breaks_at_its_force_and_stays_broken():
+    """It pulls with K e: with 1 m/s the first step past the force is known, and nothing acts from then on."""
+    steps, force = 30, 100.0
+    scene, mesh, velocity = blocks(steps, 1.0, rest_length=None, breaking=force)
+    expected = by_hand(steps, 0.0, 1.0)
+    last = int(np.argmax(K * expected > force))  # the step, counted from 0, at whose end it breaks
+    assert 2 < last < 20
+    reports = march(scene, mesh, velocity)
+    found = np.array([stretch(report, mesh) for report in reports]) - (GAP - LENGTH)
+    np.testing.assert_allclose(found[: last + 1], expected[: last + 1], atol=2e-5)
+    np.testing.assert_allclose(np.diff(found[last:]), expected[last] - expected[last - 1], rtol=1e-3)
+    count = 2  # springs: one for each of the two facets
+    for number, report in enumerate(reports):
+        assert report.terms == ({} if number < last else {"attachment": {"broken": list(range(count))}})
+    assert all(report.energy["attachment"] > 0.0 for report in reports[: last + 1])
+    assert reports[-1].energy["attachment"] == 0.0
+
+
+def test_an_interrupted_march_goes_on_to_the_last_bit():
+    """Springs tear one after the other; what has torn is in the log's record."""
+    scene, mesh, velocity = torn()
+    whole = march(scene, mesh, velocity)
+    torn_by = [len(report.terms.get("attachment", {}).get("broken", ())) for report in whole]
+    assert torn_by[0] == 0 and torn_by[-1] == 6 and len(set(torn_by)) >= 3
+    stop = next(number for number, count in enumerate(torn_by) if count) + 1
+    states = [mesh.points, *(report.positions for report in whole)]
+    stepper = make_stepper(scene, mesh)
+    past = past_of(
+        stepper.integrator, states.__getitem__, velocity, stop, scene.dt, lambda step: whole[step - 1].joined
+    )
+    again = list(direct(stepper, Start(stop, past, whole[stop - 1].record()), scene.steps))
+    for one, other in zip(whole[stop:], again, strict=True):
+        assert np.array_equal(one.positions, other.positions)
+        assert one.terms == other.terms
+
+
+@pytest.mark.mpi
+def test_two_ranks_break_the_same_springs(tmp_path):
+    one, two = results_on((1, 2), tmp_path, PROGRAM)
+    assert one["broken"].max() == 6
+    np.testing.assert_array_equal(two["broken"], one["broken"])
+    np.testing.assert_allclose(two["positions"], one["positions"], rtol=0.0, atol=1e-5)
+
+
+def test_at_rest_on_springs_nothing_is_solved_and_breaking_wakes():
+    """Blocks at rest are held; the record of a step at rest keeps what has broken."""
+    scene, mesh, velocity = blocks(6, rest_length=None)
+    reports = march(scene, mesh, velocity)
+    assert {report.reason for report in reports[1:]} == {"AT_REST"}
+    broken, mesh, velocity = blocks(4, breaking=K * 0.9 * (GAP - LENGTH))
+    reports = march(broken, mesh, velocity)
+    assert all(report.terms for report in reports)
+    assert reports[1].reason != "AT_REST"

@@ -1,0 +1,160 @@
+"""Springs between bodies: derivatives, momentum, totals that no mesh changes, and the same material on every level."""
+
+import re
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+
+from pdvol.errors import InputError
+from pdvol.levels.attachments import attachment_springs, bound_springs
+from pdvol.levels.locate import nearest_material
+from pdvol.levels.scene_fields import check_fields
+from pdvol.levels.space import LevelSpace
+from pdvol.potentials.attachments import Attachments
+from pdvol.potentials.potential import Positions
+from pdvol.scene import Attachment
+from problems import SOFT, make_scene
+from shapes import box, together
+from taylor import check_term, hessian_of, smallest_eigenvalue, state
+
+DIMENSIONS = [2, 3]
+STIFFNESS, GAP = 300.0, 0.2
+
+
+def right(X):
+    """The facets on the first cube's right side, by their centres."""
+    return X[:, 0] > 1.0 - 1e-9
+
+
+def cubes(d, n, jitter=0.0):
+    """Two unit cubes side by side, `GAP` apart."""
+    return together(box(d, n, jitter=jitter, seed=1), box(d, n, (1.0 + GAP, *(0.1,) * (d - 1)), 2.0, jitter=jitter))
+
+
+def scene(**settings):
+    given = {"where": right, "stiffness": STIFFNESS} | settings
+    return make_scene((SOFT, SOFT), attachments=(Attachment("body 0", "body 1", **given),))
+
+
+def term(mesh, **settings):
+    (springs,) = bound_springs(attachment_springs(scene(**settings), mesh), mesh)
+    return Attachments(LevelSpace(mesh, MPI.COMM_SELF), springs)
+
+
+@pytest.mark.parametrize("d", DIMENSIONS)
+@pytest.mark.parametrize("rest_length", [None, 0.0, 0.15, 0.6], ids=["own", "none", "pulled", "pressed"])
+def test_derivatives(d, rest_length):
+    """At a deformed state; where springs are pressed, the Hessian's negative part is left out or counted by size."""
+    found = term(cubes(d, 2), rest_length=rest_length)
+    x = state(found.space)
+    check_term(found, found.space, x, 1e-2, quadratic=rest_length == 0.0)
+    exact = hessian_of(found, found.space, x, "none").toarray()
+    for projection in ("clamp", "abs"):
+        filtered = hessian_of(found, found.space, x, projection).toarray()
+        assert smallest_eigenvalue(filtered) >= -1e-10 * np.abs(exact).max()
+    assert (smallest_eigenvalue(exact) < -1.0) == (rest_length == 0.6)
+
+
+@pytest.mark.parametrize("d", DIMENSIONS)
+@pytest.mark.parametrize("rest_length", [None, 0.0])
+def test_no_momentum_and_no_angular_momentum(d, rest_length):
+    found = term(cubes(d, 2), rest_length=rest_length)
+    x = state(found.space)
+    force = -found.gradient(Positions(found.space, x))
+    size = np.abs(force).max()
+    assert size > 1.0
+    np.testing.assert_allclose(force.sum(axis=0), 0.0, atol=1e-12 * size)
+    np.testing.assert_allclose(x.T @ force, force.T @ x, atol=1e-11 * size)
+
+
+@pytest.mark.parametrize("d", DIMENSIONS)
+@pytest.mark.parametrize("n", [1, 2, 5])
+def test_totals_do_not_depend_on_the_mesh(d, n):
+    """The second cube moves away by `GAP`: all springs, as wide as the gap at first, pull with k GAP together."""
+    mesh = cubes(d, n)
+    found = term(mesh, where=lambda X: right(X) & (X[:, 1:] > 0.1).all(axis=1))
+    x = Positions(found.space, found.space.from_input(mesh.points))
+    assert found.value(x) < 1e-28 and np.abs(found.gradient(x)).max() < 1e-12
+    away = mesh.points + GAP * np.outer(mesh.point_bodies == 1, np.eye(d)[0])
+    force = -found.space.to_input(found.gradient(Positions(found.space, found.space.from_input(away))))
+    first = force[mesh.point_bodies == 0].sum(axis=0)
+    np.testing.assert_allclose(first, STIFFNESS * GAP * np.eye(d)[0], atol=1e-9)
+
+
+@pytest.mark.parametrize("d", DIMENSIONS)
+def test_a_spring_without_length_has_finite_derivatives(d):
+    """Pin to pin at one place: nothing pulls, and the stiffness is k in all directions where the rest length is 0."""
+    mesh = cubes(d, 2)
+    place = np.array((1.0, *(0.5,) * (d - 1)))
+    found = term(mesh, where=place, to=place + GAP * np.eye(d)[0], rest_length=0.0)
+    assert found.springs.points.shape == (1, 2 * d + 2)
+    x = mesh.points - np.outer(mesh.point_bodies == 1, GAP * np.eye(d)[0])
+    owned = found.space.from_input(x)
+    assert found.value(Positions(found.space, owned)) == pytest.approx(0.0, abs=1e-20)
+    rows = hessian_of(found, found.space, owned).toarray()
+    # Both cubes moved apart along any axis: k times the distance squared.
+    for axis in np.eye(d):
+        apart = found.space.from_input(np.outer(mesh.point_bodies == 1, axis)).ravel()
+        assert apart @ rows @ apart == pytest.approx(STIFFNESS, rel=1e-12)
+
+
+@pytest.mark.parametrize("d", DIMENSIONS)
+def test_levels_share_springs_and_material(d):
+    """Springs of the coarsest level lead from the same rest positions on a finer one, whatever its cells."""
+    coarse, fine = cubes(d, 1), cubes(d, 4)
+    springs = attachment_springs(scene(), coarse)
+    for mesh in (coarse, fine):
+        (bound,) = bound_springs(springs, mesh)
+        d1 = d + 1
+        for part, sign, end in ((slice(None, d1), -1.0, 0), (slice(d1, None), 1.0, 1)):
+            weights, points = sign * bound.weights[:, part], mesh.points[bound.points[:, part]]
+            assert weights.min() >= 0.0
+            np.testing.assert_allclose(np.einsum("ka,kai->ki", weights, points), springs.ends[end], atol=1e-12)
+        assert (mesh.point_bodies[bound.points[:, :d1]] == 0).all()
+        assert (mesh.point_bodies[bound.points[:, d1:]] == 1).all()
+
+
+@pytest.mark.parametrize("d", DIMENSIONS)
+def test_nearest_material(d):
+    """Inside, the point itself; outside, as far away as the box that the body is."""
+    mesh = cubes(d, 3)
+    rng = np.random.default_rng(0)
+    points = rng.uniform(-0.3, 2.3, (60, d))
+    bodies = rng.integers(0, 2, 60)
+    cells, weights = nearest_material(mesh, points, bodies)
+    assert (mesh.bodies[cells] == bodies).all()
+    np.testing.assert_allclose(weights.sum(axis=1), 1.0, rtol=1e-13)
+    places = np.einsum("ka,kai->ki", weights, mesh.points[mesh.cells[cells]])
+    low, high = np.array([[0.0] * d, [1.0 + GAP, *(0.1,) * (d - 1)]]), np.array([[1.0] * d, [2.0] * d])
+    inside = ((points > low[bodies] + 0.05) & (points < high[bodies] - 0.05)).all(axis=1)
+    assert 3 <= inside.sum() < 50
+    np.testing.assert_allclose(places[inside], points[inside], atol=1e-12)
+    out = np.linalg.norm(places - points, axis=1)
+    box_distance = np.linalg.norm(np.maximum(0.0, np.maximum(low[bodies] - points, points - high[bodies])), axis=1)
+    np.testing.assert_allclose(out, box_distance, atol=1e-12)
+
+
+def test_mistakes_are_named():
+    mesh = cubes(2, 2)
+    wrong = [
+        ({"where": lambda X: X[:, 0] > 9.0}, "Attachment.where holds no boundary facet of body 'body 0'"),
+        ({"to": lambda X: X[:, 0] > 9.0}, "Attachment.to holds no boundary facet of body 'body 1'"),
+        ({"where": (0.0, 9.0)}, "Attachment.where = (0.0, 9.0) lies far outside body 0"),
+        ({"to": (0.0, 0.5)}, "Attachment.to = (0.0, 0.5) lies far outside body 1"),
+        ({"where": (0.0, 0.0, 0.0)}, "3 components in a 2D scene"),
+        ({"where": lambda X: X[:3, 0] > 0}, "must give an array of shape"),
+        ({"where": lambda X: X[:, 0]}, "must give True or False"),
+    ]
+    for settings, message in wrong:
+        with pytest.raises(InputError, match=re.escape(message)):
+            check_fields(scene(**settings), mesh, 0)
+    for settings in ({"stiffness": 0.0}, {"rest_length": -1.0}, {"breaking": 0.0}, {"where": (1.0,)}):
+        with pytest.raises(InputError, match="Attachment"):
+            Attachment("a", "b", **({"where": right} | settings))
+    with pytest.raises(InputError, match="to itself"):
+        Attachment("a", "a", right)
+    with pytest.raises(InputError, match="names the body 'c'"):
+        make_scene((SOFT,), attachments=(Attachment("c", "body 0", right),))
+    with pytest.raises(InputError, match="attachments hold"):
+        make_scene((SOFT,), attachments=("body 0",))

@@ -1,0 +1,145 @@
+"""Muscles: derivatives, equilibria worked out by hand, internal forces that balance, cells carried through levels."""
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+
+from pdvol.errors import InputError
+from pdvol.levels.hierarchy import Hierarchy
+from pdvol.levels.muscles import cell_muscles, level_muscles
+from pdvol.levels.scene_fields import check_fields
+from pdvol.levels.space import LevelSpace
+from pdvol.potentials.muscles import ActiveFibres
+from pdvol.potentials.potential import Positions
+from pdvol.scene import Muscle, NeoHookean, Solver, Support
+from problems import SOFT, block, make_scene, make_stepper, take_step
+from shapes import box, together
+from taylor import check_term, hessian_of, smallest_eigenvalue, state
+
+DIMENSIONS = [2, 3]
+STRENGTH = 3e4
+
+
+def muscle(**settings):
+    given = {"fibre": (1.0, 0.0), "strength": STRENGTH} | settings
+    return Muscle("body 0", **given)
+
+
+def waves(t, X):
+    """An activation that changes with time and place."""
+    return 1.0 + np.sin(3.0 * X[:, 0] + t)
+
+
+def turning(X):
+    """A fibre field of no constant length."""
+    return 2.0 * np.column_stack([np.cos(X[:, 0]), np.sin(X[:, 0]), *([0.3 + 0.0 * X[:, 0]] * (X.shape[1] - 2))])
+
+
+@pytest.fixture(params=DIMENSIONS)
+def active(request):
+    """A term with fibres and tensions that differ from cell to cell, on the first of two cubes."""
+    d = request.param
+    mesh = together(box(d, 2, jitter=0.1), box(d, 1, 2.0, 3.0))
+    scene = make_scene((SOFT, SOFT), muscles=(muscle(fibre=turning, activation=waves),))
+    (found,) = cell_muscles(scene, mesh)
+    term = ActiveFibres(LevelSpace(mesh, MPI.COMM_SELF), found)
+    x = state(term.space)
+    term.begin_step(Positions(term.space, x), 0.3, 0.4)
+    return term, x, found
+
+
+def test_derivatives(active):
+    term, x, _ = active
+    check_term(term, term.space, x, 1e-1, quadratic=True)
+    assert smallest_eigenvalue(hessian_of(term, term.space, x, "none").toarray()) > -1e-6
+
+
+def test_by_hand(active):
+    """Half of tension times |F f|^2, cell by cell, with the activation of the step's end."""
+    term, x, found = active
+    mesh = term.space.mesh
+    expected = 0.0
+    whole = term.space.to_input(x)
+    for cell, place, fibre in zip(found.cells, found.places, found.fibres, strict=True):
+        F = whole[mesh.cells[cell]].T @ mesh.hat_gradients[cell]
+        tension = STRENGTH * waves(0.4, place[None, :])[0]
+        assert np.linalg.norm(fibre) == pytest.approx(1.0)
+        expected += mesh.volumes[cell] * tension / 2 * np.sum((F @ fibre) ** 2)
+    assert term.value(Positions(term.space, x)) == pytest.approx(expected, rel=1e-12)
+
+
+def test_no_momentum_and_no_angular_momentum(active):
+    term, x, found = active
+    force = -term.gradient(Positions(term.space, x))
+    size = np.abs(force).max()
+    np.testing.assert_allclose(force.sum(axis=0), 0.0, atol=1e-12 * size)
+    np.testing.assert_allclose(x.T @ force, force.T @ x, atol=1e-11 * size)
+    bodies = term.space.mesh.point_bodies[term.space.owned_points]
+    assert not force[bodies == 1].any() and force[bodies == 0].any() and (found.cells < 8 * 6).all()
+
+
+@pytest.mark.parametrize("d", DIMENSIONS)
+def test_the_length_of_a_bar_that_contracts(d):
+    """Without Poisson's effect P = mu (F - 1/F) + T F = 0 along the fibre: F = sqrt(mu / (mu + T))."""
+    material = NeoHookean(1e5, 0.0, 1000.0)
+    fibre = np.eye(d)[0]
+    seconds = 100.0
+    scene = make_scene(
+        (material,),
+        dt=seconds,
+        supports=(Support(lambda X: (X < 1e-9).all(axis=1)),),
+        muscles=(muscle(fibre=tuple(3.0 * fibre), activation=0.5),),
+        solver=Solver(tolerance=1e-6 / seconds, linear="direct"),
+    )
+    mesh = block((0.0,) * d, (1.0,) + (0.2,) * (d - 1), (4,) + (1,) * (d - 1))
+    stepper = make_stepper(scene, mesh)
+    x = mesh.points
+    for number in (1, 2):
+        x = take_step(stepper, number, x, 0.0 * x).positions
+    sizes = np.linalg.norm(x[:, None] - x[None], axis=2).max(), np.linalg.norm(mesh.points.max(axis=0))
+    F = np.sqrt(material.mu / (material.mu + 0.5 * STRENGTH))
+    assert sizes[0] == pytest.approx(np.hypot(F, 0.2 * np.sqrt(d - 1)), rel=1e-5)
+
+
+@pytest.mark.parametrize("d", DIMENSIONS)
+def test_finer_levels_take_cells_places_and_fibres_of_the_coarsest(d):
+    coarse, fine = box(d, 2, jitter=0.1, seed=1), box(d, 4, jitter=0.1, seed=2)
+    hierarchy = Hierarchy([coarse, fine], MPI.COMM_SELF)
+    scene = make_scene((SOFT,), muscles=(muscle(fibre=turning, where=lambda X: X[:, 0] > 0.5),))
+    (above,), (found,) = (level_muscles(scene, hierarchy, level) for level in range(2))
+    origins = hierarchy.origins(1)
+    assert np.array_equal(found.cells, np.flatnonzero(np.isin(origins, above.cells)))
+    assert 0 < len(found.cells) < len(fine.cells)
+    centres = coarse.points[coarse.cells].mean(axis=1)
+    np.testing.assert_array_equal(found.places, centres[origins[found.cells]])
+    np.testing.assert_allclose(found.fibres, Muscle("b", turning, 1.0).fibres(found.places), rtol=1e-15)
+
+
+def test_a_muscle_that_works_keeps_its_level_awake():
+    """A constant one comes to rest with its body; one that follows time is solved in every step."""
+    for activation, rests in ((0.0, True), (lambda t, X: 0.0 * X[:, 0], False)):
+        scene = make_scene((SOFT,), steps=3, muscles=(muscle(activation=activation),))
+        mesh = block((0.0, 0.0), (1.0, 0.2), (4, 1))
+        stepper = make_stepper(scene, mesh)
+        reasons = [take_step(stepper, number, mesh.points, 0.0 * mesh.points).reason for number in (1, 2, 3)]
+        assert (reasons[-1] == "AT_REST") == rests
+
+
+def test_mistakes_are_named():
+    mesh = box(2, 2)
+    wrong = [
+        ({"where": lambda X: X[:, 0] > 9.0}, "Muscle.where holds no cell of body 'body 0'"),
+        ({"fibre": (1.0, 0.0, 0.0)}, "Muscle.fibre has 3 components in a 2D scene"),
+        ({"fibre": lambda X: 0.0 * X}, "Muscle.fibre gives NaN"),
+        ({"activation": lambda t, X: -1.0 + 0.0 * X[:, 0]}, "Muscle.activation is negative"),
+        ({"activation": lambda t, X: 1.0 / 0}, "Muscle.activation failed: ZeroDivisionError"),
+        ({"activation": lambda t, X: 1.0}, "Muscle.activation must give an array of shape"),
+    ]
+    for settings, message in wrong:
+        with pytest.raises(InputError, match=message.replace("(", r"\(")):
+            check_fields(make_scene((SOFT,), muscles=(muscle(**settings),)), mesh, 0)
+    for settings in ({"strength": 0.0}, {"activation": -0.1}, {"fibre": (0.0, 0.0)}, {"where": 3}):
+        with pytest.raises(InputError, match="Muscle"):
+            muscle(**settings)
+    with pytest.raises(InputError, match="a Muscle names the body 'b'"):
+        make_scene((SOFT,), muscles=(Muscle("b", (1.0, 0.0), 1.0),))

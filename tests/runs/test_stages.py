@@ -1,0 +1,291 @@
+"""What lasts before the first step is shown: in logs as plain lines, on terminals in a line that is rewritten, by one
+rank, on standard error.
+"""
+
+import io
+import os
+import re
+import shutil
+import subprocess
+import sys
+import threading
+import time
+
+import numpy as np
+import pytest
+
+import pdvol
+from cli_scenes import CUBE_OFF, FALL
+from commands import SAFETY, WITHOUT_PICTURE
+from pdvol import Body, NeoHookean, Scene, compiled
+from pdvol.meshes import Outline
+from pdvol.meshing.build import build_levels
+from pdvol.runs import stage_lines
+from pdvol.runs.stage_lines import StageLines, duration
+from pdvol.stages import Stage, reported_to, say, stage
+
+
+class Terminal(io.StringIO):
+    """A text stream that says it is a terminal."""
+
+    def isatty(self):
+        return True
+
+
+class Kept:
+    """A reporter that keeps the stages that have ended."""
+
+    def __init__(self):
+        self.ended: list[Stage] = []
+
+    def begin(self, one):
+        pass
+
+    def end(self, one):
+        self.ended.append(one)
+
+
+CUBE = """
+import pdvol
+from pdvol import Body, Gravity, NeoHookean, Scene
+
+def scene(steps=2):
+    return Scene(bodies=(Body("cube.off", NeoHookean(1e5), vertices=(60, 150), name="cube"),), dt=0.02, steps=steps,
+                 loads=(Gravity((0.0, 0.0, -9.81)),))
+"""
+
+
+def test_stages_nest_and_their_parts_add_up():
+    kept = Kept()
+    with reported_to(kept):
+        with stage("preparing"):
+            for _ in range(2):
+                with stage("compiling"):
+                    time.sleep(0.02)
+            say("two forms")
+        with pytest.raises(ValueError), stage("checking"):
+            raise ValueError
+    first, second = kept.ended
+    assert (first.name, first.detail, list(first.parts), first.failed) == (
+        "preparing",
+        "two forms",
+        ["compiling"],
+        False,
+    )
+    assert 0.04 <= first.parts["compiling"] <= first.seconds
+    assert (second.name, second.failed) == ("checking", True)
+    with stage("nobody looks"):
+        say("nothing")
+    assert len(kept.ended) == 2
+
+
+def test_threads_have_stages_of_their_own():
+    kept, both = Kept(), threading.Barrier(2)
+
+    def work(name):
+        with stage(name):
+            both.wait(SAFETY)
+            say(f"detail of {name}")
+            both.wait(SAFETY)
+
+    with reported_to(kept):
+        threads = [threading.Thread(target=work, args=(name,)) for name in ("a", "b")]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join(SAFETY)
+    assert sorted((s.name, s.detail, len(s.parts)) for s in kept.ended) == [
+        ("a", "detail of a", 0),
+        ("b", "detail of b", 0),
+    ]
+
+
+def test_a_log_gets_a_line_for_what_took_long_and_none_for_the_rest(monkeypatch):
+    monkeypatch.setattr(stage_lines, "SHOWN_SECONDS", 0.1)
+    log = io.StringIO()
+    with reported_to(StageLines(log)):
+        with stage("quick"):
+            pass
+        with stage("slow"), stage("its part"):
+            time.sleep(0.15)
+        with pytest.raises(KeyError), stage("ended by an error, which has its own line"):
+            time.sleep(0.15)
+            raise KeyError
+    assert re.fullmatch(r"slow: 0\.\d s \(its part 0\.\d s\)\n", log.getvalue())
+
+
+def test_a_log_is_not_silent_while_a_stage_lasts(monkeypatch):
+    monkeypatch.setattr(stage_lines, "LONG_SECONDS", 0.1)
+    monkeypatch.setattr(stage_lines, "_REWRITTEN_EVERY", 0.02)
+    log = io.StringIO()
+    with reported_to(StageLines(log)), stage("meshing"):
+        say("try 3")
+        time.sleep(0.6)
+    lines = log.getvalue().splitlines()
+    assert lines and set(lines) == {"meshing (try 3), 0 s so far"} or "meshing (try 3), 1 s so far" in lines
+    assert len(lines) <= 3, "after 0.1, 0.2 and 0.4 s: each after twice the time"
+
+
+def test_a_terminal_shows_a_line_that_is_rewritten_and_cleared(monkeypatch):
+    monkeypatch.setattr(stage_lines, "FIRST_SIGN", 0.05)
+    monkeypatch.setattr(stage_lines, "_REWRITTEN_EVERY", 0.03)
+    monkeypatch.setenv("COLUMNS", "30")
+    terminal = Terminal()
+    with reported_to(StageLines(terminal)):
+        with stage("instantaneous"):
+            pass
+        with stage("meshing a body with a long name"):
+            say("try 1")
+            time.sleep(0.4)
+    shown = terminal.getvalue().split("\r\x1b[K")
+    assert len([text for text in shown if text.startswith("meshing a body")]) >= 3
+    assert max(len(text) for text in shown) < 30, "a line that wraps could not be rewritten"
+    assert shown[-1] == "" and "instantaneous" not in terminal.getvalue() and "\n" not in terminal.getvalue()
+
+
+def test_a_notebook_rewrites_its_line_with_blanks(monkeypatch):
+    monkeypatch.setattr(stage_lines, "FIRST_SIGN", 0.05)
+    monkeypatch.setattr(stage_lines, "_REWRITTEN_EVERY", 0.03)
+    monkeypatch.setattr(stage_lines, "SHOWN_SECONDS", 0.1)
+    cell = io.StringIO()
+    with reported_to(StageLines(cell, rewritten=True)), stage("meshing"):
+        time.sleep(0.2)
+    line = "meshing, 0 s"
+    assert cell.getvalue().startswith(line + "\r" + " " * len(line) + "\r") and "\x1b" not in cell.getvalue()
+    assert cell.getvalue().endswith("\rmeshing: 0.2 s\n") or cell.getvalue().endswith("\rmeshing: 0.3 s\n")
+
+
+def test_other_ranks_are_silent_and_the_watching_thread_ends(monkeypatch):
+    monkeypatch.setattr(stage_lines, "SHOWN_SECONDS", 0.0)
+    log = io.StringIO()
+    with reported_to(StageLines(log, rank=lambda: 1)), stage("meshing"):
+        pass
+    assert log.getvalue() == ""
+    until = time.monotonic() + 30.0
+    while any(thread.name == "pdvol-stages" for thread in threading.enumerate()):
+        assert time.monotonic() < until
+        time.sleep(0.01)
+
+
+def test_durations():
+    assert [duration(s) for s in (0.04, 12.34, 59.9, 125.0)] == ["0.0 s", "12.3 s", "59.9 s", "2 min 5 s"]
+
+
+def test_meshing_says_what_it_does_and_how_often_it_tried(tmp_path):
+    kept = Kept()
+    corners = Outline(np.array([(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)]))
+    scene = Scene(bodies=(Body(corners, NeoHookean(1e5), vertices=(30, 80), name="plate"),), dt=0.01, steps=1)
+    with reported_to(kept):
+        meshes = build_levels(scene, cache=tmp_path)
+    ended = {one.name: one for one in kept.ended}
+    for level, mesh in enumerate(meshes):
+        detail = ended[f"meshing body 'plate', level {level}"].detail
+        assert re.fullmatch(rf"{len(mesh.points)} vertices, (1 try|\d tries)", detail)
+    kept.ended.clear()
+    with reported_to(kept):
+        build_levels(scene, cache=tmp_path)
+    assert not any("meshing" in one.name for one in kept.ended), "they come from the cache"
+
+
+# ---- commands
+
+
+def cold(tmp_path) -> dict:
+    """An environment without stored meshes, with the code that this machine has compiled."""
+    kept = tmp_path / "cache" / "pdvol" / "compiled" / compiled.cache_folder().name
+    kept.parent.mkdir(parents=True)
+    kept.symlink_to(compiled.cache_folder())
+    return {**os.environ, "XDG_CACHE_HOME": str(tmp_path / "cache")}
+
+
+def stage_names(text: str) -> list[str]:
+    """The stages among a log's lines."""
+    return re.findall(r"^(\w+ing [^:\n]*): (?:\d+ min )?[\d.]+ s(?: \(.*\))?$", text, re.MULTILINE)
+
+
+def test_a_run_with_a_cold_cache_says_what_it_does_and_a_quick_one_nothing(tmp_path):
+    (tmp_path / "cube.off").write_text(CUBE_OFF)
+    (tmp_path / "shot.py").write_text(CUBE)
+    env = cold(tmp_path)
+    everything = "import pdvol.runs.stage_lines as s; s.SHOWN_SECONDS = {shown}; import pdvol; pdvol.main()"
+
+    def run(out, shown):
+        words = [sys.executable, "-c", everything.format(shown=shown), "run", "shot.py", "--no-picture", "--no-xdmf"]
+        done = subprocess.run(
+            [*words, "--out", out], cwd=tmp_path, env=env, capture_output=True, text=True, timeout=SAFETY
+        )
+        assert done.returncode == 0, done.stderr
+        assert done.stdout == ""
+        return done.stderr
+
+    log = run("a", 0.0)
+    names = stage_names(log)
+    expected = ["reading body 'cube'", "checking body 'cube'", "decimating body 'cube'"]
+    expected += ["checking level 0", "checking level 1", "preparing level 0", "preparing level 1"]
+    assert [name for name in names if name in expected] == expected
+    meshing = [name for name in names if name.startswith("meshing")]
+    assert sorted(meshing) == [f"meshing body 'cube', level {level}" for level in (0, 1)]
+    assert names.index(meshing[1]) < names.index("checking level 0")
+    assert log.index("preparing level 0") < log.index("level 0  step 1/2") < log.index("preparing level 1")
+    warm = run("b", 60.0)
+    assert stage_names(warm) == [] and len(warm.splitlines()) == 2 * 2 + 1, "steps, and where the files are"
+
+
+def test_the_output_of_check_is_the_same_whatever_lasts(tmp_path):
+    (tmp_path / "cube.off").write_text(CUBE_OFF)
+    (tmp_path / "shot.py").write_text(CUBE)
+    env = cold(tmp_path)
+    program = "import pdvol.runs.stage_lines as s; s.SHOWN_SECONDS = 0.0; import pdvol; pdvol.main()"
+    words = [sys.executable, "-c", program, "check", "shot.py", "--measure", "0", "--json", "found.json"]
+    first, second = (
+        subprocess.run(words, cwd=tmp_path, env=env, capture_output=True, text=True, timeout=SAFETY) for _ in range(2)
+    )
+    assert first.returncode == second.returncode == 0 and first.stdout == second.stdout
+    assert stage_names(first.stdout) == [] and "checking level 1" in stage_names(first.stderr)
+    assert "meshing body 'cube', level 1" in stage_names(first.stderr)
+    assert not any("meshing" in name for name in stage_names(second.stderr))
+
+
+def test_two_ranks_say_it_once(tmp_path):
+    mpirun = shutil.which("mpirun")
+    if mpirun is None:
+        pytest.skip("there is no mpirun")
+    (tmp_path / "fall.py").write_text(FALL)
+    program = "import pdvol.runs.stage_lines as s; s.SHOWN_SECONDS = 0.0; import pdvol; pdvol.main()"
+    words = ["run", "fall.py", "--steps", "2", "--no-picture", "--no-xdmf", "--out", "a"]
+    done = subprocess.run(
+        [mpirun, "-n", "2", sys.executable, "-c", program, *words],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        timeout=SAFETY,
+    )
+    assert done.returncode == 0, done.stderr
+    names = stage_names(done.stderr)
+    assert [names.count(f"preparing level {level}") for level in (0, 1)] == [1, 1]
+    assert names.count("checking level 0") == 1
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("side_by_side", [[], ["--wavefront"]])
+def test_a_first_run_says_that_it_compiles(tmp_path, side_by_side):
+    (tmp_path / "fall.py").write_text(FALL)
+    env = {**os.environ, "XDG_CACHE_HOME": str(tmp_path / "cache")}
+    words = ["run", "fall.py", "--steps", "1", "--levels", "0:0", "--out", "a", *side_by_side]
+    done = subprocess.run(
+        [*WITHOUT_PICTURE, *words], cwd=tmp_path, env=env, capture_output=True, text=True, timeout=SAFETY
+    )
+    assert done.returncode == 0, done.stderr
+    assert re.search(r"^preparing level 0: .* \(.*compiling C code [\d.]+ s\)$", done.stderr, re.MULTILINE)
+
+
+def test_pdvol_run_shows_stages_with_its_progress_only(monkeypatch, capsys):
+    monkeypatch.setattr(stage_lines, "SHOWN_SECONDS", 0.0)
+    corners = Outline(np.array([(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)]))
+    scene = Scene(bodies=(Body(corners, NeoHookean(1e5), vertices=(30,), name="plate"),), dt=0.01, steps=1)
+    pdvol.run(scene, progress=True)
+    shown = capsys.readouterr()
+    assert "preparing level 0" in stage_names(shown.err) and shown.out == ""
+    pdvol.run(scene, progress=lambda record: None)
+    pdvol.run(scene)
+    assert capsys.readouterr() == ("", "")
