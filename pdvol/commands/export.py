@@ -16,6 +16,11 @@ def add_arguments(parser: ArgumentParser) -> None:
         "--fps", type=float, help="frames a second, to which usd, pc2 and alembic resample (pc2: 24 without it)"
     )
     parser.add_argument("--fields", action="store_true", help="contact forces and stresses in usd too")
+    parser.add_argument(
+        "--surface",
+        choices=("render", "contact", "both"),
+        help="of bodies with a render mesh: that mesh (default), the simulated surface, or both",
+    )
     add_levels(parser)
 
 
@@ -25,5 +30,7 @@ def main(options: Namespace) -> None:
     from pdvol.store.reader import open_run
 
     levels = stored_levels(options.levels, open_run(options.run))
-    written, notes = export_run(options.run, options.format, options.out, levels, options.fps, options.fields)
+    written, notes = export_run(
+        options.run, options.format, options.out, levels, options.fps, options.fields, options.surface
+    )
     print("\n".join([*map(str, written), *notes]))

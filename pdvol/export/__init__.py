@@ -10,6 +10,6 @@ which writes these levels into the folder `out` and returns the paths it has wri
 format without fields does not call it.
 
 A format whose function has a parameter `fps: float | None` takes `--fps` (frames a second; None where the user chooses
-none). One that has a parameter `with_fields: bool` writes fields only with `--fields`. Other formats refuse these
-options.
+none). One that has a parameter `with_fields: bool` writes fields only with `--fields`. One that has a parameter
+`surface: str`, "render" by default, takes `--surface` (`parts.SHOWN_SURFACES`). Other formats refuse these options.
 """

@@ -12,11 +12,16 @@ from pdvol.colours import GROUND, OBSTACLE, PALETTE
 from pdvol.export.body_surfaces import BodySurface, body_surfaces, plain_names
 from pdvol.export.series import padded
 from pdvol.geometry.polylines import closed_loops
+from pdvol.geometry.signed_distance import is_closed
 from pdvol.store.obstacles import DrawnObstacle
 from pdvol.store.reader import Run, RunLevel
+from pdvol.store.render_meshes import StoredRender
 
 PLANE_REACH = 1.5  # half the side of a plane's quad, as a multiple of the diagonal of the box that the bodies pass
 OUTLINE_WIDTH = 0.005  # width of an open polyline, as a multiple of the same diagonal
+SHOWN_SURFACES = ("render", "contact", "both")
+"""Which surface of a body with a render mesh is exported: that mesh, the simulated one, or both."""
+RENDER, CONTACT, BOTH = SHOWN_SURFACES
 BOX_STATES = 30  # states of a level that the box of its motion is taken from
 
 
@@ -46,7 +51,8 @@ class Part:
     opacity : above 0 and at most 1
     closed : whether it encloses a volume, so that its inside is never seen
     body : its number among the bodies; None of an obstacle
-    vertices : (n,) of the level, of a body; None of an obstacle
+    vertices : (n,) of the level, of a body; None of an obstacle or a render mesh
+    render : of a body, the render mesh that this is; its `uvs` have a place for each of `uv_corners`
     """
 
     name: str
@@ -62,12 +68,45 @@ class Part:
     closed: bool = True
     body: int | None = None
     vertices: np.ndarray | None = None
+    render: StoredRender | None = None
 
 
-def body_parts(run: Run, level: RunLevel) -> list[Part]:
-    """The bodies of a level in their order, in the colours of pictures."""
+def body_parts(run: Run, level: RunLevel, surface: str = RENDER) -> list[Part]:
+    """The bodies of a level in their order, in the colours of pictures, and behind them their render meshes.
+
+    Of `surface`, "render" leaves out the simulated surface of bodies that carry a render mesh, "contact" leaves out the
+    render meshes, and "both" has all.
+    """
     labels = [str(name) for name in run.info.get("bodies", [])]
-    return [_body(level, i, name, labels[i], surface) for i, (name, surface) in enumerate(body_surfaces(run, level))]
+    carried = run.render_meshes if surface != CONTACT else ()
+    covered = {mesh.body for mesh in carried} if surface == RENDER else set()
+    bodies = [
+        _body(level, i, name, labels[i], own)
+        for i, (name, own) in enumerate(body_surfaces(run, level))
+        if i not in covered
+    ]
+    obstacles = [str(obstacle.name) for obstacle in run.obstacles]
+    names = plain_names([*labels, *obstacles, *(f"{labels[mesh.body]}_render" for mesh in carried)])
+    taken = len(labels) + len(obstacles)
+    return [*bodies, *(_render(level, *named) for named in zip(names[taken:], carried, strict=True))]
+
+
+def _render(level: RunLevel, name: str, mesh: StoredRender) -> Part:
+    weights = level.render_weights(mesh)
+    return Part(
+        name,
+        f"{mesh.name}, render mesh",
+        mesh.counts,
+        mesh.corners,
+        mesh.points,
+        lambda step: weights @ level.positions(step),
+        lambda step: weights @ level.velocities(step),
+        True,
+        PALETTE[mesh.body % len(PALETTE)],
+        closed=is_closed(mesh.first[mesh.triangles]),
+        body=mesh.body,
+        render=mesh,
+    )
 
 
 def _body(level: RunLevel, i: int, name: str, label: str, surface: BodySurface) -> Part:

@@ -18,8 +18,9 @@ import numpy as np
 from pdvol.colours import linear_colour
 from pdvol.errors import InputError, SimulationError
 from pdvol.export.frames import FILM_RATE, Frame, even_frames, stored_frames
-from pdvol.export.parts import Part, body_parts, obstacle_parts
+from pdvol.export.parts import BOTH, RENDER, Part, body_parts, obstacle_parts
 from pdvol.export.series import Fields, LevelFields, Series, StepFields, padded
+from pdvol.export.textures import copy_texture
 from pdvol.store.files import TEMPORARY
 from pdvol.store.reader import Run, RunLevel
 
@@ -34,13 +35,20 @@ def export(
     fields: LevelFields,
     fps: float | None = None,
     with_fields: bool = False,
+    surface: str = RENDER,
 ) -> list[Path]:
     """Write all levels into `out/<run>.usdc`. See `pdvol.export`."""
-    return [write_usd(run, levels, out / f"{run.path.resolve().name}.usdc", fps, fields if with_fields else None)]
+    path = out / f"{run.path.resolve().name}.usdc"
+    return [write_usd(run, levels, path, fps, fields if with_fields else None, surface)]
 
 
 def write_usd(
-    run: Run, levels: Sequence[int], path: str | Path, fps: float | None = None, fields: LevelFields | None = None
+    run: Run,
+    levels: Sequence[int],
+    path: str | Path,
+    fps: float | None = None,
+    fields: LevelFields | None = None,
+    surface: str = RENDER,
 ) -> Path:
     """Export levels as one .usdc file.
 
@@ -51,7 +59,10 @@ def write_usd(
     path : the .usdc file
     fps : frames a second, to which the motion is resampled (`pdvol.export.frames`). When None every stored state has a
         time code of its own, 24 a second: states are exact, and play at real speed.
-    fields : of levels, written as primvars: those of vertices by vertex, those of cells by face
+    fields : of levels, written as primvars: those of vertices by vertex, those of cells by face; not on render
+        meshes
+    surface : one of `parts.SHOWN_SURFACES`. Where both are written the render mesh has the purpose "render", the
+        simulated surface "proxy".
 
     Raises
     ------
@@ -76,8 +87,8 @@ def write_usd(
     for folder in ("bodies", "obstacles", "materials"):
         UsdGeom.Scope.Define(stage, f"/run/{folder}")
     coarsest = all_series[0].level
-    for part in [*body_parts(run, coarsest), *obstacle_parts(run, coarsest)]:
-        _add_material(stage, part)
+    for part in [*body_parts(run, coarsest, surface), *obstacle_parts(run, coarsest)]:
+        _add_material(stage, part, copy_texture(part, path.with_name(f"{path.stem}_textures")))
         if not part.moves:
             _set_points(_add_mesh(stage, part), part, Frame(0.0, 0, 1.0))
     variants = root.GetPrim().GetVariantSets().AddVariantSet("level")
@@ -86,11 +97,16 @@ def write_usd(
         variants.AddVariant(f"level_{level.index}")
         variants.SetVariantSelection(f"level_{level.index}")
         with variants.GetVariantEditContext():
-            bodies = [(part, _add_mesh(stage, part)) for part in body_parts(run, level)]
+            bodies = [(part, _add_mesh(stage, part)) for part in body_parts(run, level, surface)]
             for part, mesh in bodies:
                 _add_primvar(mesh, "rest", "Point3fArray", "vertex", part.rest)
+                if part.render is not None:
+                    _add_uvs(mesh, part)
+            if surface == BOTH:
+                _set_purposes(bodies)
             moving = [(part, _add_mesh(stage, part)) for part in obstacle_parts(run, level) if part.moves]
-            add_fields = _fields_of(level, bodies, fields(level.index)) if fields else None
+            simulated = [(part, mesh) for part, mesh in bodies if part.render is None]
+            add_fields = _fields_of(level, simulated, fields(level.index)) if fields else None
             for frame in codes:
                 for part, mesh in [*bodies, *moving]:
                     _set_points(mesh, part, frame)
@@ -131,13 +147,30 @@ def _place(part: Part) -> str:
     return f"/run/{'obstacles' if part.body is None else 'bodies'}/{part.name}"
 
 
-def _add_material(stage: Any, part: Part) -> None:
+def _add_material(stage: Any, part: Part, texture: str) -> None:
+    """A material of the part's colour or, where it has one, its texture, by the path from the file."""
     from pxr import Gf, Sdf, UsdShade
 
     material = UsdShade.Material.Define(stage, f"/run/materials/{part.name}")
     shader = UsdShade.Shader.Define(stage, f"/run/materials/{part.name}/surface")
     shader.CreateIdAttr("UsdPreviewSurface")
-    shader.CreateInput("diffuseColor", Sdf.ValueTypeNames.Color3f).Set(Gf.Vec3f(*linear_colour(part.colour)))
+    diffuse = shader.CreateInput("diffuseColor", Sdf.ValueTypeNames.Color3f)
+    if texture:
+        place, picture = (
+            UsdShade.Shader.Define(stage, f"/run/materials/{part.name}/{name}") for name in ("place", "texture")
+        )
+        place.CreateIdAttr("UsdPrimvarReader_float2")
+        place.CreateInput("varname", Sdf.ValueTypeNames.String).Set("st")
+        picture.CreateIdAttr("UsdUVTexture")
+        picture.CreateInput("file", Sdf.ValueTypeNames.Asset).Set(Sdf.AssetPath(f"./{texture}"))
+        picture.CreateInput("sourceColorSpace", Sdf.ValueTypeNames.Token).Set("sRGB")
+        for side in ("wrapS", "wrapT"):
+            picture.CreateInput(side, Sdf.ValueTypeNames.Token).Set("repeat")
+        result = place.CreateOutput("result", Sdf.ValueTypeNames.Float2)
+        picture.CreateInput("st", Sdf.ValueTypeNames.Float2).ConnectToSource(result)
+        diffuse.ConnectToSource(picture.CreateOutput("rgb", Sdf.ValueTypeNames.Float3))
+    else:
+        diffuse.Set(Gf.Vec3f(*linear_colour(part.colour)))
     shader.CreateInput("roughness", Sdf.ValueTypeNames.Float).Set(ROUGHNESS)
     shader.CreateInput("opacity", Sdf.ValueTypeNames.Float).Set(part.opacity)
     material.CreateSurfaceOutput().ConnectToSource(shader.ConnectableAPI(), "surface")
@@ -181,6 +214,34 @@ def _add_primvar(mesh: Any, name: str, kind: str, by: str, values: np.ndarray, c
     primvar = UsdGeom.PrimvarsAPI(mesh).CreatePrimvar(name, getattr(Sdf.ValueTypeNames, kind), by)
     array = (Vt.FloatArray if values.ndim == 1 else Vt.Vec3fArray).FromNumpy(values.astype(np.float32))
     primvar.Set(array, *(() if code is None else (code,)))
+
+
+def _add_uvs(mesh: Any, part: Part) -> None:
+    """The texture coordinates of a render mesh: by vertex, or by corner where a vertex has several (a seam)."""
+    from pxr import Sdf, UsdGeom, Vt
+
+    render = part.render
+    if render is None or not len(render.uvs):
+        return
+    of_vertex = np.zeros(len(part.rest), dtype=np.int64)
+    of_vertex[part.corners] = render.uv_corners
+    smooth = bool((of_vertex[part.corners] == render.uv_corners).all())
+    indices = of_vertex if smooth else render.uv_corners
+    primvar = UsdGeom.PrimvarsAPI(mesh).CreatePrimvar(
+        "st", Sdf.ValueTypeNames.TexCoord2fArray, "vertex" if smooth else "faceVarying"
+    )
+    primvar.Set(Vt.Vec2fArray.FromNumpy(render.uvs.astype(np.float32)))
+    primvar.SetIndices(Vt.IntArray.FromNumpy(indices.astype(np.int32)))
+
+
+def _set_purposes(bodies: Sequence[tuple[Part, Any]]) -> None:
+    """Bodies with a render mesh are drawn by it, and stand in for it where that is asked for."""
+    for part, mesh in bodies:
+        if part.render is not None:
+            proxy = next(own for other, own in bodies if other.render is None and other.body == part.body)
+            mesh.CreatePurposeAttr("render")
+            proxy.CreatePurposeAttr("proxy")
+            mesh.CreateProxyPrimRel().SetTargets([proxy.GetPath()])
 
 
 def _fields_of(level: RunLevel, bodies: Sequence[tuple[Part, Any]], more: Fields) -> Callable[[Frame], None]:

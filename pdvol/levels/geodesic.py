@@ -53,8 +53,8 @@ def bind_outside(target: LevelMesh, source: LevelMesh, cells: np.ndarray) -> tup
 
 
 def vertex_adjacency(mesh: LevelMesh) -> sp.csr_array:
-    """Which points share an edge: (n, n), sorted columns, without the diagonal."""
-    pairs = np.concatenate([mesh.cells[:, pair] for pair in combinations(range(mesh.dim + 1), 2)])
+    """Which points share an edge: (n, n), sorted columns, without the diagonal. Cells may be triangles in 3D."""
+    pairs = np.concatenate([mesh.cells[:, pair] for pair in combinations(range(mesh.cells.shape[1]), 2)])
     ones = np.ones(len(pairs), dtype=np.int8)
     upper = sp.coo_array((ones, (pairs.min(axis=1), pairs.max(axis=1))), shape=(len(mesh.points),) * 2).tocsr()
     upper.data[:] = 1

@@ -15,6 +15,7 @@ from pdvol.scene.materials import FixedCorotational, Material, NeoHookean, Regio
 from pdvol.scene.motions import Motion, Path, Rotation, Sequential, Still, Translation, Vector, moved, rotation_matrix
 from pdvol.scene.muscles import Muscle
 from pdvol.scene.penalty import Penalty
+from pdvol.scene.render_mesh import RenderMesh
 from pdvol.scene.scene import Scene
 from pdvol.scene.solver import Solver
 from pdvol.scene.surroundings import Plane, Rigid, Support
@@ -44,6 +45,7 @@ __all__ = [
     "Pressure",
     "Region",
     "Relative",
+    "RenderMesh",
     "Rigid",
     "Rotation",
     "Scene",
