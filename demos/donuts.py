@@ -11,7 +11,7 @@ from pdvol import Barrier, Body, Friction, Gravity, NeoHookean, Placement, Plane
 SIZES = (0.3, 0.13)  # m: radius of the ring, and of its tube
 
 
-def scene(vertices=(250, 1200), young=3e4, mu=0.4, detail=192, interpolant="phong", steps=60, dt=0.015, height=0.45):
+def scene(vertices=(250, 1200), young=3e4, mu=0.4, detail=192, interpolant="phong", steps=70, dt=0.015, height=0.4):
     """The lower donut's middle starts `height` m above the table; the render meshes have `detail` segments."""
     glazed = RenderMesh(
         meshes.donut_render(*SIZES, segments=detail, around=detail // 2),
@@ -28,7 +28,7 @@ def scene(vertices=(250, 1200), young=3e4, mu=0.4, detail=192, interpolant="phon
     )
     places = (
         Placement((0.0, height, 0.0), 0.5, (1.0, 0.0, 0.3)),
-        Placement((0.28, height + 0.45, -0.05), 0.9, (0.2, 0.0, 1.0)),
+        Placement((0.28, height + 0.68, -0.05), 0.9, (0.2, 0.0, 1.0)),
     )
     return Scene(
         bodies=dough.instances(*places),

@@ -1,8 +1,16 @@
 """The weights by which a surface that is drawn follows a body's level: positions of its vertices are W x.
 
-Its vertices are bound to the level as those of a finer level are (`binding.py`): along its own edges where they lie
-outside of the body. Vertices at one place are bound as one, so that a surface which its author has cut along the seams
-of a texture stays closed.
+Its vertices are at home in cells of the level (`surface_homes.py`). Vertices at one place are bound as one, so that a
+surface which its author has cut along the seams of a texture stays closed.
+
+What is extrapolated is seen at once and no solve mends it, so it is extrapolated with care. With Y the body's point that
+is nearest to a vertex X, a the interpolant's weights there, and F_j the mean deformation gradients around the corners of
+its home cell (`interpolants/phong.py`), of which b_j are the barycentric coordinates of Y,
+
+    x = sum_i a_i x_i  +  sum_j b_j F_j (X - Y).
+
+Inside of the body Y = X. Affine motions are reproduced, as by all interpolants. docs/render_meshes.md has what the rule
+of finer levels, the home cell's own gradient, would do.
 
 Interpolants take the points to be carried from a mesh of cells, and a surface has none. Those of `OF_POINTS` look at
 its points alone. The others carry the level to its own cells cut into eight, which are then interpolated linearly:
@@ -18,9 +26,11 @@ from mpi4py import MPI
 from pdvol.errors import InputError
 from pdvol.geometry.halved_cells import halved_cells
 from pdvol.geometry.level_mesh import LevelMesh
-from pdvol.levels.binding import bind
+from pdvol.levels.binding import Binding, bind
 from pdvol.levels.interpolants.barycentric import binding_matrix
+from pdvol.levels.interpolants.phong import vertex_gradients
 from pdvol.levels.space import LevelSpace
+from pdvol.levels.surface_homes import nearest_homes
 from pdvol.registry import INTERPOLANTS
 
 OF_POINTS = ("barycentric", "phong")
@@ -58,12 +68,25 @@ def render_weights(
     kept, index = np.unique(first, return_inverse=True)
     index = index.ravel()
     zeros = lambda count: np.zeros(count, dtype=np.int32)
-    target = LevelMesh(points[kept], index[triangles], zeros(len(triangles)), zeros(len(triangles)))
+    at = lambda places: LevelMesh(places, index[triangles], zeros(len(triangles)), zeros(len(triangles)))
     source = LevelSpace(LevelMesh(body.points, body.cells, zeros(len(body.cells)), body.regions), MPI.COMM_SELF)
+    home = nearest_homes(at(points[kept]), source)
+    linear = binding_matrix(home, body)
+    nearest = linear @ body.points
+    weights = _interpolated(source, at(nearest), home, interpolant, name)
+    for along, gradient in zip((points[kept] - nearest).T, vertex_gradients(body), strict=True):
+        weights = weights + sp.diags(along) @ linear @ gradient
+    weights.eliminate_zeros()
+    return sp.csr_matrix(weights)[index]
+
+
+def _interpolated(
+    source: LevelSpace, places: LevelMesh, binding: Binding, interpolant: str, name: str
+) -> sp.csr_matrix:
+    """The interpolant's weights at points of the body itself."""
     carry = INTERPOLANTS[interpolant]
     if interpolant in OF_POINTS:
-        weights = carry(source, cast(LevelSpace, _Points(target)), bind(target, source))
-        return sp.csr_matrix(weights)[index]
+        return sp.csr_matrix(carry(source, cast(LevelSpace, _Points(places)), binding))
     between = LevelSpace(halved_cells(source.mesh), MPI.COMM_SELF)
     if len(between.mesh.points) > MOST_HALVED:
         raise InputError(
@@ -72,4 +95,4 @@ def render_weights(
             f" RenderMesh(interpolant={OF_POINTS[-1]!r})"
         )
     inner = carry(source, between, bind(between, source))
-    return sp.csr_matrix(binding_matrix(bind(target, between), between.mesh) @ inner)[index]
+    return sp.csr_matrix(binding_matrix(bind(places, between), between.mesh) @ inner)
