@@ -1,11 +1,11 @@
 """The weights by which a surface that is drawn follows a body's level: positions of its vertices are W x.
 
-Its vertices are at home in cells of the level (`surface_homes.py`). Vertices at one place are bound as one, so that a
-surface which its author has cut along the seams of a texture stays closed.
+Its vertices are at home in cells of the level (`surface_homes.py`). Vertices at one place are bound as one, so that
+a surface which its author has cut along the seams of a texture stays closed.
 
-What is extrapolated is seen at once and no solve mends it, so it is extrapolated with care. With Y the body's point that
-is nearest to a vertex X, a the interpolant's weights there, and F_j the mean deformation gradients around the corners of
-its home cell (`interpolants/phong.py`), of which b_j are the barycentric coordinates of Y,
+What is extrapolated is seen at once and no solve mends it, so it is extrapolated with care. With Y the body's point
+that is nearest to a vertex X, a the interpolant's weights there, and F_j the mean deformation gradients around the
+corners of its home cell (`interpolants/phong.py`), of which b_j are the barycentric coordinates of Y,
 
     x = sum_i a_i x_i  +  sum_j b_j F_j (X - Y).
 

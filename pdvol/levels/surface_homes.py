@@ -1,9 +1,9 @@
 """Where the vertices of a detailed surface are at home in a body: their cells, and the points of the body nearest by.
 
 As in `geodesic.py`, what lies outside is bound along the surface's own edges, so that it never gets to another branch
-of the body that is near by chance: a ray along an edge that meets the body's boundary gives a vertex its facet. That rule
-alone would bind all of a large area outside of the body to the few facets at its rim. Here neighbours hand their facet
-on, layer by layer, and each vertex walks from it over facets with a common corner as long as these are nearer to it.
+of the body that is near by chance: a ray along an edge that meets the body's boundary gives a vertex its facet. That
+rule alone would bind all of a large area outside of the body to the few facets at its rim. Here neighbours hand their
+facet on, layer by layer, and each vertex walks from it over facets with a common corner as long as these are nearer.
 """
 
 import numpy as np

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pdvol.geometry.signed_distance import deepest_inside, is_closed, signed_distance
+from pdvol.geometry.signed_distance import box_of, deepest_inside, is_closed, signed_distance
 from pdvol.store.reader import Run, RunLevel
 from pdvol.store.render_meshes import StoredRender
 
@@ -36,14 +36,15 @@ class RenderCrossing:
 
 @dataclass(frozen=True, eq=False)
 class _Drawn:
-    """A surface that is drawn at a step; `body` is -1 of an obstacle."""
+    """A surface that is drawn at a step; `body` is -1 of an obstacle, `used` are the vertices of its triangles."""
 
     name: str
     body: int
     points: np.ndarray
     triangles: np.ndarray
+    used: np.ndarray
     closed: bool
-    is_render: bool
+    is_render: bool = False
 
 
 def rest_gaps(level: RunLevel, mesh: StoredRender) -> tuple[float, float]:
@@ -74,15 +75,16 @@ def _drawn(run: Run, level: RunLevel, step: int, closed: list[bool], obstacles: 
     for mesh, whole in zip(run.render_meshes, closed, strict=True):
         points = level.render_weights(mesh) @ x
         # Corners of seams are one vertex here: an open seam would let the inside out.
-        yield _Drawn(mesh.name, mesh.body, points, mesh.first[mesh.triangles], whole, True)
+        yield _Drawn(mesh.name, mesh.body, points, mesh.first[mesh.triangles], np.arange(len(points)), whole, True)
     covered = {mesh.body for mesh, whole in zip(run.render_meshes, closed, strict=True) if whole}
     for body, name in enumerate(run.info["bodies"]):
         if body not in covered:
-            yield _Drawn(name, body, x, _facets(level, body), True, False)
+            facets = _facets(level, body)
+            yield _Drawn(name, body, x, facets, np.unique(facets), True)
     for obstacle, whole in zip(level.placed(run.obstacles, step), obstacles, strict=True):
         if obstacle.kind == "mesh":
             faces = np.asarray(obstacle.arrays["faces"])
-            yield _Drawn(obstacle.name, -1, obstacle.vertices(step), faces, whole, False)
+            yield _Drawn(obstacle.name, -1, obstacle.vertices(step), faces, np.unique(faces), whole)
 
 
 def _crossings(run: Run, level: RunLevel, step: int, mesh: _Drawn, drawn: list[_Drawn]) -> Iterator[tuple[str, float]]:
@@ -91,16 +93,17 @@ def _crossings(run: Run, level: RunLevel, step: int, mesh: _Drawn, drawn: list[_
         if obstacle.kind == "plane":
             point, normal = obstacle.plane(step)
             yield f"plane {obstacle.name!r}", max(0.0, -float(((mesh.points - point) @ normal).min()))
-    own = mesh.points.min(axis=0), mesh.points.max(axis=0)
-    for other in drawn:
-        if other.body == mesh.body:
+    low, high = mesh.points.min(axis=0), mesh.points.max(axis=0)
+    for number, other in enumerate(drawn):
+        first_of_two = other.is_render and number <= next(i for i, one in enumerate(drawn) if one is mesh)
+        if other.body == mesh.body or first_of_two:  # of two render meshes each is tested against the other once
             continue
-        used = other.points[np.unique(other.triangles)]
-        if (used.min(axis=0) > own[1]).any() or (used.max(axis=0) < own[0]).any():
+        box = box_of(other.points, other.triangles)
+        if (box[0] > high).any() or (box[1] < low).any():
             continue
         depth = deepest_inside(mesh.points, other.points, other.triangles) if other.closed else 0.0
         if mesh.closed:
-            depth = max(depth, deepest_inside(used, mesh.points, mesh.triangles))
+            depth = max(depth, deepest_inside(other.points[other.used], mesh.points, mesh.triangles))
         yield f"{'obstacle' if other.body < 0 else 'body'} {other.name!r}", depth
 
 
