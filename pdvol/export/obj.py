@@ -55,7 +55,6 @@ def write_obj(run: Run, level: int, folder: str | Path, surface: str = RENDER) -
             continue
         own = part.render.uvs if part.render is not None else np.zeros((0, 2))
         places = part.render.uv_corners + uvs if part.render is not None and len(own) else None
-        texts.append("".join("vt {!r} {!r}\n".format(*row) for row in own.tolist()))
         texts.append(_faces(part, part.corners + following, places))
         following, uvs = following + len(part.rest), uvs + len(own)
     rest = "".join(texts)
@@ -72,9 +71,10 @@ def write_obj(run: Run, level: int, folder: str | Path, surface: str = RENDER) -
 
 
 def _faces(part: Part, corners: np.ndarray, uv_corners: np.ndarray | None) -> str:
-    """The lines of a part: its name, its material where it has a texture, and its polygons."""
+    """The lines of a part: its name, the texture coordinates and the material of a render mesh, and its polygons."""
     lines = [f"o {part.name}"]
     if part.render is not None:
+        lines += ["vt {!r} {!r}".format(*row) for row in part.render.uvs.tolist()]
         lines.append(f"usemtl {part.name}")
     words = [str(c) for c in (corners + 1).tolist()]
     if uv_corners is not None:

@@ -26,7 +26,7 @@ from mpi4py import MPI
 from pdvol.errors import InputError
 from pdvol.geometry.halved_cells import halved_cells
 from pdvol.geometry.level_mesh import LevelMesh
-from pdvol.levels.binding import Binding, bind
+from pdvol.levels.binding import INSIDE, Binding, bind
 from pdvol.levels.interpolants.barycentric import binding_matrix
 from pdvol.levels.interpolants.phong import vertex_gradients
 from pdvol.levels.space import LevelSpace
@@ -68,13 +68,16 @@ def render_weights(
     kept, index = np.unique(first, return_inverse=True)
     index = index.ravel()
     zeros = lambda count: np.zeros(count, dtype=np.int32)
-    at = lambda places: LevelMesh(places, index[triangles], zeros(len(triangles)), zeros(len(triangles)))
+    corners = index[triangles]
+    whole = corners[(corners != np.roll(corners, 1, axis=1)).all(axis=1)]  # poles of spheres have triangles of no area
+    at = lambda places: LevelMesh(places, whole, zeros(len(whole)), zeros(len(whole)))
     source = LevelSpace(LevelMesh(body.points, body.cells, zeros(len(body.cells)), body.regions), MPI.COMM_SELF)
     home = nearest_homes(at(points[kept]), source)
     linear = binding_matrix(home, body)
     nearest = linear @ body.points
     weights = _interpolated(source, at(nearest), home, interpolant, name)
-    for along, gradient in zip((points[kept] - nearest).T, vertex_gradients(body), strict=True):
+    offsets = np.where((home.kind == INSIDE)[:, None], 0.0, points[kept] - nearest)
+    for along, gradient in zip(offsets.T, vertex_gradients(body), strict=True):
         weights = weights + sp.diags(along) @ linear @ gradient
     weights.eliminate_zeros()
     return sp.csr_matrix(weights)[index]

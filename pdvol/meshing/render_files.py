@@ -96,11 +96,12 @@ def _parse(path: Path) -> dict[str, np.ndarray]:
         uvs = [(float(words[0]), float(words[1])) for words in found.uvs] if textured else []
         bare = len(uvs)  # corners without a place in the texture get its corner, (0, 0)
         uv_corners = [
-            (int(word) - 1 if int(word) > 0 else before + int(word)) if word else bare
+            _place(int(word), before, bare) if word else bare
             for words, before in (found.textures if textured else ())
             for word in words
         ]
-        uvs += [(0.0, 0.0)] if bare in uv_corners else []
+        if textured and not all(all(words) for words, _ in found.textures):
+            uvs.append((0.0, 0.0))
     except (ValueError, IndexError) as error:
         reason = " ".join(str(error).split())[:160]
         raise MeshError(f"{path}: unreadable or truncated ({reason}); export the mesh again") from error
@@ -112,6 +113,14 @@ def _parse(path: Path) -> dict[str, np.ndarray]:
         "uv_corners": np.array(uv_corners, dtype=np.int64),
         "pictures": np.array(_pictures(path, found.libraries, found.materials), dtype=str),
     }
+
+
+def _place(number: int, before: int, count: int) -> int:
+    """A place in the texture, numbered from 0, of its number in a file, which may count backwards."""
+    place = number - 1 if number > 0 else before + number
+    if not 0 <= place < count:
+        raise IndexError(f"a face uses texture coordinate {number}, and there are {count}")
+    return place
 
 
 def _pictures(path: Path, libraries: list[str], materials: list[str]) -> list[str]:

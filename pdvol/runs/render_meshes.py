@@ -70,6 +70,22 @@ def bound_render_meshes(scene: Scene, meshes: Sequence[LevelMesh], set_apart: bo
     return entries
 
 
+def check_render_files(scene: Scene) -> None:
+    """InputError where a render mesh or its texture cannot be read, before anything that takes long."""
+    for body in scene.bodies:
+        for mesh in body.render_meshes:
+            _read(mesh, body, f"body {body.name!r}, render mesh")
+
+
+def render_defects(scene: Scene, meshes: Sequence[LevelMesh]) -> list[str]:
+    """What stops a run at its render meshes, in lines."""
+    try:
+        bound_render_meshes(scene, meshes, bool(scene.separate and scene.contact))
+    except InputError as error:
+        return [str(error)]
+    return []
+
+
 def _read(mesh: RenderMesh, body: Body, name: str) -> tuple[dict[str, np.ndarray], tuple[bytes, str] | None]:
     """The arrays of a render mesh, placed as its body, and its texture."""
     surface, picture = read_render_surface(mesh.shape, name)

@@ -106,9 +106,8 @@ def read_render_weights(level_folder: Path, index: int, columns: int) -> sp.csr_
     file = _weights_file(level_folder, index)
     try:
         arrays = read_arrays(file, ("data", "indices", "indptr"))
-    except (InputError, FileNotFoundError) as error:
-        reason = "is missing" if isinstance(error, FileNotFoundError) else f"cannot be read ({error})"
-        raise InputError(f"{file} {reason}; pdvol run SCENE --resume binds the render meshes again") from error
+    except InputError as error:
+        raise InputError(f"{error}; pdvol run SCENE --resume binds the render meshes again") from error
     indptr = arrays["indptr"]
     return sp.csr_matrix((arrays["data"], arrays["indices"], indptr), shape=(len(indptr) - 1, columns))
 
