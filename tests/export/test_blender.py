@@ -2,6 +2,7 @@
 CPython 3.11); without it these tests are skipped.
 """
 
+import io
 import json
 import os
 import subprocess
@@ -17,6 +18,9 @@ from pdvol.colours import GROUND, OBSTACLE, PALETTE, linear_colour
 from pdvol.export.frames import even_frames
 from pdvol.runs.exports import export_run
 from pdvol.store.reader import open_run
+from pdvol.store.writer import RunWriter
+from rendered import entry_of, grown_box
+from shapes import box
 
 BLENDER = os.environ.get("PDVOL_BLENDER_PYTHON", "")
 PROGRAM = Path(__file__).resolve().parents[1] / "helpers" / "in_blender.py"
@@ -89,3 +93,27 @@ def test_usd(half_second, tmp_path, fps):
         colour = np.array([int(code[i : i + 2], 16) for i in (1, 3, 5)], dtype=float)
         angle = (picture @ colour) / (np.linalg.norm(picture, axis=2) * np.linalg.norm(colour) + 1e-9)
         assert (angle > np.cos(np.radians(4))).mean() > 0.01
+
+
+def test_usd_with_a_textured_render_mesh(tmp_path):
+    """Blender takes the render mesh alone of a file that has both surfaces, with its seams and its texture."""
+    mesh, surface = box(3, 2), grown_box(0.0, 1.0, 0.03)
+    pixels = np.zeros((8, 8, 3), dtype=np.uint8)
+    pixels[:, :4], pixels[:, 4:] = (255, 0, 255), (0, 255, 0)
+    buffer = io.BytesIO()
+    Image.fromarray(pixels).save(buffer, "PNG")
+    with RunWriter.create(tmp_path / "run", {"dt": 0.05, "steps": 4}, [mesh], ["left"]) as run:
+        run.write_render_meshes([entry_of(mesh, 0, surface, texture=(buffer.getvalue(), ".png"))])
+        for step in range(5):
+            run.write_state(0, step, mesh.points + [0.0, 0.0, 0.1 * step])
+    (file,), _ = export_run(tmp_path / "run", "usd", tmp_path / "out", fps=20.0, surface="both")
+    found = in_blender("usd", file, "--picture", tmp_path / "frame.png")
+    assert list(found["meshes"]) == ["left_render"]
+    seen = found["meshes"]["left_render"]
+    assert Path(seen["texture"]).name == "left_render.png"
+    np.testing.assert_allclose(seen["uvs"], surface.uvs[surface.uv_corners], atol=1e-6)
+    for step in range(5):
+        np.testing.assert_allclose(seen["points"][str(step)], surface.vertices + [0, 0, 0.1 * step], atol=FLOAT32)
+    picture = np.asarray(Image.open(tmp_path / "frame.png").convert("RGB"), dtype=int)
+    red, green, blue = picture[..., 0], picture[..., 1], picture[..., 2]
+    assert (np.minimum(red, blue) - green > 60).mean() > 0.03 and (green - np.maximum(red, blue) > 60).mean() > 0.03

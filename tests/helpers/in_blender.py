@@ -29,6 +29,13 @@ def base_colour(thing) -> list[float]:
     return [*list(shader.inputs["Base Color"].default_value)[:3], shader.inputs["Alpha"].default_value]
 
 
+def texture(thing) -> str:
+    """The picture that an object's material takes its colour from, empty if none."""
+    pictures = [node for m in thing.data.materials for node in m.node_tree.nodes if node.type == "TEX_IMAGE"]
+    linked = [node for node in pictures if any(o.is_linked for o in node.outputs)]
+    return linked[0].image.filepath if linked else ""
+
+
 def load(what: str, files: list[str]) -> None:
     """Import into an empty scene."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
@@ -94,6 +101,8 @@ def main() -> None:
                 "colour": base_colour(o) if o.data.materials else None,
                 "attributes": {a.name: a.domain for a in o.data.attributes},
                 "modifiers": [m.type for m in o.modifiers],
+                "texture": texture(o),
+                "uvs": [list(corner.vector) for corner in o.data.uv_layers[0].uv] if o.data.uv_layers else [],
                 "points": {},
             }
             for o in things
