@@ -105,12 +105,17 @@ class RenderSurface:
         )
 
     @property
-    def triangles(self) -> np.ndarray:
-        """(m, 3) int64: each polygon as a fan about its first corner."""
+    def fans(self) -> np.ndarray:
+        """(m, 3) int64, into `corners` and `uv_corners`: each polygon as triangles about its first corner."""
         parts = self.counts - 2
         start = np.repeat(np.cumsum(self.counts) - self.counts, parts)
         inner = np.arange(len(start)) - np.repeat(np.cumsum(parts) - parts, parts)
-        return np.column_stack([self.corners[start], self.corners[start + inner + 1], self.corners[start + inner + 2]])
+        return np.column_stack([start, start + inner + 1, start + inner + 2])
+
+    @property
+    def triangles(self) -> np.ndarray:
+        """(m, 3) int64, into `vertices`: those of `fans`."""
+        return self.corners[self.fans]
 
     def __repr__(self) -> str:
         shapes = f"vertices={np.shape(self.vertices)}, faces={len(self.counts)}, uvs={np.shape(self.uvs)}"

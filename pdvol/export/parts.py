@@ -103,7 +103,7 @@ def _render(level: RunLevel, name: str, mesh: StoredRender) -> Part:
         lambda step: weights @ level.velocities(step),
         True,
         PALETTE[mesh.body % len(PALETTE)],
-        closed=is_closed(mesh.first[mesh.triangles]),
+        closed=is_closed(mesh.welded),
         body=mesh.body,
         render=mesh,
     )

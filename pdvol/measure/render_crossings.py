@@ -56,7 +56,7 @@ def rest_gaps(level: RunLevel, mesh: StoredRender) -> tuple[float, float]:
 
 def deepest_crossing(run: Run, level: RunLevel) -> RenderCrossing:
     """The deepest crossing of a run's render meshes over all steps of a level; the first of several alike."""
-    closed = [is_closed(mesh.first[mesh.triangles]) for mesh in run.render_meshes]
+    closed = [is_closed(mesh.welded) for mesh in run.render_meshes]
     obstacles = [o.kind == "mesh" and is_closed(o.arrays["faces"]) for o in run.obstacles]
     worst = RenderCrossing(0.0)
     for step in range(level.steps):
@@ -75,7 +75,7 @@ def _drawn(run: Run, level: RunLevel, step: int, closed: list[bool], obstacles: 
     for mesh, whole in zip(run.render_meshes, closed, strict=True):
         points = level.render_weights(mesh) @ x
         # Corners of seams are one vertex here: an open seam would let the inside out.
-        yield _Drawn(mesh.name, mesh.body, points, mesh.first[mesh.triangles], np.arange(len(points)), whole, True)
+        yield _Drawn(mesh.name, mesh.body, points, mesh.welded, np.arange(len(points)), whole, True)
     covered = {mesh.body for mesh, whole in zip(run.render_meshes, closed, strict=True) if whole}
     for body, name in enumerate(run.info["bodies"]):
         if body not in covered:

@@ -53,7 +53,12 @@ def bound_render_meshes(scene: Scene, meshes: Sequence[LevelMesh], set_apart: bo
                 weights = []
                 for level, (own, vertices) in zip(meshes, levels, strict=True):
                     w = render_weights(
-                        arrays["points"], arrays["triangles"], arrays["first"], own, mesh.interpolant, name
+                        arrays["points"],
+                        arrays["corners"][arrays["fans"]],
+                        arrays["first"],
+                        own,
+                        mesh.interpolant,
+                        name,
                     )
                     of_level = (w.data, vertices[w.indices], w.indptr)
                     weights.append(sp.csr_matrix(of_level, shape=(len(arrays["points"]), len(level.points))))
@@ -103,7 +108,7 @@ def _read(mesh: RenderMesh, body: Body, name: str) -> tuple[dict[str, np.ndarray
         texture = read_texture(str(mesh.texture) or picture, name)
     if texture is not None and not len(surface.uvs):
         raise InputError(f"{name}: a texture needs texture coordinates; give uvs, or an OBJ file with vt lines")
-    arrays = {key: getattr(surface, key) for key in ("counts", "corners", "uvs", "uv_corners", "triangles")}
+    arrays = {key: getattr(surface, key) for key in ("counts", "corners", "uvs", "uv_corners", "fans")}
     return {**arrays, "points": points, "first": first}, texture
 
 

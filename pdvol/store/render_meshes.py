@@ -3,7 +3,7 @@
 | file | content |
 |---|---|
 | render.json | body, name, interpolant, texture and notes of each |
-| render/<i>.npz | `points` (n, 3) at rest [m], `counts`, `corners`, `uvs`, `uv_corners`, `first`, `triangles` |
+| render/<i>.npz | `points` (n, 3) at rest [m], `counts`, `corners`, `uvs`, `uv_corners`, `first`, `fans` |
 | render/<i>.png, .jpg | its texture |
 | levels/<l>/render_<i>.npz | `data`, `indices`, `indptr` of the weights W of a level: positions are W x |
 """
@@ -19,7 +19,7 @@ import scipy.sparse as sp
 from pdvol.errors import InputError
 from pdvol.store.files import read_arrays, read_json, write_arrays, write_bytes, write_json
 
-_ARRAYS = ("points", "counts", "corners", "uvs", "uv_corners", "first", "triangles")
+_ARRAYS = ("points", "counts", "corners", "uvs", "uv_corners", "first", "fans")
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,7 +36,7 @@ class StoredRender:
     points : (n, 3) at rest, placed [m]
     counts, corners, uvs, uv_corners : as in `pdvol.meshes.RenderSurface`
     first : (n,) the first vertex at the place of each
-    triangles : (k, 3) the polygons cut into triangles
+    fans : (k, 3) into the corners, the polygons cut into triangles
     """
 
     index: int
@@ -50,7 +50,17 @@ class StoredRender:
     uvs: np.ndarray
     uv_corners: np.ndarray
     first: np.ndarray
-    triangles: np.ndarray
+    fans: np.ndarray
+
+    @property
+    def triangles(self) -> np.ndarray:
+        """(k, 3) into the vertices."""
+        return self.corners[self.fans]
+
+    @property
+    def welded(self) -> np.ndarray:
+        """(k, 3) the same with one vertex at each place, so that seams are no holes."""
+        return self.first[self.triangles]
 
 
 def write_render_meshes(folder: Path, entries: Sequence[Mapping[str, Any]]) -> None:

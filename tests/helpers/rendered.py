@@ -31,7 +31,7 @@ def entry_of(mesh: LevelMesh, body: int, surface: RenderSurface, interpolant: st
     first = coincident(surface.vertices, 1e-9)
     w = render_weights(surface.vertices, surface.triangles, first, own, interpolant, "x").tocoo()
     weights = type(w)((w.data, (w.row, vertices[w.col])), shape=(w.shape[0], len(mesh.points))).tocsr()
-    arrays = {key: getattr(surface, key) for key in ("counts", "corners", "uvs", "uv_corners", "triangles")}
+    arrays = {key: getattr(surface, key) for key in ("counts", "corners", "uvs", "uv_corners", "fans")}
     arrays |= {"points": surface.vertices, "first": first}
     return {
         "body": body,
