@@ -4,7 +4,7 @@ from argparse import ArgumentParser, Namespace
 from pathlib import Path
 
 from pdvol.commands.options import add_levels, stored_levels
-from pdvol.registry import FORMATS
+from pdvol.registry import FORMATS, SHOWN_SURFACES
 
 
 def add_arguments(parser: ArgumentParser) -> None:
@@ -18,7 +18,7 @@ def add_arguments(parser: ArgumentParser) -> None:
     parser.add_argument("--fields", action="store_true", help="contact forces and stresses in usd too")
     parser.add_argument(
         "--surface",
-        choices=("render", "contact", "both"),
+        choices=SHOWN_SURFACES,
         help="of bodies with a render mesh: that mesh (default), the simulated surface, or both",
     )
     add_levels(parser)

@@ -11,5 +11,5 @@ format without fields does not call it.
 
 A format whose function has a parameter `fps: float | None` takes `--fps` (frames a second; None where the user chooses
 none). One that has a parameter `with_fields: bool` writes fields only with `--fields`. One that has a parameter
-`surface: str`, "render" by default, takes `--surface` (`parts.SHOWN_SURFACES`). Other formats refuse these options.
+`surface: str`, "render" by default, takes `--surface` (`registry.SHOWN_SURFACES`). Other formats refuse these options.
 """

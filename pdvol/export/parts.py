@@ -13,14 +13,13 @@ from pdvol.export.body_surfaces import BodySurface, body_surfaces, plain_names
 from pdvol.export.series import padded
 from pdvol.geometry.polylines import closed_loops
 from pdvol.geometry.signed_distance import is_closed
+from pdvol.registry import SHOWN_SURFACES
 from pdvol.store.obstacles import DrawnObstacle
 from pdvol.store.reader import Run, RunLevel
 from pdvol.store.render_meshes import StoredRender
 
 PLANE_REACH = 1.5  # half the side of a plane's quad, as a multiple of the diagonal of the box that the bodies pass
 OUTLINE_WIDTH = 0.005  # width of an open polyline, as a multiple of the same diagonal
-SHOWN_SURFACES = ("render", "contact", "both")
-"""Which surface of a body with a render mesh is exported: that mesh, the simulated one, or both."""
 RENDER, CONTACT, BOTH = SHOWN_SURFACES
 BOX_STATES = 30  # states of a level that the box of its motion is taken from
 

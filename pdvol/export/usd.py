@@ -61,7 +61,7 @@ def write_usd(
         time code of its own, 24 a second: states are exact, and play at real speed.
     fields : of levels, written as primvars: those of vertices by vertex, those of cells by face; not on render
         meshes
-    surface : one of `parts.SHOWN_SURFACES`. Where both are written the render mesh has the purpose "render", the
+    surface : one of `registry.SHOWN_SURFACES`. Where both are written the render mesh has the purpose "render", the
         simulated surface "proxy".
 
     Raises

@@ -33,7 +33,7 @@ def export_run(
     levels : all that hold a state when None
     fps : frames a second, for formats that resample; the format's own choice when None
     with_fields : contact forces and stresses also in formats that leave them out otherwise
-    surface : of bodies with a render mesh, one of `pdvol.export.parts.SHOWN_SURFACES`; the mesh where None
+    surface : of bodies with a render mesh, one of `pdvol.registry.SHOWN_SURFACES`; the mesh where None
 
     Returns
     -------
