@@ -51,11 +51,11 @@ def write_obj(run: Run, level: int, folder: str | Path, surface: str = RENDER) -
     materials = [f"mtllib {LIBRARY}\n"] if _write_materials(parts, folder) else []
     for part in parts:
         if part.vertices is not None:
-            texts.append(_faces(part, np.searchsorted(used, part.vertices)[part.corners], None))
+            texts.append(object_lines(part, np.searchsorted(used, part.vertices)[part.corners], None))
             continue
         own = part.render.uvs if part.render is not None else np.zeros((0, 2))
         places = part.render.uv_corners + uvs if part.render is not None and len(own) else None
-        texts.append(_faces(part, part.corners + following, places))
+        texts.append(object_lines(part, part.corners + following, places))
         following, uvs = following + len(part.rest), uvs + len(own)
     rest = "".join(texts)
     for step in range(series.steps):
@@ -70,8 +70,14 @@ def write_obj(run: Run, level: int, folder: str | Path, surface: str = RENDER) -
     return folder
 
 
-def _faces(part: Part, corners: np.ndarray, uv_corners: np.ndarray | None) -> str:
-    """The lines of a part: its name, the texture coordinates and the material of a render mesh, and its polygons."""
+def object_lines(part: Part, corners: np.ndarray, uv_corners: np.ndarray | None) -> str:
+    """The lines of a part: its name, the texture coordinates and the material of a render mesh, and its polygons.
+
+    Parameters
+    ----------
+    corners, uv_corners : the numbers of vertices and texture coordinates in the file, from 0; no `uv_corners` where the
+        part has none
+    """
     lines = [f"o {part.name}"]
     if part.render is not None:
         lines += ["vt {!r} {!r}".format(*row) for row in part.render.uvs.tolist()]
