@@ -16,7 +16,8 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from mpi4py import MPI
 
-from pdvol.draw.layout import BACKGROUND, PALETTE
+from pdvol.colours import PALETTE
+from pdvol.draw.layout import BACKGROUND
 from pdvol.errors import InputError
 from pdvol.geometry.level_mesh import lumped_masses
 from pdvol.levels.hierarchy import Hierarchy

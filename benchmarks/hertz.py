@@ -21,7 +21,8 @@ from mpi4py import MPI
 
 import peers
 import trials
-from pdvol.draw.layout import BACKGROUND, PALETTE
+from pdvol.colours import PALETTE
+from pdvol.draw.layout import BACKGROUND
 from pdvol.geometry.level_mesh import LevelMesh
 from pdvol.integrate.integrator import State
 from pdvol.integrate.stepper import Stepper

@@ -9,8 +9,9 @@ from matplotlib.figure import Figure
 
 from method_studies import Study
 from pdvol import open_run
+from pdvol.colours import PALETTE
 from pdvol.draw.camera import camera_of_run
-from pdvol.draw.layout import BACKGROUND, PALETTE
+from pdvol.draw.layout import BACKGROUND
 from pdvol.draw.renderer import Renderer
 
 WIDTH = 420  # pixels of one picture

@@ -4,7 +4,8 @@ from . import outlines, solids, toys
 from .ape import ape
 from .creature import creature
 from .dolphin import dolphin
-from .geometry import Outline, Solid, Surface
+from .donut import donut, donut_render, donut_texture
+from .geometry import Outline, RenderSurface, Solid, Surface
 from .grids import brick, hollow_ball
 from .jellies import bunny, frog
 from .outlines import comb, disc, extrude, folded, polygon, rectangle, rope, slit_array, spike
@@ -14,6 +15,7 @@ from .turned import bowl, cylinder, funnel, torus, turned
 
 __all__ = [
     "Outline",
+    "RenderSurface",
     "Solid",
     "Surface",
     "ape",
@@ -29,6 +31,9 @@ __all__ = [
     "cylinder",
     "disc",
     "dolphin",
+    "donut",
+    "donut_render",
+    "donut_texture",
     "extrude",
     "folded",
     "frog",

@@ -167,6 +167,9 @@ FORMATS = Registry(
 )
 """Functions (run, levels, out, fields) -> list of written paths; see `pdvol.export`."""
 
+SHOWN_SURFACES = ("render", "contact", "both")
+"""Which surface of a body with render meshes is exported: these meshes (the default), the simulated one, or both."""
+
 VIEWS = Registry("view", {"play": Entry("pdvol.player.notebook:play")})
 """Functions (run, ...) that show a stored run in a notebook. The store, which knows none of them, finds them here."""
 

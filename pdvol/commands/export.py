@@ -4,7 +4,7 @@ from argparse import ArgumentParser, Namespace
 from pathlib import Path
 
 from pdvol.commands.options import add_levels, stored_levels
-from pdvol.registry import FORMATS
+from pdvol.registry import FORMATS, SHOWN_SURFACES
 
 
 def add_arguments(parser: ArgumentParser) -> None:
@@ -12,6 +12,15 @@ def add_arguments(parser: ArgumentParser) -> None:
     parser.add_argument("run", type=Path, metavar="RUN")
     parser.add_argument("--format", required=True, choices=tuple(FORMATS))
     parser.add_argument("-o", "--out", type=Path, required=True, metavar="DIR")
+    parser.add_argument(
+        "--fps", type=float, help="frames a second, to which usd, pc2 and alembic resample (pc2: 24 without it)"
+    )
+    parser.add_argument("--fields", action="store_true", help="contact forces and stresses in usd too")
+    parser.add_argument(
+        "--surface",
+        choices=SHOWN_SURFACES,
+        help="of bodies with a render mesh: that mesh (default), the simulated surface, or both",
+    )
     add_levels(parser)
 
 
@@ -21,5 +30,7 @@ def main(options: Namespace) -> None:
     from pdvol.store.reader import open_run
 
     levels = stored_levels(options.levels, open_run(options.run))
-    written, notes = export_run(options.run, options.format, options.out, levels)
+    written, notes = export_run(
+        options.run, options.format, options.out, levels, options.fps, options.fields, options.surface
+    )
     print("\n".join([*map(str, written), *notes]))

@@ -22,6 +22,9 @@ def add_arguments(parser: ArgumentParser) -> None:
         metavar="VIEW",
         help="front, side, top, three-quarter, follow:BODY, or position and target in metres, X,Y,Z:TX,TY,TZ",
     )
+    parser.add_argument(
+        "--render-meshes", action="store_true", help="bodies that carry render meshes are drawn as these"
+    )
     parser.add_argument("--turntable", action="store_true", help="the camera goes once round, also at one step")
 
 
@@ -44,6 +47,7 @@ def main(options: Namespace) -> None:
             span=span,
             view=options.camera,
             turntable=options.turntable,
+            render_meshes=options.render_meshes,
         )
     )
 

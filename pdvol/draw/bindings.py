@@ -12,8 +12,9 @@ import pyvista as pv
 import scipy.sparse as sp
 from PIL import Image, ImageDraw
 
+from pdvol.colours import PALETTE
 from pdvol.draw.camera import Camera, fitted_camera, in_3d
-from pdvol.draw.layout import BACKGROUND, CELL_GAP, FAINT_INK, INK, PALETTE, font
+from pdvol.draw.layout import BACKGROUND, CELL_GAP, FAINT_INK, INK, font
 from pdvol.geometry.level_mesh import LevelMesh
 from pdvol.store.files import write_bytes
 

@@ -42,6 +42,7 @@ def write_film(
     span: tuple[int, int] | None = None,
     view: View = STANDARD_VIEW,
     turntable: bool = False,
+    render_meshes: bool = False,
 ) -> Path:
     """Write a .gif or .mp4; see `pdvol.draw.picture.render` for the arguments and `FilmFile` for more errors. Frames
     are drawn and encoded one at a time.
@@ -74,7 +75,8 @@ def write_film(
         aspect = width / height
     cameras = cameras_of_run(run, levels, frames, obstacles, turn, view, turntable, aspect)
     oversampling = 2 if size is None or max(size) <= _SHARPEST else 1
-    with FilmFile(path, rate) as film, Renderer(run, cameras[0], width, obstacles, oversampling) as renderer:
+    drawing = Renderer(run, cameras[0], width, obstacles, oversampling, render_meshes)
+    with FilmFile(path, rate) as film, drawing as renderer:
         for number, (step, camera) in enumerate(zip(frames, cameras, strict=True), 1):
             say(f"frame {number} of {len(frames)}")
             film.add(_frame(renderer, levels, step, run.dt, camera, columns, size))

@@ -41,6 +41,7 @@ def render(
     span: tuple[int, int | None] | None = None,
     view: str = "",
     turntable: bool = False,
+    render_meshes: bool = False,
 ) -> Path:
     """Draw a run off screen.
 
@@ -62,6 +63,7 @@ def render(
     view : "front", "side", "top", "three-quarter", "follow:BODY", or "X,Y,Z:TX,TY,TZ" [m]
     turntable : the camera goes once round a 3D scene during the film, or in the columns of a picture; a film of one
         step then lasts six seconds
+    render_meshes : bodies that carry render meshes are drawn as these
 
     Returns
     -------
@@ -103,6 +105,7 @@ def render(
                 span=(begin, end),
                 view=seen,
                 turntable=turntable,
+                render_meshes=render_meshes,
             )
     moments = chosen_steps(shown[0], end, COLUMNS, begin) if steps is None else list(steps)
     if steps is None and begin == end and turntable:
@@ -113,7 +116,7 @@ def render(
         aspect = width / height
     with stage(f"drawing {path.name}"):
         cameras = cameras_of_run(run, shown, moments, drawn, turn, seen, turntable, aspect)
-        with Renderer(run, cameras[0], width, drawn) as renderer:
+        with Renderer(run, cameras[0], width, drawn, render_meshes=render_meshes) as renderer:
             cells = [
                 [renderer.picture(level, step, camera) for step, camera in zip(moments, cameras, strict=True)]
                 for level in shown

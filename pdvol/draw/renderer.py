@@ -8,14 +8,18 @@ import numpy as np
 import pyvista as pv
 from PIL import Image, ImageDraw
 
+from pdvol.colours import GROUND, OBSTACLE, PALETTE
 from pdvol.draw.camera import Camera, in_3d
 from pdvol.draw.contact_shadows import shadow_map
-from pdvol.draw.layout import BACKGROUND, FAINT_INK, GROUND, OBSTACLE, PALETTE, font
+from pdvol.draw.layout import BACKGROUND, FAINT_INK, font
+from pdvol.draw.render_mesh import drawn_mesh, texture_of
 from pdvol.geometry.polylines import closed_loops
 from pdvol.store.obstacles import DrawnObstacle
 from pdvol.store.reader import Run, RunLevel
+from pdvol.store.render_meshes import StoredRender
 
 _SMOOTH_FROM = 1500  # facets of a body: with fewer, single facets are shown, so that a coarse level looks coarse
+_MATERIAL = {"ambient": 0.42, "diffuse": 0.8, "specular": 0.14, "specular_power": 18}  # of bodies and obstacles in 3D
 
 
 class Renderer:
@@ -29,13 +33,23 @@ class Renderer:
     width : of a picture [pixels]; the height follows from the camera
     obstacles : drawn beside the bodies
     oversampling : pixels rendered for each pixel of a picture, along each side: smooth edges
+    render_meshes : whether bodies that carry render meshes are drawn as these
 
     Attributes
     ----------
     size : (width, height) of a picture [pixels]
     """
 
-    def __init__(self, run: Run, camera: Camera, width: int, obstacles: Sequence[DrawnObstacle], oversampling: int = 3):
+    def __init__(
+        self,
+        run: Run,
+        camera: Camera,
+        width: int,
+        obstacles: Sequence[DrawnObstacle],
+        oversampling: int = 3,
+        render_meshes: bool = False,
+    ):
+        self._carried = {mesh: texture_of(mesh) for mesh in (run.render_meshes if render_meshes else ())}
         self.run, self.camera, self.obstacles = run, camera, tuple(obstacles)
         self.size = (width, max(2, round(width / camera.aspect)))
         self.oversampling = oversampling
@@ -108,7 +122,9 @@ class Renderer:
     def _draw_solid(self, level: RunLevel, positions: np.ndarray, step: int) -> None:
         facets, owners = level.surface, level.mesh.point_bodies[level.surface[:, 0]]
         shapes = [positions[facets]]
-        for body in np.unique(owners):
+        for mesh, texture in self._carried.items():
+            self._add_render_mesh(mesh, texture, level.render_weights(mesh) @ positions)
+        for body in np.setdiff1d(owners, [mesh.body for mesh in self._carried]):
             mine = facets[owners == body]
             colour = pv.Color(PALETTE[body % len(PALETTE)])
             edges = float(np.clip(12.0 / np.sqrt(len(mine)), 0.15, 0.5))  # many edges must not blacken the body
@@ -134,14 +150,25 @@ class Renderer:
     ) -> None:
         used, local = np.unique(facets, return_inverse=True)
         surface = pv.PolyData.from_regular_faces(points[used], local.reshape(facets.shape))
-        style: dict[str, Any] = {"ambient": 0.42, "diffuse": 0.8, "specular": 0.14, "specular_power": 18}
-        style["smooth_shading"] = smooth
+        style: dict[str, Any] = {**_MATERIAL, "smooth_shading": smooth}
         if smooth:
             style |= {"split_sharp_edges": True, "feature_angle": 50.0}
         if edges:
             style |= {"show_edges": True, "edge_color": _darker(colour, 0.45), "edge_opacity": edges}
             style["line_width"] = self._width(0.5)
         self._plotter.add_mesh(surface, color=colour, opacity=opacity, **style, reset_camera=False, render=False)
+
+    def _add_render_mesh(self, mesh: StoredRender, texture: pv.Texture | None, points: np.ndarray) -> None:
+        colour = None if texture else pv.Color(PALETTE[mesh.body % len(PALETTE)])
+        self._plotter.add_mesh(
+            drawn_mesh(mesh, points),
+            color=colour,
+            texture=texture,
+            smooth_shading=True,
+            **_MATERIAL,
+            reset_camera=False,
+            render=False,
+        )
 
     def _add_plane(self, point: np.ndarray, normal: np.ndarray, triangles: np.ndarray) -> None:
         camera = self._view

@@ -8,7 +8,8 @@ import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from pdvol.draw.layout import BACKGROUND, FAINT_INK, INK, PALETTE
+from pdvol.colours import PALETTE
+from pdvol.draw.layout import BACKGROUND, FAINT_INK, INK
 from pdvol.errors import InputError
 from pdvol.store.files import write_bytes
 

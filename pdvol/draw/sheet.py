@@ -8,8 +8,9 @@ from pathlib import Path
 import numpy as np
 from PIL import Image, ImageDraw
 
+from pdvol.colours import PALETTE
 from pdvol.draw.camera import Camera, content_of_run, fitted_camera, upward_of_run
-from pdvol.draw.layout import BACKGROUND, INK, PALETTE, cluster_name, font
+from pdvol.draw.layout import BACKGROUND, INK, cluster_name, font
 from pdvol.draw.renderer import Renderer
 from pdvol.errors import InputError
 from pdvol.store.files import write_bytes

@@ -4,6 +4,7 @@ Vertices are those of the boundary (all of a 2D level), once each and in the inp
 """
 
 import re
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -30,10 +31,19 @@ class BodySurface:
 
 
 def body_surfaces(run: Run, level: RunLevel) -> list[tuple[str, BodySurface]]:
-    """The surface of each body with a name of letters, digits and underscores that no other body has."""
-    names: list[str] = []
-    for i, name in enumerate(run.info.get("bodies", [])):
+    """The surface of each body with a name that `plain_names` makes."""
+    return [(name, BodySurface(level, i)) for i, name in enumerate(plain_names(run.info.get("bodies", [])))]
+
+
+def plain_names(names: Sequence[str]) -> list[str]:
+    """Names of letters, digits and underscores in the same order, no two alike; they begin with no digit."""
+    result: list[str] = []
+    for name in names:
         plain = re.sub(r"[^A-Za-z0-9_]", "_", str(name))[:LONGEST_NAME] or "body"
         plain = plain if plain[0].isalpha() or plain[0] == "_" else f"_{plain}"
-        names.append(f"{plain}_{i}" if plain in names else plain)
-    return [(name, BodySurface(level, i)) for i, name in enumerate(names)]
+        free, number = plain, 0
+        while free in result:
+            number += 1
+            free = f"{plain}_{number}"
+        result.append(free)
+    return result

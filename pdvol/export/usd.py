@@ -1,78 +1,286 @@
-"""Moving surfaces as one USD file: the levels are variants of one prim, and each body is a mesh of its own."""
+"""A shot as one USD file: levels are variants of one prim, and bodies and obstacles are meshes with materials.
+
+    /run                    variant set `level`; the finest level is chosen
+    /run/bodies/<name>      a mesh in each variant: points, velocities, extent; primvars `rest` and, if wanted, fields
+    /run/obstacles/<name>   a mesh; one that moves is in each variant, because contact may hold it back on some levels
+    /run/materials/<name>   UsdPreviewSurface, bound to the mesh of that name
+
+Units are metres and seconds. Time codes are frames.
+"""
 
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from pdvol.colours import linear_colour
 from pdvol.errors import InputError, SimulationError
-from pdvol.export.body_surfaces import body_surfaces
-from pdvol.export.series import LevelFields, Series, padded
+from pdvol.export.frames import FILM_RATE, Frame, even_frames, stored_frames
+from pdvol.export.parts import BOTH, RENDER, Part, body_parts, obstacle_parts
+from pdvol.export.series import Fields, LevelFields, Series, StepFields, padded
+from pdvol.export.textures import copy_texture
 from pdvol.store.files import TEMPORARY
-from pdvol.store.reader import Run
+from pdvol.store.reader import Run, RunLevel
 
 LONGEST_USD_REASON = 160  # characters of USD's own message that fit into one line
+ROUGHNESS = 0.55  # of all materials, between 0 (a mirror) and 1: the soft highlights of pdvol's pictures
 
 
-def export(run: Run, levels: Sequence[int], out: Path, fields: LevelFields) -> list[Path]:
-    """Write all levels into `out/<run>.usdc`, without fields. See `pdvol.export`."""
-    return [write_usd(run, levels, out / f"{run.path.resolve().name}.usdc")]
+def export(
+    run: Run,
+    levels: Sequence[int],
+    out: Path,
+    fields: LevelFields,
+    fps: float | None = None,
+    with_fields: bool = False,
+    surface: str = RENDER,
+) -> list[Path]:
+    """Write all levels into `out/<run>.usdc`. See `pdvol.export`."""
+    path = out / f"{run.path.resolve().name}.usdc"
+    return [write_usd(run, levels, path, fps, fields if with_fields else None, surface)]
 
 
-def write_usd(run: Run, levels: Sequence[int], path: str | Path) -> Path:
-    """Export levels as one .usdc file: a prim with a variant set `level`, a mesh a body, positions and velocities as
-    time samples.
+def write_usd(
+    run: Run,
+    levels: Sequence[int],
+    path: str | Path,
+    fps: float | None = None,
+    fields: LevelFields | None = None,
+    surface: str = RENDER,
+) -> Path:
+    """Export levels as one .usdc file.
 
-    The finest level is the chosen variant. One time code a step; units are metres and seconds.
+    Parameters
+    ----------
+    run : Run
+    levels : sequence of int
+    path : the .usdc file
+    fps : frames a second, to which the motion is resampled (`pdvol.export.frames`). When None every stored state has a
+        time code of its own, 24 a second: states are exact, and play at real speed.
+    fields : of levels, written as primvars: those of vertices by vertex, those of cells by face; not on render
+        meshes
+    surface : one of `registry.SHOWN_SURFACES`. Where both are written the render mesh has the purpose "render", the
+        simulated surface "proxy".
 
     Raises
     ------
     InputError
-        When a level does not exist or has no state, or the package usd-core is not installed.
+        When a level does not exist or has no state, `fps` is not positive, or the package usd-core is not installed.
     SimulationError
         When the disk cannot be written.
     """
     try:
-        from pxr import Gf, Sdf, Usd, UsdGeom, Vt
+        from pxr import Usd, UsdGeom
     except ImportError as error:
         raise InputError("USD files need the package usd-core: pip install usd-core, or pdvol[usd]") from error
-    path, all_series = Path(path), [Series(run, level) for level in levels]
+    path, all_series = Path(path), [Series(run, level) for level in sorted(levels)]
+    frames = [
+        stored_frames(series.steps, run.dt) if fps is None else even_frames(series.steps, run.dt, fps)
+        for series in all_series
+    ]
     stage = Usd.Stage.CreateInMemory()
-    up = run.info.get("up") or (0.0, 1.0, 0.0)
-    UsdGeom.SetStageUpAxis(
-        stage, UsdGeom.Tokens.z if len(up) == 3 and abs(up[2]) > max(abs(up[0]), abs(up[1])) else UsdGeom.Tokens.y
-    )
-    UsdGeom.SetStageMetersPerUnit(stage, 1.0)
-    stage.SetTimeCodesPerSecond(1.0 / run.dt)
-    stage.SetFramesPerSecond(1.0 / run.dt)
-    stage.SetStartTimeCode(0)
-    stage.SetEndTimeCode(max(series.steps for series in all_series) - 1)
-    root = UsdGeom.Xform.Define(stage, "/run").GetPrim()
-    stage.SetDefaultPrim(root)
-    variants = root.GetVariantSets().AddVariantSet("level")
-    for series in all_series:
-        variants.AddVariant(f"level_{series.level.index}")
-        variants.SetVariantSelection(f"level_{series.level.index}")
+    root = UsdGeom.Xform.Define(stage, "/run")
+    stage.SetDefaultPrim(root.GetPrim())
+    _set_units(stage, root, run, FILM_RATE if fps is None else fps, max(codes[-1].code for codes in frames))
+    for folder in ("bodies", "obstacles", "materials"):
+        UsdGeom.Scope.Define(stage, f"/run/{folder}")
+    coarsest = all_series[0].level
+    for part in [*body_parts(run, coarsest, surface), *obstacle_parts(run, coarsest)]:
+        _add_material(stage, part, copy_texture(part, path.with_name(f"{path.stem}_textures")))
+        if not part.moves:
+            _set_points(_add_mesh(stage, part), part, Frame(0.0, 0, 1.0))
+    variants = root.GetPrim().GetVariantSets().AddVariantSet("level")
+    for series, codes in zip(all_series, frames, strict=True):
+        level = series.level
+        variants.AddVariant(f"level_{level.index}")
+        variants.SetVariantSelection(f"level_{level.index}")
         with variants.GetVariantEditContext():
-            meshes = []
-            for name, surface in body_surfaces(run, series.level):
-                mesh = UsdGeom.Mesh.Define(stage, Sdf.Path(f"/run/{name}"))
-                mesh.CreateSubdivisionSchemeAttr(UsdGeom.Tokens.none)
-                mesh.CreateFaceVertexCountsAttr(Vt.IntArray.FromNumpy(np.full(len(surface.faces), 3, np.int32)))
-                mesh.CreateFaceVertexIndicesAttr(Vt.IntArray.FromNumpy(surface.faces.astype(np.int32).ravel()))
-                meshes.append((surface, mesh.CreatePointsAttr(), mesh.CreateVelocitiesAttr(), mesh.CreateExtentAttr()))
-            for step in range(series.steps):
-                positions, velocities = series.level.positions(step), series.level.velocities(step)
-                for surface, points_of, velocities_of, extent_of in meshes:
-                    points = padded(positions[surface.vertices]).astype(np.float32)
-                    points_of.Set(Vt.Vec3fArray.FromNumpy(points), step)
-                    velocities_of.Set(
-                        Vt.Vec3fArray.FromNumpy(padded(velocities[surface.vertices]).astype(np.float32)), step
-                    )
-                    extent_of.Set(
-                        [Gf.Vec3f(*map(float, points.min(axis=0))), Gf.Vec3f(*map(float, points.max(axis=0)))], step
-                    )
+            bodies = [(part, _add_mesh(stage, part)) for part in body_parts(run, level, surface)]
+            for part, mesh in bodies:
+                _add_primvar(mesh, "rest", "Point3fArray", "vertex", part.rest)
+                if part.render is not None:
+                    _add_uvs(mesh, part)
+            if surface == BOTH:
+                _set_purposes(bodies)
+            moving = [(part, _add_mesh(stage, part)) for part in obstacle_parts(run, level) if part.moves]
+            simulated = [(part, mesh) for part, mesh in bodies if part.render is None]
+            add_fields = _fields_of(level, simulated, fields(level.index)) if fields else None
+            for frame in codes:
+                for part, mesh in [*bodies, *moving]:
+                    _set_points(mesh, part, frame)
+                if add_fields:
+                    add_fields(frame)
+    _save(stage, path)
+    return path
+
+
+def _set_units(stage: Any, root: Any, run: Run, rate: float, last: float) -> None:
+    from pxr import Gf, UsdGeom
+
+    UsdGeom.SetStageMetersPerUnit(stage, 1.0)
+    stage.SetTimeCodesPerSecond(rate)
+    stage.SetFramesPerSecond(rate)
+    stage.SetStartTimeCode(0)
+    stage.SetEndTimeCode(last)
+    up = padded(_upward(run)[None])[0]
+    axis = int(np.argmax(np.abs(up)))
+    UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.z if axis == 2 else UsdGeom.Tokens.y)
+    if axis == 0 or up[axis] < 0:  # USD knows y and z alone as directions upward
+        turn = Gf.Rotation(Gf.Vec3d(*map(float, np.sign(up[axis]) * np.eye(3)[axis])), Gf.Vec3d(0, *_USD_UP[axis]))
+        root.AddTransformOp().Set(Gf.Matrix4d(turn, Gf.Vec3d(0)))
+
+
+_USD_UP = {0: (1, 0), 1: (1, 0), 2: (0, 1)}  # y and z of the upward direction, by the axis that the run's is nearest to
+
+
+def _upward(run: Run) -> np.ndarray:
+    """Upward as in pictures: against gravity, else the first plane's normal, else z (y in 2D)."""
+    if run.levels[0].rest.shape[1] == 2:
+        return np.array([0.0, 1.0])
+    planes = (obstacle.plane(0)[1] for obstacle in run.obstacles if obstacle.kind == "plane")
+    return np.asarray(run.info.get("up") or next(planes, (0.0, 0.0, 1.0)), dtype=float)
+
+
+def _place(part: Part) -> str:
+    return f"/run/{'obstacles' if part.body is None else 'bodies'}/{part.name}"
+
+
+def _add_material(stage: Any, part: Part, texture: str) -> None:
+    """A material of the part's colour or, where it has one, its texture, by the path from the file."""
+    from pxr import Gf, Sdf, UsdShade
+
+    material = UsdShade.Material.Define(stage, f"/run/materials/{part.name}")
+    shader = UsdShade.Shader.Define(stage, f"/run/materials/{part.name}/surface")
+    shader.CreateIdAttr("UsdPreviewSurface")
+    diffuse = shader.CreateInput("diffuseColor", Sdf.ValueTypeNames.Color3f)
+    if texture:
+        place, picture = (
+            UsdShade.Shader.Define(stage, f"/run/materials/{part.name}/{name}") for name in ("place", "texture")
+        )
+        place.CreateIdAttr("UsdPrimvarReader_float2")
+        place.CreateInput("varname", Sdf.ValueTypeNames.String).Set("st")
+        picture.CreateIdAttr("UsdUVTexture")
+        picture.CreateInput("file", Sdf.ValueTypeNames.Asset).Set(Sdf.AssetPath(f"./{texture}"))
+        picture.CreateInput("sourceColorSpace", Sdf.ValueTypeNames.Token).Set("sRGB")
+        for side in ("wrapS", "wrapT"):
+            picture.CreateInput(side, Sdf.ValueTypeNames.Token).Set("repeat")
+        result = place.CreateOutput("result", Sdf.ValueTypeNames.Float2)
+        picture.CreateInput("st", Sdf.ValueTypeNames.Float2).ConnectToSource(result)
+        diffuse.ConnectToSource(picture.CreateOutput("rgb", Sdf.ValueTypeNames.Float3))
+    else:
+        diffuse.Set(Gf.Vec3f(*linear_colour(part.colour)))
+    shader.CreateInput("roughness", Sdf.ValueTypeNames.Float).Set(ROUGHNESS)
+    shader.CreateInput("opacity", Sdf.ValueTypeNames.Float).Set(part.opacity)
+    material.CreateSurfaceOutput().ConnectToSource(shader.ConnectableAPI(), "surface")
+
+
+def _add_mesh(stage: Any, part: Part) -> Any:
+    """The mesh of a part with its material, without points."""
+    from pxr import Gf, UsdGeom, UsdShade, Vt
+
+    mesh = UsdGeom.Mesh.Define(stage, _place(part))
+    mesh.GetPrim().SetDisplayName(part.label)
+    mesh.CreateSubdivisionSchemeAttr(UsdGeom.Tokens.none)
+    mesh.CreateDoubleSidedAttr(not part.closed)
+    mesh.CreateFaceVertexCountsAttr(Vt.IntArray.FromNumpy(part.counts.astype(np.int32)))
+    mesh.CreateFaceVertexIndicesAttr(Vt.IntArray.FromNumpy(part.corners.astype(np.int32)))
+    mesh.CreateDisplayColorAttr([Gf.Vec3f(*linear_colour(part.colour))])
+    mesh.CreateDisplayOpacityAttr([part.opacity])
+    UsdShade.MaterialBindingAPI.Apply(mesh.GetPrim()).Bind(
+        UsdShade.Material(stage.GetPrimAtPath(f"/run/materials/{part.name}"))
+    )
+    return mesh
+
+
+def _set_points(mesh: Any, part: Part, frame: Frame) -> None:
+    """Points, velocities and extent at a frame; what rests has one value for all times."""
+    from pxr import Gf, Vt
+
+    when = [frame.code] if part.moves else []
+    points = frame.sampled(part.at).astype(np.float32)
+    mesh.CreatePointsAttr().Set(Vt.Vec3fArray.FromNumpy(points), *when)
+    ends = points.min(axis=0), points.max(axis=0)
+    mesh.CreateExtentAttr().Set([Gf.Vec3f(*map(float, end)) for end in ends], *when)
+    if part.moves:
+        velocities = part.velocity(frame.step).astype(np.float32)
+        mesh.CreateVelocitiesAttr().Set(Vt.Vec3fArray.FromNumpy(velocities), *when)
+
+
+def _add_primvar(mesh: Any, name: str, kind: str, by: str, values: np.ndarray, code: float | None = None) -> None:
+    from pxr import Sdf, UsdGeom, Vt
+
+    primvar = UsdGeom.PrimvarsAPI(mesh).CreatePrimvar(name, getattr(Sdf.ValueTypeNames, kind), by)
+    array = (Vt.FloatArray if values.ndim == 1 else Vt.Vec3fArray).FromNumpy(values.astype(np.float32))
+    primvar.Set(array, *(() if code is None else (code,)))
+
+
+def _add_uvs(mesh: Any, part: Part) -> None:
+    """The texture coordinates of a render mesh: by vertex, or by corner where a vertex has several (a seam)."""
+    from pxr import Sdf, UsdGeom, Vt
+
+    render = part.render
+    if render is None or not len(render.uvs):
+        return
+    of_vertex = np.zeros(len(part.rest), dtype=np.int64)
+    of_vertex[part.corners] = render.uv_corners
+    smooth = bool((of_vertex[part.corners] == render.uv_corners).all())
+    indices = of_vertex if smooth else render.uv_corners
+    primvar = UsdGeom.PrimvarsAPI(mesh).CreatePrimvar(
+        "st", Sdf.ValueTypeNames.TexCoord2fArray, "vertex" if smooth else "faceVarying"
+    )
+    primvar.Set(Vt.Vec2fArray.FromNumpy(render.uvs.astype(np.float32)))
+    primvar.SetIndices(Vt.IntArray.FromNumpy(indices.astype(np.int32)))
+
+
+def _set_purposes(bodies: Sequence[tuple[Part, Any]]) -> None:
+    """Bodies with a render mesh are drawn by it, and stand in for it where that is asked for."""
+    for part, mesh in bodies:
+        if part.render is not None:
+            proxy = next(own for other, own in bodies if other.render is None and other.body == part.body)
+            mesh.CreatePurposeAttr("render")
+            proxy.CreatePurposeAttr("proxy")
+            mesh.CreateProxyPrimRel().SetTargets([proxy.GetPath()])
+
+
+def _fields_of(level: RunLevel, bodies: Sequence[tuple[Part, Any]], more: Fields) -> Callable[[Frame], None]:
+    """What adds fields to bodies at a frame: those of vertices by vertex, those of cells by face, which shows the cell
+    behind it.
+    """
+    flat = level.rest.shape[1] == 2
+    owners = level.mesh.point_bodies[(level.cells if flat else level.surface)[:, 0]]
+    cells = np.arange(len(level.cells)) if flat else level.mesh.boundary_cells
+    latest: dict[int, StepFields] = {}  # of the two steps that a frame lies between
+
+    def at(step: int) -> StepFields:
+        if step not in latest:
+            latest[step] = more(step)
+            for old in [number for number in latest if number < step - 1]:
+                del latest[old]
+        return latest[step]
+
+    def add(frame: Frame) -> None:
+        for part, mesh in bodies:
+            behind = cells[owners == part.body]
+            for name in at(frame.step).points:
+                values = frame.sampled(lambda step: _finite(at(step).points[name])[part.vertices])  # noqa: B023
+                values, kind = (values, "FloatArray") if values.ndim == 1 else (padded(values), "Vector3fArray")
+                _add_primvar(mesh, name, kind, "vertex", values, frame.code)
+            for name in at(frame.step).cells:
+                values = frame.sampled(lambda step: _finite(at(step).cells[name])[behind])  # noqa: B023
+                _add_primvar(mesh, name, "FloatArray", "uniform", values, frame.code)
+
+    return add
+
+
+def _finite(values: np.ndarray) -> np.ndarray:
+    """Without the numbers that no barrier has kept finite: shaders cannot show them."""
+    return np.where(np.isfinite(values), values, 0.0)
+
+
+def _save(stage: Any, path: Path) -> None:
+    """Write the stage aside and rename it."""
     aside = path.with_name(f".{path.stem}{TEMPORARY}.usdc")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -88,4 +296,3 @@ def write_usd(run: Run, levels: Sequence[int], path: str | Path) -> Path:
         raise SimulationError(f"cannot write {path}: {reason}") from error
     finally:
         aside.unlink(missing_ok=True)
-    return path

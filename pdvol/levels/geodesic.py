@@ -53,8 +53,8 @@ def bind_outside(target: LevelMesh, source: LevelMesh, cells: np.ndarray) -> tup
 
 
 def vertex_adjacency(mesh: LevelMesh) -> sp.csr_array:
-    """Which points share an edge: (n, n), sorted columns, without the diagonal."""
-    pairs = np.concatenate([mesh.cells[:, pair] for pair in combinations(range(mesh.dim + 1), 2)])
+    """Which points share an edge: (n, n), sorted columns, without the diagonal. Cells may be triangles in 3D."""
+    pairs = np.concatenate([mesh.cells[:, pair] for pair in combinations(range(mesh.cells.shape[1]), 2)])
     ones = np.ones(len(pairs), dtype=np.int8)
     upper = sp.coo_array((ones, (pairs.min(axis=1), pairs.max(axis=1))), shape=(len(mesh.points),) * 2).tocsr()
     upper.data[:] = 1
@@ -75,7 +75,7 @@ def _march(
     neighbours: dict[int, list[int]] = {
         v: edges.indices[edges.indptr[v] : edges.indptr[v + 1]].tolist() for v in _integers(outside)
     }
-    facet = _ray_hits(outside, points, edges, search)
+    facet = ray_hits(outside, points, edges, search)
     kind: dict[int, int | None] = dict.fromkeys(neighbours)
     bound = {v: sum(u not in kind for u in around) for v, around in neighbours.items()}
     # The middle entry sorts points without a hit and without a bound neighbour behind all others.
@@ -110,7 +110,7 @@ def _march(
     )
 
 
-def _ray_hits(outside: np.ndarray, points: np.ndarray, edges: sp.csr_array, search: BoundarySearch) -> dict[int, int]:
+def ray_hits(outside: np.ndarray, points: np.ndarray, edges: sp.csr_array, search: BoundarySearch) -> dict[int, int]:
     """The closest facet hit from each outside point along its edges, where there is one."""
     # The rays do not depend on the order in which points are taken: all are cast at once.
     fan = edges[outside]

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pdvol.colours import GROUND, OBSTACLE, PALETTE
 from pdvol.draw.camera import Camera, fitted_camera, in_3d
-from pdvol.draw.layout import GROUND, OBSTACLE, PALETTE
 from pdvol.geometry.polylines import closed_loops
 from pdvol.meshing.polygons import cut_faces
 from pdvol.store.obstacles import DrawnObstacle

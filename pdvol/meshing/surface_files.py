@@ -1,5 +1,6 @@
 """Triangles from files of surfaces, and from the blocks of meshio; polygons are cut."""
 
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -15,21 +16,57 @@ QUADRATIC = {"triangle6": 3, "tetra10": 4}
 """Quadratic cells, and how many of their nodes are corners; these come first."""
 
 
-def read_obj(path: Path) -> tuple[np.ndarray, np.ndarray]:
-    """The `v` and `f` lines of an OBJ file, polygons cut, texture and normal indices left out."""
-    points, faces = [], []
+@dataclass
+class ObjText:
+    """The lines of an OBJ file that describe a surface.
+
+    Attributes
+    ----------
+    points : (n, 3) coordinates
+    faces : the corners of each polygon, numbered from 0
+    textures : as the file has it, the number of each corner's `vt` line, and how many of these came before the face
+    uvs : the words of each `vt` line
+    libraries, materials : files of materials, and the names that `usemtl` lines give
+    """
+
+    points: list[tuple[float, float, float]] = field(default_factory=list)
+    faces: list[list[int]] = field(default_factory=list)
+    textures: list[tuple[list[str], int]] = field(default_factory=list)
+    uvs: list[list[str]] = field(default_factory=list)
+    libraries: list[str] = field(default_factory=list)
+    materials: list[str] = field(default_factory=list)
+
+
+def parse_obj(path: Path) -> ObjText:
+    """The lines of an OBJ file; ValueError or IndexError where points or faces are none."""
+    found = ObjText()
+    points, faces = found.points, found.faces
     for line in path.read_text(encoding="utf-8-sig", errors="replace").replace("\\\n", " ").splitlines():
         word, *rest = line.split() or [""]
         if word == "v":
             x, y, z = rest[:3]
             points.append((float(x), float(y), float(z)))
         elif word == "f":
-            corners = [int(corner.split("/")[0]) for corner in rest]
+            parts = [corner.split("/") for corner in rest]
+            corners = [int(part[0]) for part in parts]
             if len(corners) < 3 or 0 in corners:
                 raise ValueError(f"face {line.strip()!r} has no three corners")
             faces.append([c - 1 if c > 0 else len(points) + c for c in corners])
-    places = np.array(points).reshape(-1, 3)
-    return places, cut_faces(places, faces)
+            found.textures.append(([part[1] if len(part) > 1 else "" for part in parts], len(found.uvs)))
+        elif word == "vt":
+            found.uvs.append(rest)
+        elif word == "mtllib":
+            found.libraries.append(line.split(None, 1)[1].strip() if rest else "")
+        elif word == "usemtl" and rest and rest[0] not in found.materials:
+            found.materials.append(rest[0])
+    return found
+
+
+def read_obj(path: Path) -> tuple[np.ndarray, np.ndarray]:
+    """The `v` and `f` lines of an OBJ file, polygons cut, texture and normal indices left out."""
+    found = parse_obj(path)
+    places = np.array(found.points).reshape(-1, 3)
+    return places, cut_faces(places, found.faces)
 
 
 def with_trimesh(path: Path) -> tuple[np.ndarray, np.ndarray]:

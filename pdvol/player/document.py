@@ -11,8 +11,9 @@ import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
+from pdvol.colours import GROUND, OBSTACLE, PALETTE
 from pdvol.draw.camera import VIEW_ANGLE, content_of_run, fitted_camera, front_of, upward_of_run
-from pdvol.draw.layout import BACKGROUND, FAINT_INK, GROUND, INK, OBSTACLE, PALETTE
+from pdvol.draw.layout import BACKGROUND, FAINT_INK, INK
 from pdvol.errors import InputError, SimulationError
 from pdvol.player.curves import GRAPHS, UNITS, Curves
 from pdvol.player.fields import FIELDS, packed_fields, strain

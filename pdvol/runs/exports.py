@@ -1,17 +1,27 @@
 """Exports of stored runs, with contact forces and stresses where the run's scene is available."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from functools import cached_property
+from inspect import signature
 from pathlib import Path
+from typing import Any
 
 from pdvol.errors import InputError
+from pdvol.export.parts import CONTACT
 from pdvol.export.series import Fields, Series, nothing_more
+from pdvol.measure.render_crossings import deepest_crossing, rest_gaps
 from pdvol.registry import FORMATS
 from pdvol.store.reader import Run, open_run
 
 
 def export_run(
-    path: str | Path, format_name: str, out: str | Path, levels: Sequence[int] | None = None
+    path: str | Path,
+    format_name: str,
+    out: str | Path,
+    levels: Sequence[int] | None = None,
+    fps: float | None = None,
+    with_fields: bool = False,
+    surface: str | None = None,
 ) -> tuple[list[Path], list[str]]:
     """Export a stored run, finished or not, into the folder `out`.
 
@@ -21,16 +31,20 @@ def export_run(
     format_name : a name in `pdvol.registry.FORMATS`
     out : a folder; it is made where there is none
     levels : all that hold a state when None
+    fps : frames a second, for formats that resample; the format's own choice when None
+    with_fields : contact forces and stresses also in formats that leave them out otherwise
+    surface : of bodies with a render mesh, one of `pdvol.registry.SHOWN_SURFACES`; the mesh where None
 
     Returns
     -------
     tuple[list[Path], list[str]]
-        The paths written, and notes on what could not be exported.
+        The paths written, and notes on what could not be exported and on where render meshes cross.
 
     Raises
     ------
     InputError
-        The folder is no run, a level is missing or empty, the format unknown or its library not installed.
+        The folder is no run, a level is missing or empty, the format unknown, its library not installed, or it does
+        not take one of the choices.
     SimulationError
         `out` cannot be written.
     """
@@ -42,8 +56,49 @@ def export_run(
         raise InputError(f"{path} has no stored state to export")
     for level in levels:
         Series(run, level)  # refuses a level that is missing or empty, before anything is written
-    written = FORMATS[format_name](run, levels, Path(out), fields)
-    return [Path(file) for file in written], fields.notes
+    chosen: dict[str, Any] = {**({} if fps is None else {"fps": fps}), **({"with_fields": True} if with_fields else {})}
+    chosen |= {} if surface is None else {"surface": surface}
+    writer = FORMATS[format_name]
+    _check_choices(format_name, writer, chosen)
+    written = writer(run, levels, Path(out), fields, **chosen)
+    drawn = "surface" in signature(writer).parameters and surface != CONTACT
+    return [Path(file) for file in written], fields.notes + (render_lines(run, levels) if drawn else [])
+
+
+def render_lines(run: Run, levels: Sequence[int]) -> list[str]:
+    """How far render meshes stand out from the simulated surfaces, and how deep they cross what is drawn beside them,
+    a line each.
+    """
+    lines = []
+    for number in levels if run.render_meshes else ():
+        level = run.levels[number]
+        for mesh in run.render_meshes:
+            out, within = rest_gaps(level, mesh)
+            lines.append(
+                f"level {number}: the render mesh of {mesh.name!r} stands out from the contact surface by up to"
+                f" {out:.3g} m at rest, and lies up to {within:.3g} m within it"
+            )
+        worst = deepest_crossing(run, level)
+        lines.append(
+            f"level {number}: render meshes cross by up to {worst.depth:.3g} m: {worst.name!r} and {worst.other} at"
+            f" step {worst.step}"
+            if worst.depth > 0.0
+            else f"level {number}: render meshes cross nothing in {level.steps} states"
+        )
+    return lines
+
+
+def _check_choices(format_name: str, writer: Callable, chosen: Iterable[str]) -> None:
+    """InputError where a format does not take one of the choices."""
+    refused = {
+        "fps": f"--fps: the format {format_name} holds the stored steps alone, without frames between them",
+        "with_fields": f"--fields: the format {format_name} has no such choice",
+        "surface": f"--surface: the format {format_name} holds the simulated mesh alone",
+    }
+    taken = signature(writer).parameters
+    for name in chosen:
+        if name not in taken:
+            raise InputError(refused[name])
 
 
 class RunFields:

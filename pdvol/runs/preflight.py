@@ -37,6 +37,7 @@ from pdvol.meshing.readers import read_with_notes
 from pdvol.meshing.tetrahedralise import mean_ratio
 from pdvol.meshing.verdict import POOR_QUALITY, check_place, judge, place_of
 from pdvol.registry import INTEGRATORS
+from pdvol.runs.render_meshes import render_defects
 from pdvol.runs.scene_summary import modelled_terms
 from pdvol.scene import Barrier, Scene, metres
 from pdvol.stages import say, stage
@@ -82,6 +83,7 @@ def check_scene(scene: Scene, seconds: float = 3.0, out: Path | None = None) -> 
             meshes = _build_levels(scene, obstacles, result["notes"])
     except InputError as error:
         return {**result, "defects": [f"defect: {error}"]}
+    result["defects"] += [f"defect: {line}" for line in render_defects(scene, meshes)]
     diagonal = scene_diagonal(scene)
     with suppress(InputError):  # level 0's check of its fields reports it
         young = cell_materials(scene, meshes[0]).young

@@ -42,6 +42,11 @@ def run_summary(path: Path, pictures: Path | None = None) -> list[str]:
         if "reason" in level.info:
             line += f"; {level.info['reason']}"
         lines.append(line)
+    lines += [
+        f"render mesh of {mesh.name!r}: {len(mesh.points):,} vertices, {mesh.interpolant} weights"
+        + (", with a texture" if mesh.texture else "")
+        for mesh in run.render_meshes
+    ]
     lines += held_back_lines(run)
     INTERPOLANTS.check(info["prolongation"])
     if len(run.levels) == 1 and pictures is None:

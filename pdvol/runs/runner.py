@@ -19,6 +19,7 @@ from pdvol.levels.separation import build_apart
 from pdvol.parallel import on_root
 from pdvol.registry import INTERPOLANTS, METHODS
 from pdvol.runs.level_run import Watch, run_level
+from pdvol.runs.render_meshes import bound_render_meshes, check_render_files
 from pdvol.runs.scene_file import DEFAULTS, Shot, load_shot, stored_file, stored_settings
 from pdvol.runs.shared_writer import Export, SharedWriter
 from pdvol.runs.wavefront import march_levels
@@ -162,6 +163,7 @@ def _prepare(
     lengths, and the bodies that were set apart. Checked at t = 0.
     """
     scene = shot.scene
+    check_render_files(scene)
     stored: list[LevelMesh] = []
     if holds_run(out):
         run = open_run(out)
@@ -242,6 +244,8 @@ def _open_writer(
         [initial_velocity(scene, mesh) for mesh in meshes],
         stored_obstacles(obstacles, scene.dt, scene.steps),
     )
+    apart = bool(mended or (kept and open_run(out).info.get("mended")))
+    rendered = bound_render_meshes(scene, meshes, apart)
     if kept:
         writer = RunWriter.open(out)
         writer.keep_levels(kept)
@@ -271,6 +275,7 @@ def _open_writer(
         }
         writer = RunWriter.create(out, info, meshes, [body.name for body in scene.bodies], velocities)
     writer.write_obstacles(drawn)
+    writer.write_render_meshes(rendered)
     return writer
 
 

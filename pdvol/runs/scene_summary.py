@@ -1,5 +1,7 @@
 """What a scene models, as lines of text. Nothing is meshed, and only shapes that are files are read."""
 
+from pathlib import Path
+
 import numpy as np
 
 from pdvol.levels.scene_fields import scene_diagonal
@@ -58,6 +60,9 @@ def modelled_terms(scene: Scene) -> list[str]:
                 else f"where {getattr(region.where, '__name__', 'asked')}"
             )
             lines.append(f"body {body.name!r}, {where}: {_material(region.material)}")
+        for mesh in body.render_meshes:
+            what = Path(mesh.shape).name if isinstance(mesh.shape, (str, Path)) else repr(mesh.shape)
+            lines.append(f"body {body.name!r}: drawn as {what}, carried by {mesh.interpolant} weights")
     lines += [f"load: {_load(load)}" for load in scene.loads]
     lines += [_muscle(muscle) for muscle in scene.muscles]
     lines += [_attachment(attachment) for attachment in scene.attachments]

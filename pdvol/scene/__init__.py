@@ -17,6 +17,7 @@ from pdvol.scene.muscles import Muscle
 from pdvol.scene.penalty import Penalty
 from pdvol.scene.placement import Placement
 from pdvol.scene.point_caches import PointCache, TakeOver
+from pdvol.scene.render_mesh import RenderMesh
 from pdvol.scene.scene import Scene
 from pdvol.scene.solver import Solver
 from pdvol.scene.surroundings import Deforming, Obstructing, Plane, Rigid, Support
@@ -49,6 +50,7 @@ __all__ = [
     "Pressure",
     "Region",
     "Relative",
+    "RenderMesh",
     "Rigid",
     "Rotation",
     "Scene",

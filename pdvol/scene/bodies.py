@@ -1,7 +1,7 @@
 """The deformable bodies, where they start and how fast."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TypeAlias
 
@@ -13,7 +13,8 @@ from pdvol.scene.materials import Material, Region
 from pdvol.scene.motions import Vector
 from pdvol.scene.placement import Placement
 from pdvol.scene.point_caches import TakeOver
-from pdvol.scene.representation import one_line
+from pdvol.scene.render_mesh import RenderMesh
+from pdvol.scene.representation import NOT_SIMULATED, one_line
 
 MOST_LEVELS, MOST_VERTICES = 32, 100_000_000  # numbers above these are typing errors
 Shape: TypeAlias = str | Path | Outline | Surface | Solid
@@ -60,6 +61,7 @@ class Body:
     velocity : initial velocity [m/s]; a function of rest positions (n, d) that gives it (n, d); or a `TakeOver`
     spin : initial angular velocity [rad/s] about the body's centre of volume: a number in 2D, three in 3D
     regions : parts with materials of their own; later ones win where they overlap
+    render : one or several `RenderMesh` that are drawn in its place; they do not change the simulation
     """
 
     shape: Shape | Sequence[Shape]
@@ -70,6 +72,7 @@ class Body:
     velocity: Vector | Callable[[np.ndarray], np.ndarray] | TakeOver = ()
     spin: float | Vector = ()
     regions: Sequence[Region] = ()
+    render: RenderMesh | Sequence[RenderMesh] = field(default=(), metadata={NOT_SIMULATED: True})
     __repr__ = one_line
 
     def __post_init__(self) -> None:
@@ -86,6 +89,14 @@ class Body:
             require(
                 isinstance(region, Region),
                 f"body {self.name!r}: regions hold Region(material, where), not {type(region).__name__}",
+            )
+        if isinstance(self.render, RenderMesh):
+            object.__setattr__(self, "render", (self.render,))
+        sequence(f"body {self.name!r}: render", self.render)
+        for mesh in self.render_meshes:
+            require(
+                isinstance(mesh, RenderMesh),
+                f"body {self.name!r}: render holds RenderMesh(shape), not {type(mesh).__name__}",
             )
         if listed:
             require(
@@ -125,6 +136,11 @@ class Body:
 
     def _levels_listed(self) -> bool:
         return isinstance(self.shape, (tuple, list))
+
+    @property
+    def render_meshes(self) -> tuple[RenderMesh, ...]:
+        """What is drawn in its place; none where its own surface is."""
+        return (self.render,) if isinstance(self.render, RenderMesh) else tuple(self.render)
 
     def instances(self, *placements: Placement) -> tuple["Body", ...]:
         """This body at each of several placements, named after it: they share its meshes, which are made once."""

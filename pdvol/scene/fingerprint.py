@@ -10,20 +10,24 @@ from typing import Any
 
 import numpy as np
 
+from pdvol.scene.representation import NOT_SIMULATED
+
 PER_LEVEL = ("vertices", "shape")  # of a body: lists with an entry per level
 PAIRED = (".node", ".ele")  # endings of the two files of one mesh
 SHOWN = 100  # characters of one value in a message
 
 
 def describe(thing: Any) -> Any:
-    """Dataclasses, arrays, paths and functions as JSON; arrays, files and functions as digests of their contents."""
+    """Dataclasses, arrays, paths and functions as JSON; arrays, files and functions as digests of their contents.
+    Fields that do not change the simulation are left out.
+    """
     if is_dataclass(thing) and not isinstance(thing, type):
         psi = getattr(thing, "psi", None)
         own = {"psi": describe(psi)} if getattr(psi, "__module__", "pdvol").split(".")[0] != "pdvol" else {}
         return {
             "type": type(thing).__name__,
             **own,
-            **{f.name: describe(getattr(thing, f.name)) for f in fields(thing)},
+            **{f.name: describe(getattr(thing, f.name)) for f in fields(thing) if NOT_SIMULATED not in f.metadata},
         }
     if isinstance(thing, np.ndarray):
         return {"array": list(thing.shape), "digest": _digest(np.ascontiguousarray(thing).tobytes())}

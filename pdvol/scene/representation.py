@@ -7,6 +7,7 @@ import numpy as np
 
 MOST_ITEMS = 4  # of a tuple: of a longer one the first two, the last one and the number are shown
 MOST_TEXT = 80  # characters of one value
+NOT_SIMULATED = "not simulated"  # key of a field's metadata: two scenes that differ there have the same states
 
 
 def one_line(element: Any) -> str:

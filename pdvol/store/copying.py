@@ -8,6 +8,7 @@ from pdvol.store.files import jsonable, write_bytes, write_json
 from pdvol.store.folder import late_file, level_folder, run_state, state_file
 from pdvol.store.log import log_line, read_log
 from pdvol.store.reader import open_run
+from pdvol.store.render_meshes import render_files
 
 MESH_FILES = ("mesh.npz", "velocity.npy")  # of a level
 
@@ -53,6 +54,9 @@ def copy_run(source: Path, target: Path, steps: int | None = None, levels: int |
         if (source / "obstacles.json").exists():
             shutil.copytree(source / "obstacles", target / "obstacles", dirs_exist_ok=True)
             _copy(source / "obstacles.json", target / "obstacles.json")
+        for file in render_files(source, len(kept)):
+            (target / file.relative_to(source)).parent.mkdir(exist_ok=True)
+            _copy(file, target / file.relative_to(source))
     except OSError as error:
         raise SimulationError(f"cannot copy {source} to {target}: {error.strerror or error}") from error
     records = [

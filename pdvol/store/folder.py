@@ -6,6 +6,7 @@
 | run.lock | locked while a process writes |
 | log.jsonl | one object for each level and step |
 | obstacles.json, obstacles/<i>.npz | obstacles, for pictures |
+| render.json, render/<i>.npz, levels/<l>/render_<i>.npz | surfaces drawn in the place of bodies |
 | levels/<l>/mesh.npz | points, cells, bodies, regions, surface |
 | levels/<l>/velocity.npy | initial velocity (n, d) [m/s] |
 | levels/<l>/<step>.npy | positions (n, d) [m], in the input's order |

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import scipy.sparse as sp
 
 from pdvol.errors import InputError
 from pdvol.geometry.level_mesh import LevelMesh
@@ -16,6 +17,7 @@ from pdvol.store.files import is_whole, lock, read_array, read_arrays
 from pdvol.store.folder import late_file, level_folder, read_info, state_file
 from pdvol.store.log import read_log
 from pdvol.store.obstacles import DrawnObstacle, read_obstacles
+from pdvol.store.render_meshes import StoredRender, read_render_meshes, read_render_weights
 
 KEPT_STATES = 4  # states of a level that stay in memory: velocities and fields of a step need it and two before
 
@@ -37,6 +39,7 @@ class RunLevel:
         self._run = run
         self._known_steps = 0
         self._latest: dict[tuple[int, int, int], np.ndarray] = {}
+        self._render_weights: dict[int, sp.csr_matrix] = {}
 
     def __repr__(self) -> str:
         vertices, cells, state = (self.info.get(key) for key in ("vertices", "cells", "state"))
@@ -149,6 +152,13 @@ class RunLevel:
         ]
         return tuple(o.held(found) if found else o for o, found in zip(obstacles, late, strict=True))
 
+    def render_weights(self, mesh: StoredRender) -> sp.csr_matrix:
+        """W (n, vertices of the level): positions of a render mesh of the run are W x, its velocities W v."""
+        if mesh.index not in self._render_weights:
+            weights = read_render_weights(self.folder, mesh.index, len(self.rest))
+            self._render_weights[mesh.index] = weights
+        return self._render_weights[mesh.index]
+
     def behind(self, step: int) -> float:
         """[s] how far obstacles were behind their motions at the end of a step, at most."""
         if not late_file(self.folder, step).exists():
@@ -219,6 +229,11 @@ class Run:
     def obstacles(self) -> tuple[DrawnObstacle, ...]:
         """The obstacles as stored for pictures."""
         return read_obstacles(self.path)
+
+    @cached_property
+    def render_meshes(self) -> tuple[StoredRender, ...]:
+        """What is drawn in the place of bodies."""
+        return read_render_meshes(self.path)
 
     def play(self, width: int = 960, height: int = 640, **choices: Any) -> Any:
         """The run in a player, which a notebook shows; `choices` are those of `pdvol.player.notebook.play`."""

@@ -12,6 +12,7 @@ import numpy as np
 
 from pdvol.geometry.level_mesh import LevelMesh
 from pdvol.store import obstacles as stored_obstacles
+from pdvol.store import render_meshes as stored_render
 from pdvol.store.files import TEMPORARY, jsonable, write_array, write_arrays, write_json
 from pdvol.store.folder import (
     LEVEL_STATES,
@@ -208,6 +209,10 @@ class RunWriter:
     def write_obstacles(self, obstacles: Sequence[Mapping]) -> None:
         """Store the obstacles' geometry for pictures; see `pdvol.store.obstacles` for the arrays of each kind."""
         stored_obstacles.write_obstacles(self.path, obstacles)
+
+    def write_render_meshes(self, entries: Sequence[Mapping]) -> None:
+        """Store what is drawn in the place of bodies; see `pdvol.store.render_meshes` for the entries."""
+        stored_render.write_render_meshes(self.path, entries)
 
     def close(self) -> None:
         """Close the log and release the lock."""

@@ -20,6 +20,7 @@ RUN_BY_A_TEST = {
     "ape",
     "ball_on_spike",
     "balloon",
+    "donuts",
     "drop",
     "gripper",
     "heterogeneous",
@@ -404,3 +405,22 @@ def test_melt(tmp_path):
     assert (heights[:, 25:46].min(axis=1) < 0.33).all()
     assert (heights[:, :10].min(axis=1) > 0.38).all() and (heights[:, -1] > 0.38).all()
     assert np.abs(heights[0] - heights[1]).max() < 0.01
+
+
+def test_donuts(tmp_path):
+    """The lower one lands; what is drawn of it follows, with its glaze, and stays of its size."""
+    steps = 14
+    words = ["--set", "vertices=(150, 300)", "--set", "detail=48", "--set", "height=0.34", "--steps", str(steps)]
+    assert run(["run", str(ROOT / "demos" / "donuts.py"), *words, "--out", str(tmp_path / "run")]) == 0
+    stored = end(tmp_path / "run", 2, steps)
+    for level in stored.levels:
+        for mesh in stored.render_meshes:
+            mine = level.mesh.point_bodies == mesh.body
+            seen, own = level.render_weights(mesh) @ level.positions(steps), level.positions(steps)[mine]
+            fallen = seen.mean(axis=0) - mesh.points.mean(axis=0)
+            np.testing.assert_allclose(fallen, own.mean(axis=0) - level.rest[mine].mean(axis=0), atol=0.02)
+            assert fallen[1] < -0.1
+            assert (seen.min(axis=0) > own.min(axis=0) - 0.03).all()
+            assert (seen.max(axis=0) < own.max(axis=0) + 0.03).all()
+    words = ["--format", "obj", "--levels", "0:0", "-o", str(tmp_path / "obj")]
+    assert run(["export", str(tmp_path / "run"), *words]) == 0

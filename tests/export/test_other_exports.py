@@ -1,10 +1,9 @@
-"""Forces and stresses in exports, by hand; VTKHDF, OBJ and USD read back as the programs that want them do; names that
+"""Forces and stresses in exports, by hand; VTKHDF and OBJ read back as the programs that want them do; names that
 would lead elsewhere.
 """
 
 import json
 import shutil
-import sys
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
@@ -171,45 +170,6 @@ def test_obj_sequences(kind, request, tmp_path):
         )
         assert {tuple(f) for f in used[faces]} == {tuple(f) for f in facets}
         assert [line for line in lines if line.startswith("o ")] == ["o left", "o right"]
-
-
-def test_usd_switches_levels(solid_run, tmp_path):
-    pxr = pytest.importorskip("pxr", reason="usd-core is an optional extra")
-    from pxr import Usd, UsdGeom
-
-    assert pxr
-    (file,), notes = export_run(solid_run, "usd", tmp_path)
-    assert notes == [], "a format without fields asks for no scene"
-    stage, run = Usd.Stage.Open(str(file)), open_run(solid_run)
-    assert (stage.GetStartTimeCode(), stage.GetEndTimeCode(), stage.GetTimeCodesPerSecond()) == (
-        0,
-        4,
-        pytest.approx(1 / run.dt),
-    )
-    variants = stage.GetDefaultPrim().GetVariantSet("level")
-    assert variants.GetVariantNames() == ["level_0", "level_1"] and variants.GetVariantSelection() == "level_1"
-    for level in run.levels:
-        variants.SetVariantSelection(f"level_{level.index}")
-        bodies = level.mesh.point_bodies[level.surface[:, 0]]
-        for body, name in enumerate(run.info["bodies"]):
-            mesh = UsdGeom.Mesh(stage.GetPrimAtPath(f"/run/{name}"))
-            used = np.unique(level.surface[bodies == body])
-            faces = np.array(mesh.GetFaceVertexIndicesAttr().Get()).reshape(-1, 3)
-            np.testing.assert_array_equal(used[faces], level.surface[bodies == body])
-            for step in range(level.steps):
-                np.testing.assert_array_equal(
-                    mesh.GetPointsAttr().Get(step), level.positions(step)[used].astype(np.float32)
-                )
-                np.testing.assert_array_equal(
-                    mesh.GetVelocitiesAttr().Get(step), level.velocities(step)[used].astype(np.float32)
-                )
-
-
-def test_usd_without_its_package(solid_run, tmp_path, monkeypatch):
-    monkeypatch.setitem(sys.modules, "pxr", None)
-    with pytest.raises(InputError, match="usd-core"):
-        export_run(solid_run, "usd", tmp_path / "out")
-    assert not (tmp_path / "out").exists()
 
 
 def _others(root, own) -> set:

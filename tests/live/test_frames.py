@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from pdvol.draw.layout import PALETTE
+from pdvol.colours import PALETTE
 from pdvol.live.frames import Frames, rgb, same_topology, view
 from pdvol.store.obstacles import write_obstacles
 from pdvol.store.reader import open_run

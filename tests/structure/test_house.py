@@ -25,7 +25,7 @@ STAGES = (
     "measure",
     "player",
 )
-FOUNDATION = {"errors", "registry", "scene", "parallel", "processes", "compat", "compiled", "stages"}
+FOUNDATION = {"colours", "errors", "registry", "scene", "parallel", "processes", "compat", "compiled", "stages"}
 """Modules beside the stages that any stage may use: they know none of them (a test)."""
 STORED = {"geometry", "store"}
 """What everything that reads stored runs may use."""

@@ -14,7 +14,8 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 
-from pdvol.draw.layout import BACKGROUND, FAINT_INK, INK, PALETTE
+from pdvol.colours import PALETTE
+from pdvol.draw.layout import BACKGROUND, FAINT_INK, INK
 from pdvol.explore.lengths import length
 from pdvol.explore.study.conclusions import option_text
 from pdvol.store.files import write_bytes

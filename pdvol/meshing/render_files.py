@@ -1,0 +1,161 @@
+"""Surfaces that are drawn and not simulated, from files: polygons, texture coordinates and the picture of a texture.
+
+They need not be closed, may have seams, loose vertices and parts that cross: nothing is mended or left out, and
+vertices keep the order of the file.
+"""
+
+from pathlib import Path
+
+import numpy as np
+
+from pdvol.errors import InputError, MeshError
+from pdvol.meshes import RenderSurface, Solid, Surface
+from pdvol.meshing.reader_process import read_in_child_process
+from pdvol.meshing.readers import SURFACES, read_shape
+from pdvol.meshing.surface_files import parse_obj
+
+PICTURES = (".png", ".jpg", ".jpeg")
+"""Kinds of textures: what all importers of USD and OBJ read."""
+
+
+def read_render_surface(shape: str | Path | RenderSurface | Surface, name: str) -> tuple[RenderSurface, str]:
+    """A surface with its texture coordinates, and the picture that the file's materials name, empty if none.
+
+    Parameters
+    ----------
+    shape : as of a `RenderMesh`
+    name : begins the messages about arrays
+
+    Raises
+    ------
+    InputError
+        The file is missing, of an unknown kind, or holds no surface; or its materials name several pictures.
+    MeshError
+        It cannot be read, or its faces use vertices or texture coordinates that there are not.
+    """
+    picture = ""
+    if isinstance(shape, RenderSurface):
+        surface = shape
+    elif isinstance(shape, Surface):
+        surface = RenderSurface.of(shape.vertices, shape.triangles)
+    else:
+        path = Path(shape).expanduser()
+        name = str(path)
+        if path.suffix.lower() == ".obj" and path.is_file() and path.stat().st_size:
+            surface, picture = _obj(path)
+        elif path.suffix.lower() not in SURFACES:
+            raise InputError(f"{path}: a render mesh is a surface; give one of {', '.join(SURFACES)}")
+        else:
+            read = read_shape(path)
+            if isinstance(read, Solid) or not isinstance(read, Surface):
+                raise InputError(f"{path}: a render mesh is a surface, not a {type(read).__name__.lower()}")
+            surface = RenderSurface.of(read.vertices, read.triangles)
+    _check(surface, name)
+    return surface, picture
+
+
+def read_texture(texture: str | Path, name: str) -> tuple[bytes, str]:
+    """The bytes of a picture and the ending of its name.
+
+    Raises
+    ------
+    InputError
+        It is missing, unreadable or no picture of `PICTURES`.
+    """
+    path = Path(texture).expanduser()
+    ending = path.suffix.lower()
+    if ending not in PICTURES:
+        raise InputError(f"{name}: the texture {path} is none of {', '.join(PICTURES)}; convert it")
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        raise InputError(f"{name}: the texture {path} cannot be read ({error.strerror}); check the path") from error
+    if not data.startswith(b"\x89PNG" if ending == ".png" else b"\xff\xd8"):
+        raise InputError(f"{name}: the texture {path} is no {ending} picture; save it again")
+    return data, ending
+
+
+def _obj(path: Path) -> tuple[RenderSurface, str]:
+    read = read_in_child_process(path, _parse)
+    surface = RenderSurface(read["points"], read["counts"], read["corners"], read["uvs"], read["uv_corners"])
+    pictures = [str(picture) for picture in read["pictures"]]
+    if len(pictures) > 1:
+        names = ", ".join(Path(picture).name for picture in pictures)
+        raise InputError(
+            f"{path}: its materials name {len(pictures)} textures ({names}); give one RenderMesh for each, or"
+            " RenderMesh(texture=...)"
+        )
+    return surface, pictures[0] if pictures else ""
+
+
+def _parse(path: Path) -> dict[str, np.ndarray]:
+    """The arrays of an OBJ file, in a child process."""
+    try:
+        found = parse_obj(path)
+        textured = any(any(words) for words, _ in found.textures)
+        uvs = [(float(words[0]), float(words[1])) for words in found.uvs] if textured else []
+        bare = len(uvs)  # corners without a place in the texture get its corner, (0, 0)
+        uv_corners = [
+            _place(int(word), before, bare) if word else bare
+            for words, before in (found.textures if textured else ())
+            for word in words
+        ]
+        if textured and not all(all(words) for words, _ in found.textures):
+            uvs.append((0.0, 0.0))
+    except (ValueError, IndexError) as error:
+        reason = " ".join(str(error).split())[:160]
+        raise MeshError(f"{path}: unreadable or truncated ({reason}); export the mesh again") from error
+    return {
+        "points": np.array(found.points, dtype=np.float64).reshape(-1, 3),
+        "counts": np.array([len(face) for face in found.faces], dtype=np.int64),
+        "corners": np.array([i for face in found.faces for i in face], dtype=np.int64),
+        "uvs": np.array(uvs, dtype=np.float64).reshape(-1, 2),
+        "uv_corners": np.array(uv_corners, dtype=np.int64),
+        "pictures": np.array(_pictures(path, found.libraries, found.materials), dtype=str),
+    }
+
+
+def _place(number: int, before: int, count: int) -> int:
+    """A place in the texture, numbered from 0, of its number in a file, which may count backwards."""
+    place = number - 1 if number > 0 else before + number
+    if not 0 <= place < count:
+        raise IndexError(f"a face uses texture coordinate {number}, and there are {count}")
+    return place
+
+
+def _pictures(path: Path, libraries: list[str], materials: list[str]) -> list[str]:
+    """The pictures of colour (`map_Kd`) of the materials that a file uses, those that are there."""
+    found: list[str] = []
+    for library in libraries:
+        file = path.parent / library
+        material = ""
+        for line in file.read_text(errors="replace").splitlines() if file.is_file() else ():
+            word, _, rest = line.strip().partition(" ")
+            if word == "newmtl":
+                material = rest.strip()
+            elif word.lower() == "map_kd" and material in materials:
+                # Options come before the file's name, which may have blanks itself.
+                names = [rest.strip(), rest.split()[-1]] if rest.strip() else []
+                there = [path.parent / name.replace("\\", "/") for name in names]
+                chosen = next((str(picture) for picture in there if picture.is_file()), "")
+                if chosen and chosen not in found:
+                    found.append(chosen)
+    return found
+
+
+def _check(surface: RenderSurface, name: str) -> None:
+    vertices, total = surface.vertices, int(surface.counts.sum()) if len(surface.counts) else 0
+    if vertices.ndim != 2 or vertices.shape[1] != 3 or not len(surface.counts):
+        raise MeshError(f"{name}: a render mesh needs vertices (n, 3) and faces; export a surface")
+    if not np.isfinite(vertices).all() or not np.isfinite(surface.uvs).all():
+        raise MeshError(f"{name}: coordinates are not finite numbers; export the mesh again")
+    if surface.counts.min() < 3 or total != len(surface.corners):
+        raise MeshError(f"{name}: a face of a render mesh needs three corners or more; export the mesh again")
+    for what, corners, count in (
+        ("vertices", surface.corners, len(vertices)),
+        ("texture coordinates", surface.uv_corners, len(surface.uvs)),
+    ):
+        if len(corners) and (corners.min() < 0 or corners.max() >= count):
+            raise MeshError(f"{name}: faces use {what} that there are not ({count:,} there are); export the mesh again")
+    if len(surface.uvs) and len(surface.uv_corners) != len(surface.corners):
+        raise MeshError(f"{name}: not every corner of a face has a texture coordinate; export the mesh again")

@@ -1,0 +1,115 @@
+"""Surfaces that are drawn: polygons, seams and textures of OBJ files, and what is refused in one line."""
+
+import numpy as np
+import pytest
+import trimesh
+
+from pdvol import meshes
+from pdvol.errors import InputError
+from pdvol.meshes import RenderSurface
+from pdvol.meshing.render_files import read_render_surface, read_texture
+
+# A house front: a square of two seams' worth of places, a gable, and a corner without a place.
+HOUSE = """mtllib house.mtl
+v 0 0 0
+v 1 0 0
+v 1 1 0
+v 0 1 0
+v 0.5 1.5 0
+vt 0 0
+vt 1 0
+vt 1 1
+vt 0 1
+usemtl wall
+f 1/1/1 2/2/1 3/3/1 4/4/1
+vt 0.25 0.75
+usemtl roof
+f -2/-2 -3/3 -1/-1
+"""
+
+
+def test_polygons_seams_and_relative_numbers(tmp_path):
+    (tmp_path / "house.obj").write_text(HOUSE)
+    surface, picture = read_render_surface(tmp_path / "house.obj", "x")
+    assert picture == "" and surface.counts.tolist() == [4, 3]
+    assert surface.corners.tolist() == [0, 1, 2, 3, 3, 2, 4]
+    assert surface.uv_corners.tolist() == [0, 1, 2, 3, 3, 2, 4]
+    np.testing.assert_array_equal(surface.uvs[-1], [0.25, 0.75])
+    assert surface.triangles.tolist() == [[0, 1, 2], [0, 2, 3], [3, 2, 4]]
+
+
+def test_a_corner_without_a_place_gets_one(tmp_path):
+    (tmp_path / "a.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0.5 0.5\nf 1/1 2 3/1\n")
+    surface, _ = read_render_surface(tmp_path / "a.obj", "x")
+    assert surface.uv_corners.tolist() == [0, 1, 0] and surface.uvs.tolist() == [[0.5, 0.5], [0.0, 0.0]]
+
+
+def test_the_texture_that_materials_name(tmp_path):
+    (tmp_path / "house.obj").write_text(HOUSE)
+    (tmp_path / "my wall.png").write_bytes(b"\x89PNG")
+    material = "newmtl wall\nmap_Kd my wall.png\nnewmtl unused\nmap_Kd b.png\n"
+    (tmp_path / "house.mtl").write_text(material)
+    assert read_render_surface(tmp_path / "house.obj", "x")[1] == str(tmp_path / "my wall.png")
+    (tmp_path / "b.png").write_bytes(b"\x89PNG")
+    (tmp_path / "house.mtl").write_text(material + "newmtl roof\nmap_Kd -s 2 2 1 b.png\n")
+    with pytest.raises(InputError, match=r"name 2 textures \(my wall.png, b.png\); give one RenderMesh for each"):
+        read_render_surface(tmp_path / "house.obj", "x")
+
+
+def test_other_files_have_no_places(tmp_path):
+    ball = trimesh.creation.icosphere(2)
+    ball.export(tmp_path / "ball.ply")
+    surface, _ = read_render_surface(tmp_path / "ball.ply", "x")
+    assert len(surface.vertices) == len(ball.vertices) and len(surface.uvs) == 0
+    np.testing.assert_array_equal(surface.triangles, ball.faces)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 4\n", "faces use vertices that there are not"),
+        ("v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nf 1/1 2/1 3/2\n", "a face uses texture coordinate 2, and there are 1"),
+        ("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1/a 2/b 3/c\n", "unreadable or truncated"),
+        ("v 0 0 0\nv 1 0 0\nv 0 nan 0\nf 1 2 3\n", "not finite numbers"),
+        ("v 0 0 0\n", "a render mesh needs vertices"),
+        ("", "the file is empty"),
+    ],
+)
+def test_bad_files_are_refused_in_one_line(tmp_path, text, said):
+    (tmp_path / "bad.obj").write_text(text)
+    with pytest.raises(InputError, match=said) as caught:
+        read_render_surface(tmp_path / "bad.obj", "x")
+    assert "\n" not in str(caught.value) and str(tmp_path / "bad.obj") in str(caught.value)
+
+
+def test_other_bad_input(tmp_path):
+    with pytest.raises(InputError, match="there is no such file"):
+        read_render_surface(tmp_path / "gone.obj", "x")
+    with pytest.raises(InputError, match="a render mesh is a surface; give one of .obj"):
+        read_render_surface(tmp_path / "solid.msh", "x")
+    with pytest.raises(InputError, match="x: the texture .* cannot be read"):
+        read_texture(tmp_path / "gone.png", "x")
+    with pytest.raises(InputError, match="none of .png, .jpg, .jpeg"):
+        read_texture(tmp_path / "a.tga", "x")
+    (tmp_path / "a.png").write_text("no picture")
+    with pytest.raises(InputError, match="is no .png picture"):
+        read_texture(tmp_path / "a.png", "x")
+
+
+def test_the_donut_of_the_demo():
+    """Closed, of the size that it promises, its places at the two angles, and glaze on its upper side alone."""
+    surface = meshes.donut_render(0.3, 0.13, 64, 32)
+    shape = trimesh.Trimesh(surface.vertices, surface.triangles, process=False)
+    assert shape.is_watertight and shape.volume > 2 * np.pi**2 * 0.3 * 0.13**2
+    x, y, z = surface.vertices[surface.corners].T
+    u, v = 2 * np.pi * surface.uvs[surface.uv_corners].T
+    np.testing.assert_allclose(np.cos(np.arctan2(z, x) - u), 1.0)
+    np.testing.assert_allclose(np.cos(np.arctan2(y, np.hypot(x, z) - 0.3) - v), 1.0)
+    tube = np.hypot(y, np.hypot(x, z) - 0.3)
+    assert tube.min() == pytest.approx(0.13, rel=1e-6) and tube.max() == pytest.approx(0.13 * 1.06, rel=1e-3)
+    assert y[tube > 0.135].min() > -0.05 and abs(tube[y < -0.06] - 0.13).max() < 1e-4
+    assert len(surface.uvs) == 65 * 33 and isinstance(surface, RenderSurface)
+    picture = meshes.donut_texture(256, 128)
+    assert picture.shape == (128, 256, 3) and picture.dtype == np.uint8
+    pink = (picture[..., 2].astype(int) - picture[..., 1] > 20).mean(axis=1)
+    assert pink[90] > 0.9 and pink[32] == 0.0, "rows begin at the top, where v is 1"
