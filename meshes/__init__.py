@@ -2,10 +2,11 @@
 
 from . import outlines, solids, toys
 from .ape import ape
+from .contours import gear, seahorse
 from .creature import creature
 from .dolphin import dolphin
 from .geometry import Outline, Solid, Surface
-from .grids import brick, hollow_ball
+from .grids import brick, hollow_ball, hollow_brick
 from .jellies import bunny, frog
 from .outlines import comb, disc, extrude, folded, polygon, rectangle, rope, slit_array, spike
 from .solids import ball, bar, box
@@ -33,13 +34,16 @@ __all__ = [
     "folded",
     "frog",
     "funnel",
+    "gear",
     "hollow_ball",
+    "hollow_brick",
     "letter",
     "outlines",
     "polygon",
     "propeller",
     "rectangle",
     "rope",
+    "seahorse",
     "slit_array",
     "solids",
     "spike",
