@@ -23,6 +23,12 @@ def add_arguments(parser: ArgumentParser) -> None:
         help="front, side, top, three-quarter, follow:BODY, or position and target in metres, X,Y,Z:TX,TY,TZ",
     )
     parser.add_argument("--turntable", action="store_true", help="the camera goes once round, also at one step")
+    parser.add_argument(
+        "--cut",
+        default="",
+        metavar="AXIS=PLACE[:NAME,...]",
+        help="take away what lies before a plane, as z=0.1, of all bodies or of these bodies and obstacles",
+    )
 
 
 def main(options: Namespace) -> None:
@@ -44,6 +50,7 @@ def main(options: Namespace) -> None:
             span=span,
             view=options.camera,
             turntable=options.turntable,
+            cut=options.cut,
         )
     )
 

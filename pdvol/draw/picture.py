@@ -4,12 +4,14 @@ by side.
 
 import io
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 from PIL import Image, ImageDraw
 
 from pdvol.draw.camera_path import cameras_of_run
+from pdvol.draw.cut import read_cut
 from pdvol.draw.film import write_film
 from pdvol.draw.layout import BACKGROUND, CELL_GAP, FAINT_INK, INK, font
 from pdvol.draw.renderer import Renderer
@@ -41,6 +43,7 @@ def render(
     span: tuple[int, int | None] | None = None,
     view: str = "",
     turntable: bool = False,
+    cut: str = "",
 ) -> Path:
     """Draw a run off screen.
 
@@ -62,6 +65,8 @@ def render(
     view : "front", "side", "top", "three-quarter", "follow:BODY", or "X,Y,Z:TX,TY,TZ" [m]
     turntable : the camera goes once round a 3D scene during the film, or in the columns of a picture; a film of one
         step then lasts six seconds
+    cut : "z=0.1" takes away what bodies of a 3D scene have before the plane z = 0.1 m, seen from the camera;
+        "z=0.1:NAME,..." cuts these bodies and obstacles alone
 
     Returns
     -------
@@ -74,9 +79,14 @@ def render(
         When nothing is stored, a level, step, view or body does not exist, a size does not fit, the ending is unknown,
         or a film's extra is not installed.
     """
-    path, seen = Path(path), read_view(view)
+    path = Path(path)
+    drawn = run.obstacles if obstacles is None else tuple(obstacles)
+    names = [str(obstacle.name) for obstacle in drawn]
+    seen = replace(read_view(view), cut=read_cut(cut, [str(name) for name in run.info.get("bodies", [])], names))
     if path.suffix.lower() not in (".png", ".gif", ".mp4"):
         raise InputError(f"{path}: the name of a picture ends in .png, .gif or .mp4")
+    if seen.cut is not None and run.levels[0].rest.shape[1] == 2:
+        raise InputError(f"--cut: {run.path} is 2D, and nothing hides anything there")
     is_film = path.suffix.lower() != ".png"
     _check_size(size, is_film)
     if fps is not None and not (is_film and 0.0 < fps <= HIGHEST_RATE):
@@ -86,7 +96,6 @@ def render(
     if steps is not None and (len(steps) == 0 or min(steps) < 0 or max(steps) > last):
         raise InputError(f"{run.path}: steps to draw must lie between 0 and {last}, not {list(steps)}")
     begin, end = _checked_span(run, span, last)
-    drawn = run.obstacles if obstacles is None else tuple(obstacles)
     path.parent.mkdir(parents=True, exist_ok=True)
     if is_film:
         with stage(f"drawing {path.name}"):
@@ -113,7 +122,7 @@ def render(
         aspect = width / height
     with stage(f"drawing {path.name}"):
         cameras = cameras_of_run(run, shown, moments, drawn, turn, seen, turntable, aspect)
-        with Renderer(run, cameras[0], width, drawn) as renderer:
+        with Renderer(run, cameras[0], width, drawn, cut=seen.cut) as renderer:
             cells = [
                 [renderer.picture(level, step, camera) for step, camera in zip(moments, cameras, strict=True)]
                 for level in shown
