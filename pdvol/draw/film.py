@@ -74,9 +74,7 @@ def write_film(
         aspect = width / height
     cameras = cameras_of_run(run, levels, frames, obstacles, turn, view, turntable, aspect)
     oversampling = 2 if size is None or max(size) <= _SHARPEST else 1
-    with FilmFile(path, rate) as film, Renderer(
-        run, cameras[0], width, obstacles, oversampling, view.cut
-    ) as renderer:
+    with FilmFile(path, rate) as film, Renderer(run, cameras[0], width, obstacles, oversampling, view.cut) as renderer:
         for number, (step, camera) in enumerate(zip(frames, cameras, strict=True), 1):
             say(f"frame {number} of {len(frames)}")
             film.add(_frame(renderer, levels, step, run.dt, camera, columns, size))

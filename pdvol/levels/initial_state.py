@@ -209,7 +209,9 @@ class _Boundaries:
     def meet(self, one: int, other: int) -> bool:
         """Whether the boundaries of two owners cross, or one lies inside the other."""
         second = self.edges if len(self.faces) == 0 else self.faces
-        crossing = {frozenset((self.owner[self.edges[a][0]], self.owner[second[b][0]])) for a, b in self.crossing_pairs()}
+        crossing = {
+            frozenset((self.owner[self.edges[a][0]], self.owner[second[b][0]])) for a, b in self.crossing_pairs()
+        }
         return frozenset((one, other)) in crossing or any(
             {outer, *self.owner[inside]} == {one, other} for outer, inside in self._inside()
         )
