@@ -1,7 +1,7 @@
-"""A gear with thin teeth and a seahorse fall over pegs (paper, figure "extreme coarse shapes"): level 0 has 65 vertices a
-body, the finest level more than 50 times as many.
+"""A gear with thin teeth and a seahorse fall over pegs (paper, figure "extreme coarse shapes"): level 0 has about 70
+vertices a body, the finest level more than 50 times as many.
 
-Do both come to rest where level 0 puts them, although no tooth and no knob is in its outline?
+Do both come to rest where level 0 puts them, although its outline has little of their teeth and knobs?
 """
 
 import numpy as np

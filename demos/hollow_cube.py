@@ -1,5 +1,5 @@
-"""A ball in a hollow jelly cube that falls on an edge (paper, section 6, the limitation): where the coarse level is solid,
-nothing can be inside.
+"""A ball in a hollow jelly cube that falls on an edge (paper, section 6, the limitation): where the coarse level is
+solid, nothing can be inside.
 
 `pdvol check demos/hollow_cube.py --set coarse=solid` finds that before anything runs, and names the level, both bodies
 and what helps. A coarse level with a cavity of its own does, and is what runs otherwise.

@@ -6,9 +6,11 @@ from .contours import gear, seahorse
 from .creature import creature
 from .dolphin import dolphin
 from .geometry import Outline, Solid, Surface
+from .gnome import gnome, letter_block
 from .grids import brick, hollow_ball, hollow_brick
 from .jellies import bunny, frog
 from .outlines import comb, disc, extrude, folded, polygon, rectangle, rope, slit_array, spike
+from .sea import leaf_sheep, sea_mushroom, stone
 from .solids import ball, bar, box
 from .toys import beach_ball, letter, propeller, trampoline, worm
 from .turned import bowl, cylinder, funnel, torus, turned
@@ -35,18 +37,23 @@ __all__ = [
     "frog",
     "funnel",
     "gear",
+    "gnome",
     "hollow_ball",
     "hollow_brick",
+    "leaf_sheep",
     "letter",
+    "letter_block",
     "outlines",
     "polygon",
     "propeller",
     "rectangle",
     "rope",
+    "sea_mushroom",
     "seahorse",
     "slit_array",
     "solids",
     "spike",
+    "stone",
     "torus",
     "toys",
     "trampoline",

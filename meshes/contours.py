@@ -60,9 +60,14 @@ def _seahorse(p: np.ndarray, ridges: int) -> np.ndarray:
         body = join(body, part, blend)
     for k, (along, out) in enumerate(((-0.6, 0.055), (-0.2, 0.075), (0.25, 0.062))):  # crown
         foot = np.array([0.0, 0.95])
-        body = join(body, capsule(p, foot, foot + out * np.array([np.sin(along), np.cos(along)]), 0.013 - 0.002 * k), 0.012)
+        body = join(
+            body, capsule(p, foot, foot + out * np.array([np.sin(along), np.cos(along)]), 0.013 - 0.002 * k), 0.012
+        )
     fin = ellipsoid(p, (0.155, 0.54), (0.085, 0.085))
-    frills = [capsule(p, (0.07, 0.54), (0.07 + 0.185 * np.cos(a), 0.54 + 0.135 * np.sin(a)), 0.007) for a in np.linspace(-0.9, 0.9, 9)]
+    frills = [
+        capsule(p, (0.07, 0.54), (0.07 + 0.185 * np.cos(a), 0.54 + 0.135 * np.sin(a)), 0.007)
+        for a in np.linspace(-0.9, 0.9, 9)
+    ]
     body = join(join(body, fin, 0.02), np.min(frills, axis=0), 0.008)
     knobs = np.linspace(0.04, 0.78, ridges) * (len(spine) - 2)
     for k in knobs.astype(int):
@@ -76,7 +81,9 @@ def _spine() -> tuple[np.ndarray, np.ndarray]:
     """The middle line from the neck to the tail's tip, (n, 2), and half the width there."""
     from scipy.interpolate import CubicSpline
 
-    body = np.array([[0.005, 0.88], [0.035, 0.78], [0.0, 0.66], [-0.015, 0.54], [0.02, 0.42], [0.075, 0.31], [0.085, 0.20]])
+    body = np.array(
+        [[0.005, 0.88], [0.035, 0.78], [0.0, 0.66], [-0.015, 0.54], [0.02, 0.42], [0.075, 0.31], [0.085, 0.20]]
+    )
     turn = np.linspace(0.0, 1.75 * np.pi, 20)[1:]
     radius = 0.150 - 0.080 * turn / turn[-1]
     curl = np.array([0.085 - 0.150, 0.20]) + radius[:, None] * np.column_stack([np.cos(turn), -np.sin(turn)])

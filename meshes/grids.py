@@ -62,7 +62,7 @@ def brick(
 
 
 def hollow_brick(size: ArrayLike = (1.0, 1.0, 1.0), cuts: Sequence[int] = (5, 5, 5), wall: int = 1) -> Solid:
-    """A box [m] about the origin with a closed cavity: `brick` without its inner boxes, `wall` boxes thick on each side.
+    """A box [m] about the origin with a closed cavity: `brick` without its inner boxes, `wall` boxes thick all round.
 
     Raises
     ------
