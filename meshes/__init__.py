@@ -11,6 +11,7 @@ from .grids import brick, hollow_ball, hollow_brick
 from .jellies import bunny, frog
 from .outlines import comb, disc, extrude, folded, polygon, rectangle, rope, slit_array, spike
 from .sea import leaf_sheep, sea_mushroom, stone
+from .slices import bunny_outline, bunny_slice
 from .solids import ball, bar, box
 from .toys import beach_ball, letter, propeller, trampoline, worm
 from .turned import bowl, cylinder, funnel, torus, turned
@@ -27,6 +28,8 @@ __all__ = [
     "box",
     "brick",
     "bunny",
+    "bunny_outline",
+    "bunny_slice",
     "comb",
     "creature",
     "cylinder",

@@ -43,7 +43,7 @@ def seahorse(height: float = 1.0, ridges: int = 22, points: int = 700) -> Outlin
     x, y = np.arange(-0.34, 0.36, h), np.arange(-0.06, 1.10, h)
     field = _seahorse(np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1), ridges)
     contour = max(measure.find_contours(field, 0.0), key=len)[:-1] * h + [x[0], y[0]]
-    contour = _evenly(contour, points)
+    contour = evenly(contour, points)
     contour = contour - [0.0, contour[:, 1].min()]
     return polygon(contour * (height / contour[:, 1].max()))
 
@@ -95,7 +95,7 @@ def _spine() -> tuple[np.ndarray, np.ndarray]:
     return CubicSpline(length, guide)(t), width
 
 
-def _evenly(closed: np.ndarray, points: int) -> np.ndarray:
+def evenly(closed: np.ndarray, points: int) -> np.ndarray:
     """`points` at equal distances along a closed line (n, 2)."""
     ring = np.vstack([closed, closed[:1]])
     length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(ring, axis=0), axis=1))])
