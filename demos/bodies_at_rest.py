@@ -53,5 +53,29 @@ def scene(vertices=(60, 200), count=60, young=2e5, mu=0.5, damping=0.05, steps=1
     )
 
 
+def claim(run):
+    """In the last share of the run nothing creeps, and steps cost next to nothing."""
+    found = []
+    for level in run.levels:
+        first, last = (level.steps - 1) // 2, level.steps - 1
+        bodies, seconds = level.mesh.point_bodies, (last - first) * run.dt
+        count = np.bincount(bodies)[:, None]
+        ends = [
+            np.column_stack([np.bincount(bodies, axis) for axis in level.positions(step).T]) / count
+            for step in (first, last)
+        ]
+        creep = float(np.linalg.norm(ends[1] - ends[0], axis=1).max()) / seconds
+        cost = [record["seconds"]["cpu"] for record in level.log]
+        share = np.mean(cost[first:]) / np.mean(cost[:50])
+        found += [
+            (
+                f"On level {level.index} no toy creeps faster than {1e6 * creep:.1f} um/s in the last {seconds:.3g} s.",
+                creep < 1e-3 * run.info["diagonal"],
+            ),
+            (f"A step then costs {100 * share:.1f} % of one while they settle.", share < 0.05),
+        ]
+    return found
+
+
 if __name__ == "__main__":
     pdvol.main(scene)

@@ -37,5 +37,30 @@ def scene(slices=40, vertices=(60, 260, 1060), young=8e4, mu=0.3, damping=0.02, 
     )
 
 
+def order(run, level):
+    """The slices from below to above at the end: numbers of bodies, by the heights of their middles [m]."""
+    bodies, last = run.levels[level].mesh.point_bodies, run.levels[level].positions(run.levels[level].steps - 1)
+    heights = np.bincount(bodies, last[:, 1]) / np.bincount(bodies)
+    return np.argsort(heights), heights
+
+
+def claim(run):
+    """The pile keeps its order on all levels."""
+    from scipy.stats import kendalltau
+
+    _, first = order(run, 0)
+    found = []
+    for level in range(1, len(run.levels)):
+        agreement = float(kendalltau(first, order(run, level)[1]).statistic)
+        found.append(
+            (
+                f"On level {level}, {50 * (1 + agreement):.1f} % of all pairs of slices lie one above the other as on"
+                " level 0.",
+                agreement > 0.9,
+            )
+        )
+    return found
+
+
 if __name__ == "__main__":
     pdvol.main(scene)

@@ -10,8 +10,10 @@ import numpy as np
 
 import pdvol
 from pdvol import Barrier, Body, Friction, Gravity, NeoHookean, Placement, Plane, Scene, meshes
+from pdvol.runs.run_metrics import motion_from_level_0
 
 EDGE = 0.4  # m, of the block
+HEIGHT = 0.6  # m, of the gnome
 SOFT, STIFF = 2e5, 1e8  # Pa, Young's modulus of the block
 
 
@@ -35,7 +37,7 @@ def scene(
     return Scene(
         bodies=(
             Body(
-                meshes.gnome(0.6, 8000),
+                meshes.gnome(HEIGHT, 8000),
                 NeoHookean(young, 0.4, 1000.0, damping=damping),
                 tuple(vertices),
                 name="gnome",
@@ -55,6 +57,39 @@ def scene(
         dt=dt,
         steps=steps,
     )
+
+
+def reach(run, level):
+    """How deep the gnome reaches into the upper letter at the end [m], below the block's upper face there."""
+    bodies, last = run.levels[level].mesh.point_bodies, run.levels[level].positions(run.levels[level].steps - 1)
+    gnome, block = last[bodies == 0], last[bodies == 1]
+    rest = run.levels[level].rest[bodies == 1]
+    face = block[rest[:, 1] > rest[:, 1].max() - 1e-3]  # what is left of the upper face between the letters
+    beside = np.abs(gnome[:, [0, 2]] - block.mean(axis=0)[[0, 2]]).max(axis=1) < 0.4 * EDGE
+    return float(face[:, 1].mean() - gnome[beside, 1].min())
+
+
+def claim(run):
+    """The gnome rests where level 0 puts it, and reaches into the letter on the level that has one."""
+    found = []
+    for entry in motion_from_level_0(run)[1:]:
+        drift = entry["centre_drift"]
+        found.append(
+            (
+                f"On level {entry['level']} the bodies end within {1000 * drift:.0f} mm of where level 0 has them,"
+                f" less than 5 % of the gnome's height.",
+                drift < 0.05 * HEIGHT,
+            )
+        )
+    plain, cut = reach(run, 0), reach(run, len(run.levels) - 1)
+    found.append(
+        (
+            f"The gnome reaches {1000 * cut:.1f} mm below the face of the engraved block,"
+            f" and {1000 * plain:.1f} mm below that of the plain one.",
+            cut > plain,
+        )
+    )
+    return found
 
 
 if __name__ == "__main__":

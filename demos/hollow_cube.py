@@ -9,6 +9,7 @@ import numpy as np
 
 import pdvol
 from pdvol import Barrier, Body, Friction, Gravity, InputError, NeoHookean, Placement, Plane, Scene, meshes
+from pdvol.runs.run_metrics import motion_from_level_0
 
 SIZE = 0.5  # m, edge of the cube
 COARSE = {"solid": meshes.brick, "hollow": meshes.hollow_brick}
@@ -42,6 +43,24 @@ def scene(coarse="hollow", young=8e4, mu=0.4, height=0.25, tilt=35.0, damping=0.
         dt=dt,
         steps=steps,
     )
+
+
+def claim(run):
+    """The ball stays in the cavity, and both levels come to rest on the same face."""
+    found = []
+    for level in run.levels:
+        bodies, last = level.mesh.point_bodies, level.positions(level.steps - 1)
+        away = np.linalg.norm(last[bodies == 1].mean(axis=0) - last[bodies == 0].mean(axis=0))
+        found.append(
+            (
+                f"Level {level.index} ends with the ball in the cavity, {100 * away:.1f} cm from the cube's middle.",
+                away < 0.3 * SIZE,
+            )
+        )
+    for entry in motion_from_level_0(run)[1:]:
+        angle = entry["angle_drift"]
+        found.append((f"Level {entry['level']} has turned as level 0 has, but for {angle:.1f} degrees.", angle < 30.0))
+    return found
 
 
 if __name__ == "__main__":
