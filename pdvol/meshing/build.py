@@ -12,7 +12,7 @@ from functools import partial
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from threading import Lock
-from typing import TypeAlias
+from typing import TypeAlias, cast
 
 import numpy as np
 
@@ -126,9 +126,9 @@ def _body_levels(body: Body, levels: int, folder: Path, shapes: dict[str, list[S
 
 def _own_level(body: Body, level: int, folder: Path, name: str) -> Solid:
     """A level that has a shape of its own: a volume mesh as it is, another one meshed to its target."""
-    what = f"{name}, level {level}"
+    what, listed = f"{name}, level {level}", cast("Sequence[AnyShape]", body.shape)
     with stage(f"reading {what}"):
-        shape = read_shape(body.shape[level])
+        shape = read_shape(listed[level])
     check_place(body.placement(place_of(shape)), what)
     if isinstance(shape, Solid):
         return judge(shape, what)[0]
