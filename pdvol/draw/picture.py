@@ -10,7 +10,7 @@ import numpy as np
 from PIL import Image, ImageDraw
 
 from pdvol.draw.camera_path import cameras_of_run
-from pdvol.draw.film import write_film
+from pdvol.draw.film import FILM_ENDINGS, write_film
 from pdvol.draw.layout import BACKGROUND, CELL_GAP, FAINT_INK, INK, font
 from pdvol.draw.renderer import Renderer
 from pdvol.draw.views import read_view
@@ -48,7 +48,7 @@ def render(
     ----------
     run : Run
         Finished or not.
-    path : .png, or .gif or .mp4 for a film
+    path : .png, or .gif, .mp4 or .webp for a film
     levels : rows of the picture; all levels with a stored state when None
     steps : columns of the picture, or frames of the film; chosen over time and motion when None
     obstacles : those stored in the run when None
@@ -75,12 +75,13 @@ def render(
         or a film's extra is not installed.
     """
     path, seen = Path(path), read_view(view)
-    if path.suffix.lower() not in (".png", ".gif", ".mp4"):
-        raise InputError(f"{path}: the name of a picture ends in .png, .gif or .mp4")
+    if path.suffix.lower() not in (".png", *FILM_ENDINGS):
+        raise InputError(f"{path}: the name of a picture ends in {', '.join(('.png', *FILM_ENDINGS))}")
     is_film = path.suffix.lower() != ".png"
     _check_size(size, is_film)
     if fps is not None and not (is_film and 0.0 < fps <= HIGHEST_RATE):
-        raise InputError(f"fps = {fps:g}: a .gif or .mp4 has more than 0 and up to {HIGHEST_RATE:g} frames a second")
+        endings = ", ".join(FILM_ENDINGS)
+        raise InputError(f"fps = {fps:g}: a {endings} has more than 0 and up to {HIGHEST_RATE:g} frames a second")
     shown = _levels(run, levels)
     last = max(level.steps for level in shown) - 1
     if steps is not None and (len(steps) == 0 or min(steps) < 0 or max(steps) > last):
