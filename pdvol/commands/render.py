@@ -10,7 +10,7 @@ from pdvol.errors import InputError
 def add_arguments(parser: ArgumentParser) -> None:
     """The options of `pdvol render`."""
     parser.add_argument("run", type=Path, metavar="RUN")
-    parser.add_argument("-o", "--out", type=Path, metavar="FILE.png|.mp4|.gif")
+    parser.add_argument("-o", "--out", type=Path, metavar="FILE.png|.mp4|.gif|.webp")
     add_levels(parser)
     parser.add_argument("--turn", type=float, default=0.0, metavar="DEGREES", help="turn the camera about the vertical")
     parser.add_argument("--size", default="", metavar="WxH", help="pixels of the whole file, as 1920x1080")

@@ -12,7 +12,7 @@ from PIL import Image, ImageDraw
 
 from pdvol.draw.camera_path import cameras_of_run
 from pdvol.draw.cut import read_cut
-from pdvol.draw.film import write_film
+from pdvol.draw.film import FILM_ENDINGS, write_film
 from pdvol.draw.layout import BACKGROUND, CELL_GAP, FAINT_INK, INK, font
 from pdvol.draw.renderer import Renderer
 from pdvol.draw.views import read_view
@@ -51,7 +51,7 @@ def render(
     ----------
     run : Run
         Finished or not.
-    path : .png, or .gif or .mp4 for a film
+    path : .png, or .gif, .mp4 or .webp for a film
     levels : rows of the picture; all levels with a stored state when None
     steps : columns of the picture, or frames of the film; chosen over time and motion when None
     obstacles : those stored in the run when None
@@ -83,14 +83,15 @@ def render(
     drawn = run.obstacles if obstacles is None else tuple(obstacles)
     names = [str(obstacle.name) for obstacle in drawn]
     seen = replace(read_view(view), cut=read_cut(cut, [str(name) for name in run.info.get("bodies", [])], names))
-    if path.suffix.lower() not in (".png", ".gif", ".mp4"):
-        raise InputError(f"{path}: the name of a picture ends in .png, .gif or .mp4")
+    if path.suffix.lower() not in (".png", *FILM_ENDINGS):
+        raise InputError(f"{path}: the name of a picture ends in {', '.join(('.png', *FILM_ENDINGS))}")
     if seen.cut is not None and run.levels[0].rest.shape[1] == 2:
         raise InputError(f"--cut: {run.path} is 2D, and nothing hides anything there")
     is_film = path.suffix.lower() != ".png"
     _check_size(size, is_film)
     if fps is not None and not (is_film and 0.0 < fps <= HIGHEST_RATE):
-        raise InputError(f"fps = {fps:g}: a .gif or .mp4 has more than 0 and up to {HIGHEST_RATE:g} frames a second")
+        endings = ", ".join(FILM_ENDINGS)
+        raise InputError(f"fps = {fps:g}: a {endings} has more than 0 and up to {HIGHEST_RATE:g} frames a second")
     shown = _levels(run, levels)
     last = max(level.steps for level in shown) - 1
     if steps is not None and (len(steps) == 0 or min(steps) < 0 or max(steps) > last):
