@@ -29,9 +29,9 @@ Refined progressively, all levels go where level 0 went.""",
     Entry(
         "heterogeneous",
         "Soft and stiff on a trampoline",
-        """A worm of 2e4 Pa, a propeller of 2e10 Pa, three letters and a ball of soft and firm panels fall on a trampoline.
-Three material laws, stiffnesses a million times apart, the same bounce on all levels. Levels 0 to 2 of four; figures of
-all four are in [shots.md](../shots.md#many-materials-on-a-trampoline).""",
+        """A worm of 2e4 Pa, a propeller of 2e10 Pa, three letters and a ball of soft and firm panels fall on a
+trampoline. Three material laws, stiffnesses a million times apart, the same bounce on all levels. These are levels 0 to
+2 of four; figures of all four, at an earlier commit, are in [shots.md](../shots.md#many-materials-on-a-trampoline).""",
         small={"vertices": (25, 50), "dt": 0.02, "steps": 35},
         finest=2,
         slow=(0.25, 0.65),

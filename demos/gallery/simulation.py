@@ -17,8 +17,6 @@ from pdvol.store.files import read_json, write_json
 from pdvol.store.folder import holds_run
 from pdvol.store.reader import Run, open_run
 
-NOTE = "gallery.json"  # in the run folder: commits, processor, cores, load
-
 
 def simulate(entry: Entry, folder: Path) -> Run:
     """The stored run of an entry; what is missing is simulated, in a process of its own.
@@ -32,15 +30,15 @@ def simulate(entry: Entry, folder: Path) -> Run:
     wanted = load_shot(entry.file, entry.settings).scene.levels - 1 if entry.finest is None else entry.finest
     stored = open_run(folder) if there else None
     if stored is None or stored.info["state"] != "done" or len(stored.levels) <= wanted:
-        known = note(folder)
+        commits = [*(note(folder).get("commits", ()) if there else ()), commit()]
+        machine = {"processor": processor(), "cores": os.cpu_count(), "load": os.getloadavg()[0]}
+        folder.parent.mkdir(parents=True, exist_ok=True)
+        write_json(_note_file(folder), {"commits": list(dict.fromkeys(commits)), **machine})
         words = ["run", str(entry.file), "--levels", f"0:{wanted}", "--out", str(folder), "--no-picture", "--no-xdmf"]
         words += [word for name, value in entry.settings.items() for word in ("--set", f"{name}={value}")]
         words += ["--resume"] * there
         if subprocess.run([sys.executable, "-m", "pdvol", *words]).returncode:
             raise SimulationError(f"{entry.name} was not simulated to its end; the same command goes on with it")
-        commits = [*known.get("commits", ()), commit()]
-        machine = {"processor": processor(), "cores": os.cpu_count(), "load": os.getloadavg()[2]}
-        write_json(folder / NOTE, {"commits": list(dict.fromkeys(commits)), **machine})
     return open_run(folder)
 
 
@@ -51,8 +49,13 @@ def simulate_small(entry: Entry, folder: Path) -> Run:
 
 
 def note(folder: Path) -> Mapping[str, Any]:
-    """What is known about where a run was made; empty where nothing is."""
-    return read_json(folder / NOTE) if (folder / NOTE).is_file() else {}
+    """Where a run was made: `commits`, `processor`, `cores` and `load` at its start; empty where nothing is known."""
+    return read_json(_note_file(folder)) if _note_file(folder).is_file() else {}
+
+
+def _note_file(folder: Path) -> Path:
+    """Beside the run folder, which is empty before a run."""
+    return folder.with_name(f"{folder.name}.json")
 
 
 def commit() -> str:

@@ -11,7 +11,7 @@ from demos.gallery.__main__ import PAGES, main
 from demos.gallery.entries import DEMOS
 from demos.gallery.film import FRAMES_PER_SECOND, TILE, film_frames
 from demos.gallery.shown import ENTRIES
-from demos.gallery.simulation import claims, simulate_small
+from demos.gallery.simulation import claims, commit, simulate_small
 from pdvol import open_run
 from pdvol.cli import run
 from pdvol.measure.verify import verify_run
@@ -68,6 +68,7 @@ def test_a_page_is_made_from_a_stored_run(tmp_path, monkeypatch, capsys):
         assert film.size == small.size and film.n_frames > 30
     with Image.open(pages / "sheet.png") as sheet:
         assert sheet.size[0] == TILE[0]
+    assert f"Made at commit {commit()[:7]} " in text or not commit()
     # The second time nothing is simulated; a claim that does not hold is said, and is an error.
     before = (runs / "melt" / "log.jsonl").stat().st_mtime_ns
     monkeypatch.setattr(gallery, "claims", lambda entry, run: [("It stays a cube.", False)])
