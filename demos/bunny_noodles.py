@@ -7,14 +7,14 @@ Does the pile have the same order from below to above on all levels, and do its 
 import numpy as np
 
 import pdvol
-from pdvol import Barrier, Body, Friction, Gravity, NeoHookean, Placement, Rigid, Scene, meshes
+from pdvol import Barrier, Body, Friction, Gravity, NeoHookean, Placement, Plane, Rigid, Scene, meshes
 
-HEIGHT, THICKNESS = 0.24, 0.010  # m, of a slice
-RADIUS, DEPTH = 0.26, 0.16  # m, inside the bowl
-SPACING = 0.03  # m, from slice to slice at the start
+HEIGHT, THICKNESS = 0.24, 0.008  # m, of a slice
+RADIUS, DEPTH = 0.32, 0.20  # m, inside the bowl
+SPACING = 0.025  # m, from slice to slice at the start
 
 
-def scene(slices=40, vertices=(60, 260, 1060), young=8e4, mu=0.3, damping=0.02, seed=1, steps=150, dt=0.01):
+def scene(slices=40, vertices=(60, 260, 1060), young=2e4, mu=0.3, damping=0.02, seed=1, steps=150, dt=0.01):
     """The `slices`, stacked in the air and turned at random by `seed`, fall one after the other."""
     random = np.random.default_rng(seed)
     noodle = Body(
@@ -29,7 +29,10 @@ def scene(slices=40, vertices=(60, 260, 1060), young=8e4, mu=0.3, damping=0.02, 
         places.append(Placement((x, DEPTH + 0.06 + SPACING * k, z), random.uniform(0.0, 2.0 * np.pi), (0.0, 1.0, 0.0)))
     return Scene(
         bodies=noodle.instances(*places),
-        obstacles=(Rigid(meshes.bowl(RADIUS, DEPTH, 0.02), name="bowl", opacity=0.35),),
+        obstacles=(
+            Plane((0.0, -0.03, 0.0), (0.0, 1.0, 0.0), name="table"),
+            Rigid(meshes.bowl(RADIUS, DEPTH, 0.02), name="bowl", opacity=0.35),
+        ),
         loads=(Gravity((0.0, -9.81, 0.0)),),
         contact=(Barrier(), Friction(mu)),
         dt=dt,
