@@ -86,6 +86,8 @@ def write_sheet(entries: Sequence[Entry], tiles: Path, out: Path) -> Path:
 
 def _fewer_colours(file: Path) -> Path:
     with Image.open(file) as picture:
-        few = picture.convert("RGB").quantize(COLOURS, dither=Image.Dither.NONE)
+        colours = picture.convert("RGB")
+        # Only with a palette that is there does Pillow spread what colours lack: soft shadows must not have steps.
+        few = colours.quantize(palette=colours.quantize(COLOURS), dither=Image.Dither.FLOYDSTEINBERG)
     few.save(file, optimize=True)
     return file

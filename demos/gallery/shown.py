@@ -40,6 +40,17 @@ are levels 0 to 2 of four; figures of all four, at an earlier commit, are in
         moment=0.5,
     ),
     Entry(
+        "rope_drop",
+        "A rope falls in folds",
+        """A rope falls on the ground and lies down in folds. On level 0 it is one element wide and kinks; finer levels
+are smooth, and lie in the same folds. What interpolation alone gives, and how interpolants compare, is in
+[methods.md](../methods.md).""",
+        small={},
+        slow=(0.2, 0.6),
+        size=(1100, 480),
+        moment=0.51,
+    ),
+    Entry(
         "melt",
         "A tower melts and sets",
         """A tower of jelly softens from 1e5 Pa to 4e3 Pa, slumps under its own weight, and stands up again when it
