@@ -4,6 +4,8 @@ Which way does it fall? Levels simulated on their own fall to different sides. P
 same side.
 """
 
+import numpy as np
+
 import pdvol
 from pdvol import Barrier, Body, Friction, Gravity, NeoHookean, Placement, Plane, Rigid, Scene, meshes
 
@@ -32,6 +34,18 @@ def scene(offset=0.002, young=3e4, steps=120, dt=0.01, height=0.9, mu=0.3):
         dt=dt,
         steps=steps,
     )
+
+
+def claim(run):
+    """All levels fall to the same side."""
+    ends = np.array([level.positions(run.info["steps"])[:, 0].mean() for level in run.levels])
+    places = ", ".join(f"{end:+.3f}" for end in ends)
+    sentence = f"The ball ends on the same side of the spike on all levels: {places} m sideways"
+    apart = np.ptp(ends)
+    return [
+        (f"{sentence}.", bool(abs(np.sign(ends).sum()) == len(ends)) and abs(ends).min() > RADIUS),
+        (f"These places are {apart:.3f} m apart at most, less than a fifth of the radius.", apart < 0.2 * RADIUS),
+    ]
 
 
 if __name__ == "__main__":

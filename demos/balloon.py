@@ -4,6 +4,7 @@ import numpy as np
 
 import pdvol
 from pdvol import Barrier, Body, Friction, Gravity, NeoHookean, Placement, Plane, Pressure, Scene, meshes
+from pdvol.geometry.closed_surfaces import enclosed_volume, pressed_facets
 
 RADIUS, WALL = 0.3, 0.03  # m
 
@@ -32,6 +33,27 @@ def scene(subdivisions=(2, 3), layers=(1, 2), young=5e4, pressure=2400.0, room=0
         dt=dt,
         steps=steps,
     )
+
+
+def claim(run):
+    """It grows until it is wedged, and gets small again."""
+    found, grown = [], []
+    for level in run.levels:
+        facets, last = pressed_facets(level.mesh, 0), run.info["steps"]
+        full = round(0.8 / run.dt)
+        begin, most, end = (enclosed_volume(level.positions(step), facets) for step in (0, full, last))
+        grown.append(most / begin)
+        heights = level.positions(full)[:, 1]
+        room = next(obstacle.plane(0)[0][1] for obstacle in run.obstacles if obstacle.name == "ceiling")
+        gaps = heights.min(), room - heights.max()
+        sentence = (
+            f"Level {level.index}: at 0.8 s the air has {most / begin:.2f} times its first volume, and the balloon"
+        )
+        sentence += f" touches floor and ceiling ({1000 * gaps[0]:.2f} and {1000 * gaps[1]:.2f} mm)."
+        found.append((sentence, most > 1.6 * begin and max(gaps) < 2e-3))
+        found.append((f"At the end it has {end / begin:.2f} times that volume.", end < 1.3 * begin))
+    found.append(("The levels grow alike, within a fifth.", max(grown) < 1.2 * min(grown)))
+    return found
 
 
 if __name__ == "__main__":

@@ -70,5 +70,24 @@ def scene(vertices=(40, 100, 250, 600), drop=0.4, bounce=1e7, spin=0.0, mu=0.2, 
     )
 
 
+def claim(run):
+    """The bed gives way as far on all levels, and what is stiff keeps its shape."""
+    bed, propeller = (run.info["bodies"].index(name) for name in ("trampoline", "propeller"))
+    lowest, stretched = [], []
+    for level in run.levels:
+        owners, rest = level.mesh.point_bodies, level.rest
+        middle, blades = (owners == bed) & (abs(rest[:, 0]) < 0.1), np.flatnonzero(owners == propeller)
+        states = [level.positions(step) for step in range(level.steps)]
+        lowest.append(min(x[middle, 1].mean() for x in states))
+        lengths = np.array([np.linalg.norm(np.diff(x[blades], axis=0), axis=1) for x in (rest, *states)])
+        stretched.append(abs(lengths / lengths[0] - 1.0).max())
+    apart, shown = max(lowest) - min(lowest), ", ".join(f"{height:.3f}" for height in lowest)
+    return [
+        (f"The middle of the bed, at {BED} m, sinks to {shown} m on the levels.", max(lowest) < BED - 0.1),
+        (f"These heights are within {1000 * apart:.0f} mm.", apart < 0.05),
+        (f"No distance in the propeller changes by more than {max(stretched):.1e} of it.", max(stretched) < 1e-4),
+    ]
+
+
 if __name__ == "__main__":
     pdvol.main(scene)

@@ -37,5 +37,21 @@ def scene(vertices=(100, 400), young=1e5, strength=8e4, wavelength=0.7, frequenc
     )
 
 
+def claim(run):
+    """The worm crawls against the waves, as far on all levels."""
+    steps, levels = run.info["steps"], run.levels
+    ways = [float(_centre(level, steps) - _centre(level, 0)) for level in levels]  # m
+    apart, shown = max(ways) - min(ways), ", ".join(f"{way:+.3f}" for way in ways)
+    return [
+        (f"Against the waves, which run to +x: the worm crawls by {shown} m on the levels.", max(ways) < -0.03),
+        (f"These ways are within {1000 * apart:.1f} mm.", apart < 0.1 * -min(ways)),
+    ]
+
+
+def _centre(level, step):
+    """Where along the floor the centre of mass is [m]."""
+    return level.mesh.volumes @ level.positions(step)[level.cells, 0].mean(axis=1) / level.mesh.volumes.sum()
+
+
 if __name__ == "__main__":
     pdvol.main(scene)

@@ -2,13 +2,17 @@
 
 from . import outlines, solids, toys
 from .ape import ape
+from .contours import gear, seahorse
 from .creature import creature
 from .dolphin import dolphin
 from .donut import donut, donut_render, donut_texture
 from .geometry import Outline, RenderSurface, Solid, Surface
-from .grids import brick, hollow_ball
+from .gnome import gnome, letter_block
+from .grids import brick, hollow_ball, hollow_brick
 from .jellies import bunny, frog
 from .outlines import comb, disc, extrude, folded, polygon, rectangle, rope, slit_array, spike
+from .sea import leaf_sheep, sea_mushroom, stone
+from .slices import bunny_outline, bunny_slice
 from .solids import ball, bar, box
 from .toys import beach_ball, letter, propeller, trampoline, worm
 from .turned import bowl, cylinder, funnel, torus, turned
@@ -26,6 +30,8 @@ __all__ = [
     "box",
     "brick",
     "bunny",
+    "bunny_outline",
+    "bunny_slice",
     "comb",
     "creature",
     "cylinder",
@@ -38,16 +44,24 @@ __all__ = [
     "folded",
     "frog",
     "funnel",
+    "gear",
+    "gnome",
     "hollow_ball",
+    "hollow_brick",
+    "leaf_sheep",
     "letter",
+    "letter_block",
     "outlines",
     "polygon",
     "propeller",
     "rectangle",
     "rope",
+    "sea_mushroom",
+    "seahorse",
     "slit_array",
     "solids",
     "spike",
+    "stone",
     "torus",
     "toys",
     "trampoline",

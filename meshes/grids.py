@@ -59,3 +59,20 @@ def brick(
     points = grid * np.asarray(size, dtype=float)
     labels = np.zeros(sum(map(len, cells)), np.int32)
     return Solid(points if bend is None else bend(points), np.vstack(cells).astype(np.int32), labels)
+
+
+def hollow_brick(size: ArrayLike = (1.0, 1.0, 1.0), cuts: Sequence[int] = (5, 5, 5), wall: int = 1) -> Solid:
+    """A box [m] about the origin with a closed cavity: `brick` without its inner boxes, `wall` boxes thick all round.
+
+    Raises
+    ------
+    ValueError
+        A wall so thick leaves no cavity.
+    """
+    if wall < 1 or min(cuts) <= 2 * wall:
+        raise ValueError(f"wall = {wall!r} leaves no cavity in {tuple(cuts)} boxes")
+    whole = brick(size, cuts)
+    middles = whole.vertices[whole.cells].mean(axis=1) / np.asarray(size, dtype=float) * np.asarray(cuts)
+    kept = whole.cells[(np.abs(middles) > np.asarray(cuts) / 2.0 - wall).any(axis=1)]
+    used, cells = np.unique(kept, return_inverse=True)
+    return Solid(whole.vertices[used], cells.reshape(kept.shape).astype(np.int32), np.zeros(len(kept), np.int32))

@@ -41,6 +41,13 @@ def capsule(p: np.ndarray, start: ArrayLike, end: ArrayLike, radius: float) -> n
     return np.linalg.norm(p - a - along[..., None] * axis, axis=-1) - radius
 
 
+def cone(p: np.ndarray, start: ArrayLike, end: ArrayLike, first: float, last: float) -> np.ndarray:
+    """Distance, nearly, to a segment whose thickness goes from the radius `first` to `last`."""
+    a, axis = np.asarray(start), np.asarray(end) - np.asarray(start)
+    along = np.clip((p - a) @ axis / (axis @ axis), 0.0, 1.0)
+    return np.linalg.norm(p - a - along[..., None] * axis, axis=-1) - (first + (last - first) * along)
+
+
 def join(a: np.ndarray, b: np.ndarray, blend: float) -> np.ndarray:
     """Smooth minimum: the two where they are apart, a fillet of size `blend` where they meet."""
     mix = np.maximum(blend - np.abs(a - b), 0.0) / blend

@@ -5,6 +5,8 @@ from numpy.typing import ArrayLike
 
 from .geometry import Outline, Surface
 
+FLAT = 1e-6  # twice a triangle's area over the square of its base: below it points count as on a line
+
 
 def disc(radius: float = 1.0, points: int = 128) -> Outline:
     """A circle about the origin [m]."""
@@ -155,7 +157,7 @@ def triangles_of(points: np.ndarray) -> np.ndarray:
         ring = points[left]
         for k in range(len(left)):
             a, b, c = ring[k - 1], ring[k], ring[(k + 1) % len(left)]
-            if turn(a, b, c) <= 0.0:
+            if turn(a, b, c) <= FLAT * ((c - a) @ (c - a)):
                 continue
             inside = (turn(a, b, ring) >= 0) & (turn(b, c, ring) >= 0) & (turn(c, a, ring) >= 0)
             for corner in (a, b, c):

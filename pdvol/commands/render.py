@@ -10,7 +10,7 @@ from pdvol.errors import InputError
 def add_arguments(parser: ArgumentParser) -> None:
     """The options of `pdvol render`."""
     parser.add_argument("run", type=Path, metavar="RUN")
-    parser.add_argument("-o", "--out", type=Path, metavar="FILE.png|.mp4|.gif")
+    parser.add_argument("-o", "--out", type=Path, metavar="FILE.png|.mp4|.gif|.webp")
     add_levels(parser)
     parser.add_argument("--turn", type=float, default=0.0, metavar="DEGREES", help="turn the camera about the vertical")
     parser.add_argument("--size", default="", metavar="WxH", help="pixels of the whole file, as 1920x1080")
@@ -26,6 +26,12 @@ def add_arguments(parser: ArgumentParser) -> None:
         "--render-meshes", action="store_true", help="bodies that carry render meshes are drawn as these"
     )
     parser.add_argument("--turntable", action="store_true", help="the camera goes once round, also at one step")
+    parser.add_argument(
+        "--cut",
+        default="",
+        metavar="AXIS=PLACE[:NAME,...]",
+        help="take away what lies before a plane, as z=0.1, of all bodies or of these bodies and obstacles",
+    )
 
 
 def main(options: Namespace) -> None:
@@ -48,6 +54,7 @@ def main(options: Namespace) -> None:
             view=options.camera,
             turntable=options.turntable,
             render_meshes=options.render_meshes,
+            cut=options.cut,
         )
     )
 

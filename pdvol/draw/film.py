@@ -1,11 +1,12 @@
-"""Films of a run: all levels beside each other, at the speed of the simulated motion. MP4 and GIF need imageio (pip
-install 'pdvol[film]').
+"""Films of a run: all levels beside each other, at the speed of the simulated motion. They need imageio (pip install
+'pdvol[film]').
 """
 
 import importlib.util
 import os
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from PIL import Image, ImageDraw
@@ -15,12 +16,14 @@ from pdvol.draw.camera_path import cameras_of_run
 from pdvol.draw.layout import BACKGROUND, CELL_GAP, FAINT_INK, INK, font, grid
 from pdvol.draw.renderer import Renderer
 from pdvol.draw.views import STANDARD_VIEW, View
+from pdvol.draw.webp import WebpWriter
 from pdvol.errors import InputError, SimulationError
 from pdvol.stages import say
 from pdvol.store.files import TEMPORARY
 from pdvol.store.obstacles import DrawnObstacle
 from pdvol.store.reader import Run, RunLevel
 
+FILM_ENDINGS = (".gif", ".mp4", ".webp")  # of the files of films; all but GIF are written by ffmpeg
 MOST_FRAMES_PER_SECOND = 30.0  # where time steps are shorter and no rate is given, some are left out
 LANDSCAPE = (960, 540)  # pixels: size of a film of a single level
 STANDING_SECONDS = 6.0  # length of a film in which the camera goes round a standing moment
@@ -44,7 +47,7 @@ def write_film(
     turntable: bool = False,
     render_meshes: bool = False,
 ) -> Path:
-    """Write a .gif or .mp4; see `pdvol.draw.picture.render` for the arguments and `FilmFile` for more errors. Frames
+    """Write a film; see `pdvol.draw.picture.render` for the arguments and `FilmFile` for more errors. Frames
     are drawn and encoded one at a time.
 
     Parameters
@@ -75,7 +78,7 @@ def write_film(
         aspect = width / height
     cameras = cameras_of_run(run, levels, frames, obstacles, turn, view, turntable, aspect)
     oversampling = 2 if size is None or max(size) <= _SHARPEST else 1
-    drawing = Renderer(run, cameras[0], width, obstacles, oversampling, render_meshes)
+    drawing = Renderer(run, cameras[0], width, obstacles, oversampling, render_meshes, view.cut)
     with FilmFile(path, rate) as film, drawing as renderer:
         for number, (step, camera) in enumerate(zip(frames, cameras, strict=True), 1):
             say(f"frame {number} of {len(frames)}")
@@ -85,7 +88,7 @@ def write_film(
 
 
 class FilmFile:
-    """A .gif or .mp4 that is written a frame at a time, in a `with` block: it has its name once it is whole.
+    """A .gif, .mp4 or .webp that is written a frame at a time, in a `with` block: it has its name once it is whole.
 
     Parameters
     ----------
@@ -95,22 +98,23 @@ class FilmFile:
     Raises
     ------
     InputError
-        The ending is another one, or imageio, or for .mp4 its ffmpeg, is not installed.
+        The ending is another one, or imageio, or its ffmpeg for .mp4 and .webp, is not installed.
     SimulationError
         The disk cannot be written.
     """
 
     def __init__(self, path: Path, rate: float):
-        is_mp4 = path.suffix.lower() == ".mp4"
-        if not is_mp4 and path.suffix.lower() != ".gif":
-            raise InputError(f"{path}: the name of a film ends in .gif or .mp4")
-        for module in ("imageio", "imageio_ffmpeg") if is_mp4 else ("imageio",):
+        self._ending = path.suffix.lower()
+        if self._ending not in FILM_ENDINGS:
+            raise InputError(f"{path}: the name of a film ends in {', '.join(FILM_ENDINGS)}")
+        for module in ("imageio",) if self._ending == ".gif" else ("imageio", "imageio_ffmpeg"):
             if importlib.util.find_spec(module) is None:
                 raise InputError(f"{path}: a film needs {module}: pip install 'pdvol[film]'")
         # The encoder chooses the format by the file name's ending, so the temporary name keeps it.
         self._path, self._aside = path, path.with_name(f".{path.stem}{TEMPORARY}{path.suffix}")
+        self._rate = rate
         mp4 = {"fps": rate, "codec": "libx264", "quality": 8, "macro_block_size": 2, "ffmpeg_log_level": "error"}
-        self._options = mp4 if is_mp4 else {"duration": 1000 / rate, "loop": 0}
+        self._options = mp4 if self._ending == ".mp4" else {"duration": 1000 / rate, "loop": 0}
 
     def add(self, frame: Image.Image) -> None:
         """Append a picture; all have one size, of even sides."""
@@ -120,7 +124,10 @@ class FilmFile:
         import imageio.v2 as imageio
 
         try:
-            self._film = imageio.get_writer(self._aside, **self._options)
+            is_webp = self._ending == ".webp"  # which imageio writes at once only, from all frames
+            self._film: Any = (
+                WebpWriter(self._aside, self._rate) if is_webp else imageio.get_writer(self._aside, **self._options)
+            )
         except OSError as error:
             raise self._unwritable(error) from error
         return self

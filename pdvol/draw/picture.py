@@ -4,13 +4,15 @@ by side.
 
 import io
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 from PIL import Image, ImageDraw
 
 from pdvol.draw.camera_path import cameras_of_run
-from pdvol.draw.film import write_film
+from pdvol.draw.cut import read_cut
+from pdvol.draw.film import FILM_ENDINGS, write_film
 from pdvol.draw.layout import BACKGROUND, CELL_GAP, FAINT_INK, INK, font
 from pdvol.draw.renderer import Renderer
 from pdvol.draw.views import read_view
@@ -42,6 +44,7 @@ def render(
     view: str = "",
     turntable: bool = False,
     render_meshes: bool = False,
+    cut: str = "",
 ) -> Path:
     """Draw a run off screen.
 
@@ -49,7 +52,7 @@ def render(
     ----------
     run : Run
         Finished or not.
-    path : .png, or .gif or .mp4 for a film
+    path : .png, or .gif, .mp4 or .webp for a film
     levels : rows of the picture; all levels with a stored state when None
     steps : columns of the picture, or frames of the film; chosen over time and motion when None
     obstacles : those stored in the run when None
@@ -64,6 +67,8 @@ def render(
     turntable : the camera goes once round a 3D scene during the film, or in the columns of a picture; a film of one
         step then lasts six seconds
     render_meshes : bodies that carry render meshes are drawn as these
+    cut : "z=0.1" takes away what bodies of a 3D scene have before the plane z = 0.1 m, seen from the camera;
+        "z=0.1:NAME,..." cuts these bodies and obstacles alone
 
     Returns
     -------
@@ -76,19 +81,24 @@ def render(
         When nothing is stored, a level, step, view or body does not exist, a size does not fit, the ending is unknown,
         or a film's extra is not installed.
     """
-    path, seen = Path(path), read_view(view)
-    if path.suffix.lower() not in (".png", ".gif", ".mp4"):
-        raise InputError(f"{path}: the name of a picture ends in .png, .gif or .mp4")
+    path = Path(path)
+    drawn = run.obstacles if obstacles is None else tuple(obstacles)
+    names = [str(obstacle.name) for obstacle in drawn]
+    seen = replace(read_view(view), cut=read_cut(cut, [str(name) for name in run.info.get("bodies", [])], names))
+    if path.suffix.lower() not in (".png", *FILM_ENDINGS):
+        raise InputError(f"{path}: the name of a picture ends in {', '.join(('.png', *FILM_ENDINGS))}")
+    if seen.cut is not None and run.levels[0].rest.shape[1] == 2:
+        raise InputError(f"--cut: {run.path} is 2D, and nothing hides anything there")
     is_film = path.suffix.lower() != ".png"
     _check_size(size, is_film)
     if fps is not None and not (is_film and 0.0 < fps <= HIGHEST_RATE):
-        raise InputError(f"fps = {fps:g}: a .gif or .mp4 has more than 0 and up to {HIGHEST_RATE:g} frames a second")
+        endings = ", ".join(FILM_ENDINGS)
+        raise InputError(f"fps = {fps:g}: a {endings} has more than 0 and up to {HIGHEST_RATE:g} frames a second")
     shown = _levels(run, levels)
     last = max(level.steps for level in shown) - 1
     if steps is not None and (len(steps) == 0 or min(steps) < 0 or max(steps) > last):
         raise InputError(f"{run.path}: steps to draw must lie between 0 and {last}, not {list(steps)}")
     begin, end = _checked_span(run, span, last)
-    drawn = run.obstacles if obstacles is None else tuple(obstacles)
     path.parent.mkdir(parents=True, exist_ok=True)
     if is_film:
         with stage(f"drawing {path.name}"):
@@ -116,7 +126,7 @@ def render(
         aspect = width / height
     with stage(f"drawing {path.name}"):
         cameras = cameras_of_run(run, shown, moments, drawn, turn, seen, turntable, aspect)
-        with Renderer(run, cameras[0], width, drawn, render_meshes=render_meshes) as renderer:
+        with Renderer(run, cameras[0], width, drawn, render_meshes=render_meshes, cut=seen.cut) as renderer:
             cells = [
                 [renderer.picture(level, step, camera) for step, camera in zip(moments, cameras, strict=True)]
                 for level in shown

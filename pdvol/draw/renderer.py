@@ -11,6 +11,7 @@ from PIL import Image, ImageDraw
 from pdvol.colours import GROUND, OBSTACLE, PALETTE
 from pdvol.draw.camera import Camera, in_3d
 from pdvol.draw.contact_shadows import shadow_map
+from pdvol.draw.cut import Cut
 from pdvol.draw.layout import BACKGROUND, FAINT_INK, font
 from pdvol.draw.render_mesh import drawn_mesh, texture_of
 from pdvol.geometry.polylines import closed_loops
@@ -34,6 +35,7 @@ class Renderer:
     obstacles : drawn beside the bodies
     oversampling : pixels rendered for each pixel of a picture, along each side: smooth edges
     render_meshes : whether bodies that carry render meshes are drawn as these
+    cut : takes away a part of 3D scenes
 
     Attributes
     ----------
@@ -48,9 +50,10 @@ class Renderer:
         obstacles: Sequence[DrawnObstacle],
         oversampling: int = 3,
         render_meshes: bool = False,
+        cut: Cut | None = None,
     ):
         self._carried = {mesh: texture_of(mesh) for mesh in (run.render_meshes if render_meshes else ())}
-        self.run, self.camera, self.obstacles = run, camera, tuple(obstacles)
+        self.run, self.camera, self.obstacles, self._cut = run, camera, tuple(obstacles), cut
         self.size = (width, max(2, round(width / camera.aspect)))
         self.oversampling = oversampling
         self._dim = run.levels[0].rest.shape[1]
@@ -121,17 +124,25 @@ class Renderer:
 
     def _draw_solid(self, level: RunLevel, positions: np.ndarray, step: int) -> None:
         facets, owners = level.surface, level.mesh.point_bodies[level.surface[:, 0]]
-        shapes = [positions[facets]]
+        carried = [mesh.body for mesh in self._carried]
+        shapes = [positions[facets[np.isin(owners, carried)]]]
         for mesh, texture in self._carried.items():
             self._add_render_mesh(mesh, texture, level.render_weights(mesh) @ positions)
-        for body in np.setdiff1d(owners, [mesh.body for mesh in self._carried]):
+        for body in np.setdiff1d(owners, carried):
             mine = facets[owners == body]
             colour = pv.Color(PALETTE[body % len(PALETTE)])
             edges = float(np.clip(12.0 / np.sqrt(len(mine)), 0.15, 0.5))  # many edges must not blacken the body
-            self._add_surface(positions, mine, colour, len(mine) >= _SMOOTH_FROM, edges)
+            points, smooth = positions, len(mine) >= _SMOOTH_FROM
+            if self._cut is not None and self._cut.through(str(self.run.info["bodies"][body]), True):
+                cells = level.cells[level.bodies == body]
+                points, mine = self._cut.solid(positions, cells, self._view.towards)
+            shapes.append(points[mine])
+            self._add_surface(points, mine, colour, smooth, edges)
         for obstacle in level.placed(self.obstacles, step):
             if obstacle.kind == "mesh":
                 vertices, faces = obstacle.vertices(step), obstacle.arrays["faces"]
+                if self._cut is not None and self._cut.through(str(obstacle.name), False):
+                    vertices, faces = self._cut.surface(vertices, faces, self._view.towards)
                 shapes.append(vertices[faces])
                 self._add_surface(
                     vertices,
@@ -148,6 +159,8 @@ class Renderer:
     def _add_surface(
         self, points: np.ndarray, facets: np.ndarray, colour: pv.Color, smooth: bool, edges: float, opacity: float = 1.0
     ) -> None:
+        if len(facets) == 0:
+            return
         used, local = np.unique(facets, return_inverse=True)
         surface = pv.PolyData.from_regular_faces(points[used], local.reshape(facets.shape))
         style: dict[str, Any] = {**_MATERIAL, "smooth_shading": smooth}

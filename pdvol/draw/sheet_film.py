@@ -17,7 +17,8 @@ MOST_PICTURES = 2500  # tiles drawn in one film: minutes; with more tiles, fewer
 def sheet_film(
     tiles: Sequence[Tile], out: str | Path, columns: int | None = None, turn: float = 0.0, speed: float = 1.0
 ) -> Path:
-    """Film the tiles, in the order given, into a .gif or .mp4. A run that ended before the others keeps its last state.
+    """Film the tiles, in the order given, into a .gif, .mp4 or .webp. A run that ended before the others keeps its
+    last state.
 
     Parameters
     ----------

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pdvol.draw.cut import Cut
 from pdvol.errors import InputError
 
 FORMS = "front, side, top, three-quarter, follow:BODY or X,Y,Z:TX,TY,TZ (position and target in metres)"
@@ -19,6 +20,7 @@ class View:
     rise : above the horizontal [degrees]
     body : the name of the body that stays in the middle, none if empty
     position, target : (x, y, z) [m] of the camera and of the picture's middle; chosen from the content where None
+    cut : takes away what hides the rest of a 3D scene
     """
 
     turn: float = 23.0
@@ -26,6 +28,7 @@ class View:
     body: str = ""
     position: tuple[float, ...] | None = None
     target: tuple[float, ...] | None = None
+    cut: Cut | None = None
 
 
 STANDARD_VIEW = View()

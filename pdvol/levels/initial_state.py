@@ -5,7 +5,7 @@ Written apart from the solver's contact code. Separately decimated surfaces can 
 every level is tested.
 """
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import igl
@@ -19,6 +19,7 @@ from pdvol.meshing.shells import shells
 
 WORDS = {1: "vertex", 2: "edge", 3: "triangle"}
 MEND = "move them apart, or give more vertices to coarse levels"
+MEND_LEVEL = "on level {free} they are apart: give level {level} more vertices or a mesh of its own, or move them apart"
 
 
 def check_start(level_meshes: Sequence[LevelMesh], obstacles: Sequence[Obstacle], bodies: Sequence[str]) -> None:
@@ -39,7 +40,7 @@ def check_start(level_meshes: Sequence[LevelMesh], obstacles: Sequence[Obstacle]
         An obstacle's dimension is not the bodies'.
     """
     for level, mesh in enumerate(level_meshes):
-        for defect in find_defects(level, mesh, obstacles, bodies):
+        for defect in find_defects(level, mesh, obstacles, bodies, level_meshes):
             raise defect.error
 
 
@@ -67,13 +68,29 @@ class Gap:
     other: str
 
 
-def find_defects(level: int, mesh: LevelMesh, obstacles: Sequence[Obstacle], bodies: Sequence[str]) -> Iterator[Defect]:
-    """The errors of one level at t = 0, found one after the other; arguments and InputError as `check_start`."""
+def find_defects(
+    level: int,
+    mesh: LevelMesh,
+    obstacles: Sequence[Obstacle],
+    bodies: Sequence[str],
+    level_meshes: Sequence[LevelMesh] = (),
+) -> Iterator[Defect]:
+    """The errors of one level at t = 0, found one after the other; arguments and InputError as `check_start`.
+
+    Where the finest of `level_meshes` keeps apart what meets on this level, the errors say so.
+    """
     for plane in _planes(obstacles):
         yield from _below(level, mesh, plane, bodies)
+    finer = len(level_meshes) - 1 > level
+
+    def apart(one: int, other: int) -> int | None:
+        """The finest level, where two owners of boundaries are apart there."""
+        met = _Boundaries(level_meshes[-1], obstacles, bodies).meet(one, other) if finer else True
+        return None if met else len(level_meshes) - 1
+
     boundaries = _Boundaries(mesh, obstacles, bodies)
-    crossings = list(boundaries.crossings(level))
-    yield from crossings or boundaries.contained(level)  # boundaries that cross may also count as inside
+    crossings = list(boundaries.crossings(level, apart))
+    yield from crossings or boundaries.contained(level, apart)  # boundaries that cross may also count as inside
 
 
 def smallest_gap(
@@ -195,17 +212,27 @@ class _Boundaries:
         """As `find_crossings` gives them."""
         return find_crossings(self.points, self.edges, self.faces, np.where(self.owner >= self.bodies, -1, 0))
 
-    def crossings(self, level: int) -> Iterator[Defect]:
-        """Boundaries that cross, or else touch."""
+    def meet(self, one: int, other: int) -> bool:
+        """Whether the boundaries of two owners cross, or one lies inside the other."""
+        second = self.edges if len(self.faces) == 0 else self.faces
+        crossing = {
+            frozenset((self.owner[self.edges[a][0]], self.owner[second[b][0]])) for a, b in self.crossing_pairs()
+        }
+        return frozenset((one, other)) in crossing or any(
+            {outer, *self.owner[inside]} == {one, other} for outer, inside in self._inside()
+        )
+
+    def crossings(self, level: int, apart: Callable[[int, int], int | None]) -> Iterator[Defect]:
+        """Boundaries that cross, or else touch. `apart` gives the level on which two owners are apart, if one is."""
         obstacle = np.where(self.owner >= self.bodies, -1, 0)
         second = self.edges if len(self.faces) == 0 else self.faces
         pairs = self.crossing_pairs()
         if len(pairs):
-            yield self._defect(level, "crosses", [(self.edges[a], second[b]) for a, b in pairs])
+            yield self._defect(level, "crosses", apart, [(self.edges[a], second[b]) for a, b in pairs])
             return
         touching = find_touching(self.points, self.edges, self.faces, obstacle, self.smallest)
         if len(touching):
-            yield self._defect(level, "touches", [([a], [b]) for a, b in touching])
+            yield self._defect(level, "touches", apart, [([a], [b]) for a, b in touching])
 
     def gap(self, reach: float) -> tuple[Gap | None, int]:
         """The nearest two primitives up to `reach` [m], and how many pairs are that near."""
@@ -231,14 +258,22 @@ class _Boundaries:
         return tuple(int(self.labels[v]) for v in vertices)
 
     def _defect(
-        self, level: int, does: str, pairs: Sequence[tuple[Sequence[int] | np.ndarray, Sequence[int] | np.ndarray]]
+        self,
+        level: int,
+        does: str,
+        apart: Callable[[int, int], int | None],
+        pairs: Sequence[tuple[Sequence[int] | np.ndarray, Sequence[int] | np.ndarray]],
     ) -> Defect:
         named = [(self._numbers(a), self._numbers(b)) for a, b in pairs]
         one, other = self._whose(pairs[0][0][0]), self._whose(pairs[0][1][0])
         first, second = named[0]
         other = "itself" if other == one else other
-        mend = "give more vertices to coarse levels or repair the shape" if other == "itself" else MEND
         a, b = pairs[0][0][0], pairs[0][1][0]
+        if other == "itself":
+            mend = "give more vertices to coarse levels or repair the shape"
+        else:
+            free = apart(int(self.owner[a]), int(self.owner[b]))
+            mend = MEND if free is None else MEND_LEVEL.format(free=free, level=level)
         error = IntersectionError(
             f"level {level}: {one} {does} {other} at t = 0 ({WORDS[len(first)]} {first} and {WORDS[len(second)]}"
             f" {second}, {len(named)} such pairs); {mend}",
@@ -264,9 +299,30 @@ class _Boundaries:
         length = np.linalg.norm(way)
         return bodies, way / length if length > 0.0 else up
 
-    def contained(self, level: int) -> Iterator[Defect]:
-        """A body or obstacle that lies wholly inside another one: found by the winding number of a vertex of each
-        shell.
+    def contained(self, level: int, apart: Callable[[int, int], int | None]) -> Iterator[Defect]:
+        """A body or obstacle that lies wholly inside another one; `apart` as for `crossings`."""
+        for outer, inside in self._inside():
+            one = int(self.owner[inside[0]])
+            free = apart(one, outer)
+            mend = (
+                "move them apart, or set closed=False on a hollow obstacle"
+                if free is None
+                else MEND_LEVEL.format(free=free, level=level)
+            )
+            yield Defect(
+                IntersectionError(
+                    f"level {level}: {self.names[one]} lies inside {self.names[outer]} at t = 0 (vertex"
+                    f" {self.labels[inside[0]]}); {mend}",
+                    [(int(self.labels[v]),) for v in inside],
+                    level,
+                    *self._apart(one, outer),
+                ),
+                [self.points[[v]] for v in inside],
+            )
+
+    def _inside(self) -> Iterator[tuple[int, np.ndarray]]:
+        """Owners whose boundaries enclose vertices of others: found by the winding number of a vertex of each shell.
+        Gives the owner and these vertices.
         """
         shell = shells(self.facets, len(self.points))
         _, representatives = np.unique(shell, return_index=True)
@@ -286,13 +342,4 @@ class _Boundaries:
             winding = igl.winding_number(self.points, facets, np.ascontiguousarray(self.points[inner]))
             inside = inner[np.abs(winding) > 0.5]
             if len(inside):
-                yield Defect(
-                    IntersectionError(
-                        f"level {level}: {self._whose(inside[0])} lies inside {self.names[outer]} at t = 0 (vertex"
-                        f" {self.labels[inside[0]]}); move them apart, or set closed=False on a hollow obstacle",
-                        [(int(self.labels[v]),) for v in inside],
-                        level,
-                        *self._apart(self.owner[inside[0]], outer),
-                    ),
-                    [self.points[[v]] for v in inside],
-                )
+                yield outer, inside

@@ -23,14 +23,17 @@ LOST_SPIN = 0.1
 
 
 def level_defects(
-    scene: Scene, mesh: LevelMesh, level: int, obstacles: Sequence[Obstacle], diagonal: float
+    scene: Scene, level_meshes: Sequence[LevelMesh], level: int, obstacles: Sequence[Obstacle], diagonal: float
 ) -> Iterator[Defect]:
     """Everything on a level that stops a run; the first one where others would follow from it.
 
     Parameters
     ----------
+    level_meshes : all levels, coarsest first
+    level : the one that is looked at
     diagonal : of the smallest free body [m] (`scene_diagonal`)
     """
+    mesh = level_meshes[level]
     try:
         check_fields(scene, mesh, level)
         for body in scene.bodies:
@@ -47,7 +50,7 @@ def level_defects(
         yield Defect(error, [])
         return
     if scene.contact:  # without contact bodies may cross
-        yield from find_defects(level, mesh, obstacles, [body.name for body in scene.bodies])
+        yield from find_defects(level, mesh, obstacles, [body.name for body in scene.bodies], level_meshes)
 
 
 def level_notes(scene: Scene, mesh: LevelMesh, level: int, diagonal: float) -> list[str]:

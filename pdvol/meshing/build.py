@@ -12,7 +12,7 @@ from functools import partial
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from threading import Lock
-from typing import TypeAlias
+from typing import TypeAlias, cast
 
 import numpy as np
 
@@ -129,7 +129,7 @@ def _animated_mesh(obstacle: Deforming, name: str) -> tuple[np.ndarray, np.ndarr
 def _body_levels(body: Body, levels: int, folder: Path, shapes: dict[str, list[Solid]]) -> list[Solid]:
     name = f"body {body.name!r}"
     if isinstance(body.shape, (tuple, list)):
-        return [_as_it_is(shape, body, f"{name}, level {level}") for level, shape in enumerate(body.shape[:levels])]
+        return [_own_level(body, level, folder, name) for level in range(levels)]
     with stage(f"reading {name}"):
         shape = read_shape(body.shape)
     check_place(body.placement(place_of(shape)), name)
@@ -142,13 +142,24 @@ def _body_levels(body: Body, levels: int, folder: Path, shapes: dict[str, list[S
     return done
 
 
-def _as_it_is(shape: AnyShape, body: Body, name: str) -> Solid:
-    solid = read_shape(shape)
-    if not isinstance(solid, Solid):
-        kind = type(solid).__name__.lower()
-        raise MeshError(f"{name}: a list of levels needs volume meshes, not a {kind}; or give one shape and vertices=")
-    check_place(body.placement(place_of(solid)), name)
-    return judge(solid, name)[0]
+def _own_level(body: Body, level: int, folder: Path, name: str) -> Solid:
+    """A level that has a shape of its own: a volume mesh as it is, another one meshed to its target."""
+    what, listed = f"{name}, level {level}", cast("Sequence[AnyShape]", body.shape)
+    with stage(f"reading {what}"):
+        shape = read_shape(listed[level])
+    check_place(body.placement(place_of(shape)), what)
+    if isinstance(shape, Solid):
+        return judge(shape, what)[0]
+    if not len(body.vertices):
+        kind = type(shape).__name__.lower()
+        raise MeshError(
+            f"{what}: a list of levels takes volume meshes as they are, and this one is of the kind {kind}; give"
+            " vertices=, one target a level, too"
+        )
+    with stage(f"checking {what}"):
+        boundary = judge(shape, what)[1]
+    targets = body.vertices[level : level + 1]
+    return _meshed(shape, boundary, targets, 1, folder, _shape_key(shape, targets), name, level)[0]
 
 
 def _meshed(
@@ -159,8 +170,11 @@ def _meshed(
     folder: Path,
     key: str,
     name: str,
+    first: int = 0,
 ) -> list[Solid]:
-    """The first `levels` meshes of a shape in its own coordinates, from the cache where it has them."""
+    """The first `levels` meshes of a shape in its own coordinates, from the cache where it has them; the coarsest is
+    the body's level `first`.
+    """
     # The boundaries are prepared once, and only if the cache lacks some level.
     prepared = Lock()
     boundaries: list[Boundary] = []
@@ -174,7 +188,7 @@ def _meshed(
                     found, regions_of = _prepare(shape, boundary, targets, name)
                 boundaries.extend(found)
         own = boundaries[level]
-        target, what = int(targets[level]), f"{name}, level {level}"
+        target, what = int(targets[level]), f"{name}, level {first + level}"
         with stage(f"meshing {what}"):
             if isinstance(own, Surface):
                 sized = tetrahedralise(own, target, what, volume=enclosed_volume(*boundary_facets_of(boundaries[-1])))

@@ -55,9 +55,9 @@ def write_hierarchy(mesh: Path, targets: tuple[int, ...], out: Path, prolongatio
             shape, boundary, found = judge(read, name)
         scene = Scene(bodies=(Body(shape, NeoHookean(1e5), targets, name=mesh.stem),), dt=0.01, steps=0)
         meshes, diagonal = build_levels(scene), scene_diagonal(scene)
-    for level, level_mesh in enumerate(meshes):
+    for level in range(len(meshes)):
         with stage(f"checking level {level}"):
-            for defect in level_defects(scene, level_mesh, level, (), diagonal):
+            for defect in level_defects(scene, meshes, level, (), diagonal):
                 raise defect.error
     try:
         out.mkdir(parents=True, exist_ok=True)

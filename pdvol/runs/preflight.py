@@ -91,7 +91,7 @@ def check_scene(scene: Scene, seconds: float = 3.0, out: Path | None = None) -> 
     defects = []
     for level, mesh in enumerate(meshes):
         with stage(f"checking level {level}"):
-            entry, found = _check_level(scene, mesh, level, obstacles, diagonal)
+            entry, found = _check_level(scene, meshes, level, obstacles, diagonal)
         result["levels"].append(entry)
         result["notes"] += [f"note: {line}" for line in level_notes(scene, mesh, level, diagonal)]
         result["defects"] += [f"defect at level {level}: {message}" for message in entry["defects"]]
@@ -118,8 +118,9 @@ def _build_levels(scene: Scene, obstacles: Sequence, notes: list[str]) -> Sequen
 
 
 def _check_level(
-    scene: Scene, mesh: LevelMesh, level: int, obstacles: Sequence, diagonal: float
+    scene: Scene, meshes: Sequence[LevelMesh], level: int, obstacles: Sequence, diagonal: float
 ) -> tuple[dict, list[Defect]]:
+    mesh = meshes[level]
     quality = mean_ratio(mesh.points, mesh.cells)
     worst = np.argsort(quality, kind="stable")[:NAMED_CELLS]
     edge = _shortest_edge(mesh)
@@ -143,7 +144,7 @@ def _check_level(
     defects: list[Defect] = []
     names = [body.name for body in scene.bodies]
     try:
-        defects = list(level_defects(scene, mesh, level, obstacles, diagonal))
+        defects = list(level_defects(scene, meshes, level, obstacles, diagonal))
         entry["defects"] = [str(d.error) for d in defects]
         speed = float(np.linalg.norm(initial_velocity(scene, mesh), axis=1).max())
         entry["speed"], entry["edges_per_step"] = speed, speed * scene.dt / edge

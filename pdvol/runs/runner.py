@@ -189,9 +189,9 @@ def _prepare(
         meshes = [*stored, *built[len(stored) :]]
     # A run goes on with the lengths that it began with.
     diagonal = run.info["diagonal"] if stored else scene_diagonal(scene)
-    for level, mesh in enumerate(meshes):
+    for level in range(len(meshes)):
         with stage(f"checking level {level}"):
-            for defect in level_defects(scene, mesh, level, obstacles, diagonal):
+            for defect in level_defects(scene, meshes, level, obstacles, diagonal):
                 raise defect.error
     return meshes, len(stored), geometry, diagonal, mended
 

@@ -52,10 +52,10 @@ class Body:
 
     Attributes
     ----------
-    shape : path of a surface or volume mesh, `Outline`, `Surface`, `Solid`; or a tuple of them, one per level, taken as
-        they are
+    shape : path of a surface or volume mesh, `Outline`, `Surface`, `Solid`; or a tuple of them, one per level, in which
+        volume meshes are taken as they are and others are meshed to their targets
     material : Material, of what no region claims
-    vertices : vertex targets, coarsest level first; left empty where `shape` lists the levels
+    vertices : vertex targets, coarsest level first; may be left empty where `shape` lists volume meshes
     name : str
     placement : Placement
     velocity : initial velocity [m/s]; a function of rest positions (n, d) that gives it (n, d); or a `TakeOver`
@@ -99,16 +99,18 @@ class Body:
                 f"body {self.name!r}: render holds RenderMesh(shape), not {type(mesh).__name__}",
             )
         if listed:
-            require(
-                len(self.vertices) == 0,
-                f"body {self.name!r}: vertex targets make no sense for a list of meshes; leave vertices empty",
-            )
             require(self.levels > 0, f"body {self.name!r}: the list of meshes is empty")
+            require(
+                len(self.vertices) in (0, self.levels),
+                f"body {self.name!r}: {len(self.vertices)} vertex targets for a list of {self.levels} meshes; give one"
+                " a level, or none where all are volume meshes",
+            )
         else:
             require(
                 len(self.vertices) > 0,
                 f"body {self.name!r}: give vertices=(coarsest, ..., finest), one target per level",
             )
+        if len(self.vertices):
             require(
                 len(self.vertices) <= MOST_LEVELS,
                 f"body {self.name!r}: {len(self.vertices)} vertex targets; {MOST_LEVELS} levels are the most",

@@ -49,7 +49,7 @@ def test_an_unfinished_run_is_drawn(small_run, tmp_path):
         render(run, tmp_path / "run.png", steps=[9])
     with pytest.raises(InputError, match="no stored state of level 4"):
         render(run, tmp_path / "run.png", levels=[4])
-    with pytest.raises(InputError, match="ends in .png, .gif or .mp4"):
+    with pytest.raises(InputError, match="ends in .png, .gif, .mp4, .webp"):
         render(run, tmp_path / "run.bmp")
 
 
@@ -61,6 +61,19 @@ def test_films(flat_run, tmp_path, ending):
         frames = [np.asarray(frame) for frame in film]
     assert len(frames) == 4  # 7 states, every second one: 25 frames a second
     assert frames[0].shape[1] > 2 * 120 and (frames[0] != frames[-1]).any()
+    assert [p.name for p in tmp_path.iterdir()] == [path.name]
+
+
+def test_films_that_pages_show_like_a_picture(flat_run, tmp_path):
+    pytest.importorskip("imageio_ffmpeg")
+    path = render(open_run(flat_run), tmp_path / "run.webp", cell_width=120)
+    with Image.open(path) as film:
+        assert (film.format, film.n_frames, film.info["loop"]) == ("WEBP", 4, 0)
+        first = np.asarray(film.convert("RGB"), dtype=int)
+        film.seek(3)
+        last = np.asarray(film.convert("RGB"), dtype=int)
+        assert film.info["duration"] in (40, 41)  # 25 frames a second
+        assert first.shape[1] > 2 * 120 and (abs(last - first) > 60).any()
     assert [p.name for p in tmp_path.iterdir()] == [path.name]
 
 

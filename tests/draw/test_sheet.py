@@ -110,7 +110,7 @@ def test_what_cannot_be_drawn(tiles, tmp_path):
             sheet_image(wrong, tmp_path / "sheet.png", **words)
     with pytest.raises(InputError, match="ends in .png"):
         sheet_image(tiles, tmp_path / "sheet.jpg")
-    with pytest.raises(InputError, match="ends in .gif or .mp4"):
+    with pytest.raises(InputError, match="ends in .gif, .mp4, .webp"):
         sheet_film(tiles, tmp_path / "sheet.avi")
     assert not list(tmp_path.iterdir())
 

@@ -70,6 +70,15 @@ def test_bodies(dim):
 
 
 @pytest.mark.parametrize("dim", [2, 3])
+@pytest.mark.parametrize("meeting", [INSIDE, CROSSING])
+def test_what_a_finer_level_keeps_apart_is_said(dim, meeting):
+    whole, good, bad = scene(dim, 2), level(dim, (1.0, 0.0), APART), level(dim, (1.0, 0.0), meeting)
+    refuse("level 0: .* on level 1 they are apart: give level 0 more vertices or a mesh of its own", [bad, good], whole)
+    refuse("level 0: .*; move them apart, or", [bad, bad], whole)
+    refuse("level 1: .*; move them apart, or", [good, bad], whole)
+
+
+@pytest.mark.parametrize("dim", [2, 3])
 def test_a_hair_apart_is_fine(dim):
     shift = np.zeros(dim)
     shift[0] = 1.0 + 1e-6

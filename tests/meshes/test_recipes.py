@@ -23,6 +23,13 @@ def wave_length(length, waves, swing):
     return np.trapezoid(np.sqrt(1 + (swing * k * np.cos(k * y)) ** 2), y)
 
 
+def gear_area(radius, teeth, tooth, share):
+    """Its chords within the feet, and a trapezoid a tooth on the chord of its foot."""
+    half, gap = np.pi * share / teeth, (2 * np.pi / teeth) * (1 - share) / 3
+    wheel = teeth * radius**2 / 2 * (np.sin(2 * half) + 3 * np.sin(gap))
+    return wheel + teeth * tooth * 1.7 * radius * np.sin(half)
+
+
 OUTLINES = {
     # name: (outline, area by hand)
     "disc": (meshes.disc(2.0, 64), 0.5 * 64 * 4.0 * np.sin(2 * np.pi / 64)),
@@ -49,6 +56,8 @@ OUTLINES = {
         meshes.trampoline(2.0, 0.5, 0.1, 0.1),
         2.0 * 0.1 + 2 * 0.1 * 0.4 - 4 * 0.04**2 * (1.0 - _arc_share(6)),
     ),
+    # 20 teeth: trapezoids on the chords of a polygon with five corners a tooth.
+    "gear": (meshes.gear(0.3, 20, 0.1, 0.35), gear_area(0.3, 20, 0.1, 0.35)),
     "stroke": (
         meshes.toys.stroke(np.column_stack([np.linspace(0, 1, 9), np.zeros(9)]), 0.2, cap=200),
         0.2 + np.pi * 0.1**2,
@@ -237,3 +246,52 @@ def test_jellies_are_whole_and_mirrored(make, height):
     assert figure.vertices[:, 1].min() == 0.0
     assert figure.vertices[:, 1].max() == pytest.approx(height)
     assert abs(figure.vertices[:, 0].min() + figure.vertices[:, 0].max()) < 0.02 * height
+
+
+def test_the_seahorse_has_its_height_and_repeats():
+    figure = meshes.seahorse(0.8, points=500)
+    assert check_outline(figure).points[:, 1].min() == 0.0
+    assert figure.points[:, 1].max() == pytest.approx(0.8) and len(figure.points) == 500
+    assert np.array_equal(figure.points, meshes.seahorse(0.8, points=500).points)
+    length = lambda outline: np.linalg.norm(outline.points - np.roll(outline.points, 1, axis=0), axis=1).sum()
+    assert length(meshes.seahorse()) > 1.07 * length(meshes.seahorse(ridges=1)), "knobs make its outline longer"
+
+
+def test_a_hollow_brick_lacks_its_inner_boxes():
+    solid = meshes.hollow_brick((1.0, 2.0, 0.5), (5, 6, 4), 1)
+    corners = solid.vertices[solid.cells]
+    volumes = np.linalg.det(corners[:, 1:] - corners[:, :1]) / 6.0
+    assert volumes.min() > 0 and volumes.sum() == pytest.approx(1.0 * (1.0 - 3 * 4 * 2 / (5 * 6 * 4)))
+    # All corners of the grid, but those within the cavity.
+    assert len(solid.vertices) == 6 * 7 * 5 - 2 * 3 * 1
+    check_solid(solid)
+    with pytest.raises(ValueError, match="no cavity"):
+        meshes.hollow_brick(cuts=(4, 4, 4), wall=2)
+
+
+@pytest.mark.parametrize(
+    ("figure", "axis", "size"),
+    [
+        (lambda: meshes.leaf_sheep(0.4, 5000), 2, 0.4),
+        (lambda: meshes.sea_mushroom(0.7, 2000), 1, 0.7),
+        (lambda: meshes.stone(0.3, 800), 0, 0.3),
+        (lambda: meshes.gnome(0.5, 3000), 1, 0.5),
+        (lambda: meshes.letter_block(0.4, 0.1, 3000), 1, 0.4),
+    ],
+    ids=["leaf sheep", "sea mushroom", "stone", "gnome", "letter block"],
+)
+def test_figures_are_whole_and_have_their_size(figure, axis, size):
+    shape = figure()
+    checked = check_surface(shape)
+    assert topology(checked.triangles, len(checked.vertices)) == (1, 2)
+    assert np.ptp(shape.vertices[:, axis]) == pytest.approx(size, rel=2e-3)
+    assert enclosed_volume(shape.vertices, shape.triangles) > 0.0
+
+
+def test_letters_are_cut_out_of_the_block():
+    block = meshes.letter_block(1.0, 0.1, 4000)
+    volume = enclosed_volume(block.vertices, block.triangles)
+    # Five letters of some 2 x 0.058 times the length of their strokes, 1.3 to 2.3, and rounded edges.
+    assert 1.0 - 5 * 0.1 * 0.3 < volume < 1.0 - 5 * 0.1 * 0.13
+    top = block.vertices[(np.abs(block.vertices[:, [0, 2]]) < 0.34).all(axis=1) & (block.vertices[:, 1] > 0.2)]
+    assert top[:, 1].min() == pytest.approx(0.4, abs=0.01), "the floor of the letter above"

@@ -121,6 +121,17 @@ def test_a_list_of_meshes_is_taken_as_it_is(tmp_path):
         build_levels(scene(Body(shape=(bad,), material=SOFT)), cache=tmp_path)
 
 
+def test_a_list_of_levels_may_mesh_some_of_them(tmp_path):
+    body = Body(shape=(strip(4), meshes.disc(1.0, 64), meshes.disc(1.0, 64)), material=SOFT, vertices=(10, 60, 200))
+    levels = build_levels(scene(body), cache=tmp_path)
+    assert np.array_equal(levels[0].points, strip(4).vertices), "a volume mesh is taken as it is"
+    for mesh, asked in zip(levels[1:], (60, 200), strict=True):
+        assert len(mesh.points) == pytest.approx(asked, rel=0.25)
+        assert mesh.volumes.sum() == pytest.approx(np.pi, rel=0.05)
+    with pytest.raises(InputError, match="2 vertex targets for a list of 3 meshes"):
+        Body(shape=body.shape, material=SOFT, vertices=(10, 60))
+
+
 def test_bad_shapes_name_the_body_and_leave_nothing(tmp_path):
     cube = meshes.box()
     cases = [

@@ -1,0 +1,51 @@
+"""What the gallery shows: one entry a demo, at full size, and small for tests.
+
+A demo of the gallery has a function `claim(run)` beside its `scene`. It gives a list of (sentence, whether it holds)
+for a stored run: what the demo is there to show, with the figures of this run.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+DEMOS = Path(__file__).resolve().parents[1]
+
+
+@dataclass(frozen=True)
+class Entry:
+    """A demo in the gallery.
+
+    Attributes
+    ----------
+    name : of demos/NAME.py and of its page
+    title : of its page
+    about : Markdown: what to look at, and what was learned
+    small : what tests change to run it within seconds
+    settings : of the scene, as in the gallery
+    finest : level of the gallery's run; the scene's finest when None
+    view : where films and pictures are seen from (`pdvol render --camera`)
+    turn : of the camera further about the vertical [degrees]
+    cut : what films and pictures take away (`pdvol render --cut`)
+    slow : first and last second of what films show in slow motion, a stored state a frame
+    size : width and height of the film [pixels]
+    moment : second shown on the contact sheet
+    """
+
+    name: str
+    title: str
+    about: str
+    small: Mapping[str, Any]
+    settings: Mapping[str, Any] = field(default_factory=dict)
+    finest: int | None = None
+    view: str = ""
+    turn: float = 0.0
+    cut: str = ""
+    slow: tuple[float, float] | None = None
+    size: tuple[int, int] = (1200, 440)
+    moment: float = 0.5
+
+    @property
+    def file(self) -> Path:
+        """The scene file."""
+        return DEMOS / f"{self.name}.py"

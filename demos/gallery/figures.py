@@ -1,0 +1,70 @@
+"""The table of levels of a stored run."""
+
+import math
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from benchmarks.report import number, table
+from pdvol.explore.lengths import length
+from pdvol.measure.verify import LevelFindings, check_levels
+from pdvol.runs.run_metrics import measure_run, motion_from_level_0
+from pdvol.store.reader import Run, RunLevel
+
+
+def table_of_levels(run: Run) -> str:
+    """Markdown: a column a level. Every stored state is checked, so this takes as long as `pdvol verify`."""
+    levels = [level for level in run.levels if level.steps > 1]
+    found = {checked.index: checked for checked in check_levels(run.path)}
+    below = {entry["level"]: entry["summary"].get("distance") for entry in measure_run(run.path)["levels"]}
+    above = {entry["level"]: entry for entry in motion_from_level_0(run)}
+
+    def row(name: str, cell: Callable[[RunLevel], str]) -> list[str]:
+        return [name, *(cell(level) for level in levels)]
+
+    def from_below(level: RunLevel) -> str:
+        measured = below.get(level.index)
+        return f"{length(measured['mean'])} ({length(measured['largest'])})" if measured else ""
+
+    def from_0(level: RunLevel) -> str:
+        measured = above.get(level.index, {})
+        if "distance" not in measured:
+            return ""
+        return f"{length(measured['distance'])} ({length(measured['largest_distance'])})"
+
+    rows = [
+        row("vertices, cells", lambda level: f"{len(level.rest):,}, {len(level.cells):,}"),
+        row("CPU seconds a step, mean (most)", lambda level: _spread([r["seconds"]["cpu"] for r in level.log])),
+        row(
+            "Newton iterations a step, mean (most)", lambda level: _spread([r["newton_iterations"] for r in level.log])
+        ),
+        row("most contacts", lambda level: f"{max(r['contacts'] for r in level.log):,}"),
+        row("memory of the process, so far [MB]", lambda level: _largest(level, "peak_memory_mb")),
+        row("distance from the level below, mean (largest)", from_below),
+        row("distance from level 0, at the end (largest)", from_0),
+        row("smallest gap", _smallest_gap),
+        row("smallest det F", lambda level: number(found[level.index].smallest_det, 2)),
+        row("intersections", lambda level: _crossings(found[level.index])),
+    ]
+    return table(["", *(f"level {level.index}" for level in levels)], rows)
+
+
+def _spread(values: Sequence[float]) -> str:
+    return f"{number(float(np.mean(values)), 2)} ({number(float(max(values)), 2)})"
+
+
+def _largest(level: RunLevel, key: str) -> str:
+    known = [record[key] for record in level.log if record.get(key) is not None]
+    return f"{max(known):,.0f}" if known else "-"
+
+
+def _smallest_gap(level: RunLevel) -> str:
+    """Of all steps, as the log has it: between surfaces and to planes."""
+    gaps = [record["min_gap"] for record in level.log if record.get("min_gap") is not None]
+    return length(min(gaps)) if gaps and math.isfinite(min(gaps)) else "-"
+
+
+def _crossings(found: LevelFindings) -> str:
+    """By the check that shares nothing with the solver; planes and inverted cells are problems as well."""
+    others = len(found.problems)
+    return f"{found.crossings} in {found.steps} states" + (f"; {others} problems" if others else "")

@@ -1,0 +1,77 @@
+"""The Markdown page of an entry, and the gallery's index."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from demos.gallery.entries import Entry
+from demos.gallery.film import FRAMES_PER_SECOND
+from pdvol.store.files import write_bytes
+from pdvol.store.reader import Run
+
+RUNS = "runs/gallery"  # folder of the gallery's runs
+
+
+def write_entry(
+    entry: Entry, run: Run, levels: str, claims: Sequence[tuple[str, bool]], made: Mapping[str, Any], out: Path
+) -> Path:
+    """The page of an entry beside its film.
+
+    Parameters
+    ----------
+    levels : the table of levels
+    claims : sentences of the demo's claim, and whether they hold
+    made : commits and machine of the run
+    """
+    settings = "".join(f" --set {name}={value}" for name, value in entry.settings.items())
+    finest = "" if entry.finest is None else f" --levels 0:{entry.finest}"
+    last = run.info["steps"] * run.dt
+    parts = [
+        f"# {entry.title}",
+        entry.about.strip(),
+        f"![{entry.title}: the levels beside each other]({entry.name}.webp)",
+        f"*{last:.3g} s, {run.info['steps']} steps of {run.dt:g} s; {_speed(entry, run.dt)}. As a picture:"
+        f" [{entry.name}.png]({entry.name}.png).*",
+        "## What it shows\n\n" + "\n".join(f"- {'' if holds else '**Does not hold:** '}{s}" for s, holds in claims),
+        f"## The levels\n\n{levels}",
+        "Distances are root mean squares over the mass, from the coarser level prolonged to the finer one."
+        " Intersections are counted by `pdvol verify`, which shares nothing with the solver.",
+        _made(made),
+        f"```\n./run pdvol run {entry.file.relative_to(entry.file.parents[1])}{settings}{finest}\n"
+        f"./run python -m demos.gallery {entry.name}      # the run, this page and its film;"
+        f" {RUNS}/{entry.name}.html plays it\n```",
+    ]
+    write_bytes(out, ("\n\n".join(part for part in parts if part) + "\n").encode())
+    return out
+
+
+def write_index(entries: Sequence[Entry], out: Path) -> Path:
+    """The list of all pages that are there."""
+    there = [entry for entry in entries if (out.parent / f"{entry.name}.md").is_file()]
+    lines = [f"- [{entry.title}]({entry.name}.md): `demos/{entry.name}.py`" for entry in there]
+    text = (
+        "# Gallery\n\n![all demos of the gallery](sheet.png)\n\n"
+        + "\n".join(lines)
+        + "\n\nEach page, its film and its table are made from a stored run by `./run python -m demos.gallery NAME`,"
+        " which simulates first what is not stored.\nA demo's claim is checked on the stored run when its page is made,"
+        " and on small levels by the tests.\n"
+    )
+    write_bytes(out, text.encode())
+    return out
+
+
+def _speed(entry: Entry, dt: float) -> str:
+    if entry.slow is None or dt * FRAMES_PER_SECOND >= 1.0:
+        return "real speed"
+    share = dt * FRAMES_PER_SECOND
+    return f"real speed, from {entry.slow[0]:g} s to {entry.slow[1]:g} s at {share:.2g} of it"
+
+
+def _made(made: Mapping[str, Any]) -> str:
+    """Where the run was made, in one sentence."""
+    if not made:
+        return ""
+    commits = ", ".join(commit[:7] for commit in made["commits"] if commit) or "unknown"
+    return (
+        f"Made at commit {commits} on one core of {made['processor']}, {made['cores']} cores, load {made['load']:.1f}."
+    )

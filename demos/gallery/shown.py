@@ -1,0 +1,122 @@
+"""The demos of the gallery, in the order of its pages."""
+
+from demos.gallery.entries import Entry
+
+ENTRIES = (
+    Entry(
+        "ring_throw",
+        "A frog through a ring",
+        """A soft frog, lying on its back, is thrown through a ring and has to end on its feet on a step. Of 60
+evenly spread throws none does; a search with level 0 finds this one ([wedge.md](../wedge.md#search)),
+and both finer levels keep it. It is refined as it was found: no finer level was searched.""",
+        small={"vertices": (150, 300)},
+        settings={"speed": 4.65084, "angle": 59.8352, "aim": 0.689949, "spin": 9.89858},
+        view="follow:frog",
+        slow=(0.3, 1.1),
+        moment=0.48,
+    ),
+    Entry(
+        "ball_on_spike",
+        "A ball on a spike",
+        """A soft ball falls on a sharp spike, slightly off-centre. Which way it goes is decided by the smallest
+difference: levels that are simulated on their own (`--method direct`) end at -0.44, +0.59, +0.55, -0.39
+and -0.47 m. Refined progressively, all levels go where level 0 went.""",
+        small={},
+        slow=(0.2, 0.6),
+        size=(1200, 420),
+        moment=0.45,
+    ),
+    Entry(
+        "heterogeneous",
+        "Soft and stiff on a trampoline",
+        """A worm of 2e4 Pa, a propeller of 2e10 Pa, three letters and a ball of soft and firm panels fall on a
+trampoline. Three material laws, stiffnesses a million times apart, the same bounce on all levels. These
+are levels 0 to 2 of four; figures of all four, at an earlier commit, are in
+[shots.md](../shots.md#many-materials-on-a-trampoline).""",
+        small={"vertices": (25, 50), "dt": 0.02, "steps": 35},
+        finest=2,
+        slow=(0.25, 0.65),
+        size=(1260, 480),
+        moment=0.5,
+    ),
+    Entry(
+        "rope_drop",
+        "A rope falls in folds",
+        """A rope falls on the ground and lies down in folds. On level 0 it is one element wide and kinks; finer levels
+are smooth, and lie in the same folds. What interpolation alone gives, and how interpolants compare, is in
+[methods.md](../methods.md).""",
+        small={},
+        slow=(0.2, 0.6),
+        size=(1100, 480),
+        moment=0.51,
+    ),
+    Entry(
+        "melt",
+        "A tower melts and sets",
+        """A tower of jelly softens from 1e5 Pa to 4e3 Pa, slumps under its own weight, and stands up again when it
+sets: Young's modulus follows keys in time.""",
+        small={"vertices": (30, 90), "dt": 0.02, "steps": 75},
+        size=(800, 400),
+        moment=0.7,
+    ),
+    Entry(
+        "worm",
+        "A worm crawls",
+        """Waves of contraction run along a worm, and friction with the floor does the rest. Without friction
+(`--set mu=0`) the same waves lead nowhere.""",
+        small={"vertices": (60, 150), "frequency": 2.0, "steps": 60},
+        size=(1000, 260),
+        moment=1.0,
+    ),
+    Entry(
+        "balloon",
+        "A balloon between floor and ceiling",
+        """A hollow ball is blown up until it is wedged between floor and ceiling, and let down again. The pressure
+is a load by time. The ceiling is not drawn: it would hide the balloon.""",
+        small={"subdivisions": (1, 2), "layers": (1, 1), "dt": 0.02, "steps": 60},
+        size=(800, 400),
+        moment=0.7,
+    ),
+    Entry(
+        "peel",
+        "A strip peels off",
+        """A strip glued to a ceiling is pulled down at one end. The glue is springs that share stiffness and
+strength by area; both levels have the same springs, and they break in the same order.""",
+        small={"vertices": (60, 150), "steps": 60},
+        slow=(0.1, 0.5),
+        size=(800, 400),
+        moment=0.3,
+    ),
+    Entry(
+        "extreme_shapes",
+        "A gear and a seahorse over pegs",
+        """Level 0 has some 70 vertices a body, the finest level more than 50 times as many: its outlines have
+twenty thin teeth and twenty-two knobs that level 0 only hints at. Both shapes come to rest on the same
+pegs on all levels.""",
+        small={"vertices": (65, 200), "dt": 0.02, "steps": 60},
+        size=(1200, 560),
+        moment=1.1,
+    ),
+    Entry(
+        "hollow_cube",
+        "A ball in a hollow cube",
+        """The limitation that the paper names: where a coarse level is solid, no body can be inside, and a hollow
+fine level then falls into nonsense. `pdvol check demos/hollow_cube.py --set coarse=solid` finds it
+before anything runs, names the level and both bodies, and says that the finer level keeps them apart.
+The mend is a coarse level with a cavity of its own, as here. The cube is cut open to show the ball.""",
+        small={"steps": 40, "dt": 0.02},
+        cut="z=0:cube",
+        size=(1000, 460),
+        moment=0.5,
+    ),
+    Entry(
+        "dice_and_wizard",
+        "A gnome on a letter block",
+        """On level 0 the block is a plain cube, on level 1 letters are cut deep into its faces. The gnome follows
+the coarse animation, and settles into the letter that level 0 does not know.""",
+        small={"vertices": (250, 500), "block": (216, 900), "dt": 0.02, "steps": 40},
+        slow=(0.1, 0.4),
+        size=(1000, 460),
+        moment=1.0,
+    ),
+)

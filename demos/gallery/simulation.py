@@ -1,0 +1,71 @@
+"""The run of an entry: made once, gone on with after an interruption, with a note of commits and machine."""
+
+import os
+import subprocess
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from benchmarks.commits import MissingObject, Repository
+from demos.gallery.entries import DEMOS, Entry
+from pdvol.errors import SimulationError
+from pdvol.explore.study.study import processor
+from pdvol.runs.runner import run_scene
+from pdvol.runs.scene_file import load_module, load_shot
+from pdvol.store.files import read_json, write_json
+from pdvol.store.folder import holds_run
+from pdvol.store.reader import Run, open_run
+
+
+def simulate(entry: Entry, folder: Path) -> Run:
+    """The stored run of an entry; what is missing is simulated, in a process of its own.
+
+    Raises
+    ------
+    SimulationError
+        The run failed; its own message is on standard error.
+    """
+    there = holds_run(folder)
+    wanted = load_shot(entry.file, entry.settings).scene.levels - 1 if entry.finest is None else entry.finest
+    stored = open_run(folder) if there else None
+    if stored is None or stored.info["state"] != "done" or len(stored.levels) <= wanted:
+        commits = [*(note(folder).get("commits", ()) if there else ()), commit()]
+        machine = {"processor": processor(), "cores": os.cpu_count(), "load": os.getloadavg()[0]}
+        folder.parent.mkdir(parents=True, exist_ok=True)
+        write_json(_note_file(folder), {"commits": list(dict.fromkeys(commits)), **machine})
+        words = ["run", str(entry.file), "--levels", f"0:{wanted}", "--out", str(folder), "--no-picture", "--no-xdmf"]
+        words += [word for name, value in entry.settings.items() for word in ("--set", f"{name}={value}")]
+        words += ["--resume"] * there
+        if subprocess.run([sys.executable, "-m", "pdvol", *words]).returncode:
+            raise SimulationError(f"{entry.name} was not simulated to its end; the same command goes on with it")
+    return open_run(folder)
+
+
+def simulate_small(entry: Entry, folder: Path) -> Run:
+    """A run of an entry that takes seconds, for tests."""
+    run_scene(load_shot(entry.file, {**entry.settings, **entry.small}), folder, last=1, xdmf=False)
+    return open_run(folder)
+
+
+def note(folder: Path) -> Mapping[str, Any]:
+    """Where a run was made: `commits`, `processor`, `cores` and `load` at its start; empty where nothing is known."""
+    return read_json(_note_file(folder)) if _note_file(folder).is_file() else {}
+
+
+def _note_file(folder: Path) -> Path:
+    """Beside the run folder, which is empty before a run."""
+    return folder.with_name(f"{folder.name}.json")
+
+
+def commit() -> str:
+    """The commit that is checked out; empty outside a repository."""
+    try:
+        return Repository(DEMOS.parent).head()
+    except MissingObject:
+        return ""
+
+
+def claims(entry: Entry, run: Run) -> list[tuple[str, bool]]:
+    """What the demo claims about a run, and whether it holds."""
+    return [(sentence, bool(holds)) for sentence, holds in load_module(entry.file).claim(run)]

@@ -1,0 +1,48 @@
+"""Flat slices in the shape of animals, thin as noodles."""
+
+from functools import lru_cache
+
+import numpy as np
+
+from .contours import evenly
+from .geometry import Outline, Surface
+from .implicit import capsule, ellipsoid, join
+from .outlines import extrude, polygon
+
+
+def bunny_outline(height: float = 0.3, points: int = 120) -> Outline:
+    """A sitting bunny in profile, looking along +x, `height` [m] tall to the tips of its ears, its feet at y = 0.
+
+    `points` of the outline.
+    """
+    from skimage import measure
+
+    h = 0.004  # grid cell of a figure one unit tall
+    x, y = np.arange(-0.52, 0.52, h), np.arange(-0.06, 1.10, h)
+    p = np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1)
+    body = ellipsoid(p, (-0.05, 0.27), (0.31, 0.25))
+    for part, blend in (
+        (ellipsoid(p, (-0.16, 0.20), (0.21, 0.19)), 0.05),  # haunch
+        (ellipsoid(p, (0.16, 0.36), (0.15, 0.17)), 0.08),  # chest
+        (ellipsoid(p, (0.24, 0.57), (0.165, 0.135)), 0.06),  # head
+        (ellipsoid(p, (0.36, 0.53), (0.065, 0.055)), 0.04),  # muzzle
+        (capsule(p, (0.20, 0.68), (0.05, 0.98), 0.052), 0.03),  # ears
+        (capsule(p, (0.25, 0.68), (0.27, 1.00), 0.050), 0.03),
+        (capsule(p, (0.22, 0.30), (0.30, 0.055), 0.055), 0.04),  # foreleg
+        (capsule(p, (-0.20, 0.055), (0.08, 0.055), 0.058), 0.04),  # hind foot
+        (ellipsoid(p, (-0.395, 0.22), (0.085, 0.085)), 0.03),  # tail
+    ):
+        body = join(body, part, blend)
+    contour = max(measure.find_contours(body, 0.0), key=len)[:-1] * h + [x[0], y[0]]
+    contour = evenly(contour, points)
+    contour = contour - [0.0, contour[:, 1].min()]
+    return polygon(contour * (height / contour[:, 1].max()))
+
+
+@lru_cache(maxsize=4)  # cutting ears off a long outline takes a second
+def bunny_slice(height: float = 0.3, thickness: float = 0.012, points: int = 120) -> Surface:
+    """A slice [m] in the shape of `bunny_outline`, lying flat: y is its thickness, its middle the origin."""
+    outline = bunny_outline(height, points).points
+    flat = extrude(Outline(outline - (outline.max(axis=0) + outline.min(axis=0)) / 2.0), thickness)
+    x, y, z = flat.vertices.T
+    return Surface(np.column_stack([x, z, -y]), flat.triangles)

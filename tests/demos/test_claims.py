@@ -1,0 +1,96 @@
+"""The demos of the gallery do what they claim, run small here; the pages of the repository say so for the full ones."""
+
+import re
+from dataclasses import replace
+
+import pytest
+from PIL import Image
+
+from demos.gallery import __main__ as gallery
+from demos.gallery.__main__ import PAGES, main
+from demos.gallery.entries import DEMOS
+from demos.gallery.film import FRAMES_PER_SECOND, TILE, film_frames
+from demos.gallery.shown import ENTRIES
+from demos.gallery.simulation import claims, commit, simulate_small
+from pdvol import open_run
+from pdvol.cli import run
+from pdvol.measure.verify import verify_run
+
+MOST_BYTES = 2e6  # of a film: the repository carries them
+BY_NAME = {entry.name: entry for entry in ENTRIES}
+
+
+@pytest.mark.parametrize("entry", ENTRIES, ids=lambda entry: entry.name)
+def test_the_claim_holds_on_small_levels(entry, tmp_path):
+    stored = simulate_small(entry, tmp_path / "run")
+    assert [level.steps for level in stored.levels] == [stored.info["steps"] + 1] * 2
+    assert verify_run(tmp_path / "run") == []
+    assert all(max(record["contacts"] for record in level.log) > 0 for level in stored.levels)
+    found = claims(entry, stored)
+    assert found and [sentence for sentence, holds in found if not holds] == []
+
+
+def test_a_claim_fails_where_levels_fall_to_different_sides(tmp_path):
+    # Simulated on their own, levels 0 and 1 end at -0.44 and +0.59 m.
+    words = ["--method", "direct", "--levels", "0:1", "--no-picture", "--no-xdmf", "--out", str(tmp_path / "run")]
+    assert run(["run", str(DEMOS / "ball_on_spike.py"), *words]) == 0
+    assert not any(holds for _, holds in claims(BY_NAME["ball_on_spike"], open_run(tmp_path / "run")))
+
+
+@pytest.mark.parametrize("entry", ENTRIES, ids=lambda entry: entry.name)
+def test_the_page_is_there_and_its_film_is_small(entry):
+    text = (PAGES / f"{entry.name}.md").read_text()
+    assert "Does not hold" not in text and "0 in " in text
+    for name in re.findall(r"\]\(([^)#]+)", text):
+        assert (PAGES / name).exists(), name
+    assert (PAGES / f"{entry.name}.webp").stat().st_size < MOST_BYTES
+    assert f"({entry.name}.md)" in (PAGES / "README.md").read_text()
+
+
+def test_a_page_is_made_from_a_stored_run(tmp_path, monkeypatch, capsys):
+    pytest.importorskip("imageio_ffmpeg")
+    pages, runs = tmp_path / "pages", tmp_path / "runs"
+    monkeypatch.setattr(gallery, "PAGES", pages)
+    melt = BY_NAME["melt"]
+    small = replace(melt, settings=melt.small, size=(320, 180))
+    monkeypatch.setattr(gallery, "ENTRIES", (small,))
+    assert main(["melt", "--runs", str(runs)]) == 0
+    made = {path.relative_to(tmp_path).as_posix() for path in tmp_path.rglob("*") if path.suffix in (".md", ".html")}
+    assert made == {"pages/README.md", "pages/melt.md", "runs/melt.html"}
+    text = (pages / "melt.md").read_text()
+    cells = [[cell.strip() for cell in row.split("|")[1:-1]] for row in text.splitlines() if "|" in row]
+    rows = {name: values for name, *values in cells}
+    stored = open_run(runs / "melt")
+    assert rows["vertices, cells"] == [f"{len(x.rest)}, {len(x.cells)}" for x in stored.levels]
+    assert rows["intersections"] == ["0 in 76 states"] * 2
+    assert rows["distance from level 0, at the end (largest)"][0] == "" and rows["smallest gap"][1].endswith("um")
+    with Image.open(pages / "melt.webp") as film:
+        assert film.size == small.size and film.n_frames > 30
+    with Image.open(pages / "sheet.png") as sheet:
+        assert sheet.size[0] == TILE[0]
+    assert f"Made at commit {commit()[:7]} " in text or not commit()
+    # The second time nothing is simulated; a claim that does not hold is said, and is an error.
+    before = (runs / "melt" / "log.jsonl").stat().st_mtime_ns
+    monkeypatch.setattr(gallery, "claims", lambda entry, run: [("It stays a cube.", False)])
+    drawn = (pages / "melt.webp").stat().st_mtime_ns
+    assert main(["melt", "--no-film", "--runs", str(runs)]) == 1
+    assert (pages / "melt.webp").stat().st_mtime_ns == drawn
+    assert (runs / "melt" / "log.jsonl").stat().st_mtime_ns == before
+    assert "melt: does not hold: It stays a cube." in capsys.readouterr().err
+    assert "- **Does not hold:** It stays a cube." in (pages / "melt.md").read_text()
+
+
+def test_frames_of_a_film():
+    rate = FRAMES_PER_SECOND
+    real, slow = film_frames(100, 0.01, None), film_frames(100, 0.01, (0.2, 0.5))
+    assert real[0] == slow[0] == 0 and real[-1] == slow[-1] == 100
+    assert real.index(100) == pytest.approx(1.0 * rate, abs=1)
+    assert [step for step in slow if 20 <= step < 50] == list(range(20, 50)), "each state once"
+    assert slow.index(100) == pytest.approx(0.7 * rate + 30, abs=2)
+    assert slow == sorted(slow)
+    assert film_frames(100, 0.05, (0.2, 0.5)) == film_frames(100, 0.05, None), "nothing between the states to show"
+
+
+def test_a_name_that_is_not_there(capsys):
+    assert main(["bunny"]) == 2
+    assert "there is no bunny; choose of ring_throw" in capsys.readouterr().err
