@@ -50,7 +50,7 @@ def main(options: Namespace) -> None:
     panes, notes = thinned(panes, options.every), list[str]()
     every = max(pane.every for pane in panes)
     if every > 1 and options.every is None:
-        notes.append(f"one state in {every} is stored: the file would be too large for a browser; --every 1 stores all")
+        notes.append(f"one state in {every} is in the file, so that a browser can hold it; --every 1 takes all")
     if "contact_force" in fields:
         panes = with_contact_force(panes, notes)
     if "strain" in fields:

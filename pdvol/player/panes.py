@@ -8,12 +8,13 @@ from typing import Any
 
 from pdvol.errors import InputError
 from pdvol.player.fields import PointField
+from pdvol.player.motion import Skin
 from pdvol.store.files import read_json
 from pdvol.store.reader import Run, RunLevel, open_run
 
 WEDGE = "wedge.json"
 """The file that a wedge folder is known by; its runs are in the folder `runs` beside it."""
-MOST_VERTEX_STATES = 12_000_000  # vertices times states in a file: about 50 MB, and 100 MB in a browser's memory
+MOST_VERTEX_STATES = 12_000_000  # drawn vertices times states in a file: about 50 MB, and 100 MB in a browser's memory
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,7 +94,7 @@ def thinned(panes: Sequence[Pane], every: int | None = None) -> list[Pane]:
     `MOST_VERTEX_STATES` asks for when None.
     """
     if every is None:
-        count = sum(pane.states * len(pane.stored.rest) for pane in panes if pane.run is not None)
+        count = sum(pane.states * len(Skin(pane.stored).vertices) for pane in panes if pane.run is not None)
         every = max(1, ceil(count / MOST_VERTEX_STATES))
     remark = (f"one state in {every}",) if every > 1 else ()
     return [replace(pane, every=every, lines=(*pane.lines, *remark)) if pane.run else pane for pane in panes]

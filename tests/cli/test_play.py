@@ -31,6 +31,16 @@ def test_two_runs_and_one_level(shot, tmp_path):
     assert (tmp_path / "two.html").read_text().count('"run, level 1"') == 2
 
 
+def test_a_long_run_is_thinned_in_one_line_unless_all_is_wanted(shot, tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr("pdvol.player.panes.MOST_VERTEX_STATES", 100)  # 7 states of 9 and of 25 vertices: 238
+    for words, remark in (((), "one state in 3 is in the file"), (("--every", 1), ""), (("--every", 2), "")):
+        assert pdvol("play", shot, "-o", tmp_path / "shot.html", "--fields", "strain", *words) == 0
+        said = capsys.readouterr().out.strip().splitlines()
+        assert len(said) == 1 + bool(remark) and remark in said[-1]
+        every = 3 if not words else words[1]
+        assert (f"one state in {every}" in (tmp_path / "shot.html").read_text()) == (every > 1)
+
+
 def test_the_default_is_in_the_first_folder(shot):
     assert pdvol("play", shot) == 0
     assert (shot / "player.html").is_file()
@@ -44,6 +54,7 @@ def test_the_default_is_in_the_first_folder(shot):
         (("RUN", "-o", "shot.mp4"), "ends in .html"),
         (("RUN", "-o", "shot.html", "--levels", "0:4"), "has levels 0 to 1"),
         (("RUN", "-o", "shot.html", "--levels", "x"), "--levels"),
+        (("RUN", "-o", "shot.html", "--every", "0"), "--every: 0 is too small"),
         (("RUN", "-o", "shot.html", "--fields", "heat"), "choose of strain, contact_force"),
     ],
 )
