@@ -64,6 +64,14 @@ class Part:
     vertices: np.ndarray | None = None
 
 
+def upward(run: Run) -> np.ndarray:
+    """Upward (d,) as in pictures: against gravity, else the first plane's normal, else z (y in 2D)."""
+    if run.levels[0].rest.shape[1] == 2:
+        return np.array([0.0, 1.0])
+    planes = (obstacle.plane(0)[1] for obstacle in run.obstacles if obstacle.kind == "plane")
+    return np.asarray(run.info.get("up") or next(planes, (0.0, 0.0, 1.0)), dtype=float)
+
+
 def body_parts(run: Run, level: RunLevel) -> list[Part]:
     """The bodies of a level in their order, in the colours of pictures."""
     labels = [str(name) for name in run.info.get("bodies", [])]

@@ -89,3 +89,24 @@ def test_usd(half_second, tmp_path, fps):
         colour = np.array([int(code[i : i + 2], 16) for i in (1, 3, 5)], dtype=float)
         angle = (picture @ colour) / (np.linalg.norm(picture, axis=2) * np.linalg.norm(colour) + 1e-9)
         assert (angle > np.cos(np.radians(4))).mean() > 0.01
+
+
+@pytest.mark.parametrize("fps", [None, 30.0])
+def test_pc2(half_second, tmp_path, fps):
+    written, _ = export_run(half_second, "pc2", tmp_path, fps=fps)
+    found = in_blender("pc2", written[-1], "--picture", tmp_path / "frame.png")
+    rate = fps or 24.0
+    assert (found["fps"], found["frames"]) == (rate, [0, int(STEPS * runs.DT * rate)])
+    assert colours(found) == {name: pytest.approx(colour, abs=1e-6) for name, colour in EXPECTED_COLOURS.items()}
+    moving = {name for name, mesh in found["meshes"].items() if mesh["modifiers"] == ["MESH_CACHE"]}
+    assert moving == {"left", "right", "ball_1"}
+    compare(found, half_second, 1, rate)
+
+
+def test_alembic(half_second, tmp_path):
+    pytest.importorskip("alembic3d", reason="alembic3d is an optional extra")
+    written, _ = export_run(half_second, "alembic", tmp_path, fps=24.0)
+    found = in_blender("alembic", written[-1], "--picture", tmp_path / "frame.png")
+    assert (found["fps"], found["frames"]) == (24.0, [0, int(STEPS * runs.DT * 24)])
+    assert set(found["meshes"]) == set(EXPECTED_COLOURS)
+    compare(found, half_second, 1, 24.0)
