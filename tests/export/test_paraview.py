@@ -1,5 +1,5 @@
-"""Exports as ParaView opens them. PDVOL_PVPYTHON is the command that starts ParaView's pvpython (5.11.0 and 5.13.2 have
-been tried); without it these tests are skipped.
+"""Exports as ParaView opens them. PDVOL_PVPYTHON is the command that starts ParaView's pvpython ("xvfb-run -a pvpython"
+without a display); without it these tests are skipped. ParaView 5.11.0 and 5.13.2 have been tried.
 """
 
 import json
