@@ -162,6 +162,8 @@ FORMATS = Registry(
         "vtkhdf": Entry("pdvol.export.vtkhdf:export"),
         "obj": Entry("pdvol.export.obj:export"),
         "usd": Entry("pdvol.export.usd:export"),
+        "pc2": Entry("pdvol.export.pc2:export"),
+        "alembic": Entry("pdvol.export.alembic:export"),
     },
     "pdvol.formats",
 )

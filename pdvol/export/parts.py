@@ -70,6 +70,14 @@ class Part:
     render: StoredRender | None = None
 
 
+def upward(run: Run) -> np.ndarray:
+    """Upward (d,) as in pictures: against gravity, else the first plane's normal, else z (y in 2D)."""
+    if run.levels[0].rest.shape[1] == 2:
+        return np.array([0.0, 1.0])
+    planes = (obstacle.plane(0)[1] for obstacle in run.obstacles if obstacle.kind == "plane")
+    return np.asarray(run.info.get("up") or next(planes, (0.0, 0.0, 1.0)), dtype=float)
+
+
 def body_parts(run: Run, level: RunLevel, surface: str = RENDER) -> list[Part]:
     """The bodies of a level in their order, in the colours of pictures, and behind them their render meshes.
 

@@ -18,7 +18,7 @@ import numpy as np
 from pdvol.colours import linear_colour
 from pdvol.errors import InputError, SimulationError
 from pdvol.export.frames import FILM_RATE, Frame, even_frames, stored_frames
-from pdvol.export.parts import BOTH, RENDER, Part, body_parts, obstacle_parts
+from pdvol.export.parts import BOTH, RENDER, Part, body_parts, obstacle_parts, upward
 from pdvol.export.series import Fields, LevelFields, Series, StepFields, padded
 from pdvol.export.textures import copy_texture
 from pdvol.store.files import TEMPORARY
@@ -124,7 +124,7 @@ def _set_units(stage: Any, root: Any, run: Run, rate: float, last: float) -> Non
     stage.SetFramesPerSecond(rate)
     stage.SetStartTimeCode(0)
     stage.SetEndTimeCode(last)
-    up = padded(_upward(run)[None])[0]
+    up = padded(upward(run)[None])[0]
     axis = int(np.argmax(np.abs(up)))
     UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.z if axis == 2 else UsdGeom.Tokens.y)
     if axis == 0 or up[axis] < 0:  # USD knows y and z alone as directions upward
@@ -133,14 +133,6 @@ def _set_units(stage: Any, root: Any, run: Run, rate: float, last: float) -> Non
 
 
 _USD_UP = {0: (1, 0), 1: (1, 0), 2: (0, 1)}  # y and z of the upward direction, by the axis that the run's is nearest to
-
-
-def _upward(run: Run) -> np.ndarray:
-    """Upward as in pictures: against gravity, else the first plane's normal, else z (y in 2D)."""
-    if run.levels[0].rest.shape[1] == 2:
-        return np.array([0.0, 1.0])
-    planes = (obstacle.plane(0)[1] for obstacle in run.obstacles if obstacle.kind == "plane")
-    return np.asarray(run.info.get("up") or next(planes, (0.0, 0.0, 1.0)), dtype=float)
 
 
 def _place(part: Part) -> str:

@@ -1,8 +1,12 @@
-"""VTKHDF time series (UnstructuredGrid, version 2.2): one file a level, for ParaView 5.12 and newer; the format that
-follows XDMF.
+"""VTKHDF time series (UnstructuredGrid), for ParaView and pyvista; the format that follows XDMF.
+
+    level_<l>.vtkhdf                    all steps, version 2.0: the oldest one with times; ParaView 5.12 and newer
+    level_<l>.hdf.series                the same for ParaView 5.11, which reads version 1.0 without times: a list of
+    level_<l>_steps/<step>.hdf          one file a step, version 1.0, that refers to the arrays of level_<l>.vtkhdf
+    open_in_paraview.py                 opens whichever ParaView can read
 
 The rest mesh is stored once. The fields of all steps are stored one behind the other, and `Steps` holds where each
-step's begin.
+step's begin. Move the files together.
 """
 
 import os
@@ -14,7 +18,9 @@ import numpy as np
 
 from pdvol.errors import InputError, SimulationError
 from pdvol.export.hdf5 import failure_reason
+from pdvol.export.paraview import write_paraview_script
 from pdvol.export.series import Fields, LevelFields, Series, nothing_more, padded
+from pdvol.export.vtkhdf_steps import write_steps
 from pdvol.store.files import TEMPORARY, require_room
 from pdvol.store.reader import Run
 
@@ -22,8 +28,10 @@ _CELL_TYPES = {2: 5, 3: 10}  # VTK_TRIANGLE, VTK_TETRA
 
 
 def export(run: Run, levels: Sequence[int], out: Path, fields: LevelFields) -> list[Path]:
-    """Write `out/level_<l>.vtkhdf` for each level. See `pdvol.export`."""
-    return [write_vtkhdf(run, level, out / f"level_{level}.vtkhdf", fields(level)) for level in levels]
+    """Write `out/level_<l>.vtkhdf` for each level, and what ParaView needs beside. See `pdvol.export`."""
+    written = [write_vtkhdf(run, level, out / f"level_{level}.vtkhdf", fields(level)) for level in levels]
+    lists = [write_steps(path) for path in written]
+    return [*written, *lists, write_paraview_script(run, levels, out, ".vtkhdf")]
 
 
 def write_vtkhdf(run: Run, level: int, path: str | Path, more: Fields = nothing_more) -> Path:
@@ -51,7 +59,7 @@ def write_vtkhdf(run: Run, level: int, path: str | Path, more: Fields = nothing_
 
 def _write_data(root: h5py.Group, series: Series) -> None:
     rest, cells, steps = series.level.rest, series.level.cells, series.steps
-    root.attrs["Version"] = (2, 2)
+    root.attrs["Version"] = (2, 0)
     root.attrs.create("Type", b"UnstructuredGrid", dtype=h5py.string_dtype("ascii", len("UnstructuredGrid")))
     sizes = {"NumberOfPoints": len(rest), "NumberOfCells": len(cells), "NumberOfConnectivityIds": cells.size}
     for name, size in sizes.items():

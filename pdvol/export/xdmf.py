@@ -16,6 +16,7 @@ import numpy as np
 
 from pdvol.errors import InputError, SimulationError
 from pdvol.export.hdf5 import failure_reason
+from pdvol.export.paraview import write_paraview_script
 from pdvol.export.series import Fields, LevelFields, Series, nothing_more
 from pdvol.store.files import TEMPORARY, require_room, write_bytes
 from pdvol.store.reader import Run
@@ -24,8 +25,9 @@ _NUMBER_TYPES = {"f": "Float", "i": "Int", "u": "UInt"}
 
 
 def export(run: Run, levels: Sequence[int], out: Path, fields: LevelFields) -> list[Path]:
-    """Write `out/level_<l>.xdmf` and its `.h5` file for each level; returns the .xdmf paths. See `pdvol.export`."""
-    return [write_xdmf(run, level, out / f"level_{level}.xdmf", fields(level)) for level in levels]
+    """Write `out/level_<l>.xdmf`, its `.h5` file, and `out/open_in_paraview.py`. See `pdvol.export`."""
+    written = [write_xdmf(run, level, out / f"level_{level}.xdmf", fields(level)) for level in levels]
+    return [*written, write_paraview_script(run, levels, out, ".xdmf")]
 
 
 def write_xdmf(run: Run, level: int, path: str | Path, more: Fields = nothing_more) -> Path:

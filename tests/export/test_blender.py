@@ -117,3 +117,24 @@ def test_usd_with_a_textured_render_mesh(tmp_path):
     picture = np.asarray(Image.open(tmp_path / "frame.png").convert("RGB"), dtype=int)
     red, green, blue = picture[..., 0], picture[..., 1], picture[..., 2]
     assert (np.minimum(red, blue) - green > 60).mean() > 0.03 and (green - np.maximum(red, blue) > 60).mean() > 0.03
+
+
+@pytest.mark.parametrize("fps", [None, 30.0])
+def test_pc2(half_second, tmp_path, fps):
+    written, _ = export_run(half_second, "pc2", tmp_path, fps=fps)
+    found = in_blender("pc2", written[-1], "--picture", tmp_path / "frame.png")
+    rate = fps or 24.0
+    assert (found["fps"], found["frames"]) == (rate, [0, int(STEPS * runs.DT * rate)])
+    assert colours(found) == {name: pytest.approx(colour, abs=1e-6) for name, colour in EXPECTED_COLOURS.items()}
+    moving = {name for name, mesh in found["meshes"].items() if mesh["modifiers"] == ["MESH_CACHE"]}
+    assert moving == {"left", "right", "ball_1"}
+    compare(found, half_second, 1, rate)
+
+
+def test_alembic(half_second, tmp_path):
+    pytest.importorskip("alembic3d", reason="alembic3d is an optional extra")
+    written, _ = export_run(half_second, "alembic", tmp_path, fps=24.0)
+    found = in_blender("alembic", written[-1], "--picture", tmp_path / "frame.png")
+    assert (found["fps"], found["frames"]) == (24.0, [0, int(STEPS * runs.DT * 24)])
+    assert set(found["meshes"]) == set(EXPECTED_COLOURS)
+    compare(found, half_second, 1, 24.0)

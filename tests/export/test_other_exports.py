@@ -108,8 +108,10 @@ def test_the_contact_force_is_the_weight_of_what_rests(resting):
 
 
 def test_xdmf_and_vtkhdf_hold_the_same(resting, tmp_path):
-    assert export_run(resting, "xdmf", tmp_path / "x") == ([tmp_path / "x" / "level_0.xdmf"], [])
-    assert export_run(resting, "vtkhdf", tmp_path / "v") == ([tmp_path / "v" / "level_0.vtkhdf"], [])
+    expected = [tmp_path / "x" / name for name in ("level_0.xdmf", "open_in_paraview.py")]
+    assert export_run(resting, "xdmf", tmp_path / "x") == (expected, [])
+    names = ("level_0.vtkhdf", "level_0.hdf.series", "open_in_paraview.py")
+    assert export_run(resting, "vtkhdf", tmp_path / "v") == ([tmp_path / "v" / name for name in names], [])
     level = open_run(resting).levels[0]
     reader = pv.HDFReader(str(tmp_path / "v" / "level_0.vtkhdf"))
     raw = reader.reader
@@ -134,6 +136,31 @@ def test_xdmf_and_vtkhdf_hold_the_same(resting, tmp_path):
             for name, (values,) in cells.items():
                 np.testing.assert_array_equal(found.cell_data[name], values)
             np.testing.assert_array_equal(points["displacement"], level.positions(step) - level.rest)
+
+
+def test_files_of_steps_hold_what_the_time_series_holds(resting, tmp_path):
+    """Version 1.0, for ParaView 5.11; moved to another folder together."""
+    export_run(resting, "vtkhdf", tmp_path / "first")
+    folder = (tmp_path / "first").rename(tmp_path / "second")
+    listed = json.loads((folder / "level_0.hdf.series").read_text())["files"]
+    level = open_run(resting).levels[0]
+    np.testing.assert_allclose([file["time"] for file in listed], np.arange(41) * 0.05, atol=1e-12)
+    with h5py.File(folder / "level_0.vtkhdf") as file:
+        assert tuple(file["VTKHDF"].attrs["Version"]) == (2, 0), "what ParaView 5.12 reads"
+        stress = file["VTKHDF/CellData/von_mises"][:].reshape(41, -1)
+    for step in (0, 7, 40):
+        path = folder / listed[step]["name"]
+        with h5py.File(path) as file:
+            assert tuple(file["VTKHDF"].attrs["Version"]) == (1, 0) and "Steps" not in file["VTKHDF"]
+        found = pv.HDFReader(str(path)).read()
+        np.testing.assert_array_equal(found.points, level.rest)
+        np.testing.assert_array_equal(found.cells_dict[10], level.cells)
+        assert set(found.point_data) == {"displacement", "velocity", "contact_force"}
+        np.testing.assert_array_equal(found["displacement"], level.positions(step) - level.rest)
+        np.testing.assert_array_equal(found["von_mises"], stress[step])
+        np.testing.assert_array_equal(found["body"], level.bodies)
+    size = sum(path.stat().st_size for path in (folder / "level_0_steps").iterdir())
+    assert size < 41 * 20_000, "no arrays are repeated"
 
 
 @pytest.mark.parametrize("kind", ["flat_run", "solid_run"])
@@ -216,7 +243,7 @@ def test_a_run_without_its_scene_is_exported_as_it_is(resting, tmp_path):
     copy = shutil.copytree(resting, tmp_path / "run")
     info = json.loads((copy / "run.json").read_text())
     (copy / "run.json").write_text(json.dumps({**info, "scene_file": "/nowhere.py"}))
-    (file,), (note,) = export_run(copy, "xdmf", tmp_path / "out")
+    (file, _), (note,) = export_run(copy, "xdmf", tmp_path / "out")
     assert note == "without contact forces and stresses: its scene file /nowhere.py is gone"
     with meshio.xdmf.TimeSeriesReader(file) as reader:
         reader.read_points_cells()

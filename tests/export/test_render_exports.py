@@ -77,6 +77,21 @@ def test_obj_with_texture_coordinates(stored, tmp_path, level):
     assert len(notes) == 3 and "'soft box 1' stands out from the contact surface by up to 0.0693 m" in notes[0]
 
 
+def test_point_caches_with_texture_coordinates(stored, tmp_path):
+    (folder, _), notes = export_run(stored, "pc2", tmp_path, [1], fps=100.0)
+    assert len(notes) == 3, "how far render meshes stand out, and what they cross"
+    run, shape = open_run(stored), SEAMS.shape
+    read = trimesh.load(folder / "soft_box_render.obj", group_material=False, process=False)
+    np.testing.assert_allclose(read.visual.uv[read.faces.ravel()], shape.uvs[shape.uv_corners], atol=1e-8)
+    np.testing.assert_array_equal(np.asarray(read.visual.material.image.convert("RGB")), TEXTURE)
+    frames = np.frombuffer((folder / "soft_box_render.pc2").read_bytes(), "<f4", offset=32)
+    frames = frames.reshape(STEPS + 1, -1, 3)
+    np.testing.assert_allclose(frames[STEPS], expected(run, 1, STEPS), atol=1e-6)
+    assert not (folder / "soft_box.obj").exists()
+    (contact, _), _ = export_run(stored, "pc2", tmp_path / "contact", [1], surface="contact")
+    assert (contact / "soft_box.pc2").exists() and not (contact / "soft_box_render.obj").exists()
+
+
 def test_usd_with_seams_and_texture(stored, tmp_path):
     pytest.importorskip("pxr", reason="usd-core is an optional extra")
     from pxr import Usd, UsdGeom, UsdShade

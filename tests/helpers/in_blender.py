@@ -2,10 +2,11 @@
 
     python in_blender.py WHAT FILES ... [--picture OUT.png]   WHAT is usd, pc2 or alembic; prints one JSON object
 
-pc2 takes pairs OBJ PC2. The picture shows the middle frame, as Cycles renders it.
+pc2 takes the script open_in_blender.py of an export. The picture shows the middle frame, as Cycles renders it.
 """
 
 import json
+import runpy
 import sys
 
 import bpy
@@ -44,13 +45,7 @@ def load(what: str, files: list[str]) -> None:
     elif what == "alembic":
         bpy.ops.wm.alembic_import(filepath=files[0], as_background_job=False)
     else:
-        for obj, cache in zip(files[::2], files[1::2], strict=True):
-            bpy.ops.wm.obj_import(filepath=obj, forward_axis="Y", up_axis="Z")
-            (thing,) = bpy.context.selected_objects
-            if cache != "-":
-                modifier = thing.modifiers.new("pdvol", "MESH_CACHE")
-                modifier.cache_format, modifier.filepath = "PC2", cache
-                modifier.frame_start = 0
+        runpy.run_path(files[0])
 
 
 def render(path: str) -> None:
