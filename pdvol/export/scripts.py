@@ -13,9 +13,11 @@ VALUES_LINE = "# <values>\n"  # of a script's text: the export's values take its
 
 
 def write_script(out: Path, name: str, **values: Any) -> Path:
-    """Write `out/NAME.py` with the values as assignments; returns its path. SimulationError: the disk is full."""
+    """Write `out/NAME.py` with the values as assignments, and `WRITTEN_TO`, the folder; returns its path.
+    SimulationError: the disk is full.
+    """
     text = Path(__file__).with_name(f"{name}.txt").read_text()
-    assignments = "".join(f"{key} = {value!r}\n" for key, value in values.items())
+    assignments = "".join(f"{key} = {value!r}\n" for key, value in {**values, "WRITTEN_TO": str(out.resolve())}.items())
     try:
         out.mkdir(parents=True, exist_ok=True)
     except OSError as error:

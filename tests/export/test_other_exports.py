@@ -248,3 +248,15 @@ def test_a_run_without_its_scene_is_exported_as_it_is(resting, tmp_path):
     with meshio.xdmf.TimeSeriesReader(file) as reader:
         reader.read_points_cells()
         assert set(reader.read_data(3)[1]) == {"displacement", "velocity"}
+
+
+@pytest.mark.parametrize("known", [True, False])
+def test_the_script_for_paraview_finds_its_export(solid_run, tmp_path, known):
+    """ParaView's window runs a script without `__file__`."""
+    written, _ = export_run(solid_run, "xdmf", tmp_path / "export")
+    text = written[-1].read_text()
+    head = text[: text.index("DIRECTION =")].replace("from paraview import simple", "")
+    moved = tmp_path / "moved" / written[-1].name
+    names = {"__file__": str(moved)} if known else {}
+    exec(compile(head, "head", "exec"), names)
+    assert names["FOLDER"] == (moved.parent if known else tmp_path / "export")
