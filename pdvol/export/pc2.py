@@ -19,9 +19,9 @@ from pdvol.colours import linear_colour
 from pdvol.errors import SimulationError
 from pdvol.export.frames import FILM_RATE, Frame, even_frames
 from pdvol.export.obj import object_lines
-from pdvol.export.parts import RENDER, Part, body_parts, obstacle_parts
+from pdvol.export.parts import RENDER, Part, body_parts, obstacle_parts, upward
 from pdvol.export.scripts import write_script
-from pdvol.export.series import LevelFields, Series
+from pdvol.export.series import LevelFields, Series, padded
 from pdvol.export.textures import copy_texture
 from pdvol.store.files import TEMPORARY, require_room, write_bytes
 from pdvol.store.reader import Run
@@ -35,8 +35,9 @@ def export(
     """Write `out/level_<l>/` for each level, and `out/open_in_blender.py`. See `pdvol.export`."""
     rate = FILM_RATE if fps is None else fps
     folders = [write_pc2(run, level, out / f"level_{level}", rate, surface) for level in levels]
+    up = tuple(padded(upward(run)[None])[0].tolist())
     frames = max(len(even_frames(run.levels[level].steps, run.dt, rate)) for level in levels)
-    return [*folders, write_script(out, "open_in_blender", FPS=rate, FRAMES=frames, LEVEL=max(levels))]
+    return [*folders, write_script(out, "open_in_blender", FPS=rate, FRAMES=frames, LEVEL=max(levels), UP=up)]
 
 
 def write_pc2(run: Run, level: int, folder: str | Path, fps: float = FILM_RATE, surface: str = RENDER) -> Path:
