@@ -2,9 +2,9 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
-import pyvista as pv
 
 from pdvol.errors import InputError
 
@@ -38,13 +38,17 @@ class Cut:
         points : (k, 3) [m]
         towards : (3,) from the scene to the camera
         """
+        import pyvista as pv  # takes a second to load, and views are read without it
+
         return self._left(pv.UnstructuredGrid({pv.CellType.TETRA: cells}, points), towards)
 
     def surface(self, points: np.ndarray, triangles: np.ndarray, towards: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """What is left of a surface, open where it is cut; arguments as those of `solid`."""
+        import pyvista as pv
+
         return self._left(pv.PolyData.from_regular_faces(points, triangles), towards)
 
-    def _left(self, shape: pv.DataSet, towards: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def _left(self, shape: Any, towards: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         normal, origin = np.eye(3)[self.axis], np.zeros(3)
         origin[self.axis] = self.place
         left = shape.clip(normal=normal, origin=origin, invert=bool(towards[self.axis] > 0.0))

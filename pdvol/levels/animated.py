@@ -16,7 +16,7 @@ from pdvol.errors import InputError
 from pdvol.geometry.boundary_search import nearest_points
 from pdvol.geometry.rigid_motions import best_rotations
 from pdvol.meshing.point_caches import Frames, read_frames
-from pdvol.scene import Motion, PointCache, TakeOver
+from pdvol.scene import PointCache, TakeOver
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,8 +66,8 @@ class CachedMotion:
         return places + np.einsum("nij,nj->ni", _bases(facets), self.local)
 
 
-def motion_of(motion: Motion | PointCache, vertices: np.ndarray, whose: str) -> Motion:
-    """The motion of vertices (n, d) at rest; a point cache is read, and the vertices are matched to its first frame.
+def cached_motion(motion: PointCache, vertices: np.ndarray, whose: str) -> CachedMotion:
+    """The motion of vertices (n, d) at rest, which are matched to the first frame of a point cache.
 
     Raises
     ------
@@ -75,8 +75,6 @@ def motion_of(motion: Motion | PointCache, vertices: np.ndarray, whose: str) -> 
         The cache cannot be read, has another dimension, or vertices are too far from it; `whose` names them, as in "a
         support".
     """
-    if not isinstance(motion, PointCache):
-        return motion
     frames = read_frames(motion)
     return CachedMotion.of(frames, _matched(motion, frames, 0, vertices, whose))
 
@@ -88,7 +86,7 @@ def taken_velocity(taken: TakeOver, points: np.ndarray, on_surface: np.ndarray, 
     Raises
     ------
     InputError
-        As `motion_of`, or the cache has one frame alone.
+        As `cached_motion`, or the cache has one frame alone.
     """
     cache, frames = taken.cache, read_frames(taken.cache)
     if len(frames.times) < 2:

@@ -10,10 +10,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pdvol.geometry.level_mesh import LevelMesh
-from pdvol.levels.animated import motion_of
 from pdvol.levels.attachments import BoundSprings, Springs, attachment_springs, bound_springs
 from pdvol.levels.hierarchy import Hierarchy
 from pdvol.levels.materials import CellMaterials, cell_materials, level_materials
+from pdvol.levels.motions import motion_of
 from pdvol.levels.muscles import CellMuscle, cell_muscles, level_muscles
 from pdvol.levels.obstacles import Obstacle
 from pdvol.levels.scene_fields import chosen_points, initial_velocity, support_label, supported_points

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from pdvol.errors import InputError
-from pdvol.levels.animated import motion_of
+from pdvol.levels.motions import motion_of
 from pdvol.meshing.build import read_obstacle
 from pdvol.scene import Deforming, Motion, Obstructing, Plane, Rigid, Still, moved
 

@@ -6,8 +6,8 @@ import numpy as np
 
 from pdvol.errors import InputError
 from pdvol.geometry.level_mesh import LevelMesh
-from pdvol.levels.animated import motion_of, taken_velocity
 from pdvol.levels.materials import cell_materials, check_laws
+from pdvol.levels.motions import motion_of
 from pdvol.levels.muscles import cell_muscles
 from pdvol.meshes import Outline
 from pdvol.meshing.readers import read_shape
@@ -70,6 +70,8 @@ def initial_velocity(scene: Scene, mesh: LevelMesh) -> np.ndarray:
         mine = mesh.point_bodies == i
         velocity[mine] = body.initial_velocity(mesh.points[mine], centre)
         if isinstance(body.velocity, TakeOver):
+            from pdvol.levels.animated import taken_velocity
+
             velocity[mine] += taken_velocity(
                 body.velocity, mesh.points[mine], surface[mine], f"body {body.name!r}, which takes over an animation"
             )

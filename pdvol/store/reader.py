@@ -6,10 +6,9 @@ A run may be read while it is written. Errors name what is missing or damaged, a
 from collections.abc import Sequence
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import scipy.sparse as sp
 
 from pdvol.errors import InputError
 from pdvol.geometry.level_mesh import LevelMesh
@@ -18,6 +17,9 @@ from pdvol.store.folder import late_file, level_folder, read_info, state_file
 from pdvol.store.log import read_log
 from pdvol.store.obstacles import DrawnObstacle, read_obstacles
 from pdvol.store.render_meshes import StoredRender, read_render_meshes, read_render_weights
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_matrix
 
 KEPT_STATES = 4  # states of a level that stay in memory: velocities and fields of a step need it and two before
 
@@ -39,7 +41,7 @@ class RunLevel:
         self._run = run
         self._known_steps = 0
         self._latest: dict[tuple[int, int, int], np.ndarray] = {}
-        self._render_weights: dict[int, sp.csr_matrix] = {}
+        self._render_weights: dict[int, csr_matrix] = {}
 
     def __repr__(self) -> str:
         vertices, cells, state = (self.info.get(key) for key in ("vertices", "cells", "state"))
@@ -152,7 +154,7 @@ class RunLevel:
         ]
         return tuple(o.held(found) if found else o for o, found in zip(obstacles, late, strict=True))
 
-    def render_weights(self, mesh: StoredRender) -> sp.csr_matrix:
+    def render_weights(self, mesh: StoredRender) -> "csr_matrix":
         """W (n, vertices of the level): positions of a render mesh of the run are W x, its velocities W v."""
         if mesh.index not in self._render_weights:
             weights = read_render_weights(self.folder, mesh.index, len(self.rest))

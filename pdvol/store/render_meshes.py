@@ -11,13 +11,15 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import scipy.sparse as sp
 
 from pdvol.errors import InputError
 from pdvol.store.files import read_arrays, read_json, write_arrays, write_bytes, write_json
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_matrix
 
 _ARRAYS = ("points", "counts", "corners", "uvs", "uv_corners", "first", "fans")
 
@@ -111,15 +113,17 @@ def read_render_meshes(folder: Path) -> tuple[StoredRender, ...]:
     return tuple(found)
 
 
-def read_render_weights(level_folder: Path, index: int, columns: int) -> sp.csr_matrix:
+def read_render_weights(level_folder: Path, index: int, columns: int) -> "csr_matrix":
     """W (n, columns) of a level; InputError where it is missing or damaged."""
     file = _weights_file(level_folder, index)
     try:
         arrays = read_arrays(file, ("data", "indices", "indptr"))
     except InputError as error:
         raise InputError(f"{error}; pdvol run SCENE --resume binds the render meshes again") from error
+    from scipy.sparse import csr_matrix  # takes as long to load as all else that reads a run
+
     indptr = arrays["indptr"]
-    return sp.csr_matrix((arrays["data"], arrays["indices"], indptr), shape=(len(indptr) - 1, columns))
+    return csr_matrix((arrays["data"], arrays["indices"], indptr), shape=(len(indptr) - 1, columns))
 
 
 def render_files(folder: Path, levels: int) -> list[Path]:

@@ -18,7 +18,6 @@ OWN_LOOPS = {"own_energy"}  # have no scene but a time loop of their own: tests/
 DEMOS = sorted(path for path in (ROOT / "demos").glob("*.py") if path.stem not in OWN_LOOPS)
 RUN_HERE = {
     "ape",
-    "bodies_at_rest",
     "bunny_noodles",
     "donuts",
     "drop",
@@ -358,13 +357,6 @@ def test_donuts(tmp_path):
             assert (seen.max(axis=0) < own.max(axis=0) + 0.03).all()
     words = ["--format", "obj", "--levels", "0:0", "-o", str(tmp_path / "obj")]
     assert run(["export", str(tmp_path / "run"), *words]) == 0
-
-
-def test_bodies_at_rest(tmp_path):
-    words = ["--set", "count=6", "--set", "vertices=(60, 120)", "--levels", "0:1", "--steps", "300"]
-    assert run(["run", str(ROOT / "demos" / "bodies_at_rest.py"), *words, "--out", str(tmp_path / "run")]) == 0
-    stored = end(tmp_path / "run", 2, 300)
-    assert [sentence for sentence, holds in load(ROOT / "demos" / "bodies_at_rest.py").claim(stored) if not holds] == []
 
 
 def test_leaf_sheep(tmp_path):
