@@ -94,7 +94,7 @@ strength by area; both levels have the same springs, and they break in the same 
 twenty thin teeth and twenty-two knobs that level 0 only hints at. Both shapes come to rest on the same
 pegs on all levels.""",
         small={"vertices": (65, 200), "dt": 0.02, "steps": 60},
-        size=(1200, 560),
+        size=(1080, 720),
         moment=1.1,
     ),
     Entry(
