@@ -97,6 +97,9 @@ def chosen_shot(options: Namespace) -> "Shot":
     InputError
         The scene file or a setting is wrong.
     """
-    from pdvol.runs.scene_file import load_shot, parse_settings
+    from pdvol.stages import stage
 
-    return load_shot(options.scene, parse_settings(options.set), getattr(options, "steps", None))
+    with stage(f"loading {options.scene}"):
+        from pdvol.runs.scene_file import load_shot, parse_settings
+
+        return load_shot(options.scene, parse_settings(options.set), getattr(options, "steps", None))

@@ -15,7 +15,10 @@ def add_arguments(parser: ArgumentParser) -> None:
 def main(options: Namespace) -> None:
     """Simulate level 0, draw a picture and print where everything is. Collective."""
     from pdvol.commands.simulation import progress_report, report_run
-    from pdvol.runs.runner import run_scene
+    from pdvol.stages import stage
+
+    with stage("loading the solver"):
+        from pdvol.runs.runner import run_scene
 
     shot = chosen_shot(options)
     out = options.out or Path("runs") / f"{shot.name}_preview"

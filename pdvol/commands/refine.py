@@ -17,7 +17,10 @@ def add_arguments(parser: ArgumentParser) -> None:
 def main(options: Namespace) -> None:
     """Simulate, draw a picture and print where everything is. Collective."""
     from pdvol.commands.simulation import progress_report, report_run
-    from pdvol.runs.runner import refine_run
+    from pdvol.stages import stage
+
+    with stage("loading the solver"):
+        from pdvol.runs.runner import refine_run
 
     refine_run(
         options.run, options.to, progress=progress_report(), wavefront=options.wavefront, xdmf=not options.no_xdmf

@@ -50,7 +50,10 @@ def add_arguments(parser: ArgumentParser) -> None:
 def main(options: Namespace) -> None:
     """Simulate, draw a picture and print where everything is. Collective."""
     from pdvol.commands.simulation import progress_report, report_run
-    from pdvol.runs.runner import run_scene
+    from pdvol.stages import stage
+
+    with stage("loading the solver"):
+        from pdvol.runs.runner import run_scene
 
     shot = chosen_shot(options)
     first, last = level_range(options.levels)

@@ -11,7 +11,8 @@ if TYPE_CHECKING:
 def this_rank() -> int:
     """The rank of this process; 0 where MPI is not loaded."""
     mpi = sys.modules.get("mpi4py.MPI")
-    return mpi.COMM_WORLD.rank if mpi else 0
+    world = getattr(mpi, "COMM_WORLD", None)  # none while another thread is loading MPI
+    return world.rank if world is not None else 0
 
 
 def progress_report() -> "Watch | None":

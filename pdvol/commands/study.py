@@ -67,9 +67,11 @@ def main(options: Namespace) -> None:
 def _show(made: "Study") -> None:
 
     from pdvol.explore.study.page import write_page
+    from pdvol.stages import stage
 
     result = made.run(lambda line: print(line, file=sys.stderr, flush=True))
-    page = write_page(made.out / "study.html", result)
+    with stage("writing study.html"):
+        page = write_page(made.out / "study.html", result)
     for sentence in result.get("sentences", ["no reference was finished; go on with a larger --budget"]):
         print(sentence)
     print(f"{made.out}: study.json and {page.name}")

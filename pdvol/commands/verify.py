@@ -31,11 +31,17 @@ def main(options: Namespace) -> int:
 def _is_sound(path: Path, every: int) -> bool:
     """Check one run and print its findings."""
     from pdvol.measure.verify import check_levels
+    from pdvol.stages import say, stage
 
     print(path)
     sound = True
     try:
-        for level in check_levels(path, every):
+        levels = check_levels(path, every, say)
+        while True:
+            with stage(f"verifying {path}"):
+                level = next(levels, None)
+            if level is None:
+                break
             print(f"  {level.summary()}", flush=True)
             for problem in level.problems[:LISTED_PROBLEMS]:
                 print(f"    {problem}")

@@ -7,14 +7,14 @@ Alembic has neither materials nor units; metres are written.
 """
 
 import os
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from pdvol.errors import InputError, SimulationError
-from pdvol.export.frames import FILM_RATE, Frame, even_frames
+from pdvol.export.frames import FILM_RATE, Frame, even_frames, said
 from pdvol.export.parts import RENDER, Part, body_parts, obstacle_parts, upward
 from pdvol.export.series import LevelFields, Series, padded
 from pdvol.store.files import TEMPORARY, require_room
@@ -65,7 +65,8 @@ def write_alembic(run: Run, level: int, path: str | Path, fps: float | None = No
         archive = alembic3d.Abc.CreateArchiveWithInfo(
             str(aside), float(fps or FILM_RATE), "pdvol", f"{run.path.name}, level {level}"
         )
-        _write_parts(archive, parts, frames, run.dt if fps is None else 1.0 / fps, _y_up(upward(run)))
+        shown = said(f"level {level}", frames)
+        _write_parts(archive, parts, shown, run.dt if fps is None else 1.0 / fps, _y_up(upward(run)))
         del archive  # which writes the file
         os.replace(aside, path)
     except OSError as error:
@@ -87,7 +88,7 @@ def _y_up(up: np.ndarray) -> np.ndarray:
     return np.array([x, y, np.cross(x, y)])
 
 
-def _write_parts(archive: Any, parts: Sequence[Part], frames: Sequence[Frame], pause: float, turn: np.ndarray) -> None:
+def _write_parts(archive: Any, parts: Sequence[Part], frames: Iterable[Frame], pause: float, turn: np.ndarray) -> None:
     from alembic3d.AbcCoreAbstract import TimeSampling
     from alembic3d.AbcGeom import OPolyMesh, OPolyMeshSchemaSample, OXform
     from imath import IntArrayFromBuffer, V3fArrayFromBuffer

@@ -6,12 +6,13 @@ solver hold at the steps. Between them they do not: a frame may cross a curved o
 the distance that is covered in a step.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from pdvol.errors import InputError
+from pdvol.stages import say
 
 FILM_RATE = 24.0  # frames a second where the user chooses none: the usual rate of animation software
 HIGHEST_FPS = 100_000.0  # frames a second; more is a slip of the keyboard
@@ -38,6 +39,13 @@ class Frame:
         if self.share == 1.0:
             return at(self.step)
         return (1.0 - self.share) * at(self.step - 1) + self.share * at(self.step)
+
+
+def said(what: str, frames: Sequence[Frame]) -> Iterator[Frame]:
+    """The frames one after the other; the stage that lasts says at which of them the export of `what` is."""
+    for number, frame in enumerate(frames, 1):
+        say(f"{what}, frame {number} of {len(frames)}")
+        yield frame
 
 
 def stored_frames(steps: int, dt: float) -> list[Frame]:

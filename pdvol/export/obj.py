@@ -59,6 +59,7 @@ def write_obj(run: Run, level: int, folder: str | Path, surface: str = RENDER) -
         following, uvs = following + len(part.rest), uvs + len(own)
     rest = "".join(texts)
     for step in range(series.steps):
+        series.say(step)
         moved = [part.at(step) for part in parts]
         points = np.zeros((len(used), 3))
         for part, own in zip(parts, moved, strict=True):

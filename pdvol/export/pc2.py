@@ -17,7 +17,7 @@ from pathlib import Path
 
 from pdvol.colours import linear_colour
 from pdvol.errors import SimulationError
-from pdvol.export.frames import FILM_RATE, Frame, even_frames
+from pdvol.export.frames import FILM_RATE, Frame, even_frames, said
 from pdvol.export.obj import object_lines
 from pdvol.export.parts import RENDER, Part, body_parts, obstacle_parts, upward
 from pdvol.export.scripts import write_script
@@ -91,7 +91,7 @@ def _write_cache(path: Path, part: Part, frames: Sequence[Frame]) -> None:
     try:
         with open(aside, "wb") as file:
             file.write(PC2_START.pack(b"POINTCACHE2\0", 1, len(part.rest), 0.0, 1.0, len(frames)))
-            for frame in frames:
+            for frame in said(f"{path.parent.name}/{path.name}", frames):
                 file.write(frame.sampled(part.at).astype("<f4").tobytes())
             file.flush()
             os.fsync(file.fileno())

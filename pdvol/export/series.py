@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from pdvol.errors import InputError
+from pdvol.stages import say
 from pdvol.store.reader import Run, RunLevel
 
 
@@ -67,12 +68,17 @@ class Series:
         """(m,) int32 of each cell: its `body` and its `region`, which determine its material."""
         return {"body": self.level.bodies, "region": self.level.regions}
 
+    def say(self, step: int) -> None:
+        """The stage that lasts says at which step the export is."""
+        say(f"level {self.level.index}, step {step} of {self.steps - 1}")
+
     def displacement(self, step: int) -> np.ndarray:
         """(n, 3) [m]."""
         return padded(self.level.positions(step) - self.level.rest)
 
     def fields(self, step: int) -> StepFields:
         """All that changes from step to step."""
+        self.say(step)
         more = self._more(step)
         points = {"displacement": self.displacement(step), "velocity": padded(self.level.velocities(step))}
         return StepFields({**points, **{name: padded(values) for name, values in more.points.items()}}, more.cells)

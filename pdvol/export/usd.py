@@ -17,7 +17,7 @@ import numpy as np
 
 from pdvol.colours import linear_colour
 from pdvol.errors import InputError, SimulationError
-from pdvol.export.frames import FILM_RATE, Frame, even_frames, stored_frames
+from pdvol.export.frames import FILM_RATE, Frame, even_frames, said, stored_frames
 from pdvol.export.parts import BOTH, RENDER, Part, body_parts, obstacle_parts, upward
 from pdvol.export.series import Fields, LevelFields, Series, StepFields, padded
 from pdvol.export.textures import copy_texture
@@ -107,7 +107,7 @@ def write_usd(
             moving = [(part, _add_mesh(stage, part)) for part in obstacle_parts(run, level) if part.moves]
             simulated = [(part, mesh) for part, mesh in bodies if part.render is None]
             add_fields = _fields_of(level, simulated, fields(level.index)) if fields else None
-            for frame in codes:
+            for frame in said(f"level {level.index}", codes):
                 for part, mesh in [*bodies, *moving]:
                     _set_points(mesh, part, frame)
                 if add_fields:

@@ -6,7 +6,7 @@ round-off bound allows it, in rational numbers elsewhere. Touching counts as an 
 vertex are not tested, nor are obstacles among themselves.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from fractions import Fraction
 from itertools import combinations
 from pathlib import Path
@@ -365,8 +365,11 @@ def check_state(
         found.problems.append(f"{where}: {len(pairs)} intersections: {named}")
 
 
-def check_levels(path: str | Path, every: int = 1) -> Iterator[LevelFindings]:
-    """The findings at each level of a run folder, in every `every`-th state from the first on and in the last one.
+def check_levels(
+    path: str | Path, every: int = 1, say: Callable[[str], None] = lambda _: None
+) -> Iterator[LevelFindings]:
+    """The findings at each level of a run folder, in every `every`-th state from the first on and in the last one;
+    `say` is called with how far the checks are, in a few words.
 
     Raises
     ------
@@ -382,6 +385,7 @@ def check_levels(path: str | Path, every: int = 1) -> Iterator[LevelFindings]:
         if level.info["state"] == "done" and states != run.info["steps"] + 1:
             found.problems.append(f"level {level.index}: done, with {states} states of {run.info['steps'] + 1}")
         for step in sorted({*range(0, states, every), *range(states)[-1:]}):
+            say(f"level {level.index}, step {step} of {states - 1}")
             placed = level.placed(run.obstacles, step)
             planes = [(o.name, *o.plane(step)) for o in placed if o.kind == "plane"]
             solids = [

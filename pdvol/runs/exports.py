@@ -11,6 +11,7 @@ from pdvol.export.parts import CONTACT
 from pdvol.export.series import Fields, Series, nothing_more
 from pdvol.measure.render_crossings import deepest_crossing, rest_gaps
 from pdvol.registry import FORMATS
+from pdvol.stages import say, stage
 from pdvol.store.reader import Run, open_run
 
 
@@ -60,9 +61,14 @@ def export_run(
     chosen |= {} if surface is None else {"surface": surface}
     writer = FORMATS[format_name]
     _check_choices(format_name, writer, chosen)
-    written = writer(run, levels, Path(out), fields, **chosen)
+    with stage(f"exporting {format_name}"):
+        written = writer(run, levels, Path(out), fields, **chosen)
     drawn = "surface" in signature(writer).parameters and surface != CONTACT
-    return [Path(file) for file in written], fields.notes + (render_lines(run, levels) if drawn else [])
+    crossed = []
+    if drawn and run.render_meshes:
+        with stage("measuring how render meshes cross"):
+            crossed = render_lines(run, levels)
+    return [Path(file) for file in written], fields.notes + crossed
 
 
 def render_lines(run: Run, levels: Sequence[int]) -> list[str]:
@@ -72,6 +78,7 @@ def render_lines(run: Run, levels: Sequence[int]) -> list[str]:
     lines = []
     for number in levels if run.render_meshes else ():
         level = run.levels[number]
+        say(f"level {number}")
         for mesh in run.render_meshes:
             out, within = rest_gaps(level, mesh)
             lines.append(

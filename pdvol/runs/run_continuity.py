@@ -14,6 +14,7 @@ from pdvol.measure import metrics
 from pdvol.potentials.consistency import Consistency, Guide
 from pdvol.runs.stored_fields import stored_stiffness
 from pdvol.scene import Scene
+from pdvol.stages import say
 from pdvol.store.reader import Run, RunLevel
 
 # By method: the level whose velocity predicts the positions x_hat of a level above 0.
@@ -78,6 +79,7 @@ def continuity_of_level(
     memories = {r["step"]: r["terms"] for r in level.log if r.get("terms")}
     crossing = {r["step"] for r in level.log if r.get("intersections", 0)}
     for number in range(1, level.steps):
+        say(f"continuity, step {number} of {level.steps - 1}")
         if number in crossing:
             values.append(float("nan"))
             errors.append(float("nan"))

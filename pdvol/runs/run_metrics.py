@@ -18,6 +18,7 @@ from pdvol.measure.rigid import drift, mass_centres, rigid_motions
 from pdvol.runs.run_continuity import PREDICTED_WITH, continuity_of_level, three_states
 from pdvol.runs.stored_fields import level_densities, stored_scene
 from pdvol.scene import Friction, Scene
+from pdvol.stages import say, stage
 from pdvol.store.files import write_json
 from pdvol.store.reader import Run, RunLevel, open_run
 
@@ -53,19 +54,20 @@ def measure_run(path: str | Path) -> dict:
     for level in run.levels:
         if not level.steps:
             continue
-        masses = lumped_masses(level.mesh, densities[level.index])
-        entry: dict[str, Any] = {"level": level.index, "steps": level.steps - 1, "mass": float(masses.sum())}
-        if scene is not None and scene.integrator == "implicit_euler":
-            entry |= continuity_of_level(run, level, scene, obstacles, hierarchy, masses)
-        entry["jitter"] = [
-            metrics.jitter(*three_states(level, n, run.dt), run.dt, masses) for n in range(1, entry["steps"] + 1)
-        ]
-        if level.index and run.levels[level.index - 1].steps:
-            below = run.levels[level.index - 1]
-            weights = hierarchy.prolongation(level.index).weights
-            below_masses = lumped_masses(below.mesh, densities[below.index])
-            entry |= _between_levels(level, below, weights, masses, below_masses)
-            entry |= _drift(run, level, hierarchy, masses)
+        with stage(f"measuring level {level.index} of {path}"):
+            masses = lumped_masses(level.mesh, densities[level.index])
+            entry: dict[str, Any] = {"level": level.index, "steps": level.steps - 1, "mass": float(masses.sum())}
+            if scene is not None and scene.integrator == "implicit_euler":
+                entry |= continuity_of_level(run, level, scene, obstacles, hierarchy, masses)
+            entry["jitter"] = [
+                metrics.jitter(*three_states(level, n, run.dt), run.dt, masses) for n in range(1, entry["steps"] + 1)
+            ]
+            if level.index and run.levels[level.index - 1].steps:
+                below = run.levels[level.index - 1]
+                weights = hierarchy.prolongation(level.index).weights
+                below_masses = lumped_masses(below.mesh, densities[below.index])
+                entry |= _between_levels(level, below, weights, masses, below_masses)
+                entry |= _drift(run, level, hierarchy, masses)
         levels.append(entry | {"summary": _summaries(entry)})
     if not levels:
         raise InputError(f"{path} has no stored state to measure")
@@ -99,7 +101,10 @@ def write_metrics(path: Path, against: Path | None = None, file: Path | None = N
     for target in files:
         if target.is_dir() or not os.access(target.parent, os.W_OK):
             raise InputError(f"{target} cannot be written; choose another file in a folder of yours")
-    between = compare_runs(path, against) if against is not None else []
+    between = []
+    if against is not None:
+        with stage(f"comparing {path} with {against}"):
+            between = compare_runs(path, against)
     result = measure_run(path)
     runs = [result]
     if against is not None:
@@ -107,7 +112,8 @@ def write_metrics(path: Path, against: Path | None = None, file: Path | None = N
         result = {**result, "against": {**runs[1], "between": between}}
     for target in files:
         write_json(target, result)
-    plot_metrics(path / "metrics.png", runs)
+    with stage("drawing metrics.png"):
+        plot_metrics(path / "metrics.png", runs)
     return result
 
 
@@ -158,6 +164,7 @@ def compare_runs(path: str | Path, other: str | Path) -> list[dict]:
         states = min(level.steps, its.steps)
         if not states:
             continue
+        say(f"level {level.index}")
         masses, theirs = (lumped_masses(x.mesh, of[x.index]) for x, of in zip((level, its), densities, strict=True))
         entry: dict[str, Any] = {
             "level": level.index,
@@ -196,6 +203,7 @@ def _between_levels(
     projection, consistency, distance = metrics.Projection(weights), [], []
     states = min(level.steps, below.steps)
     for n in range(states):
+        say(f"distance from the level below, step {n} of {states - 1}")
         fine, coarse = level.positions(n), below.positions(n)
         consistency.append(metrics.squared_norm(projection.difference(fine, coarse), below_masses))
         distance.append(metrics.distance(fine, weights @ coarse, masses))
@@ -216,6 +224,7 @@ def _drift(run: Run, level: RunLevel, hierarchy: Hierarchy, masses: np.ndarray) 
         states = min(level.steps, run.levels[reference].steps)
         apart = np.zeros((2, states, len(bodies)))
         for n in range(states):
+            say(f"drift from level {reference}, step {n} of {states - 1}")
             apart[:, n] = _drift_of_bodies(run, level, hierarchy, masses, reference, n)
         for name, values in zip(("centre_drift", "angle_drift"), apart, strict=True):
             found[name + suffix] = values.max(axis=1).tolist()

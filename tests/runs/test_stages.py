@@ -17,7 +17,7 @@ import pytest
 import pdvol
 from cli_scenes import CUBE_OFF, FALL
 from commands import SAFETY, WITHOUT_PICTURE
-from pdvol import Body, NeoHookean, Scene, compiled
+from pdvol import Body, NeoHookean, Scene, cli, compiled
 from pdvol.meshes import Outline
 from pdvol.meshing.build import build_levels
 from pdvol.runs import stage_lines
@@ -289,3 +289,58 @@ def test_pdvol_run_shows_stages_with_its_progress_only(monkeypatch, capsys):
     pdvol.run(scene, progress=lambda record: None)
     pdvol.run(scene)
     assert capsys.readouterr() == ("", "")
+
+
+# ---- commands on stored runs
+
+
+@pytest.fixture
+def all_stages(monkeypatch):
+    """Stages leave a line however short they are."""
+    monkeypatch.setattr(stage_lines, "SHOWN_SECONDS", 0.0)
+
+
+@pytest.mark.parametrize("format_name", ["xdmf", "vtkhdf", "obj", "pc2"])
+def test_export_says_level_and_step_and_prints_what_it_printed(flat_run, tmp_path, capsys, all_stages, format_name):
+    def printed():
+        assert cli.run(["export", str(flat_run), "--format", format_name, "-o", str(tmp_path / "out")]) == 0
+        return capsys.readouterr()
+
+    loud = printed()
+    assert f"exporting {format_name}" in stage_names(loud.err) and stage_names(loud.out) == []
+    what = r"level_1/.*, frame (\d+) of \1" if format_name == "pc2" else r"level 1, step (\d+) of \1"
+    assert re.search(rf"^exporting {format_name}: .*\({what}", loud.err, re.MULTILINE), loud.err
+    stage_lines.SHOWN_SECONDS = float("inf")
+    quiet = printed()
+    assert quiet.out == loud.out and quiet.err == ""
+
+
+def test_verify_says_level_and_step(flat_run, capsys, all_stages):
+    assert cli.run(["verify", str(flat_run)]) == 0
+    shown = capsys.readouterr()
+    said = re.findall(rf"^verifying {flat_run}: .* s \(level (\d), step (\d+) of \2\)$", shown.err, re.MULTILINE)
+    levels = [level.index for level in pdvol.open_run(flat_run).levels]
+    assert [int(level) for level, _ in said] == levels and "verifying" not in shown.out
+
+
+def test_metrics_say_which_level_they_measure(small_run, capsys, all_stages):
+    assert cli.run(["metrics", str(small_run), "--against", str(small_run)]) == 0
+    shown = capsys.readouterr()
+    names = stage_names(shown.err)
+    assert [names.count(f"measuring level {level} of {small_run}") for level in (0, 1)] == [2, 2]
+    assert f"comparing {small_run} with {small_run}" in names and "drawing metrics.png" in names
+    assert stage_names(shown.out) == []
+    assert re.search(r"^measuring level 1 of .*drift from level 0, step (\d+) of \1[;)]", shown.err, re.MULTILINE)
+
+
+def test_loading_has_a_stage(tmp_path):
+    """In a process of its own: MPI is loaded while the stage is shown."""
+    (tmp_path / "fall.py").write_text(FALL)
+    program = "import pdvol.runs.stage_lines as s; s.SHOWN_SECONDS = s.FIRST_SIGN = 0.0; import pdvol; pdvol.main()"
+    words = ["preview", "fall.py", "--steps", "1", "--no-picture", "--no-xdmf", "--out", "a"]
+    done = subprocess.run(
+        [sys.executable, "-c", program, *words], cwd=tmp_path, capture_output=True, text=True, timeout=SAFETY
+    )
+    assert done.returncode == 0, done.stderr
+    names = stage_names(done.stderr)
+    assert names[:2] == ["loading the solver", "loading fall.py"] and done.stdout == ""

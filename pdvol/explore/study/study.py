@@ -6,6 +6,7 @@ import time
 from collections.abc import Callable, Sequence
 from contextlib import closing
 from functools import cached_property
+from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +21,7 @@ from pdvol.explore.study.yardstick import Yardstick, cost
 from pdvol.explore.variation import Base, Variation, number, value_text
 from pdvol.levels.scene_fields import scene_diagonal
 from pdvol.runs.scene_file import Shot
+from pdvol.stages import say, stage
 from pdvol.store.files import read_json, write_json
 from pdvol.store.reader import open_run
 
@@ -98,10 +100,17 @@ class Study:
         """
         with closing(take_folder(self.file, STUDY_FORMAT, self._description(), {"points": []})):
             deadline = self.begin + max(self.budget - PAGE_TIME, 1.0)
-            for outcome in run_jobs(self._choose, Processes(self.jobs), deadline):
-                self._take(outcome)
+            outcomes = run_jobs(self._choose, Processes(self.jobs), deadline)
+            for number in count(1):
+                with stage(f"simulating until run {number} of the study ends"):
+                    outcome = next(outcomes, None)
+                if outcome is None:
+                    break
+                with stage(f"measuring {outcome.job.name}"):
+                    self._take(outcome)
                 report(self._line(outcome))
-            return self.write()
+            with stage("measuring the study's runs"):
+                return self.write()
 
     def _description(self) -> dict:
         return {"scene": self.shot.description(), "steps": self.shot.scene.steps, "method": self.plan.method}
@@ -127,6 +136,7 @@ class Study:
         steps, levels = variation.steps(self.base), range(entry.last + 1)
         words = [str(self.base.scene), *variation.words(self.base, f"0:{entry.last}")]
         self._runs.setdefault(variation, {"purpose": entry.purpose})
+        say(f"{variation.name} has begun, levels 0 to {entry.last}")
         return Job(variation.name, words, self.folder(variation), levels, steps)
 
     def _take(self, outcome: Outcome) -> None:
