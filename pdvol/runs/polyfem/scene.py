@@ -1,0 +1,393 @@
+"""A pdvol scene from a scene in PolyFEM's JSON."""
+
+import math
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pdvol.errors import InputError
+from pdvol.meshes import Solid
+from pdvol.runs.polyfem.document import Reading, Section, read_document
+from pdvol.runs.polyfem.expressions import Expression
+from pdvol.runs.polyfem.geometry import Meshed, is_closed, read_body, read_surface
+from pdvol.scene import (
+    Barrier,
+    Body,
+    FixedCorotational,
+    Friction,
+    Gravity,
+    Material,
+    NeoHookean,
+    Obstructing,
+    Plane,
+    Region,
+    Rigid,
+    Scene,
+    Still,
+    StVenantKirchhoff,
+    Support,
+)
+
+LAWS_OF = {"NeoHookean": NeoHookean, "FixedCorotational": FixedCorotational, "SaintVenant": StVenantKirchhoff}
+INTEGRATORS_OF = {"ImplicitEuler": "implicit_euler", "BDF1": "implicit_euler", "BDF2": "bdf2"}
+MOST_LAGGED = 100  # times that friction is lagged anew where PolyFEM sets no bound
+SAME_PLACE = 1e-9  # of the size of the scene: points closer than this are one vertex
+MOST_LISTED = 5  # levels that a PolyFEM scene may be given
+
+
+@dataclass(frozen=True)
+class Displaced:
+    """A motion by expressions of the displacement: (X, t) -> X + u(X, t + start)."""
+
+    components: tuple[Expression, ...]
+    start: float = 0.0
+
+    def __call__(self, X: np.ndarray, t: float) -> np.ndarray:
+        return X + np.stack([component(X, t + self.start) for component in self.components], axis=1)
+
+
+@dataclass(frozen=True)
+class Accelerated:
+    """Minus the right-hand side (t) -> (d,)."""
+
+    components: tuple[Expression, ...]
+    start: float = 0.0
+
+    def __call__(self, t: float) -> np.ndarray:
+        return -np.array([component(np.zeros((1, 3)), t + self.start)[0] for component in self.components])
+
+
+@dataclass(frozen=True)
+class Starting:
+    """An initial velocity by expressions of rest positions: (n, d) -> (n, d)."""
+
+    components: tuple[Expression, ...]
+
+    def __call__(self, X: np.ndarray) -> np.ndarray:
+        return np.stack([component(X, 0.0) for component in self.components], axis=1)
+
+
+@dataclass(frozen=True, eq=False)
+class AmongPoints:
+    """Which rest positions (n, d) are among given ones (k, d), up to a distance [m]."""
+
+    points: np.ndarray
+    distance: float
+
+    def __call__(self, X: np.ndarray) -> np.ndarray:
+        from scipy.spatial import cKDTree
+
+        return cKDTree(self.points).query(X)[0] <= self.distance
+
+
+def polyfem_scene(file: Path) -> Callable[..., Scene]:
+    """The `scene(levels=1)` of a PolyFEM file: the coarsest level is PolyFEM's mesh, the others refine it uniformly."""
+
+    def scene(levels: int = 1) -> Scene:
+        if not isinstance(levels, int) or not 1 <= levels <= MOST_LISTED:
+            raise InputError(f"levels = {levels!r} must be a whole number from 1 to {MOST_LISTED}")
+        document = read_document(file)
+        made = _scene(document, levels)
+        _say(file.name, document.reading)
+        return made
+
+    return scene
+
+
+def _say(name: str, reading: Reading) -> None:
+    """What was passed over and what differs, a line each on stderr; once a line."""
+    ignored = sorted(set(reading.ignored))
+    lines = [f"ignored, as it says how PolyFEM solves or writes: {', '.join(ignored)}"] if ignored else []
+    for line in [*lines, *reading.notes]:
+        _line(f"{name}: {line}")
+
+
+@cache
+def _line(line: str) -> None:
+    print(line, file=sys.stderr)
+
+
+def _scene(root: Section, levels: int) -> Scene:
+    reading = root.reading
+    _check_units(root)
+    space = root.section("space")
+    space.only("discr_order", (1,), "pdvol's elements are linear")
+    space.only("basis_type", ("Lagrange",), "pdvol's elements are Lagrangian")
+    space.only("use_p_ref", (False,), "pdvol's elements are linear")
+    space.close()
+    dt, steps, start, integrator = _time(root)
+    conditions = root.section("boundary_conditions")
+    meshed, obstacle_sections = _geometries(root, levels)
+    dim = meshed[0].levels[0].vertices.shape[1] if meshed else 3
+    materials = _materials(root, dim)
+    supports, driven = _dirichlet(conditions, meshed, dim, start)
+    obstacles = _obstacles(obstacle_sections, reading.file.parent, driven, start)
+    bodies = [_body(m, materials, reading) for m in meshed]
+    bodies = _velocities(root, bodies, meshed, dim)
+    gravity = _components(conditions, "rhs", dim) if conditions.get("rhs") not in (None, []) else ()
+    if any(c.variables - {"t"} for c in gravity):
+        conditions.refuse("rhs", "pdvol's gravity depends on time alone, not on x, y, z")
+    conditions.close()
+    solver = root.section("solver")
+    contact = _contact(root.section("contact"), solver.section("contact"))
+    solver.only("rayleigh_damping", ([],), "pdvol's damping is of another kind")
+    advanced = solver.section("advanced")
+    if not advanced.flag("lump_mass_matrix", False):
+        reading.notes.append("PolyFEM's mass matrix is consistent here; pdvol's is lumped")
+    if advanced.values:
+        reading.ignored.append(advanced.path)
+    solver.close()
+    root.close()
+    if not bodies:
+        root.refuse("geometry", "no deformable mesh is left")
+    reading.check()
+    return Scene(
+        bodies=tuple(b for b in bodies if b is not None),
+        dt=dt,
+        steps=steps,
+        loads=_weight(gravity, start),
+        supports=tuple(supports),
+        obstacles=tuple(obstacles) if contact else (),
+        contact=contact,
+        integrator=integrator,
+    )
+
+
+def _weight(components: tuple[Expression, ...], start: float) -> tuple[Gravity, ...]:
+    """Gravity of a right-hand side; numbers where it does not change."""
+    if not components:
+        return ()
+    changing = Accelerated(components, start)
+    return (Gravity(changing if any(c.variables for c in components) else changing(0.0) + 0.0),)
+
+
+def _check_units(root: Section) -> None:
+    """Refuse other units than pdvol's."""
+    units = root.section("units")
+    for key, unit in (("length", "m"), ("mass", "kg"), ("time", "s")):
+        units.only(key, (unit,), f"pdvol's unit is {unit}")
+    units.get("characteristic_length")
+    units.close()
+
+
+def _time(root: Section) -> tuple[float, int, float, str]:
+    """The step [s], how many, when the first begins [s], and the integrator."""
+    if "time" not in root.values:
+        root.refuse("time", "pdvol simulates motion; a static scene has none")
+        return 1.0, 1, 0.0, "implicit_euler"
+    time = root.section("time")
+    start, given = time.number("t0", 0.0), {key for key in ("tend", "dt", "time_steps") if key in time.values}
+    end, dt, steps = time.number("tend", 0.0), time.number("dt", 0.0), time.whole("time_steps", 0)
+    if len(given) < 2:
+        root.refuse("time", "two of tend, dt and time_steps are expected")
+    elif given >= {"tend", "dt"} and dt > 0.0:
+        steps = math.ceil((end - start) / dt - 1e-9)
+    elif "time_steps" in given and "dt" not in given and steps > 0:
+        dt = (end - start) / steps
+    if dt <= 0.0 or steps < 1:
+        root.refuse("time", "gives no step of positive length")
+        dt, steps = 1.0, 1
+    time.only("quasistatic", (False,), "pdvol always has inertia")
+    chosen = time.get("integrator", "ImplicitEuler")
+    name = chosen
+    if isinstance(chosen, dict):
+        name = f"BDF{chosen.get('steps', 1)}" if chosen.get("type") == "BDF" else chosen.get("type")
+    if not isinstance(name, str) or name not in INTEGRATORS_OF:
+        time.refuse("integrator", f"pdvol has {', '.join(INTEGRATORS_OF)}")
+    time.close()
+    return dt, steps, start, INTEGRATORS_OF.get(str(name), "implicit_euler")
+
+
+def _geometries(root: Section, levels: int) -> tuple[list[Meshed], list[Section]]:
+    """The deformable meshes, and the sections of the obstacles."""
+    meshed, obstacles = [], []
+    for number, entry in enumerate(root.sections("geometry"), 1):
+        if not entry.flag("enabled", True):
+            continue
+        kind = entry.get("type", "mesh")
+        if kind not in ("mesh", "plane", "ground"):
+            entry.refuse("type", "pdvol reads mesh, plane and ground")
+        elif entry.flag("is_obstacle", False) or kind != "mesh":
+            obstacles.append(entry)
+        else:
+            name = f"{Path(str(entry.get('mesh', 'body'))).stem} {number}"
+            found = read_body(entry, root.reading.file.parent, name, levels)
+            if found is not None:
+                meshed.append(found)
+    return meshed, obstacles
+
+
+def _obstacles(
+    entries: list[Section], folder: Path, driven: list[tuple[set[int] | None, Displaced]], start: float
+) -> list[Obstructing]:
+    obstacles: list[Obstructing] = []
+    for number, entry in enumerate(entries, 1):
+        kind = entry.get("type", "mesh")
+        if kind == "mesh":
+            wanted = entry.get("surface_selection")
+            if wanted is not None and not isinstance(wanted, int):
+                entry.refuse("surface_selection", "PolyFEM's obstacles have one number")
+            entry.only("volume_selection", (wanted, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9), "obstacles have no volume")
+            motion = next((m for ids, m in driven if wanted is not None and (ids is None or wanted in ids)), None)
+            surface = read_surface(entry, folder)
+            if surface is not None:
+                name = f"{Path(str(entry.get('mesh'))).stem} obstacle {number}"
+                obstacles.append(Rigid(surface, motion=motion or Still(), name=name, closed=is_closed(surface)))
+            continue
+        if kind == "ground":
+            height = entry.number("height", 0.0)
+            point, normal = (0.0, height, 0.0), (0.0, 1.0, 0.0)
+        else:
+            point, normal = (tuple(entry.get(key, ())) for key in ("point", "normal"))
+        entry.close()
+        try:
+            obstacles.append(Plane(point, normal, name=f"plane {number}"))
+        except InputError as error:
+            entry.refuse("point", str(error))
+    return obstacles
+
+
+def _materials(root: Section, dim: int) -> dict[int | None, Material]:
+    """Materials by volume number; by None where one holds for all."""
+    found: dict[int | None, Material] = {}
+    entries = root.sections("materials")
+    for entry in entries:
+        kind = entry.get("type")
+        if kind not in LAWS_OF:
+            entry.refuse("type", f"pdvol has {', '.join(LAWS_OF)}")
+            continue
+        ids = entry.get("id", 0)
+        if {"lambda", "mu"} <= set(entry.values):
+            first, shear = entry.number("lambda", 0.0), entry.number("mu", 1.0)
+        else:
+            young, poisson = entry.number("E", 1.0), entry.number("nu", 0.0)
+            shear = young / (2.0 * (1.0 + poisson))
+            # PolyFEM takes E and nu of a 2D scene as those of a thin sheet
+            across = 1.0 - 2.0 * poisson if dim == 3 else 1.0 - poisson
+            first = young * poisson / ((1.0 + poisson) * across)
+        for key in ("phi", "psi"):
+            entry.only(key, (0, 0.0), "pdvol's damping is of another kind")
+        density = entry.number("rho", 1.0)
+        entry.close()
+        try:
+            young, poisson = shear * (3.0 * first + 2.0 * shear) / (first + shear), first / (2.0 * (first + shear))
+            material = LAWS_OF[kind](young, poisson, density)
+        except (InputError, ZeroDivisionError) as error:
+            entry.refuse("type", str(error))
+            continue
+        for number in ids if isinstance(ids, list) else [ids]:
+            found[number] = material
+        if len(entries) == 1:
+            found[None] = material
+    return found
+
+
+def _body(meshed: Meshed, materials: dict[int | None, Material], reading: Reading) -> Body | None:
+    missing = [n for n in meshed.numbers if n not in materials and None not in materials]
+    if missing:
+        if not reading.refused:
+            reading.refuse(meshed.path, missing[0], "no material has this volume number as its id")
+        return None
+    of = {n: materials.get(n, materials.get(None)) for n in meshed.numbers}
+    main, *others = meshed.numbers
+    shapes = tuple(Solid(s.vertices, s.cells, s.regions) for s in meshed.levels)
+    regions = tuple(Region(of[n], n) for n in others)  # type: ignore[arg-type]
+    return Body(shapes, of[main], name=meshed.name, regions=regions)  # type: ignore[arg-type]
+
+
+def _components(owner: Section, key: str, dim: int) -> tuple[Expression, ...]:
+    """The expressions of a vector; empty where one is refused."""
+    given: Any = owner.get(key, [])
+    if not isinstance(given, list) or len(given) < dim or len(given) > 3:
+        owner.refuse(key, f"a list of {dim} numbers or expressions is expected here")
+        return ()
+    found = []
+    for number, value in enumerate(given[:dim]):
+        try:
+            found.append(Expression.read(value))
+        except InputError as error:
+            owner.reading.refuse(f"{owner.at(key)}[{number}]", value, str(error))
+    return tuple(found) if len(found) == dim else ()
+
+
+def _ids(entry: Section) -> set[int] | None:
+    """The surface numbers of a condition; None for all."""
+    given = entry.get("id", "all")
+    if given == "all":
+        return None
+    listed = given if isinstance(given, list) else [given]
+    if any(isinstance(n, bool) or not isinstance(n, int) for n in listed):
+        entry.refuse("id", "whole numbers or all are expected here")
+        return set()
+    return set(listed)
+
+
+def _dirichlet(
+    conditions: Section, meshed: list[Meshed], dim: int, start: float
+) -> tuple[list[Support], list[tuple[set[int] | None, Displaced]]]:
+    """The supports, and the motions of obstacles by their surface numbers, the strongest first."""
+    supports: list[Support] = []
+    driven: dict[str, list] = {"dirichlet_boundary": [], "obstacle_displacements": []}
+    size = max((float(np.abs(m.levels[0].vertices).max()) for m in meshed), default=1.0)
+    for key, motions in driven.items():
+        for entry in conditions.sections(key):
+            ids, components = _ids(entry), _components(entry, "value", dim)
+            entry.only("dimension", ([True] * dim, [True, True, True]), "pdvol's supports hold all components")
+            entry.only("interpolation", ([],), "pdvol reads the value alone")
+            entry.only("time_reference", ([],), "pdvol reads values as expressions of t")
+            entry.close()
+            if not components:
+                continue
+            motion = Displaced(components, start)
+            motions.append((ids, motion))
+            for m in meshed if key == "dirichlet_boundary" else ():
+                points = m.selected(ids)
+                if len(points):
+                    still = all(not c.variables and c(np.zeros((1, 3)), 0.0)[0] == 0.0 for c in components)
+                    chosen = AmongPoints(points, SAME_PLACE * size)
+                    supports.append(Support(chosen, m.name, Still() if still else motion))
+    return supports, [*driven["obstacle_displacements"], *driven["dirichlet_boundary"]]
+
+
+def _velocities(root: Section, bodies: list[Body | None], meshed: list[Meshed], dim: int) -> list[Body | None]:
+    """The bodies with their initial velocities."""
+    initial = root.section("initial_conditions")
+    for key in ("solution", "acceleration"):
+        initial.only(key, ([],), "pdvol starts at rest positions, with a velocity alone")
+    for entry in initial.sections("velocity"):
+        ids, components = _ids(entry), _components(entry, "value", dim)
+        entry.close()
+        for number, (body, m) in enumerate(zip(bodies, meshed, strict=True)):
+            touched = set(m.numbers) if ids is None else set(m.numbers) & ids
+            if touched and touched != set(m.numbers):
+                entry.refuse("id", f"is a part of {m.path}; pdvol's velocities are those of whole bodies")
+            elif touched and body is not None and components:
+                bodies[number] = replace(body, velocity=Starting(components))
+    initial.close()
+    return bodies
+
+
+def _contact(contact: Section, solving: Section) -> tuple[Barrier | Friction, ...]:
+    enabled, dhat = contact.flag("enabled", False), contact.number("dhat", 1e-3)
+    mu, speed = contact.number("friction_coefficient", 0.0), contact.number("epsv", 1e-3)
+    convergent = contact.flag("use_convergent_formulation", False)
+    for key in ("use_gcp_formulation", "periodic", "use_adaptive_dhat"):
+        contact.only(key, (False,), "pdvol has no counterpart")
+    adhesion = contact.section("adhesion")
+    adhesion.only("adhesion_enabled", (False,), "pdvol has no adhesion")
+    contact.get("dhat_percentage")
+    contact.only("collision_mesh", ({"enabled": False},), "pdvol's contact acts on the surfaces of the bodies")
+    lagged = solving.whole("friction_iterations", 1)
+    solving.close()
+    contact.close()
+    if not enabled:
+        return ()
+    barrier = Barrier(dhat=dhat, law="convergent" if convergent else "classic")
+    if mu <= 0.0 or lagged == 0:
+        return (barrier,)
+    return barrier, Friction(mu, eps_v=speed, iterations=lagged if lagged > 0 else MOST_LAGGED)
