@@ -3,86 +3,31 @@
 import math
 import sys
 from collections.abc import Callable
-from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
-from typing import Any
-
-import numpy as np
 
 from pdvol.errors import InputError
 from pdvol.meshes import Solid
+from pdvol.runs.polyfem.conditions import Displaced, read_dirichlet, read_gravity, with_velocities
 from pdvol.runs.polyfem.document import Reading, Section, read_document
-from pdvol.runs.polyfem.expressions import Expression
 from pdvol.runs.polyfem.geometry import Meshed, is_closed, read_body, read_surface
+from pdvol.runs.polyfem.materials import read_materials
 from pdvol.scene import (
     Barrier,
     Body,
-    FixedCorotational,
     Friction,
-    Gravity,
     Material,
-    NeoHookean,
     Obstructing,
     Plane,
     Region,
     Rigid,
     Scene,
     Still,
-    StVenantKirchhoff,
-    Support,
 )
 
-LAWS_OF = {"NeoHookean": NeoHookean, "FixedCorotational": FixedCorotational, "SaintVenant": StVenantKirchhoff}
 INTEGRATORS_OF = {"ImplicitEuler": "implicit_euler", "BDF1": "implicit_euler", "BDF2": "bdf2"}
 MOST_LAGGED = 100  # times that friction is lagged anew where PolyFEM sets no bound
-SAME_PLACE = 1e-9  # of the size of the scene: points closer than this are one vertex
 MOST_LISTED = 5  # levels that a PolyFEM scene may be given
-
-
-@dataclass(frozen=True)
-class Displaced:
-    """A motion by expressions of the displacement: (X, t) -> X + u(X, t + start)."""
-
-    components: tuple[Expression, ...]
-    start: float = 0.0
-
-    def __call__(self, X: np.ndarray, t: float) -> np.ndarray:
-        return X + np.stack([component(X, t + self.start) for component in self.components], axis=1)
-
-
-@dataclass(frozen=True)
-class Accelerated:
-    """Minus the right-hand side (t) -> (d,)."""
-
-    components: tuple[Expression, ...]
-    start: float = 0.0
-
-    def __call__(self, t: float) -> np.ndarray:
-        return -np.array([component(np.zeros((1, 3)), t + self.start)[0] for component in self.components])
-
-
-@dataclass(frozen=True)
-class Starting:
-    """An initial velocity by expressions of rest positions: (n, d) -> (n, d)."""
-
-    components: tuple[Expression, ...]
-
-    def __call__(self, X: np.ndarray) -> np.ndarray:
-        return np.stack([component(X, 0.0) for component in self.components], axis=1)
-
-
-@dataclass(frozen=True, eq=False)
-class AmongPoints:
-    """Which rest positions (n, d) are among given ones (k, d), up to a distance [m]."""
-
-    points: np.ndarray
-    distance: float
-
-    def __call__(self, X: np.ndarray) -> np.ndarray:
-        from scipy.spatial import cKDTree
-
-        return cKDTree(self.points).query(X)[0] <= self.distance
 
 
 def polyfem_scene(file: Path) -> Callable[..., Scene]:
@@ -124,14 +69,12 @@ def _scene(root: Section, levels: int) -> Scene:
     conditions = root.section("boundary_conditions")
     meshed, obstacle_sections = _geometries(root, levels)
     dim = meshed[0].levels[0].vertices.shape[1] if meshed else 3
-    materials = _materials(root, dim)
-    supports, driven = _dirichlet(conditions, meshed, dim, start)
+    materials = read_materials(root, dim)
+    supports, driven = read_dirichlet(conditions, meshed, dim, start)
     obstacles = _obstacles(obstacle_sections, reading.file.parent, driven, start)
     bodies = [_body(m, materials, reading) for m in meshed]
-    bodies = _velocities(root, bodies, meshed, dim)
-    gravity = _components(conditions, "rhs", dim) if conditions.get("rhs") not in (None, []) else ()
-    if any(c.variables - {"t"} for c in gravity):
-        conditions.refuse("rhs", "pdvol's gravity depends on time alone, not on x, y, z")
+    bodies = with_velocities(root, bodies, meshed, dim)
+    gravity = read_gravity(conditions, dim, start)
     conditions.close()
     solver = root.section("solver")
     contact = _contact(root.section("contact"), solver.section("contact"))
@@ -150,20 +93,12 @@ def _scene(root: Section, levels: int) -> Scene:
         bodies=tuple(b for b in bodies if b is not None),
         dt=dt,
         steps=steps,
-        loads=_weight(gravity, start),
+        loads=gravity,
         supports=tuple(supports),
         obstacles=tuple(obstacles) if contact else (),
         contact=contact,
         integrator=integrator,
     )
-
-
-def _weight(components: tuple[Expression, ...], start: float) -> tuple[Gravity, ...]:
-    """Gravity of a right-hand side; numbers where it does not change."""
-    if not components:
-        return ()
-    changing = Accelerated(components, start)
-    return (Gravity(changing if any(c.variables for c in components) else changing(0.0) + 0.0),)
 
 
 def _check_units(root: Section) -> None:
@@ -243,48 +178,13 @@ def _obstacles(
             height = entry.number("height", 0.0)
             point, normal = (0.0, height, 0.0), (0.0, 1.0, 0.0)
         else:
-            point, normal = (tuple(entry.get(key, ())) for key in ("point", "normal"))
+            point, normal = (entry.get(key, ()) for key in ("point", "normal"))
         entry.close()
         try:
             obstacles.append(Plane(point, normal, name=f"plane {number}"))
-        except InputError as error:
+        except (InputError, TypeError) as error:
             entry.refuse("point", str(error))
     return obstacles
-
-
-def _materials(root: Section, dim: int) -> dict[int | None, Material]:
-    """Materials by volume number; by None where one holds for all."""
-    found: dict[int | None, Material] = {}
-    entries = root.sections("materials")
-    for entry in entries:
-        kind = entry.get("type")
-        if kind not in LAWS_OF:
-            entry.refuse("type", f"pdvol has {', '.join(LAWS_OF)}")
-            continue
-        ids = entry.get("id", 0)
-        if {"lambda", "mu"} <= set(entry.values):
-            first, shear = entry.number("lambda", 0.0), entry.number("mu", 1.0)
-        else:
-            young, poisson = entry.number("E", 1.0), entry.number("nu", 0.0)
-            shear = young / (2.0 * (1.0 + poisson))
-            # PolyFEM takes E and nu of a 2D scene as those of a thin sheet
-            across = 1.0 - 2.0 * poisson if dim == 3 else 1.0 - poisson
-            first = young * poisson / ((1.0 + poisson) * across)
-        for key in ("phi", "psi"):
-            entry.only(key, (0, 0.0), "pdvol's damping is of another kind")
-        density = entry.number("rho", 1.0)
-        entry.close()
-        try:
-            young, poisson = shear * (3.0 * first + 2.0 * shear) / (first + shear), first / (2.0 * (first + shear))
-            material = LAWS_OF[kind](young, poisson, density)
-        except (InputError, ZeroDivisionError) as error:
-            entry.refuse("type", str(error))
-            continue
-        for number in ids if isinstance(ids, list) else [ids]:
-            found[number] = material
-        if len(entries) == 1:
-            found[None] = material
-    return found
 
 
 def _body(meshed: Meshed, materials: dict[int | None, Material], reading: Reading) -> Body | None:
@@ -298,78 +198,6 @@ def _body(meshed: Meshed, materials: dict[int | None, Material], reading: Readin
     shapes = tuple(Solid(s.vertices, s.cells, s.regions) for s in meshed.levels)
     regions = tuple(Region(of[n], n) for n in others)  # type: ignore[arg-type]
     return Body(shapes, of[main], name=meshed.name, regions=regions)  # type: ignore[arg-type]
-
-
-def _components(owner: Section, key: str, dim: int) -> tuple[Expression, ...]:
-    """The expressions of a vector; empty where one is refused."""
-    given: Any = owner.get(key, [])
-    if not isinstance(given, list) or len(given) < dim or len(given) > 3:
-        owner.refuse(key, f"a list of {dim} numbers or expressions is expected here")
-        return ()
-    found = []
-    for number, value in enumerate(given[:dim]):
-        try:
-            found.append(Expression.read(value))
-        except InputError as error:
-            owner.reading.refuse(f"{owner.at(key)}[{number}]", value, str(error))
-    return tuple(found) if len(found) == dim else ()
-
-
-def _ids(entry: Section) -> set[int] | None:
-    """The surface numbers of a condition; None for all."""
-    given = entry.get("id", "all")
-    if given == "all":
-        return None
-    listed = given if isinstance(given, list) else [given]
-    if any(isinstance(n, bool) or not isinstance(n, int) for n in listed):
-        entry.refuse("id", "whole numbers or all are expected here")
-        return set()
-    return set(listed)
-
-
-def _dirichlet(
-    conditions: Section, meshed: list[Meshed], dim: int, start: float
-) -> tuple[list[Support], list[tuple[set[int] | None, Displaced]]]:
-    """The supports, and the motions of obstacles by their surface numbers, the strongest first."""
-    supports: list[Support] = []
-    driven: dict[str, list] = {"dirichlet_boundary": [], "obstacle_displacements": []}
-    size = max((float(np.abs(m.levels[0].vertices).max()) for m in meshed), default=1.0)
-    for key, motions in driven.items():
-        for entry in conditions.sections(key):
-            ids, components = _ids(entry), _components(entry, "value", dim)
-            entry.only("dimension", ([True] * dim, [True, True, True]), "pdvol's supports hold all components")
-            entry.only("interpolation", ([],), "pdvol reads the value alone")
-            entry.only("time_reference", ([],), "pdvol reads values as expressions of t")
-            entry.close()
-            if not components:
-                continue
-            motion = Displaced(components, start)
-            motions.append((ids, motion))
-            for m in meshed if key == "dirichlet_boundary" else ():
-                points = m.selected(ids)
-                if len(points):
-                    still = all(not c.variables and c(np.zeros((1, 3)), 0.0)[0] == 0.0 for c in components)
-                    chosen = AmongPoints(points, SAME_PLACE * size)
-                    supports.append(Support(chosen, m.name, Still() if still else motion))
-    return supports, [*driven["obstacle_displacements"], *driven["dirichlet_boundary"]]
-
-
-def _velocities(root: Section, bodies: list[Body | None], meshed: list[Meshed], dim: int) -> list[Body | None]:
-    """The bodies with their initial velocities."""
-    initial = root.section("initial_conditions")
-    for key in ("solution", "acceleration"):
-        initial.only(key, ([],), "pdvol starts at rest positions, with a velocity alone")
-    for entry in initial.sections("velocity"):
-        ids, components = _ids(entry), _components(entry, "value", dim)
-        entry.close()
-        for number, (body, m) in enumerate(zip(bodies, meshed, strict=True)):
-            touched = set(m.numbers) if ids is None else set(m.numbers) & ids
-            if touched and touched != set(m.numbers):
-                entry.refuse("id", f"is a part of {m.path}; pdvol's velocities are those of whole bodies")
-            elif touched and body is not None and components:
-                bodies[number] = replace(body, velocity=Starting(components))
-    initial.close()
-    return bodies
 
 
 def _contact(contact: Section, solving: Section) -> tuple[Barrier | Friction, ...]:
