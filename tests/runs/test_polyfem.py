@@ -16,6 +16,7 @@ from pdvol.runs.polyfem.expressions import Expression
 from pdvol.runs.polyfem.geometry import refined
 from pdvol.runs.polyfem.selections import UNSELECTED, numbers_at, read_selections
 from pdvol.runs.scene_file import load_shot
+from pdvol.scene import lame
 from polyfem_norms import norms
 
 CORNERS = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], dtype=float) - 0.5
@@ -148,6 +149,20 @@ def test_transformations_come_in_polyfems_order(write):
     x, y, z = x, -z, y  # a quarter about x,
     x, y, z = -y, x, z  # then a quarter about z
     np.testing.assert_allclose(found, np.column_stack([x + 1, y, z]), atol=1e-12)
+
+
+def test_moduli_of_2d_scenes_are_those_of_a_thin_sheet(write, tmp_path):
+    nodes = "1 0 0 0\n2 1 0 0\n3 1 1 0\n4 0 1 0\n"
+    (tmp_path / "square.msh").write_text(
+        f"$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$Nodes\n4\n{nodes}$EndNodes\n"
+        "$Elements\n2\n1 2 2 0 1 1 2 3\n2 2 2 0 1 1 3 4\n$EndElements\n"
+    )
+    scene = load_shot(write(geometry=[{"mesh": "square.msh", "n_refs": 2}], boundary_conditions__rhs=[0, 9.81])).scene
+    (body,) = scene.bodies
+    mu, lmbda = lame(body.material.young, body.material.poisson)
+    assert (mu, lmbda) == pytest.approx((1e6 / 2.6, 1e6 * 0.3 / (1 - 0.09)))
+    assert body.shape[0].cells.shape == (32, 3) and scene.loads[0].acceleration == (0.0, -9.81)
+    np.testing.assert_allclose(simplex_volumes(body.shape[0].vertices, body.shape[0].cells), 1 / 32)
 
 
 def test_levels_are_uniform_refinements(write):
