@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from pdvol.errors import InputError
+from pdvol.errors import InputError, SeveralErrors
 
 MOST_COMMON = 20  # files that inherit from each other: more are a circle
 SHOWN_VALUE = 60  # characters of a value in a message
@@ -43,10 +43,9 @@ class Reading:
         self.refused.append(f"{path} = {shown}: {lack}")
 
     def check(self) -> None:
-        """InputError with a line for each thing that was refused."""
+        """SeveralErrors with a line for each thing that was refused."""
         if self.refused:
-            lines = list(dict.fromkeys(self.refused))
-            raise InputError("\n".join(f"{self.file.name}: {line}" for line in lines))
+            raise SeveralErrors(f"{self.file.name}: {line}" for line in dict.fromkeys(self.refused))
 
 
 class Section:
