@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 from typing import NoReturn
 
 from pdvol.commands.simulation import this_rank
-from pdvol.errors import InputError, PdvolError, SimulationError
+from pdvol.errors import InputError, PdvolError, SeveralErrors, SimulationError
 from pdvol.registry import COMMANDS
 from pdvol.runs.stage_lines import StageLines
 from pdvol.stages import reported_to
@@ -70,7 +70,8 @@ def run(arguments: Sequence[str]) -> int:
 
 def _end(message: object, code: int) -> int:
     if this_rank() == 0:
-        print(f"pdvol: {' '.join(str(message).split())}", file=sys.stderr)
+        for line in message.lines if isinstance(message, SeveralErrors) else (message,):
+            print(f"pdvol: {' '.join(str(line).split())}", file=sys.stderr)
     return code
 
 

@@ -17,6 +17,14 @@ class InputError(PdvolError, ValueError):
     """A user's mistake. The message says in one line what is wrong, where, and how to mend it."""
 
 
+class SeveralErrors(InputError):
+    """Several mistakes at once; `lines` has a message for each."""
+
+    def __init__(self, lines: Iterable[str]):
+        self.lines = tuple(lines)
+        super().__init__("\n".join(self.lines))
+
+
 class MeshError(InputError):
     """A mesh that cannot be simulated or read."""
 

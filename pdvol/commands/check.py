@@ -35,7 +35,7 @@ def main(options: Namespace) -> int:
         raise InputError(f"--measure: {options.measure:g} seconds are too few; 0 measures nothing")
     from pdvol.runs.preflight import check_meshes, check_scene
 
-    if len(options.files) == 1 and options.files[0].suffix == ".py":
+    if len(options.files) == 1 and options.files[0].suffix in (".py", ".json"):
         from pdvol.runs.scene_file import load_shot, parse_settings
 
         shot = load_shot(options.files[0], parse_settings(options.set))

@@ -15,7 +15,7 @@ def add_arguments(parser: ArgumentParser) -> None:
 
 def main(options: Namespace) -> None:
     """Print the lines of one scene or run."""
-    if options.what.suffix == ".py":
+    if options.what.suffix in (".py", ".json"):
         from pdvol.runs.scene_file import load_shot, parse_settings
         from pdvol.runs.scene_summary import scene_summary
 
