@@ -3,6 +3,7 @@ There is no traceback and no half-written file.
 """
 
 import os
+import re
 import subprocess
 import sys
 
@@ -507,10 +508,12 @@ def test_as_a_program(tmp_path, words):
         timeout=SAFETY,
     )
     assert ended.returncode == 2
+    # Where the machine is busy, loading takes a second and leaves a line before.
+    said = [line for line in ended.stderr.splitlines() if not re.fullmatch(r"loading (the solver|s\.py): .* s", line)]
     if words[0] == "run":
-        assert ended.stderr.count("\n") == 1 and ended.stderr.startswith("pdvol: level 0: ")
+        assert len(said) == 1 and said[0].startswith("pdvol: level 0: ")
     else:
-        assert ended.stderr == "" and "defect at level 0" in ended.stdout
+        assert said == [] and "defect at level 0" in ended.stdout
     assert sorted(p.name for p in tmp_path.iterdir() if p.name != "__pycache__") == ["s.py"]
 
 
