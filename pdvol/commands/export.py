@@ -15,7 +15,7 @@ def add_arguments(parser: ArgumentParser) -> None:
     parser.add_argument(
         "--fps", type=float, help="frames a second, to which usd, pc2 and alembic resample (pc2: 24 without it)"
     )
-    parser.add_argument("--fields", action="store_true", help="contact forces and stresses in usd too")
+    parser.add_argument("--fields", action="store_true", help="contact forces, strains and stresses in usd too")
     parser.add_argument(
         "--surface",
         choices=SHOWN_SURFACES,

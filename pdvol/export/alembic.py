@@ -14,13 +14,12 @@ from typing import Any
 import numpy as np
 
 from pdvol.errors import InputError, SimulationError
-from pdvol.export.frames import FILM_RATE, Frame, even_frames, said
+from pdvol.export.failures import failure_reason
+from pdvol.export.frames import FILM_RATE, Frame, Track, even_frames, points_and_velocities, said
 from pdvol.export.parts import RENDER, Part, body_parts, obstacle_parts, upward
 from pdvol.export.series import LevelFields, Series, padded
 from pdvol.store.files import TEMPORARY, require_room
 from pdvol.store.reader import Run
-
-LONGEST_ALEMBIC_REASON = 160  # characters of Alembic's own message that fit into one line
 
 
 def export(
@@ -57,6 +56,7 @@ def write_alembic(run: Run, level: int, path: str | Path, fps: float | None = No
         ) from error
     path, series = Path(path), Series(run, level)
     frames = [Frame(k, k, 1.0) for k in range(series.steps)] if fps is None else even_frames(series.steps, run.dt, fps)
+    rate = 1.0 / run.dt if fps is None else fps
     parts = [*body_parts(run, series.level, surface), *obstacle_parts(run, series.level)]
     aside = path.with_name(f".{path.stem}{TEMPORARY}.abc")
     samples = sum(len(part.rest) * (len(frames) if part.moves else 1) for part in parts)
@@ -65,15 +65,12 @@ def write_alembic(run: Run, level: int, path: str | Path, fps: float | None = No
         archive = alembic3d.Abc.CreateArchiveWithInfo(
             str(aside), float(fps or FILM_RATE), "pdvol", f"{run.path.name}, level {level}"
         )
-        shown = said(f"level {level}", frames)
-        _write_parts(archive, parts, shown, run.dt if fps is None else 1.0 / fps, _y_up(upward(run)))
+        tracks = [points_and_velocities(frames, part.at, rate) for part in parts]
+        _write_parts(archive, parts, tracks, said(f"level {level}", frames), rate, _y_up(upward(run)))
         del archive  # which writes the file
         os.replace(aside, path)
-    except OSError as error:
-        raise SimulationError(f"cannot write {path}: {error.strerror}") from error
-    except RuntimeError as error:
-        reason = " ".join(str(error).split())[:LONGEST_ALEMBIC_REASON]
-        raise SimulationError(f"cannot write {path}: {reason}") from error
+    except (OSError, RuntimeError) as error:
+        raise SimulationError(f"cannot write {path}: {failure_reason(error)}") from error
     finally:
         aside.unlink(missing_ok=True)
     return path
@@ -88,7 +85,9 @@ def _y_up(up: np.ndarray) -> np.ndarray:
     return np.array([x, y, np.cross(x, y)])
 
 
-def _write_parts(archive: Any, parts: Sequence[Part], frames: Iterable[Frame], pause: float, turn: np.ndarray) -> None:
+def _write_parts(
+    archive: Any, parts: Sequence[Part], tracks: Sequence[Track], shown: Iterable, rate: float, turn: np.ndarray
+) -> None:
     from alembic3d.AbcCoreAbstract import TimeSampling
     from alembic3d.AbcGeom import OPolyMesh, OPolyMeshSchemaSample, OXform
     from imath import IntArrayFromBuffer, V3fArrayFromBuffer
@@ -96,23 +95,23 @@ def _write_parts(archive: Any, parts: Sequence[Part], frames: Iterable[Frame], p
     def placed(points: np.ndarray) -> np.ndarray:
         return np.ascontiguousarray(points @ turn.T, dtype=np.float32)
 
-    times = archive.addTimeSampling(TimeSampling(pause, 0.0))
+    times = archive.addTimeSampling(TimeSampling(1.0 / rate, 0.0))
     meshes = []
-    for part in parts:
+    for part, track in zip(parts, tracks, strict=True):
         place = OXform(archive.getTop(), part.name)
         schema = OPolyMesh(place, f"{part.name}Shape", times).getSchema()
         polygons = np.split(part.corners, np.cumsum(part.counts)[:-1])
         corners = np.concatenate([polygon[::-1] for polygon in polygons]).astype(np.int32)
-        meshes.append((part, schema, corners, part.counts.astype(np.int32)))
-    for number, frame in enumerate(frames):
-        for part, schema, corners, counts in meshes:
-            if number and not part.moves:
+        meshes.append((part.moves, schema, track, corners, part.counts.astype(np.int32)))
+    for number, _ in enumerate(shown):
+        for moves, schema, track, corners, counts in meshes:
+            if number and not moves:
                 continue
             # The arrays that a sample refers to live until it is written.
-            points, velocities = placed(frame.sampled(part.at)), placed(part.velocity(frame.step))
+            points, velocities = (None if vectors is None else placed(vectors) for vectors in next(track))
             sample = OPolyMeshSchemaSample(
                 V3fArrayFromBuffer(points), IntArrayFromBuffer(corners), IntArrayFromBuffer(counts)
             )
-            if part.moves:
+            if velocities is not None and moves:
                 sample.setVelocities(V3fArrayFromBuffer(velocities))
             schema.set(sample)

@@ -1,13 +1,14 @@
 """When an animation shows what: stored steps at their own times, or frames of a usual rate between them.
 
-A frame between two steps is interpolated linearly. Its velocity is the mean velocity of that step, which is the
-derivative of the interpolated motion: motion blur and sub-frames agree with the frames. The contact guarantees of the
-solver hold at the steps. Between them they do not: a frame may cross a curved obstacle or another body by a part of
-the distance that is covered in a step.
+A frame between two steps is interpolated linearly. Its velocity is the mean one until the next frame: USD and its
+readers move a frame's points by it, so motion blur and sub-frames lie on the straight way to the next frame. The last
+frame repeats the velocity before it. The contact guarantees of the solver hold at the steps. Between them they do not:
+a frame may cross a curved obstacle or another body by a part of the distance that is covered in a step.
 """
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -39,6 +40,23 @@ class Frame:
         if self.share == 1.0:
             return at(self.step)
         return (1.0 - self.share) * at(self.step - 1) + self.share * at(self.step)
+
+
+Track = Iterator[tuple[np.ndarray, np.ndarray | None]]
+"""Points (n, 3) [m] at each frame, and velocities (n, 3) [m/s] or None."""
+
+
+def points_and_velocities(frames: Sequence[Frame], at: Callable[[int], np.ndarray], rate: float) -> Track:
+    """Points (n, 3) [m] at each frame and their velocities (n, 3) [m/s] until the next one; the last frame repeats the
+    velocities before it, and one frame alone has none. `at(step)` gives points, `rate` is the frames a second.
+    """
+    points, velocities = frames[0].sampled(at), None
+    for frame, following in pairwise(frames):
+        there = following.sampled(at)
+        velocities = (there - points) * (rate / (following.code - frame.code))
+        yield points, velocities
+        points = there
+    yield points, velocities
 
 
 def said(what: str, frames: Sequence[Frame]) -> Iterator[Frame]:

@@ -44,7 +44,6 @@ class Part:
     rest : (n, 3) [m]
         Without stress, of a body; at the start, of an obstacle.
     at : step -> (n, 3) [m]
-    velocity : step -> (n, 3) [m/s]; over the step
     moves : whether any position changes
     colour : sRGB, as in `pdvol.colours`
     opacity : above 0 and at most 1
@@ -60,7 +59,6 @@ class Part:
     corners: np.ndarray
     rest: np.ndarray
     at: Callable[[int], np.ndarray]
-    velocity: Callable[[int], np.ndarray]
     moves: bool
     colour: str
     opacity: float = 1.0
@@ -107,7 +105,6 @@ def _render(level: RunLevel, name: str, mesh: StoredRender) -> Part:
         mesh.corners,
         mesh.points,
         lambda step: weights @ level.positions(step),
-        lambda step: weights @ level.velocities(step),
         True,
         PALETTE[mesh.body % len(PALETTE)],
         closed=is_closed(mesh.welded),
@@ -125,7 +122,6 @@ def _body(level: RunLevel, i: int, name: str, label: str, surface: BodySurface) 
         surface.faces.ravel(),
         padded(level.rest[mine]),
         lambda step: padded(level.positions(step)[mine]),
-        lambda step: padded(level.velocities(step)[mine]),
         True,
         PALETTE[i % len(PALETTE)],
         closed=level.rest.shape[1] == 3,
@@ -168,7 +164,6 @@ def _obstacle(run: Run, level: RunLevel, i: int, name: str, middle: np.ndarray, 
         np.concatenate([np.asarray(face, dtype=np.int64) for face in faces]) if len(faces) else np.zeros(0, np.int64),
         at(0),
         at,
-        lambda step: (at(step) - at(step - 1)) / run.dt if step else np.zeros_like(at(0)),
         moves,
         GROUND if obstacle.kind == "plane" else OBSTACLE,
         float(obstacle.arrays.get("opacity", 1.0)),

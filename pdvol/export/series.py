@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from pdvol.errors import InputError
+from pdvol.geometry.strain import vertex_strain
 from pdvol.stages import say
 from pdvol.store.reader import Run, RunLevel
 
@@ -27,6 +28,22 @@ LevelFields = Callable[[int], Fields]
 def nothing_more(step: int) -> StepFields:
     """The `Fields` of a level of which only the stored states are known."""
     return StepFields()
+
+
+def with_strain(run: Run, fields: LevelFields) -> LevelFields:
+    """The same fields and the vertices' `strain` (n,), which needs stored states alone."""
+
+    def of_level(number: int) -> Fields:
+        level, more = run.levels[number], fields(number)
+
+        def at(step: int) -> StepFields:
+            found = more(step)
+            strain = vertex_strain(level.mesh, level.positions(step))
+            return StepFields({**found.points, "strain": strain}, found.cells)
+
+        return at
+
+    return of_level
 
 
 class Series:

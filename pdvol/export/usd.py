@@ -1,30 +1,30 @@
 """A shot as one USD file: levels are variants of one prim, and bodies and obstacles are meshes with materials.
 
     /run                    variant set `level`; the finest level is chosen
-    /run/bodies/<name>      a mesh in each variant: points, velocities, extent; primvars `rest` and, if wanted, fields
+    /run/bodies/<name>      a mesh in each variant: points, velocities until the next time code, extent; primvars `rest`
+                            and, if wanted, fields
     /run/obstacles/<name>   a mesh; one that moves is in each variant, because contact may hold it back on some levels
     /run/materials/<name>   UsdPreviewSurface, bound to the mesh of that name
 
 Units are metres and seconds. Time codes are frames.
 """
 
-import os
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from pdvol.colours import linear_colour
-from pdvol.errors import InputError, SimulationError
-from pdvol.export.frames import FILM_RATE, Frame, even_frames, said, stored_frames
+from pdvol.errors import InputError
+from pdvol.export.frames import FILM_RATE, Frame, even_frames, points_and_velocities, said, stored_frames
 from pdvol.export.parts import BOTH, RENDER, Part, body_parts, obstacle_parts, upward
-from pdvol.export.series import Fields, LevelFields, Series, StepFields, padded
+from pdvol.export.series import LevelFields, Series, padded, with_strain
 from pdvol.export.textures import copy_texture
-from pdvol.store.files import TEMPORARY
+from pdvol.export.usd_file import UsdFile, usd_file
+from pdvol.export.usd_primvars import add_primvar, add_uvs, fields_adder
 from pdvol.store.reader import Run, RunLevel
 
-LONGEST_USD_REASON = 160  # characters of USD's own message that fit into one line
 ROUGHNESS = 0.55  # of all materials, between 0 (a mirror) and 1: the soft highlights of pdvol's pictures
 
 
@@ -39,7 +39,7 @@ def export(
 ) -> list[Path]:
     """Write all levels into `out/<run>.usdc`. See `pdvol.export`."""
     path = out / f"{run.path.resolve().name}.usdc"
-    return [write_usd(run, levels, path, fps, fields if with_fields else None, surface)]
+    return [write_usd(run, levels, path, fps, with_strain(run, fields) if with_fields else None, surface)]
 
 
 def write_usd(
@@ -72,7 +72,7 @@ def write_usd(
         When the disk cannot be written.
     """
     try:
-        from pxr import Usd, UsdGeom
+        import pxr.Usd  # noqa: F401
     except ImportError as error:
         raise InputError("USD files need the package usd-core: pip install usd-core, or pdvol[usd]") from error
     path, all_series = Path(path), [Series(run, level) for level in sorted(levels)]
@@ -80,40 +80,61 @@ def write_usd(
         stored_frames(series.steps, run.dt) if fps is None else even_frames(series.steps, run.dt, fps)
         for series in all_series
     ]
-    stage = Usd.Stage.CreateInMemory()
+    rate, last = FILM_RATE if fps is None else fps, max(codes[-1].code for codes in frames)
+    with usd_file(path) as file:
+        root = _add_root(file.stage, run, rate, last)
+        coarsest = all_series[0].level
+        for part in [*body_parts(run, coarsest, surface), *obstacle_parts(run, coarsest)]:
+            _add_material(file.stage, part, copy_texture(part, path.with_name(f"{path.stem}_textures")))
+            if not part.moves:
+                _set_points(_add_mesh(file.stage, part), part.rest)
+        variants = root.GetPrim().GetVariantSets().AddVariantSet("level")
+        for series, codes in zip(all_series, frames, strict=True):
+            variants.AddVariant(f"level_{series.level.index}")
+            variants.SetVariantSelection(f"level_{series.level.index}")
+            with variants.GetVariantEditContext():
+                _add_level(file, run, series.level, codes, rate, fields, surface)
+    return path
+
+
+def _add_level(
+    file: UsdFile,
+    run: Run,
+    level: RunLevel,
+    frames: Sequence[Frame],
+    rate: float,
+    fields: LevelFields | None,
+    surface: str,
+) -> None:
+    """All that moves, frame by frame, into the variant that is being edited."""
+    bodies = [(part, _add_mesh(file.stage, part)) for part in body_parts(run, level, surface)]
+    for part, mesh in bodies:
+        add_primvar(mesh, "rest", "Point3fArray", "vertex", part.rest)
+        if part.render is not None:
+            add_uvs(mesh, part)
+    if surface == BOTH:
+        _set_purposes(bodies)
+    obstacles = [(part, _add_mesh(file.stage, part)) for part in obstacle_parts(run, level) if part.moves]
+    moving = [(mesh, points_and_velocities(frames, part.at, rate)) for part, mesh in [*bodies, *obstacles]]
+    simulated = [(part, mesh) for part, mesh in bodies if part.render is None]
+    add_fields = fields_adder(level, simulated, fields(level.index)) if fields else None
+    for frame in said(f"level {level.index}", frames):
+        for mesh, track in moving:
+            file.added(_set_points(mesh, *next(track), frame.code))
+        if add_fields:
+            file.added(add_fields(frame))
+
+
+def _add_root(stage: Any, run: Run, rate: float, last: float) -> Any:
+    """The prim of the run, with units, rate, last time code and direction upward."""
+    from pxr import UsdGeom
+
     root = UsdGeom.Xform.Define(stage, "/run")
     stage.SetDefaultPrim(root.GetPrim())
-    _set_units(stage, root, run, FILM_RATE if fps is None else fps, max(codes[-1].code for codes in frames))
+    _set_units(stage, root, run, rate, last)
     for folder in ("bodies", "obstacles", "materials"):
         UsdGeom.Scope.Define(stage, f"/run/{folder}")
-    coarsest = all_series[0].level
-    for part in [*body_parts(run, coarsest, surface), *obstacle_parts(run, coarsest)]:
-        _add_material(stage, part, copy_texture(part, path.with_name(f"{path.stem}_textures")))
-        if not part.moves:
-            _set_points(_add_mesh(stage, part), part, Frame(0.0, 0, 1.0))
-    variants = root.GetPrim().GetVariantSets().AddVariantSet("level")
-    for series, codes in zip(all_series, frames, strict=True):
-        level = series.level
-        variants.AddVariant(f"level_{level.index}")
-        variants.SetVariantSelection(f"level_{level.index}")
-        with variants.GetVariantEditContext():
-            bodies = [(part, _add_mesh(stage, part)) for part in body_parts(run, level, surface)]
-            for part, mesh in bodies:
-                _add_primvar(mesh, "rest", "Point3fArray", "vertex", part.rest)
-                if part.render is not None:
-                    _add_uvs(mesh, part)
-            if surface == BOTH:
-                _set_purposes(bodies)
-            moving = [(part, _add_mesh(stage, part)) for part in obstacle_parts(run, level) if part.moves]
-            simulated = [(part, mesh) for part, mesh in bodies if part.render is None]
-            add_fields = _fields_of(level, simulated, fields(level.index)) if fields else None
-            for frame in said(f"level {level.index}", codes):
-                for part, mesh in [*bodies, *moving]:
-                    _set_points(mesh, part, frame)
-                if add_fields:
-                    add_fields(frame)
-    _save(stage, path)
-    return path
+    return root
 
 
 def _set_units(stage: Any, root: Any, run: Run, rate: float, last: float) -> None:
@@ -186,44 +207,18 @@ def _add_mesh(stage: Any, part: Part) -> Any:
     return mesh
 
 
-def _set_points(mesh: Any, part: Part, frame: Frame) -> None:
-    """Points, velocities and extent at a frame; what rests has one value for all times."""
+def _set_points(mesh: Any, points: np.ndarray, velocities: np.ndarray | None = None, code: float | None = None) -> int:
+    """Points, velocities and extent at a time code, or for all times; the bytes of these samples."""
     from pxr import Gf, Vt
 
-    when = [frame.code] if part.moves else []
-    points = frame.sampled(part.at).astype(np.float32)
+    when = [] if code is None else [code]
+    points = points.astype(np.float32)
     mesh.CreatePointsAttr().Set(Vt.Vec3fArray.FromNumpy(points), *when)
     ends = points.min(axis=0), points.max(axis=0)
     mesh.CreateExtentAttr().Set([Gf.Vec3f(*map(float, end)) for end in ends], *when)
-    if part.moves:
-        velocities = part.velocity(frame.step).astype(np.float32)
-        mesh.CreateVelocitiesAttr().Set(Vt.Vec3fArray.FromNumpy(velocities), *when)
-
-
-def _add_primvar(mesh: Any, name: str, kind: str, by: str, values: np.ndarray, code: float | None = None) -> None:
-    from pxr import Sdf, UsdGeom, Vt
-
-    primvar = UsdGeom.PrimvarsAPI(mesh).CreatePrimvar(name, getattr(Sdf.ValueTypeNames, kind), by)
-    array = (Vt.FloatArray if values.ndim == 1 else Vt.Vec3fArray).FromNumpy(values.astype(np.float32))
-    primvar.Set(array, *(() if code is None else (code,)))
-
-
-def _add_uvs(mesh: Any, part: Part) -> None:
-    """The texture coordinates of a render mesh: by vertex, or by corner where a vertex has several (a seam)."""
-    from pxr import Sdf, UsdGeom, Vt
-
-    render = part.render
-    if render is None or not len(render.uvs):
-        return
-    of_vertex = np.zeros(len(part.rest), dtype=np.int64)
-    of_vertex[part.corners] = render.uv_corners
-    smooth = bool((of_vertex[part.corners] == render.uv_corners).all())
-    indices = of_vertex if smooth else render.uv_corners
-    primvar = UsdGeom.PrimvarsAPI(mesh).CreatePrimvar(
-        "st", Sdf.ValueTypeNames.TexCoord2fArray, "vertex" if smooth else "faceVarying"
-    )
-    primvar.Set(Vt.Vec2fArray.FromNumpy(render.uvs.astype(np.float32)))
-    primvar.SetIndices(Vt.IntArray.FromNumpy(indices.astype(np.int32)))
+    if velocities is not None:
+        mesh.CreateVelocitiesAttr().Set(Vt.Vec3fArray.FromNumpy(velocities.astype(np.float32)), *when)
+    return points.nbytes * (1 if velocities is None else 2)
 
 
 def _set_purposes(bodies: Sequence[tuple[Part, Any]]) -> None:
@@ -234,57 +229,3 @@ def _set_purposes(bodies: Sequence[tuple[Part, Any]]) -> None:
             mesh.CreatePurposeAttr("render")
             proxy.CreatePurposeAttr("proxy")
             mesh.CreateProxyPrimRel().SetTargets([proxy.GetPath()])
-
-
-def _fields_of(level: RunLevel, bodies: Sequence[tuple[Part, Any]], more: Fields) -> Callable[[Frame], None]:
-    """What adds fields to bodies at a frame: those of vertices by vertex, those of cells by face, which shows the cell
-    behind it.
-    """
-    flat = level.rest.shape[1] == 2
-    owners = level.mesh.point_bodies[(level.cells if flat else level.surface)[:, 0]]
-    cells = np.arange(len(level.cells)) if flat else level.mesh.boundary_cells
-    latest: dict[int, StepFields] = {}  # of the two steps that a frame lies between
-
-    def at(step: int) -> StepFields:
-        if step not in latest:
-            latest[step] = more(step)
-            for old in [number for number in latest if number < step - 1]:
-                del latest[old]
-        return latest[step]
-
-    def add(frame: Frame) -> None:
-        for part, mesh in bodies:
-            behind = cells[owners == part.body]
-            for name in at(frame.step).points:
-                values = frame.sampled(lambda step: _finite(at(step).points[name])[part.vertices])  # noqa: B023
-                values, kind = (values, "FloatArray") if values.ndim == 1 else (padded(values), "Vector3fArray")
-                _add_primvar(mesh, name, kind, "vertex", values, frame.code)
-            for name in at(frame.step).cells:
-                values = frame.sampled(lambda step: _finite(at(step).cells[name])[behind])  # noqa: B023
-                _add_primvar(mesh, name, "FloatArray", "uniform", values, frame.code)
-
-    return add
-
-
-def _finite(values: np.ndarray) -> np.ndarray:
-    """Without the numbers that no barrier has kept finite: shaders cannot show them."""
-    return np.where(np.isfinite(values), values, 0.0)
-
-
-def _save(stage: Any, path: Path) -> None:
-    """Write the stage aside and rename it."""
-    aside = path.with_name(f".{path.stem}{TEMPORARY}.usdc")
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        if not stage.GetRootLayer().Export(str(aside)):
-            raise SimulationError(f"cannot write {path}")
-        os.replace(aside, path)
-    except SimulationError:
-        raise
-    except OSError as error:
-        raise SimulationError(f"cannot write {path}: {error.strerror}") from error
-    except Exception as error:  # Tf.ErrorException
-        reason = " ".join(str(error).split())[:LONGEST_USD_REASON]
-        raise SimulationError(f"cannot write {path}: {reason}") from error
-    finally:
-        aside.unlink(missing_ok=True)

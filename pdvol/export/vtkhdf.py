@@ -17,7 +17,7 @@ import h5py
 import numpy as np
 
 from pdvol.errors import InputError, SimulationError
-from pdvol.export.hdf5 import failure_reason
+from pdvol.export.failures import failure_reason
 from pdvol.export.paraview import write_paraview_script
 from pdvol.export.series import Fields, LevelFields, Series, nothing_more, padded
 from pdvol.export.vtkhdf_steps import write_steps

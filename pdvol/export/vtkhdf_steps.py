@@ -13,7 +13,7 @@ import h5py
 import numpy as np
 
 from pdvol.errors import SimulationError
-from pdvol.export.hdf5 import failure_reason
+from pdvol.export.failures import failure_reason
 from pdvol.store.files import TEMPORARY, write_bytes
 
 _MESH = ("NumberOfPoints", "NumberOfCells", "NumberOfConnectivityIds", "Points", "Connectivity", "Offsets", "Types")

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from pdvol.errors import InputError
-from pdvol.export.parts import CONTACT
+from pdvol.export.parts import CONTACT, RENDER
 from pdvol.export.series import Fields, Series, nothing_more
 from pdvol.measure.render_crossings import deepest_crossing, rest_gaps
 from pdvol.registry import FORMATS
@@ -33,7 +33,7 @@ def export_run(
     out : a folder; it is made where there is none
     levels : all that hold a state when None
     fps : frames a second, for formats that resample; the format's own choice when None
-    with_fields : contact forces and stresses also in formats that leave them out otherwise
+    with_fields : contact forces, strains and stresses in usd, which leaves them out otherwise
     surface : of bodies with a render mesh, one of `pdvol.registry.SHOWN_SURFACES`; the mesh where None
 
     Returns
@@ -68,7 +68,14 @@ def export_run(
     if drawn and run.render_meshes:
         with stage("measuring how render meshes cross"):
             crossed = render_lines(run, levels)
-    return [Path(file) for file in written], fields.notes + crossed
+    covered = _covered_bodies(run) if with_fields and surface in (None, RENDER) else []
+    return [Path(file) for file in written], fields.notes + covered + crossed
+
+
+def _covered_bodies(run: Run) -> list[str]:
+    """A line on bodies whose fields are not written, because render meshes stand for their simulated surfaces."""
+    names = dict.fromkeys(str(run.info["bodies"][mesh.body]) for mesh in run.render_meshes)
+    return [f"without fields of {', '.join(names)}: render meshes have none; --surface contact does"] if names else []
 
 
 def render_lines(run: Run, levels: Sequence[int]) -> list[str]:

@@ -58,6 +58,12 @@ def test_every_state_of_bodies_and_obstacles(fps, tmp_path):
                 np.testing.assert_allclose(z_up(points(found[name], number)), expected, rtol=FLOAT32, atol=1e-7)
                 time = found[name].getTimeSampling().getSampleTime(number)
                 assert time == pytest.approx(number / rate, abs=1e-9)
+            places = np.array([points(found[name], number) for number in range(len(frames))])
+            towards = np.diff(places, axis=0) * rate
+            for number, expected in enumerate([*towards, towards[-1]]):
+                velocities = found[name].getVelocitiesProperty().getValue(number)
+                seen = np.array([tuple(velocity) for velocity in velocities])
+                np.testing.assert_allclose(seen, expected, atol=1e-4, err_msg="towards the next sample")
         for number, frame in enumerate(frames):
             expected = frame.sampled(run.obstacles[2].vertices)
             np.testing.assert_allclose(z_up(points(found["ball_1"], number)), expected, rtol=FLOAT32, atol=1e-7)

@@ -6,6 +6,7 @@ import io
 import json
 import os
 import subprocess
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +17,9 @@ import runs
 from commands import SAFETY
 from pdvol.colours import GROUND, OBSTACLE, PALETTE, linear_colour
 from pdvol.export.frames import even_frames
+from pdvol.export.series import StepFields, with_strain
+from pdvol.export.usd import write_usd
+from pdvol.geometry.strain import vertex_strain
 from pdvol.runs.exports import export_run
 from pdvol.store.reader import open_run
 from pdvol.store.writer import RunWriter
@@ -77,10 +81,46 @@ def compare(found: dict, path: Path, level: int, fps: float, tolerance: float = 
             np.testing.assert_allclose(seen, frame.sampled(at), atol=tolerance, err_msg=f"{name} at {frame}")
 
 
+def made_up_fields(run):
+    """The force grows along x with a vertex's number, the stress with a cell's; both grow with time."""
+
+    def of_level(number: int):
+        points, cells = np.arange(len(run.levels[number].rest)), np.arange(len(run.levels[number].cells))
+        return lambda step: StepFields(
+            {"contact_force": step * np.outer(points, [1.0, 0.0, 0.0])}, {"von_mises": step * 1.0 * cells}
+        )
+
+    return of_level
+
+
+def compare_fields(found: dict, run, rate: float) -> None:
+    """The left body's attributes follow the frames. Velocities lead from a frame to the next one, where each frame has
+    a sample of its own.
+    """
+    level = run.levels[1]
+    mine = level.mesh.point_bodies[level.surface[:, 0]] == 0
+    used, behind = np.unique(level.surface[mine]), level.mesh.boundary_cells[mine]
+    frames = even_frames(level.steps, run.dt, rate)
+    assert [int(number) for number in found] == [frame.code for frame in frames]
+    for frame in frames:
+        fields = found[str(int(frame.code))]
+        strain = frame.sampled(lambda step: vertex_strain(level.mesh, level.positions(step)))[used]
+        np.testing.assert_allclose(fields["strain"], strain, atol=1e-6)
+        step = frame.step - 1 + frame.share
+        np.testing.assert_allclose(np.array(fields["contact_force"])[:, 0], step * used, rtol=1e-6, atol=1e-6)
+        np.testing.assert_allclose(fields["von_mises"], step * behind, rtol=1e-6, atol=1e-6)
+    assert max(found["12"]["strain"]) > 0.1
+    if rate != 24.0:
+        for before, after in pairwise(frames):
+            way = (after.sampled(level.positions) - before.sampled(level.positions))[used] * rate
+            np.testing.assert_allclose(found[str(int(before.code))]["velocity"], way, atol=1e-4)
+
+
 @pytest.mark.parametrize("fps", [None, 30.0])
 def test_usd(half_second, tmp_path, fps):
-    (file,), _ = export_run(half_second, "usd", tmp_path, fps=fps)
-    found = in_blender("usd", file, "--picture", tmp_path / "frame.png")
+    run = open_run(half_second)
+    file = write_usd(run, [0, 1], tmp_path / "a.usdc", fps, with_strain(run, made_up_fields(run)))
+    found = in_blender("usd", file, "--fields", "--picture", tmp_path / "frame.png")
     rate = fps or 24.0
     # Blender 5.0 takes the frames of a file and keeps the rate of its scene, which is 24 at first.
     assert (found["fps"], found["unit"], found["frames"]) == (24.0, 1.0, [0, int(STEPS * runs.DT * rate)])
@@ -88,6 +128,7 @@ def test_usd(half_second, tmp_path, fps):
     assert found["meshes"]["left"]["attributes"].items() >= {"rest": "POINT", "velocity": "POINT"}.items()
     assert found["meshes"]["ball"]["modifiers"] == [] and len(found["meshes"]["ground"]["points"]["0"]) == 4
     compare(found, half_second, 1, rate)
+    compare_fields(found["meshes"]["left"]["fields"], run, rate)
     picture = np.asarray(Image.open(tmp_path / "frame.png").convert("RGB"), dtype=float)
     for code in PALETTE[:2]:  # some pixels have a body's hue, whatever the light
         colour = np.array([int(code[i : i + 2], 16) for i in (1, 3, 5)], dtype=float)

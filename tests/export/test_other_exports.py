@@ -19,6 +19,7 @@ from pdvol.errors import InputError
 from pdvol.export.series import StepFields
 from pdvol.export.vtkhdf import write_vtkhdf
 from pdvol.export.xdmf import write_xdmf
+from pdvol.geometry.strain import vertex_strain
 from pdvol.runs.exports import export_run
 from pdvol.runs.runner import run_scene
 from pdvol.runs.scene_file import load_shot
@@ -105,6 +106,42 @@ def test_the_contact_force_is_the_weight_of_what_rests(resting):
     rest = open_run(resting).levels[0].rest
     np.testing.assert_allclose(force.sum(axis=0), [0, 0, weight], atol=0.01 * weight)
     assert (force[rest[:, 2] > 0.01] == 0).all() and (force[rest[:, 2] < 0.01][:, 2] > 0).all()
+
+
+def test_usd_has_forces_stresses_and_strains_on_request(resting, tmp_path):
+    """Without the scene's file, strain alone, which needs none."""
+    pytest.importorskip("pxr", reason="usd-core is an optional extra")
+    from pxr import Usd, UsdGeom
+
+    def primvars(out: Path, with_fields: bool) -> tuple[dict, list[str], Usd.Stage]:
+        (file,), notes = export_run(out.parent / "run", "usd", out, with_fields=with_fields)
+        stage = Usd.Stage.Open(str(file))
+        (prim,) = stage.GetPrimAtPath("/run/bodies").GetChildren()
+        return {p.GetPrimvarName(): p.GetAttr() for p in UsdGeom.PrimvarsAPI(prim).GetPrimvars()}, notes, stage
+
+    own = {"rest", "displayColor", "displayOpacity"}
+    shutil.copytree(resting, tmp_path / "run")
+    found, notes, _stage = primvars(tmp_path / "without", False)
+    assert set(found) == own and notes == []
+    found, notes, _stage = primvars(tmp_path / "with", True)
+    assert set(found) == {*own, "contact_force", "strain", "von_mises"} and notes == []
+    codes = [pytest.approx(step * 0.05 * 24) for step in range(41)]
+    level = open_run(resting).levels[0]
+    used = np.unique(level.surface)
+    for name in ("contact_force", "strain", "von_mises"):
+        assert found[name].GetTimeSamples() == codes
+    weight = DENSITY * 1.0 * GRAVITY
+    np.testing.assert_allclose(np.sum(found["contact_force"].Get(48), axis=0), [0, 0, weight], atol=0.01 * weight)
+    for step in (0, 3, 40):
+        expected = vertex_strain(level.mesh, level.positions(step))[used]
+        np.testing.assert_allclose(found["strain"].Get(step * 0.05 * 24), expected, rtol=1e-5, atol=1e-7)
+    assert max(found["strain"].Get(48)) > 1e-3 > 1e-6 > max(found["strain"].Get(0)), "it has sunk under its weight"
+
+    info = json.loads((tmp_path / "run" / "run.json").read_text())
+    (tmp_path / "run" / "run.json").write_text(json.dumps({**info, "scene_file": "/nowhere.py"}))
+    found, notes, _stage = primvars(tmp_path / "gone", True)
+    assert set(found) == {*own, "strain"}
+    assert notes == ["without contact forces and stresses: its scene file /nowhere.py is gone"]
 
 
 def test_xdmf_and_vtkhdf_hold_the_same(resting, tmp_path):

@@ -145,6 +145,21 @@ def test_places_by_vertex_where_there_are_no_seams(tmp_path):
     np.testing.assert_array_equal(st.ComputeFlattened(), flat[2])
 
 
+def test_fields_are_those_of_simulated_surfaces(stored, tmp_path):
+    pytest.importorskip("pxr", reason="usd-core is an optional extra")
+    from pxr import Usd, UsdGeom
+
+    for surface, has in ((None, ["plain"]), ("contact", ["soft_box", "plain"]), ("both", ["soft_box", "plain"])):
+        (file,), notes = export_run(stored, "usd", tmp_path / str(surface), with_fields=True, surface=surface)
+        stage = Usd.Stage.Open(str(file))
+        bodies = stage.GetPrimAtPath("/run/bodies").GetChildren()
+        assert [b.GetName() for b in bodies if UsdGeom.PrimvarsAPI(b).HasPrimvar("strain")] == has
+        said = "without fields of soft box: render meshes have none; --surface contact does"
+        assert (said in notes) == (surface is None)
+    _, notes = export_run(stored, "usd", tmp_path / "plain")
+    assert not any("fields" in note for note in notes)
+
+
 def test_the_simulated_surface_as_ever(stored):
     run = open_run(stored)
     assert [part.name for part in body_parts(run, run.levels[0], "contact")] == ["soft_box", "plain"]
@@ -153,12 +168,6 @@ def test_the_simulated_surface_as_ever(stored):
     assert [part.closed for part in both] == [True] * 4
     with pytest.raises(InputError, match="--surface: the format xdmf holds the simulated mesh alone"):
         export_run(stored, "xdmf", stored.parent / "x", surface="both")
-
-
-def test_velocities_belong_to_positions(stored):
-    run = open_run(stored)
-    part = body_parts(run, run.levels[1])[1]
-    np.testing.assert_allclose(part.velocity(2), (part.at(2) - part.at(1)) / 0.01, atol=1e-9)
 
 
 def test_a_render_mesh_is_no_part_of_the_simulation(tmp_path):

@@ -11,7 +11,7 @@ from pdvol.colours import OBSTACLE, PALETTE, linear_colour
 from pdvol.errors import InputError
 from pdvol.export.body_surfaces import plain_names
 from pdvol.export.frames import even_frames
-from pdvol.export.series import StepFields
+from pdvol.export.series import StepFields, nothing_more, with_strain
 from pdvol.export.usd import write_usd
 from pdvol.runs.exports import export_run
 from pdvol.store.reader import open_run
@@ -57,15 +57,17 @@ def test_every_state_of_every_level_at_its_own_time(solid_run, tmp_path):
                 np.testing.assert_array_equal(
                     mesh.GetPointsAttr().Get(code), level.positions(step)[used].astype(np.float32)
                 )
-                np.testing.assert_array_equal(
-                    mesh.GetVelocitiesAttr().Get(code), level.velocities(step)[used].astype(np.float32)
+                after = min(step + 1, level.steps - 1)
+                np.testing.assert_allclose(
+                    mesh.GetVelocitiesAttr().Get(code), level.velocities(after)[used], rtol=1e-6, atol=1e-6
                 )
 
 
 @pytest.mark.parametrize("kind", ["flat_run", "solid_run"])
 @pytest.mark.parametrize("fps", [None, 30.0])
 def test_no_validator_of_openusd_finds_anything(kind, fps, request, tmp_path):
-    (file,), _ = export_run(request.getfixturevalue(kind), "usd", tmp_path, fps=fps)
+    run = open_run(request.getfixturevalue(kind))
+    file = write_usd(run, [0, 1], tmp_path / "a.usdc", fps, with_strain(run, lambda level: nothing_more))
     UsdValidation = pytest.importorskip("pxr.UsdValidation", reason="usd-core before 25 has no validators")
     validators = UsdValidation.ValidationRegistry().GetOrLoadAllValidators()
     assert len(validators) > 20
@@ -118,24 +120,16 @@ def test_an_obstacle_that_contact_held_back_is_where_it_was(small_run, tmp_path)
         assert points(opened(path, level), "obstacles/lift", code)[:, 1].max() == pytest.approx(height)
 
 
-def test_frames_between_steps_lie_on_the_chord_and_move_along_it(solid_run, tmp_path):
+def test_frames_between_steps_lie_on_the_chord(solid_run, tmp_path):
     run = open_run(solid_run)
     fps = 2.5 / run.dt  # every second frame is a step or lies halfway between two
     path = write_usd(run, [0], tmp_path / "a.usdc", fps)
     stage, level = opened(path, 0), run.levels[0]
     used = np.unique(level.surface[level.mesh.point_bodies[level.surface[:, 0]] == 0])
     assert (stage.GetEndTimeCode(), stage.GetTimeCodesPerSecond()) == (10, fps)
-    velocities = UsdGeom.Mesh(stage.GetPrimAtPath("/run/bodies/left")).GetVelocitiesAttr()
     for code, step, share in ((0, 0, 1.0), (1, 1, 0.4), (3, 2, 0.2), (5, 2, 1.0), (9, 4, 0.6), (10, 4, 1.0)):
         ends = level.positions(max(step - 1, 0))[used], level.positions(step)[used]
         np.testing.assert_allclose(points(stage, "bodies/left", code), ends[0] + share * (ends[1] - ends[0]), atol=1e-6)
-        np.testing.assert_allclose(np.array(velocities.Get(code)), level.velocities(step)[used], atol=1e-5)
-    # A frame, moved by its velocity, meets the next step.
-    np.testing.assert_allclose(
-        points(stage, "bodies/left", 3) + 0.8 * run.dt * np.array(velocities.Get(3)),
-        level.positions(2)[used],
-        atol=1e-6,
-    )
 
 
 def test_even_frames_reach_the_last_state_they_can():

@@ -1,8 +1,9 @@
 """What Blender makes of exports: a program for a Python that has the package bpy, apart from pdvol's environment.
 
-    python in_blender.py WHAT FILES ... [--picture OUT.png]   WHAT is usd, pc2 or alembic; prints one JSON object
+    python in_blender.py WHAT FILES ... [--fields] [--picture OUT.png]
 
-pc2 takes the script open_in_blender.py of an export. The picture shows the middle frame, as Cycles renders it.
+WHAT is usd, pc2 or alembic. Prints one JSON object; with --fields it has attributes of meshes at every frame. pc2 takes
+the script open_in_blender.py of an export. The picture shows the middle frame, as Cycles renders it.
 """
 
 import json
@@ -19,6 +20,18 @@ def points_of(thing) -> np.ndarray:
     evaluated = thing.evaluated_get(bpy.context.evaluated_depsgraph_get())
     mesh = evaluated.to_mesh()
     found = np.array([thing.matrix_world @ vertex.co for vertex in mesh.vertices])
+    evaluated.to_mesh_clear()
+    return found
+
+
+def fields_of(thing) -> dict:
+    """By name: attributes of numbers and vectors of an object at the current frame, as modifiers have left them."""
+    evaluated = thing.evaluated_get(bpy.context.evaluated_depsgraph_get())
+    mesh, found = evaluated.to_mesh(), {}
+    for attribute in mesh.attributes:
+        if attribute.data_type in ("FLOAT", "FLOAT_VECTOR") and attribute.name != "position":
+            key = "value" if attribute.data_type == "FLOAT" else "vector"
+            found[attribute.name] = [np.array(getattr(entry, key)).tolist() for entry in attribute.data]
     evaluated.to_mesh_clear()
     return found
 
@@ -82,7 +95,8 @@ def main() -> None:
     picture = arguments.pop() if "--picture" in arguments else None
     if picture:
         arguments.remove("--picture")
-    what, files = arguments[0], arguments[1:]
+    fields = "--fields" in arguments
+    what, *files = [word for word in arguments if word != "--fields"]
     load(what, files)
     scene = bpy.context.scene
     things = [o for o in bpy.data.objects if o.type == "MESH"]
@@ -99,6 +113,7 @@ def main() -> None:
                 "texture": texture(o),
                 "uvs": [list(corner.vector) for corner in o.data.uv_layers[0].uv] if o.data.uv_layers else [],
                 "points": {},
+                "fields": {},
             }
             for o in things
         },
@@ -107,6 +122,8 @@ def main() -> None:
         scene.frame_set(frame)
         for o in things:
             found["meshes"][o.name]["points"][frame] = points_of(o).tolist()
+            if fields:
+                found["meshes"][o.name]["fields"][frame] = fields_of(o)
     if picture:
         scene.frame_set((scene.frame_start + min(scene.frame_end, 40)) // 2)
         render(picture)
