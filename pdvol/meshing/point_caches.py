@@ -1,4 +1,4 @@
-"""Reads point caches: PC2 files, meshes of USD files, and arrays.
+"""Reads point caches: PC2 files, meshes of USD and Alembic files, and arrays.
 
 A PC2 file begins with 32 bytes: `POINTCACHE2` and a zero, the version (int32, 1), the number of points (int32), the
 first frame (float32), the frames from one sample to the next (float32), and the number of samples (int32). Three
@@ -6,7 +6,6 @@ float32 coordinates of each point follow, sample by sample. All are little-endia
 """
 
 import struct
-from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -16,14 +15,14 @@ import numpy as np
 
 from pdvol.errors import InputError
 from pdvol.meshes import Outline, Surface
-from pdvol.meshing.polygons import cut_faces
+from pdvol.meshing.alembic_caches import read_alembic
 from pdvol.meshing.surface_files import read_obj
+from pdvol.meshing.usd_caches import read_usd
 from pdvol.meshing.validate import outline_edges
 from pdvol.scene import Placement, PointCache
 from pdvol.scene.point_caches import USD_FILES
 
 PC2_HEADER = struct.Struct("<12siiffi")
-MOST_CACHE_BYTES = 4_000_000_000  # of a USD file's points at all frames: they are kept in memory
 CACHES_KEPT = 8  # read caches that are kept: each level and each support asks for them
 
 
@@ -79,7 +78,7 @@ def read_frames(cache: PointCache) -> Frames:
         if not path.is_file():
             raise InputError(f"{path}: there is no such file; check the path (the working folder is {Path.cwd()})")
         try:
-            frames, points, faces = (_usd if path.suffix.lower() in USD_FILES else _pc2)(path, cache)
+            frames, points, faces = (_pc2 if path.suffix.lower() == ".pc2" else _mesh)(path, cache)
         except OSError as error:
             raise InputError(f"{path}: cannot be read ({error.strerror}); check its permissions") from error
         for number in range(len(points)):
@@ -146,7 +145,13 @@ def _faces(cache: PointCache, points: np.ndarray) -> np.ndarray:
     return faces.reshape(-1, points.shape[2])
 
 
-# ---- PC2
+def _mesh(path: Path, cache: PointCache) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Times [s], points and triangles of a mesh in a USD or Alembic file."""
+    if path.suffix.lower() in USD_FILES:
+        mesh, where = read_usd(path, cache.prim, cache.fps)
+    else:
+        mesh, where = read_alembic(path, cache.prim)
+    return mesh.times, mesh.points, mesh.triangles(where)
 
 
 def _pc2(path: Path, cache: PointCache) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -166,64 +171,3 @@ def _pc2(path: Path, cache: PointCache) -> tuple[np.ndarray, np.ndarray, np.ndar
         raise InputError(f"{path}: truncated, it promises {promised:,} bytes and holds {size:,}; export it again")
     points = np.memmap(path, "<f4", "r", PC2_HEADER.size, (samples, count, 3))
     return np.arange(samples) * (rate / float(cache.fps or 1.0)), points, np.zeros((0, 3), dtype=np.int64)
-
-
-# ---- USD
-
-
-def _usd(path: Path, cache: PointCache) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Times [s], points [m] and triangles of the mesh that `prim` names, or of the only one."""
-    try:
-        from pxr import Tf, Usd, UsdGeom
-    except ImportError as error:
-        raise InputError("USD files need the package usd-core: pip install usd-core, or pdvol[usd]") from error
-    try:
-        stage = Usd.Stage.Open(str(path))
-    except Tf.ErrorException as error:
-        raise InputError(f"{path}: unreadable ({str(error).strip().splitlines()[0][:120]}); export it again") from error
-    meshes = [UsdGeom.Mesh(prim) for prim in stage.Traverse() if prim.IsA(UsdGeom.Mesh)]
-    names = [str(mesh.GetPath()) for mesh in meshes]
-    chosen = [mesh for mesh, name in zip(meshes, names, strict=True) if cache.prim in ("", name)]
-    if len(chosen) != 1:
-        wanted = f"no mesh {cache.prim!r}" if cache.prim else f"{len(names)} meshes"
-        raise InputError(f"{path}: it has {wanted}; give PointCache(prim=...), one of {', '.join(names[:8]) or 'none'}")
-    mesh = chosen[0]
-    codes = _time_codes(mesh, UsdGeom)
-    if not codes:
-        raise InputError(f"{path}: the mesh {mesh.GetPath()} does not move; it has no time samples")
-    first = mesh.GetPointsAttr().Get(codes[0])
-    if not first:
-        raise InputError(f"{path}: the mesh {mesh.GetPath()} has no points")
-    if 24 * len(first) * len(codes) > MOST_CACHE_BYTES:
-        raise InputError(f"{path}: {len(first):,} points at {len(codes):,} times are too many; export fewer frames")
-    unit = UsdGeom.GetStageMetersPerUnit(stage)
-    points = np.empty((len(codes), len(first), 3))
-    for k, code in enumerate(codes):
-        local = np.asarray(mesh.GetPointsAttr().Get(code), dtype=np.float64).reshape(-1, 3)
-        if len(local) != len(first):
-            raise InputError(
-                f"{path}: the mesh {mesh.GetPath()} has {len(local):,} points at time code {code:g} and {len(first):,}"
-                " before; only points that stay the same can be followed"
-            )
-        matrix = np.asarray(mesh.ComputeLocalToWorldTransform(code))
-        points[k] = unit * (local @ matrix[:3, :3] + matrix[3, :3])
-    counts = np.asarray(mesh.GetFaceVertexCountsAttr().Get(codes[0]) or (), dtype=np.int64)
-    corners = np.asarray(mesh.GetFaceVertexIndicesAttr().Get(codes[0]) or (), dtype=np.int64)
-    if corners.size != counts.sum() or (corners.size and not 0 <= corners.min() <= corners.max() < len(first)):
-        raise InputError(f"{path}: the faces of the mesh {mesh.GetPath()} do not fit its points; export it again")
-    polygons = [list(map(int, part)) for part in np.split(corners, np.cumsum(counts)[:-1]) if len(part) > 2]
-    rate = cache.fps or stage.GetTimeCodesPerSecond()
-    return np.array(codes) / rate, points, cut_faces(points[0], polygons)
-
-
-def _time_codes(mesh: Any, geometry: Any) -> list[float]:
-    """The time codes at which a mesh's points, or its place or that of a prim above it, are given."""
-    codes: set[float] = set(mesh.GetPointsAttr().GetTimeSamples())
-    prim, above = mesh.GetPrim(), True
-    while above and prim:
-        placed = geometry.Xformable(prim)
-        samples: Iterable[float] = placed.GetTimeSamples() if placed else ()
-        codes |= set(samples)
-        above = not (placed and placed.GetResetXformStack())
-        prim = prim.GetParent()
-    return sorted(codes)

@@ -14,7 +14,8 @@ from pdvol.scene.placement import Placement
 from pdvol.scene.representation import one_line
 
 USD_FILES = (".usd", ".usda", ".usdc", ".usdz")
-CACHE_FILES = (".pc2", *USD_FILES)
+ALEMBIC_FILES = (".abc",)
+CACHE_FILES = (".pc2", *USD_FILES, *ALEMBIC_FILES)
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,13 +28,14 @@ class PointCache:
 
     Attributes
     ----------
-    source : path of a PC2 or USD file, or an array (frames, points, d)
+    source : path of a PC2, USD or Alembic file, or an array (frames, points, d)
     times : (frames,) ascending times [s] of an array's frames, the first of them at `begin`
-    fps : frames a second; of an array without `times`, of a PC2 file, or instead of the USD file's own
+    fps : frames a second; of an array without `times`, of a PC2 file, or instead of the USD file's own. Alembic files
+        have times in seconds.
     begin : time [s] of the first frame in the scene
     faces : triangles (f, 3), or edges (f, 2) in 2D, between the points; or the path of an OBJ file that has the points
-        in the same order. USD files have their own. Without faces vertices are matched to points.
-    prim : path of the mesh in a USD file; needed where the file has several
+        in the same order. USD and Alembic files have their own. Without faces vertices are matched to points.
+    prim : path of the mesh in a USD or Alembic file; needed where the file has several
     placement : of the points in the scene, at all frames; USD files are in metres before
     tolerance : how far a vertex may be from the animated mesh, as a share of the diagonal of its first frame
     """
@@ -57,7 +59,7 @@ class PointCache:
         if isinstance(self.faces, Surface):
             object.__setattr__(self, "faces", self.faces.triangles)
         if not isinstance(self.faces, (str, Path)):
-            object.__setattr__(self, "faces", _kept("PointCache.faces", self.faces, np.int64))
+            object.__setattr__(self, "faces", kept_array("PointCache.faces", self.faces, np.int64))
         if isinstance(self.source, (str, Path)):
             known = Path(self.source).suffix.lower()
             require(
@@ -67,14 +69,18 @@ class PointCache:
             )
             require(self.times == (), "PointCache.times go with arrays; files have times of their own: give fps")
             require(
-                known in USD_FILES or self.fps is not None,
+                known not in ALEMBIC_FILES or self.fps is None,
+                f"PointCache: {self.source} has times in seconds; leave fps out",
+            )
+            require(
+                known != ".pc2" or self.fps is not None,
                 f"PointCache: {self.source} counts frames; give fps, the frames a second",
             )
         else:
             self._check_array()
 
     def _check_array(self) -> None:
-        frames = _kept("PointCache.source", self.source, None)
+        frames = kept_array("PointCache.source", self.source, None)
         require(
             frames.ndim == 3 and len(frames) > 0 and frames.shape[1] > 0 and frames.shape[2] in (2, 3),
             f"PointCache.source has the shape {frames.shape}; give (frames, points, 2 or 3)",
@@ -132,7 +138,7 @@ class TakeOver:
         require(isinstance(self.rigid, bool), f"TakeOver.rigid = {self.rigid!r} must be True or False")
 
 
-def _kept(name: str, values: Any, dtype: type | None) -> np.ndarray:
+def kept_array(name: str, values: Any, dtype: type | None) -> np.ndarray:
     """A copy of an array that nobody can write; single precision is kept."""
     try:
         array = np.asarray(values)

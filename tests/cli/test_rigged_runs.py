@@ -1,8 +1,11 @@
 """Runs of scenes that a rig drives: each level follows the same file, and one that does not fit ends in one line."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
+import shapes
 from cli_scenes import SQUARE, pdvol, write
 from pdvol import open_run
 from pdvol.measure.verify import verify_run
@@ -68,3 +71,47 @@ def test_a_run_does_not_go_on_with_another_animation(folder, capfd):
     capfd.readouterr()
     assert pdvol("run", "scene.py", "--out", "run", "--steps", "2", "--resume") == 2
     assert "scene.supports[0].motion.source: the contents of the array have changed" in capfd.readouterr().err
+
+
+CHAINED = f"""
+import sys; sys.path.insert(0, {str(Path(shapes.__file__).parent)!r})
+import shapes
+from math import pi
+from pdvol import *
+
+
+def scene(file="", prim="", turn=0.0, steps=4):
+    mesh = shapes.box(3, 2)
+    shape = Solid(mesh.points, mesh.cells.astype("int32"), mesh.regions)
+    body = Body((shape,), NeoHookean(1e5), name="box", velocity=(1.0, 0.0, 0.0))
+    led = PointCache(file, prim=prim, placement=Placement(angle=turn, axis=(1.0, 0.0, 0.0))) if file else None
+    supports = (Support(lambda X: X[:, 2] < 1e-6, body="box", motion=led),) if file else ()
+    return Scene(bodies=(body,), supports=supports, loads=(Gravity((0.0, 0.0, -9.81)),), dt=0.05, steps=steps)
+"""
+
+
+@pytest.mark.parametrize(
+    "kind, library, file, prim, turn",
+    [
+        ("usd", "pxr", "out/first.usdc", "/run/bodies/box", 0.0),
+        ("alembic", "alembic3d", "out/level_0.abc", "/box/boxShape", np.pi / 2),
+    ],
+)
+def test_an_exported_run_drives_another_one(tmp_path, monkeypatch, capfd, kind, library, file, prim, turn):
+    pytest.importorskip(library, reason="an optional extra")
+    monkeypatch.chdir(tmp_path)
+    write(tmp_path / "scene.py", CHAINED)
+    assert pdvol("run", "scene.py", "--out", "first", "--no-picture", "--no-xdmf") == 0
+    assert pdvol("export", "first", "--format", kind, "-o", "out") == 0
+    words = ["run", "scene.py", "--set", f"file={file}", "--set", f"prim={prim}", "--set", f"turn={turn}"]
+    assert pdvol(*words, "--out", "second", "--no-picture", "--no-xdmf") == 0
+    first, second = (open_run(name).levels[0] for name in ("first", "second"))
+    foot = first.rest[:, 2] < 1e-6
+    assert abs(first.positions(4)[foot] - first.rest[foot]).max() > 0.2
+    for step in range(5):
+        np.testing.assert_allclose(second.positions(step)[foot], first.positions(step)[foot], atol=2e-6)
+    Path(file).write_bytes(Path(file).read_bytes()[:600])
+    capfd.readouterr()
+    assert pdvol(*words, "--out", "third") == 2
+    (line,) = capfd.readouterr().err.strip().split("\n")[-1:]
+    assert line.startswith(f"pdvol: {file}: ") and "export" in line

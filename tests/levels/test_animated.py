@@ -105,7 +105,7 @@ def test_a_support_beyond_its_cache_is_refused_by_name():
     mesh = block((0.0, 0.0), (0.4, 0.2), (4, 2))
     scene = driven(mesh, lambda X: X[:, 0] > 0.3, (0.0, 0.03))
     with pytest.raises(InputError, match="a support of all bodies, level 0: 5 of 5 vertices are further than 0.04 m"):
-        supported_points(scene, scene.supports[0], mesh, 0)
+        supported_points(scene, scene.supports[0], mesh, 0, mesh.points)
 
 
 # ---- taking over

@@ -87,7 +87,8 @@ def test_a_damaged_pc2_file_is_named(tmp_path, change, said):
     "make, said",
     [
         (lambda path: PointCache(path / "a.pc2"), "give fps"),
-        (lambda path: PointCache(path / "a.abc", fps=24.0), "unknown kind"),
+        (lambda path: PointCache(path / "a.fbx", fps=24.0), "unknown kind"),
+        (lambda path: PointCache(path / "a.abc", fps=24.0), "times in seconds; leave fps out"),
         (lambda path: PointCache(path / "a.pc2", fps=24.0, times=(0.0,)), "times go with arrays"),
         (lambda path: PointCache(FRAMES), "times, or fps"),
         (lambda path: PointCache(FRAMES, fps=24.0, times=(0, 1, 2, 3)), "times, or fps"),
