@@ -19,6 +19,11 @@ def volume_barrier(F: Expr, stiffness: Expr) -> Expr:
 
     It keeps cells of laws that give way from being pressed to nothing, and leaves the law as it is down to a tenth of a
     cell's volume.
+
+    Parameters
+    ----------
+    F : (d, d) deformation gradient, UFL
+    stiffness : [Pa]
     """
     u = ufl.det(F) / GUARDED
     return ufl.conditional(ufl.lt(u, 1), -stiffness * (u - 1) ** 2 * ufl.ln(u), 0)

@@ -7,12 +7,22 @@ NEWTON = 4  # iterations for the sum of three stretches: exact to the last bit, 
 
 
 def deformation_gradient(x: Expr) -> Expr:
-    """F = dx/dX, shape (d, d)."""
+    """F = dx/dX, shape (d, d).
+
+    Parameters
+    ----------
+    x : positions [m] as a function of rest positions, UFL
+    """
     return ufl.grad(x)
 
 
 def green_strain(F: Expr) -> Expr:
-    """E = (F'F - 1) / 2, shape (d, d). In plane strain the entries that are left out are zero."""
+    """E = (F'F - 1) / 2, shape (d, d). In plane strain the entries that are left out are zero.
+
+    Parameters
+    ----------
+    F : (d, d) deformation gradient, UFL
+    """
     return (F.T * F - ufl.Identity(F.ufl_shape[0])) / 2
 
 

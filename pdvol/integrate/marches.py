@@ -34,7 +34,7 @@ class Start:
 
     @classmethod
     def at_rest(cls, positions: np.ndarray, velocity: np.ndarray) -> "Start":
-        """Step 0, at positions (n, d) [m] with velocity (n, d) [m/s]."""
+        """Step 0, at positions (n, d) [m] with velocity (n, d) [m/s]; no step has led there."""
         return cls(0, (State(positions, velocity),))
 
 

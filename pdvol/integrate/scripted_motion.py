@@ -42,7 +42,7 @@ class ScriptedMotion:
     """
 
     def __init__(self, model: LevelModel, space: LevelSpace, clocks: Clocks | None = None):
-        self._dt, self._rest = model.dt, space.from_input(space.mesh.points)
+        self._dt, self._start = model.dt, space.from_input(model.start)
         self._bodies, self._point_bodies = space.mesh.point_bodies[space.owned_points], space.mesh.point_bodies
         # Every rank moves all points of a support, so that a motion that fails does so on all ranks.
         self._supports = [_Owned(support, space) for support in model.supports]
@@ -58,7 +58,7 @@ class ScriptedMotion:
         holding = [support.points.holds(time, self._dt) for support in self._supports]
         changed = holding != self._holding
         if changed:
-            self._holding, self.held = holding, np.zeros(len(self._rest), dtype=bool)
+            self._holding, self.held = holding, np.zeros(len(self._start), dtype=bool)
             for support in self._active():
                 self.held |= support.mask
             self.moves_supports = any(support.points.moves for support in self._active())
@@ -125,8 +125,8 @@ class ScriptedMotion:
         return [support for support, holds in zip(self._supports, self._holding or [], strict=True) if holds]
 
     def positions(self, time: float) -> np.ndarray:
-        """(n_owned, d) [m]: where held vertices should be at `time` [s]; rest positions elsewhere."""
-        target = self._rest.copy()
+        """(n_owned, d) [m]: where held vertices should be at `time` [s]; those at t = 0 elsewhere."""
+        target = self._start.copy()
         for support in self._active():
             own = self._clocks.of(support.points, time)
             target[support.mask] = support.points.at(own)[support.rows]

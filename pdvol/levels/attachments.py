@@ -9,7 +9,7 @@ import numpy as np
 from pdvol.errors import InputError
 from pdvol.geometry.boundary_search import nearest_points
 from pdvol.geometry.level_mesh import LevelMesh, facet_sizes
-from pdvol.levels.locate import nearest_material
+from pdvol.levels.locate import barycentric_coordinates, nearest_material
 from pdvol.scene import Attachment, Scene
 from pdvol.scene.checks import chosen, near, require
 
@@ -54,22 +54,23 @@ class BoundSprings:
     strength: np.ndarray
 
 
-def attachment_springs(scene: Scene, mesh: LevelMesh) -> Springs:
-    """The springs of all attachments of a scene, chosen on its coarsest level's mesh.
+def attachment_springs(scene: Scene, mesh: LevelMesh, start: np.ndarray) -> Springs:
+    """The springs of all attachments of a scene, chosen on its coarsest level's mesh: parts by their rest positions,
+    and the nearest places to them where points are at t = 0, `start` (n, d) [m].
 
     Raises
     ------
     InputError
         A part holds no facet, or a function of the scene fails.
     """
-    return _joined([_chosen(scene, attachment, mesh) for attachment in scene.attachments], mesh.dim)
+    return _joined([_chosen(scene, attachment, mesh, start) for attachment in scene.attachments], mesh.dim)
 
 
-def _chosen(scene: Scene, attachment: Attachment, mesh: LevelMesh) -> Springs:
+def _chosen(scene: Scene, attachment: Attachment, mesh: LevelMesh, start: np.ndarray) -> Springs:
     names = [body.name for body in scene.bodies]
     bodies = names.index(attachment.body), names.index(attachment.other)
     starts, shares = _starts(mesh, bodies[0], attachment)
-    ends = _ends(mesh, bodies[1], attachment, starts)
+    ends = _ends(mesh, start, bodies, attachment, starts)
     count = len(starts)
     length, strength = attachment.rest_length, attachment.breaking
     return Springs(
@@ -85,16 +86,27 @@ def _starts(mesh: LevelMesh, body: int, attachment: Attachment) -> tuple[np.ndar
     """Where springs begin (k, d) [m], and the share of the attached area (k,) that each stands for."""
     if not callable(attachment.where):
         return _one_place(mesh, body, attachment.body, "Attachment.where", attachment.where), np.ones(1)
-    facets = _part(mesh, body, attachment.body, "Attachment.where", attachment.where)
+    facets = mesh.boundary[_part(mesh, body, attachment.body, "Attachment.where", attachment.where)]
     sizes = facet_sizes(mesh.points, facets)
     return mesh.points[facets].mean(axis=1), sizes / sizes.sum()
 
 
-def _ends(mesh: LevelMesh, body: int, attachment: Attachment, starts: np.ndarray) -> np.ndarray:
+def _ends(
+    mesh: LevelMesh, start: np.ndarray, bodies: tuple[int, int], attachment: Attachment, starts: np.ndarray
+) -> np.ndarray:
+    """Where springs end (k, d) [m], at rest, that begin at `starts` (k, d), at rest."""
+    body, other = bodies
     if not callable(attachment.to):
-        place = _one_place(mesh, body, attachment.other, "Attachment.to", attachment.to)
+        place = _one_place(mesh, other, attachment.other, "Attachment.to", attachment.to)
         return np.repeat(place, len(starts), axis=0)
-    return nearest_points(mesh.points, _part(mesh, body, attachment.other, "Attachment.to", attachment.to), starts)[1]
+    part = _part(mesh, other, attachment.other, "Attachment.to", attachment.to)
+    facets = mesh.boundary[part]
+    if start is mesh.points:
+        return nearest_points(mesh.points, facets, starts)[1]
+    cells, weights = nearest_material(mesh, starts, np.full(len(starts), body))
+    facet, places = nearest_points(start, facets, np.einsum("kc,kci->ki", weights, start[mesh.cells[cells]]))
+    corners = mesh.cells[mesh.boundary_cells[part[facet]]]
+    return np.einsum("kc,kci->ki", barycentric_coordinates(places, start[corners]), mesh.points[corners])
 
 
 def _one_place(mesh: LevelMesh, body: int, name: str, what: str, place: Any) -> np.ndarray:
@@ -105,9 +117,9 @@ def _one_place(mesh: LevelMesh, body: int, name: str, what: str, place: Any) -> 
 
 
 def _part(mesh: LevelMesh, body: int, name: str, what: str, where: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
-    """(k, d) int64: the boundary facets of a body whose centres are chosen."""
-    mine = mesh.boundary[mesh.bodies[mesh.boundary_cells] == body]
-    held = chosen(what, where, mesh.points[mine].mean(axis=1))
+    """(k,) int64: the boundary facets of a body whose centres are chosen, by their rows in the level's."""
+    mine = np.flatnonzero(mesh.bodies[mesh.boundary_cells] == body)
+    held = chosen(what, where, mesh.points[mesh.boundary[mine]].mean(axis=1))
     if not held.any():
         raise InputError(
             f"{what} holds no boundary facet of body {name!r} on the coarsest level; widen it, or give that level more"
@@ -126,13 +138,15 @@ def _joined(parts: list[Springs], dim: int) -> Springs:
     )
 
 
-def bound_springs(springs: Springs, mesh: LevelMesh) -> tuple[BoundSprings, ...]:
-    """The springs on a level, as one `BoundSprings`; none where there are no springs."""
+def bound_springs(springs: Springs, mesh: LevelMesh, start: np.ndarray) -> tuple[BoundSprings, ...]:
+    """The springs on a level whose points are at `start` (n, d) [m] at t = 0, as one `BoundSprings`; none where there
+    are no springs.
+    """
     if len(springs.stiffness) == 0:
         return ()
     ends = [nearest_material(mesh, *end) for end in zip(springs.ends, springs.bodies, strict=True)]
     points = np.concatenate([mesh.cells[cells] for cells, _ in ends], axis=1)
     weights = np.concatenate([-ends[0][1], ends[1][1]], axis=1)
-    lengths = np.linalg.norm(np.einsum("ka,kai->ki", weights, mesh.points[points]), axis=1)
+    lengths = np.linalg.norm(np.einsum("ka,kai->ki", weights, start[points]), axis=1)
     rest = np.where(np.isnan(springs.rest_length), lengths, springs.rest_length)
     return (BoundSprings(points, weights, springs.stiffness, rest, springs.strength),)

@@ -27,7 +27,7 @@ def check_start(level_meshes: Sequence[LevelMesh], obstacles: Sequence[Obstacle]
 
     Parameters
     ----------
-    level_meshes : the levels, coarsest first
+    level_meshes : the levels, coarsest first, with their points where they are at t = 0 (`started`)
     obstacles : of the scene
     bodies : their names
 

@@ -1,6 +1,7 @@
 """What would stop a scene on one level, found before it runs: the same for `pdvol check`, `hierarchy` and `run`."""
 
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 
 import numpy as np
 
@@ -9,6 +10,7 @@ from pdvol.geometry.level_mesh import LevelMesh
 from pdvol.levels.initial_state import Defect, find_defects
 from pdvol.levels.obstacles import Obstacle
 from pdvol.levels.scene_fields import check_fields
+from pdvol.levels.start import start_notes, started
 from pdvol.scene import Barrier, Scene, metres
 
 MOST_TURN = np.pi
@@ -50,12 +52,15 @@ def level_defects(
         yield Defect(error, [])
         return
     if scene.contact:  # without contact bodies may cross
-        yield from find_defects(level, mesh, obstacles, [body.name for body in scene.bodies], level_meshes)
+        begun = [started(scene, other, number) for number, other in enumerate(level_meshes)]
+        yield from find_defects(level, begun[level], obstacles, [body.name for body in scene.bodies], begun)
 
 
 def level_notes(scene: Scene, mesh: LevelMesh, level: int, diagonal: float) -> list[str]:
     """What does not stop a run on a level without `level_defects`, but spoils it: lines."""
     notes = []
+    with suppress(InputError):  # what stops a run is found by `level_defects`
+        notes += start_notes(scene, mesh, level)
     for number, body in enumerate(scene.bodies):
         turn = _turn(scene, body.spin)
         lost = 1.0 - spin_kept(scene.integrator, turn, scene.steps)

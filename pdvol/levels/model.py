@@ -13,10 +13,10 @@ from pdvol.geometry.level_mesh import LevelMesh
 from pdvol.levels.attachments import BoundSprings, Springs, attachment_springs, bound_springs
 from pdvol.levels.hierarchy import Hierarchy
 from pdvol.levels.materials import CellMaterials, cell_materials, level_materials
-from pdvol.levels.motions import motion_of
 from pdvol.levels.muscles import CellMuscle, cell_muscles, level_muscles
 from pdvol.levels.obstacles import Obstacle
-from pdvol.levels.scene_fields import chosen_points, initial_velocity, support_label, supported_points
+from pdvol.levels.scene_fields import chosen_points, initial_velocity, supported_points
+from pdvol.levels.start import start_positions
 from pdvol.scene import Barrier, Friction, Gravity, Load, Motion, Penalty, Scene, Solver, Still, metres, moved
 
 
@@ -28,7 +28,7 @@ class HeldPoints:
     ----------
     mask : (n,) bool
     points : (k, d) [m]
-        Their rest positions.
+        Where they are at t = 0.
     motion : (X, t) -> x
     release : time [s]
     """
@@ -107,6 +107,8 @@ class LevelModel:
     ----------
     level : its number, 0 the coarsest
     mesh : LevelMesh
+    start : (n, d) [m]
+        Where its points are at t = 0.
     bodies : their names
     materials : CellMaterials
     velocity : (n, d) [m/s]
@@ -127,6 +129,7 @@ class LevelModel:
 
     level: int
     mesh: LevelMesh
+    start: np.ndarray
     bodies: tuple[str, ...]
     materials: CellMaterials
     velocity: np.ndarray
@@ -188,11 +191,11 @@ def level_model(
     """
     materials = cell_materials(scene, mesh) if materials is None else materials
     names = tuple(body.name for body in scene.bodies)
+    start = start_positions(scene, mesh, level)
     supports = []
     for support in scene.supports:
-        mask = supported_points(scene, support, mesh, level)
-        motion = motion_of(support.motion, mesh.points[mask], support_label(support, level))
-        supports.append(HeldPoints(mask, mesh.points[mask], motion, support.release))
+        mask, motion = supported_points(scene, support, mesh, level, start)
+        supports.append(HeldPoints(mask, start[mask], motion, support.release))
     everywhere = np.ones(len(mesh.points), dtype=bool)
     loads = (
         PlacedLoad(load, everywhere if isinstance(load, Gravity) else chosen_points(scene, load, mesh))
@@ -201,14 +204,15 @@ def level_model(
     return LevelModel(
         level=level,
         mesh=mesh,
+        start=start,
         bodies=names,
         materials=materials,
-        velocity=initial_velocity(scene, mesh),
+        velocity=initial_velocity(scene, mesh, start),
         loads=tuple(loads),
         supports=tuple(supports),
         obstacles=tuple(obstacles),
         contact=contact_models(scene.contact, names, obstacles, diagonal, materials.softest),
-        springs=bound_springs(attachment_springs(scene, mesh) if springs is None else springs, mesh),
+        springs=bound_springs(attachment_springs(scene, mesh, start) if springs is None else springs, mesh, start),
         muscles=cell_muscles(scene, mesh) if muscles is None else muscles,
         penalty=scene.penalty,
         feedback=scene.feedback,
@@ -230,7 +234,8 @@ def hierarchy_model(
     Parameters and errors as for `level_model`.
     """
     materials = level_materials(scene, hierarchy, level)
-    springs = attachment_springs(scene, hierarchy[0].mesh)
+    coarsest = hierarchy[0].mesh
+    springs = attachment_springs(scene, coarsest, start_positions(scene, coarsest, 0))
     muscles = level_muscles(scene, hierarchy, level)
     return level_model(scene, hierarchy[level].mesh, level, diagonal, obstacles, materials, springs, muscles)
 

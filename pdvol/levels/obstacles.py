@@ -9,7 +9,7 @@ import numpy as np
 from pdvol.errors import InputError
 from pdvol.levels.motions import motion_of
 from pdvol.meshing.build import read_obstacle
-from pdvol.scene import Deforming, Motion, Obstructing, Plane, Rigid, Still, moved
+from pdvol.scene import Deforming, Motion, Obstructing, Plane, Rigid, Still, keeps_shape, moved
 
 Geometry = tuple[np.ndarray, np.ndarray, np.ndarray]
 """Vertices (k, d) [m], edges (e, 2) and faces (f, 3) of a surface or polyline at rest."""
@@ -49,6 +49,11 @@ class Obstacle:
     def moves(self) -> bool:
         """Whether the scene gives it a motion."""
         return not isinstance(self.motion, Still)
+
+    @property
+    def rigid(self) -> bool:
+        """Whether its motion is known to keep its shape."""
+        return keeps_shape(self.motion)
 
     @property
     def label(self) -> str:

@@ -9,6 +9,7 @@ from pdvol.geometry.level_mesh import LevelMesh
 from pdvol.levels.materials import cell_materials, check_laws
 from pdvol.levels.motions import motion_of
 from pdvol.levels.muscles import cell_muscles
+from pdvol.levels.start import start_positions
 from pdvol.meshes import Outline
 from pdvol.meshing.readers import read_shape
 from pdvol.scene import (
@@ -16,7 +17,9 @@ from pdvol.scene import (
     Force,
     Gravity,
     Impulse,
+    Keyed,
     Load,
+    Motion,
     PointCache,
     PointForce,
     Pressure,
@@ -59,21 +62,39 @@ def _held_for_ever(scene: Scene, body: str, points: np.ndarray) -> bool:
     return bool(held.all())
 
 
-def initial_velocity(scene: Scene, mesh: LevelMesh) -> np.ndarray:
-    """(n, d) the scene's velocity field [m/s] at a level's points; spins turn about each body's centre of volume."""
-    velocity = np.zeros_like(mesh.points)
+def way_up(scene: Scene, dim: int) -> list[float] | None:
+    """The upward direction of pictures: against the first gravity, at the first time at which it is not zero; None
+    where there is no such time.
+    """
+    gravity = next((load.acceleration for load in scene.loads if isinstance(load, Gravity)), dim * (0.0,))
+    if isinstance(gravity, Keyed):
+        times = [0.0, *gravity.times]
+    else:
+        times = [step * scene.dt for step in range(scene.steps + 1)] if callable(gravity) else [0.0]
+    for time in times:
+        pull = at_time("gravity", gravity, time, dim)
+        if pull.any():
+            return [0.0 - float(a) for a in pull]
+    return None
+
+
+def initial_velocity(scene: Scene, mesh: LevelMesh, start: np.ndarray | None = None) -> np.ndarray:
+    """(n, d) the scene's velocity field [m/s] at a level's points, which are at `start` (n, d) [m] at t = 0, or else at
+    rest. Spins turn about each body's centre there.
+    """
+    velocity, start = np.zeros_like(mesh.points), mesh.points if start is None else start
     surface = np.zeros(len(mesh.points), dtype=bool)
     surface[mesh.boundary] = True
     for i, body in enumerate(scene.bodies):
         cells, volumes = mesh.cells[mesh.bodies == i], mesh.volumes[mesh.bodies == i]
-        centre = volumes @ mesh.points[cells].mean(axis=1) / volumes.sum()
+        centre = volumes @ start[cells].mean(axis=1) / volumes.sum()
         mine = mesh.point_bodies == i
-        velocity[mine] = body.initial_velocity(mesh.points[mine], centre)
+        velocity[mine] = body.initial_velocity(mesh.points[mine], centre, start[mine])
         if isinstance(body.velocity, TakeOver):
             from pdvol.levels.animated import taken_velocity
 
             velocity[mine] += taken_velocity(
-                body.velocity, mesh.points[mine], surface[mine], f"body {body.name!r}, which takes over an animation"
+                body.velocity, start[mine], surface[mine], f"body {body.name!r}, which takes over an animation"
             )
     return velocity
 
@@ -94,8 +115,11 @@ def _mask(chooser: Chooser, where: Callable, points: np.ndarray) -> np.ndarray:
     return chosen(f"a {type(chooser).__name__.lower()}'s `where`", where, points)
 
 
-def supported_points(scene: Scene, support: Support, mesh: LevelMesh, level: int) -> np.ndarray:
-    """(n,) bool: the level's points that a support holds; where a point cache moves them, those on the surface.
+def supported_points(
+    scene: Scene, support: Support, mesh: LevelMesh, level: int, start: np.ndarray
+) -> tuple[np.ndarray, Motion]:
+    """(n,) bool: the level's points that a support holds, and their motion from where they are at t = 0, `start` (n, d)
+    [m]; where a point cache moves them, those on the surface.
 
     Raises
     ------
@@ -110,11 +134,11 @@ def supported_points(scene: Scene, support: Support, mesh: LevelMesh, level: int
         raise InputError(
             f"a support holds no vertex of level {level}; widen its `where` so that the coarsest level has some"
         )
-    motion = motion_of(support.motion, points[held], support_label(support, level))
+    motion = motion_of(support.motion, start[held], support_label(support, level))
     for number in np.unique(np.linspace(0, scene.steps, MOTION_SAMPLES).astype(int)):
         if number == 0 or support.holds((number - 1) * scene.dt, scene.dt):
-            moved(motion, points[held], number * scene.dt, "a support")
-    return held
+            moved(motion, start[held], number * scene.dt, "a support")
+    return held, motion
 
 
 def support_label(support: Support, level: int) -> str:
@@ -123,20 +147,21 @@ def support_label(support: Support, level: int) -> str:
 
 
 def check_fields(scene: Scene, mesh: LevelMesh, level: int) -> None:
-    """Raise InputError unless loads, velocities, materials and supports fit a level's dimension and points."""
+    """Raise InputError unless starts, loads, velocities, materials and supports fit a level's dimension and points."""
+    start = start_positions(scene, mesh, level)
     for load in scene.loads:
         _check_load(scene, load, mesh, level)
-    initial_velocity(scene, mesh)
+    initial_velocity(scene, mesh, start)
     if level == 0:
         check_laws(scene, mesh.dim)
         cell_muscles(scene, mesh)
         if scene.attachments:
             from pdvol.levels.attachments import attachment_springs  # it loads search trees and finite elements
 
-            attachment_springs(scene, mesh)
+            attachment_springs(scene, mesh, start)
         cell_materials(scene, mesh)
     for support in scene.supports:
-        supported_points(scene, support, mesh, level)
+        supported_points(scene, support, mesh, level, start)
 
 
 def _check_load(scene: Scene, load: Load, mesh: LevelMesh, level: int) -> None:

@@ -1,7 +1,7 @@
 """Bodies that overlap at t = 0 on some level are moved, shrunk or refined, where the scene's `separate` allows it.
 
 Whole bodies are moved or shrunk, the same on every level, as far as the worst level needs. All levels are therefore
-built, also where fewer are requested.
+built, also where fewer are requested. Bodies that have a `start`, which is a function of place, stay.
 """
 
 from collections.abc import Sequence
@@ -14,6 +14,7 @@ from pdvol.errors import IntersectionError
 from pdvol.geometry.level_mesh import LevelMesh
 from pdvol.levels.initial_state import check_start
 from pdvol.levels.obstacles import Obstacle
+from pdvol.levels.start import started
 from pdvol.meshing.build import build_levels
 from pdvol.scene import Scene, Separate
 from pdvol.stages import stage
@@ -77,7 +78,8 @@ class _Arrangement:
         """The first intersection of some level."""
         try:
             with stage("checking that bodies are apart"):
-                check_start(self.levels(), obstacles, [body.name for body in self.scene.bodies])
+                levels = [started(self.scene, mesh, level) for level, mesh in enumerate(self.levels())]
+                check_start(levels, obstacles, [body.name for body in self.scene.bodies])
         except IntersectionError as error:
             return error
         return None
@@ -92,6 +94,8 @@ class _Arrangement:
             return False
         changed = False
         for body, way in zip(error.bodies, (1.0, -1.0), strict=False):
+            if self.scene.bodies[body].start is not None:  # a function of place, which does not move along
+                continue
             if remedy.by == "move" and self._moved[body] + step <= remedy.limit * (1 + 1e-9):
                 self._shifts[body] += way * step * self._diagonals[body] * error.push
                 self._moved[body] += step

@@ -81,11 +81,16 @@ def _described(shot: Shot) -> dict:
     return {**DEFAULTS, **shot.description()}
 
 
+def _starts(description: dict) -> list:
+    """The bodies' `start`, from which supports and springs have their places and lengths."""
+    return [body.get("start") for body in description["bodies"]]
+
+
 def _check_same(run: Run, shot: Shot, step: int) -> None:
     if run.info["method"] != "progressive":
         raise InputError(f"{run.path} was run with the method {run.info['method']}; only progressive runs go on")
-    old, new = {**DEFAULTS, **run.info["description"]}, _described(shot)
-    for part in SAME_PARTS:
+    old, new = ({**d, "start": _starts(d)} for d in ({**DEFAULTS, **run.info["description"]}, _described(shot)))
+    for part in (*SAME_PARTS, "start"):
         changed = differences(old.get(part), new.get(part), f"scene.{part}")
         if changed:
             raise InputError(f"a run cannot go on from step {step} with another {part} ({changed[0]})")

@@ -60,7 +60,7 @@ def run_level(
         return
     with stage(f"preparing level {level}"):
         integrator = INTEGRATORS[model.integrator]()
-        start = _start(model, integrator, writer, done)
+        start = _start(model, hierarchy, method, integrator, writer, done)
         writer.call("set_level_state", level, "running")
         march = _march(model, hierarchy, method, integrator, partial(writer.read, level - 1), start)
     watcher = progress(level, model.steps, start.step) if progress is not None else None
@@ -84,12 +84,19 @@ def run_level(
             watcher.close()
 
 
-def _start(model: LevelModel, integrator: Integrator, writer: LevelWriter, done: int) -> Start:
-    """Where a level goes on that has `done` stored states; it begins at rest, and that state is stored."""
+def _start(
+    model: LevelModel, hierarchy: Hierarchy, method: str, integrator: Integrator, writer: LevelWriter, done: int
+) -> Start:
+    """Where a level goes on that has `done` stored states. It begins where the scene says, and that state is stored; an
+    embedded level begins where the level below does, prolonged.
+    """
     level = model.level
     if done == 0:
-        writer.call("write_state", level, 0, model.mesh.points)
-        return Start.at_rest(model.mesh.points, model.velocity)
+        begin = model.start
+        if method == "embedded" and level > 0 and begin is not model.mesh.points:
+            begin = hierarchy.prolongation(level).prolong_positions(writer.read(level - 1, "positions", 0))
+        writer.call("write_state", level, 0, begin)
+        return Start.at_rest(begin, model.velocity)
     positions = partial(writer.read, level, "positions")
     joined = lambda step: int(writer.record(level, step).get("joined", 1))
     past = past_of(integrator, positions, model.velocity, done - 1, model.dt, joined)

@@ -30,6 +30,7 @@ from pdvol.levels.obstacles import placed_obstacles
 from pdvol.levels.scene_fields import initial_velocity, scene_diagonal
 from pdvol.levels.separation import build_apart
 from pdvol.levels.space import LevelSpace
+from pdvol.levels.start import started
 from pdvol.meshes import Outline, Solid, Surface
 from pdvol.meshing.build import build_levels, vertices_asked
 from pdvol.meshing.cpu_budget import cpu_budget
@@ -58,8 +59,8 @@ def check_scene(scene: Scene, seconds: float = 3.0, out: Path | None = None) -> 
     ----------
     scene : Scene
     seconds : how long level 0 may be simulated to estimate the levels' cost [s]; 0: not at all
-    out : folder for `level_<l>.vtu` (cells' `quality`; points' `defect`) and `defects_<l>.vtu` (the primitives of each
-        defect); none is written if None
+    out : folder for `level_<l>.vtu` (at t = 0; cells' `quality`, at rest; points' `defect`) and `defects_<l>.vtu` (the
+        primitives of each defect); none is written if None
 
     Returns
     -------
@@ -97,7 +98,7 @@ def check_scene(scene: Scene, seconds: float = 3.0, out: Path | None = None) -> 
         result["defects"] += [f"defect at level {level}: {message}" for message in entry["defects"]]
         defects.append(found)
     if out is not None:
-        _write_levels(out, meshes, defects)
+        _write_levels(out, scene, meshes, defects)
     result["sound"] = not result["defects"]
     if result["sound"] and seconds > 0 and scene.steps:
         with stage("estimating costs from level 0"):
@@ -146,11 +147,12 @@ def _check_level(
     try:
         defects = list(level_defects(scene, meshes, level, obstacles, diagonal))
         entry["defects"] = [str(d.error) for d in defects]
-        speed = float(np.linalg.norm(initial_velocity(scene, mesh), axis=1).max())
+        begun = started(scene, mesh, level)
+        speed = float(np.linalg.norm(initial_velocity(scene, mesh, begun.points), axis=1).max())
         entry["speed"], entry["edges_per_step"] = speed, speed * scene.dt / edge
         if scene.contact and not defects:
             dhat = metres(next(c.dhat for c in scene.contact if isinstance(c, Barrier)), diagonal)
-            gap, _ = smallest_gap(mesh, obstacles, names, GAP_RANGE * dhat)
+            gap, _ = smallest_gap(begun, obstacles, names, GAP_RANGE * dhat)
             if gap is not None:
                 entry["smallest_gap"] = {
                     "distance": gap.distance,
@@ -158,7 +160,7 @@ def _check_level(
                     "other": gap.other,
                     "dhats": gap.distance / dhat,
                 }
-                entry["near_pairs"] = smallest_gap(mesh, obstacles, names, dhat)[1]
+                entry["near_pairs"] = smallest_gap(begun, obstacles, names, dhat)[1]
     except InputError as error:
         entry["defects"] = entry["defects"] or [str(error)]
     return entry, defects
@@ -171,19 +173,21 @@ def _shortest_edge(mesh: LevelMesh) -> float:
     )
 
 
-def _write_levels(out: Path, meshes: Sequence[LevelMesh], found: Sequence[Sequence[Defect]]) -> None:
+def _write_levels(out: Path, scene: Scene, meshes: Sequence[LevelMesh], found: Sequence[Sequence[Defect]]) -> None:
     try:
         out.mkdir(parents=True, exist_ok=True)
         for level, (mesh, defects) in enumerate(zip(meshes, found, strict=True)):
             corners = [(corner, number) for number, defect in enumerate(defects, 1) for corner in defect.primitives]
-            marks = np.zeros(len(mesh.points), dtype=np.int32)
+            marks, begun = np.zeros(len(mesh.points), dtype=np.int32), mesh
+            with suppress(InputError):  # it is among the defects
+                begun = started(scene, mesh, level)
             if corners:
-                places = {tuple(point): i for i, point in enumerate(mesh.points)}
+                places = {tuple(point): i for i, point in enumerate(begun.points)}
                 for corner, number in corners:
                     marks[[places[tuple(point)] for point in corner if tuple(point) in places]] = number
                 write_primitives(out / f"defects_{level}.vtu", *zip(*corners, strict=True))
             write_vtu(
-                out / f"level_{level}.vtu", mesh, {"defect": marks}, {"quality": mean_ratio(mesh.points, mesh.cells)}
+                out / f"level_{level}.vtu", begun, {"defect": marks}, {"quality": mean_ratio(mesh.points, mesh.cells)}
             )
     except OSError as error:
         raise InputError(f"{out} cannot be written: {error.strerror}") from None
@@ -198,7 +202,7 @@ def _estimate_costs(
     stepper = Stepper(model, LevelSpace(mesh, MPI.COMM_SELF), integrator=INTEGRATORS[model.integrator]())
     begin, spent, iterations = time.perf_counter(), [], []
     try:
-        for report in direct(stepper, Start.at_rest(mesh.points, model.velocity), scene.steps):
+        for report in direct(stepper, Start.at_rest(model.start, model.velocity), scene.steps):
             spent.append(report.seconds["total"])
             say(f"{len(spent)} steps")
             iterations.append(report.newton_iterations)

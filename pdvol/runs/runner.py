@@ -14,8 +14,9 @@ from pdvol.levels.hierarchy import Hierarchy
 from pdvol.levels.level_check import level_defects
 from pdvol.levels.model import hierarchy_model
 from pdvol.levels.obstacles import Geometry, Obstacle, placed_obstacles, read_geometry, stored_obstacles
-from pdvol.levels.scene_fields import initial_velocity, scene_diagonal
+from pdvol.levels.scene_fields import initial_velocity, scene_diagonal, way_up
 from pdvol.levels.separation import build_apart
+from pdvol.levels.start import start_positions
 from pdvol.parallel import on_root
 from pdvol.registry import INTERPOLANTS, METHODS
 from pdvol.runs.level_run import Watch, run_level
@@ -23,7 +24,7 @@ from pdvol.runs.render_meshes import bound_render_meshes, check_render_files
 from pdvol.runs.scene_file import DEFAULTS, Shot, load_shot, stored_file, stored_settings
 from pdvol.runs.shared_writer import Export, SharedWriter
 from pdvol.runs.wavefront import march_levels
-from pdvol.scene import Gravity, Scene
+from pdvol.scene import Scene
 from pdvol.scene.fingerprint import differences_by_level
 from pdvol.stages import stage
 from pdvol.store.files import jsonable
@@ -241,7 +242,7 @@ def _open_writer(
 ) -> RunWriter:
     scene = shot.scene
     velocities, drawn = (
-        [initial_velocity(scene, mesh) for mesh in meshes],
+        [initial_velocity(scene, mesh, start_positions(scene, mesh, level)) for level, mesh in enumerate(meshes)],
         stored_obstacles(obstacles, scene.dt, scene.steps),
     )
     apart = bool(mended or (kept and open_run(out).info.get("mended")))
@@ -258,7 +259,7 @@ def _open_writer(
             changed["scene_file"] = _file(shot)
         writer.update_info(steps=scene.steps, **changed)
     else:
-        up = _up(scene)
+        up = way_up(scene, meshes[0].dim)
         info = {
             "scene": shot.name,
             "dt": scene.dt,
@@ -282,12 +283,6 @@ def _open_writer(
 def _file(shot: Shot) -> str:
     """The scene file's path, empty for a scene made in memory."""
     return "" if shot.file is None else str(shot.file)
-
-
-def _up(scene: Scene) -> list[float] | None:
-    """The upward direction of pictures: against the first gravity at t = 0; None without one."""
-    gravity = next((load.acceleration for load in scene.loads if isinstance(load, Gravity)), None)
-    return None if gravity is None else [-float(a) for a in (gravity(0.0) if callable(gravity) else gravity)]
 
 
 def _versions() -> dict[str, str]:

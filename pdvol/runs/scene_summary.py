@@ -25,6 +25,7 @@ from pdvol.scene import (
     Plane,
     PointCache,
     PointForce,
+    Posed,
     Pressure,
     Scene,
     Sequential,
@@ -60,6 +61,10 @@ def modelled_terms(scene: Scene) -> list[str]:
                 else f"where {getattr(region.where, '__name__', 'asked')}"
             )
             lines.append(f"body {body.name!r}, {where}: {_material(region.material)}")
+        if body.start is not None:
+            given = getattr(body.start, "__name__", type(body.start).__name__)
+            leads = "a posed mesh" if isinstance(body.start, Posed) else given
+            lines.append(f"body {body.name!r}: starts away from rest, where {leads} leads it")
         for mesh in body.render_meshes:
             what = Path(mesh.shape).name if isinstance(mesh.shape, (str, Path)) else repr(mesh.shape)
             lines.append(f"body {body.name!r}: drawn as {what}, carried by {mesh.interpolant} weights")
@@ -134,7 +139,8 @@ def _load(load: Load) -> str:
     if isinstance(load, Pressure):
         return f"pressure {'by time' if callable(load.pressure) else f'{load.pressure:g}'} Pa in {load.body}"
     if isinstance(load, Flow):
-        u = "by place and time" if callable(load.velocity) else shown(load.velocity)
+        by_place = callable(load.velocity) and not isinstance(load.velocity, Keyed)
+        u = "by place and time" if by_place else shown(load.velocity)
         return f"flow {u} m/s of density {load.density:g} kg/m^3, drag {load.drag:g}{on}"
     where = f"at {tuple(load.at)}" if isinstance(load, PointForce) else "over a region"
     return f"force {shown(load.force)} N {where}{on}"
@@ -142,7 +148,8 @@ def _load(load: Load) -> str:
 
 def _muscle(muscle: Muscle) -> str:
     fibre = "by position" if callable(muscle.fibre) else str(tuple(muscle.fibre))
-    activation = "by time and place" if callable(muscle.activation) else f"{muscle.activation:g}"
+    given = muscle.activation
+    activation = "by time" if isinstance(given, Keyed) else "by time and place" if callable(given) else f"{given:g}"
     return f"muscle: {muscle.body!r} along {fibre}, {muscle.strength:g} Pa, activation {activation}"
 
 

@@ -12,11 +12,23 @@ from pdvol.scene.keyed import Keyed
 from pdvol.scene.lengths import Length, Relative, metres
 from pdvol.scene.loads import Flow, Force, Gravity, Impulse, Load, PointForce, Pressure, at_time
 from pdvol.scene.materials import FixedCorotational, Material, NeoHookean, Region, StVenantKirchhoff, Value, lame
-from pdvol.scene.motions import Motion, Path, Rotation, Sequential, Still, Translation, Vector, moved, rotation_matrix
+from pdvol.scene.motions import (
+    Motion,
+    Path,
+    Rotation,
+    Sequential,
+    Still,
+    Translation,
+    Vector,
+    keeps_shape,
+    moved,
+    rotation_matrix,
+)
 from pdvol.scene.muscles import Muscle
 from pdvol.scene.penalty import Penalty
 from pdvol.scene.placement import Placement
 from pdvol.scene.point_caches import PointCache, TakeOver
+from pdvol.scene.poses import Posed
 from pdvol.scene.render_mesh import RenderMesh
 from pdvol.scene.scene import Scene
 from pdvol.scene.solver import Solver
@@ -47,6 +59,7 @@ __all__ = [
     "Plane",
     "PointCache",
     "PointForce",
+    "Posed",
     "Pressure",
     "Region",
     "Relative",
@@ -68,6 +81,7 @@ __all__ = [
     "at_time",
     "lame",
     "metres",
+    "keeps_shape",
     "moved",
     "rotation_matrix",
 ]

@@ -13,6 +13,7 @@ from pdvol.scene.materials import Material, Region
 from pdvol.scene.motions import Vector
 from pdvol.scene.placement import Placement
 from pdvol.scene.point_caches import TakeOver
+from pdvol.scene.poses import Posed
 from pdvol.scene.render_mesh import RenderMesh
 from pdvol.scene.representation import NOT_SIMULATED, one_line
 
@@ -58,6 +59,8 @@ class Body:
     vertices : vertex targets, coarsest level first; may be left empty where `shape` lists volume meshes
     name : str
     placement : Placement
+    start : where it is at t = 0, if not at rest: a function of rest positions (n, d) [m], as placed, that gives
+        positions (n, d) [m]; or a `Posed`, a mesh with positions. The shape stays the one without stress.
     velocity : initial velocity [m/s]; a function of rest positions (n, d) that gives it (n, d); or a `TakeOver`
     spin : initial angular velocity [rad/s] about the body's centre of volume: a number in 2D, three in 3D
     regions : parts with materials of their own; later ones win where they overlap
@@ -73,6 +76,7 @@ class Body:
     spin: float | Vector = ()
     regions: Sequence[Region] = ()
     render: RenderMesh | Sequence[RenderMesh] = field(default=(), metadata={NOT_SIMULATED: True})
+    start: Callable[[np.ndarray], np.ndarray] | Posed | None = None
     __repr__ = one_line
 
     def __post_init__(self) -> None:
@@ -124,6 +128,11 @@ class Body:
                 list(self.vertices) == sorted(self.vertices),
                 f"body {self.name!r}: vertex targets {self.vertices} must go from coarse to fine",
             )
+        require(
+            self.start is None or callable(self.start) or isinstance(self.start, Posed),
+            f"body {self.name!r}: start must be a function of rest positions (n, d) that gives positions (n, d), or a"
+            f" Posed, which fit all levels, not {type(self.start).__name__}",
+        )
         if not callable(self.velocity) and not isinstance(self.velocity, TakeOver) and self.velocity != ():
             vector(f"body {self.name!r}: velocity", self.velocity)
         spin = self.spin if isinstance(self.spin, tuple) else (self.spin,)
@@ -156,9 +165,9 @@ class Body:
         """Whether all of the body is made of the same."""
         return not self.regions and not self.material.varies
 
-    def initial_velocity(self, points: np.ndarray, centre: np.ndarray) -> np.ndarray:
-        """Velocity field [m/s] at `points` (n, d) of a body with centre of mass `centre` (d,); without what it takes
-        over from an animation.
+    def initial_velocity(self, points: np.ndarray, centre: np.ndarray, start: np.ndarray | None = None) -> np.ndarray:
+        """Velocity field [m/s] at rest positions `points` (n, d) of a body, without what it takes over from an
+        animation. Its spin turns it about `centre` (d,), where it is at t = 0: at `start` (n, d), or else at rest.
         """
         dim = points.shape[1]
         v = np.zeros_like(points)
@@ -180,6 +189,6 @@ class Body:
                 spin.size == (1 if dim == 2 else 3),
                 f"body {self.name!r}: spin has {spin.size} components in a {dim}D scene",
             )
-            r = points - centre
+            r = (points if start is None else start) - centre
             v += spin[0] * np.column_stack([-r[:, 1], r[:, 0]]) if dim == 2 else np.cross(spin, r)
         return v

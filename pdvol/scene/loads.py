@@ -12,11 +12,12 @@ from typing import Any
 import numpy as np
 
 from pdvol.scene.checks import called, finite, keep_plain, positive, require, vector
+from pdvol.scene.keyed import Keyed, keyed_numbers, keyed_vectors
 from pdvol.scene.motions import Vector
 from pdvol.scene.representation import one_line
 
-TimedVector = Vector | Callable[[float], Vector]
-"""A vector, or a function of time [s] that gives one."""
+TimedVector = Vector | Keyed | Callable[[float], Vector]
+"""A vector, `Keyed` vectors, or a function of time [s] that gives one."""
 Where = Callable[[np.ndarray], np.ndarray]
 
 
@@ -34,13 +35,20 @@ def at_time(name: str, value: TimedVector, time: float, dim: int) -> np.ndarray:
 
 
 def _vector(name: str, value: Any) -> None:
-    if not callable(value):
+    if isinstance(value, Keyed):
+        keyed_vectors(name, value)
+    elif not callable(value):
         vector(name, value)
 
 
 @dataclass(frozen=True)
 class Gravity:
-    """A uniform acceleration [m/s^2], or a function of time that gives one."""
+    """A uniform acceleration [m/s^2]: a vector, `Keyed` vectors, or a function of time that gives one.
+
+    Attributes
+    ----------
+    acceleration : (d,) [m/s^2], `Keyed` ones, or a function of time [s] that gives it
+    """
 
     acceleration: TimedVector
     __repr__ = one_line
@@ -56,6 +64,12 @@ class Force:
     region.
 
     The total is the same on every level, whatever its vertices.
+
+    Attributes
+    ----------
+    force : (d,) [N], `Keyed` ones, or a function of time [s] that gives it
+    where : function of rest positions (n, d) [m] giving a mask (n,); everywhere by default
+    body : name of the body it acts on; all bodies when empty
     """
 
     force: TimedVector
@@ -74,6 +88,12 @@ class PointForce:
 
     It acts on the corners of the cell there by their barycentric coordinates; of the nearest cell where a coarse level
     ends short of it.
+
+    Attributes
+    ----------
+    force : (d,) [N], `Keyed` ones, or a function of time [s] that gives it
+    at : (d,) rest position [m], as placed
+    body : name of the body it acts on; all bodies when empty
     """
 
     force: TimedVector
@@ -91,6 +111,13 @@ class PointForce:
 class Impulse:
     """A sudden change of velocity [m/s] of a region: the momentum that takes is given to it within the step in which
     `time` [s] falls.
+
+    Attributes
+    ----------
+    velocity : (d,) change of velocity [m/s]
+    time : [s]
+    where : function of rest positions (n, d) [m] giving a mask (n,); everywhere by default
+    body : name of the body it acts on; all bodies when empty
     """
 
     velocity: Vector
@@ -114,13 +141,13 @@ class Flow:
 
     Attributes
     ----------
-    velocity : [m/s]: a vector, or a function (x, t) of positions (n, d) and time that gives (n, d)
+    velocity : [m/s]: a vector, `Keyed` vectors, or a function (x, t) of positions (n, d) and time that gives (n, d)
     density : of the medium [kg/m^d]
     drag : the coefficient, per area of surface
     body : name of the body it acts on; all bodies when empty
     """
 
-    velocity: Vector | Callable[[np.ndarray, float], np.ndarray]
+    velocity: Vector | Keyed | Callable[[np.ndarray, float], np.ndarray]
     density: float = 1000.0
     drag: float = 1.0
     body: str = ""
@@ -134,7 +161,7 @@ class Flow:
 
     def at(self, positions: np.ndarray, time: float) -> np.ndarray:
         """(n, d) its velocity at positions (n, d) [m] and a time [s]."""
-        if not callable(self.velocity):
+        if not callable(self.velocity) or isinstance(self.velocity, Keyed):
             return np.broadcast_to(at_time("Flow.velocity", self.velocity, time, positions.shape[1]), positions.shape)
         found = called("Flow.velocity", self.velocity, (positions, time), positions.shape)
         require(np.isfinite(found).all(), f"Flow.velocity gives NaN or infinity at t = {time:g} s")
@@ -149,16 +176,18 @@ class Pressure:
     Attributes
     ----------
     body : name
-    pressure : above that outside [Pa]: a number, or a function of time that gives one
+    pressure : above that outside [Pa]: a number, `Keyed` numbers, or a function of time that gives one
     """
 
     body: str
-    pressure: float | Callable[[float], float]
+    pressure: float | Keyed | Callable[[float], float]
     __repr__ = one_line
 
     def __post_init__(self) -> None:
         keep_plain(self, "pressure")
-        if not callable(self.pressure):
+        if isinstance(self.pressure, Keyed):
+            keyed_numbers("Pressure.pressure", self.pressure)
+        elif not callable(self.pressure):
             finite("Pressure.pressure", self.pressure)
 
     def at(self, time: float) -> float:

@@ -9,7 +9,7 @@ import numpy as np
 from pdvol.errors import InputError
 from pdvol.forms import elasticity
 from pdvol.scene.checks import called, finite, keep_plain, positive, require
-from pdvol.scene.keyed import Keyed
+from pdvol.scene.keyed import Keyed, keyed_numbers
 from pdvol.scene.representation import one_line
 
 Value = float | Callable[[np.ndarray], np.ndarray]
@@ -43,6 +43,7 @@ class Material:
             value = getattr(self, field.name)
             if isinstance(value, Keyed):
                 require(field.name == "young", f"{type(self).__name__}.{field.name} cannot be Keyed; young can")
+                keyed_numbers(f"{type(self).__name__}.young", value)
                 positive(f"{type(self).__name__}.young, its lowest key,", min(value.values))
             elif not callable(value):
                 self._check(field.name, value)

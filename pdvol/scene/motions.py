@@ -26,7 +26,13 @@ class Still:
 
 @dataclass(frozen=True)
 class Translation:
-    """Constant velocity [m/s], until `stop` [s]."""
+    """Constant velocity [m/s], until `stop` [s].
+
+    Attributes
+    ----------
+    velocity : (d,) [m/s]
+    stop : time [s] from which on it rests; inf: never
+    """
 
     velocity: Vector
     stop: float = np.inf
@@ -45,6 +51,13 @@ class Translation:
 class Rotation:
     """Constant angular speed [rad/s] about an axis through a centre, until `stop` [s]. In 2D the axis is the plane's
     normal.
+
+    Attributes
+    ----------
+    speed : [rad/s]
+    centre : (d,) [m]
+    axis : (3,) direction, of any length but zero
+    stop : time [s] from which on it rests; inf: never
     """
 
     speed: float
@@ -115,6 +128,10 @@ class Path:
 class Sequential:
     """Motions applied one after the other at the same time: `Sequential((Rotation(...), Path(...)))` turns, and carries
     what has turned.
+
+    Attributes
+    ----------
+    motions : sequence of callables (X, t) -> x, the first of which is applied first
     """
 
     motions: Sequence[Motion]
@@ -132,6 +149,13 @@ class Sequential:
         for motion in self.motions:
             X = motion(X, t)
         return X
+
+
+def keeps_shape(motion: Any) -> bool:
+    """Whether a motion is known to move what it moves rigidly. Of users' own motions nothing is known."""
+    if isinstance(motion, Sequential):
+        return all(keeps_shape(part) for part in motion.motions)
+    return isinstance(motion, Still | Translation | Rotation | Path)
 
 
 def _end(name: str, value: Any) -> None:

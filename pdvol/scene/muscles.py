@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pdvol.scene.checks import called, finite, keep_plain, positive, require, vector
+from pdvol.scene.keyed import Keyed, keyed_numbers
 from pdvol.scene.loads import Where, everywhere
 from pdvol.scene.motions import Vector
 from pdvol.scene.representation import one_line
@@ -25,25 +26,29 @@ class Muscle:
     fibre : direction at rest, of any length but zero: a vector, or a function of rest positions (n, d), as placed, that
         gives (n, d)
     strength : T, the stress [Pa] at an activation of 1
-    activation : a, a number or a function (t, X) of time [s] and rest positions (n, d) that gives (n,); not negative,
-        and taken at the end of each step
+    activation : a, a number, `Keyed` numbers, or a function (t, X) of time [s] and rest positions (n, d) that gives
+        (n,); not negative, and taken at the end of each step
     where : function of rest positions (n, d) giving a mask (n,), asked at cell centres
     """
 
     body: str
     fibre: Vector | Callable[[np.ndarray], np.ndarray]
     strength: float
-    activation: float | Callable[[float, np.ndarray], np.ndarray] = 1.0
+    activation: float | Keyed | Callable[[float, np.ndarray], np.ndarray] = 1.0
     where: Where = everywhere
     __repr__ = one_line
 
     def __post_init__(self) -> None:
         keep_plain(self, "fibre", "strength", "activation")
+        require(not isinstance(self.fibre, Keyed), "Muscle.fibre cannot be Keyed; activation can")
         if not callable(self.fibre):
             vector("Muscle.fibre", self.fibre)
             require(np.linalg.norm(self.fibre) > 0, f"Muscle.fibre = {self.fibre!r} has no direction")
         positive("Muscle.strength", self.strength)
-        if not callable(self.activation):
+        if isinstance(self.activation, Keyed):
+            keyed_numbers("Muscle.activation", self.activation)
+            finite("Muscle.activation, its lowest key,", min(self.activation.values), 0.0)
+        elif not callable(self.activation):
             finite("Muscle.activation", self.activation, 0.0)
         require(callable(self.where), f"Muscle.where = {self.where!r} must be a function of rest positions (n, d)")
 
@@ -68,8 +73,9 @@ class Muscle:
         """(n,) [Pa] at a time [s] and rest positions (n, d). Raises InputError where a function fails, or gives what is
         negative or not finite.
         """
-        if not callable(self.activation):
-            return np.full(len(points), self.strength * self.activation)
+        if isinstance(self.activation, Keyed) or not callable(self.activation):
+            level = self.activation(time) if isinstance(self.activation, Keyed) else self.activation
+            return np.full(len(points), self.strength * level)
         found = called("Muscle.activation", self.activation, (time, points.copy()), (len(points),)).astype(float)
         require(
             bool((np.isfinite(found) & (found >= 0.0)).all()),

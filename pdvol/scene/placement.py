@@ -11,7 +11,15 @@ from pdvol.scene.representation import one_line
 
 @dataclass(frozen=True)
 class Placement:
-    """Scale, then rotate by `angle` [rad] about `axis` through the origin, then translate [m]."""
+    """Scale, then rotate by `angle` [rad] about `axis` through the origin, then translate [m].
+
+    Attributes
+    ----------
+    translate : (d,) [m]; nowhere when empty
+    angle : [rad]
+    axis : (3,) direction, of any length but zero; in 2D the plane's normal
+    scale : a factor, positive
+    """
 
     translate: Vector = ()
     angle: float = 0.0

@@ -24,11 +24,31 @@ LISTS = ("bodies", "loads", "supports", "obstacles", "contact", "separate", "att
 
 @dataclass(frozen=True)
 class Scene:
-    """A shot. Everything below is described once, for all levels. `separate`: what may be done, in order, where bodies
-    meet at t = 0. `integrator`: of the direct march; "bdf2" is second order in dt. `feedback`: the share, 0 to 1, of
-    its drift from the level below that a progressive level makes up for in each step, in the `feedback_modes` "rigid"
-    (bodies as a whole) or "all". `attachments`: springs between bodies. `muscles`: parts of
-    bodies that contract.
+    """A shot. Everything below is described once, for all levels.
+
+    Attributes
+    ----------
+    bodies : sequence of Body, with names of their own and equally many levels
+    dt : time step [s]
+    steps : number of time steps
+    loads : sequence of Gravity, Force, PointForce, Impulse, Flow and Pressure
+    supports : sequence of Support
+    obstacles : sequence of Plane, Rigid and Deforming
+    contact : `(Barrier(),)` or `(Barrier(), Friction(mu))`; without it nothing touches
+    penalty : Penalty, which holds levels together
+    solver : Solver
+    name : of the shot, and of its run folder
+    separate : sequence of Separate: what may be done, in order, where bodies meet at t = 0; refused when empty
+    integrator : of the direct march: "implicit_euler", or "bdf2", which is second order in dt
+    feedback : share, 0 to 1, of its drift from the level below that a progressive level makes up for in each step
+    feedback_modes : what of the drift: "rigid" (bodies as a whole) or "all"
+    attachments : sequence of Attachment, springs between bodies
+    muscles : sequence of Muscle, parts of bodies that contract
+
+    Raises
+    ------
+    InputError
+        A field has no legal value, or two of them do not fit.
     """
 
     bodies: Sequence[Body]

@@ -17,7 +17,15 @@ from pdvol.scene.representation import one_line
 
 @dataclass(frozen=True)
 class Plane:
-    """A rigid half-space: the side that `normal` points to is free."""
+    """A rigid half-space: the side that `normal` points to is free.
+
+    Attributes
+    ----------
+    point : (d,) [m], a point of its surface
+    normal : (d,) of any length but zero
+    motion : callable (X, t) -> x; Still() by default
+    name : of this obstacle, for friction and messages
+    """
 
     point: Vector
     normal: Vector
@@ -38,7 +46,14 @@ class Plane:
 class Rigid:
     """A rigid obstacle: a surface (3D), a closed outline or an open polyline (2D); the path of a surface file will do.
 
-    `opacity`, above 0 and at most 1, is how pictures draw a surface: below 1 what is behind shows through.
+    Attributes
+    ----------
+    shape : path, `Outline` or `Surface`
+    placement : of the shape in the scene
+    motion : callable (X, t) -> x; Still() by default
+    name : of this obstacle, for friction and messages
+    closed : of an outline, whether its last point is joined to its first
+    opacity : above 0 and at most 1: how pictures draw a surface; below 1 what is behind shows through
     """
 
     shape: str | Path | Outline | Surface
@@ -100,7 +115,8 @@ class Support:
     ----------
     where : function of rest positions (n, d) giving a mask (n,)
     body : name of the body it applies to; all bodies when empty
-    motion : callable (X, t) -> x; Still() fixes them. A PointCache moves those on the body's surface alone
+    motion : callable (X, t) -> x, X where they are at t = 0; Still() fixes them. A PointCache moves those on the body's
+        surface alone
     release : time [s]; they are free in all steps that begin then or later
     """
 

@@ -1,4 +1,4 @@
-"""Materials through the command line: the README's own law, regions on two levels, and what a run keeps of them."""
+"""Materials through the command line: the law of docs/scenes.md, regions on two levels, and what a run keeps."""
 
 import re
 from pathlib import Path
@@ -9,7 +9,7 @@ import pytest
 from pdvol import open_run
 from pdvol.cli import run
 
-README = (Path(__file__).resolve().parents[2] / "README.md").read_text()
+SCENES = (Path(__file__).resolve().parents[2] / "docs" / "scenes.md").read_text()
 
 SCENE = '''
 import pdvol
@@ -31,7 +31,7 @@ def scene(fibres=1e5, young=1e6, damping=0.0):
 def material():
     (block,) = [
         code
-        for code in re.findall(r"^```python\n(.*?)^```", README, re.MULTILINE | re.DOTALL)
+        for code in re.findall(r"^```python\n(.*?)^```", SCENES, re.MULTILINE | re.DOTALL)
         if "class Muscle" in code
     ]
     return block
@@ -53,11 +53,11 @@ def sag(folder, name, *words):
     ]
 
 
-def test_the_readme_s_material_is_short(material):
+def test_the_documented_material_is_short(material):
     assert len(material.splitlines()) < 15
 
 
-def test_the_readme_s_material_and_regions_run(beam, capsys):
+def test_the_documented_material_and_regions_run(beam, capsys):
     plain, fibrous = sag(beam, "plain", "--set", "fibres=0.0"), sag(beam, "fibrous", "--set", "fibres=1e7")
     for loose, held in zip(plain, fibrous, strict=True):
         assert loose < 1.5 * held < 0.0, "fibres hold the beam up"

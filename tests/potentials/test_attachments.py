@@ -38,7 +38,7 @@ def scene(**settings):
 
 
 def term(mesh, **settings):
-    (springs,) = bound_springs(attachment_springs(scene(**settings), mesh), mesh)
+    (springs,) = bound_springs(attachment_springs(scene(**settings), mesh, mesh.points), mesh, mesh.points)
     return Attachments(LevelSpace(mesh, MPI.COMM_SELF), springs)
 
 
@@ -103,9 +103,9 @@ def test_a_spring_without_length_has_finite_derivatives(d):
 def test_levels_share_springs_and_material(d):
     """Springs of the coarsest level lead from the same rest positions on a finer one, whatever its cells."""
     coarse, fine = cubes(d, 1), cubes(d, 4)
-    springs = attachment_springs(scene(), coarse)
+    springs = attachment_springs(scene(), coarse, coarse.points)
     for mesh in (coarse, fine):
-        (bound,) = bound_springs(springs, mesh)
+        (bound,) = bound_springs(springs, mesh, mesh.points)
         d1 = d + 1
         for part, sign, end in ((slice(None, d1), -1.0, 0), (slice(d1, None), 1.0, 1)):
             weights, points = sign * bound.weights[:, part], mesh.points[bound.points[:, part]]

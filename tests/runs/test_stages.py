@@ -3,6 +3,7 @@ rank, on standard error.
 """
 
 import io
+import json
 import os
 import re
 import shutil
@@ -344,3 +345,43 @@ def test_loading_has_a_stage(tmp_path):
     assert done.returncode == 0, done.stderr
     names = stage_names(done.stderr)
     assert names[:2] == ["loading the solver", "loading fall.py"] and done.stdout == ""
+
+
+@pytest.mark.parametrize(
+    ("words", "stages"),
+    [
+        (["check", "fall.py", "--measure", "0"], ["loading the solver", "loading fall.py"]),
+        (["info", "fall.py"], ["loading fall.py"]),
+        (["live", "fall.py", "--port", "70000"], ["loading fall.py"]),
+        (["live", "fall.py", "--host", "300.1.1.1"], ["loading fall.py", "loading the page"]),
+        (["pick", "none", "1"], ["loading the solver"]),
+    ],
+)
+def test_other_commands_say_what_they_load(words, stages, tmp_path, monkeypatch, capsys, all_stages):
+    (tmp_path / "fall.py").write_text(FALL)
+    monkeypatch.chdir(tmp_path)
+    cli.run(words)
+    shown = capsys.readouterr()
+    assert stage_names(shown.err)[: len(stages)] == stages and stage_names(shown.out) == []
+
+
+def test_a_study_says_what_it_waits_for_and_what_it_measures(tmp_path, capsys, all_stages):
+    (tmp_path / "fall.py").write_text(FALL)
+    words = ["--steps", "2", "--levels", "0:0", "--vary", "dt=0.01", "--reference", "dt=0.005", "--jobs", "1"]
+    assert cli.run(["study", str(tmp_path / "fall.py"), "-o", str(tmp_path / "s"), "--budget", "3", *words]) == 0
+    shown = capsys.readouterr()
+    names, runs = stage_names(shown.err), [run["run"] for run in study_runs(tmp_path / "s")]
+    waits = [name for name in names if name.startswith("simulating")]
+    assert waits == [f"simulating until run {k} of the study ends" for k in range(1, len(runs) + 2)]
+    assert len(runs) >= 3 and {"default", "dt-0.01", "dt-0.005"} <= set(runs)
+    begun = re.findall(
+        r"^simulating until run \d+ of the study ends: .* s \((\S+) has begun, levels 0 to 0", shown.err, re.M
+    )
+    assert sorted(begun) == sorted(runs)
+    measured = [name.removeprefix("measuring ") for name in names if name.startswith("measuring")]
+    assert sorted(measured[:-1]) == sorted(runs) and measured[-1] == "the study's runs"
+    assert names[-1] == "writing study.html" and stage_names(shown.out) == []
+
+
+def study_runs(folder):
+    return json.loads((folder / "study.json").read_text())["runs"]

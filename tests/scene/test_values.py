@@ -87,8 +87,8 @@ def test_arrays_and_lists_give_what_tuples_give(make, given):
 @pytest.mark.parametrize("bad", [np.ones((2, 2)), [[1.0], [1.0, 2.0]], np.array([np.nan, 1.0]), "text", [True, False]])
 def test_bad_shapes_are_refused_in_one_line(make, given, bad):
     for name in given:
-        if name == "points" and isinstance(bad, np.ndarray) and bad.ndim == 2:
-            continue  # two points: the number of times does not fit, which the next test asks for
+        if name in ("points", "values") and isinstance(bad, np.ndarray) and bad.ndim == 2:
+            continue  # two vectors: values of `Keyed`, and points whose number the next test asks for
         with pytest.raises(InputError) as caught:
             make(**{**given, name: bad})
         assert "\n" not in str(caught.value)
