@@ -69,7 +69,8 @@ class CollisionSurface:
             numbers.append(np.full(len(obstacle.vertices), bodies + i))
         self.objects = np.concatenate(numbers)
         at_rest = np.concatenate(vertices)
-        self.primitives = Primitives(at_rest, np.concatenate(facets), self.objects, bodies, weighted)
+        rigid = np.array([False] * bodies + [obstacle.rigid for obstacle in obstacles])
+        self.primitives = Primitives(at_rest, np.concatenate(facets), self.objects, bodies, weighted, rigid)
         self._rows = np.full(len(at_rest), -1, dtype=np.int64)
         self._rows[: len(self.surface)] = space.point_blocks[self.surface]
         share = [self.primitives.leaves * (space.comm.rank + i) // space.comm.size for i in range(2)]

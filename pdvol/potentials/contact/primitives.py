@@ -6,6 +6,7 @@ import numpy as np
 
 from pdvol.compiled import ffi, pointer
 from pdvol.geometry.level_mesh import facet_sizes
+from pdvol.potentials.contact.flat import flat_parts
 
 # facets of one leaf of the tree: smaller leaves make more nodes, larger ones more pairs that are tested in vain
 LEAF_FACETS = 4
@@ -22,6 +23,8 @@ class Primitives:
         Number of the body or obstacle of each vertex; bodies first.
     bodies : number of bodies
     weighted : whether contacts weigh as much as their area; else each weighs as much as one
+    rigid : (objects,) bool
+        Objects that keep their shape. Their vertices and edges within flat parts are found by no search.
 
     Attributes
     ----------
@@ -36,7 +39,15 @@ class Primitives:
     c : the C struct of all this
     """
 
-    def __init__(self, vertices: np.ndarray, facets: np.ndarray, objects: np.ndarray, bodies: int, weighted: bool):
+    def __init__(
+        self,
+        vertices: np.ndarray,
+        facets: np.ndarray,
+        objects: np.ndarray,
+        bodies: int,
+        weighted: bool,
+        rigid: np.ndarray,
+    ):
         self.d, self.bodies = vertices.shape[1], bodies
         self.objects, self.facets = objects.astype(np.int64), np.ascontiguousarray(facets, dtype=np.int32)
         n, d = len(vertices), self.d
@@ -69,12 +80,18 @@ class Primitives:
             "areas": areas,
             "edge_areas": edge_areas,
         }
-        self._build_tree(vertices, facet_edges)
+        of_rigid = rigid[self.objects[self.facets[:, 0]]]
+        own_edges = facet_edges[of_rigid] if d == 3 else facet_edges
+        self._build_tree(vertices, facet_edges, *flat_parts(vertices, self.facets[of_rigid], self.edges, own_edges))
         self.boxes = int(self.roots[-1]) + len(self.facets) + len(self.edges)
         self.c = self._struct(n)
 
-    def _build_tree(self, vertices: np.ndarray, facet_edges: np.ndarray) -> None:
-        """The tree of each object, nodes in the order of a walk through it: a node's first child follows it."""
+    def _build_tree(
+        self, vertices: np.ndarray, facet_edges: np.ndarray, no_vertices: np.ndarray, no_edges: np.ndarray
+    ) -> None:
+        """The tree of each object, nodes in the order of a walk through it: a node's first child follows it. Marked
+        vertices (n,) and edges (e,) are in no leaf.
+        """
         middles = vertices[self.facets].mean(axis=1)
         owner = self.objects[self.facets[:, 0]]
         skip: list[int] = []
@@ -106,13 +123,14 @@ class Primitives:
         home = np.empty(len(self.facets), dtype=np.int64)
         home[everything] = np.repeat(np.arange(len(leaves)), [len(facets) for facets in leaves])
         self._arrays |= {"skip": np.array(skip), "leaf": np.array(leaf), "roots": self.roots}
-        for primitives, of_facets, count in (
-            ("facet", np.arange(len(self.facets))[:, None], len(self.facets)),
-            ("vertex", self.facets, len(vertices)),
-            ("edge", facet_edges, len(self.edges)),
+        for primitives, of_facets, nowhere in (
+            ("facet", np.arange(len(self.facets))[:, None], np.zeros(len(self.facets), dtype=bool)),
+            ("vertex", self.facets, no_vertices),
+            ("edge", facet_edges, no_edges),
         ):
-            first = np.full(count, len(leaves))  # of the leaves that it is in
+            first = np.full(len(nowhere), len(leaves))  # of the leaves that it is in
             np.minimum.at(first, of_facets, home[: len(of_facets), None])
+            first[nowhere] = len(leaves)
             order = np.argsort(first, kind="stable")
             plural = "vertices" if primitives == "vertex" else f"{primitives}s"
             self._arrays[f"leaf_{plural}"] = order
