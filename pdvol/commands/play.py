@@ -31,6 +31,9 @@ def add_arguments(parser: ArgumentParser) -> None:
         metavar="N",
         help="store one state in N, and the last (default: as many as a browser takes)",
     )
+    parser.add_argument(
+        "--no-render-meshes", action="store_true", help="leave render meshes out: a smaller file, with more states"
+    )
 
 
 def main(options: Namespace) -> None:
@@ -47,6 +50,7 @@ def main(options: Namespace) -> None:
     if options.every is not None and options.every < 1:
         raise InputError(f"--every: {options.every} is too small; 1 stores every state")
     panes, columns, title = chosen_panes(options)
+    panes = [replace(pane, detailed=not options.no_render_meshes) for pane in panes]
     panes, notes = thinned(panes, options.every), list[str]()
     every = max(pane.every for pane in panes)
     if every > 1 and options.every is None:

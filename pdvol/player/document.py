@@ -16,6 +16,7 @@ from pdvol.draw.camera import VIEW_ANGLE, content_of_run, fitted_camera, front_o
 from pdvol.draw.layout import BACKGROUND, FAINT_INK, INK
 from pdvol.errors import InputError, SimulationError
 from pdvol.player.curves import GRAPHS, UNITS, Curves
+from pdvol.player.details import packed_details
 from pdvol.player.fields import FIELDS, packed_fields, strain
 from pdvol.player.motion import packed_obstacles, packed_skin
 from pdvol.player.packing import Chunks
@@ -113,6 +114,7 @@ def player_page(panes: Sequence[Pane], title: str = "", columns: int | None = No
         field_labels={name: FIELDS[name][0] for name in fields},
         graphs=GRAPHS,
         flat=data["dim"] == 2,
+        detailed=any(pane.details for pane in shown),
         style=_source("page/player.css"),
         library=_source(f"vendor/{THREE_JS}/three.min.js"),
         scripts=[_source(f"page/{name}") for name in SCRIPTS],
@@ -125,6 +127,8 @@ def _text(pane: Pane) -> dict:
 
 def _pane(pane: Pane, fields: dict, curves: Curves, chunks: Chunks) -> dict:
     level, run = pane.stored, curves.run
+    details, error = packed_details(level, pane.details, pane.steps, chunks)
+    skin = packed_skin(level, pane.steps, chunks, [mesh.body for mesh in pane.details])
     return _text(pane) | {
         "states": len(pane.steps),
         "dt": pane.every * run.dt,
@@ -133,7 +137,9 @@ def _pane(pane: Pane, fields: dict, curves: Curves, chunks: Chunks) -> dict:
         "fields": fields,
         "obstacles": packed_obstacles(level, run.obstacles, pane.steps, chunks),
         "curves": {name: _rounded(values) for name, values in curves.of_level(pane.level, pane.steps).items()},
-        **packed_skin(level, pane.steps, chunks),
+        "details": details,
+        **skin,
+        "error": max(skin["error"], error),
     }
 
 

@@ -4,7 +4,8 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
-from pdvol.geometry.level_mesh import LevelMesh, facet_sizes
+from pdvol.geometry.level_mesh import facet_sizes
+from pdvol.geometry.strain import vertex_strain
 from pdvol.player.motion import Skin
 from pdvol.player.packing import Chunks, quantised
 from pdvol.store.reader import RunLevel
@@ -21,24 +22,8 @@ PointField = Callable[[int], np.ndarray]
 
 
 def strain(level: RunLevel) -> PointField:
-    """(n,) at a step: the largest |principal stretch - 1| of the cells about each vertex, a mean over their volumes at
-    rest.
-    """
-    mesh = level.mesh
-    weights = np.bincount(mesh.cells.ravel(), np.repeat(mesh.volumes, mesh.dim + 1), len(mesh.points))
-
-    def at(step: int) -> np.ndarray:
-        largest = principal_stretches(mesh, level.positions(step))
-        shares = np.repeat(mesh.volumes * abs(largest - 1.0).max(axis=1), mesh.dim + 1)
-        return np.bincount(mesh.cells.ravel(), shares, len(mesh.points)) / weights
-
-    return at
-
-
-def principal_stretches(mesh: LevelMesh, positions: np.ndarray) -> np.ndarray:
-    """(m, d): singular values of each cell's deformation gradient, descending."""
-    gradients = np.einsum("mci,mcj->mij", positions[mesh.cells], mesh.hat_gradients)
-    return np.linalg.svd(gradients, compute_uv=False)
+    """(n,) at a step: `pdvol.geometry.strain.vertex_strain`."""
+    return lambda step: vertex_strain(level.mesh, level.positions(step))
 
 
 def per_area(level: RunLevel, forces: PointField) -> PointField:

@@ -32,13 +32,17 @@ class Skin:
         self.bodies = level.mesh.point_bodies[self.vertices]
 
 
-def packed_skin(level: RunLevel, steps: Sequence[int], chunks: Chunks) -> dict:
+def packed_skin(level: RunLevel, steps: Sequence[int], chunks: Chunks, covered: Sequence[int] = ()) -> dict:
     """A level's drawn vertices at some steps: `low` and `span` [m] of their box, `positions` and `faces`,
     `bodies` and, in 2D, `outline` in `chunks`, and `error` [m], a bound for what the browser shows of a coordinate.
+    Faces of the bodies in `covered` come last; `uncovered` is the number of the others.
     """
     skin = Skin(level)
     found = packed_states(lambda step: level.positions(step)[skin.vertices], steps, chunks)
-    found |= {"faces": chunks.raw(skin.faces.astype(np.uint32)), "bodies": chunks.raw(skin.bodies.astype(np.uint16))}
+    last = np.isin(skin.bodies[skin.faces[:, 0]], covered)
+    faces = skin.faces[np.argsort(last, kind="stable")]
+    found |= {"faces": chunks.raw(faces.astype(np.uint32)), "bodies": chunks.raw(skin.bodies.astype(np.uint16))}
+    found["uncovered"] = int(np.count_nonzero(~last))
     if level.rest.shape[1] == 2:
         outline = np.searchsorted(skin.vertices, level.surface)
         found["outline"] = chunks.raw(outline.astype(np.uint32))

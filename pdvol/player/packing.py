@@ -3,6 +3,7 @@
 | filter | residual of state k |
 |---|---|
 | raw | none: the array's bytes, little-endian |
+| picture | none: the bytes of a PNG or JPEG |
 | 1 | q_k - q_(k-1): bodies at rest are zeros |
 | 2 | (q_k - q_(k-1)) - (q_(k-1) - q_(k-2)): steady motion is, too; of states 0 and 1 as with filter 1 |
 
@@ -42,6 +43,10 @@ class Chunks:
         """The number under which an array is stored as it is."""
         data = np.ascontiguousarray(values, values.dtype.newbyteorder("<")).tobytes()
         return self._add(values, "raw", data)
+
+    def picture(self, data: bytes) -> int:
+        """The number under which the bytes of a PNG or JPEG are stored."""
+        return self._add(np.frombuffer(data, dtype=np.uint8), "picture", data)
 
     def states(self, values: np.ndarray) -> int:
         """The number under which quantised values (states, points, components), uint8 or uint16, are stored."""

@@ -7,10 +7,12 @@ from pathlib import Path
 from typing import Any
 
 from pdvol.errors import InputError
+from pdvol.player.details import Detail
 from pdvol.player.fields import PointField
 from pdvol.player.motion import Skin
 from pdvol.store.files import read_json
 from pdvol.store.reader import Run, RunLevel, open_run
+from pdvol.store.render_meshes import StoredRender
 
 WEDGE = "wedge.json"
 """The file that a wedge folder is known by; its runs are in the folder `runs` beside it."""
@@ -37,6 +39,8 @@ class Pane:
         Colours of the level's vertices, by a name in `fields.FIELDS`.
     every : int
         One state in this many is in the file, and the last one.
+    detailed : bool
+        Whether render meshes of bodies are in the file.
     """
 
     title: str
@@ -47,6 +51,12 @@ class Pane:
     note: str = ""
     fields: Mapping[str, PointField] = field(default_factory=dict)
     every: int = 1
+    detailed: bool = True
+
+    @property
+    def details(self) -> tuple[StoredRender, ...]:
+        """The render meshes that are drawn."""
+        return self.run.render_meshes if self.run is not None and self.detailed else ()
 
     @property
     def stored(self) -> RunLevel:
@@ -94,10 +104,15 @@ def thinned(panes: Sequence[Pane], every: int | None = None) -> list[Pane]:
     `MOST_VERTEX_STATES` asks for when None.
     """
     if every is None:
-        count = sum(pane.states * len(Skin(pane.stored).vertices) for pane in panes if pane.run is not None)
+        count = sum(pane.states * drawn_vertices(pane) for pane in panes if pane.run is not None)
         every = max(1, ceil(count / MOST_VERTEX_STATES))
     remark = (f"one state in {every}",) if every > 1 else ()
     return [replace(pane, every=every, lines=(*pane.lines, *remark)) if pane.run else pane for pane in panes]
+
+
+def drawn_vertices(pane: Pane) -> int:
+    """The number of vertices in a state of a pane, those of render meshes included."""
+    return len(Skin(pane.stored).vertices) + sum(len(Detail(mesh).vertices) for mesh in pane.details)
 
 
 def panes_of_wedge(folder: Path, levels: Sequence[int] | None = None) -> list[Pane]:

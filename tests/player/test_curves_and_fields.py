@@ -8,7 +8,7 @@ import pytest
 import runs
 from pdvol.player.curves import Curves
 from pdvol.player.document import player_page, with_strain
-from pdvol.player.fields import packed_fields, per_area, strain
+from pdvol.player.fields import packed_fields, per_area
 from pdvol.player.packing import Chunks
 from pdvol.player.panes import panes_of_run
 from pdvol.store.reader import open_run
@@ -69,15 +69,6 @@ def test_drift_ends_where_the_level_below_does(tmp_path):
 def test_without_a_description_masses_are_volumes_and_the_page_says_so(flat_run):
     page = player_page(panes_of_run(open_run(flat_run)))
     assert "masses are volumes" in page and '"total"' not in page.split('"panes"')[1].split('"curves"')[1][:200]
-
-
-@pytest.mark.parametrize("dim", [2, 3])
-def test_strain_of_an_affine_motion(dim, tmp_path):
-    stretch = np.diag([1.1, 0.7, 1.25][:dim])
-    turn = np.linalg.qr(np.random.default_rng(0).standard_normal((dim, dim)))[0]
-    run = stored(tmp_path / "run", dim, [lambda X, step: X @ (stretch @ turn) if step else X])
-    values = strain(run.levels[0])
-    assert np.allclose(values(0), 0.0, atol=1e-12) and np.allclose(values(1), 0.3, rtol=1e-9)
 
 
 def test_forces_are_spread_over_the_boundary(tmp_path):

@@ -166,6 +166,43 @@ def test_colours_wireframe_and_camera(player, solid_run):
     assert difference(seen(tab), pictures[0]) < CALM
 
 
+def coloured(picture):
+    """Where the stage is blue, and where it is green, as the texture of `detailed_run` is above and below."""
+    red, green, blue = np.moveaxis(picture.astype(int), 2, 0)
+    return blue - np.maximum(red, green) > 60, green - np.maximum(red, blue) > 60
+
+
+def test_render_meshes_with_their_textures(player, detailed_run):
+    tab = player([with_strain(pane) for pane in panes_of_run(open_run(detailed_run))])
+    tab.page.get_by_role("button", name="Front").click()
+    first = seen(tab)
+    blue, green = coloured(first)
+    assert min(blue.mean(), green.mean()) > 0.01
+    assert np.argwhere(blue)[:, 0].mean() < np.argwhere(green)[:, 0].mean() - 20  # the right way up
+    scrub(tab, 5)
+    moved = seen(tab)
+    assert np.argwhere(coloured(moved)[0])[:, 0].mean() > np.argwhere(blue)[:, 0].mean() + 10
+    scrub(tab, 0)
+    bodies = tab.page.get_by_role("combobox", name="bodies", exact=True)
+    bodies.select_option("simulated surfaces")
+    simulated = seen(tab)
+    assert max(found.mean() for found in coloured(simulated)) < 1e-4 and difference(first, simulated) > CHANGED
+    bodies.select_option("render meshes")
+    assert difference(seen(tab), first) < CALM
+    tab.page.get_by_label("colour").select_option("strain")  # fields are those of the simulated surfaces
+    assert bodies.is_disabled() and max(found.mean() for found in coloured(seen(tab))) < 1e-4
+    tab.page.get_by_label("colour").select_option("bodies")
+    assert bodies.is_enabled() and difference(seen(tab), first) < CALM
+    drawn = tab.page.get_by_label("drawn as")
+    drawn.select_option("wireframe")
+    wires = seen(tab)
+    assert difference(wires, first) > CHANGED and max(found.mean() for found in coloured(wires)) < 1e-4
+    drawn.select_option("surface")
+    assert difference(seen(tab), first) > CHANGED  # the other body's edges
+    drawn.select_option("surface and edges")
+    assert difference(seen(tab), first) < CALM
+
+
 def test_moving_obstacles_move(player, solid_run):
     tab = player(panes_of_run(open_run(solid_run), [0]))
     tab.page.evaluate("player.view.shown[0].body.goTo = () => {}")  # bodies rest

@@ -48,10 +48,10 @@ class Moving {
 }
 
 function surfaceMaterial(moving, choices) {
-  const { byField = SHARED.byField, lit = FLAT ? 0 : 1, opacity = 1, darker = 1, ...more } = choices;
-  const uniforms = { ...moving.uniforms, ...SHARED, byField, lit: { value: lit }, opacity: { value: opacity }, darker: { value: darker } };
+  const { byField = SHARED.byField, lit = FLAT ? 0 : 1, opacity = 1, darker = 1, map = null, ...more } = choices;
+  const uniforms = { ...moving.uniforms, ...SHARED, byField, lit: { value: lit }, opacity: { value: opacity }, darker: { value: darker }, map: { value: map } };
   return new THREE.ShaderMaterial({
-    uniforms, vertexShader: SURFACE_VERTEX, fragmentShader: SURFACE_FRAGMENT, side: THREE.DoubleSide,
+    uniforms, defines: map ? { TEXTURED: "" } : {}, vertexShader: SURFACE_VERTEX, fragmentShader: SURFACE_FRAGMENT, side: THREE.DoubleSide,
     transparent: opacity < 1, depthWrite: !FLAT && opacity === 1, depthTest: !FLAT, ...more,
   });
 }
@@ -95,7 +95,7 @@ function positionAt(pane, time) {
 class Shown {
   constructor(pane, arrays) {
     this.scene = new THREE.Scene();
-    Object.assign(this, { pane, arrays, moving: [], edges: [], surfaces: [], grounds: [] });
+    Object.assign(this, { pane, arrays, moving: [], edges: [], surfaces: [], grounds: [], how: "edges", field: "", detailed: true });
     const bodies = arrays[pane.bodies].values, colours = DATA.colours.bodies.map(bytesOf);
     const body = new Moving(pane, arrays);
     this.body = body.withTints(tintsOf(body.points, (i) => colours[bodies[i] % colours.length]));
@@ -108,13 +108,31 @@ class Shown {
     const lines = (index, opacity, order) => added(this.scene, new THREE.LineSegments(body.geometry(index),
       surfaceMaterial(body, { lit: 0, darker: 0.45, opacity, transparent: true })), order);
     this.edges.push(Object.assign(lines(uniqueEdges(faces, body.points), share, 11), { share }));
+    const uncovered = faces.subarray(0, 3 * pane.uncovered);  // of bodies without a render mesh
+    this.parts = [[surface, uncovered.length], [this.edges[0].geometry, uniqueEdges(uncovered, body.points).length]];
+    this.details = pane.details.map((mesh) => this.detail(mesh));
     if (FLAT) lines(arrays[pane.outline].values, 0.95, 12);
     const obstacles = pane.obstacles.map((obstacle) => this[obstacle.kind](obstacle));
     if (!FLAT) {
       for (const plane of this.grounds) {
         [[body, surface], ...obstacles.filter(Boolean)].forEach(([moving, geometry]) => this.shadow(plane, moving, geometry));
+        for (const { moving, geometry, shadows } of this.details) shadows.push(this.shadow(plane, moving, geometry));
       }
     }
+  }
+
+  // A render mesh: `shadows` are on grounds, `wire` its edges once they were asked for.
+  detail(mesh) {
+    const palette = DATA.colours.bodies, map = mesh.texture === null ? null : this.arrays[mesh.texture].map;
+    const moving = this.still(mesh, palette[mesh.body % palette.length]), faces = this.arrays[mesh.faces].values;
+    if (map) moving.attributes.spotInMap = new THREE.BufferAttribute(this.arrays[mesh.places].values, 2);
+    const geometry = moving.geometry(faces), byField = { value: 0 };
+    const surface = added(this.scene, new THREE.Mesh(geometry, surfaceMaterial(moving, { byField, map })), 10);
+    return { moving, geometry, faces, surface, shadows: [], wire: null };
+  }
+  wireOf({ moving, faces }) {
+    const material = surfaceMaterial(moving, { byField: { value: 0 }, lit: 0, darker: 0.8, opacity: 0.5, transparent: true });
+    return added(this.scene, new THREE.LineSegments(moving.geometry(uniqueEdges(faces, moving.points)), material), 11);
   }
 
   mesh(obstacle) {
@@ -165,7 +183,9 @@ class Shown {
     const material = new THREE.ShaderMaterial({ uniforms: { ...plane.uniforms, ...moving.uniforms, dark: { value: 1 } },
       vertexShader: SHADOW_VERTEX, fragmentShader: GROUND_FRAGMENT, side: THREE.DoubleSide,
       polygonOffset: true, polygonOffsetFactor: 2, polygonOffsetUnits: 2 });
-    plane.objects.push(added(this.scene, new THREE.Mesh(geometry, material), 1));
+    const shadow = added(this.scene, new THREE.Mesh(geometry, material), 1);
+    plane.objects.push(shadow);
+    return shadow;
   }
 
   // To a time [s]; what is not stored that far stays at its last state.
@@ -197,14 +217,33 @@ class Shown {
   seenFrom(camera) {  // from behind a plane would hide the scene
     for (const plane of this.grounds) {
       const shown = FLAT || camera.position.clone().sub(plane.point).dot(plane.uniforms.upright.value) > 0;
-      for (const object of plane.objects) object.visible = shown;
+      for (const object of plane.objects) object.visible = shown && !object.userData.hidden;
     }
   }
   colourBy(name) {
     const number = name ? this.pane.fields[name] : undefined;
     this.body.colourBy(number === undefined ? null : this.arrays[number].values);
+    this.field = name;
+    this.arrange();
+  }
+  shapeAs(shape) {
+    this.detailed = shape === "render";
+    this.arrange();
+  }
+  // Render meshes in the place of the surfaces of their bodies, unless these are asked for or have the colours of a field.
+  arrange() {
+    const detailed = this.detailed && !this.field && this.details.length > 0, wired = this.how === "wire";
+    for (const [geometry, uncovered] of this.parts) geometry.setDrawRange(0, detailed ? uncovered : Infinity);
+    for (const detail of this.details) {
+      if (detailed && wired && !detail.wire) detail.wire = this.wireOf(detail);
+      if (detail.wire) detail.wire.visible = detailed && wired;
+      detail.surface.visible = detailed && !wired;
+      for (const shadow of detail.shadows) shadow.userData.hidden = !detailed;
+    }
   }
   drawAs(how) {
+    this.how = how;
+    this.arrange();
     for (const surface of this.surfaces) surface.visible = how !== "wire";
     for (const edges of this.edges) {
       edges.visible = how !== "surface";

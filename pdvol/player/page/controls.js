@@ -93,6 +93,7 @@ class Player {
 
   // ---- colours and lines
   colourBy(name) {
+    if ($("shape")) $("shape").disabled = Boolean(name);  // fields are those of the simulated surfaces
     SHARED.byField.value = name ? 1 : 0;
     this.view.shown.forEach((shown) => shown && shown.colourBy(name));
     if (name) {
@@ -102,6 +103,10 @@ class Player {
     } else {
       $("legend").replaceChildren(...this.bodies);
     }
+    this.redraw();
+  }
+  shapeAs(shape) {
+    this.view.shown.forEach((shown) => shown && shown.shapeAs(shape));
     this.redraw();
   }
   drawAs(how) {
@@ -161,6 +166,7 @@ class Player {
     $("first").onchange = () => this.setLayout(this.view.layout, Number($("first").value));
     $("second").onchange = () => this.setLayout(this.view.layout, this.view.first, Number($("second").value));
     $("colour").onchange = () => this.colourBy($("colour").value);
+    if ($("shape")) $("shape").onchange = () => this.shapeAs($("shape").value);
     $("drawn").onchange = () => this.drawAs($("drawn").value);
     $("play").onclick = () => this.play();
     $("speed").onchange = () => { this.speed = Number($("speed").value); };

@@ -16,7 +16,14 @@ attribute float fieldNow;
 attribute float fieldNext;
 varying vec3 place, shade;
 varying float field;
+#ifdef TEXTURED
+attribute vec2 spotInMap;
+varying vec2 spot;
+#endif
 void main() {
+#ifdef TEXTURED
+  spot = spotInMap;
+#endif
   place = placed();
   shade = tint;
   field = mix(fieldNow, fieldNext, between);
@@ -31,6 +38,10 @@ uniform vec3 mainLight, sideLight, backLight;
 uniform float byField, lit, opacity, darker;
 varying vec3 place, shade;
 varying float field;
+#ifdef TEXTURED
+uniform sampler2D map;
+varying vec2 spot;
+#endif
 vec3 colourOf(float value) {
   float at = clamp(value, 0.0, 1.0) * ${RAMP.length - 1}.0;
   vec3 colour = ramp[0];
@@ -38,7 +49,12 @@ vec3 colourOf(float value) {
   return colour;
 }
 void main() {
-  vec3 colour = (byField > 0.5 ? colourOf(field) : shade) * darker;
+#ifdef TEXTURED
+  vec3 own = texture2D(map, spot).rgb;
+#else
+  vec3 own = shade;
+#endif
+  vec3 colour = (byField > 0.5 ? colourOf(field) : own) * darker;
   if (lit > 0.5) {
     vec3 n = normalize(cross(dFdx(place), dFdy(place)));
     vec3 light = vec3(0.42) + 0.8 * (0.74 * max(dot(n, mainLight), 0.0) * vec3(1.0, 0.965, 0.918)

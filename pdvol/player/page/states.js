@@ -36,15 +36,24 @@ function unfiltered(bytes, entry, width) {
   return values;
 }
 
-const KINDS = { uint8: Uint8Array, uint16: Uint16Array, uint32: Uint32Array };
+const KINDS = { uint8: Uint8Array, uint16: Uint16Array, uint32: Uint32Array, float32: Float32Array };
 
-// All arrays of the file by number: { values, states, points }.
+async function textured(bytes) {
+  const image = await createImageBitmap(new Blob([bytes]), { colorSpaceConversion: "none", premultiplyAlpha: "none" });
+  const map = Object.assign(new THREE.Texture(image), { flipY: false, anisotropy: 4, needsUpdate: true });
+  map.wrapS = map.wrapT = THREE.RepeatWrapping;
+  return map;
+}
+
+// All arrays of the file by number: { values, states, points }; of pictures { map }.
 async function unpacked() {
   const found = [];
   for (let number = 0; number < DATA.chunks.length; number++) {
     const entry = DATA.chunks[number], bytes = await inflated(number);
     if (entry.filter === "raw") {
       found.push({ values: new KINDS[entry.type](bytes.buffer) });
+    } else if (entry.filter === "picture") {
+      found.push({ map: await textured(bytes) });
     } else {
       const [states, points, components] = entry.shape;
       found.push({ values: unfiltered(bytes, entry, components > 1 ? 4 : 1), states, points });
