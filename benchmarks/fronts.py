@@ -32,7 +32,7 @@ SCENES: dict[str, tuple[str, tuple[str, ...]]] = {
     "tower": ("benchmarks/scenes/tower.py", ()),
 }
 """Scene files and their options. The ape swings for two of its eight seconds."""
-VARIED = "dt,tolerance,relative_tolerance=0.01:0.03,dhat,level"
+VARIED = ("--vary", "dt,tolerance,dhat,level", "--vary", "relative_tolerance=0.01,0.03")
 HEAD = [
     "scene",
     "levels, vertices",
@@ -65,7 +65,7 @@ def main(words: Sequence[str] | None = None) -> int:
         file, more = SCENES[name]
         command = [sys.executable, "-m", "pdvol", "study", str(ROOT / file), "-o", str(options.out / name)]
         jobs = ["--jobs", options.jobs] if options.jobs else []
-        subprocess.run([*command, "--vary", VARIED, "--budget", options.budget, *jobs, *more], check=False)
+        subprocess.run([*command, *VARIED, "--budget", options.budget, *jobs, *more], check=False)
     stored = {name: options.out / name / "study.json" for name in SCENES}
     studies = {name: json.loads(file.read_text()) for name, file in stored.items() if file.is_file()}
     text = fronts_table(studies)

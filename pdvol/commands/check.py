@@ -4,7 +4,7 @@ import os
 from argparse import ArgumentParser, Namespace
 from pathlib import Path
 
-from pdvol.commands.options import add_settings
+from pdvol.commands.options import add_settings, loaded_shot
 from pdvol.errors import InputError
 
 
@@ -33,12 +33,13 @@ def main(options: Namespace) -> int:
     """Print the findings; 0 where nothing would stop a run, else 2."""
     if options.measure < 0:
         raise InputError(f"--measure: {options.measure:g} seconds are too few; 0 measures nothing")
-    from pdvol.runs.preflight import check_meshes, check_scene
+    from pdvol.stages import stage
+
+    with stage("loading the solver"):
+        from pdvol.runs.preflight import check_meshes, check_scene
 
     if len(options.files) == 1 and options.files[0].suffix in (".py", ".json"):
-        from pdvol.runs.scene_file import load_shot, parse_settings
-
-        shot = load_shot(options.files[0], parse_settings(options.set))
+        shot = loaded_shot(options.files[0], options.set)
         result = check_scene(shot.scene, options.measure, options.out)
         lines = _scene_lines(result)
     else:

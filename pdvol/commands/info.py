@@ -3,7 +3,7 @@
 from argparse import ArgumentParser, Namespace
 from pathlib import Path
 
-from pdvol.commands.options import add_settings
+from pdvol.commands.options import add_settings, loaded_shot
 
 
 def add_arguments(parser: ArgumentParser) -> None:
@@ -16,10 +16,10 @@ def add_arguments(parser: ArgumentParser) -> None:
 def main(options: Namespace) -> None:
     """Print the lines of one scene or run."""
     if options.what.suffix in (".py", ".json"):
-        from pdvol.runs.scene_file import load_shot, parse_settings
+        shot = loaded_shot(options.what, options.set)
         from pdvol.runs.scene_summary import scene_summary
 
-        print("\n".join(scene_summary(load_shot(options.what, parse_settings(options.set)))))
+        print("\n".join(scene_summary(shot)))
     else:
         from pdvol.runs.run_summary import run_summary
 

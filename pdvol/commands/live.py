@@ -8,7 +8,7 @@ from argparse import ArgumentParser, Namespace
 from pathlib import Path
 from typing import Any
 
-from pdvol.commands.options import add_levels, add_settings, level_range
+from pdvol.commands.options import add_levels, add_settings, chosen_shot, level_range
 from pdvol.errors import InputError
 
 PORT = 8080
@@ -36,26 +36,28 @@ def add_arguments(parser: ArgumentParser) -> None:
 
 def main(options: Namespace) -> None:
     """Serve the page until Ctrl-C; processes and temporary runs end with it."""
-    from pdvol.live.controls import controls
-    from pdvol.live.session import Session
-    from pdvol.runs.scene_file import load_shot, parse_settings
+    from pdvol.stages import stage
 
-    settings = parse_settings(options.set)
-    shot = load_shot(options.scene, settings, options.steps)
+    shot = chosen_shot(options)
     first, last = level_range(options.levels or f"0:{min(FINEST_BY_DEFAULT, shot.scene.levels - 1)}")
     last = shot.scene.levels - 1 if last is None else last
     if first != 0 or last >= shot.scene.levels:
         raise InputError(f"--levels {options.levels}: write 0:L; the scene has levels 0:{shot.scene.levels - 1}")
     if not 0 <= options.port < 65536:
         raise InputError(f"--port {options.port} is no port; write a number below 65536")
-    shown = controls(options.scene, settings, options.vary)
     try:
-        from pdvol.live.page import Page
-        from pdvol.live.server import LocalServer
+        with stage("loading the page"):
+            from pdvol.live.controls import controls
+            from pdvol.live.page import Page
+            from pdvol.live.server import LocalServer
+            from pdvol.live.session import Session
+            from pdvol.runs.scene_file import parse_settings
     except ModuleNotFoundError as error:
         if error.name != "viser":
             raise
         raise InputError("the live page needs viser: pip install 'pdvol[live]'") from None
+    settings = parse_settings(options.set)
+    shown = controls(options.scene, settings, options.vary)
     server = LocalServer(options.host, options.port, f"pdvol live: {shot.name}")
     folder = Path(tempfile.mkdtemp(prefix="pdvol-live-"))
     session = None

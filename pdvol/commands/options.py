@@ -97,9 +97,14 @@ def chosen_shot(options: Namespace) -> "Shot":
     InputError
         The scene file or a setting is wrong.
     """
+    return loaded_shot(options.scene, options.set, getattr(options, "steps", None))
+
+
+def loaded_shot(file: Path, settings: Sequence[str], steps: int | None = None) -> "Shot":
+    """The scene of a file with the settings of `--set`, loaded as a stage. Raises as `chosen_shot`."""
     from pdvol.stages import stage
 
-    with stage(f"loading {options.scene}"):
+    with stage(f"loading {file}"):
         from pdvol.runs.scene_file import load_shot, parse_settings
 
-        return load_shot(options.scene, parse_settings(options.set), getattr(options, "steps", None))
+        return load_shot(file, parse_settings(settings), steps)

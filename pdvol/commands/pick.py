@@ -22,11 +22,14 @@ def add_arguments(parser: ArgumentParser) -> None:
 def main(options: Namespace) -> None:
     """Copy the run, refine it, and print how far finer levels are from what was chosen, and whether scores hold."""
     from pdvol.commands.simulation import progress_report, report_run
-    from pdvol.explore.wedge.pick import chosen_run, compared_levels, level_line, picked_number, take_out
-    from pdvol.explore.wedge.scores import chosen_scores
-    from pdvol.runs.runner import refine_run
-    from pdvol.runs.scene_file import stored_file
-    from pdvol.store.reader import open_run
+    from pdvol.stages import stage
+
+    with stage("loading the solver"):
+        from pdvol.explore.wedge.pick import chosen_run, compared_levels, level_line, picked_number, take_out
+        from pdvol.explore.wedge.scores import chosen_scores
+        from pdvol.runs.runner import refine_run
+        from pdvol.runs.scene_file import stored_file
+        from pdvol.store.reader import open_run
 
     last = whole_number("--to", options.to) if options.to else None
     if last is not None and not options.refine:
@@ -50,7 +53,10 @@ def main(options: Namespace) -> None:
 def _levels(out: Path) -> int:
     """Of the scene of a stored run."""
     from pdvol.runs.scene_file import load_shot, stored_file, stored_settings
+    from pdvol.stages import stage
     from pdvol.store.reader import open_run
 
     info = open_run(out).info
-    return load_shot(stored_file(info), stored_settings(info["parameters"]), info["steps"]).scene.levels
+    file = stored_file(info)
+    with stage(f"loading {file}"):
+        return load_shot(file, stored_settings(info["parameters"]), info["steps"]).scene.levels

@@ -21,10 +21,11 @@ def add_arguments(parser: ArgumentParser) -> None:
     parser.add_argument("-o", "--out", type=Path, required=True, metavar="DIR", help="folder of the study")
     parser.add_argument(
         "--vary",
-        default="",
+        action="append",
+        default=[],
         metavar="NAMES",
         help="what to vary: dt, tolerance, dhat, level, law, friction.iterations, integrator, linear_rtol, or a setting"
-        " with values, NAME=A:B (default: dt,tolerance,dhat,level)",
+        " with values, NAME=value,value,... or NAME=A:B:N; may be repeated (default: dt,tolerance,dhat,level)",
     )
     parser.add_argument(
         "--reference", default="", metavar="NAME=VALUE,...", help="settings of the reference (default: by the budget)"

@@ -15,7 +15,8 @@ from commands import PDVOL, SAFETY
 from pdvol.explore.study.yardstick import Yardstick
 from pdvol.store.reader import open_run
 
-WORDS = ("--steps", 6, "--vary", "dt=0.04:0.01,max_iterations=1:200,level", "--budget", 3, "--reference", "dt=0.005")
+VARIED = ("--vary", "dt=0.04,0.01", "--vary", "level", "--vary", "max_iterations=1:200")
+WORDS = ("--steps", 6, *VARIED, "--budget", 3, "--reference", "dt=0.005")
 
 
 @pytest.fixture(scope="module")
@@ -148,7 +149,13 @@ def test_what_cannot_be_chosen_is_said_in_one_line(folder, tmp_path, capsys, wor
         (("--vary", "colour"), "needs values"),
         (("--vary", "colour=1:2"), "no parameter 'colour'"),
         (("--vary", "dt,dt"), "twice"),
-        (("--vary", "level=1"), "choose levels by --levels"),
+        (("--vary", "dt", "--vary", "dt=0.01,0.02"), "twice"),
+        (("--vary", "dt=0.01,0.02", "--vary", "dt=0.03"), "twice"),
+        (("--vary", "level=1"), "give level by --levels"),
+        (("--vary", "dt=0.02,0.01,law=classic"), "a --vary of its own"),
+        (("--vary", "dt=0.02:0.01:half"), "N in A:B:N"),
+        (("--vary", "dt=0.02,level"), "dt"),
+        (("--vary", "dt="), "--vary dt="),
         (("--budget", "0"), "above zero"),
         (("--jobs", "0"), "at least 1"),
         (("--levels", "1:1"), "begins with level 0"),
@@ -195,8 +202,9 @@ def test_a_killed_study_goes_on_and_gives_the_same_points(folder, tmp_path):
 def test_options_of_every_axis_reach_the_runs(tmp_path):
     """An unchanged scene, whose named settings are stored in run.json."""
     write(tmp_path / "fall.py", FALL)
-    names = "law=classic,friction.iterations=2,linear_rtol=0.01,dhat=0.001"
-    words = ("--steps", 2, "--vary", names, "--budget", 3, "--levels", "0:0", "--reference", "dt=0.01")
+    values = ("law=classic", "friction.iterations=2", "linear_rtol=0.01", "dhat=0.001")
+    varied = [word for value in values for word in ("--vary", value)]
+    words = ("--steps", 2, *varied, "--budget", 3, "--levels", "0:0", "--reference", "dt=0.01")
     assert pdvol("study", tmp_path / "fall.py", "-o", tmp_path / "s", *words) == 0
     for name, value in (("law", "classic"), ("friction.iterations", 2), ("linear_rtol", 0.01), ("dhat", 0.001)):
         run = open_run(tmp_path / "s" / "runs" / f"{name}-{value}")

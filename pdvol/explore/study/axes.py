@@ -7,8 +7,9 @@ from typing import Any
 
 from pdvol.errors import InputError
 from pdvol.explore.variation import Variation, number, times
+from pdvol.explore.vary import parsed_varies
 from pdvol.registry import CONTACT_LAWS, INTEGRATORS
-from pdvol.runs.scene_file import Shot, load_shot, parse_value
+from pdvol.runs.scene_file import Shot, load_shot
 from pdvol.scene import Barrier, Friction, Scene
 
 # Factors of the scene's own value, the most telling ones first. Powers of two for the time step: all runs share times.
@@ -47,13 +48,14 @@ class Axis:
         ]
 
 
-def chosen_axes(text: str, shot: Shot) -> tuple[list[Axis], bool]:
+def chosen_axes(words: Sequence[str], shot: Shot) -> tuple[list[Axis], bool]:
     """The axes that `--vary` names, and whether levels simulated alone are compared with progressive ones.
 
     Parameters
     ----------
-    text : names separated by commas; a name may be followed by values of its own, as in `dt=0.01:0.02,level`. A scene
-        parameter may be named, too, with values. Empty: `DEFAULT_AXES` as far as the scene has them.
+    words : each with names separated by commas, `dt,level`, or with one name and its values, as `pdvol wedge` reads
+        them: `dt=0.01,0.02`, `dt=0.01:0.02:3`; `dt=0.01:0.02` are two values. A scene parameter may be named, too,
+        with values. None: `DEFAULT_AXES` as far as the scene has them.
 
     Raises
     ------
@@ -61,24 +63,32 @@ def chosen_axes(text: str, shot: Shot) -> tuple[list[Axis], bool]:
         A name is unknown, the scene lacks what it varies, or it needs values.
     """
     file = scene_file(shot)
-    words = text.split(",") if text else [name for name in DEFAULT_AXES if _has(shot.scene, name)]
+    wanted = _wanted(words) if words else {name: () for name in DEFAULT_AXES if _has(shot.scene, name)}
     axes: list[Axis] = []
-    for word in words:
-        name, _, values = word.strip().partition("=")
+    for name, values in wanted.items():
         if name == "level":
-            if values:
-                raise InputError("--vary level: choose levels by --levels A:B")
             continue
-        if name in (axis.name for axis in axes):
-            raise InputError(f"--vary names {name} twice")
         if not _has(shot.scene, name):
             raise InputError(f"--vary {name}: the scene has no {'Friction' if 'friction' in name else 'Barrier'}")
         base = base_value(shot, name)
-        given = tuple(parse_value(value) for value in values.split(":")) if values else _others(name, base)
+        given = values or _others(name, base)
         for value in given:
             load_shot(file, {**shot.parameters, name: value})  # a wrong name or value is an error now, not later
         axes.append(Axis(name, base, tuple(value for value in given if value != base)))
-    return axes, any(word.strip().partition("=")[0] == "level" for word in words)
+    return axes, "level" in wanted
+
+
+def _wanted(words: Sequence[str]) -> dict[str, tuple[Any, ...]]:
+    """The values that each name is given; none where pdvol chooses them."""
+    named = [name.strip() for word in words if "=" not in word for name in word.split(",")]
+    if any(word.count("=") > 1 for word in words):
+        raise InputError("--vary: give each setting that has values a --vary of its own")
+    varies = parsed_varies([word for word in words if "=" in word], {"level": "--levels A:B"})
+    names = [*named, *(vary.name for vary in varies)]
+    for name in names:
+        if names.count(name) > 1:
+            raise InputError(f"--vary names {name} twice")
+    return dict.fromkeys(named, ()) | {vary.name: vary.values or tuple(vary.ends or ()) for vary in varies}
 
 
 def scene_file(shot: Shot) -> Path:

@@ -18,9 +18,10 @@ from pdvol.colours import PALETTE
 from pdvol.draw.layout import BACKGROUND, FAINT_INK, INK
 from pdvol.explore.lengths import length
 from pdvol.explore.study.conclusions import option_text
+from pdvol.explore.study.labels import place_labels
 from pdvol.store.files import write_bytes
 
-LABELLED = 14  # points of the front that carry their settings: more texts cover each other
+LABELLED = 14  # points of the front that carry their settings: more find no free place
 
 
 def write_page(path: Path, study: Mapping[str, Any]) -> Path:
@@ -83,12 +84,7 @@ def front_figure(study: Mapping[str, Any]) -> Figure:
     front = sorted((p["cost"]["cpu"], p["errors"]["end"], p) for p in points if p["front"])
     axes.step([c for c, _, _ in front], [e for _, e, _ in front], where="post", color=FAINT_INK, linewidth=1.0)
     shown = front if len(front) <= LABELLED else [front[i] for i in _spread(len(front), LABELLED)]
-    for number, (cost, error, point) in enumerate(shown):
-        text = point["label"].partition(", ")[2] or "as the scene has it"
-        axes.annotate(
-            text, (cost, error), xytext=(7, 5 if number % 2 else -10), textcoords="offset points", fontsize=7, color=INK
-        )
-    default = study.get("default")
+    default, lines = study.get("default"), []
     if default:
         axes.plot(
             default["cost"]["cpu"],
@@ -104,12 +100,17 @@ def front_figure(study: Mapping[str, Any]) -> Figure:
     ):
         if value:
             axes.axhline(value, color=FAINT_INK, linestyle=":", linewidth=1.0)
-            axes.annotate(text, (1.0, value), xycoords=("axes fraction", "data"), ha="right", va="bottom", fontsize=7)
+            lines.append((text, value))
     axes.set_xscale("log")
     axes.set_yscale("log")
     axes.set_xlabel("CPU time of the steps [s]")
     axes.set_ylabel("error at the end, root mean square [m]")
     axes.legend(fontsize=8, frameon=False, loc="upper left", bbox_to_anchor=(1.0, 1.0))
+    marks = [(p["cost"]["cpu"], p["errors"]["end"]) for p in [*points, *([default] if default else [])]]
+    right = axes.get_xlim()[1]
+    texts = [(text, right, value) for text, value in lines]
+    texts += [(point["label"].partition(", ")[2] or "as the scene has it", cost, error) for cost, error, point in shown]
+    place_labels(figure, axes, texts, marks)
     return figure
 
 

@@ -130,6 +130,14 @@ def _run_here(
 class WedgeTable:
     """The result of `pdvol.wedge`. A notebook shows it as a table with pictures.
 
+    Parameters
+    ----------
+    folder : of the wedge
+    entries : as `variations` of wedge.json, sorted by the first score
+    scene : the scene file or function
+    steps : number of time steps, instead of the scene's
+    temporary : the folder's owner, which removes it with this object; None where it is kept
+
     Attributes
     ----------
     folder : of the wedge; a temporary one is removed with this object

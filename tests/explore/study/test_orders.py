@@ -20,7 +20,7 @@ def orders(folder, integrator, levels, vary):
 
 @pytest.mark.parametrize(("integrator", "order", "off"), [("implicit_euler", 1.0, 0.1), ("bdf2", 2.0, 0.1)])
 def test_the_order_in_the_time_step_is_the_integrator_s(tmp_path, integrator, order, off):
-    found = orders(tmp_path, integrator, "0:0", "dt=0.02:0.005:0.0025")
+    found = orders(tmp_path, integrator, "0:0", "dt=0.02,0.005,0.0025")
     assert found["dt"] == pytest.approx(order, abs=off)
 
 
