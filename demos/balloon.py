@@ -1,9 +1,7 @@
 """A hollow ball is blown up between a floor and a ceiling until it is wedged, and let down again."""
 
-import numpy as np
-
 import pdvol
-from pdvol import Barrier, Body, Friction, Gravity, NeoHookean, Placement, Plane, Pressure, Scene, meshes
+from pdvol import Barrier, Body, Friction, Gravity, Keyed, NeoHookean, Placement, Plane, Pressure, Scene, meshes
 from pdvol.geometry.closed_surfaces import enclosed_volume, pressed_facets
 
 RADIUS, WALL = 0.3, 0.03  # m
@@ -12,10 +10,7 @@ RADIUS, WALL = 0.3, 0.03  # m
 def scene(subdivisions=(2, 3), layers=(1, 2), young=5e4, pressure=2400.0, room=0.68, mu=0.4, steps=120, dt=0.01):
     """`pressure` [Pa] is reached after 0.4 s, held until 0.8 s and let off by 1.1 s; `room` [m] is the height."""
 
-    def inside(t):
-        """Pascal at a time [s]."""
-        return pressure * float(np.interp(t, (0.0, 0.4, 0.8, 1.1), (0.0, 1.0, 1.0, 0.0)))
-
+    inside = Keyed((0.0, 0.4, 0.8, 1.1), (0.0, pressure, pressure, 0.0))
     balloon = Body(
         tuple(meshes.hollow_ball(RADIUS, WALL, *cuts) for cuts in zip(subdivisions, layers, strict=True)),
         NeoHookean(young, 0.45, 200.0, damping=0.01),

@@ -5,6 +5,8 @@ pdvol run demos/donuts.py
 pdvol export runs/donuts --format usd -o donuts
 """
 
+import numpy as np
+
 import pdvol
 from pdvol import Barrier, Body, Friction, Gravity, NeoHookean, Placement, Plane, RenderMesh, Scene, meshes
 
@@ -38,6 +40,32 @@ def scene(vertices=(250, 1200), young=3e4, mu=0.4, detail=192, interpolant="phon
         dt=dt,
         steps=steps,
     )
+
+
+def claim(run):
+    """What is drawn follows what is simulated, on both levels, and the donuts come to the same places."""
+    last, astray, ends, seen = run.info["steps"], 0.0, [], {}
+    for level in run.levels:
+        for mesh in run.render_meshes:
+            mine, x = level.mesh.point_bodies == mesh.body, level.positions(last)
+            drawn = level.render_weights(mesh) @ x
+            outside = np.maximum(x[mine].min(axis=0) - drawn.min(axis=0), drawn.max(axis=0) - x[mine].max(axis=0))
+            astray = max(astray, float(outside.max()))
+            seen.setdefault(mesh.body, []).append(drawn.mean(axis=0))
+        ends.append(float(level.positions(last)[:, 1].min()))
+    apart = max(float(np.linalg.norm(np.ptp(middles, axis=0))) for middles in seen.values())
+    simulated = ", ".join(f"{len(level.rest):,}" for level in run.levels)
+    points = sum(len(mesh.points) for mesh in run.render_meshes)
+    size = 2.0 * sum(SIZES)
+    return [
+        (
+            f"What is drawn has {points:,} vertices, what is simulated {simulated} on the levels.",
+            points > len(run.levels[-1].rest),
+        ),
+        (f"It stays with the dough: at the end it reaches at most {1000 * astray:.0f} mm beyond it.", astray < 0.03),
+        (f"The drawn donuts end within {1000 * apart:.0f} mm of each other on the levels.", apart < 0.1 * size),
+        ("Both lie above the table.", min(ends) > 0.0),
+    ]
 
 
 if __name__ == "__main__":

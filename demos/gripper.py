@@ -85,5 +85,22 @@ def hold(run):
     return found
 
 
+def claim(run):
+    """The ball is lifted and held by friction, alike on all levels, and what drives the fingers keeps its time."""
+    held, late = hold(run), max(record["behind"] for level in run.levels for record in level.log)
+    risen = [found["risen"] for found in held]
+    heights = ", ".join(f"{height:.3f}" for height in risen)
+    fastest, apart = max(abs(found["speed"]) for found in held), max(risen) - min(risen)
+    return [
+        (
+            f"The fingers rise by 0.4 m, and the ball by {heights} m on the levels.",
+            min(risen) > 0.35 and min(found["above"] for found in held) > 0.3,
+        ),
+        (f"These heights are within {1000 * apart:.1f} mm.", apart < 0.02),
+        (f"It is held: at the end it moves up or down by less than {1000 * fastest:.1f} mm/s.", fastest < 0.02),
+        ("The fingers are where the rig wants them in every step.", late == 0.0),
+    ]
+
+
 if __name__ == "__main__":
     pdvol.main(scene)

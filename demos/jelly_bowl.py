@@ -7,6 +7,7 @@ ripples of the impact.
 
 import pdvol
 from pdvol import Barrier, Body, Friction, Gravity, NeoHookean, Placement, Rigid, Scene, meshes
+from pdvol.runs.run_metrics import motion_from_level_0
 
 RADIUS, DEPTH = 1.0, 0.6  # m, inside the bowl
 # name, shape, place of its feet before it is turned, angle and axis of that turn, direction of the throw, spin
@@ -43,6 +44,21 @@ def scene(
         dt=dt,
         steps=steps,
     )
+
+
+def claim(run):
+    """The animals end where level 0 puts them: in the bowl, and turned alike."""
+    found = []
+    for entry in motion_from_level_0(run)[1:]:
+        centre, angle = entry["centre_drift"], entry["angle_drift"]
+        found.append(
+            (
+                f"Level {entry['level']} ends with all animals within {1000 * centre:.0f} mm and {angle:.1f} degrees of"
+                f" level 0, less than a twentieth of the bowl's radius and 10 degrees.",
+                centre < 0.05 * RADIUS and angle < 10.0,
+            )
+        )
+    return found
 
 
 if __name__ == "__main__":

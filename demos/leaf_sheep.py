@@ -8,6 +8,9 @@ import numpy as np
 
 import pdvol
 from pdvol import Barrier, Body, Flow, Friction, Gravity, NeoHookean, Placement, Plane, Rigid, Scene, Support, meshes
+from pdvol.explore.wedge.scored_body import at_level
+from pdvol.explore.wedge.scores import quiet, upright
+from pdvol.runs.run_metrics import motion_from_level_0
 
 LENGTH = 0.36  # m, of a leaf sheep
 HEIGHT = 0.6  # m, of the plant
@@ -18,22 +21,22 @@ CAPS = ((-0.24, 0.632, 0.0), (0.24, 0.560, 0.03))  # m, the middles of the two u
 def scene(
     vertices=((1250, 8000, 38000), (650, 2500, 11000)),
     young=4e4,
-    current=0.55,
+    current=0.8,
     until=0.8,
     turns=(65.0, -75.0),
-    stone=(0.0, 0.42),
+    stone=0.42,
     mu=0.3,
     damping=0.03,
-    steps=180,
+    steps=220,
     dt=0.02,
 ):
     """A current of `current` m/s flows towards the stone, from both sides and from behind, `until` that time [s].
 
     `vertices` of a leaf sheep and of the plant by level; `turns` [degrees] is where their heads point, from +z; `stone`
-    is its place (x, z) [m].
+    is how far before the plant it lies [m].
     """
     sheep, plant = vertices
-    middle = np.array([stone[0], 0.3, stone[1]])
+    middle = np.array([0.0, 0.3, stone])
 
     def flow(x, t):
         way = middle - x
@@ -64,7 +67,7 @@ def scene(
         ),
         obstacles=(
             Plane((0.0, 0.0, 0.0), (0.0, 1.0, 0.0), name="sea floor"),
-            Rigid(meshes.stone(0.34, 1200), name="stone", placement=Placement((stone[0], 0.001, stone[1]))),
+            Rigid(meshes.stone(0.34, 1200), name="stone", placement=Placement((0.0, 0.001, stone))),
         ),
         supports=(Support(lambda X: X[:, 1] < 0.02, body="plant"),),
         loads=(Gravity((0.0, -WEIGHT, 0.0)), Flow(flow, 1000.0, 0.25)),
@@ -72,6 +75,51 @@ def scene(
         dt=dt,
         steps=steps,
     )
+
+
+def nearest(level, one, others):
+    """How near a body of a stored level comes to other points, at least, at any stored time [m]: between vertices."""
+    from scipy.spatial import cKDTree
+
+    owners = level.mesh.point_bodies
+    found = []
+    for step in range(level.steps):
+        x = level.positions(step)
+        points = others(step) if callable(others) else x[owners == others]
+        found.append(cKDTree(points).query(x[owners == one])[0].min())
+    return float(min(found))
+
+
+def claim(run):
+    """They meet over the stone and come to rest on their feet, on all levels in the same places."""
+    stone = next(obstacle for obstacle in run.obstacles if obstacle.name == "stone")
+    names = ("sheep 1", "sheep 2")
+    found = []
+    for level in run.levels:
+        seen = at_level(run, level.index)
+        apart = nearest(level, 0, 1)
+        above = max(nearest(level, k, stone.vertices) for k in (0, 1))
+        leans = [np.degrees(np.arccos(upright(name, axis=(0.0, 1.0, 0.0))(seen))) for name in names]
+        speed = max(-quiet(name)(seen) for name in names)
+        found.append(
+            (
+                f"Level {level.index}: the two come as near as {1000 * apart:.1f} mm to each other, {1000 * above:.1f}"
+                f" mm to the stone (between vertices); they end {leans[0]:.0f} and {leans[1]:.0f} degrees from upright,"
+                f" at {1000 * speed:.0f} mm/s at most.",
+                max(apart, above) < 0.05 * LENGTH and max(leans) < 30.0 and speed < 0.05,
+            )
+        )
+    for entry in motion_from_level_0(run)[1:]:
+        centre, angle = entry["centre_drift"], entry["angle_drift"]
+        found.append(
+            (
+                f"Level {entry['level']} ends with all bodies within {1000 * centre:.0f} mm"
+                f" ({100 * centre / LENGTH:.1f} % of a sheep's length) and {angle:.1f} degrees of level 0; all over it,"
+                f" cerata included, it is at most {1000 * entry['largest_distance']:.0f} mm from it.",
+                centre < 0.03 * LENGTH and entry["largest_distance"] < 0.1 * LENGTH,
+            )
+        )
+    return found
 
 
 if __name__ == "__main__":

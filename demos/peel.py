@@ -13,6 +13,7 @@ from pdvol import (
     Force,
     Friction,
     Gravity,
+    Keyed,
     NeoHookean,
     Placement,
     Plane,
@@ -57,7 +58,7 @@ def scene(vertices=(80, 300), pull=450.0, strength=2500.0, stiffness=5e5, height
         obstacles=(Plane((0.0, 0.0), (0.0, 1.0), name="floor"),),
         loads=(
             Gravity((0.0, -9.81)),
-            Force(lambda t: (0.0, -pull * min(2.0 * t, 1.0)), lambda X: X[:, 0] > end, body="strip"),
+            Force(Keyed((0.0, 0.5), ((0.0, 0.0), (0.0, -pull))), lambda X: X[:, 0] > end, body="strip"),
         ),
         contact=(Barrier(), Friction(0.4)),
         dt=dt,

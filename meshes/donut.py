@@ -17,12 +17,28 @@ RIM = 0.05
 
 
 def donut(radius: float = 0.3, tube: float = 0.13, segments: int = 48, around: int = 24) -> Surface:
-    """The dough [m]: a torus about the y axis."""
+    """The dough [m]: a torus about the y axis.
+
+    Parameters
+    ----------
+    radius : to the middle of the tube [m]
+    tube : radius of the tube [m]
+    segments : about the y axis
+    around : points around the tube
+    """
     return torus(radius, tube, segments, around)
 
 
 def donut_render(radius: float = 0.3, tube: float = 0.13, segments: int = 256, around: int = 128) -> RenderSurface:
-    """The same donut in detail: quadrilaterals, glaze on its upper side, and seams where the angles begin again."""
+    """The same donut in detail: quadrilaterals, glaze on its upper side, and seams where the angles begin again.
+
+    Parameters
+    ----------
+    radius : to the middle of the tube [m]
+    tube : radius of the tube [m]
+    segments : about the y axis
+    around : points around the tube
+    """
     along, turn = np.arange(segments) / segments, np.arange(around) / around
     a, b = (2.0 * np.pi * v.ravel() for v in np.meshgrid(along, turn, indexing="ij"))
     r = tube * (1.0 + GLAZE * _glazed(a, b))
@@ -43,7 +59,14 @@ def donut_render(radius: float = 0.3, tube: float = 0.13, segments: int = 256, a
 
 
 def donut_texture(width: int = 1024, height: int = 512, sprinkles: int = 170, seed: int = 1) -> np.ndarray:
-    """Its texture (height, width, 3) uint8, the top row first: dough with a pale ring, pink glaze, sprinkles."""
+    """Its texture (height, width, 3) uint8, the top row first: dough with a pale ring, pink glaze, sprinkles.
+
+    Parameters
+    ----------
+    width, height : of the picture [pixels]
+    sprinkles : how many
+    seed : of their places
+    """
     u, v = np.meshgrid((np.arange(width) + 0.5) / width, 1.0 - (np.arange(height) + 0.5) / height)
     a, b = 2.0 * np.pi * u, 2.0 * np.pi * v
     glaze = _glazed(a, b)[..., None]

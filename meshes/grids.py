@@ -46,6 +46,12 @@ def brick(
     diagonal (Kuhn).
 
     `bend` moves the points (n, 3) [m], turning no cell inside out.
+
+    Parameters
+    ----------
+    size : (3,) lengths of its sides [m]
+    cuts : (3,) how many boxes along x, y, z
+    bend : function of points (n, 3) [m] that gives their places (n, 3) [m]
     """
     counts = np.asarray(cuts) + 1
     grid = np.stack(np.meshgrid(*(np.linspace(-0.5, 0.5, n) for n in counts), indexing="ij"), axis=-1).reshape(-1, 3)
@@ -62,7 +68,13 @@ def brick(
 
 
 def hollow_brick(size: ArrayLike = (1.0, 1.0, 1.0), cuts: Sequence[int] = (5, 5, 5), wall: int = 1) -> Solid:
-    """A box [m] about the origin with a closed cavity: `brick` without its inner boxes, `wall` boxes thick all round.
+    """A box [m] about the origin with a closed cavity: `brick` without its inner boxes.
+
+    Parameters
+    ----------
+    size : (3,) lengths of its sides [m]
+    cuts : (3,) how many boxes along x, y, z
+    wall : its thickness, in boxes
 
     Raises
     ------

@@ -9,7 +9,13 @@ FLAT = 1e-6  # twice a triangle's area over the square of its base: below it poi
 
 
 def disc(radius: float = 1.0, points: int = 128) -> Outline:
-    """A circle about the origin [m]."""
+    """A circle about the origin [m].
+
+    Parameters
+    ----------
+    radius : [m]
+    points : of the outline
+    """
     angle = 2.0 * np.pi * np.arange(points) / points
     return Outline(radius * np.column_stack([np.cos(angle), np.sin(angle)]))
 
@@ -23,7 +29,12 @@ def polygon(points: ArrayLike) -> Outline:
 
 
 def rectangle(width: float = 1.0, height: float = 1.0) -> Outline:
-    """A rectangle [m] about the origin."""
+    """A rectangle [m] about the origin.
+
+    Parameters
+    ----------
+    width, height : along x and y [m]
+    """
     w, h = width / 2.0, height / 2.0
     return Outline(np.array([[-w, -h], [w, -h], [w, h], [-w, h]]))
 
@@ -62,6 +73,13 @@ def spike(
 def comb(teeth: int = 4, length: float = 1.0, width: float = 0.1, gap: float = 0.02, spine: float = 0.15) -> Outline:
     """Long thin teeth [m] along y, `gap` apart, joined at their lower end by a spine: near in space, far along the
     body.
+
+    Parameters
+    ----------
+    teeth : how many
+    length, width : of a tooth [m]
+    gap : between teeth [m]
+    spine : its height [m]
     """
     pitch = width + gap
     total = teeth * width + (teeth - 1) * gap
@@ -79,6 +97,13 @@ def rope(
 ) -> Outline:
     """A hanging strip [m] along y, its lower end at the origin, its middle line a sine of `waves` periods that swings
     by `swing`.
+
+    Parameters
+    ----------
+    length, width : of the strip [m]
+    waves : periods of the sine
+    swing : its amplitude [m]
+    points : of each side
     """
     y = np.linspace(0.0, length, points)
     wave = 2.0 * np.pi * waves / length
@@ -114,6 +139,13 @@ def slit_array(
 def folded(length: float = 1.0, width: float = 0.1, gap: float = 0.02, arc: int = 24) -> Outline:
     """A strip bent into a U lying on its side: two arms [m] along x, `gap` apart, joined by a half ring at x =
     `length`.
+
+    Parameters
+    ----------
+    length : of the arms [m]
+    width : of the strip [m]
+    gap : between the arms [m]
+    arc : points of each half ring
     """
     angle = np.linspace(-np.pi / 2.0, np.pi / 2.0, arc)
     ring = np.column_stack([np.cos(angle), np.sin(angle)])

@@ -41,7 +41,14 @@ def bunny_outline(height: float = 0.3, points: int = 120) -> Outline:
 
 @lru_cache(maxsize=4)  # cutting ears off a long outline takes a second
 def bunny_slice(height: float = 0.3, thickness: float = 0.012, points: int = 120) -> Surface:
-    """A slice [m] in the shape of `bunny_outline`, lying flat: y is its thickness, its middle the origin."""
+    """A slice [m] in the shape of `bunny_outline`, lying flat: y is its thickness, its middle the origin.
+
+    Parameters
+    ----------
+    height : of the outline [m]
+    thickness : [m]
+    points : of the outline
+    """
     outline = bunny_outline(height, points).points
     flat = extrude(Outline(outline - (outline.max(axis=0) + outline.min(axis=0)) / 2.0), thickness)
     x, y, z = flat.vertices.T

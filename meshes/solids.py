@@ -14,6 +14,11 @@ from .outlines import folded as flat_folded
 def ball(radius: float = 1.0, subdivisions: int = 3) -> Surface:
     """A sphere about the origin [m]: an icosahedron whose triangles are cut in four `subdivisions` times, 10 * 4^k + 2
     vertices.
+
+    Parameters
+    ----------
+    radius : [m]
+    subdivisions : how often each triangle is cut in four
     """
     import igl  # shapes that do not need it load faster without it
 
@@ -25,7 +30,13 @@ def ball(radius: float = 1.0, subdivisions: int = 3) -> Surface:
 
 
 def box(size: ArrayLike = (1.0, 1.0, 1.0), divisions: ArrayLike = (1, 1, 1)) -> Surface:
-    """A box [m] about the origin, each side cut into `divisions` along x, y, z."""
+    """A box [m] about the origin, each side cut into `divisions` along x, y, z.
+
+    Parameters
+    ----------
+    size : (3,) lengths of its sides [m]
+    divisions : (3,) or one number: cuts along x, y, z
+    """
     half, cuts = np.asarray(size, dtype=float) / 2.0, np.broadcast_to(divisions, 3)
     grids, triangles, n = [], [], 0
     for axis in range(3):
@@ -43,7 +54,13 @@ def box(size: ArrayLike = (1.0, 1.0, 1.0), divisions: ArrayLike = (1, 1, 1)) -> 
 
 
 def bar(length: float = 1.0, width: float = 0.2, height: float = 0.2, cell: float = 0.1) -> Surface:
-    """A bar [m] along x about the origin, its sides cut into squares of about `cell`."""
+    """A bar [m] along x about the origin, its sides cut into squares of about `cell`.
+
+    Parameters
+    ----------
+    length, width, height : along x, z and y [m]
+    cell : wanted edge length [m]
+    """
     size = np.array([length, height, width])
     return box(size, np.maximum(np.round(size / cell), 1).astype(int))
 

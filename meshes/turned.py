@@ -34,13 +34,27 @@ def turned(profile: ArrayLike, segments: int = 24) -> Surface:
 
 
 def torus(radius: float = 0.35, tube: float = 0.1, segments: int = 24, around: int = 10) -> Surface:
-    """A ring [m] about the y axis: `radius` to the middle of its tube."""
+    """A ring [m] about the y axis: `radius` to the middle of its tube.
+
+    Parameters
+    ----------
+    radius : to the middle of the tube [m]
+    tube : radius of the tube [m]
+    segments : about the y axis
+    around : points around the tube
+    """
     angle = 2.0 * np.pi * np.arange(around) / around
     return turned(np.column_stack([radius + tube * np.cos(angle), tube * np.sin(angle)]), segments)
 
 
 def cylinder(radius: float = 0.5, length: float = 1.0, segments: int = 24) -> Surface:
-    """A cylinder [m] along the y axis, about the origin."""
+    """A cylinder [m] along the y axis, about the origin.
+
+    Parameters
+    ----------
+    radius, length : [m]
+    segments : around the axis
+    """
     half = length / 2.0
     return turned([(0.0, -half), (radius, -half), (radius, half), (0.0, half)], segments)
 
@@ -55,6 +69,14 @@ def funnel(
 ) -> Surface:
     """A funnel [m] with walls: from its `mouth` (radius) at y = 0 down to its `neck` (radius) at -height, and a pipe
     below.
+
+    Parameters
+    ----------
+    mouth, neck : inner radii [m]
+    height : from neck to mouth [m]
+    pipe : its length [m]
+    thickness : of the wall [m]
+    segments : around the axis
     """
     inner = np.array([(mouth, 0.0), (neck, -height), (neck, -height - pipe)])
     outer = inner + [thickness, 0.0]
@@ -66,6 +88,13 @@ def bowl(
 ) -> Surface:
     """A bowl [m] open along y, half an ellipsoid inside; its foot is at y = 0, its rounded rim at y = thickness + depth
     + thickness / 2.
+
+    Parameters
+    ----------
+    radius, depth : of the inside [m]
+    thickness : of the wall [m]
+    around : points of each ring
+    rings : between the foot and the rim
     """
     angle = np.linspace(0.0, np.pi / 2.0, rings + 1)
     arc = np.column_stack([np.sin(angle), -np.cos(angle)])

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from demos.gallery.entries import DEMOS, Entry
 from demos.gallery.figures import table_of_levels
-from demos.gallery.film import write_film, write_picture, write_sheet, write_tile
+from demos.gallery.film import write_binding, write_film, write_picture, write_sheet, write_tile
 from demos.gallery.page import RUNS, write_entry, write_index
 from demos.gallery.shown import ENTRIES
 from demos.gallery.simulation import claims, note, simulate
@@ -45,14 +45,18 @@ def main(words: list[str]) -> int:
 def show(entry: Entry, runs: Path, drawn: bool = True) -> bool:
     """Make everything of one entry, pictures if `drawn`; whether its claim holds."""
     run = simulate(entry, runs / entry.name)
+    direct = simulate(entry, runs / f"{entry.name}_direct", "direct") if entry.direct else None
     found = claims(entry, run)
     PAGES.mkdir(parents=True, exist_ok=True)
     if drawn:
         write_film(entry, run, PAGES / f"{entry.name}.webp")
         write_picture(entry, run, PAGES / f"{entry.name}.png")
         write_tile(entry, run, PAGES / "tiles" / f"{entry.name}.png")
+        if entry.binding:
+            write_binding(run, PAGES / f"{entry.name}_binding.png")
     write_player(panes_of_run(run), runs / f"{entry.name}.html", entry.title)
-    print(write_entry(entry, run, table_of_levels(run), found, note(run.path), PAGES / f"{entry.name}.md"))
+    levels = table_of_levels(run, direct)
+    print(write_entry(entry, run, levels, found, note(run.path), PAGES / f"{entry.name}.md"))
     for sentence, holds in found:
         if not holds:
             print(f"gallery: {entry.name}: does not hold: {sentence}", file=sys.stderr)

@@ -27,6 +27,9 @@ class Entry:
     view : where films and pictures are seen from (`pdvol render --camera`)
     turn : of the camera further about the vertical [degrees]
     cut : what films and pictures take away (`pdvol render --cut`)
+    drawn : whether bodies that carry render meshes are drawn as these
+    direct : whether the page says how far levels part that are simulated each on its own; a second run
+    binding : whether the page shows how level 1 is bound to level 0
     slow : first and last second of what films show in slow motion, a stored state a frame
     size : width and height of the film [pixels]
     moment : second shown on the contact sheet
@@ -41,6 +44,9 @@ class Entry:
     view: str = ""
     turn: float = 0.0
     cut: str = ""
+    drawn: bool = False
+    direct: bool = False
+    binding: bool = False
     slow: tuple[float, float] | None = None
     size: tuple[int, int] = (1200, 440)
     moment: float = 0.5

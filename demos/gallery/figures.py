@@ -1,7 +1,8 @@
 """The table of levels of a stored run."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -12,12 +13,17 @@ from pdvol.runs.run_metrics import measure_run, motion_from_level_0
 from pdvol.store.reader import Run, RunLevel
 
 
-def table_of_levels(run: Run) -> str:
-    """Markdown: a column a level. Every stored state is checked, so this takes as long as `pdvol verify`."""
+def table_of_levels(run: Run, direct: Run | None = None) -> str:
+    """Markdown: a column a level. Every stored state is checked, so this takes as long as `pdvol verify`.
+
+    Parameters
+    ----------
+    direct : the same scene with `--method direct`, which gives a row of its own
+    """
     levels = [level for level in run.levels if level.steps > 1]
     found = {checked.index: checked for checked in check_levels(run.path)}
     below = {entry["level"]: entry["summary"].get("distance") for entry in measure_run(run.path)["levels"]}
-    above = {entry["level"]: entry for entry in motion_from_level_0(run)}
+    above, alone = (_motions(each) if each else {} for each in (run, direct))
 
     def row(name: str, cell: Callable[[RunLevel], str]) -> list[str]:
         return [name, *(cell(level) for level in levels)]
@@ -26,8 +32,8 @@ def table_of_levels(run: Run) -> str:
         measured = below.get(level.index)
         return f"{length(measured['mean'])} ({length(measured['largest'])})" if measured else ""
 
-    def from_0(level: RunLevel) -> str:
-        measured = above.get(level.index, {})
+    def from_0(level: RunLevel, motions: Mapping[int, Mapping[str, Any]] = above) -> str:
+        measured = motions.get(level.index, {})
         if "distance" not in measured:
             return ""
         return f"{length(measured['distance'])} ({length(measured['largest_distance'])})"
@@ -42,11 +48,16 @@ def table_of_levels(run: Run) -> str:
         row("memory of the process, so far [MB]", lambda level: _largest(level, "peak_memory_mb")),
         row("distance from the level below, mean (largest)", from_below),
         row("distance from level 0, at the end (largest)", from_0),
+        *([row("the same with `--method direct`", lambda level: from_0(level, alone))] if direct else []),
         row("smallest gap", _smallest_gap),
         row("smallest det F", lambda level: number(found[level.index].smallest_det, 2)),
         row("intersections", lambda level: _crossings(found[level.index])),
     ]
     return table(["", *(f"level {level.index}" for level in levels)], rows)
+
+
+def _motions(run: Run) -> dict[int, dict[str, Any]]:
+    return {entry["level"]: entry for entry in motion_from_level_0(run)}
 
 
 def _spread(values: Sequence[float]) -> str:

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 from PIL import Image, ImageDraw
 
@@ -40,14 +41,25 @@ def film_frames(steps: int, dt: float, slow: tuple[float, float] | None) -> list
 def write_film(entry: Entry, run: Run, out: Path) -> Path:
     """The levels beside each other, as an animated WebP, which a page shows like a picture."""
     frames = film_frames(run.info["steps"], run.dt, entry.slow)
-    return render(
-        run, out, steps=frames, size=entry.size, fps=FRAMES_PER_SECOND, turn=entry.turn, view=entry.view, cut=entry.cut
-    )
+    return render(run, out, steps=frames, size=entry.size, fps=FRAMES_PER_SECOND, **_seen(entry))
 
 
 def write_picture(entry: Entry, run: Run, out: Path) -> Path:
     """Rows are levels, columns are moments."""
-    return _fewer_colours(render(run, out, cell_width=260, turn=entry.turn, view=entry.view, cut=entry.cut))
+    return _fewer_colours(render(run, out, cell_width=260, **_seen(entry)))
+
+
+def write_binding(run: Run, out: Path) -> Path:
+    """How level 1 is bound to level 0; finer pairs (`pdvol info --pictures`) have more dots than a page can show."""
+    from mpi4py import MPI
+
+    from pdvol.draw.bindings import draw_binding
+    from pdvol.levels.hierarchy import Hierarchy
+
+    pair = Hierarchy([level.mesh for level in run.levels], MPI.COMM_SELF, run.info["prolongation"]).prolongation(1)
+    up = run.info.get("up") or (0.0, 0.0, 1.0)
+    title = f"levels 0 -> 1, {run.info['prolongation']}"
+    return draw_binding(out, pair.coarse.mesh, pair.fine.mesh, pair.binding.cells, pair.weights, title, up)
 
 
 def write_tile(entry: Entry, run: Run, out: Path) -> Path:
@@ -61,7 +73,7 @@ def write_tile(entry: Entry, run: Run, out: Path) -> Path:
     aspect = TILE[0] / TILE[1]
     camera = cameras_of_run(run, [level], [step], run.obstacles, entry.turn, read_view(entry.view), False, aspect)[0]
     cut = read_cut(entry.cut, run.info["bodies"], [str(obstacle.name) for obstacle in run.obstacles])
-    with Renderer(run, camera, TILE[0], run.obstacles, cut=cut) as renderer:
+    with Renderer(run, camera, TILE[0], run.obstacles, render_meshes=entry.drawn, cut=cut) as renderer:
         picture = renderer.picture(level, step)
     out.parent.mkdir(parents=True, exist_ok=True)
     picture.save(out)
@@ -82,6 +94,11 @@ def write_sheet(entries: Sequence[Entry], tiles: Path, out: Path) -> Path:
         pen.text((x + TILE[0] / 2, y + TILE[1] + LABEL / 2), entry.title, INK, font(16), anchor="mm")
     sheet.save(out)
     return _fewer_colours(out)
+
+
+def _seen(entry: Entry) -> dict[str, Any]:
+    """How `render` draws an entry."""
+    return {"turn": entry.turn, "view": entry.view, "cut": entry.cut, "render_meshes": entry.drawn}
 
 
 def _fewer_colours(file: Path) -> Path:

@@ -35,7 +35,10 @@ def write_entry(
         "## What it shows\n\n" + "\n".join(f"- {'' if holds else '**Does not hold:** '}{s}" for s, holds in claims),
         f"## The levels\n\n{levels}",
         "Distances are root mean squares over the mass, from the coarser level prolonged to the finer one."
-        " Intersections are counted by `pdvol verify`, which shares nothing with the solver.",
+        " Intersections are counted by `pdvol verify`, which shares nothing with the solver."
+        + " With `--method direct` each level is simulated on its own."
+        * entry.direct,
+        _binding(entry),
         _made(made),
         f"```\n./run pdvol run {entry.file.relative_to(entry.file.parents[1])}{settings}{finest}\n"
         f"./run python -m demos.gallery {entry.name}      # the run, this page and its film;"
@@ -65,6 +68,16 @@ def _speed(entry: Entry, dt: float) -> str:
         return "real speed"
     share = dt * FRAMES_PER_SECOND
     return f"real speed, from {entry.slow[0]:g} s to {entry.slow[1]:g} s at {share:.2g} of it"
+
+
+def _binding(entry: Entry) -> str:
+    if not entry.binding:
+        return ""
+    return (
+        "## How level 1 is bound to level 0\n\nLeft, the vertices of level 1 as dots on the mesh of level 0; those of"
+        " one colour are bound to the same cell. Right, the weights of one vertex of level 0, the warmer the larger."
+        f"\n\n![How level 1 is bound to level 0]({entry.name}_binding.png)"
+    )
 
 
 def _made(made: Mapping[str, Any]) -> str:

@@ -11,6 +11,7 @@ from benchmarks.commits import MissingObject, Repository
 from demos.gallery.entries import DEMOS, Entry
 from pdvol.errors import SimulationError
 from pdvol.explore.study.study import processor
+from pdvol.explore.wedge.scored_body import at_level
 from pdvol.runs.runner import run_scene
 from pdvol.runs.scene_file import load_module, load_shot
 from pdvol.store.files import read_json, write_json
@@ -18,8 +19,8 @@ from pdvol.store.folder import holds_run
 from pdvol.store.reader import Run, open_run
 
 
-def simulate(entry: Entry, folder: Path) -> Run:
-    """The stored run of an entry; what is missing is simulated, in a process of its own.
+def simulate(entry: Entry, folder: Path, method: str = "progressive") -> Run:
+    """The stored run of an entry by a method; what is missing is simulated, in a process of its own.
 
     Raises
     ------
@@ -35,11 +36,12 @@ def simulate(entry: Entry, folder: Path) -> Run:
         folder.parent.mkdir(parents=True, exist_ok=True)
         write_json(_note_file(folder), {"commits": list(dict.fromkeys(commits)), **machine})
         words = ["run", str(entry.file), "--levels", f"0:{wanted}", "--out", str(folder), "--no-picture", "--no-xdmf"]
+        words += ["--method", method]
         words += [word for name, value in entry.settings.items() for word in ("--set", f"{name}={value}")]
         words += ["--resume"] * there
         if subprocess.run([sys.executable, "-m", "pdvol", *words]).returncode:
             raise SimulationError(f"{entry.name} was not simulated to its end; the same command goes on with it")
-    return open_run(folder)
+    return at_level(open_run(folder), wanted)
 
 
 def simulate_small(entry: Entry, folder: Path) -> Run:

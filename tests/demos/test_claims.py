@@ -52,7 +52,7 @@ def test_a_page_is_made_from_a_stored_run(tmp_path, monkeypatch, capsys):
     pages, runs = tmp_path / "pages", tmp_path / "runs"
     monkeypatch.setattr(gallery, "PAGES", pages)
     melt = BY_NAME["melt"]
-    small = replace(melt, settings=melt.small, size=(320, 180))
+    small = replace(melt, settings=melt.small, size=(320, 180), direct=True)
     monkeypatch.setattr(gallery, "ENTRIES", (small,))
     assert main(["melt", "--runs", str(runs)]) == 0
     made = {path.relative_to(tmp_path).as_posix() for path in tmp_path.rglob("*") if path.suffix in (".md", ".html")}
@@ -63,7 +63,11 @@ def test_a_page_is_made_from_a_stored_run(tmp_path, monkeypatch, capsys):
     stored = open_run(runs / "melt")
     assert rows["vertices, cells"] == [f"{len(x.rest)}, {len(x.cells)}" for x in stored.levels]
     assert rows["intersections"] == ["0 in 76 states"] * 2
-    assert rows["distance from level 0, at the end (largest)"][0] == "" and rows["smallest gap"][1].endswith("um")
+    own = rows["distance from level 0, at the end (largest)"]
+    assert own[0] == "" and rows["the same with `--method direct`"][0] == ""
+    assert own[1] != rows["the same with `--method direct`"][1] and "m" in rows["the same with `--method direct`"][1]
+    assert open_run(runs / "melt_direct").info["method"] == "direct"
+    assert rows["smallest gap"][1].endswith("um")
     with Image.open(pages / "melt.webp") as film:
         assert film.size == small.size and film.n_frames > 30
     with Image.open(pages / "sheet.png") as sheet:
