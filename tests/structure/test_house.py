@@ -285,31 +285,3 @@ pdvol
 def test_solving_without_contact_never_loads_the_contact_library(tmp_path):
     loaded = loaded_after(SOLVE, tmp_path)
     assert "dolfinx" in loaded and "ipctk" not in loaded
-
-
-def readme_commands() -> list[str]:
-    """Lines `./run ...` within README.md's fences."""
-    readme = ROOT / "README.md"
-    text = readme.read_text() if readme.exists() else ""
-    blocks = re.findall(r"^```[^\n]*\n(.*?)^```", text, re.MULTILINE | re.DOTALL)
-    lines = "\n".join(blocks).replace("\\\n", " ").splitlines()
-    return [line.strip().removeprefix("$ ").split(" #")[0].strip() for line in lines if "./run " in line]
-
-
-def test_readme_commands_name_what_exists():
-    from pdvol.cli import parse
-
-    wrong = []
-    for line in readme_commands():
-        words = line[line.index("./run ") + 6 :].split()
-        if words[0] == "mpirun":
-            words = words[3:]
-        if words[0] not in ("pdvol", "pytest", "python", "bash"):
-            wrong.append(line)
-        wrong += [line for word in words if word.startswith(("demos/", "tests/")) and not (ROOT / word).exists()]
-        if words[0] == "pdvol" and "--help" not in words:
-            try:
-                parse([word for word in words[1:] if word != "..."])
-            except SystemExit:
-                wrong.append(line)
-    assert wrong == []

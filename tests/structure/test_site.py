@@ -1,0 +1,175 @@
+"""The site that `./run docs` builds, and what its pages promise."""
+
+import ast
+import importlib
+import inspect
+import re
+import runpy
+import shutil
+import subprocess
+import sys
+from functools import cache
+from pathlib import Path
+
+import pytest
+
+import pdvol
+
+ROOT = Path(__file__).resolve().parents[2]
+DOCS = ROOT / "docs"
+REFERENCE = "\n".join(page.read_text() for page in sorted((DOCS / "api").glob("*.md")))
+LISTED = re.findall(r"^\.\. auto(?:class|function|exception):: (\S+)$", REFERENCE, re.MULTILINE)
+
+
+def named(path: str) -> object:
+    """What a dotted path names."""
+    module, name = path.rsplit(".", 1)
+    return getattr(importlib.import_module(module), name)
+
+
+def own_function(thing: object, module: object) -> bool:
+    return inspect.isfunction(thing) and thing.__module__ == module.__name__
+
+
+def test_every_public_name_is_in_the_reference():
+    shown = [named(path) for path in LISTED]
+    forms = [importlib.import_module(f"pdvol.forms.{f.stem}") for f in sorted((ROOT / "forms").glob("[a-z]*.py"))]
+    public = {
+        **{f"pdvol.{name}": getattr(pdvol, name) for name in pdvol.__all__},
+        **{f"pdvol.meshes.{name}": getattr(pdvol.meshes, name) for name in pdvol.meshes.__all__},
+        **{
+            f"{m.__name__}.{n}": f
+            for m in forms
+            for n, f in vars(m).items()
+            if getattr(f, "__module__", "") == m.__name__
+        },
+    }
+    lacking = [n for n, thing in public.items() if not inspect.ismodule(thing) and not any(thing is s for s in shown)]
+    assert lacking == []
+    assert len(LISTED) == len(set(LISTED))
+
+
+@pytest.mark.parametrize("path", LISTED)
+def test_a_name_of_the_reference_documents_its_parameters(path):
+    """Each parameter's name stands in the docstring, or in that of a class it derives from."""
+    thing = named(path)
+    assert inspect.getdoc(thing), path
+    if inspect.isclass(thing) and issubclass(thing, BaseException):
+        return
+    text = " ".join(c.__doc__ or "" for c in thing.__mro__) if inspect.isclass(thing) else inspect.getdoc(thing)
+    lacking = [name for name in inspect.signature(thing).parameters if not re.search(rf"\b{re.escape(name)}\b", text)]
+    assert lacking == [], f"{path}: {', '.join(lacking)} not in its docstring"
+    if inspect.isclass(thing):
+        methods = [
+            n for n, m in vars(thing).items() if inspect.isfunction(m) and not n.startswith("_") and m.__name__ == n
+        ]
+        assert [n for n in methods if not inspect.getdoc(getattr(thing, n))] == []
+
+
+@cache
+def definitions(file: Path) -> set[str]:
+    """Functions and classes of a file, and methods as `Class.method`."""
+    tree = ast.parse(file.read_text())
+    kinds = ast.FunctionDef | ast.ClassDef
+    names = {node.name for node in tree.body if isinstance(node, kinds)}
+    methods = {
+        f"{c.name}.{m.name}" for c in tree.body if isinstance(c, ast.ClassDef) for m in c.body if isinstance(m, kinds)
+    }
+    return names | methods
+
+
+def test_functions_that_pages_name_are_in_the_files_they_link():
+    """A link `[`name`](../file.py)` promises that the file defines the name."""
+    links = [
+        (page.name, name, (page.parent / target).resolve())
+        for page in sorted(DOCS.rglob("*.md"))
+        for name, target in re.findall(r"\[`([\w.]+)`\]\(([^)]+\.py)\)", page.read_text())
+    ]
+    assert len(links) > 40
+    assert [link for link in links if not link[2].exists() or link[1] not in definitions(link[2])] == []
+
+
+ERRORS = {"InputError", "MeshError", "IntersectionError", "InvertedCellError", "SeveralErrors", "SimulationError"}
+REFUSALS = ERRORS | {"ConvergenceError", "require"}
+
+
+@cache
+def messages(file: Path) -> str | None:
+    """All literal text of a file that raises an error of pdvol's, None where it raises none."""
+    tree = ast.parse(file.read_text())
+    calls = (node.func for node in ast.walk(tree) if isinstance(node, ast.Call))
+    if not any(getattr(f, "id", getattr(f, "attr", "")) in REFUSALS for f in calls):
+        return None
+    return "\n".join(n.value for n in ast.walk(tree) if isinstance(n, ast.Constant) and isinstance(n.value, str))
+
+
+def faq() -> dict[str, tuple[list[str], list[str]]]:
+    """Of each section on errors its messages and the files or folders that raise them."""
+    found = {}
+    for section in re.split(r"^## ", (DOCS / "faq.md").read_text(), flags=re.MULTILINE)[1:]:
+        title, text = section.split("\n", 1)
+        places = re.search(r"^\*Raised in\*: (.*)$", text, re.MULTILINE)
+        if places:
+            quoted = re.findall(r"^```\n(.*?)^```", text, re.MULTILINE | re.DOTALL)
+            found[title] = ("".join(quoted).splitlines(), re.findall(r"`([^`]+)`", places[1]))
+    return found
+
+
+def test_every_file_that_raises_an_error_has_a_section_of_the_faq():
+    """A folder stands for the files in it that no other section names."""
+    places = [place for _, named in faq().values() for place in named]
+    assert len(places) == len(set(places))
+    raising = {
+        f.relative_to(ROOT).as_posix() for f in sorted((ROOT / "pdvol").rglob("*.py")) if messages(f) is not None
+    }
+    assert [f for f in sorted(raising) if not any(f == p or p.endswith("/") and f.startswith(p) for p in places)] == []
+    assert [p for p in places if not any(f == p or p.endswith("/") and f.startswith(p) for f in raising)] == []
+
+
+@pytest.mark.parametrize("title", faq())
+def test_messages_of_the_faq_are_those_of_the_code(title):
+    quoted, places = faq()[title]
+    files = [f for p in places for f in (sorted((ROOT / p).rglob("*.py")) if p.endswith("/") else [ROOT / p])]
+    literal = "\n".join(messages(f) or "" for f in files) + (ROOT / "pdvol" / "errors.py").read_text()
+    assert quoted
+    lacking = [line for line in quoted if not all(piece in literal for piece in line.split("...") if len(piece) > 3)]
+    assert lacking == []
+
+
+def run_python(*words: object) -> subprocess.CompletedProcess:
+    return subprocess.run([sys.executable, *map(str, words)], capture_output=True, text=True, timeout=300, cwd=ROOT)
+
+
+def test_the_site_builds_without_a_warning_and_asks_for_nothing_outside(tmp_path):
+    """Sphinx refuses dead links and anchors. Addresses of other machines are followed by a reader alone."""
+    done = run_python(DOCS / "_site" / "build.py", tmp_path / "site")
+    assert done.returncode == 0, done.stderr
+    pages = sorted((tmp_path / "site").rglob("*.html"))
+    assert len(pages) > len(list(DOCS.rglob("*.md")))
+    fetched = re.compile(r"<(?:script|img|link|iframe|source)\b[^>]*\b(?:src|href)=\"(?:https?:)?//[^\"]*\"")
+    assert [(p.name, hit) for p in pages for hit in fetched.findall(p.read_text())] == []
+    assert "<math" in (tmp_path / "site" / "method.html").read_text()
+    assert (tmp_path / "site" / "source" / "pdvol" / "integrate" / "marches.py.html").exists()
+
+
+def test_a_dead_link_stops_the_build(tmp_path):
+    """A copy with one page, whose links lead to a page, an anchor and a file that do not exist."""
+    docs = tmp_path / "docs"
+    shutil.copytree(DOCS / "_site", docs / "_site")
+    (docs / "index.md").write_text("# A\n\n[x](none.md) [y](#none) [z](../none.py)\n")
+    done = run_python(docs / "_site" / "build.py", tmp_path / "site")
+    assert done.returncode != 0
+    assert all(word in done.stderr for word in ("none.md", "'none'", "none.py"))
+
+
+def test_a_folder_that_is_no_site_is_not_replaced(tmp_path):
+    (tmp_path / "mine.txt").write_text("kept")
+    done = run_python(DOCS / "_site" / "build.py", tmp_path)
+    assert done.returncode == 2 and "choose another folder" in done.stderr
+    assert (tmp_path / "mine.txt").read_text() == "kept"
+
+
+def test_the_diagram_of_the_house_is_that_of_the_rules():
+    script = DOCS / "_site" / "house.py"
+    drawn = runpy.run_path(str(script))["drawn"]
+    assert (DOCS / "pictures" / "house.svg").read_text() == drawn()
