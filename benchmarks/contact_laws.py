@@ -162,8 +162,8 @@ def main() -> None:
     )
     print(f"By hand: pressure {WEIGHT:.0f} Pa, gap {ideal:.4f} dhat.\n")
     print(
-        "| cells a side | gap: convergent | mean pressure / weight | its spread | gap: classic | classic, from 0.6 dhat"
-        " | gap: semi-implicit |"
+        "| cells a side | gap [dhat]: convergent | mean pressure / weight | its spread | gap [dhat]: classic"
+        " | classic, from 0.6 dhat [dhat] | gap [dhat]: semi-implicit |"
     )
     print("|---|---|---|---|---|---|---|")
     for n in (1, 2, 4, 8):
@@ -176,7 +176,7 @@ def main() -> None:
         print(f"| {n} | {first['gap']:.4f} | {first['pressure']:.3f} | {first['spread']:.2f} | {told} |", flush=True)
     print(
         "\n| scene | law | Newton iterations a step, mean (most) | cut steps | smallest gap / dhat | stiffness |"
-        " seconds a step |"
+        " time a step [s] |"
     )
     print("|---|---|---|---|---|---|---|")
     for name, scene in (("impact", impact), ("stack", stack)):

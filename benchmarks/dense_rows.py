@@ -161,7 +161,7 @@ HEAD = [
     "vertices",
     "steps (runs)",
     "asked: measured",
-    "ms a step",
+    "time a step [ms]",
     "tick [ms]",
     "Newton, mean (most)",
     "linear iterations a step",
@@ -180,7 +180,8 @@ def tables(pairs: dict[str, tuple[dict, dict]]) -> str:
         for name, (old, new) in pairs.items()
         if done(old) and done(new)
     ]
-    return f"{report.table(HEAD, rows)}\n\nMilliseconds a step by part:\n\n{report.table(['scene', *PARTS], parts)}"
+    split = report.table(["scene", *(f"{part} [ms]" for part in PARTS)], parts)
+    return f"{report.table(HEAD, rows)}\n\nMilliseconds a step by part:\n\n{split}"
 
 
 def row(name: str, old: dict, new: dict) -> list[str]:

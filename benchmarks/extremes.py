@@ -30,7 +30,7 @@ HEAD = [
     "energy rise",
     "Newton mean (most)",
     "cuts",
-    "seconds",
+    "time [s]",
 ]
 STARTS = [
     "row",

@@ -54,7 +54,7 @@ HEAD = [
     "approach less gap",
     "pressure",
     "Newton",
-    "seconds",
+    "time [s]",
 ]
 
 

@@ -36,7 +36,7 @@ HEAD = [
     "largest change of volume",
     "smallest det F",
     "facets turned [deg]",
-    "s",
+    "time [s]",
 ]
 
 

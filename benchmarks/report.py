@@ -20,7 +20,7 @@ def tables(result: dict) -> str:
         head,
         "## Speed",
         speed(records),
-        "## Where the time goes, ms per step",
+        "## Where the time goes",
         by_part(records),
         "## Soundness, and distance from the peers' last states",
         soundness(records),
@@ -60,15 +60,15 @@ def speed(records: list[dict]) -> str:
         "scene",
         "vertices / tets",
         "ranks",
-        "s per step mean / median / max",
-        "with storage: mean / no contact / contact",
+        "time a step [s]: mean / median / max",
+        "with storage [s]: mean / no contact / contact",
         "Newton mean / max",
         "linear mean / max",
-        "ms per Newton",
-        "STARK s, other machine (times ours)",
-        "IPC s, other machine (times ours)",
-        "memory MB",
-        "yardstick ms",
+        "time a Newton iteration [ms]",
+        "STARK [s], other machine (times ours)",
+        "IPC [s], other machine (times ours)",
+        "memory [MB]",
+        "yardstick [ms]",
     ]
     rows = []
     for record in measured(records):
@@ -131,7 +131,7 @@ def by_part(records: list[dict]) -> str:
         ]
         for r in measured(records)
     ]
-    return table(["scene", "ranks", *parts, "linear solver"], rows)
+    return table(["scene", "ranks", *(f"{part} [ms a step]" for part in parts), "linear solver"], rows)
 
 
 def soundness(records: list[dict]) -> str:
@@ -143,11 +143,11 @@ def soundness(records: list[dict]) -> str:
         "inverted",
         "intersections (states searched)",
         "come through",
-        "smallest plane gap mm",
+        "smallest plane gap [mm]",
         "contacts max",
         "cuts",
-        "from STARK mm RMS / max",
-        "from IPC mm RMS / max",
+        "from STARK [mm], RMS / max",
+        "from IPC [mm], RMS / max",
     ]
     rows = [
         [

@@ -33,7 +33,7 @@ HEAD = [
     "cuts",
     "smallest gap [m]",
     "smallest det F",
-    "s per step",
+    "time a step [s]",
     "memory [MB]",
 ]
 

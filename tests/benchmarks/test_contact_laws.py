@@ -14,7 +14,7 @@ ROOT = Path(__file__).resolve().parents[2]
     [(1, ("convergent", 2)), (4, ("classic", 2)), (5, ("classic", 2, 0.6)), (6, ("semi-implicit", 2))],
 )
 def test_the_gaps_in_the_documentation_are_reproduced(column, arguments):
-    table = (ROOT / "docs" / "contact.md").read_text().split("gap: convergent")[1]
+    table = (ROOT / "docs" / "contact.md").read_text().split("gap [dhat]: convergent")[1]
     (row,) = [line.split("|")[1:-1] for line in table.split("\n\n")[0].splitlines() if line.startswith("| 2 |")]
     told = float(row[column])
     assert contact_laws.rest(*arguments)["gap"] == pytest.approx(told, abs=2e-4)
