@@ -21,7 +21,7 @@ from pdvol.errors import (
 # Sparse fronts and small blocks: threads of the BLAS cost more than they give, and ranks would fight over the cores.
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 
 _HOMES = {
     "pdvol.scene": (
@@ -45,6 +45,7 @@ _HOMES = {
         "Plane",
         "PointCache",
         "PointForce",
+        "Posed",
         "Pressure",
         "Region",
         "Relative",

@@ -256,5 +256,20 @@ class Run:
 
 
 def open_run(path: str | Path) -> Run:
-    """Open a stored run for reading; see `Run`."""
+    """Open a stored run for reading, also while it is being written.
+
+    Parameters
+    ----------
+    path : folder of a run
+
+    Returns
+    -------
+    Run
+        Its arrays are read when they are asked for.
+
+    Raises
+    ------
+    InputError
+        When the folder is no run, was never completed at its creation, or has another format.
+    """
     return Run(path)
