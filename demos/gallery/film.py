@@ -69,7 +69,8 @@ def write_tile(entry: Entry, run: Run, out: Path) -> Path:
     from pdvol.draw.renderer import Renderer
     from pdvol.draw.views import read_view
 
-    level, step = run.levels[-1], min(round(entry.moment / run.dt), run.info["steps"])
+    step = min(round(entry.moment / run.dt), run.info["steps"])
+    level = next(level for level in reversed(run.levels) if level.steps > step)
     aspect = TILE[0] / TILE[1]
     camera = cameras_of_run(run, [level], [step], run.obstacles, entry.turn, read_view(entry.view), False, aspect)[0]
     cut = read_cut(entry.cut, run.info["bodies"], [str(obstacle.name) for obstacle in run.obstacles])
