@@ -34,8 +34,8 @@ def scene(
     """A current of `current` m/s flows towards the stone, from both sides and from behind, `until` that time [s].
 
     `vertices` of a leaf sheep and of the plant by level; `turns` [degrees] is where their heads point, from +z; `stone`
-    is how far before the plant it lies [m]. The plant is `stalk` times as stiff as the sheep: at 12 the stalk of level 1
-    buckled under the current, at 60 it stands on all levels.
+    is how far before the plant it lies [m]. The plant is `stalk` times as stiff as the sheep: at 12 times the
+    stalk of level 1 buckled.
     """
     sheep, plant = vertices
     middle = np.array([0.0, 0.3, stone])

@@ -82,8 +82,10 @@ def write_tile(entry: Entry, run: Run, out: Path) -> Path:
 
 
 def write_sheet(entries: Sequence[Entry], tiles: Path, out: Path) -> Path:
-    """All demos whose tile is there, titles below."""
+    """All demos whose tile is there, titles below; nothing where there is none."""
     shown = [entry for entry in entries if (tiles / f"{entry.name}.png").is_file()]
+    if not shown:
+        return out
     columns = min(SHEET_COLUMNS, len(shown))
     rows = -(-len(shown) // columns)
     sheet = Image.new("RGB", (columns * TILE[0], rows * (TILE[1] + LABEL)), BACKGROUND)

@@ -79,7 +79,7 @@ def _begun(entry: Entry, run: Run) -> str:
     hours = sum(record["seconds"]["cpu"] for record in level.log) / 3600
     return (
         f"Level {level.index} is too slow to be run in full here: {hours:.1f} hours of CPU time brought it to step"
-        f" {level.steps - 1} of {run.info['steps']}. The film then holds its last state. What the demo claims is checked on"
+        f" {level.steps - 1} of {run.info['steps']}. The film then holds its last state. The demo's claim is checked on"
         " the levels below it."
     )
 
