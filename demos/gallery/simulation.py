@@ -21,8 +21,6 @@ from pdvol.store.files import read_json, write_json
 from pdvol.store.folder import holds_run
 from pdvol.store.reader import Run, open_run
 
-CLOSING = 60  # s of CPU time after which a process that ignores its limit is killed
-
 
 def simulate(entry: Entry, folder: Path, method: str = "progressive") -> Run:
     """The stored run of an entry by a method; what is missing is simulated, in a process of its own.
@@ -69,7 +67,8 @@ def _march(entry: Entry, folder: Path, finest: int, method: str, most: int | Non
     words += ["--method", method]
     words += [word for name, value in entry.settings.items() for word in ("--set", f"{name}={value}")]
     words += ["--resume"] * there
-    limit = None if most is None else partial(resource.setrlimit, resource.RLIMIT_CPU, (most, most + CLOSING))
+    hard = resource.getrlimit(resource.RLIMIT_CPU)[1]
+    limit = None if most is None else partial(resource.setrlimit, resource.RLIMIT_CPU, (most, hard))
     # A step is stored as a whole or not at all, so a process may be ended at any time.
     return subprocess.run([sys.executable, "-m", "pdvol", *words], preexec_fn=limit).returncode
 
