@@ -200,4 +200,35 @@ shows after a night.""",
         size=(1260, 480),
         moment=4.0,
     ),
+    Entry(
+        "twist",
+        "A bar is twisted and let go",
+        """The ends of a bar turn by 210 degrees in opposite directions within 0.7 s; then one is let go. Nothing
+touches anything here: what the finer levels add are the creases of the twisted bar.""",
+        small={"cuts": ((8, 2), (12, 3)), "release": 0.15, "steps": 40},
+        size=(1240, 420),
+        direct=False,
+        moment=0.68,
+    ),
+    Entry(
+        "slit_array",
+        "A block of slits",
+        """A block that is cut into seven soft strips falls on the ground, in eight levels and with time steps of
+0.04 s. The strips buckle, lie down on each other and stick: each level has to lie down on the same side.""",
+        small={"vertices": (100, 130), "height": 0.05, "steps": 40},
+        settings={"consistency": 0.025},
+        size=(1260, 620),
+        direct=True,
+        moment=5.9,
+    ),
+    Entry(
+        "bodies_at_rest",
+        "Sixty toys on a shelf",
+        """Sixty toys land on the boards of a shelf, rock for a while, and lie still for ten seconds. Friction is
+smoothed, so what it holds creeps; the page says how fast.""",
+        small={"count": 6, "dt": 0.02, "steps": 200},
+        slow=(0.0, 0.4),
+        size=(1240, 480),
+        moment=12.0,
+    ),
 )
