@@ -26,16 +26,16 @@ def scene(
     turns=(65.0, -75.0),
     stone=0.42,
     mu=0.3,
-    damping=0.03,
     stalk=60.0,
+    damping=0.03,
     steps=220,
     dt=0.02,
 ):
     """A current of `current` m/s flows towards the stone, from both sides and from behind, `until` that time [s].
 
     `vertices` of a leaf sheep and of the plant by level; `turns` [degrees] is where their heads point, from +z; `stone`
-    is how far before the plant it lies [m]. `stalk` is the plant's Young's modulus over the sheep's: at 12 its stalk buckles
-    on level 1.
+    is how far before the plant it lies [m]. The plant is `stalk` times as stiff as the sheep: at 12 times the
+    stalk of level 1 buckled.
     """
     sheep, plant = vertices
     middle = np.array([0.0, 0.3, stone])

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 DEMOS = Path(__file__).resolve().parents[1]
+MOST_CPU = 3 * 3600  # s of CPU time that a level gets which is too slow to be run in full
 
 
 @dataclass(frozen=True)
@@ -24,6 +25,7 @@ class Entry:
     small : what tests change to run it within seconds
     settings : of the scene, as in the gallery
     finest : level of the gallery's run; the scene's finest when None
+    begun : a level too slow to run in full here, at most one above `finest`; it is simulated as far as `MOST_CPU` goes
     view : where films and pictures are seen from (`pdvol render --camera`)
     turn : of the camera further about the vertical [degrees]
     cut : what films and pictures take away (`pdvol render --cut`)
@@ -41,6 +43,7 @@ class Entry:
     small: Mapping[str, Any]
     settings: Mapping[str, Any] = field(default_factory=dict)
     finest: int | None = None
+    begun: int | None = None
     view: str = ""
     turn: float = 0.0
     cut: str = ""

@@ -69,7 +69,8 @@ def write_tile(entry: Entry, run: Run, out: Path) -> Path:
     from pdvol.draw.renderer import Renderer
     from pdvol.draw.views import read_view
 
-    level, step = run.levels[-1], min(round(entry.moment / run.dt), run.info["steps"])
+    step = min(round(entry.moment / run.dt), run.info["steps"])
+    level = next(level for level in reversed(run.levels) if level.steps > step)
     aspect = TILE[0] / TILE[1]
     camera = cameras_of_run(run, [level], [step], run.obstacles, entry.turn, read_view(entry.view), False, aspect)[0]
     cut = read_cut(entry.cut, run.info["bodies"], [str(obstacle.name) for obstacle in run.obstacles])
@@ -81,8 +82,10 @@ def write_tile(entry: Entry, run: Run, out: Path) -> Path:
 
 
 def write_sheet(entries: Sequence[Entry], tiles: Path, out: Path) -> Path:
-    """All demos whose tile is there, titles below."""
+    """All demos whose tile is there, titles below; nothing where there is none."""
     shown = [entry for entry in entries if (tiles / f"{entry.name}.png").is_file()]
+    if not shown:
+        return out
     columns = min(SHEET_COLUMNS, len(shown))
     rows = -(-len(shown) // columns)
     sheet = Image.new("RGB", (columns * TILE[0], rows * (TILE[1] + LABEL)), BACKGROUND)

@@ -24,7 +24,7 @@ def write_entry(
     made : commits and machine of the run
     """
     settings = "".join(f" --set {name}={value}" for name, value in entry.settings.items())
-    finest = "" if entry.finest is None else f" --levels 0:{entry.finest}"
+    finest = "" if entry.finest is None else f" --levels 0:{run.levels[-1].index}"
     last = run.info["steps"] * run.dt
     parts = [
         f"# {entry.title}",
@@ -38,6 +38,7 @@ def write_entry(
         " Intersections are counted by `pdvol verify`, which shares nothing with the solver."
         + " With `--method direct` each level is simulated on its own."
         * entry.direct,
+        _begun(entry, run),
         _binding(entry),
         _made(made),
         f"```\n./run pdvol run {entry.file.relative_to(entry.file.parents[1])}{settings}{finest}\n"
@@ -68,6 +69,19 @@ def _speed(entry: Entry, dt: float) -> str:
         return "real speed"
     share = dt * FRAMES_PER_SECOND
     return f"real speed, from {entry.slow[0]:g} s to {entry.slow[1]:g} s at {share:.2g} of it"
+
+
+def _begun(entry: Entry, run: Run) -> str:
+    """Why the last level ends early."""
+    level = run.levels[-1]
+    if entry.begun is None or level.steps > run.info["steps"]:
+        return ""
+    hours = sum(record["seconds"]["cpu"] for record in level.log) / 3600
+    return (
+        f"Level {level.index} is too slow to be run in full here: {hours:.1f} hours of CPU time brought it to step"
+        f" {level.steps - 1} of {run.info['steps']}. The film then holds its last state. The demo's claim is checked on"
+        " the levels below it."
+    )
 
 
 def _binding(entry: Entry) -> str:

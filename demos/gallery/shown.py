@@ -169,11 +169,66 @@ the coarse animation, and settles into the letter that level 0 does not know."""
         "jelly_bowl",
         "Jelly animals in a glass bowl",
         """A bear, a bunny and a frog are thrown at 6 m/s into a bowl. Level 0 decides who lands on whom; the finest
-level adds faces, paws and the ripples of the impact. These are levels 0 to 2 of four.""",
+level adds faces, paws and the ripples of the impact.""",
         small={"vertices": (150, 400), "dt": 0.01, "steps": 40},
         finest=2,
+        begun=3,
         slow=(0.1, 0.5),
         size=(1260, 440),
         moment=0.35,
+    ),
+    Entry(
+        "bunny_noodles",
+        "Bunny noodles",
+        """Forty slices, shaped like a bunny and thin as noodles, fall into a bowl. On level 0 they are one element
+thick and bend as folded paper does; finer levels bend smoothly, and the pile keeps its order.""",
+        small={"slices": 5, "vertices": (40, 90), "dt": 0.02, "steps": 14},
+        finest=2,
+        begun=2,
+        slow=(0.1, 0.5),
+        size=(1260, 480),
+        moment=1.4,
+    ),
+    Entry(
+        "leaf_sheep",
+        "Leaf sheep on a sea mushroom",
+        """A current sweeps two leaf sheep off the caps of a sea mushroom. They meet over a stone and come to rest on
+their feet. Level 0 has 10,000 tetrahedra, level 2 has 400,000: what level 0 shows within minutes is what level 2
+shows after a night.""",
+        small={"vertices": ((500, 1250), (250, 400)), "dt": 0.04, "steps": 110},
+        slow=(0.8, 2.4),
+        size=(1260, 480),
+        moment=4.0,
+    ),
+    Entry(
+        "twist",
+        "A bar is twisted and let go",
+        """The ends of a bar turn by 210 degrees in opposite directions within 0.7 s; then one is let go. Nothing
+touches anything here: what the finer levels add are the creases of the twisted bar.""",
+        small={"cuts": ((8, 2), (12, 3)), "release": 0.15, "steps": 40},
+        size=(1240, 420),
+        direct=False,
+        moment=0.68,
+    ),
+    Entry(
+        "slit_array",
+        "A block of slits",
+        """A block that is cut into seven soft strips falls on the ground, in eight levels and with time steps of
+0.04 s. The strips buckle, lie down on each other and stick: each level has to lie down on the same side.""",
+        small={"vertices": (100, 130), "height": 0.05, "steps": 40},
+        settings={"consistency": 0.025},
+        size=(1260, 620),
+        direct=True,
+        moment=5.9,
+    ),
+    Entry(
+        "bodies_at_rest",
+        "Sixty toys on a shelf",
+        """Sixty toys land on the boards of a shelf, rock for a while, and lie still for ten seconds. Friction is
+smoothed, so what it holds creeps; the page says how fast.""",
+        small={"count": 6, "dt": 0.02, "steps": 200},
+        slow=(0.0, 0.4),
+        size=(1240, 480),
+        moment=12.0,
     ),
 )
