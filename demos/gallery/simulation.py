@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from benchmarks.commits import MissingObject, Repository
+from benchmarks.common.commits import MissingObject, Repository
 from demos.gallery.entries import DEMOS, Entry
 from pdvol.errors import SimulationError
 from pdvol.explore.study.study import processor
