@@ -4,7 +4,7 @@ A level simulated on its own drifts away from level 0 after a while. Progressive
 
     pdvol run demos/ape.py                                                 # runs/ape
     pdvol run demos/ape.py --method direct --out runs/ape_direct
-    python benchmarks/divergence.py runs/ape_direct runs/ape -o divergence.png
+    ./run python -m benchmarks.divergence runs/ape_direct runs/ape -o divergence.png
 """
 
 import numpy as np

@@ -2,7 +2,7 @@
 their facets.
 
 How much of that does Phong Deformation hide, and how much remains when the fine level is simulated?
-`benchmarks/methods.py phong` compares them.
+`./run python -m benchmarks.methods phong` compares them.
 
     pdvol run demos/phong.py --prolongation phong
 """

@@ -1,8 +1,8 @@
 """A rope falls on the ground and coils up (paper, figure "Rope drop"): at level 0 it is one element wide and kinks;
 finer levels are smooth.
 
-Which interpolant carries the motion best, and what does upsampling alone give? `benchmarks/methods.py rope_drop`
-compares them.
+Which interpolant carries the motion best, and what does upsampling alone give?
+`./run python -m benchmarks.methods rope_drop` compares them.
 """
 
 import numpy as np

@@ -1,8 +1,8 @@
 """A block of slits falls on the ground (paper, figures "consistency weights"): soft strips, eight levels and a large
 time step.
 
-How far do the levels drift apart, and which weight of the penalty holds them together? `benchmarks/methods.py
-slit_array` varies the weight.
+How far do the levels drift apart, and which weight of the penalty holds them together?
+`./run python -m benchmarks.methods slit_array` varies the weight.
 
     pdvol run demos/slit_array.py --set consistency=0.025
 """

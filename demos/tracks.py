@@ -2,7 +2,7 @@
 coarse one.
 
 Which follows the preview better: springs, whose strength must be chosen, or the coarse velocity?
-`benchmarks/methods.py tracks` compares them.
+`./run python -m benchmarks.methods tracks` compares them.
 
     pdvol run demos/tracks.py --method tracks --set weight=0.01
 """

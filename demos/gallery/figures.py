@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.report import number, table
+from benchmarks.common.tables import number, table
 from pdvol.explore.lengths import length
 from pdvol.measure.verify import LevelFindings, check_levels
 from pdvol.runs.run_metrics import measure_run, motion_from_level_0

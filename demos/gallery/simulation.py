@@ -10,7 +10,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from benchmarks.commits import MissingObject, Repository
+from benchmarks.common.commits import MissingObject, Repository
 from demos.gallery.entries import DEMOS, MOST_CPU, Entry
 from pdvol.errors import SimulationError
 from pdvol.explore.study.study import processor

@@ -6,7 +6,7 @@ import zlib
 
 import pytest
 
-import commits
+from benchmarks.common import commits
 
 
 def loose(git, kind, content):

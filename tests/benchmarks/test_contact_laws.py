@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-import contact_laws
+from benchmarks.contact_laws import __main__ as contact_laws
 
 ROOT = Path(__file__).resolve().parents[2]
 

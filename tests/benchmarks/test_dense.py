@@ -6,10 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import commits
-import dense
-import dense_rows
-import dense_scenes
+from benchmarks.common import commits
+from benchmarks.dense import __main__ as dense
+from benchmarks.dense import rows as dense_rows
+from benchmarks.dense import scenes as dense_scenes
 from pdvol.runs.scene_file import load_shot
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -93,7 +93,7 @@ def test_a_mistake_is_one_line(words, tmp_path, capsys):
     page.write_text(PAGE)
     code = dense.main(["--docs", str(page), "--out", str(tmp_path), "--cache", str(tmp_path), *words])
     shown = capsys.readouterr()
-    assert code == 2 and shown.err.startswith("dense.py: ") and shown.err.count("\n") == 1 and not shown.out
+    assert code == 2 and shown.err.startswith("benchmarks.dense: ") and shown.err.count("\n") == 1 and not shown.out
 
 
 def test_everyday_rows_come_without_being_asked_for():
@@ -114,7 +114,7 @@ def test_every_row_names_a_scene(name):
 
 @pytest.mark.parametrize("name", ["stack", "plates", "struck_15"])
 def test_scenes_of_its_own(name):
-    scene = load_shot(ROOT / "benchmarks" / "dense_scenes.py", {"name": name}).scene
+    scene = load_shot(ROOT / "benchmarks" / "dense" / "scenes.py", {"name": name}).scene
     assert scene.steps in (20, 40, 100) and scene.contact
 
 

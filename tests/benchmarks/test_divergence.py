@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import divergence
+from benchmarks.divergence import __main__ as divergence
 from pdvol import open_run
 from pdvol.cli import run
 from pdvol.runs.run_metrics import measure_run

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-import fronts
+from benchmarks.fronts import __main__ as fronts
 from pdvol.runs.scene_file import load_shot
 
 ROOT = Path(__file__).resolve().parents[2]

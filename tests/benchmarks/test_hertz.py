@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-import hertz
+from benchmarks.hertz import __main__ as hertz
 from pdvol.geometry.level_mesh import simplex_volumes
 
 
@@ -37,4 +37,4 @@ def test_refinement_comes_closer_to_hertz():
 
 def test_bad_words_are_refused(capsys):
     assert hertz.main(["--cells", "two"]) == 2
-    assert capsys.readouterr().err.startswith("hertz.py: ")
+    assert capsys.readouterr().err.startswith("benchmarks.hertz: ")

@@ -6,8 +6,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-import method_studies
-import methods
+from benchmarks.methods import __main__ as methods
+from benchmarks.methods import studies as method_studies
 from pdvol.geometry.level_mesh import boundary_facets
 
 

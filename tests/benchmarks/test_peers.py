@@ -9,10 +9,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-import measure
-import peer_scenes
-import peers
-import report
+from benchmarks.peers import __main__ as peers
+from benchmarks.peers import measure, report
+from benchmarks.peers import scenes as peer_scenes
 from commands import SAFETY
 from pdvol.geometry.level_mesh import boundary_facets
 
@@ -24,7 +23,8 @@ needs_peers = pytest.mark.skipif(
 
 def command(*words):
     return subprocess.run(
-        [sys.executable, str(ROOT / "benchmarks" / "peers.py"), *map(str, words)],
+        [sys.executable, "-m", "benchmarks.peers", *map(str, words)],
+        cwd=ROOT,
         capture_output=True,
         text=True,
         timeout=SAFETY,
@@ -72,7 +72,7 @@ def test_a_mistake_is_one_line(words, tmp_path):
     done = command(*words, "--out", tmp_path)
     assert (
         done.returncode == 2
-        and done.stderr.startswith("peers.py: ")
+        and done.stderr.startswith("benchmarks.peers: ")
         and done.stderr.count("\n") == 1
         and not done.stdout
     )

@@ -140,7 +140,38 @@ def test_run_lines_on_pages_name_what_is_there():
                     line,
                 )
                 for word in words:
-                    assert not word.startswith(("demos/", "tests/")) or (ROOT / word).exists(), (page, line)
+                    assert not word.startswith(("demos/", "tests/", "benchmarks/")) or (ROOT / word).exists(), (
+                        page,
+                        line,
+                    )
+                if words[:2] == ["python", "-m"]:
+                    assert program(words[2]), (page, line)
+
+
+def program(module: str) -> bool:
+    """Whether `python -m MODULE` has something to run."""
+    path = ROOT / module.replace(".", "/")
+    return (path / "__main__.py").exists() or path.with_suffix(".py").exists()
+
+
+def test_programs_that_pages_name_are_there():
+    """Each `python -m MODULE` of a page, and of a docstring of demos and benchmarks, is a program of the repository."""
+    sources = [file for top in ("benchmarks", "demos", "docs/_site") for file in sorted((ROOT / top).rglob("*.py"))]
+    named = re.compile(r"python\s+-m\s+((?:benchmarks|demos)\.\w+)")
+    found = [(page, module) for page in [*PAGES, *sources] for module in named.findall(page.read_text())]
+    assert len(found) > 25
+    assert [(ids(page), module) for page, module in found if not program(module)] == []
+
+
+def test_every_study_is_listed():
+    """docs/benchmarks.md has a row for each folder of benchmarks/, with its command and a page."""
+    page = (ROOT / "docs" / "benchmarks.md").read_text()
+    rows = re.findall(r"^\| (\w+) \|[^|]*\| `\./run python -m benchmarks\.(\w+)[^|]*\|[^|]+\| \[", page, re.MULTILINE)
+    studies = {path.parent.name for path in (ROOT / "benchmarks").glob("*/__main__.py")}
+    folders = {path.parent.name for path in (ROOT / "benchmarks").glob("*/__init__.py")}
+    assert dict(rows) == {study: study for study in studies}
+    assert folders - studies == {"common"}
+    assert [path.name for path in (ROOT / "benchmarks").glob("*.py")] == ["__init__.py"]
 
 
 def test_the_tutorial_makes_what_it_shows(tmp_path, monkeypatch):

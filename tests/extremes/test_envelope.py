@@ -1,4 +1,4 @@
-"""The rows of the stability envelope (benchmarks/extreme_scenes.py): short here, at full length where they are marked
+"""The rows of the stability envelope (benchmarks/extremes/scenes.py): short here, at full length where they are marked
 slow.
 """
 
@@ -8,15 +8,15 @@ from pathlib import Path
 
 import pytest
 
-import extreme_scenes
 import pdvol
+from benchmarks.extremes import scenes
 from commands import SAFETY
 from pdvol.measure.verify import verify_run
 from pdvol.runs.runner import run_scene
 from pdvol.runs.scene_file import load_shot
 
 ROOT = Path(__file__).resolve().parents[2]
-FILE = ROOT / "benchmarks" / "extreme_scenes.py"
+FILE = ROOT / "benchmarks" / "extremes" / "scenes.py"
 SHORT = {
     # row: steps, enough that something touches
     "young_1e2": 4,
@@ -73,7 +73,7 @@ def test_the_first_steps(tmp_path, name):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", extreme_scenes.SCENES)
+@pytest.mark.parametrize("name", scenes.SCENES)
 def test_a_row_at_full_length(tmp_path, name):
     assert type(march(tmp_path, name)) is ENDS.get(name, type(None))
 
@@ -86,9 +86,10 @@ def test_from_jittered_starts(tmp_path, name, seed):
 
 
 def test_the_command(tmp_path):
-    words = [sys.executable, str(ROOT / "benchmarks" / "extremes.py"), "--out", str(tmp_path)]
-    done = subprocess.run([*words, "--rows", "mu_0"], capture_output=True, text=True, timeout=SAFETY)
+    words = [sys.executable, "-m", "benchmarks.extremes", "--out", str(tmp_path)]
+    done = subprocess.run([*words, "--rows", "mu_0"], cwd=ROOT, capture_output=True, text=True, timeout=SAFETY)
     assert done.returncode == 0, done.stderr
     assert [line.split(" | ")[0] for line in done.stdout.splitlines() if "| done |" in line] == ["| mu_0"]
-    refused = subprocess.run([*words, "--rows", "nothing"], capture_output=True, text=True, timeout=SAFETY)
-    assert refused.returncode == 2 and refused.stderr.startswith("extremes.py: ") and refused.stderr.count("\n") == 1
+    refused = subprocess.run([*words, "--rows", "nothing"], cwd=ROOT, capture_output=True, text=True, timeout=SAFETY)
+    assert refused.returncode == 2 and refused.stderr.count("\n") == 1
+    assert refused.stderr.startswith("benchmarks.extremes: ")

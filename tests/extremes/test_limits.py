@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-import extreme_figures
-import extreme_scenes
 import pdvol
+from benchmarks.extremes import figures, scenes
 from pdvol.levels.level_check import spin_kept
 from pdvol.runs.runner import run_scene
 from pdvol.runs.scene_file import load_shot
@@ -14,7 +13,7 @@ from pdvol.store.reader import open_run
 
 def stored(tmp_path, name, steps=None):
     """The stored run of a row."""
-    run_scene(load_shot(extreme_scenes.__file__, {"name": name}, steps), tmp_path / "run")
+    run_scene(load_shot(scenes.__file__, {"name": name}, steps), tmp_path / "run")
     return open_run(tmp_path / "run")
 
 
@@ -23,7 +22,7 @@ def stored(tmp_path, name, steps=None):
 def test_the_decay_of_a_spin(integrator, power, turn):
     """Both the exact loss and (1 + 2 n turn^p)^(-1/p) have kept^-p grow by 2 turn^p a step, but for terms of turn^2."""
     steps = 400
-    exact = [1.0 - extreme_figures.rigid_loss(integrator, turn, n) for n in (steps, 2 * steps)]
+    exact = [1.0 - figures.rigid_loss(integrator, turn, n) for n in (steps, 2 * steps)]
     law = [spin_kept(integrator, turn, n) for n in (steps, 2 * steps)]
     for kept in (exact, law):
         assert (kept[1] ** -power - kept[0] ** -power) / steps == pytest.approx(2.0 * turn**power, rel=0.08)
@@ -34,7 +33,7 @@ def test_one_step_of_a_rigid_body_by_implicit_euler():
     """tan phi_1 = turn, then tan phi' = sin phi / (2 - cos phi)."""
     turn, phi = 0.7, np.arctan(0.7)
     for steps in range(1, 6):
-        assert extreme_figures.rigid_loss("implicit_euler", turn, steps) == pytest.approx(1.0 - np.sin(phi) / turn)
+        assert figures.rigid_loss("implicit_euler", turn, steps) == pytest.approx(1.0 - np.sin(phi) / turn)
         phi = np.arctan(np.sin(phi) / (2.0 - np.cos(phi)))
 
 
@@ -44,7 +43,7 @@ def test_one_step_of_a_rigid_body_by_implicit_euler():
 )
 def test_angular_momentum_of_a_free_body(tmp_path, name, spin, integrator, loss):
     """A stiff cube loses as much as a rigid body. Newton's tolerance, 3.5e-4 m/s, leaves 3e-4 of it."""
-    measured, rigid = extreme_figures.lost_spin(stored(tmp_path, name), spin, integrator)
+    measured, rigid = figures.lost_spin(stored(tmp_path, name), spin, integrator)
     assert rigid == pytest.approx(loss, rel=1e-2)
     assert measured == pytest.approx(rigid, abs=5e-4)
 
@@ -54,7 +53,7 @@ def test_a_cube_on_a_slope_creeps_as_the_smoothing_says(tmp_path):
 
     The tolerance allows for speeds wrong by eps_v; what is found is 1 to 3 per cent off.
     """
-    down, across, expected = extreme_figures.creep(stored(tmp_path, "slope_sticks", 150))
+    down, across, expected = figures.creep(stored(tmp_path, "slope_sticks", 150))
     assert down == pytest.approx(expected, rel=0.05)
     assert abs(across) < 0.01 * expected
 

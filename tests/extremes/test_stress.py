@@ -1,4 +1,4 @@
-"""The classic stress tests (benchmarks/stress_scenes.py): they start free of intersections, and the smallest of them
+"""The classic stress tests (benchmarks/stress/scenes.py): they start free of intersections, and the smallest of them
 take their first steps.
 """
 
@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import pdvol
-import stress_scenes
+from benchmarks.stress import scenes
 from commands import SAFETY
 from pdvol.levels.initial_state import check_start
 from pdvol.levels.obstacles import placed_obstacles
@@ -21,14 +21,14 @@ from pdvol.runs.runner import run_scene
 from pdvol.runs.scene_file import load_shot
 
 ROOT = Path(__file__).resolve().parents[2]
-FILE = ROOT / "benchmarks" / "stress_scenes.py"
+FILE = ROOT / "benchmarks" / "stress" / "scenes.py"
 GRIDS = ("mat_on_knives", "rods_twist", "mat_twist", "card_house", "masonry_arch", "tight_fit", "mat_on_knives_levels")
-MESHED = sorted(set(stress_scenes.SCENES) - set(GRIDS) - {f"erleben_{name}" for name in stress_scenes.PAIRS})
+MESHED = sorted(set(scenes.SCENES) - set(GRIDS) - {f"erleben_{name}" for name in scenes.PAIRS})
 
 
 def started(name):
     """A scene's levels, once they have been found to start well."""
-    scene = stress_scenes.scene(name)
+    scene = scenes.scene(name)
     levels = build_levels(scene)
     check_start(levels, placed_obstacles(scene.obstacles), [body.name for body in scene.bodies])
     return levels
@@ -52,7 +52,7 @@ def test_the_mats_are_of_the_papers_sizes():
     assert (len(arch.points), len(arch.cells)) == (200, 150)
 
 
-@pytest.mark.parametrize("name", stress_scenes.PAIRS)
+@pytest.mark.parametrize("name", scenes.PAIRS)
 def test_erlebens_pairs_come_to_touch(tmp_path, name):
     out, deep = tmp_path / "run", name.endswith(("crack", "hole"))  # 0.65 m down
     run_scene(load_shot(FILE, {"name": f"erleben_{name}"}, 90 if deep else 30), out)
@@ -71,12 +71,13 @@ def test_the_arch_stands(tmp_path):
 
 
 def test_the_command(tmp_path):
-    words = [sys.executable, str(ROOT / "benchmarks" / "stress.py"), "--out", str(tmp_path)]
-    done = subprocess.run(
-        [*words, "--scenes", "erleben_cube_cliff", "--minutes", "0.05"], capture_output=True, text=True, timeout=SAFETY
+    words = [sys.executable, "-m", "benchmarks.stress", "--out", str(tmp_path), "--minutes", "0.05", "--scenes"]
+    done, refused = (
+        subprocess.run([*words, name], cwd=ROOT, capture_output=True, text=True, timeout=SAFETY)
+        for name in ("erleben_cube_cliff", "nothing")
     )
     assert done.returncode == 0, done.stderr
     (row,) = [line for line in done.stdout.splitlines() if line.startswith("| erleben_cube_cliff | 8 | 6 | 0.005 |")]
     assert "time limit" in row or "full time" in row
-    refused = subprocess.run([*words, "--scenes", "nothing"], capture_output=True, text=True, timeout=SAFETY)
-    assert refused.returncode == 2 and refused.stderr.startswith("stress.py: ") and refused.stderr.count("\n") == 1
+    assert refused.returncode == 2 and refused.stderr.count("\n") == 1
+    assert refused.stderr.startswith("benchmarks.stress: ")

@@ -7,7 +7,7 @@ import pytest
 
 from cli_scenes import pdvol
 
-SCENE = Path(__file__).resolve().parents[3] / "benchmarks" / "scenes" / "cantilever.py"
+SCENE = Path(__file__).resolve().with_name("cantilever.py")
 
 
 def orders(folder, integrator, levels, vary):

@@ -1,0 +1,1 @@
+"""What several studies share: processes, trials, tables, and the files of an earlier commit."""

@@ -1,0 +1,107 @@
+"""Processes of a study: a child with one thread and a limit of time, the machine, and its pace.
+
+Nothing here loads numpy or pdvol: a child's peak memory (ru_maxrss) begins with its parent's.
+"""
+
+import argparse
+import os
+import re
+import signal
+import subprocess
+import time
+from pathlib import Path
+
+REPOSITORY = Path(__file__).resolve().parents[2]
+ENDING = 20.0
+"""Seconds that a process is given to end after it was asked to."""
+
+
+class Mistake(Exception):
+    """A mistake of the user's, with what to correct in one line."""
+
+
+def parser(name: str, doc: str | None) -> argparse.ArgumentParser:
+    """The parser of the study `name`, described by the first line of its module's text."""
+    return argparse.ArgumentParser(prog=f"python -m benchmarks.{name}", description=(doc or "").partition("\n")[0])
+
+
+def machine() -> dict:
+    """Processor, cores, memory [GB] and load."""
+    lines = Path("/proc/cpuinfo").read_text().splitlines()
+    processor = next(
+        (line.partition(":")[2].strip() for line in lines if line.startswith("model name")), "unknown processor"
+    )
+    total = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 1e9
+    return {
+        "processor": processor,
+        "cores": len(os.sched_getaffinity(0)),
+        "memory_gb": total,
+        "load": os.getloadavg()[0],
+    }
+
+
+def yardstick() -> float:
+    """Milliseconds that a fixed loop takes the interpreter, the best of five: it shows how much of its speed other work
+    on the host leaves.
+    """
+    taken = []
+    for _ in range(5):
+        begin, total = time.perf_counter(), 0
+        for i in range(300_000):
+            total += i * i
+        taken.append(time.perf_counter() - begin)
+    return 1e3 * min(taken)
+
+
+def peak_memory() -> float:
+    """Largest resident size of this process [MB]. Linux' ru_maxrss would include the size of the process that started
+    it.
+    """
+    for line in Path("/proc/self/status").read_text().splitlines():
+        if line.startswith("VmHWM:"):
+            return int(line.split()[1]) / 1024
+    return 0.0
+
+
+# ---- a child
+
+
+def child(command: list[str], limit: float, log: Path, output: Path | None = None) -> str:
+    """Runs a command with one thread, and this repository on its path. Returns an empty text when it succeeds, else the
+    last line it printed.
+    """
+    path = os.pathsep.join(filter(None, [str(REPOSITORY), os.environ.get("PYTHONPATH")]))
+    environment = {**os.environ, "OMP_NUM_THREADS": "1", "PYTHONPATH": path}
+    with log.open("w") as errors, (output or log.with_suffix(".out")).open("w") as out:
+        begin = time.monotonic()
+        process = subprocess.Popen(
+            command, stdin=subprocess.DEVNULL, stdout=out, stderr=errors, env=environment, start_new_session=True
+        )
+        try:
+            code = process.wait(limit)
+        except subprocess.TimeoutExpired:
+            return f"ended after {time.monotonic() - begin:.0f} s"
+        finally:
+            end(process)
+    return "" if code == 0 else last_words(log) or f"exit code {code}"
+
+
+def end(process: subprocess.Popen) -> None:
+    """Ends a process of ours that still runs, by its own group. mpirun must end its ranks, since they are in groups of
+    their own.
+    """
+    for sign in (signal.SIGTERM, signal.SIGKILL):
+        if process.poll() is not None:
+            return
+        os.killpg(process.pid, sign)
+        try:
+            process.wait(ENDING)
+        except subprocess.TimeoutExpired:
+            continue
+
+
+def last_words(log: Path) -> str:
+    """The last line of a log that names an error, since Open MPI prints much after it; or else the last line."""
+    lines = [line.strip() for line in log.read_text(errors="replace").splitlines() if line.strip()]
+    errors = [line for line in lines if re.match(r"[\w.]+(Error|Exception|Interrupt)\b", line)]
+    return (errors or lines or [""])[-1][:300]

@@ -1,0 +1,1 @@
+"""How do the three contact laws compare at rest and in impacts?"""

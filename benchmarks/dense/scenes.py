@@ -1,0 +1,149 @@
+"""Scenes of dense contact that only benchmarks.dense runs; a scene file.
+
+    ./run pdvol run benchmarks/dense/scenes.py --set name=stack
+
+SI units, y up, with the material, contact distance and tolerance of the peers' scenes (benchmarks/peers/scenes.py).
+
+Balls and animals have the meshes that 97e899e made of them (meshes.npz), so that all commits march the same ones.
+"""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+
+import pdvol
+from pdvol import Barrier, Body, Friction, Gravity, NeoHookean, Placement, Plane, Rigid, Scene, Solver, Translation
+from pdvol.meshes import Solid, ball, bowl, brick
+
+sys.path.append(str(Path(__file__).resolve().parents[2]))  # as a scene file it is no part of a package
+
+from benchmarks.peers.scenes import BARRIER, DOWN, FLOOR, MATERIAL, SOLVER
+
+RUB = Friction(0.3, eps_v=1e-3)
+GAP = 9e-4
+"""Metres between faces that touch at the start: nine tenths of the contact distance."""
+
+DIAGONAL = 3.128461310521044
+"""Metres: the animals' of jelly_bowl together. 97e899e took its default lengths from it."""
+
+
+def kept(name: str) -> Solid:
+    """A mesh of meshes.npz."""
+    with np.load(Path(__file__).with_name("meshes.npz")) as arrays:
+        cells = arrays[f"{name}_cells"]
+        return Solid(arrays[f"{name}_points"], cells, np.zeros(len(cells), dtype=np.int32))
+
+
+def stack(count: int = 5, side: float = 0.2, cuts: int = 7, steps: int = 100) -> Scene:
+    """Cubes on the floor, face on face, their meshes alike: most edges of two faces are parallel."""
+    cube = brick((side, side, side), (cuts, cuts, cuts))
+    bodies = tuple(
+        Body((cube,), MATERIAL, name=f"cube {k}", placement=Placement((0.0, GAP + side / 2 + k * (side + GAP), 0.0)))
+        for k in range(count)
+    )
+    return Scene(bodies, dt=0.01, steps=steps, loads=(DOWN,), obstacles=(FLOOR,), contact=(BARRIER, RUB), solver=SOLVER)
+
+
+def balls(across: int = 3, radius: float = 0.1, steps: int = 80) -> Scene:
+    """across^3 balls fall between four walls onto the floor and each other, at 2 m/s from the start."""
+    pitch, dice = 2.3 * radius, np.random.default_rng(19)
+    wall = across / 2 * pitch + 0.1 * radius
+    shape, bodies = kept("ball"), []
+    for place in np.ndindex(across, across, across):
+        centre = pitch * (np.array(place) - [(across - 1) / 2, -0.6, (across - 1) / 2])
+        centre += 0.1 * radius * dice.uniform(-1.0, 1.0, 3)
+        bodies.append(
+            Body(
+                (shape,),
+                MATERIAL,
+                name=f"ball {len(bodies)}",
+                placement=Placement(tuple(centre)),
+                velocity=(0.0, -2.0, 0.0),
+            )
+        )
+    walls = tuple(
+        Plane(tuple(-wall * n), tuple(n), name=f"wall {k}")
+        for k, n in enumerate(side * np.eye(3)[axis] for axis in (0, 2) for side in (-1.0, 1.0))
+    )
+    return Scene(
+        tuple(bodies),
+        dt=0.01,
+        steps=steps,
+        loads=(DOWN,),
+        obstacles=(FLOOR, *walls),
+        contact=(BARRIER, RUB),
+        solver=SOLVER,
+    )
+
+
+def plates(cuts: int = 15, share: float = 0.4, steps: int = 40) -> Scene:
+    """A block of 0.5 m is pressed between two plates that close by `share` of its height, at the same speed all the
+    time.
+    """
+    side, dt = 0.5, 0.01
+    speed = (share * side + 2 * GAP) / (steps * dt)
+    bottom = Plane((0.0, -side / 2 - GAP, 0.0), (0.0, 1.0, 0.0), name="bottom")
+    top = Plane((0.0, side / 2 + GAP, 0.0), (0.0, -1.0, 0.0), Translation((0.0, -speed, 0.0)), "top")
+    block = Body((brick((side, side, side), (cuts, cuts, cuts)),), MATERIAL, name="block")
+    return Scene((block,), dt=dt, steps=steps, obstacles=(bottom, top), contact=(BARRIER, RUB), solver=SOLVER)
+
+
+def struck(speed: float, away: float = 0.01, cuts: int = 6, steps: int = 20) -> Scene:
+    """A rigid ball of radius 0.1 m, moving at `speed` [m/s] along x, meets a free cube of 0.3 m; there is nothing
+    else.
+    """
+    radius, side = 0.1, 0.3
+    cube = Body((brick((side, side, side), (cuts, cuts, cuts)),), NeoHookean(1e5), name="cube")
+    hammer = Rigid(
+        ball(radius, 3),
+        Placement((-side / 2 - radius - away, 0.0, 0.0)),
+        Translation((float(speed), 0.0, 0.0)),
+        name="ball",
+    )
+    return Scene((cube,), dt=0.01, steps=steps, obstacles=(hammer,), contact=(Barrier(),))
+
+
+def jelly_bowl(steps: int = 60) -> Scene:
+    """Level 0 of demos/jelly_bowl.py: three animals of some 530 vertices, thrown into a glass bowl at 6 m/s."""
+    thrown = (
+        ("bear", (0.62, -0.78, -0.02), (0.0, 2.0, -4.0)),
+        ("bunny", (-0.60, -0.80, -0.12), (3.0, 0.0, 4.0)),
+        ("frog", (0.0, -0.93, 0.36), (-4.0, 0.0, 1.0)),
+    )
+    jelly, length = NeoHookean(6e4, 0.45, 1000.0), 1e-3 * DIAGONAL
+    bodies = tuple(
+        Body((kept(name),), jelly, name=name, spin=spin, velocity=tuple(6.0 * part for part in way))
+        for name, way, spin in thrown
+    )
+    return Scene(
+        bodies,
+        dt=0.01,
+        steps=steps,
+        loads=(Gravity((0.0, -9.81, 0.0)),),
+        obstacles=(Rigid(bowl(1.0, 0.6, 0.05), name="bowl"),),
+        contact=(Barrier(dhat=length), Friction(0.05, eps_v=length)),
+        solver=Solver(tolerance=length),
+    )
+
+
+SCENES = {
+    "stack": stack,
+    "jelly_bowl": jelly_bowl,
+    "balls": balls,
+    "plates": plates,
+    "struck_15": lambda **other: struck(15.0, **other),
+    "struck_50": lambda **other: struck(50.0, **other),
+}
+"""Functions by name."""
+
+
+def scene(name: str = "stack", **other) -> Scene:
+    """One of `SCENES`, with what its function takes."""
+    if name not in SCENES:
+        raise pdvol.InputError(f"there is no scene {name!r}; choose one of {', '.join(SCENES)}")
+    return SCENES[name](**other)
+
+
+if __name__ == "__main__":
+    pdvol.main(scene)

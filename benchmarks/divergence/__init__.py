@@ -1,0 +1,1 @@
+"""How far do the levels of a shot drift apart?"""

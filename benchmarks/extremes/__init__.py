@@ -1,0 +1,1 @@
+"""How far can each number be pushed? The stability envelope."""

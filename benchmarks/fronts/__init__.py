@@ -1,0 +1,1 @@
+"""Which settings give an accuracy in the shortest time? `pdvol study` on eight scenes."""

@@ -1,0 +1,1 @@
+"""Does contact converge to Hertz' solution in cell size and contact distance?"""

@@ -1,0 +1,147 @@
+"""The scenes that pdvol is measured on, each as the peers ran it (`shared/peers/README.md`); a scene file like any
+other.
+
+    ./run pdvol run benchmarks/peers/scenes.py --set name=twist_1k
+
+SI units, y up. Every scene: dt = 0.01 s, Neo-Hookean E = 2e5 Pa, nu = 0.4, 1000 kg/m^3, dhat = 1e-3 m, eps_v = 1e-3
+m/s, and a tolerance of 1e-3 m/s: Newton stops when its full step is nowhere faster, which is what STARK's step
+tolerance and IPC's 1e-5 m per step of 0.01 s mean.
+"""
+
+from pathlib import Path
+
+import numpy as np
+
+import pdvol
+from pdvol import Barrier, Body, Friction, Gravity, NeoHookean, Plane, Rotation, Scene, Solid, Solver, Support
+from pdvol.meshes import brick
+
+PEERS = Path(__file__).resolve().parents[3] / "shared" / "peers"
+MATERIAL = NeoHookean(2e5, poisson=0.4, density=1000.0)
+BARRIER = Barrier(dhat=1e-3)
+SOLVER = Solver(tolerance=1e-3)
+DOWN = Gravity((0.0, -9.81, 0.0))
+FLOOR = Plane((0.0, 0.0, 0.0), (0.0, 1.0, 0.0), name="floor")
+SIDE = 1e-6
+"""Metres within which a vertex belongs to an end face."""
+
+
+# ---- meshes
+
+
+def peer_mesh(peers: Path, name: str) -> Solid:
+    """A mesh of the peers, with the offsets of its scene, in its own vertex order."""
+    with np.load(Path(peers) / f"{name}.npz") as arrays:
+        return solid(arrays["V"], arrays["T"])
+
+
+def solid(points: np.ndarray, cells: np.ndarray) -> Solid:
+    """A Solid of one region from points (n, 3) [m] and tetrahedra (m, 4)."""
+    return Solid(
+        np.ascontiguousarray(points, dtype=np.float64),
+        np.ascontiguousarray(cells, dtype=np.int32),
+        np.zeros(len(cells), np.int32),
+    )
+
+
+# ---- scenes
+
+
+def drop(peers: Path, mesh: str) -> Scene:
+    """A sphere of radius 0.5 m, its centre 0.8 m above the ground, falls."""
+    return Scene(
+        bodies=(Body((peer_mesh(peers, mesh),), MATERIAL),),
+        obstacles=(FLOOR,),
+        loads=(DOWN,),
+        contact=(BARRIER, Friction(0.3, eps_v=1e-3)),
+        solver=SOLVER,
+        dt=0.01,
+        steps=100,
+    )
+
+
+def blocks(peers: Path) -> Scene:
+    """Two cubes of 0.5 m, the lower one 2 mm above the ground, the upper one 0.1 m above the lower."""
+    bodies = tuple(Body((peer_mesh(peers, f"block_{name}_2k"),), MATERIAL, name=name) for name in ("lo", "hi"))
+    return Scene(
+        bodies=bodies,
+        obstacles=(FLOOR,),
+        loads=(DOWN,),
+        contact=(BARRIER, Friction(0.5, eps_v=1e-3)),
+        solver=SOLVER,
+        dt=0.01,
+        steps=60,
+    )
+
+
+def twist(levels: tuple[Solid, ...], speed: float, steps: int = 100) -> Scene:
+    """A bar of 1 x 0.25 x 0.25 m along x, its ends turned by +speed (at x = -0.5 m) and -speed [deg/s].
+
+    The scene has a barrier although nothing touches at 72 deg/s. The guarantee that nothing crosses is part of the
+    cost, as it is for the peers.
+    """
+    turn, axis, centre = np.radians(speed), (1.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+    ends = (
+        Support(lambda X: X[:, 0] < -0.5 + SIDE, motion=Rotation(turn, centre, axis)),
+        Support(lambda X: X[:, 0] > 0.5 - SIDE, motion=Rotation(-turn, centre, axis)),
+    )
+    return Scene(
+        bodies=(Body(levels, MATERIAL),), supports=ends, contact=(BARRIER,), solver=SOLVER, dt=0.01, steps=steps
+    )
+
+
+def impact(peers: Path, speed: float) -> Scene:
+    """A ball of radius 0.1 m, 0.05 m above the middle of a 1 x 1 x 0.1 m slab held at its rim, thrown down at `speed`
+    [m/s].
+
+    The slab's upper side is at y = 0. There is nothing below it and no friction, so only contact keeps the ball from
+    coming out underneath.
+    """
+    ball, slab = peer_mesh(peers, "drop_500"), brick((1.0, 0.1, 1.0), (20, 3, 20))
+    ball = solid(0.2 * (ball.vertices - [0.0, 0.8, 0.0]) + [0.0, 0.15, 0.0], ball.cells)
+    slab = solid(slab.vertices - [0.0, 0.05, 0.0], slab.cells)
+    rim = Support(lambda X: np.abs(X[:, [0, 2]]).max(axis=1) > 0.5 - SIDE, body="slab")
+    return Scene(
+        bodies=(
+            Body((ball,), MATERIAL, name="ball", velocity=(0.0, -float(speed), 0.0)),
+            Body((slab,), MATERIAL, name="slab"),
+        ),
+        supports=(rim,),
+        loads=(DOWN,),
+        contact=(BARRIER,),
+        solver=SOLVER,
+        dt=0.01,
+        steps=20,
+    )
+
+
+def bar(*cuts: tuple[int, int, int]) -> tuple[Solid, ...]:
+    """The twisted bar by our own recipe, one Solid per triple of cuts."""
+    return tuple(brick((1.0, 0.25, 0.25), three) for three in cuts)
+
+
+SCENES = {
+    **{f"drop_{size}": lambda peers, size=size: drop(peers, f"drop_{size}") for size in ("500", "4k", "20k")},
+    **{
+        f"twist_{size}": lambda peers, size=size: twist((peer_mesh(peers, f"twist_{size}"),), 72.0)
+        for size in ("1k", "4k", "20k")
+    },
+    "twistx_1k": lambda peers: twist((peer_mesh(peers, "twist_1k"),), 360.0),
+    "blocks": blocks,
+    **{f"impact_{speed}": lambda peers, speed=speed: impact(peers, speed) for speed in (45, 100, 150)},
+    # 99,900 vertices; below it levels of 19,941 and 4,000.
+    "twist_100k": lambda peers: twist(bar((110, 29, 29)), 72.0, 5),
+    "twist_100k_levels": lambda peers: twist(bar((39, 9, 9), (68, 16, 16), (110, 29, 29)), 72.0, 5),
+}
+"""Functions of the peers' folder, by name, in the order in which they are run."""
+
+
+def scene(name: str = "drop_500", peers: str = str(PEERS)) -> Scene:
+    """One of `SCENES`; `peers` is the folder of the peers' meshes."""
+    if name not in SCENES:
+        raise pdvol.InputError(f"there is no scene {name!r}; choose one of {', '.join(SCENES)}")
+    return SCENES[name](Path(peers))
+
+
+if __name__ == "__main__":
+    pdvol.main(scene)

@@ -1,0 +1,1 @@
+"""Do a study's predictions hold? Random shots against finer references."""
