@@ -16,6 +16,8 @@ LINK = re.compile(r"!?\[(?:[^\]\[]|\[[^\]]*\])*\]\(<?([^)>\s]+)>?(?:\s\"[^\"]*\"
 SOURCES = (".py", ".md", ".c", ".h", ".toml", ".cff", ".yml", ".npz")
 """Endings of what is kept in the repository, not made by a run."""
 TOPS = ("pdvol", "forms", "meshes", "docs", "tests", "demos", "benchmarks", "packaging", ".ci")
+SAVED = {"bunny.py", "beam.py"}
+"""What a reader saves from README, for the table in docs/install.md."""
 MADE = {"open_in_blender.py", "open_in_paraview.py", "render/", "textures/", "runs/"}
 """What pdvol writes, beside an export or into a run folder; a reader finds it there."""
 GONE = {"tests/verify_run.py", "hierarchy/", "animate/", "record/"}
@@ -84,7 +86,7 @@ def names(page: Path) -> list[str]:
     words = re.findall(r"`([\w./*<>-]+)`", prose(page))
     own = [w for w in words if w.partition("/")[0] in TOPS and "/" in w or w.endswith((*SOURCES, "/"))]
     written = {block.file for block in pages.blocks(page)}
-    return [w for w in own if not w.startswith((".", "/", "<", "levels/<")) and w not in MADE | written]
+    return [w for w in own if not w.startswith((".", "/", "<", "levels/<")) and w not in MADE | SAVED | written]
 
 
 def there(name: str) -> bool:
