@@ -54,8 +54,9 @@ def st_venant_kirchhoff(F: Expr, mu: Expr, lmbda: Expr) -> Expr:
 def fixed_corotational(F: Expr, mu: Expr, lmbda: Expr) -> Expr:
     r"""Fixed corotational law, psi = mu |F - R|^2 + lmbda/2 (J - 1)^2, F = R S the polar decomposition.
 
-    P = 2 mu (F - R) + lmbda (J - 1) cof F: linear in the stretches but for the volume's part, and finite (2 mu + lmbda
-    pressed along one axis) at zero volume, but for `volume_barrier` below a tenth of it. |F - R|^2 = tr C - 2 tr S + d.
+    Its stress is `P = 2 mu (F - R) + lmbda (J - 1) cof F`, with `|F - R|^2 = tr C - 2 tr S + d`. But for the volume's
+    part it is linear in the stretches. At zero volume it is finite (2 mu + lmbda when pressed along one axis), so
+    `volume_barrier` is added below a tenth of the volume.
     Source: Stomakhin et al. 2012, Energetically Consistent Invertible Elasticity.
     """
     d = F.ufl_shape[0]

@@ -30,11 +30,11 @@ def sum_of_stretches(F: Expr) -> Expr:
     r"""tr S of F = R S, the sum of the d stretches, for det F > 0: without the singular derivatives of an eigenvalue
     solver.
 
-    2D: t = sqrt(tr C + 2 J), C = F'F. 3D: with the second invariant i = s0 s1 + s1 s2 + s2 s0 of S one has t^2 = tr C +
-    2 i and i^2 = |cof F|^2 + 2 J t, so t is the fixed point of phi(t) = sqrt(tr C + 2 sqrt(|cof F|^2 + 2 J t)), whose
-    slope J / (t i) is at most 1/9. Newton on t - phi(t) from sqrt(3 tr C), which is exact at rest and never too small,
-    gains so fast that four iterations are exact to the last bit whatever F is, and differentiating them gives t's
-    derivatives just as well.
+    In 2D it is `t = sqrt(tr C + 2 J)` with `C = F'F`. In 3D the second invariant of S is `i = s0 s1 + s1 s2 + s2 s0`.
+    It gives `t^2 = tr C + 2 i` and `i^2 = |cof F|^2 + 2 J t`. So t is the fixed point of
+    `phi(t) = sqrt(tr C + 2 sqrt(|cof F|^2 + 2 J t))`, whose slope `J / (t i)` is at most 1/9. Newton on `t - phi(t)`
+    begins at `sqrt(3 tr C)`, which is exact at rest and never too small. Four iterations are exact to the last bit for
+    any F, and their derivatives are those of t.
     """
     J, a = ufl.det(F), ufl.inner(F, F)
     if F.ufl_shape[0] == 2:

@@ -24,12 +24,12 @@ def add_settings(parser: ArgumentParser) -> None:
     )
 
 
-def add_new_run(parser: ArgumentParser) -> None:
+def add_new_run(parser: ArgumentParser, ending: str = "") -> None:
     """The scene, its settings, and the run folder to write."""
     parser.add_argument("scene", type=Path, metavar="SCENE.py")
     add_settings(parser)
     parser.add_argument("--steps", type=int, help="number of time steps, instead of the scene's")
-    parser.add_argument("--out", type=Path, help="run folder (default: runs/NAME)")
+    parser.add_argument("--out", type=Path, help=f"run folder (default: runs/NAME{ending})")
     parser.add_argument("--resume", action="store_true", help="go on with the run in that folder")
 
 

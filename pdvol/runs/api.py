@@ -53,8 +53,8 @@ def run(
     prolongation : how a level's motion is carried to the next finer one: "barycentric", "biharmonic" or "phong"
     steps : number of time steps, instead of the scene's
     resume : go on with the run in `out`: finished steps are kept, further levels are added
-    progress : True shows a bar per level (in a notebook or on a terminal) or a line per step, and before them what
-        takes long, as meshing; a function is called with the log record (a dict) of each step, on rank 0
+    progress : True shows a bar per level (in a notebook or on a terminal) or a line per step. Before them it shows what
+        takes long, as meshing. A function is called with the log record (a dict) of each step, on rank 0
     comm : MPI communicator; the world when None
 
     Returns

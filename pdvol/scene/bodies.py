@@ -53,8 +53,8 @@ class Body:
 
     Attributes
     ----------
-    shape : path of a surface or volume mesh, `Outline`, `Surface`, `Solid`; or a tuple of them, one per level, in which
-        volume meshes are taken as they are and others are meshed to their targets
+    shape : path of a surface or volume mesh, `Outline`, `Surface`, `Solid`, or a tuple of them, one per level. In a
+        tuple, volume meshes are taken as they are and others are meshed to their targets
     material : Material, of what no region claims
     vertices : vertex targets, coarsest level first; may be left empty where `shape` lists volume meshes
     name : str

@@ -16,7 +16,7 @@ class Keyed:
     after.
 
     Numbers stand for a Young's modulus that changes, a muscle's activation, and any number of a load that may be a
-    function of time; vectors for a load's vector, as that of gravity or of a wind.
+    function of time. Vectors stand for a load's vector, as that of gravity or of a wind.
     """
 
     times: Vector

@@ -19,7 +19,8 @@ from pdvol import Body, Gravity, NeoHookean, RenderMesh, Scene, Support, meshes
 from pdvol.cli import parse
 
 ROOT = Path(__file__).resolve().parents[2]
-PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
+README = ROOT / "README.md"
+PAGES = pages.all_pages(ROOT)
 WITH_CODE = [page for page in PAGES if any(block.language == "python" for block in pages.blocks(page))]
 TUTORIAL = ROOT / "docs" / "tutorial.md"
 # What makes the tutorial short: the coarsest meshes and three throws, of which the second is the one that is picked.
@@ -30,6 +31,8 @@ SHORTER = {
     "pick w 4": "pick w 1",
     "--fps 24": "--fps 4",
 }
+FEWER = {"-0.1:0.1:20": "-0.1:0.1:3", "pick w 17": "pick w 1", "--to 2": "--to 1", "--to 4": "--to 2"}
+"""What makes README's loop short: three variations instead of twenty, and three levels instead of five."""
 # pages whose code is complete: nothing is imported for it
 WHOLE = ("README.md", "python.md", "scenes.md")
 SHOT = """
@@ -157,7 +160,7 @@ def program(module: str) -> bool:
 def test_programs_that_pages_name_are_there():
     """Each `python -m MODULE` of a page, and of a docstring of demos and benchmarks, is a program of the repository."""
     sources = [file for top in ("benchmarks", "demos", "docs/_site") for file in sorted((ROOT / top).rglob("*.py"))]
-    named = re.compile(r"python\s+-m\s+((?:benchmarks|demos)\.\w+)")
+    named = re.compile(r"python\s+-m\s+((?:benchmarks|demos)\.[a-z_]+)")
     found = [(page, module) for page in [*PAGES, *sources] for module in named.findall(page.read_text())]
     assert len(found) > 25
     assert [(ids(page), module) for page, module in found if not program(module)] == []
@@ -185,3 +188,30 @@ def test_the_tutorial_makes_what_it_shows(tmp_path, monkeypatch):
         assert (tmp_path / made).stat().st_size > 5_000, made
     assert (tmp_path / "bear.html").is_file() and list((tmp_path / "out").iterdir())
     assert [level.steps for level in pdvol.open_run(tmp_path / "runs" / "bear").levels] == [26, 26, 26]
+
+
+def test_the_loop_of_readme(tmp_path, monkeypatch):
+    """The five commands in order, as they stand there but for fewer variations and levels. The chosen variation keeps
+    its side of the spike on all levels.
+    """
+    monkeypatch.setenv("OMP_NUM_THREADS", "1")
+    (loop,) = [block for block in pages.blocks(README) if len(block.commands) > 1]
+    assert [words[0] for words in loop.commands] == ["preview", "wedge", "pick", "refine", "play"]
+    assert all(loop.code.count(text) == 1 for text in FEWER)
+    (tmp_path / "demos").symlink_to(ROOT / "demos")
+    pages.run_block(loop, tmp_path, FEWER)
+    previewed, chosen = (pdvol.open_run(tmp_path / "runs" / name) for name in ("ball_on_spike_preview", "chosen"))
+    assert [level.steps for level in previewed.levels] == [chosen.levels[0].steps]
+    assert [level.steps for level in chosen.levels] == [chosen.levels[0].steps] * 3
+    ends = [level.positions(level.steps - 1)[:, 0].mean() for level in chosen.levels]
+    assert min(np.abs(ends)) > 0.1 and np.ptp(ends) < 0.1, ends
+    assert (tmp_path / "shot.html").stat().st_size > 100_000
+
+
+def test_ci_does_what_contributing_asks_for():
+    """The block "before you send a change" is what .ci/run does, in the same order; formatting is checked there."""
+    (asked,) = [block for block in pages.blocks(ROOT / "CONTRIBUTING.md") if "codespell" in block.code]
+    words = [line.partition("#")[0].split()[1:] for line in asked.code.splitlines() if line.startswith("./run")]
+    done = re.findall(r"^(?:exec )?\./run (\w+)(?: (\w+))?", (ROOT / ".ci" / "run").read_text(), re.MULTILINE)
+    assert [word[0] for word in words] == [word[0] for word in done]
+    assert {"ruff", "mypy", "codespell", "pytest"} == {word[0] for word in words}

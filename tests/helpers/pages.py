@@ -3,6 +3,7 @@
 ./run env PYTHONPATH=tests/helpers python tests/helpers/pages.py docs/tutorial.md
 """
 
+import importlib
 import os
 import re
 import shlex
@@ -44,6 +45,26 @@ class Block:
         return [line[line.index("pdvol") + 1 :] for line in words]
 
 
+def all_pages(root: Path) -> list[Path]:
+    """README, CONTRIBUTING, CHANGELOG and docs of the repository in `root`."""
+    return [
+        *(root / f"{name}.md" for name in ("README", "CONTRIBUTING", "CHANGELOG")),
+        *sorted((root / "docs").rglob("*.md")),
+    ]
+
+
+def reference(root: Path) -> list[str]:
+    """Dotted names that the Python reference shows."""
+    text = "\n".join(page.read_text() for page in sorted((root / "docs" / "api").glob("*.md")))
+    return re.findall(r"^\.\. auto(?:class|function|exception):: (\S+)$", text, re.MULTILINE)
+
+
+def named(path: str) -> object:
+    """What a dotted name of the reference stands for."""
+    module, name = path.rsplit(".", 1)
+    return getattr(importlib.import_module(module), name)
+
+
 def blocks(page: Path) -> list[Block]:
     """Of a page, in order."""
     text = page.read_text()
@@ -55,22 +76,27 @@ def pictures(page: Path) -> list[tuple[Path, str]]:
     return [(page.parent / m["shown"], m["made"]) for m in PICTURE.finditer(page.read_text())]
 
 
-def run_page(page: Path, folder: Path, instead: dict[str, str] | None = None) -> None:
-    """Write the files of a page into `folder`, and run its commands there; `instead` replaces text before that.
+def run_block(block: Block, folder: Path, instead: dict[str, str] | None = None) -> None:
+    """Write the file that a block is into `folder`, and run its commands there; `instead` replaces text before that.
 
     Raises
     ------
     subprocess.CalledProcessError
         A command failed.
     """
+    code = block.code
+    for old, new in (instead or {}).items():
+        code = code.replace(old, new)
+    if block.file:
+        (folder / block.file).write_text(code)
+    for words in Block(block.language, code, block.line).commands:
+        subprocess.run([sys.executable, "-m", "pdvol", *words], cwd=folder, check=True)
+
+
+def run_page(page: Path, folder: Path, instead: dict[str, str] | None = None) -> None:
+    """Run all blocks of a page, as `run_block` does."""
     for block in blocks(page):
-        code = block.code
-        for old, new in (instead or {}).items():
-            code = code.replace(old, new)
-        if block.file:
-            (folder / block.file).write_text(code)
-        for words in Block(block.language, code, block.line).commands:
-            subprocess.run([sys.executable, "-m", "pdvol", *words], cwd=folder, check=True)
+        run_block(block, folder, instead)
 
 
 if __name__ == "__main__":

@@ -1,7 +1,8 @@
-"""What is installed: pyproject.toml lists every folder of Python files, and every C source and header."""
+"""What is installed: pyproject.toml lists every folder of Python files. C sources and headers of all of them are
+installed by one rule.
+"""
 
 import tomllib
-from fnmatch import fnmatch
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -22,19 +23,28 @@ def test_every_folder_of_python_files_is_installed():
 
 
 def test_every_other_file_is_installed():
-    files = [file for file in (ROOT / "pdvol").rglob("*") if file.is_file() and "__pycache__" not in file.parts]
-    data = [file for file in files if file.suffix != ".py"]
+    tops = [ROOT / top for top in ("pdvol", "forms", "meshes")]
+    files = [file for top in tops for file in top.rglob("*") if file.is_file() and "__pycache__" not in file.parts]
+    data = {file for file in files if file.suffix != ".py"}
     assert {file.suffix for file in data} >= {".c", ".h"}
-    for file in data:
+    rules = SETUPTOOLS["package-data"]
+    for folder in {file.parent for file in files if file.name == "__init__.py"}:
         # A package's patterns name files in it, and in folders below that hold no modules.
-        folder = next(parent for parent in file.parents if (parent / "__init__.py").exists())
-        patterns = SETUPTOOLS["package-data"].get(package_of(folder), ())
-        path = file.relative_to(folder).as_posix()
-        assert any(fnmatch(path, pattern) for pattern in patterns), f"{file.relative_to(ROOT)} is not installed"
+        for pattern in (*rules["*"], *rules.get(package_of(folder), ())):
+            data -= set(folder.glob(pattern))
+    assert sorted(str(file.relative_to(ROOT)) for file in data) == []
+
+
+def test_native_sources_are_installed_by_rule():
+    """A package needs no line of its own for them."""
+    rules = SETUPTOOLS["package-data"]
+    assert rules["*"] == ["*.c", "*.h"]
+    assert not any(pattern in rules["*"] for name, patterns in rules.items() if name != "*" for pattern in patterns)
 
 
 def test_package_data_names_files_that_exist():
     for package, patterns in SETUPTOOLS["package-data"].items():
-        folder = ROOT / Path(*package.split("."))
+        folder = ROOT / ("pdvol" if package == "*" else Path(*package.split(".")))
         for pattern in patterns:
-            assert list(folder.glob(pattern)), f"{package}: no file {pattern}"
+            found = folder.rglob(pattern) if package == "*" else folder.glob(pattern)
+            assert list(found), f"{package}: no file {pattern}"

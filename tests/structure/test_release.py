@@ -17,8 +17,26 @@ def test_one_version():
 
 
 def test_one_licence():
+    """pyproject.toml states it for all files, as an SPDX expression; its texts are in wheel and source archive."""
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     cited = re.search(r"^license: (.+)$", (ROOT / "CITATION.cff").read_text(), re.MULTILINE)
-    assert project["license"]["text"] == cited[1]
-    assert cited[1] in (ROOT / "README.md").read_text()
+    assert project["license"] == cited[1] == "LGPL-3.0-or-later"
+    assert cited[1] in (ROOT / "README.md").read_text() and cited[1] in (ROOT / "CONTRIBUTING.md").read_text()
+    assert project["license-files"] == ["COPYING", "COPYING.LESSER"]
     assert "GNU LESSER GENERAL PUBLIC LICENSE" in (ROOT / "COPYING.LESSER").read_text()
+    assert "GNU GENERAL PUBLIC LICENSE" in (ROOT / "COPYING").read_text()
+
+
+def test_no_file_has_a_licence_header():
+    """What is copied from elsewhere keeps its own licence, in a folder `vendor` with the licence's text."""
+    header = re.compile(r"SPDX-License-Identifier|copyright (\(c\)|\d{4})|licensed under|all rights reserved", re.I)
+    ours, theirs = [], []
+    for top in ("pdvol", "forms", "meshes", "benchmarks", "demos", "docs/_site", "packaging", ".ci"):
+        for file in sorted((ROOT / top).rglob("*")):
+            if file.is_file() and "__pycache__" not in file.parts:
+                (theirs if "vendor" in file.parts else ours).append(file)
+    kinds = {".py", ".c", ".h", ".js", ".css", ".html", ".jinja", ".txt", ".yml", ""}
+    read = [file for file in ours if file.suffix in kinds]
+    assert len(read) > 300
+    assert [str(file.relative_to(ROOT)) for file in read if header.search(file.read_text()[:2000])] == []
+    assert theirs and all((file.parent / "LICENSE").is_file() for file in theirs)

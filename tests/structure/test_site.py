@@ -13,18 +13,12 @@ from pathlib import Path
 
 import pytest
 
+import pages
 import pdvol
 
 ROOT = Path(__file__).resolve().parents[2]
 DOCS = ROOT / "docs"
-REFERENCE = "\n".join(page.read_text() for page in sorted((DOCS / "api").glob("*.md")))
-LISTED = re.findall(r"^\.\. auto(?:class|function|exception):: (\S+)$", REFERENCE, re.MULTILINE)
-
-
-def named(path: str) -> object:
-    """What a dotted path names."""
-    module, name = path.rsplit(".", 1)
-    return getattr(importlib.import_module(module), name)
+LISTED = pages.reference(ROOT)
 
 
 def own_function(thing: object, module: object) -> bool:
@@ -32,7 +26,7 @@ def own_function(thing: object, module: object) -> bool:
 
 
 def test_every_public_name_is_in_the_reference():
-    shown = [named(path) for path in LISTED]
+    shown = [pages.named(path) for path in LISTED]
     forms = [importlib.import_module(f"pdvol.forms.{f.stem}") for f in sorted((ROOT / "forms").glob("[a-z]*.py"))]
     public = {
         **{f"pdvol.{name}": getattr(pdvol, name) for name in pdvol.__all__},
@@ -52,7 +46,7 @@ def test_every_public_name_is_in_the_reference():
 @pytest.mark.parametrize("path", LISTED)
 def test_a_name_of_the_reference_documents_its_parameters(path):
     """Each parameter's name stands in the docstring, or in that of a class it derives from."""
-    thing = named(path)
+    thing = pages.named(path)
     assert inspect.getdoc(thing), path
     if inspect.isclass(thing) and issubclass(thing, BaseException):
         return
@@ -144,10 +138,10 @@ def test_the_site_builds_without_a_warning_and_asks_for_nothing_outside(tmp_path
     """Sphinx refuses dead links and anchors. Addresses of other machines are followed by a reader alone."""
     done = run_python(DOCS / "_site" / "build.py", tmp_path / "site")
     assert done.returncode == 0, done.stderr
-    pages = sorted((tmp_path / "site").rglob("*.html"))
-    assert len(pages) > len(list(DOCS.rglob("*.md")))
+    built = sorted((tmp_path / "site").rglob("*.html"))
+    assert len(built) > len(list(DOCS.rglob("*.md")))
     fetched = re.compile(r"<(?:script|img|link|iframe|source)\b[^>]*\b(?:src|href)=\"(?:https?:)?//[^\"]*\"")
-    assert [(p.name, hit) for p in pages for hit in fetched.findall(p.read_text())] == []
+    assert [(p.name, hit) for p in built for hit in fetched.findall(p.read_text())] == []
     assert "<math" in (tmp_path / "site" / "method.html").read_text()
     assert (tmp_path / "site" / "source" / "pdvol" / "integrate" / "marches.py.html").exists()
 

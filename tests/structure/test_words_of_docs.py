@@ -1,15 +1,26 @@
-"""The words of the pages in docs/: short sentences, units in the heads of tables."""
+"""The words of README, CONTRIBUTING, CHANGELOG, docs/ and the Python reference: short sentences, units in the heads of
+tables.
+"""
 
+import inspect
 import re
+import runpy
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
-DOCS = Path(__file__).resolve().parents[2] / "docs"
-PAGES = sorted(DOCS.rglob("*.md"))
+import pages
+
+ROOT = Path(__file__).resolve().parents[2]
+DOCS = ROOT / "docs"
+PAGES = pages.all_pages(ROOT)
 LONGEST = 34
 """Words of a sentence; a piece of code or a formula is one word."""
+
+
+def ids(page: Path) -> str:
+    return page.relative_to(ROOT).as_posix()
 
 
 def paragraphs(text: str) -> Iterator[str]:
@@ -38,9 +49,28 @@ def test_sentences_are_found():
     assert [words(s) for s in sentences(text) if s] == [4, 4, 1, 3]
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.relative_to(DOCS).as_posix())
+@pytest.mark.parametrize("page", PAGES, ids=ids)
 def test_sentences_of_a_page_are_short(page):
     long = [f"{words(s)} words: {s}" for s in sentences(page.read_text()) if words(s) > LONGEST]
+    assert not long, "\n".join(long)
+
+
+as_rst = runpy.run_path(str(DOCS / "_site" / "docstrings.py"))["as_rst"]
+
+
+def documented(thing: object) -> Iterator[str]:
+    """Docstrings that the reference shows for a name: its own, and those of a class's public methods."""
+    yield inspect.getdoc(thing) or ""
+    if inspect.isclass(thing):
+        for name, member in vars(thing).items():
+            if not name.startswith("_") and (inspect.isfunction(member) or isinstance(member, property)):
+                yield inspect.getdoc(member) or ""
+
+
+@pytest.mark.parametrize("path", pages.reference(ROOT))
+def test_sentences_of_the_reference_are_short(path):
+    texts = ["\n".join(as_rst(text.splitlines())).replace("``", "`") for text in documented(pages.named(path))]
+    long = [f"{words(s)} words: {s}" for text in texts for s in sentences(text) if words(s) > LONGEST]
     assert not long, "\n".join(long)
 
 
@@ -50,7 +80,7 @@ def heads(text: str) -> list[str]:
     return [cell.strip() for row in rows for cell in row.split("|")]
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.relative_to(DOCS).as_posix())
+@pytest.mark.parametrize("page", PAGES, ids=ids)
 def test_units_in_heads_of_tables_are_in_brackets(page):
     without = re.compile(r"\[.*?\]|'s\b|[0-9.]+ m?s\b")  # units in brackets, genitives, and points in time
     found = heads(page.read_text())
