@@ -1,6 +1,6 @@
 """The demos of the gallery, in the order of its pages."""
 
-from demos.gallery.entries import Entry
+from demos.gallery.entries import Entry, Further
 
 ENTRIES = (
     Entry(
@@ -220,6 +220,29 @@ touches anything here: what the finer levels add are the creases of the twisted 
         size=(1260, 620),
         direct=True,
         moment=5.9,
+    ),
+    Entry(
+        "roll",
+        "A sponge roll",
+        """Turn lies upon turn, and level 0 cuts their corners: between these, vertices of level 1 are nearer to
+the next turn than to their own. Bound to the nearest cell they would move with the wrong turn. pdvol
+follows the edges of level 1 instead, and binds all of them to their own turn.""",
+        small={"steps": 30},
+        slow=(0.0, 0.35),
+        size=(1000, 460),
+        moment=0.3,
+        further=(
+            Further(
+                "bound",
+                "Which cell each cell is bound to",
+                """Each cell of level 1 has the colour of the cell of level 0 it is bound to. Hues go once round along
+the sponge, so turns that lie on each other differ. The roll is cut open in its middle. Bound to the nearest
+cells, the outer side of each turn gets the colour of the turn around it.""",
+                cut="z=0",
+                size=(1260, 440),
+                slow=(0.0, 0.35),
+            ),
+        ),
     ),
     Entry(
         "bodies_at_rest",
