@@ -1,5 +1,5 @@
-"""A sponge roll falls on the ground and bounces: turn lies upon turn, and level 0 cuts their corners (paper, figure "robust
-vertex-element binding").
+"""A sponge roll bounces: turn lies upon turn, and level 0 cuts their corners (paper, figure "robust vertex-element
+binding").
 
 Between the corners the vertices of level 1 lie outside of level 0, many of them nearer to the next turn than to their
 own. Which cells are they bound to?
