@@ -227,7 +227,7 @@ touches anything here: what the finer levels add are the creases of the twisted 
         """Turn lies upon turn, and level 0 cuts their corners: between these, vertices of level 1 are nearer to
 the next turn than to their own. Bound to the nearest cell they would move with the wrong turn. pdvol
 follows the edges of level 1 instead, and binds all of them to their own turn.""",
-        small={"steps": 30},
+        small={"steps": 12},
         slow=(0.0, 0.35),
         size=(1000, 460),
         moment=0.3,
