@@ -13,6 +13,7 @@ from PIL import Image, ImageDraw
 
 from demos.gallery.entries import Entry, Further
 from demos.gallery.film import FRAMES_PER_SECOND, film_frames
+from pdvol.colours import PALETTE
 from pdvol.draw.bindings import cell_colours
 from pdvol.draw.camera import Camera
 from pdvol.draw.camera_path import cameras_of_run
@@ -24,10 +25,11 @@ from pdvol.draw.views import read_view
 from pdvol.store.reader import Run, RunLevel
 
 HEADER = 64  # pixels above each picture, for captions
-MATERIAL = {"ambient": 0.55, "diffuse": 0.62, "specular": 0.06}  # of painted bodies: light that spares their colours
+MATERIAL = {"ambient": 0.62, "diffuse": 0.58, "specular": 0.06}  # of painted bodies: light that spares their colours
 NEAR, FAR = 1e-4, 1e-1  # m, the gaps at the ends of the scale of colours
-SCALE = ("#8c1537", "#e8603c", "#f6c667", "#dfe3ea")  # from near to far, at equal ratios of gaps
-LEGEND = (240, 10)  # pixels, of the bar that shows the scale
+SCALE = ("#8c1537", "#e8603c", "#f6c667", "#e9eaec")  # from near to far, at equal ratios of gaps
+TINT = 0.45  # of a body's own colour in what is far from all others: bodies can be told apart
+LEGEND = (200, 10)  # pixels, of the bar that shows the scale
 
 
 @dataclass(frozen=True)
@@ -104,7 +106,7 @@ def gap_panes(entry: Entry, run: Run) -> list[Pane]:
             f"level {level.index}",
             f"{len(level.rest):,} vertices",
             level,
-            lambda step, level=level: gap_colours(gaps(run, level, step)),
+            lambda step, level=level: gap_colours(gaps(run, level, step), level.mesh.point_bodies),
         )
         for level in run.levels
     ]
@@ -137,12 +139,19 @@ def gaps(run: Run, level: RunLevel, step: int) -> np.ndarray:
     return found
 
 
-def gap_colours(found: np.ndarray) -> np.ndarray:
-    """(n, 3) in [0, 1]: colours of gaps (n,) [m] on the scale from `NEAR` to `FAR`, by their logarithm."""
+def gap_colours(found: np.ndarray, owners: np.ndarray | None = None) -> np.ndarray:
+    """(n, 3) in [0, 1]: colours of gaps (n,) [m] on the scale from `NEAR` to `FAR`, by their logarithm; tinted far away
+    where the bodies (n,) that vertices belong to are given.
+    """
     share = np.log(np.clip(found, NEAR, FAR) / NEAR) / np.log(FAR / NEAR)
     ends = np.linspace(0.0, 1.0, len(SCALE))
     colours = np.array([pv.Color(name).float_rgb for name in SCALE])
-    return np.column_stack([np.interp(share, ends, channel) for channel in colours.T])
+    shown = np.column_stack([np.interp(share, ends, channel) for channel in colours.T])
+    if owners is None:
+        return shown
+    own = np.array([pv.Color(name).float_rgb for name in PALETTE])[owners % len(PALETTE)]
+    tint = TINT * np.clip(3.0 * share - 2.0, 0.0, 1.0)[:, None]
+    return (1.0 - tint) * shown + tint * own
 
 
 SUBJECTS: Mapping[str, Callable[[Entry, Run], list[Pane]]] = {"bound": binding_panes, "gaps": gap_panes}
@@ -176,9 +185,9 @@ def write_further(entry: Entry, film: Further, run: Run, out: Path) -> Path:
 
 
 def _draw_scale(frame: Image.Image) -> None:
-    """The scale of gaps, in the lower right corner."""
+    """The scale of gaps, above the last picture."""
     pen = ImageDraw.Draw(frame)
-    left, top = frame.width - LEGEND[0] - 24, frame.height - LEGEND[1] - 26
+    left, top = frame.width - LEGEND[0] - 110, 16
     shares = np.linspace(0.0, 1.0, LEGEND[0])
     for place, colour in enumerate(gap_colours(NEAR * (FAR / NEAR) ** shares)):
         pen.line((left + place, top, left + place, top + LEGEND[1]), tuple(np.round(255 * colour).astype(int)))

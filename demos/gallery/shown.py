@@ -164,6 +164,17 @@ the coarse animation, and settles into the letter that level 0 does not know."""
         slow=(0.1, 0.4),
         size=(1000, 460),
         moment=1.0,
+        further=(
+            Further(
+                "gaps",
+                "How contact fits",
+                """Both bodies are cut open through the letter; the colour is the gap to the nearest other surface.""",
+                view="1.68,1.02,1.02:0.0,0.41,-0.02",
+                cut="x=0",
+                size=(1100, 460),
+                slow=(0.1, 0.4),
+            ),
+        ),
     ),
     Entry(
         "jelly_bowl",
@@ -217,7 +228,7 @@ touches anything here: what the finer levels add are the creases of the twisted 
 0.04 s. The strips buckle, lie down on each other and stick: each level has to lie down on the same side.""",
         small={"vertices": (100, 130), "height": 0.05, "steps": 40},
         settings={"consistency": 0.025},
-        size=(1260, 620),
+        size=(940, 480),
         direct=True,
         moment=5.9,
     ),
