@@ -13,6 +13,7 @@ and both finer levels keep it. It is refined as it was found: no finer level was
         settings={"speed": 4.65084, "angle": 59.8352, "aim": 0.689949, "spin": 9.89858},
         view="follow:frog",
         slow=(0.3, 1.1),
+        direct=True,
         moment=0.48,
     ),
     Entry(
@@ -38,6 +39,7 @@ are levels 0 to 2 of four; figures of all four, at an earlier commit, are in
         finest=2,
         slow=(0.25, 0.65),
         size=(1260, 480),
+        direct=True,
         moment=0.5,
     ),
     Entry(
@@ -49,6 +51,7 @@ are smooth, and lie in the same folds. What interpolation alone gives, and how i
         small={},
         slow=(0.2, 0.6),
         size=(1100, 480),
+        direct=True,
         moment=0.51,
     ),
     Entry(
@@ -78,6 +81,7 @@ sets: Young's modulus follows keys in time.""",
 is a load by time. The ceiling is not drawn: it would hide the balloon.""",
         small={"subdivisions": (1, 2), "layers": (1, 1), "dt": 0.02, "steps": 60},
         size=(800, 400),
+        direct=True,
         moment=0.7,
     ),
     Entry(
@@ -163,12 +167,16 @@ the coarse animation, and settles into the letter that level 0 does not know."""
         small={"vertices": (250, 500), "block": (216, 900), "dt": 0.02, "steps": 40},
         slow=(0.1, 0.4),
         size=(1000, 460),
+        direct=True,
         moment=1.0,
         further=(
             Further(
                 "gaps",
                 "How contact fits",
-                """Both bodies are cut open through the letter; the colour is the gap to the nearest other surface.""",
+                """Both bodies are cut open through the letter. The colour is the gap to the nearest other surface. An embedded
+fine mesh would keep the gap that level 0 leaves between the gnome and the letter's bottom; here contact acts
+on level 1 itself. At the end 56 vertices of its gnome are within 1 mm of the block, 9 of them in the letter,
+down to 26 mm below the face. On level 0 they are 15, all above the face.""",
                 view="1.68,1.02,1.02:0.0,0.41,-0.02",
                 cut="x=0",
                 size=(1100, 460),
