@@ -173,10 +173,10 @@ the coarse animation, and settles into the letter that level 0 does not know."""
             Further(
                 "gaps",
                 "How contact fits",
-                """Both bodies are cut open through the letter. The colour is the gap to the nearest other surface. An embedded
-fine mesh would keep the gap that level 0 leaves between the gnome and the letter's bottom; here contact acts
-on level 1 itself. At the end 56 vertices of its gnome are within 1 mm of the block, 9 of them in the letter,
-down to 26 mm below the face. On level 0 they are 15, all above the face.""",
+                """Both bodies are cut open through the letter. The colour is the gap to the nearest other surface.
+Where fine meshes are only embedded, the gap that level 0 leaves between the gnome and the letter stays. Here contact
+acts on level 1 itself. At the end 56 vertices of its gnome are within 1 mm of the block, 9 of them in the
+letter, down to 26 mm below the face. On level 0 they are 15, all above the face.""",
                 view="1.68,1.02,1.02:0.0,0.41,-0.02",
                 cut="x=0",
                 size=(1100, 460),
@@ -237,7 +237,7 @@ the time of a step grows about as the number of vertices. The shape is smooth, a
 0.04 s. The strips buckle, lie down on each other and stick: each level has to lie down on the same side.""",
         small={"vertices": (100, 130), "height": 0.05, "steps": 40},
         settings={"consistency": 0.025},
-        size=(940, 480),
+        size=(840, 430),
         direct=True,
         moment=5.9,
     ),
@@ -257,7 +257,7 @@ follows the edges of level 1 instead, and binds all of them to their own turn.""
                 "Which cell each cell is bound to",
                 """Each cell of level 1 has the colour of the cell of level 0 it is bound to. Hues go once round along
 the sponge, so turns that lie on each other differ. The roll is cut open in its middle. Bound to the nearest
-cells, the outer side of each turn gets the colour of the turn around it.""",
+cells, the outer side of a turn has patches in the colour of the turn around it.""",
                 cut="z=0",
                 size=(1260, 440),
                 slow=(0.0, 0.35),
