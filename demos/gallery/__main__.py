@@ -7,6 +7,7 @@ from pathlib import Path
 from demos.gallery.entries import DEMOS, Entry
 from demos.gallery.figures import table_of_levels
 from demos.gallery.film import write_binding, write_film, write_picture, write_sheet, write_tile
+from demos.gallery.further import write_further
 from demos.gallery.page import RUNS, write_entry, write_index
 from demos.gallery.shown import ENTRIES
 from demos.gallery.simulation import claims, note, simulate
@@ -54,6 +55,8 @@ def show(entry: Entry, runs: Path, drawn: bool = True) -> bool:
         write_tile(entry, run, PAGES / "tiles" / f"{entry.name}.png")
         if entry.binding:
             write_binding(run, PAGES / f"{entry.name}_binding.png")
+        for film in entry.further:
+            write_further(entry, film, run, PAGES / f"{entry.name}_{film.name}.webp")
     write_player(panes_of_run(run), runs / f"{entry.name}.html", entry.title)
     levels = table_of_levels(run, direct)
     print(write_entry(entry, run, levels, found, note(run.path), PAGES / f"{entry.name}.md"))

@@ -14,6 +14,28 @@ MOST_CPU = 3 * 3600  # s of CPU time that a level gets which is too slow to be r
 
 
 @dataclass(frozen=True)
+class Further:
+    """One more film of a page, with a colour that means something.
+
+    Attributes
+    ----------
+    name : of the film, after that of the entry; a name in `further.SUBJECTS`
+    title : of its part of the page
+    about : Markdown: what to look at, and what was learned
+    view, turn, cut, size, slow : as those of an entry
+    """
+
+    name: str
+    title: str
+    about: str
+    view: str = ""
+    turn: float = 0.0
+    cut: str = ""
+    size: tuple[int, int] = (1200, 460)
+    slow: tuple[float, float] | None = None
+
+
+@dataclass(frozen=True)
 class Entry:
     """A demo in the gallery.
 
@@ -35,6 +57,7 @@ class Entry:
     slow : first and last second of what films show in slow motion, a stored state a frame
     size : width and height of the film [pixels]
     moment : second shown on the contact sheet
+    further : more films of the page
     """
 
     name: str
@@ -53,6 +76,7 @@ class Entry:
     slow: tuple[float, float] | None = None
     size: tuple[int, int] = (1200, 440)
     moment: float = 0.5
+    further: tuple[Further, ...] = ()
 
     @property
     def file(self) -> Path:

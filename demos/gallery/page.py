@@ -40,6 +40,10 @@ def write_entry(
         * entry.direct,
         _begun(entry, run),
         _binding(entry),
+        *(
+            f"## {film.title}\n\n{film.about.strip()}\n\n![{film.title}]({entry.name}_{film.name}.webp)"
+            for film in entry.further
+        ),
         _made(made),
         f"```\n./run pdvol run {entry.file.relative_to(entry.file.parents[1])}{settings}{finest}\n"
         f"./run python -m demos.gallery {entry.name}      # the run, this page and its film;"

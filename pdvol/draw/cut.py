@@ -48,10 +48,14 @@ class Cut:
 
         return self._left(pv.PolyData.from_regular_faces(points, triangles), towards)
 
-    def _left(self, shape: Any, towards: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def left(self, shape: Any, towards: np.ndarray) -> Any:
+        """What is left of a shape of pyvista, with its data on points and cells."""
         normal, origin = np.eye(3)[self.axis], np.zeros(3)
         origin[self.axis] = self.place
-        left = shape.clip(normal=normal, origin=origin, invert=bool(towards[self.axis] > 0.0))
+        return shape.clip(normal=normal, origin=origin, invert=bool(towards[self.axis] > 0.0))
+
+    def _left(self, shape: Any, towards: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        left = self.left(shape, towards)
         if left.n_cells == 0:
             return np.empty((0, 3)), np.empty((0, 3), dtype=np.int64)
         skin = left.extract_surface(algorithm="dataset_surface").triangulate().clean()

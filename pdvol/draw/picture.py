@@ -24,7 +24,7 @@ from pdvol.store.reader import Run, RunLevel
 
 HIGHEST_RATE = 240.0  # frames a second: no screen shows more
 SMALLEST_SIDE, LARGEST_SIDE = 64, 8192  # pixels: captions must fit, and what is rendered in one piece
-_LEFT, _TOP = 118, 42  # pixels beside and above the moments, for captions
+_LEFT, _TOP = 132, 42  # pixels beside and above the moments, for captions
 COLUMNS = 5  # moments of a picture, where they are not asked for by step
 SAMPLED_STATES = 60  # states at which a run's motion is measured to choose moments: enough for five of them
 

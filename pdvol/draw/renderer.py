@@ -128,16 +128,7 @@ class Renderer:
         shapes = [positions[facets[np.isin(owners, carried)]]]
         for mesh, texture in self._carried.items():
             self._add_render_mesh(mesh, texture, level.render_weights(mesh) @ positions)
-        for body in np.setdiff1d(owners, carried):
-            mine = facets[owners == body]
-            colour = pv.Color(PALETTE[body % len(PALETTE)])
-            edges = float(np.clip(12.0 / np.sqrt(len(mine)), 0.15, 0.5))  # many edges must not blacken the body
-            points, smooth = positions, len(mine) >= _SMOOTH_FROM
-            if self._cut is not None and self._cut.through(str(self.run.info["bodies"][body]), True):
-                cells = level.cells[level.bodies == body]
-                points, mine = self._cut.solid(positions, cells, self._view.towards)
-            shapes.append(points[mine])
-            self._add_surface(points, mine, colour, smooth, edges)
+        shapes += [self.draw_body(level, int(body), positions, step) for body in np.setdiff1d(owners, carried)]
         for obstacle in level.placed(self.obstacles, step):
             if obstacle.kind == "mesh":
                 vertices, faces = obstacle.vertices(step), obstacle.arrays["faces"]
@@ -155,6 +146,22 @@ class Renderer:
         for obstacle in level.placed(self.obstacles, step):
             if obstacle.kind == "plane":
                 self._add_plane(*obstacle.plane(step), np.concatenate(shapes))
+
+    def draw_body(self, level: RunLevel, body: int, positions: np.ndarray, step: int) -> np.ndarray:
+        """Draw a body of a 3D scene in its colour; gives the corners (k, 3, 3) [m] of its triangles, for shadows.
+
+        Parameters
+        ----------
+        positions : (n, 3) [m], of all vertices of the level at `step`
+        """
+        mine = level.surface[level.mesh.point_bodies[level.surface[:, 0]] == body]
+        colour = pv.Color(PALETTE[body % len(PALETTE)])
+        edges = float(np.clip(12.0 / np.sqrt(len(mine)), 0.15, 0.5))  # many edges must not blacken the body
+        points, smooth = positions, len(mine) >= _SMOOTH_FROM
+        if self._cut is not None and self._cut.through(str(self.run.info["bodies"][body]), True):
+            points, mine = self._cut.solid(positions, level.cells[level.bodies == body], self._view.towards)
+        self._add_surface(points, mine, colour, smooth, edges)
+        return points[mine]
 
     def _add_surface(
         self, points: np.ndarray, facets: np.ndarray, colour: pv.Color, smooth: bool, edges: float, opacity: float = 1.0

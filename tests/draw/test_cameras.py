@@ -258,7 +258,7 @@ def test_pictures_have_the_size_and_steps_asked_for(solid_run, tmp_path):
     command(["render", str(solid_run), "-o", str(tmp_path / "a.png"), "--size", "700x301", "--frames", "1:3"])
     with Image.open(tmp_path / "a.png") as drawn:
         assert drawn.size == (700, 301)
-    assert picture(open_run(solid_run), steps=[1], levels=[0], width=90, camera="top").size[0] == 118 + 90 + CELL_GAP
+    assert picture(open_run(solid_run), steps=[1], levels=[0], width=90, camera="top").size[0] == 132 + 90 + CELL_GAP
     assert chosen_steps(open_run(solid_run).levels[0], 3, 5, 1) == [1, 2, 3]
 
 
