@@ -112,13 +112,15 @@ def claim(run):
             )
         )
     for entry in motion_from_level_0(run)[1:]:
-        centre, angle = entry["centre_drift"], entry["angle_drift"]
+        moved, angle = entry["centre_drifts"], entry["angle_drift"]
+        sheep, plant = max(moved[name] for name in names), moved["plant"]
         found.append(
             (
-                f"Level {entry['level']} ends with all bodies within {1000 * centre:.0f} mm"
-                f" ({100 * centre / LENGTH:.1f} % of a sheep's length) and {angle:.1f} degrees of level 0; all over it,"
-                f" cerata included, it is at most {1000 * entry['largest_distance']:.0f} mm from it.",
-                centre < 0.03 * LENGTH and entry["largest_distance"] < 0.1 * LENGTH,
+                f"Level {entry['level']} ends with both sheep within {1000 * sheep:.0f} mm"
+                f" ({100 * sheep / LENGTH:.1f} % of a sheep's length), the plant within {1000 * plant:.0f} mm"
+                f" ({100 * plant / HEIGHT:.1f} % of its height) and all bodies within {angle:.1f} degrees of level 0;"
+                f" all over it, cerata included, it is at most {1000 * entry['largest_distance']:.0f} mm from it.",
+                sheep < 0.03 * LENGTH and plant < 0.03 * HEIGHT and entry["largest_distance"] < 0.1 * LENGTH,
             )
         )
     return found

@@ -125,7 +125,7 @@ def motion_from_level_0(run: Run) -> list[dict[str, Any]]:
     list of dict
         `level`, `vertices`; and above level 0 `distance` [m] at the end and `largest_distance` over all states (root
         mean square over the mass), and at the end the largest `centre_drift` [m] and `angle_drift` [degrees] of a
-        body, and which `body` has drifted furthest.
+        body, which `body` has drifted furthest, and `centre_drifts` [m] by the names of bodies.
     """
     prolongation = run.info.get("prolongation", "barycentric")
     done = [level for level in run.levels if level.info["state"] == "done" and level.steps]
@@ -143,6 +143,7 @@ def motion_from_level_0(run: Run) -> list[dict[str, Any]]:
             entry |= {"distance": apart[-1], "largest_distance": max(apart)}
             entry |= {"centre_drift": float(centres.max()), "angle_drift": float(angles.max())}
             entry["body"] = run.info["bodies"][int(centres.argmax())]
+            entry["centre_drifts"] = dict(zip(run.info["bodies"], centres.tolist(), strict=True))
         found.append(entry)
     return found
 

@@ -15,6 +15,7 @@ from pdvol.geometry.level_mesh import LevelMesh, lumped_masses
 from pdvol.levels.hierarchy import Hierarchy
 from pdvol.levels.space import LevelSpace
 from pdvol.potentials.loads import assemble_mass
+from pdvol.runs.run_metrics import motion_from_level_0
 from pdvol.store.writer import RunWriter
 
 STEPS = 12
@@ -116,6 +117,8 @@ def test_measures_between_levels(folder, capsys):
     assert fine["centre_drift"][-1] < fine["distance"][-1], "bodies' centres are closer than their points"
     (body,) = fine["bodies"]
     assert body["centre_drift"] == fine["centre_drift"] == fine["centre_drift_from_0"]
+    (_, last) = motion_from_level_0(open_run(folder / "progressive"))
+    assert last["centre_drifts"] == {body["name"]: pytest.approx(body["centre_drift_from_0"][-1], rel=1e-9)}
     assert f"drift from the level below at most {max(fine['centre_drift']):.3g} m" in out
     run = open_run(folder / "progressive")
     hierarchy = Hierarchy([level.mesh for level in run.levels], MPI.COMM_SELF)
