@@ -9,7 +9,7 @@ import numpy as np
 from benchmarks.report import number, table
 from pdvol.explore.lengths import length
 from pdvol.measure.verify import LevelFindings, check_levels
-from pdvol.runs.run_metrics import measure_run, motion_from_level_0
+from pdvol.runs.run_metrics import distances_from_below, motion_from_level_0
 from pdvol.store.reader import Run, RunLevel
 
 
@@ -22,7 +22,7 @@ def table_of_levels(run: Run, direct: Run | None = None) -> str:
     """
     levels = [level for level in run.levels if level.steps > 1]
     found = {checked.index: checked for checked in check_levels(run.path)}
-    below = {entry["level"]: entry["summary"].get("distance") for entry in measure_run(run.path)["levels"]}
+    below = distances_from_below(run)
     above, alone = (_motions(each) if each else {} for each in (run, direct))
 
     def row(name: str, cell: Callable[[RunLevel], str]) -> list[str]:
@@ -30,7 +30,7 @@ def table_of_levels(run: Run, direct: Run | None = None) -> str:
 
     def from_below(level: RunLevel) -> str:
         measured = below.get(level.index)
-        return f"{length(measured['mean'])} ({length(measured['largest'])})" if measured else ""
+        return f"{length(float(np.mean(measured)))} ({length(max(measured))})" if measured else ""
 
     def from_0(level: RunLevel, motions: Mapping[int, Mapping[str, Any]] = above) -> str:
         measured = motions.get(level.index, {})
