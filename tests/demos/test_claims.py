@@ -50,7 +50,9 @@ def test_the_page_is_there_and_its_film_is_small(entry):
     assert "Does not hold" not in text and "0 in " in text
     for name in re.findall(r"\]\(([^)#]+)", text):
         assert (PAGES / name).exists(), name
-    assert (PAGES / f"{entry.name}.webp").stat().st_size < MOST_BYTES
+    for film in ("", *(f"_{further.name}" for further in entry.further)):
+        assert f"({entry.name}{film}.webp)" in text
+        assert (PAGES / f"{entry.name}{film}.webp").stat().st_size < MOST_BYTES
     assert f"({entry.name}.md)" in (PAGES / "README.md").read_text()
 
 
