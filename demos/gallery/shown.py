@@ -214,10 +214,11 @@ thick and bend as folded paper does; finer levels bend smoothly, and the pile ke
         """A current sweeps two leaf sheep off the caps of a sea mushroom. They meet over a stone and come to rest on
 their feet. Level 0 has 10,000 tetrahedra, level 2 has 400,000: what level 0 shows within minutes is what level 2
 shows after a night.""",
-        small={"vertices": ((500, 1250), (250, 400)), "dt": 0.04, "steps": 110},
+        small={"vertices": ((500, 800), (250, 400)), "dt": 0.04, "steps": 110},
+        view="-0.95,1.37,2.01:0.0,0.33,0.14",
         slow=(0.8, 2.4),
         size=(1260, 480),
-        moment=4.0,
+        moment=1.68,
     ),
     Entry(
         "twist",

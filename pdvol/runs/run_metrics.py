@@ -1,5 +1,6 @@
 """The measures of `pdvol.measure.metrics` for a stored run, with forces from its scene and P from its meshes."""
 
+import itertools
 import os
 from collections.abc import Sequence
 from pathlib import Path
@@ -145,6 +146,24 @@ def motion_from_level_0(run: Run) -> list[dict[str, Any]]:
             entry["body"] = run.info["bodies"][int(centres.argmax())]
             entry["centre_drifts"] = dict(zip(run.info["bodies"], centres.tolist(), strict=True))
         found.append(entry)
+    return found
+
+
+def distances_from_below(run: Run) -> dict[int, list[float]]:
+    """[m] from each level above 0 to the level below it, prolonged, in every state that both have: root mean squares
+    over the mass. It is the `distance` of `measure_run`, without the forces that take most of the time there.
+    """
+    prolongation = run.info.get("prolongation", "barycentric")
+    hierarchy = Hierarchy([level.mesh for level in run.levels], MPI.COMM_SELF, prolongation)
+    densities = level_densities(run, _scene(run, [])[0], [])
+    found = {}
+    for below, level in itertools.pairwise(run.levels):
+        weights = hierarchy.prolongation(level.index).weights
+        masses = lumped_masses(level.mesh, densities[level.index])
+        states = range(min(level.steps, below.steps))
+        found[level.index] = [
+            metrics.distance(level.positions(n), weights @ below.positions(n), masses) for n in states
+        ]
     return found
 
 

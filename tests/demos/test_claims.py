@@ -18,6 +18,7 @@ from pdvol import open_run
 from pdvol.cli import run
 from pdvol.errors import SimulationError
 from pdvol.measure.verify import verify_run
+from pdvol.runs.run_metrics import distances_from_below, measure_run
 from pdvol.store.folder import level_folder, state_file
 
 MOST_BYTES = 6e6  # of a film: the repository carries them
@@ -49,7 +50,9 @@ def test_the_page_is_there_and_its_film_is_small(entry):
     assert "Does not hold" not in text and "0 in " in text
     for name in re.findall(r"\]\(([^)#]+)", text):
         assert (PAGES / name).exists(), name
-    assert (PAGES / f"{entry.name}.webp").stat().st_size < MOST_BYTES
+    for film in ("", *(f"_{further.name}" for further in entry.further)):
+        assert f"({entry.name}{film}.webp)" in text
+        assert (PAGES / f"{entry.name}{film}.webp").stat().st_size < MOST_BYTES
     assert f"({entry.name}.md)" in (PAGES / "README.md").read_text()
 
 
@@ -67,6 +70,8 @@ def test_a_page_is_made_from_a_stored_run(tmp_path, monkeypatch, capsys):
     cells = [[cell.strip() for cell in row.split("|")[1:-1]] for row in text.splitlines() if "|" in row]
     rows = {name: values for name, *values in cells}
     stored = open_run(runs / "melt")
+    measured = measure_run(runs / "melt")["levels"][1]["distance"]
+    assert distances_from_below(stored) == {1: pytest.approx(measured)} and max(measured) > 0.0
     assert rows["vertices, cells"] == [f"{len(x.rest)}, {len(x.cells)}" for x in stored.levels]
     assert rows["intersections"] == ["0 in 76 states"] * 2
     own = rows["distance from level 0, at the end (largest)"]
