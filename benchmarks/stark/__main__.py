@@ -66,7 +66,7 @@ def main(words: list[str] | None = None) -> int:
 
 def parsed(words: list[str] | None) -> argparse.Namespace:
     """The options."""
-    parser = argparse.ArgumentParser(prog="python -m benchmarks.stark", description=(__doc__ or "").splitlines()[0])
+    parser = process.parser("stark", __doc__)
     add, shared = parser.add_argument, REPOSITORY.parent / "shared" / "peers"
     add("--stark", type=Path, metavar="DIR", help="the folder that holds the built module pystark")
     add("--scenes", default="", metavar="NAME,...", help=f"rows: {', '.join(ROWS)} (default: the short ones)")
