@@ -26,7 +26,7 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.common import commits, process
+from benchmarks.common import commits, process, tables
 from benchmarks.common.process import REPOSITORY
 from benchmarks.dense import rows
 from benchmarks.dense.rows import ROWS
@@ -46,7 +46,7 @@ def main(words: list[str] | None = None) -> int:
     options = parsed(words)
     try:
         names = chosen(options.scenes, options.long)
-        between(options.docs)
+        tables.between(options.docs, BEGIN, END)
         repository = commits.Repository(REPOSITORY)
         against = repository.full(options.against)
         options.out.mkdir(parents=True, exist_ok=True)
@@ -267,7 +267,7 @@ class Table:
         """Adds a row, and writes the record and the page."""
         self.rows[name] = [old, new]
         self._path.write_text(json.dumps({"machine": process.machine(), "rows": self.rows}) + "\n")
-        before, after = between(self._docs)
+        before, after = tables.between(self._docs, BEGIN, END)
         self._docs.write_text(f"{before}{BEGIN}\n{self}\n{END}{after}")
 
     def __str__(self) -> str:
@@ -279,15 +279,6 @@ class Table:
             f" that of {old}. What is missed is in bold.\n\n"
             f"{rows.tables(pairs)}"
         )
-
-
-def between(docs: Path) -> tuple[str, str]:
-    """The text of a page before and after its tables."""
-    text = docs.read_text()
-    if text.count(BEGIN) != 1 or text.count(END) != 1:
-        raise process.Mistake(f"{docs} needs the lines {BEGIN} and {END}, once each")
-    before, _, rest = text.partition(BEGIN)
-    return before, rest.partition(END)[2]
 
 
 if __name__ == "__main__":

@@ -1,0 +1,1 @@
+"""How fast is a step beside STARK's? Both run in turn on one machine."""
