@@ -6,8 +6,14 @@ coefficients the distance's gradient is exact, because closest points are statio
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
+from functools import cached_property
+from itertools import pairwise
+from typing import Any
 
 import numpy as np
+
+from pdvol.compiled import pointer
+from pdvol.potentials.contact.native import ffi
 
 
 @dataclass(frozen=True)
@@ -54,17 +60,28 @@ class Stencils:
             np.empty((faded, 10, 3, 3)),
         )
 
+    @cached_property
+    def c(self) -> Any:
+        """The C struct of all this, which must be kept."""
+        struct = ffi.new("contacts_t *")
+        struct.count, struct.faded = len(self.weights), len(self.fading)
+        struct.vertices, struct.fading = pointer(self.vertices, "int32_t"), pointer(self.fading, "int64_t")
+        struct.coefficients, struct.gaps = pointer(self.coefficients), pointer(self.gaps)
+        struct.weights, struct.fades, struct.curves = map(pointer, (self.weights, self.fades, self.curves))
+        return struct
+
     def first(self, count: int, faded: int) -> "Stencils":
-        """The first contacts, and the first of those whose weights change."""
-        return Stencils(
-            self.vertices[:count],
-            self.coefficients[:count],
-            self.gaps[:count],
-            self.weights[:count],
-            self.fading[:faded],
-            self.fades[:faded],
-            self.curves[:faded],
-        )
+        """The first contacts, and the first of those whose weights change, as arrays of their own."""
+        ends = (count,) * 4 + (faded,) * 3
+        return Stencils(*(getattr(self, f.name)[:end].copy() for f, end in zip(fields(self), ends, strict=True)))
+
+    def parts(self, ends: np.ndarray) -> "list[Stencils]":
+        """The parts that end before these contacts, and before these of those whose weights change (p, 2)."""
+        found = []
+        for (start, f), (end, g) in pairwise([(0, 0), *ends.tolist()]):
+            own = (array[start:end] for array in (self.vertices, self.coefficients, self.gaps, self.weights))
+            found.append(Stencils(*own, self.fading[f:g] - start, self.fades[f:g], self.curves[f:g]))
+        return found
 
     @classmethod
     def joined(cls, parts: Sequence["Stencils"]) -> "Stencils":

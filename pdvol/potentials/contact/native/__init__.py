@@ -6,6 +6,8 @@ from typing import Any
 
 from pdvol.compiled import ffi, load
 
+__all__ = ["ffi", "library"]
+
 ffi.cdef(
     """
 typedef struct {
@@ -23,25 +25,32 @@ void deviations(int d, int64_t objects, const int64_t *firsts, const double *sta
                 const double *vertices, double *drift, double *sizes);
 void shapes(int d, int64_t bodies, const int64_t *firsts, const double *start, const double *move,
             const double *vertices, double *turns, double *shares, double *sizes, double *moves);
+typedef struct {
+    int64_t n_points, n_edges;
+    const int32_t *points, *edges;
+    double *point_bounds, *edge_bounds, *point_rates, *edge_rates;
+    double share, off;
+} pairs_t;
+typedef struct {
+    int64_t count, faded;
+    int32_t *vertices;
+    double *coefficients, *gaps, *weights;
+    int64_t *fading;
+    double *fades, *curves;
+} contacts_t;
 int search_pairs(const surface_t *s, const double *boxes, const double *x, const double *y, double distance,
-                 const uint8_t *meets, int64_t first, int64_t last, const int64_t *capacities, int32_t *points,
-                 int32_t *edges, int64_t *counts);
+                 const uint8_t *meets, int64_t first, int64_t last, pairs_t *found, int32_t *points, int32_t *edges);
+void ask_about(int d, int64_t n, const double *x, const double *y, const double *z, pairs_t *pairs);
 double longest_step(const surface_t *s, const double *x, const double *y, double dhat, double gap_share,
-                    int64_t n_points, const int32_t *points, int64_t n_edges, const int32_t *edges, double step);
-int active_pairs(const surface_t *s, const double *x, double dhat, int64_t n_points, const int32_t *points,
-                 int64_t n_edges, const int32_t *edges, const int64_t *capacities, int32_t *vertices,
-                 double *coefficients, double *gaps, double *weights, int64_t *fading, double *fades, double *curves,
+                    const pairs_t *pairs, double step);
+int active_pairs(const surface_t *s, const double *x, double dhat, int n, pairs_t *const *lists, const contacts_t *to,
                  int64_t *counts);
-double barrier_sum(int d, int64_t count, const int32_t *vertices, const double *coefficients, const double *gaps,
-                   const double *weights, int64_t faded, const int64_t *fading, const double *fades, double dhat,
-                   double kappa, double *gradient);
-int64_t tensor_blocks(int d, int64_t count, const int32_t *vertices, const double *coefficients, const double *tensors,
-                      const int64_t *rows, int64_t *out_rows, int64_t *out_columns, double *blocks);
-int64_t barrier_blocks(int d, int64_t count, const int32_t *vertices, const double *coefficients, const double *gaps,
-                       const double *weights, const double *x, int64_t faded, const int64_t *fading,
-                       const double *fades, const double *curves, double dhat, double kappa, double factor,
-                       int convex, const int64_t *rows,
-                       int64_t *out_rows, int64_t *out_columns, double *blocks);
+double barrier_sum(int d, const contacts_t *all, double dhat, double kappa, double *gradient);
+int64_t tensor_blocks(int d, const contacts_t *all, const double *tensors, const int64_t *rows, int64_t first,
+                      int64_t last, int64_t *out_rows, int64_t *out_columns, double *blocks);
+int64_t barrier_blocks(int d, const contacts_t *all, const double *x, double dhat, double kappa, double factor,
+                       int convex, const int64_t *rows, int64_t first, int64_t last, int64_t *out_rows,
+                       int64_t *out_columns, double *blocks);
 """
 )
 
