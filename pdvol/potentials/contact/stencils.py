@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from pdvol.compiled import pointer
-from pdvol.potentials.contact.native import ffi
+from pdvol.potentials.contact.native import ffi, library
 
 
 @dataclass(frozen=True)
@@ -79,8 +79,9 @@ class Stencils:
         """The parts that end before these contacts, and before these of those whose weights change (p, 2)."""
         found = []
         for (start, f), (end, g) in pairwise([(0, 0), *ends.tolist()]):
-            own = (array[start:end] for array in (self.vertices, self.coefficients, self.gaps, self.weights))
-            found.append(Stencils(*own, self.fading[f:g] - start, self.fades[f:g], self.curves[f:g]))
+            own = [array[start:end] for array in (self.vertices, self.coefficients, self.gaps, self.weights)]
+            own += [self.fading[f:g] - start, self.fades[f:g], self.curves[f:g]]
+            found.append(Stencils(*own))
         return found
 
     @classmethod
@@ -114,9 +115,6 @@ class Stencils:
         """(count, d) forces [N] at the surface's vertices, from forces (k, d) on the gaps: the transpose of
         `gaps_of`.
         """
-        out = np.empty((count, forces.shape[1]))
-        for axis in range(forces.shape[1]):
-            out[:, axis] = np.bincount(
-                self.vertices.ravel(), (self.coefficients * forces[:, axis, None]).ravel(), minlength=count
-            )
+        out = np.zeros((count, forces.shape[1]))
+        library().scatter(forces.shape[1], self.c, pointer(np.ascontiguousarray(forces)), pointer(out))
         return out

@@ -1,4 +1,4 @@
-"""The compiled loops of contact: broad phase, collision detection, active pairs and sums over them."""
+"""The compiled loops of contact: broad phase, collision detection, active pairs, sums over them, and friction."""
 
 from functools import cache
 from pathlib import Path
@@ -51,6 +51,17 @@ int64_t tensor_blocks(int d, const contacts_t *all, const double *tensors, const
 int64_t barrier_blocks(int d, const contacts_t *all, const double *x, double dhat, double kappa, double factor,
                        int convex, const int64_t *rows, int64_t first, int64_t last, int64_t *out_rows,
                        int64_t *out_columns, double *blocks);
+void friction_slips(int d, const contacts_t *all, const double *normals, const double *start, const double *x,
+                    double *slips);
+void friction_energies(int d, int64_t count, const double *slips, double eps, double *energies);
+void friction_forces(int d, int64_t count, const double *slips, const double *sliding, double eps,
+                     const int8_t *states, const double *ways, const double *sizes, double *forces);
+void friction_tensors(int d, int64_t count, const double *slips, const double *normals, const double *sliding,
+                      double eps, double weight, const int8_t *states, const double *ways, const double *sizes,
+                      double *tensors);
+int64_t friction_predict(int d, int64_t count, const double *now, const double *then, const double *sliding,
+                         double eps, int8_t *states, double *ways, double *sizes);
+void scatter(int d, const contacts_t *all, const double *forces, double *out);
 """
 )
 
