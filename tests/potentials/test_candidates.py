@@ -22,6 +22,7 @@ from pdvol.measure.verify import crossings
 from pdvol.potentials.contact import candidates
 from pdvol.potentials.contact.barrier import SurfaceBarrier
 from pdvol.potentials.contact.collision_surface import CollisionSurface
+from pdvol.potentials.contact.stencils import Stencils
 from pdvol.potentials.potential import MIN_GAP_SHARE, SCRIPTED_GAP_SHARE, Positions
 from pdvol.scene import Translation
 from problems import polyline, tetrahedron
@@ -345,3 +346,65 @@ def test_a_step_leaves_the_share_of_a_gap_that_it_is_asked_to_keep(ccd, keep):
     step = barrier.max_step(x, space.from_input(fall), gap_share=keep)
     left = barrier.min_gap(x.moved(step, space.from_input(fall))) / barrier.min_gap(x)
     assert keep - 1e-9 <= left <= keep + 0.02
+
+
+# ---- bounds
+
+
+def bounds_of(pairs, vertices):
+    """What the list's pairs of points and of edges are apart at least (k,), at an array that it is asked about."""
+    pairs.ask_about(vertices)
+    counts = len(pairs.points), len(pairs.edges)
+    return [
+        bounds[:count] - pairs.c.share * rates[:count] - 2.0 * pairs.c.off
+        for bounds, rates, count in zip(pairs._bounds, pairs._rates, counts, strict=True)
+    ]
+
+
+@pytest.mark.parametrize("d", [2, 3])
+@pytest.mark.parametrize("obstacle", [None, "moving"])
+def test_bounds_are_no_larger_than_distances(d, obstacle):
+    """On the way that collision detection has looked at, beside it, and far from it; after small steps they still show
+    that most of the pairs beyond dhat are no contacts.
+    """
+    space, surface = heap(d, obstacle=obstacle)
+    rng, beyond, shown, time = np.random.default_rng(3), 0, 0, 0.0
+    x = Positions(space, space.from_input(space.mesh.points))
+    for k in range(12):
+        size = DHAT * 10.0 ** rng.uniform(-4, 0.5)
+        direction = size * (rng.standard_normal(d) + 0.1 * rng.uniform(-1, 1, x.owned.shape))
+        until = time + size
+        start, end = surface.vertices(x), surface.vertices(x.moved(1.0, direction), at=until)
+        step = surface.max_step(start, end)
+        beside = 1e-3 * DHAT * rng.uniform(-1, 1, start.shape)
+        places = [start + share * (end - start) + off for share in (0.0, 0.4, step) for off in (0.0, beside)]
+        for place in [*places, start + 3.0 * rng.uniform(-1, 1, start.shape)]:
+            for pairs in surface.lists:
+                corners, ends = surface.primitives.facets[pairs.points[:, 1]], surface.primitives.edges[pairs.edges]
+                found = [to_facets(place[pairs.points[:, 0]], place[corners])]
+                found += [between_edges(*(place[ends[:, i, j]] for i in (0, 1) for j in (0, 1)))] if d == 3 else []
+                for bounds, apart in zip(bounds_of(pairs, place), found, strict=False):
+                    assert np.all(bounds <= apart + 1e-12)
+                    if place is places[4] and k > 0:
+                        beyond += np.sum(apart > 1.1 * DHAT)
+                        shown += np.sum((apart > 1.1 * DHAT) & (bounds > DHAT))
+        x, time = x.moved(step, direction), time + step * size
+        surface.move_obstacles(time)
+    assert beyond > 100 and shown > 0.6 * beyond
+
+
+def test_parts_of_contacts_are_joined_again():
+    """As ranks exchange them: points and edges of either list, with derivatives of weights where they change."""
+    space, surface = heap(3)
+    rest = surface.vertices(Positions(space, space.from_input(space.mesh.points)))
+    rng, parts = np.random.default_rng(0), 0
+    for _ in range(10):
+        vertices = rest + 0.5 * DHAT * rng.uniform(-1, 1, rest.shape)
+        whole = surface.contacts(vertices)
+        found, ends = surface._active(vertices)
+        split = found.parts(ends)
+        again = Stencils.joined(split)
+        for name in ("vertices", "coefficients", "gaps", "weights", "fading", "fades", "curves"):
+            np.testing.assert_array_equal(getattr(again, name), getattr(whole, name))
+        parts += all(len(part) for part in split[2:]) and len(whole.fading) > 1
+    assert parts > 3

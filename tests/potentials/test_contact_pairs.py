@@ -440,4 +440,4 @@ def test_a_rank_without_rows_of_any_contact_adds_nothing():
     blocks = HessianBlocks(BlockPattern(space))
     none = np.zeros(0, dtype=np.int64)
     blocks.add_pairs(none, none, np.zeros((0, 2, 2)))
-    assert blocks.finite() and not blocks.added and len(blocks.merged(None)[2]) == blocks.pattern.count
+    assert blocks.finite() and blocks.count == 0 and len(blocks.merged(None)[2]) == blocks.pattern.count

@@ -3,6 +3,8 @@
 The sparsity pattern of a level's Hessian from its cells: upper triangle, in blocks. Built once per level.
 """
 
+from collections.abc import Callable
+
 import numpy as np
 from scipy.sparse import bsr_array, csr_array
 
@@ -71,33 +73,38 @@ class HessianBlocks:
         Negative eigenvalues of the terms' local Hessians are set to zero, replaced by their absolute values, or kept.
     cells : (pattern.count, d, d)
         Blocks between vertices of a cell, in the pattern's order.
-    added : list of (rows, columns, blocks)
-        The contributions of `add_pairs`, rows local.
+    count : number of blocks that `add_pairs` and `add_compiled` have added
     """
 
     def __init__(self, pattern: BlockPattern, projection: str = "clamp"):
         self.pattern, self.projection = pattern, projection
         d = pattern.space.dim
         self.cells = np.zeros((pattern.count, d, d))
-        self.added: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []
-        self._kept = 0
+        self.count = self._kept = 0
+        self._rows, self._columns = (np.empty(0, dtype=np.int64) for _ in range(2))
+        self._blocks: np.ndarray = np.empty((0, d, d))
+
+    @property
+    def added(self) -> BlockCsr:
+        """What was added: local rows (k,) int64, global columns (k,) int64 and blocks (k, d, d); not to be kept."""
+        return self._rows[: self.count], self._columns[: self.count], self._blocks[: self.count]
 
     def clear(self) -> None:
         """Back to zero."""
         self.cells[:] = 0.0
-        self.added.clear()
+        self.count = 0
 
     def keep_added(self) -> None:
         """Marks the pairs added so far as those that `drop_later` keeps."""
-        self._kept = len(self.added)
+        self._kept = self.count
 
     def drop_later(self) -> None:
         """Removes the pairs added since the last `keep_added`."""
-        del self.added[self._kept :]
+        self.count = self._kept
 
     def finite(self) -> bool:
         """Whether all blocks of this rank are finite."""
-        return bool(np.isfinite(self.cells.sum())) and all(np.isfinite(blocks.sum()) for *_, blocks in self.added)
+        return bool(np.isfinite(self.cells.sum()) and np.isfinite(self._blocks[: self.count].sum()))
 
     def add_diagonal(self, vertices: np.ndarray, blocks: np.ndarray) -> None:
         """Adds blocks (k, d, d) on the diagonal at owned vertices (k,), which may repeat."""
@@ -115,12 +122,37 @@ class HessianBlocks:
         """
         first, last = self.pattern.space.first_block, self.pattern.space.first_block + self.pattern.space.n_owned
         kept = (rows >= first) & (rows < last) & (columns >= rows)
-        if not kept.any():
-            return
-        if kept.all():
-            self.added.append((rows - first, columns, blocks))
-        else:
-            self.added.append((rows[kept] - first, columns[kept], blocks[kept]))
+        end = self._make_room(int(np.count_nonzero(kept)))
+        new = slice(self.count, end)
+        self._rows[new], self._columns[new], self._blocks[new] = rows[kept] - first, columns[kept], blocks[kept]
+        self.count = end
+
+    def add_compiled(self, function: Callable[..., int], most: int, *arguments: object) -> None:
+        """Adds what a compiled function finds, `most` blocks at most. After its arguments it takes the first of this
+        rank's rows, the one behind the last, and where local rows, global columns and blocks go; it returns how many
+        there are.
+        """
+        self._make_room(most)
+        space, start = self.pattern.space, self.count
+        self.count += function(
+            *arguments,
+            space.first_block,
+            space.first_block + space.n_owned,
+            pointer(self._rows[start:], "int64_t"),
+            pointer(self._columns[start:], "int64_t"),
+            pointer(self._blocks[start:]),
+        )
+
+    def _make_room(self, more: int) -> int:
+        """Makes room for so many more blocks; returns how many there would then be."""
+        end = self.count + more
+        if end > len(self._rows):
+            parts = (self._rows, self._columns, self._blocks)
+            rooms = tuple(np.empty((2 * end, *part.shape[1:]), dtype=part.dtype) for part in parts)
+            for room, part in zip(rooms, parts, strict=True):
+                room[: self.count] = part[: self.count]
+            self._rows, self._columns, self._blocks = rooms
+        return end
 
     def merged(self, fixed: np.ndarray | None = None) -> BlockCsr:
         """The sum of `cells` and `added`, on or right of the diagonal.
@@ -132,12 +164,7 @@ class HessianBlocks:
         """
         pattern, space = self.pattern, self.pattern.space
         d, n = space.dim, len(space.mesh.points)
-        empty = (np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64), np.zeros((0, d, d)))
-        rows, columns, blocks = (
-            np.ascontiguousarray(np.concatenate(parts), dtype=kind)
-            for parts, kind in zip(zip(empty, *self.added, strict=True), (np.int64, np.int64, np.float64), strict=True)
-        )
-        most = pattern.count + len(rows)
+        most = pattern.count + self.count
         starts, found = np.empty(space.n_owned + 1, dtype=np.int32), np.empty(most, dtype=np.int32)
         sums = np.empty(most * d * d + SPARE)
         count = native.library().merge_pairs(
@@ -148,10 +175,10 @@ class HessianBlocks:
             pointer(pattern.starts, "int32_t"),
             pointer(pattern.columns, "int32_t"),
             pointer(self.cells),
-            len(rows),
-            pointer(rows, "int64_t"),
-            pointer(columns, "int64_t"),
-            pointer(blocks),
+            self.count,
+            pointer(self._rows, "int64_t"),
+            pointer(self._columns, "int64_t"),
+            pointer(self._blocks),
             native.ffi.NULL if fixed is None else pointer(fixed, "uint8_t"),
             pointer(starts, "int32_t"),
             pointer(found, "int32_t"),

@@ -34,6 +34,7 @@ class SurfaceBarrier(Term):
         self.surface, self.space, self.dhat, self.kappa = surface, surface.space, surface.dhat, kappa
         self._at: Positions | None = None  # where the next was found
         self._stencils: Stencils
+        self._summed: tuple[Stencils | None, float, float, np.ndarray] = None, 0.0, 0.0, np.zeros((0, 0))
 
     @property
     def obstacles(self) -> tuple[Obstacle, ...]:
@@ -53,29 +54,14 @@ class SurfaceBarrier(Term):
             self._stencils, self._at = self.surface.contacts(self.surface.vertices(x)), x
         return self._stencils
 
-    def _arguments(self, found: Stencils) -> tuple:
-        return (
-            self.space.dim,
-            len(found),
-            pointer(found.vertices, "int32_t"),
-            pointer(found.coefficients),
-            pointer(found.gaps),
-            pointer(found.weights),
-        )
-
     def _sum(self, x: Positions) -> tuple[float, np.ndarray]:
-        """The energy [J], and its gradient (n, d) [N] by the surface's vertices."""
-        found, gradient = self.stencils(x), np.zeros((len(self.surface.objects), self.space.dim))
-        energy = library().barrier_sum(
-            *self._arguments(found),
-            len(found.fading),
-            pointer(found.fading, "int64_t"),
-            pointer(found.fades),
-            self.dhat,
-            self.kappa,
-            pointer(gradient),
-        )
-        return energy, gradient
+        """The energy [J], and its gradient (n, d) [N] by the surface's vertices: once for each state and stiffness."""
+        found = self.stencils(x)
+        if self._summed[0] is not found or self._summed[1] != self.kappa:
+            gradient = np.zeros((len(self.surface.objects), self.space.dim))
+            energy = library().barrier_sum(self.space.dim, found.c, self.dhat, self.kappa, pointer(gradient))
+            self._summed = found, self.kappa, energy, gradient
+        return self._summed[2:]
 
     def value(self, x: Positions) -> float:
         return self._sum(x)[0] if len(self.stencils(x)) else 0.0
@@ -85,21 +71,9 @@ class SurfaceBarrier(Term):
 
     def add_hessian(self, x: Positions, weight: float, into: HessianBlocks) -> None:
         found = self.stencils(x)
-        if not len(found):
-            return
-        arguments = (
-            *self._arguments(found),
-            pointer(self.surface.vertices(x)),
-            len(found.fading),
-            pointer(found.fading, "int64_t"),
-            pointer(found.fades),
-            pointer(found.curves),
-            self.dhat,
-            self.kappa,
-            weight,
-            into.projection != "none",
-        )
-        self.surface.add_blocks(library().barrier_blocks, arguments, len(found), into)
+        if len(found):
+            law = self.dhat, self.kappa, weight, into.projection != "none"
+            self.surface.add_blocks(library().barrier_blocks, into, found, pointer(self.surface.vertices(x)), *law)
 
     def contact_stiffness(self, x: Positions, masses: np.ndarray, blocks: np.ndarray) -> np.ndarray:
         """(k,) semi-implicit stiffness [N/m] of the contacts (`stiffness.py`), all on the first rank, from masses

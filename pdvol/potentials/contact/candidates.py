@@ -13,8 +13,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pdvol.compiled import ffi, pointer
-from pdvol.potentials.contact.native import library
+from pdvol.compiled import pointer
+from pdvol.potentials.contact.native import ffi, library
 from pdvol.potentials.contact.primitives import Primitives
 
 # slack, in median edge lengths: longer lists cost more in every evaluation, shorter ones are searched more often
@@ -44,7 +44,9 @@ class Shapes(NamedTuple):
 
 
 class PairList:
-    """Pairs of vertices and facets, and of edges, that can be within reach of each other.
+    """Pairs of vertices and facets, and of edges, that can be within reach of each other, with lower bounds of their
+    distances. A bound is the distance that the search or a collision detection has found, less how much nearer the pair
+    can have come since then.
 
     Parameters
     ----------
@@ -58,6 +60,7 @@ class PairList:
     points : (k, 2) int32
         Vertex and facet of each pair; the pairs of a vertex stand together.
     edges : (k, 2) int32
+    c : the C struct of both, with their bounds
     searches : number of searches so far
     """
 
@@ -73,10 +76,14 @@ class PairList:
         self._firsts = np.cumsum([0, *self._counts])
         self._boxed: tuple[np.ndarray, np.ndarray] | None = None
         self._reference: tuple[np.ndarray, np.ndarray | None] | None = None  # start, and what it moves by
+        self._known: tuple = (None,) * 4  # of `_shapes_at`: what was asked about last, and the shapes
         self._covered: np.ndarray | None = None  # one array that the list is known to be complete at
         self._room: np.ndarray = np.zeros((len(numbers), len(numbers)))
-        self._buffers = [np.zeros((1024, 2), dtype=np.int32) for _ in range(2)]
-        self.points, self.edges = (buffer[:0] for buffer in self._buffers)
+        self._way: tuple[np.ndarray, np.ndarray] | None = None  # of the bounds, from and to
+        self._asked: np.ndarray | None = None  # what place `c` is asked about
+        self.c = ffi.new("pairs_t *")
+        self._make_room(1024, 1024)
+        self.points, self.edges = (pairs[:0] for pairs in self._pairs)
 
     @property
     def empty(self) -> bool:
@@ -121,7 +128,7 @@ class PairList:
         if self._reference is None:
             return False
         if self.within:
-            covers = bool(np.all(self._shapes(*self._reference, vertices).sizes <= self._slack))
+            covers = bool(np.all(self._shapes_at(vertices, *self._reference).sizes <= self._slack))
         else:
             covers = self._is_near(*self._reference, vertices)
         self._covered = vertices if covers else self._covered
@@ -138,11 +145,17 @@ class PairList:
             return self._covers(start) and self._covers(end)
         if self._reference is None:
             return False
-        one, other = (self._shapes(*self._reference, x) for x in (start, end))
+        one, other = (self._shapes_at(x, *self._reference) for x in (start, end))
         cosine = np.sqrt(np.clip((1.0 + np.einsum("bij,bij->b", one.turns, other.turns)) / 4.0, 0.0, 1.0))
         bent = 0.5 * np.sqrt(1.0 - cosine**2) * np.abs(one.shares - other.shares) * one.moves
         off = np.maximum(one.sizes, other.sizes) + bent
         return bool(np.all(cosine * (self.reach + 2.0 * self._slack) - 2.0 * off >= self.reach))
+
+    def _shapes_at(self, vertices: np.ndarray, start: np.ndarray, move: np.ndarray | None) -> Shapes:
+        """The same as `_shapes`, found once for the arrays that were asked about last."""
+        if any(one is not other for one, other in zip(self._known[:3], (vertices, start, move), strict=True)):
+            self._known = vertices, start, move, self._shapes(start, move, vertices)
+        return self._known[3]
 
     def _shapes(self, start: np.ndarray, move: np.ndarray | None, vertices: np.ndarray) -> Shapes:
         """How the bodies at `vertices` differ in shape from `start`, or from the nearest place on a move from there."""
@@ -207,9 +220,10 @@ class PairList:
         self._room = np.where(near, 2.0 * self._slack, apart - self.reach)
         meets = self._allowed & near
         self.searches += 1
-        counts, found = np.zeros(2, dtype=np.int64), False
-        while not found:
-            capacities = np.array([len(buffer) for buffer in self._buffers])
+        fits = False
+        while not fits:
+            room = tuple(len(pairs) for pairs in self._pairs)
+            self.c.n_points, self.c.n_edges = room
             if library().search_pairs(
                 self.primitives.c,
                 pointer(self._boxes),
@@ -218,12 +232,46 @@ class PairList:
                 self._distance,
                 pointer(meets, "uint8_t"),
                 *self.leaves,
-                pointer(capacities, "int64_t"),
-                *(pointer(buffer, "int32_t") for buffer in self._buffers),
-                pointer(counts, "int64_t"),
+                self.c,
+                *(pointer(pairs, "int32_t") for pairs in self._pairs),
             ):
                 raise MemoryError("no memory left for the search of contacts")
-            found = bool(np.all(counts <= capacities))
-            if not found:
-                self._buffers = [np.zeros((2 * int(count), 2), dtype=np.int32) for count in np.maximum(counts, 512)]
-        self.points, self.edges = (buffer[:count] for buffer, count in zip(self._buffers, counts, strict=True))
+            counts = self.c.n_points, self.c.n_edges
+            fits = counts[0] <= room[0] and counts[1] <= room[1]
+            if not fits:
+                self._make_room(*(2 * max(count, 512) for count in counts))
+        self.points, self.edges = (pairs[:count] for pairs, count in zip(self._pairs, counts, strict=True))
+        self._go_on(start, start)
+
+    def ask_about(self, vertices: np.ndarray) -> None:
+        """Makes bounds in `c` those at `vertices` (n, d)."""
+        if self._way is None or self._asked is vertices or not (len(self.points) or len(self.edges)):
+            return
+        n, d = vertices.shape
+        library().ask_about(d, n, *map(pointer, self._way), pointer(vertices), self.c)
+        self._asked = vertices
+
+    def longest_step(self, start: np.ndarray, end: np.ndarray, gap_share: float, step: float) -> float:
+        """The largest part of a straight move from start to end (n, d), `step` at most, on which the pairs keep at
+        least the share `gap_share` of their gaps, or of the reach where that is less. Renews the bounds.
+        """
+        if not (len(self.points) or len(self.edges)):
+            return step
+        self.ask_about(start)
+        move = pointer(start), pointer(end)
+        step = library().longest_step(self.primitives.c, *move, self.reach, gap_share, self.c, step)
+        self._go_on(start, end)
+        return step
+
+    def _go_on(self, start: np.ndarray, end: np.ndarray) -> None:
+        """Bounds are from now on those of a move that begins where they were asked about last."""
+        self._way, self._asked, self.c.share, self.c.off = (start, end), start, 0.0, 0.0
+
+    def _make_room(self, points: int, edges: int) -> None:
+        """Makes room for so many pairs; there are none then."""
+        self._pairs = [np.zeros((count, 2), dtype=np.int32) for count in (points, edges)]
+        self._bounds, self._rates = ([np.zeros(count) for count in (points, edges)] for _ in range(2))
+        self.c.n_points = self.c.n_edges = 0
+        self.c.points, self.c.edges = (pointer(pairs, "int32_t") for pairs in self._pairs)
+        self.c.point_bounds, self.c.edge_bounds = map(pointer, self._bounds)
+        self.c.point_rates, self.c.edge_rates = map(pointer, self._rates)

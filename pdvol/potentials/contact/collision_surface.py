@@ -4,7 +4,7 @@ Its vertices are the bodies' boundary vertices, in the order of `surface`, and t
 whole surface and all active pairs; ranks share the work of finding them.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from pdvol.levels.obstacles import Obstacle
 from pdvol.levels.space import LevelSpace
 from pdvol.potentials.assembly.hessian_blocks import HessianBlocks
 from pdvol.potentials.contact.candidates import PairList
-from pdvol.potentials.contact.native import library
+from pdvol.potentials.contact.native import ffi, library
 from pdvol.potentials.contact.primitives import Primitives
 from pdvol.potentials.contact.stencils import Stencils
 from pdvol.potentials.potential import MIN_GAP_SHARE, Positions
@@ -73,14 +73,17 @@ class CollisionSurface:
         self.primitives = Primitives(at_rest, np.concatenate(facets), self.objects, bodies, weighted, rigid)
         self._rows = np.full(len(at_rest), -1, dtype=np.int64)
         self._rows[: len(self.surface)] = space.point_blocks[self.surface]
+        first, last = space.first_block, space.first_block + space.n_owned
+        self._own = np.flatnonzero((self._rows >= first) & (self._rows < last))
+        self._own_rows = self._rows[self._own] - first
         share = [self.primitives.leaves * (space.comm.rank + i) // space.comm.size for i in range(2)]
         leaves = share[0], share[1]
         self.lists = tuple(PairList(self.primitives, dhat, within, leaves) for within in (True, False))
+        self._c_lists = ffi.new("pairs_t *[]", [pairs.c for pairs in self.lists])
         self.obstacle_positions = self._obstacles_at(0.0)
         self._at: Positions | None = None
         self._vertices: np.ndarray
-        self._capacities = np.array([1024, 256])
-        self._none = Stencils.room(0, 0, space.dim)
+        self._room, self._none = Stencils.room(1024, 256, space.dim), Stencils.room(0, 0, space.dim)
 
     def _obstacles_at(self, time: float) -> np.ndarray:
         placed = [o.at(self._clocks.of(o, time)) for o in self.obstacles]
@@ -101,7 +104,8 @@ class CollisionSurface:
         if at is None and x is self._at:
             return self._vertices
         obstacles = self.obstacle_positions if at is None else self._obstacles_at(at)
-        vertices = np.concatenate([x.whole[self.surface], obstacles])
+        bodies = x.owned[self._own_rows] if self.space.comm.size == 1 else x.whole[self.surface]
+        vertices = np.concatenate([bodies, obstacles])
         if at is None:
             self._at, self._vertices = x, vertices
         return vertices
@@ -110,46 +114,34 @@ class CollisionSurface:
         """All contacts nearer than dhat at positions (n, d), in an order that does not depend on ranks. Collective."""
         for pairs in self.lists:
             pairs.at(vertices)
-        mine = [self._active(vertices, pairs.points, pairs.edges[:0]) for pairs in self.lists]
-        mine += [self._active(vertices, pairs.points[:0], pairs.edges) for pairs in self.lists]
-        if self.space.comm.size > 1:
-            mine = [part for parts in zip(*self.space.comm.allgather(mine), strict=True) for part in parts]
-        return Stencils.joined(mine)
+            pairs.ask_about(vertices)
+        found, ends = self._active(vertices)
+        if self.space.comm.size == 1:
+            return found
+        parts = self.space.comm.allgather(found.parts(ends))
+        return Stencils.joined([part for same in zip(*parts, strict=True) for part in same])
 
-    def _active(self, vertices: np.ndarray, points: np.ndarray, edges: np.ndarray) -> Stencils:
-        """The contacts among candidate pairs of vertices and facets, and of edges, (k, 2) each."""
-        if not (len(points) or len(edges)):
-            return self._none
-        d, counts = self.space.dim, np.zeros(2, dtype=np.int64)
-        while True:
-            k, f = self._capacities
-            found = Stencils.room(k, f, d)
+    def _active(self, vertices: np.ndarray) -> tuple[Stencils, np.ndarray]:
+        """The contacts among this rank's candidates: of points, list by list, and then of edges; and how many contacts
+        there are at the end of each of these parts, and how many whose weights change (4, 2).
+        """
+        ends = np.zeros((4, 2), dtype=np.int64)
+        while any(len(pairs.points) or len(pairs.edges) for pairs in self.lists):
             if library().active_pairs(
                 self.primitives.c,
                 pointer(vertices),
                 self.dhat,
-                len(points),
-                pointer(points, "int32_t"),
-                len(edges),
-                pointer(edges, "int32_t"),
-                pointer(self._capacities, "int64_t"),
-                pointer(found.vertices, "int32_t"),
-                pointer(found.coefficients),
-                pointer(found.gaps),
-                pointer(found.weights),
-                pointer(found.fading, "int64_t"),
-                pointer(found.fades),
-                pointer(found.curves),
-                pointer(counts, "int64_t"),
+                len(self.lists),
+                self._c_lists,
+                self._room.c,
+                pointer(ends, "int64_t"),
             ):
                 raise MemoryError("no memory left for contacts")
-            if np.all(counts <= self._capacities):
-                return found.first(*counts)
-            self._capacities = np.maximum(self._capacities, 2 * counts)
-
-    def _candidates(self, lists: Sequence[PairList]) -> tuple[np.ndarray, np.ndarray]:
-        """Pairs (k, 2) of vertices and facets, and of edges, of lists of this rank."""
-        return np.concatenate([pairs.points for pairs in lists]), np.concatenate([pairs.edges for pairs in lists])
+            count, faded = ends[-1].tolist()
+            if count <= self._room.c.count and faded <= self._room.c.faded:
+                return self._room.first(count, faded) if count else self._none, ends
+            self._room = Stencils.room(2 * count, 2 * faded + 256, self.space.dim)
+        return self._none, ends
 
     def max_step(self, start: np.ndarray, end: np.ndarray, gap_share: float = MIN_GAP_SHARE) -> float:
         """Largest step in [0, 1] along straight paths from start to end (n, d) at which all pairs of this rank stay
@@ -157,67 +149,48 @@ class CollisionSurface:
         """
         # The pairs that are near stop most moves early. What else may meet is searched for on the way until then. Tight
         # inclusion may go further than conservative advancement, and needs the pairs of the whole way.
-        additive = self.ccd == "additive"
-        step = self._longest_step(start, end, gap_share, *self._candidates(self.lists)) if additive else 1.0
+        additive, step = self.ccd == "additive", 1.0
+        for pairs in self.lists if additive else ():
+            step = pairs.longest_step(start, end, gap_share, step)
         searches = [pairs.searches for pairs in self.lists]
         for pairs in self.lists:
             pairs.along(start, end if step == 1.0 else start + step * (end - start))
         if not additive:
-            return self._certified_step(start, end, gap_share, *self._candidates(self.lists))
-        new = [pairs for pairs, before in zip(self.lists, searches, strict=True) if pairs.searches > before]
-        return self._longest_step(start, end, gap_share, *self._candidates(new), step) if new else step
+            return self._certified_step(start, end, gap_share)
+        for pairs, before in zip(self.lists, searches, strict=True):
+            if pairs.searches > before:
+                step = pairs.longest_step(start, end, gap_share, step)
+        return step
 
-    def _longest_step(
-        self,
-        start: np.ndarray,
-        end: np.ndarray,
-        gap_share: float,
-        points: np.ndarray,
-        edges: np.ndarray,
-        step: float = 1.0,
-    ) -> float:
-        return library().longest_step(
-            self.primitives.c,
-            pointer(start),
-            pointer(end),
-            self.dhat,
-            gap_share,
-            len(points),
-            pointer(points, "int32_t"),
-            len(edges),
-            pointer(edges, "int32_t"),
-            step,
-        )
-
-    def _certified_step(
-        self, start: np.ndarray, end: np.ndarray, gap_share: float, points: np.ndarray, edges: np.ndarray
-    ) -> float:
+    def _certified_step(self, start: np.ndarray, end: np.ndarray, gap_share: float) -> float:
         """The step by tight inclusion, of the pairs that conservative advancement cannot clear. Tight inclusion goes to
         the contact itself, so its step is shortened afterwards.
         """
         import ipctk
 
-        ccd, none, step = ipctk.TightInclusionCCD(tolerance=1e-6, max_iterations=1_000_000), points[:0], 1.0
+        ccd, step = ipctk.TightInclusionCCD(tolerance=1e-6, max_iterations=1_000_000), 1.0
+        move = pointer(start), pointer(end)
         detect: Callable
-        for pairs, is_point in ((points, True), (edges, False)):
-            for k in range(len(pairs)):
-                one = pairs[k : k + 1]
-                if self._longest_step(start, end, gap_share, *((one, none) if is_point else (none, one))) == 1.0:
+        for is_point in (True, False):
+            for one in np.concatenate([pairs.points if is_point else pairs.edges for pairs in self.lists]):
+                alone = ffi.new("pairs_t *", {"n_points": int(is_point), "n_edges": int(not is_point)})
+                alone.points = alone.edges = pointer(one, "int32_t")
+                if library().longest_step(self.primitives.c, *move, self.dhat, gap_share, alone, 1.0) == 1.0:
                     continue
                 if is_point:
-                    corners = [one[0, 0], *self.primitives.facets[one[0, 1]]]
+                    corners = [one[0], *self.primitives.facets[one[1]]]
                     detect = ccd.point_triangle_ccd if len(corners) == 4 else ccd.point_edge_ccd
                 else:
-                    corners, detect = [*self.primitives.edges[one[0]].ravel()], ccd.edge_edge_ccd
+                    corners, detect = [*self.primitives.edges[one].ravel()], ccd.edge_edge_ccd
                 hit, at = detect(*start[corners], *end[corners], min_distance=0.0, tmax=step)
                 step = min(step, at) if hit else step
         return (1.0 - gap_share) * step if step < 1.0 else step
 
     def rows_of(self, values: np.ndarray) -> np.ndarray:
         """(n_owned, d) rows of the level from values (n, d) of the surface; zero away from it."""
-        whole = np.zeros((len(self.space.mesh.points), self.space.dim))
-        whole[self.surface] = values[: len(self.surface)]
-        return self.space.from_input(whole)
+        rows = np.zeros((self.space.n_owned, self.space.dim))
+        rows[self._own_rows] = values[self._own]
+        return rows
 
     def of_vertices(self, values: np.ndarray) -> np.ndarray:
         """Values of the surface's vertices, from those of the level's points (m, ...) in the input's order; zeros at
@@ -229,24 +202,11 @@ class CollisionSurface:
 
     def add_tensors(self, stencils: Stencils, tensors: np.ndarray, into: HessianBlocks) -> None:
         """Adds the blocks c_i c_j T of contacts with symmetric tensors T (k, d, d); obstacles have no rows."""
-        arguments = (
-            self.space.dim,
-            len(stencils),
-            pointer(stencils.vertices, "int32_t"),
-            pointer(stencils.coefficients),
-            pointer(tensors),
-        )
-        self.add_blocks(library().tensor_blocks, arguments, len(stencils), into)
+        self.add_blocks(library().tensor_blocks, into, stencils, pointer(tensors))
 
-    def add_blocks(self, compiled: Callable, arguments: tuple, count: int, into: HessianBlocks) -> None:
-        """Adds the blocks that a compiled function finds for `count` contacts, 10 each at most."""
-        d = self.space.dim
-        keys, blocks = np.empty((2, 10 * count), dtype=np.int64), np.empty((10 * count, d, d))
-        found = compiled(
-            *arguments,
-            pointer(self._rows, "int64_t"),
-            pointer(keys[0], "int64_t"),
-            pointer(keys[1], "int64_t"),
-            pointer(blocks),
-        )
-        into.add_pairs(keys[0, :found], keys[1, :found], blocks[:found])
+    def add_blocks(
+        self, function: Callable[..., int], into: HessianBlocks, stencils: Stencils, *others: object
+    ) -> None:
+        """Adds the blocks that a compiled function finds for contacts, 10 each at most."""
+        rows = pointer(self._rows, "int64_t")
+        into.add_compiled(function, 10 * len(stencils), self.space.dim, stencils.c, *others, rows)

@@ -4,10 +4,12 @@ finds.
 
 import numpy as np
 
+from pdvol.compiled import pointer
 from pdvol.potentials.assembly.hessian_blocks import HessianBlocks
-from pdvol.potentials.contact import barrier_law, friction_law
+from pdvol.potentials.contact import barrier_law
 from pdvol.potentials.contact.barrier import SurfaceBarrier
 from pdvol.potentials.contact.lagged_friction import LaggedFriction
+from pdvol.potentials.contact.native import library
 from pdvol.potentials.potential import Positions
 
 
@@ -48,15 +50,14 @@ class SurfaceFriction(LaggedFriction):
     def slips(self, x: Positions) -> np.ndarray:
         vertices = self.surface.vertices(x)
         if self._at is not vertices:
-            u = self._stencils.gaps_of(vertices - self._start)
-            u -= np.einsum("kd,kd->k", u, self.normals)[:, None] * self.normals
-            self._slips, self._at = u, vertices
+            slips = np.empty_like(self.normals)
+            given = pointer(self.normals), pointer(self._start), pointer(vertices)
+            library().friction_slips(self.space.dim, self._stencils.c, *given, pointer(slips))
+            self._slips, self._at = slips, vertices
         return self._slips
 
     def value(self, x: Positions) -> float:
-        if not self.has_friction:
-            return 0.0
-        return float(self.forces @ friction_law.f0(np.linalg.norm(self.slips(x), axis=1), self._eps))
+        return float(self.forces @ self._dissipation(x)) if self.has_friction else 0.0
 
     def _rows(self, forces: np.ndarray) -> np.ndarray:
         return self.surface.rows_of(self._stencils.scatter(forces, len(self._start)))

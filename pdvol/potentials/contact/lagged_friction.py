@@ -14,7 +14,7 @@ Between two of them the contacts' states are predicted from the last direction:
 | was predicted to slide | has turned round, or slips less than eps / 2 | stick |
 
 This is a primal-dual active set method (Hintermueller, Ito and Kunisch 2003) for the friction of one Newton direction.
-Energy and gradient are not changed by a prediction.
+Energy and gradient are not changed by a prediction. The loops over contacts are in native/friction.c.
 """
 
 from abc import abstractmethod
@@ -22,13 +22,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pdvol.compiled import pointer
+from pdvol.levels.space import LevelSpace
 from pdvol.potentials.assembly.hessian_blocks import HessianBlocks
-from pdvol.potentials.contact import friction_law
+from pdvol.potentials.contact.native import ffi, library
 from pdvol.potentials.potential import Positions, Term
 
-AS_IT_IS, STICKS, SLIDES = range(3)
-# of eps: a contact predicted to slide sticks below this slip; between it and 1 the prediction stays as it is
-LEAST_SLIDE = 0.5
+AS_IT_IS, STICKS, SLIDES = range(3)  # as in native/friction.c
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ class Prediction:
 
     Attributes
     ----------
-    states : (k,) int
+    states : (k,) int8
         AS_IT_IS, STICKS or SLIDES.
     ways : (k, d)
         Unit vectors along the slip, of contacts predicted to slide.
@@ -47,6 +47,11 @@ class Prediction:
     states: np.ndarray
     ways: np.ndarray
     sizes: np.ndarray
+
+    @property
+    def pointers(self) -> tuple:
+        """The three for C."""
+        return pointer(self.states, "int8_t"), pointer(self.ways), pointer(self.sizes)
 
 
 class LaggedFriction(Term):
@@ -62,6 +67,7 @@ class LaggedFriction(Term):
     """
 
     name = "friction"
+    space: LevelSpace
     forces: np.ndarray
     normals: np.ndarray
     _eps: float
@@ -83,33 +89,31 @@ class LaggedFriction(Term):
     def has_friction(self) -> bool:
         return len(self.forces) > 0
 
-    def gradient(self, x: Positions) -> np.ndarray:
-        if not self.has_friction:
-            return np.zeros_like(x.owned)
-        slips = self.slips(x)
-        return self._rows(self.forces[:, None] * self._directions(slips))
+    def _dissipation(self, x: Positions) -> np.ndarray:
+        """(k,) energy per unit of `forces` [m]."""
+        energies, slips = np.empty(len(self.forces)), self.slips(x)
+        library().friction_energies(self.space.dim, len(energies), pointer(slips), self._eps, pointer(energies))
+        return energies
 
-    def _directions(self, slips: np.ndarray) -> np.ndarray:
-        """(k, d) friction force over `forces`."""
-        return friction_law.f1_over(_lengths(slips), self._eps)[:, None] * slips
+    def gradient(self, x: Positions) -> np.ndarray:
+        return self._gradient(x, (ffi.NULL,) * 3) if self.has_friction else np.zeros_like(x.owned)
+
+    def _gradient(self, x: Positions, predicted: tuple) -> np.ndarray:
+        """(n_owned, d) [N], or what the predicted states add to it."""
+        slips = self.slips(x)
+        found = np.empty_like(slips)
+        given = pointer(slips), pointer(self.forces), self._eps, *predicted
+        library().friction_forces(self.space.dim, len(slips), *given, pointer(found))
+        return self._rows(found)
 
     def add_hessian(self, x: Positions, weight: float, into: HessianBlocks) -> None:
         if not self.has_friction:
             return
-        slips, eps, normals = self.slips(x).copy(), self._eps, self.normals
-        sizes = _lengths(slips)
-        across, along = friction_law.f1_over(sizes, eps), friction_law.f1_slope(sizes, eps)
-        if self._predicted is not None:
-            sticks, slides = (self._predicted.states == state for state in (STICKS, SLIDES))
-            across[sticks] = along[sticks] = 2.0 / eps
-            across[slides], along[slides] = 1.0 / np.maximum(self._predicted.sizes[slides], eps), 0.0
-            slips[slides] = self._predicted.ways[slides]
-            sizes = _lengths(slips)
-        forces = weight * np.maximum(self.forces, 0.0)  # those of unions may be negative
-        ways = slips / np.maximum(sizes, 1e-300)[:, None]
-        tensors = np.eye(normals.shape[1]) - normals[:, :, None] * normals[:, None, :]
-        tensors *= (forces * across)[:, None, None]
-        tensors += (forces * (along - across))[:, None, None] * ways[:, :, None] * ways[:, None, :]
+        slips, d = self.slips(x), self.space.dim
+        predicted = (ffi.NULL,) * 3 if self._predicted is None else self._predicted.pointers
+        tensors = np.empty((len(slips), d, d))
+        given = pointer(slips), pointer(self.normals), pointer(self.forces), self._eps, weight, *predicted
+        library().friction_tensors(d, len(slips), *given, pointer(tensors))
         self._add_tensors(tensors, into)
 
     # ---- the prediction
@@ -120,21 +124,13 @@ class LaggedFriction(Term):
         """
         if not self.has_friction:
             return False
-        now, then, eps = self.slips(x), self.slips(end), self._eps
-        sizes = _lengths(then)
-        last = self._predicted or Prediction(np.zeros(len(now), dtype=int), np.zeros_like(now), np.zeros(len(now)))
-        turned = lambda slips: np.einsum("kd,kd->k", slips, then) < 0.0
-        sticks = (last.states == AS_IT_IS) & (_lengths(now) >= eps) & (turned(now) | (sizes < eps))
-        sticks |= (last.states == SLIDES) & (turned(last.ways) | (sizes < LEAST_SLIDE * eps))
-        slides = (last.states == STICKS) & (sizes > eps)
-        pushed = self.forces > 0.0
-        sticks, slides = sticks & pushed, slides & pushed
-        if not (sticks.any() or slides.any()):
-            return False
-        states = np.where(sticks, STICKS, np.where(slides, SLIDES, last.states))
-        ways = np.where(slides[:, None], then / np.maximum(sizes, eps)[:, None], last.ways)
-        self._predicted = Prediction(states, ways, np.where(slides, sizes, last.sizes))
-        return True
+        now, then = self.slips(x), self.slips(end)
+        k, d = now.shape
+        last = self._predicted or Prediction(np.zeros(k, dtype=np.int8), np.zeros((k, d)), np.zeros(k))
+        given = pointer(now), pointer(then), pointer(self.forces), self._eps
+        changed = library().friction_predict(d, k, *given, *last.pointers) > 0
+        self._predicted = last if changed else self._predicted
+        return changed
 
     def forget_prediction(self) -> None:
         """Contacts are in their present states again."""
@@ -142,15 +138,4 @@ class LaggedFriction(Term):
 
     def predicted_change(self, x: Positions) -> np.ndarray:
         """(n_owned, d) gradient at x [N] of the energy with the predicted states, less the gradient as it is."""
-        if self._predicted is None:
-            return np.zeros_like(x.owned)
-        slips, ways, states = self.slips(x), self._predicted.ways, self._predicted.states
-        across = 1.0 / np.maximum(self._predicted.sizes, self._eps)
-        sliding = ways + across[:, None] * (slips - np.einsum("kd,kd->k", slips, ways)[:, None] * ways)
-        found = np.where((states == STICKS)[:, None], (2.0 / self._eps) * slips, sliding)
-        change = np.where((states == AS_IT_IS)[:, None], 0.0, found - self._directions(slips))
-        return self._rows(self.forces[:, None] * change)
-
-
-def _lengths(vectors: np.ndarray) -> np.ndarray:
-    return np.linalg.norm(vectors, axis=1)
+        return np.zeros_like(x.owned) if self._predicted is None else self._gradient(x, self._predicted.pointers)

@@ -15,7 +15,7 @@ from pdvol.levels.obstacles import Obstacle
 from pdvol.levels.space import LevelSpace
 from pdvol.parallel import reduce
 from pdvol.potentials.assembly.hessian_blocks import HessianBlocks
-from pdvol.potentials.contact import barrier_law, friction_law
+from pdvol.potentials.contact import barrier_law
 from pdvol.potentials.contact.lagged_friction import LaggedFriction
 from pdvol.potentials.contact.meeting import different_pairs
 from pdvol.potentials.potential import MIN_GAP_SHARE, Positions, Term
@@ -206,8 +206,7 @@ class HalfSpaceFriction(LaggedFriction):
     def value(self, x: Positions) -> float:
         if not self.has_friction:
             return reduce(self.space.comm, 0.0)
-        sizes = np.linalg.norm(self.slips(x), axis=1)
-        return reduce(self.space.comm, float(np.sum(self.forces * friction_law.f0(sizes, self._eps))))
+        return reduce(self.space.comm, float(np.sum(self.forces * self._dissipation(x))))
 
     def _rows(self, forces: np.ndarray) -> np.ndarray:
         out = np.zeros((self.space.n_owned, self.space.dim))

@@ -6,8 +6,14 @@ coefficients the distance's gradient is exact, because closest points are statio
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
+from functools import cached_property
+from itertools import pairwise
+from typing import Any
 
 import numpy as np
+
+from pdvol.compiled import pointer
+from pdvol.potentials.contact.native import ffi, library
 
 
 @dataclass(frozen=True)
@@ -54,17 +60,29 @@ class Stencils:
             np.empty((faded, 10, 3, 3)),
         )
 
+    @cached_property
+    def c(self) -> Any:
+        """The C struct of all this, which must be kept."""
+        struct = ffi.new("contacts_t *")
+        struct.count, struct.faded = len(self.weights), len(self.fading)
+        struct.vertices, struct.fading = pointer(self.vertices, "int32_t"), pointer(self.fading, "int64_t")
+        struct.coefficients, struct.gaps = pointer(self.coefficients), pointer(self.gaps)
+        struct.weights, struct.fades, struct.curves = map(pointer, (self.weights, self.fades, self.curves))
+        return struct
+
     def first(self, count: int, faded: int) -> "Stencils":
-        """The first contacts, and the first of those whose weights change."""
-        return Stencils(
-            self.vertices[:count],
-            self.coefficients[:count],
-            self.gaps[:count],
-            self.weights[:count],
-            self.fading[:faded],
-            self.fades[:faded],
-            self.curves[:faded],
-        )
+        """The first contacts, and the first of those whose weights change, as arrays of their own."""
+        ends = (count,) * 4 + (faded,) * 3
+        return Stencils(*(getattr(self, f.name)[:end].copy() for f, end in zip(fields(self), ends, strict=True)))
+
+    def parts(self, ends: np.ndarray) -> "list[Stencils]":
+        """The parts that end before these contacts, and before these of those whose weights change (p, 2)."""
+        found = []
+        for (start, f), (end, g) in pairwise([(0, 0), *ends.tolist()]):
+            own = [array[start:end] for array in (self.vertices, self.coefficients, self.gaps, self.weights)]
+            own += [self.fading[f:g] - start, self.fades[f:g], self.curves[f:g]]
+            found.append(Stencils(*own))
+        return found
 
     @classmethod
     def joined(cls, parts: Sequence["Stencils"]) -> "Stencils":
@@ -97,9 +115,6 @@ class Stencils:
         """(count, d) forces [N] at the surface's vertices, from forces (k, d) on the gaps: the transpose of
         `gaps_of`.
         """
-        out = np.empty((count, forces.shape[1]))
-        for axis in range(forces.shape[1]):
-            out[:, axis] = np.bincount(
-                self.vertices.ravel(), (self.coefficients * forces[:, axis, None]).ravel(), minlength=count
-            )
+        out = np.zeros((count, forces.shape[1]))
+        library().scatter(forces.shape[1], self.c, pointer(np.ascontiguousarray(forces)), pointer(out))
         return out

@@ -229,12 +229,13 @@ INLINE int within(double distance, double squared)
 typedef struct {
     int64_t count, capacity;
     int32_t *pairs;
+    double *bounds;
 } list_t;
 
-INLINE void append(list_t *list, int32_t a, int32_t b)
+INLINE void append(list_t *list, int32_t a, int32_t b, double bound)
 {
     if (list->count < list->capacity)
-        list->pairs[2 * list->count] = a, list->pairs[2 * list->count + 1] = b;
+        list->pairs[2 * list->count] = a, list->pairs[2 * list->count + 1] = b, list->bounds[list->count] = bound;
     ++list->count;
 }
 
@@ -267,9 +268,11 @@ INLINE void leaf_pairs(int d, const surface_t *s, const double *boxes, const dou
             const int32_t f = s->leaf_facets[room->near[i]], *facet = s->facet + (int64_t)d * f;
             const double *corners[3] = {x + (int64_t)d * facet[0], x + (int64_t)d * facet[1], d == 3 ? x + (int64_t)d * facet[2] : 0};
             closest_t closest;
-            if (!share(1, &p, d, facet)
-                && within(distance + (moving ? approach(d, 1, &p, d, facet, x, y) : 0.0), to_facet(d, x + (int64_t)d * p, corners, &closest)))
-                append(points, p, f);
+            if (share(1, &p, d, facet))
+                continue;
+            const double squared = to_facet(d, x + (int64_t)d * p, corners, &closest);
+            if (within(distance + (moving ? approach(d, 1, &p, d, facet, x, y) : 0.0), squared))
+                append(points, p, f, sqrt(squared));
         }
     }
     for (int32_t k = s->leaf_edge_starts[leaf]; d == 3 && k < s->leaf_edge_starts[leaf + 1]; ++k) {
@@ -278,10 +281,12 @@ INLINE void leaf_pairs(int d, const surface_t *s, const double *boxes, const dou
         for (int64_t i = 0; i < near; ++i) {
             const int32_t *other = s->edge + 2 * (int64_t)s->leaf_edges[room->near[i]];
             double a, b;
-            if (room->near[i] > k && !share(2, one, 2, other)
-                && within(distance + (moving ? approach(3, 2, one, 2, other, x, y) : 0.0),
-                          between_segments(x + 3 * (int64_t)one[0], x + 3 * (int64_t)one[1], x + 3 * (int64_t)other[0], x + 3 * (int64_t)other[1], &a, &b)))
-                append(edges, e, s->leaf_edges[room->near[i]]);
+            if (room->near[i] <= k || share(2, one, 2, other))
+                continue;
+            const double squared =
+                between_segments(x + 3 * (int64_t)one[0], x + 3 * (int64_t)one[1], x + 3 * (int64_t)other[0], x + 3 * (int64_t)other[1], &a, &b);
+            if (within(distance + (moving ? approach(3, 2, one, 2, other, x, y) : 0.0), squared))
+                append(edges, e, s->leaf_edges[room->near[i]], sqrt(squared));
         }
     }
 }
@@ -336,9 +341,9 @@ INLINE void search(int d, const surface_t *s, const double *boxes, const double 
 
 /* Pairs of vertices and facets, and of edges, that come within `distance` while the vertices go straight from x to y (x itself where nothing
  * moves), between the objects that `meets` names, of the leaves from `first` to before `last` with all others. Boxes must be those of x and y.
- * counts: how many there are of each kind; no more than `capacities` are written. Returns 1 without memory. */
+ * found: room for as many pairs as it says; how many there are, with their distances at x. Returns 1 without memory. */
 int search_pairs(const surface_t *s, const double *boxes, const double *x, const double *y, double distance, const uint8_t *meets, int64_t first,
-                 int64_t last, const int64_t *capacities, int32_t *points, int32_t *edges, int64_t *counts)
+                 int64_t last, pairs_t *found, int32_t *points, int32_t *edges)
 {
     const int64_t most = s->edges > s->facets ? s->edges : s->facets, nodes = (DEPTH + 1) * (s->leaves + s->objects);
     int32_t *memory = malloc((nodes + s->leaves + s->facets + s->edges + most + 8) * sizeof(int32_t));
@@ -346,23 +351,45 @@ int search_pairs(const surface_t *s, const double *boxes, const double *x, const
         return 1;
     room_t room = {memory, memory + nodes, 0, 0, 0};
     room.facets = room.leaves + s->leaves + 2, room.edges = room.facets + s->facets + 2, room.near = room.edges + s->edges + 2;
-    list_t p = {0, capacities[0], points}, e = {0, capacities[1], edges};
+    list_t p = {0, found->n_points, points, found->point_bounds}, e = {0, found->n_edges, edges, found->edge_bounds};
     if (s->d == 3)
         search(3, s, boxes, x, y, distance, meets, first, last, &room, &p, &e);
     else
         search(2, s, boxes, x, y, distance, meets, first, last, &room, &p, &e);
     free(memory);
-    counts[0] = p.count, counts[1] = e.count;
+    found->n_points = p.count, found->n_edges = e.count;
     return 0;
 }
 
+/* Asks pairs about a place z of n vertices, while their bounds are those of the straight way from x to y. */
+void ask_about(int d, int64_t n, const double *x, const double *y, const double *z, pairs_t *pairs)
+{
+    double along = 0.0, size = 0.0, most = 0.0;
+    for (int64_t k = 0; k < d * n; ++k)
+        along += (z[k] - x[k]) * (y[k] - x[k]), size += (y[k] - x[k]) * (y[k] - x[k]);
+    pairs->share = size > 0.0 ? clamp(along / size) : 0.0;
+    for (int64_t k = 0; k < d * n; k += d) {
+        double own = 0.0;
+        for (int64_t j = k; j < k + d; ++j) {
+            const double away = z[j] - x[j] - pairs->share * (y[j] - x[j]);
+            own += away * away;
+        }
+        most = fmax(most, own == own ? own : INFINITY);
+    }
+    pairs->off = sqrt(most);
+}
+
 /* The longest step in [0, 1] along which a pair keeps the distance `kept`, by conservative advancement (Li et al. 2021, additive CCD). Bounded:
- * it ends early, with a smaller step, which is safe. */
+ * it ends early, with a smaller step, which is safe. `least` is a bound of the pair's distance; it is replaced by the distance where it does not
+ * show that the pair keeps its own. Gives the pair's rate on this way, too. */
 INLINE double advance(int d, int n, const int32_t *one, int m, const int32_t *other, const double *x, const double *y, double dhat, double gap_share,
-                      double step)
+                      double step, double *least, double *rate)
 {
     double p[3][3], q[3][3], s, t;
     const double speed = approach(d, n, one, m, other, x, y);
+    *rate = speed;
+    if (ADVANCE * (*least - (gap_share + BOUND_MARGIN) * dhat) >= step * speed)
+        return step;
     const double *corners[3] = {q[0], q[1], q[2]};
     double at = 0.0, kept = 0.0;
     for (int round = 0; round < MAX_ADVANCES; ++round) {
@@ -375,7 +402,7 @@ INLINE double advance(int d, int n, const int32_t *one, int m, const int32_t *ot
         closest_t closest;
         const double distance = sqrt(n == 1 ? to_facet(d, p[0], corners, &closest) : between_segments(p[0], p[1], q[0], q[1], &s, &t));
         if (round == 0)
-            kept = gap_share * fmin(distance, dhat);
+            *least = distance, kept = gap_share * fmin(distance, dhat);
         const double room = distance - kept;
         if (ADVANCE * room >= (step - at) * speed) /* its own end is no sooner: the least of many steps depends on no order */
             return step;
@@ -386,16 +413,27 @@ INLINE double advance(int d, int n, const int32_t *one, int m, const int32_t *ot
     return at;
 }
 
-/* The longest step in [0, 1] from x towards y after which each pair has kept at least the share `gap_share` of its gap, or of dhat. */
-double longest_step(const surface_t *s, const double *x, const double *y, double dhat, double gap_share, int64_t n_points, const int32_t *points,
-                    int64_t n_edges, const int32_t *edges, double step)
+/* The longest step in [0, 1] from x towards y after which each pair has kept at least the share `gap_share` of its gap, or of dhat. x is the place
+ * that the pairs are asked about; from then on their bounds (if they have some) are those of the way from x to y. */
+double longest_step(const surface_t *s, const double *x, const double *y, double dhat, double gap_share, const pairs_t *pairs, double step)
 {
     const int d = s->d;
-    for (int64_t k = 0; k < n_points; ++k) {
-        const int32_t *pair = points + 2 * k, *facet = s->facet + (int64_t)d * pair[1];
-        step = d == 3 ? advance(3, 1, pair, 3, facet, x, y, dhat, gap_share, step) : advance(2, 1, pair, 2, facet, x, y, dhat, gap_share, step);
+    const int bounded = pairs->point_bounds && pairs->edge_bounds;
+    double rate;
+    for (int64_t k = 0; k < pairs->n_points; ++k) {
+        const int32_t *pair = pairs->points + 2 * k, *facet = s->facet + (int64_t)d * pair[1];
+        double least = bounded ? left(pairs, pairs->point_bounds[k], pairs->point_rates[k]) : 0.0;
+        step = d == 3 ? advance(3, 1, pair, 3, facet, x, y, dhat, gap_share, step, &least, &rate)
+                      : advance(2, 1, pair, 2, facet, x, y, dhat, gap_share, step, &least, &rate);
+        if (bounded)
+            pairs->point_bounds[k] = least, pairs->point_rates[k] = rate;
     }
-    for (int64_t k = 0; k < n_edges; ++k)
-        step = advance(3, 2, s->edge + 2 * (int64_t)edges[2 * k], 2, s->edge + 2 * (int64_t)edges[2 * k + 1], x, y, dhat, gap_share, step);
+    for (int64_t k = 0; k < pairs->n_edges; ++k) {
+        const int32_t *pair = pairs->edges + 2 * k, *one = s->edge + 2 * (int64_t)pair[0], *other = s->edge + 2 * (int64_t)pair[1];
+        double least = bounded ? left(pairs, pairs->edge_bounds[k], pairs->edge_rates[k]) : 0.0;
+        step = advance(3, 2, one, 2, other, x, y, dhat, gap_share, step, &least, &rate);
+        if (bounded)
+            pairs->edge_bounds[k] = least, pairs->edge_rates[k] = rate;
+    }
     return step;
 }

@@ -21,6 +21,27 @@ typedef struct {
     const int32_t *leaf_facet_starts, *leaf_vertex_starts, *leaf_edge_starts; /* (leaves + 1) */
 } surface_t;
 
+/* Candidate pairs, of vertices and facets (a vertex's pairs stand together) and of edges. On a way of all vertices a pair is no nearer than its bound
+ * at the way's start (0: none are known) less the share of the way times its rate; and no vertex is further than `off` from there. */
+typedef struct {
+    int64_t n_points, n_edges;
+    const int32_t *points, *edges; /* two numbers each */
+    double *point_bounds, *edge_bounds, *point_rates, *edge_rates;
+    double share, off; /* of the place that is asked about */
+} pairs_t;
+
+/* Contacts, as class Stencils has them: up to four vertices each, their coefficients in the gap vector, and a weight; in fades (faded, 12) and
+ * curves (faded, 10, 9: blocks on or right of the diagonal) the derivatives of those weights that depend on positions. */
+typedef struct {
+    int64_t count, faded;
+    int32_t *vertices;
+    double *coefficients, *gaps, *weights;
+    int64_t *fading;
+    double *fades, *curves;
+} contacts_t;
+
+#define BOUND_MARGIN 1e-6 /* share of dhat that bounds are not trusted with: round-off of bounds that are lowered often */
+
 INLINE double dot(int d, const double *a, const double *b)
 {
     return a[0] * b[0] + a[1] * b[1] + (d == 3 ? a[2] * b[2] : 0.0);
@@ -130,5 +151,11 @@ INLINE double between_segments(const double *a, const double *b, const double *c
         }
     }
     return least;
+}
+
+/* What a pair's distance is at least at the place that is asked about. */
+INLINE double left(const pairs_t *pairs, double bound, double rate)
+{
+    return bound - pairs->share * rate - 2.0 * pairs->off;
 }
 #endif
