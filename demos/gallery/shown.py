@@ -212,8 +212,10 @@ thick and bend as folded paper does; finer levels bend smoothly, and the pile ke
         "leaf_sheep",
         "Leaf sheep on a sea mushroom",
         """A current sweeps two leaf sheep off the caps of a sea mushroom. They meet over a stone and come to rest on
-their feet. Level 0 has 10,000 tetrahedra, level 2 has 400,000: what level 0 shows within minutes is what level 2
-shows after a night.""",
+their feet. The sizes are those of the paper's first figure. All steps of level 0 (9,172 tetrahedra) take 47 s of
+processor time, those of level 2 (410,057) 54 minutes: 69 times as long, where the paper has 120. The sheep end
+in the same places. The plant bends further on each finer level, because coarse cells are stiffer. With a stalk
+of a fifth of the stiffness (`--set stalk=12`) it buckled on level 1.""",
         small={"vertices": ((500, 800), (250, 400)), "dt": 0.04, "steps": 110},
         view="-0.95,1.37,2.01:0.0,0.33,0.14",
         slow=(0.8, 2.4),
