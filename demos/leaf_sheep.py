@@ -119,7 +119,8 @@ def claim(run):
                 f"Level {entry['level']} ends with both sheep within {1000 * sheep:.0f} mm"
                 f" ({100 * sheep / LENGTH:.1f} % of a sheep's length), the plant within {1000 * plant:.0f} mm"
                 f" ({100 * plant / HEIGHT:.1f} % of its height) of level 0. All bodies are turned by at most"
-                f" {angle:.1f} degrees. All over it, cerata included, it is at most {1000 * entry['largest_distance']:.0f} mm from it.",
+                f" {angle:.1f} degrees. All over it, cerata included, it is at most"
+                f" {1000 * entry['largest_distance']:.0f} mm from it.",
                 sheep < 0.03 * LENGTH and plant < 0.03 * HEIGHT and entry["largest_distance"] < 0.1 * LENGTH,
             )
         )
