@@ -361,7 +361,7 @@ def test_donuts(tmp_path):
 
 def test_bodies_at_rest(tmp_path):
     """Six toys: two levels settle, creep more slowly than eps_v, and rest for a fraction of the cost of motion."""
-    steps, file = 150, ROOT / "demos" / "bodies_at_rest.py"
+    steps, file = 200, ROOT / "demos" / "bodies_at_rest.py"
     words = ["--set", "count=6", "--set", "dt=0.02", "--steps", str(steps), "--no-picture", "--no-xdmf"]
     assert run(["run", str(file), *words, "--out", str(tmp_path / "run")]) == 0
     found = load(file).claim(end(tmp_path / "run", 2, steps))

@@ -66,14 +66,13 @@ def test_it_plays_and_pauses(player, solid_run):
     tab.page.get_by_label("speed").select_option("0.1")
     start = seen(tab)
     tab.page.get_by_role("button", name="play").click()
-    tab.until("player.time > 0.3 * player.duration")
+    # States are interpolated: a frame shows a time between two of them. The frame of the pause may show a state itself.
+    tab.until("player.time > 0.3 * player.duration && (player.time / player.dt) % 1 > 0.1")
     tab.page.get_by_role("button", name="pause").click()
     time = tab.page.evaluate("player.time")
     assert difference(start, seen(tab)) > CHANGED
     tab.page.wait_for_timeout(200)
     assert tab.page.evaluate("player.time") == time
-    between = time / tab.page.evaluate("player.dt")
-    assert between != round(between)  # states are interpolated
 
 
 def test_a_thinned_shot_ends_where_the_whole_one_does(player, flat_run):
