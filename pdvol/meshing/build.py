@@ -35,7 +35,7 @@ from pdvol.meshing.volume import enclosed_volume
 from pdvol.scene import Body, Deforming, Rigid, Scene
 from pdvol.stages import stage
 
-BUILD_VERSION = 4
+BUILD_VERSION = 5
 """Part of the cache's keys. Increase it by one when the same input gives other meshes: old ones are not used then."""
 Shape: TypeAlias = Outline | Surface | Solid
 AnyShape: TypeAlias = str | Path | Shape

@@ -3,6 +3,7 @@ self-intersections.
 """
 
 from collections.abc import Iterator
+from threading import Lock
 
 import fast_simplification
 import igl
@@ -23,6 +24,8 @@ diagonal.
 """
 AGGRESSION = 3.5
 """Exponent with which that limit grows; the library's own 7 doubles the distance from the input."""
+_SIMPLIFYING = Lock()
+"""Held while fast-simplification works: it keeps its mesh in global variables, and levels are made side by side."""
 
 
 def topology(triangles: np.ndarray, n: int) -> tuple[int, int]:
@@ -68,7 +71,8 @@ def _attempts(surface: Surface, target: int, euler: int) -> Iterator[tuple[np.nd
     triangles = np.ascontiguousarray(surface.triangles, dtype=np.int32)
     for factor, more in ((1.0, 0.0), (1.0, 0.5), (1.1, 1.0), (1.2, -0.5)):
         faces = min(int(2 * (factor * target - euler)), len(triangles))
-        made = fast_simplification.simplify(points, triangles, target_count=max(faces, 4), agg=AGGRESSION + more)
+        with _SIMPLIFYING:
+            made = fast_simplification.simplify(points, triangles, target_count=max(faces, 4), agg=AGGRESSION + more)
         yield centre + size * made[0], made[1]
     faces = max(2 * (target - euler), 4)
     for collapse in (igl.qslim, igl.decimate):

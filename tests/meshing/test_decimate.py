@@ -1,5 +1,6 @@
 """Decimation keeps a surface closed, free of crossings, and of the same shape and topology."""
 
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -42,3 +43,12 @@ def test_a_chain_of_levels_of_a_thin_shape():
 def test_a_torus_keeps_its_hole():
     coarse = decimate(read_shape(SHARED / "surfaces/torus.off"), 200)
     assert topology(coarse.triangles, len(coarse.vertices)) == (1, 0)
+
+
+def test_surfaces_decimated_side_by_side():
+    """fast-simplification works on global variables: threads that interleave gave one of them another's surface."""
+    ball, targets = meshes.ball(0.5, 5), (100, 300, 900, 2000)
+    alone = {target: decimate(ball, target).vertices for target in targets}
+    with ThreadPoolExecutor(4) as pool:
+        for target, made in pool.map(lambda target: (target, decimate(ball, target)), targets * 25):
+            np.testing.assert_array_equal(made.vertices, alone[target])
