@@ -104,7 +104,7 @@ def cache(folder: Path | None, commit: str) -> Path:
     """The folder of a commit's records on this machine's processor, made where it is missing."""
     if folder is None:
         home = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
-        folder = Path(os.environ.get("PDVOL_CACHE") or Path(home) / "pdvol") / "dense"
+        folder = Path(os.environ.get("PDVOL_CACHE") or Path(home) / "pdvol") / "dense_steps"
     processor = re.sub(r"\W+", "-", process.machine()["processor"]).strip("-")
     found = folder / f"{commit[:12]}-{processor}"
     found.mkdir(parents=True, exist_ok=True)
@@ -202,8 +202,9 @@ def march(name: str, steps: int, code: Path, commit: str, folder: Path, end: Pat
         words = [code, clock, row.limit, REPOSITORY / row.file, path, steps, json.dumps(row.settings), 0]
         command = ["env", f"PYTHONPATH={code}", *start, str(Path(__file__).with_name("run_one.py")), *map(str, words)]
         reason = process.child(command, 3.0 * row.limit + 600.0, folder / "run.log")
-        ticks = json.loads(path.with_suffix(".json").read_text()) if path.with_suffix(".json").is_file() else []
-        found = measured(path, end, check)
+        times = json.loads(path.with_suffix(".json").read_text()) if path.with_suffix(".json").is_file() else {}
+        ticks = times.get("ticks")
+        found = measured(path, end, check, times.get("seconds", []))
         reason = reason or ("" if found["seconds"] else "no step was done")
         found |= {"reason": reason, "tick": sum(ticks) / len(ticks) if ticks else 1.0}
         walls.append(rows.pace(found) if found["seconds"] else 0.0)
@@ -211,8 +212,11 @@ def march(name: str, steps: int, code: Path, commit: str, folder: Path, end: Pat
     return {**found, **gain, "commit": commit}
 
 
-def measured(path: Path, end: Path, check: bool) -> dict:
-    """What a run folder holds; with `check`, also whether its states (a hundred at most) are sound."""
+def measured(path: Path, end: Path, check: bool, seconds: list[float]) -> dict:
+    """What a run folder holds; with `check`, also whether its states (a hundred at most) are sound.
+
+    `seconds` are those of the steps. The log has wall-clock seconds of their parts, which are scaled to them.
+    """
     empty = {"seconds": [], "states": "none"}
     try:
         run = open_run(path)
@@ -223,10 +227,11 @@ def measured(path: Path, end: Path, check: bool) -> dict:
         log = [record for record in level.log if record["step"] <= last]
         np.savez(end, rest=level.rest, last=level.positions(last), step=last, diagonal=run.info["diagonal"])
         first = np.unique(level.cells[level.bodies == 0])
+        scale = sum(seconds[: len(log)]) / sum(record["seconds"]["total"] for record in log)
         return {
             "vertices": len(level.rest),
-            "seconds": [record["seconds"]["total"] for record in log],
-            "parts": {part: sum(record["seconds"].get(part, 0.0) for record in log) for part in rows.PARTS},
+            "seconds": seconds[: len(log)],
+            "parts": {part: scale * sum(record["seconds"].get(part, 0.0) for record in log) for part in rows.PARTS},
             "newton": [record["newton_iterations"] for record in log],
             "linear": [record["linear_iterations"] for record in log],
             "contacts": [record["contacts"] for record in log],

@@ -166,11 +166,12 @@ def by_pdvol(file: Path, settings: dict, folder: Path, steps: int) -> tuple[dict
         if level.steps < 2:
             return ended({}, steps, reason or "no step was done", load), None
         log, last = level.log[: level.steps - 1], level.positions(level.steps - 1)
+        times = json.loads(path.with_suffix(".json").read_text())
         found = {
-            "seconds": [record["seconds"]["total"] for record in log],
+            "seconds": times["seconds"][: len(log)],
             "newton": [record["newton_iterations"] for record in log],
             "dt": [1.0] * len(log),
-            "ticks": json.loads(path.with_suffix(".json").read_text()),
+            "ticks": times["ticks"],
             "inverted": inverted(level.rest, last, level.cells),
             "vertices": len(level.rest),
         }
