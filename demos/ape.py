@@ -11,7 +11,9 @@ import numpy as np
 
 import pdvol
 from pdvol import Barrier, Body, Impulse, NeoHookean, Placement, Scene, Support, meshes
+from pdvol.runs.run_metrics import motion_from_level_0
 
+HEIGHT = 1.0  # m, along z
 HELD = 0.03  # m above the ground: seat, soles and the right fist
 
 
@@ -33,6 +35,21 @@ def scene(vertices=(300, 700, 1600, 3600), young=2e4, speed=5.0, steps=800, dt=0
         dt=dt,
         steps=steps,
     )
+
+
+def claim(run):
+    """All levels swing as level 0 does, to the end."""
+    found = []
+    for entry in motion_from_level_0(run)[1:]:
+        mean, largest = entry["distance"], entry["largest_distance"]
+        found.append(
+            (
+                f"Level {entry['level']} is at most {1000 * largest:.0f} mm from level 0, a mean over the gorilla, in"
+                f" any step ({1000 * mean:.0f} mm at the end); it is {HEIGHT:g} m tall.",
+                largest < 0.05 * HEIGHT,
+            )
+        )
+    return found
 
 
 if __name__ == "__main__":

@@ -8,6 +8,7 @@ import numpy as np
 import pdvol
 from pdvol import Barrier, Body, Friction, Gravity, NeoHookean, Placement, Plane, Rigid, Scene, meshes
 from pdvol.meshing.readers import read_shape
+from pdvol.runs.run_metrics import motion_from_level_0
 
 SIZE = 1.0  # m: the largest extent that any shape is scaled to, y up
 
@@ -46,6 +47,21 @@ def scene(surface="", vertices=(500, 2000, 8000), young=1e5, mu=0.3, spin=2.0, s
         dt=dt,
         steps=steps,
     )
+
+
+def claim(run):
+    """The shape lies where level 0 puts it, and as level 0 turns it."""
+    found = []
+    for entry in motion_from_level_0(run)[1:]:
+        centre, angle = entry["centre_drift"], entry["angle_drift"]
+        found.append(
+            (
+                f"Level {entry['level']} ends with its centre within {1000 * centre:.0f} mm and {angle:.1f} degrees of"
+                " level 0, less than a twentieth of its size and 10 degrees.",
+                centre < 0.05 * SIZE and angle < 10.0,
+            )
+        )
+    return found
 
 
 if __name__ == "__main__":
