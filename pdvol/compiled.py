@@ -37,6 +37,12 @@ def cache_folder() -> Path:
     return base / "pdvol" / "compiled" / key
 
 
+def declare(folder: Path) -> None:
+    """Declares to `ffi` what is in a folder's interface.h, which its C files include; preprocessor lines are left out."""
+    lines = (folder / "interface.h").read_text().splitlines(keepends=True)
+    ffi.cdef("".join(line for line in lines if not line.startswith("#")))
+
+
 def load(folder: Path, definitions: Mapping[str, int] | None = None) -> Any:
     """The library made of a folder's C files, whose functions are declared to `ffi`; built unless it exists. Headers
     that folders share are two folders above.

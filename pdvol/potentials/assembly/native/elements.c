@@ -5,10 +5,10 @@
  * simplex's energy is its volume times psi, and its Hessian over the positions is K' H K: H is what is filtered, which is cheaper than the
  * whole block and does not depend on the cell's shape (Smith, de Goes, Kim 2019). */
 #include <math.h>
-#include <stdint.h>
 #include <string.h>
 
 #include "../../positive.h"
+#include "interface.h"
 #include "kernel.h"
 
 /* MAX_PARAMETERS comes from the compiler's command line: its value is in __init__.py, which refuses more */

@@ -5,7 +5,7 @@
  * (psi_i + psi_j) / (s_i + s_j) (Smith, de Goes, Kim 2019). Each is filtered by itself, and a cell's blocks follow from hat-function
  * gradients turned into the frame, without ever forming the 9 x 9 matrix. */
 #include <math.h>
-#include <stdint.h>
+#include "interface.h"
 #include "kernel.h"
 
 enum { LANES = 8 };

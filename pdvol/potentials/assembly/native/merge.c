@@ -1,5 +1,5 @@
 /* The upper triangle of a matrix in d x d blocks from those that cells couple and those of pairs, summed by place. */
-#include <stdint.h>
+#include "interface.h"
 #include <stdlib.h>
 #include <string.h>
 

@@ -2,43 +2,13 @@
 #ifndef PDVOL_SURFACE_H
 #define PDVOL_SURFACE_H
 #include <math.h>
-#include <stdint.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "../../positive.h"
+#include "interface.h"
 
 #define NEARLY_PARALLEL 1e-8 /* sin^2 of an angle: below it products of edges lose half of their digits */
-
-typedef struct {
-    int32_t d;
-    int64_t vertices, edges, facets, objects, leaves;
-    const int32_t *edge, *facet, *facet_edges; /* (edges, 2); (facets, d); (facets, 3), in 3D alone */
-    const int32_t *vertex_share, *edge_share;  /* how often unions of facets count a vertex and an edge: Surface in surface.py */
-    const double *areas, *edge_areas;              /* weights of vertices and of edges [m^(d-1)] */
-    const int32_t *skip, *leaf, *roots;        /* tree: next node outside of each node, its leaf or -1; (objects + 1) first nodes */
-    const int32_t *leaf_facets, *leaf_vertices, *leaf_edges;                      /* leaf by leaf; each vertex and edge is in one leaf */
-    const int32_t *leaf_facet_starts, *leaf_vertex_starts, *leaf_edge_starts; /* (leaves + 1) */
-} surface_t;
-
-/* Candidate pairs, of vertices and facets (a vertex's pairs stand together) and of edges. On a way of all vertices a pair is no nearer than its bound
- * at the way's start (0: none are known) less the share of the way times its rate; and no vertex is further than `off` from there. */
-typedef struct {
-    int64_t n_points, n_edges;
-    const int32_t *points, *edges; /* two numbers each */
-    double *point_bounds, *edge_bounds, *point_rates, *edge_rates;
-    double share, off; /* of the place that is asked about */
-} pairs_t;
-
-/* Contacts, as class Stencils has them: up to four vertices each, their coefficients in the gap vector, and a weight; in fades (faded, 12) and
- * curves (faded, 10, 9: blocks on or right of the diagonal) the derivatives of those weights that depend on positions. */
-typedef struct {
-    int64_t count, faded;
-    int32_t *vertices;
-    double *coefficients, *gaps, *weights;
-    int64_t *fading;
-    double *fades, *curves;
-} contacts_t;
 
 #define BOUND_MARGIN 1e-6 /* share of dhat that bounds are not trusted with: round-off of bounds that are lowered often */
 

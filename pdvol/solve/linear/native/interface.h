@@ -1,0 +1,38 @@
+/* The structure and functions of the linear solver that Python uses. C includes this file, and Python reads it (pdvol/compiled.py). */
+#ifndef PDVOL_LINEAR_INTERFACE_H
+#define PDVOL_LINEAR_INTERFACE_H
+#include <stdint.h>
+
+/* This rank's rows of a symmetric matrix and of its preconditioner; block CSR throughout, d x d blocks by rows. */
+typedef struct {
+    int32_t d, count;                        /* 2 or 3; owned vertices */
+    const int32_t *starts, *columns;         /* between owned vertices: the upper triangle, diagonal first, columns ascending */
+    const double *blocks;
+    const int32_t *far_starts, *far_columns; /* couplings with other ranks' vertices, numbered from 0 */
+    const double *far_blocks;
+    const float *factor;                     /* of incomplete_cholesky */
+    int32_t nodes;                           /* coarse vertices; 0 for none */
+    const int32_t *p_starts, *p_columns;     /* prolongation of the owned vertices */
+    const double *p_weights;
+    const int64_t *begins;                   /* of coarse_cholesky */
+    const double *coarse;
+    void (*exchange)(const double *own, double *far); /* other ranks' values (.., d) of a vector; NULL on one rank */
+    void (*sum)(double *numbers, int32_t count);      /* over all ranks, in place; NULL on one rank */
+} linear_system;
+
+int incomplete_cholesky(int d, int64_t n, const int32_t *starts, const int32_t *columns, const double *blocks,
+                        float *R);
+void coarse_firsts(int64_t rows, int64_t first, const int32_t *starts, const int32_t *columns,
+                   const int32_t *p_starts, const int32_t *p_columns, int32_t *firsts);
+int coarse_operator(int d, int64_t rows, int64_t first, const int32_t *starts, const int32_t *columns,
+                    const double *blocks, const int32_t *p_starts, const int32_t *p_columns, const double *p_weights,
+                    int64_t nodes, const int64_t *begins, double *out);
+int coarse_cholesky(int64_t n, const int64_t *begins, double shift, double *L);
+int symmetric_product(const linear_system *system, const double *x, double *far, double *y);
+int conjugate_gradients(const linear_system *system, const double *right, double tolerance, int32_t most, double *far,
+                        double *solution, int32_t *iterations);
+/* z (count, 4) = (R' R)^-1 z. */
+void precondition_locally(const linear_system *system, float *z);
+/* Adds P (P' A P)^-1 P' residual (count, 4) to z (count, 4); x: room for nodes d + SPARE numbers. */
+void add_coarse_correction(const linear_system *system, const double *residual, double *x, float *z);
+#endif
