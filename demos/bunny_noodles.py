@@ -5,6 +5,7 @@ Does the pile have the same order from below to above on all levels, and do its 
 """
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 import pdvol
 from pdvol import Barrier, Body, Friction, Gravity, NeoHookean, Placement, Plane, Rigid, Scene, meshes
@@ -12,6 +13,8 @@ from pdvol import Barrier, Body, Friction, Gravity, NeoHookean, Placement, Plane
 HEIGHT, THICKNESS = 0.24, 0.008  # m, of a slice
 RADIUS, DEPTH = 0.32, 0.20  # m, inside the bowl
 SPACING = 0.025  # m, from slice to slice at the start
+REACH = 0.02  # m: a fold is what bends a slice over this length, which is less than a cell of level 0 is wide
+SAMPLES = 2_000  # points a slice, at which its upper face is looked at
 
 
 def scene(slices=40, vertices=(60, 260, 1060), young=2e4, mu=0.3, damping=0.02, seed=1, steps=150, dt=0.01):
@@ -46,8 +49,34 @@ def heights(run, level):
     return np.bincount(bodies, last[:, 1]) / np.bincount(bodies)
 
 
+def turns(run, level):
+    """How much angles [degrees] between places of a slice's upper face, `REACH` apart, have changed by the end."""
+    stored, random = run.levels[level], np.random.default_rng(0)
+    corners = [x[stored.surface] for x in (stored.rest, stored.positions(stored.steps - 1))]
+    at_rest, now = (np.cross(c[:, 1] - c[:, 0], c[:, 2] - c[:, 0]) for c in corners)
+    areas = np.linalg.norm(at_rest, axis=1)
+    upper, bodies = at_rest[:, 1] > 0.9 * areas, stored.mesh.point_bodies[stored.surface[:, 0]]
+    found = []
+    for body in range(bodies.max() + 1):
+        faces = np.flatnonzero(upper & (bodies == body))
+        chosen = random.choice(faces, SAMPLES, p=areas[faces] / areas[faces].sum())
+        points = np.einsum("nc,ncd->nd", random.dirichlet((1.0, 1.0, 1.0), SAMPLES), corners[0][chosen])
+        pairs = cKDTree(points).query_pairs(1.1 * REACH, output_type="ndarray")
+        pairs = pairs[np.linalg.norm(points[pairs[:, 0]] - points[pairs[:, 1]], axis=1) > 0.9 * REACH]
+        one, other = chosen[pairs.T]
+        found.append(np.abs(angles(now[one], now[other]) - angles(at_rest[one], at_rest[other])))
+    return np.concatenate(found)
+
+
+def angles(one, other):
+    """Between rows (n, 3) of both [degrees]."""
+    return np.degrees(np.arctan2(np.linalg.norm(np.cross(one, other), axis=1), np.einsum("nd,nd->n", one, other)))
+
+
 def claim(run):
-    """The pile keeps its order on all levels. A slice is above another where it is higher by more than a thickness."""
+    """The pile keeps its order on all levels, and slices bend more. A slice is above another where it is higher by more
+    than a thickness.
+    """
     first = heights(run, 0)
     apart = np.subtract.outer(first, first)
     above = apart > THICKNESS
@@ -63,6 +92,14 @@ def claim(run):
                 among > 0.95,
             )
         )
+    bends = [turns(run, level).mean() for level in range(len(run.levels))]
+    found.append(
+        (
+            f"Over {100 * REACH:.0f} cm, slices are bent by {', '.join(f'{bend:.1f}' for bend in bends)} degrees on the"
+            " levels, a mean over all of them: folds get sharper.",
+            bool((np.diff(bends) > 0.0).all()),
+        )
+    )
     return found
 
 
