@@ -38,7 +38,7 @@ def cache_folder() -> Path:
 
 
 def declare(folder: Path) -> None:
-    """Declares to `ffi` what is in a folder's interface.h, which its C files include; preprocessor lines are left out."""
+    """Declares to `ffi` what is in a folder's interface.h, which its C files include, without preprocessor lines."""
     lines = (folder / "interface.h").read_text().splitlines(keepends=True)
     ffi.cdef("".join(line for line in lines if not line.startswith("#")))
 

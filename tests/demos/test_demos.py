@@ -18,7 +18,6 @@ OWN_LOOPS = {"own_energy"}  # have no scene but a time loop of their own: tests/
 DEMOS = sorted(path for path in (ROOT / "demos").glob("*.py") if path.stem not in OWN_LOOPS)
 RUN_HERE = {
     "ape",
-    "bodies_at_rest",
     "bunny_noodles",
     "donuts",
     "drop",
@@ -357,15 +356,6 @@ def test_donuts(tmp_path):
             assert (seen.max(axis=0) < own.max(axis=0) + 0.03).all()
     words = ["--format", "obj", "--levels", "0:0", "-o", str(tmp_path / "obj")]
     assert run(["export", str(tmp_path / "run"), *words]) == 0
-
-
-def test_bodies_at_rest(tmp_path):
-    """Six toys: two levels settle, creep more slowly than eps_v, and rest for a fraction of the cost of motion."""
-    steps, file = 200, ROOT / "demos" / "bodies_at_rest.py"
-    words = ["--set", "count=6", "--set", "dt=0.02", "--steps", str(steps), "--no-picture", "--no-xdmf"]
-    assert run(["run", str(file), *words, "--out", str(tmp_path / "run")]) == 0
-    found = load(file).claim(end(tmp_path / "run", 2, steps))
-    assert len(found) == 3 and [sentence for sentence, holds in found if not holds] == []
 
 
 def test_leaf_sheep(tmp_path):
