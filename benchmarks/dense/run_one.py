@@ -43,22 +43,23 @@ class Timer:
         """Nothing is left open."""
 
 
-STEPPERS = (("pdvol.integrate.stepper", "Stepper"), ("pdvol.solve.level_problem", "LevelProblem"))
-"""Module and class whose method `step` takes a step: of this code, and of 97e899e."""
+STEPPERS = (("pdvol/integrate/stepper.py", "Stepper"), ("pdvol/solve/level_problem.py", "LevelProblem"))
+"""File and class whose method `step` takes a step: of this code, and of 97e899e."""
 
 
-def time_steps(clock: str) -> list[float]:
-    """A list that gets the seconds of each step from now on.
+def time_steps(folder: str, clock: str) -> list[float]:
+    """A list that gets the seconds of each step that the package in `folder` takes from now on.
 
     The clock is read around a whole step: a system call, 0.6 to 1.6 us, for each of its hundred and more parts would
     add a tenth to the time of a small scene.
     """
     read, seconds = {"cpu": time.process_time, "wall": time.perf_counter}[clock], []
-    for module, name in STEPPERS:
-        try:
-            stepper = getattr(importlib.import_module(module), name)
-        except ModuleNotFoundError:
+    for file, name in STEPPERS:
+        if not (
+            Path(folder) / file
+        ).is_file():  # importing it would find this repository's own, where that is installed
             continue
+        stepper = getattr(importlib.import_module(file.removesuffix(".py").replace("/", ".")), name)
         step = stepper.step
 
         @functools.wraps(step)
@@ -86,7 +87,7 @@ def main(folder: str, clock: str, seconds: str, file: str, out: str, steps: str,
         if not Path(str(module.__file__)).is_relative_to(folder):
             print(f"ImportError: {module.__name__} is {module.__file__}, which is not of {folder}", file=sys.stderr)
             return 1
-    timer, code, taken = Timer(float(seconds)), 0, time_steps(clock)
+    timer, code, taken = Timer(float(seconds)), 0, time_steps(folder, clock)
     try:
         shot = load_shot(file, json.loads(settings), int(steps))
         run_scene(shot, out, int(level), int(level), progress=lambda *_: timer)
