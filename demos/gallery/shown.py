@@ -200,8 +200,6 @@ level adds faces, paws and the ripples of the impact.""",
         """Forty slices, shaped like a bunny and thin as noodles, fall into a bowl. On level 0 they are one element
 thick and bend as folded paper does; finer levels bend smoothly, and the pile keeps its order.""",
         small={"slices": 5, "vertices": (40, 90), "dt": 0.02, "steps": 14},
-        finest=2,
-        begun=2,
         slow=(0.1, 0.5),
         size=(1260, 480),
         moment=1.4,
