@@ -192,6 +192,7 @@ level adds faces, paws and the ripples of the impact.""",
         small={"vertices": (150, 400), "dt": 0.01, "steps": 40},
         slow=(0.1, 0.5),
         size=(1260, 440),
+        direct=True,
         moment=0.35,
     ),
     Entry(
