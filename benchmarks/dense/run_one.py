@@ -55,9 +55,8 @@ def time_steps(folder: str, clock: str) -> list[float]:
     """
     read, seconds = {"cpu": time.process_time, "wall": time.perf_counter}[clock], []
     for file, name in STEPPERS:
-        if not (
-            Path(folder) / file
-        ).is_file():  # importing it would find this repository's own, where that is installed
+        # Importing the other code's file would find this repository's own, where that is installed.
+        if not (Path(folder) / file).is_file():
             continue
         stepper = getattr(importlib.import_module(file.removesuffix(".py").replace("/", ".")), name)
         step = stepper.step
