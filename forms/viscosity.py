@@ -15,3 +15,13 @@ def kelvin_voigt(F: Expr, mu: Expr, lmbda: Expr, C_t: Expr) -> Expr:
     """
     D = green_strain(F) - (C_t - ufl.Identity(F.ufl_shape[0])) / 2
     return mu * ufl.inner(D, D) + lmbda / 2 * ufl.tr(D) ** 2
+
+
+def kelvin_voigt_model(F: Expr, v: Expr, w: Expr, mu: Expr, lmbda: Expr) -> Expr:
+    r"""The second derivative of `kelvin_voigt` by F along v and w, without the curvature of D (Gauss-Newton).
+
+    It is 2 mu D'(v) : D'(w) + lmbda tr D'(v) tr D'(w) with D'(v) = sym(F'v): never negative, and without an
+    eigenvalue problem. What is left out is the step's viscous stress times v'w.
+    """
+    one, other = (ufl.sym(ufl.transpose(F) * change) for change in (v, w))
+    return 2 * mu * ufl.inner(one, other) + lmbda * ufl.tr(one) * ufl.tr(other)

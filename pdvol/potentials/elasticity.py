@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import ufl
 
-from pdvol.forms.viscosity import kelvin_voigt
+from pdvol.forms.viscosity import kelvin_voigt, kelvin_voigt_model
 from pdvol.levels.materials import CellMaterials
 from pdvol.levels.space import LevelSpace
 from pdvol.parallel import reduce
@@ -111,8 +111,12 @@ class Damping(CellEnergy):
                 F, mu, lmbda, ufl.as_matrix([[before[_entry(*sorted((i, j)))] for j in range(d)] for i in range(d)])
             )
 
+        def model(F: Any, v: Any, w: Any, mu: Any, lmbda: Any, **before: Any) -> Any:
+            return kelvin_voigt_model(F, v, w, mu, lmbda)
+
         start = {_entry(i, j): np.full(len(cells), float(i == j)) for i, j in self._pairs}
-        super().__init__(space, psi, {"mu": self._mu, "lmbda": self._lmbda, **start}, cells, "damping", isotropic=False)
+        parameters = {"mu": self._mu, "lmbda": self._lmbda, **start}
+        super().__init__(space, psi, parameters, cells, "damping", isotropic=False, model=model)
         self.scale = 0.0  # differences are taken before they are squared: nothing large cancels
 
     def begin_step(self, x_t: Positions, t0: float, t1: float, x_hat: Positions | None = None) -> None:

@@ -18,7 +18,7 @@ from pdvol.potentials.potential import Positions
 from pdvol.scene import FixedCorotational, Material, NeoHookean, StVenantKirchhoff, rotation_matrix
 from problems import elastic, make_scene
 from shapes import box, level
-from taylor import check_term, hessian_of
+from taylor import check_term, hessian_of, smallest_eigenvalue
 
 LAWS = [NeoHookean, StVenantKirchhoff, FixedCorotational]
 DIMENSIONS = [2, 3]
@@ -264,6 +264,29 @@ def test_damping_is_rayleigh_s_at_rest(d):
     damping.begin_step(Positions(space, X), 0.0, DT)
     K, C = (hessian_of(term, space, X, "none").toarray() for term in (law, damping))
     np.testing.assert_allclose(C, BETA / DT * K, atol=1e-10 * np.abs(C).max())
+
+
+@pytest.mark.parametrize("mode", ["clamp", "abs"])
+@pytest.mark.parametrize("d", DIMENSIONS)
+def test_projected_damping_by_hand(d, mode):
+    """v'Hv = sum over cells of volume (2 mu |e|^2 + lmbda (tr e)^2) damping / dt, e = sym(F'f), f the gradient of v:
+    nothing of the viscous stress, however far from definite the exact Hessian is.
+    """
+    space = LevelSpace(box(d, 1, jitter=0.1), MPI.COMM_SELF)
+    rng = np.random.default_rng(2)
+    X = space.from_input(space.mesh.points)
+    term = damped(space)
+    term.begin_step(Positions(space, X), 0.0, DT)
+    x, v = 0.7 * X + 0.1 * rng.uniform(-1, 1, X.shape), rng.standard_normal(X.shape)
+    exact, H = (hessian_of(term, space, x, name).toarray() for name in ("none", mode))
+    F, f = (
+        np.einsum("kia,kij->kaj", space.to_input(rows)[space.mesh.cells], space.mesh.hat_gradients) for rows in (x, v)
+    )
+    e = np.einsum("kai,kaj->kij", F, f)
+    e = 0.5 * (e + e.transpose(0, 2, 1))
+    density = 2.0 * MU * np.einsum("kij,kij->k", e, e) + LMBDA * np.einsum("kii->k", e) ** 2
+    assert v.ravel() @ H @ v.ravel() == pytest.approx(BETA / DT * density @ space.mesh.volumes, rel=1e-12)
+    assert smallest_eigenvalue(H) > -1e-10 > smallest_eigenvalue(exact)
 
 
 def test_no_damping_no_term(cells):

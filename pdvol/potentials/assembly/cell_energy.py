@@ -4,7 +4,8 @@ The density may depend on x through F = grad(x) alone, and on parameters that ar
 differentiates psi by F only: positions are P1, so F is constant per cell and linear in the positions. Isotropic
 densities in 3D get their Hessians through the principal stretches (native/isotropic.c), which is many times faster;
 whether a density is isotropic is found by evaluating it at rotated F. All others go through UFL's second derivatives by
-F.
+F, whose negative eigenvalues take most of the time to find. A density may have a `model` of its second derivatives
+instead, which is positive semi-definite by itself.
 """
 
 from collections.abc import Callable, Iterable, Mapping
@@ -40,6 +41,8 @@ class CellEnergy(Term):
     name : str
     isotropic : whether psi(Q F R) = psi(F) for all rotations; found by evaluation where not given
     material : whose density it is, for error messages
+    model : callable (F, v, w, **parameters) -> UFL bilinear form [Pa] in the changes v and w of F, positive
+        semi-definite; it takes the place of psi's second derivative except in unprojected Hessians
 
     Raises
     ------
@@ -56,6 +59,7 @@ class CellEnergy(Term):
         name: str = "elastic",
         isotropic: bool | None = None,
         material: str = "",
+        model: Callable | None = None,
     ):
         if len(parameters) > native.MAX_PARAMETERS:
             raise InputError(
@@ -75,19 +79,21 @@ class CellEnergy(Term):
         self.scale = reduce(
             space.comm, float(sum(np.abs(values[counted]) @ self._volumes[counted] for values in parameters.values()))
         )
-        self._compile(psi, {name: np.asarray(values, dtype=float) for name, values in parameters.items()})
+        self._compile(psi, model, {name: np.asarray(values, dtype=float) for name, values in parameters.items()})
 
-    def _compile(self, psi: Callable, parameters: Mapping[str, np.ndarray]) -> None:
+    def _compile(self, psi: Callable, model: Callable | None, parameters: Mapping[str, np.ndarray]) -> None:
         space, d = self.space, self.space.dim
         domain = space.domain.ufl_domain()
         tensors = ufl.FunctionSpace(domain, basix.ufl.element("DG", space.domain.basix_cell(), 0, shape=(d, d)))
         F, coefficients = ufl.Coefficient(tensors), _constants(space, parameters)
         density = psi(F, **coefficients) * _one_point(domain)
-        first = ufl.derivative(density, F, ufl.TestFunction(tensors))
+        v, w = ufl.TestFunction(tensors), ufl.TrialFunction(tensors)
+        first = ufl.derivative(density, F, v)
         names = {F: None, **{coefficient: name for name, coefficient in coefficients.items()}}
         compiled = lambda form: _DensityKernel(space.comm, form, names, parameters, len(self.cells))
         self._density, self._first = compiled(density), compiled(first)
         self._second: _DensityKernel | None = None
+        self._model = compiled(model(F, v, w, **coefficients) * _one_point(domain)) if model else None
         self._stretches: _StretchKernels | None = None
         if (
             d == 3
@@ -96,7 +102,7 @@ class CellEnergy(Term):
         ):
             self._stretches = _StretchKernels(space, psi, parameters)
         else:
-            self._second = compiled(ufl.derivative(first, F, ufl.TrialFunction(tensors)))
+            self._second = compiled(ufl.derivative(first, F, w))
 
     @property
     def uses_stretches(self) -> bool:
@@ -137,7 +143,7 @@ class CellEnergy(Term):
     def set_parameters(self, parameters: Mapping[str, np.ndarray]) -> None:
         """Sets the values (k,) of some parameters without compiling anything."""
         self.parameters.update(parameters)
-        for kernel in (self._density, self._first, self._second, self._stretches):
+        for kernel in (self._density, self._first, self._second, self._model, self._stretches):
             if kernel is not None:
                 kernel.fill(parameters)
 
@@ -170,10 +176,10 @@ class CellEnergy(Term):
                 out,
             )
         elif self._second is not None:
-            mode = mode if self._second.gradient_at >= 0 else 0  # a Hessian without F is that of a quadratic energy
-            self._library.cell_hessians(
-                *self._arguments(self._second, x.local, len(self.cells)), slots, mode, weight, out
-            )
+            kernel = self._model if mode and self._model is not None else self._second
+            # A Hessian without F is that of a quadratic energy.
+            mode = 0 if kernel is self._model or kernel.gradient_at < 0 else mode
+            self._library.cell_hessians(*self._arguments(kernel, x.local, len(self.cells)), slots, mode, weight, out)
 
 
 def _rotation(rng: np.random.Generator) -> np.ndarray:
