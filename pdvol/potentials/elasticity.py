@@ -116,7 +116,7 @@ class Damping(CellEnergy):
 
         start = {_entry(i, j): np.full(len(cells), float(i == j)) for i, j in self._pairs}
         parameters = {"mu": self._mu, "lmbda": self._lmbda, **start}
-        super().__init__(space, psi, parameters, cells, "damping", isotropic=False, model=model)
+        super().__init__(space, psi, parameters, cells, "damping", model=model)
         self.scale = 0.0  # differences are taken before they are squared: nothing large cancels
 
     def begin_step(self, x_t: Positions, t0: float, t1: float, x_hat: Positions | None = None) -> None:

@@ -97,6 +97,7 @@ class CellEnergy(Term):
         self._stretches: _StretchKernels | None = None
         if (
             d == 3
+            and model is None
             and 0 < len(parameters) <= native.MAX_ISOTROPIC_PARAMETERS
             and (self._is_isotropic() if self._isotropic is None else self._isotropic)
         ):
