@@ -178,9 +178,9 @@ class Newton:
         self._solve.projection = before.after_indefinite()
         return self._solve.projection is not before
 
-    def _solve_again(self, right: PETSc.Vec, step: PETSc.Vec) -> None:
-        """Solves for the step again, with the present matrix."""
-        self.linear.solve(right, step)
+    def _solve_again(self, right: PETSc.Vec, step: PETSc.Vec, near: bool = False) -> None:
+        """Solves for the step again, with the present matrix; `near` as `LinearSolver.solve` takes it."""
+        self.linear.solve(right, step, near)
         self._solve.report.linear_iterations += self.snes.ksp.getIterationNumber()
 
     def _predict_friction(self, x: Positions, step: PETSc.Vec) -> None:
@@ -199,7 +199,7 @@ class Newton:
             with self.watch.part("linear"):
                 self._system.assemble(self._blocks)
                 self.linear.set_matrix(self._system)
-            self._solve_again(right, step)
+            self._solve_again(right, step, near=True)
         if predicted:
             self.potential.forget_prediction()
             self._solve.drop_matrix()

@@ -55,6 +55,11 @@ def test_all_methods_agree(space, method):
     expected = np.linalg.solve(matrix, right.getArray())
     np.testing.assert_allclose(solution.getArray(), expected, rtol=0.0, atol=1e-7 * np.abs(expected).max())
     assert made.method == method
+    made.solve(right, solution, near=True)
+    np.testing.assert_allclose(solution.getArray(), expected, rtol=0.0, atol=1e-7 * np.abs(expected).max())
+    assert made.ksp.getIterationNumber() == (1 if method == "direct" else 0)
+    made.solve(right, solution)  # from zero again
+    assert method == "direct" or made.ksp.getIterationNumber() > 0
 
 
 @pytest.mark.parametrize(

@@ -223,6 +223,11 @@ def test_conjugate_gradients_solve(space, coarse):
     np.testing.assert_array_equal(again, found)
     assert system.solve(right, 1e-10, 2)[1:] == (TOO_MANY, 2)
     assert system.solve(0.0 * right, 1e-10, 2)[1:] == (CONVERGED, 0)
+    assert system.solve(right, 1e-8, 2, found)[1:] == (CONVERGED, 0)
+    near = found + 1e-4 * np.abs(found).max() * np.random.default_rng(5).standard_normal(len(right))
+    begun_near, reason, fewer = system.solve(right, 1e-10, 200, near)
+    np.testing.assert_allclose(begun_near, expected, rtol=0.0, atol=1e-7 * np.abs(expected).max())
+    assert reason == CONVERGED and 0 < fewer < iterations
 
 
 def test_conjugate_gradients_notice_an_indefinite_matrix(space):

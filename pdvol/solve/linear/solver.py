@@ -158,18 +158,24 @@ class LinearSolver:
 
     # ---- one solve
 
-    def solve(self, right: PETSc.Vec, solution: PETSc.Vec) -> None:
-        """Solves with the last matrix. Raises SimulationError where every method fails. Collective."""
+    def solve(self, right: PETSc.Vec, solution: PETSc.Vec, near: bool = False) -> None:
+        """Solves with the last matrix; `near` says that `solution` is near the one sought. Raises SimulationError where
+        every method fails. Collective.
+        """
         self.ksp.setOperators(self._system.shell)
+        self.ksp.setInitialGuessNonzero(near)
         self.ksp.solve(right, solution)
+        self.ksp.setInitialGuessNonzero(False)
         while self.ksp.getConvergedReason() < 0 and self.fall_back():
             self.ksp.solve(right, solution)
         if self.ksp.getConvergedReason() < 0:
             raise SimulationError(f"the linear solve failed (PETSc's reason {self.ksp.getConvergedReason()})")
         self.note_iterations(self.ksp.getIterationNumber())
 
-    def solve_once(self, right: PETSc.Vec, solution: PETSc.Vec) -> tuple[int, int]:
-        """One try by the present method: PETSc's reason, and the number of iterations. Collective."""
+    def solve_once(self, right: PETSc.Vec, solution: PETSc.Vec, near: bool = False) -> tuple[int, int]:
+        """One try by the present method: PETSc's reason, and the number of iterations. The compiled one begins at
+        `solution` where that is `near` the one sought. Collective.
+        """
         if self._by_petsc:
             self._inner.setOperators(self._system.petsc)
             self._inner.solve(right, solution)
@@ -178,7 +184,8 @@ class LinearSolver:
         if not self._is_definite:
             return _Reasons.DIVERGED_INDEFINITE_MAT, 0
         tolerance, _, _, most = self.ksp.getTolerances()
-        found, reason, iterations = self._system.solve(right.getArray(readonly=True), tolerance, most)
+        start = solution.getArray().copy() if near else None
+        found, reason, iterations = self._system.solve(right.getArray(readonly=True), tolerance, most, start)
         solution.setArray(found)
         return reason, iterations
 
@@ -291,7 +298,7 @@ class _Context:
 
     def solve(self, ksp: PETSc.KSP, right: PETSc.Vec, solution: PETSc.Vec) -> None:
         with self._timed():
-            reason, iterations = self._solver.solve_once(right, solution)
+            reason, iterations = self._solver.solve_once(right, solution, ksp.getInitialGuessNonzero())
         ksp.setIterationNumber(iterations)
         ksp.setConvergedReason(reason)
 

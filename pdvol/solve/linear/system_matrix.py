@@ -70,20 +70,24 @@ class SystemMatrix:
             system.exchange, system.sum = halo.exchange, halo.sum
         system.starts, system.columns, system.blocks = _pointers(self.own)
 
-    def solve(self, right: np.ndarray, tolerance: float, most: int) -> tuple[np.ndarray, int, int]:
+    def solve(
+        self, right: np.ndarray, tolerance: float, most: int, start: np.ndarray | None = None
+    ) -> tuple[np.ndarray, int, int]:
         """Conjugate gradients with the preconditioner that `compiled` names (`conjugate_gradients` in native/).
 
         Parameters
         ----------
         right : (n_owned d,)
-        tolerance : reduction of the residual, measured by the preconditioner
+        tolerance : share of the right side that the residual may have, both measured by the preconditioner
         most : iterations allowed
+        start : (n_owned d,) where to begin; zero without it
 
         Returns the solution (n_owned d,), PETSc's reason, and the number of iterations. Collective.
         """
         found, count = np.zeros(len(right)), native.ffi.new("int32_t *")
+        begin = native.ffi.NULL if start is None else pointer(start)
         reason = native.library().conjugate_gradients(
-            self.compiled, pointer(right), tolerance, most, pointer(self._far), pointer(found), count
+            self.compiled, pointer(right), begin, tolerance, most, pointer(self._far), pointer(found), count
         )
         return found, reason, count[0]
 

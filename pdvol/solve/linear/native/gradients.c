@@ -103,10 +103,10 @@ int symmetric_product(const linear_system *s, const double *x, double *far, doub
 /* PETSc's numbers of the same reasons (KSPConvergedReason). */
 enum { NO_MEMORY = 0, CONVERGED = 2, TOO_MANY = -3, INDEFINITE_PRECONDITIONER = -8, NOT_A_NUMBER = -9, INDEFINITE_MATRIX = -10 };
 
-/* Solves A solution = right, (count, d) each, from zero until sqrt(r' M r) is `tolerance` times its first value, M the preconditioner. Returns one
- * of the numbers above; *iterations: how many there were. */
-int conjugate_gradients(const linear_system *s, const double *right, double tolerance, int32_t most, double *far, double *solution,
-                        int32_t *iterations)
+/* Solves A solution = right, (count, d) each, until sqrt(r' M r) is `tolerance` times what it is at zero, M the preconditioner. Begins at `start`,
+ * or at zero without one. Returns one of the numbers above; *iterations: how many there were. */
+int conjugate_gradients(const linear_system *s, const double *right, const double *start, double tolerance, int32_t most, double *far,
+                        double *solution, int32_t *iterations)
 {
     const int64_t m = 4 * (int64_t)s->count;
     double *r = calloc(4 * m + (int64_t)s->nodes * s->d + SPARE, sizeof(double)), *p = r + m, *q = p + m, *x = q + m, *coarse = x + m;
@@ -121,9 +121,16 @@ int conjugate_gradients(const linear_system *s, const double *right, double tole
     pad(s->d, s->count, right, r);
     for (int64_t k = 0; k < m; ++k)
         z[k] = r[k];
+    if (start) {
+        first = precondition(s, r, coarse, z);
+        pad(s->d, s->count, start, x);
+        times(s, x, far, q);
+        for (int64_t k = 0; k < m; ++k)
+            z[k] = r[k] -= q[k];
+    }
     for (int32_t i = 0;; ++i) {
         const double now = precondition(s, r, coarse, z);
-        first = i ? first : now;
+        first = i || start ? first : now;
         *iterations = i;
         if (!isfinite(now))
             reason = NOT_A_NUMBER;

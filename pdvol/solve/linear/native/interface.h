@@ -29,8 +29,8 @@ int coarse_operator(int d, int64_t rows, int64_t first, const int32_t *starts, c
                     int64_t nodes, const int64_t *begins, double *out);
 int coarse_cholesky(int64_t n, const int64_t *begins, double shift, double *L);
 int symmetric_product(const linear_system *system, const double *x, double *far, double *y);
-int conjugate_gradients(const linear_system *system, const double *right, double tolerance, int32_t most, double *far,
-                        double *solution, int32_t *iterations);
+int conjugate_gradients(const linear_system *system, const double *right, const double *start, double tolerance,
+                        int32_t most, double *far, double *solution, int32_t *iterations);
 /* z (count, 4) = (R' R)^-1 z. */
 void precondition_locally(const linear_system *system, float *z);
 /* Adds P (P' A P)^-1 P' residual (count, 4) to z (count, 4); x: room for nodes d + SPARE numbers. */
