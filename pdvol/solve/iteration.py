@@ -3,8 +3,10 @@ matrix, how to make the next Hessian positive definite, how long the next step i
 
 Newton stops when its full step is nowhere faster than the tolerance [m/s]; that step is still taken. Deep inside a
 barrier short steps say little about the distance to the minimum (Newton on a logarithm doubles the gap, however far it
-has to go). So the step before and the last one must have been taken in full, the last one must not be longer, and it
-must not have opened the smallest gap much.
+has to go). So do those within the smoothing of friction, which is as wide as the default tolerance: where a contact
+begins to slide its stiffness vanishes. So the step before and the last one must have been taken in full, the last one
+must not be longer, it must not have opened the smallest gap much, and the potential must not have fallen by much more
+than a new matrix promised.
 
 The next projection follows from how well the last model promised the decrease (in the spirit of Chen et al. 2024):
 
@@ -81,7 +83,7 @@ class Projection:
         full : whether the step was taken in full
         detects_indefinite : whether the linear solver would notice an indefinite matrix
         """
-        kept = decrease / min(promised, -1e-300)
+        kept = share_kept(promised, decrease)
         last = replace(self, steps=self.steps + 1)
         if kept < TRUSTED:
             last = last.after_indefinite()
@@ -127,6 +129,7 @@ class Iteration:
     gap : smallest gap at the start [m]; inf where the step is not short, or nothing is near
     backtracks : by the line search
     opened : whether a short step opened the smallest gap much
+    softer : whether the potential fell by much more than a new matrix promised
     """
 
     start: Positions
@@ -142,6 +145,7 @@ class Iteration:
     gap: float
     backtracks: int = 0
     opened: bool = False
+    softer: bool = False
 
     @property
     def full(self) -> bool:
@@ -155,6 +159,11 @@ class Iteration:
 def is_at_rounding(slope: float, energy: float, scale: float) -> bool:
     """Whether a decrease like the slope is round-off of the energy, whose cancelling parts have the size `scale`."""
     return abs(slope) <= max(ROUNDING * abs(energy), CANCELLATION * scale)
+
+
+def share_kept(promised: float, decrease: float) -> float:
+    """The actual decrease over the one that the model promised."""
+    return decrease / min(promised, -1e-300)
 
 
 def is_short(speed: float, tolerance: float) -> bool:
@@ -186,7 +195,8 @@ def stops(last: Iteration, before: Iteration | None, tolerance: float) -> str:
     """Why the solve ends after the last iteration: "TOLERANCE", "ROUNDING" (the energy cannot fall any further in
     double precision), or empty.
     """
-    settled = is_calm(last, tolerance) and (before is None or before.full) and last.speed <= speed_of(before)
+    full = before is None or before.full
+    settled = is_calm(last, tolerance) and full and last.speed <= speed_of(before) and not last.softer
     reached = last.speed <= (OLD_MATRIX_TOLERANCE if last.matrix_age else 1.0) * tolerance
     if reached and (settled or last.at_rounding):
         return "TOLERANCE"

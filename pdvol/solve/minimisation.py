@@ -16,6 +16,7 @@ from pdvol.parallel import reduce
 from pdvol.potentials.potential import Positions
 from pdvol.solve.incremental_potential import IncrementalPotential
 from pdvol.solve.iteration import (
+    TOO_STIFF,
     Iteration,
     Projection,
     is_at_rounding,
@@ -23,6 +24,7 @@ from pdvol.solve.iteration import (
     keeps_matrix,
     opens,
     promised_decrease,
+    share_kept,
     step_factor,
     stops,
 )
@@ -174,21 +176,18 @@ class Minimisation:
             return ""
         last = replace(last, backtracks=max(0, self._trials - 1))
         self.report.backtracks += last.backtracks
-        self.projection = self._next_projection(last, x, detects_indefinite)
+        if last.at_rounding:
+            self.projection = self.projection.after_rounding()
+        elif last.lengthening == 1.0:  # the quadratic model does not hold for lengthened steps
+            moved, decrease = x.owned - last.start.owned, self.energy(x) - last.energy
+            promised = promised_decrease(last.slope, moved, last.direction, self._sum)
+            self.projection = self.projection.after(promised, decrease, last.full, detects_indefinite)
+            softer = last.matrix_age == 0 and share_kept(promised, decrease) > TOO_STIFF
+            last = replace(last, softer=softer)
         if last.full and is_short(last.speed, self._tolerance):
             last = replace(last, opened=opens(last.gap, self.potential.min_gap(x)))
         self._last = last
         return stops(last, self._before, self._tolerance)
-
-    def _next_projection(self, last: Iteration, x: Positions, detects_indefinite: bool) -> Projection:
-        if last.at_rounding:
-            return self.projection.after_rounding()
-        if last.lengthening > 1.0:  # the quadratic model does not hold for lengthened steps
-            return self.projection
-        moved = x.owned - last.start.owned
-        promised = promised_decrease(last.slope, moved, last.direction, self._sum)
-        decrease = self.energy(x) - last.energy
-        return self.projection.after(promised, decrease, last.full, detects_indefinite)
 
     def descends(self, direction: np.ndarray) -> bool:
         """Whether the potential falls along a direction (n_owned d,) at first. Collective."""

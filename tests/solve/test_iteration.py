@@ -91,6 +91,7 @@ def test_the_matrix_is_kept_near_the_minimum(last, before, kept):
         (iteration(1.01 * TOLERANCE), FAST, ""),
         (iteration(cap=0.5), FAST, ""),
         (iteration(opened=True), FAST, ""),
+        (iteration(softer=True), FAST, ""),
         (iteration(), iteration(100 * TOLERANCE, cap=0.5), ""),
         (iteration(), iteration(0.9 * TOLERANCE), ""),
         (iteration(matrix_age=1), FAST, ""),
