@@ -184,7 +184,7 @@ class LinearSolver:
         if not self._is_definite:
             return _Reasons.DIVERGED_INDEFINITE_MAT, 0
         tolerance, _, _, most = self.ksp.getTolerances()
-        start = solution.getArray().copy() if near else None
+        start = solution.getArray(readonly=True) if near else None
         found, reason, iterations = self._system.solve(right.getArray(readonly=True), tolerance, most, start)
         solution.setArray(found)
         return reason, iterations
