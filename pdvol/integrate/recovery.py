@@ -10,7 +10,6 @@ import numpy as np
 from pdvol.errors import ConvergenceError
 from pdvol.integrate.integrator import ImplicitEuler, Integrator, Past, State
 from pdvol.integrate.scripted_motion import ScriptedMotion
-from pdvol.levels.space import LevelSpace
 from pdvol.potentials.potential import Positions
 from pdvol.solve.report import NewtonReport, StepReport, taken
 
@@ -54,23 +53,23 @@ class Recovery:
 
     Attributes
     ----------
-    space : LevelSpace
     motion : ScriptedMotion
     attempt : Attempt
     max_halvings : how often a step may be halved
     """
 
-    space: LevelSpace
     motion: ScriptedMotion
     attempt: Attempt
     max_halvings: int
 
-    def advance(self, report: StepReport, integrator: Integrator, past: Past, t0: float, t1: float) -> Positions:
-        """The state at t1 [s], from the last states at t0 (owned rows). Collective.
+    def advance(
+        self, report: StepReport, integrator: Integrator, x_t: Positions, past: Past, t0: float, t1: float
+    ) -> Positions:
+        """The state at t1 [s], from x_t and the last states at t0 (owned rows), of which x_t is the first. Collective.
 
         Raises ConvergenceError where halving the step `max_halvings` times does not help.
         """
-        return self._advance(report, integrator, Positions(self.space, past[0].positions), past, t0, t1, 0)
+        return self._advance(report, integrator, x_t, past, t0, t1, 0)
 
     def _advance(
         self,

@@ -63,7 +63,8 @@ class Stepper:
         self.newton = self._new_newton()
         self.rest, self._may_rest = Rest(model, self.newton.tolerance), not guides
         self._record: Mapping = {}
-        self._recovery = Recovery(space, self.motion, self._attempt, model.solver.max_halvings)
+        self._end: Positions | None = None  # of the last solved step: terms know what they have found there
+        self._recovery = Recovery(self.motion, self._attempt, model.solver.max_halvings)
         self._friction = next(((f.iterations, f.tolerance) for f in model.friction), (1, 0.0))
 
     def _new_newton(self) -> Newton:
@@ -113,7 +114,10 @@ class Stepper:
                     x_t, v = past[0].positions, past[0].velocity
                     past = (State(x_t, v + dt * self._acceleration(start, x_t)), *past[1:])
                 mine = tuple(state.rows(self.space.from_input) for state in past)
-                x = self._recovery.advance(report, integrator, mine, start * dt, number * dt)
+                if self._end is None or self._end.whole is not past[0].positions:
+                    self._end = Positions(self.space, mine[0].positions)
+                x = self._recovery.advance(report, integrator, self._end, mine, start * dt, number * dt)
+                self._end = x
                 report.joined = number - start
                 report.reached, report.behind, report.late = self.motion.end(number * dt)
                 moved = np.linalg.norm(x.whole - past[0].positions, axis=1).max() if may_rest else np.inf

@@ -67,7 +67,7 @@ class LevelSpace:
         return space
 
     def _number(self, mesh: LevelMesh, V: fem.FunctionSpace, owned_points: np.ndarray) -> None:
-        self.mesh, self.V, self.domain, self.comm = mesh, V, V.mesh, V.mesh.comm
+        self.mesh, self.V, self.domain, self.comm, self.dim = mesh, V, V.mesh, V.mesh.comm, mesh.dim
         index_map = V.dofmap.index_map
         self.n_owned = index_map.size_local
         self.first_block = int(index_map.local_range[0])
@@ -98,11 +98,6 @@ class LevelSpace:
             self.comm, self.n_owned, ghosts, np.searchsorted(ends, ghosts, side="right").astype(np.int32)
         )
         self._halo = la.vector(halo, d)
-
-    @property
-    def dim(self) -> int:
-        """2 or 3."""
-        return self.mesh.dim
 
     @property
     def domain_cells(self) -> np.ndarray:

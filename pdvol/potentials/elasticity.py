@@ -13,7 +13,6 @@ from pdvol.forms.viscosity import kelvin_voigt, kelvin_voigt_model
 from pdvol.levels.materials import CellMaterials
 from pdvol.levels.space import LevelSpace
 from pdvol.parallel import reduce
-from pdvol.potentials.assembly import native
 from pdvol.potentials.assembly.cell_energy import CellEnergy
 from pdvol.potentials.assembly.native import pointer
 from pdvol.potentials.potential import MIN_GAP_SHARE, Positions
@@ -67,18 +66,16 @@ class Elastic(CellEnergy):
     def begin_step(self, x_t: Positions, t0: float, t1: float, x_hat: Positions | None = None) -> None:
         self.set_time(t1)
 
-    def value(self, x: Positions) -> float:
-        inverted = self._library.inverted_cells(
-            self.space.dim, self._counted, pointer(self._dofs, "int32_t"), pointer(x.local)
-        )
-        return np.inf if reduce(self.space.comm, inverted) else super().value(x)
+    def _sum(self, x: Positions) -> float:
+        inverted = self._library.inverted_cells(self.space.dim, self._counted, self._corners, pointer(x.local))
+        return np.inf if reduce(self.space.comm, inverted) else super()._sum(x)
 
     def max_step(
         self, x: Positions, direction: np.ndarray, until: float | None = None, gap_share: float = MIN_GAP_SHARE
     ) -> float:
         moved = np.ascontiguousarray(self.space.with_ghosts(direction))
-        return native.library().volume_step(
-            self.space.dim, self._counted, pointer(self._dofs, "int32_t"), pointer(x.local), pointer(moved), KEEP_VOLUME
+        return self._library.volume_step(
+            self.space.dim, self._counted, self._corners, pointer(x.local), pointer(moved), KEEP_VOLUME
         )
 
 

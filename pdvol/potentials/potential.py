@@ -1,6 +1,6 @@
 """The protocol of the incremental potential's terms, and the positions at which they are evaluated."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from functools import cached_property
 from typing import Any, Protocol
 
@@ -46,6 +46,26 @@ class Positions:
     def moved(self, step: float, direction: np.ndarray) -> "Positions":
         """x + step * direction, direction (n_owned, d)."""
         return Positions(self.space, self.owned + step * direction)
+
+
+class LastStates:
+    """What was found for the last two configurations: a search compares two, and the next one begins at one of them."""
+
+    def __init__(self) -> None:
+        self._found: list[tuple[Positions, float]] = []
+
+    def value(self, x: Positions, find: Callable[[Positions], float]) -> float:
+        """`find(x)`, called unless x is one of the two."""
+        for known, value in self._found:
+            if known is x:
+                return value
+        value = find(x)
+        self._found = [(x, value), *self._found[:1]]
+        return value
+
+    def clear(self) -> None:
+        """Forgets both, where the function has changed."""
+        self._found = []
 
 
 class Potential(Protocol):

@@ -1,7 +1,8 @@
 """The function that a time step minimises: 1/2 |x - x_hat|^2_M + weight times the sum of terms (design, section 2)."""
 
 from collections.abc import Mapping
-from contextlib import AbstractContextManager
+from itertools import groupby
+from math import isnan
 
 import numpy as np
 from mpi4py import MPI
@@ -27,17 +28,30 @@ class IncrementalPotential:
     Attributes
     ----------
     mass : (n_owned, d) [kg]
-    terms, contacts, frictions : all potentials; the barriers; those of friction
+    contacts, frictions : the barriers; the potentials of friction
     x_hat : (n_owned, d) predicted positions [m]
     weight : of the terms beside the inertia [s^2], as the integrator gives it
     """
 
     def __init__(self, space: LevelSpace, terms: Terms, watch: Stopwatch):
         self.space, self.watch, self.mass = space, watch, terms.mass
-        self.terms, self.contacts, self.rules = terms.potentials, terms.contacts, terms.rules
+        self.contacts, self.rules = terms.contacts, terms.rules
         self.frictions = tuple(t for t in terms.potentials if isinstance(t, LaggedFriction))
-        self._contact_names = {id(t) for t in (*self.contacts, *self.frictions)}
+        self.terms = terms.potentials
         self.x_hat, self.weight = np.zeros((0, space.dim)), 0.0
+
+    @property
+    def terms(self) -> tuple[Potential, ...]:
+        """All potentials."""
+        return self._terms
+
+    @terms.setter
+    def terms(self, terms: tuple[Potential, ...]) -> None:
+        in_contact = {id(term) for term in (*self.contacts, *self.frictions)}
+        part_of = lambda term: "contact" if id(term) in in_contact else "assembly"
+        self._terms = terms
+        # neighbours that are timed as one part
+        self._parts = tuple((part, tuple(same)) for part, same in groupby(terms, part_of))
 
     def begin_step(
         self, x_t: Positions, x_hat: np.ndarray, weight: float, t0: float, t1: float, placed: float | None = None
@@ -49,17 +63,15 @@ class IncrementalPotential:
         self.x_hat, self.weight = x_hat, weight
         behind = 0.0 if placed is None else t0 - placed
         expected = Positions(self.space, x_hat)
-        for term in self.terms:
-            with self._part(term):
-                late = behind if id(term) in self._contact_names else 0.0
-                term.begin_step(x_t, t0 - late, t1 - late, expected)
+        for part, terms in self._parts:
+            late = behind if part == "contact" else 0.0
+            with self.watch.part(part):
+                for term in terms:
+                    term.begin_step(x_t, t0 - late, t1 - late, expected)
         for rule in self.rules:
             with self.watch.part("contact"):
                 rule.begin_step(x_t, x_hat, weight)
             self.update_lag(x_t)
-
-    def _part(self, term: Potential) -> AbstractContextManager[None]:
-        return self.watch.part("contact" if id(term) in self._contact_names else "assembly")
 
     def _require_finite(self, term_name: str, what: str, values: np.ndarray | float) -> None:
         """Raises SimulationError, naming the term, unless the values of all ranks are finite. Collective."""
@@ -77,12 +89,13 @@ class IncrementalPotential:
         a number.
         """
         total = self.inertia(x)
-        for term in self.terms:
-            with self._part(term):
-                energy = term.value(x)
-            if np.isnan(energy):
-                self._require_finite(term.name, "energy", energy)
-            total += self.weight * energy
+        for part, terms in self._parts:
+            with self.watch.part(part):
+                for term in terms:
+                    energy = term.value(x)
+                    if isnan(energy):
+                        self._require_finite(term.name, "energy", energy)
+                    total += self.weight * energy
         return total
 
     def require_admissible(self, x: Positions) -> None:
@@ -96,15 +109,16 @@ class IncrementalPotential:
     def gradient(self, x: Positions) -> np.ndarray:
         """Gradient rows (n_owned, d). Raises SimulationError, naming the term, where one is not finite."""
         inertia = self.mass * (x.owned - self.x_hat)
-        total, parts = inertia, []
-        for term in self.terms:
-            with self._part(term):
-                parts.append(term.gradient(x))
-            total = total + self.weight * parts[-1]
+        total, found = inertia, []
+        for part, terms in self._parts:
+            with self.watch.part(part):
+                found += [term.gradient(x) for term in terms]
+        for rows in found:
+            total = total + self.weight * rows
         if not reduce(self.space.comm, bool(np.isfinite(total).all()), MPI.LAND):
             names = ("inertia", *(term.name for term in self.terms))
-            for name, part in zip(names, (inertia, *parts), strict=True):
-                self._require_finite(name, "gradient", part)
+            for name, rows in zip(names, (inertia, *found), strict=True):
+                self._require_finite(name, "gradient", rows)
             raise SimulationError("the gradient is too large for double precision")
         return total
 
@@ -114,10 +128,11 @@ class IncrementalPotential:
         Raises SimulationError, naming the term, where one is not finite. Collective.
         """
         into.add_masses(weight * self.mass)
-        for term in self.terms:
-            if term not in self.frictions:
-                with self._part(term):
-                    term.add_hessian(x, weight * self.weight, into)
+        for part, terms in self._parts:
+            with self.watch.part(part):
+                for term in terms:
+                    if term not in self.frictions:
+                        term.add_hessian(x, weight * self.weight, into)
         into.keep_added()
         self.renew_friction(x, weight, into)
         if not reduce(self.space.comm, into.finite(), MPI.LAND):
@@ -203,8 +218,6 @@ class IncrementalPotential:
         prediction in mind: the gradient (n_owned, d) at x with these states less the gradient as it is. None where the
         states are those of the last prediction. Collective.
         """
-        if not self.has_friction:
-            return None
         with self.watch.part("contact"):
             end = x.moved(1.0, direction)
             changed = [term.predict(x, end) for term in self.frictions]  # no short cut: the calls are collective
@@ -259,7 +272,8 @@ class IncrementalPotential:
         """Energy by kind [J]: inertia is the potential's first part over dt^2."""
         energy = dict.fromkeys(("inertia", "elastic", "load", "barrier", "friction", "consistency"), 0.0)
         energy["inertia"] = self.inertia(x) / self.weight
-        for term in self.terms:
-            with self._part(term):
-                energy[term.name] = energy.get(term.name, 0.0) + term.value(x)
+        for part, terms in self._parts:
+            with self.watch.part(part):
+                for term in terms:
+                    energy[term.name] = energy.get(term.name, 0.0) + term.value(x)
         return energy

@@ -13,7 +13,7 @@ from mpi4py import MPI
 
 from pdvol.errors import SimulationError
 from pdvol.parallel import reduce
-from pdvol.potentials.potential import Positions
+from pdvol.potentials.potential import LastStates, Positions
 from pdvol.solve.incremental_potential import IncrementalPotential
 from pdvol.solve.iteration import (
     TOO_STIFF,
@@ -67,7 +67,7 @@ class Minimisation:
         self._fixed, self._dt, self._gap_share = fixed, dt, gap_share
         self._tolerance, self._strict, self._relative = tolerance, tolerance, relative_tolerance
         self._states = [x]
-        self._energies: list[tuple[Positions, float]] = []
+        self._energies = LastStates()
         self._last: Iteration | None = None
         self._before: Iteration | None = None
         self._matrix_age: int | None = None
@@ -87,12 +87,7 @@ class Minimisation:
 
     def energy(self, x: Positions) -> float:
         """The potential at x, evaluated once for each of the last two states."""
-        for known, energy in self._energies:
-            if known is x:
-                return energy
-        energy = self.potential.value(x)
-        self._energies = [(x, energy), *self._energies[:1]]
-        return energy
+        return self._energies.value(x, self.potential.value)
 
     def objective(self, x: Positions) -> float:
         """The energy that the line search compares; at round-off the model's, which it accepts."""
@@ -174,16 +169,17 @@ class Minimisation:
         last = self._last
         if last is None:
             return ""
-        last = replace(last, backtracks=max(0, self._trials - 1))
-        self.report.backtracks += last.backtracks
+        if self._trials > 1:
+            last = replace(last, backtracks=self._trials - 1)
+            self.report.backtracks += last.backtracks
         if last.at_rounding:
             self.projection = self.projection.after_rounding()
         elif last.lengthening == 1.0:  # the quadratic model does not hold for lengthened steps
             moved, decrease = x.owned - last.start.owned, self.energy(x) - last.energy
             promised = promised_decrease(last.slope, moved, last.direction, self._sum)
             self.projection = self.projection.after(promised, decrease, last.full, detects_indefinite)
-            softer = last.matrix_age == 0 and share_kept(promised, decrease) > TOO_STIFF
-            last = replace(last, softer=softer)
+            if last.matrix_age == 0 and share_kept(promised, decrease) > TOO_STIFF:
+                last = replace(last, softer=True)
         if last.full and is_short(last.speed, self._tolerance):
             last = replace(last, opened=opens(last.gap, self.potential.min_gap(x)))
         self._last = last

@@ -185,6 +185,8 @@ class Newton:
 
     def _predict_friction(self, x: Positions, step: PETSc.Vec) -> None:
         """Solves for the step again while it changes which contacts stick (`lagged_friction.py`)."""
+        if not self.potential.has_friction:
+            return
         first, predicted = step.getArray().copy(), False
         for _ in range(PREDICTIONS):
             direction = -step.getArray(readonly=True).reshape(-1, self.space.dim)

@@ -26,6 +26,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from mpi4py import MPI
 
+from pdvol.parallel import reduce
+
 PARTS = ("assembly", "contact", "ccd", "linear")
 
 
@@ -200,4 +202,4 @@ class StepReport:
 
 def peak_memory(comm: MPI.Comm) -> float:
     """The most memory that one rank's process has held so far [MB]. Collective."""
-    return round(comm.allreduce(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024, op=MPI.MAX), 1)
+    return round(reduce(comm, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024, MPI.MAX), 1)

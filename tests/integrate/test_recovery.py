@@ -133,8 +133,9 @@ def retried(solved_at):
         report.remedies["substeps"] += motion.clock > 0.0
         return span.start, NewtonReport(converged=target <= solved_at, speed=0.0)
 
-    Recovery(problem.space, motion, attempt, 1).advance(
-        report, ImplicitEuler(), (State(problem.space.from_input(x), problem.space.from_input(v)),), 0.0, 1.0
+    past = (State(problem.space.from_input(x), problem.space.from_input(v)),)
+    Recovery(motion, attempt, 1).advance(
+        report, ImplicitEuler(), Positions(problem.space, past[0].positions), past, 0.0, 1.0
     )
     return tried, report
 

@@ -23,7 +23,7 @@ from pdvol.potentials.assembly import native
 from pdvol.potentials.assembly.compiled_forms import form_cache
 from pdvol.potentials.assembly.hessian_blocks import FILTERS, BlockPattern, HessianBlocks
 from pdvol.potentials.assembly.native import ffi, pointer
-from pdvol.potentials.potential import Positions, Term
+from pdvol.potentials.potential import LastStates, Positions, Term
 
 # relative change of psi under rotations that counts as round-off: larger ones make a density anisotropic
 ISOTROPY_TOLERANCE = 1e-12
@@ -73,6 +73,9 @@ class CellEnergy(Term):
         self._inverse = np.ascontiguousarray(space.mesh.hat_gradients[space.near_cells[cells], 1:])
         self._volumes = np.abs(space.mesh.volumes[space.near_cells[cells]])
         self._library = native.library()
+        self._values = LastStates()
+        self._geometry = pointer(self._inverse), pointer(self._volumes)
+        self._corners = pointer(self._dofs, "int32_t")
         self._slots: np.ndarray | None = None
         self._slots_of: BlockPattern
         counted = slice(self._counted)
@@ -132,11 +135,10 @@ class CellEnergy(Term):
             kernel.function,
             self.space.dim,
             count,
-            pointer(self._dofs, "int32_t"),
+            self._corners,
             pointer(x),
-            pointer(self._inverse),
-            pointer(self._volumes),
-            pointer(kernel.parameters),
+            *self._geometry,
+            kernel.values,
             kernel.parameters.shape[1],
             kernel.gradient_at,
         )
@@ -144,11 +146,15 @@ class CellEnergy(Term):
     def set_parameters(self, parameters: Mapping[str, np.ndarray]) -> None:
         """Sets the values (k,) of some parameters without compiling anything."""
         self.parameters.update(parameters)
+        self._values.clear()
         for kernel in (self._density, self._first, self._second, self._model, self._stretches):
             if kernel is not None:
                 kernel.fill(parameters)
 
     def value(self, x: Positions) -> float:
+        return self._values.value(x, self._sum)
+
+    def _sum(self, x: Positions) -> float:
         mine = self._library.cell_values(*self._arguments(self._density, x.local, self._counted))
         total = reduce(self.space.comm, mine)
         return total if np.isfinite(total) else np.inf
@@ -166,10 +172,9 @@ class CellEnergy(Term):
             self._library.isotropic_hessians(
                 *self._stretches.functions,
                 len(self.cells),
-                pointer(self._dofs, "int32_t"),
+                self._corners,
                 pointer(x.local),
-                pointer(self._inverse),
-                pointer(self._volumes),
+                *self._geometry,
                 *self._stretches.parameters,
                 slots,
                 mode,
@@ -226,6 +231,7 @@ class _DensityKernel(_Kernel):
     ----------
     parameters : (cells, k)
         In the kernel's order.
+    values : the same for C
     gradient_at : number of parameters before F; -1 where the kernel does not depend on F
     """
 
@@ -242,6 +248,7 @@ class _DensityKernel(_Kernel):
         self.gradient_at = next((i for i, name in enumerate(wanted) if name is None), -1)
         self._order = [name for name in wanted if name is not None]
         self.parameters = np.zeros((count, len(self._order)))
+        self.values = pointer(self.parameters)
         self.fill(parameters)
 
     def fill(self, parameters: Mapping[str, np.ndarray]) -> None:

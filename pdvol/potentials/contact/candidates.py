@@ -76,7 +76,7 @@ class PairList:
         self._firsts = np.cumsum([0, *self._counts])
         self._boxed: tuple[np.ndarray, np.ndarray] | None = None
         self._reference: tuple[np.ndarray, np.ndarray | None] | None = None  # start, and what it moves by
-        self._known: tuple = (None,) * 4  # of `_shapes_at`: what was asked about last, and the shapes
+        self._known: list[tuple] = []  # of `_shapes_at`: the two places asked about last, and the shapes there
         self._covered: np.ndarray | None = None  # one array that the list is known to be complete at
         self._room: np.ndarray = np.zeros((len(numbers), len(numbers)))
         self._way: tuple[np.ndarray, np.ndarray] | None = None  # of the bounds, from and to
@@ -152,10 +152,12 @@ class PairList:
         return bool(np.all(cosine * (self.reach + 2.0 * self._slack) - 2.0 * off >= self.reach))
 
     def _shapes_at(self, vertices: np.ndarray, start: np.ndarray, move: np.ndarray | None) -> Shapes:
-        """The same as `_shapes`, found once for the arrays that were asked about last."""
-        if any(one is not other for one, other in zip(self._known[:3], (vertices, start, move), strict=True)):
-            self._known = vertices, start, move, self._shapes(start, move, vertices)
-        return self._known[3]
+        """The same as `_shapes`, found once for the two places that were asked about last: a move has two ends."""
+        for *known, shapes in self._known:
+            if known[0] is vertices and known[1] is start and known[2] is move:
+                return shapes
+        self._known = [(vertices, start, move, self._shapes(start, move, vertices)), *self._known[:1]]
+        return self._known[0][3]
 
     def _shapes(self, start: np.ndarray, move: np.ndarray | None, vertices: np.ndarray) -> Shapes:
         """How the bodies at `vertices` differ in shape from `start`, or from the nearest place on a move from there."""
