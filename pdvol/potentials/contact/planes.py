@@ -6,18 +6,21 @@ x. ipctk's plane candidates are not used, because they miss contacts beyond dhat
 motion.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 from mpi4py import MPI
 
+from pdvol.compiled import pointer
 from pdvol.geometry.level_mesh import LevelMesh, facet_sizes
 from pdvol.levels.clocks import Clocks
 from pdvol.levels.obstacles import Obstacle
 from pdvol.levels.space import LevelSpace
 from pdvol.parallel import reduce
 from pdvol.potentials.assembly.hessian_blocks import HessianBlocks
-from pdvol.potentials.contact import barrier_law
 from pdvol.potentials.contact.lagged_friction import LaggedFriction
 from pdvol.potentials.contact.meeting import different_pairs
+from pdvol.potentials.contact.native import library
 from pdvol.potentials.potential import MIN_GAP_SHARE, Positions, Term
 
 
@@ -25,6 +28,21 @@ def boundary_areas(mesh: LevelMesh) -> np.ndarray:
     """(n,) each vertex's share of the boundary at rest [m^(d-1)], zero inside."""
     size = facet_sizes(mesh.points, mesh.boundary)
     return np.bincount(mesh.boundary.ravel(), np.repeat(size / mesh.dim, mesh.dim), minlength=len(mesh.points))
+
+
+class _Contacts(NamedTuple):
+    """Vertices and planes at one configuration.
+
+    Attributes
+    ----------
+    gaps : (planes, vertices) distances [m]
+    plane, vertex, near : (k,) of each contact within dhat: its plane, index into `vertices`, and distance [m]
+    """
+
+    gaps: np.ndarray
+    plane: np.ndarray
+    vertex: np.ndarray
+    near: np.ndarray
 
 
 class HalfSpaceBarrier(Term):
@@ -56,85 +74,118 @@ class HalfSpaceBarrier(Term):
         areas = boundary_areas(space.mesh)[space.owned_points]
         self.vertices = np.flatnonzero(areas > 0)
         self.areas = areas[self.vertices] if weighted else np.ones(len(self.vertices))
-        self._gaps: np.ndarray
-        self._contacts: tuple[np.ndarray | None, tuple[np.ndarray, ...]] = None, ()  # of which gaps, and what they are
+        self._sizes = space.dim, len(planes), len(self.vertices)
+        self._room = (
+            np.empty((2, len(planes) * len(self.vertices)), dtype=np.int64),
+            np.empty(len(planes) * len(self.vertices)),
+        )
+        self._at: Positions | None = None  # where the next was found
+        self._found: _Contacts
+        self._law: tuple[_Contacts | None, float, float, np.ndarray, np.ndarray]
         self.move_obstacles(0.0)
 
-    def _planes_at(self, time: float) -> tuple[np.ndarray, np.ndarray]:
+    def _planes_at(self, time: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Normals (planes, d) at a time [s], distances (planes,) [m] from the origin along them, and points."""
         points, normals = zip(*(plane.plane_at(self.clocks.of(plane, time)) for plane in self.planes), strict=True)
-        return np.array(points), np.array(normals)
+        return np.array(normals), np.einsum("pi,pi->p", normals, points), np.array(points)
 
     def move_obstacles(self, time: float) -> None:
-        self.points, self.normals = self._planes_at(time)
-        self._at: Positions | None = None
+        self.normals, self._offsets, self.points = self._planes_at(time)
+        self._at, self._law = None, (None, 0.0, 0.0, np.empty(0), np.empty(0))
 
     def begin_step(self, x_t: Positions, t0: float, t1: float, x_hat: Positions | None = None) -> None:
         self.move_obstacles(t0)
 
-    def gaps(self, x: Positions, at: float | None = None) -> np.ndarray:
-        """(planes, surface vertices) distances [m], negative behind a plane; planes as placed, or as they are `at` a
-        time.
-        """
-        if at is None and x is self._at:
-            return self._gaps
-        points, normals = (self.points, self.normals) if at is None else self._planes_at(at)
-        gaps = normals @ x.owned[self.vertices].T - np.sum(normals * points, axis=1)[:, None]
-        if at is None:
-            self._at, self._gaps = x, gaps
-        return gaps
+    def _contacts(self, x: Positions) -> "_Contacts":
+        """The gaps and contacts at x, found once per x."""
+        if x is not self._at:
+            gaps, ((plane, vertex), near) = np.empty((len(self.planes), len(self.vertices))), self._room
+            count = library().plane_contacts(
+                *self._sizes,
+                pointer(self.vertices, "int64_t"),
+                pointer(x.owned),
+                pointer(self.normals),
+                pointer(self._offsets),
+                self.dhat,
+                pointer(gaps),
+                pointer(plane, "int64_t"),
+                pointer(vertex, "int64_t"),
+                pointer(near),
+            )
+            self._at = x
+            self._found = _Contacts(gaps, plane[:count].copy(), vertex[:count].copy(), near[:count].copy())
+        return self._found
 
-    def _active(self, x: Positions) -> tuple[np.ndarray, ...]:
-        """Plane, vertex (index into `vertices`) and gap [m] of each contact within dhat, (k,) each."""
-        gaps = self.gaps(x)
-        if self._contacts[0] is not gaps:
-            plane, vertex = np.nonzero(gaps < self.dhat)
-            self._contacts = gaps, (plane, vertex, gaps[plane, vertex])
-        return self._contacts[1]
+    def _evaluated(self, x: Positions) -> tuple[float, np.ndarray, np.ndarray]:
+        """The energy [J], and of each contact the normal force [N] and its stiffness [N/m]: once for each state and
+        stiffness.
+        """
+        found = self._contacts(x)
+        if self._law[0] is not found or self._law[1] != self.kappa:
+            forces, curvatures = np.empty(len(found.near)), np.empty(len(found.near))
+            energy = library().plane_law(
+                len(forces),
+                pointer(found.vertex, "int64_t"),
+                pointer(found.near),
+                pointer(self.areas),
+                self.dhat,
+                self.kappa,
+                pointer(forces),
+                pointer(curvatures),
+            )
+            self._law = found, self.kappa, energy, forces, curvatures
+        return self._law[2:]
+
+    def gaps(self, x: Positions) -> np.ndarray:
+        """(planes, surface vertices) distances [m], negative behind a plane."""
+        return self._contacts(x).gaps
 
     def value(self, x: Positions) -> float:
-        _, vertex, gap = self._active(x)
-        if np.any(gap <= 0.0):
-            mine = np.inf
-        else:
-            mine = float(np.sum(self.areas[vertex] * barrier_law.energy((gap / self.dhat) ** 2, self.dhat, self.kappa)))
-        return reduce(self.space.comm, mine)
+        return reduce(self.space.comm, self._evaluated(x)[0])
 
     def forces(self, x: Positions) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Plane, vertex (index into `vertices`) and normal force [N] of each contact within dhat, (k,) each."""
-        plane, vertex, gap = self._active(x)
-        return plane, vertex, self.areas[vertex] * barrier_law.pressure((gap / self.dhat) ** 2, self.dhat, self.kappa)
+        found = self._contacts(x)
+        return found.plane, found.vertex, self._evaluated(x)[1]
 
     def gradient(self, x: Positions) -> np.ndarray:
         plane, vertex, force = self.forces(x)
         out = np.zeros_like(x.owned)
-        np.add.at(out, self.vertices[vertex], -force[:, None] * self.normals[plane])
+        if len(force):
+            np.add.at(out, self.vertices[vertex], -force[:, None] * self.normals[plane])
         return out
 
     def add_hessian(self, x: Positions, weight: float, into: HessianBlocks) -> None:
-        plane, vertex, gap = self._active(x)
-        s = (gap / self.dhat) ** 2
-        curvature = self.areas[vertex] * barrier_law.curvature(s, self.dhat, self.kappa)
-        n = self.normals[plane]
-        into.add_diagonal(self.vertices[vertex], weight * curvature[:, None, None] * n[:, :, None] * n[:, None, :])
+        found, (_, _, curvature) = self._contacts(x), self._evaluated(x)
+        if len(curvature):
+            n = self.normals[found.plane]
+            blocks = (weight * curvature)[:, None, None] * n[:, :, None] * n[:, None, :]
+            into.add_diagonal(self.vertices[found.vertex], blocks)
 
     def contact_stiffness(self, x: Positions, masses: np.ndarray, blocks: np.ndarray) -> np.ndarray:
         """(k,) semi-implicit stiffness [N/m] of this rank's contacts (`stiffness.py`), from masses (n,) and
         diagonal blocks (n, d, d) in the input's order.
         """
-        plane, vertex, gap = self._active(x)
-        point, n = self.space.owned_points[self.vertices[vertex]], self.normals[plane]
-        return masses[point] / gap**2 + np.einsum("ki,kij,kj->k", n, blocks[point], n)
+        found = self._contacts(x)
+        point, n = self.space.owned_points[self.vertices[found.vertex]], self.normals[found.plane]
+        return masses[point] / found.near**2 + np.einsum("ki,kij,kj->k", n, blocks[point], n)
 
     def max_step(
         self, x: Positions, direction: np.ndarray, until: float | None = None, gap_share: float = MIN_GAP_SHARE
     ) -> float:
         # A plane's gaps are taken to close at a constant rate: exact for translations. For rotations Newton's next
         # iterate is checked again.
-        gaps = self.gaps(x)
-        approach = gaps - self.gaps(x.moved(1.0, direction), at=until)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            step = np.where(approach > 0.0, (1.0 - gap_share) * np.maximum(gaps, 0.0) / approach, 1.0)
-        return float(min(1.0, step.min(initial=1.0)))
+        normals, offsets = (self.normals, self._offsets) if until is None else self._planes_at(until)[:2]
+        return library().plane_step(
+            *self._sizes,
+            pointer(self.vertices, "int64_t"),
+            pointer(x.owned),
+            pointer(np.ascontiguousarray(direction)),
+            pointer(normals),
+            pointer(offsets),
+            pointer(self.gaps(x)),
+            gap_share,
+        )
 
     @property
     def obstacles(self) -> tuple[Obstacle, ...]:
@@ -144,7 +195,10 @@ class HalfSpaceBarrier(Term):
     def closing(self, x: Positions, path: np.ndarray, until: float) -> set[tuple[int, int]]:
         """Bodies with vertices within dhat of a plane that would be behind it at the path's end."""
         bodies = self.space.mesh.point_bodies
-        plane, vertex = np.nonzero((self.gaps(x) < self.dhat) & (self.gaps(x.moved(1.0, path), at=until) <= 0.0))
+        found, (normals, offsets, _) = self._contacts(x), self._planes_at(until)
+        ends = (x.owned + path)[self.vertices[found.vertex]]
+        behind = np.einsum("ki,ki->k", normals[found.plane], ends) <= offsets[found.plane]
+        plane, vertex = found.plane[behind], found.vertex[behind]
         body = bodies[self.space.owned_points[self.vertices[vertex]]]
         return different_pairs(body, int(bodies.max()) + 1 + plane, self.space.comm)
 
@@ -154,7 +208,7 @@ class HalfSpaceBarrier(Term):
 
     def count(self, x: Positions) -> int:
         """Number of contacts within dhat, of all ranks. Collective."""
-        return reduce(self.space.comm, len(self._active(x)[0]))
+        return reduce(self.space.comm, len(self._contacts(x).near))
 
 
 class HalfSpaceFriction(LaggedFriction):

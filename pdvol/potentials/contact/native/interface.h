@@ -62,5 +62,13 @@ void friction_tensors(int d, int64_t count, const double *slips, const double *n
                       double *tensors);
 int64_t friction_predict(int d, int64_t count, const double *now, const double *then, const double *sliding,
                          double eps, int8_t *states, double *ways, double *sizes);
+int64_t plane_contacts(int d, int64_t planes, int64_t count, const int64_t *vertices, const double *x,
+                       const double *normals, const double *offsets, double dhat, double *gaps, int64_t *plane,
+                       int64_t *vertex, double *near);
+double plane_law(int64_t count, const int64_t *vertex, const double *gaps, const double *weights, double dhat,
+                 double kappa, double *forces, double *curvatures);
+double plane_step(int d, int64_t planes, int64_t count, const int64_t *vertices, const double *x,
+                  const double *direction, const double *normals, const double *offsets, const double *gaps,
+                  double gap_share);
 void scatter(int d, const contacts_t *all, const double *forces, double *out);
 #endif
