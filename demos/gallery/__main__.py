@@ -59,7 +59,8 @@ def show(entry: Entry, runs: Path, drawn: bool = True) -> bool:
             write_further(entry, film, run, PAGES / f"{entry.name}_{film.name}.webp")
     write_player(panes_of_run(run), runs / f"{entry.name}.html", entry.title)
     levels = table_of_levels(run, direct)
-    print(write_entry(entry, run, levels, found, note(run.path), PAGES / f"{entry.name}.md"))
+    made = note(run.path), {} if direct is None else note(direct.path)
+    print(write_entry(entry, run, levels, found, *made, PAGES / f"{entry.name}.md"))
     for sentence, holds in found:
         if not holds:
             print(f"gallery: {entry.name}: does not hold: {sentence}", file=sys.stderr)

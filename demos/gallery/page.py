@@ -13,7 +13,13 @@ RUNS = "runs/gallery"  # folder of the gallery's runs
 
 
 def write_entry(
-    entry: Entry, run: Run, levels: str, claims: Sequence[tuple[str, bool]], made: Mapping[str, Any], out: Path
+    entry: Entry,
+    run: Run,
+    levels: str,
+    claims: Sequence[tuple[str, bool]],
+    made: Mapping[str, Any],
+    made_directly: Mapping[str, Any],
+    out: Path,
 ) -> Path:
     """The page of an entry beside its film.
 
@@ -21,7 +27,7 @@ def write_entry(
     ----------
     levels : the table of levels
     claims : sentences of the demo's claim, and whether they hold
-    made : commits and machine of the run
+    made, made_directly : commits and machine of the run, and of that by the direct method; empty where unknown
     """
     settings = "".join(f" --set {name}={value}" for name, value in entry.settings.items())
     finest = "" if entry.finest is None else f" --levels 0:{run.levels[-1].index}"
@@ -44,7 +50,7 @@ def write_entry(
             f"## {film.title}\n\n{film.about.strip()}\n\n![{film.title}]({entry.name}_{film.name}.webp)"
             for film in entry.further
         ),
-        _made(made),
+        _made(made, made_directly),
         f"```\n./run pdvol run {entry.file.relative_to(entry.file.parents[1])}{settings}{finest}\n"
         f"./run python -m demos.gallery {entry.name}      # the run, this page and its film;"
         f" {RUNS}/{entry.name}.html plays it\n```",
@@ -98,11 +104,17 @@ def _binding(entry: Entry) -> str:
     )
 
 
-def _made(made: Mapping[str, Any]) -> str:
-    """Where the run was made, in one sentence."""
+def _made(made: Mapping[str, Any], directly: Mapping[str, Any]) -> str:
+    """Where the runs were made, in one sentence."""
     if not made:
         return ""
-    commits = ", ".join(commit[:7] for commit in made["commits"] if commit) or "unknown"
+    commits, others = _commits(made), _commits(directly)
+    direct = f" (by the direct method: {others})" if others not in ("", commits) else ""
     return (
-        f"Made at commit {commits} on one core of {made['processor']}, {made['cores']} cores, load {made['load']:.1f}."
+        f"Made at commit {commits}{direct} on one core of {made['processor']}, {made['cores']} cores, load"
+        f" {made['load']:.1f}."
     )
+
+
+def _commits(made: Mapping[str, Any]) -> str:
+    return ", ".join(commit[:7] for commit in made.get("commits", ()) if commit) or ("unknown" if made else "")
