@@ -203,6 +203,7 @@ thick and bend as folded paper does; finer levels bend smoothly, and the pile ke
         small={"slices": 5, "vertices": (40, 90), "dt": 0.02, "steps": 14},
         slow=(0.1, 0.5),
         size=(1260, 480),
+        direct=True,
         moment=1.4,
     ),
     Entry(
