@@ -53,3 +53,37 @@ def test_more_ranks_than_cells_leave_some_without():
     )
     assert len(owner) == 1
     assert 0 <= owner[0] < 4
+
+
+@pytest.mark.parametrize("ranks", [2, 3])
+def test_many_bodies_are_not_cut(ranks):
+    """Each rank gets bodies that are side by side along the longest way, and its share of cells."""
+    first = grid(*[np.linspace(0.0, 1.0, 3)] * 3, jitter=0.2)
+    points, cells = np.asarray(first.points), np.asarray(first.cells)
+    places = np.stack(np.meshgrid(range(6), range(2), range(2), indexing="ij"), axis=-1).reshape(-1, 3) * 1.05
+    count = len(places)
+    mesh = LevelMesh(
+        np.concatenate([points + place for place in places]),
+        np.concatenate([cells + k * len(points) for k in range(count)]),
+        np.repeat(np.arange(count), len(cells)).astype(np.int32),
+        np.zeros(count * len(cells), np.int32),
+    )
+    owner = shared_bodies(mesh, ranks).reshape(count, -1)
+    assert (owner == owner[:, :1]).all()
+    assert list(np.bincount(owner[:, 0])) == [count // ranks] * ranks
+    assert (np.diff(owner[np.argsort(places[:, 0], kind="stable"), 0]) >= 0).all()
+
+
+def test_bodies_of_unequal_size_are_cut_where_no_sum_is_near_a_half():
+    small, large = (grid(*[np.linspace(0.0, 1.0, n)] * 3) for n in (2, 6))
+    shapes = [large, *[small] * 8]
+    firsts = np.cumsum([0, *(len(shape.points) for shape in shapes)])
+    counts = [len(shape.cells) for shape in shapes]
+    mesh = LevelMesh(
+        np.concatenate([np.asarray(shape.points) + [1.1 * k, 0.0, 0.0] for k, shape in enumerate(shapes)]),
+        np.concatenate([np.asarray(shape.cells) + first for shape, first in zip(shapes, firsts[:-1], strict=True)]),
+        np.repeat(np.arange(len(shapes)), counts).astype(np.int32),
+        np.zeros(sum(counts), np.int32),
+    )
+    shares = np.bincount(shared_bodies(mesh, 2)) / sum(counts)
+    assert abs(shares - 0.5).max() < 0.05
