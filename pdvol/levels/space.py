@@ -28,6 +28,8 @@ class LevelSpace:
         `near_cells`.
     local_blocks : (n_local,) int64
         Global (PETSc) block index of each local vertex.
+    rank_ends : (ranks,) int64
+        Global block index behind the last of each rank.
     point_blocks : (n,) int64
         Global block index of each input point, replicated.
     near_cells : (m_near,) int64
@@ -74,6 +76,7 @@ class LevelSpace:
         self.owned_points = owned_points
         self._global_order = np.concatenate(self.comm.allgather(self.owned_points))
         self._counts = np.array(self.comm.allgather(self.n_owned * mesh.dim))
+        self.rank_ends = np.cumsum(self._counts // mesh.dim)
         self.point_blocks = np.empty(len(mesh.points), dtype=np.int64)
         self.point_blocks[self._global_order] = np.arange(len(mesh.points))
         self._find_near_cells()
@@ -93,9 +96,8 @@ class LevelSpace:
         local = np.empty(len(self.mesh.points), dtype=np.int32)
         local[self.local_blocks] = np.arange(len(self.local_blocks))
         self.near_dofs = np.ascontiguousarray(local[blocks])
-        ends = np.cumsum(self._counts // d)
         halo = compat.index_map(
-            self.comm, self.n_owned, ghosts, np.searchsorted(ends, ghosts, side="right").astype(np.int32)
+            self.comm, self.n_owned, ghosts, np.searchsorted(self.rank_ends, ghosts, side="right").astype(np.int32)
         )
         self._halo = la.vector(halo, d)
 

@@ -19,7 +19,7 @@ def springs(space, seed=0, mass=1.0, pairs=True, stiff=1.0) -> HessianBlocks:
     normals[-20:] *= stiff**0.5
     one, other = np.sort(space.point_blocks[ends], axis=1).T
     middle = normals[:, :, None] * normals[:, None, :]
-    for row, column, sign in ((one, one, 1.0), (other, other, 1.0), (one, other, -1.0)):
+    for row, column, sign in ((one, one, 1.0), (other, other, 1.0), (one, other, -1.0), (other, one, -1.0)):
         blocks.add_pairs(row, column, sign * middle)
     return blocks
 

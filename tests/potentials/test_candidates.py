@@ -1,5 +1,6 @@
 """Candidates miss nothing, sums do not depend on them, and steps end before bodies meet."""
 
+import copy
 from weakref import WeakKeyDictionary
 
 import ipctk
@@ -22,7 +23,6 @@ from pdvol.measure.verify import crossings
 from pdvol.potentials.contact import candidates
 from pdvol.potentials.contact.barrier import SurfaceBarrier
 from pdvol.potentials.contact.collision_surface import CollisionSurface
-from pdvol.potentials.contact.stencils import Stencils
 from pdvol.potentials.potential import MIN_GAP_SHARE, SCRIPTED_GAP_SHARE, Positions
 from pdvol.scene import Translation
 from problems import polyline, tetrahedron
@@ -393,18 +393,48 @@ def test_bounds_are_no_larger_than_distances(d, obstacle):
     assert beyond > 100 and shown > 0.6 * beyond
 
 
-def test_parts_of_contacts_are_joined_again():
-    """As ranks exchange them: points and edges of either list, with derivatives of weights where they change."""
-    space, surface = heap(3)
+@pytest.mark.parametrize("d", [2, 3])
+def test_ranks_share_contacts_by_vertices(d):
+    """A rank has all contacts of its vertices, in the order and to the last bit of one rank, and each contact counts on
+    one rank. Here ranks are cut through bodies.
+    """
+    space, surface = heap(d, 6, "moving")
     rest = surface.vertices(Positions(space, space.from_input(space.mesh.points)))
-    rng, parts = np.random.default_rng(0), 0
-    for _ in range(10):
-        vertices = rest + 0.5 * DHAT * rng.uniform(-1, 1, rest.shape)
-        whole = surface.contacts(vertices)
-        found, ends = surface._active(vertices)
-        split = found.parts(ends)
-        again = Stencils.joined(split)
-        for name in ("vertices", "coefficients", "gaps", "weights", "fading", "fades", "curves"):
-            np.testing.assert_array_equal(getattr(again, name), getattr(whole, name))
-        parts += all(len(part) for part in split[2:]) and len(whole.fading) > 1
-    assert parts > 3
+    n, ranks = space.n_owned, 3
+    shared = []
+    for rank in range(ranks):
+        one = copy.copy(space)
+        one.first_block, last = n * rank // ranks, n * (rank + 1) // ranks
+        one.n_owned = last - one.first_block
+        shared.append(CollisionSurface(one, surface.obstacles, DHAT))
+    rng, crossing, fading, place = np.random.default_rng(0), 0, 0, 0.0
+    for _ in range(8):
+        place = place + 0.5 * DHAT * rng.uniform(-1, 1, rest.shape)
+        every = surface.contacts(rest + place)
+        whole, counts, touched = rows_of(every), np.zeros(len(every)), np.zeros(len(every))
+        for part in shared:
+            found, owned = part.contacts(rest + place), owned_by(part)
+            touches = owned[found.vertices].any(axis=1)
+            rows = rows_of(found)
+            theirs = np.flatnonzero(owned[every.vertices].any(axis=1))
+            assert [rows[k] for k in np.flatnonzero(touches)] == [whole[k] for k in theirs]
+            assert touches[found.counted].all()
+            counts[theirs] += found.counted[touches]
+            touched[theirs] += 1
+            fading += len(found.fading)
+        assert (counts == 1).all()
+        crossing += np.count_nonzero(touched > 1)
+    assert crossing > 3 and (d == 2 or fading)
+
+
+def owned_by(surface) -> np.ndarray:
+    space = surface.space
+    rows = np.full(len(surface.objects), -1)
+    rows[: len(surface.surface)] = space.point_blocks[surface.surface]
+    return (rows >= space.first_block) & (rows < space.first_block + space.n_owned)
+
+
+def rows_of(found) -> list[bytes]:
+    """Each contact's vertices, coefficients, gap and weight."""
+    parts = found.vertices, found.coefficients, found.gaps, found.weights
+    return [b"".join(part[k].tobytes() for part in parts) for k in range(len(found))]

@@ -1,4 +1,5 @@
-"""The sum of the terms' Hessians: d x d blocks of this rank's rows, on or right of the diagonal.
+"""The sum of the terms' Hessians: d x d blocks of this rank's rows, on or right of the diagonal, and all that couple
+them with other ranks' vertices.
 
 The sparsity pattern of a level's Hessian from its cells: upper triangle, in blocks. Built once per level.
 """
@@ -27,7 +28,8 @@ FILTERS = {"none": 0, "clamp": 1, "abs": 2}
 
 
 class BlockPattern:
-    """Blocks (d x d) in this rank's rows, on or right of the diagonal, in global block numbering.
+    """Blocks (d x d) in this rank's rows, on or right of the diagonal or in columns of lower ranks, in global block
+    numbering.
 
     Attributes
     ----------
@@ -48,12 +50,14 @@ class BlockPattern:
         d, n = space.dim, len(space.mesh.points)
         i, j = np.triu_indices(d + 1)
         blocks = space.local_blocks[space.near_dofs]
-        row, column = np.minimum(blocks[:, i], blocks[:, j]), np.maximum(blocks[:, i], blocks[:, j])
+        lower, upper = np.minimum(blocks[:, i], blocks[:, j]), np.maximum(blocks[:, i], blocks[:, j])
+        row = np.where(lower < space.first_block, upper, lower)
+        column = lower + upper - row
         stored = (row >= space.first_block) & (row < space.first_block + space.n_owned)
         keys = (row - space.first_block) * n + column
         unique, slot = np.unique(keys[stored], return_inverse=True)
         slots = np.full(keys.shape, ELSEWHERE, dtype=np.int64)
-        slots[stored] = np.where((blocks[:, i] > blocks[:, j])[stored], TRANSPOSED - slot, slot)
+        slots[stored] = np.where((blocks[:, i] != row)[stored], TRANSPOSED - slot, slot)
         self.slots = np.ascontiguousarray(slots, dtype=np.int32)
         self.count = len(unique)
         self.rows, self.columns = unique // n, (unique % n).astype(np.int32)
@@ -64,7 +68,8 @@ class BlockPattern:
 
 
 class HessianBlocks:
-    """A symmetric matrix being summed, of which this rank holds its rows' upper triangle.
+    """A symmetric matrix being summed, of which this rank holds its rows' upper triangle and all of their blocks in
+    other ranks' columns: products need no message but the vector's.
 
     Attributes
     ----------
@@ -117,11 +122,11 @@ class HessianBlocks:
         self.cells.reshape(-1)[entries] += masses
 
     def add_pairs(self, rows: np.ndarray, columns: np.ndarray, blocks: np.ndarray) -> None:
-        """Adds blocks (k, d, d) at global block indices (k,), which may repeat. Both triangles may be given: only
-        blocks in this rank's rows, on or right of the diagonal, are kept.
+        """Adds blocks (k, d, d) of both triangles at global block indices (k,), which may repeat. Those that this rank
+        does not hold are ignored.
         """
         first, last = self.pattern.space.first_block, self.pattern.space.first_block + self.pattern.space.n_owned
-        kept = (rows >= first) & (rows < last) & (columns >= rows)
+        kept = (rows >= first) & (rows < last) & ((columns >= rows) | (columns < first))
         end = self._make_room(int(np.count_nonzero(kept)))
         new = slice(self.count, end)
         self._rows[new], self._columns[new], self._blocks[new] = rows[kept] - first, columns[kept], blocks[kept]
@@ -155,7 +160,7 @@ class HessianBlocks:
         return end
 
     def merged(self, fixed: np.ndarray | None = None) -> BlockCsr:
-        """The sum of `cells` and `added`, on or right of the diagonal.
+        """The sum of `cells` and `added`, on or right of the diagonal or in columns of lower ranks.
 
         Parameters
         ----------

@@ -7,9 +7,11 @@ Source: Li et al. 2020 (Incremental Potential Contact); Li et al. 2023 (converge
 """
 
 import numpy as np
+from mpi4py import MPI
 
 from pdvol.compiled import pointer
 from pdvol.levels.obstacles import Obstacle
+from pdvol.parallel import reduce
 from pdvol.potentials.assembly.hessian_blocks import HessianBlocks
 from pdvol.potentials.contact.collision_surface import CollisionSurface
 from pdvol.potentials.contact.meeting import different_pairs
@@ -49,13 +51,15 @@ class SurfaceBarrier(Term):
             self._at = None
 
     def stencils(self, x: Positions) -> Stencils:
-        """All contacts at x, found once per x. Collective."""
+        """The contacts at x that touch this rank's vertices, found once per x. Collective."""
         if self._at is not x:
             self._stencils, self._at = self.surface.contacts(self.surface.vertices(x)), x
         return self._stencils
 
     def _sum(self, x: Positions) -> tuple[float, np.ndarray]:
-        """The energy [J], and its gradient (n, d) [N] by the surface's vertices: once for each state and stiffness."""
+        """The energy [J] of this rank's share, and its gradient (n, d) [N] by the surface's vertices: once for each
+        state and stiffness.
+        """
         found = self.stencils(x)
         if self._summed[0] is not found or self._summed[1] != self.kappa:
             gradient = np.zeros((len(self.surface.objects), self.space.dim))
@@ -64,7 +68,7 @@ class SurfaceBarrier(Term):
         return self._summed[2:]
 
     def value(self, x: Positions) -> float:
-        return self._sum(x)[0] if len(self.stencils(x)) else 0.0
+        return reduce(self.space.comm, self._sum(x)[0] if len(self.stencils(x)) else 0.0)
 
     def gradient(self, x: Positions) -> np.ndarray:
         return self.surface.rows_of(self._sum(x)[1]) if len(self.stencils(x)) else np.zeros_like(x.owned)
@@ -76,9 +80,8 @@ class SurfaceBarrier(Term):
             self.surface.add_blocks(library().barrier_blocks, into, found, pointer(self.surface.vertices(x)), *law)
 
     def contact_stiffness(self, x: Positions, masses: np.ndarray, blocks: np.ndarray) -> np.ndarray:
-        """(k,) semi-implicit stiffness [N/m] of the contacts (`stiffness.py`), all on the first rank, from masses
-        (m,) [kg] and diagonal blocks (m, d, d) [N/m] of the level's points, in the input's order. Obstacles have
-        neither.
+        """(k,) semi-implicit stiffness [N/m] of the contacts that count here (`stiffness.py`), from masses (m,) [kg]
+        and diagonal blocks (m, d, d) [N/m] of the level's points, in the input's order. Obstacles have neither.
         """
         found = self.stencils(x)
         masses, blocks = self.surface.of_vertices(masses), self.surface.of_vertices(blocks)
@@ -87,8 +90,7 @@ class SurfaceBarrier(Term):
         normals = found.gaps / distances[:, None]
         mass = np.einsum("ki,ki->k", squares, masses[found.vertices])
         stiffness = np.einsum("ki,ka,kiab,kb->k", squares, normals, blocks[found.vertices], normals)
-        every = (mass / distances**2 + stiffness) / squares.sum(axis=1)
-        return every if self.space.comm.rank == 0 else every[:0]
+        return ((mass / distances**2 + stiffness) / squares.sum(axis=1))[found.counted]
 
     def max_step(
         self, x: Positions, direction: np.ndarray, until: float | None = None, gap_share: float = MIN_GAP_SHARE
@@ -107,8 +109,9 @@ class SurfaceBarrier(Term):
 
     def count(self, x: Positions) -> int:
         """Number of contacts at x. Collective."""
-        return len(self.stencils(x))
+        return reduce(self.space.comm, int(np.count_nonzero(self.stencils(x).counted)))
 
     def min_gap(self, x: Positions) -> float:
         """Smallest distance [m] among the contacts; inf when there are none. Collective."""
-        return float(np.linalg.norm(self.stencils(x).gaps, axis=1).min(initial=np.inf))
+        nearest = float(np.linalg.norm(self.stencils(x).gaps, axis=1).min(initial=np.inf))
+        return reduce(self.space.comm, nearest, MPI.MIN)

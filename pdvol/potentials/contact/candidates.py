@@ -7,6 +7,9 @@ searched as a whole, by the boxes that it sweeps: its list is as complete near e
 
 The pairs of all lists have one order, whatever was searched. So sums over active pairs do not depend on the lists, and
 lists may outlast steps.
+
+On several ranks each list has the pairs that touch vertices of its rank, and all pairs of a vertex that has one of
+those: all contacts of the rank's vertices are found without a message.
 """
 
 from typing import NamedTuple
@@ -53,7 +56,6 @@ class PairList:
     primitives : Primitives
     reach : distance [m] up to which pairs matter
     within : whether for the pairs within bodies; else for those between two bodies, or a body and an obstacle
-    leaves : the tree's leaves from the first to before the second whose pairs are this rank's
 
     Attributes
     ----------
@@ -64,12 +66,12 @@ class PairList:
     searches : number of searches so far
     """
 
-    def __init__(self, primitives: Primitives, reach: float, within: bool, leaves: tuple[int, int]):
-        self.primitives, self.reach, self.within, self.leaves, self.searches = primitives, reach, within, leaves, 0
-        numbers = np.arange(len(primitives.roots) - 1)
-        bodies = numbers < primitives.bodies
+    def __init__(self, primitives: Primitives, reach: float, within: bool):
+        self.primitives, self.reach, self.within, self.searches = primitives, reach, within, 0
+        numbers, owned = np.arange(len(primitives.roots) - 1), primitives.owned_objects
         same = numbers[:, None] == numbers
-        self._allowed = same & bodies if within else ~same & (bodies[:, None] | bodies)
+        self._allowed = same & owned if within else ~same & (owned[:, None] | owned)
+        self._needed = self._allowed.any(axis=0)
         self._slack = LIST_SLACK * primitives.edge_length
         self._boxes: np.ndarray = np.zeros((primitives.boxes, BOX))
         self._counts = np.bincount(primitives.objects, minlength=len(numbers))
@@ -160,12 +162,15 @@ class PairList:
         return self._known[0][3]
 
     def _shapes(self, start: np.ndarray, move: np.ndarray | None, vertices: np.ndarray) -> Shapes:
-        """How the bodies at `vertices` differ in shape from `start`, or from the nearest place on a move from there."""
+        """How the bodies at `vertices` differ in shape from `start`, or from the nearest place on a move from there;
+        not at all where no pair is possible.
+        """
         n = self.primitives.bodies
         found = Shapes(np.empty((n, 3, 3)), np.empty(n), np.empty(n), np.empty(n))
         library().shapes(
             self.primitives.d,
             n,
+            pointer(self._needed, "uint8_t"),
             pointer(self._firsts, "int64_t"),
             pointer(start),
             ffi.NULL if move is None else pointer(move),
@@ -196,10 +201,10 @@ class PairList:
 
     def _fit(self, start: np.ndarray, end: np.ndarray) -> None:
         """Fits the boxes of what is not where it was when they were fitted last."""
-        marked: np.ndarray = np.ones(len(self._counts), dtype=bool)
+        marked = self._needed
         if self._boxed is not None:
             same = (self._boxed[0] == start).all(axis=1) & (self._boxed[1] == end).all(axis=1)
-            marked = ~np.logical_and.reduceat(same, self._firsts[:-1])
+            marked = marked & ~np.logical_and.reduceat(same, self._firsts[:-1])
         moving = pointer(start), pointer(end)
         library().fit_boxes(self.primitives.c, pointer(marked, "uint8_t"), *moving, pointer(self._boxes))
         self._boxed = start, end
@@ -233,7 +238,6 @@ class PairList:
                 pointer(end) if end is not start else pointer(start),
                 self._distance,
                 pointer(meets, "uint8_t"),
-                *self.leaves,
                 self.c,
                 *(pointer(pairs, "int32_t") for pairs in self._pairs),
             ):

@@ -1,7 +1,7 @@
 """The contact surface of one level: all bodies' boundaries and the rigid obstacles, in one set of primitives.
 
 Its vertices are the bodies' boundary vertices, in the order of `surface`, and then the obstacles'. Every rank holds the
-whole surface and all active pairs; ranks share the work of finding them.
+whole surface, and the contacts that touch its own vertices.
 """
 
 from collections.abc import Callable
@@ -70,15 +70,14 @@ class CollisionSurface:
         self.objects = np.concatenate(numbers)
         at_rest = np.concatenate(vertices)
         rigid = np.array([False] * bodies + [obstacle.rigid for obstacle in obstacles])
-        self.primitives = Primitives(at_rest, np.concatenate(facets), self.objects, bodies, weighted, rigid)
         self._rows = np.full(len(at_rest), -1, dtype=np.int64)
         self._rows[: len(self.surface)] = space.point_blocks[self.surface]
         first, last = space.first_block, space.first_block + space.n_owned
         self._own = np.flatnonzero((self._rows >= first) & (self._rows < last))
         self._own_rows = self._rows[self._own] - first
-        share = [self.primitives.leaves * (space.comm.rank + i) // space.comm.size for i in range(2)]
-        leaves = share[0], share[1]
-        self.lists = tuple(PairList(self.primitives, dhat, within, leaves) for within in (True, False))
+        owned = np.where(self._rows < 0, -1, (self._rows >= first) & (self._rows < last)).astype(np.int8)
+        self.primitives = Primitives(at_rest, np.concatenate(facets), self.objects, bodies, weighted, rigid, owned)
+        self.lists = tuple(PairList(self.primitives, dhat, within) for within in (True, False))
         self._c_lists = ffi.new("pairs_t *[]", [pairs.c for pairs in self.lists])
         self.obstacle_positions = self._obstacles_at(0.0)
         self._at: Positions | None = None
@@ -111,21 +110,13 @@ class CollisionSurface:
         return vertices
 
     def contacts(self, vertices: np.ndarray) -> Stencils:
-        """All contacts nearer than dhat at positions (n, d), in an order that does not depend on ranks. Collective."""
+        """The contacts nearer than dhat at positions (n, d) that touch this rank's vertices, and some of others that do
+        not count: of points, list by list, and then of edges. Their order does not depend on ranks.
+        """
         for pairs in self.lists:
             pairs.at(vertices)
             pairs.ask_about(vertices)
-        found, ends = self._active(vertices)
-        if self.space.comm.size == 1:
-            return found
-        parts = self.space.comm.allgather(found.parts(ends))
-        return Stencils.joined([part for same in zip(*parts, strict=True) for part in same])
-
-    def _active(self, vertices: np.ndarray) -> tuple[Stencils, np.ndarray]:
-        """The contacts among this rank's candidates: of points, list by list, and then of edges; and how many contacts
-        there are at the end of each of these parts, and how many whose weights change (4, 2).
-        """
-        ends = np.zeros((4, 2), dtype=np.int64)
+        counts = np.zeros(2, dtype=np.int64)
         while any(len(pairs.points) or len(pairs.edges) for pairs in self.lists):
             if library().active_pairs(
                 self.primitives.c,
@@ -134,14 +125,14 @@ class CollisionSurface:
                 len(self.lists),
                 self._c_lists,
                 self._room.c,
-                pointer(ends, "int64_t"),
+                pointer(counts, "int64_t"),
             ):
                 raise MemoryError("no memory left for contacts")
-            count, faded = ends[-1].tolist()
+            count, faded = counts.tolist()
             if count <= self._room.c.count and faded <= self._room.c.faded:
-                return self._room.first(count, faded) if count else self._none, ends
+                return self._room.first(count, faded) if count else self._none
             self._room = Stencils.room(2 * count, 2 * faded + 256, self.space.dim)
-        return self._none, ends
+        return self._none
 
     def max_step(self, start: np.ndarray, end: np.ndarray, gap_share: float = MIN_GAP_SHARE) -> float:
         """Largest step in [0, 1] along straight paths from start to end (n, d) at which all pairs of this rank stay

@@ -3,8 +3,10 @@ finds.
 """
 
 import numpy as np
+from mpi4py import MPI
 
 from pdvol.compiled import pointer
+from pdvol.parallel import reduce
 from pdvol.potentials.assembly.hessian_blocks import HessianBlocks
 from pdvol.potentials.contact import barrier_law
 from pdvol.potentials.contact.barrier import SurfaceBarrier
@@ -45,7 +47,12 @@ class SurfaceFriction(LaggedFriction):
             mu = mu[stencils.objects_in_contact(self.surface.objects)]
         self._stencils, self._at = stencils, None
         self.forces = mu * pressures * stencils.weights
+        self._acts = reduce(self.space.comm, len(self.forces) > 0, MPI.LOR)
         self.normals = stencils.gaps / np.maximum(distances, 1e-300)[:, None]
+
+    @property
+    def has_friction(self) -> bool:
+        return self._acts  # the same on every rank: slips are collective
 
     def slips(self, x: Positions) -> np.ndarray:
         vertices = self.surface.vertices(x)
@@ -57,7 +64,9 @@ class SurfaceFriction(LaggedFriction):
         return self._slips
 
     def value(self, x: Positions) -> float:
-        return float(self.forces @ self._dissipation(x)) if self.has_friction else 0.0
+        if not self.has_friction:
+            return 0.0
+        return reduce(self.space.comm, float((self.forces * self._stencils.counted) @ self._dissipation(x)))
 
     def _rows(self, forces: np.ndarray) -> np.ndarray:
         return self.surface.rows_of(self._stencils.scatter(forces, len(self._start)))

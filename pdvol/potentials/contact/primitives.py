@@ -10,6 +10,8 @@ from pdvol.potentials.contact.flat import flat_parts
 
 # facets of one leaf of the tree: smaller leaves make more nodes, larger ones more pairs that are tested in vain
 LEAF_FACETS = 4
+# C types of arrays; all others are of int32_t
+C_TYPES = {"float64": "double", "int8": "int8_t", "bool": "uint8_t"}
 
 
 class Primitives:
@@ -25,6 +27,8 @@ class Primitives:
     weighted : whether contacts weigh as much as their area; else each weighs as much as one
     rigid : (objects,) bool
         Objects that keep their shape. Their vertices and edges within flat parts are found by no search.
+    owned : (n,) int8
+        1 where a vertex is of this rank, 0 where it is of another one, and -1 on obstacles.
 
     Attributes
     ----------
@@ -36,6 +40,8 @@ class Primitives:
     roots : (objects + 1,) int32
         Where the nodes of each object begin.
     boxes : number of nodes, facets and edges
+    owned_objects : (objects,) bool
+        Those with vertices of this rank.
     c : the C struct of all this
     """
 
@@ -47,6 +53,7 @@ class Primitives:
         bodies: int,
         weighted: bool,
         rigid: np.ndarray,
+        owned: np.ndarray,
     ):
         self.d, self.bodies = vertices.shape[1], bodies
         self.objects, self.facets = objects.astype(np.int64), np.ascontiguousarray(facets, dtype=np.int32)
@@ -79,22 +86,37 @@ class Primitives:
             "edge_share": edge_share,
             "areas": areas,
             "edge_areas": edge_areas,
+            "owned": owned,
         }
         of_rigid = rigid[self.objects[self.facets[:, 0]]]
         own_edges = facet_edges[of_rigid] if d == 3 else facet_edges
-        self._build_tree(vertices, facet_edges, *flat_parts(vertices, self.facets[of_rigid], self.edges, own_edges))
+        self._build_tree(
+            vertices,
+            facet_edges,
+            (owned[self.facets] == 1).any(axis=1),
+            *flat_parts(vertices, self.facets[of_rigid], self.edges, own_edges),
+        )
+        of_objects = np.zeros(len(self.roots) - 1, dtype=bool)
+        of_objects[self.objects[owned == 1]] = True
+        self.owned_objects = of_objects
         self.boxes = int(self.roots[-1]) + len(self.facets) + len(self.edges)
         self.c = self._struct(n)
 
     def _build_tree(
-        self, vertices: np.ndarray, facet_edges: np.ndarray, no_vertices: np.ndarray, no_edges: np.ndarray
+        self,
+        vertices: np.ndarray,
+        facet_edges: np.ndarray,
+        owned_facets: np.ndarray,
+        no_vertices: np.ndarray,
+        no_edges: np.ndarray,
     ) -> None:
         """The tree of each object, nodes in the order of a walk through it: a node's first child follows it. Marked
-        vertices (n,) and edges (e,) are in no leaf.
+        vertices (n,) and edges (e,) are in no leaf. Nodes with facets that are marked as owned (f,) hold some.
         """
         middles = vertices[self.facets].mean(axis=1)
         owner = self.objects[self.facets[:, 0]]
         skip: list[int] = []
+        holds: list[bool] = []
         leaf: list[int] = []
         leaves: list[np.ndarray] = []
         roots = [0]
@@ -105,6 +127,7 @@ class Primitives:
                 facets = pending.pop()
                 node = len(skip)
                 skip.append(0)
+                holds.append(bool(owned_facets[facets].any()))
                 if len(facets) <= LEAF_FACETS:
                     leaf.append(len(leaves))
                     leaves.append(facets)
@@ -122,7 +145,7 @@ class Primitives:
         everything = np.concatenate(leaves)
         home = np.empty(len(self.facets), dtype=np.int64)
         home[everything] = np.repeat(np.arange(len(leaves)), [len(facets) for facets in leaves])
-        self._arrays |= {"skip": np.array(skip), "leaf": np.array(leaf), "roots": self.roots}
+        self._arrays |= {"skip": np.array(skip), "leaf": np.array(leaf), "roots": self.roots, "holds": np.array(holds)}
         for primitives, of_facets, nowhere in (
             ("facet", np.arange(len(self.facets))[:, None], np.zeros(len(self.facets), dtype=bool)),
             ("vertex", self.facets, no_vertices),
@@ -142,8 +165,8 @@ class Primitives:
         struct.objects, struct.leaves = len(self.roots) - 1, self.leaves
         self._kept = []
         for name, array in self._arrays.items():
-            kind = "double" if array.dtype == np.float64 else "int32_t"
-            plain = np.ascontiguousarray(array, dtype=np.float64 if kind == "double" else np.int32)
+            kind = C_TYPES.get(array.dtype.name, "int32_t")
+            plain = np.ascontiguousarray(array, dtype=np.int32 if kind == "int32_t" else array.dtype)
             self._kept.append(pointer(plain, kind))
             setattr(struct, name, self._kept[-1])
         return struct

@@ -4,10 +4,8 @@ The gap vector of a contact is g = sum_i c_i x_i over up to four vertices, its d
 coefficients the distance's gradient is exact, because closest points are stationary.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 from functools import cached_property
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -28,6 +26,9 @@ class Stencils:
     gaps : (k, d) gap vectors [m]
     weights : (k,)
         Area [m^(d-1)], or count; of edges that cross it depends on positions.
+    counted : (k,) bool
+        Contacts that count in sums of this rank: each counts on one rank, and is known to every rank that owns a vertex
+        of it.
     fading : (f,) int64
         Contacts whose weights change with the positions.
     fades : (f, 4, 3)
@@ -40,6 +41,7 @@ class Stencils:
     coefficients: np.ndarray
     gaps: np.ndarray
     weights: np.ndarray
+    counted: np.ndarray
     fading: np.ndarray
     fades: np.ndarray
     curves: np.ndarray
@@ -55,6 +57,7 @@ class Stencils:
             np.empty((count, 4)),
             np.empty((count, d)),
             np.empty(count),
+            np.empty(count, dtype=bool),
             np.empty(faded, dtype=np.int64),
             np.empty((faded, 4, 3)),
             np.empty((faded, 10, 3, 3)),
@@ -66,33 +69,15 @@ class Stencils:
         struct = ffi.new("contacts_t *")
         struct.count, struct.faded = len(self.weights), len(self.fading)
         struct.vertices, struct.fading = pointer(self.vertices, "int32_t"), pointer(self.fading, "int64_t")
+        struct.counted = pointer(self.counted, "uint8_t")
         struct.coefficients, struct.gaps = pointer(self.coefficients), pointer(self.gaps)
         struct.weights, struct.fades, struct.curves = map(pointer, (self.weights, self.fades, self.curves))
         return struct
 
     def first(self, count: int, faded: int) -> "Stencils":
         """The first contacts, and the first of those whose weights change, as arrays of their own."""
-        ends = (count,) * 4 + (faded,) * 3
+        ends = (count,) * 5 + (faded,) * 3
         return Stencils(*(getattr(self, f.name)[:end].copy() for f, end in zip(fields(self), ends, strict=True)))
-
-    def parts(self, ends: np.ndarray) -> "list[Stencils]":
-        """The parts that end before these contacts, and before these of those whose weights change (p, 2)."""
-        found = []
-        for (start, f), (end, g) in pairwise([(0, 0), *ends.tolist()]):
-            own = [array[start:end] for array in (self.vertices, self.coefficients, self.gaps, self.weights)]
-            own += [self.fading[f:g] - start, self.fades[f:g], self.curves[f:g]]
-            found.append(Stencils(*own))
-        return found
-
-    @classmethod
-    def joined(cls, parts: Sequence["Stencils"]) -> "Stencils":
-        """The contacts of all parts, in their order."""
-        parts = [part for part in parts if len(part)] or parts[:1]
-        if len(parts) == 1:
-            return parts[0]
-        before = np.cumsum([0, *map(len, parts[:-1])])
-        shifted = [replace(part, fading=part.fading + start) for part, start in zip(parts, before, strict=True)]
-        return cls(*(np.concatenate([getattr(part, f.name) for part in shifted]) for f in fields(cls)))
 
     def gaps_of(self, values: np.ndarray) -> np.ndarray:
         """(k, d) combinations of values (n, d) at the surface's vertices, as gap vectors are of positions."""

@@ -125,7 +125,7 @@ class CoarseSpace:
         Parameters
         ----------
         rows : BlockCsr
-            A's upper triangle, of this rank's rows.
+            A of this rank's rows, as `HessianBlocks.merged` gives it.
         """
         d, comm, library = self.space.dim, self.space.comm, native.library()
         starts, columns, blocks = rows

@@ -30,7 +30,7 @@ class SystemMatrix:
     Attributes
     ----------
     rows : BlockCsr
-        Of the last assembly, on or right of the diagonal, with global columns.
+        Of the last assembly, on or right of the diagonal or in columns of lower ranks, with global columns.
     all_supported : (n,) bool, in PETSc's block order
     compiled : linear_system *
         For the functions of native/, without a preconditioner.
@@ -98,13 +98,23 @@ class SystemMatrix:
         )
 
     @property
+    def _upper(self) -> BlockCsr:
+        """`rows` without what is left of the diagonal."""
+        starts, columns, blocks = self.rows
+        if self.space.comm.size == 1:
+            return self.rows
+        row = np.repeat(np.arange(self.space.n_owned), np.diff(starts))
+        kept = columns >= row + self.space.first_block
+        return np.concatenate([[0], np.cumsum(kept)])[starts], columns[kept], blocks[kept]
+
+    @property
     def petsc(self) -> PETSc.Mat:
         """The last assembly as PETSc's own matrix, SBAIJ or AIJ, made at the first call after it. Collective.
 
         An unchanged pattern keeps the object, and with it what solvers derived from the pattern.
         """
         if self._petsc is None:
-            starts, columns, blocks = self.rows
+            starts, columns, blocks = self._upper
             known = self._pattern is not None and all(map(np.array_equal, self._pattern, (starts, columns)))
             known = reduce(self.space.comm, known, MPI.LAND)
             csr = (starts.astype(PETSc.IntType), columns.astype(PETSc.IntType), blocks)

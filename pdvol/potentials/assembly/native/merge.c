@@ -1,4 +1,4 @@
-/* The upper triangle of a matrix in d x d blocks from those that cells couple and those of pairs, summed by place. */
+/* Rows of a matrix in d x d blocks from those that cells couple and those of pairs, summed by place. */
 #include "interface.h"
 #include <stdlib.h>
 #include <string.h>
@@ -70,7 +70,7 @@ INLINE int64_t merge(int d, int64_t rows, int64_t first, int64_t n, const int32_
 
 /* Rows of the sum, block CSR with ascending columns: starts (rows + 1), columns and blocks as many as cells and pairs have together at most.
  *
- * cells: block CSR, the diagonal first in each row. pairs: local rows, global columns on or right of the diagonal, in any order. first: global
+ * cells: block CSR with ascending columns. pairs: local rows, global columns, in any order. first: global
  * number of the first row; n: number of columns. fixed (n), or NULL: vertices whose rows and columns become the identity's. Returns the number of
  * blocks, or -1 if memory ran out. */
 int64_t merge_pairs(int d, int64_t rows, int64_t first, int64_t n, const int32_t *cell_starts, const int32_t *cell_columns, const double *cells,

@@ -11,13 +11,14 @@ INLINE int used(const double *coefficients)
     return n;
 }
 
-/* The sum of weights times the law, and its gradient by the vertices (n, d), added to `gradient`. */
+/* The sum of weights times the law over contacts that count here, and the gradient of all by the vertices (n, d), added to `gradient`. */
 double barrier_sum(int d, const contacts_t *all, double dhat, double kappa, double *gradient)
 {
     double total = 0.0, slope, second;
     for (int64_t k = 0; k < all->count; ++k) {
         const double *gap = all->gaps + d * k, *c = all->coefficients + 4 * k;
-        total += all->weights[k] * law(dot(d, gap, gap), dhat, kappa, &slope, &second);
+        const double energy = all->weights[k] * law(dot(d, gap, gap), dhat, kappa, &slope, &second);
+        total += all->counted[k] ? energy : 0.0;
         for (int i = 0, n = used(c); i < n; ++i)
             for (int j = 0; j < d; ++j)
                 gradient[(int64_t)d * all->vertices[4 * k + i] + j] += 2.0 * all->weights[k] * slope * c[i] * gap[j];
@@ -32,7 +33,8 @@ double barrier_sum(int d, const contacts_t *all, double dhat, double kappa, doub
     return total;
 }
 
-/* Blocks being found of vertices that have rows (`rows`, -1: none), on or right of the diagonal, in the rows from `first` to before `last`. */
+/* Blocks being found of vertices that have rows (`rows`, -1: none), on or right of the diagonal, in the rows from `first` to before `last`;
+ * of two vertices of which another rank has one, also left of it. */
 typedef struct {
     const int64_t *rows;
     int64_t first, last, count;
@@ -43,11 +45,12 @@ typedef struct {
 /* Adds a block (d x d) of two vertices; returns where it goes, row by row, or 0 where it is not in these rows. */
 INLINE double *add_block(int d, out_t *out, int32_t v, int32_t w, int *turned)
 {
-    const int64_t a = out->rows[v], b = out->rows[w], row = a < b ? a : b;
-    if (a < 0 || b < 0 || row < out->first || row >= out->last)
+    const int64_t a = out->rows[v], b = out->rows[w], lower = a < b ? a : b, upper = a < b ? b : a;
+    const int64_t row = lower < out->first ? upper : lower;
+    if (lower < 0 || row < out->first || row >= out->last)
         return 0;
-    *turned = a >= b;
-    out->to_rows[out->count] = row - out->first, out->to_columns[out->count] = a < b ? b : a;
+    *turned = row == b;
+    out->to_rows[out->count] = row - out->first, out->to_columns[out->count] = row == a ? b : a;
     return out->blocks + (int64_t)(d * d) * out->count++;
 }
 

@@ -13,6 +13,8 @@ typedef struct {
     const int32_t *skip, *leaf, *roots;        /* tree: next node outside of each node, its leaf or -1; (objects + 1) first nodes */
     const int32_t *leaf_facets, *leaf_vertices, *leaf_edges;                      /* leaf by leaf; each vertex and edge is in one leaf */
     const int32_t *leaf_facet_starts, *leaf_vertex_starts, *leaf_edge_starts; /* (leaves + 1) */
+    const int8_t *owned;  /* (vertices): 1 of this rank, 0 of another one, -1 of an obstacle */
+    const uint8_t *holds; /* nodes whose facets have vertices of this rank */
 } surface_t;
 
 /* Candidate pairs, of vertices and facets (a vertex's pairs stand together) and of edges. On a way of all vertices a pair is no nearer than its bound
@@ -24,12 +26,14 @@ typedef struct {
     double share, off; /* of the place that is asked about */
 } pairs_t;
 
-/* Contacts, as class Stencils has them: up to four vertices each, their coefficients in the gap vector, and a weight; in fades (faded, 12) and
- * curves (faded, 10, 9: blocks on or right of the diagonal) the derivatives of those weights that depend on positions. */
+/* Contacts, as class Stencils has them: up to four vertices each, their coefficients in the gap vector, a weight, and whether they count in this
+ * rank's sums; in fades (faded, 12) and curves (faded, 10, 9: blocks on or right of the diagonal) the derivatives of those weights that depend on
+ * positions. */
 typedef struct {
     int64_t count, faded;
     int32_t *vertices;
     double *coefficients, *gaps, *weights;
+    uint8_t *counted;
     int64_t *fading;
     double *fades, *curves;
 } contacts_t;
@@ -37,10 +41,10 @@ typedef struct {
 void fit_boxes(const surface_t *s, const uint8_t *marked, const double *x, const double *y, double *boxes);
 void deviations(int d, int64_t objects, const int64_t *firsts, const double *start, const double *move,
                 const double *vertices, double *drift, double *sizes);
-void shapes(int d, int64_t bodies, const int64_t *firsts, const double *start, const double *move,
-            const double *vertices, double *turns, double *shares, double *sizes, double *moves);
+void shapes(int d, int64_t bodies, const uint8_t *wanted, const int64_t *firsts, const double *start,
+            const double *move, const double *vertices, double *turns, double *shares, double *sizes, double *moves);
 int search_pairs(const surface_t *s, const double *boxes, const double *x, const double *y, double distance,
-                 const uint8_t *meets, int64_t first, int64_t last, pairs_t *found, int32_t *points, int32_t *edges);
+                 const uint8_t *meets, pairs_t *found, int32_t *points, int32_t *edges);
 void ask_about(int d, int64_t n, const double *x, const double *y, const double *z, pairs_t *pairs);
 double longest_step(const surface_t *s, const double *x, const double *y, double dhat, double gap_share,
                     const pairs_t *pairs, double step);

@@ -15,6 +15,7 @@ typedef struct {
 typedef struct {
     contacts_t to;
     int64_t capacity, fades_capacity;
+    const int8_t *owned; /* of the surface */
 } found_t;
 
 INLINE void emit(int d, found_t *found, int n, const int32_t *vertices, const double *coefficients, const double *gap, double weight)
@@ -30,6 +31,11 @@ INLINE void emit(int d, found_t *found, int n, const int32_t *vertices, const do
     for (int j = 0; j < d; ++j)
         out->gaps[d * k + j] = gap[j];
     out->weights[k] = weight;
+    /* Every rank that owns a vertex has this contact: it counts where the first that is no obstacle's is owned. */
+    int first = 0;
+    while (first + 1 < n && found->owned[vertices[first]] < 0)
+        ++first;
+    out->counted[k] = found->owned[vertices[first]] == 1;
 }
 
 /* Scratch memory of one call: when each vertex, edge and facet was met last, where its sum is, and when it was counted last. */
@@ -220,12 +226,12 @@ INLINE int all_point_contacts(int d, const surface_t *s, const double *x, double
 }
 
 /* The contacts nearer than dhat among the candidates of n lists: first those of points, list by list, and then those of edges. `to` has room for so
- * many as it counts; of others nothing is written. counts (2 n, 2): how many contacts there are after each of these parts, and how many of them have
- * weights that depend on positions. Returns 1 without memory. */
+ * many as it counts; of others nothing is written. counts (2): how many contacts there are, and how many of them have weights that depend on
+ * positions. Returns 1 without memory. */
 int active_pairs(const surface_t *s, const double *x, double dhat, int n, pairs_t *const *lists, const contacts_t *to, int64_t *counts)
 {
     const int64_t size = s->vertices + s->edges + s->facets;
-    found_t out = {*to, to->count, to->faded};
+    found_t out = {*to, to->count, to->faded, s->owned};
     out.to.count = out.to.faded = 0;
     int32_t *memory = calloc(3 * size + 1, sizeof(int32_t));
     scratch_t scratch = {memory, memory + size, memory + 2 * size, 0, 0, 0};
@@ -238,8 +244,8 @@ int active_pairs(const surface_t *s, const double *x, double dhat, int n, pairs_
         for (int64_t k = 0; part >= n && k < pairs->n_edges; ++k)
             if (!(left(pairs, pairs->edge_bounds[k], pairs->edge_rates[k]) > (1.0 + BOUND_MARGIN) * dhat))
                 edge_contact(s, x, dhat, pairs->edges[2 * k], pairs->edges[2 * k + 1], &out);
-        counts[2 * part] = out.to.count, counts[2 * part + 1] = out.to.faded;
     }
+    counts[0] = out.to.count, counts[1] = out.to.faded;
     free(memory), free(scratch.nearest);
     return failed;
 }

@@ -162,14 +162,19 @@ INLINE double left_over(int d, int64_t first, int64_t end, const double *start, 
 
 /* How the bodies at `vertices` differ in shape from the nearest shape on the straight way from `start` by `move` (0: `start` itself). For each
  * body: the rotation (3 x 3) from the way, the nearest one to the motion from `start` or none, whichever leaves less; the share of the way; the
- * largest distance that is left when centre, rotation and share are taken out; and the largest move besides that of the centre. */
-void shapes(int d, int64_t bodies, const int64_t *firsts, const double *start, const double *move, const double *vertices, double *turns,
-            double *shares, double *sizes, double *moves)
+ * largest distance that is left when centre, rotation and share are taken out; and the largest move besides that of the centre. Bodies that are not
+ * `wanted` have no rotation, and the rest is zero. */
+void shapes(int d, int64_t bodies, const uint8_t *wanted, const int64_t *firsts, const double *start, const double *move, const double *vertices,
+            double *turns, double *shares, double *sizes, double *moves)
 {
     static const double none[9] = {1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0};
     for (int64_t body = 0; body < bodies; ++body) {
         const int64_t first = firsts[body], end = firsts[body + 1];
         double centres[3][3] = {{0.0}}, A[9] = {0.0}, *R = turns + 9 * body, most = 0.0, share;
+        if (!wanted[body]) {
+            memcpy(R, none, sizeof none), shares[body] = sizes[body] = moves[body] = 0.0;
+            continue;
+        }
         for (int64_t k = d * first; k < d * end; k += d)
             for (int j = 0; j < d; ++j) {
                 centres[0][j] += start[k + j] / (end - first), centres[1][j] += vertices[k + j] / (end - first);
@@ -221,6 +226,15 @@ INLINE int share(int n, const int32_t *one, int m, const int32_t *other)
     return 0;
 }
 
+/* Whether one of n vertices is of this rank. */
+INLINE int owns(const surface_t *s, int n, const int32_t *vertices)
+{
+    for (int i = 0; i < n; ++i)
+        if (s->owned[vertices[i]] == 1)
+            return 1;
+    return 0;
+}
+
 INLINE int within(double distance, double squared)
 {
     return squared <= distance * distance;
@@ -244,7 +258,7 @@ typedef struct {
     int32_t *nodes, *leaves, *facets, *edges, *near;
 } room_t;
 
-/* Pairs of the vertices and edges of a leaf with the leaves of n nodes. */
+/* Pairs of the vertices and edges of a leaf with the leaves of n nodes. A vertex has all of its pairs, or none: the union of its facets is what counts. */
 INLINE void leaf_pairs(int d, const surface_t *s, const double *boxes, const double *x, const double *y, double distance, int64_t node, int64_t n,
                        const int32_t *nodes, const room_t *room, list_t *points, list_t *edges)
 {
@@ -263,7 +277,8 @@ INLINE void leaf_pairs(int d, const surface_t *s, const double *boxes, const dou
         const int32_t p = s->leaf_vertices[k];
         double point[BOX];
         enclose(d, 1, &p, x, y, point);
-        const int64_t near = meet(point, n_facets, room->facets, 0, of_facets, distance, room->near);
+        const int64_t near = meet(point, n_facets, room->facets, 0, of_facets, distance, room->near), before = points->count;
+        int wanted = owns(s, 1, &p);
         for (int64_t i = 0; i < near; ++i) {
             const int32_t f = s->leaf_facets[room->near[i]], *facet = s->facet + (int64_t)d * f;
             const double *corners[3] = {x + (int64_t)d * facet[0], x + (int64_t)d * facet[1], d == 3 ? x + (int64_t)d * facet[2] : 0};
@@ -272,8 +287,9 @@ INLINE void leaf_pairs(int d, const surface_t *s, const double *boxes, const dou
                 continue;
             const double squared = to_facet(d, x + (int64_t)d * p, corners, &closest);
             if (within(distance + (moving ? approach(d, 1, &p, d, facet, x, y) : 0.0), squared))
-                append(points, p, f, sqrt(squared));
+                append(points, p, f, sqrt(squared)), wanted = wanted || owns(s, d, facet);
         }
+        points->count = wanted ? points->count : before;
     }
     for (int32_t k = s->leaf_edge_starts[leaf]; d == 3 && k < s->leaf_edge_starts[leaf + 1]; ++k) {
         const int32_t e = s->leaf_edges[k], *one = s->edge + 2 * (int64_t)e;
@@ -281,7 +297,7 @@ INLINE void leaf_pairs(int d, const surface_t *s, const double *boxes, const dou
         for (int64_t i = 0; i < near; ++i) {
             const int32_t *other = s->edge + 2 * (int64_t)s->leaf_edges[room->near[i]];
             double a, b;
-            if (room->near[i] <= k || share(2, one, 2, other))
+            if (room->near[i] <= k || share(2, one, 2, other) || !(owns(s, 2, one) || owns(s, 2, other)))
                 continue;
             const double squared =
                 between_segments(x + 3 * (int64_t)one[0], x + 3 * (int64_t)one[1], x + 3 * (int64_t)other[0], x + 3 * (int64_t)other[1], &a, &b);
@@ -317,7 +333,7 @@ INLINE int64_t refine(const surface_t *s, const double *boxes, double distance, 
 enum { DEPTH = 64 }; /* of trees whose nodes are halved */
 
 INLINE void search(int d, const surface_t *s, const double *boxes, const double *x, const double *y, double distance, const uint8_t *meets,
-                   int64_t first, int64_t last, const room_t *room, list_t *points, list_t *edges)
+                   const room_t *room, list_t *points, list_t *edges)
 {
     for (int64_t object = 0; object < s->objects; ++object) {
         int64_t ends[DEPTH + 1], starts[DEPTH + 2] = {0, 0}, depth = 0; /* of the nodes on the way; where their near nodes are */
@@ -329,8 +345,13 @@ INLINE void search(int d, const surface_t *s, const double *boxes, const double 
             while (node >= ends[depth])
                 --depth;
             const int64_t begin = starts[depth + 1], leaf = s->leaf[node];
-            const int64_t n = refine(s, boxes, distance, node, begin - starts[depth], room->nodes + starts[depth], leaf < 0 ? room->nodes + begin : room->leaves);
-            if (leaf >= first && leaf < last)
+            int32_t *near = leaf < 0 ? room->nodes + begin : room->leaves;
+            int64_t n = refine(s, boxes, distance, node, begin - starts[depth], room->nodes + starts[depth], near);
+            int wanted = s->holds[node];
+            for (int64_t i = 0; i < n && !wanted; ++i)
+                wanted = s->holds[near[i]];
+            n = wanted ? n : 0;
+            if (leaf >= 0 && n)
                 leaf_pairs(d, s, boxes, x, y, distance, node, n, room->leaves, room, points, edges);
             if (leaf < 0 && n)
                 ends[++depth] = s->skip[node], starts[depth + 1] = begin + n;
@@ -340,10 +361,10 @@ INLINE void search(int d, const surface_t *s, const double *boxes, const double 
 }
 
 /* Pairs of vertices and facets, and of edges, that come within `distance` while the vertices go straight from x to y (x itself where nothing
- * moves), between the objects that `meets` names, of the leaves from `first` to before `last` with all others. Boxes must be those of x and y.
- * found: room for as many pairs as it says; how many there are, with their distances at x. Returns 1 without memory. */
-int search_pairs(const surface_t *s, const double *boxes, const double *x, const double *y, double distance, const uint8_t *meets, int64_t first,
-                 int64_t last, pairs_t *found, int32_t *points, int32_t *edges)
+ * moves), between the objects that `meets` names: those that touch vertices of this rank, and the other pairs of a vertex that has one of those. Boxes
+ * must be those of x and y. found: room for as many pairs as it says; how many there are, with their distances at x. Returns 1 without memory. */
+int search_pairs(const surface_t *s, const double *boxes, const double *x, const double *y, double distance, const uint8_t *meets, pairs_t *found,
+                 int32_t *points, int32_t *edges)
 {
     const int64_t most = s->edges > s->facets ? s->edges : s->facets, nodes = (DEPTH + 1) * (s->leaves + s->objects);
     int32_t *memory = malloc((nodes + s->leaves + s->facets + s->edges + most + 8) * sizeof(int32_t));
@@ -353,9 +374,9 @@ int search_pairs(const surface_t *s, const double *boxes, const double *x, const
     room.facets = room.leaves + s->leaves + 2, room.edges = room.facets + s->facets + 2, room.near = room.edges + s->edges + 2;
     list_t p = {0, found->n_points, points, found->point_bounds}, e = {0, found->n_edges, edges, found->edge_bounds};
     if (s->d == 3)
-        search(3, s, boxes, x, y, distance, meets, first, last, &room, &p, &e);
+        search(3, s, boxes, x, y, distance, meets, &room, &p, &e);
     else
-        search(2, s, boxes, x, y, distance, meets, first, last, &room, &p, &e);
+        search(2, s, boxes, x, y, distance, meets, &room, &p, &e);
     free(memory);
     found->n_points = p.count, found->n_edges = e.count;
     return 0;

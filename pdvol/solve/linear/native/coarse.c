@@ -43,6 +43,8 @@ INLINE int galerkin(int d, int64_t rows, int64_t first, const int32_t *starts, c
             continue;
         for (int64_t k = starts[i]; k < starts[i + 1]; ++k) {
             const int64_t j = columns[k];
+            if (j < first) /* the lower rank's */
+                continue;
             const double *A = blocks + k * dd, share = j == first + i ? 0.5 : 1.0;
             for (int64_t q = p_starts[j]; q < p_starts[j + 1]; ++q) {
                 const int32_t c = p_columns[q];
