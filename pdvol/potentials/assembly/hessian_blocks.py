@@ -88,6 +88,7 @@ class HessianBlocks:
         self.count = self._kept = 0
         self._rows, self._columns = (np.empty(0, dtype=np.int64) for _ in range(2))
         self._blocks: np.ndarray = np.empty((0, d, d))
+        self._merged = room_of_rows(pattern.space.n_owned, 0, d)
 
     @property
     def added(self) -> BlockCsr:
@@ -160,7 +161,8 @@ class HessianBlocks:
         return end
 
     def merged(self, fixed: np.ndarray | None = None) -> BlockCsr:
-        """The sum of `cells` and `added`, on or right of the diagonal or in columns of lower ranks.
+        """The sum of `cells` and `added`, on or right of the diagonal or in columns of lower ranks; valid until the
+        next call.
 
         Parameters
         ----------
@@ -170,8 +172,9 @@ class HessianBlocks:
         pattern, space = self.pattern, self.pattern.space
         d, n = space.dim, len(space.mesh.points)
         most = pattern.count + self.count
-        starts, found = np.empty(space.n_owned + 1, dtype=np.int32), np.empty(most, dtype=np.int32)
-        sums = np.empty(most * d * d + SPARE)
+        if most > len(self._merged[1]):
+            self._merged = room_of_rows(space.n_owned, most + self.count, d)
+        starts, found, sums = self._merged
         count = native.library().merge_pairs(
             d,
             space.n_owned,
@@ -204,3 +207,11 @@ class HessianBlocks:
         upper = whole(starts, columns, blocks)
         across = whole(np.arange(n + 1), np.arange(n), blocks[starts[:-1]])
         return csr_array(upper + upper.T - across)
+
+
+def room_of_rows(rows: int, count: int, d: int) -> BlockCsr:
+    """Memory for block rows with so many blocks, which are one array of numbers.
+
+    It is kept from matrix to matrix: the first use of new memory costs more than the sum of a matrix.
+    """
+    return np.empty(rows + 1, np.int32), np.empty(count, np.int32), np.empty(count * d * d + SPARE)

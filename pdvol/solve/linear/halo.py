@@ -6,7 +6,7 @@ import numpy as np
 from mpi4py import MPI
 
 from pdvol.levels.space import LevelSpace
-from pdvol.potentials.assembly.hessian_blocks import SPARE, BlockCsr
+from pdvol.potentials.assembly.hessian_blocks import SPARE, BlockCsr, room_of_rows
 from pdvol.potentials.assembly.native import pointer
 from pdvol.solve.linear import native
 
@@ -21,6 +21,7 @@ class Halo:
     space : LevelSpace
     rows : BlockCsr
         This rank's rows, as `HessianBlocks.merged` gives them.
+    last : the halo of the last matrix, whose memory is used again
 
     Attributes
     ----------
@@ -33,9 +34,13 @@ class Halo:
     exchange, sum : C callbacks
     """
 
-    def __init__(self, space: LevelSpace, rows: BlockCsr):
+    def __init__(self, space: LevelSpace, rows: BlockCsr, last: "Halo | None" = None):
         self._comm, d, first, n = space.comm, space.dim, space.first_block, space.n_owned
-        self.own, (starts, columns, blocks) = _split(rows, d, first)
+        count = len(rows[1])
+        self._parts: list[BlockCsr] = last._parts if last is not None else []
+        if not self._parts or count > len(self._parts[0][1]):
+            self._parts = [room_of_rows(n, 2 * count, d) for _ in range(2)]
+        self.own, (starts, columns, blocks) = _split(rows, d, first, self._parts)
         row = np.repeat(np.arange(n), np.diff(starts))
         ghosts, ghost = np.unique(columns, return_inverse=True)
         self.far = starts, ghost.astype(np.int32), blocks
@@ -59,15 +64,11 @@ class Halo:
         self._comm.Allreduce(MPI.IN_PLACE, np.frombuffer(native.ffi.buffer(numbers, count * 8)), op=MPI.SUM)
 
 
-def _split(rows: BlockCsr, d: int, first: int) -> tuple[BlockCsr, BlockCsr]:
+def _split(rows: BlockCsr, d: int, first: int, parts: list[BlockCsr]) -> tuple[BlockCsr, BlockCsr]:
     """What couples the vertices from `first` on, whose rows these are, in their own numbers; and what couples them with
-    others, with global columns.
+    others, with global columns. Both are in the memory of `parts`.
     """
-    starts, columns, blocks = rows
-    n, count = len(starts) - 1, len(columns)
-    parts: list[BlockCsr] = [
-        (np.empty(n + 1, np.int32), np.empty(count, np.int32), np.empty(count * d * d + SPARE)) for _ in range(2)
-    ]
+    n = len(rows[0]) - 1
     kinds = "int32_t", "int32_t", "double"
     given = [pointer(array, kind) for part in (rows, *parts) for array, kind in zip(part, kinds, strict=True)]
     native.library().split_rows(d, n, first, *given)

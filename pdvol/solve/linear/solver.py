@@ -213,8 +213,9 @@ class LinearSolver:
         positive definite: all diagonal blocks are. Collective.
         """
         compiled, (_, _, blocks) = self._system.compiled, self._system.own
-        self._factor = np.empty(blocks.size + SPARE, dtype=np.float32)
-        self._factor[-SPARE:] = 0.0
+        if len(self._factor) < blocks.size + SPARE:
+            self._factor = np.empty(2 * blocks.size + SPARE, dtype=np.float32)
+        self._factor[blocks.size :][:SPARE] = 0.0
         compiled.factor = pointer(self._factor, "float")
         tries = native.library().incomplete_cholesky(
             compiled.d,

@@ -64,7 +64,7 @@ class SystemMatrix:
         self._petsc = None
         system = self.compiled
         if self.space.comm.size > 1:
-            self._halo = halo = Halo(self.space, self.rows)
+            self._halo = halo = Halo(self.space, self.rows, self._halo)
             self.own, self._far = halo.own, halo.values
             system.far_starts, system.far_columns, system.far_blocks = _pointers(halo.far)
             system.exchange, system.sum = halo.exchange, halo.sum
@@ -114,7 +114,7 @@ class SystemMatrix:
         An unchanged pattern keeps the object, and with it what solvers derived from the pattern.
         """
         if self._petsc is None:
-            starts, columns, blocks = self._upper
+            starts, columns, blocks = (array.copy() for array in self._upper)
             known = self._pattern is not None and all(map(np.array_equal, self._pattern, (starts, columns)))
             known = reduce(self.space.comm, known, MPI.LAND)
             csr = (starts.astype(PETSc.IntType), columns.astype(PETSc.IntType), blocks)
