@@ -10,9 +10,6 @@ way. Below half a turn it is regular, so nothing that goes along can cross the o
 
 from collections.abc import Callable, Iterable, Mapping
 
-import numpy as np
-
-from pdvol.geometry.rigid_motions import best_rotations
 from pdvol.levels.obstacles import Obstacle
 
 Object = int | Obstacle
@@ -59,12 +56,3 @@ class Carriers:
                 continue
             if body not in self._held | self._stuck and (body, carrier) not in self._tried:
                 yield body, carrier
-
-
-def rigid_motion(before: np.ndarray, after: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
-    """The rigid motion that takes points (k, d) to where they are `after`, as nearly as one can (Kabsch 1976), for any
-    points (n, d). Of several it is the one that turns least.
-    """
-    start, end = before.mean(axis=0), after.mean(axis=0)
-    (turn,) = best_rotations(((after - end).T @ (before - start))[None])
-    return lambda points: end + (points - start) @ turn.T

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from pdvol.errors import InputError
+from pdvol.geometry.poses import Pose
 from pdvol.levels.motions import motion_of
 from pdvol.meshing.build import read_obstacle
 from pdvol.scene import Deforming, Motion, Obstructing, Plane, Rigid, Still, keeps_shape, moved
@@ -26,7 +27,7 @@ class Obstacle:
     name : str
     kind : "plane", "mesh" (a surface in 3D) or "polyline" (in 2D)
     vertices : (k, d) [m]
-        At rest. Of a plane: a point on it, and the end of the unit normal there.
+        At rest. Of a plane: a point on it, and from there the ends of its unit normal and of d - 1 unit tangents.
     edges, faces : (e, 2) and (f, 3) int
         None of a plane; no faces in 2D.
     motion : (X, t) -> x
@@ -64,10 +65,18 @@ class Obstacle:
         """(k, d) [m]: its vertices at `time` [s]. Raises InputError where a motion of the user's own fails."""
         return moved(self.motion, self.vertices, time, self.label)
 
-    def plane_at(self, time: float) -> tuple[np.ndarray, np.ndarray]:
-        """Point (d,) [m] and unit normal (d,) of a plane at `time` [s]."""
-        point, end = self.at(time)
-        return point, (end - point) / np.linalg.norm(end - point)
+    def moves_between(self, t0: float, t1: float) -> bool:
+        """Whether it is elsewhere at t1 than at t0 [s]."""
+        return self.moves and not np.array_equal(self.at(t0), self.at(t1))
+
+    def pose(self, time: float) -> Pose:
+        """The pose of a plane at `time` [s]."""
+        return Pose.of_frame(self.vertices, self.at(time))
+
+    def plane_at(self, at: float | Pose) -> tuple[np.ndarray, np.ndarray]:
+        """Point (d,) [m] and unit normal (d,) of a plane at a time [s] or pose."""
+        pose, (point, end) = at if isinstance(at, Pose) else self.pose(at), self.vertices[:2]
+        return pose(point), pose.rotation @ (end - point)
 
     def placed(self, time: float) -> dict[str, np.ndarray]:
         """Where it is at `time` [s], as run folders store it: `point` and `normal` of a plane, `vertices` of others."""
@@ -110,9 +119,11 @@ def placed_obstacles(
 def plane_obstacle(plane: Plane) -> Obstacle:
     """A half-space of a scene."""
     point, normal = np.asarray(plane.point, dtype=float), np.asarray(plane.normal, dtype=float)
-    ends = np.stack([point, point + normal / np.linalg.norm(normal)])
+    axes, _ = np.linalg.qr(np.column_stack([normal, np.eye(len(normal))]))  # the first is the normal, or against it
+    axes[:, 0] = normal / np.linalg.norm(normal)
+    frame = np.vstack([point, point + axes.T])
     nothing = np.zeros((0, 2), dtype=np.int64), np.zeros((0, 3), dtype=np.int64)
-    return Obstacle(plane.name, "plane", ends, *nothing, motion=plane.motion)
+    return Obstacle(plane.name, "plane", frame, *nothing, motion=plane.motion)
 
 
 def _with_mesh(given: Rigid | Deforming, geometry: Geometry) -> Obstacle:

@@ -11,7 +11,8 @@ import pytest
 from on_ranks import results_on
 from pdvol import meshes
 from pdvol.geometry.level_mesh import simplex_volumes
-from pdvol.integrate.carriers import Carriers, rigid_motion
+from pdvol.geometry.poses import Pose
+from pdvol.integrate.carriers import Carriers
 from pdvol.integrate.marches import Start, direct
 from pdvol.levels.obstacles import plane_obstacle
 from pdvol.meshing.build import read_obstacle
@@ -169,7 +170,7 @@ def test_the_rigid_motion_of_points_is_found(d, count):
     points = random.standard_normal((count, d))
     points[:, 2:] = 0.0 if count == 2 else points[:, 2:]
     shift, others = random.standard_normal(d), random.standard_normal((5, d))
-    moved = rigid_motion(points, points @ R.T + shift)
+    moved = Pose.fitted(points, points @ R.T + shift)
     np.testing.assert_allclose(moved(points), points @ R.T + shift, atol=1e-8)
     if count > 1:
         np.testing.assert_allclose(moved(others), others @ R.T + shift, atol=1e-7)

@@ -80,7 +80,8 @@ def test_what_contact_stops_waits_and_what_it_does_not_stop_goes_on(d):
     for report, _ in march(problem, 6):
         driven = mesh.points[held] + report.time * np.eye(d)[0]
         np.testing.assert_allclose(report.positions[held], driven, atol=1e-12)
-        np.testing.assert_allclose(problem.potential.contacts[0].points[0], floor.at(report.time)[0], atol=1e-14)
+        now = problem.potential.contacts[0].poses[0](floor.vertices)
+        np.testing.assert_allclose(now, floor.at(report.time), atol=1e-14)
         at = obstacle.at(report.time - report.behind)
         np.testing.assert_allclose(surface.obstacle_positions, at, atol=1e-12)
         assert not crosses(mesh, report.positions, (at, *geometry[1:]))

@@ -168,6 +168,7 @@ def test_half_space_friction(spaces, d, share, ground):
     barrier.begin_step(Positions(space, x_t), 1.0, 1.0 + DT)
     term.begin_step(Positions(space, x_t), 1.0, 1.0 + DT)
     assert barrier.count(Positions(space, x_t)) > 1
+    barrier.move_obstacles(1.0 + DT)
     slip = share * EPS_V * DT * np.eye(d)[0]
     x = x_t + DT * speed + slip + 0.2 * EPS_V * DT * np.random.default_rng(4).uniform(-1, 1, x_t.shape)
     check_term(

@@ -13,6 +13,7 @@ from mpi4py import MPI
 
 from pdvol.compiled import pointer
 from pdvol.geometry.level_mesh import LevelMesh, facet_sizes
+from pdvol.geometry.poses import Pose
 from pdvol.levels.clocks import Clocks
 from pdvol.levels.obstacles import Obstacle
 from pdvol.levels.space import LevelSpace
@@ -56,6 +57,10 @@ class HalfSpaceBarrier(Term):
     kappa : stiffness: [Pa] where contacts are weighted, [N] (per metre of depth in 2D) where each counts as one
     weighted : whether contacts are weighted by area
     clocks : of the planes' motions
+
+    Attributes
+    ----------
+    poses : of the planes where they are now
     """
 
     name = "barrier"
@@ -84,13 +89,20 @@ class HalfSpaceBarrier(Term):
         self._law: tuple[_Contacts | None, float, float, np.ndarray, np.ndarray]
         self.move_obstacles(0.0)
 
-    def _planes_at(self, time: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Normals (planes, d) at a time [s], distances (planes,) [m] from the origin along them, and points."""
-        points, normals = zip(*(plane.plane_at(self.clocks.of(plane, time)) for plane in self.planes), strict=True)
-        return np.array(normals), np.einsum("pi,pi->p", normals, points), np.array(points)
+    def poses_at(self, time: float) -> tuple[Pose, ...]:
+        """The planes' poses at a time [s]."""
+        return tuple(plane.pose(self.clocks.of(plane, time)) for plane in self.planes)
+
+    def _planes_at(self, poses: tuple[Pose, ...]) -> tuple[np.ndarray, np.ndarray]:
+        """Normals (planes, d) of planes at some poses, and distances (planes,) [m] from the origin along them."""
+        points, normals = zip(
+            *(plane.plane_at(pose) for pose, plane in zip(poses, self.planes, strict=True)), strict=True
+        )
+        return np.array(normals), np.einsum("pi,pi->p", normals, points)
 
     def move_obstacles(self, time: float) -> None:
-        self.normals, self._offsets, self.points = self._planes_at(time)
+        self.poses = self.poses_at(time)
+        self.normals, self._offsets = self._planes_at(self.poses)
         self._at, self._law = None, (None, 0.0, 0.0, np.empty(0), np.empty(0))
 
     def begin_step(self, x_t: Positions, t0: float, t1: float, x_hat: Positions | None = None) -> None:
@@ -175,7 +187,7 @@ class HalfSpaceBarrier(Term):
     ) -> float:
         # A plane's gaps are taken to close at a constant rate: exact for translations. For rotations Newton's next
         # iterate is checked again.
-        normals, offsets = (self.normals, self._offsets) if until is None else self._planes_at(until)[:2]
+        normals, offsets = (self.normals, self._offsets) if until is None else self._planes_at(self.poses_at(until))
         return library().plane_step(
             *self._sizes,
             pointer(self.vertices, "int64_t"),
@@ -195,7 +207,7 @@ class HalfSpaceBarrier(Term):
     def closing(self, x: Positions, path: np.ndarray, until: float) -> set[tuple[int, int]]:
         """Bodies with vertices within dhat of a plane that would be behind it at the path's end."""
         bodies = self.space.mesh.point_bodies
-        found, (normals, offsets, _) = self._contacts(x), self._planes_at(until)
+        found, (normals, offsets) = self._contacts(x), self._planes_at(self.poses_at(until))
         ends = (x.owned + path)[self.vertices[found.vertex]]
         behind = np.einsum("ki,ki->k", normals[found.plane], ends) <= offsets[found.plane]
         plane, vertex = found.plane[behind], found.vertex[behind]
@@ -223,38 +235,40 @@ class HalfSpaceFriction(LaggedFriction):
     def __init__(self, barrier: HalfSpaceBarrier, mu: float | np.ndarray, eps_v: float):
         self.space, self.barrier, self.eps_v = barrier.space, barrier, eps_v
         self._bodies = barrier.space.mesh.point_bodies[barrier.space.owned_points][barrier.vertices]
-        self._at: Positions | None = None  # where the next was found
+        self._at: tuple[Positions | None, tuple[Pose, ...]] = None, ()  # where the next was found
         self._slips: np.ndarray
         self._mu = np.broadcast_to(mu, (len(barrier.planes), int(barrier.space.mesh.point_bodies.max()) + 1))
 
     def begin_step(self, x_t: Positions, t0: float, t1: float, x_hat: Positions | None = None) -> None:
         self._x_t = x_t.owned
         self._eps = self.eps_v * (t1 - t0)
-        self._displacements = []
-        for plane in self.barrier.planes:
-            start = self.barrier.clocks.of(plane, t0)
-            ends = start, t1 + (start - t0)
-            moves = lambda at, plane=plane, ends=ends: np.subtract(
-                *(plane.motion(np.atleast_2d(at), end) for end in reversed(ends))
-            )
-            self._displacements.append(moves)
+        self._start = self.barrier.poses_at(t0)
         self.update_lag(x_t)
 
     def update_lag(self, x: Positions) -> None:
         plane, vertex, force = self.barrier.forces(x)
-        self._at = None
-        self._vertices = self.barrier.vertices[vertex]
+        self._at = None, ()
+        self._plane, self._vertices = plane, self.barrier.vertices[vertex]
         self.normals = self.barrier.normals[plane]
         self.forces = self._mu[plane, self._bodies[vertex]] * force
-        self._ground = np.zeros((len(plane), self.space.dim))
-        for i, moves in enumerate(self._displacements):
-            on = plane == i
-            self._ground[on] = moves(self._x_t[self._vertices[on]]) if on.any() else 0.0
+        feet = x.owned[self._vertices] - self.barrier.gaps(x)[plane, vertex][:, None] * self.normals
+        self._feet = feet.copy()  # the planes' points that are touched, at rest
+        for i, pose in enumerate(self.barrier.poses):
+            self._feet[plane == i] = (feet[plane == i] - pose.shift) @ pose.rotation
+
+    def _ground(self) -> np.ndarray:
+        """(k, d) [m]: how far the planes have moved the points that are touched, since the step's start."""
+        ground = np.zeros_like(self._feet)
+        for i, (start, now) in enumerate(zip(self._start, self.barrier.poses, strict=True)):
+            on = self._plane == i
+            ground[on] = self._feet[on] @ (now.rotation - start.rotation).T + (now.shift - start.shift)
+        return ground
 
     def slips(self, x: Positions) -> np.ndarray:
-        if x is not self._at:
-            u = x.owned[self._vertices] - self._x_t[self._vertices] - self._ground
-            self._slips, self._at = u - np.sum(u * self.normals, axis=1)[:, None] * self.normals, x
+        if self._at[0] is not x or self._at[1] is not self.barrier.poses:
+            u = x.owned[self._vertices] - self._x_t[self._vertices] - self._ground()
+            self._slips = u - np.sum(u * self.normals, axis=1)[:, None] * self.normals
+            self._at = x, self.barrier.poses
         return self._slips
 
     def value(self, x: Positions) -> float:
