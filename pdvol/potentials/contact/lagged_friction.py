@@ -112,8 +112,9 @@ class LaggedFriction(Term):
         slips, d = self.slips(x), self.space.dim
         predicted = (ffi.NULL,) * 3 if self._predicted is None else self._predicted.pointers
         tensors = np.empty((len(slips), d, d))
-        given = pointer(slips), pointer(self.normals), pointer(self.forces), self._eps, weight, *predicted
-        library().friction_tensors(d, len(slips), *given, pointer(tensors))
+        given = pointer(slips), pointer(self.normals), pointer(self.forces), self._eps
+        law = weight, into.projection != "none", *predicted
+        library().friction_tensors(d, len(slips), *given, *law, pointer(tensors))
         self._add_tensors(tensors, into)
 
     # ---- the prediction

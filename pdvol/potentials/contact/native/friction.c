@@ -73,14 +73,14 @@ void friction_forces(int d, int64_t count, const double *slips, const double *sl
 }
 
 /* `weight` times the stiffness (k, d, d) against the contacts' slips, in the predicted states where `states` are given. Forces of unions may be
- * negative; these have none. */
+ * negative; where `projected`, these have no stiffness. */
 void friction_tensors(int d, int64_t count, const double *slips, const double *normals, const double *sliding, double eps, double weight,
-                      const int8_t *states, const double *ways, const double *sizes, double *tensors)
+                      int projected, const int8_t *states, const double *ways, const double *sizes, double *tensors)
 {
     for (int64_t k = 0; k < count; ++k) {
         const int state = states ? states[k] : AS_IT_IS;
         const double *slip = state == SLIDES ? ways + d * k : slips + d * k, *normal = normals + d * k;
-        const double size = length(d, slip), force = weight * (sliding[k] < 0.0 ? 0.0 : sliding[k]);
+        const double size = length(d, slip), force = weight * (projected ? fmax(sliding[k], 0.0) : sliding[k]);
         double across = force_over_slip(size, eps), along = slope(size, eps), way[3];
         if (state == STICKS)
             across = along = 2.0 / eps;

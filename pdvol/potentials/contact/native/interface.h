@@ -62,8 +62,8 @@ void friction_energies(int d, int64_t count, const double *slips, double eps, do
 void friction_forces(int d, int64_t count, const double *slips, const double *sliding, double eps,
                      const int8_t *states, const double *ways, const double *sizes, double *forces);
 void friction_tensors(int d, int64_t count, const double *slips, const double *normals, const double *sliding,
-                      double eps, double weight, const int8_t *states, const double *ways, const double *sizes,
-                      double *tensors);
+                      double eps, double weight, int projected, const int8_t *states, const double *ways,
+                      const double *sizes, double *tensors);
 int64_t friction_predict(int d, int64_t count, const double *now, const double *then, const double *sliding,
                          double eps, int8_t *states, double *ways, double *sizes);
 int64_t plane_contacts(int d, int64_t planes, int64_t count, const int64_t *vertices, const double *x,
