@@ -9,7 +9,8 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from pdvol.integrate.carriers import Carriers, rigid_motion
+from pdvol.geometry.poses import Pose
+from pdvol.integrate.carriers import Carriers
 from pdvol.levels.clocks import Clocks, Mover, lags_of, names_of
 from pdvol.levels.model import HeldPoints, LevelModel
 from pdvol.levels.obstacles import Obstacle
@@ -32,11 +33,9 @@ class ScriptedMotion:
     held : (n_owned,) bool
         Vertices that supports hold in the present step.
     moves : bool
-        Whether supports or obstacles move in the present step.
-    moves_supports : bool
-        Whether supports move in the present step.
-    moves_obstacles : bool
-        Whether an obstacle moves.
+        Whether supports or obstacles are elsewhere at the end of the present step.
+    moves_supports, moves_obstacles : bool
+        Whether supports are, and whether obstacles are.
     clock : time [s] up to which motions have been carried out that were not stopped; motions that all set out late have
         one that sets out as late
     """
@@ -46,11 +45,11 @@ class ScriptedMotion:
         self._bodies, self._point_bodies = space.mesh.point_bodies[space.owned_points], space.mesh.point_bodies
         # Every rank moves all points of a support, so that a motion that fails does so on all ranks.
         self._supports = [_Owned(support, space) for support in model.supports]
-        self.moves_obstacles = any(obstacle.moves for obstacle in model.obstacles)
         self._clocks = Clocks() if clocks is None else clocks
         self._names = names_of(model.supports, model.obstacles)
         self._clock, self._lags = 0.0, dict.fromkeys(self._names.values(), 0.0)
         self._holding: list[bool] | None = None
+        self._moving: dict[str, Mover] = {}  # in the present step, by name
         self.begin(0.0)
 
     def begin(self, time: float) -> bool:
@@ -61,11 +60,19 @@ class ScriptedMotion:
             self._holding, self.held = holding, np.zeros(len(self._start), dtype=bool)
             for support in self._active():
                 self.held |= support.mask
-            self.moves_supports = any(support.points.moves for support in self._active())
-            self.moves = self.moves_obstacles or self.moves_supports
             held = [self._point_bodies[support.points.mask] for support in self._active()]
             self._held_bodies = frozenset(np.concatenate([*held, np.zeros(0, int)]).tolist())
-        lags = {mover: self._lags[mover] for mover in self._moving().values()}
+        active = {support.points for support in self._active()}
+        self._moving = {
+            name: mover
+            for name, mover in self._names.items()
+            if (isinstance(mover, Obstacle) or mover in active)
+            and mover.moves_between(time - self._lags[mover], time + self._dt)
+        }
+        self.moves = bool(self._moving)
+        self.moves_obstacles = any(isinstance(mover, Obstacle) for mover in self._moving.values())
+        self.moves_supports = any(not isinstance(mover, Obstacle) for mover in self._moving.values())
+        lags = {mover: self._lags[mover] for mover in self._moving.values()}
         all_late = min(lags.values(), default=0.0)
         self._clock = time - all_late
         self._clocks.begin(self._clock, time + self._dt, {mover: lag - all_late for mover, lag in lags.items()})
@@ -89,7 +96,7 @@ class ScriptedMotion:
         behind : [s] how far it is behind the time, at most
         late : [s] the same of each that is, by its name; empty where all are equally far behind
         """
-        moving, before = self._moving(), self._lags
+        moving, before = self._moving, self._lags
         self._lags = dict.fromkeys(self._names.values(), 0.0)
         shares = [1.0]
         for mover in moving.values():
@@ -104,14 +111,9 @@ class ScriptedMotion:
         """Sets what `end` gave."""
         self._lags = lags_of(behind, late, self._names)
 
-    def _moving(self) -> dict[str, Mover]:
-        """What moves in the present step, by name: obstacles, and the supports that hold."""
-        active = {support.points for support in self._active()}
-        return {name: m for name, m in self._names.items() if isinstance(m, Obstacle) or m in active}
-
     def going(self) -> list[Mover]:
         """What moves and has not been stopped in the present step."""
-        return [mover for mover in self._moving().values() if not self._clocks.is_stopped(mover)]
+        return [mover for mover in self._moving.values() if not self._clocks.is_stopped(mover)]
 
     def stop(self, movers: Sequence[Mover]) -> None:
         """Stops some motions where they are, up to the end of the step."""
@@ -145,7 +147,7 @@ class ScriptedMotion:
         path = np.where(self.held[:, None], self.positions(until) - x.owned, direction)
         for carrier in set(of.values()):
             places = [carrier.at(self._clocks.of(carrier, time)) for time in (self.clock, until)]
-            moved = rigid_motion(*places)
+            moved = Pose.fitted(*places)
             rows = np.isin(self._bodies, [body for body, by in of.items() if by is carrier])
             path[rows] = moved(x.owned[rows]) - x.owned[rows]
         return path

@@ -107,7 +107,7 @@ class Stepper:
             may_rest = self._may_rest and not self.motion.moves
             held = may_rest and not released and self.rest.lasts(past[0], start * dt, self._added(start, past[0]))
             if not held:
-                if self.rest.steps and keeps_velocity and not released:
+                if self.rest.steps and keeps_velocity and may_rest and not released:
                     start -= self.rest.steps
                     integrator, past = ImplicitEuler(), past[:1]  # it needs no constant steps
                 if self._feedback:

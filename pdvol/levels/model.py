@@ -51,6 +51,10 @@ class HeldPoints:
         """(k, d) [m]: where they should be at `time` [s]. Raises InputError where a motion of the user's own fails."""
         return moved(self.motion, self.points, time, "a support") if self.moves else self.points
 
+    def moves_between(self, t0: float, t1: float) -> bool:
+        """Whether they should be elsewhere at t1 than at t0 [s]."""
+        return self.moves and not np.array_equal(self.at(t0), self.at(t1))
+
 
 @dataclass(frozen=True, eq=False)
 class PlacedLoad:

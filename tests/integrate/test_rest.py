@@ -153,10 +153,15 @@ def test_what_is_scripted_wakes_bodies():
     assert joined[1:] == [0] * (steps - 1), "what nothing moves is solved once"
 
 
-def test_scenes_with_motions_never_rest():
-    lift = Plane((0.0, -0.5), (0.0, 1.0), motion=Keyframes((0.0, 9.0), ((0.0, 0.0), (0.0, 0.0))))
-    scene, mesh = heap(20, obstacles=(lift,), loads=())
-    assert {report.joined for report in march(scene, mesh)} == {1}
+def test_steps_rest_while_no_motion_moves_anything():
+    """A lift below a block rests, goes up between two keys, and rests again: bodies do so, too."""
+    keys = Keyframes((0.2, 0.3), ((0.0, 0.0), (0.0, 0.02)))
+    scene, mesh = heap(50, obstacles=(Plane((0.0, -0.5), (0.0, 1.0), motion=keys),), loads=())
+    reports = list(march(scene, mesh))
+    moving = [0.2 - 1e-9 < report.time - scene.dt < 0.3 - 1e-9 for report in reports]
+    assert {report.joined for report, moves in zip(reports, moving, strict=True) if moves} == {1}
+    resting = [report.joined == 0 for report, moves in zip(reports, moving, strict=True) if not moves]
+    assert sum(resting) >= len(resting) - 3
 
 
 @pytest.mark.mpi
