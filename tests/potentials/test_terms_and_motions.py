@@ -1,0 +1,231 @@
+"""Every term, under every motion of the obstacles, exact and projected, in 2D and 3D: its derivatives, the sign of what
+is projected, and that a body which goes along with its ground feels no friction.
+"""
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+
+from pdvol.levels.clocks import Clocks
+from pdvol.levels.space import LevelSpace
+from pdvol.potentials.build import build_terms
+from pdvol.potentials.consistency import Guide
+from pdvol.potentials.potential import Positions
+from pdvol.scene import (
+    Attachment,
+    Barrier,
+    FixedCorotational,
+    Flow,
+    Force,
+    Friction,
+    Gravity,
+    Muscle,
+    NeoHookean,
+    Path,
+    Plane,
+    PointForce,
+    Pressure,
+    Rigid,
+    Rotation,
+    Still,
+    StVenantKirchhoff,
+    Translation,
+    rotation_matrix,
+)
+from problems import make_model, make_scene
+from shapes import box, together
+from taylor import check_term, hessian_of, smallest_eigenvalue
+
+DHAT, EPS_V, MU = 0.05, 0.1, 0.4
+T0, DT = 1.0, 0.02  # [s]: motions have gone some way when the step begins
+SLIP = EPS_V * DT  # [m]: below it friction is smoothed
+DIMENSIONS = (2, 3)
+ROUND = 1e-10  # relative size of what should cancel
+
+
+def turned(d):
+    return Rotation(0.1, (5.0, -1.0, 0.4)[:d], (0.3, -0.2, 1.0))
+
+
+def shifted(d, stop=np.inf):
+    return Translation((0.4, 0.1, -0.2)[:d], stop)
+
+
+MOTIONS = {  # the motion of all obstacles, and its own time [s] at the step's start and end
+    "none": (lambda d: Still(), T0, T0 + DT),
+    "translation": (shifted, T0, T0 + DT),
+    "rotation": (turned, T0, T0 + DT),
+    "path": (lambda d: Path((0.0, 1.0, 2.0), np.eye(3)[:, :d] * 0.3, smooth=True), T0, T0 + DT),
+    "held back": (turned, T0, T0 + 0.3 * DT),
+    "stopped": (shifted, T0, T0),
+    "late": (turned, T0 - 0.5 * DT, T0 + DT),
+    "ended": (lambda d: shifted(d, 0.5 * T0), T0, T0 + DT),
+}
+
+TERMS = {  # a length [m] over which remainders show, and whether the energy is linear or quadratic
+    "elastic": (1e-2, {}),
+    "gravity": (1e-2, {"linear": True}),
+    "force": (1e-2, {"linear": True}),
+    "pressure": (1e-2, {}),
+    "drag": (1e-2, {}),
+    "muscle": (1e-2, {"quadratic": True}),
+    "attachment": (1e-2, {}),
+    "consistency": (1e-2, {"quadratic": True}),
+    "plane barrier": (2e-4, {}),
+    "surface barrier": (2e-4, {}),
+    "plane friction": (0.02 * SLIP, {}),
+    "surface friction": (0.02 * SLIP, {}),
+}
+WITH_OBSTACLES = ("plane barrier", "surface barrier", "plane friction", "surface friction")
+KINDS = {
+    "HalfSpaceBarrier": "plane barrier",
+    "HalfSpaceFriction": "plane friction",
+    "SurfaceBarrier": "surface barrier",
+    "SurfaceFriction": "surface friction",
+    "DeadLoad": "gravity",
+    "TimedLoad": "force",
+    "Attachments": "attachment",
+}
+
+
+def placed(d):
+    """A mesh at rest, positions (n, d) of it in contact, and a rigid pit: a cube above height zero, another one that
+    stands on a corner in the pit, where edges meet at a corner that is concave.
+    """
+    rng = np.random.default_rng(d)
+    flat, tip = box(d, 2, jitter=0.05, seed=1), box(d, 1)
+    low = flat.points[:, -1] < 0.2
+    flat.points[low, -1] = DHAT * rng.uniform(0.3, 0.8, low.sum())
+    diagonal, up = np.ones(d) / np.sqrt(d), np.eye(d)[-1]
+    axis = np.cross(np.pad(diagonal, (0, 3 - d)), np.pad(up, (0, 3 - d)))
+    turn = rotation_matrix(np.arccos(diagonal @ up) if d == 3 else np.pi / 4, axis, d)
+    corner = np.array([2.5, 0.3, 0.2])[:d]
+    onto = tip.points @ turn.T + corner
+    rim = [[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]] if d == 3 else [[-1, 0], [1, 0]]
+    bottom = corner - 0.5 * DHAT * up + 0.05 * DHAT * np.eye(d)[0]
+    pit = np.vstack([bottom, bottom + 3.0 * np.array(rim) + 2.0 * up])
+    edges = [[0, i + 1] for i in range(len(rim))]
+    faces = [[0, i + 1, (i + 1) % 4 + 1] for i in range(4)] if d == 3 else np.zeros((0, 3))
+    positions = np.vstack([flat.points, onto])
+    mesh = together(flat, replace(tip, points=onto))
+    strain = np.eye(d) + 0.1 * rng.uniform(-1, 1, (d, d))
+    return replace(mesh, points=positions @ strain.T), positions, (pit, np.array(edges), np.array(faces, dtype=int))
+
+
+class Built:
+    """All terms of a level, begun at T0 and moved on to the end of a step.
+
+    Attributes
+    ----------
+    terms : by name
+    along : (n, d) [m] where everything goes along with the obstacles
+    x : (n, d) [m] some slips away from there
+    """
+
+    def __init__(self, d, motion, law=NeoHookean):
+        make, begin, end = MOTIONS[motion]
+        move, up = make(d), np.eye(d)[-1]
+        mesh, positions, pit = placed(d)
+        self.space = LevelSpace(mesh, MPI.COMM_SELF)
+        scene = make_scene(
+            (law(3e3, 0.3, 10.0),) * 2,
+            loads=(
+                Gravity(tuple(-9.8 * up)),
+                Force(tuple(3.0 * up), body="body 0"),
+                PointForce(tuple(np.ones(d)), tuple(mesh.points[0]), "body 0"),
+                Pressure("body 0", 40.0),
+                Flow(tuple(np.ones(d)), 10.0, body="body 1"),
+            ),
+            muscles=(Muscle("body 1", tuple(np.eye(d)[0]), 500.0),),
+            attachments=(Attachment("body 0", "body 1", lambda X: X[:, 0] > 0.7, stiffness=30.0, rest_length=0.5),),
+            obstacles=(Plane((0.0,) * d, tuple(up), move), Rigid("pit", motion=move, closed=False)),
+            contact=(Barrier(dhat=DHAT), Friction(MU, eps_v=EPS_V)),
+        )
+        model = make_model(scene, mesh, [pit])
+        clocks = Clocks()
+        target = positions + 0.1 * np.sin(np.arange(positions.size)).reshape(positions.shape)
+        terms = build_terms(model, self.space, (Guide(3.0, lambda time: target),), clocks).potentials
+        rows, x_t = self.space.from_input, move(positions, begin)
+        late = dict.fromkeys(model.obstacles, T0 - begin)
+        clocks.begin(T0, T0 + DT, late)
+        for term in terms:
+            term.begin_step(Positions(self.space, rows(x_t)), T0, T0 + DT)
+        if end < T0 + DT:
+            clocks.stop(model.obstacles, end)
+        for term in terms:
+            term.move_obstacles(T0 + DT)
+        self.along = rows(move(positions, end))
+        self.x = self.along + SLIP * np.random.default_rng(5).uniform(0.1, 0.4, self.along.shape)
+        self.terms: dict = {}
+        for term in terms:
+            self.terms.setdefault(KINDS.get(type(term).__name__, term.name), []).append(term)
+
+    def each(self, name):
+        """The terms of a name, of which there is one but for loads."""
+        return self.terms[name]
+
+
+built = cache(Built)
+
+
+@pytest.mark.parametrize("motion", MOTIONS)
+@pytest.mark.parametrize("d", DIMENSIONS)
+def test_exact_derivatives_and_projected_signs(d, motion):
+    """Gradients and Hessians that are not projected agree with differences; projected ones are semi-definite."""
+    at = built(d, motion)
+    assert set(at.terms) == set(TERMS)
+    for name, (length, options) in TERMS.items():
+        if motion != "none" and name not in WITH_OBSTACLES:
+            continue  # nothing in these depends on obstacles
+        for term in at.each(name):
+            try:
+                if name == "pressure":
+                    options = {"quadratic": d == 2}  # an area is quadratic, a volume is not
+                check_term(term, at.space, at.x, length, **options)
+                for projection in ("clamp", "abs"):
+                    rows = hessian_of(term, at.space, at.x, projection).toarray()
+                    assert smallest_eigenvalue(rows) >= -ROUND * np.abs(rows).max(), projection
+            except AssertionError as error:
+                raise AssertionError(f"{name}: {error}") from None
+
+
+@pytest.mark.parametrize("law", [StVenantKirchhoff, FixedCorotational])
+@pytest.mark.parametrize("d", DIMENSIONS)
+def test_other_laws(d, law):
+    at = Built(d, "none", law)
+    (term,) = at.each("elastic")
+    check_term(term, at.space, at.x, 1e-2)
+    rows = hessian_of(term, at.space, at.x).toarray()
+    assert smallest_eigenvalue(rows) >= -ROUND * np.abs(rows).max()
+
+
+@pytest.mark.parametrize("motion", MOTIONS)
+@pytest.mark.parametrize("kind", ["plane", "surface"])
+@pytest.mark.parametrize("d", DIMENSIONS)
+def test_what_goes_along_feels_no_friction(d, kind, motion):
+    """Bodies that follow where obstacles have really gone slip by nothing: at most a gap times the angle of the step.
+    Sliding by ten times the smoothed slip they feel mu times the normal force, against the slip.
+    """
+    at = built(d, motion)
+    (friction,), (barrier,) = at.each(f"{kind} friction"), at.each(f"{kind} barrier")
+    sliding = np.abs(friction.forces).max()
+    assert barrier.count(Positions(at.space, at.along)) > 1 and sliding > 0.0
+    assert np.abs(friction.gradient(Positions(at.space, at.along))).max() < 0.1 * sliding
+    away = at.along + 10.0 * SLIP * np.eye(d)[0]
+    force = friction.gradient(Positions(at.space, away))
+    if kind == "plane":
+        lagged = np.sort(np.linalg.norm(force, axis=1)[np.abs(force).max(axis=1) > 0.0])
+        np.testing.assert_allclose(lagged, np.sort(friction.forces), rtol=1e-9)
+        assert np.all(force[:, 0] >= 0.0)
+
+
+@pytest.mark.parametrize("d", DIMENSIONS)
+def test_the_pit_has_contacts_that_weigh_negatively(d):
+    """The corner of the property's scene: its contacts in a concave corner are counted more than once, and taken off
+    again.
+    """
+    (friction,) = built(d, "none").each("surface friction")
+    assert friction.forces.min() < 0.0 < friction.forces.max()
