@@ -1,6 +1,6 @@
 """Names that a user chooses from, and where each one is implemented; nothing is loaded before it is asked for.
 
-A new method, interpolant, contact law, export format or command is one file and one line here. Interpolants, formats
+A new interpolant, contact law, export format or command is one file and one line here. Interpolants, formats
 and commands can also come from another installed package, through entry points of the groups `pdvol.interpolants`,
 `pdvol.formats` and `pdvol.commands`. A name of pdvol's own comes before the same name of another package.
 """
@@ -108,18 +108,8 @@ class Registry:
         return (self._own.get(name) or self._installed[name]).help
 
 
-METHODS = Registry(
-    "method",
-    {
-        "progressive": Entry("pdvol.integrate.marches:progressive"),
-        "direct": Entry("pdvol.integrate.marches:direct"),
-        "tracks": Entry("pdvol.integrate.marches:direct"),  # direct, with a penalty that holds it to the level below
-        "embedded": Entry("pdvol.integrate.marches:embedded"),
-    },
-)
-"""How a level above the coarsest is marched; the first one is the default. pdvol's own only: a march needs what
-`runs.level_run` gives it.
-"""
+METHODS = ("progressive", "direct", "tracks", "embedded")
+"""How a level above the coarsest is marched (`pdvol.runs.level_run`); the first one is the default."""
 
 INTERPOLANTS = Registry(
     "prolongation",

@@ -28,7 +28,7 @@ def add_arguments(parser: ArgumentParser) -> None:
     parser.add_argument(
         "--method",
         default="progressive",
-        choices=tuple(METHODS),
+        choices=METHODS,
         help="how finer levels are made (default: progressive)",
     )
     add_prolongation(parser)

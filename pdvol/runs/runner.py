@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from mpi4py import MPI
+from threadpoolctl import threadpool_limits
 
 from pdvol.errors import InputError
 from pdvol.geometry.level_mesh import LevelMesh
@@ -36,6 +37,8 @@ LIBRARIES = ("fenics-dolfinx", "petsc4py", "ipctk", "numpy", "scipy", "pytetwild
 LISTED_CHANGES = 6  # changes of a scene: a message lists no more
 
 
+# Sparse fronts and small blocks: threads of the BLAS cost more than they give, and ranks would fight over the cores.
+@threadpool_limits.wrap(limits=1)
 def run_scene(
     shot: Shot,
     out: str | Path,
@@ -58,7 +61,7 @@ def run_scene(
     out : run folder: a new one, or with `resume` (or `first` > 0) one of the same scene, of which finished steps are
         kept
     first, last : levels, both included; the finest when `last` is None
-    method : a name in `pdvol.registry.METHODS`
+    method : one of `pdvol.registry.METHODS`
     prolongation : a name in `pdvol.registry.INTERPOLANTS`
     progress : called as (level, steps, steps done) when a level begins, on the ranks where it is given
     wavefront : run the levels side by side, each in a process of its own; `comm` then has one rank
@@ -136,7 +139,8 @@ def _scene_info(out: str | Path) -> dict:
 
 
 def _check_request(scene: Scene, out: Path, first: int, last: int, method: str, prolongation: str, go_on: bool) -> None:
-    METHODS.check(method)
+    if method not in METHODS:
+        raise InputError(f"unknown method {method!r}; choose one of {', '.join(METHODS)}")
     INTERPOLANTS.check(prolongation)
     if method == "tracks" and scene.penalty.weight == 0.0:
         raise InputError("the method tracks needs a weight above zero, as in Penalty(weight=0.1) or --set weight=0.1")
