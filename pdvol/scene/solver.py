@@ -15,7 +15,7 @@ class Solver:
     ----------
     tolerance : speed [m/s]: Newton stops when its full step is nowhere faster
     relative_tolerance : Newton also stops when its full step is slower than this share of the largest change of
-        velocity in the time step so far, `|x - x_hat| / dt`. The time step's own error grows with that change
+        velocity that its present state x makes, `|x - x_hat| / dt`. The time step's own error grows with that change
     max_iterations : Newton iterations allowed per solve
     max_halvings : how often a step may be halved before the run stops
     linear : "auto", or "iterative", "multilevel" or "direct"

@@ -42,7 +42,8 @@ class Minimisation:
     dt : length of the step [s]
     tolerance : [m/s]
     gap_share : share of a gap that a step which contact ends leaves
-    relative_tolerance : share of the largest change of velocity so far, where that is more than `tolerance`
+    relative_tolerance : share of the largest change of velocity at the present state, where that is more than
+        `tolerance`
 
     Attributes
     ----------
