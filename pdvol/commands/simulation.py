@@ -28,7 +28,7 @@ def report_run(out: Path, drawn: bool = True, exported: bool = True) -> None:
     """
     if this_rank() != 0:
         return
-    from pdvol.runs.run_summary import held_back_lines
+    from pdvol.runs.run_summary import held_back_lines, solver_lines
     from pdvol.store.reader import open_run
 
     run = open_run(out)
@@ -36,7 +36,8 @@ def report_run(out: Path, drawn: bool = True, exported: bool = True) -> None:
         from pdvol.draw.picture import render
 
         render(run, out / "picture.png")
-    for line in (*(f"note: {line}" for line in run.info.get("mended", [])), *held_back_lines(run)):
+    notes = [f"note: {line}" for line in (*run.info.get("mended", []), *solver_lines(run))]
+    for line in (*notes, *held_back_lines(run)):
         print(line, file=sys.stderr)
     files = ["states", "log.jsonl", *(["level_N.xdmf"] if exported else []), *(["picture.png"] if drawn else [])]
     print(f"{out}: {', '.join(files[:-1])} and {files[-1]}", file=sys.stderr)

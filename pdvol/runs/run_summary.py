@@ -1,12 +1,14 @@
 """What a run folder holds, as lines of text."""
 
 from collections.abc import Sequence
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 
 from pdvol.errors import InputError
 from pdvol.registry import INTERPOLANTS
+from pdvol.scene.fingerprint import differences
 from pdvol.store.folder import require_scene
 from pdvol.store.reader import Run, open_run
 
@@ -47,7 +49,7 @@ def run_summary(path: Path, pictures: Path | None = None) -> list[str]:
         + (", with a texture" if mesh.texture else "")
         for mesh in run.render_meshes
     ]
-    lines += held_back_lines(run)
+    lines += [*solver_lines(run), *held_back_lines(run)]
     INTERPOLANTS.check(info["prolongation"])
     if len(run.levels) == 1 and pictures is None:
         return lines  # finite elements are loaded for bindings only
@@ -60,6 +62,19 @@ def run_summary(path: Path, pictures: Path | None = None) -> list[str]:
     if pictures is not None:
         draw_bindings(hierarchy, pictures, info.get("up") or (0.0, 0.0, 1.0))
     return [*lines, *binding_lines(hierarchy)]
+
+
+def solver_lines(run: Run) -> list[str]:
+    """A line for each change of the solver's settings in a run that has gone on with others."""
+    found = run.info.get("solvers", [])
+    try:
+        return [
+            f"solver settings from step {', '.join(map(str, now['from']))} of levels 0 to {len(now['from']) - 1} on: "
+            + "; ".join(differences(before["settings"], now["settings"], "solver"))
+            for before, now in pairwise(found)
+        ]
+    except (TypeError, KeyError) as error:
+        raise InputError(f"{run.path / 'run.json'}: solvers is no list of settings; remove it") from error
 
 
 def held_back_lines(run: Run) -> list[str]:

@@ -26,7 +26,7 @@ from pdvol.runs.scene_file import DEFAULTS, Shot, load_shot, stored_file, stored
 from pdvol.runs.shared_writer import Export, SharedWriter
 from pdvol.runs.wavefront import march_levels
 from pdvol.scene import Scene
-from pdvol.scene.fingerprint import differences_by_level
+from pdvol.scene.fingerprint import describe, differences_by_level
 from pdvol.stages import stage
 from pdvol.store.files import jsonable
 from pdvol.store.folder import holds_run, in_use, require_scene
@@ -257,11 +257,14 @@ def _open_writer(
         for level in range(len(writer.info["levels"]), len(meshes)):
             writer.add_level(meshes[level], velocities[level])
         description = shot.description()
-        same = writer.info["description"] == jsonable(description)
-        changed: dict[str, Any] = {} if same else {"parameters": dict(shot.parameters), "description": description}
-        if shot.file is not None or not same:  # the same scene from memory keeps the stored path
-            changed["scene_file"] = _file(shot)
-        writer.update_info(steps=scene.steps, **changed)
+        changed: dict[str, Any] = {}
+        if shot.file is not None or writer.info["description"] != jsonable(description):
+            # the same scene from memory keeps the stored path and its settings, by which it can be made again
+            changed = {"parameters": dict(shot.parameters), "scene_file": _file(shot)}
+        solvers = [*writer.info.get("solvers", []), _solver(scene, writer)]
+        if len(solvers) == 1 or solvers[-2]["settings"] != solvers[-1]["settings"]:
+            changed["solvers"] = solvers
+        writer.update_info(steps=scene.steps, description=description, **changed)
     else:
         up = way_up(scene, meshes[0].dim)
         info = {
@@ -279,9 +282,16 @@ def _open_writer(
             **({"mended": mended} if mended else {}),
         }
         writer = RunWriter.create(out, info, meshes, [body.name for body in scene.bodies], velocities)
+        writer.update_info(solvers=[_solver(scene, writer)])
     writer.write_obstacles(drawn)
     writer.write_render_meshes(rendered)
     return writer
+
+
+def _solver(scene: Scene, writer: RunWriter) -> dict:
+    """The solver's settings with the steps from which on they hold, one for each level, as JSON."""
+    begin = [max(writer.steps(level), 1) for level in range(len(writer.info["levels"]))]
+    return jsonable({"from": begin, "settings": describe(scene.solver)})
 
 
 def _file(shot: Shot) -> str:

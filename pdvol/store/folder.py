@@ -34,6 +34,7 @@ _INFO_TYPES = {
     "parameters": dict,
     "description": dict,
     "diagonal": float,
+    "solvers": list,
     "bodies": list,
     "versions": dict,
     "up": list,

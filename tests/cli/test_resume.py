@@ -81,6 +81,20 @@ def test_the_linear_solver_may_be_changed_on_resuming(tmp_path, scene, method):
     assert [record["linear_solver"] for record in open_run(out).levels[0].log] == 2 * ["iterative"] + 2 * [method]
 
 
+def test_other_solver_settings_leave_a_trace_and_hold_from_then_on(tmp_path, scene, capfd):
+    """The folder says which steps had which; a later refine takes the last ones."""
+    out = tmp_path / "run"
+    loose, strict = ("--set", "tolerance=0.01"), ("--set", "tolerance=0.001")
+    assert pdvol("run", scene, "--steps", 2, "--levels", "0", "--out", out, *loose) == 0
+    assert pdvol("run", scene, "--steps", 4, "--levels", "0", "--out", out, "--resume", *strict) == 0
+    assert "solver settings from step 3 of levels 0 to 0 on: solver.tolerance: 0.01 -> 0.001" in capfd.readouterr().err
+    assert pdvol("refine", out, "--to", 1) == 0
+    info = open_run(out).info
+    assert [entry["from"] for entry in info["solvers"]] == [[1], [3]]
+    assert [entry["settings"]["tolerance"] for entry in info["solvers"]] == [0.01, 0.001]
+    assert info["parameters"]["tolerance"] in (0.001, "0.001")
+
+
 def test_a_killed_run_resumes(tmp_path, scene, whole):
     # A real SIGKILL, as soon as the third state of level 0 is there.
     out = tmp_path / "run"
