@@ -176,11 +176,7 @@ class RunLevel:
     @property
     def log(self) -> list[dict]:
         """The log's records of this level."""
-        return [
-            record
-            for record in read_log(self._run.path / "log.jsonl")
-            if record.get("level") == self.index and "step" in record
-        ]
+        return [record for record in self._run.records() if record.get("level") == self.index and "step" in record]
 
 
 def _numbers(array: np.ndarray, shape: tuple, end: int) -> bool:
@@ -211,6 +207,7 @@ class Run:
 
     def __init__(self, path: str | Path):
         self.path = Path(path)
+        self._log: tuple[tuple[int, int] | None, list[dict]] = None, []
         self.info = read_info(self.path)
         if self.info.get("state") == "creating":
             raise InputError(f"{self.path}: the run was interrupted before its first step; start it again")
@@ -226,6 +223,18 @@ class Run:
     def dt(self) -> float:
         """Time step [s]."""
         return float(self.info["dt"])
+
+    def records(self) -> list[dict]:
+        """All records of the log, parsed anew where the file has changed."""
+        path = self.path / "log.jsonl"
+        try:
+            found = path.stat()
+        except OSError:
+            return read_log(path)
+        state = found.st_mtime_ns, found.st_size
+        if self._log[0] != state:
+            self._log = state, read_log(path)
+        return self._log[1]
 
     @cached_property
     def obstacles(self) -> tuple[DrawnObstacle, ...]:

@@ -12,6 +12,7 @@ from pdvol import open_run
 from pdvol.measure.verify import verify_run
 from pdvol.runs.stored_fields import SceneFields, stored_scene
 from pdvol.solve.report import REMEDIES
+from pdvol.store.log import read_log
 
 PRESS = (
     SQUARE
@@ -122,3 +123,14 @@ def test_the_log_counts_every_remedy(folder):
     for record in map(json.loads, (folder / "whole" / "log.jsonl").read_text().splitlines()):
         assert set(record["remedies"]) == set(REMEDIES)
         assert record["remedies"]["halvings"] == record["cuts"]
+
+
+def test_the_log_is_parsed_once_for_all_steps(folder, monkeypatch):
+    """And anew where it has grown."""
+    run, parsed = open_run(folder / "whole"), []
+    monkeypatch.setattr("pdvol.store.reader.read_log", lambda path: parsed.append(path) or read_log(path))
+    behind = [level.behind(step) for level in run.levels for step in range(level.steps)]
+    assert max(behind) > 0.0 and len(parsed) == 1
+    with open(folder / "whole" / "log.jsonl", "ab") as log:
+        log.write(b"{}\n")
+    assert len(run.levels[0].log) == 10 and len(parsed) == 2
