@@ -5,12 +5,13 @@ from collections.abc import Callable
 import numpy as np
 
 from pdvol.errors import InputError
-from pdvol.geometry.level_mesh import LevelMesh
+from pdvol.geometry.gyration import gyration_diagonal
+from pdvol.geometry.level_mesh import LevelMesh, boundary_facets
 from pdvol.levels.materials import cell_materials, check_laws
 from pdvol.levels.motions import motion_of
 from pdvol.levels.muscles import cell_muscles
 from pdvol.levels.start import start_positions
-from pdvol.meshes import Outline
+from pdvol.meshes import Outline, Solid, Surface
 from pdvol.meshing.readers import read_shape
 from pdvol.scene import (
     Flow,
@@ -37,8 +38,8 @@ MOTION_SAMPLES = 50  # times of a scene at which its motions are evaluated befor
 
 
 def scene_diagonal(scene: Scene) -> float:
-    """Diagonal [m] of the box around the smallest body that moves freely, as placed, by its input shape: it is the same
-    on every level, and does not depend on how far apart bodies are.
+    """Diagonal [m] of the smallest body that moves freely, as placed, by its input shape (`gyration_diagonal`): it is
+    the same on every level, and depends neither on how far apart bodies are nor on how the scene is turned.
 
     A body that supports hold wholly and for ever does not move freely. Where all are held so, the smallest of them
     counts.
@@ -46,11 +47,18 @@ def scene_diagonal(scene: Scene) -> float:
     free: list[float] = []
     held: list[float] = []
     for body in scene.bodies:
-        shape = read_shape(body.shape[-1] if isinstance(body.shape, (tuple, list)) else body.shape)
-        points = body.placement(shape.points if isinstance(shape, Outline) else shape.vertices)
-        diagonal = float(np.linalg.norm(points.max(axis=0) - points.min(axis=0)))
-        (held if _held_for_ever(scene, body.name, points) else free).append(diagonal)
+        points, facets = _boundary(read_shape(body.shape[-1] if isinstance(body.shape, (tuple, list)) else body.shape))
+        points = body.placement(points)
+        (held if _held_for_ever(scene, body.name, points) else free).append(gyration_diagonal(points, facets))
     return min(free or held)
+
+
+def _boundary(shape: Outline | Surface | Solid) -> tuple[np.ndarray, np.ndarray]:
+    """Points (n, d) [m] and boundary facets (m, d) of a body's shape."""
+    if isinstance(shape, Outline):
+        ends = np.arange(len(shape.points))
+        return shape.points, np.column_stack([ends, np.roll(ends, -1)])
+    return shape.vertices, shape.triangles if isinstance(shape, Surface) else boundary_facets(shape.cells)[0]
 
 
 def _held_for_ever(scene: Scene, body: str, points: np.ndarray) -> bool:

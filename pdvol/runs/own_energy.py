@@ -16,6 +16,7 @@ from petsc4py import PETSc
 
 from pdvol.errors import InputError, IntersectionError
 from pdvol.geometry.crossings import find_crossings
+from pdvol.geometry.gyration import gyration_diagonal
 from pdvol.levels.model import contact_models
 from pdvol.levels.obstacles import Obstacle, placed_obstacles, read_geometry
 from pdvol.levels.space import LevelSpace
@@ -53,8 +54,8 @@ class Contact:
     obstacles : sequence of Plane, Rigid and Deforming
         Their motions give their places at a time t.
     diagonal : float [m], optional
-        What `Relative` lengths and speeds are fractions of; when None the diagonal of the box around the mesh's
-        smallest connected part, at rest.
+        What `Relative` lengths and speeds are fractions of; when None that of the mesh's smallest connected part, at
+        rest (`gyration_diagonal`).
 
     Attributes
     ----------
@@ -89,8 +90,9 @@ class Contact:
         self.V, self._space = V, LevelSpace.of(V)
         mesh = self._space.mesh
         if diagonal is None:
-            parts = (mesh.points[mesh.point_bodies == part] for part in range(int(mesh.bodies.max()) + 1))
-            diagonal = min(float(np.linalg.norm(np.ptp(points, axis=0))) for points in parts)
+            of = mesh.point_bodies[mesh.boundary[:, 0]]
+            parts = (mesh.boundary[of == part] for part in range(int(mesh.bodies.max()) + 1))
+            diagonal = min(gyration_diagonal(mesh.points, facets) for facets in parts)
         positive("Contact.diagonal", diagonal)
         self.dhat, self.kappa = metres(barrier.dhat, diagonal), barrier.stiffness * float(young)
         count = int(mesh.bodies.max()) + 1

@@ -1,8 +1,4 @@
-"""Four short shots end as they were recorded: to the last bit on a platform whose digests are kept, to the solver's
-tolerance on others.
-"""
-
-import json
+"""Four short shots end as they were recorded, to the solver's tolerance."""
 
 import golden
 import numpy as np
@@ -17,9 +13,6 @@ TOLERANCE = 4e-4
 @pytest.mark.parametrize("name", golden.RUNS)
 def test_golden_run_repeats(name, tmp_path):
     run = golden.simulate(name, tmp_path / name)
-    known = json.loads((golden.HERE / "digests.json").read_text()).get(golden.platform_key())
-    if known is not None:
-        assert golden.digest(run) == known[name]
     stored = np.load(golden.HERE / "last_states.npz")
     for key, positions in golden.last_states(run).items():
         np.testing.assert_allclose(positions, stored[f"{name}_{key}"], rtol=0.0, atol=TOLERANCE * run.info["diagonal"])
