@@ -1,6 +1,6 @@
 """Names that a user chooses from, and where each one is implemented; nothing is loaded before it is asked for.
 
-A new interpolant, contact law, export format or command is one file and one line here. Interpolants, formats
+A new interpolant, export format or command is one file and one line here. Interpolants, formats
 and commands can also come from another installed package, through entry points of the groups `pdvol.interpolants`,
 `pdvol.formats` and `pdvol.commands`. A name of pdvol's own comes before the same name of another package.
 """
@@ -134,16 +134,6 @@ INTEGRATORS = Registry(
 """Time integrators (`pdvol.integrate.integrator`). The first one is the default, and the one of all marches; the others
 serve the direct march.
 """
-
-CONTACT_LAWS = Registry(
-    "contact law",
-    {
-        "convergent": Entry("pdvol.potentials.contact.laws:Convergent"),
-        "classic": Entry("pdvol.potentials.contact.laws:Classic"),
-        "semi-implicit": Entry("pdvol.potentials.contact.laws:SemiImplicit"),
-    },
-)
-"""What finds the barrier's stiffness; the first one is the default."""
 
 FORMATS = Registry(
     "format",

@@ -86,7 +86,7 @@ class Rest:
         asked for where x may be held. Collective.
         """
         self.steps, self.acceleration = 0, np.inf
-        if speed <= self._tolerance and not potential.rules:  # a law that adapts its stiffness does so at every step
+        if speed <= self._tolerance:
             changes = np.linalg.norm(x.owned - potential.x_hat + potential.weight * acting(), axis=1)[~fixed]
             largest = float(changes.max(initial=0.0)) / potential.weight
             self.acceleration = reduce(x.space.comm, largest, MPI.MAX)

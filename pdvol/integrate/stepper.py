@@ -185,7 +185,7 @@ class Stepper:
     def _solve_lagged(
         self, report: StepReport, x: Positions, robust: bool, gap_share: float
     ) -> tuple[Positions, NewtonReport]:
-        """Newton solves from x, with friction lagged anew and contact stiffened as long as they change something."""
+        """Newton solves from x, with friction lagged anew as long as that changes something."""
         most, tolerance = self._friction
         lags, report.friction_residual = 1, None
         while True:
@@ -193,8 +193,6 @@ class Stepper:
             report.add(solved)
             if not solved.converged:
                 break
-            if self.potential.raise_stiffness(x):  # by doubling, up to a bound
-                continue
             if lags == most:
                 break
             residual = self.potential.update_lag(x)

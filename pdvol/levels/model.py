@@ -92,13 +92,12 @@ class ContactModel:
     ----------
     dhat : distance [m] at which contact begins to push
     kappa : stiffness [Pa] of the convergent law
-    law, ccd : as `Barrier` names them
+    ccd : as `Barrier` names it
     friction : none or one
     """
 
     dhat: float
     kappa: float
-    law: str
     ccd: str
     friction: tuple[FrictionModel, ...] = ()
 
@@ -272,7 +271,7 @@ def contact_models(
         if isinstance(f, Friction)
     )
     return tuple(
-        ContactModel(metres(b.dhat, diagonal), b.stiffness * softest, b.law, b.ccd, frictions)
+        ContactModel(metres(b.dhat, diagonal), b.stiffness * softest, b.ccd, frictions)
         for b in contact
         if isinstance(b, Barrier)
     )

@@ -14,30 +14,7 @@ from pdvol.potentials.consistency import Consistency, Guide
 from pdvol.potentials.elasticity import elastic_terms
 from pdvol.potentials.loads import assemble_mass, load_terms
 from pdvol.potentials.muscles import ActiveFibres
-from pdvol.potentials.potential import ContactPotential, Potential, StiffnessRule
-from pdvol.registry import CONTACT_LAWS
-
-
-@dataclass(frozen=True, eq=False)
-class Surroundings:
-    """The data from which a contact law may choose its stiffness.
-
-    Attributes
-    ----------
-    space : LevelSpace
-    mass : (n_owned, d) [kg]
-    elastic, loads, contacts : potentials; muscles and attachments are among the loads
-    dhat : activation distance [m]
-    diagonal : of the smallest free body [m]
-    """
-
-    space: LevelSpace
-    mass: np.ndarray
-    elastic: tuple[Potential, ...]
-    loads: tuple[Potential, ...]
-    contacts: tuple[ContactPotential, ...]
-    dhat: float
-    diagonal: float
+from pdvol.potentials.potential import ContactPotential, Potential
 
 
 @dataclass(frozen=True)
@@ -49,13 +26,11 @@ class Terms:
     mass : (n_owned, d) [kg]
     potentials : all terms
     contacts : the barriers among them
-    rules : set the contacts' stiffness at each step's start; none where the barrier's law has a constant one
     """
 
     mass: np.ndarray
     potentials: tuple[Potential, ...]
     contacts: tuple[ContactPotential, ...]
-    rules: tuple[StiffnessRule, ...] = ()
 
 
 def build_terms(
@@ -75,11 +50,7 @@ def build_terms(
     loads += tuple(ActiveFibres(space, muscle) for muscle in model.muscles)
     loads += tuple(Attachments(space, springs) for springs in model.springs)
     held = tuple(Consistency(space, mass, guide) for guide in guides)
-    rules: tuple[StiffnessRule, ...] = ()
-    for contact in model.contact:
-        found = Surroundings(space, mass, elastic, loads, contacts, contact.dhat, model.diagonal)
-        rules += CONTACT_LAWS[contact.law].rules(found)
-    return Terms(mass, (*elastic, *loads, *contacts, *held, *frictions), contacts, rules)
+    return Terms(mass, (*elastic, *loads, *contacts, *held, *frictions), contacts)
 
 
 def contact_terms(
@@ -91,18 +62,17 @@ def contact_terms(
     frictions: list[Potential] = []
     planes, surfaces = (tuple(o for o in obstacles if (o.kind == "plane") == flat) for flat in (True, False))
     for contact in models:
-        weighted = CONTACT_LAWS[contact.law].weighted
         if planes:
             from pdvol.potentials.contact.planes import HalfSpaceBarrier, HalfSpaceFriction
 
-            half_spaces = HalfSpaceBarrier(space, planes, contact.dhat, contact.kappa, weighted, clocks)
+            half_spaces = HalfSpaceBarrier(space, planes, contact.dhat, contact.kappa, clocks)
             contacts.append(half_spaces)
             frictions += [HalfSpaceFriction(half_spaces, f.mu_planes, f.eps_v) for f in contact.friction]
         from pdvol.potentials.contact.barrier import SurfaceBarrier
         from pdvol.potentials.contact.collision_surface import CollisionSurface
         from pdvol.potentials.contact.friction import SurfaceFriction
 
-        surface = CollisionSurface(space, surfaces, contact.dhat, contact.ccd, weighted, clocks)
+        surface = CollisionSurface(space, surfaces, contact.dhat, contact.ccd, clocks)
         barrier = SurfaceBarrier(surface, contact.kappa)
         contacts.append(barrier)
         frictions += [SurfaceFriction(barrier, f.mu_surfaces, f.eps_v) for f in contact.friction]

@@ -126,7 +126,7 @@ class ContactPotential(Potential, Protocol):
 
     Attributes
     ----------
-    kappa : stiffness: [Pa] where contacts are weighted by area, else [N]; it may be changed between solves
+    kappa : stiffness [Pa]
     """
 
     kappa: float
@@ -147,19 +147,6 @@ class ContactPotential(Potential, Protocol):
 
     def min_gap(self, x: Positions) -> float:
         """Smallest distance [m] within reach, of all ranks; inf where there is none. Collective."""
-
-    def contact_stiffness(self, x: Positions, masses: np.ndarray, blocks: np.ndarray) -> np.ndarray:
-        """(k,) stiffness [N/m] of this rank's contacts from masses (n,) and diagonal blocks (n, d, d)."""
-
-
-class StiffnessRule(Protocol):
-    """What sets the stiffness of a level's contacts at each step's start. All calls are collective."""
-
-    def begin_step(self, x_t: Positions, x_hat: np.ndarray, weight: float) -> None:
-        """Sets the stiffness for the step from x_t to x_hat (n_owned, d), of this weight [s^2]."""
-
-    def end_solve(self, x: Positions) -> bool:
-        """Whether the stiffness was raised after a solve that ended at x."""
 
 
 class Term:

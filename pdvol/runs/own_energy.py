@@ -110,11 +110,6 @@ class Contact:
     def _check_kinds(barrier: Barrier, friction: Friction | None, obstacles: Sequence[Obstructing]) -> None:
         if not isinstance(barrier, Barrier):
             raise InputError(f"Contact.barrier must be a Barrier, not {type(barrier).__name__}")
-        if barrier.law != "convergent":
-            raise InputError(
-                f"Contact has the convergent law; the {barrier.law} one takes its stiffness from all other forces,"
-                " which only a scene's run knows"
-            )
         if not (friction is None or isinstance(friction, Friction)):
             raise InputError(f"Contact.friction must be a Friction, not {type(friction).__name__}")
         for obstacle in obstacles:

@@ -92,12 +92,7 @@ def modelled_terms(scene: Scene) -> list[str]:
                 if all_known
                 else f"{c.stiffness:g} of the softest cell's Young's modulus"
             )
-            law = (
-                f"area-weighted barrier, stiffness {kappa}"
-                if c.law == "convergent"
-                else f"{c.law} barrier, stiffness chosen at each step's start"
-            )
-            lines.append(f"contact: {law}, dhat {metres(c.dhat, diagonal):.3g} m")
+            lines.append(f"contact: area-weighted barrier, stiffness {kappa}, dhat {metres(c.dhat, diagonal):.3g} m")
         elif isinstance(c, Friction):
             lines.append(
                 f"friction: mu {c.mu:g}, smooth below {metres(c.eps_v, diagonal):.3g} m/s, lagged {c.iterations}"

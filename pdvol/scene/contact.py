@@ -4,7 +4,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import cast
 
-from pdvol.registry import CONTACT_LAWS
 from pdvol.scene.checks import count, finite, keep_plain, plain, positive, require
 from pdvol.scene.lengths import Length, Relative, length
 from pdvol.scene.representation import one_line
@@ -12,27 +11,22 @@ from pdvol.scene.representation import one_line
 # share of Young's modulus: with 0.1, which the authors of the convergent formulation recommend, fast impacts close gaps
 # to 1e-3 dhat, where Newton's steps are short
 STIFFNESS = 0.3
-LAWS = tuple(CONTACT_LAWS)
 
 
 @dataclass(frozen=True)
 class Barrier:
-    """Contact without interpenetration.
+    """Contact without interpenetration: a barrier weighted by area, the same on every level (Li et al. 2023).
 
     Attributes
     ----------
     dhat : distance [m] at which contact begins to push
-    stiffness : of the convergent barrier, as a fraction of the softest Young's modulus
-    law : "convergent": weighted by area, the same on every level (Li et al. 2023); "classic": each contact alike, its
-        stiffness adapted to the forces at each step's start (Li et al. 2020); "semi-implicit": the same from masses,
-        gaps and elastic stiffness (Ando 2024)
+    stiffness : as a fraction of the softest Young's modulus
     ccd : "additive", or "tight-inclusion": certified in exact arithmetic and many times slower
     """
 
     dhat: Length = Relative(1e-3)
     stiffness: float = STIFFNESS
     ccd: str = "additive"
-    law: str = "convergent"
     __repr__ = one_line
 
     def __post_init__(self) -> None:
@@ -42,11 +36,6 @@ class Barrier:
         require(
             self.ccd in ("additive", "tight-inclusion"),
             f"Barrier.ccd = {self.ccd!r} must be additive or tight-inclusion",
-        )
-        require(self.law in LAWS, f"Barrier.law = {self.law!r} must be {', '.join(LAWS[:-1])} or {LAWS[-1]}")
-        require(
-            self.law == LAWS[0] or self.stiffness == STIFFNESS,
-            f"Barrier.stiffness belongs to the {LAWS[0]} law; the {self.law} one finds its own: leave it out",
         )
 
 

@@ -170,7 +170,6 @@ class Scene:
 SETTINGS = {
     **{f.name: part for part, kind in (("solver", Solver), ("penalty", Penalty)) for f in fields(kind)},
     "dhat": "Barrier",
-    "law": "Barrier",
     "friction.iterations": "Friction",
     "dt": "scene",
     "integrator": "scene",

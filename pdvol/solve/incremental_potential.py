@@ -35,7 +35,7 @@ class IncrementalPotential:
 
     def __init__(self, space: LevelSpace, terms: Terms, watch: Stopwatch):
         self.space, self.watch, self.mass = space, watch, terms.mass
-        self.contacts, self.rules = terms.contacts, terms.rules
+        self.contacts = terms.contacts
         self.frictions = tuple(t for t in terms.potentials if isinstance(t, LaggedFriction))
         self.terms = terms.potentials
         self.x_hat, self.weight = np.zeros((0, space.dim)), 0.0
@@ -68,10 +68,6 @@ class IncrementalPotential:
             with self.watch.part(part):
                 for term in terms:
                     term.begin_step(x_t, t0 - late, t1 - late, expected)
-        for rule in self.rules:
-            with self.watch.part("contact"):
-                rule.begin_step(x_t, x_hat, weight)
-            self.update_lag(x_t)
 
     def _require_finite(self, term_name: str, what: str, values: np.ndarray | float) -> None:
         """Raises SimulationError, naming the term, unless the values of all ranks are finite. Collective."""
@@ -189,14 +185,6 @@ class IncrementalPotential:
             size = lambda forces: np.sqrt(reduce(self.space.comm, float(np.vdot(forces, forces))))
             change, force = size(np.subtract(sum(after), sum(before))), max(size(sum(before)), size(sum(after)))
         return float(change / force) if force > 0.0 else 0.0
-
-    def raise_stiffness(self, x: Positions) -> bool:
-        """After a solve that ended at x: whether a contact stiffness was raised, so that it has to be solved again.
-        Collective.
-        """
-        with self.watch.part("contact"):
-            raised = [rule.end_solve(x) for rule in self.rules]  # no short cut: the calls are collective
-        return any(raised)
 
     def end_step(self, x: Positions) -> bool:
         """Ends a step at x; returns whether forces are others from now on. Collective."""

@@ -188,7 +188,6 @@ def test_other_spaces_are_refused(message):
     [
         ("Contact.young = -1.0 must be positive", {"young": -1.0}),
         ("Contact.diagonal = 0 must be positive", {"diagonal": 0}),
-        ("Contact has the convergent law", {"barrier": Barrier(law="classic")}),
         ("Contact.barrier must be a Barrier, not Friction", {"barrier": Friction(0.1)}),
         ("Contact.friction must be a Friction, not float", {"friction": 0.1}),
         ("Contact.obstacles hold Plane, Rigid and Deforming, not Outline", {"obstacles": (touching.wedge(2),)}),

@@ -26,12 +26,12 @@ MOVING = (
     + """
 from pdvol import Rotation, Translation
 
-def scene(law="convergent"):
+def scene():
     place = Placement(translate=(0.0, 0.02), angle=0.05)
     return Scene(bodies=(Body(tuple(square(n) for n in (2, 3)), NeoHookean(2e4), placement=place),),
                  obstacles=(Plane((0.0, 0.0), (0.0, 1.0), motion=Translation((0.0, 0.1))),),
                  supports=(Support(lambda X: X[:, 1] > 0.95, motion=Rotation(1.0, (0.5, 1.0))),),
-                 loads=(Gravity((0.0, -9.81)),), contact=(Barrier(law=law), Friction(0.3)), dt=0.02, steps=8)
+                 loads=(Gravity((0.0, -9.81)),), contact=(Barrier(), Friction(0.3)), dt=0.02, steps=8)
 """
 )
 
@@ -66,16 +66,12 @@ def test_continuity_of_a_direct_run_is_a_quarter(folder):
         assert level["jitter"][0] == pytest.approx(0.5 * 1000.0 * (9.81 * 0.02) ** 2, rel=1e-6)
 
 
-@pytest.mark.parametrize("law", ["convergent", "classic", "semi-implicit"])
-def test_continuity_with_motions_of_supports_and_obstacles(tmp_path, law):
-    """Also where the barrier's stiffness, which the log keeps, is chosen step by step."""
+def test_continuity_with_motions_of_supports_and_obstacles(tmp_path):
     scene = write(tmp_path / "moving.py", MOVING)
     assert (
         pdvol(
             "run",
             scene,
-            "--set",
-            f"law={law}",
             "--method",
             "direct",
             "--out",

@@ -152,7 +152,7 @@ def test_what_cannot_be_chosen_is_said_in_one_line(folder, tmp_path, capsys, wor
         (("--vary", "dt", "--vary", "dt=0.01,0.02"), "twice"),
         (("--vary", "dt=0.01,0.02", "--vary", "dt=0.03"), "twice"),
         (("--vary", "level=1"), "give level by --levels"),
-        (("--vary", "dt=0.02,0.01,law=classic"), "a --vary of its own"),
+        (("--vary", "dt=0.02,0.01,integrator=bdf2"), "a --vary of its own"),
         (("--vary", "dt=0.02:0.01:half"), "N in A:B:N"),
         (("--vary", "dt=0.02,level"), "dt"),
         (("--vary", "dt="), "--vary dt="),
@@ -202,10 +202,10 @@ def test_a_killed_study_goes_on_and_gives_the_same_points(folder, tmp_path):
 def test_options_of_every_axis_reach_the_runs(tmp_path):
     """An unchanged scene, whose named settings are stored in run.json."""
     write(tmp_path / "fall.py", FALL)
-    values = ("law=classic", "friction.iterations=2", "linear_rtol=0.01", "dhat=0.001")
+    values = ("friction.iterations=2", "linear_rtol=0.01", "dhat=0.001")
     varied = [word for value in values for word in ("--vary", value)]
     words = ("--steps", 2, *varied, "--budget", 3, "--levels", "0:0", "--reference", "dt=0.01")
     assert pdvol("study", tmp_path / "fall.py", "-o", tmp_path / "s", *words) == 0
-    for name, value in (("law", "classic"), ("friction.iterations", 2), ("linear_rtol", 0.01), ("dhat", 0.001)):
+    for name, value in (("friction.iterations", 2), ("linear_rtol", 0.01), ("dhat", 0.001)):
         run = open_run(tmp_path / "s" / "runs" / f"{name}-{value}")
         assert run.info["parameters"] == {name: value} and np.isfinite(run.levels[0].positions(2)).all()

@@ -19,7 +19,7 @@ SEVERAL = [
     Variation.of({"surface": "a" * 200 + "2"}),
     Variation.of({"surface": "../a b/c.obj"}),
     Variation.of({"jitter": (0.001, 2)}),
-    Variation.of({"friction.iterations": 3, "law": "semi-implicit"}),
+    Variation.of({"friction.iterations": 3, "ccd": "tight-inclusion"}),
 ]
 
 

@@ -152,7 +152,7 @@ def fade(t):
     return np.where(t < 1.0, (2.0 - t) * t, 1.0)
 
 
-def brute_force_energy(surface, vertices, weighted=True):
+def brute_force_energy(surface, vertices):
     """(points part, edges part) of the contact energy [J], straight from the definition in docs/contact.md."""
     primitives, d = surface.primitives, vertices.shape[1]
     facets, edges = primitives.facets.astype(int), primitives.edges.astype(int)
@@ -174,7 +174,7 @@ def brute_force_energy(surface, vertices, weighted=True):
         r < DHAT, barrier_law.energy(np.minimum(np.maximum(r, 1e-300) / DHAT, 1.0) ** 2, DHAT, KAPPA), 0.0
     )
     pairs, crossed = all_pairs(surface)
-    total, weights = 0.0, area if weighted else np.ones(len(area))
+    total, weights = 0.0, area
     for p in np.unique(pairs[:, 0]):
         facing = facets[pairs[pairs[:, 0] == p, 1]]
         at = np.broadcast_to(vertices[p], (len(facing), d))
@@ -193,7 +193,7 @@ def brute_force_energy(surface, vertices, weighted=True):
     if not len(crossed):
         return total, 0.0
     beside = np.array([0.5 * sum(sizes[f] for f in sides[tuple(edge)]) for edge in edges])
-    least = np.minimum(*beside[crossed.T]) if weighted else np.ones(len(crossed))
+    least = np.minimum(*beside[crossed.T])
     ends = [vertices[edges[crossed[:, i], k]] for i in (0, 1) for k in (0, 1)]
     inside = crossing(*ends)[1]
     a, b, c, e = (end[inside] for end in ends)

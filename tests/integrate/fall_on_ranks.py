@@ -17,7 +17,7 @@ STEPS, SIZE = 20, 0.5
 PAIRS = {("body 0", "body 1"): 0.6, ("spike", "body 0"): 0.1, ("body 1", "plane"): 0.2}
 
 
-def scene_of(d, law):
+def scene_of(d):
     """Two blocks side by side, the left one thrown at the right one, over a plane and a spike; a pushed support holds
     the right one's end.
     """
@@ -46,7 +46,7 @@ def scene_of(d, law):
         loads=(Gravity((0.0,) * (d - 1) + (-9.81,)),),
         supports=(end,),
         obstacles=(Plane((0.0,) * d, tuple(np.eye(d)[-1])), Rigid("spike", name="spike")),
-        contact=(Barrier(dhat=0.008, law=law), Friction(0.3, eps_v=0.01, pairs=PAIRS)),
+        contact=(Barrier(dhat=0.008), Friction(0.3, eps_v=0.01, pairs=PAIRS)),
         solver=Solver(tolerance=1e-5, linear="direct"),
     )
     velocity = np.zeros_like(mesh.points)
@@ -54,9 +54,9 @@ def scene_of(d, law):
     return scene, mesh, (spike,), velocity
 
 
-def main(d, law, integrator, out):
+def main(d, integrator, out):
     comm = MPI.COMM_WORLD
-    scene, mesh, obstacles, velocity = scene_of(d, law)
+    scene, mesh, obstacles, velocity = scene_of(d)
     problem = make_stepper(scene, mesh, obstacles, comm, INTEGRATORS[integrator]())
     reports = list(direct(problem, Start.at_rest(mesh.points, velocity), scene.steps))
     owned = comm.gather(problem.space.n_owned)

@@ -38,15 +38,14 @@ def jittered(space, size, seed):
 
 
 @pytest.mark.parametrize("d", [2, 3])
-@pytest.mark.parametrize("weighted", [True, False])
 @pytest.mark.parametrize("obstacle", [False, True])
-def test_the_energy_is_its_definition(d, weighted, obstacle):
+def test_the_energy_is_its_definition(d, obstacle):
     """In numpy, over all pairs: random states of two boxes, some nearly flat, some crumpled."""
-    space, surface = two_boxes(d, obstacle, weighted=weighted)
+    space, surface = two_boxes(d, obstacle)
     barrier = SurfaceBarrier(surface, KAPPA)
     for seed, size in enumerate((0.0, 1e-9, 0.1 * DHAT, DHAT, 3.0 * DHAT)):
         x = Positions(space, jittered(space, size, seed))
-        expected = sum(brute_force_energy(surface, surface.vertices(x), weighted))
+        expected = sum(brute_force_energy(surface, surface.vertices(x)))
         assert expected > 0.0 or (d == 2 and size == 3.0 * DHAT)
         np.testing.assert_allclose(barrier.value(x), expected, rtol=1e-9)
 
@@ -82,17 +81,23 @@ ALONG, ACROSS = (
 )
 
 
-def one_contact(kind, below, above, weighted):
+def one_contact(kind, below, above):
     """Two tetrahedra that meet in one contact of a kind, half a dhat apart, their positions, and ipctk's contacts."""
-    space, surface = surface_of(tip_of(*below), tip_of(*(np.array(above) + [0, 0, 0.5 * DHAT])), weighted=weighted)
+    space, surface = surface_of(tip_of(*below), tip_of(*(np.array(above) + [0, 0, 0.5 * DHAT])))
     x, mesh, active = at_rest(space), mesh_of(surface), ipctk.NormalCollisions()
-    active.use_area_weighting = weighted
-    if weighted:
-        active.collision_set_type = ipctk.NormalCollisions.CollisionSetType.IMPROVED_MAX_APPROX
+    active.use_area_weighting = True
+    active.collision_set_type = ipctk.NormalCollisions.CollisionSetType.IMPROVED_MAX_APPROX
     active.build(mesh=mesh, vertices=surface.vertices(x), dhat=DHAT, broad_phase=ipctk.BruteForce())
     found = [len(getattr(active, f"{name}_collisions")) for name in ("vv", "ev", "fv", "ee")]
     assert found == [kind == name for name in ("vv", "ev", "fv", "ee")]
     return space, surface, x, mesh, active
+
+
+def share_of(kind, mesh, active):
+    """The weight of the one contact, over ipctk's: half the area of each vertex that meets the other body."""
+    weight = sum(c.weight for c in getattr(active, f"{kind}_collisions"))
+    tips = {"vv": (0, 4), "ev": (4,), "fv": (4,)}.get(kind)
+    return 1.0 if tips is None else sum(0.5 * mesh.vertex_area(tip) for tip in tips) / weight
 
 
 ONE_OF_EACH_KIND = pytest.mark.parametrize(
@@ -100,22 +105,14 @@ ONE_OF_EACH_KIND = pytest.mark.parametrize(
 )
 
 
-@pytest.mark.parametrize("weighted", [False, True])
 @ONE_OF_EACH_KIND
-def test_the_energy_of_one_contact_is_ipctks(kind, below, above, weighted):
+def test_the_energy_of_one_contact_is_ipctks(kind, below, above):
     """Energy and forces of one weight are ipctk's for each kind. The weight is half the area of each vertex that meets
-    the other body, or that of crossing edges, which ipctk has, too; without weights, one for each of these.
+    the other body, or that of crossing edges, which ipctk has, too.
     """
-    space, surface, x, mesh, active = one_contact(kind, below, above, weighted)
-    stiffness = KAPPA if weighted else KAPPA / DHAT**3  # `physical` energies have dhat in them
-    theirs = ipctk.BarrierPotential(dhat=DHAT, stiffness=stiffness, use_physical_barrier=weighted)
-    weight = sum(c.weight for c in getattr(active, f"{kind}_collisions"))
-    tips = {"vv": (0, 4), "ev": (4,), "fv": (4,)}.get(kind)
-    if tips is None:
-        share = 1.0
-        assert weight == 1.0 or weighted
-    else:
-        share = sum(0.5 * mesh.vertex_area(tip) if weighted else 1.0 for tip in tips) / weight
+    space, surface, x, mesh, active = one_contact(kind, below, above)
+    theirs = ipctk.BarrierPotential(dhat=DHAT, stiffness=KAPPA, use_physical_barrier=True)
+    share = share_of(kind, mesh, active)
     barrier = SurfaceBarrier(surface, KAPPA)
     vertices = surface.vertices(x)
     np.testing.assert_allclose(barrier.value(x), share * theirs(active, mesh, vertices), rtol=1e-10)
@@ -395,23 +392,24 @@ def test_contact_forces_of_crumpled_bodies_balance():
 @pytest.mark.parametrize("kind, below, above", [("fv", FLAT, UP), ("ee", ALONG, ACROSS)])
 def test_friction_of_one_contact_is_ipctks(kind, below, above):
     """Value and gradient against ipctk's own friction potential, sticking and sliding."""
-    space, surface, x_t, mesh, active = one_contact(kind, below, above, False)
+    space, surface, x_t, mesh, active = one_contact(kind, below, above)
     barrier = SurfaceBarrier(surface, KAPPA)
     eps_v, dt, mu = 0.1, 0.02, 0.4
     term, lagged = SurfaceFriction(barrier, mu, eps_v), ipctk.TangentialCollisions()
     barrier.begin_step(x_t, 0.0, dt)
     term.begin_step(x_t, 0.0, dt)
     vertices = surface.vertices(x_t)
-    law = ipctk.BarrierPotential(dhat=DHAT, stiffness=KAPPA / DHAT**3)
+    law = ipctk.BarrierPotential(dhat=DHAT, stiffness=KAPPA, use_physical_barrier=True)
     lagged.build(mesh, vertices, active, law, mu)
     theirs = ipctk.FrictionPotential(eps_v=eps_v * dt)
     assert len(lagged) == 1
-    for share in (0.3, 3.0):
+    weight = share_of(kind, mesh, active)
+    for slips in (0.3, 3.0):
         way = np.random.default_rng(1).uniform(-1, 1, x_t.owned.shape)
-        x = Positions(space, x_t.owned + share * eps_v * dt * way)
+        x = Positions(space, x_t.owned + slips * eps_v * dt * way)
         slip = np.asfortranarray(surface.vertices(x) - vertices)
-        gradient = surface.rows_of(theirs.gradient(lagged, mesh, slip).reshape(-1, 3))
-        np.testing.assert_allclose(term.value(x), theirs(lagged, mesh, slip), rtol=1e-10)
+        gradient = weight * surface.rows_of(theirs.gradient(lagged, mesh, slip).reshape(-1, 3))
+        np.testing.assert_allclose(term.value(x), weight * theirs(lagged, mesh, slip), rtol=1e-10)
         np.testing.assert_allclose(term.gradient(x), gradient, rtol=0.0, atol=1e-10 * np.abs(gradient).max())
 
 

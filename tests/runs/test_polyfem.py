@@ -134,7 +134,7 @@ def test_a_scene_is_read(write):
     assert body.material.density == 500 and (scene.dt, scene.steps) == (0.02, 50)
     assert scene.loads[0].acceleration == (0.0, -9.81, 0.0)
     barrier, friction = scene.contact
-    assert (barrier.law, barrier.dhat, friction.mu, friction.eps_v) == ("classic", 0.01, 0.2, 1e-3)
+    assert (barrier.dhat, friction.mu, friction.eps_v) == (0.01, 0.2, 1e-3)
     (support,) = scene.supports
     np.testing.assert_array_equal(support.where(CORNERS), CORNERS[:, 1] > 0)
     np.testing.assert_allclose(support.motion(CORNERS, 0.5) - CORNERS, [[0.5, x, 0] for x in CORNERS[:, 0]])

@@ -14,9 +14,9 @@ def scene(**changes):
 
 def test_settings_reach_the_time_step_the_barrier_and_friction():
     plain = scene()
-    found = plain.with_settings(dt=0.02, dhat=Relative(2e-3), **{"friction.iterations": 3, "law": "classic"})
+    found = plain.with_settings(dt=0.02, dhat=Relative(2e-3), **{"friction.iterations": 3})
     assert found.dt == 0.02 and found.steps == 4
-    assert found.contact == (Barrier(dhat=Relative(2e-3), law="classic"), Friction(0.3, iterations=3))
+    assert found.contact == (Barrier(dhat=Relative(2e-3)), Friction(0.3, iterations=3))
     assert found.bodies == plain.bodies and found.solver == plain.solver
 
 

@@ -8,7 +8,7 @@ from typing import Any
 from pdvol.errors import InputError
 from pdvol.explore.variation import Variation, number, times
 from pdvol.explore.vary import parsed_varies
-from pdvol.registry import CONTACT_LAWS, INTEGRATORS
+from pdvol.registry import INTEGRATORS
 from pdvol.runs.scene_file import Shot, load_shot
 from pdvol.scene import Barrier, Friction, Scene
 
@@ -108,7 +108,6 @@ def base_value(shot: Shot, name: str) -> Any:
         "linear_rtol": scene.solver.linear_rtol,
         "integrator": scene.integrator,
         "dhat": barrier.dhat if barrier else None,
-        "law": barrier.law if barrier else None,
         "friction.iterations": friction.iterations if friction else None,
     }
     return known.get(name, getattr(scene.solver, name, shot.parameters.get(name)))
@@ -125,9 +124,8 @@ def cost_factor(name: str, value: Any, base: Any) -> float:
 def _others(name: str, base: Any) -> Sequence[Any]:
     if name in FACTORS:
         return tuple(times(base, factor) for factor in FACTORS[name])
-    names = {"law": CONTACT_LAWS, "integrator": INTEGRATORS}.get(name)
-    if names is not None:
-        return tuple(names)
+    if name == "integrator":
+        return tuple(INTEGRATORS)
     if name == "friction.iterations":
         return LAGS
     if name == "relative_tolerance":
@@ -138,7 +136,7 @@ def _others(name: str, base: Any) -> Sequence[Any]:
 def _has(scene: Scene, name: str) -> bool:
     """Whether a scene has what a setting varies."""
     barrier, friction = _contact(scene)
-    return {"dhat": barrier, "law": barrier, "friction.iterations": friction}.get(name, scene) is not None
+    return {"dhat": barrier, "friction.iterations": friction}.get(name, scene) is not None
 
 
 def _contact(scene: Scene) -> tuple[Barrier | None, Friction | None]:

@@ -26,8 +26,7 @@ class SurfaceBarrier(Term):
     Parameters
     ----------
     surface : CollisionSurface
-    kappa : stiffness: [Pa] where contacts are weighted, [N] (per metre of depth in 2D) where each counts as one; it may
-        be changed between solves
+    kappa : stiffness [Pa]
     """
 
     name = "barrier"
@@ -78,19 +77,6 @@ class SurfaceBarrier(Term):
         if len(found):
             law = self.dhat, self.kappa, weight, into.projection != "none"
             self.surface.add_blocks(library().barrier_blocks, into, found, pointer(self.surface.vertices(x)), *law)
-
-    def contact_stiffness(self, x: Positions, masses: np.ndarray, blocks: np.ndarray) -> np.ndarray:
-        """(k,) semi-implicit stiffness [N/m] of the contacts that count here (`stiffness.py`), from masses (m,) [kg]
-        and diagonal blocks (m, d, d) [N/m] of the level's points, in the input's order. Obstacles have neither.
-        """
-        found = self.stencils(x)
-        masses, blocks = self.surface.of_vertices(masses), self.surface.of_vertices(blocks)
-        squares = found.coefficients**2
-        distances = np.linalg.norm(found.gaps, axis=1)
-        normals = found.gaps / distances[:, None]
-        mass = np.einsum("ki,ki->k", squares, masses[found.vertices])
-        stiffness = np.einsum("ki,ka,kiab,kb->k", squares, normals, blocks[found.vertices], normals)
-        return ((mass / distances**2 + stiffness) / squares.sum(axis=1))[found.counted]
 
     def max_step(
         self, x: Positions, direction: np.ndarray, until: float | None = None, gap_share: float = MIN_GAP_SHARE

@@ -29,7 +29,6 @@ class CollisionSurface:
     obstacles : tuple of Obstacle
     dhat : distance [m] up to which pairs matter
     ccd : "additive" or "tight-inclusion"
-    weighted : whether contacts weigh as much as their area; else each weighs as much as one
     clocks : of the obstacles' motions; all on time where not given
 
     Attributes
@@ -50,7 +49,6 @@ class CollisionSurface:
         obstacles: tuple[Obstacle, ...],
         dhat: float,
         ccd: str = "additive",
-        weighted: bool = True,
         clocks: Clocks | None = None,
     ):
         self._clocks = Clocks() if clocks is None else clocks
@@ -76,7 +74,7 @@ class CollisionSurface:
         self._own = np.flatnonzero((self._rows >= first) & (self._rows < last))
         self._own_rows = self._rows[self._own] - first
         owned = np.where(self._rows < 0, -1, (self._rows >= first) & (self._rows < last)).astype(np.int8)
-        self.primitives = Primitives(at_rest, np.concatenate(facets), self.objects, bodies, weighted, rigid, owned)
+        self.primitives = Primitives(at_rest, np.concatenate(facets), self.objects, bodies, rigid, owned)
         self.lists = tuple(PairList(self.primitives, dhat, within) for within in (True, False))
         self._c_lists = ffi.new("pairs_t *[]", [pairs.c for pairs in self.lists])
         self.obstacle_positions = self._obstacles_at(0.0)

@@ -54,8 +54,7 @@ class HalfSpaceBarrier(Term):
     space : LevelSpace
     planes : planes, moving or not
     dhat : activation distance [m]
-    kappa : stiffness: [Pa] where contacts are weighted, [N] (per metre of depth in 2D) where each counts as one
-    weighted : whether contacts are weighted by area
+    kappa : stiffness [Pa]
     clocks : of the planes' motions
 
     Attributes
@@ -71,14 +70,13 @@ class HalfSpaceBarrier(Term):
         planes: tuple[Obstacle, ...],
         dhat: float,
         kappa: float,
-        weighted: bool = True,
         clocks: Clocks | None = None,
     ):
         self.space, self.planes, self.dhat, self.kappa = space, planes, dhat, kappa
         self.clocks = Clocks() if clocks is None else clocks
         areas = boundary_areas(space.mesh)[space.owned_points]
         self.vertices = np.flatnonzero(areas > 0)
-        self.areas = areas[self.vertices] if weighted else np.ones(len(self.vertices))
+        self.areas = areas[self.vertices]
         self._sizes = space.dim, len(planes), len(self.vertices)
         self._room = (
             np.empty((2, len(planes) * len(self.vertices)), dtype=np.int64),
@@ -173,14 +171,6 @@ class HalfSpaceBarrier(Term):
             n = self.normals[found.plane]
             blocks = (weight * curvature)[:, None, None] * n[:, :, None] * n[:, None, :]
             into.add_diagonal(self.vertices[found.vertex], blocks)
-
-    def contact_stiffness(self, x: Positions, masses: np.ndarray, blocks: np.ndarray) -> np.ndarray:
-        """(k,) semi-implicit stiffness [N/m] of this rank's contacts (`stiffness.py`), from masses (n,) and
-        diagonal blocks (n, d, d) in the input's order.
-        """
-        found = self._contacts(x)
-        point, n = self.space.owned_points[self.vertices[found.vertex]], self.normals[found.plane]
-        return masses[point] / found.near**2 + np.einsum("ki,kij,kj->k", n, blocks[point], n)
 
     def max_step(
         self, x: Positions, direction: np.ndarray, until: float | None = None, gap_share: float = MIN_GAP_SHARE

@@ -24,7 +24,6 @@ class Primitives:
     objects : (n,) int
         Number of the body or obstacle of each vertex; bodies first.
     bodies : number of bodies
-    weighted : whether contacts weigh as much as their area; else each weighs as much as one
     rigid : (objects,) bool
         Objects that keep their shape. Their vertices and edges within flat parts are found by no search.
     owned : (n,) int8
@@ -51,7 +50,6 @@ class Primitives:
         facets: np.ndarray,
         objects: np.ndarray,
         bodies: int,
-        weighted: bool,
         rigid: np.ndarray,
         owned: np.ndarray,
     ):
@@ -67,13 +65,10 @@ class Primitives:
         self.lines, self.triangles = (self.edges, self.facets) if d == 3 else (self.facets, np.zeros((0, 3), np.int32))
         lengths = np.linalg.norm(vertices[self.lines[:, 1]] - vertices[self.lines[:, 0]], axis=1)
         self.edge_length = float(np.median(lengths)) if len(lengths) else 0.0
-        areas: np.ndarray = np.ones(n)
-        edge_areas: np.ndarray = np.ones(len(self.edges))
-        if weighted:
-            sizes = facet_sizes(vertices, self.facets)
-            areas = 0.5 * np.bincount(self.facets.ravel(), np.repeat(sizes / d, d), minlength=n)  # both sides count
-            beside = np.repeat(sizes[: len(facet_edges)] / 3.0, 3)
-            edge_areas = 0.5 * np.bincount(facet_edges.ravel(), beside, minlength=len(self.edges))
+        sizes = facet_sizes(vertices, self.facets)
+        areas = 0.5 * np.bincount(self.facets.ravel(), np.repeat(sizes / d, d), minlength=n)  # both sides count
+        beside = np.repeat(sizes[: len(facet_edges)] / 3.0, 3)
+        edge_areas = 0.5 * np.bincount(facet_edges.ravel(), beside, minlength=len(self.edges))
         # In a union a facet counts once; an edge and a vertex as often as is left to one after what contains them.
         edge_share = 1 - np.bincount(facet_edges.ravel(), minlength=len(self.edges))
         vertex_share = 1 - np.bincount(self.facets.ravel(), minlength=n)

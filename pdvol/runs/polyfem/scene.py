@@ -203,7 +203,7 @@ def _body(meshed: Meshed, materials: dict[int | None, Material], reading: Readin
 def _contact(contact: Section, solving: Section) -> tuple[Barrier | Friction, ...]:
     enabled, dhat = contact.flag("enabled", False), contact.number("dhat", 1e-3)
     mu, speed = contact.number("friction_coefficient", 0.0), contact.number("epsv", 1e-3)
-    convergent = contact.flag("use_convergent_formulation", False)
+    contact.flag("use_convergent_formulation", False)  # pdvol has this law alone
     for key in ("use_gcp_formulation", "periodic", "use_adaptive_dhat"):
         contact.only(key, (False,), "pdvol has no counterpart")
     adhesion = contact.section("adhesion")
@@ -215,7 +215,7 @@ def _contact(contact: Section, solving: Section) -> tuple[Barrier | Friction, ..
     contact.close()
     if not enabled:
         return ()
-    barrier = Barrier(dhat=dhat, law="convergent" if convergent else "classic")
+    barrier = Barrier(dhat=dhat)
     if mu <= 0.0 or lagged == 0:
         return (barrier,)
     return barrier, Friction(mu, eps_v=speed, iterations=lagged if lagged > 0 else MOST_LAGGED)

@@ -1,1 +1,0 @@
-"""How do the three contact laws compare at rest and in impacts?"""
