@@ -13,15 +13,17 @@ from pdvol.registry import METHODS
 from pdvol.runs.run_metrics import measure_run
 
 STEPS = 8
+STRICT = ("--set", "tolerance=1e-4")  # [m/s]: what is solved leaves little in the balance
 CASES = {
-    "progressive": (),
-    "direct": (),
+    "progressive": ("--method", "progressive"),
+    "direct": ("--method", "direct"),
     "consistency": ("--method", "progressive", "--set", "consistency=0.2"),
     "feedback": ("--method", "progressive", "--set", "feedback=0.2"),
     "feedback of all modes": ("--method", "progressive", "--set", "feedback=0.2", "--set", "feedback_modes=all"),
     "tracks": ("--method", "tracks", "--set", "weight=0.2"),
     "embedded": ("--method", "embedded", "--prolongation", "phong"),
 }
+CASES = {name: (*words, *STRICT) for name, words in CASES.items()}
 TIMING = ("seconds", "peak_memory_mb")
 
 # The second body lies beside the first, nearer than its coarse level's flat sides are to the round fine one: embedded,
@@ -44,7 +46,6 @@ def folder(tmp_path_factory):
     folder = tmp_path_factory.mktemp("methods")
     write(folder / "fall.py", FALL)
     for name, words in CASES.items():
-        words = words or ("--method", name)
         assert pdvol("run", folder / "fall.py", "--steps", STEPS, "--out", folder / name, *words) == 0
     return folder
 
