@@ -111,6 +111,12 @@ def facet_sizes(points: np.ndarray, facets: np.ndarray) -> np.ndarray:
     return np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1) / 2
 
 
+def boundary_areas(mesh: LevelMesh) -> np.ndarray:
+    """(n,) each vertex's share of the boundary at rest [m^(d-1)], zero inside."""
+    size = facet_sizes(mesh.points, mesh.boundary)
+    return np.bincount(mesh.boundary.ravel(), np.repeat(size / mesh.dim, mesh.dim), minlength=len(mesh.points))
+
+
 def boundary_facets(cells: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Facets that belong to one cell only, oriented outward, and that cell's index."""
     d = cells.shape[1] - 1

@@ -62,16 +62,14 @@ def contact_terms(
     frictions: list[Potential] = []
     planes, surfaces = (tuple(o for o in obstacles if (o.kind == "plane") == flat) for flat in (True, False))
     for contact in models:
-        if planes:
-            from pdvol.potentials.contact.planes import HalfSpaceBarrier, HalfSpaceFriction
+        from pdvol.potentials.contact.barrier import HalfSpaceBarrier, SurfaceBarrier
+        from pdvol.potentials.contact.collision_surface import CollisionSurface
+        from pdvol.potentials.contact.friction import HalfSpaceFriction, SurfaceFriction
 
+        if planes:
             half_spaces = HalfSpaceBarrier(space, planes, contact.dhat, contact.kappa, clocks)
             contacts.append(half_spaces)
             frictions += [HalfSpaceFriction(half_spaces, f.mu_planes, f.eps_v) for f in contact.friction]
-        from pdvol.potentials.contact.barrier import SurfaceBarrier
-        from pdvol.potentials.contact.collision_surface import CollisionSurface
-        from pdvol.potentials.contact.friction import SurfaceFriction
-
         surface = CollisionSurface(space, surfaces, contact.dhat, contact.ccd, clocks)
         barrier = SurfaceBarrier(surface, contact.kappa)
         contacts.append(barrier)

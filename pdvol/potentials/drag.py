@@ -13,10 +13,10 @@ from collections.abc import Callable
 
 import numpy as np
 
+from pdvol.geometry.level_mesh import boundary_areas
 from pdvol.levels.space import LevelSpace
 from pdvol.parallel import reduce
 from pdvol.potentials.assembly.hessian_blocks import HessianBlocks
-from pdvol.potentials.contact.planes import boundary_areas
 from pdvol.potentials.potential import Positions, Term
 
 

@@ -23,8 +23,7 @@ from pdvol.levels.space import LevelSpace
 from pdvol.parallel import on_root
 from pdvol.potentials.assembly.hessian_blocks import BlockPattern, HessianBlocks
 from pdvol.potentials.build import contact_terms
-from pdvol.potentials.contact.barrier import SurfaceBarrier
-from pdvol.potentials.contact.planes import HalfSpaceBarrier
+from pdvol.potentials.contact.barrier import HalfSpaceBarrier, SurfaceBarrier
 from pdvol.potentials.potential import Positions
 from pdvol.scene import Barrier, Deforming, Friction, Obstructing, Plane, Rigid, metres
 from pdvol.scene.checks import finite, positive

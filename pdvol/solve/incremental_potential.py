@@ -13,7 +13,7 @@ from pdvol.levels.space import LevelSpace
 from pdvol.parallel import reduce
 from pdvol.potentials.assembly.hessian_blocks import HessianBlocks
 from pdvol.potentials.build import Terms
-from pdvol.potentials.contact.lagged_friction import LaggedFriction
+from pdvol.potentials.contact.friction import LaggedFriction
 from pdvol.potentials.potential import MIN_GAP_SHARE, Positions, Potential
 from pdvol.solve.report import Stopwatch
 

@@ -9,7 +9,6 @@ from pdvol.cli import run
 from pdvol.levels.space import LevelSpace
 from pdvol.potentials.build import build_terms
 from pdvol.potentials.contact import friction
-from pdvol.potentials.contact import planes as half_space
 from pdvol.scene import Barrier, Flow, Friction, Gravity, Impulse, NeoHookean, Plane
 from problems import make_model, make_scene
 from shapes import box, together
@@ -98,7 +97,7 @@ def terms(*contact, loads=(), damping=0.0):
 
 
 def test_no_friction_builds_no_tangential_sets(monkeypatch):
-    for kind in (friction.SurfaceFriction, half_space.HalfSpaceFriction):
+    for kind in (friction.SurfaceFriction, friction.HalfSpaceFriction):
         monkeypatch.setattr(kind, "__init__", lambda *_: pytest.fail("tangential"))
     assert terms(Barrier()) == ["elastic", "barrier", "barrier"]
     with pytest.raises(pytest.fail.Exception):

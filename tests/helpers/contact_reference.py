@@ -4,10 +4,10 @@ import ipctk
 import numpy as np
 from mpi4py import MPI
 
+import barrier_law
 from pdvol.geometry.level_mesh import facet_sizes
 from pdvol.levels.obstacles import Obstacle
 from pdvol.levels.space import LevelSpace
-from pdvol.potentials.contact import barrier_law
 from pdvol.potentials.contact.barrier import SurfaceBarrier
 from pdvol.potentials.contact.collision_surface import CollisionSurface
 from pdvol.potentials.potential import Positions

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from pdvol.potentials.contact import barrier_law
-from pdvol.potentials.contact.planes import boundary_areas
+import barrier_law
+from pdvol.geometry.level_mesh import boundary_areas
 from pdvol.scene import Barrier, Gravity, NeoHookean, Plane, Solver
 from problems import block, make_scene, make_stepper, take_step
 

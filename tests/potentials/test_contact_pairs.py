@@ -4,6 +4,7 @@ import ipctk
 import numpy as np
 import pytest
 
+import barrier_law
 from contact_reference import (
     DHAT,
     KAPPA,
@@ -17,7 +18,6 @@ from contact_reference import (
 )
 from pdvol.geometry.level_mesh import facet_sizes
 from pdvol.potentials.assembly.hessian_blocks import BlockPattern, HessianBlocks
-from pdvol.potentials.contact import barrier_law
 from pdvol.potentials.contact.barrier import SurfaceBarrier
 from pdvol.potentials.contact.friction import SurfaceFriction
 from pdvol.potentials.potential import Positions

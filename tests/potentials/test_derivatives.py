@@ -9,10 +9,9 @@ from contact_reference import mesh_of
 from pdvol.levels.obstacles import plane_obstacle
 from pdvol.levels.space import LevelSpace
 from pdvol.potentials.build import Terms
-from pdvol.potentials.contact.barrier import SurfaceBarrier
+from pdvol.potentials.contact.barrier import HalfSpaceBarrier, SurfaceBarrier
 from pdvol.potentials.contact.collision_surface import CollisionSurface, Obstacle
-from pdvol.potentials.contact.friction import SurfaceFriction
-from pdvol.potentials.contact.planes import HalfSpaceBarrier, HalfSpaceFriction
+from pdvol.potentials.contact.friction import HalfSpaceFriction, SurfaceFriction
 from pdvol.potentials.loads import assemble_mass, gravity_load
 from pdvol.potentials.potential import Positions
 from pdvol.scene import FixedCorotational, NeoHookean, Plane, Still, StVenantKirchhoff, Translation

@@ -11,7 +11,7 @@ from pdvol import meshes
 from pdvol.levels.obstacles import Obstacle
 from pdvol.measure.verify import crossings
 from pdvol.potentials.contact.barrier import SurfaceBarrier
-from pdvol.potentials.contact.flat import flat_parts
+from pdvol.potentials.contact.surface import flat_parts
 from pdvol.potentials.potential import Positions
 from pdvol.scene import Path, Rotation, Sequential, Still, Translation
 from shapes import box, level

@@ -7,8 +7,7 @@ import pytest
 from test_derivatives import DHAT, DT, EPS_V, MU, near_surfaces
 
 from pdvol.potentials.assembly.hessian_blocks import BlockPattern, HessianBlocks
-from pdvol.potentials.contact.friction import SurfaceFriction
-from pdvol.potentials.contact.lagged_friction import AS_IT_IS, SLIDES, STICKS, Prediction
+from pdvol.potentials.contact.friction import AS_IT_IS, SLIDES, STICKS, Prediction, SurfaceFriction
 from pdvol.potentials.potential import Positions
 
 EPS = EPS_V * DT

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from test_derivatives import DT, EPS_V, MU, half_space, near_plane, near_surfaces, spaces  # noqa: F401
 
-from pdvol.potentials.contact.friction import SurfaceFriction
-from pdvol.potentials.contact.lagged_friction import AS_IT_IS, SLIDES, STICKS
+from pdvol.potentials.contact.friction import AS_IT_IS, SLIDES, STICKS, SurfaceFriction
 from pdvol.potentials.potential import Positions
 from pdvol.scene import Barrier, Friction, Gravity, NeoHookean, Plane, Solver
 from pdvol.solve import newton as newton_module

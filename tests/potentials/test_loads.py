@@ -6,9 +6,9 @@ import pytest
 from mpi4py import MPI
 
 from pdvol.errors import InputError
+from pdvol.geometry.level_mesh import boundary_areas
 from pdvol.levels.scene_fields import check_fields
 from pdvol.levels.space import LevelSpace
-from pdvol.potentials.contact.planes import boundary_areas
 from pdvol.potentials.drag import Drag
 from pdvol.potentials.loads import point_shares
 from pdvol.potentials.potential import Positions

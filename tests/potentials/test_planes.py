@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 
+import barrier_law
 from pdvol.levels.obstacles import plane_obstacle
 from pdvol.levels.space import LevelSpace
-from pdvol.potentials.contact import barrier_law
-from pdvol.potentials.contact.planes import HalfSpaceBarrier
+from pdvol.potentials.contact.barrier import HalfSpaceBarrier
 from pdvol.potentials.potential import LastStates, Positions
 from pdvol.scene import NeoHookean, Plane, Translation
 from problems import elastic

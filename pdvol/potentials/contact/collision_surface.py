@@ -13,10 +13,9 @@ from pdvol.levels.clocks import Clocks
 from pdvol.levels.obstacles import Obstacle
 from pdvol.levels.space import LevelSpace
 from pdvol.potentials.assembly.hessian_blocks import HessianBlocks
-from pdvol.potentials.contact.candidates import PairList
+from pdvol.potentials.contact.candidates import PairList, Stencils
 from pdvol.potentials.contact.native import ffi, library
-from pdvol.potentials.contact.primitives import Primitives
-from pdvol.potentials.contact.stencils import Stencils
+from pdvol.potentials.contact.surface import Primitives
 from pdvol.potentials.potential import MIN_GAP_SHARE, Positions
 
 

@@ -33,6 +33,17 @@ double barrier_sum(int d, const contacts_t *all, double dhat, double kappa, doub
     return total;
 }
 
+/* The pressure of each contact: minus the law's derivative by the gap. */
+void contact_pressures(int d, const contacts_t *all, double dhat, double kappa, double *pressures)
+{
+    for (int64_t k = 0; k < all->count; ++k) {
+        const double squared = dot(d, all->gaps + d * k, all->gaps + d * k);
+        double slope, second;
+        law(squared, dhat, kappa, &slope, &second);
+        pressures[k] = -2.0 * sqrt(squared) * slope;
+    }
+}
+
 /* Blocks being found of vertices that have rows (`rows`, -1: none), on or right of the diagonal, in the rows from `first` to before `last`;
  * of two vertices of which another rank has one, also left of it. */
 typedef struct {

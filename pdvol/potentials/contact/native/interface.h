@@ -50,6 +50,7 @@ double longest_step(const surface_t *s, const double *x, const double *y, double
                     const pairs_t *pairs, double step);
 int active_pairs(const surface_t *s, const double *x, double dhat, int n, pairs_t *const *lists, const contacts_t *to,
                  int64_t *counts);
+void contact_pressures(int d, const contacts_t *all, double dhat, double kappa, double *pressures);
 double barrier_sum(int d, const contacts_t *all, double dhat, double kappa, double *gradient);
 int64_t tensor_blocks(int d, const contacts_t *all, const double *tensors, const int64_t *rows, int64_t first,
                       int64_t last, int64_t *out_rows, int64_t *out_columns, double *blocks);
