@@ -127,7 +127,6 @@ class LevelModel:
     integrator : its name in the registry
     solver : settings; its tolerance is in m/s
     dt, steps : time step [s], number of steps
-    diagonal : of the smallest free body [m]
     """
 
     level: int
@@ -149,7 +148,6 @@ class LevelModel:
     solver: Solver
     dt: float
     steps: int
-    diagonal: float
 
     @property
     def free(self) -> np.ndarray:
@@ -224,7 +222,6 @@ def level_model(
         solver=replace(scene.solver, tolerance=metres(scene.solver.tolerance, diagonal)),
         dt=scene.dt,
         steps=scene.steps,
-        diagonal=diagonal,
     )
 
 
