@@ -28,7 +28,6 @@ class Replay:
         self._clocks, self._names = Clocks(), names_of((), model.obstacles)
         built = build_terms(model, space, guides, self._clocks)
         self.space, self.dt, self.mass, self.terms = space, model.dt, built.mass, built.potentials
-        self.barriers = built.contacts
         self.contacts = tuple(term for term in self.terms if term.name in ("barrier", "friction"))
 
     def put(
@@ -36,7 +35,6 @@ class Replay:
         step: int,
         start: np.ndarray,
         end: np.ndarray,
-        kappa: float | None = None,
         behind: tuple[float, float] = (0.0, 0.0),
         joined: int = 1,
         memory: Mapping[str, Mapping] | None = None,
@@ -48,7 +46,6 @@ class Replay:
         ----------
         step : its number; 0 stands for the initial state, where nothing slides
         start, end : (n, d) positions [m] in the input's order
-        kappa : the barrier's stiffness in that step, where it was logged: some laws choose it step by step
         behind : [s] how far obstacles were behind the time at the step's start and end
         joined : how many steps were solved as this one, which began where the first of them did
         memory : `terms` of the log's record of the step before, where there is one
@@ -61,9 +58,6 @@ class Replay:
         start_lags, end_lags = (lags_of(b, each, self._names) for b, each in zip(behind, late, strict=True))
         all_late = min(start_lags.values(), default=0.0)
         self._clocks.begin(t0 - all_late, step * self.dt, {mover: lag - all_late for mover, lag in start_lags.items()})
-        if kappa is not None:
-            for barrier in self.barriers:
-                barrier.kappa = kappa
         # All terms begin before any moves on: friction lags on barriers that are still where the step begins.
         for term in self.terms:
             shift = all_late if id(term) in late_ones else 0.0

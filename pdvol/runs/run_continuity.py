@@ -12,7 +12,6 @@ from pdvol.levels.model import LevelModel, hierarchy_model
 from pdvol.levels.obstacles import Obstacle
 from pdvol.measure import metrics
 from pdvol.potentials.consistency import Consistency, Guide
-from pdvol.runs.stored_fields import stored_stiffness
 from pdvol.scene import Scene
 from pdvol.stages import say
 from pdvol.store.reader import Run, RunLevel
@@ -35,16 +34,16 @@ class Forces:
         self._replay = Replay(model, hierarchy[model.level], guides)
 
     def pull(
-        self, number: int, now: np.ndarray, after: np.ndarray, kappa: float | None, memory: Mapping | None = None
+        self, number: int, now: np.ndarray, after: np.ndarray, memory: Mapping | None = None
     ) -> tuple[np.ndarray, np.ndarray]:
         """dt^2 M^-1 grad F(after) [m], shape (n, d), in the step `number` (from 1) that begins at `now`; and the
         guides' part of it, which F does not contain. NaN where `after` is not admissible (inverted cells).
 
-        Friction is lagged at `now`, as the first of its iterations is; `kappa` is the barrier's stiffness in that step,
-        where it was logged, and `memory` what the step before has left to the terms.
+        Friction is lagged at `now`, as the first of its iterations is; `memory` is what the step before has left to the
+        terms.
         """
         replay = self._replay
-        end = replay.put(number, now, after, kappa, memory=memory)
+        end = replay.put(number, now, after, memory=memory)
         if not np.isfinite(sum(term.value(end) for term in replay.terms)):
             return np.full_like(after, np.nan), np.full_like(after, np.nan)
         pulls = []
@@ -75,7 +74,7 @@ def continuity_of_level(
     }  # these steps start from obstacles that were held back
     joined = {r["step"] for r in level.log if r.get("joined", 1) != 1}
     special |= joined | {number + 1 for number in joined}  # steps of other lengths, and those that follow them
-    values, errors, kappas, masses = [], [], stored_stiffness(level), np.where(forces.free, masses, 0.0)
+    values, errors, masses = [], [], np.where(forces.free, masses, 0.0)
     memories = {r["step"]: r["terms"] for r in level.log if r.get("terms")}
     crossing = {r["step"] for r in level.log if r.get("intersections", 0)}
     for number in range(1, level.steps):
@@ -85,7 +84,7 @@ def continuity_of_level(
             errors.append(float("nan"))
             continue
         before, now, after = three_states(level, number, run.dt)
-        pull, guided = forces.pull(number, now, after, kappas.get(number), memories.get(number - 1))
+        pull, guided = forces.pull(number, now, after, memories.get(number - 1))
         errors.append(metrics.continuity_error(before, now, after, pull, masses))
         if taken == "none" or number in special:
             values.append(float("nan"))

@@ -20,7 +20,7 @@ from pdvol.scene import Scene
 from pdvol.scene.fingerprint import differences
 from pdvol.store.densities import described_densities
 from pdvol.store.folder import require_scene
-from pdvol.store.reader import Run, RunLevel
+from pdvol.store.reader import Run
 
 
 class SceneFields:
@@ -39,7 +39,7 @@ class SceneFields:
         else:
             hierarchy = Hierarchy([stored.mesh for stored in run.levels[: level + 1]], MPI.COMM_SELF)
             space, model = hierarchy[level], hierarchy_model(scene, hierarchy, level, diagonal, obstacles)
-        self._replay, self._kappas = Replay(model, space), stored_stiffness(self.level)
+        self._replay = Replay(model, space)
         self._elastic = [term for term in self._replay.terms if isinstance(term, Elastic)]
         self._stresses = [CauchyStress(term) for term in self._elastic]
 
@@ -51,7 +51,6 @@ class SceneFields:
             step,
             self.level.positions(before),
             self.level.positions(step),
-            self._kappas.get(max(step, 1)),
             (self.level.behind(before), self.level.behind(step)),
             joined,
             late=(self.level.late(before), self.level.late(step)),
@@ -82,11 +81,6 @@ class SceneFields:
                 points={"contact_force": self.contact_force(step)} if self._replay.contacts else {},
                 cells={"von_mises": self.von_mises(step)},
             )
-
-
-def stored_stiffness(level: RunLevel) -> dict[int, float]:
-    """The barrier's stiffness in each step, as logged: some laws choose it from data that are not stored."""
-    return {record["step"]: record["kappa"] for record in level.log if record.get("kappa")}
 
 
 def stored_scene(run: Run) -> tuple[Scene, tuple[Obstacle, ...]]:

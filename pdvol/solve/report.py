@@ -143,7 +143,7 @@ class StepReport:
     positions : (n, d) [m], in the input's vertex order, on every rank
     friction_iterations : solves with friction lagged anew, over all parts of a step that was cut
     friction_residual : change of the friction forces at the end if they were lagged anew there, relative to them
-    kappa : stiffness of the barrier: [Pa], or [N] per contact where its law is not the convergent one
+    kappa : stiffness of the barrier [Pa]
     reached : share of the step's scripted motion that was carried out, at least
     joined : how many steps were solved as one: more than 1 after steps at rest, 0 in a step at rest
     rest : what the next step needs to know about rest (`Rest.memory`)

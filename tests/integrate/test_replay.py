@@ -41,7 +41,7 @@ def replay_of(scene, mesh, geometry):
 
 
 def replayed(replay, report, start, behind, late=({}, {})):
-    end = replay.put(report.step, start, report.positions, report.kappa, behind, late=late)
+    end = replay.put(report.step, start, report.positions, behind, late=late)
     return replay.space.to_input(replay.force(end, replay.contacts))
 
 
