@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pdvol.levels.obstacles import Obstacle
+from pdvol.levels.obstacles import plane_obstacle
 from pdvol.scene import (
     Barrier,
     Friction,
@@ -96,8 +96,6 @@ def test_the_motion_is_the_same(alone, d, frame):
 def test_a_planes_pose_is_its_motion():
     """Of a plane, for points anywhere."""
     move = Sequential((Rotation(0.7, (1.0, 2.0, 3.0), AXIS), Translation((0.1, 0.2, 0.3))))
-    from pdvol.levels.obstacles import plane_obstacle
-
-    plane: Obstacle = plane_obstacle(Plane((4.0, 5.0, 6.0), (1.0, 1.0, 0.2), move))
+    plane = plane_obstacle(Plane((4.0, 5.0, 6.0), (1.0, 1.0, 0.2), move))
     points = np.random.default_rng(0).uniform(-1, 1, (5, 3))
     np.testing.assert_allclose(plane.pose(1.3)(points), move(points, 1.3), rtol=0.0, atol=1e-13)

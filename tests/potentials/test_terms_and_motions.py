@@ -120,7 +120,7 @@ class Built:
 
     Attributes
     ----------
-    terms : by name
+    terms : by name, of which there is one but for loads
     along : (n, d) [m] where everything goes along with the obstacles
     x : (n, d) [m] some slips away from there
     """
@@ -163,10 +163,6 @@ class Built:
         for term in terms:
             self.terms.setdefault(KINDS.get(type(term).__name__, term.name), []).append(term)
 
-    def each(self, name):
-        """The terms of a name, of which there is one but for loads."""
-        return self.terms[name]
-
 
 built = cache(Built)
 
@@ -180,7 +176,7 @@ def test_exact_derivatives_and_projected_signs(d, motion):
     for name, (length, options) in TERMS.items():
         if motion != "none" and name not in WITH_OBSTACLES:
             continue  # nothing in these depends on obstacles
-        for term in at.each(name):
+        for term in at.terms[name]:
             try:
                 if name == "pressure":
                     options = {"quadratic": d == 2}  # an area is quadratic, a volume is not
@@ -196,7 +192,7 @@ def test_exact_derivatives_and_projected_signs(d, motion):
 @pytest.mark.parametrize("d", DIMENSIONS)
 def test_other_laws(d, law):
     at = Built(d, "none", law)
-    (term,) = at.each("elastic")
+    (term,) = at.terms["elastic"]
     check_term(term, at.space, at.x, 1e-2)
     rows = hessian_of(term, at.space, at.x).toarray()
     assert smallest_eigenvalue(rows) >= -ROUND * np.abs(rows).max()
@@ -210,7 +206,7 @@ def test_what_goes_along_feels_no_friction(d, kind, motion):
     Sliding by ten times the smoothed slip they feel mu times the normal force, against the slip.
     """
     at = built(d, motion)
-    (friction,), (barrier,) = at.each(f"{kind} friction"), at.each(f"{kind} barrier")
+    (friction,), (barrier,) = at.terms[f"{kind} friction"], at.terms[f"{kind} barrier"]
     sliding = np.abs(friction.forces).max()
     assert barrier.count(Positions(at.space, at.along)) > 1 and sliding > 0.0
     assert np.abs(friction.gradient(Positions(at.space, at.along))).max() < 0.1 * sliding
@@ -227,5 +223,5 @@ def test_the_pit_has_contacts_that_weigh_negatively(d):
     """The corner of the property's scene: its contacts in a concave corner are counted more than once, and taken off
     again.
     """
-    (friction,) = built(d, "none").each("surface friction")
+    (friction,) = built(d, "none").terms["surface friction"]
     assert friction.forces.min() < 0.0 < friction.forces.max()
