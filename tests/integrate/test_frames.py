@@ -99,3 +99,29 @@ def test_a_planes_pose_is_its_motion():
     plane = plane_obstacle(Plane((4.0, 5.0, 6.0), (1.0, 1.0, 0.2), move))
     points = np.random.default_rng(0).uniform(-1, 1, (5, 3))
     np.testing.assert_allclose(plane.pose(1.3)(points), move(points, 1.3), rtol=0.0, atol=1e-13)
+
+
+def pressed(drift):
+    """A block whose top is pressed onto a floor, further than it can go, in a lift that moves by `drift` [m/s]."""
+    lift = Translation((0.0, drift))
+    scene = make_scene(
+        (SOFT,),
+        dt=DT,
+        supports=(Support(lambda X: X[:, 1] > 0.19, motion=Sequential((Translation((0.0, -2.0)), lift))),),
+        obstacles=(Plane((0.0, 0.0), (0.0, 1.0), lift, name="floor"),),
+        contact=(Barrier(dhat=DHAT),),
+        solver=Solver(tolerance=1e-6, linear="direct"),
+    )
+    mesh = block((0.0, 0.6 * DHAT), (0.2, 0.2), 2)
+    problem = make_stepper(scene, mesh)
+    x, v = mesh.points, np.zeros_like(mesh.points) + (0.0, drift)
+    for number in range(1, 16):
+        report = take_step(problem, number, x, v)
+        v, x = (report.positions - x) / DT, report.positions
+    assert report.behind > 0.0
+    return x - (0.0, drift * report.time)
+
+
+@pytest.mark.xfail(strict=True, reason="a clock stops with respect to the origin: issue 38, defect 12")
+def test_what_contact_holds_back_waits_on_the_floor_of_a_lift():
+    np.testing.assert_allclose(pressed(0.5), pressed(0.0), rtol=0.0, atol=0.01)
