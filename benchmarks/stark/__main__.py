@@ -8,8 +8,8 @@ time step, contact distance and stop criterion. Seconds are CPU seconds (user an
 start-up, storage and the first step, so that other work on the machine hardly counts. They are divided by the tick,
 the time of a fixed loop between the steps: a core of a shared host runs at its best or at half of that.
 
-The table is written between the markers of docs/peers.md; rows that are not run again stay. The exit code is 0 when
-every run came to its end, 1 otherwise, and 2 for a wrong command line.
+The table is written between the markers of docs/benchmarks.md; rows that are not run again stay. The exit code is 0
+when every run came to its end, 1 otherwise, and 2 for a wrong command line.
 """
 
 import argparse
@@ -75,7 +75,8 @@ def parsed(words: list[str] | None) -> argparse.Namespace:
     add("--steps", type=int, help="so many steps at most, instead of each row's own")
     add("--peers", type=Path, default=shared, metavar="DIR", help="the peers' meshes")
     add("--out", type=Path, default=REPOSITORY / "runs" / "stark", metavar="DIR", help="for stark.json, the records")
-    add("--docs", type=Path, default=REPOSITORY / "docs" / "peers.md", metavar="FILE", help="where the table is kept")
+    page = REPOSITORY / "docs" / "benchmarks.md"
+    add("--docs", type=Path, default=page, metavar="FILE", help="where the table is kept")
     return parser.parse_args(words)
 
 

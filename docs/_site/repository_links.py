@@ -29,6 +29,8 @@ class SourceLinks(SphinxTransform):
         for node in list(self.document.findall(lambda node: isinstance(node, links))):
             target = node.get("reftarget", "").partition("#")[0]
             path = (docs / self.env.docname).parent / target
+            if not path.exists():
+                path = path.with_name(f"{path.name}.md")  # MyST takes the ending off
             if not target or not path.exists() or path.resolve().is_relative_to(docs):
                 continue
             place = path.resolve().relative_to(docs.parent).as_posix()

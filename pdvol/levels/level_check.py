@@ -19,7 +19,7 @@ COARSE_TURN = 0.5
 """Turn [rad] in a step from which on time stepping stretches a body visibly: by (1 + turn^2)^(1/2)."""
 DAMPING_POWERS = {"implicit_euler": 2, "bdf2": 4}
 """Powers p of the turn [rad] in a step: a rigid body that turns freely keeps (1 + 2 n turn^p)^(-1/p) of its spin over
-n steps (docs/extremes.md derives it)."""
+n steps (docs/benchmarks.md, a spin)."""
 LOST_SPIN = 0.1
 """Share of a spin: more of it lost to time stepping alone within a shot shows."""
 

@@ -2,7 +2,7 @@
 
 The cost of a level is estimated from level 0. The beginning of level 0 is simulated for some seconds without storing
 anything, and its seconds a step are multiplied by ((n + A) / (n_0 + A))^1.05 for a level of n vertices. This is how the
-cost of a Newton iteration grows from 4,000 to 100,000 vertices (docs/peers.md); A vertices stand for the cost that
+cost of a Newton iteration grows from 4,000 to 100,000 vertices (docs/benchmarks.md); A vertices stand for the cost that
 does not depend on the size. Every level is assumed to need as many iterations a step as level 0. Meshing and start-up
 are not counted.
 """

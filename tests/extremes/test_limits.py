@@ -1,4 +1,4 @@
-"""Named limits of the envelope: each statement of docs/extremes.md about them is measured."""
+"""Named limits of the envelope: each statement of benchmarks/extremes/NOTES.md about them is measured."""
 
 import numpy as np
 import pytest

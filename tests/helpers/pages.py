@@ -46,10 +46,11 @@ class Block:
 
 
 def all_pages(root: Path) -> list[Path]:
-    """README, CONTRIBUTING, CHANGELOG and docs of the repository in `root`."""
+    """README, CONTRIBUTING, CHANGELOG, docs and the studies' notes of the repository in `root`."""
     return [
         *(root / f"{name}.md" for name in ("README", "CONTRIBUTING", "CHANGELOG")),
         *sorted((root / "docs").rglob("*.md")),
+        *sorted((root / "benchmarks").rglob("*.md")),
     ]
 
 

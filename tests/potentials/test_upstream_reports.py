@@ -3,7 +3,7 @@
 import re
 from pathlib import Path
 
-REPORTS = Path(__file__).resolve().parents[2] / "docs" / "upstream"
+REPORTS = Path(__file__).resolve().parents[2] / "benchmarks" / "ipctk_reports"
 
 
 def example(name):
@@ -15,12 +15,12 @@ def example(name):
 
 def test_edges_that_run_in_opposite_directions_lose_a_part():
     """When this fails because the first jump is gone, `CollisionSurface` need not turn edges any longer."""
-    jump = example("ipctk_edge_edge_parts")["largest_jump"]
+    jump = example("edge_edge_parts")["largest_jump"]
     assert jump([3, 4])[0] > 0.1
     assert jump([4, 3])[0] < 1e-6
 
 
 def test_reading_pairs_one_by_one_is_slower_than_making_them():
-    names = example("ipctk_bulk_access")
+    names = example("bulk_access")
     assert len(names["collisions"]) > 10_000
     assert names["ms_read"] > names["ms_gradient"]
