@@ -10,9 +10,9 @@ half of that. Rows on two ranks are timed by the wall clock instead, and need a 
 
 The old commit's records are kept in the user's cache folder by commit and processor, and not measured again without
 --again. It is needed after a change of a scene, and where the ticks of both differ by more than a tenth. The tables are
-written between the markers of NOTES.md beside this file; rows that are not run again stay. The exit code is 0 when every
-run of the new code came to its end or its time limit and `pdvol verify`'s check finds no wrong state, 1 otherwise, and
-2 for a wrong command line.
+written between the markers of NOTES.md beside this file; rows that are not run again stay. The exit code is 0 when
+every run of the new code came to its end or its time limit and `pdvol verify`'s check finds no wrong state, 1
+otherwise, and 2 for a wrong command line.
 """
 
 import argparse
