@@ -3,7 +3,7 @@
     ./run python -m benchmarks.fronts [spike,drop,...] [--budget 4] [--out runs/fronts] [--write]
 
 Finished runs in `--out` are used again, so that a study that was stopped goes on. `--write` puts the table between the
-marks of docs/study.md, and the fronts into docs/pictures.
+marks of NOTES.md beside this file, and the fronts into docs/pictures.
 """
 
 import json
@@ -19,7 +19,7 @@ from pdvol.explore.study.conclusions import length, option_text
 from pdvol.explore.study.front import cheapest_within
 from pdvol.explore.study.page import front_image
 
-PAGE = REPOSITORY / "docs" / "study.md"
+PAGE = Path(__file__).parent / "NOTES.md"
 BEGIN, END = "<!-- fronts: begin -->", "<!-- fronts: end -->"
 SCENES: dict[str, tuple[str, tuple[str, ...]]] = {
     "spike": ("demos/ball_on_spike.py", ()),
@@ -53,7 +53,7 @@ def main(words: Sequence[str] | None = None) -> int:
     parser.add_argument("--budget", default="4", help="minutes a scene")
     parser.add_argument("--jobs", default="", help="runs at a time")
     parser.add_argument("--out", type=Path, default=Path("runs/fronts"))
-    parser.add_argument("--write", action="store_true", help="put the table and the fronts into docs")
+    parser.add_argument("--write", action="store_true", help="put the table and the fronts into their pages")
     parser.add_argument("--dry", action="store_true", help="no runs: what is stored in --out")
     options = parser.parse_args(words)
     names = options.scenes.split(",") if options.scenes else list(SCENES)
