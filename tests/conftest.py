@@ -5,6 +5,7 @@ from contextlib import contextmanager
 
 import pytest
 
+import on_ranks
 import runs
 from browser import Tab, chromium
 
@@ -42,6 +43,13 @@ def quiet_stages():
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(stage_lines, "SHOWN_SECONDS", float("inf"))
         yield
+
+
+@pytest.fixture(scope="session", autouse=True)
+def waiting_ranks():
+    """Ranks that wait for calls end with the session."""
+    yield
+    on_ranks.end_all()
 
 
 @pytest.fixture(scope="session")
