@@ -16,6 +16,7 @@ from pdvol.levels.space import LevelSpace
 from pdvol.potentials.assembly.hessian_blocks import BlockCsr
 from pdvol.potentials.assembly.native import pointer
 from pdvol.solve.linear import native
+from pdvol.solve.linear.system_matrix import pointers
 
 # coarse vertices over the square root of the level's: with twice as many the factor costs what iterations save, and
 # with half as many heaps of bodies lose the rotations of each
@@ -128,8 +129,8 @@ class CoarseSpace:
             A of this rank's rows, as `HessianBlocks.merged` gives it.
         """
         d, comm, library = self.space.dim, self.space.comm, native.library()
-        starts, columns, blocks = rows
-        matrix = (self.space.n_owned, self.space.first_block, pointer(starts, "int32_t"), pointer(columns, "int32_t"))
+        starts, columns, blocks = pointers(rows)
+        matrix = (self.space.n_owned, self.space.first_block, starts, columns)
         P = (pointer(self.starts, "int32_t"), pointer(self.columns, "int32_t"))
         firsts = np.arange(self.size, dtype=np.int32)
         library.coarse_firsts(*matrix, *P, pointer(firsts, "int32_t"))
@@ -138,7 +139,7 @@ class CoarseSpace:
         self.begins = np.concatenate([[0], np.cumsum(lengths)])
         self.factor = np.zeros(self.begins[-1])
         weights, begins = pointer(self.weights), pointer(self.begins, "int64_t")
-        if library.coarse_operator(d, *matrix, pointer(blocks), *P, weights, self.size, begins, pointer(self.factor)):
+        if library.coarse_operator(d, *matrix, blocks, *P, weights, self.size, begins, pointer(self.factor)):
             raise MemoryError("no memory left for the coarse system")
         if comm.size > 1:
             comm.Allreduce(MPI.IN_PLACE, self.factor, op=MPI.SUM)

@@ -28,9 +28,9 @@ int coarse_operator(int d, int64_t rows, int64_t first, const int32_t *starts, c
                     const double *blocks, const int32_t *p_starts, const int32_t *p_columns, const double *p_weights,
                     int64_t nodes, const int64_t *begins, double *out);
 int coarse_cholesky(int64_t n, const int64_t *begins, double shift, double *L);
-int64_t split_rows(int d, int64_t rows, int64_t first, const int32_t *starts, const int32_t *columns,
-                   const double *blocks, int32_t *own_starts, int32_t *own_columns, double *own_blocks,
-                   int32_t *far_starts, int32_t *far_columns, double *far_blocks);
+void split_rows(int d, int64_t rows, int64_t first, const int32_t *starts, const int32_t *columns,
+                const double *blocks, int32_t *own_starts, int32_t *own_columns, double *own_blocks,
+                int32_t *far_starts, int32_t *far_columns, double *far_blocks);
 int symmetric_product(const linear_system *system, const double *x, double *far, double *y);
 int conjugate_gradients(const linear_system *system, const double *right, const double *start, double tolerance,
                         int32_t most, double *far, double *solution, int32_t *iterations);

@@ -2,8 +2,9 @@
 #include "linear.h"
 #include <string.h>
 
-INLINE int64_t split(int d, int64_t rows, int64_t first, const int32_t *starts, const int32_t *columns, const double *blocks, int32_t *own_starts,
-                     int32_t *own_columns, double *own_blocks, int32_t *far_starts, int32_t *far_columns, double *far_blocks)
+/* Block CSR with ascending columns each; columns of the second part are global. */
+void split_rows(int d, int64_t rows, int64_t first, const int32_t *starts, const int32_t *columns, const double *blocks, int32_t *own_starts,
+                int32_t *own_columns, double *own_blocks, int32_t *far_starts, int32_t *far_columns, double *far_blocks)
 {
     const int dd = d * d;
     int64_t own = 0, far = 0;
@@ -20,13 +21,4 @@ INLINE int64_t split(int d, int64_t rows, int64_t first, const int32_t *starts, 
         }
     }
     own_starts[rows] = own, far_starts[rows] = far;
-    return far;
-}
-
-/* Block CSR with ascending columns each; columns of the second part are global. Returns how many blocks the second part has. */
-int64_t split_rows(int d, int64_t rows, int64_t first, const int32_t *starts, const int32_t *columns, const double *blocks, int32_t *own_starts,
-                   int32_t *own_columns, double *own_blocks, int32_t *far_starts, int32_t *far_columns, double *far_blocks)
-{
-    return d == 3 ? split(3, rows, first, starts, columns, blocks, own_starts, own_columns, own_blocks, far_starts, far_columns, far_blocks)
-                  : split(2, rows, first, starts, columns, blocks, own_starts, own_columns, own_blocks, far_starts, far_columns, far_blocks);
 }
