@@ -8,9 +8,9 @@ import numpy as np
 
 import pdvol
 from pdvol import Barrier, Body, Flow, Friction, Gravity, NeoHookean, Placement, Plane, Rigid, Scene, Support, meshes
-from pdvol.explore.wedge.scored_body import at_level
-from pdvol.explore.wedge.scores import quiet, upright
 from pdvol.runs.run_metrics import motion_from_level_0
+from pdvol.studio.wedge.scored_body import at_level
+from pdvol.studio.wedge.scores import quiet, upright
 
 LENGTH = 0.36  # m, of a leaf sheep
 HEIGHT = 0.6  # m, of the plant

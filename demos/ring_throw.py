@@ -11,8 +11,8 @@ import numpy as np
 
 import pdvol
 from pdvol import Barrier, Body, Friction, Gravity, NeoHookean, Placement, Plane, Rigid, Scene, meshes
-from pdvol.explore.wedge.scored_body import at_level
-from pdvol.explore.wedge.scores import lands_in, quiet, upright
+from pdvol.studio.wedge.scored_body import at_level
+from pdvol.studio.wedge.scores import lands_in, quiet, upright
 
 SCALE, HEIGHT = 0.4, 0.24  # of the frog's shape; m, its height then
 START = np.array([0.0, 0.6, 0.0])  # m, where the middle of the frog is thrown from

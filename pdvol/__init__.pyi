@@ -3,7 +3,7 @@ from . import meshes as meshes
 from .cli import (
     main as main,
 )
-from .draw.image import (
+from .studio.draw.image import (
     picture as picture,
 )
 from .errors import (
@@ -15,7 +15,7 @@ from .errors import (
     PdvolError as PdvolError,
     SimulationError as SimulationError,
 )
-from .explore.wedge.api import (
+from .studio.wedge.api import (
     wedge as wedge,
 )
 from .meshes import (

@@ -138,21 +138,21 @@ serve the direct march.
 FORMATS = Registry(
     "format",
     {
-        "xdmf": Entry("pdvol.export.xdmf:export"),
-        "vtkhdf": Entry("pdvol.export.vtkhdf:export"),
-        "obj": Entry("pdvol.export.obj:export"),
-        "usd": Entry("pdvol.export.usd:export"),
-        "pc2": Entry("pdvol.export.pc2:export"),
-        "alembic": Entry("pdvol.export.alembic:export"),
+        "xdmf": Entry("pdvol.studio.export.xdmf:export"),
+        "vtkhdf": Entry("pdvol.studio.export.vtkhdf:export"),
+        "obj": Entry("pdvol.studio.export.obj:export"),
+        "usd": Entry("pdvol.studio.export.usd:export"),
+        "pc2": Entry("pdvol.studio.export.pc2:export"),
+        "alembic": Entry("pdvol.studio.export.alembic:export"),
     },
     "pdvol.formats",
 )
-"""Functions (run, levels, out, fields) -> list of written paths; see `pdvol.export`."""
+"""Functions (run, levels, out, fields) -> list of written paths; see `pdvol.studio.export`."""
 
 SHOWN_SURFACES = ("render", "contact", "both")
 """Which surface of a body with render meshes is exported: these meshes (the default), the simulated one, or both."""
 
-VIEWS = Registry("view", {"play": Entry("pdvol.player.notebook:play")})
+VIEWS = Registry("view", {"play": Entry("pdvol.studio.play.notebook:play")})
 """Functions (run, ...) that show a stored run in a notebook. The store, which knows none of them, finds them here."""
 
 COMMANDS = Registry(

@@ -15,7 +15,7 @@ def final_pictures():
     """`pdvol run` ends with a picture, which takes longer than the runs of most tests: in this process it is drawn only
     within `with final_pictures():`. Pictures that are asked for in another way are drawn as ever.
     """
-    from pdvol.draw import picture
+    from pdvol.studio.draw import picture
 
     render, drawn = picture.render, []
 

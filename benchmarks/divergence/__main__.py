@@ -16,13 +16,13 @@ from matplotlib.figure import Figure
 from mpi4py import MPI
 
 from benchmarks.common import process
-from pdvol.colours import PALETTE
-from pdvol.draw.layout import BACKGROUND
 from pdvol.errors import InputError
 from pdvol.geometry.level_mesh import lumped_masses
 from pdvol.levels.hierarchy import Hierarchy
 from pdvol.measure.metrics import distance
 from pdvol.store.reader import Run, open_run
+from pdvol.studio.colours import PALETTE
+from pdvol.studio.draw.layout import BACKGROUND
 
 
 def distances(run: Run) -> dict[tuple[int, int], np.ndarray]:

@@ -15,9 +15,9 @@ from pathlib import Path
 from benchmarks.common import process
 from benchmarks.common.process import REPOSITORY
 from benchmarks.common.tables import number, table
-from pdvol.explore.study.conclusions import length, option_text
-from pdvol.explore.study.front import cheapest_within
-from pdvol.explore.study.page import front_image
+from pdvol.studio.study.conclusions import length, option_text
+from pdvol.studio.study.front import cheapest_within
+from pdvol.studio.study.page import front_image
 
 PAGE = Path(__file__).parent / "NOTES.md"
 BEGIN, END = "<!-- fronts: begin -->", "<!-- fronts: end -->"

@@ -21,8 +21,6 @@ from mpi4py import MPI
 from benchmarks.common import process, trials
 from benchmarks.common.process import REPOSITORY, Mistake, machine
 from benchmarks.common.tables import table
-from pdvol.colours import PALETTE
-from pdvol.draw.layout import BACKGROUND
 from pdvol.geometry.level_mesh import LevelMesh
 from pdvol.integrate.integrator import State
 from pdvol.integrate.stepper import Stepper
@@ -32,6 +30,8 @@ from pdvol.levels.space import LevelSpace
 from pdvol.meshes import brick
 from pdvol.potentials.potential import Positions
 from pdvol.scene import Barrier, Body, NeoHookean, Plane, Scene, Solver, Support, Translation
+from pdvol.studio.colours import PALETTE
+from pdvol.studio.draw.layout import BACKGROUND
 
 RADIUS, YOUNG, POISSON = 1.0, 1e6, 0.3
 SECONDS, STEPS = 1e3, 4

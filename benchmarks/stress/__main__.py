@@ -75,8 +75,8 @@ def main(words: list[str] | None = None) -> int:
 
 def draw(path: Path, picture: Path) -> None:
     """Draws three moments of the finest level that has begun."""
-    from pdvol.draw.picture import render
     from pdvol.store.reader import open_run
+    from pdvol.studio.draw.picture import render
 
     run = open_run(path)
     level = [level for level in run.levels if level.steps][-1]
@@ -87,7 +87,7 @@ def sheet(folder: Path, names: list[str], columns: int = 4, width: int = 300, he
     """pictures.png: the last moment of every scene that has been drawn, side by side."""
     from PIL import Image, ImageDraw
 
-    from pdvol.draw.layout import BACKGROUND, INK, font
+    from pdvol.studio.draw.layout import BACKGROUND, INK, font
 
     drawn = [name for name in names if (folder / f"{name}.png").is_file()]
     page = Image.new("RGB", (columns * width, -(-len(drawn) // columns) * height), BACKGROUND)

@@ -17,13 +17,13 @@ import numpy as np
 
 from benchmarks.common import process
 from benchmarks.common.tables import table
-from pdvol.explore.study.conclusions import length
-from pdvol.explore.study.front import cheapest_within
-from pdvol.explore.study.yardstick import Yardstick
-from pdvol.explore.variation import Base, Variation, times
 from pdvol.runs.scene_file import load_shot
 from pdvol.store.files import write_json
 from pdvol.store.reader import open_run
+from pdvol.studio.study.conclusions import length
+from pdvol.studio.study.front import cheapest_within
+from pdvol.studio.study.yardstick import Yardstick
+from pdvol.studio.variations.variation import Base, Variation, times
 
 SHOT = Path(__file__).resolve().with_name("random_shot.py")
 

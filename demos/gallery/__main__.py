@@ -12,8 +12,8 @@ from demos.gallery.page import RUNS, write_entry, write_index
 from demos.gallery.shown import ENTRIES
 from demos.gallery.simulation import claims, note, simulate
 from pdvol.errors import PdvolError
-from pdvol.player.document import write_player
-from pdvol.player.panes import panes_of_run
+from pdvol.studio.play.document import write_player
+from pdvol.studio.play.panes import panes_of_run
 
 PAGES = DEMOS.parent / "docs" / "gallery"
 

@@ -7,10 +7,10 @@ from typing import Any
 from PIL import Image, ImageDraw
 
 from demos.gallery.entries import Entry
-from pdvol.draw.film import film_steps
-from pdvol.draw.layout import BACKGROUND, INK, font
-from pdvol.draw.picture import render
 from pdvol.store.reader import Run
+from pdvol.studio.draw.film import film_steps
+from pdvol.studio.draw.layout import BACKGROUND, INK, font
+from pdvol.studio.draw.picture import render
 
 FRAMES_PER_SECOND = 24.0
 PAUSE = 0.75  # s that the last state stands before a film begins again
@@ -53,8 +53,8 @@ def write_binding(run: Run, out: Path) -> Path:
     """How level 1 is bound to level 0; finer pairs (`pdvol info --pictures`) have more dots than a page can show."""
     from mpi4py import MPI
 
-    from pdvol.draw.bindings import draw_binding
     from pdvol.levels.hierarchy import Hierarchy
+    from pdvol.studio.draw.bindings import draw_binding
 
     pair = Hierarchy([level.mesh for level in run.levels], MPI.COMM_SELF, run.info["prolongation"]).prolongation(1)
     up = run.info.get("up") or (0.0, 0.0, 1.0)
@@ -64,10 +64,10 @@ def write_binding(run: Run, out: Path) -> Path:
 
 def write_tile(entry: Entry, run: Run, out: Path) -> Path:
     """The finest level at the entry's moment, without captions."""
-    from pdvol.draw.camera_path import cameras_of_run
-    from pdvol.draw.cut import read_cut
-    from pdvol.draw.renderer import Renderer
-    from pdvol.draw.views import read_view
+    from pdvol.studio.draw.camera_path import cameras_of_run
+    from pdvol.studio.draw.cut import read_cut
+    from pdvol.studio.draw.renderer import Renderer
+    from pdvol.studio.draw.views import read_view
 
     step = min(round(entry.moment / run.dt), run.info["steps"])
     level = next(level for level in reversed(run.levels) if level.steps > step)

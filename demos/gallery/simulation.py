@@ -13,13 +13,13 @@ from typing import Any
 from benchmarks.common.commits import MissingObject, Repository
 from demos.gallery.entries import DEMOS, MOST_CPU, Entry
 from pdvol.errors import SimulationError
-from pdvol.explore.study.study import processor
-from pdvol.explore.wedge.scored_body import at_level
 from pdvol.runs.runner import run_scene
 from pdvol.runs.scene_file import load_module, load_shot
 from pdvol.store.files import read_json, write_json
 from pdvol.store.folder import holds_run
 from pdvol.store.reader import Run, open_run
+from pdvol.studio.study.study import processor
+from pdvol.studio.wedge.scored_body import at_level
 
 
 def simulate(entry: Entry, folder: Path, method: str = "progressive") -> Run:

@@ -26,8 +26,8 @@ def add_arguments(parser: ArgumentParser) -> None:
 
 def main(options: Namespace) -> None:
     """Export, and print the names of the files written."""
-    from pdvol.runs.exports import export_run
     from pdvol.store.reader import open_run
+    from pdvol.studio.export.exports import export_run
 
     levels = stored_levels(options.levels, open_run(options.run))
     written, notes = export_run(

@@ -47,11 +47,11 @@ def main(options: Namespace) -> None:
         raise InputError(f"--port {options.port} is no port; write a number below 65536")
     try:
         with stage("loading the page"):
-            from pdvol.live.controls import controls
-            from pdvol.live.page import Page
-            from pdvol.live.server import LocalServer
-            from pdvol.live.session import Session
             from pdvol.runs.scene_file import parse_settings
+            from pdvol.studio.live.controls import controls
+            from pdvol.studio.live.page import Page
+            from pdvol.studio.live.server import LocalServer
+            from pdvol.studio.live.session import Session
     except ModuleNotFoundError as error:
         if error.name != "viser":
             raise

@@ -25,11 +25,11 @@ def main(options: Namespace) -> None:
     from pdvol.stages import stage
 
     with stage("loading the solver"):
-        from pdvol.explore.wedge.pick import chosen_run, compared_levels, level_line, picked_number, take_out
-        from pdvol.explore.wedge.scores import chosen_scores
         from pdvol.runs.runner import refine_run
         from pdvol.runs.scene_file import stored_file
         from pdvol.store.reader import open_run
+        from pdvol.studio.wedge.pick import chosen_run, compared_levels, level_line, picked_number, take_out
+        from pdvol.studio.wedge.scores import chosen_scores
 
     last = whole_number("--to", options.to) if options.to else None
     if last is not None and not options.refine:

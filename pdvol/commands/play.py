@@ -9,9 +9,9 @@ from pdvol.commands.options import add_levels, stored_levels
 from pdvol.errors import InputError
 
 if TYPE_CHECKING:
-    from pdvol.export.series import Fields
-    from pdvol.player.fields import PointField
-    from pdvol.player.panes import Pane
+    from pdvol.store.series import Fields
+    from pdvol.studio.play.fields import PointField
+    from pdvol.studio.play.panes import Pane
 
 
 def add_arguments(parser: ArgumentParser) -> None:
@@ -38,9 +38,9 @@ def add_arguments(parser: ArgumentParser) -> None:
 
 def main(options: Namespace) -> None:
     """Write the player, and print its name, its size and how exact it is."""
-    from pdvol.player.document import html_name, with_strain, write_player
-    from pdvol.player.fields import FIELDS
-    from pdvol.player.panes import thinned
+    from pdvol.studio.play.document import html_name, with_strain, write_player
+    from pdvol.studio.play.fields import FIELDS
+    from pdvol.studio.play.panes import thinned
 
     out = html_name(options.out or options.runs[0] / "player.html")
     fields = [name for name in options.fields.split(",") if name]
@@ -65,8 +65,8 @@ def main(options: Namespace) -> None:
 
 def chosen_panes(options: Namespace) -> tuple[list["Pane"], int | None, str]:
     """The panes of the command line's folders, the number of columns if it matters, and the page's title."""
-    from pdvol.player.panes import WEDGE, panes_of_run, panes_of_wedge
     from pdvol.store.reader import open_run
+    from pdvol.studio.play.panes import WEDGE, panes_of_run, panes_of_wedge
 
     wedges = [path for path in options.runs if (path / WEDGE).is_file()]
     if wedges:
@@ -95,8 +95,8 @@ def wedge_levels(text: str) -> list[int] | None:
 
 def with_contact_force(panes: list["Pane"], notes: list[str]) -> list["Pane"]:
     """The same panes with the colour `contact_force`, where a run's scene is available; notes name where it is not."""
-    from pdvol.player.fields import per_area
-    from pdvol.runs.exports import RunFields
+    from pdvol.studio.export.exports import RunFields
+    from pdvol.studio.play.fields import per_area
 
     by_run = {id(pane.run): RunFields(pane.run) for pane in panes if pane.run is not None}
     found = []

@@ -36,8 +36,8 @@ def add_arguments(parser: ArgumentParser) -> None:
 
 def main(options: Namespace) -> None:
     """Draw, and print the file's name."""
-    from pdvol.draw.picture import render
     from pdvol.store.reader import open_run
+    from pdvol.studio.draw.picture import render
 
     run = open_run(options.run)
     out = options.out or options.run / "picture.png"

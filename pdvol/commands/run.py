@@ -98,9 +98,9 @@ def _begin_branch(
 
 def _from_study(options: Namespace, shot: "Shot") -> "tuple[Shot, int, int | None, str]":
     """The shot, levels and method that a study has found for the accuracy or time asked for."""
-    from pdvol.explore.lengths import length
-    from pdvol.explore.study.choice import choice_notes, chosen_point, with_point
-    from pdvol.explore.study.conclusions import option_text
+    from pdvol.studio.study.choice import choice_notes, chosen_point, with_point
+    from pdvol.studio.study.conclusions import option_text
+    from pdvol.studio.variations.lengths import length
 
     if bool(options.accuracy) == bool(options.time):
         raise InputError("--study needs --accuracy LENGTH or --time TIME, one of them")

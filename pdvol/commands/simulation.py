@@ -33,7 +33,7 @@ def report_run(out: Path, drawn: bool = True, exported: bool = True) -> None:
 
     run = open_run(out)
     if drawn:
-        from pdvol.draw.picture import render
+        from pdvol.studio.draw.picture import render
 
         render(run, out / "picture.png")
     notes = [f"note: {line}" for line in (*run.info.get("mended", []), *solver_lines(run))]

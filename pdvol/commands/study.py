@@ -9,8 +9,8 @@ from pdvol.commands.options import add_levels, add_settings, chosen_shot, level_
 from pdvol.errors import InputError
 
 if TYPE_CHECKING:
-    from pdvol.explore.study.study import Study
-    from pdvol.explore.variation import Variation
+    from pdvol.studio.study.study import Study
+    from pdvol.studio.variations.variation import Variation
 
 BUDGET = 10.0  # minutes: enough for the scenes in demos/ on their coarse levels
 
@@ -40,9 +40,9 @@ def add_arguments(parser: ArgumentParser) -> None:
 
 def main(options: Namespace) -> None:
     """Run the study, write study.json and study.html, print the sentences."""
-    from pdvol.explore.executors import cores
-    from pdvol.explore.study.axes import chosen_axes
-    from pdvol.explore.study.study import Study
+    from pdvol.studio.study.axes import chosen_axes
+    from pdvol.studio.study.study import Study
+    from pdvol.studio.variations.executors import cores
 
     if not options.budget > 0.0:
         raise InputError(f"--budget {options.budget:g}: give minutes above zero")
@@ -67,8 +67,8 @@ def main(options: Namespace) -> None:
 
 def _show(made: "Study") -> None:
 
-    from pdvol.explore.study.page import write_page
     from pdvol.stages import stage
+    from pdvol.studio.study.page import write_page
 
     result = made.run(lambda line: print(line, file=sys.stderr, flush=True))
     with stage("writing study.html"):
@@ -79,8 +79,8 @@ def _show(made: "Study") -> None:
 
 
 def _reference(text: str, method: str) -> "Variation | None":
-    from pdvol.explore.variation import Variation
     from pdvol.runs.scene_file import parse_settings
+    from pdvol.studio.variations.variation import Variation
 
     if not text:
         return None

@@ -12,9 +12,9 @@ from pdvol.errors import InputError
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from pdvol.explore.jobs import Executor
-    from pdvol.explore.vary import Vary
-    from pdvol.explore.wedge.wedge import Wedge
+    from pdvol.studio.variations.jobs import Executor
+    from pdvol.studio.variations.vary import Vary
+    from pdvol.studio.wedge.wedge import Wedge
 
 SEEK_RUNS = 200  # of a search: an evolution strategy in two to four parameters has settled by then
 SEEK_BUDGET = 15.0  # minutes of a search
@@ -82,12 +82,12 @@ def main(options: Namespace) -> int:
 
 
 def _make(options: Namespace) -> None:
-    from pdvol.explore.executors import cores
-    from pdvol.explore.vary import parsed_varies
-    from pdvol.explore.wedge.farm import PRINT, chosen_executor
-    from pdvol.explore.wedge.results import write_results
-    from pdvol.explore.wedge.sampling import TAKEN
-    from pdvol.explore.wedge.wedge import Wedge
+    from pdvol.studio.variations.executors import cores
+    from pdvol.studio.variations.vary import parsed_varies
+    from pdvol.studio.wedge.farm import PRINT, chosen_executor
+    from pdvol.studio.wedge.results import write_results
+    from pdvol.studio.wedge.sampling import TAKEN
+    from pdvol.studio.wedge.wedge import Wedge
 
     jobs = whole_number("--jobs", options.jobs) if options.jobs else cores()
     if jobs < 1:
@@ -97,7 +97,7 @@ def _make(options: Namespace) -> None:
     texts = [*([options.seek] if options.seek else []), *(text for text in options.score if text != options.seek)]
     scores = {}
     if texts:
-        from pdvol.explore.wedge.scores import chosen_scores
+        from pdvol.studio.wedge.scores import chosen_scores
 
         scores = chosen_scores(texts, shot.file)
     wedge, executor = Wedge(shot, options.out, scores), chosen_executor(options.executor, jobs)
@@ -128,9 +128,9 @@ def _check_seek(options: Namespace) -> None:
 
 def _run(options: Namespace, wedge: "Wedge", varies: "Sequence[Vary]", executor: "Executor | None") -> bool:
     """Make the runs, or print their command lines; whether all have ended."""
-    from pdvol.explore.wedge.farm import command_line
-    from pdvol.explore.wedge.progress import WedgeProgress
-    from pdvol.explore.wedge.sampling import chosen_variations
+    from pdvol.studio.wedge.farm import command_line
+    from pdvol.studio.wedge.progress import WedgeProgress
+    from pdvol.studio.wedge.sampling import chosen_variations
 
     sample = whole_number("--sample", options.sample) if options.sample else None
     seed = whole_number("--seed", options.seed)
@@ -155,9 +155,9 @@ def _run(options: Namespace, wedge: "Wedge", varies: "Sequence[Vary]", executor:
 
 
 def _seek(options: Namespace, wedge: "Wedge", varies: "Sequence[Vary]", executor: "Executor") -> None:
-    from pdvol.explore.wedge.progress import WedgeProgress
-    from pdvol.explore.wedge.sampling import search_ranges
-    from pdvol.explore.wedge.seeking import seek_best
+    from pdvol.studio.wedge.progress import WedgeProgress
+    from pdvol.studio.wedge.sampling import search_ranges
+    from pdvol.studio.wedge.seeking import seek_best
 
     runs = whole_number("--runs", options.runs) if options.runs else SEEK_RUNS
     if runs < 1:
@@ -172,7 +172,7 @@ def _seek(options: Namespace, wedge: "Wedge", varies: "Sequence[Vary]", executor
 
 
 def _print(wedge: "Wedge", entries: list, files: "Sequence[Path]", stream) -> None:  # type: ignore[no-untyped-def]
-    from pdvol.explore.wedge.results import cell_text, table_lines
+    from pdvol.studio.wedge.results import cell_text, table_lines
 
     for line in table_lines(entries):
         print(line, file=stream)

@@ -15,12 +15,12 @@ import numpy as np
 
 from pdvol.errors import InputError
 from pdvol.meshes import Outline, Surface
-from pdvol.meshing.alembic_caches import read_alembic
 from pdvol.meshing.surface_files import read_obj
-from pdvol.meshing.usd_caches import read_usd
 from pdvol.meshing.validate import outline_edges
 from pdvol.scene import Placement, PointCache
 from pdvol.scene.point_caches import USD_FILES
+from pdvol.studio.imports.alembic_caches import read_alembic
+from pdvol.studio.imports.usd_caches import read_usd
 
 PC2_HEADER = struct.Struct("<12siiffi")
 CACHES_KEPT = 8  # read caches that are kept: each level and each support asks for them

@@ -32,7 +32,7 @@ def draw_bindings(hierarchy: Hierarchy, out: Path, up: Sequence[float] = (0.0, 1
     InputError
         The folder `out` cannot be made.
     """
-    from pdvol.draw.bindings import draw_binding  # loads the plotting library, which only pictures need
+    from pdvol.studio.draw.bindings import draw_binding  # loads the plotting library, which only pictures need
 
     try:
         out.mkdir(parents=True, exist_ok=True)

@@ -6,7 +6,6 @@ import numpy as np
 from mpi4py import MPI
 
 from pdvol.errors import InputError
-from pdvol.export.vtu import write_vtu
 from pdvol.geometry.level_mesh import LevelMesh
 from pdvol.geometry.surface_distance import hausdorff_distance
 from pdvol.levels.hierarchy import Hierarchy
@@ -21,6 +20,7 @@ from pdvol.meshing.tetrahedralise import mean_ratio
 from pdvol.meshing.validate import drop_unused
 from pdvol.meshing.verdict import boundary_facets_of, check_place, judge, place_of
 from pdvol.meshing.volume import enclosed_volume
+from pdvol.meshing.vtu import write_vtu
 from pdvol.runs.binding_report import binding_lines, draw_bindings
 from pdvol.scene import Body, NeoHookean, Scene
 from pdvol.stages import stage

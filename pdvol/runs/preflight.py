@@ -18,7 +18,6 @@ import numpy as np
 from mpi4py import MPI
 
 from pdvol.errors import InputError, IntersectionError, SimulationError
-from pdvol.export.vtu import write_primitives, write_vtu
 from pdvol.geometry.level_mesh import LevelMesh
 from pdvol.integrate.marches import Start, direct
 from pdvol.integrate.stepper import Stepper
@@ -37,6 +36,7 @@ from pdvol.meshing.cpu_budget import cpu_budget
 from pdvol.meshing.readers import read_with_notes
 from pdvol.meshing.tetrahedralise import mean_ratio
 from pdvol.meshing.verdict import POOR_QUALITY, check_place, judge, place_of
+from pdvol.meshing.vtu import write_primitives, write_vtu
 from pdvol.registry import INTEGRATORS
 from pdvol.runs.render_meshes import render_defects
 from pdvol.runs.scene_summary import modelled_terms

@@ -95,7 +95,7 @@ def write_metrics(path: Path, against: Path | None = None, file: Path | None = N
     InputError
         A folder is no run or cannot be written, or the runs do not fit together.
     """
-    from pdvol.draw.plots import plot_metrics  # loads the plotting library
+    from pdvol.studio.draw.plots import plot_metrics  # loads the plotting library
 
     open_run(path)
     files = [path / "metrics.json", *([file] if file is not None else [])]

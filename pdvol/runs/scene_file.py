@@ -186,7 +186,7 @@ def load_module(file: Path) -> ModuleType:
 
 def _scene_function(file: Path) -> Callable[..., Scene]:
     if file.suffix.lower() == ".json" and file.is_file():
-        from pdvol.runs.polyfem import polyfem_scene
+        from pdvol.studio.imports.polyfem import polyfem_scene
 
         return polyfem_scene(file)
     make = getattr(load_module(file), "scene", None)

@@ -10,14 +10,14 @@ import numpy as np
 from mpi4py import MPI
 
 from pdvol.errors import SimulationError
-from pdvol.export.series import StepFields, nothing_more
-from pdvol.export.xdmf import write_xdmf
 from pdvol.levels.obstacles import Obstacle
 from pdvol.parallel import on_root
 from pdvol.runs.stored_fields import SceneFields
 from pdvol.scene import Scene
 from pdvol.store.reader import open_run
+from pdvol.store.series import StepFields, nothing_more
 from pdvol.store.writer import RunWriter
+from pdvol.studio.export.xdmf import write_xdmf
 
 EXPORT_PAUSE = 20.0  # seconds between exports of a running level, at least
 EXPORT_SHARE = 0.05  # of a level's time that its exports may take, at most

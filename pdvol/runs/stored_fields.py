@@ -6,7 +6,6 @@ import numpy as np
 from mpi4py import MPI
 
 from pdvol.errors import InputError
-from pdvol.export.series import StepFields
 from pdvol.integrate.replay import Replay
 from pdvol.levels.hierarchy import Hierarchy
 from pdvol.levels.materials import level_materials
@@ -21,6 +20,7 @@ from pdvol.scene.fingerprint import differences
 from pdvol.store.densities import described_densities
 from pdvol.store.folder import require_scene
 from pdvol.store.reader import Run
+from pdvol.store.series import StepFields
 
 
 class SceneFields:

@@ -247,7 +247,7 @@ class Run:
         return read_render_meshes(self.path)
 
     def play(self, width: int = 960, height: int = 640, **choices: Any) -> Any:
-        """The run in a player, which a notebook shows; `choices` are those of `pdvol.player.notebook.play`."""
+        """The run in a player, which a notebook shows; `choices` are those of `pdvol.studio.play.notebook.play`."""
         from pdvol.registry import VIEWS  # reading states needs nothing of it
 
         return VIEWS["play"](self, width, height, **choices)

@@ -32,7 +32,7 @@ def test_two_runs_and_one_level(shot, tmp_path):
 
 
 def test_a_long_run_is_thinned_in_one_line_unless_all_is_wanted(shot, tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr("pdvol.player.panes.MOST_VERTEX_STATES", 100)  # 7 states of 9 and of 25 vertices: 238
+    monkeypatch.setattr("pdvol.studio.play.panes.MOST_VERTEX_STATES", 100)  # 7 states of 9 and of 25 vertices: 238
     for words, remark in (((), "one state in 3 is in the file"), (("--every", 1), ""), (("--every", 2), "")):
         assert pdvol("play", shot, "-o", tmp_path / "shot.html", "--fields", "strain", *words) == 0
         said = capsys.readouterr().out.strip().splitlines()

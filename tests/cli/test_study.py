@@ -12,8 +12,8 @@ import pytest
 from browser import busy
 from cli_scenes import FALL, pdvol, write
 from commands import PDVOL, SAFETY
-from pdvol.explore.study.yardstick import Yardstick
 from pdvol.store.reader import open_run
+from pdvol.studio.study.yardstick import Yardstick
 
 VARIED = ("--vary", "dt=0.04,0.01", "--vary", "level", "--vary", "max_iterations=1:200")
 WORDS = ("--steps", 6, *VARIED, "--budget", 3, "--reference", "dt=0.005")

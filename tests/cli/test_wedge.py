@@ -15,12 +15,12 @@ from PIL import Image
 
 from cli_scenes import FALL, pdvol, states, write
 from commands import PDVOL, SAFETY
-from pdvol.draw.sheet import SheetLayout, shared_camera
-from pdvol.explore.wedge import farm
-from pdvol.explore.wedge.results import tiles
-from pdvol.explore.wedge.wedge import Wedge, ordered
 from pdvol.runs.scene_file import load_shot
 from pdvol.store.reader import open_run
+from pdvol.studio.draw.sheet import SheetLayout, shared_camera
+from pdvol.studio.wedge import farm
+from pdvol.studio.wedge.results import tiles
+from pdvol.studio.wedge.wedge import Wedge, ordered
 
 SCORES = """
 

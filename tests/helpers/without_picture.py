@@ -5,7 +5,7 @@ from importlib import import_module
 from pathlib import Path
 from types import ModuleType
 
-NAME = "pdvol.draw.picture"
+NAME = "pdvol.studio.draw.picture"
 
 
 class UndrawnPicture(ModuleType):

@@ -5,10 +5,10 @@ import pytest
 import scipy.sparse as sp
 
 import runs
-from pdvol.draw.plots import plot_metrics
 from pdvol.geometry.level_mesh import LevelMesh, lumped_masses
 from pdvol.measure import metrics
 from pdvol.measure.rigid import mass_centres
+from pdvol.studio.draw.plots import plot_metrics
 
 RNG = np.random.default_rng(0)
 

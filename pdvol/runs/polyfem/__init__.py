@@ -1,5 +1,0 @@
-"""Scenes in PolyFEM's JSON, for the subset that pdvol has: docs/polyfem.md."""
-
-from pdvol.runs.polyfem.scene import polyfem_scene
-
-__all__ = ["polyfem_scene"]

@@ -1,0 +1,159 @@
+"""A picture of how a level is bound to the one below it: the home cell of each vertex, and the weights of one coarse
+vertex (paper, figure 3 and 3.4.1).
+"""
+
+import colorsys
+import io
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import pyvista as pv
+import scipy.sparse as sp
+from PIL import Image, ImageDraw
+
+from pdvol.geometry.level_mesh import LevelMesh
+from pdvol.store.files import write_bytes
+from pdvol.studio.colours import PALETTE
+from pdvol.studio.draw.camera import Camera, fitted_camera, in_3d
+from pdvol.studio.draw.layout import BACKGROUND, CELL_GAP, FAINT_INK, INK, font
+
+CAPTION_HEIGHT = 64  # pixels above the two views
+OVERSAMPLING = 2  # pixels rendered for each pixel of the picture, along each side
+ZERO_COLOUR = (0.86, 0.85, 0.83)  # red, green and blue of vertices without a weight
+
+
+def draw_binding(
+    path: Path,
+    coarse: LevelMesh,
+    fine: LevelMesh,
+    cells: np.ndarray,
+    weights: sp.csr_matrix,
+    title: str,
+    up: Sequence[float] = (0.0, 1.0, 0.0),
+    width: int = 640,
+) -> Path:
+    """Draw two views of one pair of levels into a .png.
+
+    Left, fine vertices as dots on the coarse mesh, those of the same home cell in the same colour. Right, the weights
+    of one coarse vertex on the fine ones: warm where positive, cool where negative, grey where there is none.
+
+    Parameters
+    ----------
+    cells : (n_fine,) int
+        Home cells (`Binding.cells`).
+    weights : (n_fine, n_coarse)
+        Of the prolongation.
+    title : what the pair is called
+    up : the way up of a 3D pair; y as in most surface files
+    """
+    camera = fitted_camera(in_3d(np.concatenate([coarse.points, fine.points])), fine.dim, np.asarray(up, dtype=float))
+    chosen = nearest_vertex(coarse, camera)
+    column = weights[:, [chosen]].toarray()[:, 0]
+    shown = np.unique(fine.boundary) if fine.dim == 3 else np.arange(len(fine.points))
+    pictures = [
+        _picture(coarse, fine, camera, width, shown, cell_colours(cells)),
+        _picture(coarse, fine, camera, width, shown, weight_colours(column)),
+    ]
+    reach = f"on {np.count_nonzero(column):,} vertices, from {column.min():.2f} to {column.max():.2f}"
+    captions = [
+        (
+            f"{title}: home cells",
+            f"{len(fine.points):,} vertices in {len(np.unique(cells)):,} of {len(coarse.cells):,} cells",
+        ),
+        (f"one of {len(coarse.points):,} coordinates", reach),
+    ]
+    sheet = Image.new("RGB", (2 * width + CELL_GAP, CAPTION_HEIGHT + pictures[0].height), BACKGROUND)
+    pen = ImageDraw.Draw(sheet)
+    for i, (picture, (large, small)) in enumerate(zip(pictures, captions, strict=True)):
+        x = i * (width + CELL_GAP)
+        sheet.paste(picture, (x, CAPTION_HEIGHT))
+        pen.text((x + width / 2, 0.36 * CAPTION_HEIGHT), large, INK, font(19), anchor="mm")
+        pen.text((x + width / 2, 0.74 * CAPTION_HEIGHT), small, FAINT_INK, font(14), anchor="mm")
+    buffer = io.BytesIO()
+    sheet.save(buffer, "PNG", optimize=True)
+    write_bytes(path, buffer.getvalue())
+    return path
+
+
+def nearest_vertex(mesh: LevelMesh, camera: Camera) -> int:
+    """The vertex whose weights are drawn: of a 3D boundary the one nearest to the camera, in 2D the one nearest to the
+    middle.
+    """
+    if mesh.dim == 2:
+        return int(np.argmin(np.linalg.norm(mesh.points - mesh.points.mean(axis=0), axis=1)))
+    boundary = np.unique(mesh.boundary)
+    return int(boundary[np.argmax(mesh.points[boundary] @ camera.towards)])
+
+
+def cell_colours(cells: np.ndarray) -> np.ndarray:
+    """(n, 3) in [0, 1]: the same colour for the same cell, and hues far apart for cells that follow each other."""
+    homes, which = np.unique(cells, return_inverse=True)
+    golden = 0.5 * (5.0**0.5 - 1.0)
+    table = np.array(
+        [colorsys.hls_to_rgb((golden * i) % 1.0, (0.42, 0.56, 0.68)[i % 3], 0.65) for i in range(len(homes))]
+    )
+    return table[which]
+
+
+def weight_colours(weights: np.ndarray) -> np.ndarray:
+    """(n, 3) in [0, 1]: the palette's first colour for the largest absolute weight if positive, its second if negative,
+    grey for none.
+
+    The colours show roots of the weights, so that small ones differ from none.
+    """
+    strength = np.sqrt(np.abs(weights) / np.abs(weights).max())
+    strength = np.where(weights != 0, 0.12 + 0.88 * strength, 0.0)[:, None]
+    full = np.where(weights[:, None] >= 0, pv.Color(PALETTE[0]).float_rgb, pv.Color(PALETTE[1]).float_rgb)
+    return (1 - strength) * np.array(ZERO_COLOUR) + strength * full
+
+
+def _picture(
+    coarse: LevelMesh, fine: LevelMesh, camera: Camera, width: int, shown: np.ndarray, colours: np.ndarray
+) -> Image.Image:
+    size = (width, max(2, round(width / camera.aspect)))
+    with pv.vtk_verbosity("error"):  # without a display VTK prints long warnings
+        plotter = pv.Plotter(
+            off_screen=True,
+            window_size=[OVERSAMPLING * n for n in size],
+            lighting="light kit",
+            theme=pv.themes.DocumentTheme(),
+        )
+        try:
+            plotter.set_background(BACKGROUND)
+            camera.set_up(plotter.camera, parallel=fine.dim == 2)
+            # Points behind the fine surface are hidden by it; the coarse mesh is drawn as lines over both.
+            if fine.dim == 3:
+                surface = pv.PolyData.from_regular_faces(in_3d(fine.points), fine.boundary)
+                plotter.add_mesh(surface, color=BACKGROUND, ambient=0.35, diffuse=0.6, render=False, reset_camera=False)
+            facets = coarse.boundary if coarse.dim == 3 else coarse.cells
+            lines = pv.PolyData.from_regular_faces(in_3d(coarse.points), facets)
+            plotter.add_mesh(
+                lines,
+                style="wireframe",
+                color=INK,
+                opacity=0.5,
+                line_width=OVERSAMPLING,
+                lighting=False,
+                render=False,
+                reset_camera=False,
+            )
+            dots = pv.PolyData(in_3d(fine.points[shown]))
+            dots["colour"] = np.round(255 * colours[shown]).astype(np.uint8)
+            across = float(np.clip(0.55 * size[1] / np.sqrt(len(shown)), 3.0, 16.0))
+            plotter.add_mesh(
+                dots,
+                scalars="colour",
+                rgb=True,
+                style="points",
+                point_size=OVERSAMPLING * across,
+                render_points_as_spheres=True,
+                lighting=False,
+                render=False,
+                reset_camera=False,
+            )
+            plotter.render()
+            image = plotter.screenshot(None, return_img=True)
+        finally:
+            plotter.close()
+    return Image.fromarray(np.asarray(image)).resize(size, Image.Resampling.LANCZOS)

@@ -1,0 +1,117 @@
+"""Alembic caches: one file a level, with a mesh for each body and obstacle, for Blender, Maya and Houdini.
+
+    /<name>/<name>Shape   points in every frame; faces once
+
+Alembic's conventions hold: y is upward, corners go clockwise around a face as seen from outside, and times are seconds.
+Alembic has neither materials nor units; metres are written.
+"""
+
+import os
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pdvol.errors import InputError, SimulationError
+from pdvol.store.files import TEMPORARY, require_room
+from pdvol.store.reader import Run
+from pdvol.store.series import LevelFields, Series, padded
+from pdvol.studio.export.failures import failure_reason
+from pdvol.studio.export.frames import FILM_RATE, Frame, Track, even_frames, points_and_velocities, said
+from pdvol.studio.export.parts import RENDER, Part, body_parts, obstacle_parts, upward
+
+
+def export(
+    run: Run, levels: Sequence[int], out: Path, fields: LevelFields, fps: float | None = None, surface: str = RENDER
+) -> list[Path]:
+    """Write `out/level_<l>.abc` for each level. See `pdvol.studio.export`."""
+    return [write_alembic(run, level, out / f"level_{level}.abc", fps, surface) for level in levels]
+
+
+def write_alembic(run: Run, level: int, path: str | Path, fps: float | None = None, surface: str = RENDER) -> Path:
+    """Export one level. It is written aside and renamed.
+
+    Parameters
+    ----------
+    run : Run
+    level : int
+    path : the .abc file
+    fps : frames a second, to which the motion is resampled (`pdvol.studio.export.frames`); every stored state when None
+    surface : that of `pdvol.studio.export.parts.body_parts`
+
+    Raises
+    ------
+    InputError
+        When the level does not exist or has no state, `fps` is not positive, or the package alembic3d is not
+        installed.
+    SimulationError
+        When the disk cannot be written.
+    """
+    try:
+        import alembic3d.Abc
+    except ImportError as error:
+        raise InputError(
+            "Alembic files need the package alembic3d: pip install alembic3d, or pdvol[alembic]; PC2 needs none"
+        ) from error
+    path, series = Path(path), Series(run, level)
+    frames = [Frame(k, k, 1.0) for k in range(series.steps)] if fps is None else even_frames(series.steps, run.dt, fps)
+    rate = 1.0 / run.dt if fps is None else fps
+    parts = [*body_parts(run, series.level, surface), *obstacle_parts(run, series.level)]
+    aside = path.with_name(f".{path.stem}{TEMPORARY}.abc")
+    samples = sum(len(part.rest) * (len(frames) if part.moves else 1) for part in parts)
+    require_room(aside, 24 * samples + 8 * sum(len(part.corners) for part in parts))
+    try:
+        archive = alembic3d.Abc.CreateArchiveWithInfo(
+            str(aside), float(fps or FILM_RATE), "pdvol", f"{run.path.name}, level {level}"
+        )
+        tracks = [points_and_velocities(frames, part.at, rate) for part in parts]
+        _write_parts(archive, parts, tracks, said(f"level {level}", frames), rate, _y_up(upward(run)))
+        del archive  # which writes the file
+        os.replace(aside, path)
+    except (OSError, RuntimeError) as error:
+        raise SimulationError(f"cannot write {path}: {failure_reason(error)}") from error
+    finally:
+        aside.unlink(missing_ok=True)
+    return path
+
+
+def _y_up(up: np.ndarray) -> np.ndarray:
+    """(3, 3), orthogonal: takes the axis nearest to `up` to y."""
+    up = padded(up[None])[0]
+    axis = int(np.argmax(np.abs(up)))
+    y = np.sign(up[axis]) * np.eye(3)[axis]
+    x = np.eye(3)[1 if axis == 0 else 0]
+    return np.array([x, y, np.cross(x, y)])
+
+
+def _write_parts(
+    archive: Any, parts: Sequence[Part], tracks: Sequence[Track], shown: Iterable, rate: float, turn: np.ndarray
+) -> None:
+    from alembic3d.AbcCoreAbstract import TimeSampling
+    from alembic3d.AbcGeom import OPolyMesh, OPolyMeshSchemaSample, OXform
+    from imath import IntArrayFromBuffer, V3fArrayFromBuffer
+
+    def placed(points: np.ndarray) -> np.ndarray:
+        return np.ascontiguousarray(points @ turn.T, dtype=np.float32)
+
+    times = archive.addTimeSampling(TimeSampling(1.0 / rate, 0.0))
+    meshes = []
+    for part, track in zip(parts, tracks, strict=True):
+        place = OXform(archive.getTop(), part.name)
+        schema = OPolyMesh(place, f"{part.name}Shape", times).getSchema()
+        polygons = np.split(part.corners, np.cumsum(part.counts)[:-1])
+        corners = np.concatenate([polygon[::-1] for polygon in polygons]).astype(np.int32)
+        meshes.append((part.moves, schema, track, corners, part.counts.astype(np.int32)))
+    for number, _ in enumerate(shown):
+        for moves, schema, track, corners, counts in meshes:
+            if number and not moves:
+                continue
+            # The arrays that a sample refers to live until it is written.
+            points, velocities = (None if vectors is None else placed(vectors) for vectors in next(track))
+            sample = OPolyMeshSchemaSample(
+                V3fArrayFromBuffer(points), IntArrayFromBuffer(corners), IntArrayFromBuffer(counts)
+            )
+            if velocities is not None and moves:
+                sample.setVelocities(V3fArrayFromBuffer(velocities))
+            schema.set(sample)

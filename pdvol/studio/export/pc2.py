@@ -1,0 +1,102 @@
+"""Point caches for Blender, Maya and Houdini: PC2 files, each with a mesh as OBJ in the same order of vertices.
+
+    level_<l>/<name>.obj      a body at rest, an obstacle at the start
+    level_<l>/<name>.pc2      its vertices in every frame; none of an obstacle that rests
+    level_<l>/materials.mtl   the colours, and the textures of render meshes (level_<l>/textures)
+    open_in_blender.py        puts all of a level into Blender's scene
+
+A PC2 file has 32 bytes of header: `POINTCACHE2` and a zero, then little-endian the version 1 (int32), the number of
+points (int32), the first frame (float32), frames from sample to sample (float32), and the number of samples (int32).
+The samples follow, float32 x y z of each point. Coordinates are the scene's own, in metres.
+"""
+
+import os
+import struct
+from collections.abc import Sequence
+from pathlib import Path
+
+from pdvol.errors import SimulationError
+from pdvol.store.files import TEMPORARY, require_room, write_bytes
+from pdvol.store.reader import Run
+from pdvol.store.series import LevelFields, Series, padded
+from pdvol.studio.colours import linear_colour
+from pdvol.studio.export.frames import FILM_RATE, Frame, even_frames, said
+from pdvol.studio.export.obj import object_lines
+from pdvol.studio.export.parts import RENDER, Part, body_parts, obstacle_parts, upward
+from pdvol.studio.export.scripts import write_script
+from pdvol.studio.export.textures import copy_texture
+
+PC2_START = struct.Struct("<12siiffi")  # the header of a PC2 file
+
+
+def export(
+    run: Run, levels: Sequence[int], out: Path, fields: LevelFields, fps: float | None = None, surface: str = RENDER
+) -> list[Path]:
+    """Write `out/level_<l>/` for each level, and `out/open_in_blender.py`. See `pdvol.studio.export`."""
+    rate = FILM_RATE if fps is None else fps
+    folders = [write_pc2(run, level, out / f"level_{level}", rate, surface) for level in levels]
+    up = tuple(padded(upward(run)[None])[0].tolist())
+    frames = max(len(even_frames(run.levels[level].steps, run.dt, rate)) for level in levels)
+    return [*folders, write_script(out, "open_in_blender", FPS=rate, FRAMES=frames, LEVEL=max(levels), UP=up)]
+
+
+def write_pc2(run: Run, level: int, folder: str | Path, fps: float = FILM_RATE, surface: str = RENDER) -> Path:
+    """Export one level, resampled to `fps` frames a second (`frames.py`); frame 0 is the start. `surface` is
+    that of `pdvol.studio.export.parts.body_parts`.
+
+    Returns
+    -------
+    Path
+        The folder.
+
+    Raises
+    ------
+    InputError
+        When the level does not exist or has no state, or `fps` is not positive.
+    SimulationError
+        When the disk cannot be written.
+    """
+    folder, series = Path(folder), Series(run, level)
+    frames = even_frames(series.steps, run.dt, fps)
+    parts = [*body_parts(run, series.level, surface), *obstacle_parts(run, series.level)]
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise SimulationError(f"cannot write {folder}: {error.strerror}") from error
+    write_bytes(folder / "materials.mtl", "".join(_material(part, folder) for part in parts).encode())
+    for part in parts:
+        write_bytes(folder / f"{part.name}.obj", _mesh(part).encode())
+        if part.moves:
+            _write_cache(folder / f"{part.name}.pc2", part, frames)
+    return folder
+
+
+def _material(part: Part, folder: Path) -> str:
+    picture = copy_texture(part, folder / "textures") if part.render is not None else None
+    red, green, blue = (1.0, 1.0, 1.0) if picture else linear_colour(part.colour)
+    texture = f"map_Kd {picture}\n" if picture else ""
+    return f"newmtl {part.name}\nKd {red:.6f} {green:.6f} {blue:.6f}\nd {part.opacity:g}\n{texture}\n"
+
+
+def _mesh(part: Part) -> str:
+    lines = ["mtllib materials.mtl", *("v {!r} {!r} {!r}".format(*row) for row in part.rest.tolist())]
+    places = part.render.uv_corners if part.render is not None and len(part.render.uvs) else None
+    return "\n".join([*lines, f"usemtl {part.name}", object_lines(part, part.corners, places)])
+
+
+def _write_cache(path: Path, part: Part, frames: Sequence[Frame]) -> None:
+    """Frame by frame, aside, then renamed."""
+    aside = path.with_name(f".{path.name}{TEMPORARY}")
+    require_room(aside, PC2_START.size + 12 * len(part.rest) * len(frames))
+    try:
+        with open(aside, "wb") as file:
+            file.write(PC2_START.pack(b"POINTCACHE2\0", 1, len(part.rest), 0.0, 1.0, len(frames)))
+            for frame in said(f"{path.parent.name}/{path.name}", frames):
+                file.write(frame.sampled(part.at).astype("<f4").tobytes())
+            file.flush()
+            os.fsync(file.fileno())
+        os.replace(aside, path)
+    except OSError as error:
+        raise SimulationError(f"cannot write {path}: {error.strerror}") from error
+    finally:
+        aside.unlink(missing_ok=True)

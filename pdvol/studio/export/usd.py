@@ -1,0 +1,231 @@
+"""A shot as one USD file: levels are variants of one prim, and bodies and obstacles are meshes with materials.
+
+    /run                    variant set `level`; the finest level is chosen
+    /run/bodies/<name>      a mesh in each variant: points, velocities until the next time code, extent; primvars `rest`
+                            and, if wanted, fields
+    /run/obstacles/<name>   a mesh; one that moves is in each variant, because contact may hold it back on some levels
+    /run/materials/<name>   UsdPreviewSurface, bound to the mesh of that name
+
+Units are metres and seconds. Time codes are frames.
+"""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pdvol.errors import InputError
+from pdvol.store.reader import Run, RunLevel
+from pdvol.store.series import LevelFields, Series, padded, with_strain
+from pdvol.studio.colours import linear_colour
+from pdvol.studio.export.frames import FILM_RATE, Frame, even_frames, points_and_velocities, said, stored_frames
+from pdvol.studio.export.parts import BOTH, RENDER, Part, body_parts, obstacle_parts, upward
+from pdvol.studio.export.textures import copy_texture
+from pdvol.studio.export.usd_file import UsdFile, usd_file
+from pdvol.studio.export.usd_primvars import add_primvar, add_uvs, fields_adder
+
+ROUGHNESS = 0.55  # of all materials, between 0 (a mirror) and 1: the soft highlights of pdvol's pictures
+
+
+def export(
+    run: Run,
+    levels: Sequence[int],
+    out: Path,
+    fields: LevelFields,
+    fps: float | None = None,
+    with_fields: bool = False,
+    surface: str = RENDER,
+) -> list[Path]:
+    """Write all levels into `out/<run>.usdc`. See `pdvol.studio.export`."""
+    path = out / f"{run.path.resolve().name}.usdc"
+    return [write_usd(run, levels, path, fps, with_strain(run, fields) if with_fields else None, surface)]
+
+
+def write_usd(
+    run: Run,
+    levels: Sequence[int],
+    path: str | Path,
+    fps: float | None = None,
+    fields: LevelFields | None = None,
+    surface: str = RENDER,
+) -> Path:
+    """Export levels as one .usdc file.
+
+    Parameters
+    ----------
+    run : Run
+    levels : sequence of int
+    path : the .usdc file
+    fps : frames a second, to which the motion is resampled (`frames.py`). When None every stored state has a
+        time code of its own, 24 a second: states are exact, and play at real speed.
+    fields : of levels, written as primvars: those of vertices by vertex, those of cells by face; not on render
+        meshes
+    surface : one of `registry.SHOWN_SURFACES`. Where both are written the render mesh has the purpose "render", the
+        simulated surface "proxy".
+
+    Raises
+    ------
+    InputError
+        When a level does not exist or has no state, `fps` is not positive, or the package usd-core is not installed.
+    SimulationError
+        When the disk cannot be written.
+    """
+    try:
+        import pxr.Usd  # noqa: F401
+    except ImportError as error:
+        raise InputError("USD files need the package usd-core: pip install usd-core, or pdvol[usd]") from error
+    path, all_series = Path(path), [Series(run, level) for level in sorted(levels)]
+    frames = [
+        stored_frames(series.steps, run.dt) if fps is None else even_frames(series.steps, run.dt, fps)
+        for series in all_series
+    ]
+    rate, last = FILM_RATE if fps is None else fps, max(codes[-1].code for codes in frames)
+    with usd_file(path) as file:
+        root = _add_root(file.stage, run, rate, last)
+        coarsest = all_series[0].level
+        for part in [*body_parts(run, coarsest, surface), *obstacle_parts(run, coarsest)]:
+            _add_material(file.stage, part, copy_texture(part, path.with_name(f"{path.stem}_textures")))
+            if not part.moves:
+                _set_points(_add_mesh(file.stage, part), part.rest)
+        variants = root.GetPrim().GetVariantSets().AddVariantSet("level")
+        for series, codes in zip(all_series, frames, strict=True):
+            variants.AddVariant(f"level_{series.level.index}")
+            variants.SetVariantSelection(f"level_{series.level.index}")
+            with variants.GetVariantEditContext():
+                _add_level(file, run, series.level, codes, rate, fields, surface)
+    return path
+
+
+def _add_level(
+    file: UsdFile,
+    run: Run,
+    level: RunLevel,
+    frames: Sequence[Frame],
+    rate: float,
+    fields: LevelFields | None,
+    surface: str,
+) -> None:
+    """All that moves, frame by frame, into the variant that is being edited."""
+    bodies = [(part, _add_mesh(file.stage, part)) for part in body_parts(run, level, surface)]
+    for part, mesh in bodies:
+        add_primvar(mesh, "rest", "Point3fArray", "vertex", part.rest)
+        if part.render is not None:
+            add_uvs(mesh, part)
+    if surface == BOTH:
+        _set_purposes(bodies)
+    obstacles = [(part, _add_mesh(file.stage, part)) for part in obstacle_parts(run, level) if part.moves]
+    moving = [(mesh, points_and_velocities(frames, part.at, rate)) for part, mesh in [*bodies, *obstacles]]
+    simulated = [(part, mesh) for part, mesh in bodies if part.render is None]
+    add_fields = fields_adder(level, simulated, fields(level.index)) if fields else None
+    for frame in said(f"level {level.index}", frames):
+        for mesh, track in moving:
+            file.added(_set_points(mesh, *next(track), frame.code))
+        if add_fields:
+            file.added(add_fields(frame))
+
+
+def _add_root(stage: Any, run: Run, rate: float, last: float) -> Any:
+    """The prim of the run, with units, rate, last time code and direction upward."""
+    from pxr import UsdGeom
+
+    root = UsdGeom.Xform.Define(stage, "/run")
+    stage.SetDefaultPrim(root.GetPrim())
+    _set_units(stage, root, run, rate, last)
+    for folder in ("bodies", "obstacles", "materials"):
+        UsdGeom.Scope.Define(stage, f"/run/{folder}")
+    return root
+
+
+def _set_units(stage: Any, root: Any, run: Run, rate: float, last: float) -> None:
+    from pxr import Gf, UsdGeom
+
+    UsdGeom.SetStageMetersPerUnit(stage, 1.0)
+    stage.SetTimeCodesPerSecond(rate)
+    stage.SetFramesPerSecond(rate)
+    stage.SetStartTimeCode(0)
+    stage.SetEndTimeCode(last)
+    up = padded(upward(run)[None])[0]
+    axis = int(np.argmax(np.abs(up)))
+    UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.z if axis == 2 else UsdGeom.Tokens.y)
+    if axis == 0 or up[axis] < 0:  # USD knows y and z alone as directions upward
+        turn = Gf.Rotation(Gf.Vec3d(*map(float, np.sign(up[axis]) * np.eye(3)[axis])), Gf.Vec3d(0, *_USD_UP[axis]))
+        root.AddTransformOp().Set(Gf.Matrix4d(turn, Gf.Vec3d(0)))
+
+
+_USD_UP = {0: (1, 0), 1: (1, 0), 2: (0, 1)}  # y and z of the upward direction, by the axis that the run's is nearest to
+
+
+def _place(part: Part) -> str:
+    return f"/run/{'obstacles' if part.body is None else 'bodies'}/{part.name}"
+
+
+def _add_material(stage: Any, part: Part, texture: str) -> None:
+    """A material of the part's colour or, where it has one, its texture, by the path from the file."""
+    from pxr import Gf, Sdf, UsdShade
+
+    material = UsdShade.Material.Define(stage, f"/run/materials/{part.name}")
+    shader = UsdShade.Shader.Define(stage, f"/run/materials/{part.name}/surface")
+    shader.CreateIdAttr("UsdPreviewSurface")
+    diffuse = shader.CreateInput("diffuseColor", Sdf.ValueTypeNames.Color3f)
+    if texture:
+        place, picture = (
+            UsdShade.Shader.Define(stage, f"/run/materials/{part.name}/{name}") for name in ("place", "texture")
+        )
+        place.CreateIdAttr("UsdPrimvarReader_float2")
+        place.CreateInput("varname", Sdf.ValueTypeNames.String).Set("st")
+        picture.CreateIdAttr("UsdUVTexture")
+        picture.CreateInput("file", Sdf.ValueTypeNames.Asset).Set(Sdf.AssetPath(f"./{texture}"))
+        picture.CreateInput("sourceColorSpace", Sdf.ValueTypeNames.Token).Set("sRGB")
+        for side in ("wrapS", "wrapT"):
+            picture.CreateInput(side, Sdf.ValueTypeNames.Token).Set("repeat")
+        result = place.CreateOutput("result", Sdf.ValueTypeNames.Float2)
+        picture.CreateInput("st", Sdf.ValueTypeNames.Float2).ConnectToSource(result)
+        diffuse.ConnectToSource(picture.CreateOutput("rgb", Sdf.ValueTypeNames.Float3))
+    else:
+        diffuse.Set(Gf.Vec3f(*linear_colour(part.colour)))
+    shader.CreateInput("roughness", Sdf.ValueTypeNames.Float).Set(ROUGHNESS)
+    shader.CreateInput("opacity", Sdf.ValueTypeNames.Float).Set(part.opacity)
+    material.CreateSurfaceOutput().ConnectToSource(shader.ConnectableAPI(), "surface")
+
+
+def _add_mesh(stage: Any, part: Part) -> Any:
+    """The mesh of a part with its material, without points."""
+    from pxr import Gf, UsdGeom, UsdShade, Vt
+
+    mesh = UsdGeom.Mesh.Define(stage, _place(part))
+    mesh.GetPrim().SetDisplayName(part.label)
+    mesh.CreateSubdivisionSchemeAttr(UsdGeom.Tokens.none)
+    mesh.CreateDoubleSidedAttr(not part.closed)
+    mesh.CreateFaceVertexCountsAttr(Vt.IntArray.FromNumpy(part.counts.astype(np.int32)))
+    mesh.CreateFaceVertexIndicesAttr(Vt.IntArray.FromNumpy(part.corners.astype(np.int32)))
+    mesh.CreateDisplayColorAttr([Gf.Vec3f(*linear_colour(part.colour))])
+    mesh.CreateDisplayOpacityAttr([part.opacity])
+    UsdShade.MaterialBindingAPI.Apply(mesh.GetPrim()).Bind(
+        UsdShade.Material(stage.GetPrimAtPath(f"/run/materials/{part.name}"))
+    )
+    return mesh
+
+
+def _set_points(mesh: Any, points: np.ndarray, velocities: np.ndarray | None = None, code: float | None = None) -> int:
+    """Points, velocities and extent at a time code, or for all times; the bytes of these samples."""
+    from pxr import Gf, Vt
+
+    when = [] if code is None else [code]
+    points = points.astype(np.float32)
+    mesh.CreatePointsAttr().Set(Vt.Vec3fArray.FromNumpy(points), *when)
+    ends = points.min(axis=0), points.max(axis=0)
+    mesh.CreateExtentAttr().Set([Gf.Vec3f(*map(float, end)) for end in ends], *when)
+    if velocities is not None:
+        mesh.CreateVelocitiesAttr().Set(Vt.Vec3fArray.FromNumpy(velocities.astype(np.float32)), *when)
+    return points.nbytes * (1 if velocities is None else 2)
+
+
+def _set_purposes(bodies: Sequence[tuple[Part, Any]]) -> None:
+    """Bodies with a render mesh are drawn by it, and stand in for it where that is asked for."""
+    for part, mesh in bodies:
+        if part.render is not None:
+            proxy = next(own for other, own in bodies if other.render is None and other.body == part.body)
+            mesh.CreatePurposeAttr("render")
+            proxy.CreatePurposeAttr("proxy")
+            mesh.CreateProxyPrimRel().SetTargets([proxy.GetPath()])

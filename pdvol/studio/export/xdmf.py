@@ -1,0 +1,165 @@
+"""XDMF time series with HDF5 data, for ParaView, Blender's importers and meshio; also of a run that is not finished.
+
+`level_N.xdmf` is XML and names `level_N.h5` beside it, so the two can be moved together. The rest geometry and the
+cells' data are stored once and referred to by every step; each step adds its fields. Steps that an earlier export holds
+are taken from it. (meshio's own writer puts the HDF5 file into the working directory.)
+"""
+
+import os
+import shutil
+from collections.abc import Sequence
+from pathlib import Path
+from xml.etree import ElementTree as ET
+
+import h5py
+import numpy as np
+
+from pdvol.errors import InputError, SimulationError
+from pdvol.store.files import TEMPORARY, require_room, write_bytes
+from pdvol.store.reader import Run
+from pdvol.store.series import Fields, LevelFields, Series, nothing_more
+from pdvol.studio.export.failures import failure_reason
+from pdvol.studio.export.paraview import write_paraview_script
+
+_NUMBER_TYPES = {"f": "Float", "i": "Int", "u": "UInt"}
+
+
+def export(run: Run, levels: Sequence[int], out: Path, fields: LevelFields) -> list[Path]:
+    """Write `out/level_<l>.xdmf`, its `.h5` file, and `out/open_in_paraview.py`. See `pdvol.studio.export`."""
+    written = [write_xdmf(run, level, out / f"level_{level}.xdmf", fields(level)) for level in levels]
+    return [*written, write_paraview_script(run, levels, out, ".xdmf")]
+
+
+def write_xdmf(run: Run, level: int, path: str | Path, more: Fields = nothing_more) -> Path:
+    """Export the stored steps of one level; also of a run that is not finished.
+
+    Parameters
+    ----------
+    run : Run
+    level : int
+    path : the .xdmf file; its data goes beside it, with the ending .h5
+    more : fields beside `displacement`, `velocity`, `body` and `region`
+
+    Returns
+    -------
+    Path
+        The .xdmf file. It and the .h5 file are written aside and renamed: a reader finds a whole export, the earlier
+        or the new one.
+
+    Raises
+    ------
+    InputError
+        When the level does not exist, has no state, or `path` does not end in .xdmf.
+    SimulationError
+        When the disk cannot be written.
+    """
+    path = Path(path)
+    if path.suffix != ".xdmf":
+        raise InputError(f"{path}: the name of an XDMF file ends in .xdmf")
+    series = Series(run, level, more)
+    data = path.with_suffix(".h5")
+    aside = data.with_name(f".{data.name}{TEMPORARY}")
+    require_room(aside, series.size)
+    try:
+        with _open_aside(data, aside, series) as file:
+            xml = _write_data(file, data.name, series)
+        with open(aside, "rb") as file:
+            os.fsync(file.fileno())
+        # The data first: an old .xdmf finds its steps in new data, while a new one would miss some in the old.
+        os.replace(aside, data)
+    except (OSError, RuntimeError) as error:  # HDF5 raises either for a full disk
+        raise SimulationError(f"cannot write {data}: {failure_reason(error)}") from error
+    finally:
+        aside.unlink(missing_ok=True)
+    ET.indent(xml)
+    write_bytes(path, b'<?xml version="1.0"?>\n' + ET.tostring(xml) + b"\n")
+    return path
+
+
+def _open_aside(data: Path, aside: Path, series: Series) -> h5py.File:
+    """The file to write to, with the steps of an earlier export of the same mesh."""
+    if data.is_file():
+        try:
+            shutil.copyfile(data, aside)
+            file = h5py.File(aside, "r+")
+            same = all(np.array_equal(file[key], values) for key, values in _mesh(series).items())
+            if same and "steps" in file:
+                return file
+            file.close()
+        except (OSError, RuntimeError, KeyError):  # damaged: begin anew
+            pass
+    return h5py.File(aside, "w")
+
+
+def _mesh(series: Series) -> dict[str, np.ndarray]:
+    return {"mesh/points": series.level.rest, "mesh/cells": series.level.cells}
+
+
+def _write_data(file: h5py.File, name: str, series: Series) -> ET.Element:
+    """Fill the HDF5 file step by step (only one is ever in memory) and return the XML that describes it."""
+
+    def item(parent: ET.Element, key: str) -> None:
+        stored = file[key]
+        shape = " ".join(str(n) for n in stored.shape)
+        kind, precision = _NUMBER_TYPES[stored.dtype.kind], str(stored.dtype.itemsize)
+        ET.SubElement(
+            parent, "DataItem", Dimensions=shape, NumberType=kind, Precision=precision, Format="HDF"
+        ).text = f"{name}:/{key}"
+
+    def attribute(grid: ET.Element, key: str, centre: str, label: str) -> None:
+        rank = "Vector" if file[key].ndim == 2 else "Scalar"
+        item(ET.SubElement(grid, "Attribute", Name=label, AttributeType=rank, Center=centre), key)
+
+    for key, values in {
+        **_mesh(series),
+        **{f"mesh/{label}": values for label, values in series.labels.items()},
+    }.items():
+        if key not in file:
+            file[key] = values
+    root = ET.Element("Xdmf", Version="3.0")
+    domain = ET.SubElement(root, "Domain")
+    collection = ET.SubElement(
+        domain, "Grid", Name=f"level {series.level.index}", GridType="Collection", CollectionType="Temporal"
+    )
+    rest, cells = series.level.rest, series.level.cells
+    shape, geometry = ("Triangle", "XY") if rest.shape[1] == 2 else ("Tetrahedron", "XYZ")
+    _drop_other_steps(file, series)
+    for step in range(series.steps):
+        _write_step(file, series, step)
+        grid = ET.SubElement(collection, "Grid", Name=f"step {step}", GridType="Uniform")
+        # Every step names the shared mesh itself: readers without XInclude understand it too.
+        item(ET.SubElement(grid, "Topology", TopologyType=shape, NumberOfElements=str(len(cells))), "mesh/cells")
+        item(ET.SubElement(grid, "Geometry", GeometryType=geometry), "mesh/points")
+        ET.SubElement(grid, "Time", Value=repr(step * series.dt))
+        for centre in ("Node", "Cell"):
+            for label in sorted(file[f"steps/{step}/{centre}"]):
+                attribute(grid, f"steps/{step}/{centre}/{label}", centre, label)
+        for label in series.labels:
+            attribute(grid, f"mesh/{label}", "Cell", label)
+    return root
+
+
+def _drop_other_steps(file: h5py.File, series: Series) -> None:
+    """Remove the steps of an earlier export that the run no longer holds because it was rewound."""
+    for key in list(file.require_group("steps")):
+        if int(key) >= series.steps:
+            del file["steps"][key]
+
+
+def _write_step(file: h5py.File, series: Series, step: int) -> None:
+    steps = file["steps"]
+    if str(step) in steps:
+        group = steps[str(step)]
+        # Of an earlier export, which may hold fewer fields, or of a run that was rewound.
+        if group.attrs.get("fields") == series.kind and np.array_equal(
+            group["Node/displacement"], series.displacement(step)
+        ):
+            return
+        del steps[str(step)]
+    fields = series.fields(step)
+    group = steps.create_group(str(step))
+    for centre, values in (("Node", fields.points), ("Cell", fields.cells)):
+        inner = group.create_group(centre)
+        for label, array in values.items():
+            inner[label] = array
+    group.attrs["fields"] = series.kind

@@ -1,0 +1,1 @@
+"""Scenes and animated meshes in the files of other software."""

@@ -1,0 +1,221 @@
+"""A pdvol scene from a scene in PolyFEM's JSON."""
+
+import math
+import sys
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+
+from pdvol.errors import InputError
+from pdvol.meshes import Solid
+from pdvol.scene import (
+    Barrier,
+    Body,
+    Friction,
+    Material,
+    Obstructing,
+    Plane,
+    Region,
+    Rigid,
+    Scene,
+    Still,
+)
+from pdvol.studio.imports.polyfem.conditions import Displaced, read_dirichlet, read_gravity, with_velocities
+from pdvol.studio.imports.polyfem.document import Reading, Section, read_document
+from pdvol.studio.imports.polyfem.geometry import Meshed, is_closed, read_body, read_surface
+from pdvol.studio.imports.polyfem.materials import read_materials
+
+INTEGRATORS_OF = {"ImplicitEuler": "implicit_euler", "BDF1": "implicit_euler", "BDF2": "bdf2"}
+MOST_LAGGED = 100  # times that friction is lagged anew where PolyFEM sets no bound
+MOST_LISTED = 5  # levels that a PolyFEM scene may be given
+
+
+def polyfem_scene(file: Path) -> Callable[..., Scene]:
+    """The `scene(levels=1)` of a PolyFEM file: the coarsest level is PolyFEM's mesh, the others refine it uniformly."""
+
+    def scene(levels: int = 1) -> Scene:
+        if not isinstance(levels, int) or not 1 <= levels <= MOST_LISTED:
+            raise InputError(f"levels = {levels!r} must be a whole number from 1 to {MOST_LISTED}")
+        document = read_document(file)
+        made = _scene(document, levels)
+        _say(file.name, document.reading)
+        return made
+
+    return scene
+
+
+def _say(name: str, reading: Reading) -> None:
+    """What was passed over and what differs, a line each on stderr; once a line."""
+    ignored = sorted(set(reading.ignored))
+    lines = [f"ignored, as it says how PolyFEM solves or writes: {', '.join(ignored)}"] if ignored else []
+    for line in [*lines, *reading.notes]:
+        _line(f"{name}: {line}")
+
+
+@cache
+def _line(line: str) -> None:
+    print(line, file=sys.stderr)
+
+
+def _scene(root: Section, levels: int) -> Scene:
+    reading = root.reading
+    _check_units(root)
+    space = root.section("space")
+    space.only("discr_order", (1,), "pdvol's elements are linear")
+    space.only("basis_type", ("Lagrange",), "pdvol's elements are Lagrangian")
+    space.only("use_p_ref", (False,), "pdvol's elements are linear")
+    space.close()
+    dt, steps, start, integrator = _time(root)
+    conditions = root.section("boundary_conditions")
+    meshed, obstacle_sections = _geometries(root, levels)
+    dim = meshed[0].levels[0].vertices.shape[1] if meshed else 3
+    materials = read_materials(root, dim)
+    supports, driven = read_dirichlet(conditions, meshed, dim, start)
+    obstacles = _obstacles(obstacle_sections, reading.file.parent, driven, start)
+    bodies = [_body(m, materials, reading) for m in meshed]
+    bodies = with_velocities(root, bodies, meshed, dim)
+    gravity = read_gravity(conditions, dim, start)
+    conditions.close()
+    solver = root.section("solver")
+    contact = _contact(root.section("contact"), solver.section("contact"))
+    solver.only("rayleigh_damping", ([],), "pdvol's damping is of another kind")
+    advanced = solver.section("advanced")
+    if not advanced.flag("lump_mass_matrix", False):
+        reading.notes.append("PolyFEM's mass matrix is consistent here; pdvol's is lumped")
+    if advanced.values:
+        reading.ignored.append(advanced.path)
+    solver.close()
+    root.close()
+    if not bodies:
+        root.refuse("geometry", "no deformable mesh is left")
+    reading.check()
+    return Scene(
+        bodies=tuple(b for b in bodies if b is not None),
+        dt=dt,
+        steps=steps,
+        loads=gravity,
+        supports=tuple(supports),
+        obstacles=tuple(obstacles) if contact else (),
+        contact=contact,
+        integrator=integrator,
+    )
+
+
+def _check_units(root: Section) -> None:
+    """Refuse other units than pdvol's."""
+    units = root.section("units")
+    for key, unit in (("length", "m"), ("mass", "kg"), ("time", "s")):
+        units.only(key, (unit,), f"pdvol's unit is {unit}")
+    units.get("characteristic_length")
+    units.close()
+
+
+def _time(root: Section) -> tuple[float, int, float, str]:
+    """The step [s], how many, when the first begins [s], and the integrator."""
+    if "time" not in root.values:
+        root.refuse("time", "pdvol simulates motion; a static scene has none")
+        return 1.0, 1, 0.0, "implicit_euler"
+    time = root.section("time")
+    start, given = time.number("t0", 0.0), {key for key in ("tend", "dt", "time_steps") if key in time.values}
+    end, dt, steps = time.number("tend", 0.0), time.number("dt", 0.0), time.whole("time_steps", 0)
+    if len(given) < 2:
+        root.refuse("time", "two of tend, dt and time_steps are expected")
+    elif given >= {"tend", "dt"} and dt > 0.0:
+        steps = math.ceil((end - start) / dt - 1e-9)
+    elif "time_steps" in given and "dt" not in given and steps > 0:
+        dt = (end - start) / steps
+    if dt <= 0.0 or steps < 1:
+        root.refuse("time", "gives no step of positive length")
+        dt, steps = 1.0, 1
+    time.only("quasistatic", (False,), "pdvol always has inertia")
+    chosen = time.get("integrator", "ImplicitEuler")
+    name = chosen
+    if isinstance(chosen, dict):
+        name = f"BDF{chosen.get('steps', 1)}" if chosen.get("type") == "BDF" else chosen.get("type")
+    if not isinstance(name, str) or name not in INTEGRATORS_OF:
+        time.refuse("integrator", f"pdvol has {', '.join(INTEGRATORS_OF)}")
+    time.close()
+    return dt, steps, start, INTEGRATORS_OF.get(str(name), "implicit_euler")
+
+
+def _geometries(root: Section, levels: int) -> tuple[list[Meshed], list[Section]]:
+    """The deformable meshes, and the sections of the obstacles."""
+    meshed, obstacles = [], []
+    for number, entry in enumerate(root.sections("geometry"), 1):
+        if not entry.flag("enabled", True):
+            continue
+        kind = entry.get("type", "mesh")
+        if kind not in ("mesh", "plane", "ground"):
+            entry.refuse("type", "pdvol reads mesh, plane and ground")
+        elif entry.flag("is_obstacle", False) or kind != "mesh":
+            obstacles.append(entry)
+        else:
+            name = f"{Path(str(entry.get('mesh', 'body'))).stem} {number}"
+            found = read_body(entry, root.reading.file.parent, name, levels)
+            if found is not None:
+                meshed.append(found)
+    return meshed, obstacles
+
+
+def _obstacles(
+    entries: list[Section], folder: Path, driven: list[tuple[set[int] | None, Displaced]], start: float
+) -> list[Obstructing]:
+    obstacles: list[Obstructing] = []
+    for number, entry in enumerate(entries, 1):
+        kind = entry.get("type", "mesh")
+        if kind == "mesh":
+            wanted = entry.get("surface_selection")
+            if wanted is not None and not isinstance(wanted, int):
+                entry.refuse("surface_selection", "PolyFEM's obstacles have one number")
+            entry.only("volume_selection", (wanted, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9), "obstacles have no volume")
+            motion = next((m for ids, m in driven if wanted is not None and (ids is None or wanted in ids)), None)
+            surface = read_surface(entry, folder)
+            if surface is not None:
+                name = f"{Path(str(entry.get('mesh'))).stem} obstacle {number}"
+                obstacles.append(Rigid(surface, motion=motion or Still(), name=name, closed=is_closed(surface)))
+            continue
+        if kind == "ground":
+            height = entry.number("height", 0.0)
+            point, normal = (0.0, height, 0.0), (0.0, 1.0, 0.0)
+        else:
+            point, normal = (entry.get(key, ()) for key in ("point", "normal"))
+        entry.close()
+        try:
+            obstacles.append(Plane(point, normal, name=f"plane {number}"))
+        except (InputError, TypeError) as error:
+            entry.refuse("point", str(error))
+    return obstacles
+
+
+def _body(meshed: Meshed, materials: dict[int | None, Material], reading: Reading) -> Body | None:
+    missing = [n for n in meshed.numbers if n not in materials and None not in materials]
+    if missing:
+        if not reading.refused:
+            reading.refuse(meshed.path, missing[0], "no material has this volume number as its id")
+        return None
+    of = {n: materials.get(n, materials.get(None)) for n in meshed.numbers}
+    main, *others = meshed.numbers
+    shapes = tuple(Solid(s.vertices, s.cells, s.regions) for s in meshed.levels)
+    regions = tuple(Region(of[n], n) for n in others)  # type: ignore[arg-type]
+    return Body(shapes, of[main], name=meshed.name, regions=regions)  # type: ignore[arg-type]
+
+
+def _contact(contact: Section, solving: Section) -> tuple[Barrier | Friction, ...]:
+    enabled, dhat = contact.flag("enabled", False), contact.number("dhat", 1e-3)
+    mu, speed = contact.number("friction_coefficient", 0.0), contact.number("epsv", 1e-3)
+    contact.flag("use_convergent_formulation", False)  # pdvol has this law alone
+    for key in ("use_gcp_formulation", "periodic", "use_adaptive_dhat"):
+        contact.only(key, (False,), "pdvol has no counterpart")
+    adhesion = contact.section("adhesion")
+    adhesion.only("adhesion_enabled", (False,), "pdvol has no adhesion")
+    contact.get("dhat_percentage")
+    contact.only("collision_mesh", ({"enabled": False},), "pdvol's contact acts on the surfaces of the bodies")
+    lagged = solving.whole("friction_iterations", 1)
+    solving.close()
+    contact.close()
+    if not enabled:
+        return ()
+    barrier = Barrier(dhat=dhat)
+    if mu <= 0.0 or lagged == 0:
+        return (barrier,)
+    return barrier, Friction(mu, eps_v=speed, iterations=lagged if lagged > 0 else MOST_LAGGED)

@@ -1,0 +1,194 @@
+"""Surfaces of stored states, as arrays: what a page draws. Nothing here knows a web library."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pdvol.meshing.polygons import cut_faces
+from pdvol.store.obstacles import DrawnObstacle
+from pdvol.store.reader import Run
+from pdvol.studio.colours import GROUND, OBSTACLE, PALETTE
+from pdvol.studio.draw.camera import Camera, fitted_camera, in_3d
+from pdvol.studio.polylines import closed_loops
+
+SMOOTH_FROM = 1500  # facets of a body: with fewer, single facets are shown, so that a coarse level looks coarse
+SURROUNDINGS = 1.5  # diagonals of the bodies within which obstacles count for the camera
+PLANE_SIZE = 4.0  # half the side of the square that stands for a plane, over the size of the content
+LAYER = 0.002  # between drawings of a 2D scene that lie over each other, over the size of the content
+
+SQUARE = np.array([[0, 1, 2], [0, 2, 3]])
+
+
+@dataclass(frozen=True, eq=False)
+class Shape:
+    """Triangles or lines of one colour.
+
+    Attributes
+    ----------
+    name : unique in its frame; the same shape has the same name in the next frame
+    points : (n, 3) float32 [m]
+    faces : (m, 3) int triangles, or (m, 2) lines
+    colour : red, green and blue, 0 to 255
+    smooth : whether facets are shaded as a smooth surface
+    opacity : 0 to 1
+    lit : whether it is shaded; drawings of 2D scenes are not
+    body : whether it is the surface of a body, which may be drawn as a wireframe
+    """
+
+    name: str
+    points: np.ndarray
+    faces: np.ndarray
+    colour: tuple[int, int, int]
+    smooth: bool = False
+    opacity: float = 1.0
+    lit: bool = True
+    body: bool = False
+
+
+class Frames:
+    """The frames of one level of a run.
+
+    Parameters
+    ----------
+    run : may still be written
+    level : its index
+    size : of the content [m], `Camera.size`
+    middle : (3,) [m], around which planes are drawn
+    """
+
+    def __init__(self, run: Run, level: int, size: float, middle: np.ndarray):
+        self.run, self.level = run, run.levels[level]
+        self._size, self._middle = size, middle
+        mesh, surface = self.level.mesh, self.level.surface
+        owners = mesh.point_bodies[surface[:, 0]]
+        self._flat = mesh.dim == 2
+        self._parts: list[tuple[int, np.ndarray, np.ndarray, np.ndarray, np.ndarray]] = []
+        for body in np.unique(mesh.bodies):
+            outline = surface[owners == body]
+            facets = mesh.cells[mesh.bodies == body] if self._flat else outline
+            used, local = np.unique(facets, return_inverse=True)
+            faces = local.reshape(facets.shape)
+            edges = _edges(faces) if self._flat else np.empty((0, 2), dtype=int)
+            self._parts.append((int(body), used, faces, edges, outline))
+        self._filled = [_cut(obstacle) for obstacle in run.obstacles]
+
+    def at(self, step: int) -> list[Shape]:
+        """The bodies and the obstacles at a stored step; raises as `RunLevel.positions`."""
+        points, shapes = in_3d(self.level.positions(step)), []
+        for body, used, faces, edges, outline in self._parts:
+            colour, name, drawn = rgb(PALETTE[body % len(PALETTE)]), f"body {body}", points[used].astype(np.float32)
+            if self._flat:
+                shapes.append(Shape(name, drawn, faces, colour, lit=False, body=True))
+                inner = _shifted(points[used], LAYER * self._size)
+                shapes.append(Shape(f"{name} cells", inner, edges, darker(colour, 0.7), lit=False))
+                shapes.append(_line(f"{name} outline", points, outline, darker(colour, 0.45), 2 * LAYER * self._size))
+            else:
+                shapes.append(Shape(name, drawn, faces, colour, smooth=len(faces) >= SMOOTH_FROM, body=True))
+        for number, obstacle in enumerate(self.level.placed(self.run.obstacles, step)):
+            shapes += self._obstacle(number, obstacle, step)
+        return shapes
+
+    def _obstacle(self, number: int, obstacle: DrawnObstacle, step: int) -> list[Shape]:
+        name, size = f"obstacle {number}", self._size
+        if obstacle.kind == "plane":
+            point, normal = (in_3d(v[None])[0] for v in obstacle.plane(step))
+            return (_half_space if self._flat else _square)(name, point, normal, size, self._middle)
+        if obstacle.kind == "mesh":
+            points, faces = obstacle.vertices(step).astype(np.float32), obstacle.arrays["faces"]
+            opacity = float(obstacle.arrays.get("opacity", 1.0))
+            return [Shape(name, points, faces, rgb(OBSTACLE), len(faces) >= SMOOTH_FROM, opacity)]
+        points, edges = in_3d(obstacle.vertices(step)), obstacle.arrays["edges"]
+        shapes = [_line(f"{name} outline", points, edges, darker(rgb(OBSTACLE), 0.55), 0.0)]
+        if len(self._filled[number]):
+            drawn = _shifted(points, -LAYER * size)
+            shapes.append(Shape(name, drawn, self._filled[number], rgb(OBSTACLE), lit=False))
+        return shapes
+
+
+def view(run: Run) -> Camera:
+    """The camera that shows a run's start: its bodies, obstacles near them, and the planes below them."""
+    level = run.levels[0]
+    bodies = in_3d(level.positions(0))
+    low, high = bodies.min(axis=0), bodies.max(axis=0)
+    margin = SURROUNDINGS * np.linalg.norm(high - low)
+    content = [bodies]
+    for obstacle in run.obstacles:
+        if obstacle.kind == "plane":
+            point, normal = (in_3d(v[None])[0] for v in obstacle.plane(0))
+            heights = (bodies - point) @ normal
+            content.append((bodies - heights[:, None] * normal)[heights < 2 * margin])
+        else:
+            content.append(np.clip(in_3d(obstacle.vertices(0)), low - margin, high + margin))
+    return fitted_camera(np.concatenate(content), level.mesh.dim, upward(run))
+
+
+def upward(run: Run) -> np.ndarray:
+    """(3,) the way up: that of the run where it has one, else the first plane's normal, else z; y in 2D."""
+    if run.levels[0].mesh.dim == 2:
+        return np.array([0.0, 1.0, 0.0])
+    normal = next((obstacle.plane(0)[1] for obstacle in run.obstacles if obstacle.kind == "plane"), (0.0, 0.0, 1.0))
+    return np.asarray(run.info.get("up") or normal, dtype=float)
+
+
+def rgb(colour: str) -> tuple[int, int, int]:
+    """`#f08a67` as three numbers from 0 to 255."""
+    red, green, blue = bytes.fromhex(colour.removeprefix("#"))
+    return red, green, blue
+
+
+def darker(colour: tuple[int, int, int], factor: float) -> tuple[int, int, int]:
+    """The colour times a factor."""
+    red, green, blue = (round(factor * channel) for channel in colour)
+    return red, green, blue
+
+
+def _cut(obstacle: DrawnObstacle) -> np.ndarray:
+    """(m, 3) triangles that fill a polyline's closed chains; none where they cannot be cut, and for other kinds."""
+    if obstacle.kind != "polyline":
+        return np.empty((0, 3), dtype=int)
+    try:
+        return cut_faces(obstacle.vertices(0), closed_loops(obstacle.arrays["edges"]))
+    except ValueError:  # a long outline that is not convex: its line is drawn
+        return np.empty((0, 3), dtype=int)
+
+
+def _half_space(name: str, point: np.ndarray, normal: np.ndarray, size: float, middle: np.ndarray) -> list[Shape]:
+    along, half = np.array([-normal[1], normal[0], 0.0]), PLANE_SIZE * size
+    centre = middle - ((middle - point) @ normal) * normal
+    ends = [centre - half * along, centre + half * along]
+    points = np.array([*ends, ends[1] - 2 * half * normal, ends[0] - 2 * half * normal])
+    line = _line(f"{name} edge", points, np.array([[0, 1]]), darker(rgb(GROUND), 0.7), 0.0)
+    return [Shape(name, _shifted(points, -2 * LAYER * size), SQUARE, rgb(GROUND), lit=False), line]
+
+
+def _square(name: str, point: np.ndarray, normal: np.ndarray, size: float, middle: np.ndarray) -> list[Shape]:
+    centre = middle - ((middle - point) @ normal) * normal
+    one = np.cross(np.eye(3)[np.argmin(np.abs(normal))], normal)
+    one /= np.linalg.norm(one)
+    two, half = np.cross(normal, one), PLANE_SIZE * size
+    corners = centre + half * np.array([-one - two, one - two, one + two, -one + two])
+    return [Shape(name, corners.astype(np.float32), SQUARE, rgb(GROUND))]
+
+
+def _line(name: str, points: np.ndarray, segments: np.ndarray, colour: tuple[int, int, int], raised: float) -> Shape:
+    used, local = np.unique(segments, return_inverse=True)
+    return Shape(name, _shifted(points[used], raised), local.reshape(segments.shape), colour, lit=False)
+
+
+def _shifted(points: np.ndarray, height: float) -> np.ndarray:
+    return (points + [0.0, 0.0, height]).astype(np.float32)
+
+
+def _edges(faces: np.ndarray) -> np.ndarray:
+    """(k, 2) the edges of triangles, each once."""
+    pairs = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
+    return np.unique(np.sort(pairs, axis=1), axis=0)
+
+
+def same_topology(one: Sequence[Shape], other: Sequence[Shape]) -> bool:
+    """Whether two frames differ in positions only."""
+    return len(one) == len(other) and all(
+        a.name == b.name and a.colour == b.colour and np.array_equal(a.faces, b.faces)
+        for a, b in zip(one, other, strict=True)
+    )

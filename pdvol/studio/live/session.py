@@ -1,0 +1,234 @@
+"""The runs behind a live page, without the page: which one is computed, which one is shown, and what became of each.
+
+A change of a value starts a new run of level 0 in a temporary folder, and ends the one before. When level 0 is done the
+finer levels follow in the same folder. `tick` moves everything on and is called again and again by one thread. Any
+thread may call the other methods, which return at once.
+"""
+
+import shutil
+import threading
+import time
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from pdvol.errors import InputError
+from pdvol.store.copying import copy_run, require_new
+from pdvol.studio.live.live_run import LiveRun
+from pdvol.studio.live.pool import Pool
+from pdvol.studio.variations.variation import value_text
+
+DEBOUNCE = 0.1  # seconds without a further change after which a new run begins
+LONGEST_WAIT = 0.4  # seconds after the first of many changes when a run begins all the same
+MOST_RUNS = 6  # in the temporary folder; older ones are removed
+BAD_INPUT = 2  # exit code of `pdvol` for input that no run can begin with
+
+
+class Session:
+    """Runs of one scene.
+
+    Parameters
+    ----------
+    scene : the scene file
+    settings : values by name that every run has, until `change` replaces them
+    folder : for the runs; the caller removes it
+    keep_in : where kept runs go
+    finest : the finest level to refine to
+    steps : of the shot; the scene's own when None
+    wavefront : whether finer levels run side by side
+
+    Attributes
+    ----------
+    current : the latest run; None before the first
+    shown : the latest run that has a state to show; None before there is one
+    paused : whether the computation is held
+    """
+
+    def __init__(
+        self,
+        scene: Path,
+        settings: Mapping[str, Any],
+        folder: Path,
+        keep_in: Path,
+        finest: int = 0,
+        steps: int | None = None,
+        wavefront: bool = False,
+    ):
+        self.scene, self.folder, self.keep_in = scene, folder, keep_in
+        self.finest, self.steps, self.wavefront = finest, steps, wavefront
+        self.values = dict(settings)
+        self.current: LiveRun | None = None
+        self.shown: LiveRun | None = None
+        self.paused = False
+        self._runs: list[LiveRun] = []
+        self._number = 0
+        self._pool = Pool()
+        self._lock = threading.RLock()
+        self._asked: tuple[float, float] | None = None  # first and last change that no run has yet
+        self._wait = 0.0
+        self._branch: tuple[LiveRun, int] | None = None
+        self._goal: int | None = None  # a paused run goes on until this step is stored
+
+    def start(self) -> None:
+        """Begin a run with the present values, at the next `tick`."""
+        self.change({}, 0.0)
+
+    def change(self, values: Mapping[str, Any], wait: float = DEBOUNCE) -> None:
+        """Begin a new run with these values once none has changed for `wait` seconds."""
+        with self._lock:
+            self.values |= values
+            now = time.monotonic()
+            self._asked = (self._asked[0] if self._asked else now, now)
+            self._wait, self._branch = wait, None
+
+    def branch(self, step: int) -> None:
+        """Begin a new run with the present values from a stored step of the shown one."""
+        with self._lock:
+            if self.shown is not None:
+                self.start()
+                self._branch = (self.shown, step)
+
+    def pause(self) -> None:
+        """Hold the computation."""
+        with self._lock:
+            self.paused, self._goal = True, None
+            self._hold(True)
+
+    def resume(self) -> None:
+        """Go on with the computation."""
+        with self._lock:
+            self.paused, self._goal = False, None
+            self._hold(False)
+
+    def go_to(self, step: int) -> None:
+        """Let a paused run go on until this step is stored."""
+        with self._lock:
+            if self.paused and self.current is not None and self.current.running:
+                self._goal = step
+                self._hold(False)
+
+    def keep(self, name: str) -> Path:
+        """Copy the shown run to a folder of this name, where finer levels and further steps follow as they are made.
+
+        Raises
+        ------
+        InputError
+            The name is no folder's name, is taken, or there is nothing to keep.
+        """
+        with self._lock:
+            name = name.strip()
+            if self.shown is None:
+                raise InputError("there is no run to keep yet")
+            if not name or Path(name).name != name or name.startswith("."):
+                raise InputError(f"{name!r} is no name of a folder: write letters, digits and - without /")
+            target = self.keep_in / name
+            require_new(target)
+            copy_run(self.shown.folder, target)
+            self.shown.kept = target
+            return target
+
+    def tick(self) -> None:
+        """Look at the processes, start what is due, and follow the stored states."""
+        with self._lock:
+            self._pool.look()
+            now = time.monotonic()
+            if self._asked and (
+                now - self._asked[1] >= self._wait or now - self._asked[0] >= LONGEST_WAIT + self._wait
+            ):
+                asked, self._asked = self._asked[1], None
+                branch, self._branch = self._branch, None
+                self._begin(asked, branch)
+            run = self.current
+            if run is None:
+                return
+            if run.look() and (run is not self.shown):
+                self.shown = run
+            if self._goal is not None and run.steps > self._goal:
+                self._goal = None
+                self._hold(True)
+            if run.worker is not None:
+                code = run.worker.poll()
+                if code is not None:
+                    self._ended(run, code)
+
+    def close(self) -> None:
+        """End all processes; what has been kept has their last whole states."""
+        with self._lock:
+            self._asked = None
+            if self.current is not None:
+                self._update_kept(self.current)
+            self._pool.close()
+
+    # ---- the life of a run
+
+    def _begin(self, asked: float, branch: tuple[LiveRun, int] | None, note: str = "") -> None:
+        if self.current is not None:
+            self._give_up(self.current)
+        self._number += 1
+        run = LiveRun(self._number, self.folder / f"{self._number:04d}", dict(self.values), asked, branch, note)
+        self.current = run
+        self._runs.append(run)
+        more = [] if branch is None else ["--branch", branch[0].folder, "--at", branch[1]]
+        run.finest = self.finest if branch is None else min(self.finest, branch[0].levels_with(branch[1]) - 1)
+        if branch is not None:
+            run.refined = run.finest
+            if run.finest < self.finest:
+                run.note = f"level {run.finest + 1} had not reached step {branch[1]}: this run is not refined that far"
+        self._carry_out(run, ["--levels", f"0:{run.refined}", *more])
+        self._remove_old()
+
+    def _carry_out(self, run: LiveRun, words: list[Any]) -> None:
+        steps = [] if self.steps is None else ["--steps", self.steps]
+        settings = [word for name, value in run.values.items() for word in ("--set", f"{name}={value_text(value)}")]
+        run.worker = self._pool.take()
+        line = ["run", self.scene, "--out", run.folder, "--no-picture", "--no-xdmf", *steps, *words, *settings]
+        run.worker.start([str(word) for word in line], run.log)
+        run.state = "running"
+        if self.paused:
+            self._hold(True)
+
+    def _ended(self, run: LiveRun, code: int) -> None:
+        """One command line of a run has ended."""
+        if run.worker is not None:
+            self._pool.give_back(run.worker)
+        run.worker = None
+        run.look()
+        if code == BAD_INPUT and run.branch is not None and run.steps == 0:
+            note = f"it starts from step 0, because {run.last_line()}"
+            self._begin(time.monotonic(), None, note)
+            return
+        if code != 0:
+            run.state, run.reason = "failed", run.last_line() or f"its process ended with status {code}"
+        elif run.refined >= run.finest:
+            run.state = "done"
+        else:
+            levels = f"{run.refined + 1}:{run.finest}"
+            run.refined = run.finest
+            wavefront = ["--wavefront"] if self.wavefront else []
+            self._carry_out(run, ["--levels", levels, "--resume", *wavefront])
+        self._update_kept(run)
+
+    def _give_up(self, run: LiveRun) -> None:
+        """End what is computed of a run; its states stay."""
+        if run.worker is not None:
+            self._pool.give_back(run.worker)
+            run.worker, run.state = None, "stopped"
+        self._update_kept(run)
+
+    def _update_kept(self, run: LiveRun) -> None:
+        if run.kept is not None:
+            copy_run(run.folder, run.kept)
+
+    def _hold(self, held: bool) -> None:
+        if self.current is not None and self.current.worker is not None:
+            if held:
+                self.current.worker.pause()
+            else:
+                self.current.worker.resume()
+
+    def _remove_old(self) -> None:
+        kept = (self.current, self.shown)
+        for run in [run for run in self._runs[:-MOST_RUNS] if run not in kept]:
+            self._runs.remove(run)
+            shutil.rmtree(run.folder, ignore_errors=True)
+            run.log.unlink(missing_ok=True)

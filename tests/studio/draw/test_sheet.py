@@ -1,0 +1,152 @@
+"""Contact sheets, their films and scatters: nothing of a label is lost, every tile is there, failed ones too."""
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from pdvol.errors import InputError
+from pdvol.store.writer import open_run
+from pdvol.studio.draw.layout import BACKGROUND, font
+from pdvol.studio.draw.scatter import scatter_image
+from pdvol.studio.draw.sheet import (
+    NARROWEST_TILE,
+    WIDEST_SHEET,
+    SheetLayout,
+    Tile,
+    cluster_name,
+    shared_camera,
+    sheet_image,
+    wrapped,
+)
+from pdvol.studio.draw.sheet_film import MOST_PICTURES, film_times, sheet_film
+
+REASON = "level 0, step 3 could not be solved: Newton's method did not converge"
+
+
+@pytest.fixture
+def tiles(flat_run):
+    run = open_run(flat_run)
+    lines = ["offset 0.0125", "surface models/a_rather_long_name_of_a_cow_on_a_meadow_in_spring.obj", "upright 0.97"]
+    return [
+        Tile("0", lines, run, cluster=0),
+        Tile("1", lines[:1], None, REASON),
+        Tile("2", lines, run, "stopped at 0.1 s", cluster=1),
+        Tile("3", [], None),
+    ]
+
+
+def pictures(path, tiles, columns=None):
+    """The sheet's tiles, with their labels, as arrays, and their layout."""
+    layout = SheetLayout.of(tiles, shared_camera(tiles).aspect, columns)
+    sheet = np.asarray(Image.open(path).convert("RGB"), dtype=int)
+    width, height = layout.tile_size
+    corners = [layout.corner(i) for i in range(len(tiles))]
+    return [sheet[y : y + height, x : x + width] for x, y in corners], layout
+
+
+def test_every_tile_is_drawn(tiles, tmp_path):
+    path = sheet_image(tiles, tmp_path / "new" / "sheet.png")
+    shown, layout = pictures(path, tiles)
+    warm = [(part[..., 0] - part[..., 2] > 60).sum() for part in shown]
+    assert warm[0] > 2000 and warm[2] > 2000, "the apricot body"
+    assert warm[1] == warm[3] == 0, "no body where nothing is stored"
+    dark = [(part[: layout.picture[1]].sum(axis=2) < 350).sum() for part in shown]
+    assert dark[1] > 300 and dark[3] > 50, "the reason is written there"
+    labels = [(part[layout.picture[1] + 10 :].sum(axis=2) < 350).sum() for part in shown]
+    assert labels[0] > labels[1] > labels[3] > 0
+
+
+def test_a_step_is_chosen(tiles, tmp_path):
+    first, last = (sheet_image(tiles[:1], tmp_path / f"{step}.png", step=step) for step in (0, None))
+    assert (pictures(first, tiles[:1])[0][0] != pictures(last, tiles[:1])[0][0]).any()
+
+
+def test_no_character_of_a_label_is_lost():
+    lines = ["surface models/a_rather_long_name_of_a_cow.obj with  words", "x" * 300, "", "spin 2"]
+    rows = wrapped(lines, 200, 14)
+    assert "".join("".join(rows).split()) == "".join("".join(lines).split())
+    assert all(font(14).getlength(row) <= 200 for row in rows)
+    assert "spin 2" in rows
+
+
+@pytest.mark.parametrize("count", [1, 4, 20, 100])
+@pytest.mark.parametrize("aspect", [0.62, 1.5])
+def test_sheets_of_4_to_100_tiles(count, aspect):
+    tiles = [Tile(str(i), ["offset 0.0125", "spin 3", "upright 0.97"], None) for i in range(count)]
+    layout = SheetLayout.of(tiles, aspect, None)
+    width, height = layout.empty().size
+    assert width <= WIDEST_SHEET and width % 2 == height % 2 == 0
+    assert layout.columns * layout.rows >= count > layout.columns * (layout.rows - 1)
+    assert layout.picture[0] >= NARROWEST_TILE and layout.text >= 14
+    assert 0.4 < width / height < 3.5
+    corners = {layout.corner(i) for i in range(count)}
+    assert len(corners) == count and max(y for _, y in corners) + layout.tile_size[1] <= height
+
+
+def test_one_stray_does_not_make_all_small(tmp_path, flat_run):
+    import shutil
+
+    tiles = [Tile(str(i), [], open_run(flat_run)) for i in range(12)]
+    near = shared_camera(tiles).half_height
+    shutil.copytree(flat_run, tmp_path / "stray")
+    state = tmp_path / "stray" / "levels" / "1" / "000006.npy"
+    np.save(state, np.load(state) + [1000.0, 0.0])
+    stray = Tile("stray", [], open_run(tmp_path / "stray"))
+    assert shared_camera([*tiles, stray]).half_height < 1.5 * near
+    assert shared_camera([stray]).half_height > 50 * near
+
+
+def test_without_any_state(tmp_path):
+    path = sheet_image([Tile("0", ["spin 2"], None, REASON)], tmp_path / "sheet.png")
+    assert len(Image.open(path).convert("RGB").getcolors(1 << 20)) > 3
+
+
+def test_what_cannot_be_drawn(tiles, tmp_path):
+    for wrong, words, message in (
+        ([], {}, "1 to 400 tiles"),
+        (tiles, {"columns": 0}, "at least 1"),
+    ):
+        with pytest.raises(InputError, match=message):
+            sheet_image(wrong, tmp_path / "sheet.png", **words)
+    with pytest.raises(InputError, match="ends in .png"):
+        sheet_image(tiles, tmp_path / "sheet.jpg")
+    with pytest.raises(InputError, match="ends in .gif, .mp4, .webp"):
+        sheet_film(tiles, tmp_path / "sheet.avi")
+    assert not list(tmp_path.iterdir())
+
+
+def test_names_of_clusters():
+    assert [cluster_name(i) for i in (0, 25, 26, 52)] == ["group A", "group Z", "group AA", "group BA"]
+
+
+@pytest.mark.parametrize("ending", ["gif", "mp4"])
+def test_the_film_moves_and_keeps_its_labels(tiles, tmp_path, ending):
+    imageio = pytest.importorskip("imageio.v2")
+    path = sheet_film(tiles, tmp_path / f"sheet.{ending}")
+    with imageio.get_reader(path) as film:
+        frames = [np.asarray(frame)[..., :3].astype(int) for frame in film]
+    assert len(frames) == 5  # 0.12 s of motion, 30 frames a second at most: moments 0.03 s apart, both ends included
+    assert (abs(frames[0] - frames[-1]) > 60).any()
+    assert [p.name for p in tmp_path.iterdir()] == [path.name]
+
+
+def test_long_films_of_many_tiles_are_bounded(tiles):
+    moments, rate = film_times(tiles)
+    assert len(moments) == 5 and rate == pytest.approx(4 / 0.12)
+    many, slower = film_times(tiles[:1] * (MOST_PICTURES // 2))
+    assert len(many) == 3 and many[-1] == moments[-1]
+    assert slower == pytest.approx(2 / 0.12)
+
+
+def test_scatter(tmp_path):
+    values = {"speed": [1, 2.5, 3], "surface": ["a.obj", "b.obj", "a.obj"]}
+    scores = {"upright": [0.1, None, 0.9], "quiet": [float("nan")] * 3}
+    image = Image.open(scatter_image(values, scores, ["0", "1", "2"], tmp_path / "new" / "scatter.png")).convert("RGB")
+    assert image.width > 600 and image.height > 600
+    rgb = np.asarray(image, dtype=int)
+    assert (rgb[..., 0] - rgb[..., 2] > 60).sum() > 50, "the best variation, apricot"
+    assert BACKGROUND == "#{:02x}{:02x}{:02x}".format(*rgb[0, 0])
+    with pytest.raises(InputError, match="speed has 3 values for 2 variations"):
+        scatter_image(values, scores, ["0", "1"], tmp_path / "scatter.png")
+    with pytest.raises(InputError, match="needs a parameter"):
+        scatter_image({}, scores, ["0", "1", "2"], tmp_path / "scatter.png")

@@ -1,0 +1,299 @@
+"""Forces and stresses in exports, by hand; VTKHDF and OBJ read back as the programs that want them do; names that
+would lead elsewhere.
+"""
+
+import json
+import shutil
+from pathlib import Path
+from xml.etree import ElementTree as ET
+
+import h5py
+import meshio
+import numpy as np
+import pytest
+import pyvista as pv
+
+import shapes
+from pdvol import Body, FixedCorotational, NeoHookean, Scene, Solid, StVenantKirchhoff, open_run
+from pdvol.errors import InputError
+from pdvol.geometry.strain import vertex_strain
+from pdvol.runs.runner import run_scene
+from pdvol.runs.scene_file import load_shot
+from pdvol.runs.stored_fields import SceneFields
+from pdvol.store.series import StepFields
+from pdvol.store.writer import RunWriter
+from pdvol.studio.export.exports import export_run
+from pdvol.studio.export.vtkhdf import write_vtkhdf
+from pdvol.studio.export.xdmf import write_xdmf
+
+YOUNG, POISSON, DENSITY, GRAVITY, DT = 2e5, 0.3, 1000.0, 9.81, 0.02
+
+
+def fields_of(path, dim, states, law=NeoHookean):
+    """The exported fields' source for made-up states of a unit block."""
+    mesh = shapes.box(dim, 3)
+    shape = Solid(mesh.points, mesh.cells.astype(np.int32), mesh.regions)
+    with RunWriter.create(path, {"dt": DT, "steps": len(states) - 1, "diagonal": 1.0}, [mesh], ["block"]) as writer:
+        for step, state in enumerate(states):
+            writer.write_state(0, step, state(mesh.points))
+    made = Scene(bodies=(Body((shape,), law(YOUNG, POISSON, DENSITY)),), dt=DT, steps=len(states) - 1)
+    return SceneFields(made, open_run(path), 0, [])
+
+
+def principal(law, stretches):
+    """First Piola-Kirchhoff stresses [Pa] along the axes of a stretched block, by hand."""
+    mu, lmbda = YOUNG / (2 * (1 + POISSON)), YOUNG * POISSON / ((1 + POISSON) * (1 - 2 * POISSON))
+    a, J, E = stretches, stretches.prod(), (stretches**2 - 1) / 2
+    return {
+        NeoHookean: mu * (a - 1 / a) + lmbda * np.log(J) / a,
+        StVenantKirchhoff: a * (2 * mu * E + lmbda * E.sum()),
+        FixedCorotational: 2 * mu * (a - 1) + lmbda * (J - 1) * J / a,
+    }[law]
+
+
+@pytest.mark.parametrize("law", [NeoHookean, StVenantKirchhoff, FixedCorotational])
+@pytest.mark.parametrize("dim", [2, 3])
+def test_von_mises_of_a_stretched_block(tmp_path, dim, law):
+    """Cauchy stresses are P_i a_i / J; in 2D the one across the plane counts, where nothing stretches."""
+    stretches = np.array([1.2, 0.9, 0.95 if dim == 3 else 1.0])
+    s = principal(law, stretches) * stretches / stretches.prod()
+    expected = np.sqrt(0.5 * ((s[0] - s[1]) ** 2 + (s[1] - s[2]) ** 2 + (s[2] - s[0]) ** 2))
+    turn = np.linalg.qr(np.random.default_rng(0).normal(size=(dim, dim)))[0]
+    turn[:, 0] *= np.linalg.det(turn)
+    fields = fields_of(tmp_path / "run", dim, [lambda X: 1.001 * X, lambda X: (X * stretches[:dim]) @ turn.T], law)
+    assert fields.von_mises(0).max() < (1e-9 if dim == 3 else 2e-3) * YOUNG
+    np.testing.assert_allclose(fields.von_mises(1), expected, rtol=1e-9)
+
+
+def test_von_mises_of_a_bar_pulled_freely_is_its_tension(tmp_path):
+    """Uniaxial stress: sigma = mu (a^2 - b^2) / (a b^2), with b such that nothing pulls sideways; von Mises is sigma
+    itself.
+    """
+    mu, lmbda, a = YOUNG / (2 * (1 + POISSON)), YOUNG * POISSON / ((1 + POISSON) * (1 - 2 * POISSON)), 1.3
+    low, high = 0.5, 1.0
+    for _ in range(80):
+        b = 0.5 * (low + high)
+        low, high = (b, high) if mu * (b**2 - 1) + lmbda * np.log(a * b**2) < 0 else (low, b)
+    fields = fields_of(tmp_path / "run", 3, [lambda X: X * [a, b, b]])
+    np.testing.assert_allclose(fields.von_mises(0), mu * (a**2 - b**2) / (a * b**2), rtol=1e-9)
+
+
+@pytest.fixture(scope="module")
+def resting(tmp_path_factory):
+    """A scene file and its run: a block that has come to rest on the floor."""
+    folder = tmp_path_factory.mktemp("resting")
+    (folder / "rest.py").write_text(f"""
+import sys; sys.path.insert(0, {str(Path(shapes.__file__).parent)!r})
+import shapes
+from pdvol import *
+
+def scene(steps=40, name="../../block"):
+    mesh = shapes.box(3, 2)
+    shape = Solid(mesh.points, mesh.cells.astype("int32"), mesh.regions)
+    place = Placement(translate=(0.0, 0.0, 9e-4))
+    return Scene(bodies=(Body((shape,), NeoHookean(2e5, 0.3, 1000.0), name=name, placement=place),),
+                 loads=(Gravity((0.0, 0.0, -9.81)),), obstacles=(Plane((0, 0, 0.0), (0, 0, 1.0)),),
+                 contact=(Barrier(1e-3), Friction(0.4)), dt=0.05, steps=steps)
+""")
+    run_scene(load_shot(folder / "rest.py"), folder / "run")
+    return folder / "run"
+
+
+def test_the_contact_force_is_the_weight_of_what_rests(resting):
+    weight = DENSITY * 1.0 * GRAVITY
+    with h5py.File(resting / "level_0.h5") as file:  # as the run itself left it
+        force = file["steps/40/Node/contact_force"][:]
+    rest = open_run(resting).levels[0].rest
+    np.testing.assert_allclose(force.sum(axis=0), [0, 0, weight], atol=0.01 * weight)
+    assert (force[rest[:, 2] > 0.01] == 0).all() and (force[rest[:, 2] < 0.01][:, 2] > 0).all()
+
+
+def test_usd_has_forces_stresses_and_strains_on_request(resting, tmp_path):
+    """Without the scene's file, strain alone, which needs none."""
+    pytest.importorskip("pxr", reason="usd-core is an optional extra")
+    from pxr import Usd, UsdGeom
+
+    def primvars(out: Path, with_fields: bool) -> tuple[dict, list[str], Usd.Stage]:
+        (file,), notes = export_run(out.parent / "run", "usd", out, with_fields=with_fields)
+        stage = Usd.Stage.Open(str(file))
+        (prim,) = stage.GetPrimAtPath("/run/bodies").GetChildren()
+        return {p.GetPrimvarName(): p.GetAttr() for p in UsdGeom.PrimvarsAPI(prim).GetPrimvars()}, notes, stage
+
+    own = {"rest", "displayColor", "displayOpacity"}
+    shutil.copytree(resting, tmp_path / "run")
+    found, notes, _stage = primvars(tmp_path / "without", False)
+    assert set(found) == own and notes == []
+    found, notes, _stage = primvars(tmp_path / "with", True)
+    assert set(found) == {*own, "contact_force", "strain", "von_mises"} and notes == []
+    codes = [pytest.approx(step * 0.05 * 24) for step in range(41)]
+    level = open_run(resting).levels[0]
+    used = np.unique(level.surface)
+    for name in ("contact_force", "strain", "von_mises"):
+        assert found[name].GetTimeSamples() == codes
+    weight = DENSITY * 1.0 * GRAVITY
+    np.testing.assert_allclose(np.sum(found["contact_force"].Get(48), axis=0), [0, 0, weight], atol=0.01 * weight)
+    for step in (0, 3, 40):
+        expected = vertex_strain(level.mesh, level.positions(step))[used]
+        np.testing.assert_allclose(found["strain"].Get(step * 0.05 * 24), expected, rtol=1e-5, atol=1e-7)
+    assert max(found["strain"].Get(48)) > 1e-3 > 1e-6 > max(found["strain"].Get(0)), "it has sunk under its weight"
+
+    info = json.loads((tmp_path / "run" / "run.json").read_text())
+    (tmp_path / "run" / "run.json").write_text(json.dumps({**info, "scene_file": "/nowhere.py"}))
+    found, notes, _stage = primvars(tmp_path / "gone", True)
+    assert set(found) == {*own, "strain"}
+    assert notes == ["without contact forces and stresses: its scene file /nowhere.py is gone"]
+
+
+def test_xdmf_and_vtkhdf_hold_the_same(resting, tmp_path):
+    expected = [tmp_path / "x" / name for name in ("level_0.xdmf", "open_in_paraview.py")]
+    assert export_run(resting, "xdmf", tmp_path / "x") == (expected, [])
+    names = ("level_0.vtkhdf", "level_0.hdf.series", "open_in_paraview.py")
+    assert export_run(resting, "vtkhdf", tmp_path / "v") == ([tmp_path / "v" / name for name in names], [])
+    level = open_run(resting).levels[0]
+    reader = pv.HDFReader(str(tmp_path / "v" / "level_0.vtkhdf"))
+    raw = reader.reader
+    raw.UpdateInformation()
+    assert raw.GetNumberOfSteps() == 41
+    with meshio.xdmf.TimeSeriesReader(tmp_path / "x" / "level_0.xdmf") as xdmf:
+        xdmf.read_points_cells()
+        for step in (0, 7, 40):
+            raw.SetStep(step)
+            raw.Update()
+            found = pv.wrap(raw.GetOutputDataObject(0))
+            _, points, cells = xdmf.read_data(step)
+            np.testing.assert_array_equal(found.points, level.rest)
+            np.testing.assert_array_equal(found.cells_dict[10], level.cells)
+            assert set(points) == {"displacement", "velocity", "contact_force"} and set(cells) == {
+                "von_mises",
+                "body",
+                "region",
+            }
+            for name, values in points.items():
+                np.testing.assert_array_equal(found.point_data[name], values)
+            for name, (values,) in cells.items():
+                np.testing.assert_array_equal(found.cell_data[name], values)
+            np.testing.assert_array_equal(points["displacement"], level.positions(step) - level.rest)
+
+
+def test_files_of_steps_hold_what_the_time_series_holds(resting, tmp_path):
+    """Version 1.0, for ParaView 5.11; moved to another folder together."""
+    export_run(resting, "vtkhdf", tmp_path / "first")
+    folder = (tmp_path / "first").rename(tmp_path / "second")
+    listed = json.loads((folder / "level_0.hdf.series").read_text())["files"]
+    level = open_run(resting).levels[0]
+    np.testing.assert_allclose([file["time"] for file in listed], np.arange(41) * 0.05, atol=1e-12)
+    with h5py.File(folder / "level_0.vtkhdf") as file:
+        assert tuple(file["VTKHDF"].attrs["Version"]) == (2, 0), "what ParaView 5.12 reads"
+        stress = file["VTKHDF/CellData/von_mises"][:].reshape(41, -1)
+    for step in (0, 7, 40):
+        path = folder / listed[step]["name"]
+        with h5py.File(path) as file:
+            assert tuple(file["VTKHDF"].attrs["Version"]) == (1, 0) and "Steps" not in file["VTKHDF"]
+        found = pv.HDFReader(str(path)).read()
+        np.testing.assert_array_equal(found.points, level.rest)
+        np.testing.assert_array_equal(found.cells_dict[10], level.cells)
+        assert set(found.point_data) == {"displacement", "velocity", "contact_force"}
+        np.testing.assert_array_equal(found["displacement"], level.positions(step) - level.rest)
+        np.testing.assert_array_equal(found["von_mises"], stress[step])
+        np.testing.assert_array_equal(found["body"], level.bodies)
+    size = sum(path.stat().st_size for path in (folder / "level_0_steps").iterdir())
+    assert size < 41 * 20_000, "no arrays are repeated"
+
+
+@pytest.mark.parametrize("kind", ["flat_run", "solid_run"])
+def test_vtkhdf_of_two_bodies_in_both_dimensions(kind, request, tmp_path):
+    run = open_run(request.getfixturevalue(kind))
+    level = run.levels[1]
+    reader = pv.HDFReader(str(write_vtkhdf(run, 1, tmp_path / "a.vtkhdf"))).reader
+    reader.UpdateInformation()
+    for step in range(level.steps):
+        reader.SetStep(step)
+        reader.Update()
+        found = pv.wrap(reader.GetOutputDataObject(0))
+        d = level.rest.shape[1]
+        np.testing.assert_array_equal(found.point_data["displacement"][:, :d], level.positions(step) - level.rest)
+        np.testing.assert_array_equal(found.cell_data["body"], level.bodies)
+    with pytest.raises(InputError, match="ends in .vtkhdf"):
+        write_vtkhdf(run, 1, tmp_path / "a.hdf")
+
+
+@pytest.mark.parametrize("kind", ["flat_run", "solid_run"])
+def test_obj_sequences(kind, request, tmp_path):
+    run = open_run(request.getfixturevalue(kind))
+    export_run(run.path, "obj", tmp_path / "out")
+    for level in run.levels:
+        files = sorted((tmp_path / "out" / f"level_{level.index}").iterdir())
+        assert [f.name for f in files] == [f"{step:06d}.obj" for step in range(level.steps)]
+        lines = files[2].read_text().splitlines()
+        points = np.array([line.split()[1:] for line in lines if line.startswith("v ")], dtype=float)
+        faces = np.array([line.split()[1:] for line in lines if line.startswith("f ")], dtype=int) - 1
+        facets = level.surface if level.rest.shape[1] == 3 else level.cells
+        used = np.unique(facets)
+        np.testing.assert_array_equal(
+            points[:, : level.rest.shape[1]], level.positions(2)[used], err_msg="once each, in the input's order"
+        )
+        assert {tuple(f) for f in used[faces]} == {tuple(f) for f in facets}
+        assert [line for line in lines if line.startswith("o ")] == ["o left", "o right"]
+
+
+def _others(root, own) -> set:
+    """All files below a folder, without those of one's own and what compiling leaves."""
+    return {p for p in root.rglob("*") if not {"__pycache__", "compiled"} & set(p.parts) and own not in (p, *p.parents)}
+
+
+def test_names_of_bodies_do_not_lead_outside_the_folder(resting, tmp_path):
+    """A body is named ../../block. The export writes no file outside the requested folders."""
+    before = _others(resting.parent.parent, tmp_path)
+    for kind in ("xdmf", "vtkhdf", "obj"):
+        export_run(resting, kind, tmp_path / kind)
+    assert _others(resting.parent.parent, tmp_path) == before
+    assert "o ______block" in (tmp_path / "obj" / "level_0" / "000000.obj").read_text().splitlines()
+
+
+def test_an_export_goes_on_where_the_earlier_one_ended(small_run, tmp_path):
+    state = small_run / "levels" / "0" / "000006.npy"
+    whole = state.read_bytes()
+    state.unlink()
+    path = write_xdmf(open_run(small_run), 0, tmp_path / "level_0.xdmf")
+    asked = []
+
+    def more(step):
+        asked.append(step)
+        return StepFields()
+
+    write_xdmf(open_run(small_run), 0, path, more)
+    assert asked == list(range(6)), "fields that the earlier export lacks are added"
+    state.write_bytes(whole)
+    write_xdmf(open_run(small_run), 0, path, more)
+    assert asked == list(range(7))
+    earlier = small_run / "levels" / "0" / "000003.npy"
+    np.save(earlier, np.load(earlier) + 1.0)  # a run that was rewound and took another way
+    write_xdmf(open_run(small_run), 0, path, more)
+    assert asked[7:] == [3]
+    (tmp_path / "level_0.h5").write_bytes((tmp_path / "level_0.h5").read_bytes()[:1000])
+    write_xdmf(open_run(small_run), 0, path, more)
+    assert asked[8:] == list(range(7))
+    ET.parse(path)
+
+
+def test_a_run_without_its_scene_is_exported_as_it_is(resting, tmp_path):
+    copy = shutil.copytree(resting, tmp_path / "run")
+    info = json.loads((copy / "run.json").read_text())
+    (copy / "run.json").write_text(json.dumps({**info, "scene_file": "/nowhere.py"}))
+    (file, _), (note,) = export_run(copy, "xdmf", tmp_path / "out")
+    assert note == "without contact forces and stresses: its scene file /nowhere.py is gone"
+    with meshio.xdmf.TimeSeriesReader(file) as reader:
+        reader.read_points_cells()
+        assert set(reader.read_data(3)[1]) == {"displacement", "velocity"}
+
+
+@pytest.mark.parametrize("known", [True, False])
+def test_the_script_for_paraview_finds_its_export(solid_run, tmp_path, known):
+    """ParaView's window runs a script without `__file__`."""
+    written, _ = export_run(solid_run, "xdmf", tmp_path / "export")
+    text = written[-1].read_text()
+    head = text[: text.index("DIRECTION =")].replace("from paraview import simple", "")
+    moved = tmp_path / "moved" / written[-1].name
+    names = {"__file__": str(moved)} if known else {}
+    exec(compile(head, "head", "exec"), names)
+    assert names["FOLDER"] == (moved.parent if known else tmp_path / "export")

@@ -1,0 +1,286 @@
+"""Render meshes in exports, read again by independent readers: OpenUSD, trimesh; and through the command line."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+from PIL import Image
+
+import pdvol
+from pdvol import Body, Gravity, NeoHookean, Placement, RenderMesh, Scene, Separate, Solid
+from pdvol.cli import run as command
+from pdvol.errors import InputError
+from pdvol.store.copying import copy_run
+from pdvol.store.reader import open_run
+from pdvol.studio.export.exports import export_run
+from pdvol.studio.export.parts import body_parts
+from rendered import grown_box
+from shapes import box
+
+STEPS = 3
+PLACE = Placement((0.0, 0.0, 2.0), 0.3, (1.0, 0.0, 0.0), 2.0)
+TEXTURE = np.random.default_rng(0).integers(0, 255, (8, 16, 3)).astype(np.uint8)
+
+
+def solid(n, low=0.0, high=1.0):
+    mesh = box(3, n, low, high)
+    return Solid(mesh.points, mesh.cells.astype(np.int32), mesh.regions)
+
+
+def falling(*render, more=(), placement=PLACE, name="soft box"):
+    """A box that falls without contact, on two levels, seen as `render`."""
+    body = Body((solid(1), solid(2)), NeoHookean(1e4), name=name, placement=placement, render=render)
+    return Scene((body, *more), 0.01, STEPS, loads=(Gravity((0.0, 0.0, -9.81)),))
+
+
+SEAMS = RenderMesh(grown_box(0.0, 1.0, 0.02), TEXTURE)
+
+
+@pytest.fixture(scope="module")
+def stored(tmp_path_factory):
+    plain = Body((solid(1), solid(2)), NeoHookean(1e4), name="plain", placement=Placement((5.0, 0.0, 0.0)))
+    path = tmp_path_factory.mktemp("render") / "run"
+    pdvol.run(falling(SEAMS, RenderMesh(grown_box(0.3, 0.7, 0.0), interpolant="biharmonic"), more=(plain,)), path)
+    return path
+
+
+def expected(run, level, step, k=0):
+    """By hand: without contact the box falls as it is."""
+    fall = run.levels[level].positions(step)[0] - run.levels[level].rest[0]
+    return PLACE(SEAMS.shape.vertices if k == 0 else grown_box(0.3, 0.7, 0.0).vertices) + fall
+
+
+@pytest.mark.parametrize("level", [0, 1])
+def test_obj_with_texture_coordinates(stored, tmp_path, level):
+    (folder,), notes = export_run(stored, "obj", tmp_path, [level])
+    run = open_run(stored)
+    text = (folder / f"{STEPS:06d}.obj").read_text()
+    names = [line[2:] for line in text.splitlines() if line.startswith("o ")]
+    assert names == ["plain", "soft_box_render", "soft_box_render_1"]
+    # trimesh names what it has split by the first object of all; materials have the names of their objects.
+    scene = trimesh.load(folder / f"{STEPS:06d}.obj", split_object=True, group_material=False, process=False)
+    found = {getattr(getattr(thing.visual, "material", None), "name", ""): thing for thing in scene.geometry.values()}
+    read, inner = found["soft_box_render"], found["soft_box_render_1"]
+    shape = SEAMS.shape
+    # trimesh makes a vertex of each pair of a corner and its place: compare corner by corner.
+    np.testing.assert_allclose(
+        read.vertices[read.faces], expected(run, level, STEPS)[shape.triangles], atol=1e-7, err_msg="positions"
+    )
+    np.testing.assert_allclose(read.visual.uv[read.faces.ravel()], shape.uvs[shape.uv_corners], atol=1e-8)
+    np.testing.assert_array_equal(np.asarray(read.visual.material.image.convert("RGB")), TEXTURE)
+    np.testing.assert_allclose(
+        inner.vertices[inner.faces], expected(run, level, STEPS, 1)[grown_box(0.3, 0.7, 0.0).triangles], atol=1e-7
+    )
+    assert sorted(len(thing.faces) for thing in scene.geometry.values()) == [(12, 48)[level], 192, 192]
+    assert len(notes) == 3 and "'soft box 1' stands out from the contact surface by up to 0.0693 m" in notes[0]
+
+
+def test_point_caches_with_texture_coordinates(stored, tmp_path):
+    (folder, _), notes = export_run(stored, "pc2", tmp_path, [1], fps=100.0)
+    assert len(notes) == 3, "how far render meshes stand out, and what they cross"
+    run, shape = open_run(stored), SEAMS.shape
+    read = trimesh.load(folder / "soft_box_render.obj", group_material=False, process=False)
+    np.testing.assert_allclose(read.visual.uv[read.faces.ravel()], shape.uvs[shape.uv_corners], atol=1e-8)
+    np.testing.assert_array_equal(np.asarray(read.visual.material.image.convert("RGB")), TEXTURE)
+    frames = np.frombuffer((folder / "soft_box_render.pc2").read_bytes(), "<f4", offset=32)
+    frames = frames.reshape(STEPS + 1, -1, 3)
+    np.testing.assert_allclose(frames[STEPS], expected(run, 1, STEPS), atol=1e-6)
+    assert not (folder / "soft_box.obj").exists()
+    (contact, _), _ = export_run(stored, "pc2", tmp_path / "contact", [1], surface="contact")
+    assert (contact / "soft_box.pc2").exists() and not (contact / "soft_box_render.obj").exists()
+
+
+def test_usd_with_seams_and_texture(stored, tmp_path):
+    pytest.importorskip("pxr", reason="usd-core is an optional extra")
+    from pxr import Usd, UsdGeom, UsdShade
+
+    (file,), _ = export_run(stored, "usd", tmp_path)
+    run, stage = open_run(stored), Usd.Stage.Open(str(file))
+    prim = stage.GetPrimAtPath("/run/bodies/soft_box_render")
+    mesh, shape = UsdGeom.Mesh(prim), SEAMS.shape
+    np.testing.assert_allclose(mesh.GetPointsAttr().Get(STEPS * 0.01 * 24), expected(run, 1, STEPS), atol=1e-6)
+    st = UsdGeom.PrimvarsAPI(prim).GetPrimvar("st")
+    assert st.GetInterpolation() == "faceVarying"
+    np.testing.assert_allclose(st.ComputeFlattened(), shape.uvs[shape.uv_corners], atol=1e-7)
+    material, _ = UsdShade.MaterialBindingAPI(prim).ComputeBoundMaterial()
+    shader, _, _ = material.ComputeSurfaceSource()
+    source = shader.GetInput("diffuseColor").GetConnectedSources()[0][0].source
+    picture = source.GetPrim().GetAttribute("inputs:file").Get()
+    np.testing.assert_array_equal(np.asarray(Image.open(picture.resolvedPath)), TEXTURE)
+    assert not stage.GetPrimAtPath("/run/bodies/soft_box") and stage.GetPrimAtPath("/run/bodies/plain")
+    inner = UsdGeom.PrimvarsAPI(stage.GetPrimAtPath("/run/bodies/soft_box_render_1"))
+    assert inner.GetPrimvar("rest").HasValue() and inner.GetPrimvar("st").HasValue() is not None
+
+
+def test_usd_with_both_surfaces(stored, tmp_path):
+    pytest.importorskip("pxr", reason="usd-core is an optional extra")
+    from pxr import Usd, UsdGeom
+
+    (file,), _ = export_run(stored, "usd", tmp_path, surface="both", fps=24.0)
+    stage = Usd.Stage.Open(str(file))
+    purpose = lambda name: UsdGeom.Imageable(stage.GetPrimAtPath(f"/run/bodies/{name}")).ComputePurpose()
+    assert [purpose(name) for name in ("soft_box", "soft_box_render", "plain")] == ["proxy", "render", "default"]
+    UsdValidation = pytest.importorskip("pxr.UsdValidation", reason="usd-core before 25 has no validators")
+    context = UsdValidation.ValidationContext(UsdValidation.ValidationRegistry().GetOrLoadAllValidators())
+    assert [(error.GetName(), error.GetMessage()) for error in context.Validate(stage)] == []
+
+
+def test_places_by_vertex_where_there_are_no_seams(tmp_path):
+    pytest.importorskip("pxr", reason="usd-core is an optional extra")
+    from pxr import Usd, UsdGeom
+
+    flat = (
+        np.array([[0, 0, 0.5], [1, 0, 0.5], [1, 1, 0.5], [0, 1, 0.5]]),
+        [[0, 1, 2, 3]],
+        [[0, 0], [1, 0], [1, 1], [0, 1]],
+    )
+    pdvol.run(falling(RenderMesh(flat)), tmp_path / "run")
+    (file,), _ = export_run(tmp_path / "run", "usd", tmp_path / "out")
+    stage = Usd.Stage.Open(str(file))
+    mesh = UsdGeom.Mesh(stage.GetPrimAtPath("/run/bodies/soft_box_render"))
+    st = UsdGeom.PrimvarsAPI(mesh).GetPrimvar("st")
+    assert st.GetInterpolation() == "vertex" and list(mesh.GetFaceVertexCountsAttr().Get()) == [4]
+    np.testing.assert_array_equal(st.ComputeFlattened(), flat[2])
+
+
+def test_fields_are_those_of_simulated_surfaces(stored, tmp_path):
+    pytest.importorskip("pxr", reason="usd-core is an optional extra")
+    from pxr import Usd, UsdGeom
+
+    for surface, has in ((None, ["plain"]), ("contact", ["soft_box", "plain"]), ("both", ["soft_box", "plain"])):
+        (file,), notes = export_run(stored, "usd", tmp_path / str(surface), with_fields=True, surface=surface)
+        stage = Usd.Stage.Open(str(file))
+        bodies = stage.GetPrimAtPath("/run/bodies").GetChildren()
+        assert [b.GetName() for b in bodies if UsdGeom.PrimvarsAPI(b).HasPrimvar("strain")] == has
+        said = "without fields of soft box: render meshes have none; --surface contact does"
+        assert (said in notes) == (surface is None)
+    _, notes = export_run(stored, "usd", tmp_path / "plain")
+    assert not any("fields" in note for note in notes)
+
+
+def test_the_simulated_surface_as_ever(stored):
+    run = open_run(stored)
+    assert [part.name for part in body_parts(run, run.levels[0], "contact")] == ["soft_box", "plain"]
+    both = body_parts(run, run.levels[0], "both")
+    assert [part.name for part in both] == ["soft_box", "plain", "soft_box_render", "soft_box_render_1"]
+    assert [part.closed for part in both] == [True] * 4
+    with pytest.raises(InputError, match="--surface: the format xdmf holds the simulated mesh alone"):
+        export_run(stored, "xdmf", stored.parent / "x", surface="both")
+
+
+def test_a_render_mesh_is_no_part_of_the_simulation(tmp_path):
+    """A stored run takes another one without a step computed anew, and states do not depend on it."""
+    path = tmp_path / "run"
+    pdvol.run(falling(), path)
+    assert open_run(path).render_meshes == ()
+    states = {file: file.stat().st_mtime_ns for file in path.glob("levels/*/[0-9]*.npy")}
+    for render in ((SEAMS,), (SEAMS, RenderMesh(grown_box(0.2, 0.8, 0.0))), ()):
+        pdvol.run(falling(*render), path, resume=True)
+        run = open_run(path)
+        assert len(run.render_meshes) == len(render)
+        assert {file: file.stat().st_mtime_ns for file in path.glob("levels/*/[0-9]*.npy")} == states
+    assert falling(SEAMS).bodies[0].instances(Placement())[0].render == (SEAMS,)
+
+
+def test_a_copy_of_a_run_has_its_render_meshes(stored, tmp_path):
+    copy_run(stored, tmp_path / "copy", steps=2, levels=1)
+    run, copy = open_run(stored), open_run(tmp_path / "copy")
+    assert len(copy.render_meshes) == 2 and len(copy.levels) == 1
+    a, b = (r.levels[0].render_weights(r.render_meshes[0]) for r in (run, copy))
+    assert (a != b).nnz == 0 and copy.render_meshes[0].texture.read_bytes() == run.render_meshes[0].texture.read_bytes()
+
+
+def test_damaged_files_are_named(stored, tmp_path):
+    copy_run(stored, tmp_path / "copy")
+    file = tmp_path / "copy" / "levels" / "1" / "render_0.npz"
+    file.write_bytes(b"broken")
+    with pytest.raises(InputError, match=r"render_0.npz .*--resume binds the render meshes again"):
+        export_run(tmp_path / "copy", "obj", tmp_path / "out")
+    file.unlink()
+    with pytest.raises(InputError, match=r"render_0.npz is missing; .*--resume"):
+        export_run(tmp_path / "copy", "obj", tmp_path / "out")
+    (tmp_path / "copy" / "render.json").write_text(json.dumps({"render": [{"body": 0}]}))
+    with pytest.raises(InputError, match="render.json is no list of render meshes"):
+        export_run(tmp_path / "copy", "obj", tmp_path / "out")
+
+
+def test_bodies_that_are_set_apart_take_their_render_meshes_along(tmp_path):
+    """Two boxes overlap by 0.1; both are moved. The render mesh stays where it was on its body."""
+    from pdvol import Barrier
+
+    bodies = [
+        Body((solid(2),), NeoHookean(1e4), name=name, placement=Placement((0.9 * k, 0.0, 0.0)), render=SEAMS)
+        for k, name in enumerate(("left", "right"))
+    ]
+    scene = Scene(tuple(bodies), 0.01, 1, contact=(Barrier(),), separate=(Separate("move", 0.2),))
+    run = pdvol.run(scene, tmp_path / "run")
+    for k, mesh in enumerate(run.render_meshes):
+        corner = run.levels[0].mesh.body(k)[0].points.min(axis=0)
+        np.testing.assert_allclose(mesh.points.min(axis=0), corner - 0.02, atol=1e-12)
+    assert run.info["mended"]
+
+
+SCENE = """
+import numpy as np
+from pdvol import *
+from pdvol.meshes import box
+
+def scene(file="{file}", texture=""):
+    body = Body(box((1.0, 1.0, 1.0)), NeoHookean(1e4), (30,), "cube", render=RenderMesh(file, texture))
+    return Scene((body,), 0.01, 1)
+"""
+
+
+@pytest.mark.parametrize(
+    ("text", "words", "said"),
+    [
+        (None, (), "there is no such file"),
+        (
+            "v 0 0 0\nv 1000 0 0\nv 0 1000 0\nf 1 2 3\n",
+            (),
+            "it reaches 1e+03 m out of its body, whose diagonal is 1.73 m",
+        ),
+        ("v 9 0 0\nv 9 1 0\nv 9 0 1\nf 1 2 3\n", (), "give it in the coordinates of the body's shape"),
+        ("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 5\n", (), "faces use vertices that there are not"),
+        ("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", ("--set", "texture=gone.png"), "cannot be read"),
+    ],
+)
+def test_bad_input_is_one_line(tmp_path, capfd, text, words, said):
+    file, shape = tmp_path / "scene.py", tmp_path / "fine.obj"
+    if text is not None:
+        shape.write_text(text)
+    file.write_text(SCENE.replace("{file}", str(shape)))
+    assert command(["run", str(file), "--out", str(tmp_path / "run"), "--no-picture", *words]) == 2
+    line = capfd.readouterr().err.strip().splitlines()[-1]
+    assert said in line and "Traceback" not in line and not (tmp_path / "run" / "run.json").exists()
+    assert command(["check", str(file), "--measure", "0", *words]) == 2
+    assert said in capfd.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("shape", "texture", "said"),
+    [
+        (3, "", "RenderMesh.shape must be a path"),
+        ((np.zeros((3, 3)),), "", "has 1 entries"),
+        ((np.zeros((3, 3)), [["a"]]), "", "the arrays are no surface"),
+        ("a.obj", np.zeros((4, 4)), "must hold pixels"),
+        ("a.obj", 5, "must be a path or an array"),
+    ],
+)
+def test_bad_values(shape, texture, said):
+    with pytest.raises(InputError, match=said):
+        RenderMesh(shape, texture)
+    with pytest.raises(InputError, match="render holds RenderMesh"):
+        Body("a.obj", NeoHookean(1e4), (10,), render=("b.obj",))
+    with pytest.raises(InputError, match="nosuch"):
+        RenderMesh("a.obj", interpolant="nosuch")
+
+
+def test_a_scene_in_2d_has_none(tmp_path):
+    flat = pdvol.meshes.rectangle(1.0, 1.0)
+    scene = Scene((Body(flat, NeoHookean(1e4), (10,), render=SEAMS),), 0.01, 1)
+    with pytest.raises(InputError, match="this scene is 2D"):
+        pdvol.run(scene, tmp_path / "run")
+    assert not Path(tmp_path / "run").exists()

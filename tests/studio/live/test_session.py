@@ -1,0 +1,211 @@
+"""The runs behind a live page, without a page."""
+
+import json
+import time
+
+import numpy as np
+import pytest
+
+from cli_scenes import FALL, pdvol, write
+from pdvol.errors import InputError
+from pdvol.store.reader import open_run
+from pdvol.studio.live.session import MOST_RUNS, Session
+
+STEPS = 10
+LONG = 100_000  # steps of a run that a test ends
+PATIENCE_OF_TESTS = 120.0  # seconds for one short run on a busy machine
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    made = tmp_path_factory.mktemp("live")
+    write(made / "fall.py", FALL)
+    (made / "runs").mkdir()
+    return made
+
+
+@pytest.fixture(scope="module")
+def session(folder):
+    made = Session(folder / "fall.py", {"steps": STEPS}, folder / "runs", folder / "kept", finest=1)
+    yield made
+    made.close()
+
+
+def until(session, condition):
+    limit = time.monotonic() + PATIENCE_OF_TESTS
+    while not condition():
+        session.tick()
+        assert time.monotonic() < limit, vars(session.current)
+        time.sleep(0.005)
+
+
+def run_with(session, **values):
+    """The run that these values start, at its end."""
+    last = 0 if session.current is None else session.current.number
+    session.change({"steps": STEPS, "young": 2e4, "height": 0.02} | values)
+    until(session, lambda: session.current is not None and session.current.number > last)
+    until(session, lambda: not session.current.running)
+    return session.current
+
+
+def alone(folder, name, *words):
+    """The same run by a command line."""
+    out = folder / f"alone_{name}"
+    assert pdvol("run", folder / "fall.py", "--out", out, "--no-picture", "--no-xdmf", *words) == 0
+    return open_run(out)
+
+
+def assert_same_states(run, other, levels=(0, 1)):
+    for level in levels:
+        assert run.levels[level].steps == other.levels[level].steps
+        for step in range(other.levels[level].steps):
+            np.testing.assert_array_equal(run.levels[level].positions(step), other.levels[level].positions(step))
+
+
+def test_a_change_starts_a_run_that_is_refined_as_one_of_the_command_line(session, folder):
+    run = run_with(session, young=1.5e4)
+    assert (run.state, run.reason, run.steps, run.levels_with(STEPS)) == ("done", "", STEPS + 1, 2)
+    assert session.shown is run and 0.0 < run.first_state < PATIENCE_OF_TESTS
+    assert_same_states(run.stored, alone(folder, "refined", "--set", "young=1.5e4"))
+
+
+def test_changes_in_a_row_start_one_run_with_the_last_value(session):
+    first = session.current.number if session.current else 0
+    for young in np.linspace(1e4, 2e4, 9):
+        session.change({"young": float(young)})
+        session.tick()
+    until(session, lambda: session.current is not None and session.current.number > first)
+    until(session, lambda: not session.current.running)
+    assert session.current.number == first + 1 and session.current.values["young"] == 2e4
+
+
+def test_a_change_ends_the_run_before_and_its_states_stay(session):
+    first = session.current.number if session.current else 0
+    session.change({"steps": LONG})
+    until(session, lambda: session.current and session.current.number > first and session.current.steps > 3)
+    long = session.current
+    run = run_with(session)
+    assert run.number == long.number + 1 and run.state == "done"
+    assert long.state == "stopped" and not long.running
+    assert 3 < open_run(long.folder).levels[0].steps < LONG
+
+
+def test_a_paused_run_waits_and_goes_on_one_step(session):
+    session.change({"steps": LONG})
+    until(session, lambda: session.current.values["steps"] == LONG and session.current.steps > 3)
+    run = session.current
+    session.pause()
+    time.sleep(0.3)
+    session.tick()
+    held = run.steps
+    time.sleep(0.4)
+    session.tick()
+    assert session.paused and run.steps == held and run.running
+    session.go_to(held)
+    until(session, lambda: run.steps > held)
+    session.tick()
+    time.sleep(0.3)
+    held = run.steps
+    time.sleep(0.3)
+    session.tick()
+    assert run.steps == held  # it waits again
+    session.resume()
+    until(session, lambda: run.steps > held + 3)
+    assert run_with(session).state == "done"
+
+
+def test_a_wrong_value_is_one_line_and_the_run_before_stays_on_the_screen(session):
+    good = run_with(session)
+    wrong = run_with(session, young=-1.0)
+    assert wrong.state == "failed" and "young = -1" in wrong.reason and "\n" not in wrong.reason
+    assert session.shown is good and session.current is wrong
+    assert run_with(session).state == "done"
+
+
+def test_a_failed_simulation_says_why_and_keeps_its_steps(session):
+    run = run_with(session, max_iterations=1, velocity=(0.0, -300.0))
+    values = session.values
+    for name in ("max_iterations", "velocity"):
+        del values[name]
+    assert run.state == "failed" and run.reason.startswith("level 0, step")
+    assert session.shown is run and 1 <= run.steps <= STEPS
+    assert np.isfinite(run.stored.levels[0].positions(run.steps - 1)).all()
+
+
+def test_a_run_goes_on_from_a_stored_step_with_another_value(session, folder):
+    first = run_with(session, young=2e4)
+    session.change({"young": 1e4})
+    session.branch(4)
+    until(session, lambda: session.current.number > first.number)
+    until(session, lambda: not session.current.running)
+    run = session.current
+    assert (run.state, run.reason, run.note) == ("done", "", "")
+    old, new = first.stored, run.stored
+    for level in (0, 1):
+        for step in range(STEPS + 1):
+            same = np.array_equal(old.levels[level].positions(step), new.levels[level].positions(step))
+            assert same == (step <= 4), (level, step)
+    assert new.info["branched"]["step"] == 4 and new.info["branched"]["parameters"]["young"] == 2e4
+    assert new.info["parameters"]["young"] == 1e4
+
+
+def test_where_a_run_cannot_go_on_it_starts_again_and_says_so(session):
+    first = run_with(session, height=0.02)
+    session.change({"height": 0.5})
+    session.branch(4)
+    until(session, lambda: session.current.number > first.number + 1)
+    until(session, lambda: not session.current.running)
+    run = session.current
+    assert run.state == "done" and run.branch is None and "starts from step 0" in run.note and "placement" in run.note
+    assert run.stored.levels[0].positions(0)[:, 1].min() > 0.4
+    assert "branched" not in run.stored.info
+
+
+def test_a_kept_run_is_a_run_of_its_own_with_all_that_follows(session, folder):
+    session.change({"steps": LONG})
+    until(session, lambda: session.current.values["steps"] == LONG and session.current.steps > 3)
+    until(session, lambda: session.shown is session.current)
+    long = session.keep("long")
+    assert long == folder / "kept" / "long" and open_run(long).levels[0].steps > 3
+    with pytest.raises(InputError, match="is there already"):
+        session.keep("long")
+    for name in ("", "a/b", "..", ".hidden"):
+        with pytest.raises(InputError, match="no name of a folder"):
+            session.keep(name)
+    done = run_with(session)
+    assert open_run(long).levels[0].steps > 4
+    assert open_run(long).info["state"] == "interrupted"
+    assert_same_states(open_run(session.keep("done")), done.stored)
+    assert (
+        pdvol("verify", long) == 0 and pdvol("run", folder / "fall.py", "--resume", "--out", long) == 2
+    )  # other steps
+    assert pdvol("refine", folder / "kept" / "done", "--to", 1, "--no-picture") == 0
+
+
+def test_few_runs_are_kept_in_the_temporary_folder(session, folder):
+    for i in range(MOST_RUNS + 2):
+        run_with(session, young=1e4 + 100 * i)
+    assert len([path for path in (folder / "runs").iterdir() if path.is_dir()]) <= MOST_RUNS
+
+
+def test_a_process_that_is_killed_is_replaced(session):
+    session.change({"steps": LONG})
+    until(session, lambda: session.current.values["steps"] == LONG and session.current.steps > 3)
+    run = session.current
+    run.worker._process.kill()
+    until(session, lambda: not run.running)
+    assert run.state == "failed" and session.shown is run
+    assert run_with(session).state == "done"
+
+
+def test_the_end_ends_all_processes(folder):
+    made = Session(folder / "fall.py", {"steps": LONG}, folder / "runs" / "end", folder / "kept")
+    (folder / "runs" / "end").mkdir()
+    made.start()
+    until(made, lambda: made.shown is not None)
+    workers = [*made._pool._idle, *made._pool._taken]
+    made.keep("end")
+    made.close()
+    assert len(workers) >= 2 and not any(worker.alive for worker in workers)
+    assert open_run(folder / "kept" / "end").levels[0].steps > 0
+    assert json.loads((folder / "kept" / "end" / "run.json").read_text())["state"] == "interrupted"

@@ -1,0 +1,107 @@
+"""What is shown: levels of runs, variations of a wedge folder, and messages about what cannot be."""
+
+import json
+import shutil
+
+import pytest
+
+import runs
+from pdvol.errors import InputError
+from pdvol.store.reader import open_run
+from pdvol.studio.play.document import player_page, write_player
+from pdvol.studio.play.panes import Pane, panes_of_run, panes_of_wedge, thinned
+
+
+def test_a_pane_for_each_level(flat_run):
+    run = open_run(flat_run)
+    panes = panes_of_run(run)
+    assert [(pane.title, pane.level, pane.states) for pane in panes] == [("level 0", 0, 7), ("level 1", 1, 7)]
+    assert [pane.title for pane in panes_of_run(run, [1], named=True)] == [f"{run.path.name}, level 1"]
+
+
+def test_one_state_in_some_and_the_last_one(flat_run, monkeypatch):
+    run = open_run(flat_run)
+    panes = panes_of_run(run)
+    assert [(pane.lines, pane.steps) for pane in thinned(panes)] == [(pane.lines, list(range(7))) for pane in panes]
+    assert [list(pane.steps) for pane in thinned(panes, 4)] == [[0, 4, 6]] * 2
+    assert [list(pane.steps) for pane in thinned(panes, 9)] == [[0, 6]] * 2
+    assert thinned(panes, 4)[0].lines[-1] == "one state in 4"
+    count = 7 * sum(len(level.rest) for level in run.levels)
+    monkeypatch.setattr("pdvol.studio.play.panes.MOST_VERTEX_STATES", count // 3)
+    assert [list(pane.steps) for pane in thinned(panes)] == [[0, 4, 6]] * 2
+    nothing = Pane("a", note="it failed")
+    assert thinned([nothing, *panes], 2)[0] is nothing and nothing.steps == []
+
+
+@pytest.mark.parametrize("levels", [[2], [-1], [0, 5]])
+def test_levels_that_do_not_exist(levels, flat_run):
+    with pytest.raises(InputError, match=f"has levels 0 to 1, not {levels[-1]}"):
+        panes_of_run(open_run(flat_run), levels)
+
+
+def test_an_unfinished_level_says_how_far_it_goes(small_run):
+    for path in sorted((small_run / "levels" / "1").glob("00000[3-9].npy")):
+        path.unlink()
+    first, second = panes_of_run(open_run(small_run))
+    assert first.note == "" and second.states == 3 and second.note == "stored up to 0.04 s of 0.12 s"
+    for path in (small_run / "levels" / "1").glob("0*.npy"):
+        path.unlink()
+    assert [pane.level for pane in panes_of_run(open_run(small_run))] == [0]
+    with pytest.raises(InputError, match="level 1 has no stored state to play"):
+        panes_of_run(open_run(small_run), [1])
+
+
+@pytest.mark.parametrize("name", ["shot.mp4", "shot", "shot.html.png"])
+def test_the_name_of_the_file(name, flat_run, tmp_path):
+    with pytest.raises(InputError, match="ends in .html"):
+        write_player(panes_of_run(open_run(flat_run)), tmp_path / name)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_dimensions_are_not_mixed(flat_run, solid_run):
+    with pytest.raises(InputError, match="2D and in 3D"):
+        player_page([*panes_of_run(open_run(flat_run)), *panes_of_run(open_run(solid_run))])
+
+
+def test_nothing_to_play():
+    with pytest.raises(InputError, match="no stored state"):
+        player_page([Pane("3", note="it failed")])
+
+
+@pytest.mark.parametrize("text", ["{}", '{"variations": []}', '{"variations": 3}', '{"variations": [3]}', "[", "[]"])
+def test_a_wedge_file_that_is_none(text, tmp_path):
+    (tmp_path / "wedge.json").write_text(text)
+    with pytest.raises(InputError, match="wedge.json"):
+        panes_of_wedge(tmp_path)
+
+
+def test_a_wedge_folder_with_gaps(flat_run, tmp_path):
+    shutil.copytree(flat_run, tmp_path / "runs" / "a")
+    entries = [
+        {"number": 7, "name": "a", "changes": {"spin": "2"}, "scores": {"quiet": 0.5, "meets": None}, "reason": ""},
+        {"name": "b", "state": "waiting"},
+        {
+            "number": 9,
+            "name": "c",
+            "state": "failed",
+            "changes": {"spin": "4"},
+            "reason": "no convergence",
+            "scores": None,
+        },
+        {},
+    ]
+    (tmp_path / "wedge.json").write_text(json.dumps({"variations": entries}))
+    panes = panes_of_wedge(tmp_path)
+    assert [pane.title for pane in panes] == ["7", "b", "9", "3"]
+    assert list(panes[0].lines) == ["spin=2", "quiet 0.5"] and panes[0].level == 0 and panes[0].states == 7
+    assert [pane.note for pane in panes[1:3]] == ["not simulated yet", "no convergence"] and panes[3].note
+    assert [pane.title for pane in panes_of_wedge(tmp_path, [0, 1])][:2] == ["7, level 0", "7, level 1"]
+    assert "no convergence" in player_page(panes)
+
+
+def test_runs_of_other_time_steps_stand_beside_each_other(flat_run, tmp_path):
+    other = runs.stored_run(tmp_path / "other", 2, (50,), 3)
+    info = json.loads((other / "run.json").read_text())
+    (other / "run.json").write_text(json.dumps(info | {"dt": 0.05}))
+    page = player_page([*panes_of_run(open_run(flat_run)), *panes_of_run(open_run(other))])
+    assert '"dt": 0.05' in page and '"dt": 0.02' in page

@@ -1,0 +1,107 @@
+"""Runs in processes: done, gone on with, failed, stopped."""
+
+import os
+import signal
+import time
+
+import numpy as np
+import pytest
+
+from cli_scenes import FALL, write
+from pdvol.store.reader import open_run
+from pdvol.studio.variations.executors import Processes, Workers
+from pdvol.studio.variations.jobs import MOST_STARTS, Job, run_jobs, stored_outcome
+
+STEPS = 6
+
+
+@pytest.fixture
+def scene(tmp_path):
+    write(tmp_path / "fall.py", FALL)
+    return tmp_path / "fall.py"
+
+
+@pytest.fixture(params=[Processes, Workers])
+def executor(request):
+    made = request.param(2)
+    yield made
+    made.close()
+
+
+def job(scene, name, steps=STEPS, words=()):
+    return Job(name, [str(scene), "--steps", str(steps), *words], scene.parent / "runs" / name, range(2), steps)
+
+
+def in_turn(*jobs):
+    """A `choose` that gives each job once."""
+    queue = list(jobs)
+    return lambda running, left: queue.pop(0) if queue else None
+
+
+def test_each_job_ends_as_its_run_does(scene, executor):
+    good, bad = job(scene, "good"), job(scene, "bad", words=("--set", "max_iterations=1", "--set", "max_halvings=0"))
+    wrong = job(scene, "wrong", words=("--set", "colour=1"))
+    found = {outcome.job.name: outcome for outcome in run_jobs(in_turn(good, bad, wrong), executor)}
+    assert found["good"].state == "done" and found["good"].seconds > 0.0
+    assert found["bad"].state == "failed" and "level 0" in found["bad"].reason
+    assert found["wrong"].state == "failed" and "no parameter 'colour'" in found["wrong"].reason
+    assert [level.steps for level in open_run(good.out).levels] == [STEPS + 1, STEPS + 1]
+    assert not (good.out / "picture.png").exists()
+    begin = time.monotonic()
+    again = {outcome.job.name: outcome for outcome in run_jobs(in_turn(good, bad), executor)}
+    assert again["good"].state == "done" and again["good"].seconds == 0.0, "nothing ran again"
+    assert again["bad"].state == "failed" and again["bad"].reason == found["bad"].reason
+    assert time.monotonic() - begin < found["good"].seconds
+
+
+def test_what_runs_at_the_deadline_is_stopped_and_can_go_on(scene, executor):
+    long = job(scene, "long", steps=100_000)
+    (outcome,) = run_jobs(in_turn(long), executor, time.monotonic() + 6.0)
+    assert outcome.state == "stopped" and stored_outcome(long) is None
+    if not (long.out / "run.json").exists():
+        return  # a busy machine did not come as far
+    stored = open_run(long.out).levels[0].steps
+    (outcome,) = run_jobs(in_turn(job(scene, "long", steps=max(stored, 2))), executor)
+    assert outcome.state == "done" and open_run(long.out).levels[0].steps >= stored
+
+
+def test_a_job_whose_worker_is_killed_is_run_again(scene):
+    workers, hurt = Workers(2), job(scene, "hurt", steps=400)
+    killed = []
+
+    def choose(running, left):
+        if not running:
+            return None if killed else hurt
+        if not killed and (hurt.out / "levels" / "0" / "000003.npy").exists():
+            (busy,) = (worker for worker in workers._workers if worker.busy)
+            os.kill(busy.process, signal.SIGKILL)
+            killed.append(busy.process)
+        return None
+
+    outcomes = list(run_jobs(choose, workers))
+    workers.close()
+    assert [outcome.state for outcome in outcomes] == ["done"] and len(killed) == 1
+    other = job(scene, "unhurt", steps=400)
+    (outcome,) = run_jobs(in_turn(other), Processes(1))
+    for level, its in zip(open_run(hurt.out).levels, open_run(other.out).levels, strict=True):
+        np.testing.assert_array_equal(level.positions(400), its.positions(400))
+
+
+class Deadly:
+    """An executor whose processes are killed at once."""
+
+    def __init__(self):
+        self.count, self.starts = 1, 0
+
+    def start(self, words, log):
+        self.starts += 1
+        return self
+
+    def poll(self):
+        return -signal.SIGKILL
+
+
+def test_a_job_that_is_always_killed_fails_after_some_starts(scene):
+    executor = Deadly()
+    (outcome,) = run_jobs(in_turn(job(scene, "never")), executor)
+    assert outcome.state == "failed" and executor.starts == MOST_STARTS and "killed" in outcome.reason

@@ -1,0 +1,108 @@
+"""The process that carries out one command line after the other."""
+
+import os
+import signal
+import time
+
+import numpy as np
+import pytest
+
+from cli_scenes import FALL, pdvol, write
+from pdvol.store.folder import holds_run, read_info
+from pdvol.store.reader import open_run
+from pdvol.studio.variations.worker import Worker
+
+STEPS = 5
+PATIENCE_OF_TESTS = 120.0  # seconds for one short run on a busy machine
+
+
+@pytest.fixture
+def worker():
+    made = Worker()
+    yield made
+    made.stop()
+
+
+@pytest.fixture
+def scene(tmp_path):
+    write(tmp_path / "fall.py", FALL)
+    return tmp_path / "fall.py"
+
+
+def words(scene, name, *more):
+    return ["run", scene, "--steps", STEPS, "--out", scene.parent / name, "--no-picture", "--no-xdmf", *more]
+
+
+def in_creation(folder):
+    return read_info(folder).get("state") == "creating"
+
+
+def ended(worker):
+    """The exit code of the command line that is carried out."""
+    limit = time.monotonic() + PATIENCE_OF_TESTS
+    while (code := worker.poll()) is None:
+        assert time.monotonic() < limit
+        time.sleep(0.02)
+    return code
+
+
+def test_runs_one_after_the_other_are_those_of_processes_of_their_own(worker, scene):
+    for name, code in (("a", 0), ("wrong", 2), ("b", 0)):
+        worker.start(words(scene, name, *(["--set", "colour=1"] if code else [])), scene.parent / f"{name}.log")
+        assert ended(worker) == code and worker.alive and not worker.busy
+    assert "no parameter 'colour'" in (scene.parent / "wrong.log").read_text()
+    assert pdvol(*words(scene, "alone")) == 0
+    alone = open_run(scene.parent / "alone")
+    for name in "ab":
+        for level, other in zip(open_run(scene.parent / name).levels, alone.levels, strict=True):
+            for step in range(STEPS + 1):
+                np.testing.assert_array_equal(level.positions(step), other.positions(step))
+    assert not list((scene.parent / "a").glob("*.xdmf")) and not (scene.parent / "a" / "picture.png").exists()
+
+
+def test_a_worker_that_is_killed_says_so(worker, scene):
+    worker.start(words(scene, "long", "--steps", 100_000), scene.parent / "long.log")
+    os.kill(worker.process, signal.SIGKILL)
+    assert ended(worker) == -signal.SIGKILL
+    assert not worker.alive
+    with pytest.raises(RuntimeError):
+        worker.start(words(scene, "next"), scene.parent / "next.log")
+
+
+def test_a_held_worker_stores_no_state_until_it_goes_on(worker, scene):
+    worker.start(words(scene, "held", "--steps", 100_000), scene.parent / "held.log")
+    limit = time.monotonic() + PATIENCE_OF_TESTS
+    folder = scene.parent / "held"
+    while not holds_run(folder) or in_creation(folder) or open_run(folder).levels[0].steps < 3:
+        assert time.monotonic() < limit and worker.poll() is None, (scene.parent / "held.log").read_text()
+        time.sleep(0.02)
+    worker.pause()
+    time.sleep(0.2)
+    held = open_run(folder).levels[0].steps
+    time.sleep(0.5)
+    assert worker.paused and open_run(folder).levels[0].steps == held
+    worker.resume()
+    while open_run(folder).levels[0].steps == held:
+        assert time.monotonic() < limit
+        time.sleep(0.02)
+    worker.stop()
+    assert not worker.alive and open_run(folder).levels[0].steps > held
+
+
+def test_an_interrupted_worker_carries_out_the_next_run_as_any_other(worker, scene):
+    worker.start(words(scene, "before"), scene.parent / "before.log")
+    assert ended(worker) == 0
+    worker.start(words(scene, "long", "--steps", 100_000), scene.parent / "long.log")
+    folder, limit = scene.parent / "long", time.monotonic() + PATIENCE_OF_TESTS
+    while not holds_run(folder) or in_creation(folder) or open_run(folder).levels[0].steps < 3:
+        assert time.monotonic() < limit and worker.poll() is None
+        time.sleep(0.02)
+    worker.interrupt()
+    assert ended(worker) == 130 and worker.alive
+    assert "interrupted" in (scene.parent / "long.log").read_text()
+    worker.interrupt()  # nothing runs: nothing happens
+    worker.start(words(scene, "after"), scene.parent / "after.log")
+    assert ended(worker) == 0
+    before, after = (open_run(scene.parent / name).levels[0] for name in ("before", "after"))
+    for step in range(STEPS + 1):
+        np.testing.assert_array_equal(after.positions(step), before.positions(step))

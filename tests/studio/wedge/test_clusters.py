@@ -1,0 +1,55 @@
+"""Clusters of end states: runs that end in known places."""
+
+import numpy as np
+import pytest
+
+import runs
+from pdvol import open_run
+from pdvol.store.writer import RunWriter
+from pdvol.studio.wedge.clusters import alike, clusters, end_distances
+
+
+def ending(path, shift, steps=2, stored=2):
+    """A ball that is moved by `shift` [m] along x at its end."""
+    mesh = runs.ball(2, 40, (0.0, 0.0))
+    info = {"scene": "made", "dt": 0.1, "steps": steps, "method": "direct", "parameters": {}, "versions": {}}
+    with RunWriter.create(path, info, [mesh], ["ball"]) as run:
+        for step in range(stored + 1):
+            x = mesh.points + [shift * step / steps, 0.0]
+            run.write_state(0, step, x, {"level": 0, "step": step} if step else None)
+    return open_run(path)
+
+
+@pytest.fixture
+def five(tmp_path):
+    shifts = [0.0, 5.0, 0.05, 5.1, 0.02]
+    return [ending(tmp_path / str(i), shift) for i, shift in enumerate(shifts)]
+
+
+def test_distances_are_in_sizes_of_the_body(five):
+    distances, size = end_distances(five), np.linalg.norm(np.ptp(five[0].levels[0].rest, axis=0))
+    assert distances[0, 1] == pytest.approx(5.0 / size) and (distances == distances.T).all()
+    assert (np.diag(distances) == 0.0).all()
+
+
+def test_two_groups(five):
+    assert clusters(five).tolist() == [0, 1, 0, 1, 0]
+    assert clusters(five[::-1]).tolist() == [0, 1, 0, 1, 0]
+
+
+def test_all_alike_are_one_group(five):
+    assert clusters([five[0], five[2], five[4]]).tolist() == [0, 0, 0]
+    assert clusters(five[:1]).tolist() == [0]
+
+
+def test_runs_that_ended_early_are_in_none(five, tmp_path):
+    short = ending(tmp_path / "short", 0.0, stored=1)
+    assert clusters([five[0], short, five[1]]).tolist() == [0, -1, 1]
+    assert clusters([short]).tolist() == [-1]
+    assert [i for i, _ in alike([five[0], short, five[1]], 0)] == [2]
+
+
+def test_which_others_look_like_this_one(five):
+    found = alike(five, 0)
+    assert [i for i, _ in found] == [4, 2, 1, 3]
+    assert [d for _, d in found] == sorted(d for _, d in found) and found[0][1] > 0.0

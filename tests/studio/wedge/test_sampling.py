@@ -1,0 +1,90 @@
+"""Grids, samples and jitter."""
+
+import numpy as np
+import pytest
+from scipy.stats import qmc
+
+from pdvol.errors import InputError
+from pdvol.scene import Relative
+from pdvol.studio.variations.vary import MOST_VARIATIONS, parse_vary, parsed_varies
+from pdvol.studio.wedge.sampling import TAKEN, chosen_variations, search_ranges
+
+
+def changes(*words, **options):
+    return [dict(variation.changes) for variation in chosen_variations(parsed_varies(words, TAKEN), **options)]
+
+
+def test_a_range_has_its_ends_and_values_as_a_command_line_writes_them():
+    values = parse_vary("offset=-0.1:0.1:9").values
+    assert values[0] == -0.1 and values[-1] == 0.1 and values[4] == 0 and len(values) == 9
+    np.testing.assert_allclose(values, np.linspace(-0.1, 0.1, 9), atol=1e-7)
+    assert parse_vary("n=1:5:5").values == (1, 2, 3, 4, 5)
+    assert parse_vary("offset=0.1:-0.1:2").values == (0.1, -0.1)
+
+
+def test_lists_are_read_as_settings_are():
+    assert parse_vary("spin=0,2,4").values == (0, 2, 4)
+    assert parse_vary("velocity=(0,1),(2.5,3)").values == ((0, 1), (2.5, 3))
+    assert parse_vary("surface=cow.obj,spot.obj").values == ("cow.obj", "spot.obj")
+    assert parse_vary("dhat=Relative(1e-3),0.01").values == (Relative(1e-3), 0.01)
+    assert parse_vary("time=12:30").ends == (12.0, 30.0) and parse_vary("file=a:b").values == ("a:b",)
+
+
+def test_several_make_a_grid():
+    assert changes("a=1,2", "b=0:1:3") == [{"a": a, "b": b} for a in (1, 2) for b in (0, 0.5, 1)]
+
+
+def test_a_sample_fills_the_ranges_evenly_and_a_larger_one_begins_with_it():
+    words = ("a=-1:3", "b=10:20", "c=x,y")
+    found = changes(*words, sample=64)
+    assert found == changes(*words, sample=100)[:64] and found != changes(*words, sample=64, seed=1)
+    points = np.array([[(entry["a"] + 1) / 4, (entry["b"] - 10) / 10] for entry in found])
+    chance = np.random.default_rng(0).random((64, 2))
+    assert qmc.discrepancy(np.clip(points, 0, 1)) < 0.5 * qmc.discrepancy(chance)
+    assert 24 <= sum(entry["c"] == "x" for entry in found) <= 40
+
+
+def test_jitter_differs_in_each_variation():
+    assert changes(sample=3, jitter=0.01) == [{"jitter": (0.01, n)} for n in range(3)]
+    assert changes("a=1,2", jitter=0.5) == [{"a": 1, "jitter": (0.5, 0)}, {"a": 2, "jitter": (0.5, 1)}]
+
+
+def test_a_sample_of_a_list_has_each_value_once():
+    assert sorted(entry["a"] for entry in changes("a=1,2,3", sample=50)) == [1, 2, 3]
+
+
+def test_ranges_of_a_search_are_in_order():
+    assert search_ranges(parsed_varies(["a=3:1", "b=0:1:7"])) == {"a": (1.0, 3.0), "b": (0.0, 1.0)}
+
+
+@pytest.mark.parametrize(
+    ("words", "options", "message"),
+    [
+        (("a",), {}, "write name="),
+        (("a=",), {}, "write name="),
+        (("2a=1",), {}, "write name="),
+        (("a=1,,2",), {}, "empty"),
+        (("a=0:1:1",), {}, "from 2"),
+        (("a=0:1:x",), {}, "from 2"),
+        (("a=0:1e999:3",), {}, "finite"),
+        (("a=0:1",), {}, "a=0:1:9"),
+        (("a=1", "a=2"), {}, "twice"),
+        (("steps=1,2",), {}, "--steps"),
+        ((), {}, "say what differs"),
+        ((), {"jitter": 0.1}, "--sample N"),
+        ((), {"sample": 5}, "nothing would differ"),
+        (("a=0:1",), {"sample": 0}, "from 1"),
+        (("a=0:1",), {"sample": MOST_VARIATIONS + 1}, "from 1"),
+        (("a=0:1:200", "b=0:1:200"), {}, "40000 variations"),
+        (("a=1",), {"jitter": -1.0}, "above zero"),
+    ],
+)
+def test_mistakes_are_named(words, options, message):
+    with pytest.raises(InputError, match=message):
+        changes(*words, **options)
+
+
+@pytest.mark.parametrize("words", [(), ("a=1,2",), ("a=1:1",)])
+def test_a_search_needs_ranges(words):
+    with pytest.raises(InputError, match="--seek needs ranges"):
+        search_ranges(parsed_varies(words))
