@@ -152,8 +152,17 @@ FORMATS = Registry(
 SHOWN_SURFACES = ("render", "contact", "both")
 """Which surface of a body with render meshes is exported: these meshes (the default), the simulated one, or both."""
 
-VIEWS = Registry("view", {"play": Entry("pdvol.studio.play.notebook:play")})
-"""Functions (run, ...) that show a stored run in a notebook. The store, which knows none of them, finds them here."""
+STUDIO = Registry(
+    "tool",
+    {
+        "play": Entry("pdvol.studio.play.notebook:play"),
+        "polyfem_scene": Entry("pdvol.studio.imports.polyfem:polyfem_scene"),
+        "read_alembic": Entry("pdvol.studio.imports.alembic_caches:read_alembic"),
+        "read_usd": Entry("pdvol.studio.imports.usd_caches:read_usd"),
+        "write_xdmf": Entry("pdvol.studio.export.xdmf:write_xdmf"),
+    },
+)
+"""The functions of `pdvol.studio` that the core calls. It imports nothing of the studio, and finds them here."""
 
 COMMANDS = Registry(
     "command",

@@ -20,27 +20,31 @@ WORDS = {
     "meshing": "read, mend, mesh",
     "store": "a run folder",
     "levels": "a scene on a level",
-    "export": "other formats",
-    "draw": "pictures, films",
     "measure": "metrics, checks",
     "potentials": "terms of the energy",
-    "player": "a page of a run",
     "solve": "one minimisation",
     "integrate": "steps and marches",
     "runs": "one run, brought together",
-    "explore": "many runs of a scene",
-    "live": "the live page",
+    "studio.imports": "PolyFEM, animated meshes",
+    "studio.draw": "pictures, films",
+    "studio.export": "other formats",
+    "studio.play": "a page of a run",
+    "studio.variations": "many runs of a scene",
+    "studio.study": "speed against accuracy",
+    "studio.wedge": "variations of level 0",
+    "studio.live": "the live page",
     "commands": "the command line",
 }
 COLUMNS = {
-    "forms": 0, "meshes": 1, "geometry": 2, "meshing": 1, "store": 3, "levels": 1, "export": 4, "draw": 3, "measure": 2,
-    "potentials": 1, "player": 3, "solve": 1, "integrate": 1, "runs": 2, "explore": 2, "live": 2, "commands": 2,
+    "forms": 0, "meshes": 1, "geometry": 2, "meshing": 1, "store": 3, "levels": 1, "measure": 2, "potentials": 1,
+    "solve": 1, "integrate": 1, "runs": 2, "studio.imports": 0, "studio.draw": 3, "studio.export": 4, "studio.play": 5,
+    "studio.variations": 2, "studio.study": 3, "studio.wedge": 2, "studio.live": 1, "commands": 2,
 }  # fmt: skip
 WIDTH, HEIGHT, ACROSS, DOWN = 176, 44, 196, 74
 """Size of a box, and the distances between boxes [pixels]."""
-GROUND = (
-    "scene, registry, errors, colours, parallel, processes, compiled, stages, compat: serve all rooms from geometry on"
-)
+GROUND = "scene, registry, errors, parallel, processes, compiled, stages, compat: serve all rooms from geometry on"
+CORE, WING = ("#eef3fb", "#4a6fa5"), ("#fbf3e6", "#b98a3a")
+"""Fill and rim of boxes: of the core and the command line, and of the studio."""
 
 
 def rules() -> dict[str, set[str]]:
@@ -51,7 +55,8 @@ def rules() -> dict[str, set[str]]:
         if getattr(target, "id", "") in ("STAGES", "STORED", "MAY_IMPORT"):
             code = compile(ast.Expression(node.value), str(RULES), "eval")
             known[target.id] = eval(code, {"set": set}, known)
-    return known["MAY_IMPORT"]
+    may = {room: others - {"studio"} for room, others in known["MAY_IMPORT"].items() if room != "studio"}
+    return {**may, "commands": set(may)}
 
 
 def arrows(may: dict[str, set[str]]) -> list[tuple[str, str]]:
@@ -101,11 +106,10 @@ def drawn() -> str:
             way = f"M{x0:g},{y0:g} L{x0:g},{y1 - 38:g} C{x0:g},{y1 - 16:g} {x1:g},{y1 - 30:g} {x1:g},{y1 - 4:g}"
         lines.append(f'<path d="{way}" fill="none" stroke="#8a8f98" stroke-width="1.4" marker-end="url(#tip)"/>')
     for room, (x, y) in place.items():
-        lines.append(
-            f'<rect x="{x}" y="{y}" width="{WIDTH}" height="{HEIGHT}" rx="6" fill="#eef3fb" stroke="#4a6fa5"/>'
-        )
-        middle = x + WIDTH / 2
-        lines.append(f'<text x="{middle:g}" y="{y + 18}" font-weight="bold" font-size="14">{room}</text>')
+        fill, rim = WING if room.startswith("studio.") else CORE
+        lines.append(f'<rect x="{x}" y="{y}" width="{WIDTH}" height="{HEIGHT}" rx="6" fill="{fill}" stroke="{rim}"/>')
+        middle, name = x + WIDTH / 2, room.replace(".", "/")
+        lines.append(f'<text x="{middle:g}" y="{y + 18}" font-weight="bold" font-size="14">{name}</text>')
         lines.append(f'<text x="{middle:g}" y="{y + 35}" font-size="12">{escape(WORDS[room])}</text>')
     ground = f'<text x="{wide / 2:g}" y="{high - 20}" font-size="12" font-style="italic">{escape(GROUND)}</text>'
     tip = '<marker id="tip" markerWidth="8" markerHeight="8" refX="5" refY="3" orient="auto">'

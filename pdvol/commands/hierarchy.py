@@ -17,6 +17,11 @@ def add_arguments(parser: ArgumentParser) -> None:
 def main(options: Namespace) -> None:
     """Write the levels and pictures of their bindings, and print their sizes."""
     from pdvol.runs.mesh_hierarchy import write_hierarchy
+    from pdvol.stages import stage
+    from pdvol.studio.draw.bindings import draw_bindings
 
     targets = tuple(whole_number("--levels", word) for word in options.levels.split(","))
-    print("\n".join(write_hierarchy(options.mesh, targets, options.out, options.prolongation)))
+    hierarchy, lines = write_hierarchy(options.mesh, targets, options.out, options.prolongation)
+    with stage("drawing the bindings"):
+        draw_bindings(hierarchy, options.out)
+    print("\n".join(lines))

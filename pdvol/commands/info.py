@@ -21,6 +21,21 @@ def main(options: Namespace) -> None:
 
         print("\n".join(scene_summary(shot)))
     else:
-        from pdvol.runs.run_summary import run_summary
+        print("\n".join(_run_lines(options.what, options.pictures)))
 
-        print("\n".join(run_summary(options.what, options.pictures)))
+
+def _run_lines(path: Path, pictures: Path | None) -> list[str]:
+    """What a run folder holds; its bindings are drawn into the folder `pictures`, where one is given."""
+    from pdvol.runs.run_summary import binding_lines, run_summary, stored_hierarchy
+    from pdvol.store.reader import open_run
+
+    run = open_run(path)
+    lines = run_summary(run)
+    if len(run.levels) == 1 and pictures is None:
+        return lines
+    hierarchy = stored_hierarchy(run)
+    if pictures is not None:
+        from pdvol.studio.draw.bindings import draw_bindings
+
+        draw_bindings(hierarchy, pictures, run.info.get("up") or (0.0, 0.0, 1.0))
+    return [*lines, *binding_lines(hierarchy)]

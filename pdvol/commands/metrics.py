@@ -14,8 +14,12 @@ def add_arguments(parser: ArgumentParser) -> None:
 def main(options: Namespace) -> None:
     """Write metrics.json and metrics.png into the run, and print the means."""
     from pdvol.runs.run_metrics import write_metrics
+    from pdvol.stages import stage
+    from pdvol.studio.draw.plots import plot_metrics
 
     result = write_metrics(options.run, options.against, options.json)
+    with stage("drawing metrics.png"):
+        plot_metrics(options.run / "metrics.png", [result, *([result["against"]] if "against" in result else [])])
     print("\n".join([*_result_lines(result), f"{options.run}: metrics.json and metrics.png"]))
 
 

@@ -17,10 +17,9 @@ from pdvol.errors import InputError
 from pdvol.meshes import Outline, Surface
 from pdvol.meshing.surface_files import read_obj
 from pdvol.meshing.validate import outline_edges
+from pdvol.registry import STUDIO
 from pdvol.scene import Placement, PointCache
 from pdvol.scene.point_caches import USD_FILES
-from pdvol.studio.imports.alembic_caches import read_alembic
-from pdvol.studio.imports.usd_caches import read_usd
 
 PC2_HEADER = struct.Struct("<12siiffi")
 CACHES_KEPT = 8  # read caches that are kept: each level and each support asks for them
@@ -148,9 +147,9 @@ def _faces(cache: PointCache, points: np.ndarray) -> np.ndarray:
 def _mesh(path: Path, cache: PointCache) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Times [s], points and triangles of a mesh in a USD or Alembic file."""
     if path.suffix.lower() in USD_FILES:
-        mesh, where = read_usd(path, cache.prim, cache.fps)
+        mesh, where = STUDIO["read_usd"](path, cache.prim, cache.fps)
     else:
-        mesh, where = read_alembic(path, cache.prim)
+        mesh, where = STUDIO["read_alembic"](path, cache.prim)
     return mesh.times, mesh.points, mesh.triangles(where)
 
 

@@ -21,13 +21,15 @@ from pdvol.meshing.validate import drop_unused
 from pdvol.meshing.verdict import boundary_facets_of, check_place, judge, place_of
 from pdvol.meshing.volume import enclosed_volume
 from pdvol.meshing.vtu import write_vtu
-from pdvol.runs.binding_report import binding_lines, draw_bindings
+from pdvol.runs.run_summary import binding_lines
 from pdvol.scene import Body, NeoHookean, Scene
 from pdvol.stages import stage
 
 
-def write_hierarchy(mesh: Path, targets: tuple[int, ...], out: Path, prolongation: str = "barycentric") -> list[str]:
-    """Build the levels of a mesh, and write each as VTU with a picture of its binding into `out`.
+def write_hierarchy(
+    mesh: Path, targets: tuple[int, ...], out: Path, prolongation: str = "barycentric"
+) -> tuple[Hierarchy, list[str]]:
+    """Build the levels of a mesh, and write each as VTU into `out`.
 
     Parameters
     ----------
@@ -38,8 +40,9 @@ def write_hierarchy(mesh: Path, targets: tuple[int, ...], out: Path, prolongatio
 
     Returns
     -------
-    list[str]
-        Sizes and qualities of the levels, how far their shapes are from the input's, and their bindings, one line each.
+    tuple[Hierarchy, list[str]]
+        The levels; their sizes and qualities, how far their shapes are from the input's, and their bindings, one line
+        each.
 
     Raises
     ------
@@ -71,9 +74,7 @@ def write_hierarchy(mesh: Path, targets: tuple[int, ...], out: Path, prolongatio
         write_vtu(out / f"level_{level}.vtu", level_mesh, homes)
         with stage(f"measuring level {level}"):
             lines.append(f"{_level_line(level_mesh, level)}; {_shape_words(level_mesh, points, facets)}")
-    with stage("drawing the bindings"):
-        draw_bindings(hierarchy, out)
-    return [*lines, *binding_lines(hierarchy)]
+    return hierarchy, [*lines, *binding_lines(hierarchy)]
 
 
 def _level_line(mesh: LevelMesh, level: int) -> str:

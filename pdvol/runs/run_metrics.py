@@ -83,7 +83,7 @@ def measure_run(path: str | Path) -> dict:
 
 
 def write_metrics(path: Path, against: Path | None = None, file: Path | None = None) -> dict:
-    """Measure a run, and a second one beside it, into the run's `metrics.json` and `metrics.png`, and into `file`.
+    """Measure a run, and a second one beside it, into the run's `metrics.json` and into `file`.
 
     Returns
     -------
@@ -95,8 +95,6 @@ def write_metrics(path: Path, against: Path | None = None, file: Path | None = N
     InputError
         A folder is no run or cannot be written, or the runs do not fit together.
     """
-    from pdvol.studio.draw.plots import plot_metrics  # loads the plotting library
-
     open_run(path)
     files = [path / "metrics.json", *([file] if file is not None else [])]
     for target in files:
@@ -107,14 +105,10 @@ def write_metrics(path: Path, against: Path | None = None, file: Path | None = N
         with stage(f"comparing {path} with {against}"):
             between = compare_runs(path, against)
     result = measure_run(path)
-    runs = [result]
     if against is not None:
-        runs.append(measure_run(against))
-        result = {**result, "against": {**runs[1], "between": between}}
+        result["against"] = {**measure_run(against), "between": between}
     for target in files:
         write_json(target, result)
-    with stage("drawing metrics.png"):
-        plot_metrics(path / "metrics.png", runs)
     return result
 
 

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from itertools import pairwise
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -10,24 +11,21 @@ from pdvol.errors import InputError
 from pdvol.registry import INTERPOLANTS
 from pdvol.scene.fingerprint import differences
 from pdvol.store.folder import require_scene
-from pdvol.store.reader import Run, open_run
+from pdvol.store.reader import Run
+
+if TYPE_CHECKING:
+    from pdvol.levels.hierarchy import Hierarchy
 
 
-def run_summary(path: Path, pictures: Path | None = None) -> list[str]:
-    """What a run folder holds: method, levels, costs, held-back motions and bindings, one line each.
-
-    Parameters
-    ----------
-    path : the run folder
-    pictures : a folder for pictures of the bindings; none are drawn when None
+def run_summary(run: Run) -> list[str]:
+    """What a run folder holds: method, levels, costs and held-back motions, one line each.
 
     Raises
     ------
     InputError
-        The folder is no run, is damaged, or `pictures` cannot be written.
+        The folder is damaged.
     """
-    run = open_run(path)
-    info = run.info
+    path, info = run.path, run.info
     require_scene(path, info)
     lines = [
         f"{info['scene']}: method {info['method']}, dt {run.dt:g} s, {info['steps']} steps, parameters"
@@ -49,19 +47,34 @@ def run_summary(path: Path, pictures: Path | None = None) -> list[str]:
         + (", with a texture" if mesh.texture else "")
         for mesh in run.render_meshes
     ]
-    lines += [*solver_lines(run), *held_back_lines(run)]
     INTERPOLANTS.check(info["prolongation"])
-    if len(run.levels) == 1 and pictures is None:
-        return lines  # finite elements are loaded for bindings only
+    return [*lines, *solver_lines(run), *held_back_lines(run)]
+
+
+def stored_hierarchy(run: Run) -> "Hierarchy":
+    """The levels of a stored run and their bindings, on this rank alone."""
     from mpi4py import MPI
 
-    from pdvol.levels.hierarchy import Hierarchy
-    from pdvol.runs.binding_report import binding_lines, draw_bindings
+    from pdvol.levels.hierarchy import Hierarchy  # loads finite elements, which a summary does without
 
-    hierarchy = Hierarchy([level.mesh for level in run.levels], MPI.COMM_SELF, info["prolongation"])
-    if pictures is not None:
-        draw_bindings(hierarchy, pictures, info.get("up") or (0.0, 0.0, 1.0))
-    return [*lines, *binding_lines(hierarchy)]
+    return Hierarchy([level.mesh for level in run.levels], MPI.COMM_SELF, run.info["prolongation"])
+
+
+def binding_lines(hierarchy: "Hierarchy") -> list[str]:
+    """One line for each level but the coarsest: how its vertices are bound to the level below, and the size of the
+    weights. Collective.
+    """
+    return [_binding_line(hierarchy, level) for level in range(1, len(hierarchy))]
+
+
+def _binding_line(hierarchy: "Hierarchy", level: int) -> str:
+    r = hierarchy.prolongation(level).report()
+    return (
+        f"levels {level - 1} -> {level}: {r['inside']:,} bound inside, {r['ray']:,} by ray, {r['neighbour']:,} by"
+        f" neighbour, {r['orphans']:,} orphans; {r['weights_per_point']:.3g} weights a vertex, largest |weight|"
+        f" {r['largest_weight']:.3g}, ||P||_F {r['frobenius_norm']:.4g} (sqrt m = {r['sqrt_points']:.4g}), ||P||_2"
+        f" {r['two_norm']:.3g}"
+    )
 
 
 def solver_lines(run: Run) -> list[str]:

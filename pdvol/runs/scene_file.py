@@ -11,7 +11,7 @@ from types import ModuleType
 from typing import Any
 
 from pdvol.errors import InputError, PdvolError
-from pdvol.registry import INTEGRATORS
+from pdvol.registry import INTEGRATORS, STUDIO
 from pdvol.scene import Relative, Scene
 from pdvol.scene.fingerprint import describe
 from pdvol.scene.scene import SETTINGS
@@ -186,9 +186,7 @@ def load_module(file: Path) -> ModuleType:
 
 def _scene_function(file: Path) -> Callable[..., Scene]:
     if file.suffix.lower() == ".json" and file.is_file():
-        from pdvol.studio.imports.polyfem import polyfem_scene
-
-        return polyfem_scene(file)
+        return STUDIO["polyfem_scene"](file)
     make = getattr(load_module(file), "scene", None)
     if not callable(make):
         raise InputError(f"{file} defines no scene(**parameters); it must return a pdvol.Scene")

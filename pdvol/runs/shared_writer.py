@@ -12,12 +12,12 @@ from mpi4py import MPI
 from pdvol.errors import SimulationError
 from pdvol.levels.obstacles import Obstacle
 from pdvol.parallel import on_root
+from pdvol.registry import STUDIO
 from pdvol.runs.stored_fields import SceneFields
 from pdvol.scene import Scene
 from pdvol.store.reader import open_run
 from pdvol.store.series import StepFields, nothing_more
 from pdvol.store.writer import RunWriter
-from pdvol.studio.export.xdmf import write_xdmf
 
 EXPORT_PAUSE = 20.0  # seconds between exports of a running level, at least
 EXPORT_SHARE = 0.05  # of a level's time that its exports may take, at most
@@ -39,7 +39,7 @@ class Export:
             more: Callable[[int], StepFields] = SceneFields(self._scene, run, level, self._obstacles)
         except (ValueError, RuntimeError):  # a user's law may fail here alone, which must not stop the run
             more = nothing_more
-        write_xdmf(run, level, self._path / f"level_{level}.xdmf", more)
+        STUDIO["write_xdmf"](run, level, self._path / f"level_{level}.xdmf", more)
         now = time.monotonic()
         self._next[level] = now + max(EXPORT_PAUSE, (now - begin) / EXPORT_SHARE)
 

@@ -248,9 +248,9 @@ class Run:
 
     def play(self, width: int = 960, height: int = 640, **choices: Any) -> Any:
         """The run in a player, which a notebook shows; `choices` are those of `pdvol.studio.play.notebook.play`."""
-        from pdvol.registry import VIEWS  # reading states needs nothing of it
+        from pdvol.registry import STUDIO  # reading states needs nothing of it
 
-        return VIEWS["play"](self, width, height, **choices)
+        return STUDIO["play"](self, width, height, **choices)
 
     @property
     def in_use(self) -> bool:

@@ -1,4 +1,6 @@
-"""Data flows one way: scene -> levels -> potentials -> solve -> integrate -> store, read by export, draw and measure.
+"""Data flows one way: scene -> levels -> potentials -> solve -> integrate -> store, brought together by runs. The tools
+around this core are one wing, `pdvol/studio`, of which the core imports nothing.
+
 What a scene lacks is not loaded. Each test lists all offenders at once.
 """
 
@@ -12,20 +14,8 @@ from pathlib import Path
 from commands import SAFETY
 
 ROOT = Path(__file__).resolve().parents[2]
-STAGES = (
-    "geometry",
-    "meshing",
-    "levels",
-    "potentials",
-    "solve",
-    "integrate",
-    "store",
-    "export",
-    "draw",
-    "measure",
-    "player",
-)
-FOUNDATION = {"colours", "errors", "registry", "scene", "parallel", "processes", "compat", "compiled", "stages"}
+STAGES = ("geometry", "meshing", "levels", "potentials", "solve", "integrate", "store", "measure", "runs")
+FOUNDATION = {"errors", "registry", "scene", "parallel", "processes", "compat", "compiled", "stages"}
 """Modules beside the stages that any stage may use: they know none of them (a test)."""
 STORED = {"geometry", "store"}
 """What everything that reads stored runs may use."""
@@ -39,17 +29,23 @@ MAY_IMPORT: dict[str, set[str]] = {
     "solve": {"forms", "geometry", "levels", "potentials"},
     "integrate": {"geometry", "levels", "potentials", "solve"},
     "store": {"geometry"},
-    "export": STORED,
-    "draw": STORED,
     "measure": STORED,
-    "player": STORED | {"draw", "measure"},
-    "runs": {"forms", "meshes", *STAGES},
-    "explore": {"forms", "meshes", *STAGES, "runs"},
-    "live": {"geometry", "meshing", "store", "draw", "runs", "explore"},
-    "commands": {"forms", "meshes", *STAGES, "runs", "explore", "live"},
+    "runs": {"forms", "meshes", *STAGES[:-1]},
+    "studio": set(),
+    "studio.imports": {"meshes", "geometry", "meshing"},
+    "studio.draw": STORED | {"levels", "studio"},
+    "studio.export": STORED | {"runs", "studio"},
+    "studio.play": STORED | {"measure", "studio", "studio.draw"},
+    "studio.variations": {"store", "runs"},
+    "studio.study": STORED | {"levels", "measure", "runs", "studio", "studio.draw", "studio.variations"},
+    "studio.wedge": STORED | {"measure", "runs", "studio", "studio.draw", "studio.variations"},
+    "studio.live": STORED | {"meshing", "runs", "studio", "studio.draw", "studio.variations"},
 }
-ABOVE = {"runs", "explore", "live", "commands"}
-"""What brings the stages together: no stage knows of it."""
+WING = {name for name in MAY_IMPORT if name.startswith("studio")}
+"""The tools; "studio" is what lies beside its folders."""
+MAY_IMPORT["commands"] = {*MAY_IMPORT}
+ABOVE = {*WING, "commands"}
+"""What stands on the core: no stage knows of it."""
 SOURCES = [
     *sorted((ROOT / "pdvol").rglob("*.py")),
     *sorted((ROOT / "forms").rglob("*.py")),
@@ -93,11 +89,14 @@ def imports(path: Path) -> frozenset[str]:
 
 
 def stage(module: str) -> str:
-    """`meshing` of `pdvol.meshing.build`, `errors` of `pdvol.errors.InputError`, empty for `pdvol` itself and for
-    other packages.
+    """`meshing` of `pdvol.meshing.build`, `studio.draw` of `pdvol.studio.draw.film`, `errors` of
+    `pdvol.errors.InputError`, empty for `pdvol` itself and for other packages.
     """
     parts = module.split(".")
-    return parts[1] if parts[0] == "pdvol" and len(parts) > 1 else ""
+    if parts[0] != "pdvol" or len(parts) < 2:
+        return ""
+    room = ".".join(parts[1:3])
+    return room if room in WING else parts[1]
 
 
 def stages_of(name: str) -> set[str]:
@@ -125,6 +124,18 @@ def test_each_stage_imports_only_stages_before_it():
 def test_every_folder_is_a_known_stage():
     folders = {p.name for p in (ROOT / "pdvol").iterdir() if (p / "__init__.py").exists()}
     assert folders - FOUNDATION - ABOVE == set(STAGES), "a new folder needs a line in MAY_IMPORT"
+    tools = {f"studio.{p.name}" for p in (ROOT / "pdvol" / "studio").iterdir() if (p / "__init__.py").exists()}
+    assert tools | {"studio"} == WING, "a new folder of the studio needs a line in MAY_IMPORT"
+
+
+def test_the_core_imports_nothing_of_what_stands_on_it():
+    core = {"forms", "meshes", *STAGES, *FOUNDATION}
+    known = {
+        place(path): sorted(found)
+        for path in SOURCES
+        if stage(module_of(path)) in core and (found := {stage(i) for i in imports(path)} & (ABOVE | {"cli"}))
+    }
+    assert known == {}
 
 
 def test_the_foundation_knows_no_stage():
@@ -257,7 +268,7 @@ def test_reading_a_run_loads_no_finite_elements(tmp_path):
 
 
 def test_storing_exporting_drawing_and_measuring_load_no_finite_elements(tmp_path):
-    folders = ("store", "export", "draw", "measure", "player")
+    folders = ("store", "measure", "studio", "studio.draw", "studio.export", "studio.play")
     modules = [module_of(path) for path in SOURCES if stage(module_of(path)) in folders]
     assert len(modules) > 15
     program = "import importlib\nfor name in " + repr(modules) + ": importlib.import_module(name)"

@@ -6,21 +6,44 @@ import colorsys
 import io
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pyvista as pv
 import scipy.sparse as sp
 from PIL import Image, ImageDraw
 
+from pdvol.errors import InputError
 from pdvol.geometry.level_mesh import LevelMesh
 from pdvol.store.files import write_bytes
 from pdvol.studio.colours import PALETTE
 from pdvol.studio.draw.camera import Camera, fitted_camera, in_3d
 from pdvol.studio.draw.layout import BACKGROUND, CELL_GAP, FAINT_INK, INK, font
 
+if TYPE_CHECKING:
+    from pdvol.levels.hierarchy import Hierarchy  # of finite elements, which drawing does not load
+
 CAPTION_HEIGHT = 64  # pixels above the two views
 OVERSAMPLING = 2  # pixels rendered for each pixel of the picture, along each side
 ZERO_COLOUR = (0.86, 0.85, 0.83)  # red, green and blue of vertices without a weight
+
+
+def draw_bindings(hierarchy: "Hierarchy", out: Path, up: Sequence[float] = (0.0, 1.0, 0.0)) -> None:
+    """Draw `out/binding_<level>.png` for each level but the coarsest; `up` is the way up of a 3D scene.
+
+    Raises
+    ------
+    InputError
+        The folder `out` cannot be made.
+    """
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"{out} cannot be written: {error.strerror}") from None
+    for level in range(1, len(hierarchy)):
+        p = hierarchy.prolongation(level)
+        title = f"levels {level - 1} -> {level}, {hierarchy.interpolant}"
+        draw_binding(out / f"binding_{level}.png", p.coarse.mesh, p.fine.mesh, p.binding.cells, p.weights, title, up)
 
 
 def draw_binding(

@@ -1,4 +1,4 @@
-"""A stored run in the formats of other software. Nothing here imports a solver.
+"""A stored run in the formats of other software. No format imports a solver.
 
 A format is one file here, or in another package, and a line in `pdvol.registry`, or an entry point of the group
 `pdvol.formats`. It offers one function
