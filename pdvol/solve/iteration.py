@@ -73,17 +73,15 @@ class Projection:
     unprojected_from: int = 0
     pause: int = PAUSE
 
-    def after(self, promised: float, decrease: float, full: bool, detects_indefinite: bool) -> "Projection":
+    def after(self, kept: float, full: bool, detects_indefinite: bool) -> "Projection":
         """The projection after a step.
 
         Parameters
         ----------
-        promised, decrease : change of the potential by the model and the actual one; negative where the potential
-            decreases
+        kept : the actual decrease of the potential over the one that the model promised
         full : whether the step was taken in full
         detects_indefinite : whether the linear solver would notice an indefinite matrix
         """
-        kept = share_kept(promised, decrease)
         last = replace(self, steps=self.steps + 1)
         if kept < TRUSTED:
             last = last.after_indefinite()
@@ -161,11 +159,6 @@ def is_at_rounding(slope: float, energy: float, scale: float) -> bool:
     return abs(slope) <= max(ROUNDING * abs(energy), CANCELLATION * scale)
 
 
-def share_kept(promised: float, decrease: float) -> float:
-    """The actual decrease over the one that the model promised."""
-    return decrease / min(promised, -1e-300)
-
-
 def is_short(speed: float, tolerance: float) -> bool:
     """Whether a step is short enough for the rules near the minimum [both m/s]."""
     return speed <= SHORT * tolerance
@@ -228,15 +221,15 @@ def speed_of(iteration: Iteration | None) -> float:
     return np.inf if iteration is None else iteration.speed
 
 
-def promised_decrease(slope: float, taken: np.ndarray, direction: np.ndarray, total: Sum) -> float:
-    """Change of the potential by the quadratic model for the step `taken`, a share of the direction (both (n_owned,
-    d)).
-
-    `slope` is the derivative along the direction.
+def fraction_kept(last: Iteration, end: Positions, energy: float, total: Sum) -> float:
+    """The actual decrease of the potential, whose value at the step's `end` is `energy` [kg m^2], over the one that the
+    quadratic model promised for the part of the direction that was taken. Collective.
     """
+    taken, direction = end.owned - last.start.owned, last.direction
     along, size = total(np.array([np.vdot(taken, direction), np.vdot(direction, direction)]))
-    share = along / max(size, 1e-300)
-    return slope * share * (1.0 - 0.5 * share)
+    part = along / max(size, 1e-300)
+    promised = last.slope * part * (1.0 - 0.5 * part)
+    return (energy - last.energy) / min(promised, -1e-300)
 
 
 def lengthening(direction: np.ndarray, last: np.ndarray, moved: np.ndarray, total: Sum) -> float:

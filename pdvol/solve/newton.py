@@ -1,28 +1,42 @@
 """Projected Newton on an incremental potential by PETSc's SNES, which no other file uses.
 
 The potential is SNES's objective (for backtracking), the gradient its function, the projected Hessian its Jacobian. The
-pre-check shortens each step such that nothing crosses or inverts. The callbacks translate between PETSc and
-`Minimisation`, which decides.
+pre-check shortens each step such that nothing crosses or inverts. `iteration.py` has the rules that the callbacks
+apply: when a solve ends, when a matrix is kept, how the next Hessian is projected, how long a step is.
 """
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
 from functools import partial
 
 import numpy as np
+from mpi4py import MPI
 from petsc4py import PETSc
 from scipy.sparse import csr_array
 
 from pdvol.errors import PdvolError, SimulationError
 from pdvol.levels.space import LevelSpace
+from pdvol.parallel import reduce
 from pdvol.potentials.assembly.hessian_blocks import BlockPattern, HessianBlocks
-from pdvol.potentials.potential import MIN_GAP_SHARE, Positions
+from pdvol.potentials.potential import MIN_GAP_SHARE, LastStates, Positions
 from pdvol.scene import Relative, Solver
 from pdvol.solve.incremental_potential import IncrementalPotential
+from pdvol.solve.iteration import (
+    TOO_STIFF,
+    Iteration,
+    Projection,
+    fraction_kept,
+    is_at_rounding,
+    is_short,
+    keeps_matrix,
+    opens,
+    step_factor,
+    stops,
+)
 from pdvol.solve.linear.coarse_space import CoarseSpace, grid_weights
 from pdvol.solve.linear.solver import LinearSolver, wants_general_matrix
 from pdvol.solve.linear.system_matrix import SystemMatrix
-from pdvol.solve.minimisation import Minimisation
 from pdvol.solve.report import NewtonReport, Stopwatch
 
 # linear solves of one iteration in which friction's states are predicted: more save no Newton iterations (27 balls, 60
@@ -47,6 +61,37 @@ def _own_errors() -> Iterator[None]:
         if cause is not None:
             raise
         raise SimulationError(f"PETSc gave up: {str(error).splitlines()[0]}") from error
+
+
+@dataclass
+class Solve:
+    """The state of one minimisation.
+
+    Attributes
+    ----------
+    states : the last two configurations, so that terms share what they derived from them
+    tolerance : [m/s], the relative one of the present state included
+    gap_share : share of a gap that a step which contact ends leaves
+    report : NewtonReport
+    projection : of the next Hessian
+    gradient : (n_owned, d), zero in fixed rows
+    energies : the potential at the last two configurations
+    last, before : the last two iterations
+    matrix_age : iterations since the matrix was assembled; None where the next iteration needs a new one
+    trials : evaluations of the potential by the line search
+    """
+
+    states: list[Positions]
+    tolerance: float
+    gap_share: float
+    gradient: np.ndarray
+    report: NewtonReport = field(default_factory=NewtonReport)
+    projection: Projection = field(default_factory=Projection)
+    energies: LastStates = field(default_factory=LastStates)
+    last: Iteration | None = None
+    before: Iteration | None = None
+    matrix_age: int | None = None
+    trials: int = 0
 
 
 class Newton:
@@ -82,12 +127,13 @@ class Newton:
         self.space, self.potential, self.settings, self.watch = space, potential, settings, watch
         self.tolerance = settings.tolerance
         self._fixed, self._coarse_weights, self._dt = supported, coarse_weights, np.inf
+        self._comm, self._sum = space.comm, partial(reduce, space.comm)
         self._vector, self._residual = space.create_vector(), space.create_vector()
         self._blocks = HessianBlocks(BlockPattern(space))
         self._system = SystemMatrix(space, supported, wants_general_matrix(settings))
         self.snes = self._create_snes()
         self.linear = LinearSolver(self.snes.ksp, settings, self._coarse_space, partial(watch.part, "linear"))
-        self._solve: Minimisation
+        self._solve: Solve
 
     def _create_snes(self) -> PETSc.SNES:
         snes = PETSc.SNES().create(comm=self.space.comm)
@@ -117,16 +163,38 @@ class Newton:
     # ---- callbacks
 
     def _positions(self, vector: PETSc.Vec) -> Positions:
-        return self._solve.positions(vector.getArray(readonly=True).reshape(-1, self.space.dim))
+        """The configuration of a vector, of the last two if it is one of them. Collective."""
+        array, solve = vector.getArray(readonly=True).reshape(-1, self.space.dim), self._solve
+        for known in solve.states:
+            if reduce(self._comm, bool((known.owned == array).all()), MPI.LAND):
+                return known
+        solve.states = [Positions(self.space, array.copy()), *solve.states[:1]]
+        return solve.states[0]
+
+    def _energy(self, x: Positions) -> float:
+        """The potential at x, evaluated once for each of the last two states."""
+        return self._solve.energies.value(x, self.potential.value)
 
     def _objective(self, snes: PETSc.SNES, vector: PETSc.Vec) -> float:
-        return self._solve.objective(self._positions(vector))
+        """The energy that the line search compares; at round-off the model's, which it accepts."""
+        solve, x = self._solve, self._positions(vector)
+        last = solve.last
+        if last is None or x is last.start:
+            return self._energy(x)
+        solve.trials += 1
+        return last.energy + 0.5 * last.slope if last.at_rounding else self._energy(x)
 
     def _function(self, snes: PETSc.SNES, vector: PETSc.Vec, residual: PETSc.Vec) -> None:
-        residual.setArray(self._solve.evaluate_gradient(self._positions(vector)).ravel())
+        gradient = self.potential.gradient(self._positions(vector))
+        gradient[self._fixed] = 0.0
+        self._solve.gradient = gradient
+        residual.setArray(gradient.ravel())
 
     def _jacobian(self, snes: PETSc.SNES, vector: PETSc.Vec, J: PETSc.Mat, P: PETSc.Mat) -> None:
-        if not self._solve.keeps_matrix():
+        solve = self._solve
+        if solve.matrix_age is not None and keeps_matrix(solve.last, solve.before, solve.tolerance):
+            solve.matrix_age += 1
+        else:
             self._renew_matrix(self._positions(vector))
 
     def _precheck(self, vector: PETSc.Vec, step: PETSc.Vec) -> None:
@@ -134,12 +202,10 @@ class Newton:
         x = self._positions(vector)
         self.linear.note_iterations(self.snes.ksp.getIterationNumber())
         if self.linear.found_indefinite and self._leave_unprojected():
-            self._solve.renew_matrix()
             self._renew_matrix(x)
             self._solve_again(self._residual, step)
         self._predict_friction(x, step)
-        direction = -step.getArray(readonly=True).reshape(-1, self.space.dim)
-        length = self._solve.begin_iteration(x, direction)
+        length = self._begin_iteration(x, self._direction(step))
         if length != 1.0:
             step.scale(length)
 
@@ -151,11 +217,87 @@ class Newton:
             report.speed = 0.0
             return reasons.CONVERGED_FNORM_ABS
         if iteration > 0:
-            why = self._solve.end_iteration(self._positions(snes.getSolution()), self.linear.detects_indefinite)
+            why = self._end_iteration(self._positions(snes.getSolution()))
             report.reason = "ROUNDING" if why == "ROUNDING" else report.reason
             if why:
                 return reasons.CONVERGED_SNORM_RELATIVE
         return reasons.ITERATING
+
+    # ---- iterations
+
+    def _direction(self, step: PETSc.Vec) -> np.ndarray:
+        """Newton's direction (n_owned, d): SNES moves by the negative of its step. Raises SimulationError on all ranks
+        unless it is finite on all of them. Collective.
+        """
+        direction = -step.getArray(readonly=True).reshape(-1, self.space.dim)
+        self._require_finite(direction)
+        return direction
+
+    def _require_finite(self, direction: np.ndarray) -> None:
+        if not reduce(self._comm, bool(np.isfinite(direction).all()), MPI.LAND):
+            raise SimulationError("the linear solve gave NaN or infinity")
+
+    def _slope(self, direction: np.ndarray) -> float:
+        """Derivative of the potential along a direction (n_owned, d). Collective."""
+        return reduce(self._comm, float(np.vdot(self._solve.gradient, direction)))
+
+    def _speed(self, path: np.ndarray) -> float:
+        """The largest row of a path (n_owned, d) over the step's length in time [m/s]. Collective."""
+        mine = np.sqrt(np.max(np.sum(path**2, axis=1), initial=0.0))
+        return reduce(self._comm, float(mine), MPI.MAX) / self._dt
+
+    def _begin_iteration(self, x: Positions, direction: np.ndarray) -> float:
+        """Records Newton's direction (n_owned, d) at x; returns the factor of it that the line search begins with.
+        Collective.
+        """
+        solve, relative = self._solve, self.settings.relative_tolerance
+        speed = self._speed(direction)
+        if relative > 0.0:
+            solve.tolerance = max(self.tolerance, relative * self._speed(x.owned - self.potential.x_hat))
+        slope, energy = self._slope(direction), self._energy(x)
+        gap = self.potential.min_gap(x) if is_short(speed, solve.tolerance) else np.inf
+        at_rounding = is_at_rounding(slope, energy, self.potential.scale)
+        factor = step_factor(x, direction, speed, at_rounding, solve.projection, solve.last, solve.tolerance, self._sum)
+        length = factor * self.potential.max_step(x, factor * direction, gap_share=solve.gap_share)
+        cap = min(1.0, length)
+        solve.report.speed, solve.report.step_cap = speed, min(solve.report.step_cap, cap)
+        solve.before, solve.trials = solve.last, 0
+        solve.last = Iteration(
+            x,
+            energy,
+            direction,
+            slope,
+            speed,
+            solve.projection,
+            solve.matrix_age or 0,
+            at_rounding,
+            factor,
+            cap,
+            gap,
+        )
+        return length
+
+    def _end_iteration(self, x: Positions) -> str:
+        """Records the accepted state x, and chooses the next projection; returns why the solve ends (`stops`), or an
+        empty text. Collective.
+        """
+        solve = self._solve
+        last = solve.last
+        if last is None:
+            return ""
+        if solve.trials > 1:
+            last = replace(last, backtracks=solve.trials - 1)
+            solve.report.backtracks += last.backtracks
+        if last.at_rounding:
+            solve.projection = solve.projection.after_rounding()
+        elif last.lengthening == 1.0:  # the quadratic model does not hold for lengthened steps
+            kept = fraction_kept(last, x, self._energy(x), self._sum)
+            solve.projection = solve.projection.after(kept, last.full, self.linear.detects_indefinite)
+            last = replace(last, softer=last.matrix_age == 0 and kept > TOO_STIFF)
+        if last.full and is_short(last.speed, solve.tolerance):
+            last = replace(last, opened=opens(last.gap, self.potential.min_gap(x)))
+        solve.last = last
+        return stops(last, solve.before, solve.tolerance)
 
     # ---- matrices
 
@@ -167,6 +309,8 @@ class Newton:
             self.potential.add_hessian(x, 1.0, self._blocks)
 
     def _renew_matrix(self, x: Positions) -> None:
+        self._solve.matrix_age = 0
+        self._solve.report.hessians += 1
         self._sum_hessian(x)
         with self.watch.part("linear"):
             self._system.assemble(self._blocks)
@@ -184,14 +328,12 @@ class Newton:
         self._solve.report.linear_iterations += self.snes.ksp.getIterationNumber()
 
     def _predict_friction(self, x: Positions, step: PETSc.Vec) -> None:
-        """Solves for the step again while it changes which contacts stick (`lagged_friction.py`)."""
+        """Solves for the step again while it changes which contacts stick (`potentials/contact/friction.py`)."""
         if not self.potential.has_friction:
             return
         first, predicted = step.getArray().copy(), False
         for _ in range(PREDICTIONS):
-            direction = -step.getArray(readonly=True).reshape(-1, self.space.dim)
-            self._solve.require_finite(direction)
-            change = self.potential.predict_friction(x, direction)
+            change = self.potential.predict_friction(x, self._direction(step))
             if change is None:
                 break
             predicted = True
@@ -204,8 +346,8 @@ class Newton:
             self._solve_again(right, step, near=True)
         if predicted:
             self.potential.forget_prediction()
-            self._solve.drop_matrix()
-            if not self._solve.descends(-step.getArray(readonly=True)):
+            self._solve.matrix_age = None
+            if not self._slope(self._direction(step)) < 0.0:
                 step.setArray(first)
 
     # ---- what callers use
@@ -214,10 +356,9 @@ class Newton:
         """Sets the length dt [s] of the step that the next solves are for: speeds are distances over dt."""
         self._dt = dt
 
-    def start(self, x: Positions, gap_share: float = MIN_GAP_SHARE) -> Minimisation:
+    def start(self, x: Positions, gap_share: float = MIN_GAP_SHARE) -> Solve:
         """A new minimisation from x, which the callbacks use from now on."""
-        relative = self.settings.relative_tolerance
-        self._solve = Minimisation(self.potential, self._fixed, x, self._dt, self.tolerance, gap_share, relative)
+        self._solve = Solve([x], self.tolerance, gap_share, np.zeros_like(x.owned))
         return self._solve
 
     def solve(
@@ -234,7 +375,7 @@ class Newton:
         Raises SimulationError, naming the term, where something is not a number.
         """
         solve = self.start(x, gap_share)
-        if not np.isfinite(solve.energy(x)):
+        if not np.isfinite(self._energy(x)):
             self.potential.require_admissible(x)
         if robust:
             solve.projection = solve.projection.strongest()
@@ -254,7 +395,7 @@ class Newton:
         report = solve.report
         report.converged = reason > 0
         report.reason = report.reason or _REASONS.get(reason, str(reason))
-        report.gradient_norm = solve.gradient_norm()
+        report.gradient_norm = reduce(self._comm, float(np.abs(solve.gradient).max(initial=0.0)), MPI.MAX)
         return x, report
 
     def remedy(self, reason: int) -> bool:
@@ -263,7 +404,7 @@ class Newton:
         failures = (reasons.DIVERGED_LINEAR_SOLVE, reasons.DIVERGED_LINE_SEARCH)
         if reason not in failures or solve.report.iterations > MAX_SOLVES * self.settings.max_iterations:
             return False
-        solve.drop_matrix()
+        solve.matrix_age = None
         remedy = self._take_remedy(reason == reasons.DIVERGED_LINEAR_SOLVE)
         if remedy:
             solve.report.remedies[remedy] += 1
@@ -295,7 +436,7 @@ class Newton:
         other motions add `push` (n_owned, d) [kg m] to the gradient; then the part of it that is due to these motions
         alone. Nothing else may use the matrix between the two.
         """
-        solve = self.start(x)
+        self.start(x)
         gradient = self.potential.gradient(x)
         self._sum_hessian(x)
         prescribed = np.where(self._fixed[:, None], supported_move, 0.0)
@@ -313,5 +454,5 @@ class Newton:
                 moved.setArray(np.where(self._fixed[:, None], prescribed, right).ravel())
                 self.linear.solve(moved, force)
             found = force.getArray().reshape(-1, self.space.dim).copy()
-            solve.require_finite(found)
+            self._require_finite(found)
             yield found

@@ -2,6 +2,8 @@
 check that retries end.
 """
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
@@ -9,26 +11,26 @@ from pdvol.solve.iteration import (
     MAX_LENGTHENING,
     PAUSE,
     Projection,
+    fraction_kept,
     lengthening,
-    promised_decrease,
 )
 
 
-def after(projection, decrease, promised=-1.0, full=True, detects_indefinite=True):
-    return projection.after(promised, decrease, full, detects_indefinite)
+def after(projection, kept, full=True, detects_indefinite=True):
+    return projection.after(kept, full, detects_indefinite)
 
 
 @pytest.mark.parametrize(
-    "decrease, mode",
-    [(-1.0, "clamp"), (-0.6, "clamp"), (-0.4, "abs"), (0.1, "abs"), (-1.5, "none")],
+    "kept, mode",
+    [(1.0, "clamp"), (0.6, "clamp"), (0.4, "abs"), (-0.1, "abs"), (1.5, "none")],
 )
-def test_the_actual_decrease_chooses_the_projection(decrease, mode):
-    assert after(Projection(), decrease).mode == mode
+def test_the_actual_decrease_chooses_the_projection(kept, mode):
+    assert after(Projection(), kept).mode == mode
 
 
 @pytest.mark.parametrize("full, detects_indefinite", [(False, True), (True, False)])
 def test_projected_after_a_cut_step_or_where_nothing_would_notice(full, detects_indefinite):
-    assert after(Projection(), -2.0, full=full, detects_indefinite=detects_indefinite).mode == "clamp"
+    assert after(Projection(), 2.0, full=full, detects_indefinite=detects_indefinite).mode == "clamp"
 
 
 def test_an_indefinite_hessian_is_left_alone_for_longer_each_time():
@@ -36,7 +38,7 @@ def test_an_indefinite_hessian_is_left_alone_for_longer_each_time():
     for _ in range(4):
         steps = 0
         while projection.mode != "none":
-            projection = after(projection, -2.0)
+            projection = after(projection, 2.0)
             steps += 1
         projection = projection.after_indefinite()
         assert projection.mode == "clamp" and projection.after_indefinite() is projection
@@ -45,12 +47,12 @@ def test_an_indefinite_hessian_is_left_alone_for_longer_each_time():
 
 
 def test_an_unprojected_hessian_that_promised_too_much_is_left_alone_as_an_indefinite_one():
-    projection = after(after(Projection(), -2.0), -0.1)
+    projection = after(after(Projection(), 2.0), 0.1)
     assert projection.mode == "abs"
     for _ in range(2 * PAUSE - 1):
-        projection = after(projection, -2.0)
+        projection = after(projection, 2.0)
         assert projection.mode == "clamp"
-    assert after(projection, -2.0).mode == "none"
+    assert after(projection, 2.0).mode == "none"
 
 
 def test_rounding_counts_a_step_and_projects():
@@ -65,10 +67,13 @@ def test_the_strongest_projection_is_taken_once():
 
 
 def test_the_promise_is_the_quadratic_models():
-    """Along d of a quadratic with slope -d'Hd: -(t - t^2 / 2) d'Hd, t the share taken."""
+    """Along d of a quadratic with slope -d'Hd: -(t - t^2 / 2) d'Hd, t the fraction taken."""
     d = np.array([[1.0, -2.0], [0.5, 3.0]])
-    for share in (0.1, 0.5, 1.0):
-        np.testing.assert_allclose(promised_decrease(-4.0, share * d, d, lambda a: a), -4.0 * (share - share**2 / 2))
+    last = SimpleNamespace(start=SimpleNamespace(owned=np.ones_like(d)), direction=d, slope=-4.0, energy=7.0)
+    for part in (0.1, 0.5, 1.0):
+        end = SimpleNamespace(owned=1.0 + part * d)
+        fell = 0.3 * 4.0 * (part - part**2 / 2)
+        np.testing.assert_allclose(fraction_kept(last, end, 7.0 - fell, lambda a: a), 0.3)
 
 
 @pytest.mark.parametrize("share", [0.3, 1.0, 4.0])
