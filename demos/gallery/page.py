@@ -40,10 +40,6 @@ def write_entry(
         f" [{entry.name}.png]({entry.name}.png).*",
         "## What it shows\n\n" + "\n".join(f"- {'' if holds else '**Does not hold:** '}{s}" for s, holds in claims),
         f"## The levels\n\n{levels}",
-        "Distances are root mean squares over the mass, from the coarser level prolonged to the finer one."
-        " Intersections are counted by `pdvol verify`, which shares nothing with the solver."
-        + " With `--method direct` each level is simulated on its own."
-        * entry.direct,
         _begun(entry, run),
         _binding(entry),
         *(
@@ -51,9 +47,7 @@ def write_entry(
             for film in entry.further
         ),
         _made(made, made_directly),
-        f"```\n./run pdvol run {entry.file.relative_to(entry.file.parents[1])}{settings}{finest}\n"
-        f"./run python -m demos.gallery {entry.name}      # the run, this page and its film;"
-        f" {RUNS}/{entry.name}.html plays it\n```",
+        f"```\n./run pdvol run {entry.file.relative_to(entry.file.parents[1])}{settings}{finest}\n```",
     ]
     write_bytes(out, ("\n\n".join(part for part in parts if part) + "\n").encode())
     return out
@@ -67,8 +61,10 @@ def write_index(entries: Sequence[Entry], out: Path) -> Path:
         "# Gallery\n\n![all demos of the gallery](sheet.png)\n\n"
         + "\n".join(lines)
         + "\n\nEach page, its film and its table are made from a stored run by `./run python -m demos.gallery NAME`,"
-        " which simulates first what is not stored.\nA demo's claim is checked on the stored run when its page is made,"
-        " and on small levels by the tests.\n"
+        f" which simulates first what is not stored. `{RUNS}/NAME.html` plays it.\nA demo's claim is checked on the"
+        " stored run when its page is made, and on small levels by the tests.\n\nDistances are root mean squares over"
+        " the mass, from the coarser level prolonged to the finer one. With `--method direct` each level is simulated\n"
+        "on its own. Intersections are counted by `pdvol verify`, which has no code in common with the solver.\n"
     )
     write_bytes(out, text.encode())
     return out
