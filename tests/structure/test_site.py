@@ -104,8 +104,8 @@ def faq() -> dict[str, tuple[list[str], list[str]]]:
         title, text = section.split("\n", 1)
         places = re.search(r"^\*Raised in\*: (.*)$", text, re.MULTILINE)
         if places:
-            quoted = re.findall(r"^```\n(.*?)^```", text, re.MULTILINE | re.DOTALL)
-            found[title] = ("".join(quoted).splitlines(), re.findall(r"`([^`]+)`", places[1]))
+            quoted = re.findall(r"^\| `([^`]+)` \|", text, re.MULTILINE)
+            found[title] = (quoted, re.findall(r"`([^`]+)`", places[1]))
     return found
 
 
