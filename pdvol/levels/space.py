@@ -127,6 +127,13 @@ class LevelSpace:
         result[self._global_order] = everything
         return result
 
+    def function(self, values: np.ndarray, name: str) -> fem.Function:
+        """The P1 field of an array (n, d) in input order, ghosts included. Collective."""
+        field = fem.Function(self.V, name=name)
+        field.x.array[: self.n_owned * self.dim] = self.from_input(values).ravel()
+        field.x.scatter_forward()
+        return field
+
     def with_ghosts(self, owned: np.ndarray) -> np.ndarray:
         """Local rows (n_local, d) from owned rows (n_owned, d). Collective."""
         if self.comm.size == 1:

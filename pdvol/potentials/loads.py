@@ -8,7 +8,7 @@ import numpy as np
 import ufl
 from dolfinx import fem, la
 
-from pdvol.forms.inertia import lumped_mass
+from pdvol.forms.inertia import inertia
 from pdvol.forms.loads import body_force
 from pdvol.geometry.closed_surfaces import pressed_facets
 from pdvol.geometry.level_mesh import LevelMesh
@@ -40,8 +40,10 @@ def _assemble(space: LevelSpace, form: ufl.Form) -> np.ndarray:
 
 def assemble_mass(space: LevelSpace, densities: np.ndarray) -> np.ndarray:
     """Lumped masses [kg] of owned vertices, shape (n_owned, d), equal along rows. Collective."""
-    v = ufl.TestFunction(space.V)
-    return _assemble(space, lumped_mass(density_field(space, densities), v, space.domain))
+    ones = fem.Function(space.V)
+    ones.x.array[:] = 1.0
+    energy = inertia(density_field(space, densities), ones, space.domain)
+    return _assemble(space, ufl.derivative(energy, ones, ufl.TestFunction(space.V)))
 
 
 class DeadLoad(Term):
