@@ -31,15 +31,12 @@ def distances(run: Run) -> dict[tuple[int, int], np.ndarray]:
     found = {}
     for fine in run.levels[1:]:
         volumes = lumped_masses(fine.mesh, np.ones(len(fine.mesh.cells)))
-        weights = hierarchy.prolongation(fine.index).weights
-        for coarse in reversed(run.levels[: fine.index]):
-            if coarse.index in (fine.index - 1, 0):
-                states = range(min(fine.steps, coarse.steps))
-                found[fine.index, coarse.index] = np.array(
-                    [distance(fine.positions(n), weights @ coarse.positions(n), volumes) for n in states]
-                )
-            if coarse.index:
-                weights = weights @ hierarchy.prolongation(coarse.index).weights
+        for coarse in sorted({fine.index - 1, 0}, reverse=True):
+            below = run.levels[coarse]
+            states = ((fine.positions(n), below.positions(n)) for n in range(min(fine.steps, below.steps)))
+            found[fine.index, coarse] = np.array(
+                [distance(x, hierarchy.prolong(x_c, coarse, fine.index), volumes) for x, x_c in states]
+            )
     return {pair: values for pair, values in found.items() if len(values)}
 
 

@@ -59,7 +59,7 @@ def write_binding(run: Run, out: Path) -> Path:
     pair = Hierarchy([level.mesh for level in run.levels], MPI.COMM_SELF, run.info["prolongation"]).prolongation(1)
     up = run.info.get("up") or (0.0, 0.0, 1.0)
     title = f"levels 0 -> 1, {run.info['prolongation']}"
-    return draw_binding(out, pair.coarse.mesh, pair.fine.mesh, pair.binding.cells, pair.weights, title, up)
+    return draw_binding(out, pair.coarse.mesh, pair.fine.mesh, pair.binding.cells, pair.weights(), title, up)
 
 
 def write_tile(entry: Entry, run: Run, out: Path) -> Path:

@@ -51,7 +51,7 @@ class Feedback:
     def push(self, step: int, positions: np.ndarray) -> np.ndarray:
         """(n, d) [m]: what the step that begins at `positions` (n, d), after so many steps, adds to x_hat."""
         model, bodies = self._model, self._model.mesh.point_bodies
-        below = self._prolongation.prolong_positions(self._coarse_positions(step))
+        below = self._prolongation.prolong(self._coarse_positions(step))
         held = np.zeros(len(positions), dtype=bool)
         for support in model.supports:
             if support.holds(step * model.dt, model.dt):

@@ -64,7 +64,7 @@ def progressive(
     positions = start.past[0].positions
     stepper.go_on_from(start.record)
     for number in range(start.step + 1, steps + 1):
-        velocity = prolongation.prolong_positions(coarse_velocity(number - 1))
+        velocity = prolongation.prolong(coarse_velocity(number - 1))
         report = stepper.step(number, (State(positions, velocity),), keeps_velocity=False)
         positions = report.positions
         yield report
@@ -103,7 +103,7 @@ def embedded(
     for number in range(start.step + 1, steps + 1):
         report = EmbeddedReport(level, number, number * dt, start.past[0].positions, reason="EMBEDDED")
         with watch.part("total"):
-            report.positions = prolongation.prolong_positions(coarse_positions(number))
+            report.positions = prolongation.prolong(coarse_positions(number))
             with watch.part("ccd"):
                 report.intersections = count(report.positions, report.time)
         report.seconds, report.peak_memory_mb = watch.report(), peak_memory(prolongation.fine.comm)
@@ -125,6 +125,6 @@ def guide(weight: float, dt: float, prolongation: Prolongation, coarse_positions
         positions = coarse_positions(step)
         if share > SAME_TIME:
             positions = (1.0 - share) * positions + share * coarse_positions(step + 1)
-        return prolongation.prolong_positions(positions)
+        return prolongation.prolong(positions)
 
     return Guide(weight / dt**2, target)

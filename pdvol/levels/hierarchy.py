@@ -9,7 +9,7 @@ from scipy.sparse import csr_array
 
 from pdvol.geometry.level_mesh import LevelMesh
 from pdvol.levels.binding import Binding, bind, home_cells
-from pdvol.levels.prolongation import Prolongation
+from pdvol.levels.prolongation import Prolongation, input_weights
 from pdvol.levels.space import LevelSpace
 from pdvol.registry import INTERPOLANTS
 from pdvol.stages import stage
@@ -80,6 +80,14 @@ class Hierarchy(Sequence[LevelSpace]):
                 )
         return self._prolongations[level]
 
+    def prolong(self, values: np.ndarray, coarse: int, fine: int) -> np.ndarray:
+        """Positions or velocities (n_fine, d) of a level from those (n_coarse, d) of a coarser one, through all levels
+        between; the same ones where both are one level. All in input order and on every rank. Collective.
+        """
+        for level in range(coarse + 1, fine + 1):
+            values = self.prolongation(level).prolong(values)
+        return values
+
     def _binding(self, level: int) -> Binding:
         if level not in self._bindings:
             self._bindings[level] = bind(self[level], self[level - 1])
@@ -105,7 +113,9 @@ class Hierarchy(Sequence[LevelSpace]):
         fitting = [k for k in range(level) if sizes[k] <= min(MAX_COARSE_VERTICES, sizes[level] / MIN_COARSENING)]
         if not fitting:
             return None
-        weights = self.prolongation(level).weights
+        matrix = self.prolongation(level).matrix
         for between in range(level - 1, fitting[-1], -1):
-            weights = weights @ self.prolongation(between).weights
-        return csr_array(weights) if weights.nnz <= MAX_WEIGHTS * weights.shape[0] else None
+            matrix = matrix.matMult(self.prolongation(between).matrix)
+        weights = input_weights(matrix, self[fitting[-1]], self[level])
+        weights.eliminate_zeros()
+        return weights if weights.nnz <= MAX_WEIGHTS * weights.shape[0] else None

@@ -1,6 +1,4 @@
-"""The prolongation P from a coarse to a fine level: scalar weights in input order, and the PETSc matrix of the
-distributed spaces.
-"""
+"""The prolongation P from a coarse to a fine level: a PETSc matrix on the distributed vectors of both."""
 
 from functools import cached_property
 
@@ -20,64 +18,68 @@ class Prolongation:
 
     Rows sum to one and rest positions go to rest positions.
 
-    The marches, the metrics and the coarse space of the linear solver use `weights`, mostly through
-    `prolong_positions`: they hold whole states in input order, and the same product on every number of ranks gives the
-    same digits. `matrix`, `prolong` and `restrict` are for PETSc vectors, in code of the user's own and for Galerkin
-    products; pdvol itself does not need them, so the matrix is assembled at first use.
-
     Attributes
     ----------
-    weights : (n_fine, n_coarse) scipy.sparse.csr_matrix
-        In input order, replicated.
+    matrix : PETSc.Mat
+        AIJ with block size d: rows laid out as the fine space's vectors, columns as the coarse space's. Its transpose
+        is the restriction, which gives the coarse forces that do the same work as fine ones.
     """
 
     def __init__(self, coarse: LevelSpace, fine: LevelSpace, binding: Binding, interpolant: Interpolant = barycentric):
         self.coarse, self.fine, self.binding = coarse, fine, binding
-        self.weights = interpolant(coarse, fine, binding)
+        self.matrix = _assemble(interpolant(coarse, fine, binding), coarse, fine)
+        self._coarse_vector, self._fine_vector = self.matrix.createVecs()
 
-    @cached_property
-    def matrix(self) -> PETSc.Mat:
-        """P as an AIJ matrix with block size d: rows laid out as the fine space's vectors, columns as the coarse
-        space's. First use is collective.
+    def prolong(self, values: np.ndarray) -> np.ndarray:
+        """P times positions or velocities: (n_fine, d) from (n_coarse, d), both whole, in input order and on every
+        rank. Collective.
         """
-        return _assemble(self.weights, self.coarse, self.fine)
+        self._coarse_vector.array[:] = self.coarse.from_input(values).ravel()
+        self.matrix.mult(self._coarse_vector, self._fine_vector)
+        return self.fine.to_input(self._fine_vector.array.reshape(-1, self.fine.dim))
 
-    def prolong(self, coarse: PETSc.Vec, fine: PETSc.Vec) -> None:
-        """fine = P coarse. Collective."""
-        self.matrix.mult(coarse, fine)
-
-    def restrict(self, fine: PETSc.Vec, coarse: PETSc.Vec) -> None:
-        """coarse = P' fine: the coarse forces that do the same work as fine ones. Collective."""
-        self.matrix.multTranspose(fine, coarse)
-
-    def prolong_positions(self, positions: np.ndarray) -> np.ndarray:
-        """(n_fine, d) from (n_coarse, d), both whole and in input order. Not collective."""
-        return self.weights @ positions
+    def weights(self) -> sp.csr_array:
+        """P of one component (n_fine, n_coarse), in input order and on every rank. Collective."""
+        return input_weights(self.matrix, self.coarse, self.fine)
 
     @cached_property
     def two_norm(self) -> float:
-        """||P||_2, to four digits."""
-        if min(self.weights.shape) < 8:
-            return float(np.linalg.norm(self.weights.toarray(), 2))
-        start = np.ones(min(self.weights.shape))
-        return float(svds(self.weights, k=1, tol=1e-4, v0=start, return_singular_vectors=False)[0])
+        """||P||_2, to four digits. First use is collective."""
+        weights = self.weights()
+        if min(weights.shape) < 8:
+            return float(np.linalg.norm(weights.toarray(), 2))
+        start = np.ones(min(weights.shape))
+        return float(svds(weights, k=1, tol=1e-4, v0=start, return_singular_vectors=False)[0])
 
     def report(self) -> dict:
         """The binding's report, and what bounds the growth of extrapolated motion (paper, appendix on negative
-        weights).
+        weights). Collective.
 
         `weights_per_point` is the mean number of coarse points that a fine one depends on. `frobenius_norm` of the
-        scalar weights is at most `sqrt_points` (root of the number of fine points) for barycentric ones where nothing
-        is extrapolated.
+        weights of one component is at most `sqrt_points` (root of the number of fine points) for barycentric ones where
+        nothing is extrapolated.
         """
+        weights = self.weights()
         return {
             **self.binding.report(),
-            "largest_weight": float(np.abs(self.weights.data).max()),
-            "weights_per_point": self.weights.nnz / self.weights.shape[0],
-            "frobenius_norm": float(sp.linalg.norm(self.weights)),
-            "sqrt_points": float(np.sqrt(self.weights.shape[0])),
+            "largest_weight": float(np.abs(weights.data).max()),
+            "weights_per_point": weights.nnz / weights.shape[0],
+            "frobenius_norm": float(sp.linalg.norm(weights)),
+            "sqrt_points": float(np.sqrt(weights.shape[0])),
             "two_norm": self.two_norm,
         }
+
+
+def input_weights(matrix: PETSc.Mat, coarse: LevelSpace, fine: LevelSpace) -> sp.csr_array:
+    """One component (n_fine, n_coarse) of a matrix from `coarse` to `fine`, in input order and on every rank.
+    Collective.
+    """
+    starts, columns, values = matrix.getValuesCSR()
+    rows = sp.csr_array((values, columns, starts), shape=(matrix.getLocalSize()[0], matrix.getSize()[1]))
+    whole = sp.vstack(fine.comm.allgather(rows[:: fine.dim, :: fine.dim]), format="csr")
+    weights = sp.csr_array(whole[fine.point_blocks][:, coarse.point_blocks])
+    weights.sort_indices()
+    return weights
 
 
 def _assemble(weights: sp.csr_matrix, coarse: LevelSpace, fine: LevelSpace) -> PETSc.Mat:

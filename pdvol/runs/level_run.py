@@ -94,7 +94,7 @@ def _start(
     if done == 0:
         begin = model.start
         if method == "embedded" and level > 0 and begin is not model.mesh.points:
-            begin = hierarchy.prolongation(level).prolong_positions(writer.read(level - 1, "positions", 0))
+            begin = hierarchy.prolongation(level).prolong(writer.read(level - 1, "positions", 0))
         writer.call("write_state", level, 0, begin)
         return Start.at_rest(begin, model.velocity)
     positions = partial(writer.read, level, "positions")

@@ -89,7 +89,7 @@ def continuity_of_level(
         if taken == "none" or number in special:
             values.append(float("nan"))
             continue
-        move = now - before if taken == "own" else prolongation.prolong_positions(run.dt * below.velocities(number - 1))
+        move = now - before if taken == "own" else prolongation.prolong(run.dt * below.velocities(number - 1))
         pushes = (each.push(number - 1, now) for each in feedback)
         values.append(metrics.continuity(before, now, after, sum(pushes, start=now + move), pull, masses, guided))
     return {"continuity": values, "continuity_error": errors}

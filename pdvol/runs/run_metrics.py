@@ -7,13 +7,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import scipy.sparse as sp
 from mpi4py import MPI
 
 from pdvol.errors import InputError
 from pdvol.geometry.level_mesh import lumped_masses
 from pdvol.levels.hierarchy import Hierarchy
 from pdvol.levels.obstacles import Obstacle
+from pdvol.levels.prolongation import Prolongation
 from pdvol.measure import metrics
 from pdvol.measure.rigid import drift, mass_centres, rigid_motions
 from pdvol.runs.run_continuity import PREDICTED_WITH, continuity_of_level, three_states
@@ -65,9 +65,8 @@ def measure_run(path: str | Path) -> dict:
             ]
             if level.index and run.levels[level.index - 1].steps:
                 below = run.levels[level.index - 1]
-                weights = hierarchy.prolongation(level.index).weights
                 below_masses = lumped_masses(below.mesh, densities[below.index])
-                entry |= _between_levels(level, below, weights, masses, below_masses)
+                entry |= _between_levels(level, below, hierarchy.prolongation(level.index), masses, below_masses)
                 entry |= _drift(run, level, hierarchy, masses)
         levels.append(entry | {"summary": _summaries(entry)})
     if not levels:
@@ -132,7 +131,7 @@ def motion_from_level_0(run: Run) -> list[dict[str, Any]]:
         if level.index:
             masses = lumped_masses(level.mesh, densities[level.index])
             states = min(level.steps, run.levels[0].steps)
-            lifted = (_lifted(run, hierarchy, 0, level.index, n) for n in range(states))
+            lifted = (hierarchy.prolong(run.levels[0].positions(n), 0, level.index) for n in range(states))
             apart = [metrics.distance(level.positions(n), x, masses) for n, x in enumerate(lifted)]
             centres, angles = _drift_of_bodies(run, level, hierarchy, masses, 0, states - 1)
             entry |= {"distance": apart[-1], "largest_distance": max(apart)}
@@ -152,12 +151,10 @@ def distances_from_below(run: Run) -> dict[int, list[float]]:
     densities = level_densities(run, _scene(run, [])[0], [])
     found = {}
     for below, level in itertools.pairwise(run.levels):
-        weights = hierarchy.prolongation(level.index).weights
+        prolong = hierarchy.prolongation(level.index).prolong
         masses = lumped_masses(level.mesh, densities[level.index])
         states = range(min(level.steps, below.steps))
-        found[level.index] = [
-            metrics.distance(level.positions(n), weights @ below.positions(n), masses) for n in states
-        ]
+        found[level.index] = [metrics.distance(level.positions(n), prolong(below.positions(n)), masses) for n in states]
     return found
 
 
@@ -212,15 +209,15 @@ def _scene(run: Run, notes: list[str]) -> tuple[Scene | None, Sequence[Obstacle]
 
 
 def _between_levels(
-    level: RunLevel, below: RunLevel, weights: sp.csr_matrix, masses: np.ndarray, below_masses: np.ndarray
+    level: RunLevel, below: RunLevel, prolongation: Prolongation, masses: np.ndarray, below_masses: np.ndarray
 ) -> dict:
-    projection, consistency, distance = metrics.Projection(weights), [], []
+    projection, consistency, distance = metrics.Projection(prolongation.weights()), [], []
     states = min(level.steps, below.steps)
     for n in range(states):
         say(f"distance from the level below, step {n} of {states - 1}")
         fine, coarse = level.positions(n), below.positions(n)
         consistency.append(metrics.squared_norm(projection.difference(fine, coarse), below_masses))
-        distance.append(metrics.distance(fine, weights @ coarse, masses))
+        distance.append(metrics.distance(fine, prolongation.prolong(coarse), masses))
     return {
         "consistency": consistency,
         "distance": distance,
@@ -247,20 +244,14 @@ def _drift(run: Run, level: RunLevel, hierarchy: Hierarchy, masses: np.ndarray) 
     return {**found, "bodies": bodies}
 
 
-def _lifted(run: Run, hierarchy: Hierarchy, reference: int, level: int, step: int) -> np.ndarray:
-    """(n, d) [m]: a state of a coarser level, prolonged."""
-    positions = run.levels[reference].positions(step)
-    for finer in range(reference + 1, level + 1):
-        positions = hierarchy.prolongation(finer).prolong_positions(positions)
-    return positions
-
-
 def _drift_of_bodies(
     run: Run, level: RunLevel, hierarchy: Hierarchy, masses: np.ndarray, reference: int, step: int
 ) -> tuple[np.ndarray, np.ndarray]:
     """Of each body from the prolonged reference level: (b,) [m] and (b,) [degrees]."""
-    states = level.positions(step), _lifted(run, hierarchy, reference, level.index, step)
-    return drift(*(rigid_motions(level.rest, x, masses, level.mesh.point_bodies) for x in states))
+    lifted = hierarchy.prolong(run.levels[reference].positions(step), reference, level.index)
+    return drift(
+        *(rigid_motions(level.rest, x, masses, level.mesh.point_bodies) for x in (level.positions(step), lifted))
+    )
 
 
 def _centre_errors(

@@ -118,7 +118,7 @@ def test_measures_between_levels(folder, capsys):
     assert f"drift from the level below at most {max(fine['centre_drift']):.3g} m" in out
     run = open_run(folder / "progressive")
     hierarchy = Hierarchy([level.mesh for level in run.levels], MPI.COMM_SELF)
-    apart = run.levels[1].positions(STEPS) - hierarchy.prolongation(1).weights @ run.levels[0].positions(STEPS)
+    apart = run.levels[1].positions(STEPS) - hierarchy.prolong(run.levels[0].positions(STEPS), 0, 1)
     masses = lumped_masses(run.levels[1].mesh, np.full(len(run.levels[1].mesh.cells), 1000.0))
     assert body["centre_drift"][-1] == pytest.approx(np.linalg.norm(masses @ apart) / masses.sum(), rel=1e-9)
     # e_hat is what the solver left of the equation with the progressive x_hat: little, as the tolerance was tight. With
@@ -173,7 +173,7 @@ def test_a_run_that_is_prolonged_exactly(tmp_path, name):
         for step in range(3):
             coarse = rng.normal(size=meshes[0].points.shape)
             run.write_state(0, step, coarse)
-            run.write_state(1, step, P.prolong_positions(coarse))
+            run.write_state(1, step, P.prolong(coarse))
     result = measured(tmp_path / "run")
     assert "continuity" not in result["levels"][1]
     assert any("x_hat of the method 'dreamt' is not known" in note for note in result["notes"])

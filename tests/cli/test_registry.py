@@ -101,7 +101,7 @@ from pdvol.meshing.build import build_levels
 import pdvol
 from pdvol import meshes
 scene = pdvol.Scene((pdvol.Body(meshes.disc(0.5), pdvol.NeoHookean(1e5), (20, 60)),), dt=0.01, steps=1)
-weights = Hierarchy(build_levels(scene), MPI.COMM_SELF, "nearest").prolongation(1).weights
+weights = Hierarchy(build_levels(scene), MPI.COMM_SELF, "nearest").prolongation(1).weights()
 print(set(weights.data), weights.shape[1] < weights.shape[0] == weights.nnz)
 """
     assert python(tmp_path, program).split() == ["{np.float64(1.0)}", "True"]

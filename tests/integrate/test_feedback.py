@@ -66,7 +66,7 @@ def test_a_distance_in_flight_shrinks_by_the_same_share_in_each_step(modes, d):
     aside, steps, down = 0.3 * np.eye(d)[0], 6, -G * np.eye(d)[-1]
     fall = lambda step, X: X + step * (step + 1) / 2 * DT**2 * down
     pair = Pair(fall, d, modes=modes, loads=(Gravity(tuple(down)),))
-    lifted = lambda step: pair.levels.prolongation(1).weights @ pair.path(step)
+    lifted = lambda step: pair.levels.prolongation(1).prolong(pair.path(step))
     before, moved, mass = pair.fine.points + aside, 0.0, pair.masses.sum()
     for t, report in enumerate(pair.march(before, steps), start=1):
         left = (1 - BETA) ** t * aside
@@ -101,7 +101,7 @@ def test_the_whole_share_is_exact_on_rigid_motions_body_by_body(d):
 
     pair = Pair(path, d, count=2, beta=1.0)
     x = pair.fine.points @ turn(0.4, d).T + 1.0
-    goal = pair.levels.prolongation(1).weights @ pair.path(0)
+    goal = pair.levels.prolongation(1).prolong(pair.path(0))
     np.testing.assert_allclose(x + pair.feedback.push(0, x), goal, atol=1e-7)
 
 
@@ -154,7 +154,7 @@ def test_contact_answers_with_a_force_like_a_weight():
     end = reports[-1].positions
     barrier, space = pair.stepper.potential.contacts[0], pair.levels[1]
     force = -space.to_input(barrier.gradient(Positions(space, space.from_input(end))))[:, 1].sum()
-    lifted = pair.levels.prolongation(1).weights @ pair.path(60)
+    lifted = pair.levels.prolongation(1).prolong(pair.path(60))
     distance = pair.masses @ (end - lifted)[:, 1] / pair.masses.sum()
     assert distance > 1e-3
     push = BETA / DT**2 * distance

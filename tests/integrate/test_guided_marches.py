@@ -84,7 +84,7 @@ def test_embedded(pair):
     ]
     np.testing.assert_allclose(asked, DT * np.arange(1, STEPS + 1))
     for t, report in enumerate(reports, start=1):
-        np.testing.assert_array_equal(report.positions, levels.prolongation(1).weights @ path[t])
+        np.testing.assert_array_equal(report.positions, levels.prolongation(1).prolong(path[t]))
         np.testing.assert_allclose(report.positions, fine.points + t**2 * SHIFT, atol=1e-12)
     assert [r.step for r in march(2)] == [3, 4]
 
@@ -93,11 +93,9 @@ def test_a_guide_goes_straight_between_coarse_steps(pair):
     levels, _, _, path = pair
     held = guide(W, DT, levels.prolongation(1), path.__getitem__)
     assert held.stiffness == pytest.approx(W / DT**2)
-    P = levels.prolongation(1).weights
+    P = levels.prolongation(1).prolong
     for step in range(STEPS + 1):
-        np.testing.assert_array_equal(
-            held.target(step * DT), P @ path[step]
-        )  # exactly, and never beyond the last state
+        np.testing.assert_array_equal(held.target(step * DT), P(path[step]))  # exactly, and never beyond the last state
     for time in (DT * (2.0 - 0.1 * SAME_TIME), DT * (2.0 + 0.1 * SAME_TIME), STEPS * DT * (1.0 + 1e-15)):
-        np.testing.assert_array_equal(held.target(time), P @ path[round(time / DT)])  # times are sums, with round-off
-    np.testing.assert_allclose(held.target(2.25 * DT), P @ (0.75 * path[2] + 0.25 * path[3]), atol=1e-14)
+        np.testing.assert_array_equal(held.target(time), P(path[round(time / DT)]))  # times are sums, with round-off
+    np.testing.assert_allclose(held.target(2.25 * DT), P(0.75 * path[2] + 0.25 * path[3]), atol=1e-14)

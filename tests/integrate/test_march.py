@@ -110,7 +110,7 @@ def test_progressive_on_the_same_mesh_repeats_direct(d):
     scene, mesh, obstacles, velocity = falling(d, tolerance, 10)
     levels = Hierarchy([mesh, mesh], MPI.COMM_WORLD)
     prolongation = levels.prolongation(1)
-    assert abs(prolongation.weights - np.eye(len(mesh.points))).max() < 1e-12
+    assert abs(prolongation.weights() - np.eye(len(mesh.points))).max() < 1e-12
     problems = [Stepper(make_model(scene, mesh, obstacles, i), levels[i]) for i in range(2)]
     coarse = list(direct(problems[0], Start.at_rest(mesh.points, velocity), scene.steps))
     places = [mesh.points, *(report.positions for report in coarse)]

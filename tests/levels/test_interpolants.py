@@ -60,7 +60,7 @@ def vector(space, values):
 
 
 def test_rows_sum_to_one_and_affine_fields_are_reproduced(prolongation):
-    weights, coarse, fine = prolongation.weights, prolongation.coarse.mesh, prolongation.fine.mesh
+    weights, coarse, fine = prolongation.weights(), prolongation.coarse.mesh, prolongation.fine.mesh
     # Weights and places are of order one: 1e-12 is round-off with room for badly shaped home cells.
     np.testing.assert_allclose(weights @ np.ones(weights.shape[1]), 1.0, atol=1e-12)
     np.testing.assert_allclose(weights @ coarse.points, fine.points, atol=1e-12)
@@ -69,22 +69,23 @@ def test_rows_sum_to_one_and_affine_fields_are_reproduced(prolongation):
     np.testing.assert_allclose(weights @ (coarse.points @ A.T + b), fine.points @ A.T + b, atol=1e-11)
 
 
-def test_restriction_is_the_adjoint_and_the_matrix_the_weights(prolongation):
+def test_the_matrix_holds_the_weights_and_its_transpose_is_the_adjoint(prolongation, request):
     coarse, fine = prolongation.coarse, prolongation.fine
     rng = np.random.default_rng(0)
     values = rng.normal(size=coarse.mesh.points.shape)
     u, r = vector(coarse, values), vector(fine, rng.normal(size=fine.mesh.points.shape))
     Pu, Ptr = fine.create_vector(), coarse.create_vector()
-    prolongation.prolong(u, Pu)
-    prolongation.restrict(r, Ptr)
+    prolongation.matrix.mult(u, Pu)
+    prolongation.matrix.multTranspose(r, Ptr)
     assert Pu.dot(r) == pytest.approx(u.dot(Ptr), rel=1e-11)
-    np.testing.assert_allclose(
-        fine.to_input(Pu.array.reshape(-1, fine.dim)), prolongation.prolong_positions(values), atol=1e-12
-    )
+    np.testing.assert_array_equal(fine.to_input(Pu.array.reshape(-1, fine.dim)), prolongation.prolong(values))
+    weights = INTERPOLANTS[request.node.callspec.params["prolongation"]](coarse, fine, prolongation.binding)
+    np.testing.assert_array_equal(prolongation.weights().toarray(), weights.toarray())
+    np.testing.assert_allclose(prolongation.prolong(values), weights @ values, atol=1e-12)
 
 
 def test_nothing_is_bound_across_bodies(prolongation):
-    entries = prolongation.weights.tocoo()
+    entries = prolongation.weights().tocoo()
     coarse, fine = prolongation.coarse.mesh, prolongation.fine.mesh
     np.testing.assert_array_equal(coarse.point_bodies[entries.col], fine.point_bodies[entries.row])
 

@@ -43,7 +43,7 @@ def draw_bindings(hierarchy: "Hierarchy", out: Path, up: Sequence[float] = (0.0,
     for level in range(1, len(hierarchy)):
         p = hierarchy.prolongation(level)
         title = f"levels {level - 1} -> {level}, {hierarchy.interpolant}"
-        draw_binding(out / f"binding_{level}.png", p.coarse.mesh, p.fine.mesh, p.binding.cells, p.weights, title, up)
+        draw_binding(out / f"binding_{level}.png", p.coarse.mesh, p.fine.mesh, p.binding.cells, p.weights(), title, up)
 
 
 def draw_binding(

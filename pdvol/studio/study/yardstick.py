@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-import scipy.sparse as sp
 from mpi4py import MPI
 
 from pdvol.errors import InputError
@@ -32,13 +31,10 @@ class Yardstick:
 
     def __init__(self, run: Run, level: int):
         meshes = [stored.mesh for stored in run.levels[: level + 1]]
-        hierarchy = Hierarchy(meshes, MPI.COMM_SELF, run.info.get("prolongation", "barycentric"))
+        self._hierarchy = Hierarchy(meshes, MPI.COMM_SELF, run.info.get("prolongation", "barycentric"))
         self.run, self.level = run, run.levels[level]
         self.masses = lumped_masses(self.level.mesh, stored_densities(run)[level])
         self.sizes = _sizes(self.level)
-        self._up: list[sp.csr_matrix] = [sp.identity(len(meshes[level].points), format="csr")]
-        for finer in range(level, 0, -1):
-            self._up.insert(0, (self._up[0] @ hierarchy.prolongation(finer).weights).tocsr())
         self._volume = self._states_volume(self.level)
 
     @property
@@ -55,7 +51,7 @@ class Yardstick:
         found = stored.positions(step)
         if share > COMMON_TIME:
             found = (1.0 - share) * found + share * stored.positions(step + 1)
-        return self._up[level] @ found
+        return self._hierarchy.prolong(found, level, self.level.index)
 
     def errors(self, run: Run, level: int) -> dict[str, Any]:
         """The errors of a run's level, see docs/study.md.
@@ -75,7 +71,7 @@ class Yardstick:
             The meshes are not the reference's, or states are missing.
         """
         mine = run.levels[level]
-        if mine.rest.shape[0] != self._up[level].shape[1]:
+        if mine.rest.shape[0] != len(self._hierarchy[level].mesh.points):
             raise InputError(f"{run.path}: level {level} is another mesh than the reference's")
         theirs, bodies = self.level, self.level.mesh.point_bodies
         times = self._times(run, mine)
