@@ -134,6 +134,12 @@ class LevelSpace:
         field.x.scatter_forward()
         return field
 
+    def cell_function(self, values: np.ndarray, name: str) -> fem.Function:
+        """The field that is constant in each cell, from an array (m,) in input order. Collective."""
+        field = fem.Function(fem.functionspace(self.domain, ("DG", 0)), name=name)
+        field.x.array[np.asarray(field.function_space.dofmap.list)[:, 0]] = values[self.domain_cells]
+        return field
+
     def with_ghosts(self, owned: np.ndarray) -> np.ndarray:
         """Local rows (n_local, d) from owned rows (n_owned, d). Collective."""
         if self.comm.size == 1:

@@ -22,14 +22,6 @@ from pdvol.scene import Flow, Force, Gravity, Load, PointForce, Pressure, at_tim
 from pdvol.scene.motions import Vector
 
 
-def density_field(space: LevelSpace, densities: np.ndarray) -> fem.Function:
-    """Density [kg/m^d] as a field, from one number per cell of the level (m,)."""
-    field = fem.Function(fem.functionspace(space.domain, ("DG", 0)))
-    cells = space.domain_cells
-    field.x.array[np.asarray(field.function_space.dofmap.list)[: len(cells), 0]] = densities[cells]
-    return field
-
-
 def _assemble(space: LevelSpace, form: ufl.Form) -> np.ndarray:
     with form_cache(space.comm, form) as options:
         compiled = fem.form(form, jit_options=options)
@@ -42,7 +34,7 @@ def assemble_mass(space: LevelSpace, densities: np.ndarray) -> np.ndarray:
     """Lumped masses [kg] of owned vertices, shape (n_owned, d), equal along rows. Collective."""
     ones = fem.Function(space.V)
     ones.x.array[:] = 1.0
-    energy = inertia(density_field(space, densities), ones, space.domain)
+    energy = inertia(space.cell_function(densities, "density"), ones, space.domain)
     return _assemble(space, ufl.derivative(energy, ones, ufl.TestFunction(space.V)))
 
 
@@ -65,7 +57,8 @@ def gravity_load(space: LevelSpace, densities: np.ndarray, acceleration: Vector 
     """The weight of all bodies under a uniform acceleration [m/s^2]. Collective."""
     v = ufl.TestFunction(space.V)
     g = fem.Constant(space.domain, np.asarray(acceleration, dtype=float))
-    return DeadLoad(space, _assemble(space, body_force(density_field(space, densities), g, v, space.domain)))
+    density = space.cell_function(densities, "density")
+    return DeadLoad(space, _assemble(space, body_force(density, g, v, space.domain)))
 
 
 class TimedLoad(DeadLoad):

@@ -19,7 +19,11 @@ from pdvol.store.obstacles import DrawnObstacle, read_obstacles
 from pdvol.store.render_meshes import StoredRender, read_render_meshes, read_render_weights
 
 if TYPE_CHECKING:
+    from dolfinx import fem
+    from mpi4py import MPI
     from scipy.sparse import csr_matrix
+
+    from pdvol.levels.space import LevelSpace
 
 KEPT_STATES = 4  # states of a level that stay in memory: velocities and fields of a step need it and two before
 
@@ -42,6 +46,7 @@ class RunLevel:
         self._known_steps = 0
         self._latest: dict[tuple[int, int, int], np.ndarray] = {}
         self._render_weights: dict[int, csr_matrix] = {}
+        self._space: tuple[MPI.Comm, LevelSpace] | None = None
 
     def __repr__(self) -> str:
         vertices, cells, state = (self.info.get(key) for key in ("vertices", "cells", "state"))
@@ -141,6 +146,34 @@ class RunLevel:
         if step == 0:
             return read_array(self.folder / "velocity.npy", self.rest.shape)
         return (self.positions(step) - self.positions(step - 1)) / self._run.dt
+
+    def space(self, comm: "MPI.Comm | None" = None) -> "LevelSpace":
+        """The level at rest in dolfinx: `space.domain` is its mesh, `space.V` vector P1 on it, and `space.function` and
+        `space.cell_function` make fields of arrays in the input's order. The first call for a communicator is
+        collective.
+
+        Parameters
+        ----------
+        comm : ranks that hold a part of the mesh each; the world when None
+        """
+        from mpi4py import MPI
+
+        from pdvol.levels.space import LevelSpace  # loads dolfinx, which arrays do not need
+
+        comm = MPI.COMM_WORLD if comm is None else comm
+        if self._space is None or self._space[0] != comm:
+            self._space = comm, LevelSpace(self.mesh, comm)
+        return self._space[1]
+
+    def displacement(self, step: int, comm: "MPI.Comm | None" = None) -> "fem.Function":
+        """The displacement [m] from rest at the end of a step, a `dolfinx.fem.Function` on `space(comm).V`. Collective.
+
+        Raises
+        ------
+        InputError
+            As for `positions`.
+        """
+        return self.space(comm).function(self.positions(step) - self.rest, "displacement")
 
     def placed(self, obstacles: Sequence[DrawnObstacle], step: int) -> tuple[DrawnObstacle, ...]:
         """The run's obstacles; where contact held them back on this level, as they were at that step."""

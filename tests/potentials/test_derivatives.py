@@ -15,7 +15,7 @@ from pdvol.potentials.build import Terms
 from pdvol.potentials.contact.barrier import HalfSpaceBarrier, SurfaceBarrier
 from pdvol.potentials.contact.collision_surface import CollisionSurface, Obstacle
 from pdvol.potentials.contact.friction import HalfSpaceFriction, SurfaceFriction
-from pdvol.potentials.loads import assemble_mass, density_field, gravity_load
+from pdvol.potentials.loads import assemble_mass, gravity_load
 from pdvol.potentials.potential import Positions
 from pdvol.scene import FixedCorotational, NeoHookean, Plane, Still, StVenantKirchhoff, Translation
 from pdvol.solve.incremental_potential import IncrementalPotential
@@ -106,7 +106,7 @@ def test_inertia_is_the_form_that_dolfinx_assembles(spaces, d):
     x = Positions(space, state(space))
     potential.begin_step(x, x.owned + 0.3 * state(space, seed=5), DT**2, 0.0, DT)
     u = space.function(space.to_input(x.owned - potential.x_hat), "u")
-    energy = inertia(density_field(space, rho), u, space.domain)
+    energy = inertia(space.cell_function(rho, "density"), u, space.domain)
     force = ufl.derivative(energy, u)
     mass = fem.assemble_matrix(fem.form(ufl.derivative(force, u))).to_dense()
     assert potential.value(x) == pytest.approx(fem.assemble_scalar(fem.form(energy)), rel=ROUND)

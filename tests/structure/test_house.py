@@ -28,7 +28,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     "potentials": {"forms", "geometry", "levels"},
     "solve": {"forms", "geometry", "levels", "potentials"},
     "integrate": {"geometry", "levels", "potentials", "solve"},
-    "store": {"geometry"},
+    "store": {"geometry", "levels"},
     "measure": STORED,
     "runs": {"forms", "meshes", *STAGES[:-1]},
     "studio": set(),
