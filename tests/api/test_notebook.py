@@ -7,6 +7,7 @@ from pathlib import Path
 
 import nbformat
 import numpy as np
+import pytest
 import small
 from nbclient import NotebookClient
 from PIL import Image
@@ -30,6 +31,7 @@ def pictures(cell) -> list[np.ndarray]:
     return [np.asarray(Image.open(io.BytesIO(base64.b64decode(data)))) for data in found]
 
 
+@pytest.mark.slow  # a whole demo
 def test_the_notebook_shows_progress_and_pictures(tmp_path, monkeypatch):
     # The kernel that ipykernel installs beside this Python, whatever the user has registered; and no files at home.
     for name in ("JUPYTER_PATH", "JUPYTER_DATA_DIR", "JUPYTER_RUNTIME_DIR", "IPYTHONDIR", "JUPYTER_CONFIG_DIR"):

@@ -11,6 +11,7 @@ import pytest
 import small
 
 import pdvol
+from on_ranks import results_on
 from pdvol import ConvergenceError, InputError
 from pdvol.cli import run as command_line
 from pdvol.runs.scene_file import IN_MEMORY
@@ -178,33 +179,16 @@ def late_pull(X, t):
     return X + [0.0, 40.0 * max(0.0, t - 0.04)]
 
 
-RANKS = """
-import sys
-sys.path.insert(0, sys.argv[2])
-import pdvol, small
-from mpi4py import MPI
-seen = []
-try:
-    pdvol.run(small.scene())
-except pdvol.InputError as error:
-    assert "several ranks need a run folder" in str(error)
-run = pdvol.run(small.scene(), sys.argv[1], steps=2, progress=seen.append)
-assert [level.steps for level in run.levels] == [3, 3]
-assert len(seen) == (4 if MPI.COMM_WORLD.rank == 0 else 0)
-"""
+def run_twice(comm, out):
+    with pytest.raises(InputError, match="several ranks need a run folder"):
+        pdvol.run(small.scene())
+    seen = []
+    run = pdvol.run(small.scene(), out, steps=2, progress=seen.append)
+    assert [level.steps for level in run.levels] == [3, 3]
+    return {"seen": comm.gather(len(seen))}
 
 
 @pytest.mark.mpi
 def test_on_two_ranks(tmp_path):
-    command = [
-        "mpirun",
-        "-n",
-        "2",
-        sys.executable,
-        "-c",
-        RANKS,
-        str(tmp_path / "run"),
-        str(Path(small.__file__).parent),
-    ]
-    ended = subprocess.run(command, capture_output=True, text=True, timeout=120)
-    assert ended.returncode == 0, ended.stderr
+    (found,) = results_on((2,), run_twice, tmp_path / "run")
+    assert found["seen"].tolist() == [4, 0]

@@ -1,9 +1,4 @@
-"""Two blocks on an own dolfinx mesh, near each other, the ground and an obstacle, for tests of `pdvol.Contact`.
-
-`python touching.py FILE.npz` writes what contact says of them on this number of ranks.
-"""
-
-import sys
+"""Two blocks on an own dolfinx mesh, near each other, the ground and an obstacle, for tests of `pdvol.Contact`."""
 
 import numpy as np
 from dolfinx import fem
@@ -70,9 +65,14 @@ def displaced(V, size: float = 2e-3) -> fem.Function:
     return u
 
 
-def findings(dim: int) -> dict[str, np.ndarray]:
-    """What contact says, vectors in the order of the mesh's input."""
-    V = space(dim)
+def findings(comm) -> dict[str, np.ndarray]:
+    """What contact says in 2D and 3D, vectors in the order of the mesh's input."""
+    return {f"{key}_{dim}": np.asarray(value) for dim in (2, 3) for key, value in found(dim, comm).items()}
+
+
+def found(dim: int, comm) -> dict:
+    """What contact says in one dimension."""
+    V = space(dim, comm)
     touching, start, u = contact(V), displaced(V, 1e-3), displaced(V)
     touching.begin_step(start, 0.0, 0.01)
     far = displaced(V, -0.3)
@@ -80,7 +80,7 @@ def findings(dim: int) -> dict[str, np.ndarray]:
     H = touching.hessian(u)
     product = H.createVecLeft()
     H.mult(touching.gradient(u), product)
-    found = {
+    return {
         "positions": touching.positions(u),
         "energy": touching.energy(u),
         "gradient": whole(touching.gradient(u)),
@@ -92,10 +92,3 @@ def findings(dim: int) -> dict[str, np.ndarray]:
         "lag": touching.update_lag(u),
         "lagged": whole(touching.gradient(u)),
     }
-    return {f"{key}_{dim}": np.asarray(value) for key, value in found.items()}
-
-
-if __name__ == "__main__":
-    everything = {**findings(2), **findings(3), "ranks": np.asarray(MPI.COMM_WORLD.size)}
-    if MPI.COMM_WORLD.rank == 0:
-        np.savez(sys.argv[1], **everything)

@@ -1,12 +1,10 @@
 """Every method through the command line: what is stored, gone on with, refined, measured and refused."""
 
-import subprocess
-
 import numpy as np
 import pytest
 
-from cli_scenes import FALL, pdvol, write
-from commands import SAFETY, WITHOUT_PICTURE
+from cli_scenes import FALL, pdvol, pdvol_on_ranks, write
+from on_ranks import results_on
 from pdvol import open_run
 from pdvol.measure import verify
 from pdvol.registry import METHODS
@@ -199,9 +197,8 @@ def test_two_ranks_give_the_same(tmp_path, folder, name):
         *CASES[name],
         "--out",
     ]
-    two = [*WITHOUT_PICTURE, *map(str, words), str(tmp_path / "two")]
-    ended = subprocess.run(["mpirun", "-n", "2", *two], capture_output=True, text=True, timeout=SAFETY)
-    assert ended.returncode == 0, ended.stderr
+    (ended,) = results_on((2,), pdvol_on_ranks, *words, tmp_path / "two")
+    assert ended["code"] == 0, ended["said"]
     assert pdvol(*words, tmp_path / "one") == 0
     for a, b in zip(open_run(tmp_path / "one").levels, open_run(tmp_path / "two").levels, strict=True):
         assert a.steps == b.steps == 5

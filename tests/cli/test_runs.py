@@ -8,8 +8,9 @@ import meshio
 import numpy as np
 import pytest
 
-from cli_scenes import CUBE_OFF, pdvol, states, write
-from commands import SAFETY, WITHOUT_PICTURE
+from cli_scenes import CUBE_OFF, pdvol, pdvol_on_ranks, states, write
+from commands import SAFETY
+from on_ranks import results_on
 from pdvol import open_run
 from pdvol.errors import InputError
 from pdvol.measure.verify import verify_run
@@ -315,14 +316,9 @@ def test_two_ranks_give_the_same_motion(tmp_path, scene):
         "tolerance=Relative(1e-7)",
         "--out",
     ]
-    ended = subprocess.run(
-        ["mpirun", "-n", "2", *WITHOUT_PICTURE, *words, str(tmp_path / "two")],
-        capture_output=True,
-        text=True,
-        timeout=SAFETY,
-    )
-    assert ended.returncode == 0, ended.stderr
-    assert ended.stderr.count("picture.png") == 1
+    (ended,) = results_on((2,), pdvol_on_ranks, *words, tmp_path / "two")
+    assert ended["code"] == 0, ended["said"]
+    assert str(ended["said"]).count("and level_N.xdmf") == 1
     assert pdvol(*words, tmp_path / "one") == 0
     one, two = open_run(tmp_path / "one"), open_run(tmp_path / "two")
     assert len(one.levels) == len(two.levels) == 2
@@ -339,10 +335,7 @@ def test_two_ranks_give_the_same_motion(tmp_path, scene):
 
 @pytest.mark.mpi
 def test_two_ranks_refuse_in_one_line(tmp_path, scene):
-    words = ["run", str(scene), "--out", str(tmp_path / "bad"), "--set", "height=-0.5"]
-    ended = subprocess.run(
-        ["mpirun", "-n", "2", *WITHOUT_PICTURE, *words], capture_output=True, text=True, timeout=SAFETY
-    )
-    assert ended.returncode == 2
-    assert ended.stderr.count("pdvol: level 0") == 1 and "Traceback" not in ended.stderr
+    (ended,) = results_on((2,), pdvol_on_ranks, "run", scene, "--out", tmp_path / "bad", "--set", "height=-0.5")
+    assert ended["code"] == 2
+    assert str(ended["said"]).count("pdvol: level 0") == 1 and str(ended["said"]).count("\n") == 1
     assert not (tmp_path / "bad").exists()

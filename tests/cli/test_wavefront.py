@@ -2,7 +2,6 @@
 
 import json
 import os
-import shutil
 import signal
 import subprocess
 import sys
@@ -10,8 +9,10 @@ import sys
 import numpy as np
 import pytest
 
-import pdvol
-from commands import SAFETY, WITHOUT_PICTURE
+from cli_scenes import pdvol, pdvol_on_ranks
+from commands import SAFETY
+from on_ranks import results_on
+from pdvol import open_run
 
 SCENE = """
 import sys
@@ -33,6 +34,29 @@ def scene(tolerance=1e-3, iterations=200, halvings=6):
     return Scene(bodies=(ball,), dt=0.01, steps=14, loads=(Gravity(gravity),),
                  obstacles=(Plane((0.0, -0.55), (0.0, 1.0)),), contact=(Barrier(), Friction(0.5)), solver=solver)
 """
+KEYED = """
+from pdvol import Barrier, Body, Flow, Friction, Gravity, Keyed, Muscle, NeoHookean, Placement, Plane, Scene, meshes
+
+def scene():
+    soft = NeoHookean(Keyed((0.0, 0.1), (1e5, 6e4)), 0.3, 1000.0)
+    block = Body(meshes.rectangle(0.4, 0.2), soft, (30, 90), placement=Placement(translate=(0.0, 0.104)))
+    loads = (Gravity(Keyed((0.0, 0.1), ((0.0, 0.0), (5.0, -9.81)))), Flow(Keyed((0.0, 0.1), ((0.0, 0.0), (3.0, 0.0)))))
+    return Scene(bodies=(block,), dt=0.01, steps=12, loads=loads, contact=(Barrier(), Friction(0.2)),
+                 muscles=(Muscle("body", (1.0, 0.0), 2e4, Keyed((0.0, 0.1), (0.0, 1.0))),),
+                 obstacles=(Plane((0.0, 0.0), (0.0, 1.0)),))
+"""
+ATTACHED = """
+import pdvol
+from pdvol import Attachment, Barrier, Body, Gravity, NeoHookean, Placement, Plane, Scene, Support, meshes
+
+def scene(strength=900.0):
+    soft = NeoHookean(1e5, 0.3, 1000.0)
+    held = Body(meshes.rectangle(0.4, 0.1), soft, (30, 90), name="held", placement=Placement(translate=(0.0, 0.154)))
+    hung = Body(meshes.rectangle(0.4, 0.2), soft, (30, 90), name="hung", velocity=lambda X: -2.0 * X[:, :1] * (0, 1))
+    glue = Attachment("hung", "held", lambda X: X[:, 1] > 0.099, stiffness=5e5, breaking=strength)
+    return Scene(bodies=(held, hung), dt=0.01, steps=12, loads=(Gravity((0.0, -9.81)),), attachments=(glue,),
+                 supports=(Support(lambda X: X[:, 1] > 0.2, body="held"),), contact=(Barrier(),))
+"""
 DYING = """
 import os, signal, sys
 
@@ -48,16 +72,6 @@ pdvol.main()
 ENVIRONMENT = {**os.environ, "OMP_NUM_THREADS": "1"}
 
 
-def pdvol_run(scene, out, *options):
-    return subprocess.run(
-        [*WITHOUT_PICTURE, "run", str(scene), "--out", str(out), *options],
-        env=ENVIRONMENT,
-        capture_output=True,
-        text=True,
-        timeout=SAFETY,
-    )
-
-
 @pytest.fixture(scope="module")
 def scene(tmp_path_factory):
     file = tmp_path_factory.mktemp("scenes") / "bounce.py"
@@ -68,9 +82,8 @@ def scene(tmp_path_factory):
 @pytest.fixture(scope="module")
 def one_after_the_other(scene, tmp_path_factory):
     out = tmp_path_factory.mktemp("runs") / "sequential"
-    done = pdvol_run(scene, out)
-    assert done.returncode == 0, done.stderr
-    return pdvol.open_run(out)
+    assert pdvol("run", scene, "--out", out) == 0
+    return open_run(out)
 
 
 def assert_same(run, other):
@@ -84,9 +97,8 @@ def assert_same(run, other):
 
 
 def test_numbers_are_those_of_one_after_the_other(scene, one_after_the_other, tmp_path):
-    done = pdvol_run(scene, tmp_path / "run", "--wavefront")
-    assert done.returncode == 0, done.stderr
-    assert_same(pdvol.open_run(tmp_path / "run"), one_after_the_other)
+    assert pdvol("run", scene, "--out", tmp_path / "run", "--wavefront") == 0
+    assert_same(open_run(tmp_path / "run"), one_after_the_other)
     levels = [json.loads(line)["level"] for line in (tmp_path / "run" / "log.jsonl").read_text().splitlines()]
     assert levels != sorted(levels), "no level ran beside another"
 
@@ -99,34 +111,42 @@ def test_a_killed_wavefront_goes_on_where_it_was(scene, one_after_the_other, tmp
         [sys.executable, "-c", DYING, *words], env=ENVIRONMENT, stderr=subprocess.PIPE, timeout=SAFETY
     )
     assert killed.returncode == -signal.SIGKILL, killed.stderr
-    assert pdvol.open_run(out).levels[1].steps == 5
-    done = pdvol_run(scene, out, "--wavefront", "--resume")
-    assert done.returncode == 0, done.stderr
-    assert_same(pdvol.open_run(out), one_after_the_other)
+    assert open_run(out).levels[1].steps == 5
+    assert pdvol("run", scene, "--out", out, "--wavefront", "--resume") == 0
+    assert_same(open_run(out), one_after_the_other)
 
 
-def test_a_level_that_cannot_go_on_ends_the_finer_ones(scene, tmp_path):
+def test_a_level_that_cannot_go_on_ends_the_finer_ones(scene, tmp_path, capfd):
     out = tmp_path / "run"
-    done = pdvol_run(
-        scene, out, "--wavefront", "--set", "iterations=1", "--set", "halvings=0", "--set", "tolerance=1e-12"
-    )
-    assert done.returncode == 1
-    assert done.stderr.strip().splitlines()[-1].startswith("pdvol: level 0, step 1:")
-    assert pdvol.open_run(out).info["state"] == "failed"
+    words = ["--set", "iterations=1", "--set", "halvings=0", "--set", "tolerance=1e-12"]
+    assert pdvol("run", scene, "--out", out, "--wavefront", *words) == 1
+    assert capfd.readouterr().err.strip().splitlines()[-1].startswith("pdvol: level 0, step 1:")
+    assert open_run(out).info["state"] == "failed"
 
 
 @pytest.mark.mpi
 def test_ranks_and_a_wavefront_do_not_go_together(scene, tmp_path):
-    mpirun = shutil.which("mpirun")
-    if mpirun is None:
-        pytest.skip("there is no mpirun")
-    done = subprocess.run(
-        [mpirun, "-n", "2", *WITHOUT_PICTURE, "run", str(scene), "--out", str(tmp_path / "run"), "--wavefront"],
-        env={**ENVIRONMENT, "MPIEXEC_TIMEOUT": str(int(SAFETY))},
-        capture_output=True,
-        text=True,
-        timeout=SAFETY,
-    )
-    assert done.returncode == 2
-    assert "--wavefront" in done.stderr
+    (done,) = results_on((2,), pdvol_on_ranks, "run", scene, "--out", tmp_path / "run", "--wavefront")
+    assert done["code"] == 2
+    assert "--wavefront" in str(done["said"])
     assert not (tmp_path / "run").exists()
+
+
+@pytest.mark.parametrize("text", [KEYED, ATTACHED], ids=["keyed", "attached"])
+def test_terms_act_alike_side_by_side(text, tmp_path):
+    """To the last bit, on both levels, which differ from each other and from rest; what has broken is in the log."""
+    scene = tmp_path / "scene.py"
+    scene.write_text(text)
+    for out, more in (("one_after_the_other", []), ("side_by_side", ["--wavefront"])):
+        assert pdvol("run", scene, "--no-xdmf", "--out", tmp_path / out, *more) == 0
+    both = [open_run(tmp_path / out).levels for out in ("one_after_the_other", "side_by_side")]
+    for one, other in zip(*both, strict=True):
+        assert one.steps == other.steps == 13
+        assert np.abs(one.positions(12) - one.rest).max() > 5e-3
+        for step in range(one.steps):
+            np.testing.assert_array_equal(one.positions(step), other.positions(step))
+        broken, same = (
+            [record["terms"].get("attachment", {}).get("broken", []) for record in x.log] for x in (one, other)
+        )
+        assert broken == same and broken[0] == []
+        assert text == KEYED or len({len(found) for found in broken}) >= 3, "springs break one after the other"

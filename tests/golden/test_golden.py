@@ -4,9 +4,9 @@ import golden
 import numpy as np
 import pytest
 
-# Relative to the scene's diagonal. Newton stops at 1e-3 diagonals/s, so at 1e-5 diagonals a step of 0.01 s; other
+# Relative to the scene's diagonal. Newton stops at 1e-5 diagonals/s, so at 1e-7 diagonals a step of 0.01 s; other
 # rounding moves that by up to as much in each of 40 steps.
-TOLERANCE = 4e-4
+TOLERANCE = 4e-6
 
 
 @pytest.mark.mpi

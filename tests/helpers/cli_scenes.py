@@ -2,6 +2,8 @@
 falls on a plane.
 """
 
+import io
+from contextlib import redirect_stderr
 from pathlib import Path
 
 from pdvol import cli
@@ -101,6 +103,13 @@ def pdvol(*words) -> int:
         return cli.run([str(word) for word in words])
     except SystemExit as end:
         return int(end.code or 0)
+
+
+def pdvol_on_ranks(comm, *words) -> dict:
+    """A command line on these ranks, without a picture: its exit code, and what all ranks write to standard error."""
+    with redirect_stderr(io.StringIO()) as said:
+        code = cli.run([*map(str, words), "--no-picture"])
+    return {"code": code, "said": "".join(comm.gather(said.getvalue()) or ())}
 
 
 def states(run, level):

@@ -69,6 +69,7 @@ def _burn(stop) -> None:
         sum(range(10_000))
 
 
+@pytest.mark.slow
 def test_the_same_levels_alone_and_under_load(tmp_path):
     body = Body(shape=meshes.ball(0.5, 3), material=NeoHookean(1e5), vertices=(60, 200))
     scene = Scene(bodies=(body,), dt=0.01, steps=1)

@@ -45,34 +45,49 @@ def heap(d, count=5, obstacle=None):
     return surface_of(*meshes, obstacles=(Obstacle("tip", "mesh" if d == 3 else "polyline", *tip, *motion),))
 
 
-PAIRS = WeakKeyDictionary()  # of each surface: all of them
+PAIRS = WeakKeyDictionary()  # of each surface: all of them, and their codes
 
 
-def distances(surface, vertices):
-    """All pairs of points and facets, and of edges, with their distances."""
+def pairs_of(surface):
+    """All pairs of points and facets, and of edges, and the codes of both."""
     if surface not in PAIRS:
-        PAIRS[surface] = all_pairs(surface)
-    points, edges = PAIRS[surface]
+        points, edges = all_pairs(surface)
+        PAIRS[surface] = points, edges, codes(points), codes(edges)
+    return PAIRS[surface]
+
+
+def distances(surface, vertices, points, edges):
+    """Of pairs of points and facets (k, 2), and of edges (m, 2)."""
     primitives = surface.primitives
     far = to_facets(vertices[points[:, 0]], vertices[primitives.facets[points[:, 1]]])
     ends = [vertices[primitives.edges[edges[:, i], k]] for i in (0, 1) for k in (0, 1)] if len(edges) else []
-    return points, far, edges, between_edges(*ends) if ends else np.zeros(0)
+    return far, between_edges(*ends) if ends else np.zeros(0)
 
 
-def as_set(pairs, ordered=True):
-    pairs = [tuple(map(int, pair)) for pair in pairs]
-    found = {pair if ordered else tuple(sorted(pair)) for pair in pairs}
-    assert len(found) == len(pairs), "a pair is listed twice"
+def boxes_meet(vertices, one, other, pairs):
+    """Which pairs (k, 2) of two kinds of primitives have bounding boxes less than dhat apart: all that are so near."""
+    low, high = (vertices[one].min(axis=1) - DHAT)[pairs[:, 0]], (vertices[one].max(axis=1) + DHAT)[pairs[:, 0]]
+    return ((vertices[other].max(axis=1)[pairs[:, 1]] > low) & (vertices[other].min(axis=1)[pairs[:, 1]] < high)).all(1)
+
+
+def codes(pairs):
+    """One number for each pair (a, b); no pair is listed twice."""
+    found = pairs.astype(np.int64) @ (1, 2**32)
+    assert len(np.unique(found)) == len(found), "a pair is listed twice"
     return found
 
 
 def check_complete(surface, vertices):
     """The lists have all pairs within dhat, and none that may not touch."""
-    points, far, edges, apart = distances(surface, vertices)
-    listed = as_set(np.concatenate([pairs.points for pairs in surface.lists]))
-    crossing = as_set(np.concatenate([pairs.edges for pairs in surface.lists]), ordered=False)
-    assert as_set(points[far < DHAT]) <= listed <= as_set(points)
-    assert as_set(edges[apart < DHAT], ordered=False) <= crossing <= as_set(edges, ordered=False)
+    primitives = surface.primitives
+    points, edges, point_codes, edge_codes = pairs_of(surface)
+    points = points[boxes_meet(vertices, np.arange(len(vertices))[:, None], primitives.facets, points)]
+    edges = edges[boxes_meet(vertices, primitives.edges, primitives.edges, edges)]
+    far, apart = distances(surface, vertices, points, edges)
+    listed = codes(np.concatenate([pairs.points for pairs in surface.lists]))
+    crossing = codes(np.sort(np.concatenate([pairs.edges for pairs in surface.lists]), axis=1))
+    assert np.isin(codes(points[far < DHAT]), listed).all() and np.isin(listed, point_codes).all()
+    assert np.isin(codes(edges[apart < DHAT]), crossing).all() and np.isin(crossing, edge_codes).all()
     first = np.concatenate([pairs.points for pairs in surface.lists[:1]])[:, 0]
     assert np.count_nonzero(np.diff(first)) + 1 == len(set(first)) or not len(first), "a vertex's pairs stand together"
     return int((far < DHAT).sum() + (apart < DHAT).sum())
@@ -305,9 +320,9 @@ def test_every_pair_keeps_its_share(share):
         start = surface.vertices(Positions(space, space.from_input(space.mesh.points)))
         end = start + rng.standard_normal((surface.objects.max() + 1, 3))[surface.objects]
         step = surface.max_step(start, end, share)
-        _, *before = distances(surface, start)
-        _, *after = distances(surface, start + step * (end - start))
-        for one, other in ((before[0], after[0]), (before[2], after[2])):
+        pairs = pairs_of(surface)[:2]
+        before, after = (distances(surface, x, *pairs) for x in (start, start + step * (end - start)))
+        for one, other in zip(before, after, strict=True):
             assert np.all(other >= share * np.minimum(one, DHAT) * (1.0 - 1e-9))
 
 

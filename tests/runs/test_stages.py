@@ -6,7 +6,6 @@ import io
 import json
 import os
 import re
-import shutil
 import subprocess
 import sys
 import threading
@@ -16,8 +15,9 @@ import numpy as np
 import pytest
 
 import pdvol
-from cli_scenes import CUBE_OFF, FALL
+from cli_scenes import CUBE_OFF, FALL, pdvol_on_ranks
 from commands import SAFETY, WITHOUT_PICTURE
+from on_ranks import results_on
 from pdvol import Body, NeoHookean, Scene, cli, compiled
 from pdvol.meshes import Outline
 from pdvol.meshing.build import build_levels
@@ -247,22 +247,19 @@ def test_the_output_of_check_is_the_same_whatever_lasts(tmp_path):
     assert not any("meshing" in name for name in stage_names(second.stderr))
 
 
+def with_all_stages(comm, *words):
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(stage_lines, "SHOWN_SECONDS", 0.0)
+        return pdvol_on_ranks(comm, *words)
+
+
+@pytest.mark.mpi
 def test_two_ranks_say_it_once(tmp_path):
-    mpirun = shutil.which("mpirun")
-    if mpirun is None:
-        pytest.skip("there is no mpirun")
     (tmp_path / "fall.py").write_text(FALL)
-    program = "import pdvol.runs.stage_lines as s; s.SHOWN_SECONDS = 0.0; import pdvol; pdvol.main()"
-    words = ["run", "fall.py", "--steps", "2", "--no-picture", "--no-xdmf", "--out", "a"]
-    done = subprocess.run(
-        [mpirun, "-n", "2", sys.executable, "-c", program, *words],
-        cwd=tmp_path,
-        capture_output=True,
-        text=True,
-        timeout=SAFETY,
-    )
-    assert done.returncode == 0, done.stderr
-    names = stage_names(done.stderr)
+    words = ["run", tmp_path / "fall.py", "--steps", 2, "--no-xdmf", "--out", tmp_path / "a"]
+    (done,) = results_on((2,), with_all_stages, *words)
+    assert done["code"] == 0, done["said"]
+    names = stage_names(str(done["said"]))
     assert [names.count(f"preparing level {level}") for level in (0, 1)] == [1, 1]
     assert names.count("checking level 0") == 1
 
