@@ -49,7 +49,6 @@ def table_of_levels(run: Run, direct: Run | None = None) -> str:
             "Newton iterations a step, mean (most)", lambda level: _spread([r["newton_iterations"] for r in level.log])
         ),
         row("most contacts", lambda level: f"{max(r['contacts'] for r in level.log):,}"),
-        row("memory of the process, so far [MB]", lambda level: _largest(level, "peak_memory_mb")),
         row("distance from the level below, mean (largest)", from_below),
         row("distance from level 0, at the end (largest)", from_0),
         *([row("the same with `--method direct`", lambda level: from_0(level, alone))] if direct else []),
@@ -72,11 +71,6 @@ def _motions(run: Run) -> dict[int, dict[str, Any]]:
 
 def _spread(values: Sequence[float]) -> str:
     return f"{number(float(np.mean(values)), 2)} ({number(float(max(values)), 2)})"
-
-
-def _largest(level: RunLevel, key: str) -> str:
-    known = [record[key] for record in level.log if record.get(key) is not None]
-    return f"{max(known):,.0f}" if known else "-"
 
 
 def _smallest_gap(level: RunLevel) -> str:

@@ -31,6 +31,7 @@ def write_entry(
     """
     settings = "".join(f" --set {name}={value}" for name, value in entry.settings.items())
     finest = "" if entry.finest is None else f" --levels 0:{run.levels[-1].index}"
+    command = f"./run pdvol run {entry.file.relative_to(entry.file.parents[1])}{settings}{finest}"
     last = run.info["steps"] * run.dt
     parts = [
         f"# {entry.title}",
@@ -46,8 +47,7 @@ def write_entry(
             f"## {film.title}\n\n{film.about.strip()}\n\n![{film.title}]({entry.name}_{film.name}.webp)"
             for film in entry.further
         ),
-        _made(made, made_directly),
-        f"```\n./run pdvol run {entry.file.relative_to(entry.file.parents[1])}{settings}{finest}\n```",
+        _made(command, made, made_directly),
     ]
     write_bytes(out, ("\n\n".join(part for part in parts if part) + "\n").encode())
     return out
@@ -64,7 +64,7 @@ def write_index(entries: Sequence[Entry], out: Path) -> Path:
         f" which simulates first what is not stored. `{RUNS}/NAME.html` plays it.\nA demo's claim is checked on the"
         " stored run when its page is made, and on small levels by the tests.\n\nDistances are root mean squares over"
         " the mass, from the coarser level prolonged to the finer one. With `--method direct` each level is simulated\n"
-        "on its own. Intersections are counted by `pdvol verify`, which has no code in common with the solver.\n"
+        "on its own. Intersections are counted by `pdvol verify`, which is independent of the solver.\n"
     )
     write_bytes(out, text.encode())
     return out
@@ -100,15 +100,15 @@ def _binding(entry: Entry) -> str:
     )
 
 
-def _made(made: Mapping[str, Any], directly: Mapping[str, Any]) -> str:
-    """Where the runs were made, in one sentence."""
+def _made(command: str, made: Mapping[str, Any], directly: Mapping[str, Any]) -> str:
+    """How and where the runs were made, in one sentence."""
     if not made:
-        return ""
+        return f"Made by `{command}`."
     commits, others = _commits(made), _commits(directly)
     direct = f" (by the direct method: {others})" if others not in ("", commits) else ""
     return (
-        f"Made at commit {commits}{direct} on one core of {made['processor']}, {made['cores']} cores, load"
-        f" {made['load']:.1f}."
+        f"Made by `{command}` at commit {commits}{direct} on one core of {made['processor']},"
+        f" {made['cores']} cores, load {made['load']:.1f}."
     )
 
 

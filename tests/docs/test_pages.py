@@ -4,6 +4,7 @@ tutorial as a whole. Pages are run in an empty folder, with what their text take
 
 import linecache
 import re
+import shlex
 from importlib.util import module_from_spec, spec_from_file_location
 from inspect import getsource
 from pathlib import Path
@@ -117,8 +118,10 @@ def test_python_on_pages_runs(page, tmp_path, monkeypatch):
 
 
 def test_commands_on_pages_are_parsed():
-    """Each `pdvol ...` line has a command and options that are there."""
+    """Each `pdvol ...` line has a command and options that are there, and each `./run pdvol ...` in a paragraph."""
     found = [(page, words) for page in PAGES for block in pages.blocks(page) for words in block.commands]
+    inline = re.compile(r"`\./run pdvol ([^`\n]+)`")
+    found += [(page, shlex.split(words)) for page in PAGES for words in inline.findall(page.read_text())]
     assert len(found) > 80
     for page, words in found:
         if "--help" in words or words[:1] == ["COMMAND"]:
