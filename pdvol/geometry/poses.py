@@ -24,6 +24,15 @@ class Pose:
         """(n, d) [m]: where it takes points (n, d)."""
         return points @ self.rotation.T + self.shift
 
+    def __matmul__(self, first: "Pose") -> "Pose":
+        """The pose that applies another one first."""
+        return Pose(self.rotation @ first.rotation, self.rotation @ first.shift + self.shift)
+
+    @property
+    def inverse(self) -> "Pose":
+        """The pose that leads back."""
+        return Pose(self.rotation.T, -self.rotation.T @ self.shift)
+
     @classmethod
     def fitted(cls, before: np.ndarray, after: np.ndarray) -> "Pose":
         """The pose that takes points (k, d) to where they are `after`, as nearly as one can (Kabsch 1976). Of several

@@ -1,7 +1,8 @@
-"""Recovery of a step that does not converge: less of its scripted motion, then halves of the step, down to a bound
+"""Recovery of a step that does not converge: without its scripted motion, then in halves, down to a bound
 (`solve/report.py`).
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -10,12 +11,9 @@ import numpy as np
 from pdvol.errors import ConvergenceError
 from pdvol.integrate.integrator import ImplicitEuler, Integrator, Past, State
 from pdvol.integrate.scripted_motion import ScriptedMotion
+from pdvol.levels.script import Mover
 from pdvol.potentials.potential import Positions
 from pdvol.solve.report import NewtonReport, StepReport, taken
-
-# Shares of the motion that was carried out before a solve failed: the step is tried again with these. First with
-# less, since the motion may have crushed what it met; then with none, since the step can be solved where nothing moves.
-HELD_BACK = (0.25, 0.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,13 +36,9 @@ class Span:
 
 
 class Attempt(Protocol):
-    """One try at a span, with scripted motions going no further than their places at `target` [s]; `robust` tries use
-    the strongest projection and the direct solver.
-    """
+    """One try at a span; `robust` tries use the strongest projection and the direct solver."""
 
-    def __call__(
-        self, report: StepReport, span: Span, target: float, robust: bool
-    ) -> tuple[Positions, NewtonReport]: ...
+    def __call__(self, report: StepReport, span: Span, robust: bool) -> tuple[Positions, NewtonReport]: ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,9 +75,9 @@ class Recovery:
         t1: float,
         depth: int,
     ) -> Positions:
-        clock, dt, deepest = self.motion.clock, t1 - t0, depth == self.max_halvings
+        lags, dt, deepest = self.motion.lags, t1 - t0, depth == self.max_halvings
         span = Span(x_t, integrator.predict(past, dt), integrator.weight(past, dt), t0, t1)
-        x, solved = self._try_span(report, span, clock, deepest)
+        x, solved = self._try_span(report, span, lags, deepest)
         if x is not None:
             return x
         if deepest:
@@ -95,34 +89,38 @@ class Recovery:
             )
         report.cuts += 1
         report.remedies["halvings"] += 1
-        self.motion.clock = clock
+        self.motion.begin_span(t0, t1, lags)
         middle, halves = 0.5 * (t0 + t1), ImplicitEuler()  # it needs no constant steps
         halfway = self._advance(report, halves, x_t, past[:1], t0, middle, depth + 1)
         velocity = (halfway.owned - x_t.owned) / (middle - t0)
         return self._advance(report, halves, halfway, (State(halfway.owned, velocity),), middle, t1, depth + 1)
 
     def _try_span(
-        self, report: StepReport, span: Span, clock: float, deepest: bool
+        self, report: StepReport, span: Span, lags: Mapping[Mover, float], deepest: bool
     ) -> tuple[Positions | None, NewtonReport]:
         """Tries a span with all remedies but halving. Returns its state, or None."""
         parts = report.remedies["substeps"]
-        x, solved = self._try(report, span, clock, span.t1)
-        if report.remedies["substeps"] > parts:  # contact blocked motions, which may have crushed bodies
-            gained = self.motion.clock - clock
-            for share in HELD_BACK:
-                if x is None:
-                    report.remedies["held_back"] += 1
-                    x, solved = self._try(report, span, clock, clock + share * gained)
+        x, solved = self._try(report, span, lags)
+        if x is None and report.remedies["substeps"] > parts:  # the motion may have crushed what it met
+            report.remedies["held_back"] += 1
+            x, solved = self._try(report, span, lags, held_back=True)
         if x is None and deepest:
             report.remedies["last_resort"] += 1
-            x, solved = self._try(report, span, clock, span.t1, robust=True)
+            x, solved = self._try(report, span, lags, robust=True)
         return x, solved
 
     def _try(
-        self, report: StepReport, span: Span, clock: float, target: float, robust: bool = False
+        self,
+        report: StepReport,
+        span: Span,
+        lags: Mapping[Mover, float],
+        held_back: bool = False,
+        robust: bool = False,
     ) -> tuple[Positions | None, NewtonReport]:
-        self.motion.clock = clock
-        x, solved = self.attempt(report, span, target, robust)
+        self.motion.begin_span(span.t0, span.t1, lags)
+        if held_back:
+            self.motion.stop(self.motion.going())
+        x, solved = self.attempt(report, span, robust)
         if not solved.converged:
             return None, solved
         report.reason, report.gradient_norm = solved.reason, solved.gradient_norm

@@ -4,8 +4,8 @@ from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
-from pdvol.levels.clocks import Clocks, lags_of, names_of
 from pdvol.levels.model import LevelModel
+from pdvol.levels.script import Script
 from pdvol.levels.space import LevelSpace
 from pdvol.potentials.build import build_terms
 from pdvol.potentials.consistency import Guide
@@ -25,8 +25,8 @@ class Replay:
     """
 
     def __init__(self, model: LevelModel, space: LevelSpace, guides: Sequence[Guide] = ()):
-        self._clocks, self._names = Clocks(), names_of((), model.obstacles)
-        built = build_terms(model, space, guides, self._clocks)
+        self._script = Script(model.supports, model.obstacles, model.ground)
+        built = build_terms(model, space, guides, self._script)
         self.space, self.dt, self.mass, self.terms = space, model.dt, built.mass, built.potentials
         self.contacts = tuple(term for term in self.terms if term.name in ("barrier", "friction"))
 
@@ -54,19 +54,15 @@ class Replay:
         for term in self.terms:
             term.restore((memory or {}).get(term.name, {}))
         x_t, x = (Positions(self.space, self.space.from_input(rows)) for rows in (start, end))
-        t0, late_ones = max(step - joined, 0) * self.dt, {id(term) for term in self.contacts}
-        start_lags, end_lags = (lags_of(b, each, self._names) for b, each in zip(behind, late, strict=True))
-        all_late = min(start_lags.values(), default=0.0)
-        self._clocks.begin(t0 - all_late, step * self.dt, {mover: lag - all_late for mover, lag in start_lags.items()})
+        t0, t1 = max(step - joined, 0) * self.dt, step * self.dt
+        start_lags, end_lags = (self._script.recorded_lags(b, each) for b, each in zip(behind, late, strict=True))
+        self._script.begin(t0, t0 + joined * self.dt, start_lags)
         # All terms begin before any moves on: friction lags on barriers that are still where the step begins.
         for term in self.terms:
-            shift = all_late if id(term) in late_ones else 0.0
-            term.begin_step(x_t, t0 - shift, t0 - shift + joined * self.dt)
-        self._clocks.begin(0.0, 1.0, {})
-        for mover, lag in end_lags.items():
-            self._clocks.stop((mover,), step * self.dt - lag)
+            term.begin_step(x_t, t0, t0 + joined * self.dt)
+        self._script.begin(t1, t1 + self.dt, end_lags)
         for term in self.terms:
-            term.move_obstacles(step * self.dt)
+            term.move_obstacles(t1)
         return x
 
     def force(self, x: Positions, terms: Iterable[Potential]) -> np.ndarray:

@@ -1,8 +1,7 @@
 """What supports and obstacles prescribe on one level, and how far their motions were carried out.
 
-Each motion has a clock of its own (`levels/clocks.py`): supports and obstacles that contact stops stay on their paths,
-and go on from there as soon as they can. A step has one clock, which all motions follow that nothing stops. It ends
-with each motion at its own time, or behind it.
+A step begins with `begin`, each part of it that is solved at once with `begin_span`, and it ends with `end`: each
+motion is then at the step's end or behind it (`levels/script.py`).
 """
 
 from collections.abc import Mapping, Sequence
@@ -11,45 +10,37 @@ import numpy as np
 
 from pdvol.geometry.poses import Pose
 from pdvol.integrate.carriers import Carriers
-from pdvol.levels.clocks import Clocks, Mover, lags_of, names_of
 from pdvol.levels.model import HeldPoints, LevelModel
 from pdvol.levels.obstacles import Obstacle
+from pdvol.levels.script import Mover, Script
 from pdvol.levels.space import LevelSpace
 from pdvol.potentials.potential import Positions
 from pdvol.solve.incremental_potential import IncrementalPotential
 
-ON_TIME = 1e-9  # share of a step: a motion that is less late is on time, since times are sums with round-off
-
 
 class ScriptedMotion:
-    """The supports of a level, and the clocks of all motions.
+    """The supports of a level, and the times of all motions.
 
     Parameters
     ----------
-    clocks : those that obstacles in contact go by
+    script : that of the level's terms
 
     Attributes
     ----------
     held : (n_owned,) bool
         Vertices that supports hold in the present step.
-    moves : bool
-        Whether supports or obstacles are elsewhere at the end of the present step.
-    moves_supports, moves_obstacles : bool
-        Whether supports are, and whether obstacles are.
-    clock : time [s] up to which motions have been carried out that were not stopped; motions that all set out late have
-        one that sets out as late
+    clock : time [s] up to which motions have been carried out that were not stopped
     """
 
-    def __init__(self, model: LevelModel, space: LevelSpace, clocks: Clocks | None = None):
+    def __init__(self, model: LevelModel, space: LevelSpace, script: Script | None = None):
         self._dt, self._start = model.dt, space.from_input(model.start)
         self._bodies, self._point_bodies = space.mesh.point_bodies[space.owned_points], space.mesh.point_bodies
         # Every rank moves all points of a support, so that a motion that fails does so on all ranks.
         self._supports = [_Owned(support, space) for support in model.supports]
-        self._clocks = Clocks() if clocks is None else clocks
-        self._names = names_of(model.supports, model.obstacles)
-        self._clock, self._lags = 0.0, dict.fromkeys(self._names.values(), 0.0)
+        self._script = Script(model.supports, model.obstacles, model.ground) if script is None else script
+        self._lags: dict[Mover, float] = {}
         self._holding: list[bool] | None = None
-        self._moving: dict[str, Mover] = {}  # in the present step, by name
+        self._moving: dict[str, Mover] = {}  # in the present step and with respect to the ground, by name
         self.begin(0.0)
 
     def begin(self, time: float) -> bool:
@@ -62,76 +53,82 @@ class ScriptedMotion:
                 self.held |= support.mask
             held = [self._point_bodies[support.points.mask] for support in self._active()]
             self._held_bodies = frozenset(np.concatenate([*held, np.zeros(0, int)]).tolist())
-        active = {support.points for support in self._active()}
+        active, until = {support.points for support in self._active()}, time + self._dt
         self._moving = {
             name: mover
-            for name, mover in self._names.items()
+            for name, mover in self._script.movers.items()
             if (isinstance(mover, Obstacle) or mover in active)
-            and mover.moves_between(time - self._lags[mover], time + self._dt)
+            and self._script.moves(mover, time - self._lags.get(mover, 0.0), until)
         }
-        self.moves = bool(self._moving)
-        self.moves_obstacles = any(isinstance(mover, Obstacle) for mover in self._moving.values())
-        self.moves_supports = any(not isinstance(mover, Obstacle) for mover in self._moving.values())
-        lags = {mover: self._lags[mover] for mover in self._moving.values()}
-        all_late = min(lags.values(), default=0.0)
-        self._clock = time - all_late
-        self._clocks.begin(self._clock, time + self._dt, {mover: lag - all_late for mover, lag in lags.items()})
+        self._ground_moves = self._script.ground_moves(time, until)
+        self._lags = {mover: self._lags.get(mover, 0.0) for mover in self._moving.values()}
+        self.begin_span(time, until, self._lags)
         return changed
 
+    def begin_span(self, t0: float, t1: float, lags: Mapping[Mover, float]) -> None:
+        """Starts a part of the step that is solved at once, from t0 to t1 [s]."""
+        self.clock, self.end_of_span = t0, t1
+        self._script.begin(t0, t1, lags)
+
     @property
-    def clock(self) -> float:
-        return self._clock
+    def lags(self) -> dict[Mover, float]:
+        """How late motions are at the clock's time [s]."""
+        return {mover: self._script.lag(mover, self.clock) for mover in self._moving.values()}
 
-    @clock.setter
-    def clock(self, time: float) -> None:
-        self._clock = time
-        self._clocks.rewind(time)
+    @property
+    def moves(self) -> bool:
+        """Whether supports or obstacles are elsewhere at the end of the span."""
+        return self._ground_moves or bool(self.going())
 
-    def end(self, time: float) -> tuple[float, float, dict[str, float]]:
-        """Ends the step at `time` [s].
+    @property
+    def moves_supports(self) -> bool:
+        """Whether supports are."""
+        return self._ground_moves or any(not isinstance(mover, Obstacle) for mover in self.going())
+
+    @property
+    def moves_obstacles(self) -> bool:
+        """Whether obstacles are."""
+        return self._ground_moves or any(isinstance(mover, Obstacle) for mover in self.going())
+
+    def end(self) -> tuple[float, float, dict[str, float]]:
+        """Ends the step.
 
         Returns
         -------
-        reached : the smallest share of its remaining motion that a support or obstacle has carried out
+        reached : the smallest fraction of its remaining motion that a support or obstacle has carried out
         behind : [s] how far it is behind the time, at most
         late : [s] the same of each that is, by its name; empty where all are equally far behind
         """
-        moving, before = self._moving, self._lags
-        self._lags = dict.fromkeys(self._names.values(), 0.0)
-        shares = [1.0]
-        for mover in moving.values():
-            lag = time - self._clocks.of(mover, self.clock)
-            self._lags[mover] = lag if lag > ON_TIME * self._dt else 0.0
-            shares.append(max(0.0, round(1.0 - self._lags[mover] / (self._dt + before[mover]), 12)))
-        lags = {name: self._lags[mover] for name, mover in moving.items()}
+        before, self._lags = self._lags, self.lags
+        left = (round(1.0 - lag / (self._dt + before[mover]), 12) for mover, lag in self._lags.items())
+        lags = {name: self._lags[mover] for name, mover in self._moving.items()}
         late = {name: lag for name, lag in lags.items() if lag > 0.0} if len(set(lags.values())) > 1 else {}
-        return min(shares), max(lags.values(), default=0.0), late
+        return max(0.0, min(left, default=1.0)), max(lags.values(), default=0.0), late
 
     def go_on_from(self, behind: float, late: Mapping[str, float]) -> None:
         """Sets what `end` gave."""
-        self._lags = lags_of(behind, late, self._names)
+        self._lags = self._script.recorded_lags(behind, late)
 
     def going(self) -> list[Mover]:
-        """What moves and has not been stopped in the present step."""
-        return [mover for mover in self._moving.values() if not self._clocks.is_stopped(mover)]
+        """What moves with respect to the ground and has not been stopped in the present span."""
+        return [mover for mover in self._moving.values() if not self._script.is_stopped(mover)]
 
     def stop(self, movers: Sequence[Mover]) -> None:
-        """Stops some motions where they are, up to the end of the step."""
-        self._clocks.stop(movers, self.clock)
+        """Lets some motions wait where they are, up to the end of the span."""
+        self._script.stop(movers, self.clock)
 
     def release(self, movers: Sequence[Mover]) -> None:
         """Lets some motions go on that were stopped at the clock's present time."""
-        self._clocks.release(movers)
+        self._script.release(movers)
 
     def _active(self) -> "list[_Owned]":
         return [support for support, holds in zip(self._supports, self._holding or [], strict=True) if holds]
 
     def positions(self, time: float) -> np.ndarray:
-        """(n_owned, d) [m]: where held vertices should be at `time` [s]; those at t = 0 elsewhere."""
+        """(n_owned, d) [m]: where held vertices should be when the clock shows `time` [s]; those at t = 0 elsewhere."""
         target = self._start.copy()
         for support in self._active():
-            own = self._clocks.of(support.points, time)
-            target[support.mask] = support.points.at(own)[support.rows]
+            target[support.mask] = self._script.place(support.points, time)[support.rows]
         return target
 
     def carriers(self, potential: IncrementalPotential, x: Positions, until: float) -> Carriers:
@@ -146,8 +143,10 @@ class ScriptedMotion:
         """
         path = np.where(self.held[:, None], self.positions(until) - x.owned, direction)
         for carrier in set(of.values()):
-            places = [carrier.at(self._clocks.of(carrier, time)) for time in (self.clock, until)]
-            moved = Pose.fitted(*places)
+            if carrier.kind == "plane":
+                moved = self._script.pose(carrier, until) @ self._script.pose(carrier, self.clock).inverse
+            else:
+                moved = Pose.fitted(*(self._script.place(carrier, time) for time in (self.clock, until)))
             rows = np.isin(self._bodies, [body for body, by in of.items() if by is carrier])
             path[rows] = moved(x.owned[rows]) - x.owned[rows]
         return path

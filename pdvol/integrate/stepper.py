@@ -10,12 +10,12 @@ from scipy.sparse import csr_array
 from pdvol.errors import ConvergenceError, SimulationError
 from pdvol.integrate.feedback import Feedback
 from pdvol.integrate.integrator import ImplicitEuler, Integrator, Past, State
-from pdvol.integrate.motion_parts import follow
+from pdvol.integrate.motion_parts import MotionParts
 from pdvol.integrate.recovery import Recovery, Span
 from pdvol.integrate.rest import Rest
 from pdvol.integrate.scripted_motion import ScriptedMotion
-from pdvol.levels.clocks import Clocks
 from pdvol.levels.model import LevelModel
+from pdvol.levels.script import Script
 from pdvol.levels.space import LevelSpace
 from pdvol.potentials.build import build_terms
 from pdvol.potentials.consistency import Guide
@@ -56,9 +56,9 @@ class Stepper:
     ):
         self.model, self.space, self.integrator = model, space, integrator or ImplicitEuler()
         self.watch = Stopwatch()
-        clocks = Clocks()
-        self.potential = IncrementalPotential(space, build_terms(model, space, guides, clocks), self.watch)
-        self.motion = ScriptedMotion(model, space, clocks)
+        script = Script(model.supports, model.obstacles, model.ground)
+        self.potential = IncrementalPotential(space, build_terms(model, space, guides, script), self.watch)
+        self.motion = ScriptedMotion(model, space, script)
         self._coarse_weights, self._feedback = coarse_weights, feedback
         self.newton = self._new_newton()
         self.rest, self._may_rest = Rest(model, self.newton.tolerance), not guides
@@ -119,7 +119,7 @@ class Stepper:
                 x = self._recovery.advance(report, integrator, self._end, mine, start * dt, number * dt)
                 self._end = x
                 report.joined = number - start
-                report.reached, report.behind, report.late = self.motion.end(number * dt)
+                report.reached, report.behind, report.late = self.motion.end()
                 moved = np.linalg.norm(x.whole - past[0].positions, axis=1).max() if may_rest else np.inf
                 acting = lambda: self.space.from_input(self._acceleration(number, x.whole))
                 self.rest.begin(self.potential, x, self.motion.held, float(moved) / (report.joined * dt), acting)
@@ -163,24 +163,34 @@ class Stepper:
         if self.potential.frictions and report.friction_residual is None:
             report.friction_residual = self.potential.update_lag(x)  # the next step starts with the same lag
 
-    def _attempt(self, report: StepReport, span: Span, target: float, robust: bool) -> tuple[Positions, NewtonReport]:
+    def _attempt(self, report: StepReport, span: Span, robust: bool) -> tuple[Positions, NewtonReport]:
         """One try at a span (`recovery.Attempt`)."""
         try:
-            return self._solve(report, span, target, robust)
+            return self._solve(report, span, robust)
         except SimulationError as error:
             raise ConvergenceError(self.model.level, report.step, str(error)) from None
 
-    def _solve(self, report: StepReport, span: Span, target: float, robust: bool) -> tuple[Positions, NewtonReport]:
-        x_t, x_hat = span.start, span.x_hat
-        self.potential.begin_step(x_t, x_hat, span.weight, span.t0, span.t1, self.motion.clock)
+    def _solve(self, report: StepReport, span: Span, robust: bool) -> tuple[Positions, NewtonReport]:
+        x_t, x_hat, motion = span.start, span.x_hat, self.motion
+        self.potential.begin_step(x_t, x_hat, span.weight, span.t0, span.t1)
         self.newton.begin_step(span.t1 - span.t0)
         parts = report.remedies["substeps"]
-        x = None if robust else self._predicted(x_t, x_hat, target)
+        x = None if robust else self._predicted(x_t, x_hat)
         if x is None:
-            moves = self.motion.moves
-            x = follow(self.motion, self.potential, self.newton, x_t, target, report.add) if moves else x_t
+            x = MotionParts(motion, self.potential, self.newton, report.add).follow(x_t) if motion.moves else x_t
+        if not self._end_motion():
+            return x, NewtonReport(reason="GROUND_BLOCKED")
         gap_share = SCRIPTED_GAP_SHARE if report.remedies["substeps"] > parts else MIN_GAP_SHARE
         return self._solve_lagged(report, x, robust, gap_share)
+
+    def _end_motion(self) -> bool:
+        """Lets what has not reached the span's end wait; returns whether the ground is there."""
+        motion = self.motion
+        motion.stop(motion.going() if motion.clock < motion.end_of_span else ())
+        if motion.clock < motion.end_of_span and not motion.moves:
+            motion.clock = motion.end_of_span
+            self.potential.move_obstacles(motion.clock)
+        return motion.clock == motion.end_of_span
 
     def _solve_lagged(
         self, report: StepReport, x: Positions, robust: bool, gap_share: float
@@ -203,23 +213,21 @@ class Stepper:
         report.friction_iterations += lags if self.potential.frictions else 0
         return x, solved
 
-    def _predicted(self, x_t: Positions, x_hat: np.ndarray, target: float) -> Positions | None:
+    def _predicted(self, x_t: Positions, x_hat: np.ndarray) -> Positions | None:
         """The predicted state, supports in their places, where the straight path there is free and it is a better start
-        than x_t.
-
-        Obstacles and supports then are at their places at `target`.
+        than x_t. Obstacles and supports then are at their places at the span's end.
         """
-        motion = self.motion
+        motion, t1 = self.motion, self.motion.end_of_span
         start = self.potential.value(x_t) if not motion.moves else np.inf
-        direction = np.where(motion.held[:, None], motion.positions(target), x_hat) - x_t.owned
-        if self.potential.max_step(x_t, direction, until=target) < 1.0:
+        direction = np.where(motion.held[:, None], motion.positions(t1), x_hat) - x_t.owned
+        if self.potential.max_step(x_t, direction, until=t1) < 1.0:
             return None
         x = x_t.moved(1.0, direction)
         if not motion.moves:
             return x if self.potential.value(x) <= start else None
-        self.potential.move_obstacles(target)
+        self.potential.move_obstacles(t1)
         if not np.isfinite(self.potential.value(x)):
             self.potential.move_obstacles(motion.clock)
             return None
-        motion.clock = target
+        motion.clock = t1
         return x

@@ -7,6 +7,7 @@ every level is tested.
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import igl
 import numpy as np
@@ -14,6 +15,7 @@ import numpy as np
 from pdvol.errors import InputError, IntersectionError
 from pdvol.geometry.crossings import edges_of, find_crossings, find_touching, fortran
 from pdvol.geometry.level_mesh import LevelMesh
+from pdvol.geometry.poses import Pose
 from pdvol.levels.obstacles import Obstacle
 from pdvol.meshing.shells import shells
 
@@ -115,7 +117,7 @@ def count_intersections(
     positions: np.ndarray,
     obstacles: Sequence[Obstacle],
     bodies: Sequence[str],
-    time: float | Mapping[Obstacle, float],
+    places: Mapping[Obstacle, Any],
 ) -> int:
     """Number of intersections in a state without contact: pairs of edges (2D) or of edges and triangles (3D), and
     vertices at or below planes. Serial.
@@ -124,23 +126,22 @@ def count_intersections(
     ----------
     positions : (n, d) [m]
     obstacles, bodies : as `check_start` takes them
-    time : [s] at which obstacles are placed, or one for each of them
+    places : of the obstacles, each a `Place`
     """
-    times = time if isinstance(time, Mapping) else dict.fromkeys(obstacles, time)
-    behind = sum(int(np.sum(_heights(positions, plane, times[plane]) <= 0.0)) for plane in _planes(obstacles))
-    return behind + len(_Boundaries(mesh, obstacles, bodies, positions, times).crossing_pairs())
+    behind = sum(int(np.sum(_heights(positions, plane, places[plane]) <= 0.0)) for plane in _planes(obstacles))
+    return behind + len(_Boundaries(mesh, obstacles, bodies, positions, places).crossing_pairs())
 
 
 def _planes(obstacles: Sequence[Obstacle]) -> list[Obstacle]:
     return [obstacle for obstacle in obstacles if obstacle.kind == "plane"]
 
 
-def _heights(points: np.ndarray, plane: Obstacle, time: float = 0.0) -> np.ndarray:
-    """(n,) heights [m] of points (n, d) above a plane at a time."""
+def _heights(points: np.ndarray, plane: Obstacle, place: Pose | None = None) -> np.ndarray:
+    """(n,) heights [m] of points (n, d) above a plane where it is placed, or at t = 0."""
     dim, given = points.shape[1], plane.vertices.shape[1]
     if given != dim:
         raise InputError(f"{plane.label} is {given}D in a {dim}D scene; give {dim} components")
-    point, normal = plane.plane_at(time)
+    point, normal = plane.plane_at(0.0 if place is None else place)
     return (points - point) @ normal
 
 
@@ -166,7 +167,7 @@ def _below(level: int, mesh: LevelMesh, plane: Obstacle, bodies: Sequence[str]) 
 
 class _Boundaries:
     """All boundaries of one level, at rest or at positions (n, d), in one set of arrays: bodies first (owner >= 0),
-    then obstacles, where they are at their times, t = 0 where none are given.
+    then obstacles in their places, those at t = 0 where none are given.
     """
 
     def __init__(
@@ -175,9 +176,8 @@ class _Boundaries:
         obstacles: Sequence[Obstacle],
         bodies: Sequence[str],
         positions: np.ndarray | None = None,
-        times: Mapping[Obstacle, float] | None = None,
+        places: Mapping[Obstacle, Any] | None = None,
     ):
-        times = times or dict.fromkeys(obstacles, 0.0)
         surfaces = [o for o in obstacles if o.kind != "plane"]
         positions = mesh.points if positions is None else positions
         self.names = [f"body {name!r}" for name in bodies] + [surface.label for surface in surfaces]
@@ -193,7 +193,7 @@ class _Boundaries:
             count, dim = surface.vertices.shape
             if dim != mesh.dim:
                 raise InputError(f"{surface.label} is {dim}D in a {mesh.dim}D scene; give it {mesh.dim} dimensions")
-            points.append(surface.at(times[surface]))
+            points.append(surface.place(0.0) if places is None else places[surface])
             owners.append(np.full(count, self.bodies + k))
             facets.append((surface.faces if mesh.dim == 3 else surface.edges) + first)
             labels.append(np.arange(count))

@@ -14,7 +14,7 @@ from pdvol.levels.attachments import BoundSprings, Springs, attachment_springs, 
 from pdvol.levels.hierarchy import Hierarchy
 from pdvol.levels.materials import CellMaterials, cell_materials, level_materials
 from pdvol.levels.muscles import CellMuscle, cell_muscles, level_muscles
-from pdvol.levels.obstacles import Obstacle
+from pdvol.levels.obstacles import Obstacle, ground_of
 from pdvol.levels.scene_fields import chosen_points, initial_velocity, supported_points
 from pdvol.levels.start import start_positions
 from pdvol.scene import Barrier, Friction, Gravity, Load, Motion, Penalty, Scene, Solver, Still, metres, moved
@@ -50,10 +50,6 @@ class HeldPoints:
     def at(self, time: float) -> np.ndarray:
         """(k, d) [m]: where they should be at `time` [s]. Raises InputError where a motion of the user's own fails."""
         return moved(self.motion, self.points, time, "a support") if self.moves else self.points
-
-    def moves_between(self, t0: float, t1: float) -> bool:
-        """Whether they should be elsewhere at t1 than at t0 [s]."""
-        return self.moves and not np.array_equal(self.at(t0), self.at(t1))
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,6 +115,7 @@ class LevelModel:
     loads : tuple of PlacedLoad
     supports : tuple of HeldPoints
     obstacles : tuple of Obstacle
+    ground : none or one of the obstacles (`obstacles.ground_of`)
     contact : none or one ContactModel
     springs : none or one BoundSprings, of all attachments
     muscles : tuple of CellMuscle
@@ -138,6 +135,7 @@ class LevelModel:
     loads: tuple[PlacedLoad, ...]
     supports: tuple[HeldPoints, ...]
     obstacles: tuple[Obstacle, ...]
+    ground: tuple[Obstacle, ...]
     contact: tuple[ContactModel, ...]
     springs: tuple[BoundSprings, ...]
     muscles: tuple[CellMuscle, ...]
@@ -212,6 +210,7 @@ def level_model(
         loads=tuple(loads),
         supports=tuple(supports),
         obstacles=tuple(obstacles),
+        ground=ground_of(scene.supports, obstacles, scene.dt * scene.steps),
         contact=contact_models(scene.contact, names, obstacles, diagonal, materials.softest),
         springs=bound_springs(attachment_springs(scene, mesh, start) if springs is None else springs, mesh, start),
         muscles=cell_muscles(scene, mesh) if muscles is None else muscles,

@@ -1,8 +1,7 @@
 """Obstacles in metres, and where they are at a time: the same type for half-spaces, surfaces and polylines."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -10,11 +9,27 @@ from pdvol.errors import InputError
 from pdvol.geometry.poses import Pose
 from pdvol.levels.motions import motion_of
 from pdvol.meshing.build import read_obstacle
-from pdvol.scene import Deforming, Motion, Obstructing, Plane, Rigid, Still, keeps_shape, moved
+from pdvol.scene import (
+    Deforming,
+    Motion,
+    Obstructing,
+    Plane,
+    PointCache,
+    Rigid,
+    Still,
+    Support,
+    keeps_shape,
+    moved,
+)
 
 Geometry = tuple[np.ndarray, np.ndarray, np.ndarray]
 """Vertices (k, d) [m], edges (e, 2) and faces (f, 3) of a surface or polyline at rest."""
 
+Place = Pose | np.ndarray
+"""Where an obstacle is: the pose of a plane, the vertices (k, d) [m] of others."""
+
+ON_TIME = 1e-9  # relative difference of times and poses that are the same: they are sums with round-off
+COMPARED = (0.31, 0.73, 1.0)  # fractions of a scene's duration at which motions are compared: no period divides all
 MOST_STORED_VERTICES = 20_000_000  # vertices times states of moving obstacles: stored places take half a GB
 
 
@@ -65,10 +80,6 @@ class Obstacle:
         """(k, d) [m]: its vertices at `time` [s]. Raises InputError where a motion of the user's own fails."""
         return moved(self.motion, self.vertices, time, self.label)
 
-    def moves_between(self, t0: float, t1: float) -> bool:
-        """Whether it is elsewhere at t1 than at t0 [s]."""
-        return self.moves and not np.array_equal(self.at(t0), self.at(t1))
-
     def pose(self, time: float) -> Pose:
         """The pose of a plane at `time` [s]."""
         return Pose.of_frame(self.vertices, self.at(time))
@@ -78,12 +89,16 @@ class Obstacle:
         pose, (point, end) = at if isinstance(at, Pose) else self.pose(at), self.vertices[:2]
         return pose(point), pose.rotation @ (end - point)
 
-    def placed(self, time: float) -> dict[str, np.ndarray]:
-        """Where it is at `time` [s], as run folders store it: `point` and `normal` of a plane, `vertices` of others."""
-        if self.kind == "plane":
-            point, normal = self.plane_at(time)
+    def place(self, time: float) -> Place:
+        """Where its motion has it at `time` [s]."""
+        return self.pose(time) if self.kind == "plane" else self.at(time)
+
+    def stored(self, at: Place) -> dict[str, np.ndarray]:
+        """A place as run folders store it: `point` and `normal` of a plane, `vertices` of others."""
+        if isinstance(at, Pose):
+            point, normal = self.plane_at(at)
             return {"point": point, "normal": normal}
-        return {"vertices": self.at(time)}
+        return {"vertices": at}
 
     def __repr__(self) -> str:
         return f"Obstacle({self.name!r}, {self.kind}, {len(self.vertices)} vertices)"
@@ -133,13 +148,39 @@ def _with_mesh(given: Rigid | Deforming, geometry: Geometry) -> Obstacle:
     return Obstacle(given.name, kind, vertices, edges, faces, motion, given.closed, given.opacity)
 
 
-def moving_places(
-    obstacles: Sequence[Obstacle], time: float, lags: Mapping[Any, float]
-) -> dict[int, dict[str, np.ndarray]]:
-    """Where the obstacles that move are at `time` [s], by their number, each as far behind its motion as `lags` [s] has
-    it.
+def ground_of(supports: Sequence[Support], obstacles: Sequence[Obstacle], duration: float) -> tuple[Obstacle, ...]:
+    """The plane in whose frame motions wait that contact holds back, as the floor of a lift; none in most scenes, where
+    they wait in the scene's frame.
+
+    It is a plane that the most supports and obstacles go along with over the `duration` [s], where nothing stands still
+    and no others are as many. So a scene that is seen from a frame that moves evenly gives the same motion.
     """
-    return {i: o.placed(time - lags.get(o, 0.0)) for i, o in enumerate(obstacles) if o.moves}
+    things: tuple[Support | Obstacle, ...] = (*supports, *obstacles)
+    if any(isinstance(thing.motion, Still) for thing in things):
+        return ()
+    groups: list[tuple[int, Obstacle]] = []
+    for plane in (obstacle for obstacle in obstacles if obstacle.kind == "plane"):
+        if not any(_go_along(first, plane, duration) for _, first in groups):
+            groups.append((sum(_go_along(plane, thing, duration) for thing in things), plane))
+    most = max((size for size, _ in groups), default=0)
+    largest = tuple(plane for size, plane in groups if size == most)
+    return largest if len(largest) == 1 else ()
+
+
+def _go_along(plane: Obstacle, other: Support | Obstacle, duration: float) -> bool:
+    """Whether two move alike. Of users' own motions only planes' are known to be rigid."""
+    is_plane = isinstance(other, Obstacle) and other.kind == "plane"
+    if isinstance(other.motion, PointCache) or not (is_plane or keeps_shape(other.motion)):
+        return False
+    frame = other.vertices if isinstance(other, Obstacle) and is_plane else plane.vertices
+    for time in (fraction * duration for fraction in COMPARED):
+        one = plane.pose(time)
+        two = Pose.of_frame(frame, moved(other.motion, frame, time, "a support or obstacle"))
+        size = max(1.0, float(np.abs(one.shift).max()))
+        turned, shifted = np.abs(one.rotation - two.rotation).max(), np.abs(one.shift - two.shift).max()
+        if turned > ON_TIME or shifted > ON_TIME * size:
+            return False
+    return True
 
 
 def stored_obstacles(obstacles: Sequence[Obstacle], dt: float, steps: int) -> list[dict]:
@@ -160,11 +201,11 @@ def stored_obstacles(obstacles: Sequence[Obstacle], dt: float, steps: int) -> li
 
 
 def _stored(obstacle: Obstacle, dt: float, steps: int) -> dict:
-    places = [obstacle.placed(number * dt) for number in range(steps + 1)] if obstacle.moves else []
+    places = [obstacle.stored(obstacle.place(number * dt)) for number in range(steps + 1)] if obstacle.moves else []
     over_time = {key: np.array([place[key] for place in places]) for key in (places[0] if places else ())}
     entry: dict = {"name": obstacle.name, "kind": obstacle.kind}
     if obstacle.kind == "plane":
-        return {**entry, **obstacle.placed(0.0), **over_time}
+        return {**entry, **obstacle.stored(obstacle.pose(0.0)), **over_time}
     cells = {"faces": obstacle.faces} if obstacle.kind == "mesh" else {"edges": obstacle.edges}
     positions = {"positions": over_time["vertices"]} if places else {}
     opacity = {"opacity": obstacle.opacity} if obstacle.opacity < 1.0 else {}

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pdvol.levels.clocks import Clocks
 from pdvol.levels.model import ContactModel, LevelModel
 from pdvol.levels.obstacles import Obstacle
+from pdvol.levels.script import Script
 from pdvol.levels.space import LevelSpace
 from pdvol.potentials.attachments import Attachments
 from pdvol.potentials.consistency import Consistency, Guide
@@ -34,17 +34,17 @@ class Terms:
 
 
 def build_terms(
-    model: LevelModel, space: LevelSpace, guides: Sequence[Guide] = (), clocks: Clocks | None = None
+    model: LevelModel, space: LevelSpace, guides: Sequence[Guide] = (), script: Script | None = None
 ) -> Terms:
     """The terms of a level. Collective.
 
     Parameters
     ----------
     guides : guides that hold the level to the coarser one, if any
-    clocks : of the obstacles' motions; all on time where not given
+    script : of the obstacles' motions; all on time where not given
     """
     mass = assemble_mass(space, model.materials.density)
-    contacts, frictions = contact_terms(model.contact, model.obstacles, space, clocks)
+    contacts, frictions = contact_terms(model.contact, model.obstacles, space, script)
     elastic = elastic_terms(space, model.materials)
     loads = load_terms(model.loads, space, model.materials.density, mass)
     loads += tuple(ActiveFibres(space, muscle) for muscle in model.muscles)
@@ -54,10 +54,10 @@ def build_terms(
 
 
 def contact_terms(
-    models: Sequence[ContactModel], obstacles: Sequence[Obstacle], space: LevelSpace, clocks: Clocks | None = None
+    models: Sequence[ContactModel], obstacles: Sequence[Obstacle], space: LevelSpace, script: Script | None = None
 ) -> tuple[tuple[ContactPotential, ...], tuple[Potential, ...]]:
     """The terms of barriers and of friction. Collective."""
-    clocks = Clocks() if clocks is None else clocks
+    script = Script() if script is None else script
     contacts: list[ContactPotential] = []
     frictions: list[Potential] = []
     planes, surfaces = (tuple(o for o in obstacles if (o.kind == "plane") == flat) for flat in (True, False))
@@ -67,10 +67,10 @@ def contact_terms(
         from pdvol.potentials.contact.friction import HalfSpaceFriction, SurfaceFriction
 
         if planes:
-            half_spaces = HalfSpaceBarrier(space, planes, contact.dhat, contact.kappa, clocks)
+            half_spaces = HalfSpaceBarrier(space, planes, contact.dhat, contact.kappa, script)
             contacts.append(half_spaces)
             frictions += [HalfSpaceFriction(half_spaces, f.mu_planes, f.eps_v) for f in contact.friction]
-        surface = CollisionSurface(space, surfaces, contact.dhat, contact.ccd, clocks)
+        surface = CollisionSurface(space, surfaces, contact.dhat, contact.ccd, script)
         barrier = SurfaceBarrier(surface, contact.kappa)
         contacts.append(barrier)
         frictions += [SurfaceFriction(barrier, f.mu_surfaces, f.eps_v) for f in contact.friction]

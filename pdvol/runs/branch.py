@@ -12,9 +12,9 @@ from pathlib import Path
 import numpy as np
 
 from pdvol.errors import InputError
-from pdvol.levels.clocks import lags_of, names_of
 from pdvol.levels.initial_state import count_intersections
-from pdvol.levels.obstacles import placed_obstacles
+from pdvol.levels.obstacles import ground_of, placed_obstacles
+from pdvol.levels.script import Script
 from pdvol.levels.separation import build_apart
 from pdvol.runs.scene_file import DEFAULTS, Shot
 from pdvol.scene.fingerprint import differences
@@ -109,10 +109,10 @@ def _check_states(levels: Sequence[RunLevel], shot: Shot, step: int, source: Pat
                     f" {level.index} differ from those in {source})"
                 )
         if scene.contact:
-            lags = lags_of(level.behind(step), level.late(step), names_of((), obstacles))
-            times = {obstacle: step * scene.dt - lags.get(obstacle, 0.0) for obstacle in obstacles}
+            script = Script((), obstacles, ground_of(scene.supports, obstacles, scene.dt * scene.steps))
+            places = script.placed(step * scene.dt, script.recorded_lags(level.behind(step), level.late(step)))
             names = [body.name for body in scene.bodies]
-            count = count_intersections(mesh, level.positions(step), obstacles, names, times)
+            count = count_intersections(mesh, level.positions(step), obstacles, names, places)
             if count:
                 raise InputError(f"level {level.index} has {count} intersections at step {step}; contact cannot begin")
 

@@ -12,11 +12,10 @@ from pdvol.integrate.feedback import level_feedback
 from pdvol.integrate.integrator import Integrator, past_of
 from pdvol.integrate.marches import Start, direct, embedded, guide, progressive
 from pdvol.integrate.stepper import Stepper
-from pdvol.levels.clocks import lags_of, names_of
 from pdvol.levels.hierarchy import Hierarchy
 from pdvol.levels.initial_state import count_intersections
 from pdvol.levels.model import LevelModel
-from pdvol.levels.obstacles import moving_places
+from pdvol.levels.script import Script
 from pdvol.registry import INTEGRATORS
 from pdvol.runs.progress import Progress
 from pdvol.solve.report import StepReport
@@ -67,9 +66,10 @@ def run_level(
     try:
         for report in march:
             if report.behind > 0.0 and model.obstacles:
-                lags = lags_of(report.behind, report.late, names_of(model.supports, model.obstacles))
-                places = moving_places(model.obstacles, report.time, lags)
-                writer.call("write_late", level, report.step, places)
+                script = Script(model.supports, model.obstacles, model.ground)
+                places = script.placed(report.time, script.recorded_lags(report.behind, report.late))
+                moving = {i: o.stored(places[o]) for i, o in enumerate(model.obstacles) if o.moves}
+                writer.call("write_late", level, report.step, moving)
             writer.call("write_state", level, report.step, report.positions, report.record())
             if watcher is not None:
                 watcher.step(report.record())
@@ -133,4 +133,5 @@ def _march(
 
 
 def _count_intersections(model: LevelModel, positions: np.ndarray, time: float) -> int:
-    return count_intersections(model.mesh, positions, model.obstacles, model.bodies, time)
+    places = {obstacle: obstacle.place(time) for obstacle in model.obstacles}
+    return count_intersections(model.mesh, positions, model.obstacles, model.bodies, places)

@@ -53,21 +53,14 @@ class IncrementalPotential:
         # neighbours that are timed as one part
         self._parts = tuple((part, tuple(same)) for part, same in groupby(terms, part_of))
 
-    def begin_step(
-        self, x_t: Positions, x_hat: np.ndarray, weight: float, t0: float, t1: float, placed: float | None = None
-    ) -> None:
-        """Starts the step from t0 to t1 [s] at x_t with predicted positions x_hat (n_owned, d).
-
-        Obstacles are where they should be at t0, or at `placed` [s] if contact has stopped them before.
-        """
+    def begin_step(self, x_t: Positions, x_hat: np.ndarray, weight: float, t0: float, t1: float) -> None:
+        """Starts the step from t0 to t1 [s] at x_t with predicted positions x_hat (n_owned, d)."""
         self.x_hat, self.weight = x_hat, weight
-        behind = 0.0 if placed is None else t0 - placed
         expected = Positions(self.space, x_hat)
         for part, terms in self._parts:
-            late = behind if part == "contact" else 0.0
             with self.watch.part(part):
                 for term in terms:
-                    term.begin_step(x_t, t0 - late, t1 - late, expected)
+                    term.begin_step(x_t, t0, t1, expected)
 
     def _require_finite(self, term_name: str, what: str, values: np.ndarray | float) -> None:
         """Raises SimulationError, naming the term, unless the values of all ranks are finite. Collective."""

@@ -21,7 +21,7 @@ from pdvol.integrate.motion_parts import (
     PATH_SHARE,
     PINCHED,
     RELAXING_ITERATIONS,
-    follow,
+    MotionParts,
 )
 from pdvol.levels.space import LevelSpace
 from pdvol.potentials.potential import MIN_GAP_SHARE, SCRIPTED_GAP_SHARE, Positions
@@ -45,12 +45,17 @@ class Motion:
     clock: float = 0.0
     moves_obstacles: bool = False
     moves_supports: bool = True
+    moves: bool = True
+    end_of_span: float = END
 
     def positions(self, time):
         return REST + self.way * time * self.held[:, None] * [1.0, 0.0]
 
     def going(self):
-        return ["the supports"]
+        return ["the supports"] if self.moves else []
+
+    def stop(self, movers):
+        self.moves = not movers
 
     def carriers(self, potential, x, until):
         return Carriers(frozenset(), lambda of: ())
@@ -112,7 +117,7 @@ class Newton:
 def followed(potential, opens=()):
     """The state that `follow` ends with, Newton, and the reports that it counts."""
     newton, reports = Newton(potential, opens=opens), []
-    x = follow(potential.motion, potential, newton, Positions(SPACE, REST), END, reports.append)
+    x = MotionParts(potential.motion, potential, newton, reports.append).follow(Positions(SPACE, REST))
     assert len(reports) == len(newton.limits) == sum(report.remedies["substeps"] for report in reports)
     return x, newton
 

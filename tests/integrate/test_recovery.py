@@ -11,7 +11,7 @@ from petsc4py import PETSc
 
 from pdvol.errors import ConvergenceError
 from pdvol.integrate.integrator import ImplicitEuler, State
-from pdvol.integrate.recovery import HELD_BACK, Recovery
+from pdvol.integrate.recovery import Recovery
 from pdvol.potentials.potential import Positions, Term
 from pdvol.scene import Barrier, Gravity, Plane, Solver
 from pdvol.solve.newton import LINE_SEARCH, MAX_SOLVES
@@ -119,36 +119,25 @@ def test_halvings_are_counted_and_the_step_is_good(monkeypatch):
     assert report.positions[:, 1].min() > 0.0
 
 
-def retried(solved_at):
-    """A stand-in for the solver that carries 0.8 of a step's motion out, in parts, and solves only tries that go no
-    further than `solved_at` [s]: where tries went, and the report.
-    """
+def test_a_step_whose_motion_met_contact_is_tried_without_it():
+    """A stand-in for the solver moves obstacles in parts, and solves only tries in which they wait."""
     problem, x, v = falling(max_halvings=1)
-    report, motion, tried = StepReport(0, 1, 1.0, x), SimpleNamespace(clock=0.0), []
+    report, waits, tried = StepReport(0, 1, 1.0, x), [], []
+    motion = SimpleNamespace(
+        lags={}, going=lambda: ["ram"], begin_span=lambda *span: waits.clear(), stop=lambda movers: waits.extend(movers)
+    )
 
-    def attempt(report, span, target, robust):
-        assert motion.clock == 0.0, "a try sets out from where the step does"
-        tried.append(target)
-        motion.clock = min(target, 0.8)
-        report.remedies["substeps"] += motion.clock > 0.0
-        return span.start, NewtonReport(converged=target <= solved_at, speed=0.0)
+    def attempt(report, span, robust):
+        tried.append(tuple(waits))
+        report.remedies["substeps"] += not waits
+        return span.start, NewtonReport(converged=bool(waits), speed=0.0)
 
     past = (State(problem.space.from_input(x), problem.space.from_input(v)),)
     Recovery(motion, attempt, 1).advance(
         report, ImplicitEuler(), Positions(problem.space, past[0].positions), past, 0.0, 1.0
     )
-    return tried, report
-
-
-@pytest.mark.parametrize("solved_at, tries", [(0.5, 1), (0.1, 2)])
-def test_a_motion_that_met_contact_is_tried_with_smaller_shares(solved_at, tries):
-    """The motion crushes the body that it meets. It is tried again with smaller and smaller shares of the part that was
-    carried out, and finally with none.
-    """
-    tried, report = retried(solved_at)
-    assert tried == [1.0, *(share * 0.8 for share in HELD_BACK[:tries])]
-    assert report.remedies["held_back"] == tries and report.remedies["halvings"] == 0
-    assert 1.0 > HELD_BACK[0] > HELD_BACK[-1] == 0.0
+    assert tried == [(), ("ram",)]
+    assert report.remedies["held_back"] == 1 and report.remedies["halvings"] == 0
 
 
 def test_restarts_after_remedies_are_bounded():

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 
-from pdvol.levels.clocks import Clocks
+from pdvol.levels.script import Script
 from pdvol.levels.space import LevelSpace
 from pdvol.potentials.build import build_terms
 from pdvol.potentials.consistency import Guide
@@ -145,16 +145,16 @@ class Built:
             contact=(Barrier(dhat=DHAT), Friction(MU, eps_v=EPS_V)),
         )
         model = make_model(scene, mesh, [pit])
-        clocks = Clocks()
+        script = Script()
         target = positions + 0.1 * np.sin(np.arange(positions.size)).reshape(positions.shape)
-        terms = build_terms(model, self.space, (Guide(3.0, lambda time: target),), clocks).potentials
+        terms = build_terms(model, self.space, (Guide(3.0, lambda time: target),), script).potentials
         rows, x_t = self.space.from_input, move(positions, begin)
         late = dict.fromkeys(model.obstacles, T0 - begin)
-        clocks.begin(T0, T0 + DT, late)
+        script.begin(T0, T0 + DT, late)
         for term in terms:
             term.begin_step(Positions(self.space, rows(x_t)), T0, T0 + DT)
         if end < T0 + DT:
-            clocks.stop(model.obstacles, end)
+            script.stop(model.obstacles, end)
         for term in terms:
             term.move_obstacles(T0 + DT)
         self.along = rows(move(positions, end))

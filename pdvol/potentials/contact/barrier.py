@@ -18,8 +18,8 @@ from mpi4py import MPI
 from pdvol.compiled import pointer
 from pdvol.geometry.level_mesh import boundary_areas
 from pdvol.geometry.poses import Pose
-from pdvol.levels.clocks import Clocks
 from pdvol.levels.obstacles import Obstacle
+from pdvol.levels.script import Script
 from pdvol.levels.space import LevelSpace
 from pdvol.parallel import reduce
 from pdvol.potentials.assembly.hessian_blocks import HessianBlocks
@@ -142,7 +142,7 @@ class HalfSpaceBarrier(Term):
     planes : planes, moving or not
     dhat : activation distance [m]
     kappa : stiffness [Pa]
-    clocks : of the planes' motions
+    script : of the planes' motions
 
     Attributes
     ----------
@@ -157,10 +157,10 @@ class HalfSpaceBarrier(Term):
         planes: tuple[Obstacle, ...],
         dhat: float,
         kappa: float,
-        clocks: Clocks | None = None,
+        script: Script | None = None,
     ):
         self.space, self.planes, self.dhat, self.kappa = space, planes, dhat, kappa
-        self.clocks = Clocks() if clocks is None else clocks
+        self.script = Script() if script is None else script
         areas = boundary_areas(space.mesh)[space.owned_points]
         self.vertices = np.flatnonzero(areas > 0)
         self.areas = areas[self.vertices]
@@ -176,7 +176,7 @@ class HalfSpaceBarrier(Term):
 
     def poses_at(self, time: float) -> tuple[Pose, ...]:
         """The planes' poses at a time [s]."""
-        return tuple(plane.pose(self.clocks.of(plane, time)) for plane in self.planes)
+        return tuple(self.script.pose(plane, time) for plane in self.planes)
 
     def _planes_at(self, poses: tuple[Pose, ...]) -> tuple[np.ndarray, np.ndarray]:
         """Normals (planes, d) of planes at some poses, and distances (planes,) [m] from the origin along them."""

@@ -9,8 +9,8 @@ from collections.abc import Callable
 import numpy as np
 
 from pdvol.compiled import pointer
-from pdvol.levels.clocks import Clocks
 from pdvol.levels.obstacles import Obstacle
+from pdvol.levels.script import Script
 from pdvol.levels.space import LevelSpace
 from pdvol.potentials.assembly.hessian_blocks import HessianBlocks
 from pdvol.potentials.contact.candidates import PairList, Stencils
@@ -28,7 +28,7 @@ class CollisionSurface:
     obstacles : tuple of Obstacle
     dhat : distance [m] up to which pairs matter
     ccd : "additive" or "tight-inclusion"
-    clocks : of the obstacles' motions; all on time where not given
+    script : of the obstacles' motions; all on time where not given
 
     Attributes
     ----------
@@ -48,9 +48,9 @@ class CollisionSurface:
         obstacles: tuple[Obstacle, ...],
         dhat: float,
         ccd: str = "additive",
-        clocks: Clocks | None = None,
+        script: Script | None = None,
     ):
-        self._clocks = Clocks() if clocks is None else clocks
+        self._script = Script() if script is None else script
         self.space, self.obstacles, self.dhat, self.ccd, level = space, obstacles, dhat, ccd, space.mesh
         boundary = np.unique(level.boundary)
         self.surface = boundary[np.argsort(level.point_bodies[boundary], kind="stable")]
@@ -82,7 +82,7 @@ class CollisionSurface:
         self._room, self._none = Stencils.room(1024, 256, space.dim), Stencils.room(0, 0, space.dim)
 
     def _obstacles_at(self, time: float) -> np.ndarray:
-        placed = [o.at(self._clocks.of(o, time)) for o in self.obstacles]
+        placed = [self._script.place(o, time) for o in self.obstacles]
         return np.concatenate(placed) if placed else np.zeros((0, self.space.dim))
 
     def move_obstacles(self, time: float) -> bool:
