@@ -4,7 +4,7 @@ Supports and obstacles are moved as far as nothing crosses. Each part ends at a 
 obstacles exactly where their motions have them then. Collision detection clears the straight path there from the end of
 the part before. So an obstacle that turns never stays on a chord of its arc.
 
-Bodies that are free to go are carried along by the obstacles that they would hinder (`carriers.py`), and all others
+Bodies that are free to go are carried along by the obstacles that they would hinder (`Carriers`), and all others
 stay. That takes no solve, and where nothing is pressed it carries out the whole motion.
 
 Where supports move, or bodies are pressed against something, bodies have to give way.

@@ -15,7 +15,7 @@ import numpy as np
 from pdvol.errors import InputError, IntersectionError
 from pdvol.geometry.crossings import edges_of, find_crossings, find_touching, fortran
 from pdvol.geometry.level_mesh import LevelMesh
-from pdvol.geometry.poses import Pose
+from pdvol.geometry.rigid_motions import Pose
 from pdvol.levels.obstacles import Obstacle
 from pdvol.meshing.shells import shells
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pdvol.errors import InputError
-from pdvol.geometry.poses import Pose
+from pdvol.geometry.rigid_motions import Pose
 from pdvol.levels.motions import motion_of
 from pdvol.meshing.build import read_obstacle
 from pdvol.scene import (

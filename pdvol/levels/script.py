@@ -15,7 +15,7 @@ from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
-from pdvol.geometry.poses import Pose
+from pdvol.geometry.rigid_motions import Pose
 from pdvol.levels.model import HeldPoints
 from pdvol.levels.obstacles import ON_TIME, Obstacle, Place
 

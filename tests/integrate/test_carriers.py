@@ -9,9 +9,9 @@ import pytest
 from on_ranks import results_on
 from pdvol import meshes
 from pdvol.geometry.level_mesh import simplex_volumes
-from pdvol.geometry.poses import Pose
-from pdvol.integrate.carriers import Carriers
+from pdvol.geometry.rigid_motions import Pose
 from pdvol.integrate.marches import Start, direct
+from pdvol.integrate.scripted_motion import Carriers
 from pdvol.levels.obstacles import plane_obstacle
 from pdvol.meshing.build import read_obstacle
 from pdvol.potentials.potential import Positions

@@ -10,7 +10,6 @@ import pytest
 from mpi4py import MPI
 
 from pdvol.geometry.level_mesh import simplex_volumes
-from pdvol.integrate.carriers import Carriers
 from pdvol.integrate.motion_parts import (
     LEAST_GAIN,
     LOOK_AHEAD,
@@ -23,6 +22,7 @@ from pdvol.integrate.motion_parts import (
     RELAXING_ITERATIONS,
     MotionParts,
 )
+from pdvol.integrate.scripted_motion import Carriers
 from pdvol.levels.space import LevelSpace
 from pdvol.potentials.potential import MIN_GAP_SHARE, SCRIPTED_GAP_SHARE, Positions
 from pdvol.scene import Barrier, Plane, Support, Translation

@@ -17,7 +17,7 @@ from mpi4py import MPI
 
 from pdvol.compiled import pointer
 from pdvol.geometry.level_mesh import boundary_areas
-from pdvol.geometry.poses import Pose
+from pdvol.geometry.rigid_motions import Pose
 from pdvol.levels.obstacles import Obstacle
 from pdvol.levels.script import Script
 from pdvol.levels.space import LevelSpace

@@ -24,7 +24,7 @@ import numpy as np
 from mpi4py import MPI
 
 from pdvol.compiled import pointer
-from pdvol.geometry.poses import Pose
+from pdvol.geometry.rigid_motions import Pose
 from pdvol.levels.space import LevelSpace
 from pdvol.parallel import reduce
 from pdvol.potentials.assembly.hessian_blocks import HessianBlocks
