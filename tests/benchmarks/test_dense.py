@@ -58,6 +58,7 @@ class NoRepository:
         return "0" * 40
 
 
+@pytest.mark.slow
 def test_old_and_new_in_turn_and_what_is_kept(tiny, monkeypatch, tmp_path, capsys):
     monkeypatch.setattr(commits, "Repository", lambda folder: NoRepository())
     page, out = tmp_path / "page.md", tmp_path / "out"

@@ -94,6 +94,7 @@ def test_studies_are_of_demos_and_their_cases_differ():
     assert method_studies.LITERAL == pytest.approx(0.025 / 625)
 
 
+@pytest.mark.slow
 def test_a_short_study(tmp_path, capsys):
     words = ["slit_array", "--levels", "2", "--steps", "2", "--out", str(tmp_path)]
     assert methods.main(words) == 0

@@ -148,6 +148,7 @@ def test_a_scene_that_stark_cannot_be_given_is_refused(change, tmp_path):
 # ---- runs
 
 
+@pytest.mark.slow
 def test_runs_in_turn_and_what_is_kept(tiny, words, monkeypatch, tmp_path, capsys):
     turns = []
 

@@ -23,10 +23,14 @@ from pdvol.store.folder import level_folder, state_file
 
 MOST_BYTES = 6e6  # of a film: the repository carries them
 WITHOUT_CONTACT = {"twist"}
+QUICK = {"ball_on_spike", "melt", "peel", "rope_drop", "twist", "worm"}
+"""Entries that take a second or three: one of each kind of claim."""
 BY_NAME = {entry.name: entry for entry in ENTRIES}
 
 
-@pytest.mark.parametrize("entry", ENTRIES, ids=lambda entry: entry.name)
+@pytest.mark.parametrize(
+    "entry", [pytest.param(e, id=e.name, marks=() if e.name in QUICK else pytest.mark.slow) for e in ENTRIES]
+)
 def test_the_claim_holds_on_small_levels(entry, tmp_path):
     stored = simulate_small(entry, tmp_path / "run")
     assert [level.steps for level in stored.levels] == [stored.info["steps"] + 1] * 2
@@ -56,6 +60,7 @@ def test_the_page_is_there_and_its_film_is_small(entry):
     assert f"({entry.name}.md)" in (PAGES / "README.md").read_text()
 
 
+@pytest.mark.slow
 def test_a_page_is_made_from_a_stored_run(tmp_path, monkeypatch, capsys):
     pytest.importorskip("imageio_ffmpeg")
     pages, runs = tmp_path / "pages", tmp_path / "runs"
@@ -96,6 +101,7 @@ def test_a_page_is_made_from_a_stored_run(tmp_path, monkeypatch, capsys):
     assert "- **Does not hold:** It stays a cube." in (pages / "melt.md").read_text()
 
 
+@pytest.mark.slow
 def test_a_level_that_is_only_begun_is_taken_as_it_is_stored(tmp_path, monkeypatch):
     pages, runs = tmp_path / "pages", tmp_path / "runs"
     monkeypatch.setattr(gallery, "PAGES", pages)
@@ -114,6 +120,7 @@ def test_a_level_that_is_only_begun_is_taken_as_it_is_stored(tmp_path, monkeypat
     assert [level.index for level in whole_levels(open_run(runs / "melt")).levels] == [0]
 
 
+@pytest.mark.slow
 def test_a_level_that_is_begun_has_so_much_time(tmp_path, monkeypatch):
     monkeypatch.setattr(simulation, "MOST_CPU", 2)
     begun = replace(BY_NAME["melt"], settings={**BY_NAME["melt"].small, "vertices": (30, 4000)}, begun=1)

@@ -180,6 +180,7 @@ def test_every_study_is_listed():
     assert [path.name for path in (ROOT / "benchmarks").glob("*.py")] == ["__init__.py"]
 
 
+@pytest.mark.slow
 def test_the_tutorial_makes_what_it_shows(tmp_path, monkeypatch):
     monkeypatch.setenv("OMP_NUM_THREADS", "1")
     assert all(TUTORIAL.read_text().count(text) == 1 for text in SHORTER)
@@ -193,6 +194,7 @@ def test_the_tutorial_makes_what_it_shows(tmp_path, monkeypatch):
     assert [level.steps for level in pdvol.open_run(tmp_path / "runs" / "bear").levels] == [26, 26, 26]
 
 
+@pytest.mark.slow
 def test_the_loop_of_readme(tmp_path, monkeypatch):
     """The five commands in order, as they stand there but for fewer variations and levels. The chosen variation keeps
     its side of the spike on all levels.

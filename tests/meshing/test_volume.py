@@ -40,7 +40,7 @@ def test_the_volume_inside_a_boundary():
     assert enclosed_volume(TETRAHEDRON - 50.0, facets) == pytest.approx(1.0 / 6.0)
 
 
-@pytest.mark.parametrize("target", [60, 400])
+@pytest.mark.parametrize("target", [pytest.param(60, marks=pytest.mark.slow), 400])
 def test_levels_have_the_volume_of_their_shape(target):
     ball = meshes.ball(1.0, 3)
     mesh = tetrahedralise(ball, target)

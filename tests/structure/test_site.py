@@ -134,6 +134,7 @@ def run_python(*words: object) -> subprocess.CompletedProcess:
     return subprocess.run([sys.executable, *map(str, words)], capture_output=True, text=True, timeout=300, cwd=ROOT)
 
 
+@pytest.mark.slow
 def test_the_site_builds_without_a_warning_and_asks_for_nothing_outside(tmp_path):
     """Sphinx refuses dead links and anchors. Addresses of other machines are followed by a reader alone."""
     done = run_python(DOCS / "_site" / "build.py", tmp_path / "site")
