@@ -46,6 +46,14 @@ def quiet_stages():
 
 
 @pytest.fixture(scope="session", autouse=True)
+def compiled_code():
+    """Compiled code is kept where it always is, also while a test has a cache folder of its own."""
+    from pdvol.compiled import cache_folder
+
+    cache_folder()
+
+
+@pytest.fixture(scope="session", autouse=True)
 def waiting_ranks():
     """Ranks that wait for calls end with the session."""
     yield

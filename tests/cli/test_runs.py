@@ -203,13 +203,13 @@ def test_preview_and_the_default_folder(tmp_path, scene, whole, monkeypatch):
 def test_a_scene_file_run_by_python(tmp_path, scene, whole):
     # What demos end with: the file's own command line.
     ended = subprocess.run(
-        [sys.executable, scene, "--steps", "2", "--out", tmp_path / "run"],
+        [sys.executable, scene, "--steps", "2", "--no-picture", "--out", tmp_path / "run"],
         capture_output=True,
         text=True,
         timeout=SAFETY,
     )
     assert ended.returncode == 0, ended.stderr
-    assert "Traceback" not in ended.stderr and "picture.png" in ended.stderr
+    assert "Traceback" not in ended.stderr and "states, log.jsonl" in ended.stderr
     np.testing.assert_array_equal(
         open_run(tmp_path / "run").levels[1].positions(2), open_run(whole).levels[1].positions(2)
     )

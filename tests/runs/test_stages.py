@@ -16,9 +16,10 @@ import pytest
 
 import pdvol
 from cli_scenes import CUBE_OFF, FALL, pdvol_on_ranks
+from cli_scenes import pdvol as pdvol_command
 from commands import SAFETY, WITHOUT_PICTURE
 from on_ranks import results_on
-from pdvol import Body, NeoHookean, Scene, cli, compiled
+from pdvol import Body, NeoHookean, Scene, cli
 from pdvol.meshes import Outline
 from pdvol.meshing.build import build_levels
 from pdvol.runs import stage_lines
@@ -191,12 +192,13 @@ def test_meshing_says_what_it_does_and_how_often_it_tried(tmp_path):
 # ---- commands
 
 
-def cold(tmp_path) -> dict:
-    """An environment without stored meshes, with the code that this machine has compiled."""
-    kept = tmp_path / "cache" / "pdvol" / "compiled" / compiled.cache_folder().name
-    kept.parent.mkdir(parents=True)
-    kept.symlink_to(compiled.cache_folder())
-    return {**os.environ, "XDG_CACHE_HOME": str(tmp_path / "cache")}
+@pytest.fixture
+def shot(tmp_path, monkeypatch):
+    """A scene file of a cube, without stored meshes."""
+    (tmp_path / "cube.off").write_text(CUBE_OFF)
+    (tmp_path / "shot.py").write_text(CUBE)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
 
 
 def stage_names(text: str) -> list[str]:
@@ -204,20 +206,13 @@ def stage_names(text: str) -> list[str]:
     return re.findall(r"^(\w+ing [^:\n]*): (?:\d+ min )?[\d.]+ s(?: \(.*\))?$", text, re.MULTILINE)
 
 
-def test_a_run_with_a_cold_cache_says_what_it_does_and_a_quick_one_nothing(tmp_path):
-    (tmp_path / "cube.off").write_text(CUBE_OFF)
-    (tmp_path / "shot.py").write_text(CUBE)
-    env = cold(tmp_path)
-    everything = "import pdvol.runs.stage_lines as s; s.SHOWN_SECONDS = {shown}; import pdvol; pdvol.main()"
-
+def test_a_run_with_a_cold_cache_says_what_it_does_and_a_quick_one_nothing(shot, monkeypatch, capfd):
     def run(out, shown):
-        words = [sys.executable, "-c", everything.format(shown=shown), "run", "shot.py", "--no-picture", "--no-xdmf"]
-        done = subprocess.run(
-            [*words, "--out", out], cwd=tmp_path, env=env, capture_output=True, text=True, timeout=SAFETY
-        )
-        assert done.returncode == 0, done.stderr
-        assert done.stdout == ""
-        return done.stderr
+        monkeypatch.setattr(stage_lines, "SHOWN_SECONDS", shown)
+        assert pdvol_command("run", "shot.py", "--no-picture", "--no-xdmf", "--out", out) == 0
+        text, log = capfd.readouterr()
+        assert text == ""
+        return log
 
     log = run("a", 0.0)
     names = stage_names(log)
@@ -232,19 +227,16 @@ def test_a_run_with_a_cold_cache_says_what_it_does_and_a_quick_one_nothing(tmp_p
     assert stage_names(warm) == [] and len(warm.splitlines()) == 2 * 2 + 1, "steps, and where the files are"
 
 
-def test_the_output_of_check_is_the_same_whatever_lasts(tmp_path):
-    (tmp_path / "cube.off").write_text(CUBE_OFF)
-    (tmp_path / "shot.py").write_text(CUBE)
-    env = cold(tmp_path)
-    program = "import pdvol.runs.stage_lines as s; s.SHOWN_SECONDS = 0.0; import pdvol; pdvol.main()"
-    words = [sys.executable, "-c", program, "check", "shot.py", "--measure", "0", "--json", "found.json"]
+def test_the_output_of_check_is_the_same_whatever_lasts(shot, monkeypatch, capfd):
+    monkeypatch.setattr(stage_lines, "SHOWN_SECONDS", 0.0)
     first, second = (
-        subprocess.run(words, cwd=tmp_path, env=env, capture_output=True, text=True, timeout=SAFETY) for _ in range(2)
+        (pdvol_command("check", "shot.py", "--measure", 0, "--json", "found.json"), *capfd.readouterr())
+        for _ in range(2)
     )
-    assert first.returncode == second.returncode == 0 and first.stdout == second.stdout
-    assert stage_names(first.stdout) == [] and "checking level 1" in stage_names(first.stderr)
-    assert "meshing body 'cube', level 1" in stage_names(first.stderr)
-    assert not any("meshing" in name for name in stage_names(second.stderr))
+    assert first[:2] == second[:2] and first[0] == 0
+    assert stage_names(first[1]) == [] and "checking level 1" in stage_names(first[2])
+    assert "meshing body 'cube', level 1" in stage_names(first[2])
+    assert not any("meshing" in name for name in stage_names(second[2]))
 
 
 def with_all_stages(comm, *words):
@@ -362,6 +354,7 @@ def test_other_commands_say_what_they_load(words, stages, tmp_path, monkeypatch,
     assert stage_names(shown.err)[: len(stages)] == stages and stage_names(shown.out) == []
 
 
+@pytest.mark.slow
 def test_a_study_says_what_it_waits_for_and_what_it_measures(tmp_path, capsys, all_stages):
     (tmp_path / "fall.py").write_text(FALL)
     words = ["--steps", "2", "--levels", "0:0", "--vary", "dt=0.01", "--reference", "dt=0.005", "--jobs", "1"]

@@ -15,7 +15,7 @@ from killing import HELPERS
 from pdvol.errors import InputError
 from pdvol.store.writer import RunWriter, open_run
 
-KILLS = 10
+KILLS = 5
 VERTICES = 400
 
 _WRITE = """
@@ -78,7 +78,7 @@ def test_a_creation_that_was_killed_can_be_repeated(tmp_path):
     seen = set()
     whole = ended(_CREATE, tmp_path / "whole", 0)
     assert whole.returncode == 0, whole.stderr
-    for i, deadly in enumerate(np.linspace(1, int(whole.stdout), 6).astype(int)):
+    for i, deadly in enumerate(np.linspace(1, int(whole.stdout), 4).astype(int)):
         path = tmp_path / f"run{i}"
         assert ended(_CREATE, path, deadly).returncode == -signal.SIGKILL
         try:
