@@ -97,22 +97,6 @@ def test_a_mistake_is_one_line(words, tmp_path, capsys):
     assert code == 2 and shown.err.startswith("benchmarks.dense: ") and shown.err.count("\n") == 1 and not shown.out
 
 
-def test_everyday_rows_come_without_being_asked_for():
-    everyday = dense.chosen("", False)
-    assert {"stack", "balls", "jelly_bowl", "blocks", "flight"} < set(everyday)
-    assert not any(dense_rows.ROWS[name].long for name in everyday)
-    assert dense.chosen("", True) == list(dense_rows.ROWS)
-    assert dense.chosen("mat_twist,stack", False) == ["stack", "mat_twist"]
-
-
-@pytest.mark.parametrize("name", dense_rows.ROWS)
-def test_every_row_names_a_scene(name):
-    row = dense_rows.ROWS[name]
-    assert row.asked.keys() <= dense_rows.GOALS.keys()
-    source = (ROOT / row.file).read_text()
-    assert "name" not in row.settings or row.settings["name"].split("_")[0] in source
-
-
 @pytest.mark.parametrize("name", ["stack", "plates", "struck_15"])
 def test_scenes_of_its_own(name):
     scene = load_shot(ROOT / "benchmarks" / "dense" / "scenes.py", {"name": name}).scene
@@ -132,32 +116,6 @@ def test_times_leave_out_the_first_step():
     assert dense_rows.pace(record()) == 1.0 and dense_rows.pace(record(seconds=[9.0])) == 9.0
     assert dense_rows.faster(record(seconds=[1.0, 4.0, 4.0]), record()) == 4.0
     assert dense_rows.faster(record(seconds=[1.0, 3.0]), record(seconds=[1.0, 1.0, 7.0])) == 3.0
-
-
-@pytest.mark.parametrize(
-    "goal, asked, shown",
-    [
-        ("faster", 2, "2 times as fast: **1.00**"),
-        ("ms", 1000, "at most 1000 ms a step: 1000"),
-        ("mean", 3, "at most 3 iterations: **4.00**"),
-        ("most", 6, "at most 6 in the worst step: 6.00"),
-        ("share", 0.667, "at most 0.667 of the iterations: **1.00**"),
-        ("seconds", 10, "within 10 s: **11.0**"),
-        ("steps", 3, "at least 3 steps: 3.00"),
-        ("reached", 1, "`reached` at least 1: 1.00"),
-        ("speed", 4, "leaves at 4 m/s or more: **3.00**"),
-        ("gain", 1.6, "two ranks 1.6 times as fast as one: 1.70"),
-    ],
-)
-def test_goals(goal, asked, shown):
-    assert dense_rows.GOALS[goal].verdict(asked, record(), record(gain=1.7)) == shown
-
-
-def test_a_row_that_failed_says_why():
-    cells = dense_rows.row("stack", record(), record(seconds=[], reason="ConvergenceError: step 1"))
-    assert cells[3] == "new: ConvergenceError: step 1" and len(cells) == len(dense_rows.HEAD)
-    tables = dense_rows.tables({"stack": (record(), record(seconds=[], reason="x")), "balls": (record(), record())})
-    assert len([line for line in tables.splitlines() if line.startswith("| 27 balls")]) == 2
 
 
 def test_the_median_run_counts_and_a_failed_one_more():

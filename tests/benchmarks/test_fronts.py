@@ -1,12 +1,8 @@
 """The table of fronts, on a made-up study, and the scenes that are studied."""
 
-import math
 from pathlib import Path
 
-import pytest
-
 from benchmarks.fronts import __main__ as fronts
-from pdvol.runs.scene_file import load_shot
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -48,9 +44,3 @@ def test_a_row_has_the_cheapest_settings_for_each_accuracy():
 
 def test_unknown_scenes_are_named(capsys):
     assert fronts.main(["spike,nothing"]) == 2 and "nothing" in capsys.readouterr().err
-
-
-@pytest.mark.parametrize("name", sorted(fronts.SCENES))
-def test_scenes_load(name):
-    scene = load_shot(ROOT / fronts.SCENES[name][0]).scene
-    assert scene.levels >= 2 and math.isfinite(scene.dt)

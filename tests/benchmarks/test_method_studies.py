@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from benchmarks.methods import __main__ as methods
-from benchmarks.methods import studies as method_studies
 from pdvol.geometry.level_mesh import boundary_facets
 
 
@@ -84,14 +83,6 @@ def test_turned_facets(d):
     assert len(hinges.pairs) == {2: 3, 3: 6}[d]
     assert hinges.turned(points @ turn.T) < 1e-5
     assert hinges.turned(moved) == pytest.approx(expected, rel=1e-6)
-
-
-def test_studies_are_of_demos_and_their_cases_differ():
-    for study in method_studies.STUDIES.values():
-        assert (method_studies.DEMOS / f"{study.demo}.py").is_file()
-        assert len({case.name for case in study.cases}) == len(study.cases)
-    # Word for word, the paper's w = 0.025 would be divided by 625 at a time step of 0.04 s.
-    assert method_studies.LITERAL == pytest.approx(0.025 / 625)
 
 
 @pytest.mark.slow

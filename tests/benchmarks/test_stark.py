@@ -68,30 +68,6 @@ def test_cut_steps_count_as_the_time_that_they_cover():
     assert rows.pace(cut) == pytest.approx(1.5) and rows.per_step(cut, "newton") == pytest.approx(4.0)
 
 
-def test_a_row_of_the_table():
-    theirs = [record((9.0, 3.0, 3.0), newton=[3, 3, 3], inverted=k, dt=[0.01, 0.01, 0.005]) for k in (0, 7, 1)]
-    cells = rows.cells("stack", {"stark": theirs, "pdvol": [record(load=2.5)] * 3})
-    shown = dict(zip(rows.HEAD, cells, strict=True))
-    assert shown["scene"] == "five cubes face on face" and shown["steps (runs)"] == "3 (3)"
-    assert shown["STARK's time over pdvol's (run by run)"] == "4.00 (4.00, 4.00, 4.00)"
-    assert shown["Newton a step: STARK, pdvol"] == "3.6, 4.0"
-    assert shown["smallest step of STARK [ms]"] == "5.0"
-    assert shown["inverted cells at the end: STARK, pdvol"] == "7, 0"
-    assert shown["last positions apart [mm]: median, most"] == "1.0, 2.0"
-    assert shown["load"] == "0.5 to 2.5" and shown["measured at"] == "0123456"
-
-
-def test_a_row_that_failed_says_why():
-    broken = {"reason": "RuntimeError: no", "tick": 1.0, "load": 0.1}
-    cells = rows.cells("stack", {"stark": [broken, record()], "pdvol": [record(), record()]})
-    assert cells[3] == "stark failed: RuntimeError: no" and len(cells) == len(rows.HEAD)
-
-
-def test_rows():
-    assert stark.chosen("", False)[:2] == ["drop_500", "twist_1k"] and "twist_20k" not in stark.chosen("", False)
-    assert stark.chosen("", True) == list(rows.ROWS) and stark.chosen("balls,blocks", False) == ["blocks", "balls"]
-
-
 # ---- what STARK is given
 
 
