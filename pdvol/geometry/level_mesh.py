@@ -80,6 +80,16 @@ class LevelMesh:
         others = np.linalg.inv(corners[:, 1:] - corners[:, :1]).transpose(0, 2, 1)
         return np.concatenate([-others.sum(axis=1, keepdims=True), others], axis=1)
 
+    def coordinates(self, cells: np.ndarray, points: np.ndarray) -> np.ndarray:
+        """Barycentric coordinates (k, d + 1) of points (k, d) in cells (k,), at rest. Rows sum to one; they may be
+        negative.
+        """
+        # A product and a sum, not einsum or matmul: a row must not depend on its place in the array, which differs
+        # between ranks.
+        arms = (points - self.points[self.cells[cells, 0]])[:, None]
+        others = (self.hat_gradients[cells, 1:] * arms).sum(axis=2)
+        return np.column_stack([1.0 - others.sum(axis=1), others])
+
     def body(self, number: int) -> tuple["LevelMesh", np.ndarray]:
         """One body as a mesh of its own, and its points' indices here."""
         mine = self.bodies == number

@@ -1,7 +1,7 @@
 """The springs of a scene's attachments: chosen on the coarsest level, bound to the same material on every level."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -9,7 +9,7 @@ import numpy as np
 from pdvol.errors import InputError
 from pdvol.geometry.boundary_search import nearest_points
 from pdvol.geometry.level_mesh import LevelMesh, facet_sizes
-from pdvol.levels.locate import barycentric_coordinates, nearest_material
+from pdvol.levels.locate import nearest_material
 from pdvol.scene import Attachment, Scene
 from pdvol.scene.checks import chosen, near, require
 
@@ -105,8 +105,9 @@ def _ends(
         return nearest_points(mesh.points, facets, starts)[1]
     cells, weights = nearest_material(mesh, starts, np.full(len(starts), body))
     facet, places = nearest_points(start, facets, np.einsum("kc,kci->ki", weights, start[mesh.cells[cells]]))
-    corners = mesh.cells[mesh.boundary_cells[part[facet]]]
-    return np.einsum("kc,kci->ki", barycentric_coordinates(places, start[corners]), mesh.points[corners])
+    behind = mesh.boundary_cells[part[facet]]
+    weights = replace(mesh, points=start).coordinates(behind, places)
+    return np.einsum("kc,kci->ki", weights, mesh.points[mesh.cells[behind]])
 
 
 def _one_place(mesh: LevelMesh, body: int, name: str, what: str, place: Any) -> np.ndarray:
@@ -144,9 +145,10 @@ def bound_springs(springs: Springs, mesh: LevelMesh, start: np.ndarray) -> tuple
     """
     if len(springs.stiffness) == 0:
         return ()
-    ends = [nearest_material(mesh, *end) for end in zip(springs.ends, springs.bodies, strict=True)]
-    points = np.concatenate([mesh.cells[cells] for cells, _ in ends], axis=1)
-    weights = np.concatenate([-ends[0][1], ends[1][1]], axis=1)
+    cells, weights = nearest_material(mesh, np.concatenate(springs.ends), springs.bodies.ravel())
+    points = np.hstack(np.split(mesh.cells[cells], 2))
+    begins, ends = np.split(weights, 2)
+    weights = np.hstack([-begins, ends])
     lengths = np.linalg.norm(np.einsum("ka,kai->ki", weights, start[points]), axis=1)
     rest = np.where(np.isnan(springs.rest_length), lengths, springs.rest_length)
     return (BoundSprings(points, weights, springs.stiffness, rest, springs.strength),)

@@ -9,7 +9,7 @@ from pdvol.errors import MeshError
 from pdvol.geometry.boundary_search import BoundarySearch
 from pdvol.geometry.level_mesh import LevelMesh
 from pdvol.levels.geodesic import CLOSEST, INSIDE, NEIGHBOUR, RAY, bind_outside
-from pdvol.levels.locate import barycentric_coordinates, containing_cells
+from pdvol.levels.locate import containing_cells
 from pdvol.levels.space import LevelSpace
 
 OutsideRule = Callable[[LevelMesh, LevelMesh, np.ndarray], tuple[np.ndarray, np.ndarray]]
@@ -76,11 +76,7 @@ def home_cells(target: LevelSpace, source: LevelSpace, binding: Binding) -> np.n
     if len(outside):
         choices = binding.cells[fine.cells[outside]]
         corners = np.repeat(centres[outside], fine.dim + 1, axis=0)
-        within = (
-            barycentric_coordinates(corners, coarse.points[coarse.cells[choices.ravel()]])
-            .min(axis=1)
-            .reshape(choices.shape)
-        )
+        within = coarse.coordinates(choices.ravel(), corners).min(axis=1).reshape(choices.shape)
         homes[outside] = choices[np.arange(len(outside)), within.argmax(axis=1)]
     return homes
 
@@ -92,7 +88,7 @@ def _bind(target: LevelSpace | LevelMesh, source: LevelSpace, outside_rule: Outs
     cells = containing_cells(target.points, target.point_bodies, source)
     # One rank computes it for all: arithmetic on two machines may differ in the last digit, and bindings with it.
     cells, kind = source.comm.bcast(outside_rule(target, mesh, cells) if source.comm.rank == 0 else None)
-    return Binding(cells, kind, barycentric_coordinates(target.points, mesh.points[mesh.cells[cells]]))
+    return Binding(cells, kind, mesh.coordinates(cells, target.points))
 
 
 def _closest_outside(target: LevelMesh, source: LevelMesh, cells: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

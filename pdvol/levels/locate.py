@@ -1,14 +1,14 @@
-"""Which cell of a distributed level contains a point, and the barycentric coordinates of points in cells.
+"""Which cell of a distributed level contains a point, and the material of a level that is nearest to one.
 
-A point is in a cell when its signed distance to every facet's plane is at least `-FACET_TOLERANCE * size`, `size` being
-the largest coordinate of the level. On a shared facet the lowest input cell index wins, so the answer does not depend
-on the number of ranks.
+Candidates come from `dolfinx.geometry.bb_tree`. A point is in a cell when its signed distance to every facet's plane is
+at least `-FACET_TOLERANCE * size`, `size` being the largest coordinate of the level. On a shared facet the lowest input
+cell index wins, so the answer does not depend on the number of ranks. docs/method.md has why dolfinx' own decisions,
+`compute_colliding_cells` and point ownership, are not taken.
 """
 
 import numpy as np
 from dolfinx import geometry
 from mpi4py import MPI
-from scipy.spatial import cKDTree
 
 from pdvol.geometry.boundary_search import nearest_points
 from pdvol.geometry.level_mesh import LevelMesh
@@ -18,15 +18,12 @@ from pdvol.levels.space import LevelSpace
 FACET_TOLERANCE = 1e-12
 # points searched at a time: bounds the memory of the candidate pairs
 CHUNK = 20_000
-# cells, by their centres, among which the one nearest to a point is sought: many times those around one vertex
-NEAREST_CENTRES = 128
 
 
 def containing_cells(points: np.ndarray, bodies: np.ndarray, source: LevelSpace) -> np.ndarray:
     """The cell of `source` that contains each point, among the cells of the point's own body. Collective.
 
-    Every rank searches the cells it owns (`dolfinx.geometry.bb_tree`); the lowest input index found by any rank is
-    taken.
+    Every rank searches the cells it owns; the lowest input index found by any rank is taken.
 
     Parameters
     ----------
@@ -59,7 +56,8 @@ def containing_cells(points: np.ndarray, bodies: np.ndarray, source: LevelSpace)
             boxes = geometry.compute_collisions_points(tree, search[part])
             point = np.repeat(part, np.diff(boxes.offsets))
             cell = owned[boxes.array].astype(np.int64)
-            inside = _contains(mesh.points[mesh.cells[cell]], points[point], slack)
+            distances = mesh.coordinates(cell, points[point]) / np.linalg.norm(mesh.hat_gradients[cell], axis=2)
+            inside = (distances >= -slack).all(axis=1)
             np.minimum.at(found, point[inside], cell[inside])
     source.comm.Allreduce(MPI.IN_PLACE, found, op=MPI.MIN)
     found[found == outside] = -1
@@ -81,41 +79,19 @@ def nearest_material(mesh: LevelMesh, points: np.ndarray, bodies: np.ndarray) ->
     weights : (k, d + 1) float64
         Barycentric coordinates, none negative, rows sum to one.
     """
-    found = np.zeros(len(points), dtype=np.int64)
-    weights = np.zeros((len(points), mesh.dim + 1))
-    for body in np.unique(bodies):
-        mine, own = np.flatnonzero(bodies == body), np.flatnonzero(mesh.bodies == body)
-        facets = mesh.bodies[mesh.boundary_cells] == body
-        facet, nearest = nearest_points(mesh.points, mesh.boundary[facets], points[mine])
-        behind = mesh.boundary_cells[facets][facet]
-        centres = cKDTree(mesh.points[mesh.cells[own]].mean(axis=1))
-        _, near = centres.query(points[mine], k=np.arange(1, min(NEAREST_CENTRES, len(own)) + 1))
-        tried = np.repeat(points[mine], near.shape[1], axis=0)
-        within = barycentric_coordinates(tried, mesh.points[mesh.cells[own[near.ravel()]]]).reshape(*near.shape, -1)
-        best, each = within.min(axis=2).argmax(axis=1), np.arange(len(mine))
-        outside = within[each, best].min(axis=1) < 0.0
-        found[mine] = np.where(outside, behind, own[near[each, best]])
-        weights[mine] = within[each, best]
-        at_surface = barycentric_coordinates(nearest[outside], mesh.points[mesh.cells[behind[outside]]]).clip(0.0)
-        weights[mine[outside]] = at_surface / at_surface.sum(axis=1, keepdims=True)
-    return found, weights
+    cells = containing_cells(points, bodies, LevelSpace(mesh, MPI.COMM_SELF))
+    places = points.copy()
+    for body in np.unique(bodies[cells < 0]):
+        outside = np.flatnonzero((cells < 0) & (bodies == body))
+        facets = np.flatnonzero(mesh.bodies[mesh.boundary_cells] == body)
+        facet, places[outside] = nearest_points(mesh.points, mesh.boundary[facets], points[outside])
+        cells[outside] = mesh.boundary_cells[facets[facet]]
+    return cells, inner_weights(mesh, cells, places)
 
 
-def barycentric_coordinates(points: np.ndarray, corners: np.ndarray) -> np.ndarray:
-    """Barycentric coordinates (n, d + 1) of points (n, d) in simplices with corners (n, d + 1, d). Rows sum to one; may
-    be negative.
+def inner_weights(mesh: LevelMesh, cells: np.ndarray, places: np.ndarray) -> np.ndarray:
+    """(k, d + 1): barycentric coordinates of places (k, d) in or on cells (k,), without what round-off leaves below
+    zero; rows sum to one.
     """
-    edges = (corners[:, 1:] - corners[:, :1]).transpose(0, 2, 1)
-    others = np.linalg.solve(edges, (points - corners[:, 0])[..., None])[..., 0]
-    return np.column_stack([1.0 - others.sum(axis=1), others])
-
-
-def _contains(corners: np.ndarray, points: np.ndarray, slack: float) -> np.ndarray:
-    """(n,) bool: the point's distance to the plane of every facet, counted positive inwards, is at least -slack."""
-    gradients = np.linalg.inv((corners[:, 1:] - corners[:, :1]).transpose(0, 2, 1))
-    gradients = np.concatenate([-gradients.sum(axis=1, keepdims=True), gradients], axis=1)
-    # A product and a sum, not einsum or matmul: a pair's result must not depend on its place in the array, which
-    # differs between ranks.
-    coordinates = (gradients * (points - corners[:, 0])[:, None, :]).sum(axis=2)
-    coordinates[:, 0] += 1.0
-    return (coordinates >= -slack * np.sqrt((gradients**2).sum(axis=2))).all(axis=1)
+    weights = mesh.coordinates(cells, places).clip(0.0)
+    return weights / weights.sum(axis=1, keepdims=True)

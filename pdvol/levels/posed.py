@@ -4,7 +4,7 @@ import numpy as np
 
 from pdvol.errors import InputError
 from pdvol.geometry.level_mesh import LevelMesh
-from pdvol.levels.locate import barycentric_coordinates, nearest_material
+from pdvol.levels.locate import nearest_material
 from pdvol.scene import Posed
 
 
@@ -39,4 +39,4 @@ def posed_positions(posed: Posed, points: np.ndarray, whose: str) -> np.ndarray:
             f"{whose}: {far:,} of {len(points):,} vertices are further than {limit:.3g} m from its mesh at rest, as the"
             f" one at ({place}), {distances.max():.3g} m; give that mesh as placed, or raise Posed.tolerance"
         )
-    return np.einsum("nc,nci->ni", barycentric_coordinates(points, rest[corners]), positions[corners])
+    return np.einsum("nc,nci->ni", mesh.coordinates(found, points), positions[corners])

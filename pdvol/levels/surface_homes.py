@@ -14,7 +14,7 @@ from pdvol.geometry.level_mesh import LevelMesh
 from pdvol.geometry.nearest_in_simplex import nearest_coordinates
 from pdvol.levels.binding import CLOSEST, INSIDE, NEIGHBOUR, RAY, Binding
 from pdvol.levels.geodesic import ray_hits, vertex_adjacency
-from pdvol.levels.locate import barycentric_coordinates, containing_cells
+from pdvol.levels.locate import containing_cells, inner_weights
 from pdvol.levels.space import LevelSpace
 
 NEARER = 1e-9
@@ -41,8 +41,7 @@ def nearest_homes(target: LevelMesh, source: LevelSpace) -> Binding:
         facet, kind[outside] = _bind_outside(target, outside, search, walk)
         cells[outside] = search.cells[facet]
         places[outside] = walk.nearest(target.points[outside], facet)[0]
-    weights = np.maximum(barycentric_coordinates(places, mesh.points[mesh.cells[cells]]), 0.0)
-    return Binding(cells, kind, weights / weights.sum(axis=1, keepdims=True))
+    return Binding(cells, kind, inner_weights(mesh, cells, places))
 
 
 def _bind_outside(

@@ -12,7 +12,7 @@ from pdvol.forms.inertia import inertia
 from pdvol.forms.loads import body_force
 from pdvol.geometry.closed_surfaces import pressed_facets
 from pdvol.geometry.level_mesh import LevelMesh
-from pdvol.levels.locate import barycentric_coordinates
+from pdvol.geometry.nearest_in_simplex import nearest_coordinates
 from pdvol.levels.model import PlacedLoad
 from pdvol.levels.space import LevelSpace
 from pdvol.parallel import reduce
@@ -109,8 +109,7 @@ def point_shares(mesh: LevelMesh, chosen: np.ndarray, at: np.ndarray) -> np.ndar
     of points `chosen`.
     """
     cells = mesh.cells[chosen[mesh.cells].all(axis=1)]
-    weights = barycentric_coordinates(np.broadcast_to(at, (len(cells), mesh.dim)), mesh.points[cells]).clip(0.0)
-    weights /= weights.sum(axis=1, keepdims=True)
+    weights = nearest_coordinates(np.broadcast_to(at, (len(cells), mesh.dim)), mesh.points[cells])
     off = np.linalg.norm(np.einsum("ki,kij->kj", weights, mesh.points[cells]) - at, axis=1)
     nearest = int(off.argmin())
     shares = np.zeros(len(mesh.points))

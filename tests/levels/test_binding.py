@@ -11,6 +11,7 @@ from pdvol.errors import MeshError
 from pdvol.geometry.boundary_search import BoundarySearch
 from pdvol.levels.binding import CLOSEST, INSIDE, NEIGHBOUR, RAY, bind, closest_binding
 from pdvol.levels.geodesic import bind_outside, vertex_adjacency
+from pdvol.levels.locate import containing_cells
 from pdvol.levels.prolongation import Prolongation
 from pdvol.levels.space import LevelSpace
 from pdvol.registry import INTERPOLANTS
@@ -142,6 +143,23 @@ def test_inside_neighbours_without_hits_give_the_nearest_layer(monkeypatch):
 def test_vertex_adjacency_of_one_square():
     adjacency = vertex_adjacency(grid([0.0, 1.0], [0.0, 1.0])).toarray()
     assert adjacency.sum() == 10 and (adjacency == adjacency.T).all() and (np.diag(adjacency) == 0).all()
+
+
+@pytest.mark.parametrize("size", [1e-3, 1.0, 1e3])
+@pytest.mark.parametrize("flat", [1.0, 1e-4])
+def test_cells_of_any_size_and_shape_contain_their_points(size, flat):
+    """The middle of each cell is in that cell, and what is outside by a hundred-thousandth of the size is outside."""
+    mesh = box(3, 4)
+    stretched = size * np.array([1.0, flat, 1.0])
+    mesh = type(mesh)(mesh.points * stretched, mesh.cells, mesh.bodies, mesh.regions)
+    centres = mesh.points[mesh.cells].mean(axis=1)
+    space = LevelSpace(mesh, COMM)
+    np.testing.assert_array_equal(containing_cells(centres, mesh.bodies, space), np.arange(len(centres)))
+    assert (containing_cells(mesh.points, mesh.point_bodies, space) >= 0).all()
+    beside = mesh.points[mesh.boundary].mean(axis=1)
+    beside = beside[beside[:, 0] > (1.0 - 1e-9) * size] + [1e-5 * size, 0.0, 0.0]
+    assert len(beside) == 32
+    assert (containing_cells(beside, np.zeros(32, dtype=np.int32), space) == -1).all()
 
 
 def test_levels_that_do_not_match():

@@ -7,6 +7,7 @@ import pytest
 from mpi4py import MPI
 
 from pdvol.errors import InputError
+from pdvol.geometry.level_mesh import LevelMesh
 from pdvol.levels.attachments import attachment_springs, bound_springs
 from pdvol.levels.locate import nearest_material
 from pdvol.levels.scene_fields import check_fields
@@ -133,6 +134,23 @@ def test_nearest_material(d):
     out = np.linalg.norm(places - points, axis=1)
     box_distance = np.linalg.norm(np.maximum(0.0, np.maximum(low[bodies] - points, points - high[bodies])), axis=1)
     np.testing.assert_allclose(out, box_distance, atol=1e-12)
+
+
+def test_the_cell_around_a_point_is_found_among_many_smaller_ones():
+    """A fan of triangles on a strip of 600 small ones, all of whose centres are nearer to the point than its own
+    triangle's.
+    """
+    x = np.linspace(0.0, 1.0, 301)
+    points = np.concatenate([[[0.5, 1.0]], *(np.column_stack([x, np.full(301, y)]) for y in (0.0, -0.001))])
+    left, below = np.arange(1, 301), np.arange(302, 602)
+    fan = np.column_stack([np.zeros(300, dtype=np.int64), left, left + 1])
+    strip = np.concatenate([np.column_stack([below, below + 1, left]), np.column_stack([below + 1, left + 1, left])])
+    cells = np.concatenate([fan, strip])
+    none = np.zeros(len(cells), dtype=np.int32)
+    mesh, point = LevelMesh(points, cells, none, none), np.array([[0.501, 0.01]])
+    found, weights = nearest_material(mesh, point, np.zeros(1, dtype=np.int64))
+    assert found[0] < 300
+    np.testing.assert_allclose(weights @ mesh.points[cells[found[0]]], point, atol=1e-12)
 
 
 def test_mistakes_are_named():

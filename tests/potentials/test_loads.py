@@ -144,7 +144,7 @@ def test_a_point_force_acts_where_it_says(d):
     beyond = at.copy()
     beyond[0] = 1.05
     np.testing.assert_allclose(
-        point_shares(mesh, np.ones(len(mesh.points), dtype=bool), beyond) @ mesh.points, np.r_[1.0, at[1:]], atol=0.2
+        point_shares(mesh, np.ones(len(mesh.points), dtype=bool), beyond) @ mesh.points, np.r_[1.0, at[1:]], atol=1e-12
     )
     two = together(mesh, box(d, 2))  # one upon the other: the second body's points alone are meant
     shares = point_shares(two, two.point_bodies == 1, at)
