@@ -4,12 +4,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+import scipy.sparse as sp
 
 from pdvol.errors import MeshError
-from pdvol.geometry.boundary_search import BoundarySearch
 from pdvol.geometry.level_mesh import LevelMesh
 from pdvol.levels.geodesic import CLOSEST, INSIDE, NEIGHBOUR, RAY, bind_outside
-from pdvol.levels.locate import containing_cells
+from pdvol.levels.locate import behind_nearest_facets, containing_cells
 from pdvol.levels.space import LevelSpace
 
 OutsideRule = Callable[[LevelMesh, LevelMesh, np.ndarray], tuple[np.ndarray, np.ndarray]]
@@ -37,6 +37,16 @@ class Binding:
     def __post_init__(self) -> None:
         for array in (self.cells, self.kind, self.weights):
             array.flags.writeable = False
+
+    def matrix(self, source: LevelMesh) -> sp.csr_matrix:
+        """(n, n source points): each row holds a point's barycentric coordinates in its home cell of `source`."""
+        n, corners = self.weights.shape
+        indptr = np.arange(0, n * corners + 1, corners)
+        columns = source.cells[self.cells].ravel()
+        # A copy: sorting the columns sorts the values in place, which are the binding's.
+        weights = sp.csr_matrix((self.weights.ravel(), columns, indptr), shape=(n, len(source.points)), copy=True)
+        weights.sort_indices()
+        return weights
 
     def report(self) -> dict:
         """Counts of `inside`, `ray`, `neighbour` and `orphans`, and the `largest_weight` in absolute value."""
@@ -92,13 +102,8 @@ def _bind(target: LevelSpace | LevelMesh, source: LevelSpace, outside_rule: Outs
 
 
 def _closest_outside(target: LevelMesh, source: LevelMesh, cells: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    cells, bodies = cells.copy(), target.point_bodies
     kind = np.where(cells < 0, CLOSEST, INSIDE).astype(np.int8)
-    for body in np.unique(bodies[cells < 0]):
-        outside = np.flatnonzero((cells < 0) & (bodies == body))
-        search = BoundarySearch(source, body)
-        cells[outside] = search.cells[search.closest(target.points[outside])]
-    return cells, kind
+    return behind_nearest_facets(source, target.points, target.point_bodies, cells)[0], kind
 
 
 def _check(target: LevelMesh, source: LevelMesh) -> None:

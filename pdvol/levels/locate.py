@@ -80,13 +80,23 @@ def nearest_material(mesh: LevelMesh, points: np.ndarray, bodies: np.ndarray) ->
         Barycentric coordinates, none negative, rows sum to one.
     """
     cells = containing_cells(points, bodies, LevelSpace(mesh, MPI.COMM_SELF))
-    places = points.copy()
+    cells, places = behind_nearest_facets(mesh, points, bodies, cells)
+    return cells, inner_weights(mesh, cells, places)
+
+
+def behind_nearest_facets(
+    mesh: LevelMesh, points: np.ndarray, bodies: np.ndarray, cells: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Home cells (k,) of points (k, d), where those that are -1 become the cell behind the nearest boundary facet of
+    the point's body; and the place (k, d) in the body that is nearest to each point.
+    """
+    cells, places = cells.copy(), points.copy()
     for body in np.unique(bodies[cells < 0]):
         outside = np.flatnonzero((cells < 0) & (bodies == body))
         facets = np.flatnonzero(mesh.bodies[mesh.boundary_cells] == body)
         facet, places[outside] = nearest_points(mesh.points, mesh.boundary[facets], points[outside])
         cells[outside] = mesh.boundary_cells[facets[facet]]
-    return cells, inner_weights(mesh, cells, places)
+    return cells, places
 
 
 def inner_weights(mesh: LevelMesh, cells: np.ndarray, places: np.ndarray) -> np.ndarray:

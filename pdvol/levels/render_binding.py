@@ -27,7 +27,6 @@ from pdvol.errors import InputError
 from pdvol.geometry.halved_cells import halved_cells
 from pdvol.geometry.level_mesh import LevelMesh
 from pdvol.levels.binding import INSIDE, Binding, bind
-from pdvol.levels.interpolants.barycentric import binding_matrix
 from pdvol.levels.interpolants.phong import vertex_gradients
 from pdvol.levels.space import LevelSpace
 from pdvol.levels.surface_homes import nearest_homes
@@ -73,7 +72,7 @@ def render_weights(
     at = lambda places: LevelMesh(places, whole, zeros(len(whole)), zeros(len(whole)))
     source = LevelSpace(LevelMesh(body.points, body.cells, zeros(len(body.cells)), body.regions), MPI.COMM_SELF)
     home = nearest_homes(at(points[kept]), source)
-    linear = binding_matrix(home, body)
+    linear = home.matrix(body)
     nearest = linear @ body.points
     weights = _interpolated(source, at(nearest), home, interpolant, name)
     offsets = np.where((home.kind == INSIDE)[:, None], 0.0, points[kept] - nearest)
@@ -98,4 +97,4 @@ def _interpolated(
             f" RenderMesh(interpolant={OF_POINTS[-1]!r})"
         )
     inner = carry(source, between, bind(between, source))
-    return sp.csr_matrix(binding_matrix(bind(places, between), between.mesh) @ inner)
+    return sp.csr_matrix(bind(places, between).matrix(between.mesh) @ inner)

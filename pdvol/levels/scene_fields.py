@@ -179,24 +179,12 @@ def _check_load(scene: Scene, load: Load, mesh: LevelMesh, level: int) -> None:
             load.at(mesh.points, time)
         elif isinstance(load, Pressure):
             load.at(time)
+        elif isinstance(load, Gravity):
+            at_time("gravity", load.acceleration, time, mesh.dim)
+        elif isinstance(load, Impulse):
+            at_time("Impulse.velocity", load.velocity, time, mesh.dim)
         else:
-            name = (
-                "gravity"
-                if isinstance(load, Gravity)
-                else f"{kind}.{'velocity' if isinstance(load, Impulse) else 'force'}"
-            )
-            at_time(
-                name,
-                (
-                    load.acceleration
-                    if isinstance(load, Gravity)
-                    else load.velocity
-                    if isinstance(load, Impulse)
-                    else load.force
-                ),
-                time,
-                mesh.dim,
-            )
+            at_time(f"{kind}.force", load.force, time, mesh.dim)
     if isinstance(load, Gravity):
         return
     held = chosen_points(scene, load, mesh)

@@ -10,6 +10,7 @@ import numpy as np
 
 from pdvol.errors import InputError
 from pdvol.geometry.level_mesh import LevelMesh, simplex_volumes
+from pdvol.geometry.strain import principal_stretches
 from pdvol.scene import Posed, Scene
 from pdvol.scene.checks import called, require
 
@@ -54,13 +55,47 @@ def start_positions(scene: Scene, mesh: LevelMesh, level: int) -> np.ndarray:
 def _begun(start: Posed | Callable[[np.ndarray], np.ndarray], points: np.ndarray, name: str) -> np.ndarray:
     """Where rest positions (n, d) of a body are at t = 0; `name` begins the messages of InputError."""
     if isinstance(start, Posed):
-        from pdvol.levels.posed import posed_positions  # loads search trees and finite elements
-
         return posed_positions(start, points, name)
     found = called(name, start, (points.copy(),), points.shape)
     require(np.issubdtype(found.dtype, np.number), f"{name} gives no numbers, but {found.dtype}")
     require(bool(np.isfinite(found).all()), f"{name} gives NaN or infinity")
     return found.astype(float)
+
+
+def posed_positions(posed: Posed, points: np.ndarray, whose: str) -> np.ndarray:
+    """(n, d) [m]: where rest positions (n, d) of a level are at t = 0, by the linear map of the cell that each lies in,
+    or that is nearest to it. Vertices of the posed mesh itself are where it says, to the last bit.
+
+    Raises
+    ------
+    InputError
+        The mesh has another dimension, or a flat cell, or is too far from a point; `whose` names the start.
+    """
+    rest, cells, positions = np.asarray(posed.rest), np.asarray(posed.cells), np.asarray(posed.positions)
+    if rest.shape[1] != points.shape[1]:
+        raise InputError(f"{whose} is {rest.shape[1]}D in a {points.shape[1]}D scene")
+    used, cells = np.unique(cells, return_inverse=True)
+    rest, positions, cells = rest[used], positions[used], cells.reshape(-1, points.shape[1] + 1)
+    if np.array_equal(rest, points):
+        return positions.astype(float)
+    none = np.zeros(len(cells), dtype=np.int32)
+    mesh = LevelMesh(rest, cells, none, none)
+    if not np.abs(mesh.volumes).min() > 0.0:
+        raise InputError(f"{whose} has a flat cell at rest, {int(np.abs(mesh.volumes).argmin())}; leave it out")
+    from pdvol.levels.locate import nearest_material  # loads search trees and finite elements
+
+    found, weights = nearest_material(mesh, points, np.zeros(len(points), dtype=np.int64))
+    corners = cells[found]
+    distances = np.linalg.norm(points - np.einsum("nc,nci->ni", weights, rest[corners]), axis=1)
+    limit = posed.tolerance * np.linalg.norm(np.ptp(rest, axis=0))
+    far = int((distances > limit).sum())
+    if far:
+        place = ", ".join(f"{x:.4g}" for x in points[int(distances.argmax())])
+        raise InputError(
+            f"{whose}: {far:,} of {len(points):,} vertices are further than {limit:.3g} m from its mesh at rest, as the"
+            f" one at ({place}), {distances.max():.3g} m; give that mesh as placed, or raise Posed.tolerance"
+        )
+    return np.einsum("nc,nci->ni", mesh.coordinates(found, points), positions[corners])
 
 
 def _place(mesh: LevelMesh, cell: int) -> str:
@@ -81,9 +116,7 @@ def start_notes(scene: Scene, mesh: LevelMesh, level: int) -> list[str]:
     positions, notes = start_positions(scene, mesh, level), []
     for number, body in enumerate(scene.bodies):
         if body.start is not None:
-            mine = mesh.bodies == number
-            gradients = np.einsum("mci,mcj->mij", positions[mesh.cells[mine]], mesh.hat_gradients[mine])
-            stretches = np.linalg.svd(gradients, compute_uv=False)
+            stretches = principal_stretches(mesh, positions)[mesh.bodies == number]
             notes.append(
                 f"level {level}: body {body.name!r} starts away from rest, its cells stretched by"
                 f" {stretches.min():.3g} to {stretches.max():.3g}"

@@ -12,9 +12,7 @@ from test_binding import comb_pair, fold_pair
 
 from pdvol.errors import MeshError
 from pdvol.levels.binding import INSIDE, bind
-from pdvol.levels.interpolants.barycentric import binding_matrix
-from pdvol.levels.interpolants.biharmonic import biharmonic, biharmonic_columns
-from pdvol.levels.interpolants.laplacian import flux_laplacian, squared_laplacian
+from pdvol.levels.interpolants.biharmonic import biharmonic, biharmonic_columns, flux_laplacian, squared_laplacian
 from pdvol.levels.interpolants.locality import DROPPED, make_local, restore_affine
 from pdvol.levels.interpolants.phong import vertex_gradients
 from pdvol.levels.prolongation import Prolongation
@@ -170,7 +168,7 @@ def test_the_laplacian_integrates_the_jump_of_the_gradient(d):
 def dense(coarse, fine):
     """W before dropping, and B, of one body."""
     back = bind(coarse, LevelSpace(fine, COMM))
-    return np.hstack(list(biharmonic_columns(fine, back, coarse.points, "body 0"))), binding_matrix(back, fine)
+    return np.hstack(list(biharmonic_columns(fine, back, coarse.points, "body 0"))), back.matrix(fine)
 
 
 @pytest.mark.parametrize("d", [2, 3])
@@ -244,7 +242,7 @@ def test_a_coordinate_is_local():
     middle = int(np.argmin(np.linalg.norm(coarse.points - 0.5, axis=1)))
     far = np.linalg.norm(fine.points - coarse.points[middle], axis=1) > 4 / 12
     assert np.abs(W[far, middle]).max() < 0.01 * W[:, middle].max()
-    home = binding_matrix(bind(fine, LevelSpace(coarse, COMM)), coarse)
+    home = bind(fine, LevelSpace(coarse, COMM)).matrix(coarse)
     sparse = make_local([W[:, :100], W[:, 100:]], home, coarse.points, fine.points)
     assert sparse.nnz < 0.4 * W.size
     # What was dropped, and as much again for the correction.

@@ -7,8 +7,7 @@ import pytest
 
 import pdvol
 from pdvol import Body, Gravity, InputError, NeoHookean, Posed, Scene, Solid, Support
-from pdvol.levels.posed import posed_positions
-from pdvol.levels.start import start_positions
+from pdvol.levels.start import posed_positions, start_positions
 from pdvol.meshing.build import build_levels
 from pdvol.runs.scene_summary import modelled_terms
 from pdvol.scene.fingerprint import describe

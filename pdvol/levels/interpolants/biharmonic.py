@@ -6,7 +6,7 @@ Each column of W is the smoothest field on the fine mesh that is one at one coar
     min_W tr(1/2 W' A W)  subject to  B W = I,        A = L' M^-1 L
 
 with B the binding of the coarse vertices into the fine mesh (weights of coarse vertices outside are partly negative)
-and A the squared Laplacian of `laplacian.py`, whose kernel is the affine functions: W then reproduces affine fields.
+and A the squared Laplacian below, whose kernel is the affine functions: W then reproduces affine fields.
 
 All columns come from one factorisation of [[A, B'], [B, -e I]]. With e = 0 that matrix is singular where B lacks rank:
 where a part of the coarse mesh has more vertices than the fine mesh around it. The small e makes those constraints hold
@@ -14,6 +14,19 @@ in the least-squares sense, leaves the others as they are to about e, and does n
 all constraints at no energy.
 
 W decays with the distance, and `locality.py` makes it sparse.
+
+A = L' M^-1 L has affine functions in its kernel, boundary included.
+L has a row per inner facet: the jump of a P1 field's gradient there, which is all the Laplacian that such a field has,
+
+    (L u)_f = |f| (n_a . grad u_a + n_b . grad u_b)      a, b the cells beside f, n_a = -n_b their normals away from f,
+
+and M_f = (|a| + |b|) / (d + 1): the lumped Crouzeix-Raviart Laplacian. Facets of the boundary have no row: nothing is
+asked of the normal derivative there (natural boundary conditions). A field without such jumps is affine on every part
+joined through facets, hence the kernel.
+
+The cotangent Laplacian, which imposes no flux through the boundary, does not annihilate affine functions at boundary
+vertices. Wang et al. (2015) added their flux back; libigl keeps that variant out of use with a note by its authors that
+it is in error, and has this one.
 """
 
 from collections.abc import Iterator
@@ -27,8 +40,6 @@ from scipy.sparse.csgraph import connected_components
 from pdvol.errors import MeshError
 from pdvol.geometry.level_mesh import LevelMesh
 from pdvol.levels.binding import Binding, bind
-from pdvol.levels.interpolants.barycentric import binding_matrix
-from pdvol.levels.interpolants.laplacian import squared_laplacian
 from pdvol.levels.interpolants.locality import DROPPED, make_local
 from pdvol.levels.space import LevelSpace
 from pdvol.meshing.cache import content_key, default_folder, fetch
@@ -58,7 +69,7 @@ def biharmonic(coarse: LevelSpace, fine: LevelSpace, binding: Binding) -> sp.csr
         unique.
     """
     back = bind(coarse, fine)
-    return on_root(fine.comm, lambda: _kept(coarse.mesh, fine.mesh, back, binding_matrix(binding, coarse.mesh)))
+    return on_root(fine.comm, lambda: _kept(coarse.mesh, fine.mesh, back, binding.matrix(coarse.mesh)))
 
 
 def _kept(coarse: LevelMesh, fine: LevelMesh, back: Binding, home: sp.csr_matrix) -> sp.csr_matrix:
@@ -108,7 +119,7 @@ def biharmonic_columns(mesh: LevelMesh, back: Binding, points: np.ndarray, name:
     name : of the body, for errors
     """
     _check_controls(mesh, back, points, name)
-    control = binding_matrix(back, mesh)
+    control = back.matrix(mesh)
     energy = squared_laplacian(mesh)
     energy /= np.median(energy.diagonal()) or 1.0  # a body of one cell has no inner facet and no energy
     system = sp.bmat([[energy, control.T], [control, -SLACK * sp.eye(len(points))]], format="csr")
@@ -195,3 +206,27 @@ def _check_controls(mesh: LevelMesh, back: Binding, points: np.ndarray, name: st
                 f" {flat}, and find {len(mine)}{where}; give the coarser level more vertices or use --prolongation"
                 " barycentric"
             )
+
+
+def flux_laplacian(mesh: LevelMesh) -> sp.csr_matrix:
+    """L: (inner facets, n) [m^(d-2)]."""
+    cells, opposite = mesh.inner_facets
+    gradients = mesh.hat_gradients[cells]
+    # A facet's area vector, into the cell, is d |cell| grad phi_opposite.
+    area = (
+        mesh.dim
+        * mesh.volumes[cells][..., None]
+        * np.take_along_axis(gradients, opposite[..., None, None], axis=2)[:, :, 0]
+    )
+    flux = (gradients @ area[..., None])[..., 0]
+    rows = np.broadcast_to(np.arange(len(cells))[:, None, None], flux.shape)
+    return sp.csr_matrix(
+        (flux.ravel(), (rows.ravel(), mesh.cells[cells].ravel())), shape=(len(cells), len(mesh.points))
+    )
+
+
+def squared_laplacian(mesh: LevelMesh) -> sp.csr_matrix:
+    """A: (n, n) [m^(d-4)], symmetric and positive semi-definite."""
+    laplacian = flux_laplacian(mesh)
+    masses = mesh.volumes[mesh.inner_facets[0]].sum(axis=1) / (mesh.dim + 1)
+    return (laplacian.T @ sp.diags(1.0 / masses) @ laplacian).tocsr()

@@ -15,13 +15,12 @@ import scipy.sparse as sp
 
 from pdvol.geometry.level_mesh import LevelMesh
 from pdvol.levels.binding import Binding
-from pdvol.levels.interpolants.barycentric import binding_matrix
 from pdvol.levels.space import LevelSpace
 
 
 def phong(coarse: LevelSpace, fine: LevelSpace, binding: Binding) -> sp.csr_matrix:
     """Weights (n_fine, n_coarse): a fine point depends on its home cell's corners and their neighbours."""
-    linear = binding_matrix(binding, coarse.mesh)
+    linear = binding.matrix(coarse.mesh)
     weights = linear.copy()
     point = np.repeat(np.arange(linear.shape[0]), np.diff(linear.indptr))
     offsets = fine.mesh.points[point] - coarse.mesh.points[linear.indices]
