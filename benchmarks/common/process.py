@@ -40,7 +40,7 @@ def machine() -> dict:
     }
 
 
-def yardstick() -> float:
+def fixed_loop() -> float:
     """Milliseconds that a fixed loop takes the interpreter, the best of five: it shows how much of its speed other work
     on the host leaves.
     """

@@ -39,22 +39,22 @@ def main(file: str, name: str, out: str, seconds: str, seed: str = "") -> int:
     a traceback.
     """
     begin, timer = time.perf_counter(), Timer(time.perf_counter() + float(seconds))
-    told, kind = "", "done"
+    reason, kind = "", "done"
     try:
         shot = load_shot(file, {"name": name, **({"seed": int(seed)} if seed else {})})
         run_scene(shot, out, progress=lambda level, total, done: timer)
     except TimeUp:
         kind = "time"
     except (ConvergenceError, InputError) as error:
-        kind, told = type(error).__name__, str(error)
+        kind, reason = type(error).__name__, str(error)
     noted = {
         "outcome": kind,
-        "told": told,
+        "reason": reason,
         "wall_seconds": time.perf_counter() - begin,
         "peak_memory_mb": peak_memory(),
     }
     Path(out).with_suffix(".json").write_text(json.dumps(noted))
-    return int(bool(told))
+    return int(bool(reason))
 
 
 if __name__ == "__main__":

@@ -36,7 +36,7 @@ def trial(
         if file_noted.is_file():
             noted = json.loads(file_noted.read_text())
         else:
-            noted = {"outcome": "hang" if reason.startswith("ended after") else "traceback", "told": reason}
+            noted = {"outcome": "hang" if reason.startswith("ended after") else "traceback", "reason": reason}
         found = measured(path) if (path / "run.json").is_file() else {"levels": [], "problems": []}
         if keep is not None and (path / "run.json").is_file():
             keep(path)
@@ -64,15 +64,15 @@ class Trials:
     name : of the two files
     known : names in order
     again : names that are tried again
-    told : the table of records, as Markdown
+    tabled : gives the table of records, as Markdown
     """
 
     def __init__(
-        self, folder: Path, name: str, known: Iterable[str], again: list[str], told: Callable[[list[dict]], str]
+        self, folder: Path, name: str, known: Iterable[str], again: list[str], tabled: Callable[[list[dict]], str]
     ):
         folder.mkdir(parents=True, exist_ok=True)
         self._json, self._markdown = folder / f"{name}.json", folder / f"{name}.md"
-        self._order, self._told = list(known), told
+        self._order, self._tabled = list(known), tabled
         earlier = json.loads(self._json.read_text())["rows"] if self._json.is_file() else []
         self.result = {"machine": process.machine(), "rows": [row for row in earlier if row["name"] not in again]}
 
@@ -85,17 +85,17 @@ class Trials:
         """Adds a record, and prints a line about it on stderr."""
         self.records.append(record)
         self.records.sort(key=lambda row: self._order.index(row["name"]))
-        print(line, record["told"], *record["problems"], file=sys.stderr, flush=True)
+        print(line, record["reason"], *record["problems"], file=sys.stderr, flush=True)
         self._json.write_text(json.dumps(self.result, indent=1) + "\n")
         self._markdown.write_text(str(self))
 
     def __str__(self) -> str:
         """The machine, the table, and the messages of trials that stopped or whose states are wrong."""
-        lines = [f"Measured on {machine_line(self.result['machine'])}.", "", self._told(self.records), ""]
+        lines = [f"Measured on {machine_line(self.result['machine'])}.", "", self._tabled(self.records), ""]
         lines += [
             f"- {record['name']}: {text}"
             for record in self.records
-            for text in filter(None, [record["told"], *record["problems"]])
+            for text in filter(None, [record["reason"], *record["problems"]])
         ]
         return "\n".join(lines) + "\n"
 

@@ -67,7 +67,7 @@ def main(words: list[str] | None = None) -> int:
         from benchmarks.extremes import figures, scenes
 
         names = trials.chosen(options.rows, scenes.SCENES)
-        kept = trials.Trials(options.out, "extremes", scenes.SCENES, names, told)
+        kept = trials.Trials(options.out, "extremes", scenes.SCENES, names, tabled)
     except (process.Mistake, OSError) as error:
         print(f"benchmarks.extremes: {error}", file=sys.stderr)
         return 2
@@ -82,7 +82,7 @@ def main(words: list[str] | None = None) -> int:
     return int(not all(trials.sound(record) for record in kept.records))
 
 
-def told(records: list[dict]) -> str:
+def tabled(records: list[dict]) -> str:
     """The table, and the lines of rows that have figures of their own; for jittered starts, one row per scene."""
     names = list(dict.fromkeys(record["name"] for record in records))
     if len(names) < len(records):

@@ -208,7 +208,7 @@ def draw(path: Path, rows: list[dict], ends: list[dict]) -> None:
     figure.savefig(path, dpi=130)
 
 
-def told(rows: list[dict], ends: list[dict]) -> str:
+def tabled(rows: list[dict], ends: list[dict]) -> str:
     """The tables."""
     number = trials.number
     measured = [
@@ -265,7 +265,7 @@ def main(words: list[str] | None = None) -> int:
     ends = limits(rows)
     result = {"machine": machine(), "rows": rows, "limits": ends}
     (options.out / "hertz.json").write_text(json.dumps(result, indent=1) + "\n")
-    text = told(rows, ends)
+    text = tabled(rows, ends)
     (options.out / "hertz.md").write_text(text + "\n")
     if ends:
         draw(options.out / "hertz.png", rows, ends)

@@ -68,7 +68,7 @@ def study(name: str, options) -> None:
         records.append(judge(path, case, options.levels or chosen.levels))
         print(f"{name}: {case.name}: {records[-1]['seconds']:.0f} s", file=sys.stderr, flush=True)
     write_json(options.out / f"{name}.json", {"study": name, "cases": records})
-    text = tell(records)
+    text = tabled(records)
     (options.out / f"{name}.md").write_text(text)
     print(f"{name}\n\n{text}")
     draw(
@@ -172,7 +172,7 @@ class Hinges:
         return float(np.degrees(np.sqrt(np.mean((self._angles(x) - self._rest) ** 2))))
 
 
-def tell(records: list[dict]) -> str:
+def tabled(records: list[dict]) -> str:
     """The finest levels as a Markdown table; intersections of all levels above the coarsest."""
     rows = []
     for record in records:

@@ -15,7 +15,7 @@ import tempfile
 from pathlib import Path
 
 from benchmarks.common import process
-from benchmarks.common.process import REPOSITORY, Mistake, child, machine, yardstick
+from benchmarks.common.process import REPOSITORY, Mistake, child, fixed_loop, machine
 from benchmarks.peers import report
 
 GROUPS = {
@@ -123,9 +123,9 @@ def run(name: str, ranks: int, options: argparse.Namespace) -> dict:
             if ranks == 1
             else [shutil.which("mpirun") or "mpirun", "-n", str(ranks), sys.executable, "-m", "mpi4py"]
         )
-        before = yardstick()
+        before = fixed_loop()
         reason = child([*python, *words], options.limit, Path(folder) / "run.log")
-        after = yardstick()
+        after = fixed_loop()
         found = measure(name, ranks, options, path) if (path / "run.json").is_file() else {}
     reason = reason or found.pop("reason", "") or ("" if found.get("done") else "it did not finish")
     sound = found.get("steps", 0) > 0 and not (found["problems"] or found["inverted"] or found["through"])
@@ -135,7 +135,7 @@ def run(name: str, ranks: int, options: argparse.Namespace) -> dict:
         "ok": not reason,
         "reason": reason,
         "sound": sound,
-        "yardstick_ms": [before, after],
+        "loop_ms": [before, after],
         **found,
     }
 

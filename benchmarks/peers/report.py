@@ -14,8 +14,8 @@ def tables(result: dict) -> str:
     head = (
         f"{machine['processor']}, {machine['cores']} cores, {machine['memory_gb']:.0f} GB, load {machine['load']:.2f}"
         f" at the start; one thread per rank, Newton stops at {result['tolerance']:g} m/s; times without storage and"
-        " without the first step; yardstick: what a fixed loop took the interpreter just before and after, by which"
-        " rows of different hours are told apart"
+        " without the first step; fixed loop: what it took the interpreter just before and after, by which"
+        " rows of different hours can be compared"
     )
     parts = [
         "# pdvol beside STARK and IPC",
@@ -56,7 +56,7 @@ def speed(records: list[dict]) -> str:
         "STARK [s], other machine (times ours)",
         "IPC [s], other machine (times ours)",
         "memory [MB]",
-        "yardstick [ms]",
+        "fixed loop [ms]",
     ]
     rows = []
     for record in measured(records):
@@ -71,7 +71,7 @@ def speed(records: list[dict]) -> str:
                 *pace(record, record["ranks"]),
                 *(beside(record, peer) for peer in PEERS),
                 number(memory),
-                " to ".join(number(ms) for ms in sorted(record["yardstick_ms"])),
+                " to ".join(number(ms) for ms in sorted(record["loop_ms"])),
             ]
         )
     return table(head, rows) + "".join(

@@ -57,7 +57,7 @@ def main(words: list[str] | None = None) -> int:
         from benchmarks.stress import scenes
 
         names = trials.chosen(options.scenes, scenes.SCENES)
-        kept = trials.Trials(options.out, "stress", scenes.SCENES, names, told)
+        kept = trials.Trials(options.out, "stress", scenes.SCENES, names, tabled)
     except (process.Mistake, OSError) as error:
         print(f"benchmarks.stress: {error}", file=sys.stderr)
         return 2
@@ -101,7 +101,7 @@ def sheet(folder: Path, names: list[str], columns: int = 4, width: int = 300, he
     page.save(folder / "pictures.png", optimize=True)
 
 
-def told(records: list[dict]) -> str:
+def tabled(records: list[dict]) -> str:
     """The table, with one row per level."""
     return table(HEAD, [row for record in records for row in rows(record)])
 

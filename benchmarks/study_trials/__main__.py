@@ -22,7 +22,7 @@ from pdvol.store.files import write_json
 from pdvol.store.reader import open_run
 from pdvol.studio.study.conclusions import length
 from pdvol.studio.study.front import cheapest_within
-from pdvol.studio.study.yardstick import Yardstick
+from pdvol.studio.study.reference import ReferenceStates
 from pdvol.studio.variations.variation import Base, Variation, times
 
 SHOT = Path(__file__).resolve().with_name("random_shot.py")
@@ -69,22 +69,22 @@ def record(seed: int, folder: Path) -> dict:
     errors = sorted(p["errors"]["end"] for p in points)
     strict = 1.02 * (errors[0] + own)
     loose = max(errors[-1] + own, 1.5 * strict)
-    stick = finer(seed, folder, study)
+    states = finer(seed, folder, study)
     for accuracy in np.geomspace(loose, strict, 3):
         point = cheapest_within(points, accuracy, own)
         if point is None:
             found["asked"].append({"accuracy": accuracy, "error": None, "settings": ""})
             continue
         run = open_run(folder / "runs" / point["run"])
-        error = stick.errors(run, point["level"])["end"]
+        error = states.errors(run, point["level"])["end"]
         found["asked"].append({"accuracy": accuracy, "error": error, "settings": point["label"]})
     found["own"], found["spread"] = own, study["spread"]
     found["holds"] = all(a["error"] is not None and a["error"] <= a["accuracy"] for a in found["asked"])
     return found
 
 
-def finer(seed: int, folder: Path, study: dict) -> Yardstick:
-    """The yardstick of a reference with half the time step and a tenth of the tolerance of the study's own."""
+def finer(seed: int, folder: Path, study: dict) -> ReferenceStates:
+    """The states of a reference with half the time step and a tenth of the tolerance of the study's own."""
     reference = Variation.from_json(study["reference"])
     changes = dict(reference.changes)
     dt = changes.get("dt", study["dt"])
@@ -95,7 +95,7 @@ def finer(seed: int, folder: Path, study: dict) -> Yardstick:
     go_on = ["--resume"] if (out / "run.json").exists() else []
     words = ["run", str(SHOT), *stricter.words(base, f"0:{level}"), "--out", str(out), "--no-picture", *go_on]
     _pdvol(words, folder.with_suffix(".finer.log"))
-    return Yardstick(open_run(out), level)
+    return ReferenceStates(open_run(out), level)
 
 
 def _pdvol(words: Sequence[str], log: Path) -> None:

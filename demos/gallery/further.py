@@ -28,7 +28,7 @@ HEADER = 64  # pixels above each picture, for captions
 MATERIAL = {"ambient": 0.62, "diffuse": 0.58, "specular": 0.06}  # of painted bodies: light that spares their colours
 NEAR, FAR = 1e-4, 1e-1  # m, the gaps at the ends of the scale of colours
 SCALE = ("#8c1537", "#e8603c", "#f6c667", "#e9eaec")  # from near to far, at equal ratios of gaps
-TINT = 0.45  # of a body's own colour in what is far from all others: bodies can be told apart
+TINT = 0.45  # of a body's own colour in what is far from all others: bodies can be distinguished
 LEGEND = (200, 10)  # pixels, of the bar that shows the scale
 
 

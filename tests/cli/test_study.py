@@ -13,7 +13,7 @@ from browser import busy
 from cli_scenes import FALL, pdvol, write
 from commands import PDVOL, SAFETY
 from pdvol.store.reader import open_run
-from pdvol.studio.study.yardstick import Yardstick
+from pdvol.studio.study.reference import ReferenceStates
 
 VARIED = ("--vary", "dt=0.04,0.01", "--vary", "level", "--vary", "max_iterations=1:200")
 WORDS = ("--steps", 6, *VARIED, "--budget", 3, "--reference", "dt=0.005")
@@ -36,14 +36,14 @@ def test_points_have_costs_and_errors_that_the_runs_confirm(folder):
     study = studied(folder)
     assert [level["vertices"] for level in study["levels"]] == [9, 25]
     reference = open_run(folder / "s" / "runs" / "dt-0.005")
-    stick = Yardstick(reference, 1)
+    states = ReferenceStates(reference, 1)
     assert {(p["run"], p["level"]) for p in study["points"]} >= {
         *((run, level) for run in ("default", "direct", "dt-0.04", "dt-0.01") for level in (0, 1)),
         ("dt-0.005", 0),
     }
     for point in study["points"]:
         run = open_run(folder / "s" / "runs" / point["run"])
-        again = stick.errors(run, point["level"])
+        again = states.errors(run, point["level"])
         assert again["end"] == point["errors"]["end"] > 0.0 and again["worst"] >= again["end"]
         alone = point["method"] == "direct"
         log = [r for level in run.levels for r in level.log if level.index == point["level"] or not alone]
@@ -105,10 +105,10 @@ def test_a_run_takes_the_settings_found_for_an_accuracy_or_a_time(folder, capsys
     scene = folder / "six.py"
     options = ("--study", folder / "s", "--no-picture")
     assert pdvol("run", scene, *options, "--accuracy", f"{asked:.6f}mm", "--out", folder / "exact") == 0
-    stick = Yardstick(open_run(folder / "s" / "runs" / "dt-0.005"), 1)
+    states = ReferenceStates(open_run(folder / "s" / "runs" / "dt-0.005"), 1)
     run = open_run(folder / "exact")
     finest = max(level.index for level in run.levels if level.steps)
-    assert stick.errors(run, finest)["end"] * 1000.0 <= asked
+    assert states.errors(run, finest)["end"] * 1000.0 <= asked
     assert pdvol("run", scene, *options, "--accuracy", "1e-6mm", "--out", folder / "reference") == 0
     assert "whose own error is about" in capsys.readouterr().err
     np.testing.assert_array_equal(

@@ -8,7 +8,7 @@ from pdvol.geometry.level_mesh import LevelMesh
 from pdvol.store.reader import Run, open_run
 from pdvol.studio.study.front import cheapest_within, fitted_order, on_front, richardson
 from pdvol.studio.study.plan import STRICTER, Plan
-from pdvol.studio.study.yardstick import Yardstick
+from pdvol.studio.study.reference import ReferenceStates
 from pdvol.studio.variations.lengths import length
 from pdvol.studio.variations.variation import Variation, number
 
@@ -22,7 +22,7 @@ SHARES = (0.01, 0.03)  # of the size: accuracies of the sentences
 def conclusions(
     result: Mapping[str, Any],
     reference: Variation,
-    stick: Yardstick,
+    states: ReferenceStates,
     plan: Plan,
     folder: Callable[[Variation], Path],
     integrator: str,
@@ -32,30 +32,30 @@ def conclusions(
     Parameters
     ----------
     result : what study.json has so far
-    reference : whose run `stick` holds
+    reference : whose run `states` holds
     folder : the run folder of a variation
     integrator : of the scene
     """
     points = result["points"]
-    told = [point["errors"]["story"] for point in points]
+    same = [point["errors"]["story"] for point in points]
     front = on_front([p["cost"]["cpu"] for p in points], [p["errors"]["end"] for p in points])
     for point, kept in zip(points, front, strict=True):
         point["front"] = kept
-    known = _reference(reference, stick, plan, folder, integrator)
-    spread = _spread(stick, plan, folder)
+    known = _reference(reference, states, plan, folder, integrator)
+    spread = _spread(states, plan, folder)
     default = next((p for p in points if p["run"] == plan.base.name and p["level"] == plan.last), None)
     found = {
         "reference": known,
         "spread": spread,
-        "orders": _orders(result, stick, plan, folder),
+        "orders": _orders(result, states, plan, folder),
         "default": default,
-        "same_story": sum(told),
+        "same_story": sum(same),
     }
     return {**found, "sentences": sentences(points, found, result["size"])}
 
 
 def _reference(
-    reference: Variation, stick: Yardstick, plan: Plan, folder: Callable[[Variation], Path], integrator: str
+    reference: Variation, states: ReferenceStates, plan: Plan, folder: Callable[[Variation], Path], integrator: str
 ) -> dict:
     """The reference and its own error [m], by parts: time step, tolerance, and, beside them, the finest mesh."""
     last = plan.last or 0
@@ -64,7 +64,7 @@ def _reference(
         if any(plan.done.get(v, -1) < last for v in variations):
             return None
         one, other = ((open_run(folder(v)), last) for v in variations)
-        return stick.apart(one, other)[0]
+        return states.apart(one, other)[0]
 
     parts: dict[str, float | None] = {}
     second = plan.second_reference()
@@ -86,7 +86,7 @@ def _reference(
     if last > 0:
         run = _alone(plan, folder)
         coarse, fine = (_mesh_size(run.levels[level].mesh) for level in (last - 1, last))
-        mesh = richardson(stick.apart((run, last), (run, last - 1))[0], coarse / fine, MESH_ORDER)
+        mesh = richardson(states.apart((run, last), (run, last - 1))[0], coarse / fine, MESH_ORDER)
     return {
         "run": reference.name,
         **reference.as_json(),
@@ -97,21 +97,23 @@ def _reference(
     }
 
 
-def _spread(stick: Yardstick, plan: Plan, folder: Callable[[Variation], Path]) -> dict | None:
+def _spread(states: ReferenceStates, plan: Plan, folder: Callable[[Variation], Path]) -> dict | None:
     """How far jittered starts of level 0 end apart [m]; None where none ran."""
     ends = []
     base = (open_run(folder(plan.base)), 0)
     for variation in plan.jitters:
         if variation in plan.done:
-            ends.append(stick.apart(base, (open_run(folder(variation)), 0))[0])
+            ends.append(states.apart(base, (open_run(folder(variation)), 0))[0])
     if not ends:
         return None
-    jitter = plan.speed * stick.duration
+    jitter = plan.speed * states.duration
     growth = max(ends) / jitter
     return {"jitter": jitter, "end": max(ends), "growth": growth, "chaotic": growth > CHAOTIC, "runs": len(ends)}
 
 
-def _orders(result: Mapping[str, Any], stick: Yardstick, plan: Plan, folder: Callable[[Variation], Path]) -> list[dict]:
+def _orders(
+    result: Mapping[str, Any], states: ReferenceStates, plan: Plan, folder: Callable[[Variation], Path]
+) -> list[dict]:
     """Fitted orders: of each axis of numbers at the finest level, and of the mesh size; differences [m] are those to
     the finest value, all else as in the scene.
     """
@@ -127,12 +129,12 @@ def _orders(result: Mapping[str, Any], stick: Yardstick, plan: Plan, folder: Cal
         if len(numbers) < FITTED or len(numbers) < len(series):
             continue
         finest = (open_run(folder(numbers[0][1])), last)
-        rest = [(value, stick.apart((open_run(folder(v)), last), finest)[0]) for value, v in numbers[1:]]
+        rest = [(value, states.apart((open_run(folder(v)), last), finest)[0]) for value, v in numbers[1:]]
         found.append(_fit(axis.name, numbers[0][0], rest))
     if last >= FITTED - 1:
         run = _alone(plan, folder)
         sizes = [_mesh_size(run.levels[level].mesh) for level in range(last, -1, -1)]
-        rest = [(size, stick.apart((run, last - k), (run, last))[0]) for k, size in enumerate(sizes) if k]
+        rest = [(size, states.apart((run, last - k), (run, last))[0]) for k, size in enumerate(sizes) if k]
         # Interpolation from the next coarser mesh adds to its difference, but has no part at the finest one.
         found.append(_fit("mesh size", sizes[0], rest, skipped=1 if len(rest) >= FITTED else 0))
     return found

@@ -19,7 +19,7 @@ from pdvol.store.reader import open_run
 from pdvol.studio.study.axes import Axis, base_value, scene_file
 from pdvol.studio.study.conclusions import conclusions
 from pdvol.studio.study.plan import LEVEL_SHARE, REFERENCE, Plan, Wanted, finest_level
-from pdvol.studio.study.yardstick import Yardstick, cost
+from pdvol.studio.study.reference import ReferenceStates, cost
 from pdvol.studio.variations.executors import Processes
 from pdvol.studio.variations.folder import take_folder
 from pdvol.studio.variations.jobs import Job, Outcome, run_jobs
@@ -70,7 +70,7 @@ class Study:
         self.asked_last = last
         self._runs: dict[Variation, dict] = {}
         self._measured: dict[tuple[Variation, int], dict] = {}
-        self._yardsticks: dict[Variation, Yardstick] = {}
+        self._reference_states: dict[Variation, ReferenceStates] = {}
         self._ended = False
 
     # ---- the folder
@@ -173,19 +173,19 @@ class Study:
 
     # ---- results
 
-    def _yardstick(self) -> Yardstick | None:
+    def _states(self) -> ReferenceStates | None:
         """That of the reference; None as long as a finer reference is to come."""
         reference = self.plan.chosen_reference()
         if reference is None or self.plan.last is None or not (self.plan.settled or self._ended):
             return None
-        if reference not in self._yardsticks:
-            self._yardsticks[reference] = Yardstick(open_run(self.folder(reference)), self.plan.last)
-        return self._yardsticks[reference]
+        if reference not in self._reference_states:
+            self._reference_states[reference] = ReferenceStates(open_run(self.folder(reference)), self.plan.last)
+        return self._reference_states[reference]
 
     def _point(self, variation: Variation, level: int) -> dict | None:
         """Cost and errors of a run's level; None without a reference."""
-        stick = self._yardstick()
-        if stick is None:
+        states = self._states()
+        if states is None:
             return None
         if (variation, level) not in self._measured:
             run = open_run(self.folder(variation))
@@ -199,7 +199,7 @@ class Study:
                 "words": variation.words(self.base, levels),
                 "purpose": self._runs[variation]["purpose"],
                 "cost": cost(run, counted),
-                "errors": stick.errors(run, level),
+                "errors": states.errors(run, level),
             }
         return self._measured[variation, level]
 
@@ -244,9 +244,9 @@ class Study:
             "left_out": [entry.variation.label() for entry in plan.missing()],
             "points": points,
         }
-        stick = self._yardstick()
-        if stick is not None and reference is not None:
-            result |= conclusions(result, reference, stick, plan, self.folder, self.shot.scene.integrator)
+        states = self._states()
+        if states is not None and reference is not None:
+            result |= conclusions(result, reference, states, plan, self.folder, self.shot.scene.integrator)
             result["reference"]["point"] = self._point(reference, self.plan.last or 0)
         write_json(self.file, result)
         return read_json(self.file)

@@ -5,7 +5,7 @@ import pytest
 
 from pdvol.store.reader import open_run
 from pdvol.store.writer import RunWriter
-from pdvol.studio.study.yardstick import Yardstick
+from pdvol.studio.study.reference import ReferenceStates
 from runs import DT, level_meshes, moved
 
 STEPS = 8
@@ -39,7 +39,7 @@ def turned(mesh, x, angle, body):
 @pytest.fixture(scope="module")
 def reference(tmp_path_factory):
     run = write(tmp_path_factory.mktemp("reference") / "run", lambda mesh, x, t: x)
-    return Yardstick(run, 1)
+    return ReferenceStates(run, 1)
 
 
 def test_a_shift_is_the_error_and_grows_with_time(reference, tmp_path):
@@ -76,7 +76,7 @@ def test_coarse_levels_are_compared_through_the_prolongation(reference, tmp_path
     """An affine motion is carried exactly."""
     affine = lambda mesh, x, t: mesh.points @ (np.eye(2) + t * np.array([[0.1, 0.4], [-0.3, 0.2]])) + t
     run = write(tmp_path / "run", affine)
-    own = Yardstick(run, 1)
+    own = ReferenceStates(run, 1)
     assert own.errors(run, 1)["drift"] < 1e-12 and own.errors(run, 0)["drift"] is None
     assert own.errors(run, 0)["worst"] < 1e-12
     assert own.errors(run, 0)["energy"] == pytest.approx(0.0, abs=0.05 * abs(own.errors(run, 0)["energy"]) + 50.0)
@@ -84,4 +84,4 @@ def test_coarse_levels_are_compared_through_the_prolongation(reference, tmp_path
 
 def test_three_dimensions_and_missing_steps(tmp_path):
     run = write(tmp_path / "run", lambda mesh, x, t: x, dim=3, counts=(80, 160))
-    assert Yardstick(run, 1).errors(run, 1)["worst"] == 0.0
+    assert ReferenceStates(run, 1).errors(run, 1)["worst"] == 0.0

@@ -20,7 +20,7 @@ OTHER_PLACE = 0.25  # of the body's size: a body that ends further away lies in 
 OTHER_FACE = 30.0  # degrees: a body that is turned further about its own axes lies on another face
 
 
-class Yardstick:
+class ReferenceStates:
     """The reference's states on its finest level, and the way there from all coarser ones.
 
     Parameters
