@@ -67,16 +67,14 @@ class Elastic(CellEnergy):
         self.set_time(t1)
 
     def _sum(self, x: Positions) -> float:
-        inverted = self._library.inverted_cells(self.space.dim, self._counted, self._corners, pointer(x.local))
+        inverted = self._library.inverted_cells(self._cells, pointer(x.local))
         return np.inf if reduce(self.space.comm, inverted) else super()._sum(x)
 
     def max_step(
         self, x: Positions, direction: np.ndarray, until: float | None = None, gap_share: float = MIN_GAP_SHARE
     ) -> float:
         moved = np.ascontiguousarray(self.space.with_ghosts(direction))
-        return self._library.volume_step(
-            self.space.dim, self._counted, self._corners, pointer(x.local), pointer(moved), KEEP_VOLUME
-        )
+        return self._library.volume_step(self._cells, pointer(x.local), pointer(moved), KEEP_VOLUME)
 
 
 class Damping(CellEnergy):

@@ -9,6 +9,7 @@ instead, which is positive semi-definite by itself.
 """
 
 from collections.abc import Callable, Iterable, Mapping
+from typing import Any
 
 import basix.ufl
 import numpy as np
@@ -74,8 +75,7 @@ class CellEnergy(Term):
         self._volumes = np.abs(space.mesh.volumes[space.near_cells[cells]])
         self._library = native.library()
         self._values = LastStates()
-        self._geometry = pointer(self._inverse), pointer(self._volumes)
-        self._corners = pointer(self._dofs, "int32_t")
+        self._cells = _cells_struct(self._dofs, self._inverse, self._volumes, self._counted)
         self._slots: np.ndarray | None = None
         self._slots_of: BlockPattern
         counted = slice(self._counted)
@@ -130,19 +130,6 @@ class CellEnergy(Term):
                 changes.append(abs(one - other) / max(abs(one), abs(other), 1e-300))
         return reduce(self.space.comm, max(changes, default=0.0), MPI.MAX) < ISOTROPY_TOLERANCE
 
-    def _arguments(self, kernel: "_DensityKernel", x: np.ndarray, count: int) -> tuple:
-        return (
-            kernel.function,
-            self.space.dim,
-            count,
-            self._corners,
-            pointer(x),
-            *self._geometry,
-            kernel.values,
-            kernel.parameters.shape[1],
-            kernel.gradient_at,
-        )
-
     def set_parameters(self, parameters: Mapping[str, np.ndarray]) -> None:
         """Sets the values (k,) of some parameters without compiling anything."""
         self.parameters.update(parameters)
@@ -155,37 +142,32 @@ class CellEnergy(Term):
         return self._values.value(x, self._sum)
 
     def _sum(self, x: Positions) -> float:
-        mine = self._library.cell_values(*self._arguments(self._density, x.local, self._counted))
-        total = reduce(self.space.comm, mine)
+        total = reduce(self.space.comm, self._library.cell_values(self._cells, self._density.c, pointer(x.local)))
         return total if np.isfinite(total) else np.inf
 
     def gradient(self, x: Positions) -> np.ndarray:
         local = np.zeros((len(self.space.local_points), self.space.dim))
-        self._library.cell_gradients(*self._arguments(self._first, x.local, len(self.cells)), pointer(local))
+        self._library.cell_gradients(self._cells, self._first.c, pointer(x.local), pointer(local))
         return local[: self.space.n_owned]
 
     def add_hessian(self, x: Positions, weight: float, into: HessianBlocks) -> None:
         if self._slots is None or self._slots_of is not into.pattern:
             self._slots, self._slots_of = np.ascontiguousarray(into.pattern.slots[self.cells]), into.pattern
-        slots, mode, out = pointer(self._slots, "int32_t"), FILTERS[into.projection], pointer(into.cells)
+        mode, places, out = FILTERS[into.projection], (pointer(x.local), pointer(self._slots, "int32_t")), into.cells
         if self._stretches is not None:
-            self._library.isotropic_hessians(
-                *self._stretches.functions,
-                len(self.cells),
-                self._corners,
-                pointer(x.local),
-                *self._geometry,
-                *self._stretches.parameters,
-                slots,
-                mode,
-                weight,
-                out,
-            )
+            self._library.isotropic_hessians(self._cells, self._stretches.c, *places, mode, weight, pointer(out))
         elif self._second is not None:
             kernel = self._model if mode and self._model is not None else self._second
             # A Hessian without F is that of a quadratic energy.
-            mode = 0 if kernel is self._model or kernel.gradient_at < 0 else mode
-            self._library.cell_hessians(*self._arguments(kernel, x.local, len(self.cells)), slots, mode, weight, out)
+            mode = 0 if kernel is self._model or kernel.c.at < 0 else mode
+            self._library.cell_hessians(self._cells, kernel.c, *places, mode, weight, pointer(out))
+
+
+def _cells_struct(vertices: np.ndarray, inverse: np.ndarray, volumes: np.ndarray, counted: int) -> Any:
+    """The C struct of cells, whose arrays must be kept."""
+    struct = ffi.new("cells_t *", {"d": vertices.shape[1] - 1, "count": len(vertices), "counted": counted})
+    struct.vertices, struct.inverse, struct.volumes = pointer(vertices, "int32_t"), pointer(inverse), pointer(volumes)
+    return struct
 
 
 def _rotation(rng: np.random.Generator) -> np.ndarray:
@@ -231,8 +213,7 @@ class _DensityKernel(_Kernel):
     ----------
     parameters : (cells, k)
         In the kernel's order.
-    values : the same for C
-    gradient_at : number of parameters before F; -1 where the kernel does not depend on F
+    c : the C struct of kernel and parameters
     """
 
     def __init__(
@@ -245,11 +226,15 @@ class _DensityKernel(_Kernel):
     ):
         super().__init__(comm, form)
         wanted = [names[c] for c in self.coefficients]
-        self.gradient_at = next((i for i, name in enumerate(wanted) if name is None), -1)
         self._order = [name for name in wanted if name is not None]
         self.parameters = np.zeros((count, len(self._order)))
-        self.values = pointer(self.parameters)
         self.fill(parameters)
+        before = next((i for i, name in enumerate(wanted) if name is None), -1)  # parameters before F
+        self.c = self._struct(self.parameters, before)
+
+    def _struct(self, parameters: np.ndarray, at: int) -> Any:
+        values = {"parameters": pointer(parameters), "np": len(self._order), "at": at}
+        return ffi.new("density_t *", {"kernel": self.function, **values})
 
     def fill(self, parameters: Mapping[str, np.ndarray]) -> None:
         """Sets the values (cells,) of those parameters that the kernel takes; others are ignored."""
@@ -259,24 +244,13 @@ class _DensityKernel(_Kernel):
 
     def at(self, F: np.ndarray, cell: int) -> float:
         """psi [Pa] at F (3, 3) with one cell's parameters; for densities in 3D."""
-        corners, dofs = np.vstack([np.zeros(3), *F.T]), np.arange(4, dtype=np.int32)
-        identity, one = np.eye(3), np.ones(1)
-        return native.library().cell_values(
-            self.function,
-            3,
-            1,
-            pointer(dofs, "int32_t"),
-            pointer(corners),
-            pointer(identity),
-            pointer(one),
-            pointer(self.parameters[cell]),
-            self.parameters.shape[1],
-            self.gradient_at,
-        )
+        vertices, identity, one = np.arange(4, dtype=np.int32)[None], np.eye(3), np.ones(1)
+        unit, own = _cells_struct(vertices, identity, one, 1), self._struct(self.parameters[cell], self.c.at)
+        return native.library().cell_values(unit, own, pointer(np.vstack([np.zeros(3), *F.T])))
 
 
 class _StretchKernels:
-    """First and second derivatives of psi(diag(stretches)), and the parameters, as isotropic.c takes them."""
+    """First and second derivatives of psi(diag(stretches)), and the parameters; `c` is the C struct of all this."""
 
     def __init__(self, space: LevelSpace, psi: Callable, parameters: Mapping[str, np.ndarray]):
         domain = space.domain.ufl_domain()
@@ -291,13 +265,10 @@ class _StretchKernels:
         sources = [[place for c in kernel.coefficients for place in places[c]] for kernel in kernels]
         self._arguments = np.array(sum(sources, []), dtype=np.int32)
         self._values = np.ascontiguousarray(np.column_stack(list(parameters.values())))
-        self.functions = (
-            *(k.function for k in kernels),
-            pointer(self._arguments, "int32_t"),
-            *(len(s) for s in sources),
-        )
-        self.parameters = (pointer(self._values), self._values.shape[1])
         self._names = tuple(parameters)
+        self.c = ffi.new("stretches_t *", {"np": len(self._names), "parameters": pointer(self._values)})
+        self.c.gradient, self.c.hessian = (kernel.function for kernel in kernels)
+        self.c.arguments, (self.c.ng, self.c.nh) = pointer(self._arguments, "int32_t"), map(len, sources)
 
     def fill(self, parameters: Mapping[str, np.ndarray]) -> None:
         """Sets the values (cells,) of some parameters."""

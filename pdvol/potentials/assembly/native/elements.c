@@ -19,103 +19,96 @@ INLINE double from_unit(int d, double volume)
     return (d == 2 ? 2.0 : 6.0) * volume;
 }
 
-/* A cell's coefficients as the kernel wants them: the parameters (np per cell) with F in between, `at` being its place, or without it where
- * at < 0. inverse (d x d per cell): rest edges' inverse, row i the gradient of hat function i + 1. */
-INLINE void coefficients(int d, int64_t k, const int32_t *dofs, const double *x, const double *inverse, const double *parameters, int np, int at,
-                         double *w)
+/* A cell's coefficients as the kernel takes them: the parameters with F in between. */
+INLINE void coefficients(int d, const cells_t *cells, const density_t *density, int64_t k, const double *x, double *w)
 {
-    const int before = at < 0 ? np : at;
-    memcpy(w, parameters + k * np, before * sizeof(double));
-    if (at < 0)
+    const int np = density->np, before = density->at < 0 ? np : density->at;
+    const double *own = density->parameters + k * np;
+    memcpy(w, own, before * sizeof(double));
+    if (density->at < 0)
         return;
-    const double *x0 = x + (int64_t)dofs[k * (d + 1)] * d, *g = inverse + k * d * d;
+    const int32_t *vertices = cells->vertices + k * (d + 1);
+    const double *x0 = x + (int64_t)vertices[0] * d, *g = cells->inverse + k * d * d;
     double *F = w + before;
     for (int a = 0; a < d * d; ++a)
         F[a] = 0.0;
     for (int i = 0; i < d; ++i) {
-        const double *xi = x + (int64_t)dofs[k * (d + 1) + i + 1] * d;
+        const double *xi = x + (int64_t)vertices[i + 1] * d;
         for (int a = 0; a < d; ++a)
             for (int j = 0; j < d; ++j)
                 F[a * d + j] += (xi[a] - x0[a]) * g[i * d + j];
     }
-    memcpy(F + d * d, parameters + k * np + before, (np - before) * sizeof(double));
+    memcpy(F + d * d, own + before, (np - before) * sizeof(double));
 }
 
-INLINE double values(void *kernel, int d, int64_t count, const int32_t *dofs, const double *x, const double *inverse, const double *volumes,
-                     const double *parameters, int np, int at)
+INLINE double values(int d, const cells_t *cells, const density_t *density, const double *x)
 {
     double total = 0.0, w[MAX_H + MAX_PARAMETERS];
-    for (int64_t k = 0; k < count; ++k) {
+    for (int64_t k = 0; k < cells->counted; ++k) {
         double value = 0.0;
-        coefficients(d, k, dofs, x, inverse, parameters, np, at, w);
-        CALL(kernel, &value, w, 0, unit_simplex);
-        total += from_unit(d, volumes[k]) * value;
+        coefficients(d, cells, density, k, x, w);
+        CALL(density->kernel, &value, w, 0, unit_simplex);
+        total += from_unit(d, cells->volumes[k]) * value;
     }
     return total;
 }
 
-/* Sum of the energies of `count` cells. dofs (count x (d + 1)): where their vertices are in x (d numbers each). */
-double cell_values(void *kernel, int d, int64_t count, const int32_t *dofs, const double *x, const double *inverse, const double *volumes,
-                   const double *parameters, int np, int at)
+/* The sum of the energies of the cells that count, at local vertices x. */
+double cell_values(const cells_t *cells, const density_t *density, const double *x)
 {
-    return d == 3 ? values(kernel, 3, count, dofs, x, inverse, volumes, parameters, np, at)
-                  : values(kernel, 2, count, dofs, x, inverse, volumes, parameters, np, at);
+    return cells->d == 3 ? values(3, cells, density, x) : values(2, cells, density, x);
 }
 
-INLINE void gradients(void *kernel, int d, int64_t count, const int32_t *dofs, const double *x, const double *inverse, const double *volumes,
-                      const double *parameters, int np, int at, double *out)
+INLINE void gradients(int d, const cells_t *cells, const density_t *density, const double *x, double *out)
 {
     double w[MAX_H + MAX_PARAMETERS];
-    for (int64_t k = 0; k < count; ++k) {
+    for (int64_t k = 0; k < cells->count; ++k) {
         double P[MAX_H] = {0};
-        const double *g = inverse + k * d * d, scale = from_unit(d, volumes[k]);
-        const int32_t *dof = dofs + k * (d + 1);
-        coefficients(d, k, dofs, x, inverse, parameters, np, at, w);
-        CALL(kernel, P, w, 0, unit_simplex);
+        const double *g = cells->inverse + k * d * d, scale = from_unit(d, cells->volumes[k]);
+        const int32_t *vertices = cells->vertices + k * (d + 1);
+        coefficients(d, cells, density, k, x, w);
+        CALL(density->kernel, P, w, 0, unit_simplex);
         for (int a = 0; a < d; ++a) {
             double others = 0.0;
             for (int i = 0; i < d; ++i) {
                 double force = 0.0;
                 for (int j = 0; j < d; ++j)
                     force += P[a * d + j] * g[i * d + j];
-                out[(int64_t)dof[i + 1] * d + a] += scale * force;
+                out[(int64_t)vertices[i + 1] * d + a] += scale * force;
                 others += force;
             }
-            out[(int64_t)dof[0] * d + a] -= scale * others;
+            out[(int64_t)vertices[0] * d + a] -= scale * others;
         }
     }
 }
 
 /* Adds the cells' gradients to out (local vertices x d). */
-void cell_gradients(void *kernel, int d, int64_t count, const int32_t *dofs, const double *x, const double *inverse, const double *volumes,
-                    const double *parameters, int np, int at, double *out)
+void cell_gradients(const cells_t *cells, const density_t *density, const double *x, double *out)
 {
-    if (d == 3)
-        gradients(kernel, 3, count, dofs, x, inverse, volumes, parameters, np, at, out);
+    if (cells->d == 3)
+        gradients(3, cells, density, x, out);
     else
-        gradients(kernel, 2, count, dofs, x, inverse, volumes, parameters, np, at, out);
+        gradients(2, cells, density, x, out);
 }
 
-INLINE int64_t hessians(void *kernel, int d, int64_t count, const int32_t *dofs, const double *x, const double *inverse, const double *volumes,
-                        const double *parameters, int np, int at, const int32_t *slots, int mode, double weight, double *out)
+INLINE void hessians(int d, const cells_t *cells, const density_t *density, const double *x, const int32_t *slots, int mode, double weight, double *out)
 {
     const int h = d * d;
-    int64_t changed = 0;
     double w[MAX_H + MAX_PARAMETERS];
-    for (int64_t k = 0; k < count; ++k) {
+    for (int64_t k = 0; k < cells->count; ++k) {
         double H[MAX_H * MAX_H] = {0}, g[4][3];
-        coefficients(d, k, dofs, x, inverse, parameters, np, at, w);
-        CALL(kernel, H, w, 0, unit_simplex);
+        coefficients(d, cells, density, k, x, w);
+        CALL(density->kernel, H, w, 0, unit_simplex);
         if (mode)
-            changed += filter(d * d, H, mode);
+            filter(d * d, H, mode);
         for (int j = 0; j < d; ++j) {
             g[0][j] = 0.0;
             for (int i = 0; i < d; ++i) {
-                g[i + 1][j] = inverse[k * h + i * d + j];
+                g[i + 1][j] = cells->inverse[k * h + i * d + j];
                 g[0][j] -= g[i + 1][j];
             }
         }
-        const double scale = weight * from_unit(d, volumes[k]);
+        const double scale = weight * from_unit(d, cells->volumes[k]);
         const int32_t *slot = slots + k * (d + 1) * (d + 2) / 2;
         for (int i = 0; i <= d; ++i) {
             double T[3][MAX_H]; /* H contracted with g_i on the left */
@@ -139,17 +132,17 @@ INLINE int64_t hessians(void *kernel, int d, int64_t count, const int32_t *dofs,
             }
         }
     }
-    return changed;
 }
 
 /* Adds weight times the cells' Hessians to the blocks `out` (d x d each); `slots` has one entry per pair i <= j of a cell's vertices:
  * s >= 0 adds block s as it is, s <= -2 transposed at -2 - s, -1 nowhere. mode 0: unfiltered, 1: negative eigenvalues cut off, 2: their
- * sizes taken. Returns how many cells were changed by the filter. */
-int64_t cell_hessians(void *kernel, int d, int64_t count, const int32_t *dofs, const double *x, const double *inverse, const double *volumes,
-                      const double *parameters, int np, int at, const int32_t *slots, int mode, double weight, double *out)
+ * sizes taken. */
+void cell_hessians(const cells_t *cells, const density_t *density, const double *x, const int32_t *slots, int mode, double weight, double *out)
 {
-    return d == 3 ? hessians(kernel, 3, count, dofs, x, inverse, volumes, parameters, np, at, slots, mode, weight, out)
-                  : hessians(kernel, 2, count, dofs, x, inverse, volumes, parameters, np, at, slots, mode, weight, out);
+    if (cells->d == 3)
+        hessians(3, cells, density, x, slots, mode, weight, out);
+    else
+        hessians(2, cells, density, x, slots, mode, weight, out);
 }
 
 /* First t in (0, 1] where the polynomial c0 + c1 t + c2 t^2 + c3 t^3 (c0 > 0) falls to zero; 2 if it does not. */
@@ -211,17 +204,21 @@ INLINE void volume_along(int d, const double *E, const double *P, double *c)
         c[1] += e[i] * P[i], c[2] += E[i] * p[i];
 }
 
-INLINE double cells_step(int d, int64_t count, const int32_t *dofs, const double *x, const double *p, double keep)
+/* The edges (d x d) of cell k from its first vertex on, at x. */
+INLINE void edges_of(int d, const cells_t *cells, int64_t k, const double *x, double *E)
+{
+    const int32_t *vertices = cells->vertices + k * (d + 1);
+    for (int i = 0; i < d; ++i)
+        for (int a = 0; a < d; ++a)
+            E[i * d + a] = x[(int64_t)vertices[i + 1] * d + a] - x[(int64_t)vertices[0] * d + a];
+}
+
+INLINE double cells_step(int d, const cells_t *cells, const double *x, const double *p, double keep)
 {
     double step = 1.0;
-    for (int64_t k = 0; k < count; ++k) {
-        const int32_t *dof = dofs + k * (d + 1);
+    for (int64_t k = 0; k < cells->counted; ++k) {
         double E[9], P[9], c[4];
-        for (int i = 0; i < d; ++i)
-            for (int a = 0; a < d; ++a) {
-                E[i * d + a] = x[(int64_t)dof[i + 1] * d + a] - x[(int64_t)dof[0] * d + a];
-                P[i * d + a] = p[(int64_t)dof[i + 1] * d + a] - p[(int64_t)dof[0] * d + a];
-            }
+        edges_of(d, cells, k, x, E), edges_of(d, cells, k, p, P);
         volume_along(d, E, P, c);
         const double sign = c[0] < 0.0 ? -1.0 : 1.0;
         for (int i = 0; i < 4; ++i)
@@ -236,24 +233,21 @@ INLINE double cells_step(int d, int64_t count, const int32_t *dofs, const double
     return step;
 }
 
-/* Largest step in (0, 1] for which no cell's volume along x + t p falls below `keep` times what it is at t = 0. */
-double volume_step(int d, int64_t count, const int32_t *dofs, const double *x, const double *p, double keep)
+/* Largest step in (0, 1] for which the volume of no cell that counts falls below `keep` times what it is at t = 0 along x + t p. */
+double volume_step(const cells_t *cells, const double *x, const double *p, double keep)
 {
-    return d == 3 ? cells_step(3, count, dofs, x, p, keep) : cells_step(2, count, dofs, x, p, keep);
+    return cells->d == 3 ? cells_step(3, cells, x, p, keep) : cells_step(2, cells, x, p, keep);
 }
 
-/* How many cells, positive at rest, have no volume or a negative one at x. */
-int64_t inverted_cells(int d, int64_t count, const int32_t *dofs, const double *x)
+/* How many cells that count, positive at rest, have no volume or a negative one at x. */
+int64_t inverted_cells(const cells_t *cells, const double *x)
 {
     int64_t found = 0;
-    for (int64_t k = 0; k < count; ++k) {
-        const int32_t *dof = dofs + k * (d + 1);
+    for (int64_t k = 0; k < cells->counted; ++k) {
         double E[9];
-        for (int i = 0; i < d; ++i)
-            for (int a = 0; a < d; ++a)
-                E[i * d + a] = x[(int64_t)dof[i + 1] * d + a] - x[(int64_t)dof[0] * d + a];
-        const double volume = d == 2 ? E[0] * E[3] - E[1] * E[2]
-                                     : E[0] * (E[4] * E[8] - E[5] * E[7]) + E[1] * (E[5] * E[6] - E[3] * E[8]) + E[2] * (E[3] * E[7] - E[4] * E[6]);
+        edges_of(cells->d, cells, k, x, E);
+        const double volume = cells->d == 2 ? E[0] * E[3] - E[1] * E[2]
+                                            : E[0] * (E[4] * E[8] - E[5] * E[7]) + E[1] * (E[5] * E[6] - E[3] * E[8]) + E[2] * (E[3] * E[7] - E[4] * E[6]);
         found += !(volume > 0.0);
     }
     return found;

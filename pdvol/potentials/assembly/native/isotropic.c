@@ -4,15 +4,13 @@
  * derivatives by the stretches and a 2 x 2 block per pair of axes with eigenvalues (psi_i - psi_j) / (s_i - s_j) and
  * (psi_i + psi_j) / (s_i + s_j) (Smith, de Goes, Kim 2019). Each is filtered by itself, and a cell's blocks follow from hat-function
  * gradients turned into the frame, without ever forming the 9 x 9 matrix. */
-#include <math.h>
+#include "../../positive.h"
 #include "interface.h"
 #include "kernel.h"
 
 enum { LANES = 8 };
 typedef double lanes __attribute__((vector_size(LANES * sizeof(double))));
 typedef int64_t mask __attribute__((vector_size(LANES * sizeof(int64_t))));
-
-#define INLINE static inline __attribute__((always_inline))
 
 INLINE lanes all(double a)
 {
@@ -98,17 +96,12 @@ INLINE lanes positive(lanes a, int mode)
     return mode == 1 ? choose(a < all(0.0), all(0.0), a) : size(a);
 }
 
-/* Adds weight times the Hessians of `count` cells to blocks `out` (3 x 3 each).
- *
- * gradient, hessian: compiled kernels of psi by its three stretches on the unit tetrahedron; arguments[i] says where in
- * (stretches, parameters) their i-th coefficient is found, for the gradient first (ng), then for the Hessian (nh).
- * dofs (count x 4), x (local x 3); inverse (count x 9): rest edges' inverse, row i the gradient of hat function i + 1; slots (count x 10):
- * where pairs i <= j of vertices add, s >= 0 as they are, s <= -2 transposed at -2 - s, -1 nowhere. Returns cells with a negative eigenvalue. */
-int64_t isotropic_hessians(void *gradient, void *hessian, const int32_t *arguments, int ng, int nh, int64_t count, const int32_t *dofs,
-                           const double *x, const double *inverse, const double *volumes, const double *parameters, int np,
-                           const int32_t *slots, int mode, double weight, double *out)
+/* Adds weight times the Hessians of tetrahedra to blocks `out` (3 x 3 each), with slots and mode as in elements.c. */
+void isotropic_hessians(const cells_t *cells, const stretches_t *density, const double *x, const int32_t *slots, int mode, double weight, double *out)
 {
-    int64_t negative = 0;
+    const int64_t count = cells->count;
+    const int np = density->np, ng = density->ng, nh = density->nh;
+    const int32_t *arguments = density->arguments;
     for (int64_t first = 0; first < count; first += LANES) {
         const int used = count - first < LANES ? (int)(count - first) : LANES;
         lanes g[4][3], F[3][3], C[3][3], V[3][3], U[3][3], s[3], volume;
@@ -116,13 +109,13 @@ int64_t isotropic_hessians(void *gradient, void *hessian, const int32_t *argumen
             lanes e[3][3];
             for (int l = 0; l < LANES; ++l) {
                 const int64_t k = first + (l < used ? l : 0); /* spare lanes repeat a cell, and are not added */
-                const int32_t *dof = dofs + 4 * k;
+                const int32_t *dof = cells->vertices + 4 * k;
                 for (int i = 0; i < 3; ++i)
                     for (int a = 0; a < 3; ++a) {
                         e[i][a][l] = x[3 * (int64_t)dof[i + 1] + a] - x[3 * (int64_t)dof[0] + a];
-                        g[i + 1][a][l] = inverse[9 * k + 3 * i + a];
+                        g[i + 1][a][l] = cells->inverse[9 * k + 3 * i + a];
                     }
-                volume[l] = volumes[k];
+                volume[l] = cells->volumes[k];
             }
             for (int a = 0; a < 3; ++a)
                 for (int j = 0; j < 3; ++j)
@@ -145,13 +138,13 @@ int64_t isotropic_hessians(void *gradient, void *hessian, const int32_t *argumen
             for (int q = 0; q < 3; ++q)
                 all_of[q] = s[q][l];
             for (int q = 0; q < np; ++q)
-                all_of[3 + q] = parameters[np * (first + (l < used ? l : 0)) + q];
+                all_of[3 + q] = density->parameters[np * (first + (l < used ? l : 0)) + q];
             for (int i = 0; i < ng; ++i)
                 w[i] = all_of[arguments[i]];
-            CALL(gradient, first_by, w, 0, unit_simplex);
+            CALL(density->gradient, first_by, w, 0, unit_simplex);
             for (int i = 0; i < nh; ++i)
                 w[i] = all_of[arguments[ng + i]];
-            CALL(hessian, second_by, w, 0, unit_simplex);
+            CALL(density->hessian, second_by, w, 0, unit_simplex);
             for (int i = 0; i < 3; ++i) {
                 p[i][l] = 6.0 * first_by[i]; /* the unit tetrahedron's volume is 1/6 */
                 for (int j = 0; j < 3; ++j)
@@ -159,14 +152,12 @@ int64_t isotropic_hessians(void *gradient, void *hessian, const int32_t *argumen
             }
         }
         lanes same[3], cross[3]; /* of the axes other than o: H over (F_ij, F_ij) and over (F_ij, F_ji) */
-        mask bad = all(0.0) > all(1.0);
         for (int o = 0; o < 3; ++o) {
             const int i = (o + 1) % 3, j = (o + 2) % 3;
             const lanes difference = s[i] - s[j], total = s[i] + s[j];
             const mask near = size(difference) < 1e-5 * total; /* there the quotient's limit is exact to second order */
             const lanes flip = choose(near, 0.5 * (S[i][i] + S[j][j]) - S[i][j], (p[i] - p[j]) / choose(near, total, difference));
             const lanes twist = (p[i] + p[j]) / total;
-            bad |= (flip < all(0.0)) | (twist < all(0.0));
             const lanes even = positive(flip, mode), odd = positive(twist, mode);
             same[o] = 0.5 * (even + odd);
             cross[o] = 0.5 * (even - odd);
@@ -178,7 +169,6 @@ int64_t isotropic_hessians(void *gradient, void *hessian, const int32_t *argumen
                     A[i][j] = S[i][j];
             eigensystems(A, Q);
             const mask indefinite = (A[0][0] < all(0.0)) | (A[1][1] < all(0.0)) | (A[2][2] < all(0.0));
-            bad |= indefinite;
             for (int i = 0; i < 3; ++i)
                 for (int j = 0; j < 3; ++j) {
                     lanes sum = all(0.0);
@@ -187,8 +177,6 @@ int64_t isotropic_hessians(void *gradient, void *hessian, const int32_t *argumen
                     S[i][j] = choose(indefinite, sum, S[i][j]);
                 }
         }
-        for (int l = 0; l < used; ++l)
-            negative += bad[l] != 0;
         /* Hat-function gradients in the frame: h_a = V' g_a; K_ab = U k_ab U' with k_ab from S, same and cross. */
         lanes h[3][3];
         for (int a = 0; a < 3; ++a)
@@ -245,5 +233,4 @@ int64_t isotropic_hessians(void *gradient, void *hessian, const int32_t *argumen
                 }
         }
     }
-    return negative;
 }

@@ -1,9 +1,8 @@
 /* Rows of a matrix in d x d blocks from those that cells couple and those of pairs, summed by place. */
-#include "interface.h"
 #include <stdlib.h>
-#include <string.h>
 
-#define INLINE static inline __attribute__((always_inline))
+#include "../../positive.h"
+#include "interface.h"
 
 INLINE int64_t merge(int d, int64_t rows, int64_t first, int64_t n, const int32_t *cell_starts, const int32_t *cell_columns, const double *cells,
                      int64_t pairs, const int64_t *pair_rows, const int64_t *pair_columns, const double *pair_blocks, const uint8_t *fixed,
