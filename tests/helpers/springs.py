@@ -3,6 +3,7 @@
 import numpy as np
 
 from pdvol.potentials.assembly.hessian_blocks import BlockPattern, HessianBlocks
+from taylor import whole_matrix
 
 
 def springs(space, seed=0, mass=1.0, pairs=True, stiff=1.0) -> HessianBlocks:
@@ -26,7 +27,7 @@ def springs(space, seed=0, mass=1.0, pairs=True, stiff=1.0) -> HessianBlocks:
 
 def dense(space, blocks, supported=None) -> np.ndarray:
     """The whole matrix (n d, n d), in PETSc's order, with supported rows (n,) eliminated; on one rank."""
-    found = blocks.to_csr().toarray()
+    found = whole_matrix(blocks).toarray()
     if supported is not None:
         rows = np.repeat(supported, space.dim)
         found[rows] = found[:, rows] = 0.0

@@ -1,7 +1,7 @@
 """The shared derivative check, second-order Taylor remainders of value and gradient, and states to make it at."""
 
 import numpy as np
-from scipy.sparse import csr_array
+from scipy.sparse import bsr_array, csr_array
 
 from pdvol.potentials.assembly.hessian_blocks import BlockPattern, HessianBlocks
 from pdvol.potentials.potential import Positions
@@ -79,7 +79,19 @@ def hessian_of(term, space, x: np.ndarray, projection: str = "clamp") -> csr_arr
     """A term's whole Hessian (n d, n d) at owned positions x, of a level on one rank."""
     blocks = HessianBlocks(BlockPattern(space), projection)
     term.add_hessian(Positions(space, x), 1.0, blocks)
-    return blocks.to_csr()
+    return whole_matrix(blocks)
+
+
+def whole_matrix(blocks: HessianBlocks) -> csr_array:
+    """The whole symmetric matrix (n d, n d), in PETSc's numbering, of a level on one rank."""
+    d, n = blocks.pattern.space.dim, len(blocks.pattern.space.mesh.points)
+    starts, columns, values = blocks.merged()
+    whole = lambda starts, columns, values: csr_array(
+        bsr_array((values, columns, starts), shape=(n * d, n * d)).tocsr()
+    )
+    upper = whole(starts, columns, values)
+    across = whole(np.arange(n + 1), np.arange(n), values[starts[:-1]])
+    return csr_array(upper + upper.T - across)
 
 
 def state(space, strain=0.15, seed=1, stretch=1.0):

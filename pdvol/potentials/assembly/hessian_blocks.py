@@ -7,7 +7,6 @@ The sparsity pattern of a level's Hessian from its cells: upper triangle, in blo
 from collections.abc import Callable
 
 import numpy as np
-from scipy.sparse import bsr_array, csr_array
 
 from pdvol.levels.space import LevelSpace
 from pdvol.potentials.assembly import native
@@ -196,17 +195,6 @@ class HessianBlocks:
             raise MemoryError("no memory left for the sum of the Hessians")
         sums[count * d * d :][:SPARE] = 0.0
         return starts, found[:count], sums[: count * d * d].reshape(count, d, d)
-
-    def to_csr(self) -> csr_array:
-        """The whole symmetric matrix (n d, n d), in PETSc's numbering, of a level on one rank."""
-        d, n = self.pattern.space.dim, len(self.pattern.space.mesh.points)
-        starts, columns, blocks = self.merged()
-        whole = lambda starts, columns, blocks: csr_array(
-            bsr_array((blocks, columns, starts), shape=(n * d, n * d)).tocsr()
-        )
-        upper = whole(starts, columns, blocks)
-        across = whole(np.arange(n + 1), np.arange(n), blocks[starts[:-1]])
-        return csr_array(upper + upper.T - across)
 
 
 def room_of_rows(rows: int, count: int, d: int) -> BlockCsr:
