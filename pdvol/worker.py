@@ -15,7 +15,7 @@ import sys
 import traceback
 from typing import TextIO
 
-LOADED_BEFORE = ("pdvol.runs.runner", "pdvol.potentials.build", "pdvol.potentials.contact.collision_surface")
+LOADED_BEFORE = ("pdvol.runs.runner", "pdvol.potentials.build", "pdvol.potentials.contact.friction")
 """What every run of a scene with contact imports."""
 
 INTERRUPTED = 130  # exit code of a command line that was asked to end, as `pdvol.cli` gives it

@@ -66,15 +66,13 @@ class FrictionModel:
 
     Attributes
     ----------
-    mu_planes : coefficient, or one (planes, bodies) for each plane and body
-    mu_surfaces : coefficient, or a symmetric matrix between the bodies and, behind them, the rigid surfaces
+    mu : coefficient, or a symmetric matrix between the bodies and, behind them, the obstacles
     eps_v : sliding speed [m/s] below which friction is smoothed
     iterations : solves of a step with friction lagged anew, at most
     tolerance : relative change of the friction forces that counts as converged
     """
 
-    mu_planes: float | np.ndarray
-    mu_surfaces: float | np.ndarray
+    mu: float | np.ndarray
     eps_v: float
     iterations: int
     tolerance: float
@@ -254,11 +252,10 @@ def contact_models(
     diagonal : of the smallest free body [m]
     softest : the lowest Young's modulus [Pa]
     """
-    planes, surfaces = ([o.name for o in obstacles if (o.kind == "plane") == flat] for flat in (True, False))
+    names = [*bodies, *(o.name for o in obstacles)]
     frictions = tuple(
         FrictionModel(
-            mu_planes=_coefficients(f, planes, bodies),
-            mu_surfaces=_coefficients(f, [*bodies, *surfaces], [*bodies, *surfaces]),
+            mu=np.array([[f.between(one, other) for other in names] for one in names]) if f.pairs else f.mu,
             eps_v=metres(f.eps_v, diagonal),
             iterations=f.iterations,
             tolerance=f.tolerance,
@@ -270,13 +267,4 @@ def contact_models(
         ContactModel(metres(b.dhat, diagonal), b.stiffness * softest, b.ccd, frictions)
         for b in contact
         if isinstance(b, Barrier)
-    )
-
-
-def _coefficients(friction: Friction, ones: Sequence[str], others: Sequence[str]) -> float | np.ndarray:
-    """Friction's coefficient, or a matrix of them between named bodies and obstacles."""
-    if not friction.pairs:
-        return friction.mu
-    return np.array([[friction.between(one, other) for other in others] for one in ones]).reshape(
-        len(ones), len(others)
     )

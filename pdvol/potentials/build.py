@@ -57,21 +57,16 @@ def contact_terms(
     models: Sequence[ContactModel], obstacles: Sequence[Obstacle], space: LevelSpace, script: Script | None = None
 ) -> tuple[tuple[ContactPotential, ...], tuple[Potential, ...]]:
     """The terms of barriers and of friction. Collective."""
-    script = Script() if script is None else script
     contacts: list[ContactPotential] = []
     frictions: list[Potential] = []
-    planes, surfaces = (tuple(o for o in obstacles if (o.kind == "plane") == flat) for flat in (True, False))
     for contact in models:
-        from pdvol.potentials.contact.barrier import HalfSpaceBarrier, SurfaceBarrier
-        from pdvol.potentials.contact.collision_surface import CollisionSurface
-        from pdvol.potentials.contact.friction import HalfSpaceFriction, SurfaceFriction
+        from pdvol.potentials.contact.barrier import ContactBarrier
+        from pdvol.potentials.contact.candidates import Candidates
+        from pdvol.potentials.contact.friction import LaggedFriction
+        from pdvol.potentials.contact.surface import ContactSurface
 
-        if planes:
-            half_spaces = HalfSpaceBarrier(space, planes, contact.dhat, contact.kappa, script)
-            contacts.append(half_spaces)
-            frictions += [HalfSpaceFriction(half_spaces, f.mu_planes, f.eps_v) for f in contact.friction]
-        surface = CollisionSurface(space, surfaces, contact.dhat, contact.ccd, script)
-        barrier = SurfaceBarrier(surface, contact.kappa)
+        surface = ContactSurface(space, tuple(obstacles), script)
+        barrier = ContactBarrier(Candidates(surface, contact.dhat, contact.ccd), contact.kappa)
         contacts.append(barrier)
-        frictions += [SurfaceFriction(barrier, f.mu_surfaces, f.eps_v) for f in contact.friction]
+        frictions += [LaggedFriction(barrier, friction.mu, friction.eps_v) for friction in contact.friction]
     return tuple(contacts), tuple(frictions)

@@ -7,7 +7,7 @@ are reached that way are.
 """
 
 from collections.abc import Sequence
-from typing import Any, TypeAlias
+from typing import Any, TypeAlias, cast
 
 import numpy as np
 from dolfinx import fem
@@ -23,8 +23,8 @@ from pdvol.levels.space import LevelSpace
 from pdvol.parallel import on_root
 from pdvol.potentials.assembly.hessian_blocks import BlockPattern, HessianBlocks
 from pdvol.potentials.build import contact_terms
-from pdvol.potentials.contact.barrier import HalfSpaceBarrier, SurfaceBarrier
-from pdvol.potentials.potential import Positions
+from pdvol.potentials.contact.barrier import ContactBarrier
+from pdvol.potentials.potential import Positions, Potential
 from pdvol.scene import Barrier, Deforming, Friction, Obstructing, Plane, Rigid, metres
 from pdvol.scene.checks import finite, positive
 from pdvol.solve.linear.system_matrix import SystemMatrix
@@ -133,10 +133,9 @@ class Contact:
             raise InputError(f"Friction.pairs names {sorted(unknown)[0]!r}; there are {names}")
         contact = (barrier,) if friction is None else (barrier, friction)
         models = contact_models(contact, self.bodies, obstacles, diagonal, young)
-        self._contacts, self._frictions = contact_terms(models, obstacles, self._space)
-        self._surface = next(term for term in self._contacts if isinstance(term, SurfaceBarrier)).surface
-        self._planes = next((term for term in self._contacts if isinstance(term, HalfSpaceBarrier)), None)
-        self._terms = (*self._contacts, *self._frictions)
+        contacts, self._frictions = contact_terms(models, obstacles, self._space)
+        self._barrier = cast(ContactBarrier, contacts[0])
+        self._terms: tuple[Potential, ...] = (*contacts, *self._frictions)
 
     def __repr__(self) -> str:
         names = [self.bodies[0] if len(self.bodies) == 1 else f"{len(self.bodies)} bodies"]
@@ -160,8 +159,7 @@ class Contact:
         if not t1 > t0:
             raise InputError(f"begin_step: the step from {t0:g} to {t1:g} s has no length")
         x = self._positions(u)
-        for contact in self._contacts:
-            contact.move_obstacles(t0)
+        self._barrier.move_obstacles(t0)
         if not self._stepped:
             self._require_apart(x, t0)
         for term in self._terms:
@@ -176,8 +174,7 @@ class Contact:
         x = self._started(u)
         share = self._largest(x, np.zeros_like(x.owned), until)
         self._time = float(until) if share == 1.0 else self._time + share * (until - self._time)
-        for term in self._contacts:
-            term.move_obstacles(self._time)
+        self._barrier.move_obstacles(self._time)
         return self._time
 
     def energy(self, u: Displacement) -> float:
@@ -237,14 +234,14 @@ class Contact:
         return float(change / max(forces)) if max(forces) > 0.0 else 0.0
 
     def min_gap(self, u: Displacement) -> float:
-        """Smallest distance [m] between surfaces that are nearer than dhat, and to planes; inf where there is none."""
+        """Smallest distance [m] of what is nearer than dhat; inf where nothing is."""
         x = self._started(u)
-        return min(term.min_gap(x) for term in self._contacts)
+        return self._barrier.min_gap(x)
 
     def count(self, u: Displacement) -> int:
         """How many pairs are nearer than dhat."""
         x = self._started(u)
-        return sum(term.count(x) for term in self._contacts)
+        return self._barrier.count(x)
 
     def intersections(self, u: Displacement) -> int:
         """How many edges cross edges (2D) or triangles (3D), and how many vertices lie behind planes.
@@ -252,7 +249,7 @@ class Contact:
         The test for crossings is independent of the barrier's code.
         """
         x = self._positions(u)
-        return len(self._crossings(x)) + self._behind_planes(x)
+        return len(self._crossings(x)) + self._barrier.behind_planes(x)
 
     def positions(self, u: Displacement) -> np.ndarray:
         """(n, d) [m] on every rank: where all vertices are, in the order of the points that the mesh was made from."""
@@ -288,8 +285,7 @@ class Contact:
         return self._positions(u)
 
     def _largest(self, x: Positions, direction: np.ndarray, until: float | None) -> float:
-        steps = (term.max_step(x, direction, until) for term in self._contacts)
-        return float(self.V.mesh.comm.allreduce(min(1.0, *steps), op=MPI.MIN))
+        return float(self.V.mesh.comm.allreduce(self._barrier.max_step(x, direction, until), op=MPI.MIN))
 
     def _vector(self, owned: np.ndarray) -> PETSc.Vec:
         index_map, d = self.V.dofmap.index_map, self._space.dim
@@ -305,22 +301,19 @@ class Contact:
 
     def _crossings(self, x: Positions) -> np.ndarray:
         """(k, 2) primitives of the collision mesh that cross."""
-        surface, primitives = self._surface, self._surface.primitives
+        surface, primitives = self._barrier.surface, self._barrier.surface.primitives
         groups = np.where(surface.objects < len(self.bodies), surface.objects, -1)  # obstacles may cross each other
         return find_crossings(surface.vertices(x), primitives.lines, primitives.triangles, groups)
 
-    def _behind_planes(self, x: Positions) -> int:
-        behind = 0 if self._planes is None else int(np.count_nonzero(self._planes.gaps(x) <= 0.0))
-        return int(self.V.mesh.comm.allreduce(behind))
-
     def _require_apart(self, x: Positions, time: float) -> None:
         """IntersectionError unless x is free of intersections."""
-        crossing, behind = self._crossings(x), self._behind_planes(x)
+        crossing, behind = self._crossings(x), self._barrier.behind_planes(x)
         if behind:
             raise IntersectionError(f"{behind} vertices lie at or behind planes at t = {time:g} s; lift the body")
         if len(crossing):
-            edges, names = self._surface.primitives.lines, self.bodies
-            found = sorted({int(self._surface.objects[edges[pair[0], 0]]) for pair in crossing[:NAMED_CROSSINGS]})
+            surface, names = self._barrier.surface, self.bodies
+            edges = surface.primitives.lines
+            found = sorted({int(surface.objects[edges[pair[0], 0]]) for pair in crossing[:NAMED_CROSSINGS]})
             whose = ", ".join(names[i] if i < len(names) else "an obstacle" for i in found)
             raise IntersectionError(
                 f"surfaces cross at t = {time:g} s in {len(crossing)} places (edges of: {whose}); move them apart",

@@ -8,8 +8,9 @@ import barrier_law
 from pdvol.geometry.level_mesh import facet_sizes
 from pdvol.levels.obstacles import Obstacle
 from pdvol.levels.space import LevelSpace
-from pdvol.potentials.contact.barrier import SurfaceBarrier
-from pdvol.potentials.contact.collision_surface import CollisionSurface
+from pdvol.potentials.contact.barrier import ContactBarrier
+from pdvol.potentials.contact.candidates import Candidates
+from pdvol.potentials.contact.surface import ContactSurface
 from pdvol.potentials.potential import Positions
 from problems import polyline, tetrahedron
 from shapes import box, level, together
@@ -24,7 +25,7 @@ PARALLEL = 1e-3  # sin^2 below which crossing edges fade, docs/contact.md
 def surface_of(*meshes, obstacles=(), dhat=DHAT, **options):
     """The space and the surface of bodies in one level."""
     space = LevelSpace(together(*meshes), MPI.COMM_SELF)
-    return space, CollisionSurface(space, obstacles, dhat, **options)
+    return space, Candidates(ContactSurface(space, obstacles), dhat, **options)
 
 
 def two_boxes(d, obstacle=False, **options):
@@ -43,13 +44,13 @@ def crossing_tetrahedra(angle, size=1.0, seed=None):
     """
     below = np.array([[0.0, 0, 0], [1, 0, 0], [0.5, -0.6, -0.8], [0.5, 0.6, -0.8]])
     above = np.array([[1.4, 0, 0], [0.4, 0, 0], [0.9, -0.6, 0.8], [0.9, 0.6, 0.8]])
-    space, surface = surface_of(*(level(points, [[0, 1, 2, 3]]) for points in (below, above + [0, 0, 0.6 * DHAT])))
+    space, candidates = surface_of(*(level(points, [[0, 1, 2, 3]]) for points in (below, above + [0, 0, 0.6 * DHAT])))
     turn = np.array([[np.cos(angle), -np.sin(angle), 0], [np.sin(angle), np.cos(angle), 0], [0, 0, 1]])
     points = space.mesh.points.copy()
     points[:4] = size * (points[:4] - [0.5, 0, 0])
     points[4:] = size * (points[4:] - [0.9, 0, 0.6 * DHAT]) @ turn.T + [0, 0, 0.6 * DHAT]
     frame = np.eye(3) if seed is None else np.linalg.qr(np.random.default_rng(seed).standard_normal((3, 3)))[0]
-    return space, surface, points @ frame.T, frame
+    return space, candidates, points @ frame.T, frame
 
 
 def random_tetrahedra(seed, count=2, size=1.0):
@@ -59,14 +60,14 @@ def random_tetrahedra(seed, count=2, size=1.0):
     return surface_of(*meshes)
 
 
-def vertices_at(space, surface, points):
+def vertices_at(space, candidates, points):
     """The surface's vertices where the level's points (n, d) are given in the input's order."""
-    return surface.vertices(Positions(space, space.from_input(points)))
+    return candidates.surface.vertices(Positions(space, space.from_input(points)))
 
 
-def mesh_of(surface):
+def mesh_of(candidates):
     """ipctk's mesh of the same vertices, edges and faces at rest; obstacles do not meet each other."""
-    primitives = surface.primitives
+    surface, primitives = candidates.surface, candidates.primitives
     at_rest = np.concatenate([surface.space.mesh.points[surface.surface], surface._obstacles_at(0.0)])
     mesh = ipctk.CollisionMesh(rest_positions=at_rest, edges=primitives.lines, faces=primitives.triangles)
     mesh.can_collide = ipctk.make_static_obstacle_filter(len(surface.surface))
@@ -128,12 +129,12 @@ def crossing(a, b, c, d):
 # ---- by brute force
 
 
-def all_pairs(surface):
+def all_pairs(candidates):
     """Pairs of vertices and facets (k, 2), and of edges (m, 2), that may touch: of one body, of two, or of a body and
     an obstacle, without a vertex in common.
     """
-    primitives, owner = surface.primitives, surface.objects
-    bodies = int(surface.space.mesh.point_bodies.max()) + 1
+    primitives, owner = candidates.primitives, candidates.surface.objects
+    bodies = int(candidates.surface.space.mesh.point_bodies.max()) + 1
 
     def may_touch(one, other):
         return np.minimum(owner[one[..., 0]], owner[other[..., 0]]) < bodies
@@ -152,9 +153,9 @@ def fade(t):
     return np.where(t < 1.0, (2.0 - t) * t, 1.0)
 
 
-def brute_force_energy(surface, vertices):
+def brute_force_energy(candidates, vertices):
     """(points part, edges part) of the contact energy [J], straight from the definition in docs/contact.md."""
-    primitives, d = surface.primitives, vertices.shape[1]
+    surface, primitives, d = candidates.surface, candidates.primitives, vertices.shape[1]
     facets, edges = primitives.facets.astype(int), primitives.edges.astype(int)
     at_rest = np.concatenate([surface.space.mesh.points[surface.surface], surface._obstacles_at(0.0)])
     sizes = facet_sizes(at_rest, facets) / d
@@ -173,7 +174,7 @@ def brute_force_energy(surface, vertices):
     energy = lambda r: np.where(
         r < DHAT, barrier_law.energy(np.minimum(np.maximum(r, 1e-300) / DHAT, 1.0) ** 2, DHAT, KAPPA), 0.0
     )
-    pairs, crossed = all_pairs(surface)
+    pairs, crossed = all_pairs(candidates)
     total, weights = 0.0, area
     for p in np.unique(pairs[:, 0]):
         facing = facets[pairs[pairs[:, 0] == p, 1]]
@@ -208,13 +209,13 @@ def brute_force_energy(surface, vertices):
 # ---- slides
 
 
-def check_slide(space, surface, start, end, tolerance=1e-6, parts=200, sections=40):
+def check_slide(space, candidates, start, end, tolerance=1e-6, parts=200, sections=40):
     """Along a straight way of the level's points, in the input's order, the energy changes by the integral of its
     slope, and the slope does not jump: intervals are halved where that is not seen yet. Returns the energies.
 
     A jump of the energy or of the slope is left however short intervals become.
     """
-    barrier = SurfaceBarrier(surface, KAPPA)
+    barrier = ContactBarrier(candidates, KAPPA)
     places = space.from_input(np.asarray(start)), space.from_input(np.asarray(end))
     move = places[1] - places[0]
 

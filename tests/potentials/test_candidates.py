@@ -20,9 +20,9 @@ from contact_reference import (
 )
 from pdvol.levels.obstacles import Obstacle
 from pdvol.measure.verify import crossings
-from pdvol.potentials.contact import candidates
-from pdvol.potentials.contact.barrier import SurfaceBarrier
-from pdvol.potentials.contact.collision_surface import CollisionSurface
+from pdvol.potentials.contact.barrier import ContactBarrier
+from pdvol.potentials.contact.candidates import LIST_SLACK, Candidates
+from pdvol.potentials.contact.surface import ContactSurface
 from pdvol.potentials.potential import MIN_GAP_SHARE, SCRIPTED_GAP_SHARE, Positions
 from pdvol.scene import Translation
 from problems import polyline, tetrahedron
@@ -48,17 +48,17 @@ def heap(d, count=5, obstacle=None):
 PAIRS = WeakKeyDictionary()  # of each surface: all of them, and their codes
 
 
-def pairs_of(surface):
+def pairs_of(candidates):
     """All pairs of points and facets, and of edges, and the codes of both."""
-    if surface not in PAIRS:
-        points, edges = all_pairs(surface)
-        PAIRS[surface] = points, edges, codes(points), codes(edges)
-    return PAIRS[surface]
+    if candidates not in PAIRS:
+        points, edges = all_pairs(candidates)
+        PAIRS[candidates] = points, edges, codes(points), codes(edges)
+    return PAIRS[candidates]
 
 
-def distances(surface, vertices, points, edges):
+def distances(candidates, vertices, points, edges):
     """Of pairs of points and facets (k, 2), and of edges (m, 2)."""
-    primitives = surface.primitives
+    primitives = candidates.primitives
     far = to_facets(vertices[points[:, 0]], vertices[primitives.facets[points[:, 1]]])
     ends = [vertices[primitives.edges[edges[:, i], k]] for i in (0, 1) for k in (0, 1)] if len(edges) else []
     return far, between_edges(*ends) if ends else np.zeros(0)
@@ -77,18 +77,18 @@ def codes(pairs):
     return found
 
 
-def check_complete(surface, vertices):
+def check_complete(candidates, vertices):
     """The lists have all pairs within dhat, and none that may not touch."""
-    primitives = surface.primitives
-    points, edges, point_codes, edge_codes = pairs_of(surface)
+    primitives = candidates.primitives
+    points, edges, point_codes, edge_codes = pairs_of(candidates)
     points = points[boxes_meet(vertices, np.arange(len(vertices))[:, None], primitives.facets, points)]
     edges = edges[boxes_meet(vertices, primitives.edges, primitives.edges, edges)]
-    far, apart = distances(surface, vertices, points, edges)
-    listed = codes(np.concatenate([pairs.points for pairs in surface.lists]))
-    crossing = codes(np.sort(np.concatenate([pairs.edges for pairs in surface.lists]), axis=1))
+    far, apart = distances(candidates, vertices, points, edges)
+    listed = codes(np.concatenate([pairs.points for pairs in candidates.lists]))
+    crossing = codes(np.sort(np.concatenate([pairs.edges for pairs in candidates.lists]), axis=1))
     assert np.isin(codes(points[far < DHAT]), listed).all() and np.isin(listed, point_codes).all()
     assert np.isin(codes(edges[apart < DHAT]), crossing).all() and np.isin(crossing, edge_codes).all()
-    first = np.concatenate([pairs.points for pairs in surface.lists[:1]])[:, 0]
+    first = np.concatenate([pairs.points for pairs in candidates.lists[:1]])[:, 0]
     assert np.count_nonzero(np.diff(first)) + 1 == len(set(first)) or not len(first), "a vertex's pairs stand together"
     return int((far < DHAT).sum() + (apart < DHAT).sum())
 
@@ -98,7 +98,7 @@ def check_complete(surface, vertices):
 @pytest.mark.parametrize("size", [1e-4, 3e-3, 0.05, 0.5])
 def test_lists_are_complete_on_random_walks(d, obstacle, size):
     """Of several bodies, with moves of any length, some of all together: at the ends, and anywhere on the way."""
-    space, surface = heap(d, obstacle=obstacle)
+    space, candidates = heap(d, obstacle=obstacle)
     rng, time = np.random.default_rng(5), 0.0
     x = Positions(space, space.from_input(space.mesh.points))
     bodies = space.mesh.point_bodies[space.owned_points]
@@ -108,51 +108,51 @@ def test_lists_are_complete_on_random_walks(d, obstacle, size):
         own = rng.standard_normal((bodies.max() + 1, d))[bodies] if k % 2 else 0.0
         direction = size * (common + own + 0.3 * rng.uniform(-1, 1, x.owned.shape))
         until = time + size
-        start, end = surface.vertices(x), surface.vertices(x.moved(1.0, direction), at=until)
-        for pairs in surface.lists:
+        start, end = candidates.surface.vertices(x), candidates.surface.vertices(x.moved(1.0, direction), at=until)
+        for pairs in candidates.lists:
             pairs.along(start, end)
         for share in (0.0, 0.37, 1.0):
-            near += check_complete(surface, start + share * (end - start))
+            near += check_complete(candidates, start + share * (end - start))
         for share in (1.0, 0.3):  # and what is kept serves where it is said to
             there = start + share * (end - start)
-            surface.contacts(there)
-            near += check_complete(surface, there)
+            candidates.contacts(there, KAPPA)
+            near += check_complete(candidates, there)
         x = x.moved(0.6, direction)
         time = time + 0.6 * size
-        surface.move_obstacles(time)
-        surface.contacts(surface.vertices(x))
-        near += check_complete(surface, surface.vertices(x))
+        candidates.surface.move_obstacles(time)
+        candidates.contacts(candidates.surface.vertices(x), KAPPA)
+        near += check_complete(candidates, candidates.surface.vertices(x))
     assert near > 0
 
 
 @pytest.mark.parametrize("d", [2, 3])
 def test_one_search_serves_small_and_common_moves(d):
     """Within the slack, and however far all bodies move together; a move of one body past that is searched anew."""
-    space, surface = heap(d)
+    space, candidates = heap(d)
     x = Positions(space, space.from_input(space.mesh.points))
-    surface.contacts(surface.vertices(x))
-    within, between = surface.lists
-    slack = candidates.LIST_SLACK * surface.primitives.edge_length
+    candidates.contacts(candidates.surface.vertices(x), KAPPA)
+    within, between = candidates.lists
+    slack = LIST_SLACK * candidates.primitives.edge_length
     rng = np.random.default_rng(1)
     for k in range(5):
         noise = 0.9 * slack / np.sqrt(d) * rng.uniform(-1, 1, x.owned.shape) * 0.5
         moved = Positions(space, x.owned + 3.0 * k + noise)
-        surface.contacts(surface.vertices(moved))
-        check_complete(surface, surface.vertices(moved))
+        candidates.contacts(candidates.surface.vertices(moved), KAPPA)
+        check_complete(candidates, candidates.surface.vertices(moved))
     assert within.searches == between.searches == 1
     bodies = space.mesh.point_bodies[space.owned_points]
     one = np.where(bodies[:, None] == 0, 10.0, 0.0)
-    surface.contacts(surface.vertices(Positions(space, x.owned + one)))
+    candidates.contacts(candidates.surface.vertices(Positions(space, x.owned + one)), KAPPA)
     assert within.searches == 1 and between.searches == 2
 
 
-def turned(surface, vertices, angles, d):
+def turned(candidates, vertices, angles, d):
     """Each body turned about its centre by its angle [rad], about an arbitrary axis in 3D."""
     axes = np.random.default_rng(3).standard_normal((len(angles), 3))
     axes = np.array([[0.0, 0.0, 1.0]] * len(angles)) if d == 2 else axes / np.linalg.norm(axes, axis=1)[:, None]
     out = vertices.copy()
     for body, turn in enumerate(Rotation.from_rotvec(axes * angles[:, None]).as_matrix()[:, :d, :d]):
-        own = surface.objects == body
+        own = candidates.surface.objects == body
         centre = vertices[own].mean(axis=0)
         out[own] = centre + (vertices[own] - centre) @ turn.T
     return out
@@ -163,17 +163,17 @@ def test_turning_bodies_need_no_search_within_them(d):
     """However far they have turned at a place, and a little on a straight way, on which they shrink; a turn that
     shrinks them below the reach, and a change of shape, do need one.
     """
-    space, surface = heap(d)
-    within, _ = surface.lists
-    start = surface.vertices(Positions(space, space.from_input(space.mesh.points)))
+    space, candidates = heap(d)
+    within, _ = candidates.lists
+    start = candidates.surface.vertices(Positions(space, space.from_input(space.mesh.points)))
     within.at(start)
     angles = np.linspace(0.5, 3.0, within.primitives.bodies)
     for k in range(4):
-        within.at(turned(surface, start, k * angles, d))
-    within.along(turned(surface, start, angles, d), turned(surface, start, angles + 0.05, d))
+        within.at(turned(candidates, start, k * angles, d))
+    within.along(turned(candidates, start, angles, d), turned(candidates, start, angles + 0.05, d))
     assert within.searches == 1
     mirrored = start * np.r_[-1.0, np.ones(d - 1)]
-    for end in (turned(surface, start, angles + 3.0, d), mirrored, 0.3 * start):
+    for end in (turned(candidates, start, angles + 3.0, d), mirrored, 0.3 * start):
         before = within.searches
         within.along(start, end)
         assert within.searches > before
@@ -186,46 +186,47 @@ def test_lists_are_complete_where_bodies_turn(d, angle, size):
     """And are bent by random moves, or flattened until they touch themselves: at the ends of straight moves and on the
     way, after any history.
     """
-    space, surface = heap(d)
+    space, candidates = heap(d)
     rng, near = np.random.default_rng(8), 0
-    x = surface.vertices(Positions(space, space.from_input(space.mesh.points)))
+    x = candidates.surface.vertices(Positions(space, space.from_input(space.mesh.points)))
     for k in range(6):
-        turns = angle * rng.uniform(-1, 1, surface.primitives.bodies)
-        end = turned(surface, x, turns, d) + size * (rng.uniform(-1, 1, x.shape) + 3.0 * rng.standard_normal(d))
+        turns = angle * rng.uniform(-1, 1, candidates.primitives.bodies)
+        end = turned(candidates, x, turns, d) + size * (rng.uniform(-1, 1, x.shape) + 3.0 * rng.standard_normal(d))
         if k % 3 == 1:  # flat: all vertices of a body are near facets of its own
             end[:, 0] = 0.02 * end[:, 0]
-        for pairs in surface.lists:
+        for pairs in candidates.lists:
             pairs.along(x, end)
         for share in (0.0, 0.3, 0.5, 0.8, 1.0):
-            near += check_complete(surface, x + share * (end - x))
+            near += check_complete(candidates, x + share * (end - x))
         for share in (0.9, 0.2):
             there = x + share * (end - x)
-            surface.contacts(there)
-            near += check_complete(surface, there)
+            candidates.contacts(there, KAPPA)
+            near += check_complete(candidates, there)
         x = x + 0.6 * (end - x)
     assert near > 0
 
 
 def test_bodies_far_from_each_other_are_not_searched_until_they_come_near():
-    space, surface = surface_of(*(box(3, 2, low=[2.0 * k, 0.0, 0.0], high=[2.0 * k + 1.0, 1.0, 1.0]) for k in range(2)))
+    cubes = (box(3, 2, low=[2.0 * k, 0.0, 0.0], high=[2.0 * k + 1.0, 1.0, 1.0]) for k in range(2))
+    space, candidates = surface_of(*cubes)
     x = Positions(space, space.from_input(space.mesh.points))
     other = np.where(space.mesh.point_bodies[space.owned_points][:, None] == 1, [-1.0, 0.0, 0.0], 0.0)
-    surface.contacts(surface.vertices(x))
-    _, between = surface.lists
+    candidates.contacts(candidates.surface.vertices(x), KAPPA)
+    _, between = candidates.lists
     for distance in (0.3, 0.6, 0.9):
-        surface.contacts(surface.vertices(x.moved(distance, other)))
+        candidates.contacts(candidates.surface.vertices(x.moved(distance, other)), KAPPA)
     assert between.searches == 1
-    surface.contacts(surface.vertices(x.moved(1.0 - 0.5 * DHAT, other)))
+    candidates.contacts(candidates.surface.vertices(x.moved(1.0 - 0.5 * DHAT, other)), KAPPA)
     assert between.searches == 2 and len(between.points)
 
 
 @pytest.mark.parametrize("d", [2, 3])
 def test_places_near_the_line_of_a_move_need_no_new_search(d):
     """Nor do moves between them. Places far beyond its end or beside it do."""
-    space, surface = two_boxes(d, obstacle=True)
-    start = surface.vertices(Positions(space, space.from_input(space.mesh.points)))
+    space, candidates = two_boxes(d, obstacle=True)
+    start = candidates.surface.vertices(Positions(space, space.from_input(space.mesh.points)))
     move = np.random.default_rng(1).uniform(-1.0, 1.0, start.shape)
-    slack = candidates.LIST_SLACK * surface.primitives.edge_length
+    slack = LIST_SLACK * candidates.primitives.edge_length
     beside = np.random.default_rng(2).uniform(-1.0, 1.0, start.shape) / np.sqrt(d)
     for where, more in (
         (start + 0.3 * move, 0),
@@ -233,7 +234,7 @@ def test_places_near_the_line_of_a_move_need_no_new_search(d):
         (start + 2.0 * move, 1),
         (start + 0.3 * move + 10.0 * slack * beside, 1),
     ):
-        for pairs in CollisionSurface(space, surface.obstacles, DHAT).lists:
+        for pairs in Candidates(ContactSurface(space, candidates.surface.obstacles), DHAT).lists:
             pairs.along(start, start + move)
             before = pairs.searches
             pairs.at(where)
@@ -247,7 +248,7 @@ def test_places_near_the_line_of_a_move_need_no_new_search(d):
 def test_sums_do_not_depend_on_lists(d, obstacle):
     """A surface with a history gives the same numbers as a new one, to the last bit: energy, forces, Hessian, steps."""
     space, used = heap(d, 6, obstacle)
-    barrier = SurfaceBarrier(used, KAPPA)
+    barrier = ContactBarrier(used, KAPPA)
     rng, touched, time = np.random.default_rng(2), 0, 0.0
     x = Positions(space, space.from_input(space.mesh.points))
     for _ in range(12):
@@ -256,7 +257,7 @@ def test_sums_do_not_depend_on_lists(d, obstacle):
         barrier.value(x.moved(step, direction))
         x, time = x.moved(0.7 * step, direction), time + 0.007 * step
         barrier.move_obstacles(time)
-        fresh = SurfaceBarrier(CollisionSurface(space, used.obstacles, DHAT), KAPPA)
+        fresh = ContactBarrier(Candidates(ContactSurface(space, used.surface.obstacles), DHAT), KAPPA)
         fresh.move_obstacles(time)
         anew = Positions(space, x.owned.copy())
         assert barrier.value(x) == fresh.value(anew)
@@ -265,7 +266,7 @@ def test_sums_do_not_depend_on_lists(d, obstacle):
             ours, theirs = (hessian_of(term, space, x.owned, mode) for term in (barrier, fresh))
             np.testing.assert_array_equal(ours.toarray(), theirs.toarray())
         assert barrier.max_step(x, direction, until=time + 0.01) == fresh.max_step(anew, direction, until=time + 0.01)
-        touched += len(barrier.stencils(x)) > 0
+        touched += len(barrier.contacts(x)) > 0
     assert touched > 3
 
 
@@ -277,35 +278,36 @@ def test_sums_do_not_depend_on_lists(d, obstacle):
 @pytest.mark.parametrize("size", [0.02, 0.3, 3.0])
 def test_nothing_meets_during_a_step(d, obstacle, size):
     """By the independent check, at the end of each step and on the way; the steps are nearly as long as they may be."""
-    space, surface = heap(d, 6, obstacle)
+    space, candidates = heap(d, 6, obstacle)
     rng, stopped, time = np.random.default_rng(11), 0, 0.0
     x = Positions(space, space.from_input(space.mesh.points))
-    mesh = mesh_of(surface)
+    mesh = mesh_of(candidates)
     exact = ipctk.AdditiveCCD(max_iterations=100_000, conservative_rescaling=0.999)
     bodies = space.mesh.point_bodies[space.owned_points]
-    facets = surface.primitives.facets
-    assert met(surface, surface.vertices(x)) == []
+    facets = candidates.primitives.facets
+    assert met(candidates, candidates.surface.vertices(x)) == []
     for _ in range(8):
         own = rng.standard_normal((bodies.max() + 1, d))[bodies]
         direction = size * (own + 0.2 * rng.uniform(-1, 1, x.owned.shape))
-        start, end = surface.vertices(x), surface.vertices(x.moved(1.0, direction), at=time + size)
-        step = surface.max_step(start, end)
+        start = candidates.surface.vertices(x)
+        end = candidates.surface.vertices(x.moved(1.0, direction), at=time + size)
+        step = candidates.max_step(start, end)
         free = ipctk.compute_collision_free_stepsize(
             mesh=mesh, vertices_t0=start, vertices_t1=end, broad_phase=ipctk.BruteForce(), narrow_phase_ccd=exact
         )
         assert 0.0 < step <= max(free, 1.0 if free == 1.0 else free) and step > 0.7 * min(free, 1.0) or free < 1e-3
         stopped += step < 1.0
         for share in (1.0, 0.6):
-            assert met(surface, start + share * step * (end - start)) == []
+            assert met(candidates, start + share * step * (end - start)) == []
         x, time = x.moved(step, direction), time + step * size
-        surface.move_obstacles(time)
+        candidates.surface.move_obstacles(time)
     assert stopped or size < 0.1
     assert len(facets)
 
 
-def met(surface, vertices):
-    own = len(surface.surface)
-    facets = surface.primitives.facets
+def met(candidates, vertices):
+    own = len(candidates.surface.surface)
+    facets = candidates.primitives.facets
     solids = facets[facets.min(axis=1) >= own]
     others = [(vertices[own:], solids - own)] if len(solids) else []
     return crossings(vertices[:own], facets[facets.max(axis=1) < own], others)
@@ -315,32 +317,32 @@ def met(surface, vertices):
 def test_every_pair_keeps_its_share(share):
     """Of its own gap, or of dhat where that is less: by distances of all pairs before and after."""
     for seed in range(6):
-        space, surface = heap(3, 6)
+        space, candidates = heap(3, 6)
         rng = np.random.default_rng(seed)
-        start = surface.vertices(Positions(space, space.from_input(space.mesh.points)))
-        end = start + rng.standard_normal((surface.objects.max() + 1, 3))[surface.objects]
-        step = surface.max_step(start, end, share)
-        pairs = pairs_of(surface)[:2]
-        before, after = (distances(surface, x, *pairs) for x in (start, start + step * (end - start)))
+        start = candidates.surface.vertices(Positions(space, space.from_input(space.mesh.points)))
+        end = start + rng.standard_normal((candidates.surface.objects.max() + 1, 3))[candidates.surface.objects]
+        step = candidates.max_step(start, end, share)
+        pairs = pairs_of(candidates)[:2]
+        before, after = (distances(candidates, x, *pairs) for x in (start, start + step * (end - start)))
         for one, other in zip(before, after, strict=True):
             assert np.all(other >= share * np.minimum(one, DHAT) * (1.0 - 1e-9))
 
 
 def test_a_move_of_all_bodies_together_is_never_cut():
-    space, surface = heap(3)
-    start = surface.vertices(Positions(space, space.from_input(space.mesh.points)))
-    assert surface.max_step(start, start + [3.0, -7.0, 5.0]) == 1.0
-    assert surface.max_step(start, start) == 1.0
+    space, candidates = heap(3)
+    start = candidates.surface.vertices(Positions(space, space.from_input(space.mesh.points)))
+    assert candidates.max_step(start, start + [3.0, -7.0, 5.0]) == 1.0
+    assert candidates.max_step(start, start) == 1.0
 
 
 def test_certified_and_additive_collision_detection_allow_similar_steps():
     """Tight inclusion allows about the same step as conservative advancement, and never an intersection."""
     space, additive = two_boxes(3)
-    certified = CollisionSurface(space, (), DHAT, "tight-inclusion")
+    certified = Candidates(ContactSurface(space, ()), DHAT, "tight-inclusion")
     x = Positions(space, space.from_input(space.mesh.points))
     fall = (space.mesh.point_bodies[space.owned_points] == 1)[:, None] * np.array([0.01, 0.02, -0.5])
-    start, end = additive.vertices(x), additive.vertices(x.moved(1.0, fall))
-    steps = [surface.max_step(start, end) for surface in (additive, certified)]
+    start, end = additive.surface.vertices(x), additive.surface.vertices(x.moved(1.0, fall))
+    steps = [candidates.max_step(start, end) for candidates in (additive, certified)]
     assert 0.0 < steps[0] < 0.05
     np.testing.assert_allclose(steps[1], steps[0], rtol=0.2)
     for step in steps:
@@ -354,10 +356,10 @@ def test_a_step_leaves_the_share_of_a_gap_that_it_is_asked_to_keep(ccd, keep):
     where collision detection is not precise enough.
     """
     low = np.array([0.2, 0.2, 1.0 + 0.6 * DHAT])
-    space, surface = surface_of(box(3, 2), box(3, 2, low=low, high=low + 0.5), ccd=ccd)
+    space, candidates = surface_of(box(3, 2), box(3, 2, low=low, high=low + 0.5), ccd=ccd)
     x = Positions(space, space.from_input(space.mesh.points))
     fall = np.where(space.mesh.point_bodies[:, None] == 1, [0.0, 0.0, -1.0], 0.0)
-    barrier = SurfaceBarrier(surface, KAPPA)
+    barrier = ContactBarrier(candidates, KAPPA)
     step = barrier.max_step(x, space.from_input(fall), gap_share=keep)
     left = barrier.min_gap(x.moved(step, space.from_input(fall))) / barrier.min_gap(x)
     assert keep - 1e-9 <= left <= keep + 0.02
@@ -367,11 +369,15 @@ def test_a_step_leaves_the_share_of_a_gap_that_it_is_asked_to_keep(ccd, keep):
 
 
 def bounds_of(pairs, vertices):
-    """What the list's pairs of points and of edges are apart at least (k,), at an array that it is asked about."""
-    pairs.ask_about(vertices)
-    counts = len(pairs.points), len(pairs.edges)
+    """What the list's pairs of points and of edges are apart at least (k,) at positions (n, d): their bounds, less the
+    share of the way times their rates, and twice the largest distance from the way.
+    """
+    counts, (begin, end) = (len(pairs.points), len(pairs.edges)), pairs._way
+    size = np.vdot(end - begin, end - begin)
+    share = np.clip(np.vdot(vertices - begin, end - begin) / size, 0.0, 1.0) if size else 0.0
+    off = np.linalg.norm(vertices - begin - share * (end - begin), axis=1).max()
     return [
-        bounds[:count] - pairs.c.share * rates[:count] - 2.0 * pairs.c.off
+        bounds[:count] - share * rates[:count] - 2.0 * off
         for bounds, rates, count in zip(pairs._bounds, pairs._rates, counts, strict=True)
     ]
 
@@ -382,20 +388,21 @@ def test_bounds_are_no_larger_than_distances(d, obstacle):
     """On the way that collision detection has looked at, beside it, and far from it; after small steps they still show
     that most of the pairs beyond dhat are no contacts.
     """
-    space, surface = heap(d, obstacle=obstacle)
+    space, candidates = heap(d, obstacle=obstacle)
     rng, beyond, shown, time = np.random.default_rng(3), 0, 0, 0.0
     x = Positions(space, space.from_input(space.mesh.points))
     for k in range(12):
         size = DHAT * 10.0 ** rng.uniform(-4, 0.5)
         direction = size * (rng.standard_normal(d) + 0.1 * rng.uniform(-1, 1, x.owned.shape))
         until = time + size
-        start, end = surface.vertices(x), surface.vertices(x.moved(1.0, direction), at=until)
-        step = surface.max_step(start, end)
+        start, end = candidates.surface.vertices(x), candidates.surface.vertices(x.moved(1.0, direction), at=until)
+        step = candidates.max_step(start, end)
         beside = 1e-3 * DHAT * rng.uniform(-1, 1, start.shape)
         places = [start + share * (end - start) + off for share in (0.0, 0.4, step) for off in (0.0, beside)]
         for place in [*places, start + 3.0 * rng.uniform(-1, 1, start.shape)]:
-            for pairs in surface.lists:
-                corners, ends = surface.primitives.facets[pairs.points[:, 1]], surface.primitives.edges[pairs.edges]
+            for pairs in candidates.lists:
+                corners = candidates.primitives.facets[pairs.points[:, 1]]
+                ends = candidates.primitives.edges[pairs.edges]
                 found = [to_facets(place[pairs.points[:, 0]], place[corners])]
                 found += [between_edges(*(place[ends[:, i, j]] for i in (0, 1) for j in (0, 1)))] if d == 3 else []
                 for bounds, apart in zip(bounds_of(pairs, place), found, strict=False):
@@ -404,7 +411,7 @@ def test_bounds_are_no_larger_than_distances(d, obstacle):
                         beyond += np.sum(apart > 1.1 * DHAT)
                         shown += np.sum((apart > 1.1 * DHAT) & (bounds > DHAT))
         x, time = x.moved(step, direction), time + step * size
-        surface.move_obstacles(time)
+        candidates.surface.move_obstacles(time)
     assert beyond > 100 and shown > 0.6 * beyond
 
 
@@ -413,22 +420,22 @@ def test_ranks_share_contacts_by_vertices(d):
     """A rank has all contacts of its vertices, in the order and to the last bit of one rank, and each contact counts on
     one rank. Here ranks are cut through bodies.
     """
-    space, surface = heap(d, 6, "moving")
-    rest = surface.vertices(Positions(space, space.from_input(space.mesh.points)))
+    space, candidates = heap(d, 6, "moving")
+    rest = candidates.surface.vertices(Positions(space, space.from_input(space.mesh.points)))
     n, ranks = space.n_owned, 3
     shared = []
     for rank in range(ranks):
         one = copy.copy(space)
         one.first_block, last = n * rank // ranks, n * (rank + 1) // ranks
         one.n_owned = last - one.first_block
-        shared.append(CollisionSurface(one, surface.obstacles, DHAT))
+        shared.append(Candidates(ContactSurface(one, candidates.surface.obstacles), DHAT))
     rng, crossing, fading, place = np.random.default_rng(0), 0, 0, 0.0
     for _ in range(8):
         place = place + 0.5 * DHAT * rng.uniform(-1, 1, rest.shape)
-        every = surface.contacts(rest + place)
+        every = candidates.contacts(rest + place, KAPPA)
         whole, counts, touched = rows_of(every), np.zeros(len(every)), np.zeros(len(every))
         for part in shared:
-            found, owned = part.contacts(rest + place), owned_by(part)
+            found, owned = part.contacts(rest + place, KAPPA), owned_by(part)
             touches = owned[found.vertices].any(axis=1)
             rows = rows_of(found)
             theirs = np.flatnonzero(owned[every.vertices].any(axis=1))
@@ -442,10 +449,10 @@ def test_ranks_share_contacts_by_vertices(d):
     assert crossing > 3 and (d == 2 or fading)
 
 
-def owned_by(surface) -> np.ndarray:
-    space = surface.space
-    rows = np.full(len(surface.objects), -1)
-    rows[: len(surface.surface)] = space.point_blocks[surface.surface]
+def owned_by(candidates) -> np.ndarray:
+    space = candidates.surface.space
+    rows = np.full(len(candidates.surface.objects), -1)
+    rows[: len(candidates.surface.surface)] = space.point_blocks[candidates.surface.surface]
     return (rows >= space.first_block) & (rows < space.first_block + space.n_owned)
 
 

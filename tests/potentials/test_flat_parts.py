@@ -10,7 +10,7 @@ from contact_reference import DHAT, KAPPA, surface_of
 from pdvol import meshes
 from pdvol.levels.obstacles import Obstacle
 from pdvol.measure.verify import crossings
-from pdvol.potentials.contact.barrier import SurfaceBarrier
+from pdvol.potentials.contact.barrier import ContactBarrier
 from pdvol.potentials.contact.surface import flat_parts
 from pdvol.potentials.potential import Positions
 from pdvol.scene import Path, Rotation, Sequential, Still, Translation
@@ -86,8 +86,8 @@ def fallen(d, obstacles):
     height = mesh.points[:, -1]
     height[height < 0.5] = 0.6 * DHAT
     height += 0.1 * DHAT * mesh.points[:, 0]
-    space, surface = surface_of(level(mesh.points, mesh.cells), obstacles=obstacles)
-    return space, SurfaceBarrier(surface, KAPPA)
+    space, candidates = surface_of(level(mesh.points, mesh.cells), obstacles=obstacles)
+    return space, ContactBarrier(candidates, KAPPA)
 
 
 def forces(found):
@@ -136,15 +136,18 @@ def test_nothing_passes_through_a_box_that_is_cut_finely(depth, size):
         corners = (1.0 + 1.8 * size) * corners / np.linalg.norm(corners) + size * rng.uniform(-1, 1, (4, 3))
         corners = corners if np.linalg.det(corners[1:] - corners[0]) > 0.0 else corners[[1, 0, 2, 3]]
         obstacle = Obstacle("box", "mesh", solid, NO_EDGES, faces)
-        space, surface = surface_of(level(corners, [[0, 1, 2, 3]]), obstacles=(obstacle,))
-        x, own = surface.vertices(Positions(space, space.from_input(space.mesh.points))), surface.objects == 0
-        facets = surface.primitives.facets[:4].astype(int)
+        space, candidates = surface_of(level(corners, [[0, 1, 2, 3]]), obstacles=(obstacle,))
+        x, own = (
+            candidates.surface.vertices(Positions(space, space.from_input(space.mesh.points))),
+            candidates.surface.objects == 0,
+        )
+        facets = candidates.primitives.facets[:4].astype(int)
         assert not crossings(x[own], facets, [(solid, faces)])
         for _ in range(3):
             end = x.copy()
             end[own] -= x[own].mean(axis=0) + rng.uniform(-0.5, 0.5, 3)
             end[own] += 0.3 * (throw % 2) * rng.standard_normal((4, 3))
-            step = surface.max_step(x, end)
+            step = candidates.max_step(x, end)
             let_through += step < 1.0 and bool(crossings((x + 1.1 * step * (end - x))[own], facets, [(solid, faces)]))
             ended += step < 1.0
             x = x + step * (end - x)

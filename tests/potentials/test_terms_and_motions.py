@@ -79,12 +79,11 @@ TERMS = {  # a length [m] over which remainders show, and whether the energy is 
     "plane friction": (0.02 * SLIP, {}),
     "surface friction": (0.02 * SLIP, {}),
 }
+GROUNDS = ("plane", "surface")
 WITH_OBSTACLES = ("plane barrier", "surface barrier", "plane friction", "surface friction")
 KINDS = {
-    "HalfSpaceBarrier": "plane barrier",
-    "HalfSpaceFriction": "plane friction",
-    "SurfaceBarrier": "surface barrier",
-    "SurfaceFriction": "surface friction",
+    "ContactBarrier": "{} barrier",
+    "LaggedFriction": "{} friction",
     "DeadLoad": "gravity",
     "TimedLoad": "force",
     "Attachments": "attachment",
@@ -116,7 +115,7 @@ def placed(d):
 
 
 class Built:
-    """All terms of a level, begun at T0 and moved on to the end of a step.
+    """All terms of a level on one of the grounds, begun at T0 and moved on to the end of a step.
 
     Attributes
     ----------
@@ -125,7 +124,7 @@ class Built:
     x : (n, d) [m] some slips away from there
     """
 
-    def __init__(self, d, motion, law=NeoHookean):
+    def __init__(self, d, motion, ground, law=NeoHookean):
         make, begin, end = MOTIONS[motion]
         move, up = make(d), np.eye(d)[-1]
         mesh, positions, pit = placed(d)
@@ -141,10 +140,12 @@ class Built:
             ),
             muscles=(Muscle("body 1", tuple(np.eye(d)[0]), 500.0),),
             attachments=(Attachment("body 0", "body 1", lambda X: X[:, 0] > 0.7, stiffness=30.0, rest_length=0.5),),
-            obstacles=(Plane((0.0,) * d, tuple(up), move), Rigid("pit", motion=move, closed=False)),
+            obstacles=(
+                Plane((0.0,) * d, tuple(up), move) if ground == "plane" else Rigid("pit", motion=move, closed=False),
+            ),
             contact=(Barrier(dhat=DHAT), Friction(MU, eps_v=EPS_V)),
         )
-        model = make_model(scene, mesh, [pit])
+        model = make_model(scene, mesh, [pit] if ground == "surface" else [])
         script = Script()
         target = positions + 0.1 * np.sin(np.arange(positions.size)).reshape(positions.shape)
         terms = build_terms(model, self.space, (Guide(3.0, lambda time: target),), script).potentials
@@ -161,7 +162,7 @@ class Built:
         self.x = self.along + SLIP * np.random.default_rng(5).uniform(0.1, 0.4, self.along.shape)
         self.terms: dict = {}
         for term in terms:
-            self.terms.setdefault(KINDS.get(type(term).__name__, term.name), []).append(term)
+            self.terms.setdefault(KINDS.get(type(term).__name__, term.name).format(ground), []).append(term)
 
 
 built = cache(Built)
@@ -171,11 +172,12 @@ built = cache(Built)
 @pytest.mark.parametrize("d", DIMENSIONS)
 def test_exact_derivatives_and_projected_signs(d, motion):
     """Gradients and Hessians that are not projected agree with differences; projected ones are semi-definite."""
-    at = built(d, motion)
-    assert set(at.terms) == set(TERMS)
+    on = {ground: built(d, motion, ground) for ground in GROUNDS}
+    assert set().union(*(at.terms for at in on.values())) == set(TERMS)
     for name, (length, options) in TERMS.items():
         if motion != "none" and name not in WITH_OBSTACLES:
             continue  # nothing in these depends on obstacles
+        at = on["surface" if name.startswith("surface") else "plane"]
         for term in at.terms[name]:
             try:
                 if name == "pressure":
@@ -191,7 +193,7 @@ def test_exact_derivatives_and_projected_signs(d, motion):
 @pytest.mark.parametrize("law", [StVenantKirchhoff, FixedCorotational])
 @pytest.mark.parametrize("d", DIMENSIONS)
 def test_other_laws(d, law):
-    at = Built(d, "none", law)
+    at = Built(d, "none", "plane", law)
     (term,) = at.terms["elastic"]
     check_term(term, at.space, at.x, 1e-2)
     rows = hessian_of(term, at.space, at.x).toarray()
@@ -199,13 +201,13 @@ def test_other_laws(d, law):
 
 
 @pytest.mark.parametrize("motion", MOTIONS)
-@pytest.mark.parametrize("kind", ["plane", "surface"])
+@pytest.mark.parametrize("kind", GROUNDS)
 @pytest.mark.parametrize("d", DIMENSIONS)
 def test_what_goes_along_feels_no_friction(d, kind, motion):
     """Bodies that follow where obstacles have really gone slip by nothing: at most a gap times the angle of the step.
     Sliding by ten times the smoothed slip they feel mu times the normal force, against the slip.
     """
-    at = built(d, motion)
+    at = built(d, motion, kind)
     (friction,), (barrier,) = at.terms[f"{kind} friction"], at.terms[f"{kind} barrier"]
     sliding = np.abs(friction.forces).max()
     assert barrier.count(Positions(at.space, at.along)) > 1 and sliding > 0.0
@@ -223,5 +225,5 @@ def test_the_pit_has_contacts_that_weigh_negatively(d):
     """The corner of the property's scene: its contacts in a concave corner are counted more than once, and taken off
     again.
     """
-    (friction,) = built(d, "none").terms["surface friction"]
+    (friction,) = built(d, "none", "surface").terms["surface friction"]
     assert friction.forces.min() < 0.0 < friction.forces.max()

@@ -14,7 +14,7 @@ def example(name):
 
 
 def test_edges_that_run_in_opposite_directions_lose_a_part():
-    """When this fails because the first jump is gone, `CollisionSurface` need not turn edges any longer."""
+    """When this fails because the first jump is gone, `Candidates` need not turn edges any longer."""
     jump = example("edge_edge_parts")["largest_jump"]
     assert jump([3, 4])[0] > 0.1
     assert jump([4, 3])[0] < 1e-6

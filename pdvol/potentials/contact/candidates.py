@@ -1,4 +1,5 @@
-"""Candidate pairs of primitives, found by one search and kept while they stay complete (Verlet lists).
+"""What may touch: candidate pairs of primitives, found by one search and kept while they stay complete (Verlet lists);
+and what does: the contacts nearer than dhat, and the largest step without a collision.
 
 Pairs within an object and pairs between objects have a list each. No distance within an object changes while it moves
 as a whole, and none between two objects that move alike. A list that was searched at one place is complete while no two
@@ -12,7 +13,8 @@ On several ranks each list has the pairs that touch vertices of its rank, and al
 those: all contacts of the rank's vertices are found without a message.
 """
 
-from dataclasses import dataclass, fields
+from collections.abc import Callable
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -20,7 +22,8 @@ import numpy as np
 
 from pdvol.compiled import pointer
 from pdvol.potentials.contact.native import ffi, library
-from pdvol.potentials.contact.surface import Primitives
+from pdvol.potentials.contact.surface import ContactSurface, Primitives
+from pdvol.potentials.potential import MIN_GAP_SHARE
 
 # slack, in median edge lengths: longer lists cost more in every evaluation, shorter ones are searched more often
 LIST_SLACK = 0.1
@@ -83,8 +86,7 @@ class PairList:
         self._known: list[tuple] = []  # of `_shapes_at`: the two places asked about last, and the shapes there
         self._covered: np.ndarray | None = None  # one array that the list is known to be complete at
         self._room: np.ndarray = np.zeros((len(numbers), len(numbers)))
-        self._way: tuple[np.ndarray, np.ndarray] | None = None  # of the bounds, from and to
-        self._asked: np.ndarray | None = None  # what place `c` is asked about
+        self._way: tuple[np.ndarray, np.ndarray]  # of the bounds, from and to
         self.c = ffi.new("pairs_t *")
         self._make_room(1024, 1024)
         self.points, self.edges = (pairs[:0] for pairs in self._pairs)
@@ -118,11 +120,13 @@ class PairList:
         if turned:
             turns[: self.primitives.bodies] = self._shapes(start, None, end).turns
         d, (before, after) = self.primitives.d, (self._centres(x)[objects] for x in (start, end))
-        return before + np.einsum("ki,kij->kj", end - after, turns[:, :d, :d][objects])
+        back, n = end.copy(), len(objects)
+        back[:n] = before + np.einsum("ki,kij->kj", end[:n] - after, turns[:, :d, :d][objects])
+        return back
 
     def _centres(self, vertices: np.ndarray) -> np.ndarray:
         """(objects, d) mean of each object's vertices."""
-        sums = np.add.reduceat(vertices, self._firsts[:-1], axis=0)
+        sums = np.add.reduceat(vertices[: self._firsts[-1]], self._firsts[:-1], axis=0)
         return sums / self._counts[:, None]
 
     def _covers(self, vertices: np.ndarray) -> bool:
@@ -206,7 +210,7 @@ class PairList:
         marked = self._needed
         if self._boxed is not None:
             same = (self._boxed[0] == start).all(axis=1) & (self._boxed[1] == end).all(axis=1)
-            marked = marked & ~np.logical_and.reduceat(same, self._firsts[:-1])
+            marked = marked & ~np.logical_and.reduceat(same[: self._firsts[-1]], self._firsts[:-1])
         moving = pointer(start), pointer(end)
         library().fit_boxes(self.primitives.c, pointer(marked, "uint8_t"), *moving, pointer(self._boxes))
         self._boxed = start, end
@@ -251,29 +255,21 @@ class PairList:
         self.points, self.edges = (pairs[:count] for pairs, count in zip(self._pairs, counts, strict=True))
         self._go_on(start, start)
 
-    def ask_about(self, vertices: np.ndarray) -> None:
-        """Makes bounds in `c` those at `vertices` (n, d)."""
-        if self._way is None or self._asked is vertices or not (len(self.points) or len(self.edges)):
-            return
-        n, d = vertices.shape
-        library().ask_about(d, n, *map(pointer, self._way), pointer(vertices), self.c)
-        self._asked = vertices
-
     def longest_step(self, start: np.ndarray, end: np.ndarray, gap_share: float, step: float) -> float:
         """The largest part of a straight move from start to end (n, d), `step` at most, on which the pairs keep at
         least the share `gap_share` of their gaps, or of the reach where that is less. Renews the bounds.
         """
         if not (len(self.points) or len(self.edges)):
             return step
-        self.ask_about(start)
         move = pointer(start), pointer(end)
         step = library().longest_step(self.primitives.c, *move, self.reach, gap_share, self.c, step)
         self._go_on(start, end)
         return step
 
     def _go_on(self, start: np.ndarray, end: np.ndarray) -> None:
-        """Bounds are from now on those of a move that begins where they were asked about last."""
-        self._way, self._asked, self.c.share, self.c.off = (start, end), start, 0.0, 0.0
+        """Bounds are from now on those of the way from start to end."""
+        self._way = start, end
+        self.c.begin, self.c.end = map(pointer, self._way)
 
     def _make_room(self, points: int, edges: int) -> None:
         """Makes room for so many pairs; there are none then."""
@@ -286,17 +282,20 @@ class PairList:
 
 
 @dataclass(frozen=True)
-class Stencils:
-    """k contacts. One with fewer than four vertices repeats its first one, with coefficient zero.
+class Contacts:
+    """k contacts at some positions of a surface, their energy and its gradient. A contact with fewer than four vertices
+    repeats its first one, with coefficient zero.
 
     Attributes
     ----------
     vertices : (k, 4) int32
         Of the contact surface.
     coefficients : (k, 4)
-    gaps : (k, d) gap vectors [m]
+    gaps : (k, d) gap vectors [m]; zero where a vertex is behind a plane
     weights : (k,)
-        Area [m^(d-1)], or count; of edges that cross it depends on positions.
+        Area [m^(d-1)]; of edges that cross it depends on positions.
+    pressures : (k,) [Pa]
+        Minus the law's derivative by the gap.
     counted : (k,) bool
         Contacts that count in sums of this rank: each counts on one rank, and is known to every rank that owns a vertex
         of it.
@@ -306,49 +305,73 @@ class Stencils:
         Derivatives of their weights by the positions of their vertices.
     curves : (f, 10, 3, 3)
         Their second derivatives, blocks on or right of the diagonal.
+    half_spaces : how many contacts are with planes; these are the first
+    energy : [J], of those that count here
+    gradient : (n, d) [N], by the surface's vertices
     """
 
     vertices: np.ndarray
     coefficients: np.ndarray
     gaps: np.ndarray
     weights: np.ndarray
+    pressures: np.ndarray
     counted: np.ndarray
     fading: np.ndarray
     fades: np.ndarray
     curves: np.ndarray
+    half_spaces: int
+    energy: float
+    gradient: np.ndarray
 
     def __len__(self) -> int:
         return len(self.weights)
 
     @classmethod
-    def room(cls, count: int, faded: int, d: int) -> "Stencils":
+    def room(cls, count: int, faded: int, d: int) -> "Contacts":
         """Memory for so many contacts, and for those whose weights change, in d dimensions; nothing is set."""
         return cls(
             np.empty((count, 4), dtype=np.int32),
             np.empty((count, 4)),
             np.empty((count, d)),
             np.empty(count),
+            np.empty(count),
             np.empty(count, dtype=bool),
             np.empty(faded, dtype=np.int64),
             np.empty((faded, 4, 3)),
             np.empty((faded, 10, 3, 3)),
+            half_spaces=0,
+            energy=0.0,
+            gradient=np.empty((0, d)),
         )
 
     @cached_property
     def c(self) -> Any:
-        """The C struct of all this, which must be kept."""
+        """The C struct of the arrays, which must be kept."""
         struct = ffi.new("contacts_t *")
-        struct.count, struct.faded = len(self.weights), len(self.fading)
+        struct.count, struct.faded, struct.half_spaces = len(self.weights), len(self.fading), self.half_spaces
         struct.vertices, struct.fading = pointer(self.vertices, "int32_t"), pointer(self.fading, "int64_t")
         struct.counted = pointer(self.counted, "uint8_t")
         struct.coefficients, struct.gaps = pointer(self.coefficients), pointer(self.gaps)
-        struct.weights, struct.fades, struct.curves = map(pointer, (self.weights, self.fades, self.curves))
+        struct.weights, struct.pressures = pointer(self.weights), pointer(self.pressures)
+        struct.fades, struct.curves = pointer(self.fades), pointer(self.curves)
         return struct
 
-    def first(self, count: int, faded: int) -> "Stencils":
+    def first(self, count: int, faded: int, half_spaces: int, energy: float, gradient: np.ndarray) -> "Contacts":
         """The first contacts, and the first of those whose weights change, as arrays of their own."""
-        ends = (count,) * 5 + (faded,) * 3
-        return Stencils(*(getattr(self, f.name)[:end].copy() for f, end in zip(fields(self), ends, strict=True)))
+        return Contacts(
+            self.vertices[:count].copy(),
+            self.coefficients[:count].copy(),
+            self.gaps[:count].copy(),
+            self.weights[:count].copy(),
+            self.pressures[:count].copy(),
+            self.counted[:count].copy(),
+            self.fading[:faded].copy(),
+            self.fades[:faded].copy(),
+            self.curves[:faded].copy(),
+            half_spaces,
+            energy,
+            gradient,
+        )
 
     def gaps_of(self, values: np.ndarray) -> np.ndarray:
         """(k, d) combinations of values (n, d) at the surface's vertices, as gap vectors are of positions."""
@@ -367,10 +390,95 @@ class Stencils:
             second = np.where(candidate != first, candidate, second)
         return first, second
 
-    def scatter(self, forces: np.ndarray, count: int) -> np.ndarray:
-        """(count, d) forces [N] at the surface's vertices, from forces (k, d) on the gaps: the transpose of
-        `gaps_of`.
+
+class Candidates:
+    """What may touch on a contact surface.
+
+    Parameters
+    ----------
+    surface : ContactSurface
+    dhat : distance [m] up to which pairs matter
+    ccd : "additive" or "tight-inclusion"
+
+    Attributes
+    ----------
+    lists : the candidates within bodies and between objects
+    """
+
+    def __init__(self, surface: ContactSurface, dhat: float, ccd: str = "additive"):
+        self.surface, self.primitives, self.dhat, self.ccd = surface, surface.primitives, dhat, ccd
+        self.lists = tuple(PairList(self.primitives, dhat, within) for within in (True, False))
+        self._c_lists = ffi.new("pairs_t *[]", [pairs.c for pairs in self.lists])
+        self._room = Contacts.room(1024, 256, surface.space.dim)
+
+    def contacts(self, vertices: np.ndarray, kappa: float) -> Contacts:
+        """The contacts nearer than dhat at positions (n, d) that touch this rank's vertices, and some of others that do
+        not count, with the barrier of stiffness `kappa` [Pa]. First come those with planes, then those of points, list
+        by list, and then those of edges. Their order does not depend on ranks.
         """
-        out = np.zeros((count, forces.shape[1]))
-        library().scatter(forces.shape[1], self.c, pointer(np.ascontiguousarray(forces)), pointer(out))
-        return out
+        for pairs in self.lists:
+            pairs.at(vertices)
+        gradient, counts, energy = np.empty(vertices.shape), np.empty(3, dtype=np.int64), ffi.new("double *")
+        while True:
+            if library().find_contacts(
+                self.primitives.c,
+                pointer(vertices),
+                self.dhat,
+                kappa,
+                len(self.lists),
+                self._c_lists,
+                self._room.c,
+                pointer(counts, "int64_t"),
+                energy,
+                pointer(gradient),
+            ):
+                raise MemoryError("no memory left for contacts")
+            count, faded, half_spaces = counts.tolist()
+            if count <= self._room.c.count and faded <= self._room.c.faded:
+                return self._room.first(count, faded, half_spaces, energy[0], gradient)
+            self._room = Contacts.room(2 * count, 2 * faded + 256, vertices.shape[1])
+
+    def max_step(self, start: np.ndarray, end: np.ndarray, gap_share: float = MIN_GAP_SHARE) -> float:
+        """Largest step in [0, 1] along straight paths from start to end (n, d) at which this rank's vertices stay in
+        front of planes, and all its pairs apart, and keep at least the share `gap_share` of their gap, or of dhat where
+        that is less.
+        """
+        # The pairs that are near stop most moves early. What else may meet is searched for on the way until then. Tight
+        # inclusion may go further than conservative advancement, and needs the pairs of the whole way.
+        additive = self.ccd == "additive"
+        step = library().half_space_step(self.primitives.c, pointer(start), pointer(end), gap_share)
+        for pairs in self.lists if additive else ():
+            step = pairs.longest_step(start, end, gap_share, step)
+        searches = [pairs.searches for pairs in self.lists]
+        for pairs in self.lists:
+            pairs.along(start, end if step == 1.0 else start + step * (end - start))
+        if not additive:
+            return min(step, self._certified_step(start, end, gap_share))
+        for pairs, before in zip(self.lists, searches, strict=True):
+            if pairs.searches > before:
+                step = pairs.longest_step(start, end, gap_share, step)
+        return step
+
+    def _certified_step(self, start: np.ndarray, end: np.ndarray, gap_share: float) -> float:
+        """The step by tight inclusion, of the pairs that conservative advancement cannot clear. Tight inclusion goes to
+        the contact itself, so its step is shortened afterwards.
+        """
+        import ipctk
+
+        ccd, step = ipctk.TightInclusionCCD(tolerance=1e-6, max_iterations=1_000_000), 1.0
+        move = pointer(start), pointer(end)
+        detect: Callable
+        for is_point in (True, False):
+            for one in np.concatenate([pairs.points if is_point else pairs.edges for pairs in self.lists]):
+                alone = ffi.new("pairs_t *", {"n_points": int(is_point), "n_edges": int(not is_point)})
+                alone.points = alone.edges = pointer(one, "int32_t")
+                if library().longest_step(self.primitives.c, *move, self.dhat, gap_share, alone, 1.0) == 1.0:
+                    continue
+                if is_point:
+                    corners = [one[0], *self.primitives.facets[one[1]]]
+                    detect = ccd.point_triangle_ccd if len(corners) == 4 else ccd.point_edge_ccd
+                else:
+                    corners, detect = [*self.primitives.edges[one].ravel()], ccd.edge_edge_ccd
+                hit, at = detect(*start[corners], *end[corners], min_distance=0.0, tmax=step)
+                step = min(step, at) if hit else step
+        return (1.0 - gap_share) * step if step < 1.0 else step

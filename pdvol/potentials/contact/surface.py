@@ -1,5 +1,5 @@
-"""Vertices, edges and facets of contact surfaces as the compiled loops take them, the tree that searches them, and
-their flat parts.
+"""The contact surface of one level: all bodies' boundaries, and the obstacles; its primitives as compiled loops take
+them, the tree that searches them, and their flat parts.
 
 Vertices and edges within flat parts of a surface cannot be the first that something touches. What meets a flat part
 first is a vertex of the other side, or the part's outline: an edge that comes down on the part and crosses an edge
@@ -14,6 +14,10 @@ import numpy as np
 
 from pdvol.compiled import ffi, pointer
 from pdvol.geometry.level_mesh import facet_sizes
+from pdvol.levels.obstacles import Obstacle
+from pdvol.levels.script import Script
+from pdvol.levels.space import LevelSpace
+from pdvol.potentials.potential import Positions
 
 # facets of one leaf of the tree: smaller leaves make more nodes, larger ones more pairs that are tested in vain
 LEAF_FACETS = 4
@@ -21,8 +25,110 @@ LEAF_FACETS = 4
 C_TYPES = {"float64": "double", "int8": "int8_t", "bool": "uint8_t"}
 
 
+class ContactSurface:
+    """The bodies' boundary vertices, in the order of `surface`, and behind them the obstacles' vertices: those of rigid
+    surfaces first, then those of planes, whose frames move as they do. Every rank holds the whole surface.
+
+    Parameters
+    ----------
+    space : LevelSpace
+    obstacles : tuple of Obstacle
+    script : of the obstacles' motions; all on time where not given
+
+    Attributes
+    ----------
+    surface : (k,) int64
+        Input indices of the bodies' boundary vertices.
+    objects : (n,) int64
+        Number of the body or obstacle that each of the surface's n vertices belongs to; obstacles are numbered after
+        the bodies.
+    rows : (n,) int64
+        Row of the level that each vertex has, in PETSc's block order; -1 for obstacles.
+    primitives : Primitives
+        Of all but planes.
+    obstacle_positions : (m, d) [m]
+        Where the obstacles' vertices are now.
+    """
+
+    def __init__(self, space: LevelSpace, obstacles: tuple[Obstacle, ...] = (), script: Script | None = None):
+        self.space, self.obstacles, level = space, obstacles, space.mesh
+        self._script = Script() if script is None else script
+        boundary = np.unique(level.boundary)
+        self.surface = boundary[np.argsort(level.point_bodies[boundary], kind="stable")]
+        k, bodies = len(self.surface), int(level.point_bodies.max()) + 1
+        shapes = [o for o in obstacles if o.kind != "plane"]
+        self._placed = (*shapes, *(o for o in obstacles if o.kind == "plane"))
+        sizes = [len(o.vertices) for o in self._placed]
+        numbers = np.array([bodies + obstacles.index(o) for o in self._placed], dtype=np.int64)
+        of_bodies = level.point_bodies[self.surface].astype(np.int64)
+        self.objects = np.concatenate([of_bodies, np.repeat(numbers, sizes)])
+        self.obstacle_positions = self._obstacles_at(0.0)
+        self._known: list[tuple[Positions, np.ndarray]] = []  # where the vertices were found last, the last two
+
+        first, last = space.first_block, space.first_block + space.n_owned
+        self.rows = np.full(len(self.objects), -1, dtype=np.int64)
+        self.rows[:k] = space.point_blocks[self.surface]
+        owned = np.where(self.rows < 0, -1, (self.rows >= first) & (self.rows < last)).astype(np.int8)
+        self._own = np.flatnonzero(owned == 1)
+        self._own_rows = self.rows[self._own] - first
+
+        index = np.zeros(len(level.points), dtype=np.int64)
+        index[self.surface] = np.arange(k)
+        starts = k + np.cumsum([0, *sizes])[: len(shapes)]
+        facets = [index[level.boundary]]
+        for start, shape in zip(starts, shapes, strict=True):
+            facets.append((shape.edges if space.dim == 2 else shape.faces).reshape(-1, space.dim) + start)
+        count = k + sum(sizes[: len(shapes)])
+        self.primitives = Primitives(
+            np.concatenate([level.points[self.surface], self.obstacle_positions])[:count],
+            np.concatenate(facets),
+            np.concatenate([of_bodies, bodies + np.repeat(np.arange(len(shapes)), sizes[: len(shapes)])]),
+            bodies,
+            np.array([False] * bodies + [shape.rigid for shape in shapes]),
+            owned[:count],
+            len(obstacles) - len(shapes),
+        )
+
+    def _obstacles_at(self, time: float) -> np.ndarray:
+        placed = [np.zeros((0, self.space.dim))]
+        for obstacle in self._placed:
+            plane = obstacle.kind == "plane"
+            placed.append(
+                self._script.pose(obstacle, time)(obstacle.vertices) if plane else self._script.place(obstacle, time)
+            )
+        return np.concatenate(placed)
+
+    def move_obstacles(self, time: float) -> bool:
+        """Puts the obstacles where they are at `time` [s]. Returns whether any of them moved."""
+        positions = self._obstacles_at(time)
+        changed = not np.array_equal(positions, self.obstacle_positions)
+        if changed:
+            self.obstacle_positions, self._known = positions, []
+        return changed
+
+    def vertices(self, x: Positions, at: float | None = None) -> np.ndarray:
+        """(n, d) positions [m] of the surface's vertices; obstacles where they were placed, or where they are `at` a
+        time [s]. First use per x is collective.
+        """
+        for known, vertices in self._known if at is None else ():
+            if known is x:
+                return vertices
+        obstacles = self.obstacle_positions if at is None else self._obstacles_at(at)
+        bodies = x.owned[self._own_rows] if self.space.comm.size == 1 else x.whole[self.surface]
+        vertices = np.concatenate([bodies, obstacles])
+        if at is None:
+            self._known = [(x, vertices), *self._known[:1]]
+        return vertices
+
+    def rows_of(self, values: np.ndarray) -> np.ndarray:
+        """(n_owned, d) rows of the level from values (n, d) of the surface; zero away from it."""
+        rows = np.zeros((self.space.n_owned, self.space.dim))
+        rows[self._own_rows] = values[self._own]
+        return rows
+
+
 class Primitives:
-    """The primitives of bodies and obstacles; facets are edges in 2D and triangles in 3D.
+    """The primitives of bodies and rigid surfaces; facets are edges in 2D and triangles in 3D.
 
     Parameters
     ----------
@@ -35,6 +141,7 @@ class Primitives:
         Objects that keep their shape. Their vertices and edges within flat parts are found by no search.
     owned : (n,) int8
         1 where a vertex is of this rank, 0 where it is of another one, and -1 on obstacles.
+    planes : number of half-spaces, whose frames stand behind the vertices
 
     Attributes
     ----------
@@ -59,8 +166,9 @@ class Primitives:
         bodies: int,
         rigid: np.ndarray,
         owned: np.ndarray,
+        planes: int = 0,
     ):
-        self.d, self.bodies = vertices.shape[1], bodies
+        self.d, self.bodies, self.planes = vertices.shape[1], bodies, planes
         self.objects, self.facets = objects.astype(np.int64), np.ascontiguousarray(facets, dtype=np.int32)
         n, d = len(vertices), self.d
         if d == 3:
@@ -164,7 +272,7 @@ class Primitives:
     def _struct(self, n: int) -> Any:
         struct = ffi.new("surface_t *")
         struct.d, struct.vertices, struct.edges, struct.facets = self.d, n, len(self.edges), len(self.facets)
-        struct.objects, struct.leaves = len(self.roots) - 1, self.leaves
+        struct.objects, struct.leaves, struct.planes = len(self.roots) - 1, self.leaves, self.planes
         self._kept = []
         for name, array in self._arrays.items():
             kind = C_TYPES.get(array.dtype.name, "int32_t")

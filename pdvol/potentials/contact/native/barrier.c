@@ -1,89 +1,45 @@
-/* The barrier over active pairs: sums of its law, gradients and blocks of Hessians. */
+/* The barrier over the contacts of a surface: the sum of its law, its gradient and the blocks of its Hessian. */
 #include "law.h"
 #include "products.h"
 
-/* How many of a contact's vertices count: the others have the coefficient zero. */
-INLINE int used(const double *coefficients)
+/* The sum of weights times the law over contacts that count here, and of all contacts the pressures, minus the law's derivatives by the gap, and the
+ * gradient by the surface's positions (n, d), added to `gradient`. */
+INLINE double sum(int d, const contacts_t *all, double dhat, double kappa, double *gradient)
 {
-    int n = 4;
-    while (n > 1 && coefficients[n - 1] == 0.0)
-        --n;
-    return n;
-}
-
-/* The sum of weights times the law over contacts that count here, and the gradient of all by the vertices (n, d), added to `gradient`. */
-double barrier_sum(int d, const contacts_t *all, double dhat, double kappa, double *gradient)
-{
-    double total = 0.0, slope, second;
-    for (int64_t k = 0; k < all->count; ++k) {
-        const double *gap = all->gaps + d * k, *c = all->coefficients + 4 * k;
-        const double energy = all->weights[k] * law(dot(d, gap, gap), dhat, kappa, &slope, &second);
-        total += all->counted[k] ? energy : 0.0;
+    double total = 0.0;
+    for (int64_t k = 0, f = 0; k < all->count; ++k) {
+        const double *gap = all->gaps + d * k, *c = all->coefficients + 4 * k, squared = dot(d, gap, gap), weight = all->weights[k];
+        double slope, second;
+        const double value = law(squared, dhat, kappa, &slope, &second);
+        total += all->counted[k] ? weight * value : 0.0;
+        all->pressures[k] = -2.0 * sqrt(squared) * slope;
         for (int i = 0, n = used(c); i < n; ++i)
             for (int j = 0; j < d; ++j)
-                gradient[(int64_t)d * all->vertices[4 * k + i] + j] += 2.0 * all->weights[k] * slope * c[i] * gap[j];
-    }
-    for (int64_t f = 0; f < all->faded; ++f) {
-        const int64_t k = all->fading[f];
-        const double *gap = all->gaps + d * k, energy = law(dot(d, gap, gap), dhat, kappa, &slope, &second);
-        for (int i = 0; i < 4; ++i)
-            for (int j = 0; j < d; ++j)
-                gradient[(int64_t)d * all->vertices[4 * k + i] + j] += energy * all->fades[12 * f + 3 * i + j];
+                gradient[(int64_t)d * all->vertices[4 * k + i] + j] += 2.0 * weight * slope * c[i] * gap[j];
+        if (f == all->faded || all->fading[f] != k)
+            continue;
+        for (int q = 0; q < 4 * d; ++q)
+            gradient[(int64_t)d * all->vertices[4 * k + q / d] + q % d] += value * all->fades[12 * f + q];
+        ++f;
     }
     return total;
 }
 
-/* The pressure of each contact: minus the law's derivative by the gap. */
-void contact_pressures(int d, const contacts_t *all, double dhat, double kappa, double *pressures)
+/* What contact finds at positions x (n, d): the contacts nearer than dhat, of half-spaces and of the candidates of n lists (`active_contacts`), their
+ * energy and its gradient (n, d). `to` has room for so many contacts as it counts. counts (3): how many there are, how many of them have weights
+ * that depend on positions, and how many are half-spaces'; where there is no room for them, nothing else is found. Returns 1 without memory. */
+int find_contacts(const surface_t *s, const double *x, double dhat, double kappa, int n, pairs_t *const *lists, const contacts_t *to, int64_t *counts,
+                  double *energy, double *gradient)
 {
-    for (int64_t k = 0; k < all->count; ++k) {
-        const double squared = dot(d, all->gaps + d * k, all->gaps + d * k);
-        double slope, second;
-        law(squared, dhat, kappa, &slope, &second);
-        pressures[k] = -2.0 * sqrt(squared) * slope;
-    }
-}
-
-/* Blocks being found of vertices that have rows (`rows`, -1: none), on or right of the diagonal, in the rows from `first` to before `last`;
- * of two vertices of which another rank has one, also left of it. */
-typedef struct {
-    const int64_t *rows;
-    int64_t first, last, count;
-    int64_t *to_rows, *to_columns;
-    double *blocks;
-} out_t;
-
-/* Adds a block (d x d) of two vertices; returns where it goes, row by row, or 0 where it is not in these rows. */
-INLINE double *add_block(int d, out_t *out, int32_t v, int32_t w, int *turned)
-{
-    const int64_t a = out->rows[v], b = out->rows[w], lower = a < b ? a : b, upper = a < b ? b : a;
-    const int64_t row = lower < out->first ? upper : lower;
-    if (lower < 0 || row < out->first || row >= out->last)
+    contacts_t found = *to;
+    if (active_contacts(s, x, dhat, n, lists, &found))
+        return 1;
+    counts[0] = found.count, counts[1] = found.faded, counts[2] = found.half_spaces;
+    if (found.count > to->count || found.faded > to->faded)
         return 0;
-    *turned = row == b;
-    out->to_rows[out->count] = row - out->first, out->to_columns[out->count] = row == a ? b : a;
-    return out->blocks + (int64_t)(d * d) * out->count++;
-}
-
-/* Blocks c_i c_j T of contacts with symmetric tensors T (count, d, d). Returns how many: up to 10 count. */
-int64_t tensor_blocks(int d, const contacts_t *all, const double *tensors, const int64_t *rows, int64_t first, int64_t last, int64_t *out_rows,
-                      int64_t *out_columns, double *blocks)
-{
-    out_t out = {rows, first, last, 0, out_rows, out_columns, blocks};
-    for (int64_t k = 0; k < all->count; ++k) {
-        const double *c = all->coefficients + 4 * k, *T = tensors + d * d * k;
-        const int32_t *v = all->vertices + 4 * k;
-        double trace = 0.0, *to;
-        int turned;
-        for (int p = 0; p < d; ++p)
-            trace += T[(d + 1) * p];
-        for (int i = 0, n = used(c); i < n; ++i)
-            for (int j = i; j < n; ++j)
-                if (c[i] * c[j] * trace != 0.0 && (to = add_block(d, &out, v[i], v[j], &turned)))
-                    for (int p = 0; p < d * d; ++p)
-                        to[p] = c[i] * c[j] * T[p];
-    }
-    return out.count;
+    memset(gradient, 0, s->d * (s->vertices + s->planes * (s->d + 1)) * sizeof(double));
+    *energy = s->d == 3 ? sum(3, &found, dhat, kappa, gradient) : sum(2, &found, dhat, kappa, gradient);
+    return 0;
 }
 
 /* The Hessian over a contact's n vertices of its weight times the law, or (`convex`) its convex part: the curvature along the gap and across it, where
@@ -131,6 +87,16 @@ INLINE void contact_hessian(int d, int n, const double *c, const double *const *
     }
 }
 
+/* The same of a vertex and a half-space, by the vertex alone: the law is convex in a gap that is linear. */
+INLINE void half_space_hessian(int d, const double *gap, double weight, double dhat, double kappa, blocks_t H)
+{
+    double slope, second;
+    const double squared = dot(d, gap, gap);
+    law(squared, dhat, kappa, &slope, &second);
+    if (squared > 0.0)
+        add_square(d, 1, weight * (4.0 * second + 2.0 * slope / squared), gap, H);
+}
+
 /* Cuts off negative eigenvalues of a symmetric 12 x 12 matrix that has none but zero for translations: over three differences of the four
  * vertices, which are orthonormal. */
 static void clamp_matrix(blocks_t H)
@@ -158,7 +124,7 @@ static void clamp_matrix(blocks_t H)
                             H[n][3 * p + q] += differences[a][i] * differences[b][j] * A[9 * (3 * a + p) + 3 * b + q];
 }
 
-/* Blocks of the Hessian of `factor` times the sum of weights times the law, or of its convex part, at positions x, as tensor_blocks has them. */
+/* Blocks of the Hessian of `factor` times the sum of weights times the law, or of its convex part, at positions x. Returns how many: up to 10 a contact. */
 int64_t barrier_blocks(int d, const contacts_t *all, const double *x, double dhat, double kappa, double factor, int convex, const int64_t *rows,
                        int64_t first, int64_t last, int64_t *out_rows, int64_t *out_columns, double *blocks)
 {
@@ -167,10 +133,12 @@ int64_t barrier_blocks(int d, const contacts_t *all, const double *x, double dha
         blocks_t H = {{0.0}};
         const int32_t *v = all->vertices + 4 * k;
         const double *c = all->coefficients + 4 * k, *gap = all->gaps + d * k, weight = factor * all->weights[k], *at[4];
-        const int fade = f < all->faded && all->fading[f] == k, n = used(c);
+        const int fade = f < all->faded && all->fading[f] == k, n = k < all->half_spaces ? 1 : used(c);
         for (int i = 0; i < 4; ++i)
             at[i] = x + (int64_t)d * v[i];
-        if (d == 2 && n == 3)
+        if (k < all->half_spaces)
+            half_space_hessian(d, gap, weight, dhat, kappa, H);
+        else if (d == 2 && n == 3)
             contact_hessian(2, 3, c, at, gap, weight, dhat, kappa, convex, H);
         else if (d == 2)
             contact_hessian(2, 2, c, at, gap, weight, dhat, kappa, convex, H);

@@ -1,16 +1,10 @@
-/* Lagged, smoothed Coulomb friction (Li et al. 2020, section 5) of k contacts: slips, energies, forces, stiffness, and the prediction of which
- * contacts stick (lagged_friction.py). The force grows to that of full sliding at a slip of eps, and is constant beyond. */
-#include "surface.h"
+/* Lagged, smoothed Coulomb friction (Li et al. 2020, section 5) of contacts: energy, gradient, Hessian, and the prediction of which contacts stick
+ * (friction.py). The force grows to that of full sliding at a slip of eps, and is constant beyond. */
+#include "products.h"
 
 enum { AS_IT_IS, STICKS, SLIDES };
 
 #define LEAST_SLIDE 0.5 /* of eps: a contact predicted to slide sticks below this slip; between it and 1 the prediction stays as it is */
-
-/* a.b, the middle numbers last: numpy's einsum adds in this order, and stored states were computed by it. */
-INLINE double product(int d, const double *a, const double *b)
-{
-    return d == 3 ? (a[0] * b[0] + a[2] * b[2]) + a[1] * b[1] : a[0] * b[0] + a[1] * b[1];
-}
 
 INLINE double length(int d, const double *v)
 {
@@ -29,104 +23,115 @@ INLINE double slope(double slip, double eps)
     return slip < eps ? 2.0 * (1.0 - slip / eps) / eps : 0.0;
 }
 
-/* Slips (k, d) in the contacts' tangential planes, while the surface's vertices went from `start` to x. */
-void friction_slips(int d, const contacts_t *all, const double *normals, const double *start, const double *x, double *slips)
+/* The slip (d) of contact k across its gap, while the surface went from the step's start to x. */
+INLINE void slip_of(int d, const contacts_t *all, const friction_t *friction, const double *x, int64_t k, double *slip)
 {
-    for (int64_t k = 0; k < all->count; ++k) {
-        double u[3] = {0.0};
-        for (int i = 0; i < 4; ++i) {
-            const int64_t v = (int64_t)d * all->vertices[4 * k + i];
-            for (int j = 0; j < d; ++j)
-                u[j] += all->coefficients[4 * k + i] * (x[v + j] - start[v + j]);
-        }
-        const double along = product(d, u, normals + d * k);
+    const double *gap = all->gaps + d * k;
+    double u[3] = {0.0};
+    for (int i = 0; i < 4; ++i) {
+        const int64_t v = (int64_t)d * all->vertices[4 * k + i];
         for (int j = 0; j < d; ++j)
-            slips[d * k + j] = u[j] - along * normals[d * k + j];
+            u[j] += all->coefficients[4 * k + i] * (x[v + j] - friction->start[v + j]);
     }
+    const double along = dot(d, u, gap) / dot(d, gap, gap);
+    for (int j = 0; j < d; ++j)
+        slip[j] = u[j] - along * gap[j];
 }
 
-/* Dissipation (k) per unit of sliding force. */
-void friction_energies(int d, int64_t count, const double *slips, double eps, double *energies)
+/* The dissipation over the contacts that count here, and the gradient by the surface's positions (n, d), added to `gradient`; or, where `predicted`,
+ * what the predicted states add to the gradient. */
+double friction_sum(int d, const contacts_t *all, const friction_t *friction, const double *x, int predicted, double *gradient)
 {
-    for (int64_t k = 0; k < count; ++k) {
-        const double slip = length(d, slips + d * k);
-        energies[k] = slip < eps ? slip * slip * (1.0 - slip / (3.0 * eps)) / eps + eps / 3.0 : slip;
-    }
-}
-
-/* Forces (k, d) on the contacts from their sliding forces (k); where `states` are given, what these predicted states add to them. */
-void friction_forces(int d, int64_t count, const double *slips, const double *sliding, double eps, const int8_t *states, const double *ways,
-                     const double *sizes, double *forces)
-{
-    for (int64_t k = 0; k < count; ++k) {
-        const double *slip = slips + d * k, *way = states ? ways + d * k : slip, over = force_over_slip(length(d, slip), eps);
-        const double across = states ? 1.0 / fmax(sizes[k], eps) : 0.0, along = states ? product(d, slip, way) : 0.0;
-        for (int j = 0; j < d; ++j) {
-            double force = over * slip[j];
-            if (states) {
-                const double slides = way[j] + across * (slip[j] - along * way[j]);
-                force = states[k] == AS_IT_IS ? 0.0 : (states[k] == STICKS ? 2.0 / eps * slip[j] : slides) - force;
+    const double eps = friction->eps;
+    double total = 0.0;
+    for (int64_t k = 0; k < all->count; ++k) {
+        const int state = friction->states[k];
+        const double *way = friction->ways + d * k;
+        double slip[3], force[3];
+        if (predicted && state == AS_IT_IS)
+            continue;
+        slip_of(d, all, friction, x, k, slip);
+        const double size = length(d, slip), over = force_over_slip(size, eps);
+        const double energy = size < eps ? size * size * (1.0 - size / (3.0 * eps)) / eps + eps / 3.0 : size;
+        total += all->counted[k] ? friction->forces[k] * energy : 0.0;
+        for (int j = 0; j < d; ++j)
+            force[j] = friction->forces[k] * over * slip[j];
+        if (predicted) {
+            const double along = dot(d, slip, way), across = 1.0 / fmax(friction->sizes[k], eps);
+            for (int j = 0; j < d; ++j) {
+                const double then = state == STICKS ? 2.0 / eps * slip[j] : way[j] + across * (slip[j] - along * way[j]);
+                force[j] = friction->forces[k] * then - force[j];
             }
-            forces[d * k + j] = sliding[k] * force;
         }
+        for (int i = 0; i < 4; ++i)
+            for (int j = 0; j < d; ++j)
+                gradient[(int64_t)d * all->vertices[4 * k + i] + j] += all->coefficients[4 * k + i] * force[j];
     }
+    return total;
 }
 
-/* `weight` times the stiffness (k, d, d) against the contacts' slips, in the predicted states where `states` are given. Forces of unions may be
- * negative; where `projected`, these have no stiffness. */
-void friction_tensors(int d, int64_t count, const double *slips, const double *normals, const double *sliding, double eps, double weight,
-                      int projected, const int8_t *states, const double *ways, const double *sizes, double *tensors)
+/* Blocks of `weight` times the Hessian in the predicted states. Forces of unions may be negative; where `projected`, these have no stiffness. Returns
+ * how many: up to 10 a contact. */
+int64_t friction_blocks(int d, const contacts_t *all, const friction_t *friction, const double *x, double weight, int projected, const int64_t *rows,
+                        int64_t first, int64_t last, int64_t *out_rows, int64_t *out_columns, double *blocks)
 {
-    for (int64_t k = 0; k < count; ++k) {
-        const int state = states ? states[k] : AS_IT_IS;
-        const double *slip = state == SLIDES ? ways + d * k : slips + d * k, *normal = normals + d * k;
-        const double size = length(d, slip), force = weight * (projected ? fmax(sliding[k], 0.0) : sliding[k]);
-        double across = force_over_slip(size, eps), along = slope(size, eps), way[3];
-        if (state == STICKS)
-            across = along = 2.0 / eps;
+    out_t out = {rows, first, last, 0, out_rows, out_columns, blocks};
+    for (int64_t k = 0; k < all->count; ++k) {
+        const int state = friction->states[k];
+        const int32_t *v = all->vertices + 4 * k;
+        const double *c = all->coefficients + 4 * k, *gap = all->gaps + d * k, squared = dot(d, gap, gap);
+        const double force = weight * (projected ? fmax(friction->forces[k], 0.0) : friction->forces[k]);
+        double slip[3], way[3], T[9], *to;
+        if (force == 0.0)
+            continue;
+        slip_of(d, all, friction, x, k, slip);
         if (state == SLIDES)
-            across = 1.0 / fmax(sizes[k], eps), along = 0.0;
+            memcpy(slip, friction->ways + d * k, d * sizeof(double));
+        const double size = length(d, slip);
+        double across = force_over_slip(size, friction->eps), along = slope(size, friction->eps);
+        if (state == STICKS)
+            across = along = 2.0 / friction->eps;
+        if (state == SLIDES)
+            across = 1.0 / fmax(friction->sizes[k], friction->eps), along = 0.0;
         for (int j = 0; j < d; ++j)
             way[j] = slip[j] / fmax(size, 1e-300);
         for (int p = 0; p < d; ++p)
             for (int q = 0; q < d; ++q)
-                tensors[d * (d * k + p) + q] = ((p == q) - normal[p] * normal[q]) * (force * across) + force * (along - across) * way[p] * way[q];
+                T[d * p + q] = force * (((p == q) - gap[p] * gap[q] / squared) * across + (along - across) * way[p] * way[q]);
+        for (int i = 0, n = used(c), turned; i < n; ++i)
+            for (int j = i; j < n; ++j)
+                if (c[i] * c[j] != 0.0 && (to = add_block(d, &out, v[i], v[j], &turned)))
+                    for (int p = 0; p < d * d; ++p)
+                        to[p] = c[i] * c[j] * T[p];
     }
+    return out.count;
 }
 
-/* Predicts the states of contacts whose slips go from `now` to `then`, from the states predicted last: `ways` (k, d) and `sizes` (k) are the slips'
- * at the end of those predicted to slide. Returns how many states have changed. */
-int64_t friction_predict(int d, int64_t count, const double *now, const double *then, const double *sliding, double eps, int8_t *states,
-                         double *ways, double *sizes)
+/* Predicts the states of contacts at the end of the way from `now` to `then`, from the states predicted last. Returns how many have changed. */
+int64_t friction_predict(int d, const contacts_t *all, const friction_t *friction, const double *now, const double *then)
 {
+    const double eps = friction->eps;
     int64_t changed = 0;
-    for (int64_t k = 0; k < count; ++k) {
-        const double *end = then + d * k, size = length(d, end);
-        double *way = ways + d * k;
-        const int turned = product(d, states[k] == SLIDES ? way : now + d * k, end) < 0.0;
-        int state = states[k];
-        if (states[k] == AS_IT_IS && length(d, now + d * k) >= eps && (turned || size < eps))
-            state = STICKS;
-        if (states[k] == SLIDES && (turned || size < LEAST_SLIDE * eps))
-            state = STICKS;
-        if (states[k] == STICKS && size > eps)
-            state = SLIDES;
-        if (state == states[k] || !(sliding[k] > 0.0))
+    for (int64_t k = 0; k < all->count; ++k) {
+        double begin[3], end[3], *way = friction->ways + d * k;
+        int8_t *state = friction->states + k;
+        slip_of(d, all, friction, now, k, begin), slip_of(d, all, friction, then, k, end);
+        const double size = length(d, end);
+        const int turned = dot(d, *state == SLIDES ? way : begin, end) < 0.0;
+        int next = *state;
+        if (*state == AS_IT_IS && length(d, begin) >= eps && (turned || size < eps))
+            next = STICKS;
+        if (*state == SLIDES && (turned || size < LEAST_SLIDE * eps))
+            next = STICKS;
+        if (*state == STICKS && size > eps)
+            next = SLIDES;
+        if (next == *state || !(friction->forces[k] > 0.0))
             continue;
-        states[k] = state, ++changed;
-        for (int j = 0; state == SLIDES && j < d; ++j)
+        *state = next, ++changed;
+        for (int j = 0; next == SLIDES && j < d; ++j)
             way[j] = end[j] / fmax(size, eps);
-        if (state == SLIDES)
-            sizes[k] = size;
+        if (next == SLIDES)
+            friction->sizes[k] = size;
     }
     return changed;
-}
-
-/* Forces (n, d) at the surface's vertices from forces (k, d) on the contacts' gaps, added to `out`. */
-void scatter(int d, const contacts_t *all, const double *forces, double *out)
-{
-    for (int64_t k = 0; k < all->count; ++k)
-        for (int i = 0; i < 4; ++i)
-            for (int j = 0; j < d; ++j)
-                out[(int64_t)d * all->vertices[4 * k + i] + j] += all->coefficients[4 * k + i] * forces[d * k + j];
 }

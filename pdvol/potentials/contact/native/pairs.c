@@ -1,4 +1,4 @@
-/* The active pairs of a contact surface. */
+/* The contacts of a surface: vertices near half-spaces, and active pairs of primitives. */
 #include "products.h"
 
 /* sin^2 of the angle between edges below which their contact fades: the pair's normal is lost there (Li et al. 2020, section 4.2) */
@@ -13,16 +13,16 @@ typedef struct {
 
 /* Contacts being found, and how many there is room for. */
 typedef struct {
-    contacts_t to;
-    int64_t capacity, fades_capacity;
+    contacts_t *to;
+    int64_t room, fades_room;
     const int8_t *owned; /* of the surface */
 } found_t;
 
 INLINE void emit(int d, found_t *found, int n, const int32_t *vertices, const double *coefficients, const double *gap, double weight)
 {
-    contacts_t *out = &found->to;
+    contacts_t *out = found->to;
     const int64_t k = out->count++;
-    if (k >= found->capacity)
+    if (k >= found->room)
         return;
     for (int i = 0; i < 4; ++i) {
         out->vertices[4 * k + i] = vertices[i < n ? i : 0];
@@ -60,15 +60,15 @@ INLINE void add(scratch_t *scratch, int64_t key, int32_t *count, int32_t weight,
 }
 
 /* Contacts of one point with the facets near it, the pairs from `first` to before `end`: the union of the facets counts once where they share edges and vertices (inclusion and exclusion). */
-INLINE void point_contacts(int d, const surface_t *s, const double *x, double dhat, const pairs_t *all, int64_t first, int64_t end,
-                           scratch_t *scratch, found_t *out)
+INLINE void point_contacts(int d, const surface_t *s, const double *x, double dhat, const pairs_t *all, place_t place, int64_t first,
+                           int64_t end, scratch_t *scratch, found_t *out)
 {
     const int32_t p = all->points[2 * first], stamp = ++scratch->stamp;
     const double reach = dhat * dhat, bounded = (1.0 + BOUND_MARGIN) * dhat;
     int32_t count = 0, *counted = scratch->counted;
     const double *point = x + (int64_t)d * p;
     for (int64_t k = first; k < end; ++k) {
-        if (left(all, all->point_bounds[k], all->point_rates[k]) > bounded)
+        if (left(place, all->point_bounds[k], all->point_rates[k]) > bounded)
             continue;
         const int64_t f = all->points[2 * k + 1];
         const int32_t *facet = s->facet + d * f;
@@ -121,7 +121,7 @@ INLINE void fade(double t, double *F)
  * closest points are: there the end's own contact takes over. The weight's derivatives are found where it fades. */
 INLINE void edge_contact(const surface_t *s, const double *x, double dhat, int32_t one, int32_t other, found_t *found)
 {
-    contacts_t *out = &found->to;
+    contacts_t *out = found->to;
     const int32_t v[4] = {s->edge[2 * (int64_t)one], s->edge[2 * (int64_t)one + 1], s->edge[2 * (int64_t)other], s->edge[2 * (int64_t)other + 1]};
     const double *at[4];
     for (int i = 0; i < 4; ++i)
@@ -152,7 +152,7 @@ INLINE void edge_contact(const surface_t *s, const double *x, double dhat, int32
     if (!(weight > 0.0))
         return;
     const int fades = F[0][1] + F[1][1] + F[2][1] + F[3][1] + F[4][1] > 0.0;
-    if (fades && out->count < found->capacity && out->faded < found->fades_capacity) {
+    if (fades && out->count < found->room && out->faded < found->fades_room) {
         double rates[5][12] = {{0.0}}, of_gap[12], *gradient = out->fades + 12 * out->faded;
         double(*H)[9] = (double(*)[9])(out->curves + 90 * out->faded);
         memset(gradient, 0, 12 * sizeof(double)), memset(H, 0, 90 * sizeof(double));
@@ -208,7 +208,8 @@ INLINE void edge_contact(const surface_t *s, const double *x, double dhat, int32
 }
 
 /* The contacts of all vertices of a list. Returns 1 without memory. */
-INLINE int all_point_contacts(int d, const surface_t *s, const double *x, double dhat, const pairs_t *pairs, scratch_t *scratch, found_t *out)
+INLINE int all_point_contacts(int d, const surface_t *s, const double *x, double dhat, const pairs_t *pairs, place_t place, scratch_t *scratch,
+                              found_t *out)
 {
     const int32_t *points = pairs->points;
     for (int64_t k = 0, end; k < pairs->n_points; k = end) {
@@ -220,32 +221,65 @@ INLINE int all_point_contacts(int d, const surface_t *s, const double *x, double
             if (!(scratch->nearest = malloc(scratch->room * sizeof(nearest_t))))
                 return 1;
         }
-        point_contacts(d, s, x, dhat, pairs, k, end, scratch, out);
+        point_contacts(d, s, x, dhat, pairs, place, k, end, scratch, out);
     }
     return 0;
 }
 
-/* The contacts nearer than dhat among the candidates of n lists: first those of points, list by list, and then those of edges. `to` has room for so
- * many as it counts; of others nothing is written. counts (2): how many contacts there are, and how many of them have weights that depend on
- * positions. Returns 1 without memory. */
-int active_pairs(const surface_t *s, const double *x, double dhat, int n, pairs_t *const *lists, const contacts_t *to, int64_t *counts)
+/* Contacts of this rank's vertices with half-spaces: with the foot on the plane, which moves as the plane's frame does. Behind a plane the gap is zero. */
+INLINE void half_space_contacts(int d, const surface_t *s, const double *x, double dhat, found_t *out)
+{
+    for (int64_t plane = 0; plane < s->planes; ++plane) {
+        const int32_t origin = (int32_t)(s->vertices + (d + 1) * plane);
+        const double *frame = x + (int64_t)d * origin;
+        double axes[3][3];
+        for (int i = 0; i < d; ++i)
+            minus(d, frame + d * (i + 1), frame, axes[i]);
+        for (int32_t v = 0; v < s->vertices; ++v) {
+            const int32_t vertices[4] = {v, origin, origin + 2, origin + 3};
+            double from[3], gap[3], coefficients[4] = {1.0, -1.0};
+            if (s->owned[v] != 1)
+                continue;
+            minus(d, x + (int64_t)d * v, frame, from);
+            const double height = dot(d, from, axes[0]);
+            if (!(height < dhat))
+                continue;
+            for (int j = 0; j < d; ++j)
+                gap[j] = fmax(height, 0.0) * axes[0][j];
+            for (int i = 1; i < d; ++i)
+                coefficients[i + 1] = -dot(d, from, axes[i]), coefficients[1] -= coefficients[i + 1];
+            emit(d, out, d + 1, vertices, coefficients, gap, 2.0 * s->areas[v]); /* those are half of the surface's */
+        }
+    }
+    out->to->half_spaces = out->to->count;
+}
+
+/* The contacts nearer than dhat, of half-spaces and among the candidates of n lists: first those of half-spaces, then those of points, list by list,
+ * and then those of edges. `to` has room for so many as it counts, and counts them; of others nothing is written. Returns 1 without memory. */
+int active_contacts(const surface_t *s, const double *x, double dhat, int n, pairs_t *const *lists, contacts_t *to)
 {
     const int64_t size = s->vertices + s->edges + s->facets;
-    found_t out = {*to, to->count, to->faded, s->owned};
-    out.to.count = out.to.faded = 0;
+    found_t out = {to, to->count, to->faded, s->owned};
+    to->count = to->faded = 0;
+    if (s->d == 3)
+        half_space_contacts(3, s, x, dhat, &out);
+    else
+        half_space_contacts(2, s, x, dhat, &out);
     int32_t *memory = calloc(3 * size + 1, sizeof(int32_t));
     scratch_t scratch = {memory, memory + size, memory + 2 * size, 0, 0, 0};
     int failed = !memory;
     for (int part = 0; part < 2 * n && !failed; ++part) {
         const pairs_t *pairs = lists[part % n];
+        if (!(part < n ? pairs->n_points : pairs->n_edges))
+            continue;
+        const place_t place = place_of(s, pairs, x);
         if (part < n)
-            failed = s->d == 3 ? all_point_contacts(3, s, x, dhat, pairs, &scratch, &out)
-                               : all_point_contacts(2, s, x, dhat, pairs, &scratch, &out);
+            failed = s->d == 3 ? all_point_contacts(3, s, x, dhat, pairs, place, &scratch, &out)
+                               : all_point_contacts(2, s, x, dhat, pairs, place, &scratch, &out);
         for (int64_t k = 0; part >= n && k < pairs->n_edges; ++k)
-            if (!(left(pairs, pairs->edge_bounds[k], pairs->edge_rates[k]) > (1.0 + BOUND_MARGIN) * dhat))
+            if (!(left(place, pairs->edge_bounds[k], pairs->edge_rates[k]) > (1.0 + BOUND_MARGIN) * dhat))
                 edge_contact(s, x, dhat, pairs->edges[2 * k], pairs->edges[2 * k + 1], &out);
     }
-    counts[0] = out.to.count, counts[1] = out.to.faded;
     free(memory), free(scratch.nearest);
     return failed;
 }

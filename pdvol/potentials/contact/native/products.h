@@ -1,4 +1,4 @@
-/* Second derivatives of gaps between closest points, as blocks over four vertices. */
+/* Hessians over the vertices of contacts, as blocks: products of vectors, second derivatives of gaps between closest points, and where blocks go. */
 #ifndef PDVOL_PRODUCTS_H
 #define PDVOL_PRODUCTS_H
 #include "surface.h"
@@ -80,4 +80,34 @@ INLINE void add_distance(int d, double scale, int parameters, const double *c, d
 
 /* Derivatives of the coefficients of two edges' closest points by the shares along them. */
 #define OF_EDGES {{-1.0, 1.0, 0.0, 0.0}, {0.0, 0.0, 1.0, -1.0}}
+
+/* How many of a contact's vertices count: the others have the coefficient zero. */
+INLINE int used(const double *coefficients)
+{
+    int n = 4;
+    while (n > 1 && coefficients[n - 1] == 0.0)
+        --n;
+    return n;
+}
+
+/* Blocks being found of vertices that have rows (`rows`, -1: none), on or right of the diagonal, in the rows from `first` to before `last`;
+ * of two vertices of which another rank has one, also left of it. */
+typedef struct {
+    const int64_t *rows;
+    int64_t first, last, count;
+    int64_t *to_rows, *to_columns;
+    double *blocks;
+} out_t;
+
+/* Adds a block (d x d) of two vertices; returns where it goes, row by row, or 0 where it is not in these rows. */
+INLINE double *add_block(int d, out_t *out, int32_t v, int32_t w, int *turned)
+{
+    const int64_t a = out->rows[v], b = out->rows[w], lower = a < b ? a : b, upper = a < b ? b : a;
+    const int64_t row = lower < out->first ? upper : lower;
+    if (lower < 0 || row < out->first || row >= out->last)
+        return 0;
+    *turned = row == b;
+    out->to_rows[out->count] = row - out->first, out->to_columns[out->count] = row == a ? b : a;
+    return out->blocks + (int64_t)(d * d) * out->count++;
+}
 #endif

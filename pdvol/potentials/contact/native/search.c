@@ -382,24 +382,6 @@ int search_pairs(const surface_t *s, const double *boxes, const double *x, const
     return 0;
 }
 
-/* Asks pairs about a place z of n vertices, while their bounds are those of the straight way from x to y. */
-void ask_about(int d, int64_t n, const double *x, const double *y, const double *z, pairs_t *pairs)
-{
-    double along = 0.0, size = 0.0, most = 0.0;
-    for (int64_t k = 0; k < d * n; ++k)
-        along += (z[k] - x[k]) * (y[k] - x[k]), size += (y[k] - x[k]) * (y[k] - x[k]);
-    pairs->share = size > 0.0 ? clamp(along / size) : 0.0;
-    for (int64_t k = 0; k < d * n; k += d) {
-        double own = 0.0;
-        for (int64_t j = k; j < k + d; ++j) {
-            const double away = z[j] - x[j] - pairs->share * (y[j] - x[j]);
-            own += away * away;
-        }
-        most = fmax(most, own == own ? own : INFINITY);
-    }
-    pairs->off = sqrt(most);
-}
-
 /* The longest step in [0, 1] along which a pair keeps the distance `kept`, by conservative advancement (Li et al. 2021, additive CCD). Bounded:
  * it ends early, with a smaller step, which is safe. `least` is a bound of the pair's distance; it is replaced by the distance where it does not
  * show that the pair keeps its own. Gives the pair's rate on this way, too. */
@@ -434,16 +416,16 @@ INLINE double advance(int d, int n, const int32_t *one, int m, const int32_t *ot
     return at;
 }
 
-/* The longest step in [0, 1] from x towards y after which each pair has kept at least the share `gap_share` of its gap, or of dhat. x is the place
- * that the pairs are asked about; from then on their bounds (if they have some) are those of the way from x to y. */
+/* The longest step in [0, 1] from x towards y after which each pair has kept at least the share `gap_share` of its gap, or of dhat. Bounds, if there
+ * are some, become those of the way from x to y. */
 double longest_step(const surface_t *s, const double *x, const double *y, double dhat, double gap_share, const pairs_t *pairs, double step)
 {
-    const int d = s->d;
-    const int bounded = pairs->point_bounds && pairs->edge_bounds;
+    const int d = s->d, bounded = pairs->begin != 0;
+    const place_t place = bounded ? place_of(s, pairs, x) : (place_t){0.0, 0.0};
     double rate;
     for (int64_t k = 0; k < pairs->n_points; ++k) {
         const int32_t *pair = pairs->points + 2 * k, *facet = s->facet + (int64_t)d * pair[1];
-        double least = bounded ? left(pairs, pairs->point_bounds[k], pairs->point_rates[k]) : 0.0;
+        double least = bounded ? left(place, pairs->point_bounds[k], pairs->point_rates[k]) : 0.0;
         step = d == 3 ? advance(3, 1, pair, 3, facet, x, y, dhat, gap_share, step, &least, &rate)
                       : advance(2, 1, pair, 2, facet, x, y, dhat, gap_share, step, &least, &rate);
         if (bounded)
@@ -451,10 +433,32 @@ double longest_step(const surface_t *s, const double *x, const double *y, double
     }
     for (int64_t k = 0; k < pairs->n_edges; ++k) {
         const int32_t *pair = pairs->edges + 2 * k, *one = s->edge + 2 * (int64_t)pair[0], *other = s->edge + 2 * (int64_t)pair[1];
-        double least = bounded ? left(pairs, pairs->edge_bounds[k], pairs->edge_rates[k]) : 0.0;
+        double least = bounded ? left(place, pairs->edge_bounds[k], pairs->edge_rates[k]) : 0.0;
         step = advance(3, 2, one, 2, other, x, y, dhat, gap_share, step, &least, &rate);
         if (bounded)
             pairs->edge_bounds[k] = least, pairs->edge_rates[k] = rate;
+    }
+    return step;
+}
+
+/* The same of this rank's vertices and half-spaces, of each gap alone. Gaps are taken to close at a constant rate: exact where planes do not turn. */
+double half_space_step(const surface_t *s, const double *x, const double *y, double gap_share)
+{
+    const int d = s->d;
+    double step = 1.0;
+    for (int64_t plane = 0; plane < s->planes; ++plane) {
+        const int64_t frame = d * (s->vertices + (d + 1) * plane);
+        double before[3], after[3], from[3], to[3];
+        minus(d, x + frame + d, x + frame, before), minus(d, y + frame + d, y + frame, after);
+        for (int64_t v = 0; v < s->vertices; ++v) {
+            if (s->owned[v] != 1)
+                continue;
+            minus(d, x + d * v, x + frame, from), minus(d, y + d * v, y + frame, to);
+            const double gap = dot(d, from, before), approach = gap - dot(d, to, after);
+            const double most = (1.0 - gap_share) * fmax(gap, 0.0);
+            if (approach > 0.0 && most < step * approach)
+                step = most / approach;
+        }
     }
     return step;
 }

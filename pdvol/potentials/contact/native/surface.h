@@ -123,9 +123,34 @@ INLINE double between_segments(const double *a, const double *b, const double *c
     return least;
 }
 
-/* What a pair's distance is at least at the place that is asked about. */
-INLINE double left(const pairs_t *pairs, double bound, double rate)
+/* Where a place is beside the straight way of a list's bounds: the share of the way that is nearest, and the largest distance of a vertex from there. */
+typedef struct {
+    double share, off;
+} place_t;
+
+INLINE place_t place_of(const surface_t *s, const pairs_t *pairs, const double *place)
 {
-    return bound - pairs->share * rate - 2.0 * pairs->off;
+    const double *x = pairs->begin, *y = pairs->end;
+    double along = 0.0, size = 0.0, most = 0.0;
+    for (int64_t k = 0; k < s->d * s->vertices; ++k)
+        along += (place[k] - x[k]) * (y[k] - x[k]), size += (y[k] - x[k]) * (y[k] - x[k]);
+    const double share = size > 0.0 ? clamp(along / size) : 0.0;
+    for (int64_t k = 0; k < s->d * s->vertices; k += s->d) {
+        double own = 0.0;
+        for (int64_t j = k; j < k + s->d; ++j) {
+            const double away = place[j] - x[j] - share * (y[j] - x[j]);
+            own += away * away;
+        }
+        most = fmax(most, own == own ? own : INFINITY);
+    }
+    return (place_t){share, sqrt(most)};
 }
+
+/* What a pair's distance is at least at a place. */
+INLINE double left(place_t place, double bound, double rate)
+{
+    return bound - place.share * rate - 2.0 * place.off;
+}
+
+int active_contacts(const surface_t *s, const double *x, double dhat, int n, pairs_t *const *lists, contacts_t *to);
 #endif
