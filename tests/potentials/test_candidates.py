@@ -443,7 +443,7 @@ def test_ranks_share_contacts_by_vertices(d):
             assert touches[found.counted].all()
             counts[theirs] += found.counted[touches]
             touched[theirs] += 1
-            fading += len(found.fading)
+            fading += len(found.fades)
         assert (counts == 1).all()
         crossing += np.count_nonzero(touched > 1)
     assert crossing > 3 and (d == 2 or fading)

@@ -19,7 +19,9 @@ from contact_reference import (
 from pdvol.geometry.level_mesh import facet_sizes
 from pdvol.potentials.assembly.hessian_blocks import BlockPattern, HessianBlocks
 from pdvol.potentials.contact.barrier import ContactBarrier
+from pdvol.potentials.contact.candidates import CONTACT, FADE
 from pdvol.potentials.contact.friction import LaggedFriction
+from pdvol.potentials.contact.native import ffi
 from pdvol.potentials.potential import Positions
 from shapes import box, grid, level
 from taylor import hessian_of
@@ -62,7 +64,7 @@ def test_the_energy_of_tetrahedra_is_its_definition():
             barrier.value(x), points + edges, rtol=1e-8, atol=1e-10 * (abs(points) + edges), err_msg=str(seed)
         )
         crossed += edges > 0.0
-        faded += len(barrier.contacts(x).fading) > 0
+        faded += len(barrier.contacts(x).fades) > 0
     assert crossed > 100 and faded > 100
 
 
@@ -183,6 +185,13 @@ def test_the_force_on_a_flat_face_is_pressure_times_half_its_area(d, cells):
     face = 0.37 ** (d - 1)
     rim = 2.0 * (d - 1) * 0.37 ** (d - 2) * 0.37 / 4.0  # of the side faces' cells half or a third is the rim's
     assert 0.5 * face < total <= 0.5 * (face + rim)
+
+
+@pytest.mark.parametrize("name, kind", [("contact_t", CONTACT), ("fade_t", FADE)])
+def test_contacts_have_one_layout_in_c_and_python(name, kind):
+    assert ffi.sizeof(name) == kind.itemsize
+    assert {field: ffi.offsetof(name, field) for field in kind.names} == {f: o for f, (_, o) in kind.fields.items()}
+    assert len(ffi.typeof(name).fields) == len(kind.names)
 
 
 @pytest.mark.parametrize("d", [2, 3])
@@ -339,7 +348,7 @@ def test_gradient_and_hessian_of_tetrahedra():
         if not len(found) or np.linalg.norm(found.gaps, axis=1).min() < 0.05 * DHAT:
             continue
         check_derivatives_at(space, candidates, space.mesh.points, seed, 1e-4 * DHAT)
-        seen, faded = seen + 1, faded + (len(found.fading) > 0)
+        seen, faded = seen + 1, faded + (len(found.fades) > 0)
     assert seen > 40 and faded > 20
 
 
@@ -348,7 +357,7 @@ def test_gradient_and_hessian_of_tetrahedra():
 def test_gradient_and_hessian_of_edges_that_are_nearly_parallel(angle, shift):
     space, candidates, points, _ = crossing_tetrahedra(angle, seed=3)
     points[4:] += shift * (points[1] - points[0])
-    assert len(ContactBarrier(candidates, KAPPA).contacts(Positions(space, space.from_input(points))).fading)
+    assert len(ContactBarrier(candidates, KAPPA).contacts(Positions(space, space.from_input(points))).fades)
     check_derivatives_at(space, candidates, points, 0, 1e-3 * DHAT * angle)
 
 

@@ -14,9 +14,7 @@ those: all contacts of the rank's vertices are found without a message.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from functools import cached_property
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -281,10 +279,28 @@ class PairList:
         self.c.point_rates, self.c.edge_rates = map(pointer, self._rates)
 
 
-@dataclass(frozen=True)
+# contact_t and fade_t of native/interface.h
+CONTACT = np.dtype(
+    {
+        "names": ["vertices", "coefficients", "gap", "weight", "pressure", "counted"],
+        "formats": ["4i4", "4f8", "3f8", "f8", "f8", "?"],
+    },
+    align=True,
+)
+FADE = np.dtype({"names": ["contact", "first", "second"], "formats": ["i8", "(4,3)f8", "(10,3,3)f8"]}, align=True)
+
+
 class Contacts:
     """k contacts at some positions of a surface, their energy and its gradient. A contact with fewer than four vertices
     repeats its first one, with coefficient zero.
+
+    Parameters
+    ----------
+    contacts : (k,) of CONTACT
+    fades : (f,) of FADE
+        The derivatives of those weights that change with the positions, by the positions of a contact's four vertices:
+        the first ones, and the blocks on or right of the diagonal of the second ones.
+    d : dimension
 
     Attributes
     ----------
@@ -292,86 +308,40 @@ class Contacts:
         Of the contact surface.
     coefficients : (k, 4)
     gaps : (k, d) gap vectors [m]; zero where a vertex is behind a plane
-    weights : (k,)
-        Area [m^(d-1)]; of edges that cross it depends on positions.
+    weights : (k,) area [m^(d-1)]
     pressures : (k,) [Pa]
         Minus the law's derivative by the gap.
     counted : (k,) bool
         Contacts that count in sums of this rank: each counts on one rank, and is known to every rank that owns a vertex
         of it.
-    fading : (f,) int64
-        Contacts whose weights change with the positions.
-    fades : (f, 4, 3)
-        Derivatives of their weights by the positions of their vertices.
-    curves : (f, 10, 3, 3)
-        Their second derivatives, blocks on or right of the diagonal.
     half_spaces : how many contacts are with planes; these are the first
     energy : [J], of those that count here
     gradient : (n, d) [N], by the surface's vertices
     """
 
-    vertices: np.ndarray
-    coefficients: np.ndarray
-    gaps: np.ndarray
-    weights: np.ndarray
-    pressures: np.ndarray
-    counted: np.ndarray
-    fading: np.ndarray
-    fades: np.ndarray
-    curves: np.ndarray
-    half_spaces: int
-    energy: float
-    gradient: np.ndarray
+    def __init__(
+        self,
+        contacts: np.ndarray,
+        fades: np.ndarray,
+        d: int,
+        half_spaces: int = 0,
+        energy: float = 0.0,
+        gradient: np.ndarray | None = None,
+    ):
+        self.contacts, self.fades, self.half_spaces, self.energy = contacts, fades, half_spaces, energy
+        self.gradient = np.empty((0, d)) if gradient is None else gradient
+        self.vertices, self.coefficients, self.gaps = (
+            contacts["vertices"],
+            contacts["coefficients"],
+            contacts["gap"][:, :d],
+        )
+        self.weights, self.pressures, self.counted = contacts["weight"], contacts["pressure"], contacts["counted"]
+        self.c = ffi.new("contacts_t *")
+        self.c.count, self.c.faded, self.c.half_spaces = len(contacts), len(fades), half_spaces
+        self.c.contacts, self.c.fades = pointer(contacts, "contact_t"), pointer(fades, "fade_t")
 
     def __len__(self) -> int:
-        return len(self.weights)
-
-    @classmethod
-    def room(cls, count: int, faded: int, d: int) -> "Contacts":
-        """Memory for so many contacts, and for those whose weights change, in d dimensions; nothing is set."""
-        return cls(
-            np.empty((count, 4), dtype=np.int32),
-            np.empty((count, 4)),
-            np.empty((count, d)),
-            np.empty(count),
-            np.empty(count),
-            np.empty(count, dtype=bool),
-            np.empty(faded, dtype=np.int64),
-            np.empty((faded, 4, 3)),
-            np.empty((faded, 10, 3, 3)),
-            half_spaces=0,
-            energy=0.0,
-            gradient=np.empty((0, d)),
-        )
-
-    @cached_property
-    def c(self) -> Any:
-        """The C struct of the arrays, which must be kept."""
-        struct = ffi.new("contacts_t *")
-        struct.count, struct.faded, struct.half_spaces = len(self.weights), len(self.fading), self.half_spaces
-        struct.vertices, struct.fading = pointer(self.vertices, "int32_t"), pointer(self.fading, "int64_t")
-        struct.counted = pointer(self.counted, "uint8_t")
-        struct.coefficients, struct.gaps = pointer(self.coefficients), pointer(self.gaps)
-        struct.weights, struct.pressures = pointer(self.weights), pointer(self.pressures)
-        struct.fades, struct.curves = pointer(self.fades), pointer(self.curves)
-        return struct
-
-    def first(self, count: int, faded: int, half_spaces: int, energy: float, gradient: np.ndarray) -> "Contacts":
-        """The first contacts, and the first of those whose weights change, as arrays of their own."""
-        return Contacts(
-            self.vertices[:count].copy(),
-            self.coefficients[:count].copy(),
-            self.gaps[:count].copy(),
-            self.weights[:count].copy(),
-            self.pressures[:count].copy(),
-            self.counted[:count].copy(),
-            self.fading[:faded].copy(),
-            self.fades[:faded].copy(),
-            self.curves[:faded].copy(),
-            half_spaces,
-            energy,
-            gradient,
-        )
+        return len(self.contacts)
 
     def gaps_of(self, values: np.ndarray) -> np.ndarray:
         """(k, d) combinations of values (n, d) at the surface's vertices, as gap vectors are of positions."""
@@ -409,7 +379,7 @@ class Candidates:
         self.surface, self.primitives, self.dhat, self.ccd = surface, surface.primitives, dhat, ccd
         self.lists = tuple(PairList(self.primitives, dhat, within) for within in (True, False))
         self._c_lists = ffi.new("pairs_t *[]", [pairs.c for pairs in self.lists])
-        self._room = Contacts.room(1024, 256, surface.space.dim)
+        self._room = Contacts(np.empty(1024, CONTACT), np.empty(256, FADE), surface.space.dim)
 
     def contacts(self, vertices: np.ndarray, kappa: float) -> Contacts:
         """The contacts nearer than dhat at positions (n, d) that touch this rank's vertices, and some of others that do
@@ -435,8 +405,9 @@ class Candidates:
                 raise MemoryError("no memory left for contacts")
             count, faded, half_spaces = counts.tolist()
             if count <= self._room.c.count and faded <= self._room.c.faded:
-                return self._room.first(count, faded, half_spaces, energy[0], gradient)
-            self._room = Contacts.room(2 * count, 2 * faded + 256, vertices.shape[1])
+                found = self._room.contacts[:count].copy(), self._room.fades[:faded].copy()
+                return Contacts(*found, vertices.shape[1], half_spaces, energy[0], gradient)
+            self._room = Contacts(np.empty(2 * count, CONTACT), np.empty(2 * faded + 256, FADE), vertices.shape[1])
 
     def max_step(self, start: np.ndarray, end: np.ndarray, gap_share: float = MIN_GAP_SHARE) -> float:
         """Largest step in [0, 1] along straight paths from start to end (n, d) at which this rank's vertices stay in

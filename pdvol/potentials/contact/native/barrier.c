@@ -8,18 +8,19 @@ INLINE double sum(int d, const contacts_t *all, double dhat, double kappa, doubl
 {
     double total = 0.0;
     for (int64_t k = 0, f = 0; k < all->count; ++k) {
-        const double *gap = all->gaps + d * k, *c = all->coefficients + 4 * k, squared = dot(d, gap, gap), weight = all->weights[k];
+        contact_t *at = all->contacts + k;
+        const double *c = at->coefficients, squared = dot(d, at->gap, at->gap);
         double slope, second;
         const double value = law(squared, dhat, kappa, &slope, &second);
-        total += all->counted[k] ? weight * value : 0.0;
-        all->pressures[k] = -2.0 * sqrt(squared) * slope;
+        total += at->counted ? at->weight * value : 0.0;
+        at->pressure = -2.0 * sqrt(squared) * slope;
         for (int i = 0, n = used(c); i < n; ++i)
             for (int j = 0; j < d; ++j)
-                gradient[(int64_t)d * all->vertices[4 * k + i] + j] += 2.0 * weight * slope * c[i] * gap[j];
-        if (f == all->faded || all->fading[f] != k)
+                gradient[(int64_t)d * at->vertices[i] + j] += 2.0 * at->weight * slope * c[i] * at->gap[j];
+        if (f == all->faded || all->fades[f].contact != k)
             continue;
         for (int q = 0; q < 4 * d; ++q)
-            gradient[(int64_t)d * all->vertices[4 * k + q / d] + q % d] += value * all->fades[12 * f + q];
+            gradient[(int64_t)d * at->vertices[q / d] + q % d] += value * all->fades[f].first[q];
         ++f;
     }
     return total;
@@ -131,9 +132,10 @@ int64_t barrier_blocks(int d, const contacts_t *all, const double *x, double dha
     out_t out = {rows, first, last, 0, out_rows, out_columns, blocks};
     for (int64_t k = 0, f = 0; k < all->count; ++k) {
         blocks_t H = {{0.0}};
-        const int32_t *v = all->vertices + 4 * k;
-        const double *c = all->coefficients + 4 * k, *gap = all->gaps + d * k, weight = factor * all->weights[k], *at[4];
-        const int fade = f < all->faded && all->fading[f] == k, n = k < all->half_spaces ? 1 : used(c);
+        const contact_t *contact = all->contacts + k;
+        const int32_t *v = contact->vertices;
+        const double *c = contact->coefficients, *gap = contact->gap, weight = factor * contact->weight, *at[4];
+        const int fade = f < all->faded && all->fades[f].contact == k, n = k < all->half_spaces ? 1 : used(c);
         for (int i = 0; i < 4; ++i)
             at[i] = x + (int64_t)d * v[i];
         if (k < all->half_spaces)
@@ -152,9 +154,9 @@ int64_t barrier_blocks(int d, const contacts_t *all, const double *x, double dha
             double slope, second, force[12];
             const double energy = factor * law(dot(3, gap, gap), dhat, kappa, &slope, &second);
             for (int q = 0; q < 90; ++q)
-                H[q / 9][q % 9] += energy * all->curves[90 * f + q];
+                H[q / 9][q % 9] += energy * all->fades[f].second[q / 9][q % 9];
             outer(3, c, gap, force);
-            add_product(3, 4.0 * factor * slope, force, all->fades + 12 * f, H);
+            add_product(3, 4.0 * factor * slope, force, all->fades[f].first, H);
             if (convex)
                 clamp_matrix(H);
             ++f;

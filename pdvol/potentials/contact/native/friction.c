@@ -23,15 +23,15 @@ INLINE double slope(double slip, double eps)
     return slip < eps ? 2.0 * (1.0 - slip / eps) / eps : 0.0;
 }
 
-/* The slip (d) of contact k across its gap, while the surface went from the step's start to x. */
-INLINE void slip_of(int d, const contacts_t *all, const friction_t *friction, const double *x, int64_t k, double *slip)
+/* The slip (d) of a contact across its gap, while the surface went from `start` to x. */
+INLINE void slip_of(int d, const contact_t *contact, const double *start, const double *x, double *slip)
 {
-    const double *gap = all->gaps + d * k;
+    const double *gap = contact->gap;
     double u[3] = {0.0};
     for (int i = 0; i < 4; ++i) {
-        const int64_t v = (int64_t)d * all->vertices[4 * k + i];
+        const int64_t v = (int64_t)d * contact->vertices[i];
         for (int j = 0; j < d; ++j)
-            u[j] += all->coefficients[4 * k + i] * (x[v + j] - friction->start[v + j]);
+            u[j] += contact->coefficients[i] * (x[v + j] - start[v + j]);
     }
     const double along = dot(d, u, gap) / dot(d, gap, gap);
     for (int j = 0; j < d; ++j)
@@ -46,14 +46,15 @@ double friction_sum(int d, const contacts_t *all, const friction_t *friction, co
     double total = 0.0;
     for (int64_t k = 0; k < all->count; ++k) {
         const int state = friction->states[k];
+        const contact_t *contact = all->contacts + k;
         const double *way = friction->ways + d * k;
         double slip[3], force[3];
         if (predicted && state == AS_IT_IS)
             continue;
-        slip_of(d, all, friction, x, k, slip);
+        slip_of(d, contact, friction->start, x, slip);
         const double size = length(d, slip), over = force_over_slip(size, eps);
         const double energy = size < eps ? size * size * (1.0 - size / (3.0 * eps)) / eps + eps / 3.0 : size;
-        total += all->counted[k] ? friction->forces[k] * energy : 0.0;
+        total += contact->counted ? friction->forces[k] * energy : 0.0;
         for (int j = 0; j < d; ++j)
             force[j] = friction->forces[k] * over * slip[j];
         if (predicted) {
@@ -65,7 +66,7 @@ double friction_sum(int d, const contacts_t *all, const friction_t *friction, co
         }
         for (int i = 0; i < 4; ++i)
             for (int j = 0; j < d; ++j)
-                gradient[(int64_t)d * all->vertices[4 * k + i] + j] += all->coefficients[4 * k + i] * force[j];
+                gradient[(int64_t)d * contact->vertices[i] + j] += contact->coefficients[i] * force[j];
     }
     return total;
 }
@@ -78,13 +79,14 @@ int64_t friction_blocks(int d, const contacts_t *all, const friction_t *friction
     out_t out = {rows, first, last, 0, out_rows, out_columns, blocks};
     for (int64_t k = 0; k < all->count; ++k) {
         const int state = friction->states[k];
-        const int32_t *v = all->vertices + 4 * k;
-        const double *c = all->coefficients + 4 * k, *gap = all->gaps + d * k, squared = dot(d, gap, gap);
+        const contact_t *contact = all->contacts + k;
+        const int32_t *v = contact->vertices;
+        const double *c = contact->coefficients, *gap = contact->gap, squared = dot(d, gap, gap);
         const double force = weight * (projected ? fmax(friction->forces[k], 0.0) : friction->forces[k]);
         double slip[3], way[3], T[9], *to;
         if (force == 0.0)
             continue;
-        slip_of(d, all, friction, x, k, slip);
+        slip_of(d, contact, friction->start, x, slip);
         if (state == SLIDES)
             memcpy(slip, friction->ways + d * k, d * sizeof(double));
         const double size = length(d, slip);
@@ -115,7 +117,7 @@ int64_t friction_predict(int d, const contacts_t *all, const friction_t *frictio
     for (int64_t k = 0; k < all->count; ++k) {
         double begin[3], end[3], *way = friction->ways + d * k;
         int8_t *state = friction->states + k;
-        slip_of(d, all, friction, now, k, begin), slip_of(d, all, friction, then, k, end);
+        slip_of(d, all->contacts + k, friction->start, now, begin), slip_of(d, all->contacts + k, friction->start, then, end);
         const double size = length(d, end);
         const int turned = dot(d, *state == SLIDES ? way : begin, end) < 0.0;
         int next = *state;

@@ -27,16 +27,24 @@ typedef struct {
     const double *begin, *end; /* of the way; no bounds are known without */
 } pairs_t;
 
-/* Contacts, as class Contacts has them: those of half-spaces come first. Each has up to four vertices, their coefficients in the gap vector, a weight,
- * a pressure, and whether it counts in this rank's sums; in fades (faded, 12) and curves (faded, 10, 9: blocks on or right of the diagonal) are the
- * derivatives of those weights that depend on positions. */
+/* A contact: CONTACT in candidates.py. */
+typedef struct {
+    int32_t vertices[4];
+    double coefficients[4], gap[3], weight, pressure;
+    uint8_t counted;
+} contact_t;
+
+/* The derivatives of a weight that depends on positions: FADE in candidates.py. */
+typedef struct {
+    int64_t contact;
+    double first[12], second[10][9];
+} fade_t;
+
+/* Contacts, those of half-spaces first, and the fades among them, both in one order. */
 typedef struct {
     int64_t count, faded, half_spaces;
-    int32_t *vertices;
-    double *coefficients, *gaps, *weights, *pressures;
-    uint8_t *counted;
-    int64_t *fading;
-    double *fades, *curves;
+    contact_t *contacts;
+    fade_t *fades;
 } contacts_t;
 
 /* Friction of lagged contacts: the surface's positions when the step began, the contacts' forces when they slide, and the slip [m] below which these

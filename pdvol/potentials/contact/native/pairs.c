@@ -20,22 +20,22 @@ typedef struct {
 
 INLINE void emit(int d, found_t *found, int n, const int32_t *vertices, const double *coefficients, const double *gap, double weight)
 {
-    contacts_t *out = found->to;
-    const int64_t k = out->count++;
+    const int64_t k = found->to->count++;
     if (k >= found->room)
         return;
+    contact_t *out = found->to->contacts + k;
     for (int i = 0; i < 4; ++i) {
-        out->vertices[4 * k + i] = vertices[i < n ? i : 0];
-        out->coefficients[4 * k + i] = i < n ? coefficients[i] : 0.0;
+        out->vertices[i] = vertices[i < n ? i : 0];
+        out->coefficients[i] = i < n ? coefficients[i] : 0.0;
     }
-    for (int j = 0; j < d; ++j)
-        out->gaps[d * k + j] = gap[j];
-    out->weights[k] = weight;
+    for (int j = 0; j < 3; ++j)
+        out->gap[j] = j < d ? gap[j] : 0.0;
+    out->weight = weight;
     /* Every rank that owns a vertex has this contact: it counts where the first that is no obstacle's is owned. */
     int first = 0;
     while (first + 1 < n && found->owned[vertices[first]] < 0)
         ++first;
-    out->counted[k] = found->owned[vertices[first]] == 1;
+    out->counted = found->owned[vertices[first]] == 1;
 }
 
 /* Scratch memory of one call: when each vertex, edge and facet was met last, where its sum is, and when it was counted last. */
@@ -153,10 +153,9 @@ INLINE void edge_contact(const surface_t *s, const double *x, double dhat, int32
         return;
     const int fades = F[0][1] + F[1][1] + F[2][1] + F[3][1] + F[4][1] > 0.0;
     if (fades && out->count < found->room && out->faded < found->fades_room) {
-        double rates[5][12] = {{0.0}}, of_gap[12], *gradient = out->fades + 12 * out->faded;
-        double(*H)[9] = (double(*)[9])(out->curves + 90 * out->faded);
-        memset(gradient, 0, 12 * sizeof(double)), memset(H, 0, 90 * sizeof(double));
-        out->fading[out->faded] = out->count;
+        double rates[5][12] = {{0.0}}, of_gap[12], *gradient = out->fades[out->faded].first, (*H)[9] = out->fades[out->faded].second;
+        memset(out->fades + out->faded, 0, sizeof(fade_t));
+        out->fades[out->faded].contact = out->count;
         outer(3, c, gap, of_gap); /* half of D' */
         for (int i = 0; i < 4; ++i) {
             if (F[i][1] == 0.0)
