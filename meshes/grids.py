@@ -18,7 +18,7 @@ def hollow_ball(radius: float = 1.0, thickness: float = 0.1, subdivisions: int =
         raise ValueError(f"thickness = {thickness!r} must lie between 0 and the radius {radius!r}")
     outside = ball(radius, subdivisions)
     count, shells = len(outside.vertices), np.linspace(1.0 - thickness / radius, 1.0, layers + 1)
-    points = np.concatenate([share * outside.vertices for share in shells])
+    points = np.concatenate([fraction * outside.vertices for fraction in shells])
     # Corners in ascending order: prisms that share a side cut it along the same diagonal.
     a, b, c = np.sort(outside.triangles, axis=1).T
     cells = []

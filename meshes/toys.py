@@ -32,7 +32,7 @@ def propeller(radius: float = 0.3, blades: int = 3, hub: float = 0.25, points: i
     ----------
     radius : of the blades [m]
     blades : how many
-    hub : its radius, as a share of the blades'
+    hub : its radius, as a fraction of the blades'
     points : of the outline
     """
     angle = 2.0 * np.pi * np.arange(points) / points

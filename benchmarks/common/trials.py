@@ -1,6 +1,6 @@
 """Trials: scenes that run under a limit of time, each in a process of its own, and the measures of their stored states.
 
-States are checked by `pdvol verify`, which shares nothing with the solver; energies are summed here, from the
+States are checked by `pdvol verify`, which is independent of the solver; energies are summed here, from the
 states and the log.
 """
 
@@ -175,8 +175,8 @@ def energies(run: Run, level: RunLevel) -> dict:
     """Change of kinetic, elastic, load and barrier energy together over the run, and its largest rise from any step to
     a later one.
 
-    Both are shares of the largest kinetic energy or change of another kind, so that a body that only falls loses about
-    nothing.
+    Both are fractions of the largest kinetic energy or change of another kind, so that a body that only falls loses
+    about nothing.
     """
     kinetic = np.array(
         [kinetic_energy(run, level, record["step"]) for record in level.log if record["step"] < level.steps]
@@ -204,8 +204,8 @@ def lumped_masses(run: Run, level: RunLevel) -> np.ndarray:
     dim = level.rest.shape[1]
     volumes = np.abs(np.linalg.det(corners[:, 1:] - corners[:, :1])) / (2.0 if dim == 2 else 6.0)
     density = np.array([body["material"]["density"] for body in run.info["description"]["bodies"]])[level.bodies]
-    shares = np.repeat(density * volumes / (dim + 1), dim + 1)
-    return np.bincount(level.cells.ravel(), weights=shares, minlength=len(level.rest))
+    parts = np.repeat(density * volumes / (dim + 1), dim + 1)
+    return np.bincount(level.cells.ravel(), weights=parts, minlength=len(level.rest))
 
 
 # ---- tables

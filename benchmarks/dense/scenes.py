@@ -77,12 +77,12 @@ def balls(across: int = 3, radius: float = 0.1, steps: int = 80) -> Scene:
     )
 
 
-def plates(cuts: int = 15, share: float = 0.4, steps: int = 40) -> Scene:
-    """A block of 0.5 m is pressed between two plates that close by `share` of its height, at the same speed all the
+def plates(cuts: int = 15, fraction: float = 0.4, steps: int = 40) -> Scene:
+    """A block of 0.5 m is pressed between two plates that close by `fraction` of its height, at the same speed all the
     time.
     """
     side, dt = 0.5, 0.01
-    speed = (share * side + 2 * GAP) / (steps * dt)
+    speed = (fraction * side + 2 * GAP) / (steps * dt)
     bottom = Plane((0.0, -side / 2 - GAP, 0.0), (0.0, 1.0, 0.0), name="bottom")
     top = Plane((0.0, side / 2 + GAP, 0.0), (0.0, -1.0, 0.0), Translation((0.0, -speed, 0.0)), "top")
     block = Body((brick((side, side, side), (cuts, cuts, cuts)),), MATERIAL, name="block")

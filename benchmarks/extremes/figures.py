@@ -40,8 +40,8 @@ def lost_spin(run: Run, spin: float, integrator: str) -> tuple[float, float]:
 
 
 def rigid_loss(integrator: str, turn: float, steps: int) -> float:
-    """The share of its angular momentum that a rigid body loses, which turns freely about a principal axis, by `turn`
-    [rad] in the first step if nothing was lost.
+    """The fraction of its angular momentum that a rigid body loses, which turns freely about a principal axis, by
+    `turn` [rad] in the first step if nothing was lost.
 
     Positions are x_n = exp(i theta_n), in units of dt. Forces between its points have no torque, so that each step
     solves Im(conj(x_{n+1}) a_{n+1}) = 0 for the angle, with the integrator's acceleration a_{n+1}. BDF2's first step is
@@ -76,8 +76,8 @@ def creep(run: Run) -> tuple[float, float, float]:
     ends = [level.positions(step).mean(axis=0) for step in (first, last)]
     moved = (ends[1] - ends[0]) / (run.dt * (last - first))
     eps_v = metres(Friction(scenes.HOLD).eps_v, run.info["diagonal"])
-    share = scenes.SLOPE / scenes.HOLD
-    return float(moved[0]), float(moved[2]), eps_v * (1.0 - np.sqrt(1.0 - share))
+    fraction = scenes.SLOPE / scenes.HOLD
+    return float(moved[0]), float(moved[2]), eps_v * (1.0 - np.sqrt(1.0 - fraction))
 
 
 def _spin_line(run: Run, spin: float, integrator: str) -> str:

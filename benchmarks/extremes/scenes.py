@@ -125,10 +125,10 @@ def slide(mu: float) -> Scene:
     return Scene((slab,), dt=0.01, steps=60, loads=(DOWN,), obstacles=(FLOOR,), contact=(Barrier(), Friction(mu)))
 
 
-def compress(share: float, poisson: float = 0.4, steps: int = 60) -> Scene:
-    """A cube of 1 m between two plates that close by `share` of its height, over 1.2 s."""
+def compress(fraction: float, poisson: float = 0.4, steps: int = 60) -> Scene:
+    """A cube of 1 m between two plates that close by `fraction` of its height, over 1.2 s."""
     gap, dt = 2e-3, 0.02
-    close = (2 * gap + share) / (dt * steps)
+    close = (2 * gap + fraction) / (dt * steps)
     top = Plane((0.0, 0.5 + gap, 0.0), (0.0, -1.0, 0.0), Translation((0.0, -close, 0.0)), "top")
     bottom = Plane((0.0, -0.5 - gap, 0.0), (0.0, 1.0, 0.0), name="bottom")
     cube = Body((brick((1.0, 1.0, 1.0), (4, 4, 4)),), NeoHookean(1e5, poisson))

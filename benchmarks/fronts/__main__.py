@@ -103,7 +103,7 @@ def _row(name: str, study: dict) -> list[str]:
         f"{'' if default['errors']['story'] else ', another story'}",
         "unknown" if study["reference"]["error"] is None else length(own),
         f"{spread['growth']:.2g} times{', chaotic' if spread['chaotic'] else ''}" if spread else "-",
-        *(_cell(cheapest_within(points, share * size, own), default) for share in (0.01, 0.03)),
+        *(_cell(cheapest_within(points, fraction * size, own), default) for fraction in (0.01, 0.03)),
         _cell(best, default),
         "; ".join(orders) or "-",
     ]
@@ -112,8 +112,8 @@ def _row(name: str, study: dict) -> list[str]:
 def _cell(point: dict | None, default: dict) -> str:
     if point is None:
         return "none found"
-    share = point["cost"]["cpu"] / default["cost"]["cpu"]
-    return f"{option_text(point)}: {length(point['errors']['end'])} in {share:.0%} of the time"
+    fraction = point["cost"]["cpu"] / default["cost"]["cpu"]
+    return f"{option_text(point)}: {length(point['errors']['end'])} in {fraction:.0%} of the time"
 
 
 if __name__ == "__main__":

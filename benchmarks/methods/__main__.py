@@ -4,7 +4,7 @@ figure.
     ./run python -m benchmarks.methods rope_drop slit_array [--only WORDS] [--steps N] [--levels N] [--out runs/methods]
 
 Runs, tables (NAME.md), numbers (NAME.json) and figures (NAME.png) go to the folder `--out`; finished runs there are
-used again. Intersections are counted by `pdvol verify`, which shares nothing with the solver. The exit code is 2 for a
+used again. Intersections are counted by `pdvol verify`, which is independent of the solver. The exit code is 2 for a
 wrong command line.
 """
 

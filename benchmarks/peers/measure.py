@@ -1,7 +1,7 @@
 """Measures of a finished (or interrupted) run, as JSON: `measure NAME RANKS PEERS RUN`.
 
 Times are those of `log.jsonl`, without the first step where there are more: it contains the set-up, and the peers leave
-theirs out. States are checked by `pdvol verify`, which shares nothing with the solver.
+theirs out. States are checked by `pdvol verify`, which is independent of the solver.
 """
 
 import json

@@ -80,6 +80,6 @@ def _smallest_gap(level: RunLevel) -> str:
 
 
 def _crossings(found: LevelFindings) -> str:
-    """By the check that shares nothing with the solver; planes and inverted cells are problems as well."""
+    """By the check that is independent of the solver; planes and inverted cells are problems as well."""
     others = len(found.problems)
     return f"{found.crossings} in {found.steps} states" + (f"; {others} problems" if others else "")

@@ -143,14 +143,14 @@ def gap_colours(found: np.ndarray, owners: np.ndarray | None = None) -> np.ndarr
     """(n, 3) in [0, 1]: colours of gaps (n,) [m] on the scale from `NEAR` to `FAR`, by their logarithm; tinted far away
     where the bodies (n,) that vertices belong to are given.
     """
-    share = np.log(np.clip(found, NEAR, FAR) / NEAR) / np.log(FAR / NEAR)
+    fraction = np.log(np.clip(found, NEAR, FAR) / NEAR) / np.log(FAR / NEAR)
     ends = np.linspace(0.0, 1.0, len(SCALE))
     colours = np.array([pv.Color(name).float_rgb for name in SCALE])
-    shown = np.column_stack([np.interp(share, ends, channel) for channel in colours.T])
+    shown = np.column_stack([np.interp(fraction, ends, channel) for channel in colours.T])
     if owners is None:
         return shown
     own = np.array([pv.Color(name).float_rgb for name in PALETTE])[owners % len(PALETTE)]
-    tint = TINT * np.clip(3.0 * share - 2.0, 0.0, 1.0)[:, None]
+    tint = TINT * np.clip(3.0 * fraction - 2.0, 0.0, 1.0)[:, None]
     return (1.0 - tint) * shown + tint * own
 
 
@@ -188,8 +188,8 @@ def _draw_scale(frame: Image.Image) -> None:
     """The scale of gaps, above the last picture."""
     pen = ImageDraw.Draw(frame)
     left, top = frame.width - LEGEND[0] - 110, 16
-    shares = np.linspace(0.0, 1.0, LEGEND[0])
-    for place, colour in enumerate(gap_colours(NEAR * (FAR / NEAR) ** shares)):
+    fractions = np.linspace(0.0, 1.0, LEGEND[0])
+    for place, colour in enumerate(gap_colours(NEAR * (FAR / NEAR) ** fractions)):
         pen.line((left + place, top, left + place, top + LEGEND[1]), tuple(np.round(255 * colour).astype(int)))
-    for share, text in ((0.0, "0.1 mm"), (1 / 3, "1 mm"), (2 / 3, "1 cm"), (1.0, "10 cm")):
-        pen.text((left + share * LEGEND[0], top + LEGEND[1] + 10), text, INK, font(12), anchor="mm")
+    for fraction, text in ((0.0, "0.1 mm"), (1 / 3, "1 mm"), (2 / 3, "1 cm"), (1.0, "10 cm")):
+        pen.text((left + fraction * LEGEND[0], top + LEGEND[1] + 10), text, INK, font(12), anchor="mm")

@@ -73,8 +73,8 @@ def write_index(entries: Sequence[Entry], out: Path) -> Path:
 def _speed(entry: Entry, dt: float) -> str:
     if entry.slow is None or dt * FRAMES_PER_SECOND >= 1.0:
         return "real speed"
-    share = dt * FRAMES_PER_SECOND
-    return f"real speed, from {entry.slow[0]:g} s to {entry.slow[1]:g} s at {share:.2g} of it"
+    fraction = dt * FRAMES_PER_SECOND
+    return f"real speed, from {entry.slow[0]:g} s to {entry.slow[1]:g} s at {fraction:.2g} of it"
 
 
 def _begun(entry: Entry, run: Run) -> str:

@@ -87,8 +87,8 @@ is a load by time. The ceiling is not drawn: it would hide the balloon.""",
     Entry(
         "peel",
         "A strip peels off",
-        """A strip glued to a ceiling is pulled down at one end. The glue is springs that share stiffness and
-strength by area; both levels have the same springs, and they break in the same order.""",
+        """A strip glued to a ceiling is pulled down at one end. The glue is springs whose stiffness and
+strength are divided by area; both levels have the same springs, and they break in the same order.""",
         small={"vertices": (60, 150), "steps": 60},
         slow=(0.1, 0.5),
         size=(800, 400),
@@ -125,7 +125,7 @@ friction (`--set mu=0`) it stays below.""",
         "donuts",
         "Glazed donuts",
         """What is drawn is not what is simulated ([render_meshes.md](../render_meshes.md)): a detailed surface with
-a texture follows dough of some hundred vertices, on both levels. Both bodies share one mesh and its render mesh.""",
+a texture follows dough of some hundred vertices, on both levels. Both bodies have one mesh and its render mesh.""",
         small={"vertices": (150, 300), "detail": 48, "height": 0.34, "steps": 60},
         drawn=True,
         slow=(0.1, 0.4),

@@ -29,7 +29,7 @@ def main(options: Namespace) -> int:
     """Print each thing that was done, and the verdict; 0 where the result is sound, else 2."""
     for name in ("weld", "hole", "envelope"):
         if not 0.0 <= getattr(options, name) < float("inf"):
-            raise InputError(f"--{name}: {getattr(options, name):g} is no share of the diagonal; 0 leaves it out")
+            raise InputError(f"--{name}: {getattr(options, name):g} is no fraction of the diagonal; 0 leaves it out")
     if options.out.resolve() == options.mesh.resolve():
         raise InputError(f"{options.out}: the input itself; give another file to write")
     from pdvol.runs.mending import mend_file

@@ -16,11 +16,11 @@ def gyration_diagonal(points: np.ndarray, facets: np.ndarray) -> float:
     """
     d = points.shape[1]
     sizes = facet_sizes(points, facets)
-    shares = sizes / sizes.sum()
+    fractions = sizes / sizes.sum()
     corners = points[facets]
-    corners = corners - shares @ corners.mean(axis=1)
+    corners = corners - fractions @ corners.mean(axis=1)
     sums = corners.sum(axis=1)
     # Of a facet with corners v_i: the mean of |x|^2 is (sum |v_i|^2 + |sum v_i|^2) / (d (d + 1)).
     squares = np.einsum("kij,kij->k", corners, corners) + np.einsum("kj,kj->k", sums, sums)
-    radius = np.sqrt(shares @ squares / (d * (d + 1)))
+    radius = np.sqrt(fractions @ squares / (d * (d + 1)))
     return float(2.0 * np.sqrt(d) * radius)

@@ -101,9 +101,9 @@ class LevelMesh:
 
 
 def lumped_masses(mesh: LevelMesh, densities: Sequence[float] | np.ndarray) -> np.ndarray:
-    """(n,) [kg]: each vertex's share of its cells' masses; one density [kg/m^d] per cell."""
-    shares = mesh.volumes * np.asarray(densities, dtype=float) / (mesh.dim + 1)
-    return np.bincount(mesh.cells.ravel(), np.repeat(shares, mesh.dim + 1), minlength=len(mesh.points))
+    """(n,) [kg]: each vertex's part of its cells' masses; one density [kg/m^d] per cell."""
+    parts = mesh.volumes * np.asarray(densities, dtype=float) / (mesh.dim + 1)
+    return np.bincount(mesh.cells.ravel(), np.repeat(parts, mesh.dim + 1), minlength=len(mesh.points))
 
 
 def simplex_volumes(points: np.ndarray, cells: np.ndarray) -> np.ndarray:
@@ -122,7 +122,7 @@ def facet_sizes(points: np.ndarray, facets: np.ndarray) -> np.ndarray:
 
 
 def boundary_areas(mesh: LevelMesh) -> np.ndarray:
-    """(n,) each vertex's share of the boundary at rest [m^(d-1)], zero inside."""
+    """(n,) each vertex's part of the boundary in the rest shape [m^(d-1)], zero inside."""
     size = facet_sizes(mesh.points, mesh.boundary)
     return np.bincount(mesh.boundary.ravel(), np.repeat(size / mesh.dim, mesh.dim), minlength=len(mesh.points))
 

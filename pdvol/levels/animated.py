@@ -149,8 +149,8 @@ def _nearest(points: np.ndarray, faces: np.ndarray, vertices: np.ndarray) -> Mat
     first, *others = points[corners].swapaxes(0, 1)
     edges = np.stack(others, axis=1) - first[:, None]
     products = np.einsum("nad,nbd->nab", edges, edges)
-    shares = np.einsum("nab,nbd,nd->na", np.linalg.pinv(products), edges, places - first).clip(0.0, 1.0)
-    weights = np.column_stack([1.0 - shares.sum(axis=1), shares]).clip(0.0)
+    fractions = np.einsum("nab,nbd,nd->na", np.linalg.pinv(products), edges, places - first).clip(0.0, 1.0)
+    weights = np.column_stack([1.0 - fractions.sum(axis=1), fractions]).clip(0.0)
     weights /= weights.sum(axis=1, keepdims=True)
     return Matched(corners, weights, vertices - np.einsum("nc,ncd->nd", weights, points[corners]))
 

@@ -69,21 +69,21 @@ def attachment_springs(scene: Scene, mesh: LevelMesh, start: np.ndarray) -> Spri
 def _chosen(scene: Scene, attachment: Attachment, mesh: LevelMesh, start: np.ndarray) -> Springs:
     names = [body.name for body in scene.bodies]
     bodies = names.index(attachment.body), names.index(attachment.other)
-    starts, shares = _starts(mesh, bodies[0], attachment)
+    starts, fractions = _starts(mesh, bodies[0], attachment)
     ends = _ends(mesh, start, bodies, attachment, starts)
     count = len(starts)
     length, strength = attachment.rest_length, attachment.breaking
     return Springs(
         ends=np.stack([starts, ends]),
         bodies=np.repeat(np.array(bodies)[:, None], count, axis=1),
-        stiffness=attachment.stiffness * shares,
+        stiffness=attachment.stiffness * fractions,
         rest_length=np.full(count, np.nan if length is None else length),
-        strength=np.full(count, np.inf) if strength is None else strength * shares,
+        strength=np.full(count, np.inf) if strength is None else strength * fractions,
     )
 
 
 def _starts(mesh: LevelMesh, body: int, attachment: Attachment) -> tuple[np.ndarray, np.ndarray]:
-    """Where springs begin (k, d) [m], and the share of the attached area (k,) that each stands for."""
+    """Where springs begin (k, d) [m], and the fraction of the attached area (k,) that each stands for."""
     if not callable(attachment.where):
         return _one_place(mesh, body, attachment.body, "Attachment.where", attachment.where), np.ones(1)
     facets = mesh.boundary[_part(mesh, body, attachment.body, "Attachment.where", attachment.where)]

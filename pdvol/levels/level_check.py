@@ -82,7 +82,7 @@ def level_notes(scene: Scene, mesh: LevelMesh, level: int, diagonal: float) -> l
 
 
 def spin_kept(integrator: str, turn: float, steps: int) -> float:
-    """The share of its spin that a rigid body keeps, which turns freely by `turn` [rad] in its first step. An
+    """The fraction of its spin that a rigid body keeps, which turns freely by `turn` [rad] in its first step. An
     integrator that is not in `DAMPING_POWERS` is taken to keep all.
     """
     power = DAMPING_POWERS.get(integrator)

@@ -1,7 +1,7 @@
 """Which cell of a distributed level contains a point, and the material of a level that is nearest to one.
 
 Candidates come from `dolfinx.geometry.bb_tree`. A point is in a cell when its signed distance to every facet's plane is
-at least `-FACET_TOLERANCE * size`, `size` being the largest coordinate of the level. On a shared facet the lowest input
+at least `-FACET_TOLERANCE * size`, `size` being the largest coordinate of the level. On a common facet the lowest input
 cell index wins, so the answer does not depend on the number of ranks. docs/method.md has why dolfinx' own decisions,
 `compute_colliding_cells` and point ownership, are not taken.
 """
@@ -14,7 +14,7 @@ from pdvol.geometry.boundary_search import nearest_points
 from pdvol.geometry.level_mesh import LevelMesh
 from pdvol.levels.space import LevelSpace
 
-# share of the largest coordinate: above the coordinates' round-off, far below any gap in a mesh
+# fraction of the largest coordinate: above the coordinates' round-off, far below any gap in a mesh
 FACET_TOLERANCE = 1e-12
 # points searched at a time: bounds the memory of the candidate pairs
 CHUNK = 20_000

@@ -12,7 +12,7 @@ from pdvol.geometry.level_mesh import LevelMesh
 # bodies a rank from which on none is cut. Two ranks take 81 iterations of conjugate gradients a step for two cubes that
 # are cut, and 122 with a cube each; for 27 balls 377, and 294 with whole balls (one rank: 61 and 229).
 WHOLE_BODIES = 4
-# share of a region's cells by which whole bodies may miss the share that is wanted
+# fraction of a region's cells by which whole bodies may miss the fraction that is wanted
 IMBALANCE = 0.05
 
 
@@ -40,9 +40,9 @@ def _bisect(
     _bisect(corners, bodies, cells[~below], first + lower, ranks - lower, owner)
 
 
-def _whole_bodies(corners: np.ndarray, bodies: np.ndarray, share: float, least: int) -> np.ndarray | None:
-    """The cells (k,) of the bodies at one end of a region, about `share` of all, along the axis on which the bodies'
-    centres are spread most. None where there are less bodies than `least`, or none of their sums is near that share.
+def _whole_bodies(corners: np.ndarray, bodies: np.ndarray, fraction: float, least: int) -> np.ndarray | None:
+    """The cells (k,) of the bodies at one end of a region, about `fraction` of all, along the axis on which the bodies'
+    centres are spread most. None where there are less bodies than `least`, or none of their sums is near that fraction.
     """
     body = np.unique(bodies, return_inverse=True)[1]
     counts = np.bincount(body)
@@ -51,16 +51,16 @@ def _whole_bodies(corners: np.ndarray, bodies: np.ndarray, share: float, least: 
     middles = corners.mean(axis=1)
     centres = np.stack([np.bincount(body, middle) / counts for middle in middles.T], axis=1)
     order = np.argsort(centres[:, np.ptp(centres, axis=0).argmax()], kind="stable")
-    shares = np.cumsum(counts[order]) / len(bodies)
-    last = int(np.abs(shares - share).argmin())
-    return np.isin(body, order[: last + 1]) if abs(shares[last] - share) <= IMBALANCE else None
+    fractions = np.cumsum(counts[order]) / len(bodies)
+    last = int(np.abs(fractions - fraction).argmin())
+    return np.isin(body, order[: last + 1]) if abs(fractions[last] - fraction) <= IMBALANCE else None
 
 
 def _halves(
-    corners: np.ndarray, bodies: np.ndarray, cells: np.ndarray, axis: int, share: float
+    corners: np.ndarray, bodies: np.ndarray, cells: np.ndarray, axis: int, fraction: float
 ) -> tuple[float, np.ndarray]:
     """The cost of a cut across an axis, and the cells (k,) below it. Each body is cut by a plane of its own with
-    `share` of its cells below. The cost is the number of cells that are cut, times a factor that grows with the
+    `fraction` of its cells below. The cost is the number of cells that are cut, times a factor that grows with the
     distance of the bodies' planes: contacts between those planes join two ranks.
     """
     low, high, middle = (function(corners[cells, :, axis], axis=1) for function in (np.min, np.max, np.mean))
@@ -68,7 +68,7 @@ def _halves(
     for body in np.unique(bodies[cells]):
         own = np.flatnonzero(bodies[cells] == body)
         order = np.argsort(middle[own], kind="stable")
-        count = round(share * len(own))
+        count = round(fraction * len(own))
         place = middle[own[order[min(count, len(own) - 1)]]]
         below[own[order[:count]]] = True
         cut += np.count_nonzero((low[own] < place) & (high[own] > place))

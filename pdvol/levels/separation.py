@@ -20,7 +20,7 @@ from pdvol.scene import Scene, Separate
 from pdvol.stages import stage
 
 STEPS = {"move": 0.01, "shrink": 0.02, "refine": 0.1}
-"""One step of a change: a share of the body's diagonal, of its size, of the level's vertices."""
+"""One step of a change: a fraction of the body's diagonal, of its size, of the level's vertices."""
 
 
 def build_apart(

@@ -41,13 +41,13 @@ def start_positions(scene: Scene, mesh: LevelMesh, level: int) -> np.ndarray:
             f"{name} leads a vertex {far:.3g} m away, where coordinates of a body of {size:.3g} m lose their precision",
         )
         cells = np.flatnonzero(mesh.bodies == number)
-        shares = simplex_volumes(positions, mesh.cells[cells]) / mesh.volumes[cells]
-        if shares.min() <= 0.0:
-            worst, bad = cells[int(shares.argmin())], int((shares <= 0.0).sum())
+        ratios = simplex_volumes(positions, mesh.cells[cells]) / mesh.volumes[cells]
+        if ratios.min() <= 0.0:
+            worst, bad = cells[int(ratios.argmin())], int((ratios <= 0.0).sum())
             raise InputError(
                 f"{name} turns {bad:,} of {len(cells):,} cells inside out or flat, as cell {worst} at"
-                f" {_place(mesh, worst)}, which gets {shares.min():.3g} times its volume; give a start that bends and"
-                " stretches less within a cell, or more vertices"
+                f" {_place(mesh, worst)}, which gets {ratios.min():.3g} times its volume; give a start that bends"
+                " and stretches less within a cell, or more vertices"
             )
     return positions
 

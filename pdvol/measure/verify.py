@@ -1,6 +1,6 @@
 """An independent check of stored runs: no intersection, no vertex below a plane, no inverted cell in any state.
 
-It shares no code with the solver, with the checks before a run, or with ipctk: it imports numpy and the reader of run
+It has no code of the solver, of the checks before a run, or with ipctk: it imports numpy and the reader of run
 folders only (a test). A uniform grid finds the candidates, and orientation signs decide: in floating point where the
 round-off bound allows it, in rational numbers elsewhere. Touching counts as an intersection. Primitives with a common
 vertex are not tested, nor are obstacles among themselves.

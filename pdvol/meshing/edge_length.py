@@ -112,8 +112,8 @@ def mesh_of_target_size(
         history.append((np.log(scale), off))
         if best is None or abs(off) < best[0]:
             best = (abs(off), SizedMesh(points, cells, scale))
-        share = abs(len(best[1].points) / target - 1.0)
-        if share <= AIMED_DEVIATION[dim] or (share <= ACCEPTED_DEVIATION and tried >= ATTEMPTS_BEFORE_ACCEPTING):
+        fraction = abs(len(best[1].points) / target - 1.0)
+        if fraction <= AIMED_DEVIATION[dim] or (fraction <= ACCEPTED_DEVIATION and tried >= ATTEMPTS_BEFORE_ACCEPTING):
             say(f"{len(best[1].points):,} vertices, {'1 try' if tried == 1 else f'{tried} tries'}")
             return best[1]
         scale = float(np.exp(_next_log_scale(history, dim)))

@@ -54,8 +54,8 @@ class Frames:
         k = min(max(int(np.searchsorted(self.times, time, side="right")) - 1, 0), last)
         found = self.points[k][rows].astype(np.float64)
         if k < last and time > self.times[k]:
-            share = (time - self.times[k]) / (self.times[k + 1] - self.times[k])
-            found = (1.0 - share) * found + share * self.points[k + 1][rows]
+            fraction = (time - self.times[k]) / (self.times[k + 1] - self.times[k])
+            found = (1.0 - fraction) * found + fraction * self.points[k + 1][rows]
         return self.placement(found)
 
 

@@ -88,8 +88,8 @@ def _diagonal(points: np.ndarray) -> float:
     return float(np.linalg.norm(np.ptp(points, axis=0)))
 
 
-def _weld(points: np.ndarray, cells: np.ndarray, share: float, done: list[str]) -> tuple[np.ndarray, np.ndarray]:
-    first = coincident(points, share * _diagonal(points))
+def _weld(points: np.ndarray, cells: np.ndarray, fraction: float, done: list[str]) -> tuple[np.ndarray, np.ndarray]:
+    first = coincident(points, fraction * _diagonal(points))
     _say(done, (first != np.arange(len(first))).sum(), "{} vertices welded to others")
     return drop_unused(points, first[cells])
 

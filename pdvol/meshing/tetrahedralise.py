@@ -108,11 +108,11 @@ def tetrahedralise(
         # one avoids both.
         h = edge_length(target, own, area, 3)
         measures = [_volume_and_area(part) for part in parts]
-        shares = [max(round(expected_vertices(h, *m, 3)[1]), MIN_SURFACE_VERTICES) for m in measures]
+        fractions = [max(round(expected_vertices(h, *m, 3)[1]), MIN_SURFACE_VERTICES) for m in measures]
         return _merged(
             [
-                tetrahedralise(part, share, name, keep_boundary, volume * m[0] / own)
-                for part, share, m in zip(parts, shares, measures, strict=True)
+                tetrahedralise(part, fraction, name, keep_boundary, volume * m[0] / own)
+                for part, fraction, m in zip(parts, fractions, measures, strict=True)
             ]
         )
     size = own ** (1.0 / 3.0)
@@ -141,13 +141,13 @@ def _unit_mesh(surface: Surface, target: int, name: str, keep_boundary: bool, vo
         return _checked(*_oriented(made["points"], made["cells"], name), wanted, name)
 
     def make(scale: float, failures: int) -> tuple[np.ndarray, np.ndarray]:
-        share = max(int(surface_share(surface, target) / scale**2), MIN_BOUNDARY_VERTICES)
+        fraction = max(int(surface_share(surface, target) / scale**2), MIN_BOUNDARY_VERTICES)
         # Coarse meshes have relatively more vertices at sharp edges, and fewer inside.
         coarse, longer, width = surface, 1.23 + 5.0 / np.sqrt(target), ENVELOPE_WIDTH
-        if share < len(surface.vertices):
-            coarse = decimate(surface, share, name)
+        if fraction < len(surface.vertices):
+            coarse = decimate(surface, fraction, name)
         elif sparse:
-            coarse, longer = split_longest_edges(surface, share), SPLIT_EDGE_FACTOR
+            coarse, longer = split_longest_edges(surface, fraction), SPLIT_EDGE_FACTOR
         else:
             width *= 0.5  # all of the distance from the input is then the envelope's
         # Parts closer than two envelopes merge: after each failure the envelope is half as wide.

@@ -100,7 +100,7 @@ def held_back_lines(run: Run) -> list[str]:
             end = level.log[-1].get("behind", 0.0)
             lines.append(
                 f"level {level.index}: contact held scripted motions back in {len(short)} of {len(level.log)} steps,"
-                f" first in step {short[0]['step']}; least share of a step {least['reached']:.2g} (step"
+                f" first in step {short[0]['step']}; least fraction of a step {least['reached']:.2g} (step"
                 f" {least['step']}), " + (f"{end:.3g} s behind at the end" if end else "caught up at the end")
             )
     return lines

@@ -14,8 +14,8 @@ class Attachment:
     the other's.
 
     The springs are chosen on the coarsest level, one for each boundary facet of the part, and lead between the same
-    material points on every level. They share stiffness and strength by area, so neither depends on the mesh. A spring
-    breaks for good at the end of the step in which it pulls with more than its share of `breaking`.
+    material points on every level. Stiffness and strength are divided between them by area, so neither depends on the
+    mesh. A spring breaks for good at the end of the step in which it pulls with more than its part of `breaking`.
 
     Attributes
     ----------

@@ -30,7 +30,7 @@ class Separate:
     ----------
     by : "move" bodies apart, "shrink" them (both on all levels alike), or "refine": decimate less on the level where
         they meet
-    limit : the most: a share of the body's diagonal, of its size, or of the level's vertices
+    limit : the most: a fraction of the body's diagonal, of its size, or of the level's vertices
     """
 
     by: str = "move"
@@ -154,7 +154,7 @@ class Body:
         return (self.render,) if isinstance(self.render, RenderMesh) else tuple(self.render)
 
     def instances(self, *placements: Placement) -> tuple["Body", ...]:
-        """This body at each of several placements, named after it: they share its meshes, which are made once."""
+        """This body at each of several placements, named after it: they have its meshes, which are made once."""
         return tuple(
             replace(self, name=f"{self.name} {number}", placement=placement)
             for number, placement in enumerate(placements, 1)

@@ -8,8 +8,8 @@ from pdvol.scene.checks import count, finite, keep_plain, plain, positive, requi
 from pdvol.scene.lengths import Length, Relative, length
 from pdvol.scene.representation import one_line
 
-# share of Young's modulus: with 0.1, which the authors of the convergent formulation recommend, fast impacts close gaps
-# to 1e-3 dhat, where Newton's steps are short
+# fraction of Young's modulus: with 0.1, which the authors of the convergent formulation recommend, fast impacts close
+# gaps to 1e-3 dhat, where Newton's steps are short
 STIFFNESS = 0.3
 
 

@@ -60,8 +60,8 @@ class Gravity:
 
 @dataclass(frozen=True)
 class Force:
-    """A total force [N] ([N] per metre of depth in 2D), or a function of time that gives one, shared out by mass over a
-    region.
+    """A total force [N] ([N] per metre of depth in 2D), or a function of time that gives one, distributed by mass over
+    a region.
 
     The total is the same on every level, whatever its vertices.
 

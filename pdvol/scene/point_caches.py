@@ -37,7 +37,7 @@ class PointCache:
         in the same order. USD and Alembic files have their own. Without faces vertices are matched to points.
     prim : path of the mesh in a USD or Alembic file; needed where the file has several
     placement : of the points in the scene, at all frames; USD files are in metres before
-    tolerance : how far a vertex may be from the animated mesh, as a share of the diagonal of its first frame
+    tolerance : how far a vertex may be from the animated mesh, as a fraction of the diagonal of its first frame
     """
 
     source: str | Path | np.ndarray | Sequence

@@ -25,7 +25,7 @@ class Posed:
     cells : (m, d + 1) triangles or tetrahedra; vertices of none are left out
     positions : (n, d) [m]
         Where the same vertices are at t = 0.
-    tolerance : how far a vertex of a level may be from the mesh, as a share of its diagonal
+    tolerance : how far a vertex of a level may be from the mesh, as a fraction of its diagonal
     """
 
     rest: np.ndarray | Sequence

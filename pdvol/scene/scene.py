@@ -40,7 +40,7 @@ class Scene:
     name : of the shot, and of its run folder
     separate : sequence of Separate: what may be done, in order, where bodies meet at t = 0; refused when empty
     integrator : of the direct march: "implicit_euler", or "bdf2", which is second order in dt
-    feedback : share, 0 to 1, of its drift from the level below that a progressive level makes up for in each step
+    feedback : fraction, 0 to 1, of its drift from the level below that a progressive level makes up for in each step
     feedback_modes : what of the drift: "rigid" (bodies as a whole) or "all"
     attachments : sequence of Attachment, springs between bodies
     muscles : sequence of Muscle, parts of bodies that contract
@@ -76,7 +76,7 @@ class Scene:
         require(self.steps <= MOST_STEPS, f"steps = {self.steps!r} must be at most {MOST_STEPS}")
         INTEGRATORS.check(self.integrator)
         finite("feedback", self.feedback, 0.0)
-        require(self.feedback <= 1.0, f"feedback = {self.feedback!r} must be at most 1: it is a share of the drift")
+        require(self.feedback <= 1.0, f"feedback = {self.feedback!r} must be at most 1: it is a fraction of the drift")
         require(
             self.feedback_modes in FEEDBACK_MODES,
             f"feedback_modes = {self.feedback_modes!r} must be {' or '.join(FEEDBACK_MODES)}",

@@ -14,7 +14,7 @@ class Solver:
     Attributes
     ----------
     tolerance : speed [m/s]: Newton stops when its full step is nowhere faster
-    relative_tolerance : Newton also stops when its full step is slower than this share of the largest change of
+    relative_tolerance : Newton also stops when its full step is slower than this fraction of the largest change of
         velocity that its present state x makes, `|x - x_hat| / dt`. The time step's own error grows with that change
     max_iterations : Newton iterations allowed per solve
     max_halvings : how often a step may be halved before the run stops
@@ -37,8 +37,8 @@ class Solver:
         keep_plain(self, "tolerance", "relative_tolerance", "max_iterations", "max_halvings", "linear_rtol")
         length("Solver.tolerance", self.tolerance)
         finite("Solver.relative_tolerance", self.relative_tolerance, 0.0)
-        share = self.relative_tolerance
-        require(share <= 0.1, f"Solver.relative_tolerance = {share!r} must be at most 0.1")
+        fraction = self.relative_tolerance
+        require(fraction <= 0.1, f"Solver.relative_tolerance = {fraction!r} must be at most 0.1")
         count("Solver.max_iterations", self.max_iterations, 1)
         count("Solver.max_halvings", self.max_halvings, 0)
         require(self.max_halvings <= 20, f"Solver.max_halvings = {self.max_halvings!r} must be at most 20")

@@ -47,7 +47,7 @@ from pdvol.parallel import on_root
 
 SLACK = 1e-8  # e, beside A scaled to a median diagonal of one
 BLOCK = 256  # right-hand sides at a time: bounds the dense part of the memory
-# share of the body's size by which the solved W may miss the rest positions, before they are restored exactly
+# fraction of the body's size by which the solved W may miss the rest positions, before they are restored exactly
 ACCURATE = 1e-6
 # MUMPS' relative pivoting threshold, the largest value: multipliers of conflicting constraints are as large as 1 / e
 PIVOTING = 0.5

@@ -1,7 +1,7 @@
 """From dense weights that decay to sparse ones: small weights are dropped, and affine fields are made exact again.
 
-Each row loses its smallest weights, whose absolute sum is at most `DROPPED`: a field changes by at most that share of
-its range. The remaining weights are then corrected, per row, by the smallest change (in the sense of least squares)
+Each row loses its smallest weights, whose absolute sum is at most `DROPPED`: a field changes by at most that fraction
+of its range. The remaining weights are then corrected, per row, by the smallest change (in the sense of least squares)
 after which affine fields are exact again. The home cell's corners stay in every row, so that the remaining coarse
 vertices never lie in a plane.
 """

@@ -38,6 +38,6 @@ def vertex_gradients(mesh: LevelMesh) -> list[sp.csr_matrix]:
     n, corners = len(mesh.points), mesh.dim + 1
     around = np.bincount(mesh.cells.ravel(), np.repeat(mesh.volumes, corners), minlength=n)
     row, column = np.repeat(mesh.cells, corners, axis=1).ravel(), np.tile(mesh.cells, (1, corners)).ravel()
-    share = np.repeat(mesh.volumes, corners**2) / around[row]
+    fraction = np.repeat(mesh.volumes, corners**2) / around[row]
     gradients = np.tile(mesh.hat_gradients, (1, corners, 1)).reshape(-1, mesh.dim)
-    return [sp.csr_matrix((share * derivative, (row, column)), shape=(n, n)) for derivative in gradients.T]
+    return [sp.csr_matrix((fraction * derivative, (row, column)), shape=(n, n)) for derivative in gradients.T]

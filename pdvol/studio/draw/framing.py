@@ -15,10 +15,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-RARE = 0.1  # share of the samples of a body that may lie beyond each side of its usual box: short absences do not count
-FEW = 0.25  # share of the bodies that may lie beyond each side of the core
+RARE = 0.1  # fraction of a body's samples that may lie beyond each side of its usual box: short absences do not count
+FEW = 0.25  # fraction of the bodies that may lie beyond each side of the core
 CORE_REACH = 1.5  # longest sides of the core: a row of equal distances is within, and most bodies' falls are
-OBSTACLE_REACH = 0.3  # share of the bodies' diagonal within which obstacles count: a floor mesh may be far larger
+OBSTACLE_REACH = 0.3  # fraction of the bodies' diagonal within which obstacles count: a floor mesh may be far larger
 LARGEST_WHOLE = 2.0  # the bodies' diagonals: an obstacle up to this size is framed whole
 _OUTLINE_DIRECTIONS = 100  # in which a body's outermost points are kept: a ball appears 4 % too small at most
 

@@ -167,8 +167,8 @@ def _cell_size(size: tuple[int, int], columns: int, rows: int) -> tuple[int, int
 
 
 def chosen_steps(level: RunLevel, last: int, count: int = COLUMNS, first: int = 0) -> list[int]:
-    """Steps that show the course of a run: the first and the last, and between them equal shares of the sum of time and
-    the bodies' motion.
+    """Steps that show the course of a run: the first and the last, and between them equal fractions of the sum of time
+    and the bodies' motion.
 
     Parameters
     ----------
@@ -186,8 +186,8 @@ def chosen_steps(level: RunLevel, last: int, count: int = COLUMNS, first: int = 
     motion = np.array(
         [0.0] + [np.linalg.norm(b - a, axis=1).mean() for a, b in zip(states, states[1:], strict=False)]
     ).cumsum()
-    share = (sampled - first) / length + (motion / motion[-1] if motion[-1] > 0 else 0)
-    steps = np.interp(np.linspace(0, share[-1], count), share, sampled).round().astype(int)
+    fraction = (sampled - first) / length + (motion / motion[-1] if motion[-1] > 0 else 0)
+    steps = np.interp(np.linspace(0, fraction[-1], count), fraction, sampled).round().astype(int)
     return sorted({int(step) for step in steps} | ({last} if last > stored else set()))
 
 

@@ -25,7 +25,7 @@ LEAST_LABEL_SIZE = 14  # pixels
 TILE_GAP = 14  # pixels between tiles
 RULE = 6  # pixels, the height of a cluster's rule
 SEEN_STEPS = 12  # of each run, for the camera
-STRAYS = 0.1  # share of the runs that may leave the picture on each side
+STRAYS = 0.1  # fraction of the runs that may leave the picture on each side
 SHAPE = 1.5  # a sheet's width over its height that is aimed at
 
 

@@ -28,18 +28,18 @@ class Frame:
     ----------
     code : its number, a fraction where a step lies between two frames
     step : the step that contains it, which ends at it or later
-    share : of the step that has passed at the frame, above 0 and at most 1; 1 is the stored state itself
+    fraction : of the step that has passed at the frame, above 0 and at most 1; 1 is the stored state itself
     """
 
     code: float
     step: int
-    share: float
+    fraction: float
 
     def sampled(self, at: Callable[[int], np.ndarray]) -> np.ndarray:
         """What changes linearly from step to step, at this frame; `at(step)` gives it at the end of a step."""
-        if self.share == 1.0:
+        if self.fraction == 1.0:
             return at(self.step)
-        return (1.0 - self.share) * at(self.step - 1) + self.share * at(self.step)
+        return (1.0 - self.fraction) * at(self.step - 1) + self.fraction * at(self.step)
 
 
 Track = Iterator[tuple[np.ndarray, np.ndarray | None]]
@@ -86,6 +86,6 @@ def even_frames(steps: int, dt: float, fps: float) -> list[Frame]:
     for code in range(count):
         passed = code / (fps * dt)  # in steps
         step = min(max(int(np.ceil(passed - _WHOLE)), 0), steps - 1)
-        share = 1.0 - (step - passed)
-        frames.append(Frame(float(code), step, 1.0 if share > 1.0 - _WHOLE else share))
+        fraction = 1.0 - (step - passed)
+        frames.append(Frame(float(code), step, 1.0 if fraction > 1.0 - _WHOLE else fraction))
     return frames

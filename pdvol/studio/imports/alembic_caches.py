@@ -132,5 +132,5 @@ def _between(times: np.ndarray, values: np.ndarray, time: float) -> np.ndarray:
     k = int(np.clip(np.searchsorted(times, time, side="right") - 1, 0, len(times) - 1))
     if k == len(times) - 1 or time <= times[k]:
         return values[k]
-    share = (time - times[k]) / (times[k + 1] - times[k])
-    return (1.0 - share) * values[k] + share * values[k + 1]
+    fraction = (time - times[k]) / (times[k + 1] - times[k])
+    return (1.0 - fraction) * values[k] + fraction * values[k + 1]

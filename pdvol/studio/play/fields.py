@@ -66,6 +66,6 @@ def packed_fields(
         top = max(float(np.percentile(positive, BRIGHTEST)), least) if len(positive) else least
         found[name] = {"label": label, "unit": unit, "top": top}
         for i, v in values.items():
-            shares = quantised(v[..., None], np.zeros(1), np.array([top]), np.uint8)
-            numbers[i][name] = chunks.states(shares)
+            fractions = quantised(v[..., None], np.zeros(1), np.array([top]), np.uint8)
+            numbers[i][name] = chunks.states(fractions)
     return found, numbers

@@ -73,8 +73,8 @@ def quantised(values: np.ndarray, low: np.ndarray, span: np.ndarray, kind: type 
     low, span : (d,)
     """
     largest = LARGEST[np.dtype(kind)]
-    shares = (values - low) / np.where(span > 0.0, span, 1.0)
-    return np.round(np.clip(shares, 0.0, 1.0) * largest).astype(kind)
+    fractions = (values - low) / np.where(span > 0.0, span, 1.0)
+    return np.round(np.clip(fractions, 0.0, 1.0) * largest).astype(kind)
 
 
 def residuals(values: np.ndarray, order: int) -> bytes:

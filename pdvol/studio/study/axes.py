@@ -19,7 +19,7 @@ FACTORS = {
     "dhat": (2.0, 0.5),
     "linear_rtol": (10.0, 0.1),
 }
-RELATIVE_TOLERANCES = (0.01, 0.003, 0.03)  # shares of the change of velocity
+RELATIVE_TOLERANCES = (0.01, 0.003, 0.03)  # fractions of the change of velocity
 LAGS = (3, 10)  # solves with friction lagged anew in a step: once more or twice more hardly differs from one
 DEFAULT_AXES = ("dt", "tolerance", "dhat", "level")
 # Exponents of a first guess of the cost, until it is measured: steps are cheaper where they are short.

@@ -173,10 +173,10 @@ def sentences(points: Sequence[Mapping], found: Mapping[str, Any], size: float) 
             f" from the reference, in {seconds:.3g} s of CPU time"
             f"{'.' if default['errors']['story'] else ', and tell another story: a body rests elsewhere.'}"
         )
-        for share in SHARES:
-            best = cheapest_within(points, share * size, own)
+        for fraction in SHARES:
+            best = cheapest_within(points, fraction * size, own)
             if best is not None:
-                lines.append(_compared(best, default, f"within {share:.0%} of the size"))
+                lines.append(_compared(best, default, f"within {fraction:.0%} of the size"))
         half = [p for p in points if p["cost"]["cpu"] <= 0.5 * seconds and p["errors"]["story"]]
         if half:
             best = min(half, key=lambda point: point["errors"]["end"])

@@ -40,7 +40,7 @@ def write_page(path: Path, study: Mapping[str, Any]) -> Path:
         length=length,
         options=option_text,
         by_option=_by_option,
-        percent=lambda share: f"{share:.2%}",
+        percent=lambda fraction: f"{fraction:.2%}",
         failed=[run for run in study["runs"] if run.get("state") not in ("done", None)],
         colours={"background": BACKGROUND, "ink": INK, "faint": FAINT_INK},
     )

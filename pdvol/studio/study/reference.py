@@ -15,7 +15,7 @@ from pdvol.runs.stored_fields import stored_densities
 from pdvol.store.reader import Run, RunLevel
 
 MOST_TIMES = 100  # states that are compared: more do not change a mean over time visibly
-COMMON_TIME = 1e-6  # share of a step: times that are nearer are one time
+COMMON_TIME = 1e-6  # fraction of a step: times that are nearer are one time
 OTHER_PLACE = 0.25  # of the body's size: a body that ends further away lies in another place
 OTHER_FACE = 30.0  # degrees: a body that is turned further about its own axes lies on another face
 
@@ -45,12 +45,12 @@ class ReferenceStates:
     def positions(self, run: Run, level: int, time: float) -> np.ndarray:
         """(n, d) [m] of a run's level on the reference's mesh; linear in time between stored states."""
         stored = run.levels[level]
-        share = time / run.dt
-        step = int(np.floor(share + COMMON_TIME))
-        share = max(share - step, 0.0)
+        fraction = time / run.dt
+        step = int(np.floor(fraction + COMMON_TIME))
+        fraction = max(fraction - step, 0.0)
         found = stored.positions(step)
-        if share > COMMON_TIME:
-            found = (1.0 - share) * found + share * stored.positions(step + 1)
+        if fraction > COMMON_TIME:
+            found = (1.0 - fraction) * found + fraction * stored.positions(step + 1)
         return self._hierarchy.prolong(found, level, self.level.index)
 
     def errors(self, run: Run, level: int) -> dict[str, Any]:

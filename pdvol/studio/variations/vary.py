@@ -32,16 +32,16 @@ class Vary:
     values: tuple[Any, ...]
     ends: tuple[float, float] | None = None
 
-    def at(self, share: float) -> Any:
-        """The value at a share in [0, 1) of the range, or of the list."""
+    def at(self, fraction: float) -> Any:
+        """The value at a fraction in [0, 1) of the range, or of the list."""
         if self.ends is None:
-            return self.values[int(share * len(self.values))]
-        return between(self.ends, share)
+            return self.values[int(fraction * len(self.values))]
+        return between(self.ends, fraction)
 
 
-def between(ends: tuple[float, float], share: float) -> Any:
-    """The value at a share of a range, as it is written on a command line."""
-    value = ends[0] + share * (ends[1] - ends[0])
+def between(ends: tuple[float, float], fraction: float) -> Any:
+    """The value at a fraction of a range, as it is written on a command line."""
+    value = ends[0] + fraction * (ends[1] - ends[0])
     return stored_value(0.0 if abs(value) < NEARLY_ZERO * max(map(abs, ends)) else value)
 
 
@@ -72,7 +72,7 @@ def parse_vary(word: str) -> Vary:
             return Vary(name, (), ends)
         if not parts[2].strip().isdigit() or not 2 <= int(parts[2]) <= MOST_VARIATIONS:
             raise InputError(f"--vary {word}: N in A:B:N is a whole number from 2 to {MOST_VARIATIONS}")
-        return Vary(name, tuple(between(ends, share) for share in np.linspace(0.0, 1.0, int(parts[2]))), ends)
+        return Vary(name, tuple(between(ends, fraction) for fraction in np.linspace(0.0, 1.0, int(parts[2]))), ends)
     values = tuple(parse_value(part) for part in _split(text))
     if any(value == "" for value in values):
         raise InputError(f"--vary {word}: a value is empty")

@@ -71,8 +71,10 @@ def _grid(varies: Sequence[Vary], jitter: bool) -> list[dict[str, Any]]:
 def _sample(varies: Sequence[Vary], count: int, seed: int) -> list[dict[str, Any]]:
     if not varies:
         return [{} for _ in range(count)]
-    shares = qmc.Halton(len(varies), seed=seed).random(count)
-    return [{vary.name: vary.at(float(share)) for vary, share in zip(varies, row, strict=True)} for row in shares]
+    points = qmc.Halton(len(varies), seed=seed).random(count)
+    return [
+        {vary.name: vary.at(float(fraction)) for vary, fraction in zip(varies, point, strict=True)} for point in points
+    ]
 
 
 def search_ranges(varies: Sequence[Vary]) -> Mapping[str, tuple[float, float]]:

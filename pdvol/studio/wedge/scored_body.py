@@ -104,7 +104,7 @@ class ScoredBody:
 
     @cached_property
     def weights(self) -> np.ndarray:
-        """(k,) shares of the volume at rest: the weights of its vertices in means. They sum to one."""
+        """(k,) fractions of the volume in the rest shape: the weights of its vertices in means. They sum to one."""
         mesh = self.level.mesh
         lumped = np.bincount(mesh.cells.ravel(), np.repeat(mesh.volumes, mesh.dim + 1), len(mesh.points))
         return lumped[self.vertices] / lumped[self.vertices].sum()
