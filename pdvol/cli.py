@@ -109,11 +109,11 @@ def parse(arguments: Sequence[str]) -> argparse.Namespace:
         prog="pdvol", description="Preview soft-body animation coarse, refine it to the same animation, fine."
     )
     verbs = parser.add_subparsers(required=True, metavar="COMMAND", dest="command")
-    asked = next((word for word in arguments if not word.startswith("-")), "")
-    listed = [asked] if asked in COMMANDS else list(COMMANDS)  # listing all looks for verbs of other packages
+    command = next((word for word in arguments if not word.startswith("-")), "")
+    listed = [command] if command in COMMANDS else list(COMMANDS)  # listing all looks for verbs of other packages
     for name in listed:
         text = COMMANDS.help(name)
         verb = verbs.add_parser(name, help=text, description=text)
-        if name == asked:
+        if name == command:
             COMMANDS[name].add_arguments(verb)
     return parser.parse_args(arguments)

@@ -1,4 +1,4 @@
-"""Names that a user chooses from, and where each one is implemented; nothing is loaded before it is asked for.
+"""Names that a user chooses from, and where each one is implemented; nothing is loaded before it is needed.
 
 A new interpolant, export format or command is one file and one line here. Interpolants, formats
 and commands can also come from another installed package, through entry points of the groups `pdvol.interpolants`,

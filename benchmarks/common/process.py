@@ -13,7 +13,7 @@ from pathlib import Path
 
 REPOSITORY = Path(__file__).resolve().parents[2]
 ENDING = 20.0
-"""Seconds that a process is given to end after it was asked to."""
+"""Seconds that a process is given to end after the request."""
 
 
 class Mistake(Exception):

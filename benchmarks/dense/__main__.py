@@ -1,4 +1,4 @@
-"""Dense contact: the scenes of rows.py in turn with an earlier commit, on one machine, and what is asked of them.
+"""Dense contact: the scenes of rows.py in turn with an earlier commit, on one machine, and their goals.
 
     ./run python -m benchmarks.dense [--scenes stack,balls | --long] [--against 97e899e] [--again]
 

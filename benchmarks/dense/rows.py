@@ -1,4 +1,4 @@
-"""The rows of benchmarks.dense: which scene, for how many steps, and what is asked of it; and their two tables.
+"""The rows of benchmarks.dense: which scene, for how many steps, and its goals; and their two tables.
 
 A record is what one march left: `seconds`, `newton`, `linear`, `contacts` and `reached` are lists with an entry for
 each step done, `parts` the sums of seconds by part, `tick` the mean of what a fixed loop took after each step [ms], and
@@ -14,7 +14,7 @@ PARTS = ("assembly", "contact", "ccd", "linear", "other")
 MINUTES_20 = 1200.0
 
 
-# ---- what is asked
+# ---- goals
 
 
 def pace(record: dict, steps: int | None = None) -> float:
@@ -37,25 +37,25 @@ def mean(values: list) -> float:
 
 @dataclass(frozen=True)
 class Goal:
-    """One thing asked.
+    """One goal.
 
     Attributes
     ----------
-    text : with braces for the value asked
+    text : with braces for the goal's value
     measure : of the records of the old and the new code
-    least : whether the value asked is the smallest allowed; else it is the largest
+    least : whether the goal's value is the smallest allowed; else it is the largest
     """
 
     text: str
     measure: Callable[[dict, dict], float]
     least: bool = False
 
-    def verdict(self, asked: float, old: dict, new: dict) -> str:
-        """What was asked and what was measured, in bold where it is missed."""
+    def verdict(self, goal: float, old: dict, new: dict) -> str:
+        """The goal and what was measured, in bold where it is missed."""
         value = self.measure(old, new)
-        met = value >= asked if self.least else value <= asked
+        met = value >= goal if self.least else value <= goal
         figure = markdown.number(value)
-        return f"{self.text.format(f'{asked:g}')}: {figure if met else f'**{figure}**'}"
+        return f"{self.text.format(f'{goal:g}')}: {figure if met else f'**{figure}**'}"
 
 
 GOALS = {
@@ -85,8 +85,8 @@ class Row:
     file : the scene file, from the repository's root
     settings : of the scene
     steps : how many at most
-    asked : goals by name
-    long : left out unless asked for
+    goals : values by the goals' names
+    long : run only if named
     limit : CPU seconds after which the march stops [s]
     ranks : 2 marches it on one and on two ranks, by the wall clock
     """
@@ -94,26 +94,26 @@ class Row:
     title: str
     file: str
     steps: int
-    asked: dict
+    goals: dict
     settings: dict = field(default_factory=dict)
     long: bool = False
     limit: float = MINUTES_20
     ranks: int = 1
 
 
-def dense(name: str, title: str, steps: int, asked: dict, **other) -> Row:
+def dense(name: str, title: str, steps: int, goals: dict, **other) -> Row:
     """A row of dense/scenes.py."""
-    return Row(title, "benchmarks/dense/scenes.py", steps, asked, {"name": name}, **other)
+    return Row(title, "benchmarks/dense/scenes.py", steps, goals, {"name": name}, **other)
 
 
-def peer(name: str, steps: int, asked: dict, **other) -> Row:
+def peer(name: str, steps: int, goals: dict, **other) -> Row:
     """A row of peers/scenes.py."""
-    return Row(f"`{name}`", "benchmarks/peers/scenes.py", steps, asked, {"name": name}, **other)
+    return Row(f"`{name}`", "benchmarks/peers/scenes.py", steps, goals, {"name": name}, **other)
 
 
-def stress(name: str, steps: int, asked: dict, file: str = "stress", **other) -> Row:
+def stress(name: str, steps: int, goals: dict, file: str = "stress", **other) -> Row:
     """A row of the stress tests or the envelope."""
-    return Row(f"`{name}`", f"benchmarks/{file}/scenes.py", steps, asked, {"name": name}, long=True, **other)
+    return Row(f"`{name}`", f"benchmarks/{file}/scenes.py", steps, goals, {"name": name}, long=True, **other)
 
 
 ROWS = {
@@ -158,7 +158,7 @@ HEAD = [
     "scene",
     "vertices",
     "steps (runs)",
-    "asked: measured",
+    "goal: measured",
     "time a step [ms]",
     "tick [ms]",
     "Newton, mean (most)",
@@ -184,12 +184,11 @@ def tables(pairs: dict[str, tuple[dict, dict]]) -> str:
 
 def row(name: str, old: dict, new: dict) -> list[str]:
     """The cells of a row; where two figures stand in one, the first is the old code's."""
-    asked = ROWS[name].asked
     title = ROWS[name].title + both_ranks(name)
     failed = [f"{age}: {record['reason']}" for age, record in (("old", old), ("new", new)) if record["reason"]]
     if not (done(old) and done(new)):
         return [title, "", "", "; ".join(failed), *[""] * (len(HEAD) - 4)]
-    goals = [GOALS[key].verdict(value, old, new) for key, value in asked.items()]
+    goals = [GOALS[key].verdict(value, old, new) for key, value in ROWS[name].goals.items()]
     apart = new["apart"]
     return [
         title,

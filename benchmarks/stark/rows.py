@@ -39,7 +39,7 @@ class Row:
     file : the scene file, from the repository's root
     settings : of the scene
     steps : how many of its steps
-    long : left out unless asked for
+    long : run only if named
     """
 
     title: str

@@ -3,7 +3,7 @@
     ./run python -m benchmarks.study_trials [--shots 10] [--first 0] [--budget 1] [--out runs/study_trials]
 
 Each shot is studied within the budget. Three accuracies between its best and its worst point, each with the reference's
-own error, are asked for. The runs that `pdvol run --accuracy` would make are compared with a reference of half the
+own error, are wanted. The runs that `pdvol run --accuracy` would make are compared with a reference of half the
 study's finest time step and a tenth of its tolerance. A shot holds where all three accuracies do.
 """
 
@@ -47,7 +47,7 @@ def main(words: Sequence[str] | None = None) -> int:
         records.append(record(seed, folder))
         print(json.dumps(records[-1]), flush=True)
     rows = [
-        [str(r["seed"]), r["text"], *(["-"] * 3 if not r["asked"] else [_asked(a) for a in r["asked"]]), _held(r)]
+        [str(r["seed"]), r["text"], *(["-"] * 3 if not r["wanted"] else [_wanted(a) for a in r["wanted"]]), _held(r)]
         for r in records
     ]
     print(table(["shot", "scene", "loose", "middle", "strict", "holds"], rows))
@@ -62,7 +62,7 @@ def record(seed: int, folder: Path) -> dict:
     study = json.loads((folder / "study.json").read_text())
     shot = load_shot(SHOT, {"seed": seed})
     text = f"{len(study.get('levels', []))} levels, E {shot.scene.bodies[0].material.young:.2g} Pa"
-    found = {"seed": seed, "text": text, "asked": [], "holds": False}
+    found = {"seed": seed, "text": text, "wanted": [], "holds": False}
     if "reference" not in study or study["reference"]["error"] is None:
         return {**found, "text": f"{text}, no reference"}
     own, points = study["reference"]["error"], [p for p in study["points"] if p["errors"]["story"]]
@@ -73,13 +73,13 @@ def record(seed: int, folder: Path) -> dict:
     for accuracy in np.geomspace(loose, strict, 3):
         point = cheapest_within(points, accuracy, own)
         if point is None:
-            found["asked"].append({"accuracy": accuracy, "error": None, "settings": ""})
+            found["wanted"].append({"accuracy": accuracy, "error": None, "settings": ""})
             continue
         run = open_run(folder / "runs" / point["run"])
         error = states.errors(run, point["level"])["end"]
-        found["asked"].append({"accuracy": accuracy, "error": error, "settings": point["label"]})
+        found["wanted"].append({"accuracy": accuracy, "error": error, "settings": point["label"]})
     found["own"], found["spread"] = own, study["spread"]
-    found["holds"] = all(a["error"] is not None and a["error"] <= a["accuracy"] for a in found["asked"])
+    found["holds"] = all(a["error"] is not None and a["error"] <= a["accuracy"] for a in found["wanted"])
     return found
 
 
@@ -104,7 +104,7 @@ def _pdvol(words: Sequence[str], log: Path) -> None:
         subprocess.run([sys.executable, "-m", "pdvol", *words], check=False, stdout=file, stderr=file)
 
 
-def _asked(entry: dict) -> str:
+def _wanted(entry: dict) -> str:
     found = "none" if entry["error"] is None else length(entry["error"])
     return f"{length(entry['accuracy'])}: {entry['settings']} gives {found}"
 

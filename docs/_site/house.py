@@ -1,8 +1,8 @@
-"""The diagram of the house: which room of pdvol imports which, drawn from the table that tests/structure enforces.
+"""The diagram of the house: which folder of pdvol imports which, drawn from the table that tests/structure enforces.
 
     ./run python docs/_site/house.py     # writes docs/pictures/house.svg
 
-An arrow leads from a room to one that may import it. Arrows that follow from others are left out.
+An arrow leads from a folder to one that may import it. Arrows that follow from others are left out.
 """
 
 import ast
@@ -42,7 +42,7 @@ COLUMNS = {
 }  # fmt: skip
 WIDTH, HEIGHT, ACROSS, DOWN = 176, 44, 196, 74
 """Size of a box, and the distances between boxes [pixels]."""
-GROUND = "scene, registry, errors, parallel, processes, compiled, stages, compat: serve all rooms from geometry on"
+GROUND = "scene, registry, errors, parallel, processes, compiled, stages, compat: serve all folders from geometry on"
 CORE, WING = ("#eef3fb", "#4a6fa5"), ("#fbf3e6", "#b98a3a")
 """Fill and rim of boxes: of the core and the command line, and of the studio."""
 
@@ -55,7 +55,7 @@ def rules() -> dict[str, set[str]]:
         if getattr(target, "id", "") in ("STAGES", "STORED", "MAY_IMPORT"):
             code = compile(ast.Expression(node.value), str(RULES), "eval")
             known[target.id] = eval(code, {"set": set}, known)
-    may = {room: others - {"studio"} for room, others in known["MAY_IMPORT"].items() if room != "studio"}
+    may = {folder: others - {"studio"} for folder, others in known["MAY_IMPORT"].items() if folder != "studio"}
     return {**may, "commands": set(may)}
 
 
@@ -63,30 +63,30 @@ def arrows(may: dict[str, set[str]]) -> list[tuple[str, str]]:
     """(imported, importing) pairs that do not follow from others."""
     below: dict[str, set[str]] = {}
 
-    def all_below(room: str) -> set[str]:
-        if room not in below:
-            below[room] = may[room].union(*(all_below(other) for other in may[room]))
-        return below[room]
+    def all_below(folder: str) -> set[str]:
+        if folder not in below:
+            below[folder] = may[folder].union(*(all_below(other) for other in may[folder]))
+        return below[folder]
 
     return sorted(
-        (other, room)
-        for room in may
-        for other in may[room]
-        if not any(other in all_below(between) for between in may[room] - {other})
+        (other, folder)
+        for folder in may
+        for other in may[folder]
+        if not any(other in all_below(between) for between in may[folder] - {other})
     )
 
 
 def rows(may: dict[str, set[str]]) -> dict[str, int]:
-    """How many rooms are below each one, in the longest chain."""
+    """How many folders are below each one, in the longest chain."""
     found: dict[str, int] = {}
 
-    def row(room: str) -> int:
-        if room not in found:
-            found[room] = 1 + max((row(other) for other in may[room]), default=-1)
-        return found[room]
+    def row(folder: str) -> int:
+        if folder not in found:
+            found[folder] = 1 + max((row(other) for other in may[folder]), default=-1)
+        return found[folder]
 
-    for room in may:
-        row(room)
+    for folder in may:
+        row(folder)
     return found
 
 
@@ -95,7 +95,7 @@ def drawn() -> str:
     may = rules()
     row = rows(may)
     wide, high = max(COLUMNS.values()) * ACROSS + WIDTH + 40, max(row.values()) * DOWN + HEIGHT + 90
-    place = {room: (20 + ACROSS * COLUMNS[room], 20 + DOWN * row[room]) for room in may}
+    place = {folder: (20 + ACROSS * COLUMNS[folder], 20 + DOWN * row[folder]) for folder in may}
     lines = []
     for start, end in arrows(may):
         (x0, y0), (x1, y1) = place[start], place[end]
@@ -105,12 +105,12 @@ def drawn() -> str:
         if y1 - y0 > DOWN:  # past the rows between: straight down first
             way = f"M{x0:g},{y0:g} L{x0:g},{y1 - 38:g} C{x0:g},{y1 - 16:g} {x1:g},{y1 - 30:g} {x1:g},{y1 - 4:g}"
         lines.append(f'<path d="{way}" fill="none" stroke="#8a8f98" stroke-width="1.4" marker-end="url(#tip)"/>')
-    for room, (x, y) in place.items():
-        fill, rim = WING if room.startswith("studio.") else CORE
+    for folder, (x, y) in place.items():
+        fill, rim = WING if folder.startswith("studio.") else CORE
         lines.append(f'<rect x="{x}" y="{y}" width="{WIDTH}" height="{HEIGHT}" rx="6" fill="{fill}" stroke="{rim}"/>')
-        middle, name = x + WIDTH / 2, room.replace(".", "/")
+        middle, name = x + WIDTH / 2, folder.replace(".", "/")
         lines.append(f'<text x="{middle:g}" y="{y + 18}" font-weight="bold" font-size="14">{name}</text>')
-        lines.append(f'<text x="{middle:g}" y="{y + 35}" font-size="12">{escape(WORDS[room])}</text>')
+        lines.append(f'<text x="{middle:g}" y="{y + 35}" font-size="12">{escape(WORDS[folder])}</text>')
     ground = f'<text x="{wide / 2:g}" y="{high - 20}" font-size="12" font-style="italic">{escape(GROUND)}</text>'
     tip = '<marker id="tip" markerWidth="8" markerHeight="8" refX="5" refY="3" orient="auto">'
     return "\n".join(

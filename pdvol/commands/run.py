@@ -97,7 +97,7 @@ def _begin_branch(
 
 
 def _from_study(options: Namespace, shot: "Shot") -> "tuple[Shot, int, int | None, str]":
-    """The shot, levels and method that a study has found for the accuracy or time asked for."""
+    """The shot, levels and method that a study has found for the wanted accuracy or time."""
     from pdvol.studio.study.choice import choice_notes, chosen_point, with_point
     from pdvol.studio.study.conclusions import option_text
     from pdvol.studio.variations.lengths import length
@@ -105,8 +105,8 @@ def _from_study(options: Namespace, shot: "Shot") -> "tuple[Shot, int, int | Non
     if bool(options.accuracy) == bool(options.time):
         raise InputError("--study needs --accuracy LENGTH or --time TIME, one of them")
     if options.study is None:
-        asked = f"--accuracy {options.accuracy}" if options.accuracy else f"--time {options.time}"
-        raise InputError(f"{asked} needs a study: pdvol study {options.scene} -o DIR, then add --study DIR")
+        option = f"--accuracy {options.accuracy}" if options.accuracy else f"--time {options.time}"
+        raise InputError(f"{option} needs a study: pdvol study {options.scene} -o DIR, then add --study DIR")
     if options.levels or options.steps is not None:
         raise InputError("--levels and --steps come from the study here; leave them out")
     point = chosen_point(options.study, shot, options.accuracy, options.time)

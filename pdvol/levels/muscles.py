@@ -23,7 +23,7 @@ class CellMuscle:
     muscle : Muscle
     cells : (k,) int64, ascending, in the input's order
     places : (k, d) [m]
-        Where its functions are asked: centres of the coarsest level's cells.
+        Where its functions are evaluated: centres of the coarsest level's cells.
     fibres : (k, d) unit vectors
     """
 

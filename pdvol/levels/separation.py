@@ -54,7 +54,7 @@ class _Arrangement:
     """All levels of a scene, and the changes to each body: its size, its shift [m], and the vertices of each level."""
 
     def __init__(self, scene: Scene, cache: Path | None):
-        self.scene, self._asked, self._cache = scene, scene, cache
+        self.scene, self._wanted, self._cache = scene, scene, cache
         self._meshes = build_levels(scene, None, cache)
         finest, count = self._meshes[-1], len(scene.bodies)
         boxes = [finest.points[finest.point_bodies == b] for b in range(count)]
@@ -106,7 +106,7 @@ class _Arrangement:
         return changed
 
     def _refine(self, number: int, level: int, most: float) -> bool:
-        body = self._asked.bodies[number]
+        body = self._wanted.bodies[number]
         if not body.vertices:
             return False
         targets = list(body.vertices)
@@ -116,16 +116,16 @@ class _Arrangement:
             return False
         targets[level] = more
         bodies = tuple(
-            replace(b, vertices=tuple(targets)) if i == number else b for i, b in enumerate(self._asked.bodies)
+            replace(b, vertices=tuple(targets)) if i == number else b for i, b in enumerate(self._wanted.bodies)
         )
-        self._asked = replace(self._asked, bodies=bodies)
-        self._meshes = build_levels(self._asked, None, self._cache)
+        self._wanted = replace(self._wanted, bodies=bodies)
+        self._meshes = build_levels(self._wanted, None, self._cache)
         return True
 
     def report(self) -> list[str]:
         """A line per change."""
         lines = []
-        for i, (body, asked) in enumerate(zip(self.scene.bodies, self._asked.bodies, strict=True)):
+        for i, (body, wanted) in enumerate(zip(self.scene.bodies, self._wanted.bodies, strict=True)):
             if self._moved[i]:
                 lines.append(
                     f"body {body.name!r} moved by ({', '.join(f'{c:.3g}' for c in self._shifts[i])}) m to keep it apart"
@@ -134,9 +134,8 @@ class _Arrangement:
             if self._sizes[i] != 1.0:
                 lines.append(f"body {body.name!r} shrunk to {self._sizes[i]:.3g} of its size to keep it apart at t = 0")
             lines += [
-                f"body {body.name!r}, level {level}: {more} vertices asked for instead of {few} to keep it apart at"
-                " t = 0"
-                for level, (few, more) in enumerate(zip(body.vertices, asked.vertices, strict=True))
+                f"body {body.name!r}, level {level}: {more} vertices wanted instead of {few} to keep it apart at t = 0"
+                for level, (few, more) in enumerate(zip(body.vertices, wanted.vertices, strict=True))
                 if few != more
             ]
         return lines

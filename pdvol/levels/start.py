@@ -1,7 +1,7 @@
 """Where the points of a level are at t = 0: at rest, or where a body's `start` leads its rest positions.
 
 A level's mesh stays the shape without stress: energies, masses, areas of contact, materials, bindings and interpolants
-are those of the mesh. What is checked at t = 0, and what holds from t = 0 on, is asked at the start.
+are those of the mesh. What is checked at t = 0, and what holds from t = 0 on, is evaluated at the start.
 """
 
 from collections.abc import Callable

@@ -16,7 +16,7 @@ INPUT_SECONDS = 100.0
 checks of it takes less than 20 s for files up to 50 MB, which ends a command within 120 s.
 """
 SECONDS_PER_VERTEX = 0.02
-"""Processor time [s] that each vertex asked for adds: two to ten times what it takes."""
+"""Processor time [s] that each wanted vertex adds: two to ten times what it takes."""
 IDLE_LOOKS = 120
 """Looks, one a second, after which a process that sleeps and uses no processor is ended."""
 
@@ -73,7 +73,7 @@ class Watch:
         self.spent = False
 
     def reason_to_end(self) -> str:
-        """Why the process must end now, in words; empty while it may go on. To be asked once a second."""
+        """Why the process must end now, in words; empty while it may go on. To be called once a second."""
         if _spent():
             self.spent = True
             return _words()

@@ -34,7 +34,7 @@ def write_hierarchy(
     Parameters
     ----------
     mesh : a file of a surface or volume mesh
-    targets : vertices asked for, coarsest first
+    targets : wanted vertices, coarsest first
     out : a folder; it is made where there is none
     prolongation : a name in `pdvol.registry.INTERPOLANTS`
 

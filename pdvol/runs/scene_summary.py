@@ -35,7 +35,7 @@ from pdvol.scene import (
 
 
 def scene_summary(shot: Shot) -> list[str]:
-    """The terms that will be modelled, and the vertices asked for on each level; raises as `modelled_terms`."""
+    """The terms that will be modelled, and the wanted vertices of each level; raises as `modelled_terms`."""
     levels = [
         f"level {i}: " + ", ".join(f"{b.name} {b.vertices[i]:,} vertices" for b in shot.scene.bodies if b.vertices)
         for i in range(shot.scene.levels)
@@ -58,7 +58,7 @@ def modelled_terms(scene: Scene) -> list[str]:
             where = (
                 f"label {', '.join(map(str, region.labels))}"
                 if region.labels
-                else f"where {getattr(region.where, '__name__', 'asked')}"
+                else f"where {getattr(region.where, '__name__', 'chosen')}"
             )
             lines.append(f"body {body.name!r}, {where}: {_material(region.material)}")
         if body.start is not None:

@@ -28,7 +28,7 @@ class StageLines:
     ----------
     stream : text stream; standard error when None
     rewritten : whether a line can be rewritten there: on a terminal, which is found out when None, and in a notebook
-    rank : this process's rank, asked when something is to be shown; ranks other than 0 are silent
+    rank : this process's rank, evaluated when something is to be shown; ranks other than 0 are silent
     """
 
     def __init__(

@@ -20,7 +20,7 @@ class Attachment:
     Attributes
     ----------
     body, other : names of two bodies
-    where : the part of `body`: a function of rest positions (n, d), as placed, that gives a mask (n,), asked at the
+    where : the part of `body`: a function of rest positions (n, d), as placed, that gives a mask (n,), evaluated at the
         centres of boundary facets; or one rest position
     to : the part of `other`, likewise
     stiffness : of all springs together [N/m] ([N/m] per metre of depth in 2D)

@@ -153,7 +153,7 @@ class Region:
     Attributes
     ----------
     material : Material
-    where : function of rest positions (n, d), as placed, giving a mask (n,), asked at cell centres; or a label, or
+    where : function of rest positions (n, d), as placed, giving a mask (n,), evaluated at cell centres; or a label, or
         several, of the input mesh's cells
     """
 

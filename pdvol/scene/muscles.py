@@ -18,7 +18,7 @@ class Muscle:
 
     The energy density is 1/2 a T |F f|^2: an active stress a T along the fibre f (second Piola-Kirchhoff), as in models
     of the heart. Cells are chosen on the coarsest level and carried to the finer ones by the binding, with the places
-    at which functions are asked. A body may have several muscles, also in one place.
+    at which functions are evaluated. A body may have several muscles, also in one place.
 
     Attributes
     ----------
@@ -28,7 +28,7 @@ class Muscle:
     strength : T, the stress [Pa] at an activation of 1
     activation : a, a number, `Keyed` numbers, or a function (t, X) of time [s] and rest positions (n, d) that gives
         (n,); not negative, and taken at the end of each step
-    where : function of rest positions (n, d) giving a mask (n,), asked at cell centres
+    where : function of rest positions (n, d) giving a mask (n,), evaluated at cell centres
     """
 
     body: str

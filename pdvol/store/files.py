@@ -69,7 +69,7 @@ def write_bytes(path: Path, data: bytes | memoryview) -> None:
 def require_room(path: Path, size: int) -> None:
     """SimulationError unless a file of `size` bytes can be written as `path`, which is left empty.
 
-    HDF5 ends the process where its file cannot grow, so the room is checked before.
+    HDF5 ends the process where its file cannot grow, so the free space is checked before.
     """
     try:
         path.parent.mkdir(parents=True, exist_ok=True)

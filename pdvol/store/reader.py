@@ -307,7 +307,7 @@ def open_run(path: str | Path) -> Run:
     Returns
     -------
     Run
-        Its arrays are read when they are asked for.
+        Its arrays are read when they are needed.
 
     Raises
     ------

@@ -95,8 +95,8 @@ def stage(module: str) -> str:
     parts = module.split(".")
     if parts[0] != "pdvol" or len(parts) < 2:
         return ""
-    room = ".".join(parts[1:3])
-    return room if room in WING else parts[1]
+    folder = ".".join(parts[1:3])
+    return folder if folder in WING else parts[1]
 
 
 def stages_of(name: str) -> set[str]:

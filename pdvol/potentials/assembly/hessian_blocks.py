@@ -149,14 +149,14 @@ class HessianBlocks:
         )
 
     def _make_room(self, more: int) -> int:
-        """Makes room for so many more blocks; returns how many there would then be."""
+        """Enlarges the buffers for so many more blocks; returns how many there would then be."""
         end = self.count + more
         if end > len(self._rows):
             parts = (self._rows, self._columns, self._blocks)
-            rooms = tuple(np.empty((2 * end, *part.shape[1:]), dtype=part.dtype) for part in parts)
-            for room, part in zip(rooms, parts, strict=True):
-                room[: self.count] = part[: self.count]
-            self._rows, self._columns, self._blocks = rooms
+            buffers = tuple(np.empty((2 * end, *part.shape[1:]), dtype=part.dtype) for part in parts)
+            for buffer, part in zip(buffers, parts, strict=True):
+                buffer[: self.count] = part[: self.count]
+            self._rows, self._columns, self._blocks = buffers
         return end
 
     def merged(self, fixed: np.ndarray | None = None) -> BlockCsr:

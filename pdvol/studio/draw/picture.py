@@ -25,7 +25,7 @@ from pdvol.studio.draw.views import read_view
 HIGHEST_RATE = 240.0  # frames a second: no screen shows more
 SMALLEST_SIDE, LARGEST_SIDE = 64, 8192  # pixels: captions must fit, and what is rendered in one piece
 _LEFT, _TOP = 132, 42  # pixels beside and above the moments, for captions
-COLUMNS = 5  # moments of a picture, where they are not asked for by step
+COLUMNS = 5  # moments of a picture, where they are not chosen by step
 SAMPLED_STATES = 60  # states at which a run's motion is measured to choose moments: enough for five of them
 
 

@@ -18,7 +18,7 @@ from pdvol.studio.draw.renderer import Renderer
 
 WIDEST_SHEET = 4000  # pixels
 WIDEST_TILE = 560  # pixels: more shows no more of a coarse level
-NARROWEST_TILE = 240  # pixels: fewer leave labels no room
+NARROWEST_TILE = 240  # pixels: labels do not fit into fewer
 MOST_TILES = 400  # of a sheet
 LABEL_SIZE = 19  # pixels, of a label's letters at the widest tile; small tiles have smaller ones
 LEAST_LABEL_SIZE = 14  # pixels
@@ -192,7 +192,7 @@ class SheetLayout:
 
     @property
     def tile_size(self) -> tuple[int, int]:
-        """(width, height) of a tile with its label [pixels]: all have room for the longest one."""
+        """(width, height) of a tile with its label [pixels]: the longest one fits into all."""
         label = self.line * (1 + max(len(lines) for lines in self.labels))
         return self.picture[0], RULE + self.picture[1] + label + TILE_GAP // 2
 

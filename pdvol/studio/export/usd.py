@@ -222,7 +222,7 @@ def _set_points(mesh: Any, points: np.ndarray, velocities: np.ndarray | None = N
 
 
 def _set_purposes(bodies: Sequence[tuple[Part, Any]]) -> None:
-    """Bodies with a render mesh are drawn by it, and stand in for it where that is asked for."""
+    """Bodies with a render mesh are drawn by it, and stand in for it where that is chosen."""
     for part, mesh in bodies:
         if part.render is not None:
             proxy = next(own for other, own in bodies if other.render is None and other.body == part.body)

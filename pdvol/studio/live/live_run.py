@@ -33,7 +33,7 @@ class LiveRun:
         number: int,
         folder: Path,
         values: dict[str, Any],
-        asked: float,
+        requested: float,
         branch: "tuple[LiveRun, int] | None" = None,
         note: str = "",
     ):
@@ -44,7 +44,7 @@ class LiveRun:
         self.worker: Worker | None = None
         self.kept: Path | None = None
         self.first_state: float | None = None
-        self._asked = asked
+        self._requested = requested
         self._run: Run | None = None
         self._stamp = 0
 
@@ -59,7 +59,7 @@ class LiveRun:
         if run is None or run.levels[0].steps == 0:
             return False
         if self.first_state is None:
-            self.first_state = time.monotonic() - self._asked
+            self.first_state = time.monotonic() - self._requested
         return True
 
     @property

@@ -138,14 +138,14 @@ class Page:
             keep = gui.add_button("Keep this run")
             fit = gui.add_button("Fit view")
         self._moment.on_update(self._scrub)
-        self._play.on_click(lambda _: self._asked(self._play_or_stop))
-        self._one.on_click(lambda event: self._asked(lambda: self._move(event.target.value)))
-        self._pause.on_click(lambda _: self._asked(self._pause_or_go_on))
-        self._wireframe.on_update(lambda event: self._asked(lambda: self._stage.draw_wireframe(event.target.value)))
-        again.on_click(lambda _: self._asked(lambda: self._session.branch(self._playback.step)))
-        reset.on_click(lambda _: self._asked(self._reset))
-        keep.on_click(lambda _: self._asked(lambda: self._keep(name)))
-        fit.on_click(lambda _: self._asked(self._fit))
+        self._play.on_click(lambda _: self._respond(self._play_or_stop))
+        self._one.on_click(lambda event: self._respond(lambda: self._move(event.target.value)))
+        self._pause.on_click(lambda _: self._respond(self._pause_or_go_on))
+        self._wireframe.on_update(lambda event: self._respond(lambda: self._stage.draw_wireframe(event.target.value)))
+        again.on_click(lambda _: self._respond(lambda: self._session.branch(self._playback.step)))
+        reset.on_click(lambda _: self._respond(self._reset))
+        keep.on_click(lambda _: self._respond(lambda: self._keep(name)))
+        fit.on_click(lambda _: self._respond(self._fit))
 
     def _field(self, control: Control) -> Any:
         gui, name = self._server.gui, control.name
@@ -165,11 +165,11 @@ class Page:
             if event.client_id is not None:
                 value = event.target.value
                 values = {name: parse_value(value) if isinstance(value, str) else value}
-                self._asked(lambda: self._session.change(values, **wait))
+                self._respond(lambda: self._session.change(values, **wait))
 
         return field
 
-    def _asked(self, action: Callable[[], Any]) -> None:
+    def _respond(self, action: Callable[[], Any]) -> None:
         """Do what a control asks for; a mistake is shown."""
         with self._lock:
             self._message = ""
@@ -180,7 +180,7 @@ class Page:
 
     def _scrub(self, event: Any) -> None:
         if event.client_id is not None:
-            self._asked(lambda: self._playback.choose(int(event.target.value)))
+            self._respond(lambda: self._playback.choose(int(event.target.value)))
 
     def _play_or_stop(self) -> None:
         run = self._session.shown

@@ -64,7 +64,7 @@ class Session:
         self._number = 0
         self._pool = Pool()
         self._lock = threading.RLock()
-        self._asked: tuple[float, float] | None = None  # first and last change that no run has yet
+        self._requested: tuple[float, float] | None = None  # first and last change that no run has yet
         self._wait = 0.0
         self._branch: tuple[LiveRun, int] | None = None
         self._goal: int | None = None  # a paused run goes on until this step is stored
@@ -78,7 +78,7 @@ class Session:
         with self._lock:
             self.values |= values
             now = time.monotonic()
-            self._asked = (self._asked[0] if self._asked else now, now)
+            self._requested = (self._requested[0] if self._requested else now, now)
             self._wait, self._branch = wait, None
 
     def branch(self, step: int) -> None:
@@ -132,12 +132,12 @@ class Session:
         with self._lock:
             self._pool.look()
             now = time.monotonic()
-            if self._asked and (
-                now - self._asked[1] >= self._wait or now - self._asked[0] >= LONGEST_WAIT + self._wait
+            if self._requested and (
+                now - self._requested[1] >= self._wait or now - self._requested[0] >= LONGEST_WAIT + self._wait
             ):
-                asked, self._asked = self._asked[1], None
+                requested, self._requested = self._requested[1], None
                 branch, self._branch = self._branch, None
-                self._begin(asked, branch)
+                self._begin(requested, branch)
             run = self.current
             if run is None:
                 return
@@ -154,18 +154,18 @@ class Session:
     def close(self) -> None:
         """End all processes; what has been kept has their last whole states."""
         with self._lock:
-            self._asked = None
+            self._requested = None
             if self.current is not None:
                 self._update_kept(self.current)
             self._pool.close()
 
     # ---- the life of a run
 
-    def _begin(self, asked: float, branch: tuple[LiveRun, int] | None, note: str = "") -> None:
+    def _begin(self, requested: float, branch: tuple[LiveRun, int] | None, note: str = "") -> None:
         if self.current is not None:
             self._give_up(self.current)
         self._number += 1
-        run = LiveRun(self._number, self.folder / f"{self._number:04d}", dict(self.values), asked, branch, note)
+        run = LiveRun(self._number, self.folder / f"{self._number:04d}", dict(self.values), requested, branch, note)
         self.current = run
         self._runs.append(run)
         more = [] if branch is None else ["--branch", branch[0].folder, "--at", branch[1]]

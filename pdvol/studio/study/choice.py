@@ -1,4 +1,4 @@
-"""The settings that a study has found for an asked accuracy or an asked time."""
+"""The settings that a study has found for a wanted accuracy or time."""
 
 import re
 from collections.abc import Mapping
@@ -56,7 +56,7 @@ def chosen_point(folder: Path, shot: Shot, accuracy: str, time: str) -> dict:
 
 
 def choice_notes(folder: Path, point: Mapping[str, Any]) -> list[str]:
-    """What a user should know about a point: that the reference is not as accurate as was asked, that chance is larger
+    """What a user should know about a point: that the reference is not as accurate as was wanted, that chance is larger
     than the point's error; a line each.
     """
     study = read_study(folder)

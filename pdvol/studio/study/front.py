@@ -1,4 +1,4 @@
-"""What points of cost and error say: the front, fitted orders, the choice for an asked accuracy, candidates to try."""
+"""What points of cost and error say: the front, fitted orders, the choice for a wanted accuracy, candidates to try."""
 
 import itertools
 from collections.abc import Mapping, Sequence

@@ -27,8 +27,8 @@ CROWDED = 1.2  # a job's seconds beside others, in CPU seconds of its steps: at 
 UNKNOWN_GROWTH = 3.0  # vertices of a level in those of the one below, where the scene gives no counts
 
 
-def finest_level(scene: Scene, mesh: LevelMesh, seconds: float, room: float) -> int:
-    """The finest level for which there is room [s], with all coarser ones, by the seconds of level 0 and its mesh."""
+def finest_level(scene: Scene, mesh: LevelMesh, seconds: float, allowed: float) -> int:
+    """The finest level that takes `allowed` seconds at most with all coarser ones, by those of level 0."""
     offset = COST_OFFSET[mesh.dim]
     targets = [body.vertices for body in scene.bodies if len(body.vertices)]
     total, count, finest = 0.0, float(len(mesh.points)), 0
@@ -37,7 +37,7 @@ def finest_level(scene: Scene, mesh: LevelMesh, seconds: float, room: float) -> 
             below = sum(t[level - 1] for t in targets)
             count *= sum(t[level] for t in targets) / below if targets else UNKNOWN_GROWTH
         total += seconds * ((count + offset) / (len(mesh.points) + offset)) ** COST_EXPONENT
-        if total <= room:
+        if total <= allowed:
             finest = level
     return finest
 
@@ -63,7 +63,7 @@ class Plan:
     values : the scene's own values, of dt, tolerance and all axes
     seconds : the budget [s]
     speed : [m/s] of jitter
-    reference : changes asked for; None where the plan chooses
+    reference : the user's choice; None where the plan chooses
     last : the finest level; None until it is known
     done : runs with a result
     closed : runs that failed or were left out
@@ -120,8 +120,8 @@ class Plan:
                 Variation.of({**strict, "dt": times(self.values["dt"], 1.0 / step)}, self.method)
                 for step in FINER_STEPS
             ]
-            room = REFERENCE_SHARE * self.seconds
-            affordable = [v for v in finer if self.seconds_of(v, self.last) <= room]
+            allowed = REFERENCE_SHARE * self.seconds
+            affordable = [v for v in finer if self.seconds_of(v, self.last) <= allowed]
             self._ladder = [Variation.of(strict, self.method), *affordable]
         return self._ladder
 

@@ -40,7 +40,7 @@ class Study:
     axes, alone : from `chosen_axes`
     method : "progressive" or "direct"
     last : the finest level; chosen by the budget when None
-    reference : a variation asked for
+    reference : the variation that the user wants
     budget : [s] of wall time
     jobs : runs at a time
     """
@@ -161,8 +161,8 @@ class Study:
                 self._point(variation, level)
         if variation == self.plan.base and self.plan.last is None:
             cost0 = self.plan.crowding * self.plan.costs[variation][0]
-            room = LEVEL_SHARE * self.plan.seconds
-            finest = finest_level(self.shot.scene, run.levels[0].mesh, cost0, room)
+            allowed = LEVEL_SHARE * self.plan.seconds
+            finest = finest_level(self.shot.scene, run.levels[0].mesh, cost0, allowed)
             self.plan.last = finest if self.asked_last is None else self.asked_last
 
     def _line(self, outcome: Outcome) -> str:

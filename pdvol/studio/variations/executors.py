@@ -10,7 +10,7 @@ from pathlib import Path
 from pdvol.processes import die_with_parent, without_launcher
 from pdvol.studio.variations.worker import Worker
 
-GRACE = 5.0  # seconds that a process has to end after it was asked to; it stores a state in less
+GRACE = 5.0  # seconds that a process has to end after the request; it stores a state in less
 
 
 class Processes:

@@ -12,7 +12,7 @@ from typing import IO, cast
 
 from pdvol.processes import die_with_parent, without_launcher
 
-PATIENCE = 5.0  # seconds that a process has to end after it was asked to; it stores a state in less
+PATIENCE = 5.0  # seconds that a process has to end after the request; it stores a state in less
 
 
 class Worker:

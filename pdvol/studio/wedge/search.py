@@ -81,8 +81,8 @@ def seek(
     for restart in range(MOST_RESTARTS):
         strategy = _strategy(len(names), size, seed + 7919 * restart, anywhere=restart > 0)
         while not strategy.stop():
-            asked = strategy.ask()
-            now = asked[: runs - len(history)]
+            proposed = strategy.ask()
+            now = proposed[: runs - len(history)]
             variations = [_named(names, low, high, point) for point in now]
             scores = [float(score) for score in evaluate(variations)]
             if len(scores) != len(variations):
@@ -99,7 +99,7 @@ def seek(
                 report(found)
             if ended:
                 return found
-            strategy.tell(asked, losses(scores))
+            strategy.tell(proposed, losses(scores))
     return Found(best.parameters, best.score, best.number, len(history), spent, tuple(history), "still")
 
 

@@ -52,8 +52,8 @@ def seek_best(
     numbers: list[int] = []
 
     def evaluate(points: Sequence[Mapping[str, float]]) -> list[float]:
-        asked = [Variation.of({name: stored_value(float(x)) for name, x in point.items()}) for point in points]
-        found = wedge.add(asked, [f"{name}={low:g}:{high:g}" for name, (low, high) in ranges.items()])
+        tried = [Variation.of({name: stored_value(float(x)) for name, x in point.items()}) for point in points]
+        found = wedge.add(tried, [f"{name}={low:g}:{high:g}" for name, (low, high) in ranges.items()])
         numbers.extend(found)
         wedge.run(found, executor, report, deadline)
         scores = [wedge.entries[number]["scores"].get(text) for number in found]

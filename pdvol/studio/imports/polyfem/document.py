@@ -114,7 +114,7 @@ class Section:
         return [Section(self.reading, f"{self.at(key)}[{i}]", entry) for i, entry in enumerate(listed)]
 
     def close(self) -> None:
-        """Refuse the keys that nobody asked for."""
+        """Refuse the keys that nobody has read."""
         for key, value in self.values.items():
             if key in self._asked or value is None:
                 continue
