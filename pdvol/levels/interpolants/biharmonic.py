@@ -21,8 +21,8 @@ L has a row per inner facet: the jump of a P1 field's gradient there, which is a
     (L u)_f = |f| (n_a . grad u_a + n_b . grad u_b)      a, b the cells beside f, n_a = -n_b their normals away from f,
 
 and M_f = (|a| + |b|) / (d + 1): the lumped Crouzeix-Raviart Laplacian. Facets of the boundary have no row: nothing is
-asked of the normal derivative there (natural boundary conditions). A field without such jumps is affine on every part
-joined through facets, hence the kernel.
+required of the normal derivative there (natural boundary conditions). A field without such jumps is affine on every
+part joined through facets, hence the kernel.
 
 The cotangent Laplacian, which imposes no flux through the boundary, does not annihilate affine functions at boundary
 vertices. Wang et al. (2015) added their flux back; libigl keeps that variant out of use with a note by its authors that
