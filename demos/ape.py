@@ -10,7 +10,8 @@ A level simulated on its own drifts away from level 0 after a while. Progressive
 import numpy as np
 
 import pdvol
-from pdvol import Barrier, Body, Impulse, NeoHookean, Placement, Scene, Support, meshes
+import recipes
+from pdvol import Barrier, Body, Impulse, NeoHookean, Placement, Scene, Support
 from pdvol.runs.run_metrics import motion_from_level_0
 
 HEIGHT = 1.0  # m, along z
@@ -22,7 +23,7 @@ def scene(vertices=(300, 700, 1600, 3600), young=2e4, speed=5.0, steps=800, dt=0
     return Scene(
         bodies=(
             Body(
-                meshes.ape(),
+                recipes.ape(),
                 NeoHookean(young, 0.4, 1000.0),
                 tuple(vertices),
                 name="ape",

@@ -6,6 +6,7 @@ Do they stay where they are, and does a step at rest cost next to nothing?
 import numpy as np
 
 import pdvol
+import recipes
 from pdvol import Barrier, Body, Friction, Gravity, NeoHookean, Placement, Rigid, Scene, meshes
 
 BOARDS = (0.0, 0.34, 0.68)  # m, upper sides of the boards
@@ -25,7 +26,7 @@ def scene(vertices=(60, 200), count=60, young=1e6, mu=0.5, damping=0.05, steps=1
         ("ring", meshes.torus(0.055, 0.022, 24, 10), 0.022),
         ("bear", meshes.creature(0.18), 0.0),
         ("drum", meshes.cylinder(0.06, 0.12, 24), 0.06),
-        ("gnome", meshes.gnome(0.19), 0.0),
+        ("gnome", recipes.gnome(0.19), 0.0),
     )
     kinds = [Body(shape, material, tuple(vertices), name=name) for name, shape, _ in toys]
     places: list[list[Placement]] = [[] for _ in toys]

@@ -8,6 +8,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 import pdvol
+import recipes
 from pdvol import Barrier, Body, Friction, Gravity, NeoHookean, Placement, Plane, Rigid, Scene, meshes
 
 HEIGHT, THICKNESS = 0.24, 0.008  # m, of a slice
@@ -21,7 +22,7 @@ def scene(slices=40, vertices=(60, 260, 1060), young=2e4, mu=0.3, damping=0.02, 
     """The `slices`, stacked in the air and turned at random by `seed`, fall one after the other."""
     random = np.random.default_rng(seed)
     noodle = Body(
-        meshes.bunny_slice(HEIGHT, THICKNESS, 160),
+        recipes.bunny_slice(HEIGHT, THICKNESS, 160),
         NeoHookean(young, 0.35, 1000.0, damping=damping),
         tuple(vertices),
         name="slice",

@@ -9,6 +9,7 @@ Does the gnome come to rest where level 0 puts it, and does it settle into the l
 import numpy as np
 
 import pdvol
+import recipes
 from pdvol import Barrier, Body, Friction, Gravity, NeoHookean, Placement, Plane, Scene, meshes
 from pdvol.runs.run_metrics import motion_from_level_0
 
@@ -37,14 +38,14 @@ def scene(
     return Scene(
         bodies=(
             Body(
-                meshes.gnome(HEIGHT, 8000),
+                recipes.gnome(HEIGHT, 8000),
                 NeoHookean(young, 0.4, 1000.0, damping=damping),
                 tuple(vertices),
                 name="gnome",
                 placement=Placement((0.02, EDGE + height + 0.12, -0.30), np.radians(lean), (1.0, 0.0, 0.0)),
             ),
             Body(
-                (meshes.brick((EDGE, EDGE, EDGE), (5, 5, 5)), meshes.letter_block(EDGE, 0.12, 6000)),
+                (meshes.brick((EDGE, EDGE, EDGE), (5, 5, 5)), recipes.letter_block(EDGE, 0.12, 6000)),
                 toy,
                 tuple(block),
                 name="block",

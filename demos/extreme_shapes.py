@@ -7,6 +7,7 @@ Do both come to rest where level 0 puts them, although its outline has little of
 import numpy as np
 
 import pdvol
+import recipes
 from pdvol import Barrier, Body, Friction, Gravity, NeoHookean, Placement, Plane, Rigid, Scene, meshes
 from pdvol.runs.run_metrics import motion_from_level_0
 
@@ -23,8 +24,8 @@ def scene(vertices=(65, 260, 950, 3500), young=8e4, mu=0.4, damping=0.02, height
 
     return Scene(
         bodies=(
-            falling("gear", meshes.gear(0.2, 20, 0.08), -0.44, height + 0.2, 4.0),
-            falling("seahorse", meshes.seahorse(0.75), 0.36, height - 0.1, -20.0),
+            falling("gear", recipes.gear(0.2, 20, 0.08), -0.44, height + 0.2, 4.0),
+            falling("seahorse", recipes.seahorse(0.75), 0.36, height - 0.1, -20.0),
         ),
         obstacles=(
             Plane((0.0, 0.0), (0.0, 1.0), name="ground"),

@@ -9,6 +9,7 @@ laws, and a ball of soft and firm panels.
 import numpy as np
 
 import pdvol
+import recipes
 from pdvol import (
     Barrier,
     Body,
@@ -23,7 +24,6 @@ from pdvol import (
     Solver,
     StVenantKirchhoff,
     Support,
-    meshes,
 )
 
 WIDTH, BED, LEG = 2.8, 0.7, 0.12  # m: the trampoline, the height of its bed, and its legs
@@ -35,7 +35,7 @@ def scene(vertices=(40, 100, 250, 600), drop=0.4, bounce=1e7, spin=0.0, mu=0.2, 
     `vertices` is the number for each body; the bed has twice as many. A spinning body as stiff as the propeller takes
     15 Newton iterations a step.
     """
-    A, B, C = (meshes.letter(name, 0.5) for name in "ABC")
+    A, B, C = (recipes.letter(name, 0.5) for name in "ABC")
     low, high = BED + 0.25 + drop, BED + 0.95 + drop
 
     def thrown(name, shape, material, x, y, angle=0.0, **more):
@@ -45,7 +45,7 @@ def scene(vertices=(40, 100, 250, 600), drop=0.4, bounce=1e7, spin=0.0, mu=0.2, 
     return Scene(
         bodies=(
             Body(
-                meshes.trampoline(WIDTH, BED, bed=0.05, leg=LEG),
+                recipes.trampoline(WIDTH, BED, bed=0.05, leg=LEG),
                 NeoHookean(bounce, 0.4, 500.0),
                 tuple(2 * v for v in vertices),
                 name="trampoline",
@@ -54,9 +54,9 @@ def scene(vertices=(40, 100, 250, 600), drop=0.4, bounce=1e7, spin=0.0, mu=0.2, 
             thrown("A", A, NeoHookean(4e4, 0.4, 400.0), -0.72, low, 6.0),
             thrown("B", B, StVenantKirchhoff(5e5, 0.4, 400.0), 0.0, low, -8.0),
             thrown("C", C, FixedCorotational(6e6, 0.4, 400.0), 0.70, low, 5.0),
-            thrown("worm", meshes.worm(), NeoHookean(2e4, 0.4, 400.0), -0.45, high, 8.0),
-            thrown("propeller", meshes.propeller(), NeoHookean(2e10, 0.3, 400.0), 0.55, high, spin=spin),
-            thrown("ball", meshes.beach_ball(0.2), NeoHookean(4e4, 0.4, 200.0), 0.05, high + 0.55, regions=panels),
+            thrown("worm", recipes.worm(), NeoHookean(2e4, 0.4, 400.0), -0.45, high, 8.0),
+            thrown("propeller", recipes.propeller(), NeoHookean(2e10, 0.3, 400.0), 0.55, high, spin=spin),
+            thrown("ball", recipes.beach_ball(0.2), NeoHookean(4e4, 0.4, 200.0), 0.05, high + 0.55, regions=panels),
         ),
         supports=(Support(lambda X: np.abs(X[:, 0]) > WIDTH / 2 - LEG, body="trampoline"),),
         obstacles=(Plane((0.0, 0.0), (0.0, 1.0), name="ground"),),

@@ -7,7 +7,8 @@ Level 0 answers in minutes; is the night's run of level 2 the same story?
 import numpy as np
 
 import pdvol
-from pdvol import Barrier, Body, Flow, Friction, Gravity, NeoHookean, Placement, Plane, Rigid, Scene, Support, meshes
+import recipes
+from pdvol import Barrier, Body, Flow, Friction, Gravity, NeoHookean, Placement, Plane, Rigid, Scene, Support
 from pdvol.runs.run_metrics import motion_from_level_0
 from pdvol.studio.wedge.scored_body import at_level
 from pdvol.studio.wedge.scores import quiet, upright
@@ -51,7 +52,7 @@ def scene(
         bodies=(
             *(
                 Body(
-                    meshes.leaf_sheep(LENGTH, 24000),
+                    recipes.leaf_sheep(LENGTH, 24000),
                     flesh,
                     tuple(sheep),
                     name=f"sheep {k + 1}",
@@ -60,7 +61,7 @@ def scene(
                 for k, ((x, y, z), turn) in enumerate(zip(CAPS, turns, strict=True))
             ),
             Body(
-                meshes.sea_mushroom(HEIGHT, 6000),
+                recipes.sea_mushroom(HEIGHT, 6000),
                 NeoHookean(stalk * young, 0.4, 1000.0, damping=damping),
                 tuple(plant),
                 name="plant",
@@ -69,7 +70,7 @@ def scene(
         ),
         obstacles=(
             Plane((0.0, 0.0, 0.0), (0.0, 1.0, 0.0), name="sea floor"),
-            Rigid(meshes.stone(0.34, 1200), name="stone", placement=Placement((0.0, 0.001, stone))),
+            Rigid(recipes.stone(0.34, 1200), name="stone", placement=Placement((0.0, 0.001, stone))),
         ),
         supports=(Support(lambda X: X[:, 1] < 0.02, body="plant"),),
         loads=(Gravity((0.0, -WEIGHT, 0.0)), Flow(flow, 1000.0, 0.25)),

@@ -1,13 +1,19 @@
 """A shot that follows from a number: shape, stiffness, throw, spin, friction and ground are drawn at random."""
 
+import sys
+from pathlib import Path
+
 import numpy as np
 
 import pdvol
 from pdvol import Barrier, Body, Friction, Gravity, NeoHookean, Placement, Plane, Rigid, Scene, meshes
 
+sys.path.append(str(Path(__file__).resolve().parents[2] / "demos"))
+import recipes
+
 SHAPES = {
     "disc": (2, lambda r: meshes.disc(r)),
-    "worm": (2, lambda r: meshes.worm(3.0 * r, 0.6 * r)),
+    "worm": (2, lambda r: recipes.worm(3.0 * r, 0.6 * r)),
     "comb": (2, lambda r: meshes.comb(4, 2.0 * r, 0.25 * r, 0.2 * r, 0.4 * r)),
     "ball": (3, lambda r: meshes.solids.ball(r)),
     "torus": (3, lambda r: meshes.torus(r, 0.35 * r)),

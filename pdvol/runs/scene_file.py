@@ -4,6 +4,7 @@ import ast
 import importlib.util
 import inspect
 import re
+import sys
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -168,13 +169,19 @@ def _names(make: Callable[..., Scene]) -> tuple[list[str], set[str], bool]:
 
 
 def load_module(file: Path) -> ModuleType:
-    """A scene file, or another Python file of the user's, as a module; InputError where it cannot be read."""
+    """A scene file, or another Python file of the user's, as a module; InputError where it cannot be read.
+
+    It may import modules that lie beside it: its folder becomes the last one that Python searches.
+    """
     if not file.is_file():
         raise InputError(f"there is no scene file {file}")
     spec = importlib.util.spec_from_file_location(f"pdvol_scene_{file.stem}", file)
     if spec is None or spec.loader is None:
         raise InputError(f"{file} is not a Python file; a scene file defines scene(**parameters)")
     module = importlib.util.module_from_spec(spec)
+    folder = str(file.resolve().parent)
+    if folder not in sys.path:
+        sys.path.append(folder)
     try:
         spec.loader.exec_module(module)
     except PdvolError:

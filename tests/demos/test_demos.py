@@ -2,7 +2,6 @@
 interpenetrating.
 """
 
-import importlib.util
 from pathlib import Path
 
 import numpy as np
@@ -20,16 +19,9 @@ RUN_HERE = {"phong", "slit_array", "tracks"}
 """Those without a page in the gallery."""
 
 
-def load(path):
-    spec = importlib.util.spec_from_file_location(f"demo_{path.stem}", path)
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
 @pytest.mark.parametrize("demo", DEMOS, ids=lambda path: path.stem)
 def test_builds_its_scene(demo):
-    module = load(demo)
+    module = load_module(demo)
     scene = module.scene()
     assert isinstance(scene, Scene)
     assert scene.levels >= 2 and scene.steps > 0
@@ -64,7 +56,7 @@ def test_drop(tmp_path):
 
 
 def test_slit_array(tmp_path):
-    scene = load(ROOT / "demos" / "slit_array.py").scene()
+    scene = load_module(ROOT / "demos" / "slit_array.py").scene()
     assert (scene.levels, scene.dt, scene.steps) == (8, 0.04, 150)
     stored = simulated("slit_array", tmp_path / "run", 6, height=0.05, consistency=0.025)
     assert max(record["energy"]["consistency"] for record in stored.levels[1].log) > 0.0
@@ -120,7 +112,7 @@ def test_heterogeneous(tmp_path):
     # The letters are 0.05 m above the bed here: met at step 5 at a fiftieth of a second each.
     steps = 12
     stored = simulated("heterogeneous", tmp_path / "run", steps, vertices=(25, 50), drop=0.1, dt=0.02)
-    moduli = {body.name: body.material.young for body in load(ROOT / "demos" / "heterogeneous.py").scene().bodies}
+    moduli = {body.name: body.material.young for body in load_module(ROOT / "demos" / "heterogeneous.py").scene().bodies}
     assert [moduli[name] for name in ("worm", "propeller", "A", "B", "C")] == [2e4, 2e10, 4e4, 5e5, 6e6]
     # The propeller keeps its shape to a ten-thousandth, on every level: a body of 2e10 Pa is rigid.
     for level in stored.levels:
@@ -163,7 +155,7 @@ def centre(level, step):
 @pytest.mark.slow
 def test_gripper(tmp_path):
     # Gripped at 0.4 s, lifted from 0.5 to 1.1 s by 0.4 m, and held; without friction it stays below.
-    steps, module, found = 70, load(ROOT / "demos" / "gripper.py"), {}
+    steps, module, found = 70, load_module(ROOT / "demos" / "gripper.py"), {}
     for mu, levels in ((0.7, 2), (0.0, 1)):
         settings = {"vertices": (60, 150), "mu": mu, "dt": 0.02}
         stored = simulated("gripper", tmp_path / f"run {mu}", steps, levels=levels, **settings)

@@ -3,8 +3,8 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .geometry import Surface
-from .implicit import capsule, contoured, ellipsoid, join
+from pdvol.meshes import Surface
+from pdvol.meshes.implicit import capsule, contoured, ellipsoid, join
 
 
 def ape(height: float = 1.0, vertices: int = 5000) -> Surface:

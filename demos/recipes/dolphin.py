@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from .geometry import Surface
-from .implicit import capsule, contoured, ellipsoid, join
+from pdvol.meshes import Surface
+from pdvol.meshes.implicit import capsule, contoured, ellipsoid, join
 
 
 def dolphin(length: float = 1.0, vertices: int = 4000) -> Surface:

@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from .geometry import Outline
-from .implicit import capsule, ellipsoid, join
-from .outlines import polygon
+from pdvol.meshes import Outline
+from pdvol.meshes.implicit import capsule, ellipsoid, join
+from pdvol.meshes.outlines import polygon
 
 
 def gear(radius: float = 0.3, teeth: int = 24, tooth: float = 0.12, share: float = 0.35) -> Outline:

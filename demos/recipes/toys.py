@@ -5,8 +5,8 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .geometry import Outline, Solid
-from .outlines import disc, polygon, triangles_of
+from pdvol.meshes import Outline, Solid
+from pdvol.meshes.outlines import disc, polygon, triangles_of
 
 
 def letter(name: str, height: float = 0.5) -> Outline | Solid:

@@ -4,10 +4,11 @@ from functools import lru_cache
 
 import numpy as np
 
+from pdvol.meshes import Outline, Surface
+from pdvol.meshes.implicit import capsule, ellipsoid, join
+from pdvol.meshes.outlines import extrude, polygon
+
 from .contours import evenly
-from .geometry import Outline, Surface
-from .implicit import capsule, ellipsoid, join
-from .outlines import extrude, polygon
 
 
 def bunny_outline(height: float = 0.3, points: int = 120) -> Outline:

@@ -7,8 +7,8 @@ from functools import lru_cache, partial
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .geometry import Surface
-from .implicit import capsule, cone, contoured, ellipsoid, join
+from pdvol.meshes import Surface
+from pdvol.meshes.implicit import capsule, cone, contoured, ellipsoid, join
 
 ROWS = ((12.0, 5), (44.0, 5), (74.0, 4))  # degrees from upright, leaves: rows of leaves on each side of the back
 SPINE = np.array([[0.0, 0.03, -0.58], [0.0, 0.06, -0.40], [0.0, 0.085, -0.18], [0.0, 0.095, 0.05], [0.0, 0.09, 0.28]])

@@ -4,8 +4,8 @@ from functools import lru_cache
 
 import numpy as np
 
-from .geometry import Surface
-from .implicit import capsule, cone, contoured, ellipsoid, join
+from pdvol.meshes import Surface
+from pdvol.meshes.implicit import capsule, cone, contoured, ellipsoid, join
 
 
 @lru_cache(maxsize=4)  # seconds to make
