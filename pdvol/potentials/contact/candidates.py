@@ -83,7 +83,7 @@ class PairList:
         self._reference: tuple[np.ndarray, np.ndarray | None] | None = None  # start, and what it moves by
         self._known: list[tuple] = []  # of `_shapes_at`: the two places asked about last, and the shapes there
         self._covered: np.ndarray | None = None  # one array that the list is known to be complete at
-        self._room: np.ndarray = np.zeros((len(numbers), len(numbers)))
+        self._buffers: np.ndarray = np.zeros((len(numbers), len(numbers)))
         self._way: tuple[np.ndarray, np.ndarray]  # of the bounds, from and to
         self.c = ffi.new("pairs_t *")
         self._make_room(1024, 1024)
@@ -197,7 +197,7 @@ class PairList:
             pointer(sizes),
         )
         between = np.linalg.norm(drift[:, None] - drift, axis=2) + sizes[:, None] + sizes
-        return bool(np.all((between <= self._room) | ~self._allowed))
+        return bool(np.all((between <= self._buffers) | ~self._allowed))
 
     @property
     def _distance(self) -> float:
@@ -228,7 +228,7 @@ class PairList:
         self._fit(start, end)
         apart = self._apart()
         near = apart <= self._distance
-        self._room = np.where(near, 2.0 * self._slack, apart - self.reach)
+        self._buffers = np.where(near, 2.0 * self._slack, apart - self.reach)
         meets = self._allowed & near
         self.searches += 1
         fits = False
@@ -379,7 +379,7 @@ class Candidates:
         self.surface, self.primitives, self.dhat, self.ccd = surface, surface.primitives, dhat, ccd
         self.lists = tuple(PairList(self.primitives, dhat, within) for within in (True, False))
         self._c_lists = ffi.new("pairs_t *[]", [pairs.c for pairs in self.lists])
-        self._room = Contacts(np.empty(1024, CONTACT), np.empty(256, FADE), surface.space.dim)
+        self._buffers = Contacts(np.empty(1024, CONTACT), np.empty(256, FADE), surface.space.dim)
 
     def contacts(self, vertices: np.ndarray, kappa: float) -> Contacts:
         """The contacts nearer than dhat at positions (n, d) that touch this rank's vertices, and some of others that do
@@ -397,17 +397,17 @@ class Candidates:
                 kappa,
                 len(self.lists),
                 self._c_lists,
-                self._room.c,
+                self._buffers.c,
                 pointer(counts, "int64_t"),
                 energy,
                 pointer(gradient),
             ):
                 raise MemoryError("no memory left for contacts")
             count, faded, half_spaces = counts.tolist()
-            if count <= self._room.c.count and faded <= self._room.c.faded:
-                found = self._room.contacts[:count].copy(), self._room.fades[:faded].copy()
+            if count <= self._buffers.c.count and faded <= self._buffers.c.faded:
+                found = self._buffers.contacts[:count].copy(), self._buffers.fades[:faded].copy()
                 return Contacts(*found, vertices.shape[1], half_spaces, energy[0], gradient)
-            self._room = Contacts(np.empty(2 * count, CONTACT), np.empty(2 * faded + 256, FADE), vertices.shape[1])
+            self._buffers = Contacts(np.empty(2 * count, CONTACT), np.empty(2 * faded + 256, FADE), vertices.shape[1])
 
     def max_step(self, start: np.ndarray, end: np.ndarray, gap_share: float = MIN_GAP_SHARE) -> float:
         """Largest step in [0, 1] along straight paths from start to end (n, d) at which this rank's vertices stay in

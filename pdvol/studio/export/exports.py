@@ -11,7 +11,7 @@ from pdvol.registry import FORMATS
 from pdvol.stages import say, stage
 from pdvol.store.reader import Run, open_run
 from pdvol.store.series import Fields, Series, nothing_more
-from pdvol.studio.export.parts import CONTACT, RENDER
+from pdvol.studio.export.parts import CONTACT_SURFACE, RENDER
 from pdvol.studio.export.render_crossings import deepest_crossing, rest_gaps
 
 
@@ -63,7 +63,7 @@ def export_run(
     _check_choices(format_name, writer, chosen)
     with stage(f"exporting {format_name}"):
         written = writer(run, levels, Path(out), fields, **chosen)
-    drawn = "surface" in signature(writer).parameters and surface != CONTACT
+    drawn = "surface" in signature(writer).parameters and surface != CONTACT_SURFACE
     crossed = []
     if drawn and run.render_meshes:
         with stage("measuring how render meshes cross"):

@@ -20,7 +20,7 @@ from pdvol.studio.polylines import closed_loops
 
 PLANE_REACH = 1.5  # half the side of a plane's quad, as a multiple of the diagonal of the box that the bodies pass
 OUTLINE_WIDTH = 0.005  # width of an open polyline, as a multiple of the same diagonal
-RENDER, CONTACT, BOTH = SHOWN_SURFACES
+RENDER, CONTACT_SURFACE, BOTH = SHOWN_SURFACES
 BOX_STATES = 30  # states of a level that the box of its motion is taken from
 
 
@@ -83,7 +83,7 @@ def body_parts(run: Run, level: RunLevel, surface: str = RENDER) -> list[Part]:
     render meshes, and "both" has all.
     """
     labels = [str(name) for name in run.info.get("bodies", [])]
-    carried = run.render_meshes if surface != CONTACT else ()
+    carried = run.render_meshes if surface != CONTACT_SURFACE else ()
     covered = {mesh.body for mesh in carried} if surface == RENDER else set()
     bodies = [
         _body(level, i, name, labels[i], own)
