@@ -3,7 +3,7 @@ from . import meshes as meshes
 from .cli import (
     main as main,
 )
-from .studio.draw.image import (
+from .studio.draw.picture import (
     picture as picture,
 )
 from .errors import (
@@ -33,43 +33,75 @@ from .runs.api import (
 from .runs.own_energy import (
     Contact as Contact,
 )
-from .scene import (
+from .scene.attachments import (
     Attachment as Attachment,
-    Barrier as Barrier,
+)
+from .scene.bodies import (
     Body as Body,
-    Deforming as Deforming,
-    FixedCorotational as FixedCorotational,
+    Separate as Separate,
+)
+from .scene.contact import (
+    Barrier as Barrier,
+    Friction as Friction,
+)
+from .scene.keyed import (
+    Keyed as Keyed,
+)
+from .scene.lengths import (
+    Relative as Relative,
+)
+from .scene.loads import (
     Flow as Flow,
     Force as Force,
-    Friction as Friction,
     Gravity as Gravity,
     Impulse as Impulse,
-    Keyed as Keyed,
-    Material as Material,
-    Muscle as Muscle,
-    NeoHookean as NeoHookean,
-    Path as Path,
-    Penalty as Penalty,
-    Placement as Placement,
-    Plane as Plane,
-    PointCache as PointCache,
     PointForce as PointForce,
-    Posed as Posed,
     Pressure as Pressure,
+)
+from .scene.materials import (
+    FixedCorotational as FixedCorotational,
+    Material as Material,
+    NeoHookean as NeoHookean,
     Region as Region,
-    Relative as Relative,
-    RenderMesh as RenderMesh,
-    Rigid as Rigid,
-    Rotation as Rotation,
-    Scene as Scene,
-    Separate as Separate,
-    Sequential as Sequential,
-    Solver as Solver,
     StVenantKirchhoff as StVenantKirchhoff,
+)
+from .scene.motions import (
+    Path as Path,
+    Rotation as Rotation,
+    Sequential as Sequential,
     Still as Still,
-    Support as Support,
-    TakeOver as TakeOver,
     Translation as Translation,
+)
+from .scene.muscles import (
+    Muscle as Muscle,
+)
+from .scene.penalty import (
+    Penalty as Penalty,
+)
+from .scene.placement import (
+    Placement as Placement,
+)
+from .scene.point_caches import (
+    PointCache as PointCache,
+    TakeOver as TakeOver,
+)
+from .scene.poses import (
+    Posed as Posed,
+)
+from .scene.render_mesh import (
+    RenderMesh as RenderMesh,
+)
+from .scene.scene import (
+    Scene as Scene,
+)
+from .scene.solver import (
+    Solver as Solver,
+)
+from .scene.surroundings import (
+    Deforming as Deforming,
+    Plane as Plane,
+    Rigid as Rigid,
+    Support as Support,
 )
 from .store.reader import (
     open_run as open_run,

@@ -21,8 +21,8 @@ from pdvol.geometry.level_mesh import lumped_masses
 from pdvol.levels.hierarchy import Hierarchy
 from pdvol.measure.metrics import distance
 from pdvol.store.reader import Run, open_run
-from pdvol.studio.colours import PALETTE
 from pdvol.studio.draw.layout import BACKGROUND
+from pdvol.studio.shown import PALETTE
 
 
 def distances(run: Run) -> dict[tuple[int, int], np.ndarray]:

@@ -30,8 +30,8 @@ from pdvol.levels.space import LevelSpace
 from pdvol.meshes import brick
 from pdvol.potentials.potential import Positions
 from pdvol.scene import Barrier, Body, NeoHookean, Plane, Scene, Solver, Support, Translation
-from pdvol.studio.colours import PALETTE
 from pdvol.studio.draw.layout import BACKGROUND
+from pdvol.studio.shown import PALETTE
 
 RADIUS, YOUNG, POISSON = 1.0, 1e6, 0.3
 SECONDS, STEPS = 1e3, 4

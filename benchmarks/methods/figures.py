@@ -9,10 +9,10 @@ from matplotlib.figure import Figure
 
 from benchmarks.methods.studies import Study
 from pdvol import open_run
-from pdvol.studio.colours import PALETTE
 from pdvol.studio.draw.camera import camera_of_run
 from pdvol.studio.draw.layout import BACKGROUND
 from pdvol.studio.draw.renderer import Renderer
+from pdvol.studio.shown import PALETTE
 
 WIDTH = 420  # pixels of one picture
 FLOOR = 1e-7  # of the largest value: what is drawn of consistency

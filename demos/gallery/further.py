@@ -14,7 +14,6 @@ from PIL import Image, ImageDraw
 from demos.gallery.entries import Entry, Further
 from demos.gallery.film import FRAMES_PER_SECOND, film_frames
 from pdvol.store.reader import Run, RunLevel
-from pdvol.studio.colours import PALETTE
 from pdvol.studio.draw.bindings import cell_colours
 from pdvol.studio.draw.camera import Camera
 from pdvol.studio.draw.camera_path import cameras_of_run
@@ -23,6 +22,7 @@ from pdvol.studio.draw.film import FilmFile
 from pdvol.studio.draw.layout import BACKGROUND, CELL_GAP, FAINT_INK, INK, font, grid
 from pdvol.studio.draw.renderer import Renderer
 from pdvol.studio.draw.views import read_view
+from pdvol.studio.shown import PALETTE
 
 HEADER = 64  # pixels above each picture, for captions
 MATERIAL = {"ambient": 0.62, "diffuse": 0.58, "specular": 0.06}  # of painted bodies: light that spares their colours

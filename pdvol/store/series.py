@@ -91,20 +91,20 @@ class Series:
 
     def displacement(self, step: int) -> np.ndarray:
         """(n, 3) [m]."""
-        return padded(self.level.positions(step) - self.level.rest)
+        return in_3d(self.level.positions(step) - self.level.rest)
 
     def fields(self, step: int) -> StepFields:
         """All that changes from step to step."""
         self.say(step)
         more = self._more(step)
-        points = {"displacement": self.displacement(step), "velocity": padded(self.level.velocities(step))}
-        return StepFields({**points, **{name: padded(values) for name, values in more.points.items()}}, more.cells)
+        points = {"displacement": self.displacement(step), "velocity": in_3d(self.level.velocities(step))}
+        return StepFields({**points, **{name: in_3d(values) for name, values in more.points.items()}}, more.cells)
 
     def __iter__(self) -> Iterator[tuple[int, float, StepFields]]:
         for step in range(self.steps):
             yield step, step * self.dt, self.fields(step)
 
 
-def padded(vectors: np.ndarray) -> np.ndarray:
+def in_3d(vectors: np.ndarray) -> np.ndarray:
     """Vectors (n, d) with a zero third component in 2D, shape (n, 3)."""
-    return np.pad(vectors, ((0, 0), (0, 3 - vectors.shape[1])))
+    return np.pad(np.asarray(vectors), ((0, 0), (0, 3 - np.shape(vectors)[1])))

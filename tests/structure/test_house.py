@@ -31,7 +31,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     "store": {"geometry", "levels"},
     "measure": STORED,
     "runs": {"forms", "meshes", *STAGES[:-1]},
-    "studio": set(),
+    "studio": STORED,
     "studio.imports": {"meshes", "geometry", "meshing"},
     "studio.draw": STORED | {"levels", "studio"},
     "studio.export": STORED | {"runs", "studio"},

@@ -3,7 +3,6 @@ vertex (paper, figure 3 and 3.4.1).
 """
 
 import colorsys
-import io
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -15,10 +14,10 @@ from PIL import Image, ImageDraw
 
 from pdvol.errors import InputError
 from pdvol.geometry.level_mesh import LevelMesh
-from pdvol.store.files import write_bytes
-from pdvol.studio.colours import PALETTE
-from pdvol.studio.draw.camera import Camera, fitted_camera, in_3d
-from pdvol.studio.draw.layout import BACKGROUND, CELL_GAP, FAINT_INK, INK, font
+from pdvol.store.series import in_3d
+from pdvol.studio.draw.camera import Camera, fitted_camera
+from pdvol.studio.draw.layout import BACKGROUND, CELL_GAP, FAINT_INK, INK, font, write_png
+from pdvol.studio.shown import PALETTE
 
 if TYPE_CHECKING:
     from pdvol.levels.hierarchy import Hierarchy  # of finite elements, which drawing does not load
@@ -93,10 +92,7 @@ def draw_binding(
         sheet.paste(picture, (x, CAPTION_HEIGHT))
         pen.text((x + width / 2, 0.36 * CAPTION_HEIGHT), large, INK, font(19), anchor="mm")
         pen.text((x + width / 2, 0.74 * CAPTION_HEIGHT), small, FAINT_INK, font(14), anchor="mm")
-    buffer = io.BytesIO()
-    sheet.save(buffer, "PNG", optimize=True)
-    write_bytes(path, buffer.getvalue())
-    return path
+    return write_png(path, sheet)
 
 
 def nearest_vertex(mesh: LevelMesh, camera: Camera) -> int:

@@ -9,8 +9,10 @@ import numpy as np
 from pdvol.errors import InputError
 from pdvol.store.obstacles import DrawnObstacle
 from pdvol.store.reader import Run, RunLevel
+from pdvol.store.series import in_3d
 from pdvol.studio.draw.framing import Sample, framed_points, outermost
 from pdvol.studio.draw.views import STANDARD_VIEW, View
+from pdvol.studio.shown import upward
 
 VIEW_ANGLE = 24.0  # degrees from the picture's lower to its upper edge: small, so that shapes are hardly distorted
 MARGIN = 1.08  # the picture's half height over that of its content
@@ -64,11 +66,6 @@ class Camera:
         camera.clipping_range = (0.05 * self.distance, self.distance + 20 * self.size)
 
 
-def in_3d(points: np.ndarray) -> np.ndarray:
-    """Points with a zero third coordinate in 2D, shape (n, 3)."""
-    return np.pad(np.asarray(points, dtype=float), ((0, 0), (0, 3 - np.shape(points)[1])))
-
-
 def camera_of_run(
     run: Run,
     levels: Sequence[RunLevel],
@@ -87,16 +84,10 @@ def camera_of_run(
     aspect : width over height; chosen from the content when None
     """
     points, dim = content_of_run(levels, steps, obstacles), levels[0].rest.shape[1]
-    upward = upward_of_run(run, obstacles)
+    up = upward(run, obstacles)
     if view.position is not None and view.target is not None:
-        return placed_camera(points, dim, upward, view, aspect)
-    return fitted_camera(points, dim, upward, turn + view.turn - STANDARD_VIEW.turn, view.rise, aspect)
-
-
-def upward_of_run(run: Run, obstacles: Sequence[DrawnObstacle]) -> np.ndarray:
-    """The way up (d,): `run.info["up"]` where the run has it, else the first plane's normal, else z."""
-    upward = run.info.get("up") or next((o.plane(0)[1] for o in obstacles if o.kind == "plane"), (0.0, 0.0, 1.0))
-    return np.asarray(upward, dtype=float)
+        return placed_camera(points, dim, up, view, aspect)
+    return fitted_camera(points, dim, up, turn + view.turn - STANDARD_VIEW.turn, view.rise, aspect)
 
 
 def content_of_run(levels: Sequence[RunLevel], steps: Sequence[int], obstacles: Sequence[DrawnObstacle]) -> np.ndarray:

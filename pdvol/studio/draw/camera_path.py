@@ -8,6 +8,7 @@ import numpy as np
 from pdvol.errors import InputError
 from pdvol.store.obstacles import DrawnObstacle
 from pdvol.store.reader import Run, RunLevel
+from pdvol.store.series import in_3d
 from pdvol.studio.draw.camera import (
     MARGIN,
     NARROWEST,
@@ -17,10 +18,9 @@ from pdvol.studio.draw.camera import (
     camera_of_run,
     content_of_run,
     fitting_distance,
-    in_3d,
-    upward_of_run,
 )
 from pdvol.studio.draw.views import STANDARD_VIEW, View
+from pdvol.studio.shown import upward
 
 FOLLOW_SECONDS = 0.15  # width of the bell curve that smooths a followed body's path: impacts do not jerk the camera
 FOLLOW_SIZE = 2.5  # a followed body's sizes that a picture is high: its surroundings show how it moves
@@ -135,11 +135,11 @@ def _turning(
 ) -> list[Camera]:
     """Round the vertical through the content's middle, from a distance at which it fits from all sides."""
     points = content_of_run(levels, steps, obstacles)
-    upward, begin = upward_of_run(run, obstacles), turn + view.turn
-    upright, rise = np.column_stack(axes(upward, 0.0, 0.0)), view.rise
+    up, begin = upward(run, obstacles), turn + view.turn
+    upright, rise = np.column_stack(axes(up, 0.0, 0.0)), view.rise
     along = points @ upright
     focus = upright @ ((along.min(axis=0) + along.max(axis=0)) / 2)
-    frames = [np.column_stack(axes(upward, angle, rise)) for angle in _angles(_ROUND, begin)]
+    frames = [np.column_stack(axes(up, angle, rise)) for angle in _angles(_ROUND, begin)]
     heights = np.concatenate([(points - focus) @ frame[:, 1] for frame in frames])
     if rise < _STEEP:  # the focus moves along the vertical to where the content is in the picture's middle
         focus += (heights.min() + heights.max()) / 2 / np.cos(np.radians(rise)) * upright[:, 1]
@@ -151,7 +151,7 @@ def _turning(
     half_height = float(MARGIN * max(half[1], half[0] / aspect))
     size = float(np.linalg.norm(np.ptp(points, axis=0)))
     return [
-        Camera(*axes(upward, angle, rise), focus, distance, half_height, size, aspect)
+        Camera(*axes(up, angle, rise), focus, distance, half_height, size, aspect)
         for angle in _angles(len(steps), begin)
     ]
 

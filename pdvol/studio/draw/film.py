@@ -4,7 +4,7 @@
 
 import importlib.util
 import os
-from collections.abc import Sequence
+from collections.abc import Generator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -21,12 +21,12 @@ from pdvol.studio.draw.camera_path import cameras_of_run
 from pdvol.studio.draw.layout import BACKGROUND, CELL_GAP, FAINT_INK, INK, font, grid
 from pdvol.studio.draw.renderer import Renderer
 from pdvol.studio.draw.views import STANDARD_VIEW, View
-from pdvol.studio.draw.webp import WebpWriter
 
 FILM_ENDINGS = (".gif", ".mp4", ".webp")  # of the files of films; all but GIF are written by ffmpeg
 MOST_FRAMES_PER_SECOND = 30.0  # where time steps are shorter and no rate is given, some are left out
 LANDSCAPE = (960, 540)  # pixels: size of a film of a single level
 STANDING_SECONDS = 6.0  # length of a film in which the camera goes round a standing moment
+QUALITY = 88  # of 100, of WebP: at 75, faint edges of earlier frames remain beside what moves
 _HEADER = 64  # pixels above the pictures, for captions
 _SHARPEST = 4096  # pixels, a side of a film: up to it four pixels are rendered for each one
 
@@ -126,7 +126,7 @@ class FilmFile:
         try:
             is_webp = self._ending == ".webp"  # which imageio writes at once only, from all frames
             self._film: Any = (
-                WebpWriter(self._aside, self._rate) if is_webp else imageio.get_writer(self._aside, **self._options)
+                _WebpWriter(self._aside, self._rate) if is_webp else imageio.get_writer(self._aside, **self._options)
             )
         except OSError as error:
             raise self._unwritable(error) from error
@@ -146,6 +146,48 @@ class FilmFile:
 
     def _unwritable(self, error: OSError) -> SimulationError:
         return SimulationError(f"cannot write {self._path}: {error.strerror or error}")
+
+
+class _WebpWriter:
+    """An animated WebP, written a frame at a time by imageio's ffmpeg, with the two methods of imageio's writers that
+    films use. Pages show it like a picture; a GIF is far larger.
+
+    Parameters
+    ----------
+    path : the file
+    rate : frames per second
+    """
+
+    def __init__(self, path: Path, rate: float):
+        self._path, self._rate = path, rate
+        self._pipe: Generator[None, Any, None] | None = None
+
+    def append_data(self, frame: np.ndarray) -> None:
+        """Append a picture (height, width, 3) uint8; all have the first one's size, of even sides."""
+        if self._pipe is None:
+            self._pipe = self._opened(frame.shape[1], frame.shape[0])
+        self._pipe.send(np.ascontiguousarray(frame))
+
+    def close(self) -> None:
+        """Write what is left."""
+        if self._pipe is not None:
+            self._pipe.close()
+
+    def _opened(self, width: int, height: int) -> Generator[None, Any, None]:
+        import imageio_ffmpeg
+
+        pipe = imageio_ffmpeg.write_frames(
+            str(self._path),
+            (width, height),
+            fps=self._rate,
+            codec="libwebp_anim",
+            quality=None,
+            macro_block_size=2,
+            ffmpeg_log_level="error",
+            output_params=["-quality", str(QUALITY), "-loop", "0"],
+        )
+        pipe.send(None)
+        return pipe
 
 
 def film_rate(dt: float, fps: float | None = None, gif: bool = False) -> float:

@@ -1,6 +1,11 @@
 """Background, ink, fonts and spacing that all pictures share, and how pictures of several levels share a given size."""
 
-from PIL import ImageFont
+import io
+from pathlib import Path
+
+from PIL import Image, ImageFont
+
+from pdvol.store.files import write_bytes
 
 BACKGROUND = "#f6f4f0"  # of every picture
 INK = "#3b3f46"  # text
@@ -11,6 +16,17 @@ CELL_GAP = 8  # pixels between the pictures of two moments or levels
 def font(size: float) -> ImageFont.FreeTypeFont | ImageFont.ImageFont:
     """Pillow's own typeface in a size [pixels]; every machine has it."""
     return ImageFont.load_default(size)
+
+
+def write_png(path: Path, picture: Image.Image, optimize: bool = True) -> Path:
+    """Write a picture, whole or not at all, into a folder that is made where there is none; gives its path.
+    `optimize` makes the file small, and takes longer. SimulationError: the disk cannot be written.
+    """
+    buffer = io.BytesIO()
+    picture.save(buffer, "PNG", optimize=optimize)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    write_bytes(path, buffer.getvalue())
+    return path
 
 
 def cluster_name(cluster: int) -> str:

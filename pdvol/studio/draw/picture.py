@@ -2,7 +2,7 @@
 by side.
 """
 
-import io
+import tempfile
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -12,13 +12,12 @@ from PIL import Image, ImageDraw
 
 from pdvol.errors import InputError
 from pdvol.stages import stage
-from pdvol.store.files import write_bytes
 from pdvol.store.obstacles import DrawnObstacle
 from pdvol.store.reader import Run, RunLevel
 from pdvol.studio.draw.camera_path import cameras_of_run
 from pdvol.studio.draw.cut import read_cut
 from pdvol.studio.draw.film import FILM_ENDINGS, write_film
-from pdvol.studio.draw.layout import BACKGROUND, CELL_GAP, FAINT_INK, INK, font
+from pdvol.studio.draw.layout import BACKGROUND, CELL_GAP, FAINT_INK, INK, font, write_png
 from pdvol.studio.draw.renderer import Renderer
 from pdvol.studio.draw.views import read_view
 
@@ -132,10 +131,46 @@ def render(
                 for level in shown
             ]
     sheet = _sheet(cells, [f"{step * run.dt:.3g} s" for step in moments], shown, size)
-    buffer = io.BytesIO()
-    sheet.save(buffer, "PNG", optimize=True)
-    write_bytes(path, buffer.getvalue())
-    return path
+    return write_png(path, sheet)
+
+
+def picture(
+    run: Run,
+    levels: Sequence[int] | None = None,
+    steps: Sequence[int] | None = None,
+    width: int = 420,
+    turn: float = 0.0,
+    camera: str = "",
+) -> Image.Image:
+    """Draw a run off screen, in memory: rows are levels, columns are moments. A notebook's cell that ends with it
+    shows it.
+
+    Parameters
+    ----------
+    run : Run
+    levels : rows; all levels with a stored state when None
+    steps : columns; chosen over time and motion when None
+    width : int [pixels]
+        Of one moment.
+    turn : float [degrees]
+        Angle of the camera about a 3D scene, from the front to its right.
+    camera : "front", "side", "top", "three-quarter", "follow:BODY", or position and target, "X,Y,Z:TX,TY,TZ" [m]
+
+    Returns
+    -------
+    PIL.Image.Image
+        Notebooks show it; `numpy.asarray` gives its pixels (height, width, 3) uint8, `save` writes a file.
+
+    Raises
+    ------
+    InputError
+        Nothing is stored, or a level, step, view or body does not exist.
+    """
+    with tempfile.TemporaryDirectory(prefix="pdvol_") as folder:
+        path = Path(folder) / "run.png"
+        file = render(run, path, levels=levels, steps=steps, cell_width=width, turn=turn, view=camera)
+        with Image.open(file) as drawn:
+            return drawn.convert("RGB")
 
 
 def _check_size(size: tuple[int, int] | None, is_film: bool) -> None:

@@ -11,13 +11,12 @@ from PIL import Image, ImageDraw
 from pdvol.store.obstacles import DrawnObstacle
 from pdvol.store.reader import Run, RunLevel
 from pdvol.store.render_meshes import StoredRender
-from pdvol.studio.colours import GROUND, OBSTACLE, PALETTE
-from pdvol.studio.draw.camera import Camera, in_3d
+from pdvol.store.series import in_3d
+from pdvol.studio.draw.camera import Camera
 from pdvol.studio.draw.contact_shadows import shadow_map
 from pdvol.studio.draw.cut import Cut
 from pdvol.studio.draw.layout import BACKGROUND, FAINT_INK, font
-from pdvol.studio.draw.render_mesh import drawn_mesh, texture_of
-from pdvol.studio.polylines import closed_loops
+from pdvol.studio.shown import GROUND, OBSTACLE, PALETTE, closed_loops
 
 _SMOOTH_FROM = 1500  # facets of a body: with fewer, single facets are shown, so that a coarse level looks coarse
 _MATERIAL = {"ambient": 0.42, "diffuse": 0.8, "specular": 0.14, "specular_power": 18}  # of bodies and obstacles in 3D
@@ -52,7 +51,7 @@ class Renderer:
         render_meshes: bool = False,
         cut: Cut | None = None,
     ):
-        self._carried = {mesh: texture_of(mesh) for mesh in (run.render_meshes if render_meshes else ())}
+        self._carried = {mesh: _texture_of(mesh) for mesh in (run.render_meshes if render_meshes else ())}
         self.run, self.camera, self.obstacles, self._cut = run, camera, tuple(obstacles), cut
         self.size = (width, max(2, round(width / camera.aspect)))
         self.oversampling = oversampling
@@ -181,7 +180,7 @@ class Renderer:
     def _add_render_mesh(self, mesh: StoredRender, texture: pv.Texture | None, points: np.ndarray) -> None:
         colour = None if texture else pv.Color(PALETTE[mesh.body % len(PALETTE)])
         self._plotter.add_mesh(
-            drawn_mesh(mesh, points),
+            _drawn_mesh(mesh, points),
             color=colour,
             texture=texture,
             smooth_shading=True,
@@ -268,3 +267,28 @@ def _ground(lit: np.ndarray) -> np.ndarray:
     colour = (1 - fade) * pv.Color(GROUND).float_rgb + fade * np.array(pv.Color(BACKGROUND).float_rgb)
     tint = 1 - (1 - lit[..., None]) * np.array([1.0, 0.97, 0.9])  # shadows are a little blue
     return np.round(255 * colour * tint).astype(np.uint8)
+
+
+def _drawn_mesh(mesh: StoredRender, points: np.ndarray) -> pv.PolyData:
+    """A render mesh: its triangles with vertices at `points` (n, 3) [m], each corner for itself. Normals are smooth
+    across seams, places in the texture are not.
+    """
+    smooth = pv.PolyData.from_regular_faces(points, mesh.welded)
+    smooth = smooth.compute_normals(cell_normals=False, split_vertices=False, consistent_normals=False)
+    corners = mesh.fans.ravel()
+    split = pv.PolyData.from_regular_faces(points[mesh.corners[corners]], np.arange(len(corners)).reshape(-1, 3))
+    split.point_data["Normals"] = np.asarray(smooth.point_data["Normals"])[mesh.first[mesh.corners[corners]]]
+    split.point_data.active_normals_name = "Normals"
+    if len(mesh.uvs):
+        split.active_texture_coordinates = mesh.uvs[mesh.uv_corners[corners]]
+    return split
+
+
+def _texture_of(mesh: StoredRender) -> pv.Texture | None:
+    """The picture of a render mesh; None where it has none."""
+    if mesh.texture is None:
+        return None
+    with Image.open(mesh.texture) as picture:
+        texture = pv.Texture(np.asarray(picture.convert("RGB")))
+    texture.interpolate, texture.repeat = True, True
+    return texture

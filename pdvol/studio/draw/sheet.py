@@ -1,6 +1,7 @@
-"""A contact sheet: one picture of many runs of a scene, a labelled tile each, all with one camera."""
+"""A contact sheet: one picture of many runs of a scene, a labelled tile each, all with one camera; or a film, in which
+they go at the speed of the simulated motion.
+"""
 
-import io
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,12 +10,12 @@ import numpy as np
 from PIL import Image, ImageDraw
 
 from pdvol.errors import InputError
-from pdvol.store.files import write_bytes
 from pdvol.store.reader import Run, RunLevel
-from pdvol.studio.colours import PALETTE
-from pdvol.studio.draw.camera import Camera, content_of_run, fitted_camera, upward_of_run
-from pdvol.studio.draw.layout import BACKGROUND, INK, cluster_name, font
+from pdvol.studio.draw.camera import Camera, content_of_run, fitted_camera
+from pdvol.studio.draw.film import MOST_FRAMES_PER_SECOND, FilmFile
+from pdvol.studio.draw.layout import BACKGROUND, INK, cluster_name, font, write_png
 from pdvol.studio.draw.renderer import Renderer
+from pdvol.studio.shown import PALETTE, upward
 
 WIDEST_SHEET = 4000  # pixels
 WIDEST_TILE = 560  # pixels: more shows no more of a coarse level
@@ -27,6 +28,10 @@ RULE = 6  # pixels, the height of a cluster's rule
 SEEN_STEPS = 12  # of each run, for the camera
 STRAYS = 0.1  # fraction of the runs that may leave the picture on each side
 SHAPE = 1.5  # a sheet's width over its height that is aimed at
+WIDEST_FILM = 1920  # pixels, of a film of a few tiles
+WIDEST_DENSE_FILM = 3840  # pixels, of one whose labels need more: players show 4K
+DENSE_FROM = 5  # columns of tiles from which a film needs more
+MOST_PICTURES = 2500  # tiles drawn in one film: minutes; with more tiles, fewer moments are drawn
 
 
 @dataclass(frozen=True)
@@ -82,11 +87,74 @@ def sheet_image(
         for number, tile in enumerate(tiles):
             shown = None if tile.run is None else pictures.of(number, step)
             layout.put(sheet, number, shown)
-    buffer = io.BytesIO()
-    sheet.save(buffer, "PNG")
+    return write_png(out, sheet, optimize=False)
+
+
+def sheet_film(
+    tiles: Sequence[Tile], out: str | Path, columns: int | None = None, turn: float = 0.0, speed: float = 1.0
+) -> Path:
+    """Film the tiles, in the order given, into a .gif, .mp4 or .webp. A run that ended before the others keeps its
+    last state.
+
+    Parameters
+    ----------
+    tiles : as for `sheet_image`
+    out : the file
+    columns : chosen from the number of tiles when None
+    turn : angle of the camera about a 3D scene [degrees]
+    speed : of the film, in times the simulated motion's
+
+    Returns
+    -------
+    Path
+        The file written.
+
+    Raises
+    ------
+    InputError
+        No tiles or too many, no run with a state among them, another ending, or the films' extra is not installed.
+    SimulationError
+        The disk cannot be written.
+    """
+    camera = shared_camera(tiles, turn)
+    out = Path(out)
+    narrow = SheetLayout.of(tiles, camera.aspect if camera else SHAPE, columns, WIDEST_FILM)
+    layout = (
+        narrow
+        if narrow.columns < DENSE_FROM
+        else SheetLayout.of(tiles, narrow.picture[0] / narrow.picture[1], columns, WIDEST_DENSE_FILM)
+    )
+    moments, rate = film_times(tiles, speed)
     out.parent.mkdir(parents=True, exist_ok=True)
-    write_bytes(out, buffer.getvalue())
+    sheet = layout.empty()
+    with FilmFile(out, rate) as film, TilePictures(tiles, camera, layout.picture[0], oversampling=1) as pictures:
+        for number in range(len(tiles)):
+            layout.put(sheet, number, None)
+        drawn: dict[int, int] = {}
+        for moment in moments:
+            for number, tile in enumerate(tiles):
+                level = drawn_level(tile.run)
+                if tile.run is None or level is None:
+                    continue
+                step = min(round(moment / tile.run.dt), level.steps - 1)
+                if drawn.get(number) != step:
+                    layout.show(sheet, number, pictures.of(number, step))
+                    drawn[number] = step
+            film.add(sheet)
     return out
+
+
+def film_times(tiles: Sequence[Tile], speed: float = 1.0) -> tuple[np.ndarray, float]:
+    """The moments [s] that are drawn, and frames per second: no finer than the finest time step, and fewer where there
+    are so many tiles that drawing would take longer than minutes.
+    """
+    runs = [(level, tile.run.dt) for tile in tiles if tile.run and (level := drawn_level(tile.run)) is not None]
+    if not runs:
+        return np.zeros(1), 1.0
+    length, dt = max((level.steps - 1) * dt for level, dt in runs), min(dt for _, dt in runs)
+    shortest = max(dt, speed / MOST_FRAMES_PER_SECOND, length * len(runs) / MOST_PICTURES)
+    count = max(1, round(length / shortest))
+    return np.linspace(0.0, length, count + 1), max(1.0, speed * count / length) if length > 0.0 else 1.0
 
 
 def drawn_level(run: Run | None) -> RunLevel | None:
@@ -107,7 +175,7 @@ def shared_camera(tiles: Sequence[Tile], turn: float = 0.0) -> Camera | None:
             continue
         steps = np.unique(np.linspace(0, level.steps - 1, SEEN_STEPS).round().astype(int)).tolist()
         content.append(content_of_run([level], steps, tile.run.obstacles))
-        up, dim = upward_of_run(tile.run, tile.run.obstacles), level.rest.shape[1]
+        up, dim = upward(tile.run), level.rest.shape[1]
     if not content:
         return None
     low = np.quantile([points.min(axis=0) for points in content], STRAYS, axis=0)

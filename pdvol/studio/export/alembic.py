@@ -6,20 +6,19 @@ Alembic's conventions hold: y is upward, corners go clockwise around a face as s
 Alembic has neither materials nor units; metres are written.
 """
 
-import os
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from pdvol.errors import InputError, SimulationError
-from pdvol.store.files import TEMPORARY, require_room
+from pdvol.errors import InputError
 from pdvol.store.reader import Run
-from pdvol.store.series import LevelFields, Series, padded
-from pdvol.studio.export.failures import failure_reason
+from pdvol.store.series import LevelFields, Series
+from pdvol.studio.export.files import written_aside
 from pdvol.studio.export.frames import FILM_RATE, Frame, Track, even_frames, points_and_velocities, said
-from pdvol.studio.export.parts import RENDER, Part, body_parts, obstacle_parts, upward
+from pdvol.studio.export.parts import RENDER, Part, body_parts, obstacle_parts
+from pdvol.studio.shown import upward_in_3d
 
 
 def export(
@@ -58,27 +57,19 @@ def write_alembic(run: Run, level: int, path: str | Path, fps: float | None = No
     frames = [Frame(k, k, 1.0) for k in range(series.steps)] if fps is None else even_frames(series.steps, run.dt, fps)
     rate = 1.0 / run.dt if fps is None else fps
     parts = [*body_parts(run, series.level, surface), *obstacle_parts(run, series.level)]
-    aside = path.with_name(f".{path.stem}{TEMPORARY}.abc")
     samples = sum(len(part.rest) * (len(frames) if part.moves else 1) for part in parts)
-    require_room(aside, 24 * samples + 8 * sum(len(part.corners) for part in parts))
-    try:
+    with written_aside(path, 24 * samples + 8 * sum(len(part.corners) for part in parts)) as aside:
         archive = alembic3d.Abc.CreateArchiveWithInfo(
             str(aside), float(fps or FILM_RATE), "pdvol", f"{run.path.name}, level {level}"
         )
         tracks = [points_and_velocities(frames, part.at, rate) for part in parts]
-        _write_parts(archive, parts, tracks, said(f"level {level}", frames), rate, _y_up(upward(run)))
+        _write_parts(archive, parts, tracks, said(f"level {level}", frames), rate, _y_up(upward_in_3d(run)))
         del archive  # which writes the file
-        os.replace(aside, path)
-    except (OSError, RuntimeError) as error:
-        raise SimulationError(f"cannot write {path}: {failure_reason(error)}") from error
-    finally:
-        aside.unlink(missing_ok=True)
     return path
 
 
 def _y_up(up: np.ndarray) -> np.ndarray:
     """(3, 3), orthogonal: takes the axis nearest to `up` to y."""
-    up = padded(up[None])[0]
     axis = int(np.argmax(np.abs(up)))
     y = np.sign(up[axis]) * np.eye(3)[axis]
     x = np.eye(3)[1 if axis == 0 else 0]

@@ -5,13 +5,12 @@ from pathlib import Path
 
 import numpy as np
 
-from pdvol.errors import SimulationError
 from pdvol.store.files import write_bytes
 from pdvol.store.reader import Run
 from pdvol.store.series import LevelFields, Series
-from pdvol.studio.colours import linear_colour
+from pdvol.studio.export.files import copy_texture, made_folder
 from pdvol.studio.export.parts import RENDER, Part, body_parts
-from pdvol.studio.export.textures import copy_texture
+from pdvol.studio.shown import linear_colour
 
 LIBRARY = "materials.mtl"  # name of the file that has the textures of render meshes, beside the steps
 
@@ -39,10 +38,7 @@ def write_obj(run: Run, level: int, folder: str | Path, surface: str = RENDER) -
         When the disk cannot be written.
     """
     folder, series = Path(folder), Series(run, level)
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise SimulationError(f"cannot write {folder}: {error.strerror}") from error
+    made_folder(folder)
     parts = body_parts(run, series.level, surface)
     # One numbering for all bodies, in the input's order.
     simulated = [part.vertices for part in parts if part.vertices is not None]

@@ -3,20 +3,16 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-import numpy as np
-
 from pdvol.store.reader import Run
-from pdvol.store.series import padded
-from pdvol.studio.colours import PALETTE, srgb_colour
-from pdvol.studio.export.parts import upward
-from pdvol.studio.export.scripts import write_script
+from pdvol.studio.export.files import write_script
+from pdvol.studio.shown import PALETTE, srgb_colour, upward_in_3d
 
 
 def write_paraview_script(run: Run, levels: Sequence[int], out: Path, ending: str) -> Path:
     """Write `out/open_in_paraview.py` for the files `level_<l>ENDING`; the finest level is shown, others are hidden."""
     names = [str(name) for name in run.info.get("bodies", [])]
     colours = [tuple(round(part, 4) for part in srgb_colour(PALETTE[i % len(PALETTE)])) for i in range(len(names))]
-    up = padded(upward(run)[None])[0]
+    up = upward_in_3d(run)
     return write_script(
         out,
         "open_in_paraview",
@@ -24,6 +20,6 @@ def write_paraview_script(run: Run, levels: Sequence[int], out: Path, ending: st
         LEVELS=sorted(levels),
         BODIES=names,
         COLOURS=colours,
-        UP=tuple((up / np.linalg.norm(up)).tolist()),
+        UP=tuple(up.tolist()),
         FLAT=run.levels[0].rest.shape[1] == 2,
     )

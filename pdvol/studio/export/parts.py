@@ -1,8 +1,10 @@
 """What an animation shows of a level: the surfaces of its bodies, obstacles, and planes as finite quads.
 
-Each part has one mesh, and positions at every step. Vectors have three components in 2D too, with z = 0.
+Each part has one mesh, and positions at every step. Vectors have three components in 2D too, with z = 0. Vertices of a
+body are those of its boundary (all of a 2D level), once each and in the input's order.
 """
 
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
@@ -13,15 +15,14 @@ from pdvol.registry import SHOWN_SURFACES
 from pdvol.store.obstacles import DrawnObstacle
 from pdvol.store.reader import Run, RunLevel
 from pdvol.store.render_meshes import StoredRender
-from pdvol.store.series import padded
-from pdvol.studio.colours import GROUND, OBSTACLE, PALETTE
-from pdvol.studio.export.body_surfaces import BodySurface, body_surfaces, plain_names
-from pdvol.studio.polylines import closed_loops
+from pdvol.store.series import in_3d
+from pdvol.studio.shown import GROUND, OBSTACLE, PALETTE, closed_loops
 
 PLANE_REACH = 1.5  # half the side of a plane's quad, as a multiple of the diagonal of the box that the bodies pass
 OUTLINE_WIDTH = 0.005  # width of an open polyline, as a multiple of the same diagonal
 RENDER, CONTACT_SURFACE, BOTH = SHOWN_SURFACES
 BOX_STATES = 30  # states of a level that the box of its motion is taken from
+LONGEST_NAME = 60  # characters of a body's name that are kept: file formats and their readers have limits
 
 
 Faces = Sequence[Sequence[int]] | np.ndarray
@@ -45,7 +46,7 @@ class Part:
         Without stress, of a body; at the start, of an obstacle.
     at : step -> (n, 3) [m]
     moves : whether any position changes
-    colour : sRGB, as in `pdvol.studio.colours`
+    colour : sRGB, as in `pdvol.studio.shown`
     opacity : above 0 and at most 1
     closed : whether it encloses a volume, so that its inside is never seen
     body : its number among the bodies; None of an obstacle
@@ -68,14 +69,6 @@ class Part:
     render: StoredRender | None = None
 
 
-def upward(run: Run) -> np.ndarray:
-    """Upward (d,) as in pictures: against gravity, else the first plane's normal, else z (y in 2D)."""
-    if run.levels[0].rest.shape[1] == 2:
-        return np.array([0.0, 1.0])
-    planes = (obstacle.plane(0)[1] for obstacle in run.obstacles if obstacle.kind == "plane")
-    return np.asarray(run.info.get("up") or next(planes, (0.0, 0.0, 1.0)), dtype=float)
-
-
 def body_parts(run: Run, level: RunLevel, surface: str = RENDER) -> list[Part]:
     """The bodies of a level in their order, in the colours of pictures, and behind them their render meshes.
 
@@ -85,11 +78,7 @@ def body_parts(run: Run, level: RunLevel, surface: str = RENDER) -> list[Part]:
     labels = [str(name) for name in run.info.get("bodies", [])]
     carried = run.render_meshes if surface != CONTACT_SURFACE else ()
     covered = {mesh.body for mesh in carried} if surface == RENDER else set()
-    bodies = [
-        _body(level, i, name, labels[i], own)
-        for i, (name, own) in enumerate(body_surfaces(run, level))
-        if i not in covered
-    ]
+    bodies = [_body(level, i, name, labels[i]) for i, name in enumerate(plain_names(labels)) if i not in covered]
     obstacles = [str(obstacle.name) for obstacle in run.obstacles]
     names = plain_names([*labels, *obstacles, *(f"{labels[mesh.body]}_render" for mesh in carried)])
     taken = len(labels) + len(obstacles)
@@ -113,15 +102,16 @@ def _render(level: RunLevel, name: str, mesh: StoredRender) -> Part:
     )
 
 
-def _body(level: RunLevel, i: int, name: str, label: str, surface: BodySurface) -> Part:
-    mine = surface.vertices
+def _body(level: RunLevel, i: int, name: str, label: str) -> Part:
+    facets = level.surface if level.rest.shape[1] == 3 else level.cells
+    mine, corners = np.unique(facets[level.mesh.point_bodies[facets[:, 0]] == i], return_inverse=True)
     return Part(
         name,
         label,
-        np.full(len(surface.faces), 3),
-        surface.faces.ravel(),
-        padded(level.rest[mine]),
-        lambda step: padded(level.positions(step)[mine]),
+        np.full(corners.size // 3, 3),
+        corners.ravel(),
+        in_3d(level.rest[mine]),
+        lambda step: in_3d(level.positions(step)[mine]),
         True,
         PALETTE[i % len(PALETTE)],
         closed=level.rest.shape[1] == 3,
@@ -135,7 +125,7 @@ def obstacle_parts(run: Run, level: RunLevel) -> list[Part]:
     taken = [str(name) for name in run.info.get("bodies", [])]
     names = plain_names([*taken, *(str(obstacle.name) for obstacle in run.obstacles)])[len(taken) :]
     low, high = _passed_box(level)
-    middle, size = padded((low + high)[None] / 2)[0], float(np.linalg.norm(high - low)) or 1.0
+    middle, size = in_3d((low + high)[None] / 2)[0], float(np.linalg.norm(high - low)) or 1.0
     return [_obstacle(run, level, i, name, middle, size) for i, name in enumerate(names)]
 
 
@@ -155,7 +145,7 @@ def _obstacle(run: Run, level: RunLevel, i: int, name: str, middle: np.ndarray, 
         moves = "positions" in obstacle.arrays
         shape = _mesh_faces if obstacle.kind == "mesh" else _polyline_faces
         faces, corners = shape(obstacle.arrays, OUTLINE_WIDTH * size)
-        at = lambda step: corners(padded(placed(step).vertices(step)))
+        at = lambda step: corners(in_3d(placed(step).vertices(step)))
     counts = np.array([len(face) for face in faces], dtype=np.int64)
     return Part(
         name,
@@ -204,7 +194,7 @@ def _quad(point: np.ndarray, normal: np.ndarray, middle: np.ndarray, axis: np.nd
         along = np.array([normal[1], -normal[0]])
         corners = [centre - reach * along, centre - reach * (along + normal)]
         corners += [centre + reach * (along - normal), centre + reach * along]
-        return padded(np.array(corners))
+        return in_3d(np.array(corners))
     e0 = axis - (axis @ normal) * normal
     if np.linalg.norm(e0) < 0.1:  # it has turned until the axis stands across it
         e0 = _across(normal) - (_across(normal) @ normal) * normal
@@ -220,6 +210,15 @@ def _passed_box(level: RunLevel) -> tuple[np.ndarray, np.ndarray]:
     return np.min([x.min(axis=0) for x in states], axis=0), np.max([x.max(axis=0) for x in states], axis=0)
 
 
-def parts(run: Run, level: RunLevel) -> list[Part]:
-    """Bodies, then obstacles."""
-    return [*body_parts(run, level), *obstacle_parts(run, level)]
+def plain_names(names: Sequence[str]) -> list[str]:
+    """Names of letters, digits and underscores in the same order, no two alike; they begin with no digit."""
+    result: list[str] = []
+    for name in names:
+        plain = re.sub(r"[^A-Za-z0-9_]", "_", str(name))[:LONGEST_NAME] or "body"
+        plain = plain if plain[0].isalpha() or plain[0] == "_" else f"_{plain}"
+        free, number = plain, 0
+        while free in result:
+            number += 1
+            free = f"{plain}_{number}"
+        result.append(free)
+    return result

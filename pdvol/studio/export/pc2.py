@@ -10,21 +10,18 @@ points (int32), the first frame (float32), frames from sample to sample (float32
 The samples follow, float32 x y z of each point. Coordinates are the scene's own, in metres.
 """
 
-import os
 import struct
 from collections.abc import Sequence
 from pathlib import Path
 
-from pdvol.errors import SimulationError
-from pdvol.store.files import TEMPORARY, require_room, write_bytes
+from pdvol.store.files import write_bytes
 from pdvol.store.reader import Run
-from pdvol.store.series import LevelFields, Series, padded
-from pdvol.studio.colours import linear_colour
+from pdvol.store.series import LevelFields, Series
+from pdvol.studio.export.files import copy_texture, made_folder, write_script, written_aside
 from pdvol.studio.export.frames import FILM_RATE, Frame, even_frames, said
 from pdvol.studio.export.obj import object_lines
-from pdvol.studio.export.parts import RENDER, Part, body_parts, obstacle_parts, upward
-from pdvol.studio.export.scripts import write_script
-from pdvol.studio.export.textures import copy_texture
+from pdvol.studio.export.parts import RENDER, Part, body_parts, obstacle_parts
+from pdvol.studio.shown import linear_colour, upward_in_3d
 
 PC2_START = struct.Struct("<12siiffi")  # the header of a PC2 file
 
@@ -35,7 +32,7 @@ def export(
     """Write `out/level_<l>/` for each level, and `out/open_in_blender.py`. See `pdvol.studio.export`."""
     rate = FILM_RATE if fps is None else fps
     folders = [write_pc2(run, level, out / f"level_{level}", rate, surface) for level in levels]
-    up = tuple(padded(upward(run)[None])[0].tolist())
+    up = tuple(upward_in_3d(run).tolist())
     frames = max(len(even_frames(run.levels[level].steps, run.dt, rate)) for level in levels)
     return [*folders, write_script(out, "open_in_blender", FPS=rate, FRAMES=frames, LEVEL=max(levels), UP=up)]
 
@@ -59,10 +56,7 @@ def write_pc2(run: Run, level: int, folder: str | Path, fps: float = FILM_RATE, 
     folder, series = Path(folder), Series(run, level)
     frames = even_frames(series.steps, run.dt, fps)
     parts = [*body_parts(run, series.level, surface), *obstacle_parts(run, series.level)]
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise SimulationError(f"cannot write {folder}: {error.strerror}") from error
+    made_folder(folder)
     write_bytes(folder / "materials.mtl", "".join(_material(part, folder) for part in parts).encode())
     for part in parts:
         write_bytes(folder / f"{part.name}.obj", _mesh(part).encode())
@@ -86,17 +80,7 @@ def _mesh(part: Part) -> str:
 
 def _write_cache(path: Path, part: Part, frames: Sequence[Frame]) -> None:
     """Frame by frame, aside, then renamed."""
-    aside = path.with_name(f".{path.name}{TEMPORARY}")
-    require_room(aside, PC2_START.size + 12 * len(part.rest) * len(frames))
-    try:
-        with open(aside, "wb") as file:
-            file.write(PC2_START.pack(b"POINTCACHE2\0", 1, len(part.rest), 0.0, 1.0, len(frames)))
-            for frame in said(f"{path.parent.name}/{path.name}", frames):
-                file.write(frame.sampled(part.at).astype("<f4").tobytes())
-            file.flush()
-            os.fsync(file.fileno())
-        os.replace(aside, path)
-    except OSError as error:
-        raise SimulationError(f"cannot write {path}: {error.strerror}") from error
-    finally:
-        aside.unlink(missing_ok=True)
+    with written_aside(path, PC2_START.size + 12 * len(part.rest) * len(frames)) as aside, open(aside, "wb") as file:
+        file.write(PC2_START.pack(b"POINTCACHE2\0", 1, len(part.rest), 0.0, 1.0, len(frames)))
+        for frame in said(f"{path.parent.name}/{path.name}", frames):
+            file.write(frame.sampled(part.at).astype("<f4").tobytes())

@@ -17,13 +17,13 @@ import numpy as np
 
 from pdvol.errors import InputError
 from pdvol.store.reader import Run, RunLevel
-from pdvol.store.series import LevelFields, Series, padded, with_strain
-from pdvol.studio.colours import linear_colour
+from pdvol.store.series import LevelFields, Series, with_strain
+from pdvol.studio.export.files import copy_texture
 from pdvol.studio.export.frames import FILM_RATE, Frame, even_frames, points_and_velocities, said, stored_frames
-from pdvol.studio.export.parts import BOTH, RENDER, Part, body_parts, obstacle_parts, upward
-from pdvol.studio.export.textures import copy_texture
+from pdvol.studio.export.parts import BOTH, RENDER, Part, body_parts, obstacle_parts
 from pdvol.studio.export.usd_file import UsdFile, usd_file
 from pdvol.studio.export.usd_primvars import add_primvar, add_uvs, fields_adder
+from pdvol.studio.shown import linear_colour, upward_in_3d
 
 ROUGHNESS = 0.55  # of all materials, between 0 (a mirror) and 1: the soft highlights of pdvol's pictures
 
@@ -145,7 +145,7 @@ def _set_units(stage: Any, root: Any, run: Run, rate: float, last: float) -> Non
     stage.SetFramesPerSecond(rate)
     stage.SetStartTimeCode(0)
     stage.SetEndTimeCode(last)
-    up = padded(upward(run)[None])[0]
+    up = upward_in_3d(run)
     axis = int(np.argmax(np.abs(up)))
     UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.z if axis == 2 else UsdGeom.Tokens.y)
     if axis == 0 or up[axis] < 0:  # USD knows y and z alone as directions upward

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from pdvol.store.reader import RunLevel
-from pdvol.store.series import Fields, StepFields, padded
+from pdvol.store.series import Fields, StepFields, in_3d
 from pdvol.studio.export.frames import Frame
 from pdvol.studio.export.parts import Part
 
@@ -62,7 +62,7 @@ def fields_adder(level: RunLevel, bodies: Sequence[tuple[Part, Any]], more: Fiel
             behind = cells[owners == part.body]
             for name in at(frame.step).points:
                 values = frame.sampled(lambda step: _finite(at(step).points[name])[part.vertices])  # noqa: B023
-                values, kind = (values, "FloatArray") if values.ndim == 1 else (padded(values), "Vector3fArray")
+                values, kind = (values, "FloatArray") if values.ndim == 1 else (in_3d(values), "Vector3fArray")
                 size += add_primvar(mesh, name, kind, "vertex", values, frame.code)
             for name in at(frame.step).cells:
                 values = frame.sampled(lambda step: _finite(at(step).cells[name])[behind])  # noqa: B023

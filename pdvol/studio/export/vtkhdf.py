@@ -9,18 +9,16 @@ The rest mesh is stored once. The fields of all steps are stored one behind the 
 step's begin. Move the files together.
 """
 
-import os
 from collections.abc import Sequence
 from pathlib import Path
 
 import h5py
 import numpy as np
 
-from pdvol.errors import InputError, SimulationError
-from pdvol.store.files import TEMPORARY, require_room
+from pdvol.errors import InputError
 from pdvol.store.reader import Run
-from pdvol.store.series import Fields, LevelFields, Series, nothing_more, padded
-from pdvol.studio.export.failures import failure_reason
+from pdvol.store.series import Fields, LevelFields, Series, in_3d, nothing_more
+from pdvol.studio.export.files import written_aside
 from pdvol.studio.export.paraview import write_paraview_script
 from pdvol.studio.export.vtkhdf_steps import write_steps
 
@@ -42,18 +40,8 @@ def write_vtkhdf(run: Run, level: int, path: str | Path, more: Fields = nothing_
     if path.suffix != ".vtkhdf":
         raise InputError(f"{path}: the name of a VTKHDF file ends in .vtkhdf")
     series = Series(run, level, more)
-    aside = path.with_name(f".{path.name}{TEMPORARY}")
-    require_room(aside, series.size)
-    try:
-        with h5py.File(aside, "w") as file:
-            _write_data(file.create_group("VTKHDF"), series)
-        with open(aside, "rb") as file:
-            os.fsync(file.fileno())
-        os.replace(aside, path)
-    except (OSError, RuntimeError) as error:
-        raise SimulationError(f"cannot write {path}: {failure_reason(error)}") from error
-    finally:
-        aside.unlink(missing_ok=True)
+    with written_aside(path, series.size) as aside, h5py.File(aside, "w") as file:
+        _write_data(file.create_group("VTKHDF"), series)
     return path
 
 
@@ -64,7 +52,7 @@ def _write_data(root: h5py.Group, series: Series) -> None:
     sizes = {"NumberOfPoints": len(rest), "NumberOfCells": len(cells), "NumberOfConnectivityIds": cells.size}
     for name, size in sizes.items():
         root[name] = np.array([size])
-    root["Points"] = padded(rest)
+    root["Points"] = in_3d(rest)
     root["Connectivity"] = cells.ravel()
     root["Offsets"] = np.arange(len(cells) + 1) * cells.shape[1]
     root["Types"] = np.full(len(cells), _CELL_TYPES[rest.shape[1]], dtype=np.uint8)

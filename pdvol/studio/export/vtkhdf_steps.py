@@ -14,7 +14,7 @@ import numpy as np
 
 from pdvol.errors import SimulationError
 from pdvol.store.files import TEMPORARY, write_bytes
-from pdvol.studio.export.failures import failure_reason
+from pdvol.studio.export.files import failure_reason
 
 _MESH = ("NumberOfPoints", "NumberOfCells", "NumberOfConnectivityIds", "Points", "Connectivity", "Offsets", "Types")
 

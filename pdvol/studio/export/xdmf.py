@@ -5,7 +5,6 @@ cells' data are stored once and referred to by every step; each step adds its fi
 are taken from it. (meshio's own writer puts the HDF5 file into the working directory.)
 """
 
-import os
 import shutil
 from collections.abc import Sequence
 from pathlib import Path
@@ -14,11 +13,11 @@ from xml.etree import ElementTree as ET
 import h5py
 import numpy as np
 
-from pdvol.errors import InputError, SimulationError
-from pdvol.store.files import TEMPORARY, require_room, write_bytes
+from pdvol.errors import InputError
+from pdvol.store.files import write_bytes
 from pdvol.store.reader import Run
 from pdvol.store.series import Fields, LevelFields, Series, nothing_more
-from pdvol.studio.export.failures import failure_reason
+from pdvol.studio.export.files import written_aside
 from pdvol.studio.export.paraview import write_paraview_script
 
 _NUMBER_TYPES = {"f": "Float", "i": "Int", "u": "UInt"}
@@ -58,19 +57,9 @@ def write_xdmf(run: Run, level: int, path: str | Path, more: Fields = nothing_mo
         raise InputError(f"{path}: the name of an XDMF file ends in .xdmf")
     series = Series(run, level, more)
     data = path.with_suffix(".h5")
-    aside = data.with_name(f".{data.name}{TEMPORARY}")
-    require_room(aside, series.size)
-    try:
-        with _open_aside(data, aside, series) as file:
-            xml = _write_data(file, data.name, series)
-        with open(aside, "rb") as file:
-            os.fsync(file.fileno())
-        # The data first: an old .xdmf finds its steps in new data, while a new one would miss some in the old.
-        os.replace(aside, data)
-    except (OSError, RuntimeError) as error:  # HDF5 raises either for a full disk
-        raise SimulationError(f"cannot write {data}: {failure_reason(error)}") from error
-    finally:
-        aside.unlink(missing_ok=True)
+    # The data first: an old .xdmf finds its steps in new data, while a new one would miss some in the old.
+    with written_aside(data, series.size) as aside, _open_aside(data, aside, series) as file:
+        xml = _write_data(file, data.name, series)
     ET.indent(xml)
     write_bytes(path, b'<?xml version="1.0"?>\n' + ET.tostring(xml) + b"\n")
     return path

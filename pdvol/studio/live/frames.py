@@ -8,9 +8,9 @@ import numpy as np
 from pdvol.meshing.polygons import cut_faces
 from pdvol.store.obstacles import DrawnObstacle
 from pdvol.store.reader import Run
-from pdvol.studio.colours import GROUND, OBSTACLE, PALETTE
-from pdvol.studio.draw.camera import Camera, fitted_camera, in_3d
-from pdvol.studio.polylines import closed_loops
+from pdvol.store.series import in_3d
+from pdvol.studio.draw.camera import Camera, fitted_camera
+from pdvol.studio.shown import GROUND, OBSTACLE, PALETTE, closed_loops, upward_in_3d
 
 SMOOTH_FROM = 1500  # facets of a body: with fewer, single facets are shown, so that a coarse level looks coarse
 SURROUNDINGS = 1.5  # diagonals of the bodies within which obstacles count for the camera
@@ -120,15 +120,7 @@ def view(run: Run) -> Camera:
             content.append((bodies - heights[:, None] * normal)[heights < 2 * margin])
         else:
             content.append(np.clip(in_3d(obstacle.vertices(0)), low - margin, high + margin))
-    return fitted_camera(np.concatenate(content), level.mesh.dim, upward(run))
-
-
-def upward(run: Run) -> np.ndarray:
-    """(3,) the way up: that of the run where it has one, else the first plane's normal, else z; y in 2D."""
-    if run.levels[0].mesh.dim == 2:
-        return np.array([0.0, 1.0, 0.0])
-    normal = next((obstacle.plane(0)[1] for obstacle in run.obstacles if obstacle.kind == "plane"), (0.0, 0.0, 1.0))
-    return np.asarray(run.info.get("up") or normal, dtype=float)
+    return fitted_camera(np.concatenate(content), level.mesh.dim, upward_in_3d(run))
 
 
 def rgb(colour: str) -> tuple[int, int, int]:

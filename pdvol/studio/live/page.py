@@ -10,12 +10,13 @@ from pdvol.runs.scene_file import parse_value
 from pdvol.store.reader import Run
 from pdvol.studio.draw.camera import Camera
 from pdvol.studio.live.controls import Control
-from pdvol.studio.live.frames import Frames, upward, view
+from pdvol.studio.live.frames import Frames, view
 from pdvol.studio.live.live_run import LiveRun
 from pdvol.studio.live.playback import Playback
 from pdvol.studio.live.server import LocalServer
 from pdvol.studio.live.session import Session
 from pdvol.studio.live.stage import Stage
+from pdvol.studio.shown import upward_in_3d
 from pdvol.studio.variations.variation import value_text
 
 PERIOD = 0.02  # seconds between looks at the stored states
@@ -84,7 +85,7 @@ class Page:
             return
         if self._camera is None:
             self._camera = view(stored)
-            self._stage.look_from(self._camera, upward(stored))
+            self._stage.look_from(self._camera, upward_in_3d(stored))
         if self._frames is None or self._frames[:2] != (run.number, level):
             self._frames = run.number, level, Frames(stored, level, self._camera.size, self._camera.focus)
         self._stage.show(self._frames[2].at(step))

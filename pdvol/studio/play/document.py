@@ -13,8 +13,7 @@ from markupsafe import Markup
 
 from pdvol.errors import InputError, SimulationError
 from pdvol.store.files import jsonable, write_bytes
-from pdvol.studio.colours import GROUND, OBSTACLE, PALETTE
-from pdvol.studio.draw.camera import VIEW_ANGLE, content_of_run, fitted_camera, front_of, upward_of_run
+from pdvol.studio.draw.camera import VIEW_ANGLE, content_of_run, fitted_camera, front_of
 from pdvol.studio.draw.layout import BACKGROUND, FAINT_INK, INK
 from pdvol.studio.play.curves import GRAPHS, UNITS, Curves
 from pdvol.studio.play.details import packed_details
@@ -22,6 +21,7 @@ from pdvol.studio.play.fields import FIELDS, packed_fields, strain
 from pdvol.studio.play.motion import packed_obstacles, packed_skin
 from pdvol.studio.play.packing import Chunks
 from pdvol.studio.play.panes import Pane
+from pdvol.studio.shown import GROUND, OBSTACLE, PALETTE, upward
 
 SCRIPTS = ("states.js", "shaders.js", "bodies.js", "view.js", "graphs.js", "controls.js")
 """The page's own scripts in the order in which they are loaded."""
@@ -155,10 +155,9 @@ def _camera(panes: Sequence[Pane]) -> dict:
         obstacles = pane.run.obstacles if pane.run else ()
         seen.append(content_of_run([pane.stored], steps, obstacles))
     first, dim = panes[0].run, panes[0].stored.rest.shape[1]
-    upward = upward_of_run(first, first.obstacles) if first else np.array([0.0, 0.0, 1.0])
-    camera = fitted_camera(np.concatenate(seen), dim, upward)
-    upward = upward / np.linalg.norm(upward) if dim == 3 else camera.up
-    front = front_of(upward) if dim == 3 else camera.towards
+    up = upward(first) if first else np.array([0.0, 0.0, 1.0])
+    camera = fitted_camera(np.concatenate(seen), dim, up)
+    up, front = (up, front_of(up)) if dim == 3 else (camera.up, camera.towards)
     return {
         "right": camera.right,
         "up": camera.up,
@@ -169,9 +168,9 @@ def _camera(panes: Sequence[Pane]) -> dict:
         "aspect": camera.aspect,
         "size": camera.size,
         "angle": VIEW_ANGLE,
-        "upward": upward,
+        "upward": up,
         "front": front,
-        "side": np.cross(upward, front),
+        "side": np.cross(up, front),
     }
 
 

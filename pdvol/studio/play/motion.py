@@ -7,7 +7,7 @@ import numpy as np
 from pdvol.store.obstacles import DrawnObstacle
 from pdvol.store.reader import RunLevel
 from pdvol.studio.play.packing import LARGEST, Chunks, quantised
-from pdvol.studio.polylines import closed_loops
+from pdvol.studio.shown import closed_loops
 
 FLOAT_ROUNDING = 2.0**-22  # relative error of positions that a graphics card computes in single precision
 

@@ -15,8 +15,8 @@ from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 
 from pdvol.store.files import write_bytes
-from pdvol.studio.colours import PALETTE
 from pdvol.studio.draw.layout import BACKGROUND, FAINT_INK, INK
+from pdvol.studio.shown import PALETTE
 from pdvol.studio.study.conclusions import option_text
 from pdvol.studio.study.labels import place_labels
 from pdvol.studio.variations.lengths import length

@@ -17,7 +17,7 @@ from pdvol.runs.runner import refine_run
 from pdvol.runs.scene_file import load_shot
 from pdvol.scene import Scene
 from pdvol.store.reader import Run, open_run
-from pdvol.studio.draw.image import picture
+from pdvol.studio.draw.picture import picture
 from pdvol.studio.variations.executors import Workers, cores
 from pdvol.studio.variations.variation import Variation
 from pdvol.studio.variations.vary import Vary, parsed_varies

@@ -100,7 +100,7 @@ def write_results(
         scatter = draw_scatter(wedge.out / "scatter.png", entries)
         files += [scatter] if scatter else []
     if film:
-        from pdvol.studio.draw.sheet_film import sheet_film
+        from pdvol.studio.draw.sheet import sheet_film
 
         files.append(sheet_film(drawn, wedge.out / "sheet.mp4"))
     return entries, files
@@ -108,7 +108,7 @@ def write_results(
 
 def draw_scatter(file: Path, entries: Sequence[Mapping[str, Any]]) -> Path | None:
     """Parameters against scores; None where there is none of either."""
-    from pdvol.studio.draw.scatter import scatter_image
+    from pdvol.studio.draw.plots import scatter_image
 
     done = [entry for entry in entries if entry["state"] == "done"]
     names = dict.fromkeys(name for entry in done for name in entry["changes"])

@@ -24,14 +24,6 @@ def at_level(run: Run, level: int) -> Run:
     return seen
 
 
-def upward(run: Run) -> np.ndarray:
-    """(d,) the unit vector up: against gravity; without gravity the first plane's normal, else the last axis."""
-    d = run.levels[0].rest.shape[1]
-    normals = (o.plane(0)[1] for o in run.obstacles if o.kind == "plane")
-    up = np.asarray(run.info.get("up") or next(normals, np.eye(d)[-1]), dtype=float)
-    return up / (np.linalg.norm(up) or 1.0)
-
-
 def is_whole_run(run: Run) -> bool:
     """Whether the finest level has all its steps."""
     return run.levels[-1].steps > run.info["steps"]

@@ -15,7 +15,8 @@ import numpy as np
 from pdvol.errors import InputError, PdvolError
 from pdvol.runs.scene_file import load_module
 from pdvol.store.reader import Run
-from pdvol.studio.wedge.scored_body import ScoredBody, contact_distance, is_whole_run, upward
+from pdvol.studio.shown import upward
+from pdvol.studio.wedge.scored_body import ScoredBody, contact_distance, is_whole_run
 
 Score = Callable[[Run], float]
 

@@ -12,9 +12,8 @@ from pdvol.studio.draw.camera import VIEW_ANGLE, camera_of_run, content_of_run
 from pdvol.studio.draw.camera_path import cameras_of_run, smoothed_path
 from pdvol.studio.draw.film import film_rate, film_steps
 from pdvol.studio.draw.framing import Sample, core_box, framed_points, in_scene, outermost
-from pdvol.studio.draw.image import picture
 from pdvol.studio.draw.layout import CELL_GAP, grid
-from pdvol.studio.draw.picture import chosen_steps, render
+from pdvol.studio.draw.picture import chosen_steps, picture, render
 from pdvol.studio.draw.renderer import Renderer
 from pdvol.studio.draw.views import STANDARD_VIEW, View, read_view
 

@@ -8,8 +8,8 @@ from PIL import Image
 
 from pdvol.store.reader import open_run
 from pdvol.store.writer import RunWriter
-from pdvol.studio.colours import PALETTE
 from pdvol.studio.draw.picture import render
+from pdvol.studio.shown import PALETTE
 from rendered import entry_of, grown_box
 from shapes import box
 

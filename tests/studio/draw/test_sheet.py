@@ -7,18 +7,20 @@ from PIL import Image
 from pdvol.errors import InputError
 from pdvol.store.writer import open_run
 from pdvol.studio.draw.layout import BACKGROUND, font
-from pdvol.studio.draw.scatter import scatter_image
+from pdvol.studio.draw.plots import scatter_image
 from pdvol.studio.draw.sheet import (
+    MOST_PICTURES,
     NARROWEST_TILE,
     WIDEST_SHEET,
     SheetLayout,
     Tile,
     cluster_name,
+    film_times,
     shared_camera,
+    sheet_film,
     sheet_image,
     wrapped,
 )
-from pdvol.studio.draw.sheet_film import MOST_PICTURES, film_times, sheet_film
 
 REASON = "level 0, step 3 could not be solved: Newton's method did not converge"
 

@@ -19,10 +19,10 @@ from pdvol.geometry.strain import vertex_strain
 from pdvol.store.reader import open_run
 from pdvol.store.series import StepFields, with_strain
 from pdvol.store.writer import RunWriter
-from pdvol.studio.colours import GROUND, OBSTACLE, PALETTE, linear_colour
 from pdvol.studio.export.exports import export_run
 from pdvol.studio.export.frames import even_frames
 from pdvol.studio.export.usd import write_usd
+from pdvol.studio.shown import GROUND, OBSTACLE, PALETTE, linear_colour
 from rendered import entry_of, grown_box
 from shapes import box
 

@@ -15,8 +15,8 @@ from PIL import Image
 import runs
 from commands import SAFETY
 from pdvol.store.reader import open_run
-from pdvol.studio.colours import PALETTE
 from pdvol.studio.export.exports import export_run
+from pdvol.studio.shown import PALETTE
 
 PVPYTHON = shlex.split(os.environ.get("PDVOL_PVPYTHON", ""))
 PROGRAM = Path(__file__).resolve().parents[1] / "helpers" / "in_paraview.py"

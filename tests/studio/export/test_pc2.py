@@ -9,9 +9,9 @@ import pytest
 import runs
 from pdvol.errors import InputError
 from pdvol.store.reader import open_run
-from pdvol.studio.colours import PALETTE, linear_colour
 from pdvol.studio.export.exports import export_run
 from pdvol.studio.export.frames import even_frames
+from pdvol.studio.shown import PALETTE, linear_colour
 
 FLOAT32 = 2e-7  # of a coordinate of a few metres, relative
 

@@ -11,11 +11,11 @@ from pdvol.errors import InputError
 from pdvol.store.reader import open_run
 from pdvol.store.series import StepFields, nothing_more, with_strain
 from pdvol.store.writer import RunWriter
-from pdvol.studio.colours import OBSTACLE, PALETTE, linear_colour
-from pdvol.studio.export.body_surfaces import plain_names
 from pdvol.studio.export.exports import export_run
 from pdvol.studio.export.frames import even_frames
+from pdvol.studio.export.parts import plain_names
 from pdvol.studio.export.usd import write_usd
+from pdvol.studio.shown import OBSTACLE, PALETTE, linear_colour
 
 pytest.importorskip("pxr", reason="usd-core is an optional extra")
 from pxr import Gf, Usd, UsdGeom, UsdShade

@@ -7,7 +7,8 @@ import runs
 from pdvol import open_run
 from pdvol.errors import InputError
 from pdvol.store.writer import RunWriter
-from pdvol.studio.wedge.scored_body import ScoredBody, at_level, contact_distance, upward
+from pdvol.studio.shown import upward
+from pdvol.studio.wedge.scored_body import ScoredBody, at_level, contact_distance
 from pdvol.studio.wedge.scores import (
     chosen_scores,
     close_to,

@@ -1,0 +1,61 @@
+"""What pictures, exports and pages share: the colours of bodies, obstacles and ground, the way up, loops of edges."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from pdvol.store.obstacles import DrawnObstacle
+from pdvol.store.reader import Run
+
+GROUND = "#e6e1d8"  # half-spaces
+OBSTACLE = "#c9ccd2"  # rigid obstacles
+PALETTE = ("#f08a67", "#56a3b5", "#f0bd4f", "#8f80c4", "#7fb685", "#e48fb0", "#6b8fc7", "#b98b6a")  # bodies, levels
+
+
+def linear_colour(code: str) -> tuple[float, float, float]:
+    """Red, green and blue in linear light, 0 to 1, of an sRGB colour such as "#f08a67" (IEC 61966-2-1)."""
+    red, green, blue = (_linear(int(code[i : i + 2], 16) / 255) for i in (1, 3, 5))
+    return red, green, blue
+
+
+def srgb_colour(code: str) -> tuple[float, float, float]:
+    """Red, green and blue as sRGB stores them, 0 to 1."""
+    red, green, blue = (int(code[i : i + 2], 16) / 255 for i in (1, 3, 5))
+    return red, green, blue
+
+
+def _linear(value: float) -> float:
+    return value / 12.92 if value <= 0.04045 else ((value + 0.055) / 1.055) ** 2.4
+
+
+def upward(run: Run, obstacles: Sequence[DrawnObstacle] | None = None) -> np.ndarray:
+    """(d,) the unit vector up: against gravity where the run has it, else the first plane's normal, else the last axis.
+
+    `obstacles` stand in for those of the run.
+    """
+    drawn = run.obstacles if obstacles is None else obstacles
+    normals = (obstacle.plane(0)[1] for obstacle in drawn if obstacle.kind == "plane")
+    last = np.eye(run.levels[0].rest.shape[1])[-1]
+    up = np.asarray(run.info.get("up") or next(normals, last), dtype=float)
+    return up / (np.linalg.norm(up) or 1.0)
+
+
+def upward_in_3d(run: Run) -> np.ndarray:
+    """(3,) the unit vector up in pictures and exports: y in 2D."""
+    up = upward(run)
+    return up if len(up) == 3 else np.array([0.0, 1.0, 0.0])
+
+
+def closed_loops(edges: np.ndarray) -> list[list[int]]:
+    """Closed chains of directed edges (m, 2), as lists of vertices; open chains are left out."""
+    following = {int(a): int(b) for a, b in edges}
+    loops, seen = [], set()
+    for start in following:
+        chain, at = [], start
+        while at in following and at not in seen:
+            seen.add(at)
+            chain.append(at)
+            at = following[at]
+        if len(chain) > 2 and at == start:
+            loops.append(chain)
+    return loops
