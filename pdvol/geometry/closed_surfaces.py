@@ -8,10 +8,33 @@ from pdvol.geometry.level_mesh import LevelMesh
 
 
 def enclosed_volume(points: np.ndarray, facets: np.ndarray) -> float:
-    """Area (2D) or volume (3D) within closed facets (k, d) that point outward; negative where they point inward."""
+    """Volume [m^3] inside outward triangles (k, 3), area [m^2] inside edges (k, 2) with the inside on their left;
+    negative where they point inward.
+    """
+    centred = points - points[facets].mean(axis=(0, 1))
+    # A polynomial of degree d without other terms: the gradient's product with the points is d times its value.
+    return float((volume_gradient(centred, facets) * centred).sum()) / points.shape[1]
+
+
+def surface_area(points: np.ndarray, triangles: np.ndarray) -> float:
+    """Area [m^2] of triangles (k, 3)."""
+    corners = points[triangles]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    return float(np.linalg.norm(normals, axis=1).sum()) / 2.0
+
+
+def volume_gradient(points: np.ndarray, facets: np.ndarray) -> np.ndarray:
+    """(n, d) derivative of the volume inside outward facets (k, d) with respect to each vertex."""
     corners = points[facets]
-    corners = corners - corners.mean(axis=(0, 1))
-    return float(np.linalg.det(corners).sum()) / (2.0 if points.shape[1] == 2 else 6.0)
+    if points.shape[1] == 2:
+        along = corners[:, 1] - corners[:, 0]
+        outward = np.column_stack([along[:, 1], -along[:, 0]]) / 2.0
+    else:
+        outward = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]) / 6.0
+    gradient = np.zeros_like(points)
+    for corner in facets.T:
+        np.add.at(gradient, corner, outward)
+    return gradient
 
 
 def pressed_facets(mesh: LevelMesh, body: int) -> np.ndarray:

@@ -100,3 +100,19 @@ def best_rotations(covariances: np.ndarray) -> np.ndarray:
     u, _, vt = np.linalg.svd(covariances + LEAST_TURN * size * np.eye(covariances.shape[-1]))
     u[:, :, -1] *= np.sign(np.linalg.det(u @ vt))[:, None]
     return u @ vt
+
+
+def angle_between(one: np.ndarray, other: np.ndarray) -> np.ndarray:
+    """(b,) [degrees], 0 to 180: the angle of the rotation that leads from each of (b, d, d) rotations to the other.
+
+    |R - S| = 8^(1/2) |sin(angle / 2)| in Frobenius' norm, in 2D and 3D: exact for small angles, which the trace is not.
+    """
+    chord = np.linalg.norm(one - other, axis=(1, 2)) / np.sqrt(8.0)
+    return np.degrees(2.0 * np.arcsin(np.minimum(chord, 1.0)))
+
+
+def drift(one: RigidMotions, other: RigidMotions) -> tuple[np.ndarray, np.ndarray]:
+    """How far b bodies are from where they are in another motion of the same points: distances of their centres (b,)
+    [m], and angles between their orientations (b,) [degrees].
+    """
+    return np.linalg.norm(one.centres - other.centres, axis=1), angle_between(one.rotations, other.rotations)

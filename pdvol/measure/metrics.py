@@ -7,7 +7,7 @@
 | continuity error e_l^t | the numerator alone, which needs no x_hat | kg m^2 |
 | consistency d_{l-1}^t | \\|Pi x_l - x_{l-1}\\|_M^2, Pi = (P'P)^-1 P', M of level l - 1 | kg m^2 |
 | distance | root of \\|x_l - P x_{l-1}\\|_M^2 over the mass, M of level l | m |
-| drift | of a body's centre and turn in x_l from those in P x_{l-1}, or in P ... P x_0 (`rigid.py`) | m, degrees |
+| drift | of a body's centre and turn in x_l from those in P x_{l-1}, or in P ... P x_0 | m, degrees |
 | centre error | how far two runs' bodies have moved apart since the start, root mean square over the mass | m |
 | jitter | 1/2 \\|v+ - v\\|_M^2, v the mean velocity over a step: gravity alone gives 1/2 m g^2 dt^2 | J |
 

@@ -17,6 +17,7 @@ from typing import TypeAlias, cast
 import numpy as np
 
 from pdvol.errors import InputError, MeshError
+from pdvol.geometry.closed_surfaces import enclosed_volume
 from pdvol.geometry.crossings import edges_of
 from pdvol.geometry.level_mesh import LevelMesh, boundary_facets
 from pdvol.meshes import Outline, Solid, Surface
@@ -31,7 +32,6 @@ from pdvol.meshing.tetrahedralise import surface_share, tetrahedralise
 from pdvol.meshing.triangulate import triangulate
 from pdvol.meshing.validate import check_outline, check_solid, check_surface, drop_unused, outline_edges
 from pdvol.meshing.verdict import Boundary, boundary_facets_of, check_place, judge, place_of
-from pdvol.meshing.volume import enclosed_volume
 from pdvol.scene import Body, Deforming, Rigid, Scene
 from pdvol.stages import stage
 

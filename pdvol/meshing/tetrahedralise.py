@@ -11,6 +11,7 @@ from itertools import combinations
 import numpy as np
 
 from pdvol.errors import InputError, MeshError
+from pdvol.geometry.closed_surfaces import enclosed_volume, surface_area
 from pdvol.geometry.level_mesh import boundary_facets, simplex_volumes
 from pdvol.meshes import Surface
 from pdvol.meshing.decimate import MIN_SURFACE_VERTICES, decimate, topology
@@ -26,7 +27,7 @@ from pdvol.meshing.mesher_process import run_worker
 from pdvol.meshing.shells import shells
 from pdvol.meshing.subdivide import split_longest_edges
 from pdvol.meshing.validate import check_surface, drop_unused
-from pdvol.meshing.volume import enclosed_volume, surface_area, with_volume
+from pdvol.meshing.volume import with_volume
 
 ENVELOPE_WIDTH = 0.1
 """Distance that fTetWild may move the decimated surface, relative to the edge length: half of it takes twice as long,

@@ -4,12 +4,12 @@ import igl
 import numpy as np
 
 from pdvol.errors import IntersectionError, InvertedCellError, MeshError
+from pdvol.geometry.closed_surfaces import surface_area
 from pdvol.geometry.crossings import counted_edges, edges_of, find_crossings, find_touching
 from pdvol.geometry.level_mesh import simplex_volumes
 from pdvol.meshes import Outline, Solid, Surface
 from pdvol.meshing.cpu_budget import check_budget
 from pdvol.meshing.shells import check_nested, signed_volumes
-from pdvol.meshing.volume import surface_area
 from pdvol.meshing.weld import COINCIDENT, open_edges, seam_vertices
 
 FLAT_SIMPLEX = 1e-12

@@ -8,12 +8,12 @@ from typing import TypeAlias, TypeVar
 import numpy as np
 
 from pdvol.errors import MeshError
+from pdvol.geometry.closed_surfaces import enclosed_volume
 from pdvol.geometry.level_mesh import boundary_facets, simplex_volumes
 from pdvol.meshes import Outline, Solid, Surface
 from pdvol.meshing.tetrahedralise import mean_ratio
 from pdvol.meshing.triangulate import boundary_loops
 from pdvol.meshing.validate import check_outline, check_solid, check_surface, drop_unused, outline_edges, some
-from pdvol.meshing.volume import enclosed_volume
 from pdvol.meshing.weld import COINCIDENT, coincident
 
 POOR_QUALITY = 0.05  # mean ratio below which a cell makes the linear solver need more iterations

@@ -6,8 +6,9 @@ import numpy as np
 from mpi4py import MPI
 
 from pdvol.errors import InputError
+from pdvol.geometry.closed_surfaces import enclosed_volume
+from pdvol.geometry.distances import hausdorff_distance
 from pdvol.geometry.level_mesh import LevelMesh
-from pdvol.geometry.surface_distance import hausdorff_distance
 from pdvol.levels.hierarchy import Hierarchy
 from pdvol.levels.level_check import level_defects
 from pdvol.levels.scene_fields import scene_diagonal
@@ -19,7 +20,6 @@ from pdvol.meshing.shells import shells
 from pdvol.meshing.tetrahedralise import mean_ratio
 from pdvol.meshing.validate import drop_unused
 from pdvol.meshing.verdict import boundary_facets_of, check_place, judge, place_of
-from pdvol.meshing.volume import enclosed_volume
 from pdvol.meshing.vtu import write_vtu
 from pdvol.runs.run_summary import binding_lines
 from pdvol.scene import Body, NeoHookean, Scene

@@ -8,8 +8,8 @@ import numpy as np
 import scipy.sparse as sp
 
 from pdvol.errors import InputError
+from pdvol.geometry.distances import signed_distance
 from pdvol.geometry.level_mesh import LevelMesh
-from pdvol.geometry.signed_distance import signed_distance
 from pdvol.levels.render_binding import render_weights
 from pdvol.meshing.build import build_levels
 from pdvol.meshing.render_files import read_render_surface, read_texture

@@ -28,9 +28,7 @@ from pdvol.store.folder import (
     write_level,
 )
 from pdvol.store.log import LogFile, keep_log
-from pdvol.store.reader import Run, RunLevel, open_run
-
-__all__ = ["Run", "RunLevel", "RunWriter", "open_run"]
+from pdvol.store.reader import Run
 
 
 class RunWriter:

@@ -6,11 +6,11 @@ import pytest
 from demos import recipes
 from demos.recipes import toys
 from pdvol import meshes
+from pdvol.geometry.closed_surfaces import enclosed_volume
 from pdvol.geometry.level_mesh import simplex_volumes
 from pdvol.meshing.decimate import topology
 from pdvol.meshing.triangulate import boundary_loops
 from pdvol.meshing.validate import check_outline, check_solid, check_surface, signed_area
-from pdvol.meshing.volume import enclosed_volume
 
 
 def _arc_share(parts: int) -> float:

@@ -6,8 +6,8 @@ import scipy.sparse as sp
 
 import runs
 from pdvol.geometry.level_mesh import LevelMesh, lumped_masses
+from pdvol.geometry.rigid_motions import mass_centres
 from pdvol.measure import metrics
-from pdvol.measure.rigid import mass_centres
 from pdvol.studio.draw.plots import plot_metrics
 
 RNG = np.random.default_rng(0)

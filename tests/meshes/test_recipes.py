@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from pdvol import meshes
+from pdvol.geometry.closed_surfaces import enclosed_volume
 from pdvol.meshing.decimate import topology
 from pdvol.meshing.validate import check_outline, check_solid, check_surface, signed_area
-from pdvol.meshing.volume import enclosed_volume
 
 
 def wave_length(length, waves, swing):

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from pdvol import meshes
+from pdvol.geometry.closed_surfaces import enclosed_volume
 from pdvol.meshing.decimate import decimate, topology
 from pdvol.meshing.readers import read_shape
 from pdvol.meshing.validate import check_surface
-from pdvol.meshing.volume import enclosed_volume
 
 SHARED = Path(__file__).parents[2].parent / "shared" / "meshes"
 

@@ -8,15 +8,15 @@ import pytest
 
 from pdvol import meshes
 from pdvol.errors import MeshError
+from pdvol.geometry.closed_surfaces import enclosed_volume
+from pdvol.geometry.distances import hausdorff_distance
 from pdvol.geometry.level_mesh import boundary_facets, simplex_volumes
-from pdvol.geometry.surface_distance import hausdorff_distance
 from pdvol.meshes import Surface
 from pdvol.meshing.decimate import topology
 from pdvol.meshing.edge_length import ACCEPTED_DEVIATION, edge_length, expected_vertices
 from pdvol.meshing.readers import read_shape
 from pdvol.meshing.tetrahedralise import mean_ratio, tetrahedralise
 from pdvol.meshing.validate import check_surface, drop_unused
-from pdvol.meshing.volume import enclosed_volume
 
 SURFACES = Path(__file__).parents[2].parent / "shared" / "meshes" / "surfaces"
 

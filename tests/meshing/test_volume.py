@@ -4,14 +4,15 @@ import numpy as np
 import pytest
 
 from pdvol import meshes
+from pdvol.geometry.closed_surfaces import enclosed_volume, surface_area
+from pdvol.geometry.distances import hausdorff_distance
 from pdvol.geometry.level_mesh import boundary_facets, simplex_volumes
-from pdvol.geometry.surface_distance import hausdorff_distance
 from pdvol.meshing.decimate import topology
 from pdvol.meshing.subdivide import split_longest_edges
 from pdvol.meshing.tetrahedralise import tetrahedralise
 from pdvol.meshing.triangulate import triangulate
 from pdvol.meshing.validate import check_surface
-from pdvol.meshing.volume import enclosed_volume, surface_area, with_volume
+from pdvol.meshing.volume import with_volume
 
 TRIANGLE = np.array([[0.0, 0.0], [3.0, 0.0], [0.0, 4.0]])
 TETRAHEDRON = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])

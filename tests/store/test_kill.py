@@ -13,7 +13,8 @@ import runs
 from commands import SAFETY
 from killing import HELPERS
 from pdvol.errors import InputError
-from pdvol.store.writer import RunWriter, open_run
+from pdvol.store.reader import open_run
+from pdvol.store.writer import RunWriter
 
 KILLS = 5
 VERTICES = 400

@@ -8,7 +8,8 @@ import pytest
 
 import runs
 from pdvol.errors import InputError, SimulationError
-from pdvol.store.writer import RunWriter, open_run
+from pdvol.store.reader import open_run
+from pdvol.store.writer import RunWriter
 
 INFO = {"scene": "made up", "dt": runs.DT, "steps": 6, "method": "direct", "parameters": {}, "versions": {}}
 

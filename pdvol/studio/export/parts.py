@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pdvol.geometry.signed_distance import is_closed
+from pdvol.geometry.distances import is_closed
 from pdvol.registry import SHOWN_SURFACES
 from pdvol.store.obstacles import DrawnObstacle
 from pdvol.store.reader import Run, RunLevel

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pdvol.geometry.signed_distance import box_of, deepest_inside, is_closed, signed_distance
+from pdvol.geometry.distances import box_of, deepest_inside, is_closed, signed_distance
 from pdvol.store.reader import Run, RunLevel
 from pdvol.store.render_meshes import StoredRender
 

@@ -6,7 +6,7 @@ from functools import cache
 import numpy as np
 
 from pdvol.geometry.level_mesh import lumped_masses
-from pdvol.measure.rigid import RigidMotions, drift, rigid_motions
+from pdvol.geometry.rigid_motions import RigidMotions, drift, rigid_motions
 from pdvol.store.densities import described_densities
 from pdvol.store.reader import Run
 

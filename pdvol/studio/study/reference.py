@@ -8,9 +8,9 @@ from mpi4py import MPI
 
 from pdvol.errors import InputError
 from pdvol.geometry.level_mesh import lumped_masses
+from pdvol.geometry.rigid_motions import drift, rigid_motions
 from pdvol.levels.hierarchy import Hierarchy
 from pdvol.measure.metrics import distance
-from pdvol.measure.rigid import drift, rigid_motions
 from pdvol.runs.stored_fields import stored_densities
 from pdvol.store.reader import Run, RunLevel
 

@@ -1,8 +1,8 @@
 """The distance between two boundaries that do not cross, exact in 2D and 3D: corners to facets, and edges to edges."""
 
-import igl
 import numpy as np
 
+from pdvol.geometry.distances import distances_to
 from pdvol.measure.verify import overlapping_boxes
 
 
@@ -14,9 +14,9 @@ def surface_gap(points: np.ndarray, facets: np.ndarray, other_points: np.ndarray
     points, other_points : (n, d) [m]
     facets, other_facets : (k, d) corners of each facet
     """
-    gap = min(
-        _corner_gap(points, facets, other_points, other_facets), _corner_gap(other_points, other_facets, points, facets)
-    )
+    there = distances_to(points[np.unique(facets)], other_points, other_facets)
+    back = distances_to(other_points[np.unique(other_facets)], points, facets)
+    gap = float(min(there.min(), back.min()))
     if points.shape[1] == 2:
         return gap
     one, other = points[_edges(facets)], other_points[_edges(other_facets)]
@@ -25,15 +25,6 @@ def surface_gap(points: np.ndarray, facets: np.ndarray, other_points: np.ndarray
     if len(pairs) == 0:
         return gap
     return min(gap, float(segment_gaps(one[pairs[:, 0]], other[pairs[:, 1]]).min()))
-
-
-def _corner_gap(points: np.ndarray, facets: np.ndarray, other_points: np.ndarray, other_facets: np.ndarray) -> float:
-    squares = igl.point_mesh_squared_distance(
-        np.ascontiguousarray(points[np.unique(facets)], dtype=np.float64),
-        np.ascontiguousarray(other_points, dtype=np.float64),
-        np.ascontiguousarray(other_facets, dtype=np.int64),
-    )[0]
-    return float(np.sqrt(max(np.min(squares), 0.0)))
 
 
 def _edges(facets: np.ndarray) -> np.ndarray:

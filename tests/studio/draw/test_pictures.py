@@ -11,7 +11,7 @@ from PIL import Image
 
 from commands import SAFETY
 from pdvol.errors import InputError
-from pdvol.store.writer import open_run
+from pdvol.store.reader import open_run
 from pdvol.studio.draw.contact_shadows import shadow_map
 from pdvol.studio.draw.picture import chosen_steps, render
 
@@ -32,7 +32,7 @@ def test_a_picture_shows_the_bodies(kind, request, tmp_path):
 def test_no_display_and_no_word(solid_run, tmp_path):
     code = f"""
 from pdvol.studio.draw.picture import render
-from pdvol.store.writer import open_run
+from pdvol.store.reader import open_run
 render(open_run({str(solid_run)!r}), {str(tmp_path / "run.png")!r}, levels=[0], steps=[1], cell_width=120)
 """
     for display in ({}, {"DISPLAY": ":77"}):

@@ -5,7 +5,7 @@ import pytest
 from PIL import Image
 
 from pdvol.errors import InputError
-from pdvol.store.writer import open_run
+from pdvol.store.reader import open_run
 from pdvol.studio.draw.layout import BACKGROUND, font
 from pdvol.studio.draw.plots import scatter_image
 from pdvol.studio.draw.sheet import (

@@ -8,7 +8,7 @@ import pytest
 import pyvista as pv
 
 from pdvol.errors import InputError
-from pdvol.store.writer import open_run
+from pdvol.store.reader import open_run
 from pdvol.studio.export.xdmf import write_xdmf
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from pdvol.geometry.signed_distance import deepest_inside, is_closed, signed_distance
+from pdvol.geometry.distances import deepest_inside, is_closed, signed_distance
 
 
 @pytest.mark.parametrize("turned", [False, True])

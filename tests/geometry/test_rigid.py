@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pdvol.measure.rigid import angle_between, drift, mass_centres, rigid_motions
+from pdvol.geometry.rigid_motions import angle_between, drift, mass_centres, rigid_motions
 
 RNG = np.random.default_rng(0)
 
