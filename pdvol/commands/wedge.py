@@ -157,7 +157,7 @@ def _run(options: Namespace, wedge: "Wedge", varies: "Sequence[Vary]", executor:
 def _seek(options: Namespace, wedge: "Wedge", varies: "Sequence[Vary]", executor: "Executor") -> None:
     from pdvol.studio.wedge.progress import WedgeProgress
     from pdvol.studio.wedge.sampling import search_ranges
-    from pdvol.studio.wedge.seeking import seek_best
+    from pdvol.studio.wedge.search import seek_best
 
     runs = whole_number("--runs", options.runs) if options.runs else SEEK_RUNS
     if runs < 1:

@@ -1,46 +1,102 @@
-"""The search for parameters with a high score: CMA-ES (Hansen 2016, arXiv:1604.00772), by the library `cma`.
+"""`--seek`: the search for the variation with the largest score, by CMA-ES (Hansen 2016, arXiv:1604.00772; library
+`cma`).
 
-The strategy asks for a batch of variations, which run side by side, and is given their ranks.
+The strategy asks for a batch of variations, which run side by side and are stored, and is given their ranks.
 """
 
+import math
 import time
 import warnings
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from pdvol.errors import InputError
+from pdvol.errors import InputError, SimulationError
+from pdvol.studio.variations.jobs import Executor, Outcome
+from pdvol.studio.variations.variation import Variation
+from pdvol.studio.variations.vary import stored_value
+from pdvol.studio.wedge.wedge import Wedge
 
+BATCH = 6  # variations of a generation at least: what CMA-ES takes in two parameters
+LEAST_SECONDS = 1e-3  # of a search whose time was up before it began
 FIRST_SPREAD = 0.3  # standard deviation of the first batch, in ranges: it covers them
 MOST_RESTARTS = 50  # of a strategy that has contracted to a point, in one search
 
 Evaluate = Callable[[list[dict[str, float]]], list[float]]
 
 
+def seek_best(
+    wedge: Wedge,
+    text: str,
+    ranges: Mapping[str, tuple[float, float]],
+    executor: Executor,
+    runs: int,
+    deadline: float,
+    seed: int,
+    report: Callable[[dict[str, Any], Outcome], None],
+    goal: float | None = None,
+) -> dict[str, Any]:
+    """Search ranges of parameters for the largest score; wedge.json gets the result as `best`.
+
+    Variations that are stored are not run again: the same search goes on where it was interrupted.
+
+    Parameters
+    ----------
+    text : of the score, one of the wedge's
+    runs : evaluations at most
+    deadline : on `time.monotonic()`'s clock [s]
+    report : called with the entry and the outcome of each run that ended
+    goal : a score with which the search ends
+
+    Returns
+    -------
+    dict
+        `number` of the variation, `score`, `of` (the text), `runs` (evaluations).
+
+    Raises
+    ------
+    SimulationError
+        No run has a score.
+    """
+    numbers: list[int] = []
+
+    def evaluate(points: Sequence[Mapping[str, float]]) -> list[float]:
+        tried = [Variation.of({name: stored_value(float(x)) for name, x in point.items()}) for point in points]
+        found = wedge.add(tried, [f"{name}={low:g}:{high:g}" for name, (low, high) in ranges.items()])
+        numbers.extend(found)
+        wedge.run(found, executor, report, deadline)
+        scores = [wedge.entries[number]["scores"].get(text) for number in found]
+        return [math.nan if score is None else score for score in scores]
+
+    batch = executor.count * math.ceil(BATCH / executor.count)
+    seconds = max(deadline - time.monotonic(), LEAST_SECONDS)
+    best: dict[str, Any] | None = None
+    for found in seek(evaluate, ranges, runs, seconds, seed, goal, batch):
+        if found.number >= 0:
+            best = {"number": numbers[found.number], "score": found.score, "of": text, "runs": len(set(numbers))}
+            wedge.best = best
+    if best is None:
+        reason = next((wedge.entries[n]["reason"] for n in numbers if wedge.entries[n]["reason"]), "")
+        raise SimulationError(f"--seek {text}: no run has a score" + (f"; {reason}" if reason else ""))
+    return best
+
+
 @dataclass(frozen=True)
 class Found:
-    """What a search found.
+    """What a search has found.
 
     Attributes
     ----------
-    parameters : of the best variation; empty where every evaluation failed
-    score : of the best variation; NaN where every evaluation failed
     number : of the best variation, counted from 0 in the order of evaluation; -1 where every evaluation failed
+    score : of the best variation; NaN where every evaluation failed
     runs : how many variations were evaluated
-    seconds : that the search took [s]
-    history : the best score so far after each evaluation, NaN before the first one that did not fail
-    ended : why the search ended: "goal", "runs", "seconds" or "still" (no parameter could be varied any more)
     """
 
-    parameters: dict[str, float]
-    score: float
     number: int
+    score: float
     runs: int
-    seconds: float
-    history: tuple[float, ...]
-    ended: str
 
 
 def seek(
@@ -49,11 +105,11 @@ def seek(
     runs: int,
     seconds: float,
     seed: int,
-    report: Callable[[Found], object] | None = None,
     goal: float | None = None,
     batch: int | None = None,
-) -> Found:
-    """Look for the parameters with the highest score. Same seed and same scores, same search.
+) -> Iterator[Found]:
+    """Look for the parameters with the highest score; yields what is found so far after each batch. Same seed and same
+    scores, same search.
 
     Parameters
     ----------
@@ -62,7 +118,6 @@ def seek(
     runs : the most variations that are evaluated
     seconds : no batch is begun later [s]
     seed : of the random numbers, 0 or above
-    report : called with what is found so far after each batch
     goal : the search ends with the batch in which a score reaches it
     batch : variations per batch, at least 4; a multiple of the number of workers keeps them busy
 
@@ -76,31 +131,24 @@ def seek(
         raise InputError(f"a search needs runs = {runs}, seconds = {seconds:g} above 0 and seed = {seed} not below 0")
     begin, names = time.monotonic(), list(ranges)
     size = max(4, 4 + int(3 * np.log(len(names))) if batch is None else batch)
-    best, spent = Found({}, np.nan, -1, 0, 0.0, (), ""), 0.0
-    history: list[float] = []
+    found = Found(-1, math.nan, 0)
     for restart in range(MOST_RESTARTS):
         strategy = _strategy(len(names), size, seed + 7919 * restart, anywhere=restart > 0)
         while not strategy.stop():
             proposed = strategy.ask()
-            now = proposed[: runs - len(history)]
-            variations = [_named(names, low, high, point) for point in now]
+            variations = [_named(names, low, high, point) for point in proposed[: runs - found.runs]]
             scores = [float(score) for score in evaluate(variations)]
             if len(scores) != len(variations):
                 raise InputError(f"{len(variations)} variations were to be scored, {len(scores)} scores came back")
-            for parameters, score in zip(variations, scores, strict=True):
-                if not np.isnan(score) and not score <= best.score:
-                    best = Found(parameters, score, len(history), 0, 0.0, (), "")
-                history.append(best.score)
-            spent = time.monotonic() - begin
-            reached = goal is not None and best.score >= goal
-            ended = "goal" if reached else "runs" if len(history) >= runs else "seconds" if spent >= seconds else ""
-            found = Found(best.parameters, best.score, best.number, len(history), spent, tuple(history), ended)
-            if report is not None:
-                report(found)
-            if ended:
-                return found
+            for score in scores:
+                better = not math.isnan(score) and not score <= found.score
+                number, best = (found.runs, score) if better else (found.number, found.score)
+                found = Found(number, best, found.runs + 1)
+            yield found
+            reached = goal is not None and found.score >= goal
+            if reached or found.runs >= runs or time.monotonic() - begin >= seconds:
+                return
             strategy.tell(proposed, losses(scores))
-    return Found(best.parameters, best.score, best.number, len(history), spent, tuple(history), "still")
 
 
 def losses(scores: Sequence[float]) -> list[float]:
