@@ -1,6 +1,5 @@
 """`pdvol check`: what would stop or spoil a run, before it starts."""
 
-import os
 from argparse import ArgumentParser, Namespace
 from pathlib import Path
 
@@ -55,10 +54,9 @@ def main(options: Namespace) -> int:
 
 def _write_json(result: dict, file: Path) -> None:
     """Write the findings; InputError where the file cannot be written."""
-    from pdvol.store.files import write_json
+    from pdvol.store.files import require_writable, write_json
 
-    if file.is_dir() or not os.access(file.parent, os.W_OK):
-        raise InputError(f"{file} cannot be written; choose another file in a folder of yours")
+    require_writable(file)
     write_json(file, result)
 
 

@@ -5,7 +5,6 @@ from pathlib import Path
 import numpy as np
 from mpi4py import MPI
 
-from pdvol.errors import InputError
 from pdvol.geometry.closed_surfaces import enclosed_volume
 from pdvol.geometry.distances import hausdorff_distance
 from pdvol.geometry.level_mesh import LevelMesh
@@ -24,6 +23,7 @@ from pdvol.meshing.vtu import write_vtu
 from pdvol.runs.run_summary import binding_lines
 from pdvol.scene import Body, NeoHookean, Scene
 from pdvol.stages import stage
+from pdvol.store.files import make_folder
 
 
 def write_hierarchy(
@@ -62,10 +62,7 @@ def write_hierarchy(
         with stage(f"checking level {level}"):
             for defect in level_defects(scene, meshes, level, (), diagonal):
                 raise defect.error
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"{out} cannot be written: {error.strerror}") from None
+    make_folder(out)
     hierarchy = Hierarchy(meshes, MPI.COMM_SELF, prolongation)
     points, facets = boundary_facets_of(boundary)
     lines = [f"note: {note}" for note in notes + [f"{name}: {note}" for note in found]]

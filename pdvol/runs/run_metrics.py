@@ -1,7 +1,6 @@
 """The measures of `pdvol.measure.metrics` for a stored run, with forces from its scene and P from its meshes."""
 
 import itertools
-import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -20,7 +19,7 @@ from pdvol.runs.run_continuity import PREDICTED_WITH, continuity_of_level, three
 from pdvol.runs.stored_fields import level_densities, stored_scene
 from pdvol.scene import Friction, Scene
 from pdvol.stages import say, stage
-from pdvol.store.files import write_json
+from pdvol.store.files import require_writable, write_json
 from pdvol.store.reader import Run, RunLevel, open_run
 
 
@@ -97,8 +96,7 @@ def write_metrics(path: Path, against: Path | None = None, file: Path | None = N
     open_run(path)
     files = [path / "metrics.json", *([file] if file is not None else [])]
     for target in files:
-        if target.is_dir() or not os.access(target.parent, os.W_OK):
-            raise InputError(f"{target} cannot be written; choose another file in a folder of yours")
+        require_writable(target)
     between = []
     if against is not None:
         with stage(f"comparing {path} with {against}"):

@@ -84,6 +84,20 @@ def require_room(path: Path, size: int) -> None:
         ) from error
 
 
+def make_folder(path: Path) -> None:
+    """Make a folder where there is none; InputError where that fails."""
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"{path} cannot be made: {error.strerror or error}") from error
+
+
+def require_writable(file: Path) -> None:
+    """InputError where a file cannot be written."""
+    if file.is_dir() or not os.access(file.parent, os.W_OK):
+        raise InputError(f"{file} cannot be written; choose another file in a folder of yours")
+
+
 def sync_folder(folder: Path) -> None:
     """Make the names in a folder outlive a power cut."""
     descriptor = os.open(folder, os.O_RDONLY)

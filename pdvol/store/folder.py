@@ -22,7 +22,7 @@ import numpy as np
 
 from pdvol.errors import InputError
 from pdvol.geometry.level_mesh import LevelMesh
-from pdvol.store.files import TEMPORARY, jsonable, lock, read_json, sync_folder, write_array, write_arrays
+from pdvol.store.files import TEMPORARY, jsonable, lock, make_folder, read_json, sync_folder, write_array, write_arrays
 
 RUN_FORMAT = 1  # of run.json: increased when an older pdvol cannot read new folders
 _INFO_TYPES = {
@@ -191,10 +191,7 @@ def claim(path: Path) -> TextIO:
         The folder holds a run or other files, cannot be made, or another process writes there.
     """
     _require_free(path)
-    try:
-        path.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"{path} cannot be made: {error.strerror or error}") from error
+    make_folder(path)
     held = hold(path)
     try:
         _require_free(path)  # another process may have started a run before this one had the lock

@@ -12,8 +12,8 @@ import pyvista as pv
 import scipy.sparse as sp
 from PIL import Image, ImageDraw
 
-from pdvol.errors import InputError
 from pdvol.geometry.level_mesh import LevelMesh
+from pdvol.store.files import make_folder
 from pdvol.store.series import in_3d
 from pdvol.studio.draw.camera import Camera, fitted_camera
 from pdvol.studio.draw.layout import BACKGROUND, CELL_GAP, FAINT_INK, INK, font, write_png
@@ -35,10 +35,7 @@ def draw_bindings(hierarchy: "Hierarchy", out: Path, up: Sequence[float] = (0.0,
     InputError
         The folder `out` cannot be made.
     """
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"{out} cannot be written: {error.strerror}") from None
+    make_folder(out)
     for level in range(1, len(hierarchy)):
         p = hierarchy.prolongation(level)
         title = f"levels {level - 1} -> {level}, {hierarchy.interpolant}"

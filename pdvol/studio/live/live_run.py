@@ -93,11 +93,3 @@ class LiveRun:
         """The finest level that has a step, `wanted` at most; 0 where none has it."""
         count = self.levels_with(step)
         return max(0, count - 1 if wanted is None else min(wanted, count - 1))
-
-    def last_line(self) -> str:
-        """What the command line said last, without its name."""
-        try:
-            lines = [line for line in self.log.read_text(errors="replace").splitlines() if line.strip()]
-        except OSError:
-            return ""
-        return lines[-1].removeprefix("pdvol: ") if lines else ""

@@ -17,6 +17,7 @@ from pdvol.store.copying import copy_run, require_new
 from pdvol.studio.live.live_run import LiveRun
 from pdvol.studio.live.pool import Pool
 from pdvol.studio.variations.variation import value_text
+from pdvol.studio.variations.worker import last_line
 
 DEBOUNCE = 0.1  # seconds without a further change after which a new run begins
 LONGEST_WAIT = 0.4  # seconds after the first of many changes when a run begins all the same
@@ -194,11 +195,11 @@ class Session:
         run.worker = None
         run.look()
         if code == BAD_INPUT and run.branch is not None and run.steps == 0:
-            note = f"it starts from step 0, because {run.last_line()}"
+            note = f"it starts from step 0, because {last_line(run.log)}"
             self._begin(time.monotonic(), None, note)
             return
         if code != 0:
-            run.state, run.reason = "failed", run.last_line() or f"its process ended with status {code}"
+            run.state, run.reason = "failed", last_line(run.log) or f"its process ended with status {code}"
         elif run.refined >= run.finest:
             run.state = "done"
         else:

@@ -9,7 +9,7 @@ from pdvol.store.reader import Run, open_run
 from pdvol.studio.study.front import cheapest_within, fitted_order, on_front, richardson
 from pdvol.studio.study.plan import STRICTER, Plan
 from pdvol.studio.study.reference import ReferenceStates
-from pdvol.studio.variations.lengths import length
+from pdvol.studio.variations.variation import length
 from pdvol.studio.variations.variation import Variation, number
 
 FITTED = 3  # values, the finest ones, to which an order is fitted

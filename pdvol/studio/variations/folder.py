@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any, TextIO
 
 from pdvol.errors import InputError
-from pdvol.store.files import jsonable, lock, read_json, write_json
+from pdvol.store.files import jsonable, lock, make_folder, read_json, write_json
 
 
 def take_folder(file: Path, number: int, description: dict, empty: Mapping[str, Any]) -> TextIO:
@@ -41,10 +41,7 @@ def take_folder(file: Path, number: int, description: dict, empty: Mapping[str, 
             raise InputError(f"{out} is a file, not a folder")
         if out.exists() and any(path.name != f"{kind}.lock" for path in out.iterdir()):
             raise InputError(f"{out} is not empty and holds no {kind}; choose another folder")
-        try:
-            out.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise InputError(f"{out} cannot be made: {error.strerror}") from error
+        make_folder(out)
     held = lock(out / f"{kind}.lock")
     if held is None:
         raise InputError(f"{out} is used by another pdvol {kind}: wait for it to end, or choose another folder")

@@ -12,6 +12,7 @@ from typing import Protocol
 from pdvol.errors import InputError
 from pdvol.store.folder import holds_run
 from pdvol.store.reader import open_run
+from pdvol.studio.variations.worker import last_line
 
 JOB_POLL = 0.02  # seconds between looks at what runs
 MOST_STARTS = 3  # of a job whose process is killed by others, for want of memory say
@@ -132,16 +133,8 @@ class _Running:
         if code < 0:
             reason = f"its process was killed {self._starts} times (signal {-code})"
         else:
-            reason = self._last_line() or f"it ended with status {code}"
+            reason = last_line(self.log) or f"it ended with status {code}"
         return Outcome(self.job, "failed", reason, seconds, load)
-
-    def _last_line(self) -> str:
-        try:
-            text = self.log.read_text(errors="replace")
-        except OSError:
-            return ""
-        lines = [line for line in text.splitlines() if line.strip()]
-        return lines[-1].removeprefix("pdvol: ") if lines else ""
 
     def stop(self) -> None:
         """Ends it; whole states are kept."""

@@ -133,3 +133,12 @@ class Worker:
     def _signal(self, number: int) -> None:
         with contextlib.suppress(ProcessLookupError):
             os.kill(self._process.pid, number)
+
+
+def last_line(log: Path) -> str:
+    """What a command line said last in its log, without its name."""
+    try:
+        lines = [line for line in log.read_text(errors="replace").splitlines() if line.strip()]
+    except OSError:
+        return ""
+    return lines[-1].removeprefix("pdvol: ") if lines else ""

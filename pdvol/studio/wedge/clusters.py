@@ -68,12 +68,3 @@ def _cut(heights: np.ndarray) -> float:
         return LEAST_GAP * ALIKE
     widest = int(np.argmax(quotients))
     return float(np.sqrt(steps[widest] * steps[widest + 1]))
-
-
-def alike(runs: Sequence[Run], index: int) -> list[tuple[int, float]]:
-    """The other runs in the order in which they end like run `index`: (index, distance in sizes), as `end_distances`
-    has them. Runs that ended early are left out.
-    """
-    row = end_distances(runs)[index]
-    others = [i for i in range(len(runs)) if i != index and not np.isnan(row[i])]
-    return [(i, float(row[i])) for i in sorted(others, key=lambda i: (row[i], i))]

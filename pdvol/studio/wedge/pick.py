@@ -1,17 +1,15 @@
 """One variation of a wedge, taken out as a run of its own and refined; and how near its finer levels stay."""
 
-import os
-import shutil
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from pdvol.errors import InputError
 from pdvol.runs.run_metrics import motion_from_level_0
-from pdvol.store.files import TEMPORARY
+from pdvol.store.copying import copy_run
 from pdvol.store.folder import holds_run
 from pdvol.store.reader import open_run
-from pdvol.studio.variations.lengths import length
+from pdvol.studio.variations.variation import length
 from pdvol.studio.wedge.scored_body import at_level
 from pdvol.studio.wedge.scores import Score
 from pdvol.studio.wedge.wedge import read_wedge
@@ -61,7 +59,9 @@ def take_out(source: Path, out: Path) -> Path:
     Raises
     ------
     InputError
-        `out` holds something else, or cannot be written.
+        `out` holds something else.
+    SimulationError
+        It cannot be written.
     """
     stored = open_run(source)
     if holds_run(out):
@@ -72,14 +72,7 @@ def take_out(source: Path, out: Path) -> Path:
         return out
     if out.exists() and (not out.is_dir() or any(out.iterdir())):
         raise InputError(f"{out} is not empty and holds no run; choose another folder by -o")
-    aside = out.with_name(f".{out.name}{TEMPORARY}")
-    try:
-        shutil.rmtree(aside, ignore_errors=True)
-        out.parent.mkdir(parents=True, exist_ok=True)
-        shutil.copytree(source, aside, ignore=shutil.ignore_patterns("run.lock", f"*{TEMPORARY}"))
-        os.replace(aside, out)
-    except OSError as error:
-        raise InputError(f"{out} cannot be written: {error.strerror or error}") from error
+    copy_run(source, out)
     return out
 
 

@@ -8,8 +8,6 @@ from pdvol.store.reader import Run
 from pdvol.studio.draw.layout import cluster_name
 from pdvol.studio.wedge.wedge import Wedge, group, ordered
 
-WIDEST_REASON = 40  # characters of a reason in a table
-
 
 def default_sort(entries: Sequence[Mapping[str, Any]]) -> str:
     """The first score, or the number where there is none."""

@@ -6,7 +6,7 @@ import pytest
 import runs
 from pdvol import open_run
 from pdvol.store.writer import RunWriter
-from pdvol.studio.wedge.clusters import alike, clusters, end_distances
+from pdvol.studio.wedge.clusters import clusters, end_distances
 
 
 def ending(path, shift, steps=2, stored=2):
@@ -46,10 +46,3 @@ def test_runs_that_ended_early_are_in_none(five, tmp_path):
     short = ending(tmp_path / "short", 0.0, stored=1)
     assert clusters([five[0], short, five[1]]).tolist() == [0, -1, 1]
     assert clusters([short]).tolist() == [-1]
-    assert [i for i, _ in alike([five[0], short, five[1]], 0)] == [2]
-
-
-def test_which_others_look_like_this_one(five):
-    found = alike(five, 0)
-    assert [i for i, _ in found] == [4, 2, 1, 3]
-    assert [d for _, d in found] == sorted(d for _, d in found) and found[0][1] > 0.0
