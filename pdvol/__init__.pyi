@@ -75,9 +75,6 @@ from .scene.motions import (
 from .scene.muscles import (
     Muscle as Muscle,
 )
-from .scene.penalty import (
-    Penalty as Penalty,
-)
 from .scene.placement import (
     Placement as Placement,
 )
@@ -95,6 +92,7 @@ from .scene.scene import (
     Scene as Scene,
 )
 from .scene.solver import (
+    Penalty as Penalty,
     Solver as Solver,
 )
 from .scene.surroundings import (

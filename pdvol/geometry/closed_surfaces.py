@@ -1,10 +1,10 @@
-"""Closed surfaces of bodies: what they enclose, and which of them are cavities."""
+"""Boundaries: what closed ones enclose, which of them are cavities, and a size of all that turning does not change."""
 
 import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from pdvol.geometry.level_mesh import LevelMesh
+from pdvol.geometry.level_mesh import LevelMesh, facet_sizes
 
 
 def enclosed_volume(points: np.ndarray, facets: np.ndarray) -> float:
@@ -61,3 +61,24 @@ def _parts(facets: np.ndarray) -> np.ndarray:
         shape=(count + ridge.max() + 1,) * 2,
     )
     return np.unique(connected_components(graph, directed=False)[1][:count], return_inverse=True)[1]
+
+
+def gyration_diagonal(points: np.ndarray, facets: np.ndarray) -> float:
+    """Diagonal [m] of the box around the sphere (circle in 2D) that has a boundary's radius of gyration. Turning the
+    boundary does not change it; it needs neither an orientation nor to be closed.
+
+    Parameters
+    ----------
+    points : (n, d) [m]
+    facets : (m, d) edges in 2D, triangles in 3D
+    """
+    d = points.shape[1]
+    sizes = facet_sizes(points, facets)
+    fractions = sizes / sizes.sum()
+    corners = points[facets]
+    corners = corners - fractions @ corners.mean(axis=1)
+    sums = corners.sum(axis=1)
+    # Of a facet with corners v_i: the mean of |x|^2 is (sum |v_i|^2 + |sum v_i|^2) / (d (d + 1)).
+    squares = np.einsum("kij,kij->k", corners, corners) + np.einsum("kj,kj->k", sums, sums)
+    radius = np.sqrt(fractions @ squares / (d * (d + 1)))
+    return float(2.0 * np.sqrt(d) * radius)

@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 
 from pdvol.errors import InputError
-from pdvol.geometry.gyration import gyration_diagonal
+from pdvol.geometry.closed_surfaces import gyration_diagonal
 from pdvol.geometry.level_mesh import LevelMesh, boundary_facets
 from pdvol.levels.materials import cell_materials, check_laws
 from pdvol.levels.motions import motion_of

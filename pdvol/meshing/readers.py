@@ -7,9 +7,13 @@ truncated header. What a file really is, is looked at before (`file_kinds.py`). 
 of one line. All reading happens in a child process of limited processor time and memory (`reader_process.py`).
 """
 
+import contextlib
+import io
+import os
 import shutil
+import sys
 import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
@@ -22,7 +26,6 @@ from pdvol.meshing.cpu_budget import check_budget
 from pdvol.meshing.file_kinds import check_kind, converter
 from pdvol.meshing.mesher_process import run_worker
 from pdvol.meshing.reader_process import BASE_SECONDS, BYTES_PER_SECOND, read_in_child_process
-from pdvol.meshing.suppressed_output import suppressed_output
 from pdvol.meshing.surface_files import QUADRATIC, read_obj, read_off, triangles_of, with_trimesh
 from pdvol.meshing.tetgen_files import PAIR, node_and_ele
 from pdvol.meshing.weld import weld_open
@@ -250,3 +253,22 @@ def _with_vtk(path: Path) -> "meshio.Mesh":
         for name, values in labels.items()
     }
     return meshio.Mesh(read["points"], blocks, cell_data=data)
+
+
+@contextlib.contextmanager
+def suppressed_output() -> Iterator[None]:
+    """Discards all that is written to standard output and standard error within the `with` block."""
+    sys.stdout.flush()
+    sys.stderr.flush()
+    saved = [(fd, os.dup(fd)) for fd in (1, 2)]
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    try:
+        for fd, _ in saved:
+            os.dup2(nowhere, fd)
+        with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
+            yield
+    finally:
+        for fd, copy in saved:
+            os.dup2(copy, fd)
+            os.close(copy)
+        os.close(nowhere)

@@ -15,8 +15,8 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 from pdvol.errors import InputError, IntersectionError
+from pdvol.geometry.closed_surfaces import gyration_diagonal
 from pdvol.geometry.crossings import find_crossings
-from pdvol.geometry.gyration import gyration_diagonal
 from pdvol.levels.model import contact_models
 from pdvol.levels.obstacles import Obstacle, placed_obstacles, read_geometry
 from pdvol.levels.space import LevelSpace

@@ -17,10 +17,9 @@ from pdvol.potentials.stress import CauchyStress, von_mises
 from pdvol.runs.scene_file import DEFAULTS, load_shot, stored_file, stored_settings
 from pdvol.scene import Scene
 from pdvol.scene.fingerprint import differences
-from pdvol.store.densities import described_densities
 from pdvol.store.folder import require_scene
 from pdvol.store.reader import Run
-from pdvol.store.series import StepFields
+from pdvol.store.series import StepFields, described_densities
 
 
 class SceneFields:

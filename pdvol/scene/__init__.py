@@ -25,11 +25,10 @@ from pdvol.scene.motions import (
     rotation_matrix,
 )
 from pdvol.scene.muscles import Muscle
-from pdvol.scene.penalty import Penalty
 from pdvol.scene.placement import Placement
 from pdvol.scene.point_caches import PointCache, TakeOver
 from pdvol.scene.poses import Posed
 from pdvol.scene.render_mesh import RenderMesh
 from pdvol.scene.scene import Scene
-from pdvol.scene.solver import Solver
+from pdvol.scene.solver import Penalty, Solver
 from pdvol.scene.surroundings import Deforming, Obstructing, Plane, Rigid, Support

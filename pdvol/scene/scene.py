@@ -12,9 +12,8 @@ from pdvol.scene.contact import Barrier, Friction
 from pdvol.scene.jitter import jittered
 from pdvol.scene.loads import Load
 from pdvol.scene.muscles import Muscle
-from pdvol.scene.penalty import Penalty
 from pdvol.scene.representation import one_line
-from pdvol.scene.solver import Solver
+from pdvol.scene.solver import Penalty, Solver
 from pdvol.scene.surroundings import Obstructing, Support
 
 MOST_STEPS = 10_000_000  # a larger number is a typing error

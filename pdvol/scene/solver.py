@@ -1,4 +1,4 @@
-"""How each incremental potential is minimised."""
+"""The settings of the solver, and of the penalty that holds levels together."""
 
 from dataclasses import dataclass
 
@@ -49,3 +49,31 @@ class Solver:
         )
         positive("Solver.linear_rtol", self.linear_rtol)
         require(self.linear_rtol <= 0.1, f"Solver.linear_rtol = {self.linear_rtol!r} must be at most 0.1")
+
+
+@dataclass(frozen=True)
+class Penalty:
+    """Weights w of w |x - P x_c|^2_M, x_c the coarser level's positions at the end of the step (design, section 2;
+    paper 3.2.3).
+
+    It stands beside the inertia's 1/2 |x - x_hat|^2_M, so w has no unit: w = 0.025 is a twentieth of the inertia. A
+    march that is not named below has no such term.
+
+    Attributes
+    ----------
+    consistency : of the progressive march
+    weight : of tracks
+    """
+
+    consistency: float = 0.0
+    weight: float = 0.0
+    __repr__ = one_line
+
+    def __post_init__(self) -> None:
+        keep_plain(self, "consistency", "weight")
+        finite("Penalty.consistency", self.consistency, 0.0)
+        finite("Penalty.weight", self.weight, 0.0)
+
+    def of(self, method: str) -> float:
+        """The weight that a method's levels are held with."""
+        return {"progressive": self.consistency, "tracks": self.weight}.get(method, 0.0)

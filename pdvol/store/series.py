@@ -1,4 +1,6 @@
-"""The fields that exports write for each step of a level, on its vertices and cells, in the input's order."""
+"""What is known of a stored run beside its states: fields of each step, on vertices and cells in the input's order, and
+densities.
+"""
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
@@ -108,3 +110,19 @@ class Series:
 def in_3d(vectors: np.ndarray) -> np.ndarray:
     """Vectors (n, d) with a zero third component in 2D, shape (n, 3)."""
     return np.pad(np.asarray(vectors), ((0, 0), (0, 3 - np.shape(vectors)[1])))
+
+
+def described_densities(run: Run) -> tuple[list[np.ndarray], str]:
+    """(m,) [kg/m^d] of each level's cells, from the description of the run's bodies, and what that leaves out: empty
+    where it says all. Without a description densities are 1.
+    """
+    note = ""
+    try:
+        described = run.info["description"]["bodies"]
+        bodies = np.array([float(body["material"]["density"]) for body in described])
+        if any(body.get("regions") for body in described):
+            note = "without the scene, masses are those of the bodies' materials outside their regions"
+    except (KeyError, TypeError):
+        note = "the run does not say its bodies' densities: masses are volumes"
+        bodies = np.ones(len(run.info["bodies"]))
+    return [bodies[level.bodies] for level in run.levels], note

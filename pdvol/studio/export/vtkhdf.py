@@ -18,8 +18,7 @@ import numpy as np
 from pdvol.errors import InputError
 from pdvol.store.reader import Run
 from pdvol.store.series import Fields, LevelFields, Series, in_3d, nothing_more
-from pdvol.studio.export.files import written_aside
-from pdvol.studio.export.paraview import write_paraview_script
+from pdvol.studio.export.files import write_paraview_script, written_aside
 from pdvol.studio.export.vtkhdf_steps import write_steps
 
 _CELL_TYPES = {2: 5, 3: 10}  # VTK_TRIANGLE, VTK_TETRA

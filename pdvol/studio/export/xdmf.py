@@ -17,8 +17,7 @@ from pdvol.errors import InputError
 from pdvol.store.files import write_bytes
 from pdvol.store.reader import Run
 from pdvol.store.series import Fields, LevelFields, Series, nothing_more
-from pdvol.studio.export.files import written_aside
-from pdvol.studio.export.paraview import write_paraview_script
+from pdvol.studio.export.files import write_paraview_script, written_aside
 
 _NUMBER_TYPES = {"f": "Float", "i": "Int", "u": "UInt"}
 

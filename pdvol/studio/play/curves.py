@@ -7,8 +7,8 @@ import numpy as np
 
 from pdvol.geometry.level_mesh import lumped_masses
 from pdvol.geometry.rigid_motions import RigidMotions, drift, rigid_motions
-from pdvol.store.densities import described_densities
 from pdvol.store.reader import Run
+from pdvol.store.series import described_densities
 
 GRAPHS = {
     "energy": {"total": "kinetic + elastic + load", "kinetic": "kinetic", "elastic": "elastic", "load": "load"},

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import runs
-from pdvol.studio.wedge.gaps import segment_gaps, surface_gap
+from pdvol.studio.wedge.scored_body import segment_gaps, surface_gap
 
 
 def test_segments_by_sampling():
