@@ -26,13 +26,15 @@ def main(options: Namespace) -> None:
 
 def _run_lines(path: Path, pictures: Path | None) -> list[str]:
     """What a run folder holds; its bindings are drawn into the folder `pictures`, where one is given."""
-    from pdvol.runs.run_summary import binding_lines, run_summary, stored_hierarchy
+    from pdvol.runs.run_summary import binding_lines, run_summary
     from pdvol.store.reader import open_run
 
     run = open_run(path)
     lines = run_summary(run)
     if len(run.levels) == 1 and pictures is None:
         return lines
+    from pdvol.runs.stored_fields import stored_hierarchy  # loads finite elements
+
     hierarchy = stored_hierarchy(run)
     if pictures is not None:
         from pdvol.studio.draw.bindings import draw_bindings

@@ -52,11 +52,9 @@ def main(options: Namespace) -> None:
 
 def _levels(out: Path) -> int:
     """Of the scene of a stored run."""
-    from pdvol.runs.scene_file import load_shot, stored_file, stored_settings
+    from pdvol.runs.scene_file import stored_shot
     from pdvol.stages import stage
     from pdvol.store.reader import open_run
 
-    info = open_run(out).info
-    file = stored_file(info)
-    with stage(f"loading {file}"):
-        return load_shot(file, stored_settings(info["parameters"]), info["steps"]).scene.levels
+    with stage(f"loading the scene of {out}"):
+        return stored_shot(open_run(out).info).scene.levels

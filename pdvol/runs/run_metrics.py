@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from mpi4py import MPI
 
 from pdvol.errors import InputError
 from pdvol.geometry.level_mesh import lumped_masses
@@ -16,7 +15,7 @@ from pdvol.levels.obstacles import Obstacle
 from pdvol.levels.prolongation import Prolongation
 from pdvol.measure import metrics
 from pdvol.runs.run_continuity import PREDICTED_WITH, continuity_of_level, three_states
-from pdvol.runs.stored_fields import level_densities, stored_scene
+from pdvol.runs.stored_fields import level_densities, stored_densities, stored_hierarchy, stored_scene
 from pdvol.scene import Friction, Scene
 from pdvol.stages import say, stage
 from pdvol.store.files import require_writable, write_json
@@ -46,8 +45,7 @@ def measure_run(path: str | Path) -> dict:
     """
     run = open_run(path)
     notes: list[str] = []
-    prolongation = run.info.get("prolongation", "barycentric")
-    hierarchy = Hierarchy([level.mesh for level in run.levels], MPI.COMM_SELF, prolongation)
+    hierarchy = stored_hierarchy(run)
     scene, obstacles = _scene(run, notes)
     densities = level_densities(run, scene, notes)
     levels = []
@@ -74,7 +72,7 @@ def measure_run(path: str | Path) -> dict:
         "run": str(path),
         "dt": run.dt,
         "method": run.info.get("method", ""),
-        "prolongation": prolongation,
+        "prolongation": hierarchy.interpolant,
         "notes": notes,
         "levels": levels,
     }
@@ -119,10 +117,8 @@ def motion_from_level_0(run: Run) -> list[dict[str, Any]]:
         mean square over the mass), and at the end the largest `centre_drift` [m] and `angle_drift` [degrees] of a
         body, which `body` has drifted furthest, and `centre_drifts` [m] by the names of bodies.
     """
-    prolongation = run.info.get("prolongation", "barycentric")
     done = [level for level in run.levels if level.info["state"] == "done" and level.steps]
-    hierarchy = Hierarchy([level.mesh for level in run.levels], MPI.COMM_SELF, prolongation)
-    densities = level_densities(run, _scene(run, [])[0], [])
+    hierarchy, densities = stored_hierarchy(run), stored_densities(run)
     found: list[dict[str, Any]] = []
     for level in done:
         entry: dict[str, Any] = {"level": level.index, "vertices": len(level.rest)}
@@ -144,9 +140,7 @@ def distances_from_below(run: Run) -> dict[int, list[float]]:
     """[m] from each level above 0 to the level below it, prolonged, in every state that both have: root mean squares
     over the mass. It is the `distance` of `measure_run`, without the forces that take most of the time there.
     """
-    prolongation = run.info.get("prolongation", "barycentric")
-    hierarchy = Hierarchy([level.mesh for level in run.levels], MPI.COMM_SELF, prolongation)
-    densities = level_densities(run, _scene(run, [])[0], [])
+    hierarchy, densities = stored_hierarchy(run), stored_densities(run)
     found = {}
     for below, level in itertools.pairwise(run.levels):
         prolong = hierarchy.prolongation(level.index).prolong
@@ -168,7 +162,7 @@ def compare_runs(path: str | Path, other: str | Path) -> list[dict]:
     if run.info.get("bodies") != against.info.get("bodies"):
         raise InputError(f"{path} and {other} hold different bodies; compare runs of one shot")
     found = []
-    densities = [level_densities(r, _scene(r, [])[0], []) for r in (run, against)]
+    densities = [stored_densities(r) for r in (run, against)]
     for level, its in zip(run.levels, against.levels, strict=False):
         states = min(level.steps, its.steps)
         if not states:

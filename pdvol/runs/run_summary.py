@@ -51,15 +51,6 @@ def run_summary(run: Run) -> list[str]:
     return [*lines, *solver_lines(run), *held_back_lines(run)]
 
 
-def stored_hierarchy(run: Run) -> "Hierarchy":
-    """The levels of a stored run and their bindings, on this rank alone."""
-    from mpi4py import MPI
-
-    from pdvol.levels.hierarchy import Hierarchy  # loads finite elements, which a summary does without
-
-    return Hierarchy([level.mesh for level in run.levels], MPI.COMM_SELF, run.info["prolongation"])
-
-
 def binding_lines(hierarchy: "Hierarchy") -> list[str]:
     """One line for each level but the coarsest: how its vertices are bound to the level below, and the size of the
     weights. Collective.

@@ -22,7 +22,7 @@ from pdvol.parallel import on_root
 from pdvol.registry import INTERPOLANTS, METHODS
 from pdvol.runs.level_run import Watch, run_level
 from pdvol.runs.render_meshes import bound_render_meshes, check_render_files
-from pdvol.runs.scene_file import DEFAULTS, Shot, load_shot, stored_file, stored_settings
+from pdvol.runs.scene_file import DEFAULTS, Shot, stored_file, stored_shot
 from pdvol.runs.shared_writer import Export, SharedWriter
 from pdvol.runs.wavefront import march_levels
 from pdvol.scene import Scene
@@ -124,12 +124,12 @@ def refine_run(
     """
     info = on_root(comm, lambda: _scene_info(out))
     try:
-        file = stored_file(info)
+        stored_file(info)
     except InputError as error:
         mend = "; put it back, or use pdvol run --resume with another path" if info["scene_file"] else ""
         raise InputError(f"{out}: {error}{mend}") from error
-    shot = load_shot(file, stored_settings(info["parameters"]), info["steps"])
-    return run_scene(shot, out, 0, last, info["method"], info["prolongation"], True, comm, progress, wavefront, xdmf)
+    shot, how = stored_shot(info), (info["method"], info["prolongation"])
+    return run_scene(shot, out, 0, last, *how, True, comm, progress, wavefront, xdmf)
 
 
 def _scene_info(out: str | Path) -> dict:

@@ -79,14 +79,6 @@ def parse_value(text: str) -> Any:
     return Relative(value) if relative else value
 
 
-def stored_settings(parameters: Mapping) -> dict:
-    """The settings that `run.json` keeps: JSON has no `Relative`, which is an object with a fraction there."""
-    return {
-        name: Relative(value["fraction"]) if isinstance(value, dict) and set(value) == {"fraction"} else value
-        for name, value in parameters.items()
-    }
-
-
 def stored_file(info: Mapping) -> Path:
     """The scene file that `run.json` names.
 
@@ -101,6 +93,15 @@ def stored_file(info: Mapping) -> Path:
     if not Path(file).is_file():
         raise InputError(f"its scene file {file} is gone")
     return Path(file)
+
+
+def stored_shot(info: Mapping) -> Shot:
+    """The shot that `run.json` describes, with its settings and steps; raises as `stored_file` and `load_shot`."""
+    settings = {  # JSON has no `Relative`, which is an object with a fraction there
+        name: Relative(value["fraction"]) if isinstance(value, dict) and set(value) == {"fraction"} else value
+        for name, value in info["parameters"].items()
+    }
+    return load_shot(stored_file(info), settings, info["steps"])
 
 
 def load_shot(file: str | Path, settings: Mapping | None = None, steps: int | None = None) -> Shot:

@@ -14,7 +14,7 @@ from pdvol.levels.obstacles import Obstacle, placed_obstacles
 from pdvol.levels.space import LevelSpace
 from pdvol.potentials.elasticity import Elastic
 from pdvol.potentials.stress import CauchyStress, von_mises
-from pdvol.runs.scene_file import DEFAULTS, load_shot, stored_file, stored_settings
+from pdvol.runs.scene_file import DEFAULTS, stored_shot
 from pdvol.scene import Scene
 from pdvol.scene.fingerprint import differences
 from pdvol.store.folder import require_scene
@@ -92,11 +92,16 @@ def stored_scene(run: Run) -> tuple[Scene, tuple[Obstacle, ...]]:
     """
     info = run.info
     require_scene(run.path, info)
-    shot = load_shot(stored_file(info), stored_settings(info["parameters"]), info["steps"])
+    shot = stored_shot(info)
     changed = differences({**DEFAULTS, **info["description"]}, {**DEFAULTS, **shot.description()})
     if changed:
         raise InputError(f"its scene file has changed ({changed[0]})")
     return shot.scene, placed_obstacles(shot.scene.obstacles)
+
+
+def stored_hierarchy(run: Run) -> Hierarchy:
+    """The levels of a stored run with its own bindings, on this rank alone."""
+    return Hierarchy([level.mesh for level in run.levels], MPI.COMM_SELF, run.info.get("prolongation", "barycentric"))
 
 
 def stored_densities(run: Run) -> list[np.ndarray]:

@@ -25,7 +25,7 @@ from pdvol.levels.model import hierarchy_model
 from pdvol.levels.obstacles import placed_obstacles
 from pdvol.processes import die_with_parent, without_launcher
 from pdvol.runs.level_run import Watch, run_level
-from pdvol.runs.scene_file import load_shot, stored_settings
+from pdvol.runs.scene_file import stored_shot
 from pdvol.runs.shared_writer import SharedWriter
 from pdvol.runs.stage_lines import StageLines
 from pdvol.stages import reported_to
@@ -160,7 +160,7 @@ def _work(path: str, level: int, handle: int) -> None:
     try:
         run = open_run(path)
         info = run.info
-        shot = load_shot(info["scene_file"], stored_settings(info["parameters"]), info["steps"])
+        shot = stored_shot(info)
         hierarchy = Hierarchy([stored.mesh for stored in run.levels[: level + 1]], MPI.COMM_SELF, info["prolongation"])
         model = hierarchy_model(shot.scene, hierarchy, level, info["diagonal"], placed_obstacles(shot.scene.obstacles))
         # On a terminal the bars of all levels are there at once, and lines would tear them apart.

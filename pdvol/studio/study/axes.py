@@ -2,14 +2,13 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 from pdvol.errors import InputError
 from pdvol.registry import INTEGRATORS
 from pdvol.runs.scene_file import Shot, load_shot
 from pdvol.scene import Barrier, Friction, Scene
-from pdvol.studio.variations.variation import Variation, number, times
+from pdvol.studio.variations.variation import Base, Variation, number, times
 from pdvol.studio.variations.vary import parsed_varies
 
 # Factors of the scene's own value, the most telling ones first. Powers of two for the time step: all runs share times.
@@ -62,7 +61,7 @@ def chosen_axes(words: Sequence[str], shot: Shot) -> tuple[list[Axis], bool]:
     InputError
         A name is unknown, the scene lacks what it varies, or it needs values.
     """
-    file = scene_file(shot)
+    file = Base.of(shot).scene
     wanted = _wanted(words) if words else {name: () for name in DEFAULT_AXES if _has(shot.scene, name)}
     axes: list[Axis] = []
     for name, values in wanted.items():
@@ -89,13 +88,6 @@ def _wanted(words: Sequence[str]) -> dict[str, tuple[Any, ...]]:
         if names.count(name) > 1:
             raise InputError(f"--vary names {name} twice")
     return dict.fromkeys(named, ()) | {vary.name: vary.values or tuple(vary.ends or ()) for vary in varies}
-
-
-def scene_file(shot: Shot) -> Path:
-    """The scene's file; InputError where it was made in memory."""
-    if shot.file is None:
-        raise InputError("many runs need a scene file, which their processes load; save the scene as one")
-    return shot.file
 
 
 def base_value(shot: Shot, name: str) -> Any:

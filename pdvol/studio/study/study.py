@@ -16,7 +16,7 @@ from pdvol.runs.scene_file import Shot
 from pdvol.stages import say, stage
 from pdvol.store.files import read_json, write_json
 from pdvol.store.reader import open_run
-from pdvol.studio.study.axes import Axis, base_value, scene_file
+from pdvol.studio.study.axes import Axis, base_value
 from pdvol.studio.study.conclusions import conclusions
 from pdvol.studio.study.plan import LEVEL_SHARE, REFERENCE, Plan, Wanted, finest_level
 from pdvol.studio.study.reference import ReferenceStates, cost
@@ -62,7 +62,7 @@ class Study:
         self.shot, self.out, self.jobs, self.budget = shot, out, jobs, budget
         self.begin = time.monotonic()
         scene = shot.scene
-        self.base = Base(scene_file(shot), tuple(shot.parameters.items()), scene.steps * scene.dt, scene.dt)
+        self.base = Base.of(shot)
         self.size = scene_diagonal(scene)
         values = {name: base_value(shot, name) for name in ("dt", "tolerance")} | {a.name: a.base for a in axes}
         speed = float(f"{JITTER_SHARE * self.size / self.base.duration:.6g}")

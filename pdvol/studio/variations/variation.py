@@ -7,7 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from pdvol.runs.scene_file import parse_value
+from pdvol.errors import InputError
+from pdvol.runs.scene_file import Shot, parse_value
 from pdvol.scene import Relative
 
 LONGEST_FOLDER_NAME = 120  # characters of a folder's name: file systems allow 255 bytes
@@ -29,6 +30,14 @@ class Base:
     settings: tuple[tuple[str, Any], ...]
     duration: float
     dt: float
+
+    @classmethod
+    def of(cls, shot: Shot) -> "Base":
+        """That of a shot; InputError where it was made in memory."""
+        if shot.file is None:
+            raise InputError("many runs need a scene file, which their processes load; save the scene as one")
+        scene = shot.scene
+        return cls(shot.file, tuple(shot.parameters.items()), scene.steps * scene.dt, scene.dt)
 
 
 @dataclass(frozen=True)

@@ -40,11 +40,7 @@ class Wedge:
     """
 
     def __init__(self, shot: Shot, out: Path, scores: Mapping[str, Score] | None = None):
-        if shot.file is None:
-            raise InputError("many runs need a scene file, which their processes load; save the scene as one")
-        self.shot, self.scene_file, self.out, self.scores = shot, shot.file, out.absolute(), dict(scores or {})
-        scene = shot.scene
-        self.base = Base(shot.file, tuple(shot.parameters.items()), scene.steps * scene.dt, scene.dt)
+        self.shot, self.base, self.out, self.scores = shot, Base.of(shot), out.absolute(), dict(scores or {})
         self.entries: list[dict[str, Any]] = []
         self.best: dict[str, Any] | None = None
         self._vary: list[str] = []
@@ -71,7 +67,7 @@ class Wedge:
             It belongs to another scene, holds other files, cannot be made, or is in use.
         """
         description = {"scene": self.shot.description(), "steps": self.shot.scene.steps}
-        held = take_folder(self.file, WEDGE_FORMAT, description, {"scene": str(self.scene_file), "variations": []})
+        held = take_folder(self.file, WEDGE_FORMAT, description, {"scene": str(self.base.scene), "variations": []})
         try:
             stored = read_json(self.file)
             self._vary, self.best = list(stored.get("vary", [])), stored.get("best")
@@ -97,7 +93,7 @@ class Wedge:
             The scene has no such parameter, or there are too many variations.
         """
         names = dict.fromkeys(name for variation in variations for name, _ in variation.changes)
-        check_names(self.scene_file, names)  # a wrong name is an error now, a wrong value a failed variation
+        check_names(self.base.scene, names)  # a wrong name is an error now, a wrong value a failed variation
         new = [variation for variation in variations if variation.name not in self._numbers]
         if len(self.entries) + len(new) > MOST_VARIATIONS:
             raise InputError(f"{self.out} would hold more than {MOST_VARIATIONS} variations; choose another folder")
@@ -111,7 +107,7 @@ class Wedge:
         """The run of a variation."""
         entry = self.entries[number]
         variation = Variation.from_json({"changes": entry["changes"], "method": "progressive"})
-        words = [str(self.scene_file), *variation.words(self.base, "0:0")]
+        words = [str(self.base.scene), *variation.words(self.base, "0:0")]
         return Job(entry["name"], words, self.run_folder(entry["name"]), range(1), variation.steps(self.base))
 
     def missing(self, numbers: Sequence[int]) -> list[Job]:
@@ -175,7 +171,7 @@ class Wedge:
             {
                 "format": WEDGE_FORMAT,
                 "description": {"scene": self.shot.description(), "steps": self.shot.scene.steps},
-                "scene": str(self.scene_file),
+                "scene": str(self.base.scene),
                 "settings": {name: value_text(value) for name, value in self.base.settings},
                 "steps": self.shot.scene.steps,
                 "vary": self._vary,
