@@ -24,11 +24,31 @@ def add_settings(parser: ArgumentParser) -> None:
     )
 
 
-def add_new_run(parser: ArgumentParser, ending: str = "") -> None:
-    """The scene, its settings, and the run folder to write."""
+def add_shot(parser: ArgumentParser) -> None:
+    """The scene, its settings and its number of steps, for `chosen_shot`."""
     parser.add_argument("scene", type=Path, metavar="SCENE.py")
     add_settings(parser)
     parser.add_argument("--steps", type=int, help="number of time steps, instead of the scene's")
+
+
+def add_jobs(parser: ArgumentParser) -> None:
+    """`--jobs N`, for `chosen_jobs`."""
+    parser.add_argument("--jobs", default="", metavar="N", help="runs at a time here (default: one per core)")
+
+
+def chosen_jobs(options: Namespace) -> int:
+    """How many runs `--jobs` allows at a time; InputError where it is no number from 1 on."""
+    from pdvol.studio.variations.executors import cores
+
+    jobs = whole_number("--jobs", options.jobs) if options.jobs else cores()
+    if jobs < 1:
+        raise InputError("--jobs 0: give at least 1")
+    return jobs
+
+
+def add_new_run(parser: ArgumentParser, ending: str = "") -> None:
+    """The scene, its settings, and the run folder to write."""
+    add_shot(parser)
     parser.add_argument("--out", type=Path, help=f"run folder (default: runs/NAME{ending})")
     parser.add_argument("--resume", action="store_true", help="go on with the run in that folder")
 

@@ -5,7 +5,7 @@ from argparse import ArgumentParser, Namespace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pdvol.commands.options import add_levels, add_settings, chosen_shot, level_range, whole_number
+from pdvol.commands.options import add_jobs, add_levels, add_shot, chosen_jobs, chosen_shot, level_range
 from pdvol.errors import InputError
 
 if TYPE_CHECKING:
@@ -17,7 +17,7 @@ BUDGET = 10.0  # minutes: enough for the scenes in demos/ on their coarse levels
 
 def add_arguments(parser: ArgumentParser) -> None:
     """The options of `pdvol study`."""
-    parser.add_argument("scene", type=Path, metavar="SCENE.py")
+    add_shot(parser)
     parser.add_argument("-o", "--out", type=Path, required=True, metavar="DIR", help="folder of the study")
     parser.add_argument(
         "--vary",
@@ -31,24 +31,19 @@ def add_arguments(parser: ArgumentParser) -> None:
         "--reference", default="", metavar="NAME=VALUE,...", help="settings of the reference (default: by the budget)"
     )
     parser.add_argument("--budget", type=float, default=BUDGET, metavar="MINUTES", help=f"default: {BUDGET:g}")
-    parser.add_argument("--jobs", default="", metavar="N", help="runs at a time (default: one per core)")
+    add_jobs(parser)
     parser.add_argument("--method", default="", choices=("progressive", "direct"), help="of the scene's own settings")
-    parser.add_argument("--steps", type=int, help="number of time steps, instead of the scene's")
     add_levels(parser)
-    add_settings(parser)
 
 
 def main(options: Namespace) -> None:
     """Run the study, write study.json and study.html, print the sentences."""
     from pdvol.studio.study.axes import chosen_axes
     from pdvol.studio.study.study import Study
-    from pdvol.studio.variations.executors import cores
 
     if not options.budget > 0.0:
         raise InputError(f"--budget {options.budget:g}: give minutes above zero")
-    jobs = whole_number("--jobs", options.jobs) if options.jobs else cores()
-    if jobs < 1:
-        raise InputError("--jobs 0: give at least 1")
+    jobs = chosen_jobs(options)
     shot = chosen_shot(options)
     first, last = level_range(options.levels)
     if first != 0:

@@ -6,7 +6,7 @@ from argparse import ArgumentParser, Namespace, RawDescriptionHelpFormatter
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pdvol.commands.options import add_settings, chosen_shot, whole_number
+from pdvol.commands.options import add_jobs, add_shot, chosen_jobs, chosen_shot, whole_number
 from pdvol.errors import InputError
 
 if TYPE_CHECKING:
@@ -29,7 +29,7 @@ def add_arguments(parser: ArgumentParser) -> None:
     """The options of `pdvol wedge`."""
     parser.formatter_class = RawDescriptionHelpFormatter
     parser.epilog = EPILOG
-    parser.add_argument("scene", type=Path, metavar="SCENE.py")
+    add_shot(parser)
     parser.add_argument("-o", "--out", type=Path, required=True, metavar="DIR", help="folder of the wedge")
     parser.add_argument(
         "--vary",
@@ -47,7 +47,7 @@ def add_arguments(parser: ArgumentParser) -> None:
         help="add a small random velocity [m/s] to each body's initial one, another in each variation",
     )
     parser.add_argument("--seed", default="0", metavar="N", help="of --sample and --seek (default: 0)")
-    parser.add_argument("--jobs", default="", metavar="N", help="runs at a time here (default: one per core)")
+    add_jobs(parser)
     parser.add_argument(
         "--executor", default="local", metavar="HOW", help="local (default), dask=tcp://HOST:PORT, or print"
     )
@@ -67,8 +67,6 @@ def add_arguments(parser: ArgumentParser) -> None:
         "--budget", type=float, metavar="MINUTES", help=f"at most, of --seek (default: {SEEK_BUDGET:g})"
     )
     parser.add_argument("--goal", type=float, metavar="SCORE", help="end --seek with the first score as large as this")
-    parser.add_argument("--steps", type=int, help="number of time steps, instead of the scene's")
-    add_settings(parser)
 
 
 def main(options: Namespace) -> int:
@@ -82,16 +80,13 @@ def main(options: Namespace) -> int:
 
 
 def _make(options: Namespace) -> None:
-    from pdvol.studio.variations.executors import cores
     from pdvol.studio.variations.vary import parsed_varies
     from pdvol.studio.wedge.farm import PRINT, chosen_executor
     from pdvol.studio.wedge.results import write_results
     from pdvol.studio.wedge.sampling import TAKEN
     from pdvol.studio.wedge.wedge import Wedge
 
-    jobs = whole_number("--jobs", options.jobs) if options.jobs else cores()
-    if jobs < 1:
-        raise InputError("--jobs 0: give at least 1")
+    jobs = chosen_jobs(options)
     _check_seek(options)
     shot, varies = chosen_shot(options), parsed_varies(options.vary, TAKEN)
     texts = [*([options.seek] if options.seek else []), *(text for text in options.score if text != options.seek)]
