@@ -1,4 +1,6 @@
-"""What pictures, exports and pages share: the colours of bodies, obstacles and ground, the way up, loops of edges."""
+"""What pictures, exports and pages share: the colours of bodies, obstacles and ground, the way up, pieces of planes and
+loops of edges.
+"""
 
 from collections.abc import Sequence
 
@@ -6,10 +8,12 @@ import numpy as np
 
 from pdvol.store.obstacles import DrawnObstacle
 from pdvol.store.reader import Run
+from pdvol.store.series import in_3d
 
 GROUND = "#e6e1d8"  # half-spaces
 OBSTACLE = "#c9ccd2"  # rigid obstacles
 PALETTE = ("#f08a67", "#56a3b5", "#f0bd4f", "#8f80c4", "#7fb685", "#e48fb0", "#6b8fc7", "#b98b6a")  # bodies, levels
+SMOOTH_FROM = 1500  # facets of a body: with fewer, single facets are shown, so that a coarse level looks coarse
 
 
 def linear_colour(code: str) -> tuple[float, float, float]:
@@ -44,6 +48,39 @@ def upward_in_3d(run: Run) -> np.ndarray:
     """(3,) the unit vector up in pictures and exports: y in 2D."""
     up = upward(run)
     return up if len(up) == 3 else np.array([0.0, 1.0, 0.0])
+
+
+def across(normal: np.ndarray) -> np.ndarray:
+    """The axis that a plane's quad is aligned with: the one that is most nearly within the plane."""
+    return np.eye(len(normal))[int(np.argmin(np.abs(normal)))]
+
+
+def plane_piece(
+    point: np.ndarray, normal: np.ndarray, middle: np.ndarray, axis: np.ndarray, reach: float
+) -> np.ndarray:
+    """Corners (4, 3) [m] of a square piece of a plane; in 2D of a rectangle of the half-space behind the line, whose
+    first and last corners are on the line.
+
+    Parameters
+    ----------
+    point, normal : (d,) of the plane
+    middle : (3,) [m] the piece lies about the point of the plane that is nearest to it
+    axis : (d,) the direction that the square is aligned with
+    reach : half the length of a side [m]
+    """
+    d = len(normal)
+    centre = middle[:d] - ((middle[:d] - point) @ normal) * normal
+    if d == 2:
+        along = np.array([normal[1], -normal[0]])
+        corners = [centre - reach * along, centre - reach * (along + normal)]
+        corners += [centre + reach * (along - normal), centre + reach * along]
+        return in_3d(np.array(corners))
+    e0 = axis - (axis @ normal) * normal
+    if np.linalg.norm(e0) < 0.1:  # it has turned until the axis stands across it
+        e0 = across(normal) - (across(normal) @ normal) * normal
+    e0 /= np.linalg.norm(e0)
+    e1 = np.cross(normal, e0)
+    return centre + reach * np.array([-e0 - e1, e0 - e1, e0 + e1, -e0 + e1])
 
 
 def closed_loops(edges: np.ndarray) -> list[list[int]]:

@@ -16,9 +16,8 @@ from pdvol.studio.draw.camera import Camera
 from pdvol.studio.draw.contact_shadows import shadow_map
 from pdvol.studio.draw.cut import Cut
 from pdvol.studio.draw.layout import BACKGROUND, FAINT_INK, font
-from pdvol.studio.shown import GROUND, OBSTACLE, PALETTE, closed_loops
+from pdvol.studio.shown import GROUND, OBSTACLE, PALETTE, SMOOTH_FROM, closed_loops
 
-_SMOOTH_FROM = 1500  # facets of a body: with fewer, single facets are shown, so that a coarse level looks coarse
 _MATERIAL = {"ambient": 0.42, "diffuse": 0.8, "specular": 0.14, "specular_power": 18}  # of bodies and obstacles in 3D
 
 
@@ -156,7 +155,7 @@ class Renderer:
         mine = level.surface[level.mesh.point_bodies[level.surface[:, 0]] == body]
         colour = pv.Color(PALETTE[body % len(PALETTE)])
         edges = float(np.clip(12.0 / np.sqrt(len(mine)), 0.15, 0.5))  # many edges must not blacken the body
-        points, smooth = positions, len(mine) >= _SMOOTH_FROM
+        points, smooth = positions, len(mine) >= SMOOTH_FROM
         if self._cut is not None and self._cut.through(str(self.run.info["bodies"][body]), True):
             points, mine = self._cut.solid(positions, level.cells[level.bodies == body], self._view.towards)
         self._add_surface(points, mine, colour, smooth, edges)

@@ -16,7 +16,7 @@ from pdvol.store.obstacles import DrawnObstacle
 from pdvol.store.reader import Run, RunLevel
 from pdvol.store.render_meshes import StoredRender
 from pdvol.store.series import in_3d
-from pdvol.studio.shown import GROUND, OBSTACLE, PALETTE, closed_loops
+from pdvol.studio.shown import GROUND, OBSTACLE, PALETTE, across, closed_loops, plane_piece
 
 PLANE_REACH = 1.5  # half the side of a plane's quad, as a multiple of the diagonal of the box that the bodies pass
 OUTLINE_WIDTH = 0.005  # width of an open polyline, as a multiple of the same diagonal
@@ -137,9 +137,9 @@ def _obstacle(run: Run, level: RunLevel, i: int, name: str, middle: np.ndarray, 
 
     if obstacle.kind == "plane":
         moves = obstacle.arrays["point"].ndim == 2 or obstacle.arrays["normal"].ndim == 2
-        along = _across(obstacle.plane(0)[1])
+        along = across(obstacle.plane(0)[1])
         reach = PLANE_REACH * size
-        at = lambda step: _quad(*placed(step).plane(step), middle, along, reach)
+        at = lambda step: plane_piece(*placed(step).plane(step), middle, along, reach)
         faces: Faces = [[0, 1, 2, 3]]
     else:
         moves = "positions" in obstacle.arrays
@@ -179,28 +179,6 @@ def _polyline_faces(arrays: dict[str, np.ndarray], width: float) -> tuple[Faces,
         return np.stack([a + side, b + side, b - side, a - side], axis=1).reshape(-1, 3)
 
     return np.arange(4 * len(edges)).reshape(-1, 4), ribbon
-
-
-def _across(normal: np.ndarray) -> np.ndarray:
-    """The axis that a plane's quad is aligned with: the one that is most nearly within the plane."""
-    return np.eye(len(normal))[int(np.argmin(np.abs(normal)))]
-
-
-def _quad(point: np.ndarray, normal: np.ndarray, middle: np.ndarray, axis: np.ndarray, reach: float) -> np.ndarray:
-    """Corners (4, 3) of a piece of a plane below the bodies; in 2D a piece of the half-space behind the line."""
-    d = len(normal)
-    centre = middle[:d] - ((middle[:d] - point) @ normal) * normal
-    if d == 2:
-        along = np.array([normal[1], -normal[0]])
-        corners = [centre - reach * along, centre - reach * (along + normal)]
-        corners += [centre + reach * (along - normal), centre + reach * along]
-        return in_3d(np.array(corners))
-    e0 = axis - (axis @ normal) * normal
-    if np.linalg.norm(e0) < 0.1:  # it has turned until the axis stands across it
-        e0 = _across(normal) - (_across(normal) @ normal) * normal
-    e0 /= np.linalg.norm(e0)
-    e1 = np.cross(normal, e0)
-    return centre + reach * np.array([-e0 - e1, e0 - e1, e0 + e1, -e0 + e1])
 
 
 def _passed_box(level: RunLevel) -> tuple[np.ndarray, np.ndarray]:

@@ -10,9 +10,8 @@ from pdvol.store.obstacles import DrawnObstacle
 from pdvol.store.reader import Run
 from pdvol.store.series import in_3d
 from pdvol.studio.draw.camera import Camera, fitted_camera
-from pdvol.studio.shown import GROUND, OBSTACLE, PALETTE, closed_loops, upward_in_3d
+from pdvol.studio.shown import GROUND, OBSTACLE, PALETTE, SMOOTH_FROM, across, closed_loops, plane_piece, upward_in_3d
 
-SMOOTH_FROM = 1500  # facets of a body: with fewer, single facets are shown, so that a coarse level looks coarse
 SURROUNDINGS = 1.5  # diagonals of the bodies within which obstacles count for the camera
 PLANE_SIZE = 4.0  # half the side of the square that stands for a plane, over the size of the content
 LAYER = 0.002  # between drawings of a 2D scene that lie over each other, over the size of the content
@@ -92,8 +91,12 @@ class Frames:
     def _obstacle(self, number: int, obstacle: DrawnObstacle, step: int) -> list[Shape]:
         name, size = f"obstacle {number}", self._size
         if obstacle.kind == "plane":
-            point, normal = (in_3d(v[None])[0] for v in obstacle.plane(step))
-            return (_half_space if self._flat else _square)(name, point, normal, size, self._middle)
+            point, normal = obstacle.plane(step)
+            corners = plane_piece(point, normal, self._middle, across(normal), PLANE_SIZE * size)
+            if not self._flat:
+                return [Shape(name, corners.astype(np.float32), SQUARE, rgb(GROUND))]
+            edge = _line(f"{name} edge", corners, np.array([[0, 3]]), darker(rgb(GROUND), 0.7), 0.0)
+            return [Shape(name, _shifted(corners, -2 * LAYER * size), SQUARE, rgb(GROUND), lit=False), edge]
         if obstacle.kind == "mesh":
             points, faces = obstacle.vertices(step).astype(np.float32), obstacle.arrays["faces"]
             opacity = float(obstacle.arrays.get("opacity", 1.0))
@@ -143,24 +146,6 @@ def _cut(obstacle: DrawnObstacle) -> np.ndarray:
         return cut_faces(obstacle.vertices(0), closed_loops(obstacle.arrays["edges"]))
     except ValueError:  # a long outline that is not convex: its line is drawn
         return np.empty((0, 3), dtype=int)
-
-
-def _half_space(name: str, point: np.ndarray, normal: np.ndarray, size: float, middle: np.ndarray) -> list[Shape]:
-    along, half = np.array([-normal[1], normal[0], 0.0]), PLANE_SIZE * size
-    centre = middle - ((middle - point) @ normal) * normal
-    ends = [centre - half * along, centre + half * along]
-    points = np.array([*ends, ends[1] - 2 * half * normal, ends[0] - 2 * half * normal])
-    line = _line(f"{name} edge", points, np.array([[0, 1]]), darker(rgb(GROUND), 0.7), 0.0)
-    return [Shape(name, _shifted(points, -2 * LAYER * size), SQUARE, rgb(GROUND), lit=False), line]
-
-
-def _square(name: str, point: np.ndarray, normal: np.ndarray, size: float, middle: np.ndarray) -> list[Shape]:
-    centre = middle - ((middle - point) @ normal) * normal
-    one = np.cross(np.eye(3)[np.argmin(np.abs(normal))], normal)
-    one /= np.linalg.norm(one)
-    two, half = np.cross(normal, one), PLANE_SIZE * size
-    corners = centre + half * np.array([-one - two, one - two, one + two, -one + two])
-    return [Shape(name, corners.astype(np.float32), SQUARE, rgb(GROUND))]
 
 
 def _line(name: str, points: np.ndarray, segments: np.ndarray, colour: tuple[int, int, int], raised: float) -> Shape:
