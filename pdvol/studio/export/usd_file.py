@@ -9,7 +9,7 @@ from typing import Any
 
 from pdvol.errors import SimulationError
 from pdvol.store.files import TEMPORARY
-from pdvol.studio.export.files import failure_reason, made_folder
+from pdvol.studio.export.files import failure_reason
 
 UNSAVED_BYTES = 16_000_000  # of samples that wait in memory: each save writes the list of all samples anew
 
@@ -52,7 +52,10 @@ def usd_file(path: Path) -> Iterator[UsdFile]:
     # USD refuses the name of a layer that an earlier error in this process still holds.
     asides = (path.with_name(f".{path.stem}{TEMPORARY}{number or ''}.usdc") for number in count())
     aside = next(place for place in asides if not Sdf.Layer.Find(str(place)))
-    made_folder(path.parent)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise SimulationError(f"cannot write {path}: {error.strerror}") from error
     try:
         file = UsdFile(Usd.Stage.CreateNew(str(aside)))
         yield file
