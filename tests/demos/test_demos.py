@@ -11,6 +11,7 @@ from demos.gallery.shown import ENTRIES
 from pdvol import Scene, open_run
 from pdvol.cli import run
 from pdvol.measure.verify import verify_run
+from pdvol.runs.scene_file import load_module
 
 ROOT = Path(__file__).resolve().parents[2]
 OWN_LOOPS = {"own_energy"}  # have no scene but a time loop of their own: tests/api/test_own_energy.py runs them
@@ -112,7 +113,9 @@ def test_heterogeneous(tmp_path):
     # The letters are 0.05 m above the bed here: met at step 5 at a fiftieth of a second each.
     steps = 12
     stored = simulated("heterogeneous", tmp_path / "run", steps, vertices=(25, 50), drop=0.1, dt=0.02)
-    moduli = {body.name: body.material.young for body in load_module(ROOT / "demos" / "heterogeneous.py").scene().bodies}
+    moduli = {
+        body.name: body.material.young for body in load_module(ROOT / "demos" / "heterogeneous.py").scene().bodies
+    }
     assert [moduli[name] for name in ("worm", "propeller", "A", "B", "C")] == [2e4, 2e10, 4e4, 5e5, 6e6]
     # The propeller keeps its shape to a ten-thousandth, on every level: a body of 2e10 Pa is rigid.
     for level in stored.levels:

@@ -9,8 +9,7 @@ from pdvol.store.reader import Run, open_run
 from pdvol.studio.study.front import cheapest_within, fitted_order, on_front, richardson
 from pdvol.studio.study.plan import STRICTER, Plan
 from pdvol.studio.study.reference import ReferenceStates
-from pdvol.studio.variations.variation import length
-from pdvol.studio.variations.variation import Variation, number
+from pdvol.studio.variations.variation import Variation, length, number
 
 FITTED = 3  # values, the finest ones, to which an order is fitted
 CHAOTIC = 10.0  # times by which jitter may grow until the end: more, and the end follows from chance
