@@ -83,7 +83,7 @@ class PairList:
         self._reference: tuple[np.ndarray, np.ndarray | None] | None = None  # start, and what it moves by
         self._known: list[tuple] = []  # of `_shapes_at`: the two places asked about last, and the shapes there
         self._covered: np.ndarray | None = None  # one array that the list is known to be complete at
-        self._buffers: np.ndarray = np.zeros((len(numbers), len(numbers)))
+        self._spare: np.ndarray = np.zeros((len(numbers), len(numbers)))
         self._way: tuple[np.ndarray, np.ndarray]  # of the bounds, from and to
         self.c = ffi.new("pairs_t *")
         self._make_room(1024, 1024)
@@ -197,7 +197,7 @@ class PairList:
             pointer(sizes),
         )
         between = np.linalg.norm(drift[:, None] - drift, axis=2) + sizes[:, None] + sizes
-        return bool(np.all((between <= self._buffers) | ~self._allowed))
+        return bool(np.all((between <= self._spare) | ~self._allowed))
 
     @property
     def _distance(self) -> float:
@@ -228,7 +228,7 @@ class PairList:
         self._fit(start, end)
         apart = self._apart()
         near = apart <= self._distance
-        self._buffers = np.where(near, 2.0 * self._slack, apart - self.reach)
+        self._spare = np.where(near, 2.0 * self._slack, apart - self.reach)
         meets = self._allowed & near
         self.searches += 1
         fits = False
