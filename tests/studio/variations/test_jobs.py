@@ -56,7 +56,7 @@ def test_each_job_ends_as_its_run_does(scene, executor):
 
 def test_what_runs_at_the_deadline_is_stopped_and_can_go_on(scene, executor):
     long = job(scene, "long", steps=100_000)
-    (outcome,) = run_jobs(in_turn(long), executor, time.monotonic() + 6.0)
+    (outcome,) = run_jobs(in_turn(long), executor, time.monotonic() + 3.0)
     assert outcome.state == "stopped" and stored_outcome(long) is None
     if not (long.out / "run.json").exists():
         return  # a busy machine did not come as far
@@ -66,7 +66,7 @@ def test_what_runs_at_the_deadline_is_stopped_and_can_go_on(scene, executor):
 
 
 def test_a_job_whose_worker_is_killed_is_run_again(scene):
-    workers, hurt = Workers(2), job(scene, "hurt", steps=400)
+    workers, hurt = Workers(2), job(scene, "hurt", steps=150)
     killed = []
 
     def choose(running, left):
@@ -81,10 +81,10 @@ def test_a_job_whose_worker_is_killed_is_run_again(scene):
     outcomes = list(run_jobs(choose, workers))
     workers.close()
     assert [outcome.state for outcome in outcomes] == ["done"] and len(killed) == 1
-    other = job(scene, "unhurt", steps=400)
+    other = job(scene, "unhurt", steps=150)
     (outcome,) = run_jobs(in_turn(other), Processes(1))
     for level, its in zip(open_run(hurt.out).levels, open_run(other.out).levels, strict=True):
-        np.testing.assert_array_equal(level.positions(400), its.positions(400))
+        np.testing.assert_array_equal(level.positions(150), its.positions(150))
 
 
 class Deadly:
