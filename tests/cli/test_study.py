@@ -181,6 +181,7 @@ def test_another_scene_or_a_full_folder_is_refused(folder, tmp_path, capsys):
     assert "not empty" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_a_killed_study_goes_on_and_gives_the_same_points(folder, tmp_path):
     shutil.copy(folder / "fall.py", tmp_path / "fall.py")
     words = [*PDVOL, "study", tmp_path / "fall.py", "-o", tmp_path / "s", *map(str, WORDS)]
@@ -199,6 +200,7 @@ def test_a_killed_study_goes_on_and_gives_the_same_points(folder, tmp_path):
         assert mine[key] == before[key]
 
 
+@pytest.mark.slow
 def test_options_of_every_axis_reach_the_runs(tmp_path):
     """An unchanged scene, whose named settings are stored in run.json."""
     write(tmp_path / "fall.py", FALL)
