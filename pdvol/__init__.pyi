@@ -18,6 +18,19 @@ from .errors import (
 from .studio.wedge.api import (
     wedge as wedge,
 )
+from .integrate.integrator import (
+    Integrator as Integrator,
+    State as State,
+)
+from .integrate.stepper import (
+    Stepper as Stepper,
+)
+from .levels.model import (
+    LevelModel as LevelModel,
+)
+from .levels.space import (
+    LevelSpace as LevelSpace,
+)
 from .meshes import (
     Outline as Outline,
     RenderSurface as RenderSurface,
@@ -27,8 +40,20 @@ from .meshes import (
 from .meshing.point_caches import (
     cached_surface as cached_surface,
 )
+from .potentials.assembly.hessian_blocks import (
+    HessianBlocks as HessianBlocks,
+)
+from .potentials.potential import (
+    Positions as Positions,
+    Term as Term,
+)
 from .runs.api import (
     run as run,
+)
+from .runs.march import (
+    March as March,
+    Step as Step,
+    march as march,
 )
 from .runs.own_energy import (
     Contact as Contact,

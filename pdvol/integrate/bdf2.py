@@ -18,7 +18,6 @@ _FIRST = ImplicitEuler()
 class BDF2:
     """An integrator for the direct march."""
 
-    name = "bdf2"
     states = 2
 
     def predict(self, past: Past, dt: float) -> np.ndarray:

@@ -30,13 +30,14 @@ Past = tuple[State, ...]
 class Integrator(Protocol):
     """An integrator with constant steps.
 
+    An object of a user's own may take part where it has these four (`pdvol.march`). One object serves all levels, so it
+    keeps nothing of a step.
+
     Attributes
     ----------
-    name : as the registry has it
-    states : how many past states it uses
+    states : how many past states it uses; it begins with fewer
     """
 
-    name: str
     states: int
 
     def predict(self, past: Past, dt: float) -> np.ndarray:
@@ -55,7 +56,6 @@ class ImplicitEuler:
     It is the integrator of all marches.
     """
 
-    name = "implicit_euler"
     states = 1
 
     def predict(self, past: Past, dt: float) -> np.ndarray:

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from pdvol.integrate.integrator import Past, State, advance
+from pdvol.integrate.integrator import ImplicitEuler, Past, State, advance
 from pdvol.integrate.stepper import Stepper
 from pdvol.levels.prolongation import Prolongation
 from pdvol.potentials.consistency import Guide
@@ -45,6 +45,7 @@ def direct(stepper: Stepper, start: Start, steps: int) -> Iterator[StepReport]:
     for number in range(start.step + 1, steps + 1):
         report = stepper.step(number, past)
         past = advance(stepper.integrator, past, report.positions, stepper.model.dt, report.joined)
+        report.velocity = past[0].velocity
         yield report
 
 
@@ -61,12 +62,13 @@ def progressive(
     ----------
     coarse_velocity : step t -> (x_c^t - x_c^{t-1}) / dt, shape (n_coarse, d); the initial velocity for t = 0
     """
-    positions = start.past[0].positions
+    past = start.past
     stepper.go_on_from(start.record)
     for number in range(start.step + 1, steps + 1):
         velocity = prolongation.prolong(coarse_velocity(number - 1))
-        report = stepper.step(number, (State(positions, velocity),), keeps_velocity=False)
-        positions = report.positions
+        report = stepper.step(number, (State(past[0].positions, velocity),), keeps_velocity=False)
+        past = advance(stepper.integrator, past, report.positions, stepper.model.dt, report.joined)
+        report.velocity = past[0].velocity
         yield report
 
 
@@ -99,11 +101,13 @@ def embedded(
     coarse_positions : step t -> x_c^t (n_coarse, d) [m]
     count : positions (n, d) [m] and time [s] -> number of intersections there
     """
-    watch = Stopwatch()
+    watch, past = Stopwatch(), start.past
     for number in range(start.step + 1, steps + 1):
-        report = EmbeddedReport(level, number, number * dt, start.past[0].positions, reason="EMBEDDED")
+        report = EmbeddedReport(level, number, number * dt, past[0].positions, past[0].velocity, reason="EMBEDDED")
         with watch.part("total"):
             report.positions = prolongation.prolong(coarse_positions(number))
+            past = advance(ImplicitEuler(), past, report.positions, dt)
+            report.velocity = past[0].velocity
             with watch.part("ccd"):
                 report.intersections = count(report.positions, report.time)
         report.seconds, report.peak_memory_mb = watch.report(), peak_memory(prolongation.fine.comm)

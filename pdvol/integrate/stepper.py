@@ -17,7 +17,7 @@ from pdvol.integrate.scripted_motion import ScriptedMotion
 from pdvol.levels.model import LevelModel
 from pdvol.levels.script import Script
 from pdvol.levels.space import LevelSpace
-from pdvol.potentials.build import build_terms
+from pdvol.potentials.build import MakeTerm, build_terms
 from pdvol.potentials.consistency import Guide
 from pdvol.potentials.potential import MIN_GAP_SHARE, SCRIPTED_GAP_SHARE, Positions
 from pdvol.solve.incremental_potential import IncrementalPotential
@@ -36,6 +36,8 @@ class Stepper:
     guides : guides that hold the level to the coarser one, if any
     integrator : Integrator
     feedback : of the drift from the coarser level, if any
+    terms : make further terms of the energy; with any, no step is held at rest, since they may change at any time
+    forces : whether reports have the terms' forces
 
     Attributes
     ----------
@@ -53,16 +55,20 @@ class Stepper:
         guides: Sequence[Guide] = (),
         integrator: Integrator | None = None,
         feedback: Sequence[Feedback] = (),
+        terms: Sequence[MakeTerm] = (),
+        forces: bool = False,
     ):
         self.model, self.space, self.integrator = model, space, integrator or ImplicitEuler()
         self.watch = Stopwatch()
         script = Script(model.supports, model.obstacles, model.ground)
-        self.potential = IncrementalPotential(space, build_terms(model, space, guides, script), self.watch)
+        self.potential = IncrementalPotential(space, build_terms(model, space, guides, script, terms), self.watch)
         self.motion = ScriptedMotion(model, space, script)
         self._coarse_weights, self._feedback = coarse_weights, feedback
         self.newton = self._new_newton()
-        self.rest, self._may_rest = Rest(model, self.newton.tolerance), not guides
+        self.rest, self._may_rest = Rest(model, self.newton.tolerance), not (guides or terms)
         self._record: Mapping = {}
+        self._reports_forces = forces
+        self._forces: dict[str, np.ndarray] = {}
         self._end: Positions | None = None  # of the last solved step: terms know what they have found there
         self._recovery = Recovery(self.motion, self._attempt, model.solver.max_halvings)
         self._friction = next(((f.iterations, f.tolerance) for f in model.friction), (1, 0.0))
@@ -96,7 +102,7 @@ class Stepper:
         of the scene fails. Collective.
         """
         dt, integrator, start = self.model.dt, self.integrator, number - 1
-        report = StepReport(self.model.level, number, number * dt, past[0].positions)
+        report = StepReport(self.model.level, number, number * dt, past[0].positions, past[0].velocity)
         self.newton.forget()
         with self.watch.part("total"):
             released = self.motion.begin(start * dt)
@@ -151,11 +157,13 @@ class Stepper:
         """Reports a step at rest: what the last step measured has not changed."""
         for name in ("contacts", "min_gap", "kappa", "energy", "friction_residual", "gradient_norm"):
             setattr(report, name, self._record.get(name))
-        report.reason, report.joined = "AT_REST", 0
+        report.forces, report.reason, report.joined = self._forces, "AT_REST", 0
 
     def _measure(self, report: StepReport, x: Positions) -> None:
         report.positions = x.whole
         report.energy = self.potential.energies(x)
+        if self._reports_forces:  # before friction is lagged anew: these balance each other
+            report.forces = self._forces = self.potential.forces(x)
         report.contacts = sum(term.count(x) for term in self.potential.contacts)
         gap = self.potential.min_gap(x)
         report.min_gap = gap if np.isfinite(gap) else None

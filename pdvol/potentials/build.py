@@ -1,6 +1,6 @@
 """From a level's model to its terms. Terms that the scene does not need are not made, nor their libraries loaded."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,6 +15,9 @@ from pdvol.potentials.elasticity import elastic_terms
 from pdvol.potentials.loads import assemble_mass, load_terms
 from pdvol.potentials.muscles import ActiveFibres
 from pdvol.potentials.potential import ContactPotential, Potential
+
+MakeTerm = Callable[[LevelModel, LevelSpace], Potential]
+"""What makes a term of a user's own on a level; a class whose instances it takes, or a function. Collective."""
 
 
 @dataclass(frozen=True)
@@ -34,7 +37,11 @@ class Terms:
 
 
 def build_terms(
-    model: LevelModel, space: LevelSpace, guides: Sequence[Guide] = (), script: Script | None = None
+    model: LevelModel,
+    space: LevelSpace,
+    guides: Sequence[Guide] = (),
+    script: Script | None = None,
+    own: Sequence[MakeTerm] = (),
 ) -> Terms:
     """The terms of a level. Collective.
 
@@ -42,6 +49,7 @@ def build_terms(
     ----------
     guides : guides that hold the level to the coarser one, if any
     script : of the obstacles' motions; all on time where not given
+    own : terms of a user's own
     """
     mass = assemble_mass(space, model.materials.density)
     contacts, frictions = contact_terms(model.contact, model.obstacles, space, script)
@@ -50,7 +58,8 @@ def build_terms(
     loads += tuple(ActiveFibres(space, muscle) for muscle in model.muscles)
     loads += tuple(Attachments(space, springs) for springs in model.springs)
     held = tuple(Consistency(space, mass, guide) for guide in guides)
-    return Terms(mass, (*elastic, *loads, *contacts, *held, *frictions), contacts)
+    users = tuple(make(model, space) for make in own)
+    return Terms(mass, (*elastic, *loads, *users, *contacts, *held, *frictions), contacts)
 
 
 def contact_terms(

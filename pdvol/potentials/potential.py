@@ -150,7 +150,12 @@ class ContactPotential(Potential, Protocol):
 
 
 class Term:
-    """Defaults for terms without obstacles, friction, Hessian or bounded steps."""
+    """A base for terms of the energy: all that `Potential` asks for but `value` and `gradient`.
+
+    By default there are no obstacles, friction or memory, every step is admissible, and the Hessian is left out. A term
+    of a user's own derives from it and has a `name` (`pdvol.march`). Then steps along the energy's curvature, which the
+    Hessian gives, take fewer iterations.
+    """
 
     name = "term"
     scale = 0.0

@@ -5,19 +5,18 @@ import os
 import shutil
 import tempfile
 import weakref
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from mpi4py import MPI
 
 from pdvol.errors import InputError, PdvolError
 from pdvol.parallel import on_root
 from pdvol.runs.level_run import Watch
+from pdvol.runs.march import checked_scene, levels_asked
 from pdvol.runs.progress import Calls, Progress, in_notebook
 from pdvol.runs.runner import run_scene
 from pdvol.runs.scene_file import Shot
@@ -25,8 +24,6 @@ from pdvol.runs.stage_lines import StageLines
 from pdvol.scene import Scene
 from pdvol.stages import reported_to
 from pdvol.store.reader import Run, open_run
-
-LEVELS = 'levels is a number (levels 0 to that one), a pair (first, last), a range, or text such as "0:2"'
 
 
 def run(
@@ -71,7 +68,9 @@ def run(
         ends; a note of the error names the folder.
     """
     comm = MPI.COMM_WORLD if comm is None else comm
-    scene, first, last = _checked(scene, out, levels, steps, progress)
+    scene = checked_scene("run", scene, steps)
+    _check(out, progress)
+    first, last = levels_asked(levels)
     if out is None and comm.size > 1:
         raise InputError("several ranks need a run folder: pdvol.run(scene, out=...)")
     if out is None and resume:
@@ -93,43 +92,11 @@ def run(
     return stored
 
 
-def _checked(scene: Any, out: Any, levels: Any, steps: Any, progress: Any) -> tuple[Scene, int, int | None]:
-    """The scene with its number of steps, the first level and the last one."""
-    if not isinstance(scene, Scene):
-        raise InputError(f"pdvol.run takes a pdvol.Scene, not {type(scene).__name__}; scene files run by `pdvol run`")
+def _check(out: Any, progress: Any) -> None:
     if not (out is None or isinstance(out, str | os.PathLike)):
         raise InputError(f"out = {out!r} must be the path of a folder")
     if not (progress is None or isinstance(progress, bool) or callable(progress)):
         raise InputError(f"progress = {progress!r} must be True, None or a function of a step's record")
-    return (scene if steps is None else replace(scene, steps=steps)), *_span(levels)
-
-
-def _span(levels: Any) -> tuple[int, int | None]:
-    """First and last level, both included; the finest where the last one is None."""
-    if levels is None:
-        return 0, None
-    if isinstance(levels, str):
-        first, colon, last = levels.partition(":")
-        if not all(
-            word.strip().isdigit() or (colon and not word.strip()) for word in ((first, last) if colon else (first,))
-        ):
-            raise InputError(f"levels = {levels!r} cannot be read; {LEVELS}")
-        if not colon:
-            return 0, int(first)
-        return int(first or 0), (int(last) if last.strip() else None)
-    if isinstance(levels, range):
-        if len(levels) == 0 or (levels.step != 1 and len(levels) > 1):
-            raise InputError(f"levels = {levels!r} must be levels in a row; {LEVELS}")
-        return levels[0], levels[-1]
-    if _whole(levels):
-        return 0, int(levels)
-    if isinstance(levels, Sequence | np.ndarray) and len(levels) == 2 and all(_whole(level) for level in levels):
-        return int(levels[0]), int(levels[1])
-    raise InputError(f"levels = {' '.join(repr(levels).split())} cannot be read; {LEVELS}")
-
-
-def _whole(value: Any) -> bool:
-    return isinstance(value, int | np.integer) and not isinstance(value, bool)
 
 
 def _watch(progress: bool | Callable[[dict], Any] | None, comm: MPI.Comm) -> Watch | None:

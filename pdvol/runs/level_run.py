@@ -1,6 +1,6 @@
-"""One level of a run, from where its store ends to the last step, by any method."""
+"""One level of a run: its march, stored step by step, from where its store ends to the last step."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from contextlib import suppress
 from functools import partial
 from typing import Any, Protocol
@@ -8,17 +8,14 @@ from typing import Any, Protocol
 import numpy as np
 
 from pdvol.errors import InputError, SimulationError
-from pdvol.integrate.feedback import level_feedback
 from pdvol.integrate.integrator import Integrator, past_of
-from pdvol.integrate.marches import Start, direct, embedded, guide, progressive
-from pdvol.integrate.stepper import Stepper
+from pdvol.integrate.level_march import first_start, level_march
+from pdvol.integrate.marches import Start
 from pdvol.levels.hierarchy import Hierarchy
-from pdvol.levels.initial_state import count_intersections
 from pdvol.levels.model import LevelModel
 from pdvol.levels.script import Script
 from pdvol.registry import INTEGRATORS
 from pdvol.runs.progress import Progress
-from pdvol.solve.report import StepReport
 from pdvol.stages import stage
 
 Watch = Callable[[int, int, int], Progress]
@@ -61,7 +58,7 @@ def run_level(
         integrator = INTEGRATORS[model.integrator]()
         start = _start(model, hierarchy, method, integrator, writer, done)
         writer.call("set_level_state", level, "running")
-        march = _march(model, hierarchy, method, integrator, partial(writer.read, level - 1), start)
+        march = level_march(model, hierarchy, method, integrator, partial(writer.read, level - 1), start)
     watcher = progress(level, model.steps, start.step) if progress is not None else None
     try:
         for report in march:
@@ -87,51 +84,13 @@ def run_level(
 def _start(
     model: LevelModel, hierarchy: Hierarchy, method: str, integrator: Integrator, writer: LevelWriter, done: int
 ) -> Start:
-    """Where a level goes on that has `done` stored states. It begins where the scene says, and that state is stored; an
-    embedded level begins where the level below does, prolonged.
-    """
+    """Where a level goes on that has `done` stored states; where it has none, the first one is stored."""
     level = model.level
     if done == 0:
-        begin = model.start
-        if method == "embedded" and level > 0 and begin is not model.mesh.points:
-            begin = hierarchy.prolongation(level).prolong(writer.read(level - 1, "positions", 0))
-        writer.call("write_state", level, 0, begin)
-        return Start.at_rest(begin, model.velocity)
+        start = first_start(model, hierarchy, method, partial(writer.read, level - 1))
+        writer.call("write_state", level, 0, start.past[0].positions)
+        return start
     positions = partial(writer.read, level, "positions")
     joined = lambda step: int(writer.record(level, step).get("joined", 1))
     past = past_of(integrator, positions, model.velocity, done - 1, model.dt, joined)
     return Start(done - 1, past, writer.record(level, done - 1))
-
-
-def _march(
-    model: LevelModel,
-    hierarchy: Hierarchy,
-    method: str,
-    integrator: Integrator,
-    coarse: Callable[[str, int], np.ndarray],
-    start: Start,
-) -> Iterator[StepReport]:
-    """The march of a method on a level; `coarse` gives `positions` or `velocities` of the level below at a step."""
-    level, steps, dt = model.level, model.steps, model.dt
-    where = partial(coarse, "positions")
-    if method == "embedded" and level > 0:
-        count = {"count": partial(_count_intersections, model)} if model.contact else {}
-        return embedded(hierarchy.prolongation(level), where, level, start, steps, dt, **count)
-    weight = model.penalty.of(method) if level > 0 else 0.0
-    guides = (guide(weight, dt, hierarchy.prolongation(level), where),) if weight > 0.0 else ()
-    stepper = Stepper(
-        model,
-        hierarchy[level],
-        partial(hierarchy.coarse_weights, level),
-        guides,
-        integrator,
-        level_feedback(model, hierarchy, method, where),
-    )
-    if method == "progressive" and level > 0:
-        return progressive(stepper, hierarchy.prolongation(level), partial(coarse, "velocities"), start, steps)
-    return direct(stepper, start, steps)
-
-
-def _count_intersections(model: LevelModel, positions: np.ndarray, time: float) -> int:
-    places = {obstacle: obstacle.place(time) for obstacle in model.obstacles}
-    return count_intersections(model.mesh, positions, model.obstacles, model.bodies, places)

@@ -2,6 +2,7 @@
 
 import platform
 from collections.abc import Sequence
+from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -80,18 +81,19 @@ def run_scene(
     """
     scene, out = shot.scene, Path(out)
     last = scene.levels - 1 if last is None else last
-    _check_request(scene, out, first, last, method, prolongation, resume or first > 0)
+    check_choices(scene, first, last, method, prolongation)
+    _check_folder(out, first, last, method, resume or first > 0)
     if wavefront and shot.file is None:
         raise InputError("levels side by side need a scene file, which their processes load; save the scene as one")
     if wavefront and comm.size > 1:
         raise InputError(
             "--wavefront starts a process per level; leave out mpirun, or run the levels one after the other"
         )
-    meshes, kept, geometry, diagonal, mended = on_root(comm, lambda: _prepare(shot, out, last, method, prolongation))
-    obstacles = placed_obstacles(scene.obstacles, geometry)
+    levels = on_root(comm, lambda: _prepare(shot, out, last, method, prolongation))
+    obstacles = placed_obstacles(scene.obstacles, levels.geometry)
     writer = SharedWriter(
         comm,
-        lambda: _open_writer(shot, out, meshes, kept, obstacles, diagonal, method, prolongation, mended),
+        lambda: _open_writer(shot, out, levels, obstacles, method, prolongation),
         (Export(out, scene, obstacles),) if xdmf else (),
     )
     try:
@@ -99,10 +101,10 @@ def run_scene(
             march_levels(writer, range(first, last + 1), scene.steps, progress)
         else:
             with stage("numbering the levels"):
-                hierarchy = Hierarchy(meshes, comm, prolongation)
+                hierarchy = Hierarchy(levels.meshes, comm, prolongation)
             for level in range(first, last + 1):
                 with stage(f"evaluating the scene on level {level}"):
-                    model = hierarchy_model(scene, hierarchy, level, diagonal, obstacles)
+                    model = hierarchy_model(scene, hierarchy, level, levels.diagonal, obstacles)
                 run_level(model, hierarchy, method, writer, progress)
     finally:
         writer.close()
@@ -138,18 +140,25 @@ def _scene_info(out: str | Path) -> dict:
     return info
 
 
-def _check_request(scene: Scene, out: Path, first: int, last: int, method: str, prolongation: str, go_on: bool) -> None:
+def check_choices(
+    scene: Scene, first: int, last: int, method: str, prolongation: str, own_integrator: bool = False
+) -> None:
+    """InputError unless levels `first` to `last` can be marched by these names; with an integrator of the user's own,
+    that is in place of the scene's.
+    """
     if method not in METHODS:
         raise InputError(f"unknown method {method!r}; choose one of {', '.join(METHODS)}")
     INTERPOLANTS.check(prolongation)
     if method == "tracks" and scene.penalty.weight == 0.0:
         raise InputError("the method tracks needs a weight above zero, as in Penalty(weight=0.1) or --set weight=0.1")
-    if scene.integrator != "implicit_euler" and method != "direct" and last > 0:
-        raise InputError(
-            f"the method {method} needs integrator=implicit_euler; {scene.integrator} goes with --method direct"
-        )
+    name = "an integrator of your own" if own_integrator else scene.integrator
+    if name != "implicit_euler" and method != "direct" and last > 0:
+        raise InputError(f"the method {method} needs integrator=implicit_euler; {name} goes with --method direct")
     if not 0 <= first <= last < scene.levels:
         raise InputError(f"levels {first}:{last} do not exist; the scene has levels 0:{scene.levels - 1}")
+
+
+def _check_folder(out: Path, first: int, last: int, method: str, go_on: bool) -> None:
     exists = holds_run(out)
     if exists and not go_on:
         raise InputError(
@@ -161,44 +170,78 @@ def _check_request(scene: Scene, out: Path, first: int, last: int, method: str, 
         )
 
 
-def _prepare(
-    shot: Shot, out: Path, last: int, method: str, prolongation: str
-) -> tuple[Sequence[LevelMesh], int, list[Geometry], float, list[str]]:
-    """Meshes up to `last`, the number of stored ones among them, obstacles' geometry, the diagonal [m] of relative
-    lengths, and the bodies that were set apart. Checked at t = 0.
+@dataclass(frozen=True, eq=False)
+class Prepared:
+    """A scene's levels, checked at t = 0.
+
+    Attributes
+    ----------
+    meshes : coarsest first
+    kept : how many of them are those of a stored run
+    geometry : of the scene's obstacles
+    diagonal : what relative lengths are fractions of [m]
+    mended : a line for each body that was set apart from others
     """
-    scene = shot.scene
-    check_render_files(scene)
-    stored: list[LevelMesh] = []
-    if holds_run(out):
-        run = open_run(out)
-        if run.in_use:
-            raise InputError(in_use(out))
-        stored = [level.mesh for level in run.levels[: _same_levels(run, shot, last, method, prolongation)]]
+
+    meshes: Sequence[LevelMesh]
+    kept: int
+    geometry: list[Geometry]
+    diagonal: float
+    mended: list[str]
+
+
+def prepared_levels(
+    scene: Scene, last: int, stored: Sequence[LevelMesh] = (), diagonal: float | None = None
+) -> Prepared:
+    """Levels 0 to `last` of a scene. Serial.
+
+    Parameters
+    ----------
+    stored : meshes of the coarsest levels in a run of the scene
+    diagonal : what relative lengths are fractions of [m]; that of the scene when None
+
+    Raises
+    ------
+    InputError
+        Something in the scene or its meshes is unfit.
+    """
     geometry = read_geometry(scene.obstacles)
+    obstacles = placed_obstacles(scene.obstacles, geometry)
+    meshes = stored
+    mended: list[str] = []
+    if len(stored) <= last:
+        built, mended = build_apart(scene, last + 1, obstacles)
+        meshes = [*stored, *built[len(stored) :]]
+    diagonal = scene_diagonal(scene) if diagonal is None else diagonal
+    for level in range(len(meshes)):
+        with stage(f"checking level {level}"):
+            for defect in level_defects(scene, meshes, level, obstacles, diagonal):
+                raise defect.error
+    return Prepared(meshes, len(stored), geometry, diagonal, mended)
+
+
+def _prepare(shot: Shot, out: Path, last: int, method: str, prolongation: str) -> Prepared:
+    """The levels of a run, stored ones first."""
+    check_render_files(shot.scene)
+    if not holds_run(out):
+        return prepared_levels(shot.scene, last)
+    run = open_run(out)
+    if run.in_use:
+        raise InputError(in_use(out))
+    stored = [level.mesh for level in run.levels[: _same_levels(run, shot, last, method, prolongation)]]
     if stored and "branched" in run.info and len(stored) <= last:
         raise InputError(
             f"{out} went on from step {run.info['branched']['step']} of another run, and has no level {len(stored)} of"
             f" that one; it has levels 0:{len(stored) - 1}"
         )
-    obstacles = placed_obstacles(scene.obstacles, geometry)
-    meshes: Sequence[LevelMesh] = stored
-    mended: list[str] = []
-    if len(stored) <= last:
-        built, mended = build_apart(scene, last + 1, obstacles)
-        if stored and mended != run.info.get("mended", []):
-            raise InputError(
-                f"{out}: with the levels as they are now, bodies are set apart otherwise than in the stored ones; "
-                "choose another folder"
-            )
-        meshes = [*stored, *built[len(stored) :]]
     # A run goes on with the lengths that it began with.
-    diagonal = run.info["diagonal"] if stored else scene_diagonal(scene)
-    for level in range(len(meshes)):
-        with stage(f"checking level {level}"):
-            for defect in level_defects(scene, meshes, level, obstacles, diagonal):
-                raise defect.error
-    return meshes, len(stored), geometry, diagonal, mended
+    levels = prepared_levels(shot.scene, last, stored, run.info["diagonal"] if stored else None)
+    if 0 < len(stored) <= last and levels.mended != run.info.get("mended", []):
+        raise InputError(
+            f"{out}: with the levels as they are now, bodies are set apart otherwise than in the stored ones; choose"
+            " another folder"
+        )
+    return levels
 
 
 def _same_levels(run: Run, shot: Shot, last: int, method: str, prolongation: str) -> int:
@@ -234,17 +277,9 @@ def _same_levels(run: Run, shot: Shot, last: int, method: str, prolongation: str
 
 
 def _open_writer(
-    shot: Shot,
-    out: Path,
-    meshes: Sequence[LevelMesh],
-    kept: int,
-    obstacles: Sequence[Obstacle],
-    diagonal: float,
-    method: str,
-    prolongation: str,
-    mended: list[str],
+    shot: Shot, out: Path, levels: Prepared, obstacles: Sequence[Obstacle], method: str, prolongation: str
 ) -> RunWriter:
-    scene = shot.scene
+    scene, meshes, kept, mended = shot.scene, levels.meshes, levels.kept, levels.mended
     velocities, drawn = (
         [initial_velocity(scene, mesh, start_positions(scene, mesh, level)) for level, mesh in enumerate(meshes)],
         stored_obstacles(obstacles, scene.dt, scene.steps),
@@ -276,7 +311,7 @@ def _open_writer(
             "scene_file": _file(shot),
             "parameters": dict(shot.parameters),
             "description": shot.description(),
-            "diagonal": diagonal,
+            "diagonal": levels.diagonal,
             "versions": _versions(),
             **({"up": up} if up else {}),
             **({"mended": mended} if mended else {}),

@@ -258,3 +258,14 @@ class IncrementalPotential:
                 for term in terms:
                     energy[term.name] = energy.get(term.name, 0.0) + term.value(x)
         return energy
+
+    def forces(self, x: Positions) -> dict[str, np.ndarray]:
+        """Forces (n, d) [N] by kind, in the input's order of vertices: minus the gradients of the energies. Where the
+        step ends, they sum to zero but for what supports push, and for Newton's residual. Collective.
+        """
+        force = {"inertia": -self.mass * (x.owned - self.x_hat) / self.weight}
+        for part, terms in self._parts:
+            with self.watch.part(part):
+                for term in terms:
+                    force[term.name] = force.get(term.name, 0.0) - term.gradient(x)
+        return {name: self.space.to_input(rows) for name, rows in force.items()}

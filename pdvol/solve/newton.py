@@ -15,7 +15,7 @@ from mpi4py import MPI
 from petsc4py import PETSc
 from scipy.sparse import csr_array
 
-from pdvol.errors import PdvolError, SimulationError
+from pdvol.errors import SimulationError
 from pdvol.levels.space import LevelSpace
 from pdvol.parallel import reduce
 from pdvol.potentials.assembly.hessian_blocks import BlockPattern, HessianBlocks
@@ -56,10 +56,8 @@ def _own_errors() -> Iterator[None]:
         yield
     except PETSc.Error as error:
         cause = error.__cause__ or error.__context__
-        if isinstance(cause, (PdvolError, KeyboardInterrupt)):
-            raise cause from None
         if cause is not None:
-            raise
+            raise cause from None
         raise SimulationError(f"PETSc gave up: {str(error).splitlines()[0]}") from error
 
 

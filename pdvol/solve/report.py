@@ -136,11 +136,13 @@ class NewtonReport:
 
 @dataclass
 class StepReport:
-    """One finished step of one level (design, section 4, `log.jsonl`), with its positions.
+    """One finished step of one level (design, section 4, `log.jsonl`), with its state.
 
     Attributes
     ----------
     positions : (n, d) [m], in the input's vertex order, on every rank
+    velocity : (n, d) [m/s] as the integrator gives it, the same; that of the last solve in a step at rest
+    forces : (n, d) [N] of each term, by its name, and of inertia, the same; empty unless the march has them reported
     friction_iterations : solves with friction lagged anew, over all parts of a step that was cut
     friction_residual : change of the friction forces at the end if they were lagged anew there, relative to them
     kappa : stiffness of the barrier [Pa]
@@ -159,6 +161,8 @@ class StepReport:
     step: int
     time: float
     positions: np.ndarray
+    velocity: np.ndarray
+    forces: dict[str, np.ndarray] = field(default_factory=dict)
     newton_iterations: int = 0
     linear_iterations: int = 0
     hessians: int = 0
@@ -196,8 +200,8 @@ class StepReport:
             self.remedies[remedy] += count
 
     def record(self) -> dict:
-        """What the log keeps: everything but the positions."""
-        return {key: value for key, value in vars(self).items() if key != "positions"}
+        """What the log keeps: everything but the arrays."""
+        return {key: value for key, value in vars(self).items() if key not in ("positions", "velocity", "forces")}
 
 
 def peak_memory(comm: MPI.Comm) -> float:

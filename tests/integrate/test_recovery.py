@@ -122,7 +122,7 @@ def test_halvings_are_counted_and_the_step_is_good(monkeypatch):
 def test_a_step_whose_motion_met_contact_is_tried_without_it():
     """A stand-in for the solver moves obstacles in parts, and solves only tries in which they wait."""
     problem, x, v = falling(max_halvings=1)
-    report, waits, tried = StepReport(0, 1, 1.0, x), [], []
+    report, waits, tried = StepReport(0, 1, 1.0, x, 0.0 * x), [], []
     motion = SimpleNamespace(
         lags={}, going=lambda: ["ram"], begin_span=lambda *span: waits.clear(), stop=lambda movers: waits.extend(movers)
     )

@@ -1,0 +1,76 @@
+"""The march of one level by any method: what `pdvol.march` gives to its caller, and `pdvol.run` to a folder."""
+
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
+
+import numpy as np
+
+from pdvol.integrate.feedback import level_feedback
+from pdvol.integrate.integrator import Integrator
+from pdvol.integrate.marches import Start, direct, embedded, guide, progressive
+from pdvol.integrate.stepper import Stepper
+from pdvol.levels.hierarchy import Hierarchy
+from pdvol.levels.initial_state import count_intersections
+from pdvol.levels.model import LevelModel
+from pdvol.potentials.build import MakeTerm
+from pdvol.solve.report import StepReport
+
+Coarse = Callable[[str, int], np.ndarray]
+"""`positions` [m] or `velocities` [m/s] (n, d) of the level below after so many steps; the latter are means over a
+step, and the initial ones for step 0.
+"""
+
+
+def first_start(model: LevelModel, hierarchy: Hierarchy, method: str, coarse: Coarse) -> Start:
+    """A level begins where the scene says; an embedded level begins where the level below does, prolonged.
+    Collective.
+    """
+    begin = model.start
+    if method == "embedded" and model.level > 0 and begin is not model.mesh.points:
+        begin = hierarchy.prolongation(model.level).prolong(coarse("positions", 0))
+    return Start.at_rest(begin, model.velocity)
+
+
+def level_march(
+    model: LevelModel,
+    hierarchy: Hierarchy,
+    method: str,
+    integrator: Integrator,
+    coarse: Coarse,
+    start: Start,
+    terms: Sequence[MakeTerm] = (),
+    forces: bool = False,
+) -> Iterator[StepReport]:
+    """The steps of a level from its start to the scene's last one, made one by one. Collective.
+
+    Parameters
+    ----------
+    method : one of `pdvol.registry.METHODS`
+    coarse : is called for a state of the level below when a step needs it
+    terms, forces : as `Stepper` takes them
+    """
+    level, steps, dt = model.level, model.steps, model.dt
+    where = partial(coarse, "positions")
+    if method == "embedded" and level > 0:
+        count = {"count": partial(_count_intersections, model)} if model.contact else {}
+        return embedded(hierarchy.prolongation(level), where, level, start, steps, dt, **count)
+    weight = model.penalty.of(method) if level > 0 else 0.0
+    guides = (guide(weight, dt, hierarchy.prolongation(level), where),) if weight > 0.0 else ()
+    stepper = Stepper(
+        model,
+        hierarchy[level],
+        partial(hierarchy.coarse_weights, level),
+        guides,
+        integrator,
+        level_feedback(model, hierarchy, method, where),
+        terms,
+        forces,
+    )
+    if method == "progressive" and level > 0:
+        return progressive(stepper, hierarchy.prolongation(level), partial(coarse, "velocities"), start, steps)
+    return direct(stepper, start, steps)
+
+
+def _count_intersections(model: LevelModel, positions: np.ndarray, time: float) -> int:
+    places = {obstacle: obstacle.place(time) for obstacle in model.obstacles}
+    return count_intersections(model.mesh, positions, model.obstacles, model.bodies, places)

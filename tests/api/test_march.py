@@ -1,0 +1,267 @@
+"""`pdvol.march`: the steps of a run, one by one in memory; own terms, own integrators, and messages about them."""
+
+import subprocess
+import sys
+from dataclasses import replace
+
+import numpy as np
+import own_parts
+import pytest
+import small
+from threadpoolctl import threadpool_info
+
+import pdvol
+import taylor
+from pdvol import InputError, Solver
+from pdvol.registry import METHODS
+
+EXACT = Solver(tolerance=1e-9, linear="direct")
+G = 9.81
+
+
+def free_square(**changed) -> pdvol.Scene:
+    """The small scene without anything but the square."""
+    return replace(small.scene(), loads=(), obstacles=(), contact=(), solver=EXACT, **changed)
+
+
+def falling(dt: float, steps: int, levels: int = 1) -> pdvol.Scene:
+    scene = replace(small.scene(levels), obstacles=(), contact=(), solver=EXACT)
+    return replace(scene, dt=dt, steps=steps)
+
+
+# ---- the steps of a run
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_steps_are_those_of_a_run(method):
+    scene = replace(small.scene(3, 3), penalty=pdvol.Penalty(weight=0.1), feedback=0.1)
+    run, seen = pdvol.run(scene, method=method), []
+    for step in pdvol.march(scene, method=method):
+        stored = run.levels[step.level]
+        np.testing.assert_array_equal(step.positions, stored.positions(step.step))
+        np.testing.assert_array_equal(step.velocity, stored.velocities(step.step))
+        assert step.time == pytest.approx(step.step * scene.dt)
+        record = next(r for r in stored.log if r["step"] == step.step)
+        assert step.report.newton_iterations == record["newton_iterations"]
+        seen.append((step.level, step.step))
+    assert seen == [(level, step) for level in range(3) for step in (1, 2, 3)]
+
+
+def test_forces_balance():
+    """Forces sum to zero where nothing is held; there the support gives what is left. Gravity is the weight."""
+    held = pdvol.Support(lambda X: X[:, 0] < 1e-9)
+    scene = replace(small.scene(steps=6), supports=(held,), solver=EXACT)
+    for step in pdvol.march(scene):
+        assert set(step.forces) == {"inertia", "elastic", "load", "barrier", "friction"}
+        total, largest = sum(step.forces.values()), max(np.abs(rows).max() for rows in step.forces.values())
+        free = step.model.free
+        assert np.abs(total[free]).max() < 1e-4 * largest < np.abs(total[~free]).max()
+        weight = step.forces["load"].sum(axis=0)
+        np.testing.assert_allclose(weight, [0.0, -G * 1000.0], rtol=1e-9, atol=1e-9)
+    assert step.report.contacts > 0 and np.abs(step.forces["friction"]).max() > 0.0
+
+
+def test_steps_at_rest_have_the_forces_of_the_last_solve():
+    first, *others = pdvol.march(free_square(), levels=0)
+    assert [step.report.reason == "AT_REST" for step in (first, *others)] == [False, True, True, True]
+    assert all(step.forces is first.forces for step in others) and set(first.forces) == {"inertia", "elastic"}
+
+
+def test_a_loop_may_be_left(tmp_path, monkeypatch):
+    """Nothing is written, the next march begins anew, and between steps the user has all threads."""
+    monkeypatch.chdir(tmp_path)
+    threads = lambda: [library["num_threads"] for library in threadpool_info()]
+    before = threads()
+    for step in pdvol.march(small.scene()):
+        assert threads() == before
+        if step.step == 2:
+            break
+    assert (step.level, step.step) == (0, 2) and not list(tmp_path.iterdir())
+    first = next(iter(pdvol.march(small.scene())))
+    assert (first.level, first.step) == (0, 1) and repr(first) == "Step(level 0, step 1, t = 0.02 s)"
+    with pytest.raises(ValueError, match="read-only"):
+        first.positions[0] = 0.0
+
+
+def test_a_march_gives_its_levels_and_a_stepper_takes_them():
+    """A time loop of one's own: what `march` does on level 0."""
+    march = pdvol.march(small.scene(), levels=0)
+    model, space = march.model(0), march.hierarchy[0]
+    stepper, past = pdvol.Stepper(model, space), (pdvol.State(model.start, model.velocity),)
+    for step in march:
+        report = stepper.step(step.step, past)
+        past = (pdvol.State(report.positions, stepper.integrator.velocity(report.positions, past, model.dt)),)
+        np.testing.assert_array_equal(report.positions, step.positions)
+    assert step.model.level == 0 and step.space is space
+
+
+# ---- own terms
+
+
+def test_derivatives_of_an_own_term():
+    march = pdvol.march(free_square(), levels=0)
+    space = march.hierarchy[0]
+    term = own_parts.Hand(march.model(0), space)
+    term.begin_step(pdvol.Positions(space, term.start), 0.0, 0.5)
+    taylor.check_term(term, space, taylor.state(space), length=0.1, quadratic=True)
+
+
+def test_an_own_term_acts_on_all_levels():
+    """Implicit Euler of the one point that the body is: (x - x_t) / dt = v, v - v_t = dt rate^2 (hand - x)."""
+    scene, rate = free_square(steps=10), own_parts.RATE
+    x = v = 0.0
+    for step in pdvol.march(scene, terms=(own_parts.Hand,)):
+        if step.step == 1:
+            x = v = 0.0
+        x, v = next_point(x, v, scene.dt, 0.1 * step.time, rate)
+        moved = step.positions - step.model.start
+        np.testing.assert_allclose(moved, np.tile([x, 0.0], (len(moved), 1)), atol=1e-9)
+        push = step.forces["hand"].sum(axis=0)
+        np.testing.assert_allclose(push, [1000.0 * rate**2 * (0.1 * step.time - x), 0.0], atol=1e-4)
+        assert step.report.energy["hand"] == pytest.approx(500.0 * rate**2 * (0.1 * step.time - x) ** 2, rel=1e-6)
+    assert x > 0.005
+
+
+def next_point(x, v, dt, hand, rate):
+    end = (x + dt * v + (dt * rate) ** 2 * hand) / (1.0 + (dt * rate) ** 2)
+    return end, (end - x) / dt
+
+
+def test_no_step_rests_that_an_own_term_may_move():
+    """Nothing moves at first, so steps would rest without the term."""
+
+    class Late(own_parts.Hand):
+        def begin_step(self, x_t, t0, t1, x_hat=None):
+            self.goal = self.start + [0.0, 0.5 * (t1 > 0.1)]
+
+    scene = free_square(steps=8)
+    assert [step.report.reason for step in pdvol.march(scene, levels=0)][-1] == "AT_REST"
+    *_, last = pdvol.march(scene, levels=0, terms=(Late,))
+    assert (last.positions - last.model.start)[:, 1].min() > 0.01
+
+
+# ---- own integrators
+
+
+def fall_error(integrator, exact, steps: int) -> float:
+    *_, last = pdvol.march(falling(0.5 / steps, steps), integrator=integrator)
+    return float(np.abs((last.positions - last.model.start)[:, 1] - exact).max())
+
+
+def test_free_fall_has_the_order_of_an_own_integrator():
+    """With drag c: y'' = -g - c y', so y = -g/c (t - (1 - exp(-c t)) / c)."""
+    c, t = 3.0, 0.5
+    exact = -G / c * (t - (1.0 - np.exp(-c * t)) / c)
+    errors = [fall_error(own_parts.DampedEuler(c), exact, steps) for steps in (10, 20, 40)]
+    slope = -np.polyfit(np.log([10, 20, 40]), np.log(errors), 1)[0]
+    assert 0.9 < slope < 1.1
+    assert fall_error(own_parts.Parabola(), -G * t**2 / 2.0, 5) < 1e-8 < fall_error(None, -G * t**2 / 2.0, 5)
+
+
+def test_an_own_integrator_marches_levels_by_themselves():
+    ends = [s for s in pdvol.march(falling(0.1, 5, 2), method="direct", integrator=own_parts.Parabola()) if s.step == 5]
+    assert [end.level for end in ends] == [0, 1]
+    for end in ends:
+        np.testing.assert_allclose((end.positions - end.model.start)[:, 1], -G * 0.5**2 / 2.0, atol=1e-8)
+        np.testing.assert_allclose(end.velocity[:, 1], -G * 0.5, atol=1e-6)
+
+
+# ---- messages
+
+
+class Bare(pdvol.Term):
+    name = "bare"
+
+    def __init__(self, model, space):
+        self.space = space
+
+    def value(self, x):
+        return 0.0
+
+    def gradient(self, x):
+        return np.zeros_like(x.owned)
+
+
+class Wordy(Bare):
+    def value(self, x):
+        return "much"
+
+
+class Flat(Bare):
+    def gradient(self, x):
+        return np.zeros(len(x.owned))
+
+
+class Lost(Bare):
+    def gradient(self, x):
+        return np.full_like(x.owned, np.nan) if np.abs(x.owned).max() > 1.05 else np.zeros_like(x.owned)
+
+
+class Broken(Bare):
+    def add_hessian(self, x, weight, into):
+        raise ZeroDivisionError("an own mistake")
+
+
+class Short(own_parts.Parabola):
+    def predict(self, past, dt):
+        return past[0].positions[0]
+
+
+class Weightless(own_parts.Parabola):
+    def weight(self, past, dt):
+        return 0.0
+
+
+class Failing(own_parts.Parabola):
+    def velocity(self, positions, past, dt):
+        raise KeyError("v")
+
+
+@pytest.mark.parametrize(
+    "message, wrong",
+    [
+        ("pdvol.march takes a pdvol.Scene, not str", {"scene": "drop.py"}),
+        ("levels 0:2 do not exist; the scene has levels 0:1", {"levels": 2}),
+        ("level 1 follows from level 0; begin with levels 0:1", {"levels": (1, 1)}),
+        ("unknown method 'fast'", {"method": "fast"}),
+        ("steps = 2.5 is not a whole number", {"steps": 2.5}),
+        ("needs integrator=implicit_euler; an integrator of your own", {"integrator": own_parts.Parabola()}),
+        ("terms are functions or classes (model, space) -> Term, not 3", {"terms": (3,)}),
+        ("gave a int, not a pdvol.Term", {"terms": (lambda model, space: 3,)}),
+        ("the term 'bare': value must be a number, not str", {"terms": (Wordy,)}),
+        ("the term 'bare': gradient must have the shape (9, 2), not (9,)", {"terms": (Flat,)}),
+        ("the integrator int has no states, predict, weight, velocity", {"integrator": 3, "levels": 0}),
+        ("integrator.predict must give an array of shape (9, 2), not (2,)", {"integrator": Short(), "levels": 0}),
+        ("integrator.weight = 0.0 must be positive", {"integrator": Weightless(), "levels": 0}),
+        ("integrator.velocity failed: KeyError: 'v'", {"integrator": Failing(), "levels": 0}),
+    ],
+)
+def test_bad_arguments_are_refused_in_one_line(message, wrong):
+    with pytest.raises(InputError) as caught:
+        list(pdvol.march(**{"scene": small.scene(), **wrong}))
+    assert message in str(caught.value) and "\n" not in str(caught.value)
+
+
+def test_what_an_own_term_does_later_is_named():
+    scene = replace(falling(0.1, 5), bodies=(replace(small.scene(1).bodies[0], velocity=(1.0, 0.0)),))
+    with pytest.raises(pdvol.ConvergenceError, match="level 0, step .*the bare term's gradient is not a number"):
+        list(pdvol.march(scene, terms=(Lost,)))
+    with pytest.raises(ZeroDivisionError, match="an own mistake"):
+        list(pdvol.march(falling(0.1, 2), terms=(Broken,)))
+
+
+# ---- ranks
+
+
+@pytest.mark.mpi
+def test_two_ranks_make_what_one_makes(tmp_path):
+    program = [sys.executable, own_parts.__file__]
+    for ranks in (1, 2):
+        command = ["mpirun", "-n", str(ranks), *program, str(tmp_path / f"{ranks}.npz")]
+        ended = subprocess.run(command, capture_output=True, text=True, timeout=120)
+        assert ended.returncode == 0, ended.stderr
+    one, two = (np.load(tmp_path / f"{ranks}.npz") for ranks in (1, 2))
+    assert (int(one["ranks"]), int(two["ranks"])) == (1, 2) and "1_3_hand" in one.files
+    for key in set(one.files) - {"ranks"}:
+        size = 1e3 if key.count("_") == 2 else 1.0  # forces [N], positions [m]
+        np.testing.assert_allclose(two[key], one[key], atol=1e-6 * size, err_msg=key)
