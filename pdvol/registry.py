@@ -109,7 +109,7 @@ class Registry:
 
 
 METHODS = ("progressive", "direct", "tracks", "embedded")
-"""How a level above the coarsest is marched (`pdvol.runs.level_run`); the first one is the default."""
+"""How a level above the coarsest is marched (`pdvol.integrate.level_march`); the first one is the default."""
 
 INTERPOLANTS = Registry(
     "prolongation",

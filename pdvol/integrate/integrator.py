@@ -13,7 +13,13 @@ import numpy as np
 
 @dataclass(frozen=True, eq=False)
 class State:
-    """Positions (n, d) [m] and velocities (n, d) [m/s] at the end of a step, all in one order of rows."""
+    """A state at the end of a step.
+
+    Attributes
+    ----------
+    positions : (n, d) [m]
+    velocity : (n, d) [m/s], in the same order of rows
+    """
 
     positions: np.ndarray
     velocity: np.ndarray

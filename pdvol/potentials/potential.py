@@ -1,5 +1,6 @@
 """The protocol of the incremental potential's terms, and the positions at which they are evaluated."""
 
+from abc import abstractmethod
 from collections.abc import Callable, Mapping
 from functools import cached_property
 from typing import Any, Protocol
@@ -104,9 +105,11 @@ class Potential(Protocol):
     def restore(self, memory: Mapping[str, Any]) -> None:
         """Sets what `memory` gave."""
 
+    @abstractmethod
     def value(self, x: Positions) -> float:
         """E(x) [J]; inf where x is not admissible."""
 
+    @abstractmethod
     def gradient(self, x: Positions) -> np.ndarray:
         """dE/dx [N], shape (n_owned, d)."""
 
@@ -149,12 +152,10 @@ class ContactPotential(Potential, Protocol):
         """Smallest distance [m] within reach, of all ranks; inf where there is none. Collective."""
 
 
-class Term:
-    """A base for terms of the energy: all that `Potential` asks for but `value` and `gradient`.
+class Term(Potential):
+    """A base for terms of the energy, also for those of a user's own: all of `Potential` but `value` and `gradient`.
 
-    By default there are no obstacles, friction or memory, every step is admissible, and the Hessian is left out. A term
-    of a user's own derives from it and has a `name` (`pdvol.march`). Then steps along the energy's curvature, which the
-    Hessian gives, take fewer iterations.
+    By default there are no obstacles, friction or memory, every step is admissible, and the Hessian is left out.
     """
 
     name = "term"

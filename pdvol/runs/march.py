@@ -129,8 +129,11 @@ def march(
 
 
 class March(Iterator[Step]):
-    """The steps of a scene's levels, coarse to fine: see `march`, which makes it. Construction and steps are
-    collective.
+    """The steps of a scene's levels, coarse to fine. Construction and steps are collective.
+
+    Parameters
+    ----------
+    scene, levels, method, prolongation, terms, integrator, comm : as for `march`, which checks them
 
     Attributes
     ----------

@@ -140,9 +140,22 @@ class StepReport:
 
     Attributes
     ----------
+    level : its number, 0 the coarsest
+    step, time : number of the step, from 1, and the time at its end [s]
     positions : (n, d) [m], in the input's vertex order, on every rank
     velocity : (n, d) [m/s] as the integrator gives it, the same; that of the last solve in a step at rest
     forces : (n, d) [N] of each term, by its name, and of inertia, the same; empty unless the march has them reported
+    newton_iterations, linear_iterations, backtracks : sums over all solves of the step
+    hessians : matrices assembled
+    step_cap : smallest cap put on an iteration's step by contact or inversion
+    contacts : pairs in contact
+    min_gap : smallest gap within reach [m]; None where there is none
+    energy : [J] of each term, by its name, and of inertia
+    gradient_norm : infinity norm of the gradient [kg m]
+    reason : why the last solve ended, by PETSc's name; "AT_REST" where nothing was solved
+    linear_solver : the method of the last linear solve
+    seconds : by part, and in all; `cpu` is the process's CPU time
+    peak_memory_mb : the most memory that one rank's process has held so far [MB]
     friction_iterations : solves with friction lagged anew, over all parts of a step that was cut
     friction_residual : change of the friction forces at the end if they were lagged anew there, relative to them
     kappa : stiffness of the barrier [Pa]

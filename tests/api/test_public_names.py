@@ -1,6 +1,7 @@
 """What is public: `dir(pdvol)` and `__all__` list it, every name resolves, has a docstring and complete type hints."""
 
 import inspect
+from typing import is_protocol
 
 import pytest
 
@@ -32,7 +33,7 @@ def functions():
                 generated = getattr(getattr(member, "__code__", None), "co_filename", "<") == "<string>"
                 if inspect.isfunction(member) and key != "psi" and not generated and not key.startswith("_"):
                     yield f"{name}.{key}", member
-            if "__init__" in vars(thing):
+            if "__init__" in vars(thing) and not is_protocol(thing):
                 yield f"{name}.__init__", thing.__init__
         elif not inspect.ismodule(thing):
             yield name, thing

@@ -112,9 +112,8 @@ def test_python_on_pages_runs(page, tmp_path, monkeypatch):
             where = f"<{page.name}, line {block.line}>"
             linecache.cache[where] = (len(block.code), None, block.code.splitlines(keepends=True), where)
             exec(compile(block.code, where, "exec"), names)
-            scene = names.pop("scene", None)
-            if callable(scene):
-                assert pdvol.run(scene(), levels=0).levels[0].steps > 1
+            if callable(names.get("scene")):
+                assert pdvol.run(names.pop("scene")(), levels=0).levels[0].steps > 1
 
 
 def test_commands_on_pages_are_parsed():
