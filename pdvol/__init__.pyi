@@ -68,6 +68,7 @@ from .scene.bodies import (
 from .scene.contact import (
     Barrier as Barrier,
     Friction as Friction,
+    Pascal as Pascal,
 )
 from .scene.keyed import (
     Keyed as Keyed,

@@ -264,7 +264,7 @@ def contact_models(
         if isinstance(f, Friction)
     )
     return tuple(
-        ContactModel(metres(b.dhat, diagonal), b.stiffness * softest, b.ccd, frictions)
+        ContactModel(metres(b.dhat, diagonal), b.kappa(softest), b.ccd, frictions)
         for b in contact
         if isinstance(b, Barrier)
     )

@@ -22,12 +22,14 @@ from pdvol.levels.obstacles import Obstacle, placed_obstacles, read_geometry
 from pdvol.levels.space import LevelSpace
 from pdvol.parallel import on_root
 from pdvol.potentials.assembly.hessian_blocks import BlockPattern, HessianBlocks
-from pdvol.potentials.build import contact_terms
+from pdvol.potentials.build import Terms, contact_terms
 from pdvol.potentials.contact.barrier import ContactBarrier
-from pdvol.potentials.potential import Positions, Potential
-from pdvol.scene import Barrier, Deforming, Friction, Obstructing, Plane, Rigid, metres
+from pdvol.potentials.potential import Positions
+from pdvol.scene import Barrier, Deforming, Friction, Obstructing, Pascal, Plane, Rigid
 from pdvol.scene.checks import finite, positive
+from pdvol.solve.incremental_potential import IncrementalPotential
 from pdvol.solve.linear.system_matrix import SystemMatrix
+from pdvol.solve.report import Stopwatch
 
 Displacement: TypeAlias = fem.Function | PETSc.Vec
 NAMED_CROSSINGS = 5  # crossings whose bodies a message names
@@ -43,9 +45,9 @@ class Contact:
     ----------
     V : dolfinx.fem.FunctionSpace
         Vector P1 on straight triangles (2D) or tetrahedra (3D). Its mesh is the rest configuration.
-    young : float [Pa]
-        Young's modulus of the softest material, or a comparable stiffness. The barrier's stiffness is
-        `barrier.stiffness` times it.
+    young : float [Pa], optional
+        Young's modulus of the softest material, or a comparable stiffness, of which `barrier.stiffness` is a fraction.
+        Not needed where that is in `Pascal`.
     barrier : Barrier
         Of the convergent law, the default.
     friction : Friction, optional
@@ -77,15 +79,18 @@ class Contact:
     def __init__(
         self,
         V: fem.FunctionSpace,
-        young: float,
+        young: float | None = None,
         barrier: Barrier | None = None,
         friction: Friction | None = None,
         obstacles: Sequence[Obstructing] = (),
         diagonal: float | None = None,
     ):
-        positive("Contact.young", young)
         barrier = Barrier() if barrier is None else barrier
         self._check_kinds(barrier, friction, obstacles)
+        if young is not None:
+            positive("Contact.young", young)
+        elif not isinstance(barrier.stiffness, Pascal):
+            raise InputError("Contact needs young [Pa], or its stiffness in pascal: Barrier(stiffness=Pascal(1e4))")
         self.V, self._space = V, LevelSpace.of(V)
         mesh = self._space.mesh
         if diagonal is None:
@@ -93,7 +98,6 @@ class Contact:
             parts = (mesh.boundary[of == part] for part in range(int(mesh.bodies.max()) + 1))
             diagonal = min(gyration_diagonal(mesh.points, facets) for facets in parts)
         positive("Contact.diagonal", diagonal)
-        self.dhat, self.kappa = metres(barrier.dhat, diagonal), barrier.stiffness * float(young)
         count = int(mesh.bodies.max()) + 1
         self.bodies = ("body",) if count == 1 else tuple(f"body {number}" for number in range(1, count + 1))
         self._rest = self._space.from_input(mesh.points)
@@ -103,7 +107,8 @@ class Contact:
         nobody = np.zeros(self._space.n_owned, dtype=bool)  # the user eliminates supported rows
         self._matrix: Any = SystemMatrix(self._space, nobody)
         geometry = on_root(V.mesh.comm, lambda: read_geometry(obstacles))
-        self._make_terms(barrier, friction, placed_obstacles(obstacles, geometry), diagonal, float(young))
+        contact = (barrier,) if friction is None else (barrier, friction)
+        self._make_terms(contact, placed_obstacles(obstacles, geometry), diagonal, float(young or 0.0))
 
     @staticmethod
     def _check_kinds(barrier: Barrier, friction: Friction | None, obstacles: Sequence[Obstructing]) -> None:
@@ -116,30 +121,27 @@ class Contact:
                 raise InputError(f"Contact.obstacles hold Plane, Rigid and Deforming, not {type(obstacle).__name__}")
 
     def _make_terms(
-        self,
-        barrier: Barrier,
-        friction: Friction | None,
-        obstacles: tuple[Obstacle, ...],
-        diagonal: float,
-        young: float,
+        self, contact: Sequence[Barrier | Friction], obstacles: tuple[Obstacle, ...], diagonal: float, young: float
     ) -> None:
         for obstacle in obstacles:
             if obstacle.vertices.shape[1] != self._space.dim:
                 dim, given = self._space.dim, obstacle.vertices.shape[1]
                 raise InputError(f"obstacle {obstacle.name!r} is {given}D, the mesh is {dim}D")
         names = [*self.bodies, *(obstacle.name for obstacle in obstacles)]
-        unknown = {name for one, other, _ in (friction.triples if friction else ()) for name in (one, other)} - {*names}
+        triples = [triple for part in contact if isinstance(part, Friction) for triple in part.triples]
+        unknown = {name for one, other, _ in triples for name in (one, other)} - {*names}
         if unknown:
             raise InputError(f"Friction.pairs names {sorted(unknown)[0]!r}; there are {names}")
-        contact = (barrier,) if friction is None else (barrier, friction)
         models = contact_models(contact, self.bodies, obstacles, diagonal, young)
-        contacts, self._frictions = contact_terms(models, obstacles, self._space)
+        self.dhat, self.kappa = models[0].dhat, models[0].kappa
+        contacts, frictions = contact_terms(models, obstacles, self._space)
         self._barrier = cast(ContactBarrier, contacts[0])
-        self._terms: tuple[Potential, ...] = (*contacts, *self._frictions)
+        massless = Terms(np.zeros_like(self._rest), (*contacts, *frictions), contacts)
+        self._potential = IncrementalPotential(self._space, massless, Stopwatch())
 
     def __repr__(self) -> str:
         names = [self.bodies[0] if len(self.bodies) == 1 else f"{len(self.bodies)} bodies"]
-        friction = ", with friction" if self._frictions else ""
+        friction = ", with friction" if self._potential.frictions else ""
         return f"Contact({names[0]}, dhat={self.dhat:.3g} m, kappa={self.kappa:.3g} Pa{friction})"
 
     def begin_step(self, u: Displacement, t0: float, t1: float) -> None:
@@ -159,11 +161,10 @@ class Contact:
         if not t1 > t0:
             raise InputError(f"begin_step: the step from {t0:g} to {t1:g} s has no length")
         x = self._positions(u)
-        self._barrier.move_obstacles(t0)
+        self._potential.move_obstacles(t0)
         if not self._stepped:
             self._require_apart(x, t0)
-        for term in self._terms:
-            term.begin_step(x, t0, t1)
+        self._potential.begin_step(x, x.owned, 1.0, t0, t1)
         self._stepped, self._time = True, float(t0)
 
     def move_obstacles(self, u: Displacement, until: float) -> float:
@@ -172,9 +173,9 @@ class Contact:
         Returns the time [s] that they have reached. Where it is not `until`, solve for u and call it again.
         """
         x = self._started(u)
-        share = self._largest(x, np.zeros_like(x.owned), until)
+        share = self._potential.max_step(x, np.zeros_like(x.owned), until)
         self._time = float(until) if share == 1.0 else self._time + share * (until - self._time)
-        self._barrier.move_obstacles(self._time)
+        self._potential.move_obstacles(self._time)
         return self._time
 
     def energy(self, u: Displacement) -> float:
@@ -182,13 +183,11 @@ class Contact:
 
         It does not detect surfaces that have passed through each other: `max_step` prevents that.
         """
-        x = self._started(u)
-        return float(sum(term.value(x) for term in self._terms))
+        return self._potential.value(self._started(u))
 
     def gradient(self, u: Displacement) -> PETSc.Vec:
         """Gradient of the energy [N] by the unknowns of V: minus the contact forces. A new vector, with V's ghosts."""
-        x = self._started(u)
-        return self._vector(sum((term.gradient(x) for term in self._terms), np.zeros_like(x.owned)))
+        return self._vector(self._potential.gradient(self._started(u)))
 
     def hessian(self, u: Displacement, projected: bool = True) -> PETSc.Mat:
         """Hessian of the energy [N/m], a new AIJ matrix that couples at least what cells couple.
@@ -203,8 +202,7 @@ class Contact:
         x = self._started(u)
         self._blocks.clear()
         self._blocks.projection = "clamp" if projected else "none"
-        for term in self._terms:
-            term.add_hessian(x, 1.0, self._blocks)
+        self._potential.add_hessian(x, 1.0, self._blocks)
         self._matrix.assemble(self._blocks, eliminate=False)
         matrix = self._matrix.petsc.convert("aij", PETSc.Mat())
         matrix.setOption(PETSc.Mat.Option.SPD, False)  # rows that touch nothing are zero
@@ -216,7 +214,7 @@ class Contact:
 
         Where contact ends the step, a tenth of each gap is left.
         """
-        return self._largest(self._started(u), self._owned(du), None)
+        return self._potential.max_step(self._started(u), self._owned(du))
 
     def update_lag(self, u: Displacement) -> float:
         """Take the forces and directions of friction from u.
@@ -224,19 +222,11 @@ class Contact:
         Returns by how much that changes the friction forces, relative to them. A step may be solved and lagged several
         times until that is small; once, as `begin_step` does it, is common.
         """
-        x = self._started(u)
-        before = sum((term.gradient(x) for term in self._frictions), np.zeros_like(x.owned))
-        for term in self._frictions:
-            term.update_lag(x)
-        after = sum((term.gradient(x) for term in self._frictions), np.zeros_like(x.owned))
-        sums = np.array([np.vdot(f, f) for f in (after - before, before, after)])
-        change, *forces = np.sqrt(self.V.mesh.comm.allreduce(sums))
-        return float(change / max(forces)) if max(forces) > 0.0 else 0.0
+        return self._potential.update_lag(self._started(u))
 
     def min_gap(self, u: Displacement) -> float:
         """Smallest distance [m] of what is nearer than dhat; inf where nothing is."""
-        x = self._started(u)
-        return self._barrier.min_gap(x)
+        return self._potential.min_gap(self._started(u))
 
     def count(self, u: Displacement) -> int:
         """How many pairs are nearer than dhat."""
@@ -283,9 +273,6 @@ class Contact:
         if not self._stepped:
             raise InputError("call contact.begin_step(u, t0, t1) first: it places the obstacles")
         return self._positions(u)
-
-    def _largest(self, x: Positions, direction: np.ndarray, until: float | None) -> float:
-        return float(self.V.mesh.comm.allreduce(self._barrier.max_step(x, direction, until), op=MPI.MIN))
 
     def _vector(self, owned: np.ndarray) -> PETSc.Vec:
         index_map, d = self.V.dofmap.index_map, self._space.dim

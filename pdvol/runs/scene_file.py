@@ -13,7 +13,7 @@ from typing import Any
 
 from pdvol.errors import InputError, PdvolError
 from pdvol.registry import INTEGRATORS, STUDIO
-from pdvol.scene import Relative, Scene
+from pdvol.scene import Pascal, Relative, Scene
 from pdvol.scene.fingerprint import describe
 from pdvol.scene.scene import SETTINGS
 
@@ -70,13 +70,13 @@ def parse_settings(words: Sequence[str]) -> dict:
 
 
 def parse_value(text: str) -> Any:
-    """A Python literal, `Relative(1e-3)`, or the text itself."""
-    relative = re.fullmatch(r"Relative\((.+)\)", text.strip())
+    """A Python literal, `Relative(1e-3)`, `Pascal(1e4)`, or the text itself."""
+    marked = re.fullmatch(r"(Relative|Pascal)\((.+)\)", text.strip())
     try:
-        value = ast.literal_eval(relative.group(1) if relative else text)
+        value = ast.literal_eval(marked[2] if marked else text)
     except (ValueError, SyntaxError, MemoryError, RecursionError):  # the last two: nested too deeply
         return text
-    return Relative(value) if relative else value
+    return {"Relative": Relative, "Pascal": Pascal}[marked[1]](value) if marked else value
 
 
 def stored_file(info: Mapping) -> Path:
@@ -97,11 +97,18 @@ def stored_file(info: Mapping) -> Path:
 
 def stored_shot(info: Mapping) -> Shot:
     """The shot that `run.json` describes, with its settings and steps; raises as `stored_file` and `load_shot`."""
-    settings = {  # JSON has no `Relative`, which is an object with a fraction there
-        name: Relative(value["fraction"]) if isinstance(value, dict) and set(value) == {"fraction"} else value
-        for name, value in info["parameters"].items()
-    }
+    settings = {name: stored_value(value) for name, value in info["parameters"].items()}
     return load_shot(stored_file(info), settings, info["steps"])
+
+
+def stored_value(value: Any) -> Any:
+    """A setting as `run.json` keeps it: `Relative` and `Pascal` are objects with one key there."""
+    match value:
+        case {"fraction": number, **others} if not others:
+            return Relative(number)
+        case {"pascals": number, **others} if not others:
+            return Pascal(number)
+    return value
 
 
 def load_shot(file: str | Path, settings: Mapping | None = None, steps: int | None = None) -> Shot:

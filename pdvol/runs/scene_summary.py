@@ -22,6 +22,7 @@ from pdvol.scene import (
     Material,
     Motion,
     Muscle,
+    Pascal,
     Plane,
     PointCache,
     PointForce,
@@ -88,8 +89,8 @@ def modelled_terms(scene: Scene) -> list[str]:
             known = _youngs(scene)
             all_known = len(known) == sum(1 + len(b.regions) for b in scene.bodies)
             kappa = (
-                f"{c.stiffness * min(known):.3g} Pa"
-                if all_known
+                f"{c.kappa(min(known, default=0.0)):.3g} Pa"
+                if all_known or isinstance(c.stiffness, Pascal)
                 else f"{c.stiffness:g} of the softest cell's Young's modulus"
             )
             lines.append(f"contact: area-weighted barrier, stiffness {kappa}, dhat {metres(c.dhat, diagonal):.3g} m")

@@ -7,7 +7,7 @@ Units are SI; lengths marked `Relative` are fractions of the smallest free body'
 
 from pdvol.scene.attachments import Attachment
 from pdvol.scene.bodies import Body, Separate, Shape
-from pdvol.scene.contact import Barrier, Friction
+from pdvol.scene.contact import Barrier, Friction, Pascal
 from pdvol.scene.keyed import Keyed
 from pdvol.scene.lengths import Length, Relative, metres
 from pdvol.scene.loads import Flow, Force, Gravity, Impulse, Load, PointForce, Pressure, at_time

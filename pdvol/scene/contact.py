@@ -14,29 +14,45 @@ STIFFNESS = 0.3
 
 
 @dataclass(frozen=True)
+class Pascal:
+    """A stiffness in pascal, where a number is a fraction of the softest Young's modulus."""
+
+    pascals: float
+
+    def __post_init__(self) -> None:
+        keep_plain(self, "pascals")
+        positive("Pascal.pascals", self.pascals)
+
+
+@dataclass(frozen=True)
 class Barrier:
     """Contact without interpenetration: a barrier weighted by area, the same on every level (Li et al. 2023).
 
     Attributes
     ----------
     dhat : distance [m] at which contact begins to push
-    stiffness : as a fraction of the softest Young's modulus
+    stiffness : as a fraction of the softest Young's modulus, or `Pascal`
     ccd : "additive", or "tight-inclusion": certified in exact arithmetic and many times slower
     """
 
     dhat: Length = Relative(1e-3)
-    stiffness: float = STIFFNESS
+    stiffness: float | Pascal = STIFFNESS
     ccd: str = "additive"
     __repr__ = one_line
 
     def __post_init__(self) -> None:
         keep_plain(self, "dhat", "stiffness")
         length("Barrier.dhat", self.dhat)
-        positive("Barrier.stiffness", self.stiffness)
+        if not isinstance(self.stiffness, Pascal):
+            positive("Barrier.stiffness", self.stiffness)
         require(
             self.ccd in ("additive", "tight-inclusion"),
             f"Barrier.ccd = {self.ccd!r} must be additive or tight-inclusion",
         )
+
+    def kappa(self, softest: float) -> float:
+        """Its stiffness [Pa], given the softest Young's modulus [Pa]."""
+        return self.stiffness.pascals if isinstance(self.stiffness, Pascal) else self.stiffness * softest
 
 
 @dataclass(frozen=True)

@@ -169,6 +169,7 @@ class Scene:
 SETTINGS = {
     **{f.name: part for part, kind in (("solver", Solver), ("penalty", Penalty)) for f in fields(kind)},
     "dhat": "Barrier",
+    "barrier.stiffness": "Barrier",
     "friction.iterations": "Friction",
     "dt": "scene",
     "integrator": "scene",

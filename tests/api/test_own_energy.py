@@ -117,6 +117,19 @@ def test_friction_is_coulombs():
     assert "with friction" not in repr(touching.contact(touching.space(2), friction=None))
 
 
+@DIMENSIONS
+def test_the_barriers_stiffness_may_be_in_pascal(dim):
+    V = touching.space(dim)
+    in_pascal = pdvol.Barrier(dhat=touching.DHAT, stiffness=pdvol.Pascal(3e4))
+    one, other = touching.contact(V), touching.contact(V, young=None, barrier=in_pascal)
+    u = touching.displaced(V)
+    for contact in (one, other):
+        contact.begin_step(touching.displaced(V, 1e-3), 0.0, 0.01)
+    assert one.kappa == pytest.approx(other.kappa, rel=1e-15) and other.kappa == 3e4
+    assert one.energy(u) == pytest.approx(other.energy(u), rel=1e-12) and one.energy(u) > 0.0
+    assert touching.contact(V, young=7.0, barrier=in_pascal).kappa == 3e4
+
+
 def test_max_step_keeps_blocks_apart():
     V = touching.space(3)
     contact, u = touching.contact(V), fem.Function(V)
@@ -190,6 +203,7 @@ def test_other_spaces_are_refused(message):
     "message, wrong",
     [
         ("Contact.young = -1.0 must be positive", {"young": -1.0}),
+        ("Contact needs young [Pa], or its stiffness in pascal", {"young": None}),
         ("Contact.diagonal = 0 must be positive", {"diagonal": 0}),
         ("Contact.barrier must be a Barrier, not Friction", {"barrier": Friction(0.1)}),
         ("Contact.friction must be a Friction, not float", {"friction": 0.1}),

@@ -3,8 +3,10 @@
 import numpy as np
 import pytest
 
-from pdvol import Barrier, Body, Friction, InputError, NeoHookean, Relative, Scene, meshes
+from pdvol import Barrier, Body, Friction, InputError, NeoHookean, Pascal, Relative, Scene, meshes
+from pdvol.runs.scene_file import parse_settings, stored_settings
 from pdvol.scene.jitter import jittered
+from pdvol.store.files import jsonable
 
 
 def scene(**changes):
@@ -18,6 +20,15 @@ def test_settings_reach_the_time_step_the_barrier_and_friction():
     assert found.dt == 0.02 and found.steps == 4
     assert found.contact == (Barrier(dhat=Relative(2e-3)), Friction(0.3, iterations=3))
     assert found.bodies == plain.bodies and found.solver == plain.solver
+
+
+def test_the_barriers_stiffness_is_a_fraction_or_in_pascal():
+    """Also from the command line, and as `run.json` keeps it."""
+    for text, kappa in (("0.5", 5e3), ("Pascal(2e4)", 2e4)):
+        settings = stored_settings(jsonable(parse_settings([f"barrier.stiffness={text}"])))
+        assert scene().with_settings(**settings).contact[0].kappa(1e4) == kappa
+    with pytest.raises(InputError, match="Pascal.pascals = -1 must be positive"):
+        parse_settings(["barrier.stiffness=Pascal(-1)"])
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,7 @@ from typing import Any
 
 from pdvol.errors import InputError
 from pdvol.runs.scene_file import Shot, parse_value
-from pdvol.scene import Relative
+from pdvol.scene import Pascal, Relative
 
 LONGEST_FOLDER_NAME = 120  # characters of a folder's name: file systems allow 255 bytes
 
@@ -101,23 +101,24 @@ class Variation:
 
 def value_text(value: Any) -> str:
     """A value as `--set` reads it."""
-    if isinstance(value, Relative):
-        return f"Relative({value.fraction:.6g})"
+    if isinstance(value, Relative | Pascal):
+        return f"{type(value).__name__}({number(value):.6g})"
     if isinstance(value, tuple | list):
         return str(tuple(value)).replace(" ", "")
     return f"{value:.6g}" if isinstance(value, float) else str(value)
 
 
 def number(value: Any) -> float | None:
-    """The number in a value, also in a `Relative` one; None where it has none."""
-    value = value.fraction if isinstance(value, Relative) else value
+    """The number in a value, also in a `Relative` one or in pascal; None where it has none."""
+    if isinstance(value, Relative | Pascal):
+        value = value.fraction if isinstance(value, Relative) else value.pascals
     return float(value) if isinstance(value, int | float) and not isinstance(value, bool) else None
 
 
 def times(value: Any, factor: float) -> Any:
-    """A number, or a `Relative` one, times a factor."""
+    """A number, or a `Relative` one or one in pascal, times a factor."""
     product = float(f"{(number(value) or 0.0) * factor:.12g}")  # 0.1 * 0.1 is 0.01 on every page
-    return Relative(product) if isinstance(value, Relative) else product
+    return type(value)(product) if isinstance(value, Relative | Pascal) else product
 
 
 def length(metres: float | None) -> str:

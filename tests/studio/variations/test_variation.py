@@ -46,4 +46,5 @@ def test_the_duration_stays_when_the_time_step_changes():
 def test_values_keep_their_kind():
     assert times(Relative(1e-3), 0.1) == Relative(1e-4) and times(3, 2.0) == 6.0
     assert number(Relative(0.5)) == 0.5 and number("classic") is None and number(True) is None
+    assert times(Pascal(2e4), 0.5) == Pascal(1e4) and value_text(Pascal(1e4)) == "Pascal(10000)"
     assert value_text(Relative(1e-3)) == "Relative(0.001)" and value_text((0.5, 1)) == "(0.5,1)"
