@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pdvol import Barrier, Body, Friction, InputError, NeoHookean, Pascal, Relative, Scene, meshes
+from pdvol import Barrier, Body, Friction, InputError, NeoHookean, Relative, Scene, meshes
 from pdvol.runs.scene_file import parse_settings, stored_settings
 from pdvol.scene.jitter import jittered
 from pdvol.store.files import jsonable
