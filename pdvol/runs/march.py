@@ -138,7 +138,7 @@ class March(Iterator[Step]):
     Attributes
     ----------
     hierarchy : Hierarchy
-        The levels' `LevelSpace`s, and the prolongations between them.
+        The `LevelSpace` of each level, and the prolongations between them.
     """
 
     def __init__(

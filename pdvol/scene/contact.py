@@ -15,7 +15,12 @@ STIFFNESS = 0.3
 
 @dataclass(frozen=True)
 class Pascal:
-    """A stiffness in pascal, where a number is a fraction of the softest Young's modulus."""
+    """A stiffness in pascal, where a number is a fraction of the softest Young's modulus.
+
+    Attributes
+    ----------
+    pascals : [Pa]
+    """
 
     pascals: float
 
