@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pdvol import Barrier, Body, Friction, InputError, NeoHookean, Relative, Scene, meshes
-from pdvol.runs.scene_file import parse_settings, stored_settings
+from pdvol.runs.scene_file import parse_settings, stored_value
 from pdvol.scene.jitter import jittered
 from pdvol.store.files import jsonable
 
@@ -25,7 +25,8 @@ def test_settings_reach_the_time_step_the_barrier_and_friction():
 def test_the_barriers_stiffness_is_a_fraction_or_in_pascal():
     """Also from the command line, and as `run.json` keeps it."""
     for text, kappa in (("0.5", 5e3), ("Pascal(2e4)", 2e4)):
-        settings = stored_settings(jsonable(parse_settings([f"barrier.stiffness={text}"])))
+        stored = jsonable(parse_settings([f"barrier.stiffness={text}"]))
+        settings = {name: stored_value(value) for name, value in stored.items()}
         assert scene().with_settings(**settings).contact[0].kappa(1e4) == kappa
     with pytest.raises(InputError, match="Pascal.pascals = -1 must be positive"):
         parse_settings(["barrier.stiffness=Pascal(-1)"])
