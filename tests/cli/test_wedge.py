@@ -80,6 +80,7 @@ def test_a_failed_variation_has_its_reason_and_is_not_the_end(folder):
         assert entry["scores"] == {"right": None} and entry["cluster"] == -1
 
 
+@pytest.mark.slow
 def test_the_film_shows_all_variations_and_failed_ones_with_their_reason(folder, tmp_path, capsys):
     imageio = pytest.importorskip("imageio.v2")
     shutil.copytree(folder, tmp_path / "copy")
@@ -172,6 +173,7 @@ def test_workers_of_dask_give_the_same_states(folder, tmp_path):
         ]
 
 
+@pytest.mark.slow
 def test_a_killed_worker_of_dask_costs_nothing_but_time(tmp_path):
     distributed = pytest.importorskip("distributed")
     words = ("--steps", 200, "--vary", "mu=0.1,0.2,0.3", "--no-picture")
