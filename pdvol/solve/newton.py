@@ -427,15 +427,12 @@ class Newton:
         """Before a step: drops states of the solver that would change the last digits of a resumed run."""
         self.linear.forget()
 
-    def directions(
-        self, x: Positions, supported_move: np.ndarray, push: np.ndarray | float = 0.0
-    ) -> Iterator[np.ndarray]:
+    def direction(self, x: Positions, supported_move: np.ndarray, push: np.ndarray | float = 0.0) -> np.ndarray:
         """Newton's direction (n_owned, d) at x while supported vertices move by `supported_move` (n_owned, d), and
-        other motions add `push` (n_owned, d) [kg m] to the gradient; then the part of it that is due to these motions
-        alone. Nothing else may use the matrix between the two.
+        other motions add `push` (n_owned, d) [kg m] to the gradient.
         """
         self.start(x)
-        gradient = self.potential.gradient(x)
+        right = -push - self.potential.gradient(x)
         self._sum_hessian(x)
         prescribed = np.where(self._fixed[:, None], supported_move, 0.0)
         with self.watch.part("linear"), _own_errors():
@@ -444,13 +441,11 @@ class Newton:
             # Free rows get the forces of the supports' motion; then rows and columns of supports are eliminated.
             self._system.assemble(self._blocks, eliminate=False)
             self._system.shell.mult(moved, force)
-            motions = -push - force.getArray().reshape(-1, self.space.dim)
+            right -= force.getArray().reshape(-1, self.space.dim)
             self._system.assemble(self._blocks)
             self.linear.set_matrix(self._system)
-        for right in (motions - gradient, motions):
-            with _own_errors():
-                moved.setArray(np.where(self._fixed[:, None], prescribed, right).ravel())
-                self.linear.solve(moved, force)
-            found = force.getArray().reshape(-1, self.space.dim).copy()
-            self._require_finite(found)
-            yield found
+            moved.setArray(np.where(self._fixed[:, None], prescribed, right).ravel())
+            self.linear.solve(moved, force)
+        found = force.getArray().reshape(-1, self.space.dim).copy()
+        self._require_finite(found)
+        return found
