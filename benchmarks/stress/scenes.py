@@ -8,7 +8,9 @@ pdvol's defaults unless a script asks for something special. Where the paper has
 these scenes have thin tetrahedra and triangles.
 """
 
+import sys
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 
@@ -30,7 +32,10 @@ from pdvol import (
     Support,
     Translation,
 )
-from pdvol.meshes import Solid, Surface, ball, box, brick, creature, cylinder, dolphin, funnel, torus
+from pdvol.meshes import Solid, Surface, ball, box, brick, creature, cylinder, funnel, torus
+
+sys.path.append(str(Path(__file__).resolve().parents[2] / "demos"))
+from recipes import dolphin
 
 DOWN = Gravity((0.0, -9.81, 0.0))
 FLOOR = Plane((0.0, 0.0, 0.0), (0.0, 1.0, 0.0), name="floor")
