@@ -1,6 +1,4 @@
-"""Recovery of a step that does not converge: without its scripted motion, then in halves, down to a bound
-(`solve/report.py`).
-"""
+"""Recovery of a step that does not converge: in halves, down to a bound (`solve/report.py`)."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -77,7 +75,10 @@ class Recovery:
     ) -> Positions:
         lags, dt, deepest = self.motion.lags, t1 - t0, depth == self.max_halvings
         span = Span(x_t, integrator.predict(past, dt), integrator.weight(past, dt), t0, t1)
-        x, solved = self._try_span(report, span, lags, deepest)
+        x, solved = self._try(report, span, lags)
+        if x is None and deepest:
+            report.remedies["last_resort"] += 1
+            x, solved = self._try(report, span, lags, robust=True)
         if x is not None:
             return x
         if deepest:
@@ -95,31 +96,11 @@ class Recovery:
         velocity = (halfway.owned - x_t.owned) / (middle - t0)
         return self._advance(report, halves, halfway, (State(halfway.owned, velocity),), middle, t1, depth + 1)
 
-    def _try_span(
-        self, report: StepReport, span: Span, lags: Mapping[Mover, float], deepest: bool
-    ) -> tuple[Positions | None, NewtonReport]:
-        """Tries a span with all remedies but halving. Returns its state, or None."""
-        parts = report.remedies["substeps"]
-        x, solved = self._try(report, span, lags)
-        if x is None and report.remedies["substeps"] > parts:  # the motion may have crushed what it met
-            report.remedies["held_back"] += 1
-            x, solved = self._try(report, span, lags, held_back=True)
-        if x is None and deepest:
-            report.remedies["last_resort"] += 1
-            x, solved = self._try(report, span, lags, robust=True)
-        return x, solved
-
     def _try(
-        self,
-        report: StepReport,
-        span: Span,
-        lags: Mapping[Mover, float],
-        held_back: bool = False,
-        robust: bool = False,
+        self, report: StepReport, span: Span, lags: Mapping[Mover, float], robust: bool = False
     ) -> tuple[Positions | None, NewtonReport]:
+        """The state at a span's end, or None; motions set out late by their `lags` [s]."""
         self.motion.begin_span(span.t0, span.t1, lags)
-        if held_back:
-            self.motion.stop(self.motion.going())
         x, solved = self.attempt(report, span, robust)
         if not solved.converged:
             return None, solved

@@ -9,7 +9,6 @@ each was taken.
 | abs | the strongest projection: eigenvalues by size, full contact Hessians | the line search failed |
 | direct | a direct solver | an iterative one failed, or the line search failed with the strongest projection |
 | workspace | more memory for the direct solver | it failed |
-| held_back | none of the scripted motion | it met contact, and its end could not be solved |
 | halvings | half the step | all of these, or too many iterations |
 | last_resort | the smallest step again with the strongest projection and the direct solver | no more halving |
 
@@ -89,7 +88,6 @@ REMEDIES = (
     "abs",
     "direct",
     "workspace",
-    "held_back",
     "halvings",
     "last_resort",
     "substeps",

@@ -3,19 +3,16 @@ error names its source.
 """
 
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from petsc4py import PETSc
 
 from pdvol.errors import ConvergenceError
-from pdvol.integrate.integrator import ImplicitEuler, State
-from pdvol.integrate.recovery import Recovery
 from pdvol.potentials.potential import Positions, Term
 from pdvol.scene import Barrier, Gravity, Plane, Solver
 from pdvol.solve.newton import LINE_SEARCH, MAX_SOLVES
-from pdvol.solve.report import REMEDIES, NewtonReport, StepReport, no_remedies, taken
+from pdvol.solve.report import REMEDIES, no_remedies, taken
 from problems import block, make_scene, make_stepper, take_step
 
 REASONS = PETSc.SNES.ConvergedReason
@@ -117,27 +114,6 @@ def test_halvings_are_counted_and_the_step_is_good(monkeypatch):
     report = take_step(problem, 1, x, v)
     assert report.cuts == report.remedies["halvings"] == 1 and len(calls) == 3
     assert report.positions[:, 1].min() > 0.0
-
-
-def test_a_step_whose_motion_met_contact_is_tried_without_it():
-    """A stand-in for the solver moves obstacles in parts, and solves only tries in which they wait."""
-    problem, x, v = falling(max_halvings=1)
-    report, waits, tried = StepReport(0, 1, 1.0, x, 0.0 * x), [], []
-    motion = SimpleNamespace(
-        lags={}, going=lambda: ["ram"], begin_span=lambda *span: waits.clear(), stop=lambda movers: waits.extend(movers)
-    )
-
-    def attempt(report, span, robust):
-        tried.append(tuple(waits))
-        report.remedies["substeps"] += not waits
-        return span.start, NewtonReport(converged=bool(waits), speed=0.0)
-
-    past = (State(problem.space.from_input(x), problem.space.from_input(v)),)
-    Recovery(motion, attempt, 1).advance(
-        report, ImplicitEuler(), Positions(problem.space, past[0].positions), past, 0.0, 1.0
-    )
-    assert tried == [(), ("ram",)]
-    assert report.remedies["held_back"] == 1 and report.remedies["halvings"] == 0
 
 
 def test_restarts_after_remedies_are_bounded():
