@@ -103,7 +103,7 @@ class Stepper:
         """
         dt, integrator, start = self.model.dt, self.integrator, number - 1
         report = StepReport(self.model.level, number, number * dt, past[0].positions, past[0].velocity)
-        self.newton.forget()
+        self.newton.linear.begin_step()
         with self.watch.part("total"):
             released = self.motion.begin(start * dt)
             if released:  # other rows are free

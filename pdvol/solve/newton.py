@@ -423,10 +423,6 @@ class Newton:
             return "abs"
         return "direct" if self.linear.use_direct() else ""
 
-    def forget(self) -> None:
-        """Before a step: drops states of the solver that would change the last digits of a resumed run."""
-        self.linear.forget()
-
     def direction(self, x: Positions, supported_move: np.ndarray, push: np.ndarray | float = 0.0) -> np.ndarray:
         """Newton's direction (n_owned, d) at x while supported vertices move by `supported_move` (n_owned, d), and
         other motions add `push` (n_owned, d) [kg m] to the gradient.

@@ -5,7 +5,7 @@ their own.
 |---|---|---|
 | iterative | conjugate gradients, incomplete Cholesky (of each rank's own rows) | first |
 | multilevel | the same with a coarse space added | where it saves more than it costs |
-| direct | MUMPS' Cholesky | where the others take more iterations than it costs, or fail |
+| direct | MUMPS' Cholesky | until the end of a step in which conjugate gradients took more than it costs, or failed |
 
 The first two are compiled (native/), unless the user's options name a `ksp_type` or a `pc_type`. Costs are iterations,
 never times: runs repeat to the last bit.
@@ -36,8 +36,6 @@ COARSE_SETUP = 8
 # iterations at which conjugate gradients have failed: a direct solve costs about as much (400 to 1,000, from 500 to
 # 20,000 vertices)
 MAX_ITERATIONS = 500
-# solves: after so many direct ones conjugate gradients are tried again, for systems may have become easier
-DIRECT_SOLVES = 20
 # per cent on top of MUMPS' estimate of its work array, tried in turn: it estimates from the pattern and gives up
 # (INFOG(1) = -9) where pivoting on several ranks needs more
 MUMPS_WORKSPACES = (100, 400, 1600)
@@ -73,13 +71,13 @@ class LinearSolver:
         self.ksp, self.settings, self._make_coarse = ksp, settings, coarse
         self._coarse: CoarseSpace | None = None
         self._system: SystemMatrix
-        self._workspace, self._direct_solves = 0, 0
+        self._workspace = 0
         self._is_factored, self._coarse_is_current, self._is_definite = False, False, True
         self._fresh_iterations: int | None = None
         self._excess = 0
         self._factor = np.zeros(0, dtype=np.float32)
         self._options = _parse(settings.petsc)
-        self._cg_method = "iterative"
+        self._first_method = "iterative" if settings.linear == "auto" else settings.linear
         self.prefix = f"pdvol_{next(_serial)}_"
         ksp.setType(PETSc.KSP.Type.PYTHON)
         ksp.setPythonContext(_Context(self, timed))
@@ -88,7 +86,7 @@ class LinearSolver:
         for solver in (ksp, self._inner):
             solver.setOptionsPrefix(self.prefix)
             solver.setTolerances(rtol=settings.linear_rtol, max_it=MAX_ITERATIONS)
-        self._use(self._cg_method if settings.linear == "auto" else settings.linear)
+        self._use(self._first_method)
 
     def _use(self, method: str) -> None:
         self.method, inner = method, self._inner
@@ -99,7 +97,6 @@ class LinearSolver:
             return
         inner.reset()  # a factor keeps the options it was made with
         if method == "direct":
-            self._direct_solves = 0
             inner.setType(PETSc.KSP.Type.PREONLY)
             inner.pc.setType(PETSc.PC.Type.CHOLESKY)
             inner.pc.setFactorSolverType(PETSc.Mat.SolverType.MUMPS)
@@ -118,16 +115,10 @@ class LinearSolver:
 
     @property
     def memory(self) -> dict:
-        """The state that earlier solves leave to the next step: with the step's start and the settings it determines
+        """The state that earlier steps leave to the next one: with the step's start and the settings it determines
         the step's result. `linear` is the setting under which it was learned.
         """
-        return {
-            "linear": self.settings.linear,
-            "method": self.method,
-            "easy": self._cg_method,
-            "workspace": self._workspace,
-            "direct": self._direct_solves,
-        }
+        return {"linear": self.settings.linear, "method": self._first_method, "workspace": self._workspace}
 
     def restore(self, memory: Mapping) -> None:
         """Restores the state of the solver whose `memory` this is.
@@ -135,22 +126,23 @@ class LinearSolver:
         What was learned under another setting of `linear` is ignored, so that the method that the settings name is the
         one in use. So is a memory that no solver wrote.
         """
-        numbers = [memory.get(key) for key in ("workspace", "direct")]
+        method, workspace = memory.get("method"), memory.get("workspace")
         if (
             memory.get("linear", "auto") != self.settings.linear
-            or not all(memory.get(key) in LINEAR_METHODS for key in ("method", "easy"))
-            or not all(isinstance(number, int) and number >= 0 for number in numbers)
+            or method not in LINEAR_METHODS
+            or not (isinstance(workspace, int) and workspace >= 0)
         ):
             return
-        self._cg_method, self._workspace = memory["easy"], min(memory["workspace"], len(MUMPS_WORKSPACES) - 1)
-        self._use(memory["method"])
-        self._direct_solves = memory["direct"]
+        self._first_method, self._workspace = method, min(workspace, len(MUMPS_WORKSPACES) - 1)
+        self._use(method)
 
-    def forget(self) -> None:
-        """Before a step: marks the coarse operator as outdated, so that the step depends on its start and `memory`
-        alone.
+    def begin_step(self) -> None:
+        """Goes back from the direct method where that was a remedy, and marks the coarse operator as outdated: the step
+        depends on its start and `memory` alone.
         """
         self._coarse_is_current = False
+        if self.method != self._first_method:
+            self._use(self._first_method)
 
     def set_matrix(self, system: SystemMatrix) -> None:
         """After an assembly of `system`: the next solves are with it."""
@@ -235,10 +227,8 @@ class LinearSolver:
         """After a successful solve with this number of iterations: chooses the method of the next one."""
         automatic = self.settings.linear == "auto"
         if self.method == "direct":
-            self._direct_solves += 1
-            if automatic and self._direct_solves >= DIRECT_SOLVES and self._workspace == 0:
-                self._use(self._cg_method)
-        elif self.method == "iterative":
+            return
+        if self.method == "iterative":
             if automatic and iterations > 2 * COARSE_SETUP:  # it saves half of them, or more
                 self._change("multilevel")
         elif automatic and 2 * iterations < COARSE_SETUP:
@@ -250,7 +240,7 @@ class LinearSolver:
             self._coarse_is_current = self._excess <= COARSE_SETUP
 
     def _change(self, method: str) -> None:
-        self._cg_method = method
+        self._first_method = method
         self._use(method)
 
     def fall_back(self) -> bool:
