@@ -22,7 +22,7 @@ from mpi4py import MPI
 
 from commands import SAFETY
 
-POLL_SECONDS = 0.02
+POLL_SECONDS, MOST_POLL_SECONDS = 0.02, 0.5  # between looks for a file, at first and after long
 ENVIRONMENT = {
     "OMP_NUM_THREADS": "1",
     "OMPI_MCA_mpi_yield_when_idle": "1",  # or a busy machine spends its time on ranks that spin
@@ -119,11 +119,12 @@ def lives(process: int) -> bool:
 
 def carry_out(folder: Path, caller: int) -> None:
     """Carries out calls on this rank until the caller has ended; an error ends all ranks."""
-    comm, number = MPI.COMM_WORLD, 0
+    comm, number, pause = MPI.COMM_WORLD, 0, POLL_SECONDS
     while lives(caller) and not (folder / "end").exists():
         call, result = files_of(folder, number)
         if not call.exists():
-            time.sleep(POLL_SECONDS)
+            time.sleep(pause)
+            pause = min(1.1 * pause, MOST_POLL_SECONDS)
             continue
         try:
             count, sys.path[:], module, name, arguments = pickle.loads(call.read_bytes())
@@ -136,7 +137,7 @@ def carry_out(folder: Path, caller: int) -> None:
             comm.Abort(1)
         if comm.rank == 0:
             write(result, returned)
-        number += 1
+        number, pause = number + 1, POLL_SECONDS
 
 
 if __name__ == "__main__":

@@ -134,7 +134,7 @@ def test_frames_between_steps_lie_on_the_chord(solid_run, tmp_path):
 
 def test_even_frames_reach_the_last_state_they_can():
     assert [(f.code, f.step) for f in even_frames(4, 0.1, 10.0)] == [(0, 0), (1, 1), (2, 2), (3, 3)]
-    assert {f.share for f in even_frames(101, 0.01, 100.0)} == {1.0}, "rounding makes no interpolated frame"
+    assert {f.fraction for f in even_frames(101, 0.01, 100.0)} == {1.0}, "rounding makes no interpolated frame"
     assert len(even_frames(101, 0.01, 24.0)) == 25 and even_frames(101, 0.01, 24.0)[-1].step == 100
     assert len(even_frames(2, 0.01, 24.0)) == 1, "the run ends before the second frame"
     assert len(even_frames(1, 0.01, 24.0)) == 1
