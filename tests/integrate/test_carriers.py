@@ -75,7 +75,7 @@ def test_a_ball_drives_a_free_cube_before_it_and_keeps_its_time(d, speed, most, 
     assert speeds[-1, 0, 0] > share * speed
 
 
-@pytest.mark.parametrize("friction", [(), pytest.param((Friction(0.5),), marks=pytest.mark.slow)])
+@pytest.mark.parametrize("friction", [(), (Friction(0.5),)])
 def test_a_row_of_cubes_is_pushed_until_a_wall_holds_it(friction):
     """The first cube carries the second. Once that is at the wall, both are pressed, and the ball waits."""
     scene, mesh, geometry = ball_and_cubes(
