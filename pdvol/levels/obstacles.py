@@ -82,6 +82,8 @@ class Obstacle:
 
     def pose(self, time: float) -> Pose:
         """The pose of a plane at `time` [s]."""
+        if not self.moves:
+            return Pose(np.eye(self.vertices.shape[1]), np.zeros(self.vertices.shape[1]))
         return Pose.of_frame(self.vertices, self.at(time))
 
     def plane_at(self, at: float | Pose) -> tuple[np.ndarray, np.ndarray]:
