@@ -65,11 +65,15 @@ def main(options: Namespace) -> None:
             options.scene.resolve(), settings, folder, options.out, last, options.steps, options.wavefront
         )
         page = Page(server, session, shown, last + 1, shot.name)
+        # A signal ends the loop between two updates. An exception in the middle of one can get lost in a library.
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, lambda *_: page.stop())
         session.start()
         print(f"{server.address} shows {options.scene}; Ctrl-C ends it", file=sys.stderr, flush=True)
         page.serve()
-    except KeyboardInterrupt:
         print("ended; kept runs are in " + str(options.out) if _kept(options.out) else "ended", file=sys.stderr)
+    except KeyboardInterrupt:
+        print("ended", file=sys.stderr)
     finally:
         if session is not None:
             session.close()
