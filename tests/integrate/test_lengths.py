@@ -72,7 +72,7 @@ def test_scaled_scenes_move_alike(alone, scale):
     """
     scaled = states(falling(cube("near", NEAR, scale, 2e4 * scale**2), scale=scale))
     apart = np.abs(scaled / scale - alone).max(axis=(1, 2)) / (np.sqrt(5) * SIDE)
-    assert (apart <= 1e-12).all()  # round-off, which contact amplifies: 4e-13
+    assert (apart <= 3e-14 * np.arange(STEPS + 1)).all()  # round-off, as it adds up step by step
 
 
 def test_the_diagonal_is_that_of_the_smallest_body_that_is_not_held():
