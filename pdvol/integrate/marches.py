@@ -19,7 +19,7 @@ from pdvol.levels.prolongation import Prolongation
 from pdvol.potentials.consistency import Guide
 from pdvol.solve.report import StepReport, Stopwatch, peak_memory
 
-SAME_TIME = 1e-9  # share of a step: times nearer to the end of one are that end, since they are sums with round-off
+SAME_TIME = 1e-9  # fraction of a step: times nearer to the end of one are that end, since they are sums with round-off
 
 
 @dataclass(frozen=True, eq=False)

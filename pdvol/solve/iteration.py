@@ -31,7 +31,7 @@ from pdvol.potentials.potential import Positions
 Sum = Callable[[np.ndarray], np.ndarray]
 """Sums an array over all ranks."""
 
-TRUSTED = 0.5  # share of the promised decrease: a model that delivers less overshoots
+TRUSTED = 0.5  # fraction of the promised decrease: a model that delivers less overshoots
 TOO_STIFF = 1.25  # times the promised decrease: a model that delivers more is too stiff
 PAUSE = 2  # iterations without an unprojected Hessian after a bad one; doubled each time, so that few are tried
 
@@ -39,8 +39,8 @@ SAME_DIRECTION = 0.95  # cosine between consecutive steps from which on the seco
 SOFT = 0.5  # of the model's stiffness in that direction: a softer potential gets a longer step
 MAX_LENGTHENING = 20.0  # factor: the secant is unbounded where the stiffness vanishes
 
-ROUNDING = 1e-13  # share of the energy: a smaller decrease is round-off, and the quadratic model is trusted
-CANCELLATION = 2e-15  # share of the terms whose difference the energy is: the same for energies that cancel
+ROUNDING = 1e-13  # fraction of the energy: a smaller decrease is round-off, and the quadratic model is trusted
+CANCELLATION = 2e-15  # fraction of the terms whose difference the energy is: the same for energies that cancel
 
 # Near the minimum the last matrix is nearly as good as a new one. Its steps show the distance to the minimum less well:
 # with the full tolerance the final states of demos/ball_on_spike.py were as with a tolerance four times as wide.

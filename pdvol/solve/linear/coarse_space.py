@@ -21,7 +21,7 @@ from pdvol.solve.linear.system_matrix import pointers
 # coarse vertices over the square root of the level's: with twice as many the factor costs what iterations save, and
 # with half as many heaps of bodies lose the rotations of each
 COARSE_VERTICES = 2.0
-# share of the diagonal of P' A P that is added to it: nodes at the boundary can be nearly linearly dependent
+# fraction of the diagonal of P' A P that is added to it: nodes at the boundary can be nearly linearly dependent
 COARSE_DIAGONAL_SHIFT = 1e-7
 
 
