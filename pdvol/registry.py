@@ -131,9 +131,7 @@ INTEGRATORS = Registry(
         "bdf2": Entry("pdvol.integrate.bdf2:BDF2"),
     },
 )
-"""Time integrators (`pdvol.integrate.integrator`). The first one is the default, and the one of all marches; the others
-serve the direct march.
-"""
+"""Time integrators (`pdvol.integrate.integrator`). The first one is the default."""
 
 FORMATS = Registry(
     "format",

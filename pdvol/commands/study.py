@@ -48,9 +48,7 @@ def main(options: Namespace) -> None:
     first, last = level_range(options.levels)
     if first != 0:
         raise InputError("--levels: a study begins with level 0; write 0:B")
-    method = options.method or ("progressive" if shot.scene.integrator == "implicit_euler" else "direct")
-    if shot.scene.integrator != "implicit_euler" and method != "direct":
-        raise InputError(f"--method {method} needs integrator=implicit_euler")
+    method = options.method or "progressive"
     axes, alone = chosen_axes(options.vary, shot)
     reference = _reference(options.reference, method)
     last = shot.scene.levels - 1 if options.levels and last is None else last

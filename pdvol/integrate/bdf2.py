@@ -4,8 +4,8 @@
 
 With h = 2 dt / 3 that minimises 1/2 |x - x_hat|^2_M + h^2 E(x) for x_hat = (4 x^t - x^{t-1}) / 3 + h (4 v^t - v^{t-1})
 / 3. The first step is one of implicit Euler, which leaves the order at two. A step that had to be cut is followed by
-implicit Euler in parts. Friction, drag and damping take their velocities from differences over the step, so they are
-first order with any integrator. Source: Hairer, Wanner, Solving Ordinary Differential Equations II, section V.1.
+implicit Euler in parts. Friction, drag and damping take the same velocities. Source: Hairer, Wanner, Solving Ordinary
+Differential Equations II, section V.1.
 """
 
 import numpy as np
@@ -16,7 +16,7 @@ _FIRST = ImplicitEuler()
 
 
 class BDF2:
-    """An integrator for the direct march."""
+    """The integrator `bdf2`."""
 
     states = 2
 

@@ -4,11 +4,15 @@ One step minimises 1/2 |x - x_hat|^2_M + weight (Psi + B + D - f.x). An integrat
 last states.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
+
+from pdvol.levels.script import Mover
+from pdvol.levels.space import LevelSpace
+from pdvol.potentials.potential import Earlier, Positions, Rates
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,10 +38,11 @@ Past = tuple[State, ...]
 
 
 class Integrator(Protocol):
-    """An integrator with constant steps.
+    """An integrator with constant steps, whose prediction and velocity are linear in the states.
 
     An object of a user's own may take part where it has these four (`pdvol.march`). One object serves all levels, so it
-    keeps nothing of a step.
+    keeps nothing of a step. What else depends on the integrator follows from these: a finer level's prediction
+    (`marches.led`), and the velocities of friction, drag and damping (`differences`).
 
     Attributes
     ----------
@@ -57,9 +62,8 @@ class Integrator(Protocol):
 
 
 class ImplicitEuler:
-    """Implicit Euler: x_hat = x^t + dt v^t, weight dt^2, v = (x^{t+1} - x^t) / dt. First order in dt, strongly damping.
-
-    It is the integrator of all marches.
+    """Implicit Euler: x_hat = x^t + dt v^t, weight dt^2, v = (x^{t+1} - x^t) / dt. First order in dt, strongly
+    damping.
     """
 
     states = 1
@@ -88,6 +92,40 @@ def advance(integrator: Integrator, past: Past, positions: np.ndarray, dt: float
     return (State(positions, integrator.velocity(positions, past, dt)), *past[: integrator.states - 1])
 
 
+def differences(integrator: Integrator, states: int, dt: float) -> tuple[float, tuple[float, ...]]:
+    """How an integrator with so many past states takes velocities: h [s] and the weights a_1, a_2, ... in
+
+        v = (x - x~) / h,    x~ = x^t + a_1 (x^{t-1} - x^t) + a_2 (x^{t-2} - x^t) + ...
+
+    They are what `velocity` makes of single displacements by dt, as it is linear. Where it uses velocities of the past,
+    which other quantities than positions do not have, they are those of the mean over the step: dt and no weights.
+    """
+    everywhere = lambda value: np.full((1, 1), value)
+
+    def speed(end: float, moved: int = -1, before: float = 0.0) -> float:
+        past = tuple(State(everywhere(dt * (k == moved)), everywhere(before)) for k in range(states))
+        return float(integrator.velocity(everywhere(end), past, dt)[0, 0])
+
+    unit = speed(dt)
+    if unit <= 0.0 or speed(0.0, before=1.0) != 0.0:
+        return dt, ()
+    return dt / unit, tuple(-speed(0.0, k) / unit for k in range(1, states))
+
+
+def rates_of(
+    integrator: Integrator, past: Past, space: LevelSpace, time: float, dt: float, lags: Sequence[Mapping[Mover, float]]
+) -> Rates | None:
+    """How rates of change follow from the end of a step of dt [s] from the past at a time [s]; None where they are
+    means over it. Obstacles were late by `lags` [s] at the past's states before the first one.
+    """
+    duration, weights = differences(integrator, len(past), dt)
+    earlier = tuple(
+        Earlier(weight, Positions(space, space.from_input(state.positions)), time - number * dt, late)
+        for number, (weight, state, late) in enumerate(zip(weights, past[1:], lags, strict=False), start=1)
+    )
+    return Rates(duration, earlier) if earlier or duration != dt else None
+
+
 def past_of(
     integrator: Integrator,
     positions: Callable[[int], np.ndarray],
@@ -102,7 +140,8 @@ def past_of(
     ----------
     positions : step -> (n, d) [m]
     velocity : (n, d) [m/s] at step 0
-    joined : step -> how many steps were joined to one there
+    joined : step -> how many steps were joined to one there. For a finer level and for velocities of friction all are
+        steps of dt, whose displacements add up
     """
     solved: list[tuple[int, int]] = []  # velocities of the states used are themselves made of as many
     while step > 0 and len(solved) < 2 * integrator.states - 1:

@@ -6,7 +6,7 @@ from functools import partial
 import numpy as np
 
 from pdvol.integrate.feedback import level_feedback
-from pdvol.integrate.integrator import Integrator
+from pdvol.integrate.integrator import Integrator, Past
 from pdvol.integrate.marches import Start, direct, embedded, guide, progressive
 from pdvol.integrate.stepper import Stepper
 from pdvol.levels.hierarchy import Hierarchy
@@ -15,10 +15,13 @@ from pdvol.levels.model import LevelModel
 from pdvol.potentials.build import MakeTerm
 from pdvol.solve.report import StepReport
 
-Coarse = Callable[[str, int], np.ndarray]
-"""`positions` [m] or `velocities` [m/s] (n, d) of the level below after so many steps; the latter are means over a
-step, and the initial ones for step 0.
-"""
+Coarse = Callable[[int], Past]
+"""The past of the level below after so many steps, as its positions at the ends of steps show it."""
+
+
+def is_led(method: str, level: int) -> bool:
+    """Whether a level goes by steps of the level below: none of its own is ever joined to others."""
+    return method in ("progressive", "embedded") and level > 0
 
 
 def first_start(model: LevelModel, hierarchy: Hierarchy, method: str, coarse: Coarse) -> Start:
@@ -27,7 +30,7 @@ def first_start(model: LevelModel, hierarchy: Hierarchy, method: str, coarse: Co
     """
     begin = model.start
     if method == "embedded" and model.level > 0 and begin is not model.mesh.points:
-        begin = hierarchy.prolongation(model.level).prolong(coarse("positions", 0))
+        begin = hierarchy.prolongation(model.level).prolong(coarse(0)[0].positions)
     return Start.at_rest(begin, model.velocity)
 
 
@@ -50,10 +53,10 @@ def level_march(
     terms, forces : as `Stepper` takes them
     """
     level, steps, dt = model.level, model.steps, model.dt
-    where = partial(coarse, "positions")
+    where = lambda step: coarse(step)[0].positions
     if method == "embedded" and level > 0:
         count = {"count": partial(_count_intersections, model)} if model.contact else {}
-        return embedded(hierarchy.prolongation(level), where, level, start, steps, dt, **count)
+        return embedded(hierarchy.prolongation(level), where, level, start, steps, dt, integrator, **count)
     weight = model.penalty.of(method) if level > 0 else 0.0
     guides = (guide(weight, dt, hierarchy.prolongation(level), where),) if weight > 0.0 else ()
     stepper = Stepper(
@@ -67,7 +70,7 @@ def level_march(
         forces,
     )
     if method == "progressive" and level > 0:
-        return progressive(stepper, hierarchy.prolongation(level), partial(coarse, "velocities"), start, steps)
+        return progressive(stepper, hierarchy.prolongation(level), coarse, start, steps)
     return direct(stepper, start, steps)
 
 

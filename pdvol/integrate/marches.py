@@ -1,19 +1,21 @@
 """Time marches: generators of step reports (design, section 2). All but the last solve a step, and differ in the
-velocity that predicts x_hat.
+states that predict x_hat.
 
 | march | x_hat of the step from t to t + dt |
 |---|---|
-| direct | x^t + (x^t - x^{t-1}) with implicit Euler; tracks is this march with a guide |
-| progressive | x^t + P (x_c^t - x_c^{t-1}), x_c the coarser level: VelPro (paper, eq. 2, 3); guides, feedback |
+| direct | the integrator's prediction from the level's own states; tracks is this march with a guide |
+| progressive | x^t + P (x_hat_c - x_c^t), x_hat_c the same of the coarser level's states; guides, feedback |
 | embedded | none: the step ends at P x_c^{t+1}, even where that intersects |
+
+With implicit Euler the second line is VelPro, x^t + P (x_c^t - x_c^{t-1}) (paper, eq. 2, 3).
 """
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
-from pdvol.integrate.integrator import ImplicitEuler, Past, State, advance
+from pdvol.integrate.integrator import Integrator, Past, State, advance
 from pdvol.integrate.stepper import Stepper
 from pdvol.levels.prolongation import Prolongation
 from pdvol.potentials.consistency import Guide
@@ -24,13 +26,14 @@ SAME_TIME = 1e-9  # fraction of a step: times nearer to the end of one are that 
 
 @dataclass(frozen=True, eq=False)
 class Start:
-    """The start of a march: the last states after `step` steps, in the input's order of vertices, and that step's
-    record in the log, where there is one.
+    """The start of a march: the last states after `step` steps, in the input's order of vertices, that step's record in
+    the log, where there is one, and the records of the steps before it that the integrator uses, newest first.
     """
 
     step: int
     past: Past
     record: Mapping = field(default_factory=dict)
+    earlier: Sequence[Mapping] = ()
 
     @classmethod
     def at_rest(cls, positions: np.ndarray, velocity: np.ndarray) -> "Start":
@@ -41,7 +44,7 @@ class Start:
 def direct(stepper: Stepper, start: Start, steps: int) -> Iterator[StepReport]:
     """Steps of one level by the stepper's integrator, up to step `steps`. Collective."""
     past = start.past
-    stepper.go_on_from(start.record)
+    stepper.go_on_from(start.record, start.earlier)
     for number in range(start.step + 1, steps + 1):
         report = stepper.step(number, past)
         past = advance(stepper.integrator, past, report.positions, stepper.model.dt, report.joined)
@@ -52,24 +55,36 @@ def direct(stepper: Stepper, start: Start, steps: int) -> Iterator[StepReport]:
 def progressive(
     stepper: Stepper,
     prolongation: Prolongation,
-    coarse_velocity: Callable[[int], np.ndarray],
+    coarse: Callable[[int], Past],
     start: Start,
     steps: int,
 ) -> Iterator[StepReport]:
-    """VelPro on one level up to step `steps`. Collective.
+    """Steps of a level that the coarser one leads, up to step `steps`. Collective.
+
+    A step at rest is one without motion here: the next one does not make up for it.
 
     Parameters
     ----------
-    coarse_velocity : step t -> (x_c^t - x_c^{t-1}) / dt, shape (n_coarse, d); the initial velocity for t = 0
+    coarse : step t -> the past of the coarser level, all of whose steps take dt
     """
     past = start.past
-    stepper.go_on_from(start.record)
+    stepper.go_on_from(start.record, start.earlier)
     for number in range(start.step + 1, steps + 1):
-        velocity = prolongation.prolong(coarse_velocity(number - 1))
-        report = stepper.step(number, (State(past[0].positions, velocity),), keeps_velocity=False)
-        past = advance(stepper.integrator, past, report.positions, stepper.model.dt, report.joined)
+        report = stepper.step(number, past, led(past[0].positions, coarse(number - 1), prolongation))
+        past = advance(stepper.integrator, past, report.positions, stepper.model.dt)
         report.velocity = past[0].velocity
         yield report
+
+
+def led(positions: np.ndarray, coarse: Past, prolongation: Prolongation) -> Past:
+    """The past by which a coarser level leads a finer one from `positions` (n, d): the same displacements and
+    velocities, prolonged. Collective.
+
+    An integrator's prediction is linear, and moves with its states. So from here it is x + P (x_hat_c - x_c).
+    """
+    prolong, now = prolongation.prolong, coarse[0].positions
+    earlier = (State(positions + prolong(each.positions - now), prolong(each.velocity)) for each in coarse[1:])
+    return (State(positions, prolong(coarse[0].velocity)), *earlier)
 
 
 @dataclass
@@ -92,9 +107,10 @@ def embedded(
     start: Start,
     steps: int,
     dt: float,
+    integrator: Integrator,
     count: Callable[[np.ndarray, float], int] = lambda positions, time: 0,
 ) -> Iterator[EmbeddedReport]:
-    """The prolonged positions of the level below, up to step `steps`. Collective.
+    """The prolonged positions of the level below, up to step `steps`, with velocities by an integrator. Collective.
 
     Parameters
     ----------
@@ -106,7 +122,7 @@ def embedded(
         report = EmbeddedReport(level, number, number * dt, past[0].positions, past[0].velocity, reason="EMBEDDED")
         with watch.part("total"):
             report.positions = prolongation.prolong(coarse_positions(number))
-            past = advance(ImplicitEuler(), past, report.positions, dt)
+            past = advance(integrator, past, report.positions, dt)
             report.velocity = past[0].velocity
             with watch.part("ccd"):
                 report.intersections = count(report.positions, report.time)

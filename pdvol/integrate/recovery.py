@@ -7,10 +7,9 @@ from typing import Protocol
 import numpy as np
 
 from pdvol.errors import ConvergenceError
-from pdvol.integrate.integrator import ImplicitEuler, Integrator, Past, State
 from pdvol.integrate.scripted_motion import ScriptedMotion
 from pdvol.levels.script import Mover
-from pdvol.potentials.potential import Positions
+from pdvol.potentials.potential import Positions, Rates
 from pdvol.solve.report import NewtonReport, StepReport, taken
 
 
@@ -24,6 +23,7 @@ class Span:
     x_hat : (n_owned, d) predicted positions [m]
     weight : of the potential [s^2]
     t0, t1 : its ends [s]
+    rates : how rates of change follow from its end; means over it where that is None
     """
 
     start: Positions
@@ -31,6 +31,12 @@ class Span:
     weight: float
     t0: float
     t1: float
+    rates: Rates | None = None
+
+    @classmethod
+    def euler(cls, start: Positions, velocity: np.ndarray, t0: float, t1: float) -> "Span":
+        """One step of implicit Euler, which needs no constant steps, with velocity (n_owned, d) [m/s] at its start."""
+        return cls(start, start.owned + (t1 - t0) * velocity, (t1 - t0) ** 2, t0, t1)
 
 
 class Attempt(Protocol):
@@ -54,27 +60,13 @@ class Recovery:
     attempt: Attempt
     max_halvings: int
 
-    def advance(
-        self, report: StepReport, integrator: Integrator, x_t: Positions, past: Past, t0: float, t1: float
-    ) -> Positions:
-        """The state at t1 [s], from x_t and the last states at t0 (owned rows), of which x_t is the first. Collective.
+    def advance(self, report: StepReport, span: Span, velocity: np.ndarray, depth: int = 0) -> Positions:
+        """The state at the end of a span, which was halved `depth` times; its halves would begin with a velocity
+        (n_owned, d) [m/s]. Collective.
 
         Raises ConvergenceError where halving the step `max_halvings` times does not help.
         """
-        return self._advance(report, integrator, x_t, past, t0, t1, 0)
-
-    def _advance(
-        self,
-        report: StepReport,
-        integrator: Integrator,
-        x_t: Positions,
-        past: Past,
-        t0: float,
-        t1: float,
-        depth: int,
-    ) -> Positions:
-        lags, dt, deepest = self.motion.lags, t1 - t0, depth == self.max_halvings
-        span = Span(x_t, integrator.predict(past, dt), integrator.weight(past, dt), t0, t1)
+        lags, deepest = self.motion.lags, depth == self.max_halvings
         x, solved = self._try(report, span, lags)
         if x is None and deepest:
             report.remedies["last_resort"] += 1
@@ -85,16 +77,16 @@ class Recovery:
             raise ConvergenceError(
                 report.level,
                 report.step,
-                f"{solved.reason} after {report.cuts} cuts of the step, last at dt = {dt:.3g} s, Newton step"
-                f" {solved.speed:.3g} m/s (tried: {taken(report.remedies)}); try a smaller dt or a larger dhat",
+                f"{solved.reason} after {report.cuts} cuts of the step, last at dt = {span.t1 - span.t0:.3g} s, Newton"
+                f" step {solved.speed:.3g} m/s (tried: {taken(report.remedies)}); try a smaller dt or a larger dhat",
             )
         report.cuts += 1
         report.remedies["halvings"] += 1
-        self.motion.begin_span(t0, t1, lags)
-        middle, halves = 0.5 * (t0 + t1), ImplicitEuler()  # it needs no constant steps
-        halfway = self._advance(report, halves, x_t, past[:1], t0, middle, depth + 1)
-        velocity = (halfway.owned - x_t.owned) / (middle - t0)
-        return self._advance(report, halves, halfway, (State(halfway.owned, velocity),), middle, t1, depth + 1)
+        self.motion.begin_span(span.t0, span.t1, lags)
+        middle = 0.5 * (span.t0 + span.t1)
+        halfway = self.advance(report, Span.euler(span.start, velocity, span.t0, middle), velocity, depth + 1)
+        velocity = (halfway.owned - span.start.owned) / (middle - span.t0)
+        return self.advance(report, Span.euler(halfway, velocity, middle, span.t1), velocity, depth + 1)
 
     def _try(
         self, report: StepReport, span: Span, lags: Mapping[Mover, float], robust: bool = False

@@ -1,15 +1,20 @@
 """Terms of a level evaluated at stored states, as in the step that led there: for exports and measures."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 
 import numpy as np
 
+from pdvol.integrate.integrator import Past, rates_of
 from pdvol.levels.model import LevelModel
 from pdvol.levels.script import Script
 from pdvol.levels.space import LevelSpace
 from pdvol.potentials.build import build_terms
 from pdvol.potentials.consistency import Guide
 from pdvol.potentials.potential import Positions, Potential
+from pdvol.registry import INTEGRATORS
+
+Lateness = tuple[float, Mapping[str, float]]
+"""How far obstacles were behind the time [s]: all of them, or by their names, as the log has it."""
 
 
 class Replay:
@@ -19,12 +24,14 @@ class Replay:
 
     Attributes
     ----------
+    integrator : Integrator
     terms : all potentials
     contacts : those of barriers and friction
     mass : (n_owned, d) [kg]
     """
 
     def __init__(self, model: LevelModel, space: LevelSpace, guides: Sequence[Guide] = ()):
+        self.integrator = INTEGRATORS[model.integrator]()
         self._script = Script(model.supports, model.obstacles, model.ground)
         built = build_terms(model, space, guides, self._script)
         self.space, self.dt, self.mass, self.terms = space, model.dt, built.mass, built.potentials
@@ -33,33 +40,37 @@ class Replay:
     def put(
         self,
         step: int,
-        start: np.ndarray,
+        past: Past,
         end: np.ndarray,
-        behind: tuple[float, float] = (0.0, 0.0),
         joined: int = 1,
         memory: Mapping[str, Mapping] | None = None,
-        late: tuple[Mapping[str, float], Mapping[str, float]] = ({}, {}),
+        late: Callable[[int], Lateness] = lambda step: (0.0, {}),
     ) -> Positions:
         """Puts all terms to the end of a stored step, and returns its positions. Collective.
 
         Parameters
         ----------
         step : its number; 0 stands for the initial state, where nothing slides
-        start, end : (n, d) positions [m] in the input's order
-        behind : [s] how far obstacles were behind the time at the step's start and end
+        past : the last states at its start, in the input's order
+        end : (n, d) positions [m], the same
         joined : how many steps were solved as this one, which began where the first of them did
         memory : `terms` of the log's record of the step before, where there is one
-        late : the same as `behind` by motions, as the log has it, where it has it
+        late : step -> how late obstacles were at its end
         """
         for term in self.terms:
             term.restore((memory or {}).get(term.name, {}))
-        x_t, x = (Positions(self.space, self.space.from_input(rows)) for rows in (start, end))
-        t0, t1 = max(step - joined, 0) * self.dt, step * self.dt
-        start_lags, end_lags = (self._script.recorded_lags(b, each) for b, each in zip(behind, late, strict=True))
-        self._script.begin(t0, t0 + joined * self.dt, start_lags)
+        x_t, x = (Positions(self.space, self.space.from_input(rows)) for rows in (past[0].positions, end))
+        before = max(step - joined, 0)
+        t0, t1, length = before * self.dt, step * self.dt, joined * self.dt
+        lags = lambda step: self._script.recorded_lags(*late(max(step, 0)))
+        earlier = tuple(lags(before - number) for number in range(1, len(past)))
+        rates, end_lags = rates_of(self.integrator, past, self.space, t0, length, earlier), lags(step)
+        self._script.begin(t0, t0 + length, lags(before))
         # All terms begin before any moves on: friction lags on barriers that are still where the step begins.
         for term in self.terms:
-            term.begin_step(x_t, t0, t0 + joined * self.dt)
+            term.begin_step(x_t, t0, t0 + length)
+            if rates is not None:
+                term.set_rates(rates)
         self._script.begin(t1, t1 + self.dt, end_lags)
         for term in self.terms:
             term.move_obstacles(t1)

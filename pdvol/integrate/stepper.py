@@ -2,6 +2,7 @@
 they must be.
 """
 
+from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
@@ -9,13 +10,13 @@ from scipy.sparse import csr_array
 
 from pdvol.errors import ConvergenceError, SimulationError
 from pdvol.integrate.feedback import Feedback
-from pdvol.integrate.integrator import ImplicitEuler, Integrator, Past, State
+from pdvol.integrate.integrator import ImplicitEuler, Integrator, Past, State, rates_of
 from pdvol.integrate.motion_parts import MotionParts
 from pdvol.integrate.recovery import Recovery, Span
 from pdvol.integrate.rest import Rest
 from pdvol.integrate.scripted_motion import ScriptedMotion
 from pdvol.levels.model import LevelModel
-from pdvol.levels.script import Script
+from pdvol.levels.script import Mover, Script
 from pdvol.levels.space import LevelSpace
 from pdvol.potentials.build import MakeTerm, build_terms
 from pdvol.potentials.consistency import Guide
@@ -23,6 +24,12 @@ from pdvol.potentials.potential import MIN_GAP_SHARE, SCRIPTED_GAP_SHARE, Positi
 from pdvol.solve.incremental_potential import IncrementalPotential
 from pdvol.solve.newton import Newton
 from pdvol.solve.report import NewtonReport, StepReport, Stopwatch, peak_memory
+
+
+def _lateness(record: Mapping) -> tuple[float, Mapping[str, float]]:
+    """`behind` and `late` of a step's log record."""
+    behind, late = record.get("behind", 0.0), record.get("late", {})
+    return float(behind) if isinstance(behind, (int, float)) else 0.0, late if isinstance(late, dict) else {}
 
 
 class Stepper:
@@ -62,7 +69,9 @@ class Stepper:
         self.watch = Stopwatch()
         script = Script(model.supports, model.obstacles, model.ground)
         self.potential = IncrementalPotential(space, build_terms(model, space, guides, script, terms), self.watch)
-        self.motion = ScriptedMotion(model, space, script)
+        self.motion, self._script = ScriptedMotion(model, space, script), script
+        states = self.integrator.states
+        self._lags = deque[Mapping[Mover, float]]([{}] * states, maxlen=states)  # at steps' starts, newest first
         self._coarse_weights, self._feedback = coarse_weights, feedback
         self.newton = self._new_newton()
         self.rest, self._may_rest = Rest(model, self.newton.tolerance), not (guides or terms)
@@ -76,53 +85,51 @@ class Stepper:
     def _new_newton(self) -> Newton:
         return Newton(self.space, self.potential, self.motion.held, self.model.solver, self.watch, self._coarse_weights)
 
-    def go_on_from(self, record: Mapping) -> None:
+    def go_on_from(self, record: Mapping, earlier: Sequence[Mapping] = ()) -> None:
         """Restores the solver's memory from a step's log record, so that the next step is the same as without an
-        interruption.
+        interruption; `earlier` are records of the steps before it, newest first, as many as the integrator uses.
         """
-        behind, late = record.get("behind", 0.0), record.get("late", {})
-        self.motion.go_on_from(
-            float(behind) if isinstance(behind, (int, float)) else 0.0, late if isinstance(late, dict) else {}
-        )
+        self.motion.go_on_from(*_lateness(record))
+        for each in reversed(earlier):
+            self._lags.appendleft(self._script.recorded_lags(*_lateness(each)))
         if isinstance(record.get("solver_memory"), dict):
             self.newton.linear.restore(record["solver_memory"])
         self.rest.restore(record.get("rest", {}))
         self.potential.restore(record.get("terms", {}))
         self._record = record
 
-    def step(self, number: int, past: Past, keeps_velocity: bool = True) -> StepReport:
-        """Step `number` (from 1) from the last solved states, in the input's order of vertices.
+    def step(self, number: int, past: Past, led: Past = ()) -> StepReport:
+        """Step `number` (from 1) from the last states, in the input's order of vertices.
 
         Parameters
         ----------
-        keeps_velocity : whether the velocities are those of the last solved state. After steps at rest (`rest.py`) the
-            step then begins at that state's time.
+        led : where another level leads this one, the past by which the step is predicted instead of its own
+            (`marches.led`). Otherwise, after steps at rest (`rest.py`), a step begins at the time of the last solved
+            state.
 
         Raises ConvergenceError, naming level, step and reason, where no remedy helps, and InputError where a function
         of the scene fails. Collective.
         """
         dt, integrator, start = self.model.dt, self.integrator, number - 1
+        by = led or past
+        self._weight = integrator.weight(by, dt)
         report = StepReport(self.model.level, number, number * dt, past[0].positions, past[0].velocity)
         self.newton.linear.begin_step()
         with self.watch.part("total"):
             released = self.motion.begin(start * dt)
+            self._lags.appendleft(self.motion.lags)
             if released:  # other rows are free
                 memory = self.newton.linear.memory
                 self.newton = self._new_newton()
                 self.newton.linear.restore(memory)
             may_rest = self._may_rest and not self.motion.moves
-            held = may_rest and not released and self.rest.lasts(past[0], start * dt, self._added(start, past[0]))
+            held = may_rest and not released and self.rest.lasts(by[0], start * dt, self._added(start, by[0]))
             if not held:
-                if self.rest.steps and keeps_velocity and may_rest and not released:
+                if self.rest.steps and not led and may_rest and not released:
                     start -= self.rest.steps
                     integrator, past = ImplicitEuler(), past[:1]  # it needs no constant steps
-                if self._feedback:
-                    x_t, v = past[0].positions, past[0].velocity
-                    past = (State(x_t, v + dt * self._acceleration(start, x_t)), *past[1:])
-                mine = tuple(state.rows(self.space.from_input) for state in past)
-                if self._end is None or self._end.whole is not past[0].positions:
-                    self._end = Positions(self.space, mine[0].positions)
-                x = self._recovery.advance(report, integrator, self._end, mine, start * dt, number * dt)
+                    by = past
+                x = self._recovery.advance(report, *self._whole(integrator, past, by, start, number))
                 self._end = x
                 report.joined = number - start
                 report.reached, report.behind, report.late = self.motion.end()
@@ -141,10 +148,29 @@ class Stepper:
         self._record = report.record()
         return report
 
-    def _acceleration(self, step: int, positions: np.ndarray) -> np.ndarray:
-        """(n, d) [m/s^2]: what the feedback adds in the step that begins at `positions` (n, d) after so many steps."""
+    def _whole(self, integrator: Integrator, past: Past, by: Past, start: int, number: int) -> tuple[Span, np.ndarray]:
+        """The span of one step of an integrator from its past, predicted `by` another one, between the ends of two
+        steps; and the velocities with which a part of it would begin.
+        """
+        t0, t1, rows = start * self.model.dt, number * self.model.dt, self.space.from_input
+        x_t, predicted, dt = past[0].positions, tuple(state.rows(rows) for state in by), t1 - t0
+        if self._end is None or self._end.whole is not x_t:
+            self._end = Positions(self.space, rows(x_t))
+        x_hat, velocity = integrator.predict(predicted, dt), predicted[0].velocity
+        if self._feedback:
+            push = rows(self._push(start, x_t))
+            x_hat, velocity = x_hat + push, velocity + push / dt
+        rates = rates_of(integrator, past, self.space, t0, dt, tuple(self._lags)[1:])
+        return Span(self._end, x_hat, integrator.weight(predicted, dt), t0, t1, rates), velocity
+
+    def _push(self, step: int, positions: np.ndarray) -> np.ndarray:
+        """(n, d) [m]: what the feedback adds to the step that begins at `positions` (n, d) after so many steps."""
         pushes = (feedback.push(step, positions) for feedback in self._feedback)
-        return sum(pushes, start=np.zeros_like(positions)) / self.model.dt**2
+        return sum(pushes, start=np.zeros_like(positions))
+
+    def _acceleration(self, step: int, positions: np.ndarray) -> np.ndarray:
+        """(n, d) [m/s^2]: the same as a force for mass."""
+        return self._push(step, positions) / self._weight
 
     def _added(self, step: int, state: State) -> float:
         """How much that has changed anywhere since the last solve [m/s^2], for a state that was held since then."""
@@ -180,7 +206,7 @@ class Stepper:
 
     def _solve(self, report: StepReport, span: Span, robust: bool) -> tuple[Positions, NewtonReport]:
         x_t, x_hat, motion = span.start, span.x_hat, self.motion
-        self.potential.begin_step(x_t, x_hat, span.weight, span.t0, span.t1)
+        self.potential.begin_step(x_t, x_hat, span.weight, span.t0, span.t1, span.rates)
         self.newton.begin_step(span.t1 - span.t0)
         parts = report.remedies["substeps"]
         x = None if robust else self._predicted(x_t, x_hat)

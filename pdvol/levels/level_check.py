@@ -97,7 +97,7 @@ def _slower_damping(scene: Scene, turn: float) -> str:
     dt = scene.dt * (allowed / (2.0 * scene.steps * turn**power)) ** (1.0 / (power - 1))
     words = f"dt = {dt:.2g} s takes {100 * LOST_SPIN:g} %"
     other = 1.0 - spin_kept("bdf2", turn, scene.steps)
-    return words if scene.integrator == "bdf2" else f"{words}; integrator=bdf2 with --method direct {100 * other:.2g} %"
+    return words if scene.integrator == "bdf2" else f"{words}; integrator=bdf2 {100 * other:.2g} %"
 
 
 def _check_distance(scene: Scene, mesh: LevelMesh, dhat: float) -> None:

@@ -12,6 +12,7 @@ Most scenes have no ground but their own frame, G = 1 (`obstacles.ground_of`).
 """
 
 from collections.abc import Iterable, Mapping, Sequence
+from copy import copy
 
 import numpy as np
 
@@ -52,6 +53,12 @@ class Script:
         """A span goes from t0 to t1 [s]; some motions set out late by their `lags` [s]. None is stopped."""
         self.t0, self.t1, self._stopped = t0, t1, dict[Mover, float]()
         self._late = {mover: lag for mover, lag in lags.items() if lag > 0.0}
+
+    def at(self, time: float, lags: Mapping[Mover, float]) -> "Script":
+        """The same movers at the beginning of another span, at `time` [s]."""
+        other = copy(self)
+        other.begin(time, time + 1.0, lags)
+        return other
 
     def time_of(self, mover: Mover, clock: float) -> float:
         """[s]: a motion's own time when the span's clock shows `clock` [s]."""

@@ -3,16 +3,18 @@
 
 | measure | formula | unit |
 |---|---|---|
-| continuity n_l^t | e / e_hat, e = \\|(x+ - 2 x + x-) / 2 + pull / 2\\|_M^2, e_hat = \\|x+ - x_hat + pull\\|_M^2 | 1 |
-| continuity error e_l^t | the numerator alone, which needs no x_hat | kg m^2 |
+| continuity n_l^t | e / e_hat, e = \\|(x+ - x_own) / 2 + pull / 2\\|_M^2, e_hat = \\|x+ - x_hat + pull\\|_M^2 | 1 |
+| continuity error e_l^t | the numerator alone times (dt^2 / w)^2, which needs no x_hat | kg m^2 |
 | consistency d_{l-1}^t | \\|Pi x_l - x_{l-1}\\|_M^2, Pi = (P'P)^-1 P', M of level l - 1 | kg m^2 |
 | distance | root of \\|x_l - P x_{l-1}\\|_M^2 over the mass, M of level l | m |
 | drift | of a body's centre and turn in x_l from those in P x_{l-1}, or in P ... P x_0 | m, degrees |
 | centre error | how far two runs' bodies have moved apart since the start, root mean square over the mass | m |
 | jitter | 1/2 \\|v+ - v\\|_M^2, v the mean velocity over a step: gravity alone gives 1/2 m g^2 dt^2 | J |
 
-x-, x, x+ are the positions at t - dt, t and t + dt, M the lumped mass, pull = dt^2 M^-1 grad F(x+). n is 1/4 for
-implicit Euler, whatever the residual its solver leaves.
+x-, x, x+ are the positions at t - dt, t and t + dt, M the lumped mass, w the step's weight, pull = w M^-1 grad F(x+).
+x_own is what the integrator predicts from the level's own states, 2 x - x- with implicit Euler, and x_hat what the step
+was solved with. So n is 1/4 for direct levels by any integrator, whatever the residual that the solver leaves, and e of
+the same accelerations is the same for all of them.
 """
 
 import numpy as np
@@ -27,32 +29,29 @@ def squared_norm(difference: np.ndarray, masses: np.ndarray) -> float:
     return float(masses @ (difference**2).sum(axis=1))
 
 
-def continuity_error(
-    before: np.ndarray, now: np.ndarray, after: np.ndarray, pull: np.ndarray, masses: np.ndarray
-) -> float:
-    """e [kg m^2]: how far the step from `now` to `after` is from the motion that the forces F alone would give;
+def continuity_error(own: np.ndarray, after: np.ndarray, pull: np.ndarray, masses: np.ndarray) -> float:
+    """e [kg m^2] without its factor: how far a step to `after` is from the motion that the forces F alone would give;
     arguments as `continuity`'s.
     """
-    return squared_norm(0.5 * (after - 2.0 * now + before) + 0.5 * pull, masses)
+    return squared_norm(0.5 * (after - own) + 0.5 * pull, masses)
 
 
 def continuity(
-    before: np.ndarray,
-    now: np.ndarray,
-    after: np.ndarray,
+    own: np.ndarray,
     predicted: np.ndarray,
+    after: np.ndarray,
     pull: np.ndarray,
     masses: np.ndarray,
     guided: np.ndarray | float = 0.0,
 ) -> float:
-    """n of the step from `now` to `after`; NaN where the solver left no residual at all.
+    """n of a step to `after`; NaN where the solver left no residual at all.
 
     Parameters
     ----------
-    before, now, after, predicted : (n, d) [m]
-        Positions, and x_hat of the step.
+    own, predicted, after : (n, d) [m]
+        The prediction from the level's own states, x_hat of the step, and the positions at its end.
     pull : (n, d) [m]
-        dt^2 M^-1 grad F(after).
+        w M^-1 grad F(after).
     masses : (n,) [kg]
         Zero at supported vertices, whose reaction forces are unknown.
     guided : (n, d) [m]
@@ -60,7 +59,7 @@ def continuity(
         scene, so not to e.
     """
     residual = squared_norm(after - predicted + pull + guided, masses)
-    return continuity_error(before, now, after, pull, masses) / residual if residual > 0 else float("nan")
+    return continuity_error(own, after, pull, masses) / residual if residual > 0 else float("nan")
 
 
 def distance(fine: np.ndarray, prolonged: np.ndarray, masses: np.ndarray) -> float:

@@ -15,7 +15,7 @@ from pdvol.levels.space import LevelSpace
 from pdvol.parallel import reduce
 from pdvol.potentials.assembly.cell_energy import CellEnergy
 from pdvol.potentials.assembly.native import pointer
-from pdvol.potentials.potential import MIN_GAP_SHARE, Positions
+from pdvol.potentials.potential import MIN_GAP_SHARE, Positions, Rates
 from pdvol.scene import Keyed
 
 # Share of a cell's current volume that one Newton step leaves at least: the logarithm's derivatives stay moderate.
@@ -115,11 +115,20 @@ class Damping(CellEnergy):
         self.scale = 0.0  # differences are taken before they are squared: nothing large cancels
 
     def begin_step(self, x_t: Positions, t0: float, t1: float, x_hat: Positions | None = None) -> None:
-        F = np.einsum("kia,kij->kaj", x_t.local[self._dofs], self._hats)
-        C = np.einsum("kai,kaj->kij", F, F)
+        self._start, self._shares = self._strain(x_t), _shares(self._keyed, len(self.cells), t1)
+        self.set_rates(Rates(t1 - t0))
+
+    def set_rates(self, rates: Rates) -> None:
+        # of strains, not of positions: so a turn, whose rate is one of positions alone, is not damped
+        C = rates.start(self._start, lambda e: self._strain(e.x))
         before = {_entry(i, j): C[:, i, j] for i, j in self._pairs}
-        shares, dt = _shares(self._keyed, len(self.cells), t1), t1 - t0
-        self.set_parameters({"mu": shares * self._mu / dt, "lmbda": shares * self._lmbda / dt, **before})
+        mu, lmbda = (self._shares * lame / rates.duration for lame in (self._mu, self._lmbda))
+        self.set_parameters({"mu": mu, "lmbda": lmbda, **before})
+
+    def _strain(self, x: Positions) -> np.ndarray:
+        """C = F'F of the cells, (k, d, d)."""
+        F = np.einsum("kia,kij->kaj", x.local[self._dofs], self._hats)
+        return np.einsum("kai,kaj->kij", F, F)
 
 
 def _entry(i: int, j: int) -> str:

@@ -2,12 +2,14 @@
 
 from abc import abstractmethod
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Protocol
 
 import numpy as np
 
 from pdvol.levels.obstacles import Obstacle
+from pdvol.levels.script import Mover
 from pdvol.levels.space import LevelSpace
 from pdvol.potentials.assembly.hessian_blocks import HessianBlocks
 
@@ -69,6 +71,45 @@ class LastStates:
         self._found = []
 
 
+@dataclass(frozen=True, eq=False)
+class Earlier:
+    """A state before the step's start.
+
+    Attributes
+    ----------
+    weight : in the start that rates are taken from (`Rates`)
+    x : Positions
+    time : [s]
+    lags : [s] how late obstacles were
+    """
+
+    weight: float
+    x: Positions
+    time: float
+    lags: Mapping[Mover, float]
+
+
+@dataclass(frozen=True, eq=False)
+class Rates:
+    """How a rate of change at a step's end follows from there: (q - q~) / duration for a quantity q.
+
+    Its start q~ is that of the step, q_t, plus the sum of weight (q_e - q_t) over earlier states e, if any. With none,
+    rates are means over the step.
+
+    Attributes
+    ----------
+    duration : [s]
+    earlier : those that count
+    """
+
+    duration: float
+    earlier: tuple[Earlier, ...] = ()
+
+    def start(self, now: np.ndarray, of: Callable[[Earlier], np.ndarray]) -> np.ndarray:
+        """q~ of a quantity that is `now` at the step's start, and `of(e)` in an earlier state e."""
+        return now + sum((each.weight * (of(each) - now) for each in self.earlier), start=np.zeros_like(now))
+
+
 class Potential(Protocol):
     """A term E(x) [J]. Terms do not know the time step's weight or supported rows: the integrator weighs them, Newton's
     method eliminates rows.
@@ -85,9 +126,13 @@ class Potential(Protocol):
 
     def begin_step(self, x_t: Positions, t0: float, t1: float, x_hat: Positions | None = None) -> None:
         """Starts the step from t0 to t1 [s] at x_t: obstacles are at their places at t0, and friction is lagged at x_t.
+        Rates are means over the step.
 
         `x_hat` is where the step will probably end; searches for contact use it.
         """
+
+    def set_rates(self, rates: Rates) -> None:
+        """After `begin_step`: rates of change in this step are those of the integrator."""
 
     def move_obstacles(self, time: float) -> None:
         """Moves obstacles to their places at `time` [s]."""
@@ -166,6 +211,9 @@ class Term(Potential):
         return False
 
     def begin_step(self, x_t: Positions, t0: float, t1: float, x_hat: Positions | None = None) -> None:
+        pass
+
+    def set_rates(self, rates: Rates) -> None:
         pass
 
     def move_obstacles(self, time: float) -> None:

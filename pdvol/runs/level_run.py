@@ -2,14 +2,14 @@
 
 from collections.abc import Callable
 from contextlib import suppress
-from functools import partial
+from functools import lru_cache, partial
 from typing import Any, Protocol
 
 import numpy as np
 
 from pdvol.errors import InputError, SimulationError
-from pdvol.integrate.integrator import Integrator, past_of
-from pdvol.integrate.level_march import first_start, level_march
+from pdvol.integrate.integrator import Integrator, Past, past_of
+from pdvol.integrate.level_march import Coarse, first_start, is_led, level_march
 from pdvol.integrate.marches import Start
 from pdvol.levels.hierarchy import Hierarchy
 from pdvol.levels.model import LevelModel
@@ -58,7 +58,8 @@ def run_level(
         integrator = INTEGRATORS[model.integrator]()
         start = _start(model, hierarchy, method, integrator, writer, done)
         writer.call("set_level_state", level, "running")
-        march = level_march(model, hierarchy, method, integrator, partial(writer.read, level - 1), start)
+        coarse = _coarse(level - 1, integrator, model.dt, writer)
+        march = level_march(model, hierarchy, method, integrator, coarse, start)
     watcher = progress(level, model.steps, start.step) if progress is not None else None
     try:
         for report in march:
@@ -85,12 +86,24 @@ def _start(
     model: LevelModel, hierarchy: Hierarchy, method: str, integrator: Integrator, writer: LevelWriter, done: int
 ) -> Start:
     """Where a level goes on that has `done` stored states; where it has none, the first one is stored."""
-    level = model.level
+    level, step = model.level, done - 1
     if done == 0:
-        start = first_start(model, hierarchy, method, partial(writer.read, level - 1))
+        start = first_start(model, hierarchy, method, _coarse(level - 1, integrator, model.dt, writer))
         writer.call("write_state", level, 0, start.past[0].positions)
         return start
     positions = partial(writer.read, level, "positions")
-    joined = lambda step: int(writer.record(level, step).get("joined", 1))
-    past = past_of(integrator, positions, model.velocity, done - 1, model.dt, joined)
-    return Start(done - 1, past, writer.record(level, done - 1))
+    joined = lambda step: 1 if is_led(method, level) else int(writer.record(level, step).get("joined", 1))
+    past = past_of(integrator, positions, model.velocity, step, model.dt, joined)
+    record, *earlier = (writer.record(level, step - back) for back in range(integrator.states))
+    return Start(step, past, record, earlier)
+
+
+def _coarse(level: int, integrator: Integrator, dt: float, writer: LevelWriter) -> Coarse:
+    """The pasts of a stored level; the last two are kept, which the steps of a finer level ask for."""
+
+    @lru_cache(maxsize=2)
+    def past(step: int) -> Past:
+        positions = partial(writer.read, level, "positions")
+        return past_of(integrator, positions, writer.read(level, "velocities", 0), step, dt)
+
+    return past

@@ -9,8 +9,8 @@ from mpi4py import MPI
 from threadpoolctl import ThreadpoolController, threadpool_limits
 
 from pdvol.errors import InputError
-from pdvol.integrate.integrator import Integrator, Past, State
-from pdvol.integrate.level_march import Coarse, first_start, level_march
+from pdvol.integrate.integrator import Integrator, Past, advance
+from pdvol.integrate.level_march import first_start, level_march
 from pdvol.levels.hierarchy import Hierarchy
 from pdvol.levels.model import LevelModel, hierarchy_model
 from pdvol.levels.obstacles import placed_obstacles
@@ -104,7 +104,7 @@ def march(
     terms : sequence of callables (LevelModel, LevelSpace) -> Term
         Make further terms of the energy on each level, as classes derived from `Term` do.
     integrator : Integrator, optional
-        Instead of the scene's. For `method="direct"`, or level 0 alone.
+        Instead of the scene's.
 
     Returns
     -------
@@ -120,7 +120,7 @@ def march(
     """
     scene, (first, last) = checked_scene("march", scene, steps), levels_asked(levels)
     last = scene.levels - 1 if last is None else last
-    check_choices(scene, first, last, method, prolongation, integrator is not None)
+    check_choices(scene, first, last, method, prolongation)
     if first > 0 and method != "direct":
         raise InputError(f"level {first} follows from level {first - 1}; begin with levels 0:{last}")
     for make in terms:
@@ -169,35 +169,22 @@ class March(Iterator[Step]):
             return next(self._steps)
 
     def _all_steps(self) -> Iterator[Step]:
-        below: list[State] = []
+        below: list[Past] = []
         for level in self._levels:
-            model, space, coarse = self.model(level), self.hierarchy[level], _stored(below, self._scene.dt)
+            model, space, coarse = self.model(level), self.hierarchy[level], below.__getitem__
             integrator = INTEGRATORS[model.integrator]() if self._integrator is None else self._integrator
             start = first_start(model, self.hierarchy, self._method, coarse)
             if self._integrator is not None:
                 _try_integrator(integrator, start.past, model.dt)
             terms = [_tried(make, start.past[0].positions) for make in self._terms]
             march = level_march(model, self.hierarchy, self._method, integrator, coarse, start, terms, forces=True)
-            states = [start.past[0]]
+            pasts = [start.past]
             for report in march:
                 for array in (report.positions, report.velocity, *report.forces.values()):
                     array.flags.writeable = False
-                states.append(State(report.positions, report.velocity))
+                pasts.append(advance(integrator, pasts[-1], report.positions, model.dt))
                 yield Step(model, space, report)
-            below = states
-
-
-def _stored(states: Sequence[State], dt: float) -> Coarse:
-    """What a level reads of the one below, whose states these are: the numbers that a run folder gives."""
-
-    def read(what: str, step: int) -> np.ndarray:
-        if what == "positions":
-            return states[step].positions
-        if step == 0:
-            return states[0].velocity
-        return (states[step].positions - states[step - 1].positions) / dt
-
-    return read
+            below = pasts
 
 
 def _tried(make: MakeTerm, start: np.ndarray) -> MakeTerm:

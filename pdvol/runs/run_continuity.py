@@ -1,22 +1,24 @@
 """Continuity of a stored level: the forces that its scene has at stored states, and the x_hat of each step."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
 from pdvol.integrate.feedback import level_feedback
-from pdvol.integrate.marches import guide
-from pdvol.integrate.replay import Replay
+from pdvol.integrate.integrator import Past, past_of
+from pdvol.integrate.marches import guide, led
+from pdvol.integrate.replay import Lateness, Replay
 from pdvol.levels.hierarchy import Hierarchy
 from pdvol.levels.model import LevelModel, hierarchy_model
 from pdvol.levels.obstacles import Obstacle
 from pdvol.measure import metrics
 from pdvol.potentials.consistency import Consistency, Guide
+from pdvol.runs.stored_fields import stored_past
 from pdvol.scene import Scene
 from pdvol.stages import say
 from pdvol.store.reader import Run, RunLevel
 
-# By method: the level whose velocity predicts the positions x_hat of a level above 0.
+# By method: the level whose states predict the positions x_hat of a level above 0.
 PREDICTED_WITH = {"direct": "own", "tracks": "own", "progressive": "coarse", "embedded": "none"}
 
 
@@ -30,26 +32,32 @@ class Forces:
     """
 
     def __init__(self, model: LevelModel, hierarchy: Hierarchy, guides: Sequence[Guide] = ()):
-        self.dt, self.free = model.dt, model.free
+        self.free = model.free
         self._replay = Replay(model, hierarchy[model.level], guides)
+        self.integrator = self._replay.integrator
 
     def pull(
-        self, number: int, now: np.ndarray, after: np.ndarray, memory: Mapping | None = None
+        self,
+        number: int,
+        past: Past,
+        after: np.ndarray,
+        memory: Mapping | None = None,
+        late: Callable[[int], Lateness] = lambda step: (0.0, {}),
     ) -> tuple[np.ndarray, np.ndarray]:
-        """dt^2 M^-1 grad F(after) [m], shape (n, d), in the step `number` (from 1) that begins at `now`; and the
-        guides' part of it, which F does not contain. NaN where `after` is not admissible (inverted cells).
+        """M^-1 grad F(after) [m/s^2], shape (n, d), in the step `number` (from 1) that begins at the end of `past`; and
+        the guides' part of it, which F does not contain. NaN where `after` is not admissible (inverted cells).
 
-        Friction is lagged at `now`, as the first of its iterations is; `memory` is what the step before has left to the
-        terms.
+        Friction is lagged at the step's start, as the first of its iterations is; `memory` is what the step before has
+        left to the terms, `late` how late obstacles were at the ends of steps.
         """
         replay = self._replay
-        end = replay.put(number, now, after, memory=memory)
+        end = replay.put(number, past, after, memory=memory, late=late)
         if not np.isfinite(sum(term.value(end) for term in replay.terms)):
             return np.full_like(after, np.nan), np.full_like(after, np.nan)
         pulls = []
         for guided in (False, True):
             force = replay.force(end, (term for term in replay.terms if isinstance(term, Consistency) == guided))
-            pulls.append(replay.space.to_input(-(self.dt**2) * force / replay.mass))
+            pulls.append(replay.space.to_input(-force / replay.mass))
         return pulls[0], pulls[1]
 
 
@@ -68,6 +76,7 @@ def continuity_of_level(
     model = hierarchy_model(scene, hierarchy, level.index, run.info["diagonal"], obstacles)
     feedback = level_feedback(model, hierarchy, method, below.positions) if level.index else ()
     forces = Forces(model, hierarchy, guides)
+    integrator, late = forces.integrator, lambda step: (level.behind(step), level.late(step))
     special = {r["step"] for r in level.log if r.get("cuts", 0) or r.get("reached", 1.0) < 1.0}
     special |= {
         r["step"] + 1 for r in level.log if r.get("reached", 1.0) < 1.0
@@ -83,15 +92,19 @@ def continuity_of_level(
             values.append(float("nan"))
             errors.append(float("nan"))
             continue
-        before, now, after = three_states(level, number, run.dt)
-        pull, guided = forces.pull(number, now, after, memories.get(number - 1))
-        errors.append(metrics.continuity_error(before, now, after, pull, masses))
+        past, after = stored_past(level, method, integrator, number - 1, run.dt), level.positions(number)
+        own, weight = integrator.predict(past, run.dt), integrator.weight(past, run.dt)
+        pull, guided = (weight * each for each in forces.pull(number, past, after, memories.get(number - 1), late))
+        errors.append((run.dt**2 / weight) ** 2 * metrics.continuity_error(own, after, pull, masses))
         if taken == "none" or number in special:
             values.append(float("nan"))
             continue
-        move = now - before if taken == "own" else prolongation.prolong(run.dt * below.velocities(number - 1))
+        predicted, now = own, past[0].positions
+        if taken == "coarse":
+            coarse = past_of(integrator, below.positions, below.velocities(0), number - 1, run.dt)
+            predicted = integrator.predict(led(now, coarse, prolongation), run.dt)
         pushes = (each.push(number - 1, now) for each in feedback)
-        values.append(metrics.continuity(before, now, after, sum(pushes, start=now + move), pull, masses, guided))
+        values.append(metrics.continuity(own, sum(pushes, start=predicted), after, pull, masses, guided))
     return {"continuity": values, "continuity_error": errors}
 
 

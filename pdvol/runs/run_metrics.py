@@ -55,7 +55,7 @@ def measure_run(path: str | Path) -> dict:
         with stage(f"measuring level {level.index} of {path}"):
             masses = lumped_masses(level.mesh, densities[level.index])
             entry: dict[str, Any] = {"level": level.index, "steps": level.steps - 1, "mass": float(masses.sum())}
-            if scene is not None and scene.integrator == "implicit_euler":
+            if scene is not None:
                 entry |= continuity_of_level(run, level, scene, obstacles, hierarchy, masses)
             entry["jitter"] = [
                 metrics.jitter(*three_states(level, n, run.dt), run.dt, masses) for n in range(1, entry["steps"] + 1)
@@ -191,11 +191,7 @@ def _scene(run: Run, notes: list[str]) -> tuple[Scene | None, Sequence[Obstacle]
     except InputError as error:
         notes.append(f"no continuity: {error}")
         return None, ()
-    if scene.integrator != "implicit_euler":
-        notes.append(
-            f"no continuity: it is defined for steps of implicit Euler, and the run's are of {scene.integrator}"
-        )
-    elif any(c.iterations > 1 for c in scene.contact if isinstance(c, Friction)):
+    if any(c.iterations > 1 for c in scene.contact if isinstance(c, Friction)):
         notes.append("continuity lags friction once a step; the run did so several times")
     return scene, obstacles
 

@@ -140,20 +140,13 @@ def _scene_info(out: str | Path) -> dict:
     return info
 
 
-def check_choices(
-    scene: Scene, first: int, last: int, method: str, prolongation: str, own_integrator: bool = False
-) -> None:
-    """InputError unless levels `first` to `last` can be marched by these names; with an integrator of the user's own,
-    that is in place of the scene's.
-    """
+def check_choices(scene: Scene, first: int, last: int, method: str, prolongation: str) -> None:
+    """InputError unless levels `first` to `last` can be marched by these names."""
     if method not in METHODS:
         raise InputError(f"unknown method {method!r}; choose one of {', '.join(METHODS)}")
     INTERPOLANTS.check(prolongation)
     if method == "tracks" and scene.penalty.weight == 0.0:
         raise InputError("the method tracks needs a weight above zero, as in Penalty(weight=0.1) or --set weight=0.1")
-    name = "an integrator of your own" if own_integrator else scene.integrator
-    if name != "implicit_euler" and method != "direct" and last > 0:
-        raise InputError(f"the method {method} needs integrator=implicit_euler; {name} goes with --method direct")
     if not 0 <= first <= last < scene.levels:
         raise InputError(f"levels {first}:{last} do not exist; the scene has levels 0:{scene.levels - 1}")
 

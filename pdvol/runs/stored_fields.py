@@ -6,6 +6,8 @@ import numpy as np
 from mpi4py import MPI
 
 from pdvol.errors import InputError
+from pdvol.integrate.integrator import Integrator, Past, past_of
+from pdvol.integrate.level_march import is_led
 from pdvol.integrate.replay import Replay
 from pdvol.levels.hierarchy import Hierarchy
 from pdvol.levels.materials import level_materials
@@ -18,7 +20,7 @@ from pdvol.runs.scene_file import DEFAULTS, stored_shot
 from pdvol.scene import Scene
 from pdvol.scene.fingerprint import differences
 from pdvol.store.folder import require_scene
-from pdvol.store.reader import Run
+from pdvol.store.reader import Run, RunLevel
 from pdvol.store.series import StepFields, described_densities
 
 
@@ -30,7 +32,7 @@ class SceneFields:
     """
 
     def __init__(self, scene: Scene, run: Run, level: int, obstacles: Sequence[Obstacle]):
-        self.level, diagonal = run.levels[level], run.info["diagonal"]
+        self.level, self._method, diagonal = run.levels[level], run.info.get("method", ""), run.info["diagonal"]
         alone = all(body.uniform for body in scene.bodies) and not (scene.attachments or scene.muscles)
         if level == 0 or alone:
             space = LevelSpace(self.level.mesh, MPI.COMM_SELF)
@@ -45,15 +47,9 @@ class SceneFields:
     def contact_force(self, step: int) -> np.ndarray:
         """(n, d) [N] at the end of a step; at the start, step 0, nothing slides."""
         step, joined = self._solved(step)
-        before = max(step - joined, 0)
-        x = self._replay.put(
-            step,
-            self.level.positions(before),
-            self.level.positions(step),
-            (self.level.behind(before), self.level.behind(step)),
-            joined,
-            late=(self.level.late(before), self.level.late(step)),
-        )
+        past = stored_past(self.level, self._method, self._replay.integrator, max(step - joined, 0), self._replay.dt)
+        late = lambda step: (self.level.behind(step), self.level.late(step))
+        x = self._replay.put(step, past, self.level.positions(step), joined, late=late)
         return self._replay.space.to_input(self._replay.force(x, self._replay.contacts))
 
     def _solved(self, step: int) -> tuple[int, int]:
@@ -80,6 +76,12 @@ class SceneFields:
                 points={"contact_force": self.contact_force(step)} if self._replay.contacts else {},
                 cells={"von_mises": self.von_mises(step)},
             )
+
+
+def stored_past(level: RunLevel, method: str, integrator: Integrator, step: int, dt: float) -> Past:
+    """The past at the end of a step of a level that a run by a method has stored."""
+    joined = {} if is_led(method, level.index) else {record["step"]: record.get("joined", 1) for record in level.log}
+    return past_of(integrator, level.positions, level.velocities(0), step, dt, lambda number: joined.get(number, 1))
 
 
 def stored_scene(run: Run) -> tuple[Scene, tuple[Obstacle, ...]]:

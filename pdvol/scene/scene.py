@@ -38,7 +38,7 @@ class Scene:
     solver : Solver
     name : of the shot, and of its run folder
     separate : sequence of Separate: what may be done, in order, where bodies meet at t = 0; refused when empty
-    integrator : of the direct march: "implicit_euler", or "bdf2", which is second order in dt
+    integrator : "implicit_euler", or "bdf2", which is second order in dt
     feedback : fraction, 0 to 1, of its drift from the level below that a progressive level makes up for in each step
     feedback_modes : what of the drift: "rigid" (bodies as a whole) or "all"
     attachments : sequence of Attachment, springs between bodies

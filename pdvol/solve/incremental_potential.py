@@ -14,7 +14,7 @@ from pdvol.parallel import reduce
 from pdvol.potentials.assembly.hessian_blocks import HessianBlocks
 from pdvol.potentials.build import Terms
 from pdvol.potentials.contact.friction import LaggedFriction
-from pdvol.potentials.potential import MIN_GAP_SHARE, Positions, Potential
+from pdvol.potentials.potential import MIN_GAP_SHARE, Positions, Potential, Rates
 from pdvol.solve.report import Stopwatch
 
 # Share of an obstacle's path over which the change of forces is measured: small beside most gaps, large beside
@@ -53,14 +53,20 @@ class IncrementalPotential:
         # neighbours that are timed as one part
         self._parts = tuple((part, tuple(same)) for part, same in groupby(terms, part_of))
 
-    def begin_step(self, x_t: Positions, x_hat: np.ndarray, weight: float, t0: float, t1: float) -> None:
-        """Starts the step from t0 to t1 [s] at x_t with predicted positions x_hat (n_owned, d)."""
+    def begin_step(
+        self, x_t: Positions, x_hat: np.ndarray, weight: float, t0: float, t1: float, rates: Rates | None = None
+    ) -> None:
+        """Starts the step from t0 to t1 [s] at x_t with predicted positions x_hat (n_owned, d); rates are means over
+        the step where not given.
+        """
         self.x_hat, self.weight = x_hat, weight
         expected = Positions(self.space, x_hat)
         for part, terms in self._parts:
             with self.watch.part(part):
                 for term in terms:
                     term.begin_step(x_t, t0, t1, expected)
+                    if rates is not None:
+                        term.set_rates(rates)
 
     def _require_finite(self, term_name: str, what: str, values: np.ndarray | float) -> None:
         """Raises SimulationError, naming the term, unless the values of all ranks are finite. Collective."""

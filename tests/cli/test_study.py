@@ -160,7 +160,6 @@ def test_what_cannot_be_chosen_is_said_in_one_line(folder, tmp_path, capsys, wor
         (("--jobs", "0"), "at least 1"),
         (("--levels", "1:1"), "begins with level 0"),
         (("--levels", "0:7"), "does not exist"),
-        (("--set", "integrator=bdf2", "--method", "progressive"), "needs integrator"),
         (("--reference", "dt"), "write name=value"),
     ],
 )

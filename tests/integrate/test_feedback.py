@@ -10,7 +10,7 @@ from mpi4py import MPI
 
 from pdvol.geometry.rigid_motions import mass_centres
 from pdvol.integrate.feedback import level_feedback
-from pdvol.integrate.integrator import State
+from pdvol.integrate.integrator import State, past_of
 from pdvol.integrate.marches import Start, progressive
 from pdvol.integrate.stepper import Stepper
 from pdvol.levels.hierarchy import Hierarchy
@@ -39,7 +39,7 @@ def turn(angle, d):
 class Pair:
     """A coarse level whose places are given, and a fine one that follows it with feedback."""
 
-    def __init__(self, path, d=2, count=1, modes="rigid", beta=BETA, **physics):
+    def __init__(self, path, d=2, count=1, modes="rigid", beta=BETA, integrator=None, **physics):
         self.levels = Hierarchy([blocks(1, d, count), blocks(2, d, count)], MPI.COMM_WORLD)
         self.coarse, self.fine = (self.levels[i].mesh for i in (0, 1))
         physics = {"dt": DT, "materials": (SOFT,) * count} | physics
@@ -47,14 +47,14 @@ class Pair:
         self.model = level_model(scene, self.fine, 1, 1.0, placed_obstacles(scene.obstacles))
         self.path = lambda step: path(step, self.coarse.points)
         (self.feedback,) = level_feedback(self.model, self.levels, "progressive", self.path)
-        self.stepper = Stepper(self.model, self.levels[1], feedback=(self.feedback,))
+        self.stepper = Stepper(self.model, self.levels[1], integrator=integrator, feedback=(self.feedback,))
         self.masses = self.levels[1].to_input(self.stepper.potential.mass)[:, 0]
 
     def march(self, start, steps):
         """Reports from positions (n, d) or from a `Start`."""
         start = start if isinstance(start, Start) else Start.at_rest(start, 0.0 * start)
-        speed = lambda step: (self.path(step) - self.path(step - 1)) / DT if step else 0.0 * self.path(0)
-        return list(progressive(self.stepper, self.levels.prolongation(1), speed, start, steps))
+        below = lambda step: past_of(self.stepper.integrator, self.path, 0.0 * self.path(0), step, DT)
+        return list(progressive(self.stepper, self.levels.prolongation(1), below, start, steps))
 
 
 @pytest.mark.parametrize("modes", ["rigid", "all"])

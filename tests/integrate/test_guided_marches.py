@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 
-from pdvol.integrate.integrator import State
+from pdvol.integrate.integrator import ImplicitEuler, State, past_of
 from pdvol.integrate.marches import SAME_TIME, Start, direct, embedded, guide, progressive
 from pdvol.integrate.stepper import Stepper
 from pdvol.levels.hierarchy import Hierarchy
@@ -56,9 +56,9 @@ def test_tracks(pair):
 def test_progressive_with_consistency(pair):
     """x+ = (x + (x_c - x_c-) + 2 w target) / (1 + 2 w)."""
     levels, fine, scene, path = pair
-    speeds = [np.zeros_like(path[0]), *np.diff(path, axis=0) / DT]
+    below = lambda step: past_of(ImplicitEuler(), path.__getitem__, np.zeros_like(path[0]), step, DT)
     start = Start.at_rest(fine.points, np.zeros_like(fine.points))
-    reports = list(progressive(guided(levels, scene, path), levels.prolongation(1), speeds.__getitem__, start, STEPS))
+    reports = list(progressive(guided(levels, scene, path), levels.prolongation(1), below, start, STEPS))
     expected, now = [], np.zeros(2)
     for t in range(1, STEPS + 1):
         coarse_step = (2 * t - 3) * SHIFT if t > 1 else 0.0  # (t-1)^2 - (t-2)^2
@@ -76,7 +76,14 @@ def test_embedded(pair):
         return 7 * len(asked)
 
     march = lambda step: embedded(
-        levels.prolongation(1), path.__getitem__, 1, Start(step, (State(fine.points, fine.points),)), STEPS, DT, count
+        levels.prolongation(1),
+        path.__getitem__,
+        1,
+        Start(step, (State(fine.points, fine.points),)),
+        STEPS,
+        DT,
+        ImplicitEuler(),
+        count,
     )
     reports = list(march(0))
     assert [(r.level, r.step, r.intersections, r.reason) for r in reports] == [

@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 
-from pdvol.integrate.integrator import State
+from pdvol.integrate.integrator import State, past_of
 from pdvol.integrate.marches import Start, direct, progressive
 from pdvol.integrate.stepper import Stepper
 from pdvol.levels.hierarchy import Hierarchy
 from pdvol.potentials.build import build_terms
 from pdvol.potentials.potential import Positions
+from pdvol.registry import INTEGRATORS
 from pdvol.scene import Barrier, Friction, Gravity, NeoHookean, Plane, Rigid, Solver
 from problems import SOFT, block, make_model, make_scene, make_stepper, masses, polyline, tetrahedron
 
@@ -101,23 +102,23 @@ def test_continuity_of_a_direct_run_is_a_quarter(d, steps, contact):
 # ---- levels
 
 
+@pytest.mark.parametrize("name", INTEGRATORS)
 @pytest.mark.parametrize("d", [2, 3])
-def test_progressive_on_the_same_mesh_repeats_direct(d):
-    """P = 1: x_hat = x + (x_c - x_c-) is implicit Euler's as long as both levels are the same, which induction and the
-    solver keep.
+def test_progressive_on_the_same_mesh_repeats_direct(d, name):
+    """P = 1: x_hat = x + (x_hat_c - x_c) is the level's own as long as both levels are the same, which induction and
+    the solver keep.
     """
     tolerance = 1e-5
     scene, mesh, obstacles, velocity = falling(d, tolerance, 10)
     levels = Hierarchy([mesh, mesh], MPI.COMM_WORLD)
     prolongation = levels.prolongation(1)
     assert abs(prolongation.weights() - np.eye(len(mesh.points))).max() < 1e-12
-    problems = [Stepper(make_model(scene, mesh, obstacles, i), levels[i]) for i in range(2)]
+    integrator = INTEGRATORS[name]()
+    problems = [Stepper(make_model(scene, mesh, obstacles, i), levels[i], integrator=integrator) for i in range(2)]
     coarse = list(direct(problems[0], Start.at_rest(mesh.points, velocity), scene.steps))
     places = [mesh.points, *(report.positions for report in coarse)]
-    speeds = [velocity, *np.diff(places, axis=0) / scene.dt]
-    fine = list(
-        progressive(problems[1], prolongation, speeds.__getitem__, Start.at_rest(mesh.points, velocity), scene.steps)
-    )
+    below = lambda step: past_of(integrator, places.__getitem__, velocity, step, scene.dt)
+    fine = list(progressive(problems[1], prolongation, below, Start.at_rest(mesh.points, velocity), scene.steps))
     assert [report.step for report in fine] == list(range(1, scene.steps + 1))
     assert max(report.contacts for report in coarse) > 0
     for a, b in zip(coarse, fine, strict=True):
@@ -136,12 +137,12 @@ def test_progressive_follows_the_coarse_velocity():
     problem = Stepper(make_model(scene, fine, level=1), levels[1])
     asked = []
 
-    def speeds(step):
+    def below(step):
         asked.append(step)
-        return np.tile([1.0 + step, -2.0], (len(coarse.points), 1))
+        return (State(coarse.points, np.tile([1.0 + step, -2.0], (len(coarse.points), 1))),)
 
     reports = list(
-        progressive(problem, levels.prolongation(1), speeds, Start.at_rest(fine.points, np.zeros_like(fine.points)), 3)
+        progressive(problem, levels.prolongation(1), below, Start.at_rest(fine.points, np.zeros_like(fine.points)), 3)
     )
     assert asked == [0, 1, 2]
     # Speeds 1, 2 and 3 along x and -2 along y, each for 0.1 s.

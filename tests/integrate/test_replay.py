@@ -4,9 +4,11 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 
+from pdvol.integrate.integrator import advance
 from pdvol.integrate.marches import Start, direct
 from pdvol.integrate.replay import Replay
 from pdvol.levels.space import LevelSpace
+from pdvol.registry import INTEGRATORS
 from pdvol.scene import Barrier, Friction, Gravity, Path, Plane, Rigid, Solver, Support, Translation
 from problems import SOFT, block, make_model, make_scene, make_stepper, polyline, tetrahedron
 from shapes import together
@@ -27,26 +29,28 @@ def seen_by(stepper, monkeypatch):
 
 
 def march(scene, mesh, geometry, velocity, monkeypatch):
-    """For each step: its report, the positions at its start, and the contact forces that its last solve saw."""
-    stepper = make_stepper(scene, mesh, geometry)
-    forces, x = seen_by(stepper, monkeypatch), mesh.points
-    for report in direct(stepper, Start.at_rest(mesh.points, velocity), scene.steps):
+    """For each step: its report, the past at its start, and the contact forces that its last solve saw."""
+    integrator = INTEGRATORS[scene.integrator]()
+    stepper, start = make_stepper(scene, mesh, geometry, integrator=integrator), Start.at_rest(mesh.points, velocity)
+    forces, past = seen_by(stepper, monkeypatch), start.past
+    for report in direct(stepper, start, scene.steps):
         assert report.cuts == 0
-        yield report, x, forces[-1]
-        x = report.positions
+        yield report, past, forces[-1]
+        past = advance(integrator, past, report.positions, scene.dt, report.joined)
 
 
 def replay_of(scene, mesh, geometry):
     return Replay(make_model(scene, mesh, geometry), LevelSpace(mesh, MPI.COMM_WORLD))
 
 
-def replayed(replay, report, start, behind, late=({}, {})):
-    end = replay.put(report.step, start, report.positions, behind, late=late)
+def replayed(replay, report, past, **late):
+    end = replay.put(report.step, past, report.positions, **late)
     return replay.space.to_input(replay.force(end, replay.contacts))
 
 
+@pytest.mark.parametrize("integrator", INTEGRATORS)
 @pytest.mark.parametrize("d", [2, 3])
-def test_forces_are_those_of_the_step(d, monkeypatch):
+def test_forces_are_those_of_the_step(d, integrator, monkeypatch):
     """Two blocks slide over a floor that moves along and a spike that rises: half-spaces and surfaces rub."""
     e, up = np.eye(d)[0], np.eye(d)[-1]
     low = 0.01
@@ -64,6 +68,7 @@ def test_forces_are_those_of_the_step(d, monkeypatch):
         (SOFT, SOFT),
         dt=0.01,
         steps=12,
+        integrator=integrator,
         loads=(Gravity(tuple(-9.81 * up)),),
         obstacles=(
             Plane((0.0,) * d, tuple(up), Translation(tuple(0.3 * e))),
@@ -75,21 +80,23 @@ def test_forces_are_those_of_the_step(d, monkeypatch):
     velocity = np.zeros_like(mesh.points)
     velocity[mesh.point_bodies == 1] = 0.5 * e - 0.5 * up
     replay, rubbed = replay_of(scene, mesh, (spike,)), 0
-    for report, start, force in march(scene, mesh, (spike,), velocity, monkeypatch):
+    for report, past, force in march(scene, mesh, (spike,), velocity, monkeypatch):
         assert report.behind == 0.0
-        found = replayed(replay, report, start, (0.0, 0.0))
+        found = replayed(replay, report, past)
         np.testing.assert_allclose(found, force, rtol=0.0, atol=1e-9 * max(1.0, np.abs(force).max()))
         rubbed += report.energy["friction"] > 0.0 and np.abs(force[:, 0]).max() > 0.1
     assert rubbed > 3, "nothing rubs"
 
 
-def test_forces_of_obstacles_that_are_held_back(monkeypatch):
+@pytest.mark.parametrize("integrator", INTEGRATORS)
+def test_forces_of_obstacles_that_are_held_back(integrator, monkeypatch):
     """A plate and a ram sink onto a held block, with a slip along it, until contact holds them back."""
     ram = polyline([(0.1, 0.31), (0.3, 0.31), (0.3, 0.4), (0.1, 0.4)])
     sink = Path((0.0, 1.0), ((0.0, 0.0), (0.5, -5.0)))
     scene = make_scene(
         dt=0.02,
         steps=8,
+        integrator=integrator,
         supports=(Support(lambda X: X[:, 1] < 1e-9),),
         obstacles=(Plane((0.0, 0.3), (0.0, -1.0), sink), Rigid("ram", motion=sink)),
         contact=(Barrier(dhat=5e-3), Friction(0.3, eps_v=0.01, iterations=1)),
@@ -97,15 +104,15 @@ def test_forces_of_obstacles_that_are_held_back(monkeypatch):
     )
     mesh = block((0.0, 0.0), (0.4, 0.2), (4, 2))
     replay = replay_of(scene, mesh, (ram,))
-    before, late, held_back, apart = 0.0, {}, 0, 0
-    for report, start, force in march(scene, mesh, (ram,), np.zeros_like(mesh.points), monkeypatch):
-        found = replayed(replay, report, start, (before, report.behind), (late, report.late))
+    late, held_back, apart = [(0.0, {})], 0, 0
+    for report, past, force in march(scene, mesh, (ram,), np.zeros_like(mesh.points), monkeypatch):
+        late.append((report.behind, report.late))
+        found = replayed(replay, report, past, late=late.__getitem__)
         np.testing.assert_allclose(found, force, rtol=0.0, atol=1e-6 * max(1.0, np.abs(force).max()))
-        if before > 0.0:
+        if late[-2][0] > 0.0:
             held_back += 1
             with np.errstate(all="ignore"):  # obstacles stand where their motions are, in the block
-                on_time = replayed(replay, report, start, (0.0, 0.0))
+                on_time = replayed(replay, report, past)
             assert not np.allclose(on_time, force, rtol=0.0, atol=1e-3 * np.abs(force).max())
-        before, late = report.behind, report.late
-        apart += len(late) > 0
+        apart += len(report.late) > 0
     assert held_back > 1 and apart > 0

@@ -13,7 +13,7 @@ from pdvol.levels.script import Script
 from pdvol.levels.space import LevelSpace
 from pdvol.potentials.build import build_terms
 from pdvol.potentials.consistency import Guide
-from pdvol.potentials.potential import Positions
+from pdvol.potentials.potential import Earlier, Positions, Rates
 from pdvol.scene import (
     Attachment,
     Barrier,
@@ -80,6 +80,7 @@ TERMS = {  # a length [m] over which remainders show, and whether the energy is 
     "surface friction": (0.02 * SLIP, {}),
 }
 GROUNDS = ("plane", "surface")
+WITH_RATES = ("drag", "plane friction", "surface friction")
 WITH_OBSTACLES = ("plane barrier", "surface barrier", "plane friction", "surface friction")
 KINDS = {
     "ContactBarrier": "{} barrier",
@@ -124,7 +125,7 @@ class Built:
     x : (n, d) [m] some slips away from there
     """
 
-    def __init__(self, d, motion, ground, law=NeoHookean):
+    def __init__(self, d, motion, ground, law=NeoHookean, order=1):
         make, begin, end = MOTIONS[motion]
         move, up = make(d), np.eye(d)[-1]
         mesh, positions, pit = placed(d)
@@ -152,8 +153,11 @@ class Built:
         rows, x_t = self.space.from_input, move(positions, begin)
         late = dict.fromkeys(model.obstacles, T0 - begin)
         script.begin(T0, T0 + DT, late)
+        before = Earlier(-1 / 3, Positions(self.space, rows(move(positions, T0 - DT))), T0 - DT, {})  # on time
         for term in terms:
             term.begin_step(Positions(self.space, rows(x_t)), T0, T0 + DT)
+            if order == 2:
+                term.set_rates(Rates(2 * DT / 3, (before,)))
         if end < T0 + DT:
             script.stop(model.obstacles, end)
         for term in terms:
@@ -168,15 +172,16 @@ class Built:
 built = cache(Built)
 
 
+@pytest.mark.parametrize("order", [1, 2])
 @pytest.mark.parametrize("motion", MOTIONS)
 @pytest.mark.parametrize("d", DIMENSIONS)
-def test_exact_derivatives_and_projected_signs(d, motion):
+def test_exact_derivatives_and_projected_signs(d, motion, order):
     """Gradients and Hessians that are not projected agree with differences; projected ones are semi-definite."""
-    on = {ground: built(d, motion, ground) for ground in GROUNDS}
+    on = {ground: built(d, motion, ground, order=order) for ground in GROUNDS}
     assert set().union(*(at.terms for at in on.values())) == set(TERMS)
     for name, (length, options) in TERMS.items():
-        if motion != "none" and name not in WITH_OBSTACLES:
-            continue  # nothing in these depends on obstacles
+        if (motion != "none" and name not in WITH_OBSTACLES) or (order == 2 and name not in WITH_RATES):
+            continue  # nothing in these depends on obstacles, or on rates
         at = on["surface" if name.startswith("surface") else "plane"]
         for term in at.terms[name]:
             try:
@@ -200,18 +205,21 @@ def test_other_laws(d, law):
     assert smallest_eigenvalue(rows) >= -ROUND * np.abs(rows).max()
 
 
+@pytest.mark.parametrize("order", [1, 2])
 @pytest.mark.parametrize("motion", MOTIONS)
 @pytest.mark.parametrize("kind", GROUNDS)
 @pytest.mark.parametrize("d", DIMENSIONS)
-def test_what_goes_along_feels_no_friction(d, kind, motion):
-    """Bodies that follow where obstacles have really gone slip by nothing: at most a gap times the angle of the step.
-    Sliding by ten times the smoothed slip they feel mu times the normal force, against the slip.
+def test_what_goes_along_feels_no_friction(d, kind, motion, order):
+    """Bodies that follow where obstacles have really gone slip by nothing: at most a gap times the angle of the step,
+    which is the more beside the smoothed slip, the shorter the duration of rates. Sliding by ten times the smoothed
+    slip they feel mu times the normal force, against the slip.
     """
-    at = built(d, motion, kind)
+    at = built(d, motion, kind, order=order)
     (friction,), (barrier,) = at.terms[f"{kind} friction"], at.terms[f"{kind} barrier"]
     sliding = np.abs(friction.forces).max()
     assert barrier.count(Positions(at.space, at.along)) > 1 and sliding > 0.0
-    assert np.abs(friction.gradient(Positions(at.space, at.along))).max() < 0.1 * sliding
+    duration = {1: DT, 2: 2 * DT / 3}[order]
+    assert np.abs(friction.gradient(Positions(at.space, at.along))).max() < 0.1 * sliding * DT / duration
     away = at.along + 10.0 * SLIP * np.eye(d)[0]
     force = friction.gradient(Positions(at.space, away))
     if kind == "plane":

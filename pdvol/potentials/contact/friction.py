@@ -25,7 +25,7 @@ from pdvol.potentials.assembly.hessian_blocks import HessianBlocks
 from pdvol.potentials.contact.barrier import ContactBarrier
 from pdvol.potentials.contact.candidates import Contacts
 from pdvol.potentials.contact.native import ffi, library
-from pdvol.potentials.potential import Positions, Term
+from pdvol.potentials.potential import Positions, Rates, Term
 
 AS_IT_IS, STICKS, SLIDES = range(3)  # as in native/friction.c
 
@@ -34,8 +34,8 @@ class LaggedFriction(Term):
     """Friction on all contacts of the barrier at the last `update_lag`, whose normal forces, normals and closest points
     are those of then.
 
-    Slips [m] are measured from the start of the step, relative to moving obstacles. Friction is smoothed below a slip
-    of eps_v times the step's length.
+    Slips [m] are measured from the start of the step's rates (`Rates`), relative to moving obstacles. Friction is
+    smoothed below a slip of eps_v times their duration. Normal forces and closest points are those at the step's start.
 
     Parameters
     ----------
@@ -64,9 +64,15 @@ class LaggedFriction(Term):
         self._found: tuple[float, np.ndarray]
 
     def begin_step(self, x_t: Positions, t0: float, t1: float, x_hat: Positions | None = None) -> None:
-        self._start = self.surface.vertices(x_t, at=t0)
+        self._at_start = self._start = self.surface.vertices(x_t, at=t0)
         self._eps = self.eps_v * (t1 - t0)
         self.update_lag(x_t)
+
+    def set_rates(self, rates: Rates) -> None:
+        self._start = rates.start(self._at_start, lambda e: self.surface.vertices(e.x, at=e.time, lags=e.lags))
+        self._eps = self._c.eps = self.eps_v * rates.duration
+        self._c.start = pointer(self._start)
+        self._at = None
 
     def update_lag(self, x: Positions) -> None:
         found, mu = self.barrier.contacts(x), self.mu

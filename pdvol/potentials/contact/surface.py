@@ -8,6 +8,7 @@ vertices and edges keep nothing apart. Where the surface is rigid they do harm. 
 depends on how the part is cut into facets, so they would push along it.
 """
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -15,7 +16,7 @@ import numpy as np
 from pdvol.compiled import ffi, pointer
 from pdvol.geometry.level_mesh import facet_sizes
 from pdvol.levels.obstacles import Obstacle
-from pdvol.levels.script import Script
+from pdvol.levels.script import Mover, Script
 from pdvol.levels.space import LevelSpace
 from pdvol.potentials.potential import Positions
 
@@ -89,13 +90,12 @@ class ContactSurface:
             len(obstacles) - len(shapes),
         )
 
-    def _obstacles_at(self, time: float) -> np.ndarray:
+    def _obstacles_at(self, time: float, lags: Mapping[Mover, float] | None = None) -> np.ndarray:
+        script = self._script if lags is None else self._script.at(time, lags)
         placed = [np.zeros((0, self.space.dim))]
         for obstacle in self._placed:
             plane = obstacle.kind == "plane"
-            placed.append(
-                self._script.pose(obstacle, time)(obstacle.vertices) if plane else self._script.place(obstacle, time)
-            )
+            placed.append(script.pose(obstacle, time)(obstacle.vertices) if plane else script.place(obstacle, time))
         return np.concatenate(placed)
 
     def move_obstacles(self, time: float) -> bool:
@@ -106,14 +106,15 @@ class ContactSurface:
             self.obstacle_positions, self._known = positions, []
         return changed
 
-    def vertices(self, x: Positions, at: float | None = None) -> np.ndarray:
+    def vertices(self, x: Positions, at: float | None = None, lags: Mapping[Mover, float] | None = None) -> np.ndarray:
         """(n, d) positions [m] of the surface's vertices; obstacles where they were placed, or where they are `at` a
-        time [s]. First use per x is collective.
+        time [s] of the present span, or where they were at an earlier one, late by their `lags` [s]. First use per x is
+        collective.
         """
         for known, vertices in self._known if at is None else ():
             if known is x:
                 return vertices
-        obstacles = self.obstacle_positions if at is None else self._obstacles_at(at)
+        obstacles = self.obstacle_positions if at is None else self._obstacles_at(at, lags)
         bodies = x.owned[self._own_rows] if self.space.comm.size == 1 else x.whole[self.surface]
         vertices = np.concatenate([bodies, obstacles])
         if at is None:

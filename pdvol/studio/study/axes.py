@@ -41,10 +41,8 @@ class Axis:
     others: tuple[Any, ...]
 
     def variations(self, method: str) -> list[Variation]:
-        """One for each other value, all else as in the scene. BDF2 serves direct runs only."""
-        return [
-            Variation.of({self.name: value}, "direct" if self.name == "integrator" else method) for value in self.others
-        ]
+        """One for each other value, all else as in the scene."""
+        return [Variation.of({self.name: value}, method) for value in self.others]
 
 
 def chosen_axes(words: Sequence[str], shot: Shot) -> tuple[list[Axis], bool]:
