@@ -10,13 +10,14 @@ from mpi4py import MPI
 
 from pdvol.geometry.rigid_motions import mass_centres
 from pdvol.integrate.feedback import level_feedback
-from pdvol.integrate.integrator import State, past_of
+from pdvol.integrate.integrator import past_of
 from pdvol.integrate.marches import Start, progressive
 from pdvol.integrate.stepper import Stepper
 from pdvol.levels.hierarchy import Hierarchy
 from pdvol.levels.model import level_model
 from pdvol.levels.obstacles import placed_obstacles
 from pdvol.potentials.potential import Positions
+from pdvol.registry import INTEGRATORS
 from pdvol.scene import Barrier, Gravity, NeoHookean, Plane, Solver, Support, Translation
 from problems import SOFT, block, make_scene
 from shapes import together
@@ -57,15 +58,22 @@ class Pair:
         return list(progressive(self.stepper, self.levels.prolongation(1), below, start, steps))
 
 
+FALLEN = {  # a fall from rest, over g dt^2, after so many steps (test_integrators.py)
+    "implicit_euler": lambda step: step * (step + 1) / 2,
+    "bdf2": lambda step: step**2 / 2 + 0.75 * (1 - 3.0**-step),
+}
+
+
+@pytest.mark.parametrize("name", INTEGRATORS)
 @pytest.mark.parametrize("modes", ["rigid", "all"])
 @pytest.mark.parametrize("d", [2, 3])
-def test_a_distance_in_flight_shrinks_by_the_same_share_in_each_step(modes, d):
+def test_a_distance_in_flight_shrinks_by_the_same_share_in_each_step(modes, d, name):
     """Level 0 falls, level 1 begins 0.3 m beside it: after t steps (1 - beta)^t of that are left. The momentum that it
     lacks beside level 0's is beta (1 - beta)^(t - 1) M 0.3 m / dt in step t, and all steps together move it by 0.3 m.
     """
     aside, steps, down = 0.3 * np.eye(d)[0], 6, -G * np.eye(d)[-1]
-    fall = lambda step, X: X + step * (step + 1) / 2 * DT**2 * down
-    pair = Pair(fall, d, modes=modes, loads=(Gravity(tuple(down)),))
+    fall = lambda step, X: X + FALLEN[name](step) * DT**2 * down
+    pair = Pair(fall, d, modes=modes, integrator=INTEGRATORS[name](), loads=(Gravity(tuple(down)),))
     lifted = lambda step: pair.levels.prolongation(1).prolong(pair.path(step))
     before, moved, mass = pair.fine.points + aside, 0.0, pair.masses.sum()
     for t, report in enumerate(pair.march(before, steps), start=1):
@@ -147,9 +155,11 @@ def held_by_the_floor(lowered, **more):
     return Pair(lambda step, X: X - [0.0, lowered(step)], **more)
 
 
-def test_contact_answers_with_a_force_like_a_weight():
-    """The block comes to rest where the floor carries M (g + beta / dt^2 distance), to the tolerance."""
-    pair = held_by_the_floor(lambda step: 2e-3, solver=Solver(tolerance=1e-6, linear="direct"))
+@pytest.mark.parametrize(("name", "weight"), [("implicit_euler", DT**2), ("bdf2", (2 * DT / 3) ** 2)])
+def test_contact_answers_with_a_force_like_a_weight(name, weight):
+    """The block comes to rest where the floor carries M (g + beta / weight distance), to the tolerance."""
+    settings = {"solver": Solver(tolerance=1e-6, linear="direct"), "integrator": INTEGRATORS[name]()}
+    pair = held_by_the_floor(lambda step: 2e-3, **settings)
     reports = pair.march(pair.fine.points, 60)
     end = reports[-1].positions
     barrier, space = pair.stepper.potential.contacts[0], pair.levels[1]
@@ -157,25 +167,29 @@ def test_contact_answers_with_a_force_like_a_weight():
     lifted = pair.levels.prolongation(1).prolong(pair.path(60))
     distance = pair.masses @ (end - lifted)[:, 1] / pair.masses.sum()
     assert distance > 1e-3
-    push = BETA / DT**2 * distance
+    push = BETA / weight * distance
     assert push > 3.0, "as large as a third of the weight"
     assert force == pytest.approx(pair.masses.sum() * (G + push), rel=1e-3)
 
 
-def test_what_contact_holds_comes_to_rest_and_wakes_with_the_level_below():
+@pytest.mark.parametrize("name", INTEGRATORS)
+def test_what_contact_holds_comes_to_rest_and_wakes_with_the_level_below(name):
     """Steps at rest go on under a push that stays, and end when the level below moves on; resumed ones to the last
     bit.
     """
     lowered = lambda step: 2e-3 + max(0, step - 120) * 1e-4
-    pair = held_by_the_floor(lowered)
+    integrator = INTEGRATORS[name]()
+    pair = held_by_the_floor(lowered, integrator=integrator)
     reports = pair.march(pair.fine.points, 130)
     at_rest = np.array([report.joined == 0 for report in reports])
     assert at_rest[80:119].mean() > 0.9, "nothing moves, and nothing is solved"
     assert not at_rest[122:].any(), "the level below sinks on by 1 cm/s"
     assert reports[-1].positions[:, 1].mean() < reports[115].positions[:, 1].mean() - 1e-6
     for step in (next(n for n in range(100, 119) if at_rest[n - 1]), 40):
-        past = (State(reports[step - 1].positions, 0.0 * pair.fine.points),)
-        again = held_by_the_floor(lowered).march(Start(step, past, reports[step - 1].record()), 130)
+        positions = lambda n: reports[n - 1].positions if n else pair.fine.points
+        past = past_of(integrator, positions, 0.0 * pair.fine.points, step, DT)
+        start = Start(step, past, reports[step - 1].record())
+        again = held_by_the_floor(lowered, integrator=integrator).march(start, 130)
         for a, b in zip(reports[step:], again, strict=True):
             np.testing.assert_array_equal(a.positions, b.positions)
             assert (a.joined, a.newton_iterations, a.rest) == (b.joined, b.newton_iterations, b.rest)

@@ -32,12 +32,16 @@ def states(folder, name, level):
     return [stored.positions(step) for step in range(stored.steps)]
 
 
-def test_with_the_same_settings_it_is_the_same_run(folder):
-    assert branch(folder, "same") == 0
+@pytest.mark.parametrize("words", [(), ("--set", "integrator=bdf2")], ids=["default", "bdf2"])
+def test_with_the_same_settings_it_is_the_same_run(folder, words):
+    whole = "of_bdf2" if words else "whole"
+    if words:
+        assert run(folder, whole, *words) == 0
+    assert branch(folder, f"same_as_{whole}", *words, source=whole) == 0
     for level in (0, 1):
-        for one, other in zip(states(folder, "same", level), states(folder, "whole", level), strict=True):
+        for one, other in zip(states(folder, f"same_as_{whole}", level), states(folder, whole, level), strict=True):
             np.testing.assert_array_equal(one, other)
-    assert open_run(folder / "same").info["branched"]["step"] == AT
+    assert open_run(folder / f"same_as_{whole}").info["branched"]["step"] == AT
 
 
 def test_with_others_it_differs_from_that_step_on_and_can_be_resumed(folder):
