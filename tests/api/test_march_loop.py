@@ -13,6 +13,7 @@ from threadpoolctl import threadpool_info
 import pdvol
 import taylor
 from pdvol import InputError, Solver
+from pdvol.integrate.integrator import differences
 from pdvol.registry import INTEGRATORS, METHODS
 
 EXACT = Solver(tolerance=1e-9, linear="direct")
@@ -160,12 +161,20 @@ def test_free_fall_has_the_order_of_an_own_integrator():
     assert fall_error(own_parts.Parabola(), -G * t**2 / 2.0, 5) < 1e-8 < fall_error(None, -G * t**2 / 2.0, 5)
 
 
-def test_an_own_integrator_marches_levels_by_themselves():
-    ends = [s for s in pdvol.march(falling(0.1, 5, 2), method="direct", integrator=own_parts.Parabola()) if s.step == 5]
+@pytest.mark.parametrize("method", METHODS)
+def test_an_own_integrator_marches_all_levels_by_any_method(method):
+    """Finer levels fall as exactly as it does: by its prediction, and by velocities that use those of the past."""
+    scene = replace(falling(0.1, 5, 2), penalty=pdvol.Penalty(weight=0.1), feedback=0.1)
+    ends = [s for s in pdvol.march(scene, method=method, integrator=own_parts.Parabola()) if s.step == 5]
     assert [end.level for end in ends] == [0, 1]
     for end in ends:
         np.testing.assert_allclose((end.positions - end.model.start)[:, 1], -G * 0.5**2 / 2.0, atol=1e-8)
         np.testing.assert_allclose(end.velocity[:, 1], -G * 0.5, atol=1e-6)
+
+
+def test_terms_take_means_over_the_step_where_velocities_use_those_of_the_past():
+    assert differences(own_parts.Parabola(), 1, 0.1) == (0.1, ())
+    assert differences(own_parts.DampedEuler(3.0), 1, 0.1) == (0.1, ())
 
 
 # ---- messages

@@ -1,0 +1,248 @@
+"""Friction, drag and material damping have the order of the integrator; what sticks stays; contact does not ring."""
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+
+from pdvol.integrate.bdf2 import BDF2
+from pdvol.integrate.integrator import ImplicitEuler, State, differences, rates_of
+from pdvol.integrate.marches import Start, direct
+from pdvol.levels.script import Script
+from pdvol.levels.space import LevelSpace
+from pdvol.potentials.build import build_terms
+from pdvol.potentials.potential import Positions
+from pdvol.registry import INTEGRATORS
+from pdvol.scene import Barrier, Flow, Friction, Gravity, NeoHookean, Path, Plane, Rigid, Solver, rotation_matrix
+from problems import block, make_model, make_scene, make_stepper, masses, polyline, tetrahedron
+from shapes import level
+
+G = 9.81
+ORDERS = {"implicit_euler": (0.85, 1.15), "bdf2": (1.8, 2.2)}
+
+
+def slope(lengths, errors):
+    return np.polyfit(np.log(lengths), np.log(errors), 1)[0]
+
+
+# ---- how velocities follow from positions
+
+
+def test_differences_are_those_of_the_formulas():
+    dt = 0.0137
+    assert differences(ImplicitEuler(), 1, dt) == (dt, ()) == differences(BDF2(), 1, dt)
+    duration, weights = differences(BDF2(), 2, dt)
+    assert duration == pytest.approx(2 * dt / 3, rel=1e-15) and weights == pytest.approx((-1 / 3,), rel=1e-15)
+
+
+# ---- rates of given motions
+
+
+def rubbed(X, t, floor):
+    """Along a floor that moves, too, at a constant height."""
+    return X + floor(t) + 0.05 * np.sin(4.0 * t) * np.eye(X.shape[1])[0]
+
+
+def turned_and_stretched(X, t, floor):
+    d = X.shape[1]
+    turn = rotation_matrix(2.0 * t, (0.3, -0.2, 1.0), d)
+    return (X * (1.0 + 0.2 * np.sin(3.0 * t) * np.eye(d)[0])) @ turn.T
+
+
+def along(d):
+    """Keys of a way along the first axis."""
+    return (0.0, 1.0, 2.0), [tuple(by * np.eye(d)[0]) for by in (0.0, 0.4, 0.1)]
+
+
+class Given:
+    """A term of a block that goes a given way, at the end of a step that ends at t = 1.3 s."""
+
+    def __init__(self, d, kind):
+        up = np.eye(d)[-1]
+        wind = lambda X, t: np.sin(X + t) * 2.0
+        ground = Path(*along(d), smooth=True)
+        if kind == "surface friction":
+            obstacle = Rigid("floor", motion=ground)
+            floor = [[-2, -2], [4, -2], [4, 0], [-2, 0]] if d == 2 else [[0, 0, -5], [-5, -5, 0], [9, -5, 0], [0, 9, 0]]
+            geometry = ((polyline if d == 2 else tetrahedron)(np.array(floor, dtype=float)),)
+        else:
+            obstacle, geometry = Plane((0.0,) * d, tuple(up), ground), ()
+        scene = make_scene(
+            (NeoHookean(1e4, 0.3, 1000.0, damping=0.1 if kind == "damping" else 0.0),),
+            loads=(Flow(wind, 10.0),) if kind == "drag" else (),
+            obstacles=(obstacle,) if "friction" in kind else (),
+            contact=(Barrier(dhat=0.02), Friction(0.5, eps_v=1.0)) if "friction" in kind else (),
+        )
+        mesh = block((0.0,) * (d - 1) + (0.01,), (0.3,) * (d - 1) + (0.31,), 2)
+        self.space, self.model = LevelSpace(mesh, MPI.COMM_SELF), make_model(scene, mesh, geometry)
+        self.script = Script((), self.model.obstacles)
+        terms = build_terms(self.model, self.space, (), self.script).potentials
+        self.terms = [term for term in terms if term.name == kind.split()[-1] or term.name == "barrier"]
+        way = rubbed if "friction" in kind else turned_and_stretched
+        self.at = lambda t: way(mesh.points, t, lambda t: ground(np.zeros((1, d)), t))
+
+    def force(self, integrator, dt, end=1.3):
+        past = tuple(State(self.at(end - (k + 1) * dt), 0.0 * self.at(end)) for k in range(integrator.states))
+        rates = rates_of(integrator, past, self.space, end - dt, dt, [{}] * integrator.states)
+        rows = self.space.from_input
+        self.script.begin(end - dt, end, {})
+        for term in self.terms:
+            term.begin_step(Positions(self.space, rows(past[0].positions)), end - dt, end)
+            if rates is not None:
+                term.set_rates(rates)
+        for term in self.terms:
+            term.move_obstacles(end)
+        x = Positions(self.space, rows(self.at(end)))
+        return self.terms[-1].gradient(x)
+
+
+@pytest.mark.parametrize("kind", ["plane friction", "surface friction", "drag", "damping"])
+@pytest.mark.parametrize("d", [2, 3])
+def test_rates_have_the_order_of_the_integrator(d, kind):
+    """Beside a step of 1e-4 s. Friction is in its smoothed range, on ground that is quick here and slow there; the flow
+    varies in space; the body turns, which deforms nothing, while it is stretched.
+    """
+    given, lengths = Given(d, kind), np.array([0.02, 0.01, 0.005])
+    exact = given.force(BDF2(), 1e-4)
+    assert np.abs(exact).max() > 0.0
+    for name, (low, high) in ORDERS.items():
+        errors = [np.abs(given.force(INTEGRATORS[name](), dt) - exact).max() for dt in lengths]
+        assert low < slope(lengths, errors) < high, name
+
+
+# ---- solved motions
+
+
+def settled(mesh, young, dhat, gap, length):
+    """Positions (n, d) in which a body lies on a plane `gap` below it, for good."""
+    scene = make_scene(
+        (NeoHookean(young, 0.3, 1000.0, damping=0.2),),
+        dt=0.05,
+        steps=length,
+        loads=(Gravity((0.0, -G)),),
+        obstacles=(Plane((0.0, mesh.points[:, 1].min() - gap), (0.0, 1.0)),),
+        contact=(Barrier(dhat=dhat),),
+        solver=Solver(tolerance=1e-9, linear="direct"),
+    )
+    *_, last = direct(make_stepper(scene, mesh), Start.at_rest(mesh.points, 0.0 * mesh.points), length)
+    assert np.abs(last.velocity).max() < 1e-7
+    return last.positions
+
+
+@pytest.mark.parametrize("name", INTEGRATORS)
+def test_a_slide_in_the_wind_has_the_order_of_the_integrator(name):
+    """A block with material damping slides in a flow, with friction in its smoothed range, whose normal forces are
+    lagged until they are right. Errors are told from twice as many steps.
+    """
+    mesh = block((0.0, 0.0), (0.3, 0.2), 2)
+    lies = settled(mesh, 2e4, 0.02, 0.015, 120)
+    ends, counts = [], (20, 40, 80)
+    for steps in counts:
+        scene = make_scene(
+            (NeoHookean(2e4, 0.3, 1000.0, damping=0.02),),
+            dt=0.1 / steps,
+            steps=steps,
+            loads=(Gravity((0.0, -G)), Flow((1.0, 0.0), 200.0)),
+            obstacles=(Plane((0.0, -0.015), (0.0, 1.0)),),
+            contact=(Barrier(dhat=0.02), Friction(0.3, eps_v=1.0, iterations=50, tolerance=1e-9)),
+            solver=Solver(tolerance=1e-10, linear="direct"),
+        )
+        stepper = make_stepper(scene, mesh, integrator=INTEGRATORS[name]())
+        *_, last = direct(stepper, Start.at_rest(lies, np.tile([0.4, 0.0], (len(lies), 1))), steps)
+        ends.append(last.positions)
+    errors = [np.linalg.norm(one - other) for one, other in zip(ends, ends[1:], strict=False)]
+    low, high = ORDERS[name]
+    assert low < slope(1.0 / np.array(counts[:-1]), errors) < high
+
+
+@pytest.mark.parametrize("name", INTEGRATORS)
+@pytest.mark.parametrize("kind", ["plane", "rigid"])
+def test_what_sticks_to_shaken_ground_stays_there(kind, name):
+    """The ground goes 5 cm to and fro with a fifth of the acceleration that friction can hold. A body that sticks only
+    creeps, as slowly as the smoothing says.
+    """
+    eps_v, steps, dt = 1e-3, 40, 0.02
+    times = np.linspace(0.0, 0.8, 9)
+    keys = [(0.025 * (1.0 - np.cos(2.0 * np.pi * t / 0.8)), 0.0) for t in times]
+    motion = Path(tuple(times), keys, smooth=True)
+    mesh, low = block((0.0, 0.0), (0.3, 0.1), (3, 1)), -0.0018
+    floor = polyline([[-1.0, low - 1.0], [2.0, low - 1.0], [2.0, low], [-1.0, low]])
+    plane = Plane((0.0, low), (0.0, 1.0), motion)
+    scene = make_scene(
+        (NeoHookean(1e6, 0.3, 1000.0, damping=0.05),),
+        dt=dt,
+        steps=steps,
+        loads=(Gravity((0.0, -G)),),
+        obstacles=(plane,) if kind == "plane" else (Rigid("floor", motion=motion),),
+        contact=(Barrier(dhat=2e-3), Friction(0.8, eps_v=eps_v)),
+        solver=Solver(tolerance=1e-7, linear="direct"),
+    )
+    stepper = make_stepper(scene, mesh, () if kind == "plane" else (floor,), integrator=INTEGRATORS[name]())
+    start, away = Start.at_rest(mesh.points, 0.0 * mesh.points), []
+    for report in direct(stepper, start, steps):
+        shifts = (report.positions - mesh.points)[:, 0] - motion(np.zeros((1, 2)), report.time)[0, 0]
+        away.append(shifts.mean())
+    fraction = 0.025 * (2.0 * np.pi / 0.8) ** 2 / (0.8 * G)
+    most = (1.0 - np.sqrt(1.0 - fraction)) * eps_v * 0.4  # 2 y - y^2 is the fraction at y eps_v, for half of the time
+    assert 0.1 * most < np.abs(away).max() < most
+    assert abs(away[-1]) < 0.25 * most, "what creeps one way creeps back"
+
+
+RADIUS = 0.25
+
+
+def disc(rings=3, around=24):
+    """A polygon around the origin."""
+    angles = 2.0 * np.pi * np.arange(around) / around
+    circle = RADIUS * np.column_stack([np.cos(angles), np.sin(angles)])
+    points = np.vstack([[[0.0, 0.0]], *(circle * (k + 1) / rings for k in range(rings))])
+    at = lambda k, j: 1 + k * around + j % around
+    cells = [(0, at(0, j), at(0, j + 1)) for j in range(around)]
+    for k, j in np.ndindex(rings - 1, around):
+        cells += [(at(k, j), at(k + 1, j), at(k + 1, j + 1)), (at(k, j), at(k + 1, j + 1), at(k, j + 1))]
+    return level(points, np.array(cells))
+
+
+@pytest.mark.parametrize(
+    ("motion", "name", "kept"),
+    [
+        ("kick", "implicit_euler", (0.0, 0.1)),
+        ("kick", "bdf2", (0.6, 1.0)),
+        ("roll", "implicit_euler", (0.85, 0.93)),
+        ("roll", "bdf2", (0.94, 1.0)),
+    ],
+)
+def test_a_ball_that_touches_the_ground_does_not_ring(motion, name, kept):
+    """A soft ball that lies on the ground is kicked down by 2 cm/s, or rolls with 1 m/s, for 0.6 s. Its material damps
+    nothing. Its energy never rises above that of the kick, and BDF2 keeps most of it. Gaps go up and down with the
+    ball's swing or its facets, over several steps; they would turn round in each step if contact rang.
+    """
+    mesh, dt, steps = disc(), 0.01, 60
+    lies = settled(mesh, 1e5, 2e-3, 1.5e-3, 200)
+    scene = make_scene(
+        (NeoHookean(1e5, 0.3, 1000.0),),
+        dt=dt,
+        steps=steps,
+        loads=(Gravity((0.0, -G)),),
+        obstacles=(Plane((0.0, -RADIUS - 1.5e-3), (0.0, 1.0)),),
+        contact=(Barrier(dhat=2e-3), Friction(0.5, eps_v=1e-3)),
+        solver=Solver(tolerance=1e-6, linear="direct"),
+    )
+    stepper = make_stepper(scene, mesh, integrator=INTEGRATORS[name]())
+    m = masses(stepper)
+    arms = lies - m @ lies / m.sum()
+    velocity = np.tile([0.0, -0.02], (len(m), 1))
+    if motion == "roll":
+        velocity = np.column_stack([1.0 + arms[:, 1] / RADIUS, -arms[:, 0] / RADIUS])
+    at_rest = Positions(stepper.space, stepper.space.from_input(lies))
+    stepper.potential.begin_step(at_rest, at_rest.owned, dt**2, 0.0, dt)
+    stored = lambda energy: sum(energy[kind] for kind in ("elastic", "load", "barrier"))
+    lowest, kinetic = stored(stepper.potential.energies(at_rest)), lambda v: 0.5 * m @ np.sum(v**2, axis=1)
+    gaps, energies = [], [kinetic(velocity)]
+    for report in direct(stepper, Start.at_rest(lies, velocity), steps):
+        gaps.append(report.min_gap)
+        energies.append(kinetic(report.velocity) + stored(report.energy) - lowest)
+    assert kept[0] < energies[-1] / energies[0] < kept[1]
+    assert max(energies) <= energies[0] and np.diff(energies).max() < 1e-3 * energies[0]
+    turns = np.diff(gaps)[1:] * np.diff(gaps)[:-1] < -((1e-3 * np.mean(gaps)) ** 2)
+    assert not (turns[2:] & turns[1:-1] & turns[:-2]).any(), "the gap turns round in four steps, one after the other"
+    assert 0.98 < min(gaps) / np.mean(gaps) and max(gaps) / np.mean(gaps) < 1.02
