@@ -27,6 +27,7 @@ from pdvol.solve import newton
 from pdvol.solve.iteration import Projection
 from pdvol.solve.linear import solver
 from pdvol.solve.linear.solver import LinearSolver
+from pdvol.solve.newton import Newton
 
 ENVELOPE = (
     "young_1e2",
@@ -69,7 +70,7 @@ RULES: dict[str, Callable[[], AbstractContextManager]] = {
     "all": nullcontext,
     "lengthening": lambda: patch.object(newton, "step_factor", lambda *_: 1.0),
     "unprojected": lambda: patch.object(LinearSolver, "detects_indefinite", False),
-    "predictions": lambda: patch.object(newton, "PREDICTIONS", 0),
+    "predictions": lambda: patch.object(Newton, "_predict_friction", lambda *_: None),
     "predicted_start": lambda: patch.object(Stepper, "_predicted", lambda *_: None),
     "kept_matrix": lambda: patch.object(newton, "keeps_matrix", lambda *_: False),
     "coarse_space": lambda: patch.object(solver, "COARSE_SETUP", solver.MAX_ITERATIONS),

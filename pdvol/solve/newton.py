@@ -24,13 +24,12 @@ from pdvol.scene import Relative, Solver
 from pdvol.solve.incremental_potential import IncrementalPotential
 from pdvol.solve.iteration import (
     TOO_STIFF,
+    TRUSTED,
     Iteration,
     Projection,
     fraction_kept,
     is_at_rounding,
-    is_short,
     keeps_matrix,
-    opens,
     step_factor,
     stops,
 )
@@ -39,9 +38,6 @@ from pdvol.solve.linear.solver import LinearSolver, wants_general_matrix
 from pdvol.solve.linear.system_matrix import SystemMatrix
 from pdvol.solve.report import NewtonReport, Stopwatch
 
-# linear solves of one iteration in which friction's states are predicted: more save no Newton iterations (27 balls, 60
-# steps: 888 without, 736 with 1, 717 with 2, 710 with 3 and with 6)
-PREDICTIONS = 3
 MAX_SOLVES = 3  # times the iterations allowed per solve: after more of them no remedy starts it again
 # Backtracking by cubic models, which need fewer trials than halving; `max_it` trials: 40 halvings reach round-off.
 LINE_SEARCH = {"type": "bt", "order": 3, "max_it": 40}
@@ -253,9 +249,8 @@ class Newton:
         if relative > 0.0:
             solve.tolerance = max(self.tolerance, relative * self._speed(x.owned - self.potential.x_hat))
         slope, energy = self._slope(direction), self._energy(x)
-        gap = self.potential.min_gap(x) if is_short(speed, solve.tolerance) else np.inf
-        at_rounding = is_at_rounding(slope, energy, self.potential.scale)
-        factor = step_factor(x, direction, speed, at_rounding, solve.projection, solve.last, solve.tolerance, self._sum)
+        at_rounding = is_at_rounding(slope, self.potential.scale)
+        factor = step_factor(x, direction, at_rounding, solve.projection, solve.last, self._sum)
         length = factor * self.potential.max_step(x, factor * direction, gap_share=solve.gap_share)
         cap = min(1.0, length)
         solve.report.speed, solve.report.step_cap = speed, min(solve.report.step_cap, cap)
@@ -271,7 +266,6 @@ class Newton:
             at_rounding,
             factor,
             cap,
-            gap,
         )
         return length
 
@@ -291,9 +285,7 @@ class Newton:
         elif last.lengthening == 1.0:  # the quadratic model does not hold for lengthened steps
             kept = fraction_kept(last, x, self._energy(x), self._sum)
             solve.projection = solve.projection.after(kept, last.full, self.linear.detects_indefinite)
-            last = replace(last, softer=last.matrix_age == 0 and kept > TOO_STIFF)
-        if last.full and is_short(last.speed, solve.tolerance):
-            last = replace(last, opened=opens(last.gap, self.potential.min_gap(x)))
+            last = replace(last, as_promised=TRUSTED <= kept <= TOO_STIFF)
         solve.last = last
         return stops(last, solve.before, solve.tolerance)
 
@@ -326,27 +318,24 @@ class Newton:
         self._solve.report.linear_iterations += self.snes.ksp.getIterationNumber()
 
     def _predict_friction(self, x: Positions, step: PETSc.Vec) -> None:
-        """Solves for the step again while it changes which contacts stick (`potentials/contact/friction.py`)."""
+        """Solves for the step again where it changes which contacts stick (`potentials/contact/friction.py`)."""
         if not self.potential.has_friction:
             return
-        first, predicted = step.getArray().copy(), False
-        for _ in range(PREDICTIONS):
-            change = self.potential.predict_friction(x, self._direction(step))
-            if change is None:
-                break
-            predicted = True
-            self.potential.renew_friction(x, 1.0, self._blocks)
-            right = self._residual.copy()
-            right.getArray()[:] += np.where(self._fixed[:, None], 0.0, change).ravel()
-            with self.watch.part("linear"):
-                self._system.assemble(self._blocks)
-                self.linear.set_matrix(self._system)
-            self._solve_again(right, step, near=True)
-        if predicted:
-            self.potential.forget_prediction()
-            self._solve.matrix_age = None
-            if not self._slope(self._direction(step)) < 0.0:
-                step.setArray(first)
+        change = self.potential.predict_friction(x, self._direction(step))
+        if change is None:
+            return
+        first = step.getArray().copy()
+        self.potential.renew_friction(x, 1.0, self._blocks)
+        right = self._residual.copy()
+        right.getArray()[:] += np.where(self._fixed[:, None], 0.0, change).ravel()
+        with self.watch.part("linear"):
+            self._system.assemble(self._blocks)
+            self.linear.set_matrix(self._system)
+        self._solve_again(right, step, near=True)
+        self.potential.forget_prediction()
+        self._solve.matrix_age = None
+        if not self._slope(self._direction(step)) < 0.0:
+            step.setArray(first)
 
     # ---- what callers use
 
