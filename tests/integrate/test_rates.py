@@ -157,8 +157,8 @@ def test_a_slide_in_the_wind_has_the_order_of_the_integrator(name):
 @pytest.mark.parametrize("name", INTEGRATORS)
 @pytest.mark.parametrize("kind", ["plane", "rigid"])
 def test_what_sticks_to_shaken_ground_stays_there(kind, name):
-    """The ground goes 5 cm back and forth with a fifth of the acceleration that friction can hold. A body that sticks only
-    creeps, as slowly as the smoothing says.
+    """The ground goes 5 cm back and forth with a fifth of the acceleration that friction can hold. A body that sticks
+    only creeps, as slowly as the smoothing says.
     """
     eps_v, steps, dt = 1e-3, 40, 0.02
     times = np.linspace(0.0, 0.8, 9)
