@@ -111,6 +111,9 @@ class Registry:
 METHODS = ("progressive", "direct", "tracks", "embedded")
 """How a level above the coarsest is marched (`pdvol.integrate.level_march`); the first one is the default."""
 
+ELEMENTS = ("linear", "smoothed")
+"""The finite elements of a body (`pdvol.potentials.assembly.domains`); the first one is the default."""
+
 INTERPOLANTS = Registry(
     "prolongation",
     {

@@ -28,6 +28,9 @@ class CellMaterials:
     values : for each law, its psi's parameters by name: arrays (m,), zero where another law holds
     young, density, damping : (m,) [Pa], [kg/m^d], [s]
     softest : the lowest Young's modulus [Pa] on the coarsest level, at any time
+    smoothing : (m,) int32
+        Number of the material of each cell whose body has smoothed elements, -1 of other cells. Two cells with the same
+        number are of one body and of one of its materials.
     keyed : what Young's modulus follows in time, and the cells (m,) bool that do; the other fields are those at t = 0
     """
 
@@ -38,7 +41,15 @@ class CellMaterials:
     density: np.ndarray
     damping: np.ndarray
     softest: float
+    smoothing: np.ndarray
     keyed: tuple[tuple[Keyed, np.ndarray], ...] = ()
+
+    def young_shares(self, time: float) -> np.ndarray:
+        """(m,) Young's modulus at a time [s] over that at t = 0."""
+        shares = np.ones(len(self.law))
+        for follows, cells in self.keyed:
+            shares[cells] = follows(time) / follows(0.0)
+        return shares
 
     def carried(self, origins: np.ndarray) -> "CellMaterials":
         """The same on a finer level whose cells inherit from these: `origins` (m_fine,)."""
@@ -51,6 +62,7 @@ class CellMaterials:
             self.density[origins],
             self.damping[origins],
             self.softest,
+            self.smoothing[origins],
             tuple((keyed, cells[origins]) for keyed, cells in self.keyed),
         )
 
@@ -65,6 +77,7 @@ def cell_materials(scene: Scene, mesh: LevelMesh) -> CellMaterials:
     """
     centres = mesh.points[mesh.cells].mean(axis=1)
     parts: list[tuple[Material, np.ndarray]] = []
+    smoothed: list[bool] = []
     for i, body in enumerate(scene.bodies):
         choice = np.where(mesh.bodies == i, 0, -1)
         for number, region in enumerate(body.regions, 1):
@@ -73,21 +86,23 @@ def cell_materials(scene: Scene, mesh: LevelMesh) -> CellMaterials:
             (m, np.flatnonzero(choice == number))
             for number, m in enumerate((body.material, *(r.material for r in body.regions)))
         ]
+        smoothed += [scene.elements_of(body) == "smoothed"] * (1 + len(body.regions))
     laws = tuple(dict.fromkeys(type(material) for material, _ in parts))
     zeros = lambda: np.zeros(len(mesh.cells))
     law, fields = np.zeros(len(mesh.cells), dtype=np.int32), {name: zeros() for name in ("young", "density", "damping")}
     values = tuple({name: zeros() for name in ("mu", "lmbda", *of.own_parameters())} for of in laws)
     keyed: list[tuple[Keyed, np.ndarray]] = []
-    for material, cells in parts:
+    smoothing = np.full(len(mesh.cells), -1, dtype=np.int32)
+    for part, (material, cells) in enumerate(parts):
         found, number = material.at(centres[cells]), laws.index(type(material))
         found["mu"], found["lmbda"] = lame(found["young"], found["poisson"])
-        law[cells] = number
+        law[cells], smoothing[cells] = number, part if smoothed[part] else -1
         keyed += [(follows, np.isin(np.arange(len(mesh.cells)), cells)) for follows in material.keyed if len(cells)]
         for into in (fields, values[number]):
             for name in into:
                 into[name][cells] = found[name]
     softest = min([float(fields["young"].min()), *(min(follows.values) for follows, _ in keyed)])
-    return CellMaterials(laws, law, values, **fields, softest=softest, keyed=tuple(keyed))
+    return CellMaterials(laws, law, values, **fields, softest=softest, smoothing=smoothing, keyed=tuple(keyed))
 
 
 def _held(region: Region, name: str, mesh: LevelMesh, centres: np.ndarray, mine: np.ndarray) -> np.ndarray:

@@ -25,7 +25,9 @@ class LevelSpace:
         Vector P1; block size `dim`.
     owned_points, local_points : (n_owned,), (n_local,) int64
         Input index of each vertex whose unknowns this rank owns; and behind those of the other vertices of
-        `near_cells`.
+        `near_cells` and of the cells that have an edge of these.
+    local_numbers : (n,) int32
+        The place in `local_points` of each input point, -1 where it has none.
     local_blocks : (n_local,) int64
         Global (PETSc) block index of each local vertex.
     rank_ends : (ranks,) int64
@@ -90,12 +92,16 @@ class LevelSpace:
         order = np.lexsort((lowest, lowest < first))
         self.near_cells, blocks = touching[order], blocks[touching[order]]
         self.n_counted = int(np.count_nonzero(lowest >= first))
-        ghosts = np.unique(blocks[(blocks < first) | (blocks >= last)])
+        # Cells that share an edge with a near cell may be smoothed together with it.
+        reached = np.zeros(len(self.mesh.points), dtype=bool)
+        reached[self.mesh.cells[touching]] = True
+        beside = self.point_blocks[self.mesh.cells[reached[self.mesh.cells].sum(axis=1) >= 2]]
+        ghosts = np.unique(beside[(beside < first) | (beside >= last)])
         self.local_blocks = np.concatenate([np.arange(first, last), ghosts])
         self.local_points = self._global_order[self.local_blocks]
-        local = np.empty(len(self.mesh.points), dtype=np.int32)
-        local[self.local_blocks] = np.arange(len(self.local_blocks))
-        self.near_dofs = np.ascontiguousarray(local[blocks])
+        self.local_numbers = np.full(len(self.mesh.points), -1, dtype=np.int32)
+        self.local_numbers[self.local_points] = np.arange(len(self.local_points))
+        self.near_dofs = np.ascontiguousarray(self.local_numbers[self.mesh.cells[self.near_cells]])
         halo = compat.index_map(
             self.comm, self.n_owned, ghosts, np.searchsorted(self.rank_ends, ghosts, side="right").astype(np.int32)
         )

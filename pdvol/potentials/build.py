@@ -55,7 +55,7 @@ def build_terms(
     contacts, frictions = contact_terms(model.contact, model.obstacles, space, script)
     elastic = elastic_terms(space, model.materials)
     loads = load_terms(model.loads, space, model.materials.density, mass)
-    loads += tuple(ActiveFibres(space, muscle) for muscle in model.muscles)
+    loads += tuple(ActiveFibres(space, muscle, model.materials.smoothing) for muscle in model.muscles)
     loads += tuple(Attachments(space, springs) for springs in model.springs)
     held = tuple(Consistency(space, mass, guide) for guide in guides)
     users = tuple(make(model, space) for make in own)

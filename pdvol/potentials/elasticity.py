@@ -1,47 +1,40 @@
-"""Elastic terms of a scene: one `CellEnergy` per law, whatever the number of bodies and regions, and one for all
-damping. Cells do not invert.
+"""Elastic terms of a scene: one `CellEnergy` per law, whatever the number of bodies and regions, one for all damping,
+and one that keeps the cells of smoothed elements from inverting. Cells do not invert.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from itertools import combinations_with_replacement
 from typing import Any
 
 import numpy as np
 import ufl
 
+from pdvol.forms.elasticity import GUARDED, volume_barrier
 from pdvol.forms.viscosity import kelvin_voigt, kelvin_voigt_model
 from pdvol.levels.materials import CellMaterials
 from pdvol.levels.space import LevelSpace
 from pdvol.parallel import reduce
 from pdvol.potentials.assembly.cell_energy import CellEnergy
+from pdvol.potentials.assembly.domains import Domains
 from pdvol.potentials.assembly.native import pointer
 from pdvol.potentials.potential import MIN_GAP_SHARE, Positions, Rates
-from pdvol.scene import Keyed
+
+Shares = Callable[[float], np.ndarray]
+"""What gives values (m,) of the mesh's cells at a time [s]."""
 
 # Share of a cell's current volume that one Newton step leaves at least: the logarithm's derivatives stay moderate.
 KEEP_VOLUME = 0.1
 
 
-KeyedCells = Sequence[tuple[Keyed, np.ndarray]]
-"""What Young's modulus follows in time, and the cells (k,) bool of a term that do."""
-
-
-def _shares(keyed: KeyedCells, count: int, time: float) -> np.ndarray:
-    """(count,) Young's modulus at a time [s] as a share of that at t = 0."""
-    shares = np.ones(count)
-    for follows, cells in keyed:
-        shares[cells] = follows(time) / follows(0.0)
-    return shares
-
-
 class Elastic(CellEnergy):
-    """The elastic energy of all cells that follow one law. Inverted cells are not admissible, whatever the law, and
+    """The elastic energy of all cells that follow one law. Inverted domains are not admissible, whatever the law, and
     steps are capped so that none inverts.
 
     Parameters
     ----------
-    space, psi, parameters, cells, material : as `CellEnergy` takes them; parameters are those at t = 0
-    keyed : the cells whose Young's modulus changes with time: it is that of the end of each step
+    space, psi, parameters, domains, material, ceiling : as `CellEnergy` takes them; parameters are those at t = 0
+    shares : what gives Young's modulus of the mesh's cells (m,) at a time [s] over that at t = 0, where it changes: it
+        is that of the end of each step
     """
 
     def __init__(
@@ -49,32 +42,55 @@ class Elastic(CellEnergy):
         space: LevelSpace,
         psi: Callable,
         parameters: Mapping[str, np.ndarray],
-        cells: np.ndarray,
+        domains: Domains,
         material: str = "",
-        keyed: KeyedCells = (),
+        shares: Shares | None = None,
+        ceiling: float = 0.0,
     ):
-        super().__init__(space, psi, parameters, cells, material=material)
-        self._keyed = keyed
-        self._lame = {name: parameters[name] for name in ("mu", "lmbda")} if keyed else {}
+        isotropic = False if ceiling else None
+        super().__init__(space, psi, parameters, domains, isotropic=isotropic, material=material, ceiling=ceiling)
+        self._shares = shares
+        self._lame = {name: parameters[name] for name in ("mu", "lmbda")}
 
     def set_time(self, time: float) -> None:
         """Puts Young's modulus to that of a time [s]."""
-        if self._keyed:
-            shares = _shares(self._keyed, len(self.cells), time)
+        if self._shares is not None:
+            shares = self._shares(time)
             self.set_parameters({name: shares * values for name, values in self._lame.items()})
 
     def begin_step(self, x_t: Positions, t0: float, t1: float, x_hat: Positions | None = None) -> None:
         self.set_time(t1)
 
     def _sum(self, x: Positions) -> float:
-        inverted = self._library.inverted_cells(self._cells, pointer(x.local))
+        inverted = self._library.inverted_domains(self._domains, pointer(x.local))
         return np.inf if reduce(self.space.comm, inverted) else super()._sum(x)
 
     def max_step(
         self, x: Positions, direction: np.ndarray, until: float | None = None, gap_share: float = MIN_GAP_SHARE
     ) -> float:
         moved = np.ascontiguousarray(self.space.with_ghosts(direction))
-        return self._library.volume_step(self._cells, pointer(x.local), pointer(moved), KEEP_VOLUME)
+        return self._library.volume_step(self._domains, pointer(x.local), pointer(moved), KEEP_VOLUME)
+
+
+class CellGuard(Elastic):
+    """What keeps the cells of smoothed elements from inverting: the mean F of a domain can hide an inverted cell.
+
+    It is the volume barrier of laws that give way (forms/elasticity.py), in each cell by itself: zero above a tenth of
+    the cell's volume, so that it changes nothing else.
+
+    Parameters
+    ----------
+    space : LevelSpace
+    materials : CellMaterials
+    """
+
+    def __init__(self, space: LevelSpace, materials: CellMaterials, shares: Shares | None = None):
+        def psi(F: Any, mu: Any, lmbda: Any) -> Any:
+            return volume_barrier(F, 2 * mu + lmbda)
+
+        cells = Domains(space, materials.smoothing >= 0)
+        super().__init__(space, psi, _lame(materials), cells, "volume barrier", shares, ceiling=GUARDED)
+        self.scale = 0.0  # nothing cancels in what is zero
 
 
 class Damping(CellEnergy):
@@ -82,24 +98,16 @@ class Damping(CellEnergy):
 
     Parameters
     ----------
-    mu, lmbda, damping : (k,) Lame's [Pa] and the damping [s] of the cells
-    cells : (k,) indices into the space's near cells, ascending
-    keyed : as `Elastic` has it
+    space : LevelSpace
+    materials : CellMaterials
+    shares : as `Elastic` has it
     """
 
-    def __init__(
-        self,
-        space: LevelSpace,
-        mu: np.ndarray,
-        lmbda: np.ndarray,
-        damping: np.ndarray,
-        cells: np.ndarray,
-        keyed: KeyedCells = (),
-    ):
-        d, self._keyed = space.dim, keyed
-        self._mu, self._lmbda = damping * mu, damping * lmbda
+    def __init__(self, space: LevelSpace, materials: CellMaterials, shares: Shares | None = None):
+        d, self._shares = space.dim, shares
+        self._viscosity = {name: materials.damping * values for name, values in _lame(materials).items()}
+        domains = Domains(space, materials.damping > 0.0, materials.smoothing)
         self._pairs = tuple(combinations_with_replacement(range(d), 2))
-        self._hats = space.mesh.hat_gradients[space.near_cells[cells]]
 
         def psi(F: Any, mu: Any, lmbda: Any, **before: Any) -> Any:
             return kelvin_voigt(
@@ -109,25 +117,23 @@ class Damping(CellEnergy):
         def model(F: Any, v: Any, w: Any, mu: Any, lmbda: Any, **before: Any) -> Any:
             return kelvin_voigt_model(F, v, w, mu, lmbda)
 
-        start = {_entry(i, j): np.full(len(cells), float(i == j)) for i, j in self._pairs}
-        parameters = {"mu": self._mu, "lmbda": self._lmbda, **start}
-        super().__init__(space, psi, parameters, cells, "damping", model=model)
+        start = {_entry(i, j): np.full(len(space.mesh.cells), float(i == j)) for i, j in self._pairs}
+        super().__init__(space, psi, {**self._viscosity, **start}, domains, "damping", model=model)
         self.scale = 0.0  # differences are taken before they are squared: nothing large cancels
 
     def begin_step(self, x_t: Positions, t0: float, t1: float, x_hat: Positions | None = None) -> None:
-        self._start, self._shares = self._strain(x_t), _shares(self._keyed, len(self.cells), t1)
+        self._start, self._now = self._strain(x_t), 1.0 if self._shares is None else self._shares(t1)
         self.set_rates(Rates(t1 - t0))
 
     def set_rates(self, rates: Rates) -> None:
         # of strains, not of positions: so a turn, whose rate is one of positions alone, is not damped
         C = rates.start(self._start, lambda e: self._strain(e.x))
-        before = {_entry(i, j): C[:, i, j] for i, j in self._pairs}
-        mu, lmbda = (self._shares * lame / rates.duration for lame in (self._mu, self._lmbda))
-        self.set_parameters({"mu": mu, "lmbda": lmbda, **before})
+        self.set_parameters({name: self._now * values / rates.duration for name, values in self._viscosity.items()})
+        self.fill({_entry(i, j): C[:, i, j] for i, j in self._pairs})
 
     def _strain(self, x: Positions) -> np.ndarray:
-        """C = F'F of the cells, (k, d, d)."""
-        F = np.einsum("kia,kij->kaj", x.local[self._dofs], self._hats)
+        """C = F'F of the domains, (k, d, d)."""
+        F = self.domains.deformation(x.local)
         return np.einsum("kai,kaj->kij", F, F)
 
 
@@ -135,18 +141,22 @@ def _entry(i: int, j: int) -> str:
     return f"c{i}{j}"
 
 
+def _lame(materials: CellMaterials) -> dict[str, np.ndarray]:
+    """mu and lmbda (m,) [Pa] of the mesh's cells at t = 0, whatever their law."""
+    return {name: np.sum([values[name] for values in materials.values], axis=0) for name in ("mu", "lmbda")}
+
+
 def elastic_terms(space: LevelSpace, materials: CellMaterials) -> tuple[CellEnergy, ...]:
-    """One term per law that occurs, and one for all damping if there is any."""
-    near = space.near_cells
-    keyed_among = lambda rows: [(keyed, cells[rows]) for keyed, cells in materials.keyed]
+    """One term per law that occurs, one that guards the cells of smoothed elements if there are any, and one for all
+    damping if there is any.
+    """
+    shares = materials.young_shares if materials.keyed else None
     terms: list[CellEnergy] = []
     for number, (law, values) in enumerate(zip(materials.laws, materials.values, strict=True)):
-        cells = np.flatnonzero(materials.law[near] == number)
-        parameters = {name: v[near[cells]] for name, v in values.items()}
-        terms.append(Elastic(space, law.psi, parameters, cells, law.__name__, keyed_among(near[cells])))
+        domains = Domains(space, materials.law == number, materials.smoothing)
+        terms.append(Elastic(space, law.psi, values, domains, law.__name__, shares))
+    if (materials.smoothing >= 0).any():
+        terms.append(CellGuard(space, materials, shares))
     if materials.damping.any():
-        cells = np.flatnonzero(materials.damping[near] > 0.0)
-        rows = near[cells]
-        mu, lmbda = (sum(values[name][rows] for values in materials.values) for name in ("mu", "lmbda"))
-        terms.append(Damping(space, mu, lmbda, materials.damping[rows], cells, keyed_among(rows)))
+        terms.append(Damping(space, materials, shares))
     return tuple(terms)

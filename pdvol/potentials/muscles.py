@@ -1,14 +1,17 @@
 """Muscles as terms: forms/muscles.py over the cells of each, with the tension of the end of the step."""
 
+from itertools import combinations_with_replacement
 from typing import Any
 
 import numpy as np
+import ufl
 
-from pdvol.forms.muscles import active_fibre
+from pdvol.forms.muscles import active_fibres
 from pdvol.levels.muscles import CellMuscle
 from pdvol.levels.space import LevelSpace
 from pdvol.parallel import reduce
 from pdvol.potentials.assembly.cell_energy import CellEnergy
+from pdvol.potentials.assembly.domains import Domains
 from pdvol.potentials.potential import Positions
 
 
@@ -19,26 +22,37 @@ class ActiveFibres(CellEnergy):
     ----------
     space : LevelSpace
     muscle : CellMuscle
+    smoothing : (m,) int, optional
+        As `Domains` takes it.
     """
 
-    def __init__(self, space: LevelSpace, muscle: CellMuscle):
-        d = space.dim
-        place = np.full(len(space.mesh.cells), -1)
-        place[muscle.cells] = np.arange(len(muscle.cells))
-        cells = np.flatnonzero(place[space.near_cells] >= 0)
-        self._muscle, self._rows = muscle, place[space.near_cells[cells]]
-        names = [f"fibre{axis}" for axis in range(d)]
+    def __init__(self, space: LevelSpace, muscle: CellMuscle, smoothing: np.ndarray | None = None):
+        d, m = space.dim, len(space.mesh.cells)
+        self._muscle, self._count = muscle, m
+        self._pairs = tuple(combinations_with_replacement(range(d), 2))
 
-        def psi(F: Any, tension: Any, **fibre: Any) -> Any:
-            return active_fibre(F, tension, [fibre[name] for name in names])
+        def psi(F: Any, **tension: Any) -> Any:
+            entry = lambda i, j: tension[_entry(min(i, j), max(i, j))]
+            return active_fibres(F, ufl.as_matrix([[entry(i, j) for j in range(d)] for i in range(d)]))
 
-        fibres = dict(zip(names, muscle.fibres[self._rows].T, strict=True))
-        none = np.zeros(len(cells))
-        super().__init__(space, psi, {"tension": none, **fibres}, cells, "muscle", isotropic=False)
-        counted = float(self._volumes[: self._counted].sum())
+        domains = Domains(space, np.isin(np.arange(m), muscle.cells), smoothing)
+        super().__init__(space, psi, self._tensions(np.zeros(len(muscle.cells))), domains, "muscle", isotropic=False)
+        counted = float(domains.volumes[: domains.counted].sum())
         self.scale = muscle.muscle.strength * reduce(space.comm, counted)
+
+    def _tensions(self, tension: np.ndarray) -> dict[str, np.ndarray]:
+        """The entries (m,) of tension f f' [Pa] for a tension (k,) of the muscle's cells."""
+        fibres, entries = self._muscle.fibres, {}
+        for i, j in self._pairs:
+            entries[_entry(i, j)] = np.zeros(self._count)
+            entries[_entry(i, j)][self._muscle.cells] = tension * fibres[:, i] * fibres[:, j]
+        return entries
 
     def begin_step(self, x_t: Positions, t0: float, t1: float, x_hat: Positions | None = None) -> None:
         # Every rank asks for all cells, so that a function that fails does so on all ranks.
         tension = self._muscle.muscle.tension(t1, self._muscle.places)
-        self.set_parameters({"tension": tension[self._rows]})
+        self.set_parameters(self._tensions(tension))
+
+
+def _entry(i: int, j: int) -> str:
+    return f"tension{i}{j}"

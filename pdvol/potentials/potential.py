@@ -1,7 +1,7 @@
 """The protocol of the incremental potential's terms, and the positions at which they are evaluated."""
 
 from abc import abstractmethod
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Protocol
@@ -11,6 +11,7 @@ import numpy as np
 from pdvol.levels.obstacles import Obstacle
 from pdvol.levels.script import Mover
 from pdvol.levels.space import LevelSpace
+from pdvol.potentials.assembly.domains import Domains
 from pdvol.potentials.assembly.hessian_blocks import HessianBlocks
 
 # share of each gap that remains after a step that contact ends, at least: small, since the next step opens the gap
@@ -119,6 +120,7 @@ class Potential(Protocol):
 
     name: str
     scale: float  # [J] of parts that cancel in value(x), which its round-off is relative to
+    stencils: Sequence[Domains]  # whose vertices its Hessian couples, other than those of single cells
 
     @property
     def has_friction(self) -> bool:
@@ -205,6 +207,7 @@ class Term(Potential):
 
     name = "term"
     scale = 0.0
+    stencils: Sequence[Domains] = ()
 
     @property
     def has_friction(self) -> bool:

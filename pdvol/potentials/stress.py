@@ -1,7 +1,8 @@
 """Cauchy stress of stored positions, per cell, from the same energy densities that were minimised.
 
 sigma = P F' / J with P = d psi / d F. In 2D, which is plane strain, F is completed by F_33 = 1, so the stress across
-the plane is included.
+the plane is included. Cells of smoothed elements show the stress of their own F, not that of the means around edges,
+from which forces come.
 """
 
 import numpy as np
@@ -19,6 +20,7 @@ class CauchyStress:
 
     def __init__(self, term: CellEnergy):
         self.space, self._term = term.space, term
+        self._mine = np.isin(np.arange(len(self.space.mesh.cells)), term.domains.cells)
         domain, V = self.space.domain, self.space.V
         self._x = fem.Function(V)
         constant = fem.functionspace(domain, ("DG", 0))
@@ -38,15 +40,12 @@ class CauchyStress:
         term's parameters as they are.
         """
         for name, values in self._term.parameters.items():
-            everywhere = np.ones(len(self.space.mesh.cells))
-            everywhere[self.space.near_cells[self._term.cells]] = values
-            self._parameters[name].x.array[:] = everywhere[self.space.domain_cells]
+            self._parameters[name].x.array[:] = np.where(self._mine, values, 1.0)[self.space.domain_cells]
         self._x.x.array[:] = self.space.from_input(positions).ravel()
         local = np.arange(len(self.space.mesh.cells), dtype=np.int32)
         found = np.empty_like(stresses)
         found[self.space.domain_cells] = self._expression.eval(self.space.domain, local).reshape(-1, 3, 3)
-        mine = self.space.near_cells[self._term.cells]
-        stresses[mine] = found[mine]
+        stresses[self._mine] = found[self._mine]
 
 
 def von_mises(stresses: np.ndarray) -> np.ndarray:

@@ -12,7 +12,7 @@ from types import ModuleType
 from typing import Any
 
 from pdvol.errors import InputError, PdvolError
-from pdvol.registry import INTEGRATORS, STUDIO
+from pdvol.registry import ELEMENTS, INTEGRATORS, STUDIO
 from pdvol.scene import Pascal, Relative, Scene
 from pdvol.scene.fingerprint import describe
 from pdvol.scene.scene import SETTINGS
@@ -25,6 +25,7 @@ DEFAULTS = {
     "feedback_modes": "rigid",
     "attachments": [],
     "muscles": [],
+    "elements": ELEMENTS[0],
 }
 """What a description leaves out, as those of runs stored before there was a choice do."""
 
@@ -51,9 +52,13 @@ class Shot:
 
     def description(self) -> dict:
         """The scene as JSON, without its number of steps: a longer run has the same scene."""
+        found = describe(self.scene)
+        for body in found["bodies"]:
+            if body["elements"] is None:
+                del body["elements"]  # as in runs stored before there was a choice
         return {
             key: value
-            for key, value in describe(self.scene).items()
+            for key, value in found.items()
             if key not in ("steps", "solver", "name") and not (key in DEFAULTS and value == DEFAULTS[key])
         }
 

@@ -41,7 +41,7 @@ class SceneFields:
             hierarchy = Hierarchy([stored.mesh for stored in run.levels[: level + 1]], MPI.COMM_SELF)
             space, model = hierarchy[level], hierarchy_model(scene, hierarchy, level, diagonal, obstacles)
         self._replay = Replay(model, space)
-        self._elastic = [term for term in self._replay.terms if isinstance(term, Elastic)]
+        self._elastic = [term for term in self._replay.terms if type(term) is Elastic]
         self._stresses = [CauchyStress(term) for term in self._elastic]
 
     def contact_force(self, step: int) -> np.ndarray:

@@ -8,6 +8,7 @@ from typing import TypeAlias
 import numpy as np
 
 from pdvol.meshes import Outline, Solid, Surface
+from pdvol.registry import ELEMENTS
 from pdvol.scene.checks import called, finite, keep_plain, positive, require, sequence, vector
 from pdvol.scene.materials import Material, Region
 from pdvol.scene.motions import Vector
@@ -65,6 +66,7 @@ class Body:
     spin : initial angular velocity [rad/s] about the body's centre of volume: a number in 2D, three in 3D
     regions : parts with materials of their own; later ones win where they overlap
     render : one or several `RenderMesh` that are drawn in its place; they do not change the simulation
+    elements : "linear" or "smoothed"; the scene's where not given
     """
 
     shape: Shape | Sequence[Shape]
@@ -77,11 +79,16 @@ class Body:
     regions: Sequence[Region] = ()
     render: RenderMesh | Sequence[RenderMesh] = field(default=(), metadata={NOT_SIMULATED: True})
     start: Callable[[np.ndarray], np.ndarray] | Posed | None = None
+    elements: str | None = None
     __repr__ = one_line
 
     def __post_init__(self) -> None:
         keep_plain(self, "shape", "vertices", "velocity", "spin", "regions")
         require(isinstance(self.name, str), f"the name of a body must be text, not {self.name!r}")
+        require(
+            self.elements is None or self.elements in ELEMENTS,
+            f"body {self.name!r}: elements = {self.elements!r} must be {' or '.join(ELEMENTS)}",
+        )
         listed = self._levels_listed()
         sequence(f"body {self.name!r}: vertices", self.vertices)
         require(

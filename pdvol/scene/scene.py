@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, fields, replace
 from typing import Any, get_args
 
-from pdvol.registry import INTEGRATORS
+from pdvol.registry import ELEMENTS, INTEGRATORS
 from pdvol.scene.attachments import Attachment
 from pdvol.scene.bodies import Body, Separate
 from pdvol.scene.checks import count, finite, keep_plain, positive, require, sequence
@@ -43,6 +43,7 @@ class Scene:
     feedback_modes : what of the drift: "rigid" (bodies as a whole) or "all"
     attachments : sequence of Attachment, springs between bodies
     muscles : sequence of Muscle, parts of bodies that contract
+    elements : "linear", or "smoothed", which do not lock; a body may have others
 
     Raises
     ------
@@ -66,6 +67,7 @@ class Scene:
     feedback_modes: str = "rigid"
     attachments: Sequence[Attachment] = ()
     muscles: Sequence[Muscle] = ()
+    elements: str = ELEMENTS[0]
     __repr__ = one_line
 
     def __post_init__(self) -> None:
@@ -74,6 +76,7 @@ class Scene:
         count("steps", self.steps, 0)
         require(self.steps <= MOST_STEPS, f"steps = {self.steps!r} must be at most {MOST_STEPS}")
         INTEGRATORS.check(self.integrator)
+        require(self.elements in ELEMENTS, f"elements = {self.elements!r} must be {' or '.join(ELEMENTS)}")
         finite("feedback", self.feedback, 0.0)
         require(self.feedback <= 1.0, f"feedback = {self.feedback!r} must be at most 1: it is a fraction of the drift")
         require(
@@ -141,6 +144,10 @@ class Scene:
         """How many levels the scene has."""
         return self.bodies[0].levels
 
+    def elements_of(self, body: Body) -> str:
+        """The kind of elements of one of its bodies."""
+        return body.elements or self.elements
+
     def with_settings(self, **settings: Any) -> "Scene":
         """The same scene with some of `SETTINGS` replaced.
 
@@ -173,6 +180,7 @@ SETTINGS = {
     "friction.iterations": "Friction",
     "dt": "scene",
     "integrator": "scene",
+    "elements": "scene",
     "jitter": "scene",
     "feedback": "scene",
     "feedback_modes": "scene",

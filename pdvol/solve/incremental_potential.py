@@ -11,6 +11,7 @@ from pdvol.errors import SimulationError
 from pdvol.levels.obstacles import Obstacle
 from pdvol.levels.space import LevelSpace
 from pdvol.parallel import reduce
+from pdvol.potentials.assembly.domains import Domains
 from pdvol.potentials.assembly.hessian_blocks import HessianBlocks
 from pdvol.potentials.build import Terms
 from pdvol.potentials.contact.friction import LaggedFriction
@@ -168,6 +169,11 @@ class IncrementalPotential:
         """Smallest gap [m] of all contact terms at x; inf where there is none. Collective."""
         with self.watch.part("contact"):
             return min((term.min_gap(x) for term in self.contacts), default=np.inf)
+
+    @property
+    def stencils(self) -> tuple[Domains, ...]:
+        """Of all terms."""
+        return tuple(domains for term in self.terms for domains in term.stencils)
 
     @property
     def scale(self) -> float:

@@ -123,7 +123,7 @@ class Newton:
         self._fixed, self._coarse_weights, self._dt = supported, coarse_weights, np.inf
         self._comm, self._sum = space.comm, partial(reduce, space.comm)
         self._vector, self._residual = space.create_vector(), space.create_vector()
-        self._blocks = HessianBlocks(BlockPattern(space))
+        self._blocks = HessianBlocks(BlockPattern(space, potential.stencils))
         self._system = SystemMatrix(space, supported, wants_general_matrix(settings))
         self.snes = self._create_snes()
         self.linear = LinearSolver(self.snes.ksp, settings, self._coarse_space, partial(watch.part, "linear"))

@@ -29,9 +29,9 @@ def make_scene(materials=(SOFT,), dt=0.01, steps=10, solver=None, **physics) -> 
     return Scene(bodies, dt=dt, steps=steps, solver=solver or Solver(tolerance=1e-6, linear="direct"), **physics)
 
 
-def elastic(space, *materials):
+def elastic(space, *materials, elements="linear"):
     """The elastic terms of a level whose bodies are of these materials, one per body."""
-    return elastic_terms(space, cell_materials(make_scene(materials), space.mesh))
+    return elastic_terms(space, cell_materials(make_scene(materials, elements=elements), space.mesh))
 
 
 def make_model(scene, mesh, obstacles=(), level=0, materials=None, diagonal=1.0) -> LevelModel:

@@ -77,7 +77,7 @@ def check_term(term, space, x: np.ndarray, length: float, hessian="own", **optio
 
 def hessian_of(term, space, x: np.ndarray, projection: str = "clamp") -> csr_array:
     """A term's whole Hessian (n d, n d) at owned positions x, of a level on one rank."""
-    blocks = HessianBlocks(BlockPattern(space), projection)
+    blocks = HessianBlocks(BlockPattern(space, term.stencils), projection)
     term.add_hessian(Positions(space, x), 1.0, blocks)
     return whole_matrix(blocks)
 

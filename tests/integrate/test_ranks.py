@@ -17,7 +17,7 @@ STEPS, SIZE = 20, 0.5
 PAIRS = {("body 0", "body 1"): 0.6, ("spike", "body 0"): 0.1, ("body 1", "plane"): 0.2}
 
 
-def scene_of(d):
+def scene_of(d, elements):
     """Two blocks side by side, the left one thrown at the right one, over a plane and a spike; a pushed support holds
     the right one's end.
     """
@@ -46,6 +46,7 @@ def scene_of(d):
         loads=(Gravity((0.0,) * (d - 1) + (-9.81,)),),
         supports=(end,),
         obstacles=(Plane((0.0,) * d, tuple(np.eye(d)[-1])), Rigid("spike", name="spike")),
+        elements=elements,
         contact=(Barrier(dhat=0.008), Friction(0.3, eps_v=0.01, pairs=PAIRS)),
         solver=Solver(tolerance=1e-5, linear="direct"),
     )
@@ -54,8 +55,8 @@ def scene_of(d):
     return scene, mesh, (spike,), velocity
 
 
-def fall(comm, d, integrator):
-    scene, mesh, obstacles, velocity = scene_of(d)
+def fall(comm, d, integrator, elements):
+    scene, mesh, obstacles, velocity = scene_of(d, elements)
     problem = make_stepper(scene, mesh, obstacles, comm, INTEGRATORS[integrator]())
     reports = list(direct(problem, Start.at_rest(mesh.points, velocity), scene.steps))
     owned = comm.gather(problem.space.n_owned)
@@ -73,17 +74,21 @@ def fall(comm, d, integrator):
 
 @pytest.mark.mpi
 @pytest.mark.parametrize(
-    ("d", "ranks", "integrator"),
+    ("d", "ranks", "integrator", "elements"),
     [
-        (2, 2, "implicit_euler"),
-        (3, 2, "implicit_euler"),
-        (2, 3, "implicit_euler"),
-        (2, 2, "bdf2"),
-        pytest.param(3, 4, "implicit_euler", marks=pytest.mark.slow),  # more ranks than two: in 2D; 3D: on two
+        (2, 2, "implicit_euler", "linear"),
+        (3, 2, "implicit_euler", "linear"),
+        (2, 3, "implicit_euler", "linear"),
+        (2, 2, "bdf2", "linear"),
+        (2, 3, "implicit_euler", "smoothed"),
+        (3, 2, "implicit_euler", "smoothed"),
+        pytest.param(
+            3, 4, "implicit_euler", "linear", marks=pytest.mark.slow
+        ),  # more ranks than two: in 2D; 3D: on two
     ],
 )
-def test_one_rank_and_more_agree(d, ranks, integrator):
-    one, more = results_on((1, ranks), fall, d, integrator)
+def test_one_rank_and_more_agree(d, ranks, integrator, elements):
+    one, more = results_on((1, ranks), fall, d, integrator, elements)
     assert more["owned"].min() > 0
     assert one["positions"].shape[0] == STEPS
     np.testing.assert_array_equal(one["cuts"], 0)  # a cut step on one side only would be another motion

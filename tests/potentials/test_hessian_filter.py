@@ -8,6 +8,7 @@ from mpi4py import MPI
 from pdvol.forms.elasticity import neo_hookean
 from pdvol.levels.space import LevelSpace
 from pdvol.potentials.assembly.cell_energy import CellEnergy
+from pdvol.potentials.assembly.domains import Domains
 from pdvol.scene import NeoHookean
 from problems import elastic
 from shapes import box
@@ -96,10 +97,9 @@ def reference_hessian(space, x, law_hessian, mode):
 def make_law(space, anisotropic):
     if not anisotropic:
         return elastic(space, NeoHookean(YOUNG, POISSON, DENSITY))[0], neo_hookean_hessian
-    cells = np.arange(len(space.mesh.cells))
-    material, ones = NeoHookean(YOUNG, POISSON), np.ones(len(cells))
+    material, ones = NeoHookean(YOUNG, POISSON), np.ones(len(space.mesh.cells))
     parameters = {"mu": material.mu * ones, "lmbda": material.lmbda * ones, "stiffness": 5.0 * ones}
-    return CellEnergy(space, fibre_psi, parameters, cells), fibre_hessian
+    return CellEnergy(space, fibre_psi, parameters, Domains(space, ones > 0.0)), fibre_hessian
 
 
 # Compressed and sheared; the last is uniformly compressed: equal stretches, where the frames of F are not unique.

@@ -10,6 +10,7 @@ from pdvol.geometry.level_mesh import simplex_volumes
 from pdvol.levels.space import LevelSpace
 from pdvol.potentials.elasticity import KEEP_VOLUME
 from pdvol.potentials.potential import Positions
+from pdvol.registry import ELEMENTS
 from pdvol.scene import NeoHookean, rotation_matrix
 from problems import elastic
 from shapes import box, level
@@ -19,16 +20,17 @@ ROUND = 1e-12  # relative size of sums that cancel
 ROOT = 1e-12  # of a step whose cubic's root is known; the solver bisects to the last bit
 
 
-def setup(mesh):
+def setup(mesh, elements="linear"):
     space = LevelSpace(mesh, COMM)
-    (term,) = elastic(space, NeoHookean(3.0, 0.3))
+    term = elastic(space, NeoHookean(3.0, 0.3), elements=elements)[0]
     X = space.from_input(mesh.points)
     return space, term, X, X + 0.05 * np.random.default_rng(0).uniform(-1, 1, X.shape)
 
 
+@pytest.mark.parametrize("elements", ELEMENTS)
 @pytest.mark.parametrize("d", [2, 3])
-def test_rigid_motions_cost_nothing(d):
-    space, term, X, x = setup(box(d, 2, jitter=0.1))
+def test_rigid_motions_cost_nothing(d, elements):
+    space, term, X, x = setup(box(d, 2, jitter=0.1), elements)
     turn, shift = rotation_matrix(1.1, (1.0, 2.0, -0.5), d), np.linspace(-3.0, 4.0, d)
     energy = term.value(Positions(space, x))
     assert energy > 1e-3
@@ -41,9 +43,10 @@ def test_rigid_motions_cost_nothing(d):
     )
 
 
+@pytest.mark.parametrize("elements", ELEMENTS)
 @pytest.mark.parametrize("d", [2, 3])
-def test_no_net_internal_force_or_torque(d):
-    space, term, _, x = setup(box(d, 2, jitter=0.1))
+def test_no_net_internal_force_or_torque(d, elements):
+    space, term, _, x = setup(box(d, 2, jitter=0.1), elements)
     g = term.gradient(Positions(space, x))
     scale = np.abs(g).max()
     assert scale > 1e-2
@@ -52,10 +55,11 @@ def test_no_net_internal_force_or_torque(d):
     np.testing.assert_allclose(moments - moments.T, 0.0, atol=ROUND * scale * 10)
 
 
+@pytest.mark.parametrize("elements", ELEMENTS)
 @pytest.mark.parametrize("d", [2, 3])
-def test_uniform_dilation_energy(d):
+def test_uniform_dilation_energy(d, elements):
     """F = s 1 in a unit cube: psi = mu d (s^2 - 1) / 2 - mu d ln s + lmbda (d ln s)^2 / 2."""
-    space, term, X, _ = setup(box(d, 2))
+    space, term, X, _ = setup(box(d, 2), elements)
     material, s = NeoHookean(3.0, 0.3), 1.3
     expected = (
         material.mu * d * (s**2 - 1) / 2 - material.mu * d * np.log(s) + material.lmbda * (d * np.log(s)) ** 2 / 2
@@ -63,9 +67,10 @@ def test_uniform_dilation_energy(d):
     np.testing.assert_allclose(term.value(Positions(space, s * X)), expected, rtol=1e-12)
 
 
+@pytest.mark.parametrize("elements", ELEMENTS)
 @pytest.mark.parametrize("d", [2, 3])
-def test_an_inverted_state_is_not_admissible(d):
-    space, term, X, _ = setup(box(d, 1))
+def test_an_inverted_state_is_not_admissible(d, elements):
+    space, term, X, _ = setup(box(d, 1), elements)
     assert term.value(Positions(space, X * np.r_[-1.0, np.ones(d - 1)])) == np.inf
 
 

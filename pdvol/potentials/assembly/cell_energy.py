@@ -1,7 +1,8 @@
 """A term from any UFL energy density psi(F, parameters): value, gradient and filtered Hessian through compiled kernels.
 
 The density may depend on x through F = grad(x) alone, and on parameters that are constant per cell. UFL
-differentiates psi by F only: positions are P1, so F is constant per cell and linear in the positions. Isotropic
+differentiates psi by F only: positions are P1, so F is constant per cell, and in a domain of several cells it is their
+mean. Either way it is linear in the positions. Isotropic
 densities in 3D get their Hessians through the principal stretches (native/isotropic.c), which is many times faster;
 whether a density is isotropic is found by evaluating it at rotated F. All others go through UFL's second derivatives by
 F, whose negative eigenvalues take most of the time to find. A density may have a `model` of its second derivatives
@@ -22,6 +23,7 @@ from pdvol.levels.space import LevelSpace
 from pdvol.parallel import reduce
 from pdvol.potentials.assembly import native
 from pdvol.potentials.assembly.compiled_forms import form_cache
+from pdvol.potentials.assembly.domains import Domains
 from pdvol.potentials.assembly.hessian_blocks import FILTERS, BlockPattern, HessianBlocks
 from pdvol.potentials.assembly.native import ffi, pointer
 from pdvol.potentials.potential import LastStates, Positions, Term
@@ -31,19 +33,21 @@ ISOTROPY_TOLERANCE = 1e-12
 
 
 class CellEnergy(Term):
-    """Sum over cells of volume times psi(F).
+    """Sum over domains (cells, or the cells around each edge) of volume times psi(F).
 
     Parameters
     ----------
     space : LevelSpace
     psi : callable (F, **parameters) -> UFL energy density [Pa]
-    parameters : mapping of names to arrays (len(cells),)
-    cells : (k,) indices into the space's near cells, ascending
+    parameters : mapping of names to arrays (m,), of the mesh's cells; a domain has the volume-weighted means
+    domains : Domains
     name : str
     isotropic : whether psi(Q F R) = psi(F) for all rotations; found by evaluation where not given
     material : whose density it is, for error messages
     model : callable (F, v, w, **parameters) -> UFL bilinear form [Pa] in the changes v and w of F, positive
         semi-definite; it takes the place of psi's second derivative except in unprojected Hessians
+    ceiling : det F from which on psi is zero and not evaluated; zero leaves that out. For densities that are not
+        declared isotropic
 
     Raises
     ------
@@ -56,11 +60,12 @@ class CellEnergy(Term):
         space: LevelSpace,
         psi: Callable,
         parameters: Mapping[str, np.ndarray],
-        cells: np.ndarray,
+        domains: Domains,
         name: str = "elastic",
         isotropic: bool | None = None,
         material: str = "",
         model: Callable | None = None,
+        ceiling: float = 0.0,
     ):
         if len(parameters) > native.MAX_PARAMETERS:
             raise InputError(
@@ -68,21 +73,23 @@ class CellEnergy(Term):
                 " possible; put constants into psi itself"
             )
         self.space, self.name, self._isotropic = space, name, isotropic
-        self.psi, self.parameters, self.cells = psi, dict(parameters), cells
-        self._counted = int(np.searchsorted(cells, space.n_counted))
-        self._dofs = np.ascontiguousarray(space.near_dofs[cells])
-        self._inverse = np.ascontiguousarray(space.mesh.hat_gradients[space.near_cells[cells], 1:])
-        self._volumes = np.abs(space.mesh.volumes[space.near_cells[cells]])
+        self.psi, self.parameters, self.domains = psi, dict(parameters), domains
+        self.stencils = (domains,) if domains.smoothed else ()
         self._library = native.library()
         self._values = LastStates()
-        self._cells = _cells_struct(self._dofs, self._inverse, self._volumes, self._counted)
+        self._domains = domains.struct(ceiling)
         self._slots: np.ndarray | None = None
         self._slots_of: BlockPattern
-        counted = slice(self._counted)
+        means = self._means(parameters)
+        counted = slice(domains.counted)
         self.scale = reduce(
-            space.comm, float(sum(np.abs(values[counted]) @ self._volumes[counted] for values in parameters.values()))
+            space.comm, float(sum(np.abs(values[counted]) @ domains.volumes[counted] for values in means.values()))
         )
-        self._compile(psi, model, {name: np.asarray(values, dtype=float) for name, values in parameters.items()})
+        self._compile(psi, model, means)
+
+    def _means(self, parameters: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+        """(count,) of each domain, from values (m,) of the mesh's cells."""
+        return {name: self.domains.mean(np.asarray(values, dtype=float)) for name, values in parameters.items()}
 
     def _compile(self, psi: Callable, model: Callable | None, parameters: Mapping[str, np.ndarray]) -> None:
         space, d = self.space, self.space.dim
@@ -93,7 +100,7 @@ class CellEnergy(Term):
         v, w = ufl.TestFunction(tensors), ufl.TrialFunction(tensors)
         first = ufl.derivative(density, F, v)
         names = {F: None, **{coefficient: name for name, coefficient in coefficients.items()}}
-        compiled = lambda form: _DensityKernel(space.comm, form, names, parameters, len(self.cells))
+        compiled = lambda form: _DensityKernel(space.comm, form, names, parameters, len(self.domains))
         self._density, self._first = compiled(density), compiled(first)
         self._second: _DensityKernel | None = None
         self._model = compiled(model(F, v, w, **coefficients) * _one_point(domain)) if model else None
@@ -116,58 +123,55 @@ class CellEnergy(Term):
     def _is_isotropic(self) -> bool:
         """Whether psi(Q F R) = psi(F) for some arbitrary F and rotations Q, R; the same on every rank. Collective.
 
-        It is evaluated with the parameters of the first cell, and of the cells where a parameter is largest: elsewhere
+        It is evaluated with the parameters of the first domain, and of those where a parameter is largest: elsewhere
         the stiffness in one direction may be zero.
         """
         rng = np.random.default_rng(0)
         changes = []
-        tried = {0, *np.abs(self._density.parameters).argmax(axis=0).tolist()} if len(self.cells) else ()
-        for cell in sorted(tried):
+        tried = {0, *np.abs(self._density.parameters).argmax(axis=0).tolist()} if len(self.domains) else ()
+        for domain in sorted(tried):
             for _ in range(4):
                 Q, R = (_rotation(rng) for _ in range(2))
                 F = np.eye(3) + 0.2 * rng.uniform(-1, 1, (3, 3))
-                one, other = (self._density.at(f, cell) for f in (F, Q @ F @ R))
+                one, other = (self._density.at(f, domain) for f in (F, Q @ F @ R))
                 changes.append(abs(one - other) / max(abs(one), abs(other), 1e-300))
         return reduce(self.space.comm, max(changes, default=0.0), MPI.MAX) < ISOTROPY_TOLERANCE
 
     def set_parameters(self, parameters: Mapping[str, np.ndarray]) -> None:
-        """Sets the values (k,) of some parameters without compiling anything."""
+        """Sets the values (m,) of some parameters without compiling anything."""
         self.parameters.update(parameters)
+        self.fill(self._means(parameters))
+
+    def fill(self, values: Mapping[str, np.ndarray]) -> None:
+        """Sets the values (count,) that the domains themselves have of some parameters."""
         self._values.clear()
         for kernel in (self._density, self._first, self._second, self._model, self._stretches):
             if kernel is not None:
-                kernel.fill(parameters)
+                kernel.fill(values)
 
     def value(self, x: Positions) -> float:
         return self._values.value(x, self._sum)
 
     def _sum(self, x: Positions) -> float:
-        total = reduce(self.space.comm, self._library.cell_values(self._cells, self._density.c, pointer(x.local)))
+        total = reduce(self.space.comm, self._library.domain_values(self._domains, self._density.c, pointer(x.local)))
         return total if np.isfinite(total) else np.inf
 
     def gradient(self, x: Positions) -> np.ndarray:
         local = np.zeros((len(self.space.local_points), self.space.dim))
-        self._library.cell_gradients(self._cells, self._first.c, pointer(x.local), pointer(local))
+        self._library.domain_gradients(self._domains, self._first.c, pointer(x.local), pointer(local))
         return local[: self.space.n_owned]
 
     def add_hessian(self, x: Positions, weight: float, into: HessianBlocks) -> None:
         if self._slots is None or self._slots_of is not into.pattern:
-            self._slots, self._slots_of = np.ascontiguousarray(into.pattern.slots[self.cells]), into.pattern
+            self._slots, self._slots_of = into.pattern.slots(self.domains), into.pattern
         mode, places, out = FILTERS[into.projection], (pointer(x.local), pointer(self._slots, "int32_t")), into.cells
         if self._stretches is not None:
-            self._library.isotropic_hessians(self._cells, self._stretches.c, *places, mode, weight, pointer(out))
+            self._library.isotropic_hessians(self._domains, self._stretches.c, *places, mode, weight, pointer(out))
         elif self._second is not None:
             kernel = self._model if mode and self._model is not None else self._second
             # A Hessian without F is that of a quadratic energy.
             mode = 0 if kernel is self._model or kernel.c.at < 0 else mode
-            self._library.cell_hessians(self._cells, kernel.c, *places, mode, weight, pointer(out))
-
-
-def _cells_struct(vertices: np.ndarray, inverse: np.ndarray, volumes: np.ndarray, counted: int) -> Any:
-    """The C struct of cells, whose arrays must be kept."""
-    struct = ffi.new("cells_t *", {"d": vertices.shape[1] - 1, "count": len(vertices), "counted": counted})
-    struct.vertices, struct.inverse, struct.volumes = pointer(vertices, "int32_t"), pointer(inverse), pointer(volumes)
-    return struct
+            self._library.domain_hessians(self._domains, kernel.c, *places, mode, weight, pointer(out))
 
 
 def _rotation(rng: np.random.Generator) -> np.ndarray:
@@ -207,11 +211,11 @@ class _Kernel:
 
 
 class _DensityKernel(_Kernel):
-    """A kernel of a cell's F and parameters.
+    """A kernel of a domain's F and parameters.
 
     Attributes
     ----------
-    parameters : (cells, k)
+    parameters : (domains, k)
         In the kernel's order.
     c : the C struct of kernel and parameters
     """
@@ -237,16 +241,18 @@ class _DensityKernel(_Kernel):
         return ffi.new("density_t *", {"kernel": self.function, **values})
 
     def fill(self, parameters: Mapping[str, np.ndarray]) -> None:
-        """Sets the values (cells,) of those parameters that the kernel takes; others are ignored."""
+        """Sets the values (domains,) of those parameters that the kernel takes; others are ignored."""
         for column, name in enumerate(self._order):
             if name in parameters:
                 self.parameters[:, column] = parameters[name]
 
-    def at(self, F: np.ndarray, cell: int) -> float:
-        """psi [Pa] at F (3, 3) with one cell's parameters; for densities in 3D."""
+    def at(self, F: np.ndarray, domain: int) -> float:
+        """psi [Pa] at F (3, 3) with one domain's parameters; for densities in 3D."""
         vertices, identity, one = np.arange(4, dtype=np.int32)[None], np.eye(3), np.ones(1)
-        unit, own = _cells_struct(vertices, identity, one, 1), self._struct(self.parameters[cell], self.c.at)
-        return native.library().cell_values(unit, own, pointer(np.vstack([np.zeros(3), *F.T])))
+        unit = ffi.new("domains_t *", {"d": 3, "count": 1, "counted": 1, "volumes": pointer(one)})
+        unit.vertices, unit.gradients = pointer(vertices, "int32_t"), pointer(identity)
+        own = self._struct(self.parameters[domain], self.c.at)
+        return native.library().domain_values(unit, own, pointer(np.vstack([np.zeros(3), *F.T])))
 
 
 class _StretchKernels:
@@ -271,6 +277,6 @@ class _StretchKernels:
         self.c.arguments, (self.c.ng, self.c.nh) = pointer(self._arguments, "int32_t"), map(len, sources)
 
     def fill(self, parameters: Mapping[str, np.ndarray]) -> None:
-        """Sets the values (cells,) of some parameters."""
+        """Sets the values (domains,) of some parameters."""
         for name, values in parameters.items():
             self._values[:, self._names.index(name)] = values

@@ -4,12 +4,13 @@ them with other ranks' vertices.
 The sparsity pattern of a level's Hessian from its cells: upper triangle, in blocks. Built once per level.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
 from pdvol.levels.space import LevelSpace
 from pdvol.potentials.assembly import native
+from pdvol.potentials.assembly.domains import Domains
 from pdvol.potentials.assembly.native import pointer
 
 BlockCsr = tuple[np.ndarray, np.ndarray, np.ndarray]
@@ -28,7 +29,7 @@ FILTERS = {"none": 0, "clamp": 1, "abs": 2}
 
 class BlockPattern:
     """Blocks (d x d) in this rank's rows, on or right of the diagonal or in columns of lower ranks, in global block
-    numbering.
+    numbering: between the vertices of each near cell, and of each domain of `stencils`.
 
     Attributes
     ----------
@@ -39,31 +40,47 @@ class BlockPattern:
         Where each row's blocks begin.
     diagonal : (n_owned,)
         Which blocks lie on the diagonal.
-    slots : (m_near, (d + 1)(d + 2) / 2) int32
-        Block index of each pair i <= j of a near cell's vertices, with the codes above for blocks that are added
-        transposed or not stored.
     """
 
-    def __init__(self, space: LevelSpace):
+    def __init__(self, space: LevelSpace, stencils: Sequence[Domains] = ()):
         self.space = space
-        d, n = space.dim, len(space.mesh.points)
-        i, j = np.triu_indices(d + 1)
-        blocks = space.local_blocks[space.near_dofs]
-        lower, upper = np.minimum(blocks[:, i], blocks[:, j]), np.maximum(blocks[:, i], blocks[:, j])
-        row = np.where(lower < space.first_block, upper, lower)
-        column = lower + upper - row
-        stored = (row >= space.first_block) & (row < space.first_block + space.n_owned)
-        keys = (row - space.first_block) * n + column
-        unique, slot = np.unique(keys[stored], return_inverse=True)
-        slots = np.full(keys.shape, ELSEWHERE, dtype=np.int64)
-        slots[stored] = np.where((blocks[:, i] != row)[stored], TRANSPOSED - slot, slot)
-        self.slots = np.ascontiguousarray(slots, dtype=np.int32)
-        self.count = len(unique)
+        n = len(space.mesh.points)
+        corners = (vertices for domains in stencils for _, vertices in domains.by_size())
+        pairs = (self._keys(vertices) for vertices in (space.near_dofs, *corners))
+        unique = np.unique(np.concatenate([np.unique(keys[stored]) for keys, stored, _ in pairs]))
+        self._unique, self.count = unique, len(unique)
         self.rows, self.columns = unique // n, (unique % n).astype(np.int32)
         self.starts = np.searchsorted(unique, np.arange(space.n_owned + 1) * n).astype(np.int32)
         self.diagonal = np.searchsorted(
             unique, np.arange(space.n_owned) * n + space.first_block + np.arange(space.n_owned)
         )
+
+    def _keys(self, vertices: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """A number (k, p) for the block of each pair i <= j of local vertices (k, size), which ascends by rows and
+        columns; whether it is stored; and whether i is its column.
+        """
+        space = self.space
+        i, j = np.triu_indices(vertices.shape[1])
+        blocks = space.local_blocks[vertices]
+        one, other = blocks[:, i], blocks[:, j]
+        lower = np.minimum(one, other)
+        row = np.where(lower < space.first_block, np.maximum(one, other), lower)
+        stored = (row >= space.first_block) & (row < space.first_block + space.n_owned)
+        return (row - space.first_block) * len(space.mesh.points) + one + other - row, stored, one != row
+
+    def slots(self, domains: Domains) -> np.ndarray:
+        """int32: block index of each pair i <= j of each domain's vertices, domain by domain, with the codes above for
+        blocks that are added transposed or not stored. The domains are cells, or those of a stencil.
+        """
+        sizes = np.diff(domains.starts)
+        begins = np.concatenate([[0], np.cumsum(sizes * (sizes + 1) // 2)])
+        found = np.full(begins[-1], ELSEWHERE, dtype=np.int32)
+        for which, vertices in domains.by_size():
+            keys, stored, turned = self._keys(vertices)
+            slot = np.searchsorted(self._unique, keys)
+            places = begins[which][:, None] + np.arange(keys.shape[1])
+            found[places[stored]] = np.where(turned, TRANSPOSED - slot, slot)[stored]
+        return found
 
 
 class HessianBlocks:

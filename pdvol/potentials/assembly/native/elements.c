@@ -1,148 +1,126 @@
-/* Loops over cells around compiled UFL kernels of energy densities psi(F): energies, gradients, and Hessians filtered to be positive
+/* Loops over domains around compiled UFL kernels of energy densities psi(F): energies, gradients, and Hessians filtered to be positive
  * semi-definite.
  *
- * A kernel is that of psi, of its d x d first derivatives or of its d^2 x d^2 second ones, row-major, on the unit simplex. A linear
- * simplex's energy is its volume times psi, and its Hessian over the positions is K' H K: H is what is filtered, which is cheaper than the
- * whole block and does not depend on the cell's shape (Smith, de Goes, Kim 2019). */
+ * A kernel is that of psi, of its d x d first derivatives or of its d^2 x d^2 second ones, row-major, on the unit simplex. A
+ * domain's energy is its volume times psi, and its Hessian over the positions is K' H K: H is what is filtered, which is cheaper than the
+ * whole block and does not depend on the domain's shape (Smith, de Goes, Kim 2019). */
 #include <math.h>
 #include <string.h>
 
-#include "../../positive.h"
-#include "interface.h"
+#include "domain.h"
 #include "kernel.h"
 
 /* MAX_PARAMETERS comes from the compiler's command line: its value is in __init__.py, which refuses more */
 
-/* By what a kernel's tensor on the unit simplex is multiplied for a cell of that volume. */
+/* By what a kernel's tensor on the unit simplex is multiplied for a domain of that volume. */
 INLINE double from_unit(int d, double volume)
 {
     return (d == 2 ? 2.0 : 6.0) * volume;
 }
 
-/* A cell's coefficients as the kernel takes them: the parameters with F in between. */
-INLINE void coefficients(int d, const cells_t *cells, const density_t *density, int64_t k, const double *x, double *w)
+/* det A of a d x d matrix. */
+INLINE double determinant(int d, const double *A)
+{
+    if (d == 2)
+        return A[0] * A[3] - A[1] * A[2];
+    return A[0] * (A[4] * A[8] - A[5] * A[7]) + A[1] * (A[5] * A[6] - A[3] * A[8]) + A[2] * (A[3] * A[7] - A[4] * A[6]);
+}
+
+/* A domain's coefficients as the kernel takes them, the parameters with F in between; 0 where the density is zero. */
+INLINE int coefficients(int d, domain_t domain, const domains_t *domains, const density_t *density, int64_t k, const double *x, double *w)
 {
     const int np = density->np, before = density->at < 0 ? np : density->at;
     const double *own = density->parameters + k * np;
     memcpy(w, own, before * sizeof(double));
     if (density->at < 0)
-        return;
-    const int32_t *vertices = cells->vertices + k * (d + 1);
-    const double *x0 = x + (int64_t)vertices[0] * d, *g = cells->inverse + k * d * d;
+        return 1;
     double *F = w + before;
-    for (int a = 0; a < d * d; ++a)
-        F[a] = 0.0;
-    for (int i = 0; i < d; ++i) {
-        const double *xi = x + (int64_t)vertices[i + 1] * d;
-        for (int a = 0; a < d; ++a)
-            for (int j = 0; j < d; ++j)
-                F[a * d + j] += (xi[a] - x0[a]) * g[i * d + j];
-    }
+    gradient_of(d, domain, x, F);
     memcpy(F + d * d, own + before, (np - before) * sizeof(double));
+    return !(domains->ceiling > 0.0 && determinant(d, F) >= domains->ceiling);
 }
 
-INLINE double values(int d, const cells_t *cells, const density_t *density, const double *x)
+INLINE double values(int d, int cells, const domains_t *domains, const density_t *density, const double *x)
 {
     double total = 0.0, w[MAX_H + MAX_PARAMETERS];
-    for (int64_t k = 0; k < cells->counted; ++k) {
+    for (int64_t k = 0; k < domains->counted; ++k) {
         double value = 0.0;
-        coefficients(d, cells, density, k, x, w);
+        if (!coefficients(d, domain_at(d, cells, domains, k), domains, density, k, x, w))
+            continue;
         CALL(density->kernel, &value, w, 0, unit_simplex);
-        total += from_unit(d, cells->volumes[k]) * value;
+        total += from_unit(d, domains->volumes[k]) * value;
     }
     return total;
 }
 
-/* The sum of the energies of the cells that count, at local vertices x. */
-double cell_values(const cells_t *cells, const density_t *density, const double *x)
+/* The sum of the energies of the domains that count, at local vertices x. */
+double domain_values(const domains_t *domains, const density_t *density, const double *x)
 {
-    return cells->d == 3 ? values(3, cells, density, x) : values(2, cells, density, x);
+    return EACH(domains, values, density, x);
 }
 
-INLINE void gradients(int d, const cells_t *cells, const density_t *density, const double *x, double *out)
+INLINE void gradients(int d, int cells, const domains_t *domains, const density_t *density, const double *x, double *out)
 {
     double w[MAX_H + MAX_PARAMETERS];
-    for (int64_t k = 0; k < cells->count; ++k) {
-        double P[MAX_H] = {0};
-        const double *g = cells->inverse + k * d * d, scale = from_unit(d, cells->volumes[k]);
-        const int32_t *vertices = cells->vertices + k * (d + 1);
-        coefficients(d, cells, density, k, x, w);
+    for (int64_t k = 0; k < domains->count; ++k) {
+        const domain_t domain = domain_at(d, cells, domains, k);
+        double P[MAX_H] = {0}, others[3] = {0};
+        const double scale = from_unit(d, domains->volumes[k]);
+        if (!coefficients(d, domain, domains, density, k, x, w))
+            continue;
         CALL(density->kernel, P, w, 0, unit_simplex);
-        for (int a = 0; a < d; ++a) {
-            double others = 0.0;
-            for (int i = 0; i < d; ++i) {
+        for (int64_t i = 0; i < domain.n - 1; ++i)
+            for (int a = 0; a < d; ++a) {
                 double force = 0.0;
                 for (int j = 0; j < d; ++j)
-                    force += P[a * d + j] * g[i * d + j];
-                out[(int64_t)vertices[i + 1] * d + a] += scale * force;
-                others += force;
+                    force += P[a * d + j] * domain.gradients[i * d + j];
+                out[(int64_t)domain.vertices[i + 1] * d + a] += scale * force;
+                others[a] += force;
             }
-            out[(int64_t)vertices[0] * d + a] -= scale * others;
-        }
+        for (int a = 0; a < d; ++a)
+            out[(int64_t)domain.vertices[0] * d + a] -= scale * others[a];
     }
 }
 
-/* Adds the cells' gradients to out (local vertices x d). */
-void cell_gradients(const cells_t *cells, const density_t *density, const double *x, double *out)
+/* Adds the domains' gradients to out (local vertices x d). */
+void domain_gradients(const domains_t *domains, const density_t *density, const double *x, double *out)
 {
-    if (cells->d == 3)
-        gradients(3, cells, density, x, out);
-    else
-        gradients(2, cells, density, x, out);
+    EACH(domains, gradients, density, x, out);
 }
 
-INLINE void hessians(int d, const cells_t *cells, const density_t *density, const double *x, const int32_t *slots, int mode, double weight, double *out)
+INLINE void hessians(int d, int cells, const domains_t *domains, const density_t *density, const double *x, const int32_t *slots, int mode, double weight,
+                     double *out)
 {
     const int h = d * d;
-    double w[MAX_H + MAX_PARAMETERS];
-    for (int64_t k = 0; k < cells->count; ++k) {
-        double H[MAX_H * MAX_H] = {0}, g[4][3];
-        coefficients(d, cells, density, k, x, w);
+    double w[MAX_H + MAX_PARAMETERS], numbers[9] = {0};
+    block_t blocks[3][3];
+    for (int64_t k = 0; k < domains->count; ++k) {
+        const domain_t domain = domain_at(d, cells, domains, k);
+        double H[MAX_H * MAX_H] = {0};
+        if (!coefficients(d, domain, domains, density, k, x, w)) {
+            slots += domain.n * (domain.n + 1) / 2;
+            continue;
+        }
         CALL(density->kernel, H, w, 0, unit_simplex);
         if (mode)
             filter(d * d, H, mode);
-        for (int j = 0; j < d; ++j) {
-            g[0][j] = 0.0;
-            for (int i = 0; i < d; ++i) {
-                g[i + 1][j] = cells->inverse[k * h + i * d + j];
-                g[0][j] -= g[i + 1][j];
-            }
-        }
-        const double scale = weight * from_unit(d, cells->volumes[k]);
-        const int32_t *slot = slots + k * (d + 1) * (d + 2) / 2;
-        for (int i = 0; i <= d; ++i) {
-            double T[3][MAX_H]; /* H contracted with g_i on the left */
-            for (int a = 0; a < d; ++a)
-                for (int q = 0; q < h; ++q) {
-                    T[a][q] = 0.0;
-                    for (int j = 0; j < d; ++j)
-                        T[a][q] += g[i][j] * H[(a * d + j) * h + q];
-                }
-            for (int l = i; l <= d; ++l, ++slot) {
-                if (*slot == -1)
-                    continue;
-                double *block = out + (int64_t)(*slot >= 0 ? *slot : -2 - *slot) * h;
+        const double scale = weight * from_unit(d, domains->volumes[k]);
+        for (int j = 0; j < d; ++j)
+            for (int m = 0; m < d; ++m) {
                 for (int a = 0; a < d; ++a)
-                    for (int b = 0; b < d; ++b) {
-                        double sum = 0.0;
-                        for (int m = 0; m < d; ++m)
-                            sum += T[a][b * d + m] * g[l][m];
-                        block[*slot >= 0 ? a * d + b : b * d + a] += scale * sum;
-                    }
+                    for (int b = 0; b < d; ++b)
+                        numbers[a * d + b] = scale * H[(a * d + j) * h + b * d + m];
+                blocks[j][m] = (block_t){*(const eight *)numbers, numbers[8]};
             }
-        }
+        slots = add_blocks(d, domain, blocks, slots, out);
     }
 }
 
-/* Adds weight times the cells' Hessians to the blocks `out` (d x d each); `slots` has one entry per pair i <= j of a cell's vertices:
- * s >= 0 adds block s as it is, s <= -2 transposed at -2 - s, -1 nowhere. mode 0: unfiltered, 1: negative eigenvalues cut off, 2: their
- * sizes taken. */
-void cell_hessians(const cells_t *cells, const density_t *density, const double *x, const int32_t *slots, int mode, double weight, double *out)
+/* Adds weight times the domains' Hessians to the blocks `out` (d x d each), with slots as `add_blocks` takes them. mode 0: unfiltered, 1: negative
+ * eigenvalues cut off, 2: their sizes taken. */
+void domain_hessians(const domains_t *domains, const density_t *density, const double *x, const int32_t *slots, int mode, double weight, double *out)
 {
-    if (cells->d == 3)
-        hessians(3, cells, density, x, slots, mode, weight, out);
-    else
-        hessians(2, cells, density, x, slots, mode, weight, out);
+    EACH(domains, hessians, density, x, slots, mode, weight, out);
 }
 
 /* First t in (0, 1] where the polynomial c0 + c1 t + c2 t^2 + c3 t^3 (c0 > 0) falls to zero; 2 if it does not. */
@@ -204,28 +182,32 @@ INLINE void volume_along(int d, const double *E, const double *P, double *c)
         c[1] += e[i] * P[i], c[2] += E[i] * p[i];
 }
 
-/* The edges (d x d) of cell k from its first vertex on, at x. */
-INLINE void edges_of(int d, const cells_t *cells, int64_t k, const double *x, double *E)
+/* What has the sign of det F and changes with it, at v: a cell's edges (d x d) from its first vertex on, or F itself. */
+INLINE void spanned(int d, int cells, const domains_t *domains, int64_t k, const double *v, double *E)
 {
-    const int32_t *vertices = cells->vertices + k * (d + 1);
+    const domain_t domain = domain_at(d, cells, domains, k);
+    if (!cells) {
+        gradient_of(d, domain, v, E);
+        return;
+    }
     for (int i = 0; i < d; ++i)
         for (int a = 0; a < d; ++a)
-            E[i * d + a] = x[(int64_t)vertices[i + 1] * d + a] - x[(int64_t)vertices[0] * d + a];
+            E[i * d + a] = v[(int64_t)domain.vertices[i + 1] * d + a] - v[(int64_t)domain.vertices[0] * d + a];
 }
 
-INLINE double cells_step(int d, const cells_t *cells, const double *x, const double *p, double keep)
+INLINE double domains_step(int d, int cells, const domains_t *domains, const double *x, const double *p, double keep)
 {
     double step = 1.0;
-    for (int64_t k = 0; k < cells->counted; ++k) {
+    for (int64_t k = 0; k < domains->counted; ++k) {
         double E[9], P[9], c[4];
-        edges_of(d, cells, k, x, E), edges_of(d, cells, k, p, P);
+        spanned(d, cells, domains, k, x, E), spanned(d, cells, domains, k, p, P);
         volume_along(d, E, P, c);
         const double sign = c[0] < 0.0 ? -1.0 : 1.0;
         for (int i = 0; i < 4; ++i)
             c[i] *= sign;
         c[0] *= 1.0 - keep;
         if (fabs(c[1]) + fabs(c[2]) + fabs(c[3]) < c[0])
-            continue; /* most cells: no root in [0, 1] */
+            continue; /* most domains: no root in [0, 1] */
         const double t = first_root(c);
         if (t < step)
             step = t;
@@ -233,22 +215,25 @@ INLINE double cells_step(int d, const cells_t *cells, const double *x, const dou
     return step;
 }
 
-/* Largest step in (0, 1] for which the volume of no cell that counts falls below `keep` times what it is at t = 0 along x + t p. */
-double volume_step(const cells_t *cells, const double *x, const double *p, double keep)
+/* Largest step in (0, 1] for which det F of no domain that counts falls below `keep` times what it is at t = 0 along x + t p. */
+double volume_step(const domains_t *domains, const double *x, const double *p, double keep)
 {
-    return cells->d == 3 ? cells_step(3, cells, x, p, keep) : cells_step(2, cells, x, p, keep);
+    return EACH(domains, domains_step, x, p, keep);
 }
 
-/* How many cells that count, positive at rest, have no volume or a negative one at x. */
-int64_t inverted_cells(const cells_t *cells, const double *x)
+INLINE int64_t inverted(int d, int cells, const domains_t *domains, const double *x)
 {
     int64_t found = 0;
-    for (int64_t k = 0; k < cells->counted; ++k) {
+    for (int64_t k = 0; k < domains->counted; ++k) {
         double E[9];
-        edges_of(cells->d, cells, k, x, E);
-        const double volume = cells->d == 2 ? E[0] * E[3] - E[1] * E[2]
-                                            : E[0] * (E[4] * E[8] - E[5] * E[7]) + E[1] * (E[5] * E[6] - E[3] * E[8]) + E[2] * (E[3] * E[7] - E[4] * E[6]);
-        found += !(volume > 0.0);
+        spanned(d, cells, domains, k, x, E);
+        found += !(determinant(d, E) > 0.0);
     }
     return found;
+}
+
+/* In how many domains that count det F is not positive at x. */
+int64_t inverted_domains(const domains_t *domains, const double *x)
+{
+    return EACH(domains, inverted, x);
 }

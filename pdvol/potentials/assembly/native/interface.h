@@ -3,16 +3,20 @@
 #define PDVOL_ASSEMBLY_INTERFACE_H
 #include <stdint.h>
 
-/* Cells: where their vertices are in arrays of vertices (count, d + 1), the inverse of their edges at rest (count, d, d; row i is the gradient of hat
- * function i + 1), and their volumes. The first `counted` of them count in sums of this rank. */
+/* Domains, in each of which F is the sum over its vertices of x_a G_a': cells, or the cells around an edge. Domain k has the entries starts[k] to
+ * starts[k + 1] of `vertices`, which says where its vertices are in arrays of vertices; without `starts` each has d + 1. `gradients` are the G_a (d
+ * numbers) of all but its first vertex, whose own is minus their sum. The first `counted` domains count in sums of this rank. Where `ceiling` is
+ * positive, the density is zero from that det F on, and such domains are left out. */
 typedef struct {
     int32_t d;
     int64_t count, counted;
+    const int64_t *starts;
     const int32_t *vertices;
-    const double *inverse, *volumes;
-} cells_t;
+    const double *gradients, *volumes;
+    double ceiling;
+} domains_t;
 
-/* A compiled kernel of a density psi(F) or of its derivatives, and the cells' parameters (count, np). The kernel takes F before parameter `at`, or
+/* A compiled kernel of a density psi(F) or of its derivatives, and the domains' parameters (count, np). The kernel takes F before parameter `at`, or
  * not at all where `at` is negative. */
 typedef struct {
     void *kernel;
@@ -20,7 +24,7 @@ typedef struct {
     int32_t np, at;
 } density_t;
 
-/* Compiled kernels of the first and second derivatives of an isotropic density by the stretches, and the cells' parameters (count, np).
+/* Compiled kernels of the first and second derivatives of an isotropic density by the stretches, and the domains' parameters (count, np).
  * arguments[i] says where in (stretches, parameters) their i-th coefficient is found, for the gradient first (ng), then for the Hessian (nh). */
 typedef struct {
     void *gradient, *hessian;
@@ -29,14 +33,14 @@ typedef struct {
     const double *parameters;
 } stretches_t;
 
-double cell_values(const cells_t *cells, const density_t *density, const double *x);
-void cell_gradients(const cells_t *cells, const density_t *density, const double *x, double *out);
-void cell_hessians(const cells_t *cells, const density_t *density, const double *x, const int32_t *slots, int mode,
-                   double weight, double *out);
-void isotropic_hessians(const cells_t *cells, const stretches_t *density, const double *x, const int32_t *slots,
+double domain_values(const domains_t *domains, const density_t *density, const double *x);
+void domain_gradients(const domains_t *domains, const density_t *density, const double *x, double *out);
+void domain_hessians(const domains_t *domains, const density_t *density, const double *x, const int32_t *slots,
+                     int mode, double weight, double *out);
+void isotropic_hessians(const domains_t *domains, const stretches_t *density, const double *x, const int32_t *slots,
                         int mode, double weight, double *out);
-int64_t inverted_cells(const cells_t *cells, const double *x);
-double volume_step(const cells_t *cells, const double *x, const double *p, double keep);
+int64_t inverted_domains(const domains_t *domains, const double *x);
+double volume_step(const domains_t *domains, const double *x, const double *p, double keep);
 int64_t merge_pairs(int d, int64_t rows, int64_t first, int64_t n, const int32_t *cell_starts,
                     const int32_t *cell_columns, const double *cells, int64_t pairs, const int64_t *pair_rows,
                     const int64_t *pair_columns, const double *pair_blocks, const uint8_t *fixed, int32_t *starts,

@@ -1,11 +1,10 @@
-/* Filtered Hessians of isotropic energies of tetrahedra, eight cells at a time.
+/* Filtered Hessians of isotropic energies in 3D, eight domains at a time.
  *
  * In the frames of F = U S V' the Hessian over F of an isotropic energy psi(s0, s1, s2) falls apart into the 3 x 3 matrix of second
  * derivatives by the stretches and a 2 x 2 block per pair of axes with eigenvalues (psi_i - psi_j) / (s_i - s_j) and
- * (psi_i + psi_j) / (s_i + s_j) (Smith, de Goes, Kim 2019). Each is filtered by itself, and a cell's blocks follow from hat-function
- * gradients turned into the frame, without ever forming the 9 x 9 matrix. */
-#include "../../positive.h"
-#include "interface.h"
+ * (psi_i + psi_j) / (s_i + s_j) (Smith, de Goes, Kim 2019). Each is filtered by itself before the
+ * Hessian is turned back. */
+#include "domain.h"
 #include "kernel.h"
 
 enum { LANES = 8 };
@@ -33,6 +32,26 @@ INLINE lanes choose(mask m, lanes yes, lanes no)
 INLINE lanes size(lanes a)
 {
     return choose(a < all(0.0), -a, a);
+}
+
+/* The transpose of eight rows of eight numbers: halves, quarters, then single ones are exchanged. */
+INLINE void transpose(lanes rows[LANES])
+{
+    for (int apart = LANES / 2; apart; apart /= 2)
+        for (int r = 0; r < LANES; ++r)
+            if (!(r & apart)) {
+                const lanes a = rows[r], b = rows[r + apart];
+                if (apart == 4) {
+                    rows[r] = (lanes){a[0], a[1], a[2], a[3], b[0], b[1], b[2], b[3]};
+                    rows[r + 4] = (lanes){a[4], a[5], a[6], a[7], b[4], b[5], b[6], b[7]};
+                } else if (apart == 2) {
+                    rows[r] = (lanes){a[0], a[1], b[0], b[1], a[4], a[5], b[4], b[5]};
+                    rows[r + 2] = (lanes){a[2], a[3], b[2], b[3], a[6], a[7], b[6], b[7]};
+                } else {
+                    rows[r] = (lanes){a[0], b[0], a[2], b[2], a[4], b[4], a[6], b[6]};
+                    rows[r + 1] = (lanes){a[1], b[1], a[3], b[3], a[5], b[5], a[7], b[7]};
+                }
+            }
 }
 
 /* Cyclic Jacobi of symmetric 3 x 3 matrices A (a00 a01 a02 a11 a12 a22): A becomes diagonal, the columns of V eigenvectors. */
@@ -96,30 +115,22 @@ INLINE lanes positive(lanes a, int mode)
     return mode == 1 ? choose(a < all(0.0), all(0.0), a) : size(a);
 }
 
-/* Adds weight times the Hessians of tetrahedra to blocks `out` (3 x 3 each), with slots and mode as in elements.c. */
-void isotropic_hessians(const cells_t *cells, const stretches_t *density, const double *x, const int32_t *slots, int mode, double weight, double *out)
+INLINE void isotropic(int cells, const domains_t *domains, const stretches_t *density, const double *x, const int32_t *slots, int mode,
+                      double weight, double *out)
 {
-    const int64_t count = cells->count;
+    const int64_t count = domains->count;
     const int np = density->np, ng = density->ng, nh = density->nh;
     const int32_t *arguments = density->arguments;
     for (int64_t first = 0; first < count; first += LANES) {
         const int used = count - first < LANES ? (int)(count - first) : LANES;
-        lanes g[4][3], F[3][3], C[3][3], V[3][3], U[3][3], s[3], volume;
-        {
-            lanes e[3][3];
-            for (int l = 0; l < LANES; ++l) {
-                const int64_t k = first + (l < used ? l : 0); /* spare lanes repeat a cell, and are not added */
-                const int32_t *dof = cells->vertices + 4 * k;
-                for (int i = 0; i < 3; ++i)
-                    for (int a = 0; a < 3; ++a) {
-                        e[i][a][l] = x[3 * (int64_t)dof[i + 1] + a] - x[3 * (int64_t)dof[0] + a];
-                        g[i + 1][a][l] = cells->inverse[9 * k + 3 * i + a];
-                    }
-                volume[l] = cells->volumes[k];
-            }
-            for (int a = 0; a < 3; ++a)
-                for (int j = 0; j < 3; ++j)
-                    F[a][j] = e[0][a] * g[1][j] + e[1][a] * g[2][j] + e[2][a] * g[3][j];
+        lanes F[3][3], C[3][3], V[3][3], U[3][3], s[3], volume;
+        for (int l = 0; l < LANES; ++l) {
+            const int64_t k = first + (l < used ? l : 0); /* spare lanes repeat a domain, and are not added */
+            double one[9];
+            gradient_of(3, domain_at(3, cells, domains, k), x, one);
+            for (int a = 0; a < 9; ++a)
+                F[a / 3][a % 3][l] = one[a];
+            volume[l] = domains->volumes[k];
         }
         for (int i = 0; i < 3; ++i)
             for (int j = 0; j < 3; ++j)
@@ -177,60 +188,48 @@ void isotropic_hessians(const cells_t *cells, const stretches_t *density, const 
                     S[i][j] = choose(indefinite, sum, S[i][j]);
                 }
         }
-        /* Hat-function gradients in the frame: h_a = V' g_a; K_ab = U k_ab U' with k_ab from S, same and cross. */
-        lanes h[3][3];
-        for (int a = 0; a < 3; ++a)
-            for (int q = 0; q < 3; ++q)
-                h[a][q] = g[a + 1][0] * V[0][q] + g[a + 1][1] * V[1][q] + g[a + 1][2] * V[2][q];
-        lanes K[4][4][3][3];
-        for (int a = 0; a < 3; ++a)
-            for (int b = a; b < 3; ++b) {
-                lanes k[3][3], t[3][3];
-                for (int i = 0; i < 3; ++i)
-                    for (int j = 0; j < 3; ++j) {
-                        if (i == j) {
-                            const int m = (i + 1) % 3, n = (i + 2) % 3; /* the axes of (i, m) leave n out, and the other way round */
-                            k[i][i] = S[i][i] * h[a][i] * h[b][i] + same[n] * h[a][m] * h[b][m] + same[m] * h[a][n] * h[b][n];
-                        } else {
-                            k[i][j] = S[i][j] * h[a][i] * h[b][j] + cross[3 - i - j] * h[a][j] * h[b][i];
-                        }
-                    }
-                const lanes scale = weight * volume;
-                for (int i = 0; i < 3; ++i)
-                    for (int j = 0; j < 3; ++j)
-                        t[i][j] = scale * (k[i][0] * U[j][0] + k[i][1] * U[j][1] + k[i][2] * U[j][2]);
-                for (int i = 0; i < 3; ++i)
-                    for (int j = 0; j < 3; ++j)
-                        K[a + 1][b + 1][i][j] = U[i][0] * t[0][j] + U[i][1] * t[1][j] + U[i][2] * t[2][j];
+        /* H[q][r] over the columns q and r of F V, 3 x 3 blocks in space: products of columns of U. */
+        const lanes scale = weight * volume;
+        lanes H[3][3][9], half[3][3][9];
+        for (int q = 0; q < 3; ++q)
+            for (int r = q; r < 3; ++r)
+                for (int a = 0; a < 9; ++a) {
+                    const int i = a / 3, k = a % 3, m = (q + 1) % 3, n = (q + 2) % 3; /* the axes of (q, m) leave n out */
+                    const lanes own = scale * S[q][r] * U[i][q] * U[k][r];
+                    if (q == r)
+                        H[q][q][a] = own + scale * (same[n] * U[i][m] * U[k][m] + same[m] * U[i][n] * U[k][n]);
+                    else
+                        H[q][r][a] = H[r][q][3 * k + i] = own + scale * cross[3 - q - r] * U[i][r] * U[k][q];
+                }
+        /* The same over columns of F. */
+        for (int j = 0; j < 3; ++j)
+            for (int r = 0; r < 3; ++r)
+                for (int a = 0; a < 9; ++a)
+                    half[j][r][a] = V[j][0] * H[0][r][a] + V[j][1] * H[1][r][a] + V[j][2] * H[2][r][a];
+        for (int j = 0; j < 3; ++j)
+            for (int m = j; m < 3; ++m)
+                for (int a = 0; a < 9; ++a)
+                    H[j][m][a] = half[j][0][a] * V[m][0] + half[j][1][a] * V[m][1] + half[j][2][a] * V[m][2];
+        block_t blocks[LANES][3][3];
+        for (int j = 0; j < 3; ++j)
+            for (int m = 0; m < 3; ++m) {
+                lanes one[8];
+                for (int a = 0; a < 8; ++a)
+                    one[a] = j <= m ? H[j][m][a] : H[m][j][3 * (a % 3) + a / 3];
+                transpose(one);
+                for (int l = 0; l < LANES; ++l)
+                    blocks[l][j][m] = (block_t){one[l], H[j < m ? j : m][j < m ? m : j][8][l]};
             }
-        /* Translations are free: the first vertex's blocks balance the others'. */
-        for (int b = 1; b < 4; ++b)
-            for (int i = 0; i < 3; ++i)
-                for (int j = 0; j < 3; ++j) {
-                    lanes sum = all(0.0);
-                    for (int a = 1; a < 4; ++a)
-                        sum += a <= b ? K[a][b][i][j] : K[b][a][j][i];
-                    K[0][b][i][j] = -sum;
-                }
-        for (int i = 0; i < 3; ++i)
-            for (int j = 0; j < 3; ++j)
-                K[0][0][i][j] = -(K[0][1][i][j] + K[0][2][i][j] + K[0][3][i][j]);
-        for (int l = 0; l < used; ++l) {
-            const int32_t *slot = slots + 10 * (first + l);
-            for (int a = 0; a < 4; ++a)
-                for (int b = a; b < 4; ++b, ++slot) {
-                    if (*slot >= 0) {
-                        double *block = out + 9 * (int64_t)*slot;
-                        for (int i = 0; i < 3; ++i)
-                            for (int j = 0; j < 3; ++j)
-                                block[3 * i + j] += K[a][b][i][j][l];
-                    } else if (*slot <= -2) {
-                        double *block = out + 9 * (int64_t)(-2 - *slot);
-                        for (int i = 0; i < 3; ++i)
-                            for (int j = 0; j < 3; ++j)
-                                block[3 * j + i] += K[a][b][i][j][l];
-                    }
-                }
-        }
+        for (int l = 0; l < used; ++l)
+            slots = add_blocks(3, domain_at(3, cells, domains, first + l), blocks[l], slots, out);
     }
+}
+
+/* Adds weight times the Hessians of domains in 3D to blocks `out` (3 x 3 each), with slots and mode as in elements.c. */
+void isotropic_hessians(const domains_t *domains, const stretches_t *density, const double *x, const int32_t *slots, int mode, double weight, double *out)
+{
+    if (domains->starts)
+        isotropic(0, domains, density, x, slots, mode, weight, out);
+    else
+        isotropic(1, domains, density, x, slots, mode, weight, out);
 }

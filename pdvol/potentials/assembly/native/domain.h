@@ -1,0 +1,97 @@
+/* One of the domains of an energy: its vertices, its F, and how a Hessian over F becomes blocks between its vertices. */
+#ifndef PDVOL_DOMAIN_H
+#define PDVOL_DOMAIN_H
+#include "../../positive.h"
+#include "interface.h"
+
+/* Calls function(d, cells, ...) with the dimension as a constant, and whether all domains are cells: then loops over vertices unroll. */
+#define EACH(domains, function, ...)                                                                                                                 \
+    ((domains)->d == 3 ? (domains)->starts ? function(3, 0, domains, __VA_ARGS__) : function(3, 1, domains, __VA_ARGS__)                              \
+                       : (domains)->starts ? function(2, 0, domains, __VA_ARGS__) : function(2, 1, domains, __VA_ARGS__))
+
+/* Its number of vertices, where they are, and the gradients of all but the first. */
+typedef struct {
+    int64_t n;
+    const int32_t *vertices;
+    const double *gradients;
+} domain_t;
+
+INLINE domain_t domain_at(int d, int cells, const domains_t *domains, int64_t k)
+{
+    const int64_t first = cells ? k * (d + 1) : domains->starts[k];
+    return (domain_t){cells ? d + 1 : domains->starts[k + 1] - first, domains->vertices + first, domains->gradients + (first - k) * d};
+}
+
+/* The sum over a domain's vertices of v_a G_a' (d x d): F where v is x. Differences come first, which keeps a small domain's F exact. */
+INLINE void gradient_of(int d, domain_t domain, const double *v, double *F)
+{
+    const double *v0 = v + (int64_t)domain.vertices[0] * d;
+    for (int a = 0; a < d * d; ++a)
+        F[a] = 0.0;
+    for (int64_t i = 0; i < domain.n - 1; ++i) {
+        const double *vi = v + (int64_t)domain.vertices[i + 1] * d, *g = domain.gradients + i * d;
+        for (int a = 0; a < d; ++a)
+            for (int j = 0; j < d; ++j)
+                F[a * d + j] += (vi[a] - v0[a]) * g[j];
+    }
+}
+
+/* The gradient of a domain's first vertex. */
+INLINE void first_gradient(int d, domain_t domain, double *g)
+{
+    for (int j = 0; j < d; ++j)
+        g[j] = 0.0;
+    for (int64_t i = 0; i < domain.n - 1; ++i)
+        for (int j = 0; j < d; ++j)
+            g[j] -= domain.gradients[i * d + j];
+}
+
+/* A d x d block in its rows' order: the first eight numbers, of which 2D needs four, and the last one of 3D. */
+typedef double eight __attribute__((vector_size(64), aligned(8), may_alias));
+typedef double four __attribute__((vector_size(32), aligned(8), may_alias));
+typedef int64_t places __attribute__((vector_size(64)));
+typedef struct {
+    eight head;
+    double tail;
+} block_t;
+
+/* Adds a domain's Hessian to the blocks `out`: H is that over F, block H[j][m] between its columns j and m. `slot` has one entry per pair of vertices,
+ * the first not behind the second: s >= 0 adds block s as it is, s <= -2 transposed at -2 - s, -1 nowhere. Returns the next domain's slots. */
+INLINE const int32_t *add_blocks(int d, domain_t domain, block_t H[3][3], const int32_t *slot, double *out)
+{
+    double first[3];
+    first_gradient(d, domain, first);
+    for (int64_t i = 0; i < domain.n; ++i) {
+        const double *gi = i ? domain.gradients + (i - 1) * d : first;
+        block_t T[3]; /* H contracted with g_i on the left */
+        for (int m = 0; m < d; ++m) {
+            T[m].head = gi[0] * H[0][m].head + gi[1] * H[1][m].head;
+            if (d == 3) {
+                T[m].head += gi[2] * H[2][m].head;
+                T[m].tail = gi[0] * H[0][m].tail + gi[1] * H[1][m].tail + gi[2] * H[2][m].tail;
+            }
+        }
+        for (int64_t l = i; l < domain.n; ++l, ++slot) {
+            const double *gl = l ? domain.gradients + (l - 1) * d : first;
+            if (*slot == -1)
+                continue;
+            const int turned = *slot < 0;
+            double *to = out + (int64_t)(turned ? -2 - *slot : *slot) * d * d;
+            eight head = gl[0] * T[0].head + gl[1] * T[1].head;
+            if (d == 3)
+                head += gl[2] * T[2].head;
+            const eight h = head;
+            const eight other = d == 3 ? (eight){h[0], h[3], h[6], h[1], h[4], h[7], h[2], h[5]} : (eight){h[0], h[2], h[1], h[3]};
+            const places yes = (places){} - turned; /* without a branch: about every second block is turned */
+            head = (eight)(((places)other & yes) | ((places)head & ~yes));
+            if (d == 3) {
+                *(eight *)to += head;
+                to[8] += gl[0] * T[0].tail + gl[1] * T[1].tail + gl[2] * T[2].tail;
+            } else {
+                *(four *)to += *(four *)&head;
+            }
+        }
+    }
+    return slot;
+}
+#endif

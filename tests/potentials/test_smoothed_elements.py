@@ -1,0 +1,174 @@
+"""Edge-smoothed elements: their energies in plain numpy, the patch test, cells that a mean would let invert."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+
+from pdvol.errors import InputError
+from pdvol.geometry.level_mesh import simplex_volumes
+from pdvol.levels.materials import cell_materials
+from pdvol.levels.space import LevelSpace
+from pdvol.potentials.assembly.domains import Domains
+from pdvol.potentials.elasticity import elastic_terms
+from pdvol.potentials.potential import Positions
+from pdvol.potentials.stress import CauchyStress
+from pdvol.runs.scene_file import Shot
+from pdvol.scene import NeoHookean, Region, StVenantKirchhoff, Support, Translation, rotation_matrix
+from problems import block, elastic, make_scene, make_stepper, take_step
+from shapes import box, together
+from smoothed_reference import edge_domains, mean, neo_hookean, st_venant_kirchhoff
+from taylor import check_term, hessian_of, smallest_eigenvalue, state
+
+DIMENSIONS = [2, 3]
+ROUND = 1e-12  # relative size of what should cancel
+
+
+def graded(X):
+    return 3.0 + 2.0 * X[:, 0]
+
+
+@pytest.mark.parametrize("d", DIMENSIONS)
+def test_energies_in_plain_numpy(d):
+    """Two bodies; the second one, smoothed, has three regions: a law of its own, another modulus of the same law, and a
+    modulus that differs from cell to cell.
+    """
+    mesh = together(box(d, 1), box(d, 3, 2.0, 3.0, jitter=0.05))
+    scene = make_scene((NeoHookean(2.0, 0.3), NeoHookean(graded, 0.3)))
+    low, left = (lambda X: X[:, -1] < 2.4), (lambda X: X[:, 0] < 2.4)
+    regions = (Region(StVenantKirchhoff(4.0, 0.2), low), Region(NeoHookean(1.0, 0.4), left))
+    scene = replace(scene, bodies=(scene.bodies[0], replace(scene.bodies[1], regions=regions, elements="smoothed")))
+    space = LevelSpace(mesh, MPI.COMM_SELF)
+    materials = cell_materials(scene, mesh)
+    x = state(space, 0.2)
+    energies = {term.domains: term.value(Positions(space, x)) for term in elastic_terms(space, materials)}
+    centres = mesh.points[mesh.cells].mean(axis=1)
+    part = np.where(mesh.bodies == 0, 0, np.where(left(centres), 3, np.where(low(centres), 2, 1)))
+    marks = np.where(part == 0, -1 - np.arange(len(part)), part)  # each cell of the linear body by itself
+    assert set(part) == {0, 1, 2, 3}
+    mu, lmbda = (sum(values[name] for values in materials.values) for name in ("mu", "lmbda"))
+    expected, volume = {neo_hookean: 0.0, st_venant_kirchhoff: 0.0}, 0.0
+    for cells, F, size in edge_domains(mesh, marks, space.to_input(x)):
+        law = st_venant_kirchhoff if part[cells[0]] == 2 else neo_hookean
+        expected[law] += size * law(F, mean(mesh, cells, mu), mean(mesh, cells, lmbda))
+        volume += size
+    assert volume == pytest.approx(mesh.volumes.sum(), rel=ROUND)
+    assert sum(domains.volumes.sum() for domains in list(energies)[:2]) == pytest.approx(volume, rel=ROUND)
+    np.testing.assert_allclose([*energies.values()], [*expected.values(), 0.0], rtol=1e-12)
+
+
+@pytest.mark.parametrize("d", DIMENSIONS)
+@pytest.mark.parametrize("law", [NeoHookean, StVenantKirchhoff])
+def test_patch(d, law):
+    """Under an affine motion the stress is the same everywhere, inner vertices feel no force, and outer ones that of
+    linear elements.
+    """
+    mesh = box(d, 3, jitter=0.1, seed=d)
+    space = LevelSpace(mesh, MPI.COMM_SELF)
+    F = np.eye(d) + 0.3 * np.random.default_rng(d).uniform(-1, 1, (d, d))
+    x = Positions(space, space.from_input(mesh.points @ F.T + 0.7))
+    smoothed, _ = elastic(space, law(3.0, 0.3), elements="smoothed")
+    (linear,) = elastic(space, law(3.0, 0.3))
+    forces, scale = space.to_input(smoothed.gradient(x)), np.abs(linear.gradient(x)).max()
+    inside = np.setdiff1d(np.arange(len(mesh.points)), mesh.boundary)
+    assert len(inside) >= 4 and scale > 0.01
+    np.testing.assert_allclose(forces[inside], 0.0, atol=10 * ROUND * scale)
+    np.testing.assert_allclose(forces, space.to_input(linear.gradient(x)), atol=10 * ROUND * scale)
+    assert smoothed.value(x) == pytest.approx(linear.value(x), rel=ROUND)
+    stresses = np.zeros((len(mesh.cells), 3, 3))
+    CauchyStress(smoothed).add_to(stresses, x.whole)
+    np.testing.assert_allclose(stresses, stresses[[0] * len(stresses)], atol=1e-11 * np.abs(stresses).max())
+
+
+@pytest.mark.parametrize("d", DIMENSIONS)
+def test_every_frame_has_the_same_energy(d):
+    """The rest shape turned, moved and scaled, and the positions with it: forces turn along."""
+    mesh = box(d, 2, jitter=0.1)
+    turn, size = rotation_matrix(1.1, (1.0, 2.0, -0.5), d), 1e-3
+    placed = lambda points: size * points @ turn.T + np.linspace(-3.0, 4.0, d)
+    found = []
+    for frame in (lambda points: points, placed):
+        space = LevelSpace(replace(mesh, points=frame(mesh.points)), MPI.COMM_SELF)
+        term, _ = elastic(space, NeoHookean(3.0, 0.3), elements="smoothed")
+        moved = mesh.points + 0.05 * np.random.default_rng(0).uniform(-1, 1, mesh.points.shape)
+        x = Positions(space, space.from_input(frame(moved)))
+        found.append((term.value(x), space.to_input(term.gradient(x))))
+    (energy, force), (other, turned) = found
+    assert other == pytest.approx(size**d * energy, rel=1e-9)
+    np.testing.assert_allclose(turned, size ** (d - 1) * force @ turn.T, atol=1e-9 * np.abs(turned).max())
+
+
+def pressed(mesh, share):
+    """Positions (n, d) at which an inner vertex has come so near to the opposite side of an inner cell that the cell
+    has this share of its volume.
+    """
+    inner = np.flatnonzero(~np.isin(mesh.cells, mesh.boundary).any(axis=1))
+    corners = mesh.cells[inner[len(inner) // 2]]
+    positions = mesh.points.copy()
+    opposite = mesh.points[corners[1:]].mean(axis=0)
+    positions[corners[0]] = opposite + share * (mesh.points[corners[0]] - opposite)
+    return positions
+
+
+@pytest.mark.parametrize("d", DIMENSIONS)
+def test_a_cell_cannot_invert_where_means_would_let_it(d):
+    mesh = box(d, 4, jitter=0.05)
+    space = LevelSpace(mesh, MPI.COMM_SELF)
+    term, guard = elastic(space, NeoHookean(3.0, 0.3), elements="smoothed")
+    at = lambda share: space.from_input(pressed(mesh, share))
+    volumes = lambda x: simplex_volumes(space.to_input(x), mesh.cells) / mesh.volumes
+    assert 0.0 < volumes(at(0.05)).min() < 0.1 < volumes(at(0.2)).min() and volumes(at(-0.05)).min() < 0.0
+    for share in (0.05, -0.05):
+        assert np.isfinite(term.value(Positions(space, at(share)))), "no mean is inverted"
+    assert guard.value(Positions(space, at(0.2))) == 0.0 < guard.value(Positions(space, at(0.05))) < np.inf
+    assert guard.value(Positions(space, at(-0.05))) == np.inf
+    check_term(guard, space, at(0.05), 1e-3)
+    for projection in ("clamp", "abs"):
+        rows = hessian_of(guard, space, at(0.05), projection).toarray()
+        assert np.abs(rows).max() > 0.0 and smallest_eigenvalue(rows) >= -1e-10 * np.abs(rows).max()
+    x = Positions(space, space.from_input(mesh.points))
+    step = guard.max_step(x, at(-0.5) - x.owned)
+    assert volumes(x.owned + step * (at(-0.5) - x.owned)).min() == pytest.approx(0.1, rel=1e-9)
+
+
+@pytest.mark.parametrize("d", DIMENSIONS)
+@pytest.mark.parametrize("elements", ["linear", "smoothed"])
+def test_a_block_that_is_crushed_keeps_its_cells(d, elements):
+    """A law that gives way, pressed to a quarter of its height."""
+    up = np.eye(d)[-1]
+    supports = (
+        Support(lambda X: X[:, -1] < 0.1),
+        Support(lambda X: X[:, -1] > 0.9, motion=Translation(tuple(-up))),
+    )
+    scene = make_scene((StVenantKirchhoff(1e5, 0.3),), dt=0.05, supports=supports, elements=elements)
+    mesh = block((0.0,) * d, (1.0,) * d, 3, jitter=0.05)
+    stepper = make_stepper(scene, mesh)
+    x, v = mesh.points, 0.0 * mesh.points
+    for number in range(1, 16):
+        report = take_step(stepper, number, x, v)
+        x, v = report.positions, report.velocity
+        assert simplex_volumes(x, mesh.cells).min() > 0.0
+    assert np.ptp(x[:, -1]) == pytest.approx(0.25, abs=0.05)
+
+
+def test_the_setting():
+    scene = make_scene((NeoHookean(1e5),) * 2)
+    assert scene.elements == "linear" == scene.elements_of(scene.bodies[0])
+    set_to = scene.with_settings(elements="smoothed")
+    one_linear = replace(set_to, bodies=(replace(scene.bodies[0], elements="linear"), scene.bodies[1]))
+    assert [one_linear.elements_of(body) for body in one_linear.bodies] == ["linear", "smoothed"]
+    before, after, mixed = (Shot(None, {}, s).description() for s in (scene, set_to, one_linear))
+    assert "elements" not in before and after["elements"] == "smoothed"
+    assert [body.get("elements") for body in mixed["bodies"]] == ["linear", None]
+    for wrong in (lambda: scene.with_settings(elements="smooth"), lambda: replace(scene.bodies[0], elements="nodal")):
+        with pytest.raises(InputError, match="must be linear or smoothed"):
+            wrong()
+
+
+def test_linear_elements_are_cells():
+    """Without smoothed bodies nothing is united, so that linear scenes keep their kernels."""
+    space = LevelSpace(box(3, 1), MPI.COMM_SELF)
+    (term,) = elastic(space, NeoHookean(3.0, 0.3))
+    assert not term.domains.smoothed and not term.stencils
+    assert len(Domains(space, space.mesh.bodies == 0)) == len(space.mesh.cells)
