@@ -13,9 +13,9 @@ from pdvol.forms.elasticity import GUARDED, volume_barrier
 from pdvol.forms.viscosity import kelvin_voigt, kelvin_voigt_model
 from pdvol.levels.materials import CellMaterials
 from pdvol.levels.space import LevelSpace
-from pdvol.parallel import reduce
 from pdvol.potentials.assembly.cell_energy import CellEnergy
 from pdvol.potentials.assembly.domains import Domains
+from pdvol.potentials.assembly.hessian_blocks import HessianBlocks
 from pdvol.potentials.assembly.native import pointer
 from pdvol.potentials.potential import MIN_GAP_SHARE, Positions, Rates
 
@@ -47,8 +47,8 @@ class Elastic(CellEnergy):
         shares: Shares | None = None,
         ceiling: float = 0.0,
     ):
-        isotropic = False if ceiling else None
-        super().__init__(space, psi, parameters, domains, isotropic=isotropic, material=material, ceiling=ceiling)
+        how: dict[str, Any] = {"isotropic": False if ceiling else None, "ceiling": ceiling, "oriented": True}
+        super().__init__(space, psi, parameters, domains, material=material, **how)
         self._shares = shares
         self._lame = {name: parameters[name] for name in ("mu", "lmbda")}
 
@@ -60,10 +60,6 @@ class Elastic(CellEnergy):
 
     def begin_step(self, x_t: Positions, t0: float, t1: float, x_hat: Positions | None = None) -> None:
         self.set_time(t1)
-
-    def _sum(self, x: Positions) -> float:
-        inverted = self._library.inverted_domains(self._domains, pointer(x.local))
-        return np.inf if reduce(self.space.comm, inverted) else super()._sum(x)
 
     def max_step(
         self, x: Positions, direction: np.ndarray, until: float | None = None, gap_share: float = MIN_GAP_SHARE
@@ -91,6 +87,13 @@ class CellGuard(Elastic):
         cells = Domains(space, materials.smoothing >= 0)
         super().__init__(space, psi, _lame(materials), cells, "volume barrier", shares, ceiling=GUARDED)
         self.scale = 0.0  # nothing cancels in what is zero
+
+    def gradient(self, x: Positions) -> np.ndarray:
+        return super().gradient(x) if self.value(x) else np.zeros_like(x.owned)
+
+    def add_hessian(self, x: Positions, weight: float, into: HessianBlocks) -> None:
+        if self.value(x):
+            super().add_hessian(x, weight, into)
 
 
 class Damping(CellEnergy):

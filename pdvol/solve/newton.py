@@ -126,7 +126,9 @@ class Newton:
         self._blocks = HessianBlocks(BlockPattern(space, potential.stencils))
         self._system = SystemMatrix(space, supported, wants_general_matrix(settings))
         self.snes = self._create_snes()
-        self.linear = LinearSolver(self.snes.ksp, settings, self._coarse_space, partial(watch.part, "linear"))
+        self.linear = LinearSolver(
+            self.snes.ksp, settings, self._coarse_space, partial(watch.part, "linear"), dense=bool(potential.stencils)
+        )
         self._solve: Solve
 
     def _create_snes(self) -> PETSc.SNES:

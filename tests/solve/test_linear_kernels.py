@@ -33,15 +33,12 @@ def assembled(space, blocks, supported=None):
     return system
 
 
-def factored(system):
-    """The incomplete factor, named to the system; returns the array, to be kept, and the number of tries."""
-    compiled, blocks = system.compiled, system.own[2]
-    factor = np.zeros(blocks.size + 4, dtype=np.float32)
-    compiled.factor = pointer(factor, "float")
-    tries = native.library().incomplete_cholesky(
-        compiled.d, compiled.count, compiled.starts, compiled.columns, compiled.blocks, pointer(factor, "float")
-    )
-    return factor, tries
+def factored(system, drop=0.0):
+    """The incomplete factor, named to the system, and the number of tries."""
+    tries = system.factor_incompletely(drop)
+    count = system.compiled.factor_starts[system.compiled.count]
+    numbers = native.ffi.buffer(system.compiled.factor, 4 * count * system.compiled.d**2)
+    return np.frombuffer(numbers, dtype=np.float32), tries
 
 
 def applied(system, residual):
@@ -150,15 +147,24 @@ def reference(matrix, d, pattern):
     return R.T @ R
 
 
-def test_the_factor_is_the_incomplete_one(space):
+@pytest.mark.parametrize("weak", [0.0, 0.5], ids=["all", "strong half"])
+def test_the_factor_is_the_incomplete_one(space, weak):
+    """Of all blocks, and without those that are weak beside the diagonal."""
     blocks = springs(space, mass=5.0)
     matrix, d = dense(space, blocks), space.dim
     system = assembled(space, blocks)
-    factor, tries = factored(system)
-    assert tries == 1
-    starts, columns, _ = system.own
+    starts, columns, values = system.own
+    rows, sizes = np.repeat(np.arange(space.n_owned), np.diff(starts)), np.linalg.norm(values, axis=(1, 2))
+    relative = sizes / np.sqrt(sizes[starts[:-1]][rows] * sizes[starts[:-1]][columns])
+    drop = float(np.quantile(relative[rows != columns], weak)) if weak else 0.0
+    kept = relative >= drop
     pattern = np.zeros((space.n_owned, space.n_owned), dtype=bool)
-    pattern[np.repeat(np.arange(space.n_owned), np.diff(starts)), columns] = True
+    pattern[rows[kept], columns[kept]] = True
+    whole = pattern | pattern.T
+    matrix = np.where(np.kron(whole, np.ones((d, d), dtype=bool)), matrix, 0.0)
+    assert (kept.mean() < 0.8) == bool(weak)
+    factor, tries = factored(system, drop)
+    assert tries == 1 and factor.size == kept.sum() * d * d
     r = np.random.default_rng(1).standard_normal((space.n_owned, d))
     expected = np.linalg.solve(reference(matrix, d, pattern), r.ravel()).reshape(r.shape)
     np.testing.assert_allclose(applied(system, r), expected, rtol=0.0, atol=SINGLE * np.abs(expected).max())

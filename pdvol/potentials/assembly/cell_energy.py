@@ -48,6 +48,7 @@ class CellEnergy(Term):
         semi-definite; it takes the place of psi's second derivative except in unprojected Hessians
     ceiling : det F from which on psi is zero and not evaluated; zero leaves that out. For densities that are not
         declared isotropic
+    oriented : whether the energy is infinite unless det F > 0 in all domains; then psi must depend on F
 
     Raises
     ------
@@ -66,6 +67,7 @@ class CellEnergy(Term):
         material: str = "",
         model: Callable | None = None,
         ceiling: float = 0.0,
+        oriented: bool = False,
     ):
         if len(parameters) > native.MAX_PARAMETERS:
             raise InputError(
@@ -77,7 +79,7 @@ class CellEnergy(Term):
         self.stencils = (domains,) if domains.smoothed else ()
         self._library = native.library()
         self._values = LastStates()
-        self._domains = domains.struct(ceiling)
+        self._domains = domains.struct(ceiling, oriented)
         self._slots: np.ndarray | None = None
         self._slots_of: BlockPattern
         means = self._means(parameters)

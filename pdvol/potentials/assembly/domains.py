@@ -109,10 +109,10 @@ class Domains:
             which = np.flatnonzero(sizes == size)
             yield which, self.vertices[self.starts[which][:, None] + np.arange(size)]
 
-    def struct(self, ceiling: float) -> object:
+    def struct(self, ceiling: float, oriented: bool) -> object:
         """The C struct (interface.h); this object has to be kept."""
-        sizes = {"d": self.space.dim, "count": len(self), "counted": self.counted, "ceiling": ceiling}
-        made = ffi.new("domains_t *", sizes)
+        sizes = {"d": self.space.dim, "count": len(self), "counted": self.counted}
+        made = ffi.new("domains_t *", {**sizes, "ceiling": ceiling, "oriented": oriented})
         made.starts = pointer(self.starts, "int64_t") if self.smoothed else ffi.NULL
         made.vertices = pointer(self.vertices, "int32_t")
         made.gradients, made.volumes = pointer(self._gradients), pointer(self.volumes)

@@ -100,6 +100,8 @@ class SystemMatrix:
         self.rows: BlockCsr
         self.own: BlockCsr
         self.compiled = native.ffi.new("linear_system *", {"d": space.dim, "count": space.n_owned})
+        self._factor = np.zeros(0, dtype=np.float32)
+        self._strong: list[np.ndarray] = []  # the factor's pattern
         self._halo: Halo | None = None
         self._far = np.zeros((0, space.dim))
         self._petsc: PETSc.Mat = None
@@ -121,6 +123,26 @@ class SystemMatrix:
             system.far_starts, system.far_columns, system.far_blocks = pointers(halo.far)
             system.exchange, system.sum = halo.exchange, halo.sum
         system.starts, system.columns, system.blocks = pointers(self.own)
+
+    def factor_incompletely(self, drop: float = 0.0) -> int:
+        """Makes the incomplete Cholesky factor of `own` that `compiled` then names: without blocks whose size is below
+        `drop` times that of the diagonal blocks beside them. Returns the number of tries (`incomplete_cholesky`).
+        """
+        compiled, (starts, columns, blocks) = self.compiled, self.own
+        matrix, library = (compiled.d, compiled.count, compiled.starts, compiled.columns), native.library()
+        size, places = blocks.size, native.ffi.NULL
+        compiled.factor_starts, compiled.factor_columns = compiled.starts, compiled.columns
+        if drop:
+            self._strong = [np.empty(len(array), np.int32) for array in (starts, columns, columns)]
+            strong = [pointer(array, "int32_t") for array in self._strong]
+            size = library.strong_blocks(*matrix, compiled.blocks, drop, *strong) * compiled.d**2
+            compiled.factor_starts, compiled.factor_columns, places = strong
+        if len(self._factor) < size + SPARE:
+            self._factor = np.empty(2 * size + SPARE, dtype=np.float32)
+        self._factor[size:][:SPARE] = 0.0
+        compiled.factor = pointer(self._factor, "float")
+        pattern = (compiled.factor_starts, compiled.factor_columns, places)
+        return library.incomplete_cholesky(*matrix[:2], *pattern, compiled.blocks, compiled.factor)
 
     def solve(
         self, right: np.ndarray, tolerance: float, most: int, start: np.ndarray | None = None

@@ -45,7 +45,10 @@ INLINE double values(int d, int cells, const domains_t *domains, const density_t
     double total = 0.0, w[MAX_H + MAX_PARAMETERS];
     for (int64_t k = 0; k < domains->counted; ++k) {
         double value = 0.0;
-        if (!coefficients(d, domain_at(d, cells, domains, k), domains, density, k, x, w))
+        const int acts = coefficients(d, domain_at(d, cells, domains, k), domains, density, k, x, w);
+        if (domains->oriented && !(determinant(d, w + density->at) > 0.0))
+            return INFINITY;
+        if (!acts)
             continue;
         CALL(density->kernel, &value, w, 0, unit_simplex);
         total += from_unit(d, domains->volumes[k]) * value;
@@ -53,7 +56,7 @@ INLINE double values(int d, int cells, const domains_t *domains, const density_t
     return total;
 }
 
-/* The sum of the energies of the domains that count, at local vertices x. */
+/* The sum of the energies of the domains that count, at local vertices x. Densities of domains that must be oriented depend on F. */
 double domain_values(const domains_t *domains, const density_t *density, const double *x)
 {
     return EACH(domains, values, density, x);
@@ -219,21 +222,4 @@ INLINE double domains_step(int d, int cells, const domains_t *domains, const dou
 double volume_step(const domains_t *domains, const double *x, const double *p, double keep)
 {
     return EACH(domains, domains_step, x, p, keep);
-}
-
-INLINE int64_t inverted(int d, int cells, const domains_t *domains, const double *x)
-{
-    int64_t found = 0;
-    for (int64_t k = 0; k < domains->counted; ++k) {
-        double E[9];
-        spanned(d, cells, domains, k, x, E);
-        found += !(determinant(d, E) > 0.0);
-    }
-    return found;
-}
-
-/* In how many domains that count det F is not positive at x. */
-int64_t inverted_domains(const domains_t *domains, const double *x)
-{
-    return EACH(domains, inverted, x);
 }

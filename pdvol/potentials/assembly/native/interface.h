@@ -6,9 +6,9 @@
 /* Domains, in each of which F is the sum over its vertices of x_a G_a': cells, or the cells around an edge. Domain k has the entries starts[k] to
  * starts[k + 1] of `vertices`, which says where its vertices are in arrays of vertices; without `starts` each has d + 1. `gradients` are the G_a (d
  * numbers) of all but its first vertex, whose own is minus their sum. The first `counted` domains count in sums of this rank. Where `ceiling` is
- * positive, the density is zero from that det F on, and such domains are left out. */
+ * positive, the density is zero from that det F on, and such domains are left out. `oriented`: the energy is infinite unless det F > 0 in all. */
 typedef struct {
-    int32_t d;
+    int32_t d, oriented;
     int64_t count, counted;
     const int64_t *starts;
     const int32_t *vertices;
@@ -39,7 +39,6 @@ void domain_hessians(const domains_t *domains, const density_t *density, const d
                      int mode, double weight, double *out);
 void isotropic_hessians(const domains_t *domains, const stretches_t *density, const double *x, const int32_t *slots,
                         int mode, double weight, double *out);
-int64_t inverted_domains(const domains_t *domains, const double *x);
 double volume_step(const domains_t *domains, const double *x, const double *p, double keep);
 int64_t merge_pairs(int d, int64_t rows, int64_t first, int64_t n, const int32_t *cell_starts,
                     const int32_t *cell_columns, const double *cells, int64_t pairs, const int64_t *pair_rows,

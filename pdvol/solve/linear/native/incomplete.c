@@ -40,8 +40,8 @@ INLINE int invert_root(int d, const float *A, float *inverse)
 
 /* One row after the other is gathered in `row`, blocks of d rows of four numbers; `place` has the row's block in each column. Done rows wait in the
  * list of the column that they change next. Returns the first row whose pivot fails, or n. */
-INLINE int64_t try_shift(int d, int64_t n, const int32_t *starts, const int32_t *columns, const double *blocks, float shift, float *R, float *row,
-                         int32_t *place, int32_t *next, int32_t *first, int32_t *at)
+INLINE int64_t try_shift(int d, int64_t n, const int32_t *starts, const int32_t *columns, const int32_t *places, const double *blocks, float shift,
+                         float *R, float *row, int32_t *place, int32_t *next, int32_t *first, int32_t *at)
 {
     const int dd = d * d, s = 4 * d;
     for (int64_t i = 0; i < n; ++i)
@@ -49,8 +49,9 @@ INLINE int64_t try_shift(int d, int64_t n, const int32_t *starts, const int32_t 
     for (int64_t i = 0; i < n; ++i) {
         const int64_t begin = starts[i], end = starts[i + 1];
         for (int64_t k = begin; k < end; ++k) {
+            const double *block = blocks + (places ? places[k] : k) * dd;
             for (int a = 0; a < d; ++a)
-                *(narrow *)(row + (k - begin) * s + a * 4) = __builtin_convertvector(*(const wide *)(blocks + k * dd + a * d), narrow);
+                *(narrow *)(row + (k - begin) * s + a * 4) = __builtin_convertvector(*(const wide *)(block + a * d), narrow);
             place[columns[k]] = k;
         }
         for (int a = 0; a < d; ++a)
@@ -95,7 +96,7 @@ INLINE int64_t try_shift(int d, int64_t n, const int32_t *starts, const int32_t 
     return n;
 }
 
-INLINE int factor(int d, int64_t n, const int32_t *starts, const int32_t *columns, const double *blocks, float *R)
+INLINE int factor(int d, int64_t n, const int32_t *starts, const int32_t *columns, const int32_t *places, const double *blocks, float *R)
 {
     int64_t longest = 0;
     for (int64_t i = 0; i < n; ++i)
@@ -105,7 +106,7 @@ INLINE int factor(int d, int64_t n, const int32_t *starts, const int32_t *column
     int tries = 0;
     for (float shift = 0.0f; row && lists; shift = shift > 0.0f ? SHIFT_RATIO * shift : FIRST_SHIFT) {
         ++tries;
-        if (try_shift(d, n, starts, columns, blocks, shift, R, row, lists, lists + n, lists + 2 * n, lists + 3 * n) == n)
+        if (try_shift(d, n, starts, columns, places, blocks, shift, R, row, lists, lists + n, lists + 2 * n, lists + 3 * n) == n)
             break;
         if (shift > LARGEST_SHIFT) {
             tries = -1;
@@ -116,11 +117,39 @@ INLINE int factor(int d, int64_t n, const int32_t *starts, const int32_t *column
     return tries;
 }
 
-/* R, block CSR as A; diagonal blocks are inverted. Returns the number of tries, -1 where a diagonal block of A is not positive definite, and 0 where
+/* R, block CSR, of the blocks of A that are at `places`, or of all without it; diagonal blocks are inverted. Returns the number of tries, -1 where a diagonal block of A is not positive definite, and 0 where
  * memory ran out. */
-int incomplete_cholesky(int d, int64_t n, const int32_t *starts, const int32_t *columns, const double *blocks, float *R)
+int incomplete_cholesky(int d, int64_t n, const int32_t *starts, const int32_t *columns, const int32_t *places, const double *blocks, float *R)
 {
-    return d == 3 ? factor(3, n, starts, columns, blocks, R) : factor(2, n, starts, columns, blocks, R);
+    return d == 3 ? factor(3, n, starts, columns, places, blocks, R) : factor(2, n, starts, columns, places, blocks, R);
+}
+
+INLINE double squares(int dd, const double *block)
+{
+    double sum = 0.0;
+    for (int e = 0; e < dd; ++e)
+        sum += block[e] * block[e];
+    return sum;
+}
+
+/* The blocks of A on the diagonal, and those with |A_ij|^2 >= drop^2 |A_ii| |A_jj|: starts, columns, and where they are in A. Returns their number. */
+int64_t strong_blocks(int d, int64_t n, const int32_t *starts, const int32_t *columns, const double *blocks, double drop, int32_t *strong_starts,
+                      int32_t *strong_columns, int32_t *places)
+{
+    const int dd = d * d;
+    int64_t count = 0;
+    double *least = malloc(n * sizeof(double) + 1);
+    for (int64_t i = 0; least && i < n; ++i)
+        least[i] = drop * sqrt(squares(dd, blocks + (int64_t)starts[i] * dd));
+    for (int64_t i = 0; i < n; ++i) {
+        strong_starts[i] = count;
+        for (int64_t k = starts[i]; k < starts[i + 1]; ++k)
+            if (k == starts[i] || !least || squares(dd, blocks + k * dd) >= least[i] * least[columns[k]])
+                strong_columns[count] = columns[k], places[count++] = k;
+    }
+    strong_starts[n] = count;
+    free(least);
+    return count;
 }
 
 INLINE void solve(int d, int64_t n, const int32_t *starts, const int32_t *columns, const float *R, float *v)
@@ -167,7 +196,7 @@ INLINE void solve(int d, int64_t n, const int32_t *starts, const int32_t *column
 void precondition_locally(const linear_system *s, float *z)
 {
     if (s->d == 3)
-        solve(3, s->count, s->starts, s->columns, s->factor, z);
+        solve(3, s->count, s->factor_starts, s->factor_columns, s->factor, z);
     else
-        solve(2, s->count, s->starts, s->columns, s->factor, z);
+        solve(2, s->count, s->factor_starts, s->factor_columns, s->factor, z);
 }

@@ -10,6 +10,7 @@ typedef struct {
     const double *blocks;
     const int32_t *far_starts, *far_columns; /* couplings with other ranks' vertices, numbered from 0 */
     const double *far_blocks;
+    const int32_t *factor_starts, *factor_columns; /* of the factor, ordered as the matrix */
     const float *factor;                     /* of incomplete_cholesky */
     int32_t nodes;                           /* coarse vertices; 0 for none */
     const int32_t *p_starts, *p_columns;     /* prolongation of the owned vertices */
@@ -20,8 +21,10 @@ typedef struct {
     void (*sum)(double *numbers, int32_t count);      /* over all ranks, in place; NULL on one rank */
 } linear_system;
 
-int incomplete_cholesky(int d, int64_t n, const int32_t *starts, const int32_t *columns, const double *blocks,
-                        float *R);
+int64_t strong_blocks(int d, int64_t n, const int32_t *starts, const int32_t *columns, const double *blocks, double drop,
+                      int32_t *strong_starts, int32_t *strong_columns, int32_t *places);
+int incomplete_cholesky(int d, int64_t n, const int32_t *starts, const int32_t *columns, const int32_t *places,
+                        const double *blocks, float *R);
 void coarse_firsts(int64_t rows, int64_t first, const int32_t *starts, const int32_t *columns,
                    const int32_t *p_starts, const int32_t *p_columns, int32_t *firsts);
 int coarse_operator(int d, int64_t rows, int64_t first, const int32_t *starts, const int32_t *columns,
