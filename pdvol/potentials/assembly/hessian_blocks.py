@@ -70,11 +70,12 @@ class BlockPattern:
 
     def slots(self, domains: Domains) -> np.ndarray:
         """int32: block index of each pair i <= j of each domain's vertices, domain by domain, with the codes above for
-        blocks that are added transposed or not stored. The domains are cells, or those of a stencil.
+        blocks that are added transposed or not stored, and spare ones at the end. The domains are cells, or those of a
+        stencil.
         """
         sizes = np.diff(domains.starts)
         begins = np.concatenate([[0], np.cumsum(sizes * (sizes + 1) // 2)])
-        found = np.full(begins[-1], ELSEWHERE, dtype=np.int32)
+        found = np.full(begins[-1] + native.AHEAD, ELSEWHERE, dtype=np.int32)
         for which, vertices in domains.by_size():
             keys, stored, turned = self._keys(vertices)
             slot = np.searchsorted(self._unique, keys)

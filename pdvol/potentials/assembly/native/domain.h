@@ -56,8 +56,9 @@ typedef struct {
 } block_t;
 
 /* Adds a domain's Hessian to the blocks `out`: H is that over F, block H[j][m] between its columns j and m. `slot` has one entry per pair of vertices,
- * the first not behind the second: s >= 0 adds block s as it is, s <= -2 transposed at -2 - s, -1 nowhere. Returns the next domain's slots. */
-INLINE const int32_t *add_blocks(int d, domain_t domain, block_t H[3][3], const int32_t *slot, double *out)
+ * the first not behind the second: s >= 0 adds block s as it is, s <= -2 transposed at -2 - s, -1 nowhere. Returns the next domain's slots. AHEAD
+ * comes from the compiler's command line (__init__.py). */
+INLINE const int32_t *add_blocks(int d, int cells, domain_t domain, block_t H[3][3], const int32_t *slot, double *out)
 {
     double first[3];
     first_gradient(d, domain, first);
@@ -73,6 +74,8 @@ INLINE const int32_t *add_blocks(int d, domain_t domain, block_t H[3][3], const 
         }
         for (int64_t l = i; l < domain.n; ++l, ++slot) {
             const double *gl = l ? domain.gradients + (l - 1) * d : first;
+            const double *ahead = out + (int64_t)(slot[AHEAD] < 0 ? 0 : slot[AHEAD]) * d * d;
+            __builtin_prefetch(ahead, 1), __builtin_prefetch(ahead + d * d - 1, 1);
             if (*slot == -1)
                 continue;
             const int turned = *slot < 0;
@@ -82,8 +85,12 @@ INLINE const int32_t *add_blocks(int d, domain_t domain, block_t H[3][3], const 
                 head += gl[2] * T[2].head;
             const eight h = head;
             const eight other = d == 3 ? (eight){h[0], h[3], h[6], h[1], h[4], h[7], h[2], h[5]} : (eight){h[0], h[2], h[1], h[3]};
-            const places yes = (places){} - turned; /* without a branch: about every second block is turned */
-            head = (eight)(((places)other & yes) | ((places)head & ~yes));
+            if (cells) { /* without a branch: about every second block is turned */
+                const places yes = (places){} - turned;
+                head = (eight)(((places)other & yes) | ((places)head & ~yes));
+            } else if (turned) {
+                head = other;
+            }
             if (d == 3) {
                 *(eight *)to += head;
                 to[8] += gl[0] * T[0].tail + gl[1] * T[1].tail + gl[2] * T[2].tail;

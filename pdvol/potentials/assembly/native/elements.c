@@ -115,7 +115,7 @@ INLINE void hessians(int d, int cells, const domains_t *domains, const density_t
                         numbers[a * d + b] = scale * H[(a * d + j) * h + b * d + m];
                 blocks[j][m] = (block_t){*(const eight *)numbers, numbers[8]};
             }
-        slots = add_blocks(d, domain, blocks, slots, out);
+        slots = add_blocks(d, cells, domain, blocks, slots, out);
     }
 }
 

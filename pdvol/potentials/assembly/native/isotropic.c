@@ -221,7 +221,7 @@ INLINE void isotropic(int cells, const domains_t *domains, const stretches_t *de
                     blocks[l][j][m] = (block_t){one[l], H[j < m ? j : m][j < m ? m : j][8][l]};
             }
         for (int l = 0; l < used; ++l)
-            slots = add_blocks(3, domain_at(3, cells, domains, first + l), blocks[l], slots, out);
+            slots = add_blocks(3, cells, domain_at(3, cells, domains, first + l), blocks[l], slots, out);
     }
 }
 
