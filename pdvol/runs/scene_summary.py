@@ -7,7 +7,7 @@ import numpy as np
 from pdvol.levels.scene_fields import scene_diagonal
 from pdvol.meshes import Outline
 from pdvol.meshing.readers import read_shape
-from pdvol.registry import INTEGRATORS
+from pdvol.registry import ELEMENTS, INTEGRATORS
 from pdvol.runs.scene_file import Shot
 from pdvol.scene import (
     Attachment,
@@ -54,7 +54,9 @@ def modelled_terms(scene: Scene) -> list[str]:
     """
     lines = []
     for body in scene.bodies:
-        lines.append(f"body {body.name!r}: {_material(body.material)}")
+        kind = scene.elements_of(body)
+        elements = "" if kind == ELEMENTS[0] else f", {kind} elements"
+        lines.append(f"body {body.name!r}: {_material(body.material)}{elements}")
         for region in body.regions:
             where = (
                 f"label {', '.join(map(str, region.labels))}"

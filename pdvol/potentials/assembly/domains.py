@@ -13,10 +13,10 @@ class Domains:
     """The parts of a level in each of which the deformation gradient is one matrix: F is the sum of x_a G_a' over the
     vertices a of a domain.
 
-    Linear elements have a domain per cell. Smoothed ones (edge-smoothed finite elements: Liu, Nguyen-Thoi, Lam 2009;
-    large deformations: Lee, Mihai, Hale, Bordas 2017) have one per edge and material: F is the volume-weighted mean of
-    the F of the cells around the edge, and the volume is a sixth of theirs (a third in 2D), so that every cell is
-    divided among its edges.
+    Linear elements have a domain per cell. Smoothed ones (edge-smoothed finite elements: Liu, Nguyen-Thoi, Lam 2009; of
+    large deformations: Lee, Mihai, Hale, Kerfriden, Bordas 2017) have one per edge and material. There F is the
+    volume-weighted mean of the F of the cells around the edge, and the volume is a sixth of theirs (a third in 2D): a
+    cell is divided among its edges.
 
     Parameters
     ----------
