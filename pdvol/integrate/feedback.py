@@ -4,7 +4,7 @@ each step.
 VelPro takes velocities from the level below, no positions, so distances that impacts leave would stay. With a share
 beta the prediction is
 
-    x_hat = x^t + P (x_c^t - x_c^{t-1}) + push,    push = the rigid part of beta (P x_c^t - x^t).
+    x_hat = x^t + P (x_hat_c - x_c^t) + push,    push = the rigid part of beta (P x_c^t - x^t).
 
 The push is taken body by body from the rigid motion that leads x^t nearest to P x_c^t over the mass: beta of its
 centre's way, and a turn about its axis by the angle of (1 - beta) + beta exp(i a), which is beta a where a is small. So
@@ -12,7 +12,7 @@ it deforms nothing, and beta = 1 makes up for all of a rigid distance. Bodies th
 modes "all", the push is beta (P x_c^t - x^t), but at held vertices.
 
 In free motion a distance shrinks by 1 - beta a step, whatever dt. Where contact holds it, the push is a constant force
-beta / dt^2 times mass and distance. `docs/methods.md` derives both.
+beta over the step's weight times mass and distance. `docs/methods.md` derives both.
 """
 
 from collections.abc import Callable
