@@ -29,7 +29,7 @@ import numpy as np
 from benchmarks.common import commits, process, tables
 from benchmarks.common.process import REPOSITORY
 from benchmarks.dense import rows
-from benchmarks.dense.rows import ROWS
+from benchmarks.dense.rows import ROWS, Row
 from pdvol.errors import PdvolError
 from pdvol.measure import verify
 from pdvol.store.reader import open_run
@@ -161,9 +161,11 @@ def in_turn(name: str, steps: int, old: Baseline, head: str, again: bool) -> tup
         new_end = Path(folder) / "end.npz"
         for _ in range(RUNS):
             if not kept and wanted(records[0]):
-                records[0].append(march(name, steps, old.code(), old.commit, Path(folder), old.end(name, steps)))
+                records[0].append(march(ROWS[name], steps, old.code(), old.commit, Path(folder), old.end(name, steps)))
             if wanted(records[1]):
-                records[1].append(march(name, steps, REPOSITORY, head, Path(folder), new_end, check=not records[1]))
+                records[1].append(
+                    march(ROWS[name], steps, REPOSITORY, head, Path(folder), new_end, check=not records[1])
+                )
         if not kept:
             old.keep(name, steps, records[0])
         before, now = (median(some) for some in records)
@@ -189,9 +191,9 @@ def median(records: list[dict]) -> dict:
     return {**ordered[(len(ordered) - 1) // 2], "runs": len(records), "paces": paces}
 
 
-def march(name: str, steps: int, code: Path, commit: str, folder: Path, end: Path, check: bool = False) -> dict:
+def march(row: Row, steps: int, code: Path, commit: str, folder: Path, end: Path, check: bool = False) -> dict:
     """The record of one run with the package in `code`; its last positions go into the file `end`."""
-    row, path = ROWS[name], folder / "run"
+    path = folder / "run"
     clock = "cpu" if row.ranks == 1 else "wall"
     walls = []
     for ranks in range(1, row.ranks + 1):

@@ -82,7 +82,7 @@ def test_old_and_new_in_turn_and_what_is_kept(tiny, monkeypatch, tmp_path, capsy
 
 
 def test_another_package_is_refused(tiny, tmp_path):
-    found = dense.march("tiny", 2, tmp_path, "", tmp_path, tmp_path / "end.npz")
+    found = dense.march(dense.ROWS["tiny"], 2, tmp_path, "", tmp_path, tmp_path / "end.npz")
     assert "ImportError" in found["reason"] and not found["seconds"]
 
 

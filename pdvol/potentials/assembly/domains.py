@@ -79,8 +79,8 @@ class Domains:
         self.vertices = (pairs % len(space.local_points)).astype(np.int32)
         self.starts = np.searchsorted(pairs, np.arange(len(order) + 1) * len(space.local_points))
         others = np.delete(np.arange(len(pairs)), self.starts[:-1])
-        parts = mesh.hat_gradients[cells] * weights[:, None, None]
-        sums = [np.bincount(corner.ravel(), parts[..., axis].ravel())[others] for axis in range(space.dim)]
+        parts = lambda axis: (mesh.hat_gradients[cells, :, axis] * weights[:, None]).ravel()
+        sums = [np.bincount(corner.ravel(), parts(axis), len(pairs))[others] for axis in range(space.dim)]
         self._gradients = np.column_stack(sums)
 
     @property

@@ -1,0 +1,1 @@
+"""What do smoothed elements gain beside linear ones, and what do they cost?"""
