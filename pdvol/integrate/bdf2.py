@@ -3,9 +3,9 @@
     v^{t+1} = (3 x^{t+1} - 4 x^t + x^{t-1}) / (2 dt),    M (3 v^{t+1} - 4 v^t + v^{t-1}) / (2 dt) = f(x^{t+1})
 
 With h = 2 dt / 3 that minimises 1/2 |x - x_hat|^2_M + h^2 E(x) for x_hat = (4 x^t - x^{t-1}) / 3 + h (4 v^t - v^{t-1})
-/ 3. The first step is one of implicit Euler, which leaves the order at two. A step that had to be cut is followed by
-implicit Euler in parts. Friction, drag and damping take the same velocities. Source: Hairer, Wanner, Solving Ordinary
-Differential Equations II, section V.1.
+/ 3. The first step is one of implicit Euler, which leaves the order at two. So is the first one after a jump. A step
+that had to be cut is solved in parts by implicit Euler. Friction, drag and damping take the same velocities. Source:
+Hairer, Wanner, Solving Ordinary Differential Equations II, section V.1.
 """
 
 import numpy as np

@@ -81,15 +81,18 @@ class ImplicitEuler:
         return (positions - past[0].positions) / dt
 
 
-def advance(integrator: Integrator, past: Past, positions: np.ndarray, dt: float, joined: int = 1) -> Past:
+def advance(
+    integrator: Integrator, past: Past, positions: np.ndarray, dt: float, joined: int = 1, anew: bool = False
+) -> Past:
     """The past after a step that led to `positions` (n, d), of so many steps of dt [s] joined to one; itself after a
-    step at rest, joined 0. Steps that were joined are one of implicit Euler, from which the integrator starts anew.
+    step at rest, joined 0. Steps that were joined are one of implicit Euler, from which the integrator starts anew. It
+    also does so where the next step begins `anew`, as no difference is taken over a jump (`LevelModel.begins_anew`).
     """
-    if joined == 0:
-        return past
     if joined > 1:
         integrator, past, dt = ImplicitEuler(), past[:1], joined * dt
-    return (State(positions, integrator.velocity(positions, past, dt)), *past[: integrator.states - 1])
+    if joined > 0:
+        past = (State(positions, integrator.velocity(positions, past, dt)), *past[: integrator.states - 1])
+    return past[:1] if anew else past
 
 
 def differences(integrator: Integrator, states: int, dt: float) -> tuple[float, tuple[float, ...]]:
@@ -133,6 +136,7 @@ def past_of(
     step: int,
     dt: float,
     joined: Callable[[int], int] = lambda step: 1,
+    anew: Callable[[int], bool] = lambda step: False,
 ) -> Past:
     """The past at the end of a stored step, to the last bit as it was in the run that stored it.
 
@@ -140,15 +144,17 @@ def past_of(
     ----------
     positions : step -> (n, d) [m]
     velocity : (n, d) [m/s] at step 0
+    anew : step -> whether the next step begins anew
     joined : step -> how many steps were joined to one there. For a finer level and for velocities of friction all are
         steps of dt, whose displacements add up
     """
-    solved: list[tuple[int, int]] = []  # velocities of the states used are themselves made of as many
-    while step > 0 and len(solved) < 2 * integrator.states - 1:
+    needed, count = list[tuple[int, int]](), 0
+    while step > 0 and count < 2 * integrator.states - 1:  # velocities of the states used are made of as many
         number = joined(step)
-        solved += [(step, number)] * (number > 0)
+        needed += [(step, number)] * (number > 0 or anew(step))
+        count += number > 0
         step -= 1
     past: Past = (State(positions(step), velocity),)
-    for number, steps in reversed(solved):
-        past = advance(integrator, past, positions(number), dt, steps)
+    for number, steps in reversed(needed):
+        past = advance(integrator, past, positions(number), dt, steps, anew(number))
     return past

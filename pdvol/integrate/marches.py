@@ -47,7 +47,8 @@ def direct(stepper: Stepper, start: Start, steps: int) -> Iterator[StepReport]:
     stepper.go_on_from(start.record, start.earlier)
     for number in range(start.step + 1, steps + 1):
         report = stepper.step(number, past)
-        past = advance(stepper.integrator, past, report.positions, stepper.model.dt, report.joined)
+        anew = stepper.model.begins_anew(number)
+        past = advance(stepper.integrator, past, report.positions, stepper.model.dt, report.joined, anew)
         report.velocity = past[0].velocity
         yield report
 
@@ -71,7 +72,8 @@ def progressive(
     stepper.go_on_from(start.record, start.earlier)
     for number in range(start.step + 1, steps + 1):
         report = stepper.step(number, past, led(past[0].positions, coarse(number - 1), prolongation))
-        past = advance(stepper.integrator, past, report.positions, stepper.model.dt)
+        anew = stepper.model.begins_anew(number)
+        past = advance(stepper.integrator, past, report.positions, stepper.model.dt, anew=anew)
         report.velocity = past[0].velocity
         yield report
 

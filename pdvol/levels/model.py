@@ -17,7 +17,7 @@ from pdvol.levels.muscles import CellMuscle, cell_muscles, level_muscles
 from pdvol.levels.obstacles import Obstacle, ground_of
 from pdvol.levels.scene_fields import chosen_points, initial_velocity, supported_points
 from pdvol.levels.start import start_positions
-from pdvol.scene import Barrier, Friction, Gravity, Load, Motion, Penalty, Scene, Solver, Still, metres, moved
+from pdvol.scene import Barrier, Friction, Gravity, Impulse, Load, Motion, Penalty, Scene, Solver, Still, metres, moved
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,6 +157,15 @@ class LevelModel:
     def friction(self) -> tuple[FrictionModel, ...]:
         """None or one."""
         return self.contact[0].friction if self.contact else ()
+
+    def begins_anew(self, step: int) -> bool:
+        """Whether velocities or forces jump where a step ends: a support lets go there, or an impulse acts in that step
+        or the next one. The same on every level.
+        """
+        start, end, after = ((step + k) * self.dt for k in (-1, 0, 1))
+        impulses = (placed.load.time for placed in self.loads if isinstance(placed.load, Impulse))
+        released = (support.holds(start, self.dt) and not support.holds(end, self.dt) for support in self.supports)
+        return any(released) or any(start <= time < after for time in impulses)
 
     def __repr__(self) -> str:
         return f"LevelModel(level {self.level}, {len(self.mesh.points)} vertices, {len(self.bodies)} bodies)"

@@ -58,7 +58,7 @@ def run_level(
         integrator = INTEGRATORS[model.integrator]()
         start = _start(model, hierarchy, method, integrator, writer, done)
         writer.call("set_level_state", level, "running")
-        coarse = _coarse(level - 1, integrator, model.dt, writer)
+        coarse = _coarse(model, integrator, writer)
         march = level_march(model, hierarchy, method, integrator, coarse, start)
     watcher = progress(level, model.steps, start.step) if progress is not None else None
     try:
@@ -88,22 +88,24 @@ def _start(
     """Where a level goes on that has `done` stored states; where it has none, the first one is stored."""
     level, step = model.level, done - 1
     if done == 0:
-        start = first_start(model, hierarchy, method, _coarse(level - 1, integrator, model.dt, writer))
+        start = first_start(model, hierarchy, method, _coarse(model, integrator, writer))
         writer.call("write_state", level, 0, start.past[0].positions)
         return start
     positions = partial(writer.read, level, "positions")
     joined = lambda step: 1 if is_led(method, level) else int(writer.record(level, step).get("joined", 1))
-    past = past_of(integrator, positions, model.velocity, step, model.dt, joined)
+    past = past_of(integrator, positions, model.velocity, step, model.dt, joined, model.begins_anew)
     record, *earlier = (writer.record(level, step - back) for back in range(integrator.states))
     return Start(step, past, record, earlier)
 
 
-def _coarse(level: int, integrator: Integrator, dt: float, writer: LevelWriter) -> Coarse:
-    """The pasts of a stored level; the last two are kept, which the steps of a finer level ask for."""
+def _coarse(model: LevelModel, integrator: Integrator, writer: LevelWriter) -> Coarse:
+    """The pasts of the stored level below; the last two are kept, which the steps of a level ask for."""
+    level = model.level - 1
 
     @lru_cache(maxsize=2)
     def past(step: int) -> Past:
         positions = partial(writer.read, level, "positions")
-        return past_of(integrator, positions, writer.read(level, "velocities", 0), step, dt)
+        velocity = writer.read(level, "velocities", 0)
+        return past_of(integrator, positions, velocity, step, model.dt, anew=model.begins_anew)
 
     return past

@@ -182,7 +182,8 @@ class March(Iterator[Step]):
             for report in march:
                 for array in (report.positions, report.velocity, *report.forces.values()):
                     array.flags.writeable = False
-                pasts.append(advance(integrator, pasts[-1], report.positions, model.dt))
+                anew = model.begins_anew(report.step)
+                pasts.append(advance(integrator, pasts[-1], report.positions, model.dt, anew=anew))
                 yield Step(model, space, report)
             below = pasts
 

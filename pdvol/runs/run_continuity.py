@@ -92,7 +92,7 @@ def continuity_of_level(
             values.append(float("nan"))
             errors.append(float("nan"))
             continue
-        past, after = stored_past(level, method, integrator, number - 1, run.dt), level.positions(number)
+        past, after = stored_past(level, method, integrator, number - 1, model), level.positions(number)
         own, weight = integrator.predict(past, run.dt), integrator.weight(past, run.dt)
         pull, guided = (weight * each for each in forces.pull(number, past, after, memories.get(number - 1), late))
         errors.append((run.dt**2 / weight) ** 2 * metrics.continuity_error(own, after, pull, masses))
@@ -101,7 +101,8 @@ def continuity_of_level(
             continue
         predicted, now = own, past[0].positions
         if taken == "coarse":
-            coarse = past_of(integrator, below.positions, below.velocities(0), number - 1, run.dt)
+            velocity, anew = below.velocities(0), model.begins_anew
+            coarse = past_of(integrator, below.positions, velocity, number - 1, run.dt, anew=anew)
             predicted = integrator.predict(led(now, coarse, prolongation), run.dt)
         pushes = (each.push(number - 1, now) for each in feedback)
         values.append(metrics.continuity(own, sum(pushes, start=predicted), after, pull, masses, guided))

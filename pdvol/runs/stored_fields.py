@@ -11,7 +11,7 @@ from pdvol.integrate.level_march import is_led
 from pdvol.integrate.replay import Replay
 from pdvol.levels.hierarchy import Hierarchy
 from pdvol.levels.materials import level_materials
-from pdvol.levels.model import hierarchy_model, level_model
+from pdvol.levels.model import LevelModel, hierarchy_model, level_model
 from pdvol.levels.obstacles import Obstacle, placed_obstacles
 from pdvol.levels.space import LevelSpace
 from pdvol.potentials.elasticity import Elastic
@@ -40,14 +40,14 @@ class SceneFields:
         else:
             hierarchy = Hierarchy([stored.mesh for stored in run.levels[: level + 1]], MPI.COMM_SELF)
             space, model = hierarchy[level], hierarchy_model(scene, hierarchy, level, diagonal, obstacles)
-        self._replay = Replay(model, space)
+        self._model, self._replay = model, Replay(model, space)
         self._elastic = [term for term in self._replay.terms if type(term) is Elastic]
         self._stresses = [CauchyStress(term) for term in self._elastic]
 
     def contact_force(self, step: int) -> np.ndarray:
         """(n, d) [N] at the end of a step; at the start, step 0, nothing slides."""
         step, joined = self._solved(step)
-        past = stored_past(self.level, self._method, self._replay.integrator, max(step - joined, 0), self._replay.dt)
+        past = stored_past(self.level, self._method, self._replay.integrator, max(step - joined, 0), self._model)
         late = lambda step: (self.level.behind(step), self.level.late(step))
         x = self._replay.put(step, past, self.level.positions(step), joined, late=late)
         return self._replay.space.to_input(self._replay.force(x, self._replay.contacts))
@@ -78,10 +78,11 @@ class SceneFields:
             )
 
 
-def stored_past(level: RunLevel, method: str, integrator: Integrator, step: int, dt: float) -> Past:
+def stored_past(level: RunLevel, method: str, integrator: Integrator, step: int, model: LevelModel) -> Past:
     """The past at the end of a step of a level that a run by a method has stored."""
     joined = {} if is_led(method, level.index) else {record["step"]: record.get("joined", 1) for record in level.log}
-    return past_of(integrator, level.positions, level.velocities(0), step, dt, lambda number: joined.get(number, 1))
+    all_of = lambda number: joined.get(number, 1)
+    return past_of(integrator, level.positions, level.velocities(0), step, model.dt, all_of, model.begins_anew)
 
 
 def stored_scene(run: Run) -> tuple[Scene, tuple[Obstacle, ...]]:

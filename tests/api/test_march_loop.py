@@ -50,6 +50,27 @@ def test_steps_are_those_of_a_run(method, integrator):
     assert seen == [(level, step) for level in range(3) for step in (1, 2, 3, 4)]
 
 
+@pytest.mark.parametrize("name", INTEGRATORS)
+def test_nothing_is_differenced_over_a_jump(name):
+    """A body that a support lets go in the fourth step falls as from rest, on each level. One that an impulse hits, in
+    the first step or later, has the whole velocity in that step, and keeps it.
+    """
+    dt, steps = 0.1, 8
+    hold = pdvol.Support(lambda X: np.ones(len(X), dtype=bool), release=0.3)
+    free = replace(falling(dt, steps, levels=2), integrator=name)
+    fallen = {"implicit_euler": lambda n: n * (n + 1) / 2, "bdf2": lambda n: n**2 / 2 + 0.75 * (1 - 3.0**-n)}[name]
+    for step in pdvol.march(replace(free, supports=(hold,))):
+        moved = step.positions - step.model.start
+        np.testing.assert_allclose(moved[:, 1], -G * dt**2 * fallen(max(0.0, step.step - 3.0)), atol=1e-7)
+    for first in (1, 4):
+        hit = pdvol.Impulse((1.0, 2.0), time=(first - 1) * dt)
+        for step in pdvol.march(replace(free, loads=(hit,))):
+            n = max(0, step.step - first + 1)
+            along = np.broadcast_to([1.0, 2.0], step.velocity.shape)
+            np.testing.assert_allclose(step.positions - step.model.start, n * dt * along, atol=1e-7)
+            np.testing.assert_allclose(step.velocity, along if n else 0.0 * along, atol=1e-6)
+
+
 def test_forces_balance():
     """Forces sum to zero where nothing is held; there the support gives what is left. Gravity is the weight."""
     held = pdvol.Support(lambda X: X[:, 0] < 1e-9)
