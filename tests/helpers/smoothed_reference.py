@@ -18,11 +18,13 @@ def cell_volume(mesh, cell):
     return abs(np.linalg.det(corners[1:] - corners[0])) / (2.0 if mesh.dim == 2 else 6.0)
 
 
-def edge_domains(mesh, materials, positions):
-    """Of each edge within each material: its cells, F (d, d) and volume. `materials` (m,) are any marks of cells."""
+def edge_domains(mesh, materials, positions, among=None):
+    """Of each edge within each material: its cells, F (d, d) and volume. `materials` (m,) are any marks of cells;
+    `among` are the cells that count, all where not given.
+    """
     around = defaultdict(list)
-    for cell, corners in enumerate(mesh.cells):
-        for edge in combinations(sorted(corners), 2):
+    for cell in range(len(mesh.cells)) if among is None else among:
+        for edge in combinations(sorted(mesh.cells[cell]), 2):
             around[edge, materials[cell]].append(cell)
     for cells in around.values():
         volumes = [cell_volume(mesh, cell) for cell in cells]

@@ -12,6 +12,7 @@ from pdvol.levels.materials import cell_materials, level_materials
 from pdvol.levels.space import LevelSpace
 from pdvol.potentials.potential import Positions
 from pdvol.potentials.stress import CauchyStress
+from pdvol.registry import ELEMENTS
 from pdvol.scene import Body, FixedCorotational, Keyed, NeoHookean, Pressure, Region, Scene, StVenantKirchhoff
 from problems import block, elastic, make_scene, make_stepper, take_step
 from shapes import box, together
@@ -23,13 +24,14 @@ KEYS = Keyed((1.0, 3.0), (2.0, 6.0))
 SECOND = 5.0  # Pa: Young's modulus of the other body
 
 
+@pytest.mark.parametrize("elements", ELEMENTS)
 @pytest.mark.parametrize("law", LAWS)
 @pytest.mark.parametrize("d", DIMENSIONS)
-def test_each_time_has_its_own_material(d, law):
+def test_each_time_has_its_own_material(d, law, elements):
     """Value, gradient, Hessian and stress at t = 2.5 s are those of 5 Pa in one body, and of the other's own."""
     space = LevelSpace(together(box(d, 2, jitter=0.1), box(d, 1, 2.0, 3.0)), MPI.COMM_SELF)
-    (keyed,) = elastic(space, law(KEYS, 0.3), law(SECOND, 0.3))
-    (fixed,) = elastic(space, law(5.0, 0.3), law(SECOND, 0.3))
+    keyed, *_ = elastic(space, law(KEYS, 0.3), law(SECOND, 0.3), elements=elements)
+    fixed, *_ = elastic(space, law(5.0, 0.3), law(SECOND, 0.3), elements=elements)
     x = state(space)
     at = Positions(space, x)
     early = keyed.value(at)

@@ -11,12 +11,13 @@ from pdvol.geometry.level_mesh import simplex_volumes
 from pdvol.levels.materials import cell_materials
 from pdvol.levels.space import LevelSpace
 from pdvol.potentials.assembly.domains import Domains
+from pdvol.potentials.build import build_terms
 from pdvol.potentials.elasticity import elastic_terms
 from pdvol.potentials.potential import Positions
 from pdvol.potentials.stress import CauchyStress
 from pdvol.runs.scene_file import Shot
-from pdvol.scene import NeoHookean, Region, StVenantKirchhoff, Support, Translation, rotation_matrix
-from problems import block, elastic, make_scene, make_stepper, take_step
+from pdvol.scene import Muscle, NeoHookean, Region, StVenantKirchhoff, Support, Translation, rotation_matrix
+from problems import block, elastic, make_model, make_scene, make_stepper, take_step
 from shapes import box, together
 from smoothed_reference import edge_domains, mean, neo_hookean, st_venant_kirchhoff
 from taylor import check_term, hessian_of, smallest_eigenvalue, state
@@ -56,6 +57,37 @@ def test_energies_in_plain_numpy(d):
     assert volume == pytest.approx(mesh.volumes.sum(), rel=ROUND)
     assert sum(domains.volumes.sum() for domains in list(energies)[:2]) == pytest.approx(volume, rel=ROUND)
     np.testing.assert_allclose([*energies.values()], [*expected.values(), 0.0], rtol=1e-12)
+
+
+@pytest.mark.parametrize("d", DIMENSIONS)
+def test_damping_and_muscles_in_plain_numpy(d):
+    """Both by the mean F of each edge; a muscle's edges are those of its own cells, whose fibres point in different
+    directions.
+    """
+    mesh = box(d, 2, jitter=0.1)
+    muscle = Muscle("body 0", lambda X: X - 0.4, 30.0, where=lambda X: X[:, 0] < 0.6)
+    scene = make_scene((NeoHookean(3.0, 0.3, damping=0.2),), muscles=(muscle,), elements="smoothed")
+    space, model = LevelSpace(mesh, MPI.COMM_SELF), make_model(scene, mesh)
+    x_t, x = (Positions(space, state(space, strain)) for strain in (0.1, 0.2))
+    terms = {term.name: term for term in build_terms(model, space).potentials if term.name in ("damping", "muscle")}
+    for term in terms.values():
+        term.begin_step(x_t, 0.0, 0.05)
+    mu, lmbda = (0.2 / 0.05 * getattr(scene.bodies[0].material, name) for name in ("mu", "lmbda"))
+    one = np.zeros(len(mesh.cells))
+    before = edge_domains(mesh, one, x_t.whole)
+    expected = {"damping": 0.0, "muscle": 0.0}
+    for (_, F, volume), (_, F_t, _) in zip(edge_domains(mesh, one, x.whole), before, strict=True):
+        D = (F.T @ F - F_t.T @ F_t) / 2
+        expected["damping"] += volume * (mu * np.sum(D * D) + lmbda / 2 * np.trace(D) ** 2)
+    held, fibres = model.muscles[0].cells, np.zeros((len(mesh.cells), d))
+    fibres[held] = model.muscles[0].fibres
+    for cells, F, volume in edge_domains(mesh, one, x.whole, held):
+        tension = 30.0 * np.array(
+            [[mean(mesh, cells, fibres[:, i] * fibres[:, j]) for j in range(d)] for i in range(d)]
+        )
+        expected["muscle"] += volume * np.sum(F.T @ F * tension) / 2
+    for name, term in terms.items():
+        assert term.value(x) == pytest.approx(expected[name], rel=1e-12), name
 
 
 @pytest.mark.parametrize("d", DIMENSIONS)
