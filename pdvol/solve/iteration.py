@@ -42,6 +42,7 @@ CANCELLATION = 2e-15
 # Near the minimum the last matrix is nearly as good as a new one.
 SHORT = 5.0  # times the tolerance: shorter steps take the last matrix
 CONTRACTING = 0.5  # ratio of consecutive step lengths up to which they approach the minimum
+OLD_MATRIX_TOLERANCE = 0.25  # of the tolerance: a shorter step by an older matrix ends a solve whatever was promised
 
 
 # ---- records
@@ -154,7 +155,8 @@ def stops(last: Iteration, before: Iteration | None, tolerance: float) -> str:
     """Why the solve ends after the last iteration: "TOLERANCE", "ROUNDING" (the energy cannot fall any further in
     double precision), or empty.
     """
-    if last.speed <= tolerance and (last.at_rounding or (last.full and last.as_promised)):
+    settled = last.as_promised or (last.matrix_age > 0 and last.speed <= OLD_MATRIX_TOLERANCE * tolerance)
+    if last.speed <= tolerance and (last.at_rounding or (last.full and settled)):
         return "TOLERANCE"
     if last.at_rounding and last.speed > CONTRACTING * speed_of(before):
         return "ROUNDING"

@@ -10,6 +10,7 @@ import pytest
 from pdvol.solve.iteration import (
     CANCELLATION,
     CONTRACTING,
+    OLD_MATRIX_TOLERANCE,
     SHORT,
     Iteration,
     Projection,
@@ -74,6 +75,8 @@ def test_the_matrix_is_kept_near_the_minimum(last, before, kept):
         (iteration(as_promised=False), FAST, ""),
         (iteration(matrix_age=1), FAST, "TOLERANCE"),
         (iteration(matrix_age=1, as_promised=False), FAST, ""),
+        (iteration(OLD_MATRIX_TOLERANCE * TOLERANCE, matrix_age=1, as_promised=False), FAST, "TOLERANCE"),
+        (iteration(OLD_MATRIX_TOLERANCE * TOLERANCE, as_promised=False), FAST, ""),
         (iteration(cap=0.5, at_rounding=True), FAST, "TOLERANCE"),
         (iteration(2 * TOLERANCE, at_rounding=True), iteration(2 * TOLERANCE / CONTRACTING), ""),
         (iteration(2.01 * TOLERANCE, at_rounding=True), iteration(2 * TOLERANCE / CONTRACTING), "ROUNDING"),

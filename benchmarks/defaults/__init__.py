@@ -1,0 +1,1 @@
+"""Which defaults give the smaller error at equal CPU time."""
