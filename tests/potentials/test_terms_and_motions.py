@@ -2,7 +2,7 @@
 is projected, and that a body which goes along with its ground feels no friction.
 """
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
@@ -24,6 +24,7 @@ from pdvol.scene import (
     Force,
     Friction,
     Gravity,
+    Material,
     Muscle,
     NeoHookean,
     Path,
@@ -204,8 +205,20 @@ def test_exact_derivatives_and_projected_signs(d, motion, order):
         check(on["surface" if name.startswith("surface") else "plane"], name, length, options)
 
 
+@dataclass(frozen=True)
+class Fibred(Material):
+    """A law of a user's own, which is not isotropic."""
+
+    fibres: float = 5e3
+
+    @staticmethod
+    def psi(F, mu, lmbda, fibres):
+        stretched = sum(F[i, 0] ** 2 for i in range(F.ufl_shape[0]))
+        return NeoHookean.psi(F, mu, lmbda) + fibres / 4 * (stretched - 1) ** 2
+
+
 @pytest.mark.parametrize("elements", ELEMENTS)
-@pytest.mark.parametrize("law", [NeoHookean, StVenantKirchhoff, FixedCorotational])
+@pytest.mark.parametrize("law", [NeoHookean, StVenantKirchhoff, FixedCorotational, Fibred])
 @pytest.mark.parametrize("d", DIMENSIONS)
 def test_laws_and_elements(d, law, elements):
     at = Built(d, "none", "plane", law, order=2, elements=elements)
