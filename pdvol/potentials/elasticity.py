@@ -47,8 +47,16 @@ class Elastic(CellEnergy):
         shares: Shares | None = None,
         ceiling: float = 0.0,
     ):
-        how: dict[str, Any] = {"isotropic": False if ceiling else None, "ceiling": ceiling, "oriented": True}
-        super().__init__(space, psi, parameters, domains, material=material, **how)
+        super().__init__(
+            space,
+            psi,
+            parameters,
+            domains,
+            isotropic=False if ceiling else None,
+            material=material,
+            ceiling=ceiling,
+            oriented=True,
+        )
         self._shares = shares
         self._lame = {name: parameters[name] for name in ("mu", "lmbda")}
 
