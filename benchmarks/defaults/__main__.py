@@ -160,13 +160,13 @@ def feedback_row(runs: Runs) -> list[str]:
         drift = reference.errors(run, 0)["time"]
         level = measure_run(run.path)["levels"][1]
         newton = sum(record["newton_iterations"] for record in run.levels[1].log)
-        cells.append(f"{number(1e3 * drift)}, {number(level['summary']['continuity']['median'])}, {newton:,}")
+        cells.append(f"{number(1e3 * drift)}, {number(level['summary']['continuity_error']['median'])}, {newton:,}")
     return cells
 
 
 def at_equal(ours: Sequence[Point], theirs: Sequence[Point], index: int) -> list[str]:
-    """The second setting's error over the first one's, at the CPU time of the first one's point `index`; and its CPU time
-    over that, where it has this point's error.
+    """The second setting's error over the first one's, at the CPU time of the first one's point `index`; and its CPU
+    time over that, where it has this point's error.
     """
     seconds, error = ours[index]
     cpu, errors = np.log(np.array(sorted(theirs))).T
@@ -192,7 +192,7 @@ PARTS = {
         space_row,
     ),
     "feedback": (
-        ["scene", *(f"feedback {value:g}: distance [mm], continuity, Newton" for value in FEEDBACKS)],
+        ["scene", *(f"feedback {value:g}: distance [mm], continuity error [kg m^2], Newton" for value in FEEDBACKS)],
         feedback_row,
     ),
 }

@@ -24,8 +24,9 @@ def add_arguments(parser: ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="NAMES",
-        help="what to vary: dt, tolerance, dhat, level, law, friction.iterations, integrator, linear_rtol, or a setting"
-        " with values, NAME=value,value,... or NAME=A:B:N; may be repeated (default: dt,tolerance,dhat,level)",
+        help="what to vary: dt, integrator, elements, feedback, tolerance, dhat, level, friction.iterations,"
+        " linear_rtol, or a setting with values, NAME=value,value,... or NAME=A:B:N; may be repeated (default:"
+        " dt,integrator,elements,tolerance,dhat,level)",
     )
     parser.add_argument(
         "--reference", default="", metavar="NAME=VALUE,...", help="settings of the reference (default: by the budget)"

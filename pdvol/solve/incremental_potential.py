@@ -207,9 +207,8 @@ class IncrementalPotential:
             term.restore(memory.get(term.name, {}))
 
     def predict_friction(self, x: Positions, direction: np.ndarray) -> np.ndarray | None:
-        """Predicts which contacts stick and which slide at the end of a direction (n_owned, d) from x, with the last
-        prediction in mind: the gradient (n_owned, d) at x with these states less the gradient as it is. None where the
-        states are those of the last prediction. Collective.
+        """Predicts which contacts that slide stick at the end of a direction (n_owned, d) from x: the gradient
+        (n_owned, d) at x as predicted less the gradient as it is. None where there are none. Collective.
         """
         with self.watch.part("contact"):
             end = x.moved(1.0, direction)
@@ -219,7 +218,7 @@ class IncrementalPotential:
             return self.weight * sum((term.predicted_change(x) for term in self.frictions), np.zeros_like(x.owned))
 
     def forget_prediction(self) -> None:
-        """All contacts are in their present states again."""
+        """All contacts slide or stick as they do."""
         for term in self.frictions:
             term.forget_prediction()
 

@@ -4,7 +4,8 @@ matrix, how to make the next Hessian positive definite, how long the next step i
 Newton stops when its full step is nowhere faster than the tolerance [m/s]; that step is still taken. A short step says
 little about the distance to the minimum within the smoothing of friction, which is as wide as the default tolerance
 (where a contact begins to slide its stiffness vanishes), deep inside a barrier, or by an older matrix in a soft
-direction. So the potential must have fallen by about what the model promised.
+direction. So the potential must have fallen by about what the model promised. A step far below the tolerance ends the
+solve without that where it is by an older matrix, and where steps creep: a projected Hessian may be too stiff for ever.
 
 The next projection follows from how well the last model promised the decrease (in the spirit of Chen et al. 2024):
 
@@ -34,6 +35,7 @@ TOO_STIFF = 1.25  # times the promised decrease: a model that delivers more is t
 PAUSE = 8  # iterations without an unprojected Hessian after an indefinite one, so that few are tried
 
 SAME_DIRECTION = 0.95  # cosine between consecutive steps from which on the second repeats the first
+SOFT = 0.5  # of the model's stiffness in that direction: a softer potential gets a longer step
 MAX_LENGTHENING = 20.0  # factor: the secant is unbounded where the stiffness vanishes
 
 # fraction of the terms whose difference the energy is: a smaller decrease is round-off
@@ -42,7 +44,7 @@ CANCELLATION = 2e-15
 # Near the minimum the last matrix is nearly as good as a new one.
 SHORT = 5.0  # times the tolerance: shorter steps take the last matrix
 CONTRACTING = 0.5  # ratio of consecutive step lengths up to which they approach the minimum
-OLD_MATRIX_TOLERANCE = 0.25  # of the tolerance: a shorter step by an older matrix ends a solve whatever was promised
+FAR_BELOW = 0.25  # of the tolerance: a shorter step needs no promise by an older matrix, or where steps creep
 
 
 # ---- records
@@ -155,10 +157,13 @@ def stops(last: Iteration, before: Iteration | None, tolerance: float) -> str:
     """Why the solve ends after the last iteration: "TOLERANCE", "ROUNDING" (the energy cannot fall any further in
     double precision), or empty.
     """
-    settled = last.as_promised or (last.matrix_age > 0 and last.speed <= OLD_MATRIX_TOLERANCE * tolerance)
+    contracts = last.speed <= CONTRACTING * speed_of(before)
+    plain = before is not None and last.lengthening == before.lengthening == 1.0
+    creeps = plain and not contracts and last.speed <= speed_of(before)
+    settled = last.as_promised or ((last.matrix_age > 0 or creeps) and last.speed <= FAR_BELOW * tolerance)
     if last.speed <= tolerance and (last.at_rounding or (last.full and settled)):
         return "TOLERANCE"
-    if last.at_rounding and last.speed > CONTRACTING * speed_of(before):
+    if last.at_rounding and not contracts:
         return "ROUNDING"
     return ""
 
@@ -202,4 +207,4 @@ def lengthening(direction: np.ndarray, last: np.ndarray, moved: np.ndarray, tota
     if length <= 0.0 or along < SAME_DIRECTION * np.sqrt(size * before):
         return 1.0
     stiffness = (before - along) / length  # over that of the model
-    return float(1.0 / np.clip(stiffness, 1.0 / MAX_LENGTHENING, 1.0))
+    return 1.0 if stiffness > SOFT else float(1.0 / max(stiffness, 1.0 / MAX_LENGTHENING))

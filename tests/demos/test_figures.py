@@ -153,6 +153,7 @@ def test_figures_are_whole_and_have_their_size(figure, axis, size):
     assert enclosed_volume(shape.vertices, shape.triangles) > 0.0
 
 
+@pytest.mark.slow
 def test_letters_are_cut_out_of_the_block():
     block = recipes.letter_block(1.0, 0.1, 4000)
     checked = check_surface(block)

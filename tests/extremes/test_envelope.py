@@ -67,7 +67,13 @@ def march(tmp_path, name, steps=None, seed=0):
     return error
 
 
-@pytest.mark.parametrize("name", SHORT)
+LONG = ("levels_8_flat_dt_0.04", "levels_from_20_vertices")
+"""Rows whose meshes take most of the time."""
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=pytest.mark.slow) if name in LONG else name for name in SHORT]
+)
 def test_the_first_steps(tmp_path, name):
     assert march(tmp_path, name, SHORT[name]) is None
 

@@ -11,9 +11,9 @@ from pdvol.runs.scene_file import load_shot
 from pdvol.store.reader import open_run
 
 
-def stored(tmp_path, name, steps=None):
+def stored(tmp_path, name, steps=None, **settings):
     """The stored run of a row."""
-    run_scene(load_shot(scenes.__file__, {"name": name}, steps), tmp_path / "run")
+    run_scene(load_shot(scenes.__file__, {"name": name, **settings}, steps), tmp_path / "run")
     return open_run(tmp_path / "run")
 
 
@@ -68,10 +68,13 @@ def test_what_no_step_can_resolve_is_refused(tmp_path, name, words):
     assert not (tmp_path / "run").exists()
 
 
-@pytest.mark.parametrize(("name", "most"), [("impact_10000", 600), ("size_0.1mm_thrown_dt_0.01", 350)])
+@pytest.mark.parametrize(("name", "most"), [("impact_10000", 350), ("size_0.1mm_thrown_dt_0.01", 200)])
 def test_iterations_of_the_first_steps(tmp_path, name, most):
-    """Newton iterations of two steps: 386 and 165 when this was written. Contact is met in them."""
-    run = stored(tmp_path, name, 2)
-    assert sum(record["newton_iterations"] for record in run.levels[0].log) < most
-    assert all(record["cuts"] == 0 for record in run.levels[0].log)
-    assert any(record["contacts"] > 0 for record in run.levels[0].log)
+    """Newton iterations of two steps, in which contact is met: the median of starts that differ by chance, 242 and 85
+    when this was written. A single start of what is chaotic may take several times as many.
+    """
+    logs = [stored(tmp_path / str(seed), name, 2, jitter=(1e-4, seed)).levels[0].log for seed in range(1, 6)]
+    middle = lambda key: np.median([sum(record[key] for record in log) for log in logs])
+    assert middle("newton_iterations") < most
+    assert middle("cuts") == 0
+    assert all(any(record["contacts"] > 0 for record in log) for log in logs)

@@ -52,7 +52,12 @@ def test_the_mats_are_of_the_papers_sizes():
     assert (len(arch.points), len(arch.cells)) == (200, 150)
 
 
-@pytest.mark.parametrize("name", scenes.PAIRS)
+QUICK_PAIRS = ("spike_spike", "wedge_crack", "cube_cliff")
+
+
+@pytest.mark.parametrize(
+    "name", [name if name in QUICK_PAIRS else pytest.param(name, marks=pytest.mark.slow) for name in scenes.PAIRS]
+)
 def test_erlebens_pairs_come_to_touch(tmp_path, name):
     out, deep = tmp_path / "run", name.endswith(("crack", "hole"))  # 0.65 m down
     run_scene(load_shot(FILE, {"name": f"erleben_{name}"}, 90 if deep else 30), out)

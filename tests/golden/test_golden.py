@@ -12,7 +12,10 @@ TOLERANCE_OF_DROP = 4e-4
 
 
 @pytest.mark.mpi
-@pytest.mark.parametrize("name", golden.RUNS)
+@pytest.mark.parametrize(
+    "name",
+    [pytest.param(name, marks=pytest.mark.slow) if name == "drop_on_two_ranks" else name for name in golden.RUNS],
+)
 def test_golden_run_repeats(name, tmp_path):
     run = golden.simulate(name, tmp_path / name)
     tolerance = TOLERANCE_OF_DROP if "drop" in name else TOLERANCE

@@ -1,4 +1,4 @@
-"""The compiled loops of friction beside the same in numpy: the smoothed law, forces and stiffness, predicted states."""
+"""The compiled loops of friction beside the same in numpy: the smoothed law, forces and stiffness, predictions."""
 
 from itertools import product
 
@@ -7,7 +7,7 @@ import pytest
 from test_derivatives import DT, EPS_V, MU, near_surfaces
 from test_lagged_friction import slips_of
 
-from pdvol.potentials.contact.friction import AS_IT_IS, SLIDES, STICKS, LaggedFriction
+from pdvol.potentials.contact.friction import LaggedFriction
 from pdvol.potentials.potential import Positions
 from taylor import hessian_of
 
@@ -36,15 +36,6 @@ def law(sizes):
     return energy, over, np.where(sticks, 2.0 / EPS - 2.0 * sizes / EPS**2, 0.0)
 
 
-def predict_some(term):
-    """A third of the contacts predicted to stick, and a third to slide along arbitrary ways."""
-    k, d = term.ways.shape
-    rng = np.random.default_rng(1)
-    term.ways[:] = rng.standard_normal((k, d))
-    term.ways /= np.linalg.norm(term.ways, axis=1)[:, None]
-    term.states[:], term.sizes[:] = np.arange(k) % 3, EPS * rng.uniform(0.5, 3.0, k)
-
-
 def at_vertices(term, forces):
     """(n_owned, d) from forces (k, d) on the contacts."""
     found = np.zeros((len(term.surface.objects), forces.shape[1]))
@@ -62,18 +53,15 @@ def test_energies_and_forces_are_the_laws(lagged):
     np.testing.assert_allclose(term.gradient(x), expected, atol=1e-12 * np.abs(expected).max())
 
 
-def test_forces_and_stiffness_of_predicted_states(lagged):
+def test_forces_and_stiffness_where_contacts_are_predicted_to_stick(lagged):
     term, x = lagged
-    predict_some(term)
+    term.sticks[:] = np.arange(len(term.sticks)) % 2
     slips = slips_of(term, x)
     sizes, d = np.linalg.norm(slips, axis=1), slips.shape[1]
     _, over, slope = law(sizes)
-    sticks, slides = term.states == STICKS, term.states == SLIDES
-    across = np.where(sticks, 2.0 / EPS, np.where(slides, 1.0 / np.maximum(term.sizes, EPS), over))
-    along = np.where(sticks, 2.0 / EPS, np.where(slides, 0.0, slope))
-    ways = np.where(slides[:, None], term.ways, slips / sizes[:, None])
+    across, along = (np.where(term.sticks, 2.0 / EPS, own) for own in (over, slope))
     normals = term.contacts.gaps / np.linalg.norm(term.contacts.gaps, axis=1)[:, None]
-    n, w = (np.einsum("ki,kj->kij", v, v) for v in (normals, ways))
+    n, w = (np.einsum("ki,kj->kij", v, v) for v in (normals, slips / sizes[:, None]))
     plane = across[:, None, None] * (np.eye(d) - n) + (along - across)[:, None, None] * w
     tensors = 3.0 * np.maximum(term.forces, 0.0)[:, None, None] * plane
     rows, size = term.surface.rows, x.owned.size
@@ -84,43 +72,25 @@ def test_forces_and_stiffness_of_predicted_states(lagged):
             expected[d * a : d * a + d, d * b : d * b + d] += c[i] * c[j] * tensor
     found = 3.0 * hessian_of(term, term.space, x.owned).toarray()
     np.testing.assert_allclose(found, expected, atol=1e-12 * np.abs(expected).max())
-    onto = np.sum(slips * term.ways, axis=1)[:, None] * term.ways
-    sliding = term.ways + (slips - onto) / np.maximum(term.sizes, EPS)[:, None]
-    states = term.states[:, None]
-    changed = np.where(states == STICKS, 2.0 / EPS * slips, sliding) - over[:, None] * slips
-    forces = at_vertices(term, term.forces[:, None] * np.where(states == AS_IT_IS, 0.0, changed))
+    changed = np.where(term.sticks, 2.0 / EPS - over, 0.0)[:, None] * slips
+    forces = at_vertices(term, term.forces[:, None] * changed)
     np.testing.assert_allclose(term.predicted_change(x), forces, atol=1e-12 * np.abs(forces).max())
     term.forget_prediction()
     assert np.all(term.predicted_change(x) == 0.0)
 
 
-def test_states_are_predicted_by_the_table(lagged):
-    """Of `friction.py`, for all three states and ends of any length and direction."""
+def test_what_slides_is_predicted_to_stick_where_it_turns_or_stops(lagged):
+    """For ends of any length and direction."""
     term, x = lagged
-    predict_some(term)
-    now, rng = slips_of(term, x), np.random.default_rng(2)
-    before, ways, sizes = term.states.copy(), term.ways.copy(), term.sizes.copy()
-    seen = set()
-    for shift in range(100):
+    now, rng, seen = slips_of(term, x), np.random.default_rng(2), set()
+    slides = np.linalg.norm(now, axis=1) >= EPS
+    for _ in range(100):
         end = Positions(x.space, x.owned + EPS * 10.0 ** rng.uniform(-1, 1) * rng.uniform(-1, 1, x.owned.shape))
-        then, states = slips_of(term, end), (before + shift) % 3
-        term.states[:], term.ways[:], term.sizes[:] = states, ways, sizes
-        changes = term.predict(x, end)
-        for k in np.flatnonzero(term.forces > 0.0):
-            size = np.linalg.norm(then[k])
-            turned = (ways[k] if states[k] == SLIDES else now[k]) @ then[k] < 0.0
-            expected = states[k]
-            if states[k] == AS_IT_IS and np.linalg.norm(now[k]) >= EPS and (turned or size < EPS):
-                expected = STICKS
-            elif states[k] == STICKS and size > EPS:
-                expected = SLIDES
-                np.testing.assert_allclose(term.ways[k], then[k] / size, rtol=1e-12)
-                np.testing.assert_allclose(term.sizes[k], size, rtol=1e-12)
-            elif states[k] == SLIDES and (turned or size < 0.5 * EPS):
-                expected = STICKS
-            assert term.states[k] == expected
-            seen.add((int(states[k]), int(expected)))
-        np.testing.assert_array_equal(term.states[term.forces <= 0.0], states[term.forces <= 0.0])
-        assert changes == bool(np.any(term.states != states))
-    stays = {(state, state) for state in (AS_IT_IS, STICKS, SLIDES)}
-    assert seen == stays | {(AS_IT_IS, STICKS), (STICKS, SLIDES), (SLIDES, STICKS)}
+        then = slips_of(term, end)
+        turned, stopped = np.sum(now * then, axis=1) < 0.0, np.linalg.norm(then, axis=1) < EPS
+        found = term.predict(x, end)
+        expected = (term.forces > 0.0) & slides & (turned | stopped)
+        np.testing.assert_array_equal(term.sticks, expected)
+        assert found == bool(expected.any())
+        seen |= set(zip(slides, turned, stopped, strict=True))
+    assert len(seen) == 8

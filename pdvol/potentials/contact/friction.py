@@ -2,18 +2,11 @@
 
 The force of a contact that slides is constant along its slip. So Newton's model has no stiffness there, its direction
 turns the slip round where the contact should stick, and the line search cuts the step off: again and again, once for
-each contact that sticks. The energy of friction is convex and depends on slips alone, so the minimum of the model with
-friction as it is, not its Taylor series, can be approached by a few linear solves in place of Newton iterations.
-Between two of them the contacts' states are predicted from the last direction:
-
-| a contact that | at the end of the direction | is predicted to |
-|---|---|---|
-| slides | has turned round, or slips less than eps | stick: its force is that of small slips, 2 / eps times the slip |
-| was predicted to stick | slips more than eps | slide along that slip, with the full force |
-| was predicted to slide | has turned round, or slips less than eps / 2 | stick |
-
-This is a primal-dual active set method (Hintermueller, Ito and Kunisch 2003) for the friction of one Newton direction.
-Energy and gradient are not changed by a prediction. The loops over contacts are in native/friction.c.
+each contact that sticks. So a contact that slides, and at the end of the direction has turned round or slips less than
+eps, is predicted to stick: its force is that of small slips, 2 / eps times the slip. The direction is solved for again.
+This is the first iteration of a primal-dual active set method (Hintermueller, Ito and Kunisch 2003) for the friction of
+one Newton direction; further ones gain nothing. Energy and gradient are not changed by a prediction. The loops over
+contacts are in native/friction.c.
 """
 
 import numpy as np
@@ -26,8 +19,6 @@ from pdvol.potentials.contact.barrier import ContactBarrier
 from pdvol.potentials.contact.candidates import Contacts
 from pdvol.potentials.contact.native import ffi, library
 from pdvol.potentials.potential import Positions, Rates, Term
-
-AS_IT_IS, STICKS, SLIDES = range(3)  # as in native/friction.c
 
 
 class LaggedFriction(Term):
@@ -47,11 +38,8 @@ class LaggedFriction(Term):
     ----------
     contacts : k contacts
     forces : (k,) friction force of each contact when it slides [N]
-    states : (k,) int8
-        AS_IT_IS, or as predicted: STICKS or SLIDES.
-    ways : (k, d)
-        Unit vectors along the slip at the end of a direction, of contacts predicted to slide.
-    sizes : (k,) slip [m] at the end, of the same contacts
+    sticks : (k,) bool
+        Which contacts are predicted to stick, although they slide.
     """
 
     name = "friction"
@@ -78,12 +66,11 @@ class LaggedFriction(Term):
         found, mu = self.barrier.contacts(x), self.mu
         if isinstance(mu, np.ndarray):
             mu = mu[found.objects_in_contact(self.surface.objects)]
-        k, d = found.gaps.shape
+        k = len(found)
         self.contacts, self.forces, self._at = found, mu * found.pressures * found.weights, None
-        self.states, self.ways, self.sizes = np.zeros(k, dtype=np.int8), np.zeros((k, d)), np.zeros(k)
-        self._c = ffi.new("friction_t *", {"eps": self._eps, "states": pointer(self.states, "int8_t")})
+        self.sticks = np.zeros(k, dtype=bool)
+        self._c = ffi.new("friction_t *", {"eps": self._eps, "sticks": pointer(self.sticks, "int8_t")})
         self._c.start, self._c.forces = pointer(self._start), pointer(self.forces)
-        self._c.ways, self._c.sizes = pointer(self.ways), pointer(self.sizes)
         self._acts = reduce(self.space.comm, k > 0, MPI.LOR)
 
     @property
@@ -91,8 +78,8 @@ class LaggedFriction(Term):
         return self._acts  # the same on every rank: its calls are collective
 
     def _sum(self, x: Positions, predicted: bool = False) -> tuple[float, np.ndarray]:
-        """The energy [J] of this rank's contacts, and the gradient (n, d) [N] by the surface's vertices; or what
-        predicted states add to this.
+        """The energy [J] of this rank's contacts, and the gradient (n, d) [N] by the surface's vertices; or what the
+        prediction adds to this.
         """
         vertices = self.surface.vertices(x)
         gradient = np.zeros(vertices.shape)
@@ -130,8 +117,8 @@ class LaggedFriction(Term):
     # ---- the prediction
 
     def predict(self, x: Positions, end: Positions) -> bool:
-        """Predicts the contacts' states at the `end` of a direction from x, with the last prediction in mind. Returns
-        whether any of this rank's differs from it. Collective.
+        """Predicts which contacts stick at the `end` of a direction from x; returns whether any of this rank's does.
+        Collective.
         """
         if not self.has_friction:
             return False
@@ -139,9 +126,9 @@ class LaggedFriction(Term):
         return library().friction_predict(self.space.dim, self.contacts.c, self._c, *places) > 0
 
     def forget_prediction(self) -> None:
-        """Contacts are in their present states again."""
-        self.states[:] = AS_IT_IS
+        """Contacts slide or stick as they do."""
+        self.sticks[:] = False
 
     def predicted_change(self, x: Positions) -> np.ndarray:
-        """(n_owned, d) gradient at x [N] of the energy with the predicted states, less the gradient as it is."""
+        """(n_owned, d) gradient at x [N] of the energy as predicted, less the gradient as it is."""
         return self.surface.rows_of(self._sum(x, predicted=True)[1])

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from pdvol.errors import InputError
-from pdvol.registry import INTEGRATORS
+from pdvol.registry import ELEMENTS, INTEGRATORS
 from pdvol.runs.scene_file import Shot, load_shot
 from pdvol.scene import Barrier, Friction, Scene
 from pdvol.studio.variations.variation import Base, Variation, number, times
@@ -20,7 +20,8 @@ FACTORS = {
 }
 RELATIVE_TOLERANCES = (0.01, 0.003, 0.03)  # fractions of the change of velocity
 LAGS = (3, 10)  # solves with friction lagged anew in a step: once more or twice more hardly differs from one
-DEFAULT_AXES = ("dt", "tolerance", "dhat", "level")
+FEEDBACKS = (0.1, 0.3)  # fractions of the drift from the level below
+DEFAULT_AXES = ("dt", "integrator", "elements", "tolerance", "dhat", "level")
 # Exponents of a first guess of the cost, until it is measured: steps are cheaper where they are short.
 COST_EXPONENTS = {"dt": -0.85, "tolerance": -0.06, "dhat": -0.05, "friction.iterations": 0.8}
 
@@ -97,6 +98,8 @@ def base_value(shot: Shot, name: str) -> Any:
         "tolerance": scene.solver.tolerance,
         "linear_rtol": scene.solver.linear_rtol,
         "integrator": scene.integrator,
+        "elements": scene.elements,
+        "feedback": scene.feedback,
         "dhat": barrier.dhat if barrier else None,
         "friction.iterations": friction.iterations if friction else None,
     }
@@ -116,6 +119,10 @@ def _others(name: str, base: Any) -> Sequence[Any]:
         return tuple(times(base, factor) for factor in FACTORS[name])
     if name == "integrator":
         return tuple(INTEGRATORS)
+    if name == "elements":
+        return ELEMENTS
+    if name == "feedback":
+        return FEEDBACKS
     if name == "friction.iterations":
         return LAGS
     if name == "relative_tolerance":

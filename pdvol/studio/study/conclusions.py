@@ -68,7 +68,7 @@ def _reference(
     parts: dict[str, float | None] = {}
     second = plan.second_reference()
     difference = None if second is None else apart(reference, second)
-    order = TIME_ORDERS.get(integrator, 1.0)
+    order = TIME_ORDERS.get(dict(reference.changes).get("integrator", integrator), 1.0)
     parts["dt"] = None if difference is None else richardson(difference, 2.0, order)
     tolerances = [
         v

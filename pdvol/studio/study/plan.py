@@ -18,6 +18,7 @@ JITTERS = 3  # repeated starts
 REFERENCE_SHARE = 0.35  # of the budget: what the reference may take, one run that nothing can shorten
 FINER_STEPS = (2, 4, 8)  # the scene's time step in references' ones; powers of two, so that runs share times
 STRICTER = 0.1  # the reference's tolerance, in the scene's
+BETTER = {"integrator": "bdf2", "elements": "smoothed"}  # the reference's methods, where they are varied
 LEVEL_SHARE = 0.08  # of the budget: what the scene's own settings may take on all levels of a study
 MOST_COMBINATIONS = 24
 REFERENCE = "a reference"  # what its run is wanted for
@@ -115,7 +116,8 @@ class Plan:
                 twice = times(changes.get("dt", self.values["dt"]), 2.0)
                 self._ladder = [Variation.of({**changes, "dt": twice}, self.reference.method), self.reference]
                 return self._ladder
-            strict = {"tolerance": times(self.values["tolerance"], STRICTER)}
+            strict: dict[str, Any] = {"tolerance": times(self.values["tolerance"], STRICTER)}
+            strict |= {name: value for name, value in BETTER.items() if self.values.get(name, value) != value}
             finer = [
                 Variation.of({**strict, "dt": times(self.values["dt"], 1.0 / step)}, self.method)
                 for step in FINER_STEPS

@@ -2,10 +2,6 @@
  * (friction.py). The force grows to that of full sliding at a slip of eps, and is constant beyond. */
 #include "products.h"
 
-enum { AS_IT_IS, STICKS, SLIDES };
-
-#define LEAST_SLIDE 0.5 /* of eps: a contact predicted to slide sticks below this slip; between it and 1 the prediction stays as it is */
-
 INLINE double length(int d, const double *v)
 {
     return sqrt(dot(d, v, v));
@@ -39,31 +35,22 @@ INLINE void slip_of(int d, const contact_t *contact, const double *start, const 
 }
 
 /* The dissipation over the contacts that count here, and the gradient by the surface's positions (n, d), added to `gradient`; or, where `predicted`,
- * what the predicted states add to the gradient. */
+ * what those that are predicted to stick add to the gradient. */
 double friction_sum(int d, const contacts_t *all, const friction_t *friction, const double *x, int predicted, double *gradient)
 {
     const double eps = friction->eps;
     double total = 0.0;
     for (int64_t k = 0; k < all->count; ++k) {
-        const int state = friction->states[k];
         const contact_t *contact = all->contacts + k;
-        const double *way = friction->ways + d * k;
         double slip[3], force[3];
-        if (predicted && state == AS_IT_IS)
+        if (predicted && !friction->sticks[k])
             continue;
         slip_of(d, contact, friction->start, x, slip);
         const double size = length(d, slip), over = force_over_slip(size, eps);
         const double energy = size < eps ? size * size * (1.0 - size / (3.0 * eps)) / eps + eps / 3.0 : size;
         total += contact->counted ? friction->forces[k] * energy : 0.0;
         for (int j = 0; j < d; ++j)
-            force[j] = friction->forces[k] * over * slip[j];
-        if (predicted) {
-            const double along = dot(d, slip, way), across = 1.0 / fmax(friction->sizes[k], eps);
-            for (int j = 0; j < d; ++j) {
-                const double then = state == STICKS ? 2.0 / eps * slip[j] : way[j] + across * (slip[j] - along * way[j]);
-                force[j] = friction->forces[k] * then - force[j];
-            }
-        }
+            force[j] = friction->forces[k] * (predicted ? 2.0 / eps - over : over) * slip[j];
         for (int i = 0; i < 4; ++i)
             for (int j = 0; j < d; ++j)
                 gradient[(int64_t)d * contact->vertices[i] + j] += contact->coefficients[i] * force[j];
@@ -71,14 +58,13 @@ double friction_sum(int d, const contacts_t *all, const friction_t *friction, co
     return total;
 }
 
-/* Blocks of `weight` times the Hessian in the predicted states. Forces of unions may be negative; where `projected`, these have no stiffness. Returns
+/* Blocks of `weight` times the Hessian, with the stiffness of small slips where a contact is predicted to stick. Forces of unions may be negative; where `projected`, these have no stiffness. Returns
  * how many: up to 10 a contact. */
 int64_t friction_blocks(int d, const contacts_t *all, const friction_t *friction, const double *x, double weight, int projected, const int64_t *rows,
                         int64_t first, int64_t last, int64_t *out_rows, int64_t *out_columns, double *blocks)
 {
     out_t out = {rows, first, last, 0, out_rows, out_columns, blocks};
     for (int64_t k = 0; k < all->count; ++k) {
-        const int state = friction->states[k];
         const contact_t *contact = all->contacts + k;
         const int32_t *v = contact->vertices;
         const double *c = contact->coefficients, *gap = contact->gap, squared = dot(d, gap, gap);
@@ -87,14 +73,10 @@ int64_t friction_blocks(int d, const contacts_t *all, const friction_t *friction
         if (force == 0.0)
             continue;
         slip_of(d, contact, friction->start, x, slip);
-        if (state == SLIDES)
-            memcpy(slip, friction->ways + d * k, d * sizeof(double));
         const double size = length(d, slip);
         double across = force_over_slip(size, friction->eps), along = slope(size, friction->eps);
-        if (state == STICKS)
+        if (friction->sticks[k])
             across = along = 2.0 / friction->eps;
-        if (state == SLIDES)
-            across = 1.0 / fmax(friction->sizes[k], friction->eps), along = 0.0;
         for (int j = 0; j < d; ++j)
             way[j] = slip[j] / fmax(size, 1e-300);
         for (int p = 0; p < d; ++p)
@@ -109,31 +91,18 @@ int64_t friction_blocks(int d, const contacts_t *all, const friction_t *friction
     return out.count;
 }
 
-/* Predicts the states of contacts at the end of the way from `now` to `then`, from the states predicted last. Returns how many have changed. */
+/* Predicts which contacts stick at the end of the way from `now` to `then`: those that slide now, and have turned round there or slip less than eps.
+ * Returns how many. */
 int64_t friction_predict(int d, const contacts_t *all, const friction_t *friction, const double *now, const double *then)
 {
     const double eps = friction->eps;
-    int64_t changed = 0;
+    int64_t count = 0;
     for (int64_t k = 0; k < all->count; ++k) {
-        double begin[3], end[3], *way = friction->ways + d * k;
-        int8_t *state = friction->states + k;
+        double begin[3], end[3];
         slip_of(d, all->contacts + k, friction->start, now, begin), slip_of(d, all->contacts + k, friction->start, then, end);
-        const double size = length(d, end);
-        const int turned = dot(d, *state == SLIDES ? way : begin, end) < 0.0;
-        int next = *state;
-        if (*state == AS_IT_IS && length(d, begin) >= eps && (turned || size < eps))
-            next = STICKS;
-        if (*state == SLIDES && (turned || size < LEAST_SLIDE * eps))
-            next = STICKS;
-        if (*state == STICKS && size > eps)
-            next = SLIDES;
-        if (next == *state || !(friction->forces[k] > 0.0))
-            continue;
-        *state = next, ++changed;
-        for (int j = 0; next == SLIDES && j < d; ++j)
-            way[j] = end[j] / fmax(size, eps);
-        if (next == SLIDES)
-            friction->sizes[k] = size;
+        const int ends = dot(d, begin, end) < 0.0 || length(d, end) < eps;
+        friction->sticks[k] = friction->forces[k] > 0.0 && length(d, begin) >= eps && ends;
+        count += friction->sticks[k];
     }
-    return changed;
+    return count;
 }

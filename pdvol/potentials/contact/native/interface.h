@@ -52,8 +52,7 @@ typedef struct {
 typedef struct {
     double eps;
     const double *start, *forces;
-    int8_t *states;
-    double *ways, *sizes;
+    int8_t *sticks;
 } friction_t;
 
 void fit_boxes(const surface_t *s, const uint8_t *marked, const double *x, const double *y, double *boxes);
