@@ -12,7 +12,7 @@ from types import ModuleType
 from typing import Any
 
 from pdvol.errors import InputError, PdvolError
-from pdvol.registry import ELEMENTS, INTEGRATORS, STUDIO
+from pdvol.registry import STUDIO
 from pdvol.scene import Pascal, Relative, Scene
 from pdvol.scene.fingerprint import describe
 from pdvol.scene.scene import SETTINGS
@@ -20,12 +20,12 @@ from pdvol.scene.scene import SETTINGS
 IN_MEMORY = "the run was made from a scene in memory; pass the scene again: pdvol.run(scene, out, resume=True)"
 
 DEFAULTS = {
-    "integrator": next(iter(INTEGRATORS)),
+    "integrator": "implicit_euler",
     "feedback": 0.0,
     "feedback_modes": "rigid",
     "attachments": [],
     "muscles": [],
-    "elements": ELEMENTS[0],
+    "elements": "linear",
 }
 """What a description leaves out, as those of runs stored before there was a choice do."""
 
