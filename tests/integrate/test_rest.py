@@ -13,9 +13,12 @@ from pdvol.scene import (
     Friction,
     Gravity,
     Impulse,
+    Keyed,
+    Muscle,
     NeoHookean,
     Plane,
     PointForce,
+    Pressure,
     Solver,
     Support,
 )
@@ -144,10 +147,26 @@ def test_what_is_scripted_wakes_bodies():
     y, joined = heights(loads=(Gravity((0.0, -G)),), supports=(hold,), obstacles=(), contact=())
     fall = np.diff(y)[21:] / dt
     np.testing.assert_allclose(np.diff(fall), -G * dt, atol=0.05 * G * dt)
-    y, joined = heights(loads=(Force(lambda t: (0.0, float(t > at))),))
-    assert 0 not in joined, "forces that change keep bodies awake"
     y, joined = heights(loads=(PointForce((0.0, 0.0), at=(0.05, 0.05)),))
     assert joined[1:] == [0] * (steps - 1), "what nothing moves is solved once"
+
+
+@pytest.mark.parametrize(
+    "physics",
+    [
+        lambda of: {"loads": (Force(of((0.0, 0.0), lambda t: (0.0, 0.0))),)},
+        lambda of: {"loads": (Pressure("body 0", of(0.0, lambda t: 0.0)),)},
+        lambda of: {"muscles": (Muscle("body 0", (1.0, 0.0), 1.0, of(0.0, lambda t, X: 0.0 * X[:, 0])),)},
+        lambda of: {"materials": (NeoHookean(of(1e5, Keyed((0.0, 1.0), (1e5, 2e5)))),)},
+    ],
+    ids=["force", "pressure", "muscle", "young"],
+)
+def test_what_follows_time_keeps_bodies_awake(physics):
+    """Also where it happens to do nothing."""
+    mesh = block((0.0, 0.0), (0.1, 0.1), 1)
+    for of, joined in ((lambda still, timed: still, [1, 0, 0]), (lambda still, timed: timed, [1, 1, 1])):
+        reports = march(make_scene(steps=3, **physics(of)), mesh)
+        assert [report.joined for report in reports] == joined
 
 
 def test_steps_rest_while_no_motion_moves_anything():

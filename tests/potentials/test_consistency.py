@@ -1,4 +1,4 @@
-"""The pull towards a coarser level: derivatives, its exact Hessian, and that its weight stands beside the inertia's
+"""The pull towards a coarser level: its energy and Hessian by hand, and that its weight stands beside the inertia's
 1/2.
 """
 
@@ -14,7 +14,7 @@ from pdvol.potentials.potential import Positions
 from pdvol.solve.incremental_potential import IncrementalPotential
 from pdvol.solve.report import Stopwatch
 from shapes import box, together
-from taylor import check_term, hessian_of
+from taylor import hessian_of
 
 DENSITIES = np.array([2.0, 5.0])
 DT, WEIGHT = 0.02, 0.3
@@ -35,11 +35,6 @@ def held(request):
     term.begin_step(Positions(space, space.from_input(space.mesh.points)), 3 * DT, 4 * DT)
     assert asked == [4 * DT]
     return term, space, assemble_mass(space, DENSITIES[space.mesh.bodies]), space.from_input(target)
-
-
-def test_derivatives(held):
-    term, space, _, _ = held
-    check_term(term, space, space.from_input(space.mesh.points), 0.1, quadratic=True)
 
 
 def test_by_hand(held):

@@ -331,14 +331,6 @@ def check_derivatives_at(space, candidates, points, seed, length):
         assert np.linalg.eigvalsh(convex - exact)[0] > -tolerance, f"{mode}: less than the exact one"
 
 
-@pytest.mark.parametrize("d", [2, 3])
-@pytest.mark.parametrize("seed", range(3))
-def test_gradient_and_hessian_of_boxes(d, seed):
-    space, candidates = two_boxes(d, obstacle=True)
-    points = space.mesh.points + 0.2 * DHAT * np.random.default_rng(seed).uniform(-1, 1, space.mesh.points.shape)
-    check_derivatives_at(space, candidates, points, seed, 1e-4 * DHAT)
-
-
 def test_gradient_and_hessian_of_tetrahedra():
     """All kinds of contact and of fades, each kind by itself in some of the states."""
     seen, faded = 0, 0

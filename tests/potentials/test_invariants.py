@@ -1,5 +1,5 @@
-"""Elastic energies do not change under rigid motions, and internal forces and torques sum to zero. The largest step
-keeps cells from inverting.
+"""Elastic energies do not change under rigid motions, inverted cells are refused, and the largest step keeps cells from
+inverting.
 """
 
 import numpy as np
@@ -11,7 +11,7 @@ from pdvol.levels.space import LevelSpace
 from pdvol.potentials.elasticity import KEEP_VOLUME
 from pdvol.potentials.potential import Positions
 from pdvol.registry import ELEMENTS
-from pdvol.scene import NeoHookean, rotation_matrix
+from pdvol.scene import FixedCorotational, NeoHookean, StVenantKirchhoff, rotation_matrix
 from problems import elastic
 from shapes import box, level
 
@@ -20,57 +20,28 @@ ROUND = 1e-12  # relative size of sums that cancel
 ROOT = 1e-12  # of a step whose cubic's root is known; the solver bisects to the last bit
 
 
-def setup(mesh, elements="linear"):
+def setup(mesh, elements="linear", law=NeoHookean):
     space = LevelSpace(mesh, COMM)
-    term = elastic(space, NeoHookean(3.0, 0.3), elements=elements)[0]
+    term = elastic(space, law(3.0, 0.3), elements=elements)[0]
     X = space.from_input(mesh.points)
     return space, term, X, X + 0.05 * np.random.default_rng(0).uniform(-1, 1, X.shape)
 
 
 @pytest.mark.parametrize("elements", ELEMENTS)
+@pytest.mark.parametrize("law", [NeoHookean, StVenantKirchhoff, FixedCorotational])
 @pytest.mark.parametrize("d", [2, 3])
-def test_rigid_motions_cost_nothing(d, elements):
-    space, term, X, x = setup(box(d, 2, jitter=0.1), elements)
+def test_rigid_motions_cost_nothing(d, law, elements):
+    """And turn forces with the body; a mirrored one has no finite energy."""
+    space, term, X, x = setup(box(d, 2, jitter=0.1), elements, law)
     turn, shift = rotation_matrix(1.1, (1.0, 2.0, -0.5), d), np.linspace(-3.0, 4.0, d)
     energy = term.value(Positions(space, x))
     assert energy > 1e-3
     assert abs(term.value(Positions(space, X @ turn.T + shift))) < ROUND
     np.testing.assert_allclose(term.value(Positions(space, x @ turn.T + shift)), energy, rtol=1e-11)
-    # Objectivity: forces turn with the body.
     g = term.gradient(Positions(space, x))
     np.testing.assert_allclose(
         term.gradient(Positions(space, x @ turn.T + shift)), g @ turn.T, atol=1e-11 * np.abs(g).max()
     )
-
-
-@pytest.mark.parametrize("elements", ELEMENTS)
-@pytest.mark.parametrize("d", [2, 3])
-def test_no_net_internal_force_or_torque(d, elements):
-    space, term, _, x = setup(box(d, 2, jitter=0.1), elements)
-    g = term.gradient(Positions(space, x))
-    scale = np.abs(g).max()
-    assert scale > 1e-2
-    np.testing.assert_allclose(g.sum(axis=0), 0.0, atol=ROUND * scale)
-    moments = x.T @ g  # torques are its antisymmetric part
-    np.testing.assert_allclose(moments - moments.T, 0.0, atol=ROUND * scale * 10)
-
-
-@pytest.mark.parametrize("elements", ELEMENTS)
-@pytest.mark.parametrize("d", [2, 3])
-def test_uniform_dilation_energy(d, elements):
-    """F = s 1 in a unit cube: psi = mu d (s^2 - 1) / 2 - mu d ln s + lmbda (d ln s)^2 / 2."""
-    space, term, X, _ = setup(box(d, 2), elements)
-    material, s = NeoHookean(3.0, 0.3), 1.3
-    expected = (
-        material.mu * d * (s**2 - 1) / 2 - material.mu * d * np.log(s) + material.lmbda * (d * np.log(s)) ** 2 / 2
-    )
-    np.testing.assert_allclose(term.value(Positions(space, s * X)), expected, rtol=1e-12)
-
-
-@pytest.mark.parametrize("elements", ELEMENTS)
-@pytest.mark.parametrize("d", [2, 3])
-def test_an_inverted_state_is_not_admissible(d, elements):
-    space, term, X, _ = setup(box(d, 1), elements)
     assert term.value(Positions(space, X * np.r_[-1.0, np.ones(d - 1)])) == np.inf
 
 

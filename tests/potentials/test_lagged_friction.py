@@ -1,32 +1,47 @@
-"""The prediction of which contacts stick: its forces and Hessians, and what it does to Newton's method."""
+"""The compiled loops of friction beside the same in numpy: the smoothed law, forces and stiffness, and predictions of
+which contacts stick; what predictions do to Newton's method.
+"""
+
+from itertools import product
 
 import numpy as np
 import pytest
-from test_derivatives import DT, EPS_V, MU, half_space, near_plane, near_surfaces, spaces  # noqa: F401
+from mpi4py import MPI
 
+from pdvol.levels.obstacles import Obstacle, plane_obstacle
+from pdvol.levels.space import LevelSpace
+from pdvol.potentials.contact.barrier import ContactBarrier
+from pdvol.potentials.contact.candidates import Candidates
 from pdvol.potentials.contact.friction import LaggedFriction
+from pdvol.potentials.contact.surface import ContactSurface
 from pdvol.potentials.potential import Positions
 from pdvol.scene import Barrier, Friction, Gravity, NeoHookean, Plane, Solver
 from pdvol.solve.newton import Newton
-from problems import block, make_scene, make_stepper, take_step
+from problems import block, make_scene, make_stepper, polyline, take_step, tetrahedron
+from shapes import box, together
 from taylor import hessian_of
 
+DHAT, KAPPA, MU, EPS_V, DT = 0.05, 0.3, 0.4, 0.1, 0.02
 EPS = EPS_V * DT
-GROUNDS = ["plane", "surface"]
 
 
-def friction(spaces, d, ground):  # noqa: F811
-    """The space, friction lagged at owned positions x_t, and x_t."""
-    space = spaces[d]
+def touching(d, ground):
+    """The space and the barrier of two blocks, the upper one 0.4 dhat above the lower one, which is as far above a
+    plane or an obstacle's tip.
+    """
+    lower = box(d, 2, jitter=0.05, seed=1)
+    top, bottom = lower.points[:, -1].max() + 0.4 * DHAT, lower.points[:, -1].min() - 0.4 * DHAT
+    upper = block((0.13,) * (d - 1) + (top,), (0.71,) * (d - 1) + (top + 0.4,), (2,) * (d - 1) + (1,))
     if ground == "plane":
-        barrier, term = half_space(space, d)
-        x_t = near_plane(space)
+        obstacle = plane_obstacle(Plane((0.0,) * (d - 1) + (bottom,), tuple(np.eye(d)[-1])))
+    elif d == 2:
+        tip = polyline([[-1.0, bottom - 1.0], [3.0, bottom - 1.0], [0.41, bottom]])
+        obstacle = Obstacle("tip", "polyline", *tip)
     else:
-        space, barrier = near_surfaces(d)
-        term, x_t = LaggedFriction(barrier, MU, EPS_V), space.from_input(space.mesh.points)
-    for part in (barrier, term):
-        part.begin_step(Positions(space, x_t), 0.0, DT)
-    return space, term, x_t
+        foot = [[-1.0, -1.0, bottom - 1.0], [3.0, 0.0, bottom - 1.0], [0.0, 3.0, bottom - 1.0]]
+        obstacle = Obstacle("tip", "mesh", *tetrahedron([*foot, [0.37, 0.41, bottom]]))
+    space = LevelSpace(together(lower, upper), MPI.COMM_SELF)
+    return space, ContactBarrier(Candidates(ContactSurface(space, (obstacle,)), DHAT), KAPPA)
 
 
 def slips_of(term, x):
@@ -36,42 +51,86 @@ def slips_of(term, x):
     return moved - along[:, None] * gaps
 
 
-def moved(space, x_t, slip):
-    """Each body slips by as much against what is below it."""
-    bodies = space.mesh.point_bodies[space.owned_points]
-    return Positions(space, x_t + (1.0 + bodies)[:, None] * slip * EPS * np.eye(space.dim)[0])
+@pytest.fixture(scope="module", params=product((2, 3), ("plane", "surface")), ids=str)
+def lagged(request):
+    """Friction between two bodies and on their ground, and a state in which some contacts stick and others slide."""
+    space, barrier = touching(*request.param)
+    term, x_t = LaggedFriction(barrier, MU, EPS_V), space.from_input(space.mesh.points)
+    for part in (barrier, term):
+        part.begin_step(Positions(space, x_t), 0.0, DT)
+    rng = np.random.default_rng(4)
+    x = Positions(space, x_t + EPS * rng.uniform(0.0, 1.5, (len(x_t), 1)) * rng.uniform(-1, 1, x_t.shape))
+    sizes = np.linalg.norm(slips_of(term, x), axis=1)
+    assert len(sizes) > 4 and np.any(sizes < EPS) and np.any(sizes > EPS)
+    return term, x
 
 
-@pytest.mark.parametrize("d", [2, 3])
-@pytest.mark.parametrize("ground", GROUNDS)
-def test_a_prediction_follows_from_where_a_direction_ends(spaces, d, ground):  # noqa: F811
-    space, term, x_t = friction(spaces, d, ground)
-    at = lambda slip: moved(space, x_t, slip)
-    pushed = term.forces > 0.0
-    assert not term.predict(at(5.0), at(2.0)), "it goes on sliding"
-    assert not term.predict(at(0.5), at(-3.0)), "Newton knows the stiffness of what sticks"
-    assert term.predict(at(5.0), at(-2.0)) and term.sticks[pushed].all(), "it has turned round"
-    assert term.predict(at(5.0), at(0.3)) and not term.sticks[~pushed].any(), "it stops"
+def law(sizes):
+    """Energy, force over slip, and the force's derivative, per unit of sliding force."""
+    sticks = sizes < EPS
+    energy = np.where(sticks, sizes**2 / EPS - sizes**3 / (3.0 * EPS**2) + EPS / 3.0, sizes)
+    over = np.where(sticks, 2.0 / EPS - sizes / EPS**2, 1.0 / np.maximum(sizes, EPS))
+    return energy, over, np.where(sticks, 2.0 / EPS - 2.0 * sizes / EPS**2, 0.0)
+
+
+def at_vertices(term, forces):
+    """(n_owned, d) from forces (k, d) on the contacts."""
+    found = np.zeros((len(term.surface.objects), forces.shape[1]))
+    for i in range(4):
+        np.add.at(found, term.contacts.vertices[:, i], term.contacts.coefficients[:, i, None] * forces)
+    return term.surface.rows_of(found)
+
+
+def test_energies_and_forces_are_the_laws(lagged):
+    term, x = lagged
+    slips = slips_of(term, x)
+    energy, over, _ = law(np.linalg.norm(slips, axis=1))
+    np.testing.assert_allclose(term.value(x), term.forces @ energy, rtol=1e-12)
+    expected = at_vertices(term, term.forces[:, None] * over[:, None] * slips)
+    np.testing.assert_allclose(term.gradient(x), expected, atol=1e-12 * np.abs(expected).max())
+
+
+def test_forces_and_stiffness_where_contacts_are_predicted_to_stick(lagged):
+    term, x = lagged
+    term.sticks[:] = np.arange(len(term.sticks)) % 2
+    slips = slips_of(term, x)
+    sizes, d = np.linalg.norm(slips, axis=1), slips.shape[1]
+    _, over, slope = law(sizes)
+    across, along = (np.where(term.sticks, 2.0 / EPS, own) for own in (over, slope))
+    normals = term.contacts.gaps / np.linalg.norm(term.contacts.gaps, axis=1)[:, None]
+    n, w = (np.einsum("ki,kj->kij", v, v) for v in (normals, slips / sizes[:, None]))
+    plane = across[:, None, None] * (np.eye(d) - n) + (along - across)[:, None, None] * w
+    tensors = 3.0 * np.maximum(term.forces, 0.0)[:, None, None] * plane
+    rows, size = term.surface.rows, x.owned.size
+    expected = np.zeros((size, size))
+    for vertices, c, tensor in zip(term.contacts.vertices, term.contacts.coefficients, tensors, strict=True):
+        own = [(i, rows[v]) for i, v in enumerate(vertices) if rows[v] >= 0]
+        for (i, a), (j, b) in product(own, own):
+            expected[d * a : d * a + d, d * b : d * b + d] += c[i] * c[j] * tensor
+    found = 3.0 * hessian_of(term, term.space, x.owned).toarray()
+    np.testing.assert_allclose(found, expected, atol=1e-12 * np.abs(expected).max())
+    changed = np.where(term.sticks, 2.0 / EPS - over, 0.0)[:, None] * slips
+    forces = at_vertices(term, term.forces[:, None] * changed)
+    np.testing.assert_allclose(term.predicted_change(x), forces, atol=1e-12 * np.abs(forces).max())
     term.forget_prediction()
-    assert np.all(term.predicted_change(at(5.0)) == 0.0)
+    assert np.all(term.predicted_change(x) == 0.0)
 
 
-@pytest.mark.parametrize("d", [2, 3])
-@pytest.mark.parametrize("ground", GROUNDS)
-def test_predicted_forces_are_linear_with_the_predicted_hessian(spaces, d, ground):  # noqa: F811
-    """2 / eps times the slip."""
-    space, term, x_t = friction(spaces, d, ground)
-    term.forces[:] = np.abs(term.forces)  # Hessians leave out what weighs negatively
-    start = moved(space, x_t, 5.0)
-    term.predict(start, moved(space, x_t, -2.0))
-    change = np.random.default_rng(1).uniform(-EPS, EPS, x_t.shape)
-    forces = lambda x: term.gradient(x) + term.predicted_change(x)
-    hessian = hessian_of(term, space, start.owned)
-    scale = np.abs(forces(start)).max()
-    assert scale > 0.0
-    np.testing.assert_allclose(
-        forces(start.moved(1.0, change)) - forces(start), (hessian @ change.ravel()).reshape(-1, d), atol=1e-7 * scale
-    )
+def test_what_slides_is_predicted_to_stick_where_it_turns_or_stops(lagged):
+    """For ends of any length and direction."""
+    term, x = lagged
+    now, rng, seen = slips_of(term, x), np.random.default_rng(2), set()
+    slides = np.linalg.norm(now, axis=1) >= EPS
+    for _ in range(100):
+        end = Positions(x.space, x.owned + EPS * 10.0 ** rng.uniform(-1, 1) * rng.uniform(-1, 1, x.owned.shape))
+        then = slips_of(term, end)
+        turned, stopped = np.sum(now * then, axis=1) < 0.0, np.linalg.norm(then, axis=1) < EPS
+        found = term.predict(x, end)
+        expected = (term.forces > 0.0) & slides & (turned | stopped)
+        np.testing.assert_array_equal(term.sticks, expected)
+        assert found == bool(expected.any())
+        seen |= set(zip(slides, turned, stopped, strict=True))
+    assert len(seen) == 8
 
 
 def spun():

@@ -1,23 +1,30 @@
-"""Forces, impulses, flows and what changes with time, against momentum balances worked out by hand."""
+"""Inertia, forces, impulses, flows and what changes with time, against momentum balances worked out by hand."""
 
 import dolfinx
 import numpy as np
 import pytest
+import ufl
+from dolfinx import fem
 from mpi4py import MPI
 
 from pdvol.errors import InputError
+from pdvol.forms.inertia import inertia
 from pdvol.geometry.level_mesh import boundary_areas
 from pdvol.levels.scene_fields import check_fields
 from pdvol.levels.space import LevelSpace
+from pdvol.potentials.build import Terms
 from pdvol.potentials.drag import Drag
-from pdvol.potentials.loads import point_shares
+from pdvol.potentials.loads import assemble_mass, point_shares
 from pdvol.potentials.potential import Positions
 from pdvol.scene import Flow, Force, Gravity, Impulse, NeoHookean, PointForce, Solver
+from pdvol.solve.incremental_potential import IncrementalPotential
+from pdvol.solve.report import Stopwatch
 from problems import make_scene, make_stepper, masses, take_step
 from shapes import box, together
-from taylor import check_term, hessian_of
+from taylor import hessian_of, state
 
 DIMENSIONS = [2, 3]
+ROUND = 1e-12  # relative size of what should cancel
 LOOSE = 1e-7  # m/s: the solver's tolerance, of speeds of order one
 STIFF = NeoHookean(1e8, 0.3, 1000.0)
 
@@ -42,6 +49,32 @@ def momentum(v, m):
     return m @ v
 
 
+# ---- inertia
+
+
+@pytest.mark.parametrize("d", DIMENSIONS)
+def test_inertia_is_the_form_that_dolfinx_assembles(d):
+    """Value, gradient and Hessian of the march's inertia, with another density in each cell: vertex quadrature lumps
+    the mass matrix, so that its other entries are zero.
+    """
+    space, dt = LevelSpace(box(d, 2, jitter=0.1), MPI.COMM_SELF), 0.02
+    rho = np.random.default_rng(1).uniform(1.0, 5.0, len(space.mesh.cells))
+    potential = IncrementalPotential(space, Terms(assemble_mass(space, rho), (), ()), Stopwatch())
+    x = Positions(space, state(space))
+    potential.begin_step(x, x.owned + 0.3 * state(space, seed=5), dt**2, 0.0, dt)
+    u = space.function(space.to_input(x.owned - potential.x_hat), "u")
+    energy = inertia(space.cell_function(rho, "density"), u, space.domain)
+    force = ufl.derivative(energy, u)
+    mass = fem.assemble_matrix(fem.form(ufl.derivative(force, u))).to_dense()
+    assert potential.value(x) == pytest.approx(fem.assemble_scalar(fem.form(energy)), rel=ROUND)
+    assembled = fem.assemble_vector(fem.form(force)).array.reshape(-1, d)
+    np.testing.assert_allclose(potential.gradient(x), assembled, rtol=ROUND, atol=ROUND)
+    np.testing.assert_allclose(
+        hessian_of(potential, space, x.owned).toarray(), mass, rtol=ROUND, atol=ROUND * mass.max()
+    )
+    np.testing.assert_allclose(mass, np.diag(mass.diagonal()), atol=ROUND * mass.max())
+
+
 # ---- drag as a term
 
 
@@ -54,7 +87,7 @@ def swirl(x, t):
 
 @pytest.mark.parametrize("d", DIMENSIONS)
 def test_drag(d):
-    """Derivatives, convexity, and the force on each vertex by hand."""
+    """Convexity, and the force on each vertex by hand."""
     space = LevelSpace(box(d, 2, jitter=0.1), MPI.COMM_SELF)
     rng = np.random.default_rng(1)
     X, dt, strength = space.from_input(space.mesh.points), 0.02, 500.0
@@ -62,7 +95,6 @@ def test_drag(d):
     term = Drag(space, np.ones(len(X), dtype=bool), swirl, strength)
     term.begin_step(Positions(space, x_t), 0.3, 0.3 + dt)
     x = x_t + 0.5 * dt * rng.uniform(-1, 1, X.shape)
-    check_term(term, space, x, 1e-3)
     assert np.linalg.eigvalsh(hessian_of(term, space, x, "none").toarray())[0] >= -1e-9
     past = swirl(x_t, 0.3 + dt) - (x - x_t) / dt
     areas = boundary_areas(space.mesh)[space.owned_points]

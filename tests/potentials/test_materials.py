@@ -1,8 +1,8 @@
-"""Each law against stresses derived by hand, linear elasticity and plane strain; damping against its own formula; a
+"""Each law against stresses derived by hand, and plane strain; damping against its own formula; a
 user's law.
 """
 
-from dataclasses import dataclass, make_dataclass
+from dataclasses import make_dataclass
 
 import numpy as np
 import pytest
@@ -124,17 +124,6 @@ def test_sheared(terms, cells, law, d, g):
 
 
 @pytest.mark.parametrize("law", LAWS)
-@pytest.mark.parametrize("d", DIMENSIONS)
-def test_small_strains_are_linear_elasticity(terms, cells, law, d):
-    """P(1 + h G) = h (2 mu sym G + lmbda tr G) + O(h^2): halving h quarters what is left."""
-    G = np.random.default_rng(d).uniform(-1, 1, (d, d))
-    linear = MU * (G + G.T) + LMBDA * np.trace(G) * np.eye(d)
-    left = [np.abs(stress(terms[law, d], cells[d], np.eye(d) + h * G) - h * linear).max() for h in (2e-4, 1e-4)]
-    assert left[1] < 1e-6
-    assert np.log2(left[0] / left[1]) == pytest.approx(2.0, abs=0.05)
-
-
-@pytest.mark.parametrize("law", LAWS)
 def test_two_dimensions_are_plane_strain(terms, cells, law):
     """The energy in 2D is that of the same F with a third stretch of one, whatever Poisson's ratio wants."""
     rng = np.random.default_rng(5)
@@ -146,19 +135,6 @@ def test_two_dimensions_are_plane_strain(terms, cells, law):
         np.testing.assert_allclose(
             stress(terms[law, 2], cells[2], F), stress(terms[law, 3], cells[3], solid)[:2, :2], atol=1e-11
         )
-
-
-@pytest.mark.parametrize("law", LAWS)
-@pytest.mark.parametrize("d", DIMENSIONS)
-def test_turning_costs_nothing_and_inverted_cells_are_refused(terms, cells, law, d):
-    term, space = terms[law, d], cells[d]
-    F = np.eye(d) + 0.3 * np.random.default_rng(1).uniform(-1, 1, (d, d))
-    Q = rotation_matrix(2.5, (1.0, -2.0, 0.5), d)
-    np.testing.assert_allclose(psi(term, space, Q @ F), psi(term, space, F), rtol=1e-11)
-    np.testing.assert_allclose(stress(term, space, Q @ F), Q @ stress(term, space, F), atol=1e-11)
-    assert abs(psi(term, space, Q)) < 1e-14
-    for flat in (0.0, -0.5):
-        assert psi(term, space, np.diag([1.0] * (d - 1) + [flat])) == np.inf
 
 
 def guard(J):
@@ -226,15 +202,14 @@ def damped(space):
 
 
 @pytest.mark.parametrize("d", DIMENSIONS)
-def test_damping(d):
-    """Derivatives; nothing where nothing deforms, and least there."""
+def test_nothing_is_damped_where_nothing_deforms(d):
+    """And the energy is least there."""
     space = LevelSpace(box(d, 1, jitter=0.1), MPI.COMM_SELF)
     rng = np.random.default_rng(0)
     X = space.from_input(space.mesh.points)
     x_t = X + 0.1 * rng.uniform(-1, 1, X.shape)
     term = damped(space)
     term.begin_step(Positions(space, x_t), 0.1, 0.1 + DT)
-    check_term(term, space, x_t + 0.05 * rng.uniform(-1, 1, X.shape), 1e-2)
     turn = rotation_matrix(0.7, (0.0, 1.0, 1.0), d)
     for rigid in (x_t, x_t @ turn.T + 0.3):
         assert abs(term.value(Positions(space, rigid))) < 1e-25
@@ -296,34 +271,6 @@ def test_no_damping_no_term(cells):
 # ---- a user's law
 
 
-@dataclass(frozen=True)
-class Fibres(Material):
-    """Neo-Hookean, and springs along x: psi = ... + pull/2 (|F e1| - 1)^2."""
-
-    pull: float = 1.0
-
-    @staticmethod
-    def psi(F, mu, lmbda, pull):
-        along = ufl.sqrt(sum(F[i, 0] ** 2 for i in range(F.ufl_shape[0])))
-        return NeoHookean.psi(F, mu, lmbda) + pull / 2 * (along - 1) ** 2
-
-
-@pytest.mark.parametrize("d", DIMENSIONS)
-def test_a_law_with_a_parameter_of_its_own(d):
-    """The first body has no fibres: the law is anisotropic all the same."""
-    mesh = box(d, 1, jitter=0.1)
-    space = LevelSpace(
-        type(mesh)(
-            mesh.points, mesh.cells, np.r_[np.zeros(1, np.int32), np.ones(len(mesh.cells) - 1, np.int32)], mesh.regions
-        ),
-        MPI.COMM_SELF,
-    )
-    (term,) = elastic(space, Fibres(YOUNG, POISSON, pull=0.0), Fibres(YOUNG, POISSON, pull=4.0))
-    X = space.from_input(space.mesh.points)
-    check_term(term, space, X + 0.05 * np.random.default_rng(2).uniform(-1, 1, X.shape), 1e-2)
-    assert not term.uses_stretches
-
-
 def many_parameters(count):
     """A Neo-Hookean law whose mu is split into `count` parameters of its own."""
 
@@ -372,7 +319,7 @@ def test_mistakes_in_a_law_are_reported():
     for law, message in ((Takes, "psi"), (Gives, "one number"), (Material, "must define psi")):
         with pytest.raises(InputError, match=message):
             check_laws(make_scene((law(1.0),)), 2)
-    check_laws(make_scene((Fibres(1.0), *(law(1.0) for law in LAWS))), 3)
+    check_laws(make_scene(tuple(law(1.0) for law in (*LAWS, many_parameters(3)))), 3)
 
 
 def test_fields_out_of_range_are_refused():

@@ -11,7 +11,7 @@ from mpi4py import MPI
 
 from pdvol.levels.script import Script
 from pdvol.levels.space import LevelSpace
-from pdvol.potentials.build import build_terms
+from pdvol.potentials.build import Terms, build_terms
 from pdvol.potentials.consistency import Guide
 from pdvol.potentials.elasticity import CellGuard
 from pdvol.potentials.potential import Earlier, Positions, Rates
@@ -38,9 +38,11 @@ from pdvol.scene import (
     Translation,
     rotation_matrix,
 )
+from pdvol.solve.incremental_potential import IncrementalPotential
+from pdvol.solve.report import Stopwatch
 from problems import make_model, make_scene
 from shapes import box, together
-from taylor import check_term, hessian_of, smallest_eigenvalue
+from taylor import check_derivatives, check_term, hessian_of, smallest_eigenvalue
 
 DHAT, EPS_V, MU = 0.05, 0.1, 0.4
 T0, DT = 1.0, 0.02  # [s]: motions have gone some way when the step begins
@@ -84,6 +86,7 @@ TERMS = {  # a length [m] over which remainders show, and whether the energy is 
     "surface friction": (0.02 * SLIP, {}),
 }
 GROUNDS = ("plane", "surface")
+INTERNAL = ("elastic", "damping", "pressure", "muscle", "attachment")
 WITH_RATES = ("damping", "drag", "plane friction", "surface friction")
 WITH_OBSTACLES = ("plane barrier", "surface barrier", "plane friction", "surface friction")
 KINDS = {
@@ -125,8 +128,10 @@ class Built:
     Attributes
     ----------
     terms : by name, of which there is one but for loads
+    whole : the terms and the masses
     along : (n, d) [m] where everything goes along with the obstacles
-    x : (n, d) [m] some slips away from there
+    x : (n, d) [m] some slips away from there, where friction is smoothed
+    far : (n, d) [m] where all that touches slides
     """
 
     def __init__(self, d, motion, ground, law=NeoHookean, order=1, elements="linear"):
@@ -154,7 +159,8 @@ class Built:
         model = make_model(scene, mesh, [pit] if ground == "surface" else [])
         script = Script()
         target = positions + 0.1 * np.sin(np.arange(positions.size)).reshape(positions.shape)
-        terms = build_terms(model, self.space, (Guide(3.0, lambda time: target),), script).potentials
+        self.whole = build_terms(model, self.space, (Guide(3.0, lambda time: target),), script)
+        terms = self.whole.potentials
         rows, x_t = self.space.from_input, move(positions, begin)
         late = dict.fromkeys(model.obstacles, T0 - begin)
         script.begin(T0, T0 + DT, late)
@@ -169,6 +175,7 @@ class Built:
             term.move_obstacles(T0 + DT)
         self.along = rows(move(positions, end))
         self.x = self.along + SLIP * np.random.default_rng(5).uniform(0.1, 0.4, self.along.shape)
+        self.far = self.x + 10.0 * SLIP * np.eye(d)[0]
         self.terms: dict = {}
         for term in terms:
             if not isinstance(term, CellGuard):  # zero here; test_smoothed_elements.py presses cells
@@ -178,16 +185,30 @@ class Built:
 built = cache(Built)
 
 
+def assert_projected(term, at, x, size=0.0):
+    """Projected Hessians are positive semi-definite, beside entries of this size at least."""
+    for projection in ("clamp", "abs"):
+        rows = hessian_of(term, at.space, x, projection).toarray()
+        assert smallest_eigenvalue(rows) >= -ROUND * max(size, np.abs(rows).max()), projection
+
+
 def check(at, name, length, options):
-    """Derivatives, exact and projected, of the terms of a name."""
+    """Derivatives, exact and projected, of the terms of a name; those of internal forces balance."""
+    flat = at.space.dim == 2
     for term in at.terms[name]:
         try:
             if name == "pressure":
-                options = {"quadratic": at.space.dim == 2}  # an area is quadratic, a volume is not
+                options = {"quadratic": flat}  # an area is quadratic, a volume is not
             check_term(term, at.space, at.x, length, **options)
-            for projection in ("clamp", "abs"):
-                rows = hessian_of(term, at.space, at.x, projection).toarray()
-                assert smallest_eigenvalue(rows) >= -ROUND * np.abs(rows).max(), projection
+            assert_projected(term, at, at.x)
+            if "friction" in name:  # on a line, sliding forces are constant
+                check_term(term, at.space, at.far, 10.0 * length, linear=flat)
+                assert_projected(term, at, at.far, np.abs(term.gradient(Positions(at.space, at.far))).max() / SLIP)
+            if name in INTERNAL:
+                force = term.gradient(Positions(at.space, at.x))
+                moments, size = at.x.T @ force, np.abs(force).max()
+                np.testing.assert_allclose(force.sum(axis=0), 0.0, atol=ROUND * size)
+                np.testing.assert_allclose(moments, moments.T, atol=ROUND * size)
         except AssertionError as error:
             raise AssertionError(f"{name}: {error}") from None
 
@@ -217,13 +238,26 @@ class Fibred(Material):
         return NeoHookean.psi(F, mu, lmbda) + fibres / 4 * (stretched - 1) ** 2
 
 
+LAWS = [NeoHookean, StVenantKirchhoff, FixedCorotational, Fibred]
+
+
 @pytest.mark.parametrize("elements", ELEMENTS)
-@pytest.mark.parametrize("law", [NeoHookean, StVenantKirchhoff, FixedCorotational, Fibred])
+@pytest.mark.parametrize("law", LAWS)
 @pytest.mark.parametrize("d", DIMENSIONS)
 def test_laws_and_elements(d, law, elements):
     at = Built(d, "none", "plane", law, order=2, elements=elements)
     for name in ("elastic", "damping", "muscle"):
         check(at, name, *TERMS[name])
+
+
+@pytest.mark.parametrize("d", DIMENSIONS)
+def test_the_whole_potential(d):
+    """Inertia plus dt^2 times the terms but friction, with a large dt so that both matter."""
+    at = Built(d, "none", "plane")
+    terms = tuple(term for term in at.whole.potentials if term.name != "friction")
+    potential = IncrementalPotential(at.space, Terms(at.whole.mass, terms, ()), Stopwatch())
+    potential.begin_step(Positions(at.space, at.along), at.x - 0.1, 1.0, T0, T0 + 1.0)
+    check_term(potential, at.space, at.x, 2e-3)
 
 
 @pytest.mark.parametrize("order", [1, 2])
@@ -256,3 +290,16 @@ def test_the_pit_has_contacts_that_weigh_negatively(d):
     """
     (friction,) = built(d, "none", "surface").terms["surface friction"]
     assert friction.forces.min() < 0.0 < friction.forces.max()
+
+
+def test_the_check_notices_a_wrong_gradient():
+    x = np.linspace(0.1, 1.0, 6).reshape(3, 2)
+    value, gradient = lambda x: np.sum(x**4), lambda x: 4.0 * x**3
+    hessian = lambda x: np.diag(12.0 * x.ravel() ** 2)
+    check_derivatives(value, gradient, hessian, x, 1e-2)
+    with pytest.raises(AssertionError, match="gradient: slope"):
+        check_derivatives(value, lambda x: 4.04 * x**3, hessian, x, 1e-2)
+    with pytest.raises(AssertionError, match="Hessian: slope"):
+        check_derivatives(value, gradient, lambda x: 1.01 * hessian(x), x, 1e-2)
+    with pytest.raises(AssertionError, match="not active"):
+        check_derivatives(lambda x: 0.0, np.zeros_like, None, x, 1e-2)
