@@ -71,24 +71,6 @@ def test_a_shape_that_may_not_be_read(refuse, tmp_path):
         assert "permission" in refuse("run", write(tmp_path / "t.py", scene_of("'locked.off'")))
 
 
-@pytest.mark.parametrize(
-    ("name", "text"),
-    [
-        ("empty.obj", ""),
-        ("noise.obj", "f 1 2 3\nv a b c\n"),
-        ("cut.off", CUBE_OFF[:40]),
-        ("cut.ply", "ply\nformat ascii 1.0\nelement vertex 3\n"),
-        ("noise.stl", "\x00\x01\x02"),
-        ("noise.msh", "$MeshFormat\n4.1 0 8\n"),
-        ("noise.vtu", "<VTKFile>"),
-        ("points.obj", "v 0 0 0\nv 1 0 0\n"),
-    ],
-)
-def test_an_unreadable_shape(refuse, tmp_path, name, text):
-    write(tmp_path / name, text)
-    assert name in refuse("run", write(tmp_path / "s.py", scene_of(f"'{name}'")))
-
-
 # ---- shapes
 
 
@@ -111,95 +93,19 @@ def cube():
     ]
 
 
-def bad_surfaces():
-    points, triangles = cube()
-    shifted = [(x + 0.5, y + 0.5, z + 0.5) for x, y, z in points]
-    yield "open", points, triangles[:-1], "open along"
-    yield "non-manifold", [*points, (0.5, 0.5, 3.0)], [*triangles, (0, 1, 8)], "non-manifold"
-    yield (
-        "pinched",
-        points + [(2 - x, 2 - y, 2 - z) for x, y, z in points if (x, y, z) != (1, 1, 1)],
-        [*triangles, *(tuple({6: 6}.get(v, 8 + v - (v > 6)) for v in t)[::-1] for t in triangles)],
-        "single vertices",
-    )
-    yield "self-intersecting", points + shifted, triangles + [tuple(v + 8 for v in t) for t in triangles], "cross"
-    yield "mixed orientation", points, [triangles[0][::-1], *triangles[1:]], "disagree"
-    yield "nan", [("nan", 0, 0), *points[1:]], triangles, "NaN"
-    yield "infinite", [("inf", 0, 0), *points[1:]], triangles, "infinite"
-    yield "doubled", points, [*triangles, triangles[0]], ""
-    yield "flat triangle", points, [*triangles, (0, 1, 1)], "no area"
-    yield "far index", points, [*triangles[:-1], (0, 1, 99)], "index"
-
-
-@pytest.mark.parametrize(
-    ("points", "triangles", "told"), [pytest.param(*rest, id=name) for name, *rest in bad_surfaces()]
-)
-@pytest.mark.parametrize("what", ["body", "obstacle"])
-def test_a_bad_surface(refuse, tmp_path, points, triangles, told, what):
-    write(tmp_path / "bad.off", off(points, triangles))
-    if what == "body":
-        text = scene_of("'bad.off'")
-    else:
-        write(tmp_path / "good.off", CUBE_OFF)
-        text = scene_of("'good.off'", more="obstacles=(Rigid('bad.off', name='rock'),), contact=(Barrier(),)")
-    line = refuse("run", write(tmp_path / "s.py", text))
-    assert told in line
-    assert "bad.off" in line or ("body 'body'" if what == "body" else "obstacle 'rock'") in line
-
-
-SOLID = "Solid(np.array({points}, dtype=float), np.array({cells}, dtype=np.int32), np.zeros({count}, np.int32))"
-
-
-def solid(points, cells):
-    return f"({SOLID.format(points=points, cells=cells, count=len(cells))},)"
-
-
 @pytest.mark.parametrize(
     ("shape", "told"),
     [
-        pytest.param(
-            solid([(0, 0), (1, 0), (1, 1), (0, 1)], [(0, 1, 2), (0, 3, 2)]), "cells 1 are inverted", id="inverted"
-        ),
-        pytest.param(solid([(0, 0), (1, 0), (1, 1), (2, 0)], [(0, 1, 2), (0, 1, 3)]), "cells 1 are flat", id="flat"),
-        pytest.param(solid([(0, 0), (1, 0), (1, 1)], [(0, 1, 2), (1, 2, 0)]), "repeat", id="duplicate"),
-        pytest.param(solid([(0, 0), (1, 0), (1, "np.nan")], [(0, 1, 2)]).replace("'", ""), "NaN", id="nan"),
-        pytest.param(
-            solid([(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1), (0, 0, -1)], [(0, 1, 2, 3), (0, 1, 2, 4)]),
-            "inverted",
-            id="inverted tet",
-        ),
-        pytest.param(
-            solid([(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1), (1, 1, 0)], [(0, 1, 2, 3), (0, 1, 2, 4)]),
-            "flat",
-            id="flat tet",
-        ),
-        pytest.param(
-            solid([(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)], [(0, 1, 2, 3), (1, 0, 3, 2)]),
-            "repeat",
-            id="duplicate tet",
-        ),
-        pytest.param("(square(2), 'x')", "x", id="no mesh"),
-        pytest.param("(3,)", "shape", id="a number"),
-        pytest.param("()", "empty", id="an empty list"),
-        pytest.param("(Outline(np.eye(2)),)", "volume meshes", id="an outline in a list"),
-        pytest.param("(Solid(np.zeros((0, 2)), np.zeros((0, 3), int), np.zeros(0, int)),)", "empty", id="no cells"),
+        ("(square(2), 'x')", "x"),
+        ("(3,)", "shape"),
+        ("()", "empty"),
+        ("(Outline(np.eye(2)),)", "volume meshes"),
+        ("(Solid(np.zeros((0, 2)), np.zeros((0, 3), int), np.zeros(0, int)),)", "empty"),
     ],
+    ids=["no mesh", "a number", "an empty list", "an outline in a list", "no cells"],
 )
-def test_bad_cells(refuse, tmp_path, shape, told):
+def test_what_is_no_list_of_meshes(refuse, tmp_path, shape, told):
     assert told in refuse("run", write(tmp_path / "s.py", scene_of(shape, vertices="")))
-
-
-@pytest.mark.parametrize(
-    ("points", "told"),
-    [
-        ("[(0, 0), (1, 1), (1, 0), (0, 1)]", "cross"),
-        ("[(0, 0), (1, 0)]", "at least 3"),
-        ("[(0, 0), (1, 0), (1, 0), (0, 1)]", "no length"),
-        ("[(0, 0), (1, 0), (np.nan, 1)]", "NaN"),
-    ],
-)
-def test_bad_outlines(refuse, tmp_path, points, told):
-    assert told in refuse("run", write(tmp_path / "s.py", scene_of(f"Outline(np.array({points}, dtype=float))")))
 
 
 # ---- t = 0

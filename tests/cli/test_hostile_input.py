@@ -351,51 +351,18 @@ def damaged_info(key, value):
     return damage
 
 
-@pytest.mark.parametrize(
-    "key",
-    [
-        "dt",
-        "levels",
-        "steps",
-        "bodies",
-        "scene_file",
-        "description",
-        "parameters",
-        "diagonal",
-        "method",
-        "prolongation",
-        "up",
-        "format",
-    ],
-)
+KEYS = ["dt", "levels", "steps", "bodies", "scene", "scene_file", "description", "parameters", "diagonal", "method"]
+KEYS += ["prolongation", "up", "format", "dimension", "versions", "state"]
+
+
+@pytest.mark.parametrize("key", KEYS)
 def test_run_json_with_wrong_values(inspect_, key):
-    rng = random.Random(key)
-    for value in rng.sample(WRONG, 3):
+    for value in random.Random(key).sample(WRONG, 3):
         inspect_(damaged_info(key, value), ("info", "export"))
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "key",
-    [
-        "dt",
-        "levels",
-        "steps",
-        "bodies",
-        "scene",
-        "scene_file",
-        "description",
-        "parameters",
-        "diagonal",
-        "method",
-        "up",
-        "format",
-        "prolongation",
-        "dimension",
-        "versions",
-        "state",
-    ],
-)
+@pytest.mark.parametrize("key", KEYS)
 def test_run_json_with_all_wrong_values(inspect_, key):
     for value in WRONG:
         inspect_(damaged_info(key, value))

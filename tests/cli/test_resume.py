@@ -2,13 +2,10 @@
 
 import json
 import shutil
-import subprocess
-import sys
 
 import pytest
 
 from cli_scenes import FALL, pdvol, states, write
-from commands import SAFETY
 from pdvol import open_run
 from pdvol.measure.verify import verify_run
 
@@ -95,27 +92,6 @@ def test_other_solver_settings_leave_a_trace_and_hold_from_then_on(tmp_path, sce
     assert info["parameters"]["tolerance"] in (0.001, "0.001")
 
 
-def test_a_killed_run_resumes(tmp_path, scene, whole):
-    # A real SIGKILL, as soon as the third state of level 0 is there.
-    out = tmp_path / "run"
-    program = f"""
-import os, signal
-from pdvol import cli
-from pdvol.store.writer import RunWriter
-write = RunWriter.write_state
-def write_and_die(self, level, step, *rest):
-    write(self, level, step, *rest)
-    if (level, step) == (0, 3):
-        os.kill(os.getpid(), signal.SIGKILL)
-RunWriter.write_state = write_and_die
-cli.run(["run", {str(scene)!r}, "--out", {str(out)!r}])
-"""
-    assert subprocess.run([sys.executable, "-c", program], capture_output=True, timeout=SAFETY).returncode == -9
-    assert open_run(out).levels[0].steps == 4
-    assert pdvol("run", scene, "--out", out, "--resume") == 0
-    assert_same_motion(out, whole)
-
-
 def test_a_run_with_endless_motions_is_the_same_scene_again(tmp_path):
     """A motion's `stop` is infinity unless given, which run.json cannot hold."""
     moving = FALL.replace(
@@ -125,17 +101,6 @@ def test_a_run_with_endless_motions_is_the_same_scene_again(tmp_path):
     assert pdvol("run", scene, "--steps", 2, "--levels", "0", "--out", out) == 0
     assert pdvol("run", scene, "--steps", 3, "--levels", "0", "--out", out, "--resume") == 0
     assert open_run(out).levels[0].steps == 4
-
-
-def test_resume_of_nothing_begins(tmp_path, scene, whole):
-    assert pdvol("run", scene, "--out", tmp_path / "run", "--resume") == 0
-    assert_same_motion(tmp_path / "run", whole)
-
-
-def test_two_runs_in_one_process_agree_with_each_alone(tmp_path, scene, whole):
-    assert pdvol("run", scene, "--set", "young=5e4", "--steps", 2, "--out", tmp_path / "other") == 0
-    assert pdvol("run", scene, "--out", tmp_path / "again") == 0
-    assert_same_motion(tmp_path / "again", whole)
 
 
 def test_a_simulation_that_cannot_go_on(tmp_path, scene, capfd):

@@ -19,23 +19,10 @@ from pdvol.runs.runner import run_scene
 from pdvol.runs.scene_file import load_shot
 
 STEPS = 10
-LOGGED = {
-    "level",
-    "step",
-    "time",
-    "newton_iterations",
-    "linear_iterations",
-    "hessians",
-    "backtracks",
-    "step_cap",
-    "contacts",
-    "min_gap",
-    "energy",
-    "gradient_norm",
-    "reason",
-    "seconds",
-    "peak_memory_mb",
-}
+LOGGED = set(
+    "level step time newton_iterations linear_iterations hessians backtracks step_cap contacts min_gap energy"
+    " gradient_norm reason seconds peak_memory_mb".split()
+)
 ENERGIES = {"inertia", "elastic", "load", "barrier", "friction"}
 SECONDS = {"total", "assembly", "contact", "ccd", "linear", "other"}
 
@@ -55,7 +42,7 @@ def test_what_a_run_leaves(whole):
     assert [level["vertices"] for level in info["levels"]] == [9, 25]
     assert {"numpy", "python", "pdvol"} <= set(info["versions"])
     run = open_run(whole)
-    assert [level.steps for level in run.levels] == [STEPS + 1] * 2
+    assert [level.steps for level in run.levels] == [STEPS + 1] * 2 and verify_run(whole) == []
     width, height = png_size(whole / "picture.png")
     assert width > height / 3 > 30
     assert not list(whole.rglob("*.tmp*"))
@@ -76,39 +63,6 @@ def test_the_log_has_its_keys(whole):
     assert max(r["contacts"] for r in records) > 0, "the square must have reached the floor"
     assert min(r["min_gap"] for r in records if r["min_gap"] is not None) > 0
     assert all(r["newton_iterations"] > 0 for r in records)
-
-
-def test_nothing_interpenetrates(whole):
-    assert verify_run(whole) == []
-
-
-def test_xdmf_has_all_steps(whole):
-    for level in open_run(whole).levels:
-        with meshio.xdmf.TimeSeriesReader(whole / f"level_{level.index}.xdmf") as reader:
-            points, cells = reader.read_points_cells()
-            assert reader.num_steps == STEPS + 1
-            np.testing.assert_array_equal(points[:, :2], level.rest)
-            np.testing.assert_array_equal(cells[0].data, level.cells)
-            for step in range(STEPS + 1):
-                time, point_data, _ = reader.read_data(step)
-                assert time == pytest.approx(0.02 * step)
-                (moved,) = [
-                    v
-                    for v in point_data.values()
-                    if v.ndim == 2 and np.allclose(v[:, :2], level.positions(step) - level.rest, atol=1e-6) and step
-                ] or [None]
-                assert step == 0 or moved is not None
-
-
-def test_free_fall_until_the_floor(tmp_path, scene):
-    # Implicit Euler from rest: x_n - x_0 = -g dt^2 n (n + 1) / 2, whatever the material. 5 steps from 1 m do not reach
-    # the floor.
-    assert (
-        pdvol("run", scene, "--set", "height=1.0", "--set", "velocity=()", "--steps", 5, "--out", tmp_path / "run") == 0
-    )
-    for level in open_run(tmp_path / "run").levels:
-        fallen = level.positions(5) - level.rest
-        np.testing.assert_allclose(fallen, np.tile([0, -9.81 * 0.02**2 * 15], (len(fallen), 1)), atol=1e-4)
 
 
 def test_levels_steps_and_settings(tmp_path, scene, whole):

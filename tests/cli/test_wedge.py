@@ -116,30 +116,23 @@ def test_the_same_command_goes_on_and_more_values_are_added(folder, tmp_path, ca
     shutil.copytree(folder, tmp_path / "copy")
     copy, before = tmp_path / "copy", {p: p.stat().st_mtime_ns for p in (tmp_path / "copy").glob("w/runs/*/levels/*/*")}
     assert before
+    capsys.readouterr()
     assert pdvol("wedge", copy / "fall.py", "-o", copy / "w", *WORDS) == 0
     assert {p: p.stat().st_mtime_ns for p in copy.glob("w/runs/*/levels/*/*")} == before
+    head, *rows, last = capsys.readouterr().out.splitlines()
+    assert head.split() == ["number", "height", "mu", "right", "cluster", "state"] and "failed: " in last
+    scores = [entry["scores"]["right"] for entry in stored(copy / "w")["variations"][:2]]
+    assert [int(row.split()[0]) for row in rows[:2]] == sorted((0, 1), key=lambda number: -scores[number])
     again, first = stored(copy / "w"), stored(folder / "w")
     for entry, its in zip(again["variations"], first["variations"], strict=True):
         assert {**entry, "seconds": 0, "cluster": 0} == {**its, "seconds": 0, "cluster": 0}
-    capsys.readouterr()
-    more = ("--steps", STEPS, "--vary", "mu=0.1,0.2", "--set", "height=0.02", "--score", "right", "--no-picture")
-    assert pdvol("wedge", copy / "fall.py", "-o", copy / "w", *more) == 0
-    assert len(stored(copy / "w")["variations"]) == 6
-
-
-def test_the_table_is_sorted_as_asked(folder, capsys):
-    for sort, order in (("", [0, 1]), ("number", [0, 1]), ("mu", [0, 1])):
-        words = [*WORDS, *(["--sort", sort] if sort else [])]
-        capsys.readouterr()
-        assert pdvol("wedge", folder / "fall.py", "-o", folder / "w", *words) == 0
-        lines = capsys.readouterr().out.splitlines()
-        assert lines[0].split() == ["number", "height", "mu", "right", "cluster", "state"]
-        shown = [int(line.split()[0]) for line in lines[1:]]
-        scores = {e["number"]: e["scores"]["right"] for e in stored(folder / "w")["variations"]}
-        if sort == "":
-            assert shown[:2] == sorted(order, key=lambda n: -scores[n]) and "failed: " in lines[-1]
-        else:
-            assert [n for n in shown if n in order] == order
+    more = ("--steps", STEPS, "--vary", "mu=0.2,0.1", "--set", "height=0.02", "--score", "right", "--no-picture")
+    for sort in ("mu", "number"):
+        assert pdvol("wedge", copy / "fall.py", "-o", copy / "w", *more, "--sort", sort) == 0
+        shown = [int(line.split()[0]) for line in capsys.readouterr().out.splitlines()[1:]]
+        entries = {entry["number"]: entry for entry in stored(copy / "w")["variations"]}
+        keys = [float(entries[number]["changes"]["mu"]) if sort == "mu" else number for number in shown]
+        assert len(keys) == 6 and keys == sorted(keys)
 
 
 def test_printed_lines_give_the_same_states_and_are_collected(folder, tmp_path, capsys):
@@ -157,62 +150,59 @@ def test_printed_lines_give_the_same_states_and_are_collected(folder, tmp_path, 
     assert [shlex.split(line)[1:] for line in output.out.splitlines()] == [shlex.split(line)[1:] for line in lines[2:]]
     assert states_of(tmp_path / "w") == states_of(folder / "w")
     assert [entry["state"] for entry in stored(tmp_path / "w")["variations"]] == ["done", "done", "waiting", "waiting"]
+    assert pdvol(*words, "--score", "broken") == 2
+    assert "score 'broken': IndexError" in capsys.readouterr().err
 
 
-def test_workers_of_dask_give_the_same_states(folder, tmp_path):
+@pytest.fixture
+def cluster(tmp_path):
+    """Two workers of dask, in processes of their own."""
     distributed = pytest.importorskip("distributed")
-    with distributed.LocalCluster(
-        n_workers=2, threads_per_worker=1, host="127.0.0.1", dashboard_address=None, local_directory=tmp_path / "dask"
-    ) as cluster:
-        words = ("wedge", folder / "fall.py", "-o", tmp_path / "w", *WORDS)
-        assert pdvol(*words, "--executor", f"dask={cluster.scheduler_address}") == 0
+    words = {"host": "127.0.0.1", "dashboard_address": None, "local_directory": tmp_path / "dask"}
+    with distributed.LocalCluster(n_workers=2, threads_per_worker=1, **words) as cluster:
+        yield cluster
+
+
+def test_workers_of_dask_give_the_same_states(folder, tmp_path, cluster, monkeypatch):
+    """What they cannot start has its reason."""
+    words = ("wedge", folder / "fall.py", "-o", tmp_path / "w", *WORDS)
+    assert pdvol(*words, "--executor", f"dask={cluster.scheduler_address}") == 0
     assert states_of(tmp_path / "w") == states_of(folder / "w")
     for entry, its in zip(stored(tmp_path / "w")["variations"], stored(folder / "w")["variations"], strict=True):
         assert [entry[key] for key in ("name", "state", "reason", "scores")] == [
             its[key] for key in ("name", "state", "reason", "scores")
         ]
 
-
-@pytest.mark.slow
-def test_a_killed_worker_of_dask_costs_nothing_but_time(tmp_path):
-    distributed = pytest.importorskip("distributed")
-    words = ("--steps", 200, "--vary", "mu=0.1,0.2,0.3", "--no-picture")
-    with distributed.LocalCluster(
-        n_workers=2, threads_per_worker=1, host="127.0.0.1", dashboard_address=None, local_directory=tmp_path / "dask"
-    ) as cluster:
-        command = [*PDVOL, "wedge", scene_in(tmp_path), "-o", tmp_path / "w", *map(str, words)]
-        command += ["--executor", f"dask={cluster.scheduler_address}"]
-        with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as process:
-            wait_for(tmp_path / "w/runs/mu-0.1/levels/0/000010.npy", process)
-            (hurt,) = [
-                worker.pid
-                for worker in cluster.workers.values()
-                for child in children(worker.pid)
-                if str(tmp_path / "w/runs/mu-0.1") in Path(f"/proc/{child}/cmdline").read_text().split("\0")
-            ]
-            os.kill(hurt, signal.SIGKILL)
-            assert not (tmp_path / "w/runs/mu-0.1/levels/0/000200.npy").exists(), "it was killed in mid-task"
-            assert process.wait(SAFETY) == 0
-    assert [entry["state"] for entry in stored(tmp_path / "w")["variations"]] == ["done"] * 3
-    assert pdvol("wedge", tmp_path / "fall.py", "-o", tmp_path / "local", *words, "--jobs", 1) == 0
-    assert "000200.npy" in states_of(tmp_path / "local")["mu-0.1"]
-    assert states_of(tmp_path / "w") == states_of(tmp_path / "local")
-
-
-def test_what_a_worker_of_dask_cannot_start_has_its_reason(tmp_path, monkeypatch):
-    distributed = pytest.importorskip("distributed")
-
     def nothing_there(words, log):
         raise FileNotFoundError(f"No such file: {log}")
 
     monkeypatch.setattr(farm, "carry_out", nothing_there)
-    with distributed.LocalCluster(
-        n_workers=1, threads_per_worker=1, host="127.0.0.1", dashboard_address=None, local_directory=tmp_path / "dask"
-    ) as cluster:
-        words = ("wedge", scene_in(tmp_path), "-o", tmp_path / "w", "--steps", 2, "--vary", "mu=0.1", "--no-picture")
-        assert pdvol(*words, "--executor", f"dask={cluster.scheduler_address}") == 0
-    (entry,) = stored(tmp_path / "w")["variations"]
+    words = ("wedge", folder / "fall.py", "-o", tmp_path / "none", "--steps", 2, "--vary", "mu=0.1", "--no-picture")
+    assert pdvol(*words, "--executor", f"dask={cluster.scheduler_address}") == 0
+    (entry,) = stored(tmp_path / "none")["variations"]
     assert entry["state"] == "failed" and "could not start it: No such file: " in entry["reason"]
+
+
+@pytest.mark.slow
+def test_a_killed_worker_of_dask_costs_nothing_but_time(tmp_path, cluster):
+    words = ("--steps", 200, "--vary", "mu=0.1,0.2,0.3", "--no-picture")
+    command = [*PDVOL, "wedge", scene_in(tmp_path), "-o", tmp_path / "w", *map(str, words)]
+    command += ["--executor", f"dask={cluster.scheduler_address}"]
+    with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as process:
+        wait_for(tmp_path / "w/runs/mu-0.1/levels/0/000010.npy", process)
+        (hurt,) = [
+            worker.pid
+            for worker in cluster.workers.values()
+            for child in children(worker.pid)
+            if str(tmp_path / "w/runs/mu-0.1") in Path(f"/proc/{child}/cmdline").read_text().split("\0")
+        ]
+        os.kill(hurt, signal.SIGKILL)
+        assert not (tmp_path / "w/runs/mu-0.1/levels/0/000200.npy").exists(), "it was killed in mid-task"
+        assert process.wait(SAFETY) == 0
+    assert [entry["state"] for entry in stored(tmp_path / "w")["variations"]] == ["done"] * 3
+    assert pdvol("wedge", tmp_path / "fall.py", "-o", tmp_path / "local", *words, "--jobs", 1) == 0
+    assert "000200.npy" in states_of(tmp_path / "local")["mu-0.1"]
+    assert states_of(tmp_path / "w") == states_of(tmp_path / "local")
 
 
 def children(process):
@@ -323,7 +313,7 @@ def test_a_wedge_that_cannot_be_made_is_said_in_one_line(tmp_path, capsys, words
     assert message in error and error.count("\n") == 1 and not (tmp_path / "w" / "runs").exists()
 
 
-def test_another_scene_a_full_folder_and_a_broken_score_are_refused(folder, tmp_path, capsys):
+def test_another_scene_and_a_full_folder_are_refused(folder, tmp_path, capsys):
     scene = write(tmp_path / "fall.py", FALL.replace("dt=0.02", "dt=0.01"))
     assert pdvol("wedge", scene, "-o", folder / "w", *WORDS[:-3], "--no-picture") == 2
     assert "another scene" in capsys.readouterr().err
@@ -331,5 +321,3 @@ def test_another_scene_a_full_folder_and_a_broken_score_are_refused(folder, tmp_
     (tmp_path / "full" / "thesis.txt").write_text("mine")
     assert pdvol("wedge", folder / "fall.py", "-o", tmp_path / "full", *WORDS) == 2
     assert "not empty" in capsys.readouterr().err
-    assert pdvol("wedge", folder / "fall.py", "-o", folder / "w", *WORDS, "--score", "broken") == 2
-    assert "score 'broken': IndexError" in capsys.readouterr().err

@@ -219,3 +219,22 @@ def test_ci_does_what_contributing_asks_for():
     done = re.findall(r"^(?:exec )?\./run (\w+)(?: (\w+))?", (ROOT / ".ci" / "run").read_text(), re.MULTILINE)
     assert [word[0] for word in words] == [word[0] for word in done]
     assert {"ruff", "mypy", "codespell", "pytest"} == {word[0] for word in words}
+
+
+def rows(text: str) -> list[list[str]]:
+    """The cells of all rows of tables."""
+    return [[cell.strip() for cell in line.strip("|").split("|")] for line in text.splitlines() if line.startswith("|")]
+
+
+def test_figures_of_readmes_loop_are_those_of_its_page():
+    loop = README.read_text().split("\n## The loop\n")[1].split("\n## ")[0]
+    page = (ROOT / "docs" / "gallery" / "ball_on_spike.md").read_text()
+    (sizes,) = [cells[1:] for cells in rows(page) if cells[0] == "vertices, cells"]
+    places = [re.findall(r"[-+]0\.\d+", text) for text in (page.split("![")[0], page.split("## What it shows")[1])]
+    for name, figures in (
+        ("vertices", [size.split(", ")[0] for size in sizes]),
+        ("one by one", places[0]),
+        ("refined", places[1][: len(sizes)]),
+    ):
+        (row,) = [cells for cells in rows(loop) if cells[0].startswith(name)]
+        assert row[1:] == figures and len(figures) == 5

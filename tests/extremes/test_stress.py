@@ -45,13 +45,6 @@ def test_what_is_meshed_starts_free_of_intersections(name):
     started(name)
 
 
-def test_the_mats_are_of_the_papers_sizes():
-    (mat,) = started("mat_twist")
-    assert (len(mat.points), len(mat.cells)) == (3200, 9126)
-    (arch,) = started("masonry_arch")
-    assert (len(arch.points), len(arch.cells)) == (200, 150)
-
-
 QUICK_PAIRS = ("spike_spike", "wedge_crack", "cube_cliff")
 
 

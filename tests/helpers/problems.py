@@ -1,5 +1,7 @@
 """Small one-level problems for the tests, from grids instead of shapes."""
 
+from collections.abc import Iterator
+
 import numpy as np
 from mpi4py import MPI
 
@@ -46,6 +48,17 @@ def make_stepper(scene, mesh, obstacles=(), comm=MPI.COMM_WORLD, integrator=None
 def take_step(stepper, number, positions, velocity) -> StepReport:
     """One step from positions (n, d) with velocity (n, d)."""
     return stepper.step(number, (State(positions, velocity),))
+
+
+def march(stepper, steps, positions=None, velocity=None, first=1) -> Iterator[StepReport]:
+    """Steps of implicit Euler from the mesh's positions, and from rest, unless they are given."""
+    x = stepper.space.mesh.points if positions is None else positions
+    v = np.zeros_like(x) if velocity is None else velocity
+    for number in range(first, first + steps):
+        report = take_step(stepper, number, x, v)
+        x, v = report.positions, (report.positions - x) / stepper.model.dt
+        report.velocity = v
+        yield report
 
 
 def masses(problem) -> np.ndarray:

@@ -7,7 +7,7 @@ from scipy.optimize import brentq
 import barrier_law
 from pdvol.geometry.level_mesh import boundary_areas
 from pdvol.scene import Barrier, Gravity, NeoHookean, Plane, Solver
-from problems import block, make_scene, make_stepper, take_step
+from problems import block, make_scene, make_stepper, march
 
 G, DHAT, SIDE = 9.81, 2e-3, 0.2
 SOFT = NeoHookean(young=1e5, poisson=0.3, density=1000.0)
@@ -28,12 +28,9 @@ def rest(d, n, start=0.9):
     )
     lift = start * DHAT
     mesh = block((0.0,) * (d - 1) + (lift,), (SIDE,) * (d - 1) + (SIDE + lift,), n)
-    problem = make_stepper(scene, mesh)
-    x, v, reports = mesh.points, np.zeros_like(mesh.points), []
-    for number in range(1, 41):
-        reports.append(take_step(problem, number, x, v))
-        v, x = (reports[-1].positions - x) / scene.dt, reports[-1].positions
-    assert np.abs(v).max() < 1e-3
+    reports = list(march(make_stepper(scene, mesh), 40))
+    x = reports[-1].positions
+    assert np.abs(reports[-1].velocity).max() < 1e-3
     low = mesh.points[:, -1] < lift + 1e-9
     facets = mesh.boundary[low[mesh.boundary].all(axis=1)]  # corners' sides do not press
     assert boundary_areas(mesh)[low].min() > 0.0

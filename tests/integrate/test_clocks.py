@@ -13,7 +13,7 @@ from pdvol.integrate.marches import Start, direct
 from pdvol.registry import INTEGRATORS
 from pdvol.scene import Barrier, Friction, Plane, Rigid, Solver, Support, Translation
 from pdvol.scene import Path as Keys
-from problems import block, make_scene, make_stepper, polyline, take_step, tetrahedron
+from problems import block, make_scene, make_stepper, march, polyline, tetrahedron
 from shapes import together
 
 SOLVER = Solver(tolerance=1e-4, linear="direct")
@@ -60,15 +60,6 @@ DOWN = ((0.0, 1.0), (0.0, -5.0))
 DOWN_AND_UP = ((0.0, 0.06, 0.16), (0.0, -0.3, 0.0))
 
 
-def march(problem, steps):
-    x = problem.space.mesh.points
-    v = 0.0 * x
-    for number in range(1, steps + 1):
-        report = take_step(problem, number, x, v)
-        v, x = (report.positions - x) / problem.model.dt, report.positions
-        yield report, v
-
-
 @pytest.mark.parametrize("d", [2, 3])
 def test_what_contact_stops_waits_and_what_it_does_not_stop_goes_on(d):
     scene, mesh = pressed_and_driven(d, DOWN)
@@ -78,7 +69,7 @@ def test_what_contact_stops_waits_and_what_it_does_not_stop_goes_on(d):
     obstacle, floor = problem.model.obstacles
     surface = problem.potential.contacts[-1].surface
     last = 0.0
-    for report, _ in march(problem, 6):
+    for report in march(problem, 6):
         driven = mesh.points[held] + report.time * np.eye(d)[0]
         np.testing.assert_allclose(report.positions[held], driven, atol=1e-12)
         at = obstacle.at(report.time - report.behind)
@@ -99,7 +90,7 @@ def test_a_late_motion_catches_up_and_others_do_not_wait_for_it():
     problem = make_stepper(scene, mesh, [ram(2)])
     held = (mesh.points[:, -1] < 1e-9) & (mesh.point_bodies == 1)
     behind = []
-    for report, _ in march(problem, 9):
+    for report in march(problem, 9):
         np.testing.assert_allclose(report.positions[held], mesh.points[held] + [report.time, 0.0], atol=1e-12)
         behind.append(report.behind)
     assert max(behind) > 0.01 and behind[-1] == 0.0 and report.late == {} and report.reached == 1.0
@@ -129,7 +120,7 @@ def test_two_plates_that_squeeze_a_body_stop_both():
     plates = [Plane((s * 0.12, 0.0), (-s, 0.0), Translation((-s * 1.0, 0.0)), name=f"plate {s}") for s in (-1.0, 1.0)]
     scene = make_scene(dt=DT, obstacles=tuple(plates), contact=(Barrier(dhat=5e-3),), solver=SOLVER)
     problem = make_stepper(scene, mesh)
-    for report, _ in march(problem, 8):
+    for report in march(problem, 8):
         assert simplex_volumes(report.positions, mesh.cells).min() > 0.0
     lags = [report.late.get(f"obstacle {i}", report.behind if not report.late else 0.0) for i in (0, 1)]
     assert min(lags) > 0.01 and abs(lags[0] - lags[1]) < 0.02

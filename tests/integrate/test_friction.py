@@ -5,7 +5,7 @@ import pytest
 
 from pdvol.errors import InputError
 from pdvol.scene import Barrier, Friction, Gravity, NeoHookean, Plane, Rigid, Solver, Support, Translation
-from problems import block, make_scene, make_stepper, masses, polyline, take_step, tetrahedron
+from problems import block, make_scene, make_stepper, march, masses, polyline, tetrahedron
 from shapes import together
 
 G, EPS_V, DHAT = 9.81, 1e-4, 2e-3
@@ -46,16 +46,10 @@ def slide(d, kind, tangent, n, steps, friction):
 
 def run(problem, steps, velocity=None):
     """Mean speeds along the first axis (steps, bodies) [m/s] and reports."""
-    x, mesh = problem.space.mesh.points, problem.space.mesh
-    v, weights, speeds, reports = np.zeros_like(x) if velocity is None else velocity, masses(problem), [], []
-    for number in range(1, steps + 1):
-        reports.append(take_step(problem, number, x, v))
-        v, x = (reports[-1].positions - x) / problem.model.dt, reports[-1].positions
-        bodies = range(mesh.point_bodies.max() + 1)
-        speeds.append(
-            [np.average(v[mesh.point_bodies == b, 0], weights=weights[mesh.point_bodies == b]) for b in bodies]
-        )
-    return np.array(speeds), reports
+    bodies, weights, reports = problem.space.mesh.point_bodies, masses(problem), []
+    reports = list(march(problem, steps, velocity=velocity))
+    parts = [np.where(bodies == b, weights, 0.0) for b in range(bodies.max() + 1)]
+    return np.array([[np.average(r.velocity[:, 0], weights=m) for m in parts] for r in reports]), reports
 
 
 CASES = [

@@ -17,14 +17,13 @@ from pdvol.scene import (
     Plane,
     Rigid,
     Rotation,
-    Scene,
     Sequential,
     Solver,
     Support,
     Translation,
     moved,
 )
-from problems import block, make_scene, make_stepper, polyline, take_step, tetrahedron
+from problems import block, make_scene, make_stepper, march, polyline, tetrahedron
 
 X = np.array([[1.0, 0.0, 2.0], [0.0, 1.0, -1.0]])
 SOLVER = Solver(tolerance=1e-4)
@@ -32,16 +31,6 @@ SOLVER = Solver(tolerance=1e-4)
 
 def left(points):
     return points[:, 0] < 1e-9
-
-
-def march(problem, steps, x=None, v=None, first=1):
-    """Implicit Euler; yields the reports."""
-    x = problem.space.mesh.points if x is None else x
-    v = 0.0 * x if v is None else v
-    for number in range(first, first + steps):
-        report = take_step(problem, number, x, v)
-        v, x = (report.positions - x) / problem.model.dt, report.positions
-        yield report
 
 
 def crosses(mesh, positions, obstacle) -> bool:
@@ -115,15 +104,6 @@ def test_nonsense_is_refused(make):
 def test_an_error_names_what_is_wrong_with_a_users_motion(motion, said):
     with pytest.raises(InputError, match=f"obstacle 'rock': its motion .*{said}"):
         moved(motion, X, 0.5, "obstacle 'rock'")
-
-
-def test_a_motion_that_fails_during_a_run_ends_it_at_once():
-    """The motion first fails in the second step, at a time that no check before the run evaluates."""
-    scene = make_scene(
-        dt=0.05, steps=1, supports=(Support(left, motion=lambda X, t: X if t < 0.09 else X * np.nan),), solver=SOLVER
-    )
-    with pytest.raises(InputError, match="a support: its motion gives NaN or infinity at t = 0.1 s"):
-        list(march(make_stepper(scene, block((0.0, 0.0), (0.2, 0.2), 2)), 5))
 
 
 # ---- release
@@ -325,21 +305,3 @@ def test_what_was_held_back_is_caught_up_with():
         height = 0.3 + plate.motion(np.zeros((1, 2)), report.time - report.behind)[0, 1]
         assert 0.0 < report.positions[:, 1].max() < height
         assert simplex_volumes(report.positions, mesh.cells).min() > 0.0
-
-
-def test_a_scene_with_a_path_and_a_release_can_be_described():
-    """The description that `run.json` keeps differs between two scripts that differ."""
-    from pdvol.scene.fingerprint import describe, differences
-
-    def scene(end, release):
-        support = Support(
-            left,
-            motion=Sequential((Path((0.0, 1.0), ((0.0, 0.0), (end, 0.0))), Rotation(1.0, (0.0, 0.0)))),
-            release=release,
-        )
-        return make_scene(supports=(support,))
-
-    assert isinstance(scene(1.0, 1.0), Scene)
-    assert not differences(describe(scene(1.0, 0.5)), describe(scene(1.0, 0.5)))
-    assert differences(describe(scene(1.0, 0.5)), describe(scene(2.0, 0.5)))
-    assert differences(describe(scene(1.0, 0.5)), describe(scene(1.0, np.inf)))

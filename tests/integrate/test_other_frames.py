@@ -19,7 +19,7 @@ from pdvol.scene import (
     rotation_matrix,
 )
 from pdvol.scene import Path as Keys
-from problems import SOFT, block, make_scene, make_stepper, polyline, take_step, tetrahedron
+from problems import SOFT, block, make_scene, make_stepper, march, polyline, tetrahedron
 from shapes import level, together
 
 DHAT, DT, STEPS = 5e-3, 0.01, 24
@@ -63,15 +63,9 @@ def world(d, angle, drift):
         contact=(Barrier(dhat=DHAT), Friction(0.5, eps_v=5e-3)),
         solver=Solver(tolerance=1e-8, linear="direct"),
     )
-    problem = make_stepper(scene, mesh, [ram])
-    x, v = mesh.points, np.zeros_like(mesh.points) + drift
-    states = []
-    for number in range(1, STEPS + 1):
-        report = take_step(problem, number, x, v)
-        v, x = (report.positions - x) / DT, report.positions
-        assert report.behind == 0.0
-        states.append((x - number * DT * np.asarray(drift)) @ R)
-    return np.array(states)
+    reports = list(march(make_stepper(scene, mesh, [ram]), STEPS, velocity=np.zeros_like(mesh.points) + drift))
+    assert all(report.behind == 0.0 for report in reports)
+    return np.array([(report.positions - report.time * np.asarray(drift)) @ R for report in reports])
 
 
 @pytest.fixture(scope="module")
@@ -133,12 +127,9 @@ def pressed(d, pusher, angle, drift):
     mesh = block((0.0,) * (d - 1) + (0.6 * DHAT,), (0.2,) * d, 2)
     mesh = level(mesh.points @ R.T, mesh.cells, mesh.bodies)
     problem = make_stepper(scene, mesh, [(ram[0] @ R.T, *ram[1:])] if pusher == "ram" else [])
-    x, v = mesh.points, np.zeros_like(mesh.points) + drift
-    for number in range(1, 15):
-        report = take_step(problem, number, x, v)
-        v, x = (report.positions - x) / DT, report.positions
-    surface = problem.potential.contacts[0].surface
-    place = surface.obstacle_positions[: len(ram[0])] if pusher == "ram" else x[problem.model.supports[0].mask]
+    *_, report = march(problem, 14, velocity=np.zeros_like(mesh.points) + drift)
+    surface, held = problem.potential.contacts[0].surface, problem.model.supports[0].mask
+    place = surface.obstacle_positions[: len(ram[0])] if pusher == "ram" else report.positions[held]
     return report.behind, (place - np.asarray(drift) * report.time) @ R
 
 

@@ -13,7 +13,7 @@ from pdvol.potentials.potential import Positions, Term
 from pdvol.scene import Barrier, Gravity, Plane, Solver
 from pdvol.solve.newton import LINE_SEARCH, MAX_SOLVES
 from pdvol.solve.report import REMEDIES, no_remedies, taken
-from problems import block, make_scene, make_stepper, take_step
+from problems import block, make_scene, make_stepper, march, take_step
 
 REASONS = PETSc.SNES.ConvergedReason
 
@@ -68,11 +68,10 @@ def test_too_many_iterations_halve_the_step_and_end_with_an_error():
     """Two Newton iterations are never enough here. The step is halved, quartered and tried with the last remedy. Then
     an error reports all of these.
     """
-    problem, x, v = falling(max_iterations=2, max_halvings=2)
+    (problem, x, v), number = falling(max_iterations=2, max_halvings=2), 1
     with pytest.raises(ConvergenceError) as caught:
-        for number in range(1, 20):
-            report = take_step(problem, number, x, v)
-            v, x = (report.positions - x) / 0.02, report.positions
+        for report in march(problem, 20, x, v):
+            number = report.step + 1
     error = caught.value
     assert error.level == 0 and error.step == number
     assert str(error).startswith(f"level 0, step {number}: DIVERGED_MAX_IT after ")

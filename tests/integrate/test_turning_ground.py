@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pdvol.scene import Barrier, Friction, Gravity, NeoHookean, Plane, Rigid, Rotation, Solver, Translation
-from problems import block, make_scene, make_stepper, polyline, take_step
+from problems import block, make_scene, make_stepper, march, polyline
 
 DHAT = 4e-3
 SOLVER = Solver(tolerance=1e-5, linear="direct")
@@ -28,16 +28,10 @@ def ground(d, kind, motion, height):
 
 
 def centres(scene, mesh, geometry, steps, start=None):
-    """(steps + 1, d) [m]: the mean position after each step, and the last report."""
-    problem = make_stepper(scene, mesh, geometry)
-    x = mesh.points
-    v = np.zeros_like(x) if start is None else start(x)
-    found = [x.mean(axis=0)]
-    for number in range(1, steps + 1):
-        report = take_step(problem, number, x, v)
-        v, x = (report.positions - x) / scene.dt, report.positions
-        found.append(x.mean(axis=0))
-    return np.array(found), report
+    """(steps + 1, d) [m]: the mean position at first and after each step, and the last report."""
+    velocity = None if start is None else start(mesh.points)
+    reports = list(march(make_stepper(scene, mesh, geometry), steps, velocity=velocity))
+    return np.array([x.mean(axis=0) for x in (mesh.points, *(report.positions for report in reports))]), reports[-1]
 
 
 @pytest.mark.parametrize("kind", ["plane", "slab"])

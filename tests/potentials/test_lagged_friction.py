@@ -17,7 +17,7 @@ from pdvol.potentials.contact.surface import ContactSurface
 from pdvol.potentials.potential import Positions
 from pdvol.scene import Barrier, Friction, Gravity, NeoHookean, Plane, Solver
 from pdvol.solve.newton import Newton
-from problems import block, make_scene, make_stepper, polyline, take_step, tetrahedron
+from problems import block, make_scene, make_stepper, march, polyline, tetrahedron
 from shapes import box, together
 from taylor import hessian_of
 
@@ -144,12 +144,9 @@ def spun():
         solver=Solver(tolerance=1e-4),
     )
     mesh = block((0.0, 0.0, 4e-3), (0.3, 0.3, 0.204), (4, 4, 4))
-    problem, x, reports = make_stepper(scene, mesh), mesh.points, []
-    v = np.array([2.0, 0.0, -1.5]) + np.cross([0.0, -10.0, 0.0], x - x.mean(axis=0))
-    for number in range(1, 31):
-        reports.append(take_step(problem, number, x, v))
-        v, x = (reports[-1].positions - x) / scene.dt, reports[-1].positions
-    return sum(r.newton_iterations for r in reports), sum(r.backtracks for r in reports), x
+    velocity = np.array([2.0, 0.0, -1.5]) + np.cross([0.0, -10.0, 0.0], mesh.points - mesh.points.mean(axis=0))
+    reports = list(march(make_stepper(scene, mesh), 30, velocity=velocity))
+    return sum(r.newton_iterations for r in reports), sum(r.backtracks for r in reports), reports[-1].positions
 
 
 def test_predictions_spare_backtracks_and_leave_the_minimum_where_it_is(monkeypatch):

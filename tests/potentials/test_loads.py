@@ -19,7 +19,7 @@ from pdvol.potentials.potential import Positions
 from pdvol.scene import Flow, Force, Gravity, Impulse, NeoHookean, PointForce, Solver
 from pdvol.solve.incremental_potential import IncrementalPotential
 from pdvol.solve.report import Stopwatch
-from problems import make_scene, make_stepper, masses, take_step
+from problems import make_scene, make_stepper, march, masses
 from shapes import box, together
 from taylor import hessian_of, state
 
@@ -36,13 +36,7 @@ def shot(*loads, materials=(STIFF,), dt=0.01, steps=10):
 def speeds(scene, mesh, steps, velocity=None):
     """Velocities (n, d) after each step, and the vertices' masses."""
     problem = make_stepper(scene, mesh)
-    x, v = mesh.points, np.zeros_like(mesh.points) if velocity is None else velocity
-    found = []
-    for number in range(1, steps + 1):
-        report = take_step(problem, number, x, v)
-        v, x = (report.positions - x) / scene.dt, report.positions
-        found.append(v)
-    return found, masses(problem)
+    return [report.velocity for report in march(problem, steps, velocity=velocity)], masses(problem)
 
 
 def momentum(v, m):

@@ -3,7 +3,6 @@ rank, on standard error.
 """
 
 import io
-import json
 import os
 import re
 import subprocess
@@ -23,7 +22,7 @@ from pdvol import Body, NeoHookean, Scene, cli
 from pdvol.meshes import Outline
 from pdvol.meshing.build import build_levels
 from pdvol.runs import stage_lines
-from pdvol.runs.stage_lines import StageLines, duration
+from pdvol.runs.stage_lines import StageLines
 from pdvol.stages import Stage, reported_to, say, stage
 
 
@@ -167,10 +166,6 @@ def test_other_ranks_are_silent_and_the_watching_thread_ends(monkeypatch):
     while any(thread.name == "pdvol-stages" for thread in threading.enumerate()):
         assert time.monotonic() < until
         time.sleep(0.01)
-
-
-def test_durations():
-    assert [duration(s) for s in (0.04, 12.34, 59.9, 125.0)] == ["0.0 s", "12.3 s", "59.9 s", "2 min 5 s"]
 
 
 def test_meshing_says_what_it_does_and_how_often_it_tried(tmp_path):
@@ -352,26 +347,3 @@ def test_other_commands_say_what_they_load(words, stages, tmp_path, monkeypatch,
     cli.run(words)
     shown = capsys.readouterr()
     assert stage_names(shown.err)[: len(stages)] == stages and stage_names(shown.out) == []
-
-
-@pytest.mark.slow
-def test_a_study_says_what_it_waits_for_and_what_it_measures(tmp_path, capsys, all_stages):
-    (tmp_path / "fall.py").write_text(FALL)
-    words = ["--steps", "2", "--levels", "0:0", "--vary", "dt=0.01", "--reference", "dt=0.005", "--jobs", "1"]
-    assert cli.run(["study", str(tmp_path / "fall.py"), "-o", str(tmp_path / "s"), "--budget", "3", *words]) == 0
-    shown = capsys.readouterr()
-    names, runs = stage_names(shown.err), [run["run"] for run in study_runs(tmp_path / "s")]
-    waits = [name for name in names if name.startswith("simulating")]
-    assert waits == [f"simulating until run {k} of the study ends" for k in range(1, len(runs) + 2)]
-    assert len(runs) >= 3 and {"default", "dt-0.01", "dt-0.005"} <= set(runs)
-    begun = re.findall(
-        r"^simulating until run \d+ of the study ends: .* s \((\S+) has begun, levels 0 to 0", shown.err, re.M
-    )
-    assert sorted(begun) == sorted(runs)
-    measured = [name.removeprefix("measuring ") for name in names if name.startswith("measuring")]
-    assert sorted(measured[:-1]) == sorted(runs) and measured[-1] == "the study's runs"
-    assert names[-1] == "writing study.html" and stage_names(shown.out) == []
-
-
-def study_runs(folder):
-    return json.loads((folder / "study.json").read_text())["runs"]

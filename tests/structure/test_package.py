@@ -35,13 +35,6 @@ def test_every_other_file_is_installed():
     assert sorted(str(file.relative_to(ROOT)) for file in data) == []
 
 
-def test_native_sources_are_installed_by_rule():
-    """A package needs no line of its own for them."""
-    rules = SETUPTOOLS["package-data"]
-    assert rules["*"] == ["*.c", "*.h"]
-    assert not any(pattern in rules["*"] for name, patterns in rules.items() if name != "*" for pattern in patterns)
-
-
 def test_package_data_names_files_that_exist():
     for package, patterns in SETUPTOOLS["package-data"].items():
         folder = ROOT / ("pdvol" if package == "*" else Path(*package.split(".")))
