@@ -16,13 +16,6 @@ def enclosed_volume(points: np.ndarray, facets: np.ndarray) -> float:
     return float((volume_gradient(centred, facets) * centred).sum()) / points.shape[1]
 
 
-def surface_area(points: np.ndarray, triangles: np.ndarray) -> float:
-    """Area [m^2] of triangles (k, 3)."""
-    corners = points[triangles]
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    return float(np.linalg.norm(normals, axis=1).sum()) / 2.0
-
-
 def volume_gradient(points: np.ndarray, facets: np.ndarray) -> np.ndarray:
     """(n, d) derivative of the volume inside outward facets (k, d) with respect to each vertex."""
     corners = points[facets]
@@ -43,24 +36,19 @@ def pressed_facets(mesh: LevelMesh, body: int) -> np.ndarray:
     They point away from it: into the body's material around cavities, out of the body otherwise.
     """
     facets = mesh.boundary[mesh.bodies[mesh.boundary_cells] == body]
-    part = _parts(facets)
-    cavities = [p for p in range(part.max() + 1) if enclosed_volume(mesh.points, facets[part == p]) < 0.0]
+    part = connected_parts(facets, len(mesh.points))[facets[:, 0]]
+    cavities = [p for p in np.unique(part) if enclosed_volume(mesh.points, facets[part == p]) < 0.0]
     chosen = facets[np.isin(part, cavities)]
     return chosen[:, ::-1] if cavities else facets
 
 
-def _parts(facets: np.ndarray) -> np.ndarray:
-    """(k,) int: the connected part of each facet; facets that share an edge (3D) or a point (2D) are connected."""
-    count, d = facets.shape
-    ridges = np.concatenate([np.sort(np.delete(facets, corner, axis=1), axis=1) for corner in range(d)])
-    _, ridge = np.unique(ridges, axis=0, return_inverse=True)
-    ridge = ridge.ravel()
-    owners = np.tile(np.arange(count), d)
-    graph = coo_array(
-        (np.ones(2 * len(ridge)), (np.r_[owners, count + ridge], np.r_[count + ridge, owners])),
-        shape=(count + ridge.max() + 1,) * 2,
-    )
-    return np.unique(connected_components(graph, directed=False)[1][:count], return_inverse=True)[1]
+def connected_parts(simplices: np.ndarray, count: int) -> np.ndarray:
+    """(count,) the connected part of each of `count` points, where those of a simplex (k, c) are connected; numbered by
+    their first points.
+    """
+    ends = np.repeat(simplices[:, 0], simplices.shape[1] - 1), simplices[:, 1:].ravel()
+    graph = coo_array((np.ones(len(ends[0])), ends), shape=(count, count))
+    return connected_components(graph, directed=False)[1]
 
 
 def gyration_diagonal(points: np.ndarray, facets: np.ndarray) -> float:

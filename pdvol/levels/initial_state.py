@@ -13,11 +13,11 @@ import igl
 import numpy as np
 
 from pdvol.errors import InputError, IntersectionError
+from pdvol.geometry.closed_surfaces import connected_parts
 from pdvol.geometry.crossings import edges_of, find_crossings, find_touching, fortran
 from pdvol.geometry.level_mesh import LevelMesh
 from pdvol.geometry.rigid_motions import Pose
 from pdvol.levels.obstacles import Obstacle
-from pdvol.meshing.shells import shells
 
 WORDS = {1: "vertex", 2: "edge", 3: "triangle"}
 MEND = "move them apart, or give more vertices to coarse levels"
@@ -324,7 +324,7 @@ class _Boundaries:
         """Owners whose boundaries enclose vertices of others: found by the winding number of a vertex of each shell.
         Gives the owner and these vertices.
         """
-        shell = shells(self.facets, len(self.points))
+        shell = connected_parts(self.facets, len(self.points))
         _, representatives = np.unique(shell, return_index=True)
         facet_owner = self.owner[self.facets[:, 0]]
         for outer in range(len(self.names)):

@@ -4,11 +4,10 @@ import numpy as np
 from dolfinx import fem, la
 from mpi4py import MPI
 from petsc4py import PETSc
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from pdvol import compat
 from pdvol.errors import InputError
+from pdvol.geometry.closed_surfaces import connected_parts
 from pdvol.geometry.level_mesh import LevelMesh, simplex_volumes
 from pdvol.levels.partition import shared_bodies
 
@@ -197,7 +196,12 @@ def _replicated(V: fem.FunctionSpace) -> tuple[LevelMesh, fem.FunctionSpace, np.
     cells[_ranks_of(together(numbers[:own]))] = np.sort(place[together(blocks)], axis=1)
     turned = simplex_volumes(points, cells) < 0.0
     cells[turned, -2:] = cells[turned, :-3:-1]
-    mesh = LevelMesh(points, cells, _parts(cells, len(points)), np.zeros(len(cells), dtype=np.int32))
+    mesh = LevelMesh(
+        points,
+        cells,
+        connected_parts(cells, len(points)).astype(np.int32)[cells[:, 0]],
+        np.zeros(len(cells), dtype=np.int32),
+    )
     first = int(index_map.local_range[0])
     return mesh, V, place[first : first + n]
 
@@ -208,10 +212,3 @@ def _ranks_of(indices: np.ndarray) -> np.ndarray:
     ranks = np.empty(len(indices), dtype=np.int64)
     ranks[order] = np.arange(len(indices))
     return ranks
-
-
-def _parts(cells: np.ndarray, count: int) -> np.ndarray:
-    """(m,) int32: the connected part of each cell, numbered by first points."""
-    ends = np.repeat(cells[:, 0], cells.shape[1] - 1), cells[:, 1:].ravel()
-    part = connected_components(coo_array((np.ones(len(ends[0])), ends), shape=(count, count)), directed=False)[1]
-    return np.unique(part, return_index=True)[1].argsort().argsort()[part].astype(np.int32)[cells[:, 0]]

@@ -27,7 +27,6 @@ from pdvol.meshing.cpu_budget import cpu_budget
 from pdvol.meshing.decimate import decimate
 from pdvol.meshing.point_caches import cached_surface, edges_or_faces
 from pdvol.meshing.readers import read_shape
-from pdvol.meshing.shells import signed_volumes
 from pdvol.meshing.tetrahedralise import surface_share, tetrahedralise
 from pdvol.meshing.triangulate import triangulate
 from pdvol.meshing.validate import check_outline, check_solid, check_surface, drop_unused, outline_edges
@@ -115,7 +114,7 @@ def _animated_mesh(obstacle: Deforming, name: str) -> tuple[np.ndarray, np.ndarr
     shape, facets = cached_surface(obstacle.motion), edges_or_faces(obstacle.motion, obstacle.closed)
     if isinstance(shape, Surface):
         check_surface(shape, name, obstacle.closed)
-        turned = obstacle.closed and signed_volumes(shape.vertices, facets).sum() < 0.0
+        turned = obstacle.closed and enclosed_volume(shape.vertices, facets) < 0.0
         points, faces = drop_unused(shape.vertices, facets[:, ::-1] if turned else facets)
         return points, edges_of(faces), faces
     if len(np.asarray(obstacle.motion.faces)) == 0:

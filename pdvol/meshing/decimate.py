@@ -10,9 +10,9 @@ import igl
 import numpy as np
 
 from pdvol.errors import InputError, MeshError
+from pdvol.geometry.closed_surfaces import connected_parts
 from pdvol.meshes import Surface
 from pdvol.meshing.cpu_budget import check_budget
-from pdvol.meshing.shells import shells
 from pdvol.meshing.validate import check_surface
 
 MIN_SURFACE_VERTICES = 4
@@ -30,7 +30,7 @@ _SIMPLIFYING = Lock()
 
 def topology(triangles: np.ndarray, n: int) -> tuple[int, int]:
     """Number of shells and Euler characteristic of a closed surface whose `n` vertices are all used."""
-    return int(shells(triangles, n).max()) + 1, n - len(triangles) // 2
+    return int(connected_parts(triangles, n).max()) + 1, n - len(triangles) // 2
 
 
 def decimate(surface: Surface, target: int, name: str = "surface") -> Surface:

@@ -9,12 +9,12 @@ import igl
 import numpy as np
 
 from pdvol.errors import InputError, MeshError
+from pdvol.geometry.closed_surfaces import connected_parts, enclosed_volume
 from pdvol.geometry.crossings import counted_edges
 from pdvol.geometry.level_mesh import boundary_facets, simplex_volumes
 from pdvol.meshes import Outline, Solid, Surface
 from pdvol.meshing.holes import filled_holes
 from pdvol.meshing.mesher_process import run_worker
-from pdvol.meshing.shells import shells
 from pdvol.meshing.validate import FLAT_SIMPLEX, drop_unused, flat_triangles, repeated, simplex_lengths
 from pdvol.meshing.verdict import judge
 from pdvol.meshing.weld import coincident, open_edges
@@ -198,13 +198,12 @@ def _outward(points: np.ndarray, triangles: np.ndarray, done: list[str]) -> np.n
     """Closed shells turned outward; those inside others inward, as cavities."""
     if len(open_edges(triangles)):
         return triangles
-    owner = shells(triangles, len(points))[triangles[:, 0]]
+    owner = connected_parts(triangles, len(points))[triangles[:, 0]]
     triangles, turned = triangles.copy(), 0
     for shell in np.unique(owner):
         mine, rest = owner == shell, owner != shell
         corner = points[triangles[mine][0, 0]]
-        a, b, c = (points[triangles[mine, k]] - corner for k in range(3))
-        volume = np.einsum("ij,ij->", a, np.cross(b, c))
+        volume = enclosed_volume(points, triangles[mine])
         deep = 0
         for other in np.unique(owner[rest]):
             own = np.ascontiguousarray(triangles[owner == other])

@@ -11,8 +11,8 @@ from itertools import combinations
 import numpy as np
 
 from pdvol.errors import InputError, MeshError
-from pdvol.geometry.closed_surfaces import enclosed_volume, surface_area
-from pdvol.geometry.level_mesh import boundary_facets, simplex_volumes
+from pdvol.geometry.closed_surfaces import connected_parts, enclosed_volume
+from pdvol.geometry.level_mesh import boundary_facets, facet_sizes, simplex_volumes
 from pdvol.meshes import Surface
 from pdvol.meshing.decimate import MIN_SURFACE_VERTICES, decimate, topology
 from pdvol.meshing.edge_length import (
@@ -24,7 +24,6 @@ from pdvol.meshing.edge_length import (
     mesh_of_target_size,
 )
 from pdvol.meshing.mesher_process import run_worker
-from pdvol.meshing.shells import shells
 from pdvol.meshing.subdivide import split_longest_edges
 from pdvol.meshing.validate import check_surface, drop_unused
 from pdvol.meshing.volume import with_volume
@@ -178,12 +177,12 @@ def _unit_mesh(surface: Surface, target: int, name: str, keep_boundary: bool, vo
 
 def _volume_and_area(surface: Surface) -> tuple[float, float]:
     points, triangles = surface.vertices, surface.triangles
-    return enclosed_volume(points, triangles), surface_area(points, triangles)
+    return enclosed_volume(points, triangles), float(facet_sizes(points, triangles).sum())
 
 
 def split_shells(surface: Surface) -> list[Surface]:
     """The shells of a surface, each on its own; the whole surface where some shell is a cavity of another."""
-    owner = shells(surface.triangles, len(surface.vertices))
+    owner = connected_parts(surface.triangles, len(surface.vertices))
     parts = []
     for shell in np.unique(owner[surface.triangles[:, 0]]):
         points, triangles = drop_unused(surface.vertices, surface.triangles[owner[surface.triangles[:, 0]] == shell])

@@ -4,18 +4,19 @@ import igl
 import numpy as np
 
 from pdvol.errors import IntersectionError, InvertedCellError, MeshError
-from pdvol.geometry.closed_surfaces import surface_area
+from pdvol.geometry.closed_surfaces import connected_parts, enclosed_volume
 from pdvol.geometry.crossings import counted_edges, edges_of, find_crossings, find_touching
-from pdvol.geometry.level_mesh import simplex_volumes
+from pdvol.geometry.level_mesh import facet_sizes, simplex_volumes
 from pdvol.meshes import Outline, Solid, Surface
 from pdvol.meshing.cpu_budget import check_budget
-from pdvol.meshing.shells import check_nested, signed_volumes
 from pdvol.meshing.weld import COINCIDENT, open_edges, seam_vertices
 
 FLAT_SIMPLEX = 1e-12
 """Measure (length, area, volume) of a simplex, relative to its longest edge to that power, below which it is flat."""
 FLAT_BODY = 1e-12
 """Volume of a closed surface, relative to its area times its diagonal, below which it encloses nothing."""
+MOST_SHELLS = 300
+"""Shells of a surface that are looked at for one inside another: with more it takes minutes."""
 LARGE_SURFACE, SAMPLE = 20_000, 500
 """Triangles of a surface above which crossings are sought in a sample first, and how many it has."""
 
@@ -71,8 +72,7 @@ def simplex_lengths(points: np.ndarray, cells: np.ndarray) -> np.ndarray:
 
 def flat_triangles(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     """Indices of the triangles without area."""
-    corners = points[triangles]
-    areas = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    areas = 2.0 * facet_sizes(points, triangles)
     return np.flatnonzero(areas <= FLAT_SIMPLEX * simplex_lengths(points, triangles) ** 2)
 
 
@@ -167,8 +167,8 @@ def check_surface(surface: Surface, name: str = "surface", closed: bool = True) 
     check_manifold(triangles, len(points), name, closed)
     points, triangles = drop_unused(points, triangles)
     if closed:
-        volume = signed_volumes(points, triangles).sum()
-        if abs(volume) <= FLAT_BODY * surface_area(points, triangles) * np.linalg.norm(np.ptp(points, axis=0)):
+        volume, area = enclosed_volume(points, triangles), facet_sizes(points, triangles).sum()
+        if abs(volume) <= FLAT_BODY * area * np.linalg.norm(np.ptp(points, axis=0)):
             raise MeshError(f"{name}: the surface encloses no volume; give a body with an inside")
         triangles = triangles[:, ::-1] if volume < 0 else triangles
     check_budget(name)
@@ -181,6 +181,34 @@ def check_surface(surface: Surface, name: str = "surface", closed: bool = True) 
     if closed:
         check_nested(points, triangles.astype(np.int64), name)
     return Surface(points, np.ascontiguousarray(triangles, dtype=np.int32))
+
+
+def check_nested(points: np.ndarray, triangles: np.ndarray, name: str) -> None:
+    """Raise IntersectionError where a shell lies inside another one and is no cavity of it, or bounds no body."""
+    owner = connected_parts(triangles, len(points))[triangles[:, 0]]
+    names, first = np.unique(owner, return_index=True)
+    if not 1 < len(names) <= MOST_SHELLS:
+        return
+    places = points[triangles[first, 0]]
+    around = np.zeros(len(names))
+    for shell in names:
+        mine, others = triangles[owner == shell], np.flatnonzero(names != shell)
+        low, high = points[mine].min(axis=(0, 1)), points[mine].max(axis=(0, 1))
+        inside = others[((places[others] > low) & (places[others] < high)).all(axis=1)]
+        if len(inside):
+            corners = np.unique(mine)
+            local = np.searchsorted(corners, mine)
+            winding = igl.winding_number(points[corners], local, np.ascontiguousarray(places[inside]))
+            around[inside] += np.round(winding)
+    for shell, start, deep in zip(names, first, around, strict=True):
+        if deep != (enclosed_volume(points, triangles[owner == shell]) < 0.0):
+            vertex = int(triangles[start, 0])
+            what = (
+                "lies inside another one, so that two bodies overlap; remove it, or turn it inward for a cavity"
+                if deep > 0
+                else "faces inward, and lies inside no other; turn it outward"
+            )
+            raise IntersectionError(f"{name}: the shell of vertex {vertex} {what}", [(vertex,)])
 
 
 def check_outline(outline: Outline, name: str = "outline", closed: bool = True) -> Outline:

@@ -1,10 +1,9 @@
 """Vertices at one place, made one: of a surface's seams, which many exporters leave open."""
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
+from pdvol.geometry.closed_surfaces import connected_parts
 from pdvol.geometry.crossings import counted_edges
 from pdvol.meshes import Surface
 
@@ -24,8 +23,7 @@ def coincident(points: np.ndarray, distance: float) -> np.ndarray:
         _, first, index = np.unique(points, axis=0, return_index=True, return_inverse=True)
         return first[index.ravel()]
     pairs = cKDTree(points).query_pairs(distance, output_type="ndarray")
-    n = len(points)
-    group = connected_components(coo_array((np.ones(len(pairs)), pairs.T), shape=(n, n)), directed=False)[1]
+    group = connected_parts(pairs, len(points))
     _, first = np.unique(group, return_index=True)
     return first[group]
 

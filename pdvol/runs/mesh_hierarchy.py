@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 from mpi4py import MPI
 
-from pdvol.geometry.closed_surfaces import enclosed_volume
+from pdvol.geometry.closed_surfaces import connected_parts, enclosed_volume
 from pdvol.geometry.distances import hausdorff_distance
 from pdvol.geometry.level_mesh import LevelMesh
 from pdvol.levels.hierarchy import Hierarchy
@@ -15,7 +15,6 @@ from pdvol.meshing.build import build_levels
 from pdvol.meshing.cpu_budget import cpu_budget
 from pdvol.meshing.decimate import topology
 from pdvol.meshing.readers import read_with_notes
-from pdvol.meshing.shells import shells
 from pdvol.meshing.tetrahedralise import mean_ratio
 from pdvol.meshing.validate import drop_unused
 from pdvol.meshing.verdict import boundary_facets_of, check_place, judge, place_of
@@ -99,6 +98,6 @@ def _shape_words(mesh: LevelMesh, points: np.ndarray, facets: np.ndarray) -> str
     )
     corners, triangles = drop_unused(mesh.points, mesh.boundary)
     if mesh.dim == 2:
-        return line + f"{int(shells(triangles, len(corners)).max()) + 1} boundary loops"
+        return line + f"{int(connected_parts(triangles, len(corners)).max()) + 1} boundary loops"
     count, euler = topology(triangles, len(corners))
     return line + f"{count} {'shell' if count == 1 else 'shells'}, genus {count - euler // 2}"

@@ -8,7 +8,7 @@ import pytest
 from pdvol import meshes
 from pdvol.errors import InputError
 from pdvol.geometry.crossings import counted_edges
-from pdvol.geometry.halved_cells import halved_cells
+from pdvol.geometry.halved_cells import halved
 from pdvol.geometry.nearest_in_simplex import nearest_coordinates
 from pdvol.levels import render_binding
 from pdvol.levels.render_binding import render_weights
@@ -173,10 +173,14 @@ def test_nearest_point_of_a_simplex_by_brute_force():
     )
 
 
-def test_halved_cells_fill_the_same_volume():
-    body = box(3, 2, jitter=0.2)
-    fine = halved_cells(body)
-    assert len(fine.cells) == 8 * len(body.cells) and fine.volumes.min() > 0.0
-    assert fine.volumes.sum() == pytest.approx(body.volumes.sum(), rel=1e-13)
+@pytest.mark.parametrize("d, line", [(2, 0), (3, 0), (3, 1)])
+def test_halved_cells_fill_the_same_volume(d, line):
+    body = box(d, 2, jitter=0.2)
+    points, cells = halved(body.points, body.cells, line)
+    fine = level(points, cells)
+    assert len(fine.cells) == 2**d * len(body.cells) and fine.volumes.min() > 0.0
+    parts = fine.volumes.reshape(-1, 2**d)
+    np.testing.assert_allclose(parts, np.repeat(body.volumes[:, None] / 2**d, 2**d, axis=1), rtol=1e-11)
     np.testing.assert_array_equal(fine.points[: len(body.points)], body.points)
-    assert len(fine.boundary) == 4 * len(body.boundary), "cells do not meet face to face"
+    assert len(np.unique(points.round(9), axis=0)) == len(points)
+    assert len(fine.boundary) == 2 ** (d - 1) * len(body.boundary), "cells do not meet face to face"

@@ -35,9 +35,9 @@ import numpy as np
 import scipy.sparse as sp
 from mpi4py import MPI
 from petsc4py import PETSc
-from scipy.sparse.csgraph import connected_components
 
 from pdvol.errors import MeshError
+from pdvol.geometry.closed_surfaces import connected_parts
 from pdvol.geometry.level_mesh import LevelMesh
 from pdvol.levels.binding import Binding, bind
 from pdvol.levels.interpolants.locality import DROPPED, make_local
@@ -193,8 +193,8 @@ def _check_controls(mesh: LevelMesh, back: Binding, points: np.ndarray, name: st
     """
     m = len(mesh.cells)
     beside = mesh.inner_facets[0]
-    parts, part = connected_components(sp.coo_matrix((np.ones(len(beside)), beside.T), shape=(m, m)), directed=False)
-    homes = part[back.cells]
+    part = connected_parts(beside, m)
+    parts, homes = int(part.max()) + 1, part[back.cells]
     size = np.ptp(mesh.points, axis=0).max()
     for i in range(parts):
         mine = points[homes == i]

@@ -4,7 +4,7 @@
 
 import importlib.util
 import os
-from collections.abc import Generator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -104,17 +104,22 @@ class FilmFile:
     """
 
     def __init__(self, path: Path, rate: float):
-        self._ending = path.suffix.lower()
-        if self._ending not in FILM_ENDINGS:
+        ending = path.suffix.lower()
+        if ending not in FILM_ENDINGS:
             raise InputError(f"{path}: the name of a film ends in {', '.join(FILM_ENDINGS)}")
-        for module in ("imageio",) if self._ending == ".gif" else ("imageio", "imageio_ffmpeg"):
+        for module in ("imageio",) if ending == ".gif" else ("imageio", "imageio_ffmpeg"):
             if importlib.util.find_spec(module) is None:
                 raise InputError(f"{path}: a film needs {module}: pip install 'pdvol[film]'")
-        # The encoder chooses the format by the file name's ending, so the temporary name keeps it.
-        self._path, self._aside = path, path.with_name(f".{path.stem}{TEMPORARY}{path.suffix}")
-        self._rate = rate
-        mp4 = {"fps": rate, "codec": "libx264", "quality": 8, "macro_block_size": 2, "ffmpeg_log_level": "error"}
-        self._options = mp4 if self._ending == ".mp4" else {"duration": 1000 / rate, "loop": 0}
+        # imageio chooses the encoder by the temporary name, and knows ffmpeg for .mp4 alone: words give the format.
+        aside = ".gif" if ending == ".gif" else ".mp4"
+        self._path, self._aside = path, path.with_name(f".{path.stem}{TEMPORARY}{aside}")
+        ffmpeg: dict[str, Any] = {"fps": rate, "macro_block_size": 2, "ffmpeg_log_level": "error"}
+        webp = ["-f", "webp", "-quality", str(QUALITY), "-loop", "0"]
+        self._options: dict[str, Any] = {
+            ".gif": {"duration": 1000 / rate, "loop": 0},
+            ".mp4": {**ffmpeg, "codec": "libx264", "quality": 8},
+            ".webp": {**ffmpeg, "codec": "libwebp_anim", "quality": None, "output_params": webp},
+        }[ending]
 
     def add(self, frame: Image.Image) -> None:
         """Append a picture; all have one size, of even sides."""
@@ -124,10 +129,7 @@ class FilmFile:
         import imageio.v2 as imageio
 
         try:
-            is_webp = self._ending == ".webp"  # which imageio writes at once only, from all frames
-            self._film: Any = (
-                _WebpWriter(self._aside, self._rate) if is_webp else imageio.get_writer(self._aside, **self._options)
-            )
+            self._film: Any = imageio.get_writer(self._aside, **self._options)
         except OSError as error:
             raise self._unwritable(error) from error
         return self
@@ -146,48 +148,6 @@ class FilmFile:
 
     def _unwritable(self, error: OSError) -> SimulationError:
         return SimulationError(f"cannot write {self._path}: {error.strerror or error}")
-
-
-class _WebpWriter:
-    """An animated WebP, written a frame at a time by imageio's ffmpeg, with the two methods of imageio's writers that
-    films use. Pages show it like a picture; a GIF is far larger.
-
-    Parameters
-    ----------
-    path : the file
-    rate : frames per second
-    """
-
-    def __init__(self, path: Path, rate: float):
-        self._path, self._rate = path, rate
-        self._pipe: Generator[None, Any, None] | None = None
-
-    def append_data(self, frame: np.ndarray) -> None:
-        """Append a picture (height, width, 3) uint8; all have the first one's size, of even sides."""
-        if self._pipe is None:
-            self._pipe = self._opened(frame.shape[1], frame.shape[0])
-        self._pipe.send(np.ascontiguousarray(frame))
-
-    def close(self) -> None:
-        """Write what is left."""
-        if self._pipe is not None:
-            self._pipe.close()
-
-    def _opened(self, width: int, height: int) -> Generator[None, Any, None]:
-        import imageio_ffmpeg
-
-        pipe = imageio_ffmpeg.write_frames(
-            str(self._path),
-            (width, height),
-            fps=self._rate,
-            codec="libwebp_anim",
-            quality=None,
-            macro_block_size=2,
-            ffmpeg_log_level="error",
-            output_params=["-quality", str(QUALITY), "-loop", "0"],
-        )
-        pipe.send(None)
-        return pipe
 
 
 def film_rate(dt: float, fps: float | None = None, gif: bool = False) -> float:

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pdvol.geometry.crossings import edges_of
 from pdvol.meshing.polygons import cut_faces
 from pdvol.store.obstacles import DrawnObstacle
 from pdvol.store.reader import Run
@@ -68,7 +69,7 @@ class Frames:
             facets = mesh.cells[mesh.bodies == body] if self._flat else outline
             used, local = np.unique(facets, return_inverse=True)
             faces = local.reshape(facets.shape)
-            edges = _edges(faces) if self._flat else np.empty((0, 2), dtype=int)
+            edges = edges_of(faces) if self._flat else np.empty((0, 2), dtype=int)
             self._parts.append((int(body), used, faces, edges, outline))
         self._filled = [_cut(obstacle) for obstacle in run.obstacles]
 
@@ -155,12 +156,6 @@ def _line(name: str, points: np.ndarray, segments: np.ndarray, colour: tuple[int
 
 def _shifted(points: np.ndarray, height: float) -> np.ndarray:
     return (points + [0.0, 0.0, height]).astype(np.float32)
-
-
-def _edges(faces: np.ndarray) -> np.ndarray:
-    """(k, 2) the edges of triangles, each once."""
-    pairs = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
-    return np.unique(np.sort(pairs, axis=1), axis=0)
 
 
 def same_topology(one: Sequence[Shape], other: Sequence[Shape]) -> bool:

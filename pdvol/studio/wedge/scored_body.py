@@ -8,6 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from pdvol.errors import InputError
+from pdvol.geometry.crossings import edges_of
 from pdvol.geometry.distances import distances_to
 from pdvol.geometry.rigid_motions import rigid_motions
 from pdvol.measure.verify import overlapping_boxes
@@ -156,17 +157,12 @@ def surface_gap(points: np.ndarray, facets: np.ndarray, other_points: np.ndarray
     gap = float(min(there.min(), back.min()))
     if points.shape[1] == 2:
         return gap
-    one, other = points[_edges(facets)], other_points[_edges(other_facets)]
+    one, other = points[edges_of(facets)], other_points[edges_of(other_facets)]
     grown = [(ends.min(1) - gap / 2, ends.max(1) + gap / 2) for ends in (one, other)]
     pairs = overlapping_boxes(*grown[0], *grown[1])
     if len(pairs) == 0:
         return gap
     return min(gap, float(segment_gaps(one[pairs[:, 0]], other[pairs[:, 1]]).min()))
-
-
-def _edges(facets: np.ndarray) -> np.ndarray:
-    """(e, 2) int64: each edge of triangles once."""
-    return np.unique(np.sort(facets[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1), axis=0)
 
 
 def segment_gaps(one: np.ndarray, other: np.ndarray) -> np.ndarray:

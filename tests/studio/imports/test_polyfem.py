@@ -15,7 +15,6 @@ from pdvol.runs.scene_file import load_shot
 from pdvol.scene import lame
 from pdvol.studio.imports.polyfem.document import Reading, Section
 from pdvol.studio.imports.polyfem.expressions import Expression
-from pdvol.studio.imports.polyfem.geometry import refined
 from pdvol.studio.imports.polyfem.selections import UNSELECTED, numbers_at, read_selections
 from polyfem_norms import norms
 
@@ -113,14 +112,6 @@ def test_selections(selection, expected):
     numbers = numbers_at(chosen, points, np.full(4, UNSELECTED))
     assert np.where(numbers == UNSELECTED, 0, numbers).tolist() == expected
     assert owner.reading.refused == []
-
-
-def test_refinement_keeps_the_volume_and_halves_edges():
-    points, cells = refined(*refined(CORNERS, CELLS))
-    volumes = simplex_volumes(points, cells)
-    assert len(cells) == 64 * len(CELLS) and volumes.min() > 0.0
-    np.testing.assert_allclose(volumes, 1.0 / len(cells), rtol=1e-12)
-    assert len(np.unique(points.round(9), axis=0)) == len(points) == 125
 
 
 # ---- scenes

@@ -6,7 +6,8 @@ from pathlib import Path
 import numpy as np
 
 from pdvol.errors import InputError
-from pdvol.geometry.level_mesh import boundary_facets, simplex_volumes
+from pdvol.geometry.halved_cells import halved, oriented
+from pdvol.geometry.level_mesh import boundary_facets
 from pdvol.meshes import Solid, Surface
 from pdvol.meshing.readers import read_shape
 from pdvol.scene.motions import rotation_matrix
@@ -14,7 +15,6 @@ from pdvol.studio.imports.polyfem.document import Section
 from pdvol.studio.imports.polyfem.selections import UNSELECTED, Selection, numbers_at, read_selections
 
 MOST_REFINEMENTS = 6  # uniform refinements of a mesh: more are a typing error
-_FACES = ((1, 0, 2), (3, 2, 0), (1, 2, 3), (0, 1, 3))  # of a tetrahedron, in PolyFEM's order
 _AXES = np.eye(3)
 
 
@@ -90,12 +90,11 @@ def read_body(entry: Section, folder: Path, name: str, levels: int) -> Meshed | 
     solids, regions = [], stored
     for level in range(refinements + levels):
         if level:
-            points, cells = refined(points, cells)
+            points, cells = halved(points, cells, line=0)  # as PolyFEM does
             regions = np.repeat(regions, 2 ** points.shape[1])
         if level >= refinements:
             numbers = numbers_at(volume, points[cells].mean(axis=1), regions)
-            oriented = _oriented(points, cells)
-            solids.append(Solid(points, oriented.astype(np.int32), numbers.astype(np.int32)))
+            solids.append(Solid(points, oriented(points, cells).astype(np.int32), numbers.astype(np.int32)))
     return Meshed(name, path, tuple(solids), tuple(surface))
 
 
@@ -111,18 +110,12 @@ def read_surface(entry: Section, folder: Path) -> Surface | None:
         entry.refuse("mesh", "obstacles of 2D scenes are not read")
         return None
     if isinstance(shape, Solid):
-        faces, _ = boundary_facets(_oriented(shape.vertices, shape.cells.astype(np.int64)))
+        faces, _ = boundary_facets(oriented(shape.vertices, shape.cells.astype(np.int64)))
         used, corners = np.unique(faces, return_inverse=True)
         shape = Surface(shape.vertices[used], corners.reshape(faces.shape).astype(np.int32))
     placed = Surface(_transformed(entry, shape.vertices), shape.triangles)
     entry.close()
     return placed
-
-
-def is_closed(surface: Surface) -> bool:
-    """Whether each edge of a surface belongs to two triangles."""
-    edges = np.sort(surface.triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
-    return bool(np.all(np.unique(edges, axis=0, return_counts=True)[1] == 2))
 
 
 def _shape(entry: Section, folder: Path) -> Solid | Surface | None:
@@ -193,36 +186,3 @@ def _rotation(given: Section, dim: int) -> np.ndarray:
         return turned
     given.refuse("rotation", f"is not read with rotation_mode {mode!r} in {dim}D")
     return np.eye(dim)
-
-
-def refined(points: np.ndarray, cells: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The mesh with each edge halved: points (n + edges, d) and cells (2^d m, d + 1), the children of a cell in a row.
-
-    Of the octahedron within a tetrahedron, the diagonal between the first and the last edge is taken, as PolyFEM does.
-    """
-    d = points.shape[1]
-    pairs = np.array([(i, j) for i in range(d + 1) for j in range(i + 1, d + 1)])
-    edges, which = np.unique(np.sort(cells[:, pairs].reshape(-1, 2), axis=1), axis=0, return_inverse=True)
-    middles = len(points) + which.reshape(len(cells), len(pairs))
-    number = {frozenset(pair): k for k, pair in enumerate(pairs.tolist())}
-    middle = lambda i, j: middles[:, number[frozenset((i, j))]]
-    corners = [np.stack([cells[:, i], *(middle(i, j) for j in range(d + 1) if j != i)], axis=1) for i in range(d + 1)]
-    if d == 2:
-        inner = [np.stack([middle(0, 1), middle(1, 2), middle(0, 2)], axis=1)]
-    else:
-        first, last = middle(0, 1), middle(2, 3)
-        inner = []
-        for a, b, c in _FACES:
-            sides = [middle(i, j) for i, j in ((a, b), (b, c), (c, a)) if {i, j} not in ({0, 1}, {2, 3})]
-            inner.append(np.stack([first, last, *sides], axis=1))
-    children = np.stack([*corners, *inner], axis=1).reshape(-1, d + 1)
-    everything = np.concatenate([points, points[edges].mean(axis=1)])
-    return everything, _oriented(everything, children)
-
-
-def _oriented(points: np.ndarray, cells: np.ndarray) -> np.ndarray:
-    """The cells with positive volumes."""
-    turned = cells.copy()
-    inside_out = simplex_volumes(points, cells) < 0.0
-    turned[inside_out, 1], turned[inside_out, -1] = cells[inside_out, -1], cells[inside_out, 1]
-    return turned

@@ -7,6 +7,7 @@ from functools import cache
 from pathlib import Path
 
 from pdvol.errors import InputError
+from pdvol.geometry.distances import is_closed
 from pdvol.meshes import Solid
 from pdvol.scene import (
     Barrier,
@@ -25,7 +26,7 @@ from pdvol.scene import (
 )
 from pdvol.studio.imports.polyfem.conditions import Displaced, read_dirichlet, read_gravity, with_velocities
 from pdvol.studio.imports.polyfem.document import Reading, Section, read_document
-from pdvol.studio.imports.polyfem.geometry import Meshed, is_closed, read_body, read_surface
+from pdvol.studio.imports.polyfem.geometry import Meshed, read_body, read_surface
 
 INTEGRATORS_OF = {"ImplicitEuler": "implicit_euler", "BDF1": "implicit_euler", "BDF2": "bdf2"}
 MOST_LAGGED = 100  # times that friction is lagged anew where PolyFEM sets no bound
@@ -174,7 +175,9 @@ def _obstacles(
             surface = read_surface(entry, folder)
             if surface is not None:
                 name = f"{Path(str(entry.get('mesh'))).stem} obstacle {number}"
-                obstacles.append(Rigid(surface, motion=motion or Still(), name=name, closed=is_closed(surface)))
+                obstacles.append(
+                    Rigid(surface, motion=motion or Still(), name=name, closed=is_closed(surface.triangles))
+                )
             continue
         if kind == "ground":
             height = entry.number("height", 0.0)
