@@ -1,14 +1,9 @@
-"""A term and integrators that a user might write, for tests of `pdvol.march`.
+"""A term and integrators that a user might write, for tests of `pdvol.march`."""
 
-`python own_parts.py FILE.npz` writes what a march with them gives on this number of ranks.
-"""
-
-import sys
 from dataclasses import replace
 
 import numpy as np
 import small
-from mpi4py import MPI
 
 import pdvol
 from pdvol.geometry.level_mesh import lumped_masses
@@ -75,10 +70,9 @@ class Parabola:
         return 2.0 * (positions - past[0].positions) / dt - past[0].velocity
 
 
-if __name__ == "__main__":
+def marched(comm) -> dict:
+    """What a march with them gives, by name."""
     scene = replace(small.scene(), solver=pdvol.Solver(tolerance=1e-9, linear="direct"))
-    steps = list(pdvol.march(scene, terms=(Hand,), steps=3))
-    if MPI.COMM_WORLD.rank == 0:
-        arrays = {f"{s.level}_{s.step}_{name}": rows for s in steps for name, rows in s.forces.items()}
-        arrays |= {f"{s.level}_{s.step}": s.positions for s in steps}
-        np.savez(sys.argv[1], ranks=MPI.COMM_WORLD.size, **arrays)
+    steps = list(pdvol.march(scene, terms=(Hand,), steps=3, comm=comm))
+    arrays = {f"{s.level}_{s.step}_{name}": rows for s in steps for name, rows in s.forces.items()}
+    return arrays | {f"{s.level}_{s.step}": s.positions for s in steps}

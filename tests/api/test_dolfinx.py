@@ -15,6 +15,7 @@ from on_ranks import results_on
 from pdvol import Body, NeoHookean, Placement
 from pdvol.forms.elasticity import neo_hookean
 from pdvol.scene.materials import lame
+from shapes import solid
 
 STEP = 4
 YOUNG, POISSON = (1e4, 5e4), 0.4  # of two bodies [Pa]
@@ -25,7 +26,7 @@ def run(tmp_path_factory):
     """A soft square and a stiff one above it, which fall on the ground."""
     bodies = tuple(
         Body(
-            (small.square(2), small.square(4)),
+            (solid(2, 2), solid(2, 4)),
             NeoHookean(young, POISSON),
             name=f"square {i}",
             placement=Placement(np.array([0.0, 0.005 + 1.01 * i])),

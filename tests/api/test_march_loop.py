@@ -1,7 +1,5 @@
 """`pdvol.march`: the steps of a run, one by one in memory; own terms, own integrators, and messages about them."""
 
-import subprocess
-import sys
 from dataclasses import replace
 
 import numpy as np
@@ -12,8 +10,8 @@ from threadpoolctl import threadpool_info
 
 import pdvol
 import taylor
+from on_ranks import results_on
 from pdvol import InputError, Solver
-from pdvol.integrate.integrator import differences
 from pdvol.registry import INTEGRATORS, METHODS
 
 EXACT = Solver(tolerance=1e-9, linear="direct")
@@ -193,11 +191,6 @@ def test_an_own_integrator_marches_all_levels_by_any_method(method):
         np.testing.assert_allclose(end.velocity[:, 1], -G * 0.5, atol=1e-6)
 
 
-def test_terms_take_means_over_the_step_where_velocities_use_those_of_the_past():
-    assert differences(own_parts.Parabola(), 1, 0.1) == (0.1, ())
-    assert differences(own_parts.DampedEuler(3.0), 1, 0.1) == (0.1, ())
-
-
 # ---- messages
 
 
@@ -285,14 +278,9 @@ def test_what_an_own_term_does_later_is_named():
 
 
 @pytest.mark.mpi
-def test_two_ranks_make_what_one_makes(tmp_path):
-    program = [sys.executable, own_parts.__file__]
-    for ranks in (1, 2):
-        command = ["mpirun", "-n", str(ranks), *program, str(tmp_path / f"{ranks}.npz")]
-        ended = subprocess.run(command, capture_output=True, text=True, timeout=120)
-        assert ended.returncode == 0, ended.stderr
-    one, two = (np.load(tmp_path / f"{ranks}.npz") for ranks in (1, 2))
-    assert (int(one["ranks"]), int(two["ranks"])) == (1, 2) and "1_3_hand" in one.files
-    for key in set(one.files) - {"ranks"}:
+def test_two_ranks_make_what_one_makes():
+    one, two = results_on((1, 2), own_parts.marched)
+    assert "1_3_hand" in one
+    for key in one:
         size = 1e3 if key.count("_") == 2 else 1.0  # forces [N], positions [m]
         np.testing.assert_allclose(two[key], one[key], atol=1e-6 * size, err_msg=key)

@@ -11,14 +11,14 @@ import pytest
 import small
 
 import pdvol
+from killing import HELPERS
 from on_ranks import results_on
 from pdvol import ConvergenceError, InputError
 from pdvol.cli import run as command_line
+from pdvol.runs.march import levels_asked
 from pdvol.runs.scene_file import IN_MEMORY
 
-
-def states(run):
-    return [[level.positions(step) for step in range(level.steps)] for level in run.levels]
+FOLDERS = [str(Path(small.__file__).parent), HELPERS]
 
 
 def test_a_run_is_what_open_run_gives(tmp_path):
@@ -45,34 +45,18 @@ def test_a_temporary_run_lives_as_long_as_its_object():
 
 
 def test_a_temporary_run_goes_with_the_process():
-    program = f"import sys; sys.path.insert(0, {str(Path(small.__file__).parent)!r}); import pdvol, small\n"
+    program = f"import sys; sys.path[:0] = {FOLDERS!r}; import pdvol, small\n"
     program += "run = pdvol.run(small.scene(), levels=0, steps=1); print(run.path)"
     ended = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=120)
     assert ended.returncode == 0, ended.stderr
     assert ended.stderr == "" and not Path(ended.stdout.strip()).exists()
 
 
-@pytest.mark.parametrize("levels", [None, 1, (0, 1), [0, 1], range(2), "0:1", ":1", "0:", "1", np.int64(1)])
-def test_ways_to_name_levels(levels):
-    assert len(pdvol.run(small.scene(), levels=levels, steps=1).levels) == 2
-
-
-def test_refining_leaves_coarser_levels_alone(tmp_path):
-    whole = pdvol.run(small.scene(3), tmp_path / "whole", steps=3)
-    run = pdvol.run(small.scene(3), tmp_path / "run", levels=0, steps=3)
-    before = (run.levels[0].folder / "000003.npy").stat().st_mtime_ns
-    pdvol.run(small.scene(3), tmp_path / "run", levels=1, resume=True, steps=3)
-    run = pdvol.run(small.scene(3), tmp_path / "run", levels=(2, 2), resume=True, steps=3)
-    assert (run.levels[0].folder / "000003.npy").stat().st_mtime_ns == before
-    for level, other in zip(states(run), states(whole), strict=True):
-        np.testing.assert_array_equal(level, other)
-
-
-def test_a_longer_run_goes_on(tmp_path):
-    pdvol.run(small.scene(), tmp_path / "run", steps=2)
-    run = pdvol.run(small.scene(), tmp_path / "run", steps=4, resume=True)
-    for level, other in zip(states(run), states(pdvol.run(small.scene())), strict=True):
-        np.testing.assert_array_equal(level, other)
+def test_ways_to_name_levels():
+    for levels in (1, (0, 1), [0, 1], range(2), "0:1", ":1", "1", np.int64(1)):
+        assert levels_asked(levels) == (0, 1)
+    assert levels_asked(None) == levels_asked("0:") == (0, None)
+    assert len(pdvol.run(small.scene(3), levels="0:1", steps=1).levels) == 2
 
 
 def test_methods_and_prolongations_reach_the_run():
@@ -147,7 +131,7 @@ def test_a_scene_file_takes_over_and_is_kept(tmp_path):
     """
     pdvol.run(small.scene(), tmp_path / "run", levels=0, steps=1)
     file = tmp_path / "square.py"
-    file.write_text(f"import sys; sys.path.insert(0, {str(Path(small.__file__).parent)!r})\nfrom small import scene\n")
+    file.write_text(f"import sys; sys.path[:0] = {FOLDERS!r}\nfrom small import scene\n")
     words = ["run", str(file), "--steps", "1", "--out", str(tmp_path / "run"), "--resume"]
     assert command_line(words) == 0
     stored = lambda: json.loads((tmp_path / "run" / "run.json").read_text())["scene_file"]

@@ -269,7 +269,8 @@ def test_a_second_process_is_refused_and_a_stale_lock_is_not(tmp_path):
         for ended in results_on((1, 2), pdvol_on_ranks, *words):
             said = str(ended["said"])
             assert ended["code"] == 2, said
-            assert said.count("run is being written by another pdvol") == 1 and said.count("\n") == 1
+            (line,) = [line for line in said.splitlines() if not line.startswith("loading ")]  # on a busy machine
+            assert "run is being written by another pdvol" in line
         assert kept(tmp_path / "run") == before
         holder.kill()
     assert (tmp_path / "run" / "run.lock").exists()

@@ -81,9 +81,7 @@ from pdvol import *
 
 
 def scene(file="", prim="", turn=0.0, steps=4):
-    mesh = shapes.box(3, 2)
-    shape = Solid(mesh.points, mesh.cells.astype("int32"), mesh.regions)
-    body = Body((shape,), NeoHookean(1e5), name="box", velocity=(1.0, 0.0, 0.0))
+    body = Body((shapes.solid(3, 2),), NeoHookean(1e5), name="box", velocity=(1.0, 0.0, 0.0))
     led = PointCache(file, prim=prim, placement=Placement(angle=turn, axis=(1.0, 0.0, 0.0))) if file else None
     supports = (Support(lambda X: X[:, 2] < 1e-6, body="box", motion=led),) if file else ()
     return Scene(bodies=(body,), supports=supports, loads=(Gravity((0.0, 0.0, -9.81)),), dt=0.05, steps=steps)

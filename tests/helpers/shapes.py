@@ -5,6 +5,7 @@ from itertools import permutations, product
 import numpy as np
 
 from pdvol.geometry.level_mesh import LevelMesh
+from pdvol.meshes import Solid
 
 
 def grid(*ticks, keep=None, jitter=0.0, seed=0) -> LevelMesh:
@@ -55,6 +56,12 @@ def box(d, n, low=0.0, high=1.0, jitter=0.0, seed=0) -> LevelMesh:
     """A d-dimensional cube of n boxes a side; `low` and `high` are numbers or arrays of d."""
     low, high = np.broadcast_to(low, d), np.broadcast_to(high, d)
     return grid(*(np.linspace(a, b, n + 1) for a, b in zip(low, high, strict=True)), jitter=jitter, seed=seed)
+
+
+def solid(d, n, low=0.0, high=1.0) -> Solid:
+    """The same as a shape that scenes take."""
+    mesh = box(d, n, low, high)
+    return Solid(mesh.points, mesh.cells.astype(np.int32), mesh.regions)
 
 
 def _ticks(ends, n):

@@ -11,7 +11,7 @@ from pdvol.levels.start import posed_positions, start_positions
 from pdvol.meshing.build import build_levels
 from pdvol.runs.scene_summary import modelled_terms
 from pdvol.scene.fingerprint import describe
-from shapes import box, together
+from shapes import box, solid, together
 
 SOFT = NeoHookean(2e4, 0.3, 1000.0)
 RNG = np.random.default_rng(3)
@@ -92,23 +92,22 @@ def test_what_is_no_mesh_is_one_line(make, said):
 
 def test_a_mesh_elsewhere_is_refused_with_level_and_body():
     mesh = box(2, 2)
-    solid = Solid(mesh.points, mesh.cells.astype(np.int32), mesh.regions)
     for posed, said in (
         (Posed(mesh.points + 1.0, mesh.cells, mesh.points), "8 of 9 vertices are further than 0.0707 m from its mesh"),
         (Posed(box(3, 1).points, box(3, 1).cells, box(3, 1).points), "is 3D in a 2D scene"),
         (Posed(mesh.points * (1, 0), mesh.cells, mesh.points), "has a flat cell at rest"),
         (Posed(mesh.points, mesh.cells, mesh.points * (-1, 1)), "turns 8 of 8 cells inside out"),
     ):
-        shot = Scene((Body((solid,), SOFT, name="cube", start=posed),), 0.01, 1)
+        shot = Scene((Body((solid(2, 2),), SOFT, name="cube", start=posed),), 0.01, 1)
         with pytest.raises(InputError, match=f"^level 0: the start of body 'cube'.*{said}"):
             start_positions(shot, build_levels(shot)[0], 0)
 
 
 def test_other_positions_are_another_scene():
     mesh = box(2, 2)
-    solid = Solid(mesh.points, mesh.cells.astype(np.int32), mesh.regions)
     shots = [
-        Scene((Body((solid,), SOFT, start=Posed(mesh.points, mesh.cells, s * mesh.points)),), 0.01, 1) for s in (1, 2)
+        Scene((Body((solid(2, 2),), SOFT, start=Posed(mesh.points, mesh.cells, s * mesh.points)),), 0.01, 1)
+        for s in (1, 2)
     ]
     assert describe(shots[0]) == describe(shots[0]) != describe(shots[1])
     assert "body 'body': starts away from rest, where a posed mesh leads it" in modelled_terms(shots[0])

@@ -5,7 +5,7 @@ is reported, and a change beyond the limit is refused.
 import numpy as np
 import pytest
 
-from pdvol import Outline, Solid, open_run
+from pdvol import Outline, open_run
 from pdvol.cli import run
 from pdvol.errors import InputError, IntersectionError
 from pdvol.levels.initial_state import check_start
@@ -13,14 +13,9 @@ from pdvol.levels.obstacles import placed_obstacles
 from pdvol.levels.separation import build_apart as build_apart_from
 from pdvol.meshing.build import build_levels
 from pdvol.scene import Barrier, Body, NeoHookean, Placement, Plane, Rigid, Scene, Separate
-from shapes import box
+from shapes import solid
 
 SOFT = NeoHookean(2e5)
-
-
-def solid(d, n):
-    mesh = box(d, n)
-    return Solid(mesh.points, mesh.cells.astype(np.int32), mesh.regions)
 
 
 CONTACT = (Barrier(),)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import pdvol
-from pdvol import Barrier, Body, InputError, IntersectionError, NeoHookean, Outline, Plane, Scene, Separate, Solid
+from pdvol import Barrier, Body, InputError, IntersectionError, NeoHookean, Outline, Plane, Scene, Separate
 from pdvol.levels.initial_state import smallest_gap
 from pdvol.levels.level_check import level_defects, level_notes
 from pdvol.levels.obstacles import placed_obstacles
@@ -15,14 +15,9 @@ from pdvol.levels.start import start_notes, start_positions, started
 from pdvol.meshing.build import build_levels
 from pdvol.runs.scene_summary import modelled_terms
 from pdvol.scene.fingerprint import describe
-from shapes import box
+from shapes import solid
 
 SOFT = NeoHookean(1e5, 0.3, 1000.0)
-
-
-def solid(d, n, low=0.0, high=1.0):
-    mesh = box(d, n, low, high)
-    return Solid(mesh.points, mesh.cells.astype(np.int32), mesh.regions)
 
 
 def cube(start=None, d=2, low=0.0, name="cube", levels=(2, 4)):

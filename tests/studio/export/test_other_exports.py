@@ -14,7 +14,7 @@ import pytest
 import pyvista as pv
 
 import shapes
-from pdvol import Body, FixedCorotational, NeoHookean, Scene, Solid, StVenantKirchhoff, open_run
+from pdvol import Body, FixedCorotational, NeoHookean, Scene, StVenantKirchhoff, open_run
 from pdvol.errors import InputError
 from pdvol.geometry.strain import vertex_strain
 from pdvol.runs.runner import run_scene
@@ -32,11 +32,10 @@ YOUNG, POISSON, DENSITY, GRAVITY, DT = 2e5, 0.3, 1000.0, 9.81, 0.02
 def fields_of(path, dim, states, law=NeoHookean):
     """The exported fields' source for made-up states of a unit block."""
     mesh = shapes.box(dim, 3)
-    shape = Solid(mesh.points, mesh.cells.astype(np.int32), mesh.regions)
     with RunWriter.create(path, {"dt": DT, "steps": len(states) - 1, "diagonal": 1.0}, [mesh], ["block"]) as writer:
         for step, state in enumerate(states):
             writer.write_state(0, step, state(mesh.points))
-    made = Scene(bodies=(Body((shape,), law(YOUNG, POISSON, DENSITY)),), dt=DT, steps=len(states) - 1)
+    made = Scene(bodies=(Body((shapes.solid(dim, 3),), law(YOUNG, POISSON, DENSITY)),), dt=DT, steps=len(states) - 1)
     return SceneFields(made, open_run(path), 0, [])
 
 
@@ -88,10 +87,8 @@ import shapes
 from pdvol import *
 
 def scene(steps=40, name="../../block"):
-    mesh = shapes.box(3, 2)
-    shape = Solid(mesh.points, mesh.cells.astype("int32"), mesh.regions)
     place = Placement(translate=(0.0, 0.0, 9e-4))
-    return Scene(bodies=(Body((shape,), NeoHookean(2e5, 0.3, 1000.0), name=name, placement=place),),
+    return Scene(bodies=(Body((shapes.solid(3, 2),), NeoHookean(2e5, 0.3, 1000.0), name=name, placement=place),),
                  loads=(Gravity((0.0, 0.0, -9.81)),), obstacles=(Plane((0, 0, 0.0), (0, 0, 1.0)),),
                  contact=(Barrier(1e-3), Friction(0.4)), dt=0.05, steps=steps)
 """)

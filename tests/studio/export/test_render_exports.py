@@ -9,7 +9,7 @@ import trimesh
 from PIL import Image
 
 import pdvol
-from pdvol import Body, Gravity, NeoHookean, Placement, RenderMesh, Scene, Separate, Solid
+from pdvol import Body, Gravity, NeoHookean, Placement, RenderMesh, Scene, Separate
 from pdvol.cli import run as command
 from pdvol.errors import InputError
 from pdvol.store.copying import copy_run
@@ -17,21 +17,16 @@ from pdvol.store.reader import open_run
 from pdvol.studio.export.exports import export_run
 from pdvol.studio.export.parts import body_parts
 from rendered import grown_box
-from shapes import box
+from shapes import solid
 
 STEPS = 3
 PLACE = Placement((0.0, 0.0, 2.0), 0.3, (1.0, 0.0, 0.0), 2.0)
 TEXTURE = np.random.default_rng(0).integers(0, 255, (8, 16, 3)).astype(np.uint8)
 
 
-def solid(n, low=0.0, high=1.0):
-    mesh = box(3, n, low, high)
-    return Solid(mesh.points, mesh.cells.astype(np.int32), mesh.regions)
-
-
 def falling(*render, more=(), placement=PLACE, name="soft box"):
     """A box that falls without contact, on two levels, seen as `render`."""
-    body = Body((solid(1), solid(2)), NeoHookean(1e4), name=name, placement=placement, render=render)
+    body = Body((solid(3, 1), solid(3, 2)), NeoHookean(1e4), name=name, placement=placement, render=render)
     return Scene((body, *more), 0.01, STEPS, loads=(Gravity((0.0, 0.0, -9.81)),))
 
 
@@ -40,7 +35,7 @@ SEAMS = RenderMesh(grown_box(0.0, 1.0, 0.02), TEXTURE)
 
 @pytest.fixture(scope="module")
 def stored(tmp_path_factory):
-    plain = Body((solid(1), solid(2)), NeoHookean(1e4), name="plain", placement=Placement((5.0, 0.0, 0.0)))
+    plain = Body((solid(3, 1), solid(3, 2)), NeoHookean(1e4), name="plain", placement=Placement((5.0, 0.0, 0.0)))
     path = tmp_path_factory.mktemp("render") / "run"
     pdvol.run(falling(SEAMS, RenderMesh(grown_box(0.3, 0.7, 0.0), interpolant="biharmonic"), more=(plain,)), path)
     return path
@@ -211,7 +206,7 @@ def test_bodies_that_are_set_apart_take_their_render_meshes_along(tmp_path):
     from pdvol import Barrier
 
     bodies = [
-        Body((solid(2),), NeoHookean(1e4), name=name, placement=Placement((0.9 * k, 0.0, 0.0)), render=SEAMS)
+        Body((solid(3, 2),), NeoHookean(1e4), name=name, placement=Placement((0.9 * k, 0.0, 0.0)), render=SEAMS)
         for k, name in enumerate(("left", "right"))
     ]
     scene = Scene(tuple(bodies), 0.01, 1, contact=(Barrier(),), separate=(Separate("move", 0.2),))
