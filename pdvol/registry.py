@@ -111,7 +111,7 @@ class Registry:
 METHODS = ("progressive", "direct", "tracks", "embedded")
 """How a level above the coarsest is marched (`pdvol.integrate.level_march`); the first one is the default."""
 
-ELEMENTS = ("linear", "smoothed")
+ELEMENTS = ("smoothed", "linear")
 """The finite elements of a body (`pdvol.potentials.assembly.domains`); the first one is the default."""
 
 INTERPOLANTS = Registry(
@@ -130,8 +130,8 @@ the default.
 INTEGRATORS = Registry(
     "integrator",
     {
-        "implicit_euler": Entry("pdvol.integrate.integrator:ImplicitEuler"),
         "bdf2": Entry("pdvol.integrate.bdf2:BDF2"),
+        "implicit_euler": Entry("pdvol.integrate.integrator:ImplicitEuler"),
     },
 )
 """Time integrators (`pdvol.integrate.integrator`). The first one is the default."""

@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.common import process
+from benchmarks.common.first_order import FIRST_ORDER
 from benchmarks.common.tables import number, table
 from benchmarks.methods.figures import draw
 from benchmarks.methods.studies import DEMOS, STUDIES, Case, Study
@@ -81,7 +82,7 @@ def study(name: str, options) -> None:
 
 def run(chosen: Study, case: Case, path: Path, options) -> None:
     """Simulates a case, or the steps that are missing."""
-    shot = load_shot(DEMOS / f"{chosen.demo}.py", case.settings, options.steps or chosen.steps)
+    shot = load_shot(DEMOS / f"{chosen.demo}.py", FIRST_ORDER | case.settings, options.steps or chosen.steps)
     levels = options.levels or chosen.levels
     stored = open_run(path).levels if (path / "run.json").is_file() else ()
     if not (len(stored) >= levels and all(level.steps > shot.scene.steps for level in stored[:levels])):

@@ -34,6 +34,7 @@ def write(scene: Scene, path: Path) -> None:
     refuse_unless(len(barriers) == 1, "no contact")
     refuse_unless(not (scene.attachments or scene.muscles or scene.separate), "attachments, muscles or bodies to move")
     refuse_unless(scene.integrator == "implicit_euler", f"the integrator {scene.integrator}")
+    refuse_unless({scene.elements_of(body) for body in scene.bodies} == {"linear"}, "elements that are not linear")
     refuse_unless(not any(one.triples for one in frictions), "pairs with a friction of their own")
     lengths = {
         "dhat": barriers[0].dhat,

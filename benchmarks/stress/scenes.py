@@ -34,7 +34,10 @@ from pdvol import (
 )
 from pdvol.meshes import Solid, Surface, ball, box, brick, creature, cylinder, funnel, torus
 
+sys.path.append(str(Path(__file__).resolve().parents[2]))  # as a scene file it is no part of a package
 sys.path.append(str(Path(__file__).resolve().parents[2] / "demos"))
+
+from benchmarks.common.first_order import first_order
 from recipes import dolphin
 
 DOWN = Gravity((0.0, -9.81, 0.0))
@@ -436,10 +439,10 @@ SCENES = {
 
 
 def scene(name: str = "mat_on_knives") -> Scene:
-    """One of `SCENES`."""
+    """One of `SCENES`, by the model of IPC's scripts."""
     if name not in SCENES:
         raise pdvol.InputError(f"there is no scene {name!r}; choose one of {', '.join(SCENES)}")
-    return SCENES[name]()
+    return first_order(SCENES[name]())
 
 
 if __name__ == "__main__":

@@ -227,7 +227,7 @@ claims hold, too. The levels end within 2.8, 2.1 and 1.6 mm of these at single v
         "ape",
         "A gorilla is thrown up",
         """A soft gorilla is held by its seat, its feet and one fist, and suddenly gets an upward velocity of 5 m/s.
-It swings for eight seconds, and nothing but implicit Euler takes energy out of it. Simulated each on its own, levels
+It swings for eight seconds; little but the time steps takes energy out of it. Simulated each on its own, levels
 lose their common motion within two seconds. Refined progressively, head and fist are in the same pose to the end.""",
         small={"vertices": (120, 250), "steps": 60},
         slow=(0.0, 0.6),

@@ -38,12 +38,12 @@ class Scene:
     solver : Solver
     name : of the shot, and of its run folder
     separate : sequence of Separate: what may be done, in order, where bodies meet at t = 0; refused when empty
-    integrator : "implicit_euler", or "bdf2", which is second order in dt
+    integrator : "bdf2", which is second order in dt, or "implicit_euler"
     feedback : fraction, 0 to 1, of its drift from the level below that a progressive level makes up for in each step
     feedback_modes : what of the drift: "rigid" (bodies as a whole) or "all"
     attachments : sequence of Attachment, springs between bodies
     muscles : sequence of Muscle, parts of bodies that contract
-    elements : "linear", or "smoothed", which do not lock; a body may have others
+    elements : "smoothed", which do not lock, or "linear"; a body may have others
 
     Raises
     ------
@@ -62,7 +62,7 @@ class Scene:
     solver: Solver = field(default_factory=Solver)
     name: str = "scene"
     separate: Sequence[Separate] = ()
-    integrator: str = "implicit_euler"
+    integrator: str = next(iter(INTEGRATORS))
     feedback: float = 0.0
     feedback_modes: str = "rigid"
     attachments: Sequence[Attachment] = ()

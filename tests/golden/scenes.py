@@ -58,7 +58,9 @@ def spike() -> Scene:
 
 
 def drop() -> Scene:
-    """Two bear cubs, one on a stone and one on the other: two levels in 3D, with friction."""
+    """Two bear cubs, one on a stone and one on the other: two levels in 3D, with friction, as in the paper by implicit
+    Euler and linear elements.
+    """
     cub = Body(
         levels("cub"), NeoHookean(5e4, 0.4, 1000.0), name="lower", placement=Placement(translate=(0.0, 0.08, 0.0))
     )
@@ -80,6 +82,8 @@ def drop() -> Scene:
         contact=(Barrier(), Friction(0.4, pairs={("lower", "floor"): 0.8})),
         dt=0.01,
         steps=30,
+        integrator="implicit_euler",
+        elements="linear",
     )
 
 

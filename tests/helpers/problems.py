@@ -26,9 +26,13 @@ def block(low, high, n, jitter=0.0, seed=0):
 
 
 def make_scene(materials=(SOFT,), dt=0.01, steps=10, solver=None, **physics) -> Scene:
-    """A scene of one body per material, whose shapes are never read: the level is given to the problem."""
+    """A scene of one body per material, whose shapes are never read: the level is given to the problem. By default it
+    has linear elements and implicit Euler, for which physics is derived by hand.
+    """
     bodies = tuple(Body(("grid",), material, name=f"body {i}") for i, material in enumerate(materials))
-    return Scene(bodies, dt=dt, steps=steps, solver=solver or Solver(tolerance=1e-6, linear="direct"), **physics)
+    solver = solver or Solver(tolerance=1e-6, linear="direct")
+    physics = {"integrator": "implicit_euler", "elements": "linear", "feedback": 0.0} | physics
+    return Scene(bodies, dt=dt, steps=steps, solver=solver, **physics)
 
 
 def elastic(space, *materials, elements="linear"):

@@ -190,7 +190,7 @@ def test_the_setting():
     assert "elements" not in before and after["elements"] == "smoothed"
     assert [body.get("elements") for body in mixed["bodies"]] == ["linear", None]
     for wrong in (lambda: scene.with_settings(elements="smooth"), lambda: replace(scene.bodies[0], elements="nodal")):
-        with pytest.raises(InputError, match="must be linear or smoothed"):
+        with pytest.raises(InputError, match="must be smoothed or linear"):
             wrong()
 
 

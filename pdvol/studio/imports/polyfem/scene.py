@@ -101,6 +101,7 @@ def _scene(root: Section, levels: int) -> Scene:
         obstacles=tuple(obstacles) if contact else (),
         contact=contact,
         integrator=integrator,
+        elements="linear",
     )
 
 
