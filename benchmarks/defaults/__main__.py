@@ -1,11 +1,14 @@
 """Which defaults give the smaller error at equal CPU time, on the scenes of benchmarks.fronts.
 
-    ./run python -m benchmarks.defaults [time,space,feedback] [--scenes spike,drop] [--out runs/defaults]
+    ./run python -m benchmarks.defaults [time,space,both,feedback] [--scenes spike,drop] [--out runs/defaults]
 
-- time: implicit Euler and BDF2 at 2, 1, 1/2 and 1/4 of the scene's time step, on level 0. The reference is BDF2 at an
-  eighth of it with a tenth of the tolerance.
+- time: implicit Euler and BDF2 at 2, 1, 1/2 and 1/4 of the scene's time step, on level 0 with linear elements. The
+  reference is BDF2 at an eighth of it with a tenth of the tolerance.
 - space: linear and smoothed elements on levels 0, 1 and 2, each simulated alone with BDF2. The reference is smoothed
   elements on the level above.
+- both: implicit Euler with linear elements at 1, 1/2 and 1/4 of the scene's time step, BDF2 with smoothed ones at 4, 2,
+  1 and 1/2 of it, on the same levels. The reference is smoothed elements on the level above, BDF2 at a quarter of the
+  time step with a tenth of the tolerance.
 - feedback: distances between levels, and continuity, with the feedback's values.
 
 Errors are root mean squares over mass and time [m]. "At equal time" reads the error of the second setting from the line
@@ -65,6 +68,8 @@ STRICT = 0.1  # of the scene's tolerance: the reference's
 INTEGRATORS = ("implicit_euler", "bdf2")
 ELEMENTS = ("linear", "smoothed")
 FEEDBACKS = (0.0, 0.05, 0.1, 0.2)
+OLD = {"integrator": "implicit_euler", "elements": "linear"}, (1.0, 0.5, 0.25)  # settings, factors of the time step
+NEW = {"integrator": "bdf2", "elements": "smoothed"}, (4.0, 2.0, 1.0, 0.5)
 Point = tuple[float, float]
 """CPU time [s] and error [m]."""
 
@@ -123,13 +128,13 @@ def main(words: Sequence[str] | None = None) -> int:
 def time_row(runs: Runs) -> list[str]:
     """Errors of both integrators at each time step, and BDF2's at the time that implicit Euler takes."""
     strict = {"dt": times(runs.base.dt, FINEST), "tolerance": times(runs.tolerance, STRICT)}
-    reference = ReferenceStates(runs.run((0, 0), integrator="bdf2", **strict), 0)
-    half = runs.run((0, 0), integrator="bdf2", **{**strict, "dt": times(runs.base.dt, 2.0 * FINEST)})
+    reference = ReferenceStates(runs.run((0, 0), integrator="bdf2", elements="linear", **strict), 0)
+    half = runs.run((0, 0), integrator="bdf2", elements="linear", **{**strict, "dt": times(runs.base.dt, 2.0 * FINEST)})
     own = reference.errors(half, 0)["time"]
     found: dict[str, list[Point]] = {}
     for integrator in INTEGRATORS:
         for factor in FACTORS:
-            run = runs.run((0, 0), integrator=integrator, dt=times(runs.base.dt, factor))
+            run = runs.run((0, 0), integrator=integrator, elements="linear", dt=times(runs.base.dt, factor))
             found.setdefault(integrator, []).append((cost(run, [0])["cpu"], reference.errors(run, 0)["time"]))
     ours, theirs = (found[integrator] for integrator in INTEGRATORS)
     cells = [f"{number(1e3 * a[1])}, {number(1e3 * b[1])}" for a, b in zip(ours, theirs, strict=True)]
@@ -151,11 +156,38 @@ def space_row(runs: Runs) -> list[str]:
     return ["; ".join(cells), *at_equal(ours, theirs, 0)]
 
 
+def both_row(runs: Runs) -> list[str]:
+    """For each old setting on its front: CPU time, error, and the cheapest new setting that is as near."""
+    levels, dt = runs.shot.space, runs.base.dt
+    strict = {"dt": times(dt, NEW[1][-1] / 2.0), "tolerance": times(runs.tolerance, STRICT)}
+    reference = ReferenceStates(runs.run((levels, levels), "direct", **NEW[0], **strict), levels)
+
+    def points(settings: dict, factors: Sequence[float]) -> list[tuple[float, float, str]]:
+        found = []
+        for level in range(levels):
+            for factor in factors:
+                run = runs.run((level, level), "direct", **settings, dt=times(dt, factor))
+                seconds, error = cost(run, [level])["cpu"], reference.errors(run, level)["time"]
+                found.append((seconds, error, f"level {level}, {factor:g} dt"))
+        return sorted(found)
+
+    old, new = points(*OLD), points(*NEW)
+    cells, ratios, best = [], [], np.inf
+    for seconds, error, name in old:
+        if error < best:
+            best = error
+            fit = next((point for point in new if point[1] <= error), None)
+            ratios.append(np.inf if fit is None else fit[0] / seconds)
+            there = "none" if fit is None else f"{number(fit[0])} s, {fit[2]}: {ratios[-1]:.2f}"
+            cells.append(f"{name}: {number(seconds)} s, {number(1e3 * error)} mm; {there}")
+    return ["<br>".join(cells), f"{np.median(ratios):.2f}"]
+
+
 def feedback_row(runs: Runs) -> list[str]:
     """The largest distance between levels and the continuity's error, for each feedback."""
     cells = []
     for feedback in FEEDBACKS:
-        run = runs.run((0, 1), integrator="bdf2", feedback=feedback)
+        run = runs.run((0, 1), integrator="bdf2", elements="smoothed", feedback=feedback)
         reference = ReferenceStates(run, 1)
         drift = reference.errors(run, 0)["time"]
         level = measure_run(run.path)["levels"][1]
@@ -190,6 +222,10 @@ PARTS = {
     "space": (
         ["scene", "each level: linear, smoothed [mm]", "error at equal time", "time at equal error"],
         space_row,
+    ),
+    "both": (
+        ["scene", "old settings: CPU, error; cheapest new ones as near: CPU, their time over the old one's", "median"],
+        both_row,
     ),
     "feedback": (
         ["scene", *(f"feedback {value:g}: distance [mm], continuity error [kg m^2], Newton" for value in FEEDBACKS)],
