@@ -31,7 +31,7 @@ def bent(angle):
     return start
 
 
-def scene(vertices=(90, 300), balls=(40, 120), young=4e6, angle=1.5, hold=0.1, mu=0.5, steps=200, dt=0.005):
+def scene(vertices=(90, 300), balls=(40, 120), young=8e6, angle=1.5, hold=0.1, mu=0.5, steps=200, dt=0.005):
     """The tip is turned by `angle` [rad] and let go after `hold` [s]."""
     half, start = 0.5 * THICKNESS, bent(angle)
     side = [(half, 0.0), (half, LENGTH - LIP), (half + LIP, LENGTH - LIP), (half + LIP, LENGTH)]

@@ -44,8 +44,10 @@ def finger(side, squeeze, lift):
     return PointCache(np.array(frames), fps=FPS, faces=rest.triangles[:, ::side])
 
 
-def scene(vertices=(150, 600), squeeze=0.05, lift=0.4, mu=0.7, young=5e4, steps=150, dt=0.01):
-    """`squeeze` [m] is how far each finger presses into the ball, `lift` [m] how far it rises, `mu` its friction."""
+def scene(vertices=(150, 600), squeeze=0.05, lift=0.4, mu=0.7, young=5e4, damping=0.03, steps=150, dt=0.01):
+    """`squeeze` [m] is how far each finger presses into the ball, `lift` [m] how far it rises, `mu` its friction. Without
+    `damping` [s] the ball swings between the fingers.
+    """
     fingers = [
         Deforming(finger(side, squeeze, lift), name=f"{name} finger") for side, name in ((-1, "left"), (1, "right"))
     ]
@@ -53,7 +55,7 @@ def scene(vertices=(150, 600), squeeze=0.05, lift=0.4, mu=0.7, young=5e4, steps=
         bodies=(
             Body(
                 meshes.ball(RADIUS),
-                NeoHookean(young, 0.4, 400.0),
+                NeoHookean(young, 0.4, 400.0, damping=damping),
                 tuple(vertices),
                 name="ball",
                 placement=Placement(translate=(0.0, 0.0, GAP + RADIUS)),

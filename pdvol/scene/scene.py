@@ -63,7 +63,7 @@ class Scene:
     name: str = "scene"
     separate: Sequence[Separate] = ()
     integrator: str = next(iter(INTEGRATORS))
-    feedback: float = 0.0
+    feedback: float = 0.05
     feedback_modes: str = "rigid"
     attachments: Sequence[Attachment] = ()
     muscles: Sequence[Muscle] = ()

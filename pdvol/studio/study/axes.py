@@ -20,7 +20,7 @@ FACTORS = {
 }
 RELATIVE_TOLERANCES = (0.01, 0.003, 0.03)  # fractions of the change of velocity
 LAGS = (3, 10)  # solves with friction lagged anew in a step: once more or twice more hardly differs from one
-FEEDBACKS = (0.1, 0.3)  # fractions of the drift from the level below
+FEEDBACKS = (0.0, 0.2)  # fractions of the drift from the level below
 DEFAULT_AXES = ("dt", "integrator", "elements", "tolerance", "dhat", "level")
 # Exponents of a first guess of the cost, until it is measured: steps are cheaper where they are short.
 COST_EXPONENTS = {"dt": -0.85, "tolerance": -0.06, "dhat": -0.05, "friction.iterations": 0.8}
