@@ -2,8 +2,8 @@
 
 Few throws do. A search finds one on level 0:
 
-    pdvol wedge demos/ring_throw.py --seek through_and_on_its_feet --vary speed=3.5:6.5 --vary angle=35:75 \\
-        --vary aim=-4:4 --vary spin=-10:10 --goal 0.98 --runs 300 -o throws
+    pdvol wedge demos/ring_throw.py --seek through_and_on_its_feet --vary speed=4:6 --vary angle=50:70 \\
+        --vary aim=-4:4 --vary spin=-15:15 --goal 0.98 --runs 300 -o throws
     pdvol pick throws best --refine
 """
 
@@ -33,7 +33,7 @@ def scene(
     spin=0.0,
     vertices=(150, 400, 1000),
     young=2e5,
-    damping=0.04,
+    damping=0.06,
     mu=0.8,
     steps=110,
     dt=0.02,

@@ -18,6 +18,7 @@ from scipy.linalg import eigh
 
 import pdvol
 from benchmarks.common import process
+from benchmarks.common.first_order import first_order
 from benchmarks.common.process import Mistake, machine
 from benchmarks.common.tables import number, table
 from demos import ball_on_spike
@@ -101,7 +102,7 @@ def states(
     scene's steps, or so many.
     """
     end = scene.dt * (scene.steps if steps is None else steps)
-    scene = replace(scene, dt=dt, steps=round(end / dt), integrator=integrator)
+    scene = replace(first_order(scene), dt=dt, steps=round(end / dt), integrator=integrator)
     every = round(DT / dt) if dt < DT else 1
     found: list[dict] = []
     begin = time.process_time()
@@ -135,7 +136,7 @@ def orders() -> str:
     for d in (2, 3):
         scene = cantilever(d)
         end = states(scene, ORDER_STEPS[-1] / 5.0, "bdf2")[0]["x"][-1]
-        for name in INTEGRATORS:
+        for name in NAMES:
             errors = [apart(states(scene, dt, name)[0]["x"][-1], end) for dt in ORDER_STEPS]
             slope = np.polyfit(np.log(ORDER_STEPS), np.log(errors), 1)[0]
             rows.append([f"{d}D", NAMES[name], *(number(1e3 * error) for error in errors), f"{slope:.2f}"])
@@ -146,7 +147,7 @@ def swings(count: int = SWINGS) -> str:
     """What is left of the amplitude of a bar's first bending mode."""
     mesh = grid((1.0, 0.2), (10, 2))
     level = LevelMesh(mesh.vertices, mesh.cells, mesh.regions, mesh.regions)
-    scene = replace(cantilever(), loads=(), solver=Solver(tolerance=1e-9, linear="direct"))
+    scene = replace(first_order(cantilever()), loads=(), solver=Solver(tolerance=1e-9, linear="direct"))
     stepper = _stepper(scene, level)
     free = level.points[:, 0] > 1e-9
     mass = np.repeat(stepper.space.to_input(stepper.potential.mass)[free, 0], 2)
@@ -169,7 +170,7 @@ def swings(count: int = SWINGS) -> str:
         z.append((4.0 * z[-1] - z[-2]) / (3.0 - 2j * turn))
     expected = {"implicit_euler": abs(z[1]) ** steps, "bdf2": abs(z[-1])}
     rows = []
-    for name in INTEGRATORS:
+    for name in NAMES:
         stepper = _stepper(replace(scene, dt=turn / omega, steps=steps, integrator=name), level)
         for report in direct(stepper, Start.at_rest(level.points, velocity), steps):
             moved, speed = (report.positions - level.points)[free].ravel(), report.velocity[free].ravel()
@@ -213,7 +214,7 @@ def levels() -> str:
     rows = []
     for method in ("progressive", "direct"):
         scene = cantilever()
-        for name in INTEGRATORS:
+        for name in NAMES:
             found, truths = states(scene, DT, name, 2, method), states(scene, TRUTH, name, 2, method)
             level_0 = states(scene, TRUTH, "bdf2")[0]["x"]
             for level, (mine, truth) in enumerate(zip(found, truths, strict=True)):
@@ -246,7 +247,7 @@ def rolling() -> str:
     circle = radius * np.column_stack([np.cos(angles), np.sin(angles)])
     body = Body(meshes.polygon(circle), NeoHookean(1e5, 0.3, 1000.0), (120,), "ball")
     floor, contact = Plane((0.0, -radius - gap), (0.0, 1.0)), (Barrier(dhat=dhat), Friction(0.5, eps_v=1e-3))
-    still = Scene((body,), obstacles=(floor,), loads=(G,), contact=contact[:1], dt=0.05, steps=300)
+    still = first_order(Scene((body,), obstacles=(floor,), loads=(G,), contact=contact[:1], dt=0.05, steps=300))
     damped = replace(body, material=replace(body.material, damping=0.2))
     *_, last = pdvol.march(replace(still, bodies=(damped,)))
     lies, mesh = last.positions, last.model.mesh

@@ -10,7 +10,7 @@ ENTRIES = (
 evenly spread throws none does; a search with level 0 finds this one ([wedge.md](../wedge.md#search)),
 and both finer levels keep it. It is refined as it was found: no finer level was searched.""",
         small={"vertices": (150, 300)},
-        settings={"speed": 4.65084, "angle": 59.8352, "aim": 0.689949, "spin": 9.89858},
+        settings={"speed": 4.6059, "angle": 58.3774, "aim": 2.90129, "spin": 1.2504},
         view="follow:frog",
         slow=(0.3, 1.1),
         direct=True,
