@@ -45,8 +45,8 @@ def finger(side, squeeze, lift):
 
 
 def scene(vertices=(150, 600), squeeze=0.05, lift=0.4, mu=0.7, young=5e4, damping=0.03, steps=150, dt=0.01):
-    """`squeeze` [m] is how far each finger presses into the ball, `lift` [m] how far it rises, `mu` its friction. Without
-    `damping` [s] the ball swings between the fingers.
+    """`squeeze` [m] is how far each finger presses into the ball, `lift` [m] how far it rises, `mu` its friction.
+    Without `damping` [s] the ball swings between the fingers.
     """
     fingers = [
         Deforming(finger(side, squeeze, lift), name=f"{name} finger") for side, name in ((-1, "left"), (1, "right"))
