@@ -21,6 +21,7 @@ from pdvol.levels.space import LevelSpace
 from pdvol.potentials.build import MakeTerm, build_terms
 from pdvol.potentials.consistency import Guide
 from pdvol.potentials.potential import MIN_GAP_SHARE, SCRIPTED_GAP_SHARE, Positions
+from pdvol.registry import INTEGRATORS
 from pdvol.solve.incremental_potential import IncrementalPotential
 from pdvol.solve.newton import Newton
 from pdvol.solve.report import NewtonReport, StepReport, Stopwatch, peak_memory
@@ -41,7 +42,7 @@ class Stepper:
     space : LevelSpace
     coarse_weights : called when a linear solver needs a coarse space, gives weights (n, m) over fewer vertices or None
     guides : guides that hold the level to the coarser one, if any
-    integrator : Integrator
+    integrator : Integrator; the model's where not given
     feedback : of the drift from the coarser level, if any
     terms : make further terms of the energy; with any, no step is held at rest, since they may change at any time
     forces : whether reports have the terms' forces
@@ -65,7 +66,7 @@ class Stepper:
         terms: Sequence[MakeTerm] = (),
         forces: bool = False,
     ):
-        self.model, self.space, self.integrator = model, space, integrator or ImplicitEuler()
+        self.model, self.space, self.integrator = model, space, integrator or INTEGRATORS[model.integrator]()
         self.watch = Stopwatch()
         script = Script(model.supports, model.obstacles, model.ground)
         self.potential = IncrementalPotential(space, build_terms(model, space, guides, script, terms), self.watch)

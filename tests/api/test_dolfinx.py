@@ -23,7 +23,7 @@ YOUNG, POISSON = (1e4, 5e4), 0.4  # of two bodies [Pa]
 
 @pytest.fixture(scope="module")
 def run(tmp_path_factory):
-    """A soft square and a stiff one above it, which fall on the ground."""
+    """A soft square and a stiff one above it, of linear elements, which fall on the ground."""
     bodies = tuple(
         Body(
             (solid(2, 2), solid(2, 4)),
@@ -33,7 +33,9 @@ def run(tmp_path_factory):
         )
         for i, young in enumerate(YOUNG)
     )
-    return pdvol.run(replace(small.scene(steps=STEP), bodies=bodies), tmp_path_factory.mktemp("run") / "squares")
+    return pdvol.run(
+        replace(small.scene(steps=STEP), bodies=bodies, elements="linear"), tmp_path_factory.mktemp("run") / "squares"
+    )
 
 
 def computed(comm, path, xdmf):
