@@ -44,7 +44,7 @@ def claim(run):
     places = ", ".join(f"({x:.2f}, {y:.2f})" for x, y in ends)
     return [
         (f"The rope of {LENGTH:.0f} m lies in folds, {shown} m high on the levels.", max(tops) < 0.2 * LENGTH),
-        (f"Its upper end comes to the same place: {places} m.", ends[0][0] < -5 * WIDTH),
+        (f"Its upper end comes to the same place: {places} m.", ends[0][0] < -4 * WIDTH),
         (f"These places are within {100 * apart:.1f} cm; the rope is {100 * WIDTH:.0f} cm wide.", apart < WIDTH),
     ]
 
