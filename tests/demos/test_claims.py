@@ -42,7 +42,7 @@ def test_the_claim_holds_on_small_levels(entry, tmp_path):
 
 
 def test_a_claim_fails_where_levels_fall_to_different_sides(tmp_path):
-    # Simulated on their own, levels 0 and 1 end at -0.44 and +0.59 m.
+    # Simulated on their own, levels 0 and 1 end at -0.39 and +0.52 m.
     words = ["--method", "direct", "--levels", "0:1", "--no-picture", "--no-xdmf", "--out", str(tmp_path / "run")]
     assert run(["run", str(DEMOS / "ball_on_spike.py"), *words]) == 0
     assert not any(holds for _, holds in claims(BY_NAME["ball_on_spike"], open_run(tmp_path / "run")))
