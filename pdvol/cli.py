@@ -7,6 +7,7 @@ import argparse
 import os
 import sys
 from collections.abc import Callable, Sequence
+from importlib.metadata import version
 from typing import NoReturn
 
 from pdvol.commands.simulation import this_rank
@@ -108,6 +109,7 @@ def parse(arguments: Sequence[str]) -> argparse.Namespace:
     parser = _Parser(
         prog="pdvol", description="Preview soft-body animation coarse, refine it to the same animation, fine."
     )
+    parser.add_argument("--version", action="version", version=f"pdvol {version('pdvol')}")
     verbs = parser.add_subparsers(required=True, metavar="COMMAND", dest="command")
     command = next((word for word in arguments if not word.startswith("-")), "")
     listed = [command] if command in COMMANDS else list(COMMANDS)  # listing all looks for verbs of other packages
@@ -116,4 +118,7 @@ def parse(arguments: Sequence[str]) -> argparse.Namespace:
         verb = verbs.add_parser(name, help=text, description=text)
         if name == command:
             COMMANDS[name].add_arguments(verb)
-    return parser.parse_args(arguments)
+    options, unknown = parser.parse_known_args(arguments)
+    if unknown:
+        raise InputError(f"unrecognized arguments: {' '.join(unknown)}; see pdvol {options.command} --help")
+    return options

@@ -49,7 +49,7 @@ def chosen_jobs(options: Namespace) -> int:
 def add_new_run(parser: ArgumentParser, ending: str = "") -> None:
     """The scene, its settings, and the run folder to write."""
     add_shot(parser)
-    parser.add_argument("--out", type=Path, help=f"run folder (default: runs/NAME{ending})")
+    parser.add_argument("-o", "--out", type=Path, help=f"run folder (default: runs/NAME{ending})")
     parser.add_argument("--resume", action="store_true", help="go on with the run in that folder")
 
 

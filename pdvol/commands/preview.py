@@ -1,22 +1,51 @@
 """`pdvol preview`: simulate level 0 of a scene."""
 
+import sys
+import time
 from argparse import ArgumentParser, Namespace
 from pathlib import Path
 
 from pdvol.commands.options import add_new_run, add_outputs, chosen_shot
+from pdvol.errors import InputError, PdvolError
 
 PREVIEW = "_preview"
 """What the default run folder has after the scene's name."""
+LOOK = 0.2  # s between two looks at the files of a scene that is watched: less than a picture takes
 
 
 def add_arguments(parser: ArgumentParser) -> None:
     """The options of `pdvol preview`."""
     add_new_run(parser, PREVIEW)
     add_outputs(parser)
+    parser.add_argument("--watch", action="store_true", help="preview again whenever the scene file is saved")
 
 
 def main(options: Namespace) -> None:
-    """Simulate level 0, draw a picture and print where everything is. Collective."""
+    """Simulate level 0, draw a picture and print where everything is; with `--watch` until it is interrupted.
+    Collective.
+    """
+    if not options.watch:
+        _preview(options)
+        return
+    _refuse_ranks()
+    options.resume = False
+    try:
+        while True:
+            before = _sources(options.scene)
+            try:
+                _preview(options)
+            except PdvolError as error:
+                print(f"pdvol: {error}", file=sys.stderr)
+            print(f"watching {options.scene}; stop with Ctrl-C", file=sys.stderr)
+            while _sources(options.scene) == before:
+                time.sleep(LOOK)
+            _forget_modules(options.scene)
+    except KeyboardInterrupt:
+        return
+
+
+def _preview(options: Namespace) -> None:
+    """One preview, which replaces the one that its folder holds, but with `--resume`."""
     from pdvol.commands.simulation import progress_report, report_run
     from pdvol.stages import stage
 
@@ -25,5 +54,41 @@ def main(options: Namespace) -> None:
 
     shot = chosen_shot(options)
     out = options.out or Path("runs") / f"{shot.name}{PREVIEW}"
-    run_scene(shot, out, 0, 0, resume=options.resume, progress=progress_report(), xdmf=not options.no_xdmf)
+    run_scene(
+        shot,
+        out,
+        0,
+        0,
+        resume=options.resume,
+        progress=progress_report(),
+        xdmf=not options.no_xdmf,
+        replace=not options.resume,
+    )
     report_run(out, not options.no_picture, not options.no_xdmf)
+
+
+def _refuse_ranks() -> None:
+    from mpi4py import MPI
+
+    if MPI.COMM_WORLD.size > 1:
+        raise InputError("--watch works on one rank; leave out mpirun")
+
+
+def _sources(scene: Path) -> dict[Path, int]:
+    """Times of the last change [ns] of the Python files in the scene's folder, which it may import."""
+    found = {}
+    for file in {scene, *scene.parent.glob("*.py")}:
+        try:
+            found[file] = file.stat().st_mtime_ns
+        except FileNotFoundError:  # between the two steps of an editor's save
+            continue
+    return found
+
+
+def _forget_modules(scene: Path) -> None:
+    """Let the modules beside the scene be read again."""
+    folder = scene.resolve().parent
+    for name, module in list(sys.modules.items()):
+        file = getattr(module, "__file__", None)
+        if file and Path(file).resolve().parent == folder:
+            del sys.modules[name]

@@ -30,7 +30,7 @@ from pdvol.scene import Scene
 from pdvol.scene.fingerprint import describe, differences_by_level
 from pdvol.stages import stage
 from pdvol.store.files import jsonable
-from pdvol.store.folder import holds_run, in_use, require_scene
+from pdvol.store.folder import holds_run, in_use, read_info, require_scene
 from pdvol.store.reader import Run, open_run
 from pdvol.store.writer import RunWriter
 
@@ -52,6 +52,7 @@ def run_scene(
     progress: Watch | None = None,
     wavefront: bool = False,
     xdmf: bool = True,
+    replace: bool = False,
 ) -> Path:
     """Simulate levels `first` to `last` of a shot into the run folder `out`. Collective.
 
@@ -67,6 +68,7 @@ def run_scene(
     progress : called as (level, steps, steps done) when a level begins, on the ranks where it is given
     wavefront : run the levels side by side, each in a process of its own; `comm` then has one rank
     xdmf : keep level_N.xdmf up to date; without it `pdvol export` makes it later
+    replace : a run that the folder holds, if of no more than one level, gives way once the new levels are ready
 
     Returns
     -------
@@ -82,18 +84,18 @@ def run_scene(
     scene, out = shot.scene, Path(out)
     last = scene.levels - 1 if last is None else last
     check_choices(scene, first, last, method, prolongation)
-    _check_folder(out, first, last, method, resume or first > 0)
+    _check_folder(out, first, last, method, resume or first > 0, replace)
     if wavefront and shot.file is None:
         raise InputError("levels side by side need a scene file, which their processes load; save the scene as one")
     if wavefront and comm.size > 1:
         raise InputError(
             "--wavefront starts a process per level; leave out mpirun, or run the levels one after the other"
         )
-    levels = on_root(comm, lambda: _prepare(shot, out, last, method, prolongation))
+    levels = on_root(comm, lambda: _prepare(shot, out, last, method, prolongation, replace))
     obstacles = placed_obstacles(scene.obstacles, levels.geometry)
     writer = SharedWriter(
         comm,
-        lambda: _open_writer(shot, out, levels, obstacles, method, prolongation),
+        lambda: _open_writer(shot, out, levels, obstacles, method, prolongation, replace),
         (Export(out, scene, obstacles),) if xdmf else (),
     )
     try:
@@ -151,8 +153,13 @@ def check_choices(scene: Scene, first: int, last: int, method: str, prolongation
         raise InputError(f"levels {first}:{last} do not exist; the scene has levels 0:{scene.levels - 1}")
 
 
-def _check_folder(out: Path, first: int, last: int, method: str, go_on: bool) -> None:
+def _check_folder(out: Path, first: int, last: int, method: str, go_on: bool, replace: bool) -> None:
     exists = holds_run(out)
+    if exists and replace:
+        count = len(read_info(out)["levels"])
+        if count > 1:
+            raise InputError(f"{out} holds a run of {count} levels; choose another folder for a preview with --out")
+        return
     if exists and not go_on:
         raise InputError(
             f"{out} already holds a run; go on with it by --resume (resume=True), or choose another folder"
@@ -213,7 +220,7 @@ def prepared_levels(
     return Prepared(meshes, len(stored), geometry, diagonal, mended)
 
 
-def _prepare(shot: Shot, out: Path, last: int, method: str, prolongation: str) -> Prepared:
+def _prepare(shot: Shot, out: Path, last: int, method: str, prolongation: str, replace: bool) -> Prepared:
     """The levels of a run, stored ones first."""
     check_render_files(shot.scene)
     if not holds_run(out):
@@ -221,6 +228,8 @@ def _prepare(shot: Shot, out: Path, last: int, method: str, prolongation: str) -
     run = open_run(out)
     if run.in_use:
         raise InputError(in_use(out))
+    if replace:
+        return prepared_levels(shot.scene, last)
     stored = [level.mesh for level in run.levels[: _same_levels(run, shot, last, method, prolongation)]]
     if stored and "branched" in run.info and len(stored) <= last:
         raise InputError(
@@ -270,7 +279,13 @@ def _same_levels(run: Run, shot: Shot, last: int, method: str, prolongation: str
 
 
 def _open_writer(
-    shot: Shot, out: Path, levels: Prepared, obstacles: Sequence[Obstacle], method: str, prolongation: str
+    shot: Shot,
+    out: Path,
+    levels: Prepared,
+    obstacles: Sequence[Obstacle],
+    method: str,
+    prolongation: str,
+    replace: bool,
 ) -> RunWriter:
     scene, meshes, kept, mended = shot.scene, levels.meshes, levels.kept, levels.mended
     velocities, drawn = (
@@ -309,7 +324,7 @@ def _open_writer(
             **({"up": up} if up else {}),
             **({"mended": mended} if mended else {}),
         }
-        writer = RunWriter.create(out, info, meshes, [body.name for body in scene.bodies], velocities)
+        writer = RunWriter.create(out, info, meshes, [body.name for body in scene.bodies], velocities, replace)
         writer.update_info(solvers=[_solver(scene, writer)])
     writer.write_obstacles(drawn)
     writer.write_render_meshes(rendered)

@@ -14,6 +14,7 @@
 """
 
 import math
+import shutil
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TextIO
@@ -22,7 +23,17 @@ import numpy as np
 
 from pdvol.errors import InputError
 from pdvol.geometry.level_mesh import LevelMesh
-from pdvol.store.files import TEMPORARY, jsonable, lock, make_folder, read_json, sync_folder, write_array, write_arrays
+from pdvol.store.files import (
+    TEMPORARY,
+    jsonable,
+    lock,
+    make_folder,
+    read_json,
+    sync_folder,
+    write_array,
+    write_arrays,
+    write_json,
+)
 
 RUN_FORMAT = 1  # of run.json: increased when an older pdvol cannot read new folders
 _INFO_TYPES = {
@@ -177,8 +188,9 @@ def write_level(path: Path, level: int, mesh: LevelMesh, velocity: np.ndarray | 
     return {"vertices": len(points), "cells": len(mesh.cells), "state": "pending"}
 
 
-def claim(path: Path) -> TextIO:
-    """Make or take a folder for a new run, and lock it. It must be new, empty, or left by a creation that was killed.
+def claim(path: Path, replace: bool = False) -> TextIO:
+    """Make or take a folder for a new run, and lock it. It must be new, empty, or left by a creation that was killed;
+    with `replace` a run that it holds is removed, and what other commands have put beside it stays.
 
     Returns
     -------
@@ -190,10 +202,12 @@ def claim(path: Path) -> TextIO:
     InputError
         The folder holds a run or other files, cannot be made, or another process writes there.
     """
-    _require_free(path)
+    _require_free(path, replace)
     make_folder(path)
     held = hold(path)
     try:
+        if replace and holds_run(path):
+            _discard(path)
         _require_free(path)  # another process may have started a run before this one had the lock
     except InputError:
         held.close()
@@ -201,13 +215,22 @@ def claim(path: Path) -> TextIO:
     return held
 
 
-def _require_free(path: Path) -> None:
+def _discard(path: Path) -> None:
+    """Remove a run, so that a kill leaves what may be replaced."""
+    write_json(path / "run.json", {**read_info(path), "state": "creating"})
+    for name in ("log.jsonl", "obstacles.json", "render.json"):
+        (path / name).unlink(missing_ok=True)
+    for name in ("levels", "obstacles", "render"):
+        shutil.rmtree(path / name, ignore_errors=True)
+
+
+def _require_free(path: Path, replace: bool = False) -> None:
     """InputError unless a run may be created here."""
     if not path.exists():
         return
     if not path.is_dir():
         raise InputError(f"{path} is a file, not a folder")
-    if holds_run(path):
+    if holds_run(path) and not replace:
         raise InputError(f"{path} already holds a run: continue it with --resume or choose another folder")
     if not (path / "run.json").exists() and any(
         not (p.name == "run.lock" or p.name.endswith(TEMPORARY)) for p in path.iterdir()

@@ -56,6 +56,7 @@ class RunWriter:
         meshes: Sequence[LevelMesh],
         body_names: Sequence[str],
         velocities: Sequence[np.ndarray] | None = None,
+        replace: bool = False,
     ) -> "RunWriter":
         """Start a run in a new or empty folder.
 
@@ -66,6 +67,7 @@ class RunWriter:
         meshes : one per level, coarsest first
         body_names : the name of each body index
         velocities : initial velocities (n, d) [m/s] per level; all at rest when None
+        replace : remove a run that the folder holds
 
         Raises
         ------
@@ -74,7 +76,7 @@ class RunWriter:
         """
         path = Path(path)
         info = new_info(info, body_names)
-        writer = cls(path, claim(path))
+        writer = cls(path, claim(path, replace))
         try:
             writer.info = info
             writer._save()
