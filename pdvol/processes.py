@@ -2,7 +2,9 @@
 
 import contextlib
 import ctypes
+import math
 import os
+import resource
 import signal
 from pathlib import Path
 
@@ -15,6 +17,15 @@ def die_with_parent() -> None:
     """In the child: makes Linux end it when its parent is killed."""
     with contextlib.suppress(OSError, AttributeError):
         ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+
+
+def limit_processor_time(seconds: float, grace: int = 1) -> None:
+    """In the child: SIGXCPU after so many seconds [s] of processor time, SIGKILL `grace` seconds later; both earlier
+    where its parent's limit is lower, which a user may not raise.
+    """
+    soft, hard = max(math.ceil(seconds), 1), resource.getrlimit(resource.RLIMIT_CPU)[1]
+    most = soft + grace if hard == resource.RLIM_INFINITY else min(soft + grace, hard)
+    resource.setrlimit(resource.RLIMIT_CPU, (min(soft, most), most))
 
 
 def without_launcher() -> dict[str, str]:

@@ -104,7 +104,7 @@ def stored_levels(text: str, run: "Run") -> Sequence[int] | None:
 
 def whole_number(option: str, text: str) -> int:
     """The number that an option's text holds; InputError where it holds none."""
-    if not text.strip().isdigit():
+    if not text.strip().isdecimal():
         raise InputError(f"{option}: {text!r} is not a whole number")
     return int(text)
 

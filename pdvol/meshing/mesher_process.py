@@ -3,7 +3,6 @@
 A mesher that crashes, hangs or prints, and the libraries that it loads, then do not affect the solver's process.
 """
 
-import math
 import resource
 import shutil
 import signal
@@ -18,7 +17,7 @@ import numpy as np
 
 from pdvol.errors import InputError, MeshError
 from pdvol.meshing.cpu_budget import BudgetSpent, ProcessStopped, Watch
-from pdvol.processes import die_with_parent, without_launcher
+from pdvol.processes import die_with_parent, limit_processor_time, without_launcher
 
 # C source of a std::random_device that returns the same linear congruential sequence in every process. fTetWild
 # shuffles with a std::mt19937 that std::random_device seeds, so without it the same input would give a different mesh
@@ -58,10 +57,10 @@ def _seeded_random_device() -> bytes:
         return library.read_bytes()
 
 
-def _limited(limit: int) -> None:
-    """In the child: end with pdvol, and by SIGXCPU after `limit` seconds of processor time."""
+def _limited(seconds: float) -> None:
+    """In the child: end with pdvol, and by SIGXCPU after so many seconds of processor time."""
     die_with_parent()
-    resource.setrlimit(resource.RLIMIT_CPU, (limit, limit + 5))
+    limit_processor_time(seconds, grace=5)
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
 
 
@@ -106,7 +105,7 @@ def run_worker(script: str, cpu_seconds: float, seeded: bool = False, **arrays: 
             stderr=subprocess.PIPE,
             text=True,
             errors="replace",
-            preexec_fn=partial(_limited, max(math.ceil(cpu_seconds), 1)),
+            preexec_fn=partial(_limited, cpu_seconds),
         ) as done:
             out, err = _watched(done, path.stem)
         if done.returncode in (-signal.SIGXCPU, -signal.SIGKILL):

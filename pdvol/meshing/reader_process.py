@@ -4,7 +4,6 @@ Libraries that read meshes may crash, hang or take all memory on a damaged file;
 """
 
 import contextlib
-import math
 import os
 import resource
 import select
@@ -18,7 +17,7 @@ import numpy as np
 
 from pdvol.errors import InputError, MeshError
 from pdvol.meshing.cpu_budget import BudgetSpent, Watch
-from pdvol.processes import die_with_parent
+from pdvol.processes import die_with_parent, limit_processor_time
 
 BASE_SECONDS = 6.0  # limit on processor time [s] for a file of no size: leaves time to load a library
 BYTES_PER_SECOND = 1e6  # file size [bytes] that adds one second to that limit: large files take longer to parse
@@ -97,7 +96,7 @@ def _read_and_exit(path: Path, read: Callable, answer: Path, seconds: float, mem
         )
         resource.setrlimit(resource.RLIMIT_AS, (used + memory, used + memory))
         resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-        resource.setrlimit(resource.RLIMIT_CPU, (math.ceil(seconds), math.ceil(seconds) + 1))
+        limit_processor_time(seconds)
         try:
             arrays = read(path)
             with open(answer, "wb") as file:

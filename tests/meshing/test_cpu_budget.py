@@ -112,3 +112,19 @@ def test_a_reader_ends_with_the_budget(tmp_path, monkeypatch):
     with pytest.raises(BudgetSpent, match="any.obj: not done within the 1 s"):
         with cpu_budget.cpu_budget(seconds=1.0):
             reader_process.read_in_child_process(file, endless)
+
+
+def test_a_child_takes_the_lower_one_of_its_limits():
+    """A user may not raise the hard limit of a parent: the child has what is left of it, not a failure."""
+    program = """
+import os, resource, sys
+from pdvol.processes import limit_processor_time
+resource.setrlimit(resource.RLIMIT_CPU, (20, 21))
+if os.geteuid() == 0:
+    os.setuid(65534)
+for seconds in (60, 5):
+    limit_processor_time(seconds, grace=5)
+    print(*resource.getrlimit(resource.RLIMIT_CPU))
+"""
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert done.stdout.split("\n") == ["21 21", "5 10", ""]
