@@ -239,7 +239,7 @@ def levels_asked(levels: Any) -> tuple[int, int | None]:
     if isinstance(levels, str):
         first, colon, last = levels.partition(":")
         if not all(
-            word.strip().isdigit() or (colon and not word.strip()) for word in ((first, last) if colon else (first,))
+            word.strip().isdecimal() or (colon and not word.strip()) for word in ((first, last) if colon else (first,))
         ):
             raise InputError(f"levels = {levels!r} cannot be read; {LEVELS}")
         if not colon:

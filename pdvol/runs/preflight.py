@@ -41,6 +41,7 @@ from pdvol.registry import INTEGRATORS
 from pdvol.runs.render_meshes import render_defects
 from pdvol.runs.scene_summary import modelled_terms
 from pdvol.scene import Barrier, Scene, metres
+from pdvol.solve.linear.solver import check_options
 from pdvol.stages import say, stage
 
 NAMED_CELLS = 5  # worst cells that are listed for each level
@@ -78,6 +79,7 @@ def check_scene(scene: Scene, seconds: float = 3.0, out: Path | None = None) -> 
         "defects": [],
     }
     try:
+        check_options(scene.solver)
         result["modelled"] = modelled_terms(scene)
         obstacles = placed_obstacles(scene.obstacles)
         with cpu_budget(vertices_asked(scene)):

@@ -28,6 +28,7 @@ from pdvol.runs.shared_writer import Export, SharedWriter
 from pdvol.runs.wavefront import march_levels
 from pdvol.scene import Scene
 from pdvol.scene.fingerprint import describe, differences_by_level
+from pdvol.solve.linear.solver import check_options
 from pdvol.stages import stage
 from pdvol.store.files import jsonable
 from pdvol.store.folder import holds_run, in_use, read_info, require_scene
@@ -147,6 +148,7 @@ def check_choices(scene: Scene, first: int, last: int, method: str, prolongation
     if method not in METHODS:
         raise InputError(f"unknown method {method!r}; choose one of {', '.join(METHODS)}")
     INTERPOLANTS.check(prolongation)
+    check_options(scene.solver)
     if method == "tracks" and scene.penalty.weight == 0.0:
         raise InputError("the method tracks needs a weight above zero, as in Penalty(weight=0.1) or --set weight=0.1")
     if not 0 <= first <= last < scene.levels:

@@ -284,6 +284,22 @@ class _Context:
         ksp.setConvergedReason(reason)
 
 
+def check_options(settings: Solver) -> None:
+    """InputError where PETSc does not take the user's options, before anything is made of them."""
+    ksp = PETSc.KSP().create(PETSc.COMM_SELF)
+    try:
+        LinearSolver(ksp, settings, _no_coarse_space)
+    except PETSc.Error as error:
+        reason = str(error).splitlines()[-1].rpartition("] ")[2]
+        raise InputError(f'Solver.petsc = "{settings.petsc}": {reason}') from None
+    finally:
+        ksp.destroy()
+
+
+def _no_coarse_space() -> CoarseSpace:
+    raise NotImplementedError("no system is solved where options are checked")
+
+
 def wants_general_matrix(settings: Solver) -> bool:
     """Whether the user's options name a preconditioner: it may not support symmetric blocked matrices."""
     return any(name.endswith("pc_type") for name in _parse(settings.petsc))
