@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from pdvol.scene.checks import finite, keep_plain, positive, require, vector
+from pdvol.scene.checks import finite, keep_plain, positive, require, takes, vector
 from pdvol.scene.loads import Where, everywhere
 from pdvol.scene.motions import Vector
 from pdvol.scene.representation import one_line
@@ -43,6 +43,7 @@ class Attachment:
         for name in ("where", "to"):
             if not callable(getattr(self, name)):
                 vector(f"Attachment.{name}", getattr(self, name))
+            takes(f"Attachment.{name}", getattr(self, name), "X")
         positive("Attachment.stiffness", self.stiffness)
         if self.rest_length is not None:
             finite("Attachment.rest_length", self.rest_length, 0.0)

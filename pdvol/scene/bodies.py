@@ -9,7 +9,7 @@ import numpy as np
 
 from pdvol.meshes import Outline, Solid, Surface
 from pdvol.registry import ELEMENTS
-from pdvol.scene.checks import called, finite, keep_plain, positive, require, sequence, vector
+from pdvol.scene.checks import called, finite, keep_plain, positive, require, sequence, takes, vector
 from pdvol.scene.materials import Material, Region
 from pdvol.scene.motions import Vector
 from pdvol.scene.placement import Placement
@@ -140,6 +140,8 @@ class Body:
             f"body {self.name!r}: start must be a function of rest positions (n, d) that gives positions (n, d), or a"
             f" Posed, which fit all levels, not {type(self.start).__name__}",
         )
+        takes(f"body {self.name!r}: start", self.start, "X")
+        takes(f"body {self.name!r}: velocity", self.velocity, "X")
         if not callable(self.velocity) and not isinstance(self.velocity, TakeOver) and self.velocity != ():
             vector(f"body {self.name!r}: velocity", self.velocity)
         spin = self.spin if isinstance(self.spin, tuple) else (self.spin,)

@@ -1,5 +1,6 @@
 """Checks of the values in a scene's dataclasses: each raises an error of one line that names the value."""
 
+import inspect
 import sys
 from collections.abc import Callable
 from typing import Any
@@ -70,6 +71,27 @@ def count(name: str, value: Any, lowest: int) -> None:
     """A whole number, not below `lowest`."""
     whole = isinstance(value, (int, np.integer)) and not isinstance(value, bool)
     require(whole and value >= lowest, f"{name} = {value!r} is not a whole number >= {lowest}")
+
+
+def fits(function: Callable, arguments: int) -> bool:
+    """Whether a user's function can be called with so many arguments; true where it has no signature."""
+    try:
+        signature = inspect.signature(function)
+    except (TypeError, ValueError):  # of some compiled functions
+        return True
+    try:
+        signature.bind(*range(arguments))
+    except TypeError:
+        return False
+    return True
+
+
+def takes(name: str, function: Any, *arguments: str) -> None:
+    """What is no function, or one of these arguments: known before anything is meshed."""
+    require(
+        not callable(function) or fits(function, len(arguments)),
+        f"{name} must be a function of {len(arguments)} argument{'s' * (len(arguments) > 1)} ({', '.join(arguments)})",
+    )
 
 
 def chosen(name: str, where: Callable, points: np.ndarray) -> np.ndarray:

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from pdvol.scene.checks import called, finite, keep_plain, positive, require, vector
+from pdvol.scene.checks import called, finite, keep_plain, positive, require, takes, vector
 from pdvol.scene.keyed import Keyed, keyed_numbers, keyed_vectors
 from pdvol.scene.motions import Vector
 from pdvol.scene.representation import one_line
@@ -34,10 +34,13 @@ def at_time(name: str, value: TimedVector, time: float, dim: int) -> np.ndarray:
     return found.astype(float)
 
 
-def _vector(name: str, value: Any) -> None:
+def _vector(name: str, value: Any, *arguments: str) -> None:
+    """A vector, `Keyed` ones, or a function of these arguments: of t where none are given."""
     if isinstance(value, Keyed):
         keyed_vectors(name, value)
-    elif not callable(value):
+    elif callable(value):
+        takes(name, value, *(arguments or ("t",)))
+    else:
         vector(name, value)
 
 
@@ -155,7 +158,7 @@ class Flow:
 
     def __post_init__(self) -> None:
         keep_plain(self, "velocity", "density", "drag")
-        _vector("Flow.velocity", self.velocity)
+        _vector("Flow.velocity", self.velocity, "x", "t")
         positive("Flow.density", self.density)
         positive("Flow.drag", self.drag)
 
@@ -187,7 +190,9 @@ class Pressure:
         keep_plain(self, "pressure")
         if isinstance(self.pressure, Keyed):
             keyed_numbers("Pressure.pressure", self.pressure)
-        elif not callable(self.pressure):
+        elif callable(self.pressure):
+            takes("Pressure.pressure", self.pressure, "t")
+        else:
             finite("Pressure.pressure", self.pressure)
 
     def at(self, time: float) -> float:

@@ -8,7 +8,7 @@ import numpy as np
 
 from pdvol.errors import InputError
 from pdvol.forms import elasticity
-from pdvol.scene.checks import called, finite, keep_plain, positive, require
+from pdvol.scene.checks import called, finite, keep_plain, positive, require, takes
 from pdvol.scene.keyed import Keyed, keyed_numbers
 from pdvol.scene.representation import one_line
 
@@ -45,7 +45,9 @@ class Material:
                 require(field.name == "young", f"{type(self).__name__}.{field.name} cannot be Keyed; young can")
                 keyed_numbers(f"{type(self).__name__}.young", value)
                 positive(f"{type(self).__name__}.young, its lowest key,", min(value.values))
-            elif not callable(value):
+            elif callable(value):
+                takes(f"{type(self).__name__}.{field.name}", value, "X")
+            else:
                 self._check(field.name, value)
 
     def _check(self, name: str, value: float) -> None:
@@ -168,6 +170,7 @@ class Region:
             f"a region's material must be a Material, not {type(self.material).__name__}",
         )
         labels = self.labels
+        takes("Region.where", self.where, "X")
         require(
             callable(self.where) or len(labels) > 0,
             "Region.where = () names no label; give a function or labels of the input mesh's cells",

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from pdvol.scene.checks import called, finite, keep_plain, require, sequence, vector
+from pdvol.scene.checks import called, finite, keep_plain, require, sequence, takes, vector
 from pdvol.scene.representation import one_line
 
 Vector = Sequence[float] | np.ndarray
@@ -144,6 +144,8 @@ class Sequential:
             all(callable(motion) for motion in self.motions),
             "Sequential.motions must be motions, callables (X, t) -> x",
         )
+        for number, motion in enumerate(self.motions):
+            takes(f"Sequential.motions[{number}]", motion, "X", "t")
 
     def __call__(self, X: np.ndarray, t: float) -> np.ndarray:
         for motion in self.motions:

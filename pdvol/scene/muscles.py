@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pdvol.scene.checks import called, finite, keep_plain, positive, require, vector
+from pdvol.scene.checks import called, finite, fits, keep_plain, positive, require, takes, vector
 from pdvol.scene.keyed import Keyed, keyed_numbers
 from pdvol.scene.loads import Where, everywhere
 from pdvol.scene.motions import Vector
@@ -26,15 +26,15 @@ class Muscle:
     fibre : direction at rest, of any length but zero: a vector, or a function of rest positions (n, d), as placed, that
         gives (n, d)
     strength : T, the stress [Pa] at an activation of 1
-    activation : a, a number, `Keyed` numbers, or a function (t, X) of time [s] and rest positions (n, d) that gives
-        (n,); not negative, and taken at the end of each step
+    activation : a, a number, `Keyed` numbers, a function t -> a of time [s], or a function (t, X) of time and rest
+        positions (n, d) that gives (n,); not negative, and taken at the end of each step
     where : function of rest positions (n, d) giving a mask (n,), evaluated at cell centres
     """
 
     body: str
     fibre: Vector | Callable[[np.ndarray], np.ndarray]
     strength: float
-    activation: float | Keyed | Callable[[float, np.ndarray], np.ndarray] = 1.0
+    activation: float | Keyed | Callable[[float], float] | Callable[[float, np.ndarray], np.ndarray] = 1.0
     where: Where = everywhere
     __repr__ = one_line
 
@@ -48,8 +48,13 @@ class Muscle:
         if isinstance(self.activation, Keyed):
             keyed_numbers("Muscle.activation", self.activation)
             finite("Muscle.activation, its lowest key,", min(self.activation.values), 0.0)
-        elif not callable(self.activation):
+        elif callable(self.activation):
+            if not fits(self.activation, 1):
+                takes("Muscle.activation", self.activation, "t", "X")
+        else:
             finite("Muscle.activation", self.activation, 0.0)
+        takes("Muscle.fibre", self.fibre, "X")
+        takes("Muscle.where", self.where, "X")
         require(callable(self.where), f"Muscle.where = {self.where!r} must be a function of rest positions (n, d)")
 
     def fibres(self, points: np.ndarray) -> np.ndarray:
@@ -76,7 +81,10 @@ class Muscle:
         if isinstance(self.activation, Keyed) or not callable(self.activation):
             level = self.activation(time) if isinstance(self.activation, Keyed) else self.activation
             return np.full(len(points), self.strength * level)
-        found = called("Muscle.activation", self.activation, (time, points.copy()), (len(points),)).astype(float)
+        if fits(self.activation, 2):
+            found = called("Muscle.activation", self.activation, (time, points.copy()), (len(points),)).astype(float)
+        else:
+            found = np.full(len(points), float(called("Muscle.activation", self.activation, (time,), ())))
         require(
             bool((np.isfinite(found) & (found >= 0.0)).all()),
             f"Muscle.activation is negative, NaN or infinite at t = {time:g} s",

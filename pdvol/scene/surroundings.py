@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from pdvol.meshes import Outline, Surface
-from pdvol.scene.checks import keep_plain, positive, require, vector
+from pdvol.scene.checks import keep_plain, positive, require, takes, vector
 from pdvol.scene.motions import Motion, Still, Vector
 from pdvol.scene.placement import Placement
 from pdvol.scene.point_caches import PointCache
@@ -136,6 +136,8 @@ class Support:
             callable(self.motion) or isinstance(self.motion, PointCache),
             f"Support.motion = {self.motion!r} must be a motion, a callable (X, t) -> x or a PointCache",
         )
+        takes("Support.where", self.where, "X")
+        takes("Support.motion", self.motion, "X", "t")
         number = isinstance(self.release, (int, float, np.number)) and not isinstance(self.release, bool)
         require(
             number and self.release >= 0.0,
@@ -154,3 +156,4 @@ def _no_cache(whose: str, motion: Any) -> None:
         not isinstance(motion, PointCache),
         f"{whose}: a PointCache moves each point by itself; use Deforming, or a Support",
     )
+    takes(f"{whose}: motion", motion, "X", "t")

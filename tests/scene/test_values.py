@@ -3,6 +3,7 @@ short.
 """
 
 import json
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -198,3 +199,38 @@ def test_reprs_are_one_short_line():
         "points=((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), ..., (0.0, 0.0, 0.0): 500 in all))"
     )
     assert "bodies=('square', 'bear')" in repr(scene) and "loads=(Gravity, Flow)" in repr(scene)
+
+
+WRONG_FUNCTIONS = {
+    "Attachment.where": lambda f: pdvol.Attachment("a", "b", f),
+    "body 'b': start": lambda f: pdvol.Body("b.obj", pdvol.NeoHookean(1e5), (10,), "b", start=f),
+    "body 'b': velocity": lambda f: pdvol.Body("b.obj", pdvol.NeoHookean(1e5), (10,), "b", velocity=f),
+    "Gravity.acceleration": pdvol.Gravity,
+    "Flow.velocity": pdvol.Flow,
+    "Pressure.pressure": lambda f: pdvol.Pressure("b", f),
+    "NeoHookean.young": pdvol.NeoHookean,
+    "Region.where": lambda f: pdvol.Region(pdvol.NeoHookean(1e5), f),
+    "Sequential.motions[0]": lambda f: pdvol.Sequential((f,)),
+    "Support.where": pdvol.Support,
+    "Support.motion": lambda f: pdvol.Support(lambda X: X[:, 0] > 0.0, motion=f),
+    "plane 'p': motion": lambda f: pdvol.Plane((0.0, 0.0), (0.0, 1.0), f, "p"),
+    "obstacle 'o': motion": lambda f: pdvol.Rigid("o.obj", motion=f, name="o"),
+    "Muscle.fibre": lambda f: pdvol.Muscle("b", f, 1.0),
+    "Muscle.activation": lambda f: pdvol.Muscle("b", (1.0, 0.0), 1.0, f),
+    "Muscle.where": lambda f: pdvol.Muscle("b", (1.0, 0.0), 1.0, where=f),
+}
+
+
+@pytest.mark.parametrize("name", WRONG_FUNCTIONS)
+def test_functions_of_other_arguments_are_refused_before_meshing(name):
+    for function in (lambda: 0.0, lambda a, b, c: 0.0):
+        with pytest.raises(pdvol.InputError, match=f"^{re.escape(name)} must be a function of"):
+            WRONG_FUNCTIONS[name](function)
+
+
+def test_a_muscle_may_be_activated_by_time_alone():
+    X = np.zeros((3, 2))
+    by_time = pdvol.Muscle("b", (1.0, 0.0), 2.0, lambda t: 3.0 * t)
+    np.testing.assert_array_equal(by_time.tension(0.5, X), [3.0, 3.0, 3.0])
+    with pytest.raises(pdvol.InputError, match="negative, NaN or infinite at t = -1 s"):
+        by_time.tension(-1.0, X)
