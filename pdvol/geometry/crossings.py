@@ -130,14 +130,16 @@ def _segment_meets_triangle(segment: np.ndarray, triangle: np.ndarray) -> np.nda
     """Mask (k,) of the segments (k, 2, 3) that meet their triangle (k, 3, 3). Coplanar overlap is left to
     `find_touching`.
 
-    Flat patches of scaled and turned meshes are coplanar to round-off only: the sign of such a volume is noise and
-    counts as zero.
+    Flat patches of scaled and turned meshes are coplanar to round-off only, which grows with the distance from the
+    origin: the sign of such a volume is noise and counts as zero.
     """
+    bits = LAST_BITS * max(float(np.abs(segment).max()), float(np.abs(triangle).max()))
 
     def volume(a: np.ndarray, b: np.ndarray, c: np.ndarray, d: np.ndarray) -> np.ndarray:
         u, v, w = b - a, c - a, d - a
         value = np.einsum("ij,ij->i", np.cross(u, v), w)
-        noise = COPLANAR * np.linalg.norm(u, axis=1) * np.linalg.norm(v, axis=1) * np.linalg.norm(w, axis=1)
+        x, y, z = (np.linalg.norm(side, axis=1) for side in (u, v, w))
+        noise = COPLANAR * x * y * z + bits * (x * y + y * z + z * x)
         return np.where(np.abs(value) <= noise, 0.0, np.sign(value))
 
     p, q = segment[:, 0], segment[:, 1]
