@@ -18,7 +18,11 @@ AIMED_DEVIATION = {2: 0.15, 3: 0.2}
 meshes cost little, so that one more is worth a closer count.
 """
 ACCEPTED_DEVIATION = 0.25
-"""Relative deviation at which a mesh is accepted after `ATTEMPTS_BEFORE_ACCEPTING` attempts; beyond it, never."""
+"""Relative deviation at which a mesh is accepted after `ATTEMPTS_BEFORE_ACCEPTING` attempts."""
+CLOSEST_FACTOR = 2.0
+"""Largest ratio of a count and its target at which the closest mesh is taken in the end: targets are wishes, and levels
+of a hierarchy are mostly further apart than that.
+"""
 MAX_ATTEMPTS = 6
 """Number of meshes after which the search gives up."""
 ATTEMPTS_BEFORE_ACCEPTING = 2
@@ -87,7 +91,7 @@ def mesh_of_target_size(
     Raises
     ------
     MeshError
-        No mesh came within `ACCEPTED_DEVIATION` of the target. The message has the closest count or the last failure.
+        No mesh came within `CLOSEST_FACTOR` of the target. The message has the closest count or the last failure.
         A mesher that crashed or ran out of processor time is not called again.
     """
     best: tuple[float, SizedMesh] | None = None
@@ -123,6 +127,9 @@ def mesh_of_target_size(
             " vertices"
         )
     n = len(best[1].points)
+    if best[0] <= np.log(CLOSEST_FACTOR):
+        say(f"{n:,} vertices, the closest to {target:,} in {MAX_ATTEMPTS} tries")
+        return best[1]
     raise MeshError(f"{name}: {target} vertices cannot be had, the closest mesh has {n}; ask for about {n} instead")
 
 

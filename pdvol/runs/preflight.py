@@ -9,7 +9,7 @@ are not counted.
 
 import resource
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -33,6 +33,7 @@ from pdvol.levels.start import started
 from pdvol.meshes import Outline, Solid, Surface
 from pdvol.meshing.build import build_levels, vertices_asked
 from pdvol.meshing.cpu_budget import cpu_budget
+from pdvol.meshing.edge_length import ACCEPTED_DEVIATION
 from pdvol.meshing.readers import read_with_notes
 from pdvol.meshing.tetrahedralise import mean_ratio
 from pdvol.meshing.verdict import POOR_QUALITY, check_place, judge, place_of
@@ -88,6 +89,7 @@ def check_scene(scene: Scene, seconds: float = 3.0, out: Path | None = None) -> 
     except InputError as error:
         return {**result, "defects": [f"defect: {error}"]}
     result["defects"] += [f"defect: {line}" for line in render_defects(scene, meshes)]
+    result["notes"] += [f"note: {line}" for line in _target_notes(scene, meshes)]
     diagonal = scene_diagonal(scene)
     with suppress(InputError):  # level 0's check of its fields reports it
         young = cell_materials(scene, meshes[0]).young
@@ -119,6 +121,16 @@ def _build_levels(scene: Scene, obstacles: Sequence, notes: list[str]) -> Sequen
     except IntersectionError as error:
         notes.append(f"note: bodies could not be set apart: {error}")
         return build_levels(scene)
+
+
+def _target_notes(scene: Scene, meshes: Sequence[LevelMesh]) -> Iterator[str]:
+    """A line for each body and level whose number of vertices is not near the one asked for."""
+    for level, mesh in enumerate(meshes):
+        counts = np.bincount(mesh.point_bodies, minlength=len(scene.bodies))
+        for body, count in zip(scene.bodies, counts, strict=True):
+            asked = body.vertices[level] if body.vertices else count
+            if abs(count / asked - 1.0) > ACCEPTED_DEVIATION:
+                yield f"level {level}: body {body.name!r} has {count:,} vertices, asked for {asked:,}: the closest"
 
 
 def _check_level(

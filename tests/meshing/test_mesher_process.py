@@ -52,15 +52,20 @@ def test_a_mesher_that_crashes_is_not_called_again(monkeypatch):
     assert len(calls) == 1 and "\n" not in str(caught.value)
 
 
-def test_a_search_ends_and_never_repeats_a_scale():
+@pytest.mark.parametrize(("fine", "coarse"), [(3000, 100), (1800, 100), (3000, 600)])
+def test_a_search_ends_never_repeats_a_scale_and_takes_the_closest(fine, coarse):
     scales = []
 
     def make(scale, failures):
         scales.append(scale)
-        return np.zeros((3000 if scale < 0.5 else 100, 3)), np.zeros((0, 4), dtype=np.int64)
+        return np.zeros((fine if scale < 0.5 else coarse, 3)), np.zeros((0, 4), dtype=np.int64)
 
-    with pytest.raises(MeshError, match="1000 vertices cannot be had, the closest mesh has"):
-        mesh_of_target_size(make, 1000, "steps", 1.0, 3)
+    if (fine, coarse) == (3000, 100):
+        with pytest.raises(MeshError, match="1000 vertices cannot be had, the closest mesh has"):
+            mesh_of_target_size(make, 1000, "steps", 1.0, 3)
+    else:
+        closest = 1800 if fine == 1800 else 600
+        assert len(mesh_of_target_size(make, 1000, "steps", 1.0, 3).points) == closest
     assert len(scales) == MAX_ATTEMPTS == len(set(scales))
 
 
