@@ -1,10 +1,12 @@
 """Options that several verbs share, and how their text is read."""
 
+import sys
 from argparse import ArgumentParser, Namespace
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from pdvol.commands.simulation import this_rank
 from pdvol.errors import InputError
 from pdvol.registry import INTERPOLANTS
 
@@ -126,5 +128,12 @@ def loaded_shot(file: Path, settings: Sequence[str], steps: int | None = None) -
 
     with stage(f"loading {file}"):
         from pdvol.runs.scene_file import load_shot, parse_settings
+        from pdvol.scene.fingerprint import not_compared
 
-        return load_shot(file, parse_settings(settings), steps)
+        shot = load_shot(file, parse_settings(settings), steps)
+    for line in not_compared(shot.description()):
+        if this_rank() == 0:
+            print(
+                f"note: {line} cannot be compared: a change of it goes unnoticed when the run goes on", file=sys.stderr
+            )
+    return shot

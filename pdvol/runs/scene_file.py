@@ -45,6 +45,10 @@ class Shot:
     parameters: Mapping
     scene: Scene
 
+    def __post_init__(self) -> None:
+        # At once: what functions read may change while they are called.
+        object.__setattr__(self, "_described", describe(self.scene))
+
     @property
     def name(self) -> str:
         """The file's name without its ending; the scene's own name where there is no file."""
@@ -52,10 +56,10 @@ class Shot:
 
     def description(self) -> dict:
         """The scene as JSON, without its number of steps: a longer run has the same scene."""
-        found = describe(self.scene)
-        for body in found["bodies"]:
-            if body["elements"] is None:
-                del body["elements"]  # as in runs stored before there was a choice
+        found: dict = vars(self)["_described"]
+        # without, as in runs stored before there was a choice
+        bodies = [{k: v for k, v in b.items() if k != "elements" or v is not None} for b in found["bodies"]]
+        found = {**found, "bodies": bodies}
         return {
             key: value
             for key, value in found.items()

@@ -1,40 +1,49 @@
 """A scene as plain JSON: `run.json` keeps it, and a stored run's scene is compared with it."""
 
 import hashlib
-import inspect
+import json
 import math
-from collections.abc import Callable
 from dataclasses import fields, is_dataclass
 from pathlib import Path
+from types import FunctionType, MethodType, ModuleType
 from typing import Any
 
 import numpy as np
 
 from pdvol.scene.representation import NOT_SIMULATED
+from pdvol.scene.user_code import can_be_compared, is_library, name_of, reads_of, text_of
 
 PER_LEVEL = ("vertices", "shape")  # of a body: lists with an entry per level
 PAIRED = (".node", ".ele")  # endings of the two files of one mesh
+ADDED = ("reads", "class")  # keys that runs stored before there were any have not
+NOT_COMPARED = "not compared"
+DEEPEST = 12  # objects within each other: deeper ones are not followed
 SHOWN = 100  # characters of one value in a message
 
 
-def describe(thing: Any) -> Any:
-    """Dataclasses, arrays, paths and functions as JSON; arrays, files and functions as digests of their contents.
-    Fields that do not change the simulation are left out.
+def describe(thing: Any, within: tuple[int, ...] = ()) -> Any:
+    """Dataclasses, arrays, paths and functions as JSON; arrays, files and functions as digests of their contents, and
+    functions of the user's with what they read. Fields that do not change the simulation are left out.
+
+    `within` are the identities of what is being described: what reads itself is named there.
     """
     if is_dataclass(thing) and not isinstance(thing, type):
         psi = getattr(thing, "psi", None)
         own = {"psi": describe(psi)} if getattr(psi, "__module__", "pdvol").split(".")[0] != "pdvol" else {}
+        if callable(thing) and not is_library(type(thing)):
+            own["class"] = describe(type(thing), within)
+        named = {f.name: getattr(thing, f.name) for f in fields(thing) if NOT_SIMULATED not in f.metadata}
         return {
             "type": type(thing).__name__,
             **own,
-            **{f.name: describe(getattr(thing, f.name)) for f in fields(thing) if NOT_SIMULATED not in f.metadata},
+            **{name: describe(value, within) for name, value in named.items()},
         }
     if isinstance(thing, np.ndarray):
         return {"array": list(thing.shape), "digest": _digest(np.ascontiguousarray(thing).tobytes())}
     if isinstance(thing, (tuple, list)):
-        return [describe(item) for item in thing]
+        return [describe(item, within) for item in thing]
     if isinstance(thing, dict):
-        return {str(key): describe(value) for key, value in thing.items()}
+        return {str(key): describe(value, within) for key, value in thing.items()}
     if isinstance(thing, (np.integer, np.floating, np.bool_)):
         return describe(thing.item())
     if isinstance(thing, float) and not math.isfinite(thing):
@@ -46,12 +55,50 @@ def describe(thing: Any) -> Any:
         if isinstance(thing, Path) or path.suffix:
             return {"file": path.name, "digest": _digest(_contents(path))} if path.is_file() else {"file": path.name}
         return thing
-    if callable(thing):
-        return {
-            "function": getattr(thing, "__qualname__", type(thing).__name__),
-            "digest": _digest(_source(thing).encode()),
-        }
-    return repr(thing)
+    return _callable(thing, within) if callable(thing) or isinstance(thing, ModuleType) else _other(thing, within)
+
+
+def _callable(thing: Any, within: tuple[int, ...]) -> dict:
+    """A function, a class, a module or an object that can be called, with what it reads."""
+    name, inside = {"function": name_of(thing)}, (*within, id(thing))
+    if id(thing) in within:
+        return name
+    if len(within) > DEEPEST or not can_be_compared(thing):
+        return {**name, NOT_COMPARED: True}
+    reads = {key: describe(value, inside) for key, value in reads_of(thing).items()}
+    own = {"reads": reads} if reads else {}
+    if isinstance(thing, FunctionType | MethodType):
+        cells = [describe(cell.cell_contents, inside) for cell in thing.__closure__ or ()]
+        # The defaults of a function are part of what was stored before functions had `reads`.
+        return {**name, "digest": _digest(f"{text_of(thing)}{cells}{describe(thing.__defaults__)}".encode()), **own}
+    return {**name, "digest": _digest(text_of(thing).encode()), **own}
+
+
+def _other(thing: Any, within: tuple[int, ...]) -> Any:
+    """An object that a function reads: its attributes, or its text where that is no address."""
+    if id(thing) in within:
+        return {"type": name_of(thing)}
+    if len(within) > DEEPEST or not can_be_compared(thing):
+        return {"type": name_of(thing), NOT_COMPARED: True}
+    if isinstance(thing, set | frozenset):
+        return sorted(json.dumps(describe(item, within)) for item in thing)
+    if isinstance(thing, bytes):
+        return {"bytes": len(thing), "digest": _digest(thing)}
+    if " at 0x" not in (text := repr(thing)):
+        return text
+    inside = (*within, id(thing))
+    return {"type": name_of(thing), **{key: describe(value, inside) for key, value in reads_of(thing).items()}}
+
+
+def not_compared(description: Any, where: str = "scene") -> list[str]:
+    """Where a description has something of which nothing is known: another one in its place is not noticed."""
+    if isinstance(description, dict):
+        if NOT_COMPARED in description:
+            return [f"{where} ({description.get('function', description.get('type'))})"]
+        return [line for key, value in description.items() for line in not_compared(value, f"{where}.{key}")]
+    if isinstance(description, list):
+        return [line for i, value in enumerate(description) for line in not_compared(value, f"{where}[{i}]")]
+    return []
 
 
 def differences(old: Any, new: Any, where: str = "scene") -> list[str]:
@@ -59,6 +106,7 @@ def differences(old: Any, new: Any, where: str = "scene") -> list[str]:
     if old == new:
         return []
     if isinstance(old, dict) and isinstance(new, dict):
+        new = {key: value for key, value in new.items() if key in old or key not in ADDED}
         if old.get("digest") != new.get("digest") and {**old, "digest": 0} == {**new, "digest": 0}:
             what = next((old[key] for key in ("file", "function") if key in old), "the array")
             return [f"{where}: the contents of {what} have changed"]
@@ -121,13 +169,3 @@ def _contents(path: Path) -> bytes:
 
 def _digest(data: bytes) -> str:
     return hashlib.sha256(data).hexdigest()[:16]
-
-
-def _source(function: Callable) -> str:
-    """A function's text and the numbers it closes over."""
-    try:
-        text = inspect.getsource(function)
-    except (OSError, TypeError):
-        text = repr(function)
-    cells = [describe(cell.cell_contents) for cell in getattr(function, "__closure__", None) or ()]
-    return f"{text}{cells}{describe(getattr(function, '__defaults__', None))}"
