@@ -3,7 +3,9 @@
 The force of a contact that slides is constant along its slip. So Newton's model has no stiffness there, its direction
 turns the slip round where the contact should stick, and the line search cuts the step off: again and again, once for
 each contact that sticks. So a contact that slides, and at the end of the direction has turned round or slips less than
-eps, is predicted to stick: its force is that of small slips, 2 / eps times the slip. The direction is solved for again.
+eps, is predicted to stick: its force is proportional to the slip, with the law's force over slip at that end, or with
+that of small slips, 2 / eps, after a turn. (By the latter alone, what ends just below eps is held too hard, and its
+direction goes too far by half of eps, again and again.) The direction is solved for again.
 This is the first iteration of a primal-dual active set method (Hintermueller, Ito and Kunisch 2003) for the friction of
 one Newton direction; further ones gain nothing. Energy and gradient are not changed by a prediction. The loops over
 contacts are in native/friction.c.
@@ -38,8 +40,8 @@ class LaggedFriction(Term):
     ----------
     contacts : k contacts
     forces : (k,) friction force of each contact when it slides [N]
-    sticks : (k,) bool
-        Which contacts are predicted to stick, although they slide.
+    sticks : (k,) [1/m]
+        Force over slip, per unit of sliding force, of contacts that slide and are predicted to stick; 0 of others.
     """
 
     name = "friction"
@@ -68,8 +70,8 @@ class LaggedFriction(Term):
             mu = mu[found.objects_in_contact(self.surface.objects)]
         k = len(found)
         self.contacts, self.forces, self._at = found, mu * found.pressures * found.weights, None
-        self.sticks = np.zeros(k, dtype=bool)
-        self._c = ffi.new("friction_t *", {"eps": self._eps, "sticks": pointer(self.sticks, "int8_t")})
+        self.sticks = np.zeros(k)
+        self._c = ffi.new("friction_t *", {"eps": self._eps, "sticks": pointer(self.sticks)})
         self._c.start, self._c.forces = pointer(self._start), pointer(self.forces)
         self._acts = reduce(self.space.comm, k > 0, MPI.LOR)
 
@@ -127,7 +129,7 @@ class LaggedFriction(Term):
 
     def forget_prediction(self) -> None:
         """Contacts slide or stick as they do."""
-        self.sticks[:] = False
+        self.sticks[:] = 0.0
 
     def predicted_change(self, x: Positions) -> np.ndarray:
         """(n_owned, d) gradient at x [N] of the energy as predicted, less the gradient as it is."""

@@ -50,7 +50,7 @@ double friction_sum(int d, const contacts_t *all, const friction_t *friction, co
         const double energy = size < eps ? size * size * (1.0 - size / (3.0 * eps)) / eps + eps / 3.0 : size;
         total += contact->counted ? friction->forces[k] * energy : 0.0;
         for (int j = 0; j < d; ++j)
-            force[j] = friction->forces[k] * (predicted ? 2.0 / eps - over : over) * slip[j];
+            force[j] = friction->forces[k] * (predicted ? friction->sticks[k] - over : over) * slip[j];
         for (int i = 0; i < 4; ++i)
             for (int j = 0; j < d; ++j)
                 gradient[(int64_t)d * contact->vertices[i] + j] += contact->coefficients[i] * force[j];
@@ -58,8 +58,8 @@ double friction_sum(int d, const contacts_t *all, const friction_t *friction, co
     return total;
 }
 
-/* Blocks of `weight` times the Hessian, with the stiffness of small slips where a contact is predicted to stick. Forces of unions may be negative; where `projected`, these have no stiffness. Returns
- * how many: up to 10 a contact. */
+/* Blocks of `weight` times the Hessian, with the predicted stiffness where a contact is predicted to stick. Forces of unions may be negative; where
+ * `projected`, these have no stiffness. Returns how many: up to 10 a contact. */
 int64_t friction_blocks(int d, const contacts_t *all, const friction_t *friction, const double *x, double weight, int projected, const int64_t *rows,
                         int64_t first, int64_t last, int64_t *out_rows, int64_t *out_columns, double *blocks)
 {
@@ -76,7 +76,7 @@ int64_t friction_blocks(int d, const contacts_t *all, const friction_t *friction
         const double size = length(d, slip);
         double across = force_over_slip(size, friction->eps), along = slope(size, friction->eps);
         if (friction->sticks[k])
-            across = along = 2.0 / friction->eps;
+            across = along = friction->sticks[k];
         for (int j = 0; j < d; ++j)
             way[j] = slip[j] / fmax(size, 1e-300);
         for (int p = 0; p < d; ++p)
@@ -92,7 +92,7 @@ int64_t friction_blocks(int d, const contacts_t *all, const friction_t *friction
 }
 
 /* Predicts which contacts stick at the end of the way from `now` to `then`: those that slide now, and have turned round there or slip less than eps.
- * Returns how many. */
+ * Their stiffness is the law's force over slip there, or that of small slips where they have turned round. Returns how many. */
 int64_t friction_predict(int d, const contacts_t *all, const friction_t *friction, const double *now, const double *then)
 {
     const double eps = friction->eps;
@@ -100,9 +100,11 @@ int64_t friction_predict(int d, const contacts_t *all, const friction_t *frictio
     for (int64_t k = 0; k < all->count; ++k) {
         double begin[3], end[3];
         slip_of(d, all->contacts + k, friction->start, now, begin), slip_of(d, all->contacts + k, friction->start, then, end);
-        const int ends = dot(d, begin, end) < 0.0 || length(d, end) < eps;
-        friction->sticks[k] = friction->forces[k] > 0.0 && length(d, begin) >= eps && ends;
-        count += friction->sticks[k];
+        const int turned = dot(d, begin, end) < 0.0;
+        const double left = length(d, end);
+        const int sticks = friction->forces[k] > 0.0 && length(d, begin) >= eps && (turned || left < eps);
+        friction->sticks[k] = sticks ? force_over_slip(turned ? 0.0 : left, eps) : 0.0;
+        count += sticks;
     }
     return count;
 }

@@ -48,11 +48,11 @@ typedef struct {
 } contacts_t;
 
 /* Friction of lagged contacts: the surface's positions when the step began, the contacts' forces when they slide, and the slip [m] below which these
- * are smoothed; and the contacts' predicted states, with the unit vectors and sizes of the slips of those that are predicted to slide. */
+ * are smoothed; and, of contacts that are predicted to stick, force over slip per unit of sliding force [1/m], 0 of others. */
 typedef struct {
     double eps;
     const double *start, *forces;
-    int8_t *sticks;
+    double *sticks;
 } friction_t;
 
 void fit_boxes(const surface_t *s, const uint8_t *marked, const double *x, const double *y, double *boxes);
