@@ -1,6 +1,6 @@
 """Smoothed elements beside linear ones: free vibrations of an ape and of a bar, and time of everyday steps in turn.
 
-    ./run python -m benchmarks.elements [--rows drop_500,twistx_1k,drop_4k,blocks] [--steps 60] [--runs 3]
+    ./run python -m benchmarks.elements [--rows drop_500,twistx_1k] [--steps 60] [--runs 3]
 
 Frequencies are squared, over those of the best discretisation at hand: what a body is stiffer than it should be. Rows
 are those of benchmarks.dense, each run in a process of its own with one thread, linear and smoothed elements in turn;
@@ -23,10 +23,11 @@ from benchmarks.common.tables import between, number, table
 from benchmarks.dense import __main__ as dense
 from benchmarks.dense import rows as dense_rows
 from benchmarks.elements import frequencies
-from pdvol.registry import ELEMENTS
 
 BEGIN, END = "<!-- benchmarks.elements: tables -->", "<!-- benchmarks.elements: end -->"
-EVERYDAY = "drop_500,twistx_1k,drop_4k,blocks"
+ELEMENTS = ("linear", "smoothed")
+"""In the order of the tables' columns."""
+EVERYDAY = "drop_500,twistx_1k,drop_4k,blocks,stack,plates,balls"
 THROUGH = (1, 2, 4)
 """Cells through the thickness of the bars."""
 
