@@ -17,12 +17,23 @@ def hollow_ball(radius: float = 1.0, thickness: float = 0.1, subdivisions: int =
     if not 0.0 < thickness < radius:
         raise ValueError(f"thickness = {thickness!r} must lie between 0 and the radius {radius!r}")
     outside = ball(radius, subdivisions)
-    count, shells = len(outside.vertices), np.linspace(1.0 - thickness / radius, 1.0, layers + 1)
-    points = np.concatenate([fraction * outside.vertices for fraction in shells])
+    shells = np.linspace(1.0 - thickness / radius, 1.0, layers + 1)
+    return layered([fraction * outside.vertices for fraction in shells], outside.triangles)
+
+
+def layered(sheets: Sequence[np.ndarray], triangles: np.ndarray) -> Solid:
+    """Prisms between sheets that lie upon each other, each cut into three tetrahedra.
+
+    Parameters
+    ----------
+    sheets : the vertices (n, 3) [m] of each sheet, from one face to the other
+    triangles : (t, 3) of each sheet
+    """
+    count, points = len(sheets[0]), np.concatenate(sheets)
     # Corners in ascending order: prisms that share a side cut it along the same diagonal.
-    a, b, c = np.sort(outside.triangles, axis=1).T
+    a, b, c = np.sort(triangles, axis=1).T
     cells = []
-    for low in range(0, layers * count, count):
+    for low in range(0, (len(sheets) - 1) * count, count):
         up = low + count
         for cell in (
             (a + low, b + low, c + low, c + up),

@@ -198,13 +198,13 @@ level adds faces, paws and the ripples of the impact.""",
     Entry(
         "bunny_noodles",
         "Bunny noodles",
-        """Forty slices, shaped like a bunny and thin as noodles, fall into a bowl. On level 0 they are one element
-thick and bend as folded paper does; finer levels bend smoothly, and the pile keeps its order.""",
-        small={"slices": 5, "vertices": (40, 90), "dt": 0.02, "steps": 14},
+        """Nine slices, shaped like a bunny, soft and thin as noodles, fall into a bowl that is smaller than they are.
+They hang over its rim and fold over each other, on level 0, too. With two smoothed cells through its thickness a
+strip like level 0 is 2.5 times as stiff in bending as a thin beam; with linear ones it would be 14 times.""",
+        small={"slices": 3, "vertices": (24, 50), "dt": 0.02, "steps": 20},
         slow=(0.1, 0.5),
-        size=(1260, 480),
-        direct=True,
-        moment=1.4,
+        size=(1260, 400),
+        moment=1.1,
     ),
     Entry(
         "leaf_sheep",

@@ -4,9 +4,11 @@ from functools import lru_cache
 
 import numpy as np
 
-from pdvol.meshes import Outline, Surface
+from pdvol.meshes import Outline, Solid
+from pdvol.meshes.grids import layered
 from pdvol.meshes.implicit import capsule, ellipsoid, join
-from pdvol.meshes.outlines import extrude, polygon
+from pdvol.meshes.outlines import polygon
+from pdvol.meshing.triangulate import triangulate
 
 from .contours import evenly
 
@@ -40,17 +42,19 @@ def bunny_outline(height: float = 0.3, points: int = 120) -> Outline:
     return polygon(contour * (height / contour[:, 1].max()))
 
 
-@lru_cache(maxsize=4)  # cutting ears off a long outline takes a second
-def bunny_slice(height: float = 0.3, thickness: float = 0.012, points: int = 120) -> Surface:
+@lru_cache(maxsize=8)  # bodies of one shape share it
+def bunny_slice(height: float, thickness: float, vertices: int, layers: int) -> Solid:
     """A slice [m] in the shape of `bunny_outline`, lying flat: y is its thickness, its middle the origin.
 
     Parameters
     ----------
     height : of the outline [m]
     thickness : [m]
-    points : of the outline
+    vertices : of one face, about
+    layers : of cells through the thickness
     """
-    outline = bunny_outline(height, points).points
-    flat = extrude(Outline(outline - (outline.max(axis=0) + outline.min(axis=0)) / 2.0), thickness)
-    x, y, z = flat.vertices.T
-    return Surface(np.column_stack([x, z, -y]), flat.triangles)
+    outline = bunny_outline(height, 160).points
+    flat = triangulate([outline - (outline.max(axis=0) + outline.min(axis=0)) / 2.0], vertices, "slice")
+    x, z = flat.points.T
+    heights = thickness * np.linspace(-0.5, 0.5, layers + 1)
+    return layered([np.column_stack([x, np.full(len(x), y), -z]) for y in heights], flat.cells)

@@ -5,6 +5,7 @@ import pytest
 
 from demos import recipes
 from demos.recipes import toys
+from demos.recipes.slices import bunny_outline
 from pdvol import meshes
 from pdvol.geometry.closed_surfaces import enclosed_volume
 from pdvol.geometry.level_mesh import simplex_volumes
@@ -124,6 +125,16 @@ def test_the_ball_has_equal_panels():
     ball = recipes.beach_ball(0.2, 6, 96)
     areas = np.bincount(ball.regions, simplex_volumes(ball.vertices, ball.cells))
     assert np.allclose(areas[1:], areas[1]) and len(areas) == 7
+
+
+@pytest.mark.parametrize("layers", [1, 3])
+def test_a_slice_has_its_layers(layers):
+    outline, found = bunny_outline(0.4, 160).points, recipes.bunny_slice(0.4, 0.01, 60, layers)
+    check_solid(found, "slice")
+    assert np.allclose(np.unique(found.vertices[:, 1]), np.linspace(-0.005, 0.005, layers + 1))
+    volume = simplex_volumes(found.vertices, found.cells).sum()
+    assert volume == pytest.approx(0.01 * signed_area(outline), rel=1e-9)
+    assert np.allclose(found.vertices[:, 1].mean(), 0.0) and len(found.vertices) % (layers + 1) == 0
 
 
 def test_the_seahorse_has_its_height_and_repeats():

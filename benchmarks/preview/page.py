@@ -1,0 +1,207 @@
+"""The films, curves and table of docs/how_right.md: a swinging bar and the thrown ape, by both integrators and both
+kinds of elements, beside the truth.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.collections import LineCollection, PolyCollection
+from matplotlib.figure import Figure
+from PIL import Image, ImageDraw
+
+from benchmarks.common.process import REPOSITORY
+from benchmarks.common.tables import between, table
+from benchmarks.preview.shots import DT, KINDS, SHOTS, TRUE_DT, rises, stored
+from benchmarks.time_order.__main__ import cantilever, grid, states
+from demos.gallery.film import FRAMES_PER_SECOND
+from pdvol.geometry.level_mesh import boundary_facets
+from pdvol.store.reader import Run
+from pdvol.studio.draw.camera_path import cameras_of_run
+from pdvol.studio.draw.film import FilmFile, film_steps
+from pdvol.studio.draw.layout import BACKGROUND, CELL_GAP, FAINT_INK, INK, font
+from pdvol.studio.draw.renderer import Renderer
+from pdvol.studio.shown import PALETTE
+
+PAGE, PICTURES = REPOSITORY / "docs" / "how_right.md", REPOSITORY / "docs" / "pictures"
+BEGIN, END = "<!-- benchmarks.preview: table -->", "<!-- benchmarks.preview: end -->"
+BAR_SECONDS = 4.0
+BAR_CUTS = ((10, 2), (20, 4), (40, 8))
+"""Squares along and across the bar on its levels, as `time_order.cantilever` has them."""
+TRUE_CUTS = (80, 16)
+"""Squares of the bar that stands for the truth."""
+BAR_SHOWN, APE_SHOWN = (0, 2), (0, 3)
+"""Levels in the films."""
+CELL, HEADER = (232, 300), 40
+"""Pixels of a picture of the ape, and of the text above it."""
+TRUTH_INK = "#3b3f46"
+
+
+def write(out: Path) -> None:
+    """Writes everything; runs of the ape are kept in the folder `out`."""
+    before, after = between(PAGE, BEGIN, END)
+    bars, true_bar = bar_states()
+    apes = {kind: stored(out, "ape", **settings) for kind, settings in KINDS.items()}
+    finest = SHOTS["ape"].finest
+    true_ape = stored(out, "ape", "direct", (finest, finest), **KINDS["BDF2, smoothed"], dt=TRUE_DT)
+    film_of_bars(PICTURES / "how_right_bar.webp", bars, true_bar)
+    film_of_apes(PICTURES / "how_right_ape.webp", apes, true_ape)
+    truth = rises(true_ape, finest)[:: round(DT / TRUE_DT), 0]
+    heights = {kind: {level: rises(run, level)[:, 0] for level in range(finest + 1)} for kind, run in apes.items()}
+    curves(PICTURES / "how_right_bar.png", "height of the tip [m]", tips(bars), tip(true_bar))
+    curves(PICTURES / "how_right_ape.png", "rise of the centre [m]", heights, truth)
+    text = f"{bar_table(bars, true_bar)}\n\n{ape_table(heights, truth)}"
+    PAGE.write_text(f"{before}{BEGIN}\n{text}\n{END}{after}")
+    print(text)
+
+
+# ---- the bar
+
+
+def bar_states(seconds: float = BAR_SECONDS) -> tuple[dict[str, list[np.ndarray]], np.ndarray]:
+    """Of each kind, the positions (steps, n, 2) [m] of each level at multiples of `DT`; and those of the truth."""
+    scene = replace(cantilever(), steps=round(seconds / DT))
+    found = {}
+    for kind, settings in KINDS.items():
+        levels = states(replace(scene, **settings), DT, settings["integrator"], len(BAR_CUTS) - 1)
+        found[kind] = [np.array(level["x"]) for level in levels]
+    (body,) = scene.bodies
+    fine = replace(scene, bodies=(replace(body, shape=(grid((1.0, 0.2), TRUE_CUTS),)),), elements="smoothed")
+    return found, np.array(states(fine, TRUE_DT, "bdf2")[0]["x"])
+
+
+def tip(x: np.ndarray) -> np.ndarray:
+    """Height (steps,) [m] of the middle of a bar's free end."""
+    columns, rows = next(cuts for cuts in (*BAR_CUTS, TRUE_CUTS) if (cuts[0] + 1) * (cuts[1] + 1) == x.shape[1])
+    return x[:, (rows // 2 + 1) * (columns + 1) - 1, 1]
+
+
+def tips(bars: Mapping[str, Sequence[np.ndarray]]) -> dict[str, dict[int, np.ndarray]]:
+    """kind -> level -> height of the tip (steps,) [m]."""
+    return {kind: {level: tip(x) for level, x in enumerate(levels)} for kind, levels in bars.items()}
+
+
+def of_level(truth: np.ndarray, level: int) -> np.ndarray:
+    """The truth (steps, n, 2) at the vertices of a level, which are among its own."""
+    columns, rows = TRUE_CUTS
+    every = columns // BAR_CUTS[level][0]
+    places = truth.reshape(len(truth), rows + 1, columns + 1, 2)[:, ::every, ::every]
+    return places.reshape(len(truth), -1, 2)
+
+
+def bar_table(bars: Mapping[str, Sequence[np.ndarray]], truth: np.ndarray) -> str:
+    """Distance from the truth, and how far the tip swings in the last swing."""
+    rows = []
+    for level in range(len(BAR_CUTS)):
+        apart = [
+            np.sqrt(((levels[level] - of_level(truth, level)) ** 2).sum(axis=2).mean(axis=1)).mean()
+            for levels in bars.values()
+        ]
+        rows.append([f"level {level}: from the truth, mean [mm]", *(f"{1e3 * value:.0f}" for value in apart), "0"])
+    for level in range(len(BAR_CUTS)):
+        swung = [last_swing(tip(levels[level])) for levels in bars.values()]
+        cells = [f"{1e3 * value:.0f}" for value in (*swung, last_swing(tip(truth)))]
+        rows.append([f"level {level}: the tip swings at the end by [mm]", *cells])
+    return table(["bar", *bars, "truth"], rows)
+
+
+def last_swing(heights: np.ndarray) -> float:
+    """[m] between the highest and the lowest place in the last quarter."""
+    late = heights[-len(heights) // 4 :]
+    return float(np.ptp(late))
+
+
+def film_of_bars(out: Path, bars: Mapping[str, Sequence[np.ndarray]], truth: np.ndarray) -> None:
+    """A picture a kind: level 0 filled, the finest level as a line, the truth as a black line."""
+    meshes = [grid((1.0, 0.2), cuts) for cuts in (*BAR_CUTS, TRUE_CUTS)]
+    rims = [boundary_facets(mesh.cells)[0] for mesh in meshes]
+    figure = Figure(figsize=(12.0, 4.4), dpi=100, facecolor=BACKGROUND, layout="constrained")
+    canvas = FigureCanvasAgg(figure)
+    panels = figure.subplots(1, len(bars))
+    everything = np.concatenate([truth.reshape(-1, 2), *(x.reshape(-1, 2) for each in bars.values() for x in each)])
+    low, high = everything.min(axis=0) - 0.05, everything.max(axis=0) + 0.05
+    coarse, fine = BAR_SHOWN
+    with FilmFile(out, FRAMES_PER_SECOND) as film:
+        for step in film_steps(0, len(truth) - 1, DT, FRAMES_PER_SECOND):
+            for axes, (kind, levels) in zip(panels, bars.items(), strict=True):
+                axes.clear()
+                corners = levels[coarse][step][meshes[coarse].cells]
+                axes.add_collection(PolyCollection(corners, facecolor=PALETTE[0], edgecolor="white", linewidth=0.6))
+                lines = ((levels[fine], rims[fine], PALETTE[1], 2.0), (truth, rims[-1], TRUTH_INK, 1.6))
+                for x, edges, colour, width in lines:
+                    axes.add_collection(LineCollection(x[step][edges], colors=colour, linewidths=width))
+                axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal")
+                axes.set_title(kind, fontsize=12, color=INK)
+                axes.set_axis_off()
+            figure.suptitle(
+                f"{step * DT:.2f} s     filled: level {coarse}     blue line: level {fine}     black line: the truth",
+                fontsize=12,
+                color=INK,
+            )
+            canvas.draw()
+            film.add(Image.fromarray(np.asarray(canvas.buffer_rgba())[..., :3].copy()))
+
+
+# ---- the ape
+
+
+def ape_table(heights: Mapping[str, Mapping[int, np.ndarray]], truth: np.ndarray) -> str:
+    """How high the centre comes, and how far its height is from the truth's."""
+    rows = []
+    for level in next(iter(heights.values())):
+        cells = [f"{1e3 * each[level].max():.0f}" for each in heights.values()]
+        rows.append([f"level {level}: the centre rises by [mm]", *cells, f"{1e3 * truth.max():.0f}"])
+    for level in next(iter(heights.values())):
+        cells = [f"{1e3 * np.sqrt(((each[level] - truth) ** 2).mean()):.0f}" for each in heights.values()]
+        rows.append([f"level {level}: its height from the truth's, root mean square [mm]", *cells, "0"])
+    return table(["ape", *heights, "truth"], rows)
+
+
+def film_of_apes(out: Path, apes: Mapping[str, Run], true: Run) -> None:
+    """A column a kind, a row a level, and the truth in the last column."""
+    steps = range(SHOTS["ape"].steps + 1)
+    one = next(iter(apes.values()))
+    camera = cameras_of_run(one, list(one.levels), list(steps), (), aspect=CELL[0] / CELL[1])[0]
+    size = ((len(apes) + 1) * (CELL[0] + CELL_GAP), len(APE_SHOWN) * (HEADER + CELL[1] + CELL_GAP))
+    drawn = [(kind, run, 1) for kind, run in apes.items()] + [("truth", true, round(DT / TRUE_DT))]
+    with FilmFile(out, FRAMES_PER_SECOND) as film:
+        pictures = [Image.new("RGB", size, BACKGROUND) for _ in steps]
+        for column, (kind, run, every) in enumerate(drawn):
+            with Renderer(run, camera, CELL[0], (), 2) as renderer:
+                for step, picture in zip(steps, pictures, strict=True):
+                    pen = ImageDraw.Draw(picture)
+                    for row, index in enumerate(APE_SHOWN):
+                        level = run.levels[-1] if run is true else run.levels[index]
+                        x, y = column * (CELL[0] + CELL_GAP), row * (HEADER + CELL[1] + CELL_GAP)
+                        picture.paste(renderer.picture(level, step * every), (x, y + HEADER))
+                        pen.text((x + 10, y + 14), kind, INK, font(15), anchor="lm")
+                        small = f"{step * DT:.2f} s" if run is true else f"level {index}, {len(level.rest):,} vertices"
+                        pen.text((x + 10, y + 31), small, FAINT_INK, font(13), anchor="lm")
+        for picture in pictures:
+            film.add(picture)
+
+
+# ---- both
+
+
+def curves(out: Path, label: str, found: Mapping[str, Mapping[int, np.ndarray]], truth: np.ndarray) -> None:
+    """A panel a kind: a line a level, and the truth."""
+    figure = Figure(figsize=(12.0, 3.0), facecolor=BACKGROUND, layout="constrained")
+    FigureCanvasAgg(figure)
+    panels: Sequence[Axes] = figure.subplots(1, len(found), sharey=True)
+    for axes, (kind, levels) in zip(panels, found.items(), strict=True):
+        times = DT * np.arange(len(truth))
+        for level, values in levels.items():
+            axes.plot(times, values, color=PALETTE[level], label=f"level {level}", linewidth=1.5)
+        axes.plot(times, truth, color=TRUTH_INK, linestyle="--", label="truth", linewidth=1.5)
+        axes.set_facecolor(BACKGROUND)
+        axes.set_title(kind, fontsize=10, loc="left")
+        axes.set_xlabel("time [s]", fontsize=9)
+        axes.tick_params(labelsize=8)
+        axes.spines[["top", "right"]].set_visible(False)
+    panels[0].set_ylabel(label, fontsize=9)
+    panels[-1].legend(fontsize=8, frameon=False)
+    figure.savefig(out, dpi=110)
