@@ -30,7 +30,7 @@ KINDS = {
 DEFAULTS: Mapping[str, Mapping[str, object]] = {
     "old": KINDS["implicit Euler, linear"],
     "new, no feedback": KINDS["BDF2, smoothed"],
-    "new": {**KINDS["BDF2, smoothed"], "feedback": 0.1},
+    "new": {**KINDS["BDF2, smoothed"], "feedback": 0.05},
 }
 
 
@@ -56,13 +56,13 @@ class Shot:
 
 SHOTS = {
     "ape": Shot("ape", 3, 80),
-    "noodles": Shot("bunny_noodles", 2, 120, {"slices": 5}),
-    "leaf_sheep": Shot("leaf_sheep", 1, 50, body="plant"),
+    "noodles": Shot("bunny_noodles", 2, 70, {"slices": 3}),
+    "leaf_sheep": Shot("leaf_sheep", 1, 30, body="plant"),
     "rope": Shot("rope_drop", 4, 150),
     "twist": Shot("twist", 1, 100),
     "spike": Shot("ball_on_spike", 4, 120),
     "drop": Shot("drop", 1, 100),
-    "jelly_bowl": Shot("jelly_bowl", 1, 50),
+    "jelly_bowl": Shot("jelly_bowl", 1, 30),
 }
 
 
