@@ -201,7 +201,7 @@ level adds faces, paws and the ripples of the impact.""",
         """Nine slices, shaped like a bunny, soft and thin as noodles, fall into a bowl that is smaller than they are.
 They hang over its rim and fold over each other, on level 0, too. With two smoothed cells through its thickness a
 strip like level 0 is 2.5 times as stiff in bending as a thin beam; with linear ones it would be 14 times.""",
-        small={"slices": 3, "vertices": (24, 50), "dt": 0.02, "steps": 20},
+        small={"slices": 4, "vertices": (30, 60), "dt": 0.02, "steps": 22},
         settings={"feedback": 0.1},
         finest=1,
         slow=(0.1, 0.5),
