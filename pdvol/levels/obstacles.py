@@ -7,7 +7,6 @@ import numpy as np
 
 from pdvol.errors import InputError
 from pdvol.geometry.rigid_motions import Pose
-from pdvol.levels.motions import motion_of
 from pdvol.meshing.build import read_obstacle
 from pdvol.scene import (
     Deforming,
@@ -31,6 +30,21 @@ Place = Pose | np.ndarray
 ON_TIME = 1e-9  # relative difference of times and poses that are the same: they are sums with round-off
 COMPARED = (0.31, 0.73, 1.0)  # fractions of a scene's duration at which motions are compared: no period divides all
 MOST_STORED_VERTICES = 20_000_000  # vertices times states of moving obstacles: stored places take half a GB
+
+
+def motion_of(motion: Motion | PointCache, vertices: np.ndarray, whose: str) -> Motion:
+    """The motion of vertices (n, d) at rest [m]; those that a point cache moves are matched to its first frame.
+
+    Raises
+    ------
+    InputError
+        As `pdvol.levels.animated.cached_motion`, which names the vertices by `whose`.
+    """
+    if not isinstance(motion, PointCache):
+        return motion
+    from pdvol.levels.animated import cached_motion  # loads libigl and SciPy's transforms, which few scenes need
+
+    return cached_motion(motion, vertices, whose)
 
 
 @dataclass(frozen=True, eq=False, repr=False)

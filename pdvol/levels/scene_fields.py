@@ -8,8 +8,8 @@ from pdvol.errors import InputError
 from pdvol.geometry.closed_surfaces import gyration_diagonal
 from pdvol.geometry.level_mesh import LevelMesh, boundary_facets
 from pdvol.levels.materials import cell_materials, check_laws
-from pdvol.levels.motions import motion_of
 from pdvol.levels.muscles import cell_muscles
+from pdvol.levels.obstacles import motion_of
 from pdvol.levels.start import start_positions
 from pdvol.meshes import Outline, Solid, Surface
 from pdvol.meshing.readers import read_shape

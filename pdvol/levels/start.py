@@ -9,8 +9,7 @@ from collections.abc import Callable
 import numpy as np
 
 from pdvol.errors import InputError
-from pdvol.geometry.level_mesh import LevelMesh, simplex_volumes
-from pdvol.geometry.strain import principal_stretches
+from pdvol.geometry.level_mesh import LevelMesh, principal_stretches, simplex_volumes
 from pdvol.scene import Posed, Scene
 from pdvol.scene.checks import called, require
 

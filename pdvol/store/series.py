@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from pdvol.errors import InputError
-from pdvol.geometry.strain import vertex_strain
+from pdvol.geometry.level_mesh import vertex_strain
 from pdvol.stages import say
 from pdvol.store.reader import Run, RunLevel
 

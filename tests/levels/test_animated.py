@@ -6,7 +6,7 @@ import pytest
 from pdvol import meshes
 from pdvol.errors import InputError
 from pdvol.levels.animated import taken_velocity
-from pdvol.levels.motions import motion_of
+from pdvol.levels.obstacles import motion_of
 from pdvol.levels.scene_fields import initial_velocity, supported_points
 from pdvol.scene import Body, Placement, PointCache, Scene, Support, TakeOver, rotation_matrix
 from problems import SOFT, block, make_model, make_scene

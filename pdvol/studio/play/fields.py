@@ -4,8 +4,7 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
-from pdvol.geometry.level_mesh import facet_sizes
-from pdvol.geometry.strain import vertex_strain
+from pdvol.geometry.level_mesh import facet_sizes, vertex_strain
 from pdvol.store.reader import RunLevel
 from pdvol.studio.play.motion import Skin
 from pdvol.studio.play.packing import Chunks, quantised
@@ -22,7 +21,7 @@ PointField = Callable[[int], np.ndarray]
 
 
 def strain(level: RunLevel) -> PointField:
-    """(n,) at a step: `pdvol.geometry.strain.vertex_strain`."""
+    """(n,) at a step: `pdvol.geometry.level_mesh.vertex_strain`."""
     return lambda step: vertex_strain(level.mesh, level.positions(step))
 
 

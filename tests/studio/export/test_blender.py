@@ -15,7 +15,7 @@ from PIL import Image
 
 import runs
 from commands import SAFETY
-from pdvol.geometry.strain import vertex_strain
+from pdvol.geometry.level_mesh import vertex_strain
 from pdvol.store.reader import open_run
 from pdvol.store.series import StepFields, with_strain
 from pdvol.store.writer import RunWriter

@@ -16,7 +16,7 @@ import pyvista as pv
 import shapes
 from pdvol import Body, FixedCorotational, NeoHookean, Scene, StVenantKirchhoff, open_run
 from pdvol.errors import InputError
-from pdvol.geometry.strain import vertex_strain
+from pdvol.geometry.level_mesh import vertex_strain
 from pdvol.runs.runner import run_scene
 from pdvol.runs.scene_file import load_shot
 from pdvol.runs.stored_fields import SceneFields

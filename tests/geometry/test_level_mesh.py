@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import shapes
-from pdvol.geometry.strain import principal_stretches, vertex_strain
+from pdvol.geometry.level_mesh import principal_stretches, vertex_strain
 
 
 @pytest.mark.parametrize("dim", [2, 3])
