@@ -7,19 +7,15 @@ from mpi4py import MPI
 import pdvol
 from pdvol import compat
 from pdvol.meshes import Outline, Surface
+from shapes import box
 
 DHAT = 0.05
 
 
 def blocks(dim: int) -> tuple[np.ndarray, np.ndarray]:
     """Points and cells of two unit blocks, one 0.03 above the other and turned by 0.1 rad against it."""
-    lines = (np.linspace(0.0, 1.0, 4),) * dim
-    points = np.stack(np.meshgrid(*lines, indexing="ij"), axis=-1).reshape(-1, dim)
-    corner = np.arange(len(points)).reshape((4,) * dim)[(slice(0, 3),) * dim].ravel()
-    steps = 4 ** np.arange(dim)[::-1]
-    orders = [(0, 1), (1, 0)] if dim == 2 else [(0, 1, 2), (0, 2, 1), (1, 0, 2), (1, 2, 0), (2, 0, 1), (2, 1, 0)]
-    cells = [np.column_stack([corner + sum(steps[list(order[:k])]) for k in range(dim + 1)]) for order in orders]
-    cells = np.concatenate(cells)
+    block = box(dim, 3)
+    points, cells = block.points, block.cells
     c, s = np.cos(0.1), np.sin(0.1)
     turned = points.copy()
     turned[:, [0, -1]] = (points - 0.5)[:, [0, -1]] @ np.array([[c, s], [-s, c]]) + 0.5

@@ -8,14 +8,7 @@ import pytest
 
 from benchmarks.methods import __main__ as methods
 from pdvol.geometry.level_mesh import boundary_facets
-
-
-def square(n):
-    """The unit square as 2 n^2 triangles: a level as the judge reads it, with the states it is given later."""
-    x, y = np.meshgrid(np.linspace(0, 1, n + 1), np.linspace(0, 1, n + 1))
-    a = (np.arange(n)[:, None] * (n + 1) + np.arange(n)).ravel()
-    cells = np.vstack([np.column_stack([a, a + 1, a + n + 2]), np.column_stack([a, a + n + 2, a + n + 1])])
-    return np.column_stack([x.ravel(), y.ravel()]), cells
+from shapes import box
 
 
 def judged(points, cells, states, bodies=None, obstacles=()):
@@ -31,7 +24,8 @@ def judged(points, cells, states, bodies=None, obstacles=()):
 
 
 def test_volumes_and_determinants():
-    points, cells = square(3)
+    square = box(2, 3)
+    points, cells = square.points, square.cells
     found = judged(points, cells, [points, points * [1.2, 0.75]])
     assert found["volume_change"] == pytest.approx(0.1) and found["smallest_det"] == pytest.approx(0.9)
     assert (found["states"], found["crossing_states"], found["crossing_pairs"]) == (2, 0, 0)
@@ -41,7 +35,8 @@ def test_volumes_and_determinants():
 
 
 def test_the_volume_is_each_body_s():
-    points, cells = square(2)
+    square = box(2, 2)
+    points, cells = square.points, square.cells
     both, joined = np.vstack([points, points + 5.0]), np.vstack([cells, cells + len(points)])
     grown = np.vstack([points * [1.5, 1.0], points * [0.5, 1.0] + 5.0])  # one grows by half, one shrinks by half
     found = judged(both, joined, [grown], np.repeat([0, 1], len(cells)))
@@ -49,7 +44,8 @@ def test_the_volume_is_each_body_s():
 
 
 def test_crossings_and_vertices_behind_planes():
-    points, cells = square(1)
+    square = box(2, 1)
+    points, cells = square.points, square.cells
     both, joined = np.vstack([points, points + [2.0, 0.0]]), np.vstack([cells, cells + 4])
     over = both - np.array(
         [[0.0, 0.0]] * 4 + [[1.5, 0.3]] * 4

@@ -11,12 +11,13 @@ from mpi4py import MPI
 
 from cli_scenes import FALL, SQUARE, pdvol, write
 from pdvol import open_run
-from pdvol.geometry.level_mesh import LevelMesh, lumped_masses
+from pdvol.geometry.level_mesh import lumped_masses
 from pdvol.levels.hierarchy import Hierarchy
 from pdvol.levels.space import LevelSpace
 from pdvol.potentials.loads import assemble_mass
 from pdvol.runs.run_metrics import motion_from_level_0
 from pdvol.store.writer import RunWriter
+from shapes import box
 
 STEPS = 12
 
@@ -154,18 +155,10 @@ def test_against_another_run(folder, tmp_path, capsys):
     assert "against" in out and "apart: centre of mass" in out
 
 
-def box(n):
-    x = np.linspace(0.0, 1.0, n + 1)
-    points = np.stack(np.meshgrid(x, x, indexing="ij"), axis=-1).reshape(-1, 2)
-    a = (np.arange(n)[:, None] * (n + 1) + np.arange(n)).ravel()
-    cells = np.vstack([np.column_stack([a, a + n + 1, a + n + 2]), np.column_stack([a, a + n + 2, a + 1])])
-    return LevelMesh(points, cells, np.zeros(len(cells), np.int32), np.zeros(len(cells), np.int32))
-
-
 @pytest.mark.parametrize("name", ["barycentric", "biharmonic", "phong"])
 def test_a_run_that_is_prolonged_exactly(tmp_path, name):
     """Level 1 is P level 0, coarse positions at random: all differences vanish, for each interpolant's own P."""
-    meshes = [box(3), box(7)]
+    meshes = [box(2, 3), box(2, 7)]
     P = Hierarchy(meshes, MPI.COMM_SELF, name).prolongation(1)
     rng = np.random.default_rng(0)
     info = {"scene": "made", "dt": 0.1, "steps": 2, "method": "dreamt", "prolongation": name}
@@ -186,7 +179,7 @@ def test_a_coarse_vertex_that_nothing_is_bound_to(tmp_path):
     """The coarse level has more vertices than the fine one. The report gives a rank below the number of columns, and no
     value is infinite.
     """
-    meshes = [box(5), box(2)]
+    meshes = [box(2, 5), box(2, 2)]
     with RunWriter.create(
         tmp_path / "run", {"scene": "made", "dt": 0.1, "steps": 1, "method": "direct"}, meshes, ["b"]
     ) as run:

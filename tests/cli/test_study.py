@@ -5,6 +5,7 @@ import shutil
 import signal
 import subprocess
 import time
+from contextlib import closing
 
 import numpy as np
 import pytest
@@ -13,7 +14,9 @@ from browser import busy
 from cli_scenes import FALL, pdvol, write
 from commands import PDVOL, SAFETY
 from pdvol.store.reader import open_run
+from pdvol.studio.study import study
 from pdvol.studio.study.reference import ReferenceStates
+from pdvol.studio.variations.executors import Workers
 
 VARIED = ("--vary", "dt=0.04,0.01", "--vary", "level", "--vary", "max_iterations=1:200")
 WORDS = ("--steps", 6, *VARIED, "--budget", 3, "--reference", "dt=0.005")
@@ -21,10 +24,12 @@ WORDS = ("--steps", 6, *VARIED, "--budget", 3, "--reference", "dt=0.005")
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    """A study of the falling square; one of its variations cannot converge."""
+    """A study of the falling square, by a worker that stays; one of its variations cannot converge."""
     folder = tmp_path_factory.mktemp("study")
     write(folder / "fall.py", FALL)
-    assert pdvol("study", folder / "fall.py", "-o", folder / "s", *WORDS) == 0
+    with pytest.MonkeyPatch.context() as patch, closing(Workers(1)) as worker:
+        patch.setattr(study, "Processes", lambda jobs: worker)
+        assert pdvol("study", folder / "fall.py", "-o", folder / "s", *WORDS) == 0
     return folder
 
 

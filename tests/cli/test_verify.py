@@ -10,36 +10,14 @@ import numpy as np
 import pytest
 
 from pdvol import cli, meshes
-from pdvol.geometry.level_mesh import LevelMesh
 from pdvol.measure import verify
 from pdvol.store.writer import RunWriter
-
-
-def grid(dim, n=3):
-    """The unit cube of n^d blocks cut into simplices along their diagonals (Kuhn), points and cells."""
-    index = np.stack(np.meshgrid(*[np.arange(n + 1)] * dim, indexing="ij"), -1).reshape(-1, dim)
-    strides = (n + 1) ** np.arange(dim)[::-1]
-    corners = index[(index < n).all(1)] @ strides
-    orders = [(0, 1), (1, 0)] if dim == 2 else [(0, 1, 2), (1, 2, 0), (2, 0, 1), (1, 0, 2), (0, 2, 1), (2, 1, 0)]
-    cells = []
-    for k, order in enumerate(orders):
-        path = np.cumsum([0, *strides[list(order)]])
-        if k >= len(orders) // 2:
-            path[[0, 1]] = path[[1, 0]]
-        cells.append(corners[:, None] + path)
-    return index / n, np.vstack(cells)
+from shapes import box, together
 
 
 def two_blocks(dim, gap=0.25):
-    points, cells = grid(dim)
-    shift = np.zeros(dim)
-    shift[0] = 1.0 + gap
-    return LevelMesh(
-        np.vstack([points, points + shift]),
-        np.vstack([cells, cells + len(points)]),
-        np.repeat(np.arange(2, dtype=np.int32), len(cells)),
-        np.zeros(2 * len(cells), np.int32),
-    )
+    away = np.eye(dim)[0] * (1.0 + gap)
+    return together(box(dim, 3), box(dim, 3, away, away + 1.0))
 
 
 def store(path, dim, states, obstacles=(), mesh=None):

@@ -5,6 +5,7 @@ from scipy.spatial import Delaunay
 
 from pdvol.geometry.level_mesh import LevelMesh, simplex_volumes
 from pdvol.store.writer import RunWriter
+from shapes import together
 
 DT = 0.02
 
@@ -34,17 +35,6 @@ def ball(dim: int, count: int, centre, radius: float = 0.5) -> LevelMesh:
     points, cells = points[used], np.searchsorted(used, cells)
     m = len(cells)
     return LevelMesh(points + np.asarray(centre), cells, np.zeros(m, np.int32), np.zeros(m, np.int32))
-
-
-def together(meshes) -> LevelMesh:
-    """Several bodies in one level."""
-    shifts = np.cumsum([0] + [len(m.points) for m in meshes[:-1]])
-    return LevelMesh(
-        np.concatenate([m.points for m in meshes]),
-        np.concatenate([m.cells + s for m, s in zip(meshes, shifts, strict=True)]),
-        np.concatenate([np.full(len(m.cells), i, np.int32) for i, m in enumerate(meshes)]),
-        np.concatenate([m.regions for m in meshes]),
-    )
 
 
 def moved(mesh: LevelMesh, t: float) -> np.ndarray:
@@ -109,7 +99,7 @@ def sphere_obstacle(centre, radius: float = 0.35, steps: int = 0) -> dict:
 def level_meshes(dim: int, counts) -> list[LevelMesh]:
     """One mesh of two bodies per vertex count."""
     centres = [(-0.6, 1.6), (0.65, 2.1)] if dim == 2 else [(-0.6, 0.0, 1.6), (0.65, 0.1, 2.1)]
-    return [together([ball(dim, n // 2, c) for c in centres]) for n in counts]
+    return [together(*(ball(dim, n // 2, c) for c in centres)) for n in counts]
 
 
 def record(level: int, step: int) -> dict:

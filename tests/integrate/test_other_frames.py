@@ -127,7 +127,7 @@ def pressed(d, pusher, angle, drift):
     mesh = block((0.0,) * (d - 1) + (0.6 * DHAT,), (0.2,) * d, 2)
     mesh = level(mesh.points @ R.T, mesh.cells, mesh.bodies)
     problem = make_stepper(scene, mesh, [(ram[0] @ R.T, *ram[1:])] if pusher == "ram" else [])
-    *_, report = march(problem, 14, velocity=np.zeros_like(mesh.points) + drift)
+    *_, report = march(problem, 12, velocity=np.zeros_like(mesh.points) + drift)
     surface, held = problem.potential.contacts[0].surface, problem.model.supports[0].mask
     place = surface.obstacle_positions[: len(ram[0])] if pusher == "ram" else report.positions[held]
     return report.behind, (place - np.asarray(drift) * report.time) @ R

@@ -11,6 +11,7 @@ from pdvol.meshes import Outline, Solid, Surface
 from pdvol.meshing import build
 from pdvol.meshing.build import build_levels, read_obstacle
 from pdvol.scene import Body, NeoHookean, Placement, Rigid, Scene
+from shapes import grid
 
 SOFT = NeoHookean(2e5)
 
@@ -25,13 +26,9 @@ def disc_body(**settings):
 
 def strip(n=8):
     """A 2D solid: a strip of 2n triangles along x, the left half region 1, the right half region 2."""
-    x = np.arange(n + 1) / n
-    points = np.vstack([np.column_stack([x, 0 * x]), np.column_stack([x, 0 * x + 0.3])])
-    a = np.arange(n)
-    cells = np.vstack([np.column_stack([a, a + 1, a + n + 2]), np.column_stack([a, a + n + 2, a + n + 1])])
-    return Solid(
-        points, cells.astype(np.int32), np.where(points[cells].mean(axis=1)[:, 0] < 0.5, 1, 2).astype(np.int32)
-    )
+    mesh = grid(np.linspace(0.0, 1.0, n + 1), [0.0, 0.3])
+    regions = np.where(mesh.points[mesh.cells].mean(axis=1)[:, 0] < 0.5, 1, 2)
+    return Solid(mesh.points, mesh.cells.astype(np.int32), regions.astype(np.int32))
 
 
 def test_two_bodies_in_one_level_mesh(tmp_path):

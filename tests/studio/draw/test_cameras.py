@@ -16,6 +16,7 @@ from pdvol.studio.draw.layout import CELL_GAP, grid
 from pdvol.studio.draw.picture import chosen_steps, picture, render
 from pdvol.studio.draw.renderer import Renderer
 from pdvol.studio.draw.views import STANDARD_VIEW, View, read_view
+from shapes import together
 
 CUBE = np.array([(x, y, z) for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])
 
@@ -87,7 +88,7 @@ def test_the_outermost_points_of_a_ball_frame_it():
 
 
 def test_a_run_with_a_far_body_keeps_the_others_large(tmp_path):
-    meshes = [runs.together([runs.ball(3, 60, (0.6 * i, 0, 0), 0.25) for i in range(6)])]
+    meshes = [together(*(runs.ball(3, 60, (0.6 * i, 0, 0), 0.25) for i in range(6)))]
     folder = stored(tmp_path / "run", meshes, [f"b{i}" for i in range(6)], 20, {5: (0, 0, -20.0)})
     run = open_run(folder)
     camera = camera_of_run(run, run.levels, range(21), ())
@@ -160,7 +161,7 @@ def test_a_flat_scene_has_one_view(flat_run, tmp_path):
 
 
 def test_the_followed_body_stays_in_the_picture_and_the_others_leave_it(tmp_path):
-    meshes = [runs.together([runs.ball(3, n, (0, 1.5 * i, 0), 0.3) for i in range(2)]) for n in (60, 150)]
+    meshes = [together(*(runs.ball(3, n, (0, 1.5 * i, 0), 0.3) for i in range(2))) for n in (60, 150)]
     run = open_run(stored(tmp_path / "run", meshes, ["stays", "goes"], 40, {1: (3.0, 0, 1.0)}))
     cameras = cameras_of_run(run, run.levels, range(41), (), view=read_view("follow:goes"), aspect=1.5)
     assert len({camera.distance for camera in cameras}) == 1

@@ -19,6 +19,7 @@ from pdvol.studio.wedge.scores import (
     quiet,
     upright,
 )
+from shapes import together
 
 DT, STEPS, DHAT = 0.1, 10, 0.05
 
@@ -27,7 +28,7 @@ def made(path, motion, dim=2, steps=STEPS, stored=None, up=True, placement=None)
     """A run of two balls of radius 0.5 m, "a" and "b" 3 m to its right; `motion` (points, time, body) gives positions.
     The ground is 1 m below their centres.
     """
-    mesh = runs.together([runs.ball(dim, 60, np.eye(dim)[0] * 3.0 * i) for i in range(2)])
+    mesh = together(*(runs.ball(dim, 60, np.eye(dim)[0] * 3.0 * i) for i in range(2)))
     placed = {"angle": 0.0, "axis": [0.0, 0.0, 1.0], **(placement or {})}
     info = {"scene": "made", "dt": DT, "steps": steps, "method": "direct", "parameters": {}, "versions": {}}
     info["description"] = {
