@@ -50,6 +50,7 @@ GAP_RANGE = 10.0  # multiples of dhat: larger gaps do not touch in the first ste
 HIGH_STIFFNESS_RATIO = 1e4  # of Young's moduli: above it the iterative linear solver may fail
 COST_EXPONENT = 1.05  # of the vertices, fitted to benchmarks of 4,000 to 100,000 vertices
 COST_OFFSET = {2: 600, 3: 100}  # vertices, by dimension: A above, fitted to levels of 100 to 20,000 vertices
+SMOOTHED_OFFSET = 0.6  # times that with smoothed elements, whose work per vertex is larger: 81 to 1,900 vertices
 # Kilobytes a vertex, by dimension, with a coarse space; measured at 90,601 (2D) and 99,900 vertices (3D).
 MEMORY_PER_VERTEX = {2: 2.0, 3: 7.1}
 SMOOTHED_MEMORY = 1.9  # times that with smoothed elements: 13 kilobytes a vertex at 19,600 vertices in 3D
@@ -236,8 +237,9 @@ def _estimate_costs(
     }
     smoothed = any(scene.elements_of(body) == "smoothed" for body in scene.bodies)
     memory = MEMORY_PER_VERTEX[dim] * (SMOOTHED_MEMORY if smoothed else 1.0)
+    extra = COST_OFFSET[dim] * (SMOOTHED_OFFSET if smoothed else 1.0)
     for entry in result["levels"]:
-        n, n0, extra = entry["vertices"], len(mesh.points), COST_OFFSET[dim]
+        n, n0 = entry["vertices"], len(mesh.points)
         entry["seconds_per_step"] = step * ((n + extra) / (n0 + extra)) ** COST_EXPONENT
         entry["seconds"] = scene.steps * entry["seconds_per_step"]
         entry["memory_mb"] = used + memory * (n - n0) / 1024
