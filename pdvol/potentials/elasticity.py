@@ -24,7 +24,7 @@ Shares = Callable[[float], np.ndarray]
 
 # Share of a cell's current volume that one Newton step leaves at least: the logarithm's derivatives stay moderate.
 KEEP_VOLUME = 0.1
-# of its volume: below it a cell of smoothed elements resists by itself. Linear cells keep about as much in hard impacts.
+# of its volume: below it a cell of smoothed elements resists by itself (linear ones keep about as much in hard impacts)
 SQUEEZED = 0.3
 
 
