@@ -29,20 +29,6 @@ def volume_barrier(F: Expr, stiffness: Expr) -> Expr:
     return ufl.conditional(ufl.lt(u, 1), -stiffness * (u - 1) ** 2 * ufl.ln(u), 0)
 
 
-def cell_barrier(F: Expr, stiffness: Expr, below: float) -> Expr:
-    r"""-stiffness (ln u)^3 where u = J / below is below one, nothing above: twice differentiable, infinite at zero
-    volume, where it grows faster than (ln J)^2 of `neo_hookean`.
-
-    Parameters
-    ----------
-    F : (d, d) deformation gradient, UFL
-    stiffness : [Pa]
-    below : fraction of the volume
-    """
-    u = ufl.det(F) / below
-    return ufl.conditional(ufl.lt(u, 1), -stiffness * ufl.ln(u) ** 3, 0)
-
-
 def neo_hookean(F: Expr, mu: Expr, lmbda: Expr) -> Expr:
     r"""Neo-Hookean law, psi = mu/2 (tr(F'F) - d) - mu ln J + lmbda/2 (ln J)^2.
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import ufl
 
-from pdvol.forms.elasticity import cell_barrier
+from pdvol.forms.elasticity import GUARDED, volume_barrier
 from pdvol.forms.viscosity import kelvin_voigt, kelvin_voigt_model
 from pdvol.levels.materials import CellMaterials
 from pdvol.levels.space import LevelSpace
@@ -24,8 +24,6 @@ Shares = Callable[[float], np.ndarray]
 
 # Share of a cell's current volume that one Newton step leaves at least: the logarithm's derivatives stay moderate.
 KEEP_VOLUME = 0.1
-# of its volume: below it a cell of smoothed elements resists by itself (linear ones keep about as much in hard impacts)
-SQUEEZED = 0.3
 
 
 class Elastic(CellEnergy):
@@ -81,8 +79,8 @@ class Elastic(CellEnergy):
 class CellGuard(Elastic):
     """What keeps the cells of smoothed elements from inverting: the mean F of a domain can hide an inverted cell.
 
-    A barrier in each cell by itself: zero above three tenths of the cell's volume, so that it changes nothing else. It
-    grows faster than the laws', so that a cell is not pressed to nothing where only the mean around its edges resists.
+    It is the volume barrier of laws that give way (forms/elasticity.py), in each cell by itself: zero above a tenth of
+    the cell's volume, so that it changes nothing else.
 
     Parameters
     ----------
@@ -92,10 +90,10 @@ class CellGuard(Elastic):
 
     def __init__(self, space: LevelSpace, materials: CellMaterials, shares: Shares | None = None):
         def psi(F: Any, mu: Any, lmbda: Any) -> Any:
-            return cell_barrier(F, 2 * mu + lmbda, SQUEEZED)
+            return volume_barrier(F, 2 * mu + lmbda)
 
         cells = Domains(space, materials.smoothing >= 0)
-        super().__init__(space, psi, _lame(materials), cells, "volume barrier", shares, ceiling=SQUEEZED)
+        super().__init__(space, psi, _lame(materials), cells, "volume barrier", shares, ceiling=GUARDED)
         self.scale = 0.0  # nothing cancels in what is zero
 
     def gradient(self, x: Positions) -> np.ndarray:
