@@ -7,7 +7,6 @@ import numpy as np
 
 from pdvol.errors import InputError
 from pdvol.geometry.rigid_motions import Pose
-from pdvol.meshing.build import read_obstacle
 from pdvol.scene import (
     Deforming,
     Motion,
@@ -122,6 +121,8 @@ class Obstacle:
 
 def read_geometry(obstacles: Sequence[Obstructing]) -> list[Geometry]:
     """The geometry of each obstacle but planes, in order; arrays, which ranks can send each other. Serial."""
+    from pdvol.meshing.build import read_obstacle  # loads the meshers, which starts and summaries do without
+
     return [read_obstacle(o) for o in obstacles if isinstance(o, Rigid | Deforming)]
 
 
