@@ -52,7 +52,10 @@ def test_watching_previews_at_each_save(scene, tmp_path):
     write(tmp_path / "high.py", "HEIGHT = 0.02")
     write(scene, FALL.replace("height=0.02", "height=high.HEIGHT").replace("import pdvol\n", "import pdvol, high\n", 1))
     words = [sys.executable, "-m", "pdvol", "preview", scene, *map(str, SHORT), "-o", out, "--watch"]
-    process = subprocess.Popen(words, stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True)
+    interrupted = lambda: signal.signal(signal.SIGINT, signal.SIG_DFL)  # jobs in the background ignore it
+    process = subprocess.Popen(
+        words, stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True, preexec_fn=interrupted
+    )
     try:
         until(process, "stop with Ctrl-C")
         first = states(out, 0)
