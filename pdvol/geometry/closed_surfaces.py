@@ -36,10 +36,21 @@ def pressed_facets(mesh: LevelMesh, body: int) -> np.ndarray:
     They point away from it: into the body's material around cavities, out of the body otherwise.
     """
     facets = mesh.boundary[mesh.bodies[mesh.boundary_cells] == body]
-    part = connected_parts(facets, len(mesh.points))[facets[:, 0]]
+    part = connected_facets(facets)
     cavities = [p for p in np.unique(part) if enclosed_volume(mesh.points, facets[part == p]) < 0.0]
     chosen = facets[np.isin(part, cavities)]
     return chosen[:, ::-1] if cavities else facets
+
+
+def connected_facets(facets: np.ndarray) -> np.ndarray:
+    """(k,) the connected part of each facet (k, d), where two that share an edge (3D) or a point (2D) are connected: a
+    cavity that touches the outer boundary at one vertex stays a part of its own.
+    """
+    count, d = facets.shape
+    ridges = np.concatenate([np.sort(np.delete(facets, corner, axis=1), axis=1) for corner in range(d)])
+    ridge = np.unique(ridges, axis=0, return_inverse=True)[1].ravel()
+    owners = np.tile(np.arange(count), d)
+    return connected_parts(np.column_stack([owners, count + ridge]), count + int(ridge.max()) + 1)[:count]
 
 
 def connected_parts(simplices: np.ndarray, count: int) -> np.ndarray:

@@ -67,6 +67,15 @@ def test_what_is_enclosed(d):
     assert enclosed_volume(two.points, pressed_facets(two, 1)) == pytest.approx(2.0**d, rel=1e-12)
 
 
+def test_a_cavity_that_touches_the_outer_boundary_at_a_vertex():
+    """Of 27 cubes the middle one is missing, and one at a corner: they share a vertex."""
+    brick = meshes.brick((3.0, 3.0, 3.0), (3, 3, 3))
+    cube = np.floor(brick.vertices[brick.cells].mean(axis=1) - brick.vertices.min(axis=0)).astype(int)
+    missing = (cube == 1).all(axis=1) | (cube == 0).all(axis=1)
+    mesh = level(brick.vertices, brick.cells[~missing])
+    assert enclosed_volume(mesh.points, pressed_facets(mesh, 0)) == pytest.approx(1.0, rel=1e-12)
+
+
 @pytest.mark.parametrize("d", DIMENSIONS)
 @pytest.mark.parametrize("pressure", [PRESSURE, -PRESSURE])
 @pytest.mark.parametrize("shape", [0, 1], ids=["full", "cavity"])
