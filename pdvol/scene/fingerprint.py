@@ -78,12 +78,12 @@ def _other(thing: Any, within: tuple[int, ...]) -> Any:
     """An object that a function reads: its attributes, or its text where that is no address."""
     if id(thing) in within:
         return {"type": name_of(thing)}
-    if len(within) > DEEPEST or not can_be_compared(thing):
-        return {"type": name_of(thing), NOT_COMPARED: True}
     if isinstance(thing, set | frozenset):
         return sorted(json.dumps(describe(item, within)) for item in thing)
     if isinstance(thing, bytes):
         return {"bytes": len(thing), "digest": _digest(thing)}
+    if len(within) > DEEPEST or not can_be_compared(thing):
+        return {"type": name_of(thing), NOT_COMPARED: True}
     if " at 0x" not in (text := repr(thing)):
         return text
     inside = (*within, id(thing))

@@ -3,9 +3,9 @@
 import functools
 import inspect
 import sysconfig
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
-from types import CodeType, FunctionType, MethodType, ModuleType
+from types import BuiltinFunctionType, CodeType, FunctionType, MethodType, ModuleType
 from typing import Any
 
 PACKAGES = ("site-packages", "dist-packages")
@@ -99,7 +99,7 @@ def _read(function: FunctionType) -> Iterator[tuple[str, Any]]:
         if name not in function.__globals__:
             continue
         value = function.__globals__[name]
-        if not (isinstance(value, ModuleType | type | Callable) and is_library(value)):  # type: ignore[arg-type]
+        if not (isinstance(value, ModuleType | type | FunctionType | BuiltinFunctionType) and is_library(value)):
             yield name, value
 
 

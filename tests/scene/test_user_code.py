@@ -34,6 +34,7 @@ import numpy as np
 import pdvol
 import helpers
 from helpers import eased
+from scipy.interpolate import CubicSpline
 
 SPEED = 0.1
 SIDES = {"left", "right", "top"}
@@ -66,13 +67,24 @@ class Rig:
 
 
 WEIGHT = 1.5
+curve = CubicSpline([0.0, 1.0, 2.0], [0.0, 0.5, 1.0])
+
+
+@functools.cache
+def height(t):
+    return HIGH * t
+
+
+HIGH = 0.4
 rig = Rig(0.2)
 
 
 def scene(young=1e5):
     where = lambda X: X[:, 0] < 0.0
     shape = pdvol.Solid(np.array([[0.0, 0], [1, 0], [0, 1]]), np.array([[0, 1, 2]]), np.zeros(1, np.int32))
-    motions = (push, functools.partial(scaled, by=0.7), rig, rig.pose, lambda X, t: X + math.sin(t) * helpers.REACH)
+    swung = lambda X, t: X + curve(t) + height(t)
+    last = lambda X, t: X + math.sin(t) * helpers.REACH
+    motions = (swung, push, functools.partial(scaled, by=0.7), rig, rig.pose, last)
     supports = tuple(pdvol.Support(where, motion=motion) for motion in motions)
     return pdvol.Scene((pdvol.Body((shape,), pdvol.NeoHookean(young)),), dt=0.01, steps=1, supports=supports)
 """
@@ -87,6 +99,8 @@ EDITS = {
     "a method": ("shot.py", "return X + self.gain\n", "return X - self.gain\n"),
     "what a method reads": ("shot.py", "WEIGHT = 1.5", "WEIGHT = 2.5"),
     "what a helper reads": ("helpers.py", "REACH = 0.5", "REACH = 0.6"),
+    "an object of a library": ("shot.py", "[0.0, 0.5, 1.0]", "[0.0, 0.5, 2.0]"),
+    "what a cached function reads": ("shot.py", "HIGH = 0.4", "HIGH = 0.5"),
     "a module of a helper": ("settings.py", "PACE = 2.0", "PACE = 3.0"),
 }
 
@@ -123,7 +137,7 @@ def test_an_edit_of_what_a_function_reads_is_another_scene(folder, edit):
     lines = differences(before, description(folder))
     assert lines and all(line.startswith("scene.supports[") for line in lines)
     if edit == "a constant":
-        assert lines == ["scene.supports[0].motion.reads.SPEED: 0.1 -> 0.9"]
+        assert lines == ["scene.supports[1].motion.reads.SPEED: 0.1 -> 0.9"]
 
 
 def test_runs_stored_before_functions_had_reads_are_the_same_scene(folder):
@@ -144,7 +158,7 @@ def test_what_functions_change_while_they_are_called_is_not_compared(tmp_path):
     )
     shot = load_shot(tmp_path / "shot.py", {})
     before = shot.description()
-    shot.scene.supports[0].motion(np.zeros((1, 2)), 0.5)
+    shot.scene.supports[1].motion(np.zeros((1, 2)), 0.5)
     assert shot.description() == before == load_shot(tmp_path / "shot.py", {}).description()
 
 
