@@ -23,6 +23,7 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.common import process
+from benchmarks.common.first_order import FIRST_ORDER
 from benchmarks.common.process import REPOSITORY
 from benchmarks.common.tables import number, table
 from pdvol import PdvolError, open_run
@@ -68,7 +69,7 @@ STRICT = 0.1  # of the scene's tolerance: the reference's
 INTEGRATORS = ("implicit_euler", "bdf2")
 ELEMENTS = ("linear", "smoothed")
 FEEDBACKS = (0.0, 0.05, 0.1, 0.2)
-OLD = {"integrator": "implicit_euler", "elements": "linear"}, (1.0, 0.5, 0.25)  # settings, factors of the time step
+OLD = FIRST_ORDER, (1.0, 0.5, 0.25)  # settings, factors of the time step
 NEW = {"integrator": "bdf2", "elements": "smoothed"}, (4.0, 2.0, 1.0, 0.5)
 Point = tuple[float, float]
 """CPU time [s] and error [m]."""

@@ -29,7 +29,6 @@ from pdvol.integrate.stepper import Stepper
 from pdvol.levels.model import level_model
 from pdvol.levels.space import LevelSpace
 from pdvol.potentials.potential import Positions
-from pdvol.registry import INTEGRATORS
 
 DT, TRUTH = 0.01, 0.001
 """Time step of the shots, and of what they are compared with [s]."""
@@ -183,7 +182,7 @@ def swings(count: int = SWINGS) -> str:
 
 def _stepper(scene: Scene, level: LevelMesh) -> Stepper:
     model = level_model(scene, level, 0, 1.0, ())
-    return Stepper(model, LevelSpace(level, MPI.COMM_SELF), integrator=INTEGRATORS[scene.integrator]())
+    return Stepper(model, LevelSpace(level, MPI.COMM_SELF))
 
 
 def shots() -> str:
@@ -269,7 +268,7 @@ def rolling() -> str:
 def _rolled(scene: Scene, mesh: LevelMesh, lies: np.ndarray, rolls: bool) -> Iterator[str]:
     obstacles = pdvol.levels.obstacles.placed_obstacles(scene.obstacles)
     model = level_model(scene, mesh, 0, 1.0, obstacles)
-    stepper = Stepper(model, LevelSpace(mesh, MPI.COMM_SELF), integrator=INTEGRATORS[scene.integrator]())
+    stepper = Stepper(model, LevelSpace(mesh, MPI.COMM_SELF))
     m = stepper.space.to_input(stepper.potential.mass)[:, 0]
     arms = lies - m @ lies / m.sum()
     velocity = (

@@ -27,8 +27,9 @@ def main(options: Namespace) -> None:
     if not options.watch:
         _preview(options)
         return
+    if options.resume:
+        raise InputError("--watch previews anew at each save; leave out --resume")
     _refuse_ranks()
-    options.resume = False
     try:
         while True:
             before = _sources(options.scene)

@@ -38,7 +38,6 @@ from pdvol.meshing.readers import read_with_notes
 from pdvol.meshing.tetrahedralise import mean_ratio
 from pdvol.meshing.verdict import POOR_QUALITY, check_place, judge, place_of
 from pdvol.meshing.vtu import write_primitives, write_vtu
-from pdvol.registry import INTEGRATORS
 from pdvol.runs.render_meshes import render_defects
 from pdvol.runs.scene_summary import modelled_terms
 from pdvol.scene import Barrier, Scene, metres
@@ -215,7 +214,7 @@ def _estimate_costs(
     """Add the estimated cost of each level, from the beginning of level 0."""
     mesh, dim = meshes[0], meshes[0].dim
     model = level_model(scene, mesh, 0, diagonal, obstacles)
-    stepper = Stepper(model, LevelSpace(mesh, MPI.COMM_SELF), integrator=INTEGRATORS[model.integrator]())
+    stepper = Stepper(model, LevelSpace(mesh, MPI.COMM_SELF))
     begin, spent, iterations = time.perf_counter(), [], []
     try:
         for report in direct(stepper, Start.at_rest(model.start, model.velocity), scene.steps):

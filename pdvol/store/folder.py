@@ -220,8 +220,9 @@ def _discard(path: Path) -> None:
     write_json(path / "run.json", {**read_info(path), "state": "creating"})
     for name in ("log.jsonl", "obstacles.json", "render.json"):
         (path / name).unlink(missing_ok=True)
-    for name in ("levels", "obstacles", "render"):
-        shutil.rmtree(path / name, ignore_errors=True)
+    for folder in (path / name for name in ("levels", "obstacles", "render")):
+        if folder.exists():
+            shutil.rmtree(folder)
 
 
 def _require_free(path: Path, replace: bool = False) -> None:

@@ -73,6 +73,11 @@ def test_watching_previews_at_each_save(scene, tmp_path):
         process.stderr.close()
 
 
+def test_watching_does_not_resume(scene, capfd):
+    assert pdvol("preview", scene, "--watch", "--resume") == 2
+    assert "leave out --resume" in capfd.readouterr().err
+
+
 def until(process, word):
     """The lines on standard error up to one that has a word."""
     lines, end = [], time.monotonic() + 120.0

@@ -95,25 +95,17 @@ class LinearSolver:
         self._coarse_is_current = False
         self._by_petsc = method == "direct" or any(name in self._options for name in ("ksp_type", "pc_type"))
         if not self._by_petsc:
-            self._with_options(self.ksp, self._options)
+            _set_options(self.ksp, self._options)
             return
         inner.reset()  # a factor keeps the options it was made with
         if method == "direct":
             inner.setType(PETSc.KSP.Type.PREONLY)
             inner.pc.setType(PETSc.PC.Type.CHOLESKY)
             inner.pc.setFactorSolverType(PETSc.Mat.SolverType.MUMPS)
-            self._with_options(inner, {"mat_mumps_icntl_14": str(MUMPS_WORKSPACES[self._workspace])})
+            _set_options(inner, {"mat_mumps_icntl_14": str(MUMPS_WORKSPACES[self._workspace])})
         else:
             inner.setType(PETSc.KSP.Type.CG)
-        self._with_options(inner, self._options)
-
-    def _with_options(self, ksp: PETSc.KSP, options: dict[str, str]) -> None:
-        database = PETSc.Options()
-        # options of factors are read late, and never where no factor is made: PETSc must not warn of them
-        database["options_left"] = "no"
-        for name, value in options.items():
-            database[f"{self.prefix}{name}"] = value
-        ksp.setFromOptions()
+        _set_options(inner, self._options)
 
     @property
     def memory(self) -> dict:
@@ -287,8 +279,9 @@ class _Context:
 def check_options(settings: Solver) -> None:
     """InputError where PETSc does not take the user's options, before anything is made of them."""
     ksp = PETSc.KSP().create(PETSc.COMM_SELF)
+    ksp.setOptionsPrefix(f"pdvol_{next(_serial)}_")
     try:
-        LinearSolver(ksp, settings, _no_coarse_space)
+        _set_options(ksp, _parse(settings.petsc))
     except PETSc.Error as error:
         reason = str(error).splitlines()[-1].rpartition("] ")[2]
         raise InputError(f'Solver.petsc = "{settings.petsc}": {reason}') from None
@@ -296,8 +289,13 @@ def check_options(settings: Solver) -> None:
         ksp.destroy()
 
 
-def _no_coarse_space() -> CoarseSpace:
-    raise NotImplementedError("no system is solved where options are checked")
+def _set_options(ksp: PETSc.KSP, options: dict[str, str]) -> None:
+    database = PETSc.Options(ksp.getOptionsPrefix())
+    # options of factors are read late, and never where no factor is made: PETSc must not warn of them
+    PETSc.Options()["options_left"] = "no"
+    for name, value in options.items():
+        database[name] = value
+    ksp.setFromOptions()
 
 
 def wants_general_matrix(settings: Solver) -> bool:
