@@ -1,10 +1,8 @@
 """Boundaries: what closed ones enclose, which of them are cavities, and a size of all that turning does not change."""
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
-from pdvol.geometry.level_mesh import LevelMesh, facet_sizes
+from pdvol.geometry.level_mesh import LevelMesh, connected_parts, facet_sizes
 
 
 def enclosed_volume(points: np.ndarray, facets: np.ndarray) -> float:
@@ -51,15 +49,6 @@ def connected_facets(facets: np.ndarray) -> np.ndarray:
     ridge = np.unique(ridges, axis=0, return_inverse=True)[1].ravel()
     owners = np.tile(np.arange(count), d)
     return connected_parts(np.column_stack([owners, count + ridge]), count + int(ridge.max()) + 1)[:count]
-
-
-def connected_parts(simplices: np.ndarray, count: int) -> np.ndarray:
-    """(count,) the connected part of each of `count` points, where those of a simplex (k, c) are connected; numbered by
-    their first points.
-    """
-    ends = np.repeat(simplices[:, 0], simplices.shape[1] - 1), simplices[:, 1:].ravel()
-    graph = coo_array((np.ones(len(ends[0])), ends), shape=(count, count))
-    return connected_components(graph, directed=False)[1]
 
 
 def gyration_diagonal(points: np.ndarray, facets: np.ndarray) -> float:

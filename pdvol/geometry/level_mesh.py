@@ -121,6 +121,18 @@ def facet_sizes(points: np.ndarray, facets: np.ndarray) -> np.ndarray:
     return np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1) / 2
 
 
+def connected_parts(simplices: np.ndarray, count: int) -> np.ndarray:
+    """(count,) the connected part of each of `count` points, where those of a simplex (k, c) are connected; numbered by
+    their first points.
+    """
+    from scipy.sparse import coo_array  # where it is called: stored runs are read without SciPy
+    from scipy.sparse.csgraph import connected_components
+
+    ends = np.repeat(simplices[:, 0], simplices.shape[1] - 1), simplices[:, 1:].ravel()
+    graph = coo_array((np.ones(len(ends[0])), ends), shape=(count, count))
+    return connected_components(graph, directed=False)[1]
+
+
 def boundary_areas(mesh: LevelMesh) -> np.ndarray:
     """(n,) each vertex's part of the boundary in the rest shape [m^(d-1)], zero inside."""
     size = facet_sizes(mesh.points, mesh.boundary)

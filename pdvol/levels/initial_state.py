@@ -13,9 +13,8 @@ import igl
 import numpy as np
 
 from pdvol.errors import InputError, IntersectionError
-from pdvol.geometry.closed_surfaces import connected_parts
 from pdvol.geometry.crossings import edges_of, find_crossings, find_touching, fortran
-from pdvol.geometry.level_mesh import LevelMesh
+from pdvol.geometry.level_mesh import LevelMesh, connected_parts
 from pdvol.geometry.rigid_motions import Pose
 from pdvol.levels.obstacles import Obstacle
 

@@ -7,8 +7,7 @@ from petsc4py import PETSc
 
 from pdvol import compat
 from pdvol.errors import InputError
-from pdvol.geometry.closed_surfaces import connected_parts
-from pdvol.geometry.level_mesh import LevelMesh, simplex_volumes
+from pdvol.geometry.level_mesh import LevelMesh, connected_parts, simplex_volumes
 from pdvol.levels.partition import shared_bodies
 
 

@@ -10,7 +10,7 @@ import igl
 import numpy as np
 
 from pdvol.errors import InputError, MeshError
-from pdvol.geometry.closed_surfaces import connected_parts
+from pdvol.geometry.level_mesh import connected_parts
 from pdvol.meshes import Surface
 from pdvol.meshing.cpu_budget import check_budget
 from pdvol.meshing.validate import check_surface

@@ -9,9 +9,9 @@ import igl
 import numpy as np
 
 from pdvol.errors import InputError, MeshError
-from pdvol.geometry.closed_surfaces import connected_parts, enclosed_volume
+from pdvol.geometry.closed_surfaces import enclosed_volume
 from pdvol.geometry.crossings import counted_edges
-from pdvol.geometry.level_mesh import boundary_facets, simplex_volumes
+from pdvol.geometry.level_mesh import boundary_facets, connected_parts, simplex_volumes
 from pdvol.meshes import Outline, Solid, Surface
 from pdvol.meshing.holes import filled_holes
 from pdvol.meshing.mesher_process import run_worker

@@ -11,8 +11,8 @@ from itertools import combinations
 import numpy as np
 
 from pdvol.errors import InputError, MeshError
-from pdvol.geometry.closed_surfaces import connected_parts, enclosed_volume
-from pdvol.geometry.level_mesh import boundary_facets, facet_sizes, simplex_volumes
+from pdvol.geometry.closed_surfaces import enclosed_volume
+from pdvol.geometry.level_mesh import boundary_facets, connected_parts, facet_sizes, simplex_volumes
 from pdvol.meshes import Surface
 from pdvol.meshing.decimate import MIN_SURFACE_VERTICES, decimate, topology
 from pdvol.meshing.edge_length import (

@@ -4,9 +4,9 @@ import igl
 import numpy as np
 
 from pdvol.errors import IntersectionError, InvertedCellError, MeshError
-from pdvol.geometry.closed_surfaces import connected_parts, enclosed_volume
+from pdvol.geometry.closed_surfaces import enclosed_volume
 from pdvol.geometry.crossings import counted_edges, edges_of, find_crossings, find_touching
-from pdvol.geometry.level_mesh import facet_sizes, simplex_volumes
+from pdvol.geometry.level_mesh import connected_parts, facet_sizes, simplex_volumes
 from pdvol.meshes import Outline, Solid, Surface
 from pdvol.meshing.cpu_budget import check_budget
 from pdvol.meshing.weld import COINCIDENT, open_edges, seam_vertices

@@ -3,8 +3,8 @@
 import numpy as np
 from scipy.spatial import cKDTree
 
-from pdvol.geometry.closed_surfaces import connected_parts
 from pdvol.geometry.crossings import counted_edges
+from pdvol.geometry.level_mesh import connected_parts
 from pdvol.meshes import Surface
 
 COINCIDENT = 1e-8

@@ -5,9 +5,9 @@ from pathlib import Path
 import numpy as np
 from mpi4py import MPI
 
-from pdvol.geometry.closed_surfaces import connected_parts, enclosed_volume
+from pdvol.geometry.closed_surfaces import enclosed_volume
 from pdvol.geometry.distances import hausdorff_distance
-from pdvol.geometry.level_mesh import LevelMesh
+from pdvol.geometry.level_mesh import LevelMesh, connected_parts
 from pdvol.levels.hierarchy import Hierarchy
 from pdvol.levels.level_check import level_defects
 from pdvol.levels.scene_fields import scene_diagonal

@@ -37,8 +37,7 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 from pdvol.errors import MeshError
-from pdvol.geometry.closed_surfaces import connected_parts
-from pdvol.geometry.level_mesh import LevelMesh
+from pdvol.geometry.level_mesh import LevelMesh, connected_parts
 from pdvol.levels.binding import Binding, bind
 from pdvol.levels.interpolants.locality import DROPPED, make_local
 from pdvol.levels.space import LevelSpace
