@@ -188,7 +188,8 @@ letter, 4 to 18 mm below the face. On level 0 they are 20, none of them that dee
         "jelly_bowl",
         "Jelly animals in a glass bowl",
         """A bear, a bunny and a frog are thrown at 6 m/s into a bowl. Level 0 decides who lands on whom; the finest
-level adds faces, paws and the ripples of the impact.""",
+level adds faces, paws and the ripples of the impact.
+This page is of implicit Euler, linear elements and no feedback, the former defaults.""",
         small={"vertices": (150, 400), "dt": 0.01, "steps": 40},
         slow=(0.1, 0.5),
         size=(1260, 440),
@@ -217,7 +218,8 @@ processor time, those of level 2 (410,057) 40 minutes: 73 times as long, where t
 in the same places. The plant bends further on each finer level, because coarse cells are stiffer. With a stalk
 of a fifth of the stiffness (`--set stalk=12`) it buckled on level 1. On two ranks (at 771c582 and before) all
 claims hold, too. The levels end within 2.8, 2.1 and 1.6 mm of these at single vertices, and every 20th state is within
-6.2 mm.""",
+6.2 mm.
+This page is of implicit Euler, linear elements and no feedback, the former defaults.""",
         small={"vertices": ((500, 800), (250, 400)), "dt": 0.04, "steps": 110},
         view="-0.95,1.37,2.01:0.0,0.33,0.14",
         slow=(0.8, 2.4),
@@ -300,7 +302,8 @@ cells, the outer side of a turn has patches in the colour of the turn around it.
         "bodies_at_rest",
         "Sixty toys on a shelf",
         """Sixty toys land on the boards of a shelf, rock for a while, and lie still for ten seconds. Friction is
-smoothed, so what it holds creeps; the page says how fast.""",
+smoothed, so what it holds creeps; the page says how fast.
+This page is of implicit Euler, linear elements and no feedback, the former defaults.""",
         small={"count": 6, "dt": 0.02, "steps": 200},
         slow=(0.0, 0.4),
         size=(1240, 480),
