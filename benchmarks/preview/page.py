@@ -170,20 +170,21 @@ def ape_table(heights: Mapping[str, Mapping[int, np.ndarray]], truth: np.ndarray
 def film_of_apes(out: Path, apes: Mapping[str, Run], true: Run) -> None:
     """A column a kind, a row a level, and the truth in the last column."""
     steps = range(SHOTS["ape"].steps + 1)
-    one = next(iter(apes.values()))
-    camera = cameras_of_run(one, list(one.levels), list(steps), (), aspect=CELL[0] / CELL[1])[0]
+    every = round(DT / TRUE_DT)
+    highest = [step * every for step in steps]  # the truth comes highest: all fits into its picture
+    camera = cameras_of_run(true, [true.levels[-1]], highest, (), aspect=CELL[0] / CELL[1])[0]
     size = ((len(apes) + 1) * (CELL[0] + CELL_GAP), len(APE_SHOWN) * (HEADER + CELL[1] + CELL_GAP))
-    drawn = [(kind, run, 1) for kind, run in apes.items()] + [("truth", true, round(DT / TRUE_DT))]
+    drawn = [(kind, run, 1) for kind, run in apes.items()] + [("truth", true, every)]
     with FilmFile(out, FRAMES_PER_SECOND) as film:
         pictures = [Image.new("RGB", size, BACKGROUND) for _ in steps]
-        for column, (kind, run, every) in enumerate(drawn):
+        for column, (kind, run, stride) in enumerate(drawn):
             with Renderer(run, camera, CELL[0], (), 2) as renderer:
                 for step, picture in zip(steps, pictures, strict=True):
                     pen = ImageDraw.Draw(picture)
                     for row, index in enumerate(APE_SHOWN):
                         level = run.levels[-1] if run is true else run.levels[index]
                         x, y = column * (CELL[0] + CELL_GAP), row * (HEADER + CELL[1] + CELL_GAP)
-                        picture.paste(renderer.picture(level, step * every), (x, y + HEADER))
+                        picture.paste(renderer.picture(level, step * stride), (x, y + HEADER))
                         pen.text((x + 10, y + 14), kind, INK, font(15), anchor="lm")
                         small = f"{step * DT:.2f} s" if run is true else f"level {index}, {len(level.rest):,} vertices"
                         pen.text((x + 10, y + 31), small, FAINT_INK, font(13), anchor="lm")
