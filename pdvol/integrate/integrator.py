@@ -145,8 +145,8 @@ def past_of(
     positions : step -> (n, d) [m]
     velocity : (n, d) [m/s] at step 0
     anew : step -> whether the next step begins anew
-    joined : step -> how many steps were joined to one there. For a finer level and for velocities of friction all are
-        steps of dt, whose displacements add up
+    joined : step -> how many steps were joined to one there. For velocities of friction all are steps of dt, whose
+        displacements add up
     """
     needed, count = list[tuple[int, int]](), 0
     while step > 0 and count < 2 * integrator.states - 1:  # velocities of the states used are made of as many
@@ -158,3 +158,25 @@ def past_of(
     for number, steps in reversed(needed):
         past = advance(integrator, past, positions(number), dt, steps, anew(number))
     return past
+
+
+def leading_past(
+    integrator: Integrator,
+    positions: Callable[[int], np.ndarray],
+    velocity: np.ndarray,
+    step: int,
+    dt: float,
+    anew: Callable[[int], bool] = lambda step: False,
+) -> Past:
+    """The past by which a level leads the next finer one after a step; arguments as for `past_of`.
+
+    A step at rest repeats its positions to the last bit, and the step after it makes up for all the time since. That is
+    a jump, over which no integrator takes differences: it starts anew before and after. So the finer level makes the
+    jump once, in its next step.
+    """
+
+    def jumps(number: int) -> bool:
+        beside = (each for each in (number - 1, number, number + 1) if 0 < each <= step)
+        return anew(number) or any(np.array_equal(positions(each), positions(each - 1)) for each in beside)
+
+    return past_of(integrator, positions, velocity, step, dt, anew=jumps)

@@ -71,7 +71,9 @@ def progressive(
     past = start.past
     stepper.go_on_from(start.record, start.earlier)
     for number in range(start.step + 1, steps + 1):
-        report = stepper.step(number, past, led(past[0].positions, coarse(number - 1), prolongation))
+        by = led(past[0].positions, coarse(number - 1), prolongation)
+        past = past[: len(by)]  # velocities of friction start anew with the prediction
+        report = stepper.step(number, past, by)
         anew = stepper.model.begins_anew(number)
         past = advance(stepper.integrator, past, report.positions, stepper.model.dt, anew=anew)
         report.velocity = past[0].velocity

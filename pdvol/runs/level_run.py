@@ -8,7 +8,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from pdvol.errors import InputError, SimulationError
-from pdvol.integrate.integrator import Integrator, Past, past_of
+from pdvol.integrate.integrator import Integrator, Past, leading_past, past_of
 from pdvol.integrate.level_march import Coarse, first_start, is_led, level_march
 from pdvol.integrate.marches import Start
 from pdvol.levels.hierarchy import Hierarchy
@@ -102,10 +102,13 @@ def _coarse(model: LevelModel, integrator: Integrator, writer: LevelWriter) -> C
     """The pasts of the stored level below; the last two are kept, which the steps of a level ask for."""
     level = model.level - 1
 
+    @lru_cache(maxsize=8)  # one past looks at the states of six steps
+    def positions(step: int) -> np.ndarray:
+        return writer.read(level, "positions", step)
+
     @lru_cache(maxsize=2)
     def past(step: int) -> Past:
-        positions = partial(writer.read, level, "positions")
         velocity = writer.read(level, "velocities", 0)
-        return past_of(integrator, positions, velocity, step, model.dt, anew=model.begins_anew)
+        return leading_past(integrator, positions, velocity, step, model.dt, model.begins_anew)
 
     return past

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -9,8 +10,8 @@ from mpi4py import MPI
 from threadpoolctl import ThreadpoolController, threadpool_limits
 
 from pdvol.errors import InputError
-from pdvol.integrate.integrator import Integrator, Past, advance
-from pdvol.integrate.level_march import first_start, level_march
+from pdvol.integrate.integrator import Integrator, Past, leading_past
+from pdvol.integrate.level_march import Coarse, first_start, level_march
 from pdvol.levels.hierarchy import Hierarchy
 from pdvol.levels.model import LevelModel, hierarchy_model
 from pdvol.levels.obstacles import placed_obstacles
@@ -169,23 +170,23 @@ class March(Iterator[Step]):
             return next(self._steps)
 
     def _all_steps(self) -> Iterator[Step]:
-        below: list[Past] = []
+        coarse: Coarse = lambda step: ()  # level 0 has none
         for level in self._levels:
-            model, space, coarse = self.model(level), self.hierarchy[level], below.__getitem__
+            model, space = self.model(level), self.hierarchy[level]
             integrator = INTEGRATORS[model.integrator]() if self._integrator is None else self._integrator
             start = first_start(model, self.hierarchy, self._method, coarse)
             if self._integrator is not None:
                 _try_integrator(integrator, start.past, model.dt)
             terms = [_tried(make, start.past[0].positions) for make in self._terms]
             march = level_march(model, self.hierarchy, self._method, integrator, coarse, start, terms, forces=True)
-            pasts = [start.past]
+            states = [start.past[0].positions]
             for report in march:
                 for array in (report.positions, report.velocity, *report.forces.values()):
                     array.flags.writeable = False
-                anew = model.begins_anew(report.step)
-                pasts.append(advance(integrator, pasts[-1], report.positions, model.dt, anew=anew))
+                states.append(report.positions)
                 yield Step(model, space, report)
-            below = pasts
+            velocity, anew = start.past[0].velocity, model.begins_anew
+            coarse = partial(leading_past, integrator, states.__getitem__, velocity, dt=model.dt, anew=anew)
 
 
 def _tried(make: MakeTerm, start: np.ndarray) -> MakeTerm:

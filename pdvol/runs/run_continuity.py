@@ -5,7 +5,7 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 
 from pdvol.integrate.feedback import level_feedback
-from pdvol.integrate.integrator import Past, past_of
+from pdvol.integrate.integrator import Past
 from pdvol.integrate.marches import guide, led
 from pdvol.integrate.replay import Lateness, Replay
 from pdvol.levels.hierarchy import Hierarchy
@@ -13,7 +13,7 @@ from pdvol.levels.model import LevelModel, hierarchy_model
 from pdvol.levels.obstacles import Obstacle
 from pdvol.measure import metrics
 from pdvol.potentials.consistency import Consistency, Guide
-from pdvol.runs.stored_fields import stored_past
+from pdvol.runs.stored_fields import stored_lead, stored_past
 from pdvol.scene import Scene
 from pdvol.stages import say
 from pdvol.store.reader import Run, RunLevel
@@ -92,7 +92,7 @@ def continuity_of_level(
             values.append(float("nan"))
             errors.append(float("nan"))
             continue
-        past, after = stored_past(level, method, integrator, number - 1, model), level.positions(number)
+        past, after = stored_past(run, integrator, number - 1, model), level.positions(number)
         own, weight = integrator.predict(past, run.dt), integrator.weight(past, run.dt)
         pull, guided = (weight * each for each in forces.pull(number, past, after, memories.get(number - 1), late))
         errors.append((run.dt**2 / weight) ** 2 * metrics.continuity_error(own, after, pull, masses))
@@ -101,8 +101,7 @@ def continuity_of_level(
             continue
         predicted, now = own, past[0].positions
         if taken == "coarse":
-            velocity, anew = below.velocities(0), model.begins_anew
-            coarse = past_of(integrator, below.positions, velocity, number - 1, run.dt, anew=anew)
+            coarse = stored_lead(run, integrator, number - 1, model)
             predicted = integrator.predict(led(now, coarse, prolongation), run.dt)
         pushes = (each.push(number - 1, now) for each in feedback)
         values.append(metrics.continuity(own, sum(pushes, start=predicted), after, pull, masses, guided))

@@ -6,7 +6,7 @@ import numpy as np
 from mpi4py import MPI
 
 from pdvol.errors import InputError
-from pdvol.integrate.integrator import Integrator, Past, past_of
+from pdvol.integrate.integrator import Integrator, Past, leading_past, past_of
 from pdvol.integrate.level_march import is_led
 from pdvol.integrate.replay import Replay
 from pdvol.levels.hierarchy import Hierarchy
@@ -20,7 +20,7 @@ from pdvol.runs.scene_file import DEFAULTS, stored_shot
 from pdvol.scene import Scene
 from pdvol.scene.fingerprint import differences
 from pdvol.store.folder import require_scene
-from pdvol.store.reader import Run, RunLevel
+from pdvol.store.reader import Run
 from pdvol.store.series import StepFields, described_densities
 
 
@@ -32,7 +32,7 @@ class SceneFields:
     """
 
     def __init__(self, scene: Scene, run: Run, level: int, obstacles: Sequence[Obstacle]):
-        self.level, self._method, diagonal = run.levels[level], run.info.get("method", ""), run.info["diagonal"]
+        self.level, self._run, diagonal = run.levels[level], run, run.info["diagonal"]
         alone = all(body.uniform for body in scene.bodies) and not (scene.attachments or scene.muscles)
         if level == 0 or alone:
             space = LevelSpace(self.level.mesh, MPI.COMM_SELF)
@@ -47,7 +47,7 @@ class SceneFields:
     def contact_force(self, step: int) -> np.ndarray:
         """(n, d) [N] at the end of a step; at the start, step 0, nothing slides."""
         step, joined = self._solved(step)
-        past = stored_past(self.level, self._method, self._replay.integrator, max(step - joined, 0), self._model)
+        past = stored_past(self._run, self._replay.integrator, max(step - joined, 0), self._model)
         late = lambda step: (self.level.behind(step), self.level.late(step))
         x = self._replay.put(step, past, self.level.positions(step), joined, late=late)
         return self._replay.space.to_input(self._replay.force(x, self._replay.contacts))
@@ -78,11 +78,19 @@ class SceneFields:
             )
 
 
-def stored_past(level: RunLevel, method: str, integrator: Integrator, step: int, model: LevelModel) -> Past:
-    """The past at the end of a step of a level that a run by a method has stored."""
+def stored_past(run: Run, integrator: Integrator, step: int, model: LevelModel) -> Past:
+    """The past at the end of a stored step of the model's level, as long as that step's successor used it."""
+    level, method = run.levels[model.level], run.info.get("method", "")
     joined = {} if is_led(method, level.index) else {record["step"]: record.get("joined", 1) for record in level.log}
     all_of = lambda number: joined.get(number, 1)
-    return past_of(integrator, level.positions, level.velocities(0), step, model.dt, all_of, model.begins_anew)
+    past = past_of(integrator, level.positions, level.velocities(0), step, model.dt, all_of, model.begins_anew)
+    return past[: len(stored_lead(run, integrator, step, model))] if method == "progressive" and level.index else past
+
+
+def stored_lead(run: Run, integrator: Integrator, step: int, model: LevelModel) -> Past:
+    """The past by which the level below led the model's level after a stored step."""
+    below = run.levels[model.level - 1]
+    return leading_past(integrator, below.positions, below.velocities(0), step, model.dt, model.begins_anew)
 
 
 def stored_scene(run: Run) -> tuple[Scene, tuple[Obstacle, ...]]:

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from on_ranks import results_on
-from pdvol.integrate.integrator import past_of
+from pdvol.integrate.bdf2 import BDF2
+from pdvol.integrate.integrator import ImplicitEuler, leading_past, past_of
 from pdvol.integrate.marches import Start, direct
 from pdvol.registry import INTEGRATORS
 from pdvol.scene import (
@@ -193,3 +194,21 @@ def test_one_rank_and_two_rest_alike():
     one, two = results_on((1, 2), settle)
     assert one["joined"].min() == 0 and two["joined"].min() == 0
     np.testing.assert_allclose(two["positions"], one["positions"], rtol=0.0, atol=TOLERANCE * DT)
+
+
+@pytest.mark.parametrize("integrator", [ImplicitEuler(), BDF2()])
+def test_a_finer_level_makes_the_jump_after_a_rest_once(integrator):
+    """A level at rest makes up for all the time since in one step. Differences over it would lead the finer level by
+    5/3, -7/9 and 1/9 of the way.
+    """
+    places = np.cumsum([0.0, 0.3, 0.2, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.2, 0.3, 0.3, 0.2])[:, None, None] * np.ones(
+        (1, 2, 3)
+    )
+    velocity = np.zeros((2, 3))
+
+    def way(step, past=leading_past):
+        x = past(integrator, places.__getitem__, velocity, step, DT)
+        return (integrator.predict(x, DT) - places[step])[0, 0]
+
+    assert [way(step) for step in (4, 5, 6, 7, 8)] == pytest.approx([0.0, 1.0, 0.0, 0.0, 0.0], abs=1e-12)
+    assert [way(step) for step in (1, 2, 12)] == pytest.approx([way(step, past_of) for step in (1, 2, 12)])
