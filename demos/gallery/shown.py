@@ -188,8 +188,7 @@ letter, 4 to 18 mm below the face. On level 0 they are 20, none of them that dee
         "jelly_bowl",
         "Jelly animals in a glass bowl",
         """A bear, a bunny and a frog are thrown at 6 m/s into a bowl. Level 0 decides who lands on whom; the finest
-level adds faces, paws and the ripples of the impact.
-This page is of implicit Euler, linear elements and no feedback, the former defaults.""",
+level adds faces, paws and the ripples of the impact.""",
         small={"vertices": (150, 400), "dt": 0.01, "steps": 40},
         slow=(0.1, 0.5),
         size=(1260, 440),
@@ -302,8 +301,7 @@ cells, the outer side of a turn has patches in the colour of the turn around it.
         "bodies_at_rest",
         "Sixty toys on a shelf",
         """Sixty toys land on the boards of a shelf, rock for a while, and lie still for ten seconds. Friction is
-smoothed, so what it holds creeps; the page says how fast.
-This page is of implicit Euler, linear elements and no feedback, the former defaults.""",
+smoothed, so what it holds creeps; the page says how fast.""",
         small={"count": 6, "dt": 0.02, "steps": 200},
         slow=(0.0, 0.4),
         size=(1240, 480),
