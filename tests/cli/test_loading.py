@@ -72,3 +72,8 @@ def test_python_m_pdvol_is_the_command(tmp_path):
     )
     assert (ended.returncode, ended.stdout) == (2, "")
     assert ended.stderr == "pdvol: there is no scene file gone.py\n"
+
+
+def test_all_public_names_load_no_renderer():
+    program = 'import sys; from pdvol import *; assert "pyvista.plotting" not in sys.modules'
+    subprocess.run([sys.executable, "-c", program], check=True, timeout=100)

@@ -2,10 +2,10 @@
 
 from collections.abc import Sequence
 from contextlib import ExitStack
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
+import lazy_loader
 import numpy as np
-import pyvista as pv
 from PIL import Image, ImageDraw
 
 from pdvol.store.obstacles import DrawnObstacle
@@ -17,6 +17,11 @@ from pdvol.studio.draw.contact_shadows import shadow_map
 from pdvol.studio.draw.cut import Cut
 from pdvol.studio.draw.layout import BACKGROUND, FAINT_INK, font
 from pdvol.studio.shown import GROUND, OBSTACLE, PALETTE, SMOOTH_FROM, closed_loops
+
+if TYPE_CHECKING:
+    import pyvista as pv
+else:
+    pv = lazy_loader.load("pyvista")  # takes two seconds, and `from pdvol import *` draws nothing
 
 _MATERIAL = {"ambient": 0.42, "diffuse": 0.8, "specular": 0.14, "specular_power": 18}  # of bodies and obstacles in 3D
 
@@ -162,7 +167,13 @@ class Renderer:
         return points[mine]
 
     def _add_surface(
-        self, points: np.ndarray, facets: np.ndarray, colour: pv.Color, smooth: bool, edges: float, opacity: float = 1.0
+        self,
+        points: np.ndarray,
+        facets: np.ndarray,
+        colour: "pv.Color",
+        smooth: bool,
+        edges: float,
+        opacity: float = 1.0,
     ) -> None:
         if len(facets) == 0:
             return
@@ -176,7 +187,7 @@ class Renderer:
             style["line_width"] = self._width(0.5)
         self._plotter.add_mesh(surface, color=colour, opacity=opacity, **style, reset_camera=False, render=False)
 
-    def _add_render_mesh(self, mesh: StoredRender, texture: pv.Texture | None, points: np.ndarray) -> None:
+    def _add_render_mesh(self, mesh: StoredRender, texture: "pv.Texture | None", points: np.ndarray) -> None:
         colour = None if texture else pv.Color(PALETTE[mesh.body % len(PALETTE)])
         self._plotter.add_mesh(
             _drawn_mesh(mesh, points),
@@ -231,11 +242,11 @@ class Renderer:
                     self._fill(np.asarray(polygon.points), polygon.regular_faces, pv.Color(OBSTACLE), -0.1)
                 self._lines(vertices, edges, _darker(pv.Color(OBSTACLE), 0.55), 2.5)
 
-    def _fill(self, points: np.ndarray, triangles: np.ndarray, colour: pv.Color, depth: float, **edges: Any) -> None:
+    def _fill(self, points: np.ndarray, triangles: np.ndarray, colour: "pv.Color", depth: float, **edges: Any) -> None:
         surface = pv.PolyData.from_regular_faces(points + [0, 0, depth * self._view.size], triangles)
         self._plotter.add_mesh(surface, color=colour, lighting=False, reset_camera=False, render=False, **edges)
 
-    def _lines(self, points: np.ndarray, segments: np.ndarray, colour: pv.Color, width: float) -> None:
+    def _lines(self, points: np.ndarray, segments: np.ndarray, colour: "pv.Color", width: float) -> None:
         raised = points + [0, 0, 0.05 * self._view.size]
         lines = pv.PolyData(raised, lines=np.insert(segments, 0, 2, axis=1).ravel())
         self._plotter.add_mesh(
@@ -253,7 +264,7 @@ class Renderer:
         self._lines(corners[:2], np.array([[0, 1]]), _darker(pv.Color(GROUND), 0.7), 2.0)
 
 
-def _darker(colour: pv.Color, factor: float) -> pv.Color:
+def _darker(colour: "pv.Color", factor: float) -> "pv.Color":
     return pv.Color([factor * c for c in colour.float_rgb])
 
 
@@ -268,7 +279,7 @@ def _ground(lit: np.ndarray) -> np.ndarray:
     return np.round(255 * colour * tint).astype(np.uint8)
 
 
-def _drawn_mesh(mesh: StoredRender, points: np.ndarray) -> pv.PolyData:
+def _drawn_mesh(mesh: StoredRender, points: np.ndarray) -> "pv.PolyData":
     """A render mesh: its triangles with vertices at `points` (n, 3) [m], each corner for itself. Normals are smooth
     across seams, places in the texture are not.
     """
@@ -283,7 +294,7 @@ def _drawn_mesh(mesh: StoredRender, points: np.ndarray) -> pv.PolyData:
     return split
 
 
-def _texture_of(mesh: StoredRender) -> pv.Texture | None:
+def _texture_of(mesh: StoredRender) -> "pv.Texture | None":
     """The picture of a render mesh; None where it has none."""
     if mesh.texture is None:
         return None
