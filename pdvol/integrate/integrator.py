@@ -4,7 +4,7 @@ One step minimises 1/2 |x - x_hat|^2_M + weight (Psi + B + D - f.x). An integrat
 last states.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -160,6 +160,39 @@ def past_of(
     return past
 
 
+def leading_pasts(
+    integrator: Integrator,
+    states: Iterable[np.ndarray],
+    velocity: np.ndarray,
+    dt: float,
+    anew: Callable[[int], bool] = lambda step: False,
+    first: int = 0,
+) -> Iterator[Past]:
+    """The pasts by which a level leads the next finer one, at the ends of its steps.
+
+    A step at rest repeats its positions to the last bit, and the step after it makes up for all the time since. That is
+    a jump, over which no integrator takes differences: it starts anew before and after. So the finer level makes the
+    jump once, in its next step. Where the scene itself begins anew, the step after a rest is no jump but a beginning.
+
+    Parameters
+    ----------
+    states : (n, d) [m] each, at the ends of steps `first`, `first` + 1, ...
+    velocity : (n, d) [m/s] at the first one
+    anew : step -> whether the next step begins anew
+    """
+    past: Past = ()
+    rested = False
+    for step, positions in enumerate(states, first):
+        if past:
+            rests = np.array_equal(positions, past[0].positions)
+            jumps = rests or (rested and not anew(step - 1))
+            past = advance(integrator, past[:1] if rests else past, positions, dt, anew=jumps or anew(step))
+            rested = rests
+        else:
+            past = (State(positions, velocity),)
+        yield past
+
+
 def leading_past(
     integrator: Integrator,
     positions: Callable[[int], np.ndarray],
@@ -168,15 +201,7 @@ def leading_past(
     dt: float,
     anew: Callable[[int], bool] = lambda step: False,
 ) -> Past:
-    """The past by which a level leads the next finer one after a step; arguments as for `past_of`.
-
-    A step at rest repeats its positions to the last bit, and the step after it makes up for all the time since. That is
-    a jump, over which no integrator takes differences: it starts anew before and after. So the finer level makes the
-    jump once, in its next step.
-    """
-
-    def jumps(number: int) -> bool:
-        beside = (each for each in (number - 1, number, number + 1) if 0 < each <= step)
-        return anew(number) or any(np.array_equal(positions(each), positions(each - 1)) for each in beside)
-
-    return past_of(integrator, positions, velocity, step, dt, anew=jumps)
+    """The last of `leading_pasts` after a stored step; arguments as for `past_of`."""
+    first = max(0, step - 2 * integrator.states)  # what the states used are made of, and whether that began at a rest
+    *_, past = leading_pasts(integrator, map(positions, range(first, step + 1)), velocity, dt, anew, first)
+    return past

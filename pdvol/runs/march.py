@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -10,8 +9,8 @@ from mpi4py import MPI
 from threadpoolctl import ThreadpoolController, threadpool_limits
 
 from pdvol.errors import InputError
-from pdvol.integrate.integrator import Integrator, Past, leading_past
-from pdvol.integrate.level_march import Coarse, first_start, level_march
+from pdvol.integrate.integrator import Integrator, Past, leading_pasts
+from pdvol.integrate.level_march import first_start, level_march
 from pdvol.levels.hierarchy import Hierarchy
 from pdvol.levels.model import LevelModel, hierarchy_model
 from pdvol.levels.obstacles import placed_obstacles
@@ -170,9 +169,9 @@ class March(Iterator[Step]):
             return next(self._steps)
 
     def _all_steps(self) -> Iterator[Step]:
-        coarse: Coarse = lambda step: ()  # level 0 has none
+        below: list[Past] = []
         for level in self._levels:
-            model, space = self.model(level), self.hierarchy[level]
+            model, space, coarse = self.model(level), self.hierarchy[level], below.__getitem__
             integrator = INTEGRATORS[model.integrator]() if self._integrator is None else self._integrator
             start = first_start(model, self.hierarchy, self._method, coarse)
             if self._integrator is not None:
@@ -185,8 +184,7 @@ class March(Iterator[Step]):
                     array.flags.writeable = False
                 states.append(report.positions)
                 yield Step(model, space, report)
-            velocity, anew = start.past[0].velocity, model.begins_anew
-            coarse = partial(leading_past, integrator, states.__getitem__, velocity, dt=model.dt, anew=anew)
+            below = list(leading_pasts(integrator, states, start.past[0].velocity, model.dt, model.begins_anew))
 
 
 def _tried(make: MakeTerm, start: np.ndarray) -> MakeTerm:

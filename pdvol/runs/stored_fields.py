@@ -84,7 +84,9 @@ def stored_past(run: Run, integrator: Integrator, step: int, model: LevelModel) 
     joined = {} if is_led(method, level.index) else {record["step"]: record.get("joined", 1) for record in level.log}
     all_of = lambda number: joined.get(number, 1)
     past = past_of(integrator, level.positions, level.velocities(0), step, model.dt, all_of, model.begins_anew)
-    return past[: len(stored_lead(run, integrator, step, model))] if method == "progressive" and level.index else past
+    if len(past) == 1 or method != "progressive" or level.index == 0:
+        return past  # at step 0, the level below may have stored nothing yet
+    return past[: len(stored_lead(run, integrator, step, model))]
 
 
 def stored_lead(run: Run, integrator: Integrator, step: int, model: LevelModel) -> Past:
