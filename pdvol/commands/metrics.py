@@ -21,6 +21,8 @@ def main(options: Namespace) -> None:
     with stage("drawing metrics.png"):
         plot_metrics(options.run / "metrics.png", [result, *([result["against"]] if "against" in result else [])])
     print("\n".join([*_result_lines(result), f"{options.run}: metrics.json and metrics.png"]))
+    if "animation" in result["levels"][-1]:
+        print(result["levels"][-1]["animation"])
 
 
 def _result_lines(result: dict) -> list[str]:
@@ -54,6 +56,11 @@ def _result_lines(result: dict) -> list[str]:
 def _means(entry: dict) -> str:
     s = {key: value for key, value in entry["summary"].items() if value}
     parts = [f"{entry['steps']} steps"]
+    if "consistency" in s:
+        parts.append(
+            f"distance from the level below {s['distance']['mean']:.3g} m (most {s['distance']['largest']:.3g})"
+        )
+        parts += [_drift(s, "", "the level below")] + [_drift(s, "_from_0", "level 0")] * (entry["level"] > 1)
     if "continuity" in s:
         parts.append(
             f"continuity {s['continuity']['mean']:.4g} (median {s['continuity']['median']:.4g}, most"
@@ -65,10 +72,6 @@ def _means(entry: dict) -> str:
         )
     if "consistency" in s:
         parts.append(f"consistency {s['consistency']['mean']:.3g} kg m^2 (most {s['consistency']['largest']:.3g})")
-        parts.append(
-            f"distance from the level below {s['distance']['mean']:.3g} m (most {s['distance']['largest']:.3g})"
-        )
-        parts += [_drift(s, "", "the level below")] + [_drift(s, "_from_0", "level 0")] * (entry["level"] > 1)
         parts.append(f"rank of P {entry['projection']['rank']} of {entry['projection']['columns']}")
     if "jitter" in s:
         parts.append(f"jitter {s['jitter']['mean']:.3g} J (most {s['jitter']['largest']:.3g})")

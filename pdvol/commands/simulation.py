@@ -23,11 +23,12 @@ def progress_report() -> "Watch | None":
 
 
 def report_run(out: Path, drawn: bool = True, exported: bool = True) -> None:
-    """Draw `picture.png` of a finished run if `drawn`, and print where its files are and what contact held back, on one
-    rank. `exported` says that level_N.xdmf is among them.
+    """Draw `picture.png` of a finished run if `drawn`, and print where its files are, what contact held back, and
+    whether the finest level is the animation of level 0, on one rank. `exported` says that level_N.xdmf is there.
     """
     if this_rank() != 0:
         return
+    from pdvol.runs.run_metrics import last_animation
     from pdvol.runs.run_summary import held_back_lines, solver_lines
     from pdvol.store.reader import open_run
 
@@ -41,3 +42,6 @@ def report_run(out: Path, drawn: bool = True, exported: bool = True) -> None:
         print(line, file=sys.stderr)
     files = ["states", "log.jsonl", *(["level_N.xdmf"] if exported else []), *(["picture.png"] if drawn else [])]
     print(f"{out}: {', '.join(files[:-1])} and {files[-1]}", file=sys.stderr)
+    animation = last_animation(run)
+    if animation is not None:
+        print(animation, file=sys.stderr)

@@ -100,6 +100,12 @@ class LevelMesh:
         )
 
 
+def body_sizes(mesh: LevelMesh) -> np.ndarray:
+    """(bodies,) [m]: the diagonal of the box around each body at rest."""
+    bodies = mesh.point_bodies
+    return np.array([np.linalg.norm(np.ptp(mesh.points[bodies == i], axis=0)) for i in range(int(bodies.max()) + 1)])
+
+
 def lumped_masses(mesh: LevelMesh, densities: Sequence[float] | np.ndarray) -> np.ndarray:
     """(n,) [kg]: each vertex's part of its cells' masses; one density [kg/m^d] per cell."""
     parts = mesh.volumes * np.asarray(densities, dtype=float) / (mesh.dim + 1)

@@ -21,6 +21,8 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.linalg import splu
 
+OTHER_PLACE = 0.25  # of the body's size: a body that ends further away lies in another place
+OTHER_FACE = 30.0  # degrees: a body that is turned further about its own axes lies on another face
 RANK_TOLERANCE = 1e-5  # of P's norm: smaller singular values count as zero
 
 
@@ -65,6 +67,13 @@ def continuity(
 def distance(fine: np.ndarray, prolonged: np.ndarray, masses: np.ndarray) -> float:
     """Root mean square distance [m] of two configurations (n, d) of one level."""
     return float(np.sqrt(squared_norm(fine - prolonged, masses) / masses.sum()))
+
+
+def elsewhere(centres: np.ndarray, angles: np.ndarray, sizes: np.ndarray) -> np.ndarray:
+    """(b,) bool: which bodies lie in another place or on another face than where `drift` was measured from; distances
+    of their centres [m], angles [degrees] and sizes [m] are (b,).
+    """
+    return (centres > OTHER_PLACE * sizes) | (angles > OTHER_FACE)
 
 
 def jitter(before: np.ndarray, now: np.ndarray, after: np.ndarray, dt: float, masses: np.ndarray) -> float:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from pdvol.errors import InputError
-from pdvol.geometry.level_mesh import lumped_masses
+from pdvol.geometry.level_mesh import body_sizes, lumped_masses
 from pdvol.geometry.rigid_motions import drift, mass_centres, rigid_motions
 from pdvol.levels.hierarchy import Hierarchy
 from pdvol.levels.obstacles import Obstacle
@@ -32,7 +32,8 @@ def measure_run(path: str | Path) -> dict:
         `level`, `steps`, `mass` [kg], lists over steps 1, 2, ... (`continuity`, `continuity_error`, `jitter`) and, from
         level 1 on, over states 0, 1, ... of both levels (`consistency`, `distance`, and the largest drift of a body:
         `centre_drift` [m] and `angle_drift` [degrees] from the level below, the same with `_from_0` from level 0), the
-        `projection`'s `rank` and `columns`, the drift of each of the `bodies`, and `summary`: mean, median, largest and
+        `projection`'s `rank` and `columns`, the drift of each of the `bodies`, `animation`, which says in a line
+        whether the level ends as level 0, and `summary`: mean, median, largest and
         last value of each list. Steps that were cut, that were joined at rest, or whose scripted motion contact
         stopped, have no x_hat of their own: their continuity is NaN. The continuity of embedded levels, which have no
         x_hat, is NaN as well. In states with intersections or inverted cells the forces are meaningless: continuity and
@@ -115,7 +116,8 @@ def motion_from_level_0(run: Run) -> list[dict[str, Any]]:
     list of dict
         `level`, `vertices`; and above level 0 `distance` [m] at the end and `largest_distance` over all states (root
         mean square over the mass), and at the end the largest `centre_drift` [m] and `angle_drift` [degrees] of a
-        body, which `body` has drifted furthest, and `centre_drifts` [m] by the names of bodies.
+        body, which `body` has drifted furthest, and `centre_drifts` [m] by the names of bodies; `animation` says it in
+        a line.
     """
     done = [level for level in run.levels if level.info["state"] == "done" and level.steps]
     hierarchy, densities = stored_hierarchy(run), stored_densities(run)
@@ -132,8 +134,30 @@ def motion_from_level_0(run: Run) -> list[dict[str, Any]]:
             entry |= {"centre_drift": float(centres.max()), "angle_drift": float(angles.max())}
             entry["body"] = run.info["bodies"][int(centres.argmax())]
             entry["centre_drifts"] = dict(zip(run.info["bodies"], centres.tolist(), strict=True))
+            entry["animation"] = animation_line(level, run.info["bodies"], centres, angles)
         found.append(entry)
     return found
+
+
+def last_animation(run: Run) -> str | None:
+    """The `animation_line` of the finest level of a run; None unless it and level 0 are finished."""
+    level = run.levels[-1]
+    if not level.index or run.info["state"] != "done":
+        return None
+    masses = lumped_masses(level.mesh, stored_densities(run)[level.index])
+    drifts = _drift_of_bodies(run, level, stored_hierarchy(run), masses, 0, level.steps - 1)
+    return animation_line(level, run.info["bodies"], *drifts)
+
+
+def animation_line(level: RunLevel, names: Sequence[str], centres: np.ndarray, angles: np.ndarray) -> str:
+    """Whether a level ends as level 0, in a line; from there centres (b,) [m] and angles (b,) [degrees] of the bodies
+    `names`. It takes the same limits as a study.
+    """
+    sizes = body_sizes(level.mesh)
+    other = [repr(names[i]) for i in np.flatnonzero(metrics.elsewhere(centres, angles, sizes))]
+    apart = f"{100 * (centres / sizes).max():.1f} % of the size, {angles.max():.1f} degrees from level 0"
+    ends = f"another animation ({', '.join(other)})" if other else "same animation"
+    return f"level {level.index}: {apart}: {ends}"
 
 
 def distances_from_below(run: Run) -> dict[int, list[float]]:
@@ -229,7 +253,8 @@ def _drift(run: Run, level: RunLevel, hierarchy: Hierarchy, masses: np.ndarray) 
             found[name + suffix] = values.max(axis=1).tolist()
             for body, its in zip(bodies, values.T, strict=True):
                 body[name + suffix] = its.tolist()
-    return {**found, "bodies": bodies}
+    ends = (np.array([body[f"{name}_from_0"][-1] for body in bodies]) for name in ("centre_drift", "angle_drift"))
+    return {**found, "bodies": bodies, "animation": animation_line(level, run.info["bodies"], *ends)}
 
 
 def _drift_of_bodies(

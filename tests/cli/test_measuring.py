@@ -15,7 +15,7 @@ from pdvol.geometry.level_mesh import lumped_masses
 from pdvol.levels.hierarchy import Hierarchy
 from pdvol.levels.space import LevelSpace
 from pdvol.potentials.loads import assemble_mass
-from pdvol.runs.run_metrics import motion_from_level_0
+from pdvol.runs.run_metrics import animation_line, last_animation, motion_from_level_0
 from pdvol.store.writer import RunWriter
 from shapes import box
 
@@ -65,6 +65,21 @@ def test_continuity_of_a_direct_run_is_a_quarter(folder):
         np.testing.assert_allclose(np.array(level["continuity"])[in_contact], 0.25, rtol=1e-5)
         # Falling freely from its initial velocity: half the mass times (g dt)^2.
         assert level["jitter"][0] == pytest.approx(0.5 * 1000.0 * (9.81 * 0.02) ** 2, rel=1e-6)
+
+
+def test_metrics_end_with_whether_it_is_the_same_animation(folder, capsys):
+    entry = measured(folder / "progressive")["levels"][1]
+    line = capsys.readouterr().out.splitlines()[-1]
+    assert line == last_animation(open_run(folder / "progressive")) == entry["animation"]
+    apart, turned = entry["centre_drift_from_0"][-1] / np.sqrt(2.0), entry["angle_drift_from_0"][-1]  # of a unit square
+    assert line == f"level 1: {100 * apart:.1f} % of the size, {turned:.1f} degrees from level 0: same animation"
+
+
+@pytest.mark.parametrize(("centre", "angle", "same"), [(0.3, 0.0, True), (0.4, 0.0, False), (0.0, 40.0, False)])
+def test_a_body_in_another_place_or_on_another_face_is_another_animation(centre, angle, same, folder):
+    level = open_run(folder / "progressive").levels[1]
+    line = animation_line(level, ["square"], np.array([centre]), np.array([angle]))
+    assert line.endswith("same animation" if same else "another animation ('square')")
 
 
 def test_continuity_with_motions_of_supports_and_obstacles(tmp_path):

@@ -7,17 +7,15 @@ import numpy as np
 from mpi4py import MPI
 
 from pdvol.errors import InputError
-from pdvol.geometry.level_mesh import lumped_masses
+from pdvol.geometry.level_mesh import body_sizes, lumped_masses
 from pdvol.geometry.rigid_motions import drift, rigid_motions
 from pdvol.levels.hierarchy import Hierarchy
-from pdvol.measure.metrics import distance
+from pdvol.measure.metrics import distance, elsewhere
 from pdvol.runs.stored_fields import stored_densities
 from pdvol.store.reader import Run, RunLevel
 
 MOST_TIMES = 100  # states that are compared: more do not change a mean over time visibly
 COMMON_TIME = 1e-6  # fraction of a step: times that are nearer are one time
-OTHER_PLACE = 0.25  # of the body's size: a body that ends further away lies in another place
-OTHER_FACE = 30.0  # degrees: a body that is turned further about its own axes lies on another face
 
 
 class ReferenceStates:
@@ -34,7 +32,7 @@ class ReferenceStates:
         self._hierarchy = Hierarchy(meshes, MPI.COMM_SELF, run.info.get("prolongation", "barycentric"))
         self.run, self.level = run, run.levels[level]
         self.masses = lumped_masses(self.level.mesh, stored_densities(run)[level])
-        self.sizes = _sizes(self.level)
+        self.sizes = body_sizes(self.level.mesh)
         self._volume = self._states_volume(self.level)
 
     @property
@@ -108,10 +106,7 @@ class ReferenceStates:
         gaps = [record["min_gap"] for record in mine.log if record.get("min_gap") is not None]
         found["min_gap"] = min(gaps, default=None)
         found["drift"] = self._drift(run, level, float(times[-1])) if level and run.levels[0].steps else None
-        found["story"] = all(
-            body["centre"] <= OTHER_PLACE * size and body["angle"] <= OTHER_FACE
-            for body, size in zip(found["bodies"], self.sizes, strict=True)
-        )
+        found["story"] = not elsewhere(moved[-1], turned[-1], self.sizes).any()
         return found
 
     def _drift(self, run: Run, level: int, time: float) -> float:
@@ -146,12 +141,6 @@ class ReferenceStates:
         """[m^d] of a level's last state."""
         mesh = level.mesh
         return float(type(mesh)(level.positions(level.steps - 1), mesh.cells, mesh.bodies, mesh.regions).volumes.sum())
-
-
-def _sizes(level: RunLevel) -> np.ndarray:
-    """(bodies,) [m]: the diagonal of the box around each body at rest."""
-    bodies = level.mesh.point_bodies
-    return np.array([np.linalg.norm(np.ptp(level.rest[bodies == i], axis=0)) for i in range(int(bodies.max()) + 1)])
 
 
 def _first_contact(level: RunLevel) -> float | None:
