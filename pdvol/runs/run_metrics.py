@@ -142,7 +142,7 @@ def motion_from_level_0(run: Run) -> list[dict[str, Any]]:
 def last_animation(run: Run) -> str | None:
     """The `animation_line` of the finest level of a run; None unless it and level 0 are finished."""
     level = run.levels[-1]
-    if not level.index or run.info["state"] != "done":
+    if not level.index or run.info["state"] != "done" or run.levels[0].steps < level.steps:
         return None
     masses = lumped_masses(level.mesh, stored_densities(run)[level.index])
     drifts = _drift_of_bodies(run, level, stored_hierarchy(run), masses, 0, level.steps - 1)
