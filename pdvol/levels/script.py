@@ -23,7 +23,7 @@ from pdvol.levels.obstacles import ON_TIME, Obstacle, Place
 Mover = Obstacle | HeldPoints
 """What a motion moves."""
 
-UNMOVED = 1e-12  # relative difference of places that are the same, after a pose and its inverse have been applied
+UNMOVED = 1e-12  # relative difference of places that are the same: round-off of a pose and its inverse
 
 
 class Script:

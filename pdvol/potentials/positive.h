@@ -5,7 +5,7 @@
 #include <string.h>
 
 enum { MAX_H = 9, MAX_ROUNDS = 30 }; /* rows; of QL for an eigenvalue: most take two */
-#define EPSILON 1e-16                 /* share of the diagonal that is round-off */
+#define EPSILON 1e-16                 /* share of the diagonal that counts as zero: round-off */
 
 /* Called with a size that is a constant, so that the loops over it unroll: two to three times faster. */
 #define INLINE static inline __attribute__((always_inline))

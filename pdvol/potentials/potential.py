@@ -18,8 +18,8 @@ from pdvol.potentials.assembly.hessian_blocks import HessianBlocks
 # again
 MIN_GAP_SHARE = 0.1
 
-# the same share under scripted motions, which may press from several sides. With less, gaps shrink step after step, and
-# bodies that slide past a gap of 1e-6 dhat take hundreds of steps, each ended by it.
+# the same share under scripted motions, which may press from several sides: with less, gaps shrink step after step, and
+# bodies that slide past a gap of 1e-6 dhat take hundreds of steps, each ended by it
 SCRIPTED_GAP_SHARE = 0.5
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from pdvol.errors import InputError
 
 FAR_OUTSIDE = 0.1  # of a body's diagonal: a place further outside its box is a typing error
-HUGE = sys.float_info.max  # whole numbers can be larger
+HUGE = sys.float_info.max  # largest finite number: whole numbers can be larger
 
 
 def require(condition: bool | np.bool_, message: str) -> None:

@@ -32,9 +32,9 @@ Sum = Callable[[np.ndarray], np.ndarray]
 
 TRUSTED = 0.5  # fraction of the promised decrease: a model that delivers less overshoots
 TOO_STIFF = 1.25  # times the promised decrease: a model that delivers more is too stiff
-PAUSE = 8  # iterations without an unprojected Hessian after an indefinite one, so that few are tried
+PAUSE = 8  # iterations without an unprojected Hessian after an indefinite one: few are tried in vain
 
-SAME_DIRECTION = 0.95  # cosine between consecutive steps from which on the second repeats the first
+SAME_DIRECTION = 0.95  # cosine between consecutive steps: from it on the second repeats the first
 SOFT = 0.5  # of the model's stiffness in that direction: a softer potential gets a longer step
 MAX_LENGTHENING = 20.0  # factor: the secant is unbounded where the stiffness vanishes
 
@@ -43,7 +43,7 @@ CANCELLATION = 2e-15
 
 # Near the minimum the last matrix is nearly as good as a new one.
 SHORT = 5.0  # times the tolerance: shorter steps take the last matrix
-CONTRACTING = 0.5  # ratio of consecutive step lengths up to which they approach the minimum
+CONTRACTING = 0.5  # ratio of consecutive step lengths: up to it they approach the minimum
 FAR_BELOW = 0.25  # of the tolerance: a shorter step needs no promise by an older matrix, or where steps creep
 
 

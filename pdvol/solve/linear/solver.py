@@ -36,7 +36,7 @@ MAX_ITERATIONS = 500
 # (INFOG(1) = -9) where pivoting on several ranks needs more
 MUMPS_WORKSPACES = (100, 400, 1600)
 # size of a block, over the mean of those on the diagonal beside it, below which the incomplete factor of smoothed
-# elements leaves it out. They have 2.5 times the blocks of linear ones, and a factor takes 10 times as long; without
+# elements leaves it out: they have 2.5 times the blocks of linear ones, and a factor takes 10 times as long; without
 # weak blocks half of them are left, a factor takes a fifth of the time, and a solve 7 iterations instead of 6.
 WEAK = 0.03
 _serial = count()

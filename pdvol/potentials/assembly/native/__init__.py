@@ -13,8 +13,8 @@ __all__ = ["FLAGS", "cache_folder", "ffi", "library", "pointer"]
 MAX_PARAMETERS = 64
 # the same for isotropic densities, whose kernels run for eight cells at a time; those with more take the general path
 MAX_ISOTROPIC_PARAMETERS = 16
-# slots of blocks that are fetched into the cache before they are added to; so many spare ones are behind the last one.
-# With none a Hessian of smoothed elements takes 1.4 times as long, with 64 to 200 the same.
+# slots by which blocks are fetched into the cache before they are added to, and spare ones behind the last: with none a
+# Hessian of smoothed elements takes 1.4 times as long, with 64 to 200 the same
 AHEAD = 96
 
 declare(Path(__file__).parent)

@@ -8,7 +8,7 @@ enum { MAX_ADVANCES = 1000 }; /* of one pair: bounds the time that a pair takes 
 enum { MAX_POLAR_ROUNDS = 60 }; /* halvings of the iteration: thin bodies need log2(length / thickness)^2 and five more */
 #define ADVANCE 0.9            /* share of the safe advance: the rest is for round-off */
 #define ADVANCED 1e-6          /* share of the distance to keep: nearer than that to it the advance ends; it makes steps continuous */
-#define POLAR_CHANGE 1e-15      /* of a rotation whose iteration has converged: round-off */
+#define POLAR_CHANGE 1e-15      /* largest change of an entry of a rotation that has converged: round-off */
 
 /* A box: its least coordinates, and from SIDE on its greatest with the opposite sign; zeros where d = 2. */
 enum { SIDE = 4, BOX = 2 * SIDE };

@@ -4,12 +4,10 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* Where a pivot is not positive definite, diagonal blocks are multiplied by one plus a shift (Manteuffel 1980): the first shift, and the ratio of
- * consecutive ones. Stiff contacts need 0.1 to 0.2; twice as much costs a fifth more iterations, and a failed try costs two or three. */
-#define FIRST_SHIFT 0.15
-#define SHIFT_RATIO 2.0
-/* Diagonal blocks so much larger than the rest fail only if they are not positive definite themselves. */
-#define LARGEST_SHIFT 1e3
+/* Where a pivot is not positive definite, diagonal blocks are multiplied by one plus a shift (Manteuffel 1980). */
+#define FIRST_SHIFT 0.15 /* share of the diagonal, tried first: stiff contacts need 0.1 to 0.2, twice as much costs a fifth more iterations */
+#define SHIFT_RATIO 2.0  /* ratio of consecutive shifts: a failed try costs two or three iterations */
+#define LARGEST_SHIFT 1e3 /* share of the diagonal: with more, blocks fail only if they are not positive definite themselves */
 
 /* inverse (d, d) of the upper triangular R with R' R = A (rows of four numbers). Returns 1 where A is not positive definite. */
 INLINE int invert_root(int d, const float *A, float *inverse)
