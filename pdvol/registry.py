@@ -130,7 +130,7 @@ the default.
 INTEGRATORS = Registry(
     "integrator",
     {
-        "bdf2": Entry("pdvol.integrate.bdf2:BDF2"),
+        "bdf2": Entry("pdvol.integrate.integrator:BDF2"),
         "implicit_euler": Entry("pdvol.integrate.integrator:ImplicitEuler"),
     },
 )

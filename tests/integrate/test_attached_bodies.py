@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from on_ranks import results_on
-from pdvol.integrate.bdf2 import BDF2
-from pdvol.integrate.integrator import ImplicitEuler, past_of
+from pdvol.integrate.integrator import BDF2, ImplicitEuler, past_of
 from pdvol.integrate.marches import Start, direct
 from pdvol.scene import Attachment, Barrier, Gravity, NeoHookean, Plane, Solver, Support
 from problems import SOFT, block, make_scene, make_stepper

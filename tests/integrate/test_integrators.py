@@ -5,8 +5,7 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.linalg import eigh
 
-from pdvol.integrate.bdf2 import BDF2
-from pdvol.integrate.integrator import ImplicitEuler, Past, advance, past_of
+from pdvol.integrate.integrator import BDF2, ImplicitEuler, Past, advance, past_of
 from pdvol.integrate.marches import Start, direct
 from pdvol.potentials.potential import Positions
 from pdvol.registry import INTEGRATORS

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 
-from pdvol.integrate.bdf2 import BDF2
-from pdvol.integrate.integrator import ImplicitEuler, State, differences, rates_of
+from pdvol.integrate.integrator import BDF2, ImplicitEuler, State, differences, rates_of
 from pdvol.integrate.marches import Start, direct
 from pdvol.levels.script import Script
 from pdvol.levels.space import LevelSpace

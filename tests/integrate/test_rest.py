@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from on_ranks import results_on
-from pdvol.integrate.bdf2 import BDF2
-from pdvol.integrate.integrator import ImplicitEuler, leading_past, past_of
+from pdvol.integrate.integrator import BDF2, ImplicitEuler, leading_past, past_of
 from pdvol.integrate.marches import Start, direct
 from pdvol.registry import INTEGRATORS
 from pdvol.scene import (

@@ -7,8 +7,7 @@ import pytest
 from mpi4py import MPI
 from scipy.optimize import brentq
 
-from pdvol.integrate.bdf2 import BDF2
-from pdvol.integrate.integrator import advance
+from pdvol.integrate.integrator import BDF2, advance
 from pdvol.integrate.marches import Start, direct
 from pdvol.levels.space import LevelSpace
 from pdvol.potentials.potential import Positions
