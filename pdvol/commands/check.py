@@ -3,7 +3,7 @@
 from argparse import ArgumentParser, Namespace
 from pathlib import Path
 
-from pdvol.commands.options import add_settings, loaded_shot
+from pdvol.commands.options import add_settings, loaded_shot, number
 from pdvol.errors import InputError
 
 
@@ -20,7 +20,7 @@ def add_arguments(parser: ArgumentParser) -> None:
     parser.add_argument("--json", type=Path, metavar="FILE", help="write the findings there, too")
     parser.add_argument(
         "--measure",
-        type=float,
+        type=number,
         default=3.0,
         metavar="SECONDS",
         help="simulate level 0 so long to estimate costs (default 3; 0: not)",

@@ -3,7 +3,7 @@
 from argparse import ArgumentParser, Namespace
 from pathlib import Path
 
-from pdvol.commands.options import add_levels, stored_levels
+from pdvol.commands.options import add_levels, number, stored_levels
 from pdvol.registry import FORMATS, SHOWN_SURFACES
 
 
@@ -13,7 +13,7 @@ def add_arguments(parser: ArgumentParser) -> None:
     parser.add_argument("--format", required=True, choices=tuple(FORMATS))
     parser.add_argument("-o", "--out", type=Path, required=True, metavar="DIR")
     parser.add_argument(
-        "--fps", type=float, help="frames a second, to which usd, pc2 and alembic resample (pc2: 24 without it)"
+        "--fps", type=number, help="frames a second, to which usd, pc2 and alembic resample (pc2: 24 without it)"
     )
     parser.add_argument("--fields", action="store_true", help="contact forces, strains and stresses in usd too")
     parser.add_argument(

@@ -104,6 +104,14 @@ def stored_levels(text: str, run: "Run") -> Sequence[int] | None:
     return range(first, (len(run.levels) - 1 if last is None else last) + 1)
 
 
+def number(text: str) -> float:
+    """The number that an option's text holds, for `type` of an option; ValueError for "nan"."""
+    value = float(text)
+    if value != value:
+        raise ValueError
+    return value
+
+
 def whole_number(option: str, text: str) -> int:
     """The number that an option's text holds; InputError where it holds none."""
     if not text.strip().isdecimal():
@@ -120,6 +128,15 @@ def chosen_shot(options: Namespace) -> "Shot":
         The scene file or a setting is wrong.
     """
     return loaded_shot(options.scene, options.set, getattr(options, "steps", None))
+
+
+def require_use(shot: "Shot", method: str) -> None:
+    """InputError where `--set` gives a weight of the penalty that this method does not use."""
+    from pdvol.scene.solver import WEIGHTS
+
+    for name, user in WEIGHTS.items():
+        if method != user and name in shot.parameters and getattr(shot.scene.penalty, name) > 0.0:
+            raise InputError(f"--set {name}: only the method {user} uses it, not {method}; leave it out")
 
 
 def loaded_shot(file: Path, settings: Sequence[str], steps: int | None = None) -> "Shot":

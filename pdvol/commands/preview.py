@@ -5,7 +5,7 @@ import time
 from argparse import ArgumentParser, Namespace
 from pathlib import Path
 
-from pdvol.commands.options import add_new_run, add_outputs, chosen_shot
+from pdvol.commands.options import add_new_run, add_outputs, chosen_shot, require_use
 from pdvol.errors import InputError, PdvolError
 
 PREVIEW = "_preview"
@@ -54,6 +54,8 @@ def _preview(options: Namespace) -> None:
         from pdvol.runs.runner import run_scene
 
     shot = chosen_shot(options)
+    if not options.resume:
+        require_use(shot, "progressive")
     out = options.out or Path("runs") / f"{shot.name}{PREVIEW}"
     run_scene(
         shot,

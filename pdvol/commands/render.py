@@ -3,7 +3,7 @@
 from argparse import ArgumentParser, Namespace
 from pathlib import Path
 
-from pdvol.commands.options import add_levels, stored_levels, whole_number
+from pdvol.commands.options import add_levels, number, stored_levels, whole_number
 from pdvol.errors import InputError
 
 
@@ -12,9 +12,11 @@ def add_arguments(parser: ArgumentParser) -> None:
     parser.add_argument("run", type=Path, metavar="RUN")
     parser.add_argument("-o", "--out", type=Path, metavar="FILE.png|.mp4|.gif|.webp")
     add_levels(parser)
-    parser.add_argument("--turn", type=float, default=0.0, metavar="DEGREES", help="turn the camera about the vertical")
+    parser.add_argument(
+        "--turn", type=number, default=0.0, metavar="DEGREES", help="turn the camera about the vertical"
+    )
     parser.add_argument("--size", default="", metavar="WxH", help="pixels of the whole file, as 1920x1080")
-    parser.add_argument("--fps", type=float, help="frames a second of a film, which plays at real speed")
+    parser.add_argument("--fps", type=number, help="frames a second of a film, which plays at real speed")
     parser.add_argument("--frames", default="", metavar="A:B", help="steps A to B, both included (default: all)")
     parser.add_argument(
         "--camera",

@@ -13,6 +13,7 @@ from pdvol.commands.options import (
     add_wavefront,
     chosen_shot,
     level_range,
+    require_use,
 )
 from pdvol.commands.simulation import this_rank
 from pdvol.errors import InputError
@@ -61,6 +62,8 @@ def main(options: Namespace) -> None:
         shot, first, last, options.method = _from_study(options, shot)
     name = shot.name if options.method == "progressive" else f"{shot.name}_{options.method}"
     out = options.out or Path("runs") / name
+    if not options.resume:
+        require_use(shot, options.method)
     if options.branch is not None or options.at is not None:
         first, last, options.resume = _begin_branch(options, shot, first, last, out)
     run_scene(

@@ -5,7 +5,7 @@ from argparse import ArgumentParser, Namespace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pdvol.commands.options import add_jobs, add_levels, add_shot, chosen_jobs, chosen_shot, level_range
+from pdvol.commands.options import add_jobs, add_levels, add_shot, chosen_jobs, chosen_shot, level_range, number
 from pdvol.errors import InputError
 
 if TYPE_CHECKING:
@@ -31,7 +31,7 @@ def add_arguments(parser: ArgumentParser) -> None:
     parser.add_argument(
         "--reference", default="", metavar="NAME=VALUE,...", help="settings of the reference (default: by the budget)"
     )
-    parser.add_argument("--budget", type=float, default=BUDGET, metavar="MINUTES", help=f"default: {BUDGET:g}")
+    parser.add_argument("--budget", type=number, default=BUDGET, metavar="MINUTES", help=f"default: {BUDGET:g}")
     add_jobs(parser)
     parser.add_argument("--method", default="", choices=("progressive", "direct"), help="of the scene's own settings")
     add_levels(parser)

@@ -6,7 +6,7 @@ from argparse import ArgumentParser, Namespace, RawDescriptionHelpFormatter
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pdvol.commands.options import add_jobs, add_shot, chosen_jobs, chosen_shot, whole_number
+from pdvol.commands.options import add_jobs, add_shot, chosen_jobs, chosen_shot, number, whole_number
 from pdvol.errors import InputError
 
 if TYPE_CHECKING:
@@ -42,7 +42,7 @@ def add_arguments(parser: ArgumentParser) -> None:
     parser.add_argument("--sample", default="", metavar="N", help="N variations that fill the ranges evenly, no grid")
     parser.add_argument(
         "--jitter",
-        type=float,
+        type=number,
         metavar="SPEED",
         help="add a small random velocity [m/s] to each body's initial one, another in each variation",
     )
@@ -64,9 +64,9 @@ def add_arguments(parser: ArgumentParser) -> None:
     parser.add_argument("--seek", default="", metavar="TEXT", help="search the ranges for the largest score")
     parser.add_argument("--runs", default="", metavar="N", help=f"at most, of --seek (default: {SEEK_RUNS})")
     parser.add_argument(
-        "--budget", type=float, metavar="MINUTES", help=f"at most, of --seek (default: {SEEK_BUDGET:g})"
+        "--budget", type=number, metavar="MINUTES", help=f"at most, of --seek (default: {SEEK_BUDGET:g})"
     )
-    parser.add_argument("--goal", type=float, metavar="SCORE", help="end --seek with the first score as large as this")
+    parser.add_argument("--goal", type=number, metavar="SCORE", help="end --seek with the first score as large as this")
 
 
 def main(options: Namespace) -> int:

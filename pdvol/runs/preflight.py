@@ -41,7 +41,7 @@ from pdvol.meshing.vtu import write_primitives, write_vtu
 from pdvol.runs.render_meshes import render_defects
 from pdvol.runs.scene_summary import modelled_terms
 from pdvol.scene import Barrier, Scene, metres
-from pdvol.solve.linear.solver import check_options
+from pdvol.solve.linear.option_check import check_options
 from pdvol.stages import say, stage
 
 NAMED_CELLS = 5  # worst cells that are listed for each level

@@ -28,7 +28,7 @@ from pdvol.runs.shared_writer import Export, SharedWriter
 from pdvol.runs.wavefront import march_levels
 from pdvol.scene import Scene
 from pdvol.scene.fingerprint import describe, differences_by_level
-from pdvol.solve.linear.solver import check_options
+from pdvol.solve.linear.option_check import check_options
 from pdvol.stages import stage
 from pdvol.store.files import jsonable
 from pdvol.store.folder import holds_run, in_use, read_info, require_scene

@@ -12,6 +12,7 @@ from pdvol.scene.checks import called, finite, keep_plain, positive, require, ta
 from pdvol.scene.keyed import Keyed, keyed_numbers
 from pdvol.scene.representation import one_line
 
+MOST = 1e20  # of a modulus [Pa] or a density: a hundred million times diamond's, so a typing error
 Value = float | Callable[[np.ndarray], np.ndarray]
 """A number, or a function of rest positions (n, d), as placed in the scene, that gives (n,)."""
 
@@ -45,6 +46,7 @@ class Material:
                 require(field.name == "young", f"{type(self).__name__}.{field.name} cannot be Keyed; young can")
                 keyed_numbers(f"{type(self).__name__}.young", value)
                 positive(f"{type(self).__name__}.young, its lowest key,", min(value.values))
+                self._check("young", max(value.values))
             elif callable(value):
                 takes(f"{type(self).__name__}.{field.name}", value, "X")
             else:
@@ -55,6 +57,7 @@ class Material:
         finite(label, value)
         if name in ("young", "density"):
             positive(label, value)
+            require(value <= MOST, f"{label} = {value!r} must be at most {MOST:g}")
         elif name == "poisson":
             require(
                 -1.0 < value < 0.5, f"{label} = {value!r} must lie between -1 and 0.5 (0.499 is the stiffest in use)"

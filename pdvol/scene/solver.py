@@ -76,4 +76,8 @@ class Penalty:
 
     def of(self, method: str) -> float:
         """The weight that a method's levels are held with."""
-        return {"progressive": self.consistency, "tracks": self.weight}.get(method, 0.0)
+        return next((getattr(self, name) for name, user in WEIGHTS.items() if user == method), 0.0)
+
+
+WEIGHTS = {"consistency": "progressive", "weight": "tracks"}
+"""The march that uses each weight."""

@@ -188,6 +188,8 @@ def test_a_body_that_crosses_an_obstacle(refuse, tmp_path, obstacle, told):
         (["--set", "petsc=3"], "petsc"),
         (["--set", "petsc=-ksp_type nonsense"], "Unable to find requested KSP type nonsense"),
         (["--set", "petsc=-pc_type nonsense"], "Unable to find requested PC type nonsense"),
+        (["--set", "petsc=-ksp_rtol 1e-6 -ksp_typ cg"], "PETSc makes no use of -ksp_typ"),
+        (["--set", "weight=0.1"], "only the method tracks uses it, not progressive"),
         (["--levels", "0:\u00b2"], "'\u00b2' is not a whole number"),
         (["--set", "tolerance=Relative(-1)"], "Relative"),
         (["--set", "tolerance=Relative(x)"], "tolerance"),
@@ -221,6 +223,8 @@ def _joined(words):
         ["run", "s.py", "--wings"],
         ["refine", "runs/x"],
         ["hierarchy", "x.off"],
+        ["check", "s.py", "--measure", "nan"],
+        ["render", "runs/x", "--turn", "nan"],
     ],
 )
 def test_what_the_command_line_itself_refuses(tmp_path, monkeypatch, capfd, words):
@@ -254,6 +258,8 @@ def test_what_the_command_line_itself_refuses(tmp_path, monkeypatch, capfd, word
         "bodies=(Body((square(2),), soft, velocity=lambda X: np.nan * X),)",
         "bodies=(Body((square(2),), 1e5),)",
         "bodies=(Body((square(2),), NeoHookean(-1.0)),)",
+        "bodies=(Body((square(2),), NeoHookean(1e300)),)",
+        "bodies=(Body((square(2),), NeoHookean(pdvol.Keyed((0, 1), (1e5, 1e300)))),)",
         "bodies=(Body((square(2),), NeoHookean(1e5, 0.3, 0)),)",
         "bodies=(Body((square(2),), soft, placement=Placement(scale=-1)),)",
         "bodies=(Body((square(2),), soft, placement=Placement((0, 0, 0))),)",

@@ -13,6 +13,7 @@ from pdvol.scene import Barrier, Friction, Gravity, NeoHookean, Plane, Solver, S
 from pdvol.solve.iteration import Projection
 from pdvol.solve.linear import solver as linear
 from pdvol.solve.linear.coarse_space import CoarseSpace, grid_weights
+from pdvol.solve.linear.option_check import check_options
 from pdvol.solve.linear.solver import COARSE_SETUP, MUMPS_WORKSPACES, LinearSolver
 from pdvol.solve.linear.system_matrix import SystemMatrix
 from problems import block, make_scene, make_stepper, take_step
@@ -60,6 +61,20 @@ def test_all_methods_agree(space, method):
     assert made.ksp.getIterationNumber() == (1 if method == "direct" else 0)
     made.solve(right, solution)  # from zero again
     assert method == "direct" or made.ksp.getIterationNumber() > 0
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        "-ksp_rtol 1e-6 -ksp_max_it 900 -ksp_monitor",
+        "-mat_mumps_icntl_14 200",
+        "-ksp_type gmres -ksp_gmres_restart 20 -pc_type gamg -mg_levels_ksp_type richardson -mg_coarse_pc_type lu",
+        "-pc_type bjacobi -sub_pc_type icc -sub_pc_factor_levels 1",
+        "-pc_type fieldsplit",
+    ],
+)
+def test_options_that_petsc_uses_pass_the_check(options):
+    check_options(Solver(petsc=options))
 
 
 @pytest.mark.parametrize(

@@ -78,7 +78,7 @@ class LinearSolver:
         self._fresh_iterations: int | None = None
         self._excess = 0
         self._drop = WEAK if dense else 0.0
-        self._options = _parse(settings.petsc)
+        self._options = parse_options(settings.petsc)
         self._first_method = "iterative" if settings.linear == "auto" else settings.linear
         self.prefix = f"pdvol_{next(_serial)}_"
         ksp.setType(PETSc.KSP.Type.PYTHON)
@@ -95,17 +95,17 @@ class LinearSolver:
         self._coarse_is_current = False
         self._by_petsc = method == "direct" or any(name in self._options for name in ("ksp_type", "pc_type"))
         if not self._by_petsc:
-            _set_options(self.ksp, self._options)
+            set_options(self.ksp, self._options)
             return
         inner.reset()  # a factor keeps the options it was made with
         if method == "direct":
             inner.setType(PETSc.KSP.Type.PREONLY)
             inner.pc.setType(PETSc.PC.Type.CHOLESKY)
             inner.pc.setFactorSolverType(PETSc.Mat.SolverType.MUMPS)
-            _set_options(inner, {"mat_mumps_icntl_14": str(MUMPS_WORKSPACES[self._workspace])})
+            set_options(inner, {"mat_mumps_icntl_14": str(MUMPS_WORKSPACES[self._workspace])})
         else:
             inner.setType(PETSc.KSP.Type.CG)
-        _set_options(inner, self._options)
+        set_options(inner, self._options)
 
     @property
     def memory(self) -> dict:
@@ -276,20 +276,8 @@ class _Context:
         ksp.setConvergedReason(reason)
 
 
-def check_options(settings: Solver) -> None:
-    """InputError where PETSc does not take the user's options, before anything is made of them."""
-    ksp = PETSc.KSP().create(PETSc.COMM_SELF)
-    ksp.setOptionsPrefix(f"pdvol_{next(_serial)}_")
-    try:
-        _set_options(ksp, _parse(settings.petsc))
-    except PETSc.Error as error:
-        reason = str(error).splitlines()[-1].rpartition("] ")[2]
-        raise InputError(f'Solver.petsc = "{settings.petsc}": {reason}') from None
-    finally:
-        ksp.destroy()
-
-
-def _set_options(ksp: PETSc.KSP, options: dict[str, str]) -> None:
+def set_options(ksp: PETSc.KSP, options: dict[str, str]) -> None:
+    """Gives options to a solver, which has a prefix of its own."""
     database = PETSc.Options(ksp.getOptionsPrefix())
     # options of factors are read late, and never where no factor is made: PETSc must not warn of them
     PETSc.Options()["options_left"] = "no"
@@ -300,10 +288,10 @@ def _set_options(ksp: PETSc.KSP, options: dict[str, str]) -> None:
 
 def wants_general_matrix(settings: Solver) -> bool:
     """Whether the user's options name a preconditioner: it may not support symmetric blocked matrices."""
-    return any(name.endswith("pc_type") for name in _parse(settings.petsc))
+    return any(name.endswith("pc_type") for name in parse_options(settings.petsc))
 
 
-def _parse(text: str) -> dict[str, str]:
+def parse_options(text: str) -> dict[str, str]:
     """PETSc options "-a 1 -b" as a dictionary."""
     options: dict[str, str] = {}
     name = None
