@@ -18,6 +18,7 @@ from pdvol.geometry.level_mesh import LevelMesh, connected_parts
 from pdvol.geometry.rigid_motions import Pose
 from pdvol.levels.obstacles import Obstacle
 
+TRIED_VERTICES = 200  # of an obstacle, to see whether it is inside another one
 WORDS = {1: "vertex", 2: "edge", 3: "triangle"}
 MEND = "move them apart, or give more vertices to coarse levels"
 MEND_LEVEL = "on level {free} they are apart: give level {level} more vertices or a mesh of its own, or move them apart"
@@ -142,6 +143,38 @@ def _heights(points: np.ndarray, plane: Obstacle, place: Pose | None = None) -> 
         raise InputError(f"{plane.label} is {given}D in a {dim}D scene; give {dim} components")
     point, normal = plane.plane_at(0.0 if place is None else place)
     return (points - point) @ normal
+
+
+def buried(obstacles: Sequence[Obstacle]) -> Iterator[tuple[Obstacle, Obstacle]]:
+    """Obstacles that lie wholly behind a plane or inside another one at t = 0, which no body can reach there: each with
+    the one that hides it.
+    """
+    surfaces = [(o, o.at(0.0)) for o in obstacles if o.kind != "plane"]
+    for inner, points in surfaces:
+        tried = points[:: 1 + len(points) // TRIED_VERTICES]
+        for outer in obstacles:
+            if outer is inner or not outer.closed:
+                continue
+            if outer.kind == "plane":
+                hidden = points.shape[1] == outer.vertices.shape[1] and bool((_heights(points, outer) < 0.0).all())
+            else:
+                around = next(p for o, p in surfaces if o is outer)
+                hidden = _within(points, around) and _inside(tried, around, outer)
+            if hidden:
+                yield inner, outer
+
+
+def _within(points: np.ndarray, others: np.ndarray) -> bool:
+    """Whether the box around points (n, d) is within that around others (k, d)."""
+    return points.shape[1] == others.shape[1] and bool(
+        (points.min(axis=0) > others.min(axis=0)).all() and (points.max(axis=0) < others.max(axis=0)).all()
+    )
+
+
+def _inside(points: np.ndarray, vertices: np.ndarray, surface: Obstacle) -> bool:
+    """Whether points (n, d) are all inside a surface with these vertices (k, d)."""
+    facets = np.ascontiguousarray(surface.faces if surface.kind == "mesh" else surface.edges)
+    return bool((np.abs(igl.winding_number(vertices, facets, np.ascontiguousarray(points))) > 0.5).all())
 
 
 def _below(level: int, mesh: LevelMesh, plane: Obstacle, bodies: Sequence[str]) -> Iterator[Defect]:

@@ -21,7 +21,7 @@ from pdvol.errors import InputError, IntersectionError, SimulationError
 from pdvol.geometry.level_mesh import LevelMesh
 from pdvol.integrate.marches import Start, direct
 from pdvol.integrate.stepper import Stepper
-from pdvol.levels.initial_state import Defect, smallest_gap
+from pdvol.levels.initial_state import Defect, buried, smallest_gap
 from pdvol.levels.level_check import level_defects, level_notes
 from pdvol.levels.materials import cell_materials
 from pdvol.levels.model import level_model
@@ -90,6 +90,10 @@ def check_scene(scene: Scene, seconds: float = 3.0, out: Path | None = None) -> 
         return {**result, "defects": [f"defect: {error}"]}
     result["defects"] += [f"defect: {line}" for line in render_defects(scene, meshes)]
     result["notes"] += [f"note: {line}" for line in _target_notes(scene, meshes)]
+    result["notes"] += [
+        f"note: {one.label} lies inside {other.label} at t = 0, where no body can reach it"
+        for one, other in buried(obstacles)
+    ]
     diagonal = scene_diagonal(scene)
     with suppress(InputError):  # level 0's check of its fields reports it
         young = cell_materials(scene, meshes[0]).young

@@ -103,6 +103,25 @@ def test_speed_and_stiffness_are_noted(check):
     assert any(line == "stiffness ratio of the materials: 1e+06" for line in lines)
 
 
+def test_obstacles_that_no_body_reaches_are_noted(check):
+    """A rock inside another, one below the floor; not one that crosses another, nor one in a hollow obstacle."""
+    rocks = "".join(
+        f"Rigid(Outline({size} * (np.array([(0, 0), (1, 0), (1, 1), (0, 1.0)]) - 0.5) + {at}), name='{name}'{more}), "
+        for name, size, at, more in (
+            ("big", 1.0, (0.0, 3.0), ""),
+            ("small", 0.2, (0.1, 3.0), ""),
+            ("low", 0.2, (0.0, -1.0), ""),
+            ("across", 0.4, (0.5, 3.0), ""),
+            ("room", 20.0, (5.0, 5.0), ", closed=False"),
+        )
+    )
+    _, _, found = check(TWO.replace("obstacles=(", f"obstacles=({rocks}"))
+    assert [note for note in found["notes"] if "no body can reach" in note] == [
+        "note: obstacle 'small' lies inside obstacle 'big' at t = 0, where no body can reach it",
+        "note: obstacle 'low' lies inside plane 'floor' at t = 0, where no body can reach it",
+    ]
+
+
 def test_every_crossing_is_named_and_drawn(check, tmp_path):
     """The right square reaches into the left one, and both intersect a floor. All defects are reported, not just the
     first.
