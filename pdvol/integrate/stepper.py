@@ -11,10 +11,9 @@ from scipy.sparse import csr_array
 from pdvol.errors import ConvergenceError, SimulationError
 from pdvol.integrate.feedback import Feedback
 from pdvol.integrate.integrator import ImplicitEuler, Integrator, Past, State, rates_of
-from pdvol.integrate.motion_parts import MotionParts
 from pdvol.integrate.recovery import Recovery, Span
 from pdvol.integrate.rest import Rest
-from pdvol.integrate.scripted_motion import ScriptedMotion
+from pdvol.integrate.scripted_motion import MotionParts, ScriptedMotion
 from pdvol.levels.model import LevelModel
 from pdvol.levels.script import Mover, Script
 from pdvol.levels.space import LevelSpace

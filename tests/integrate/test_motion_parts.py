@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 
-from pdvol.integrate.motion_parts import LEAST_GAIN, LOOK_AHEAD, PATH_SHARE, MotionParts
-from pdvol.integrate.scripted_motion import Carriers
+from pdvol.integrate.scripted_motion import LEAST_GAIN, LOOK_AHEAD, PATH_SHARE, Carriers, MotionParts
 from pdvol.levels.space import LevelSpace
 from pdvol.potentials.potential import MIN_GAP_SHARE, SCRIPTED_GAP_SHARE, Positions
 from pdvol.scene import Barrier, Plane, Support, Translation

@@ -8,7 +8,7 @@ import pytest
 from pdvol.errors import InputError
 from pdvol.geometry.crossings import edges_of, find_crossings
 from pdvol.geometry.level_mesh import simplex_volumes
-from pdvol.integrate.motion_parts import LEAST_GAIN
+from pdvol.integrate.scripted_motion import LEAST_GAIN
 from pdvol.potentials.potential import Positions
 from pdvol.scene import (
     Barrier,
