@@ -1,9 +1,10 @@
-"""One level's steps: prediction, scripted motion, Newton solves with friction lagged anew; cut by `recovery.py` where
-they must be.
+"""One level's steps: prediction, scripted motion, Newton solves with friction lagged anew. A step that does not converge
+is halved, down to a bound (`solve/report.py` has the order of remedies).
 """
 
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.sparse import csr_array
@@ -11,7 +12,6 @@ from scipy.sparse import csr_array
 from pdvol.errors import ConvergenceError, SimulationError
 from pdvol.integrate.feedback import Feedback
 from pdvol.integrate.integrator import ImplicitEuler, Integrator, Past, State, rates_of
-from pdvol.integrate.recovery import Recovery, Span
 from pdvol.integrate.rest import Rest
 from pdvol.integrate.scripted_motion import MotionParts, ScriptedMotion
 from pdvol.levels.model import LevelModel
@@ -19,17 +19,43 @@ from pdvol.levels.script import Mover, Script
 from pdvol.levels.space import LevelSpace
 from pdvol.potentials.build import MakeTerm, build_terms
 from pdvol.potentials.consistency import Guide
-from pdvol.potentials.potential import MIN_GAP_SHARE, SCRIPTED_GAP_SHARE, Positions
+from pdvol.potentials.potential import MIN_GAP_SHARE, SCRIPTED_GAP_SHARE, Positions, Rates
 from pdvol.registry import INTEGRATORS
 from pdvol.solve.incremental_potential import IncrementalPotential
 from pdvol.solve.newton import Newton
-from pdvol.solve.report import NewtonReport, StepReport, Stopwatch, peak_memory
+from pdvol.solve.report import NewtonReport, StepReport, Stopwatch, peak_memory, taken
 
 
 def _lateness(record: Mapping) -> tuple[float, Mapping[str, float]]:
     """`behind` and `late` of a step's log record."""
     behind, late = record.get("behind", 0.0), record.get("late", {})
     return float(behind) if isinstance(behind, (int, float)) else 0.0, late if isinstance(late, dict) else {}
+
+
+@dataclass(frozen=True, eq=False)
+class Span:
+    """The part of a step that is solved at once.
+
+    Attributes
+    ----------
+    start : Positions
+    x_hat : (n_owned, d) predicted positions [m]
+    weight : of the potential [s^2]
+    t0, t1 : its ends [s]
+    rates : how rates of change follow from its end; means over it where that is None
+    """
+
+    start: Positions
+    x_hat: np.ndarray
+    weight: float
+    t0: float
+    t1: float
+    rates: Rates | None = None
+
+    @classmethod
+    def euler(cls, start: Positions, velocity: np.ndarray, t0: float, t1: float) -> "Span":
+        """One step of implicit Euler, which needs no constant steps, with velocity (n_owned, d) [m/s] at its start."""
+        return cls(start, start.owned + (t1 - t0) * velocity, (t1 - t0) ** 2, t0, t1)
 
 
 class Stepper:
@@ -79,7 +105,6 @@ class Stepper:
         self._reports_forces = forces
         self._forces: dict[str, np.ndarray] = {}
         self._end: Positions | None = None  # of the last solved step: terms know what they have found there
-        self._recovery = Recovery(self.motion, self._attempt, model.solver.max_halvings)
         self._friction = next(((f.iterations, f.tolerance) for f in model.friction), (1, 0.0))
 
     def _new_newton(self) -> Newton:
@@ -129,7 +154,7 @@ class Stepper:
                     start -= self.rest.steps
                     integrator, past = ImplicitEuler(), past[:1]  # it needs no constant steps
                     by = past
-                x = self._recovery.advance(report, *self._whole(integrator, past, by, start, number))
+                x = self._advance(report, *self._whole(integrator, past, by, start, number))
                 self._end = x
                 report.joined = number - start
                 report.reached, report.behind, report.late = self.motion.end()
@@ -197,12 +222,49 @@ class Stepper:
         if self.potential.frictions and report.friction_residual is None:
             report.friction_residual = self.potential.update_lag(x)  # the next step starts with the same lag
 
-    def _attempt(self, report: StepReport, span: Span, robust: bool) -> tuple[Positions, NewtonReport]:
-        """One try at a span (`recovery.Attempt`)."""
+    def _advance(self, report: StepReport, span: Span, velocity: np.ndarray, depth: int = 0) -> Positions:
+        """The state at the end of a span, which was halved `depth` times; its halves would begin with a velocity
+        (n_owned, d) [m/s]. Collective.
+
+        Raises ConvergenceError where halving the step `max_halvings` times does not help.
+        """
+        lags, deepest = self.motion.lags, depth == self.model.solver.max_halvings
+        x, solved = self._try(report, span, lags)
+        if x is None and deepest:
+            report.remedies["last_resort"] += 1
+            x, solved = self._try(report, span, lags, robust=True)
+        if x is not None:
+            return x
+        if deepest:
+            raise ConvergenceError(
+                report.level,
+                report.step,
+                f"{solved.reason} after {report.cuts} cuts of the step, last at dt = {span.t1 - span.t0:.3g} s, Newton"
+                f" step {solved.speed:.3g} m/s (tried: {taken(report.remedies)}); try a smaller dt or a larger dhat",
+            )
+        report.cuts += 1
+        report.remedies["halvings"] += 1
+        self.motion.begin_span(span.t0, span.t1, lags)
+        middle = 0.5 * (span.t0 + span.t1)
+        halfway = self._advance(report, Span.euler(span.start, velocity, span.t0, middle), velocity, depth + 1)
+        velocity = (halfway.owned - span.start.owned) / (middle - span.t0)
+        return self._advance(report, Span.euler(halfway, velocity, middle, span.t1), velocity, depth + 1)
+
+    def _try(
+        self, report: StepReport, span: Span, lags: Mapping[Mover, float], robust: bool = False
+    ) -> tuple[Positions | None, NewtonReport]:
+        """The state at a span's end, or None; motions set out late by their `lags` [s]. A `robust` try begins with the
+        strongest projection and the direct solver.
+        """
+        self.motion.begin_span(span.t0, span.t1, lags)
         try:
-            return self._solve(report, span, robust)
+            x, solved = self._solve(report, span, robust)
         except SimulationError as error:
             raise ConvergenceError(self.model.level, report.step, str(error)) from None
+        if not solved.converged:
+            return None, solved
+        report.reason, report.gradient_norm = solved.reason, solved.gradient_norm
+        return x, solved
 
     def _solve(self, report: StepReport, span: Span, robust: bool) -> tuple[Positions, NewtonReport]:
         x_t, x_hat, motion = span.start, span.x_hat, self.motion
