@@ -28,9 +28,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from pdvol.geometry.rigid_motions import Pose
-from pdvol.levels.model import HeldPoints, LevelModel
-from pdvol.levels.obstacles import Obstacle
-from pdvol.levels.script import Mover, Script
+from pdvol.levels.model import LevelModel
+from pdvol.levels.script import HeldPoints, Mover, Obstacle, Script
 from pdvol.levels.space import LevelSpace
 from pdvol.potentials.potential import SCRIPTED_GAP_SHARE, Positions
 from pdvol.solve.incremental_potential import IncrementalPotential

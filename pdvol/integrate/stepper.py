@@ -1,5 +1,6 @@
-"""One level's steps: prediction, scripted motion, Newton solves with friction lagged anew. A step that does not converge
-is halved, down to a bound (`solve/report.py` has the order of remedies).
+"""One level's steps: prediction, scripted motion, Newton solves with friction lagged anew.
+
+A step that does not converge is halved, down to a bound (`solve/report.py` has the order of remedies).
 """
 
 from collections import deque

@@ -16,7 +16,7 @@ from pdvol.errors import InputError, IntersectionError
 from pdvol.geometry.crossings import edges_of, find_crossings, find_touching, fortran
 from pdvol.geometry.level_mesh import LevelMesh, connected_parts
 from pdvol.geometry.rigid_motions import Pose
-from pdvol.levels.obstacles import Obstacle
+from pdvol.levels.script import Obstacle
 
 TRIED_VERTICES = 200  # of an obstacle, to see whether it is inside another one
 WORDS = {1: "vertex", 2: "edge", 3: "triangle"}

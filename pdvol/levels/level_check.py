@@ -8,8 +8,8 @@ import numpy as np
 from pdvol.errors import InputError
 from pdvol.geometry.level_mesh import LevelMesh
 from pdvol.levels.initial_state import Defect, find_defects
-from pdvol.levels.obstacles import Obstacle
 from pdvol.levels.scene_fields import check_fields
+from pdvol.levels.script import Obstacle
 from pdvol.levels.start import start_notes, started
 from pdvol.scene import Barrier, Scene, metres
 

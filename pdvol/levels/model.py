@@ -14,42 +14,11 @@ from pdvol.levels.attachments import BoundSprings, Springs, attachment_springs, 
 from pdvol.levels.hierarchy import Hierarchy
 from pdvol.levels.materials import CellMaterials, cell_materials, level_materials
 from pdvol.levels.muscles import CellMuscle, cell_muscles, level_muscles
-from pdvol.levels.obstacles import Obstacle, ground_of
+from pdvol.levels.obstacles import ground_of
 from pdvol.levels.scene_fields import chosen_points, initial_velocity, supported_points
+from pdvol.levels.script import HeldPoints, Obstacle
 from pdvol.levels.start import start_positions
-from pdvol.scene import Barrier, Friction, Gravity, Impulse, Load, Motion, Penalty, Scene, Solver, Still, metres, moved
-
-
-@dataclass(frozen=True, eq=False)
-class HeldPoints:
-    """The vertices that a support holds.
-
-    Attributes
-    ----------
-    mask : (n,) bool
-    points : (k, d) [m]
-        Where they are at t = 0.
-    motion : (X, t) -> x
-    release : time [s]
-    """
-
-    mask: np.ndarray
-    points: np.ndarray
-    motion: Motion
-    release: float
-
-    @property
-    def moves(self) -> bool:
-        """Whether they follow a motion."""
-        return not isinstance(self.motion, Still)
-
-    def holds(self, time: float, dt: float) -> bool:
-        """Whether a step of dt [s] from `time` [s] on holds them; times are compared to a millionth of a step."""
-        return time < self.release - 1e-6 * dt
-
-    def at(self, time: float) -> np.ndarray:
-        """(k, d) [m]: where they should be at `time` [s]. Raises InputError where a motion of the user's own fails."""
-        return moved(self.motion, self.points, time, "a support") if self.moves else self.points
+from pdvol.scene import Barrier, Friction, Gravity, Impulse, Load, Penalty, Scene, Solver, metres
 
 
 @dataclass(frozen=True, eq=False)

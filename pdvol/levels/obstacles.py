@@ -1,12 +1,12 @@
-"""Obstacles in metres, and where they are at a time: the same type for half-spaces, surfaces and polylines."""
+"""A scene's obstacles in metres: half-spaces, surfaces and polylines read and placed, and stored over time."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from pdvol.errors import InputError
 from pdvol.geometry.rigid_motions import Pose
+from pdvol.levels.script import ON_TIME, Obstacle
 from pdvol.scene import (
     Deforming,
     Motion,
@@ -23,10 +23,6 @@ from pdvol.scene import (
 Geometry = tuple[np.ndarray, np.ndarray, np.ndarray]
 """Vertices (k, d) [m], edges (e, 2) and faces (f, 3) of a surface or polyline at rest."""
 
-Place = Pose | np.ndarray
-"""Where an obstacle is: the pose of a plane, the vertices (k, d) [m] of others."""
-
-ON_TIME = 1e-9  # relative difference of times and poses that are the same: they are sums with round-off
 COMPARED = (0.31, 0.73, 1.0)  # fractions of a scene's duration at which motions are compared: no period divides all
 MOST_STORED_VERTICES = 20_000_000  # vertices times states of moving obstacles: stored places take half a GB
 
@@ -44,79 +40,6 @@ def motion_of(motion: Motion | PointCache, vertices: np.ndarray, whose: str) -> 
     from pdvol.levels.animated import cached_motion  # loads libigl and SciPy's transforms, which few scenes need
 
     return cached_motion(motion, vertices, whose)
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class Obstacle:
-    """An obstacle of a scene.
-
-    Attributes
-    ----------
-    name : str
-    kind : "plane", "mesh" (a surface in 3D) or "polyline" (in 2D)
-    vertices : (k, d) [m]
-        At rest. Of a plane: a point on it, and from there the ends of its unit normal and of d - 1 unit tangents.
-    edges, faces : (e, 2) and (f, 3) int
-        None of a plane; no faces in 2D.
-    motion : (X, t) -> x
-    closed : bool
-        Whether a surface or polyline encloses a volume.
-    opacity : float
-        How pictures draw a surface, above 0 and at most 1.
-    """
-
-    name: str
-    kind: str
-    vertices: np.ndarray
-    edges: np.ndarray
-    faces: np.ndarray
-    motion: Motion = Still()
-    closed: bool = True
-    opacity: float = 1.0
-
-    @property
-    def moves(self) -> bool:
-        """Whether the scene gives it a motion."""
-        return not isinstance(self.motion, Still)
-
-    @property
-    def rigid(self) -> bool:
-        """Whether its motion is known to keep its shape."""
-        return keeps_shape(self.motion)
-
-    @property
-    def label(self) -> str:
-        """Its name in messages, as in "plane 'floor'"."""
-        return f"{'plane' if self.kind == 'plane' else 'obstacle'} {self.name!r}"
-
-    def at(self, time: float) -> np.ndarray:
-        """(k, d) [m]: its vertices at `time` [s]. Raises InputError where a motion of the user's own fails."""
-        return moved(self.motion, self.vertices, time, self.label)
-
-    def pose(self, time: float) -> Pose:
-        """The pose of a plane at `time` [s]."""
-        if not self.moves:
-            return Pose(np.eye(self.vertices.shape[1]), np.zeros(self.vertices.shape[1]))
-        return Pose.of_frame(self.vertices, self.at(time))
-
-    def plane_at(self, at: float | Pose) -> tuple[np.ndarray, np.ndarray]:
-        """Point (d,) [m] and unit normal (d,) of a plane at a time [s] or pose."""
-        pose, (point, end) = at if isinstance(at, Pose) else self.pose(at), self.vertices[:2]
-        return pose(point), pose.rotation @ (end - point)
-
-    def place(self, time: float) -> Place:
-        """Where its motion has it at `time` [s]."""
-        return self.pose(time) if self.kind == "plane" else self.at(time)
-
-    def stored(self, at: Place) -> dict[str, np.ndarray]:
-        """A place as run folders store it: `point` and `normal` of a plane, `vertices` of others."""
-        if isinstance(at, Pose):
-            point, normal = self.plane_at(at)
-            return {"point": point, "normal": normal}
-        return {"vertices": at}
-
-    def __repr__(self) -> str:
-        return f"Obstacle({self.name!r}, {self.kind}, {len(self.vertices)} vertices)"
 
 
 def read_geometry(obstacles: Sequence[Obstructing]) -> list[Geometry]:

@@ -1,4 +1,5 @@
-"""Where supports and obstacles are: each that moves has a time of its own on its path.
+"""What moves on a script, obstacles and the vertices that supports hold, and where it is: each has a time of its own on
+its path.
 
 A span is a step or a part of one. Its clock goes from its begin to its end. A motion that is on time follows the clock.
 One that contact stops waits. One that was stopped in an earlier span sets out late, and catches up evenly, so that it
@@ -13,17 +14,127 @@ Most scenes have no ground but their own frame, G = 1 (`obstacles.ground_of`).
 
 from collections.abc import Iterable, Mapping, Sequence
 from copy import copy
+from dataclasses import dataclass
 
 import numpy as np
 
 from pdvol.geometry.rigid_motions import Pose
-from pdvol.levels.model import HeldPoints
-from pdvol.levels.obstacles import ON_TIME, Obstacle, Place
+from pdvol.scene import Motion, Still, keeps_shape, moved
+
+ON_TIME = 1e-9  # relative difference of times and poses that are the same: they are sums with round-off
+UNMOVED = 1e-12  # relative difference of places that are the same: round-off of a pose and its inverse
+
+Place = Pose | np.ndarray
+"""Where an obstacle is: the pose of a plane, the vertices (k, d) [m] of others."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Obstacle:
+    """An obstacle of a scene.
+
+    Attributes
+    ----------
+    name : str
+    kind : "plane", "mesh" (a surface in 3D) or "polyline" (in 2D)
+    vertices : (k, d) [m]
+        At rest. Of a plane: a point on it, and from there the ends of its unit normal and of d - 1 unit tangents.
+    edges, faces : (e, 2) and (f, 3) int
+        None of a plane; no faces in 2D.
+    motion : (X, t) -> x
+    closed : bool
+        Whether a surface or polyline encloses a volume.
+    opacity : float
+        How pictures draw a surface, above 0 and at most 1.
+    """
+
+    name: str
+    kind: str
+    vertices: np.ndarray
+    edges: np.ndarray
+    faces: np.ndarray
+    motion: Motion = Still()
+    closed: bool = True
+    opacity: float = 1.0
+
+    @property
+    def moves(self) -> bool:
+        """Whether the scene gives it a motion."""
+        return not isinstance(self.motion, Still)
+
+    @property
+    def rigid(self) -> bool:
+        """Whether its motion is known to keep its shape."""
+        return keeps_shape(self.motion)
+
+    @property
+    def label(self) -> str:
+        """Its name in messages, as in "plane 'floor'"."""
+        return f"{'plane' if self.kind == 'plane' else 'obstacle'} {self.name!r}"
+
+    def at(self, time: float) -> np.ndarray:
+        """(k, d) [m]: its vertices at `time` [s]. Raises InputError where a motion of the user's own fails."""
+        return moved(self.motion, self.vertices, time, self.label)
+
+    def pose(self, time: float) -> Pose:
+        """The pose of a plane at `time` [s]."""
+        if not self.moves:
+            return Pose(np.eye(self.vertices.shape[1]), np.zeros(self.vertices.shape[1]))
+        return Pose.of_frame(self.vertices, self.at(time))
+
+    def plane_at(self, at: float | Pose) -> tuple[np.ndarray, np.ndarray]:
+        """Point (d,) [m] and unit normal (d,) of a plane at a time [s] or pose."""
+        pose, (point, end) = at if isinstance(at, Pose) else self.pose(at), self.vertices[:2]
+        return pose(point), pose.rotation @ (end - point)
+
+    def place(self, time: float) -> Place:
+        """Where its motion has it at `time` [s]."""
+        return self.pose(time) if self.kind == "plane" else self.at(time)
+
+    def stored(self, at: Place) -> dict[str, np.ndarray]:
+        """A place as run folders store it: `point` and `normal` of a plane, `vertices` of others."""
+        if isinstance(at, Pose):
+            point, normal = self.plane_at(at)
+            return {"point": point, "normal": normal}
+        return {"vertices": at}
+
+    def __repr__(self) -> str:
+        return f"Obstacle({self.name!r}, {self.kind}, {len(self.vertices)} vertices)"
+
+
+@dataclass(frozen=True, eq=False)
+class HeldPoints:
+    """The vertices that a support holds.
+
+    Attributes
+    ----------
+    mask : (n,) bool
+    points : (k, d) [m]
+        Where they are at t = 0.
+    motion : (X, t) -> x
+    release : time [s]
+    """
+
+    mask: np.ndarray
+    points: np.ndarray
+    motion: Motion
+    release: float
+
+    @property
+    def moves(self) -> bool:
+        """Whether they follow a motion."""
+        return not isinstance(self.motion, Still)
+
+    def holds(self, time: float, dt: float) -> bool:
+        """Whether a step of dt [s] from `time` [s] on holds them; times are compared to a millionth of a step."""
+        return time < self.release - 1e-6 * dt
+
+    def at(self, time: float) -> np.ndarray:
+        """(k, d) [m]: where they should be at `time` [s]. Raises InputError where a motion of the user's own fails."""
+        return moved(self.motion, self.points, time, "a support") if self.moves else self.points
+
 
 Mover = Obstacle | HeldPoints
 """What a motion moves."""
-
-UNMOVED = 1e-12  # relative difference of places that are the same: round-off of a pose and its inverse
 
 
 class Script:

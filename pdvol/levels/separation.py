@@ -13,7 +13,7 @@ import numpy as np
 from pdvol.errors import IntersectionError
 from pdvol.geometry.level_mesh import LevelMesh
 from pdvol.levels.initial_state import check_start
-from pdvol.levels.obstacles import Obstacle
+from pdvol.levels.script import Obstacle
 from pdvol.levels.start import started
 from pdvol.meshing.build import build_levels
 from pdvol.scene import Scene, Separate

@@ -6,8 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pdvol.levels.model import ContactModel, LevelModel
-from pdvol.levels.obstacles import Obstacle
-from pdvol.levels.script import Script
+from pdvol.levels.script import Obstacle, Script
 from pdvol.levels.space import LevelSpace
 from pdvol.potentials.attachments import Attachments
 from pdvol.potentials.consistency import Consistency, Guide

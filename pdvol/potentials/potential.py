@@ -8,8 +8,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from pdvol.levels.obstacles import Obstacle
-from pdvol.levels.script import Mover
+from pdvol.levels.script import Mover, Obstacle
 from pdvol.levels.space import LevelSpace
 from pdvol.potentials.assembly.domains import Domains
 from pdvol.potentials.assembly.hessian_blocks import HessianBlocks

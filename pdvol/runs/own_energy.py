@@ -18,7 +18,8 @@ from pdvol.errors import InputError, IntersectionError
 from pdvol.geometry.closed_surfaces import gyration_diagonal
 from pdvol.geometry.crossings import find_crossings
 from pdvol.levels.model import contact_models
-from pdvol.levels.obstacles import Obstacle, placed_obstacles, read_geometry
+from pdvol.levels.obstacles import placed_obstacles, read_geometry
+from pdvol.levels.script import Obstacle
 from pdvol.levels.space import LevelSpace
 from pdvol.parallel import on_root
 from pdvol.potentials.assembly.hessian_blocks import BlockPattern, HessianBlocks

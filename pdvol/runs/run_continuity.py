@@ -10,7 +10,7 @@ from pdvol.integrate.marches import guide, led
 from pdvol.integrate.replay import Lateness, Replay
 from pdvol.levels.hierarchy import Hierarchy
 from pdvol.levels.model import LevelModel, hierarchy_model
-from pdvol.levels.obstacles import Obstacle
+from pdvol.levels.script import Obstacle
 from pdvol.measure import metrics
 from pdvol.potentials.consistency import Consistency, Guide
 from pdvol.runs.stored_fields import stored_lead, stored_past

@@ -11,8 +11,8 @@ from pdvol.errors import InputError
 from pdvol.geometry.level_mesh import body_sizes, lumped_masses
 from pdvol.geometry.rigid_motions import drift, mass_centres, rigid_motions
 from pdvol.levels.hierarchy import Hierarchy
-from pdvol.levels.obstacles import Obstacle
 from pdvol.levels.prolongation import Prolongation
+from pdvol.levels.script import Obstacle
 from pdvol.measure import metrics
 from pdvol.runs.run_continuity import PREDICTED_WITH, continuity_of_level, three_states
 from pdvol.runs.stored_fields import level_densities, stored_densities, stored_hierarchy, stored_scene

@@ -10,7 +10,7 @@ import numpy as np
 from mpi4py import MPI
 
 from pdvol.errors import SimulationError
-from pdvol.levels.obstacles import Obstacle
+from pdvol.levels.script import Obstacle
 from pdvol.parallel import on_root
 from pdvol.registry import STUDIO
 from pdvol.runs.stored_fields import SceneFields

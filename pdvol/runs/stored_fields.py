@@ -12,7 +12,8 @@ from pdvol.integrate.replay import Replay
 from pdvol.levels.hierarchy import Hierarchy
 from pdvol.levels.materials import level_materials
 from pdvol.levels.model import LevelModel, hierarchy_model, level_model
-from pdvol.levels.obstacles import Obstacle, placed_obstacles
+from pdvol.levels.obstacles import placed_obstacles
+from pdvol.levels.script import Obstacle
 from pdvol.levels.space import LevelSpace
 from pdvol.potentials.elasticity import Elastic
 from pdvol.potentials.stress import CauchyStress, von_mises

@@ -8,7 +8,7 @@ import numpy as np
 from mpi4py import MPI
 
 from pdvol.errors import SimulationError
-from pdvol.levels.obstacles import Obstacle
+from pdvol.levels.script import Obstacle
 from pdvol.levels.space import LevelSpace
 from pdvol.parallel import reduce
 from pdvol.potentials.assembly.domains import Domains

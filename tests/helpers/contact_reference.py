@@ -6,7 +6,7 @@ from mpi4py import MPI
 
 import barrier_law
 from pdvol.geometry.level_mesh import facet_sizes
-from pdvol.levels.obstacles import Obstacle
+from pdvol.levels.script import Obstacle
 from pdvol.levels.space import LevelSpace
 from pdvol.potentials.contact.barrier import ContactBarrier
 from pdvol.potentials.contact.candidates import Candidates

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from pdvol.errors import InputError
-from pdvol.levels.obstacles import MOST_STORED_VERTICES, Obstacle, stored_obstacles
+from pdvol.levels.obstacles import MOST_STORED_VERTICES, stored_obstacles
+from pdvol.levels.script import Obstacle
 from pdvol.scene import Still, Translation
 
 

@@ -18,7 +18,7 @@ from contact_reference import (
     to_facets,
     two_boxes,
 )
-from pdvol.levels.obstacles import Obstacle
+from pdvol.levels.script import Obstacle
 from pdvol.measure.verify import crossings
 from pdvol.potentials.contact.barrier import ContactBarrier
 from pdvol.potentials.contact.candidates import LIST_SLACK, Candidates

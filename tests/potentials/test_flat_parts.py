@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation as Turn
 
 from contact_reference import DHAT, KAPPA, surface_of
 from pdvol import meshes
-from pdvol.levels.obstacles import Obstacle
+from pdvol.levels.script import Obstacle
 from pdvol.measure.verify import crossings
 from pdvol.potentials.contact.barrier import ContactBarrier
 from pdvol.potentials.contact.surface import flat_parts

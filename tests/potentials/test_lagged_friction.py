@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 
-from pdvol.levels.obstacles import Obstacle, plane_obstacle
+from pdvol.levels.obstacles import plane_obstacle
+from pdvol.levels.script import Obstacle
 from pdvol.levels.space import LevelSpace
 from pdvol.potentials.contact.barrier import ContactBarrier
 from pdvol.potentials.contact.candidates import Candidates

@@ -14,7 +14,7 @@ import numpy as np
 from mpi4py import MPI
 
 from pdvol.compiled import pointer
-from pdvol.levels.obstacles import Obstacle
+from pdvol.levels.script import Obstacle
 from pdvol.parallel import reduce
 from pdvol.potentials.assembly.hessian_blocks import HessianBlocks
 from pdvol.potentials.contact.candidates import Candidates, Contacts

@@ -15,8 +15,7 @@ import numpy as np
 
 from pdvol.compiled import ffi, pointer
 from pdvol.geometry.level_mesh import facet_sizes
-from pdvol.levels.obstacles import Obstacle
-from pdvol.levels.script import Mover, Script
+from pdvol.levels.script import Mover, Obstacle, Script
 from pdvol.levels.space import LevelSpace
 from pdvol.potentials.potential import Positions
 
