@@ -5,11 +5,13 @@
 
 import shutil
 from collections.abc import Collection, Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, TextIO
 
 import numpy as np
 
+from pdvol.errors import SimulationError
 from pdvol.geometry.level_mesh import LevelMesh
 from pdvol.store import obstacles as stored_obstacles
 from pdvol.store import render_meshes as stored_render
@@ -109,10 +111,7 @@ class RunWriter:
             for aside in path.rglob(f".*{TEMPORARY}"):
                 aside.unlink()
             writer._open_log()
-            for entry in writer.info["levels"]:
-                entry["state"] = (
-                    "interrupted" if entry["state"] == "running" else entry["state"]
-                )  # this process has the lock: no other one writes
+            writer._interrupt()  # this process has the lock: no other one writes
             writer._save_states()
         except BaseException:
             writer.close()
@@ -215,16 +214,28 @@ class RunWriter:
         stored_render.write_render_meshes(self.path, entries)
 
     def close(self) -> None:
-        """Close the log and release the lock."""
+        """Close the log and release the lock. A level that was not finished is "interrupted"."""
         if self._log is not None:
             self._log.close()
-        self._lock.close()
+        try:
+            if self._interrupt():
+                with suppress(SimulationError):  # the disk may be full: the next writer does it
+                    self._save_states()
+        finally:
+            self._lock.close()
 
     def __enter__(self) -> "RunWriter":
         return self
 
     def __exit__(self, *_: object) -> None:
         self.close()
+
+    def _interrupt(self) -> bool:
+        """Levels that nobody goes on with are "interrupted" from now on; whether there are any."""
+        left = [entry for entry in self.info.get("levels", []) if entry["state"] == "running"]
+        for entry in left:
+            entry["state"] = "interrupted"
+        return bool(left)
 
     def _save(self) -> None:
         write_json(self.path / "run.json", self.info)

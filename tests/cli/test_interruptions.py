@@ -19,6 +19,8 @@ from commands import SAFETY
 from killing import HELPERS
 from on_ranks import results_on
 from pdvol import open_run
+from pdvol.runs.runner import run_scene
+from pdvol.runs.scene_file import load_shot
 
 RUN = f"""
 import sys
@@ -147,6 +149,30 @@ def test_killed_while_the_folder_is_made(tmp_path):
         (out / "run.json").write_text(json.dumps({**info, "state": "creating", "levels": info["levels"][:1]}))
         assert pdvol("run", tmp_path / "fall.py", "--steps", 2, "--out", out, *more) == 0
         assert kept(out) == kept(tmp_path / "whole")
+
+
+class PressesCtrlC:
+    """What follows the steps of a level, until it interrupts the second one."""
+
+    def __init__(self, level, total, done):
+        self.steps = 0
+
+    def step(self, record):
+        self.steps += 1
+        if self.steps == 2:
+            raise KeyboardInterrupt
+
+    def close(self):
+        pass
+
+
+def test_an_interrupted_run_says_so(tmp_path):
+    scene, out = write(tmp_path / "fall.py", FALL), tmp_path / "run"
+    with pytest.raises(KeyboardInterrupt):
+        run_scene(load_shot(scene), out, progress=PressesCtrlC)
+    run = open_run(out)
+    assert run.info["state"] == run.levels[0].info["state"] == "interrupted" and run.levels[0].steps == 3
+    assert pdvol("run", scene, "--out", out, "--resume") == 0 and open_run(out).info["state"] == "done"
 
 
 # ---- disks
