@@ -130,7 +130,7 @@ def embedded(
             report.velocity = past[0].velocity
             with watch.part("ccd"):
                 report.intersections = count(report.positions, report.time)
-        report.seconds, report.peak_memory_mb = watch.report(), peak_memory(prolongation.fine.comm)
+        report.seconds, report.peak_memory_mb = watch.report(), peak_memory(prolongation.fine)
         yield report
 
 

@@ -20,7 +20,6 @@ from mpi4py import MPI
 
 from pdvol.integrate.integrator import State
 from pdvol.levels.model import LevelModel
-from pdvol.parallel import reduce
 from pdvol.potentials.potential import Positions
 from pdvol.scene import Force, Gravity, Impulse, Load, PointForce, Pressure
 from pdvol.solve.incremental_potential import IncrementalPotential
@@ -89,7 +88,7 @@ class Rest:
         if speed <= self._tolerance:
             changes = np.linalg.norm(x.owned - potential.x_hat + potential.weight * acting(), axis=1)[~fixed]
             largest = float(changes.max(initial=0.0)) / potential.weight
-            self.acceleration = reduce(x.space.comm, largest, MPI.MAX)
+            self.acceleration = x.space.reduce(largest, MPI.MAX)
 
 
 def _is_constant(load: Load, time: float) -> bool:

@@ -170,7 +170,7 @@ class Stepper:
         report.rest, report.terms = self.rest.memory, self.potential.memory
         report.linear_solver, report.solver_memory = self.newton.linear.method, self.newton.linear.memory
         report.seconds = self.watch.report()
-        report.peak_memory_mb = peak_memory(self.space.comm)
+        report.peak_memory_mb = peak_memory(self.space)
         self._record = report.record()
         return report
 

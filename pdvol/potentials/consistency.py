@@ -11,7 +11,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from pdvol.levels.space import LevelSpace
-from pdvol.parallel import reduce
 from pdvol.potentials.assembly.hessian_blocks import HessianBlocks
 from pdvol.potentials.potential import Positions, Term
 
@@ -52,7 +51,7 @@ class Consistency(Term):
 
     def value(self, x: Positions) -> float:
         away = x.owned - self._target
-        return reduce(self.space.comm, float(np.vdot(away, self._weight * away)))
+        return self.space.reduce(float(np.vdot(away, self._weight * away)))
 
     def gradient(self, x: Positions) -> np.ndarray:
         return 2.0 * self._weight * (x.owned - self._target)

@@ -18,7 +18,6 @@ import numpy as np
 
 from pdvol.geometry.level_mesh import boundary_areas
 from pdvol.levels.space import LevelSpace
-from pdvol.parallel import reduce
 from pdvol.potentials.assembly.hessian_blocks import HessianBlocks
 from pdvol.potentials.potential import Positions, Rates, Term
 
@@ -63,7 +62,7 @@ class Drag(Term):
 
     def value(self, x: Positions) -> float:
         _, speed = self._past(x)
-        return reduce(self.space.comm, float(self._strength @ speed**3) * self._duration / 3.0)
+        return self.space.reduce(float(self._strength @ speed**3) * self._duration / 3.0)
 
     def gradient(self, x: Positions) -> np.ndarray:
         w, speed = self._past(x)

@@ -15,7 +15,6 @@ from pdvol.geometry.level_mesh import LevelMesh
 from pdvol.geometry.nearest_in_simplex import nearest_coordinates
 from pdvol.levels.model import PlacedLoad
 from pdvol.levels.space import LevelSpace
-from pdvol.parallel import reduce
 from pdvol.potentials.assembly.compiled_forms import form_cache
 from pdvol.potentials.potential import Positions, Potential, Term
 from pdvol.scene import Flow, Force, Gravity, Load, PointForce, Pressure, at_time
@@ -47,7 +46,7 @@ class DeadLoad(Term):
         self.space, self.force = space, force
 
     def value(self, x: Positions) -> float:
-        return -reduce(self.space.comm, float(np.vdot(self.force, x.owned)))
+        return -self.space.reduce(float(np.vdot(self.force, x.owned)))
 
     def gradient(self, x: Positions) -> np.ndarray:
         return -self.force
@@ -98,7 +97,7 @@ def _load_term(load: Load, chosen: np.ndarray, space: LevelSpace, densities: np.
         return TimedLoad(space, shares, lambda t0, t1: at_time("PointForce.force", load.force, t1, d))
     held = np.where(chosen[space.owned_points], mass, 0.0)
     if isinstance(load, Force):
-        shares = held / reduce(space.comm, float(held.sum()))
+        shares = held / space.reduce(float(held.sum()))
         return TimedLoad(space, shares, lambda t0, t1: at_time("Force.force", load.force, t1, d))
     push = np.asarray(load.velocity, dtype=float)
     return TimedLoad(space, held, lambda t0, t1: push / (t1 - t0) if t0 <= load.time < t1 else 0.0 * push)

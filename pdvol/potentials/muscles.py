@@ -9,7 +9,6 @@ import ufl
 from pdvol.forms.muscles import active_fibres
 from pdvol.levels.muscles import CellMuscle
 from pdvol.levels.space import LevelSpace
-from pdvol.parallel import reduce
 from pdvol.potentials.assembly.cell_energy import CellEnergy
 from pdvol.potentials.assembly.domains import Domains
 from pdvol.potentials.potential import Positions
@@ -38,7 +37,7 @@ class ActiveFibres(CellEnergy):
         domains = Domains(space, np.isin(np.arange(m), muscle.cells), smoothing)
         super().__init__(space, psi, self._tensions(np.zeros(len(muscle.cells))), domains, "muscle", isotropic=False)
         counted = float(domains.volumes[: domains.counted].sum())
-        self.scale = muscle.muscle.strength * reduce(space.comm, counted)
+        self.scale = muscle.muscle.strength * space.reduce(counted)
 
     def _tensions(self, tension: np.ndarray) -> dict[str, np.ndarray]:
         """The entries (m,) of tension f f' [Pa] for a tension (k,) of the muscle's cells."""

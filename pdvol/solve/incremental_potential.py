@@ -10,7 +10,6 @@ from mpi4py import MPI
 from pdvol.errors import SimulationError
 from pdvol.levels.script import Obstacle
 from pdvol.levels.space import LevelSpace
-from pdvol.parallel import reduce
 from pdvol.potentials.assembly.domains import Domains
 from pdvol.potentials.assembly.hessian_blocks import HessianBlocks
 from pdvol.potentials.build import Terms
@@ -72,13 +71,13 @@ class IncrementalPotential:
     def _require_finite(self, term_name: str, what: str, values: np.ndarray | float) -> None:
         """Raises SimulationError, naming the term, unless the values of all ranks are finite. Collective."""
         bad = 0 if np.isfinite(values).all() else 2 if np.isnan(values).any() else 1
-        bad = reduce(self.space.comm, bad, MPI.MAX)
+        bad = self.space.reduce(bad, MPI.MAX)
         if bad:
             raise SimulationError(f"the {term_name} term's {what} is {'not a number' if bad == 2 else 'infinite'}")
 
     def inertia(self, x: Positions) -> float:
         """1/2 |x - x_hat|^2_M [kg m^2]."""
-        return 0.5 * reduce(self.space.comm, float(np.vdot(x.owned - self.x_hat, self.mass * (x.owned - self.x_hat))))
+        return 0.5 * self.space.reduce(float(np.vdot(x.owned - self.x_hat, self.mass * (x.owned - self.x_hat))))
 
     def value(self, x: Positions) -> float:
         """The potential at x; inf where x is not admissible. Raises SimulationError, naming the term, where one is not
@@ -111,7 +110,7 @@ class IncrementalPotential:
                 found += [term.gradient(x) for term in terms]
         for rows in found:
             total = total + self.weight * rows
-        if not reduce(self.space.comm, bool(np.isfinite(total).all()), MPI.LAND):
+        if not self.space.reduce(bool(np.isfinite(total).all()), MPI.LAND):
             names = ("inertia", *(term.name for term in self.terms))
             for name, rows in zip(names, (inertia, *found), strict=True):
                 self._require_finite(name, "gradient", rows)
@@ -131,7 +130,7 @@ class IncrementalPotential:
                         term.add_hessian(x, weight * self.weight, into)
         into.keep_added()
         self.renew_friction(x, weight, into)
-        if not reduce(self.space.comm, into.finite(), MPI.LAND):
+        if not self.space.reduce(into.finite(), MPI.LAND):
             self._name_hessian(x, weight, into)
 
     def renew_friction(self, x: Positions, weight: float, into: HessianBlocks) -> None:
@@ -160,7 +159,7 @@ class IncrementalPotential:
         with self.watch.part("ccd"):
             steps = np.array([1.0, *(term.max_step(x, direction, until, gap_share) for term in self.terms)])
             lost = np.flatnonzero(np.isnan(steps))
-            largest = reduce(self.space.comm, float(-lost[0] if len(lost) else steps.min()), MPI.MIN)
+            largest = self.space.reduce(float(-lost[0] if len(lost) else steps.min()), MPI.MIN)
         if largest < 0.0:
             raise SimulationError(f"the {self.terms[int(-largest) - 1].name} term's largest step is not a number")
         return largest
@@ -187,7 +186,7 @@ class IncrementalPotential:
             for term in self.terms:
                 term.update_lag(x)
             after = [term.gradient(x) for term in self.frictions]
-            size = lambda forces: np.sqrt(reduce(self.space.comm, float(np.vdot(forces, forces))))
+            size = lambda forces: np.sqrt(self.space.reduce(float(np.vdot(forces, forces))))
             change, force = size(np.subtract(sum(after), sum(before))), max(size(sum(before)), size(sum(after)))
         return float(change / force) if force > 0.0 else 0.0
 
@@ -213,7 +212,7 @@ class IncrementalPotential:
         with self.watch.part("contact"):
             end = x.moved(1.0, direction)
             changed = [term.predict(x, end) for term in self.frictions]  # no short cut: the calls are collective
-            if not reduce(self.space.comm, any(changed), MPI.LOR):
+            if not self.space.reduce(any(changed), MPI.LOR):
                 return None
             return self.weight * sum((term.predicted_change(x) for term in self.frictions), np.zeros_like(x.owned))
 
@@ -225,7 +224,7 @@ class IncrementalPotential:
     @property
     def has_friction(self) -> bool:
         """Whether friction acts anywhere, as lagged. Collective."""
-        return reduce(self.space.comm, any(term.has_friction for term in self.terms), MPI.LOR)
+        return self.space.reduce(any(term.has_friction for term in self.terms), MPI.LOR)
 
     def move_obstacles(self, time: float) -> None:
         """Puts obstacles where they are at `time` [s]."""

@@ -17,7 +17,6 @@ from scipy.sparse import csr_array
 
 from pdvol.errors import SimulationError
 from pdvol.levels.space import LevelSpace
-from pdvol.parallel import reduce
 from pdvol.potentials.assembly.hessian_blocks import BlockPattern, HessianBlocks
 from pdvol.potentials.potential import MIN_GAP_SHARE, LastStates, Positions
 from pdvol.scene import Relative, Solver
@@ -121,7 +120,7 @@ class Newton:
         self.space, self.potential, self.settings, self.watch = space, potential, settings, watch
         self.tolerance = settings.tolerance
         self._fixed, self._coarse_weights, self._dt = supported, coarse_weights, np.inf
-        self._comm, self._sum = space.comm, partial(reduce, space.comm)
+        self._sum = space.reduce
         self._vector, self._residual = space.create_vector(), space.create_vector()
         self._blocks = HessianBlocks(BlockPattern(space, potential.stencils))
         self._system = SystemMatrix(space, supported, wants_general_matrix(settings))
@@ -162,7 +161,7 @@ class Newton:
         """The configuration of a vector, of the last two if it is one of them. Collective."""
         array, solve = vector.getArray(readonly=True).reshape(-1, self.space.dim), self._solve
         for known in solve.states:
-            if reduce(self._comm, bool((known.owned == array).all()), MPI.LAND):
+            if self.space.reduce(bool((known.owned == array).all()), MPI.LAND):
                 return known
         solve.states = [Positions(self.space, array.copy()), *solve.states[:1]]
         return solve.states[0]
@@ -230,17 +229,17 @@ class Newton:
         return direction
 
     def _require_finite(self, direction: np.ndarray) -> None:
-        if not reduce(self._comm, bool(np.isfinite(direction).all()), MPI.LAND):
+        if not self.space.reduce(bool(np.isfinite(direction).all()), MPI.LAND):
             raise SimulationError("the linear solve gave NaN or infinity")
 
     def _slope(self, direction: np.ndarray) -> float:
         """Derivative of the potential along a direction (n_owned, d). Collective."""
-        return reduce(self._comm, float(np.vdot(self._solve.gradient, direction)))
+        return self.space.reduce(float(np.vdot(self._solve.gradient, direction)))
 
     def _speed(self, path: np.ndarray) -> float:
         """The largest row of a path (n_owned, d) over the step's length in time [m/s]. Collective."""
         mine = np.sqrt(np.max(np.sum(path**2, axis=1), initial=0.0))
-        return reduce(self._comm, float(mine), MPI.MAX) / self._dt
+        return self.space.reduce(float(mine), MPI.MAX) / self._dt
 
     def _begin_iteration(self, x: Positions, direction: np.ndarray) -> float:
         """Records Newton's direction (n_owned, d) at x; returns the factor of it that the line search begins with.
@@ -384,7 +383,7 @@ class Newton:
         report = solve.report
         report.converged = reason > 0
         report.reason = report.reason or _REASONS.get(reason, str(reason))
-        report.gradient_norm = reduce(self._comm, float(np.abs(solve.gradient).max(initial=0.0)), MPI.MAX)
+        report.gradient_norm = self.space.reduce(float(np.abs(solve.gradient).max(initial=0.0)), MPI.MAX)
         return x, report
 
     def remedy(self, reason: int) -> bool:

@@ -25,7 +25,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from mpi4py import MPI
 
-from pdvol.parallel import reduce
+from pdvol.levels.space import LevelSpace
 
 PARTS = ("assembly", "contact", "ccd", "linear")
 
@@ -215,6 +215,6 @@ class StepReport:
         return {key: value for key, value in vars(self).items() if key not in ("positions", "velocity", "forces")}
 
 
-def peak_memory(comm: MPI.Comm) -> float:
+def peak_memory(space: LevelSpace) -> float:
     """The most memory that one rank's process has held so far [MB]. Collective."""
-    return round(reduce(comm, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024, MPI.MAX), 1)
+    return round(space.reduce(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024, MPI.MAX), 1)

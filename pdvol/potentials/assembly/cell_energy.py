@@ -20,7 +20,6 @@ from mpi4py import MPI
 
 from pdvol.errors import InputError
 from pdvol.levels.space import LevelSpace
-from pdvol.parallel import reduce
 from pdvol.potentials.assembly import native
 from pdvol.potentials.assembly.compiled_forms import form_cache
 from pdvol.potentials.assembly.domains import Domains
@@ -84,8 +83,8 @@ class CellEnergy(Term):
         self._slots_of: BlockPattern
         means = self._means(parameters)
         counted = slice(domains.counted)
-        self.scale = reduce(
-            space.comm, float(sum(np.abs(values[counted]) @ domains.volumes[counted] for values in means.values()))
+        self.scale = space.reduce(
+            float(sum(np.abs(values[counted]) @ domains.volumes[counted] for values in means.values()))
         )
         self._compile(psi, model, means)
 
@@ -137,7 +136,7 @@ class CellEnergy(Term):
                 F = np.eye(3) + 0.2 * rng.uniform(-1, 1, (3, 3))
                 one, other = (self._density.at(f, domain) for f in (F, Q @ F @ R))
                 changes.append(abs(one - other) / max(abs(one), abs(other), 1e-300))
-        return reduce(self.space.comm, max(changes, default=0.0), MPI.MAX) < ISOTROPY_TOLERANCE
+        return self.space.reduce(max(changes, default=0.0), MPI.MAX) < ISOTROPY_TOLERANCE
 
     def set_parameters(self, parameters: Mapping[str, np.ndarray]) -> None:
         """Sets the values (m,) of some parameters without compiling anything."""
@@ -155,7 +154,7 @@ class CellEnergy(Term):
         return self._values.value(x, self._sum)
 
     def _sum(self, x: Positions) -> float:
-        total = reduce(self.space.comm, self._library.domain_values(self._domains, self._density.c, pointer(x.local)))
+        total = self.space.reduce(self._library.domain_values(self._domains, self._density.c, pointer(x.local)))
         return total if np.isfinite(total) else np.inf
 
     def gradient(self, x: Positions) -> np.ndarray:

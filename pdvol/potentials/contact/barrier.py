@@ -15,7 +15,6 @@ from mpi4py import MPI
 
 from pdvol.compiled import pointer
 from pdvol.levels.script import Obstacle
-from pdvol.parallel import reduce
 from pdvol.potentials.assembly.hessian_blocks import HessianBlocks
 from pdvol.potentials.contact.candidates import Candidates, Contacts
 from pdvol.potentials.contact.native import library
@@ -58,7 +57,7 @@ class ContactBarrier(Term):
         return self._contacts
 
     def value(self, x: Positions) -> float:
-        return reduce(self.space.comm, self.contacts(x).energy)
+        return self.space.reduce(self.contacts(x).energy)
 
     def gradient(self, x: Positions) -> np.ndarray:
         return self.surface.rows_of(self.contacts(x).gradient)
@@ -98,14 +97,14 @@ class ContactBarrier(Term):
 
     def count(self, x: Positions) -> int:
         """Number of contacts at x. Collective."""
-        return reduce(self.space.comm, int(np.count_nonzero(self.contacts(x).counted)))
+        return self.space.reduce(int(np.count_nonzero(self.contacts(x).counted)))
 
     def min_gap(self, x: Positions) -> float:
         """Smallest distance [m] among the contacts; inf when there are none. Collective."""
         nearest = float(np.linalg.norm(self.contacts(x).gaps, axis=1).min(initial=np.inf))
-        return reduce(self.space.comm, nearest, MPI.MIN)
+        return self.space.reduce(nearest, MPI.MIN)
 
     def behind_planes(self, x: Positions) -> int:
         """Number of vertices on or behind a plane, counted once for each plane. Collective."""
         found = self.contacts(x)
-        return reduce(self.space.comm, int(np.count_nonzero(~found.gaps[: found.half_spaces].any(axis=1))))
+        return self.space.reduce(int(np.count_nonzero(~found.gaps[: found.half_spaces].any(axis=1))))

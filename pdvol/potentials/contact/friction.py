@@ -15,7 +15,6 @@ import numpy as np
 from mpi4py import MPI
 
 from pdvol.compiled import pointer
-from pdvol.parallel import reduce
 from pdvol.potentials.assembly.hessian_blocks import HessianBlocks
 from pdvol.potentials.contact.barrier import ContactBarrier
 from pdvol.potentials.contact.candidates import Contacts
@@ -73,7 +72,7 @@ class LaggedFriction(Term):
         self.sticks = np.zeros(k)
         self._c = ffi.new("friction_t *", {"eps": self._eps, "sticks": pointer(self.sticks)})
         self._c.start, self._c.forces = pointer(self._start), pointer(self.forces)
-        self._acts = reduce(self.space.comm, k > 0, MPI.LOR)
+        self._acts = self.space.reduce(k > 0, MPI.LOR)
 
     @property
     def has_friction(self) -> bool:
@@ -96,7 +95,7 @@ class LaggedFriction(Term):
         return self._found
 
     def value(self, x: Positions) -> float:
-        return reduce(self.space.comm, self._found_at(x)[0]) if self.has_friction else 0.0
+        return self.space.reduce(self._found_at(x)[0]) if self.has_friction else 0.0
 
     def gradient(self, x: Positions) -> np.ndarray:
         return self.surface.rows_of(self._found_at(x)[1]) if self.has_friction else np.zeros_like(x.owned)

@@ -19,7 +19,6 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 from pdvol.errors import InputError, SimulationError
-from pdvol.parallel import reduce
 from pdvol.scene import Solver
 from pdvol.solve.linear.coarse_space import CoarseSpace
 from pdvol.solve.linear.system_matrix import SystemMatrix
@@ -201,7 +200,7 @@ class LinearSolver:
         tries = self._system.factor_incompletely(self._drop)
         if tries == 0:
             raise MemoryError("no memory left for the incomplete factor")
-        return reduce(self._system.space.comm, tries > 0, MPI.LAND)
+        return self._system.space.reduce(tries > 0, MPI.LAND)
 
     # ---- the choice
 

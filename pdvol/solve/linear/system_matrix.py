@@ -9,7 +9,6 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 from pdvol.levels.space import LevelSpace
-from pdvol.parallel import reduce
 from pdvol.potentials.assembly.hessian_blocks import SPARE, BlockCsr, HessianBlocks, room_of_rows
 from pdvol.potentials.assembly.native import pointer
 from pdvol.solve.linear import native
@@ -190,7 +189,7 @@ class SystemMatrix:
         if self._petsc is None:
             starts, columns, blocks = (array.copy() for array in self._upper)
             known = self._pattern is not None and all(map(np.array_equal, self._pattern, (starts, columns)))
-            known = reduce(self.space.comm, known, MPI.LAND)
+            known = self.space.reduce(known, MPI.LAND)
             csr = (starts.astype(PETSc.IntType), columns.astype(PETSc.IntType), blocks)
             if known:
                 self._blocked.setValuesBlockedCSR(*csr)
