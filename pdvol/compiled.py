@@ -37,10 +37,24 @@ def cache_folder() -> Path:
     return base / "pdvol" / "compiled" / key
 
 
-def declare(folder: Path) -> None:
-    """Declares to `ffi` what is in a folder's interface.h, which its C files include, without preprocessor lines."""
-    lines = (folder / "interface.h").read_text().splitlines(keepends=True)
-    ffi.cdef("".join(line for line in lines if not line.startswith("#")))
+class Library:
+    """The functions of a folder's C files, built and loaded when the first of them is needed.
+
+    Parameters
+    ----------
+    folder : whose interface.h, which its C files include, is declared to `ffi` at once, without preprocessor lines
+    definitions : macros of the compiler's command line
+    """
+
+    def __init__(self, folder: Path, definitions: Mapping[str, int] | None = None):
+        lines = (folder / "interface.h").read_text().splitlines(keepends=True)
+        ffi.cdef("".join(line for line in lines if not line.startswith("#")))
+        self._load = cache(lambda: load(folder, definitions))
+
+    def __getattr__(self, name: str) -> Any:
+        function = getattr(self._load(), name)
+        setattr(self, name, function)  # from then on it is found without this call
+        return function
 
 
 def load(folder: Path, definitions: Mapping[str, int] | None = None) -> Any:

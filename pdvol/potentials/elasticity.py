@@ -16,7 +16,7 @@ from pdvol.levels.space import LevelSpace
 from pdvol.potentials.assembly.cell_energy import CellEnergy
 from pdvol.potentials.assembly.domains import Domains
 from pdvol.potentials.assembly.hessian_blocks import HessianBlocks
-from pdvol.potentials.assembly.native import pointer
+from pdvol.potentials.assembly.native import library, pointer
 from pdvol.potentials.potential import MIN_GAP_SHARE, Positions, Rates
 
 Shares = Callable[[float], np.ndarray]
@@ -73,7 +73,7 @@ class Elastic(CellEnergy):
         self, x: Positions, direction: np.ndarray, until: float | None = None, gap_share: float = MIN_GAP_SHARE
     ) -> float:
         moved = np.ascontiguousarray(self.space.with_ghosts(direction))
-        return self._library.volume_step(self._domains, pointer(x.local), pointer(moved), KEEP_VOLUME)
+        return library.volume_step(self._domains, pointer(x.local), pointer(moved), KEEP_VOLUME)
 
 
 class CellGuard(Elastic):

@@ -45,7 +45,7 @@ def applied(system, residual):
     """(R' R)^-1 residual."""
     z = np.zeros((len(residual), 4), dtype=np.float32)
     z[:, : residual.shape[1]] = residual
-    native.library().precondition_locally(system.compiled, pointer(z, "float"))
+    native.library.precondition_locally(system.compiled, pointer(z, "float"))
     assert not z[:, residual.shape[1] :].any(), "numbers behind a vertex's own are not zero"
     return z[:, : residual.shape[1]].astype(float)
 
@@ -270,7 +270,7 @@ def test_the_coarse_correction_is_galerkins(space):
     r = np.zeros((space.n_owned, 4))
     r[:, :d] = np.random.default_rng(3).standard_normal((space.n_owned, d))
     z, room = np.zeros((space.n_owned, 4), dtype=np.float32), np.zeros(coarse.size * d + 4)
-    native.library().add_coarse_correction(system.compiled, pointer(r), pointer(room), pointer(z, "float"))
+    native.library.add_coarse_correction(system.compiled, pointer(r), pointer(room), pointer(z, "float"))
     expected = P @ np.linalg.solve(G, P.T @ r[:, :d].ravel())
     np.testing.assert_allclose(z[:, :d].ravel(), expected, rtol=0.0, atol=1e-6 * np.abs(expected).max())
 

@@ -76,7 +76,6 @@ class CellEnergy(Term):
         self.space, self.name, self._isotropic = space, name, isotropic
         self.psi, self.parameters, self.domains = psi, dict(parameters), domains
         self.stencils = (domains,) if domains.smoothed else ()
-        self._library = native.library()
         self._values = LastStates()
         self._domains = domains.struct(ceiling, oriented)
         self._slots: np.ndarray | None = None
@@ -154,12 +153,12 @@ class CellEnergy(Term):
         return self._values.value(x, self._sum)
 
     def _sum(self, x: Positions) -> float:
-        total = self.space.reduce(self._library.domain_values(self._domains, self._density.c, pointer(x.local)))
+        total = self.space.reduce(native.library.domain_values(self._domains, self._density.c, pointer(x.local)))
         return total if np.isfinite(total) else np.inf
 
     def gradient(self, x: Positions) -> np.ndarray:
         local = np.zeros((len(self.space.local_points), self.space.dim))
-        self._library.domain_gradients(self._domains, self._first.c, pointer(x.local), pointer(local))
+        native.library.domain_gradients(self._domains, self._first.c, pointer(x.local), pointer(local))
         return local[: self.space.n_owned]
 
     def add_hessian(self, x: Positions, weight: float, into: HessianBlocks) -> None:
@@ -167,12 +166,12 @@ class CellEnergy(Term):
             self._slots, self._slots_of = into.pattern.slots(self.domains), into.pattern
         mode, places, out = FILTERS[into.projection], (pointer(x.local), pointer(self._slots, "int32_t")), into.cells
         if self._stretches is not None:
-            self._library.isotropic_hessians(self._domains, self._stretches.c, *places, mode, weight, pointer(out))
+            native.library.isotropic_hessians(self._domains, self._stretches.c, *places, mode, weight, pointer(out))
         elif self._second is not None:
             kernel = self._model if mode and self._model is not None else self._second
             # A Hessian without F is that of a quadratic energy.
             mode = 0 if kernel is self._model or kernel.c.at < 0 else mode
-            self._library.domain_hessians(self._domains, kernel.c, *places, mode, weight, pointer(out))
+            native.library.domain_hessians(self._domains, kernel.c, *places, mode, weight, pointer(out))
 
 
 def _rotation(rng: np.random.Generator) -> np.ndarray:
@@ -253,7 +252,7 @@ class _DensityKernel(_Kernel):
         unit = ffi.new("domains_t *", {"d": 3, "count": 1, "counted": 1, "volumes": pointer(one)})
         unit.vertices, unit.gradients = pointer(vertices, "int32_t"), pointer(identity)
         own = self._struct(self.parameters[domain], self.c.at)
-        return native.library().domain_values(unit, own, pointer(np.vstack([np.zeros(3), *F.T])))
+        return native.library.domain_values(unit, own, pointer(np.vstack([np.zeros(3), *F.T])))
 
 
 class _StretchKernels:

@@ -192,7 +192,7 @@ class HessianBlocks:
         if most > len(self._merged[1]):
             self._merged = room_of_rows(space.n_owned, most + self.count, d)
         starts, found, sums = self._merged
-        count = native.library().merge_pairs(
+        count = native.library.merge_pairs(
             d,
             space.n_owned,
             space.first_block,

@@ -65,7 +65,7 @@ class ContactBarrier(Term):
     def add_hessian(self, x: Positions, weight: float, into: HessianBlocks) -> None:
         found = self.contacts(x)
         into.add_compiled(
-            library().barrier_blocks,
+            library.barrier_blocks,
             10 * len(found),
             self.space.dim,
             found.c,

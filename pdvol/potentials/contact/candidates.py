@@ -171,7 +171,7 @@ class PairList:
         """
         n = self.primitives.bodies
         found = Shapes(np.empty((n, 3, 3)), np.empty(n), np.empty(n), np.empty(n))
-        library().shapes(
+        library.shapes(
             self.primitives.d,
             n,
             pointer(self._needed, "uint8_t"),
@@ -186,7 +186,7 @@ class PairList:
     def _is_near(self, start: np.ndarray, move: np.ndarray | None, vertices: np.ndarray) -> bool:
         """Whether no two objects can have come nearer to each other than there is room."""
         drift, sizes = np.zeros((len(self._counts), self.primitives.d)), np.zeros(len(self._counts))
-        library().deviations(
+        library.deviations(
             self.primitives.d,
             len(self._counts),
             pointer(self._firsts, "int64_t"),
@@ -210,7 +210,7 @@ class PairList:
             same = (self._boxed[0] == start).all(axis=1) & (self._boxed[1] == end).all(axis=1)
             marked = marked & ~np.logical_and.reduceat(same[: self._firsts[-1]], self._firsts[:-1])
         moving = pointer(start), pointer(end)
-        library().fit_boxes(self.primitives.c, pointer(marked, "uint8_t"), *moving, pointer(self._boxes))
+        library.fit_boxes(self.primitives.c, pointer(marked, "uint8_t"), *moving, pointer(self._boxes))
         self._boxed = start, end
 
     def _apart(self) -> np.ndarray:
@@ -235,7 +235,7 @@ class PairList:
         while not fits:
             room = tuple(len(pairs) for pairs in self._pairs)
             self.c.n_points, self.c.n_edges = room
-            if library().search_pairs(
+            if library.search_pairs(
                 self.primitives.c,
                 pointer(self._boxes),
                 pointer(start),
@@ -260,7 +260,7 @@ class PairList:
         if not (len(self.points) or len(self.edges)):
             return step
         move = pointer(start), pointer(end)
-        step = library().longest_step(self.primitives.c, *move, self.reach, gap_share, self.c, step)
+        step = library.longest_step(self.primitives.c, *move, self.reach, gap_share, self.c, step)
         self._go_on(start, end)
         return step
 
@@ -390,7 +390,7 @@ class Candidates:
             pairs.at(vertices)
         gradient, counts, energy = np.empty(vertices.shape), np.empty(3, dtype=np.int64), ffi.new("double *")
         while True:
-            if library().find_contacts(
+            if library.find_contacts(
                 self.primitives.c,
                 pointer(vertices),
                 self.dhat,
@@ -417,7 +417,7 @@ class Candidates:
         # The pairs that are near stop most moves early. What else may meet is searched for on the way until then. Tight
         # inclusion may go further than conservative advancement, and needs the pairs of the whole way.
         additive = self.ccd == "additive"
-        step = library().half_space_step(self.primitives.c, pointer(start), pointer(end), gap_share)
+        step = library.half_space_step(self.primitives.c, pointer(start), pointer(end), gap_share)
         for pairs in self.lists if additive else ():
             step = pairs.longest_step(start, end, gap_share, step)
         searches = [pairs.searches for pairs in self.lists]
@@ -443,7 +443,7 @@ class Candidates:
             for one in np.concatenate([pairs.points if is_point else pairs.edges for pairs in self.lists]):
                 alone = ffi.new("pairs_t *", {"n_points": int(is_point), "n_edges": int(not is_point)})
                 alone.points = alone.edges = pointer(one, "int32_t")
-                if library().longest_step(self.primitives.c, *move, self.dhat, gap_share, alone, 1.0) == 1.0:
+                if library.longest_step(self.primitives.c, *move, self.dhat, gap_share, alone, 1.0) == 1.0:
                     continue
                 if is_point:
                     corners = [one[0], *self.primitives.facets[one[1]]]

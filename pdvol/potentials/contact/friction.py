@@ -85,7 +85,7 @@ class LaggedFriction(Term):
         vertices = self.surface.vertices(x)
         gradient = np.zeros(vertices.shape)
         of = self.space.dim, self.contacts.c, self._c
-        return library().friction_sum(*of, pointer(vertices), predicted, pointer(gradient)), gradient
+        return library.friction_sum(*of, pointer(vertices), predicted, pointer(gradient)), gradient
 
     def _found_at(self, x: Positions) -> tuple[float, np.ndarray]:
         """The energy and its gradient, found once for each state."""
@@ -104,7 +104,7 @@ class LaggedFriction(Term):
         if not self.has_friction:
             return
         into.add_compiled(
-            library().friction_blocks,
+            library.friction_blocks,
             10 * len(self.contacts),
             self.space.dim,
             self.contacts.c,
@@ -124,7 +124,7 @@ class LaggedFriction(Term):
         if not self.has_friction:
             return False
         places = pointer(self.surface.vertices(x)), pointer(self.surface.vertices(end))
-        return library().friction_predict(self.space.dim, self.contacts.c, self._c, *places) > 0
+        return library.friction_predict(self.space.dim, self.contacts.c, self._c, *places) > 0
 
     def forget_prediction(self) -> None:
         """Contacts slide or stick as they do."""

@@ -128,7 +128,7 @@ class CoarseSpace:
         rows : BlockCsr
             A of this rank's rows, as `HessianBlocks.merged` gives it.
         """
-        d, comm, library = self.space.dim, self.space.comm, native.library()
+        d, comm, library = self.space.dim, self.space.comm, native.library
         starts, columns, blocks = pointers(rows)
         matrix = (self.space.n_owned, self.space.first_block, starts, columns)
         P = (pointer(self.starts, "int32_t"), pointer(self.columns, "int32_t"))

@@ -128,7 +128,7 @@ class SystemMatrix:
         `drop` times that of the diagonal blocks beside them. Returns the number of tries (`incomplete_cholesky`).
         """
         compiled, (starts, columns, blocks) = self.compiled, self.own
-        matrix, library = (compiled.d, compiled.count, compiled.starts, compiled.columns), native.library()
+        matrix, library = (compiled.d, compiled.count, compiled.starts, compiled.columns), native.library
         size, places = blocks.size, native.ffi.NULL
         compiled.factor_starts, compiled.factor_columns = compiled.starts, compiled.columns
         if drop:
@@ -159,14 +159,14 @@ class SystemMatrix:
         """
         found, count = np.zeros(len(right)), native.ffi.new("int32_t *")
         begin = native.ffi.NULL if start is None else pointer(start)
-        reason = native.library().conjugate_gradients(
+        reason = native.library.conjugate_gradients(
             self.compiled, pointer(right), begin, tolerance, most, pointer(self._far), pointer(found), count
         )
         return found, reason, count[0]
 
     def mult(self, matrix: PETSc.Mat, x: PETSc.Vec, y: PETSc.Vec) -> None:
         """y = A x, as PETSc calls it on `shell`. Collective."""
-        native.library().symmetric_product(
+        native.library.symmetric_product(
             self.compiled, pointer(x.getArray(readonly=True)), pointer(self._far), pointer(y.getArray())
         )
 
@@ -217,7 +217,7 @@ def _split(rows: BlockCsr, d: int, first: int, parts: list[BlockCsr]) -> tuple[B
     others, with global columns. Both are in the memory of `parts`.
     """
     n = len(rows[0]) - 1
-    native.library().split_rows(d, n, first, *pointers(rows), *pointers(parts[0]), *pointers(parts[1]))
+    native.library.split_rows(d, n, first, *pointers(rows), *pointers(parts[0]), *pointers(parts[1]))
     found = []
     for begin, at, values in parts:
         end = int(begin[n])

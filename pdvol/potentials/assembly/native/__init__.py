@@ -1,11 +1,9 @@
 """The compiled cell loops."""
 
-from functools import cache
 from pathlib import Path
-from typing import Any
 
 from pdvol import compat
-from pdvol.compiled import FLAGS, cache_folder, declare, ffi, load, pointer
+from pdvol.compiled import FLAGS, Library, cache_folder, ffi, pointer
 
 __all__ = ["FLAGS", "cache_folder", "ffi", "library", "pointer"]
 
@@ -17,16 +15,12 @@ MAX_ISOTROPIC_PARAMETERS = 16
 # Hessian of smoothed elements takes 1.4 times as long, with 64 to 200 the same
 AHEAD = 96
 
-declare(Path(__file__).parent)
-
-
-@cache
-def library() -> Any:
-    """The loaded library."""
-    definitions = {
+library = Library(
+    Path(__file__).parent,
+    {
         "KERNEL_ARGUMENTS": compat.KERNEL_ARGUMENTS,
         "AHEAD": AHEAD,
         "MAX_PARAMETERS": MAX_PARAMETERS,
         "MAX_ISOTROPIC_PARAMETERS": MAX_ISOTROPIC_PARAMETERS,
-    }
-    return load(Path(__file__).parent, definitions)
+    },
+)

@@ -1,17 +1,9 @@
 """The compiled loops of contact: broad phase, collision detection, active pairs, sums over them, and friction."""
 
-from functools import cache
 from pathlib import Path
-from typing import Any
 
-from pdvol.compiled import declare, ffi, load
+from pdvol.compiled import Library, ffi
 
 __all__ = ["ffi", "library"]
 
-declare(Path(__file__).parent)
-
-
-@cache
-def library() -> Any:
-    """The loaded library."""
-    return load(Path(__file__).parent)
+library = Library(Path(__file__).parent)

@@ -3,16 +3,10 @@
 Block CSR is `hessian_blocks.BlockCsr`, which says what SPARE is.
 """
 
-from functools import cache
 from pathlib import Path
-from typing import Any
 
-from pdvol.compiled import declare, ffi, load
+from pdvol.compiled import Library, ffi
 
-declare(Path(__file__).parent)
+__all__ = ["ffi", "library"]
 
-
-@cache
-def library() -> Any:
-    """The loaded library."""
-    return load(Path(__file__).parent)
+library = Library(Path(__file__).parent)
