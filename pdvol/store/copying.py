@@ -4,6 +4,7 @@ import shutil
 from pathlib import Path
 
 from pdvol.errors import InputError, SimulationError
+from pdvol.store.checksums import NAME as CHECKSUMS
 from pdvol.store.files import jsonable, write_bytes, write_json
 from pdvol.store.folder import late_file, level_folder, run_state, state_file
 from pdvol.store.log import log_line, read_log
@@ -51,6 +52,8 @@ def copy_run(source: Path, target: Path, steps: int | None = None, levels: int |
             for file in files:
                 if not (folder / file.name).exists() and file.exists():
                     _copy(file, folder / file.name)
+            if (level.folder / CHECKSUMS).exists():
+                _copy(level.folder / CHECKSUMS, folder / CHECKSUMS)
         if (source / "obstacles.json").exists():
             shutil.copytree(source / "obstacles", target / "obstacles", dirs_exist_ok=True)
             _copy(source / "obstacles.json", target / "obstacles.json")

@@ -10,6 +10,7 @@
 | levels/<l>/mesh.npz | points, cells, bodies, regions, surface |
 | levels/<l>/velocity.npy | initial velocity (n, d) [m/s] |
 | levels/<l>/<step>.npy | positions (n, d) [m], in the input's order |
+| levels/<l>/checksums.bin | CRC-32 of each step's positions |
 | levels/<l>/late_<step>.npz | places of obstacles that contact held back |
 """
 
@@ -23,6 +24,7 @@ import numpy as np
 
 from pdvol.errors import InputError
 from pdvol.geometry.level_mesh import LevelMesh
+from pdvol.store.checksums import keep_checksums
 from pdvol.store.files import (
     TEMPORARY,
     jsonable,
@@ -157,6 +159,7 @@ def remove_states(folder: Path, steps: int) -> None:
         if step >= steps:
             files[step].unlink()
             late_file(folder, step).unlink(missing_ok=True)
+    keep_checksums(folder, steps)
 
 
 def run_state(levels: list[dict]) -> str:
@@ -175,6 +178,7 @@ def write_level(path: Path, level: int, mesh: LevelMesh, velocity: np.ndarray | 
     folder.mkdir(parents=True, exist_ok=True)
     for stale in folder.glob("*.npy"):  # of a creation that was killed
         stale.unlink()
+    keep_checksums(folder, 0)
     write_arrays(
         folder / "mesh.npz",
         points=points,

@@ -12,6 +12,7 @@ import numpy as np
 
 from pdvol.errors import InputError
 from pdvol.geometry.level_mesh import LevelMesh
+from pdvol.store.checksums import differs
 from pdvol.store.files import is_whole, lock, read_array, read_arrays
 from pdvol.store.folder import late_file, level_folder, read_info, state_file
 from pdvol.store.log import read_log
@@ -129,17 +130,24 @@ class RunLevel:
             stamp = file.stat()
             key = step, stamp.st_ino, stamp.st_mtime_ns  # a step that is computed again is another file
             if key not in self._latest:
-                self._latest[key] = read_array(file, self.rest.shape)
+                positions = read_array(file, self.rest.shape)
+                if differs(self.folder, step, positions):
+                    raise InputError(f"{file} is damaged: its numbers are not those that were stored")
+                self._latest[key] = positions
                 if len(self._latest) > KEPT_STATES:
                     del self._latest[next(iter(self._latest))]
             return self._latest[key].copy()
         except FileNotFoundError as error:
             raise InputError(f"{file} is missing; {self._usable()}") from error
         except InputError as error:
-            raise InputError(f"{error}; {self._usable()}") from error
+            raise InputError(f"{error}; {self._usable(step)}") from error
 
-    def _usable(self) -> str:
-        return f"usable states of level {self.index}: {f'0 to {self.steps - 1}' if self.steps else 'none'}"
+    def _usable(self, damaged: int | None = None) -> str:
+        """The states that are there, without one whose numbers are damaged."""
+        last = self.steps - 1
+        spans = [(0, last)] if damaged is None or damaged > last else [(0, damaged - 1), (damaged + 1, last)]
+        named = [f"{a} to {b}" if a < b else str(a) for a, b in spans if a <= b]
+        return f"usable states of level {self.index}: {', '.join(named) or 'none'}"
 
     def velocities(self, step: int) -> np.ndarray:
         """(n, d) float64 [m/s]: mean velocity over `step`, the scene's initial velocity for step 0."""

@@ -15,6 +15,7 @@ from pdvol.errors import SimulationError
 from pdvol.geometry.level_mesh import LevelMesh
 from pdvol.store import obstacles as stored_obstacles
 from pdvol.store import render_meshes as stored_render
+from pdvol.store.checksums import write_checksum
 from pdvol.store.files import TEMPORARY, jsonable, write_array, write_arrays, write_json
 from pdvol.store.folder import (
     LEVEL_STATES,
@@ -156,6 +157,7 @@ class RunWriter:
         self._sweep(level)
         if record is not None:
             self.append_log({"level": level, "step": step, **record})
+        write_checksum(level_folder(self.path, level), step, x)
         write_array(state_file(level_folder(self.path, level), step), x)
         self._count[level] = step + 1
 

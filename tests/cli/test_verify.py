@@ -130,7 +130,7 @@ def test_damaged_states(tmp_path):
     path = store(tmp_path / "run", 2, [x, x, x])
     np.save(path / "levels" / "0" / "000001.npy", np.where(x > 2, np.nan, x))
     (line,) = verify.verify_run(path)
-    assert line.startswith("level 0 step 1:") and "finite" in line
+    assert line.startswith("level 0 step 1:") and "finite" in line and line.endswith("usable states of level 0: 0, 2")
 
 
 def test_what_is_no_run(tmp_path, capsys):

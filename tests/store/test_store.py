@@ -6,8 +6,10 @@ import shutil
 import numpy as np
 import pytest
 
+import pdvol.cli
 import runs
 from pdvol.errors import InputError, SimulationError
+from pdvol.store.copying import copy_run
 from pdvol.store.reader import open_run
 from pdvol.store.writer import RunWriter
 
@@ -113,6 +115,28 @@ def test_damaged_states_are_named_and_the_rest_is_usable(small_run):
     with RunWriter.open(small_run) as writer:  # states beyond the gap must not seem to follow on a new one
         writer.write_state(1, 3, open_run(small_run).levels[1].positions(2))
     assert open_run(small_run).levels[1].steps == 4
+
+
+def test_a_flipped_bit_is_found(small_run, tmp_path, capsys):
+    """By all readers; runs that were stored without checksums open as before, and so do states after a rewind."""
+    state = small_run / "levels" / "1" / "000003.npy"
+    whole = bytearray(state.read_bytes())
+    copy_run(small_run, tmp_path / "copy")
+    whole[-3] ^= 1
+    for path in (small_run, tmp_path / "copy"):
+        (path / "levels" / "1" / "000003.npy").write_bytes(whole)
+        for _ in range(2):
+            with pytest.raises(InputError, match=r"000003.npy is damaged.*usable states of level 1: 0 to 2, 4 to 6"):
+                open_run(path).levels[1].positions(3)
+        assert pdvol.cli.run(["verify", str(path)]) == 1
+        assert capsys.readouterr().out.count("000003.npy is damaged") == 1
+    with RunWriter.open(small_run) as writer:
+        x = open_run(small_run).levels[1].positions(2)
+        writer.rewind(1, 3)
+        writer.write_state(1, 3, x)
+    np.testing.assert_array_equal(open_run(small_run).levels[1].positions(3), x)
+    (tmp_path / "copy" / "levels" / "1" / "checksums.bin").unlink()
+    assert np.isfinite(open_run(tmp_path / "copy").levels[1].positions(3)).all()
 
 
 def test_states_are_never_unpickled(small_run):
