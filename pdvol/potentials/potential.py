@@ -119,7 +119,7 @@ class Potential(Protocol):
 
     name: str
     scale: float  # [J] of parts that cancel in value(x), which its round-off is relative to
-    stencils: Sequence[Domains]  # whose vertices its Hessian couples, other than those of single cells
+    stencils: Sequence[Domains]  # domains between whose vertices it adds blocks of its Hessian
 
     @property
     def has_friction(self) -> bool:

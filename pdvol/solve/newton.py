@@ -126,7 +126,11 @@ class Newton:
         self._system = SystemMatrix(space, supported, wants_general_matrix(settings))
         self.snes = self._create_snes()
         self.linear = LinearSolver(
-            self.snes.ksp, settings, self._coarse_space, partial(watch.part, "linear"), dense=bool(potential.stencils)
+            self.snes.ksp,
+            settings,
+            self._coarse_space,
+            partial(watch.part, "linear"),
+            dense=any(domains.smoothed for domains in potential.stencils),
         )
         self._solve: Solve
 

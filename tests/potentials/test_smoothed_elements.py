@@ -198,5 +198,5 @@ def test_linear_elements_are_cells():
     """Without smoothed bodies nothing is united, so that linear scenes keep their kernels."""
     space = LevelSpace(box(3, 1), MPI.COMM_SELF)
     (term,) = elastic(space, NeoHookean(3.0, 0.3))
-    assert not term.domains.smoothed and not term.stencils
+    assert not term.domains.smoothed
     assert len(Domains(space, space.mesh.bodies == 0)) == len(space.mesh.cells)

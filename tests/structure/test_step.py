@@ -20,7 +20,7 @@ from problems import SOFT, block, make_scene, make_stepper, tetrahedron
 from shapes import together
 
 PDVOL = Path(sys.modules["pdvol"].__file__).parent
-FILES, C_FILES, CONSTANTS = 26, 21, 50
+FILES, C_FILES, CONSTANTS = 25, 21, 50
 """Bounds of this commit: Python files of a step, C files of the libraries that it calls, constants in all of them."""
 LAYOUT = {
     *("SPARE", "BOX", "SIDE", "LANES", "MAX_H", "DEPTH"),  # sizes of arrays
@@ -52,7 +52,7 @@ def everything_in_it():
         supports=(Support(lambda X: X[:, 2] > 0.55, motion=Translation((0.0, 0.0, -0.2))),),
         obstacles=(
             Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0)),
-            Rigid(("ram",), name="ram", motion=Translation((2.0, 0.0, 0.0))),
+            Rigid(("ram",), name="ram", motion=Translation((8.0, 0.0, 0.0))),
         ),
     )
     lower, upper = (block((0.0, 0.0, z), (0.3, 0.3, z + 0.3), 2) for z in (0.0015, 0.303))
@@ -79,7 +79,7 @@ def files_run(work: Callable) -> tuple[set[Path], object]:
 
 @cache
 def python_files() -> list[Path]:
-    """Those of four steps, of which the first is one of implicit Euler, and the second begins friction's rates."""
+    """Those of steps 3 and 4: motions are checked at t = 0 alone, and the first step is one of implicit Euler."""
     stepper, files, substeps = everything_in_it(), set(), 0
     model = stepper.model
     past = past_of(stepper.integrator, lambda step: model.start, model.velocity, 0, model.dt)
@@ -87,8 +87,8 @@ def python_files() -> list[Path]:
         found, report = files_run(lambda number=number, past=past: stepper.step(number, past))
         assert report.newton_iterations > 0 and report.contacts > 0 and report.cuts == 0
         past = advance(stepper.integrator, past, report.positions, model.dt, report.joined)
-        files |= found
-        substeps += report.remedies["substeps"]
+        files |= found if number > 2 else set()
+        substeps += report.remedies["substeps"] if number > 2 else 0
     assert substeps > 0 and len(past) == 2, "contact holds the ram back, and BDF2 has its two states"
     return sorted(files)
 

@@ -23,7 +23,7 @@ from pdvol.levels.space import LevelSpace
 from pdvol.potentials.assembly import native
 from pdvol.potentials.assembly.compiled_forms import form_cache
 from pdvol.potentials.assembly.domains import Domains
-from pdvol.potentials.assembly.hessian_blocks import FILTERS, BlockPattern, HessianBlocks
+from pdvol.potentials.assembly.hessian_blocks import FILTERS, HessianBlocks
 from pdvol.potentials.assembly.native import ffi, pointer
 from pdvol.potentials.potential import LastStates, Positions, Term
 
@@ -75,11 +75,9 @@ class CellEnergy(Term):
             )
         self.space, self.name, self._isotropic = space, name, isotropic
         self.psi, self.parameters, self.domains = psi, dict(parameters), domains
-        self.stencils = (domains,) if domains.smoothed else ()
+        self.stencils = (domains,)
         self._values = LastStates()
         self._domains = domains.struct(ceiling, oriented)
-        self._slots: np.ndarray | None = None
-        self._slots_of: BlockPattern
         means = self._means(parameters)
         counted = slice(domains.counted)
         self.scale = space.reduce(
@@ -162,9 +160,8 @@ class CellEnergy(Term):
         return local[: self.space.n_owned]
 
     def add_hessian(self, x: Positions, weight: float, into: HessianBlocks) -> None:
-        if self._slots is None or self._slots_of is not into.pattern:
-            self._slots, self._slots_of = into.pattern.slots(self.domains), into.pattern
-        mode, places, out = FILTERS[into.projection], (pointer(x.local), pointer(self._slots, "int32_t")), into.cells
+        slots = pointer(into.pattern.slots[self.domains], "int32_t")
+        mode, places, out = FILTERS[into.projection], (pointer(x.local), slots), into.cells
         if self._stretches is not None:
             native.library.isotropic_hessians(self._domains, self._stretches.c, *places, mode, weight, pointer(out))
         elif self._second is not None:

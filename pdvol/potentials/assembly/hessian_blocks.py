@@ -40,12 +40,15 @@ class BlockPattern:
         Where each row's blocks begin.
     diagonal : (n_owned,)
         Which blocks lie on the diagonal.
+    slots : for each of `stencils`, int32
+        Block index of each pair i <= j of each domain's vertices, domain by domain, with the codes above for blocks
+        that are added transposed or not stored, and spare ones at the end.
     """
 
     def __init__(self, space: LevelSpace, stencils: Sequence[Domains] = ()):
         self.space = space
         n = len(space.mesh.points)
-        corners = (vertices for domains in stencils for _, vertices in domains.by_size())
+        corners = (vertices for domains in stencils if domains.smoothed for _, vertices in domains.by_size())
         pairs = (self._keys(vertices) for vertices in (space.near_dofs, *corners))
         unique = np.unique(np.concatenate([np.unique(keys[stored]) for keys, stored, _ in pairs]))
         self._unique, self.count = unique, len(unique)
@@ -54,6 +57,7 @@ class BlockPattern:
         self.diagonal = np.searchsorted(
             unique, np.arange(space.n_owned) * n + space.first_block + np.arange(space.n_owned)
         )
+        self.slots = {domains: self._find_slots(domains) for domains in stencils}
 
     def _keys(self, vertices: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """A number (k, p) for the block of each pair i <= j of local vertices (k, size), which ascends by rows and
@@ -68,11 +72,7 @@ class BlockPattern:
         stored = (row >= space.first_block) & (row < space.first_block + space.n_owned)
         return (row - space.first_block) * len(space.mesh.points) + one + other - row, stored, one != row
 
-    def slots(self, domains: Domains) -> np.ndarray:
-        """int32: block index of each pair i <= j of each domain's vertices, domain by domain, with the codes above for
-        blocks that are added transposed or not stored, and spare ones at the end. The domains are cells, or those of a
-        stencil.
-        """
+    def _find_slots(self, domains: Domains) -> np.ndarray:
         sizes = np.diff(domains.starts)
         begins = np.concatenate([[0], np.cumsum(sizes * (sizes + 1) // 2)])
         found = np.full(begins[-1] + native.AHEAD, ELSEWHERE, dtype=np.int32)
