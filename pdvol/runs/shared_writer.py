@@ -43,6 +43,11 @@ class Export:
         now = time.monotonic()
         self._next[level] = now + max(EXPORT_PAUSE, (now - begin) / EXPORT_SHARE)
 
+    def mend(self, level: int) -> None:
+        """Writes one level's anew where its files are damaged."""
+        if STUDIO["is_damaged_xdmf"](self._path / f"level_{level}.xdmf"):
+            self.write(level)
+
     def follow(self, level: int) -> None:
         """The same after a state was stored, where the last export is old enough."""
         if time.monotonic() >= self._next.get(level, 0.0):
@@ -97,12 +102,15 @@ class SharedWriter:
         on_root(self.comm, lambda: self._write_exports(level))
 
     def finish(self, level: int) -> None:
-        """Marks a level as done, with its export; nothing happens where it is done."""
+        """Marks a level as done, with its export; where it is done, a damaged export is written anew."""
 
         def finish() -> None:
             if self._writer.info["levels"][level]["state"] != "done":
                 self._write_exports(level)
                 self._writer.set_level_state(level, "done")
+            else:
+                for export in self._exports:
+                    export.mend(level)
 
         on_root(self.comm, finish)
 

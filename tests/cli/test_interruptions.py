@@ -11,6 +11,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import meshio
 import numpy as np
 import pytest
 
@@ -118,8 +119,6 @@ def state_of(out: Path) -> str:
             assert np.isfinite(level.positions(step)).all()
         xdmf = out / f"level_{level.index}.xdmf"
         if xdmf.exists():
-            import meshio
-
             with meshio.xdmf.TimeSeriesReader(xdmf) as reader:
                 reader.read_points_cells()
                 assert 1 <= reader.num_steps <= level.steps
@@ -363,6 +362,22 @@ def test_a_change_of_the_finest_level_keeps_the_coarser_ones(tmp_path, capfd):
 
 
 # ---- damage
+
+
+def test_cut_exports_are_written_again_by_going_on(tmp_path):
+    scene, out = write(tmp_path / "fall.py", FALL), tmp_path / "run"
+    assert pdvol("run", scene, "--steps", 4, "--out", out) == 0
+    whole, names = kept(out), ("level_0.h5", "level_1.xdmf")
+    for name in names:
+        (out / name).write_bytes((out / name).read_bytes()[:500])
+    assert pdvol("run", scene, "--steps", 4, "--out", out, "--resume") == 0
+    assert kept(out) == whole
+    for level in range(2):
+        with meshio.xdmf.TimeSeriesReader(out / f"level_{level}.xdmf") as reader:
+            points, _ = reader.read_points_cells()
+            _, fields, _ = reader.read_data(4)
+        moved = points[:, :2] + fields["displacement"][:, :2]
+        np.testing.assert_allclose(moved, open_run(out).levels[level].positions(4), atol=1e-15)
 
 
 @pytest.mark.parametrize(

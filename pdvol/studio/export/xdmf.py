@@ -64,6 +64,18 @@ def write_xdmf(run: Run, level: int, path: str | Path, more: Fields = nothing_mo
     return path
 
 
+def is_damaged(path: Path) -> bool:
+    """Whether an .xdmf file is there that cannot be read, or whose data cannot; a missing one is not damaged."""
+    if not path.exists():
+        return False
+    try:
+        ET.parse(path)
+        h5py.File(path.with_suffix(".h5"), "r").close()
+    except (ET.ParseError, OSError, RuntimeError):
+        return True
+    return False
+
+
 def _open_aside(data: Path, aside: Path, series: Series) -> h5py.File:
     """The file to write to, with the steps of an earlier export of the same mesh."""
     if data.is_file():
