@@ -1,0 +1,395 @@
+"""The same scene in other units, from elsewhere, turned, and with everything in another order."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import singledispatch
+
+import numpy as np
+
+from pdvol import (
+    Attachment,
+    Barrier,
+    Body,
+    Deforming,
+    Flow,
+    Force,
+    Friction,
+    Gravity,
+    Impulse,
+    Keyed,
+    Material,
+    Muscle,
+    Path,
+    Placement,
+    Plane,
+    PointCache,
+    PointForce,
+    Pressure,
+    Region,
+    Relative,
+    Rigid,
+    Rotation,
+    Scene,
+    Sequential,
+    Solid,
+    Still,
+    Support,
+    Surface,
+    Translation,
+)
+from pdvol.meshes import Outline
+from pdvol.scene.materials import Material as AnyMaterial
+
+
+@dataclass(frozen=True)
+class Frame:
+    """Points X become length * turn X + offset; times and masses are multiplied by `time` and `mass`.
+
+    Attributes
+    ----------
+    turn : (d, d) rotation
+    offset : (d,) in the new unit of length
+    """
+
+    turn: np.ndarray
+    offset: np.ndarray
+    length: float = 1.0
+    mass: float = 1.0
+    time: float = 1.0
+
+    @property
+    def dim(self) -> int:
+        return len(self.offset)
+
+    def points(self, X: np.ndarray) -> np.ndarray:
+        return self.length * self.directions(X) + self.offset
+
+    def back(self, X: np.ndarray) -> np.ndarray:
+        return ((X - self.offset) / self.length) @ self.turn
+
+    def directions(self, v: np.ndarray) -> np.ndarray:
+        # Products with the unit matrix would not change a bit, but for the sign of zeros.
+        v = np.asarray(v, dtype=float)
+        return v if np.array_equal(self.turn, np.eye(self.dim)) else v @ self.turn.T
+
+    def unit(self, mass: int = 0, length: int = 0, time: int = 0) -> float:
+        """What a quantity of these dimensions is multiplied by."""
+        return self.mass**mass * self.length**length * self.time**time
+
+    @property
+    def stress(self) -> float:
+        """Of energy per volume: per area in 2D."""
+        return self.unit(1, 2 - self.dim, -2)
+
+    @property
+    def density(self) -> float:
+        return self.unit(1, -self.dim)
+
+
+def seen(scene: Scene, frame: Frame) -> Scene:
+    """The scene from a frame. Shapes are placed by this module, so placements are compared with those of pdvol."""
+    at = lambda items: tuple(put(item, frame) for item in items)
+    return replace(
+        scene,
+        bodies=at(scene.bodies),
+        dt=frame.time * scene.dt,
+        loads=at(scene.loads),
+        supports=at(scene.supports),
+        obstacles=at(scene.obstacles),
+        contact=at(scene.contact),
+        attachments=at(scene.attachments),
+        muscles=at(scene.muscles),
+        solver=replace(scene.solver, tolerance=speed(scene.solver.tolerance, frame)),
+    )
+
+
+def vector(value, frame: Frame, factor: float):
+    """A direction with a unit: a tuple, `Keyed` ones, or a function of time that gives it."""
+    if isinstance(value, Keyed):
+        return Keyed(timed(value.times, frame), [vector(each, frame, factor) for each in value.values])
+    if callable(value):
+        return lambda t: vector(value(t / frame.time), frame, factor)
+    return tuple(factor * frame.directions(value))
+
+
+def number(value, frame: Frame, factor: float):
+    """A number, `Keyed` ones, or a function of time that gives it."""
+    if isinstance(value, Keyed):
+        return Keyed(timed(value.times, frame), tuple(factor * each for each in value.values))
+    if callable(value):
+        return lambda t: factor * value(t / frame.time)
+    return factor * value
+
+
+def field(value, frame: Frame, factor: float):
+    """A number, or a function of rest positions that gives one each."""
+    if isinstance(value, Keyed) or not callable(value):
+        return number(value, frame, factor)
+    return lambda X: factor * value(frame.back(X))
+
+
+def mask(where: Callable, frame: Frame) -> Callable:
+    return lambda X: where(frame.back(X))
+
+
+def timed(times, frame: Frame) -> tuple:
+    return tuple(frame.time * t for t in times)
+
+
+def length(value, frame: Frame):
+    return value if isinstance(value, Relative) else frame.length * value
+
+
+def speed(value, frame: Frame):
+    """A `Relative` one is a fraction of a length in a second."""
+    if isinstance(value, Relative):
+        return Relative(value.fraction / frame.time)
+    return frame.unit(0, 1, -1) * value
+
+
+@singledispatch
+def put(thing, frame: Frame):
+    """A part of a scene from a frame."""
+    raise TypeError(f"{type(thing).__name__} has no rule")
+
+
+@put.register
+def _(shape: Solid, frame):
+    return Solid(frame.points(shape.vertices), shape.cells, shape.regions)
+
+
+@put.register
+def _(shape: Surface, frame):
+    return Surface(frame.points(shape.vertices), shape.triangles)
+
+
+@put.register
+def _(shape: Outline, frame):
+    return Outline(frame.points(shape.points))
+
+
+def placed(shape, placement: Placement, frame: Frame):
+    """A shape where a placement puts it, from a frame."""
+    points = shape.points if isinstance(shape, Outline) else shape.vertices
+    moved = placement(np.asarray(points, dtype=float))
+    old = replace(shape, points=moved) if isinstance(shape, Outline) else replace(shape, vertices=moved)
+    return put(old, frame)
+
+
+@put.register
+def _(body: Body, frame):
+    spin = np.asarray(body.spin, dtype=float) / frame.time
+    velocity = body.velocity
+    shape = tuple(placed(each, body.placement, frame) for each in body.shape)
+    if callable(velocity):
+        moving = lambda X: frame.unit(0, 1, -1) * frame.directions(velocity(frame.back(X)))
+    else:
+        moving = vector(velocity, frame, frame.unit(0, 1, -1)) if len(velocity) else ()
+    return replace(
+        body,
+        shape=shape,
+        placement=Placement(),
+        material=put(body.material, frame),
+        velocity=moving,
+        spin=float(spin) if spin.ndim == 0 else tuple(frame.directions(spin)) if len(spin) else (),
+        regions=tuple(put(region, frame) for region in body.regions),
+        start=None if body.start is None else lambda X: frame.points(body.start(frame.back(X))),
+    )
+
+
+@put.register(AnyMaterial)
+def _(material: Material, frame):
+    return replace(
+        material,
+        young=field(material.young, frame, frame.stress),
+        poisson=field(material.poisson, frame, 1.0),
+        density=field(material.density, frame, frame.density),
+        damping=field(material.damping, frame, frame.time),
+    )
+
+
+@put.register
+def _(region: Region, frame):
+    return Region(put(region.material, frame), mask(region.where, frame) if callable(region.where) else region.where)
+
+
+# ---- motions
+
+
+@put.register
+def _(motion: Still, frame):
+    return motion
+
+
+@put.register
+def _(motion: Translation, frame):
+    return Translation(vector(motion.velocity, frame, frame.unit(0, 1, -1)), frame.time * motion.stop)
+
+
+@put.register
+def _(motion: Rotation, frame):
+    axis = motion.axis if frame.dim == 2 else tuple(frame.directions(motion.axis))
+    centre = tuple(frame.points(np.array([motion.centre]))[0])
+    return Rotation(motion.speed / frame.time, centre, axis, frame.time * motion.stop)
+
+
+@put.register
+def _(motion: Path, frame):
+    points = [vector(point, frame, frame.length) for point in motion.points]
+    return Path(timed(motion.times, frame), points, motion.smooth)
+
+
+@put.register
+def _(motion: Sequential, frame):
+    return Sequential(tuple(moving(part, frame) for part in motion.motions))
+
+
+@put.register
+def _(motion: PointCache, frame):
+    source = np.array([frame.points(motion.placement(np.asarray(points))) for points in motion.source])
+    return replace(
+        motion,
+        source=source,
+        times=timed(motion.times, frame),
+        begin=frame.time * motion.begin,
+        placement=Placement(),
+    )
+
+
+def moving(motion, frame: Frame):
+    """A motion of pdvol, or a user's own."""
+    if type(motion) in put.registry:
+        return put(motion, frame)
+    return lambda X, t: frame.points(motion(frame.back(X), t / frame.time))
+
+
+# ---- surroundings
+
+
+@put.register
+def _(plane: Plane, frame):
+    point = tuple(frame.points(np.array([plane.point]))[0])
+    return replace(plane, point=point, normal=tuple(frame.directions(plane.normal)), motion=moving(plane.motion, frame))
+
+
+@put.register
+def _(rigid: Rigid, frame):
+    shape = placed(rigid.shape, rigid.placement, frame)
+    return replace(rigid, shape=shape, placement=Placement(), motion=moving(rigid.motion, frame))
+
+
+@put.register
+def _(obstacle: Deforming, frame):
+    shape = None if obstacle.shape is None else placed(obstacle.shape, obstacle.placement, frame)
+    return replace(obstacle, shape=shape, placement=Placement(), motion=put(obstacle.motion, frame))
+
+
+@put.register
+def _(support: Support, frame):
+    where, motion = mask(support.where, frame), moving(support.motion, frame)
+    return replace(support, where=where, motion=motion, release=frame.time * support.release)
+
+
+# ---- loads, muscles, springs, contact
+
+
+@put.register
+def _(load: Gravity, frame):
+    return Gravity(vector(load.acceleration, frame, frame.unit(0, 1, -2)))
+
+
+@put.register
+def _(load: Force, frame):
+    return replace(load, force=vector(load.force, frame, frame.unit(1, 1, -2)), where=mask(load.where, frame))
+
+
+@put.register
+def _(load: PointForce, frame):
+    at = tuple(frame.points(np.array([load.at]))[0])
+    return replace(load, force=vector(load.force, frame, frame.unit(1, 1, -2)), at=at)
+
+
+@put.register
+def _(load: Impulse, frame):
+    velocity = vector(load.velocity, frame, frame.unit(0, 1, -1))
+    return replace(load, velocity=velocity, time=frame.time * load.time, where=mask(load.where, frame))
+
+
+@put.register
+def _(load: Flow, frame):
+    return replace(
+        load, velocity=vector(load.velocity, frame, frame.unit(0, 1, -1)), density=frame.density * load.density
+    )
+
+
+@put.register
+def _(load: Pressure, frame):
+    return replace(load, pressure=number(load.pressure, frame, frame.stress))
+
+
+@put.register
+def _(muscle: Muscle, frame):
+    return replace(
+        muscle,
+        fibre=tuple(frame.directions(muscle.fibre)),
+        strength=frame.stress * muscle.strength,
+        activation=number(muscle.activation, frame, 1.0),
+        where=mask(muscle.where, frame),
+    )
+
+
+@put.register
+def _(springs: Attachment, frame):
+    rest, most = springs.rest_length, springs.breaking
+    return replace(
+        springs,
+        where=mask(springs.where, frame),
+        to=mask(springs.to, frame),
+        stiffness=frame.unit(1, 0, -2) * springs.stiffness,
+        rest_length=None if rest is None else frame.length * rest,
+        breaking=None if most is None else frame.unit(1, 1, -2) * most,
+    )
+
+
+@put.register
+def _(barrier: Barrier, frame):
+    return replace(barrier, dhat=length(barrier.dhat, frame))
+
+
+@put.register
+def _(friction: Friction, frame):
+    return replace(friction, eps_v=speed(friction.eps_v, frame))
+
+
+# ---- another order
+
+
+def shuffled(scene: Scene, seed: int) -> tuple[Scene, Callable[[int, np.ndarray], np.ndarray]]:
+    """The scene with its bodies, obstacles, vertices and cells in another order, and (level, positions of the new
+    scene) -> those of the old one.
+    """
+    rng = np.random.default_rng(seed)
+    order = rng.permutation(len(scene.bodies))
+    ways = [[rng.permutation(len(solid.vertices)) for solid in body.shape] for body in scene.bodies]
+
+    def mixed(solid: Solid, way: np.ndarray) -> Solid:
+        number = np.empty(len(way), dtype=np.int32)
+        number[way] = np.arange(len(way))
+        cells = rng.permutation(len(solid.cells))
+        return Solid(solid.vertices[way], number[solid.cells][cells], solid.regions[cells])
+
+    bodies = [
+        replace(body, shape=tuple(mixed(solid, way) for solid, way in zip(body.shape, ways[k], strict=True)))
+        for k, body in enumerate(scene.bodies)
+    ]
+
+    def back(level: int, positions: np.ndarray) -> np.ndarray:
+        sizes = [len(ways[k][level]) for k in order]
+        found: list = [None] * len(order)
+        for k, rows in zip(order, np.split(positions, np.cumsum(sizes)[:-1]), strict=True):
+            found[k] = np.empty_like(rows)
+            found[k][ways[k][level]] = rows
+        return np.concatenate(found)
+
+    obstacles = [scene.obstacles[k] for k in rng.permutation(len(scene.obstacles))]
+    return replace(scene, bodies=tuple(bodies[k] for k in order), obstacles=tuple(obstacles)), back

@@ -1,0 +1,323 @@
+"""What holds of any scene, for scenes that nobody thought of; judged by code that the solver does not use."""
+
+import json
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import cloudpickle
+import numpy as np
+import pytest
+from frames import Frame, seen, shuffled
+from hypothesis import HealthCheck, Phase, event, given, settings
+from hypothesis import strategies as st
+from on_two_ranks import marched
+from sketches import interpolants, methods, scenes
+
+import pdvol
+from on_ranks import ranks
+from pdvol import Outline, Placement, Plane, Pressure, Rigid, Scene, Surface
+from pdvol.geometry.level_mesh import lumped_masses
+from pdvol.measure.verify import verify_run
+from pdvol.meshes import box, rectangle
+from pdvol.registry import METHODS
+from pdvol.runs.branch import branch_run
+from pdvol.runs.preflight import check_scene
+from pdvol.runs.runner import run_scene
+from pdvol.runs.scene_file import Shot
+from pdvol.scene import rotation_matrix
+
+NEAR = 1e-6  # m: scenes are solved to about 1e-9, and what follows amplifies round-off
+# m: biharmonic weights depend on the order of unknowns by about 1e-6
+NEAR_BIHARMONIC = 1e-4
+
+
+# ---- runs
+
+
+def run(scene: Scene, out: Path, how: dict, **more) -> str:
+    """Runs a scene into a folder, and returns the error with which that ended; nothing where it came to its end."""
+    try:
+        run_scene(Shot(None, {}, scene), out, xdmf=False, **how, **more)
+    except (pdvol.ConvergenceError, pdvol.InputError) as error:
+        assert str(error) and "\n" not in str(error)
+        return str(error)
+    return ""
+
+
+def steps(scene: Scene, **how) -> Iterator[pdvol.Step]:
+    """A march, as far as it comes."""
+    try:
+        yield from pdvol.march(scene, **how)
+    except pdvol.ConvergenceError:
+        event("not all steps")
+
+
+def states(scene: Scene, how: dict) -> dict[tuple[int, int], np.ndarray]:
+    """Positions by level and step."""
+    return {(step.level, step.step): step.positions for step in steps(scene, **how)}
+
+
+def stored(out: Path) -> dict[tuple[int, int], np.ndarray]:
+    levels = pdvol.open_run(out).levels
+    return {(level.index, step): level.positions(step) for level in levels for step in range(1, level.steps)}
+
+
+def assert_near(one: dict, other: dict, how: dict) -> None:
+    near = NEAR_BIHARMONIC if how["prolongation"] == "biharmonic" else NEAR
+    assert one.keys() == other.keys()
+    for key, positions in one.items():
+        np.testing.assert_allclose(other[key], positions, rtol=0.0, atol=near, err_msg=f"level and step {key}")
+
+
+# ---- what holds
+
+
+def sound(scene: Scene, how: dict, base: Path, seed: int) -> None:
+    """No state crosses anything or turns a cell inside out. An embedded level does, and is not judged."""
+    levels = pdvol.open_run(base).levels
+    judged = [line for line in verify_run(base) if how["method"] != "embedded" or "level 0" in line]
+    allowed = () if scene.contact else ("intersect", "not above plane")
+    assert [line for line in judged if not any(word in line for word in allowed)] == []
+    contacts = sum(record["contacts"] > 0 for level in levels for record in level.log)
+    event(f"contacts: {'yes' if contacts else 'no'}")
+
+
+def in_other_units(scene: Scene, how: dict, base: Path, seed: int) -> None:
+    """Powers of four change no digit of anything that has a unit."""
+    rng = np.random.default_rng(seed)
+    length, mass, time = 4.0 ** rng.integers(-4, 5, 3)
+    frame = Frame(np.eye(dimension(scene)), np.zeros(dimension(scene)), length, mass, time)
+    found = {key: x / length for key, x in states(seen(scene, frame), how).items()}
+    assert_near(stored(base), found, how)
+
+
+def from_elsewhere(scene: Scene, how: dict, base: Path, seed: int) -> None:
+    """The world is turned and put elsewhere."""
+    rng, d = np.random.default_rng(seed), dimension(scene)
+    frame = Frame(rotation_matrix(rng.uniform(-3, 3), rng.uniform(0.1, 1, 3), d), rng.uniform(-3, 3, d))
+    found = {key: frame.back(x) for key, x in states(seen(scene, frame), how).items()}
+    assert_near(stored(base), found, how)
+
+
+def in_another_order(scene: Scene, how: dict, base: Path, seed: int) -> None:
+    """Bodies, obstacles, vertices and cells come in another order."""
+    other, back = shuffled(scene, seed)
+    assert_near(stored(base), {key: back(key[0], x) for key, x in states(other, how).items()}, how)
+
+
+def same_level_0(scene: Scene, how: dict, base: Path, seed: int) -> None:
+    """Level 0 is the same in every march, to the last bit."""
+    level_0 = {key: x for key, x in stored(base).items() if key[0] == 0}
+    for method in METHODS:
+        found = states(scene, {"method": method, "levels": 0})
+        assert found.keys() == level_0.keys()
+        for key, x in found.items():
+            np.testing.assert_array_equal(x, level_0[key], err_msg=f"{method}, level and step {key}")
+
+
+def cut_and_resumed(scene: Scene, how: dict, base: Path, seed: int) -> None:
+    """A run that is interrupted at any step and goes on is the same, to the last bit."""
+    out, every = base.parent / "cut", sum(level.steps - 1 for level in pdvol.open_run(base).levels)
+    with pytest.raises(KeyboardInterrupt):
+        run(scene, out, how, progress=Interruption(1 + seed % every))
+    run(scene, out, how, resume=True)
+    assert_same(base, out)
+
+
+class Interruption:
+    """A `Watch` that stands for Ctrl-C after so many steps."""
+
+    def __init__(self, steps: int):
+        self.left = steps
+
+    def __call__(self, level: int, steps: int, done: int) -> "Interruption":
+        return self
+
+    def step(self, record: dict) -> None:
+        self.left -= 1
+        if self.left == 0:
+            raise KeyboardInterrupt
+
+    def close(self) -> None:
+        pass
+
+
+def assert_same(one: Path, other: Path) -> None:
+    """All states of two runs, and what the log says besides times."""
+    runs = pdvol.open_run(one), pdvol.open_run(other)
+    for a, b in zip(*(each.levels for each in runs), strict=True):
+        assert a.steps == b.steps
+        for step in range(a.steps):
+            np.testing.assert_array_equal(a.positions(step), b.positions(step), err_msg=f"level {a.index}, {step}")
+        timeless = [[{**r, "seconds": 0, "peak_memory_mb": 0} for r in each.log] for each in (a, b)]
+        assert json.dumps(timeless[0], default=float) == json.dumps(timeless[1], default=float)
+
+
+def branched(scene: Scene, how: dict, base: Path, seed: int) -> None:
+    """A branch that changes nothing is the same, to the last bit."""
+    run_of = pdvol.open_run(base)
+    if how["method"] != "progressive" or run_of.info["state"] != "done":
+        return
+    out, last = base.parent / "branch", scene.levels - 1
+    branch_run(Shot(None, {}, scene), base, seed % scene.steps, out, last)
+    run(scene, out, how, resume=True)
+    assert_same(base, out)
+
+
+def on_two(scene: Scene, how: dict, base: Path, seed: int) -> None:
+    """Two ranks give the same."""
+    if pdvol.open_run(base).info["state"] != "done":
+        return
+    found = ranks(2).call(marched, (cloudpickle.dumps((scene, how)),))
+    assert_near(stored(base), {tuple(map(int, key.split())): x for key, x in found.items()}, how)
+
+
+def as_checked(scene: Scene, how: dict, base: Path, seed: int) -> None:
+    """What `check` calls sound runs."""
+    assert check_scene(scene, 0.0)["sound"]
+
+
+def refused_as_checked(scene: Scene, error: str) -> None:
+    """What `check` calls a defect is what the run was refused with."""
+    found = check_scene(scene, 0.0)
+    assert not found["sound"]
+    assert any(error in line for line in found["defects"]), (error, found["defects"])
+
+
+def slab_for_plane(scene: Scene, how: dict, base: Path, seed: int) -> None:
+    """A wide rigid slab in a plane's place gives the same motion, but for contact with edges of bodies."""
+    plane = next((each for each in scene.obstacles if isinstance(each, Plane)), None)
+    if plane is None or not scene.contact:
+        return
+    others = tuple(each for each in scene.obstacles if each is not plane)
+    found, late = [], 0.0
+    for obstacle in (plane, slab(plane)):
+        found.append({})
+        for step in steps(replace(scene, obstacles=(obstacle, *others)), levels=0):
+            found[-1][step.step], late = step.positions, max(late, step.report.behind)
+    if late == 0.0:  # what contact holds back waits on a plane, but not on a slab (docs/rig.md)
+        for number in found[0].keys() & found[1].keys():
+            event("slab: compared")
+            np.testing.assert_allclose(found[1][number], found[0][number], rtol=0.0, atol=0.01, err_msg=f"{number}")
+
+
+def slab(plane: Plane) -> Rigid:
+    """Its upper side is the plane's surface. No edge lies below bodies: the diagonals of its faces pass far away."""
+    normal = np.array(plane.normal) / np.linalg.norm(plane.normal)
+    d = len(normal)
+    sides = np.linalg.svd(normal[None])[2][1:]
+    axes = (
+        np.array([*sides, normal])
+        if np.linalg.det([*sides, normal]) > 0
+        else np.array([*-sides[:1], *sides[1:], normal])
+    )
+    low, high = np.array([-5.0, -3.0][: d - 1] + [-1.0]), np.array([5.0, 40.0][: d - 1] + [0.0])
+    corners = lambda unit: low + (unit + 0.5) * (high - low)
+    if d == 2:
+        shape: Outline | Surface = Outline(np.array(plane.point) + corners(rectangle(1.0, 1.0).points) @ axes)
+    else:
+        unit = box((1.0, 1.0, 1.0))
+        shape = Surface(np.array(plane.point) + corners(unit.vertices) @ axes, unit.triangles)
+    return Rigid(shape, Placement(), plane.motion, plane.name)
+
+
+def isolated(scene: Scene, how: dict, base: Path, seed: int) -> None:
+    """Without anything outside, the bodies' common centre goes straight on, on any level alone."""
+    scene = replace(
+        scene, loads=[each for each in scene.loads if isinstance(each, Pressure)], supports=(), obstacles=()
+    )
+    last, masses = -1, np.empty(0)
+    for step in steps(scene, method="direct"):
+        if step.level != last:
+            last, masses = step.level, masses_of(step)
+            centre, speed = (masses @ x / masses.sum() for x in (step.model.start, step.model.velocity))
+        moved = masses @ (step.positions - step.model.start) / masses.sum()
+        np.testing.assert_allclose(moved, speed * step.time, rtol=0.0, atol=1e-7 * step.step)
+        for kind, rows in step.forces.items():
+            if kind != "inertia":
+                assert np.abs(rows.sum(axis=0)).max() <= 1e-9 * np.abs(rows).sum() + 1e-9, kind
+            if kind in ("barrier", "attachment") or (kind == "elastic" and not damped(scene)):
+                x = step.positions - centre
+                turning = x[:, 0] * rows[:, 1] - x[:, 1] * rows[:, 0] if x.shape[1] == 2 else np.cross(x, rows)
+                assert np.abs(turning.sum(axis=0)).max() <= 1e-8 * np.abs(rows).sum() + 1e-9, kind
+
+
+def loses_energy(scene: Scene, how: dict, base: Path, seed: int) -> None:
+    """A step of implicit Euler minimises 1/2 |v' - v|^2 + E', which at x' = x is 1/2 |v|^2 + E: no energy is made."""
+    nothing = dict.fromkeys(("loads", "supports", "obstacles", "contact", "muscles", "attachments"), ())
+    if any(each.keyed for body in scene.bodies for each in (body.material, *(r.material for r in body.regions))):
+        return
+    scene, energy, velocity = replace(scene, **nothing, integrator="implicit_euler"), None, None
+    for step in steps(scene, levels=0):
+        elastic = step.report.energy["elastic"]
+        if energy is not None:
+            event("energy: compared")
+            allowed = energy * (1.0 + 1e-6) + 1e-9
+            assert kinetic(step, step.velocity - velocity) + elastic <= allowed
+            assert kinetic(step, step.velocity) + elastic <= allowed
+        velocity, energy = step.velocity, kinetic(step, step.velocity) + elastic
+
+
+def kinetic(step: pdvol.Step, velocity: np.ndarray) -> float:
+    return 0.5 * float(masses_of(step) @ (velocity**2).sum(axis=1))
+
+
+def masses_of(step: pdvol.Step) -> np.ndarray:
+    return lumped_masses(step.model.mesh, step.model.materials.density)
+
+
+def damped(scene: Scene) -> bool:
+    return any(each.damping for body in scene.bodies for each in (body.material, *(r.material for r in body.regions)))
+
+
+def dimension(scene: Scene) -> int:
+    return scene.bodies[0].shape[0].vertices.shape[1]
+
+
+HOLDS = [
+    in_other_units,
+    from_elsewhere,
+    in_another_order,
+    same_level_0,
+    cut_and_resumed,
+    branched,
+    on_two,
+    as_checked,
+    slab_for_plane,
+    isolated,
+    loses_energy,
+]
+ANY = {"deadline": None, "database": None, "suppress_health_check": list(HealthCheck), "phases": [Phase.generate]}
+
+
+def judge(folder: Path, scene: Scene, how: dict, holds, seed: int) -> None:
+    """One scene, and one thing beside soundness that holds of it."""
+    base = folder / "run"
+    error = run(scene, base, how)
+    event("done" if not error else "ends early" if base.exists() else "refused")
+    if not (base / "run.json").is_file():
+        refused_as_checked(scene, error)
+        return
+    sound(scene, how, base, seed)
+    if any(level.steps > 1 for level in pdvol.open_run(base).levels):
+        holds(scene, how, base, seed)
+
+
+def hows():
+    return st.fixed_dictionaries({"method": methods, "prolongation": interpolants})
+
+
+@pytest.mark.parametrize("holds", HOLDS, ids=lambda holds: holds.__name__)
+@settings(max_examples=8, derandomize=True, **ANY)
+@given(scene=scenes(), how=hows(), seed=st.integers(0, 10**6))
+def test_a_few(tmp_path_factory, holds, scene, how, seed):
+    judge(tmp_path_factory.mktemp("scene"), scene, how, holds, seed)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("holds", HOLDS, ids=lambda holds: holds.__name__)
+@settings(max_examples=1000, **ANY)
+@given(scene=scenes(), how=hows(), seed=st.integers(0, 10**6))
+def test_many(tmp_path_factory, holds, scene, how, seed):
+    judge(tmp_path_factory.mktemp("scene"), scene, how, holds, seed)
