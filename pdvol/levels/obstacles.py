@@ -61,14 +61,17 @@ def placed_obstacles(
     Raises
     ------
     InputError
-        A shape or a point cache cannot be read or do not fit, or `geometry` has another length.
+        A shape, a point cache or a motion cannot be read or does not fit, or `geometry` has another length.
     """
     shapes = read_geometry(obstacles) if geometry is None else list(geometry)
     solid = sum(not isinstance(o, Plane) for o in obstacles)
     if solid != len(shapes):
         raise InputError(f"{len(shapes)} obstacle meshes for {solid} obstacles with a mesh; give one for each")
     remaining = iter(shapes)
-    return tuple(plane_obstacle(o) if isinstance(o, Plane) else _with_mesh(o, next(remaining)) for o in obstacles)
+    placed = tuple(plane_obstacle(o) if isinstance(o, Plane) else _with_mesh(o, next(remaining)) for o in obstacles)
+    for obstacle in placed:
+        obstacle.at(0.0)
+    return placed
 
 
 def plane_obstacle(plane: Plane) -> Obstacle:

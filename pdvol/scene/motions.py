@@ -155,9 +155,9 @@ class Sequential:
 
 def keeps_shape(motion: Any) -> bool:
     """Whether a motion is known to move what it moves rigidly. Of users' own motions nothing is known."""
-    if isinstance(motion, Sequential):
+    if type(motion) is Sequential:
         return all(keeps_shape(part) for part in motion.motions)
-    return isinstance(motion, Still | Translation | Rotation | Path)
+    return type(motion) in (Still, Translation, Rotation, Path)
 
 
 def _end(name: str, value: Any) -> None:
@@ -168,13 +168,16 @@ def _end(name: str, value: Any) -> None:
 
 
 def moved(motion: Motion, X: np.ndarray, t: float, whose: str) -> np.ndarray:
-    """(n, d) [m]: where a motion, which may be the user's own, takes X (n, d) by time t [s].
+    """(n, d) [m]: where a motion takes X (n, d) by time t [s]. One of the user's own is checked at each time. Those of
+    this file fit X at all times if they do at the first one.
 
     Raises
     ------
     InputError
         It fails, or gives another shape, NaN or infinity; `whose` names it, as in "obstacle 'paddle'".
     """
+    if t > 0.0 and keeps_shape(motion):
+        return motion(X, t)
     x = called(f"{whose}: its motion at t = {t:g} s", lambda: np.asarray(motion(X.copy(), t), dtype=float), (), X.shape)
     require(bool(np.isfinite(x).all()), f"{whose}: its motion gives NaN or infinity at t = {t:g} s")
     return x

@@ -20,7 +20,7 @@ from problems import SOFT, block, make_scene, make_stepper, tetrahedron
 from shapes import together
 
 PDVOL = Path(sys.modules["pdvol"].__file__).parent
-FILES, C_FILES, CONSTANTS = 25, 21, 50
+FILES, C_FILES, CONSTANTS = 24, 21, 48
 """Bounds of this commit: Python files of a step, C files of the libraries that it calls, constants in all of them."""
 LAYOUT = {
     *("SPARE", "BOX", "SIDE", "LANES", "MAX_H", "DEPTH"),  # sizes of arrays
@@ -126,7 +126,9 @@ def is_number(value: object) -> bool:
 def read_in_functions(tree: ast.Module) -> set[str]:
     """Names that a file's functions read, in defaults of their arguments, too."""
     functions = [node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef | ast.Lambda)]
-    return {part.id for node in functions for part in ast.walk(node) if isinstance(part, ast.Name)}
+    parts = [part for node in functions for part in ast.walk(node)]
+    names = {part.id for part in parts if isinstance(part, ast.Name)}
+    return names | {part.attr for part in parts if isinstance(part, ast.Attribute)}
 
 
 def python_constants() -> list[Constant]:
