@@ -4,6 +4,8 @@ import numpy as np
 from scipy.spatial import Delaunay
 
 from pdvol.geometry.level_mesh import LevelMesh, simplex_volumes
+from pdvol.store.checksums import write_checksum
+from pdvol.store.folder import state_file
 from pdvol.store.writer import RunWriter
 from shapes import together
 
@@ -122,3 +124,9 @@ def stored_run(path, dim: int = 2, counts=(60, 200, 800), steps: int = 20):
                 run.write_state(level, step, moved(mesh, 2 * step * DT), record(level, step) if step else None)
             run.set_level_state(level, "done")
     return path
+
+
+def put_state(folder, step, positions):
+    """A state of a level's folder in the place of the one that is there, with its checksum."""
+    write_checksum(folder, step, positions)
+    np.save(state_file(folder, step), positions)

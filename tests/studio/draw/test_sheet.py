@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+import runs
 from pdvol.errors import InputError
 from pdvol.store.reader import open_run
 from pdvol.studio.draw.layout import BACKGROUND, font
@@ -91,8 +92,8 @@ def test_one_stray_does_not_make_all_small(tmp_path, flat_run):
     tiles = [Tile(str(i), [], open_run(flat_run)) for i in range(12)]
     near = shared_camera(tiles).half_height
     shutil.copytree(flat_run, tmp_path / "stray")
-    state = tmp_path / "stray" / "levels" / "1" / "000006.npy"
-    np.save(state, np.load(state) + [1000.0, 0.0])
+    folder = tmp_path / "stray" / "levels" / "1"
+    runs.put_state(folder, 6, np.load(folder / "000006.npy") + [1000.0, 0.0])
     stray = Tile("stray", [], open_run(tmp_path / "stray"))
     assert shared_camera([*tiles, stray]).half_height < 1.5 * near
     assert shared_camera([stray]).half_height > 50 * near

@@ -8,13 +8,11 @@ import subprocess
 import sys
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 import runs
 from commands import SAFETY
 from pdvol.errors import SimulationError
-from pdvol.store.folder import state_file
 from pdvol.store.reader import open_run
 from pdvol.studio.export import usd_file
 from pdvol.studio.export.exports import export_run
@@ -63,7 +61,7 @@ def long_run(path: Path, states: int) -> Path:
     runs.stored_run(path, 2, (VERTICES,), 0)
     level = open_run(path).levels[0]
     for step in range(states):
-        np.save(state_file(level.folder, step), runs.moved(level.mesh, 1e-3 * step))
+        runs.put_state(level.folder, step, runs.moved(level.mesh, 1e-3 * step))
     assert open_run(path).levels[0].steps == states
     return path
 
