@@ -7,6 +7,8 @@ from pathlib import Path
 
 from pdvol.errors import MeshError
 
+BYTE_ORDER_MARK = b"\xef\xbb\xbf"
+"""Of UTF-8: editors on Windows put it in front of a text."""
 START = 65_536
 """Bytes of a file that show its kind."""
 KINDS = {
@@ -54,7 +56,7 @@ def check_kind(path: Path) -> None:
         start = file.read(START)
     if start[:2] in (b"\xff\xfe", b"\xfe\xff") or _is_wide(start):
         raise MeshError(f"{path}: text in UTF-16; export the mesh again, or save the file as UTF-8")
-    kind = _kind(start.removeprefix(b"\xef\xbb\xbf").lstrip(), start, size)
+    kind = _kind(start.removeprefix(BYTE_ORDER_MARK).lstrip(), start, size)
     if kind == suffix == ".msh" and start.lstrip().startswith(b"$NOD"):
         raise MeshError(
             f"{path}: of Gmsh's first format, which is not read; convert it: gmsh {path.name} -save -format msh22 -o"
@@ -65,10 +67,6 @@ def check_kind(path: Path) -> None:
     if kind and kind != suffix:
         raise MeshError(
             f"{path}: {KINDS[kind]} file under the name of {KINDS[suffix]} one; rename it to {path.stem}{kind}"
-        )
-    if start.startswith(b"\xef\xbb\xbf") and suffix != ".obj":
-        raise MeshError(
-            f"{path}: begins with a byte-order mark; export the mesh again, or save it as UTF-8 without one"
         )
     if suffix == ".stl" and kind != ".stl" and size >= 84:
         promised = int.from_bytes(start[80:84], "little")

@@ -23,7 +23,7 @@ import numpy as np
 from pdvol.errors import InputError, MeshError
 from pdvol.meshes import Outline, Solid, Surface
 from pdvol.meshing.cpu_budget import check_budget
-from pdvol.meshing.file_kinds import check_kind, converter
+from pdvol.meshing.file_kinds import BYTE_ORDER_MARK, check_kind, converter
 from pdvol.meshing.mesher_process import run_worker
 from pdvol.meshing.reader_process import BASE_SECONDS, BYTES_PER_SECOND, read_in_child_process
 from pdvol.meshing.surface_files import QUADRATIC, read_obj, read_off, triangles_of, with_trimesh
@@ -35,6 +35,7 @@ if TYPE_CHECKING:
 
 SURFACES = (".obj", ".ply", ".off", ".stl")
 VOLUMES = (".msh", ".vtk", ".vtu", ".mesh", ".xdmf")
+MARK_IN_THE_WAY = (".ply", ".off", ".stl", ".msh", ".vtk", ".vtu", ".mesh")  # of a byte-order mark: others skip it
 _MSH_SECTIONS = {"MeshFormat", "PhysicalNames", "Entities", "PartitionedEntities", "Nodes", "Elements"}
 _LABELS = (
     "gmsh:physical",
@@ -86,7 +87,7 @@ def read_with_notes(shape: str | Path | Outline | Surface | Solid) -> tuple[Outl
         raise InputError(f"{path}: there is no such file; check the path (the working folder is {Path.cwd()})")
     try:
         with path.open("rb") as file:
-            start = file.read(1)
+            start = file.read(len(BYTE_ORDER_MARK))
     except OSError as error:
         raise InputError(f"{path}: cannot be opened ({error.strerror}); check its permissions") from error
     if not start:
@@ -97,7 +98,11 @@ def read_with_notes(shape: str | Path | Outline | Surface | Solid) -> tuple[Outl
         *PAIR,
     ):  # before the child is forked: its limits on time and memory are for the file alone
         import_module("trimesh" if suffix in SURFACES else "meshio")
-    read = read_in_child_process(path, _surface if suffix in SURFACES else _pair if suffix in PAIR else _volume)
+    reader = _surface if suffix in SURFACES else _pair if suffix in PAIR else _volume
+    if start == BYTE_ORDER_MARK and suffix in MARK_IN_THE_WAY:
+        read = _read_without_mark(path, reader)
+    else:
+        read = read_in_child_process(path, reader)
     check_budget(str(path))
     points = np.ascontiguousarray(read["points"], dtype=np.float64)
     notes = [str(note) for note in read.get("notes", ())]
@@ -105,6 +110,20 @@ def read_with_notes(shape: str | Path | Outline | Surface | Solid) -> tuple[Outl
         surface, welded = weld_open(Surface(points, _indices(path, read["triangles"])))
         return surface, notes + welded
     return Solid(points, _indices(path, read["cells"]), read["regions"].astype(np.int32)), notes
+
+
+def _read_without_mark(path: Path, reader: Callable[[Path], dict[str, np.ndarray]]) -> dict[str, np.ndarray]:
+    """A file that begins with a byte-order mark, by a copy of the rest."""
+    with tempfile.TemporaryDirectory(prefix="pdvol-read-") as folder:
+        copy = Path(folder) / path.name
+        with path.open("rb") as source, copy.open("wb") as target:
+            source.seek(len(BYTE_ORDER_MARK))
+            shutil.copyfileobj(source, target)
+        try:
+            check_kind(copy)
+            return read_in_child_process(copy, reader)
+        except MeshError as error:
+            raise MeshError(str(error).replace(str(copy), str(path))) from None
 
 
 def _indices(path: Path, cells: np.ndarray) -> np.ndarray:

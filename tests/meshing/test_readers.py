@@ -64,6 +64,22 @@ def test_obj_with_seams_polygons_and_negative_indices(tmp_path):
     assert surface.triangles.tolist() == [[0, 1, 2], [0, 2, 3], [0, 2, 1]]
 
 
+@pytest.mark.parametrize("suffix", SURFACES + VOLUMES)
+def test_a_byte_order_mark_is_skipped(tmp_path, suffix):
+    cells = ("triangle", SHELL) if suffix in SURFACES else ("tetra", TETS)
+    path = write(tmp_path / f"a{suffix}", POINTS[: cells[1].max() + 1], cells)
+    plain = read_shape(path)
+    path.write_bytes(b"\xef\xbb\xbf" + path.read_bytes())
+    marked = read_shape(path)
+    np.testing.assert_array_equal(marked.vertices, plain.vertices)
+    name = "triangles" if suffix in SURFACES else "cells"
+    np.testing.assert_array_equal(getattr(marked, name), getattr(plain, name))
+    if suffix in (".off", ".ply", ".msh", ".vtu"):
+        path.write_bytes(path.read_bytes()[:70])
+        with pytest.raises(MeshError, match=f"^{path}: "):
+            read_shape(path)
+
+
 def test_arrays_pass_through():
     outline = Outline(np.zeros((3, 2)))
     assert read_shape(outline) is outline
