@@ -4,8 +4,9 @@
 #include <math.h>
 #include <string.h>
 
-enum { MAX_H = 9, MAX_ROUNDS = 30 }; /* rows; of QL for an eigenvalue: most take two */
-#define EPSILON 1e-16                 /* share of the diagonal that counts as zero: round-off */
+enum { MAX_H = 9 };       /* rows */
+enum { MAX_ROUNDS = 60 }; /* rounds of an iteration on a small matrix: most take two to ten, the rotation of a body log2(length / thickness)^2 more */
+#define ROUND_OFF 1e-15   /* relative size of what counts as zero: a few units in the last place */
 
 /* Called with a size that is a constant, so that the loops over it unroll: two to three times faster. */
 #define INLINE static inline __attribute__((always_inline))
@@ -73,7 +74,7 @@ INLINE void eigensystem(int n, double *A, double *values, double *V)
     for (int l = 0; l < n; ++l)
         for (int round = 0; round < MAX_ROUNDS; ++round) {
             int m = l;
-            while (m < n - 1 && fabs(beside[m]) > EPSILON * (fabs(values[m]) + fabs(values[m + 1])))
+            while (m < n - 1 && fabs(beside[m]) > ROUND_OFF * (fabs(values[m]) + fabs(values[m + 1])))
                 ++m;
             if (m == l)
                 break;

@@ -149,7 +149,7 @@ static double first_root(const double *c)
         double lo = cuts[i], hi = cuts[i + 1];
         if (c[0] + hi * (c[1] + hi * (c[2] + hi * c[3])) > 0.0)
             continue;
-        for (int step = 0; step < 60; ++step) {
+        for (int step = 0; step < MAX_ROUNDS; ++step) {
             const double mid = 0.5 * (lo + hi);
             if (c[0] + mid * (c[1] + mid * (c[2] + mid * c[3])) > 0.0)
                 lo = mid;

@@ -60,12 +60,12 @@ INLINE void eigensystems(lanes A[3][3], lanes V[3][3])
     for (int i = 0; i < 3; ++i)
         for (int j = 0; j < 3; ++j)
             V[i][j] = all(i == j);
-    for (int sweep = 0; sweep < 12; ++sweep) {
+    for (int sweep = 0; sweep < MAX_ROUNDS; ++sweep) {
         const lanes off = A[0][1] * A[0][1] + A[0][2] * A[0][2] + A[1][2] * A[1][2];
         const lanes diagonal = A[0][0] * A[0][0] + A[1][1] * A[1][1] + A[2][2] * A[2][2];
         int open = 0;
         for (int l = 0; l < LANES; ++l)
-            open |= off[l] > 1e-30 * diagonal[l];
+            open |= off[l] > ROUND_OFF * ROUND_OFF * diagonal[l];
         if (!open)
             return;
         for (int p = 0; p < 2; ++p)

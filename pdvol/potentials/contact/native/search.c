@@ -5,10 +5,8 @@
 #include "surface.h"
 
 enum { MAX_ADVANCES = 1000 }; /* of one pair: bounds the time that a pair takes */
-enum { MAX_POLAR_ROUNDS = 60 }; /* halvings of the iteration: thin bodies need log2(length / thickness)^2 and five more */
 #define ADVANCE 0.9            /* share of the safe advance: the rest is for round-off */
 #define ADVANCED 1e-6          /* share of the distance to keep: nearer than that to it the advance ends; it makes steps continuous */
-#define POLAR_CHANGE 1e-15      /* largest change of an entry of a rotation that has converged: round-off */
 
 /* A box: its least coordinates, and from SIDE on its greatest with the opposite sign; zeros where d = 2. */
 enum { SIDE = 4, BOX = 2 * SIDE };
@@ -122,7 +120,7 @@ INLINE void nearest_rotation(const double *A, double *R)
         size += A[k] * A[k];
     for (int k = 0; k < 9; ++k)
         R[k] = A[k] / sqrt(size);
-    for (int round = 0; round < MAX_POLAR_ROUNDS && change > POLAR_CHANGE; ++round) {
+    for (int round = 0; round < MAX_ROUNDS && change > ROUND_OFF; ++round) {
         double cofactors[9];
         cross(R + 3, R + 6, cofactors), cross(R + 6, R, cofactors + 3), cross(R, R + 3, cofactors + 6);
         const double determinant = dot(3, R, cofactors);
@@ -135,7 +133,7 @@ INLINE void nearest_rotation(const double *A, double *R)
             break;
     }
     for (int k = 0; k < 9; ++k)
-        R[k] = change <= POLAR_CHANGE ? R[k] : k % 4 == 0;
+        R[k] = change <= ROUND_OFF ? R[k] : k % 4 == 0;
 }
 
 /* The share of a body's way at which its shape, turned back by R (3 x 3), is nearest, and the largest distance left there (`shapes`). */
