@@ -7,7 +7,6 @@
 /* Where a pivot is not positive definite, diagonal blocks are multiplied by one plus a shift (Manteuffel 1980). */
 #define FIRST_SHIFT 0.15 /* share of the diagonal, tried first: stiff contacts need 0.1 to 0.2, twice as much costs a fifth more iterations */
 #define SHIFT_RATIO 2.0  /* ratio of consecutive shifts: a failed try costs two or three iterations */
-#define LARGEST_SHIFT 1e3 /* share of the diagonal: with more, blocks fail only if they are not positive definite themselves */
 
 /* inverse (d, d) of the upper triangular R with R' R = A (rows of four numbers). Returns 1 where A is not positive definite. */
 INLINE int invert_root(int d, const float *A, float *inverse)
@@ -94,6 +93,16 @@ INLINE int64_t try_shift(int d, int64_t n, const int32_t *starts, const int32_t 
     return n;
 }
 
+/* Whether a d x d block is not positive definite, so that no shift helps. */
+INLINE int is_indefinite(int d, const double *block)
+{
+    float A[12] = {0}, inverse[9];
+    for (int a = 0; a < d; ++a)
+        for (int b = 0; b < d; ++b)
+            A[a * 4 + b] = block[a * d + b];
+    return invert_root(d, A, inverse);
+}
+
 INLINE int factor(int d, int64_t n, const int32_t *starts, const int32_t *columns, const int32_t *places, const double *blocks, float *R)
 {
     int64_t longest = 0;
@@ -104,9 +113,11 @@ INLINE int factor(int d, int64_t n, const int32_t *starts, const int32_t *column
     int tries = 0;
     for (float shift = 0.0f; row && lists; shift = shift > 0.0f ? SHIFT_RATIO * shift : FIRST_SHIFT) {
         ++tries;
-        if (try_shift(d, n, starts, columns, places, blocks, shift, R, row, lists, lists + n, lists + 2 * n, lists + 3 * n) == n)
+        const int64_t failed = try_shift(d, n, starts, columns, places, blocks, shift, R, row, lists, lists + n, lists + 2 * n, lists + 3 * n);
+        if (failed == n)
             break;
-        if (shift > LARGEST_SHIFT) {
+        const int64_t diagonal = starts[failed];
+        if (is_indefinite(d, blocks + (places ? places[diagonal] : diagonal) * d * d) || isinf(shift)) {
             tries = -1;
             break;
         }
