@@ -64,7 +64,7 @@ INLINE void point_contacts(int d, const surface_t *s, const double *x, double dh
                            int64_t end, scratch_t *scratch, found_t *out)
 {
     const int32_t p = all->points[2 * first], stamp = ++scratch->stamp;
-    const double reach = dhat * dhat, bounded = (1.0 + BOUND_MARGIN) * dhat;
+    const double reach = dhat * dhat, bounded = (1.0 + MARGIN) * dhat;
     int32_t count = 0, *counted = scratch->counted;
     const double *point = x + (int64_t)d * p;
     for (int64_t k = first; k < end; ++k) {
@@ -276,7 +276,7 @@ int active_contacts(const surface_t *s, const double *x, double dhat, int n, pai
             failed = s->d == 3 ? all_point_contacts(3, s, x, dhat, pairs, place, &scratch, &out)
                                : all_point_contacts(2, s, x, dhat, pairs, place, &scratch, &out);
         for (int64_t k = 0; part >= n && k < pairs->n_edges; ++k)
-            if (!(left(place, pairs->edge_bounds[k], pairs->edge_rates[k]) > (1.0 + BOUND_MARGIN) * dhat))
+            if (!(left(place, pairs->edge_bounds[k], pairs->edge_rates[k]) > (1.0 + MARGIN) * dhat))
                 edge_contact(s, x, dhat, pairs->edges[2 * k], pairs->edges[2 * k + 1], &out);
     }
     free(memory), free(scratch.nearest);

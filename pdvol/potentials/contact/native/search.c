@@ -4,9 +4,8 @@
  * order of the pairs of a list does not depend on where or how widely was searched. */
 #include "surface.h"
 
-enum { MAX_ADVANCES = 1000 }; /* of one pair: bounds the time that a pair takes */
-#define ADVANCE 0.9            /* share of the safe advance: the rest is for round-off */
-#define ADVANCED 1e-6          /* share of the distance to keep: nearer than that to it the advance ends; it makes steps continuous */
+enum { MAX_ADVANCES = 1000 }; /* advances of one pair: bounds the time that it takes */
+#define ADVANCE 0.9           /* share of the safe advance: the rest is for round-off */
 
 /* A box: its least coordinates, and from SIDE on its greatest with the opposite sign; zeros where d = 2. */
 enum { SIDE = 4, BOX = 2 * SIDE };
@@ -389,7 +388,7 @@ INLINE double advance(int d, int n, const int32_t *one, int m, const int32_t *ot
     double p[3][3], q[3][3], s, t;
     const double speed = approach(d, n, one, m, other, x, y);
     *rate = speed;
-    if (ADVANCE * (*least - (gap_share + BOUND_MARGIN) * dhat) >= step * speed)
+    if (ADVANCE * (*least - (gap_share + MARGIN) * dhat) >= step * speed)
         return step;
     const double *corners[3] = {q[0], q[1], q[2]};
     double at = 0.0, kept = 0.0;
@@ -407,7 +406,7 @@ INLINE double advance(int d, int n, const int32_t *one, int m, const int32_t *ot
         const double room = distance - kept;
         if (ADVANCE * room >= (step - at) * speed) /* its own end is no sooner: the least of many steps depends on no order */
             return step;
-        if (round > 0 && room <= ADVANCED * kept)
+        if (round > 0 && room <= MARGIN * kept)
             return at;
         at += ADVANCE * room / speed;
     }

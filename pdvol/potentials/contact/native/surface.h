@@ -10,7 +10,7 @@
 
 #define NEARLY_PARALLEL 1e-8 /* sin^2 of an angle: below it products of edges lose half of their digits */
 
-#define BOUND_MARGIN 1e-6 /* share of dhat that bounds are not trusted with: round-off of bounds that are lowered often */
+#define MARGIN 1e-6 /* share of a distance that bounds and advances are not trusted with: bounds are lowered often, and steps end continuously */
 
 INLINE double dot(int d, const double *a, const double *b)
 {
