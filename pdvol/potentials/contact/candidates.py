@@ -25,8 +25,6 @@ from pdvol.potentials.potential import MIN_GAP_SHARE
 
 # slack, in median edge lengths: longer lists cost more in every evaluation, shorter ones are searched more often
 LIST_SLACK = 0.1
-# searched distance, in needed distances: room for round-off
-SEARCH_MARGIN = 1.001
 # numbers of a box: least coordinates and greatest ones with the opposite sign, four each; as in search.c
 BOX = 8
 
@@ -201,7 +199,7 @@ class PairList:
 
     @property
     def _distance(self) -> float:
-        return SEARCH_MARGIN * (self.reach + 2.0 * self._slack)
+        return self.reach + 2.0 * self._slack
 
     def _fit(self, start: np.ndarray, end: np.ndarray) -> None:
         """Fits the boxes of what is not where it was when they were fitted last."""
