@@ -361,6 +361,37 @@ def _(friction: Friction, frame):
     return replace(friction, eps_v=speed(friction.eps_v, frame))
 
 
+# ---- from a moving frame
+
+
+def drifting(scene: Scene, velocity: np.ndarray) -> Scene:
+    """The scene with a velocity [m/s] added to everything; without animated obstacles, which rest after their last
+    frame.
+    """
+    u = np.asarray(velocity, dtype=float)
+    along = Translation(tuple(u))
+
+    def driven(motion):
+        return along if isinstance(motion, Still) else Sequential((motion, along))
+
+    def moved(body: Body) -> Body:
+        own = body.velocity
+        if callable(own):
+            return replace(body, velocity=lambda X: own(X) + u)
+        return replace(body, velocity=tuple(u + np.array(own or (0.0,) * len(u))))
+
+    def blown(load):
+        return replace(load, velocity=tuple(u + np.array(load.velocity))) if isinstance(load, Flow) else load
+
+    return replace(
+        scene,
+        bodies=tuple(moved(body) for body in scene.bodies),
+        supports=tuple(replace(each, motion=driven(each.motion)) for each in scene.supports),
+        obstacles=tuple(replace(each, motion=driven(each.motion)) for each in scene.obstacles),
+        loads=tuple(blown(load) for load in scene.loads),
+    )
+
+
 # ---- another order
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import cloudpickle
 import numpy as np
 import pytest
-from frames import Frame, seen, shuffled
+from frames import Frame, drifting, seen, shuffled
 from hypothesis import HealthCheck, Phase, event, given, settings
 from hypothesis import strategies as st
 from on_two_ranks import marched
@@ -16,7 +16,7 @@ from sketches import interpolants, methods, scenes
 
 import pdvol
 from on_ranks import ranks
-from pdvol import Outline, Placement, Plane, Pressure, Rigid, Scene, Surface
+from pdvol import Deforming, Outline, Placement, Plane, Pressure, Rigid, Scene, Surface
 from pdvol.geometry.level_mesh import lumped_masses
 from pdvol.measure.verify import verify_run
 from pdvol.meshes import box, rectangle
@@ -98,6 +98,21 @@ def from_elsewhere(scene: Scene, how: dict, base: Path, seed: int) -> None:
     frame = Frame(rotation_matrix(rng.uniform(-3, 3), rng.uniform(0.1, 1, 3), d), rng.uniform(-3, 3, d))
     found = {key: frame.back(x) for key, x in states(seen(scene, frame), how).items()}
     assert_near(stored(base), found, how)
+
+
+def from_a_moving_frame(scene: Scene, how: dict, base: Path, seed: int) -> None:
+    """A constant velocity is added to everything. Where obstacles then push bodies in parts of a step, these may end in
+    another minimum, so it is judged up to there.
+    """
+    u = np.random.default_rng(seed).uniform(-1.0, 1.0, dimension(scene))
+    if any(isinstance(each, Deforming) for each in scene.obstacles):
+        return
+    pushed = set[int]()
+    for one, other in zip(steps(scene, **how), steps(drifting(scene, u), **how), strict=False):
+        pushed |= {step.level for step in (one, other) if step.report.remedies["substeps"] or step.report.cuts}
+        if not pushed:
+            event("moving frame: compared")
+            assert_near({0: one.positions}, {0: other.positions - one.time * u}, how)
 
 
 def in_another_order(scene: Scene, how: dict, base: Path, seed: int) -> None:
@@ -278,6 +293,7 @@ def dimension(scene: Scene) -> int:
 HOLDS = [
     in_other_units,
     from_elsewhere,
+    from_a_moving_frame,
     in_another_order,
     same_level_0,
     cut_and_resumed,
