@@ -62,8 +62,11 @@ def some(draw, probability: float) -> bool:
 # ---- bodies
 
 
-def material(draw, dim: int):
+def material(draw, extreme: bool):
     law = draw(st.sampled_from([NeoHookean, FixedCorotational, StVenantKirchhoff]))
+    if extreme:
+        young, density = 10.0 ** draw(numbers(2.0, 11.0)), 10.0 ** draw(numbers(0.0, 5.0))
+        return law(young, draw(st.sampled_from([-0.5, 0.0, 0.3, 0.45, 0.499])), density)
     young = 10.0 ** draw(numbers(4.0, 6.0))
     kind = draw(st.sampled_from(["constant", "field", "keyed"]))
     if kind == "field":
@@ -100,7 +103,7 @@ def shape(draw, dim: int, levels: int) -> tuple[Solid, ...]:
     return tuple(block(level) for level in range(levels))
 
 
-def body(draw, dim: int, number: int, levels: int) -> Body:
+def body(draw, dim: int, number: int, levels: int, extreme: bool) -> Body:
     angle, axis = draw(numbers(-3.0, 3.0)), (0.3, draw(numbers(-1.0, 1.0)), 1.0)
     scale = draw(st.sampled_from([1.0, 0.7]))
     sideways = [0.1 * draw(numbers(-1.0, 1.0)) for _ in range(dim - 1)]
@@ -108,6 +111,7 @@ def body(draw, dim: int, number: int, levels: int) -> Body:
     middle = np.array(place.translate)
     velocity = np.array(draw(vectors(dim, 1.0)))
     velocity[1] -= draw(st.sampled_from([6.0, 2.0, 0.0])) * (number + 1)  # down, the upper ones faster
+    velocity *= 10.0 ** draw(numbers(-2.0, 2.5)) if extreme else 1.0
     kind = draw(st.sampled_from(["vector", "field", "spin", "rest"]))
     spin: float | tuple = ()
     if kind == "spin":
@@ -115,10 +119,10 @@ def body(draw, dim: int, number: int, levels: int) -> Body:
     field = lambda X: velocity + 2.0 * (X - middle)
     regions = ()
     if some(draw, 0.2):
-        regions = (Region(material(draw, dim), lambda X: X[:, 0] > middle[0] + 1e-3),)
+        regions = (Region(material(draw, extreme), lambda X: X[:, 0] > middle[0] + 1e-3),)
     return Body(
         shape(draw, dim, levels),
-        material(draw, dim),
+        material(draw, extreme),
         name=f"body {number}",
         placement=place,
         velocity={"rest": (), "spin": (), "vector": tuple(velocity), "field": field}[kind],
@@ -228,11 +232,13 @@ def gravity(draw, dim: int) -> Gravity:
 
 
 @st.composite
-def scenes(draw) -> Scene:
-    """One to four bodies, and whatever may act on them."""
+def scenes(draw, extreme: bool = False) -> Scene:
+    """One to four bodies, and whatever may act on them. In extreme ones stiffness, density, speed and time step span
+    many powers of ten, and few iterations are allowed.
+    """
     dim = draw(st.sampled_from([2, 3]))
     levels = draw(st.integers(1, 3 if dim == 2 else 2))
-    bodies = tuple(body(draw, dim, k, levels) for k in range(draw(st.integers(1, 4 if dim == 2 else 3))))
+    bodies = tuple(body(draw, dim, k, levels, extreme) for k in range(draw(st.integers(1, 4 if dim == 2 else 3))))
     around = tuple(
         obstacle(draw, dim, k, 0.3 + APART * (len(bodies) - 1)) for k in range(draw(st.sampled_from([1, 2, 0])))
     )
@@ -262,13 +268,13 @@ def scenes(draw) -> Scene:
     ]
     return Scene(
         bodies,
-        dt=draw(st.sampled_from([0.02, 0.04, 0.01, 0.005])),
-        steps=draw(st.integers(2, 10)),
+        dt=draw(st.sampled_from([1e-4, 1e-3, 0.01, 0.04, 0.1] if extreme else [0.02, 0.04, 0.01, 0.005])),
+        steps=3 if extreme else draw(st.integers(2, 10)),
         loads=loads,
         supports=held,
         obstacles=around,
         contact=contact,
-        solver=ACCURATE,
+        solver=Solver(max_iterations=60, max_halvings=2) if extreme else ACCURATE,
         integrator=draw(st.sampled_from(list(INTEGRATORS))),
         elements=draw(st.sampled_from(ELEMENTS)),
         feedback=draw(st.sampled_from([0.05, 0.0])),

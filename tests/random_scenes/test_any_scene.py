@@ -331,9 +331,22 @@ def test_a_few(tmp_path_factory, holds, scene, how, seed):
     judge(tmp_path_factory.mktemp("scene"), scene, how, holds, seed)
 
 
+@settings(max_examples=12, derandomize=True, **ANY)
+@given(scene=scenes(extreme=True), how=hows())
+def test_a_few_extremes(tmp_path_factory, scene, how):
+    judge(tmp_path_factory.mktemp("scene"), scene, how, sound, 0)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("holds", HOLDS, ids=lambda holds: holds.__name__)
 @settings(max_examples=1000, **ANY)
 @given(scene=scenes(), how=hows(), seed=st.integers(0, 10**6))
 def test_many(tmp_path_factory, holds, scene, how, seed):
     judge(tmp_path_factory.mktemp("scene"), scene, how, holds, seed)
+
+
+@pytest.mark.slow
+@settings(max_examples=1000, **ANY)
+@given(scene=scenes(extreme=True), how=hows())
+def test_many_extremes(tmp_path_factory, scene, how):
+    judge(tmp_path_factory.mktemp("scene"), scene, how, sound, 0)
