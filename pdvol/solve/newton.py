@@ -1,8 +1,9 @@
 """Projected Newton on an incremental potential by PETSc's SNES, which no other file uses.
 
-The potential is SNES's objective (for backtracking), the gradient its function, the projected Hessian its Jacobian. The
-pre-check shortens each step such that nothing crosses or inverts. `iteration.py` has the rules that the callbacks
-apply: when a solve ends, when a matrix is kept, how the next Hessian is projected, how long a step is.
+The potential is SNES's objective, the gradient its function, the projected Hessian its Jacobian. The pre-check shortens
+each step such that nothing crosses or inverts. PETSc's default line search backtracks from there by cubic models.
+`iteration.py` has the rules that the callbacks apply: when a solve ends, when a matrix is kept, how the next Hessian is
+projected, how long a step is.
 """
 
 from collections.abc import Callable, Iterator
@@ -38,8 +39,6 @@ from pdvol.solve.linear.system_matrix import SystemMatrix
 from pdvol.solve.report import NewtonReport, Stopwatch
 
 MAX_SOLVES = 3  # times the iterations allowed per solve: after more of them no remedy starts it again
-# Backtracking by cubic models, which need fewer trials than halving; `max_it` trials: 40 halvings reach round-off.
-LINE_SEARCH = {"type": "bt", "order": 3, "max_it": 40}
 
 _REASONS = {value: name for name, value in vars(PETSc.SNES.ConvergedReason).items() if isinstance(value, int)}
 
@@ -143,13 +142,6 @@ class Newton:
         snes.setLineSearchPreCheck(self._precheck)
         snes.setConvergenceTest(self._test)
         snes.setTolerances(rtol=0.0, atol=0.0, stol=0.0, max_it=self.settings.max_iterations)
-        database, prefix = PETSc.Options(), "pdvol_snes_"
-        snes.setOptionsPrefix(prefix)
-        for name, value in LINE_SEARCH.items():
-            database.setValue(f"{prefix}snes_linesearch_{name}", value)
-        snes.setFromOptions()
-        for name in LINE_SEARCH:
-            database.delValue(f"{prefix}snes_linesearch_{name}")
         return snes
 
     def _coarse_space(self) -> CoarseSpace:

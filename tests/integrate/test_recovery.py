@@ -11,7 +11,7 @@ from petsc4py import PETSc
 from pdvol.errors import ConvergenceError
 from pdvol.potentials.potential import Positions, Term
 from pdvol.scene import Barrier, Gravity, Plane, Solver
-from pdvol.solve.newton import LINE_SEARCH, MAX_SOLVES
+from pdvol.solve.newton import MAX_SOLVES
 from pdvol.solve.report import REMEDIES, no_remedies, taken
 from problems import block, make_scene, make_stepper, march, take_step
 
@@ -159,7 +159,7 @@ def test_the_line_search_cuts_steps_that_are_far_too_long():
     end, solved = problem.newton.solve(start, max_iterations=1)
     assert problem.potential.value(end) < problem.potential.value(start)
     assert 0.0 < np.abs(end.owned - start.owned).max() < 1e-9 * 0.08
-    assert 5 < solved.backtracks < 15 < 34 < LINE_SEARCH["max_it"] and solved.remedies == no_remedies()
+    assert 5 < solved.backtracks < 15 and solved.remedies == no_remedies()
 
 
 # ---- what is not a number
