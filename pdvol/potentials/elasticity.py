@@ -17,13 +17,10 @@ from pdvol.potentials.assembly.cell_energy import CellEnergy
 from pdvol.potentials.assembly.domains import Domains
 from pdvol.potentials.assembly.hessian_blocks import HessianBlocks
 from pdvol.potentials.assembly.native import library, pointer
-from pdvol.potentials.potential import MIN_GAP_SHARE, Positions, Rates
+from pdvol.potentials.potential import LEAST_LEFT, Positions, Rates
 
 Shares = Callable[[float], np.ndarray]
 """What gives values (m,) of the mesh's cells at a time [s]."""
-
-# Share of a cell's current volume that one Newton step leaves at least: the logarithm's derivatives stay moderate.
-KEEP_VOLUME = 0.1
 
 
 class Elastic(CellEnergy):
@@ -70,10 +67,10 @@ class Elastic(CellEnergy):
         self.set_time(t1)
 
     def max_step(
-        self, x: Positions, direction: np.ndarray, until: float | None = None, gap_share: float = MIN_GAP_SHARE
+        self, x: Positions, direction: np.ndarray, until: float | None = None, gap_share: float = LEAST_LEFT
     ) -> float:
         moved = np.ascontiguousarray(self.space.with_ghosts(direction))
-        return library.volume_step(self._domains, pointer(x.local), pointer(moved), KEEP_VOLUME)
+        return library.volume_step(self._domains, pointer(x.local), pointer(moved), LEAST_LEFT)
 
 
 class CellGuard(Elastic):

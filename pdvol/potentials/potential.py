@@ -13,9 +13,9 @@ from pdvol.levels.space import LevelSpace
 from pdvol.potentials.assembly.domains import Domains
 from pdvol.potentials.assembly.hessian_blocks import HessianBlocks
 
-# share of each gap that remains after a step that contact ends, at least: small, since the next step opens the gap
-# again
-MIN_GAP_SHARE = 0.1
+# share of each gap, and of each cell's volume, that a step leaves at least: small, since the next step opens it again,
+# but barriers and logarithms keep moderate derivatives
+LEAST_LEFT = 0.1
 
 # the same share under scripted motions, which may press from several sides: with less, gaps shrink step after step, and
 # bodies that slide past a gap of 1e-6 dhat take hundreds of steps, each ended by it
@@ -163,7 +163,7 @@ class Potential(Protocol):
         """Adds weight times d2E/dx2 [N/m], made positive semi-definite as `into.projection` says."""
 
     def max_step(
-        self, x: Positions, direction: np.ndarray, until: float | None = None, gap_share: float = MIN_GAP_SHARE
+        self, x: Positions, direction: np.ndarray, until: float | None = None, gap_share: float = LEAST_LEFT
     ) -> float:
         """Largest step in [0, 1] along direction (n_owned, d) that stays admissible for this rank's cells and contacts,
         while obstacles move to their places at `until` [s]. Where contact ends it, `gap_share` of a gap is left.
@@ -238,6 +238,6 @@ class Term(Potential):
         pass
 
     def max_step(
-        self, x: Positions, direction: np.ndarray, until: float | None = None, gap_share: float = MIN_GAP_SHARE
+        self, x: Positions, direction: np.ndarray, until: float | None = None, gap_share: float = LEAST_LEFT
     ) -> float:
         return 1.0

@@ -14,7 +14,7 @@ from pdvol.potentials.assembly.domains import Domains
 from pdvol.potentials.assembly.hessian_blocks import HessianBlocks
 from pdvol.potentials.build import Terms
 from pdvol.potentials.contact.friction import LaggedFriction
-from pdvol.potentials.potential import MIN_GAP_SHARE, Positions, Potential, Rates
+from pdvol.potentials.potential import LEAST_LEFT, Positions, Potential, Rates
 from pdvol.solve.report import Stopwatch
 
 # Share of an obstacle's path over which the change of forces is measured: small beside most gaps, large beside
@@ -149,7 +149,7 @@ class IncrementalPotential:
         raise SimulationError("the Hessian is too large for double precision")
 
     def max_step(
-        self, x: Positions, direction: np.ndarray, until: float | None = None, gap_share: float = MIN_GAP_SHARE
+        self, x: Positions, direction: np.ndarray, until: float | None = None, gap_share: float = LEAST_LEFT
     ) -> float:
         """Largest admissible step in [0, 1] along direction, obstacles moving to `until` [s] meanwhile: the same on
         every rank.

@@ -19,7 +19,7 @@ from scipy.sparse import csr_array
 from pdvol.errors import SimulationError
 from pdvol.levels.space import LevelSpace
 from pdvol.potentials.assembly.hessian_blocks import BlockPattern, HessianBlocks
-from pdvol.potentials.potential import MIN_GAP_SHARE, LastStates, Positions
+from pdvol.potentials.potential import LEAST_LEFT, LastStates, Positions
 from pdvol.scene import Relative, Solver
 from pdvol.solve.incremental_potential import IncrementalPotential
 from pdvol.solve.iteration import (
@@ -340,13 +340,13 @@ class Newton:
         """Sets the length dt [s] of the step that the next solves are for: speeds are distances over dt."""
         self._dt = dt
 
-    def start(self, x: Positions, gap_share: float = MIN_GAP_SHARE) -> Solve:
+    def start(self, x: Positions, gap_share: float = LEAST_LEFT) -> Solve:
         """A new minimisation from x, which the callbacks use from now on."""
         self._solve = Solve([x], self.tolerance, gap_share, np.zeros_like(x.owned))
         return self._solve
 
     def solve(
-        self, x: Positions, robust: bool = False, max_iterations: int | None = None, gap_share: float = MIN_GAP_SHARE
+        self, x: Positions, robust: bool = False, max_iterations: int | None = None, gap_share: float = LEAST_LEFT
     ) -> tuple[Positions, NewtonReport]:
         """Minimises from the admissible x. The result is admissible whether or not the report says it converged.
 

@@ -11,7 +11,7 @@ from mpi4py import MPI
 
 from pdvol.integrate.scripted_motion import LEAST_GAIN, LOOK_AHEAD, PATH_SHARE, Carriers, MotionParts
 from pdvol.levels.space import LevelSpace
-from pdvol.potentials.potential import MIN_GAP_SHARE, SCRIPTED_GAP_SHARE, Positions
+from pdvol.potentials.potential import LEAST_LEFT, SCRIPTED_GAP_SHARE, Positions
 from pdvol.scene import Barrier, Plane, Support, Translation
 from pdvol.solve.report import NewtonReport
 from problems import block, make_scene, make_stepper, take_step
@@ -189,7 +189,7 @@ def test_scripted_motions_leave_more_of_a_gap():
     assert potential.shares == {SCRIPTED_GAP_SHARE}
 
 
-@pytest.mark.parametrize("moves, share", [(True, SCRIPTED_GAP_SHARE), (False, MIN_GAP_SHARE)])
+@pytest.mark.parametrize("moves, share", [(True, SCRIPTED_GAP_SHARE), (False, LEAST_LEFT)])
 def test_solves_of_a_step_leave_that_share_of_a_gap(monkeypatch, moves, share):
     """The larger one where a support presses a block to a wall, the smaller one where the block flies against it."""
     supports = (Support(lambda X: X[:, 0] < 1e-9, motion=Translation((15.0, 0.0))),) if moves else ()
@@ -206,4 +206,4 @@ def test_solves_of_a_step_leave_that_share_of_a_gap(monkeypatch, moves, share):
     monkeypatch.setattr(problem.newton, "solve", recorded)
     report = take_step(problem, 1, mesh.points, np.tile((0.0 if moves else 10.0, 0.0), (len(mesh.points), 1)))
     assert (report.remedies["substeps"] > 0) == moves and (moves or report.contacts > 0)
-    assert set(shares) == {share} and 0.0 < MIN_GAP_SHARE < SCRIPTED_GAP_SHARE < 1.0
+    assert set(shares) == {share} and 0.0 < LEAST_LEFT < SCRIPTED_GAP_SHARE < 1.0

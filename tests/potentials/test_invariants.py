@@ -8,8 +8,7 @@ from mpi4py import MPI
 
 from pdvol.geometry.level_mesh import simplex_volumes
 from pdvol.levels.space import LevelSpace
-from pdvol.potentials.elasticity import KEEP_VOLUME
-from pdvol.potentials.potential import Positions
+from pdvol.potentials.potential import LEAST_LEFT, Positions
 from pdvol.registry import ELEMENTS
 from pdvol.scene import FixedCorotational, NeoHookean, StVenantKirchhoff, rotation_matrix
 from problems import elastic
@@ -58,10 +57,10 @@ def test_no_inversion_after_max_step(d):
             step = term.max_step(Positions(space, x), p)
             assert 0.0 < step <= 1.0
             shares = simplex_volumes(space.to_input(x + step * p), mesh.cells) / before
-            assert shares.min() >= KEEP_VOLUME * (1.0 - 1e-9)
+            assert shares.min() >= LEAST_LEFT * (1.0 - 1e-9)
             if step < 1.0:  # and no shorter than needed
                 capped += 1
-                np.testing.assert_allclose(shares.min(), KEEP_VOLUME, rtol=1e-6)
+                np.testing.assert_allclose(shares.min(), LEAST_LEFT, rtol=1e-6)
     assert capped >= 10
 
 
@@ -74,13 +73,13 @@ def test_max_step_of_one_cell(d):
 
     # The last corner sinks by 2: volume share 1 - 2 t, down to 0.1 at t = 0.45.
     sink = -2.0 * np.outer(apex, np.eye(d)[-1])
-    np.testing.assert_allclose(term.max_step(x, sink), 0.5 * (1.0 - KEEP_VOLUME), rtol=ROOT)
+    np.testing.assert_allclose(term.max_step(x, sink), 0.5 * (1.0 - LEAST_LEFT), rtol=ROOT)
     # All edges shrink by the factor 1 - t: share (1 - t)^d.
-    np.testing.assert_allclose(term.max_step(x, -X), 1.0 - KEEP_VOLUME ** (1.0 / d), rtol=ROOT)
+    np.testing.assert_allclose(term.max_step(x, -X), 1.0 - LEAST_LEFT ** (1.0 / d), rtol=ROOT)
     # Growing, moving as a whole, and shrinking by less than the cap are free.
     for free in (X, np.ones_like(X), 0.45 * sink):
         assert term.max_step(x, free * (1.0 - 1e-9)) == 1.0
     # Edge 1 shrinks by 1 - 4 t and back again if edge 2 did the same: share (1 - 4 t)^2 in their plane is positive at t
     # = 1, yet it passes 0.1 at t = (1 - sqrt(0.1)) / 4. The step must find the first root, not look at the end.
     through = -4.0 * X * np.r_[1.0, 1.0, np.zeros(d - 2)]
-    np.testing.assert_allclose(term.max_step(x, through), (1.0 - np.sqrt(KEEP_VOLUME)) / 4.0, rtol=ROOT)
+    np.testing.assert_allclose(term.max_step(x, through), (1.0 - np.sqrt(LEAST_LEFT)) / 4.0, rtol=ROOT)

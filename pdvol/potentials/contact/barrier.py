@@ -18,7 +18,7 @@ from pdvol.levels.script import Obstacle
 from pdvol.potentials.assembly.hessian_blocks import HessianBlocks
 from pdvol.potentials.contact.candidates import Candidates, Contacts
 from pdvol.potentials.contact.native import library
-from pdvol.potentials.potential import MIN_GAP_SHARE, Positions, Term
+from pdvol.potentials.potential import LEAST_LEFT, Positions, Term
 
 
 class ContactBarrier(Term):
@@ -78,7 +78,7 @@ class ContactBarrier(Term):
         )
 
     def max_step(
-        self, x: Positions, direction: np.ndarray, until: float | None = None, gap_share: float = MIN_GAP_SHARE
+        self, x: Positions, direction: np.ndarray, until: float | None = None, gap_share: float = LEAST_LEFT
     ) -> float:
         return self.candidates.max_step(
             self.surface.vertices(x), self.surface.vertices(x.moved(1.0, direction), at=until), gap_share

@@ -21,7 +21,7 @@ import numpy as np
 from pdvol.compiled import pointer
 from pdvol.potentials.contact.native import ffi, library
 from pdvol.potentials.contact.surface import ContactSurface, Primitives
-from pdvol.potentials.potential import MIN_GAP_SHARE
+from pdvol.potentials.potential import LEAST_LEFT
 
 # slack, in median edge lengths: longer lists cost more in every evaluation, shorter ones are searched more often
 LIST_SLACK = 0.1
@@ -407,7 +407,7 @@ class Candidates:
                 return Contacts(*found, vertices.shape[1], half_spaces, energy[0], gradient)
             self._buffers = Contacts(np.empty(2 * count, CONTACT), np.empty(2 * faded + 256, FADE), vertices.shape[1])
 
-    def max_step(self, start: np.ndarray, end: np.ndarray, gap_share: float = MIN_GAP_SHARE) -> float:
+    def max_step(self, start: np.ndarray, end: np.ndarray, gap_share: float = LEAST_LEFT) -> float:
         """Largest step in [0, 1] along straight paths from start to end (n, d) at which this rank's vertices stay in
         front of planes, and all its pairs apart, and keep at least the share `gap_share` of their gap, or of dhat where
         that is less.
