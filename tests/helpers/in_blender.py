@@ -36,6 +36,15 @@ def fields_of(thing) -> dict:
     return found
 
 
+def flat_corners(thing) -> float:
+    """How many corners of an object at the current frame have the normal of their face, of one."""
+    evaluated = thing.evaluated_get(bpy.context.evaluated_depsgraph_get())
+    mesh = evaluated.to_mesh()
+    corners = [mesh.corner_normals[i].vector @ face.normal for face in mesh.polygons for i in face.loop_indices]
+    evaluated.to_mesh_clear()
+    return float(np.mean(np.array(corners) > 0.9999))
+
+
 def base_colour(thing) -> list[float]:
     """Linear red, green, blue and alpha of an object's material."""
     (material,) = thing.data.materials
@@ -114,6 +123,7 @@ def main() -> None:
                 "uvs": [list(corner.vector) for corner in o.data.uv_layers[0].uv] if o.data.uv_layers else [],
                 "points": {},
                 "fields": {},
+                "flat_corners": [],
             }
             for o in things
         },
@@ -122,6 +132,7 @@ def main() -> None:
         scene.frame_set(frame)
         for o in things:
             found["meshes"][o.name]["points"][frame] = points_of(o).tolist()
+            found["meshes"][o.name]["flat_corners"].append(flat_corners(o))
             if fields:
                 found["meshes"][o.name]["fields"][frame] = fields_of(o)
     if picture:

@@ -16,7 +16,7 @@ from pdvol.studio.draw.camera import Camera
 from pdvol.studio.draw.contact_shadows import shadow_map
 from pdvol.studio.draw.cut import Cut
 from pdvol.studio.draw.layout import BACKGROUND, FAINT_INK, font
-from pdvol.studio.shown import GROUND, OBSTACLE, PALETTE, SMOOTH_FROM, closed_loops
+from pdvol.studio.shown import CREASE_ANGLE, GROUND, OBSTACLE, PALETTE, SMOOTH_FROM, closed_loops
 
 if TYPE_CHECKING:
     import pyvista as pv
@@ -181,7 +181,7 @@ class Renderer:
         surface = pv.PolyData.from_regular_faces(points[used], local.reshape(facets.shape))
         style: dict[str, Any] = {**_MATERIAL, "smooth_shading": smooth}
         if smooth:
-            style |= {"split_sharp_edges": True, "feature_angle": 50.0}
+            style |= {"split_sharp_edges": True, "feature_angle": CREASE_ANGLE}
         if edges:
             style |= {"show_edges": True, "edge_color": _darker(colour, 0.45), "edge_opacity": edges}
             style["line_width"] = self._width(0.5)

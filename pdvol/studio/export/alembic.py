@@ -1,6 +1,6 @@
 """Alembic caches: one file a level, with a mesh for each body and obstacle, for Blender, Maya and Houdini.
 
-    /<name>/<name>Shape   points in every frame; faces once
+    /<name>/<name>Shape   points and normals of corners in every frame; faces once
 
 Alembic's conventions hold: y is upward, corners go clockwise around a face as seen from outside, and times are seconds.
 Alembic has neither materials nor units; metres are written.
@@ -17,6 +17,7 @@ from pdvol.store.reader import Run
 from pdvol.store.series import LevelFields, Series
 from pdvol.studio.export.files import written_aside
 from pdvol.studio.export.frames import FILM_RATE, Frame, Track, even_frames, points_and_velocities, said
+from pdvol.studio.export.normals import CornerNormals
 from pdvol.studio.export.parts import RENDER, Part, body_parts, obstacle_parts
 from pdvol.studio.shown import upward_in_3d
 
@@ -58,7 +59,7 @@ def write_alembic(run: Run, level: int, path: str | Path, fps: float | None = No
     rate = 1.0 / run.dt if fps is None else fps
     parts = [*body_parts(run, series.level, surface), *obstacle_parts(run, series.level)]
     samples = sum(len(part.rest) * (len(frames) if part.moves else 1) for part in parts)
-    with written_aside(path, 24 * samples + 8 * sum(len(part.corners) for part in parts)) as aside:
+    with written_aside(path, 60 * samples + 12 * sum(len(part.corners) for part in parts)) as aside:
         archive = alembic3d.Abc.CreateArchiveWithInfo(
             str(aside), float(fps or FILM_RATE), "pdvol", f"{run.path.name}, level {level}"
         )
@@ -80,8 +81,8 @@ def _write_parts(
     archive: Any, parts: Sequence[Part], tracks: Sequence[Track], shown: Iterable, rate: float, turn: np.ndarray
 ) -> None:
     from alembic3d.AbcCoreAbstract import TimeSampling
-    from alembic3d.AbcGeom import OPolyMesh, OPolyMeshSchemaSample, OXform
-    from imath import IntArrayFromBuffer, V3fArrayFromBuffer
+    from alembic3d.AbcGeom import GeometryScope, ON3fGeomParamSample, OPolyMesh, OPolyMeshSchemaSample, OXform
+    from imath import DoubleArrayFromBuffer, IntArrayFromBuffer, UnsignedIntArray, V3fArrayFromBuffer
 
     def placed(points: np.ndarray) -> np.ndarray:
         return np.ascontiguousarray(points @ turn.T, dtype=np.float32)
@@ -91,18 +92,28 @@ def _write_parts(
     for part, track in zip(parts, tracks, strict=True):
         place = OXform(archive.getTop(), part.name)
         schema = OPolyMesh(place, f"{part.name}Shape", times).getSchema()
-        polygons = np.split(part.corners, np.cumsum(part.counts)[:-1])
-        corners = np.concatenate([polygon[::-1] for polygon in polygons]).astype(np.int32)
-        meshes.append((part.moves, schema, track, corners, part.counts.astype(np.int32)))
+        clockwise = np.concatenate(
+            [c[::-1] for c in np.split(np.arange(len(part.corners)), np.cumsum(part.counts)[:-1])]
+        )
+        normals = CornerNormals(part)
+        corners = part.corners[clockwise].astype(np.int32)
+        numbers = UnsignedIntArray(
+            DoubleArrayFromBuffer(normals.index[clockwise].astype(float))
+        )  # it takes no integers
+        meshes.append((part.moves, schema, track, corners, part.counts.astype(np.int32), normals, numbers))
     for number, _ in enumerate(shown):
-        for moves, schema, track, corners, counts in meshes:
+        for moves, schema, track, corners, counts, normals, numbers in meshes:
             if number and not moves:
                 continue
             # The arrays that a sample refers to live until it is written.
-            points, velocities = (None if vectors is None else placed(vectors) for vectors in next(track))
+            at, along = next(track)
+            points, velocities = placed(at), None if along is None else placed(along)
+            vectors = placed(normals.at(at))
             sample = OPolyMeshSchemaSample(
                 V3fArrayFromBuffer(points), IntArrayFromBuffer(corners), IntArrayFromBuffer(counts)
             )
             if velocities is not None and moves:
                 sample.setVelocities(V3fArrayFromBuffer(velocities))
+            scope = GeometryScope.kFacevaryingScope
+            sample.setNormals(ON3fGeomParamSample(V3fArrayFromBuffer(vectors), numbers, scope))
             schema.set(sample)

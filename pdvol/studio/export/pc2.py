@@ -7,7 +7,8 @@
 
 A PC2 file has 32 bytes of header: `POINTCACHE2` and a zero, then little-endian the version 1 (int32), the number of
 points (int32), the first frame (float32), frames from sample to sample (float32), and the number of samples (int32).
-The samples follow, float32 x y z of each point. Coordinates are the scene's own, in metres.
+The samples follow, float32 x y z of each point. Coordinates are the scene's own, in metres. Neither file has normals:
+those of a mesh would stay where they are while its points move. `open_in_blender.py` marks creases instead.
 """
 
 import struct
@@ -21,7 +22,7 @@ from pdvol.studio.export.files import copy_texture, made_folder, write_script, w
 from pdvol.studio.export.frames import FILM_RATE, Frame, even_frames, said
 from pdvol.studio.export.obj import object_lines
 from pdvol.studio.export.parts import RENDER, Part, body_parts, obstacle_parts
-from pdvol.studio.shown import linear_colour, upward_in_3d
+from pdvol.studio.shown import CREASE_ANGLE, linear_colour, upward_in_3d
 
 PC2_START = struct.Struct("<12siiffi")  # the header of a PC2 file
 
@@ -34,7 +35,8 @@ def export(
     folders = [write_pc2(run, level, out / f"level_{level}", rate, surface) for level in levels]
     up = tuple(upward_in_3d(run).tolist())
     frames = max(len(even_frames(run.levels[level].steps, run.dt, rate)) for level in levels)
-    return [*folders, write_script(out, "open_in_blender", FPS=rate, FRAMES=frames, LEVEL=max(levels), UP=up)]
+    values = {"FPS": rate, "FRAMES": frames, "LEVEL": max(levels), "UP": up, "CREASE_ANGLE": CREASE_ANGLE}
+    return [*folders, write_script(out, "open_in_blender", **values)]
 
 
 def write_pc2(run: Run, level: int, folder: str | Path, fps: float = FILM_RATE, surface: str = RENDER) -> Path:

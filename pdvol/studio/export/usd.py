@@ -1,8 +1,8 @@
 """A shot as one USD file: levels are variants of one prim, and bodies and obstacles are meshes with materials.
 
     /run                    variant set `level`; the finest level is chosen
-    /run/bodies/<name>      a mesh in each variant: points, velocities until the next time code, extent; primvars `rest`
-                            and, if wanted, fields
+    /run/bodies/<name>      a mesh in each variant: points, velocities until the next time code, extent; primvars
+                            `rest`, `normals` by corner and, if wanted, fields
     /run/obstacles/<name>   a mesh; one that moves is in each variant, because contact may hold it back on some levels
     /run/materials/<name>   UsdPreviewSurface, bound to the mesh of that name
 
@@ -20,9 +20,10 @@ from pdvol.store.reader import Run, RunLevel
 from pdvol.store.series import LevelFields, Series, with_strain
 from pdvol.studio.export.files import copy_texture
 from pdvol.studio.export.frames import FILM_RATE, Frame, even_frames, points_and_velocities, said, stored_frames
+from pdvol.studio.export.normals import CornerNormals
 from pdvol.studio.export.parts import BOTH, RENDER, Part, body_parts, obstacle_parts
 from pdvol.studio.export.usd_file import UsdFile, usd_file
-from pdvol.studio.export.usd_primvars import add_primvar, add_uvs, fields_adder
+from pdvol.studio.export.usd_primvars import add_normals, add_primvar, add_uvs, fields_adder
 from pdvol.studio.shown import linear_colour, upward_in_3d
 
 ROUGHNESS = 0.55  # of all materials, between 0 (a mirror) and 1: the soft highlights of pdvol's pictures
@@ -87,7 +88,9 @@ def write_usd(
         for part in [*body_parts(run, coarsest, surface), *obstacle_parts(run, coarsest)]:
             _add_material(file.stage, part, copy_texture(part, path.with_name(f"{path.stem}_textures")))
             if not part.moves:
-                _set_points(_add_mesh(file.stage, part), part.rest)
+                mesh = _add_mesh(file.stage, part)
+                _set_points(mesh, part.rest)
+                add_normals(mesh, CornerNormals(part), part.rest)
         variants = root.GetPrim().GetVariantSets().AddVariantSet("level")
         for series, codes in zip(all_series, frames, strict=True):
             variants.AddVariant(f"level_{series.level.index}")
@@ -115,12 +118,17 @@ def _add_level(
     if surface == BOTH:
         _set_purposes(bodies)
     obstacles = [(part, _add_mesh(file.stage, part)) for part in obstacle_parts(run, level) if part.moves]
-    moving = [(mesh, points_and_velocities(frames, part.at, rate)) for part, mesh in [*bodies, *obstacles]]
+    moving = [
+        (mesh, CornerNormals(part), points_and_velocities(frames, part.at, rate))
+        for part, mesh in [*bodies, *obstacles]
+    ]
     simulated = [(part, mesh) for part, mesh in bodies if part.render is None]
     add_fields = fields_adder(level, simulated, fields(level.index)) if fields else None
     for frame in said(f"level {level.index}", frames):
-        for mesh, track in moving:
-            file.added(_set_points(mesh, *next(track), frame.code))
+        for mesh, normals, track in moving:
+            points, velocities = next(track)
+            size = _set_points(mesh, points, velocities, frame.code)
+            file.added(size + add_normals(mesh, normals, points, frame.code))
         if add_fields:
             file.added(add_fields(frame))
 

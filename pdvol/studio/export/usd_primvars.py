@@ -1,4 +1,4 @@
-"""What USD meshes carry beside points: fields, the rest state and texture coordinates, as primvars."""
+"""What USD meshes carry beside points: normals, fields, the rest state and texture coordinates, as primvars."""
 
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -8,6 +8,7 @@ import numpy as np
 from pdvol.store.reader import RunLevel
 from pdvol.store.series import Fields, StepFields, in_3d
 from pdvol.studio.export.frames import Frame
+from pdvol.studio.export.normals import CornerNormals
 from pdvol.studio.export.parts import Part
 
 
@@ -20,6 +21,17 @@ def add_primvar(mesh: Any, name: str, kind: str, by: str, values: np.ndarray, co
     array = (Vt.FloatArray if values.ndim == 1 else Vt.Vec3fArray).FromNumpy(values)
     primvar.Set(array, *(() if code is None else (code,)))
     return int(values.nbytes)
+
+
+def add_normals(mesh: Any, normals: CornerNormals, points: np.ndarray, code: float | None = None) -> int:
+    """Set normals, the vertices at `points` (n, 3) [m], at a time code, or for all times; the bytes of the sample."""
+    from pxr import UsdGeom, Vt
+
+    size = add_primvar(mesh, "normals", "Normal3fArray", "faceVarying", normals.at(points), code)
+    primvar = UsdGeom.PrimvarsAPI(mesh).GetPrimvar("normals")
+    if not primvar.IsIndexed():
+        primvar.SetIndices(Vt.IntArray.FromNumpy(normals.index.astype(np.int32)))
+    return size
 
 
 def add_uvs(mesh: Any, part: Part) -> None:

@@ -24,10 +24,10 @@ from pdvol.studio.export.frames import even_frames
 from pdvol.studio.export.usd import write_usd
 from pdvol.studio.shown import GROUND, OBSTACLE, PALETTE, linear_colour
 from rendered import entry_of, grown_box
-from shapes import box
+from shapes import box, together
 
 BLENDER = os.environ.get("PDVOL_BLENDER_PYTHON", "")
-PROGRAM = Path(__file__).resolve().parents[1] / "helpers" / "in_blender.py"
+PROGRAM = Path(__file__).resolve().parents[2] / "helpers" / "in_blender.py"
 pytestmark = [
     pytest.mark.slow,
     pytest.mark.skipif(not BLENDER, reason="PDVOL_BLENDER_PYTHON names no Python that has bpy"),
@@ -106,7 +106,7 @@ def compare_fields(found: dict, run, rate: float) -> None:
         fields = found[str(int(frame.code))]
         strain = frame.sampled(lambda step: vertex_strain(level.mesh, level.positions(step)))[used]
         np.testing.assert_allclose(fields["strain"], strain, atol=1e-6)
-        step = frame.step - 1 + frame.share
+        step = frame.step - 1 + frame.fraction
         np.testing.assert_allclose(np.array(fields["contact_force"])[:, 0], step * used, rtol=1e-6, atol=1e-6)
         np.testing.assert_allclose(fields["von_mises"], step * behind, rtol=1e-6, atol=1e-6)
     assert max(found["12"]["strain"]) > 0.1
@@ -179,3 +179,16 @@ def test_alembic(half_second, tmp_path):
     assert (found["fps"], found["frames"]) == (24.0, [0, int(STEPS * runs.DT * 24)])
     assert set(found["meshes"]) == set(EXPECTED_COLOURS)
     compare(found, half_second, 1, 24.0)
+
+
+@pytest.mark.parametrize("kind", ["usd", "pc2", "alembic"])
+def test_edges_of_a_cube_are_sharp_and_a_ball_is_smooth(kind, tmp_path):
+    mesh = together(box(3, 2), runs.ball(3, 200, (3.0, 0.0, 0.0)))
+    with RunWriter.create(tmp_path / "run", {"dt": 1 / 24, "steps": 2}, [mesh], ["cube", "ball"]) as run:
+        for step in range(3):
+            turn = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+            run.write_state(0, step, mesh.points @ np.linalg.matrix_power(turn, step))
+    written, _ = export_run(tmp_path / "run", kind, tmp_path / "out", fps=24.0)
+    found = in_blender(kind, written[-1])["meshes"]
+    assert found["cube"]["flat_corners"] == [1.0, 1.0, 1.0]
+    assert len(found["ball"]["flat_corners"]) == 3 and max(found["ball"]["flat_corners"]) < 0.1

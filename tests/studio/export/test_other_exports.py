@@ -117,7 +117,7 @@ def test_usd_has_forces_stresses_and_strains_on_request(resting, tmp_path):
         (prim,) = stage.GetPrimAtPath("/run/bodies").GetChildren()
         return {p.GetPrimvarName(): p.GetAttr() for p in UsdGeom.PrimvarsAPI(prim).GetPrimvars()}, notes, stage
 
-    own = {"rest", "displayColor", "displayOpacity"}
+    own = {"rest", "normals", "displayColor", "displayOpacity"}
     shutil.copytree(resting, tmp_path / "run")
     found, notes, _stage = primvars(tmp_path / "without", False)
     assert set(found) == own and notes == []

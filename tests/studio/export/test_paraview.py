@@ -19,7 +19,7 @@ from pdvol.studio.export.exports import export_run
 from pdvol.studio.shown import PALETTE
 
 PVPYTHON = shlex.split(os.environ.get("PDVOL_PVPYTHON", ""))
-PROGRAM = Path(__file__).resolve().parents[1] / "helpers" / "in_paraview.py"
+PROGRAM = Path(__file__).resolve().parents[2] / "helpers" / "in_paraview.py"
 pytestmark = [
     pytest.mark.slow,
     pytest.mark.skipif(not PVPYTHON, reason="PDVOL_PVPYTHON names no command that starts pvpython"),

@@ -15,7 +15,7 @@ from pdvol import PointCache
 from pdvol.meshing.point_caches import read_frames
 
 BLENDER = os.environ.get("PDVOL_BLENDER_PYTHON", "")
-PROGRAM = Path(__file__).resolve().parents[1] / "helpers" / "rig_in_blender.py"
+PROGRAM = Path(__file__).resolve().parents[2] / "helpers" / "rig_in_blender.py"
 pytestmark = [
     pytest.mark.slow,
     pytest.mark.skipif(not BLENDER, reason="PDVOL_BLENDER_PYTHON names no Python that has bpy"),
