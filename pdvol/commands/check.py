@@ -33,7 +33,12 @@ def main(options: Namespace) -> int:
     if options.measure < 0:
         raise InputError(f"--measure: {options.measure:g} seconds are too few; 0 measures nothing")
     from pdvol.stages import stage
+    from pdvol.store.files import require_place, require_writable, write_json
 
+    if options.out is not None:
+        require_place(options.out)
+    if options.json is not None:
+        require_writable(options.json)
     with stage("loading the solver"):
         from pdvol.runs.preflight import check_meshes, check_scene
 
@@ -47,17 +52,9 @@ def main(options: Namespace) -> int:
         result = check_meshes(options.files)
         lines = [line for entry in result["files"] for line in (entry["message"], *entry["notes"])]
     if options.json is not None:
-        _write_json(result, options.json)
+        write_json(options.json, result)
     print("\n".join(lines))
     return 0 if result["sound"] else 2
-
-
-def _write_json(result: dict, file: Path) -> None:
-    """Write the findings; InputError where the file cannot be written."""
-    from pdvol.store.files import require_writable, write_json
-
-    require_writable(file)
-    write_json(file, result)
 
 
 def _scene_lines(result: dict) -> list[str]:

@@ -38,6 +38,7 @@ def add_arguments(parser: ArgumentParser) -> None:
 
 def main(options: Namespace) -> None:
     """Write the player, and print its name, its size and how exact it is."""
+    from pdvol.store.files import require_place
     from pdvol.studio.play.document import html_name, with_strain, write_player
     from pdvol.studio.play.fields import FIELDS
     from pdvol.studio.play.panes import thinned
@@ -49,6 +50,7 @@ def main(options: Namespace) -> None:
             raise InputError(f"--fields: unknown field {name!r}; choose of {', '.join(FIELDS)}")
     if options.every is not None and options.every < 1:
         raise InputError(f"--every: {options.every} is too small; 1 stores every state")
+    require_place(out.parent)
     panes, columns, title = chosen_panes(options)
     panes = [replace(pane, detailed=not options.no_render_meshes) for pane in panes]
     panes, notes = thinned(panes, options.every), list[str]()

@@ -11,6 +11,7 @@ from pdvol.meshing.readers import read_with_notes
 from pdvol.meshing.repair import repair
 from pdvol.runs.preflight import check_meshes
 from pdvol.stages import stage
+from pdvol.store.files import require_place
 
 SURFACE_FILES = (".obj", ".off", ".ply")
 VOLUME_FILES = (".vtu", ".vtk", ".mesh", ".msh")
@@ -34,6 +35,7 @@ def mend_file(file: Path, out: Path, weld: float, hole: float, envelope: float) 
     InputError
         The file cannot be read or is beyond repair, or `out` cannot be written.
     """
+    require_place(out.parent)
     with cpu_budget():
         return _mend_file(file, out, weld, hole, envelope)
 

@@ -22,7 +22,7 @@ from pdvol.meshing.vtu import write_vtu
 from pdvol.runs.run_summary import binding_lines
 from pdvol.scene import Body, NeoHookean, Scene
 from pdvol.stages import stage
-from pdvol.store.files import make_folder
+from pdvol.store.files import make_folder, require_place
 
 
 def write_hierarchy(
@@ -48,6 +48,7 @@ def write_hierarchy(
     InputError
         The mesh cannot be read or meshed, the prolongation is unknown, or `out` cannot be written.
     """
+    require_place(out)
     with cpu_budget(sum(targets)):
         name = f"body {mesh.stem!r}"
         with stage(f"reading {name}"):

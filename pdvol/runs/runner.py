@@ -31,8 +31,8 @@ from pdvol.scene import Scene
 from pdvol.scene.fingerprint import describe, differences_by_level
 from pdvol.solve.linear.option_check import check_options
 from pdvol.stages import stage
-from pdvol.store.files import jsonable
-from pdvol.store.folder import holds_run, in_use, read_info, require_scene
+from pdvol.store.files import jsonable, require_place
+from pdvol.store.folder import holds_run, in_use, read_info, require_free, require_scene
 from pdvol.store.reader import Run, open_run
 from pdvol.store.writer import RunWriter
 
@@ -86,7 +86,7 @@ def run_scene(
     scene, out = shot.scene, Path(out)
     last = scene.levels - 1 if last is None else last
     check_choices(scene, first, last, method, prolongation)
-    _check_folder(out, first, last, method, resume or first > 0, replace)
+    on_root(comm, lambda: _check_folder(out, first, last, method, resume or first > 0, replace))
     if wavefront and shot.file is None:
         raise InputError("levels side by side need a scene file, which their processes load; save the scene as one")
     if wavefront and comm.size > 1:
@@ -158,6 +158,10 @@ def check_choices(scene: Scene, first: int, last: int, method: str, prolongation
 
 def _check_folder(out: Path, first: int, last: int, method: str, go_on: bool, replace: bool) -> None:
     exists = holds_run(out)
+    if exists:
+        require_place(out)
+    else:
+        require_free(out)
     if exists and replace:
         count = len(read_info(out)["levels"])
         if count > 1:

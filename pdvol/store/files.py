@@ -92,6 +92,15 @@ def make_folder(path: Path) -> None:
         raise InputError(f"{path} cannot be made: {error.strerror or error}") from error
 
 
+def require_place(folder: Path) -> None:
+    """InputError where no files can be written into a folder, or where it is not there and cannot be made."""
+    there = next(p for p in (folder.absolute(), *folder.absolute().parents) if os.path.exists(p))
+    if not there.is_dir():
+        raise InputError(f"{there} is a file, not a folder")
+    if not os.access(there, os.W_OK | os.X_OK):
+        raise InputError(f"{there} cannot be written; choose a folder of yours")
+
+
 def require_writable(file: Path) -> None:
     """InputError where a file cannot be written."""
     if file.is_dir() or not os.access(file.parent, os.W_OK):

@@ -31,6 +31,7 @@ from pdvol.store.files import (
     lock,
     make_folder,
     read_json,
+    require_place,
     sync_folder,
     write_array,
     write_arrays,
@@ -206,13 +207,13 @@ def claim(path: Path, replace: bool = False) -> TextIO:
     InputError
         The folder holds a run or other files, cannot be made, or another process writes there.
     """
-    _require_free(path, replace)
+    require_free(path, replace)
     make_folder(path)
     held = hold(path)
     try:
         if replace and holds_run(path):
             _discard(path)
-        _require_free(path)  # another process may have started a run before this one had the lock
+        require_free(path)  # another process may have started a run before this one had the lock
     except InputError:
         held.close()
         raise
@@ -229,12 +230,11 @@ def _discard(path: Path) -> None:
             shutil.rmtree(folder)
 
 
-def _require_free(path: Path, replace: bool = False) -> None:
-    """InputError unless a run may be created here."""
+def require_free(path: Path, replace: bool = False) -> None:
+    """InputError unless a run may be created here; with `replace` in the place of one."""
+    require_place(path)
     if not path.exists():
         return
-    if not path.is_dir():
-        raise InputError(f"{path} is a file, not a folder")
     if holds_run(path) and not replace:
         raise InputError(f"{path} already holds a run: continue it with --resume or choose another folder")
     if not (path / "run.json").exists() and any(

@@ -15,13 +15,15 @@ import meshio
 import numpy as np
 import pytest
 
-from cli_scenes import FALL, SQUARE, pdvol, pdvol_on_ranks, write
+from cli_scenes import CUBE_OFF, FALL, SQUARE, pdvol, pdvol_on_ranks, write
 from commands import SAFETY
 from killing import HELPERS
 from on_ranks import results_on
 from pdvol import open_run
+from pdvol.runs import mending, mesh_hierarchy, preflight, runner
 from pdvol.runs.runner import run_scene
 from pdvol.runs.scene_file import load_shot
+from pdvol.studio.draw import picture
 
 RUN = f"""
 import sys
@@ -267,6 +269,38 @@ def test_a_read_only_folder(tmp_path, disk, capfd):
     assert pdvol("info", place / "run") == 0
     assert open_run(place / "run").levels[0].positions(2).shape == (9, 2)
     assert pdvol("render", place / "run", "-o", tmp_path / "picture.png") == 0
+
+
+def test_a_folder_without_permission_is_noticed_first(tmp_path, capfd, monkeypatch):
+    """Before anything is meshed, read, drawn or measured."""
+    scene, sound = write(tmp_path / "fall.py", FALL), tmp_path / "sound"
+    cube = write(tmp_path / "cube.off", CUBE_OFF)
+    assert pdvol("run", scene, "--levels", 0, "--steps", 2, "--out", sound) == 0
+    shutil.copytree(sound, tmp_path / "locked" / "run")
+    locked, access = tmp_path / "locked", os.access
+    monkeypatch.setattr(os, "access", lambda path, mode: locked not in (path, *path.parents) and access(path, mode))
+    for module in (runner, preflight, mesh_hierarchy, mending):
+        for name in ("prepared_levels", "check_scene", "check_meshes", "read_with_notes"):
+            monkeypatch.setattr(module, name, None, raising=False)
+    monkeypatch.setattr(picture, "cameras_of_run", None)
+    monkeypatch.setattr(runner, "_prepare", None)
+    for words in (
+        ["run", scene, "--steps", 2, "--out", locked / "run", "--resume"],
+        ["refine", locked / "run", "--to", 1],
+        ["run", scene, "--out", locked / "other"],
+        ["preview", scene, "--out", locked / "other"],
+        ["check", scene, "-o", locked / "levels"],
+        ["check", cube, "--json", locked / "found.json"],
+        ["hierarchy", cube, "--levels", "8,20", "-o", locked / "levels"],
+        ["repair", cube, "-o", locked / "mended" / "cube.off"],
+        ["render", sound, "-o", locked / "picture.png"],
+        ["play", sound, "-o", locked / "player.html"],
+        ["export", sound, "--format", "xdmf", "-o", locked / "out"],
+    ):
+        capfd.readouterr()
+        assert pdvol(*words) == 2, words
+        err = capfd.readouterr().err.strip()
+        assert err.startswith("pdvol: ") and "\n" not in err and "cannot be written" in err, err
 
 
 # ---- two processes

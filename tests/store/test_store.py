@@ -203,7 +203,7 @@ def test_folders_that_are_refused(small_run, tmp_path):
     assert [p.name for p in (tmp_path / "letters").iterdir()] == ["dear.txt"]
     with pytest.raises(InputError, match="is a file"):
         RunWriter.create(tmp_path / "letters" / "dear.txt", INFO, [], [])
-    with pytest.raises(InputError, match="cannot be made"):
+    with pytest.raises(InputError, match=r"dear\.txt is a file, not a folder"):
         RunWriter.create(tmp_path / "letters" / "dear.txt" / "run", INFO, [], [])
     with pytest.raises(InputError, match="needs .*dt.* in its info"):
         RunWriter.create(tmp_path / "new", {"steps": 3}, [], [])

@@ -12,6 +12,7 @@ from PIL import Image, ImageDraw
 
 from pdvol.errors import InputError
 from pdvol.stages import stage
+from pdvol.store.files import require_place
 from pdvol.store.obstacles import DrawnObstacle
 from pdvol.store.reader import Run, RunLevel
 from pdvol.studio.draw.camera_path import cameras_of_run
@@ -98,6 +99,7 @@ def render(
     if steps is not None and (len(steps) == 0 or min(steps) < 0 or max(steps) > last):
         raise InputError(f"{run.path}: steps to draw must lie between 0 and {last}, not {list(steps)}")
     begin, end = _checked_span(run, span, last)
+    require_place(path.parent)
     path.parent.mkdir(parents=True, exist_ok=True)
     if is_film:
         with stage(f"drawing {path.name}"):

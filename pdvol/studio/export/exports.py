@@ -9,6 +9,7 @@ from typing import Any
 from pdvol.errors import InputError
 from pdvol.registry import FORMATS
 from pdvol.stages import say, stage
+from pdvol.store.files import require_place
 from pdvol.store.reader import Run, open_run
 from pdvol.store.series import Fields, Series, nothing_more
 from pdvol.studio.export.parts import CONTACT_SURFACE, RENDER
@@ -50,6 +51,7 @@ def export_run(
         `out` cannot be written.
     """
     FORMATS.check(format_name)
+    require_place(Path(out))
     run = open_run(path)
     fields = RunFields(run)
     levels = [level.index for level in run.levels if level.steps] if levels is None else list(levels)

@@ -12,7 +12,7 @@ import pytest
 
 import runs
 from commands import SAFETY
-from pdvol.errors import SimulationError
+from pdvol.errors import InputError, SimulationError
 from pdvol.store.reader import open_run
 from pdvol.studio.export import usd_file
 from pdvol.studio.export.exports import export_run
@@ -135,5 +135,5 @@ def test_a_file_that_cannot_grow_is_said_in_one_line(solid_run, tmp_path, monkey
 
 def test_a_folder_that_cannot_be_made_is_said_in_one_line(solid_run, tmp_path):
     (tmp_path / "out").write_text("a file")
-    with pytest.raises(SimulationError, match=r"cannot write .*solid.usdc: File exists"):
+    with pytest.raises(InputError, match=r"out is a file, not a folder"):
         export_run(solid_run, "usd", tmp_path / "out")
