@@ -11,7 +11,6 @@ import tempfile
 import time
 from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
-from dataclasses import replace
 from pathlib import Path
 from unittest.mock import patch
 
@@ -24,7 +23,6 @@ from pdvol.integrate.stepper import Stepper
 from pdvol.runs.runner import run_scene
 from pdvol.runs.scene_file import load_shot
 from pdvol.solve import newton
-from pdvol.solve.iteration import Projection
 from pdvol.solve.linear import solver
 from pdvol.solve.linear.solver import LinearSolver
 from pdvol.solve.newton import Newton
@@ -60,12 +58,6 @@ ROWS = (*(name for name, row in DENSE.items() if not row.long or name in MORE), 
 # ---- rules
 
 
-def clamped(projection: Projection, *arguments: object) -> Projection:
-    """The next projection without eigenvalues by size."""
-    return replace(AFTER(projection, *arguments), mode="clamp")
-
-
-AFTER = Projection.after
 RULES: dict[str, Callable[[], AbstractContextManager]] = {
     "all": nullcontext,
     "lengthening": lambda: patch.object(newton, "step_factor", lambda *_: 1.0),

@@ -13,7 +13,7 @@ The next projection follows from how well the last model promised the decrease (
 |---|---|
 | about the actual decrease | negative eigenvalues of local Hessians cut off: the nearest positive one |
 | much more | negative eigenvalues by size, which overshoots less |
-| much less | unprojected, since cutting off made it too stiff; projected for a while if indefinite |
+| much less | unprojected, since cutting off made it too stiff; cut off where that is indefinite |
 
 Where the Hessian is indefinite every projected one is too stiff: step after step has the same direction, each a few per
 cent shorter than the last. The second of them shows the stiffness in that direction, and so the length of the whole
@@ -21,7 +21,7 @@ series (a secant).
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -32,7 +32,6 @@ Sum = Callable[[np.ndarray], np.ndarray]
 
 TRUSTED = 0.5  # fraction of the promised decrease: a model that delivers less overshoots
 TOO_STIFF = 1.25  # times the promised decrease: a model that delivers more is too stiff
-PAUSE = 8  # iterations without an unprojected Hessian after an indefinite one: few are tried in vain
 
 SAME_DIRECTION = 0.95  # cosine between consecutive steps: from it on the second repeats the first
 SOFT = 0.5  # of the model's stiffness in that direction: a softer potential gets a longer step
@@ -47,57 +46,6 @@ CONTRACTING = 0.5  # ratio of consecutive step lengths: up to it they approach t
 FAR_BELOW = 0.25  # of the tolerance: a shorter step needs no promise by an older matrix, or where steps creep
 
 
-# ---- records
-
-
-@dataclass(frozen=True)
-class Projection:
-    """How the Hessian is made positive definite, and what the next choice depends on.
-
-    Attributes
-    ----------
-    mode : "clamp" (negative eigenvalues cut off), "abs" (by size) or "none"
-    steps : taken so far in this solve
-    unprojected_from : steps before which "none" is not chosen
-    """
-
-    mode: str = "clamp"
-    steps: int = 0
-    unprojected_from: int = 0
-
-    def after(self, kept: float, full: bool, detects_indefinite: bool) -> "Projection":
-        """The projection after a step.
-
-        Parameters
-        ----------
-        kept : the actual decrease of the potential over the one that the model promised
-        full : whether the step was taken in full
-        detects_indefinite : whether the linear solver would notice an indefinite matrix
-        """
-        last = replace(self, steps=self.steps + 1)
-        if kept < TRUSTED:
-            last = last.after_indefinite()
-        unprojected = kept > TOO_STIFF and full and detects_indefinite and last.steps >= last.unprojected_from
-        return replace(
-            last,
-            mode="none" if unprojected else "abs" if kept < TRUSTED else "clamp",
-        )
-
-    def after_rounding(self) -> "Projection":
-        """The projection after a step whose decrease cannot be distinguished from round-off."""
-        return replace(self, steps=self.steps + 1, mode="clamp")
-
-    def after_indefinite(self) -> "Projection":
-        """The projection after an unprojected Hessian failed; the same one where it was projected."""
-        if self.mode != "none":
-            return self
-        return replace(self, mode="clamp", unprojected_from=self.steps + PAUSE)
-
-    def strongest(self) -> "Projection":
-        """The safest projection; the same one where it is in use."""
-        return self if self.mode == "abs" else replace(self, mode="abs")
-
-
 @dataclass(frozen=True, eq=False)
 class Iteration:
     """One Newton iteration.
@@ -110,7 +58,7 @@ class Iteration:
         Newton's full step.
     slope : derivative of the potential along it [kg m^2]
     speed : largest row of the direction over the step's length in time [m/s]
-    projection : of the Hessian
+    projection : of the Hessian: "clamp" (negative eigenvalues cut off), "abs" (by size) or "none"
     matrix_age : iterations since the matrix was assembled
     at_rounding : whether the decrease cannot be distinguished from round-off
     lengthening : factor of the direction that was tried; 1 but for steps that repeat the last one
@@ -124,7 +72,7 @@ class Iteration:
     direction: np.ndarray
     slope: float
     speed: float
-    projection: Projection
+    projection: str
     matrix_age: int
     at_rounding: bool
     lengthening: float
@@ -139,6 +87,20 @@ class Iteration:
 
 
 # ---- rules
+
+
+def next_projection(kept: float, full: bool, detects_indefinite: bool) -> str:
+    """The projection of the Hessian after a step.
+
+    Parameters
+    ----------
+    kept : the actual decrease of the potential over the one that the model promised
+    full : whether the step was taken in full
+    detects_indefinite : whether the linear solver would notice an indefinite matrix
+    """
+    if kept > TOO_STIFF and full and detects_indefinite:
+        return "none"
+    return "abs" if kept < TRUSTED else "clamp"
 
 
 def is_at_rounding(slope: float, scale: float) -> bool:
@@ -172,12 +134,12 @@ def step_factor(
     start: Positions,
     direction: np.ndarray,
     at_rounding: bool,
-    projection: Projection,
+    projection: str,
     last: Iteration | None,
     total: Sum,
 ) -> float:
     """Factor of a new direction: above 1 where it repeats the last one, and the potential is softer than its model."""
-    if last is None or at_rounding or "none" in (last.projection.mode, projection.mode):
+    if last is None or at_rounding or "none" in (last.projection, projection):
         return 1.0
     return lengthening(direction, last.direction, start.owned - last.start.owned, total)
 

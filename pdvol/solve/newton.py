@@ -26,10 +26,10 @@ from pdvol.solve.iteration import (
     TOO_STIFF,
     TRUSTED,
     Iteration,
-    Projection,
     fraction_kept,
     is_at_rounding,
     keeps_matrix,
+    next_projection,
     step_factor,
     stops,
 )
@@ -78,7 +78,7 @@ class Solve:
     gap_share: float
     gradient: np.ndarray
     report: NewtonReport = field(default_factory=NewtonReport)
-    projection: Projection = field(default_factory=Projection)
+    projection: str = "clamp"
     energies: LastStates = field(default_factory=LastStates)
     last: Iteration | None = None
     before: Iteration | None = None
@@ -278,10 +278,10 @@ class Newton:
             last = replace(last, backtracks=solve.trials - 1)
             solve.report.backtracks += last.backtracks
         if last.at_rounding:
-            solve.projection = solve.projection.after_rounding()
+            solve.projection = "clamp"
         elif last.lengthening == 1.0:  # the quadratic model does not hold for lengthened steps
             kept = fraction_kept(last, x, self._energy(x), self._sum)
-            solve.projection = solve.projection.after(kept, last.full, self.linear.detects_indefinite)
+            solve.projection = next_projection(kept, last.full, self.linear.detects_indefinite)
             last = replace(last, as_promised=TRUSTED <= kept <= TOO_STIFF)
         solve.last = last
         return stops(last, solve.before, solve.tolerance)
@@ -289,10 +289,9 @@ class Newton:
     # ---- matrices
 
     def _sum_hessian(self, x: Positions) -> None:
-        projection = self._solve.projection
         with self.watch.part("assembly"):
             self._blocks.clear()
-            self._blocks.projection = projection.mode
+            self._blocks.projection = self._solve.projection
             self.potential.add_hessian(x, 1.0, self._blocks)
 
     def _renew_matrix(self, x: Positions) -> None:
@@ -304,10 +303,10 @@ class Newton:
             self.linear.set_matrix(self._system)
 
     def _leave_unprojected(self) -> bool:
-        """Whether the Hessian was unprojected; it will be projected for some iterations."""
-        before = self._solve.projection
-        self._solve.projection = before.after_indefinite()
-        return self._solve.projection is not before
+        """Whether the Hessian was unprojected; the next one will be projected."""
+        unprojected = self._solve.projection == "none"
+        self._solve.projection = "clamp" if unprojected else self._solve.projection
+        return unprojected
 
     def _solve_again(self, right: PETSc.Vec, step: PETSc.Vec, near: bool = False) -> None:
         """Solves for the step again, with the present matrix; `near` as `LinearSolver.solve` takes it."""
@@ -362,7 +361,7 @@ class Newton:
         if not np.isfinite(self._energy(x)):
             self.potential.require_admissible(x)
         if robust:
-            solve.projection = solve.projection.strongest()
+            solve.projection = "abs"
             self.linear.use_direct()
         self.snes.setTolerances(max_it=self.settings.max_iterations if max_iterations is None else max_iterations)
         # A direct solve of an ill-conditioned system shows in the linear reason.
@@ -403,9 +402,8 @@ class Newton:
             if not self.linear.fall_back():
                 return ""
             return "workspace" if before == "direct" else "direct"
-        strongest = self._solve.projection.strongest()
-        if strongest is not self._solve.projection:
-            self._solve.projection = strongest
+        if self._solve.projection != "abs":
+            self._solve.projection = "abs"
             return "abs"
         return "direct" if self.linear.use_direct() else ""
 

@@ -5,7 +5,7 @@ each was taken.
 
 | remedy | what | after |
 |---|---|---|
-| clamp | the Hessian projected again, and for longer | an unprojected one turned out indefinite |
+| clamp | the Hessian projected again | an unprojected one turned out indefinite |
 | abs | the strongest projection: eigenvalues by size, full contact Hessians | the line search failed |
 | direct | a direct solver | an iterative one failed, or the line search failed with the strongest projection |
 | workspace | more memory for the direct solver | it failed |

@@ -2,8 +2,6 @@
 error names its source.
 """
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from petsc4py import PETSc
@@ -48,7 +46,7 @@ def test_the_order_within_a_solve():
     take_step(problem, 1, x, v)
     newton = problem.newton
     solve = newton.start(Positions(problem.space, problem.space.from_input(x)))
-    solve.projection = replace(solve.projection, mode="none")
+    solve.projection = "none"
     remedies = []
     for _ in range(5):
         before = dict(solve.report.remedies)

@@ -13,7 +13,6 @@ from pdvol.solve.iteration import (
     FAR_BELOW,
     SHORT,
     Iteration,
-    Projection,
     is_at_rounding,
     keeps_matrix,
     step_factor,
@@ -31,7 +30,7 @@ def iteration(speed=TOLERANCE, **changes) -> Iteration:
         "direction": np.ones((2, 2)),
         "slope": -1.0,
         "speed": speed,
-        "projection": Projection(),
+        "projection": "clamp",
         "matrix_age": 0,
         "at_rounding": False,
         "lengthening": 1.0,
@@ -99,8 +98,8 @@ def test_round_off_is_relative_to_what_cancels_in_the_energy():
     [
         ({}, iteration(), 10.0),
         ({}, None, 1.0),
-        ({}, iteration(projection=Projection(mode="none")), 1.0),
-        ({"projection": Projection(mode="none")}, iteration(), 1.0),
+        ({}, iteration(projection="none"), 1.0),
+        ({"projection": "none"}, iteration(), 1.0),
         ({"at_rounding": True}, iteration(), 1.0),
     ],
 )
@@ -110,7 +109,7 @@ def test_only_steps_by_projected_hessians_are_lengthened(changes, last, factor):
         "start": SimpleNamespace(owned=np.ones((2, 2))),
         "direction": 0.9 * np.ones((2, 2)),
         "at_rounding": False,
-        "projection": Projection(),
+        "projection": "clamp",
         **changes,
     }
     assert step_factor(**arguments, last=last, total=lambda a: a) == pytest.approx(factor)

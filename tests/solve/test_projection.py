@@ -1,6 +1,4 @@
-"""The tests cover each line of the module's table: the choice of the next projection and the length of steps. They also
-check that retries end.
-"""
+"""The tests cover each line of the module's table: the choice of the next projection and the length of steps."""
 
 from types import SimpleNamespace
 
@@ -9,15 +7,10 @@ import pytest
 
 from pdvol.solve.iteration import (
     MAX_LENGTHENING,
-    PAUSE,
-    Projection,
     fraction_kept,
     lengthening,
+    next_projection,
 )
-
-
-def after(projection, kept, full=True, detects_indefinite=True):
-    return projection.after(kept, full, detects_indefinite)
 
 
 @pytest.mark.parametrize(
@@ -25,45 +18,12 @@ def after(projection, kept, full=True, detects_indefinite=True):
     [(1.0, "clamp"), (0.6, "clamp"), (0.4, "abs"), (-0.1, "abs"), (1.5, "none")],
 )
 def test_the_actual_decrease_chooses_the_projection(kept, mode):
-    assert after(Projection(), kept).mode == mode
+    assert next_projection(kept, full=True, detects_indefinite=True) == mode
 
 
 @pytest.mark.parametrize("full, detects_indefinite", [(False, True), (True, False)])
 def test_projected_after_a_cut_step_or_where_nothing_would_notice(full, detects_indefinite):
-    assert after(Projection(), 2.0, full=full, detects_indefinite=detects_indefinite).mode == "clamp"
-
-
-def test_an_indefinite_hessian_is_left_alone_for_a_while():
-    projection, waits = Projection(), []
-    for _ in range(4):
-        steps = 0
-        while projection.mode != "none":
-            projection = after(projection, 2.0)
-            steps += 1
-        projection = projection.after_indefinite()
-        assert projection.mode == "clamp" and projection.after_indefinite() is projection
-        waits.append(steps)
-    assert waits == [1, PAUSE, PAUSE, PAUSE]
-
-
-def test_an_unprojected_hessian_that_promised_too_much_is_left_alone_as_an_indefinite_one():
-    projection = after(after(Projection(), 2.0), 0.1)
-    assert projection.mode == "abs"
-    for _ in range(PAUSE - 1):
-        projection = after(projection, 2.0)
-        assert projection.mode == "clamp"
-    assert after(projection, 2.0).mode == "none"
-
-
-def test_rounding_counts_a_step_and_projects():
-    projection = Projection(mode="none", steps=3).after_rounding()
-    assert (projection.mode, projection.steps) == ("clamp", 4)
-
-
-def test_the_strongest_projection_is_taken_once():
-    strongest = Projection().strongest()
-    assert strongest.mode == "abs"
-    assert strongest.strongest() is strongest
+    assert next_projection(2.0, full=full, detects_indefinite=detects_indefinite) == "clamp"
 
 
 def test_the_promise_is_the_quadratic_models():
