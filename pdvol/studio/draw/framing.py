@@ -3,8 +3,9 @@
 A sample is the box of one body at one step on one level. A body's usual box reaches, axis by axis, from the 10 %
 quantile of its samples' lower bounds to the 90 % quantile of their upper ones. The core reaches from the lower
 quartile of the usual boxes' lower bounds to the upper quartile of their upper ones. A sample is framed where its
-middle is no further from the core than 1.5 times the core's longest side. One body that leaves the others is thus
-framed as long as it is near them, and does not make them small afterwards. A body that is alone is framed always.
+middle is no further from the core than 1.5 times the core's longest side. One body of many that goes far is thus framed
+as long as it is near the others, and does not make them small afterwards. Fewer than four bodies are framed always:
+where one of them goes, a throw or a fall is the shot. So are all bodies where that takes at most 2.5 times the room.
 
 An obstacle is framed at the steps at which its box is within reach of the framed samples: as a whole where it is not
 much larger than they are together, else only the part within reach.
@@ -16,7 +17,10 @@ from dataclasses import dataclass
 import numpy as np
 
 RARE = 0.1  # fraction of a body's samples that may lie beyond each side of its usual box: short absences do not count
-FEW = 0.25  # fraction of the bodies that may lie beyond each side of the core
+FEW = 0.25  # fraction of the bodies that may lie beyond each side of the core; one of fewer than four is more than that
+MOST_ROOM = (
+    2.5  # times the longest side of what is framed: the others stay large enough beside a body that goes that far
+)
 CORE_REACH = 1.5  # longest sides of the core: a row of equal distances is within, and most bodies' falls are
 OBSTACLE_REACH = 0.3  # fraction of the bodies' diagonal within which obstacles count: a floor mesh may be far larger
 LARGEST_WHOLE = 2.0  # the bodies' diagonals: an obstacle up to this size is framed whole
@@ -67,10 +71,20 @@ def core_box(bodies: np.ndarray, lows: np.ndarray, highs: np.ndarray) -> tuple[n
 
 def in_scene(bodies: np.ndarray, lows: np.ndarray, highs: np.ndarray) -> np.ndarray:
     """(k,) bool: which samples are framed, from their bodies (k,) and bounds (k, 3) [m]; all where none would be."""
+    everything = np.ones(len(bodies), dtype=bool)
+    if len(np.unique(bodies)) * FEW < 1.0:
+        return everything
     low, high = core_box(bodies, lows, highs)
     middles, reach = (lows + highs) / 2, CORE_REACH * (high - low).max()
     near = ((middles >= low - reach) & (middles <= high + reach)).all(axis=1)
-    return near if near.any() and len(np.unique(bodies)) > 1 else np.ones(len(bodies), dtype=bool)
+    if not near.any() or _longest(lows, highs) <= MOST_ROOM * _longest(lows[near], highs[near]):
+        return everything
+    return near
+
+
+def _longest(lows: np.ndarray, highs: np.ndarray) -> float:
+    """[m] the longest side of the box around boxes with bounds (k, 3) [m]."""
+    return float((highs.max(axis=0) - lows.min(axis=0)).max())
 
 
 def framed_points(samples: Iterable[Sample], obstacles: Iterable[np.ndarray]) -> np.ndarray:

@@ -11,8 +11,10 @@ from PIL import Image, ImageDraw
 
 from pdvol.errors import InputError
 from pdvol.store.reader import Run, RunLevel
+from pdvol.store.series import in_3d
 from pdvol.studio.draw.camera import Camera, content_of_run, fitted_camera
 from pdvol.studio.draw.film import MOST_FRAMES_PER_SECOND, FilmFile
+from pdvol.studio.draw.framing import outermost
 from pdvol.studio.draw.layout import BACKGROUND, INK, cluster_name, font, write_png
 from pdvol.studio.draw.renderer import Renderer
 from pdvol.studio.shown import PALETTE, upward
@@ -45,6 +47,7 @@ class Tile:
     run : what it shows; None where nothing is stored
     note : shown instead of a run, or with one that ended early: why
     cluster : its group, shown by a coloured rule and a letter; -1 for none
+    bodies : names of those that the picture must not lose, whatever the other runs do: a score asks for them
     """
 
     title: str
@@ -52,6 +55,7 @@ class Tile:
     run: Run | None
     note: str = ""
     cluster: int = -1
+    bodies: Sequence[str] = ()
 
 
 def sheet_image(
@@ -164,23 +168,27 @@ def drawn_level(run: Run | None) -> RunLevel | None:
 
 def shared_camera(tiles: Sequence[Tile], turn: float = 0.0) -> Camera | None:
     """The camera that shows the runs at some of their steps; None where there is no state at all. Where a few runs go
-    much further than the others, the camera does not follow them: they would make all others small.
+    much further than the others, the camera does not follow them, which would make all others small. It does follow
+    the bodies that tiles name.
     """
     if not 1 <= len(tiles) <= MOST_TILES:
         raise InputError(f"a contact sheet has 1 to {MOST_TILES} tiles, not {len(tiles)}")
-    content, up, dim = [], np.array([0.0, 0.0, 1.0]), 3
+    content, named, up, dim = [], [], np.array([0.0, 0.0, 1.0]), 3
     for tile in tiles:
         level = drawn_level(tile.run)
         if tile.run is None or level is None:
             continue
         steps = np.unique(np.linspace(0, level.steps - 1, SEEN_STEPS).round().astype(int)).tolist()
         content.append(content_of_run([level], steps, tile.run.obstacles))
+        numbers = [number for number, name in enumerate(tile.run.info["bodies"]) if name in tile.bodies]
+        mine = np.flatnonzero(np.isin(level.mesh.point_bodies, numbers))
+        named += [outermost(in_3d(level.positions(step))[mine]) for step in steps if len(mine)]
         up, dim = upward(tile.run), level.rest.shape[1]
     if not content:
         return None
     low = np.quantile([points.min(axis=0) for points in content], STRAYS, axis=0)
     high = np.quantile([points.max(axis=0) for points in content], 1.0 - STRAYS, axis=0)
-    return fitted_camera(np.clip(np.concatenate(content), low, high), dim, up, turn)
+    return fitted_camera(np.concatenate([np.clip(np.concatenate(content), low, high), *named]), dim, up, turn)
 
 
 class TilePictures:

@@ -58,8 +58,17 @@ def tiles(entries: Sequence[Mapping[str, Any]], runs: Sequence[Run | None]) -> l
         lines = [f"{name} {text}" for name, text in entry["changes"].items()]
         lines += [f"{name} {cell_text(value)}" for name, value in entry["scores"].items()]
         note = "" if run else f"{entry['state']}: {entry['reason'] or 'it has not run'}"
-        found.append(Tile(str(entry["number"]), lines, run, note, entry["cluster"]))
+        bodies = scored_bodies(list(entry["scores"]), run.info["bodies"]) if run else []
+        found.append(Tile(str(entry["number"]), lines, run, note, entry["cluster"], bodies))
     return found
+
+
+def scored_bodies(scores: Sequence[str], bodies: Sequence[str]) -> list[str]:
+    """The names of bodies that scores' texts quote, as `upright("bear")` does; all where a score names none, since it
+    may ask for any.
+    """
+    quoted = [[name for name in bodies if f'"{name}"' in text or f"'{name}'" in text] for text in scores]
+    return list(bodies) if [] in quoted else list(dict.fromkeys(sum(quoted, [])))
 
 
 def write_results(

@@ -67,6 +67,15 @@ def test_a_body_alone_is_framed_over_its_whole_fall_and_so_are_two_far_apart():
     assert np.ptp(row[:, 0]) == 17.0, "a row of equal distances"
 
 
+def test_what_leaves_a_scene_of_few_bodies_is_the_shot():
+    """A ball that an arm throws, and the load of a broken spring; one body of five that goes twice as far as all."""
+    for body, flown in ((2, [6.0, 0.0, 0.0]), (3, [0.0, 0.0, -20.0]), (5, [4.0, 0.0, 0.0])):
+        rest = [Sample(i, CUBE + [0.0, 0.7 * i, 0.0]) for i in range(body - 1)] * 21
+        flying = [Sample(body, CUBE + np.multiply(flown, t)) for t in np.linspace(0.0, 1.0, 21)]
+        points = framed_points([*rest, *flying], [])
+        assert (points == CUBE[0] + flown).all(axis=1).any(), f"one of {body} bodies"
+
+
 def test_obstacles_are_framed_whole_where_they_are_near_and_not_too_large():
     bodies = [Sample(0, CUBE), Sample(1, CUBE + [1.0, 0, 0])]
     collider = 1.2 * CUBE

@@ -1,5 +1,7 @@
 """Contact sheets, their films and scatters: nothing of a label is lost, every tile is there, failed ones too."""
 
+import shutil
+
 import numpy as np
 import pytest
 from PIL import Image
@@ -22,6 +24,8 @@ from pdvol.studio.draw.sheet import (
     sheet_image,
     wrapped,
 )
+from pdvol.studio.wedge.results import scored_bodies
+from pdvol.studio.wedge.results import tiles as result_tiles
 
 REASON = "level 0, step 3 could not be solved: Newton's method did not converge"
 
@@ -87,8 +91,6 @@ def test_sheets_of_4_to_100_tiles(count, aspect):
 
 
 def test_one_stray_does_not_make_all_small(tmp_path, flat_run):
-    import shutil
-
     tiles = [Tile(str(i), [], open_run(flat_run)) for i in range(12)]
     near = shared_camera(tiles).half_height
     shutil.copytree(flat_run, tmp_path / "stray")
@@ -97,6 +99,25 @@ def test_one_stray_does_not_make_all_small(tmp_path, flat_run):
     stray = Tile("stray", [], open_run(tmp_path / "stray"))
     assert shared_camera([*tiles, stray]).half_height < 1.5 * near
     assert shared_camera([stray]).half_height > 50 * near
+
+
+def test_a_body_that_a_score_names_is_in_the_picture_of_every_tile(tmp_path, flat_run):
+    """The throw that goes furthest is the best one, and one of ten."""
+    shutil.copytree(flat_run, tmp_path / "far")
+    runs.put_state(tmp_path / "far" / "levels" / "1", 6, np.load(flat_run / "levels" / "1" / "000006.npy") + [9.0, 0.0])
+    paths = [*[flat_run] * 9, tmp_path / "far"]
+    entries = [
+        {"number": i, "changes": {}, "scores": {'far("right")': i}, "state": "done", "reason": "", "cluster": -1}
+        for i in range(10)
+    ]
+    drawn = result_tiles(entries, [open_run(path) for path in paths])
+    camera, level = shared_camera(drawn), drawn[-1].run.levels[1]
+    right = level.positions(6)[level.mesh.point_bodies == 1]
+    assert np.abs((right - camera.focus[:2]) @ camera.right[:2]).max() < camera.half_height * camera.aspect
+    assert scored_bodies(['upright("a")', "meets('b', \"floor\")"], ["a", "b", "c"]) == ["a", "b"]
+    assert (
+        scored_bodies(['upright("a")', "quiet()"], ["a", "b", "c"]) == ["a", "b", "c"] and scored_bodies([], "ab") == []
+    )
 
 
 def test_without_any_state(tmp_path):
