@@ -169,6 +169,41 @@ def test_common_files_are_inherited_key_by_key(write, tmp_path):
         load_shot(write(common="shot.json"))
 
 
+@pytest.mark.parametrize("relative", [False, True])
+def test_arrays_of_meshes(write, relative):
+    """Each mesh is a body, and selections by place are those of the first one, as in PolyFEM."""
+    array = {"type": "mesh_array", "array": {"size": [1, 2, 2], "offset": 1.5, "relative": relative}}
+    array["transformation"] = {"scale": [1, 2, 1]}
+    cubes, ground = ({**entry, **array} for entry in SCENE["geometry"])
+    held = {"boundary_conditions__dirichlet_boundary": [{"id": 5, "value": [0, 0, 0]}]}
+    cubes["surface_selection"] = {"id": 5, "axis": "y", "position": 0.99}
+    scene = load_shot(write(geometry__0=cubes, geometry__1=ground, **held)).scene
+    first, *others = (np.asarray(body.shape[0].vertices) for body in scene.bodies)
+    step = 1.5 * np.array([1.0, 2.0 if relative else 1.0, 1.0])
+    for points, place in zip(others, [(0, 0, 1), (0, 1, 0), (0, 1, 1)], strict=True):
+        np.testing.assert_allclose(points - first, np.broadcast_to(step * place, first.shape))
+    assert len({body.name for body in scene.bodies}) == 4 == len({obstacle.name for obstacle in scene.obstacles})
+    for body, support, points in zip(scene.bodies, scene.supports, (first, *others), strict=True):
+        assert support.body == body.name
+        np.testing.assert_array_equal(support.where(points), np.isclose(points[:, 1], points[:, 1].max()))
+
+
+@pytest.mark.parametrize("given", ["frames", "frames/*.obj", ["frames/f2.obj", "frames/f10.obj"]])
+def test_sequences_of_meshes_move_an_obstacle(write, tmp_path, given):
+    (tmp_path / "frames").mkdir()
+    for number in (2, 10):  # in the order of numbers, not of letters
+        (tmp_path / "frames" / f"f{number}.obj").write_text(GROUND.replace("0 ", f"{0.1 * number} "))
+    moving = {"type": "mesh_sequence", "mesh_sequence": given, "fps": 5, "is_obstacle": True}
+    scene = load_shot(write(geometry__1=moving | {"transformation": {"translation": [0, -3]}}, time__t0=0.1)).scene
+    (obstacle,) = scene.obstacles
+    frames = obstacle.motion
+    assert isinstance(obstacle, pdvol.Deforming) and (frames.fps, frames.begin) == (5.0, -0.1)
+    np.testing.assert_allclose(np.asarray(frames.source)[:, 0, 1], [-2.8, -2.0])
+    (tmp_path / "frames" / "f10.obj").write_text(GROUND.replace("f 4 3 1", "f 4 3 2"))
+    with pytest.raises(InputError, match="other triangles"):
+        load_shot(write(geometry__1=moving))
+
+
 REFUSED = {
     "materials__0__type": ("MooneyRivlin", "materials[0].type"),
     "materials__0__phi": (3, "materials[0].phi"),
@@ -193,7 +228,9 @@ REFUSED = {
     "geometry__0__transformation": ({"rotation": [1, 2]}, "geometry[0].transformation.rotation"),
     "geometry__0__surface_selection": ("faces.txt", "geometry[0].surface_selection"),
     "geometry__1": ({"type": "plane", "is_obstacle": True, "point": 5}, "geometry[1].point"),
-    "geometry__1__type": ("mesh_sequence", "geometry[1].type"),
+    "geometry__0__type": ("mesh_sequence", "geometry[0].type"),
+    "geometry__1__type": ("mesh_sequence", "geometry[1].mesh_sequence"),
+    "geometry__0": ({"type": "mesh_array", "mesh": "cube.msh", "array": {"size": [2, 0, 1]}}, "geometry[0].array.size"),
     "initial_conditions__solution": ([{"id": 1, "value": [1, 0, 0]}], "initial_conditions.solution"),
     "preset_problem": ({"type": "Flow"}, "preset_problem"),
     "contact": (7, "contact"),

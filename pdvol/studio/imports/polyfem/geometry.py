@@ -1,6 +1,9 @@
 """Meshes of a PolyFEM scene: read, normalised, transformed and refined in PolyFEM's order."""
 
+import re
 from dataclasses import dataclass
+from glob import glob
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -10,11 +13,13 @@ from pdvol.geometry.halved_cells import halved, oriented
 from pdvol.geometry.level_mesh import boundary_facets
 from pdvol.meshes import Solid, Surface
 from pdvol.meshing.readers import read_shape
+from pdvol.scene import PointCache
 from pdvol.scene.motions import rotation_matrix
 from pdvol.studio.imports.polyfem.document import Section
 from pdvol.studio.imports.polyfem.selections import UNSELECTED, Selection, numbers_at, read_selections
 
 MOST_REFINEMENTS = 6  # uniform refinements of a mesh: more are a typing error
+MOST_COPIES = 1000  # meshes of an array: more are a typing error
 _AXES = np.eye(3)
 
 
@@ -27,13 +32,15 @@ class Meshed:
     name : of the body
     path : in the JSON
     levels : a `Solid` each, whose regions are volume numbers
-    surface : the selections of its facets
+    surface : the selections of its facets, where the first of an array stands
+    offset : (d,) [m] from there
     """
 
     name: str
     path: str
     levels: tuple[Solid, ...]
     surface: tuple[Selection, ...]
+    offset: np.ndarray
 
     @property
     def numbers(self) -> tuple[int, ...]:
@@ -45,16 +52,16 @@ class Meshed:
         found = []
         for solid in self.levels:
             facets, _ = boundary_facets(solid.cells.astype(np.int64))
-            centres = solid.vertices[facets].mean(axis=1)
+            centres = solid.vertices[facets].mean(axis=1) - self.offset
             numbers = numbers_at(list(self.surface), centres, np.full(len(facets), UNSELECTED))
             chosen = np.ones(len(facets), dtype=bool) if wanted is None else np.isin(numbers, list(wanted))
             found.append(solid.vertices[np.unique(facets[chosen])])
         return np.unique(np.concatenate(found), axis=0)
 
 
-def read_body(entry: Section, folder: Path, name: str, levels: int) -> Meshed | None:
-    """A deformable mesh; None where something of it was refused."""
-    shape, path = _shape(entry, folder), entry.at("mesh")
+def read_bodies(entry: Section, folder: Path, name: str, levels: int) -> list[Meshed]:
+    """A deformable mesh, or all of an array of it; none where something of it was refused."""
+    shape, path = _shape(entry, folder, entry.get("mesh"), "mesh"), entry.at("mesh")
     advanced = entry.section("advanced")
     normalise, refinements = advanced.flag("normalize_mesh", False), entry.whole("n_refs", 0)
     advanced.only("refinement_location", (0.5,), "pdvol halves edges")
@@ -72,13 +79,13 @@ def read_body(entry: Section, folder: Path, name: str, levels: int) -> Meshed | 
         entry.refuse("mesh", "holds a surface; a deformable geometry needs a mesh of tetrahedra")
         shape = None
     if shape is None:
-        return None
+        return []
     points, cells = shape.vertices, shape.cells.astype(np.int64)
     if normalise:
         points = (points - points.min(axis=0)) / np.ptp(points, axis=0).max()
     points = _transformed(entry, points)
     low, high = points.min(axis=0), points.max(axis=0)
-    surface = read_selections(entry, "surface_selection", low, high)
+    offsets, surface = _offsets(entry, high - low), read_selections(entry, "surface_selection", low, high)
     offset = entry.get("volume_selection")
     if isinstance(offset, dict) and set(offset) == {"id_offset"} and isinstance(offset["id_offset"], int):
         volume, stored = [], shape.regions + offset["id_offset"]
@@ -95,42 +102,106 @@ def read_body(entry: Section, folder: Path, name: str, levels: int) -> Meshed | 
         if level >= refinements:
             numbers = numbers_at(volume, points[cells].mean(axis=1), regions)
             solids.append(Solid(points, oriented(points, cells).astype(np.int32), numbers.astype(np.int32)))
-    return Meshed(name, path, tuple(solids), tuple(surface))
+    return [
+        Meshed(
+            name if len(offsets) == 1 else f"{name} copy {number}",
+            path,
+            tuple(Solid(solid.vertices + offset, solid.cells, solid.regions) for solid in solids),
+            tuple(surface),
+            offset,
+        )
+        for number, offset in enumerate(offsets, 1)
+    ]
 
 
-def read_surface(entry: Section, folder: Path) -> Surface | None:
-    """The surface of an obstacle; None where something of it was refused."""
-    shape = _shape(entry, folder)
+def read_surfaces(entry: Section, folder: Path) -> list[Surface]:
+    """The surface of an obstacle, or all of an array of it; none where something of it was refused."""
+    placed = _surface(entry, folder, entry.get("mesh"), "mesh")
+    if placed is None:
+        return []
+    offsets = _offsets(entry, np.ptp(placed.vertices, axis=0))
+    entry.close()
+    return [Surface(placed.vertices + offset, placed.triangles) for offset in offsets]
+
+
+def read_sequence(entry: Section, folder: Path, start: float) -> PointCache | None:
+    """The motion of an obstacle that a mesh file per frame gives, with the shot's beginning at `start` [s] of its time;
+    None where something of it was refused.
+    """
+    given, fps = entry.get("mesh_sequence"), entry.number("fps", 0.0)
+    if isinstance(given, str):
+        files = [str(file) for file in (folder / given).iterdir()] if (folder / given).is_dir() else None
+        files = [file for file in files or glob(str(folder / given), recursive=True) if Path(file).is_file()]
+        files.sort(key=lambda file: [int(part) if part.isdigit() else part for part in re.split(r"(\d+)", file)])
+    else:
+        files = given if isinstance(given, list) and all(isinstance(file, str) for file in given) else []
+    if not files:
+        entry.refuse("mesh_sequence", "mesh files are expected here: a folder, a pattern or a list")
+        return None
+    frames = [_surface(entry, folder, file, "mesh_sequence") for file in files]
+    entry.get("surface_selection")  # as in PolyFEM, no displacement is added
+    entry.close()
+    found = [frame for frame in frames if frame is not None]
+    if len(found) < len(files):
+        return None
+    for file, frame in zip(files, found, strict=True):
+        if not np.array_equal(frame.triangles, found[0].triangles):
+            entry.refuse("mesh_sequence", f"{Path(file).name} has other triangles than {Path(files[0]).name}")
+            return None
+    try:
+        points = np.array([frame.vertices for frame in found])
+        return PointCache(points, fps=fps, begin=-start, faces=found[0].triangles)
+    except InputError as error:
+        entry.refuse("fps", str(error))
+        return None
+
+
+def _offsets(entry: Section, size: np.ndarray) -> list[np.ndarray]:
+    """(d,) [m] of each mesh of a `mesh_array`, whose first one has this size (d,) [m]; one of zero for a `mesh`."""
+    if entry.get("type", "mesh") != "mesh_array":
+        return [np.zeros(len(size))]
+    array = entry.section("array")
+    counts, step = array.get("size", []), array.number("offset", 0.0)
+    relative = array.flag("relative", False)
+    array.close()
+    whole = isinstance(counts, list) and all(isinstance(n, int) and not isinstance(n, bool) and n >= 1 for n in counts)
+    if not whole or len(counts) != len(size) or np.prod(counts) > MOST_COPIES:
+        array.refuse("size", f"{len(size)} whole numbers are expected here, at most {MOST_COPIES} meshes in all")
+        return [np.zeros(len(size))]
+    return [step * np.array(place) * (size if relative else 1.0) for place in product(*map(range, counts))]
+
+
+def _surface(entry: Section, folder: Path, file: object, key: str) -> Surface | None:
+    """The surface of a mesh file, placed; None where something of it was refused."""
+    shape = _shape(entry, folder, file, key)
     entry.only("extract", ("volume", "surface"), "pdvol's obstacles are surfaces, without single edges and points")
     entry.only("n_refs", (0,), "obstacles are not refined")
     entry.section("advanced")
     if shape is None:
         return None
     if isinstance(shape, Solid) and shape.vertices.shape[1] == 2:
-        entry.refuse("mesh", "obstacles of 2D scenes are not read")
+        entry.refuse(key, "obstacles of 2D scenes are not read")
         return None
     if isinstance(shape, Solid):
         faces, _ = boundary_facets(oriented(shape.vertices, shape.cells.astype(np.int64)))
         used, corners = np.unique(faces, return_inverse=True)
         shape = Surface(shape.vertices[used], corners.reshape(faces.shape).astype(np.int32))
-    placed = Surface(_transformed(entry, shape.vertices), shape.triangles)
-    entry.close()
-    return placed
+    return Surface(_transformed(entry, shape.vertices), shape.triangles)
 
 
-def _shape(entry: Section, folder: Path) -> Solid | Surface | None:
-    given = entry.get("mesh")
+def _shape(entry: Section, folder: Path, file: object, key: str) -> Solid | Surface | None:
+    """What a mesh file has that a key of the geometry names."""
     entry.only("unit", ("", "m"), "pdvol's lengths are metres; give the mesh in metres")
-    if not isinstance(given, str):
-        entry.refuse("mesh", "the path of a mesh file is expected here")
+    if not isinstance(file, str):
+        entry.refuse(key, "the path of a mesh file is expected here")
         return None
     try:
-        shape = read_shape(folder / given)
+        shape = read_shape(folder / file)
     except InputError as error:
-        entry.refuse("mesh", str(error))
+        entry.refuse(key, str(error))
         return None
     if not isinstance(shape, Solid | Surface):
-        entry.refuse("mesh", "pdvol reads volumes and surfaces")
+        entry.refuse(key, "pdvol reads volumes and surfaces")
         return None
     return shape
 

@@ -6,12 +6,15 @@ from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 
+import numpy as np
+
 from pdvol.errors import InputError
 from pdvol.geometry.distances import is_closed
 from pdvol.meshes import Solid
 from pdvol.scene import (
     Barrier,
     Body,
+    Deforming,
     FixedCorotational,
     Friction,
     Material,
@@ -26,7 +29,7 @@ from pdvol.scene import (
 )
 from pdvol.studio.imports.polyfem.conditions import Displaced, read_dirichlet, read_gravity, with_velocities
 from pdvol.studio.imports.polyfem.document import Reading, Section, read_document
-from pdvol.studio.imports.polyfem.geometry import Meshed, read_body, read_surface
+from pdvol.studio.imports.polyfem.geometry import Meshed, read_bodies, read_sequence, read_surfaces
 
 INTEGRATORS_OF = {"ImplicitEuler": "implicit_euler", "BDF1": "implicit_euler", "BDF2": "bdf2"}
 MOST_LAGGED = 100  # times that friction is lagged anew where PolyFEM sets no bound
@@ -149,15 +152,15 @@ def _geometries(root: Section, levels: int) -> tuple[list[Meshed], list[Section]
         if not entry.flag("enabled", True):
             continue
         kind = entry.get("type", "mesh")
-        if kind not in ("mesh", "plane", "ground"):
-            entry.refuse("type", "pdvol reads mesh, plane and ground")
-        elif entry.flag("is_obstacle", False) or kind != "mesh":
+        if kind not in ("mesh", "mesh_array", "mesh_sequence", "plane", "ground"):
+            entry.refuse("type", "pdvol reads mesh, mesh_array, mesh_sequence, plane and ground")
+        elif entry.flag("is_obstacle", False) or kind in ("plane", "ground"):
             obstacles.append(entry)
+        elif kind == "mesh_sequence":
+            entry.refuse("type", "a mesh_sequence moves an obstacle; set is_obstacle to true")
         else:
             name = f"{Path(str(entry.get('mesh', 'body'))).stem} {number}"
-            found = read_body(entry, root.reading.file.parent, name, levels)
-            if found is not None:
-                meshed.append(found)
+            meshed += read_bodies(entry, root.reading.file.parent, name, levels)
     return meshed, obstacles
 
 
@@ -167,15 +170,21 @@ def _obstacles(
     obstacles: list[Obstructing] = []
     for number, entry in enumerate(entries, 1):
         kind = entry.get("type", "mesh")
-        if kind == "mesh":
+        if kind == "mesh_sequence":
+            frames = read_sequence(entry, folder, start)
+            if frames is not None:
+                obstacles.append(
+                    Deforming(frames, name=f"sequence obstacle {number}", closed=is_closed(np.asarray(frames.faces)))
+                )
+            continue
+        if kind in ("mesh", "mesh_array"):
             wanted = entry.get("surface_selection")
             if wanted is not None and not isinstance(wanted, int):
                 entry.refuse("surface_selection", "PolyFEM's obstacles have one number")
             entry.only("volume_selection", (wanted, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9), "obstacles have no volume")
             motion = next((m for ids, m in driven if wanted is not None and (ids is None or wanted in ids)), None)
-            surface = read_surface(entry, folder)
-            if surface is not None:
-                name = f"{Path(str(entry.get('mesh'))).stem} obstacle {number}"
+            for copy, surface in enumerate(read_surfaces(entry, folder)):
+                name = f"{Path(str(entry.get('mesh'))).stem} obstacle {number}" + (f" copy {copy + 1}" if copy else "")
                 obstacles.append(
                     Rigid(surface, motion=motion or Still(), name=name, closed=is_closed(surface.triangles))
                 )
