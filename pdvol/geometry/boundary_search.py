@@ -95,6 +95,15 @@ class BoundarySearch:
         return min(sorted(facets), key=squared_distance)
 
 
+def enclosed(points: np.ndarray, vertices: np.ndarray, facets: np.ndarray) -> np.ndarray:
+    """(n,) bool: the points (n, d) inside a surface or polyline, by its winding number, which small holes and the open
+    end of a sleeve leave above a half (Jacobson 2013).
+    """
+    facets = np.ascontiguousarray(facets, dtype=np.int64)
+    winding = igl.winding_number(np.ascontiguousarray(vertices), facets, np.ascontiguousarray(points))
+    return np.abs(winding) > 0.5
+
+
 def nearest_points(corners: np.ndarray, facets: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The nearest of some facets (k, d) between corners (m, d) to points (n, d): its number (n,) int64, and the point
     on it (n, d) [m].

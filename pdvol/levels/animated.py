@@ -13,10 +13,12 @@ from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation as Turn
 
 from pdvol.errors import InputError
-from pdvol.geometry.boundary_search import nearest_points
+from pdvol.geometry.boundary_search import enclosed, nearest_points
 from pdvol.geometry.rigid_motions import best_rotations
 from pdvol.meshing.point_caches import Frames, read_frames
 from pdvol.scene import PointCache, TakeOver
+
+LEAST_FILLED = 0.1  # of a cache's diagonal, of what lies inside it: in other units it would be smaller
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,7 +69,8 @@ class CachedMotion:
 
 
 def cached_motion(motion: PointCache, vertices: np.ndarray, whose: str) -> CachedMotion:
-    """The motion of vertices (n, d) at rest, which are matched to the first frame of a point cache.
+    """The motion of vertices (n, d) at rest, which are matched to the first frame of a point cache. What it encloses,
+    as a hand's skin does, may be at any depth.
 
     Raises
     ------
@@ -76,7 +79,7 @@ def cached_motion(motion: PointCache, vertices: np.ndarray, whose: str) -> Cache
         support".
     """
     frames = read_frames(motion)
-    return CachedMotion.of(frames, _matched(motion, frames, 0, vertices, whose))
+    return CachedMotion.of(frames, _matched(motion, frames, 0, vertices, whose, encloses=True))
 
 
 def taken_velocity(taken: TakeOver, points: np.ndarray, on_surface: np.ndarray, whose: str) -> np.ndarray:
@@ -114,8 +117,12 @@ def _end_velocity(frames: Frames, used: range) -> np.ndarray:
     return sum((s * frames.frame(k) for s, k in zip(slope, used, strict=True)), np.zeros(1))
 
 
-def _matched(cache: PointCache, frames: Frames, frame: int, vertices: np.ndarray, whose: str) -> Matched:
-    """Vertices matched to a frame of a cache; raises InputError where one is further away than the tolerance."""
+def _matched(
+    cache: PointCache, frames: Frames, frame: int, vertices: np.ndarray, whose: str, encloses: bool = False
+) -> Matched:
+    """Vertices matched to a frame of a cache; raises InputError where one is further away than the tolerance, and not
+    inside the cache where that `encloses` what it moves.
+    """
     points = frames.frame(frame)
     if points.shape[1] != vertices.shape[1]:
         raise InputError(
@@ -126,8 +133,11 @@ def _matched(cache: PointCache, frames: Frames, frame: int, vertices: np.ndarray
         return Matched(own, np.ones(own.shape), np.zeros(points.shape))
     found = _nearest(points, frames.faces, vertices)
     distances = np.linalg.norm(found.offsets, axis=1)
-    limit = cache.tolerance * np.linalg.norm(np.ptp(points, axis=0))
+    size = np.linalg.norm(np.ptp(points, axis=0))
+    limit = cache.tolerance * size
     far = np.flatnonzero(distances > limit)
+    if encloses and len(far) and len(frames.faces) and np.linalg.norm(np.ptp(vertices, axis=0)) > LEAST_FILLED * size:
+        far = far[~enclosed(vertices[far], points, frames.faces)]
     if len(far):
         worst = far[np.argmax(distances[far])]
         place = ", ".join(f"{x:.4g}" for x in vertices[worst])

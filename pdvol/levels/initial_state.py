@@ -9,10 +9,10 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-import igl
 import numpy as np
 
 from pdvol.errors import InputError, IntersectionError
+from pdvol.geometry.boundary_search import enclosed
 from pdvol.geometry.crossings import edges_of, find_crossings, find_touching, fortran
 from pdvol.geometry.level_mesh import LevelMesh, connected_parts
 from pdvol.geometry.rigid_motions import Pose
@@ -159,7 +159,8 @@ def buried(obstacles: Sequence[Obstacle]) -> Iterator[tuple[Obstacle, Obstacle]]
                 hidden = points.shape[1] == outer.vertices.shape[1] and bool((_heights(points, outer) < 0.0).all())
             else:
                 around = next(p for o, p in surfaces if o is outer)
-                hidden = _within(points, around) and _inside(tried, around, outer)
+                facets = outer.faces if outer.kind == "mesh" else outer.edges
+                hidden = _within(points, around) and bool(enclosed(tried, around, facets).all())
             if hidden:
                 yield inner, outer
 
@@ -169,12 +170,6 @@ def _within(points: np.ndarray, others: np.ndarray) -> bool:
     return points.shape[1] == others.shape[1] and bool(
         (points.min(axis=0) > others.min(axis=0)).all() and (points.max(axis=0) < others.max(axis=0)).all()
     )
-
-
-def _inside(points: np.ndarray, vertices: np.ndarray, surface: Obstacle) -> bool:
-    """Whether points (n, d) are all inside a surface with these vertices (k, d)."""
-    facets = np.ascontiguousarray(surface.faces if surface.kind == "mesh" else surface.edges)
-    return bool((np.abs(igl.winding_number(vertices, facets, np.ascontiguousarray(points))) > 0.5).all())
 
 
 def _below(level: int, mesh: LevelMesh, plane: Obstacle, bodies: Sequence[str]) -> Iterator[Defect]:
@@ -370,8 +365,6 @@ class _Boundaries:
             inner = inner[near]
             if len(inner) == 0:
                 continue
-            facets = np.ascontiguousarray(self.facets[facet_owner == outer])
-            winding = igl.winding_number(self.points, facets, np.ascontiguousarray(self.points[inner]))
-            inside = inner[np.abs(winding) > 0.5]
+            inside = inner[enclosed(self.points[inner], self.points, self.facets[facet_owner == outer])]
             if len(inside):
                 yield outer, inside

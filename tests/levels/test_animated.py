@@ -71,6 +71,20 @@ def test_parts_that_touch_in_the_first_frame_go_their_own_ways():
     np.testing.assert_array_equal(motion(points, 1.0), later)
 
 
+@pytest.mark.parametrize("d", [2, 3])
+def test_what_a_cache_encloses_follows_it(d):
+    """At any depth, as what a hand's skin moves; not what is outside, nor what units make a hundred times smaller."""
+    points, faces, _ = round_shapes(d)
+    frames = np.array([points, turned(points, 0.4, 0.3 * np.eye(d)[0])])
+    cache = PointCache(frames, fps=1.0, faces=faces)
+    inner = 0.6 * points
+    motion = motion_of(cache, inner, "a bone")
+    np.testing.assert_allclose(motion(inner, 1.0), turned(inner, 0.4, 0.3 * np.eye(d)[0]), atol=1e-12)
+    for refused in (1.5 * points, 0.01 * points):
+        with pytest.raises(InputError, match="a bone: .* further than"):
+            motion_of(cache, refused, "a bone")
+
+
 def test_what_is_too_far_away_is_named():
     points, faces, _ = round_shapes(3)
     cache, vertices = PointCache([points, points], fps=1.0, faces=faces), points.copy()
