@@ -30,12 +30,12 @@ from pdvol.potentials.potential import Positions
 Sum = Callable[[np.ndarray], np.ndarray]
 """Sums an array over all ranks."""
 
-TRUSTED = 0.5  # fraction of the promised decrease: a model that delivers less overshoots
+TRUSTED = 0.5  # fraction of what a model has of decrease or stiffness: with less it overshoots, or falls short
 TOO_STIFF = 1.25  # times the promised decrease: a model that delivers more is too stiff
 
-SAME_DIRECTION = 0.95  # cosine between consecutive steps: from it on the second repeats the first
-SOFT = 0.5  # of the model's stiffness in that direction: a softer potential gets a longer step
-MAX_LENGTHENING = 20.0  # factor: the secant is unbounded where the stiffness vanishes
+# cosine between consecutive steps: from it on the second repeats the first; the rest is the least stiffness, of the
+# model's, that such a secant shows
+SAME_DIRECTION = 0.95
 
 # fraction of the terms whose difference the energy is: a smaller decrease is round-off
 CANCELLATION = 2e-15
@@ -169,4 +169,4 @@ def lengthening(direction: np.ndarray, last: np.ndarray, moved: np.ndarray, tota
     if length <= 0.0 or along < SAME_DIRECTION * np.sqrt(size * before):
         return 1.0
     stiffness = (before - along) / length  # over that of the model
-    return 1.0 if stiffness > SOFT else float(1.0 / max(stiffness, 1.0 / MAX_LENGTHENING))
+    return 1.0 if stiffness > TRUSTED else float(1.0 / max(stiffness, 1.0 - SAME_DIRECTION))

@@ -6,11 +6,13 @@ import numpy as np
 import pytest
 
 from pdvol.solve.iteration import (
-    MAX_LENGTHENING,
+    SAME_DIRECTION,
     fraction_kept,
     lengthening,
     next_projection,
 )
+
+MOST = 1.0 / (1.0 - SAME_DIRECTION)
 
 
 @pytest.mark.parametrize(
@@ -44,9 +46,9 @@ def test_the_promise_is_the_quadratic_models():
         (0.4, 2.5),
         (0.6, 1.0),
         (1.0, 1.0),
-        (0.01, MAX_LENGTHENING),
-        (0.0, MAX_LENGTHENING),
-        (-0.3, MAX_LENGTHENING),
+        (0.01, MOST),
+        (0.0, MOST),
+        (-0.3, MOST),
     ],
 )
 def test_a_step_that_repeats_the_last_one_goes_to_the_end_of_the_series(share, stiffness, expected):
