@@ -18,6 +18,7 @@ from pdvol.store.obstacles import DrawnObstacle
 from pdvol.store.reader import Run, RunLevel
 from pdvol.studio.draw.camera import Camera, camera_of_run
 from pdvol.studio.draw.camera_path import cameras_of_run
+from pdvol.studio.draw.hiding import hiding_obstacles
 from pdvol.studio.draw.layout import BACKGROUND, CELL_GAP, FAINT_INK, INK, font, grid
 from pdvol.studio.draw.renderer import Renderer
 from pdvol.studio.draw.views import STANDARD_VIEW, View
@@ -78,7 +79,8 @@ def write_film(
         aspect = width / height
     cameras = cameras_of_run(run, levels, frames, obstacles, turn, view, turntable, aspect)
     oversampling = 2 if size is None or max(size) <= _SHARPEST else 1
-    drawing = Renderer(run, cameras[0], width, obstacles, oversampling, render_meshes, view.cut)
+    through = hiding_obstacles(levels[-1], obstacles, frames, cameras) if turntable else frozenset()
+    drawing = Renderer(run, cameras[0], width, obstacles, oversampling, render_meshes, view.cut, through)
     with FilmFile(path, rate) as film, drawing as renderer:
         for number, (step, camera) in enumerate(zip(frames, cameras, strict=True), 1):
             say(f"frame {number} of {len(frames)}")

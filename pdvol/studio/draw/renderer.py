@@ -15,6 +15,7 @@ from pdvol.store.series import in_3d
 from pdvol.studio.draw.camera import Camera
 from pdvol.studio.draw.contact_shadows import shadow_map
 from pdvol.studio.draw.cut import Cut
+from pdvol.studio.draw.hiding import SEEN_THROUGH
 from pdvol.studio.draw.layout import BACKGROUND, FAINT_INK, font
 from pdvol.studio.shown import CREASE_ANGLE, GROUND, OBSTACLE, PALETTE, SMOOTH_FROM, closed_loops
 
@@ -39,6 +40,7 @@ class Renderer:
     oversampling : pixels rendered for each pixel of a picture, along each side: smooth edges
     render_meshes : whether bodies that carry render meshes are drawn as these
     cut : takes away a part of 3D scenes
+    seen_through : the numbers of obstacles that are drawn so that what is behind them shows
 
     Attributes
     ----------
@@ -54,9 +56,11 @@ class Renderer:
         oversampling: int = 3,
         render_meshes: bool = False,
         cut: Cut | None = None,
+        seen_through: frozenset[int] = frozenset(),
     ):
         self._carried = {mesh: _texture_of(mesh) for mesh in (run.render_meshes if render_meshes else ())}
         self.run, self.camera, self.obstacles, self._cut = run, camera, tuple(obstacles), cut
+        self._seen_through = seen_through
         self.size = (width, max(2, round(width / camera.aspect)))
         self.oversampling = oversampling
         self._dim = run.levels[0].rest.shape[1]
@@ -132,20 +136,15 @@ class Renderer:
         for mesh, texture in self._carried.items():
             self._add_render_mesh(mesh, texture, level.render_weights(mesh) @ positions)
         shapes += [self.draw_body(level, int(body), positions, step) for body in np.setdiff1d(owners, carried)]
-        for obstacle in level.placed(self.obstacles, step):
+        for number, obstacle in enumerate(level.placed(self.obstacles, step)):
             if obstacle.kind == "mesh":
+                opacity = float(obstacle.arrays.get("opacity", 1.0))
+                opacity = min(opacity, SEEN_THROUGH) if number in self._seen_through else opacity
                 vertices, faces = obstacle.vertices(step), obstacle.arrays["faces"]
                 if self._cut is not None and self._cut.through(str(obstacle.name), False):
                     vertices, faces = self._cut.surface(vertices, faces, self._view.towards)
                 shapes.append(vertices[faces])
-                self._add_surface(
-                    vertices,
-                    faces,
-                    pv.Color(OBSTACLE),
-                    len(faces) >= 200,
-                    0.0,
-                    float(obstacle.arrays.get("opacity", 1.0)),
-                )
+                self._add_surface(vertices, faces, pv.Color(OBSTACLE), len(faces) >= 200, 0.0, opacity)
         for obstacle in level.placed(self.obstacles, step):
             if obstacle.kind == "plane":
                 self._add_plane(*obstacle.plane(step), np.concatenate(shapes))

@@ -12,6 +12,7 @@ from pdvol.studio.draw.camera import VIEW_ANGLE, camera_of_run, content_of_run
 from pdvol.studio.draw.camera_path import cameras_of_run, smoothed_path
 from pdvol.studio.draw.film import film_rate, film_steps
 from pdvol.studio.draw.framing import Sample, core_box, framed_points, in_scene, outermost
+from pdvol.studio.draw.hiding import hiding_obstacles
 from pdvol.studio.draw.layout import CELL_GAP, grid
 from pdvol.studio.draw.picture import chosen_steps, picture, render
 from pdvol.studio.draw.renderer import Renderer
@@ -203,6 +204,26 @@ def test_a_turntable_goes_round_once_and_keeps_everything_in_the_picture(solid_r
     content = content_of_run(run.levels, steps, run.obstacles)
     reached = [max(abs(v).max() for v in seen(camera, content)[:2]) for camera in cameras]
     assert max(reached) <= 1.0 and max(reached) > 0.75
+
+
+def test_a_turntable_shows_a_body_through_the_obstacle_that_would_hide_it(tmp_path):
+    """A ball behind a wall: as much of its colour shows from behind the wall as from beside it, or half of that."""
+    folder = stored(tmp_path / "run", [runs.ball(3, 60, (0, 0, 0), 0.3)], ["ball"], 1, {})
+    wall, low = np.array([(x, 0.6, z) for x in (-1.0, 1.0) for z in (-1.0, 1.0)]), CUBE * 0.2 + [0.0, -1.0, -0.4]
+    with runs.RunWriter.open(folder) as writer:
+        writer.write_obstacles(
+            [
+                {"name": "wall", "kind": "mesh", "vertices": wall, "faces": np.array([[0, 1, 2], [1, 2, 3]])},
+                {"name": "post", "kind": "mesh", "vertices": low, "faces": np.array([[0, 1, 3], [0, 3, 2]])},
+            ]
+        )
+    run = open_run(folder)
+    cameras = cameras_of_run(run, run.levels, [0] * 4, run.obstacles, view=read_view("front"), turntable=True)
+    assert hiding_obstacles(run.levels[0], run.obstacles, [0] * 4, cameras) == {0}
+    render(run, tmp_path / "t.png", steps=[0] * 4, size=(600, 160), view="front", turntable=True)
+    columns = np.array_split(np.asarray(Image.open(tmp_path / "t.png").convert("RGB"), dtype=int)[42:, 132:], 4, axis=1)
+    coloured = [(np.ptp(column, axis=2) > 30).sum() for column in columns]
+    assert min(coloured) > 0.5 * max(coloured) > 100
 
 
 def test_lights_and_things_rest_while_the_camera_goes_round(solid_run):
