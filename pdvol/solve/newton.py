@@ -38,8 +38,6 @@ from pdvol.solve.linear.solver import LinearSolver, wants_general_matrix
 from pdvol.solve.linear.system_matrix import SystemMatrix
 from pdvol.solve.report import NewtonReport, Stopwatch
 
-MAX_SOLVES = 3  # times the iterations allowed per solve: after more of them no remedy starts it again
-
 _REASONS = {value: name for name, value in vars(PETSc.SNES.ConvergedReason).items() if isinstance(value, int)}
 
 
@@ -382,10 +380,12 @@ class Newton:
         return x, report
 
     def remedy(self, reason: int) -> bool:
-        """After SNES stopped for `reason`: whether a remedy was taken with which the solve can go on from its state."""
+        """After SNES stopped for `reason`: whether a remedy was taken with which the solve can go on from its state. None
+        is after more iterations, of all restarts together, than one solve is allowed.
+        """
         reasons, solve = PETSc.SNES.ConvergedReason, self._solve
         failures = (reasons.DIVERGED_LINEAR_SOLVE, reasons.DIVERGED_LINE_SEARCH)
-        if reason not in failures or solve.report.iterations > MAX_SOLVES * self.settings.max_iterations:
+        if reason not in failures or solve.report.iterations > self.settings.max_iterations:
             return False
         solve.matrix_age = None
         remedy = self._take_remedy(reason == reasons.DIVERGED_LINEAR_SOLVE)
