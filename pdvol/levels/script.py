@@ -21,8 +21,7 @@ import numpy as np
 from pdvol.geometry.rigid_motions import Pose
 from pdvol.scene import Motion, Still, keeps_shape, moved
 
-ON_TIME = 1e-9  # relative difference of times and poses that are the same: they are sums with round-off
-UNMOVED = 1e-12  # relative difference of places that are the same: round-off of a pose and its inverse
+ON_TIME = 1e-9  # relative difference of times, poses and places that are the same: they are sums with round-off
 
 Place = Pose | np.ndarray
 """Where an obstacle is: the pose of a plane, the vertices (k, d) [m] of others."""
@@ -203,7 +202,7 @@ class Script:
         if not self.ground:
             return not np.array_equal(before, after)
         size = np.abs(after).max(initial=1.0)
-        return bool(np.abs(self._carried(own, until)(before) - after).max(initial=0.0) > UNMOVED * size)
+        return bool(np.abs(self._carried(own, until)(before) - after).max(initial=0.0) > ON_TIME * size)
 
     def ground_moves(self, t0: float, t1: float) -> bool:
         """Whether the ground is elsewhere at t1 than at t0 [s]."""

@@ -380,8 +380,8 @@ class Newton:
         return x, report
 
     def remedy(self, reason: int) -> bool:
-        """After SNES stopped for `reason`: whether a remedy was taken with which the solve can go on from its state. None
-        is after more iterations, of all restarts together, than one solve is allowed.
+        """After SNES stopped for `reason`: whether a remedy was taken with which the solve can go on from its state.
+        The iterations of all restarts together are bounded as those of one solve.
         """
         reasons, solve = PETSc.SNES.ConvergedReason, self._solve
         failures = (reasons.DIVERGED_LINEAR_SOLVE, reasons.DIVERGED_LINE_SEARCH)
