@@ -7,15 +7,17 @@ import runs
 from pdvol import open_run
 from pdvol.store.writer import RunWriter
 from pdvol.studio.wedge.clusters import clusters, end_distances
+from shapes import box
 
 
-def ending(path, shift, steps=2, stored=2):
-    """A ball that is moved by `shift` [m] along x at its end."""
-    mesh = runs.ball(2, 40, (0.0, 0.0))
+def ending(path, shift, steps=2, stored=2, turn=0.0, mesh=None):
+    """A ball that is moved by `shift` [m] along x at its end and turned by `turn` [rad]; or another mesh."""
+    mesh = runs.ball(2, 40, (0.0, 0.0)) if mesh is None else mesh
     info = {"scene": "made", "dt": 0.1, "steps": steps, "method": "direct", "parameters": {}, "versions": {}}
     with RunWriter.create(path, info, [mesh], ["ball"]) as run:
         for step in range(stored + 1):
-            x = mesh.points + [shift * step / steps, 0.0]
+            c, s = np.cos(turn * step / steps), np.sin(turn * step / steps)
+            x = mesh.points @ np.array([[c, s], [-s, c]]) + [shift * step / steps, 0.0]
             run.write_state(0, step, x, {"level": 0, "step": step} if step else None)
     return open_run(path)
 
@@ -40,6 +42,16 @@ def test_two_groups(five):
 def test_all_alike_are_one_group(five):
     assert clusters([five[0], five[2], five[4]]).tolist() == [0, 0, 0]
     assert clusters(five[:1]).tolist() == [0]
+
+
+def test_poses_of_one_place_are_groups_and_a_ball_has_none(tmp_path):
+    """Bars that stand or lie on either side of a far gap, each a little off; balls that rolled as far."""
+    ends = [(shift, turn) for shift in (0.0, 90.0) for turn in (0.0, 0.1, 1.5, 1.6)]
+    bar = box(2, 4, [-0.5, -0.1], [0.5, 0.1])
+    bars = [ending(tmp_path / f"bar{i}", end[0], turn=end[1], mesh=bar) for i, end in enumerate(ends)]
+    balls = [ending(tmp_path / f"ball{i}", end[0], turn=end[1]) for i, end in enumerate(ends)]
+    assert clusters(bars).tolist() == [0, 0, 1, 1, 2, 2, 3, 3]
+    assert clusters(balls).tolist() == [0, 0, 0, 0, 1, 1, 1, 1]
 
 
 def test_runs_that_ended_early_are_in_none(five, tmp_path):
