@@ -37,7 +37,6 @@ from pdvol.solve.newton import Newton
 from pdvol.solve.report import NewtonReport
 
 MAX_PARTS = 200  # parts of one span: bounds the time that a blocked motion takes
-MAX_TRIES = 6  # paths tried along one direction, each shorter than the last: bounds the search for a free one
 # Fraction of the span: a part that gains less is not taken, since motions that press would close gaps to nothing. A
 # ball that presses two cubes to a wall takes 196 iterations in seven steps, with a hundredth of this 1,841.
 LEAST_GAIN = 0.02
@@ -337,7 +336,7 @@ class MotionParts:
         less than `least` [s].
         """
         clock, fraction, until = self.motion.clock, 1.0, t1
-        for _ in range(MAX_TRIES):
+        while True:  # paths shrink, to `least` or to round-off of the clock
             path = self.motion.path(x, until, fraction * direction, carried)
             free = self.potential.max_step(x, path, until=until, gap_share=SCRIPTED_GAP_SHARE)
             if free == 1.0:
@@ -345,5 +344,4 @@ class MotionParts:
             fraction *= PATH_SHARE * free
             until = clock + fraction * (t1 - clock)
             if until - clock <= least:
-                break
-        return clock, None
+                return clock, None
