@@ -6,12 +6,12 @@ from typing import Any
 
 from pdvol.geometry.level_mesh import LevelMesh
 from pdvol.store.reader import Run, open_run
-from pdvol.studio.study.front import cheapest_within, fitted_order, on_front, richardson
+from pdvol.studio.study.front import LEAST_DIFFERENCES, cheapest_within, fitted_order, on_front, richardson
 from pdvol.studio.study.plan import STRICTER, Plan
 from pdvol.studio.study.reference import ReferenceStates
 from pdvol.studio.variations.variation import Variation, length, number
 
-FITTED = 3  # values, the finest ones, to which an order is fitted
+SHOWN_ORDER = 3  # values of an axis from which on their differences are shown
 CHAOTIC = 10.0  # times by which jitter may grow until the end: more, and the end follows from chance
 MESH_ORDER = 2.0  # of displacements in the mesh size, with linear elements
 TIME_ORDERS = {"implicit_euler": 1.0, "bdf2": 2.0}
@@ -25,15 +25,17 @@ def conclusions(
     plan: Plan,
     folder: Callable[[Variation], Path],
     integrator: str,
+    levels: int,
 ) -> dict:
-    """`reference`, `spread`, `orders`, `default`, `sentences`, for study.json; marks the points on the front.
+    """`reference`, `spread`, `orders`, `default`, `levels_not_run`, `sentences`, for study.json; marks the points on
+    the front.
 
     Parameters
     ----------
     result : what study.json has so far
     reference : whose run `states` holds
     folder : the run folder of a variation
-    integrator : of the scene
+    integrator, levels : of the scene, the latter their number
     """
     points = result["points"]
     same = [point["errors"]["story"] for point in points]
@@ -49,6 +51,7 @@ def conclusions(
         "orders": _orders(result, states, plan, folder),
         "default": default,
         "same_story": sum(same),
+        "levels_not_run": list(range((plan.last or 0) + 1, levels)),
     }
     return {**found, "sentences": sentences(points, found, result["size"])}
 
@@ -125,17 +128,17 @@ def _orders(
             if plan.done.get(v, -1) >= last
         ]
         numbers = sorted(((value, v) for value, v in series if value), key=lambda entry: entry[0])
-        if len(numbers) < FITTED or len(numbers) < len(series):
+        if len(numbers) < SHOWN_ORDER or len(numbers) < len(series):
             continue
         finest = (open_run(folder(numbers[0][1])), last)
         rest = [(value, states.apart((open_run(folder(v)), last), finest)[0]) for value, v in numbers[1:]]
         found.append(_fit(axis.name, numbers[0][0], rest))
-    if last >= FITTED - 1:
+    if last >= SHOWN_ORDER - 1:
         run = _alone(plan, folder)
         sizes = [_mesh_size(run.levels[level].mesh) for level in range(last, -1, -1)]
         rest = [(size, states.apart((run, last - k), (run, last))[0]) for k, size in enumerate(sizes) if k]
         # Interpolation from the next coarser mesh adds to its difference, but has no part at the finest one.
-        found.append(_fit("mesh size", sizes[0], rest, skipped=1 if len(rest) >= FITTED else 0))
+        found.append(_fit("mesh size", sizes[0], rest, skipped=1))
     return found
 
 
@@ -153,9 +156,11 @@ def _mesh_size(mesh: LevelMesh) -> float:
 
 
 def _fit(name: str, finest: float, rest: Sequence[tuple[float, float]], skipped: int = 0) -> dict:
-    """The order of the finest values, after the ones skipped: coarser ones are further from where an order holds."""
-    fitted = list(range(skipped, skipped + FITTED - 1))
-    values, differences = zip(*(rest[i] for i in fitted), strict=True)
+    """The order of the finest values, after the ones skipped: coarser ones are further from where an order holds. None
+    where these are too few.
+    """
+    fitted = list(range(skipped, min(skipped + LEAST_DIFFERENCES, len(rest))))
+    values, differences = [rest[i][0] for i in fitted], [rest[i][1] for i in fitted]
     order = fitted_order(values, differences, finest)
     return {"axis": name, "finest": finest, "values": rest, "fitted": fitted, "order": order}
 
@@ -164,7 +169,10 @@ def sentences(points: Sequence[Mapping], found: Mapping[str, Any], size: float) 
     """What a user wants to know, one sentence each."""
     reference, spread, default = found["reference"], found["spread"], found["default"]
     own = float("inf") if reference["error"] is None else reference["error"]
-    lines = []
+    # Differences below the spread follow from chance: errors that small are the same.
+    spread_end = 0.0 if spread is None else spread["end"]
+    seen = lambda point: max(point["errors"]["end"], spread_end)
+    lines = _not_run(found["levels_not_run"])
     if default is not None:
         error, seconds = default["errors"]["end"], default["cost"]["cpu"]
         lines.append(
@@ -174,15 +182,15 @@ def sentences(points: Sequence[Mapping], found: Mapping[str, Any], size: float) 
         )
         for fraction in SHARES:
             best = cheapest_within(points, fraction * size, own)
-            if best is not None:
+            if best is not None and fraction * size >= spread_end:
                 lines.append(_compared(best, default, f"within {fraction:.0%} of the size"))
         half = [p for p in points if p["cost"]["cpu"] <= 0.5 * seconds and p["errors"]["story"]]
         if half:
-            best = min(half, key=lambda point: point["errors"]["end"])
+            best = min(half, key=lambda point: (seen(point), point["cost"]["cpu"]))
             lines.append(
                 f"In half the time of the scene's settings, {option_text(best)} gives {length(best['errors']['end'])}."
             )
-        finer = [p for p in points if p["errors"]["end"] < 0.5 * error]
+        finer = [p for p in points if seen(p) < 0.5 * error and p["errors"]["story"]]
         if finer:
             best = min(finer, key=lambda point: point["cost"]["cpu"])
             times = best["cost"]["cpu"] / seconds
@@ -195,6 +203,14 @@ def sentences(points: Sequence[Mapping], found: Mapping[str, Any], size: float) 
     if spread is not None:
         lines.append(_spread_sentence(spread))
     return lines
+
+
+def _not_run(levels: Sequence[int]) -> list[str]:
+    """That levels of the scene are not in the study: the first thing to know of it."""
+    if not levels:
+        return []
+    named = f"Level {levels[0]} was" if len(levels) == 1 else f"Levels {levels[0]} to {levels[-1]} were"
+    return [f"{named} not run: what follows holds for level{'s 0 to' * (levels[0] > 1)} {levels[0] - 1} alone."]
 
 
 def _compared(best: Mapping, default: Mapping, goal: str) -> str:

@@ -8,6 +8,7 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 
 HIGHEST_ORDER = 6.0  # of a fit: differences that fall faster are round-off of the finest value
+LEAST_DIFFERENCES = 3  # of a fit of an order and a constant: two always fit
 GAIN = 1.1  # a candidate must promise an error that many times below the front's to be worth a run
 
 
@@ -24,16 +25,17 @@ def fitted_order(values: Sequence[float], differences: Sequence[float], finest: 
 
     Parameters
     ----------
-    values : h, two or more, none of them f
+    values : h, none of them f
     differences : of their results to the one at f, above zero
 
     Returns
     -------
     float or None
-        The least-squares fit of the logarithms; None where it runs into its bounds, so that no order is seen.
+        The least-squares fit of the logarithms; None where it runs into its bounds, so that no order is seen, and for
+        fewer than three values, through which some order always fits.
     """
     h, d = np.asarray(values, dtype=float) / finest, np.asarray(differences, dtype=float)
-    if len(h) < 2 or (d <= 0.0).any():
+    if len(h) < LEAST_DIFFERENCES or (d <= 0.0).any():
         return None
 
     def misfit(order: float) -> float:

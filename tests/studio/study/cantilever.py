@@ -33,7 +33,7 @@ def weight(time: float) -> tuple[float, float]:
     return (0.0, -float(np.sin(0.5 * np.pi * min(time / RAMP, 1.0)) ** 4))
 
 
-def scene(cuts=(8, 16, 32, 64), young=2e4, steps=32, dt=0.01):
+def scene(cuts=(6, 12, 24, 48, 96), young=2e4, steps=32, dt=0.01):
     """`cuts` has the cells along a side on each level."""
     return Scene(
         bodies=(Body(tuple(bar(n) for n in cuts), NeoHookean(young, 0.0, 1000.0), name="bar"),),

@@ -27,4 +27,4 @@ def test_the_order_in_the_time_step_is_the_integrator_s(tmp_path, integrator, or
 
 @pytest.mark.slow
 def test_the_order_in_the_mesh_size_is_2(tmp_path):
-    assert orders(tmp_path, "implicit_euler", "0:3", "dt=0.02")["mesh size"] == pytest.approx(2.0, abs=0.1)
+    assert orders(tmp_path, "implicit_euler", "0:4", "dt=0.02")["mesh size"] == pytest.approx(2.0, abs=0.1)

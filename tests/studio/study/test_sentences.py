@@ -1,0 +1,63 @@
+"""What a study recommends, from made-up points: the reference's story alone, and no gain that chance gives, too."""
+
+from pdvol.studio.study.conclusions import sentences
+
+
+def point(name, cost, error, story=True, level=1):
+    words = ["--levels", f"0:{level}", "--set", f"dt={name}"]
+    return {
+        "words": words,
+        "changes": {"feedback": name},
+        "method": "progressive",
+        "level": level,
+        "cost": {"cpu": cost},
+        "errors": {"end": error, "story": story},
+    }
+
+
+def said(points, spread=None, not_run=()):
+    found = {
+        "reference": {
+            "error": 1e-4,
+            "parts": {"dt": 1e-4},
+            "mesh": None,
+            "level": 1,
+            "changes": {},
+            "method": "direct",
+        },
+        "spread": None if spread is None else {"jitter": 1e-3, "end": spread, "chaotic": True},
+        "default": points[0],
+        "levels_not_run": list(not_run),
+    }
+    return sentences(points, found, 1.0)
+
+
+def recommended(lines):
+    """The sentences that recommend something else than the scene's settings."""
+    return [line for line in lines if "`--set" in line]
+
+
+def test_what_is_better_is_recommended():
+    lines = said([point("scene", 10.0, 0.2), point("half", 4.0, 0.25), point("fine", 30.0, 0.04)])
+    half, finer = recommended(lines)
+    assert half.startswith("In half the time") and "dt=half" in half
+    assert finer.startswith("Less than half the error") and "dt=fine" in finer and "3 times" in finer
+
+
+def test_another_story_is_never_recommended():
+    lines = said([point("scene", 10.0, 0.2), point("half", 4.0, 0.01, story=False), point("fine", 30.0, 0.01, False)])
+    assert recommended(lines) == []
+
+
+def test_a_gain_below_the_spread_is_never_recommended():
+    """Errors below it are the same: the cheapest of them is taken for less time, and none for a smaller error."""
+    points = [point("scene", 10.0, 0.2), point("cheap", 1.0, 0.29), point("half", 4.0, 0.25), point("fine", 30.0, 0.04)]
+    (line,) = recommended(said(points, spread=0.3))
+    assert line.startswith("In half the time") and "dt=cheap" in line
+
+
+def test_levels_that_were_not_run_come_first():
+    points = [point("scene", 10.0, 0.2)]
+    assert said(points)[0].startswith("The scene's settings on level 1 end 20 cm")
+    assert said(points, not_run=[2])[0] == "Level 2 was not run: what follows holds for levels 0 to 1 alone."
+    assert said(points, not_run=[1, 2])[0] == "Levels 1 to 2 were not run: what follows holds for level 0 alone."
