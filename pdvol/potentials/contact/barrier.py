@@ -1,5 +1,5 @@
 """The contact barrier: the sum over contacts of their weight times the law kappa dhat g(s), g(s) = -(s - 1)^2 ln s,
-s = (gap / dhat)^2 (`native/law.h`).
+s = (gap / dhat)^2 (`native/barrier.c`).
 
 Contacts between surfaces, their weights and their Hessians are those of docs/contact.md, "What is summed over". Energy
 and gradient are exact, and so is the Hessian that is not projected; projected ones leave out what is negative.

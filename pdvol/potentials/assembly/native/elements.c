@@ -8,7 +8,6 @@
 #include <string.h>
 
 #include "domain.h"
-#include "kernel.h"
 
 /* MAX_PARAMETERS comes from the compiler's command line: its value is in __init__.py, which refuses more */
 

@@ -5,7 +5,6 @@
  * (psi_i + psi_j) / (s_i + s_j) (Smith, de Goes, Kim 2019). Each is filtered by itself before the
  * Hessian is turned back. */
 #include "domain.h"
-#include "kernel.h"
 
 enum { LANES = 8 };
 typedef double lanes __attribute__((vector_size(LANES * sizeof(double))));

@@ -1,6 +1,19 @@
 /* The barrier over the contacts of a surface: the sum of its law, its gradient and the blocks of its Hessian. */
-#include "law.h"
 #include "products.h"
+
+/* The barrier's law kappa dhat g(s), g(s) = -(s - 1)^2 ln s, s = (gap / dhat)^2, and its first two derivatives by gap^2; these are zero where there is
+ * no gap. */
+INLINE double law(double squared, double dhat, double kappa, double *slope, double *second)
+{
+    const double s = squared / (dhat * dhat);
+    *slope = *second = 0.0;
+    if (!(s > 0.0 && s < 1.0))
+        return s > 0.0 ? 0.0 : INFINITY;
+    const double logarithm = log(s), rest = s - 1.0;
+    *slope = -kappa / dhat * rest * (2.0 * logarithm + rest / s);
+    *second = -kappa / (dhat * dhat * dhat) * (2.0 * logarithm + 4.0 * rest / s - rest * rest / (s * s));
+    return -kappa * dhat * rest * rest * logarithm;
+}
 
 /* The sum of weights times the law over contacts that count here, and of all contacts the pressures, minus the law's derivatives by the gap, and the
  * gradient by the surface's positions (n, d), added to `gradient`. */
