@@ -34,8 +34,9 @@ SHORTER = {
 }
 FEWER = {"-0.1:0.1:20": "-0.1:0.1:3", "pick w 17": "pick w 1", "--to 2": "--to 1", "--to 4": "--to 2"}
 """What makes README's loop short: three variations instead of twenty, and three levels instead of five."""
+MOST_STEPS = 15  # of a page's scene
 # pages whose code is complete: nothing is imported for it
-WHOLE = ("README.md", "python.md", "scenes.md")
+WHOLE = ("README.md", "cookbook.md", "python.md", "scenes.md")
 SHOT = """
 import pdvol
 from pdvol import Body, Gravity, NeoHookean, Placement, Scene, meshes
@@ -113,7 +114,8 @@ def test_python_on_pages_runs(page, tmp_path, monkeypatch):
             linecache.cache[where] = (len(block.code), None, block.code.splitlines(keepends=True), where)
             exec(compile(block.code, where, "exec"), names)
             if callable(names.get("scene")):
-                assert pdvol.run(names.pop("scene")(), levels=0).levels[0].steps > 1
+                shot = names.pop("scene")()
+                assert pdvol.run(shot, levels=0, steps=min(shot.steps, MOST_STEPS)).levels[0].steps > 1
 
 
 def test_commands_on_pages_are_parsed():
