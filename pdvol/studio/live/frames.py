@@ -10,10 +10,11 @@ from pdvol.meshing.polygons import cut_faces
 from pdvol.store.obstacles import DrawnObstacle
 from pdvol.store.reader import Run
 from pdvol.store.series import in_3d
-from pdvol.studio.draw.camera import Camera, fitted_camera
+from pdvol.studio.draw.camera import Camera, content_of_run, fitted_camera
 from pdvol.studio.shown import GROUND, OBSTACLE, PALETTE, SMOOTH_FROM, across, closed_loops, plane_piece, upward_in_3d
 
-SURROUNDINGS = 1.5  # diagonals of the bodies within which obstacles count for the camera
+SURROUNDINGS = 1.5  # diagonals of the bodies within which large obstacles count for the camera
+SCENE_SIZE = 5.0  # diagonals of the bodies: an obstacle within this of them is shown whole, since the shot goes there
 PLANE_SIZE = 4.0  # half the side of the square that stands for a plane, over the size of the content
 LAYER = 0.002  # between drawings of a 2D scene that lie over each other, over the size of the content
 
@@ -111,7 +112,9 @@ class Frames:
 
 
 def view(run: Run) -> Camera:
-    """The camera that shows a run's start: its bodies, obstacles near them, and the planes below them."""
+    """The camera that shows a run's start: its bodies, the obstacles, and the planes below them. What reaches far shows
+    a part, so that the bodies stay large.
+    """
     level = run.levels[0]
     bodies = in_3d(level.positions(0))
     low, high = bodies.min(axis=0), bodies.max(axis=0)
@@ -123,8 +126,18 @@ def view(run: Run) -> Camera:
             heights = (bodies - point) @ normal
             content.append((bodies - heights[:, None] * normal)[heights < 2 * margin])
         else:
-            content.append(np.clip(in_3d(obstacle.vertices(0)), low - margin, high + margin))
+            vertices = in_3d(obstacle.vertices(0))
+            reach = np.maximum(high, vertices.max(axis=0)) - np.minimum(low, vertices.min(axis=0))
+            whole = np.linalg.norm(reach) <= SCENE_SIZE * np.linalg.norm(high - low)
+            content.append(vertices if whole else np.clip(vertices, low - margin, high + margin))
     return fitted_camera(np.concatenate(content), level.mesh.dim, upward_in_3d(run))
+
+
+def whole_view(run: Run) -> Camera:
+    """The camera that shows all stored states of a run, as pictures frame them."""
+    levels = [level for level in run.levels if level.steps]
+    content = content_of_run(levels, range(levels[0].steps), run.obstacles)
+    return fitted_camera(content, levels[0].mesh.dim, upward_in_3d(run))
 
 
 def rgb(colour: str) -> tuple[int, int, int]:

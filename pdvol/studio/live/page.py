@@ -10,7 +10,7 @@ from pdvol.runs.scene_file import parse_value
 from pdvol.store.reader import Run
 from pdvol.studio.draw.camera import Camera
 from pdvol.studio.live.controls import Control
-from pdvol.studio.live.frames import Frames, view
+from pdvol.studio.live.frames import Frames, view, whole_view
 from pdvol.studio.live.live_run import LiveRun
 from pdvol.studio.live.playback import Playback
 from pdvol.studio.live.server import LocalServer
@@ -44,6 +44,7 @@ class Page:
         self._stage, self._playback = Stage(server), Playback()
         self._lock = threading.RLock()
         self._frames: tuple[int, int, Frames] | None = None  # run, level
+        self._run: int | None = None  # that is played
         self._drawn: tuple[int, int, int] | None = None  # run, level, step on the screen
         self._camera: Camera | None = None
         self._message = ""
@@ -73,26 +74,30 @@ class Page:
     # ---- drawing
 
     def _draw(self, run: LiveRun, stored: Run) -> None:
-        if self._drawn is None or self._drawn[0] != run.number:
-            begins = run.branch[1] if run.branch else 0
+        if self._run != run.number:
+            self._run = run.number
             self._playback.restart()
-            self._playback.step = begins
+            self._playback.step = run.branch[1] if run.branch else 0
         newest = run.steps - 1
         step = self._playback.advance(time.monotonic(), newest, run.level_0_ended, stored.dt)
+        self._set(self._play, "label", "Stop" if self._playback.plays else "Play")
         wanted = None if self._level.value == FINEST else int(self._level.value)
         level = run.finest_with(step, wanted)
         if self._drawn == (run.number, level, step):
             return
-        if self._camera is None:
-            self._camera = view(stored)
-            self._stage.look_from(self._camera, upward_in_3d(stored))
+        camera = self._camera or self._look(view(stored), stored)
         if self._frames is None or self._frames[:2] != (run.number, level):
-            self._frames = run.number, level, Frames(stored, level, self._camera.size, self._camera.focus)
+            self._frames = run.number, level, Frames(stored, level, camera.size, camera.focus)
         self._stage.show(self._frames[2].at(step))
         self._drawn = run.number, level, step
         self._set(self._moment, "max", max(1, stored.info["steps"]))
         self._set(self._moment, "value", step)
-        self._set(self._play, "label", "Stop" if self._playback.plays else "Play")
+
+    def _look(self, camera: Camera, stored: Run) -> Camera:
+        """See a run from this camera; what is drawn has sizes that belong to it. Gives the camera."""
+        self._camera, self._drawn, self._frames = camera, None, None
+        self._stage.look_from(camera, upward_in_3d(stored))
+        return camera
 
     def _text(self) -> str:
         run, shown = self._session.current, self._session.shown
@@ -137,7 +142,7 @@ class Page:
         with gui.add_folder("Keep"):
             name = gui.add_text("name", initial_value=f"{self._title}_1")
             keep = gui.add_button("Keep this run")
-            fit = gui.add_button("Fit view")
+            fit = gui.add_button("Fit view", hint="see all that is stored so far")
         self._moment.on_update(self._scrub)
         self._play.on_click(lambda _: self._respond(self._play_or_stop))
         self._one.on_click(lambda event: self._respond(lambda: self._move(event.target.value)))
@@ -218,7 +223,9 @@ class Page:
         name.value = f"{stem}_{int(number) + 1}" if stem and number.isdigit() else f"{name.value}_2"
 
     def _fit(self) -> None:
-        self._camera = self._drawn = self._frames = None
+        stored = None if self._session.shown is None else self._session.shown.stored
+        if stored is not None:
+            self._look(whole_view(stored), stored)
 
     @staticmethod
     def _set(handle: Any, name: str, value: Any) -> None:
