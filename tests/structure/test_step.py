@@ -21,7 +21,7 @@ from shapes import together
 
 PDVOL = Path(sys.modules["pdvol"].__file__).parent
 FILES, C_FILES, CONSTANTS = 24, 18, 35
-"""Bounds of this commit: Python files of a step, C files of the libraries that it calls, constants in all of them."""
+"""At most: Python files of a step, C files of the libraries that it calls, constants in all of them."""
 LAYOUT = {
     *("SPARE", "BOX", "SIDE", "LANES", "MAX_H", "DEPTH"),  # sizes of arrays
     *("MAX_PARAMETERS", "MAX_ISOTROPIC_PARAMETERS"),  # the same, for users' densities
