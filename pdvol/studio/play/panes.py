@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from math import ceil
+from math import ceil, inf
 from pathlib import Path
 from typing import Any
 
@@ -116,8 +116,8 @@ def drawn_vertices(pane: Pane) -> int:
 
 
 def panes_of_wedge(folder: Path, levels: Sequence[int] | None = None) -> list[Pane]:
-    """A pane for each variation of a wedge folder, on level 0 if no levels are named. Those that failed, or that cannot
-    be read, are panes with their reason.
+    """A pane for each variation of a wedge folder, on level 0 if no levels are named: the best first, by the first
+    score. Those that failed, or that cannot be read, are panes with their reason.
 
     Raises
     ------
@@ -127,7 +127,11 @@ def panes_of_wedge(folder: Path, levels: Sequence[int] | None = None) -> list[Pa
     entries = read_json(folder / WEDGE).get("variations")
     if not isinstance(entries, list) or not entries or not all(isinstance(entry, dict) for entry in entries):
         raise InputError(f"{folder / WEDGE} has no list of variations: it is not as pdvol wedge wrote it")
-    return [pane for place, entry in enumerate(entries) for pane in _panes_of_variation(folder, place, entry, levels)]
+    first = next((name for entry in entries for name in _mapping(entry, "scores")), "")
+    values = [_mapping(entry, "scores").get(first) for entry in entries]
+    worth = [value if isinstance(value, int | float) else -inf for value in values]
+    order = sorted(range(len(entries)), key=lambda place: -worth[place])
+    return [pane for place in order for pane in _panes_of_variation(folder, place, entries[place], levels)]
 
 
 def _panes_of_variation(folder: Path, place: int, entry: Mapping[str, Any], levels: Sequence[int] | None) -> list[Pane]:

@@ -99,6 +99,13 @@ def test_a_wedge_folder_with_gaps(flat_run, tmp_path):
     assert "no convergence" in player_page(panes)
 
 
+def test_the_best_variation_comes_first(tmp_path):
+    values = {"3": 0.2, "5": None, "7": 0.9, "9": -1.0}
+    entries = [{"number": n, "name": n, "changes": {"a": n}, "scores": {"s": v}} for n, v in values.items()]
+    (tmp_path / "wedge.json").write_text(json.dumps({"variations": [*entries, {"name": "waits"}]}))
+    assert [pane.title for pane in panes_of_wedge(tmp_path)] == ["7", "3", "9", "5", "waits"]
+
+
 def test_runs_of_other_time_steps_stand_beside_each_other(flat_run, tmp_path):
     other = runs.stored_run(tmp_path / "other", 2, (50,), 3)
     info = json.loads((other / "run.json").read_text())

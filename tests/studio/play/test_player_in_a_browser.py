@@ -219,6 +219,8 @@ def test_keys_and_graphs(player, flat_run):
     for key, layout in (("2", "one"), ("w", "wipe"), ("g", "grid")):
         tab.page.keyboard.press(key)
         assert tab.page.evaluate("player.view.layout") == layout
+        if key == "w":
+            assert tab.page.evaluate("[player.view.first, player.view.second]") == [1, 0], "not against itself"
     energy, drift = (tab.page.get_by_role("img", name=f"{graph} over time") for graph in ("energy", "drift"))
     assert energy.locator("polyline").count() == 2 and drift.locator("polyline").count() == 1
     box = energy.bounding_box()
@@ -247,6 +249,22 @@ def test_every_control_has_a_name_and_fits(player, solid_run):
     assert tab.page.evaluate("[document.body.scrollWidth, document.body.scrollHeight]") == [1000, 700]
 
 
+def test_a_narrow_window_has_graphs_and_a_legend_of_one_line(player, solid_run):
+    tab = player(panes_of_run(open_run(solid_run)))
+    tab.page.set_viewport_size({"width": 420, "height": 800})
+    seen(tab)
+    energy = tab.page.get_by_role("img", name="energy over time")
+    assert energy.bounding_box()["width"] > 250 and energy.locator("polyline").count() == 2
+    place = tab.page.locator("#playhead").bounding_box()["x"] - energy.bounding_box()["x"]
+    assert 0 <= place < 10, "it moves with the graphs"
+    line = tab.page.locator("body").evaluate("e => parseFloat(getComputedStyle(e).lineHeight)")
+    assert tab.page.locator("#legend").bounding_box()["height"] < 1.7 * line
+    for control in tab.page.locator("button:visible, select:visible, input:visible").all():
+        box = control.bounding_box()
+        assert 0 <= box["x"] and box["x"] + box["width"] <= 420 and box["y"] + box["height"] <= 800
+    assert tab.page.locator("#stage").bounding_box()["height"] > 300
+
+
 def test_a_wedge_is_a_grid_of_labelled_tiles(player, tmp_path):
     for number in range(3):
         runs.stored_run(tmp_path / "wedge" / "runs" / f"v{number}", 2, (40 + 20 * number, 100), 3)
@@ -264,9 +282,9 @@ def test_a_wedge_is_a_grid_of_labelled_tiles(player, tmp_path):
     for said in ("spin=2", "upright 0.5", "it <b>broke</b>", "spin=9", "bare"):
         assert said in words
     grid = seen(tab)
-    box = tab.page.locator(".frame").nth(2).bounding_box()
+    box = tab.page.locator(".frame").nth(0).bounding_box()  # of the best one
     tab.page.mouse.dblclick(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
-    assert tab.page.evaluate("[player.view.layout, player.view.first]") == ["one", 2]
+    assert tab.page.evaluate("[player.view.layout, player.view.first]") == ["one", 0]
     assert difference(grid, seen(tab)) > CHANGED
     assert (
         "spin=2" in tab.page.locator("#labels").inner_text()

@@ -47,6 +47,7 @@ class Player {
 
   // ---- layout
   setLayout(layout, first = this.view.first, second = this.view.second) {
+    if (layout === "wipe" && second === first) second = this.panes.findIndex((pane, i) => pane.states && i !== first);
     Object.assign(this.view, { layout, first, second });
     $("first").value = first;
     $("second").value = second;
@@ -67,6 +68,7 @@ class Player {
     this.label();
     const { layout, first, second } = this.view;
     this.graphs.draw(layout === "grid" ? this.panes.map((_, i) => i) : layout === "wipe" ? [first, second] : [first]);
+    this.graphs.put(this.time);
     this.setWipe(this.view.wipe);
   }
   label() {
@@ -202,7 +204,7 @@ class Player {
     if (steps) this.stepBy(steps);
     else if (event.key === " ") this.play();
     else if (event.key === "r") this.view.look("reset");
-    else if (event.key === "w" && this.panes.length > 1) this.setLayout("wipe");
+    else if (event.key === "w" && this.panes.filter((one) => one.states).length > 1) this.setLayout("wipe");
     else if (event.key === "g" || event.key === "Escape") { if (this.panes.length > 1) this.setLayout("grid"); }
     else if (pane >= 0 && this.panes[pane] && this.panes[pane].states) this.setLayout("one", pane);
     else return;
