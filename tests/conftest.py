@@ -54,6 +54,14 @@ def compiled_code():
 
 
 @pytest.fixture(scope="session", autouse=True)
+def own_state(tmp_path_factory):
+    """Which scenes have run is kept apart from the developer's own list."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("XDG_STATE_HOME", str(tmp_path_factory.mktemp("state")))
+        yield
+
+
+@pytest.fixture(scope="session", autouse=True)
 def waiting_ranks():
     """Ranks that wait for calls end with the session."""
     yield

@@ -3,7 +3,7 @@
 from argparse import ArgumentParser, Namespace
 from pathlib import Path
 
-from pdvol.commands.options import add_levels, number, stored_levels
+from pdvol.commands.options import add_levels, add_run_scene, allow_scenes, number, stored_levels
 from pdvol.registry import FORMATS, SHOWN_SURFACES
 
 
@@ -22,6 +22,7 @@ def add_arguments(parser: ArgumentParser) -> None:
         help="of bodies with a render mesh: that mesh (default), the simulated surface, or both",
     )
     add_levels(parser)
+    add_run_scene(parser)
 
 
 def main(options: Namespace) -> None:
@@ -29,6 +30,7 @@ def main(options: Namespace) -> None:
     from pdvol.store.reader import open_run
     from pdvol.studio.export.exports import export_run
 
+    allow_scenes(options, options.run)
     levels = stored_levels(options.levels, open_run(options.run))
     written, notes = export_run(
         options.run, options.format, options.out, levels, options.fps, options.fields, options.surface

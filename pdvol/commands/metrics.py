@@ -3,12 +3,15 @@
 from argparse import ArgumentParser, Namespace
 from pathlib import Path
 
+from pdvol.commands.options import add_run_scene, allow_scenes
+
 
 def add_arguments(parser: ArgumentParser) -> None:
     """The options of `pdvol metrics`."""
     parser.add_argument("run", type=Path, metavar="RUN")
     parser.add_argument("--against", type=Path, metavar="RUN", help="another run of the same shot, to compare with")
     parser.add_argument("--json", type=Path, metavar="FILE", help="write the numbers there, too")
+    add_run_scene(parser)
 
 
 def main(options: Namespace) -> None:
@@ -17,6 +20,7 @@ def main(options: Namespace) -> None:
     from pdvol.stages import stage
     from pdvol.studio.draw.plots import plot_metrics
 
+    allow_scenes(options, options.run, *([] if options.against is None else [options.against]))
     result = write_metrics(options.run, options.against, options.json)
     with stage("drawing metrics.png"):
         plot_metrics(options.run / "metrics.png", [result, *([result["against"]] if "against" in result else [])])

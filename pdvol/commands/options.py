@@ -76,6 +76,24 @@ def add_wavefront(parser: ArgumentParser) -> None:
     parser.add_argument("--wavefront", action="store_true", help="run the levels side by side, a process each")
 
 
+def add_run_scene(parser: ArgumentParser) -> None:
+    """`--run-scene`, for `allow_scenes`."""
+    parser.add_argument(
+        "--run-scene", action="store_true", help="run the scene file that a run from elsewhere names; look at it before"
+    )
+
+
+def allow_scenes(options: Namespace, *runs: Path) -> None:
+    """With `--run-scene`, let the scene files of these runs be run."""
+    if options.run_scene:
+        from pdvol.runs.known_scenes import remember
+        from pdvol.runs.scene_file import stored_file
+        from pdvol.store.reader import open_run
+
+        for run in runs:
+            remember(stored_file(open_run(run).info))
+
+
 def add_levels(parser: ArgumentParser) -> None:
     """`--levels A:B`, for `level_range` or `stored_levels`."""
     parser.add_argument("--levels", default="", metavar="A:B", help="levels A to B, both included (default: all)")

@@ -4,7 +4,7 @@ import sys
 from argparse import ArgumentParser, Namespace
 from pathlib import Path
 
-from pdvol.commands.options import add_outputs, add_wavefront, whole_number
+from pdvol.commands.options import add_outputs, add_run_scene, add_wavefront, allow_scenes, whole_number
 from pdvol.errors import InputError
 
 
@@ -17,6 +17,7 @@ def add_arguments(parser: ArgumentParser) -> None:
     parser.add_argument("-o", "--out", type=Path, help="run folder (default: runs/NAME_pickNUMBER)")
     add_wavefront(parser)
     add_outputs(parser)
+    add_run_scene(parser)
 
 
 def main(options: Namespace) -> None:
@@ -25,6 +26,7 @@ def main(options: Namespace) -> None:
     from pdvol.stages import stage
 
     with stage("loading the solver"):
+        from pdvol.runs.known_scenes import require_known
         from pdvol.runs.runner import refine_run
         from pdvol.runs.scene_file import stored_file
         from pdvol.store.reader import open_run
@@ -38,6 +40,8 @@ def main(options: Namespace) -> None:
     source, entry = chosen_run(options.wedge, number)
     stored = open_run(source)
     out = options.out or Path("runs") / f"{stored.info['scene']}_pick{number}"
+    allow_scenes(options, source)
+    require_known(stored_file(stored.info))
     take_out(source, out)
     if options.refine:
         finest = last if last is not None else _levels(out) - 1

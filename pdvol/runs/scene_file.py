@@ -13,6 +13,7 @@ from typing import Any
 
 from pdvol.errors import InputError, PdvolError
 from pdvol.registry import STUDIO
+from pdvol.runs.known_scenes import remember
 from pdvol.scene import Pascal, Relative, Scene
 from pdvol.scene.fingerprint import describe
 from pdvol.scene.scene import SETTINGS
@@ -146,6 +147,7 @@ def load_shot(file: str | Path, settings: Mapping | None = None, steps: int | No
     scene = scene.with_settings(**{name: value for name, value in settings.items() if name not in given})
     if steps is not None:
         scene = replace(scene, steps=steps)
+    remember(file)
     return Shot(file.resolve(), settings, replace(scene, name=file.stem))
 
 

@@ -17,7 +17,8 @@ from pdvol.levels.script import Obstacle
 from pdvol.levels.space import LevelSpace
 from pdvol.potentials.elasticity import Elastic
 from pdvol.potentials.stress import CauchyStress, von_mises
-from pdvol.runs.scene_file import DEFAULTS, stored_shot
+from pdvol.runs.known_scenes import require_known
+from pdvol.runs.scene_file import DEFAULTS, stored_file, stored_shot
 from pdvol.scene import Scene
 from pdvol.scene.fingerprint import differences
 from pdvol.store.folder import require_scene
@@ -102,10 +103,11 @@ def stored_scene(run: Run) -> tuple[Scene, tuple[Obstacle, ...]]:
     Raises
     ------
     InputError
-        Its file is missing or has changed; the message names what has.
+        Its file is missing, has changed or was never run here; the message names what has changed.
     """
     info = run.info
     require_scene(run.path, info)
+    require_known(stored_file(info))
     shot = stored_shot(info)
     changed = differences({**DEFAULTS, **info["description"]}, {**DEFAULTS, **shot.description()})
     if changed:
