@@ -25,6 +25,7 @@ from pdvol.meshes import Outline, Solid, Surface
 from pdvol.meshing import cache as mesh_cache
 from pdvol.meshing.cpu_budget import cpu_budget
 from pdvol.meshing.decimate import decimate
+from pdvol.meshing.edge_length import SizedMesh, UnreachableCount
 from pdvol.meshing.point_caches import cached_surface, edges_or_faces
 from pdvol.meshing.readers import read_shape
 from pdvol.meshing.tetrahedralise import surface_share, tetrahedralise
@@ -32,7 +33,7 @@ from pdvol.meshing.triangulate import triangulate
 from pdvol.meshing.validate import check_outline, check_solid, check_surface, drop_unused, outline_edges
 from pdvol.meshing.verdict import Boundary, boundary_facets_of, check_place, judge, place_of
 from pdvol.scene import Body, Deforming, Rigid, Scene
-from pdvol.stages import stage
+from pdvol.stages import say, stage
 
 BUILD_VERSION = 5
 """Part of the cache's keys. Increase it by one when the same input gives other meshes: old ones are not used then."""
@@ -43,6 +44,8 @@ Labels: TypeAlias = Callable[[np.ndarray, np.ndarray], np.ndarray]
 _LIBRARIES = ("pytetwild", "tetgen", "gmsh", "fast-simplification", "libigl", "numpy", "scipy")
 SIDE_BY_SIDE = 2
 """Number of levels of a body that are made at once; each takes one core."""
+TRIED_COUNTS = 2
+"""Numbers of vertices that are tried before one is named in the place of one that cannot be had."""
 SPARE_VERTICES = 1.5
 """Vertices of the surface that a level is decimated from, relative to the number expected on its boundary: the search
 for a level's count takes from none to a third of them away.
@@ -186,13 +189,18 @@ def _meshed(
                 with stage(f"decimating {name}"):
                     found, regions_of = _prepare(shape, boundary, targets, name)
                 boundaries.extend(found)
-        own = boundaries[level]
         target, what = int(targets[level]), f"{name}, level {first + level}"
+
+        def make(count: int) -> SizedMesh:
+            own = boundaries[level]
+            if not isinstance(own, Surface):
+                return triangulate(own, count, what)
+            if count != target and level + 1 < len(boundaries):
+                own = _coarsened(cast("Surface", boundaries[level + 1]), count, name)
+            return tetrahedralise(own, count, what, volume=enclosed_volume(*boundary_facets_of(boundaries[-1])))
+
         with stage(f"meshing {what}"):
-            if isinstance(own, Surface):
-                sized = tetrahedralise(own, target, what, volume=enclosed_volume(*boundary_facets_of(boundaries[-1])))
-            else:
-                sized = triangulate(own, target, what)
+            sized = _sized(make, target)
         return {
             "points": sized.points,
             "cells": sized.cells.astype(np.int32),
@@ -211,6 +219,32 @@ def _meshed(
         pool.shutdown(cancel_futures=True)
 
 
+def _sized(make: Callable[[int], SizedMesh], target: int) -> SizedMesh:
+    """The mesh of about `target` vertices. Where there is none, the error names a number only if it has one: that is
+    tried.
+    """
+    try:
+        return make(target)
+    except UnreachableCount as error:
+        found, closest = error, error.closest
+    for _ in range(TRIED_COUNTS):
+        say(f"trying {closest:,} vertices")
+        try:
+            make(closest)
+        except UnreachableCount as error:
+            closest = error.closest
+        except MeshError:
+            break
+        else:
+            raise MeshError(f"{found}; ask for about {closest} instead")
+    raise MeshError(f"{found}, nor about {found.closest}; ask for many more, clean the surface, or thicken thin walls")
+
+
+def _coarsened(finer: Surface, target: int, name: str) -> Surface:
+    """The surface from which a level of `target` vertices is meshed, decimated from that of the next finer level."""
+    return decimate(finer, int(SPARE_VERTICES * surface_share(finer, target)), name)
+
+
 def _prepare(
     shape: Shape, boundary: Boundary, targets: Sequence[int] | np.ndarray, name: str
 ) -> tuple[list[Boundary], Labels]:
@@ -220,7 +254,7 @@ def _prepare(
         return [boundary] * len(targets), regions_of
     boundaries: list[Boundary] = [boundary]
     for target in reversed(targets[:-1]):
-        boundary = decimate(boundary, int(SPARE_VERTICES * surface_share(boundary, int(target))), name)
+        boundary = _coarsened(boundary, int(target), name)
         boundaries.insert(0, boundary)
     return boundaries, regions_of
 

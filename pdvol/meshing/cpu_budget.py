@@ -22,7 +22,7 @@ IDLE_LOOKS = 120
 
 
 class ProcessStopped(MeshError):
-    """A process crashed or ran out of processor time: the same input would end in the same way."""
+    """A process ran out of processor time, or waited without end: it is not tried again."""
 
 
 class BudgetSpent(ProcessStopped):

@@ -39,6 +39,16 @@ History = list[tuple[float, float]]
 """Per mesh made: logarithms of its scale, and of its number of vertices relative to the target."""
 
 
+class UnreachableCount(MeshError):
+    """No mesh has about `target` vertices; the closest one has `closest`. Whether one of these comes out when it is
+    asked for is not known yet.
+    """
+
+    def __init__(self, message: str, target: int, closest: int):
+        super().__init__(message)
+        self.target, self.closest = target, closest
+
+
 @dataclass(frozen=True, eq=False)
 class SizedMesh:
     """A mesh and the edge length it was made with.
@@ -90,9 +100,11 @@ def mesh_of_target_size(
 
     Raises
     ------
+    UnreachableCount
+        No mesh came within `CLOSEST_FACTOR` of the target.
     MeshError
-        No mesh came within `CLOSEST_FACTOR` of the target. The message has the closest count or the last failure.
-        A mesher that crashed or ran out of processor time is not called again.
+        No mesh was valid; the message has the last failure. A mesher that ran out of processor time is not called
+        again; one that crashed is.
     """
     best: tuple[float, SizedMesh] | None = None
     reason, failures = "", 0
@@ -130,7 +142,7 @@ def mesh_of_target_size(
     if best[0] <= np.log(CLOSEST_FACTOR):
         say(f"{n:,} vertices, the closest to {target:,} in {MAX_ATTEMPTS} tries")
         return best[1]
-    raise MeshError(f"{name}: {target} vertices cannot be had, the closest mesh has {n}; ask for about {n} instead")
+    raise UnreachableCount(f"{name}: {target} vertices cannot be had, the closest mesh has {n}", target, n)
 
 
 def _next_log_scale(history: History, dim: int) -> float:

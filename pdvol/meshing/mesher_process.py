@@ -81,9 +81,9 @@ def run_worker(script: str, cpu_seconds: float, seeded: bool = False, **arrays: 
     Raises
     ------
     MeshError
-        The process reported an error; the message quotes the last line it wrote.
+        The process crashed, or reported an error: the message quotes the last line it wrote.
     ProcessStopped
-        It crashed, waited without end, or used up its processor time, or that of the command (`BudgetSpent`).
+        It waited without end, or used up its processor time, or that of the command (`BudgetSpent`).
     """
     env = without_launcher()
     path = Path(__file__).with_name(script)
@@ -116,7 +116,7 @@ def run_worker(script: str, cpu_seconds: float, seeded: bool = False, **arrays: 
             )
             raise ProcessStopped(f"{path.stem} {spent}")
         if done.returncode < 0:
-            raise ProcessStopped(f"{path.stem} crashed ({signal.Signals(-done.returncode).name})")
+            raise MeshError(f"{path.stem} crashed ({signal.Signals(-done.returncode).name})")
         if done.returncode or not made.exists():
             lines = (err or out).strip().splitlines() or [f"exit status {done.returncode}"]
             raise MeshError(f"{path.stem} failed: {lines[-1].strip()[:300]}")

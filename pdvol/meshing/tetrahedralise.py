@@ -19,6 +19,7 @@ from pdvol.meshing.edge_length import (
     BASE_CPU_SECONDS,
     CPU_SECONDS_PER_VERTEX,
     SizedMesh,
+    UnreachableCount,
     edge_length,
     expected_vertices,
     mesh_of_target_size,
@@ -91,6 +92,8 @@ def tetrahedralise(
 
     Raises
     ------
+    UnreachableCount
+        Meshes of the surface have other numbers of vertices.
     MeshError
         No such mesh was found within `MAX_ATTEMPTS`, or TetGen is not installed.
     """
@@ -109,12 +112,18 @@ def tetrahedralise(
         h = edge_length(target, own, area, 3)
         measures = [_volume_and_area(part) for part in parts]
         fractions = [max(round(expected_vertices(h, *m, 3)[1]), MIN_SURFACE_VERTICES) for m in measures]
-        return _merged(
-            [
-                tetrahedralise(part, fraction, name, keep_boundary, volume * m[0] / own)
-                for part, fraction, m in zip(parts, fractions, measures, strict=True)
-            ]
-        )
+        try:
+            return _merged(
+                [
+                    tetrahedralise(part, fraction, name, keep_boundary, volume * m[0] / own)
+                    for part, fraction, m in zip(parts, fractions, measures, strict=True)
+                ]
+            )
+        except UnreachableCount as error:
+            closest = round(target * error.closest / error.target)
+            raise UnreachableCount(
+                f"{name}: {target} vertices cannot be had for its {len(parts)} parts", target, closest
+            ) from error
     size = own ** (1.0 / 3.0)
     centre = surface.vertices.mean(axis=0)
     unit = Surface((surface.vertices - centre) / size, surface.triangles)

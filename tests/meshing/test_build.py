@@ -1,5 +1,6 @@
 """From scenes to level meshes: sizes, placement, regions, what is kept and what is refused."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -9,9 +10,13 @@ from pdvol import meshes
 from pdvol.errors import InputError, IntersectionError, InvertedCellError, MeshError
 from pdvol.meshes import Outline, Solid, Surface
 from pdvol.meshing import build
+from pdvol.meshing import tetrahedralise as tetrahedra
 from pdvol.meshing.build import build_levels, read_obstacle
+from pdvol.meshing.edge_length import SizedMesh, UnreachableCount
 from pdvol.scene import Body, NeoHookean, Placement, Rigid, Scene
 from shapes import grid
+
+TETRAHEDRON = np.vstack([np.zeros(3), np.eye(3)]), np.arange(4)[None]
 
 SOFT = NeoHookean(2e5)
 
@@ -149,6 +154,60 @@ def test_bad_shapes_name_the_body_and_leave_nothing(tmp_path):
             Body(shape=meshes.ball(1.0, 1), material=SOFT, vertices=(40, 60), name="thick"),
         )
         build_levels(scene(flat, thick), count=1, cache=folder)
+
+
+@pytest.mark.parametrize(
+    ("reached", "said"),
+    [
+        ({300: 700, 700: 1500, 1500: None}, "300 vertices cannot be had, the closest mesh has 700; ask for about 1500"),
+        ({300: 700, 700: None}, "300 vertices cannot be had, the closest mesh has 700; ask for about 700 instead"),
+        ({300: 700, 700: 1500, 1500: 4000}, "the closest mesh has 700, nor about 700; ask for many more"),
+    ],
+)
+def test_a_number_that_is_named_has_been_tried(tmp_path, monkeypatch, reached, said):
+    """As many vertices as the mesher gives instead, until it gives what it is asked for; the advice works if taken."""
+    asked = []
+
+    def mesher(surface, target, name, volume):
+        asked.append(target)
+        if reached[target]:
+            raise UnreachableCount(
+                f"{name}: {target} vertices cannot be had, the closest mesh has {reached[target]}",
+                target,
+                reached[target],
+            )
+        return SizedMesh(*TETRAHEDRON, 1.0)
+
+    monkeypatch.setattr(build, "tetrahedralise", mesher)
+    body = Body(meshes.ball(0.5, 2), NeoHookean(1e5), (300, 5000), name="boot")
+    scene = Scene((body,), dt=0.01, steps=0)
+    reached[5000] = None
+    with pytest.raises(MeshError, match=said) as caught:
+        build_levels(scene, cache=tmp_path)
+    assert "body 'boot', level 0" in str(caught.value)
+    named = re.search(r"ask for about (\d+) instead", str(caught.value))
+    if named:
+        better = replace(scene, bodies=(replace(body, vertices=(int(named[1]), 5000)),))
+        assert len(build_levels(better, cache=tmp_path)) == 2
+
+
+def test_parts_that_need_more_vertices_speak_of_the_whole_body(monkeypatch):
+    """Eight parts share what a body asks for; the number to ask for is the body's again."""
+    parts = [meshes.ball(0.3, 2) for _ in range(8)]
+    n = len(parts[0].vertices)
+    points = np.vstack([part.vertices + [k, 0.0, 0.0] for k, part in enumerate(parts)])
+    surface = Surface(points, np.vstack([part.triangles + k * n for k, part in enumerate(parts)]).astype(np.int32))
+
+    def one(unit, target, name, keep_boundary, volume):
+        if target < 200:
+            raise UnreachableCount(f"{name}: {target} vertices cannot be had", target, 200)
+        return SizedMesh(*TETRAHEDRON, 1.0)
+
+    monkeypatch.setattr(tetrahedra, "_unit_mesh", one)
+    with pytest.raises(UnreachableCount, match="x: 300 vertices cannot be had for its 8 parts") as caught:
+        tetrahedra.tetrahedralise(surface, 300, "x")
+    assert 8 * 180 < caught.value.closest < 8 * 230
+    assert len(tetrahedra.tetrahedralise(surface, caught.value.closest + 80, "x").points) == 8 * 4
 
 
 def test_obstacles():

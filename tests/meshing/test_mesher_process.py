@@ -35,21 +35,30 @@ def test_waiting_does_not_count(tmp_path, monkeypatch):
 
 
 def test_a_crash_is_named(tmp_path, monkeypatch):
-    with pytest.raises(ProcessStopped, match="crashed \\(SIGSEGV\\)"):
+    with pytest.raises(MeshError, match="crashed \\(SIGSEGV\\)") as caught:
         run_worker(script(tmp_path, "import os\nos.kill(os.getpid(), 11)", monkeypatch), 5.0)
+    assert not isinstance(caught.value, ProcessStopped), "it may be called again with another edge length"
 
 
-def test_a_mesher_that_crashes_is_not_called_again(monkeypatch):
-    calls = []
+@pytest.mark.parametrize(
+    ("error", "calls", "said"),
+    [
+        (ProcessStopped("tet_worker used up its 31 s"), 1, "no mesh of about 50 vertices: tet_worker used up"),
+        (MeshError("tet_worker crashed (SIGSEGV)"), MAX_ATTEMPTS, "no valid mesh of about 50 .*tet_worker crashed"),
+    ],
+)
+def test_a_mesher_that_ends_early_is_called_again_only_after_a_crash(monkeypatch, error, calls, said):
+    """With another edge length, which it may well take; its time is not spent twice."""
+    lengths = []
 
-    def crash(*_args, **_arrays):
-        calls.append(1)
-        raise ProcessStopped("tet_worker crashed (SIGSEGV)")
+    def end(*_args, edge_length, **_arrays):
+        lengths.append(float(edge_length))
+        raise error
 
-    monkeypatch.setattr(tetrahedralise, "run_worker", crash)
-    with pytest.raises(MeshError, match="no mesh of about 50 vertices: tet_worker crashed") as caught:
+    monkeypatch.setattr(tetrahedralise, "run_worker", end)
+    with pytest.raises(MeshError, match=said) as caught:
         tetrahedralise.tetrahedralise(meshes.box(), 50)
-    assert len(calls) == 1 and "\n" not in str(caught.value)
+    assert len(lengths) == len(set(lengths)) == calls and "\n" not in str(caught.value)
 
 
 @pytest.mark.parametrize(("fine", "coarse"), [(3000, 100), (1800, 100), (3000, 600)])
