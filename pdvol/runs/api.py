@@ -6,10 +6,10 @@ import shutil
 import tempfile
 import weakref
 from collections.abc import Callable
-from contextlib import AbstractContextManager, nullcontext
+from contextlib import nullcontext
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, TextIO
 
 from mpi4py import MPI
 
@@ -17,7 +17,8 @@ from pdvol.errors import InputError, PdvolError
 from pdvol.parallel import on_root
 from pdvol.runs.level_run import Watch
 from pdvol.runs.march import checked_scene, levels_asked
-from pdvol.runs.progress import Calls, Progress, in_notebook
+from pdvol.runs.notebook_text import progress_stream
+from pdvol.runs.progress import Calls, Progress
 from pdvol.runs.runner import run_scene
 from pdvol.runs.scene_file import Shot
 from pdvol.runs.stage_lines import StageLines
@@ -77,10 +78,10 @@ def run(
         raise InputError("resume needs the folder of a stored run: pdvol.run(scene, out=..., resume=True)")
     folder = Path(tempfile.mkdtemp(prefix="pdvol_")) if out is None else Path(out)
     try:
-        with _stages(progress, comm):
-            run_scene(
-                Shot(None, {}, scene), folder, first, last, method, prolongation, resume, comm, _watch(progress, comm)
-            )
+        stream = progress_stream() if progress is True and comm.rank == 0 else None
+        watch = _watch(progress, comm, stream)
+        with nullcontext() if stream is None else reported_to(StageLines(stream)):
+            run_scene(Shot(None, {}, scene), folder, first, last, method, prolongation, resume, comm, watch)
     except BaseException as error:
         if out is None:
             _keep_or_remove(folder, error)
@@ -99,20 +100,13 @@ def _check(out: Any, progress: Any) -> None:
         raise InputError(f"progress = {progress!r} must be True, None or a function of a step's record")
 
 
-def _watch(progress: bool | Callable[[dict], Any] | None, comm: MPI.Comm) -> Watch | None:
-    """What `run_scene` takes for this `progress`."""
+def _watch(progress: bool | Callable[[dict], Any] | None, comm: MPI.Comm, stream: TextIO | None = None) -> Watch | None:
+    """What `run_scene` takes for this `progress`, which is shown on the stream if it is True."""
     if progress is None or progress is False:
         return None
     if progress is True:
-        return (lambda level, total, done: Progress(level, total, done=done)) if comm.rank == 0 else None
+        return (lambda level, total, done: Progress(level, total, stream, done)) if comm.rank == 0 else None
     return lambda level, total, done: Calls(progress, comm)
-
-
-def _stages(progress: bool | Callable[[dict], Any] | None, comm: MPI.Comm) -> AbstractContextManager:
-    """Within it, what is done before a level's steps is shown where bars are."""
-    if progress is not True or comm.rank != 0:
-        return nullcontext()
-    return reported_to(StageLines(rewritten=True if in_notebook() else None))
 
 
 def _keep_or_remove(folder: Path, error: BaseException) -> None:

@@ -1,8 +1,6 @@
 """How far a level is: a bar with the time left in a notebook and on a terminal, a plain line per step anywhere else."""
 
 import math
-import sys
-import warnings
 from collections.abc import Callable, Mapping
 from typing import Any, TextIO
 
@@ -10,6 +8,7 @@ from mpi4py import MPI
 from tqdm import tqdm
 
 from pdvol.parallel import on_root
+from pdvol.runs.notebook_text import progress_stream
 
 
 class Progress:
@@ -21,19 +20,17 @@ class Progress:
     total : int
         Steps of the whole level.
     stream : text stream
-        Standard error when None; a notebook then gets its own kind of bar.
+        `progress_stream()` when None.
     done : int
         Steps that were stored before, of a resumed level.
     """
 
     def __init__(self, level: int, total: int, stream: TextIO | None = None, done: int = 0):
         self.level, self.total = level, total
-        self.stream = sys.stderr if stream is None else stream
+        self.stream = progress_stream() if stream is None else stream
         self._bar: tqdm | None = None
-        notebook = stream is None and in_notebook()
-        if notebook or self.stream.isatty():
-            kind = _notebook_bar() if notebook else tqdm
-            self._bar = kind(
+        if self.stream.isatty():
+            self._bar = tqdm(
                 total=total, initial=done, desc=f"level {level}", unit="step", file=self.stream, dynamic_ncols=True
             )
 
@@ -68,20 +65,6 @@ class Calls(Progress):
 
     def close(self) -> None:
         """Does nothing."""
-
-
-def in_notebook() -> bool:
-    """Whether an IPython kernel runs this: a notebook, or a console that shows the same."""
-    shell = getattr(sys.modules.get("IPython"), "get_ipython", lambda: None)()
-    return getattr(shell, "kernel", None) is not None
-
-
-def _notebook_bar() -> Callable:
-    """tqdm's bar for notebooks: a widget where ipywidgets is installed, text where not."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # that there are no widgets, or that tqdm.auto is experimental
-        from tqdm.auto import tqdm as bar
-    return bar
 
 
 def step_line(record: Mapping, level: int, total: int) -> str:

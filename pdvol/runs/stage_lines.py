@@ -18,7 +18,6 @@ FIRST_SIGN = 0.5  # seconds after which a terminal shows a stage that lasts
 LONG_SECONDS = 30.0  # time after which a log says that a stage still lasts
 _REWRITTEN_EVERY = 0.5  # seconds
 _ERASED_LINE = "\r\x1b[K"  # the cursor goes to the beginning of a terminal's line, which is cleared
-_NOTEBOOK_COLUMNS = 120  # of a line that notebooks show without a break
 
 
 class StageLines:
@@ -27,17 +26,13 @@ class StageLines:
     Parameters
     ----------
     stream : text stream; standard error when None
-    rewritten : whether a line can be rewritten there: on a terminal, which is found out when None, and in a notebook
     rank : this process's rank, evaluated when something is to be shown; ranks other than 0 are silent
     """
 
-    def __init__(
-        self, stream: TextIO | None = None, rewritten: bool | None = None, rank: Callable[[], int] = lambda: 0
-    ):
+    def __init__(self, stream: TextIO | None = None, rank: Callable[[], int] = lambda: 0):
         self.stream = sys.stderr if stream is None else stream
         self._terminal = self.stream.isatty()
-        self._rewritten = self._terminal if rewritten is None else rewritten
-        self._rank, self._written = rank, 0
+        self._rank, self._written = rank, False
         self._changed = Condition()
         self._active: list[Stage] = []
         self._next: dict[Stage, float] = {}
@@ -68,7 +63,7 @@ class StageLines:
         with self._changed:
             while self._active:
                 self._changed.wait(_REWRITTEN_EVERY)
-                if self._rewritten:
+                if self._terminal:
                     self._rewrite()
                     continue
                 for stage in self._active:
@@ -81,18 +76,14 @@ class StageLines:
         shown = [lasting(stage) for stage in self._active if stage.elapsed() >= FIRST_SIGN]
         if shown:
             self._wipe()
-            columns = shutil.get_terminal_size().columns - 1 if self._terminal else _NOTEBOOK_COLUMNS
-            text = " | ".join(shown)[: max(columns, 1)]
-            self._write(text)
-            self._written = len(text)
+            self._write(" | ".join(shown)[: max(shutil.get_terminal_size().columns - 1, 1)])
+            self._written = True
 
     def _wipe(self) -> None:
-        """Clears what was written last: on a terminal the whole line, since a level's bar may stand in it."""
+        """Clears a terminal's line, in which a level's bar may stand, too."""
         if self._terminal:
             self._write(_ERASED_LINE)
-        elif self._written:
-            self._write("\r" + " " * self._written + "\r")
-        self._written = 0
+        self._written = False
 
     def _write(self, text: str) -> None:
         if self._rank() == 0:

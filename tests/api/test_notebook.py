@@ -13,7 +13,7 @@ from nbclient import NotebookClient
 from PIL import Image
 
 import pdvol
-from pdvol.runs.progress import in_notebook
+from pdvol.runs.notebook_text import in_notebook
 
 NOTEBOOK = Path(__file__).resolve().parents[2] / "demos" / "notebook.ipynb"
 
@@ -31,16 +31,50 @@ def pictures(cell) -> list[np.ndarray]:
     return [np.asarray(Image.open(io.BytesIO(base64.b64decode(data)))) for data in found]
 
 
-@pytest.mark.slow  # a whole demo
-def test_the_notebook_shows_progress_and_pictures(tmp_path, monkeypatch):
+def executed(notebook, tmp_path, monkeypatch):
+    """The notebook with its outputs, as a client saves them."""
     # The kernel that ipykernel installs beside this Python, whatever the user has registered; and no files at home.
     for name in ("JUPYTER_PATH", "JUPYTER_DATA_DIR", "JUPYTER_RUNTIME_DIR", "IPYTHONDIR", "JUPYTER_CONFIG_DIR"):
         monkeypatch.setenv(name, str(tmp_path / name.lower()))
     monkeypatch.setenv("JUPYTER_PATH", str(Path(sys.prefix) / "share" / "jupyter"))
+    NotebookClient(notebook, timeout=300, kernel_name="python3", resources={"metadata": {"path": tmp_path}}).execute()
+    return notebook
+
+
+def test_a_saved_notebook_keeps_the_last_state_of_progress(tmp_path, monkeypatch):
+    """A hundred updates of two bars, and stages that a thread of their own shows, leave one output of three lines."""
+    source = """
+import time
+from pdvol.runs import stage_lines
+from pdvol.runs.notebook_text import progress_stream
+from pdvol.runs.progress import Progress
+from pdvol.stages import reported_to, stage
+stage_lines.FIRST_SIGN, stage_lines._REWRITTEN_EVERY = 0.05, 0.02
+stage_lines.SHOWN_SECONDS = 0.2
+stream = progress_stream()
+with reported_to(stage_lines.StageLines(stream)):
+    with stage("meshing"):
+        time.sleep(0.4)
+    for level in range(2):
+        bar = Progress(level, 100, stream)
+        for step in range(100):
+            bar.step({"step": step + 1})
+            time.sleep(0.003)
+        bar.close()
+"""
+    notebook = executed(nbformat.v4.new_notebook(cells=[nbformat.v4.new_code_cell(source)]), tmp_path, monkeypatch)
+    (output,) = notebook.cells[0].outputs
+    lines = output["data"]["text/plain"].splitlines()
+    assert len(lines) == 3 and lines[0].startswith("meshing: 0.") and all("100/100" in line for line in lines[1:])
+
+
+@pytest.mark.slow  # a whole demo
+def test_the_notebook_shows_progress_and_pictures(tmp_path, monkeypatch):
     notebook = nbformat.read(NOTEBOOK, as_version=4)
     nbformat.validate(notebook)
-    NotebookClient(notebook, timeout=300, kernel_name="python3", resources={"metadata": {"path": tmp_path}}).execute()
+    executed(notebook, tmp_path, monkeypatch)
     cells = [cell for cell in notebook.cells if cell.cell_type == "code"]
+    assert all(len(cell.outputs) <= 2 and texts(cell).count("\n") < 12 for cell in cells), "no line for each update"
     drawn = [cell for cell in cells if pictures(cell)]
     assert len(drawn) == 2
     assert "level 0" in texts(drawn[0]) and "12/12" in texts(drawn[0]) and "level 1" not in texts(drawn[0])

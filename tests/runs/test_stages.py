@@ -144,18 +144,6 @@ def test_a_terminal_shows_a_line_that_is_rewritten_and_cleared(monkeypatch):
     assert shown[-1] == "" and "instantaneous" not in terminal.getvalue() and "\n" not in terminal.getvalue()
 
 
-def test_a_notebook_rewrites_its_line_with_blanks(monkeypatch):
-    monkeypatch.setattr(stage_lines, "FIRST_SIGN", 0.05)
-    monkeypatch.setattr(stage_lines, "_REWRITTEN_EVERY", 0.03)
-    monkeypatch.setattr(stage_lines, "SHOWN_SECONDS", 0.1)
-    cell = io.StringIO()
-    with reported_to(StageLines(cell, rewritten=True)), stage("meshing"):
-        time.sleep(0.2)
-    line = "meshing, 0 s"
-    assert cell.getvalue().startswith(line + "\r" + " " * len(line) + "\r") and "\x1b" not in cell.getvalue()
-    assert cell.getvalue().endswith("\rmeshing: 0.2 s\n") or cell.getvalue().endswith("\rmeshing: 0.3 s\n")
-
-
 def test_other_ranks_are_silent_and_the_watching_thread_ends(monkeypatch):
     monkeypatch.setattr(stage_lines, "SHOWN_SECONDS", 0.0)
     log = io.StringIO()

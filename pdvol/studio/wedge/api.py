@@ -13,6 +13,7 @@ from tqdm import tqdm
 
 from pdvol.errors import InputError, PdvolError
 from pdvol.runs.api import run
+from pdvol.runs.notebook_text import progress_stream
 from pdvol.runs.runner import refine_run
 from pdvol.runs.scene_file import load_shot
 from pdvol.scene import Scene
@@ -115,7 +116,8 @@ def _run_here(
 ) -> list[dict[str, Any]]:
     """Variations of a scene in memory, which no other process can load."""
     entries = []
-    for number, variation in enumerate(tqdm(variations, desc="wedge", unit="run", disable=not progress)):
+    shown = tqdm(variations, desc="wedge", unit="run", file=progress_stream()) if progress else variations
+    for number, variation in enumerate(shown):
         entry, where = new_entry(number, variation), folder / "runs" / variation.name
         try:
             run(scene(**dict(variation.changes)), where, levels=0, steps=steps, resume=where.exists())

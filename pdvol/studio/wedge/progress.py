@@ -1,11 +1,11 @@
 """How far a wedge is: one bar on a terminal, a line per ended run anywhere else; both in wedge.log."""
 
-import sys
 from pathlib import Path
 from typing import Any, TextIO
 
 from tqdm import tqdm
 
+from pdvol.runs.notebook_text import progress_stream
 from pdvol.studio.variations.jobs import Outcome
 
 BEST_DIGITS = 4  # of the best score so far
@@ -19,14 +19,14 @@ class WedgeProgress:
     total : runs
     log : file to which the lines are added
     best_of : text of the score whose largest value is shown; none when empty
-    stream : standard error when None
+    stream : `progress_stream()` when None
     """
 
     def __init__(self, total: int, log: Path, best_of: str = "", stream: TextIO | None = None):
         self.total, self.done, self.best_of = total, 0, best_of
         self.best: tuple[float, int] | None = None
         self.failed = 0
-        self._log, self._stream = log, sys.stderr if stream is None else stream
+        self._log, self._stream = log, progress_stream() if stream is None else stream
         self._bar: tqdm | None = None
         if self._stream.isatty():
             self._bar = tqdm(total=total, desc="wedge", unit="run", file=self._stream, dynamic_ncols=True)
