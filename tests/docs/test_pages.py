@@ -133,6 +133,9 @@ def test_commands_on_pages_are_parsed():
             pytest.fail(f"{ids(page)}: pdvol {' '.join(words)}")
 
 
+PROGRAMS = ("pdvol", "pytest", "python", "pip", "jupyter", "bash", "ruff", "mypy", "codespell", "env", "docs")
+
+
 def test_run_lines_on_pages_name_what_is_there():
     """Each `./run ...` line begins with a program of the environment, and files of the repository exist."""
     for page in PAGES:
@@ -142,10 +145,7 @@ def test_run_lines_on_pages_name_what_is_there():
                     continue
                 words = found[1].split()
                 words = words[3:] if words[0] == "mpirun" else words
-                assert words[0] in ("pdvol", "pytest", "python", "bash", "ruff", "mypy", "codespell", "env", "docs"), (
-                    page,
-                    line,
-                )
+                assert words[0] in PROGRAMS, (page, line)
                 for word in words:
                     assert not word.startswith(("demos/", "tests/", "benchmarks/")) or (ROOT / word).exists(), (
                         page,
