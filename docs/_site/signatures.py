@@ -2,8 +2,8 @@
 
 ./run python docs/_site/signatures.py    # writes docs/api anew; the tests compare
 
-Before each block of directives stands a list with the call of each name and the first sentence of its docstring. Default
-values that are functions or objects are three dots.
+Before each block of directives stands a list with the call of each name and the first sentence of its docstring.
+Default values that are functions or objects are three dots.
 """
 
 import importlib
