@@ -143,10 +143,19 @@ def supported_points(
             f"a support holds no vertex of level {level}; widen its `where` so that the coarsest level has some"
         )
     motion = motion_of(support.motion, start[held], support_label(support, level))
-    for number in np.unique(np.linspace(0, scene.steps, MOTION_SAMPLES).astype(int)):
-        if number == 0 or support.holds((number - 1) * scene.dt, scene.dt):
-            moved(motion, start[held], number * scene.dt, "a support")
+    for time in motion_times(scene, support):
+        moved(motion, start[held], time, "a support")
     return held, motion
+
+
+def motion_times(scene: Scene, support: Support | None = None) -> list[float]:
+    """Times [s] of a scene at which its motions are tried; of a support's, while it holds."""
+    numbers = np.unique(np.linspace(0, scene.steps, MOTION_SAMPLES).astype(int))
+    return [
+        float(number * scene.dt)
+        for number in numbers
+        if number == 0 or support is None or support.holds((number - 1) * scene.dt, scene.dt)
+    ]
 
 
 def support_label(support: Support, level: int) -> str:
@@ -172,19 +181,25 @@ def check_fields(scene: Scene, mesh: LevelMesh, level: int) -> None:
         supported_points(scene, support, mesh, level, start)
 
 
-def _check_load(scene: Scene, load: Load, mesh: LevelMesh, level: int) -> None:
-    kind = type(load).__name__
+def check_load_in_time(scene: Scene, load: Load, points: np.ndarray) -> None:
+    """Raise InputError unless what a load is in time fits points (n, d) [m], at the start and at the end of a scene."""
+    dim = points.shape[1]
     for time in (0.0, scene.dt, scene.dt * scene.steps):
         if isinstance(load, Flow):
-            load.at(mesh.points, time)
+            load.at(points, time)
         elif isinstance(load, Pressure):
             load.at(time)
         elif isinstance(load, Gravity):
-            at_time("gravity", load.acceleration, time, mesh.dim)
+            at_time("gravity", load.acceleration, time, dim)
         elif isinstance(load, Impulse):
-            at_time("Impulse.velocity", load.velocity, time, mesh.dim)
+            at_time("Impulse.velocity", load.velocity, time, dim)
         else:
-            at_time(f"{kind}.force", load.force, time, mesh.dim)
+            at_time(f"{type(load).__name__}.force", load.force, time, dim)
+
+
+def _check_load(scene: Scene, load: Load, mesh: LevelMesh, level: int) -> None:
+    kind = type(load).__name__
+    check_load_in_time(scene, load, mesh.points)
     if isinstance(load, Gravity):
         return
     held = chosen_points(scene, load, mesh)

@@ -26,6 +26,7 @@ from pdvol.levels.level_check import level_defects, level_notes
 from pdvol.levels.materials import cell_materials
 from pdvol.levels.model import level_model
 from pdvol.levels.obstacles import placed_obstacles
+from pdvol.levels.rehearsal import call_functions
 from pdvol.levels.scene_fields import initial_velocity, scene_diagonal
 from pdvol.levels.separation import build_apart
 from pdvol.levels.space import LevelSpace
@@ -83,6 +84,7 @@ def check_scene(scene: Scene, seconds: float = 3.0, out: Path | None = None) -> 
         check_options(scene.solver)
         result["modelled"] = modelled_terms(scene)
         obstacles = placed_obstacles(scene.obstacles)
+        call_functions(scene, obstacles)
         with cpu_budget(vertices_asked(scene)):
             result["notes"] += [f"note: {line}" for line in shape_notes(scene)]
             meshes = _build_levels(scene, obstacles, result["notes"])

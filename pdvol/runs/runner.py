@@ -16,6 +16,7 @@ from pdvol.levels.hierarchy import Hierarchy
 from pdvol.levels.level_check import level_defects
 from pdvol.levels.model import hierarchy_model
 from pdvol.levels.obstacles import Geometry, placed_obstacles, read_geometry, stored_obstacles
+from pdvol.levels.rehearsal import call_functions
 from pdvol.levels.scene_fields import initial_velocity, scene_diagonal, way_up
 from pdvol.levels.script import Obstacle
 from pdvol.levels.separation import build_apart
@@ -217,6 +218,7 @@ def prepared_levels(
     meshes = stored
     mended: list[str] = []
     if len(stored) <= last:
+        call_functions(scene, obstacles)
         built, mended = build_apart(scene, last + 1, obstacles)
         meshes = [*stored, *built[len(stored) :]]
     diagonal = scene_diagonal(scene) if diagonal is None else diagonal
