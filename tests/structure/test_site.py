@@ -52,6 +52,21 @@ def test_the_reference_has_signatures_in_the_repository(page):
         assert re.search(rf"^- `{path}[`(]", text, re.MULTILINE)
 
 
+@pytest.mark.parametrize(
+    ("page", "how_to", "measured"),
+    [
+        ("methods", "Which one to take", "## What was found"),
+        ("methods", "## Drift feedback", "## What is measured"),
+        ("study", "## Settings for an accuracy", "## What is measured"),
+        ("wedge", "## From Python", "On two cores"),
+        ("benchmarks", "Near the ends of these ranges", "a cube cannot carry itself, and steps"),
+    ],
+)
+def test_pages_say_what_to_do_before_what_was_measured(page, how_to, measured):
+    text = (DOCS / f"{page}.md").read_text()
+    assert 0 < text.find(how_to) < text.index(measured)
+
+
 def parameters(thing: object) -> list[str]:
     """Names of a function's or a class's parameters; none of a protocol, for which Python shows any."""
     is_protocol = inspect.isclass(thing) and getattr(thing.__init__, "__module__", "") == "typing"
