@@ -206,6 +206,32 @@ def test_failures_take_every_remedy_once(space):
     assert tried == ["iterative"] + ["direct"] * len(MUMPS_WORKSPACES)
 
 
+def test_an_error_of_mumps_is_a_failed_solve(space):
+    """A random scene met it: error 76 after a factorisation that had failed, with a traceback."""
+    system, _ = systems(space)
+    made = solver(space, system, linear="direct")
+
+    class Broken:
+        """A KSP whose solves raise."""
+
+        def __init__(self, ksp, code):
+            self.ksp, self.code = ksp, code
+
+        def __getattr__(self, name):
+            return getattr(self.ksp, name)
+
+        def solve(self, *_):
+            raise PETSc.Error(self.code)
+
+    inner, right = made._inner, space.create_vector()
+    made._inner = Broken(inner, 76)
+    with pytest.raises(SimulationError, match="linear solve failed"):
+        made.solve(right, right.duplicate())
+    made._inner = Broken(inner, 62)  # wrong arguments are a mistake of pdvol
+    with pytest.raises(PETSc.Error):
+        made.solve(right, right.duplicate())
+
+
 @pytest.mark.parametrize("method", ["iterative", "multilevel"])
 def test_every_method_reports_an_indefinite_matrix(space, method):
     """One vertex has a negative mass. A direct factor then has negative pivots, and otherwise it has none."""

@@ -27,6 +27,7 @@ LAYOUT = {
     *("MAX_PARAMETERS", "MAX_ISOTROPIC_PARAMETERS"),  # the same, for users' densities
     *("TRANSPOSED", "ELSEWHERE", "FILTERS"),  # codes of places and modes
     *("NO_MEMORY", "CONVERGED", "TOO_MANY", "INDEFINITE_PRECONDITIONER", "NOT_A_NUMBER", "INDEFINITE_MATRIX"),
+    "LIBRARY_ERROR",  # PETSc's, as those before
     "KERNEL_ARGUMENTS",  # of dolfinx's version
 }
 """Numbers that are no constants of the method: how memory is laid out, and codes. No result depends on them."""

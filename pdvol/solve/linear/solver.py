@@ -38,6 +38,7 @@ MUMPS_WORKSPACES = (100, 400, 1600)
 # elements leaves it out: they have 2.5 times the blocks of linear ones, and a factor takes 10 times as long; without
 # weak blocks half of them are left, a factor takes a fifth of the time, and a solve 7 iterations instead of 6.
 WEAK = 0.03
+LIBRARY_ERROR = 76  # PETSC_ERR_LIB, without a unit: PETSc's code for an error of a library that it calls
 _serial = count()
 _Reasons = PETSc.KSP.ConvergedReason
 
@@ -163,7 +164,13 @@ class LinearSolver:
         """
         if self._by_petsc:
             self._inner.setOperators(self._system.petsc)
-            self._inner.solve(right, solution)
+            try:
+                self._inner.solve(right, solution)
+            except PETSc.Error as error:  # MUMPS was called once more after a factorisation that had failed
+                if error.ierr != LIBRARY_ERROR:
+                    raise
+                self._inner.reset()
+                return _Reasons.DIVERGED_PCSETUP_FAILED, 0
             return self._inner.getConvergedReason(), self._inner.getIterationNumber()
         self._prepare()
         if not self._is_definite:
