@@ -33,7 +33,7 @@ NEAR_BIHARMONIC = 1e-4
 SLAB = (
     1e-3  # m: a slab's barrier has half a plane's stiffness (docs/contact.md), so bodies stand lower by parts of dhat
 )
-SMOOTH = 60  # Newton iterations of a step on its way to one minimum, at most
+SMOOTH = 30  # Newton iterations of a step on its way to one minimum, at most
 
 
 # ---- runs
