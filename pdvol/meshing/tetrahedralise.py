@@ -115,8 +115,10 @@ def tetrahedralise(
         try:
             return _merged(
                 [
-                    tetrahedralise(part, fraction, name, keep_boundary, volume * m[0] / own)
-                    for part, fraction, m in zip(parts, fractions, measures, strict=True)
+                    tetrahedralise(
+                        part, fraction, f"{name}, part {k} of {len(parts)}", keep_boundary, volume * m[0] / own
+                    )
+                    for k, (part, fraction, m) in enumerate(zip(parts, fractions, measures, strict=True), 1)
                 ]
             )
         except UnreachableCount as error:

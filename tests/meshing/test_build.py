@@ -199,15 +199,34 @@ def test_parts_that_need_more_vertices_speak_of_the_whole_body(monkeypatch):
     surface = Surface(points, np.vstack([part.triangles + k * n for k, part in enumerate(parts)]).astype(np.int32))
 
     def one(unit, target, name, keep_boundary, volume):
+        if target < 150:
+            raise MeshError(f"{name}: no valid mesh of about {target} vertices came out")
         if target < 200:
             raise UnreachableCount(f"{name}: {target} vertices cannot be had", target, 200)
         return SizedMesh(*TETRAHEDRON, 1.0)
 
     monkeypatch.setattr(tetrahedra, "_unit_mesh", one)
-    with pytest.raises(UnreachableCount, match="x: 300 vertices cannot be had for its 8 parts") as caught:
-        tetrahedra.tetrahedralise(surface, 300, "x")
+    with pytest.raises(UnreachableCount, match="x: 1280 vertices cannot be had for its 8 parts") as caught:
+        tetrahedra.tetrahedralise(surface, 1280, "x")
     assert 8 * 180 < caught.value.closest < 8 * 230
+    with pytest.raises(MeshError, match="x, part 1 of 8: no valid mesh of about"):
+        tetrahedra.tetrahedralise(surface, 300, "x")
     assert len(tetrahedra.tetrahedralise(surface, caught.value.closest + 80, "x").points) == 8 * 4
+
+
+@pytest.mark.slow
+def test_the_advice_for_a_thin_ring_works(tmp_path):
+    """By the mesher itself."""
+    ring = meshes.torus(1.0, 0.015, 200, 12)
+
+    def levels(count):
+        body = Body(ring, NeoHookean(1e5), (count, 5000), name="ring")
+        return build_levels(Scene((body,), dt=0.01, steps=0), 1, tmp_path)
+
+    with pytest.raises(MeshError, match=r"ask for about \d+ instead") as caught:
+        levels(60)
+    (coarse,) = levels(int(re.findall(r"about (\d+)", str(caught.value))[-1]))
+    assert len(coarse.points) > 60
 
 
 def test_obstacles():
