@@ -7,8 +7,9 @@ import re
 import sys
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from importlib.machinery import SOURCE_SUFFIXES, SourceFileLoader
 from pathlib import Path
-from types import ModuleType
+from types import CodeType, ModuleType
 from typing import Any
 
 from pdvol.errors import InputError, PdvolError
@@ -187,6 +188,15 @@ def _names(make: Callable[..., Scene]) -> tuple[list[str], set[str], bool]:
     return list(parameters), SETTINGS.keys() - set(parameters), anything
 
 
+class _Compiled(SourceFileLoader):
+    """Compiles a file each time, without Python's cache: that takes an edit of the same length within a second for
+    none, and would lie beside the user's file.
+    """
+
+    def get_code(self, fullname: str) -> CodeType:
+        return self.source_to_code(self.get_data(self.path), self.path)
+
+
 def load_module(file: Path) -> ModuleType:
     """A scene file, or another Python file of the user's, as a module; InputError where it cannot be read.
 
@@ -194,9 +204,11 @@ def load_module(file: Path) -> ModuleType:
     """
     if not file.is_file():
         raise InputError(f"there is no scene file {file}")
-    spec = importlib.util.spec_from_file_location(f"pdvol_scene_{file.stem}", file)
-    if spec is None or spec.loader is None:
+    if file.suffix not in SOURCE_SUFFIXES:
         raise InputError(f"{file} is not a Python file; a scene file defines scene(**parameters)")
+    name = f"pdvol_scene_{file.stem}"
+    spec = importlib.util.spec_from_file_location(name, file, loader=_Compiled(name, str(file)))
+    assert spec is not None and spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     folder = str(file.resolve().parent)
     if folder not in sys.path:
