@@ -204,11 +204,10 @@ def load_module(file: Path) -> ModuleType:
     """
     if not file.is_file():
         raise InputError(f"there is no scene file {file}")
-    if file.suffix not in SOURCE_SUFFIXES:
-        raise InputError(f"{file} is not a Python file; a scene file defines scene(**parameters)")
     name = f"pdvol_scene_{file.stem}"
     spec = importlib.util.spec_from_file_location(name, file, loader=_Compiled(name, str(file)))
-    assert spec is not None and spec.loader is not None
+    if file.suffix not in SOURCE_SUFFIXES or spec is None or spec.loader is None:
+        raise InputError(f"{file} is not a Python file; a scene file defines scene(**parameters)")
     module = importlib.util.module_from_spec(spec)
     folder = str(file.resolve().parent)
     if folder not in sys.path:
