@@ -38,7 +38,6 @@ from pdvol import (
     Translation,
 )
 from pdvol.meshes import Outline
-from pdvol.scene.materials import Material as AnyMaterial
 
 
 @dataclass(frozen=True)
@@ -197,7 +196,7 @@ def _(body: Body, frame):
     )
 
 
-@put.register(AnyMaterial)
+@put.register
 def _(material: Material, frame):
     return replace(
         material,

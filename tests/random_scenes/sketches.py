@@ -1,4 +1,4 @@
-"""Scenes that nobody thought of: a Hypothesis strategy over all that a scene may have, in small."""
+"""A Hypothesis strategy for small scenes, which combines all features that a scene may have."""
 
 import numpy as np
 from hypothesis import strategies as st
