@@ -29,7 +29,7 @@ import numpy as np
 
 from pdvol.geometry.rigid_motions import Pose
 from pdvol.levels.model import LevelModel
-from pdvol.levels.script import HeldPoints, Mover, Obstacle, Script
+from pdvol.levels.script import ON_TIME, HeldPoints, Mover, Obstacle, Script
 from pdvol.levels.space import LevelSpace
 from pdvol.potentials.potential import SCRIPTED_GAP_SHARE, Positions
 from pdvol.solve.incremental_potential import IncrementalPotential
@@ -336,12 +336,13 @@ class MotionParts:
         less than `least` [s].
         """
         clock, fraction, until = self.motion.clock, 1.0, t1
-        while True:  # paths shrink, to `least` or to round-off of the clock
+        shortest = max(least, ON_TIME * (t1 - clock))
+        while True:  # each path is a tenth shorter or more, down to the shortest
             path = self.motion.path(x, until, fraction * direction, carried)
             free = self.potential.max_step(x, path, until=until, gap_share=SCRIPTED_GAP_SHARE)
             if free == 1.0:
                 return until, x.moved(1.0, path)
             fraction *= PATH_SHARE * free
             until = clock + fraction * (t1 - clock)
-            if until - clock <= least:
+            if until - clock <= shortest:
                 return clock, None
