@@ -9,8 +9,8 @@ from dataclasses import fields
 
 import numpy as np
 
-from pdvol.levels.obstacles import Obstacle
 from pdvol.levels.scene_fields import check_load_in_time, motion_times, support_label
+from pdvol.levels.script import Obstacle
 from pdvol.meshes import Outline
 from pdvol.meshing.readers import read_shape
 from pdvol.scene import Body, Flow, Keyed, PointCache, Posed, Scene, TakeOver, moved

@@ -21,12 +21,12 @@ from pdvol.errors import InputError, IntersectionError, SimulationError
 from pdvol.geometry.level_mesh import LevelMesh
 from pdvol.integrate.marches import Start, direct
 from pdvol.integrate.stepper import Stepper
+from pdvol.levels.function_check import call_functions
 from pdvol.levels.initial_state import Defect, buried, smallest_gap
 from pdvol.levels.level_check import level_defects, level_notes
 from pdvol.levels.materials import cell_materials
 from pdvol.levels.model import level_model
 from pdvol.levels.obstacles import placed_obstacles
-from pdvol.levels.rehearsal import call_functions
 from pdvol.levels.scene_fields import initial_velocity, scene_diagonal
 from pdvol.levels.separation import build_apart
 from pdvol.levels.space import LevelSpace

@@ -12,11 +12,11 @@ from threadpoolctl import threadpool_limits
 
 from pdvol.errors import InputError
 from pdvol.geometry.level_mesh import LevelMesh
+from pdvol.levels.function_check import call_functions
 from pdvol.levels.hierarchy import Hierarchy
 from pdvol.levels.level_check import level_defects
 from pdvol.levels.model import hierarchy_model
 from pdvol.levels.obstacles import Geometry, placed_obstacles, read_geometry, stored_obstacles
-from pdvol.levels.rehearsal import call_functions
 from pdvol.levels.scene_fields import initial_velocity, scene_diagonal, way_up
 from pdvol.levels.script import Obstacle
 from pdvol.levels.separation import build_apart
