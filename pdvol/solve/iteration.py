@@ -30,7 +30,7 @@ from pdvol.potentials.potential import Positions
 Sum = Callable[[np.ndarray], np.ndarray]
 """Sums an array over all ranks."""
 
-TRUSTED = 0.5  # fraction of what a model has of decrease or stiffness: with less it overshoots, or falls short
+TRUSTED = 0.5  # fraction of the decrease that a model promised, and of its stiffness: below it the model is too far off
 TOO_STIFF = 1.25  # times the promised decrease: a model that delivers more is too stiff
 
 # cosine between consecutive steps: from it on the second repeats the first; the rest is the least stiffness, of the

@@ -14,9 +14,8 @@ GROUND = "#e6e1d8"  # half-spaces
 OBSTACLE = "#c9ccd2"  # rigid obstacles
 PALETTE = ("#f08a67", "#56a3b5", "#f0bd4f", "#8f80c4", "#7fb685", "#e48fb0", "#6b8fc7", "#b98b6a")  # bodies, levels
 SMOOTH_FROM = 1500  # facets of a body: with fewer, single facets are shown, so that a coarse level looks coarse
-CREASE_ANGLE = (
-    50.0  # degrees between the normals of two facets; sharper edges are creases, as those of a cube or a stair
-)
+# degrees between the normals of two facets: sharper edges are creases, as those of a cube or a stair
+CREASE_ANGLE = 50.0
 
 
 def linear_colour(code: str) -> tuple[float, float, float]:

@@ -18,9 +18,8 @@ import numpy as np
 
 RARE = 0.1  # fraction of a body's samples that may lie beyond each side of its usual box: short absences do not count
 FEW = 0.25  # fraction of the bodies that may lie beyond each side of the core; one of fewer than four is more than that
-MOST_ROOM = (
-    2.5  # times the longest side of what is framed: the others stay large enough beside a body that goes that far
-)
+# times the longest side of what is framed: the others stay large enough beside a body that goes that far
+MOST_ROOM = 2.5
 CORE_REACH = 1.5  # longest sides of the core: a row of equal distances is within, and most bodies' falls are
 OBSTACLE_REACH = 0.3  # fraction of the bodies' diagonal within which obstacles count: a floor mesh may be far larger
 LARGEST_WHOLE = 2.0  # the bodies' diagonals: an obstacle up to this size is framed whole

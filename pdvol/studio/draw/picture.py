@@ -129,7 +129,9 @@ def render(
     with stage(f"drawing {path.name}"):
         cameras = cameras_of_run(run, shown, moments, drawn, turn, seen, turntable, aspect)
         through = hiding_obstacles(shown[-1], drawn, moments, cameras) if turntable else frozenset()
-        with Renderer(run, cameras[0], width, drawn, 3, render_meshes, seen.cut, through) as renderer:
+        with Renderer(
+            run, cameras[0], width, drawn, render_meshes=render_meshes, cut=seen.cut, seen_through=through
+        ) as renderer:
             cells = [
                 [renderer.picture(level, step, camera) for step, camera in zip(moments, cameras, strict=True)]
                 for level in shown

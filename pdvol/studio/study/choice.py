@@ -63,7 +63,7 @@ def choice_notes(folder: Path, point: Mapping[str, Any]) -> list[str]:
     spread, own = study["spread"] or {}, study["reference"]["error"]
     notes = []
     if not point["errors"]["story"]:
-        notes.append("note: no settings of that time tell the reference's story: a body rests elsewhere with these")
+        notes.append("note: no settings within that time end as the reference does: a body rests elsewhere with these")
     if point.get("within_own_error"):
         known = "is not known" if own is None else f"is about {length(own)}"
         notes.append(f"note: that is the distance from the study's reference, whose own error {known}")
