@@ -155,6 +155,14 @@ def test_run_lines_on_pages_name_what_is_there():
                     assert program(words[2]), (page, line)
 
 
+def test_a_page_says_how_to_open_each_notebook():
+    """By one command; what it needs is installed by another one before it."""
+    code = "\n".join(block.code for page in PAGES for block in pages.blocks(page))
+    for notebook in sorted((ROOT / "demos").rglob("*.ipynb")):
+        opened = f"./run jupyter lab {notebook.relative_to(ROOT)}"
+        assert 0 <= code.find("./run pip install jupyterlab") < code.find(opened), notebook
+
+
 def program(module: str) -> bool:
     """Whether `python -m MODULE` has something to run."""
     path = ROOT / module.replace(".", "/")
