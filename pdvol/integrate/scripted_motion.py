@@ -116,8 +116,9 @@ class ScriptedMotion:
 
     @property
     def moves_supports(self) -> bool:
-        """Whether supports are."""
-        return self._ground_moves or any(not isinstance(mover, Obstacle) for mover in self.going())
+        """Whether supports are; moving ground takes all of them along."""
+        going = any(not isinstance(mover, Obstacle) for mover in self.going())
+        return going or (self._ground_moves and bool(self._active()))
 
     @property
     def moves_obstacles(self) -> bool:

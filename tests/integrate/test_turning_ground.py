@@ -91,3 +91,16 @@ def test_a_step_rests_after_a_motion_has_ended(kind):
     where, last = centres(scene, mesh, geometry, 40)
     assert where[-1, 0] - where[0, 0] == pytest.approx(0.01, abs=2e-3)
     assert last.reason == "AT_REST"
+
+
+@pytest.mark.parametrize("kind", ["plane", "slab"])
+def test_ground_that_rises_into_a_block_carries_it_at_once(kind):
+    """The floor turns upwards by several dhat a step. No support is held, so no solve in parts is needed."""
+    floor, geometry = ground(2, kind, Rotation(2.0, (-1.0, 0.0)), 0.0)
+    scene = make_scene(
+        (STIFF,), dt=0.01, obstacles=(floor,), contact=(Barrier(dhat=DHAT), Friction(0.5, eps_v=5e-3)), solver=SOLVER
+    )
+    mesh = block((0.0, 2.0 * DHAT), (0.3, 0.3), 1)
+    reports = list(march(make_stepper(scene, mesh, geometry), 4))
+    assert [report.remedies["substeps"] for report in reports] == [0, 0, 0, 0]
+    assert all(report.newton_iterations <= 15 and report.cuts == 0 for report in reports)
