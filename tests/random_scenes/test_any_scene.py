@@ -30,9 +30,10 @@ from pdvol.scene import rotation_matrix
 NEAR = 1e-6  # m: scenes are solved to about 1e-9, and what follows amplifies round-off
 # m: biharmonic weights depend on the order of unknowns by about 1e-6
 NEAR_BIHARMONIC = 1e-4
-SLAB = (
-    1e-3  # m: a slab's barrier has half a plane's stiffness (docs/contact.md), so bodies stand lower by parts of dhat
-)
+THIN = 1e-4  # m: dhat where two kinds of barrier are compared
+# m: ten dhat. A slab's barrier has half a plane's stiffness (docs/contact.md): bodies stand lower by parts of dhat, and
+# the motions of bodies that were thrown part by parts of dhat a step (measured: 0.3).
+SLAB = 10.0 * THIN
 # m: a fine vertex outside that is nearest to a coarse vertex is bound to one of its cells by their numbers (measured:
 # 2e-6)
 NEAR_TIED = 1e-4
@@ -236,7 +237,7 @@ def slab_for_plane(scene: Scene, how: dict, base: Path, seed: int) -> None:
         scene,
         bodies=tuple(replace(body, velocity=(), spin=()) for body in scene.bodies),
         loads=(Gravity(tuple(-9.81 * up)),),
-        contact=(Barrier(1e-3), Friction(0.5, 0.01)),  # nothing touches at first
+        contact=(Barrier(THIN), Friction(0.5, 0.01)),  # nothing touches at first
         dt=0.005,
         steps=12,
     )
