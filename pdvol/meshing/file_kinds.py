@@ -69,12 +69,11 @@ def check_kind(path: Path) -> None:
             f"{path}: {KINDS[kind]} file under the name of {KINDS[suffix]} one; rename it to {path.stem}{kind}"
         )
     if suffix == ".stl" and kind != ".stl" and size >= 84:
-        promised = int.from_bytes(start[80:84], "little")
-        if 84 + 50 * promised > size:
-            raise MeshError(
-                f"{path}: truncated or unreadable, it promises {promised:,} triangles and holds {(size - 84) // 50:,};"
-                " export the mesh again"
-            )
+        promised, rest = int.from_bytes(start[80:84], "little"), size - 84
+        raise MeshError(
+            f"{path}: truncated or unreadable, it promises {promised:,} triangles and holds {rest // 50:,}"
+            f"{f' and {rest % 50} bytes' if rest % 50 else ''}; export the mesh again"
+        )
     if suffix == ".ply" and b"end_header" not in start:
         raise MeshError(f"{path}: unreadable or truncated (its header has no end); export the mesh again")
     for count in _negative_counts(path, suffix):

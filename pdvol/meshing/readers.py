@@ -92,7 +92,6 @@ def read_with_notes(shape: str | Path | Outline | Surface | Solid) -> tuple[Outl
         raise InputError(f"{path}: cannot be opened ({error.strerror}); check its permissions") from error
     if not start:
         raise MeshError(f"{path}: the file is empty; export the mesh again")
-    check_kind(path)
     if suffix not in (
         ".obj",
         *PAIR,
@@ -102,6 +101,7 @@ def read_with_notes(shape: str | Path | Outline | Surface | Solid) -> tuple[Outl
     if start == BYTE_ORDER_MARK and suffix in MARK_IN_THE_WAY:
         read = _read_without_mark(path, reader)
     else:
+        check_kind(path)
         read = read_in_child_process(path, reader)
     check_budget(str(path))
     points = np.ascontiguousarray(read["points"], dtype=np.float64)

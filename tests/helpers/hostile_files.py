@@ -101,7 +101,8 @@ WRONG: dict[str, tuple[bytes, str]] = {
     # Files that are something else than they seem.
     "utf16.obj": (obj(*shifted(CUBE, 0.0)).decode().encode("utf-16"), "UTF-16"),
     "utf16_without_mark.off": (off(*shifted(CUBE, 0.0)).decode().encode("utf-16-le"), "UTF-16"),
-    "truncated.stl": (stl(BALL)[:2000], "promises 320 triangles and holds 38"),
+    "truncated.stl": (stl(BALL)[:2000], "promises 320 triangles and holds 38 and"),
+    "longer.stl": (stl(BALL) + b"\r\n", "promises 320 triangles and holds 320 and 2 bytes"),
     "negative.off": (b"OFF\n-8 12 0\n", "negative count"),
     "negative.ply": (b"ply\nformat ascii 1.0\nelement vertex -8\nend_header\n", "negative count"),
     "negative.vtk": (

@@ -74,6 +74,10 @@ def test_a_byte_order_mark_is_skipped(tmp_path, suffix):
     np.testing.assert_array_equal(marked.vertices, plain.vertices)
     name = "triangles" if suffix in SURFACES else "cells"
     np.testing.assert_array_equal(getattr(marked, name), getattr(plain, name))
+    if suffix == ".stl":
+        meshio.Mesh(plain.vertices, [("triangle", plain.triangles)]).write(path, binary=True)
+        path.write_bytes(b"\xef\xbb\xbf" + path.read_bytes())
+        assert len(read_shape(path).triangles) == len(plain.triangles)
     if suffix in (".off", ".ply", ".msh", ".vtu"):
         path.write_bytes(path.read_bytes()[:70])
         with pytest.raises(MeshError, match=f"^{path}: "):
