@@ -200,7 +200,7 @@ def _meshed(
             return tetrahedralise(own, count, what, volume=enclosed_volume(*boundary_facets_of(boundaries[-1])))
 
         with stage(f"meshing {what}"):
-            sized = _sized(make, target)
+            sized = _sized(make, *map(int, targets[level : level + 2]))
         return {
             "points": sized.points,
             "cells": sized.cells.astype(np.int32),
@@ -219,25 +219,27 @@ def _meshed(
         pool.shutdown(cancel_futures=True)
 
 
-def _sized(make: Callable[[int], SizedMesh], target: int) -> SizedMesh:
-    """The mesh of about `target` vertices. Where there is none, the error names a number only if it has one: that is
-    tried.
+def _sized(make: Callable[[int], SizedMesh], target: int, finer: int | None = None) -> SizedMesh:
+    """The mesh of about `target` vertices, where the next finer level has about `finer`. Where there is none, the error
+    names a number only if it has one: that is tried.
     """
     try:
         return make(target)
     except UnreachableCount as error:
         found, closest = error, error.closest
     for _ in range(TRIED_COUNTS):
-        say(f"trying {closest:,} vertices")
+        tried = closest
+        say(f"trying {tried:,} vertices")
         try:
-            make(closest)
+            make(tried)
         except UnreachableCount as error:
             closest = error.closest
         except MeshError:
             break
         else:
-            raise MeshError(f"{found}; ask for about {closest} instead")
-    raise MeshError(f"{found}, nor about {found.closest}; ask for many more, clean the surface, or thicken thin walls")
+            more = "" if finer is None or tried <= finer else ", and for no fewer on finer levels"
+            raise MeshError(f"{found}; ask for about {tried} instead{more}")
+    raise MeshError(f"{found}, nor about {tried}; ask for many more, clean the surface, or thicken thin walls")
 
 
 def _coarsened(finer: Surface, target: int, name: str) -> Surface:

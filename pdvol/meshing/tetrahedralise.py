@@ -124,7 +124,9 @@ def tetrahedralise(
         except UnreachableCount as error:
             closest = round(target * error.closest / error.target)
             raise UnreachableCount(
-                f"{name}: {target} vertices cannot be had for its {len(parts)} parts", target, closest
+                f"{name}: {target} vertices cannot be had for all parts ({str(error).removeprefix(f'{name}, ')})",
+                target,
+                closest,
             ) from error
     size = own ** (1.0 / 3.0)
     centre = surface.vertices.mean(axis=0)

@@ -12,7 +12,7 @@ from pdvol.meshes import Outline, Solid, Surface
 from pdvol.meshing import build
 from pdvol.meshing import tetrahedralise as tetrahedra
 from pdvol.meshing.build import build_levels, read_obstacle
-from pdvol.meshing.edge_length import SizedMesh, UnreachableCount
+from pdvol.meshing.edge_length import SizedMesh, UnreachableCount, mesh_of_target_size
 from pdvol.scene import Body, NeoHookean, Placement, Rigid, Scene
 from shapes import grid
 
@@ -161,21 +161,24 @@ def test_bad_shapes_name_the_body_and_leave_nothing(tmp_path):
     [
         ({300: 700, 700: 1500, 1500: None}, "300 vertices cannot be had, the closest mesh has 700; ask for about 1500"),
         ({300: 700, 700: None}, "300 vertices cannot be had, the closest mesh has 700; ask for about 700 instead"),
-        ({300: 700, 700: 1500, 1500: 4000}, "the closest mesh has 700, nor about 700; ask for many more"),
+        ({300: 700, 700: 1500, 1500: 4000}, "the closest mesh has 700, nor about 1500; ask for many more"),
+        ({300: 0, 600: 0, 1200: None}, r"of about 300 vertices came out \(crossed\); ask for about 1200 instead"),
+        ({300: 0, 600: 9000, 9000: None}, "ask for about 9000 instead, and for no fewer on finer levels"),
+        ({300: 0, 600: 0, 1200: 0}, r"of about 300 vertices came out \(crossed\), nor about 1200; ask for many more"),
     ],
 )
 def test_a_number_that_is_named_has_been_tried(tmp_path, monkeypatch, reached, said):
-    """As many vertices as the mesher gives instead, until it gives what it is asked for; the advice works if taken."""
-    asked = []
+    """As many vertices as the mesher gives instead, or twice as many where nothing valid comes out, until it gives what
+    it is asked for; the advice works if taken.
+    """
 
     def mesher(surface, target, name, volume):
-        asked.append(target)
-        if reached[target]:
-            raise UnreachableCount(
-                f"{name}: {target} vertices cannot be had, the closest mesh has {reached[target]}",
-                target,
-                reached[target],
-            )
+        def make(scale, failures):
+            if reached[target] == 0:
+                raise MeshError("crossed")
+            return np.zeros((reached[target] or target, 3)), TETRAHEDRON[1]
+
+        mesh_of_target_size(make, target, name, 1.0, 3)
         return SizedMesh(*TETRAHEDRON, 1.0)
 
     monkeypatch.setattr(build, "tetrahedralise", mesher)
@@ -187,8 +190,8 @@ def test_a_number_that_is_named_has_been_tried(tmp_path, monkeypatch, reached, s
     assert "body 'boot', level 0" in str(caught.value)
     named = re.search(r"ask for about (\d+) instead", str(caught.value))
     if named:
-        better = replace(scene, bodies=(replace(body, vertices=(int(named[1]), 5000)),))
-        assert len(build_levels(better, cache=tmp_path)) == 2
+        targets = (int(named[1]), max(int(named[1]), 5000))
+        assert len(build_levels(replace(scene, bodies=(replace(body, vertices=targets),)), cache=tmp_path)) == 2
 
 
 def test_parts_that_need_more_vertices_speak_of_the_whole_body(monkeypatch):
@@ -199,18 +202,14 @@ def test_parts_that_need_more_vertices_speak_of_the_whole_body(monkeypatch):
     surface = Surface(points, np.vstack([part.triangles + k * n for k, part in enumerate(parts)]).astype(np.int32))
 
     def one(unit, target, name, keep_boundary, volume):
-        if target < 150:
-            raise MeshError(f"{name}: no valid mesh of about {target} vertices came out")
         if target < 200:
             raise UnreachableCount(f"{name}: {target} vertices cannot be had", target, 200)
         return SizedMesh(*TETRAHEDRON, 1.0)
 
     monkeypatch.setattr(tetrahedra, "_unit_mesh", one)
-    with pytest.raises(UnreachableCount, match="x: 1280 vertices cannot be had for its 8 parts") as caught:
-        tetrahedra.tetrahedralise(surface, 1280, "x")
-    assert 8 * 180 < caught.value.closest < 8 * 230
-    with pytest.raises(MeshError, match="x, part 1 of 8: no valid mesh of about"):
+    with pytest.raises(UnreachableCount, match=r"x: 300 vertices .* all parts \(part 1 of 8: 38 vertices") as caught:
         tetrahedra.tetrahedralise(surface, 300, "x")
+    assert 8 * 180 < caught.value.closest < 8 * 230
     assert len(tetrahedra.tetrahedralise(surface, caught.value.closest + 80, "x").points) == 8 * 4
 
 
