@@ -306,7 +306,8 @@ def test_what_cannot_be_picked_is_said_in_one_line(folder, tmp_path, capsys, wor
         (("--vary", "mu=0:1", "--sample", "x"), "not a whole number"),
     ],
 )
-def test_a_wedge_that_cannot_be_made_is_said_in_one_line(tmp_path, capsys, words, message):
+def test_a_wedge_that_cannot_be_made_is_said_in_one_line(tmp_path, capsys, monkeypatch, words, message):
+    monkeypatch.setattr("pdvol.studio.wedge.farm.CONNECT", 0.5)
     scene = scene_in(tmp_path)
     assert pdvol("wedge", scene, "-o", tmp_path / "w", *words, "--no-picture") == 2
     error = capsys.readouterr().err

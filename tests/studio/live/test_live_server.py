@@ -53,6 +53,7 @@ def test_only_the_client_is_served(server):
         with pytest.raises(urllib.error.HTTPError) as refused:
             urllib.request.urlopen(server.address + path)
         assert refused.value.code == 404
+        refused.value.close()  # the server waits for it when it stops
 
 
 def test_it_listens_on_this_machine_alone_and_opens_no_tunnel(server):

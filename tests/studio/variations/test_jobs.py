@@ -28,8 +28,9 @@ def executor(request):
     made.close()
 
 
-def job(scene, name, steps=STEPS, words=()):
-    return Job(name, [str(scene), "--steps", str(steps), *words], scene.parent / "runs" / name, range(2), steps)
+def job(scene, name, steps=STEPS, words=(), levels=2):
+    words = [str(scene), "--steps", str(steps), "--levels", f"0:{levels - 1}", *words]
+    return Job(name, words, scene.parent / "runs" / name, range(levels), steps)
 
 
 def in_turn(*jobs):
@@ -55,18 +56,18 @@ def test_each_job_ends_as_its_run_does(scene, executor):
 
 
 def test_what_runs_at_the_deadline_is_stopped_and_can_go_on(scene, executor):
-    long = job(scene, "long", steps=100_000)
+    long = job(scene, "long", steps=100_000, levels=1)
     (outcome,) = run_jobs(in_turn(long), executor, time.monotonic() + 3.0)
     assert outcome.state == "stopped" and stored_outcome(long) is None
     if not (long.out / "run.json").exists():
         return  # a busy machine did not come as far
     stored = open_run(long.out).levels[0].steps
-    (outcome,) = run_jobs(in_turn(job(scene, "long", steps=max(stored, 2))), executor)
-    assert outcome.state == "done" and open_run(long.out).levels[0].steps >= stored
+    (outcome,) = run_jobs(in_turn(job(scene, "long", steps=stored + 5, levels=1)), executor)
+    assert outcome.state == "done" and open_run(long.out).levels[0].steps == stored + 6
 
 
 def test_a_job_whose_worker_is_killed_is_run_again(scene):
-    workers, hurt = Workers(2), job(scene, "hurt", steps=150)
+    workers, hurt = Workers(2), job(scene, "hurt", steps=80)
     killed = []
 
     def choose(running, left):
@@ -81,10 +82,10 @@ def test_a_job_whose_worker_is_killed_is_run_again(scene):
     outcomes = list(run_jobs(choose, workers))
     workers.close()
     assert [outcome.state for outcome in outcomes] == ["done"] and len(killed) == 1
-    other = job(scene, "unhurt", steps=150)
+    other = job(scene, "unhurt", steps=80)
     (outcome,) = run_jobs(in_turn(other), Processes(1))
     for level, its in zip(open_run(hurt.out).levels, open_run(other.out).levels, strict=True):
-        np.testing.assert_array_equal(level.positions(150), its.positions(150))
+        np.testing.assert_array_equal(level.positions(80), its.positions(80))
 
 
 class Deadly:
