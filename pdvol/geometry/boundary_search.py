@@ -13,6 +13,8 @@ FACET_OVERLAP = 1e-9
 # Distance beyond a segment's end, relative to its length, at which it still hits: one that ends on the surface must
 # hit, whatever the rounding.
 SEGMENT_OVERRUN = 1e-9
+# Difference of distances that counts as none, relative to the largest coordinate: that of round-off.
+TIED = 1e-12
 
 
 class BoundarySearch:
@@ -35,6 +37,7 @@ class BoundarySearch:
         self._tree.init(self._points, self._facets)
 
         self._corners = self._points[self._facets]
+        self._slack = TIED * np.abs(self._points).max()
         self._one_facet = np.arange(mesh.dim, dtype=np.int64)[None, :]
 
         triangles = _triangles(self._corners)
@@ -85,14 +88,19 @@ class BoundarySearch:
         return np.asarray(self._tree.squared_distance(self._points, self._facets, _embed(points))[1], dtype=np.int64)
 
     def closest_of(self, point: np.ndarray, facets: Iterable[int]) -> int:
-        """The one of `facets` closest to one point (d,); the lowest index among equals."""
-        position = np.zeros(3)
+        """The one of `facets` closest to one point (d,). Where a common corner or edge is closest, that of its facets
+        whose plane is furthest away, as it faces the point most; the lowest index among equals.
+        """
+        position, numbers = np.zeros(3), np.array(sorted(facets))
         position[: len(point)] = point
 
         def squared_distance(facet: int) -> float:
             return igl.point_simplex_squared_distance(position, self._corners[facet], self._one_facet, 0)[0]
 
-        return min(sorted(facets), key=squared_distance)
+        distances = np.sqrt([squared_distance(facet) for facet in numbers])
+        tied = numbers[distances <= distances.min() + self._slack]
+        heights = np.abs(((position - self._corners[tied, 0]) * self._normals[tied]).sum(axis=1))
+        return int(tied[(heights >= heights.max() - self._slack).argmax()])
 
 
 def enclosed(points: np.ndarray, vertices: np.ndarray, facets: np.ndarray) -> np.ndarray:

@@ -27,3 +27,21 @@ def test_first_hits_agree_with_brute_force(d, scale):
         if found >= 0:
             assert found == t.argmin()
             np.testing.assert_allclose(reach, t.min() * np.linalg.norm(end - start), rtol=1e-9)
+
+
+@pytest.mark.parametrize("d", [2, 3])
+@pytest.mark.parametrize("seed", range(5))
+def test_the_closest_facet_does_not_depend_on_the_order_of_cells(d, seed):
+    """Near corners of a box with jittered vertices, where all facets of a corner are equally close."""
+    rng = np.random.default_rng(seed)
+    mesh = box(d, 2, jitter=0.2)
+    cells = rng.permuted(mesh.cells[rng.permutation(len(mesh.cells))], axis=1)
+    size = np.sign(np.linalg.det(mesh.points[cells[:, 1:]] - mesh.points[cells[:, :1]]))
+    cells[size < 0, :2] = cells[size < 0, 1::-1]
+    points = mesh.points.mean(axis=0) + rng.uniform(0.9, 1.2, (20, d)) * rng.choice([-1.0, 1.0], (20, d))
+    found = [
+        [set(each.boundary[search.closest_of(point, range(len(search.cells)))].tolist()) for point in points]
+        for each in (mesh, level(mesh.points, cells))
+        for search in [BoundarySearch(each, 0)]
+    ]
+    assert found[0] == found[1]
