@@ -10,7 +10,7 @@ import numpy as np
 from scipy.optimize import brentq
 
 from pdvol.errors import InputError, MeshError
-from pdvol.meshing.cpu_budget import ProcessStopped, check_budget
+from pdvol.meshing.cpu_budget import BudgetSpent, ProcessStopped, check_budget
 from pdvol.stages import say
 
 AIMED_DEVIATION = {2: 0.15, 3: 0.2}
@@ -104,9 +104,10 @@ def mesh_of_target_size(
     Raises
     ------
     UnreachableCount
-        No mesh came within `CLOSEST_FACTOR` of the target, or none was valid: the message has the last failure.
+        No mesh came within `CLOSEST_FACTOR` of the target, or none was valid: the message has the last failure. A
+        mesher that ran out of processor time is not called again; one that crashed is.
     MeshError
-        The mesher ran out of processor time; it is not called again. One that crashed is.
+        The processor time of the command is used up.
     """
     best: tuple[float, SizedMesh] | None = None
     reason, failures = "", 0
@@ -117,10 +118,10 @@ def mesh_of_target_size(
         try:
             points, cells = make(scale, failures)
         except ProcessStopped as error:
-            raise MeshError(
-                f"{name}: no mesh of about {target} vertices: {error}; ask for another number of vertices or clean the"
-                " surface"
-            ) from None
+            message = f"{name}: no mesh of about {target} vertices: {error}"
+            if isinstance(error, BudgetSpent):
+                raise MeshError(f"{message}; ask for another number of vertices or clean the surface") from None
+            raise UnreachableCount(message, target, MORE_VERTICES * target) from None
         except InputError as error:
             reason, failures = str(error), failures + 1
             history.clear()  # the next mesh is made differently: counts do not compare

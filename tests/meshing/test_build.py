@@ -12,6 +12,7 @@ from pdvol.meshes import Outline, Solid, Surface
 from pdvol.meshing import build
 from pdvol.meshing import tetrahedralise as tetrahedra
 from pdvol.meshing.build import build_levels, read_obstacle
+from pdvol.meshing.cpu_budget import ProcessStopped
 from pdvol.meshing.edge_length import SizedMesh, UnreachableCount, mesh_of_target_size
 from pdvol.scene import Body, NeoHookean, Placement, Rigid, Scene
 from shapes import grid
@@ -163,6 +164,7 @@ def test_bad_shapes_name_the_body_and_leave_nothing(tmp_path):
         ({300: 700, 700: None}, "300 vertices cannot be had, the closest mesh has 700; ask for about 700 instead"),
         ({300: 700, 700: 1500, 1500: 4000}, "the closest mesh has 700, nor about 1500; ask for many more"),
         ({300: 0, 600: 0, 1200: None}, r"of about 300 vertices came out \(crossed\); ask for about 1200 instead"),
+        ({300: -1, 600: None}, "no mesh of about 300 vertices: used up its 31 s; ask for about 600 instead"),
         ({300: 0, 600: 9000, 9000: None}, "ask for about 9000 instead, and for no fewer on finer levels"),
         ({300: 0, 600: 0, 1200: 0}, r"of about 300 vertices came out \(crossed\), nor about 1200; ask for many more"),
     ],
@@ -174,8 +176,8 @@ def test_a_number_that_is_named_has_been_tried(tmp_path, monkeypatch, reached, s
 
     def mesher(surface, target, name, volume):
         def make(scale, failures):
-            if reached[target] == 0:
-                raise MeshError("crossed")
+            if reached[target] in (0, -1):
+                raise MeshError("crossed") if reached[target] == 0 else ProcessStopped("used up its 31 s")
             return np.zeros((reached[target] or target, 3)), TETRAHEDRON[1]
 
         mesh_of_target_size(make, target, name, 1.0, 3)
