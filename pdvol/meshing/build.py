@@ -35,7 +35,7 @@ from pdvol.meshing.verdict import Boundary, boundary_facets_of, check_place, jud
 from pdvol.scene import Body, Deforming, Rigid, Scene
 from pdvol.stages import say, stage
 
-BUILD_VERSION = 5
+BUILD_VERSION = 6
 """Part of the cache's keys. Increase it by one when the same input gives other meshes: old ones are not used then."""
 Shape: TypeAlias = Outline | Surface | Solid
 AnyShape: TypeAlias = str | Path | Shape

@@ -14,9 +14,10 @@ from pdvol.errors import InputError, MeshError
 from pdvol.geometry.closed_surfaces import enclosed_volume
 from pdvol.geometry.level_mesh import boundary_facets, connected_parts, facet_sizes, simplex_volumes
 from pdvol.meshes import Surface
-from pdvol.meshing.decimate import MIN_SURFACE_VERTICES, decimate, topology
+from pdvol.meshing.decimate import decimate, topology
 from pdvol.meshing.edge_length import (
     BASE_CPU_SECONDS,
+    CLOSEST_FACTOR,
     CPU_SECONDS_PER_VERTEX,
     SizedMesh,
     UnreachableCount,
@@ -49,6 +50,11 @@ MIN_QUALITY = 0.02
 """Mean-ratio quality of a mesh's worst cell below which it is refused; fTetWild's worst cells have 0.1 to 0.6."""
 MIN_BOUNDARY_VERTICES = 12
 """Number of vertices below which a surface is not decimated: those of an icosahedron."""
+
+LEAST_OF_A_PART = 20
+"""Number of vertices that a part of a body is asked for at least: fTetWild takes 8 s for a ball of 20, and gives up on
+one of 14 after 30 s.
+"""
 
 
 def mean_ratio(points: np.ndarray, cells: np.ndarray) -> np.ndarray:
@@ -111,7 +117,13 @@ def tetrahedralise(
         # one avoids both.
         h = edge_length(target, own, area, 3)
         measures = [_volume_and_area(part) for part in parts]
-        fractions = [max(round(expected_vertices(h, *m, 3)[1]), MIN_SURFACE_VERTICES) for m in measures]
+        fractions = [max(round(expected_vertices(h, *m, 3)[1]), LEAST_OF_A_PART) for m in measures]
+        if sum(fractions) > CLOSEST_FACTOR * target:
+            raise UnreachableCount(
+                f"{name}: {target} vertices cannot be had, its {len(parts)} parts need {sum(fractions)}",
+                target,
+                sum(fractions),
+            )
         try:
             return _merged(
                 [

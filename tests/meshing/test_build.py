@@ -215,6 +215,24 @@ def test_parts_that_need_more_vertices_speak_of_the_whole_body(monkeypatch):
     assert len(tetrahedra.tetrahedralise(surface, caught.value.closest + 80, "x").points) == 8 * 4
 
 
+def test_small_parts_get_what_a_mesher_can_make(monkeypatch):
+    """Beside a ball a hundred times as large, each of seven gets few vertices but enough."""
+    balls, n, asked = [meshes.ball(r, 2) for r in (1.0, *[0.2] * 7)], 162, []
+    points = np.vstack([ball.vertices + [3.0 * k, 0.0, 0.0] for k, ball in enumerate(balls)])
+    surface = Surface(points, np.vstack([ball.triangles + k * n for k, ball in enumerate(balls)]).astype(np.int32))
+
+    def one(unit, target, name, keep_boundary, volume):
+        asked.append(target)
+        return SizedMesh(np.zeros((target, 3)), TETRAHEDRON[1], 1.0)
+
+    monkeypatch.setattr(tetrahedra, "_unit_mesh", one)
+    assert 300 <= len(tetrahedra.tetrahedralise(surface, 300, "x").points) < 600
+    assert min(asked) == tetrahedra.LEAST_OF_A_PART and max(asked) > 150
+    with pytest.raises(UnreachableCount, match="its 8 parts need") as caught:
+        tetrahedra.tetrahedralise(surface, 40, "x")
+    assert len(tetrahedra.tetrahedralise(surface, caught.value.closest, "x").points) < 2 * caught.value.closest
+
+
 @pytest.mark.slow
 def test_the_advice_for_a_thin_ring_works(tmp_path):
     """By the mesher itself."""
