@@ -16,7 +16,7 @@ import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, NoReturn, TypeVar
 
 import numpy as np
 
@@ -32,6 +32,9 @@ from pdvol.meshing.weld import weld_open
 
 if TYPE_CHECKING:
     import meshio
+
+TETRAHEDRA = ("tetra", "tetra10")
+"""meshio's names of the solid cells that are read."""
 
 SURFACES = (".obj", ".ply", ".off", ".stl")
 VOLUMES = (".msh", ".vtk", ".vtu", ".mesh", ".xdmf")
@@ -173,9 +176,12 @@ def _volume(path: Path) -> dict[str, np.ndarray]:
         readers.append(_with_vtk)
     mesh = _attempts(path, readers)
     points = np.asarray(mesh.points, dtype=np.float64)
+    others = [block for block in mesh.cells if block.dim == 3 and block.type not in TETRAHEDRA and len(block.data)]
+    if others:
+        _refuse_others(path, sum(len(block.data) for block in others))
     curved = sum(len(block.data) for block in mesh.cells if block.type in QUADRATIC)
     notes = np.array([f"{curved:,} quadratic cells are read by their corners"] if curved else [], dtype=str)
-    tets = [b for b, block in enumerate(mesh.cells) if block.type in ("tetra", "tetra10") and len(block.data)]
+    tets = [b for b, block in enumerate(mesh.cells) if block.type in TETRAHEDRA and len(block.data)]
     if tets:
         cells = np.concatenate([np.asarray(mesh.cells[b].data)[:, :4] for b in tets])
         labels = _regions(mesh, np.concatenate([np.full(len(mesh.cells[b].data), b) for b in tets]), None)
@@ -190,6 +196,11 @@ def _volume(path: Path) -> dict[str, np.ndarray]:
     if points.shape[1] == 2 or np.ptp(points[triangles, 2]) == 0.0:
         return {"points": points[:, :2], "cells": triangles, "regions": _regions(mesh, blocks, rows), "notes": notes}
     return {"points": points, "triangles": triangles, "notes": notes}
+
+
+def _refuse_others(path: Path, count: int) -> NoReturn:
+    """A body without the cells that are no tetrahedra would have holes."""
+    raise MeshError(f"{path}: {count:,} of its cells are solids but no tetrahedra; export tetrahedra alone")
 
 
 def _pair(path: Path) -> dict[str, np.ndarray]:
@@ -264,6 +275,8 @@ def _with_vtk(path: Path) -> "meshio.Mesh":
     read = run_worker(
         "vtk_worker.py", BASE_SECONDS + path.stat().st_size / BYTES_PER_SECOND, path=np.array(str(path.resolve()))
     )
+    if read["others"]:
+        _refuse_others(path, int(read["others"]))
     labels = {name.removeprefix("label "): values for name, values in read.items() if name.startswith("label ")}
     blocks = [(kind, read[kind]) for kind in ("tetra", "tetra10", "triangle") if len(read[kind])]
     starts = {"tetra": 0, "tetra10": len(read["tetra"]), "triangle": len(read["tetra"]) + len(read["tetra10"])}

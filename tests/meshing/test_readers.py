@@ -8,7 +8,7 @@ import pytest
 
 from pdvol.errors import InputError, MeshError
 from pdvol.meshes import Outline, Solid, Surface
-from pdvol.meshing.readers import SURFACES, VOLUMES, read_shape
+from pdvol.meshing.readers import SURFACES, VOLUMES, _with_vtk, read_shape
 from pdvol.meshing.validate import check_solid, check_surface
 
 SHARED = Path(__file__).parents[2].parent / "shared" / "meshes"
@@ -161,3 +161,20 @@ def test_points_without_cells(tmp_path, capfd):
     path = tmp_path / "cloud.vtk"
     meshio.Mesh(POINTS, [("line", np.array([[0, 1]]))]).write(path)
     refuse(path, MeshError, "no tetrahedra and no triangles", capfd)
+
+
+@pytest.mark.parametrize("suffix", VOLUMES)
+def test_other_solids_beside_tetrahedra_are_not_left_out(tmp_path, suffix, capfd):
+    """A cube of six tetrahedra on a hexahedron: a body without the latter would be half of one. VTK is asked, too."""
+    path = tmp_path / f"mixed{suffix}"
+    corners = np.array(list(np.ndindex(2, 2, 3)), dtype=float)
+    number = {tuple(corner): k for k, corner in enumerate(corners)}
+    box = [number[x, y, z] for z in (0, 1) for x, y in ((0, 0), (1, 0), (1, 1), (0, 1))]
+    ways = [(0, 1, 3, 7), (0, 1, 5, 7), (0, 2, 3, 7), (0, 2, 6, 7), (0, 4, 5, 7), (0, 4, 6, 7)]
+    upper = [number[x, y, z] for x in (0, 1) for y in (0, 1) for z in (1, 2)]
+    tets = np.array(upper)[np.array(ways)]
+    meshio.Mesh(corners, [("tetra", tets), ("hexahedron", np.array([box]))]).write(path)
+    refuse(path, MeshError, "1 of its cells are solids but no tetrahedra", capfd)
+    if suffix in (".vtk", ".vtu"):
+        with pytest.raises(MeshError, match="solids but no tetrahedra"):
+            _with_vtk(path)
