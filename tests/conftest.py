@@ -1,5 +1,6 @@
 """What tests of several folders share: made-up runs, written once, and that runs end without a picture and stages."""
 
+import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 
@@ -8,6 +9,11 @@ import pytest
 import on_ranks
 import runs
 from browser import Tab, chromium
+
+
+def pytest_xdist_auto_num_workers() -> int:
+    """One more than cores: many tests wait for processes, deadlines and pages."""
+    return len(os.sched_getaffinity(0)) + 1
 
 
 @pytest.fixture(scope="session", autouse=True)
