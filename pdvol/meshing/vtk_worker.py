@@ -7,11 +7,12 @@ from typing import Any
 
 import numpy as np
 import pyvista
+from vtkmodules.vtkCommonDataModel import vtkGenericCell
 
 
 def other_solids(kinds: np.ndarray) -> list[int]:
     """Those of VTK's cell types that fill space and are no tetrahedra."""
-    cell, found = pyvista._vtk.vtkGenericCell(), []
+    cell, found = vtkGenericCell(), []
     for kind in np.unique(kinds):
         cell.SetCellType(int(kind))
         if cell.GetCellDimension() == 3 and kind not in (pyvista.CellType.TETRA, pyvista.CellType.QUADRATIC_TETRA):
