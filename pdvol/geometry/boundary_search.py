@@ -13,8 +13,9 @@ FACET_OVERLAP = 1e-9
 # Distance beyond a segment's end, relative to its length, at which it still hits: one that ends on the surface must
 # hit, whatever the rounding.
 SEGMENT_OVERRUN = 1e-9
-# Difference of distances that counts as none, relative to the largest coordinate: that of round-off.
-TIED = 1e-12
+# Difference of distances that counts as none, as a fraction of the largest coordinate: above round-off of coordinates,
+# far below any gap in a mesh.
+FACET_TOLERANCE = 1e-12
 
 
 class BoundarySearch:
@@ -37,7 +38,7 @@ class BoundarySearch:
         self._tree.init(self._points, self._facets)
 
         self._corners = self._points[self._facets]
-        self._slack = TIED * np.abs(self._points).max()
+        self._slack = FACET_TOLERANCE * np.abs(self._points).max()
         self._one_facet = np.arange(mesh.dim, dtype=np.int64)[None, :]
 
         triangles = _triangles(self._corners)

@@ -10,12 +10,10 @@ import numpy as np
 from dolfinx import geometry
 from mpi4py import MPI
 
-from pdvol.geometry.boundary_search import nearest_points
+from pdvol.geometry.boundary_search import FACET_TOLERANCE, nearest_points
 from pdvol.geometry.level_mesh import LevelMesh
 from pdvol.levels.space import LevelSpace
 
-# fraction of the largest coordinate: above the coordinates' round-off, far below any gap in a mesh
-FACET_TOLERANCE = 1e-12
 # points searched at a time: bounds the memory of the candidate pairs
 CHUNK = 20_000
 
