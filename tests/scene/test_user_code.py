@@ -105,43 +105,64 @@ EDITS = {
 }
 
 
-@pytest.fixture
-def folder(tmp_path):
-    for name, text in (("shot.py", SCENE), ("helpers.py", HELPERS), ("settings.py", SETTINGS)):
-        (tmp_path / name).write_text(text)
-    return tmp_path
+PROGRAM = """
+import json, multiprocessing, sys
+from pathlib import Path
+import pdvol, scipy.interpolate
+from pdvol.runs.scene_file import load_shot
+
+def described(path):
+    return load_shot(Path(path), {}).description()
+
+with multiprocessing.get_context("fork").Pool(1, maxtasksperchild=1) as pool:
+    print(json.dumps(pool.map(described, sys.argv[1:], chunksize=1)))
+"""
+"""The descriptions of scene files, each in a process of its own, a copy of one that has loaded the libraries."""
 
 
-def description(folder, seed="0"):
-    """That of the scene file, in a process of its own."""
-    program = (
-        "import json, sys; from pathlib import Path; from pdvol.runs.scene_file import load_shot;"
-        "print(json.dumps(load_shot(Path(sys.argv[1]), {}).description()))"
-    )
+def descriptions(*folders, seed):
+    """Those of the scene files in folders, each in a process of its own, all with one seed of hashes."""
     environment = {**os.environ, "PYTHONHASHSEED": seed, "PYTHONDONTWRITEBYTECODE": "1"}
-    words = [sys.executable, "-c", program, folder / "shot.py"]
+    words = [sys.executable, "-c", PROGRAM, *(folder / "shot.py" for folder in folders)]
     return json.loads(subprocess.run(words, env=environment, capture_output=True, text=True, check=True).stdout)
 
 
-def test_an_unchanged_scene_is_the_same_in_another_process(folder):
-    first, second = description(folder), description(folder, "1")
+def written(folder, edited="", old="", new=""):
+    """The folder with the scene file and its modules, one of which is edited."""
+    folder.mkdir()
+    for name, text in (("shot.py", SCENE), ("helpers.py", HELPERS), ("settings.py", SETTINGS)):
+        assert name != edited or text.count(old) == 1
+        (folder / name).write_text(text.replace(old, new) if name == edited else text)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def unchanged(tmp_path_factory):
+    return written(tmp_path_factory.mktemp("scenes") / "unchanged")
+
+
+@pytest.fixture(scope="module")
+def described(unchanged):
+    """The description of the scene, and that after each edit."""
+    folders = [written(unchanged.with_name(edit), *EDITS[edit]) for edit in EDITS]
+    return dict(zip(("unchanged", *EDITS), descriptions(unchanged, *folders, seed="0"), strict=True))
+
+
+def test_an_unchanged_scene_is_the_same_in_another_process(unchanged, described):
+    first, (second,) = described["unchanged"], descriptions(unchanged, seed="1")
     assert first == second and differences(first, second) == [] and not_compared(first) == []
 
 
 @pytest.mark.parametrize("edit", EDITS)
-def test_an_edit_of_what_a_function_reads_is_another_scene(folder, edit):
-    before = description(folder)
-    name, old, new = EDITS[edit]
-    assert (text := (folder / name).read_text()).count(old) == 1
-    (folder / name).write_text(text.replace(old, new))
-    lines = differences(before, description(folder))
+def test_an_edit_of_what_a_function_reads_is_another_scene(described, edit):
+    lines = differences(described["unchanged"], described[edit])
     assert lines and all(line.startswith("scene.supports[") for line in lines)
     if edit == "a constant":
         assert lines == ["scene.supports[1].motion.reads.SPEED: 0.1 -> 0.9"]
 
 
-def test_runs_stored_before_functions_had_reads_are_the_same_scene(folder):
-    now = description(folder)
+def test_runs_stored_before_functions_had_reads_are_the_same_scene(described):
+    now = described["unchanged"]
     then = json.loads(json.dumps(now))
     for support in then["supports"]:
         support["motion"].pop("reads", None)
