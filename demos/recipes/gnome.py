@@ -57,10 +57,9 @@ def letter_block(size: float = 0.4, depth: float = 0.10, vertices: int = 4000) -
     """
     h = 0.0125  # grid cell of a block of size one
     axis = np.arange(-0.54, 0.54, h)
-    p = np.stack(np.meshgrid(axis, axis, axis, indexing="ij"), axis=-1)
-    away = np.abs(p) - (0.5 - 0.05)
+    x, y, z = np.meshgrid(axis, axis, axis, indexing="ij", sparse=True)  # a letter depends on two of them
+    away = np.stack(np.broadcast_arrays(*(np.abs(c) - (0.5 - 0.05) for c in (x, y, z))), axis=-1)
     block = np.linalg.norm(np.maximum(away, 0.0), axis=-1) + np.minimum(away.max(axis=-1), 0.0) - 0.05
-    x, y, z = np.moveaxis(p, -1, 0)
     faces = (
         ("A", x, -z, 0.5 - y),
         ("B", x, y, 0.5 - z),
@@ -69,7 +68,7 @@ def letter_block(size: float = 0.4, depth: float = 0.10, vertices: int = 4000) -
         ("C", z, y, 0.5 + x),
     )
     for letter, right, up, below in faces:
-        stroke = _letter(letter, np.stack([right, up], axis=-1)) - 0.058
+        stroke = _letter(letter, np.stack(np.broadcast_arrays(right, up), axis=-1)) - 0.058
         block = -join(-block, np.maximum(stroke, below - depth), 0.015)
     points, triangles = contoured(block, [axis, axis, axis], h, vertices)
     middle = (points.max(axis=0) + points.min(axis=0)) / 2.0
