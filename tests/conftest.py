@@ -1,6 +1,11 @@
-"""What tests of several folders share: made-up runs, written once, and that runs end without a picture and stages."""
+"""What tests of several folders share: made-up runs, written once, that runs end without a picture and stages, and that
+linear algebra has one thread.
+"""
 
 import os
+
+os.environ["OMP_NUM_THREADS"] = "1"  # before numpy is loaded: each core has a worker, and more threads only wait
+
 from collections.abc import Iterator
 from contextlib import contextmanager
 
