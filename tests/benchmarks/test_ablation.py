@@ -7,7 +7,8 @@ from pdvol.integrate.stepper import Stepper
 from pdvol.solve import newton
 
 
-def test_a_rule_that_is_switched_off_costs_iterations_and_comes_back():
+def test_a_rule_that_is_switched_off_costs_iterations_and_comes_back(monkeypatch):
+    monkeypatch.setitem(ablation.SHORTER, "mu_10", 20)
     whole, without = ablation.march("mu_10", "all"), ablation.march("mu_10", "predictions")
     assert without[0] > 1.3 * whole[0]
     assert ablation.cell(without, whole).startswith(f"{without[0] / whole[0]:.2f}, ")

@@ -1,5 +1,7 @@
 """Contact energy, candidates and distances by brute force and in numpy alone; scenes of bodies that touch; slides."""
 
+from weakref import WeakKeyDictionary
+
 import ipctk
 import numpy as np
 from mpi4py import MPI
@@ -153,9 +155,14 @@ def fade(t):
     return np.where(t < 1.0, (2.0 - t) * t, 1.0)
 
 
-def brute_force_energy(candidates, vertices):
-    """(points part, edges part) of the contact energy [J], straight from the definition in docs/contact.md."""
-    surface, primitives, d = candidates.surface, candidates.primitives, vertices.shape[1]
+CONNECTED = WeakKeyDictionary()  # of each surface: its connections, which do not change
+
+
+def connections(candidates):
+    """Of each vertex that may touch: its number, area [m^(d-1)], and the facets (k, d), edges (m, 2) and vertices (n,)
+    that it faces, the latter two with their weights. Then pairs of edges (k, 2, 2), and their areas.
+    """
+    surface, primitives, d = candidates.surface, candidates.primitives, candidates.surface.space.dim
     facets, edges = primitives.facets.astype(int), primitives.edges.astype(int)
     at_rest = np.concatenate([surface.space.mesh.points[surface.surface], surface._obstacles_at(0.0)])
     sizes = facet_sizes(at_rest, facets) / d
@@ -167,35 +174,42 @@ def brute_force_energy(candidates, vertices):
         for i in range(3):
             sides[tuple(sorted((facet[i], facet[(i + 1) % 3])))].append(f)
     edge_share = {edge: 1 - len(of) for edge, of in sides.items()}
-    vertex_share = [
-        1 - int((facets == v).any(axis=1).sum()) - sum(share for edge, share in edge_share.items() if v in edge)
-        for v in range(len(at_rest))
-    ]
+    vertex_share = np.array(
+        [
+            1 - int((facets == v).any(axis=1).sum()) - sum(share for edge, share in edge_share.items() if v in edge)
+            for v in range(len(at_rest))
+        ]
+    )
+    pairs, crossed = all_pairs(candidates)
+    points = []
+    for p in np.unique(pairs[:, 0]):
+        facing = facets[pairs[pairs[:, 0] == p, 1]]
+        met = sorted({tuple(sorted((f[i], f[(i + 1) % 3]))) for f in facing for i in range(3)}) if d == 3 else []
+        ends, corners = np.array(met, dtype=int).reshape(-1, 2), np.unique(facing)
+        weights = np.array([edge_share[edge] for edge in met], dtype=float)
+        points.append((p, area[p], facing, (ends, weights), (corners, vertex_share[corners])))
+    beside = np.array([0.5 * sum(sizes[f] for f in sides[tuple(edge)]) for edge in edges])
+    return points, edges[crossed].reshape(-1, 2, 2), beside[crossed].reshape(-1, 2).min(axis=1)
+
+
+def brute_force_energy(candidates, vertices):
+    """(points part, edges part) of the contact energy [J], straight from the definition in docs/contact.md."""
+    if candidates not in CONNECTED:
+        CONNECTED[candidates] = connections(candidates)
+    points, crossed, least = CONNECTED[candidates]
     energy = lambda r: np.where(
         r < DHAT, barrier_law.energy(np.minimum(np.maximum(r, 1e-300) / DHAT, 1.0) ** 2, DHAT, KAPPA), 0.0
     )
-    pairs, crossed = all_pairs(candidates)
-    total, weights = 0.0, area
-    for p in np.unique(pairs[:, 0]):
-        facing = facets[pairs[pairs[:, 0] == p, 1]]
-        at = np.broadcast_to(vertices[p], (len(facing), d))
-        total += weights[p] * energy(to_facets(at, vertices[facing])).sum()
-        met = {tuple(sorted((f[i], f[(i + 1) % 3]))) for f in facing for i in range(3)} if d == 3 else set()
-        if met:
-            ends = np.array(sorted(met))
-            r = np.linalg.norm(
-                to_segment(np.broadcast_to(vertices[p], (len(ends), d)), vertices[ends[:, 0]], vertices[ends[:, 1]]),
-                axis=1,
-            )
-            total += weights[p] * np.dot([edge_share[tuple(edge)] for edge in ends], energy(r))
-        corners = np.unique(facing)
-        r = np.linalg.norm(vertices[p] - vertices[corners], axis=1)
-        total += weights[p] * np.dot(np.array(vertex_share)[corners], energy(r))
+    total = 0.0
+    for p, area, facing, (ends, edge_shares), (corners, vertex_shares) in points:
+        repeated = lambda count, p=p: np.broadcast_to(vertices[p], (count, vertices.shape[1]))
+        total += area * energy(to_facets(repeated(len(facing)), vertices[facing])).sum()
+        gaps = to_segment(repeated(len(ends)), vertices[ends[:, 0]], vertices[ends[:, 1]])
+        total += area * np.dot(edge_shares, energy(np.linalg.norm(gaps, axis=1)))
+        total += area * np.dot(vertex_shares, energy(np.linalg.norm(vertices[p] - vertices[corners], axis=1)))
     if not len(crossed):
         return total, 0.0
-    beside = np.array([0.5 * sum(sizes[f] for f in sides[tuple(edge)]) for edge in edges])
-    least = np.minimum(*beside[crossed.T])
-    ends = [vertices[edges[crossed[:, i], k]] for i in (0, 1) for k in (0, 1)]
+    ends = [vertices[crossed[:, i, k]] for i in (0, 1) for k in (0, 1)]
     inside = crossing(*ends)[1]
     a, b, c, e = (end[inside] for end in ends)
     r, _, sine = crossing(a, b, c, e)

@@ -15,7 +15,7 @@ from pdvol.meshing.build import build_levels, read_obstacle
 from pdvol.meshing.cpu_budget import ProcessStopped
 from pdvol.meshing.edge_length import SizedMesh, UnreachableCount, mesh_of_target_size
 from pdvol.scene import Body, NeoHookean, Placement, Rigid, Scene
-from shapes import grid
+from shapes import grid, solid
 
 TETRAHEDRON = np.vstack([np.zeros(3), np.eye(3)]), np.arange(4)[None]
 
@@ -111,10 +111,10 @@ def test_a_list_of_meshes_is_taken_as_it_is(tmp_path):
     levels = build_levels(
         scene(Body(shape=listed, material=SOFT, placement=Placement(translate=(1.0, 0.0)))), cache=tmp_path
     )
-    for mesh, solid in zip(levels, listed, strict=True):
-        assert np.array_equal(mesh.points, solid.vertices + [1.0, 0.0])
-        assert np.array_equal(mesh.cells, solid.cells)
-        assert np.array_equal(mesh.regions, solid.regions)
+    for mesh, taken in zip(levels, listed, strict=True):
+        assert np.array_equal(mesh.points, taken.vertices + [1.0, 0.0])
+        assert np.array_equal(mesh.cells, taken.cells)
+        assert np.array_equal(mesh.regions, taken.regions)
     assert not list(tmp_path.iterdir())
     with pytest.raises(MeshError, match=r"body 'body', level 1: .*volume meshes"):
         build_levels(scene(Body(shape=(strip(4), meshes.disc()), material=SOFT)), cache=tmp_path)
@@ -150,10 +150,7 @@ def test_bad_shapes_name_the_body_and_leave_nothing(tmp_path):
         assert "\n" not in str(caught.value)
     assert not folder.exists()
     with pytest.raises(InputError, match="all be 2D or all 3D"):
-        flat, thick = (
-            disc_body(name="flat"),
-            Body(shape=meshes.ball(1.0, 1), material=SOFT, vertices=(40, 60), name="thick"),
-        )
+        flat, thick = (Body((solid(d, 1),), SOFT, name=name) for d, name in ((2, "flat"), (3, "thick")))
         build_levels(scene(flat, thick), count=1, cache=folder)
 
 
