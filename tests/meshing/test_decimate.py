@@ -46,9 +46,11 @@ def test_a_torus_keeps_its_hole():
 
 
 def test_surfaces_decimated_side_by_side():
-    """fast-simplification works on global variables: threads that interleave gave one of them another's surface."""
+    """fast-simplification works on global variables: threads that interleave gave one of them another's surface, in
+    half of all calls.
+    """
     ball, targets = meshes.ball(0.5, 5), (100, 300, 900, 2000)
     alone = {target: decimate(ball, target).vertices for target in targets}
     with ThreadPoolExecutor(4) as pool:
-        for target, made in pool.map(lambda target: (target, decimate(ball, target)), targets * 25):
+        for target, made in pool.map(lambda target: (target, decimate(ball, target)), targets * 8):
             np.testing.assert_array_equal(made.vertices, alone[target])
