@@ -2,15 +2,13 @@
 slow.
 """
 
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 
 import pdvol
+from benchmarks.extremes import __main__ as extremes
 from benchmarks.extremes import scenes
-from commands import SAFETY
 from pdvol.measure.verify import verify_run
 from pdvol.runs.runner import run_scene
 from pdvol.runs.scene_file import load_shot
@@ -92,11 +90,11 @@ def test_from_jittered_starts(tmp_path, name, seed):
     assert march(tmp_path, name, seed=seed) is None
 
 
-def test_the_command(tmp_path):
-    words = [sys.executable, "-m", "benchmarks.extremes", "--out", str(tmp_path)]
-    done = subprocess.run([*words, "--rows", "mu_0"], cwd=ROOT, capture_output=True, text=True, timeout=SAFETY)
-    assert done.returncode == 0, done.stderr
-    assert [line.split(" | ")[0] for line in done.stdout.splitlines() if "| done |" in line] == ["| mu_0"]
-    refused = subprocess.run([*words, "--rows", "nothing"], cwd=ROOT, capture_output=True, text=True, timeout=SAFETY)
-    assert refused.returncode == 2 and refused.stderr.count("\n") == 1
-    assert refused.stderr.startswith("benchmarks.extremes: ")
+def test_the_command(tmp_path, capsys):
+    words = ["--out", str(tmp_path), "--rows"]
+    code, done = extremes.main([*words, "mu_0"]), capsys.readouterr()
+    assert code == 0, done.err
+    assert [line.split(" | ")[0] for line in done.out.splitlines() if "| done |" in line] == ["| mu_0"]
+    code, refused = extremes.main([*words, "nothing"]), capsys.readouterr().err
+    assert code == 2 and refused.count("\n") == 1
+    assert refused.startswith("benchmarks.extremes: ")

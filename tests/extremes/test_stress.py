@@ -3,16 +3,14 @@ take their first steps.
 """
 
 import json
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import pdvol
+from benchmarks.stress import __main__ as stress
 from benchmarks.stress import scenes
-from commands import SAFETY
 from pdvol.levels.initial_state import check_start
 from pdvol.levels.obstacles import placed_obstacles
 from pdvol.measure.verify import verify_run
@@ -68,14 +66,12 @@ def test_the_arch_stands(tmp_path):
     assert np.abs(level.velocities(10)).max() < 2.71e-3
 
 
-def test_the_command(tmp_path):
-    words = [sys.executable, "-m", "benchmarks.stress", "--out", str(tmp_path), "--minutes", "0.005", "--scenes"]
-    done, refused = (
-        subprocess.run([*words, name], cwd=ROOT, capture_output=True, text=True, timeout=SAFETY)
-        for name in ("erleben_cube_cliff", "nothing")
-    )
-    assert done.returncode == 0, done.stderr
-    (row,) = [line for line in done.stdout.splitlines() if line.startswith("| erleben_cube_cliff | 8 | 6 | 0.005 |")]
+def test_the_command(tmp_path, capsys):
+    words = ["--out", str(tmp_path), "--minutes", "0.005", "--scenes"]
+    code, done = stress.main([*words, "erleben_cube_cliff"]), capsys.readouterr()
+    assert code == 0, done.err
+    (row,) = [line for line in done.out.splitlines() if line.startswith("| erleben_cube_cliff | 8 | 6 | 0.005 |")]
     assert "time limit" in row or "full time" in row
-    assert refused.returncode == 2 and refused.stderr.count("\n") == 1
-    assert refused.stderr.startswith("benchmarks.stress: ")
+    code, refused = stress.main([*words, "nothing"]), capsys.readouterr().err
+    assert code == 2 and refused.count("\n") == 1
+    assert refused.startswith("benchmarks.stress: ")
