@@ -24,7 +24,9 @@ from pdvol.meshes import disc
 
 def gravity(t):
     # In the process of level 0 of a wavefront: waits until level 1 runs beside it.
-    while sys.argv[2:3] == ["0"] and t > 0.05 and not Path(sys.argv[1], "levels", "1", "000001.npy").exists():
+    program, *words = sys.argv
+    marches = Path(program).name == "wavefront.py" and words[1] == "0"
+    while marches and t > 0.05 and not Path(words[0], "levels", "1", "000001.npy").exists():
         time.sleep(0.01)
     return (0.0, -9.81)
 
