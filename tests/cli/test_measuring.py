@@ -2,8 +2,10 @@
 runs.
 """
 
+import io
 import json
 import shutil
+from contextlib import redirect_stdout
 
 import numpy as np
 import pytest
@@ -53,8 +55,21 @@ def measured(*words):
     return json.loads((words[0] / "metrics.json").read_text())
 
 
-def test_continuity_of_a_direct_run_is_a_quarter(folder):
-    result = measured(folder / "direct")
+@pytest.fixture(scope="module")
+def direct(folder):
+    """What is measured of the direct run."""
+    return measured(folder / "direct")
+
+
+@pytest.fixture(scope="module")
+def progressive(folder):
+    """What is measured of the progressive run, and what is printed."""
+    with redirect_stdout(io.StringIO()) as printed:
+        return measured(folder / "progressive"), printed.getvalue()
+
+
+def test_continuity_of_a_direct_run_is_a_quarter(folder, direct):
+    result = direct
     assert [level["level"] for level in result["levels"]] == [0, 1] and result["notes"] == []
     for level in result["levels"]:
         assert len(level["continuity"]) == len(level["jitter"]) == level["steps"] == STEPS
@@ -67,9 +82,9 @@ def test_continuity_of_a_direct_run_is_a_quarter(folder):
         assert level["jitter"][0] == pytest.approx(0.5 * 1000.0 * (9.81 * 0.02) ** 2, rel=1e-6)
 
 
-def test_metrics_end_with_whether_it_is_the_same_animation(folder, capsys):
-    entry = measured(folder / "progressive")["levels"][1]
-    line = capsys.readouterr().out.splitlines()[-1]
+def test_metrics_end_with_whether_it_is_the_same_animation(folder, progressive):
+    result, out = progressive
+    entry, line = result["levels"][1], out.splitlines()[-1]
     assert line == last_animation(open_run(folder / "progressive")) == entry["animation"]
     apart, turned = entry["centre_drift_from_0"][-1] / np.sqrt(2.0), entry["angle_drift_from_0"][-1]  # of a unit square
     assert line == f"level 1: {100 * apart:.1f} % of the size, {turned:.1f} degrees from level 0: same animation"
@@ -108,9 +123,8 @@ def test_continuity_with_motions_of_supports_and_obstacles(tmp_path):
         np.testing.assert_allclose(values[whole], 0.25, rtol=1e-4)
 
 
-def test_measures_between_levels(folder, capsys):
-    result = measured(folder / "progressive")
-    out = capsys.readouterr().out
+def test_measures_between_levels(folder, progressive):
+    result, out = progressive
     assert (
         "method progressive, barycentric prolongation" in out
         and "rank of P 9 of 9" in out
@@ -151,14 +165,14 @@ def test_masses_are_the_solver_s(folder):
         )
 
 
-def test_against_another_run(folder, tmp_path, capsys):
-    alone = measured(folder / "progressive")
+def test_against_another_run(folder, direct, progressive, tmp_path, capsys):
+    alone, _ = progressive
     result = measured(folder / "progressive", "--against", folder / "direct", "--json", tmp_path / "numbers.json")
     assert json.loads((tmp_path / "numbers.json").read_text()) == result
     other = result.pop("against")
     assert result == alone
     between = other.pop("between")
-    assert other["levels"] == measured(folder / "direct")["levels"]
+    assert other["levels"] == direct["levels"]
     ours, theirs = open_run(folder / "progressive"), open_run(folder / "direct")
     for entry in between:
         level = entry["level"]
