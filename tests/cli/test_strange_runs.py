@@ -13,16 +13,33 @@ Path(__file__).with_name("sprung").touch()
 """
 
 
+@pytest.fixture(scope="module")
+def theirs(tmp_path_factory):
+    """The folder in which another user made a run, whose scene file does more than a scene."""
+    folder = tmp_path_factory.mktemp("theirs")
+    scene = write(folder / "fall.py", TRAP + FALL)
+    words = ("--steps", 3, "--no-picture", "--no-xdmf", "-o", folder / "run")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("XDG_STATE_HOME", str(folder / "state"))
+        assert pdvol("run", scene, *words) == 0 == pdvol("metrics", folder / "run")
+    (folder / "sprung").unlink()
+    return folder
+
+
 @pytest.fixture
-def strange(tmp_path, monkeypatch):
-    """A run that another user made, whose scene file does more than a scene."""
-    scene = write(tmp_path / "fall.py", TRAP + FALL)
-    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "theirs"))
-    words = ("--steps", 3, "--no-picture", "--no-xdmf", "-o", tmp_path / "run")
-    assert pdvol("run", scene, *words) == 0 == pdvol("metrics", tmp_path / "run")
-    shutil.rmtree(tmp_path / "theirs", ignore_errors=True)
-    (tmp_path / "sprung").unlink()
-    return tmp_path / "run"
+def strange(theirs, tmp_path, monkeypatch):
+    """A copy of their run, with its scene file beside it; nothing has run here."""
+    shutil.copy(theirs / "fall.py", tmp_path)
+    run = shutil.copytree(theirs / "run", tmp_path / "run")
+    names(run, tmp_path / "fall.py")
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "ours"))
+    return run
+
+
+def names(run, scene_file):
+    """Let a run name this scene file."""
+    info = json.loads((run / "run.json").read_text())
+    (run / "run.json").write_text(json.dumps({**info, "scene_file": str(scene_file)}))
 
 
 @pytest.mark.parametrize(
@@ -61,8 +78,7 @@ def test_a_file_that_has_changed_is_not_known(strange, capsys):
     shutil.copy(scene, strange.parent / "else" / "fall.py")
     scene.write_text(scene.read_text() + "# edited")
     for file in (scene, strange.parent / "else" / "fall.py"):
-        info = json.loads((strange / "run.json").read_text())
-        (strange / "run.json").write_text(json.dumps({**info, "scene_file": str(file)}))
+        names(strange, file)
         capsys.readouterr()
         assert pdvol("metrics", strange) == 0
         assert "has not run here as it is now" in capsys.readouterr().out
