@@ -202,11 +202,18 @@ def disk(tmp_path):
         libc.umount2(str(folder).encode(), 2)  # MNT_DETACH
 
 
-def test_a_full_disk(tmp_path, disk, capfd):
+@pytest.fixture(scope="module")
+def fine(tmp_path_factory):
+    """A folder with a scene file, and its run on a finer level that nothing interrupted: the words for another one."""
+    folder = tmp_path_factory.mktemp("fine")
+    words = ["run", write(folder / "fall.py", FALL), "--set", "sizes=(2, 8)"]
+    assert pdvol(*words, "--out", folder / "whole") == 0  # compiles what there is to compile
+    return words, folder / "whole"
+
+
+def test_a_full_disk(tmp_path, disk, fine, capfd):
     full = disk(64)
-    write(tmp_path / "fall.py", FALL)
-    words = ["run", tmp_path / "fall.py", "--set", "sizes=(2, 8)"]
-    assert pdvol(*words, "--out", tmp_path / "whole") == 0
+    words, whole = fine
     capfd.readouterr()
     assert pdvol(*words, "--out", full / "run") == 1
     lines = capfd.readouterr().err.strip().split("\n")
@@ -219,34 +226,32 @@ def test_a_full_disk(tmp_path, disk, capfd):
     assert begun and sum(level.steps for level in begun) > 3
     for level in begun:
         for step in range(level.steps):
-            np.testing.assert_array_equal(
-                level.positions(step), open_run(tmp_path / "whole").levels[level.index].positions(step)
-            )
+            np.testing.assert_array_equal(level.positions(step), open_run(whole).levels[level.index].positions(step))
     # On a disk with room it goes on.
     shutil.copytree(full / "run", tmp_path / "run")
     assert pdvol(*words, "--out", tmp_path / "run", "--resume") == 0
-    assert kept(tmp_path / "run") == kept(tmp_path / "whole")
+    assert kept(tmp_path / "run") == kept(whole)
 
 
 @pytest.mark.parametrize("limit", [pytest.param(1000, marks=pytest.mark.slow), 30_000])
-def test_files_that_may_not_grow(tmp_path, limit):
+def test_files_that_may_not_grow(tmp_path, fine, limit):
     # The same without a mount: RLIMIT_FSIZE stops a state, or the log, in the middle of a write.
-    write(tmp_path / "fall.py", FALL)
-    assert (
-        pdvol("run", tmp_path / "fall.py", "--set", "sizes=(2, 8)", "--out", tmp_path / "whole") == 0
-    )  # compiles what there is to compile
+    words, whole = fine
     program = (
         f"import resource, pdvol, pdvol.runs.runner; resource.setrlimit(resource.RLIMIT_FSIZE, ({limit}, {limit}));"
         " pdvol.main()"
     )
-    words = ["run", "fall.py", "--set", "sizes=(2, 8)", "--out", "run"]
     ended = subprocess.run(
-        [sys.executable, "-c", program, *words], cwd=tmp_path, capture_output=True, text=True, timeout=SAFETY
+        [sys.executable, "-c", program, *words, "--out", "run"],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        timeout=SAFETY,
     )
     assert ended.returncode == 1 and "Traceback" not in ended.stderr
     assert ended.stderr.strip().split("\n")[-1].startswith("pdvol: cannot write "), ended.stderr
-    assert pdvol("run", tmp_path / "fall.py", "--set", "sizes=(2, 8)", "--out", tmp_path / "run", "--resume") == 0
-    assert kept(tmp_path / "run") == kept(tmp_path / "whole")
+    assert pdvol(*words, "--out", tmp_path / "run", "--resume") == 0
+    assert kept(tmp_path / "run") == kept(whole)
 
 
 def test_a_read_only_folder(tmp_path, disk, capfd):
