@@ -45,11 +45,11 @@ def large_file(tmp_path_factory):
 def test_a_mesher_ends_with_the_budget_of_its_command(tmp_path, monkeypatch):
     endless = worker(tmp_path, "while True: pass", monkeypatch)
     before = time.process_time()
-    with pytest.raises(BudgetSpent, match="not done within the 1 s of processor time") as caught:
-        with cpu_budget.cpu_budget(seconds=1.0):
+    with pytest.raises(BudgetSpent, match="not done within the 0.5 s of processor time") as caught:
+        with cpu_budget.cpu_budget(seconds=0.5):
             run_worker(endless, 60.0)
     assert "\n" not in str(caught.value)
-    assert time.process_time() - before < 1.0, "it was the child's time"
+    assert time.process_time() - before < 0.5, "it was the child's time"
 
 
 def test_a_mesher_that_waits_for_ever_is_ended(tmp_path, monkeypatch):
@@ -110,8 +110,8 @@ def test_a_reader_ends_with_the_budget(tmp_path, monkeypatch):
 
     file = tmp_path / "any.obj"
     file.write_text("v 0 0 0\n")
-    with pytest.raises(BudgetSpent, match="any.obj: not done within the 1 s"):
-        with cpu_budget.cpu_budget(seconds=1.0):
+    with pytest.raises(BudgetSpent, match="any.obj: not done within the 0.5 s"):
+        with cpu_budget.cpu_budget(seconds=0.5):
             reader_process.read_in_child_process(file, endless)
 
 
