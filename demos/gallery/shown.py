@@ -203,7 +203,6 @@ They hang over its rim and fold over each other, on level 0, too. With two smoot
 strip like level 0 is 2.5 times as stiff in bending as a thin beam; with linear ones it would be 14 times.""",
         small={"slices": 4, "vertices": (30, 60), "dt": 0.02, "steps": 22},
         settings={"feedback": 0.1},
-        finest=1,
         slow=(0.1, 0.5),
         size=(1260, 400),
         moment=1.1,
