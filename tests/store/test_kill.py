@@ -2,16 +2,18 @@
 written.
 """
 
+import os
 import signal
-import subprocess
-import sys
+import traceback
+import warnings
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+from test_store import INFO
 
 import runs
-from commands import SAFETY
-from killing import HELPERS
+from killing import FileOperations
 from pdvol.errors import InputError
 from pdvol.store.reader import open_run
 from pdvol.store.writer import RunWriter
@@ -19,39 +21,35 @@ from pdvol.store.writer import RunWriter
 KILLS = 5
 VERTICES = 400
 
-_WRITE = """
-import sys; sys.path[:0] = {folders!r}
-import test_kill, runs
-from killing import FileOperations
-from pdvol.store.writer import RunWriter
-FileOperations({run!r}, {deadly})
-with RunWriter.open({run!r}) as writer:
-    while True:
-        step = writer.steps(0)
-        writer.write_state(0, step, test_kill.state(step), runs.record(0, step))
-"""
-
-_CREATE = """
-import sys; sys.path[:0] = {folders!r}
-import runs, test_store
-from killing import FileOperations
-from pdvol.store.writer import RunWriter
-meshes = runs.level_meshes(2, (60, 2000, 6000))
-operations = FileOperations({run!r}, {deadly})
-RunWriter.create({run!r}, test_store.INFO, meshes, ["a", "b"])
-print(operations.count)
-"""
-
 
 def state(step: int) -> np.ndarray:
     """What is written as the state of a step."""
     return np.random.default_rng(step).normal(size=(VERTICES, 2))
 
 
-def ended(program: str, run: Path, deadly: int) -> subprocess.CompletedProcess:
-    """A program that was killed before a file operation, or has come to its end."""
-    code = program.format(folders=[str(Path(__file__).parent), HELPERS], run=str(run), deadly=deadly)
-    return subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=SAFETY)
+def ended(work: Callable[[], object], run: Path, deadly: int) -> tuple[int, int]:
+    """The exit code of a copy of this process that does the work and is killed before a file operation in the run's
+    folder, or comes to the work's end; and the number of file operations, 0 where it was killed.
+    """
+    read, write = os.pipe()
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", DeprecationWarning)  # of threads, which the copy does not have
+        child = os.fork()
+    if child == 0:
+        code = 1
+        try:
+            operations = FileOperations(str(run), deadly)
+            work()
+            os.write(write, str(operations.count).encode())
+            code = 0
+        except BaseException:
+            traceback.print_exc()
+        finally:
+            os._exit(code)  # nothing of the tests runs on in the copy
+    os.close(write)
+    with os.fdopen(read) as count:
+        operations = int(count.read() or 0)
+    return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]), operations
 
 
 def test_states_survive_kills(tmp_path):
@@ -60,9 +58,16 @@ def test_states_survive_kills(tmp_path):
     labels = np.zeros(len(cells), np.int32)
     path = tmp_path / "run"
     RunWriter.create(path, {"dt": 0.1, "steps": 10**6}, [runs.LevelMesh(points, cells, labels, labels)], ["a"]).close()
+
+    def write_on():
+        with RunWriter.open(path) as writer:
+            while True:
+                step = writer.steps(0)
+                writer.write_state(0, step, state(step), runs.record(0, step))
+
     found, checked = 0, 0
     for deadly in np.random.default_rng(7).integers(40, 120, KILLS):
-        assert ended(_WRITE, path, deadly).returncode == -signal.SIGKILL
+        assert ended(write_on, path, deadly) == (-signal.SIGKILL, 0)
         level = open_run(path).levels[0]
         assert level.steps >= found
         found = level.steps
@@ -76,12 +81,13 @@ def test_states_survive_kills(tmp_path):
 
 
 def test_a_creation_that_was_killed_can_be_repeated(tmp_path):
-    seen = set()
-    whole = ended(_CREATE, tmp_path / "whole", 0)
-    assert whole.returncode == 0, whole.stderr
-    for i, deadly in enumerate(np.linspace(1, int(whole.stdout), 4).astype(int)):
+    seen, meshes = set(), runs.level_meshes(2, (60, 2000, 6000))
+    creation = lambda path: lambda: RunWriter.create(path, INFO, meshes, ["a", "b"])
+    code, operations = ended(creation(tmp_path / "whole"), tmp_path / "whole", 0)
+    assert code == 0 < operations
+    for i, deadly in enumerate(np.linspace(1, operations, 4).astype(int)):
         path = tmp_path / f"run{i}"
-        assert ended(_CREATE, path, deadly).returncode == -signal.SIGKILL
+        assert ended(creation(path), path, deadly) == (-signal.SIGKILL, 0)
         try:
             open_run(path)
             seen.add("whole")
