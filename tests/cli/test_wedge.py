@@ -117,7 +117,7 @@ def test_the_same_command_goes_on_and_more_values_are_added(folder, tmp_path, ca
     copy, before = tmp_path / "copy", {p: p.stat().st_mtime_ns for p in (tmp_path / "copy").glob("w/runs/*/levels/*/*")}
     assert before
     capsys.readouterr()
-    assert pdvol("wedge", copy / "fall.py", "-o", copy / "w", *WORDS) == 0
+    assert pdvol("wedge", copy / "fall.py", "-o", copy / "w", *WORDS, "--jobs", 1) == 0
     assert {p: p.stat().st_mtime_ns for p in copy.glob("w/runs/*/levels/*/*")} == before
     head, *rows, last = capsys.readouterr().out.splitlines()
     assert head.split() == ["number", "height", "mu", "right", "cluster", "state"] and "failed: " in last
@@ -128,7 +128,7 @@ def test_the_same_command_goes_on_and_more_values_are_added(folder, tmp_path, ca
         assert {**entry, "seconds": 0, "cluster": 0} == {**its, "seconds": 0, "cluster": 0}
     more = ("--steps", STEPS, "--vary", "mu=0.2,0.1", "--set", "height=0.02", "--score", "right", "--no-picture")
     for sort in ("mu", "number"):
-        assert pdvol("wedge", copy / "fall.py", "-o", copy / "w", *more, "--sort", sort) == 0
+        assert pdvol("wedge", copy / "fall.py", "-o", copy / "w", *more, "--sort", sort, "--jobs", 1) == 0
         shown = [int(line.split()[0]) for line in capsys.readouterr().out.splitlines()[1:]]
         entries = {entry["number"]: entry for entry in stored(copy / "w")["variations"]}
         keys = [float(entries[number]["changes"]["mu"]) if sort == "mu" else number for number in shown]
