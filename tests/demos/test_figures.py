@@ -27,28 +27,28 @@ def gear_area(radius, teeth, tooth, share):
 
 
 OUTLINES = {
-    # name: (outline, area by hand)
+    # name: (what makes the outline, area by hand)
     # The bed and two legs, less what the arcs take from the eight corners: two of them are inner ones and give as much
     # back.
     "trampoline": (
-        recipes.trampoline(2.0, 0.5, 0.1, 0.1),
+        lambda: recipes.trampoline(2.0, 0.5, 0.1, 0.1),
         2.0 * 0.1 + 2 * 0.1 * 0.4 - 4 * 0.04**2 * (1.0 - _arc_share(6)),
     ),
     # 20 teeth: trapezoids on the chords of a polygon with five corners a tooth.
-    "gear": (recipes.gear(0.3, 20, 0.1, 0.35), gear_area(0.3, 20, 0.1, 0.35)),
+    "gear": (lambda: recipes.gear(0.3, 20, 0.1, 0.35), gear_area(0.3, 20, 0.1, 0.35)),
     "stroke": (
-        toys.stroke(np.column_stack([np.linspace(0, 1, 9), np.zeros(9)]), 0.2, cap=200),
+        lambda: toys.stroke(np.column_stack([np.linspace(0, 1, 9), np.zeros(9)]), 0.2, cap=200),
         0.2 + np.pi * 0.1**2,
     ),
 }
 FLAT = {
-    # name: (mesh, area by hand or None, holes)
-    "A": (recipes.letter("A"), None, 1),
-    "B": (recipes.letter("B"), None, 2),
-    "propeller": (recipes.propeller(), None, 1),
-    "beach ball": (recipes.beach_ball(0.3, 6, 96), 0.5 * 96 * 0.09 * np.sin(2 * np.pi / 96), 0),
+    # name: (what makes the mesh, area by hand or None, holes)
+    "A": (lambda: recipes.letter("A"), None, 1),
+    "B": (lambda: recipes.letter("B"), None, 2),
+    "propeller": (recipes.propeller, None, 1),
+    "beach ball": (lambda: recipes.beach_ball(0.3, 6, 96), 0.5 * 96 * 0.09 * np.sin(2 * np.pi / 96), 0),
     "pierced": (
-        toys.pierced(
+        lambda: toys.pierced(
             meshes.rectangle(4.0, 2.0),
             *(
                 meshes.polygon(np.array([x, y]) + [[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]])
@@ -63,7 +63,8 @@ FLAT = {
 
 @pytest.mark.parametrize("name", OUTLINES)
 def test_outlines_have_their_area(name):
-    outline, area = OUTLINES[name]
+    make, area = OUTLINES[name]
+    outline = make()
     checked = check_outline(outline)
     assert np.array_equal(checked.points, outline.points), "it runs anticlockwise already"
     assert signed_area(outline.points) == pytest.approx(area, rel=2e-4)
@@ -97,7 +98,8 @@ def test_the_ape_is_whole_stands_flat_and_has_one_arm_up():
 
 @pytest.mark.parametrize("name", FLAT)
 def test_flat_meshes_have_their_area_and_holes(name):
-    mesh, area, holes = FLAT[name]
+    make, area, holes = FLAT[name]
+    mesh = make()
     solid = check_solid(mesh)
     edges = np.vstack([solid.cells[:, [0, 1]], solid.cells[:, [1, 2]], solid.cells[:, [2, 0]]])
     _, number, counts = np.unique(np.sort(edges, axis=1), axis=0, return_inverse=True, return_counts=True)
