@@ -164,11 +164,14 @@ def cluster(tmp_path):
 
 
 def test_workers_of_dask_give_the_same_states(folder, tmp_path, cluster, monkeypatch):
-    """What they cannot start has its reason."""
-    words = ("wedge", folder / "fall.py", "-o", tmp_path / "w", *WORDS)
+    """One that is done, one that fails; and what they cannot start has its reason."""
+    words = ["mu=0.1" if word == "mu=0.1:0.3:2" else word for word in WORDS]
+    words = ("wedge", folder / "fall.py", "-o", tmp_path / "w", *words)
     assert pdvol(*words, "--executor", f"dask={cluster.scheduler_address}") == 0
-    assert states_of(tmp_path / "w") == states_of(folder / "w")
-    for entry, its in zip(stored(tmp_path / "w")["variations"], stored(folder / "w")["variations"], strict=True):
+    alike = {entry["name"]: entry for entry in stored(folder / "w")["variations"] if entry["name"].endswith("_mu-0.1")}
+    others = states_of(folder / "w")
+    assert states_of(tmp_path / "w") == {name: others[name] for name in alike if name in others}
+    for entry, its in zip(stored(tmp_path / "w")["variations"], alike.values(), strict=True):
         assert [entry[key] for key in ("name", "state", "reason", "scores")] == [
             its[key] for key in ("name", "state", "reason", "scores")
         ]
