@@ -14,7 +14,7 @@ from pdvol.studio.variations.variation import Variation, length, number
 SHOWN_ORDER = 3  # values of an axis from which on their differences are shown
 CHAOTIC = 10.0  # times by which jitter may grow until the end: more, and the end follows from chance
 MESH_ORDER = 2.0  # of displacements in the mesh size, with linear elements
-TIME_ORDERS = {"implicit_euler": 1.0, "bdf2": 2.0}
+TIME_ORDER = 1.0  # of the end in the time step, whatever the integrator: a bounce is timed by whole steps
 SHARES = (0.01, 0.03)  # of the size: accuracies of the sentences
 
 
@@ -24,7 +24,6 @@ def conclusions(
     states: ReferenceStates,
     plan: Plan,
     folder: Callable[[Variation], Path],
-    integrator: str,
     levels: int,
 ) -> dict:
     """`reference`, `spread`, `orders`, `default`, `levels_not_run`, `sentences`, for study.json; marks the points on
@@ -35,14 +34,14 @@ def conclusions(
     result : what study.json has so far
     reference : whose run `states` holds
     folder : the run folder of a variation
-    integrator, levels : of the scene, the latter their number
+    levels : of the scene, their number
     """
     points = result["points"]
     same = [point["errors"]["story"] for point in points]
     front = on_front([p["cost"]["cpu"] for p in points], [p["errors"]["end"] for p in points])
     for point, kept in zip(points, front, strict=True):
         point["front"] = kept
-    known = _reference(reference, states, plan, folder, integrator)
+    known = _reference(reference, states, plan, folder)
     spread = _spread(states, plan, folder)
     default = next((p for p in points if p["run"] == plan.base.name and p["level"] == plan.last), None)
     found = {
@@ -56,9 +55,7 @@ def conclusions(
     return {**found, "sentences": sentences(points, found, result["size"])}
 
 
-def _reference(
-    reference: Variation, states: ReferenceStates, plan: Plan, folder: Callable[[Variation], Path], integrator: str
-) -> dict:
+def _reference(reference: Variation, states: ReferenceStates, plan: Plan, folder: Callable[[Variation], Path]) -> dict:
     """The reference and its own error [m], by parts: time step, tolerance, and, beside them, the finest mesh."""
     last = plan.last or 0
 
@@ -71,8 +68,7 @@ def _reference(
     parts: dict[str, float | None] = {}
     second = plan.second_reference()
     difference = None if second is None else apart(reference, second)
-    order = TIME_ORDERS.get(dict(reference.changes).get("integrator", integrator), 1.0)
-    parts["dt"] = None if difference is None else richardson(difference, 2.0, order)
+    parts["dt"] = None if difference is None else richardson(difference, 2.0, TIME_ORDER)
     tolerances = [
         v
         for axis in plan.axes
