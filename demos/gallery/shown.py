@@ -214,7 +214,7 @@ strip like level 0 is 2.5 times as stiff in bending as a thin beam; with linear 
 their feet. The sizes are those of the paper's first figure. All steps of level 0 (9,172 tetrahedra) take 51 s of
 processor time, those of level 2 (410,057) 64 minutes: 75 times as long, where the paper has 120. The sheep end
 in the same places. By implicit Euler, linear elements and without feedback, the former defaults, level 0 took 33 s,
-level 2 took 40 minutes, and ended 1.4 cm from level 0 on average; now it ends 5.8 mm from it.
+level 2 took 40 minutes, and ended 1.4 cm from level 0. Now it ends 5.8 mm from it.
 With a stalk of a fifth of the stiffness (`--set stalk=12`) and those defaults the plant buckled on level 1.""",
         small={"vertices": ((500, 800), (250, 400)), "dt": 0.04, "steps": 110},
         view="-0.95,1.37,2.01:0.0,0.33,0.14",

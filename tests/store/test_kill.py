@@ -13,6 +13,7 @@ import numpy as np
 from test_store import INFO
 
 import runs
+from commands import SAFETY
 from killing import FileOperations
 from pdvol.errors import InputError
 from pdvol.store.reader import open_run
@@ -38,6 +39,7 @@ def ended(work: Callable[[], object], run: Path, deadly: int) -> tuple[int, int]
     if child == 0:
         code = 1
         try:
+            signal.alarm(int(SAFETY))  # where the kill does not come
             operations = FileOperations(str(run), deadly)
             work()
             os.write(write, str(operations.count).encode())

@@ -246,8 +246,7 @@ class Study:
         }
         states = self._states()
         if states is not None and reference is not None:
-            scene = self.shot.scene
-            result |= conclusions(result, reference, states, plan, self.folder, scene.levels)
+            result |= conclusions(result, reference, states, plan, self.folder, self.shot.scene.levels)
             result["reference"]["point"] = self._point(reference, self.plan.last or 0)
         write_json(self.file, result)
         return read_json(self.file)
