@@ -342,25 +342,18 @@ def dimension(scene: Scene) -> int:
     return scene.bodies[0].shape[0].vertices.shape[1]
 
 
-PROPERTIES = [
-    in_other_units,
-    from_elsewhere,
-    from_a_moving_frame,
-    in_another_order,
-    same_level_0,
-    cut_and_resumed,
-    branched,
-    on_two,
-    as_checked,
-    slab_for_plane,
-    isolated,
-    loses_energy,
-]
+PROPERTIES = {
+    "frames": (in_other_units, from_elsewhere, from_a_moving_frame, in_another_order),
+    "runs": (same_level_0, cut_and_resumed, branched, on_two),
+    "physics": (as_checked, slab_for_plane, isolated, loses_energy),
+}
+"""Those of a kind are checked on one run of a scene."""
+ONE_BY_ONE = [check for checks in PROPERTIES.values() for check in checks]
 ANY = {"deadline": None, "database": None, "suppress_health_check": list(HealthCheck), "phases": [Phase.generate]}
 
 
-def run_and_check(folder: Path, scene: Scene, how: dict, check, seed: int) -> None:
-    """Run one scene, and check its states and one property."""
+def run_and_check(folder: Path, scene: Scene, how: dict, seed: int, *checks) -> None:
+    """Run one scene, and check its states and some properties."""
     base = folder / "run"
     error = run(scene, base, how)
     event("done" if not error else "ends early" if base.exists() else "refused")
@@ -369,36 +362,39 @@ def run_and_check(folder: Path, scene: Scene, how: dict, check, seed: int) -> No
         return
     sound(scene, how, base, seed)
     if any(level.steps > 1 for level in pdvol.open_run(base).levels):
-        check(scene, how, base, seed)
+        for check in checks:
+            check(scene, how, base, seed)
 
 
 def hows():
     return st.fixed_dictionaries({"method": methods, "prolongation": interpolants})
 
 
-@pytest.mark.parametrize("check", PROPERTIES, ids=lambda check: check.__name__)
+@pytest.mark.parametrize(
+    "kind", [pytest.param(kind, marks=pytest.mark.mpi if on_two in PROPERTIES[kind] else ()) for kind in PROPERTIES]
+)
 @settings(max_examples=8, derandomize=True, **ANY)
 @given(scene=scenes(), how=hows(), seed=st.integers(0, 10**6))
-def test_a_few(tmp_path_factory, check, scene, how, seed):
-    run_and_check(tmp_path_factory.mktemp("scene"), scene, how, check, seed)
+def test_a_few(tmp_path_factory, kind, scene, how, seed):
+    run_and_check(tmp_path_factory.mktemp("scene"), scene, how, seed, *PROPERTIES[kind])
 
 
 @settings(max_examples=12, derandomize=True, **ANY)
 @given(scene=scenes(extreme=True), how=hows())
 def test_a_few_extremes(tmp_path_factory, scene, how):
-    run_and_check(tmp_path_factory.mktemp("scene"), scene, how, sound, 0)
+    run_and_check(tmp_path_factory.mktemp("scene"), scene, how, 0)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("check", PROPERTIES, ids=lambda check: check.__name__)
+@pytest.mark.parametrize("check", ONE_BY_ONE, ids=lambda check: check.__name__)
 @settings(max_examples=1000, **ANY)
 @given(scene=scenes(), how=hows(), seed=st.integers(0, 10**6))
 def test_many(tmp_path_factory, check, scene, how, seed):
-    run_and_check(tmp_path_factory.mktemp("scene"), scene, how, check, seed)
+    run_and_check(tmp_path_factory.mktemp("scene"), scene, how, seed, check)
 
 
 @pytest.mark.slow
 @settings(max_examples=1000, **ANY)
 @given(scene=scenes(extreme=True), how=hows())
 def test_many_extremes(tmp_path_factory, scene, how):
-    run_and_check(tmp_path_factory.mktemp("scene"), scene, how, sound, 0)
+    run_and_check(tmp_path_factory.mktemp("scene"), scene, how, 0)
