@@ -21,6 +21,12 @@ def pytest_xdist_auto_num_workers() -> int:
     return len(os.sched_getaffinity(0)) + 1
 
 
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Files with tests on ranks come first: one worker takes them all, so ranks are started once."""
+    on_several = {item.path for item in items if "mpi" in item.keywords}
+    items.sort(key=lambda item: item.path not in on_several)
+
+
 @pytest.fixture(scope="session", autouse=True)
 def final_pictures():
     """`pdvol run` ends with a picture, which takes longer than the runs of most tests: in this process it is drawn only
