@@ -1,11 +1,14 @@
 """A round, smiling bear, sitting: the default shape of demos/drop.py."""
 
+from functools import lru_cache
+
 import numpy as np
 
 from .geometry import Surface
 from .implicit import capsule, contoured, ellipsoid, join
 
 
+@lru_cache(maxsize=4)  # a second to make, as the figures of jellies.py
 def creature(height: float = 1.0, vertices: int = 4000, plumpness: float = 1.0) -> Surface:
     """A bear cub `height` [m] tall, y up, facing +z, centred on the y axis, its lowest point at y = 0.
 

@@ -1,5 +1,7 @@
 """A gorilla, sitting: one fist on the ground, the other arm raised. The shape of demos/ape.py."""
 
+from functools import lru_cache
+
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -7,6 +9,7 @@ from pdvol.meshes import Surface
 from pdvol.meshes.implicit import capsule, contoured, ellipsoid, join
 
 
+@lru_cache(maxsize=4)  # seconds to make
 def ape(height: float = 1.0, vertices: int = 5000) -> Surface:
     """A gorilla `height` [m] tall to the top of its head, y up, facing +z; its seat, its soles and its right fist (-x)
     rest flat on y = 0.

@@ -1,17 +1,20 @@
 """Every figure of the demos is a shape that the pre-flight checks accept, of the size it promises."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
-from demos import recipes
-from demos.recipes import toys
-from demos.recipes.slices import bunny_outline
 from pdvol import meshes
 from pdvol.geometry.closed_surfaces import enclosed_volume
 from pdvol.geometry.level_mesh import simplex_volumes
 from pdvol.meshing.decimate import topology
 from pdvol.meshing.triangulate import boundary_loops
 from pdvol.meshing.validate import check_outline, check_solid, check_surface, signed_area
+from pdvol.runs.scene_file import load_module
+
+recipes = load_module(Path(__file__).resolve().parents[2] / "demos" / "ape.py").recipes
+"""As the demos import them: a figure that another test has made is made once."""
 
 
 def _arc_share(parts: int) -> float:
@@ -37,7 +40,7 @@ OUTLINES = {
     # 20 teeth: trapezoids on the chords of a polygon with five corners a tooth.
     "gear": (lambda: recipes.gear(0.3, 20, 0.1, 0.35), gear_area(0.3, 20, 0.1, 0.35)),
     "stroke": (
-        lambda: toys.stroke(np.column_stack([np.linspace(0, 1, 9), np.zeros(9)]), 0.2, cap=200),
+        lambda: recipes.toys.stroke(np.column_stack([np.linspace(0, 1, 9), np.zeros(9)]), 0.2, cap=200),
         0.2 + np.pi * 0.1**2,
     ),
 }
@@ -48,7 +51,7 @@ FLAT = {
     "propeller": (recipes.propeller, None, 1),
     "beach ball": (lambda: recipes.beach_ball(0.3, 6, 96), 0.5 * 96 * 0.09 * np.sin(2 * np.pi / 96), 0),
     "pierced": (
-        lambda: toys.pierced(
+        lambda: recipes.toys.pierced(
             meshes.rectangle(4.0, 2.0),
             *(
                 meshes.polygon(np.array([x, y]) + [[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]])
@@ -111,8 +114,9 @@ def test_flat_meshes_have_their_area_and_holes(name):
     assert area is None or filled == pytest.approx(area, rel=1e-12)
 
 
-@pytest.mark.parametrize("outline", [recipes.letter("C"), recipes.worm()], ids=["C", "worm"])
-def test_drawn_outlines_run_anticlockwise(outline):
+@pytest.mark.parametrize("make", [lambda: recipes.letter("C"), recipes.worm], ids=["C", "worm"])
+def test_drawn_outlines_run_anticlockwise(make):
+    outline = make()
     assert np.array_equal(check_outline(outline).points, outline.points)
 
 
@@ -131,7 +135,7 @@ def test_the_ball_has_equal_panels():
 
 @pytest.mark.parametrize("layers", [1, 3])
 def test_a_slice_has_its_layers(layers):
-    outline, found = bunny_outline(0.4, 160).points, recipes.bunny_slice(0.4, 0.01, 60, layers)
+    outline, found = recipes.slices.bunny_outline(0.4, 160).points, recipes.bunny_slice(0.4, 0.01, 60, layers)
     check_solid(found, "slice")
     assert np.allclose(np.unique(found.vertices[:, 1]), np.linspace(-0.005, 0.005, layers + 1))
     volume = simplex_volumes(found.vertices, found.cells).sum()
@@ -151,10 +155,10 @@ def test_the_seahorse_has_its_height_and_repeats():
 @pytest.mark.parametrize(
     ("figure", "axis", "size"),
     [
-        (lambda: recipes.leaf_sheep(0.4, 5000), 2, 0.4),
-        (lambda: recipes.sea_mushroom(0.7, 2000), 1, 0.7),
-        (lambda: recipes.stone(0.3, 800), 0, 0.3),
-        (lambda: recipes.gnome(0.5, 3000), 1, 0.5),
+        (lambda: recipes.leaf_sheep(0.36, 24000), 2, 0.36),
+        (lambda: recipes.sea_mushroom(0.6, 6000), 1, 0.6),
+        (lambda: recipes.stone(0.34, 1200), 0, 0.34),
+        (lambda: recipes.gnome(0.6, 8000), 1, 0.6),
     ],
     ids=["leaf sheep", "sea mushroom", "stone", "gnome"],
 )

@@ -103,7 +103,7 @@ def test_the_creature_is_whole_and_repeats():
     assert cub.vertices[:, 1].min() == 0.0
     assert cub.vertices[:, 1].max() == pytest.approx(1.0)
     assert enclosed_volume(cub.vertices, cub.triangles) > 0.0
-    assert np.array_equal(cub.vertices, meshes.creature().vertices)
+    assert np.array_equal(cub.vertices, meshes.creature.__wrapped__().vertices)
 
 
 @pytest.mark.parametrize("layers", [1, 2])
