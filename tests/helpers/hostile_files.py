@@ -91,7 +91,8 @@ FLAT = (
     np.vstack([CUBE.triangles[0, [0, 1]].tolist() + [8], CUBE.triangles]),
 )
 """A cube, and a triangle without area on one of its edges."""
-CROSSING = together(shifted(BALL, 0.0), shifted(BALL, (1.1, 0.2, 0.1)))
+COARSE = ball(1.0, 1)
+CROSSING = together(shifted(COARSE, 0.0), shifted(COARSE, (1.1, 0.2, 0.1)))
 CORNERS = np.array(list(product((0.0, 1.0), repeat=3)))
 QUADS = np.array([[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]])
 SPLIT = [[0, 8, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1, 8], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]
