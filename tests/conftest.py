@@ -29,15 +29,19 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 @pytest.fixture(scope="session", autouse=True)
 def final_pictures():
-    """`pdvol run` ends with a picture, which takes longer than the runs of most tests: in this process it is drawn only
-    within `with final_pictures():`. Pictures that are asked for in another way are drawn as ever.
+    """`pdvol run` ends with a picture, and `pdvol metrics` with curves, which take longer than the runs of most tests: in
+    this process they are drawn only within `with final_pictures():`. Pictures that are asked for in another way are
+    drawn as ever.
     """
-    from pdvol.studio.draw import picture
+    from pdvol.studio.draw import picture, plots
 
-    render, drawn = picture.render, []
+    render, plot_metrics, drawn = picture.render, plots.plot_metrics, []
 
     def render_if_wanted(run, path, *choices, **named):
         return render(run, path, *choices, **named) if choices or named or drawn else path
+
+    def plot_if_wanted(path, runs):
+        return plot_metrics(path, runs) if drawn else path
 
     @contextmanager
     def wanted() -> Iterator[None]:
@@ -47,6 +51,7 @@ def final_pictures():
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(picture, "render", render_if_wanted)
+        patch.setattr(plots, "plot_metrics", plot_if_wanted)
         yield wanted
 
 

@@ -62,9 +62,9 @@ def direct(folder):
 
 
 @pytest.fixture(scope="module")
-def progressive(folder):
+def progressive(folder, final_pictures):
     """What is measured of the progressive run, and what is printed."""
-    with redirect_stdout(io.StringIO()) as printed:
+    with final_pictures(), redirect_stdout(io.StringIO()) as printed:
         return measured(folder / "progressive"), printed.getvalue()
 
 
@@ -165,9 +165,10 @@ def test_masses_are_the_solver_s(folder):
         )
 
 
-def test_against_another_run(folder, direct, progressive, tmp_path, capsys):
+def test_against_another_run(folder, direct, progressive, tmp_path, capsys, final_pictures):
     alone, _ = progressive
-    result = measured(folder / "progressive", "--against", folder / "direct", "--json", tmp_path / "numbers.json")
+    with final_pictures():
+        result = measured(folder / "progressive", "--against", folder / "direct", "--json", tmp_path / "numbers.json")
     assert json.loads((tmp_path / "numbers.json").read_text()) == result
     other = result.pop("against")
     assert result == alone
@@ -204,7 +205,7 @@ def test_a_run_that_is_prolonged_exactly(tmp_path, name):
     assert result["levels"][1]["projection"] == {"rank": 16, "columns": 16}
 
 
-def test_a_coarse_vertex_that_nothing_is_bound_to(tmp_path):
+def test_a_coarse_vertex_that_nothing_is_bound_to(tmp_path, final_pictures):
     """The coarse level has more vertices than the fine one. The report gives a rank below the number of columns, and no
     value is infinite.
     """
@@ -215,17 +216,19 @@ def test_a_coarse_vertex_that_nothing_is_bound_to(tmp_path):
         for step in range(2):
             for level, mesh in enumerate(meshes):
                 run.write_state(level, step, mesh.points * (1 + 0.1 * step))
-    level = measured(tmp_path / "run")["levels"][1]
+    with final_pictures():
+        level = measured(tmp_path / "run")["levels"][1]
     assert level["projection"] == {"rank": 9, "columns": 36}
     assert max(level["consistency"]) < 1e-20
 
 
-def test_what_cannot_be_measured_is_said(folder, tmp_path, capsys):
+def test_what_cannot_be_measured_is_said(folder, tmp_path, capsys, final_pictures):
     run = shutil.copytree(folder / "direct", tmp_path / "run")
     lines = [json.loads(line) for line in (run / "log.jsonl").read_text().splitlines()]
     lines[2]["cuts"] = 1  # level 0, step 3
     (run / "log.jsonl").write_text("".join(json.dumps(line) + "\n" for line in lines))
-    assert measured(run)["levels"][0]["continuity"][2] is None
+    with final_pictures():
+        assert measured(run)["levels"][0]["continuity"][2] is None
     info = json.loads((run / "run.json").read_text())
     for change, told in (
         ({"scene_file": str(tmp_path / "gone.py")}, "gone.py is gone"),
@@ -239,11 +242,12 @@ def test_what_cannot_be_measured_is_said(folder, tmp_path, capsys):
         assert "consistency" in result["levels"][1]
 
 
-def test_an_unfinished_run(folder, tmp_path):
+def test_an_unfinished_run(folder, tmp_path, final_pictures):
     run = shutil.copytree(folder / "progressive", tmp_path / "run")
     for step in range(6, STEPS + 1):
         (run / "levels" / "1" / f"{step:06d}.npy").unlink()
-    coarse, fine = measured(run)["levels"]
+    with final_pictures():
+        coarse, fine = measured(run)["levels"]
     assert (coarse["steps"], fine["steps"]) == (STEPS, 5)
     assert len(fine["consistency"]) == 6 and len(fine["continuity"]) == 5
 
