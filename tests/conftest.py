@@ -29,8 +29,8 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 @pytest.fixture(scope="session", autouse=True)
 def final_pictures():
-    """`pdvol run` ends with a picture, and `pdvol metrics` with curves, which take longer than the runs of most tests: in
-    this process they are drawn only within `with final_pictures():`. Pictures that are asked for in another way are
+    """`pdvol run` ends with a picture, and `pdvol metrics` with curves, which take longer than the runs of most tests:
+    in this process they are drawn only within `with final_pictures():`. Pictures that are asked for in another way are
     drawn as ever.
     """
     from pdvol.studio.draw import picture, plots
