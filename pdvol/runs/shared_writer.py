@@ -19,7 +19,7 @@ from pdvol.store.reader import open_run
 from pdvol.store.series import StepFields, nothing_more
 from pdvol.store.writer import RunWriter
 
-EXPORT_PAUSE = 20.0  # seconds between exports of a running level, at least
+EXPORT_PAUSE = 20.0  # seconds before the first export of a running level, and between two, at least
 EXPORT_SHARE = 0.05  # of a level's time that its exports may take, at most
 
 
@@ -31,6 +31,7 @@ class Export:
     def __init__(self, path: Path, scene: Scene, obstacles: Sequence[Obstacle]):
         self._path, self._scene, self._obstacles = path, scene, obstacles
         self._next: dict[int, float] = {}
+        self._first = time.monotonic() + EXPORT_PAUSE
 
     def write(self, level: int) -> None:
         """Writes one level's, as far as it is."""
@@ -50,7 +51,7 @@ class Export:
 
     def follow(self, level: int) -> None:
         """The same after a state was stored, where the last export is old enough."""
-        if time.monotonic() >= self._next.get(level, 0.0):
+        if time.monotonic() >= self._next.get(level, self._first):
             with suppress(SimulationError):  # a full disk is reported by the next state
                 self.write(level)
 
