@@ -57,7 +57,7 @@ def march(tmp_path, name, steps=None, seed=0):
     out = tmp_path / "run"
     error = None
     try:
-        run_scene(load_shot(FILE, {"name": name, "seed": seed}, steps), out)
+        run_scene(load_shot(FILE, {"name": name, "seed": seed}, steps), out, xdmf=False)
     except (pdvol.ConvergenceError, pdvol.InputError) as named:
         error = named
     if (out / "run.json").is_file():

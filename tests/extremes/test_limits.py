@@ -13,7 +13,7 @@ from pdvol.store.reader import open_run
 
 def stored(tmp_path, name, steps=None, **settings):
     """The stored run of a row."""
-    run_scene(load_shot(scenes.__file__, {"name": name, **settings}, steps), tmp_path / "run")
+    run_scene(load_shot(scenes.__file__, {"name": name, **settings}, steps), tmp_path / "run", xdmf=False)
     return open_run(tmp_path / "run")
 
 
