@@ -7,8 +7,9 @@ import pytest
 from petsc4py import PETSc
 
 from pdvol.errors import ConvergenceError
+from pdvol.integrate.scripted_motion import MotionParts
 from pdvol.potentials.potential import Positions, Term
-from pdvol.scene import Barrier, Gravity, Plane, Solver
+from pdvol.scene import Barrier, Gravity, Plane, Solver, Translation
 from pdvol.solve.report import REMEDIES, no_remedies, taken
 from problems import block, make_scene, make_stepper, march, take_step
 
@@ -73,6 +74,30 @@ def test_too_many_iterations_halve_the_step_and_end_with_an_error():
     assert error.level == 0 and error.step == number
     assert str(error).startswith(f"level 0, step {number}: DIVERGED_MAX_IT after ")
     assert "halvings" in error.reason and "last_resort 1" in error.reason and "dt = 0.005 s" in error.reason
+
+
+def test_ground_that_cannot_move_halves_the_step(monkeypatch):
+    """What moves with respect to the ground waits for it. The ground itself does not wait: the step is halved until it
+    gets there, and ends with an error where it never does.
+    """
+    scene = make_scene(
+        dt=0.02, obstacles=(Plane((0.0, 0.0), (0.0, 1.0), Translation((0.0, 0.1))),), contact=(Barrier(dhat=0.01),)
+    )
+    mesh = block((0.0, 0.02), (0.4, 0.42), 2)
+    problem, follow, still = make_stepper(scene, mesh), MotionParts.follow, np.zeros_like(mesh.points)
+    monkeypatch.setattr(problem, "_predicted", lambda *_: None)
+    tries = []
+
+    def blocked_at_first(parts, x):
+        tries.append(parts)
+        return follow(parts, x) if len(tries) > 1 else x
+
+    monkeypatch.setattr(MotionParts, "follow", blocked_at_first)
+    report = take_step(problem, 1, mesh.points, still)
+    assert report.remedies["halvings"] == 1 and report.cuts == 1
+    monkeypatch.setattr(MotionParts, "follow", lambda parts, x: x)
+    with pytest.raises(ConvergenceError, match="level 0, step 2: GROUND_BLOCKED after "):
+        take_step(problem, 2, report.positions, still)
 
 
 def test_the_last_resort_can_save_a_step(monkeypatch):
