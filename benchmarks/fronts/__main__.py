@@ -7,6 +7,7 @@ marks of NOTES.md beside this file, and the fronts into docs/pictures.
 """
 
 import json
+import math
 import subprocess
 import sys
 from collections.abc import Sequence
@@ -91,7 +92,8 @@ def fronts_table(studies: dict[str, dict]) -> str:
 
 
 def _row(name: str, study: dict) -> list[str]:
-    points, own, size = study["points"], study["reference"]["error"] or 0.0, study["size"]
+    points, known, size = study["points"], study["reference"]["error"], study["size"]
+    own = math.inf if known is None else known
     default, spread = study["default"], study["spread"] or {}
     half = [p for p in points if p["cost"]["cpu"] <= 0.5 * default["cost"]["cpu"] and p["errors"]["story"]]
     best = min(half, key=lambda p: p["errors"]["end"], default=None)
@@ -101,7 +103,7 @@ def _row(name: str, study: dict) -> list[str]:
         ", ".join(f"{level['vertices']:,}" for level in study["levels"]),
         f"{number(default['cost']['cpu'])}, {length(default['errors']['end'])}, {default['errors']['share']:.2%}"
         f"{'' if default['errors']['story'] else ', another story'}",
-        "unknown" if study["reference"]["error"] is None else length(own),
+        "unknown" if known is None else length(known),
         f"{spread['growth']:.2g} times{', chaotic' if spread['chaotic'] else ''}" if spread else "-",
         *(_cell(cheapest_within(points, fraction * size, own), default) for fraction in (0.01, 0.03)),
         _cell(best, default),
