@@ -19,7 +19,7 @@ from pdvol.store.reader import open_run
 from pdvol.store.series import StepFields, nothing_more
 from pdvol.store.writer import RunWriter
 
-EXPORT_PAUSE = 20.0  # seconds before the first export of a running level, and between two, at least
+EXPORT_PAUSE = 20.0  # seconds before a run's first export of a running level, and between two of one level, at least
 EXPORT_SHARE = 0.05  # of a level's time that its exports may take, at most
 
 
