@@ -13,7 +13,7 @@ The next projection follows from how well the last model promised the decrease (
 |---|---|
 | about the actual decrease | negative eigenvalues of local Hessians cut off: the nearest positive one |
 | much more | negative eigenvalues by size, which overshoots less |
-| much less | unprojected, since cutting off made it too stiff; cut off where that is indefinite, and the next time |
+| much less | unprojected, since cutting off made it too stiff; cut off where that is indefinite, and once more |
 
 Where the Hessian is indefinite every projected one is too stiff: step after step has the same direction, each a few per
 cent shorter than the last. The second of them shows the stiffness in that direction, and so the length of the whole

@@ -64,7 +64,8 @@ class Solve:
     gap_share : share of a gap that a step which contact ends leaves
     report : NewtonReport
     projection : of the next Hessian
-    was_indefinite : whether the last unprojected Hessian was indefinite: the next one is projected instead
+    unprojected_failed : whether the last unprojected Hessian was indefinite, or its direction led nowhere: the next one
+        is projected instead
     gradient : (n_owned, d), zero in fixed rows
     energies : the potential at the last two configurations
     last, before : the last two iterations
@@ -78,7 +79,7 @@ class Solve:
     gradient: np.ndarray
     report: NewtonReport = field(default_factory=NewtonReport)
     projection: str = "clamp"
-    was_indefinite: bool = False
+    unprojected_failed: bool = False
     energies: LastStates = field(default_factory=LastStates)
     last: Iteration | None = None
     before: Iteration | None = None
@@ -282,8 +283,8 @@ class Newton:
         elif last.lengthening == 1.0:  # the quadratic model does not hold for lengthened steps
             kept = fraction_kept(last, x, self._energy(x), self._sum)
             solve.projection = next_projection(kept, last.full, self.linear.detects_indefinite)
-            if solve.projection == "none" and solve.was_indefinite:
-                solve.projection, solve.was_indefinite = "clamp", False
+            if solve.projection == "none" and solve.unprojected_failed:
+                solve.projection, solve.unprojected_failed = "clamp", False
             last = replace(last, as_promised=TRUSTED <= kept <= TOO_STIFF)
         solve.last = last
         return stops(last, solve.before, solve.tolerance)
@@ -305,10 +306,10 @@ class Newton:
             self.linear.set_matrix(self._system)
 
     def _leave_unprojected(self) -> bool:
-        """After an indefinite Hessian: whether it was unprojected. The next one will be projected."""
+        """After a Hessian that failed: whether it was unprojected. The next one will be projected."""
         if self._solve.projection != "none":
             return False
-        self._solve.projection, self._solve.was_indefinite = "clamp", True
+        self._solve.projection, self._solve.unprojected_failed = "clamp", True
         return True
 
     def _solve_again(self, right: PETSc.Vec, step: PETSc.Vec, near: bool = False) -> None:

@@ -14,8 +14,9 @@ from pdvol.studio.variations.variation import Variation, length, number
 SHOWN_ORDER = 3  # values of an axis from which on their differences are shown
 CHAOTIC = 10.0  # times by which jitter may grow until the end: more, and the end follows from chance
 MESH_ORDER = 2.0  # of displacements in the mesh size, with linear elements
-# of the end in the time step, without a unit: second order smears the waves of an impact over a width of this order,
-# and their energy is lost. Over 14 random shots half the step left 0.25 to 1.17 of the difference before, median 0.67.
+# Order of the error at the end in the time step, a pure number: second order smears the waves of an impact over a width
+# of this order, and their energy is lost. Over 14 random shots half the step left 0.25 to 1.17 of the last difference,
+# median 0.67.
 TIME_ORDER = 2.0 / 3.0
 SHARES = (0.01, 0.03)  # of the size: accuracies of the sentences
 
