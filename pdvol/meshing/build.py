@@ -41,7 +41,7 @@ Shape: TypeAlias = Outline | Surface | Solid
 AnyShape: TypeAlias = str | Path | Shape
 Labels: TypeAlias = Callable[[np.ndarray, np.ndarray], np.ndarray]
 """From points and cells to the region of each cell."""
-_LIBRARIES = ("pytetwild", "tetgen", "gmsh", "fast-simplification", "libigl", "numpy", "scipy")
+_LIBRARIES = ("pytetwild", "gmsh", "fast-simplification", "libigl", "numpy", "scipy")
 SIDE_BY_SIDE = 2
 """Number of levels of a body that are made at once; each takes one core."""
 TRIED_COUNTS = 2

@@ -229,7 +229,6 @@ def _enclosed(surface: Surface, hole: float, envelope: float, name: str, done: l
             "tet_worker.py",
             MESHER_SECONDS,
             seeded=True,
-            mesher=np.array("ftetwild"),
             vertices=points / size,
             triangles=surface.triangles,
             edge_length=np.array(ENVELOPE_EDGE),

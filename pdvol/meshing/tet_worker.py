@@ -5,7 +5,6 @@ PETSc.
 import ctypes
 import os
 import sys
-from collections.abc import Callable
 from types import ModuleType
 
 import numpy as np
@@ -42,23 +41,10 @@ def ftetwild(
     )
 
 
-def tetgen(vertices: np.ndarray, triangles: np.ndarray, max_volume: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    import tetgen as library
-
-    mesher = library.TetGen(vertices, triangles.astype(np.int32))
-    points, cells = mesher.tetrahedralize(
-        order=1, nobisect=True, quality=True, minratio=1.5, fixedvolume=True, maxvolume=float(max_volume)
-    )[:2]
-    return points, cells
-
-
-MESHERS: dict[str, Callable[..., tuple[np.ndarray, np.ndarray]]] = {"ftetwild": ftetwild, "tetgen": tetgen}
-
-
 def main() -> None:
     with np.load(sys.argv[1]) as data:
         given = dict(data)
-    points, cells = MESHERS[str(given.pop("mesher"))](**given)
+    points, cells = ftetwild(**given)
     np.savez(sys.argv[2], points=points, cells=cells)
 
 

@@ -1,11 +1,9 @@
-"""Tetrahedra inside a closed surface, with a given number of vertices and the surface's volume: fTetWild, or TetGen
-where the boundary must stay as it is.
+"""Tetrahedra inside a closed surface, with a given number of vertices and the surface's volume, by fTetWild.
 
 The surface is decimated (or its longest edges are split) to the number of vertices that a mesh of the wanted size has
 on its boundary, then meshed within a narrow envelope, in coordinates about its centre and in units of its size.
 """
 
-import importlib.util
 from itertools import combinations
 
 import numpy as np
@@ -78,7 +76,6 @@ def tetrahedralise(
     surface: Surface,
     target: int,
     name: str = "surface",
-    keep_boundary: bool = False,
     volume: float | None = None,
 ) -> SizedMesh:
     """A tetrahedral mesh of about `target` vertices (see `edge_length`).
@@ -91,8 +88,6 @@ def tetrahedralise(
         Valid (`check_surface`).
     target : int
     name : str, for messages
-    keep_boundary : bool
-        Keep every triangle of the surface, with TetGen (an optional extra: `pip install pdvol[tetgen]`).
     volume : float, optional
         The mesh's volume [m^3], the surface's own if not given. A kept boundary has the latter.
 
@@ -101,15 +96,11 @@ def tetrahedralise(
     UnreachableCount
         Meshes of the surface have other numbers of vertices.
     MeshError
-        No such mesh was found within `MAX_ATTEMPTS`, or TetGen is not installed.
+        No such mesh was found within `MAX_ATTEMPTS`, .
     """
     own, area = _volume_and_area(surface)
     if own <= 0:
         raise MeshError(f"{name}: the surface encloses no volume; turn its triangles outward")
-    if keep_boundary and importlib.util.find_spec("tetgen") is None:
-        raise MeshError(
-            f"{name}: keeping the boundary needs TetGen (AGPL), which is not installed; run pip install tetgen"
-        )
     volume = own if volume is None else volume
     parts = split_shells(surface)
     if len(parts) > 1:
@@ -127,9 +118,7 @@ def tetrahedralise(
         try:
             return _merged(
                 [
-                    tetrahedralise(
-                        part, fraction, f"{name}, part {k} of {len(parts)}", keep_boundary, volume * m[0] / own
-                    )
+                    tetrahedralise(part, fraction, f"{name}, part {k} of {len(parts)}", volume * m[0] / own)
                     for k, (part, fraction, m) in enumerate(zip(parts, fractions, measures, strict=True), 1)
                 ]
             )
@@ -143,27 +132,16 @@ def tetrahedralise(
     size = own ** (1.0 / 3.0)
     centre = surface.vertices.mean(axis=0)
     unit = Surface((surface.vertices - centre) / size, surface.triangles)
-    made = _unit_mesh(unit, target, name, keep_boundary, volume / own)
+    made = _unit_mesh(unit, target, name, volume / own)
     return SizedMesh(centre + size * made.points, made.cells, made.scale)
 
 
-def _unit_mesh(surface: Surface, target: int, name: str, keep_boundary: bool, volume: float) -> SizedMesh:
+def _unit_mesh(surface: Surface, target: int, name: str, volume: float) -> SizedMesh:
     """As `tetrahedralise`, of one shell of volume 1 about the origin."""
     h = edge_length(target, *_volume_and_area(surface), 3)
     wanted = topology(surface.triangles, len(surface.vertices))
     sparse = surface_share(surface, target) > SPARSE_SURFACE * len(surface.vertices)
-    cpu_seconds = BASE_CPU_SECONDS + CPU_SECONDS_PER_VERTEX * (target + len(surface.vertices) * keep_boundary)
-
-    def with_kept_boundary(scale: float, failures: int) -> tuple[np.ndarray, np.ndarray]:
-        made = run_worker(
-            "tet_worker.py",
-            cpu_seconds,
-            mesher=np.array("tetgen"),
-            max_volume=np.array(0.2 * (scale * h) ** 3),
-            vertices=surface.vertices,
-            triangles=surface.triangles,
-        )
-        return _checked(*_oriented(made["points"], made["cells"], name), wanted, name)
+    cpu_seconds = BASE_CPU_SECONDS + CPU_SECONDS_PER_VERTEX * target
 
     def make(scale: float, failures: int) -> tuple[np.ndarray, np.ndarray]:
         fraction = max(int(surface_share(surface, target) / scale**2), MIN_BOUNDARY_VERTICES)
@@ -181,7 +159,6 @@ def _unit_mesh(surface: Surface, target: int, name: str, keep_boundary: bool, vo
             "tet_worker.py",
             cpu_seconds,
             seeded=True,
-            mesher=np.array("ftetwild"),
             edge_length=np.array(scale * longer * h),
             epsilon=np.array(epsilon),
             vertices=coarse.vertices,
@@ -197,7 +174,7 @@ def _unit_mesh(surface: Surface, target: int, name: str, keep_boundary: bool, vo
         raise refused
 
     start = 0.87 + 3.6 / np.sqrt(target)
-    return mesh_of_target_size(with_kept_boundary if keep_boundary else make, target, name, start, 3)
+    return mesh_of_target_size(make, target, name, start, 3)
 
 
 def _volume_and_area(surface: Surface) -> tuple[float, float]:

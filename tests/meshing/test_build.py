@@ -200,7 +200,7 @@ def test_parts_that_need_more_vertices_speak_of_the_whole_body(monkeypatch):
     points = np.vstack([part.vertices + [k, 0.0, 0.0] for k, part in enumerate(parts)])
     surface = Surface(points, np.vstack([part.triangles + k * n for k, part in enumerate(parts)]).astype(np.int32))
 
-    def one(unit, target, name, keep_boundary, volume):
+    def one(unit, target, name, volume):
         if target < 200:
             raise UnreachableCount(f"{name}: {target} vertices cannot be had", target, 200)
         return SizedMesh(*TETRAHEDRON, 1.0)
@@ -218,7 +218,7 @@ def test_small_parts_get_what_a_mesher_can_make(monkeypatch):
     points = np.vstack([ball.vertices + [3.0 * k, 0.0, 0.0] for k, ball in enumerate(balls)])
     surface = Surface(points, np.vstack([ball.triangles + k * n for k, ball in enumerate(balls)]).astype(np.int32))
 
-    def one(unit, target, name, keep_boundary, volume):
+    def one(unit, target, name, volume):
         asked.append(target)
         return SizedMesh(np.zeros((target, 3)), TETRAHEDRON[1], 1.0)
 

@@ -8,7 +8,8 @@ import pytest
 
 from pdvol import meshes
 from pdvol.geometry.closed_surfaces import enclosed_volume
-from pdvol.meshing.decimate import decimate, topology
+from pdvol.meshes import Surface
+from pdvol.meshing.decimate import _attempts, decimate, topology
 from pdvol.meshing.readers import read_shape
 from pdvol.meshing.validate import check_surface
 
@@ -54,3 +55,14 @@ def test_surfaces_decimated_side_by_side():
     with ThreadPoolExecutor(4) as pool:
         for target, made in pool.map(lambda target: (target, decimate(ball, target)), targets * 8):
             np.testing.assert_array_equal(made.vertices, alone[target])
+
+
+def test_every_attempt_decimates():
+    """Also those that are needed where the faster ones before them fail."""
+    ball = meshes.ball(0.5, 4)
+    attempts = list(_attempts(ball, 200, 2))
+    assert len(attempts) == 6
+    for points, triangles in attempts:
+        made = check_surface(Surface(points, triangles), "ball")
+        assert len(made.vertices) == pytest.approx(200, rel=0.25)
+        assert topology(made.triangles, len(made.vertices)) == (1, 2)

@@ -1,6 +1,5 @@
 """Tetrahedra: their number, orientation, quality, and that the same input gives the same mesh."""
 
-import importlib.util
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +11,7 @@ from pdvol.geometry.closed_surfaces import enclosed_volume
 from pdvol.geometry.distances import hausdorff_distance
 from pdvol.geometry.level_mesh import boundary_facets, simplex_volumes
 from pdvol.meshes import Surface
+from pdvol.meshing import tetrahedralise as tetrahedra
 from pdvol.meshing.decimate import topology
 from pdvol.meshing.edge_length import ACCEPTED_DEVIATION, edge_length, expected_vertices
 from pdvol.meshing.readers import read_shape
@@ -91,16 +91,27 @@ def test_an_inside_out_surface_is_refused():
         tetrahedralise(Surface(cube.vertices, cube.triangles[:, ::-1]), 50)
 
 
-@pytest.mark.skipif(importlib.util.find_spec("tetgen") is not None, reason="TetGen is installed")
-def test_a_kept_boundary_needs_tetgen():
-    with pytest.raises(MeshError, match="pip install tetgen"):
-        tetrahedralise(meshes.box(), 50, keep_boundary=True)
+def faulty(name):
+    """What a mesher might return for a cube, made from a good mesh of it."""
+    made = meshes.brick((1.0, 1.0, 1.0), (4, 4, 4))
+    points, cells = made.vertices.copy(), made.cells
+    if name == "no cells":
+        cells = cells[:0]
+    if name == "flat":
+        points[np.abs(points).max(axis=1) < 0.1] += (0.2499, 0.0, 0.0)
+    if name == "crossing":
+        cells = np.vstack([cells, cells + len(points)])
+        points = np.vstack([points, points + 0.6])
+    if name == "hollow":
+        cells = cells[np.abs(points[cells].mean(axis=1)).max(axis=1) > 0.25]
+    return {"points": points, "cells": cells}
 
 
-@pytest.mark.skipif(importlib.util.find_spec("tetgen") is None, reason="TetGen is an optional extra")
-def test_a_kept_boundary():
-    ball = meshes.ball(1.0, 2)
-    mesh = tetrahedralise(ball, 300, keep_boundary=True)
-    facets, _ = boundary_facets(mesh.cells)
-    kept = {tuple(sorted(map(tuple, corners))) for corners in mesh.points[facets]}
-    assert kept == {tuple(sorted(map(tuple, corners))) for corners in ball.vertices[ball.triangles]}
+@pytest.mark.parametrize(
+    ("name", "said"), [("no cells", "no cells"), ("flat", "quality"), ("crossing", "cross"), ("hollow", "2 shells")]
+)
+def test_what_a_mesher_returns_is_checked(name, said, monkeypatch):
+    """No attempt is good, and the last one's defect is named."""
+    monkeypatch.setattr(tetrahedra, "run_worker", lambda *_, **__: faulty(name))
+    with pytest.raises(MeshError, match=f"no valid mesh .* came out .*{said}"):
+        tetrahedralise(meshes.box(), 125)
