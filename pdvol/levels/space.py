@@ -15,6 +15,31 @@ from pdvol.levels.partition import shared_bodies
 Value = TypeVar("Value")
 
 
+class Collected:
+    """Rows that ranks have a part of each, together on all of them. Construction is collective.
+
+    Parameters
+    ----------
+    comm : MPI.Comm
+    numbers : (k_own,) int64
+        The place of each of this rank's rows among all ranks', in which each place occurs once.
+    """
+
+    def __init__(self, comm: MPI.Comm, numbers: np.ndarray):
+        self._comm, parts = comm, comm.allgather(np.asarray(numbers, dtype=np.int64))
+        self.order = np.concatenate(parts)
+        self._counts = np.array([len(part) for part in parts])
+
+    def __call__(self, own: np.ndarray) -> np.ndarray:
+        """(k, d) all rows at their places, from this rank's (k_own, d). Collective."""
+        d = own.shape[1]
+        everything = np.empty((len(self.order), d))
+        self._comm.Allgatherv(np.ascontiguousarray(own, dtype=np.float64), [everything, d * self._counts])
+        result = np.empty_like(everything)
+        result[self.order] = everything
+        return result
+
+
 class LevelSpace:
     """P1 vector space on a `LevelMesh`, distributed over `comm`. Construction is collective.
 
@@ -78,11 +103,10 @@ class LevelSpace:
         self.n_owned = index_map.size_local
         self.first_block = int(index_map.local_range[0])
         self.owned_points = owned_points
-        self._global_order = np.concatenate(self.comm.allgather(self.owned_points))
-        self._counts = np.array(self.comm.allgather(self.n_owned * mesh.dim))
-        self.rank_ends = np.cumsum(self._counts // mesh.dim)
+        self._collected = Collected(self.comm, self.owned_points)
+        self.rank_ends = np.cumsum(self.comm.allgather(self.n_owned))
         self.point_blocks = np.empty(len(mesh.points), dtype=np.int64)
-        self.point_blocks[self._global_order] = np.arange(len(mesh.points))
+        self.point_blocks[self._collected.order] = np.arange(len(mesh.points))
         self._find_near_cells()
 
     def _find_near_cells(self) -> None:
@@ -100,7 +124,7 @@ class LevelSpace:
         beside = self.point_blocks[self.mesh.cells[reached[self.mesh.cells].sum(axis=1) >= 2]]
         ghosts = np.unique(beside[(beside < first) | (beside >= last)])
         self.local_blocks = np.concatenate([np.arange(first, last), ghosts])
-        self.local_points = self._global_order[self.local_blocks]
+        self.local_points = self._collected.order[self.local_blocks]
         self.local_numbers = np.full(len(self.mesh.points), -1, dtype=np.int32)
         self.local_numbers[self.local_points] = np.arange(len(self.local_points))
         self.near_dofs = np.ascontiguousarray(self.local_numbers[self.mesh.cells[self.near_cells]])
@@ -141,12 +165,7 @@ class LevelSpace:
 
     def to_input(self, owned: np.ndarray) -> np.ndarray:
         """The whole array (n, d), in input order and on every rank, from each rank's owned rows. Collective."""
-        owned = np.ascontiguousarray(owned, dtype=np.float64)
-        everything = np.empty((len(self.mesh.points), self.dim))
-        self.comm.Allgatherv(owned, [everything, self._counts])
-        result = np.empty_like(everything)
-        result[self._global_order] = everything
-        return result
+        return self._collected(owned)
 
     def function(self, values: np.ndarray, name: str) -> fem.Function:
         """The P1 field of an array (n, d) in input order, ghosts included. Collective."""

@@ -157,8 +157,9 @@ class Newton:
     def _positions(self, vector: PETSc.Vec) -> Positions:
         """The configuration of a vector, of the last two if it is one of them. Collective."""
         array, solve = vector.getArray(readonly=True).reshape(-1, self.space.dim), self._solve
-        for known in solve.states:
-            if self.space.reduce(bool((known.owned == array).all()), MPI.LAND):
+        same = self.space.reduce(np.array([(known.owned == array).all() for known in solve.states]), MPI.LAND)
+        for known, alike in zip(solve.states, same, strict=True):
+            if alike:
                 return known
         solve.states = [Positions(self.space, array.copy()), *solve.states[:1]]
         return solve.states[0]

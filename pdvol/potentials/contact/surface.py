@@ -16,7 +16,7 @@ import numpy as np
 from pdvol.compiled import ffi, pointer
 from pdvol.geometry.level_mesh import facet_sizes
 from pdvol.levels.script import Mover, Obstacle, Script
-from pdvol.levels.space import LevelSpace
+from pdvol.levels.space import Collected, LevelSpace
 from pdvol.potentials.potential import Positions
 
 # facets of one leaf of the tree: smaller leaves make more nodes, larger ones more pairs that are tested in vain
@@ -71,6 +71,7 @@ class ContactSurface:
         owned = np.where(self.rows < 0, -1, (self.rows >= first) & (self.rows < last)).astype(np.int8)
         self._own = np.flatnonzero(owned == 1)
         self._own_rows = self.rows[self._own] - first
+        self._collected = Collected(space.comm, self._own)
 
         index = np.zeros(len(level.points), dtype=np.int64)
         index[self.surface] = np.arange(k)
@@ -114,7 +115,7 @@ class ContactSurface:
             if known is x:
                 return vertices
         obstacles = self.obstacle_positions if at is None else self._obstacles_at(at, lags)
-        bodies = x.owned[self._own_rows] if self.space.comm.size == 1 else x.whole[self.surface]
+        bodies = x.owned[self._own_rows] if self.space.comm.size == 1 else self._collected(x.owned[self._own_rows])
         vertices = np.concatenate([bodies, obstacles])
         if at is None:
             self._known = [(x, vertices), *self._known[:1]]

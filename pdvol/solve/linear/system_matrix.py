@@ -45,14 +45,18 @@ class Halo:
             self._parts = [room_of_rows(n, 2 * count, d) for _ in range(2)]
         self.own, (starts, columns, blocks) = _split(rows, d, first, self._parts)
         row = np.repeat(np.arange(n), np.diff(starts))
-        ghosts, ghost = np.unique(columns, return_inverse=True)
-        self.far = starts, ghost.astype(np.int32), blocks
+        number = np.full(space.rank_ends[-1], -1, dtype=np.int32)
+        number[columns] = 0
+        ghosts = np.flatnonzero(number == 0)
+        number[ghosts] = np.arange(len(ghosts))
+        self.far = starts, number[columns], blocks
         # Whose vertices are ghosts here has this rank's coupled vertices as ghosts, in the same order.
-        owners = lambda blocks: np.searchsorted(space.rank_ends, blocks, side="right")
         ranks = len(space.rank_ends)
-        pairs = np.unique(owners(columns) * n + row)
-        self._rows, self._counts = pairs % max(n, 1), d * np.bincount(pairs // max(n, 1), minlength=ranks)
-        self._ghosts = d * np.bincount(owners(ghosts), minlength=ranks)
+        owners = np.searchsorted(space.rank_ends, ghosts, side="right")
+        coupled = np.zeros((ranks, n), dtype=bool)
+        coupled[owners[self.far[1]], row] = True
+        self._rows, self._counts = np.nonzero(coupled)[1], d * coupled.sum(axis=1)
+        self._ghosts = d * np.bincount(owners, minlength=ranks)
         self._d, self._count, self.values = d, n, np.zeros((len(ghosts), d))
         self.exchange = native.ffi.callback("void(const double *, double *)", self._exchange)
         self.sum = native.ffi.callback("void(double *, int32_t)", self._sum)
