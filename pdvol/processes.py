@@ -6,8 +6,10 @@ import math
 import os
 import resource
 import signal
+import time
 from pathlib import Path
 
+IDLE_LOOK = 0.2  # seconds in which idle cores are counted: 20 ticks of Linux's clock
 _PR_SET_PDEATHSIG = 1  # of Linux's prctl
 # Variables by which MPI launchers mark their ranks: a child must not inherit them.
 _LAUNCHER_PREFIXES = ("OMPI_", "PMIX_", "PMI_", "PRTE_", "MPI_", "HYDRA_")
@@ -54,3 +56,31 @@ def processor_use(process: int) -> tuple[float, bool]:
             more, sleeps_too = processor_use(int(child))
             used, sleeps = used + more, sleeps and sleeps_too
     return used, sleeps
+
+
+def cores() -> int:
+    """Cores that this process may use: those it is bound to, and no more than its control group's quota."""
+    count = len(os.sched_getaffinity(0))
+    try:
+        quota, period = Path("/sys/fs/cgroup/cpu.max").read_text().split()
+        return count if quota == "max" else max(1, min(count, int(quota) // int(period)))
+    except (OSError, ValueError):
+        return count
+
+
+def idle_cores() -> int:
+    """Of `cores`, those that other processes leave idle now."""
+    before = _idle_seconds()
+    time.sleep(IDLE_LOOK)
+    idle = (_idle_seconds() - before) / IDLE_LOOK
+    busy = (os.cpu_count() or 1) - idle
+    return max(1, round(cores() - busy))
+
+
+def _idle_seconds() -> float:
+    """Idle time [s] of all cores since the machine's start; that of the wall clock where Linux does not count it."""
+    try:
+        fields = Path("/proc/stat").read_text().split("\n", 1)[0].split()
+        return (int(fields[4]) + int(fields[5])) / os.sysconf("SC_CLK_TCK")
+    except (OSError, ValueError, IndexError):
+        return time.monotonic() * (os.cpu_count() or 1)

@@ -64,6 +64,7 @@ def _march(entry: Entry, folder: Path, finest: int, method: str, most: int | Non
     folder.parent.mkdir(parents=True, exist_ok=True)
     write_json(_note_file(folder), {"commits": list(dict.fromkeys(commits)), **machine})
     words = ["run", str(entry.file), "--levels", f"0:{finest}", "--out", str(folder), "--no-picture", "--no-xdmf"]
+    words += ["--ranks", "1"]  # times on pages are comparable
     words += ["--method", method]
     words += [word for name, value in entry.settings.items() for word in ("--set", f"{name}={value}")]
     words += ["--resume"] * there

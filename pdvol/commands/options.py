@@ -40,7 +40,7 @@ def add_jobs(parser: ArgumentParser) -> None:
 
 def chosen_jobs(options: Namespace) -> int:
     """How many runs `--jobs` allows at a time; InputError where it is no number from 1 on."""
-    from pdvol.studio.variations.executors import cores
+    from pdvol.processes import cores
 
     jobs = whole_number("--jobs", options.jobs) if options.jobs else cores()
     if jobs < 1:
@@ -74,6 +74,21 @@ def add_prolongation(parser: ArgumentParser) -> None:
 def add_wavefront(parser: ArgumentParser) -> None:
     """`--wavefront`."""
     parser.add_argument("--wavefront", action="store_true", help="run the levels side by side, a process each")
+
+
+def add_ranks(parser: ArgumentParser) -> None:
+    """`--ranks N`, for `chosen_count`."""
+    parser.add_argument(
+        "--ranks",
+        default="",
+        metavar="N",
+        help="MPI ranks a level (default: as many as its size pays for and cores are idle)",
+    )
+
+
+def chosen_ranks(options: Namespace) -> int | None:
+    """The number of `--ranks`; None without the option. InputError where it is no number."""
+    return whole_number("--ranks", options.ranks) if options.ranks else None
 
 
 def add_run_scene(parser: ArgumentParser) -> None:

@@ -4,7 +4,15 @@ import sys
 from argparse import ArgumentParser, Namespace
 from pathlib import Path
 
-from pdvol.commands.options import add_outputs, add_run_scene, add_wavefront, allow_scenes, whole_number
+from pdvol.commands.options import (
+    add_outputs,
+    add_ranks,
+    add_run_scene,
+    add_wavefront,
+    allow_scenes,
+    chosen_ranks,
+    whole_number,
+)
 from pdvol.errors import InputError
 
 
@@ -16,6 +24,7 @@ def add_arguments(parser: ArgumentParser) -> None:
     parser.add_argument("--to", default="", metavar="L", help="the finest level of --refine (default: the scene's)")
     parser.add_argument("-o", "--out", type=Path, help="run folder (default: runs/NAME_pickNUMBER)")
     add_wavefront(parser)
+    add_ranks(parser)
     add_outputs(parser)
     add_run_scene(parser)
 
@@ -45,7 +54,14 @@ def main(options: Namespace) -> None:
     take_out(source, out)
     if options.refine:
         finest = last if last is not None else _levels(out) - 1
-        refine_run(out, finest, progress=progress_report(), wavefront=options.wavefront, xdmf=not options.no_xdmf)
+        refine_run(
+            out,
+            finest,
+            progress=progress_report(),
+            wavefront=options.wavefront,
+            xdmf=not options.no_xdmf,
+            ranks=chosen_ranks(options),
+        )
     levels = compared_levels(out, chosen_scores(list(entry["scores"]), stored_file(stored.info)))
     for level in levels:
         print(level_line(level, levels[0]))

@@ -5,7 +5,7 @@ import time
 from argparse import ArgumentParser, Namespace
 from pathlib import Path
 
-from pdvol.commands.options import add_new_run, add_outputs, chosen_shot, require_use
+from pdvol.commands.options import add_new_run, add_outputs, add_ranks, chosen_ranks, chosen_shot, require_use
 from pdvol.errors import InputError, PdvolError
 
 PREVIEW = "_preview"
@@ -17,6 +17,7 @@ def add_arguments(parser: ArgumentParser) -> None:
     """The options of `pdvol preview`."""
     add_new_run(parser, PREVIEW)
     add_outputs(parser)
+    add_ranks(parser)
     parser.add_argument("--watch", action="store_true", help="preview again whenever the scene file is saved")
 
 
@@ -66,6 +67,7 @@ def _preview(options: Namespace) -> None:
         progress=progress_report(),
         xdmf=not options.no_xdmf,
         replace=not options.resume,
+        ranks=chosen_ranks(options),
     )
     report_run(out, not options.no_picture, not options.no_xdmf)
 

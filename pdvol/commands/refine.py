@@ -3,7 +3,7 @@
 from argparse import ArgumentParser, Namespace
 from pathlib import Path
 
-from pdvol.commands.options import add_outputs, add_wavefront
+from pdvol.commands.options import add_outputs, add_ranks, add_wavefront, chosen_ranks
 
 
 def add_arguments(parser: ArgumentParser) -> None:
@@ -11,6 +11,7 @@ def add_arguments(parser: ArgumentParser) -> None:
     parser.add_argument("run", type=Path, metavar="RUN")
     parser.add_argument("--to", type=int, required=True, metavar="L", help="the finest level wanted")
     add_wavefront(parser)
+    add_ranks(parser)
     add_outputs(parser)
 
 
@@ -23,6 +24,11 @@ def main(options: Namespace) -> None:
         from pdvol.runs.runner import refine_run
 
     refine_run(
-        options.run, options.to, progress=progress_report(), wavefront=options.wavefront, xdmf=not options.no_xdmf
+        options.run,
+        options.to,
+        progress=progress_report(),
+        wavefront=options.wavefront,
+        xdmf=not options.no_xdmf,
+        ranks=chosen_ranks(options),
     )
     report_run(options.run, not options.no_picture, not options.no_xdmf)

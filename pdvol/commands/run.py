@@ -10,7 +10,9 @@ from pdvol.commands.options import (
     add_new_run,
     add_outputs,
     add_prolongation,
+    add_ranks,
     add_wavefront,
+    chosen_ranks,
     chosen_shot,
     level_range,
     require_use,
@@ -34,6 +36,7 @@ def add_arguments(parser: ArgumentParser) -> None:
     )
     add_prolongation(parser)
     add_wavefront(parser)
+    add_ranks(parser)
     add_outputs(parser)
     add_new_run(parser)
     parser.add_argument(
@@ -77,6 +80,7 @@ def main(options: Namespace) -> None:
         progress=progress_report(),
         wavefront=options.wavefront,
         xdmf=not options.no_xdmf,
+        ranks=chosen_ranks(options),
     )
     report_run(out, not options.no_picture, not options.no_xdmf)
 

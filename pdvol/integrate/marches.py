@@ -19,7 +19,7 @@ from pdvol.integrate.integrator import Integrator, Past, State, advance
 from pdvol.integrate.stepper import Stepper
 from pdvol.levels.prolongation import Prolongation
 from pdvol.potentials.consistency import Guide
-from pdvol.solve.report import StepReport, Stopwatch, peak_memory
+from pdvol.solve.report import StepReport, Stopwatch
 
 SAME_TIME = 1e-9  # fraction of a step: times nearer to the end of one are that end, since they are sums with round-off
 
@@ -130,7 +130,7 @@ def embedded(
             report.velocity = past[0].velocity
             with watch.part("ccd"):
                 report.intersections = count(report.positions, report.time)
-        report.seconds, report.peak_memory_mb = watch.report(), peak_memory(prolongation.fine)
+        report.measure(watch, prolongation.fine)
         yield report
 
 

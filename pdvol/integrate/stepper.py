@@ -24,7 +24,7 @@ from pdvol.potentials.potential import LEAST_LEFT, SCRIPTED_GAP_SHARE, Positions
 from pdvol.registry import INTEGRATORS
 from pdvol.solve.incremental_potential import IncrementalPotential
 from pdvol.solve.newton import Newton
-from pdvol.solve.report import NewtonReport, StepReport, Stopwatch, peak_memory, taken
+from pdvol.solve.report import NewtonReport, StepReport, Stopwatch, taken
 
 
 def _lateness(record: Mapping) -> tuple[float, Mapping[str, float]]:
@@ -169,8 +169,7 @@ class Stepper:
             self._repeat(report)
         report.rest, report.terms = self.rest.memory, self.potential.memory
         report.linear_solver, report.solver_memory = self.newton.linear.method, self.newton.linear.memory
-        report.seconds = self.watch.report()
-        report.peak_memory_mb = peak_memory(self.space)
+        report.measure(self.watch, self.space)
         self._record = report.record()
         return report
 

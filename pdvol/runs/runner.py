@@ -23,11 +23,12 @@ from pdvol.levels.separation import build_apart
 from pdvol.levels.start import start_positions
 from pdvol.parallel import on_root
 from pdvol.registry import INTERPOLANTS, METHODS
+from pdvol.runs.launcher import chosen_ranks, require_ranks
+from pdvol.runs.level_processes import march_levels
 from pdvol.runs.level_run import Watch, run_level
 from pdvol.runs.render_meshes import bound_render_meshes, check_render_files
 from pdvol.runs.scene_file import DEFAULTS, Shot, stored_file, stored_shot
 from pdvol.runs.shared_writer import Export, SharedWriter
-from pdvol.runs.wavefront import march_levels
 from pdvol.scene import Scene
 from pdvol.scene.fingerprint import describe, differences_by_level
 from pdvol.solve.linear.option_check import check_options
@@ -56,6 +57,7 @@ def run_scene(
     wavefront: bool = False,
     xdmf: bool = True,
     replace: bool = False,
+    ranks: int | None = 1,
 ) -> Path:
     """Simulate levels `first` to `last` of a shot into the run folder `out`. Collective.
 
@@ -69,9 +71,11 @@ def run_scene(
     method : one of `pdvol.registry.METHODS`
     prolongation : a name in `pdvol.registry.INTERPOLANTS`
     progress : called as (level, steps, steps done) when a level begins, on the ranks where it is given
-    wavefront : run the levels side by side, each in a process of its own; `comm` then has one rank
+    wavefront : run the levels side by side, each in processes of its own; `comm` then has one rank
     xdmf : keep level_N.xdmf up to date; without it `pdvol export` makes it later
     replace : a run that the folder holds, if of no more than one level, gives way once the new levels are ready
+    ranks : MPI ranks on which each level runs, in processes of its own; as many as pay and as the machine has idle
+        cores for when None; `comm` then has one rank
 
     Returns
     -------
@@ -94,6 +98,7 @@ def run_scene(
         raise InputError(
             "--wavefront starts a process per level; leave out mpirun, or run the levels one after the other"
         )
+    require_ranks(ranks, comm)
     levels = on_root(comm, lambda: _prepare(shot, out, last, method, prolongation, replace))
     obstacles = placed_obstacles(scene.obstacles, levels.geometry)
     writer = SharedWriter(
@@ -103,14 +108,21 @@ def run_scene(
     )
     try:
         if wavefront:
-            march_levels(writer, range(first, last + 1), scene.steps, progress)
-        else:
-            with stage("numbering the levels"):
-                hierarchy = Hierarchy(levels.meshes, comm, prolongation)
-            for level in range(first, last + 1):
-                with stage(f"evaluating the scene on level {level}"):
-                    model = hierarchy_model(scene, hierarchy, level, levels.diagonal, obstacles)
-                run_level(model, hierarchy, method, writer, progress)
+            march_levels(writer, dict.fromkeys(range(first, last + 1), ranks or 1), progress)
+            return out
+        hierarchy = None
+        for level in range(first, last + 1):
+            alone = comm.size > 1 or shot.file is None
+            count = 1 if alone else _ranks_of(level, levels.meshes[level], scene.steps, writer, ranks)
+            if count > 1:
+                march_levels(writer, {level: count}, progress)
+                continue
+            if hierarchy is None:
+                with stage("numbering the levels"):
+                    hierarchy = Hierarchy(levels.meshes, comm, prolongation)
+            with stage(f"evaluating the scene on level {level}"):
+                model = hierarchy_model(scene, hierarchy, level, levels.diagonal, obstacles)
+            run_level(model, hierarchy, method, writer, progress)
     finally:
         writer.close()
     return out
@@ -123,6 +135,7 @@ def refine_run(
     progress: Watch | None = None,
     wavefront: bool = False,
     xdmf: bool = True,
+    ranks: int | None = 1,
 ) -> Path:
     """Simulate the finer levels of a stored run, up to `last`; finished steps of coarser levels are not touched.
     Collective.
@@ -136,7 +149,15 @@ def refine_run(
         mend = "; put it back, or use pdvol run --resume with another path" if info["scene_file"] else ""
         raise InputError(f"{out}: {error}{mend}") from error
     shot, how = stored_shot(info), (info["method"], info["prolongation"])
-    return run_scene(shot, out, 0, last, *how, True, comm, progress, wavefront, xdmf)
+    return run_scene(shot, out, 0, last, *how, True, comm, progress, wavefront, xdmf, ranks=ranks)
+
+
+def _ranks_of(level: int, mesh: LevelMesh, steps: int, writer: SharedWriter, wanted: int | None) -> int:
+    """The number of ranks for what is left of a level; 1 where nothing is."""
+    done = writer.call("steps", level)
+    if done > steps:
+        return 1
+    return chosen_ranks(len(mesh.points), wanted, int(writer.record(level, done - 1).get("ranks", 0)))
 
 
 def _scene_info(out: str | Path) -> dict:

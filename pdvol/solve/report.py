@@ -152,8 +152,9 @@ class StepReport:
     gradient_norm : infinity norm of the gradient [kg m]
     reason : why the last solve ended, by PETSc's name; "AT_REST" where nothing was solved
     linear_solver : the method of the last linear solve
-    seconds : by part, and in all; `cpu` is the process's CPU time
+    seconds : by part, and in all; `cpu` is the CPU time of all ranks
     peak_memory_mb : the most memory that one rank's process has held so far [MB]
+    ranks : MPI ranks on which the step was made
     friction_iterations : solves with friction lagged anew, over all parts of a step that was cut
     friction_residual : change of the friction forces at the end if they were lagged anew there, relative to them
     kappa : stiffness of the barrier [Pa]
@@ -199,6 +200,7 @@ class StepReport:
     remedies: dict[str, int] = field(default_factory=no_remedies)
     seconds: dict[str, float] = field(default_factory=dict)
     peak_memory_mb: float = 0.0
+    ranks: int = 1
 
     def add(self, solved: NewtonReport) -> None:
         """Adds the counts of one Newton solve."""
@@ -214,7 +216,8 @@ class StepReport:
         """What the log keeps: everything but the arrays."""
         return {key: value for key, value in vars(self).items() if key not in ("positions", "velocity", "forces")}
 
-
-def peak_memory(space: LevelSpace) -> float:
-    """The most memory that one rank's process has held so far [MB]. Collective."""
-    return round(space.reduce(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024, MPI.MAX), 1)
+    def measure(self, watch: Stopwatch, space: LevelSpace) -> None:
+        """Notes what the step has cost on all ranks. Collective."""
+        self.seconds, self.ranks = watch.report(), space.comm.size
+        self.seconds["cpu"] = space.reduce(self.seconds["cpu"])
+        self.peak_memory_mb = round(space.reduce(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024, MPI.MAX), 1)

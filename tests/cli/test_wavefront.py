@@ -25,7 +25,7 @@ from pdvol.meshes import disc
 def gravity(t):
     # In the process of level 0 of a wavefront: waits until level 1 runs beside it.
     program, *words = sys.argv
-    marches = Path(program).name == "wavefront.py" and words[1] == "0"
+    marches = Path(program).name == "level_processes.py" and words[1] == "0"
     while marches and t > 0.05 and not Path(words[0], "levels", "1", "000001.npy").exists():
         time.sleep(0.01)
     return (0.0, -9.81)

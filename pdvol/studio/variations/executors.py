@@ -1,7 +1,6 @@
 """What carries out command lines on this machine: fresh processes, or workers that stay."""
 
 import contextlib
-import os
 import subprocess
 import sys
 from collections.abc import Sequence
@@ -98,8 +97,3 @@ class Workers:
         for worker in self._workers:
             worker.stop()
         self._workers.clear()
-
-
-def cores() -> int:
-    """Cores that this process may use."""
-    return len(os.sched_getaffinity(0))

@@ -67,7 +67,7 @@ class Job:
 
     def command(self) -> list[str]:
         """The words after `pdvol`. The run goes on where its folder holds a part of it."""
-        return ["run", *self.words, "--out", str(self.out), "--resume", "--no-picture", "--no-xdmf"]
+        return ["run", *self.words, "--out", str(self.out), "--resume", "--ranks", "1", "--no-picture", "--no-xdmf"]
 
 
 @dataclass

@@ -12,6 +12,7 @@ from PIL import Image
 from tqdm import tqdm
 
 from pdvol.errors import InputError, PdvolError
+from pdvol.processes import cores
 from pdvol.runs.api import run
 from pdvol.runs.notebook_text import progress_stream
 from pdvol.runs.runner import refine_run
@@ -19,7 +20,7 @@ from pdvol.runs.scene_file import load_shot
 from pdvol.scene import Scene
 from pdvol.store.reader import Run, open_run
 from pdvol.studio.draw.picture import picture
-from pdvol.studio.variations.executors import Workers, cores
+from pdvol.studio.variations.executors import Workers
 from pdvol.studio.variations.variation import Variation
 from pdvol.studio.variations.vary import Vary, parsed_varies
 from pdvol.studio.wedge.pick import take_out

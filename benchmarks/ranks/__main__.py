@@ -1,0 +1,119 @@
+"""What MPI ranks gain: each row's scene on one and more ranks in turn, by `pdvol run`'s own log."""
+
+import shutil
+import statistics
+import sys
+import tempfile
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from benchmarks.common import commits, process, tables
+from pdvol.store.reader import open_run
+
+LIMIT = 1800.0  # seconds of wall-clock time that one run may take
+PARTS = ("assembly", "contact", "ccd", "linear", "other")
+
+
+@dataclass(frozen=True)
+class Row:
+    """One scene.
+
+    Attributes
+    ----------
+    title : for the table
+    file : the scene file, from the repository's root
+    steps : of the run; the first one, with its set-up, does not count
+    settings : of the scene
+    level : the one that is timed
+    """
+
+    title: str
+    file: str
+    steps: int
+    settings: dict = field(default_factory=dict)
+    level: int = 0
+
+
+def peer(name: str, steps: int) -> Row:
+    """A row of peers/scenes.py."""
+    return Row(f"`{name}`", "benchmarks/peers/scenes.py", steps, {"name": name})
+
+
+ROWS = {
+    "drop_500": peer("drop_500", 60),
+    "twistx_1k": peer("twistx_1k", 60),
+    "jelly_bowl": Row("`jelly_bowl` level 0", "benchmarks/dense/scenes.py", 40, {"name": "jelly_bowl"}),
+    "drop_4k": peer("drop_4k", 60),
+    "blocks": peer("blocks", 40),
+    "balls": Row("27 balls between four walls", "benchmarks/dense/scenes.py", 40, {"name": "balls"}),
+    "twist_20k": peer("twist_20k", 15),
+    "drop_20k": peer("drop_20k", 30),
+    "twist_100k": peer("twist_100k", 5),
+    "leaf_sheep": Row("`leaf_sheep` level 2", "demos/leaf_sheep.py", 10, level=2),
+    "jelly_bowl_1": Row("`jelly_bowl` level 1", "demos/jelly_bowl.py", 25, level=1),
+}
+
+
+def measured(row: Row, ranks: int, folder: Path) -> dict:
+    """What one run gives, per step."""
+    out = folder / "run"
+    shutil.rmtree(out, ignore_errors=True)
+    settings = [word for name, value in row.settings.items() for word in ("--set", f"{name}={value}")]
+    words = ["run", process.REPOSITORY / row.file, "--levels", f"0:{row.level}", "--steps", row.steps, "--ranks", ranks]
+    words += ["--out", out, "--no-picture", "--no-xdmf", *settings]
+    reason = process.child([sys.executable, "-m", "pdvol", *map(str, words)], LIMIT, folder / "run.log")
+    if reason:
+        raise process.Mistake(f"{row.title} on {ranks} ranks: {reason}")
+    level = open_run(out).levels[row.level]
+    log = level.log[1:]
+    mean = lambda numbers: statistics.fmean(list(numbers))
+    return {
+        "vertices": len(level.rest),
+        "wall": mean(record["seconds"]["total"] for record in log),
+        "cpu": mean(record["seconds"]["cpu"] for record in log),
+        "parts": {part: mean(record["seconds"][part] for record in log) for part in PARTS},
+        "newton": mean(record["newton_iterations"] for record in log),
+        "linear": mean(record["linear_iterations"] for record in log),
+        "memory": log[-1]["peak_memory_mb"],
+    }
+
+
+def table(found: dict[str, dict[int, list[dict]]]) -> str:
+    """The fastest run of each row and number of ranks."""
+    head = ["scene", "vertices", "ranks", "time a step [ms]", "times as fast as one", "CPU time a step, all ranks [ms]"]
+    head += ["Newton", "conjugate gradients a step", *(f"{part} [ms]" for part in PARTS), "most memory of a rank [MB]"]
+    lines = []
+    for name, by_ranks in found.items():
+        best = {ranks: min(runs, key=lambda run: run["wall"]) for ranks, runs in by_ranks.items() if runs}
+        one = best.get(1)
+        for ranks, run in best.items():
+            gain = f"{one['wall'] / run['wall']:.2f}" if one else ""
+            cells = [ROWS[name].title, f"{run['vertices']:,}", str(ranks), f"{1e3 * run['wall']:.1f}", gain]
+            cells += [f"{1e3 * run['cpu']:.0f}", f"{run['newton']:.1f}", f"{run['linear']:.0f}"]
+            cells += [f"{1e3 * run['parts'][part]:.1f}" for part in PARTS] + [f"{run['memory']:.0f}"]
+            lines.append(cells)
+    return tables.table(head, lines)
+
+
+def main() -> None:
+    """Runs the rows and prints the table."""
+    parser = process.parser("ranks", __doc__)
+    parser.add_argument("--rows", nargs="+", choices=list(ROWS), default=list(ROWS))
+    parser.add_argument("--ranks", nargs="+", type=int, default=[1, 2])
+    parser.add_argument("--runs", type=int, default=2, help="of each number of ranks, in turn (default: 2)")
+    options = parser.parse_args()
+    machine, commit = process.machine(), commits.Repository(process.REPOSITORY).head()[:7]
+    print(f"{machine['processor']}, {machine['cores']} cores, load {machine['load']:.1f}, {commit}\n")
+    found: dict[str, dict[int, list[dict]]] = {}
+    with tempfile.TemporaryDirectory() as folder:
+        for name in options.rows:
+            found[name] = {ranks: [] for ranks in options.ranks}
+            for _ in range(options.runs):
+                for ranks in options.ranks:
+                    found[name][ranks].append(measured(ROWS[name], ranks, Path(folder)))
+            print(table({name: found[name]}), flush=True)
+    print(table(found))
+
+
+if __name__ == "__main__":
+    main()

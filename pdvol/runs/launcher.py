@@ -1,0 +1,88 @@
+"""How many MPI ranks a level gets, and the command that starts them."""
+
+import os
+import shutil
+import subprocess
+import sys
+from functools import cache
+from pathlib import Path
+
+from mpi4py import MPI
+
+from pdvol.errors import InputError
+from pdvol.processes import cores, idle_cores, without_launcher
+
+# vertices a rank from which on two ranks are faster than one (benchmarks/ranks/NOTES.md)
+VERTICES_A_RANK = 2000
+# what a launcher's --version says, by the name of the library that mpi4py was built with
+LAUNCHERS = {"Open MPI": "Open MPI", "MPICH": "HYDRA"}
+VERSION_TIME = 20.0  # seconds that a launcher has to print its version
+# variables by which launchers mark the processes that they have started
+RANK_MARKS = ("OMPI_COMM_WORLD_SIZE", "PMI_SIZE", "PMIX_RANK")
+
+
+def chosen_ranks(vertices: int, wanted: int | None, before: int = 0) -> int:
+    """The number of ranks for a level with so many vertices.
+
+    Parameters
+    ----------
+    wanted : the user's number; where it is None, as many as pay and as there are idle cores
+    before : the number on which the level's stored steps were made, which stays; 0 where there are none
+    """
+    if wanted is not None:
+        return wanted
+    if any(mark in os.environ for mark in RANK_MARKS):
+        return 1
+    most = before or vertices // VERTICES_A_RANK
+    if most < 2 or launcher() is None:
+        return 1
+    return max(1, min(most, cores() if before else idle_cores()))
+
+
+def require_ranks(wanted: int | None, comm: MPI.Comm) -> None:
+    """InputError where so many ranks cannot be started."""
+    if wanted is None or wanted == 1:
+        return
+    if wanted < 1:
+        raise InputError(f"--ranks {wanted}: give at least 1")
+    if comm.size > 1:
+        raise InputError("--ranks starts ranks by itself; leave out mpirun")
+    if launcher() is None:
+        raise InputError(f"--ranks {wanted}: there is no mpirun of {MPI.get_vendor()[0]}; install it, or use --ranks 1")
+
+
+@cache
+def launcher() -> str | None:
+    """The path of a launcher of the MPI library in use; None where there is none."""
+    here = str(Path(sys.executable).parent)
+    for name in ("mpirun", "mpiexec"):
+        path = shutil.which(name, path=os.pathsep.join([here, os.environ.get("PATH", "")]))
+        try:
+            words = [path or name, "--version"]
+            said = subprocess.run(words, capture_output=True, text=True, timeout=VERSION_TIME, env=_environment())
+        except (OSError, subprocess.TimeoutExpired):
+            continue
+        if LAUNCHERS.get(MPI.get_vendor()[0], "?") in said.stdout:
+            return path
+    return None
+
+
+def rank_command(ranks: int) -> tuple[list[str], dict[str, str]]:
+    """The words that go before a program so that it starts on several ranks of this machine, and their environment."""
+    # Ranks of several runs would all be bound to the first cores.
+    return [str(launcher()), "-n", str(ranks), "--bind-to", "none"], _environment()
+
+
+def _environment() -> dict[str, str]:
+    """That of a process, with what launchers need: they refuse root, and more ranks than cores. Ranks that wait yield
+    the core.
+    """
+    return {
+        **without_launcher(),
+        "OMPI_ALLOW_RUN_AS_ROOT": "1",
+        "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1",
+        "OMPI_MCA_mpi_yield_when_idle": "1",
+        "OMPI_MCA_rmaps_base_oversubscribe": "1",
+        "PRTE_MCA_rmaps_default_mapping_policy": ":oversubscribe",
+        **{name: value for name, value in os.environ.items() if "_MCA_" in name},
+    }

@@ -1,0 +1,189 @@
+"""Ranks that pdvol starts by itself: how many, what they say, and what happens when one of them is killed."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+
+from cli_scenes import pdvol, pdvol_on_ranks
+from commands import SAFETY, WITHOUT_PICTURE
+from on_ranks import results_on
+from pdvol import open_run
+from pdvol.runs import launcher
+
+SCENE = """
+import sys
+import pdvol
+from pdvol import Barrier, Body, Friction, Gravity, NeoHookean, Plane, Scene, Solver
+from pdvol.meshes import disc
+
+print("loaded")
+
+def gravity(t):
+    if t > fails and sys.argv[0].endswith("level_processes.py"):  # the check before the run calls it, too
+        raise ValueError("no gravity any more")
+    return (0.0, -9.81)
+
+def scene(iterations=200, halvings=6, tolerance=1e-3, steps=8, until=1e9):
+    global fails
+    fails = until
+    ball = Body(disc(0.5), NeoHookean(5e4), vertices=(30, 120), velocity=(0.5, -3.0))
+    solver = Solver(tolerance=tolerance, max_iterations=iterations, max_halvings=halvings)
+    return Scene(bodies=(ball,), dt=0.01, steps=steps, loads=(Gravity(gravity),),
+                 obstacles=(Plane((0.0, -0.55), (0.0, 1.0)),), contact=(Barrier(), Friction(0.5)), solver=solver)
+"""
+pytestmark = [
+    pytest.mark.mpi,
+    pytest.mark.skipif(launcher.launcher() is None, reason="there is no mpirun"),
+]
+ENDED = 10.0  # seconds within which all have to end after one rank was killed
+
+
+@pytest.fixture(scope="module")
+def scene(tmp_path_factory):
+    file = tmp_path_factory.mktemp("scenes") / "bounce.py"
+    file.write_text(SCENE)
+    return file
+
+
+@pytest.fixture(scope="module")
+def on_one(scene, tmp_path_factory):
+    out = tmp_path_factory.mktemp("runs") / "one"
+    assert pdvol("run", scene, "--out", out, "--no-picture") == 0
+    return open_run(out)
+
+
+def ranks_of(run):
+    """The number of ranks of each stored step, by level."""
+    return [[record["ranks"] for record in level.log] for level in run.levels]
+
+
+def test_levels_on_two_ranks_are_those_on_one(scene, on_one, tmp_path, capfd):
+    """Within the solver's tolerance; side by side to the last bit of those one after the other. A level that has
+    ended on two ranks is refined on one.
+    """
+    words = ["run", scene, "--ranks", 2, "--no-picture"]
+    capfd.readouterr()
+    assert pdvol(*words, "--out", tmp_path / "two", "--levels", "0:0") == 0
+    printed = capfd.readouterr()
+    assert "level 0: 2 ranks" in printed.err and "level 0  step 8/8" in printed.err
+    assert printed.out.count("loaded") == 2, "here, and on the first rank"
+    assert pdvol("refine", tmp_path / "two", "--to", 1, "--ranks", 1, "--no-picture") == 0
+    assert pdvol(*words, "--out", tmp_path / "beside", "--wavefront") == 0
+    two, beside = open_run(tmp_path / "two"), open_run(tmp_path / "beside")
+    assert ranks_of(two) == [[2] * 8, [1] * 8] and ranks_of(beside) == [[2] * 8, [2] * 8]
+    for level, one in zip(two.levels, on_one.levels, strict=True):
+        np.testing.assert_allclose(level.positions(8), one.positions(8), atol=1e-5)
+    for step in range(9):
+        np.testing.assert_array_equal(two.levels[0].positions(step), beside.levels[0].positions(step))
+    assert (tmp_path / "two" / "level_1.xdmf").is_file()
+
+
+@pytest.mark.parametrize("victim", [0, 1])
+def test_a_killed_rank_ends_all_with_one_line(victim, scene, on_one, tmp_path):
+    out = tmp_path / "run"
+    words = ["run", str(scene), "--out", str(out), "--levels", "0", "--ranks", "2", "--set", "steps=100000"]
+    started = subprocess.Popen([*WITHOUT_PICTURE, *words], stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True)
+    end = time.monotonic() + SAFETY
+    while not (out / "levels" / "0" / "000005.npy").exists():
+        assert started.poll() is None and time.monotonic() < end
+        time.sleep(0.01)
+    found = subprocess.run(
+        ["pgrep", "-f", f"^{sys.executable} -m pdvol.runs.level_processes {out} "], capture_output=True
+    )
+    ranks = [int(word) for word in found.stdout.split()]
+    assert len(ranks) == 2
+    killed = time.monotonic()
+    os.kill(ranks[victim], signal.SIGKILL)
+    said = started.communicate(timeout=SAFETY)[1].strip().splitlines()
+    assert time.monotonic() - killed < ENDED
+    assert started.returncode == 1 and not any(map(lives, ranks))
+    assert (
+        said[-1]
+        == "pdvol: level 0: one of its ranks was ended by signal 9; finished steps are kept, go on with --resume"
+    )
+    assert not [
+        line
+        for line in said
+        if not line.startswith(("level 0  step", "level 0: 2 ranks", "starting", "loading", "preparing", "pdvol:"))
+    ]
+    assert open_run(out).levels[0].steps >= 6
+
+
+def lives(process):
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    return True
+
+
+def test_a_run_goes_on_with_another_number_of_ranks(scene, on_one, tmp_path):
+    out = tmp_path / "run"
+    words = ["run", scene, "--out", out, "--levels", "0", "--no-picture"]
+    assert pdvol(*words, "--ranks", 2, "--steps", 3) == 0
+    assert pdvol(*words, "--ranks", 3, "--resume", "--steps", 6) == 0
+    assert pdvol(*words, "--resume") == 0  # on as many as before, as far as there are cores
+    (used,) = ranks_of(open_run(out))
+    assert used == [2] * 3 + [3] * 3 + [min(3, launcher.cores())] * 2
+    np.testing.assert_allclose(open_run(out).levels[0].positions(8), on_one.levels[0].positions(8), atol=1e-5)
+
+
+def test_what_fails_on_ranks_is_one_line(scene, tmp_path, capfd):
+    stuck = ["--set", "iterations=1", "--set", "halvings=0", "--set", "tolerance=1e-12"]
+    for name, words, code, start in (
+        ("stuck", stuck, 1, "pdvol: level 0, step 1:"),
+        ("law", ["--set", "until=0.035"], 2, "pdvol: "),
+    ):
+        out = tmp_path / name
+        assert pdvol("run", scene, "--out", out, "--ranks", 2, "--levels", "0", *words) == code
+        said = capfd.readouterr().err.strip().splitlines()
+        assert said[-1].startswith(start) and "Traceback" not in "".join(said)
+        assert open_run(out).info["state"] == "failed"
+    assert "gravity" in said[-1]
+
+
+@pytest.mark.parametrize(("ranks", "said"), [("0", "--ranks 0"), ("two", "'two' is not a whole number")])
+def test_ranks_are_a_number(ranks, said, scene, tmp_path, capfd):
+    assert pdvol("run", scene, "--out", tmp_path / "run", "--ranks", ranks) == 2
+    assert said in capfd.readouterr().err
+    assert not (tmp_path / "run").exists()
+
+
+def test_under_mpirun_there_are_ranks_already(scene, tmp_path):
+    (done,) = results_on((2,), pdvol_on_ranks, "run", scene, "--out", tmp_path / "run", "--ranks", 2)
+    assert done["code"] == 2 and "leave out mpirun" in str(done["said"])
+
+
+@pytest.mark.parametrize(
+    ("vertices", "wanted", "before", "idle", "expected"),
+    [
+        (500, None, 0, 16, 1),
+        (3 * launcher.VERTICES_A_RANK, None, 0, 16, 3),
+        (10**6, None, 0, 5, 5),
+        (10**6, None, 0, 0, 1),
+        (10**6, None, 1, 16, 1),
+        (10**6, None, 3, 16, 3),
+        (10**6, 1, 3, 16, 1),
+        (500, 4, 0, 1, 4),
+    ],
+)
+def test_as_many_ranks_as_pay_and_are_free(vertices, wanted, before, idle, expected, monkeypatch):
+    monkeypatch.setattr(launcher, "idle_cores", lambda: max(1, idle))
+    monkeypatch.setattr(launcher, "cores", lambda: 16)
+    monkeypatch.setattr(launcher, "launcher", lambda: "mpirun")
+    assert launcher.chosen_ranks(vertices, wanted, before) == expected
+
+
+def test_a_rank_starts_no_ranks(monkeypatch):
+    monkeypatch.setenv("PMIX_RANK", "0")
+    assert launcher.chosen_ranks(10**6, None) == 1
+
+
+def test_a_busy_core_is_not_idle():
+    """The one that this process keeps busy is not counted as another's."""
+    assert 1 <= launcher.idle_cores() <= launcher.cores()
