@@ -11,9 +11,11 @@ import sys
 
 import numpy as np
 import ufl
+from mpi4py import MPI  # first: dolfinx' wheel takes the MPI library that mpi4py has loaded
+
+# isort: split
 from dolfinx import fem, mesh
 from dolfinx.fem import petsc
-from mpi4py import MPI
 from petsc4py import PETSc
 
 import pdvol

@@ -1,12 +1,44 @@
-"""Differences between dolfinx 0.9 and later versions, in one place."""
+"""dolfinx and PETSc, which all of pdvol takes from here, and the differences between dolfinx 0.9 and later versions.
 
+Raises
+------
+InputError
+    There is no dolfinx, or what is installed does not fit together.
+"""
+
+import importlib.util
 from typing import Any
 
-import basix.ufl
-import dolfinx
-import dolfinx.graph
 import numpy as np
-from mpi4py import MPI
+
+from pdvol.errors import InputError
+
+try:
+    if importlib.util.find_spec("dolfinx_solver"):  # the wheel of pdvol[solver]: its MPI must be loaded before the rest
+        import dolfinx_solver  # noqa: F401
+    import basix.ufl
+    import dolfinx
+    import dolfinx.graph
+    from dolfinx import fem, geometry, jit, la
+    from mpi4py import MPI
+    from petsc4py import PETSc
+except ImportError as error:
+    raise InputError(
+        f"no dolfinx that works ({error}); see docs/install.md, or run: pip install 'pdvol[solver]'"
+    ) from error
+
+__all__ = [
+    "DOLFINX",
+    "KERNEL_ARGUMENTS",
+    "PETSc",
+    "create_mesh",
+    "fem",
+    "geometry",
+    "geometry_dofmap",
+    "index_map",
+    "jit",
+    "la",
+]
 
 DOLFINX = tuple(int(part) for part in dolfinx.__version__.split(".")[:2])
 

@@ -11,6 +11,9 @@ from contextlib import contextmanager
 
 import pytest
 
+import pdvol.compat  # noqa: F401  # before a test imports dolfinx: its wheel needs that
+
+# isort: split
 import on_ranks
 import runs
 from browser import Tab, chromium

@@ -2,13 +2,13 @@
 
 import numpy as np
 import ufl
-from dolfinx import fem
 from mpi4py import MPI
 from scipy.sparse import bsr_array, csc_array, csr_array, diags_array
 from scipy.sparse.linalg import eigsh
 
 from benchmarks.common.process import REPOSITORY
 from pdvol import compat
+from pdvol.compat import fem
 from pdvol.geometry.level_mesh import LevelMesh, lumped_masses
 from pdvol.levels.materials import cell_materials
 from pdvol.levels.space import LevelSpace

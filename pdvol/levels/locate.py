@@ -7,9 +7,9 @@ cell index wins, so the answer does not depend on the number of ranks. docs/meth
 """
 
 import numpy as np
-from dolfinx import geometry
 from mpi4py import MPI
 
+from pdvol.compat import geometry
 from pdvol.geometry.boundary_search import FACET_TOLERANCE, nearest_points
 from pdvol.geometry.level_mesh import LevelMesh
 from pdvol.levels.space import LevelSpace

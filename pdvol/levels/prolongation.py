@@ -4,9 +4,9 @@ from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sp
-from petsc4py import PETSc
 from scipy.sparse.linalg import svds
 
+from pdvol.compat import PETSc
 from pdvol.levels.binding import Binding
 from pdvol.levels.interpolants import Interpolant
 from pdvol.levels.interpolants.barycentric import barycentric

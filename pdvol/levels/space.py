@@ -3,11 +3,10 @@
 from typing import TypeVar
 
 import numpy as np
-from dolfinx import fem, la
 from mpi4py import MPI
-from petsc4py import PETSc
 
 from pdvol import compat
+from pdvol.compat import PETSc, fem, la
 from pdvol.errors import InputError
 from pdvol.geometry.level_mesh import LevelMesh, connected_parts, simplex_volumes
 from pdvol.levels.partition import shared_bodies

@@ -6,8 +6,8 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 import ufl
-from dolfinx import fem, la
 
+from pdvol.compat import fem, la
 from pdvol.forms.inertia import inertia
 from pdvol.forms.loads import body_force
 from pdvol.geometry.closed_surfaces import pressed_facets

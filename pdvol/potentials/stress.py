@@ -7,8 +7,8 @@ from which forces come.
 
 import numpy as np
 import ufl
-from dolfinx import fem
 
+from pdvol.compat import fem
 from pdvol.forms.kinematics import deformation_gradient
 from pdvol.potentials.assembly import native
 from pdvol.potentials.assembly.cell_energy import CellEnergy

@@ -10,10 +10,9 @@ from collections.abc import Sequence
 from typing import Any, TypeAlias, cast
 
 import numpy as np
-from dolfinx import fem
 from mpi4py import MPI
-from petsc4py import PETSc
 
+from pdvol.compat import PETSc, fem
 from pdvol.errors import InputError, IntersectionError
 from pdvol.geometry.closed_surfaces import gyration_diagonal
 from pdvol.geometry.crossings import find_crossings

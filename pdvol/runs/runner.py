@@ -38,7 +38,17 @@ from pdvol.store.folder import holds_run, in_use, read_info, require_free, requi
 from pdvol.store.reader import Run, open_run
 from pdvol.store.writer import RunWriter
 
-LIBRARIES = ("fenics-dolfinx", "petsc4py", "ipctk", "numpy", "scipy", "pytetwild", "gmsh", "fast-simplification")
+LIBRARIES = (
+    "fenics-dolfinx",
+    "dolfinx-solver-real",
+    "petsc4py",
+    "ipctk",
+    "numpy",
+    "scipy",
+    "pytetwild",
+    "gmsh",
+    "fast-simplification",
+)
 LISTED_CHANGES = 6  # changes of a scene: a message lists no more
 
 

@@ -13,9 +13,9 @@ from functools import partial
 
 import numpy as np
 from mpi4py import MPI
-from petsc4py import PETSc
 from scipy.sparse import csr_array
 
+from pdvol.compat import PETSc
 from pdvol.errors import SimulationError
 from pdvol.levels.space import LevelSpace
 from pdvol.potentials.assembly.hessian_blocks import BlockPattern, HessianBlocks

@@ -20,10 +20,10 @@ from pdvol.store.obstacles import DrawnObstacle, read_obstacles
 from pdvol.store.render_meshes import StoredRender, read_render_meshes, read_render_weights
 
 if TYPE_CHECKING:
-    from dolfinx import fem
     from mpi4py import MPI
     from scipy.sparse import csr_matrix
 
+    from pdvol.compat import fem
     from pdvol.levels.space import LevelSpace
 
 KEPT_STATES = 4  # states of a level that stay in memory: velocities and fields of a step need it and two before

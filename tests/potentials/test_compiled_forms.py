@@ -14,8 +14,8 @@ from pdvol.potentials.assembly.compiled_forms import ASIDE
 
 COMPILE = """
 import ufl
-from dolfinx import fem, mesh
 from mpi4py import MPI
+from dolfinx import fem, mesh
 from pdvol.potentials.assembly.compiled_forms import form_cache
 square = mesh.create_unit_square(MPI.COMM_SELF, 1, 1)
 moment = ufl.SpatialCoordinate(square)[0] ** 2 * ufl.dx

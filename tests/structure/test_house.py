@@ -5,6 +5,7 @@ What a scene lacks is not loaded. Each test lists all offenders at once.
 """
 
 import ast
+import os
 import re
 import subprocess
 import sys
@@ -188,6 +189,27 @@ def test_one_file_of_snes_and_one_of_what_differs_between_dolfinx_versions():
     assert using == {"pdvol/solve/newton.py"}
     asking = {place(p) for p in SOURCES if "dolfinx.__version__" in p.read_text()}
     assert asking <= {"pdvol/compat.py"}
+
+
+def test_one_file_imports_dolfinx_and_petsc():
+    """A wheel of dolfinx needs its MPI loaded first: elsewhere these come from compat, whatever is imported first."""
+    importing = {place(p) for p in SOURCES if {i.split(".")[0] for i in imports(p)} & {"dolfinx", "petsc4py"}}
+    assert importing == {"pdvol/compat.py"}
+
+
+def test_without_dolfinx_a_command_says_in_one_line_what_to_install(tmp_path):
+    (tmp_path / "scene.py").write_text(SCENE + "run = lambda: scene\n")
+    (tmp_path / "sitecustomize.py").write_text("import sys\nsys.modules['dolfinx'] = None  # as if not installed\n")
+    ended = subprocess.run(
+        [sys.executable, "-m", "pdvol", "run", "scene.py:run"],
+        cwd=tmp_path,
+        env={**os.environ, "PYTHONPATH": str(tmp_path)},
+        capture_output=True,
+        text=True,
+        timeout=SAFETY,
+    )
+    assert ended.returncode == 2 and ended.stderr.count("\n") == 1
+    assert "no dolfinx" in ended.stderr and "pip install 'pdvol[solver]'" in ended.stderr
 
 
 def test_every_module_says_what_it_is():

@@ -34,8 +34,8 @@ from collections.abc import Iterator
 import numpy as np
 import scipy.sparse as sp
 from mpi4py import MPI
-from petsc4py import PETSc
 
+from pdvol.compat import PETSc
 from pdvol.errors import MeshError
 from pdvol.geometry.level_mesh import LevelMesh, connected_parts
 from pdvol.levels.binding import Binding, bind

@@ -15,9 +15,9 @@ from typing import Any
 import basix.ufl
 import numpy as np
 import ufl
-from dolfinx import jit
 from mpi4py import MPI
 
+from pdvol.compat import jit
 from pdvol.errors import InputError
 from pdvol.levels.space import LevelSpace
 from pdvol.potentials.assembly import native

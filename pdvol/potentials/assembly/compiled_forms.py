@@ -21,9 +21,9 @@ import ffcx.naming
 import ffcx.options
 import numpy as np
 import ufl
-from dolfinx import jit
 from mpi4py import MPI
 
+from pdvol.compat import jit
 from pdvol.potentials.assembly import native
 from pdvol.stages import stage
 

@@ -5,8 +5,8 @@ from contextlib import suppress
 from itertools import count
 
 import numpy as np
-from petsc4py import PETSc
 
+from pdvol.compat import PETSc
 from pdvol.errors import InputError
 from pdvol.scene import Solver
 from pdvol.solve.linear.solver import parse_options, set_options

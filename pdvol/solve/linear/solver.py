@@ -16,8 +16,8 @@ from contextlib import AbstractContextManager, nullcontext
 from itertools import count
 
 from mpi4py import MPI
-from petsc4py import PETSc
 
+from pdvol.compat import PETSc
 from pdvol.errors import InputError, SimulationError
 from pdvol.scene import Solver
 from pdvol.solve.linear.coarse_space import CoarseSpace

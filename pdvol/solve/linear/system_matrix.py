@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 from mpi4py import MPI
-from petsc4py import PETSc
 
+from pdvol.compat import PETSc
 from pdvol.levels.space import LevelSpace
 from pdvol.potentials.assembly.hessian_blocks import SPARE, BlockCsr, HessianBlocks, room_of_rows
 from pdvol.potentials.assembly.native import pointer
