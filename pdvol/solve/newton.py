@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import partial
+from weakref import WeakMethod
 
 import numpy as np
 from mpi4py import MPI
@@ -51,6 +52,14 @@ def _own_errors() -> Iterator[None]:
         if cause is not None:
             raise cause from None
         raise SimulationError(f"PETSc gave up: {str(error).splitlines()[0]}") from error
+
+
+def _weakly(method: Callable) -> Callable:
+    """A callback for PETSc that does not keep the method's object alive. Python's garbage collector does not see what
+    PETSc keeps: an object that PETSc calls, and that owns the caller, would stay for ever, with its level's mesh.
+    """
+    reference = WeakMethod(method)
+    return lambda *arguments: reference()(*arguments)  # type: ignore[misc]
 
 
 @dataclass
@@ -137,11 +146,11 @@ class Newton:
     def _create_snes(self) -> PETSc.SNES:
         snes = PETSc.SNES().create(comm=self.space.comm)
         snes.setType(PETSc.SNES.Type.NEWTONLS)
-        snes.setObjective(self._objective)
-        snes.setFunction(self._function, self._residual)
-        snes.setJacobian(self._jacobian, self._system.shell)
-        snes.setLineSearchPreCheck(self._precheck)
-        snes.setConvergenceTest(self._test)
+        snes.setObjective(_weakly(self._objective))
+        snes.setFunction(_weakly(self._function), self._residual)
+        snes.setJacobian(_weakly(self._jacobian), self._system.shell)
+        snes.setLineSearchPreCheck(_weakly(self._precheck))
+        snes.setConvergenceTest(_weakly(self._test))
         snes.setTolerances(rtol=0.0, atol=0.0, stol=0.0, max_it=self.settings.max_iterations)
         return snes
 

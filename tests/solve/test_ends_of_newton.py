@@ -1,11 +1,16 @@
-"""Newton must not stop deep inside a barrier. Its steps are short there, although the solution is still far away."""
+"""Newton must not stop deep inside a barrier, where its steps are short although the solution is still far away. A
+solver must not outlive its level.
+"""
+
+import gc
+import weakref
 
 import numpy as np
 import pytest
 
 from pdvol.meshes import Outline
 from pdvol.scene import Barrier, Plane, Rigid, Solver
-from problems import block, make_scene, make_stepper, polyline, take_step
+from problems import block, make_scene, make_stepper, march, polyline, take_step
 
 DHAT = 0.01
 
@@ -57,3 +62,17 @@ def test_the_relative_tolerance_is_one_of_the_change_of_velocity():
     change = np.linalg.norm((ends[0] - mesh.points) / 0.01 - turning, axis=1).max()
     left = np.linalg.norm(ends[1] - ends[0], axis=1).max() / 0.01
     assert change < 0.02 and left <= 3.0 * max(1e-5, 0.1 * change)
+
+
+# ---- the end of a solver
+
+
+@pytest.mark.parametrize("linear", ["direct", "iterative"])
+def test_a_solver_ends_with_its_level(linear):
+    """PETSc keeps neither: a process may solve any number of levels. With MPICH it has 2,048 communicators for all."""
+    stepper = make_stepper(make_scene(solver=Solver(tolerance=1e-6, linear=linear)), block((0.0, 0.0), (0.4, 0.4), 2))
+    assert len(list(march(stepper, 1))) == 1
+    space, newton = weakref.ref(stepper.space), weakref.ref(stepper.newton)
+    del stepper
+    gc.collect()
+    assert space() is None and newton() is None

@@ -14,6 +14,7 @@ never times: runs repeat to the last bit.
 from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager, nullcontext
 from itertools import count
+from weakref import proxy
 
 from mpi4py import MPI
 
@@ -82,7 +83,7 @@ class LinearSolver:
         self._first_method = "iterative" if settings.linear == "auto" else settings.linear
         self.prefix = f"pdvol_{next(_serial)}_"
         ksp.setType(PETSc.KSP.Type.PYTHON)
-        ksp.setPythonContext(_Context(self, timed))
+        ksp.setPythonContext(_Context(proxy(self), timed))  # PETSc keeps the context: see `newton._weakly`
         ksp.pc.setType(PETSc.PC.Type.NONE)
         self._inner = PETSc.KSP().create(ksp.comm)  # what PETSc's own methods run in
         for solver in (ksp, self._inner):

@@ -3,6 +3,7 @@ with the contacts; and what ranks exchange in products with it, since each holds
 """
 
 from typing import Any
+from weakref import proxy
 
 import numpy as np
 from mpi4py import MPI
@@ -71,6 +72,16 @@ class Halo:
         self._comm.Allreduce(MPI.IN_PLACE, np.frombuffer(native.ffi.buffer(numbers, count * 8)), op=MPI.SUM)
 
 
+class _Context:
+    """What PETSc calls for `SystemMatrix.shell`, and keeps: the matrix itself it must not, as `newton._weakly` says."""
+
+    def __init__(self, matrix: "SystemMatrix"):
+        self._matrix = matrix
+
+    def mult(self, shell: PETSc.Mat, x: PETSc.Vec, y: PETSc.Vec) -> None:
+        self._matrix.multiply(x, y)
+
+
 class SystemMatrix:
     """The sum of `HessianBlocks`, for compiled products; PETSc's matrix is made of it where it is asked for.
 
@@ -110,7 +121,7 @@ class SystemMatrix:
         self._petsc: PETSc.Mat = None
         self._blocked: PETSc.Mat = None
         self._pattern: tuple[np.ndarray, np.ndarray] | None = None
-        self.shell = PETSc.Mat().createPython(self._sizes, self, comm=space.comm)
+        self.shell = PETSc.Mat().createPython(self._sizes, _Context(proxy(self)), comm=space.comm)
         self.shell.setUp()
 
     def assemble(self, blocks: HessianBlocks, eliminate: bool = True) -> None:
@@ -168,8 +179,8 @@ class SystemMatrix:
         )
         return found, reason, count[0]
 
-    def mult(self, matrix: PETSc.Mat, x: PETSc.Vec, y: PETSc.Vec) -> None:
-        """y = A x, as PETSc calls it on `shell`. Collective."""
+    def multiply(self, x: PETSc.Vec, y: PETSc.Vec) -> None:
+        """y = A x, by `shell`. Collective."""
         native.library.symmetric_product(
             self.compiled, pointer(x.getArray(readonly=True)), pointer(self._far), pointer(y.getArray())
         )
