@@ -5,6 +5,7 @@ these tests are quick.
 import os
 import pty
 import re
+import shutil
 import signal
 import subprocess
 import sys
@@ -15,7 +16,8 @@ import pytest
 from commands import SAFETY
 
 RUN = Path(__file__).resolve().parents[1] / "run"
-INSIDE = f"{os.environ.get('PDVOL_DEBIAN', '') or 'trixie'}:{RUN.parent}"
+SUITE, USE = os.environ.get("PDVOL_DEBIAN", ""), os.environ.get("PDVOL_USE", "")
+INSIDE = f"{USE or ('debian' if SUITE else '')}:{SUITE or 'trixie'}:{RUN.parent}"
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="./run is a bash script")
 
@@ -91,45 +93,155 @@ def test_without_a_command_it_says_what_to_do(inside):
 
 
 def test_unknown_suite():
-    done = run("true", inside=False, env={"PDVOL_DEBIAN": "buster"})
+    done = run("true", inside=False, env={"PDVOL_USE": "", "PDVOL_DEBIAN": "buster"})
     assert done.returncode == 2
     assert done.stderr == "run: PDVOL_DEBIAN=buster is not a suite with dolfinx >= 0.9; choose trixie or sid\n"
 
 
 def test_another_suite_is_not_taken_for_this_one():
-    done = run("true", env={"PDVOL_DEBIAN": "buster"})
+    done = run("true", env={"PDVOL_USE": "", "PDVOL_DEBIAN": "buster"})
     assert done.returncode == 2
 
 
 def test_a_cache_that_cannot_be_written(tmp_path):
     (tmp_path / "file").touch()
     # Also without the rights or tools for a root, the answer is one plain line.
-    done = run("true", inside=False, env={"PDVOL_DEBIAN": "forky", "PDVOL_CACHE": str(tmp_path / "file" / "cache")})
+    env = {"PDVOL_USE": "", "PDVOL_DEBIAN": "forky", "PDVOL_CACHE": str(tmp_path / "file" / "cache")}
+    done = run("true", inside=False, env=env)
     assert done.returncode == 2
     assert done.stderr.startswith("run: ") and done.stderr.count("\n") == 1
 
 
-def test_missing_mount_namespaces_are_named(tmp_path):
-    fake = tmp_path / "unshare"
-    fake.write_text("#!/bin/sh\nexit 1\n")
-    fake.chmod(0o755)
+def script(path, text):
+    path.write_text(f"#!/bin/sh\n{text}")
+    path.chmod(0o755)
+
+
+def forbid_namespaces(folder):
+    """Commands of a machine that has the tools of a Debian root, and does not allow one."""
+    script(folder / "unshare", "exit 1\n")
     for name in ("mount", "chroot", "flock"):
-        (tmp_path / name).symlink_to("/bin/true")
-    env = {"PDVOL_DEBIAN": "sid", "PDVOL_CACHE": str(tmp_path / "cache"), "PATH": f"{tmp_path}:{os.environ['PATH']}"}
-    done = run("true", inside=False, env=env)
+        (folder / name).symlink_to("/bin/true")
+
+
+def test_missing_mount_namespaces_are_named(tmp_path):
+    forbid_namespaces(tmp_path)
+    env = {"PDVOL_CACHE": str(tmp_path / "cache"), "PATH": f"{tmp_path}:{os.environ['PATH']}"}
+    done = run("true", inside=False, env={**env, "PDVOL_USE": "", "PDVOL_DEBIAN": "sid"})
     assert done.returncode == 2 and "does not allow mount namespaces" in done.stderr
     assert not (tmp_path / "cache").exists()
+
+
+# ---- the three ways
+
+PYTHON = r"""
+echo "$*" >>"$CALLS"
+case "$*" in
+    *fenics-dolfinx*) [ "$HAS" = dolfinx ] ;;
+    */wheel_needs.py) [ "$HAS" = wheel ] || { echo "Python >= 3.12, Python.h"; exit 1; } ;;
+    "-m venv "*) for venv; do :; done; mkdir -p "$venv/bin"; cp "$0" "$venv/bin/python" ;;
+esac
+"""
+"""A Python that has dolfinx, or all that the wheel needs, or neither. It makes an environment with itself alone."""
+
+
+@pytest.fixture
+def machine(tmp_path):
+    """`machine(has, **variables)` calls a copy of ./run on a machine whose Python has this, and that allows no Debian
+    root: what `python -c where` printed, what Python was called with, and the process.
+    """
+    copy, tools, calls = tmp_path / "pdvol", tmp_path / "tools", tmp_path / "calls"
+    shutil.copytree(RUN.parent / "packaging", copy / "packaging")
+    for name in ("run", "pyproject.toml"):
+        shutil.copy(RUN.parent / name, copy)
+    tools.mkdir()
+    forbid_namespaces(tools)
+    for name in ("python3", "python3.12", "python3.13", "python3.14"):
+        script(tools / name, PYTHON)
+
+    def call(has, **variables):
+        calls.write_text("")
+        path = f"{tools}:{os.environ['PATH']}"
+        env = {**os.environ, "PDVOL_USE": "", "PDVOL_DEBIAN": "", "PATH": path, "CALLS": str(calls)}
+        env |= {"HAS": has, "PDVOL_INSIDE": "", "PYTHONNOUSERSITE": ""}
+        words = [copy / "run", "sh", "-c", "command -v python; echo $PYTHONNOUSERSITE"]
+        done = subprocess.run(words, env=env | variables, capture_output=True, text=True, timeout=SAFETY)
+        return done, [line for line in calls.read_text().splitlines() if line.startswith("-m ")]
+
+    call.folder = copy
+    return call
+
+
+def test_a_python_with_dolfinx_comes_first(machine):
+    done, calls = machine("dolfinx")
+    assert (done.returncode, done.stdout) == (0, f"{machine.folder}/.venv/bin/python\n\n"), done.stderr
+    assert calls[0] == f"-m venv --system-site-packages {machine.folder}/.venv"
+    assert calls[1].endswith(f"--editable {machine.folder}[all]")
+    assert machine("dolfinx")[1] == [], "the second call builds nothing"
+    assert machine("wheel", PDVOL_USE="python")[0].stderr.startswith("run: PDVOL_USE=python: python3 has no dolfinx")
+
+
+def test_the_wheel_comes_second(machine):
+    done, calls = machine("wheel")
+    assert (done.returncode, done.stdout) == (0, f"{machine.folder}/.venv-wheel/bin/python\n1\n"), done.stderr
+    assert calls[0] == f"-m venv {machine.folder}/.venv-wheel", "nothing of the machine's own packages"
+    assert calls[1].endswith(f"--editable {machine.folder}[all,solver]")
+    assert machine("wheel")[1] == []
+    done, _ = machine("dolfinx", PDVOL_USE="wheel")
+    assert done.returncode == 2 and done.stderr.count("\n") == 1
+    assert "PDVOL_USE=wheel: for the wheel of dolfinx, python3 lacks Python >= 3.12, Python.h; " in done.stderr
+
+
+@pytest.mark.parametrize("variables", [{}, {"PDVOL_USE": "debian"}, {"PDVOL_DEBIAN": "trixie"}])
+def test_a_debian_root_comes_third(machine, variables):
+    """Where none can be made either, one line says what each way lacks."""
+    done, calls = machine("" if not variables else "dolfinx", **variables)
+    assert done.returncode == 2 and calls == [] and done.stderr.count("\n") == 1
+    assert "a Debian root needs more rights: this machine does not allow mount namespaces" in done.stderr
+    assert ("python3 has no dolfinx >= 0.9; for the wheel of dolfinx, python3 lacks" in done.stderr) == (not variables)
+
+
+def test_unknown_way(machine):
+    done, _ = machine("dolfinx", PDVOL_USE="conda")
+    assert (done.returncode, done.stderr) == (2, "run: PDVOL_USE=conda is not a way; choose python, wheel or debian\n")
+
+
+def test_a_python_that_lacks_something_for_the_wheel_names_it(tmp_path):
+    """As with the Python of the tests: it has all but what is taken away."""
+    program = RUN.parent / "packaging" / "wheel_needs.py"
+    words, env = [sys.executable, program], {"PATH": str(tmp_path)}
+    found = subprocess.run(words, env=env, capture_output=True, text=True, timeout=SAFETY)
+    assert found.returncode == 1 and "a C compiler" in found.stdout.strip().split(", ")
+    script(tmp_path / "cc", "")
+    found = subprocess.run(words, env=env, capture_output=True, text=True, timeout=SAFETY)
+    assert "a C compiler" not in found.stdout and found.returncode == bool(found.stdout.strip())
+
+
+@pytest.mark.slow
+def test_the_wheel_draws_a_picture(tmp_path):
+    """From a copy of the repository, with an empty cache: the environment, and a demo to its picture."""
+    lacking = subprocess.run(["python3", RUN.parent / "packaging" / "wheel_needs.py"], capture_output=True, text=True)
+    if lacking.returncode:
+        pytest.skip(f"this machine lacks {lacking.stdout.strip()}")
+    for name in ("run", "pyproject.toml", "README.md", "COPYING", "COPYING.LESSER"):
+        shutil.copy(RUN.parent / name, tmp_path)
+    for name in ("packaging", "pdvol", "forms", "meshes", "demos"):
+        shutil.copytree(RUN.parent / name, tmp_path / name)
+    env = {**os.environ, "PDVOL_USE": "wheel", "PDVOL_DEBIAN": "", "XDG_CACHE_HOME": str(tmp_path / "cache")}
+    words = [tmp_path / "run", "pdvol", "run", "demos/ball_on_spike.py", "--levels", "0:1"]
+    done = subprocess.run(words, env=env, cwd=tmp_path, capture_output=True, text=True, timeout=600)
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "runs" / "ball_on_spike" / "picture.png").is_file()
 
 
 # ---- what a build shows
 
 BUILD = """
 set -euo pipefail
-eval "$(sed -n '/^say()/p; /^shown()/,/^}/p' "$1")"
-build() { for n in one two; do echo "I: stage $n" >>"$log"; sleep 2; done; }
-fail() { echo "I: stage one" >>"$log"; sleep 2; exit 3; }
-log=$2
-(shown "$log" "$3")
+eval "$(sed -n '/^say()/p; /^die()/p; /^shown()/,/^}/p; /^built()/,/^}/p' "$1")"
+build() { for n in one two; do echo "I: stage $n"; sleep 2; done; }
+fail() { echo "I: stage one"; sleep 2; exit 3; }
+(built "$2" "it did not work" "$3")
 """
 
 
@@ -140,7 +252,8 @@ def test_a_build_has_a_line_per_stage_in_a_log(tmp_path):
     lines = [re.sub(r"\d+ s", "N s", line) for line in done.stderr.splitlines()]
     assert lines[-3:] == ["run: stage one, after N s", "run: stage two, after N s", "run: done in N s"]
     failed = subprocess.run([*words[:-1], "fail"], capture_output=True, text=True, timeout=SAFETY)
-    assert failed.returncode == 3 and "done" not in failed.stderr
+    assert failed.returncode == 2 and "done" not in failed.stderr
+    assert failed.stderr.endswith(f"I: stage one\nrun: it did not work (whole log: {tmp_path / 'log'})\n")
 
 
 def test_a_build_rewrites_a_line_on_a_terminal(tmp_path):
