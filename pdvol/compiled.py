@@ -1,9 +1,13 @@
 """C code that is built once per machine, with the C compiler that FFCx needs anyway, and loaded through cffi."""
 
 import hashlib
+import importlib.util
 import os
 import platform
+import shlex
+import shutil
 import subprocess
+import sys
 import sysconfig
 import tempfile
 from collections.abc import Mapping
@@ -35,6 +39,24 @@ def cache_folder() -> Path:
     key = hashlib.sha256(f"{platform.machine()} {cpu}".encode()).hexdigest()[:12]
     base = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
     return base / "pdvol" / "compiled" / key
+
+
+def compiler() -> list[str]:
+    """The words that call the C compiler: those of CC, else cc, gcc, clang or that of the package ziglang.
+
+    Raises
+    ------
+    InputError
+        There is none.
+    """
+    chosen = shlex.split(os.environ.get("CC", ""))
+    for words in [chosen] if chosen else [["cc"], ["gcc"], ["clang"]]:
+        if shutil.which(words[0]):
+            return words
+    if not chosen and importlib.util.find_spec("ziglang"):
+        return [sys.executable, "-m", "ziglang", "cc"]
+    missing = f"CC={chosen[0]} is not found" if chosen else "there is neither cc, gcc nor clang"
+    raise InputError(f"no C compiler: {missing}; install gcc, or run: pip install ziglang")
 
 
 class Library:
@@ -72,7 +94,7 @@ def load(folder: Path, definitions: Mapping[str, int] | None = None) -> Any:
     headers = sorted(folder.glob("*.h")) + sorted(folder.parents[1].glob("*.h"))
     contents = b"".join(path.read_bytes() for path in (*paths, *headers))
     words = [f"-D{name}={value}" for name, value in (definitions or {}).items()]
-    command = [os.environ.get("CC") or "cc", *FLAGS, *words, "-shared", "-fPIC"]
+    command = [*compiler(), *FLAGS, *words, "-shared", "-fPIC"]
     key = hashlib.sha256(contents + " ".join(command).encode()).hexdigest()[:16]
     target = cache_folder() / f"{folder.parent.name}-{key}{sysconfig.get_config_var('SHLIB_SUFFIX') or '.so'}"
     if not target.exists():
@@ -85,9 +107,7 @@ def load(folder: Path, definitions: Mapping[str, int] | None = None) -> Any:
                 )
             except (OSError, subprocess.CalledProcessError) as error:
                 detail = (getattr(error, "stderr", "") or str(error)).strip().splitlines()
-                raise InputError(
-                    f"no C compiler: {detail[-1] if detail else error}; install one (FFCx needs it too) or set CC"
-                ) from None
+                raise InputError(f"the C compiler {command[0]} failed: {detail[-1] if detail else error}") from None
             os.replace(built, target)
     return ffi.dlopen(str(target))
 

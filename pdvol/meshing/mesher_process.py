@@ -4,7 +4,6 @@ A mesher that crashes, hangs or prints, and the libraries that it loads, then do
 """
 
 import resource
-import shutil
 import signal
 import subprocess
 import sys
@@ -15,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from pdvol.compiled import compiler
 from pdvol.errors import InputError, MeshError
 from pdvol.meshing.cpu_budget import BudgetSpent, ProcessStopped, Watch
 from pdvol.processes import die_with_parent, limit_processor_time, without_launcher
@@ -41,19 +41,15 @@ def _seeded_random_device() -> bytes:
     InputError
         There is no C compiler, or it fails: without the library no mesh of fTetWild could be made a second time.
     """
-    compiler = shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
-    if compiler is None:
-        raise InputError(
-            "no C compiler: tetrahedral meshes would differ from day to day; install gcc (FFCx needs it too)"
-        )
+    words = compiler()
     with tempfile.TemporaryDirectory(prefix="pdvol-compile-") as folder:
         source, library = Path(folder) / "fixed_random.c", Path(folder) / "fixed_random.so"
         source.write_text(_SEEDED_RANDOM_DEVICE)
-        command = [compiler, "-shared", "-fPIC", "-O1", "-o", str(library), str(source)]
+        command = [*words, "-shared", "-fPIC", "-O1", "-o", str(library), str(source)]
         try:
             subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, check=True)
         except (OSError, subprocess.CalledProcessError) as error:
-            raise InputError(f"the C compiler {compiler} failed: {error}; mend it (FFCx needs it too)") from None
+            raise InputError(f"the C compiler {words[0]} failed: {error}") from None
         return library.read_bytes()
 
 

@@ -1,4 +1,6 @@
-"""Compiled forms: the remains of a killed process do not stop the next one, and nobody waits for another process."""
+"""Compiled forms: the remains of a killed process do not stop the next one, and nobody waits for another process. What
+compiling needs is named.
+"""
 
 import os
 import shutil
@@ -10,6 +12,9 @@ import time
 import pytest
 
 from commands import SAFETY
+from pdvol import compiled
+from pdvol.errors import InputError
+from pdvol.potentials.assembly import compiled_forms
 from pdvol.potentials.assembly.compiled_forms import ASIDE
 
 COMPILE = """
@@ -86,3 +91,48 @@ def test_two_cold_starts(started, tmp_path):
     assert found and not any(name.startswith(ASIDE) for name in found)
     assert value(started()) == expected
     assert kept(tmp_path) == found, "nothing is compiled again"
+
+
+# ---- what compiling needs
+
+
+def test_a_missing_compiler_is_named_on_one_line(started, tmp_path):
+    process = started(CC="no-such-compiler")
+    _, error = process.communicate(timeout=SAFETY)
+    assert process.returncode == 1
+    (line,) = [line for line in error.splitlines() if "InputError" in line]
+    assert "no C compiler: CC=no-such-compiler is not found; install gcc" in line
+
+
+def test_which_compiler_is_taken(tmp_path, monkeypatch):
+    """That of CC, then cc, then the package ziglang, then none."""
+    monkeypatch.setenv("PATH", str(tmp_path))
+    monkeypatch.delenv("CC", raising=False)
+    monkeypatch.setattr(compiled.importlib.util, "find_spec", lambda name: None)
+    with pytest.raises(InputError, match="no C compiler: there is neither cc, gcc nor clang; install gcc, or run: pip"):
+        compiled.compiler()
+    monkeypatch.setattr(compiled.importlib.util, "find_spec", lambda name: name == "ziglang" or None)
+    assert compiled.compiler() == [sys.executable, "-m", "ziglang", "cc"]
+    for name in ("cc", "own"):
+        (tmp_path / name).write_text("#!/bin/sh\n")
+        (tmp_path / name).chmod(0o755)
+    assert compiled.compiler() == ["cc"]
+    monkeypatch.setenv("CC", "own -pipe")
+    assert compiled.compiler() == ["own", "-pipe"]
+
+
+def test_missing_headers_of_python_are_named(tmp_path, monkeypatch):
+    monkeypatch.setattr(compiled_forms.sysconfig, "get_path", lambda name: str(tmp_path))
+    with pytest.raises(InputError, match=r"no Python\.h"):
+        compiled_forms._folder_aside(tmp_path)
+    (tmp_path / "Python.h").touch()
+    assert compiled_forms._folder_aside(tmp_path).parent == tmp_path
+
+
+def test_ffcx_takes_the_compiler_that_there_is(started, tmp_path):
+    """Python was built with a compiler that the machine lacks: FFCx would call it all the same."""
+    there = shutil.which(compiled.compiler()[0])
+    (tmp_path / "cc").write_text(f'#!/bin/sh\n: >{tmp_path}/called\nPATH={os.environ["PATH"]} exec {there} "$@"\n')
+    (tmp_path / "cc").chmod(0o755)
+    assert value(started(PATH=str(tmp_path), CC="")) == pytest.approx(1 / 3)
+    assert (tmp_path / "called").exists()

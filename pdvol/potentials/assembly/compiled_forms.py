@@ -8,6 +8,7 @@ whole. Of two processes that compile one form at once, the first one keeps it.
 
 import contextlib
 import os
+import shlex
 import shutil
 import sysconfig
 import tempfile
@@ -24,6 +25,9 @@ import ufl
 from mpi4py import MPI
 
 from pdvol.compat import jit
+from pdvol.compiled import compiler
+from pdvol.errors import InputError
+from pdvol.parallel import on_root
 from pdvol.potentials.assembly import native
 from pdvol.stages import stage
 
@@ -47,10 +51,9 @@ def form_cache(comm: MPI.Comm, form: ufl.Form | Expression, flags: Sequence[str]
     options: dict[str, Any] = {"cffi_extra_compile_args": list(flags)} if flags else {}
     folder = native.cache_folder() / "forms"
     kept = folder / _name(form, options) if comm.rank == 0 else folder
-    own = (kept if kept.is_dir() else _folder_aside(folder)) if comm.rank == 0 else None
-    used = comm.bcast(own)
+    used = on_root(comm, lambda: kept if kept.is_dir() else _folder_aside(folder))
     try:
-        with stage("compiling forms") if used != kept else contextlib.nullcontext():
+        with _compiling() if used != kept else contextlib.nullcontext():
             yield {**options, "cache_dir": str(used)}
             comm.barrier()  # the other ranks load what the first one has compiled
         if comm.rank == 0 and used != kept:
@@ -66,8 +69,39 @@ def _name(form: ufl.Form | Expression, options: dict[str, Any]) -> str:
     return ffcx.naming.compute_signature([form], f"{how} {sysconfig.get_config_var('SOABI')}")
 
 
+@contextmanager
+def _compiling() -> Iterator[None]:
+    """Within it FFCx takes the compiler that pdvol takes, where the one that built Python is not there."""
+    words = shlex.split(os.environ.get("CC") or sysconfig.get_config_var("CC") or "")
+    own = {}
+    if not words or not shutil.which(words[0]):
+        own = {"CC": shlex.join(compiler()), "LDSHARED": shlex.join([*compiler(), "-shared"])}
+    before = {name: os.environ.get(name) for name in own}
+    os.environ.update(own)
+    try:
+        with stage("compiling forms"):
+            yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                del os.environ[name]
+            else:
+                os.environ[name] = value
+
+
 def _folder_aside(folder: Path) -> Path:
-    """A new folder beside the kept ones; among temporary files where these cannot be written."""
+    """A new folder beside the kept ones; among temporary files where these cannot be written.
+
+    Raises
+    ------
+    InputError
+        A form cannot be compiled: there is no C compiler, or no Python.h.
+    """
+    compiler()
+    if not Path(sysconfig.get_path("include"), "Python.h").is_file():
+        raise InputError(
+            "no Python.h, with which FFCx compiles forms; install Python's headers (python3-dev, python3-devel)"
+        )
     try:
         folder.mkdir(parents=True, exist_ok=True)
         return Path(tempfile.mkdtemp(prefix=ASIDE, dir=folder))
