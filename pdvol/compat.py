@@ -7,6 +7,7 @@ InputError
 """
 
 import importlib.util
+import os
 from typing import Any
 
 import numpy as np
@@ -39,6 +40,14 @@ __all__ = [
     "jit",
     "la",
 ]
+
+# How many processes Open MPI's launcher has started, or MPICH's: with the library of the other, each of them is alone.
+_started = int(os.environ.get("OMPI_COMM_WORLD_SIZE") or os.environ.get("PMI_SIZE") or 1)
+if _started > 1 == MPI.COMM_WORLD.size:
+    raise InputError(
+        f"{_started} processes were started by the launcher of another MPI than {MPI.get_vendor()[0]}, which dolfinx"
+        " has, and would not share the work; take its own, as mpiexec beside this Python"
+    )
 
 DOLFINX = tuple(int(part) for part in dolfinx.__version__.split(".")[:2])
 

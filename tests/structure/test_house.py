@@ -212,6 +212,20 @@ def test_without_dolfinx_a_command_says_in_one_line_what_to_install(tmp_path):
     assert "no dolfinx" in ended.stderr and "pip install 'pdvol[solver]'" in ended.stderr
 
 
+def test_ranks_of_another_mpi_are_refused(tmp_path):
+    """Each would be alone, and all would write into one run folder."""
+    env = {**os.environ, "OMPI_COMM_WORLD_SIZE": "2"}
+    program = [sys.executable, "-m", "pdvol", "check", "scene.py"]
+    (tmp_path / "scene.py").write_text(SCENE + "def pair(): return scene\n")
+    ended = subprocess.run(program, cwd=tmp_path, env=env, capture_output=True, text=True, timeout=SAFETY)
+    said = ended.stderr.splitlines()
+    assert ended.returncode == 2 and "Traceback" not in ended.stderr
+    assert said[-1].startswith("pdvol: 2 processes were started by the launcher of another MPI than ")
+    assert len(said) == 1 or "suspicious MPI execution environment" in said[0], (
+        "mpi4py's wheel has a warning of its own"
+    )
+
+
 def test_every_module_says_what_it_is():
     missing = []
     for path in SOURCES:
