@@ -40,7 +40,7 @@ POLL = 0.005  # seconds between checks for a coarser state
 CHECK = 0.5  # seconds between checks whether a process that sends nothing has ended
 START_TIME = 120.0  # seconds that processes may need to load the libraries; 2 to 4 are usual
 GRACE_TIME = 10.0  # seconds that a level's processes have to end before they are killed
-SIGNALLED = 128  # without a unit: shells and MPI launchers add it to the number of the signal that ended a process
+SIGNALLED = 128  # without a unit: shells and Open MPI add it to the number of the signal that ended a process
 
 
 class Follower:
@@ -250,7 +250,8 @@ class _Worker:
         self.stop()
         if status == 0:
             return None
-        signal = -status if status < 0 else status - SIGNALLED
+        plain = self._ranks > 1 and status > 1 and MPI.get_vendor()[0] == "MPICH"  # its launcher adds nothing
+        signal = -status if status < 0 else status - SIGNALLED * (not plain)
         how = f" was ended by signal {signal}" if 0 < signal < SIGNALLED / 2 else f" ended with status {status}"
         what = "one of its ranks" if self._ranks > 1 else "its process"
         return SimulationError(f"level {self._level}: {what}{how}; finished steps are kept, go on with --resume")
