@@ -48,7 +48,9 @@ def _own_errors() -> Iterator[None]:
     try:
         yield
     except PETSc.Error as error:
-        cause = error.__cause__ or error.__context__
+        cause: BaseException | None = error
+        while isinstance(cause, PETSc.Error):  # more than one where a callback solves again
+            cause = cause.__cause__ or cause.__context__
         if cause is not None:
             raise cause from None
         raise SimulationError(f"PETSc gave up: {str(error).splitlines()[0]}") from error

@@ -10,6 +10,8 @@ import pytest
 
 from pdvol.meshes import Outline
 from pdvol.scene import Barrier, Plane, Rigid, Solver
+from pdvol.solve.linear.solver import LinearSolver
+from pdvol.solve.newton import Newton
 from problems import block, make_scene, make_stepper, march, polyline, take_step
 
 DHAT = 0.01
@@ -76,3 +78,24 @@ def test_a_solver_ends_with_its_level(linear):
     del stepper
     gc.collect()
     assert space() is None and newton() is None
+
+
+def test_an_interrupt_in_a_solve_within_a_callback_arrives(monkeypatch):
+    """PETSc wraps it once for each solve. An interrupted run ends as such, and not with PETSc's error."""
+    again, solve_once = [], LinearSolver.solve_once
+
+    def interrupted(self, *arguments):
+        if again:
+            raise KeyboardInterrupt
+        return solve_once(self, *arguments)
+
+    def solve_again(self, x, step):
+        again.append(True)
+        self._solve_again(self._residual, step)
+
+    monkeypatch.setattr(LinearSolver, "solve_once", interrupted)
+    monkeypatch.setattr(Newton, "_predict_friction", solve_again)
+    mesh = block((0.0, 0.0), (0.4, 0.4), 2)
+    with pytest.raises(KeyboardInterrupt):
+        take_step(make_stepper(make_scene(), mesh), 1, mesh.points, mesh.points)
+    assert again
