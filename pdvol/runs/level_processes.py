@@ -43,6 +43,10 @@ GRACE_TIME = 10.0  # seconds that a level's processes have to end before they ar
 SIGNALLED = 128  # without a unit: shells and Open MPI add it to the number of the signal that ended a process
 
 
+class NoRanks(SimulationError):
+    """The ranks of a level did not start."""
+
+
 class Follower:
     """A level's writer in its processes: the first rank sends states to the keeper, and reads those that are stored.
 
@@ -133,6 +137,8 @@ def march_levels(writer: SharedWriter, levels: Mapping[int, int], progress: Watc
 
     Raises
     ------
+    NoRanks
+        Those of a level did not start.
     SimulationError
         A level could not go on. Coarser levels are finished, finer ones are interrupted, all steps are kept.
     """
@@ -221,12 +227,17 @@ class _Worker:
         return self._process.poll() is None
 
     def await_start(self, end: float) -> None:
-        """Waits for the first message, or the end of the processes; SimulationError at the time `end`."""
-        while not self.reports.poll(CHECK) and self.runs:
-            if time.monotonic() > end:
-                raise SimulationError(
-                    f"level {self._level}: {self._ranks} ranks did not start within {START_TIME:.0f} s; use --ranks 1"
-                )
+        """Waits for the first message, until the time `end`; NoRanks where several ranks do not send it."""
+        while not self.reports.poll(CHECK):
+            said = ""
+            if not self.runs:
+                if self._ranks == 1 or self.reports.poll():
+                    return
+                lines = [line for line in self._output.read_text(errors="replace").splitlines() if line.strip(" -*")]
+                said = f": {lines[0].strip()}" if lines else ""
+            elif time.monotonic() < end:
+                continue
+            raise NoRanks(f"level {self._level}: {self._ranks} ranks did not start{said}")
 
     def message(self) -> tuple[str, tuple, dict]:
         """The next message; "ended" where none will come."""

@@ -1,6 +1,7 @@
 """From a shot to a run folder: builds the levels, marches them coarse to fine, stores every step. Collective."""
 
 import platform
+import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib.metadata import version
@@ -24,7 +25,7 @@ from pdvol.levels.start import start_positions
 from pdvol.parallel import on_root
 from pdvol.registry import INTERPOLANTS, METHODS
 from pdvol.runs.launcher import chosen_ranks, require_ranks
-from pdvol.runs.level_processes import march_levels
+from pdvol.runs.level_processes import NoRanks, march_levels
 from pdvol.runs.level_run import Watch, run_level
 from pdvol.runs.render_meshes import bound_render_meshes, check_render_files
 from pdvol.runs.scene_file import DEFAULTS, Shot, stored_file, stored_shot
@@ -125,8 +126,15 @@ def run_scene(
             alone = comm.size > 1 or shot.file is None
             count = 1 if alone else _ranks_of(level, levels.meshes[level], scene.steps, writer, ranks)
             if count > 1:
-                march_levels(writer, {level: count}, progress)
-                continue
+                try:
+                    march_levels(writer, {level: count}, progress)
+                    continue
+                except NoRanks as error:  # pdvol's own choice must not end a run that one rank can do
+                    if ranks is not None:
+                        raise
+                    ranks = 1
+                    if progress is not None:
+                        print(f"note: {error}; it goes on with one", file=sys.stderr)
             if hierarchy is None:
                 with stage("numbering the levels"):
                     hierarchy = Hierarchy(levels.meshes, comm, prolongation)

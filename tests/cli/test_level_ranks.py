@@ -147,6 +147,23 @@ def test_what_fails_on_ranks_is_one_line(scene, tmp_path, capfd):
     assert "gravity" in said[-1]
 
 
+def test_a_launcher_that_fails(scene, tmp_path, capfd, monkeypatch):
+    """A number that was asked for is an error; pdvol's own choice goes on with one rank, and says so."""
+    broken = tmp_path / "mpirun"
+    broken.write_text("#!/bin/sh\necho ------ >&2\necho 'no slots here' >&2\nexit 1\n")
+    broken.chmod(0o755)
+    monkeypatch.setattr(launcher, "launcher", lambda: str(broken))
+    words = ["run", scene, "--levels", "0", "--no-picture"]
+    assert pdvol(*words, "--out", tmp_path / "asked", "--ranks", 2) == 1
+    assert "pdvol: level 0: 2 ranks did not start: no slots here" in capfd.readouterr().err
+    monkeypatch.setattr(launcher, "VERTICES_A_RANK", 10)
+    monkeypatch.setattr(launcher, "idle_cores", lambda: 2)
+    assert pdvol(*words, "--out", tmp_path / "own") == 0
+    said = capfd.readouterr().err
+    assert "level 0: 2 ranks" in said and "did not start: no slots here; it goes on with one" in said
+    assert ranks_of(open_run(tmp_path / "own")) == [[1] * 8]
+
+
 @pytest.mark.parametrize(("ranks", "said"), [("0", "--ranks 0"), ("two", "'two' is not a whole number")])
 def test_ranks_are_a_number(ranks, said, scene, tmp_path, capfd):
     assert pdvol("run", scene, "--out", tmp_path / "run", "--ranks", ranks) == 2
