@@ -196,6 +196,17 @@ def test_as_many_ranks_as_pay_and_are_free(vertices, wanted, before, idle, expec
     assert launcher.chosen_ranks(vertices, wanted, before) == expected
 
 
+def test_a_launcher_of_another_mpi_is_not_taken(tmp_path, monkeypatch):
+    """Its ranks would be alone, each by itself. Nor is one that does not start."""
+    monkeypatch.setenv("PATH", str(tmp_path))
+    monkeypatch.setattr(launcher.sys, "executable", str(tmp_path / "python"))
+    for name, said in (("mpirun", "mpirun (Another MPI) 1.0"), ("mpiexec", "".join(launcher.LAUNCHERS.values()))):
+        (tmp_path / name).write_text(f"#!/bin/sh\necho '{said}'\n")
+        assert launcher.launcher.__wrapped__() is None, "it cannot be executed"
+        (tmp_path / name).chmod(0o755)
+        assert launcher.launcher.__wrapped__() == (str(tmp_path / name) if name == "mpiexec" else None)
+
+
 def test_a_rank_starts_no_ranks(monkeypatch):
     monkeypatch.setenv("PMIX_RANK", "0")
     assert launcher.chosen_ranks(10**6, None) == 1
