@@ -6,7 +6,7 @@ each step such that nothing crosses or inverts. PETSc's default line search back
 projected, how long a step is.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -168,9 +168,11 @@ class Newton:
     def _positions(self, vector: PETSc.Vec) -> Positions:
         """The configuration of a vector, of the last two if it is one of them. Collective."""
         array, solve = vector.getArray(readonly=True).reshape(-1, self.space.dim), self._solve
-        same = self.space.reduce(np.array([(known.owned == array).all() for known in solve.states]), MPI.LAND)
-        for known, alike in zip(solve.states, same, strict=True):
-            if alike:
+        alike: Iterable[bool] = (bool((known.owned == array).all()) for known in solve.states)
+        if self.space.comm.size > 1:
+            alike = self.space.reduce(np.array(list(alike)), MPI.LAND)
+        for known, same in zip(solve.states, alike, strict=True):
+            if same:
                 return known
         solve.states = [Positions(self.space, array.copy()), *solve.states[:1]]
         return solve.states[0]
