@@ -77,7 +77,7 @@ def add_wavefront(parser: ArgumentParser) -> None:
 
 
 def add_ranks(parser: ArgumentParser) -> None:
-    """`--ranks N`, for `chosen_count`."""
+    """`--ranks N`, for `chosen_ranks`."""
     parser.add_argument(
         "--ranks",
         default="",

@@ -12,7 +12,7 @@ from mpi4py import MPI
 from pdvol.errors import InputError
 from pdvol.processes import cores, idle_cores, without_launcher
 
-# vertices a rank from which on two ranks are faster than one (benchmarks/ranks/NOTES.md)
+# vertices a rank: with fewer, two ranks gain less than a fifth (benchmarks/ranks/NOTES.md)
 VERTICES_A_RANK = 2000
 # what a launcher's --version says, by the name of the library that mpi4py was built with
 LAUNCHERS = {"Open MPI": "Open MPI", "MPICH": "HYDRA"}

@@ -53,7 +53,7 @@ class Follower:
     All ranks call it together.
     """
 
-    def __init__(self, run: Run, keeper: "Connection | None", comm: MPI.Comm):
+    def __init__(self, run: Run, keeper: Connection | None, comm: MPI.Comm):
         self.run, self._keeper, self._comm, self._parent = run, keeper, comm, os.getppid()
 
     def _send(self, *message: Any) -> None:
