@@ -218,9 +218,9 @@ class _Density(Kernel):
 
     def at(self, F: np.ndarray, domain: int) -> float:
         """psi [Pa] at F (3, 3) with one domain's parameters; for densities in 3D."""
-        vertices, gradients, one = np.arange(4, dtype=np.int32)[None], np.append(np.eye(3), 0.0), np.ones(1)
+        vertices, identity, one = np.arange(4, dtype=np.int32)[None], np.eye(3), np.ones(1)
         unit = ffi.new("domains_t *", {"d": 3, "count": 1, "counted": 1, "volumes": pointer(one)})
-        unit.vertices, unit.gradients = pointer(vertices, "int32_t"), pointer(gradients)
+        unit.vertices, unit.gradients = pointer(vertices, "int32_t"), pointer(identity)
         blocks = np.repeat(self.parameters()[domain][:, None], native.LANES, axis=1)
         own = self._struct(blocks, self.c.at)
         return native.library.domain_values(unit, own, pointer(np.vstack([np.zeros(3), *F.T])))

@@ -50,7 +50,7 @@ class Domains:
             self.volumes = np.abs(space.mesh.volumes[self.cells])
             self.vertices = np.ascontiguousarray(space.near_dofs[near]).ravel()
             self.starts = np.arange(len(near) + 1) * (space.dim + 1)
-            self._gradients = np.append(space.mesh.hat_gradients[self.cells, 1:], 0.0)
+            self._gradients = np.ascontiguousarray(space.mesh.hat_gradients[self.cells, 1:])
 
     def _unite(self, keys: np.ndarray, cells: np.ndarray, volumes: np.ndarray) -> None:
         """Makes a domain of the parts (p,) with the same key: parts of these cells, with these volumes."""
@@ -81,7 +81,7 @@ class Domains:
         others = np.delete(np.arange(len(pairs)), self.starts[:-1])
         parts = lambda axis: (mesh.hat_gradients[cells, :, axis] * weights[:, None]).ravel()
         sums = [np.bincount(corner.ravel(), parts(axis), len(pairs))[others] for axis in range(space.dim)]
-        self._gradients = np.append(np.column_stack(sums), 0.0)
+        self._gradients = np.column_stack(sums)
 
     @property
     def smoothed(self) -> bool:

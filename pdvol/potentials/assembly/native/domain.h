@@ -8,6 +8,21 @@
 typedef double lanes __attribute__((vector_size(LANES * sizeof(double))));
 typedef int64_t mask __attribute__((vector_size(LANES * sizeof(int64_t))));
 
+INLINE lanes all(double a)
+{
+    return (lanes){a, a, a, a, a, a, a, a};
+}
+
+INLINE lanes choose(mask m, lanes yes, lanes no)
+{
+    return (lanes)(((mask)yes & m) | ((mask)no & ~m));
+}
+
+INLINE lanes magnitude(lanes a)
+{
+    return choose(a < all(0.0), -a, a);
+}
+
 /* A compiled kernel (kernels.py): A from w, for all lanes. */
 #define CALL(kernel, A, w) ((void (*)(double *, const double *))(kernel))((double *)(A), (const double *)(w))
 
@@ -33,21 +48,25 @@ typedef double eight __attribute__((vector_size(64), aligned(8), may_alias));
 typedef double four __attribute__((vector_size(32), aligned(8), may_alias));
 typedef int64_t places __attribute__((vector_size(64)));
 
-/* The sum over a domain's vertices of v_a G_a' (d x d): F where v is x. Differences come first, which keeps a small domain's F exact. A row of 3D is
- * the first three of four numbers: `gradients` has a spare one behind its last. */
+/* A vertex's numbers, and zeros behind them. */
+INLINE four vertex(int d, const double *v)
+{
+    return d == 3 ? (four){v[0], v[1], v[2]} : (four){v[0], v[1]};
+}
+
+/* The sum over a domain's vertices of v_a G_a' (d x d): F where v is x. Differences come first, which keeps a small domain's F exact. */
 INLINE void gradient_of(int d, domain_t domain, const double *v, double *F)
 {
-    const double *v0 = v + (int64_t)domain.vertices[0] * d;
-    four rows[3] = {{0.0}};
+    const four v0 = vertex(d, v + (int64_t)domain.vertices[0] * d);
+    four columns[3] = {{0.0}};
     for (int64_t i = 0; i < domain.n - 1; ++i) {
-        const double *vi = v + (int64_t)domain.vertices[i + 1] * d, *g = domain.gradients + i * d;
-        const four row = d == 3 ? *(const four *)g : (four){g[0], g[1]};
-        for (int a = 0; a < d; ++a)
-            rows[a] += (vi[a] - v0[a]) * row;
+        const four along = vertex(d, v + (int64_t)domain.vertices[i + 1] * d) - v0;
+        for (int j = 0; j < d; ++j)
+            columns[j] += along * domain.gradients[i * d + j];
     }
     for (int a = 0; a < d; ++a)
         for (int j = 0; j < d; ++j)
-            F[a * d + j] = rows[a][j];
+            F[a * d + j] = columns[j][a];
 }
 
 /* How many domains there are from `first` on, of `count`: at most as many as lanes. */

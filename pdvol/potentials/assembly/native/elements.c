@@ -80,15 +80,17 @@ INLINE void gradients(int d, int cells, const domains_t *domains, const density_
             P[a] *= scale;
         for (int l = 0; l < used; ++l) {
             const domain_t domain = domain_at(d, cells, domains, first + l);
-            double others[3] = {0};
-            for (int64_t i = 0; i < domain.n - 1; ++i)
-                for (int a = 0; a < d; ++a) {
-                    double force = 0.0;
-                    for (int j = 0; j < d; ++j)
-                        force += P[a * d + j][l] * domain.gradients[i * d + j];
-                    out[(int64_t)domain.vertices[i + 1] * d + a] += force;
-                    others[a] += force;
-                }
+            four columns[3], others = {0.0};
+            for (int j = 0; j < d; ++j)
+                columns[j] = d == 3 ? (four){P[j][l], P[3 + j][l], P[6 + j][l]} : (four){P[j][l], P[2 + j][l]};
+            for (int64_t i = 0; i < domain.n - 1; ++i) {
+                four force = {0.0};
+                for (int j = 0; j < d; ++j)
+                    force += columns[j] * domain.gradients[i * d + j];
+                others += force;
+                for (int a = 0; a < d; ++a)
+                    out[(int64_t)domain.vertices[i + 1] * d + a] += force[a];
+            }
             for (int a = 0; a < d; ++a)
                 out[(int64_t)domain.vertices[0] * d + a] -= others[a];
         }
@@ -182,58 +184,58 @@ static double first_root(const double *c)
 }
 
 /* det(E + t P) = c0 + c1 t + c2 t^2 + c3 t^3 for d x d matrices, through their cofactors. */
-INLINE void volume_along(int d, const double *E, const double *P, double *c)
+INLINE void volume_along(int d, const lanes *E, const lanes *P, lanes *c)
 {
     if (d == 2) {
         c[0] = E[0] * E[3] - E[1] * E[2];
         c[1] = E[0] * P[3] + P[0] * E[3] - E[1] * P[2] - P[1] * E[2];
         c[2] = P[0] * P[3] - P[1] * P[2];
-        c[3] = 0.0;
+        c[3] = (lanes){0.0};
         return;
     }
-    double e[9], p[9];
+    for (int i = 0; i < 4; ++i)
+        c[i] = (lanes){0.0};
     for (int i = 0; i < 3; ++i)
         for (int j = 0; j < 3; ++j) {
             const int i1 = (i + 1) % 3, i2 = (i + 2) % 3, j1 = (j + 1) % 3, j2 = (j + 2) % 3;
-            e[3 * i + j] = E[3 * i1 + j1] * E[3 * i2 + j2] - E[3 * i1 + j2] * E[3 * i2 + j1];
-            p[3 * i + j] = P[3 * i1 + j1] * P[3 * i2 + j2] - P[3 * i1 + j2] * P[3 * i2 + j1];
+            const lanes e = E[3 * i1 + j1] * E[3 * i2 + j2] - E[3 * i1 + j2] * E[3 * i2 + j1];
+            const lanes p = P[3 * i1 + j1] * P[3 * i2 + j2] - P[3 * i1 + j2] * P[3 * i2 + j1];
+            if (i == 0)
+                c[0] += E[j] * e, c[3] += P[j] * p;
+            c[1] += e * P[3 * i + j], c[2] += E[3 * i + j] * p;
         }
-    c[0] = E[0] * e[0] + E[1] * e[1] + E[2] * e[2];
-    c[3] = P[0] * p[0] + P[1] * p[1] + P[2] * p[2];
-    c[1] = c[2] = 0.0;
-    for (int i = 0; i < 9; ++i)
-        c[1] += e[i] * P[i], c[2] += E[i] * p[i];
 }
 
-/* What has the sign of det F and changes with it, at v: a cell's edges (d x d) from its first vertex on, or F itself. */
-INLINE void spanned(int d, int cells, const domains_t *domains, int64_t k, const double *v, double *E)
+/* What has the sign of det F and changes with it, at v, of the domains from `first` on: a cell's edges (d x d) from its first vertex on, or F itself. */
+INLINE void spanned(int d, int cells, const domains_t *domains, int64_t first, const double *v, lanes *E)
 {
-    const domain_t domain = domain_at(d, cells, domains, k);
     if (!cells) {
-        gradient_of(d, domain, v, E);
+        gradients_of(d, cells, domains, first, v, E);
         return;
     }
-    for (int i = 0; i < d; ++i)
-        for (int a = 0; a < d; ++a)
-            E[i * d + a] = v[(int64_t)domain.vertices[i + 1] * d + a] - v[(int64_t)domain.vertices[0] * d + a];
+    for (int l = 0; l < LANES; ++l) {
+        const domain_t domain = domain_at(d, cells, domains, first + l < domains->count ? first + l : domains->count - 1);
+        for (int i = 0; i < d; ++i)
+            for (int a = 0; a < d; ++a)
+                E[i * d + a][l] = v[(int64_t)domain.vertices[i + 1] * d + a] - v[(int64_t)domain.vertices[0] * d + a];
+    }
 }
 
 INLINE double domains_step(int d, int cells, const domains_t *domains, const double *x, const double *p, double keep)
 {
     double step = 1.0;
-    for (int64_t k = 0; k < domains->counted; ++k) {
-        double E[9], P[9], c[4];
-        spanned(d, cells, domains, k, x, E), spanned(d, cells, domains, k, p, P);
+    for (int64_t first = 0; first < domains->counted; first += LANES) {
+        lanes E[MAX_H], P[MAX_H], c[4];
+        spanned(d, cells, domains, first, x, E), spanned(d, cells, domains, first, p, P);
         volume_along(d, E, P, c);
-        const double sign = c[0] < 0.0 ? -1.0 : 1.0;
-        for (int i = 0; i < 4; ++i)
-            c[i] *= sign;
-        c[0] *= 1.0 - keep;
-        if (fabs(c[1]) + fabs(c[2]) + fabs(c[3]) < c[0])
-            continue; /* most domains: no root in [0, 1] */
-        const double t = first_root(c);
-        if (t < step)
-            step = t;
+        const lanes left = (1.0 - keep) * magnitude(c[0]);
+        const mask free = magnitude(c[1]) + magnitude(c[2]) + magnitude(c[3]) < left; /* most domains: no root in [0, 1] */
+        for (int l = 0; l < lanes_used(domains->counted, first); ++l)
+            if (!free[l]) {
+                const double sign = c[0][l] < 0.0 ? -1.0 : 1.0, own[4] = {left[l], sign * c[1][l], sign * c[2][l], sign * c[3][l]};
+                const double t = first_root(own);
+                step = t < step ? t : step;
+            }
     }
     return step;
 }

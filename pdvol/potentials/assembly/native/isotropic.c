@@ -8,27 +8,12 @@
 
 enum { GROUPS = 2 };  /* of LANES domains whose eigensystems are found together: a sixth less time for a Hessian than with one */
 
-INLINE lanes all(double a)
-{
-    return (lanes){a, a, a, a, a, a, a, a};
-}
-
 INLINE lanes root(lanes a)
 {
     lanes r;
     for (int l = 0; l < LANES; ++l)
         r[l] = sqrt(a[l]);
     return r;
-}
-
-INLINE lanes choose(mask m, lanes yes, lanes no)
-{
-    return (lanes)(((mask)yes & m) | ((mask)no & ~m));
-}
-
-INLINE lanes size(lanes a)
-{
-    return choose(a < all(0.0), -a, a);
 }
 
 /* The transpose of eight rows of eight numbers: halves, quarters, then single ones are exchanged. */
@@ -58,7 +43,7 @@ INLINE void rotate(int p, int q, lanes A[3][3], lanes V[3][3])
     const lanes apq = A[p][q], half = 0.5 * (A[q][q] - A[p][p]);
     /* t = tan of the smaller angle, written so that apq = 0 gives t = 0 without a division by zero. */
     const lanes length = root(half * half + apq * apq);
-    const lanes below = size(half) + length;
+    const lanes below = magnitude(half) + length;
     lanes t = apq / choose(below > all(0.0), below, all(1.0));
     t = choose(half < all(0.0), -t, t);
     const lanes c = 1.0 / root(t * t + 1.0), s = t * c;
@@ -126,7 +111,7 @@ INLINE lanes positive(lanes a, int mode)
 {
     if (mode == 0)
         return a;
-    return mode == 1 ? choose(a < all(0.0), all(0.0), a) : size(a);
+    return mode == 1 ? choose(a < all(0.0), all(0.0), a) : magnitude(a);
 }
 
 /* Adds weight times the Hessians of the domains from `first` on, with F and right axes V of stretching. Returns the next domain's slots. */
@@ -152,7 +137,7 @@ INLINE const int32_t *add_hessians(int cells, const domains_t *domains, const de
     for (int o = 0; o < 3; ++o) {
         const int i = (o + 1) % 3, j = (o + 2) % 3;
         const lanes difference = s[i] - s[j], total = s[i] + s[j];
-        const mask near = size(difference) < 1e-5 * total; /* there the quotient's limit is exact to second order */
+        const mask near = magnitude(difference) < 1e-5 * total; /* there the quotient's limit is exact to second order */
         const lanes flip = choose(near, 0.5 * (S[i][i] + S[j][j]) - S[i][j], (p[i] - p[j]) / choose(near, total, difference));
         const lanes twist = (p[i] + p[j]) / total;
         const lanes even = positive(flip, mode), odd = positive(twist, mode);
