@@ -136,6 +136,9 @@ SCENES = {
     **{f"impact_{speed}": lambda peers, speed=speed: impact(peers, speed) for speed in (45, 100, 150)},
     # 99,900 vertices; below it levels of 19,941 and 4,000.
     "twist_100k": lambda peers: twist(bar((110, 29, 29)), 72.0, 5),
+    # 297,689 and 987,136 vertices (1.7 and 5.7 million tetrahedra)
+    "twist_300k": lambda peers: twist(bar((160, 42, 42)), 72.0, 5),
+    "twist_1m": lambda peers: twist(bar((240, 63, 63)), 72.0, 10),
     "twist_100k_levels": lambda peers: twist(bar((39, 9, 9), (68, 16, 16), (110, 29, 29)), 72.0, 5),
 }
 """Functions of the peers' folder, by name, in the order in which they are run."""

@@ -49,6 +49,8 @@ ROWS = {
     "twist_20k": peer("twist_20k", 15),
     "drop_20k": peer("drop_20k", 30),
     "twist_100k": peer("twist_100k", 5),
+    "twist_300k": peer("twist_300k", 5),
+    "twist_1m": peer("twist_1m", 10),
     "leaf_sheep": Row("`leaf_sheep` level 2", "demos/leaf_sheep.py", 10, level=2),
     "jelly_bowl_1": Row("`jelly_bowl` level 1", "demos/jelly_bowl.py", 25, level=1),
 }
