@@ -4,7 +4,7 @@ import bpy
 from bpy.props import StringProperty
 
 from ..work.stored import stored_levels
-from . import playback, sheet, tasks
+from . import playback, tasks, thumbnails
 from .environment import PACKAGE
 from .properties import OWN
 
@@ -118,12 +118,10 @@ class PDVOL_PT_wedge(_Panel, bpy.types.Panel):
         for name in ("first", "last", "count"):
             row.prop(settings, name)
         layout.operator("pdvol.wedge")
-        icon = sheet.icon()
-        if icon:
-            layout.template_icon(icon_value=icon, scale=12.0)
-            row = layout.row(align=True)
-            row.prop(settings, "chosen")
-            row.operator("pdvol.choose")
+        if thumbnails.items():
+            layout.template_icon_view(settings, "chosen", show_labels=True, scale=8.0, scale_popup=6.0)
+            layout.prop(settings, "chosen", text="")
+            layout.operator("pdvol.choose")
 
 
 def wrapped(text: str, width: int) -> list[str]:

@@ -121,6 +121,12 @@ def _wedge_parameters(settings: bpy.types.PropertyGroup, context: bpy.types.Cont
     return _parameters
 
 
+def _variations(settings: bpy.types.PropertyGroup, context: bpy.types.Context) -> list:
+    from . import thumbnails
+
+    return thumbnails.items()
+
+
 class PDVOL_SceneSettings(bpy.types.PropertyGroup):
     """All of a shot but its objects."""
 
@@ -139,7 +145,7 @@ class PDVOL_SceneSettings(bpy.types.PropertyGroup):
     first: FloatProperty(name="From", default=0.1, precision=3)
     last: FloatProperty(name="To", default=0.9, precision=3)
     count: IntProperty(name="Variations", default=6, min=2, max=100)
-    chosen: IntProperty(name="Number", description="Of the variation, on the contact sheet", min=0)
+    chosen: EnumProperty(name="Variation", items=_variations)
 
 
 CLASSES = (PDVOL_RegionSettings, PDVOL_ObjectSettings, PDVOL_SceneSettings)

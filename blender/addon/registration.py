@@ -2,7 +2,7 @@
 
 import bpy
 
-from . import hooks, operators, panel, properties, sheet
+from . import hooks, operators, panel, properties, thumbnails
 
 CLASSES = (*operators.CLASSES, *panel.CLASSES)
 
@@ -18,7 +18,7 @@ def register() -> None:
 def unregister() -> None:
     """All of it, in the other order."""
     hooks.unregister()
-    sheet.unregister()
+    thumbnails.unregister()
     for kind in reversed(CLASSES):
         bpy.utils.unregister_class(kind)
     properties.unregister()

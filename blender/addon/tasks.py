@@ -12,7 +12,7 @@ from ..shot.scene_text import closed_file, shape_file, write_shot
 from ..work import commands
 from ..work.play import Played, read_objects, write_objects
 from ..work.session import Ended, Session, Task, forget_run
-from ..work.stored import findings, is_preview, stored_levels, stored_settings, variation
+from ..work.stored import findings, is_preview, stored_levels, stored_settings, variations
 from . import environment, gather, playback
 from .properties import OWN
 
@@ -125,14 +125,15 @@ def wedge(context: bpy.types.Context) -> None:
 def choose(context: bpy.types.Context) -> None:
     """Make a variation of the wedge the run that is shown, and take its value over."""
     settings, places = context.scene.pdvol, _saved_places()
-    changes = variation(places.wedge, settings.chosen)
-    if changes is None:
-        raise ShotError(f"there is no variation {settings.chosen}: run Wedge, and choose a number of its sheet")
-    number = _next_number(places)
+    there = variations(places.wedge)
+    if not there:
+        raise ShotError("there is no variation yet: press Wedge")
+    number = int(settings.chosen)
+    changes = there[number]
     for name, text in changes.items():
         _take_over(context.scene, name, float(text))
-    words = commands.pick(places.wedge, settings.chosen, places.run(number))
-    task = Task("Choose", [words], number, settings.run)
+    run = _next_number(places)
+    task = Task("Choose", [commands.pick(places.wedge, number, places.run(run))], run, settings.run)
     _begin_run(context, task, places, read_objects(places.folder / WEDGE_OBJECTS), 0)
 
 

@@ -26,12 +26,10 @@ def is_preview(run: Path) -> bool:
     return list(stored_levels(run)) == [0] and not stored_settings(run) and not branched
 
 
-def variation(wedge: Path, number: int) -> dict[str, str] | None:
-    """What a variation of a wedge has changed, by name; None where there is none of that number that has run."""
-    for entry in _json(wedge / "wedge.json").get("variations", []):
-        if entry.get("number") == number and entry.get("state") == "done":
-            return dict(entry.get("changes", {}))
-    return None
+def variations(wedge: Path) -> dict[int, dict[str, str]]:
+    """What each variation of a wedge that has run has changed, by its number."""
+    entries = _json(wedge / "wedge.json").get("variations", [])
+    return {int(e["number"]): dict(e.get("changes", {})) for e in entries if e.get("state") == "done"}
 
 
 def findings(file: Path) -> tuple[list[str], list[str]]:

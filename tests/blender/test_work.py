@@ -19,7 +19,7 @@ from blender.work.play import Played, make_caches, played_frames, to_object, wri
 from blender.work.process import Process
 from blender.work.progress import RunProgress
 from blender.work.session import Ended, Frames, Session, Task, forget_run
-from blender.work.stored import stored_levels, stored_settings, variation
+from blender.work.stored import stored_levels, stored_settings, variations
 from blender_shots import places, two_bodies
 from commands import SAFETY
 from pdvol.cli import parse
@@ -120,8 +120,7 @@ def test_variations_are_read(tmp_path):
         {"number": 1, "state": "failed", "changes": {}},
     ]
     (tmp_path / "wedge.json").write_text(json.dumps({"variations": entries}))
-    assert variation(tmp_path, 0) == {"mu": "0.1"} and variation(tmp_path, 1) is None
-    assert variation(tmp_path / "none", 0) is None
+    assert variations(tmp_path) == {0: {"mu": "0.1"}} and variations(tmp_path / "none") == {}
 
 
 def test_command_lines_are_pdvols():

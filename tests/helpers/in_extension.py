@@ -13,13 +13,14 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from types import SimpleNamespace
 
 import bpy
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 import blender
-from blender.addon import playback, tasks
+from blender.addon import panel, playback, tasks, thumbnails
 from blender.shot.files import Places, read_pc2
 from blender.work.stored import stored_levels
 
@@ -611,12 +612,15 @@ def a_wedge_is_chosen_from(folder: Path) -> None:
     settings = scene.pdvol
     settings.varied, settings.first, settings.last, settings.count = "My_Box_speed_x", 0.0, 3.0, 4
     start = world(thing)
+    assert press("choose") == "there is no variation yet: press Wedge"
     assert press("wedge") == ""
     sheet = bpy.data.images.load(str(places().wedge / "sheet.png"))
     assert min(sheet.size) > 200
-    settings.chosen = 9
-    assert press("choose").startswith("there is no variation 9")
-    settings.chosen = 2
+    items = thumbnails.items()
+    assert [item[1] for item in items] == ["0: 0", "1: 1", "2: 2", "3: 3"], items
+    tiles = thumbnails.pictures()  # without a window they have no icons, but their pixels are read
+    assert len(tiles) == 4 and all(min(tile.image_size) > 100 for tile in tiles)
+    settings.chosen = "2"
     assert press("choose") == "" and scene.pdvol.run == 1
     assert math.isclose(thing.pdvol.velocity[0], 2.0)
     moved = (world(thing, 7) - start)[:, 0].mean()
@@ -749,6 +753,81 @@ def a_check_finds_nothing_or_says_what(folder: Path) -> None:
     assert "ground" in press("check")
 
 
+def the_panel_draws_what_there_is(folder: Path) -> None:
+    """Each of its states, with a layout that knows whether properties and buttons exist; bpy has no window."""
+    scene = begin(folder)
+    body, plate = cube("Box", cuts=1), cube("plate", at=(3, 0, 0))
+    shown = drawn()
+    assert shown["texts"] == ["Body", "Obstacle", "Neither"] and {"ground", "height", "friction"} <= shown["properties"]
+    part("OBSTACLE", plate)
+    part("BODY", body)
+    body.pdvol.preset = "OWN"
+    body.pdvol.pins = "held"
+    bpy.ops.pdvol.region(remove=-1)
+    shown = drawn()
+    assert {"young", "vertices", "reach", "repair", "group"} <= shown["properties"]
+    assert {"pdvol.check", "pdvol.preview", "pdvol.refine", "pdvol.wedge"} <= shown["buttons"]
+    assert "pdvol.cancel" not in shown["buttons"]
+    bpy.ops.pdvol.region(remove=0)
+    body.pdvol.pins = ""
+    assert bpy.ops.pdvol.preview() == {"FINISHED"}
+    assert "pdvol.cancel" in drawn()["buttons"]
+    assert wait() == "" and "Preview: done" in drawn()["texts"] and "Levels 0 to 0 are stored" in drawn()["texts"]
+    scene.pdvol.count = 2
+    assert press("wedge") == "" and {"pdvol.choose"} <= drawn()["buttons"]
+    body.location.z = 0.0
+    assert press("check") and any("ground" in text for text in drawn()["texts"])
+
+
+class Layout:
+    """Takes what a panel draws, and refuses properties and buttons that do not exist."""
+
+    def __init__(self, found: dict):
+        self.found = found
+
+    def row(self, **_: object) -> "Layout":
+        return Layout(self.found)
+
+    column = box = row
+
+    def prop(self, data: object, name: str, text: str = "") -> None:
+        getattr(data, name)
+        self.found["properties"].add(name)
+
+    def prop_search(self, data: object, name: str, inside: object, names: str, text: str = "") -> None:
+        getattr(inside, names)
+        self.prop(data, name)
+
+    def template_icon_view(self, data: object, name: str, **_: object) -> None:
+        self.prop(data, name)
+
+    def operator(self, name: str, text: str | None = None, **_: object) -> object:
+        group, _, short = name.partition(".")
+        getattr(getattr(bpy.ops, group), short).get_rna_type()
+        self.found["buttons"].add(name)
+        self.label(text)
+        return SimpleNamespace()
+
+    def label(self, text: str | None) -> None:
+        self.found["texts"] += [text] if text else []
+
+    def progress(self, text: str, factor: float) -> None:
+        assert text and 0.0 <= factor <= 1.0
+
+
+def drawn() -> dict:
+    """The properties, buttons and texts that the panels show now."""
+    found: dict = {"properties": set(), "buttons": set(), "texts": []}
+    context = SimpleNamespace(scene=bpy.context.scene, object=bpy.context.object, region=SimpleNamespace(width=280))
+    for kind in panel.CLASSES:
+        own = SimpleNamespace(layout=Layout(found), command="", source="")
+        if hasattr(kind, "_draw_levels"):
+            own._draw_levels = lambda context, own=own, kind=kind: kind._draw_levels(own, context)
+        kind.draw(own, context)
+    found["texts"] = [text for text in found["texts"] if text not in ("Add Region",)]
+    return found
+
+
 def the_extension_is_installed(folder: Path) -> None:
     """From its zip, as a user does; then it is switched off and on, and finds its own folder."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
@@ -787,18 +866,10 @@ def the_extension_is_installed(folder: Path) -> None:
     assert hasattr(bpy.types.Scene, "pdvol")
 
 
-SHARED = ("begin", "cube", "part", "group", "wait", "press", "world", "falls", "places", "children", "main")
-SCENARIOS = {
-    name: thing
-    for name, thing in list(globals().items())
-    if callable(thing) and getattr(thing, "__module__", "") == "__main__" and name not in SHARED
-}
-
-
 def main() -> None:
     """Carry one out."""
     name, folder = sys.argv[1:]
-    SCENARIOS[name](Path(folder))
+    globals()[name](Path(folder))
     print(f"{name} holds in Blender {bpy.app.version_string}", flush=True)
     os._exit(0)  # bpy as a module crashes after Python's end where any property has an update function
 
