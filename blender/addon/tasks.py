@@ -8,7 +8,7 @@ import bpy
 
 from ..shot.description import ShotError
 from ..shot.files import Places
-from ..shot.scene_text import closed_file, shape_file, write_shot
+from ..shot.scene_text import open_shapes, write_shot
 from ..work import commands
 from ..work.play import Played, read_objects, write_objects
 from ..work.session import Ended, Session, Task, forget_run
@@ -48,9 +48,8 @@ def write(context: bpy.types.Context) -> Written:
         write_shot(shot, places)
     except OSError as error:
         raise ShotError(f"cannot write {error.filename or places.folder}: {error.strerror}") from error
-    repaired = [body for body in shot.bodies if body.repair]
-    files = [(shape_file(body, places.meshes), closed_file(body, places.meshes)) for body in repaired]
-    return Written(places, [commands.repair(*pair) for pair in files], played)
+    repairs = [commands.repair(*pair) for pair in open_shapes(shot, places.meshes)]
+    return Written(places, repairs, played)
 
 
 def check(context: bpy.types.Context) -> None:

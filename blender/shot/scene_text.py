@@ -64,10 +64,8 @@ def _check(shot: Shot) -> None:
 
 
 def _write_body(body: Body, shot: Shot, folder: Path) -> list[Path]:
-    paths = [shape_file(body, folder)]
+    paths = list(_shape_files(body, folder)) if body.repair else [folder / f"{body.name}.obj"]
     write_obj(paths[0], body.shape)
-    if body.repair:
-        paths.append(closed_file(body, folder))
     if body.rendered is not None:
         paths.append(folder / f"{body.name}_render.obj")
         write_obj(paths[-1], body.rendered)
@@ -89,14 +87,19 @@ def _write_obstacle(obstacle: Obstacle, shot: Shot, folder: Path) -> list[Path]:
     return paths
 
 
-def shape_file(body: Body, folder: Path) -> Path:
-    """The mesh of a body's shape."""
-    return folder / f"{body.name}.obj"
+def open_shapes(shot: Shot, folder: Path) -> list[tuple[Path, Path]]:
+    """What `pdvol repair` has to close, as pairs (mesh, closed mesh); none whose mesh is as it was the last time."""
+    pairs = [_shape_files(body, folder) for body in shot.bodies if body.repair]
+    return [(mesh, closed) for mesh, closed in pairs if not _is_newer(closed, mesh)]
 
 
-def closed_file(body: Body, folder: Path) -> Path:
-    """The same as `pdvol repair` has closed it."""
-    return folder / f"{body.name}_closed.obj"
+def _shape_files(body: Body, folder: Path) -> tuple[Path, Path]:
+    """The mesh of a body's shape, and the same as it is closed."""
+    return folder / f"{body.name}.obj", folder / f"{body.name}_closed.obj"
+
+
+def _is_newer(file: Path, other: Path) -> bool:
+    return file.is_file() and file.stat().st_mtime_ns >= other.stat().st_mtime_ns
 
 
 def _led(body: Body) -> bool:

@@ -40,7 +40,7 @@ def branch(scene: Path, source: Path, step: int, run: Path, last: int) -> list[s
 
 def wedge(scene: Path, out: Path, name: str, first: float, last: float, count: int) -> list[str]:
     """Many variations of level 0, and their contact sheet."""
-    return ["wedge", str(scene), "--vary", f"{name}={first:.9g}:{last:.9g}:{count}", "-o", str(out), "--tiles"]
+    return ["wedge", str(scene), "--vary", f"{name}={first:.6g}:{last:.6g}:{count}", "-o", str(out), "--tiles"]
 
 
 def pick(out: Path, number: int, run: Path) -> list[str]:

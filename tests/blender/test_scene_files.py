@@ -11,7 +11,7 @@ import pdvol
 from blender.shot.description import Mesh, ShotError
 from blender.shot.files import read_pc2, write_obj, write_pc2
 from blender.shot.names import plain_names
-from blender.shot.scene_text import parameters, scene_text, write_shot
+from blender.shot.scene_text import open_shapes, parameters, scene_text, write_shot
 from blender_shots import STEPS, mesh_of, places, two_bodies
 from pdvol import meshes
 from pdvol.meshing.surface_files import parse_obj
@@ -123,6 +123,16 @@ def test_a_repaired_body_is_simulated_by_its_closed_copy(tmp_path):
     repaired = replace(shot.bodies[1], repair=True)
     text = scene_text(replace(shot, bodies=(shot.bodies[0], repaired)), places(tmp_path))
     assert 'MESHES / "ball_closed.obj",' in text and 'RenderMesh(MESHES / "ball.obj")' in text
+    shot, at = replace(shot, bodies=(repaired,)), places(tmp_path)
+    write_shot(shot, at)
+    pair = at.meshes / "ball.obj", at.meshes / "ball_closed.obj"
+    assert open_shapes(shot, at.meshes) == [pair]
+    pair[1].write_text("closed")
+    write_shot(replace(shot, friction=0.2), at)
+    assert open_shapes(shot, at.meshes) == [] and pair[1].exists()  # the mesh is as it was
+    moved = replace(repaired, shape=mesh_of(meshes.ball(0.2, 2), (0.0, 0.0, 0.5)))
+    write_shot(replace(shot, bodies=(moved,)), at)
+    assert open_shapes(shot, at.meshes) == [pair]
 
 
 def test_mistakes_are_one_line(tmp_path):
