@@ -12,6 +12,7 @@ import shlex
 import subprocess
 import sys
 import time
+import zipfile
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -20,8 +21,9 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 import blender
-from blender.addon import panel, playback, tasks, thumbnails
+from blender.addon import environment, panel, playback, tasks, thumbnails
 from blender.shot.files import Places, read_pc2
+from blender.work.session import Task
 from blender.work.stored import stored_levels
 
 G = 9.81
@@ -828,6 +830,39 @@ def drawn() -> dict:
         kind.draw(own, context)
     found["texts"] = [text for text in found["texts"] if text not in ("Add Region",)]
     return found
+
+
+def pdvol_is_installed_into_an_environment_of_its_own(folder: Path) -> None:
+    """Install makes a virtual environment beside the extension and takes pdvol from there from then on. The package is
+    a wheel of a few lines here, which needs no net; pip installs it as any other.
+    """
+    begin(folder)
+    wheel = folder / "pdvol-9.9-py3-none-any.whl"
+    info = "pdvol-9.9.dist-info"
+    with zipfile.ZipFile(wheel, "w") as made:
+        made.writestr(
+            "pdvol_echo.py", "import sys\ndef main(): print('pdvol: called with', *sys.argv[1:]); sys.exit(2)\n"
+        )
+        made.writestr(f"{info}/METADATA", "Metadata-Version: 2.1\nName: pdvol\nVersion: 9.9\n")
+        made.writestr(f"{info}/WHEEL", "Wheel-Version: 1.0\nRoot-Is-Purelib: true\nTag: py3-none-any\n")
+        made.writestr(f"{info}/entry_points.txt", "[console_scripts]\npdvol = pdvol_echo:main\n")
+        made.writestr(f"{info}/RECORD", "")
+    os.environ.pop("PDVOL_COMMAND")
+    search = os.environ["PATH"]
+    os.environ["PATH"] = str(folder)  # no pdvol, and no Python
+    assert "there is no Python 3.12 or newer" in press("install")
+    part("BODY", cube("Box", cuts=1))
+    assert press("check").startswith("pdvol is not installed: press Install")
+    os.environ["PATH"] = search
+    python, own = environment.install_commands(environment.own_folder(), str(wheel))[0][0], environment.own_folder()
+    for words in environment.install_commands(own, str(wheel))[:2]:
+        tasks.session.start(Task("Install", [words]), Places(own / "install.blend"), (), 1.0)
+        assert wait() == "", tasks.session.error
+    assert Path(python).name.startswith("python3") and (own / "venv" / "pyvenv.cfg").is_file()
+    os.environ["PATH"] = str(folder)
+    assert environment.pdvol_words(bpy.context) == [str(own / "venv" / "bin" / "pdvol")]
+    assert press("check").startswith("called with check ") and "--json" in tasks.session.error
+    assert wheel.is_file() and not (folder / "venv").exists()
 
 
 def the_extension_is_installed(folder: Path) -> None:
