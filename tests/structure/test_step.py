@@ -24,11 +24,11 @@ FILES, C_FILES, CONSTANTS = 24, 18, 35
 """At most: Python files of a step, C files of the libraries that it calls, constants in all of them."""
 LAYOUT = {
     *("SPARE", "BOX", "SIDE", "LANES", "MAX_H", "DEPTH"),  # sizes of arrays
-    *("MAX_PARAMETERS", "MAX_ISOTROPIC_PARAMETERS"),  # the same, for users' densities
+    "MAX_PARAMETERS",  # the same, for users' densities
+    "GROUPS",  # how many eigensystems are found at once
     *("TRANSPOSED", "ELSEWHERE", "FILTERS"),  # codes of places and modes
     *("NO_MEMORY", "CONVERGED", "TOO_MANY", "INDEFINITE_PRECONDITIONER", "NOT_A_NUMBER", "INDEFINITE_MATRIX"),
     "LIBRARY_ERROR",  # PETSc's, as those before
-    "KERNEL_ARGUMENTS",  # of dolfinx's version
 }
 """Numbers that are no constants of the method: how memory is laid out, and codes. No result depends on them."""
 

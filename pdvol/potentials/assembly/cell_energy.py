@@ -9,21 +9,19 @@ F, whose negative eigenvalues take most of the time to find. A density may have 
 instead, which is positive semi-definite by itself.
 """
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
-import basix.ufl
 import numpy as np
 import ufl
 from mpi4py import MPI
 
-from pdvol.compat import jit
 from pdvol.errors import InputError
 from pdvol.levels.space import LevelSpace
 from pdvol.potentials.assembly import native
-from pdvol.potentials.assembly.compiled_forms import form_cache
 from pdvol.potentials.assembly.domains import Domains
 from pdvol.potentials.assembly.hessian_blocks import FILTERS, HessianBlocks
+from pdvol.potentials.assembly.kernels import ONE_POINT, Kernel, tensors
 from pdvol.potentials.assembly.native import ffi, pointer
 from pdvol.potentials.potential import LastStates, Positions, Term
 
@@ -91,32 +89,36 @@ class CellEnergy(Term):
 
     def _compile(self, psi: Callable, model: Callable | None, parameters: Mapping[str, np.ndarray]) -> None:
         space, d = self.space, self.space.dim
-        domain = space.domain.ufl_domain()
-        tensors = ufl.FunctionSpace(domain, basix.ufl.element("DG", space.domain.basix_cell(), 0, shape=(d, d)))
-        F, coefficients = ufl.Coefficient(tensors), _constants(space, parameters)
-        density = psi(F, **coefficients) * _one_point(domain)
-        v, w = ufl.TestFunction(tensors), ufl.TrialFunction(tensors)
+        F, coefficients = ufl.Coefficient(tensors((d, d))), {name: ufl.Coefficient(tensors()) for name in parameters}
+        v, w = ufl.TestFunction(tensors((d, d))), ufl.TrialFunction(tensors((d, d)))
+        names = {coefficient: name for name, coefficient in coefficients.items()}
+        compiled = lambda form: _Density(space.comm, form, names, parameters, len(self.domains))
+        density = psi(F, **coefficients) * ONE_POINT
         first = ufl.derivative(density, F, v)
-        names = {F: None, **{coefficient: name for name, coefficient in coefficients.items()}}
-        compiled = lambda form: _DensityKernel(space.comm, form, names, parameters, len(self.domains))
         self._density, self._first = compiled(density), compiled(first)
-        self._second: _DensityKernel | None = None
-        self._model = compiled(model(F, v, w, **coefficients) * _one_point(domain)) if model else None
-        self._stretches: _StretchKernels | None = None
+        self._second: _Density | None = None
+        self._model = compiled(model(F, v, w, **coefficients) * ONE_POINT) if model else None
+        self._stretches: tuple[_Density, ...] = ()
         if (
             d == 3
             and model is None
-            and 0 < len(parameters) <= native.MAX_ISOTROPIC_PARAMETERS
+            and parameters
             and (self._is_isotropic() if self._isotropic is None else self._isotropic)
         ):
-            self._stretches = _StretchKernels(space, psi, parameters)
+            s, change = (
+                ufl.Coefficient(tensors((3,))),
+                [f(tensors((3,))) for f in (ufl.TestFunction, ufl.TrialFunction)],
+            )
+            diagonal = ufl.as_matrix([[s[i] if i == j else 0 for j in range(3)] for i in range(3)])
+            by_one = ufl.derivative(psi(diagonal, **coefficients) * ONE_POINT, s, change[0])
+            self._stretches = compiled(by_one), compiled(ufl.derivative(by_one, s, change[1]))
         else:
             self._second = compiled(ufl.derivative(first, F, w))
 
     @property
     def uses_stretches(self) -> bool:
         """Whether Hessians are computed from the stretches, many times faster: isotropic densities in 3D."""
-        return self._stretches is not None
+        return bool(self._stretches)
 
     def _is_isotropic(self) -> bool:
         """Whether psi(Q F R) = psi(F) for some arbitrary F and rotations Q, R; the same on every rank. Collective.
@@ -126,7 +128,7 @@ class CellEnergy(Term):
         """
         rng = np.random.default_rng(0)
         changes = []
-        tried = {0, *np.abs(self._density.parameters).argmax(axis=0).tolist()} if len(self.domains) else ()
+        tried = {0, *np.abs(self._density.parameters()).argmax(axis=0).tolist()} if len(self.domains) else ()
         for domain in sorted(tried):
             for _ in range(4):
                 Q, R = (_rotation(rng) for _ in range(2))
@@ -143,7 +145,7 @@ class CellEnergy(Term):
     def fill(self, values: Mapping[str, np.ndarray]) -> None:
         """Sets the values (count,) that the domains themselves have of some parameters."""
         self._values.clear()
-        for kernel in (self._density, self._first, self._second, self._model, self._stretches):
+        for kernel in (self._density, self._first, self._second, self._model, *self._stretches):
             if kernel is not None:
                 kernel.fill(values)
 
@@ -162,8 +164,9 @@ class CellEnergy(Term):
     def add_hessian(self, x: Positions, weight: float, into: HessianBlocks) -> None:
         slots = pointer(into.pattern.slots[self.domains], "int32_t")
         mode, places, out = FILTERS[into.projection], (pointer(x.local), slots), into.cells
-        if self._stretches is not None:
-            native.library.isotropic_hessians(self._domains, self._stretches.c, *places, mode, weight, pointer(out))
+        if self._stretches:
+            kernels = (kernel.c for kernel in self._stretches)
+            native.library.isotropic_hessians(self._domains, *kernels, *places, mode, weight, pointer(out))
         elif self._second is not None:
             kernel = self._model if mode and self._model is not None else self._second
             # A Hessian without F is that of a quadratic energy.
@@ -177,103 +180,47 @@ def _rotation(rng: np.random.Generator) -> np.ndarray:
     return q * np.sign(np.linalg.det(q))
 
 
-def _constants(space: LevelSpace, names: Iterable[str]) -> dict[str, ufl.Coefficient]:
-    """Coefficients constant per cell, by name."""
-    constant = ufl.FunctionSpace(space.domain.ufl_domain(), basix.ufl.element("DG", space.domain.basix_cell(), 0))
-    return {name: ufl.Coefficient(constant) for name in names}
-
-
-def _one_point(domain: ufl.Mesh) -> ufl.Measure:
-    return ufl.Measure("dx", domain=domain, metadata={"quadrature_degree": 0})
-
-
-class _Kernel:
-    """A compiled form's cell kernel.
-
-    Attributes
-    ----------
-    function : cffi pointer
-    coefficients : the form's coefficients, in the kernel's order
-    """
-
-    def __init__(self, comm: MPI.Comm, form: ufl.Form):
-        with form_cache(comm, form, native.FLAGS) as options:
-            compiled, self._module, _ = jit.ffcx_jit(comm, form, jit_options=options)
-        self._kernel = compiled.form_integrals[0].tabulate_tensor_float64
-        self.function = ffi.cast("void *", int(self._module.ffi.cast("uintptr_t", self._kernel)))
-        ordered = form.coefficients()
-        self.coefficients = [
-            ordered[compiled.original_coefficient_positions[i]] for i in range(compiled.num_coefficients)
-        ]
-
-
-class _DensityKernel(_Kernel):
-    """A kernel of a domain's F and parameters.
-
-    Attributes
-    ----------
-    parameters : (domains, k)
-        In the kernel's order.
-    c : the C struct of kernel and parameters
-    """
+class _Density(Kernel):
+    """A kernel of psi's argument, F or the stretches, and the domains' parameters; `c` is the C struct of both."""
 
     def __init__(
         self,
         comm: MPI.Comm,
         form: ufl.Form,
-        names: Mapping[ufl.Coefficient, str | None],
+        names: Mapping[ufl.Coefficient, str],
         parameters: Mapping[str, np.ndarray],
         count: int,
     ):
         super().__init__(comm, form)
-        wanted = [names[c] for c in self.coefficients]
-        self._order = [name for name in wanted if name is not None]
-        self.parameters = np.zeros((count, len(self._order)))
+        wanted = [names.get(coefficient) for coefficient in self.coefficients]
+        self._names, self._count = [name for name in wanted if name is not None], count
+        # parameters of LANES domains side by side; those of the last domain again where there is none
+        self._blocks = np.zeros((-(-count // native.LANES), len(self._names), native.LANES))
         self.fill(parameters)
-        before = next((i for i, name in enumerate(wanted) if name is None), -1)  # parameters before F
-        self.c = self._struct(self.parameters, before)
+        at = wanted.index(None) if None in wanted else -1
+        self.c = self._struct(self._blocks, at)
 
-    def _struct(self, parameters: np.ndarray, at: int) -> Any:
-        values = {"parameters": pointer(parameters), "np": len(self._order), "at": at}
+    def _struct(self, blocks: np.ndarray, at: int) -> Any:
+        values = {"parameters": pointer(blocks), "np": len(self._names), "at": at}
         return ffi.new("density_t *", {"kernel": self.function, **values})
 
     def fill(self, parameters: Mapping[str, np.ndarray]) -> None:
         """Sets the values (domains,) of those parameters that the kernel takes; others are ignored."""
-        for column, name in enumerate(self._order):
-            if name in parameters:
-                self.parameters[:, column] = parameters[name]
+        blocks = len(self._blocks)
+        for place, name in enumerate(self._names):
+            if name in parameters and blocks:
+                padded = np.pad(parameters[name], (0, blocks * native.LANES - self._count), mode="edge")
+                self._blocks[:, place] = padded.reshape(blocks, native.LANES)
+
+    def parameters(self) -> np.ndarray:
+        """(domains, k), in the kernel's order."""
+        return self._blocks.transpose(0, 2, 1).reshape(-1, len(self._names))[: self._count]
 
     def at(self, F: np.ndarray, domain: int) -> float:
         """psi [Pa] at F (3, 3) with one domain's parameters; for densities in 3D."""
         vertices, identity, one = np.arange(4, dtype=np.int32)[None], np.eye(3), np.ones(1)
         unit = ffi.new("domains_t *", {"d": 3, "count": 1, "counted": 1, "volumes": pointer(one)})
         unit.vertices, unit.gradients = pointer(vertices, "int32_t"), pointer(identity)
-        own = self._struct(self.parameters[domain], self.c.at)
+        blocks = np.repeat(self.parameters()[domain][:, None], native.LANES, axis=1)
+        own = self._struct(blocks, self.c.at)
         return native.library.domain_values(unit, own, pointer(np.vstack([np.zeros(3), *F.T])))
-
-
-class _StretchKernels:
-    """First and second derivatives of psi(diag(stretches)), and the parameters; `c` is the C struct of all this."""
-
-    def __init__(self, space: LevelSpace, psi: Callable, parameters: Mapping[str, np.ndarray]):
-        domain = space.domain.ufl_domain()
-        vectors = ufl.FunctionSpace(domain, basix.ufl.element("DG", space.domain.basix_cell(), 0, shape=(3,)))
-        stretches, coefficients = ufl.Coefficient(vectors), _constants(space, parameters)
-        F = ufl.as_matrix([[stretches[i] if i == j else 0 for j in range(3)] for i in range(3)])
-        first = ufl.derivative(psi(F, **coefficients) * _one_point(domain), stretches, ufl.TestFunction(vectors))
-        second = ufl.derivative(first, stretches, ufl.TrialFunction(vectors))
-        places = {stretches: [0, 1, 2], **{coefficients[name]: [3 + i] for i, name in enumerate(parameters)}}
-        kernels = [_Kernel(space.comm, form) for form in (first, second)]
-        self._kernels = kernels
-        sources = [[place for c in kernel.coefficients for place in places[c]] for kernel in kernels]
-        self._arguments = np.array(sum(sources, []), dtype=np.int32)
-        self._values = np.ascontiguousarray(np.column_stack(list(parameters.values())))
-        self._names = tuple(parameters)
-        self.c = ffi.new("stretches_t *", {"np": len(self._names), "parameters": pointer(self._values)})
-        self.c.gradient, self.c.hessian = (kernel.function for kernel in kernels)
-        self.c.arguments, (self.c.ng, self.c.nh) = pointer(self._arguments, "int32_t"), map(len, sources)
-
-    def fill(self, parameters: Mapping[str, np.ndarray]) -> None:
-        """Sets the values (domains,) of some parameters."""
-        for name, values in parameters.items():
-            self._values[:, self._names.index(name)] = values

@@ -47,26 +47,54 @@ def form_cache(comm: MPI.Comm, form: ufl.Form | Expression, flags: Sequence[str]
     ----------
     form : what is compiled in the block, and nothing else
     flags : of the C compiler
+
+    Raises
+    ------
+    InputError
+        A form cannot be compiled: there is no C compiler, or no Python.h.
     """
     options: dict[str, Any] = {"cffi_extra_compile_args": list(flags)} if flags else {}
+    how = f"{sorted(jit.get_options(options).items())} {sysconfig.get_config_var('SOABI')}"
+    with kept_folder(comm, form, how) as (folder, new):
+        if new:
+            on_root(comm, _require_headers)
+        with _compiling() if new else contextlib.nullcontext():
+            yield {**options, "cache_dir": str(folder)}
+
+
+@contextmanager
+def kept_folder(comm: MPI.Comm, form: ufl.Form | Expression, how: str) -> Iterator[tuple[Path, bool]]:
+    """The folder of what is compiled of a form, and whether it is new, so that the `with` block fills it. Collective.
+
+    Parameters
+    ----------
+    how : in what way it is compiled
+    """
     folder = native.cache_folder() / "forms"
-    kept = folder / _name(form, options) if comm.rank == 0 else folder
-    used = on_root(comm, lambda: kept if kept.is_dir() else _folder_aside(folder))
+    kept = folder / _name(form, how) if comm.rank == 0 else folder
+    used, new = on_root(comm, lambda: (kept, False) if kept.is_dir() else (_folder_aside(folder), True))
     try:
-        with _compiling() if used != kept else contextlib.nullcontext():
-            yield {**options, "cache_dir": str(used)}
+        with stage("compiling forms") if new else contextlib.nullcontext():
+            yield used, new
             comm.barrier()  # the other ranks load what the first one has compiled
-        if comm.rank == 0 and used != kept:
+        if comm.rank == 0 and new:
             _keep(used, kept)
     finally:
-        if comm.rank == 0 and used != kept:
+        if comm.rank == 0 and new:
             shutil.rmtree(used, ignore_errors=True)
 
 
-def _name(form: ufl.Form | Expression, options: dict[str, Any]) -> str:
-    """A name for a form, how it is compiled, and for which Python."""
-    how = sorted(jit.get_options(options).items()), sorted(ffcx.options.get_options().items())
-    return ffcx.naming.compute_signature([form], f"{how} {sysconfig.get_config_var('SOABI')}")
+def _name(form: ufl.Form | Expression, how: str) -> str:
+    """A name for a form and how it is compiled."""
+    return ffcx.naming.compute_signature([form], f"{how} {sorted(ffcx.options.get_options().items())}")
+
+
+def _require_headers() -> None:
+    compiler()
+    if not Path(sysconfig.get_path("include"), "Python.h").is_file():
+        raise InputError(
+            "no Python.h, with which FFCx compiles forms; install Python's headers (python3-dev, python3-devel)"
+        )
 
 
 @contextmanager
@@ -79,8 +107,7 @@ def _compiling() -> Iterator[None]:
     before = {name: os.environ.get(name) for name in own}
     os.environ.update(own)
     try:
-        with stage("compiling forms"):
-            yield
+        yield
     finally:
         for name, value in before.items():
             if value is None:
@@ -90,18 +117,7 @@ def _compiling() -> Iterator[None]:
 
 
 def _folder_aside(folder: Path) -> Path:
-    """A new folder beside the kept ones; among temporary files where these cannot be written.
-
-    Raises
-    ------
-    InputError
-        A form cannot be compiled: there is no C compiler, or no Python.h.
-    """
-    compiler()
-    if not Path(sysconfig.get_path("include"), "Python.h").is_file():
-        raise InputError(
-            "no Python.h, with which FFCx compiles forms; install Python's headers (python3-dev, python3-devel)"
-        )
+    """A new folder beside the kept ones; among temporary files where these cannot be written."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
         return Path(tempfile.mkdtemp(prefix=ASIDE, dir=folder))

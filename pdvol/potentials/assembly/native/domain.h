@@ -4,19 +4,27 @@
 #include "../../positive.h"
 #include "interface.h"
 
-/* The signature of FFCx's cell kernels, which got a seventh argument in dolfinx 0.10. */
-#ifndef KERNEL_ARGUMENTS
-#define KERNEL_ARGUMENTS 6
-#endif
-#if KERNEL_ARGUMENTS == 6
-typedef void (*kernel_t)(double *, const double *, const double *, const double *, const int *, const uint8_t *);
-#define CALL(k, A, w, c, x) ((kernel_t)(k))(A, w, c, x, 0, 0)
-#else
-typedef void (*kernel_t)(double *, const double *, const double *, const double *, const int *, const uint8_t *, void *);
-#define CALL(k, A, w, c, x) ((kernel_t)(k))(A, w, c, x, 0, 0, 0)
-#endif
-/* What kernels are called on: corners of the unit triangle or tetrahedron, three numbers each. */
-static const double unit_simplex[12] = {0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1};
+/* Numbers of as many domains side by side. LANES and AHEAD come from the compiler's command line (__init__.py). */
+typedef double lanes __attribute__((vector_size(LANES * sizeof(double))));
+typedef int64_t mask __attribute__((vector_size(LANES * sizeof(int64_t))));
+
+INLINE lanes all(double a)
+{
+    return (lanes){a, a, a, a, a, a, a, a};
+}
+
+INLINE lanes choose(mask m, lanes yes, lanes no)
+{
+    return (lanes)(((mask)yes & m) | ((mask)no & ~m));
+}
+
+INLINE lanes magnitude(lanes a)
+{
+    return choose(a < all(0.0), -a, a);
+}
+
+/* A compiled kernel (kernels.py): A from w, for all lanes. */
+#define CALL(kernel, A, w) ((void (*)(double *, const double *))(kernel))((double *)(A), (const double *)(w))
 
 /* Calls function(d, cells, ...) with the dimension as a constant, and whether all domains are cells: then loops over vertices unroll. */
 #define EACH(domains, function, ...)                                                                                                                 \
@@ -36,18 +44,68 @@ INLINE domain_t domain_at(int d, int cells, const domains_t *domains, int64_t k)
     return (domain_t){cells ? d + 1 : domains->starts[k + 1] - first, domains->vertices + first, domains->gradients + (first - k) * d};
 }
 
+typedef double eight __attribute__((vector_size(64), aligned(8), may_alias));
+typedef double four __attribute__((vector_size(32), aligned(8), may_alias));
+typedef int64_t places __attribute__((vector_size(64)));
+
+/* A vertex's numbers, and zeros behind them. */
+INLINE four vertex(int d, const double *v)
+{
+    return d == 3 ? (four){v[0], v[1], v[2]} : (four){v[0], v[1]};
+}
+
 /* The sum over a domain's vertices of v_a G_a' (d x d): F where v is x. Differences come first, which keeps a small domain's F exact. */
 INLINE void gradient_of(int d, domain_t domain, const double *v, double *F)
 {
-    const double *v0 = v + (int64_t)domain.vertices[0] * d;
-    for (int a = 0; a < d * d; ++a)
-        F[a] = 0.0;
+    const four v0 = vertex(d, v + (int64_t)domain.vertices[0] * d);
+    four columns[3] = {{0.0}};
     for (int64_t i = 0; i < domain.n - 1; ++i) {
-        const double *vi = v + (int64_t)domain.vertices[i + 1] * d, *g = domain.gradients + i * d;
-        for (int a = 0; a < d; ++a)
-            for (int j = 0; j < d; ++j)
-                F[a * d + j] += (vi[a] - v0[a]) * g[j];
+        const four along = vertex(d, v + (int64_t)domain.vertices[i + 1] * d) - v0;
+        for (int j = 0; j < d; ++j)
+            columns[j] += along * domain.gradients[i * d + j];
     }
+    for (int a = 0; a < d; ++a)
+        for (int j = 0; j < d; ++j)
+            F[a * d + j] = columns[j][a];
+}
+
+/* How many domains there are from `first` on, of `count`: at most as many as lanes. */
+INLINE int lanes_used(int64_t count, int64_t first)
+{
+    return count - first < LANES ? (int)(count - first) : LANES;
+}
+
+/* The same of the domains from `first` on, one a lane. Lanes without a domain have that of the last one. */
+INLINE void gradients_of(int d, int cells, const domains_t *domains, int64_t first, const double *v, lanes *F)
+{
+    const int64_t last = domains->count - 1;
+    for (int l = 0; l < LANES; ++l) {
+        double one[9];
+        gradient_of(d, domain_at(d, cells, domains, first + l < last ? first + l : last), v, one);
+        for (int a = 0; a < d * d; ++a)
+            F[a][l] = one[a];
+    }
+}
+
+/* The volumes of these domains. */
+INLINE lanes volumes_of(const domains_t *domains, int64_t first)
+{
+    lanes volume = {0.0};
+    for (int l = 0; l < lanes_used(domains->count, first); ++l)
+        volume[l] = domains->volumes[first + l];
+    return volume;
+}
+
+/* What a density's kernel takes: the parameters of the domains from `first` on, with its argument (k numbers) in between. */
+INLINE void coefficients(const density_t *density, int64_t first, int k, const lanes *argument, lanes *w)
+{
+    const int np = density->np, before = density->at < 0 ? np : density->at;
+    const double *own = density->parameters + first * np;
+    memcpy(w, own, before * sizeof(lanes));
+    if (density->at < 0)
+        return;
+    memcpy(w + before, argument, k * sizeof(lanes));
+    memcpy(w + before + k, own + before * LANES, (np - before) * sizeof(lanes));
 }
 
 /* The gradient of a domain's first vertex. */
@@ -61,17 +119,13 @@ INLINE void first_gradient(int d, domain_t domain, double *g)
 }
 
 /* A d x d block in its rows' order: the first eight numbers, of which 2D needs four, and the last one of 3D. */
-typedef double eight __attribute__((vector_size(64), aligned(8), may_alias));
-typedef double four __attribute__((vector_size(32), aligned(8), may_alias));
-typedef int64_t places __attribute__((vector_size(64)));
 typedef struct {
     eight head;
     double tail;
 } block_t;
 
 /* Adds a domain's Hessian to the blocks `out`: H is that over F, block H[j][m] between its columns j and m. `slot` has one entry per pair of vertices,
- * the first not behind the second: s >= 0 adds block s as it is, s <= -2 transposed at -2 - s, -1 nowhere. Returns the next domain's slots. AHEAD
- * comes from the compiler's command line (__init__.py). */
+ * the first not behind the second: s >= 0 adds block s as it is, s <= -2 transposed at -2 - s, -1 nowhere. Returns the next domain's slots. */
 INLINE const int32_t *add_blocks(int d, int cells, domain_t domain, block_t H[3][3], const int32_t *slot, double *out)
 {
     double first[3];

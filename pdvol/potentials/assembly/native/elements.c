@@ -1,8 +1,7 @@
 /* Loops over domains around compiled UFL kernels of energy densities psi(F): energies, gradients, and Hessians filtered to be positive
  * semi-definite.
  *
- * A kernel is that of psi, of its d x d first derivatives or of its d^2 x d^2 second ones, row-major, on the unit simplex. A
- * domain's energy is its volume times psi, and its Hessian over the positions is K' H K: H is what is filtered, which is cheaper than the
+ * A kernel is that of psi, of its d x d first derivatives or of its d^2 x d^2 second ones, row-major. A domain's energy is its volume times psi, and its Hessian over the positions is K' H K: H is what is filtered, which is cheaper than the
  * whole block and does not depend on the domain's shape (Smith, de Goes, Kim 2019). */
 #include <math.h>
 #include <string.h>
@@ -11,51 +10,56 @@
 
 /* MAX_PARAMETERS comes from the compiler's command line: its value is in __init__.py, which refuses more */
 
-/* By what a kernel's tensor on the unit simplex is multiplied for a domain of that volume. */
-INLINE double from_unit(int d, double volume)
-{
-    return (d == 2 ? 2.0 : 6.0) * volume;
-}
-
 /* det A of a d x d matrix. */
-INLINE double determinant(int d, const double *A)
+INLINE lanes determinant(int d, const lanes *A)
 {
     if (d == 2)
         return A[0] * A[3] - A[1] * A[2];
     return A[0] * (A[4] * A[8] - A[5] * A[7]) + A[1] * (A[5] * A[6] - A[3] * A[8]) + A[2] * (A[3] * A[7] - A[4] * A[6]);
 }
 
-/* A domain's coefficients as the kernel takes them, the parameters with F in between; 0 where the density is zero. */
-INLINE int coefficients(int d, domain_t domain, const domains_t *domains, const density_t *density, int64_t k, const double *x, double *w)
+/* Whether the densities of the first `used` domains are all zero. */
+INLINE int idle(int d, const domains_t *domains, const lanes *F, int used)
 {
-    const int np = density->np, before = density->at < 0 ? np : density->at;
-    const double *own = density->parameters + k * np;
-    memcpy(w, own, before * sizeof(double));
-    if (density->at < 0)
-        return 1;
-    double *F = w + before;
-    gradient_of(d, domain, x, F);
-    memcpy(F + d * d, own + before, (np - before) * sizeof(double));
-    return !(domains->ceiling > 0.0 && determinant(d, F) >= domains->ceiling);
+    if (!(domains->ceiling > 0.0))
+        return 0;
+    const lanes J = determinant(d, F);
+    for (int l = 0; l < used; ++l)
+        if (!(J[l] >= domains->ceiling))
+            return 0;
+    return 1;
+}
+
+/* Whether det F > 0 in the first `used` domains. */
+INLINE int upright(int d, const lanes *F, int used)
+{
+    const lanes J = determinant(d, F);
+    for (int l = 0; l < used; ++l)
+        if (!(J[l] > 0.0))
+            return 0;
+    return 1;
 }
 
 INLINE double values(int d, int cells, const domains_t *domains, const density_t *density, const double *x)
 {
-    double total = 0.0, w[MAX_H + MAX_PARAMETERS];
-    for (int64_t k = 0; k < domains->counted; ++k) {
-        double value = 0.0;
-        const int acts = coefficients(d, domain_at(d, cells, domains, k), domains, density, k, x, w);
-        if (domains->oriented && !(determinant(d, w + density->at) > 0.0))
+    double total = 0.0;
+    for (int64_t first = 0; first < domains->counted; first += LANES) {
+        const int used = lanes_used(domains->counted, first);
+        lanes F[MAX_H], w[MAX_H + MAX_PARAMETERS], value;
+        gradients_of(d, cells, domains, first, x, F);
+        if (domains->oriented && !upright(d, F, used))
             return INFINITY;
-        if (!acts)
+        if (idle(d, domains, F, used))
             continue;
-        CALL(density->kernel, &value, w, 0, unit_simplex);
-        total += from_unit(d, domains->volumes[k]) * value;
+        coefficients(density, first, d * d, F, w);
+        CALL(density->kernel, &value, w);
+        for (int l = 0; l < used; ++l)
+            total += domains->volumes[first + l] * value[l];
     }
     return total;
 }
 
-/* The sum of the energies of the domains that count, at local vertices x. Densities of domains that must be oriented depend on F. */
+/* The sum of the energies of the domains that count, at local vertices x. */
 double domain_values(const domains_t *domains, const density_t *density, const double *x)
 {
     return EACH(domains, values, density, x);
@@ -63,24 +67,33 @@ double domain_values(const domains_t *domains, const density_t *density, const d
 
 INLINE void gradients(int d, int cells, const domains_t *domains, const density_t *density, const double *x, double *out)
 {
-    double w[MAX_H + MAX_PARAMETERS];
-    for (int64_t k = 0; k < domains->count; ++k) {
-        const domain_t domain = domain_at(d, cells, domains, k);
-        double P[MAX_H] = {0}, others[3] = {0};
-        const double scale = from_unit(d, domains->volumes[k]);
-        if (!coefficients(d, domain, domains, density, k, x, w))
+    for (int64_t first = 0; first < domains->count; first += LANES) {
+        const int used = lanes_used(domains->count, first);
+        const lanes scale = volumes_of(domains, first);
+        lanes F[MAX_H], w[MAX_H + MAX_PARAMETERS], P[MAX_H];
+        gradients_of(d, cells, domains, first, x, F);
+        if (idle(d, domains, F, used))
             continue;
-        CALL(density->kernel, P, w, 0, unit_simplex);
-        for (int64_t i = 0; i < domain.n - 1; ++i)
-            for (int a = 0; a < d; ++a) {
-                double force = 0.0;
+        coefficients(density, first, d * d, F, w);
+        CALL(density->kernel, P, w);
+        for (int a = 0; a < d * d; ++a)
+            P[a] *= scale;
+        for (int l = 0; l < used; ++l) {
+            const domain_t domain = domain_at(d, cells, domains, first + l);
+            four columns[3], others = {0.0};
+            for (int j = 0; j < d; ++j)
+                columns[j] = d == 3 ? (four){P[j][l], P[3 + j][l], P[6 + j][l]} : (four){P[j][l], P[2 + j][l]};
+            for (int64_t i = 0; i < domain.n - 1; ++i) {
+                four force = {0.0};
                 for (int j = 0; j < d; ++j)
-                    force += P[a * d + j] * domain.gradients[i * d + j];
-                out[(int64_t)domain.vertices[i + 1] * d + a] += scale * force;
-                others[a] += force;
+                    force += columns[j] * domain.gradients[i * d + j];
+                others += force;
+                for (int a = 0; a < d; ++a)
+                    out[(int64_t)domain.vertices[i + 1] * d + a] += force[a];
             }
-        for (int a = 0; a < d; ++a)
-            out[(int64_t)domain.vertices[0] * d + a] -= scale * others[a];
+            for (int a = 0; a < d; ++a)
+                out[(int64_t)domain.vertices[0] * d + a] -= others[a];
+        }
     }
 }
 
@@ -94,27 +107,37 @@ INLINE void hessians(int d, int cells, const domains_t *domains, const density_t
                      double *out)
 {
     const int h = d * d;
-    double w[MAX_H + MAX_PARAMETERS], numbers[9] = {0};
+    double H[MAX_H * MAX_H], numbers[9] = {0};
     block_t blocks[3][3];
-    for (int64_t k = 0; k < domains->count; ++k) {
-        const domain_t domain = domain_at(d, cells, domains, k);
-        double H[MAX_H * MAX_H] = {0};
-        if (!coefficients(d, domain, domains, density, k, x, w)) {
-            slots += domain.n * (domain.n + 1) / 2;
-            continue;
+    for (int64_t first = 0; first < domains->count; first += LANES) {
+        const int used = lanes_used(domains->count, first);
+        lanes F[MAX_H], w[MAX_H + MAX_PARAMETERS], all[MAX_H * MAX_H];
+        gradients_of(d, cells, domains, first, x, F);
+        const int none = idle(d, domains, F, used);
+        if (!none) {
+            coefficients(density, first, h, F, w);
+            CALL(density->kernel, all, w);
         }
-        CALL(density->kernel, H, w, 0, unit_simplex);
-        if (mode)
-            filter(d * d, H, mode);
-        const double scale = weight * from_unit(d, domains->volumes[k]);
-        for (int j = 0; j < d; ++j)
-            for (int m = 0; m < d; ++m) {
-                for (int a = 0; a < d; ++a)
-                    for (int b = 0; b < d; ++b)
-                        numbers[a * d + b] = scale * H[(a * d + j) * h + b * d + m];
-                blocks[j][m] = (block_t){*(const eight *)numbers, numbers[8]};
+        for (int l = 0; l < used; ++l) {
+            const domain_t domain = domain_at(d, cells, domains, first + l);
+            if (none) {
+                slots += domain.n * (domain.n + 1) / 2;
+                continue;
             }
-        slots = add_blocks(d, cells, domain, blocks, slots, out);
+            for (int i = 0; i < h * h; ++i)
+                H[i] = all[i][l];
+            if (mode)
+                filter(h, H, mode);
+            const double scale = weight * domains->volumes[first + l];
+            for (int j = 0; j < d; ++j)
+                for (int m = 0; m < d; ++m) {
+                    for (int a = 0; a < d; ++a)
+                        for (int b = 0; b < d; ++b)
+                            numbers[a * d + b] = scale * H[(a * d + j) * h + b * d + m];
+                    blocks[j][m] = (block_t){*(const eight *)numbers, numbers[8]};
+                }
+            slots = add_blocks(d, cells, domain, blocks, slots, out);
+        }
     }
 }
 
@@ -161,58 +184,58 @@ static double first_root(const double *c)
 }
 
 /* det(E + t P) = c0 + c1 t + c2 t^2 + c3 t^3 for d x d matrices, through their cofactors. */
-INLINE void volume_along(int d, const double *E, const double *P, double *c)
+INLINE void volume_along(int d, const lanes *E, const lanes *P, lanes *c)
 {
     if (d == 2) {
         c[0] = E[0] * E[3] - E[1] * E[2];
         c[1] = E[0] * P[3] + P[0] * E[3] - E[1] * P[2] - P[1] * E[2];
         c[2] = P[0] * P[3] - P[1] * P[2];
-        c[3] = 0.0;
+        c[3] = (lanes){0.0};
         return;
     }
-    double e[9], p[9];
+    for (int i = 0; i < 4; ++i)
+        c[i] = (lanes){0.0};
     for (int i = 0; i < 3; ++i)
         for (int j = 0; j < 3; ++j) {
             const int i1 = (i + 1) % 3, i2 = (i + 2) % 3, j1 = (j + 1) % 3, j2 = (j + 2) % 3;
-            e[3 * i + j] = E[3 * i1 + j1] * E[3 * i2 + j2] - E[3 * i1 + j2] * E[3 * i2 + j1];
-            p[3 * i + j] = P[3 * i1 + j1] * P[3 * i2 + j2] - P[3 * i1 + j2] * P[3 * i2 + j1];
+            const lanes e = E[3 * i1 + j1] * E[3 * i2 + j2] - E[3 * i1 + j2] * E[3 * i2 + j1];
+            const lanes p = P[3 * i1 + j1] * P[3 * i2 + j2] - P[3 * i1 + j2] * P[3 * i2 + j1];
+            if (i == 0)
+                c[0] += E[j] * e, c[3] += P[j] * p;
+            c[1] += e * P[3 * i + j], c[2] += E[3 * i + j] * p;
         }
-    c[0] = E[0] * e[0] + E[1] * e[1] + E[2] * e[2];
-    c[3] = P[0] * p[0] + P[1] * p[1] + P[2] * p[2];
-    c[1] = c[2] = 0.0;
-    for (int i = 0; i < 9; ++i)
-        c[1] += e[i] * P[i], c[2] += E[i] * p[i];
 }
 
-/* What has the sign of det F and changes with it, at v: a cell's edges (d x d) from its first vertex on, or F itself. */
-INLINE void spanned(int d, int cells, const domains_t *domains, int64_t k, const double *v, double *E)
+/* What has the sign of det F and changes with it, at v, of the domains from `first` on: a cell's edges (d x d) from its first vertex on, or F itself. */
+INLINE void spanned(int d, int cells, const domains_t *domains, int64_t first, const double *v, lanes *E)
 {
-    const domain_t domain = domain_at(d, cells, domains, k);
     if (!cells) {
-        gradient_of(d, domain, v, E);
+        gradients_of(d, cells, domains, first, v, E);
         return;
     }
-    for (int i = 0; i < d; ++i)
-        for (int a = 0; a < d; ++a)
-            E[i * d + a] = v[(int64_t)domain.vertices[i + 1] * d + a] - v[(int64_t)domain.vertices[0] * d + a];
+    for (int l = 0; l < LANES; ++l) {
+        const domain_t domain = domain_at(d, cells, domains, first + l < domains->count ? first + l : domains->count - 1);
+        for (int i = 0; i < d; ++i)
+            for (int a = 0; a < d; ++a)
+                E[i * d + a][l] = v[(int64_t)domain.vertices[i + 1] * d + a] - v[(int64_t)domain.vertices[0] * d + a];
+    }
 }
 
 INLINE double domains_step(int d, int cells, const domains_t *domains, const double *x, const double *p, double keep)
 {
     double step = 1.0;
-    for (int64_t k = 0; k < domains->counted; ++k) {
-        double E[9], P[9], c[4];
-        spanned(d, cells, domains, k, x, E), spanned(d, cells, domains, k, p, P);
+    for (int64_t first = 0; first < domains->counted; first += LANES) {
+        lanes E[MAX_H], P[MAX_H], c[4];
+        spanned(d, cells, domains, first, x, E), spanned(d, cells, domains, first, p, P);
         volume_along(d, E, P, c);
-        const double sign = c[0] < 0.0 ? -1.0 : 1.0;
-        for (int i = 0; i < 4; ++i)
-            c[i] *= sign;
-        c[0] *= 1.0 - keep;
-        if (fabs(c[1]) + fabs(c[2]) + fabs(c[3]) < c[0])
-            continue; /* most domains: no root in [0, 1] */
-        const double t = first_root(c);
-        if (t < step)
-            step = t;
+        const lanes left = (1.0 - keep) * magnitude(c[0]);
+        const mask free = magnitude(c[1]) + magnitude(c[2]) + magnitude(c[3]) < left; /* most domains: no root in [0, 1] */
+        for (int l = 0; l < lanes_used(domains->counted, first); ++l)
+            if (!free[l]) {
+                const double sign = c[0][l] < 0.0 ? -1.0 : 1.0, own[4] = {left[l], sign * c[1][l], sign * c[2][l], sign * c[3][l]};
+                const double t = first_root(own);
+                step = t < step ? t : step;
+            }
     }
     return step;
 }

@@ -16,29 +16,20 @@ typedef struct {
     double ceiling;
 } domains_t;
 
-/* A compiled kernel of a density psi(F) or of its derivatives, and the domains' parameters (count, np). The kernel takes F before parameter `at`, or
- * not at all where `at` is negative. */
+/* A compiled kernel of a density psi or of its derivatives, and the domains' parameters (count / LANES, np, LANES), those of LANES domains side by
+ * side. The kernel takes psi's argument, F or the three stretches, before parameter `at`, or not at all where `at` is negative. */
 typedef struct {
     void *kernel;
     const double *parameters;
     int32_t np, at;
 } density_t;
 
-/* Compiled kernels of the first and second derivatives of an isotropic density by the stretches, and the domains' parameters (count, np).
- * arguments[i] says where in (stretches, parameters) their i-th coefficient is found, for the gradient first (ng), then for the Hessian (nh). */
-typedef struct {
-    void *gradient, *hessian;
-    const int32_t *arguments;
-    int32_t ng, nh, np;
-    const double *parameters;
-} stretches_t;
-
 double domain_values(const domains_t *domains, const density_t *density, const double *x);
 void domain_gradients(const domains_t *domains, const density_t *density, const double *x, double *out);
 void domain_hessians(const domains_t *domains, const density_t *density, const double *x, const int32_t *slots,
                      int mode, double weight, double *out);
-void isotropic_hessians(const domains_t *domains, const stretches_t *density, const double *x, const int32_t *slots,
-                        int mode, double weight, double *out);
+void isotropic_hessians(const domains_t *domains, const density_t *density, const density_t *second, const double *x,
+                        const int32_t *slots, int mode, double weight, double *out);
 double volume_step(const domains_t *domains, const double *x, const double *p, double keep);
 int64_t merge_pairs(int d, int64_t rows, int64_t first, int64_t n, const int32_t *cell_starts,
                     const int32_t *cell_columns, const double *cells, int64_t pairs, const int64_t *pair_rows,

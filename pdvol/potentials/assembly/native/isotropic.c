@@ -6,14 +6,7 @@
  * Hessian is turned back. */
 #include "domain.h"
 
-enum { LANES = 8 };
-typedef double lanes __attribute__((vector_size(LANES * sizeof(double))));
-typedef int64_t mask __attribute__((vector_size(LANES * sizeof(int64_t))));
-
-INLINE lanes all(double a)
-{
-    return (lanes){a, a, a, a, a, a, a, a};
-}
+enum { GROUPS = 2 };  /* of LANES domains whose eigensystems are found together: a sixth less time for a Hessian than with one */
 
 INLINE lanes root(lanes a)
 {
@@ -21,16 +14,6 @@ INLINE lanes root(lanes a)
     for (int l = 0; l < LANES; ++l)
         r[l] = sqrt(a[l]);
     return r;
-}
-
-INLINE lanes choose(mask m, lanes yes, lanes no)
-{
-    return (lanes)(((mask)yes & m) | ((mask)no & ~m));
-}
-
-INLINE lanes size(lanes a)
-{
-    return choose(a < all(0.0), -a, a);
 }
 
 /* The transpose of eight rows of eight numbers: halves, quarters, then single ones are exchanged. */
@@ -53,42 +36,59 @@ INLINE void transpose(lanes rows[LANES])
             }
 }
 
-/* Cyclic Jacobi of symmetric 3 x 3 matrices A (a00 a01 a02 a11 a12 a22): A becomes diagonal, the columns of V eigenvectors. */
-INLINE void eigensystems(lanes A[3][3], lanes V[3][3])
+/* Turns the axes p and q of the symmetric matrices A such that A_pq becomes zero, and the columns of V with them. */
+INLINE void rotate(int p, int q, lanes A[3][3], lanes V[3][3])
 {
-    for (int i = 0; i < 3; ++i)
-        for (int j = 0; j < 3; ++j)
-            V[i][j] = all(i == j);
+    const int o = 3 - p - q;
+    const lanes apq = A[p][q], half = 0.5 * (A[q][q] - A[p][p]);
+    /* t = tan of the smaller angle, written so that apq = 0 gives t = 0 without a division by zero. */
+    const lanes length = root(half * half + apq * apq);
+    const lanes below = magnitude(half) + length;
+    lanes t = apq / choose(below > all(0.0), below, all(1.0));
+    t = choose(half < all(0.0), -t, t);
+    const lanes c = 1.0 / root(t * t + 1.0), s = t * c;
+    A[p][p] -= t * apq;
+    A[q][q] += t * apq;
+    A[p][q] = A[q][p] = all(0.0);
+    const lanes aop = A[o][p], aoq = A[o][q];
+    A[o][p] = A[p][o] = c * aop - s * aoq;
+    A[o][q] = A[q][o] = s * aop + c * aoq;
+    for (int k = 0; k < 3; ++k) {
+        const lanes vp = V[k][p], vq = V[k][q];
+        V[k][p] = c * vp - s * vq;
+        V[k][q] = s * vp + c * vq;
+    }
+}
+
+/* Whether some A has entries off its diagonal that count. */
+INLINE int coupled(lanes A[3][3])
+{
+    const lanes off = A[0][1] * A[0][1] + A[0][2] * A[0][2] + A[1][2] * A[1][2];
+    const lanes diagonal = A[0][0] * A[0][0] + A[1][1] * A[1][1] + A[2][2] * A[2][2];
+    const mask over = off > (ROUND_OFF * ROUND_OFF) * diagonal;
+    int64_t any = 0;
+    for (int l = 0; l < LANES; ++l)
+        any |= over[l];
+    return any != 0;
+}
+
+/* Cyclic Jacobi of `groups` times eight symmetric 3 x 3 matrices A: they become diagonal, the columns of V eigenvectors. A rotation is a chain of roots
+ * and quotients, in which the processor waits less where it has several groups. */
+INLINE void eigensystems(int groups, lanes A[][3][3], lanes V[][3][3])
+{
+    for (int g = 0; g < groups; ++g)
+        for (int i = 0; i < 3; ++i)
+            for (int j = 0; j < 3; ++j)
+                V[g][i][j] = all(i == j);
     for (int sweep = 0; sweep < MAX_ROUNDS; ++sweep) {
-        const lanes off = A[0][1] * A[0][1] + A[0][2] * A[0][2] + A[1][2] * A[1][2];
-        const lanes diagonal = A[0][0] * A[0][0] + A[1][1] * A[1][1] + A[2][2] * A[2][2];
         int open = 0;
-        for (int l = 0; l < LANES; ++l)
-            open |= off[l] > ROUND_OFF * ROUND_OFF * diagonal[l];
+        for (int g = 0; g < groups; ++g)
+            open |= coupled(A[g]);
         if (!open)
             return;
-        for (int p = 0; p < 2; ++p)
-            for (int q = p + 1; q < 3; ++q) {
-                const int o = 3 - p - q;
-                const lanes apq = A[p][q], half = 0.5 * (A[q][q] - A[p][p]);
-                /* t = tan of the smaller angle, written so that apq = 0 gives t = 0 without a division by zero. */
-                const lanes length = root(half * half + apq * apq);
-                const lanes below = size(half) + length;
-                lanes t = apq / choose(below > all(0.0), below, all(1.0));
-                t = choose(half < all(0.0), -t, t);
-                const lanes c = 1.0 / root(t * t + 1.0), s = t * c;
-                A[p][p] -= t * apq;
-                A[q][q] += t * apq;
-                A[p][q] = A[q][p] = all(0.0);
-                const lanes aop = A[o][p], aoq = A[o][q];
-                A[o][p] = A[p][o] = c * aop - s * aoq;
-                A[o][q] = A[q][o] = s * aop + c * aoq;
-                for (int k = 0; k < 3; ++k) {
-                    const lanes vp = V[k][p], vq = V[k][q];
-                    V[k][p] = c * vp - s * vq;
-                    V[k][q] = s * vp + c * vq;
-                }
-            }
+        for (int o = 2; o >= 0; --o) /* the axes 0 1, 0 2, 1 2 */
+            for (int g = 0; g < groups; ++g)
+                rotate(o == 0, o == 2 ? 1 : 2, A[g], V[g]);
     }
 }
 
@@ -111,124 +111,114 @@ INLINE lanes positive(lanes a, int mode)
 {
     if (mode == 0)
         return a;
-    return mode == 1 ? choose(a < all(0.0), all(0.0), a) : size(a);
+    return mode == 1 ? choose(a < all(0.0), all(0.0), a) : magnitude(a);
 }
 
-INLINE void isotropic(int cells, const domains_t *domains, const stretches_t *density, const double *x, const int32_t *slots, int mode,
-                      double weight, double *out)
+/* Adds weight times the Hessians of the domains from `first` on, with F and right axes V of stretching. Returns the next domain's slots. */
+INLINE const int32_t *add_hessians(int cells, const domains_t *domains, const density_t *density, const density_t *second, int64_t first,
+                                   lanes F[3][3], lanes V[3][3], const int32_t *slots, int mode, double weight, double *out)
 {
-    const int64_t count = domains->count;
-    const int np = density->np, ng = density->ng, nh = density->nh;
-    const int32_t *arguments = density->arguments;
-    for (int64_t first = 0; first < count; first += LANES) {
-        const int used = count - first < LANES ? (int)(count - first) : LANES;
-        lanes F[3][3], C[3][3], V[3][3], U[3][3], s[3], volume;
-        for (int l = 0; l < LANES; ++l) {
-            const int64_t k = first + (l < used ? l : 0); /* spare lanes repeat a domain, and are not added */
-            double one[9];
-            gradient_of(3, domain_at(3, cells, domains, k), x, one);
-            for (int a = 0; a < 9; ++a)
-                F[a / 3][a % 3][l] = one[a];
-            volume[l] = domains->volumes[k];
-        }
+    const int used = lanes_used(domains->count, first);
+    const lanes scale = weight * volumes_of(domains, first);
+    lanes U[3][3], s[3];
+    for (int q = 0; q < 3; ++q) {
+        for (int a = 0; a < 3; ++a)
+            U[a][q] = F[a][0] * V[0][q] + F[a][1] * V[1][q] + F[a][2] * V[2][q];
+        s[q] = root(U[0][q] * U[0][q] + U[1][q] * U[1][q] + U[2][q] * U[2][q]);
+        for (int a = 0; a < 3; ++a)
+            U[a][q] /= s[q];
+    }
+    lanes p[3], S[3][3], w[3 + MAX_PARAMETERS];
+    coefficients(density, first, 3, s, w);
+    CALL(density->kernel, p, w);
+    coefficients(second, first, 3, s, w);
+    CALL(second->kernel, S, w);
+    lanes same[3], cross[3]; /* of the axes other than o: H over (F_ij, F_ij) and over (F_ij, F_ji) */
+    for (int o = 0; o < 3; ++o) {
+        const int i = (o + 1) % 3, j = (o + 2) % 3;
+        const lanes difference = s[i] - s[j], total = s[i] + s[j];
+        const mask near = magnitude(difference) < 1e-5 * total; /* there the quotient's limit is exact to second order */
+        const lanes flip = choose(near, 0.5 * (S[i][i] + S[j][j]) - S[i][j], (p[i] - p[j]) / choose(near, total, difference));
+        const lanes twist = (p[i] + p[j]) / total;
+        const lanes even = positive(flip, mode), odd = positive(twist, mode);
+        same[o] = 0.5 * (even + odd);
+        cross[o] = 0.5 * (even - odd);
+    }
+    if (mode && !all_definite(S)) {
+        lanes A[3][3], Q[3][3];
         for (int i = 0; i < 3; ++i)
             for (int j = 0; j < 3; ++j)
-                C[i][j] = F[0][i] * F[0][j] + F[1][i] * F[1][j] + F[2][i] * F[2][j];
-        eigensystems(C, V);
-        for (int q = 0; q < 3; ++q) {
-            for (int a = 0; a < 3; ++a)
-                U[a][q] = F[a][0] * V[0][q] + F[a][1] * V[1][q] + F[a][2] * V[2][q];
-            s[q] = root(U[0][q] * U[0][q] + U[1][q] * U[1][q] + U[2][q] * U[2][q]);
-            for (int a = 0; a < 3; ++a)
-                U[a][q] /= s[q];
-        }
-        lanes p[3], S[3][3];
-        for (int l = 0; l < LANES; ++l) {
-            double all_of[3 + MAX_ISOTROPIC_PARAMETERS], w[3 + MAX_ISOTROPIC_PARAMETERS], first_by[3] = {0}, second_by[9] = {0};
-            for (int q = 0; q < 3; ++q)
-                all_of[q] = s[q][l];
-            for (int q = 0; q < np; ++q)
-                all_of[3 + q] = density->parameters[np * (first + (l < used ? l : 0)) + q];
-            for (int i = 0; i < ng; ++i)
-                w[i] = all_of[arguments[i]];
-            CALL(density->gradient, first_by, w, 0, unit_simplex);
-            for (int i = 0; i < nh; ++i)
-                w[i] = all_of[arguments[ng + i]];
-            CALL(density->hessian, second_by, w, 0, unit_simplex);
-            for (int i = 0; i < 3; ++i) {
-                p[i][l] = 6.0 * first_by[i]; /* the unit tetrahedron's volume is 1/6 */
-                for (int j = 0; j < 3; ++j)
-                    S[i][j][l] = 3.0 * (second_by[3 * i + j] + second_by[3 * j + i]);
+                A[i][j] = S[i][j];
+        eigensystems(1, &A, &Q);
+        const mask indefinite = (A[0][0] < all(0.0)) | (A[1][1] < all(0.0)) | (A[2][2] < all(0.0));
+        for (int i = 0; i < 3; ++i)
+            for (int j = 0; j < 3; ++j) {
+                lanes sum = all(0.0);
+                for (int q = 0; q < 3; ++q)
+                    sum += positive(A[q][q], mode) * Q[i][q] * Q[j][q];
+                S[i][j] = choose(indefinite, sum, S[i][j]);
             }
+    }
+    /* H[q][r] over the columns q and r of F V, 3 x 3 blocks in space: products of columns of U. */
+    lanes H[3][3][9], half[3][3][9];
+    for (int q = 0; q < 3; ++q)
+        for (int r = q; r < 3; ++r)
+            for (int a = 0; a < 9; ++a) {
+                const int i = a / 3, k = a % 3, m = (q + 1) % 3, n = (q + 2) % 3; /* the axes of (q, m) leave n out */
+                const lanes own = scale * S[q][r] * U[i][q] * U[k][r];
+                if (q == r)
+                    H[q][q][a] = own + scale * (same[n] * U[i][m] * U[k][m] + same[m] * U[i][n] * U[k][n]);
+                else
+                    H[q][r][a] = H[r][q][3 * k + i] = own + scale * cross[3 - q - r] * U[i][r] * U[k][q];
+            }
+    /* The same over columns of F. */
+    for (int j = 0; j < 3; ++j)
+        for (int r = 0; r < 3; ++r)
+            for (int a = 0; a < 9; ++a)
+                half[j][r][a] = V[j][0] * H[0][r][a] + V[j][1] * H[1][r][a] + V[j][2] * H[2][r][a];
+    for (int j = 0; j < 3; ++j)
+        for (int m = j; m < 3; ++m)
+            for (int a = 0; a < 9; ++a)
+                H[j][m][a] = half[j][0][a] * V[m][0] + half[j][1][a] * V[m][1] + half[j][2][a] * V[m][2];
+    block_t blocks[LANES][3][3];
+    for (int j = 0; j < 3; ++j)
+        for (int m = 0; m < 3; ++m) {
+            lanes one[8];
+            for (int a = 0; a < 8; ++a)
+                one[a] = j <= m ? H[j][m][a] : H[m][j][3 * (a % 3) + a / 3];
+            transpose(one);
+            for (int l = 0; l < LANES; ++l)
+                blocks[l][j][m] = (block_t){one[l], H[j < m ? j : m][j < m ? m : j][8][l]};
         }
-        lanes same[3], cross[3]; /* of the axes other than o: H over (F_ij, F_ij) and over (F_ij, F_ji) */
-        for (int o = 0; o < 3; ++o) {
-            const int i = (o + 1) % 3, j = (o + 2) % 3;
-            const lanes difference = s[i] - s[j], total = s[i] + s[j];
-            const mask near = size(difference) < 1e-5 * total; /* there the quotient's limit is exact to second order */
-            const lanes flip = choose(near, 0.5 * (S[i][i] + S[j][j]) - S[i][j], (p[i] - p[j]) / choose(near, total, difference));
-            const lanes twist = (p[i] + p[j]) / total;
-            const lanes even = positive(flip, mode), odd = positive(twist, mode);
-            same[o] = 0.5 * (even + odd);
-            cross[o] = 0.5 * (even - odd);
-        }
-        if (mode && !all_definite(S)) {
-            lanes A[3][3], Q[3][3];
+    for (int l = 0; l < used; ++l)
+        slots = add_blocks(3, cells, domain_at(3, cells, domains, first + l), blocks[l], slots, out);
+    return slots;
+}
+
+INLINE void isotropic(int cells, const domains_t *domains, const density_t *density, const density_t *second, const double *x, const int32_t *slots,
+                      int mode, double weight, double *out)
+{
+    for (int64_t first = 0; first < domains->count; first += GROUPS * LANES) {
+        lanes F[GROUPS][3][3], C[GROUPS][3][3], V[GROUPS][3][3];
+        for (int g = 0; g < GROUPS; ++g) {
+            gradients_of(3, cells, domains, first + g * LANES, x, F[g][0]);
             for (int i = 0; i < 3; ++i)
                 for (int j = 0; j < 3; ++j)
-                    A[i][j] = S[i][j];
-            eigensystems(A, Q);
-            const mask indefinite = (A[0][0] < all(0.0)) | (A[1][1] < all(0.0)) | (A[2][2] < all(0.0));
-            for (int i = 0; i < 3; ++i)
-                for (int j = 0; j < 3; ++j) {
-                    lanes sum = all(0.0);
-                    for (int q = 0; q < 3; ++q)
-                        sum += positive(A[q][q], mode) * Q[i][q] * Q[j][q];
-                    S[i][j] = choose(indefinite, sum, S[i][j]);
-                }
+                    C[g][i][j] = F[g][0][i] * F[g][0][j] + F[g][1][i] * F[g][1][j] + F[g][2][i] * F[g][2][j];
         }
-        /* H[q][r] over the columns q and r of F V, 3 x 3 blocks in space: products of columns of U. */
-        const lanes scale = weight * volume;
-        lanes H[3][3][9], half[3][3][9];
-        for (int q = 0; q < 3; ++q)
-            for (int r = q; r < 3; ++r)
-                for (int a = 0; a < 9; ++a) {
-                    const int i = a / 3, k = a % 3, m = (q + 1) % 3, n = (q + 2) % 3; /* the axes of (q, m) leave n out */
-                    const lanes own = scale * S[q][r] * U[i][q] * U[k][r];
-                    if (q == r)
-                        H[q][q][a] = own + scale * (same[n] * U[i][m] * U[k][m] + same[m] * U[i][n] * U[k][n]);
-                    else
-                        H[q][r][a] = H[r][q][3 * k + i] = own + scale * cross[3 - q - r] * U[i][r] * U[k][q];
-                }
-        /* The same over columns of F. */
-        for (int j = 0; j < 3; ++j)
-            for (int r = 0; r < 3; ++r)
-                for (int a = 0; a < 9; ++a)
-                    half[j][r][a] = V[j][0] * H[0][r][a] + V[j][1] * H[1][r][a] + V[j][2] * H[2][r][a];
-        for (int j = 0; j < 3; ++j)
-            for (int m = j; m < 3; ++m)
-                for (int a = 0; a < 9; ++a)
-                    H[j][m][a] = half[j][0][a] * V[m][0] + half[j][1][a] * V[m][1] + half[j][2][a] * V[m][2];
-        block_t blocks[LANES][3][3];
-        for (int j = 0; j < 3; ++j)
-            for (int m = 0; m < 3; ++m) {
-                lanes one[8];
-                for (int a = 0; a < 8; ++a)
-                    one[a] = j <= m ? H[j][m][a] : H[m][j][3 * (a % 3) + a / 3];
-                transpose(one);
-                for (int l = 0; l < LANES; ++l)
-                    blocks[l][j][m] = (block_t){one[l], H[j < m ? j : m][j < m ? m : j][8][l]};
-            }
-        for (int l = 0; l < used; ++l)
-            slots = add_blocks(3, cells, domain_at(3, cells, domains, first + l), blocks[l], slots, out);
+        eigensystems(GROUPS, C, V);
+        for (int g = 0; g < GROUPS && first + g * LANES < domains->count; ++g)
+            slots = add_hessians(cells, domains, density, second, first + g * LANES, F[g], V[g], slots, mode, weight, out);
     }
 }
 
-/* Adds weight times the Hessians of domains in 3D to blocks `out` (3 x 3 each), with slots and mode as in elements.c. */
-void isotropic_hessians(const domains_t *domains, const stretches_t *density, const double *x, const int32_t *slots, int mode, double weight, double *out)
+/* Adds weight times the Hessians of domains in 3D to blocks `out` (3 x 3 each), with slots and mode as in elements.c. `density` and `second` are the
+ * first and second derivatives of psi by the stretches. */
+void isotropic_hessians(const domains_t *domains, const density_t *density, const density_t *second, const double *x, const int32_t *slots, int mode,
+                        double weight, double *out)
 {
     if (domains->starts)
-        isotropic(0, domains, density, x, slots, mode, weight, out);
+        isotropic(0, domains, density, second, x, slots, mode, weight, out);
     else
-        isotropic(1, domains, density, x, slots, mode, weight, out);
+        isotropic(1, domains, density, second, x, slots, mode, weight, out);
 }
