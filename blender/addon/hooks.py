@@ -16,6 +16,8 @@ def begin_timer() -> None:
 
 
 def _look() -> float | None:
+    if bpy.app.is_job_running("RENDER"):  # it reads the objects from a thread of its own
+        return EVERY
     goes_on = tasks.step(bpy.context)
     for window in bpy.context.window_manager.windows:
         for area in window.screen.areas:
