@@ -40,6 +40,9 @@ from .meshes import (
 from .meshing.point_caches import (
     cached_surface as cached_surface,
 )
+from .meshing.vertex_groups import (
+    VertexGroup as VertexGroup,
+)
 from .potentials.assembly.hessian_blocks import (
     HessianBlocks as HessianBlocks,
 )

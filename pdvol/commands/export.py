@@ -21,6 +21,9 @@ def add_arguments(parser: ArgumentParser) -> None:
         choices=SHOWN_SURFACES,
         help="of bodies with a render mesh: that mesh (default), the simulated surface, or both",
     )
+    parser.add_argument(
+        "--no-crossings", action="store_true", help="do not look where render meshes cross, which may take longest"
+    )
     add_levels(parser)
     add_run_scene(parser)
 
@@ -33,6 +36,13 @@ def main(options: Namespace) -> None:
     allow_scenes(options, options.run)
     levels = stored_levels(options.levels, open_run(options.run))
     written, notes = export_run(
-        options.run, options.format, options.out, levels, options.fps, options.fields, options.surface
+        options.run,
+        options.format,
+        options.out,
+        levels,
+        options.fps,
+        options.fields,
+        options.surface,
+        not options.no_crossings,
     )
     print("\n".join([*map(str, written), *notes]))

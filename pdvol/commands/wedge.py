@@ -61,6 +61,7 @@ def add_arguments(parser: ArgumentParser) -> None:
     parser.add_argument("--sort", default="", metavar="NAME", help="a score, a parameter, cluster or number")
     parser.add_argument("--film", action="store_true", help="a film of all variations as well")
     parser.add_argument("--no-picture", action="store_true", help="do not draw sheet.png and scatter.png")
+    parser.add_argument("--tiles", action="store_true", help="each picture of sheet.png as tiles/NUMBER.png as well")
     parser.add_argument("--seek", default="", metavar="TEXT", help="search the ranges for the largest score")
     parser.add_argument("--runs", default="", metavar="N", help=f"at most, of --seek (default: {SEEK_RUNS})")
     parser.add_argument(
@@ -102,7 +103,7 @@ def _make(options: Namespace) -> None:
                 _seek(options, wedge, varies, executor)
             elif not _run(options, wedge, varies, executor):
                 return
-            entries, files = write_results(wedge, options.sort, not options.no_picture, options.film)
+            entries, files = write_results(wedge, options.sort, not options.no_picture, options.film, options.tiles)
     finally:
         if executor is not None:
             executor.close()

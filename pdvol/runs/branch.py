@@ -1,9 +1,11 @@
 """A new run that begins with the stored states of another one, and goes on with changed settings.
 
 Step s of a run follows from its states up to step s - 1 and the settings. So a branch at step s is sound where its
-states are those of a run with the same meshes, time step, integrator, obstacles and supports. What else differs
-(materials, loads, friction, solver) acts from step s + 1 on. A level that the first run had not brought to that step
-cannot be refined in the branch: it would have the new settings from its start. `run.json` names the first run.
+states are those of a run with the same meshes, time step and integrator, with the same supports, and obstacles and
+supports at the same places up to step s: their motions may differ from then on. What else differs (materials, loads,
+friction, solver) acts from step s + 1 on. A level that the first run had not brought to that step cannot be refined in
+the branch then: it would have the new settings from its start. Where motions alone differ, it can: up to step s they
+are the same. `run.json` names the first run.
 """
 
 from collections.abc import Sequence
@@ -13,8 +15,9 @@ import numpy as np
 
 from pdvol.errors import InputError
 from pdvol.levels.initial_state import count_intersections
-from pdvol.levels.obstacles import ground_of, placed_obstacles
-from pdvol.levels.script import Script
+from pdvol.levels.obstacles import ground_of, placed_obstacles, stored_obstacles
+from pdvol.levels.scene_fields import start_positions, support_label, supported_points
+from pdvol.levels.script import HeldPoints, Obstacle, Script
 from pdvol.levels.separation import build_apart
 from pdvol.runs.scene_file import DEFAULTS, Shot
 from pdvol.scene.fingerprint import differences
@@ -22,9 +25,12 @@ from pdvol.store.copying import copy_run, require_new
 from pdvol.store.files import write_bytes, write_json
 from pdvol.store.folder import hold, require_scene
 from pdvol.store.log import log_line, read_log
+from pdvol.store.obstacles import DrawnObstacle
 from pdvol.store.reader import Run, RunLevel, open_run
 
-SAME_PARTS = ("dt", "obstacles", "supports", "integrator")  # of a description: what a stored state depends on
+SAME_PARTS = ("dt", "supports", "integrator")  # of a description: what a stored state depends on
+MOVED_PARTS = ("obstacles", "supports")  # of a description: what may move in another way from the step on
+NOT_MOVED = 1e-6  # of the largest coordinate: two places are the same, which caches keep in single precision
 MEMORY = ("solver_memory", "rest")  # of a record: what a solver remembers, which other settings make void
 
 
@@ -62,17 +68,21 @@ def branch_run(shot: Shot, source: str | Path, step: int, out: str | Path, last:
             f"level {reached} of {source} has not reached step {step}, and would begin with other settings than level 0"
             f" did; go on with levels 0:{reached - 1}, or from an earlier step"
         )
-    _check_states(run.levels[: last + 1], shot, step, source)
+    _check_states(run, shot, step, last, source)
     info = copy_run(source, out, step + 1, last + 1)
+    before, now = {**DEFAULTS, **info["description"]}, _described(shot)
+    rest = [{key: value for key, value in d.items() if key not in MOVED_PARTS} for d in (before, now)]
+    whole = rest[0] == rest[1] and run.info.get("branched", {}).get("whole", True)
     with hold(out):
-        if {**DEFAULTS, **info["description"]} != _described(shot):
+        if before != now:
             _forget(out, step)
         info |= {
             "parameters": dict(shot.parameters),
             "description": shot.description(),
             "scene_file": "" if shot.file is None else str(shot.file),
             "steps": shot.scene.steps,
-            "branched": {"run": str(source.resolve()), "step": step, "parameters": run.info["parameters"]},
+            "branched": {"run": str(source.resolve()), "step": step, "parameters": run.info["parameters"]}
+            | {"whole": whole},
         }
         write_json(out / "run.json", info)
 
@@ -90,31 +100,95 @@ def _check_same(run: Run, shot: Shot, step: int) -> None:
     if run.info["method"] != "progressive":
         raise InputError(f"{run.path} was run with the method {run.info['method']}; only progressive runs go on")
     old, new = ({**d, "start": _starts(d)} for d in ({**DEFAULTS, **run.info["description"]}, _described(shot)))
+    for description in (old, new):
+        description["supports"] = [{k: v for k, v in s.items() if k != "motion"} for s in description["supports"]]
     for part in (*SAME_PARTS, "start"):
         changed = differences(old.get(part), new.get(part), f"scene.{part}")
         if changed:
             raise InputError(f"a run cannot go on from step {step} with another {part} ({changed[0]})")
 
 
-def _check_states(levels: Sequence[RunLevel], shot: Shot, step: int, source: Path) -> None:
-    """InputError unless the meshes are those of the scene, and its states at the step are free of intersections."""
+def _check_states(run: Run, shot: Shot, step: int, last: int, source: Path) -> None:
+    """InputError unless the meshes are those of the scene, obstacles and supports were where its motions have them, and
+    its states at the step are free of intersections.
+    """
     scene = shot.scene
     obstacles = placed_obstacles(scene.obstacles)
-    meshes, _ = build_apart(scene, len(levels), obstacles)
-    for level, mesh in zip(levels, meshes, strict=True):
+    _check_obstacles(run, obstacles, scene.dt, step)
+    meshes, _ = build_apart(scene, last + 1, obstacles)
+    ground = ground_of(scene.supports, obstacles, scene.dt * scene.steps)
+    for level, mesh in zip(run.levels[: last + 1], meshes, strict=True):
         for name in ("points", "cells", "bodies", "regions"):
             if not np.array_equal(getattr(level.mesh, name), getattr(mesh, name)):
                 raise InputError(
                     f"a run cannot go on from step {step} with another mesh or placement ({name} of level"
                     f" {level.index} differ from those in {source})"
                 )
+        _check_supports(run, level, shot, step, obstacles, ground)
         if scene.contact:
-            script = Script((), obstacles, ground_of(scene.supports, obstacles, scene.dt * scene.steps))
+            script = Script((), obstacles, ground)
             places = script.placed(step * scene.dt, script.recorded_lags(level.behind(step), level.late(step)))
             names = [body.name for body in scene.bodies]
             count = count_intersections(mesh, level.positions(step), obstacles, names, places)
             if count:
                 raise InputError(f"level {level.index} has {count} intersections at step {step}; contact cannot begin")
+
+
+def _check_obstacles(run: Run, obstacles: Sequence[Obstacle], dt: float, step: int) -> None:
+    """InputError unless the obstacles are those of the run, and where that has them up to the step."""
+    drawn = run.obstacles
+    if [(o.name, o.kind) for o in drawn] != [(o.name, o.kind) for o in obstacles]:
+        names = [", ".join(o.name for o in those) or "none" for those in (drawn, obstacles)]
+        raise InputError(f"a run cannot go on from step {step} with other obstacles ({names[0]} -> {names[1]})")
+    for before, now in zip(drawn, stored_obstacles(obstacles, dt, step), strict=True):
+        other = DrawnObstacle(before.name, before.kind, {k: v for k, v in now.items() if k not in ("name", "kind")})
+        for key in ("faces", "edges"):
+            if not np.array_equal(before.arrays.get(key, ()), other.arrays.get(key, ())):
+                raise InputError(f"a run cannot go on from step {step} with another shape of obstacle {before.name!r}")
+        for number in range(step + 1):
+            at = [np.concatenate(o.plane(number)) if o.kind == "plane" else o.vertices(number) for o in (before, other)]
+            if not _same_place(*at):
+                raise InputError(_moved_otherwise(f"obstacle {before.name!r}", number, step))
+
+
+def _check_supports(
+    run: Run, level: RunLevel, shot: Shot, step: int, obstacles: Sequence[Obstacle], ground: Sequence[Obstacle]
+) -> None:
+    """InputError unless what supports hold was where their motions have it up to the step; supports that are described
+    as before were.
+    """
+    scene = shot.scene
+    before, now = ([s.get("motion") for s in d["supports"]] for d in (run.info["description"], shot.description()))
+    if before == now:
+        return
+    start = start_positions(scene, level.mesh, level.index)
+    held = []
+    for support in scene.supports:
+        mask, motion = supported_points(scene, support, level.mesh, level.index, start)
+        held.append(HeldPoints(mask, start[mask], motion, support.release))
+    script = Script(held, obstacles, ground)
+    for number in range(1, step + 1):
+        time = number * scene.dt
+        placed = script.at(time, script.recorded_lags(level.behind(number), level.late(number)))
+        positions = level.positions(number)
+        for i, points in enumerate(held):
+            if before[i] != now[i] and points.holds(time - scene.dt, scene.dt):
+                place = placed.place(points, time) if points.moves else points.points
+                if not _same_place(positions[points.mask], place):
+                    raise InputError(_moved_otherwise(support_label(scene.supports[i], level.index), number, step))
+
+
+def _same_place(one: np.ndarray, other: np.ndarray) -> bool:
+    return one.shape == other.shape and bool(
+        np.abs(one - other).max(initial=0.0) <= NOT_MOVED * np.abs(one).max(initial=1.0)
+    )
+
+
+def _moved_otherwise(what: str, number: int, step: int) -> str:
+    return (
+        f"a run cannot go on from step {step}: {what} is elsewhere at step {number}; its motion may differ from step"
+        f" {step + 1} on, or go on from an earlier step"
+    )
 
 
 def _forget(out: Path, step: int) -> None:

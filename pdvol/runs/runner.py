@@ -279,7 +279,7 @@ def _prepare(shot: Shot, out: Path, last: int, method: str, prolongation: str, r
     if replace:
         return prepared_levels(shot.scene, last)
     stored = [level.mesh for level in run.levels[: _same_levels(run, shot, last, method, prolongation)]]
-    if stored and "branched" in run.info and len(stored) <= last:
+    if stored and not run.info.get("branched", {"whole": True}).get("whole") and len(stored) <= last:
         raise InputError(
             f"{out} went on from step {run.info['branched']['step']} of another run, and has no level {len(stored)} of"
             f" that one; it has levels 0:{len(stored) - 1}"

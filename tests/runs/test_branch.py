@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from cli_scenes import FALL, pdvol, write
+from cli_scenes import FALL, SQUARE, pdvol, write
 from pdvol.store.reader import open_run
 
 STEPS, AT = 10, 4
@@ -94,3 +94,78 @@ def test_the_records_belong_to_the_states(folder):
     branch(folder, "records", "--set", "young=8e3")
     records = [json.loads(line) for line in (folder / "records" / "log.jsonl").read_text().splitlines()]
     assert [r["step"] for r in records if r["level"] == 0] == list(range(1, STEPS + 1))
+
+
+PRESSED = (
+    SQUARE
+    + """
+
+def at(x, t, pushed, turn):
+    \"\"\"Downward by 0.1 m/s; from t = 0.08 s on `pushed` times as fast. `turn` s earlier it is elsewhere.\"\"\"
+    return x - np.array([0.0, 0.1 * t + 0.1 * (pushed - 1.0) * max(t - 0.08 + turn, 0.0)])
+
+
+def scene(pushed=1.0, led=1.0, turn=0.0, wide=0.01, name="press", steps=10, sizes=(2, 4)):
+    press = Outline([(-0.5, 1.005), (1.5, 1.005), (1.5, 1.2), (-0.5, 1.2)])
+    return Scene(
+        bodies=(Body(tuple(square(n) for n in sizes), NeoHookean(2e4), name="square"),),
+        obstacles=(Rigid(press, name=name, motion=lambda x, t: at(x, t, pushed, turn)),),
+        supports=(Support(lambda X: X[:, 1] < wide, motion=lambda x, t: at(x, t, led, turn)),),
+        contact=(Barrier(), Friction(0.3)),
+        dt=0.02,
+        steps=steps,
+    )
+"""
+)
+
+
+@pytest.fixture(scope="module")
+def pressed(tmp_path_factory):
+    made = tmp_path_factory.mktemp("pressed")
+    write(made / "fall.py", PRESSED)
+    assert run(made, "whole") == 0
+    assert run(made, "preview", "--levels", "0") == 0
+    return made
+
+
+OTHER = {"obstacle": "pushed=4", "support": "led=-1"}
+
+
+@pytest.mark.parametrize("which", OTHER)
+def test_motions_may_differ_from_that_step_on(pressed, which):
+    """Up to the step it is the old run, and from there on the run that has the other motion from the start."""
+    word = OTHER[which]
+    assert branch(pressed, f"new_{which}", "--set", word) == 0
+    assert run(pressed, f"straight_{which}", "--set", word) == 0
+    for level in (0, 1):
+        new, old, straight = (states(pressed, name, level) for name in (f"new_{which}", "whole", f"straight_{which}"))
+        assert [np.array_equal(a, b) for a, b in zip(new, old, strict=True)] == [
+            step <= AT for step in range(STEPS + 1)
+        ]
+        assert np.abs(new[-1] - old[-1]).max() > 1e-3
+        assert np.abs(new[-1] - straight[-1]).max() < 1e-5
+    assert open_run(pressed / f"new_{which}").info["branched"]["whole"]
+    assert pdvol("verify", pressed / f"new_{which}") == 0
+
+
+def test_a_preview_with_another_motion_can_be_refined(pressed):
+    assert branch(pressed, "shown", "--levels", "0", "--set", "pushed=2", source="preview") == 0
+    assert pdvol("refine", pressed / "shown", "--to", 1, "--no-picture", "--no-xdmf") == 0
+    assert run(pressed, "straight", "--set", "pushed=2") == 0
+    assert np.abs(states(pressed, "shown", 1)[-1] - states(pressed, "straight", 1)[-1]).max() < 1e-5
+
+
+@pytest.mark.parametrize(
+    "words, reason",
+    [
+        (["--set", "pushed=2", "--set", "turn=0.03"], "obstacle 'press' is elsewhere at step 3"),
+        (["--set", "led=2", "--set", "turn=0.03"], "a support of all bodies, level 0 is elsewhere at step 3"),
+        (["--set", "wide=0.3"], "another supports"),
+        (["--set", "name=plate"], "with other obstacles (press -> plate)"),
+    ],
+)
+def test_what_was_elsewhere_before_is_refused(pressed, capsys, words, reason):
+    assert branch(pressed, "refused", *words) == 2
+    said = capsys.readouterr().err
+    assert reason in said and said.count("\n") == 1
+    assert not (pressed / "refused").exists()

@@ -13,7 +13,8 @@ def test_one_version():
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     cited = re.search(r"^version: (.+)$", (ROOT / "CITATION.cff").read_text(), re.MULTILINE)
     changed = re.search(r"^## (\S+)$", (ROOT / "CHANGELOG.md").read_text(), re.MULTILINE)
-    assert project["version"] == pdvol.__version__ == cited[1] == changed[1]
+    extension = tomllib.loads((ROOT / "blender" / "blender_manifest.toml").read_text())
+    assert project["version"] == pdvol.__version__ == cited[1] == changed[1] == extension["version"]
 
 
 def test_one_licence():
@@ -22,6 +23,8 @@ def test_one_licence():
     cited = re.search(r"^license: (.+)$", (ROOT / "CITATION.cff").read_text(), re.MULTILINE)
     assert project["license"] == cited[1] == "LGPL-3.0-or-later"
     assert cited[1] in (ROOT / "README.md").read_text() and cited[1] in (ROOT / "CONTRIBUTING.md").read_text()
+    extension = tomllib.loads((ROOT / "blender" / "blender_manifest.toml").read_text())
+    assert extension["license"] == [f"SPDX:{cited[1]}"]
     assert project["license-files"] == ["COPYING", "COPYING.LESSER"]
     assert "GNU LESSER GENERAL PUBLIC LICENSE" in (ROOT / "COPYING.LESSER").read_text()
     assert "GNU GENERAL PUBLIC LICENSE" in (ROOT / "COPYING").read_text()
@@ -31,7 +34,7 @@ def test_no_file_has_a_licence_header():
     """What is copied from elsewhere keeps its own licence, in a folder `vendor` with the licence's text."""
     header = re.compile(r"SPDX-License-Identifier|copyright (\(c\)|\d{4})|licensed under|all rights reserved", re.I)
     ours, theirs = [], []
-    for top in ("pdvol", "forms", "meshes", "benchmarks", "demos", "docs/_site", "packaging", ".ci"):
+    for top in ("pdvol", "forms", "meshes", "blender", "benchmarks", "demos", "docs/_site", "packaging", ".ci"):
         for file in sorted((ROOT / top).rglob("*")):
             if file.is_file() and "__pycache__" not in file.parts:
                 (theirs if "vendor" in file.parts else ours).append(file)

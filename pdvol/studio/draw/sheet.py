@@ -59,7 +59,12 @@ class Tile:
 
 
 def sheet_image(
-    tiles: Sequence[Tile], out: str | Path, columns: int | None = None, step: int | None = None, turn: float = 0.0
+    tiles: Sequence[Tile],
+    out: str | Path,
+    columns: int | None = None,
+    step: int | None = None,
+    turn: float = 0.0,
+    apart: Path | None = None,
 ) -> Path:
     """Draw the tiles, in the order given, into a .png.
 
@@ -70,6 +75,7 @@ def sheet_image(
     columns : chosen from the number of tiles when None
     step : drawn of each run; its last one when None, or where it ended before
     turn : angle of the camera about a 3D scene, from the front to its right [degrees]
+    apart : a folder that gets the picture of each tile as a file of its own, `TITLE.png`
 
     Returns
     -------
@@ -91,6 +97,8 @@ def sheet_image(
         for number, tile in enumerate(tiles):
             shown = None if tile.run is None else pictures.of(number, step)
             layout.put(sheet, number, shown)
+            if apart is not None and shown is not None:
+                write_png(apart / f"{tile.title}.png", shown, optimize=False)
     return write_png(out, sheet, optimize=False)
 
 

@@ -24,6 +24,7 @@ def export_run(
     fps: float | None = None,
     with_fields: bool = False,
     surface: str | None = None,
+    crossings: bool = True,
 ) -> tuple[list[Path], list[str]]:
     """Export a stored run, finished or not, into the folder `out`.
 
@@ -36,6 +37,7 @@ def export_run(
     fps : frames a second, for formats that resample; the format's own choice when None
     with_fields : contact forces, strains and stresses in usd, which leaves them out otherwise
     surface : of bodies with a render mesh, one of `pdvol.registry.SHOWN_SURFACES`; the mesh where None
+    crossings : whether to look where render meshes cross
 
     Returns
     -------
@@ -67,7 +69,7 @@ def export_run(
         written = writer(run, levels, Path(out), fields, **chosen)
     drawn = "surface" in signature(writer).parameters and surface != CONTACT_SURFACE
     crossed = []
-    if drawn and run.render_meshes:
+    if crossings and drawn and run.render_meshes:
         with stage("measuring how render meshes cross"):
             crossed = render_lines(run, levels)
     covered = _covered_bodies(run) if with_fields and surface in (None, RENDER) else []

@@ -72,7 +72,7 @@ def scored_bodies(scores: Sequence[str], bodies: Sequence[str]) -> list[str]:
 
 
 def write_results(
-    wedge: Wedge, sort: str = "", sheet: bool = True, film: bool = False
+    wedge: Wedge, sort: str = "", sheet: bool = True, film: bool = False, apart: bool = False
 ) -> tuple[list[dict], list[Path]]:
     """Group the variations, draw what is wanted, and write wedge.json.
 
@@ -80,6 +80,7 @@ def write_results(
     ----------
     sheet : whether to draw sheet.png, and scatter.png where there are scores
     film : whether to write sheet.mp4
+    apart : whether the sheet's pictures are also written as files of their own, `tiles/NUMBER.png`
     sort : as `ordered` takes it; `default_sort` where empty
 
     Returns
@@ -103,7 +104,7 @@ def write_results(
     shown = entries[:MOST_TILES]
     drawn = tiles(shown, wedge.runs(shown))
     if sheet:
-        files.append(sheet_image(drawn, wedge.out / "sheet.png"))
+        files.append(sheet_image(drawn, wedge.out / "sheet.png", apart=wedge.out / "tiles" if apart else None))
         scatter = draw_scatter(wedge.out / "scatter.png", entries)
         files += [scatter] if scatter else []
     if film:

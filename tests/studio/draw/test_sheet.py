@@ -63,6 +63,19 @@ def test_every_tile_is_drawn(tiles, tmp_path):
     assert labels[0] > labels[1] > labels[3] > 0
 
 
+def test_pictures_are_also_written_apart(tiles, tmp_path):
+    """Each is what the sheet has at its place; there is none of what has no state."""
+    path = sheet_image(tiles, tmp_path / "sheet.png", apart=tmp_path / "tiles")
+    sheet, layout = pictures(path, tiles)
+    assert sorted(file.name for file in (tmp_path / "tiles").iterdir()) == ["0.png", "2.png"]
+    picture = np.asarray(Image.open(tmp_path / "tiles" / "0.png").convert("RGB"), dtype=int)
+    width, height = layout.picture
+    assert picture.shape[:2] == (height, width)
+    top = layout.tile_size[1] - sheet[0].shape[0] + 6  # below the cluster's rule
+    inside = slice(top + 2, top + height - 2), slice(2, width - 2)
+    assert np.array_equal(sheet[0][inside], picture[2 : height - 2, 2 : width - 2])
+
+
 def test_a_step_is_chosen(tiles, tmp_path):
     first, last = (sheet_image(tiles[:1], tmp_path / f"{step}.png", step=step) for step in (0, None))
     assert (pictures(first, tiles[:1])[0][0] != pictures(last, tiles[:1])[0][0]).any()

@@ -1,0 +1,54 @@
+"""The command lines of pdvol that buttons stand for, after the words that start pdvol."""
+
+from collections.abc import Mapping
+from pathlib import Path
+
+QUIET = ("--no-picture", "--no-xdmf")  # Blender draws
+
+
+def check(scene: Path, findings: Path) -> list[str]:
+    """What would stop or spoil a run, and what levels cost; it is also written as JSON."""
+    return ["check", str(scene), "--json", str(findings)]
+
+
+def repair(open_mesh: Path, closed: Path) -> list[str]:
+    """Close a surface."""
+    return ["repair", str(open_mesh), "-o", str(closed)]
+
+
+def preview(scene: Path, run: Path) -> list[str]:
+    """Level 0; replaces a preview that is there."""
+    return ["preview", str(scene), "-o", str(run), *QUIET]
+
+
+def resume(scene: Path, run: Path, last: int, settings: Mapping[str, str]) -> list[str]:
+    """Levels 0 to `last` of a run, going on with what is stored."""
+    words = [word for name, value in settings.items() for word in ("--set", f"{name}={value}")]
+    return ["run", str(scene), "--levels", f"0:{last}", "-o", str(run), "--resume", *words, *QUIET]
+
+
+def refine(run: Path, last: int) -> list[str]:
+    """The finer levels of a run, up to `last`."""
+    return ["refine", str(run), "--to", str(last), *QUIET]
+
+
+def branch(scene: Path, source: Path, step: int, run: Path, last: int) -> list[str]:
+    """A new run that begins with the states of another one."""
+    begin = ["--branch", str(source), "--at", str(step)]
+    return ["run", str(scene), "--levels", f"0:{last}", *begin, "-o", str(run), *QUIET]
+
+
+def wedge(scene: Path, out: Path, name: str, first: float, last: float, count: int) -> list[str]:
+    """Many variations of level 0, and their contact sheet."""
+    return ["wedge", str(scene), "--vary", f"{name}={first:.6g}:{last:.6g}:{count}", "-o", str(out), "--tiles"]
+
+
+def pick(out: Path, number: int, run: Path) -> list[str]:
+    """One of them as a run of its own."""
+    return ["pick", str(out), str(number), "-o", str(run), *QUIET]
+
+
+def export(run: Path, level: int, fps: float, out: Path) -> list[str]:
+    """A level as point caches at the frames of Blender's scene."""
+    frames = ["--levels", f"{level}:{level}", "--fps", f"{fps:.12g}", "--no-crossings"]
+    return ["export", str(run), "--format", "pc2", *frames, "-o", str(out)]

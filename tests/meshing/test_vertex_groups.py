@@ -1,0 +1,119 @@
+"""Parts of bodies that weights of a surface mark: by hand on a box, on all levels, in a description of the scene."""
+
+import numpy as np
+import pytest
+
+import pdvol
+from pdvol import Barrier, Body, Gravity, NeoHookean, Region, Scene, Support, VertexGroup, meshes
+from pdvol.errors import InputError
+from pdvol.levels.materials import cell_materials
+from pdvol.scene.fingerprint import describe, differences
+
+BOX = meshes.box((1.0, 2.0, 3.0))
+TOP = BOX.vertices[:, 2] > 1.49
+
+
+def saved(folder, surface, weights):
+    lines = ["v {!r} {!r} {!r}".format(*row) for row in surface.vertices.tolist()]
+    lines += ["f {} {} {}".format(*row) for row in (surface.triangles + 1).tolist()]
+    (folder / "box.obj").write_text("\n".join(lines) + "\n")
+    (folder / "top.txt").write_text("\n".join(map(str, weights)) + "\n")
+    return folder / "box.obj", folder / "top.txt"
+
+
+def test_points_near_marked_faces_belong_to_the_group():
+    group = VertexGroup(BOX, TOP.astype(float), reach=0.1)
+    reach = 0.1 * np.sqrt(14.0)
+    X = np.array([[0, 0, 1.5], [0, 0, 1.5 - 0.99 * reach], [0, 0, 1.5 - 1.01 * reach], [0.5, 1.0, 1.5], [0, 0, -1.5]])
+    assert group(X).tolist() == [True, True, False, True, False]
+
+
+def test_an_edge_and_a_vertex_can_be_marked_alone():
+    edge = TOP & (BOX.vertices[:, 0] > 0.49)
+    assert edge.sum() == 2  # the corners of a box with one face a side
+    group = VertexGroup(BOX, edge.astype(float), reach=0.02)
+    along = np.column_stack([np.full(41, 0.5), np.linspace(-1.0, 1.0, 41), np.full(41, 1.5)])
+    assert group(along).all()
+    assert not group(along - np.array([0.1, 0.0, 0.0])).any()
+    corner = (edge & (BOX.vertices[:, 1] > 0.0)).astype(float)
+    assert VertexGroup(BOX, corner, reach=0.02)(along).nonzero()[0].tolist() == [
+        39,
+        40,
+    ]  # 0.075 m, and 0.05 m between points
+
+
+def test_a_filled_group_has_what_is_nearest_to_marked_weights_at_any_depth():
+    group = VertexGroup(BOX, TOP.astype(float), filled=True)
+    heights = np.array([1.4, 0.9, 0.1, -0.1, -1.4])
+    sides = np.column_stack([np.full(5, 0.49), np.zeros(5), heights])  # half of the weight is half of the height
+    assert group(sides).tolist() == [True, True, True, False, False]
+    assert VertexGroup(BOX, np.ones(len(BOX.vertices)), filled=True)(np.zeros((1, 3))).all()
+
+
+def test_files_say_the_same_and_are_part_of_the_scene(tmp_path):
+    surface, weights = saved(tmp_path, BOX, TOP.astype(float))
+    X = np.random.default_rng(0).uniform(-1.5, 1.5, (200, 3))
+    group = VertexGroup(surface, weights)
+    assert 0 < group(X).sum() < 200
+    assert np.array_equal(group(X), VertexGroup(BOX, TOP.astype(float))(X))
+    before = describe(group)
+    weights.write_text(weights.read_text().replace("0.0", "1.0"))
+    assert differences(before, describe(VertexGroup(surface, weights))) == [
+        "scene.weights: the contents of top.txt have changed"
+    ]
+
+
+def test_a_pinned_and_a_stiff_part_are_the_same_on_all_levels(tmp_path):
+    """A bar hangs by its end; its other end is a hundred times as stiff."""
+    bar = meshes.box((1.0, 0.2, 0.2), (10, 2, 2))
+    left, right = (bar.vertices[:, 0] < -0.49).astype(float), (bar.vertices[:, 0] > 0.2).astype(float)
+    body = Body(
+        bar,
+        NeoHookean(1e5),
+        (80, 250),
+        name="bar",
+        regions=(Region(NeoHookean(1e7), VertexGroup(bar, right, filled=True)),),
+    )
+    held = Support(VertexGroup(bar, left, reach=0.01), body="bar")
+    scene = Scene(
+        (body,), dt=0.02, steps=3, supports=(held,), loads=(Gravity((0.0, 0.0, -9.81)),), contact=(Barrier(),)
+    )
+    run = pdvol.run(scene, tmp_path / "run")
+    for level in run.levels:
+        end = level.rest[:, 0] < -0.49
+        assert end.sum() >= 4
+        assert np.array_equal(level.positions(3)[end], level.rest[end])
+        assert (
+            level.positions(3)[level.rest[:, 0] > 0.0, 2].mean() < level.rest[level.rest[:, 0] > 0.0, 2].mean() - 1e-3
+        )
+    centres = run.levels[0].rest[run.levels[0].mesh.cells].mean(axis=1)[:, 0]
+    young = cell_materials(scene, run.levels[0].mesh).young
+    assert (young[centres > 0.25] == 1e7).all() and (young[centres < 0.05] == 1e5).all()
+
+
+@pytest.mark.parametrize(
+    ("weights", "said"),
+    [
+        (np.zeros(8), "no vertex has a weight of 0.5 or more"),
+        (np.ones(7), "7 weights for 8 vertices"),
+        (np.full(8, np.nan), "NaN or infinity"),
+    ],
+)
+def test_weights_that_do_not_fit_are_refused(weights, said):
+    with pytest.raises(InputError, match=said):
+        VertexGroup(BOX, weights)(np.zeros((1, 3)))
+
+
+def test_files_that_cannot_be_read_are_refused(tmp_path):
+    surface, weights = saved(tmp_path, BOX, TOP.astype(float))
+    X = np.zeros((1, 3))
+    with pytest.raises(InputError, match="no such file; check VertexGroup.surface"):
+        VertexGroup(tmp_path / "none.obj", weights)(X)
+    with pytest.raises(InputError, match="no such file; check VertexGroup.weights"):
+        VertexGroup(surface, tmp_path / "none.txt")(X)
+    weights.write_text("1 2 three")
+    with pytest.raises(InputError, match="write one number on a line"):
+        VertexGroup(surface, weights)(X)
+    surface.write_text("v 0 0 0\nf 1 2\n")
+    with pytest.raises(InputError, match="export the OBJ again"):
+        VertexGroup(surface, weights)(X)
