@@ -24,6 +24,7 @@ GROUPS = {
     "impact": ("impact_45", "impact_100", "impact_150"),
     "20k": ("drop_20k", "twist_20k"),
     "100k": ("twist_100k", "twist_100k_levels"),
+    "1m": ("twist_300k", "twist_1m"),
 }
 """Scenes by group, the cheap ones first; `all` is all of them."""
 TOLERANCE = 1e-3
