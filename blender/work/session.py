@@ -16,9 +16,8 @@ from .play import make_caches
 from .process import Process
 from .progress import RunProgress
 
-PAUSE = (
-    4.0  # times an export's duration between the end of one and the beginning of the next: they take a fifth at most
-)
+# an export's duration, times this, is the pause before the next one: exports take a fifth of the time at most
+PAUSE = 4.0
 LEAST_PAUSE = 1.5  # seconds between the same
 
 

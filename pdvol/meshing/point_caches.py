@@ -15,7 +15,7 @@ import numpy as np
 
 from pdvol.errors import InputError
 from pdvol.meshes import Outline, Surface
-from pdvol.meshing.surface_files import read_obj
+from pdvol.meshing.surface_files import named_obj
 from pdvol.meshing.validate import outline_edges
 from pdvol.registry import STUDIO
 from pdvol.scene import Placement, PointCache
@@ -125,13 +125,7 @@ def _faces(cache: PointCache, points: np.ndarray) -> np.ndarray:
     """The faces that the scene gives."""
     faces: Any = cache.faces
     if isinstance(faces, (str, Path)):
-        path = Path(faces).expanduser()
-        try:
-            vertices, faces = read_obj(path)
-        except FileNotFoundError as error:
-            raise InputError(f"{path}: there is no such file; check PointCache.faces") from error
-        except (OSError, ValueError, IndexError) as error:
-            raise InputError(f"{path}: unreadable ({' '.join(str(error).split())}); export the OBJ again") from error
+        path, vertices, faces = named_obj(faces, "PointCache.faces")
         if len(vertices) != points.shape[1]:
             raise InputError(
                 f"{path} has {len(vertices):,} vertices and {cache.label} {points.shape[1]:,} points; export both from"

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pdvol.errors import InputError
 from pdvol.meshing.file_kinds import promised_faces
 from pdvol.meshing.polygons import cut_faces, cut_polygons
 
@@ -67,6 +68,27 @@ def read_obj(path: Path) -> tuple[np.ndarray, np.ndarray]:
     found = parse_obj(path)
     places = np.array(found.points).reshape(-1, 3)
     return places, cut_faces(places, found.faces)
+
+
+def named_obj(file: str | Path, whose: str) -> tuple[Path, np.ndarray, np.ndarray]:
+    """The path of an OBJ file that a scene names, its points and its triangles.
+
+    Parameters
+    ----------
+    whose : the field that names it, as "PointCache.faces"
+
+    Raises
+    ------
+    InputError
+        It is missing or unreadable.
+    """
+    path = Path(file).expanduser()
+    try:
+        return path, *read_obj(path)
+    except FileNotFoundError as error:
+        raise InputError(f"{path}: there is no such file; check {whose}") from error
+    except (OSError, ValueError, IndexError) as error:
+        raise InputError(f"{path}: unreadable ({' '.join(str(error).split())}); export the OBJ again") from error
 
 
 def with_trimesh(path: Path) -> tuple[np.ndarray, np.ndarray]:

@@ -11,7 +11,7 @@ from scipy.spatial import cKDTree
 from pdvol.errors import InputError
 from pdvol.geometry.boundary_search import nearest_points
 from pdvol.meshes import Surface
-from pdvol.meshing.surface_files import read_obj
+from pdvol.meshing.surface_files import named_obj
 from pdvol.scene import Placement
 from pdvol.scene.checks import keep_plain, positive, require
 from pdvol.scene.point_caches import kept_array
@@ -92,13 +92,7 @@ class VertexGroup:
 def _surface(surface: str | Path | Surface) -> tuple[np.ndarray, np.ndarray]:
     if isinstance(surface, Surface):
         return np.asarray(surface.vertices, dtype=float), np.asarray(surface.triangles, dtype=np.int64)
-    path = Path(surface).expanduser()
-    try:
-        vertices, triangles = read_obj(path)
-    except FileNotFoundError as error:
-        raise InputError(f"{path}: there is no such file; check VertexGroup.surface") from error
-    except (OSError, ValueError, IndexError) as error:
-        raise InputError(f"{path}: unreadable ({' '.join(str(error).split())}); export the OBJ again") from error
+    path, vertices, triangles = named_obj(surface, "VertexGroup.surface")
     if not len(triangles):
         raise InputError(f"{path}: no faces; VertexGroup.surface is a surface")
     return np.asarray(vertices, dtype=float), np.asarray(triangles, dtype=np.int64)

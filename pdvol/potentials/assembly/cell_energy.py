@@ -89,8 +89,8 @@ class CellEnergy(Term):
 
     def _compile(self, psi: Callable, model: Callable | None, parameters: Mapping[str, np.ndarray]) -> None:
         space, d = self.space, self.space.dim
-        F, coefficients = ufl.Coefficient(tensors((d, d))), {name: ufl.Coefficient(tensors()) for name in parameters}
-        v, w = ufl.TestFunction(tensors((d, d))), ufl.TrialFunction(tensors((d, d)))
+        F, v, w = (kind(tensors((d, d))) for kind in (ufl.Coefficient, ufl.TestFunction, ufl.TrialFunction))
+        coefficients = {name: ufl.Coefficient(tensors()) for name in parameters}
         names = {coefficient: name for name, coefficient in coefficients.items()}
         compiled = lambda form: _Density(space.comm, form, names, parameters, len(self.domains))
         density = psi(F, **coefficients) * ONE_POINT
@@ -105,13 +105,10 @@ class CellEnergy(Term):
             and parameters
             and (self._is_isotropic() if self._isotropic is None else self._isotropic)
         ):
-            s, change = (
-                ufl.Coefficient(tensors((3,))),
-                [f(tensors((3,))) for f in (ufl.TestFunction, ufl.TrialFunction)],
-            )
+            s, one, other = (kind(tensors((3,))) for kind in (ufl.Coefficient, ufl.TestFunction, ufl.TrialFunction))
             diagonal = ufl.as_matrix([[s[i] if i == j else 0 for j in range(3)] for i in range(3)])
-            by_one = ufl.derivative(psi(diagonal, **coefficients) * ONE_POINT, s, change[0])
-            self._stretches = compiled(by_one), compiled(ufl.derivative(by_one, s, change[1]))
+            slope = ufl.derivative(psi(diagonal, **coefficients) * ONE_POINT, s, one)
+            self._stretches = compiled(slope), compiled(ufl.derivative(slope, s, other))
         else:
             self._second = compiled(ufl.derivative(first, F, w))
 

@@ -16,7 +16,7 @@ from ffcx.codegeneration import get_include_path
 from mpi4py import MPI
 
 from pdvol import compat
-from pdvol.compiled import FLAGS, build, ffi
+from pdvol.compiled import FLAGS, build, compiler, ffi
 from pdvol.errors import InputError
 from pdvol.parallel import on_root
 from pdvol.potentials.assembly.compiled_forms import kept_folder
@@ -78,7 +78,7 @@ class Kernel:
     """
 
     def __init__(self, comm: MPI.Comm, form: ufl.Form):
-        with kept_folder(comm, form, f"{SOURCE} {LANES} {FLAGS}") as (folder, new):
+        with kept_folder(comm, form, f"{SOURCE} {LANES} {FLAGS} {compiler()}") as (folder, new):
             if new:
                 on_root(comm, lambda: _compile(form, folder))
             self._library = ffi.dlopen(str(folder / BUILT))

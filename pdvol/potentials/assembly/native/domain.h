@@ -75,19 +75,24 @@ INLINE int lanes_used(int64_t count, int64_t first)
     return count - first < LANES ? (int)(count - first) : LANES;
 }
 
-/* The same of the domains from `first` on, one a lane. Lanes without a domain have that of the last one. */
+/* The domain of a lane, from `first` on; the last one again where there is none. */
+INLINE domain_t domain_in(int d, int cells, const domains_t *domains, int64_t first, int lane)
+{
+    return domain_at(d, cells, domains, first + lane < domains->count ? first + lane : domains->count - 1);
+}
+
+/* F of the domains from `first` on. */
 INLINE void gradients_of(int d, int cells, const domains_t *domains, int64_t first, const double *v, lanes *F)
 {
-    const int64_t last = domains->count - 1;
     for (int l = 0; l < LANES; ++l) {
         double one[9];
-        gradient_of(d, domain_at(d, cells, domains, first + l < last ? first + l : last), v, one);
+        gradient_of(d, domain_in(d, cells, domains, first, l), v, one);
         for (int a = 0; a < d * d; ++a)
             F[a][l] = one[a];
     }
 }
 
-/* The volumes of these domains. */
+/* The volumes of the domains from `first` on. */
 INLINE lanes volumes_of(const domains_t *domains, int64_t first)
 {
     lanes volume = {0.0};

@@ -1,8 +1,9 @@
 /* Loops over domains around compiled UFL kernels of energy densities psi(F): energies, gradients, and Hessians filtered to be positive
  * semi-definite.
  *
- * A kernel is that of psi, of its d x d first derivatives or of its d^2 x d^2 second ones, row-major. A domain's energy is its volume times psi, and its Hessian over the positions is K' H K: H is what is filtered, which is cheaper than the
- * whole block and does not depend on the domain's shape (Smith, de Goes, Kim 2019). */
+ * A kernel is that of psi, of its d x d first derivatives or of its d^2 x d^2 second ones, row-major. A domain's energy is its volume times psi,
+ * and its Hessian over the positions is K' H K: H is what is filtered, which is cheaper than the whole block and does not depend on the domain's
+ * shape (Smith, de Goes, Kim 2019). */
 #include <math.h>
 #include <string.h>
 
@@ -206,7 +207,8 @@ INLINE void volume_along(int d, const lanes *E, const lanes *P, lanes *c)
         }
 }
 
-/* What has the sign of det F and changes with it, at v, of the domains from `first` on: a cell's edges (d x d) from its first vertex on, or F itself. */
+/* What has the sign of det F and changes with it, at v, of the domains from `first` on: a cell's edges (d x d) from its first vertex on, or F
+ * itself. */
 INLINE void spanned(int d, int cells, const domains_t *domains, int64_t first, const double *v, lanes *E)
 {
     if (!cells) {
@@ -214,7 +216,7 @@ INLINE void spanned(int d, int cells, const domains_t *domains, int64_t first, c
         return;
     }
     for (int l = 0; l < LANES; ++l) {
-        const domain_t domain = domain_at(d, cells, domains, first + l < domains->count ? first + l : domains->count - 1);
+        const domain_t domain = domain_in(d, cells, domains, first, l);
         for (int i = 0; i < d; ++i)
             for (int a = 0; a < d; ++a)
                 E[i * d + a][l] = v[(int64_t)domain.vertices[i + 1] * d + a] - v[(int64_t)domain.vertices[0] * d + a];

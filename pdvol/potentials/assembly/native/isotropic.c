@@ -6,7 +6,7 @@
  * Hessian is turned back. */
 #include "domain.h"
 
-enum { GROUPS = 2 };  /* of LANES domains whose eigensystems are found together: a sixth less time for a Hessian than with one */
+enum { GROUPS = 2 }; /* of LANES domains whose eigensystems are found together: a sixth less time for a Hessian than with one */
 
 INLINE lanes root(lanes a)
 {
@@ -72,8 +72,8 @@ INLINE int coupled(lanes A[3][3])
     return any != 0;
 }
 
-/* Cyclic Jacobi of `groups` times eight symmetric 3 x 3 matrices A: they become diagonal, the columns of V eigenvectors. A rotation is a chain of roots
- * and quotients, in which the processor waits less where it has several groups. */
+/* Cyclic Jacobi of `groups` times eight symmetric 3 x 3 matrices A: they become diagonal, and the columns of V eigenvectors. A rotation is a chain
+ * of roots and quotients; the processor waits less where it has several such chains. */
 INLINE void eigensystems(int groups, lanes A[][3][3], lanes V[][3][3])
 {
     for (int g = 0; g < groups; ++g)
