@@ -112,7 +112,8 @@ class SystemMatrix:
         self.own: BlockCsr
         self.compiled = native.ffi.new("linear_system *", {"d": space.dim, "count": space.n_owned})
         self._factor = np.zeros(0, dtype=np.float32)
-        self._strong: list[np.ndarray] = []  # the factor's pattern
+        self._factor_starts = np.zeros(space.n_owned + 1, dtype=np.int32)
+        self._factor_columns = np.zeros(0, dtype=np.int32)
         self._halo: Halo | None = None
         self._far = np.zeros((0, space.dim))
         self._petsc: PETSc.Mat = None
@@ -139,21 +140,18 @@ class SystemMatrix:
         """Makes the incomplete Cholesky factor of `own` that `compiled` then names: without blocks whose size is below
         `drop` times that of the diagonal blocks beside them. Returns the number of tries (`incomplete_cholesky`).
         """
-        compiled, (starts, columns, blocks) = self.compiled, self.own
-        matrix, library = (compiled.d, compiled.count, compiled.starts, compiled.columns), native.library
-        size, places = blocks.size, native.ffi.NULL
-        compiled.factor_starts, compiled.factor_columns = compiled.starts, compiled.columns
-        if drop:
-            self._strong = [np.empty(len(array), np.int32) for array in (starts, columns, columns)]
-            strong = [pointer(array, "int32_t") for array in self._strong]
-            size = library.strong_blocks(*matrix, compiled.blocks, drop, *strong) * compiled.d**2
-            compiled.factor_starts, compiled.factor_columns, places = strong
-        if len(self._factor) < size + SPARE:
-            self._factor = np.empty(2 * size + SPARE, dtype=np.float32)
-        self._factor[size:][:SPARE] = 0.0
+        compiled, blocks = self.compiled, self.own[2]
+        if len(self._factor) < blocks.size + SPARE:
+            self._factor = np.empty(2 * blocks.size + SPARE, dtype=np.float32)
+            self._factor_columns = np.empty(2 * len(blocks), dtype=np.int32)
         compiled.factor = pointer(self._factor, "float")
-        pattern = (compiled.factor_starts, compiled.factor_columns, places)
-        return library.incomplete_cholesky(*matrix[:2], *pattern, compiled.blocks, compiled.factor)
+        compiled.factor_starts = pointer(self._factor_starts, "int32_t")
+        compiled.factor_columns = pointer(self._factor_columns, "int32_t")
+        matrix = (compiled.d, compiled.count, compiled.starts, compiled.columns, compiled.blocks)
+        factor = (compiled.factor_starts, compiled.factor_columns, compiled.factor)
+        tries = native.library.incomplete_cholesky(*matrix, drop, *factor)
+        self._factor[self._factor_starts[-1] * compiled.d**2 :][:SPARE] = 0.0
+        return tries
 
     def solve(
         self, right: np.ndarray, tolerance: float, most: int, start: np.ndarray | None = None

@@ -33,10 +33,8 @@ typedef struct {
     const ranks_t *ranks;                    /* NULL on one rank */
 } linear_system;
 
-int64_t strong_blocks(int d, int64_t n, const int32_t *starts, const int32_t *columns, const double *blocks, double drop,
-                      int32_t *strong_starts, int32_t *strong_columns, int32_t *places);
-int incomplete_cholesky(int d, int64_t n, const int32_t *starts, const int32_t *columns, const int32_t *places,
-                        const double *blocks, float *R);
+int incomplete_cholesky(int d, int64_t n, const int32_t *starts, const int32_t *columns, const double *blocks, double drop,
+                        int32_t *r_starts, int32_t *r_columns, float *R);
 void coarse_firsts(int64_t rows, int64_t first, const int32_t *starts, const int32_t *columns,
                    const int32_t *p_starts, const int32_t *p_columns, int32_t *firsts);
 int coarse_operator(int d, int64_t rows, int64_t first, const int32_t *starts, const int32_t *columns,
