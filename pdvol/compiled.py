@@ -32,13 +32,18 @@ ffi = cffi.FFI()
 
 
 @cache
+def processor_features() -> str:
+    """The line with the features of this machine's processor, or its name where there is no such line."""
+    try:
+        return next(line for line in Path("/proc/cpuinfo").read_text().splitlines() if line.startswith("flags"))
+    except (OSError, StopIteration):
+        return platform.processor()
+
+
+@cache
 def cache_folder() -> Path:
     """Where compiled code is kept: one folder per kind of processor, since it is compiled for the one at hand."""
-    try:
-        cpu = next(line for line in Path("/proc/cpuinfo").read_text().splitlines() if line.startswith("flags"))
-    except (OSError, StopIteration):
-        cpu = platform.processor()
-    key = hashlib.sha256(f"{platform.machine()} {cpu}".encode()).hexdigest()[:12]
+    key = hashlib.sha256(f"{platform.machine()} {processor_features()}".encode()).hexdigest()[:12]
     base = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
     return base / "pdvol" / "compiled" / key
 

@@ -10,7 +10,10 @@ typedef int64_t mask __attribute__((vector_size(LANES * sizeof(int64_t))));
 
 INLINE lanes all(double a)
 {
-    return (lanes){a, a, a, a, a, a, a, a};
+    lanes r;
+    for (int l = 0; l < LANES; ++l)
+        r[l] = a;
+    return r;
 }
 
 INLINE lanes choose(mask m, lanes yes, lanes no)
@@ -44,9 +47,28 @@ INLINE domain_t domain_at(int d, int cells, const domains_t *domains, int64_t k)
     return (domain_t){cells ? d + 1 : domains->starts[k + 1] - first, domains->vertices + first, domains->gradients + (first - k) * d};
 }
 
-typedef double eight __attribute__((vector_size(64), aligned(8), may_alias));
 typedef double four __attribute__((vector_size(32), aligned(8), may_alias));
-typedef int64_t places __attribute__((vector_size(64)));
+typedef int64_t places __attribute__((vector_size(32)));
+
+/* Eight numbers in as many registers as they need: GCC takes memory for vectors that no register holds, and a Hessian then takes 4 times as long. */
+enum { FOURS = 2 };
+typedef struct {
+    four part[FOURS];
+} eight;
+
+INLINE eight times(double a, eight x)
+{
+    for (int i = 0; i < FOURS; ++i)
+        x.part[i] *= a;
+    return x;
+}
+
+INLINE eight plus(eight x, eight y)
+{
+    for (int i = 0; i < FOURS; ++i)
+        x.part[i] += y.part[i];
+    return x;
+}
 
 /* A vertex's numbers, and zeros behind them. */
 INLINE four vertex(int d, const double *v)
@@ -139,9 +161,9 @@ INLINE const int32_t *add_blocks(int d, int cells, domain_t domain, block_t H[3]
         const double *gi = i ? domain.gradients + (i - 1) * d : first;
         block_t T[3]; /* H contracted with g_i on the left */
         for (int m = 0; m < d; ++m) {
-            T[m].head = gi[0] * H[0][m].head + gi[1] * H[1][m].head;
+            T[m].head = plus(times(gi[0], H[0][m].head), times(gi[1], H[1][m].head));
             if (d == 3) {
-                T[m].head += gi[2] * H[2][m].head;
+                T[m].head = plus(T[m].head, times(gi[2], H[2][m].head));
                 T[m].tail = gi[0] * H[0][m].tail + gi[1] * H[1][m].tail + gi[2] * H[2][m].tail;
             }
         }
@@ -153,22 +175,22 @@ INLINE const int32_t *add_blocks(int d, int cells, domain_t domain, block_t H[3]
                 continue;
             const int turned = *slot < 0;
             double *to = out + (int64_t)(turned ? -2 - *slot : *slot) * d * d;
-            eight head = gl[0] * T[0].head + gl[1] * T[1].head;
+            eight head = plus(times(gl[0], T[0].head), times(gl[1], T[1].head));
             if (d == 3)
-                head += gl[2] * T[2].head;
-            const eight h = head;
-            const eight other = d == 3 ? (eight){h[0], h[3], h[6], h[1], h[4], h[7], h[2], h[5]} : (eight){h[0], h[2], h[1], h[3]};
+                head = plus(head, times(gl[2], T[2].head));
+            const four a = head.part[0], b = head.part[1];
+            const eight other = {{d == 3 ? (four){a[0], a[3], b[2], a[1]} : (four){a[0], a[2], a[1], a[3]}, {b[0], b[3], a[2], b[1]}}};
             if (cells) { /* without a branch: about every second block is turned */
                 const places yes = (places){} - turned;
-                head = (eight)(((places)other & yes) | ((places)head & ~yes));
+                for (int p = 0; p < FOURS; ++p)
+                    head.part[p] = (four)(((places)other.part[p] & yes) | ((places)head.part[p] & ~yes));
             } else if (turned) {
                 head = other;
             }
+            *(four *)to += head.part[0];
             if (d == 3) {
-                *(eight *)to += head;
+                *(four *)(to + 4) += head.part[1];
                 to[8] += gl[0] * T[0].tail + gl[1] * T[1].tail + gl[2] * T[2].tail;
-            } else {
-                *(four *)to += *(four *)&head;
             }
         }
     }

@@ -135,7 +135,7 @@ INLINE void hessians(int d, int cells, const domains_t *domains, const density_t
                     for (int a = 0; a < d; ++a)
                         for (int b = 0; b < d; ++b)
                             numbers[a * d + b] = scale * H[(a * d + j) * h + b * d + m];
-                    blocks[j][m] = (block_t){*(const eight *)numbers, numbers[8]};
+                    blocks[j][m] = (block_t){{{*(const four *)numbers, *(const four *)(numbers + 4)}}, numbers[8]};
                 }
             slots = add_blocks(d, cells, domain, blocks, slots, out);
         }

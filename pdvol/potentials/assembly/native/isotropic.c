@@ -16,24 +16,22 @@ INLINE lanes root(lanes a)
     return r;
 }
 
-/* The transpose of eight rows of eight numbers: halves, quarters, then single ones are exchanged. */
-INLINE void transpose(lanes rows[LANES])
+/* Of eight numbers of each lane, those of one lane together: halves, then single ones of four by four are exchanged. */
+INLINE void transpose(const lanes rows[8], eight columns[LANES])
 {
-    for (int apart = LANES / 2; apart; apart /= 2)
-        for (int r = 0; r < LANES; ++r)
-            if (!(r & apart)) {
-                const lanes a = rows[r], b = rows[r + apart];
-                if (apart == 4) {
-                    rows[r] = (lanes){a[0], a[1], a[2], a[3], b[0], b[1], b[2], b[3]};
-                    rows[r + 4] = (lanes){a[4], a[5], a[6], a[7], b[4], b[5], b[6], b[7]};
-                } else if (apart == 2) {
-                    rows[r] = (lanes){a[0], a[1], b[0], b[1], a[4], a[5], b[4], b[5]};
-                    rows[r + 2] = (lanes){a[2], a[3], b[2], b[3], a[6], a[7], b[6], b[7]};
-                } else {
-                    rows[r] = (lanes){a[0], b[0], a[2], b[2], a[4], b[4], a[6], b[6]};
-                    rows[r + 1] = (lanes){a[1], b[1], a[3], b[3], a[5], b[5], a[7], b[7]};
-                }
-            }
+    for (int group = 0; group < LANES; group += 4)
+        for (int part = 0; part < FOURS; ++part) {
+            four r[4];
+            for (int k = 0; k < 4; ++k)
+                for (int l = 0; l < 4; ++l)
+                    r[k][l] = rows[4 * part + k][group + l];
+            const four a = {r[0][0], r[0][1], r[2][0], r[2][1]}, b = {r[0][2], r[0][3], r[2][2], r[2][3]};
+            const four c = {r[1][0], r[1][1], r[3][0], r[3][1]}, e = {r[1][2], r[1][3], r[3][2], r[3][3]};
+            columns[group].part[part] = (four){a[0], c[0], a[2], c[2]};
+            columns[group + 1].part[part] = (four){a[1], c[1], a[3], c[3]};
+            columns[group + 2].part[part] = (four){b[0], e[0], b[2], e[2]};
+            columns[group + 3].part[part] = (four){b[1], e[1], b[3], e[3]};
+        }
 }
 
 /* Turns the axes p and q of the symmetric matrices A such that A_pq becomes zero, and the columns of V with them. */
@@ -184,11 +182,12 @@ INLINE const int32_t *add_hessians(int cells, const domains_t *domains, const de
     for (int j = 0; j < 3; ++j)
         for (int m = 0; m < 3; ++m) {
             lanes one[8];
+            eight heads[LANES];
             for (int a = 0; a < 8; ++a)
                 one[a] = j <= m ? H[j][m][a] : H[m][j][3 * (a % 3) + a / 3];
-            transpose(one);
+            transpose(one, heads);
             for (int l = 0; l < LANES; ++l)
-                blocks[l][j][m] = (block_t){one[l], H[j < m ? j : m][j < m ? m : j][8][l]};
+                blocks[l][j][m] = (block_t){heads[l], H[j < m ? j : m][j < m ? m : j][8][l]};
         }
     for (int l = 0; l < used; ++l)
         slots = add_blocks(3, cells, domain_at(3, cells, domains, first + l), blocks[l], slots, out);
