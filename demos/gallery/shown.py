@@ -259,6 +259,17 @@ The largest distances come right after the release, while the bar untwists faste
         moment=0.68,
     ),
     Entry(
+        "coil",
+        "A bar is twisted into a coil",
+        """The bar of [the page before](twist.md), whose ends are turned on at twice the speed, by 396 degrees each in
+opposite directions. At about 350 degrees each it bends sideways into a coil, and its edges are pressed into its sides.
+Each level resolves these folds more sharply, none of them crosses itself, and all coil to the same side.""",
+        small={"cuts": ((12, 3), (16, 4)), "speed": 800.0, "steps": 55},
+        slow=(0.5, 0.66),
+        size=(1000, 580),
+        moment=0.65,
+    ),
+    Entry(
         "slit_array",
         "A block of slits",
         """A block that is cut into seven soft strips falls on the ground, in eight levels and with time steps of
