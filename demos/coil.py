@@ -5,9 +5,8 @@
 It has the four levels of `twist.py`; `--levels 0:1` is a quick look.
 """
 
-import twist
-
 import pdvol
+import twist
 from pdvol.measure.verify import check_levels
 from pdvol.runs.run_metrics import motion_from_level_0
 
@@ -29,8 +28,8 @@ def claim(run):
         most = max(record["contacts"] for record in level.log)
         found.append(
             (
-                f"Level {level.index} touches itself from {first:.2f} s on, at up to {most:,} pairs, and"
-                f" {crossings[level.index]} of its edges cross its surface in all {level.steps} states."
+                f"Level {level.index} touches itself from {first:.2f} s on, in up to {most:,} contacts, with"
+                f" {crossings[level.index]} intersections in {level.steps} states."
                 if touching
                 else f"Level {level.index} touches nothing.",
                 bool(touching) and crossings[level.index] == 0,

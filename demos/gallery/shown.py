@@ -263,8 +263,12 @@ The largest distances come right after the release, while the bar untwists faste
         "A bar is twisted into a coil",
         """The bar of [the page before](twist.md), whose ends are turned on at twice the speed, by 396 degrees each in
 opposite directions. At about 350 degrees each it bends sideways into a coil, and its edges are pressed into its sides.
-Each level resolves these folds more sharply, none of them crosses itself, and all coil to the same side.""",
+None of its levels crosses itself, and they coil to the same side. As long as the bar is straight, a step takes 3 to 5
+Newton iterations on all levels. The finer a level, the earlier its sides wrinkle between the edges, and the harder
+that is: the hardest step took 52, 54 and 143 iterations on levels 0 to 2. Level 3 touches itself in step 53; that
+step took 514, with 592 Hessians, and was halved twice.""",
         small={"cuts": ((12, 3), (16, 4)), "speed": 800.0, "steps": 55},
+        begun=3,
         slow=(0.5, 0.66),
         size=(1000, 580),
         moment=0.65,

@@ -22,7 +22,7 @@ from pdvol.store.folder import level_folder, state_file
 
 MOST_BYTES = 6e6  # of a film: the repository carries them
 WITHOUT_CONTACT = {"twist"}
-QUICK = {"ball_on_spike", "melt", "peel", "rope_drop", "twist", "worm"}
+QUICK = {"ball_on_spike", "coil", "melt", "peel", "rope_drop", "twist", "worm"}
 """Entries that take a second or three: one of each kind of claim."""
 BY_NAME = {entry.name: entry for entry in ENTRIES}
 
