@@ -6,7 +6,7 @@ finite elements. `__init__.pyi` lists them, for Python and for type checkers.
 
 import lazy_loader
 
-__version__ = "0.2.0"
+__version__ = "0.3.0"
 
 __getattr__, _public, __all__ = lazy_loader.attach_stub(__name__, __file__)
 

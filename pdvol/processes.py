@@ -30,6 +30,14 @@ def limit_processor_time(seconds: float, grace: int = 1) -> None:
     resource.setrlimit(resource.RLIMIT_CPU, (min(soft, most), most))
 
 
+def give_memory_back() -> None:
+    """Lets the system have what this process has freed, where the C library is glibc: of a level's preparation it keeps
+    3 KB a vertex otherwise.
+    """
+    with contextlib.suppress(OSError, AttributeError):
+        ctypes.CDLL(None).malloc_trim(0)
+
+
 def without_launcher() -> dict[str, str]:
     """The environment of a child that is no MPI rank, with one thread."""
     env = {k: v for k, v in os.environ.items() if not k.startswith(_LAUNCHER_PREFIXES)}

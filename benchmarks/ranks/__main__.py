@@ -1,5 +1,7 @@
 """What MPI ranks gain: each row's scene on one and more ranks in turn, by `pdvol run`'s own log."""
 
+import json
+import os
 import shutil
 import statistics
 import sys
@@ -8,6 +10,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from benchmarks.common import commits, process, tables
+from benchmarks.ranks.one_rank import COLUMNS
+from pdvol.compiled import build
+from pdvol.runs.launcher import rank_command
 from pdvol.store.reader import open_run
 
 LIMIT = 1800.0  # seconds of wall-clock time that one run may take
@@ -56,14 +61,19 @@ ROWS = {
 }
 
 
+def words_of(row: Row, out: Path) -> list[str]:
+    """The words for pdvol that run a row into a folder."""
+    shutil.rmtree(out, ignore_errors=True)
+    settings = [word for name, value in row.settings.items() for word in ("--set", f"{name}={value}")]
+    words = ["run", process.REPOSITORY / row.file, "--levels", f"0:{row.level}", "--steps", row.steps]
+    return [str(word) for word in (*words, "--out", out, "--no-picture", "--no-xdmf", *settings)]
+
+
 def measured(row: Row, ranks: int, folder: Path) -> dict:
     """What one run gives, per step."""
     out = folder / "run"
-    shutil.rmtree(out, ignore_errors=True)
-    settings = [word for name, value in row.settings.items() for word in ("--set", f"{name}={value}")]
-    words = ["run", process.REPOSITORY / row.file, "--levels", f"0:{row.level}", "--steps", row.steps, "--ranks", ranks]
-    words += ["--out", out, "--no-picture", "--no-xdmf", *settings]
-    reason = process.child([sys.executable, "-m", "pdvol", *map(str, words)], LIMIT, folder / "run.log")
+    words = [*words_of(row, out), "--ranks", str(ranks)]
+    reason = process.child([sys.executable, "-m", "pdvol", *words], LIMIT, folder / "run.log")
     if reason:
         raise process.Mistake(f"{row.title} on {ranks} ranks: {reason}")
     level = open_run(out).levels[row.level]
@@ -97,17 +107,70 @@ def table(found: dict[str, dict[int, list[dict]]]) -> str:
     return tables.table(head, lines)
 
 
+def preloaded(folder: Path) -> Path:
+    """`messages.c`, built and linked with the MPI library in use."""
+    target, maps = folder / "messages.so", Path("/proc/self/maps").read_text().splitlines()
+    library = next(line.split()[-1] for line in maps if "/libmpi.so" in line)
+    build([Path(__file__).with_name("messages.c")], target, ["-Wl,--no-as-needed", library])
+    return target
+
+
+def shares(row: Row, ranks: int, library: Path, folder: Path) -> dict:
+    """What each rank does in a step, waiting left out: means over steps, an entry a rank."""
+    out = folder / "shares.json"
+    words = [sys.executable, "-m", "benchmarks.ranks.one_rank", out, *words_of(row, folder / "run")]
+    launch, environment = rank_command(ranks)
+    os.environ.update(environment)
+    reason = process.child([*launch, "env", f"LD_PRELOAD={library}", *map(str, words)], LIMIT, folder / "run.log")
+    if reason:
+        raise process.Mistake(f"{row.title} on {ranks} ranks: {reason}")
+    last = json.loads(out.read_text())[1 - row.steps :]  # of the level that is timed, without its first step
+    means = {
+        column: [statistics.fmean(step[rank][k] for step in last) for rank in range(ranks)]
+        for k, column in enumerate(COLUMNS)
+    }
+    return {**means, "memory": [row[COLUMNS.index("memory")] for row in last[-1]]}
+
+
+def table_of_shares(found: dict[str, dict[int, dict]]) -> str:
+    """What the busiest rank of each row and number of ranks does."""
+    head = ["scene", "ranks", "CPU time a step of the busiest rank [ms]", "that over one rank's"]
+    head += ["mean of the ranks [ms]", *(f"{part} [ms]" for part in PARTS), "conjugate gradients a step"]
+    head += ["sent a step by a rank, at most [kB]", "calls of MPI a step", "least memory, most [MB]"]
+    lines = []
+    for name, by_ranks in found.items():
+        for ranks, run in by_ranks.items():
+            total = [sum(run[part][rank] for part in PARTS) for rank in range(ranks)]
+            busiest = max(range(ranks), key=total.__getitem__)
+            cells = [ROWS[name].title, str(ranks), f"{1e3 * total[busiest]:.1f}"]
+            first = by_ranks.get(1)
+            cells += [f"{total[busiest] / sum(first[part][0] for part in PARTS):.2f}" if first else ""]
+            cells += [f"{1e3 * statistics.fmean(total):.1f}"]
+            cells += [f"{1e3 * run[part][busiest]:.1f}" for part in PARTS]
+            cells += [f"{run['gradients'][0]:.0f}", f"{max(run['bytes']) / 1e3:.0f}", f"{max(run['calls']):.0f}"]
+            lines.append([*cells, f"{min(run['memory']):.0f}, {max(run['memory']):.0f}"])
+    return tables.table(head, lines)
+
+
 def main() -> None:
     """Runs the rows and prints the table."""
     parser = process.parser("ranks", __doc__)
     parser.add_argument("--rows", nargs="+", choices=list(ROWS), default=list(ROWS))
     parser.add_argument("--ranks", nargs="+", type=int, default=[1, 2])
     parser.add_argument("--runs", type=int, default=2, help="of each number of ranks, in turn (default: 2)")
+    parser.add_argument("--shares", action="store_true", help="CPU time of the busiest rank without waiting, and bytes")
     options = parser.parse_args()
     machine, commit = process.machine(), commits.Repository(process.REPOSITORY).head()[:7]
     print(f"{machine['processor']}, {machine['cores']} cores, load {machine['load']:.1f}, {commit}\n")
     found: dict[str, dict[int, list[dict]]] = {}
     with tempfile.TemporaryDirectory() as folder:
+        if options.shares:
+            library, done = preloaded(Path(folder)), {}
+            for name in options.rows:
+                done[name] = {ranks: shares(ROWS[name], ranks, library, Path(folder)) for ranks in options.ranks}
+                print(table_of_shares({name: done[name]}), flush=True)
+            print(table_of_shares(done))
+            return
         for name in options.rows:
             found[name] = {ranks: [] for ranks in options.ranks}
             for _ in range(options.runs):

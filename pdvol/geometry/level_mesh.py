@@ -76,7 +76,16 @@ class LevelMesh:
     @cached_property
     def hat_gradients(self) -> np.ndarray:
         """(m, d + 1, d) float64 [1/m]: gradient of each corner's hat function in each cell, at rest."""
-        corners = self.points[self.cells]
+        return self._hat_gradients(self.cells)
+
+    def gradients_in(self, cells: np.ndarray) -> np.ndarray:
+        """(k, d + 1, d) [1/m]: the `hat_gradients` of some cells (k,). Those of all, 96 bytes a tetrahedron, are not
+        kept for it.
+        """
+        return self.hat_gradients[cells] if "hat_gradients" in vars(self) else self._hat_gradients(self.cells[cells])
+
+    def _hat_gradients(self, cells: np.ndarray) -> np.ndarray:
+        corners = self.points[cells]
         others = np.linalg.inv(corners[:, 1:] - corners[:, :1]).transpose(0, 2, 1)
         return np.concatenate([-others.sum(axis=1, keepdims=True), others], axis=1)
 
@@ -87,7 +96,7 @@ class LevelMesh:
         # A product and a sum, not einsum or matmul: a row must not depend on its place in the array, which differs
         # between ranks.
         arms = (points - self.points[self.cells[cells, 0]])[:, None]
-        others = (self.hat_gradients[cells, 1:] * arms).sum(axis=2)
+        others = (self.gradients_in(cells)[:, 1:] * arms).sum(axis=2)
         return np.column_stack([1.0 - others.sum(axis=1), others])
 
     def body(self, number: int) -> tuple["LevelMesh", np.ndarray]:

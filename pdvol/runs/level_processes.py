@@ -26,7 +26,7 @@ from pdvol.levels.hierarchy import Hierarchy
 from pdvol.levels.model import hierarchy_model
 from pdvol.levels.obstacles import placed_obstacles
 from pdvol.parallel import on_root
-from pdvol.processes import die_with_parent, without_launcher
+from pdvol.processes import die_with_parent, give_memory_back, without_launcher
 from pdvol.runs.launcher import rank_command
 from pdvol.runs.level_run import Watch, run_level
 from pdvol.runs.progress import Progress
@@ -142,6 +142,7 @@ def march_levels(writer: SharedWriter, levels: Mapping[int, int], progress: Watc
     SimulationError
         A level could not go on. Coarser levels are finished, finer ones are interrupted, all steps are kept.
     """
+    give_memory_back()  # of the levels' preparation, for the processes
     workers = {level: _Worker(writer.path, level, ranks, len(levels) == 1) for level, ranks in levels.items()}
     for level, ranks in levels.items():
         if progress is not None and ranks > 1:

@@ -81,11 +81,12 @@ def test_the_notebook_shows_progress_and_pictures(tmp_path, monkeypatch):
     assert "level 0" in texts(drawn[1]) and "level 1" in texts(drawn[1]) and "12/12" in texts(drawn[1])
     for picture in (picture for cell in drawn for picture in pictures(cell)):
         assert picture.ndim == 3 and len(np.unique(picture.reshape(-1, picture.shape[-1]), axis=0)) > 20
-    assert "Scene(bodies=('ball',), dt=0.02, steps=12" in texts(cells[1])
-    assert "RunLevel(1" in texts(cells[-1])
-    assert "PlayerFrame(900 x 560" in texts(cells[-2])
-    assert '<iframe srcdoc="' in cells[-2]["outputs"][0]["data"]["text/html"]
+    assert "Scene(bodies=('ball',), dt=0.02, steps=12" in texts(cells[2])
+    assert "RunLevel(1" in texts(cells[-2])
+    assert "PlayerFrame(900 x 560" in texts(cells[-1])
+    assert '<iframe srcdoc="' in cells[-1]["outputs"][0]["data"]["text/html"]
     assert not any("Warning" in texts(cell) for cell in cells)
+    assert "pip install" in cells[0].source and not cells[0].outputs, "where pdvol is there nothing is installed"
 
 
 def test_the_stored_notebook_has_no_outputs():

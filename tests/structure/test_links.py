@@ -15,7 +15,7 @@ PAGES = pages.all_pages(ROOT)
 LINK = re.compile(r"!?\[(?:[^\]\[]|\[[^\]]*\])*\]\(<?([^)>\s]+)>?(?:\s\"[^\"]*\")?\)")
 SOURCES = (".py", ".md", ".c", ".h", ".toml", ".cff", ".yml", ".npz")
 """Endings of what is kept in the repository, not made by a run."""
-TOPS = ("pdvol", "forms", "meshes", "blender", "docs", "tests", "demos", "benchmarks", "packaging", ".ci")
+TOPS = ("pdvol", "forms", "meshes", "blender", "docs", "tests", "demos", "benchmarks", "joss", "packaging", ".ci")
 SAVED = {"bunny.py", "beam.py"}
 """What a reader saves from README, for the table in docs/install.md."""
 MADE = {"open_in_blender.py", "open_in_paraview.py", "render/", "textures/", "runs/"}

@@ -2,7 +2,9 @@
 installed by one rule.
 """
 
+import re
 import tomllib
+from fnmatch import fnmatch
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -41,3 +43,12 @@ def test_package_data_names_files_that_exist():
         for pattern in patterns:
             found = folder.rglob(pattern) if package == "*" else folder.glob(pattern)
             assert list(found), f"{package}: no file {pattern}"
+
+
+def test_the_source_archive_has_every_folder():
+    """MANIFEST.in names the folders that setuptools does not take by itself. Generated ones are those of .gitignore."""
+    named = set(re.findall(r"^graft (\S+)$", (ROOT / "MANIFEST.in").read_text(), re.MULTILINE))
+    generated = [line.strip("/") for line in (ROOT / ".gitignore").read_text().split()]
+    folders = {path.name for path in ROOT.iterdir() if path.is_dir() and not path.name.startswith(".")}
+    kept = {name for name in folders if not any(fnmatch(name, pattern) for pattern in generated)}
+    assert kept == named - {".ci"} | {"pdvol", "forms", "meshes"}

@@ -14,7 +14,32 @@ def test_one_version():
     cited = re.search(r"^version: (.+)$", (ROOT / "CITATION.cff").read_text(), re.MULTILINE)
     changed = re.search(r"^## (\S+)$", (ROOT / "CHANGELOG.md").read_text(), re.MULTILINE)
     extension = tomllib.loads((ROOT / "blender" / "blender_manifest.toml").read_text())
-    assert project["version"] == pdvol.__version__ == cited[1] == changed[1] == extension["version"]
+    recipe = re.search(r'^  version: "(.+)"$', (ROOT / "packaging" / "recipe.yaml").read_text(), re.MULTILINE)
+    assert project["version"] == pdvol.__version__ == cited[1] == changed[1] == extension["version"] == recipe[1]
+
+
+CONDA_NAMES = {
+    "gmsh": "python-gmsh",
+    "lazy-loader": "lazy_loader",
+    "libigl": "igl",
+    "matplotlib": "matplotlib-base",
+}
+"""Names that differ on conda-forge."""
+
+
+def test_the_conda_recipe_needs_what_the_wheel_needs():
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    recipe = (ROOT / "packaging" / "recipe.yaml").read_text()
+    needed = {}
+    for line in project["dependencies"]:
+        name, bounds = re.fullmatch(r"([\w-]+)(.*)", line).groups()
+        needed[CONDA_NAMES.get(name, name)] = bounds
+    listed = dict(
+        re.findall(r"^    - ([\w-]+) (\S+)$", recipe.split("\n  run:\n")[1].split("\ntests:")[0], re.MULTILINE)
+    )
+    assert {name: listed.get(name) for name in needed} == needed
+    assert set(listed) - set(needed) == {"fenics-dolfinx"}
+    assert project["requires-python"] == ">=" + re.search(r'python_min: "(.+)"', recipe)[1]
 
 
 def test_one_licence():

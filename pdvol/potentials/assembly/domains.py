@@ -50,7 +50,7 @@ class Domains:
             self.volumes = np.abs(space.mesh.volumes[self.cells])
             self.vertices = np.ascontiguousarray(space.near_dofs[near]).ravel()
             self.starts = np.arange(len(near) + 1) * (space.dim + 1)
-            self._gradients = np.ascontiguousarray(space.mesh.hat_gradients[self.cells, 1:])
+            self._gradients = np.ascontiguousarray(space.mesh.gradients_in(self.cells)[:, 1:])
 
     def _unite(self, keys: np.ndarray, cells: np.ndarray, volumes: np.ndarray) -> None:
         """Makes a domain of the parts (p,) with the same key: parts of these cells, with these volumes."""
@@ -79,7 +79,8 @@ class Domains:
         self.vertices = (pairs % len(space.local_points)).astype(np.int32)
         self.starts = np.searchsorted(pairs, np.arange(len(order) + 1) * len(space.local_points))
         others = np.delete(np.arange(len(pairs)), self.starts[:-1])
-        parts = lambda axis: (mesh.hat_gradients[cells, :, axis] * weights[:, None]).ravel()
+        hats = mesh.gradients_in(self.cells)
+        parts = lambda axis: (hats[column, :, axis] * weights[:, None]).ravel()
         sums = [np.bincount(corner.ravel(), parts(axis), len(pairs))[others] for axis in range(space.dim)]
         self._gradients = np.column_stack(sums)
 
@@ -99,7 +100,7 @@ class Domains:
         """F (count, d, d) at local positions x (n_local, d)."""
         mesh = self.space.mesh
         corners = x[self.space.local_numbers[mesh.cells[self.cells]]]
-        F = np.einsum("kia,kij->kaj", corners, mesh.hat_gradients[self.cells])
+        F = np.einsum("kia,kij->kaj", corners, mesh.gradients_in(self.cells))
         return F if self._mean is None else (self._mean @ F.reshape(len(F), -1)).reshape(-1, *F.shape[1:])
 
     def by_size(self) -> Iterator[tuple[np.ndarray, np.ndarray]]:

@@ -12,11 +12,11 @@ from pdvol.compat import PETSc
 from pdvol.levels.space import LevelSpace
 from pdvol.potentials.assembly.hessian_blocks import SPARE, BlockCsr, HessianBlocks, room_of_rows
 from pdvol.potentials.assembly.native import pointer
-from pdvol.solve.linear import native
+from pdvol.solve.linear import messages, native
 
 
 class Halo:
-    """The couplings of this rank's vertices with those of others, and the callbacks of the compiled loop.
+    """The couplings of this rank's vertices with those of others, and what ranks exchange for products.
 
     Construction needs no message: each coupling is on both ranks.
 
@@ -35,11 +35,11 @@ class Halo:
         Blocks between this rank's vertices and others', these numbered from 0.
     values : (ghosts, d)
         What the others have sent of a vector.
-    exchange, sum : C callbacks
+    ranks : ranks_t *
     """
 
     def __init__(self, space: LevelSpace, rows: BlockCsr, last: "Halo | None" = None):
-        self._comm, d, first, n = space.comm, space.dim, space.first_block, space.n_owned
+        d, first, n = space.dim, space.first_block, space.n_owned
         count = len(rows[1])
         self._parts: list[BlockCsr] = last._parts if last is not None else []
         if not self._parts or count > len(self._parts[0][1]):
@@ -56,20 +56,17 @@ class Halo:
         owners = np.searchsorted(space.rank_ends, ghosts, side="right")
         coupled = np.zeros((ranks, n), dtype=bool)
         coupled[owners[self.far[1]], row] = True
-        self._rows, self._counts = np.nonzero(coupled)[1], d * coupled.sum(axis=1)
-        self._ghosts = d * np.bincount(owners, minlength=ranks)
-        self._d, self._count, self.values = d, n, np.zeros((len(ghosts), d))
-        self.exchange = native.ffi.callback("void(const double *, double *)", self._exchange)
-        self.sum = native.ffi.callback("void(double *, int32_t)", self._sum)
-
-    def _exchange(self, own: Any, far: Any) -> None:
-        vector = np.frombuffer(native.ffi.buffer(own, self._count * 32)).reshape(-1, 4)
-        self._comm.Alltoallv(
-            [np.ascontiguousarray(vector[self._rows, : self._d]), self._counts], [self.values, self._ghosts]
-        )
-
-    def _sum(self, numbers: Any, count: int) -> None:
-        self._comm.Allreduce(MPI.IN_PLACE, np.frombuffer(native.ffi.buffer(numbers, count * 8)), op=MPI.SUM)
+        self._rows = np.nonzero(coupled)[1].astype(np.int32)
+        self.values = np.zeros((len(ghosts), d))
+        counts = d * coupled.sum(axis=1), d * np.bincount(owners, minlength=ranks)
+        self._counts = [np.asarray(each, dtype=np.int32) for own in counts for each in (own, np.cumsum(own) - own)]
+        self.ranks: Any = last.ranks if last is not None else messages.ranks(space.comm)
+        self.ranks.rows, self.ranks.row = len(self._rows), pointer(self._rows, "int32_t")
+        names = ("counts", "starts", "their_counts", "their_starts")
+        for name, array in zip(names, self._counts, strict=True):
+            setattr(self.ranks, name, pointer(array, "int32_t"))
+        self._sent = np.zeros((len(self._rows), d))
+        self.ranks.sent = pointer(self._sent)
 
 
 class _Context:
@@ -115,7 +112,8 @@ class SystemMatrix:
         self.own: BlockCsr
         self.compiled = native.ffi.new("linear_system *", {"d": space.dim, "count": space.n_owned})
         self._factor = np.zeros(0, dtype=np.float32)
-        self._strong: list[np.ndarray] = []  # the factor's pattern
+        self._factor_starts = np.zeros(space.n_owned + 1, dtype=np.int32)
+        self._factor_columns = np.zeros(0, dtype=np.int32)
         self._halo: Halo | None = None
         self._far = np.zeros((0, space.dim))
         self._petsc: PETSc.Mat = None
@@ -135,28 +133,25 @@ class SystemMatrix:
             self._halo = halo = Halo(self.space, self.rows, self._halo)
             self.own, self._far = halo.own, halo.values
             system.far_starts, system.far_columns, system.far_blocks = pointers(halo.far)
-            system.exchange, system.sum = halo.exchange, halo.sum
+            system.ranks = halo.ranks
         system.starts, system.columns, system.blocks = pointers(self.own)
 
     def factor_incompletely(self, drop: float = 0.0) -> int:
         """Makes the incomplete Cholesky factor of `own` that `compiled` then names: without blocks whose size is below
         `drop` times that of the diagonal blocks beside them. Returns the number of tries (`incomplete_cholesky`).
         """
-        compiled, (starts, columns, blocks) = self.compiled, self.own
-        matrix, library = (compiled.d, compiled.count, compiled.starts, compiled.columns), native.library
-        size, places = blocks.size, native.ffi.NULL
-        compiled.factor_starts, compiled.factor_columns = compiled.starts, compiled.columns
-        if drop:
-            self._strong = [np.empty(len(array), np.int32) for array in (starts, columns, columns)]
-            strong = [pointer(array, "int32_t") for array in self._strong]
-            size = library.strong_blocks(*matrix, compiled.blocks, drop, *strong) * compiled.d**2
-            compiled.factor_starts, compiled.factor_columns, places = strong
-        if len(self._factor) < size + SPARE:
-            self._factor = np.empty(2 * size + SPARE, dtype=np.float32)
-        self._factor[size:][:SPARE] = 0.0
+        compiled, blocks = self.compiled, self.own[2]
+        if len(self._factor) < blocks.size + SPARE:
+            self._factor = np.empty(2 * blocks.size + SPARE, dtype=np.float32)
+            self._factor_columns = np.empty(2 * len(blocks), dtype=np.int32)
         compiled.factor = pointer(self._factor, "float")
-        pattern = (compiled.factor_starts, compiled.factor_columns, places)
-        return library.incomplete_cholesky(*matrix[:2], *pattern, compiled.blocks, compiled.factor)
+        compiled.factor_starts = pointer(self._factor_starts, "int32_t")
+        compiled.factor_columns = pointer(self._factor_columns, "int32_t")
+        matrix = (compiled.d, compiled.count, compiled.starts, compiled.columns, compiled.blocks)
+        factor = (compiled.factor_starts, compiled.factor_columns, compiled.factor)
+        tries = native.library.incomplete_cholesky(*matrix, drop, *factor)
+        self._factor[self._factor_starts[-1] * compiled.d**2 :][:SPARE] = 0.0
+        return tries
 
     def solve(
         self, right: np.ndarray, tolerance: float, most: int, start: np.ndarray | None = None

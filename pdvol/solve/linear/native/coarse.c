@@ -129,8 +129,7 @@ INLINE void correct(int d, const linear_system *s, const double *residual, doubl
         for (int64_t q = s->p_starts[i]; q < s->p_starts[i + 1]; ++q)
             *(wide *)(x + s->p_columns[q] * d) += s->p_weights[q] * r; /* zeros behind the d-th */
     }
-    if (s->sum)
-        s->sum(x, n);
+    sum_over_ranks(s, x, n);
     for (int64_t i = 0; i < n; ++i) {
         const double *end = s->coarse + s->begins[i + 1] - 1;
         const int64_t before = length(s->begins, i) - 1;

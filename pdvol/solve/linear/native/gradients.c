@@ -45,15 +45,32 @@ INLINE double product(int d, const linear_system *s, const double *x, const doub
     return total;
 }
 
+void sum_over_ranks(const linear_system *s, double *numbers, int32_t count)
+{
+    const ranks_t *ranks = s->ranks;
+    if (ranks)
+        ranks->all_reduce(ranks->in_place, numbers, count, ranks->numbers, ranks->sum, ranks->comm);
+}
+
+/* Other ranks' values (.., d) of a vector that has four numbers a vertex. */
+static void exchange(const linear_system *s, const double *own, double *far)
+{
+    const ranks_t *ranks = s->ranks;
+    for (int64_t k = 0; k < ranks->rows; ++k)
+        for (int a = 0; a < s->d; ++a)
+            ranks->sent[k * s->d + a] = own[(int64_t)ranks->row[k] * 4 + a];
+    ranks->all_to_all(ranks->sent, ranks->counts, ranks->starts, ranks->numbers, far, ranks->their_counts, ranks->their_starts, ranks->numbers,
+                      ranks->comm);
+}
+
 static double times(const linear_system *s, const double *x, double *far, double *y)
 {
-    if (s->exchange)
-        s->exchange(x, far);
+    if (s->ranks)
+        exchange(s, x, far);
     else
         far = 0;
     double total = s->d == 3 ? product(3, s, x, far, y) : product(2, s, x, far, y);
-    if (s->sum)
-        s->sum(&total, 1);
+    sum_over_ranks(s, &total, 1);
     return total;
 }
 
@@ -68,8 +85,7 @@ static double precondition(const linear_system *s, const double *r, double *coar
     for (int64_t i = 0; i < n; ++i)
         sum += *(const wide *)(r + i * 4) * __builtin_convertvector(*(const narrow *)(z + i * 4), wide);
     double total = across(3, sum);
-    if (s->sum)
-        s->sum(&total, 1);
+    sum_over_ranks(s, &total, 1);
     return total;
 }
 

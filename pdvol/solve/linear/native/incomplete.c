@@ -35,30 +35,42 @@ INLINE int invert_root(int d, const float *A, float *inverse)
     return 0;
 }
 
+INLINE double squares(int dd, const double *block)
+{
+    double sum = 0.0;
+    for (int e = 0; e < dd; ++e)
+        sum += block[e] * block[e];
+    return sum;
+}
+
 /* One row after the other is gathered in `row`, blocks of d rows of four numbers; `place` has the row's block in each column. Done rows wait in the
  * list of the column that they change next. Returns the first row whose pivot fails, or n. */
-INLINE int64_t try_shift(int d, int64_t n, const int32_t *starts, const int32_t *columns, const int32_t *places, const double *blocks, float shift,
-                         float *R, float *row, int32_t *place, int32_t *next, int32_t *first, int32_t *at)
+INLINE int64_t try_shift(int d, int64_t n, const int32_t *starts, const int32_t *columns, const double *blocks, const double *least, float shift,
+                         int32_t *r_starts, int32_t *r_columns, float *R, float *row, int32_t *place, int32_t *next, int32_t *first, int32_t *at)
 {
     const int dd = d * d, s = 4 * d;
+    int64_t end = 0;
     for (int64_t i = 0; i < n; ++i)
         place[i] = first[i] = -1;
     for (int64_t i = 0; i < n; ++i) {
-        const int64_t begin = starts[i], end = starts[i + 1];
-        for (int64_t k = begin; k < end; ++k) {
-            const double *block = blocks + (places ? places[k] : k) * dd;
+        const int64_t begin = end;
+        for (int64_t k = starts[i]; k < starts[i + 1]; ++k) {
+            const double *block = blocks + k * dd;
+            if (least && k > starts[i] && squares(dd, block) < least[i] * least[columns[k]])
+                continue;
             for (int a = 0; a < d; ++a)
-                *(narrow *)(row + (k - begin) * s + a * 4) = __builtin_convertvector(*(const wide *)(block + a * d), narrow);
-            place[columns[k]] = k;
+                *(narrow *)(row + (end - begin) * s + a * 4) = __builtin_convertvector(*(const wide *)(block + a * d), narrow);
+            place[columns[k]] = end, r_columns[end++] = columns[k];
         }
+        r_starts[i] = begin, r_starts[i + 1] = end;
         for (int a = 0; a < d; ++a)
             *(narrow *)(row + a * 4) *= 1.0f + shift;
         for (int32_t before = first[i], then; before >= 0; before = then) {
-            const int64_t own = at[before], last = starts[before + 1];
+            const int64_t own = at[before], last = r_starts[before + 1];
             const float *left = R + own * dd;
             then = next[before];
             for (int64_t k = own; k < last; ++k) {
-                const int64_t to = place[columns[k]] - begin;
+                const int64_t to = place[r_columns[k]] - begin;
                 if (to < 0)
                     continue;
                 for (int a = 0; a < d; ++a) {
@@ -70,8 +82,8 @@ INLINE int64_t try_shift(int d, int64_t n, const int32_t *starts, const int32_t 
             }
             if (own + 1 < last) {
                 at[before] = own + 1;
-                next[before] = first[columns[own + 1]];
-                first[columns[own + 1]] = before;
+                next[before] = first[r_columns[own + 1]];
+                first[r_columns[own + 1]] = before;
             }
         }
         float *root = R + begin * dd;
@@ -86,8 +98,8 @@ INLINE int64_t try_shift(int d, int64_t n, const int32_t *starts, const int32_t 
             }
         if (begin + 1 < end) {
             at[i] = begin + 1;
-            next[i] = first[columns[begin + 1]];
-            first[columns[begin + 1]] = i;
+            next[i] = first[r_columns[begin + 1]];
+            first[r_columns[begin + 1]] = i;
         }
     }
     return n;
@@ -103,62 +115,40 @@ INLINE int is_indefinite(int d, const double *block)
     return invert_root(d, A, inverse);
 }
 
-INLINE int factor(int d, int64_t n, const int32_t *starts, const int32_t *columns, const int32_t *places, const double *blocks, float *R)
+INLINE int factor(int d, int64_t n, const int32_t *starts, const int32_t *columns, const double *blocks, double drop, int32_t *r_starts,
+                  int32_t *r_columns, float *R)
 {
     int64_t longest = 0;
     for (int64_t i = 0; i < n; ++i)
         longest = starts[i + 1] - starts[i] > longest ? starts[i + 1] - starts[i] : longest;
     float *row = malloc(longest * 4 * d * sizeof(float) + 1);
     int32_t *lists = malloc(4 * n * sizeof(int32_t) + 1);
+    double *least = drop > 0.0 ? malloc(n * sizeof(double) + 1) : 0;
     int tries = 0;
-    for (float shift = 0.0f; row && lists; shift = shift > 0.0f ? SHIFT_RATIO * shift : FIRST_SHIFT) {
+    for (int64_t i = 0; least && i < n; ++i)
+        least[i] = drop * sqrt(squares(d * d, blocks + (int64_t)starts[i] * d * d));
+    for (float shift = 0.0f; row && lists && (least || !(drop > 0.0)); shift = shift > 0.0f ? SHIFT_RATIO * shift : FIRST_SHIFT) {
         ++tries;
-        const int64_t failed = try_shift(d, n, starts, columns, places, blocks, shift, R, row, lists, lists + n, lists + 2 * n, lists + 3 * n);
+        const int64_t failed = try_shift(d, n, starts, columns, blocks, least, shift, r_starts, r_columns, R, row, lists, lists + n, lists + 2 * n,
+                                         lists + 3 * n);
         if (failed == n)
             break;
-        const int64_t diagonal = starts[failed];
-        if (is_indefinite(d, blocks + (places ? places[diagonal] : diagonal) * d * d) || isinf(shift)) {
+        if (is_indefinite(d, blocks + (int64_t)starts[failed] * d * d) || isinf(shift)) {
             tries = -1;
             break;
         }
     }
-    free(row), free(lists);
+    free(row), free(lists), free(least);
     return tries;
 }
 
-/* R, block CSR, of the blocks of A that are at `places`, or of all without it; diagonal blocks are inverted. Returns the number of tries, -1 where a diagonal block of A is not positive definite, and 0 where
- * memory ran out. */
-int incomplete_cholesky(int d, int64_t n, const int32_t *starts, const int32_t *columns, const int32_t *places, const double *blocks, float *R)
+/* R, block CSR, of A without the blocks beside the diagonal with |A_ij|^2 < drop^2 |A_ii| |A_jj|; room for as many blocks as A has. Diagonal blocks
+ * are inverted. Returns the number of tries, -1 where a diagonal block of A is not positive definite, and 0 where memory ran out. */
+int incomplete_cholesky(int d, int64_t n, const int32_t *starts, const int32_t *columns, const double *blocks, double drop, int32_t *r_starts,
+                        int32_t *r_columns, float *R)
 {
-    return d == 3 ? factor(3, n, starts, columns, places, blocks, R) : factor(2, n, starts, columns, places, blocks, R);
-}
-
-INLINE double squares(int dd, const double *block)
-{
-    double sum = 0.0;
-    for (int e = 0; e < dd; ++e)
-        sum += block[e] * block[e];
-    return sum;
-}
-
-/* The blocks of A on the diagonal, and those with |A_ij|^2 >= drop^2 |A_ii| |A_jj|: starts, columns, and where they are in A. Returns their number. */
-int64_t strong_blocks(int d, int64_t n, const int32_t *starts, const int32_t *columns, const double *blocks, double drop, int32_t *strong_starts,
-                      int32_t *strong_columns, int32_t *places)
-{
-    const int dd = d * d;
-    int64_t count = 0;
-    double *least = malloc(n * sizeof(double) + 1);
-    for (int64_t i = 0; least && i < n; ++i)
-        least[i] = drop * sqrt(squares(dd, blocks + (int64_t)starts[i] * dd));
-    for (int64_t i = 0; i < n; ++i) {
-        strong_starts[i] = count;
-        for (int64_t k = starts[i]; k < starts[i + 1]; ++k)
-            if (k == starts[i] || !least || squares(dd, blocks + k * dd) >= least[i] * least[columns[k]])
-                strong_columns[count] = columns[k], places[count++] = k;
-    }
-    strong_starts[n] = count;
-    free(least);
-    return count;
+    return d == 3 ? factor(3, n, starts, columns, blocks, drop, r_starts, r_columns, R)
+                  : factor(2, n, starts, columns, blocks, drop, r_starts, r_columns, R);
 }
 
 INLINE void solve(int d, int64_t n, const int32_t *starts, const int32_t *columns, const float *R, float *v)

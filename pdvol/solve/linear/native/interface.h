@@ -3,6 +3,19 @@
 #define PDVOL_LINEAR_INTERFACE_H
 #include <stdint.h>
 
+/* What a rank exchanges with others, and MPI's own functions and handles (messages.py): pointers or, with MPICH, ints in their place. */
+typedef struct {
+    void *comm, *numbers, *sum, *in_place;
+    int (*all_reduce)(const void *mine, void *all, int count, void *type, void *op, void *comm);
+    int (*all_to_all)(const void *mine, const int *counts, const int *starts, void *type, void *theirs, const int *their_counts,
+                      const int *their_starts, void *their_type, void *comm);
+    int32_t rows;                                /* own vertices that go to others, rank by rank */
+    const int32_t *row;
+    const int32_t *counts, *starts;              /* of numbers for each rank, and where they begin */
+    const int32_t *their_counts, *their_starts;
+    double *sent;                                /* room for d numbers a row */
+} ranks_t;
+
 /* This rank's rows of a symmetric matrix and of its preconditioner; block CSR throughout, d x d blocks by rows. */
 typedef struct {
     int32_t d, count;                        /* 2 or 3; owned vertices */
@@ -17,14 +30,11 @@ typedef struct {
     const double *p_weights;
     const int64_t *begins;                   /* of coarse_cholesky */
     const double *coarse;
-    void (*exchange)(const double *own, double *far); /* other ranks' values (.., d) of a vector; NULL on one rank */
-    void (*sum)(double *numbers, int32_t count);      /* over all ranks, in place; NULL on one rank */
+    const ranks_t *ranks;                    /* NULL on one rank */
 } linear_system;
 
-int64_t strong_blocks(int d, int64_t n, const int32_t *starts, const int32_t *columns, const double *blocks, double drop,
-                      int32_t *strong_starts, int32_t *strong_columns, int32_t *places);
-int incomplete_cholesky(int d, int64_t n, const int32_t *starts, const int32_t *columns, const int32_t *places,
-                        const double *blocks, float *R);
+int incomplete_cholesky(int d, int64_t n, const int32_t *starts, const int32_t *columns, const double *blocks, double drop,
+                        int32_t *r_starts, int32_t *r_columns, float *R);
 void coarse_firsts(int64_t rows, int64_t first, const int32_t *starts, const int32_t *columns,
                    const int32_t *p_starts, const int32_t *p_columns, int32_t *firsts);
 int coarse_operator(int d, int64_t rows, int64_t first, const int32_t *starts, const int32_t *columns,

@@ -8,4 +8,7 @@
 #define SPARE 4
 typedef double wide __attribute__((vector_size(32), aligned(8), may_alias));
 typedef float narrow __attribute__((vector_size(16), aligned(4), may_alias));
+
+/* Sums numbers over all ranks, in place. */
+void sum_over_ranks(const linear_system *s, double *numbers, int32_t count);
 #endif
