@@ -9,6 +9,7 @@ import numpy as np
 from benchmarks.common.tables import number, table
 from pdvol.measure.verify import LevelFindings, check_levels
 from pdvol.runs.run_metrics import distances_from_below, motion_from_level_0
+from pdvol.solve.report import PARTS
 from pdvol.store.reader import Run, RunLevel
 from pdvol.studio.variations.variation import length
 
@@ -45,6 +46,7 @@ def table_of_levels(run: Run, direct: Run | None = None) -> str:
     rows = [
         row("vertices, cells", lambda level: f"{len(level.rest):,}, {len(level.cells):,}"),
         row("CPU seconds a step, mean (most)", lambda level: _spread([r["seconds"]["cpu"] for r in level.log])),
+        row("of it assembly, contact, collision detection, linear solves, rest [%]", _shares),
         row(
             "Newton iterations a step, mean (most)", lambda level: _spread([r["newton_iterations"] for r in level.log])
         ),
@@ -71,6 +73,13 @@ def _motions(run: Run) -> dict[int, dict[str, Any]]:
 
 def _spread(values: Sequence[float]) -> str:
     return f"{number(float(np.mean(values)), 2)} ({number(float(max(values)), 2)})"
+
+
+def _shares(level: RunLevel) -> str:
+    """How a level's CPU time is divided; parts are measured in wall time, each step's are scaled to its CPU time."""
+    seconds = [record["seconds"] for record in level.log if record["seconds"]["total"] > 0.0]
+    spent = [sum(s[part] * s["cpu"] / s["total"] for s in seconds) for part in (*PARTS, "other")]
+    return ", ".join(f"{100 * part / sum(spent):.0f}" for part in spent)
 
 
 def _smallest_gap(level: RunLevel) -> str:

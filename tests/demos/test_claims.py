@@ -22,7 +22,7 @@ from pdvol.store.folder import level_folder, state_file
 
 MOST_BYTES = 6e6  # of a film: the repository carries them
 WITHOUT_CONTACT = {"twist"}
-QUICK = {"ball_on_spike", "melt", "peel", "rope_drop", "twist", "worm"}
+QUICK = {"ball_on_spike", "coil", "melt", "peel", "rope_drop", "twist", "worm"}
 """Entries that take a second or three: one of each kind of claim."""
 BY_NAME = {entry.name: entry for entry in ENTRIES}
 
@@ -76,6 +76,8 @@ def test_a_page_is_made_from_a_stored_run(tmp_path, monkeypatch, capsys):
     stored = open_run(runs / "melt")
     assert rows["vertices, cells"] == [f"{len(x.rest)}, {len(x.cells)}" for x in stored.levels]
     assert rows["intersections"] == ["0 in 76 states"] * 2
+    shares = [value for name, value in rows.items() if name.startswith("of it assembly")][0]
+    assert [98 <= sum(map(int, cell.split(", "))) <= 102 for cell in shares] == [True] * 2
     own = rows["distance from level 0, at the end (largest)"]
     assert own[0] == "" and rows["the same with `--method direct`"][0] == ""
     assert own[1] != rows["the same with `--method direct`"][1] and "m" in rows["the same with `--method direct`"][1]

@@ -1,0 +1,51 @@
+"""The bar of `twist.py`, turned on until it bends into a coil and touches itself (paper, section "Twisting behaviour").
+
+    pdvol run demos/coil.py --levels 0:1
+
+It has the four levels of `twist.py`; `--levels 0:1` is a quick look.
+"""
+
+import pdvol
+import twist
+from pdvol.measure.verify import check_levels
+from pdvol.runs.run_metrics import motion_from_level_0
+
+NOT_RELEASED = 1e3  # s: both ends are turned to the last step
+
+
+def scene(cuts=twist.CUTS, speed=600.0, young=2e5, poisson=0.4, steps=66, dt=0.01):
+    """The ends turn at `speed` deg/s in opposite directions up to the last step."""
+    return twist.scene(cuts, speed, NOT_RELEASED, young, poisson, steps, dt)
+
+
+def claim(run):
+    """The bar touches itself on all levels, nothing crosses, and its levels coil alike."""
+    crossings = {found.index: found.crossings for found in check_levels(run.path)}
+    found = []
+    for level in run.levels:
+        touching = [record for record in level.log if record["contacts"]]
+        first = touching[0]["step"] * run.dt if touching else None
+        most = max(record["contacts"] for record in level.log)
+        found.append(
+            (
+                f"Level {level.index} touches itself from {first:.2f} s on, in up to {most:,} contacts, with"
+                f" {crossings[level.index]} intersections in {level.steps} states."
+                if touching
+                else f"Level {level.index} touches nothing.",
+                bool(touching) and crossings[level.index] == 0,
+            )
+        )
+    for entry in motion_from_level_0(run)[1:]:
+        mean, largest = entry["distance"], entry["largest_distance"]
+        found.append(
+            (
+                f"Level {entry['level']} is at most {1000 * largest:.1f} mm from level 0, a mean over the bar, in any"
+                f" step ({1000 * mean:.1f} mm at the end); the bar is {1000 * twist.WIDTH:.0f} mm wide.",
+                largest < 0.1 * twist.WIDTH,
+            )
+        )
+    return found
+
+
+if __name__ == "__main__":
+    pdvol.main(scene)
