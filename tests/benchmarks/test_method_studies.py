@@ -98,7 +98,7 @@ def test_a_short_study(tmp_path, capsys):
     ]
     for case in result["cases"]:
         assert [level["states"] for level in case["levels"]] == [3, 3] and case["levels"][1]["crossing_pairs"] == 0
-    for name in ("slit_array.png", "slit_array_curves.png"):
+    for name in ("slit_array_sweep.png", "slit_array_curves.png"):
         assert (tmp_path / name).read_bytes()[:4] == b"\x89PNG"
     written = {p: p.stat().st_mtime_ns for p in (tmp_path / "slit_array").rglob("*.npy")}
     assert methods.main(words) == 0  # finished runs are taken as they are
