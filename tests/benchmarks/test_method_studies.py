@@ -104,3 +104,16 @@ def test_a_short_study(tmp_path, capsys):
     assert methods.main(words) == 0  # finished runs are taken as they are
     assert {p: p.stat().st_mtime_ns for p in (tmp_path / "slit_array").rglob("*.npy")} == written
     assert methods.main([*words[:-1], "/proc/nowhere"]) == 2
+
+
+@pytest.mark.slow
+def test_metrics_of_interpolants_are_drawn(tmp_path):
+    words = ["rope_drop", "--only", "progressive", "--levels", "2", "--steps", "3", "--out", str(tmp_path)]
+    assert methods.main(words) == 0
+    cases = json.loads((tmp_path / "rope_drop.json").read_text())["cases"]
+    assert [case["prolongation"] for case in cases] == ["barycentric", "biharmonic", "phong"]
+    for case in cases:
+        finest = case["levels"][1]
+        assert [len(finest[key]) for key in ("continuity", "continuity_error", "consistency")] == [3, 3, 4]
+    for name in ("rope_drop.png", "rope_drop_metrics.png"):
+        assert (tmp_path / name).read_bytes()[:4] == b"\x89PNG"
