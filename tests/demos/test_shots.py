@@ -1,15 +1,19 @@
 """What levels of shots cost, how near bodies come, and which pages are older than the solver."""
 
 import hashlib
+import re
 import zlib
 from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from benchmarks.common.commits import MissingObject
 from benchmarks.common.tables import number
+from demos.gallery import films
 from demos.gallery.__main__ import PAGES, main
 from demos.gallery.check import History, table_of_ages
 from demos.gallery.entries import Entry, Variant
@@ -19,6 +23,7 @@ from demos.gallery.shown import ENTRIES
 from demos.gallery.simulation import commit, settings_by, simulate_small
 from shapes import box
 
+MOST_BYTES = 6e6  # of a film: the repository carries them
 MELT = next(entry for entry in ENTRIES if entry.name == "melt")
 PAGE = """# {title}
 
@@ -189,3 +194,30 @@ def test_check_says_of_each_page_which_commit_it_is_of(capsys):
     for wrong in ([], ["--check", "melt"]):
         with pytest.raises(SystemExit):
             main(wrong)
+
+
+def test_films_of_the_page_are_there():
+    text = films.PAGE.read_text()
+    shown = re.findall(r"\]\(((?:films|gallery)/\w+\.webp)\)", text)
+    assert [Path(name).stem for name in shown] == list(films.LOOK)
+    assert sum(name.startswith("films/") for name in shown) >= 2 and text.count("At commit ") == len(shown)
+    for name in shown:
+        assert (films.PAGE.parent / name).stat().st_size < MOST_BYTES
+    assert films.main(["bunny"]) == 2
+
+
+@pytest.mark.slow
+def test_a_film_of_level_0_beside_the_finest_one(tmp_path, monkeypatch):
+    pytest.importorskip("imageio_ffmpeg")
+    small = replace(next(entry for entry in ENTRIES if entry.name == "twist"), slow=None)
+    monkeypatch.setattr(films, "ENTRIES", (small,))
+    monkeypatch.setattr(films, "PAGE", tmp_path / "films.md")
+    monkeypatch.setattr(films, "FRAME", (320, 160))
+    monkeypatch.setattr(films, "LOOK", {"twist": "Look."})
+    simulate_small(small, tmp_path / "runs" / "twist")
+    assert films.main(["twist", "--runs", str(tmp_path / "runs")]) == 0
+    with Image.open(tmp_path / "films" / "twist.webp") as film:
+        assert film.size == (320, 160) and film.n_frames > 10
+    text = (tmp_path / "films.md").read_text()
+    assert text.count("\n## ") == 1 and "(films/twist.webp)" in text and "Level 1: " in text
+    assert films.main(["twist", "--runs", str(tmp_path / "none")]) == 1, "there is no run"
