@@ -9,8 +9,15 @@ import struct
 import zlib
 from bisect import bisect_left
 from collections.abc import Iterator
+from functools import lru_cache
 from pathlib import Path
 
+KEPT_OBJECTS = 1000
+"""Number of objects of a pack that are kept in memory: more than a chain of deltas has, whose ends are read again and
+again.
+"""
+PIECE = 4096
+"""Number of bytes of a pack that are read at a time: most objects but pictures are shorter."""
 KINDS = {1: "commit", 2: "tree", 3: "blob", 4: "tag"}
 
 
@@ -91,6 +98,24 @@ class Repository:
             raise MissingObject(f"{commit} is a {kind}, not a commit")
         yield from self._tree(content.split()[1].decode(), "")
 
+    def parents(self, commit: str) -> tuple[str, ...]:
+        """The commits that a commit follows; none for the first one."""
+        lines = self.read(commit)[1].partition(b"\n\n")[0].decode(errors="replace").splitlines()
+        return tuple(line[7:] for line in lines if line.startswith("parent "))
+
+    def tree(self, commit: str) -> str:
+        """The id of a commit's root folder."""
+        return self.read(commit)[1].split()[1].decode()
+
+    def listed(self, tree: str) -> dict[str, str]:
+        """What a folder has: names and ids."""
+        rest, found = self.read(tree)[1], {}
+        while rest:
+            head, _, rest = rest.partition(b"\0")
+            found[head.partition(b" ")[2].decode()] = rest[:20].hex()
+            rest = rest[20:]
+        return found
+
     def _tree(self, name: str, prefix: str) -> Iterator[tuple[str, bytes]]:
         rest = self.read(name)[1]
         while rest:
@@ -115,6 +140,8 @@ class Pack:
 
     def __init__(self, index: Path, repository: Repository):
         self._index, self._repository = index.read_bytes(), repository
+        self.read = lru_cache(KEPT_OBJECTS)(self._read)
+        """Kind and content of the object at an offset."""
         self._count = struct.unpack(">I", self._index[8 + 255 * 4 : 8 + 256 * 4])[0]
         with index.with_suffix(".pack").open("rb") as file:
             self._data = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
@@ -146,7 +173,7 @@ class Pack:
             offset = struct.unpack_from(">Q", self._index, small + 4 * self._count + 8 * (offset & 0x7FFFFFFF))[0]
         return offset
 
-    def read(self, offset: int) -> tuple[str, bytes]:
+    def _read(self, offset: int) -> tuple[str, bytes]:
         """Kind and content of the object there, its deltas carried out."""
         begin, byte = offset, self._data[offset]
         kind, offset = byte >> 4 & 7, offset + 1
@@ -162,8 +189,16 @@ class Pack:
         elif kind == 7:  # a delta to an object anywhere
             name, base = self._repository.read(self._data[offset : offset + 20].hex())
             offset += 20
-        content = zlib.decompressobj().decompress(self._data[offset:])
+        content = self._inflated(offset)
         return (name, applied(base, content)) if kind in (6, 7) else (KINDS[kind], content)
+
+    def _inflated(self, offset: int) -> bytes:
+        """What is compressed there, read piece by piece: a copy of all the rest of a large pack would take longer."""
+        found, stream = [], zlib.decompressobj()
+        while not stream.eof and offset < len(self._data):
+            found.append(stream.decompress(self._data[offset : offset + PIECE]))
+            offset += PIECE
+        return b"".join(found)
 
 
 def applied(base: bytes, delta: bytes) -> bytes:

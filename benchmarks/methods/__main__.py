@@ -16,7 +16,7 @@ import numpy as np
 from benchmarks.common import process
 from benchmarks.common.first_order import FIRST_ORDER
 from benchmarks.common.tables import number, table
-from benchmarks.methods.figures import draw
+from benchmarks.methods.figures import METRICS, draw
 from benchmarks.methods.studies import DEMOS, STUDIES, Case, Study
 from pdvol import PdvolError, open_run
 from pdvol.measure import verify
@@ -37,7 +37,7 @@ HEAD = [
     "largest change of volume",
     "smallest det F",
     "facets turned [deg]",
-    "time [s]",
+    "CPU time [s]",
 ]
 
 
@@ -95,9 +95,9 @@ def judge(path: Path, case: Case, count: int) -> dict:
     for entry, level in zip(result["levels"][:count], stored.levels, strict=False):
         record = {key: entry[key] for key in ("level", "summary")} | {
             "vertices": len(level.rest),
-            "consistency": entry.get("consistency"),
+            **{key: entry.get(key) for key in METRICS},
         }
-        record["seconds"] = sum(r["seconds"]["total"] for r in level.log)
+        record["seconds"] = sum(r["seconds"]["cpu"] for r in level.log)
         levels.append(record | states(level, stored.obstacles))
     return {
         "name": case.name,

@@ -1,4 +1,6 @@
-"""The figures of benchmarks.methods: finest levels side by side at the same moments, and consistency over time."""
+"""The figures of benchmarks.methods: levels side by side at the same moments, and continuity and consistency over
+time.
+"""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -7,22 +9,32 @@ import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from benchmarks.methods.studies import Study
+from benchmarks.divergence.__main__ import distances
+from benchmarks.methods.studies import LITERAL, Study
 from pdvol import open_run
 from pdvol.studio.draw.camera import camera_of_run
 from pdvol.studio.draw.layout import BACKGROUND
 from pdvol.studio.draw.renderer import Renderer
 from pdvol.studio.shown import PALETTE
+from pdvol.studio.variations.variation import length
 
 WIDTH = 420  # pixels of one picture
-FLOOR = 1e-7  # of the largest value: what is drawn of consistency
+SMALL_WIDTH = 170  # pixels of one picture of a sweep
+FLOOR = 1e-7  # of the largest value: what is drawn of it over time
+METRICS = {
+    "continuity": "continuity n",
+    "continuity_error": "continuity error e [kg m²]",
+    "consistency": "consistency d, to the level below [kg m²]",
+}
+"""What is drawn over time, by its name in `pdvol.runs.run_metrics`."""
+COMPARED = ("barycentric", "biharmonic")
+"""The paper's interpolants in its figure of metrics."""
 
 
 def draw(path: Path, study: Study, records: Sequence[dict], runs: Sequence[Path]) -> None:
-    """The study's figure."""
-    shapes(path, study, records, runs)
-    if study.figure == "curves":
-        curves(path.with_name(f"{path.stem}_curves.png"), records)
+    """The study's figures: NAME.png of its shapes, and NAME_FIGURE.png of each other one."""
+    for name in study.figures:
+        FIGURES[name](path if name == "shapes" else path.with_name(f"{path.stem}_{name}.png"), study, records, runs)
 
 
 def _shots(study: Study, runs: Sequence[Path]) -> list[list[np.ndarray]]:
@@ -65,7 +77,57 @@ def shapes(path: Path, study: Study, records: Sequence[dict], runs: Sequence[Pat
     figure.savefig(path, dpi=130)
 
 
-def curves(path: Path, records: Sequence[dict]) -> None:
+def sweep(path: Path, study: Study, records: Sequence[dict], runs: Sequence[Path]) -> None:
+    """All levels of the paper's cases at the study's moments, a row each, with their distance from level 0."""
+    chosen = [k for k, record in enumerate(records) if record["settings"]["consistency"] != LITERAL]
+    records, stored = [records[k] for k in chosen], [open_run(runs[k]) for k in chosen]
+    steps = [min(step, min(level.steps for run in stored for level in run.levels) - 1) for step in study.moments]
+    camera = camera_of_run(
+        stored[0], [level for run in stored for level in run.levels], sorted(set(steps)), stored[0].obstacles
+    )
+    rows, levels = len(stored), len(stored[0].levels)
+    figure = Figure(
+        figsize=(1.5 * levels, (1.5 / camera.aspect + 0.16) * rows * len(steps) + 0.5), facecolor=BACKGROUND
+    )
+    FigureCanvasAgg(figure)
+    figure.subplots_adjust(left=0.055, right=0.995, top=0.975, bottom=0.005, wspace=0.03, hspace=0.2)
+    axes = figure.subplots(rows * len(steps), levels, squeeze=False)
+    for row, (run, record) in enumerate(zip(stored, records, strict=True)):
+        apart = distances(run)
+        with Renderer(run, camera, SMALL_WIDTH, run.obstacles) as renderer:
+            for level in run.levels:
+                for moment, step in enumerate(steps):
+                    one = axes[moment * rows + row, level.index]
+                    one.imshow(np.asarray(renderer.picture(level, step)))
+                    title = f"level {level.index}: " if row == 0 else ""
+                    far = apart[level.index, 0][step] if level.index else None
+                    one.set_title(f"{title}{'' if far is None else length(float(far))}".rstrip(": "), fontsize=8, pad=2)
+        for moment, step in enumerate(steps):
+            one = axes[moment * rows + row, 0]
+            one.set_ylabel(f"w = {record['settings']['consistency']:g}\nframe {step}", fontsize=8)
+    for one in axes.ravel():
+        one.set_xticks([])
+        one.set_yticks([])
+        one.spines[:].set_visible(False)
+    figure.savefig(path, dpi=110)
+
+
+def metrics(path: Path, study: Study, records: Sequence[dict], runs: Sequence[Path]) -> None:
+    """What `METRICS` names at each step of the finest level, a curve for each interpolant of a progressive run."""
+    figure = Figure(figsize=(11.0, 3.6), facecolor=BACKGROUND, layout="constrained")
+    FigureCanvasAgg(figure)
+    shown = [r for r in records if r["method"] == "progressive" and r["prolongation"] in COMPARED]
+    for axes, (key, label) in zip(figure.subplots(1, len(METRICS)), METRICS.items(), strict=True):
+        for k, record in enumerate(shown):
+            first = 0 if key == "consistency" else 1
+            _curve(axes, record["levels"][-1][key], record["dt"], PALETTE[k], record["prolongation"], first, "-:"[k])
+        _over_time(axes, label)
+        if key != "continuity":  # a ratio, which has no floor
+            _floor(axes)
+    figure.savefig(path, dpi=130)
+
+
+def curves(path: Path, study: Study, records: Sequence[dict], runs: Sequence[Path]) -> None:
     """Draws consistency over time: of the finest level for every weight, of each level for the second smallest one."""
     figure = Figure(figsize=(11.0, 3.6), facecolor=BACKGROUND, layout="constrained")
     FigureCanvasAgg(figure)
@@ -73,7 +135,7 @@ def curves(path: Path, records: Sequence[dict]) -> None:
     for k, record in enumerate(records):
         _curve(
             left,
-            record["levels"][-1],
+            record["levels"][-1]["consistency"],
             record["dt"],
             PALETTE[k % len(PALETTE)],
             f"w = {record['settings']['consistency']:g}",
@@ -81,20 +143,47 @@ def curves(path: Path, records: Sequence[dict]) -> None:
     left.set_title(f"finest level ({len(records[0]['levels']) - 1})", fontsize=9, loc="left")
     held = next(r for r in records if r["settings"]["consistency"] == 0.025)
     for level in held["levels"][1:]:
-        _curve(right, level, held["dt"], PALETTE[level["level"] % len(PALETTE)], f"level {level['level']}")
+        _curve(
+            right, level["consistency"], held["dt"], PALETTE[level["level"] % len(PALETTE)], f"level {level['level']}"
+        )
     right.set_title("each level, w = 0.025", fontsize=9, loc="left")
     for one in (left, right):
-        one.set_yscale("log")
-        one.set_xlabel("time [s]", fontsize=8)
-        one.set_ylabel("consistency d, to the level below [kg m²]", fontsize=8)
-        one.set_facecolor(BACKGROUND)
-        one.spines[["top", "right"]].set_visible(False)
-        one.set_ylim(bottom=max(one.get_ylim()[0], one.dataLim.y1 * FLOOR))
-        one.legend(fontsize=7, frameon=False, ncols=2)
+        _over_time(one, METRICS["consistency"])
+        _floor(one)
     figure.savefig(path, dpi=130)
 
 
-def _curve(axes, level: dict, dt: float, colour: str, label: str) -> None:
-    values = np.array(level["consistency"], dtype=float)
+FIGURES = {"shapes": shapes, "sweep": sweep, "metrics": metrics, "curves": curves}
+"""How each is drawn: (path, study, records, runs)."""
+
+
+def _over_time(axes, label: str) -> None:
+    """What all curves have in common; `label` of the upright axis."""
+    axes.set_yscale("log")
+    axes.set_xlabel("time [s]", fontsize=8)
+    axes.set_ylabel(label, fontsize=8)
+    axes.set_facecolor(BACKGROUND)
+    axes.tick_params(labelsize=8)
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.legend(fontsize=7, frameon=False, ncols=2)
+
+
+def _floor(axes) -> None:
+    """Leave out what is below `FLOOR` of the largest value: rounding, before anything touches."""
+    axes.set_ylim(bottom=max(axes.get_ylim()[0], axes.dataLim.y1 * FLOOR))
+
+
+def _curve(
+    axes, values: Sequence[float | None], dt: float, colour: str, label: str, first: int = 0, style: str = "-"
+) -> None:
+    """One curve; `first` is the step of the first value."""
+    values = np.array(values, dtype=float)
     shown = values > 0
-    axes.plot(np.flatnonzero(shown) * dt, values[shown], color=colour, label=label, linewidth=1.3)
+    axes.plot(
+        (np.flatnonzero(shown) + first) * dt,
+        values[shown],
+        color=colour,
+        label=label,
+        linestyle=style,
+        linewidth=1.3 if style == "-" else 2.0,
+    )

@@ -35,7 +35,8 @@ class Study:
     demo : file name without its ending
     cases : tuple of Case
     steps, levels : how many are run
-    figure : "shapes" (the finest levels beside each other) or "curves" (consistency over time)
+    figures : of "shapes" (the finest levels beside each other), "sweep" (all levels for each weight), "curves"
+        (consistency over time for each weight) and "metrics" (of progressive runs over time, by interpolant)
     moments : steps that the figure shows
     """
 
@@ -43,7 +44,7 @@ class Study:
     cases: tuple[Case, ...]
     steps: int
     levels: int
-    figure: str = "shapes"
+    figures: tuple[str, ...] = ("shapes",)
     moments: tuple[int, ...] = ()
 
 
@@ -61,7 +62,9 @@ inertia's 1/2.
 """
 
 STUDIES = {
-    "rope_drop": Study("rope_drop", EVERYTHING, steps=150, levels=5, moments=(52, 89, 150)),
+    "rope_drop": Study(
+        "rope_drop", EVERYTHING, steps=150, levels=5, figures=("shapes", "metrics"), moments=(52, 89, 150)
+    ),
     "drop": Study("drop", EVERYTHING, steps=70, levels=2, moments=(40, 60)),
     "phong": Study(
         "phong",
@@ -82,7 +85,7 @@ STUDIES = {
         tuple(Case("progressive", settings={"consistency": w}) for w in (*WEIGHTS[:1], LITERAL, *WEIGHTS[1:])),
         steps=150,
         levels=8,
-        figure="curves",
+        figures=("sweep", "curves"),
         moments=(44, 142),
     ),
 }

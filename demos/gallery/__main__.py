@@ -1,14 +1,20 @@
-"""`./run python -m demos.gallery NAME ...`: run what is not stored, then film, picture, player file and page."""
+"""`./run python -m demos.gallery NAME ...`: run what is not stored, then film, picture, player file and page.
+`./run python -m demos.gallery --check`: which commit each page is of, and which numbers are older than the solver.
+"""
 
 import argparse
 import sys
 from pathlib import Path
 
+from benchmarks.common.commits import MissingObject
+from demos.gallery.check import table_of_ages
 from demos.gallery.entries import DEMOS, Entry
 from demos.gallery.figures import table_of_levels
 from demos.gallery.film import write_binding, write_film, write_picture, write_sheet, write_tile
 from demos.gallery.further import write_further
-from demos.gallery.page import RUNS, write_entry, write_index
+from demos.gallery.meeting import meeting, table_of_meetings
+from demos.gallery.page import RUNS, Shown, write_entry, write_index
+from demos.gallery.shots import write_costs
 from demos.gallery.shown import ENTRIES
 from demos.gallery.simulation import claims, note, simulate
 from pdvol.errors import PdvolError
@@ -22,12 +28,17 @@ def main(words: list[str]) -> int:
     """0 where all pages were written, 1 where a run failed or a claim does not hold, 2 for a wrong name."""
     names = [entry.name for entry in ENTRIES]
     parser = argparse.ArgumentParser(prog="python -m demos.gallery", description=__doc__)
-    parser.add_argument("names", nargs="+", metavar="NAME", help=f"{', '.join(names)}, or all")
+    parser.add_argument("names", nargs="*", metavar="NAME", help=f"{', '.join(names)}, or all")
     parser.add_argument("--runs", type=Path, default=DEMOS.parent / RUNS, help=f"folder of the runs (default: {RUNS})")
     parser.add_argument(
         "--no-film", action="store_true", help="keep film and pictures; write the page and its table anew"
     )
+    parser.add_argument("--check", action="store_true", help="say which commit each page is of, and what is older")
     options = parser.parse_args(words)
+    if options.check == bool(options.names):
+        parser.error("give names, or --check alone")
+    if options.check:
+        return check()
     wanted = names if options.names == ["all"] else options.names
     wrong = [name for name in wanted if name not in names]
     if wrong:
@@ -43,28 +54,48 @@ def main(words: list[str]) -> int:
     return 0 if all(held) else 1
 
 
+def check() -> int:
+    """Print the table of ages; 2 without a repository."""
+    try:
+        print(table_of_ages(ENTRIES, PAGES))
+    except MissingObject as error:
+        print(f"gallery: {error}", file=sys.stderr)
+        return 2
+    return 0
+
+
 def show(entry: Entry, runs: Path, drawn: bool = True) -> bool:
     """Make everything of one entry, pictures if `drawn`; whether its claim holds."""
+    PAGES.mkdir(parents=True, exist_ok=True)
+    shown = found(entry, runs)
+    variants = [found(entry.varied(variant), runs) for variant in entry.variants]
+    if drawn:
+        for each in (shown, *variants):
+            write_film(each.entry, each.run, PAGES / f"{each.entry.name}.webp")
+        write_picture(entry, shown.run, PAGES / f"{entry.name}.png")
+        write_tile(entry, shown.run, PAGES / "tiles" / f"{entry.name}.png")
+        if entry.binding:
+            write_binding(shown.run, PAGES / f"{entry.name}_binding.png")
+        for film in entry.further:
+            write_further(entry, film, shown.run, PAGES / f"{entry.name}_{film.name}.webp")
+    write_player(panes_of_run(shown.run), runs / f"{entry.name}.html", entry.title)
+    near = ""
+    if entry.meeting:
+        near = table_of_meetings({each.entry.row: meeting(each.run, entry.meeting) for each in (shown, *variants)})
+    print(write_entry(shown, PAGES / f"{entry.name}.md", variants, near))
+    broken = [(each.entry.name, s) for each in (shown, *variants) for s, holds in each.claims if not holds]
+    for name, sentence in broken:
+        print(f"gallery: {name}: does not hold: {sentence}", file=sys.stderr)
+    return not broken
+
+
+def found(entry: Entry, runs: Path) -> Shown:
+    """The runs of an entry or of a variant, simulated where they are missing, and what is measured on them."""
     run = simulate(entry, runs / entry.name)
     direct = simulate(entry, runs / f"{entry.name}_direct", "direct") if entry.direct else None
-    found = claims(entry, run)
-    PAGES.mkdir(parents=True, exist_ok=True)
-    if drawn:
-        write_film(entry, run, PAGES / f"{entry.name}.webp")
-        write_picture(entry, run, PAGES / f"{entry.name}.png")
-        write_tile(entry, run, PAGES / "tiles" / f"{entry.name}.png")
-        if entry.binding:
-            write_binding(run, PAGES / f"{entry.name}_binding.png")
-        for film in entry.further:
-            write_further(entry, film, run, PAGES / f"{entry.name}_{film.name}.webp")
-    write_player(panes_of_run(run), runs / f"{entry.name}.html", entry.title)
-    levels = table_of_levels(run, direct)
-    made = note(run.path), {} if direct is None else note(direct.path)
-    print(write_entry(entry, run, levels, found, *made, PAGES / f"{entry.name}.md"))
-    for sentence, holds in found:
-        if not holds:
-            print(f"gallery: {entry.name}: does not hold: {sentence}", file=sys.stderr)
-    return all(holds for _, holds in found)
+    made, made_directly = note(run.path), {} if direct is None else note(direct.path)
+    write_costs(run, direct, made, made_directly, PAGES / f"{entry.name}.json")
+    return Shown(entry, run, table_of_levels(run, direct), claims(entry, run), made, made_directly)
 
 
 if __name__ == "__main__":

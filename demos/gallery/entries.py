@@ -5,7 +5,7 @@ for a stored run: what the demo is there to show, with the figures of this run.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -36,12 +36,30 @@ class Further:
 
 
 @dataclass(frozen=True)
+class Variant:
+    """The same demo once more with other settings: a run, a film and a table of its own on the page.
+
+    Attributes
+    ----------
+    name : of the film and of the run, after that of the entry
+    title : of its part of the page
+    about : Markdown: what to look at, and what was learned
+    settings : of the scene, instead of the entry's
+    """
+
+    name: str
+    title: str
+    about: str
+    settings: Mapping[str, Any]
+
+
+@dataclass(frozen=True)
 class Entry:
     """A demo in the gallery.
 
     Attributes
     ----------
-    name : of demos/NAME.py and of its page
+    name : of demos/NAME.py, of its page and of its run
     title : of its page
     about : Markdown: what to look at, and what was learned
     small : what tests change to run it within seconds
@@ -58,6 +76,11 @@ class Entry:
     size : width and height of the film [pixels]
     moment : second shown on the contact sheet
     further : more films of the page
+    paper : the paper's figure that it is for, where there is one
+    variants : more rows of the page
+    meeting : two bodies, by their numbers; the page compares how near they come with what embedding would give
+    row : what the entry is called beside its variants
+    demo : name of the demo, where it is not that of the page
     """
 
     name: str
@@ -77,8 +100,27 @@ class Entry:
     size: tuple[int, int] = (1200, 440)
     moment: float = 0.5
     further: tuple[Further, ...] = ()
+    paper: str = ""
+    variants: tuple[Variant, ...] = ()
+    meeting: tuple[int, int] | None = None
+    row: str = ""
+    demo: str = ""
 
     @property
     def file(self) -> Path:
         """The scene file."""
-        return DEMOS / f"{self.name}.py"
+        return DEMOS / f"{self.demo or self.name}.py"
+
+    def varied(self, variant: Variant) -> "Entry":
+        """The entry of a variant: its file is the same, its run and its film have the variant's name as well."""
+        return replace(
+            self,
+            name=f"{self.name}_{variant.name}",
+            title=f"{self.title}: {variant.title}",
+            about=variant.about,
+            settings=variant.settings,
+            demo=self.name,
+            row=variant.name,
+            variants=(),
+            further=(),
+        )

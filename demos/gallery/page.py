@@ -1,60 +1,103 @@
 """The Markdown page of an entry, and the gallery's index."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from demos.gallery.entries import Entry
 from demos.gallery.film import FRAMES_PER_SECOND
+from demos.gallery.shots import table_of_shots
 from pdvol.store.files import write_bytes
 from pdvol.store.reader import Run
 
 RUNS = "runs/gallery"  # folder of the gallery's runs
+MEETINGS = (
+    "At the end. Gaps are distances from vertices of the one surface to the other surface, negative inside it. Embedded"
+    " means that level 1 only follows level 0, by the same interpolation."
+)
+"""What stands above the table of how near bodies come."""
+COSTS = (
+    "Means over all steps of a level, CPU time on one core, beside other jobs. A level solves what the direct"
+    " simulation of it solves: its own forces,\ncontact and friction, from another prediction. `./run python -m"
+    " demos.gallery --check` says which of these numbers are older than the solver."
+)
+"""What stands above the table of costs."""
 
 
-def write_entry(
-    entry: Entry,
-    run: Run,
-    levels: str,
-    claims: Sequence[tuple[str, bool]],
-    made: Mapping[str, Any],
-    made_directly: Mapping[str, Any],
-    out: Path,
-) -> Path:
-    """The page of an entry beside its film.
+@dataclass(frozen=True)
+class Shown:
+    """An entry with its runs, and what was found on them.
 
-    Parameters
+    Attributes
     ----------
+    entry, run : the entry, and its stored run
     levels : the table of levels
     claims : sentences of the demo's claim, and whether they hold
     made, made_directly : commits and machine of the run, and of that by the direct method; empty where unknown
     """
-    settings = "".join(f" --set {name}={value}" for name, value in entry.settings.items())
-    finest = "" if entry.finest is None else f" --levels 0:{run.levels[-1].index}"
-    command = f"./run pdvol run {entry.file.relative_to(entry.file.parents[1])}{settings}{finest}"
-    last = run.info["steps"] * run.dt
+
+    entry: Entry
+    run: Run
+    levels: str
+    claims: Sequence[tuple[str, bool]]
+    made: Mapping[str, Any]
+    made_directly: Mapping[str, Any]
+
+
+def write_entry(shown: Shown, out: Path, variants: Sequence[Shown] = (), meetings: str = "") -> Path:
+    """The page of an entry beside its film.
+
+    Parameters
+    ----------
+    variants : those of the entry, in its order
+    meetings : the table of how near bodies come, of the entry and its variants
+    """
+    entry, run = shown.entry, shown.run
     parts = [
         f"# {entry.title}",
         entry.about.strip(),
-        f"![{entry.title}: the levels beside each other]({entry.name}.webp)",
-        f"*{last:.3g} s, {run.info['steps']} steps of {run.dt:g} s; {_speed(entry, run.dt)}. As a picture:"
-        f" [{entry.name}.png]({entry.name}.png).*",
-        "## What it shows\n\n" + "\n".join(f"- {'' if holds else '**Does not hold:** '}{s}" for s, holds in claims),
-        f"## The levels\n\n{levels}",
+        _film(entry, entry.title),
+        f"*{run.info['steps'] * run.dt:.3g} s, {run.info['steps']} steps of {run.dt:g} s; {_speed(entry, run.dt)}."
+        f" As a picture: [{entry.name}.png]({entry.name}.png).*",
+        "## What it shows\n\n" + _claims(shown),
+        f"## The levels\n\n{shown.levels}",
         _begun(entry, run),
         _binding(entry),
         *(
             f"## {film.title}\n\n{film.about.strip()}\n\n![{film.title}]({entry.name}_{film.name}.webp)"
             for film in entry.further
         ),
-        _made(command, made, made_directly),
+        *(part for variant in variants for part in _variant(variant)),
+        f"## How near they come\n\n{MEETINGS}\n\n{meetings}" if meetings else "",
+        "\n\n".join(_made(each) for each in (shown, *variants)),
     ]
     write_bytes(out, ("\n\n".join(part for part in parts if part) + "\n").encode())
     return out
 
 
+def _variant(shown: Shown) -> list[str]:
+    """The part of the page that a variant has."""
+    title = shown.entry.title.rpartition(": ")[2]
+    return [
+        f"## {title}",
+        shown.entry.about.strip(),
+        _film(shown.entry, title),
+        _claims(shown),
+        shown.levels,
+    ]
+
+
+def _film(entry: Entry, title: str) -> str:
+    return f"![{title}: the levels beside each other]({entry.name}.webp)"
+
+
+def _claims(shown: Shown) -> str:
+    return "\n".join(f"- {'' if holds else '**Does not hold:** '}{sentence}" for sentence, holds in shown.claims)
+
+
 def write_index(entries: Sequence[Entry], out: Path) -> Path:
-    """The list of all pages that are there."""
+    """The list of all pages that are there, and the table of what levels cost."""
     there = [entry for entry in entries if (out.parent / f"{entry.name}.md").is_file()]
     lines = [f"- [{entry.title}]({entry.name}.md): `demos/{entry.name}.py`" for entry in there]
     text = (
@@ -64,7 +107,8 @@ def write_index(entries: Sequence[Entry], out: Path) -> Path:
         f" which simulates first what is not stored. `{RUNS}/NAME.html` plays it.\nA demo's claim is checked on the"
         " stored run when its page is made, and on small levels by the tests.\n\nDistances are root mean squares over"
         " the mass, from the coarser level prolonged to the finer one. With `--method direct` each level is simulated\n"
-        "on its own. Intersections are counted by `pdvol verify`, which is independent of the solver.\n"
+        "on its own. Intersections are counted by `pdvol verify`, which is independent of the solver.\n\n"
+        f"## What a preview saves\n\n{COSTS}\n\n{table_of_shots(entries, out.parent)}\n"
     )
     write_bytes(out, text.encode())
     return out
@@ -100,11 +144,15 @@ def _binding(entry: Entry) -> str:
     )
 
 
-def _made(command: str, made: Mapping[str, Any], directly: Mapping[str, Any]) -> str:
+def _made(shown: Shown) -> str:
     """How and where the runs were made, in one sentence."""
+    entry, made = shown.entry, shown.made
+    settings = "".join(f" --set {name}={value}" for name, value in entry.settings.items())
+    finest = "" if entry.finest is None else f" --levels 0:{shown.run.levels[-1].index}"
+    command = f"./run pdvol run {entry.file.relative_to(entry.file.parents[1])}{settings}{finest}"
     if not made:
         return f"Made by `{command}`."
-    commits, others = _commits(made), _commits(directly)
+    commits, others = _commits(made), _commits(shown.made_directly)
     direct = f" (by the direct method: {others})" if others not in ("", commits) else ""
     return (
         f"Made by `{command}` at commit {commits}{direct} on one core of {made['processor']},"

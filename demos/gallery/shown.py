@@ -1,6 +1,6 @@
 """The demos of the gallery, in the order of its pages."""
 
-from demos.gallery.entries import Entry, Further
+from demos.gallery.entries import Entry, Further, Variant
 
 ENTRIES = (
     Entry(
@@ -22,6 +22,7 @@ and both finer levels keep it. It is refined as it was found: no finer level was
         """A soft ball falls on a sharp spike, slightly off-centre. Which way it goes is decided by the smallest
 difference: levels that are simulated on their own (`--method direct`) end at -0.39, +0.52, +0.40, -0.26
 and -0.06 m. Refined progressively, all levels go where level 0 went.""",
+        paper="2 and 10",
         small={},
         slow=(0.2, 0.6),
         size=(1200, 420),
@@ -36,6 +37,7 @@ trampoline. Three material laws, stiffnesses a million times apart, the same bou
 systems are solved directly here: conjugate gradients took 37 iterations a system on level 0. With a
 propeller that spins (`--set spin=3`) Newton needs 11 to 15 iterations where 2 to 3 suffice without:
 its straight steps stretch a stiff body that turns, and the line search shortens them.""",
+        paper="16",
         small={"vertices": (25, 50), "dt": 0.02, "steps": 35},
         slow=(0.25, 0.65),
         size=(1260, 480),
@@ -48,6 +50,7 @@ its straight steps stretch a stiff body that turns, and the line search shortens
         """A rope falls on the ground and lies down in folds. On level 0 it is one element wide and kinks; finer levels
 are smooth, and lie in the same folds. What interpolation alone gives, and how interpolants compare, is in
 [methods.md](../methods.md).""",
+        paper="11, 17 and 18",
         small={},
         slow=(0.2, 0.6),
         size=(1100, 480),
@@ -140,6 +143,7 @@ a texture follows dough of some hundred vertices, on both levels. Both bodies ha
 twenty thin teeth and twenty-two knobs that level 0 only hints at. Both shapes come to rest on the same
 pegs on all levels. The outer part of each tooth of level 1 is bound to one
 cell of level 0, another one for each tooth.""",
+        paper="12",
         small={"vertices": (65, 200), "dt": 0.02, "steps": 60},
         size=(1080, 720),
         binding=True,
@@ -153,6 +157,7 @@ cell of level 0, another one for each tooth.""",
 fine level then falls into nonsense. `pdvol check demos/hollow_cube.py --set coarse=solid` finds it
 before anything runs, names the level and both bodies, and says that the finer level keeps them apart.
 The mend is a coarse level with a cavity of its own, as here. The cube is cut open to show the ball.""",
+        paper="limitations",
         small={"steps": 40, "dt": 0.02},
         cut="z=0:cube",
         size=(1000, 460),
@@ -163,24 +168,35 @@ The mend is a coarse level with a cavity of its own, as here. The cube is cut op
         "dice_and_wizard",
         "A gnome on a letter block",
         """On level 0 the block is a plain cube, on level 1 letters are cut deep into its faces. The gnome follows
-the coarse animation, and settles into the letter that level 0 does not know.""",
+the coarse animation, and settles into the letter that level 0 does not know. The block has 2e5 Pa here, and 1e8 Pa
+[below](#a-stiff-block).""",
+        paper="4",
         small={"vertices": (250, 500), "block": (216, 900), "dt": 0.02, "steps": 40},
         slow=(0.1, 0.4),
         size=(1000, 460),
         direct=True,
         moment=1.0,
+        meeting=(0, 1),
+        row="soft",
         further=(
             Further(
                 "gaps",
                 "How contact fits",
                 """Both bodies are cut open through the letter. The colour is the gap to the nearest other surface.
-Where fine meshes are only embedded, the gap that level 0 leaves between the gnome and the letter stays. Here contact
-acts on level 1 itself. At the end 64 vertices of its gnome are within 1 mm of the block, 35 of them in the
-letter, 4 to 18 mm below the face. On level 0 they are 20, none of them that deep.""",
+Where fine meshes are only embedded, the gap that level 0 leaves between the gnome and the letter stays, or the
+surfaces cross. Here contact acts on level 1 itself. [Below](#how-near-they-come) are the figures.""",
                 view="1.68,1.02,1.02:0.0,0.41,-0.02",
                 cut="x=0",
                 size=(1100, 460),
                 slow=(0.1, 0.4),
+            ),
+        ),
+        variants=(
+            Variant(
+                "stiff",
+                "A stiff block",
+                """A block of 1e8 Pa keeps its shape, so the gnome alone deforms.""",
+                {"soft": False},
             ),
         ),
     ),
@@ -191,6 +207,7 @@ letter, 4 to 18 mm below the face. On level 0 they are 20, none of them that dee
 level adds faces, paws and the ripples of the impact. It has 24 times the vertices of level 0, where the paper has
 100 times. From level 0 to level 3 the CPU time of a step grows as the number of vertices to the power 1.35. A level
 of 165,000 vertices, which is not run here, would so take about 275 s a step and 4.6 hours in all.""",
+        paper="19",
         small={"vertices": (150, 400), "dt": 0.01, "steps": 40},
         slow=(0.1, 0.5),
         size=(1260, 440),
@@ -203,6 +220,7 @@ of 165,000 vertices, which is not run here, would so take about 275 s a step and
         """Nine slices, shaped like a bunny, soft and thin as noodles, fall into a bowl that is smaller than they are.
 They hang over its rim and fold over each other, on level 0, too. With two smoothed cells through its thickness a
 strip like level 0 is 2.5 times as stiff in bending as a thin beam; with linear ones it would be 14 times.""",
+        paper="3",
         small={"slices": 4, "vertices": (30, 60), "dt": 0.02, "steps": 22},
         settings={"feedback": 0.1},
         slow=(0.1, 0.5),
@@ -229,6 +247,7 @@ measured at bdd1ecd and 46b4b79 on an Intel Xeon with two cores, which other pro
 At 46b4b79, a preview there (`pdvol run --levels 0`, 220 steps, meshes kept from before) takes 76 s of wall time on one
 core, 59 s of it CPU time, at a load of 3 to 4. pdvol itself takes one rank below 4,000 vertices. With
 `--ranks 2` it took 113 s, while other programs used both cores.""",
+        paper="1",
         small={"vertices": ((500, 800), (250, 400)), "dt": 0.04, "steps": 110},
         view="-0.95,1.37,2.01:0.0,0.33,0.14",
         slow=(0.8, 2.4),
@@ -242,6 +261,7 @@ core, 59 s of it CPU time, at a load of 3 to 4. pdvol itself takes one rank belo
         """A soft gorilla is held by its seat, its feet and one fist, and suddenly gets an upward velocity of 5 m/s.
 It swings for eight seconds; little but the time steps takes energy out of it. Simulated each on its own, levels
 lose their common motion within two seconds. Refined progressively, head and fist are in the same pose to the end.""",
+        paper="8",
         small={"vertices": (120, 250), "steps": 60},
         slow=(0.0, 0.6),
         size=(1200, 460),
@@ -253,6 +273,7 @@ lose their common motion within two seconds. Refined progressively, head and fis
         "A bear cub falls on stones",
         """A bear cub falls, turning, on two round stones and the floor. `--set surface=FILE` drops any other closed
 surface. Level 2 has ears, paws and a face; it lies where level 0 came to lie.""",
+        paper="9",
         small={"vertices": (150, 300), "dt": 0.02, "steps": 35},
         slow=(0.25, 0.65),
         size=(1200, 440),
@@ -266,6 +287,7 @@ surface. Level 2 has ears, paws and a face; it lies where level 0 came to lie.""
 touches anything here, so this is the bare cost of a step: Newton needs as many iterations on all levels, and
 the time of a step grows about as the number of vertices. The shape is smooth, and level 0 has it already.
 The largest distances come right after the release, while the bar untwists fastest.""",
+        paper="13",
         small={"cuts": ((8, 2), (12, 3)), "release": 0.15, "steps": 40},
         slow=(0.4, 1.0),
         size=(1000, 580),
@@ -280,6 +302,7 @@ None of its levels crosses itself, and they coil to the same side. As long as th
 Newton iterations on all levels. The finer a level, the earlier its sides wrinkle between the edges, and the harder
 that is: the hardest step took 52, 54 and 143 iterations on levels 0 to 2. Level 3 touches itself in step 53; that
 step took 514, with 592 Hessians, and was halved twice.""",
+        paper="13",
         small={"cuts": ((12, 3), (16, 4)), "speed": 800.0, "steps": 55},
         begun=3,
         slow=(0.5, 0.66),
@@ -291,8 +314,9 @@ step took 514, with 592 Hessians, and was halved twice.""",
         "A block of slits",
         """A block that is cut into seven soft strips falls on the ground, in eight levels and with time steps of
 0.04 s. The strips buckle and lie down on each other. Held together by a penalty (`consistency=0.025`,
-[methods.md](../methods.md)), all levels stay within 10 cm of level 0. Simulated each on its own they come to a
-heap on the same side, but are up to 25 cm apart on the way.""",
+[methods.md](../methods.md)), all levels stay within 10 cm of level 0. Simulated each on its own they come to
+heaps that are up to half a metre from that of level 0.""",
+        paper="15, 20 and 21",
         small={"vertices": (100, 130), "height": 0.05, "steps": 40},
         settings={"consistency": 0.025},
         size=(840, 430),
@@ -305,6 +329,7 @@ heap on the same side, but are up to 25 cm apart on the way.""",
         """Turn lies upon turn, and level 0 cuts their corners: between these, vertices of level 1 are nearer to
 the next turn than to their own. Bound to the nearest cell they would move with the wrong turn. pdvol
 follows the edges of level 1 instead, and binds all of them to their own turn.""",
+        paper="5",
         small={"steps": 12},
         slow=(0.0, 0.35),
         size=(1000, 460),

@@ -21,6 +21,9 @@ from pdvol.store.reader import Run, open_run
 from pdvol.studio.study.study import processor
 from pdvol.studio.wedge.scored_body import at_level
 
+TIES = ("consistency", "feedback")
+"""Settings of the method `progressive` that tie a level to the one below it."""
+
 
 def simulate(entry: Entry, folder: Path, method: str = "progressive") -> Run:
     """The stored run of an entry by a method; what is missing is simulated, in a process of its own.
@@ -66,12 +69,17 @@ def _march(entry: Entry, folder: Path, finest: int, method: str, most: int | Non
     words = ["run", str(entry.file), "--levels", f"0:{finest}", "--out", str(folder), "--no-picture", "--no-xdmf"]
     words += ["--ranks", "1"]  # times on pages are comparable
     words += ["--method", method]
-    words += [word for name, value in entry.settings.items() for word in ("--set", f"{name}={value}")]
+    words += [word for name, value in settings_by(entry, method).items() for word in ("--set", f"{name}={value}")]
     words += ["--resume"] * there
     hard = resource.getrlimit(resource.RLIMIT_CPU)[1]
     limit = None if most is None else partial(resource.setrlimit, resource.RLIMIT_CPU, (most, hard))
     # A step is stored as a whole or not at all, so a process may be ended at any time.
     return subprocess.run([sys.executable, "-m", "pdvol", *words], preexec_fn=limit).returncode
+
+
+def settings_by(entry: Entry, method: str) -> dict[str, Any]:
+    """The entry's settings, without those that a method does not know: levels that run alone have no ties."""
+    return {name: value for name, value in entry.settings.items() if method == "progressive" or name not in TIES}
 
 
 def simulate_small(entry: Entry, folder: Path) -> Run:

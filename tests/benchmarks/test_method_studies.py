@@ -98,9 +98,22 @@ def test_a_short_study(tmp_path, capsys):
     ]
     for case in result["cases"]:
         assert [level["states"] for level in case["levels"]] == [3, 3] and case["levels"][1]["crossing_pairs"] == 0
-    for name in ("slit_array.png", "slit_array_curves.png"):
+    for name in ("slit_array_sweep.png", "slit_array_curves.png"):
         assert (tmp_path / name).read_bytes()[:4] == b"\x89PNG"
     written = {p: p.stat().st_mtime_ns for p in (tmp_path / "slit_array").rglob("*.npy")}
     assert methods.main(words) == 0  # finished runs are taken as they are
     assert {p: p.stat().st_mtime_ns for p in (tmp_path / "slit_array").rglob("*.npy")} == written
     assert methods.main([*words[:-1], "/proc/nowhere"]) == 2
+
+
+@pytest.mark.slow
+def test_metrics_of_interpolants_are_drawn(tmp_path):
+    words = ["rope_drop", "--only", "progressive", "--levels", "2", "--steps", "3", "--out", str(tmp_path)]
+    assert methods.main(words) == 0
+    cases = json.loads((tmp_path / "rope_drop.json").read_text())["cases"]
+    assert [case["prolongation"] for case in cases] == ["barycentric", "biharmonic", "phong"]
+    for case in cases:
+        finest = case["levels"][1]
+        assert [len(finest[key]) for key in ("continuity", "continuity_error", "consistency")] == [3, 3, 4]
+    for name in ("rope_drop.png", "rope_drop_metrics.png"):
+        assert (tmp_path / name).read_bytes()[:4] == b"\x89PNG"

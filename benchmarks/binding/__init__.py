@@ -1,0 +1,1 @@
+"""What snapping does to coarse cells, and how local biharmonic weights are."""
