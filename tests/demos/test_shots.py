@@ -1,6 +1,7 @@
 """What levels of shots cost, how near bodies come, and which pages are older than the solver."""
 
 import hashlib
+import json
 import re
 import zlib
 from dataclasses import replace
@@ -73,6 +74,16 @@ def test_the_table_of_shots(tmp_path):
         "In 1 of 2 rows the finest level takes 10 times as long as level 0 or longer, up to 100 times."
         " Of the others these have less to save: Small (5.0)."
     )
+
+
+def test_a_level_that_is_only_begun_is_not_in_the_table(tmp_path):
+    large = page(tmp_path, "large")
+    levels = [{"level": 0, "vertices": 60, "cpu": 0.003, "newton": 4.5, "steps": 9}]
+    levels += [{"level": k, "vertices": 999 * k, "cpu": 0.06 * k, "newton": 6.0, "steps": 10 - k} for k in (1, 2)]
+    kept = {"made": {"commits": ["57d0d06"]}, "levels": levels, "made_directly": {}, "direct": []}
+    (tmp_path / "large.json").write_text(json.dumps(kept))
+    row = table_of_shots((large,), tmp_path).splitlines()[2]
+    assert row == "| [Large](large.md) | 3 | 60, 999 | 0.0030, 0.060 | 20 | 4.5, 6.0 |  | 57d0d06 |"
 
 
 def test_the_gallery_s_table_is_that_of_its_pages():
