@@ -23,7 +23,7 @@ PDVOL = Path(sys.modules["pdvol"].__file__).parent
 FILES, C_FILES, CONSTANTS = 24, 18, 35
 """At most: Python files of a step, C files of the libraries that it calls, constants in all of them."""
 LAYOUT = {
-    *("SPARE", "BOX", "SIDE", "LANES", "MAX_H", "DEPTH"),  # sizes of arrays
+    *("SPARE", "BOX", "SIDE", "LANES", "FOURS", "MAX_H", "DEPTH"),  # sizes of arrays
     "MAX_PARAMETERS",  # the same, for users' densities
     "GROUPS",  # how many eigensystems are found at once
     *("TRANSPOSED", "ELSEWHERE", "FILTERS"),  # codes of places and modes
