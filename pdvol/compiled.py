@@ -22,28 +22,21 @@ import numpy as np
 from pdvol.errors import InputError
 from pdvol.stages import stage
 
-# words for x86's widest vectors, of which GCC takes halves by default: Hessians take an eighth less time with them
-WIDE = ("-mprefer-vector-width=512",) if platform.machine() in ("x86_64", "AMD64") else ()
 # options of the C compiler: vector instructions of this processor, no fused multiply-add, so that sums repeat on one
 # kind of processor, and no errno or traps, which would prevent vectorisation
-FLAGS = ("-O3", "-march=native", "-ffp-contract=off", "-fno-math-errno", "-fno-trapping-math", *WIDE)
+FLAGS = ("-O3", "-march=native", "-ffp-contract=off", "-fno-math-errno", "-fno-trapping-math")
 
 ffi = cffi.FFI()
 
 
 @cache
-def processor_features() -> str:
-    """The line with the features of this machine's processor, or its name where there is no such line."""
-    try:
-        return next(line for line in Path("/proc/cpuinfo").read_text().splitlines() if line.startswith("flags"))
-    except (OSError, StopIteration):
-        return platform.processor()
-
-
-@cache
 def cache_folder() -> Path:
     """Where compiled code is kept: one folder per kind of processor, since it is compiled for the one at hand."""
-    key = hashlib.sha256(f"{platform.machine()} {processor_features()}".encode()).hexdigest()[:12]
+    try:
+        cpu = next(line for line in Path("/proc/cpuinfo").read_text().splitlines() if line.startswith("flags"))
+    except (OSError, StopIteration):
+        cpu = platform.processor()
+    key = hashlib.sha256(f"{platform.machine()} {cpu}".encode()).hexdigest()[:12]
     base = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
     return base / "pdvol" / "compiled" / key
 

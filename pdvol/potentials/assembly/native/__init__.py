@@ -2,13 +2,14 @@
 
 from pathlib import Path
 
-from pdvol.compiled import FLAGS, Library, cache_folder, ffi, pointer, processor_features
+from pdvol.compiled import FLAGS, Library, cache_folder, ffi, pointer
 
 __all__ = ["FLAGS", "cache_folder", "ffi", "library", "pointer"]
 
-# domains for which a kernel is evaluated at once: as many as the widest vector registers hold numbers, since GCC takes
-# memory for wider vectors, with which a Hessian takes 4 to 8 times as long
-LANES = 8 if "avx512f" in processor_features() else 4
+# domains for which a kernel is evaluated at once: as many as AVX2's registers hold numbers. Where registers are smaller
+# than these vectors, GCC takes memory for them, and a Hessian takes 4 times as long. With eight, which AVX-512 holds, a
+# step is up to a twentieth faster where bodies fly, and slower where contact lasts
+LANES = 4
 # parameters of an energy density: the C code keeps those of LANES domains on the stack
 MAX_PARAMETERS = 64
 # slots by which blocks are fetched into the cache before they are added to, and spare ones behind the last: with none a

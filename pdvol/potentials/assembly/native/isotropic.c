@@ -1,4 +1,4 @@
-/* Filtered Hessians of isotropic energies in 3D, eight domains at a time.
+/* Filtered Hessians of isotropic energies in 3D, LANES domains at a time.
  *
  * In the frames of F = U S V' the Hessian over F of an isotropic energy psi(s0, s1, s2) falls apart into the 3 x 3 matrix of second
  * derivatives by the stretches and a 2 x 2 block per pair of axes with eigenvalues (psi_i - psi_j) / (s_i - s_j) and
@@ -70,7 +70,7 @@ INLINE int coupled(lanes A[3][3])
     return any != 0;
 }
 
-/* Cyclic Jacobi of `groups` times eight symmetric 3 x 3 matrices A: they become diagonal, and the columns of V eigenvectors. A rotation is a chain
+/* Cyclic Jacobi of `groups` times LANES symmetric 3 x 3 matrices A: they become diagonal, and the columns of V eigenvectors. A rotation is a chain
  * of roots and quotients; the processor waits less where it has several such chains. */
 INLINE void eigensystems(int groups, lanes A[][3][3], lanes V[][3][3])
 {
