@@ -1,9 +1,8 @@
 """Kernels of forms over tensors that are constant in a domain, each evaluated for LANES domains at once.
 
 FFCx writes a kernel in C, for one cell. Here it is compiled into a loop over LANES domains, whose numbers lie side by
-side, and the compiler makes vector instructions of that loop: a kernel takes a third of the time per domain (GCC 14).
-The logarithm and its like are those of glibc's libmvec where there is one. glibc declares them only where
-__FAST_MATH__ is defined; nothing else of fast mathematics is used.
+side, and the compiler makes vector instructions of that loop. The logarithm and its like are those of glibc's libmvec
+where there is one. glibc declares them only where __FAST_MATH__ is defined; nothing else of fast mathematics is used.
 """
 
 import math
