@@ -19,9 +19,8 @@ MEETINGS = (
 """What stands above the table of how near bodies come."""
 COSTS = (
     "Means over all steps of a level (those that are only begun are left out), CPU time on one core, beside other jobs."
-    " A level solves what the direct"
-    " simulation of it solves: its own forces,\ncontact and friction, from another prediction. `./run python -m"
-    " demos.gallery --check` says which of these numbers are older than the solver."
+    " A level solves what the direct simulation of it solves: its own forces,\ncontact and friction, from another"
+    " prediction. `./run python -m demos.gallery --check` says which of these numbers are older than the solver."
 )
 """What stands above the table of costs."""
 

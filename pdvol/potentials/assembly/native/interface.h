@@ -6,7 +6,8 @@
 /* Domains, in each of which F is the sum over its vertices of x_a G_a': cells, or the cells around an edge. Domain k has the entries starts[k] to
  * starts[k + 1] of `vertices`, which says where its vertices are in arrays of vertices; without `starts` each has d + 1. `gradients` are the G_a (d
  * numbers) of all but its first vertex, whose own is minus their sum. The first `counted` domains count in sums of this rank. Where `ceiling` is
- * positive, the density is zero from that det F on, and LANES such domains side by side are left out. `oriented`: the energy is infinite unless det F > 0 in all. */
+ * positive, the density is zero from that det F on, and LANES such domains side by side are left out. `oriented`: the energy is infinite unless
+ * det F > 0 in all. */
 typedef struct {
     int32_t d, oriented;
     int64_t count, counted;
