@@ -31,7 +31,7 @@ from pdvol.geometry.rigid_motions import Pose
 from pdvol.levels.model import LevelModel
 from pdvol.levels.script import ON_TIME, HeldPoints, Mover, Obstacle, Script
 from pdvol.levels.space import LevelSpace
-from pdvol.potentials.potential import SCRIPTED_GAP_SHARE, Positions
+from pdvol.potentials.potential import LEAST_LEFT, PRESSED_GAP_SHARE, Positions
 from pdvol.solve.incremental_potential import IncrementalPotential
 from pdvol.solve.newton import Newton
 from pdvol.solve.report import NewtonReport
@@ -43,7 +43,6 @@ LEAST_GAIN = 0.02
 # Times the last part's length: how far ahead, at most at the span's end, is the place that the next direction leads to.
 # Above 1, so that parts can grow; not far above, since directions for places far ahead are blocked early.
 LOOK_AHEAD = 2.0
-PATH_SHARE = 0.9  # fraction of a free path that is tried next: detection for the shorter path may be stricter
 RELAXING_ITERATIONS = 2  # Newton iterations between parts: enough for bodies to follow, and cheap
 
 Object = int | Obstacle
@@ -289,7 +288,7 @@ class MotionParts:
                 break
             relaxed = end is None
             limit = None if relaxed else RELAXING_ITERATIONS
-            x, solved = self.newton.solve(x, max_iterations=limit, gap_share=SCRIPTED_GAP_SHARE)
+            x, solved = self.newton.solve(x, max_iterations=limit, gap_share=PRESSED_GAP_SHARE)
             solved.remedies["substeps"] += 1
             self.count(solved)
         return x
@@ -340,10 +339,10 @@ class MotionParts:
         shortest = max(least, ON_TIME * (t1 - clock))
         while True:  # each path is a tenth shorter or more, down to the shortest
             path = self.motion.path(x, until, fraction * direction, carried)
-            free = self.potential.max_step(x, path, until=until, gap_share=SCRIPTED_GAP_SHARE)
+            free = self.potential.max_step(x, path, until=until, gap_share=PRESSED_GAP_SHARE)
             if free == 1.0:
                 return until, x.moved(1.0, path)
-            fraction *= PATH_SHARE * free
+            fraction *= (1.0 - LEAST_LEFT) * free  # detection for the shorter path may be stricter
             until = clock + fraction * (t1 - clock)
             if until - clock <= shortest:
                 return clock, None

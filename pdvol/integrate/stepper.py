@@ -20,7 +20,7 @@ from pdvol.levels.script import Mover, Script
 from pdvol.levels.space import LevelSpace
 from pdvol.potentials.build import MakeTerm, build_terms
 from pdvol.potentials.consistency import Guide
-from pdvol.potentials.potential import LEAST_LEFT, SCRIPTED_GAP_SHARE, Positions, Rates
+from pdvol.potentials.potential import LEAST_LEFT, PRESSED_GAP_SHARE, Positions, Rates
 from pdvol.registry import INTEGRATORS
 from pdvol.solve.incremental_potential import IncrementalPotential
 from pdvol.solve.newton import Newton
@@ -276,7 +276,7 @@ class Stepper:
             x = MotionParts(motion, self.potential, self.newton, report.add).follow(x_t) if motion.moves else x_t
         if not self._end_motion():
             return x, NewtonReport(reason="GROUND_BLOCKED")
-        gap_share = SCRIPTED_GAP_SHARE if report.remedies["substeps"] > parts else LEAST_LEFT
+        gap_share = PRESSED_GAP_SHARE if report.remedies["substeps"] > parts else LEAST_LEFT
         return self._solve_lagged(report, x, robust, gap_share)
 
     def _end_motion(self) -> bool:

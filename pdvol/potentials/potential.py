@@ -17,9 +17,11 @@ from pdvol.potentials.assembly.hessian_blocks import HessianBlocks
 # but barriers and logarithms keep moderate derivatives
 LEAST_LEFT = 0.1
 
-# the same share under scripted motions, which may press from several sides: with less, gaps shrink step after step, and
-# bodies that slide past a gap of 1e-6 dhat take hundreds of steps, each ended by it
-SCRIPTED_GAP_SHARE = 0.5
+# share of a gap that is left where bodies are pressed together. A part of a scripted motion leaves that much: it may
+# press from several sides, and with less, gaps shrink step after step, and bodies that slide past a gap of 1e-6 dhat
+# take hundreds of steps, each ended by it. A direction that brings a pair together is expected to leave that much: with
+# less, expectations are stiffer than contact will be; with more, it takes more of them
+PRESSED_GAP_SHARE = 0.5
 
 
 class Positions:
@@ -35,6 +37,7 @@ class Positions:
     def __init__(self, space: LevelSpace, owned: np.ndarray):
         self.space = space
         self.owned = np.ascontiguousarray(owned, dtype=np.float64).reshape(space.n_owned, space.dim)
+        self._moved: tuple[np.ndarray, float, Positions] | None = None  # the last direction, step, and their place
 
     @cached_property
     def whole(self) -> np.ndarray:
@@ -47,8 +50,14 @@ class Positions:
         return self.space.with_ghosts(self.owned)
 
     def moved(self, step: float, direction: np.ndarray) -> "Positions":
-        """x + step * direction, direction (n_owned, d)."""
-        return Positions(self.space, self.owned + step * direction)
+        """x + step * direction, direction (n_owned, d). The same object as the last one for the same direction, if that
+        array is read-only: what terms derive from it is then found once.
+        """
+        if direction.flags.writeable:
+            return Positions(self.space, self.owned + step * direction)
+        if self._moved is None or self._moved[0] is not direction or self._moved[1] != step:
+            self._moved = direction, step, Positions(self.space, self.owned + step * direction)
+        return self._moved[2]
 
 
 class LastStates:
@@ -190,6 +199,29 @@ class ContactPotential(Potential, Protocol):
 
         Objects are bodies and, numbered after them, `obstacles`.
         """
+
+    @property
+    def meets(self) -> bool:
+        """Whether any pair of this rank is predicted to meet."""
+
+    @property
+    def first_meeting(self) -> float:
+        """Share of the way at which the first pair of this rank is predicted to meet; 1 where none is."""
+
+    def predict(self, x: Positions, end: Positions, gap_share: float = LEAST_LEFT, last: bool = False) -> bool:
+        """Predicts which pairs meet on the way from x to the `end` of a direction, besides those that were predicted
+        for this x before, and what gaps they have there; in a `last` prediction no new ones. Returns whether anything
+        has changed on this rank. Collective.
+        """
+
+    def forget_prediction(self) -> None:
+        """No pairs meet."""
+
+    def predicted_change(self, x: Positions) -> np.ndarray:
+        """(n_owned, d) gradient at x [N] as predicted, less the gradient as it is."""
+
+    def add_predicted(self, weight: float, into: HessianBlocks) -> None:
+        """Adds weight times the Hessian as predicted, less the Hessian as it is: never negative."""
 
     def count(self, x: Positions) -> int:
         """Number of contacts at x, of all ranks. Collective."""

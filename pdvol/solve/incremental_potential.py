@@ -129,16 +129,20 @@ class IncrementalPotential:
                     if term not in self.frictions:
                         term.add_hessian(x, weight * self.weight, into)
         into.keep_added()
-        self.renew_friction(x, weight, into)
+        self.renew_predicted(x, weight, into)
         if not self.space.reduce(into.finite(), MPI.LAND):
             self._name_hessian(x, weight, into)
 
-    def renew_friction(self, x: Positions, weight: float, into: HessianBlocks) -> None:
-        """Replaces friction in the blocks of the last `add_hessian` by that of its present prediction."""
+    def renew_predicted(self, x: Positions, weight: float, into: HessianBlocks) -> None:
+        """Replaces friction and what is predicted of contact, in the blocks of the last `add_hessian`, by the present
+        prediction.
+        """
         into.drop_later()
         with self.watch.part("contact"):
             for term in self.frictions:
                 term.add_hessian(x, weight * self.weight, into)
+            for contact in self.contacts:
+                contact.add_predicted(weight * self.weight, into)
 
     def _name_hessian(self, x: Positions, weight: float, into: HessianBlocks) -> None:
         """Raises for the first term whose Hessian is not finite, found by evaluating each alone."""
@@ -205,21 +209,41 @@ class IncrementalPotential:
         for term in self.terms:
             term.restore(memory.get(term.name, {}))
 
-    def predict_friction(self, x: Positions, direction: np.ndarray) -> np.ndarray | None:
-        """Predicts which contacts that slide stick at the end of a direction (n_owned, d) from x: the gradient
-        (n_owned, d) at x as predicted less the gradient as it is. None where there are none. Collective.
+    def predict(
+        self, x: Positions, direction: np.ndarray, gap_share: float, first: bool, last: bool
+    ) -> np.ndarray | None:
+        """Predicts, in the `first` prediction at x, which contacts that slide stick at the end of a direction
+        (n_owned, d) and, where that changes nothing, which pairs meet on the way there; in the `last` one no new ones.
+        Between parts of a scripted motion, whose steps leave a larger share of gaps, none meet: a part goes on best
+        where bodies have given way a little everywhere. Returns the gradient (n_owned, d) at x as predicted less the
+        gradient as it is; None where nothing has changed. Collective.
         """
         with self.watch.part("contact"):
             end = x.moved(1.0, direction)
-            changed = [term.predict(x, end) for term in self.frictions]  # no short cut: the calls are collective
+            # all of them, for the calls are collective
+            changed = [term.predict(x, end) for term in self.frictions] if first else []
             if not self.space.reduce(any(changed), MPI.LOR):
-                return None
-            return self.weight * sum((term.predicted_change(x) for term in self.frictions), np.zeros_like(x.owned))
+                meeting = self.contacts if gap_share <= LEAST_LEFT else ()
+                changed = [term.predict(x, end, gap_share, last) for term in meeting]
+                if not self.space.reduce(any(changed), MPI.LOR):
+                    return None
+            changes = [term.predicted_change(x) for term in self.contacts]
+            changes += [term.predicted_change(x) for term in self.frictions]
+            return self.weight * sum(changes, np.zeros_like(x.owned))
 
     def forget_prediction(self) -> None:
-        """All contacts slide or stick as they do."""
-        for term in self.frictions:
-            term.forget_prediction()
+        """All contacts slide or stick as they do, and nothing meets."""
+        for contact in self.contacts:
+            contact.forget_prediction()
+        for friction in self.frictions:
+            friction.forget_prediction()
+
+    @property
+    def first_meeting(self) -> float:
+        """Share of the way of the first direction at which a pair meets that is predicted to; 1 where there is none.
+        Collective.
+        """
+        return self.space.reduce(min((term.first_meeting for term in self.contacts), default=1.0), MPI.MIN)
 
     @property
     def has_friction(self) -> bool:

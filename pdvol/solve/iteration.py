@@ -64,6 +64,7 @@ class Iteration:
     lengthening : factor of the direction that was tried; 1 but for steps that repeat the last one
     cap : share of the direction, at most 1, that contact and inversion allowed
     backtracks : by the line search
+    meets : whether the direction was found with pairs that are predicted to meet
     as_promised : whether the potential fell by about what its model promised, and the step was not lengthened
     """
 
@@ -78,12 +79,13 @@ class Iteration:
     lengthening: float
     cap: float
     backtracks: int = 0
+    meets: bool = False
     as_promised: bool = False
 
     @property
     def full(self) -> bool:
         """Whether the whole direction was taken."""
-        return self.cap == 1.0 and self.backtracks == 0
+        return self.cap == 1.0 and self.backtracks == 0 and not self.meets
 
 
 # ---- rules
@@ -133,13 +135,12 @@ def stops(last: Iteration, before: Iteration | None, tolerance: float) -> str:
 def step_factor(
     start: Positions,
     direction: np.ndarray,
-    at_rounding: bool,
     projection: str,
     last: Iteration | None,
     total: Sum,
 ) -> float:
     """Factor of a new direction: above 1 where it repeats the last one, and the potential is softer than its model."""
-    if last is None or at_rounding or "none" in (last.projection, projection):
+    if last is None or last.meets or "none" in (last.projection, projection):
         return 1.0
     return lengthening(direction, last.direction, start.owned - last.start.owned, total)
 

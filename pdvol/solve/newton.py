@@ -39,6 +39,10 @@ from pdvol.solve.linear.solver import LinearSolver, wants_general_matrix
 from pdvol.solve.linear.system_matrix import SystemMatrix
 from pdvol.solve.report import NewtonReport, Stopwatch
 
+# predictions of contact and friction at most, for one direction: two serve most, each is a linear solve, and where many
+# bodies meet, six gain nothing over four
+PREDICTIONS = 4
+
 _REASONS = {value: name for name, value in vars(PETSc.SNES.ConvergedReason).items() if isinstance(value, int)}
 
 
@@ -82,6 +86,7 @@ class Solve:
     last, before : the last two iterations
     matrix_age : iterations since the matrix was assembled; None where the next iteration needs a new one
     trials : evaluations of the potential by the line search
+    meets : whether the present direction was found with pairs that are predicted to meet
     """
 
     states: list[Positions]
@@ -96,6 +101,7 @@ class Solve:
     before: Iteration | None = None
     matrix_age: int | None = None
     trials: int = 0
+    meets: bool = False
 
 
 class Newton:
@@ -206,12 +212,12 @@ class Newton:
     def _precheck(self, vector: PETSc.Vec, step: PETSc.Vec) -> None:
         """Scales the step so that nothing crosses or inverts; SNES moves by its negative."""
         x = self._positions(vector)
+        self._solve.meets = False
         self.linear.note_iterations(self.snes.ksp.getIterationNumber())
         if self.linear.found_indefinite and self._leave_unprojected():
             self._renew_matrix(x)
             self._solve_again(self._residual, step)
-        self._predict_friction(x, step)
-        length = self._begin_iteration(x, self._direction(step))
+        length = self._begin_iteration(x, self._predict(x, step))
         if length != 1.0:
             step.scale(length)
 
@@ -232,10 +238,11 @@ class Newton:
     # ---- iterations
 
     def _direction(self, step: PETSc.Vec) -> np.ndarray:
-        """Newton's direction (n_owned, d): SNES moves by the negative of its step. Raises SimulationError on all ranks
-        unless it is finite on all of them. Collective.
+        """Newton's direction (n_owned, d), read-only: SNES moves by the negative of its step. Raises SimulationError on
+        all ranks unless it is finite on all of them. Collective.
         """
         direction = -step.getArray(readonly=True).reshape(-1, self.space.dim)
+        direction.flags.writeable = False
         self._require_finite(direction)
         return direction
 
@@ -262,8 +269,10 @@ class Newton:
             solve.tolerance = max(self.tolerance, relative * self._speed(x.owned - self.potential.x_hat))
         slope, energy = self._slope(direction), self._energy(x)
         at_rounding = is_at_rounding(slope, self.potential.scale)
-        factor = step_factor(x, direction, at_rounding, solve.projection, solve.last, self._sum)
-        length = factor * self.potential.max_step(x, factor * direction, gap_share=solve.gap_share)
+        repeats = not (at_rounding or solve.meets)
+        factor = step_factor(x, direction, solve.projection, solve.last, self._sum) if repeats else 1.0
+        path = direction if factor == 1.0 else factor * direction
+        length = factor * self.potential.max_step(x, path, gap_share=solve.gap_share)
         cap = min(1.0, length)
         solve.report.speed, solve.report.step_cap = speed, min(solve.report.step_cap, cap)
         solve.before, solve.trials = solve.last, 0
@@ -278,6 +287,7 @@ class Newton:
             at_rounding,
             factor,
             cap,
+            meets=solve.meets,
         )
         return length
 
@@ -292,7 +302,7 @@ class Newton:
         if solve.trials > 1:
             last = replace(last, backtracks=solve.trials - 1)
             solve.report.backtracks += last.backtracks
-        if last.at_rounding:
+        if last.at_rounding or last.meets:
             solve.projection = "clamp"
         elif last.lengthening == 1.0:  # the quadratic model does not hold for lengthened steps
             kept = fraction_kept(last, x, self._energy(x), self._sum)
@@ -331,25 +341,42 @@ class Newton:
         self.linear.solve(right, step, near)
         self._solve.report.linear_iterations += self.snes.ksp.getIterationNumber()
 
-    def _predict_friction(self, x: Positions, step: PETSc.Vec) -> None:
-        """Solves for the step again where it changes which contacts stick (`potentials/contact/friction.py`)."""
-        if not self.potential.has_friction:
-            return
-        change = self.potential.predict_friction(x, self._direction(step))
-        if change is None:
-            return
-        first = step.getArray().copy()
-        self.potential.renew_friction(x, 1.0, self._blocks)
-        right = self._residual.copy()
-        right.getArray()[:] += np.where(self._fixed[:, None], 0.0, change).ravel()
-        with self.watch.part("linear"):
-            self._system.assemble(self._blocks)
-            self.linear.set_matrix(self._system)
-        self._solve_again(right, step, near=True)
+    def _predict(self, x: Positions, step: PETSc.Vec) -> np.ndarray:
+        """Solves for the step again where it brings pairs together (`potentials/contact/barrier.py`) or changes which
+        contacts stick (`potentials/contact/friction.py`). Returns the direction of the step.
+
+        Where pairs meet, the step that brings them together can go on until the first of them does. It is taken where
+        the potential falls more, to first order, than along the new one.
+        """
+        raw = before = direction = self._direction(step)
+        share = 1.0
+        for number in range(PREDICTIONS if self.potential.contacts else 0):
+            first, last = number == 0, number + 1 == PREDICTIONS
+            change = self.potential.predict(x, direction, self._solve.gap_share, first, last)
+            if change is None:
+                break
+            if share == 1.0:
+                before, share = direction, self.potential.first_meeting
+            self.potential.renew_predicted(x, 1.0, self._blocks)
+            right = self._residual.copy()
+            right.getArray()[:] += np.where(self._fixed[:, None], 0.0, change).ravel()
+            with self.watch.part("linear"):
+                self._system.assemble(self._blocks)
+                self.linear.set_matrix(self._system)
+            self._solve_again(right, step, near=True)
+            direction = self._direction(step)
+        if direction is raw:
+            return raw
+        meets = self.potential.first_meeting < 1.0
         self.potential.forget_prediction()
         self._solve.matrix_age = None
-        if not self._slope(self._direction(step)) < 0.0:
-            step.setArray(first)
+        least = share * (1.0 - 0.5 * share) * self._slope(before) if share < 1.0 else 0.0
+        if self._slope(direction) < least:
+            self._solve.meets = meets
+        else:
+            direction = before if self._slope(before) < 0.0 else raw
+            step.setArray(-direction.ravel())
+        return direction
 
     # ---- what callers use
 

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 
-from pdvol.integrate.scripted_motion import LEAST_GAIN, LOOK_AHEAD, PATH_SHARE, Carriers, MotionParts
+from pdvol.integrate.scripted_motion import LEAST_GAIN, LOOK_AHEAD, Carriers, MotionParts
 from pdvol.levels.space import LevelSpace
-from pdvol.potentials.potential import LEAST_LEFT, SCRIPTED_GAP_SHARE, Positions
+from pdvol.potentials.potential import LEAST_LEFT, PRESSED_GAP_SHARE, Positions
 from pdvol.scene import Barrier, Plane, Support, Translation
 from pdvol.solve.report import NewtonReport
 from problems import block, make_scene, make_stepper, take_step
@@ -129,7 +129,7 @@ def test_directions_are_found_for_a_place_a_little_further_than_the_last_part_ca
 
 def test_a_motion_that_creeps_is_followed_in_a_bounded_number_of_parts():
     """Each gains a little more than the least."""
-    potential = Potential(Motion(), free=1.1 * LEAST_GAIN / PATH_SHARE)
+    potential = Potential(Motion(), free=1.1 * LEAST_GAIN / (1.0 - LEAST_LEFT))
     x, newton = followed(potential)
     assert len(newton.limits) < 1.0 / LEAST_GAIN and potential.motion.clock == END
     np.testing.assert_allclose(x.owned, potential.motion.positions(END), atol=1e-12)
@@ -164,7 +164,7 @@ def test_the_path_that_is_tried_next_is_shorter_than_the_free_one():
     potential = Stricter(Motion(), free=0.4)
     followed(potential)
     first, second = potential.asked[:2]
-    assert (first, second) == (END, PATH_SHARE * 0.4) and PATH_SHARE < 0.95
+    assert (first, second) == (END, (1.0 - LEAST_LEFT) * 0.4)
     assert potential.places[0] == second and potential.asked[2] == END - second
 
 
@@ -177,7 +177,7 @@ def test_the_search_for_a_free_path_ends():
     """Where none is free and all are nearly so: paths shrink to the least gain, before and after a whole solve."""
     potential = Never(Motion())
     _, newton = followed(potential)
-    most = np.log(LEAST_GAIN) / np.log(PATH_SHARE)
+    most = np.log(LEAST_GAIN) / np.log(1.0 - LEAST_LEFT)
     assert 2 <= len(potential.asked) < 2 * (most + 1) and newton.limits == [None]
     assert min(potential.asked) > LEAST_GAIN
 
@@ -186,10 +186,10 @@ def test_scripted_motions_leave_more_of_a_gap():
     """In paths and in solves between parts."""
     potential = Potential(Motion(), free=0.3)
     followed(potential)
-    assert potential.shares == {SCRIPTED_GAP_SHARE}
+    assert potential.shares == {PRESSED_GAP_SHARE}
 
 
-@pytest.mark.parametrize("moves, share", [(True, SCRIPTED_GAP_SHARE), (False, LEAST_LEFT)])
+@pytest.mark.parametrize("moves, share", [(True, PRESSED_GAP_SHARE), (False, LEAST_LEFT)])
 def test_solves_of_a_step_leave_that_share_of_a_gap(monkeypatch, moves, share):
     """The larger one where a support presses a block to a wall, the smaller one where the block flies against it."""
     supports = (Support(lambda X: X[:, 0] < 1e-9, motion=Translation((15.0, 0.0))),) if moves else ()
@@ -206,4 +206,4 @@ def test_solves_of_a_step_leave_that_share_of_a_gap(monkeypatch, moves, share):
     monkeypatch.setattr(problem.newton, "solve", recorded)
     report = take_step(problem, 1, mesh.points, np.tile((0.0 if moves else 10.0, 0.0), (len(mesh.points), 1)))
     assert (report.remedies["substeps"] > 0) == moves and (moves or report.contacts > 0)
-    assert set(shares) == {share} and 0.0 < LEAST_LEFT < SCRIPTED_GAP_SHARE < 1.0
+    assert set(shares) == {share} and 0.0 < LEAST_LEFT < PRESSED_GAP_SHARE < 1.0

@@ -23,7 +23,7 @@ from pdvol.measure.verify import crossings
 from pdvol.potentials.contact.barrier import ContactBarrier
 from pdvol.potentials.contact.candidates import LIST_SLACK, Candidates
 from pdvol.potentials.contact.surface import ContactSurface
-from pdvol.potentials.potential import LEAST_LEFT, SCRIPTED_GAP_SHARE, Positions
+from pdvol.potentials.potential import LEAST_LEFT, PRESSED_GAP_SHARE, Positions
 from pdvol.scene import Translation
 from problems import polyline, tetrahedron
 from shapes import box
@@ -343,7 +343,7 @@ def test_certified_and_additive_collision_detection_allow_similar_steps():
 
 
 @pytest.mark.parametrize("ccd", ["additive", "tight-inclusion"])
-@pytest.mark.parametrize("keep", [LEAST_LEFT, SCRIPTED_GAP_SHARE])
+@pytest.mark.parametrize("keep", [LEAST_LEFT, PRESSED_GAP_SHARE])
 def test_a_step_leaves_the_share_of_a_gap_that_it_is_asked_to_keep(ccd, keep):
     """A box falls straight down on a face 0.6 dhat below it. The remaining gap is the requested share, or a little more
     where collision detection is not precise enough.

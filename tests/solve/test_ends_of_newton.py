@@ -94,7 +94,7 @@ def test_an_interrupt_in_a_solve_within_a_callback_arrives(monkeypatch):
         self._solve_again(self._residual, step)
 
     monkeypatch.setattr(LinearSolver, "solve_once", interrupted)
-    monkeypatch.setattr(Newton, "_predict_friction", solve_again)
+    monkeypatch.setattr(Newton, "_predict", solve_again)
     mesh = block((0.0, 0.0), (0.4, 0.4), 2)
     with pytest.raises(KeyboardInterrupt):
         take_step(make_stepper(make_scene(), mesh), 1, mesh.points, mesh.points)

@@ -100,7 +100,7 @@ def test_round_off_is_relative_to_what_cancels_in_the_energy():
         ({}, None, 1.0),
         ({}, iteration(projection="none"), 1.0),
         ({"projection": "none"}, iteration(), 1.0),
-        ({"at_rounding": True}, iteration(), 1.0),
+        ({}, iteration(meets=True), 1.0),
     ],
 )
 def test_only_steps_by_projected_hessians_are_lengthened(changes, last, factor):
@@ -108,7 +108,6 @@ def test_only_steps_by_projected_hessians_are_lengthened(changes, last, factor):
     arguments = {
         "start": SimpleNamespace(owned=np.ones((2, 2))),
         "direction": 0.9 * np.ones((2, 2)),
-        "at_rounding": False,
         "projection": "clamp",
         **changes,
     }

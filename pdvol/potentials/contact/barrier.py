@@ -7,6 +7,13 @@ and gradient are exact, and so is the Hessian that is not projected; projected o
 Only vertices can touch a half-space first. Their weight is their area at rest, and their gap is linear in x. Behind a
 plane the energy is infinite.
 
+Newton's model has no contact that is farther than dhat, and nearer ones are as stiff in it as they are now. So its
+direction goes through what is in the way, and collision detection cuts it off for all bodies: again and again, until
+contact has become as stiff as it has to be. Pairs that a direction brings together are therefore predicted to meet, and
+the direction is solved for again, with the law's tangent at the gap that each pair is expected to have at its end. That
+gap is the one at which the law has the force that the last tangent found: a primal-dual step, as that of friction.py.
+Energy and gradient are not changed by a prediction.
+
 Source: Li et al. 2020 (Incremental Potential Contact); Li et al. 2023 (convergent IPC).
 """
 
@@ -16,9 +23,9 @@ from mpi4py import MPI
 from pdvol.compiled import pointer
 from pdvol.levels.script import Obstacle
 from pdvol.potentials.assembly.hessian_blocks import HessianBlocks
-from pdvol.potentials.contact.candidates import Candidates, Contacts
+from pdvol.potentials.contact.candidates import MEETING, Candidates, Contacts
 from pdvol.potentials.contact.native import library
-from pdvol.potentials.potential import LEAST_LEFT, Positions, Term
+from pdvol.potentials.potential import LEAST_LEFT, PRESSED_GAP_SHARE, Positions, Term
 
 
 class ContactBarrier(Term):
@@ -37,6 +44,7 @@ class ContactBarrier(Term):
         self.space, self.dhat = self.surface.space, candidates.dhat
         self._at: Positions | None = None  # where the next was found
         self._contacts: Contacts
+        self._meetings: np.ndarray = np.empty(0, MEETING)
 
     @property
     def obstacles(self) -> tuple[Obstacle, ...]:
@@ -108,3 +116,66 @@ class ContactBarrier(Term):
         """Number of vertices on or behind a plane, counted once for each plane. Collective."""
         found = self.contacts(x)
         return self.space.reduce(int(np.count_nonzero(~found.gaps[: found.half_spaces].any(axis=1))))
+
+    # ---- the prediction
+
+    def predict(self, x: Positions, end: Positions, gap_share: float = LEAST_LEFT, last: bool = False) -> bool:
+        """Predicts which pairs meet on the way from x to the `end` of a direction, besides those that were predicted
+        for this x before, and what gaps they have there. A `last` prediction has no new pairs, for nothing would show
+        whether they push. Returns whether anything has changed on this rank. Collective.
+        """
+        start, stop = self.surface.vertices(x), self.surface.vertices(end)
+        if not self.space.reduce(self.meets, MPI.LOR):
+            if self.space.reduce(self.candidates.is_clear(start, stop, gap_share), MPI.LAND):
+                return False
+        if not last:
+            found, known = self.candidates.meetings(start, stop, gap_share), set(map(tuple, self._pairs))
+            new = [tuple(pair) not in known for pair in found["pair"].tolist()]
+            self._meetings = np.concatenate([self._meetings, found[new]])
+        changed = library.expect_gaps(
+            *(self.space.dim, *self._c_meetings, pointer(stop), self.dhat, self.kappa, PRESSED_GAP_SHARE)
+        )
+        self._meetings = self._meetings[self._meetings["expected"] > 0.0]
+        return changed > 0
+
+    @property
+    def _pairs(self) -> list[list[int]]:
+        return self._meetings["pair"].tolist()
+
+    @property
+    def _c_meetings(self) -> tuple:
+        return len(self._meetings), pointer(self._meetings, "meeting_t")
+
+    @property
+    def meets(self) -> bool:
+        """Whether any pair of this rank is predicted to meet."""
+        return len(self._meetings) > 0
+
+    @property
+    def first_meeting(self) -> float:
+        """Share of the way at which the first pair of this rank meets; 1 where none does."""
+        return float(self._meetings["time"].min(initial=1.0))
+
+    def forget_prediction(self) -> None:
+        """No pairs meet."""
+        self._meetings = self._meetings[:0]
+
+    def predicted_change(self, x: Positions) -> np.ndarray:
+        """(n_owned, d) gradient at x [N] as predicted, less the gradient as it is."""
+        gradient = np.zeros(self.surface.vertices(x).shape)
+        library.meeting_gradient(self.space.dim, *self._c_meetings, self.dhat, self.kappa, pointer(gradient))
+        return self.surface.rows_of(gradient)
+
+    def add_predicted(self, weight: float, into: HessianBlocks) -> None:
+        """Adds weight times the Hessian as predicted, less the Hessian as it is: never negative."""
+        if self.meets:
+            into.add_compiled(
+                library.meeting_blocks,
+                10 * len(self._meetings),
+                self.space.dim,
+                *self._c_meetings,
+                self.dhat,
+                self.kappa,
+                weight,
+                pointer(self.surface.rows, "int64_t"),
+            )

@@ -17,6 +17,7 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
+from mpi4py import MPI
 
 from pdvol.compiled import pointer
 from pdvol.potentials.contact.native import ffi, library
@@ -249,7 +250,7 @@ class PairList:
             if not fits:
                 self._make_room(*(2 * max(count, 512) for count in counts))
         self.points, self.edges = (pairs[:count] for pairs, count in zip(self._pairs, counts, strict=True))
-        self._go_on(start, start)
+        self.go_on(start, start)
 
     def longest_step(self, start: np.ndarray, end: np.ndarray, gap_share: float, step: float) -> float:
         """The largest part of a straight move from start to end (n, d), `step` at most, on which the pairs keep at
@@ -259,10 +260,10 @@ class PairList:
             return step
         move = pointer(start), pointer(end)
         step = library.longest_step(self.primitives.c, *move, self.reach, gap_share, self.c, step)
-        self._go_on(start, end)
+        self.go_on(start, end)
         return step
 
-    def _go_on(self, start: np.ndarray, end: np.ndarray) -> None:
+    def go_on(self, start: np.ndarray, end: np.ndarray) -> None:
         """Bounds are from now on those of the way from start to end."""
         self._way = start, end
         self.c.begin, self.c.end = map(pointer, self._way)
@@ -286,6 +287,15 @@ CONTACT = np.dtype(
     align=True,
 )
 FADE = np.dtype({"names": ["contact", "first", "second"], "formats": ["i8", "(4,3)f8", "(10,3,3)f8"]}, align=True)
+# meeting_t of native/interface.h
+MEETING = np.dtype(
+    {
+        "names": ["pair", "vertices", "coefficients", "normal", "weight", "time", "distance", "gap", "expected"],
+        "formats": ["3i4", "4i4", "4f8", "3f8", "f8", "f8", "f8", "f8", "f8"],
+    },
+    align=True,
+)
+POINT, EDGES = 0, 1  # kinds of pairs that meet, as in search.c
 
 
 class Contacts:
@@ -378,6 +388,10 @@ class Candidates:
         self.lists = tuple(PairList(self.primitives, dhat, within) for within in (True, False))
         self._c_lists = ffi.new("pairs_t *[]", [pairs.c for pairs in self.lists])
         self._buffers = Contacts(np.empty(1024, CONTACT), np.empty(256, FADE), surface.space.dim)
+        self._meetings = np.empty(256, MEETING)
+        self._clear: tuple[np.ndarray, np.ndarray, float] | None = (
+            None  # the last way on which nothing met, and its share
+        )
 
     def contacts(self, vertices: np.ndarray, kappa: float) -> Contacts:
         """The contacts nearer than dhat at positions (n, d) that touch this rank's vertices, and some of others that do
@@ -407,22 +421,88 @@ class Candidates:
                 return Contacts(*found, vertices.shape[1], half_spaces, energy[0], gradient)
             self._buffers = Contacts(np.empty(2 * count, CONTACT), np.empty(2 * faded + 256, FADE), vertices.shape[1])
 
+    def meetings(self, start: np.ndarray, end: np.ndarray, gap_share: float = LEAST_LEFT) -> np.ndarray:
+        """(k,) of MEETING: the pairs that would keep less than the share `gap_share` of their gap, or of dhat, on the
+        straight paths from start to end (n, d); of each vertex, and of each edge, the first. Those that are farther
+        apart at the start than edges are long are none: nothing shows yet where they will meet. Collective.
+        """
+        for pairs in self.lists:
+            pairs.along(start, end)
+        count, found, primitives = 1, self._meetings[:0], self.primitives
+        while count > len(found):
+            found = self._meetings = np.empty(max(2 * count, len(self._meetings)), MEETING)
+            count = library.find_meetings(
+                primitives.c,
+                pointer(start),
+                pointer(end),
+                self.dhat,
+                gap_share,
+                len(self.lists),
+                self._c_lists,
+                len(found),
+                pointer(found, "meeting_t"),
+            )
+            for pairs in self.lists:
+                pairs.go_on(start, end)
+        found = found[:count]
+        return found[self._are_first(found) & (found["distance"] < self.primitives.edge_length)]
+
+    def _are_first(self, found: np.ndarray) -> np.ndarray:
+        """Mask of the meetings that are the first of their vertex or of one of their edges, or are with planes.
+        Collective.
+        """
+        kind, one, other = found["pair"].T
+        vertices = len(self.primitives.objects)
+        first = np.ones(vertices + len(self.primitives.edges))
+        places = [(kind == POINT, one), (kind == EDGES, vertices + one), (kind == EDGES, vertices + other)]
+        for of_kind, place in places:
+            np.minimum.at(first, place[of_kind], found["time"][of_kind])
+        first = self.surface.space.reduce(first, MPI.MIN)
+        kept = (kind != POINT) & (kind != EDGES)
+        for of_kind, place in places:
+            kept[of_kind] |= found["time"][of_kind] <= first[place[of_kind]]
+        return kept
+
     def max_step(self, start: np.ndarray, end: np.ndarray, gap_share: float = LEAST_LEFT) -> float:
         """Largest step in [0, 1] along straight paths from start to end (n, d) at which this rank's vertices stay in
         front of planes, and all its pairs apart, and keep at least the share `gap_share` of their gap, or of dhat where
         that is less.
         """
-        # The pairs that are near stop most moves early. What else may meet is searched for on the way until then. Tight
-        # inclusion may go further than conservative advancement, and needs the pairs of the whole way.
-        additive = self.ccd == "additive"
+        if self._is_known_clear(start, end, gap_share):
+            return 1.0
+        if self.ccd == "additive":
+            return self._additive_step(start, end, gap_share)
+        # Tight inclusion may go further than conservative advancement, and needs the pairs of the whole way.
         step = library.half_space_step(self.primitives.c, pointer(start), pointer(end), gap_share)
-        for pairs in self.lists if additive else ():
+        for pairs in self.lists:
+            pairs.along(start, end)
+        return min(step, self._certified_step(start, end, gap_share))
+
+    def is_clear(self, start: np.ndarray, end: np.ndarray, gap_share: float = LEAST_LEFT) -> bool:
+        """Whether `meetings` would find nothing of this rank on the straight paths from start to end (n, d)."""
+        clear = (
+            self._is_known_clear(start, end, gap_share) or self._additive_step(start, end, gap_share, whole=True) == 1.0
+        )
+        self._clear = (start, end, gap_share) if clear else self._clear
+        return clear
+
+    def _is_known_clear(self, start: np.ndarray, end: np.ndarray, gap_share: float) -> bool:
+        if self._clear is None:
+            return False
+        known_start, known_end, share = self._clear
+        return known_start is start and share == gap_share and np.array_equal(known_end, end)
+
+    def _additive_step(self, start: np.ndarray, end: np.ndarray, gap_share: float, whole: bool = False) -> float:
+        """The step by conservative advancement; `whole` says that only a step of 1 is of interest."""
+        # The pairs that are near stop most moves early. What else may meet is searched for on the way until then.
+        step = library.half_space_step(self.primitives.c, pointer(start), pointer(end), gap_share)
+        for pairs in self.lists:
             step = pairs.longest_step(start, end, gap_share, step)
+        if whole and step < 1.0:
+            return step
         searches = [pairs.searches for pairs in self.lists]
         for pairs in self.lists:
             pairs.along(start, end if step == 1.0 else start + step * (end - start))
-        if not additive:
-            return min(step, self._certified_step(start, end, gap_share))
         for pairs, before in zip(self.lists, searches, strict=True):
             if pairs.searches > before:
                 step = pairs.longest_step(start, end, gap_share, step)

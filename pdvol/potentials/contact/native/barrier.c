@@ -185,3 +185,73 @@ int64_t barrier_blocks(int d, const contacts_t *all, const double *x, double dha
     }
     return out.count;
 }
+
+/* A meeting's force along its normal [N] and its stiffness [N/m], by the law, with a gap. */
+INLINE double force_of(const meeting_t *at, double gap, double dhat, double kappa, double *stiffness)
+{
+    double slope, second;
+    law(gap * gap, dhat, kappa, &slope, &second);
+    *stiffness = at->weight * (2.0 * slope + 4.0 * gap * gap * second);
+    return -2.0 * at->weight * gap * slope;
+}
+
+/* The gaps that meetings are expected to have at the way's end, where the last expectations give the end y. A meeting is the tangent of the law at
+ * its expected gap: first at the share `kept` of its present gap, or of dhat where that is less, then where the law has the force that the last tangent
+ * gives at y, but no nearer than that share of the last one. A tangent serves within the same share of the expected gap. What a tangent pulls together
+ * does not meet. Returns how many have changed. */
+int64_t expect_gaps(int d, int64_t count, meeting_t *meetings, const double *y, double dhat, double kappa, double kept)
+{
+    int64_t changed = 0;
+    for (int64_t k = 0; k < count; ++k) {
+        meeting_t *at = meetings + k;
+        if (!(at->expected > 0.0)) {
+            at->expected = kept * fmin(at->distance, dhat), ++changed;
+            continue;
+        }
+        double gap = 0.0, stiffness, low = log(kept * at->expected), high = log(dhat);
+        for (int i = 0; i < 4; ++i)
+            gap += at->coefficients[i] * dot(d, at->normal, y + (int64_t)d * at->vertices[i]);
+        const double force = force_of(at, at->expected, dhat, kappa, &stiffness) + stiffness * (at->expected - gap);
+        if (force > 0.0 && fabs(gap - at->expected) <= kept * at->expected)
+            continue;
+        while (force > 0.0 && high - low > (1.0 - kept) / 16.0) {
+            const double middle = 0.5 * (low + high);
+            *(force_of(at, exp(middle), dhat, kappa, &stiffness) > force ? &low : &high) = middle;
+        }
+        at->expected = force > 0.0 ? exp(0.5 * (low + high)) : 0.0, ++changed;
+    }
+    return changed;
+}
+
+/* What meetings add to the gradient at the way's start: of tangents at expected gaps, less that of the law at the present gap. */
+void meeting_gradient(int d, int64_t count, const meeting_t *meetings, double dhat, double kappa, double *gradient)
+{
+    for (int64_t k = 0; k < count; ++k) {
+        const meeting_t *at = meetings + k;
+        double stiffness, unused;
+        const double force = force_of(at, at->expected, dhat, kappa, &stiffness), now = force_of(at, at->distance, dhat, kappa, &unused);
+        const double slope = stiffness * (at->gap - at->expected) - force + now;
+        for (int i = 0; i < 4; ++i)
+            for (int j = 0; j < d; ++j)
+                gradient[(int64_t)d * at->vertices[i] + j] += slope * at->coefficients[i] * at->normal[j];
+    }
+}
+
+/* The same of the Hessian, never negative: blocks of `factor` times it. Returns how many: up to 10 a meeting. */
+int64_t meeting_blocks(int d, int64_t count, const meeting_t *meetings, double dhat, double kappa, double factor, const int64_t *rows, int64_t first,
+                       int64_t last, int64_t *out_rows, int64_t *out_columns, double *blocks)
+{
+    out_t out = {rows, first, last, 0, out_rows, out_columns, blocks};
+    for (int64_t k = 0; k < count; ++k) {
+        const meeting_t *at = meetings + k;
+        double stiffness, now, *to;
+        force_of(at, at->expected, dhat, kappa, &stiffness), force_of(at, at->distance, dhat, kappa, &now);
+        const double more = factor * fmax(stiffness - now, 0.0), *c = at->coefficients;
+        for (int i = 0, n = used(c), turned; i < n; ++i)
+            for (int j = i; j < n; ++j)
+                if (c[i] * c[j] != 0.0 && (to = add_block(d, &out, at->vertices[i], at->vertices[j], &turned)))
+                    for (int p = 0; p < d * d; ++p)
+                        to[p] = more * c[i] * c[j] * at->normal[p / d] * at->normal[p % d];
+    }
+    return out.count;
+}

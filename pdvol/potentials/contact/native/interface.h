@@ -55,6 +55,16 @@ typedef struct {
     double *sticks;
 } friction_t;
 
+/* A pair that a way would bring together: MEETING in candidates.py. Its gap is measured along the normal, and between the points, with which it meets. */
+typedef struct {
+    int32_t pair[3], vertices[4]; /* POINT, EDGES or PLANE, and the numbers of both */
+    double coefficients[4], normal[3], weight;
+    double time;     /* share of the way at which it meets */
+    double distance; /* [m] at the way's start */
+    double gap;      /* [m] at the way's start, as above */
+    double expected; /* [m] gap at the way's end with the forces of contact; 0: it does not meet */
+} meeting_t;
+
 void fit_boxes(const surface_t *s, const uint8_t *marked, const double *x, const double *y, double *boxes);
 void deviations(int d, int64_t objects, const int64_t *firsts, const double *start, const double *move,
                 const double *vertices, double *drift, double *sizes);
@@ -65,6 +75,14 @@ int search_pairs(const surface_t *s, const double *boxes, const double *x, const
 double longest_step(const surface_t *s, const double *x, const double *y, double dhat, double gap_share,
                     const pairs_t *pairs, double step);
 double half_space_step(const surface_t *s, const double *x, const double *y, double gap_share);
+int64_t find_meetings(const surface_t *s, const double *x, const double *y, double dhat, double gap_share, int n,
+                      pairs_t *const *lists, int64_t room, meeting_t *out);
+int64_t expect_gaps(int d, int64_t count, meeting_t *meetings, const double *y, double dhat, double kappa,
+                    double kept);
+void meeting_gradient(int d, int64_t count, const meeting_t *meetings, double dhat, double kappa, double *gradient);
+int64_t meeting_blocks(int d, int64_t count, const meeting_t *meetings, double dhat, double kappa, double factor,
+                       const int64_t *rows, int64_t first, int64_t last, int64_t *out_rows, int64_t *out_columns,
+                       double *blocks);
 int find_contacts(const surface_t *s, const double *x, double dhat, double kappa, int n, pairs_t *const *lists,
                   const contacts_t *to, int64_t *counts, double *energy, double *gradient);
 int64_t barrier_blocks(int d, const contacts_t *all, const double *x, double dhat, double kappa, double factor,
