@@ -1,9 +1,11 @@
 """What each rule of the solver gains: scenes with one rule switched off at a time, beside all rules.
 
     ./run python -m benchmarks.ablation [lengthening,predictions] [--rows drop_500,stack]
+    ./run python -m benchmarks.ablation meetings --picture demos/jelly_bowl.py docs/pictures/meetings.png
 
 A cell has the Newton iterations over those with all rules, the same of conjugate gradients, and of CPU seconds. Counts
 repeat; seconds scatter by 5 %, and by more beside other work. `failed` stands for a run that did not come to its end.
+The picture has each step of level 0 of a scene file.
 """
 
 import sys
@@ -14,18 +16,20 @@ from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 from unittest.mock import patch
 
+from benchmarks.ablation.curves import draw_curves
 from benchmarks.common import process
 from benchmarks.common.process import REPOSITORY
 from benchmarks.common.tables import table
 from benchmarks.dense.rows import ROWS as DENSE
 from pdvol import PdvolError, open_run
 from pdvol.integrate.stepper import Stepper
+from pdvol.potentials.contact.barrier import ContactBarrier
+from pdvol.potentials.contact.friction import LaggedFriction
 from pdvol.runs.runner import run_scene
 from pdvol.runs.scene_file import load_shot
 from pdvol.solve import newton
 from pdvol.solve.linear import solver
 from pdvol.solve.linear.solver import LinearSolver
-from pdvol.solve.newton import Newton
 
 ENVELOPE = (
     "young_1e2",
@@ -62,7 +66,8 @@ RULES: dict[str, Callable[[], AbstractContextManager]] = {
     "all": nullcontext,
     "lengthening": lambda: patch.object(newton, "step_factor", lambda *_: 1.0),
     "unprojected": lambda: patch.object(LinearSolver, "detects_indefinite", False),
-    "predictions": lambda: patch.object(Newton, "_predict_friction", lambda *_: None),
+    "predictions": lambda: patch.object(LaggedFriction, "predict", lambda *_: False),
+    "meetings": lambda: patch.object(ContactBarrier, "predict", lambda *_: False),
     "predicted_start": lambda: patch.object(Stepper, "_predicted", lambda *_: None),
     "kept_matrix": lambda: patch.object(newton, "keeps_matrix", lambda *_: False),
     "coarse_space": lambda: patch.object(solver, "COARSE_SETUP", solver.MAX_ITERATIONS),
@@ -79,16 +84,22 @@ def march(name: str, rule: str) -> tuple[int, int, float] | None:
         file, settings, steps = DENSE[name].file, DENSE[name].settings, DENSE[name].steps
     else:
         file, settings, steps = "benchmarks/extremes/scenes.py", {"name": name}, None
-    steps = SHORTER.get(name, steps)
-    with tempfile.TemporaryDirectory() as folder, RULES[rule]():
-        begin = time.process_time()
-        try:
-            run_scene(load_shot(str(REPOSITORY / file), settings, steps), Path(folder) / "run", 0, 0)
-        except PdvolError as error:
-            print(f"{name} without {rule}: {error}", file=sys.stderr)
-            return None
-        seconds, log = time.process_time() - begin, open_run(Path(folder) / "run").levels[0].log
+    begin = time.process_time()
+    try:
+        log, _ = log_of(file, settings, SHORTER.get(name, steps), rule)
+    except PdvolError as error:
+        print(f"{name} without {rule}: {error}", file=sys.stderr)
+        return None
+    seconds = time.process_time() - begin
     return sum(r["newton_iterations"] for r in log), sum(r["linear_iterations"] for r in log), seconds
+
+
+def log_of(file: str, settings: dict, steps: int | None, rule: str) -> tuple[list[dict], float]:
+    """The log of level 0 of a scene file's run without a rule, and its dt [s]."""
+    with tempfile.TemporaryDirectory() as folder, RULES[rule]():
+        run_scene(load_shot(str(REPOSITORY / file), settings, steps), Path(folder) / "run", 0, 0)
+        run = open_run(Path(folder) / "run")
+        return list(run.levels[0].log), run.dt
 
 
 def cell(found: tuple[int, int, float] | None, whole: tuple[int, int, float]) -> str:
@@ -103,6 +114,7 @@ def main(words: list[str] | None = None) -> int:
     parser = process.parser("ablation", __doc__)
     parser.add_argument("rules", nargs="?", default=",".join(RULES), help=", ".join(RULES))
     parser.add_argument("--rows", default=",".join(ROWS), help=", ".join(ROWS))
+    parser.add_argument("--picture", nargs=2, metavar=("SCENE", "PNG"), help="draw the steps of a scene file instead")
     options = parser.parse_args(words)
     rules = [rule for rule in options.rules.split(",") if rule != "all"]
     rows = options.rows.split(",")
@@ -110,6 +122,12 @@ def main(words: list[str] | None = None) -> int:
     if unknown:
         print(f"benchmarks.ablation: there is no {', '.join(unknown)}", file=sys.stderr)
         return 2
+    if options.picture:
+        file, picture = options.picture
+        found = {rule: log_of(file, {}, None, rule) for rule in reversed(["all", *rules])}
+        logs = {"all rules" if rule == "all" else f"without {rule}": log for rule, (log, _) in found.items()}
+        print(draw_curves(Path(picture), logs, found["all"][1]))
+        return 0
     lines = []
     for name in rows:
         whole = march(name, "all")
