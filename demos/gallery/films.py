@@ -8,7 +8,10 @@ import argparse
 import sys
 from pathlib import Path
 
-from demos.gallery.entries import DEMOS
+import numpy as np
+from PIL import Image
+
+from demos.gallery.entries import DEMOS, Entry
 from demos.gallery.film import FRAMES_PER_SECOND, film_frames
 from demos.gallery.page import RUNS
 from demos.gallery.shots import costs, read_costs
@@ -16,7 +19,7 @@ from demos.gallery.shown import ENTRIES
 from demos.gallery.simulation import note
 from pdvol.errors import PdvolError
 from pdvol.store.files import read_json, write_bytes, write_json
-from pdvol.store.reader import open_run
+from pdvol.store.reader import Run, open_run
 from pdvol.studio.draw.picture import render
 
 PAGE = DEMOS.parent / "docs" / "films.md"
@@ -31,6 +34,8 @@ LOOK = {
     "ape": "Look at head and fist, up to the last second: levels simulated one by one lose this within two.",
 }
 """The shots in the order of the page, and what to look at."""
+TEASER, TEASER_AT = "leaf_sheep", 1.4
+"""The shot of README's picture, and the moment [s]: both hang between mushroom and stone."""
 ABOUT = """Level 0, which is the preview, beside the finest level of the same shot; where that pair is not drawn, all
 levels beside each other. Each film plays at real speed, but for the moment that matters, which is in slow motion. The
 [gallery](gallery/README.md) has all shots with all levels, and what each one costs."""
@@ -50,6 +55,9 @@ def main(words: list[str]) -> int:
     try:
         for name in options.names:
             print(write_pair(name, options.runs / name, PAGE.parent / "films"))
+        if TEASER in options.names:
+            films = PAGE.parent / "films"
+            print(write_teaser(options.runs / TEASER, films / f"{TEASER}.webp", films / "teaser.png"))
     except PdvolError as error:
         print(f"gallery.films: {error}", file=sys.stderr)
         return 1
@@ -65,8 +73,7 @@ def write_pair(name: str, folder: Path, out: Path) -> Path:
     InputError
         There is no run, or it has no two levels.
     """
-    entry, run = next(entry for entry in ENTRIES if entry.name == name), open_run(folder)
-    finest = max(level.index for level in run.levels if level.steps > run.info["steps"])
+    entry, run, finest = _shot(name, folder)
     out.mkdir(exist_ok=True)
     render(
         run,
@@ -82,6 +89,22 @@ def write_pair(name: str, folder: Path, out: Path) -> Path:
     levels = [level for level in costs(run) if level["level"] in (0, finest)]
     write_json(out / f"{name}.json", {"commits": note(run.path).get("commits", []), "levels": levels})
     return out / f"{name}.webp"
+
+
+def write_teaser(folder: Path, film: Path, out: Path) -> Path:
+    """README's picture: the frame of the teaser's `film` at one moment. Raises InputError as `write_pair` does."""
+    entry, run, _ = _shot(TEASER, folder)
+    frames = np.asarray(film_frames(run.info["steps"], run.dt, entry.slow))
+    with Image.open(film) as picture:
+        picture.seek(int(np.abs(frames - TEASER_AT / run.dt).argmin()))
+        picture.convert("RGB").save(out)
+    return out
+
+
+def _shot(name: str, folder: Path) -> tuple[Entry, Run, int]:
+    """A shot, its stored run, and its finest level that is whole."""
+    entry, run = next(entry for entry in ENTRIES if entry.name == name), open_run(folder)
+    return entry, run, max(level.index for level in run.levels if level.steps > run.info["steps"])
 
 
 def write_page(out: Path) -> Path:
