@@ -63,16 +63,15 @@ def march(scene, mesh, geometry, steps):
     return reports, np.array(speeds)
 
 
-@pytest.mark.parametrize(("d", "speed", "most", "share"), [(2, 15.0, 80, 1.0), (3, 15.0, 80, 1.0), (3, 50.0, 200, 0.9)])
-def test_a_ball_drives_a_free_cube_before_it_and_keeps_its_time(d, speed, most, share):
-    """The cube leaves faster than the ball. At 50 m/s the ball moves by more than the cube's size in a step, at thrice
-    the speed of sound; there the cube slips round it a little at the end, and leaves with a tenth less
-    (docs/limits.md).
+@pytest.mark.parametrize(("d", "speed"), [(2, 15.0), (3, 15.0), (3, 50.0)])
+def test_a_ball_drives_a_free_cube_before_it_and_keeps_its_time(d, speed):
+    """The cube leaves faster than the ball, which at 50 m/s moves by more than the cube's size in a step, at thrice the
+    speed of sound.
     """
     reports, speeds = march(*ball_and_cubes(d, speed), 8)
     assert all(report.reached == 1.0 and report.behind == 0.0 and report.cuts == 0 for report in reports)
-    assert max(report.newton_iterations for report in reports) <= most
-    assert speeds[-1, 0, 0] > share * speed
+    assert max(report.newton_iterations for report in reports) <= 80
+    assert speeds[-1, 0, 0] > speed
 
 
 @pytest.mark.parametrize("friction", [(), (Friction(0.5),)])
