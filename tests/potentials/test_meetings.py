@@ -56,7 +56,7 @@ def test_pairs_meet_where_collision_detection_ends_a_step_and_nowhere_else(barri
         np.testing.assert_allclose(np.linalg.norm(normals, axis=1), 1.0, rtol=1e-12)
         np.testing.assert_allclose(found["coefficients"].sum(axis=1), 0.0, atol=1e-12)
         np.testing.assert_allclose(found["gap"], np.sum(normals * gap_of(start), axis=1), atol=1e-12)
-        met = np.sum(normals * gap_of(start + 0.0 * stop) + times[:, None] * normals * gap_of(stop - start), axis=1)
+        met = np.sum(normals * gap_of(start) + times[:, None] * normals * gap_of(stop - start), axis=1)
         assert np.all(met > 0.0) and np.all(met <= found["distance"] + 1e-12)
         seen |= set(found["pair"][:, 0].tolist())
     assert POINT in seen and (start.shape[1] == 2 or EDGES in seen)
