@@ -217,7 +217,7 @@ class Newton:
         if self.linear.found_indefinite and self._leave_unprojected():
             self._renew_matrix(x)
             self._solve_again(self._residual, step)
-        length = self._begin_iteration(x, self._predict(x, step))
+        length = self._begin_iteration(x, *self._predict(x, step))
         if length != 1.0:
             step.scale(length)
 
@@ -259,9 +259,9 @@ class Newton:
         mine = np.sqrt(np.max(np.sum(path**2, axis=1), initial=0.0))
         return self.space.reduce(float(mine), MPI.MAX) / self._dt
 
-    def _begin_iteration(self, x: Positions, direction: np.ndarray) -> float:
-        """Records Newton's direction (n_owned, d) at x; returns the factor of it that the line search begins with.
-        Collective.
+    def _begin_iteration(self, x: Positions, direction: np.ndarray, free: float | None) -> float:
+        """Records Newton's direction (n_owned, d) at x, of which the part `free` is admissible (None: to be found);
+        returns the factor of it that the line search begins with. Collective.
         """
         solve, relative = self._solve, self.settings.relative_tolerance
         speed = self._speed(direction)
@@ -271,8 +271,9 @@ class Newton:
         at_rounding = is_at_rounding(slope, self.potential.scale)
         repeats = not (at_rounding or solve.meets)
         factor = step_factor(x, direction, solve.projection, solve.last, self._sum) if repeats else 1.0
-        path = direction if factor == 1.0 else factor * direction
-        length = factor * self.potential.max_step(x, path, gap_share=solve.gap_share)
+        if factor != 1.0 or free is None:
+            free = self._max_step(x, direction if factor == 1.0 else factor * direction)
+        length = factor * free
         cap = min(1.0, length)
         solve.report.speed, solve.report.step_cap = speed, min(solve.report.step_cap, cap)
         solve.before, solve.trials = solve.last, 0
@@ -341,12 +342,13 @@ class Newton:
         self.linear.solve(right, step, near)
         self._solve.report.linear_iterations += self.snes.ksp.getIterationNumber()
 
-    def _predict(self, x: Positions, step: PETSc.Vec) -> np.ndarray:
+    def _predict(self, x: Positions, step: PETSc.Vec) -> tuple[np.ndarray, float | None]:
         """Solves for the step again where it brings pairs together (`potentials/contact/barrier.py`) or changes which
-        contacts stick (`potentials/contact/friction.py`). Returns the direction of the step.
+        contacts stick (`potentials/contact/friction.py`). Returns the direction of the step, and the part of it that is
+        admissible where that is known.
 
         Where pairs meet, the step that brings them together can go on until the first of them does. It is taken where
-        the potential falls more, to first order, than along the new one.
+        the potential ends lower than by as much of the new step as can be taken.
         """
         raw = before = direction = self._direction(step)
         share = 1.0
@@ -366,17 +368,27 @@ class Newton:
             self._solve_again(right, step, near=True)
             direction = self._direction(step)
         if direction is raw:
-            return raw
+            return raw, None
         meets = self.potential.first_meeting < 1.0
         self.potential.forget_prediction()
         self._solve.matrix_age = None
-        least = share * (1.0 - 0.5 * share) * self._slope(before) if share < 1.0 else 0.0
-        if self._slope(direction) < least:
+        free, better = None, self._slope(direction) < 0.0
+        if better and share < 1.0:
+            alone = self.potential.value(x.moved(share, before))
+            free = self._max_step(x, direction)
+            end = x.moved(free, direction)
+            self._solve.states = [end, x]
+            better = self._energy(end) < alone
+        if better:
             self._solve.meets = meets
-        else:
-            direction = before if self._slope(before) < 0.0 else raw
-            step.setArray(-direction.ravel())
-        return direction
+            return direction, free
+        direction = before if self._slope(before) < 0.0 else raw
+        step.setArray(-direction.ravel())
+        return direction, None
+
+    def _max_step(self, x: Positions, path: np.ndarray) -> float:
+        """The admissible part of a path (n_owned, d) from x. Collective."""
+        return self.potential.max_step(x, path, gap_share=self._solve.gap_share)
 
     # ---- what callers use
 

@@ -13,6 +13,8 @@ from pdvol.potentials.contact.barrier import ContactBarrier
 from pdvol.potentials.contact.candidates import EDGES, POINT
 from pdvol.potentials.potential import LEAST_LEFT, PRESSED_GAP_SHARE, Positions
 from pdvol.scene import Barrier, Friction, Gravity, NeoHookean, Plane, Solver
+from pdvol.solve import newton
+from pdvol.solve.newton import Newton
 from problems import block, make_scene, make_stepper, march
 from shapes import together
 from touching_blocks import DHAT, KAPPA, touching
@@ -151,3 +153,34 @@ def test_predictions_spare_iterations_and_leave_the_minimum_where_it_is(monkeypa
     folds = young < 1e3
     assert fewer < (0.75 if folds else 1.1) * iterations
     assert folds or found == pytest.approx(expected, rel=1e-9)
+
+
+@pytest.mark.parametrize("factor", [1.0, 5.0])
+def test_the_line_search_begins_where_collision_detection_allows_and_predictions_lead_lower(monkeypatch, factor):
+    """Of the direction with pairs that meet and the raw one, each as far as it is free, the one taken ends lower.
+    Lengthened directions are as safe.
+    """
+    begin, predict, ends, longer = Newton._begin_iteration, Newton._predict, [], 0
+
+    def predicted(solver, x, step):
+        alone = solver._direction(step).copy()
+        way, free = predict(solver, x, step)
+        if solver._solve.meets and free is not None:
+            ends.append([solver.potential.value(x.moved(solver._max_step(x, path), path)) for path in (way, alone)])
+        return way, free
+
+    def begun(solver, x, way, free):
+        nonlocal longer
+        length = begin(solver, x, way, free)
+        longer += free is not None and solver._solve.last.lengthening > 1.0
+        assert solver.potential.max_step(x, length * way, gap_share=0.5 * LEAST_LEFT) > 1.0 - 1e-9
+        return length
+
+    monkeypatch.setattr(Newton, "_predict", predicted)
+    monkeypatch.setattr(Newton, "_begin_iteration", begun)
+    if factor > 1.0:
+        monkeypatch.setattr(newton, "step_factor", lambda *_: factor)
+    thrown(3, 0.0, 3e2)
+    new, raw = np.array(ends).T
+    assert len(new) > 5 and np.all(new < raw + 1e-9 * np.abs(raw))
+    assert factor == 1.0 or longer > 0
