@@ -31,6 +31,7 @@ LOOK = {
     "bunny_noodles": "Look at the order of the slices, and at how folds become round.",
     "dice_and_wizard": "Look at the letter A: level 0 has a plain face there, and the finest level's gnome sinks in.",
     "twist": "Look at the moment of the release, and at the edges of the twisted bar.",
+    "coil": "Look at the edges, which are pressed into the sides, and at the side to which the bar bends.",
     "ape": "Look at head and fist, up to the last second: levels simulated one by one lose this within two.",
 }
 """The shots in the order of the page, and what to look at."""
