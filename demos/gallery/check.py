@@ -9,7 +9,10 @@ from benchmarks.common.tables import table
 from demos.gallery.entries import DEMOS, Entry
 from demos.gallery.shots import read_costs
 
-SOLVER = ("pdvol", "forms")
+NUMBERS = ("geometry", "integrate", "levels", "measure", "meshing", "potentials", "runs", "scene", "solve", "store")
+"""Folders of pdvol that a page's numbers come through: all but commands and the studio."""
+
+SOLVER = (*(f"pdvol/{folder}" for folder in NUMBERS), "forms")
 """Folders whose change may change any number of a page."""
 
 
@@ -77,7 +80,7 @@ def table_of_ages(entries: Sequence[Entry], pages: Path, repository: Path = DEMO
         if (found := read_costs(pages / f"{entry.name}.md", each.name))["levels"]
     ]
     old = sum(row[-1] != "nothing" for row in rows)
-    head = ["run", "made at", "direct run made at", "pdvol/, forms/ last changed at", "demo last changed at", "older"]
+    head = ["run", "made at", "direct run made at", "solver last changed at", "demo last changed at", "older"]
     return (
         f"{table(head, rows)}\n\nAt commit {history.head[:7]}: {len(rows) - old} of {len(rows)} runs have all their"
         f" numbers of this solver and demo; {old} have older ones."

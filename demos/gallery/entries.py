@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 DEMOS = Path(__file__).resolve().parents[1]
-MOST_CPU = 3 * 3600  # s of CPU time that a level gets which is too slow to be run in full
 
 
 @dataclass(frozen=True)
@@ -45,12 +44,14 @@ class Variant:
     title : of its part of the page
     about : Markdown: what to look at, and what was learned
     settings : of the scene, instead of the entry's
+    direct : whether it has a second run, where the entry has one
     """
 
     name: str
     title: str
     about: str
     settings: Mapping[str, Any]
+    direct: bool = True
 
 
 @dataclass(frozen=True)
@@ -65,7 +66,6 @@ class Entry:
     small : what tests change to run it within seconds
     settings : of the scene, as in the gallery
     finest : level of the gallery's run; the scene's finest when None
-    begun : a level too slow to run in full here, at most one above `finest`; it is simulated as far as `MOST_CPU` goes
     view : where films and pictures are seen from (`pdvol render --camera`)
     turn : of the camera further about the vertical [degrees]
     cut : what films and pictures take away (`pdvol render --cut`)
@@ -89,7 +89,6 @@ class Entry:
     small: Mapping[str, Any]
     settings: Mapping[str, Any] = field(default_factory=dict)
     finest: int | None = None
-    begun: int | None = None
     view: str = ""
     turn: float = 0.0
     cut: str = ""
@@ -119,6 +118,7 @@ class Entry:
             title=f"{self.title}: {variant.title}",
             about=variant.about,
             settings=variant.settings,
+            direct=self.direct and variant.direct,
             demo=self.name,
             row=variant.name,
             variants=(),

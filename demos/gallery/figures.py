@@ -58,13 +58,7 @@ def table_of_levels(run: Run, direct: Run | None = None) -> str:
         row("smallest det F", lambda level: number(found[level.index].smallest_det, 2)),
         row("intersections", lambda level: _crossings(found[level.index])),
     ]
-    return table(["", *(_heading(level, run.info["steps"]) for level in levels)], rows)
-
-
-def _heading(level: RunLevel, steps: int) -> str:
-    """The number of a level; with its last step where it is not simulated to its end."""
-    partly = level.steps <= steps
-    return f"level {level.index}, to step {level.steps - 1} of {steps}" if partly else f"level {level.index}"
+    return table(["", *(f"level {level.index}" for level in levels)], rows)
 
 
 def _motions(run: Run) -> dict[int, dict[str, Any]]:

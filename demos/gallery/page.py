@@ -18,7 +18,7 @@ MEETINGS = (
 )
 """What stands above the table of how near bodies come."""
 COSTS = (
-    "Means over all steps of a level (those that are only begun are left out), CPU time on one core, beside other jobs."
+    "Means over all steps of a level, CPU time on one core, beside other jobs."
     " A level solves what the direct simulation of it solves: its own forces,\ncontact and friction, from another"
     " prediction. `./run python -m demos.gallery --check` says which of these numbers are older than the solver."
 )
@@ -62,7 +62,6 @@ def write_entry(shown: Shown, out: Path, variants: Sequence[Shown] = (), meeting
         f" As a picture: [{entry.name}.png]({entry.name}.png).*",
         "## What it shows\n\n" + _claims(shown),
         f"## The levels\n\n{shown.levels}",
-        _begun(entry, run),
         _binding(entry),
         *(
             f"## {film.title}\n\n{film.about.strip()}\n\n![{film.title}]({entry.name}_{film.name}.webp)"
@@ -119,19 +118,6 @@ def _speed(entry: Entry, dt: float) -> str:
         return "real speed"
     fraction = dt * FRAMES_PER_SECOND
     return f"real speed, from {entry.slow[0]:g} s to {entry.slow[1]:g} s at {fraction:.2g} of it"
-
-
-def _begun(entry: Entry, run: Run) -> str:
-    """Why the last level ends early."""
-    level = run.levels[-1]
-    if entry.begun is None or level.steps > run.info["steps"]:
-        return ""
-    hours = sum(record["seconds"]["cpu"] for record in level.log) / 3600
-    return (
-        f"Level {level.index} is too slow to be run in full here: {hours:.1f} hours of CPU time brought it to step"
-        f" {level.steps - 1} of {run.info['steps']}. The film then holds its last state. The demo's claim is checked on"
-        " the levels below it."
-    )
 
 
 def _binding(entry: Entry) -> str:

@@ -126,7 +126,6 @@ def table_of_shots(entries: Sequence[Entry], pages: Path) -> str:
             found = read_costs(pages / f"{entry.name}.md", each.name)
             if not found["levels"]:
                 continue
-            found["levels"] = _whole(found["levels"])
             ratios.append(found["levels"][-1]["cpu"] / found["levels"][0]["cpu"])
             beside += [found["levels"][-1]["cpu"] / level["cpu"] for level in _direct(found)]
             rows.append(_row(each, f"{entry.name}.md", found, ratios[-1]))
@@ -149,11 +148,6 @@ def table_of_shots(entries: Sequence[Entry], pages: Path) -> str:
         if named:
             text += f" {sort} these have less to save: {', '.join(named)}."
     return text
-
-
-def _whole(levels: Sequence[Mapping[str, Any]]) -> list[Mapping[str, Any]]:
-    """Those that are not only begun: they have as many steps as level 0, where that is known."""
-    return [level for level in levels if level.get("steps") == levels[0].get("steps")]
 
 
 def _row(entry: Entry, page: str, found: Mapping[str, Any], ratio: float) -> list[str]:

@@ -1,17 +1,14 @@
 """The run of an entry: made once, gone on with after an interruption, with a note of commits and machine."""
 
 import os
-import resource
-import signal
 import subprocess
 import sys
 from collections.abc import Mapping
-from functools import partial
 from pathlib import Path
 from typing import Any
 
 from benchmarks.common.commits import MissingObject, Repository
-from demos.gallery.entries import DEMOS, MOST_CPU, Entry
+from demos.gallery.entries import DEMOS, Entry
 from pdvol.errors import SimulationError
 from pdvol.runs.runner import run_scene
 from pdvol.runs.scene_file import load_module, load_shot
@@ -28,39 +25,21 @@ TIES = ("consistency", "feedback")
 def simulate(entry: Entry, folder: Path, method: str = "progressive") -> Run:
     """The stored run of an entry by a method; what is missing is simulated, in a process of its own.
 
-    A level that is only begun is taken as it is stored, whatever its last step; where none of its steps is stored it
-    is simulated for `MOST_CPU`. The direct method goes without it.
-
     Raises
     ------
     SimulationError
         The run failed; its own message is on standard error.
     """
     finest = load_shot(entry.file, entry.settings).scene.levels - 1 if entry.finest is None else entry.finest
-    whole = finest if entry.begun is None else min(finest, entry.begun - 1)
     levels = open_run(folder).levels if holds_run(folder) else ()
-    if len(levels) <= whole or any(level.info["state"] != "done" for level in levels[: whole + 1]):
-        if _march(entry, folder, whole, method):
+    if len(levels) <= finest or any(level.info["state"] != "done" for level in levels[: finest + 1]):
+        if _march(entry, folder, finest, method):
             raise SimulationError(f"{entry.name} was not simulated to its end; the same command goes on with it")
-    if entry.begun is None or method == "direct":
-        return at_level(open_run(folder), whole)
-    levels = open_run(folder).levels
-    if len(levels) <= entry.begun or levels[entry.begun].steps < 2:
-        code = _march(entry, folder, entry.begun, method, MOST_CPU)
-        if code not in (0, -signal.SIGXCPU) or open_run(folder).levels[entry.begun].steps < 2:
-            raise SimulationError(
-                f"{entry.name}: no step of level {entry.begun} in {MOST_CPU} s, or a message is above"
-            )
-    return at_level(open_run(folder), entry.begun)
+    return at_level(open_run(folder), finest)
 
 
-def whole_levels(run: Run) -> Run:
-    """A run without the level that was only begun: what demos claim is about whole levels."""
-    return at_level(run, max(level.index for level in run.levels if level.steps > run.info["steps"]))
-
-
-def _march(entry: Entry, folder: Path, finest: int, method: str, most: int | None = None) -> int:
-    """Simulate what is missing up to a level, in a process that has `most` s of CPU time; its exit status."""
+def _march(entry: Entry, folder: Path, finest: int, method: str) -> int:
+    """Simulate what is missing up to a level, in a process of its own; its exit status."""
     there = holds_run(folder)
     commits = [*(note(folder).get("commits", ()) if there else ()), commit()]
     machine = {"processor": processor(), "cores": os.cpu_count(), "load": os.getloadavg()[0]}
@@ -71,10 +50,7 @@ def _march(entry: Entry, folder: Path, finest: int, method: str, most: int | Non
     words += ["--method", method]
     words += [word for name, value in settings_by(entry, method).items() for word in ("--set", f"{name}={value}")]
     words += ["--resume"] * there
-    hard = resource.getrlimit(resource.RLIMIT_CPU)[1]
-    limit = None if most is None else partial(resource.setrlimit, resource.RLIMIT_CPU, (most, hard))
-    # A step is stored as a whole or not at all, so a process may be ended at any time.
-    return subprocess.run([sys.executable, "-m", "pdvol", *words], preexec_fn=limit).returncode
+    return subprocess.run([sys.executable, "-m", "pdvol", *words]).returncode
 
 
 def settings_by(entry: Entry, method: str) -> dict[str, Any]:
@@ -107,5 +83,5 @@ def commit() -> str:
 
 
 def claims(entry: Entry, run: Run) -> list[tuple[str, bool]]:
-    """What the demo claims about the whole levels of a run, and whether it holds."""
-    return [(sentence, bool(holds)) for sentence, holds in load_module(entry.file).claim(whole_levels(run))]
+    """What the demo claims about a run, and whether it holds."""
+    return [(sentence, bool(holds)) for sentence, holds in load_module(entry.file).claim(run)]

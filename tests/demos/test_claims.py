@@ -1,24 +1,20 @@
 """The demos of the gallery do what they claim, run small here; the pages of the repository say so for the full ones."""
 
 import re
-from contextlib import suppress
 from dataclasses import replace
 
 import pytest
 from PIL import Image
 
 from demos.gallery import __main__ as gallery
-from demos.gallery import simulation
 from demos.gallery.__main__ import PAGES, main
 from demos.gallery.entries import DEMOS
 from demos.gallery.film import FRAMES_PER_SECOND, TILE, film_frames
 from demos.gallery.shown import ENTRIES
-from demos.gallery.simulation import claims, commit, simulate_small, whole_levels
+from demos.gallery.simulation import claims, commit, simulate_small
 from pdvol import open_run
 from pdvol.cli import run
-from pdvol.errors import SimulationError
 from pdvol.measure.verify import verify_run
-from pdvol.store.folder import level_folder, state_file
 
 MOST_BYTES = 6e6  # of a film: the repository carries them
 WITHOUT_CONTACT = {"twist"}
@@ -98,35 +94,6 @@ def test_a_page_is_made_from_a_stored_run(tmp_path, monkeypatch, capsys):
     assert (runs / "melt" / "log.jsonl").stat().st_mtime_ns == before
     assert "melt: does not hold: It stays a cube." in capsys.readouterr().err
     assert "- **Does not hold:** It stays a cube." in (pages / "melt.md").read_text()
-
-
-@pytest.mark.slow
-def test_a_level_that_is_only_begun_is_taken_as_it_is_stored(tmp_path, monkeypatch):
-    pages, runs = tmp_path / "pages", tmp_path / "runs"
-    monkeypatch.setattr(gallery, "PAGES", pages)
-    melt = BY_NAME["melt"]
-    begun = replace(melt, settings=melt.small, begun=1, direct=False)
-    monkeypatch.setattr(gallery, "ENTRIES", (begun,))
-    assert main(["melt", "--no-film", "--runs", str(runs)]) == 0
-    assert ", to step" not in (pages / "melt.md").read_text(), "it came to its end"
-    for step in range(31, 76):
-        state_file(level_folder(runs / "melt", 1), step).unlink()
-    assert main(["melt", "--no-film", "--runs", str(runs)]) == 0
-    assert [level.steps for level in open_run(runs / "melt").levels] == [76, 31], "nothing is simulated"
-    text = (pages / "melt.md").read_text()
-    assert "| level 0 | level 1, to step 30 of 75 |" in text and "0 in 31 states" in text
-    assert "hours of CPU time brought it to step 30 of 75" in text
-    assert [level.index for level in whole_levels(open_run(runs / "melt")).levels] == [0]
-
-
-@pytest.mark.slow
-def test_a_level_that_is_begun_has_so_much_time(tmp_path, monkeypatch):
-    monkeypatch.setattr(simulation, "MOST_CPU", 2)
-    begun = replace(BY_NAME["melt"], settings={**BY_NAME["melt"].small, "vertices": (30, 4000)}, begun=1)
-    with suppress(SimulationError):  # where pdvol takes longer to load
-        simulation.simulate(begun, tmp_path / "run")
-    levels = open_run(tmp_path / "run").levels
-    assert levels[0].steps == 76 and levels[1].steps < 76, "levels below are run in full"
 
 
 def test_frames_of_a_film():

@@ -1,7 +1,6 @@
 """What levels of shots cost, how near bodies come, and which pages are older than the solver."""
 
 import hashlib
-import json
 import re
 import zlib
 from dataclasses import replace
@@ -74,16 +73,6 @@ def test_the_table_of_shots(tmp_path):
         "In 1 of 2 rows the finest level takes 10 times as long as level 0 or longer, up to 100 times."
         " Of the others these have less to save: Small (5.0)."
     )
-
-
-def test_a_level_that_is_only_begun_is_not_in_the_table(tmp_path):
-    large = page(tmp_path, "large")
-    levels = [{"level": 0, "vertices": 60, "cpu": 0.003, "newton": 4.5, "steps": 9}]
-    levels += [{"level": k, "vertices": 999 * k, "cpu": 0.06 * k, "newton": 6.0, "steps": 10 - k} for k in (1, 2)]
-    kept = {"made": {"commits": ["57d0d06"]}, "levels": levels, "made_directly": {}, "direct": []}
-    (tmp_path / "large.json").write_text(json.dumps(kept))
-    row = table_of_shots((large,), tmp_path).splitlines()[2]
-    assert row == "| [Large](large.md) | 3 | 60, 999 | 0.0030, 0.060 | 20 | 4.5, 6.0 |  | 57d0d06 |"
 
 
 def test_the_gallery_s_table_is_that_of_its_pages():
@@ -165,7 +154,8 @@ class Commits:
 
 
 def files(solver="1", drop="1", page="1"):
-    return {"pdvol": {"solve.py": solver}, "forms": {"a.py": "1"}, "demos": {"drop.py": drop}, "docs": {"a.md": page}}
+    pdvol = {"solve": {"newton.py": solver}, "commands": {"run.py": page}}
+    return {"pdvol": pdvol, "forms": {"a.py": "1"}, "demos": {"drop.py": drop}, "docs": {"a.md": page}}
 
 
 def test_ages_of_pages(tmp_path):
@@ -179,18 +169,18 @@ def test_ages_of_pages(tmp_path):
 
     assert row() == ["drop", second[:7], "-", first[:7], second[:7], "nothing"]
     third = kept.commit(files(drop="2", page="2"), second)
-    assert row()[3:] == [first[:7], second[:7], "nothing"], "a page's own change makes nothing older"
+    assert row()[3:] == [first[:7], second[:7], "nothing"], "a change of pages and commands makes nothing older"
     side = kept.commit(files(solver="2", drop="2"), second)
     kept.commit(files(solver="2", drop="2", page="2"), third, side)
-    assert row()[3:] == [side[:7], second[:7], "all numbers (pdvol changed since)"], "a merge is no change of its own"
-    assert History(tmp_path).last_change(("pdvol", "forms")) == side
+    assert row()[3:] == [side[:7], second[:7], "all numbers (pdvol/solve changed since)"], "a merge is no change"
+    assert History(tmp_path).last_change(("pdvol/solve", "forms")) == side
     page(tmp_path, "drop", commits=first[:7])
-    assert row()[-1] == "all numbers (pdvol, demos/drop.py changed since)"
+    assert row()[-1] == "all numbers (pdvol/solve, demos/drop.py changed since)"
     page(tmp_path, "drop", commits="0" * 7)
     assert row()[-1] == "all numbers (its commit is not in this repository)"
     page(tmp_path, "drop", commits=f"{side[:7]} (by the direct method: {first[:7]})")
     entry = replace(entry, direct=True)
-    assert row()[-1] == "the direct run (pdvol, demos/drop.py changed since)"
+    assert row()[-1] == "the direct run (pdvol/solve, demos/drop.py changed since)"
     with pytest.raises(MissingObject):
         table_of_ages((entry,), tmp_path, tmp_path / "docs")
 
