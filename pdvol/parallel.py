@@ -12,21 +12,24 @@ T = TypeVar("T")
 
 def on_root(comm: MPI.Comm, work: Callable[[], T]) -> T:
     """The result of rank 0's `work()` on every rank; its `PdvolError` is raised on every rank. Collective."""
+    if comm.size == 1:
+        return work()
     result: Any = None
     error: PdvolError | None = None
+    cause: BaseException | None = None
     if comm.rank == 0:
         try:
             result = work()
         except PdvolError as raised:
-            error = raised
+            error, cause = raised, raised.__cause__
+            raised.__cause__ = raised.__context__ = None  # only the error is sent: libraries' own may not be pickled
         except BaseException:
-            if comm.size > 1:
-                import traceback
+            import traceback
 
-                traceback.print_exc()
-                comm.Abort(1)  # the other ranks would wait for ever
+            traceback.print_exc()
+            comm.Abort(1)  # the other ranks would wait for ever
             raise
     error = comm.bcast(error)
     if error is not None:
-        raise error
+        raise error from cause
     return comm.bcast(result)
