@@ -100,7 +100,7 @@ def test_a_missing_compiler_is_named_on_one_line(started, tmp_path):
     process = started(CC="no-such-compiler")
     _, error = process.communicate(timeout=SAFETY)
     assert process.returncode == 1
-    (line,) = [line for line in error.splitlines() if "InputError" in line]
+    (line,) = [line for line in error.splitlines() if line.startswith("pdvol.errors.InputError: ")]
     assert "no C compiler: CC=no-such-compiler is not found; install gcc" in line
 
 
