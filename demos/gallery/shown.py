@@ -217,7 +217,7 @@ level adds faces, paws and the ripples of the impact. It has 24 times the vertic
                 "impact",
                 "A hundred times the vertices",
                 """The same shot through its impact, with the paper's ratio between the finest level and level 0.""",
-                {"vertices": (500, 2500, 12500, 55000), "steps": 22},
+                {"vertices": (500, 2500, 12500, 55000), "steps": 20},
                 direct=False,
             ),
         ),
