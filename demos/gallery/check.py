@@ -9,11 +9,10 @@ from benchmarks.common.tables import table
 from demos.gallery.entries import DEMOS, Entry
 from demos.gallery.shots import read_costs
 
-NUMBERS = ("geometry", "integrate", "levels", "measure", "meshing", "potentials", "runs", "scene", "solve", "store")
-"""Folders of pdvol that a page's numbers come through: all but commands and the studio."""
-
-SOLVER = (*(f"pdvol/{folder}" for folder in NUMBERS), "forms")
-"""Folders whose change may change any number of a page."""
+FOLDERS = ("geometry", "integrate", "levels", "measure", "meshing", "potentials", "runs", "scene", "solve", "store")
+FILES = ("compat.py", "compiled.py", "registry.py")
+SOLVER = (*(f"pdvol/{name}" for name in (*FOLDERS, *FILES)), "forms")
+"""What may change a number of a page: compiled.py has the compiler's options. Commands and the studio cannot."""
 
 
 class History:
