@@ -103,9 +103,9 @@ def write_teaser(folder: Path, film: Path, out: Path) -> Path:
 
 
 def _shot(name: str, folder: Path) -> tuple[Entry, Run, int]:
-    """A shot, its stored run, and its finest level that is whole."""
+    """A shot, its stored run, and its finest level."""
     entry, run = next(entry for entry in ENTRIES if entry.name == name), open_run(folder)
-    return entry, run, max(level.index for level in run.levels if level.steps > run.info["steps"])
+    return entry, run, run.levels[-1].index
 
 
 def write_page(out: Path) -> Path:
