@@ -1,5 +1,6 @@
 """Work of one rank for all, as with files."""
 
+import traceback
 from collections.abc import Callable
 from typing import Any, TypeVar
 
@@ -24,8 +25,6 @@ def on_root(comm: MPI.Comm, work: Callable[[], T]) -> T:
             error, cause = raised, raised.__cause__
             raised.__cause__ = raised.__context__ = None  # only the error is sent: libraries' own may not be pickled
         except BaseException:
-            import traceback
-
             traceback.print_exc()
             comm.Abort(1)  # the other ranks would wait for ever
             raise
