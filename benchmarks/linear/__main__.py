@@ -3,6 +3,7 @@ the same residual, on one and more ranks.
 """
 
 import json
+import os
 import statistics
 import sys
 import tempfile
@@ -10,12 +11,12 @@ from pathlib import Path
 
 from benchmarks.common import commits, process, tables
 from benchmarks.linear.one_rank import METHODS
-from benchmarks.ranks.__main__ import ROWS, words_of
+from benchmarks.ranks.rows import ROWS, words_of
 from pdvol.runs.launcher import rank_command
 
 LIMIT = 1200.0  # seconds of wall-clock time that one run may take
 CHOSEN = ("twist_20k", "drop_20k", "blocks", "balls", "leaf_sheep", "jelly_bowl_1")
-"""Rows of `benchmarks.ranks`."""
+"""Rows of `benchmarks.ranks` that are measured unless others are named."""
 
 
 def measured(name: str, ranks: int, folder: Path) -> list[dict]:
@@ -23,7 +24,7 @@ def measured(name: str, ranks: int, folder: Path) -> list[dict]:
     row, out = ROWS[name], folder / "systems.json"
     words = [sys.executable, "-m", "benchmarks.linear.one_rank", out, *words_of(row, folder / "run")]
     launch, environment = rank_command(ranks)
-    process.os.environ.update(environment)
+    os.environ.update(environment)
     reason = process.child([*launch, *map(str, words)], LIMIT, folder / "run.log")
     if reason:
         raise process.Mistake(f"{row.title} on {ranks} ranks: {reason}")

@@ -4,7 +4,7 @@ import pytest
 
 import benchmarks.linear.__main__ as linear
 from benchmarks.linear.one_rank import METHODS
-from benchmarks.ranks.__main__ import Row
+from benchmarks.ranks.rows import Row
 
 ROW = Row("a ball", "demos/ball_on_spike.py", 3)
 
