@@ -1,8 +1,7 @@
 """The coarse space of the two-level preconditioner: smooth displacements that a local preconditioner hardly corrects.
 
 Each rank sums the Galerkin operator P' A P (contact included) from its own rows, and every rank factors it. P
-interpolates linearly on regular background grids, or between a coarser level's vertices. The coarse vertices are few:
-their number follows the square root of the level's.
+interpolates linearly between a coarser level's vertices, or on regular background grids.
 """
 
 from typing import Any
@@ -13,16 +12,19 @@ from scipy.sparse import csr_array
 
 from pdvol.geometry.level_mesh import LevelMesh
 from pdvol.levels.space import LevelSpace
-from pdvol.potentials.assembly.hessian_blocks import BlockCsr
+from pdvol.potentials.assembly.hessian_blocks import SPARE, BlockCsr
 from pdvol.potentials.assembly.native import pointer
 from pdvol.solve.linear import native
 from pdvol.solve.linear.system_matrix import pointers
 
-# coarse vertices over the square root of the level's: with twice as many the factor costs what iterations save, and
-# with half as many heaps of bodies lose the rotations of each
+# vertices of grids over the square root of the level's: with twice as many the factor costs what iterations save (of
+# 100,000 vertices a quarter fewer iterations, a tenth more time), and with half as many heaps of bodies lose the
+# rotations of each
 COARSE_VERTICES = 2.0
 # fraction of the diagonal of P' A P that is added to it: nodes at the boundary can be nearly linearly dependent
 COARSE_DIAGONAL_SHIFT = 1e-7
+# blocks of P' A P a coarse vertex, on or below the diagonal, that there is room for at first: grids couple 8 to 14
+FIRST_ROOM = 20
 
 
 def grid_weights(mesh: LevelMesh) -> csr_array:
@@ -91,7 +93,7 @@ def _grid(share: np.ndarray, boxes: np.ndarray) -> csr_array:
 
 
 class CoarseSpace:
-    """The Galerkin operator P' A P and its Cholesky factor. Construction is collective.
+    """The Galerkin operator P' A P and its factor L D L'. Construction is collective.
 
     Parameters
     ----------
@@ -105,8 +107,6 @@ class CoarseSpace:
     ----------
     size : number of coarse vertices
     starts, columns, weights : P in PETSc's block order, CSR
-    begins : (size d + 1,) int64
-        Where each row of the factor begins in `factor`, as coarse.c says.
     """
 
     def __init__(self, space: LevelSpace, weights: csr_array, supported: np.ndarray):
@@ -117,8 +117,8 @@ class CoarseSpace:
         P.sort_indices()
         self.size: int = P.shape[1]
         self.starts, self.columns, self.weights = P.indptr.astype(np.int32), P.indices.astype(np.int32), P.data
-        self.begins: np.ndarray
-        self.factor: np.ndarray
+        self._room = FIRST_ROOM * self.size
+        self._factor: tuple[np.ndarray, ...]
 
     def update(self, rows: BlockCsr) -> bool:
         """Sums and factors P' A P. Returns whether it is positive definite, which it is where A is. Collective.
@@ -128,23 +128,48 @@ class CoarseSpace:
         rows : BlockCsr
             A of this rank's rows, as `HessianBlocks.merged` gives it.
         """
-        d, comm, library = self.space.dim, self.space.comm, native.library
-        starts, columns, blocks = pointers(rows)
-        matrix = (self.space.n_owned, self.space.first_block, starts, columns)
-        P = (pointer(self.starts, "int32_t"), pointer(self.columns, "int32_t"))
-        firsts = np.arange(self.size, dtype=np.int32)
-        library.coarse_firsts(*matrix, *P, pointer(firsts, "int32_t"))
-        comm.Allreduce(MPI.IN_PLACE, firsts, op=MPI.MIN)
-        lengths = np.arange(1, self.size * d + 1) - d * np.repeat(firsts, d)
-        self.begins = np.concatenate([[0], np.cumsum(lengths)])
-        self.factor = np.zeros(self.begins[-1])
-        weights, begins = pointer(self.weights), pointer(self.begins, "int64_t")
-        if library.coarse_operator(d, *matrix, blocks, *P, weights, self.size, begins, pointer(self.factor)):
-            raise MemoryError("no memory left for the coarse system")
+        d, comm = self.space.dim, self.space.comm
+        keys, sums = self._own_sum(rows)
         if comm.size > 1:
-            comm.Allreduce(MPI.IN_PLACE, self.factor, op=MPI.SUM)
-        failed = library.coarse_cholesky(self.size * d, begins, COARSE_DIAGONAL_SHIFT, pointer(self.factor))
+            every = np.unique(np.concatenate(comm.allgather(keys)))
+            total = np.zeros((len(every), d, d))
+            total[np.searchsorted(every, keys)] = sums
+            comm.Allreduce(MPI.IN_PLACE, total, op=MPI.SUM)
+            keys, sums = every, total
+        return self._factored(keys, sums)
+
+    def _factored(self, keys: np.ndarray, blocks: np.ndarray) -> bool:
+        """Factors the matrix with the blocks (k, d, d) at keys (k,). Returns whether it is positive definite."""
+        d, n, library = self.space.dim, self.size, native.library
+        order, parent, starts = (np.empty(count, np.int32) for count in (n, n, n + 1))
+        listed = len(keys), pointer(keys, "int64_t")
+        elimination = tuple(_int32(array) for array in (order, parent, starts))
+        count = library.coarse_order(n, *listed, *elimination)
+        if count < 0:
+            raise MemoryError("no memory left for the coarse system")
+        rows, L, pivots = np.empty(count, np.int32), *(np.zeros(k * d * d + SPARE) for k in (count, n))
+        factor = _int32(rows), pointer(L), pointer(pivots)
+        failed = library.coarse_factor(d, n, *listed, pointer(blocks), COARSE_DIAGONAL_SHIFT, *elimination, *factor)
+        if failed < 0:
+            raise MemoryError("no memory left for the coarse system")
+        self._factor = order, starts, rows, L, pivots
         return not failed
+
+    def _own_sum(self, rows: BlockCsr) -> tuple[np.ndarray, np.ndarray]:
+        """Of this rank's rows: the keys i size + j of blocks (k,), i >= j, and the blocks (k, d, d)."""
+        d = self.space.dim
+        starts, columns, blocks = pointers(rows)
+        matrix = (self.space.n_owned, self.space.first_block, starts, columns, blocks)
+        P = (pointer(self.starts, "int32_t"), pointer(self.columns, "int32_t"), pointer(self.weights))
+        while True:
+            keys, sums = np.empty(self._room, np.int64), np.empty((self._room, d, d))
+            listed = (self._room, pointer(keys, "int64_t"), pointer(sums))
+            count = native.library.coarse_operator(d, *matrix, *P, self.size, *listed)
+            if count >= 0:
+                return keys[:count], sums[:count]
+            if count == -2:
+                raise MemoryError("no memory left for the coarse system")
+            self._room *= 2
 
     def give(self, system: Any) -> None:
         """Names the correction to a `linear_system *` of native/; this object has to be kept."""
@@ -152,4 +177,10 @@ class CoarseSpace:
         system.nodes = self.size
         system.p_starts = pointer(self.starts[first:], "int32_t")
         system.p_columns, system.p_weights = pointer(self.columns, "int32_t"), pointer(self.weights)
-        system.begins, system.coarse = pointer(self.begins, "int64_t"), pointer(self.factor)
+        order, starts, rows, L, pivots = self._factor
+        system.order, system.l_starts, system.l_rows = map(_int32, (order, starts, rows))
+        system.l_blocks, system.pivots = pointer(L), pointer(pivots)
+
+
+def _int32(array: np.ndarray) -> Any:
+    return pointer(array, "int32_t")
