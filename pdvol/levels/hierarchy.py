@@ -15,11 +15,11 @@ from pdvol.registry import INTERPOLANTS
 from pdvol.stages import stage
 
 # vertices: every rank solves the coarse system directly in every iteration
-MAX_COARSE_VERTICES = 800
+MAX_COARSE_VERTICES = 4000
 # weights per fine vertex, on average: the coarse operator's cost grows with their square
 MAX_WEIGHTS = 30
 # ratio of a level's vertices to the coarse ones: with less a coarse solve costs about as much as it saves
-MIN_COARSENING = 6
+MIN_COARSENING = 20
 
 
 class Hierarchy(Sequence[LevelSpace]):

@@ -145,7 +145,7 @@ class Newton:
         self.linear = LinearSolver(
             self.snes.ksp,
             settings,
-            self._coarse_space,
+            self._coarse_spaces,
             partial(watch.part, "linear"),
             dense=any(domains.smoothed for domains in potential.stencils),
         )
@@ -162,12 +162,11 @@ class Newton:
         snes.setTolerances(rtol=0.0, atol=0.0, stol=0.0, max_it=self.settings.max_iterations)
         return snes
 
-    def _coarse_space(self) -> CoarseSpace:
-        """On a coarser level where that has no more vertices than a grid (a larger one costs more than it saves)."""
-        weights, own = grid_weights(self.space.mesh), self._coarse_weights()
-        if own is not None and own.shape[1] <= weights.shape[1]:
-            weights = own
-        return CoarseSpace(self.space, weights, self._system.all_supported)
+    def _coarse_spaces(self) -> list[CoarseSpace]:
+        """On grids, and on a coarser level if one suits; without the grids where these have more vertices."""
+        grids, own = grid_weights(self.space.mesh), self._coarse_weights()
+        weights = [grids] if own is None else [own] if own.shape[1] <= grids.shape[1] else [grids, own]
+        return [CoarseSpace(self.space, P, self._system.all_supported) for P in weights]
 
     # ---- callbacks
 

@@ -172,7 +172,7 @@ def test_the_line_search_begins_where_collision_detection_allows_and_predictions
     def begun(solver, x, way, free):
         nonlocal longer
         length = begin(solver, x, way, free)
-        longer += free is not None and solver._solve.last.lengthening > 1.0
+        longer += solver._solve.last.lengthening > 1.0
         assert solver.potential.max_step(x, length * way, gap_share=0.5 * LEAST_LEFT) > 1.0 - 1e-9
         return length
 

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 from petsc4py import PETSc
+from scipy.sparse import csr_array
 
 from pdvol.errors import SimulationError
 from pdvol.integrate.integrator import State
@@ -39,9 +40,19 @@ def solver(space, system, **settings):
     made = LinearSolver(
         PETSc.KSP().create(COMM),
         Solver(**settings),
-        lambda: CoarseSpace(space, grid_weights(space.mesh), system.all_supported),
+        lambda: [CoarseSpace(space, grid_weights(space.mesh), system.all_supported)],
     )
     made.set_matrix(system)
+    return made
+
+
+def taught(space, system, monkeypatch, **settings):
+    """A solver after a solve for which two iterations without a coarse space were enough."""
+    monkeypatch.setattr(linear, "COARSE_SETUP", 1)
+    made = solver(space, system, **settings)
+    right = space.create_vector()
+    right.setArray(np.random.default_rng(4).standard_normal(right.getLocalSize()))
+    made.solve_once(right, right.duplicate())
     return made
 
 
@@ -96,24 +107,58 @@ def test_users_options_reach_petsc(options):
     np.testing.assert_allclose(results[1], results[0], atol=1e-9)
 
 
-def test_auto_changes_the_method_where_iterations_pay_for_it(space):
-    """The coarse space comes where half of the iterations would pay for it, and goes where all of them do not."""
-    system, _ = systems(space)
-    made = solver(space, system)
-    for iterations, method in (
-        (2 * COARSE_SETUP, "iterative"),
-        (2 * COARSE_SETUP + 1, "multilevel"),
-        (COARSE_SETUP // 2, "multilevel"),
-        (COARSE_SETUP // 2 - 1, "iterative"),
-        (2 * COARSE_SETUP + 1, "multilevel"),
-    ):
+def test_auto_goes_on_with_a_coarse_space_after_enough_iterations(space, monkeypatch):
+    """Within the solve, from where it is. The coarse space goes where its iterations cost less than its setup."""
+    system, matrix = systems(space, mass=1e-3)
+    made = solver(space, system, linear_rtol=1e-10)
+    right = space.create_vector()
+    right.setArray(np.random.default_rng(4).standard_normal(len(matrix)))
+    solution = right.duplicate()
+    monkeypatch.setattr(linear, "COARSE_SETUP", 50)
+    made.solve(right, solution)
+    assert made.method == "iterative" and made.ksp.getIterationNumber() > 2
+    monkeypatch.setattr(linear, "COARSE_SETUP", 1)
+    made.solve(right, solution)
+    assert made.method == "multilevel" and made.ksp.getIterationNumber() > 2
+    residual = matrix @ solution.getArray() - right.getArray()
+    assert np.linalg.norm(residual) < 1e-9 * np.linalg.norm(right.getArray())
+    monkeypatch.setattr(linear, "COARSE_SETUP", COARSE_SETUP)
+    for iterations, method in ((COARSE_SETUP // 2, "multilevel"), (COARSE_SETUP // 2 - 1, "iterative")):
         made.note_iterations(iterations)
         assert made.method == method
+    made.solve(right, solution)
     made.fall_back()
     made.note_iterations(1)
     assert made.method == "direct"
     made.begin_step()
     assert made.method == "multilevel"
+
+
+@pytest.mark.parametrize("setting", ["auto", "multilevel"])
+def test_a_solve_goes_on_with_a_better_coarse_space_where_there_is_one(space, monkeypatch, setting):
+    """With P = 1 the second one solves exactly. The choice is remembered."""
+    monkeypatch.setattr(linear, "COARSE_SETUP", 1)
+    system, matrix = systems(space, mass=1e-3)
+    whole = csr_array(np.eye(space.n_owned))
+    spaces = [CoarseSpace(space, P, system.all_supported) for P in (grid_weights(space.mesh), whole)]
+    right = space.create_vector()
+    right.setArray(np.random.default_rng(4).standard_normal(len(matrix)))
+    found = {}
+    for count in (1, 2):
+        made = solver(space, system, linear=setting, linear_rtol=1e-10)
+        made._make_coarse = lambda count=count: spaces[:count]
+        solution = right.duplicate()
+        made.solve(right, solution)
+        residual = matrix @ solution.getArray() - right.getArray()
+        assert np.linalg.norm(residual) < 1e-9 * np.linalg.norm(right.getArray())
+        found[count] = made.ksp.getIterationNumber()
+        assert made.memory["coarse"] == count - 1 and made.memory["method"] == "multilevel"
+    assert found[2] < found[1]
+    resumed = solver(space, system, linear=setting, linear_rtol=1e-10)
+    resumed._make_coarse = lambda: spaces
+    resumed.restore(made.memory)
+    resumed.solve(right, solution)
+    assert resumed.ksp.getIterationNumber() < found[2] and resumed.memory["coarse"] == 1
 
 
 def test_the_coarse_operator_is_summed_again_once_iterations_pay_for_it(space, monkeypatch):
@@ -150,13 +195,12 @@ def test_conjugate_gradients_that_reach_their_limit_are_a_failure(space, monkeyp
 
 
 @pytest.mark.parametrize("linear", ["auto", "iterative", "multilevel", "direct"])
-def test_a_remembered_method_is_used_only_with_the_same_setting(space, linear):
+def test_a_remembered_method_is_used_only_with_the_same_setting(space, monkeypatch, linear):
     """A solver that has switched to the coarse space continues with it after a resume. If the setting has changed, the
     setting decides. A remedy lasts for its step.
     """
     system, _ = systems(space)
-    learned = solver(space, system, linear=linear)
-    learned.note_iterations(2 * COARSE_SETUP + 1)
+    learned = taught(space, system, monkeypatch, linear=linear)
     method = learned.method
     learned.use_direct()
     for other in ("auto", "iterative", "multilevel", "direct"):
@@ -169,12 +213,20 @@ def test_a_remembered_method_is_used_only_with_the_same_setting(space, linear):
 
 
 @pytest.mark.parametrize(
-    "wrong", [{"method": 3}, {"method": [1]}, {"workspace": -1}, {"workspace": "2"}, {"linear": None}]
+    "wrong",
+    [
+        {"method": 3},
+        {"method": [1]},
+        {"workspace": -1},
+        {"workspace": "2"},
+        {"coarse": -1},
+        {"coarse": "1"},
+        {"linear": None},
+    ],
 )
-def test_a_memory_that_no_solver_wrote_is_ignored(space, wrong):
+def test_a_memory_that_no_solver_wrote_is_ignored(space, monkeypatch, wrong):
     system, _ = systems(space)
-    learned, resumed = solver(space, system), solver(space, system)
-    learned.note_iterations(2 * COARSE_SETUP + 1)
+    learned, resumed = taught(space, system, monkeypatch), solver(space, system)
     resumed.restore({**learned.memory, **wrong})
     assert resumed.method == "iterative"
 

@@ -29,7 +29,7 @@ def multiply_and_solve(comm, d):
             made = LinearSolver(
                 PETSc.KSP().create(comm),
                 Solver(linear=method, linear_rtol=1e-11),
-                lambda: CoarseSpace(space, grid_weights(space.mesh), system.all_supported),
+                lambda: [CoarseSpace(space, grid_weights(space.mesh), system.all_supported)],
             )
             made.set_matrix(system)
             made.solve(right, solution)

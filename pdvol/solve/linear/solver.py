@@ -11,7 +11,7 @@ The first two are compiled (native/), unless the user's options name a `ksp_type
 never times: runs repeat to the last bit.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from itertools import count
 from weakref import proxy
@@ -25,9 +25,8 @@ from pdvol.solve.linear.coarse_space import CoarseSpace
 from pdvol.solve.linear.system_matrix import SystemMatrix
 
 LINEAR_METHODS = ("iterative", "multilevel", "direct")
-# iterations that cost as much as summing and factoring the coarse operator: an iteration multiplies each number of the
-# matrix about 3 times (twice in the product, twice at half the price in the incomplete factor), the coarse operator and
-# its factor 20 to 30 times (four coarse vertices for each vertex, added to those of all its neighbours)
+# iterations that a current coarse operator has to save: summing and factoring it costs 3 to 4 (of 900 to 91,000
+# vertices); with 2 to 8 here times are equal within 5 %
 COARSE_SETUP = 8
 # iterations at which conjugate gradients have failed: a direct solve costs about as much (400 to 1,000, from 500 to
 # 20,000 vertices)
@@ -47,14 +46,15 @@ _Reasons = PETSc.KSP.ConvergedReason
 class LinearSolver:
     """A KSP that solves by pdvol's choice of method and, on top of it, the user's PETSc options.
 
-    `set_matrix` takes each new matrix; after each solve `note_iterations` chooses the method of the next one.
+    `set_matrix` takes each new matrix. A solve without a coarse space that takes many iterations goes on with one,
+    and `note_iterations` leaves it where it does not pay.
 
     Parameters
     ----------
     ksp : PETSc.KSP
         Becomes one that solves by this object.
     settings : Solver
-    coarse : called when a coarse space is needed for the first time
+    coarse : called when a coarse space is needed for the first time; gives them from the cheapest to the best
     timed : makes the context in which solves run, for a stopwatch
     dense : whether rows have so many blocks that the incomplete factor leaves out weak ones
 
@@ -67,12 +67,13 @@ class LinearSolver:
         self,
         ksp: PETSc.KSP,
         settings: Solver,
-        coarse: Callable[[], CoarseSpace],
+        coarse: Callable[[], Sequence[CoarseSpace]],
         timed: Callable[[], AbstractContextManager[None]] = nullcontext,
         dense: bool = False,
     ):
         self.ksp, self.settings, self._make_coarse = ksp, settings, coarse
-        self._coarse: CoarseSpace | None = None
+        self._spaces: Sequence[CoarseSpace] = ()
+        self._space = 0  # index of the one in use
         self._system: SystemMatrix
         self._workspace = 0
         self._is_factored, self._coarse_is_current, self._is_definite = False, False, True
@@ -113,7 +114,12 @@ class LinearSolver:
         """The state that earlier steps leave to the next one: with the step's start and the settings it determines
         the step's result. `linear` is the setting under which it was learned.
         """
-        return {"linear": self.settings.linear, "method": self._first_method, "workspace": self._workspace}
+        return {
+            "linear": self.settings.linear,
+            "method": self._first_method,
+            "coarse": self._space,
+            "workspace": self._workspace,
+        }
 
     def restore(self, memory: Mapping) -> None:
         """Restores the state of the solver whose `memory` this is.
@@ -121,14 +127,16 @@ class LinearSolver:
         What was learned under another setting of `linear` is ignored, so that the method that the settings name is the
         one in use. So is a memory that no solver wrote.
         """
-        method, workspace = memory.get("method"), memory.get("workspace")
+        method, space, workspace = memory.get("method"), memory.get("coarse", 0), memory.get("workspace")
         if (
             memory.get("linear", "auto") != self.settings.linear
             or method not in LINEAR_METHODS
+            or not (isinstance(space, int) and space >= 0)
             or not (isinstance(workspace, int) and workspace >= 0)
         ):
             return
-        self._first_method, self._workspace = method, min(workspace, len(MUMPS_WORKSPACES) - 1)
+        self._first_method, self._space = method, space
+        self._workspace = min(workspace, len(MUMPS_WORKSPACES) - 1)
         self._use(method)
 
     def begin_step(self) -> None:
@@ -161,7 +169,8 @@ class LinearSolver:
 
     def solve_once(self, right: PETSc.Vec, solution: PETSc.Vec, near: bool = False) -> tuple[int, int]:
         """One try by the present method: PETSc's reason, and the number of iterations. The compiled one begins at
-        `solution` where that is `near` the one sought. Collective.
+        `solution` where that is `near` the one sought, and goes on with a coarse space after many iterations if it
+        may choose. Collective.
         """
         if self._by_petsc:
             self._inner.setOperators(self._system.petsc)
@@ -178,9 +187,24 @@ class LinearSolver:
             return _Reasons.DIVERGED_INDEFINITE_MAT, 0
         tolerance, _, _, most = self.ksp.getTolerances()
         start = solution.getArray(readonly=True) if near else None
-        found, reason, iterations = self._system.solve(right.getArray(readonly=True), tolerance, most, start)
+        enough = self._enough(most)
+        found, reason, iterations = self._system.solve(right.getArray(readonly=True), tolerance, enough, start)
         solution.setArray(found)
+        if enough < most and reason == _Reasons.DIVERGED_MAX_IT:
+            if self.method == "multilevel":
+                self._space += 1
+            self._change("multilevel")
+            reason, more = self.solve_once(right, solution, True)
+            iterations += more
         return reason, iterations
+
+    def _enough(self, most: int) -> int:
+        """Iterations, at most `most`, after which a solve goes on with a coarse space, or with a better one: that saves
+        half of them, or more.
+        """
+        if self.method == "multilevel":
+            return min(most, 4 * COARSE_SETUP) if self._space + 1 < len(self._spaces) else most
+        return min(most, 2 * COARSE_SETUP) if self.settings.linear == "auto" else most
 
     def _prepare(self) -> None:
         """Factors a new matrix, and renews an outdated coarse operator. Collective."""
@@ -197,9 +221,8 @@ class LinearSolver:
         coarse.give(system.compiled)
 
     def _coarse_space(self) -> CoarseSpace:
-        if self._coarse is None:
-            self._coarse = self._make_coarse()
-        return self._coarse
+        self._spaces = self._spaces or self._make_coarse()
+        return self._spaces[min(self._space, len(self._spaces) - 1)]
 
     def _factor_incompletely(self) -> bool:
         """Incomplete Cholesky factor of the blocks between each rank's vertices. Returns whether the matrix may be
@@ -213,14 +236,12 @@ class LinearSolver:
     # ---- the choice
 
     def note_iterations(self, iterations: int) -> None:
-        """After a successful solve with this number of iterations: chooses the method of the next one."""
-        automatic = self.settings.linear == "auto"
-        if self.method == "direct":
+        """After a successful solve with this number of iterations: whether the next one has a coarse space, and whether
+        that is renewed.
+        """
+        if self.method != "multilevel":
             return
-        if self.method == "iterative":
-            if automatic and iterations > 2 * COARSE_SETUP:  # it saves half of them, or more
-                self._change("multilevel")
-        elif automatic and 2 * iterations < COARSE_SETUP:
+        if self.settings.linear == "auto" and 2 * iterations < COARSE_SETUP:
             self._change("iterative")
         elif self._fresh_iterations is None:
             self._fresh_iterations, self._excess = iterations, 0
