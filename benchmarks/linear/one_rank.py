@@ -102,7 +102,7 @@ def seconds(comm: MPI.Comm, work: Callable[[], object]) -> float:
 def main(file: Path, words: list[str]) -> None:
     """Runs pdvol; rank 0 writes the file after each measurement."""
     rows: list[dict] = []
-    peers: dict[str, Peer] = {}
+    peers: dict[tuple[int, str], Peer] = {}  # of levels, by their vertices
     points, solves = np.zeros(0), 0
     renew, solve_once, begin_step = Newton._renew_matrix, LinearSolver.solve_once, LinearSolver.begin_step
 
@@ -131,10 +131,10 @@ def main(file: Path, words: list[str]) -> None:
         row: dict[str, Any] = {"vertices": int(system.space.rank_ends[-1]), "tolerance": tolerance}
         row["pdvol"] = prepared, solved, found[0][1], found[0][0] > 0
         for name, (kind, options) in METHODS.items():
-            if name not in peers:
-                peers[name] = Peer(kind, options, comm)
-            peers[name].take(system, points)
-            row[name] = peers[name].solve(right, tolerance)
+            level = row["vertices"], name
+            peer = peers[level] = peers.get(level) or Peer(kind, options, comm)
+            peer.take(system, points)
+            row[name] = peer.solve(right, tolerance)
         rows.append(row)
         if comm.rank == 0:
             file.write_text(json.dumps(rows))
