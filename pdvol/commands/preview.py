@@ -39,11 +39,18 @@ def main(options: Namespace) -> None:
             except PdvolError as error:
                 print(f"pdvol: {error}", file=sys.stderr)
             print(f"watching {options.scene}; stop with Ctrl-C", file=sys.stderr)
-            while _sources(options.scene) == before:
-                time.sleep(LOOK)
+            _wait_for_save(options.scene, before)
             _forget_modules(options.scene)
     except KeyboardInterrupt:
         return
+
+
+def _wait_for_save(scene: Path, before: dict[Path, int]) -> None:
+    """Until the sources differ from `before` and were the same in two looks: a save empties a file, then fills it."""
+    last = before
+    while (now := _sources(scene)) == before or now != last:
+        last = now
+        time.sleep(LOOK)
 
 
 def _preview(options: Namespace) -> None:
