@@ -1,5 +1,7 @@
 """Which commit each page of the gallery is of, and which of its numbers are older than the solver."""
 
+import ast
+import re
 from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from pathlib import Path
@@ -30,6 +32,7 @@ class History:
         self.parents = lru_cache(None)(self._repository.parents)
         self._root = lru_cache(None)(self._repository.tree)
         self._listed = lru_cache(None)(self._repository.listed)
+        self._code = lru_cache(None)(self._read_code)
         self.parents(self.head)
 
     def entry(self, commit: str, path: str) -> str:
@@ -41,10 +44,19 @@ class History:
                 break
         return name
 
-    def same(self, commit: str, paths: Sequence[str]) -> bool:
-        """Whether a commit has the same at these paths as the one that is checked out."""
-        full = self._repository.full(commit)
-        return all(self.entry(full, path) == self.entry(self.head, path) for path in paths)
+    def same(self, commit: str, path: str) -> bool:
+        """Whether a commit has the same at a path as the one that is checked out, but for comments."""
+        before, now = (self.entry(start, path) for start in (self._repository.full(commit), self.head))
+        return before == now or bool(before and now) and self._code(before, path) == self._code(now, path)
+
+    def _read_code(self, name: str, path: str) -> object:
+        """What an object says without comments, to compare: a file's code, or that of each file of a folder."""
+        kind, content = self._repository.read(name)
+        if kind == "tree":
+            return {file: self._code(inner, file) for file, inner in self._listed(name).items()}
+        if path.endswith(".py"):
+            return ast.dump(ast.parse(content))
+        return re.sub(rb"/\*.*?\*/", b"", content, flags=re.DOTALL) if path.endswith((".c", ".h")) else name
 
     def last_change(self, paths: Sequence[str]) -> str:
         """The last commit that changed one of these paths, as `git log -1` finds it: a merge that only took over what
@@ -107,7 +119,7 @@ def _age(commits: str, paths: Sequence[str], history: History) -> str:
     if not commits:
         return ""
     try:
-        changed = [path for path in paths if not all(history.same(commit, [path]) for commit in commits.split(", "))]
+        changed = [path for path in paths if not all(history.same(commit, path) for commit in commits.split(", "))]
     except MissingObject:
         return "its commit is not in this repository"
     return f"{', '.join(changed)} changed since" if changed else "current"

@@ -170,6 +170,8 @@ def test_ages_of_pages(tmp_path):
     assert row() == ["drop", second[:7], "-", first[:7], second[:7], "nothing"]
     third = kept.commit(files(drop="2", page="2"), second)
     assert row()[3:] == [first[:7], second[:7], "nothing"], "a change of pages and commands makes nothing older"
+    kept.commit(files(solver="1  # one", drop="2  # two", page="2"), third)
+    assert row()[-1] == "nothing", "nor does a comment"
     side = kept.commit(files(solver="2", drop="2"), second)
     kept.commit(files(solver="2", drop="2", page="2"), third, side)
     assert row()[3:] == [side[:7], second[:7], "all numbers (pdvol/solve changed since)"], "a merge is no change"
