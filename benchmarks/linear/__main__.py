@@ -7,6 +7,7 @@ import os
 import statistics
 import sys
 import tempfile
+from dataclasses import replace
 from pathlib import Path
 
 from benchmarks.common import commits, process, tables
@@ -15,13 +16,14 @@ from benchmarks.ranks.rows import ROWS, words_of
 from pdvol.runs.launcher import rank_command
 
 LIMIT = 1200.0  # seconds of wall-clock time that one run may take
-CHOSEN = ("twist_20k", "drop_20k", "blocks", "balls", "leaf_sheep", "jelly_bowl_2", "noodles")
+CHOSEN = ("twist_20k", "drop_20k", "jelly_bowl_2", "noodles")
 """Rows of `benchmarks.ranks` that are measured unless others are named."""
 
 
-def measured(name: str, ranks: int, folder: Path) -> list[dict]:
-    """The rows of `one_rank.py` on the level that is timed."""
+def measured(name: str, ranks: int, steps: int | None, folder: Path) -> list[dict]:
+    """The rows of `one_rank.py` on the level that is timed, in at most so many `steps`."""
     row, out = ROWS[name], folder / "systems.json"
+    row = replace(row, steps=min(row.steps, steps or row.steps))
     words = [sys.executable, "-m", "benchmarks.linear.one_rank", out, *words_of(row, folder / "run")]
     launch, environment = rank_command(ranks)
     os.environ.update(environment)
@@ -55,13 +57,14 @@ def main() -> None:
     parser = process.parser("linear", __doc__)
     parser.add_argument("--rows", nargs="+", choices=list(ROWS), default=list(CHOSEN))
     parser.add_argument("--ranks", nargs="+", type=int, default=[1, 2])
+    parser.add_argument("--steps", type=int, help="so many steps at most, instead of each row's own")
     options = parser.parse_args()
     machine, commit = process.machine(), commits.Repository(process.REPOSITORY).head()[:7]
     print(f"{machine['processor']}, {machine['cores']} cores, load {machine['load']:.1f}, {commit}\n")
     found: dict[str, dict[int, list[dict]]] = {}
     with tempfile.TemporaryDirectory() as folder:
         for name in options.rows:
-            found[name] = {ranks: measured(name, ranks, Path(folder)) for ranks in options.ranks}
+            found[name] = {ranks: measured(name, ranks, options.steps, Path(folder)) for ranks in options.ranks}
             print(table({name: found[name]}), flush=True)
     print(table(found))
 

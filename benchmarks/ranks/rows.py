@@ -46,8 +46,8 @@ ROWS = {
     "twist_1m": peer("twist_1m", 10),
     "leaf_sheep": Row("`leaf_sheep` level 2", "demos/leaf_sheep.py", 10, level=2),
     "jelly_bowl_1": Row("`jelly_bowl` level 1", "demos/jelly_bowl.py", 25, level=1),
-    "jelly_bowl_2": Row("`jelly_bowl` level 2", "demos/jelly_bowl.py", 15, level=2),
-    "noodles": Row("`bunny_noodles` level 2", "demos/bunny_noodles.py", 18, level=2),
+    "jelly_bowl_2": Row("`jelly_bowl` level 2", "demos/jelly_bowl.py", 12, level=2),
+    "noodles": Row("`bunny_noodles` level 2", "demos/bunny_noodles.py", 15, level=2),
 }
 
 
