@@ -20,7 +20,7 @@ CHOSEN = ("twist_20k", "drop_20k", "jelly_bowl_2", "noodles")
 """Rows of `benchmarks.ranks` that are measured unless others are named."""
 
 
-def measured(name: str, ranks: int, steps: int | None, folder: Path) -> list[dict]:
+def measured(name: str, ranks: int, folder: Path, steps: int | None = None) -> list[dict]:
     """The rows of `one_rank.py` on the level that is timed, in at most so many `steps`."""
     row, out = ROWS[name], folder / "systems.json"
     row = replace(row, steps=min(row.steps, steps or row.steps))
@@ -64,7 +64,7 @@ def main() -> None:
     found: dict[str, dict[int, list[dict]]] = {}
     with tempfile.TemporaryDirectory() as folder:
         for name in options.rows:
-            found[name] = {ranks: measured(name, ranks, options.steps, Path(folder)) for ranks in options.ranks}
+            found[name] = {ranks: measured(name, ranks, Path(folder), options.steps) for ranks in options.ranks}
             print(table({name: found[name]}), flush=True)
     print(table(found))
 
