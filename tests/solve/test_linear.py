@@ -194,6 +194,30 @@ def test_conjugate_gradients_that_reach_their_limit_are_a_failure(space, monkeyp
     assert np.linalg.norm(residual) < 1e-9 * np.linalg.norm(right.getArray())
 
 
+def test_the_direct_method_goes_after_one_system_and_stays_after_two_failures_in_a_row(space):
+    """Or where Newton asks for it. A system whose solve begins near its solution is not one of the row."""
+    system, _ = systems(space)
+    made = solver(space, system)
+    right = space.create_vector()
+    right.set(1.0)
+
+    def methods(*near):
+        for begins_near in near:
+            made.set_matrix(system)
+            made.solve(right, right.duplicate(), begins_near)
+            yield made.method
+
+    for _ in range(2):
+        assert made.fall_back() and list(methods(False, False, True)) == ["direct", "iterative", "iterative"]
+    assert made.fall_back() and list(methods(False, True)) == ["direct", "iterative"]
+    assert made.fall_back() and list(methods(False, False)) == ["direct", "direct"]
+    made.begin_step()
+    assert made.fall_back() and made.use_direct() and not made.use_direct()
+    assert list(methods(False, False)) == ["direct", "direct"]
+    made.begin_step()
+    assert list(methods(False)) == ["iterative"]
+
+
 @pytest.mark.parametrize("linear", ["auto", "iterative", "multilevel", "direct"])
 def test_a_remembered_method_is_used_only_with_the_same_setting(space, monkeypatch, linear):
     """A solver that has switched to the coarse space continues with it after a resume. If the setting has changed, the

@@ -5,7 +5,7 @@ their own.
 |---|---|---|
 | iterative | conjugate gradients, incomplete Cholesky (of each rank's own rows) | first |
 | multilevel | the same with a coarse space added | where it saves more than it costs |
-| direct | MUMPS' Cholesky | until the end of a step in which conjugate gradients took more than it costs, or failed |
+| direct | MUMPS' Cholesky | for a system on which conjugate gradients failed; after two in a row to the step's end |
 
 The first two are compiled (native/), unless the user's options name a `ksp_type` or a `pc_type`. Costs are iterations,
 never times: runs repeat to the last bit.
@@ -77,6 +77,8 @@ class LinearSolver:
         self._system: SystemMatrix
         self._workspace = 0
         self._is_factored, self._coarse_is_current, self._is_definite = False, False, True
+        self._failures = 0  # of conjugate gradients in a row, in this step
+        self._has_solved = False  # a system, since the method was changed
         self._fresh_iterations: int | None = None
         self._excess = 0
         self._drop = WEAK if dense else 0.0
@@ -94,7 +96,7 @@ class LinearSolver:
 
     def _use(self, method: str) -> None:
         self.method, inner = method, self._inner
-        self._coarse_is_current = False
+        self._coarse_is_current = self._has_solved = False
         self._by_petsc = method == "direct" or any(name in self._options for name in ("ksp_type", "pc_type"))
         if not self._by_petsc:
             set_options(self.ksp, self._options)
@@ -143,13 +145,17 @@ class LinearSolver:
         """Goes back from the direct method where that was a remedy, and marks the coarse operator as outdated: the step
         depends on its start and `memory` alone.
         """
-        self._coarse_is_current = False
+        self._coarse_is_current, self._failures = False, 0
         if self.method != self._first_method:
             self._use(self._first_method)
 
     def set_matrix(self, system: SystemMatrix) -> None:
-        """After an assembly of `system`: the next solves are with it."""
+        """After an assembly of `system`: the next solves are with it. One system that took the direct method says
+        little of the next one, two in a row do.
+        """
         self._system, self._is_factored = system, False
+        if self.method == "direct" and self._failures == 1 and self._has_solved:
+            self._use(self._first_method)
 
     # ---- one solve
 
@@ -181,6 +187,7 @@ class LinearSolver:
                     raise
                 self._inner.reset()
                 return _Reasons.DIVERGED_PCSETUP_FAILED, 0
+            self._has_solved = self._inner.getConvergedReason() > 0
             return self._inner.getConvergedReason(), self._inner.getIterationNumber()
         self._prepare()
         if not self._is_definite:
@@ -196,6 +203,8 @@ class LinearSolver:
             self._change("multilevel")
             reason, more = self.solve_once(right, solution, True)
             iterations += more
+        if reason > 0 and not near:
+            self._failures = 0
         return reason, iterations
 
     def _enough(self, most: int) -> int:
@@ -257,17 +266,20 @@ class LinearSolver:
         """After a failure: the direct method, then a larger work array for it. Returns False when nothing is left to
         try.
         """
-        if self.method == "direct":
-            if self._workspace + 1 == len(MUMPS_WORKSPACES):
-                return False
+        if self.method != "direct":
+            self._failures += 1
+        elif self._workspace + 1 < len(MUMPS_WORKSPACES):
             self._workspace += 1
+        else:
+            return False
         self._use("direct")
         return True
 
     def use_direct(self) -> bool:
-        """Uses the direct method from the next solve on. Returns False where it is in use already."""
-        if self.method == "direct":
+        """Uses the direct method from the next solve to the step's end. Returns False where it was asked for before."""
+        if self.method == "direct" and self._failures != 1:
             return False
+        self._failures = 0
         self._use("direct")
         return True
 
