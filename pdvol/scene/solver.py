@@ -16,7 +16,7 @@ class Solver:
     tolerance : speed [m/s]: Newton stops when its full step is nowhere faster
     relative_tolerance : Newton also stops when its full step is slower than this fraction of the largest change of
         velocity that its present state x makes, `|x - x_hat| / dt`. The time step's own error grows with that change
-    max_iterations : Newton iterations allowed per solve
+    max_iterations : Newton iterations allowed per solve; what it has not solved by then is halved, from its start on
     max_halvings : how often a step may be halved before the run stops
     linear : "auto", or "iterative", "multilevel" or "direct"
     linear_rtol : relative error of an iterative linear solve, in the energy norm
@@ -26,7 +26,7 @@ class Solver:
 
     tolerance: Length = Relative(1e-3)
     relative_tolerance: float = 0.0
-    max_iterations: int = 200
+    max_iterations: int = 400
     max_halvings: int = 6
     linear: str = "auto"
     linear_rtol: float = 3e-3
