@@ -6,6 +6,9 @@ from functools import cached_property
 
 import numpy as np
 
+CELLS_AT_ONCE = 65_536
+"""Cells whose determinants are taken at once: each needs 168 bytes of work room, and a level may have millions."""
+
 
 @dataclass(frozen=True, eq=False)
 class LevelMesh:
@@ -61,11 +64,9 @@ class LevelMesh:
         """(k, 2) int64, (k, 2) int64: the two cells beside each inner facet, and which of their corners lies opposite
         to it.
         """
-        m, corners = self.cells.shape
-        facets = np.concatenate([np.sort(np.delete(self.cells, i, axis=1), axis=1) for i in range(corners)])
-        order = np.lexsort(facets.T)
-        same = np.flatnonzero((facets[order[1:]] == facets[order[:-1]]).all(axis=1))
-        sides = np.column_stack([order[same], order[same + 1]])
+        m = len(self.cells)
+        order, same = _sorted_facets(self.cells)
+        sides = np.column_stack([order[:-1][same], order[1:][same]])
         return sides % m, sides // m
 
     @cached_property
@@ -123,9 +124,19 @@ def lumped_masses(mesh: LevelMesh, densities: Sequence[float] | np.ndarray) -> n
 
 def simplex_volumes(points: np.ndarray, cells: np.ndarray) -> np.ndarray:
     """Signed areas (2D) or volumes (3D), shape (m,)."""
-    d = points.shape[1]
-    edges = points[cells[:, 1:]] - points[cells[:, :1]]
-    return np.linalg.det(edges) / (2.0 if d == 2 else 6.0)
+    volumes, dim = np.empty(len(cells)), points.shape[1]
+    for first in range(0, len(cells), CELLS_AT_ONCE):
+        corners = points[cells[first : first + CELLS_AT_ONCE]]
+        volumes[first : first + CELLS_AT_ONCE] = np.linalg.det(corners[:, 1:] - corners[:, :1])
+    return volumes / (2.0 if dim == 2 else 6.0)
+
+
+def simplex_centres(points: np.ndarray, cells: np.ndarray) -> np.ndarray:
+    """The mean of each cell's corners, shape (m, d)."""
+    centres = points[cells[:, 0]]
+    for corner in range(1, cells.shape[1]):
+        centres += points[cells[:, corner]]
+    return centres / cells.shape[1]
 
 
 def facet_sizes(points: np.ndarray, facets: np.ndarray) -> np.ndarray:
@@ -156,13 +167,27 @@ def boundary_areas(mesh: LevelMesh) -> np.ndarray:
 
 def boundary_facets(cells: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Facets that belong to one cell only, oriented outward, and that cell's index."""
-    d = cells.shape[1] - 1
-    local = {2: [[1, 2], [2, 0], [0, 1]], 3: [[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]]}[d]
-    facets = cells[:, local].reshape(-1, d)
-    owners = np.repeat(np.arange(len(cells)), d + 1)
-    _, first, counts = np.unique(np.sort(facets, axis=1), axis=0, return_index=True, return_counts=True)
-    single = np.sort(first[counts == 1])
-    return np.ascontiguousarray(facets[single]), owners[single]
+    m, corners = cells.shape
+    order, same = _sorted_facets(cells)
+    alone = order[~np.append(same, False) & ~np.append(False, same)]
+    owners, opposite = np.divmod(np.sort(alone % m * corners + alone // m), corners)
+    outward = {3: [[1, 2], [2, 0], [0, 1]], 4: [[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]]}[corners]
+    return cells[owners[:, None], np.array(outward)[opposite]], owners
+
+
+def _sorted_facets(cells: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The facets of cells (m, d + 1) in the order of their vertices (k,) int64, where facet c m + i lies opposite to
+    corner c of cell i; and whether each has the vertices of the next one (k - 1,) bool.
+    """
+    m, corners = cells.shape
+    low, high = np.empty((corners, m), dtype=np.int64), np.empty((corners, m), dtype=np.int64)
+    for corner in range(corners):
+        facets = np.sort(np.delete(cells, corner, axis=1), axis=1)
+        # two numbers for three vertices: unique rows take five times as long and more than twice the memory
+        low[corner], high[corner] = facets[:, 0], facets[:, -1] * (int(cells.max(initial=0)) + 1) + facets[:, 1]
+    order = np.lexsort((low.ravel(), high.ravel()))
+    low, high = low.ravel()[order], high.ravel()[order]
+    return order, (low[1:] == low[:-1]) & (high[1:] == high[:-1])
 
 
 def principal_stretches(mesh: LevelMesh, positions: np.ndarray) -> np.ndarray:

@@ -7,7 +7,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from pdvol.errors import MeshError
-from pdvol.geometry.level_mesh import LevelMesh
+from pdvol.geometry.level_mesh import LevelMesh, simplex_centres
 from pdvol.levels.geodesic import CLOSEST, INSIDE, NEIGHBOUR, RAY, bind_outside
 from pdvol.levels.locate import behind_nearest_facets, containing_cells
 from pdvol.levels.space import LevelSpace
@@ -80,7 +80,7 @@ def home_cells(target: LevelSpace, source: LevelSpace, binding: Binding) -> np.n
     `binding` is the target's points' own. Collective on the source's communicator.
     """
     fine, coarse = target.mesh, source.mesh
-    centres = fine.points[fine.cells].mean(axis=1)
+    centres = simplex_centres(fine.points, fine.cells)
     homes = containing_cells(centres, fine.bodies, source)
     outside = np.flatnonzero(homes < 0)
     if len(outside):

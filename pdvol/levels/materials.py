@@ -9,7 +9,7 @@ import numpy as np
 import ufl
 
 from pdvol.errors import InputError
-from pdvol.geometry.level_mesh import LevelMesh
+from pdvol.geometry.level_mesh import LevelMesh, simplex_centres
 from pdvol.scene import Keyed, Material, Region, Scene, lame
 from pdvol.scene.checks import called
 
@@ -75,7 +75,7 @@ def cell_materials(scene: Scene, mesh: LevelMesh) -> CellMaterials:
     InputError
         A region holds no cell, or a function fails or gives what is out of range.
     """
-    centres = mesh.points[mesh.cells].mean(axis=1)
+    centres = simplex_centres(mesh.points, mesh.cells)
     parts: list[tuple[Material, np.ndarray]] = []
     smoothed: list[bool] = []
     for i, body in enumerate(scene.bodies):

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pdvol.errors import InputError
-from pdvol.geometry.level_mesh import LevelMesh
+from pdvol.geometry.level_mesh import LevelMesh, simplex_centres
 from pdvol.scene import Muscle, Scene
 from pdvol.scene.checks import chosen
 
@@ -50,7 +50,9 @@ def cell_muscles(scene: Scene, mesh: LevelMesh) -> tuple[CellMuscle, ...]:
     InputError
         A muscle holds no cell, or one of its functions fails at the start or at the end of the scene.
     """
-    names, centres = [body.name for body in scene.bodies], mesh.points[mesh.cells].mean(axis=1)
+    if not scene.muscles:
+        return ()
+    names, centres = [body.name for body in scene.bodies], simplex_centres(mesh.points, mesh.cells)
     found = []
     for muscle in scene.muscles:
         mine = mesh.bodies == names.index(muscle.body)

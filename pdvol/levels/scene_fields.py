@@ -6,7 +6,7 @@ import numpy as np
 
 from pdvol.errors import InputError
 from pdvol.geometry.closed_surfaces import gyration_diagonal
-from pdvol.geometry.level_mesh import LevelMesh, boundary_facets
+from pdvol.geometry.level_mesh import LevelMesh, boundary_facets, simplex_centres
 from pdvol.levels.materials import cell_materials, check_laws
 from pdvol.levels.muscles import cell_muscles
 from pdvol.levels.obstacles import motion_of
@@ -95,7 +95,7 @@ def initial_velocity(scene: Scene, mesh: LevelMesh, start: np.ndarray | None = N
     surface[mesh.boundary] = True
     for i, body in enumerate(scene.bodies):
         cells, volumes = mesh.cells[mesh.bodies == i], mesh.volumes[mesh.bodies == i]
-        centre = volumes @ start[cells].mean(axis=1) / volumes.sum()
+        centre = volumes @ simplex_centres(start, cells) / volumes.sum()
         mine = mesh.point_bodies == i
         velocity[mine] = body.initial_velocity(mesh.points[mine], centre, start[mine])
         if isinstance(body.velocity, TakeOver):

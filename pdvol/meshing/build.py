@@ -20,7 +20,7 @@ from scipy.spatial import cKDTree
 from pdvol.errors import InputError, MeshError
 from pdvol.geometry.closed_surfaces import enclosed_volume
 from pdvol.geometry.crossings import edges_of
-from pdvol.geometry.level_mesh import LevelMesh, boundary_facets
+from pdvol.geometry.level_mesh import LevelMesh, boundary_facets, simplex_centres
 from pdvol.meshes import Outline, Solid, Surface
 from pdvol.meshing import cache as mesh_cache
 from pdvol.meshing.cpu_budget import cpu_budget
@@ -305,7 +305,7 @@ class Regions:
     def __call__(self, points: np.ndarray, cells: np.ndarray) -> np.ndarray:
         if (self.solid.regions == self.solid.regions[0]).all():
             return np.full(len(cells), self.solid.regions[0], dtype=np.int32)
-        centroids = points[cells].mean(axis=1)
+        centroids = simplex_centres(points, cells)
         near = self.tree.query(centroids, k=min(self.NEARBY_CELLS, len(self.solid.cells)))[1].reshape(len(cells), -1)
         inner = np.einsum("ckij,ckj->cki", self.inverse[near], centroids[:, None] - self.origins[near])
         # How far outside each near cell the centroid is; the first of the containing ones, else the nearest.

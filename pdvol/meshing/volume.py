@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from pdvol.geometry.closed_surfaces import volume_gradient
-from pdvol.geometry.level_mesh import boundary_facets, simplex_volumes
+from pdvol.geometry.level_mesh import boundary_facets, simplex_centres, simplex_volumes
 
 VOLUME_TOLERANCE = 1e-12
 """Deviation of a mesh's volume (area in 2D), relative to the wanted one, that is round-off."""
@@ -28,7 +28,7 @@ def with_volume(points: np.ndarray, cells: np.ndarray, wanted: float) -> Iterato
     moved = _offset(points, cells, wanted)
     if abs(float(simplex_volumes(moved, cells).sum()) - wanted) <= VOLUME_TOLERANCE * wanted:
         yield moved
-    centre = volumes @ points[cells].mean(axis=1) / total
+    centre = volumes @ simplex_centres(points, cells) / total
     yield centre + (wanted / total) ** (1.0 / points.shape[1]) * (points - centre)
 
 

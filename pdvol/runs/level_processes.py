@@ -316,6 +316,7 @@ def _march(run: Run, level: int, keeper: Connection | None, comm: MPI.Comm, line
         shot = stored_shot(info)
         hierarchy = Hierarchy([stored.mesh for stored in run.levels[: level + 1]], comm, info["prolongation"])
         model = hierarchy_model(shot.scene, hierarchy, level, info["diagonal"], placed_obstacles(shot.scene.obstacles))
+        give_memory_back()
         run_level(model, hierarchy, info["method"], writer, writer.watch)
 
 

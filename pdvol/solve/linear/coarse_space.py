@@ -21,6 +21,8 @@ from pdvol.solve.linear.system_matrix import pointers
 # 100,000 vertices a quarter fewer iterations, a tenth more time), and with half as many heaps of bodies lose the
 # rotations of each
 COARSE_VERTICES = 2.0
+# points whose weights are found at once: each needs 400 bytes of work room, and a level may have a million
+POINTS_AT_ONCE = 65_536
 # fraction of the diagonal of P' A P that is added to it: nodes at the boundary can be nearly linearly dependent
 COARSE_DIAGONAL_SHIFT = 1e-7
 # blocks of P' A P a coarse vertex, on or below the diagonal, that there is room for at first: grids couple 8 to 14
@@ -78,18 +80,23 @@ def _grid(share: np.ndarray, boxes: np.ndarray) -> csr_array:
     numbered along the longest side last, which keeps those that cells couple close.
     """
     n, d = share.shape
-    scaled = share * boxes
-    corner = np.minimum(scaled.astype(np.int64), boxes - 1)
-    order = np.argsort(corner - scaled, axis=1)
-    inside = np.take_along_axis(scaled - corner, order, axis=1)
-    weights = -np.diff(np.column_stack([np.ones(n), inside, np.zeros(n)]), axis=1)
-    steps = np.cumsum(np.eye(d, dtype=np.int64)[order], axis=1)
-    vertices = corner[:, None] + np.concatenate([np.zeros((n, 1, d), dtype=np.int64), steps], axis=1)
+    columns, weights = np.empty((n, d + 1), dtype=np.int64), np.empty((n, d + 1))
     longest = np.argsort(-boxes)
-    columns = np.ravel_multi_index(tuple(vertices.reshape(-1, d).T[longest]), tuple(boxes[longest] + 1))
-    rows, weights = np.repeat(np.arange(n), d + 1), weights.ravel()
-    used, columns = np.unique(columns[weights > 0.0], return_inverse=True)
-    return csr_array((weights[weights > 0.0], (rows[weights > 0.0], columns)), shape=(n, len(used)))
+    for first in range(0, n, POINTS_AT_ONCE):
+        some = slice(first, first + POINTS_AT_ONCE)
+        scaled = share[some] * boxes
+        corner = np.minimum(scaled.astype(np.int64), boxes - 1)
+        order = np.argsort(corner - scaled, axis=1)
+        inside = np.take_along_axis(scaled - corner, order, axis=1)
+        ones = np.ones((len(scaled), 1))
+        weights[some] = -np.diff(np.column_stack([ones, inside, 0.0 * ones]), axis=1)
+        steps = np.cumsum(np.eye(d, dtype=np.int64)[order], axis=1)
+        vertices = corner[:, None] + np.concatenate([np.zeros_like(steps[:, :1]), steps], axis=1)
+        columns[some] = np.ravel_multi_index(tuple(np.moveaxis(vertices, 2, 0)[longest]), tuple(boxes[longest] + 1))
+    counted = weights > 0.0
+    used, nodes = np.unique(columns[counted], return_inverse=True)
+    starts = np.append(0, np.cumsum(counted.sum(axis=1)))
+    return csr_array((weights[counted], nodes, starts), shape=(n, len(used)))
 
 
 class CoarseSpace:

@@ -10,7 +10,7 @@ import numpy as np
 
 from pdvol.errors import InputError
 from pdvol.geometry.halved_cells import halved, oriented
-from pdvol.geometry.level_mesh import boundary_facets
+from pdvol.geometry.level_mesh import boundary_facets, simplex_centres
 from pdvol.meshes import Solid, Surface
 from pdvol.meshing.readers import read_shape
 from pdvol.scene import PointCache
@@ -100,7 +100,7 @@ def read_bodies(entry: Section, folder: Path, name: str, levels: int) -> list[Me
             points, cells = halved(points, cells, line=0)  # as PolyFEM does
             regions = np.repeat(regions, 2 ** points.shape[1])
         if level >= refinements:
-            numbers = numbers_at(volume, points[cells].mean(axis=1), regions)
+            numbers = numbers_at(volume, simplex_centres(points, cells), regions)
             solids.append(Solid(points, oriented(points, cells).astype(np.int32), numbers.astype(np.int32)))
     return [
         Meshed(
