@@ -239,20 +239,17 @@ strip like level 0 is 2.5 times as stiff in bending as a thin beam; with linear 
         "leaf_sheep",
         "Leaf sheep on a sea mushroom",
         """A current sweeps two leaf sheep off the caps of a sea mushroom. They meet over a stone and come to rest on
-their feet. The sizes are those of the paper's first figure. All steps of level 0 (9,172 tetrahedra) take 51 s of
-processor time, those of level 2 (410,057) 64 minutes: 75 times as long, where the paper has 120. The sheep end
-in the same places. By implicit Euler, linear elements and without feedback, the former defaults, level 0 took 33 s,
-level 2 took 40 minutes, and ended 1.4 cm from level 0. Now it ends 5.8 mm from it.
-With a stalk of a fifth of the stiffness (`--set stalk=12`) and those defaults the plant buckled on level 1.
+their feet. The sizes are those of the paper's first figure. All steps of level 0 (9,172 tetrahedra) take 81 s of
+processor time, those of level 2 (410,057) 66 minutes: 49 times as long, where the paper has 120. The sheep end
+in the same places. Directly, without the levels below, level 2 takes 60 minutes and the sheep end elsewhere.
 
-Level 2 has 27 times the vertices of level 0, and 45 times its cells. Contact, collision detection and the rest grow
-slower than the vertices. In steps 1 to 39, a Newton iteration of level 2 takes 14, 23 and 23 times as long in these
-parts, 39 times in assembly and 87 times in linear solves: 58 times in all. The three small parts are 16 % of level
-0 and 6 % of level 2. Linear solves take 35 and 41 conjugate-gradient iterations each. Both levels need 8 to 9 Newton
-iterations in these steps, and 7.3 and 10 in all: that gives the rest of the 75 times. The parts were
-measured at bdd1ecd and 46b4b79 on an Intel Xeon with two cores, which other programs used too: loads of 2 to 10.
+Level 2 has 27 times the vertices of level 0, and 45 times its cells. One of its Newton iterations takes 35 times as
+long: 34 times in assembly, 47 times in linear solves, and 15, 22 and 13 times in contact, collision detection and
+the rest. It takes 8.7 iterations a step, and level 0 6.2, which gives 49 times. At c9566d7 it was 74 times:
+there a linear solve of level 2 took 41 iterations of conjugate gradients, with level 0 as coarse space it takes 21.
+Level 0 spends 47 % of its time in assembly and 36 % in linear solves, level 2 44 % and 47 %.
 
-At 46b4b79, a preview there (`pdvol run --levels 0`, 220 steps, meshes kept from before) takes 76 s of wall time on one
+At 46b4b79, a preview there (`pdvol run --levels 0`, 220 steps, meshes kept from before) took 76 s of wall time on one
 core, 59 s of it CPU time, at a load of 3 to 4. pdvol itself takes one rank below 4,000 vertices. With
 `--ranks 2` it took 113 s, while other programs used both cores.""",
         paper="1",
@@ -308,8 +305,8 @@ The largest distances come right after the release, while the bar untwists faste
 opposite directions. At about 350 degrees each it bends sideways into a coil, and its edges are pressed into its sides.
 None of its levels crosses itself, and they coil to the same side. As long as the bar is straight, a step takes 3 to 5
 Newton iterations on all levels. The finer a level, the earlier its sides wrinkle between the edges, and the harder
-that is: the hardest step took 54, 55, 102 and 494 iterations on levels 0 to 3. Level 3 touches itself from step 53 on,
-in up to 10,500 contacts. That step and the next one took 20 of its 45 minutes, and were halved three times in all.""",
+that is: the hardest step takes 55, 50, 99 and 300 iterations on levels 0 to 3. Level 3 touches itself from step 53 on,
+in up to 10,600 contacts. That step and the next one take 12 of its 46 minutes.""",
         paper="13",
         small={"cuts": ((12, 3), (16, 4)), "speed": 800.0, "steps": 55},
         slow=(0.5, 0.66),
