@@ -241,7 +241,7 @@ strip like level 0 is 2.5 times as stiff in bending as a thin beam; with linear 
         """A current sweeps two leaf sheep off the caps of a sea mushroom. They meet over a stone and come to rest on
 their feet. The sizes are those of the paper's first figure. All steps of level 0 (9,172 tetrahedra) take 81 s of
 processor time, those of level 2 (410,057) 66 minutes: 49 times as long, where the paper has 120. The sheep end
-in the same places. Directly, without the levels below, level 2 takes 60 minutes and the sheep end elsewhere.
+in the same places: level 2 is 5.9 mm from level 0 then, and 1.1 cm if it is simulated directly, in 60 minutes.
 
 Level 2 has 27 times the vertices of level 0, and 45 times its cells. One of its Newton iterations takes 35 times as
 long: 34 times in assembly, 47 times in linear solves, and 15, 22 and 13 times in contact, collision detection and
