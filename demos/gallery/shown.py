@@ -245,8 +245,8 @@ in the same places: level 2 is 5.9 mm from level 0 then, and 1.1 cm if it is sim
 
 Level 2 has 27 times the vertices of level 0, and 45 times its cells. One of its Newton iterations takes 35 times as
 long: 34 times in assembly, 47 times in linear solves, and 15, 22 and 13 times in contact, collision detection and
-the rest. It takes 8.7 iterations a step, and level 0 6.2, which gives 49 times. At c9566d7 it was 74 times:
-there a linear solve of level 2 took 41 iterations of conjugate gradients, with level 0 as coarse space it takes 21.
+the rest. It takes 8.7 iterations a step, and level 0 6.2, which gives 49 times. At c9566d7 it was 74 times. A linear
+solve of level 2 took 41 iterations of conjugate gradients at 46b4b79. With level 0 as coarse space it takes 21.
 Level 0 spends 47 % of its time in assembly and 36 % in linear solves, level 2 44 % and 47 %.
 
 At 46b4b79, a preview there (`pdvol run --levels 0`, 220 steps, meshes kept from before) took 76 s of wall time on one
