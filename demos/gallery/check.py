@@ -15,6 +15,8 @@ FOLDERS = ("geometry", "integrate", "levels", "measure", "meshing", "potentials"
 FILES = ("compat.py", "compiled.py", "registry.py")
 SOLVER = (*(f"pdvol/{name}" for name in (*FOLDERS, *FILES)), "forms")
 """What may change a number of a page: compiled.py has the compiler's options. Commands and the studio cannot."""
+LAUNCHER = "launcher.py"
+"""Of `pdvol/runs`, what cannot: a page's runs have one rank."""
 
 
 class History:
@@ -46,28 +48,29 @@ class History:
 
     def same(self, commit: str, path: str) -> bool:
         """Whether a commit has the same at a path as the one that is checked out, but for comments."""
-        before, now = (self.entry(start, path) for start in (self._repository.full(commit), self.head))
+        return self._alike(self._repository.full(commit), self.head, path)
+
+    def _alike(self, first: str, second: str, path: str) -> bool:
+        before, now = (self.entry(commit, path) for commit in (first, second))
         return before == now or bool(before and now) and self._code(before, path) == self._code(now, path)
 
     def _read_code(self, name: str, path: str) -> object:
         """What an object says without comments, to compare: a file's code, or that of each file of a folder."""
         kind, content = self._repository.read(name)
         if kind == "tree":
-            return {file: self._code(inner, file) for file, inner in self._listed(name).items()}
+            return {file: self._code(inner, file) for file, inner in self._listed(name).items() if file != LAUNCHER}
         if path.endswith(".py"):
             return ast.dump(ast.parse(content))
         return re.sub(rb"/\*.*?\*/", b"", content, flags=re.DOTALL) if path.endswith((".c", ".h")) else name
 
     def last_change(self, paths: Sequence[str]) -> str:
-        """The last commit that changed one of these paths, as `git log -1` finds it: a merge that only took over what
-        one side has is none. The oldest one that is there, in a shallow clone.
+        """The last commit that changed one of these paths by more than comments: a merge that only took over what one
+        side has is none. The oldest one that is there, in a shallow clone.
         """
         commit = self.head
         while True:
             try:
-                same = [
-                    p for p in self.parents(commit) if all(self.entry(p, x) == self.entry(commit, x) for x in paths)
-                ]
+                same = [p for p in self.parents(commit) if all(self._alike(p, commit, path) for path in paths)]
             except MissingObject:
                 return commit
             if not same:

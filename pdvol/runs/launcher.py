@@ -12,8 +12,11 @@ from mpi4py import MPI
 from pdvol.errors import InputError
 from pdvol.processes import cores, idle_cores, without_launcher
 
-# vertices a rank: with fewer, two ranks gain less than a fifth (benchmarks/ranks/NOTES.md)
-VERTICES_A_RANK = 2000
+# vertices for each of three ranks or more: at 3,600 to 3,800 vertices four take 0.50 to 0.58 of one's time
+# (benchmarks/ranks/NOTES.md)
+VERTICES_A_RANK = 1000
+# vertices for two ranks: on two cores they gain less than a fifth with fewer (the same notes)
+VERTICES_OF_TWO = 4000
 # what a launcher's --version says, by the name of the library that mpi4py was built with
 LAUNCHERS = {"Open MPI": "Open MPI", "MPICH": "HYDRA"}
 VERSION_TIME = 20.0  # seconds that a launcher has to print its version
@@ -36,7 +39,8 @@ def chosen_ranks(vertices: int, wanted: int | None, before: int = 0) -> int:
     most = before or vertices // VERTICES_A_RANK
     if most < 2 or launcher() is None:
         return 1
-    return max(1, min(most, cores() if before else idle_cores()))
+    ranks = max(1, min(most, cores() if before else idle_cores()))
+    return ranks if before or ranks > 2 or vertices >= VERTICES_OF_TWO else 1
 
 
 def require_ranks(wanted: int | None, comm: MPI.Comm) -> None:

@@ -157,6 +157,7 @@ def test_a_launcher_that_fails(scene, tmp_path, capfd, monkeypatch):
     assert pdvol(*words, "--out", tmp_path / "asked", "--ranks", 2) == 1
     assert "pdvol: level 0: 2 ranks did not start: no slots here" in capfd.readouterr().err
     monkeypatch.setattr(launcher, "VERTICES_A_RANK", 10)
+    monkeypatch.setattr(launcher, "VERTICES_OF_TWO", 20)
     monkeypatch.setattr(launcher, "idle_cores", lambda: 2)
     assert pdvol(*words, "--out", tmp_path / "own") == 0
     said = capfd.readouterr().err
@@ -181,6 +182,11 @@ def test_under_mpirun_there_are_ranks_already(scene, tmp_path):
     [
         (500, None, 0, 16, 1),
         (3 * launcher.VERTICES_A_RANK, None, 0, 16, 3),
+        (3 * launcher.VERTICES_A_RANK, None, 0, 2, 1),
+        (2 * launcher.VERTICES_A_RANK, None, 0, 16, 1),
+        (2 * launcher.VERTICES_A_RANK, None, 2, 16, 2),
+        (launcher.VERTICES_OF_TWO, None, 0, 2, 2),
+        (launcher.VERTICES_OF_TWO, None, 0, 16, 4),
         (10**6, None, 0, 5, 5),
         (10**6, None, 0, 0, 1),
         (10**6, None, 1, 16, 1),

@@ -154,7 +154,7 @@ class Commits:
 
 
 def files(solver="1", drop="1", page="1"):
-    pdvol = {"solve": {"newton.py": solver}, "commands": {"run.py": page}}
+    pdvol = {"solve": {"newton.py": solver}, "commands": {"run.py": page}, "runs": {"launcher.py": page}}
     return {"pdvol": pdvol, "forms": {"a.py": "1"}, "demos": {"drop.py": drop}, "docs": {"a.md": page}}
 
 
@@ -169,7 +169,7 @@ def test_ages_of_pages(tmp_path):
 
     assert row() == ["drop", second[:7], "-", first[:7], second[:7], "nothing"]
     third = kept.commit(files(drop="2", page="2"), second)
-    assert row()[3:] == [first[:7], second[:7], "nothing"], "a change of pages and commands makes nothing older"
+    assert row()[3:] == [first[:7], second[:7], "nothing"], "a change of pages, commands and ranks makes nothing older"
     kept.commit(files(solver="1  # one", drop="2  # two", page="2"), third)
     assert row()[-1] == "nothing", "nor does a comment"
     side = kept.commit(files(solver="2", drop="2"), second)
