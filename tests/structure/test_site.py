@@ -59,7 +59,7 @@ def test_the_reference_has_signatures_in_the_repository(page):
         ("methods", "## Drift feedback", "## What is measured"),
         ("study", "## Settings for an accuracy", "## What is measured"),
         ("wedge", "## From Python", "On two cores"),
-        ("benchmarks", "Near the ends of these ranges", "a cube cannot carry itself, and steps"),
+        ("benchmarks", "Near the ends of these ranges", "below 1e4 Pa a cube cannot carry itself"),
     ],
 )
 def test_pages_say_what_to_do_before_what_was_measured(page, how_to, measured):
