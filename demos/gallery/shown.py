@@ -205,7 +205,8 @@ surfaces cross. Here contact acts on level 1 itself. [Below](#how-near-they-come
         "Jelly animals in a glass bowl",
         """A bear, a bunny and a frog are thrown at 6 m/s into a bowl. Level 0 decides who lands on whom; the finest
 level adds faces, paws and the ripples of the impact. It has 24 times the vertices of level 0. Two other runs shared
-the machine's two cores meanwhile, so seconds are upper bounds.""",
+the machine's two cores meanwhile, so seconds are upper bounds. [Below](#a-hundred-times-the-vertices) is the impact
+with 177,726 vertices, 114 times those of its level 0.""",
         paper="19",
         small={"vertices": (150, 400), "dt": 0.01, "steps": 40},
         slow=(0.1, 0.5),
