@@ -1,5 +1,6 @@
 """The Markdown page of an entry, and the gallery's index."""
 
+import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -133,7 +134,7 @@ def _binding(entry: Entry) -> str:
 def _made(shown: Shown) -> str:
     """How and where the runs were made, in one sentence."""
     entry, made = shown.entry, shown.made
-    settings = "".join(f" --set {name}={value}" for name, value in entry.settings.items())
+    settings = "".join(f" --set {shlex.quote(f'{name}={value}')}" for name, value in entry.settings.items())
     finest = "" if entry.finest is None else f" --levels 0:{shown.run.levels[-1].index}"
     command = f"./run pdvol run {entry.file.relative_to(entry.file.parents[1])}{settings}{finest}"
     if not made:
