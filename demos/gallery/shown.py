@@ -217,7 +217,8 @@ with 177,726 vertices, 114 times those of its level 0.""",
             Variant(
                 "impact",
                 "A hundred times the vertices",
-                """The same shot through its impact, with the paper's ratio between the finest level and level 0.""",
+                """The same shot through its impact, with the paper's ratio between the finest level and level 0. All of level 3 takes
+40 minutes, and its process 3.8 GB of memory.""",
                 {"vertices": (500, 2500, 12500, 55000), "steps": 20},
                 direct=False,
             ),
@@ -251,7 +252,7 @@ solve of level 2 took 41 iterations of conjugate gradients at 46b4b79. With leve
 Level 0 spends 47 % of its time in assembly and 36 % in linear solves, level 2 44 % and 47 %.
 
 At 46b4b79, a preview there (`pdvol run --levels 0`, 220 steps, meshes kept from before) took 76 s of wall time on one
-core, 59 s of it CPU time, at a load of 3 to 4. pdvol itself takes one rank below 4,000 vertices. With
+core, 59 s of it CPU time, at a load of 3 to 4. Of two cores pdvol itself uses one below 4,000 vertices. With
 `--ranks 2` it took 113 s, while other programs used both cores.""",
         paper="1",
         small={"vertices": ((500, 800), (250, 400)), "dt": 0.04, "steps": 110},
