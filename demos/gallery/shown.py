@@ -217,8 +217,8 @@ with 177,726 vertices, 114 times those of its level 0.""",
             Variant(
                 "impact",
                 "A hundred times the vertices",
-                """The same shot through its impact, with the paper's ratio between the finest level and level 0. All of level 3 takes
-40 minutes, and its process 3.8 GB of memory.""",
+                """The same shot through its impact, with the paper's ratio between the finest level and level 0. All of
+level 3 takes 40 minutes, and its process 3.8 GB of memory.""",
                 {"vertices": (500, 2500, 12500, 55000), "steps": 20},
                 direct=False,
             ),
