@@ -130,19 +130,14 @@ class Damping(CellEnergy):
         self.scale = 0.0  # differences are taken before they are squared: nothing large cancels
 
     def begin_step(self, x_t: Positions, t0: float, t1: float, x_hat: Positions | None = None) -> None:
-        self._start, self._now = self._strain(x_t), 1.0 if self._shares is None else self._shares(t1)
+        self._start, self._now = self.domains.strains(x_t.local), 1.0 if self._shares is None else self._shares(t1)
         self.set_rates(Rates(t1 - t0))
 
     def set_rates(self, rates: Rates) -> None:
         # of strains, not of positions: so a turn, whose rate is one of positions alone, is not damped
-        C = rates.start(self._start, lambda e: self._strain(e.x))
+        C = rates.start(self._start, lambda e: self.domains.strains(e.x.local))
         self.set_parameters({name: self._now * values / rates.duration for name, values in self._viscosity.items()})
         self.fill({_entry(i, j): C[:, i, j] for i, j in self._pairs})
-
-    def _strain(self, x: Positions) -> np.ndarray:
-        """C = F'F of the domains, (k, d, d)."""
-        F = self.domains.deformation(x.local)
-        return np.einsum("kai,kaj->kij", F, F)
 
 
 def _entry(i: int, j: int) -> str:

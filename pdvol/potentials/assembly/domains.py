@@ -6,6 +6,7 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from pdvol.levels.space import LevelSpace
+from pdvol.potentials.assembly import native
 from pdvol.potentials.assembly.native import ffi, pointer
 
 
@@ -96,12 +97,11 @@ class Domains:
         """(count,): the volume-weighted means in the domains of the mesh's cells' values (m,)."""
         return values[self.cells] if self._mean is None else self._mean @ values[self.cells]
 
-    def deformation(self, x: np.ndarray) -> np.ndarray:
-        """F (count, d, d) at local positions x (n_local, d)."""
-        mesh = self.space.mesh
-        corners = x[self.space.local_numbers[mesh.cells[self.cells]]]
-        F = np.einsum("kia,kij->kaj", corners, mesh.gradients_in(self.cells))
-        return F if self._mean is None else (self._mean @ F.reshape(len(F), -1)).reshape(-1, *F.shape[1:])
+    def strains(self, x: np.ndarray) -> np.ndarray:
+        """C = F'F (count, d, d) at local positions x (n_local, d)."""
+        C = np.empty((len(self), self.space.dim, self.space.dim))
+        native.library.domain_strains(self.struct(0.0, False), pointer(x), pointer(C))
+        return C
 
     def by_size(self) -> Iterator[tuple[np.ndarray, np.ndarray]]:
         """Domains with equally many vertices: which (k,), and their local vertices (k, size)."""

@@ -41,6 +41,27 @@ INLINE int upright(int d, const lanes *F, int used)
     return 1;
 }
 
+INLINE void strains(int d, int cells, const domains_t *domains, const double *x, double *out)
+{
+    for (int64_t k = 0; k < domains->count; ++k) {
+        double F[9];
+        gradient_of(d, domain_at(d, cells, domains, k), x, F);
+        for (int i = 0; i < d; ++i)
+            for (int j = 0; j < d; ++j) {
+                double sum = 0.0;
+                for (int a = 0; a < d; ++a)
+                    sum += F[a * d + i] * F[a * d + j];
+                *out++ = sum;
+            }
+    }
+}
+
+/* C = F' F of each domain (count, d, d) at positions x. */
+void domain_strains(const domains_t *domains, const double *x, double *out)
+{
+    EACH(domains, strains, x, out);
+}
+
 INLINE double values(int d, int cells, const domains_t *domains, const density_t *density, const double *x)
 {
     double total = 0.0;

@@ -25,6 +25,7 @@ typedef struct {
     int32_t np, at;
 } density_t;
 
+void domain_strains(const domains_t *domains, const double *x, double *out);
 double domain_values(const domains_t *domains, const density_t *density, const double *x);
 void domain_gradients(const domains_t *domains, const density_t *density, const double *x, double *out);
 void domain_hessians(const domains_t *domains, const density_t *density, const double *x, const int32_t *slots,
