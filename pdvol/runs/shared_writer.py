@@ -3,6 +3,7 @@
 import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,7 @@ from pdvol.parallel import on_root
 from pdvol.registry import STUDIO
 from pdvol.runs.stored_fields import SceneFields
 from pdvol.scene import Scene
-from pdvol.store.reader import open_run
+from pdvol.store.reader import Run, open_run
 from pdvol.store.series import StepFields, nothing_more
 from pdvol.store.writer import RunWriter
 
@@ -73,6 +74,11 @@ class SharedWriter:
         """The run folder; on rank 0."""
         return self._writer.path
 
+    @cached_property
+    def _run(self) -> Run:
+        """What is stored; on rank 0."""
+        return open_run(self.path)
+
     def call(self, name: str, *arguments: Any, **details: Any) -> Any:
         """The result of one of the writer's methods, on every rank. After a state was stored, level_N.xdmf follows if
         that is due.
@@ -89,13 +95,13 @@ class SharedWriter:
 
     def read(self, level: int, what: str, step: int) -> np.ndarray:
         """`positions` or `velocities` of a stored state, on every rank."""
-        return on_root(self.comm, lambda: getattr(open_run(self._writer.path).levels[level], what)(step))
+        return on_root(self.comm, lambda: getattr(self._run.levels[level], what)(step))
 
     def record(self, level: int, step: int) -> dict:
         """The log's record of a stored step, on every rank; empty where there is none."""
         return on_root(
             self.comm,
-            lambda: next((r for r in open_run(self._writer.path).levels[level].log if r.get("step") == step), {}),
+            lambda: next((r for r in self._run.levels[level].log if r.get("step") == step), {}),
         )
 
     def export(self, level: int) -> None:

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from pdvol.compat import fem
     from pdvol.levels.space import LevelSpace
 
-KEPT_STATES = 4  # states of a level that stay in memory: velocities and fields of a step need it and two before
+KEPT_STATES = 8  # states of a level that stay in memory: the forces at the end of a step look at six of the level below
 
 
 class RunLevel:
@@ -152,8 +152,12 @@ class RunLevel:
     def velocities(self, step: int) -> np.ndarray:
         """(n, d) float64 [m/s]: mean velocity over `step`, the scene's initial velocity for step 0."""
         if step == 0:
-            return read_array(self.folder / "velocity.npy", self.rest.shape)
+            return self._initial_velocity.copy()
         return (self.positions(step) - self.positions(step - 1)) / self._run.dt
+
+    @cached_property
+    def _initial_velocity(self) -> np.ndarray:
+        return read_array(self.folder / "velocity.npy", self.rest.shape)
 
     def space(self, comm: "MPI.Comm | None" = None) -> "LevelSpace":
         """The level at rest in dolfinx: `space.domain` is its mesh, `space.V` vector P1 on it, and `space.function` and

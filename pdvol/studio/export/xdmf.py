@@ -98,22 +98,18 @@ def _mesh(series: Series) -> dict[str, np.ndarray]:
 def _write_data(file: h5py.File, name: str, series: Series) -> ET.Element:
     """Fill the HDF5 file step by step (only one is ever in memory) and return the XML that describes it."""
 
-    def item(parent: ET.Element, key: str) -> None:
-        stored = file[key]
-        shape = " ".join(str(n) for n in stored.shape)
-        kind, precision = _NUMBER_TYPES[stored.dtype.kind], str(stored.dtype.itemsize)
+    def item(parent: ET.Element, key: str, array: np.ndarray | h5py.Dataset) -> None:
+        shape, kind, precision = " ".join(map(str, array.shape)), array.dtype.kind, str(array.dtype.itemsize)
         ET.SubElement(
-            parent, "DataItem", Dimensions=shape, NumberType=kind, Precision=precision, Format="HDF"
+            parent, "DataItem", Dimensions=shape, NumberType=_NUMBER_TYPES[kind], Precision=precision, Format="HDF"
         ).text = f"{name}:/{key}"
 
-    def attribute(grid: ET.Element, key: str, centre: str, label: str) -> None:
-        rank = "Vector" if file[key].ndim == 2 else "Scalar"
-        item(ET.SubElement(grid, "Attribute", Name=label, AttributeType=rank, Center=centre), key)
+    def attribute(grid: ET.Element, key: str, centre: str, array: np.ndarray | h5py.Dataset) -> None:
+        rank, label = "Vector" if array.ndim == 2 else "Scalar", key.rpartition("/")[2]
+        item(ET.SubElement(grid, "Attribute", Name=label, AttributeType=rank, Center=centre), key, array)
 
-    for key, values in {
-        **_mesh(series),
-        **{f"mesh/{label}": values for label, values in series.labels.items()},
-    }.items():
+    mesh, labels = _mesh(series), {f"mesh/{label}": values for label, values in series.labels.items()}
+    for key, values in {**mesh, **labels}.items():
         if key not in file:
             file[key] = values
     root = ET.Element("Xdmf", Version="3.0")
@@ -121,21 +117,22 @@ def _write_data(file: h5py.File, name: str, series: Series) -> ET.Element:
     collection = ET.SubElement(
         domain, "Grid", Name=f"level {series.level.index}", GridType="Collection", CollectionType="Temporal"
     )
-    rest, cells = series.level.rest, series.level.cells
+    rest, cells = mesh.values()
     shape, geometry = ("Triangle", "XY") if rest.shape[1] == 2 else ("Tetrahedron", "XYZ")
     _drop_other_steps(file, series)
     for step in range(series.steps):
         _write_step(file, series, step)
         grid = ET.SubElement(collection, "Grid", Name=f"step {step}", GridType="Uniform")
         # Every step names the shared mesh itself: readers without XInclude understand it too.
-        item(ET.SubElement(grid, "Topology", TopologyType=shape, NumberOfElements=str(len(cells))), "mesh/cells")
-        item(ET.SubElement(grid, "Geometry", GeometryType=geometry), "mesh/points")
+        topology = ET.SubElement(grid, "Topology", TopologyType=shape, NumberOfElements=str(len(cells)))
+        item(topology, "mesh/cells", cells)
+        item(ET.SubElement(grid, "Geometry", GeometryType=geometry), "mesh/points", rest)
         ET.SubElement(grid, "Time", Value=repr(step * series.dt))
         for centre in ("Node", "Cell"):
-            for label in sorted(file[f"steps/{step}/{centre}"]):
-                attribute(grid, f"steps/{step}/{centre}/{label}", centre, label)
-        for label in series.labels:
-            attribute(grid, f"mesh/{label}", "Cell", label)
+            for label, stored in sorted(file[f"steps/{step}/{centre}"].items()):
+                attribute(grid, f"steps/{step}/{centre}/{label}", centre, stored)
+        for key, values in labels.items():
+            attribute(grid, key, "Cell", values)
     return root
 
 
