@@ -12,6 +12,7 @@ from pdvol import open_run
 from pdvol.measure.verify import verify_run
 from pdvol.runs.stored_fields import SceneFields, stored_scene
 from pdvol.solve.report import REMEDIES
+from pdvol.store import reader
 from pdvol.store.log import read_log
 
 PRESS = (
@@ -75,6 +76,18 @@ def test_forces_use_the_real_positions_of_obstacles(folder):
     assert np.isfinite(force).all()
     pressed = level.positions(last["step"])[:, 1] > 1e-6
     assert force[pressed, 1].min() < -1.0 and force[pressed, 1].max() <= 0.0
+
+
+def test_fields_of_all_steps_read_each_file_once(folder, monkeypatch):
+    """Those of the level below, too, of whose states the forces at the end of one step look at six."""
+    run, read = open_run(folder / "whole"), []
+    read_array = reader.read_array
+    monkeypatch.setattr(reader, "read_array", lambda path, shape: read.append(path) or read_array(path, shape))
+    scene, obstacles = stored_scene(run)
+    fields = SceneFields(scene, run, 1, obstacles)
+    for step in range(run.levels[1].steps):
+        fields(step)
+    assert len(read) > 2 * run.levels[1].steps and len(read) == len(set(read))
 
 
 def test_info_reports_motions_that_were_held_back(folder, capfd):
