@@ -18,12 +18,12 @@ def font(size: float) -> ImageFont.FreeTypeFont | ImageFont.ImageFont:
     return ImageFont.load_default(size)
 
 
-def write_png(path: Path, picture: Image.Image, optimize: bool = True) -> Path:
+def write_png(path: Path, picture: Image.Image) -> Path:
     """Write a picture, whole or not at all, into a folder that is made where there is none; gives its path.
-    `optimize` makes the file small, and takes longer. SimulationError: the disk cannot be written.
+    SimulationError: the disk cannot be written.
     """
     buffer = io.BytesIO()
-    picture.save(buffer, "PNG", optimize=optimize)
+    picture.save(buffer, "PNG")
     path.parent.mkdir(parents=True, exist_ok=True)
     write_bytes(path, buffer.getvalue())
     return path

@@ -53,7 +53,7 @@ class Renderer:
         camera: Camera,
         width: int,
         obstacles: Sequence[DrawnObstacle],
-        oversampling: int = 3,
+        oversampling: int = 2,
         render_meshes: bool = False,
         cut: Cut | None = None,
         seen_through: frozenset[int] = frozenset(),

@@ -98,8 +98,8 @@ def sheet_image(
             shown = None if tile.run is None else pictures.of(number, step)
             layout.put(sheet, number, shown)
             if apart is not None and shown is not None:
-                write_png(apart / f"{tile.title}.png", shown, optimize=False)
-    return write_png(out, sheet, optimize=False)
+                write_png(apart / f"{tile.title}.png", shown)
+    return write_png(out, sheet)
 
 
 def sheet_film(
