@@ -251,9 +251,10 @@ the rest. It takes 8.7 iterations a step, and level 0 6.2, which gives 49 times.
 solve of level 2 took 41 iterations of conjugate gradients at 46b4b79. With level 0 as coarse space it takes 21.
 Level 0 spends 47 % of its time in assembly and 36 % in linear solves, level 2 44 % and 47 %.
 
-At 4de452b, a preview there (`pdvol run --levels 0`, 220 steps, meshes kept from before) takes 105 s of wall time on one
-core of an AMD EPYC with nothing else to do: 76 s of steps, 17 s of fields for ParaView, 4 s of a picture and 8 s of
-start. With `--ranks 2` it takes 91 s, 58 s of them steps. Of two cores pdvol itself uses one below 4,000 vertices.""",
+A preview there (`pdvol run --levels 0`, 220 steps, meshes kept from before) takes 86 s of wall time at ef6e631, on one
+core of an AMD EPYC with nothing else to do, and took 110 s at 6ddca54: means of two runs each, in turn. Steps are 66 s
+of it; the rest is start, fields for ParaView and a picture. At ac300c6 it took 93 s on one core, and 77 s with
+`--ranks 2`, in the same minutes. Of two cores pdvol itself uses one below 4,000 vertices.""",
         paper="1",
         small={"vertices": ((500, 800), (250, 400)), "dt": 0.04, "steps": 110},
         view="-0.95,1.37,2.01:0.0,0.33,0.14",
