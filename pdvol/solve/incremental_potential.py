@@ -77,7 +77,8 @@ class IncrementalPotential:
 
     def inertia(self, x: Positions) -> float:
         """1/2 |x - x_hat|^2_M [kg m^2]."""
-        return 0.5 * self.space.reduce(float(np.vdot(x.owned - self.x_hat, self.mass * (x.owned - self.x_hat))))
+        off = x.owned - self.x_hat
+        return 0.5 * self.space.reduce(float(np.vdot(off, self.mass * off)))
 
     def value(self, x: Positions) -> float:
         """The potential at x; inf where x is not admissible. Raises SimulationError, naming the term, where one is not

@@ -75,6 +75,7 @@ class Solve:
     Attributes
     ----------
     states : the last two configurations, so that terms share what they derived from them
+    seen : PETSc's count of changes of each vector, and which of them it was then, by the vector's address
     tolerance : [m/s], the relative one of the present state included
     gap_share : share of a gap that a step which contact ends leaves
     report : NewtonReport
@@ -93,6 +94,7 @@ class Solve:
     tolerance: float
     gap_share: float
     gradient: np.ndarray
+    seen: dict[int, tuple[int, Positions]] = field(default_factory=dict)
     report: NewtonReport = field(default_factory=NewtonReport)
     projection: str = "clamp"
     unprojected_failed: bool = False
@@ -172,7 +174,18 @@ class Newton:
 
     def _positions(self, vector: PETSc.Vec) -> Positions:
         """The configuration of a vector, of the last two if it is one of them. Collective."""
-        array, solve = vector.getArray(readonly=True).reshape(-1, self.space.dim), self._solve
+        solve, state = self._solve, vector.stateGet()
+        seen, x = solve.seen.get(vector.handle, (-1, None))
+        if seen != state or x not in solve.states:
+            x = self._last_state(vector.getArray(readonly=True).reshape(-1, self.space.dim))
+            solve.seen[vector.handle] = state, x
+        return x
+
+    def _last_state(self, array: np.ndarray) -> Positions:
+        """The last state with the positions (n_owned, d); a new one, which then is the last, where neither of the two
+        has them. Collective.
+        """
+        solve = self._solve
         alike: Iterable[bool] = (bool((known.owned == array).all()) for known in solve.states)
         if self.space.comm.size > 1:
             alike = self.space.reduce(np.array(list(alike)), MPI.LAND)

@@ -40,6 +40,8 @@ class BlockPattern:
         Where each row's blocks begin.
     diagonal : (n_owned,)
         Which blocks lie on the diagonal.
+    entries : (n_owned, d)
+        Where the diagonal's numbers are among those of all blocks.
     slots : for each of `stencils`, int32
         Block index of each pair i <= j of each domain's vertices, domain by domain, with the codes above for blocks
         that are added transposed or not stored, and spare ones at the end.
@@ -57,6 +59,8 @@ class BlockPattern:
         self.diagonal = np.searchsorted(
             unique, np.arange(space.n_owned) * n + space.first_block + np.arange(space.n_owned)
         )
+        d = space.dim
+        self.entries = d * d * self.diagonal[:, None] + (d + 1) * np.arange(d)
         self.slots = {domains: self._find_slots(domains) for domains in stencils}
 
     def _keys(self, vertices: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -135,9 +139,7 @@ class HessianBlocks:
 
     def add_masses(self, masses: np.ndarray) -> None:
         """Adds a diagonal matrix, given by its entries (n_owned, d)."""
-        d = masses.shape[1]
-        entries = d * d * self.pattern.diagonal[:, None] + (d + 1) * np.arange(d)
-        self.cells.reshape(-1)[entries] += masses
+        self.cells.reshape(-1)[self.pattern.entries] += masses
 
     def add_pairs(self, rows: np.ndarray, columns: np.ndarray, blocks: np.ndarray) -> None:
         """Adds blocks (k, d, d) of both triangles at global block indices (k,), which may repeat. Those that this rank

@@ -14,7 +14,6 @@ those: all contacts of the rank's vertices are found without a message.
 """
 
 from collections.abc import Callable
-from typing import NamedTuple
 
 import numpy as np
 from mpi4py import MPI
@@ -28,24 +27,8 @@ from pdvol.potentials.potential import LEAST_LEFT
 LIST_SLACK = 0.1
 # numbers of a box: least coordinates and greatest ones with the opposite sign, four each; as in search.c
 BOX = 8
-
-
-class Shapes(NamedTuple):
-    """How b bodies differ in shape from a list's reference.
-
-    Attributes
-    ----------
-    turns : (b, 3, 3)
-        Rotations from the reference; about the third axis in 2D.
-    shares : (b,) of the reference's move, at which the shape is nearest
-    sizes : (b,) largest distance [m] that is left there without centre and rotation
-    moves : (b,) largest part [m] of the reference's move, without the centre's
-    """
-
-    turns: np.ndarray
-    shares: np.ndarray
-    sizes: np.ndarray
-    moves: np.ndarray
+# shape_t of native/interface.h
+BODY_SHAPE = np.dtype([("turn", "(3,3)f8"), ("share", "f8"), ("size", "f8"), ("move", "f8")])
 
 
 class PairList:
@@ -65,6 +48,8 @@ class PairList:
         Vertex and facet of each pair; the pairs of a vertex stand together.
     edges : (k, 2) int32
     c : the C struct of both, with their bounds
+    empty : bool
+        Whether no pairs are possible at all.
     searches : number of searches so far
     """
 
@@ -73,25 +58,21 @@ class PairList:
         numbers, owned = np.arange(len(primitives.roots) - 1), primitives.owned_objects
         same = numbers[:, None] == numbers
         self._allowed = same & owned if within else ~same & (owned[:, None] | owned)
-        self._needed = self._allowed.any(axis=0)
+        self._needed, self.empty = self._allowed.any(axis=0), not self._allowed.any()
         self._slack = LIST_SLACK * primitives.edge_length
         self._boxes: np.ndarray = np.zeros((primitives.boxes, BOX))
         self._counts = np.bincount(primitives.objects, minlength=len(numbers))
         self._firsts = np.cumsum([0, *self._counts])
+        self._c_needed, self._c_firsts = pointer(self._needed, "uint8_t"), pointer(self._firsts, "int64_t")
         self._boxed: tuple[np.ndarray, np.ndarray] | None = None
         self._reference: tuple[np.ndarray, np.ndarray | None] | None = None  # start, and what it moves by
         self._known: list[tuple] = []  # of `_shapes_at`: the two places asked about last, and the shapes there
         self._covered: np.ndarray | None = None  # one array that the list is known to be complete at
-        self._spare: np.ndarray = np.zeros((len(numbers), len(numbers)))
+        self._room: np.ndarray = np.zeros((len(numbers), len(numbers)))  # how far two objects may approach each other
         self._way: tuple[np.ndarray, np.ndarray]  # of the bounds, from and to
         self.c = ffi.new("pairs_t *")
         self._make_room(1024, 1024)
         self.points, self.edges = (pairs[:0] for pairs in self._pairs)
-
-    @property
-    def empty(self) -> bool:
-        """Whether no pairs are possible at all."""
-        return not self._allowed.any()
 
     def at(self, vertices: np.ndarray) -> None:
         """Makes the list complete at `vertices` (n, d)."""
@@ -115,7 +96,7 @@ class PairList:
         """`end` (n, d) with the bodies' centres, and their rotations where these are `turned` back, as at the start."""
         objects, turns = self.primitives.objects, np.broadcast_to(np.eye(3), (len(self._counts), 3, 3)).copy()
         if turned:
-            turns[: self.primitives.bodies] = self._shapes(start, None, end).turns
+            turns[: self.primitives.bodies] = self._shapes(start, None, end)["turn"]
         d, (before, after) = self.primitives.d, (self._centres(x)[objects] for x in (start, end))
         back, n = end.copy(), len(objects)
         back[:n] = before + np.einsum("ki,kij->kj", end[:n] - after, turns[:, :d, :d][objects])
@@ -133,7 +114,7 @@ class PairList:
         if self._reference is None:
             return False
         if self.within:
-            covers = bool(np.all(self._shapes_at(vertices, *self._reference).sizes <= self._slack))
+            covers = bool(self._shapes_at(vertices, *self._reference)["size"].max() <= self._slack)
         else:
             covers = self._is_near(*self._reference, vertices)
         self._covered = vertices if covers else self._covered
@@ -150,13 +131,10 @@ class PairList:
             return self._covers(start) and self._covers(end)
         if self._reference is None:
             return False
-        one, other = (self._shapes_at(x, *self._reference) for x in (start, end))
-        cosine = np.sqrt(np.clip((1.0 + np.einsum("bij,bij->b", one.turns, other.turns)) / 4.0, 0.0, 1.0))
-        bent = 0.5 * np.sqrt(1.0 - cosine**2) * np.abs(one.shares - other.shares) * one.moves
-        off = np.maximum(one.sizes, other.sizes) + bent
-        return bool(np.all(cosine * (self.reach + 2.0 * self._slack) - 2.0 * off >= self.reach))
+        one, other = (pointer(self._shapes_at(x, *self._reference), "shape_t") for x in (start, end))
+        return bool(library.covers_way(self.primitives.bodies, one, other, self.reach, self._slack))
 
-    def _shapes_at(self, vertices: np.ndarray, start: np.ndarray, move: np.ndarray | None) -> Shapes:
+    def _shapes_at(self, vertices: np.ndarray, start: np.ndarray, move: np.ndarray | None) -> np.ndarray:
         """The same as `_shapes`, found once for the two places that were asked about last: a move has two ends."""
         for *known, shapes in self._known:
             if known[0] is vertices and known[1] is start and known[2] is move:
@@ -164,39 +142,24 @@ class PairList:
         self._known = [(vertices, start, move, self._shapes(start, move, vertices)), *self._known[:1]]
         return self._known[0][3]
 
-    def _shapes(self, start: np.ndarray, move: np.ndarray | None, vertices: np.ndarray) -> Shapes:
-        """How the bodies at `vertices` differ in shape from `start`, or from the nearest place on a move from there;
-        not at all where no pair is possible.
+    def _shapes(self, start: np.ndarray, move: np.ndarray | None, vertices: np.ndarray) -> np.ndarray:
+        """(bodies,) of BODY_SHAPE: how bodies at `vertices` differ in shape from `start`, or from the nearest place on
+        a move from there; not at all where no pair is possible.
         """
-        n = self.primitives.bodies
-        found = Shapes(np.empty((n, 3, 3)), np.empty(n), np.empty(n), np.empty(n))
-        library.shapes(
-            self.primitives.d,
-            n,
-            pointer(self._needed, "uint8_t"),
-            pointer(self._firsts, "int64_t"),
-            pointer(start),
-            ffi.NULL if move is None else pointer(move),
-            pointer(vertices),
-            *(pointer(array) for array in (found.turns, found.shares, found.sizes, found.moves)),
-        )
+        found = np.empty(self.primitives.bodies, BODY_SHAPE)
+        places = self._places(start, move, vertices)
+        library.shapes(self.primitives.d, len(found), self._c_needed, *places, pointer(found, "shape_t"))
         return found
 
     def _is_near(self, start: np.ndarray, move: np.ndarray | None, vertices: np.ndarray) -> bool:
         """Whether no two objects can have come nearer to each other than there is room."""
-        drift, sizes = np.zeros((len(self._counts), self.primitives.d)), np.zeros(len(self._counts))
-        library.deviations(
-            self.primitives.d,
-            len(self._counts),
-            pointer(self._firsts, "int64_t"),
-            pointer(start),
-            ffi.NULL if move is None else pointer(move),
-            pointer(vertices),
-            pointer(drift),
-            pointer(sizes),
-        )
-        between = np.linalg.norm(drift[:, None] - drift, axis=2) + sizes[:, None] + sizes
-        return bool(np.all((between <= self._spare) | ~self._allowed))
+        places, room = self._places(start, move, vertices), pointer(self._room)
+        return bool(library.are_near(self.primitives.d, len(self._counts), *places, room))
+
+    def _places(self, start: np.ndarray, move: np.ndarray | None, vertices: np.ndarray) -> tuple:
+        """Where objects' vertices begin, and places, for C."""
+        way = ffi.NULL if move is None else pointer(move)
+        return self._c_firsts, pointer(start), way, pointer(vertices)
 
     @property
     def _distance(self) -> float:
@@ -227,7 +190,7 @@ class PairList:
         self._fit(start, end)
         apart = self._apart()
         near = apart <= self._distance
-        self._spare = np.where(near, 2.0 * self._slack, apart - self.reach)
+        self._room = np.where(self._allowed, np.where(near, 2.0 * self._slack, apart - self.reach), np.inf)
         meets = self._allowed & near
         self.searches += 1
         fits = False

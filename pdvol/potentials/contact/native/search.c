@@ -84,8 +84,8 @@ void fit_boxes(const surface_t *s, const uint8_t *marked, const double *x, const
 
 /* How vertices are away from the nearest place on the straight way from `start` by `move` (0: `start` itself): the mean vector of each object's
  * (`drift`), and the largest length of what is left without it (`sizes`). `firsts`: (objects + 1) where the objects' vertices begin. */
-void deviations(int d, int64_t objects, const int64_t *firsts, const double *start, const double *move, const double *vertices, double *drift,
-                double *sizes)
+INLINE void deviations(int d, int64_t objects, const int64_t *firsts, const double *start, const double *move, const double *vertices, double *drift,
+                       double *sizes)
 {
     double along = 0.0, size = 0.0;
     for (int64_t k = 0; move && k < d * firsts[objects]; ++k)
@@ -98,16 +98,35 @@ void deviations(int d, int64_t objects, const int64_t *firsts, const double *sta
             for (int64_t k = first; k < end; k += d) {
                 double own = 0.0;
                 for (int j = 0; j < d; ++j) {
-                    const double off = vertices[k + j] - start[k + j] - (move ? share * move[k + j] : 0.0) - (pass ? drift[d * object + j] : 0.0);
+                    const double off = vertices[k + j] - start[k + j] - (move ? share * move[k + j] : 0.0) - (pass ? drift[3 * object + j] : 0.0);
                     sum[j] += off, own += off * off;
                 }
                 most = pass && !(own <= most) ? own : most;
                 if (!pass && k + d == end)
                     for (int j = 0; j < d; ++j)
-                        drift[d * object + j] = d * sum[j] / (end - first);
+                        drift[3 * object + j] = d * sum[j] / (end - first);
             }
         sizes[object] = sqrt(most);
     }
+}
+
+/* Whether no two objects have come nearer to each other since `start`, or a place on the way from there by `move`, than there is `room`
+ * (objects, objects). No where memory ran out. */
+int are_near(int d, int64_t objects, const int64_t *firsts, const double *start, const double *move, const double *vertices, const double *room)
+{
+    double *drift = calloc(4 * objects + 1, sizeof(double)), *sizes = drift + 3 * objects;
+    int near = drift != 0;
+    if (near)
+        deviations(d, objects, firsts, start, move, vertices, drift, sizes);
+    for (int64_t one = 0; near && one < objects; ++one)
+        for (int64_t other = 0; near && other < objects; ++other) {
+            double size = 0.0;
+            for (int j = 0; j < 3; ++j)
+                size += (drift[3 * one + j] - drift[3 * other + j]) * (drift[3 * one + j] - drift[3 * other + j]);
+            near = sqrt(size) + sizes[one] + sizes[other] <= room[objects * one + other];
+        }
+    free(drift);
+    return near;
 }
 
 /* The rotation R (3 x 3) nearest to a matrix A of positive determinant: its orthogonal polar factor, by Newton's iteration R <- (R + R^-T) / 2.
@@ -157,19 +176,18 @@ INLINE double left_over(int d, int64_t first, int64_t end, const double *start, 
     return sqrt(most);
 }
 
-/* How the bodies at `vertices` differ in shape from the nearest shape on the straight way from `start` by `move` (0: `start` itself). For each
- * body: the rotation (3 x 3) from the way, the nearest one to the motion from `start` or none, whichever leaves less; the share of the way; the
- * largest distance that is left when centre, rotation and share are taken out; and the largest move besides that of the centre. Bodies that are not
- * `wanted` have no rotation, and the rest is zero. */
+/* How the bodies at `vertices` differ in shape from the nearest shape on the straight way from `start` by `move` (0: `start` itself). Rotations are
+ * the nearest ones to the motion from `start`, or none, whichever leaves less. Bodies that are not `wanted` have none, and the rest is zero. */
 void shapes(int d, int64_t bodies, const uint8_t *wanted, const int64_t *firsts, const double *start, const double *move, const double *vertices,
-            double *turns, double *shares, double *sizes, double *moves)
+            shape_t *found)
 {
     static const double none[9] = {1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0};
     for (int64_t body = 0; body < bodies; ++body) {
         const int64_t first = firsts[body], end = firsts[body + 1];
-        double centres[3][3] = {{0.0}}, A[9] = {0.0}, *R = turns + 9 * body, most = 0.0, share;
+        double centres[3][3] = {{0.0}}, A[9] = {0.0}, most = 0.0, share;
+        shape_t *s = found + body;
         if (!wanted[body]) {
-            memcpy(R, none, sizeof none), shares[body] = sizes[body] = moves[body] = 0.0;
+            memcpy(s->turn, none, sizeof none), s->share = s->size = s->move = 0.0;
             continue;
         }
         for (int64_t k = d * first; k < d * end; k += d)
@@ -186,15 +204,31 @@ void shapes(int d, int64_t bodies, const uint8_t *wanted, const int64_t *firsts,
             }
             most = length <= most ? most : length;
         }
-        moves[body] = sqrt(most);
+        s->move = sqrt(most);
         if (d == 2)
             A[8] = sqrt(A[0] * A[0] + A[1] * A[1] + A[3] * A[3] + A[4] * A[4]);
-        nearest_rotation(A, R);
-        sizes[body] = left_over(d, first, end, start, move, vertices, centres, R, shares + body);
+        nearest_rotation(A, s->turn);
+        s->size = left_over(d, first, end, start, move, vertices, centres, s->turn, &s->share);
         const double unturned = left_over(d, first, end, start, move, vertices, centres, none, &share);
-        if (!(sizes[body] <= unturned))
-            memcpy(R, none, sizeof none), sizes[body] = unturned, shares[body] = share;
+        if (!(s->size <= unturned))
+            memcpy(s->turn, none, sizeof none), s->size = unturned, s->share = share;
     }
+}
+
+/* Whether a list of pairs within bodies, found up to `reach` and twice the slack, is complete on the straight way between two places with these
+ * shapes (docs/contact.md, "Candidates"). */
+int covers_way(int64_t bodies, const shape_t *one, const shape_t *other, double reach, double slack)
+{
+    for (int64_t body = 0; body < bodies; ++body, ++one, ++other) {
+        double trace = 0.0;
+        for (int k = 0; k < 9; ++k)
+            trace += one->turn[k] * other->turn[k];
+        const double cosine = sqrt(clamp((1.0 + trace) / 4.0)); /* of half the angle between their rotations */
+        const double bent = 0.5 * sqrt(1.0 - cosine * cosine) * fabs(one->share - other->share) * one->move;
+        if (!(cosine * (reach + 2.0 * slack) - 2.0 * (fmax(one->size, other->size) + bent) >= reach))
+            return 0;
+    }
+    return 1;
 }
 
 /* Largest relative motion of two primitives, whose vertices move by y - x: their distance changes by no more. */
