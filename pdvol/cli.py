@@ -4,6 +4,7 @@ A user's mistake ends in one line and exit code 2, a simulation that cannot go o
 """
 
 import argparse
+import gc
 import os
 import sys
 from collections.abc import Callable, Sequence
@@ -28,7 +29,9 @@ def main(scene: Callable | None = None, argv: Sequence[str] | None = None) -> No
     arguments = list(sys.argv[1:] if argv is None else argv)
     if scene is not None:
         arguments = ["run", sys.modules[scene.__module__].__file__ or "", *arguments]
-    sys.exit(run(arguments))
+    code = run(arguments)
+    gc.freeze()  # at its end the interpreter would search all libraries' objects for garbage, for half a second
+    sys.exit(code)
 
 
 def run(arguments: Sequence[str]) -> int:
