@@ -168,7 +168,7 @@ def machine(tmp_path):
         done = subprocess.run(words, env=env | variables, capture_output=True, text=True, timeout=SAFETY)
         return done, [line for line in calls.read_text().splitlines() if line.startswith("-m ")]
 
-    call.folder = copy
+    call.folder, call.log = copy, calls
     return call
 
 
@@ -178,6 +178,7 @@ def test_a_python_with_dolfinx_comes_first(machine):
     assert calls[0] == f"-m venv --system-site-packages {machine.folder}/.venv"
     assert calls[1].endswith(f"--editable {machine.folder}[all]")
     assert machine("dolfinx")[1] == [], "the second call builds nothing"
+    assert "import dolfinx" not in machine.log.read_text(), "nor does it load the solver to see that it is there"
     assert machine("wheel", PDVOL_USE="python")[0].stderr.startswith("run: PDVOL_USE=python: python3 has no dolfinx")
 
 
@@ -199,6 +200,15 @@ def test_a_debian_root_comes_third(machine, variables):
     assert done.returncode == 2 and calls == [] and done.stderr.count("\n") == 1
     assert "a Debian root needs more rights: this machine does not allow mount namespaces" in done.stderr
     assert ("python3 has no dolfinx >= 0.9; for the wheel of dolfinx, python3 lacks" in done.stderr) == (not variables)
+
+
+def test_an_environment_on_a_debian_root_is_taken_without_a_look_at_any_python(machine):
+    stamp = machine.folder / ".venv-trixie" / "stamp"
+    stamp.parent.mkdir()
+    stamp.write_text("of an environment")
+    done, _ = machine("dolfinx")
+    assert machine.log.read_text() == "" and "a Debian root needs more rights" in done.stderr
+    assert machine("dolfinx", PDVOL_USE="python")[0].returncode == 0
 
 
 def test_unknown_way(machine):
