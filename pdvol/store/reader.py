@@ -46,6 +46,7 @@ class RunLevel:
         self._run = run
         self._known_steps = 0
         self._latest: dict[tuple[int, int, int], np.ndarray] = {}
+        self._log: tuple[list[dict], list[dict]] = ([], [])  # all records of the run, and those of this level
         self._render_weights: dict[int, csr_matrix] = {}
         self._space: tuple[MPI.Comm, LevelSpace] | None = None
 
@@ -221,7 +222,11 @@ class RunLevel:
     @property
     def log(self) -> list[dict]:
         """The log's records of this level."""
-        return [record for record in self._run.records() if record.get("level") == self.index and "step" in record]
+        records = self._run.records()
+        if records is not self._log[0]:
+            own = [record for record in records if record.get("level") == self.index and "step" in record]
+            self._log = records, own
+        return list(self._log[1])
 
 
 def _numbers(array: np.ndarray, shape: tuple, end: int) -> bool:

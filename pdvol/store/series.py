@@ -109,7 +109,8 @@ class Series:
 
 def in_3d(vectors: np.ndarray) -> np.ndarray:
     """Vectors (n, d) with a zero third component in 2D, shape (n, 3)."""
-    return np.pad(np.asarray(vectors), ((0, 0), (0, 3 - np.shape(vectors)[1])))
+    lacking = 3 - np.shape(vectors)[1]
+    return np.pad(np.asarray(vectors), ((0, 0), (0, lacking))) if lacking else np.asarray(vectors)
 
 
 def described_densities(run: Run) -> tuple[list[np.ndarray], str]:

@@ -142,9 +142,10 @@ class CellEnergy(Term):
     def fill(self, values: Mapping[str, np.ndarray]) -> None:
         """Sets the values (count,) that the domains themselves have of some parameters."""
         self._values.clear()
+        lanes = {name: _in_lanes(of_name) for name, of_name in values.items()}
         for kernel in (self._density, self._first, self._second, self._model, *self._stretches):
             if kernel is not None:
-                kernel.fill(values)
+                kernel.fill(lanes)
 
     def value(self, x: Positions) -> float:
         return self._values.value(x, self._sum)
@@ -177,6 +178,14 @@ def _rotation(rng: np.random.Generator) -> np.ndarray:
     return q * np.sign(np.linalg.det(q))
 
 
+def _in_lanes(values: np.ndarray) -> np.ndarray:
+    """(blocks, LANES): values (domains,) of LANES domains side by side; the last one's again where there is none."""
+    count = len(values)
+    padded = np.empty(-(-count // native.LANES) * native.LANES)
+    padded[:count], padded[count:] = values, values[-1:]
+    return padded.reshape(-1, native.LANES)
+
+
 class _Density(Kernel):
     """A kernel of psi's argument, F or the stretches, and the domains' parameters; `c` is the C struct of both."""
 
@@ -191,9 +200,8 @@ class _Density(Kernel):
         super().__init__(comm, form)
         wanted = [names.get(coefficient) for coefficient in self.coefficients]
         self._names, self._count = [name for name in wanted if name is not None], count
-        # parameters of LANES domains side by side; those of the last domain again where there is none
         self._blocks = np.zeros((-(-count // native.LANES), len(self._names), native.LANES))
-        self.fill(parameters)
+        self.fill({name: _in_lanes(values) for name, values in parameters.items()})
         at = wanted.index(None) if None in wanted else -1
         self.c = self._struct(self._blocks, at)
 
@@ -201,13 +209,11 @@ class _Density(Kernel):
         values = {"parameters": pointer(blocks), "np": len(self._names), "at": at}
         return ffi.new("density_t *", {"kernel": self.function, **values})
 
-    def fill(self, parameters: Mapping[str, np.ndarray]) -> None:
-        """Sets the values (domains,) of those parameters that the kernel takes; others are ignored."""
-        blocks = len(self._blocks)
+    def fill(self, lanes: Mapping[str, np.ndarray]) -> None:
+        """Sets the values (`_in_lanes`) of those parameters that the kernel takes; others are ignored."""
         for place, name in enumerate(self._names):
-            if name in parameters and blocks:
-                padded = np.pad(parameters[name], (0, blocks * native.LANES - self._count), mode="edge")
-                self._blocks[:, place] = padded.reshape(blocks, native.LANES)
+            if name in lanes:
+                self._blocks[:, place] = lanes[name]
 
     def parameters(self) -> np.ndarray:
         """(domains, k), in the kernel's order."""

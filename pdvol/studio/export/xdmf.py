@@ -6,7 +6,7 @@ are taken from it. (meshio's own writer puts the HDF5 file into the working dire
 """
 
 import shutil
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
@@ -121,15 +121,15 @@ def _write_data(file: h5py.File, name: str, series: Series) -> ET.Element:
     shape, geometry = ("Triangle", "XY") if rest.shape[1] == 2 else ("Tetrahedron", "XYZ")
     _drop_other_steps(file, series)
     for step in range(series.steps):
-        _write_step(file, series, step)
+        fields = _write_step(file, series, step)
         grid = ET.SubElement(collection, "Grid", Name=f"step {step}", GridType="Uniform")
         # Every step names the shared mesh itself: readers without XInclude understand it too.
         topology = ET.SubElement(grid, "Topology", TopologyType=shape, NumberOfElements=str(len(cells)))
         item(topology, "mesh/cells", cells)
         item(ET.SubElement(grid, "Geometry", GeometryType=geometry), "mesh/points", rest)
         ET.SubElement(grid, "Time", Value=repr(step * series.dt))
-        for centre in ("Node", "Cell"):
-            for label, stored in sorted(file[f"steps/{step}/{centre}"].items()):
+        for centre, arrays in fields.items():
+            for label, stored in sorted(arrays.items()):
                 attribute(grid, f"steps/{step}/{centre}/{label}", centre, stored)
         for key, values in labels.items():
             attribute(grid, key, "Cell", values)
@@ -143,7 +143,8 @@ def _drop_other_steps(file: h5py.File, series: Series) -> None:
             del file["steps"][key]
 
 
-def _write_step(file: h5py.File, series: Series, step: int) -> None:
+def _write_step(file: h5py.File, series: Series, step: int) -> dict[str, Mapping[str, np.ndarray | h5py.Dataset]]:
+    """The step's fields, of points as `Node` and of cells as `Cell`, which the file holds from now on."""
     steps = file["steps"]
     if str(step) in steps:
         group = steps[str(step)]
@@ -151,12 +152,14 @@ def _write_step(file: h5py.File, series: Series, step: int) -> None:
         if group.attrs.get("fields") == series.kind and np.array_equal(
             group["Node/displacement"], series.displacement(step)
         ):
-            return
+            return {centre: dict(group[centre].items()) for centre in ("Node", "Cell")}
         del steps[str(step)]
     fields = series.fields(step)
+    found: dict[str, Mapping] = {"Node": fields.points, "Cell": fields.cells}
     group = steps.create_group(str(step))
-    for centre, values in (("Node", fields.points), ("Cell", fields.cells)):
+    for centre, values in found.items():
         inner = group.create_group(centre)
         for label, array in values.items():
             inner[label] = array
     group.attrs["fields"] = series.kind
+    return found
