@@ -1,8 +1,9 @@
-"""A partition of the cells of several bodies that may touch.
+"""A partition of the cells of bodies that may touch.
 
 A graph partitioner does not know contacts. It gives each rank bodies from anywhere, and the local preconditioners then
 contain no contact. Here few bodies are each divided among all ranks, by planes across a common axis. Of many bodies
-each rank gets those of a region: contacts within it are in its preconditioner, and so are all of their cells.
+each rank gets those of a region: contacts within it are in its preconditioner, and so are all of their cells. One body
+is cut in the same way: dolfinx's partitioner divides it differently in each run, so that none would repeat.
 """
 
 import numpy as np
@@ -16,7 +17,7 @@ WHOLE_BODIES = 4
 IMBALANCE = 0.05
 
 
-def shared_bodies(mesh: LevelMesh, ranks: int) -> np.ndarray:
+def shared_cells(mesh: LevelMesh, ranks: int) -> np.ndarray:
     """Rank (m,) int32 of each cell, by recursive bisection: between bodies, or through all of them at their medians."""
     owner = np.zeros(len(mesh.cells), dtype=np.int32)
     _bisect(mesh.points[mesh.cells], mesh.bodies, np.arange(len(mesh.cells)), 0, ranks, owner)

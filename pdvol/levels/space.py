@@ -9,7 +9,7 @@ from pdvol import compat
 from pdvol.compat import PETSc, fem, la
 from pdvol.errors import InputError
 from pdvol.geometry.level_mesh import LevelMesh, connected_parts, simplex_volumes
-from pdvol.levels.partition import shared_bodies
+from pdvol.levels.partition import shared_cells
 
 Value = TypeVar("Value")
 
@@ -68,8 +68,7 @@ class LevelSpace:
     """
 
     def __init__(self, mesh: LevelMesh, comm: MPI.Comm):
-        several = comm.size > 1 and mesh.bodies.max() > 0
-        domain = compat.create_mesh(comm, mesh.points, mesh.cells, shared_bodies(mesh, comm.size) if several else None)
+        domain = compat.create_mesh(comm, mesh.points, mesh.cells, shared_cells(mesh, comm.size))
         V = fem.functionspace(domain, ("Lagrange", 1, (mesh.dim,)))
         points = _of_blocks(V, np.asarray(domain.geometry.input_global_indices))
         self._number(mesh, V, points[: V.dofmap.index_map.size_local])

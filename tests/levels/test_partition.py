@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pdvol.geometry.level_mesh import LevelMesh
-from pdvol.levels.partition import shared_bodies
+from pdvol.levels.partition import shared_cells
 from shapes import grid
 
 
@@ -25,7 +25,7 @@ def stack(dim: int, axis: int) -> LevelMesh:
 @pytest.mark.parametrize("dim, axis", [(2, 0), (2, 1), (3, 0), (3, 1), (3, 2)])
 def test_two_ranks_share_a_stack_sideways(dim, axis):
     mesh = stack(dim, axis)
-    owner = shared_bodies(mesh, 2)
+    owner = shared_cells(mesh, 2)
     for body in (0, 1):
         assert 0.4 < np.mean(owner[mesh.bodies == body]) < 0.6
     # The cut runs through both bodies at one place: what touches lies on one rank.
@@ -41,14 +41,14 @@ def test_two_ranks_share_a_stack_sideways(dim, axis):
 
 @pytest.mark.parametrize("ranks", [1, 3, 4, 5])
 def test_every_rank_gets_its_share(ranks):
-    owner = shared_bodies(stack(3, 1), ranks)
+    owner = shared_cells(stack(3, 1), ranks)
     counts = np.bincount(owner, minlength=ranks)
     assert len(counts) == ranks
     assert counts.min() > 0.6 * len(owner) / ranks
 
 
 def test_more_ranks_than_cells_leave_some_without():
-    owner = shared_bodies(
+    owner = shared_cells(
         LevelMesh(np.eye(3, 2), np.array([[0, 1, 2]]), np.zeros(1, np.int32), np.zeros(1, np.int32)), 4
     )
     assert len(owner) == 1
@@ -68,7 +68,7 @@ def test_many_bodies_are_not_cut(ranks):
         np.repeat(np.arange(count), len(cells)).astype(np.int32),
         np.zeros(count * len(cells), np.int32),
     )
-    owner = shared_bodies(mesh, ranks).reshape(count, -1)
+    owner = shared_cells(mesh, ranks).reshape(count, -1)
     assert (owner == owner[:, :1]).all()
     assert list(np.bincount(owner[:, 0])) == [count // ranks] * ranks
     assert (np.diff(owner[np.argsort(places[:, 0], kind="stable"), 0]) >= 0).all()
@@ -85,5 +85,5 @@ def test_bodies_of_unequal_size_are_cut_where_no_sum_is_near_a_half():
         np.repeat(np.arange(len(shapes)), counts).astype(np.int32),
         np.zeros(sum(counts), np.int32),
     )
-    shares = np.bincount(shared_bodies(mesh, 2)) / sum(counts)
+    shares = np.bincount(shared_cells(mesh, 2)) / sum(counts)
     assert abs(shares - 0.5).max() < 0.05
