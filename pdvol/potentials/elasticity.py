@@ -3,6 +3,7 @@ and one that keeps the cells of smoothed elements from inverting. Cells do not i
 """
 
 from collections.abc import Callable, Mapping
+from functools import reduce
 from itertools import combinations_with_replacement
 from typing import Any
 
@@ -146,7 +147,7 @@ def _entry(i: int, j: int) -> str:
 
 def _lame(materials: CellMaterials) -> dict[str, np.ndarray]:
     """mu and lmbda (m,) [Pa] of the mesh's cells at t = 0, whatever their law."""
-    return {name: np.sum([values[name] for values in materials.values], axis=0) for name in ("mu", "lmbda")}
+    return {name: reduce(np.add, (values[name] for values in materials.values)) for name in ("mu", "lmbda")}
 
 
 def elastic_terms(space: LevelSpace, materials: CellMaterials) -> tuple[CellEnergy, ...]:
