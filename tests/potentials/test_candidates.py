@@ -18,10 +18,12 @@ from contact_reference import (
     to_facets,
     two_boxes,
 )
+from pdvol.compiled import pointer
 from pdvol.levels.script import Obstacle
 from pdvol.measure.verify import crossings
 from pdvol.potentials.contact.barrier import ContactBarrier
-from pdvol.potentials.contact.candidates import LIST_SLACK, Candidates
+from pdvol.potentials.contact.candidates import BODY_SHAPE, LIST_SLACK, Candidates
+from pdvol.potentials.contact.native import library
 from pdvol.potentials.contact.surface import ContactSurface
 from pdvol.potentials.potential import LEAST_LEFT, PRESSED_GAP_SHARE, Positions
 from pdvol.scene import Translation
@@ -453,3 +455,15 @@ def rows_of(found) -> list[bytes]:
     """Each contact's vertices, coefficients, gap and weight."""
     parts = found.vertices, found.coefficients, found.gaps, found.weights
     return [b"".join(part[k].tobytes() for part in parts) for k in range(len(found))]
+
+
+@pytest.mark.parametrize("sizes", [(0.0, 0.05), (0.05, 0.0), (np.nan, 0.0), (0.0, np.nan), (0.2, 0.0), (0.0, 0.2)])
+@pytest.mark.parametrize("angle", [0.0, 0.3, 1.5])
+def test_a_list_covers_a_turn_that_leaves_its_reach(sizes, angle):
+    """A list found up to 1.2 for a reach of 1; what is not a number is covered by no list."""
+    shapes = np.zeros((2, 1), BODY_SHAPE)
+    shapes["turn"][:, 0] = np.eye(3), Rotation.from_rotvec([0.0, 0.0, angle]).as_matrix()
+    shapes["size"][:, 0] = sizes
+    left = np.cos(angle / 2.0) * 1.2 - 2.0 * np.max(sizes)
+    covers = library.covers_way(1, *(pointer(shape, "shape_t") for shape in shapes), 1.0, 0.1)
+    assert covers == (left >= 1.0)

@@ -119,7 +119,7 @@ int are_near(int d, int64_t objects, const int64_t *firsts, const double *start,
     if (near)
         deviations(d, objects, firsts, start, move, vertices, drift, sizes);
     for (int64_t one = 0; near && one < objects; ++one)
-        for (int64_t other = 0; near && other < objects; ++other) {
+        for (int64_t other = one + 1; near && other < objects; ++other) {
             double size = 0.0;
             for (int j = 0; j < 3; ++j)
                 size += (drift[3 * one + j] - drift[3 * other + j]) * (drift[3 * one + j] - drift[3 * other + j]);
@@ -225,7 +225,8 @@ int covers_way(int64_t bodies, const shape_t *one, const shape_t *other, double 
             trace += one->turn[k] * other->turn[k];
         const double cosine = sqrt(clamp((1.0 + trace) / 4.0)); /* of half the angle between their rotations */
         const double bent = 0.5 * sqrt(1.0 - cosine * cosine) * fabs(one->share - other->share) * one->move;
-        if (!(cosine * (reach + 2.0 * slack) - 2.0 * (fmax(one->size, other->size) + bent) >= reach))
+        const double room = 0.5 * (cosine * (reach + 2.0 * slack) - reach) - bent;
+        if (!(one->size <= room && other->size <= room))
             return 0;
     }
     return 1;
