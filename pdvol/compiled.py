@@ -129,3 +129,8 @@ def _array_of(kind: str) -> Any:
 def pointer(array: np.ndarray, kind: str = "double") -> Any:
     """A contiguous numpy array for C, kept alive for as long as what is returned."""
     return _cffi_backend.from_buffer(_array_of(kind), array)  # a third of the time of `ffi.from_buffer`
+
+
+def integers(*arrays: np.ndarray) -> tuple[Any, ...]:
+    """Arrays of int32 as `pointer` gives them."""
+    return tuple(pointer(array, "int32_t") for array in arrays)

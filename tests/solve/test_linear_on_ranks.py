@@ -1,4 +1,4 @@
-"""Products and solves are the same on any number of ranks."""
+"""Products and solves are the same on any number of ranks, and take hardly more iterations."""
 
 import numpy as np
 import pytest
@@ -49,3 +49,27 @@ def test_one_rank_and_more_agree(d, ranks):
             for method in ("iterative", "multilevel", "direct"):
                 found = results[f"{method} {pairs}"]
                 np.testing.assert_allclose(found, direct, rtol=0.0, atol=1e-7 * np.abs(direct).max())
+
+
+def count_iterations(comm, d):
+    space = LevelSpace(box(d, 12 if d == 2 else 6, jitter=0.1, seed=1), comm)
+    field = np.random.default_rng(3).standard_normal(space.mesh.points.shape)
+    system = SystemMatrix(space, np.zeros(space.n_owned, dtype=bool))
+    found = {}
+    for stiff in (1.0, 1e2):
+        system.assemble(springs(space, stiff=stiff))
+        system.factor_incompletely()
+        found[str(stiff)] = np.array(system.solve(space.from_input(field).ravel().copy(), 1e-6, 500)[1:])
+    return found
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("d", [2, 3])
+def test_couplings_between_ranks_cost_few_iterations(d):
+    """A stiff one, as a contact is, too: factors of each rank's own rows alone take 3.5 to 5 times as many."""
+    one, two, four = results_on((1, 2, 4), count_iterations, d)
+    for stiff in one:
+        reason, iterations = one[stiff]
+        assert reason > 0 and iterations > 5
+        for more in (two, four):
+            assert more[stiff][0] == reason and more[stiff][1] < 1.75 * iterations

@@ -95,11 +95,14 @@ def python_files() -> list[Path]:
 
 
 def c_files() -> list[Path]:
-    """Of the libraries in folders `native` beside the files of a step, with the headers that they share."""
+    """Of the libraries in folders `native` beside the files of a step, with the headers that they share. What only
+    several ranks call is left out.
+    """
     native = {path.parent / "native" for path in python_files()}
     folders = {folder for folder in native if folder.is_dir()}
     shared = {header for folder in folders for header in folder.parents[1].glob("*.h")}
-    return sorted(shared | {path for folder in folders for path in folder.glob("*.[ch]")})
+    ranks = {folder / "border.c" for folder in folders}
+    return sorted((shared | {path for folder in folders for path in folder.glob("*.[ch]")}) - ranks)
 
 
 # ---- constants

@@ -5,13 +5,14 @@ The sparsity pattern of a level's Hessian from its cells: upper triangle, in blo
 """
 
 from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 
+from pdvol.compiled import integers, pointer
 from pdvol.levels.space import LevelSpace
 from pdvol.potentials.assembly import native
 from pdvol.potentials.assembly.domains import Domains
-from pdvol.potentials.assembly.native import pointer
 
 BlockCsr = tuple[np.ndarray, np.ndarray, np.ndarray]
 """Blocks of this rank's rows: starts (n_owned + 1,) int32, global columns (k,) int32 that ascend, blocks (k, d, d).
@@ -223,3 +224,9 @@ def room_of_rows(rows: int, count: int, d: int) -> BlockCsr:
     It is kept from matrix to matrix: the first use of new memory costs more than the sum of a matrix.
     """
     return np.empty(rows + 1, np.int32), np.empty(count, np.int32), np.empty(count * d * d + SPARE)
+
+
+def pointers(rows: BlockCsr) -> tuple[Any, Any, Any]:
+    """Block rows for C, whose arrays must be kept."""
+    starts, columns, blocks = rows
+    return *integers(starts, columns), pointer(blocks)

@@ -10,12 +10,11 @@ import numpy as np
 from mpi4py import MPI
 from scipy.sparse import csr_array
 
+from pdvol.compiled import integers, pointer
 from pdvol.geometry.level_mesh import LevelMesh
 from pdvol.levels.space import LevelSpace
-from pdvol.potentials.assembly.hessian_blocks import SPARE, BlockCsr
-from pdvol.potentials.assembly.native import pointer
+from pdvol.potentials.assembly.hessian_blocks import SPARE, BlockCsr, pointers
 from pdvol.solve.linear import native
-from pdvol.solve.linear.system_matrix import pointers
 
 # vertices of grids over the square root of the level's: with twice as many the factor costs what iterations save (of
 # 100,000 vertices a quarter fewer iterations, a tenth more time), and with half as many heaps of bodies lose the
@@ -150,12 +149,12 @@ class CoarseSpace:
         d, n, library = self.space.dim, self.size, native.library
         order, parent, starts = (np.empty(count, np.int32) for count in (n, n, n + 1))
         listed = len(keys), pointer(keys, "int64_t")
-        elimination = tuple(_int32(array) for array in (order, parent, starts))
+        elimination = integers(order, parent, starts)
         count = library.coarse_order(n, *listed, *elimination)
         if count < 0:
             raise MemoryError("no memory left for the coarse system")
         rows, L, pivots = np.empty(count, np.int32), *(np.zeros(k * d * d + SPARE) for k in (count, n))
-        factor = _int32(rows), pointer(L), pointer(pivots)
+        factor = *integers(rows), pointer(L), pointer(pivots)
         failed = library.coarse_factor(d, n, *listed, pointer(blocks), COARSE_DIAGONAL_SHIFT, *elimination, *factor)
         if failed < 0:
             raise MemoryError("no memory left for the coarse system")
@@ -165,9 +164,8 @@ class CoarseSpace:
     def _own_sum(self, rows: BlockCsr) -> tuple[np.ndarray, np.ndarray]:
         """Of this rank's rows: the keys i size + j of blocks (k,), i >= j, and the blocks (k, d, d)."""
         d = self.space.dim
-        starts, columns, blocks = pointers(rows)
-        matrix = (self.space.n_owned, self.space.first_block, starts, columns, blocks)
-        P = (pointer(self.starts, "int32_t"), pointer(self.columns, "int32_t"), pointer(self.weights))
+        matrix = (self.space.n_owned, self.space.first_block, *pointers(rows))
+        P = *integers(self.starts, self.columns), pointer(self.weights)
         while True:
             keys, sums = np.empty(self._room, np.int64), np.empty((self._room, d, d))
             listed = (self._room, pointer(keys, "int64_t"), pointer(sums))
@@ -182,12 +180,8 @@ class CoarseSpace:
         """Names the correction to a `linear_system *` of native/; this object has to be kept."""
         first = self.space.first_block
         system.nodes = self.size
-        system.p_starts = pointer(self.starts[first:], "int32_t")
-        system.p_columns, system.p_weights = pointer(self.columns, "int32_t"), pointer(self.weights)
+        system.p_starts, system.p_columns = integers(self.starts[first:], self.columns)
+        system.p_weights = pointer(self.weights)
         order, starts, rows, L, pivots = self._factor
-        system.order, system.l_starts, system.l_rows = map(_int32, (order, starts, rows))
+        system.order, system.l_starts, system.l_rows = integers(order, starts, rows)
         system.l_blocks, system.pivots = pointer(L), pointer(pivots)
-
-
-def _int32(array: np.ndarray) -> Any:
-    return pointer(array, "int32_t")

@@ -5,8 +5,10 @@ import sys
 from functools import cache
 from typing import Any
 
+import numpy as np
 from mpi4py import MPI
 
+from pdvol.compiled import pointer
 from pdvol.solve.linear import native
 
 
@@ -22,13 +24,50 @@ def _handle(thing: Any) -> Any:
     return native.ffi.cast("void *", number)
 
 
-def ranks(comm: MPI.Comm) -> Any:
-    """A `ranks_t *` of native/ with the functions and handles of MPI."""
-    made = native.ffi.new("ranks_t *")
-    made.comm, made.numbers, made.sum = _handle(comm), _handle(MPI.DOUBLE), _handle(MPI.SUM)
-    made.in_place = native.ffi.cast("void *", int(MPI.IN_PLACE))
-    fields = dict(native.ffi.typeof("ranks_t").fields)
-    for kind, name in (("all_reduce", "MPI_Allreduce"), ("all_to_all", "MPI_Alltoallv")):
-        address = ctypes.cast(getattr(library(), name), ctypes.c_void_p).value
-        setattr(made, kind, native.ffi.cast(fields[kind].type, address))
-    return made
+class Exchange:
+    """What ranks send each other of a vector.
+
+    Attributes
+    ----------
+    compiled : ranks_t *
+        The same for ever.
+    """
+
+    def __init__(self, comm: MPI.Comm):
+        self.compiled: Any = native.ffi.new("ranks_t *")
+        self.compiled.comm, self.compiled.numbers, self.compiled.sum = map(_handle, (comm, MPI.DOUBLE, MPI.SUM))
+        self.compiled.in_place = native.ffi.cast("void *", int(MPI.IN_PLACE))
+        fields = dict(native.ffi.typeof("ranks_t").fields)
+        for kind, name in (("all_reduce", "MPI_Allreduce"), ("all_to_all", "MPI_Alltoallv")):
+            address = ctypes.cast(getattr(library(), name), ctypes.c_void_p).value
+            setattr(self.compiled, kind, native.ffi.cast(fields[kind].type, address))
+        self._arrays: dict[str, np.ndarray] = {}
+
+    def connect(self, d: int, rows: np.ndarray, counts: np.ndarray, theirs: np.ndarray) -> None:
+        """For each rank this one's vertices that go to it, counts[rank] of `rows`, and how many come from it; `d`
+        numbers each.
+        """
+        ours, theirs = d * counts, d * theirs
+        indices = {"row": rows, "counts": ours, "their_counts": theirs}
+        indices |= {"starts": _firsts(ours), "their_starts": _firsts(theirs)}
+        numbers = {"sent": np.empty(d * len(rows)), "received": np.empty(int(theirs.sum()))}
+        self.compiled.rows = len(rows)
+        for name, array in indices.items():
+            setattr(self.compiled, name, pointer(array, "int32_t"))
+        for name, array in numbers.items():
+            setattr(self.compiled, name, pointer(array))
+        self._arrays = indices | numbers
+
+
+def exchanged(comm: MPI.Comm, numbers: np.ndarray, counts: np.ndarray, theirs: np.ndarray) -> np.ndarray:
+    """What comes from the others, theirs[rank] numbers from each, where each gets counts[rank] of `numbers` (flat or
+    not). Collective.
+    """
+    came = np.empty(int(theirs.sum()), numbers.dtype)
+    comm.Alltoallv([numbers, (counts, _firsts(counts))], [came, (theirs, _firsts(theirs))])
+    return came
+
+
+def _firsts(counts: np.ndarray) -> np.ndarray:
+    """Where groups of so many numbers begin."""
+    return np.cumsum(counts, dtype=np.int32) - counts

@@ -3,7 +3,7 @@ their own.
 
 | method | what it is | `auto` uses it |
 |---|---|---|
-| iterative | conjugate gradients, incomplete Cholesky (of each rank's own rows) | first |
+| iterative | conjugate gradients, incomplete Cholesky (by ranks, whose factors overlap) | first |
 | multilevel | the same with a coarse space added | where it saves more than it costs |
 | direct | MUMPS' Cholesky | for a system on which conjugate gradients failed; after two in a row to the step's end |
 
@@ -234,8 +234,8 @@ class LinearSolver:
         return self._spaces[min(self._space, len(self._spaces) - 1)]
 
     def _factor_incompletely(self) -> bool:
-        """Incomplete Cholesky factor of the blocks between each rank's vertices. Returns whether the matrix may be
-        positive definite: all diagonal blocks are. Collective.
+        """Incomplete Cholesky factor of the new matrix. Returns whether the matrix may be positive definite: all
+        diagonal blocks are. Collective.
         """
         tries = self._system.factor_incompletely(self._drop)
         if tries == 0:

@@ -2,71 +2,18 @@
 with the contacts; and what ranks exchange in products with it, since each holds the rows of its own vertices.
 """
 
-from typing import Any
 from weakref import proxy
 
 import numpy as np
 from mpi4py import MPI
 
 from pdvol.compat import PETSc
+from pdvol.compiled import integers, pointer
 from pdvol.levels.space import LevelSpace
-from pdvol.potentials.assembly.hessian_blocks import SPARE, BlockCsr, HessianBlocks, room_of_rows
-from pdvol.potentials.assembly.native import pointer
-from pdvol.solve.linear import messages, native
-
-
-class Halo:
-    """The couplings of this rank's vertices with those of others, and what ranks exchange for products.
-
-    Construction needs no message: each coupling is on both ranks.
-
-    Parameters
-    ----------
-    space : LevelSpace
-    rows : BlockCsr
-        This rank's rows, as `HessianBlocks.merged` gives them.
-    last : the halo of the last matrix, whose memory is used again
-
-    Attributes
-    ----------
-    own : BlockCsr
-        Blocks between this rank's vertices, on or right of the diagonal, in its own numbers.
-    far : BlockCsr
-        Blocks between this rank's vertices and others', these numbered from 0.
-    values : (ghosts, d)
-        What the others have sent of a vector.
-    ranks : ranks_t *
-    """
-
-    def __init__(self, space: LevelSpace, rows: BlockCsr, last: "Halo | None" = None):
-        d, first, n = space.dim, space.first_block, space.n_owned
-        count = len(rows[1])
-        self._parts: list[BlockCsr] = last._parts if last is not None else []
-        if not self._parts or count > len(self._parts[0][1]):
-            self._parts = [room_of_rows(n, 2 * count, d) for _ in range(2)]
-        self.own, (starts, columns, blocks) = _split(rows, d, first, self._parts)
-        row = np.repeat(np.arange(n), np.diff(starts))
-        number = np.full(space.rank_ends[-1], -1, dtype=np.int32)
-        number[columns] = 0
-        ghosts = np.flatnonzero(number == 0)
-        number[ghosts] = np.arange(len(ghosts))
-        self.far = starts, number[columns], blocks
-        # Whose vertices are ghosts here has this rank's coupled vertices as ghosts, in the same order.
-        ranks = len(space.rank_ends)
-        owners = np.searchsorted(space.rank_ends, ghosts, side="right")
-        coupled = np.zeros((ranks, n), dtype=bool)
-        coupled[owners[self.far[1]], row] = True
-        self._rows = np.nonzero(coupled)[1].astype(np.int32)
-        self.values = np.zeros((len(ghosts), d))
-        counts = d * coupled.sum(axis=1), d * np.bincount(owners, minlength=ranks)
-        self._counts = [np.asarray(each, dtype=np.int32) for own in counts for each in (own, np.cumsum(own) - own)]
-        self.ranks: Any = last.ranks if last is not None else messages.ranks(space.comm)
-        self.ranks.rows, self.ranks.row = len(self._rows), pointer(self._rows, "int32_t")
-        names = ("counts", "starts", "their_counts", "their_starts")
-        for name, array in zip(names, self._counts, strict=True):
-            setattr(self.ranks, name, pointer(array, "int32_t"))
-        self._sent = np.zeros((len(self._rows), d))
-        self.ranks.sent = pointer(self._sent)
+from pdvol.potentials.assembly.hessian_blocks import SPARE, BlockCsr, HessianBlocks, pointers
+from pdvol.solve.linear import native
+from pdvol.solve.linear.halo import Halo
+from pdvol.solve.linear.overlap import Overlap
 
 
 class _Context:
@@ -115,7 +62,7 @@ class SystemMatrix:
         self._factor_starts = np.zeros(space.n_owned + 1, dtype=np.int32)
         self._factor_columns = np.zeros(0, dtype=np.int32)
         self._halo: Halo | None = None
-        self._far = np.zeros((0, space.dim))
+        self._overlap: Overlap | None = None
         self._petsc: PETSc.Mat = None
         self._blocked: PETSc.Mat = None
         self._pattern: tuple[np.ndarray, np.ndarray] | None = None
@@ -128,29 +75,31 @@ class SystemMatrix:
         """
         self.rows = self.own = blocks.merged(self.all_supported if eliminate else None)
         self._petsc = None
-        system = self.compiled
         if self.space.comm.size > 1:
-            self._halo = halo = Halo(self.space, self.rows, self._halo)
-            self.own, self._far = halo.own, halo.values
-            system.far_starts, system.far_columns, system.far_blocks = pointers(halo.far)
-            system.ranks = halo.ranks
-        system.starts, system.columns, system.blocks = pointers(self.own)
+            self._halo = Halo(self.space, self.compiled, self.rows, self._halo)
+            self._overlap = Overlap(self.space, self.compiled, self._halo, self._overlap)
+            self.own = self._halo.own
+        else:
+            self.compiled.starts, self.compiled.columns, self.compiled.blocks = pointers(self.own)
 
     def factor_incompletely(self, drop: float = 0.0) -> int:
-        """Makes the incomplete Cholesky factor of `own` that `compiled` then names: without blocks whose size is below
-        `drop` times that of the diagonal blocks beside them. Returns the number of tries (`incomplete_cholesky`).
+        """Makes the incomplete Cholesky factor that `compiled` then names: of `own` and the vertices of other ranks
+        that are strongly coupled with it, without blocks whose size is below `drop` times that of the diagonal blocks
+        beside them. Returns the number of tries (`incomplete_cholesky`).
         """
-        compiled, blocks = self.compiled, self.own[2]
-        if len(self._factor) < blocks.size + SPARE:
-            self._factor = np.empty(2 * blocks.size + SPARE, dtype=np.float32)
-            self._factor_columns = np.empty(2 * len(blocks), dtype=np.int32)
+        compiled, d, count = self.compiled, self.space.dim, len(self.own[1])
+        if self._overlap is not None:
+            count += len(self._overlap.rows[1])
+        if len(self._factor_columns) < count:
+            self._factor = np.empty(2 * count * d * d + SPARE, dtype=np.float32)
+            self._factor_columns = np.empty(2 * count, dtype=np.int32)
+        rows = compiled.count + compiled.others
+        if len(self._factor_starts) <= rows:
+            self._factor_starts = np.zeros(rows + compiled.others + 1, dtype=np.int32)
         compiled.factor = pointer(self._factor, "float")
-        compiled.factor_starts = pointer(self._factor_starts, "int32_t")
-        compiled.factor_columns = pointer(self._factor_columns, "int32_t")
-        matrix = (compiled.d, compiled.count, compiled.starts, compiled.columns, compiled.blocks)
-        factor = (compiled.factor_starts, compiled.factor_columns, compiled.factor)
-        tries = native.library.incomplete_cholesky(*matrix, drop, *factor)
-        self._factor[self._factor_starts[-1] * compiled.d**2 :][:SPARE] = 0.0
+        compiled.factor_starts, compiled.factor_columns = integers(self._factor_starts, self._factor_columns)
+        tries = native.library.incomplete_cholesky(compiled, drop)
+        self._factor[self._factor_starts[rows] * d * d :][:SPARE] = 0.0
         return tries
 
     def solve(
@@ -170,15 +119,13 @@ class SystemMatrix:
         found, count = np.zeros(len(right)), native.ffi.new("int32_t *")
         begin = native.ffi.NULL if start is None else pointer(start)
         reason = native.library.conjugate_gradients(
-            self.compiled, pointer(right), begin, tolerance, most, pointer(self._far), pointer(found), count
+            self.compiled, pointer(right), begin, tolerance, most, pointer(found), count
         )
         return found, reason, count[0]
 
     def multiply(self, x: PETSc.Vec, y: PETSc.Vec) -> None:
         """y = A x, by `shell`. Collective."""
-        native.library.symmetric_product(
-            self.compiled, pointer(x.getArray(readonly=True)), pointer(self._far), pointer(y.getArray())
-        )
+        native.library.symmetric_product(self.compiled, pointer(x.getArray(readonly=True)), pointer(y.getArray()))
 
     @property
     def _upper(self) -> BlockCsr:
@@ -214,23 +161,3 @@ class SystemMatrix:
                 self._petsc = self._blocked.convert("aij", PETSc.Mat())  # one that is converted again is not symmetric
                 self._petsc.setOption(PETSc.Mat.Option.SPD, True)
         return self._petsc
-
-
-def pointers(rows: BlockCsr) -> tuple[Any, Any, Any]:
-    """A block CSR for C, whose arrays must be kept."""
-    starts, columns, blocks = rows
-    return pointer(starts, "int32_t"), pointer(columns, "int32_t"), pointer(blocks)
-
-
-def _split(rows: BlockCsr, d: int, first: int, parts: list[BlockCsr]) -> tuple[BlockCsr, BlockCsr]:
-    """What couples the vertices from `first` on, whose rows these are, in their own numbers; and what couples them with
-    others, with global columns. Both are in the memory of `parts`.
-    """
-    n = len(rows[0]) - 1
-    native.library.split_rows(d, n, first, *pointers(rows), *pointers(parts[0]), *pointers(parts[1]))
-    found = []
-    for begin, at, values in parts:
-        end = int(begin[n])
-        values[end * d * d :][:SPARE] = 0.0
-        found.append((begin, at[:end], values[: end * d * d].reshape(end, d, d)))
-    return found[0], found[1]

@@ -1,4 +1,4 @@
-/* Products with a symmetric matrix in blocks, conjugate gradients (Hestenes and Stiefel 1952), and the rows of a rank in two parts. */
+/* Products with a symmetric matrix in blocks and conjugate gradients (Hestenes and Stiefel 1952). */
 #include "linear.h"
 #include <math.h>
 #include <stdlib.h>
@@ -7,9 +7,10 @@
 INLINE double across(int d, wide v) { return d == 3 ? v[0] + v[1] + v[2] : v[0] + v[1]; }
 
 /* y = A x; returns x' y of these rows. */
-INLINE double product(int d, const linear_system *s, const double *x, const double *far, double *y)
+INLINE double product(int d, const linear_system *s, const double *x, double *y)
 {
     const int dd = d * d;
+    const double *far = s->ranks ? s->ranks->received : 0;
     double total = 0.0;
     memset(y, 0, (size_t)s->count * 4 * sizeof(double));
     for (int64_t i = 0; i < s->count; ++i) {
@@ -52,33 +53,67 @@ void sum_over_ranks(const linear_system *s, double *numbers, int32_t count)
         ranks->all_reduce(ranks->in_place, numbers, count, ranks->numbers, ranks->sum, ranks->comm);
 }
 
-/* Other ranks' values (.., d) of a vector that has four numbers a vertex. */
-static void exchange(const linear_system *s, const double *own, double *far)
+/* The numbers in `sent` to others, theirs to `received`; or back. */
+static void exchange(const ranks_t *r, int back)
 {
-    const ranks_t *ranks = s->ranks;
-    for (int64_t k = 0; k < ranks->rows; ++k)
-        for (int a = 0; a < s->d; ++a)
-            ranks->sent[k * s->d + a] = own[(int64_t)ranks->row[k] * 4 + a];
-    ranks->all_to_all(ranks->sent, ranks->counts, ranks->starts, ranks->numbers, far, ranks->their_counts, ranks->their_starts, ranks->numbers,
-                      ranks->comm);
+    if (back)
+        r->all_to_all(r->received, r->their_counts, r->their_starts, r->numbers, r->sent, r->counts, r->starts, r->numbers, r->comm);
+    else
+        r->all_to_all(r->sent, r->counts, r->starts, r->numbers, r->received, r->their_counts, r->their_starts, r->numbers, r->comm);
 }
 
-static double times(const linear_system *s, const double *x, double *far, double *y)
+static double times(const linear_system *s, const double *x, double *y)
 {
-    if (s->ranks)
-        exchange(s, x, far);
-    else
-        far = 0;
-    double total = s->d == 3 ? product(3, s, x, far, y) : product(2, s, x, far, y);
+    const ranks_t *ranks = s->ranks;
+    if (ranks) {
+        for (int64_t k = 0; k < ranks->rows; ++k)
+            for (int a = 0; a < s->d; ++a)
+                ranks->sent[k * s->d + a] = x[(int64_t)ranks->row[k] * 4 + a];
+        exchange(ranks, 0);
+    }
+    double total = s->d == 3 ? product(3, s, x, y) : product(2, s, x, y);
     sum_over_ranks(s, &total, 1);
     return total;
+}
+
+static void weigh(const linear_system *s, float *z)
+{
+    for (int64_t i = 0; i < s->count; ++i)
+        *(narrow *)(z + i * 4) *= s->weights[i];
+}
+
+/* z = sum over ranks of W (R' R)^-1 W z, where W weighs a vertex of several factors equally in all: symmetric, and the identity where factors are. */
+static void precondition_with_others(const linear_system *s, float *z)
+{
+    const ranks_t *ranks = s->overlap;
+    const int64_t n = s->count, d = s->d;
+    weigh(s, z);
+    for (int64_t k = 0; k < ranks->rows; ++k)
+        for (int a = 0; a < d; ++a)
+            ranks->sent[k * d + a] = z[(int64_t)ranks->row[k] * 4 + a];
+    exchange(ranks, 0);
+    for (int64_t k = 0; k < s->others; ++k)
+        for (int a = 0; a < 4; ++a)
+            z[(n + k) * 4 + a] = a < d ? ranks->received[k * d + a] : 0.0;
+    precondition_locally(s, z);
+    for (int64_t k = 0; k < s->others; ++k)
+        for (int a = 0; a < d; ++a)
+            ranks->received[k * d + a] = z[(n + k) * 4 + a];
+    exchange(ranks, 1);
+    for (int64_t k = 0; k < ranks->rows; ++k)
+        for (int a = 0; a < d; ++a)
+            z[(int64_t)ranks->row[k] * 4 + a] += ranks->sent[k * d + a];
+    weigh(s, z);
 }
 
 /* z = M r, where z is r at first; returns r' z. */
 static double precondition(const linear_system *s, const double *r, double *coarse, float *z)
 {
     const int64_t n = s->count;
-    precondition_locally(s, z);
+    if (s->overlap)
+        precondition_with_others(s, z);
+    else
+        precondition_locally(s, z);
     if (s->nodes)
         add_coarse_correction(s, r, coarse, z);
     wide sum = {0};
@@ -103,14 +138,14 @@ static void strip(int d, int64_t n, const double *x, double *out)
             out[i * d + a] = x[i * 4 + a];
 }
 
-/* y = A x, (count, d) each; far: room for other ranks' values. Returns 1 if memory ran out. */
-int symmetric_product(const linear_system *s, const double *x, double *far, double *y)
+/* y = A x, (count, d) each. Returns 1 if memory ran out. */
+int symmetric_product(const linear_system *s, const double *x, double *y)
 {
     double *v = malloc((size_t)s->count * 8 * sizeof(double) + 1);
     if (!v)
         return 1;
     pad(s->d, s->count, x, v);
-    times(s, v, far, v + 4 * s->count);
+    times(s, v, v + 4 * s->count);
     strip(s->d, s->count, v + 4 * s->count, y);
     free(v);
     return 0;
@@ -121,12 +156,12 @@ enum { NO_MEMORY = 0, CONVERGED = 2, TOO_MANY = -3, INDEFINITE_PRECONDITIONER = 
 
 /* Solves A solution = right, (count, d) each, until sqrt(r' M r) is `tolerance` times what it is at zero, M the preconditioner. Begins at `start`,
  * or at zero without one. Returns one of the numbers above; *iterations: how many there were. */
-int conjugate_gradients(const linear_system *s, const double *right, const double *start, double tolerance, int32_t most, double *far,
+int conjugate_gradients(const linear_system *s, const double *right, const double *start, double tolerance, int32_t most,
                         double *solution, int32_t *iterations)
 {
     const int64_t m = 4 * (int64_t)s->count;
     double *r = calloc(4 * m + (int64_t)s->nodes * (s->d + 4) + SPARE, sizeof(double)), *p = r + m, *q = p + m, *x = q + m, *coarse = x + m;
-    float *z = malloc(m * sizeof(float) + 1);
+    float *z = malloc((m + 4 * (int64_t)s->others) * sizeof(float) + 1);
     int reason = TOO_MANY;
     double first = 0.0, before = 1.0;
     *iterations = 0;
@@ -140,7 +175,7 @@ int conjugate_gradients(const linear_system *s, const double *right, const doubl
     if (start) {
         first = precondition(s, r, coarse, z);
         pad(s->d, s->count, start, x);
-        times(s, x, far, q);
+        times(s, x, q);
         for (int64_t k = 0; k < m; ++k)
             z[k] = r[k] -= q[k];
     }
@@ -160,7 +195,7 @@ int conjugate_gradients(const linear_system *s, const double *right, const doubl
         before = now;
         for (int64_t k = 0; k < m; ++k)
             p[k] = z[k] + beta * p[k];
-        const double curvature = times(s, p, far, q);
+        const double curvature = times(s, p, q);
         if (!(curvature > 0.0)) {
             reason = isfinite(curvature) ? INDEFINITE_MATRIX : NOT_A_NUMBER;
             break;
@@ -174,25 +209,4 @@ int conjugate_gradients(const linear_system *s, const double *right, const doubl
     strip(s->d, s->count, x, solution);
     free(r), free(z);
     return reason;
-}
-
-/* The rows of a rank in two parts: what couples its own vertices, and what couples them with those of others. Block CSR with ascending columns each; columns of the second part are global. */
-void split_rows(int d, int64_t rows, int64_t first, const int32_t *starts, const int32_t *columns, const double *blocks, int32_t *own_starts,
-                int32_t *own_columns, double *own_blocks, int32_t *far_starts, int32_t *far_columns, double *far_blocks)
-{
-    const int dd = d * d;
-    int64_t own = 0, far = 0;
-    for (int64_t i = 0; i < rows; ++i) {
-        own_starts[i] = own, far_starts[i] = far;
-        for (int64_t k = starts[i]; k < starts[i + 1]; ++k) {
-            const int64_t column = columns[k] - first;
-            const int inside = column >= 0 && column < rows;
-            memcpy(inside ? own_blocks + own * dd : far_blocks + far * dd, blocks + k * dd, dd * sizeof(double));
-            if (inside)
-                own_columns[own++] = column;
-            else
-                far_columns[far++] = columns[k];
-        }
-    }
-    own_starts[rows] = own, far_starts[rows] = far;
 }

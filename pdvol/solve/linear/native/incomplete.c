@@ -35,18 +35,17 @@ INLINE int invert_root(int d, const float *A, float *inverse)
     return 0;
 }
 
-INLINE double squares(int dd, const double *block)
-{
-    double sum = 0.0;
-    for (int e = 0; e < dd; ++e)
-        sum += block[e] * block[e];
-    return sum;
-}
+/* Rows of a block CSR: those of a rank's own vertices, and what comes to them and behind them by vertices of other ranks. */
+typedef struct {
+    int64_t count;
+    const int32_t *starts, *columns;
+    const double *blocks;
+} rows_t;
 
-/* One row after the other is gathered in `row`, blocks of d rows of four numbers; `place` has the row's block in each column. Done rows wait in the
- * list of the column that they change next. Returns the first row whose pivot fails, or n. */
-INLINE int64_t try_shift(int d, int64_t n, const int32_t *starts, const int32_t *columns, const double *blocks, const double *least, float shift,
-                         int32_t *r_starts, int32_t *r_columns, float *R, float *row, int32_t *place, int32_t *next, int32_t *first, int32_t *at)
+/* One row after the other is gathered from both `parts` in `row`, blocks of d rows of four numbers; `place` has the row's block in each column. Done
+ * rows wait in the list of the column that they change next. Returns the first row whose pivot fails, or n. */
+INLINE int64_t try_shift(int d, int64_t n, const rows_t *parts, const double *least, float shift, int32_t *r_starts, int32_t *r_columns, float *R,
+                         float *row, int32_t *place, int32_t *next, int32_t *first, int32_t *at)
 {
     const int dd = d * d, s = 4 * d;
     int64_t end = 0;
@@ -54,14 +53,16 @@ INLINE int64_t try_shift(int d, int64_t n, const int32_t *starts, const int32_t 
         place[i] = first[i] = -1;
     for (int64_t i = 0; i < n; ++i) {
         const int64_t begin = end;
-        for (int64_t k = starts[i]; k < starts[i + 1]; ++k) {
-            const double *block = blocks + k * dd;
-            if (least && k > starts[i] && squares(dd, block) < least[i] * least[columns[k]])
-                continue;
-            for (int a = 0; a < d; ++a)
-                *(narrow *)(row + (end - begin) * s + a * 4) = __builtin_convertvector(*(const wide *)(block + a * d), narrow);
-            place[columns[k]] = end, r_columns[end++] = columns[k];
-        }
+        for (const rows_t *part = parts; part < parts + 2; ++part)
+            for (int64_t k = i < part->count ? part->starts[i] : 0; k < (i < part->count ? part->starts[i + 1] : 0); ++k) {
+                const double *block = part->blocks + k * dd;
+                const int64_t j = part->columns[k];
+                if (least && end > begin && squares(dd, block) < least[i] * least[j])
+                    continue;
+                for (int a = 0; a < d; ++a)
+                    *(narrow *)(row + (end - begin) * s + a * 4) = __builtin_convertvector(*(const wide *)(block + a * d), narrow);
+                place[j] = end, r_columns[end++] = j;
+            }
         r_starts[i] = begin, r_starts[i + 1] = end;
         for (int a = 0; a < d; ++a)
             *(narrow *)(row + a * 4) *= 1.0f + shift;
@@ -115,25 +116,37 @@ INLINE int is_indefinite(int d, const double *block)
     return invert_root(d, A, inverse);
 }
 
-INLINE int factor(int d, int64_t n, const int32_t *starts, const int32_t *columns, const double *blocks, double drop, int32_t *r_starts,
-                  int32_t *r_columns, float *R)
+/* The block on the diagonal at vertex i of the factor. */
+INLINE const double *diagonal(int d, const linear_system *s, int64_t i)
 {
+    return i < s->count ? s->blocks + (int64_t)s->starts[i] * d * d : s->others_blocks + (int64_t)s->others_starts[i] * d * d;
+}
+
+INLINE int factor(int d, const linear_system *s, double drop)
+{
+    const rows_t parts[2] = {{s->count, s->starts, s->columns, s->blocks},
+                             {s->others_starts ? s->count + s->others : 0, s->others_starts, s->others_columns, s->others_blocks}};
+    const int64_t n = s->count + s->others;
     int64_t longest = 0;
-    for (int64_t i = 0; i < n; ++i)
-        longest = starts[i + 1] - starts[i] > longest ? starts[i + 1] - starts[i] : longest;
+    for (int64_t i = 0; i < n; ++i) {
+        int64_t length = 0;
+        for (int p = 0; p < 2; ++p)
+            length += i < parts[p].count ? parts[p].starts[i + 1] - parts[p].starts[i] : 0;
+        longest = length > longest ? length : longest;
+    }
     float *row = malloc(longest * 4 * d * sizeof(float) + 1);
     int32_t *lists = malloc(4 * n * sizeof(int32_t) + 1);
     double *least = drop > 0.0 ? malloc(n * sizeof(double) + 1) : 0;
     int tries = 0;
     for (int64_t i = 0; least && i < n; ++i)
-        least[i] = drop * sqrt(squares(d * d, blocks + (int64_t)starts[i] * d * d));
+        least[i] = drop * sqrt(squares(d * d, diagonal(d, s, i)));
     for (float shift = 0.0f; row && lists && (least || !(drop > 0.0)); shift = shift > 0.0f ? SHIFT_RATIO * shift : FIRST_SHIFT) {
         ++tries;
-        const int64_t failed = try_shift(d, n, starts, columns, blocks, least, shift, r_starts, r_columns, R, row, lists, lists + n, lists + 2 * n,
-                                         lists + 3 * n);
+        const int64_t failed = try_shift(d, n, parts, least, shift, s->factor_starts, s->factor_columns, s->factor, row, lists, lists + n,
+                                         lists + 2 * n, lists + 3 * n);
         if (failed == n)
             break;
-        if (is_indefinite(d, blocks + (int64_t)starts[failed] * d * d) || isinf(shift)) {
+        if (is_indefinite(d, diagonal(d, s, failed)) || isinf(shift)) {
             tries = -1;
             break;
         }
@@ -142,14 +155,10 @@ INLINE int factor(int d, int64_t n, const int32_t *starts, const int32_t *column
     return tries;
 }
 
-/* R, block CSR, of A without the blocks beside the diagonal with |A_ij|^2 < drop^2 |A_ii| |A_jj|; room for as many blocks as A has. Diagonal blocks
- * are inverted. Returns the number of tries, -1 where a diagonal block of A is not positive definite, and 0 where memory ran out. */
-int incomplete_cholesky(int d, int64_t n, const int32_t *starts, const int32_t *columns, const double *blocks, double drop, int32_t *r_starts,
-                        int32_t *r_columns, float *R)
-{
-    return d == 3 ? factor(3, n, starts, columns, blocks, drop, r_starts, r_columns, R)
-                  : factor(2, n, starts, columns, blocks, drop, r_starts, r_columns, R);
-}
+/* R of A without the blocks beside the diagonal with |A_ij|^2 < drop^2 |A_ii| |A_jj|, in the system's factor_starts, factor_columns (room for as many
+ * blocks as A has) and factor. Diagonal blocks are inverted. Returns the number of tries, -1 where a diagonal block of A is not positive definite,
+ * and 0 where memory ran out. */
+int incomplete_cholesky(const linear_system *s, double drop) { return s->d == 3 ? factor(3, s, drop) : factor(2, s, drop); }
 
 INLINE void solve(int d, int64_t n, const int32_t *starts, const int32_t *columns, const float *R, float *v)
 {
@@ -194,8 +203,9 @@ INLINE void solve(int d, int64_t n, const int32_t *starts, const int32_t *column
 
 void precondition_locally(const linear_system *s, float *z)
 {
+    const int64_t n = s->count + s->others;
     if (s->d == 3)
-        solve(3, s->count, s->factor_starts, s->factor_columns, s->factor, z);
+        solve(3, n, s->factor_starts, s->factor_columns, s->factor, z);
     else
-        solve(2, s->count, s->factor_starts, s->factor_columns, s->factor, z);
+        solve(2, n, s->factor_starts, s->factor_columns, s->factor, z);
 }

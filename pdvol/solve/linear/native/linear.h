@@ -9,6 +9,15 @@
 typedef double wide __attribute__((vector_size(32), aligned(8), may_alias));
 typedef float narrow __attribute__((vector_size(16), aligned(4), may_alias));
 
+/* The square of a block's Frobenius norm. */
+INLINE double squares(int dd, const double *block)
+{
+    double sum = 0.0;
+    for (int e = 0; e < dd; ++e)
+        sum += block[e] * block[e];
+    return sum;
+}
+
 /* Sums numbers over all ranks, in place. */
 void sum_over_ranks(const linear_system *s, double *numbers, int32_t count);
 #endif
