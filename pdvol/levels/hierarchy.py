@@ -33,6 +33,8 @@ class Hierarchy(Sequence[LevelSpace]):
     comm : MPI.Comm
     interpolant : str
         A name in `pdvol.registry.INTERPOLANTS`.
+    places : (n, d) [m]
+        Positions of the finest level by which it is divided among the ranks.
 
     Raises
     ------
@@ -40,12 +42,19 @@ class Hierarchy(Sequence[LevelSpace]):
         No level; an unknown interpolant. On all ranks, before any communication.
     """
 
-    def __init__(self, level_meshes: Sequence[LevelMesh], comm: MPI.Comm, interpolant: str = "barycentric"):
+    def __init__(
+        self,
+        level_meshes: Sequence[LevelMesh],
+        comm: MPI.Comm,
+        interpolant: str = "barycentric",
+        places: np.ndarray | None = None,
+    ):
         if len(level_meshes) == 0:
             raise ValueError("a hierarchy needs at least one level")
         INTERPOLANTS.check(interpolant)
         self.comm, self.interpolant = comm, interpolant
-        self._spaces = tuple(LevelSpace(mesh, comm) for mesh in level_meshes)
+        *coarser, finest = level_meshes
+        self._spaces = (*(LevelSpace(mesh, comm) for mesh in coarser), LevelSpace(finest, comm, places))
         self._bindings: dict[int, Binding] = {}
         self._prolongations: dict[int, Prolongation] = {}
 

@@ -42,6 +42,13 @@ class Collected:
 class LevelSpace:
     """P1 vector space on a `LevelMesh`, distributed over `comm`. Construction is collective.
 
+    Parameters
+    ----------
+    mesh : LevelMesh
+    comm : MPI.Comm
+    places : (n, d) [m]
+        Positions by which `shared_cells` divides the cells among the ranks.
+
     Attributes
     ----------
     mesh : LevelMesh
@@ -67,8 +74,8 @@ class LevelSpace:
         Local indices of their vertices.
     """
 
-    def __init__(self, mesh: LevelMesh, comm: MPI.Comm):
-        domain = compat.create_mesh(comm, mesh.points, mesh.cells, shared_cells(mesh, comm.size))
+    def __init__(self, mesh: LevelMesh, comm: MPI.Comm, places: np.ndarray | None = None):
+        domain = compat.create_mesh(comm, mesh.points, mesh.cells, shared_cells(mesh, comm.size, places))
         V = fem.functionspace(domain, ("Lagrange", 1, (mesh.dim,)))
         points = _of_blocks(V, np.asarray(domain.geometry.input_global_indices))
         self._number(mesh, V, points[: V.dofmap.index_map.size_local])

@@ -25,6 +25,7 @@ from pdvol.errors import InputError, PdvolError, SimulationError
 from pdvol.levels.hierarchy import Hierarchy
 from pdvol.levels.model import hierarchy_model
 from pdvol.levels.obstacles import placed_obstacles
+from pdvol.levels.partition import carried
 from pdvol.parallel import on_root
 from pdvol.processes import die_with_parent, give_memory_back, without_launcher
 from pdvol.runs.launcher import rank_command
@@ -314,10 +315,24 @@ def _march(run: Run, level: int, keeper: Connection | None, comm: MPI.Comm, line
         shows = reported_to(StageLines(cast(TextIO, _Sent(keeper, lines == "terminal"))))
     with shows:
         shot = stored_shot(info)
-        hierarchy = Hierarchy([stored.mesh for stored in run.levels[: level + 1]], comm, info["prolongation"])
+        meshes = [stored.mesh for stored in run.levels[: level + 1]]
+        places = on_root(comm, lambda: _places(run, level, shot.scene.steps)) if level and comm.size > 1 else None
+        hierarchy = Hierarchy(meshes, comm, info["prolongation"], places)
         model = hierarchy_model(shot.scene, hierarchy, level, info["diagonal"], placed_obstacles(shot.scene.obstacles))
         give_memory_back()
         run_level(model, hierarchy, info["method"], writer, writer.watch)
+
+
+def _places(run: Run, level: int, steps: int) -> np.ndarray | None:
+    """(n, d) [m]: about where a level's vertices will be when most of them touch, by the level below; None while that
+    one runs, or where nothing touches.
+    """
+    below = run.levels[level - 1]
+    contacts = [record["contacts"] for record in below.log if "contacts" in record]
+    if below.steps <= steps or not any(contacts):
+        return None
+    most = next(record["step"] for record in below.log if record.get("contacts") == max(contacts))
+    return carried(below.mesh, below.positions(most), run.levels[level].mesh)
 
 
 if __name__ == "__main__":

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pdvol.geometry.level_mesh import LevelMesh
-from pdvol.levels.partition import shared_cells
+from pdvol.levels.partition import carried, shared_cells
 from shapes import grid
 
 
@@ -87,3 +87,35 @@ def test_bodies_of_unequal_size_are_cut_where_no_sum_is_near_a_half():
     )
     shares = np.bincount(shared_cells(mesh, 2)) / sum(counts)
     assert abs(shares - 0.5).max() < 0.05
+
+
+def test_bodies_are_cut_where_they_will_touch():
+    """Two cubes that lie side by side at rest, and on each other later: each rank gets a part of both."""
+    mesh = stack(3, 0)
+    aside = shared_cells(mesh, 2)
+    places = mesh.points.copy()
+    places[mesh.point_bodies == 1] += [-1.01, 0.0, 1.01]
+    owner = shared_cells(mesh, 2, places)
+    for body in (0, 1):
+        assert 0.4 < np.mean(owner[mesh.bodies == body]) < 0.6
+    centres = places[mesh.cells].mean(axis=1)
+    assert any(centres[owner == 0, axis].max() <= centres[owner == 1, axis].min() for axis in (0, 1))
+    assert (owner != aside).any()
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_finer_vertices_are_carried_by_the_cells_near_them(dim):
+    """Each body by its own affine motion, exactly; the coarser body does not have to contain the finer one."""
+    coarse, fine = (
+        LevelMesh(
+            np.concatenate([shape.points, np.asarray(shape.points) + 1.001]),
+            np.concatenate([shape.cells, np.asarray(shape.cells) + len(shape.points)]),
+            np.repeat([0, 1], len(shape.cells)).astype(np.int32),
+            np.zeros(2 * len(shape.cells), np.int32),
+        )
+        for shape in (grid(*[np.linspace(0.0, 1.0, 3)] * dim), grid(*[np.linspace(-0.02, 1.02, 6)] * dim))
+    )
+    rng = np.random.default_rng(0)
+    maps, shifts = rng.standard_normal((2, dim, dim)), rng.standard_normal((2, dim))
+    moved = lambda mesh: (maps[mesh.point_bodies] @ mesh.points[..., None])[..., 0] + shifts[mesh.point_bodies]
+    np.testing.assert_allclose(carried(coarse, moved(coarse), fine), moved(fine), atol=1e-12)
