@@ -17,7 +17,8 @@ STRONG = 0.2
 
 
 class Halo:
-    """The rows of a rank in two parts, named to a `linear_system *`, and the vertices that are coupled with others'.
+    """The rows of a rank in two parts, and its vertices that are coupled with others'. Both are written into a
+    `linear_system *`.
 
     Construction needs no message: each coupling is on both ranks.
 
@@ -38,7 +39,7 @@ class Halo:
     rows : (k,) int32
         For each rank, this rank's vertices that are coupled with its, ascending. They are numbered there in this order.
     strong : (k,) uint8
-        One where a coupling is strong.
+        One where the coupling is strong (`STRONG`).
     counts, their_counts : (ranks,) int32
         Of `rows`, and of each rank's vertices that are coupled with this one's.
     exchange : Exchange

@@ -20,8 +20,8 @@ from pdvol.solve.linear.messages import Exchange, exchanged
 
 
 class Overlap:
-    """The rows that other ranks' vertices add to a factor, and what ranks exchange to solve with it; named to a
-    `linear_system *`.
+    """The rows that other ranks' vertices add to a factor, and what ranks exchange to solve with it. Both are written
+    into a `linear_system *`.
 
     Blocks between vertices of two other ranks are left out: neither of these knows that both are here. Construction is
     collective.
@@ -32,7 +32,7 @@ class Overlap:
     system : linear_system *
     halo : Halo
         Of the same matrix.
-    last : the overlap of the last matrix, whose memory is used again
+    last : the overlap of the last matrix, whose exchange is used again
 
     Attributes
     ----------

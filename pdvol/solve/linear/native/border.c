@@ -4,7 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* The rows of a rank in two parts: what couples its own vertices, and what couples them with those of others. Block CSR with ascending columns each; columns of the second part are global. */
+/* Block CSR with ascending columns each; columns of the second part are global. */
 void split_rows(int d, int64_t rows, int64_t first, const int32_t *starts, const int32_t *columns, const double *blocks, int32_t *own_starts,
                 int32_t *own_columns, double *own_blocks, int32_t *far_starts, int32_t *far_columns, double *far_blocks)
 {

@@ -82,7 +82,7 @@ static void weigh(const linear_system *s, float *z)
         *(narrow *)(z + i * 4) *= s->weights[i];
 }
 
-/* z = sum over ranks of W (R' R)^-1 W z, where W weighs a vertex of several factors equally in all: symmetric, and the identity where factors are. */
+/* z = sum over ranks of W (R' R)^-1 W z with the weights W, so that a vertex of several factors counts once. */
 static void precondition_with_others(const linear_system *s, float *z)
 {
     const ranks_t *ranks = s->overlap;
