@@ -1,5 +1,5 @@
-"""What supports and obstacles prescribe on one level, how far their motions were carried out, and which bodies moving
-obstacles carry along.
+"""What supports and obstacles prescribe on one level, how far their motions were carried out, and what goes along with
+moving obstacles.
 
 A step begins with `begin`, each part of it that is solved at once with `begin_span`, and it ends with `end`: each
 motion is then at the step's end or behind it (`levels/script.py`).
@@ -13,13 +13,15 @@ the part before. So an obstacle that turns never stays on a chord of its arc.
 Bodies that are free to go are carried along by the obstacles that they would hinder (`Carriers`), and all others stay.
 That takes no solve, and where nothing is pressed it carries out the whole motion.
 
-Where supports move, or bodies are pressed against something, bodies have to give way. Newton's direction lets them give
-way to supports and, through the barrier, to obstacles; a few iterations between parts do the same. Bodies move on
-straight lines, what turns does not: a direction found for a place far ahead is blocked early. So each direction is
-found for a place `LOOK_AHEAD` times as far as the last part came.
+Where supports move, or bodies are pressed against something, bodies have to give way. A part is then one of Newton's
+directions for the place at the span's end. What touches a moving obstacle goes along with it, as a rigid continuation
+of that obstacle: seen from the obstacle it stays where it is, however far that turns or slides. Bodies stick to each
+other where they touch. Pairs that would meet otherwise are predicted to (`potentials/contact/barrier.py`). The step's
+own solve lets what was carried slide back.
 
-Where a part gains too little and a whole solve does not help, contact holds. Each motion is then tried while all others
-wait. Those that cannot go on alone wait up to the end of the span, and the clock goes on with the others.
+Where a part gains too little, Newton iterations with all motions at rest let bodies give way, twice as many each time.
+Where they converge, contact holds. Each motion is then tried while all others wait. Those that cannot go on alone wait
+up to the end of the span, and the clock goes on with the others.
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -31,24 +33,25 @@ from pdvol.geometry.rigid_motions import Pose
 from pdvol.levels.model import LevelModel
 from pdvol.levels.script import ON_TIME, HeldPoints, Mover, Obstacle, Script
 from pdvol.levels.space import LevelSpace
-from pdvol.potentials.potential import LEAST_LEFT, PRESSED_GAP_SHARE, Positions
+from pdvol.potentials.potential import LEAST_LEFT, Positions
 from pdvol.solve.incremental_potential import IncrementalPotential
 from pdvol.solve.newton import Newton
 from pdvol.solve.report import NewtonReport
 
-MAX_PARTS = 200  # parts of one span: bounds the time that a blocked motion takes
 # Fraction of the span: a part that gains less is not taken, since motions that press would close gaps to nothing. A
 # ball that presses two cubes to a wall takes 196 iterations in seven steps, with a hundredth of this 1,841.
 LEAST_GAIN = 0.02
-# Times the last part's length: how far ahead, at most at the span's end, is the place that the next direction leads to.
-# Above 1, so that parts can grow; not far above, since directions for places far ahead are blocked early.
-LOOK_AHEAD = 2.0
-RELAXING_ITERATIONS = 2  # Newton iterations between parts: enough for bodies to follow, and cheap
+# Share of a direction's way, at least, that the next one leads to where no part of it is taken: what turns goes on
+# arcs, bodies on straight lines, and directions for nearer places are better. With 0.3 or 0.5 parts take more of them.
+NEXT_AIM = 0.15
+FIRST_ITERATIONS = 4  # Newton iterations, without a unit, after a part that gained too little: few serve most
 
 Object = int | Obstacle
 """A body by its number, or an obstacle."""
 Carried = Mapping[int, Obstacle]
 """The obstacle that carries each body."""
+Along = Mapping[Obstacle, np.ndarray]
+"""The rows of this rank that go along with each obstacle."""
 
 
 class ScriptedMotion:
@@ -168,20 +171,37 @@ class ScriptedMotion:
     def carriers(self, potential: IncrementalPotential, x: Positions, until: float) -> "Carriers":
         """Who carries which body from x (at `clock`) while motions go on to `until` [s]. Collective."""
         nothing = np.zeros_like(x.owned)
-        meet = lambda of: potential.closing(x, self.path(x, until, nothing, of), until)
+        meet = lambda of: potential.closing(x, self.path(x, until, nothing, self.rows_of(of)), until)
         return Carriers(self._held_bodies, meet)
 
-    def path(self, x: Positions, until: float, direction: np.ndarray, of: Mapping[int, Obstacle]) -> np.ndarray:
-        """(n_owned, d) [m]: the way from x (at `clock`) to where supports hold vertices at `until` [s], for bodies that
-        obstacles carry with these, for all others along direction (n_owned, d).
+    def rows_of(self, carried: Carried) -> Along:
+        """The rows of carried bodies."""
+        return {
+            carrier: np.flatnonzero(np.isin(self._bodies, [body for body, by in carried.items() if by is carrier]))
+            for carrier in set(carried.values())
+        }
+
+    def touched(self, potential: IncrementalPotential, x: Positions, carried: Carried) -> Along:
+        """The rows that go along with obstacles where bodies give way: those of carried bodies, and what else touches
+        an obstacle that goes on, or waits on ground that does. Collective.
+        """
+        along, free = dict(self.rows_of(carried)), ~self.held & ~np.isin(self._bodies, list(carried))
+        going = self.going()
+        moving = [o for o in self._script.obstacles if o.moves and (self._ground_moves or o in going)]
+        for obstacle, rows in potential.touched(x, moving).items():
+            along[obstacle] = np.concatenate([along.get(obstacle, np.zeros(0, int)), rows[free[rows]]])
+        return along
+
+    def path(self, x: Positions, until: float, direction: np.ndarray, along: Along) -> np.ndarray:
+        """(n_owned, d) [m]: the way from x (at `clock`) to where supports hold vertices at `until` [s], for what goes
+        along with obstacles with these, for all others along direction (n_owned, d).
         """
         path = np.where(self.held[:, None], self.positions(until) - x.owned, direction)
-        for carrier in set(of.values()):
-            if carrier.kind == "plane":
-                moved = self._script.pose(carrier, until) @ self._script.pose(carrier, self.clock).inverse
+        for obstacle, rows in along.items():
+            if obstacle.kind == "plane":
+                moved = self._script.pose(obstacle, until) @ self._script.pose(obstacle, self.clock).inverse
             else:
-                moved = Pose.fitted(*(self._script.place(carrier, time) for time in (self.clock, until)))
-            rows = np.isin(self._bodies, [body for body, by in of.items() if by is carrier])
+                moved = Pose.fitted(*(self._script.place(obstacle, time) for time in (self.clock, until)))
             path[rows] = moved(x.owned[rows]) - x.owned[rows]
         return path
 
@@ -264,33 +284,23 @@ class MotionParts:
         """The admissible state to which x gives way. Motions that contact stops are late afterwards. Collective."""
         motion, t1 = self.motion, self.motion.end_of_span
         least = LEAST_GAIN * (t1 - motion.clock)
-        relaxed, aim = False, t1
-        for _ in range(MAX_PARTS):
-            if motion.clock == t1 or not motion.moves:
-                break
+        allowed, settled, brief = FIRST_ITERATIONS, False, False
+        # Each pass gains enough, or makes the next solve twice as long, or stops motions: the loop ends.
+        while motion.clock < t1 and motion.moves:
             clock = motion.clock
-            carriers = motion.carriers(self.potential, x, t1)
-            if not (carriers.blocked or motion.moves_supports):
-                until, end = self._free_part(x, t1, 0.0, np.zeros_like(x.owned), carriers.of)
-                if end is not None:
-                    x, relaxed = self._arrive(until, end), False
-                    continue
-            until, end = self._longest_part(x, aim, least, carriers.of)
-            aim = min(t1, until + LOOK_AHEAD * max(least, until - clock))
+            until, end = self._longest_part(x, least, 0.0 if not brief else least)
             if end is not None:
-                x = self._arrive(until, end)
-            elif relaxed:  # bodies have given way as far as they do: contact holds
-                if not self._stop_slowest(x, least):
-                    break
-                relaxed, aim = False, t1
-                continue
-            if motion.clock == t1:
+                x, brief = self._arrive(until, end), until - clock < least
+                allowed, settled = FIRST_ITERATIONS, False
+            elif not settled:
+                x, solved = self.newton.solve(x, max_iterations=allowed)
+                settled, allowed = solved.converged or solved.iterations < allowed, 2 * allowed
+                settled |= allowed > self.newton.settings.max_iterations
+                self.count(solved)
+            elif self._stop_slowest(x, least):  # bodies have given way as far as they do: contact holds
+                settled = False
+            else:
                 break
-            relaxed = end is None
-            limit = None if relaxed else RELAXING_ITERATIONS
-            x, solved = self.newton.solve(x, max_iterations=limit, gap_share=PRESSED_GAP_SHARE)
-            solved.remedies["substeps"] += 1
-            self.count(solved)
         return x
 
     def _arrive(self, until: float, end: Positions) -> Positions:
@@ -311,8 +321,7 @@ class MotionParts:
         for mover in going if len(going) > 1 else ():
             others = [other for other in going if other is not mover]
             motion.stop(others)
-            carriers = motion.carriers(self.potential, x, motion.end_of_span)
-            until, end = self._longest_part(x, motion.end_of_span, least, carriers.of)
+            until, end = self._longest_part(x, least, least)
             motion.release(others)
             gains.append(0.0 if end is None else until - motion.clock)
         enough = left if min(gains, default=0.0) > 0.0 else least
@@ -320,29 +329,43 @@ class MotionParts:
         motion.stop(slow)
         return motion.moves and bool(slow)
 
-    def _longest_part(self, x: Positions, t1: float, least: float, carried: Carried) -> tuple[float, Positions | None]:
-        """The longest free part towards places at t1 [s], while bodies give way: when and where it ends; None where it
-        gains less than `least` [s].
+    def _longest_part(self, x: Positions, least: float, brief: float) -> tuple[float, Positions | None]:
+        """The longest free part: when and where it ends; None where it gains less than `least` [s], and less than half
+        of what is left. One that takes no solve gains `brief` [s] at least: it brings obstacles to what they carry.
         """
-        motion = self.motion
-        push = self.potential.gradient_change(x, motion.clock, t1) if motion.moves_obstacles else 0.0
-        direction = self.newton.direction(x, motion.positions(t1) - x.owned, push)
-        return self._free_part(x, t1, least, direction, carried)
+        motion, clock, t1 = self.motion, self.motion.clock, self.motion.end_of_span
+        least, brief = (max(min(gain, 0.5 * (t1 - clock)), ON_TIME * (t1 - clock)) for gain in (least, brief))
+        carriers = motion.carriers(self.potential, x, t1)
+        if not (carriers.blocked or motion.moves_supports):
+            nothing, along, until = np.zeros_like(x.owned), motion.rows_of(carriers.of), t1
+            while until - clock > brief:  # each path is a tenth shorter or more
+                free, end = self._free_part(x, t1, until, nothing, along)
+                if end is not None:
+                    return until, end
+                until = clock + free * (until - clock)
+        touched, aim = motion.touched(self.potential, x, carriers.of), t1
+        while aim - clock > least:
+            path = motion.path(x, aim, np.zeros_like(x.owned), touched)
+            direction, fixed, free, solved = self.newton.direction(x, touched, path, aim)
+            solved.remedies["substeps"] += 1
+            self.count(solved)
+            along = {obstacle: rows[fixed[rows]] for obstacle, rows in touched.items()}
+            until = aim if free == 1.0 else clock + (1.0 - LEAST_LEFT) * free * (aim - clock)
+            end = self._free_part(x, aim, until, direction, along)[1] if until - clock > least else None
+            if end is not None:
+                return until, end
+            aim = clock + max(NEXT_AIM, (1.0 - LEAST_LEFT) * free) * (aim - clock)
+        return clock, None
 
     def _free_part(
-        self, x: Positions, t1: float, least: float, direction: np.ndarray, carried: Carried
+        self, x: Positions, aim: float, until: float, direction: np.ndarray, along: Along
     ) -> tuple[float, Positions | None]:
-        """Until when a part can go along a direction that leads to t1 [s], and where it ends; None where that gains
-        less than `least` [s].
+        """Where a part ends `until` [s] that goes along a direction, which leads to `aim` [s]; or the share of it that
+        may be free, and None.
         """
-        clock, fraction, until = self.motion.clock, 1.0, t1
-        shortest = max(least, ON_TIME * (t1 - clock))
-        while True:  # each path is a tenth shorter or more, down to the shortest
-            path = self.motion.path(x, until, fraction * direction, carried)
-            free = self.potential.max_step(x, path, until=until, gap_share=PRESSED_GAP_SHARE)
-            if free == 1.0:
-                return until, x.moved(1.0, path)
-            fraction *= (1.0 - LEAST_LEFT) * free  # detection for the shorter path may be stricter
-            until = clock + fraction * (t1 - clock)
-            if until - clock <= shortest:
-                return clock, None
+        share = (until - self.motion.clock) / (aim - self.motion.clock)
+        path = self.motion.path(x, until, share * direction, along)
+        free = self.potential.max_step(x, path, until=until)
+        if free == 1.0:
+            return free, x.moved(1.0, path)
+        return (1.0 - LEAST_LEFT) * free, None  # detection for the shorter path may be stricter

@@ -20,7 +20,7 @@ from pdvol.levels.script import Mover, Script
 from pdvol.levels.space import LevelSpace
 from pdvol.potentials.build import MakeTerm, build_terms
 from pdvol.potentials.consistency import Guide
-from pdvol.potentials.potential import LEAST_LEFT, PRESSED_GAP_SHARE, Positions, Rates
+from pdvol.potentials.potential import Positions, Rates
 from pdvol.registry import INTEGRATORS
 from pdvol.solve.incremental_potential import IncrementalPotential
 from pdvol.solve.newton import Newton
@@ -270,14 +270,12 @@ class Stepper:
         x_t, x_hat, motion = span.start, span.x_hat, self.motion
         self.potential.begin_step(x_t, x_hat, span.weight, span.t0, span.t1, span.rates)
         self.newton.begin_step(span.t1 - span.t0)
-        parts = report.remedies["substeps"]
         x = None if robust else self._predicted(x_t, x_hat)
         if x is None:
             x = MotionParts(motion, self.potential, self.newton, report.add).follow(x_t) if motion.moves else x_t
         if not self._end_motion():
             return x, NewtonReport(reason="GROUND_BLOCKED")
-        gap_share = PRESSED_GAP_SHARE if report.remedies["substeps"] > parts else LEAST_LEFT
-        return self._solve_lagged(report, x, robust, gap_share)
+        return self._solve_lagged(report, x, robust)
 
     def _end_motion(self) -> bool:
         """Lets what has not reached the span's end wait; returns whether the ground is there."""
@@ -288,14 +286,12 @@ class Stepper:
             self.potential.move_obstacles(motion.clock)
         return motion.clock == motion.end_of_span
 
-    def _solve_lagged(
-        self, report: StepReport, x: Positions, robust: bool, gap_share: float
-    ) -> tuple[Positions, NewtonReport]:
+    def _solve_lagged(self, report: StepReport, x: Positions, robust: bool) -> tuple[Positions, NewtonReport]:
         """Newton solves from x, with friction lagged anew as long as that changes something."""
         most, tolerance = self._friction
         lags, report.friction_residual = 1, None
         while True:
-            x, solved = self.newton.solve(x, robust, gap_share=gap_share)
+            x, solved = self.newton.solve(x, robust)
             report.add(solved)
             if not solved.converged:
                 break

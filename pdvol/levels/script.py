@@ -146,6 +146,7 @@ class Script:
     Attributes
     ----------
     movers : what moves, by its name in the log, as "support 0" or "obstacle 1"
+    obstacles, ground : as given
     """
 
     def __init__(
@@ -156,7 +157,7 @@ class Script:
     ) -> None:
         self.movers: dict[str, Mover] = {f"support {i}": s for i, s in enumerate(supports) if s.moves}
         self.movers |= {f"obstacle {i}": o for i, o in enumerate(obstacles) if o.moves}
-        self._obstacles, self.ground = tuple(obstacles), tuple(ground)
+        self.obstacles, self.ground = tuple(obstacles), tuple(ground)
         self.begin(0.0, 1.0, {})
 
     def begin(self, t0: float, t1: float, lags: Mapping[Mover, float]) -> None:
@@ -231,7 +232,7 @@ class Script:
         """Where all obstacles are at `time` [s], late by their `lags` [s]."""
         self.begin(time, time + 1.0, lags)
         at = lambda o: self.pose(o, time) if o.kind == "plane" else self.place(o, time)
-        return {obstacle: at(obstacle) for obstacle in self._obstacles}
+        return {obstacle: at(obstacle) for obstacle in self.obstacles}
 
     def _waits(self, own: float, clock: float) -> bool:
         """Whether what is late is not where its script had it at its own time."""

@@ -1,7 +1,7 @@
 """The protocol of the incremental potential's terms, and the positions at which they are evaluated."""
 
 from abc import abstractmethod
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Protocol
@@ -17,10 +17,8 @@ from pdvol.potentials.assembly.hessian_blocks import HessianBlocks
 # but barriers and logarithms keep moderate derivatives
 LEAST_LEFT = 0.1
 
-# share of a gap that is left where bodies are pressed together. A part of a scripted motion leaves that much: it may
-# press from several sides, and with less, gaps shrink step after step, and bodies that slide past a gap of 1e-6 dhat
-# take hundreds of steps, each ended by it. A direction that brings a pair together is expected to leave that much: with
-# less, expectations are stiffer than contact will be; with more, it takes more of them
+# share of its gap, or of dhat, that a pair is expected to keep on a direction that brings it together: with less,
+# expectations are stiffer than contact will be; with more, it takes more of them
 PRESSED_GAP_SHARE = 0.5
 
 
@@ -208,10 +206,23 @@ class ContactPotential(Potential, Protocol):
     def first_meeting(self) -> float:
         """Share of the way at which the first pair of this rank is predicted to meet; 1 where none is."""
 
-    def predict(self, x: Positions, end: Positions, gap_share: float = LEAST_LEFT, last: bool = False) -> bool:
+    def touched(self, x: Positions, obstacles: Collection[Obstacle]) -> tuple[np.ndarray, np.ndarray]:
+        """This rank's rows (k,) that touch one of some obstacles at x, and its number in `self.obstacles` (k,): of
+        several, the one that pushes the row hardest.
+        """
+
+    def torn(self, goes_with: np.ndarray) -> np.ndarray:
+        """This rank's rows (k,) in pairs predicted to meet whose vertices go with different obstacles, from the number
+        in `self.obstacles` of the one that each row goes with (n_owned,), -1 where it goes with none. Collective.
+        """
+
+    def add_sticking(self, x: Positions, weight: float, into: HessianBlocks) -> None:
+        """Adds weight times what makes contacts between bodies as stiff across their gaps as along them."""
+
+    def predict(self, x: Positions, end: Positions, last: bool = False, until: float | None = None) -> bool:
         """Predicts which pairs meet on the way from x to the `end` of a direction, besides those that were predicted
-        for this x before, and what gaps they have there; in a `last` prediction no new ones. Returns whether anything
-        has changed on this rank. Collective.
+        for this x before, and what gaps they have there; in a `last` prediction no new ones. Obstacles move to their
+        places at `until` [s] meanwhile. Returns whether anything has changed on this rank. Collective.
         """
 
     def forget_prediction(self) -> None:

@@ -1,6 +1,6 @@
 """The function that a time step minimises: 1/2 |x - x_hat|^2_M + weight times the sum of terms (design, section 2)."""
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from itertools import groupby
 from math import isnan
 
@@ -16,10 +16,6 @@ from pdvol.potentials.build import Terms
 from pdvol.potentials.contact.friction import LaggedFriction
 from pdvol.potentials.potential import LEAST_LEFT, Positions, Potential, Rates
 from pdvol.solve.report import Stopwatch
-
-# Share of an obstacle's path over which the change of forces is measured: small beside most gaps, large beside
-# round-off.
-OBSTACLE_STEP = 1e-6
 
 
 class IncrementalPotential:
@@ -211,21 +207,19 @@ class IncrementalPotential:
             term.restore(memory.get(term.name, {}))
 
     def predict(
-        self, x: Positions, direction: np.ndarray, gap_share: float, first: bool, last: bool
+        self, x: Positions, direction: np.ndarray, first: bool, last: bool, until: float | None = None
     ) -> np.ndarray | None:
         """Predicts, in the `first` prediction at x, which contacts that slide stick at the end of a direction
         (n_owned, d) and, where that changes nothing, which pairs meet on the way there; in the `last` one no new ones.
-        Between parts of a scripted motion, whose steps leave a larger share of gaps, none meet: a part goes on best
-        where bodies have given way a little everywhere. Returns the gradient (n_owned, d) at x as predicted less the
-        gradient as it is; None where nothing has changed. Collective.
+        Obstacles move to their places at `until` [s] meanwhile. Returns the gradient (n_owned, d) at x as predicted
+        less the gradient as it is; None where nothing has changed. Collective.
         """
         with self.watch.part("contact"):
             end = x.moved(1.0, direction)
             # all of them, for the calls are collective
             changed = [term.predict(x, end) for term in self.frictions] if first else []
             if not self.space.reduce(any(changed), MPI.LOR):
-                meeting = self.contacts if gap_share <= LEAST_LEFT else ()
-                changed = [term.predict(x, end, gap_share, last) for term in meeting]
+                changed = [term.predict(x, end, last, until) for term in self.contacts]
                 if not self.space.reduce(any(changed), MPI.LOR):
                     return None
             changes = [term.predicted_change(x) for term in self.contacts]
@@ -267,22 +261,37 @@ class IncrementalPotential:
                 found += [(objects[one], objects[other]) for one, other in sorted(term.closing(x, path, until))]
         return found
 
-    def gradient_change(self, x: Positions, time: float, until: float) -> np.ndarray:
-        """The change of the gradient (n_owned, d) while obstacles move from their places at `time` to those at `until`
-        [s], to first order.
-
-        It is a difference over a millionth of that path; zero where contact is nearer than that.
+    def touched(self, x: Positions, obstacles: Collection[Obstacle]) -> dict[Obstacle, np.ndarray]:
+        """This rank's rows that touch each of some obstacles at x; a row that touches several is with the one that
+        pushes it hardest.
         """
-        forces: list[np.ndarray] = []
-        for at in (time, time + OBSTACLE_STEP * (until - time)):
-            self.move_obstacles(at)
+        found: dict[Obstacle, np.ndarray] = {}
+        for term in self.contacts:
             with self.watch.part("contact"):
-                if all(np.isfinite(term.value(x)) for term in self.contacts):
-                    forces.append(sum((term.gradient(x) for term in self.contacts), np.zeros_like(x.owned)))
-        self.move_obstacles(time)
-        if len(forces) < 2:
-            return np.zeros_like(x.owned)
-        return self.weight * (forces[1] - forces[0]) / OBSTACLE_STEP
+                rows, numbers = term.touched(x, obstacles)
+            found |= {term.obstacles[number]: rows[numbers == number] for number in np.unique(numbers)}
+        return found
+
+    def torn(self, along: Mapping[Obstacle, np.ndarray]) -> np.ndarray:
+        """(n_owned,) bool: rows that go along with obstacles, of pairs predicted to meet whose vertices go with
+        different ones. Collective.
+        """
+        torn = np.zeros(self.space.n_owned, dtype=bool)
+        for term in self.contacts:
+            goes_with = np.full(self.space.n_owned, -1)
+            for obstacle, rows in along.items():
+                goes_with[rows] = term.obstacles.index(obstacle)
+            torn[term.torn(goes_with)] = True
+        return torn
+
+    def add_sticking(self, x: Positions, weight: float, into: HessianBlocks) -> None:
+        """Adds to the last `add_hessian` what makes bodies stick to each other where they touch at x."""
+        into.drop_later()
+        with self.watch.part("contact"):
+            for contact in self.contacts:
+                contact.add_sticking(x, weight * self.weight, into)
+        into.keep_added()
+        self.renew_predicted(x, weight, into)
 
     def energies(self, x: Positions) -> dict[str, float]:
         """Energy by kind [J]: inertia is the potential's first part over dt^2."""

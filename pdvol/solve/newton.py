@@ -6,7 +6,7 @@ each step such that nothing crosses or inverts. PETSc's default line search back
 projected, how long a step is.
 """
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -18,17 +18,20 @@ from scipy.sparse import csr_array
 
 from pdvol.compat import PETSc
 from pdvol.errors import SimulationError
+from pdvol.levels.script import Obstacle
 from pdvol.levels.space import LevelSpace
 from pdvol.potentials.assembly.hessian_blocks import BlockPattern, HessianBlocks
-from pdvol.potentials.potential import LEAST_LEFT, LastStates, Positions
+from pdvol.potentials.potential import LastStates, Positions
 from pdvol.scene import Relative, Solver
 from pdvol.solve.incremental_potential import IncrementalPotential
 from pdvol.solve.iteration import (
+    LEAST_DECREASE,
     TOO_STIFF,
     TRUSTED,
     Iteration,
     fraction_kept,
     is_at_rounding,
+    is_wasted,
     keeps_matrix,
     next_projection,
     step_factor,
@@ -77,7 +80,6 @@ class Solve:
     states : the last two configurations, so that terms share what they derived from them
     seen : PETSc's count of changes of each vector, and which of them it was then, by the vector's address
     tolerance : [m/s], the relative one of the present state included
-    gap_share : share of a gap that a step which contact ends leaves
     report : NewtonReport
     projection : of the next Hessian
     unprojected_failed : whether the last unprojected Hessian was indefinite, or its direction led nowhere: the next one
@@ -92,7 +94,6 @@ class Solve:
 
     states: list[Positions]
     tolerance: float
-    gap_share: float
     gradient: np.ndarray
     seen: dict[int, tuple[int, Positions]] = field(default_factory=dict)
     report: NewtonReport = field(default_factory=NewtonReport)
@@ -200,13 +201,19 @@ class Newton:
         return self._solve.energies.value(x, self.potential.value)
 
     def _objective(self, snes: PETSc.SNES, vector: PETSc.Vec) -> float:
-        """The energy that the line search compares; at round-off the model's, which it accepts."""
+        """The energy that the line search compares; at round-off the model's, which it accepts. A first trial that
+        gains next to nothing counts as an increase, so that half of it is tried (`iteration.is_wasted`).
+        """
         solve, x = self._solve, self._positions(vector)
         last = solve.last
         if last is None or x is last.start:
             return self._energy(x)
         solve.trials += 1
-        return last.energy + 0.5 * last.slope if last.at_rounding else self._energy(x)
+        if last.at_rounding:
+            return last.energy + 0.5 * last.slope
+        energy = self._energy(x)
+        wasted = is_wasted(last, solve.trials, energy)
+        return max(energy, last.energy - LEAST_DECREASE * last.slope) if wasted else energy
 
     def _function(self, snes: PETSc.SNES, vector: PETSc.Vec, residual: PETSc.Vec) -> None:
         gradient = self.potential.gradient(self._positions(vector))
@@ -366,7 +373,7 @@ class Newton:
         share = 1.0
         for number in range(PREDICTIONS if self.potential.contacts else 0):
             first, last = number == 0, number + 1 == PREDICTIONS
-            change = self.potential.predict(x, direction, self._solve.gap_share, first, last)
+            change = self.potential.predict(x, direction, first, last)
             if change is None:
                 break
             if share == 1.0:
@@ -400,7 +407,7 @@ class Newton:
 
     def _max_step(self, x: Positions, path: np.ndarray) -> float:
         """The admissible part of a path (n_owned, d) from x. Collective."""
-        return self.potential.max_step(x, path, gap_share=self._solve.gap_share)
+        return self.potential.max_step(x, path)
 
     # ---- what callers use
 
@@ -408,13 +415,13 @@ class Newton:
         """Sets the length dt [s] of the step that the next solves are for: speeds are distances over dt."""
         self._dt = dt
 
-    def start(self, x: Positions, gap_share: float = LEAST_LEFT) -> Solve:
+    def start(self, x: Positions) -> Solve:
         """A new minimisation from x, which the callbacks use from now on."""
-        self._solve = Solve([x], self.tolerance, gap_share, np.zeros_like(x.owned))
+        self._solve = Solve([x], self.tolerance, np.zeros_like(x.owned))
         return self._solve
 
     def solve(
-        self, x: Positions, robust: bool = False, max_iterations: int | None = None, gap_share: float = LEAST_LEFT
+        self, x: Positions, robust: bool = False, max_iterations: int | None = None
     ) -> tuple[Positions, NewtonReport]:
         """Minimises from the admissible x. The result is admissible whether or not the report says it converged.
 
@@ -422,11 +429,10 @@ class Newton:
         ----------
         robust : begin with the strongest projection and the direct solver
         max_iterations : Newton iterations allowed, instead of the settings'
-        gap_share : share of a gap that a step which it ends leaves
 
         Raises SimulationError, naming the term, where something is not a number.
         """
-        solve = self.start(x, gap_share)
+        solve = self.start(x)
         if not np.isfinite(self._energy(x)):
             self.potential.require_admissible(x)
         if robust:
@@ -478,25 +484,61 @@ class Newton:
             return "abs"
         return "direct" if self.linear.use_direct() else ""
 
-    def direction(self, x: Positions, supported_move: np.ndarray, push: np.ndarray | float = 0.0) -> np.ndarray:
-        """Newton's direction (n_owned, d) at x while supported vertices move by `supported_move` (n_owned, d), and
-        other motions add `push` (n_owned, d) [kg m] to the gradient.
+    def direction(
+        self, x: Positions, along: Mapping[Obstacle, np.ndarray], path: np.ndarray, until: float
+    ) -> tuple[np.ndarray, np.ndarray, float, NewtonReport]:
+        """Newton's direction from x where obstacles move to their places at `until` [s], and supported vertices and the
+        rows that go `along` with obstacles take a `path` (n_owned, d). Collective.
+
+        Bodies stick to each other where they touch, so they can be followed over a longer way; what slides does so in
+        the step's own solve. Pairs that meet on the way are predicted. Where their vertices go with different
+        obstacles, these are let go.
+
+        Returns
+        -------
+        direction : (n_owned, d) [m]
+            Of those that the predictions gave, the one that is admissible the furthest.
+        fixed : (n_owned,) bool
+            Rows of it that were prescribed.
+        free : the admissible part of it
+        report : NewtonReport, of one iteration
         """
-        self.start(x)
-        right = -push - self.potential.gradient(x)
+        solve, fixed = self.start(x), self._fixed.copy()
+        fixed[np.concatenate([np.zeros(0, int), *along.values()])] = True
+        gradient, change = self.potential.gradient(x), np.zeros_like(x.owned)
         self._sum_hessian(x)
-        prescribed = np.where(self._fixed[:, None], supported_move, 0.0)
-        with self.watch.part("linear"), _own_errors():
-            moved, force = self.space.create_vector(), self.space.create_vector()
-            moved.setArray(prescribed.ravel())
-            # Free rows get the forces of the supports' motion; then rows and columns of supports are eliminated.
-            self._system.assemble(self._blocks, eliminate=False)
-            self._system.shell.mult(moved, force)
-            right -= force.getArray().reshape(-1, self.space.dim)
-            self._system.assemble(self._blocks)
-            self.linear.set_matrix(self._system)
-            moved.setArray(np.where(self._fixed[:, None], prescribed, right).ravel())
-            self.linear.solve(moved, force)
-        found = force.getArray().reshape(-1, self.space.dim).copy()
-        self._require_finite(found)
-        return found
+        self.potential.add_sticking(x, 1.0, self._blocks)
+        moved, right, step = (self.space.create_vector() for _ in range(3))
+        best, chosen, most = np.zeros_like(x.owned), fixed, -1.0
+        try:
+            for number in range(PREDICTIONS + 1):
+                self._system.support(fixed)
+                prescribed = np.where(fixed[:, None], path, 0.0)
+                with self.watch.part("linear"), _own_errors():
+                    moved.setArray(prescribed.ravel())
+                    # Free rows get the forces of the prescribed motion; then rows and columns of these are eliminated.
+                    self._system.assemble(self._blocks, eliminate=False)
+                    self._system.shell.mult(moved, right)
+                    forces = -gradient - change - right.getArray().reshape(gradient.shape)
+                    self._system.assemble(self._blocks)
+                    self.linear.set_matrix(self._system)
+                    right.setArray(np.where(fixed[:, None], prescribed, forces).ravel())
+                    self._solve_again(right, step, near=number > 0)
+                direction = step.getArray().reshape(gradient.shape).copy()
+                self._require_finite(direction)
+                free = self.potential.max_step(x, direction, until=until)
+                if free > most:
+                    best, chosen, most = direction, fixed.copy(), free
+                if free == 1.0 or number == PREDICTIONS:
+                    break
+                more = self.potential.predict(x, direction, False, number + 1 == PREDICTIONS, until)
+                if more is None:
+                    break
+                change = more
+                fixed &= ~self.potential.torn(along) | self._fixed
+                self.potential.renew_predicted(x, 1.0, self._blocks)
+        finally:
+            self.potential.forget_prediction()
+            self._system.support(self._fixed)
+        solve.report.iterations, solve.report.hessians = 1, 1
+        return best, chosen, most, solve.report

@@ -17,6 +17,8 @@ Energy and gradient are not changed by a prediction.
 Source: Li et al. 2020 (Incremental Potential Contact); Li et al. 2023 (convergent IPC).
 """
 
+from collections.abc import Collection
+
 import numpy as np
 from mpi4py import MPI
 
@@ -103,6 +105,56 @@ class ContactBarrier(Term):
         mine = {(int(one), int(other)) for one, other in np.unique(pairs, axis=1).T if one != other}
         return set().union(*self.space.comm.allgather(mine))
 
+    def touched(self, x: Positions, obstacles: Collection[Obstacle]) -> tuple[np.ndarray, np.ndarray]:
+        """This rank's rows (k,) that touch one of some obstacles at x, and the number in `self.obstacles` (k,) of that
+        one: of several, the one that pushes the row hardest.
+        """
+        found, bodies, first = self.contacts(x), self.surface.primitives.bodies, self.space.first_block
+        chosen = np.array([False] * bodies + [obstacle in obstacles for obstacle in self.obstacles])
+        objects, rows = self.surface.objects[found.vertices], self.surface.rows[found.vertices] - first
+        used = found.coefficients != 0.0
+        push = np.abs(found.coefficients) * (found.pressures * found.weights)[:, None]
+        touching = np.where(used & chosen[objects], objects, -1).max(axis=1, initial=-1)
+        mine = used & (touching >= 0)[:, None] & (objects < bodies) & (rows >= 0) & (rows < self.space.n_owned)
+        pushes = np.zeros((self.space.n_owned, len(self.obstacles)))
+        of = np.broadcast_to(touching[:, None] - bodies, mine.shape)
+        np.add.at(pushes, (rows[mine], of[mine]), push[mine])
+        touched = np.unique(rows[mine])
+        return touched, pushes[touched].argmax(axis=1)
+
+    def torn(self, goes_with: np.ndarray) -> np.ndarray:
+        """This rank's rows (k,) in pairs predicted to meet whose vertices go with different obstacles.
+
+        Parameters
+        ----------
+        goes_with : (n_owned,) int
+            Number in `self.obstacles` of the one that each row goes with, -1 where it goes with none.
+        """
+        bodies, at = self.surface.primitives.bodies, self._meetings
+        of_rows = np.repeat(goes_with[:, None].astype(float), self.space.dim, axis=1)
+        with_obstacle = np.maximum(self.surface.objects - bodies, -1)
+        of_bodies = self.surface.of_bodies(of_rows)[:, 0].astype(int)
+        with_obstacle[: len(of_bodies)] = of_bodies
+        goes = np.where(at["coefficients"] != 0.0, with_obstacle[at["vertices"]], -1)
+        other = np.where(goes >= 0, goes, goes.max(axis=1, initial=-1)[:, None])
+        mixed = (other != other[:, :1]).any(axis=1)
+        rows = self.surface.rows[at["vertices"][mixed][goes[mixed] >= 0]] - self.space.first_block
+        return np.unique(rows[(rows >= 0) & (rows < self.space.n_owned)])
+
+    def add_sticking(self, x: Positions, weight: float, into: HessianBlocks) -> None:
+        """Adds weight times what makes contacts between bodies as stiff across their gaps as along them: they stick."""
+        found = self.contacts(x)
+        into.add_compiled(
+            library.sticking_blocks,
+            10 * len(found),
+            self.space.dim,
+            found.c,
+            self.dhat,
+            self.kappa,
+            weight,
+            pointer(self.surface.rows, "int64_t"),
+        )
+
     def count(self, x: Positions) -> int:
         """Number of contacts at x. Collective."""
         return self.space.reduce(int(np.count_nonzero(self.contacts(x).counted)))
@@ -119,17 +171,18 @@ class ContactBarrier(Term):
 
     # ---- the prediction
 
-    def predict(self, x: Positions, end: Positions, gap_share: float = LEAST_LEFT, last: bool = False) -> bool:
+    def predict(self, x: Positions, end: Positions, last: bool = False, until: float | None = None) -> bool:
         """Predicts which pairs meet on the way from x to the `end` of a direction, besides those that were predicted
         for this x before, and what gaps they have there. A `last` prediction has no new pairs, for nothing would show
-        whether they push. Returns whether anything has changed on this rank. Collective.
+        whether they push. Obstacles move to their places at `until` [s] meanwhile. Returns whether anything has changed
+        on this rank. Collective.
         """
-        start, stop = self.surface.vertices(x), self.surface.vertices(end)
+        start, stop = self.surface.vertices(x), self.surface.vertices(end, at=until)
         if not self.space.reduce(self.meets, MPI.LOR):
-            if self.space.reduce(self.candidates.is_clear(start, stop, gap_share), MPI.LAND):
+            if self.space.reduce(self.candidates.is_clear(start, stop), MPI.LAND):
                 return False
         if not last:
-            found, known = self.candidates.meetings(start, stop, gap_share), set(map(tuple, self._pairs))
+            found, known = self.candidates.meetings(start, stop), set(map(tuple, self._pairs))
             new = [tuple(pair) not in known for pair in found["pair"].tolist()]
             self._meetings = np.concatenate([self._meetings, found[new]])
         changed = library.expect_gaps(

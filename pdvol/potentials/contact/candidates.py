@@ -436,7 +436,7 @@ class Candidates:
         if self.ccd == "additive":
             return self._additive_step(start, end, gap_share)
         # Tight inclusion may go further than conservative advancement, and needs the pairs of the whole way.
-        step = library.half_space_step(self.primitives.c, pointer(start), pointer(end), gap_share)
+        step = library.half_space_step(self.primitives.c, pointer(start), pointer(end), self.dhat, gap_share)
         for pairs in self.lists:
             pairs.along(start, end)
         return min(step, self._certified_step(start, end, gap_share))
@@ -458,7 +458,7 @@ class Candidates:
     def _additive_step(self, start: np.ndarray, end: np.ndarray, gap_share: float, whole: bool = False) -> float:
         """The step by conservative advancement; `whole` says that only a step of 1 is of interest."""
         # The pairs that are near stop most moves early. What else may meet is searched for on the way until then.
-        step = library.half_space_step(self.primitives.c, pointer(start), pointer(end), gap_share)
+        step = library.half_space_step(self.primitives.c, pointer(start), pointer(end), self.dhat, gap_share)
         for pairs in self.lists:
             step = pairs.longest_step(start, end, gap_share, step)
         if whole and step < 1.0:

@@ -115,11 +115,14 @@ class ContactSurface:
             if known is x:
                 return vertices
         obstacles = self.obstacle_positions if at is None else self._obstacles_at(at, lags)
-        bodies = x.owned[self._own_rows] if self.space.comm.size == 1 else self._collected(x.owned[self._own_rows])
-        vertices = np.concatenate([bodies, obstacles])
+        vertices = np.concatenate([self.of_bodies(x.owned), obstacles])
         if at is None:
             self._known = [(x, vertices), *self._known[:1]]
         return vertices
+
+    def of_bodies(self, rows: np.ndarray) -> np.ndarray:
+        """(k, d) values of the bodies' vertices, from this rank's rows (n_owned, d) of the level. Collective."""
+        return rows[self._own_rows] if self.space.comm.size == 1 else self._collected(rows[self._own_rows])
 
     def rows_of(self, values: np.ndarray) -> np.ndarray:
         """(n_owned, d) rows of the level from values (n, d) of the surface; zero away from it."""

@@ -53,8 +53,7 @@ class SystemMatrix:
     def __init__(self, space: LevelSpace, supported: np.ndarray, general: bool = False):
         self.space, self._general = space, general
         self._sizes = ((space.n_owned * space.dim, len(space.mesh.points) * space.dim),) * 2
-        everything = space.to_input(np.repeat(supported[:, None].astype(float), space.dim, axis=1))[:, 0] > 0
-        self.all_supported = everything[np.argsort(space.point_blocks)]
+        self.support(supported)
         self.rows: BlockCsr
         self.own: BlockCsr
         self.compiled = native.ffi.new("linear_system *", {"d": space.dim, "count": space.n_owned})
@@ -68,6 +67,12 @@ class SystemMatrix:
         self._pattern: tuple[np.ndarray, np.ndarray] | None = None
         self.shell = PETSc.Mat().createPython(self._sizes, _Context(proxy(self)), comm=space.comm)
         self.shell.setUp()
+
+    def support(self, supported: np.ndarray) -> None:
+        """Sets which vertices (n_owned,) are supported, for the next assembly. Collective."""
+        space = self.space
+        everything = space.to_input(np.repeat(supported[:, None].astype(float), space.dim, axis=1))[:, 0] > 0
+        self.all_supported: np.ndarray = everything[np.argsort(space.point_blocks)]
 
     def assemble(self, blocks: HessianBlocks, eliminate: bool = True) -> None:
         """Sums `blocks`; with `eliminate` the rows and columns of supported vertices become the identity's.

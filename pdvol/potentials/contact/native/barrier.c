@@ -186,6 +186,32 @@ int64_t barrier_blocks(int d, const contacts_t *all, const double *x, double dha
     return out.count;
 }
 
+/* Blocks of `factor` times what makes contacts between bodies as stiff across their gaps as along them (`ContactBarrier.add_sticking`). Returns how
+ * many: up to 10 a contact. */
+int64_t sticking_blocks(int d, const contacts_t *all, double dhat, double kappa, double factor, const int64_t *rows, int64_t first, int64_t last,
+                        int64_t *out_rows, int64_t *out_columns, double *blocks)
+{
+    out_t out = {rows, first, last, 0, out_rows, out_columns, blocks};
+    for (int64_t k = all->half_spaces; k < all->count; ++k) {
+        const contact_t *at = all->contacts + k;
+        const double *c = at->coefficients, *gap = at->gap, squared = dot(d, gap, gap);
+        double slope, second, *to;
+        int n = used(c), of_bodies = 1, turned;
+        for (int i = 0; i < n; ++i)
+            of_bodies = of_bodies && (c[i] == 0.0 || rows[at->vertices[i]] >= 0);
+        if (!of_bodies)
+            continue;
+        law(squared, dhat, kappa, &slope, &second);
+        const double stiffness = factor * at->weight * (2.0 * slope + 4.0 * squared * second);
+        for (int i = 0; i < n && stiffness > 0.0; ++i)
+            for (int j = i; j < n; ++j)
+                if (c[i] * c[j] != 0.0 && (to = add_block(d, &out, at->vertices[i], at->vertices[j], &turned)))
+                    for (int p = 0; p < d * d; ++p)
+                        to[p] = stiffness * c[i] * c[j] * ((p / d == p % d) - gap[p / d] * gap[p % d] / squared);
+    }
+    return out.count;
+}
+
 /* A meeting's force along its normal [N] and its stiffness [N/m], by the law, with a gap. */
 INLINE double force_of(const meeting_t *at, double gap, double dhat, double kappa, double *stiffness)
 {

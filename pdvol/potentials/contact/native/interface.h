@@ -69,7 +69,7 @@ typedef struct {
     double coefficients[4], normal[3], weight;
     double time;     /* share of the way at which it meets */
     double distance; /* [m] at the way's start */
-    double gap;      /* [m] at the way's start, as above */
+    double gap;      /* [m] with bodies at the way's start, obstacles at its end, as above */
     double expected; /* [m] gap at the way's end with the forces of contact; 0: it does not meet */
 } meeting_t;
 
@@ -83,7 +83,7 @@ int search_pairs(const surface_t *s, const double *boxes, const double *x, const
                  const uint8_t *meets, pairs_t *found, int32_t *points, int32_t *edges);
 double longest_step(const surface_t *s, const double *x, const double *y, double dhat, double gap_share,
                     const pairs_t *pairs, double step);
-double half_space_step(const surface_t *s, const double *x, const double *y, double gap_share);
+double half_space_step(const surface_t *s, const double *x, const double *y, double dhat, double gap_share);
 int64_t find_meetings(const surface_t *s, const double *x, const double *y, double dhat, double gap_share, int n,
                       pairs_t *const *lists, int64_t room, meeting_t *out);
 int64_t expect_gaps(int d, int64_t count, meeting_t *meetings, const double *y, double dhat, double kappa,
@@ -97,6 +97,8 @@ int find_contacts(const surface_t *s, const double *x, double dhat, double kappa
 int64_t barrier_blocks(int d, const contacts_t *all, const double *x, double dhat, double kappa, double factor,
                        int convex, const int64_t *rows, int64_t first, int64_t last, int64_t *out_rows,
                        int64_t *out_columns, double *blocks);
+int64_t sticking_blocks(int d, const contacts_t *all, double dhat, double kappa, double factor, const int64_t *rows,
+                        int64_t first, int64_t last, int64_t *out_rows, int64_t *out_columns, double *blocks);
 double friction_sum(int d, const contacts_t *all, const friction_t *friction, const double *x, int predicted,
                     double *gradient);
 int64_t friction_blocks(int d, const contacts_t *all, const friction_t *friction, const double *x, double weight,

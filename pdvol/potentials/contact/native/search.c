@@ -4,7 +4,8 @@
  * order of the pairs of a list does not depend on where or how widely was searched. */
 #include "surface.h"
 
-enum { MAX_ADVANCES = 1000 }; /* advances of one pair: bounds the time that it takes */
+enum { MAX_ADVANCES = 1000 }; /* advances of one pair: bounds the time that it takes. After a third of them the pair slides, and its normal decides */
+#define LEAST_GAP 1e-3         /* of dhat: steps leave it at least. There the barrier's pressure is 600 times the softest Young's modulus */
 #define ADVANCE 0.9           /* share of the safe advance: the rest is for round-off */
 
 /* A box: its least coordinates, and from SIDE on its greatest with the opposite sign; zeros where d = 2. */
@@ -414,6 +415,88 @@ int search_pairs(const surface_t *s, const double *boxes, const double *x, const
     return 0;
 }
 
+/* The unit normal of a gap (d) whose closest points are free to slide along k sides: across these it has but round-off, which over the size of a
+ * primitive is more than a small gap. */
+INLINE void unit_across(int d, int k, double (*sides)[3], double *gap)
+{
+    for (int i = 0; i < k; ++i) {
+        const double share = dot(d, sides[i], gap) / dot(d, sides[i], sides[i]);
+        for (int j = 0; j < d; ++j)
+            gap[j] -= share * sides[i][j];
+    }
+    const double size = sqrt(dot(d, gap, gap));
+    for (int j = 0; j < d; ++j)
+        gap[j] /= size;
+}
+
+INLINE double volume(const double *a, const double *u, const double *v, double sign)
+{
+    double normal[3];
+    cross(u, v, normal);
+    return sign * dot(3, a, normal);
+}
+
+/* Until which share of the way, from `at` to `step`, two lines, or a point and a plane, stay apart by `kept` in any case: the volume of the vector
+ * between them and of two sides is a cubic of time, and its coefficients over an interval (Bernstein's) bound it; so do those of the sides' cross
+ * product. ways (3, 2, 3): that vector and the sides at the way's start and end. */
+INLINE double apart_by_volume(double (*ways)[2][3], double at, double step, double kept)
+{
+    double lo = at, hi = step, reach, sign = 0.0;
+    for (int trial = 0; trial < MAX_ADVANCES && lo < step; ++trial) {
+        double e[3][2][3], products[3][3], more[3], area = 0.0;
+        for (int k = 0; k < 3; ++k)
+            for (int end = 0; end < 2; ++end)
+                for (int j = 0; j < 3; ++j)
+                    e[k][end][j] = ways[k][0][j] + (end ? hi : lo) * (ways[k][1][j] - ways[k][0][j]);
+        double (*a)[3] = e[0], (*u)[3] = e[1], (*v)[3] = e[2];
+        if (trial == 0)
+            sign = volume(a[0], u[0], v[0], 1.0) < 0.0 ? -1.0 : 1.0;
+        cross(u[0], v[0], products[0]), cross(u[1], v[1], products[2]), cross(u[0], v[1], products[1]), cross(u[1], v[0], more);
+        for (int j = 0; j < 3; ++j)
+            products[1][j] = 0.5 * (products[1][j] + more[j]);
+        for (int k = 0; k < 3; ++k)
+            area = fmax(area, sqrt(dot(3, products[k], products[k])));
+        const double c1 = (volume(a[1], u[0], v[0], sign) + volume(a[0], u[1], v[0], sign) + volume(a[0], u[0], v[1], sign)) / 3.0;
+        const double c2 = (volume(a[0], u[1], v[1], sign) + volume(a[1], u[0], v[1], sign) + volume(a[1], u[1], v[0], sign)) / 3.0;
+        const double least = fmin(fmin(volume(a[0], u[0], v[0], sign), c1), fmin(c2, volume(a[1], u[1], v[1], sign)));
+        if (least >= kept * area)
+            reach = 2.0 * (hi - lo), lo = hi, hi = fmin(step, lo + reach);
+        else
+            hi = 0.5 * (lo + hi);
+    }
+    return lo;
+}
+
+/* For how long two primitives, of n and m vertices at p and q that go from x to y, stay apart by `kept` along a unit normal, that of their gap: of each
+ * two vertices the distance along it changes at a constant rate. */
+INLINE double apart_along(int d, int n, const int32_t *one, double (*p)[3], int m, const int32_t *other, double (*q)[3], const double *x, const double *y,
+                          const double *normal, double kept)
+{
+    double least = INFINITY;
+    for (int i = 0; i < n; ++i)
+        for (int k = 0; k < m; ++k) {
+            double off[3], apart = 0.0, rate = 0.0;
+            minus(d, p[i], q[k], off);
+            apart = dot(d, off, normal) - kept;
+            for (int j = 0; j < d; ++j) {
+                const int64_t a = (int64_t)d * one[i] + j, b = (int64_t)d * other[k] + j;
+                rate += normal[j] * ((y[a] - x[a]) - (y[b] - x[b]));
+            }
+            if (!(apart > 0.0)) /* the normal is round-off */
+                return 0.0;
+            if (rate < 0.0)
+                least = fmin(least, apart / -rate);
+        }
+    return least;
+}
+
+/* What a step keeps of a gap of which it may leave `kept`: no less than LEAST_GAP, unless it begins there. */
+INLINE double kept_of(double gap, double kept, double dhat)
+{
+    const double least = LEAST_GAP * dhat;
+    return kept < least && gap > (1.0 + LEAST_GAP) * least ? least : kept;
+}
+
 /* The longest step in [0, 1] along which a pair keeps the distance `kept`, by conservative advancement (Li et al. 2021, additive CCD). Bounded:
  * it ends early, with a smaller step, which is safe. `least` is a bound of the pair's distance; it is replaced by the distance where it does not
  * show that the pair keeps its own. Gives the pair's rate on this way, too. */
@@ -437,13 +520,40 @@ INLINE double advance(int d, int n, const int32_t *one, int m, const int32_t *ot
         closest_t closest;
         const double distance = sqrt(n == 1 ? to_facet(d, p[0], corners, &closest) : between_segments(p[0], p[1], q[0], q[1], &s, &t));
         if (round == 0)
-            *least = distance, kept = gap_share * fmin(distance, dhat);
+            *least = distance, kept = kept_of(distance, gap_share * fmin(distance, dhat), dhat);
         const double room = distance - kept;
         if (ADVANCE * room >= (step - at) * speed) /* its own end is no sooner: the least of many steps depends on no order */
             return step;
         if (round > 0 && room <= MARGIN * kept)
             return at;
-        at += ADVANCE * room / speed;
+        double longest = 0.0;
+        if (3 * round >= MAX_ADVANCES) {
+            double sides[2][3], normal[3], ways[3][2][3];
+            int k = 0;
+            for (int j = 0; j < d; ++j)
+                normal[j] = n == 1 ? closest.gap[j] : (p[0][j] - q[0][j]) + s * (p[1][j] - p[0][j]) - t * (q[1][j] - q[0][j]);
+            if (n == 1)
+                for (; k + 1 < closest.kind; ++k)
+                    minus(d, q[closest.corner[k + 1]], q[closest.corner[0]], sides[k]);
+            if (n == 2 && s > 0.0 && s < 1.0)
+                minus(d, p[1], p[0], sides[k++]);
+            if (n == 2 && t > 0.0 && t < 1.0)
+                minus(d, q[1], q[0], sides[k++]);
+            if (d == 3 && k == 2) {
+                for (int end = 0; end < 2; ++end) {
+                    const double *z = end ? y : x, *a = z + 3 * one[0], *b = z + 3 * other[0];
+                    minus(3, a, b, ways[0][end]), minus(3, z + 3 * (n == 1 ? other[2] : one[1]), n == 1 ? b : a, ways[1][end]);
+                    minus(3, z + 3 * other[1], b, ways[2][end]);
+                }
+                longest = apart_by_volume(ways, at, step, kept) - at;
+            } else {
+                unit_across(d, k, sides, normal);
+                longest = ADVANCE * apart_along(d, n, one, p, m, other, q, x, y, normal, kept);
+            }
+            if (longest >= step - at)
+                return step;
+        }
+        at += fmax(longest, ADVANCE * room / speed);
     }
     return at;
 }
@@ -474,7 +584,7 @@ double longest_step(const surface_t *s, const double *x, const double *y, double
 }
 
 /* The same of this rank's vertices and half-spaces, of each gap alone. Gaps are taken to close at a constant rate: exact where planes do not turn. */
-double half_space_step(const surface_t *s, const double *x, const double *y, double gap_share)
+double half_space_step(const surface_t *s, const double *x, const double *y, double dhat, double gap_share)
 {
     const int d = s->d;
     double step = 1.0;
@@ -487,7 +597,8 @@ double half_space_step(const surface_t *s, const double *x, const double *y, dou
                 continue;
             minus(d, x + d * v, x + frame, from), minus(d, y + d * v, y + frame, to);
             const double gap = dot(d, from, before), approach = gap - dot(d, to, after);
-            const double most = (1.0 - gap_share) * fmax(gap, 0.0);
+            const double kept = gap_share * gap, least = kept_of(gap, kept, dhat);
+            const double most = least > kept ? gap - least : (1.0 - gap_share) * fmax(gap, 0.0);
             if (approach > 0.0 && most < step * approach)
                 step = most / approach;
         }
@@ -499,8 +610,8 @@ double half_space_step(const surface_t *s, const double *x, const double *y, dou
 enum { POINT, EDGES, PLANE };
 
 /* Adds the meeting of two primitives, of n and m vertices, at a share of the way. */
-INLINE void add_meeting(int d, int n, const int32_t *one, int m, const int32_t *other, const double *x, const double *y, double time, double distance,
-                        double weight, int64_t room, int64_t *count, meeting_t *out)
+INLINE void add_meeting(const surface_t *s, int d, int n, const int32_t *one, int m, const int32_t *other, const double *x, const double *y, double time,
+                        double distance, double weight, int64_t room, int64_t *count, meeting_t *out)
 {
     double p[2][3], q[3][3], gap[3], c[4] = {0.0};
     const double *corners[3] = {q[0], q[1], q[2]};
@@ -537,7 +648,7 @@ INLINE void add_meeting(int d, int n, const int32_t *one, int m, const int32_t *
     for (int j = 0; j < d; ++j) {
         to->normal[j] = gap[j] / size;
         for (int i = 0; i < 4; ++i)
-            to->gap += to->normal[j] * c[i] * x[(int64_t)d * to->vertices[i] + j];
+            to->gap += to->normal[j] * c[i] * (s->owned[to->vertices[i]] < 0 ? y : x)[(int64_t)d * to->vertices[i] + j];
     }
     memcpy(to->coefficients, c, sizeof c);
     to->weight = weight, to->time = time, to->distance = distance, to->expected = 0.0;
@@ -548,20 +659,22 @@ INLINE void plane_meetings(int d, const surface_t *s, const double *x, const dou
 {
     for (int64_t plane = 0; plane < s->planes; ++plane) {
         const int32_t origin = (int32_t)(s->vertices + (d + 1) * plane);
-        double normal[3], from[3], to[3];
-        minus(d, x + (int64_t)d * (origin + 1), x + (int64_t)d * origin, normal);
+        double before[3], after[3], from[3], to[3], still[3];
+        minus(d, x + (int64_t)d * (origin + 1), x + (int64_t)d * origin, before), minus(d, y + (int64_t)d * (origin + 1), y + (int64_t)d * origin, after);
         for (int32_t v = 0; v < s->vertices; ++v) {
             if (s->owned[v] != 1)
                 continue;
             minus(d, x + (int64_t)d * v, x + (int64_t)d * origin, from), minus(d, y + (int64_t)d * v, x + (int64_t)d * v, to);
-            const double gap = dot(d, from, normal), approach = -dot(d, to, normal), most = (1.0 - gap_share) * fmax(gap, 0.0);
+            minus(d, x + (int64_t)d * v, y + (int64_t)d * origin, still);
+            const double gap = dot(d, from, before), left = dot(d, still, after); /* without the vertex's own motion */
+            const double approach = gap - left - dot(d, to, after), most = (1.0 - gap_share) * fmax(gap, 0.0);
             if (!(approach > most))
                 continue;
             const int64_t k = (*count)++;
             if (k >= room)
                 continue;
-            out[k] = (meeting_t){{PLANE, v, (int32_t)plane}, {v, origin, v, v}, {1.0, -1.0}, {0.0}, 2.0 * s->areas[v], most / approach, gap, gap, 0.0};
-            memcpy(out[k].normal, normal, d * sizeof(double));
+            out[k] = (meeting_t){{PLANE, v, (int32_t)plane}, {v, origin, v, v}, {1.0, -1.0}, {0.0}, 2.0 * s->areas[v], most / approach, gap, left, 0.0};
+            memcpy(out[k].normal, after, d * sizeof(double));
         }
     }
 }
@@ -593,9 +706,9 @@ int64_t find_meetings(const surface_t *s, const double *x, const double *y, doub
             if (count < room)
                 out[count].pair[0] = POINT, out[count].pair[1] = pair[0], out[count].pair[2] = pair[1];
             if (d == 3)
-                add_meeting(3, 1, pair, 3, facet, x, y, time, least, s->areas[pair[0]], room, &count, out);
+                add_meeting(s, 3, 1, pair, 3, facet, x, y, time, least, s->areas[pair[0]], room, &count, out);
             else
-                add_meeting(2, 1, pair, 2, facet, x, y, time, least, s->areas[pair[0]], room, &count, out);
+                add_meeting(s, 2, 1, pair, 2, facet, x, y, time, least, s->areas[pair[0]], room, &count, out);
         }
         for (int64_t k = 0; k < pairs->n_edges; ++k) {
             const int32_t *pair = pairs->edges + 2 * k, *one = s->edge + 2 * (int64_t)pair[0], *other = s->edge + 2 * (int64_t)pair[1];
@@ -606,7 +719,7 @@ int64_t find_meetings(const surface_t *s, const double *x, const double *y, doub
                 continue;
             if (count < room)
                 out[count].pair[0] = EDGES, out[count].pair[1] = pair[0], out[count].pair[2] = pair[1];
-            add_meeting(3, 2, one, 2, other, x, y, time, least, fmin(s->edge_areas[pair[0]], s->edge_areas[pair[1]]), room, &count, out);
+            add_meeting(s, 3, 2, one, 2, other, x, y, time, least, fmin(s->edge_areas[pair[0]], s->edge_areas[pair[1]]), room, &count, out);
         }
     }
     return count;
