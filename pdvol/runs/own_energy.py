@@ -24,7 +24,7 @@ from pdvol.parallel import on_root
 from pdvol.potentials.assembly.hessian_blocks import BlockPattern, HessianBlocks
 from pdvol.potentials.build import Terms, contact_terms
 from pdvol.potentials.contact.barrier import ContactBarrier
-from pdvol.potentials.potential import Positions
+from pdvol.potentials.potential import LEAST_LEFT, Positions
 from pdvol.scene import Barrier, Deforming, Friction, Obstructing, Pascal, Plane, Rigid
 from pdvol.scene.checks import finite, positive
 from pdvol.solve.incremental_potential import IncrementalPotential
@@ -32,6 +32,8 @@ from pdvol.solve.linear.system_matrix import SystemMatrix
 from pdvol.solve.report import Stopwatch
 
 Displacement: TypeAlias = fem.Function | PETSc.Vec
+PINCHED = 2e-3  # of dhat: twice the gap that a step leaves at least; obstacles do not close such a gap any further
+NEARLY_ALL = 0.999  # share that is left of pinched gaps: that of all others stays LEAST_LEFT
 NAMED_CROSSINGS = 5  # crossings whose bodies a message names
 
 
@@ -154,14 +156,22 @@ class Contact:
         IntersectionError
             At the first call: u is not free of intersections.
         InputError
-            The times do not ascend, or a motion fails.
+            The times do not ascend, a motion fails, or contact keeps an obstacle from its place at t0, for
+            `move_obstacles` has not brought it there.
         """
         finite("begin_step: t0", t0)
         finite("begin_step: t1", t1)
         if not t1 > t0:
             raise InputError(f"begin_step: the step from {t0:g} to {t1:g} s has no length")
         x = self._positions(u)
-        self._potential.move_obstacles(t0)
+        if self._stepped and t0 > self._time:
+            if self._go_on(x, float(t0)) < t0:
+                raise InputError(
+                    f"begin_step: contact holds obstacles at t = {self._time:g} s, not {t0:g} s; solve and call"
+                    " move_obstacles until it returns the step's end"
+                )
+        else:
+            self._potential.move_obstacles(t0)
         if not self._stepped:
             self._require_apart(x, t0)
         self._potential.begin_step(x, x.owned, 1.0, t0, t1)
@@ -170,12 +180,24 @@ class Contact:
     def move_obstacles(self, u: Displacement, until: float) -> float:
         """Move the obstacles to their places at a time `until` [s], as far as they touch nothing at u.
 
-        Returns the time [s] that they have reached. Where it is not `until`, solve for u and call it again.
+        Returns the time [s] that they have reached. Where it is not `until`, solve for u and call it again. Where a gap
+        is a few thousandths of `dhat`, obstacles do not close it further: u has to give way first.
         """
-        x = self._started(u)
-        share = self._potential.max_step(x, np.zeros_like(x.owned), until)
-        self._time = float(until) if share == 1.0 else self._time + share * (until - self._time)
-        self._potential.move_obstacles(self._time)
+        return self._go_on(self._started(u), float(until))
+
+    def _go_on(self, x: Positions, until: float) -> float:
+        """Moves the obstacles from where they are towards their places at a time, and returns the time reached."""
+        pinched = self._potential.min_gap(x) < PINCHED * self.dhat
+        still, kept = np.zeros_like(x.owned), NEARLY_ALL if pinched else LEAST_LEFT
+        while until > self._time:
+            share = self._potential.max_step(x, still, until, kept)
+            if share == 1.0:
+                self._time = until
+                self._potential.move_obstacles(until)
+                break
+            # On the way to a nearer place an obstacle that turns takes another path, which is checked again.
+            nearer = self._time + (1.0 - LEAST_LEFT) * share * (until - self._time)
+            until = nearer if nearer < until else self._time
         return self._time
 
     def energy(self, u: Displacement) -> float:
@@ -259,6 +281,8 @@ class Contact:
             raise InputError(f"displacements are a dolfinx Function or a PETSc Vec, not {type(u).__name__}")
         if len(values) != size:
             raise InputError(f"displacements have {len(values)} values on this rank, the function space has {size}")
+        if not self._space.reduce(bool(np.isfinite(values).all()), MPI.LAND):
+            raise InputError("displacements are not all finite numbers; end the solve where they first are not")
         return np.array(values, dtype=np.float64).reshape(-1, self._space.dim)
 
     def _positions(self, u: Displacement) -> Positions:
