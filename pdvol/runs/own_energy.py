@@ -104,7 +104,7 @@ class Contact:
         self.bodies = ("body",) if count == 1 else tuple(f"body {number}" for number in range(1, count + 1))
         self._rest = self._space.from_input(mesh.points)
         self._at: Positions | None = None
-        self._stepped = False
+        self._stepped, self._time = False, 0.0
         self._blocks = HessianBlocks(BlockPattern(self._space))
         nobody = np.zeros(self._space.n_owned, dtype=bool)  # the user eliminates supported rows
         self._matrix: Any = SystemMatrix(self._space, nobody)

@@ -117,7 +117,7 @@ def is_at_rounding(slope: float, scale: float) -> bool:
 def is_wasted(last: Iteration, trials: int, energy: float) -> bool:
     """Whether the line search's first trial, with this energy [kg m^2], is to be halved: it falls by next to nothing.
     Where second derivatives jump, as where the closest point of a contact leaves a triangle, models of both sides lead
-    to and fro between them, and each full step gains a hundredth of what half of it would.
+    back and forth between them, and each full step gains a hundredth of what half of it would.
     """
     return trials == 1 and last.lengthening == 1.0 and energy > last.energy + LEAST_DECREASE * last.cap * last.slope
 
