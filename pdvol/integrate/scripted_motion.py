@@ -41,9 +41,6 @@ from pdvol.solve.report import NewtonReport
 # Fraction of the span: a part that gains less is not taken, since motions that press would close gaps to nothing. A
 # ball that presses two cubes to a wall takes 196 iterations in seven steps, with a hundredth of this 1,841.
 LEAST_GAIN = 0.02
-# Share of a direction's way, at least, that the next one leads to where no part of it is taken: what turns goes on
-# arcs, bodies on straight lines, and directions for nearer places are better. With 0.3 or 0.5 parts take more of them.
-NEXT_AIM = 0.15
 FIRST_ITERATIONS = 4  # Newton iterations, without a unit, after a part that gained too little: few serve most
 
 Object = int | Obstacle
@@ -354,7 +351,8 @@ class MotionParts:
             end = self._free_part(x, aim, until, direction, along)[1] if until - clock > least else None
             if end is not None:
                 return until, end
-            aim = clock + max(NEXT_AIM, (1.0 - LEAST_LEFT) * free) * (aim - clock)
+            # What turns goes on arcs, bodies on straight lines: directions for nearer places are better ones.
+            aim = clock + max(LEAST_LEFT, (1.0 - LEAST_LEFT) * free) * (aim - clock)
         return clock, None
 
     def _free_part(

@@ -105,6 +105,7 @@ class Stepper:
         self._record: Mapping = {}
         self._reports_forces = forces
         self._forces: dict[str, np.ndarray] = {}
+        self._stuck: Positions | None = None  # where the last solve that failed has ended
         self._end: Positions | None = None  # of the last solved step: terms know what they have found there
         self._friction = next(((f.iterations, f.tolerance) for f in model.friction), (1, 0.0))
 
@@ -236,11 +237,15 @@ class Stepper:
         if x is not None:
             return x
         if deepest:
+            names = (*self.model.bodies, *(obstacle.name for obstacle in self.model.obstacles))
+            gaps = [term.pinched(self._stuck, names) for term in self.potential.contacts] if self._stuck else []
+            gap = "".join(f", smallest gap {text}" for text in gaps if text)
             raise ConvergenceError(
                 report.level,
                 report.step,
                 f"{solved.reason} after {report.cuts} cuts of the step, last at dt = {span.t1 - span.t0:.3g} s, Newton"
-                f" step {solved.speed:.3g} m/s (tried: {taken(report.remedies)}); try a smaller dt or a larger dhat",
+                f" step {solved.speed:.3g} m/s{gap} (tried: {taken(report.remedies)}); try a smaller dt or a larger"
+                " dhat",
             )
         report.cuts += 1
         report.remedies["halvings"] += 1
@@ -262,6 +267,7 @@ class Stepper:
         except SimulationError as error:
             raise ConvergenceError(self.model.level, report.step, str(error)) from None
         if not solved.converged:
+            self._stuck = x
             return None, solved
         report.reason, report.gradient_norm = solved.reason, solved.gradient_norm
         return x, solved

@@ -240,6 +240,11 @@ class ContactPotential(Potential, Protocol):
     def min_gap(self, x: Positions) -> float:
         """Smallest distance [m] within reach, of all ranks; inf where there is none. Collective."""
 
+    def pinched(self, x: Positions, names: Sequence[str]) -> str:
+        """The pair with the smallest gap at x, in words, with the names of its objects (bodies first, then obstacles);
+        empty without contacts. Collective.
+        """
+
 
 class Term(Potential):
     """A base for terms of the energy, also for those of a user's own: all of `Potential` but `value` and `gradient`.

@@ -44,6 +44,9 @@ LEAST_DECREASE = 0.02
 # fraction of the terms whose difference the energy is: a smaller decrease is round-off
 CANCELLATION = 2e-15
 
+# Where contact cuts step after step to next to nothing, the solve goes nowhere.
+STALL = 10  # iterations, without a unit: so many in a row without a step show that the next one will not go on either
+
 # Near the minimum the last matrix is nearly as good as a new one.
 SHORT = 5.0  # times the tolerance: shorter steps take the last matrix
 CONTRACTING = 0.5  # ratio of consecutive step lengths: up to it they approach the minimum
@@ -120,6 +123,13 @@ def is_wasted(last: Iteration, trials: int, energy: float) -> bool:
     back and forth between them, and each full step gains a hundredth of what half of it would.
     """
     return trials == 1 and last.lengthening == 1.0 and energy > last.energy + LEAST_DECREASE * last.cap * last.slope
+
+
+def gains_nothing(last: Iteration, before: Iteration | None) -> bool:
+    """Whether contact cut the last step to next to nothing, the least decrease squared, and the one before had led no
+    nearer to the minimum.
+    """
+    return last.cap < LEAST_DECREASE**2 and last.speed > CONTRACTING * speed_of(before)
 
 
 def keeps_matrix(last: Iteration | None, before: Iteration | None, tolerance: float) -> bool:

@@ -26,10 +26,12 @@ from pdvol.scene import Relative, Solver
 from pdvol.solve.incremental_potential import IncrementalPotential
 from pdvol.solve.iteration import (
     LEAST_DECREASE,
+    STALL,
     TOO_STIFF,
     TRUSTED,
     Iteration,
     fraction_kept,
+    gains_nothing,
     is_at_rounding,
     is_wasted,
     keeps_matrix,
@@ -90,6 +92,8 @@ class Solve:
     matrix_age : iterations since the matrix was assembled; None where the next iteration needs a new one
     trials : evaluations of the potential by the line search
     meets : whether the present direction was found with pairs that are predicted to meet
+    stalled : iterations in a row that have gained nothing
+    stalls : how often so many had that a remedy was taken
     """
 
     states: list[Positions]
@@ -105,6 +109,8 @@ class Solve:
     matrix_age: int | None = None
     trials: int = 0
     meets: bool = False
+    stalled: int = 0
+    stalls: int = 0
 
 
 class Newton:
@@ -252,6 +258,9 @@ class Newton:
             report.reason = "ROUNDING" if why == "ROUNDING" else report.reason
             if why:
                 return reasons.CONVERGED_SNORM_RELATIVE
+            if self._solve.stalled >= STALL:  # the next remedy
+                self._solve.stalled, self._solve.stalls = 0, self._solve.stalls + 1
+                return reasons.DIVERGED_LINE_SEARCH
         return reasons.ITERATING
 
     # ---- iterations
@@ -331,6 +340,7 @@ class Newton:
                 solve.projection, solve.unprojected_failed = "clamp", False
             last = replace(last, as_promised=TRUSTED <= kept <= TOO_STIFF)
         solve.last = last
+        solve.stalled = solve.stalled + 1 if gains_nothing(last, solve.before) else 0
         return stops(last, solve.before, solve.tolerance)
 
     # ---- matrices
@@ -479,7 +489,7 @@ class Newton:
             if not self.linear.fall_back():
                 return ""
             return "workspace" if before == "direct" else "direct"
-        if self._solve.projection != "abs":
+        if self._solve.projection != "abs" and self._solve.stalls < 2:
             self._solve.projection = "abs"
             return "abs"
         return "direct" if self.linear.use_direct() else ""

@@ -249,3 +249,24 @@ def test_velocities_that_are_not_numbers_end_the_step():
     problem, x, v = falling()
     with pytest.raises(ConvergenceError, match="level 0, step 1: the inertia term's gradient is not a number|inertia"):
         take_step(problem, 1, x, v * np.nan)
+
+
+def test_a_solve_that_contact_cuts_to_nothing_takes_the_next_remedy(monkeypatch):
+    """Ten iterations without a step are enough, and the error names the pair with the smallest gap and its place."""
+    scene = make_scene(
+        dt=0.01,
+        loads=(Gravity((0.0, -9.81)),),
+        obstacles=(Plane((0.0, 0.0), (0.0, 1.0), name="floor"),),
+        contact=(Barrier(dhat=0.01),),
+        solver=Solver(max_halvings=0),
+    )
+    mesh = block((0.0, 0.005), (0.4, 0.405), 2)
+    problem = make_stepper(scene, mesh)
+    potential = problem.potential
+    monkeypatch.setattr(problem, "_predicted", lambda *_: None)
+    monkeypatch.setattr(potential, "max_step", lambda *_, **__: 1e-6)
+    with pytest.raises(ConvergenceError) as caught:
+        take_step(problem, 1, mesh.points, np.zeros_like(mesh.points))
+    said = caught.value.reason
+    assert said.startswith("DIVERGED_LINE_SEARCH after 0 cuts") and "abs 2, direct 1" in said
+    assert "smallest gap 0.005 m between 'body 0' and 'floor' at (" in said

@@ -17,7 +17,7 @@ Energy and gradient are not changed by a prediction.
 Source: Li et al. 2020 (Incremental Potential Contact); Li et al. 2023 (convergent IPC).
 """
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 
 import numpy as np
 from mpi4py import MPI
@@ -163,6 +163,20 @@ class ContactBarrier(Term):
         """Smallest distance [m] among the contacts; inf when there are none. Collective."""
         nearest = float(np.linalg.norm(self.contacts(x).gaps, axis=1).min(initial=np.inf))
         return self.space.reduce(nearest, MPI.MIN)
+
+    def pinched(self, x: Positions, names: Sequence[str]) -> str:
+        """The pair with the smallest gap at x, in words: the gap, the names of its objects (bodies first, then
+        obstacles) and where it is; empty without contacts. Collective.
+        """
+        found = self.contacts(x)
+        gaps, mine = np.linalg.norm(found.gaps, axis=1), (np.inf, "")
+        if len(found):
+            at = int(gaps.argmin())
+            one, other = (int(of[at]) for of in found.objects_in_contact(self.surface.objects))
+            place = self.surface.vertices(x)[found.vertices[at, 0]]
+            between = f"{names[one]!r} and itself" if one == other else f"{names[one]!r} and {names[other]!r}"
+            mine = float(gaps[at]), f"{gaps[at]:.2g} m between {between} at ({', '.join(f'{p:.4g}' for p in place)})"
+        return min(self.space.comm.allgather(mine))[1]
 
     def behind_planes(self, x: Positions) -> int:
         """Number of vertices on or behind a plane, counted once for each plane. Collective."""
