@@ -116,6 +116,8 @@ class ContactBarrier(Term):
         push = np.abs(found.coefficients) * (found.pressures * found.weights)[:, None]
         touching = np.where(used & chosen[objects], objects, -1).max(axis=1, initial=-1)
         mine = used & (touching >= 0)[:, None] & (objects < bodies) & (rows >= 0) & (rows < self.space.n_owned)
+        if not mine.any():
+            return np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64)
         pushes = np.zeros((self.space.n_owned, len(self.obstacles)))
         of = np.broadcast_to(touching[:, None] - bodies, mine.shape)
         np.add.at(pushes, (rows[mine], of[mine]), push[mine])
