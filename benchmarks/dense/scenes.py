@@ -13,8 +13,21 @@ from pathlib import Path
 import numpy as np
 
 import pdvol
-from pdvol import Barrier, Body, Friction, Gravity, NeoHookean, Placement, Plane, Rigid, Scene, Solver, Translation
-from pdvol.meshes import Solid, ball, bowl, brick
+from pdvol import (
+    Barrier,
+    Body,
+    Friction,
+    Gravity,
+    NeoHookean,
+    Placement,
+    Plane,
+    Rigid,
+    Rotation,
+    Scene,
+    Solver,
+    Translation,
+)
+from pdvol.meshes import Solid, ball, bowl, brick, cylinder
 
 sys.path.append(str(Path(__file__).resolve().parents[2]))  # as a scene file it is no part of a package
 
@@ -128,8 +141,37 @@ def jelly_bowl(steps: int = 60) -> Scene:
     )
 
 
+def rollers(gap: float = 0.12, turns: float = 0.8, cuts: int = 4, steps: int = 60) -> Scene:
+    """A soft block of 0.2 x 0.4 x 0.3 m is drawn through two turning rollers, `gap` [m] apart, `turns` [1/s]."""
+    radius, dt = 0.16, 0.02
+    block = Body(
+        (brick((0.2, 0.4, 0.3), (cuts, 2 * cuts, 3 * cuts // 2)),),
+        NeoHookean(8e3, poisson=0.42, density=1000.0),
+        name="block",
+        placement=Placement((0.0, 0.37, 0.0)),
+    )
+
+    def roller(side: int) -> Rigid:
+        centre = (side * (radius + gap / 2), 0.0, 0.0)
+        turning = Rotation(side * 2.0 * np.pi * turns, centre, (0.0, 0.0, 1.0))
+        return Rigid(
+            cylinder(radius, 0.7, 48), Placement(centre, np.pi / 2, (1.0, 0.0, 0.0)), turning, name=f"roller {side}"
+        )
+
+    return Scene(
+        (block,),
+        dt=dt,
+        steps=steps,
+        loads=(DOWN,),
+        obstacles=(roller(-1), roller(1)),
+        contact=(BARRIER, Friction(0.6, eps_v=1e-3)),
+        solver=SOLVER,
+    )
+
+
 SCENES = {
     "stack": stack,
+    "rollers": rollers,
     "jelly_bowl": jelly_bowl,
     "balls": balls,
     "plates": plates,

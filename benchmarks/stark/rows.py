@@ -63,6 +63,7 @@ ROWS = {
     "blocks": peer("blocks", 60),
     "stack": Row("five cubes face on face", PILES, {"name": "stack"}, 100),
     "balls": Row("a heap of 27 balls", PILES, {"name": "balls"}, 80),
+    "rollers": Row("a block drawn through two rollers", PILES, {"name": "rollers"}, 60),
     "twist_20k": peer("twist_20k", 20, long=True),
     "drop_20k": peer("drop_20k", 45, long=True),
 }

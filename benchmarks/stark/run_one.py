@@ -20,6 +20,7 @@ import numpy as np
 import pystark
 
 from benchmarks.dense.run_one import Timer, TimeUp
+from pdvol.scene import rotation_matrix
 
 THICK, WIDE = 0.1, 4.0
 """Metres: the boxes that stand for planes."""
@@ -41,6 +42,7 @@ def main(shot: str, out: str, cache: str, seconds: str) -> int:
         scene = json.loads(str(arrays["scene"]))
         meshes = [(arrays[f"points_{k}"], arrays[f"cells_{k}"]) for k in range(len(scene["bodies"]))]
         turned = [arrays[f"turned_{k}"] for k in range(len(scene["turns"]))]
+        rigid = [(arrays[f"surface_{k}"], arrays[f"faces_{k}"]) for k in range(len(scene["surfaces"]))]
     simulation = pystark.Simulation(settings(scene, Path(cache)))
     contact = pystark.EnergyFrictionalContact.GlobalParams()
     contact.default_contact_thickness = 0.5 * scene["dhat"]  # two thicknesses add up to dhat
@@ -53,8 +55,9 @@ def main(shot: str, out: str, cache: str, seconds: str) -> int:
         for k, (described, mesh) in enumerate(zip(scene["bodies"], meshes, strict=True))
     ]
     walls = [box(simulation, f"plane {k}", scene["dhat"], plane) for k, plane in enumerate(scene["planes"])]
-    rub([one.contact for one in bodies], [one.contact for one in walls], scene["mu"])
-    turns = [hold(simulation, bodies[0], vertices) for vertices in turned]
+    surfaces = [surface(simulation, f"surface {k}", scene["dhat"], *mesh) for k, mesh in enumerate(rigid)]
+    rub([one.contact for one in bodies], [one.contact for one in (*walls, *surfaces)], scene["mu"])
+    turns = [hold(simulation, bodies[0], vertices) for vertices in turned] + [one.inertia for one in surfaces]
     timer = Timer(float(seconds))
     steps = march(simulation, scene, turns, timer)
     last = [
@@ -111,6 +114,21 @@ def box(simulation, name: str, dhat: float, plane: dict):
     return found
 
 
+def surface(simulation, name: str, dhat: float, points: np.ndarray, faces: np.ndarray):
+    """A surface whose vertices are driven to where they should be; they have no mass."""
+    made = pystark.PrescribedSurface.Params()
+    made.inertia.stiffness, made.inertia.tolerance = HELD, ASTRAY
+    made.contact.contact_thickness = 0.5 * dhat
+    return simulation.presets().deformables().add_prescribed_surface(name, points, faces, made)
+
+
+def transformation(described: dict, time: float) -> tuple:
+    """Shift [m], angle [degrees] and axis of a turn about its centre at a time [s]; STARK turns about the origin."""
+    axis, centre = np.array(described["axis"]), np.array(described.get("centre", (0.0, 0.0, 0.0)))
+    turn = rotation_matrix(described["speed"] * time, axis, 3)
+    return centre - turn @ centre, np.degrees(described["speed"]) * time, axis / np.linalg.norm(axis)
+
+
 def rub(bodies: list, walls: list, mu: float) -> None:
     """Friction between all bodies, and between bodies and walls; walls do not meet each other."""
     for k, one in enumerate(bodies):
@@ -137,8 +155,8 @@ def march(simulation, scene: dict, turns: list, timer: Timer) -> dict[str, list]
     spent, small = 0.0, STILL * scene["dt"]
     while (now := simulation.get_time()) < scene["dt"] * (scene["steps"] - STILL):
         after = now + simulation.get_time_step_size()
-        for turn, described in zip(turns, scene["turns"], strict=True):
-            turn.set_transformation(np.zeros(3), np.degrees(described["speed"]) * after, np.array(described["axis"]))
+        for turn, described in zip(turns, scene["turns"] + scene["surfaces"], strict=True):
+            turn.set_transformation(*transformation(described, after))
         begin = time.process_time()
         simulation.run_one_time_step()
         spent += time.process_time() - begin

@@ -1,7 +1,8 @@
 """A scene of pdvol as a file that a process without pdvol can read: what STARK is given.
 
 The file is an npz. `points_K` (n, 3) [m] and `cells_K` (m, 4) are the mesh of body K as placed, `turned_K` (k,) the
-vertices that support K holds. `scene` is JSON with everything else, in SI units.
+vertices that support K holds, `surface_K` (n, 3) [m] and `faces_K` (m, 3) rigid surface K as placed. `scene` is JSON
+with everything else, in SI units.
 """
 
 import json
@@ -10,7 +11,8 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.common.process import Mistake
-from pdvol import Barrier, Body, Friction, Gravity, NeoHookean, Plane, Rotation, Scene, Solid, Support
+from pdvol import Barrier, Body, Friction, Gravity, NeoHookean, Plane, Rigid, Rotation, Scene, Solid, Support
+from pdvol.levels.obstacles import placed_obstacles
 from pdvol.scene.motions import Still
 
 
@@ -27,10 +29,14 @@ def write(scene: Scene, path: Path) -> None:
     turns = [turn_of(support, index, scene, arrays) for index, support in enumerate(scene.supports)]
     loads = [load for load in scene.loads if isinstance(load, Gravity) and isinstance(load.acceleration, tuple)]
     planes = [plane for plane in scene.obstacles if isinstance(plane, Plane) and plane.motion == Still()]
+    surfaces = [one for one in scene.obstacles if isinstance(one, Rigid)]
+    rigid = [surface_of(one, index, arrays) for index, one in enumerate(surfaces)]
     barriers = [one for one in scene.contact if isinstance(one, Barrier)]
     frictions = [one for one in scene.contact if isinstance(one, Friction)]
     refuse_unless(len(loads) == len(scene.loads) <= 1, "a load other than one constant gravity")
-    refuse_unless(len(planes) == len(scene.obstacles), "an obstacle other than planes at rest")
+    refuse_unless(
+        len(planes) + len(rigid) == len(scene.obstacles), "an obstacle other than resting planes and surfaces"
+    )
     refuse_unless(len(barriers) == 1, "no contact")
     refuse_unless(not (scene.attachments or scene.muscles or scene.separate), "attachments, muscles or bodies to move")
     refuse_unless(scene.integrator == "implicit_euler", f"the integrator {scene.integrator}")
@@ -50,6 +56,7 @@ def write(scene: Scene, path: Path) -> None:
         **lengths,
         "bodies": bodies,
         "turns": turns,
+        "surfaces": rigid,
         "planes": [{"point": list(plane.point), "normal": list(plane.normal)} for plane in planes],
     }
     np.savez(path, scene=np.array(json.dumps(described)), **arrays)
@@ -77,6 +84,15 @@ def body_of(body: Body, index: int, arrays: dict[str, np.ndarray]) -> dict:
         "density": material.density,
         "velocity": list(body.velocity) or [0.0, 0.0, 0.0],
     }
+
+
+def surface_of(obstacle: Rigid, index: int, arrays: dict[str, np.ndarray]) -> dict:
+    """The turning of a rigid surface about an axis through its centre; the surface goes into `arrays`."""
+    motion = Rotation(0.0, (0.0, 0.0, 0.0)) if obstacle.motion == Still() else obstacle.motion
+    refuse_unless(isinstance(motion, Rotation) and not np.isfinite(motion.stop), "a surface that does other than turn")
+    (placed,) = placed_obstacles([obstacle])
+    arrays[f"surface_{index}"], arrays[f"faces_{index}"] = placed.vertices, np.asarray(placed.faces, dtype=np.int32)
+    return {"speed": motion.speed, "axis": list(motion.axis), "centre": list(motion.centre)}
 
 
 def turn_of(support: Support, index: int, scene: Scene, arrays: dict[str, np.ndarray]) -> dict:

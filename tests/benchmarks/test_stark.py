@@ -100,6 +100,16 @@ def test_what_stark_is_given_of_a_twist(tmp_path):
     assert found["mu"] == 0.0 and found["gravity"] == [0.0, 0.0, 0.0] and len(arrays["cells_0"]) == 4119
 
 
+def test_what_stark_is_given_of_rollers(tmp_path):
+    scene = load_shot(REPOSITORY / rows.PILES, {"name": "rollers"}).scene
+    found, arrays = given(scene, tmp_path / "shot.npz")
+    assert [one["speed"] for one in found["surfaces"]] == pytest.approx([-1.6 * np.pi, 1.6 * np.pi])
+    for k, one in enumerate(found["surfaces"]):
+        off = (arrays[f"surface_{k}"] - one["centre"])[:, :2]
+        assert np.linalg.norm(off, axis=1).max() == pytest.approx(0.16) and arrays[f"faces_{k}"].shape[1] == 3
+    assert found["planes"] == [] and len(arrays) == 6
+
+
 FLOOR = (0.0, 0.0, 0.0), (0.0, 1.0, 0.0)
 
 
@@ -200,7 +210,7 @@ def test_failed_solves_and_cut_steps_of_stark(monkeypatch):
     one = importlib.import_module("benchmarks.stark.run_one")
     turned = []
     turn = types.SimpleNamespace(set_transformation=lambda *words: turned.append(words))
-    scene = {"dt": 0.01, "steps": 3, "turns": [{"speed": np.pi, "axis": [1.0, 0.0, 0.0]}]}
+    scene = {"dt": 0.01, "steps": 3, "turns": [{"speed": np.pi, "axis": [1.0, 0.0, 0.0]}], "surfaces": []}
     timer = one.Timer(1e9)
     found = one.march(Marching(), scene, [turn], timer)
     assert found["newton"] == [2, 4, 2, 2] and found["dt"] == pytest.approx([0.01, 0.01, 0.005, 0.005])
