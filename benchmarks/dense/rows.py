@@ -111,6 +111,12 @@ def peer(name: str, steps: int, goals: dict, **other) -> Row:
     return Row(f"`{name}`", "benchmarks/peers/scenes.py", steps, goals, {"name": name}, **other)
 
 
+def squeeze(name: str, title: str, steps: int) -> Row:
+    """A row of dense/squeezes.py, which needs the default model: compare it with 2440552 or later."""
+    goals = {"mean": 15, "most": 60, "reached": 1}
+    return Row(title, "benchmarks/dense/squeezes.py", steps, goals, {"name": name}, long=True)
+
+
 def stress(name: str, steps: int, goals: dict, file: str = "stress", **other) -> Row:
     """A row of the stress tests or the envelope."""
     return Row(f"`{name}`", f"benchmarks/{file}/scenes.py", steps, goals, {"name": name}, long=True, **other)
@@ -139,6 +145,12 @@ ROWS = {
         )
         for speed in (15, 50)
     },
+    "pin": squeeze("pin", "a rolling pin on dough", 56),
+    "gears": squeeze("gears", "a block drawn between gears", 55),
+    "piston": squeeze("piston", "a ball pressed in a cup", 50),
+    "ring": squeeze("ring", "a bar pulled through a narrower ring", 40),
+    "belts": squeeze("belts", "a ball carried between belts", 50),
+    "capstan": squeeze("capstan", "a strap over a turning drum of eight sides", 40),
     "twist_20k": peer("twist_20k", 20, {"faster": 1.3}, long=True),
     "drop_20k": peer("drop_20k", 45, {"faster": 1.3}, long=True),
     "twist_100k": peer("twist_100k", 5, {"faster": 1.3}, long=True),

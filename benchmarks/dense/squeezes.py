@@ -1,0 +1,145 @@
+"""Bodies that moving obstacles squeeze, with pdvol's default model; a scene file.
+
+    ./run pdvol run benchmarks/dense/squeezes.py --set name=gears
+
+SI units, y up.
+"""
+
+import math
+
+import numpy as np
+
+import pdvol
+from pdvol import (
+    Barrier,
+    Body,
+    Friction,
+    Gravity,
+    NeoHookean,
+    Outline,
+    Path,
+    Placement,
+    Plane,
+    Rigid,
+    Rotation,
+    Scene,
+    Sequential,
+    Support,
+    Translation,
+)
+from pdvol.meshes import ball, bar, box, cylinder, extrude, torus, turned
+
+DOWN = Gravity((0.0, -9.81, 0.0))
+ALONG_Z = math.pi / 2, (1.0, 0.0, 0.0)
+"""Angle and axis that lay a cylinder, which stands along y, along z."""
+
+
+def soft(shape, vertices: int, young: float = 1e4, at: tuple = (0.0, 0.0, 0.0)) -> Body:
+    """A body of a soft, slightly damped jelly with its centre at a place [m]."""
+    material = NeoHookean(young, 0.42, 1000.0, damping=0.01)
+    return Body(shape, material, (vertices,), name="body", placement=Placement(at))
+
+
+def squeeze(body: Body, obstacles: tuple, mu: float, steps: int, dt: float = 0.02, **more) -> Scene:
+    """A scene with gravity and friction."""
+    return Scene(
+        (body,),
+        obstacles=obstacles,
+        loads=(DOWN,),
+        contact=(Barrier(), Friction(mu)),
+        dt=dt,
+        steps=steps,
+        **more,
+    )
+
+
+def pin(vertices: int = 500, left: float = 0.02, speed: float = 0.5) -> Scene:
+    """A turning rolling pin comes down on dough of 0.06 m, to `left` [m] above the table, and rolls across it."""
+    radius = 0.06
+    start, low = (-0.22, 0.07 + radius, 0.0), left - 0.07
+    way = Path((0.0, 0.15, 0.9), ((0.0, 0.0, 0.0), (0.15 * speed, low, 0.0), (0.9 * speed, low, 0.0)))
+    rolls = Sequential((Rotation(-speed / radius, start, (0.0, 0.0, 1.0)), way))
+    dough = soft(box((0.5, 0.06, 0.3), (20, 3, 12)), vertices, 8e3, (0.0, 0.032, 0.0))
+    table = Plane((0.0, 0.0, 0.0), (0.0, 1.0, 0.0), name="table")
+    rolling = Rigid(cylinder(radius, 0.5, 48), Placement(start, *ALONG_Z), rolls, "pin")
+    return squeeze(dough, (table, rolling), 0.5, 56, 0.015)
+
+
+def gear(root: float, tip: float, teeth: int, thickness: float):
+    """A gear about the z axis with trapezoidal teeth, one centred on +x; radii in metres."""
+    corners = ((-0.30, root), (-0.13, tip), (0.13, tip), (0.30, root))
+    turns = [(2.0 * math.pi * (k + share) / teeth, radius) for k in range(teeth) for share, radius in corners]
+    return extrude(Outline(np.array([(r * math.cos(a), r * math.sin(a)) for a, r in turns])), thickness)
+
+
+def gears(vertices: int = 450, turns: float = 0.4, apart: float = 0.34, teeth: int = 12) -> Scene:
+    """Two meshing gears, `turns` [1/s], with axes `apart` [m], draw a block in between their teeth."""
+
+    def wheel(side: int, turned_by: float) -> Rigid:
+        centre = (0.5 * side * apart, 0.0, 0.0)
+        turning = Rotation(2.0 * side * math.pi * turns, centre, (0.0, 0.0, 1.0))
+        return Rigid(gear(0.12, 0.16, teeth, 0.3), Placement(centre, turned_by), turning, f"gear {side}")
+
+    block = soft(box((0.09, 0.28, 0.2), (4, 12, 9)), vertices, at=(0.0, 0.27, 0.0))
+    return squeeze(block, (wheel(-1, 0.0), wheel(1, math.pi + math.pi / teeth)), 0.5, 55, 0.015)
+
+
+def piston(vertices: int = 500) -> Scene:
+    """A turning piston presses a ball down in a cup, and rests."""
+    walls = [(0.0, 0.0), (0.16, 0.0), (0.16, 0.4), (0.13, 0.4), (0.13, 0.03), (0.0, 0.03)]
+    start = (0.0, 0.34, 0.0)
+    down = Path((0.0, 0.5, 1.0), ((0.0, 0.0, 0.0), (0.0, -0.17, 0.0), (0.0, -0.17, 0.0)))
+    pressing = Sequential((Rotation(3.0, start, (0.0, 1.0, 0.0)), down))
+    obstacles = (
+        Rigid(turned(np.array(walls)), name="cup"),
+        Rigid(cylinder(0.12, 0.1, 32), Placement(start), pressing, "piston"),
+    )
+    return squeeze(soft(ball(0.115, 3), vertices, at=(0.0, 0.15, 0.0)), obstacles, 0.4, 50)
+
+
+def ring(vertices: int = 500) -> Scene:
+    """A bar of 0.2 x 0.2 m is pulled by the middle of its end through a ring of 0.18 m."""
+    end = Support(
+        lambda X: (X[:, 0] > 0.39) & (np.abs(X[:, 1:]) < 0.06).all(axis=1), motion=Translation((0.9, 0.0, 0.0))
+    )
+    narrow = Rigid(torus(0.16, 0.07, 32, 16), Placement((0.55, 0.0, 0.0), math.pi / 2, (0.0, 0.0, 1.0)), name="ring")
+    return squeeze(soft(bar(0.8, 0.2, 0.2, 0.05), vertices), (narrow,), 0.2, 40, supports=(end,))
+
+
+def belts(vertices: int = 500) -> Scene:
+    """Two slanted belts close on a ball and carry it up."""
+
+    def belt(side: int) -> Rigid:
+        close = -0.04 * side
+        way = Path((0.0, 0.2, 2.0), ((0.0, 0.0, 0.0), (close, 0.0, 0.0), (close, 1.0, 0.0)))
+        place = Placement((0.128 * side, 0.0, 0.0), -0.02 * side, (0.0, 0.0, 1.0))
+        return Rigid(box((0.05, 2.0, 0.5), (1, 20, 5)), place, way, f"belt {side}")
+
+    return squeeze(soft(ball(0.1, 3), vertices, 8e3), (belt(-1), belt(1)), 0.7, 50)
+
+
+def capstan(vertices: int = 500) -> Scene:
+    """A strap lies over a drum of eight sides that turns."""
+    drum = Rigid(
+        cylinder(0.15, 0.4, 8),
+        Placement((0.0, 0.0, 0.0), *ALONG_Z),
+        Rotation(4.0, (0.0, 0.0, 0.0), (0.0, 0.0, 1.0)),
+        "drum",
+    )
+    strap = soft(box((0.8, 0.05, 0.12), (24, 2, 4)), vertices, 2e4, (0.0, 0.19, 0.0))
+    return squeeze(strap, (drum,), 0.6, 40)
+
+
+SCENES = {"pin": pin, "gears": gears, "piston": piston, "ring": ring, "belts": belts, "capstan": capstan}
+"""Functions by name."""
+
+
+def scene(name: str = "pin", **other) -> Scene:
+    """One of `SCENES`, with what its function takes."""
+    if name not in SCENES:
+        raise pdvol.InputError(f"there is no scene {name!r}; choose one of {', '.join(SCENES)}")
+    return SCENES[name](**other)
+
+
+if __name__ == "__main__":
+    pdvol.main(scene)
