@@ -19,6 +19,7 @@ from .progress import RunProgress
 # an export's duration, times this, is the pause before the next one: exports take a fifth of the time at most
 PAUSE = 4.0
 LEAST_PAUSE = 1.5  # seconds between the same
+SO_FAR = "so far"  # how a line of pdvol ends about a step that lasts
 
 
 @dataclass(frozen=True)
@@ -162,8 +163,9 @@ class Session:
     def _say(self) -> None:
         assert self.task is not None
         line = self.progress.line() if self.progress is not None else ""
-        said = self._process.lines()[-1:] if self._process is not None and not line else []
-        self.message = ": ".join([self.task.title, *([line] if line else said)])
+        said = self._process.lines()[-1:] if self._process is not None else []
+        lasts = [text for text in said if text.endswith(SO_FAR)]
+        self.message = ": ".join([self.task.title, *(lasts or [line] if line else said)])
 
     def _begin_export(self) -> None:
         """Export a level that has new states, the finest first; none where one is under way."""

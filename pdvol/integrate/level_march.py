@@ -7,6 +7,7 @@ import numpy as np
 
 from pdvol.integrate.feedback import level_feedback
 from pdvol.integrate.integrator import Integrator, Past
+from pdvol.integrate.long_step import Show
 from pdvol.integrate.marches import Start, direct, embedded, guide, progressive
 from pdvol.integrate.stepper import Stepper
 from pdvol.levels.hierarchy import Hierarchy
@@ -43,6 +44,7 @@ def level_march(
     start: Start,
     terms: Sequence[MakeTerm] = (),
     forces: bool = False,
+    show: Show | None = None,
 ) -> Iterator[StepReport]:
     """The steps of a level from its start to the scene's last one, made one by one. Collective.
 
@@ -50,7 +52,7 @@ def level_march(
     ----------
     method : one of `pdvol.registry.METHODS`
     coarse : is called for a state of the level below when a step needs it
-    terms, forces : as `Stepper` takes them
+    terms, forces, show : as `Stepper` takes them
     """
     level, steps, dt = model.level, model.steps, model.dt
     where = lambda step: coarse(step)[0].positions
@@ -68,6 +70,7 @@ def level_march(
         level_feedback(model, hierarchy, method, where),
         terms,
         forces,
+        show,
     )
     if method == "progressive" and level > 0:
         return progressive(stepper, hierarchy.prolongation(level), coarse, start, steps)

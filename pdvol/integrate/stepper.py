@@ -13,6 +13,7 @@ from scipy.sparse import csr_array
 from pdvol.errors import ConvergenceError, SimulationError
 from pdvol.integrate.feedback import Feedback
 from pdvol.integrate.integrator import ImplicitEuler, Integrator, Past, State, rates_of
+from pdvol.integrate.long_step import LongStep, Show
 from pdvol.integrate.rest import Rest
 from pdvol.integrate.scripted_motion import MotionParts, ScriptedMotion
 from pdvol.levels.model import LevelModel
@@ -72,6 +73,7 @@ class Stepper:
     feedback : of the drift from the coarser level, if any
     terms : make further terms of the energy; with any, no step is held at rest, since they may change at any time
     forces : whether reports have the terms' forces
+    show : what `LongStep` calls while a step lasts
 
     Attributes
     ----------
@@ -91,6 +93,7 @@ class Stepper:
         feedback: Sequence[Feedback] = (),
         terms: Sequence[MakeTerm] = (),
         forces: bool = False,
+        show: Show | None = None,
     ):
         self.model, self.space, self.integrator = model, space, integrator or INTEGRATORS[model.integrator]()
         self.watch = Stopwatch()
@@ -100,6 +103,7 @@ class Stepper:
         states = self.integrator.states
         self._lags = deque[Mapping[Mover, float]]([{}] * states, maxlen=states)  # at steps' starts, newest first
         self._coarse_weights, self._feedback = coarse_weights, feedback
+        self._long = None if show is None else LongStep(self.potential, show)
         self.newton = self._new_newton()
         self.rest, self._may_rest = Rest(model, self.newton.tolerance), not (guides or terms)
         self._record: Mapping = {}
@@ -110,7 +114,10 @@ class Stepper:
         self._friction = next(((f.iterations, f.tolerance) for f in model.friction), (1, 0.0))
 
     def _new_newton(self) -> Newton:
-        return Newton(self.space, self.potential, self.motion.held, self.model.solver, self.watch, self._coarse_weights)
+        iterated = None if self._long is None else self._long.iterated
+        return Newton(
+            self.space, self.potential, self.motion.held, self.model.solver, self.watch, self._coarse_weights, iterated
+        )
 
     def go_on_from(self, record: Mapping, earlier: Sequence[Mapping] = ()) -> None:
         """Restores the solver's memory from a step's log record, so that the next step is the same as without an
@@ -142,6 +149,8 @@ class Stepper:
         self._weight = integrator.weight(by, dt)
         report = StepReport(self.model.level, number, number * dt, past[0].positions, past[0].velocity)
         self.newton.linear.begin_step()
+        if self._long is not None:
+            self._long.begin(report)
         with self.watch.part("total"):
             released = self.motion.begin(start * dt)
             self._lags.appendleft(self.motion.lags)

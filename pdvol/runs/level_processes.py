@@ -12,7 +12,7 @@ import sys
 import tempfile
 import time
 import traceback
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager, nullcontext, suppress
 from multiprocessing.connection import Connection, wait
 from pathlib import Path
@@ -97,17 +97,20 @@ class Follower:
     def watch(self, level: int, total: int, done: int) -> Progress:
         """Has the keeper show the level's progress, by the states that it stores."""
         self._send("watch", (level, total, done), {})
-        return _Unseen()
+        return _Unseen(lambda record: self._send("lasts", (level, record), {}))
 
 
 class _Unseen(Progress):
-    """Progress that another process shows."""
+    """Progress that another process shows: it sees finished steps, and is sent those that last."""
 
-    def __init__(self) -> None:
-        pass
+    def __init__(self, send: Callable[[Mapping], None]) -> None:
+        self._send = send
 
     def step(self, record: Mapping) -> None:
         pass
+
+    def lasts(self, record: Mapping) -> None:
+        self._send(record)
 
     def close(self) -> None:
         pass
@@ -179,6 +182,9 @@ def march_levels(writer: SharedWriter, levels: Mapping[int, int], progress: Watc
                 elif name == "watch":
                     if progress is not None:
                         watches[level] = progress(*arguments)
+                elif name == "lasts":
+                    if level in watches:
+                        watches[level].lasts(arguments[1])
                 else:
                     getattr(writer, name)(*arguments, **details)
                     if arguments[0] == "write_state" and level in watches and isinstance(arguments[-1], dict):

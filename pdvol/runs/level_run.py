@@ -51,6 +51,8 @@ def run_level(
     progress : called as (level, steps, steps done)
     """
     level, done = model.level, writer.call("steps", model.level)
+    watcher: Progress | None = None
+    lasts = lambda record: None if watcher is None else watcher.lasts(record)
     if done > model.steps:
         writer.finish(level)
         return
@@ -59,7 +61,7 @@ def run_level(
         start = _start(model, hierarchy, method, integrator, writer, done)
         writer.call("set_level_state", level, "running")
         coarse = _coarse(model, integrator, writer)
-        march = level_march(model, hierarchy, method, integrator, coarse, start)
+        march = level_march(model, hierarchy, method, integrator, coarse, start, show=lasts)
     watcher = progress(level, model.steps, start.step) if progress is not None else None
     try:
         for report in march:

@@ -9,6 +9,16 @@ from tqdm import tqdm
 
 from pdvol.parallel import on_root
 from pdvol.runs.notebook_text import progress_stream
+from pdvol.runs.stage_lines import SO_FAR
+
+LABELS = (
+    ("newton", "newton_iterations", "d"),
+    ("contacts", "contacts", "d"),
+    ("gap", "min_gap", ".1e"),
+    ("intersections", "intersections", "d"),
+)
+"""What is shown of a record: label, key, pattern."""
+BAR = ("newton", "contacts")  # what a bar shows of a finished step, for want of space
 
 
 class Progress:
@@ -29,6 +39,7 @@ class Progress:
         self.level, self.total = level, total
         self.stream = progress_stream() if stream is None else stream
         self._bar: tqdm | None = None
+        self._shown = (0, 0.0)
         if self.stream.isatty():
             self._bar = tqdm(
                 total=total, initial=done, desc=f"level {level}", unit="step", file=self.stream, dynamic_ncols=True
@@ -37,12 +48,26 @@ class Progress:
     def step(self, record: Mapping) -> None:
         """Shows one finished step; `record` is its object in the log. Numbers it lacks are left out."""
         if self._bar is None:
-            self.stream.write(step_line(record, self.level, self.total) + "\n")
-            self.stream.flush()
+            self._write(step_line(record, self.level, self.total))
             return
-        shown = {"newton": record.get("newton_iterations"), "contacts": record.get("contacts")}
-        self._bar.set_postfix({key: value for key, value in shown.items() if value is not None}, refresh=False)
+        self._bar.set_postfix({k: v for k, v in _shown(record).items() if k in BAR}, refresh=False)
         self._bar.update()
+
+    def lasts(self, record: Mapping) -> None:
+        """Shows how far a step is that lasts; `record` is what its object in the log would have so far. Lines come ever
+        less often: each after twice the time of the one before.
+        """
+        if self._bar is not None:
+            self._bar.set_postfix({"step": record["step"], **_shown(record)})
+            return
+        step, seconds = record["step"], record["seconds"]["total"]
+        if step != self._shown[0] or seconds >= 2.0 * self._shown[1]:
+            self._shown = step, seconds
+            self._write(f"{step_line(record, self.level, self.total)} {SO_FAR}")
+
+    def _write(self, line: str) -> None:
+        self.stream.write(line + "\n")
+        self.stream.flush()
 
     def close(self) -> None:
         """Leave the bar as it stands."""
@@ -63,23 +88,23 @@ class Calls(Progress):
     def _call(self, record: dict) -> None:
         self._function(record)
 
+    def lasts(self, record: Mapping) -> None:
+        """Does nothing: the function gets finished steps."""
+
     def close(self) -> None:
         """Does nothing."""
+
+
+def _shown(record: Mapping) -> dict[str, str]:
+    """What people see of a record, by label; what it lacks, or what is not finite, is left out."""
+    found = ((label, record.get(key), pattern) for label, key, pattern in LABELS)
+    return {label: format(value, p) for label, value, p in found if value is not None and math.isfinite(value)}
 
 
 def step_line(record: Mapping, level: int, total: int) -> str:
     """One step as a line: `level 1  step  12/100  newton 4  contacts 37  gap 1.2e-04  0.31 s`."""
     parts = [f"level {level}", f"step {record['step']:>{len(str(total))}}/{total}"]
-    shown = (
-        ("newton", "newton_iterations", "d"),
-        ("contacts", "contacts", "d"),
-        ("gap", "min_gap", ".1e"),
-        ("intersections", "intersections", "d"),
-    )
-    for label, key, pattern in shown:
-        value = record.get(key)
-        if value is not None and math.isfinite(value):
-            parts.append(f"{label} {format(value, pattern)}")
+    parts += [f"{label} {text}" for label, text in _shown(record).items()]
     seconds = record.get("seconds")
     total_seconds = seconds.get("total") if isinstance(seconds, Mapping) else seconds
     if total_seconds is not None:

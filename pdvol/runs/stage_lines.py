@@ -16,6 +16,7 @@ from pdvol.stages import Stage
 SHOWN_SECONDS = 1.0  # duration from which on a stage leaves a line: shorter ones are not waited for
 FIRST_SIGN = 0.5  # seconds after which a terminal shows a stage that lasts
 LONG_SECONDS = 30.0  # time after which a log says that a stage still lasts
+SO_FAR = "so far"  # how a log's line about what lasts ends
 _REWRITTEN_EVERY = 0.5  # seconds
 _ERASED_LINE = "\r\x1b[K"  # the cursor goes to the beginning of a terminal's line, which is cleared
 
@@ -68,7 +69,7 @@ class StageLines:
                     continue
                 for stage in self._active:
                     if stage.elapsed() >= self._next[stage]:
-                        self._write(f"{lasting(stage)} so far\n")
+                        self._write(f"{lasting(stage)} {SO_FAR}\n")
                         self._next[stage] *= 2.0
             self._watch = None
 

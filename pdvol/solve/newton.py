@@ -124,6 +124,7 @@ class Newton:
     settings : Solver
         Its tolerance is in m/s.
     coarse_weights : as `Stepper` takes it
+    iterated : called with the state after each iteration of a solve, or before a direction, and how many there were
 
     Attributes
     ----------
@@ -140,13 +141,14 @@ class Newton:
         settings: Solver,
         watch: Stopwatch,
         coarse_weights: Callable[[], csr_array | None] = lambda: None,
+        iterated: Callable[[Positions, int], None] | None = None,
     ):
         if isinstance(settings.tolerance, Relative):
             raise ValueError("Newton's tolerance must be a speed in m/s, not a Relative one")
         self.space, self.potential, self.settings, self.watch = space, potential, settings, watch
         self.tolerance = settings.tolerance
         self._fixed, self._coarse_weights, self._dt = supported, coarse_weights, np.inf
-        self._sum = space.reduce
+        self._sum, self._iterated = space.reduce, iterated
         self._vector, self._residual = space.create_vector(), space.create_vector()
         self._blocks = HessianBlocks(BlockPattern(space, potential.stencils))
         self._system = SystemMatrix(space, supported, wants_general_matrix(settings))
@@ -254,7 +256,10 @@ class Newton:
             report.speed = 0.0
             return reasons.CONVERGED_FNORM_ABS
         if iteration > 0:
-            why = self._end_iteration(self._positions(snes.getSolution()))
+            x = self._positions(snes.getSolution())
+            if self._iterated is not None:
+                self._iterated(x, report.iterations + iteration)
+            why = self._end_iteration(x)
             report.reason = "ROUNDING" if why == "ROUNDING" else report.reason
             if why:
                 return reasons.CONVERGED_SNORM_RELATIVE
@@ -551,4 +556,6 @@ class Newton:
             self.potential.forget_prediction()
             self._system.support(self._fixed)
         solve.report.iterations, solve.report.hessians = 1, 1
+        if self._iterated is not None:
+            self._iterated(x, 1)
         return best, chosen, most, solve.report

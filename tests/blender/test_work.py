@@ -224,6 +224,25 @@ def test_a_cancelled_preview_keeps_its_steps_and_goes_on(previewed, tmp_path):
     assert not at.run(1).exists() and at.run_numbers() == []
 
 
+def test_a_step_that_lasts_says_how_far_it_is(previewed):
+    """As pdvol prints it, until the step is stored; a line about a finished step adds nothing to the run's folder."""
+    at, session = previewed[0], Session()
+    for last, shown in (
+        ("level 0  step 6/6  newton 4  0.1 s", "level 1, step 6 of 6"),
+        ("level 1  step 7/9  newton 45  gap 1e-04  4.0 s so far",) * 2,
+    ):
+        program = f"import time; print({last!r}, flush=True); time.sleep(600)"
+        session.start(Task("Refine", [["-c", program]], 1), at, [sys.executable], 24.0)
+        session._exported = {0: 6, 1: 6}  # nothing is new
+
+        def said(expected=f"Refine: {shown}") -> bool:
+            session.tick()
+            return session.message == expected
+
+        until(said, f"{session.message}")
+        session.cancel()
+
+
 def test_a_mistake_ends_a_task_in_one_line(tmp_path):
     at, session = places(tmp_path), Session()
     session.start(Task("Check", 2 * [commands.check(at.scene, at.findings)]), at, PDVOL, 24.0)

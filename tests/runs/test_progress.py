@@ -33,3 +33,32 @@ def test_a_bar_with_the_time_left():
     progress.close()
     shown = stream.getvalue()
     assert "level 2" in shown and "3/3" in shown and "newton=4" in shown and "contacts=37" in shown and "<" in shown
+
+
+def lasting(step, iterations, seconds):
+    """What is shown of a step so far."""
+    record = {"step": step, "newton_iterations": iterations, "contacts": 37, "min_gap": 1.2e-4}
+    return record | {"seconds": {"total": seconds}}
+
+
+def test_lines_about_a_step_that_lasts_come_ever_less_often():
+    stream = io.StringIO()
+    progress = Progress(1, 100, stream)
+    for tenths in range(20, 100, 5):
+        progress.lasts(lasting(12, tenths, 0.1 * tenths))
+    progress.lasts(lasting(13, 8, 2.0))
+    assert stream.getvalue().splitlines() == [
+        "level 1  step  12/100  newton 20  contacts 37  gap 1.2e-04  2.00 s so far",
+        "level 1  step  12/100  newton 40  contacts 37  gap 1.2e-04  4.00 s so far",
+        "level 1  step  12/100  newton 80  contacts 37  gap 1.2e-04  8.00 s so far",
+        "level 1  step  13/100  newton 8  contacts 37  gap 1.2e-04  2.00 s so far",
+    ]
+
+
+def test_a_bar_shows_a_step_that_lasts():
+    stream = Terminal()
+    progress = Progress(2, 30, stream, done=1)
+    progress.lasts(lasting(2, 45, 3.0))
+    shown = stream.getvalue()
+    progress.close()
+    assert "1/30" in shown and "step=2" in shown and "newton=45" in shown and "gap=1.2e-04" in shown

@@ -5,9 +5,10 @@ from pathlib import Path
 from typing import Any
 
 from pdvol.errors import InputError
+from pdvol.runs.stage_lines import SO_FAR
 from pdvol.store.folder import holds_run
 from pdvol.store.reader import Run, open_run
-from pdvol.studio.variations.worker import Worker
+from pdvol.studio.variations.worker import Worker, last_line
 
 
 class LiveRun:
@@ -52,6 +53,12 @@ class LiveRun:
     def running(self) -> bool:
         """Whether a worker computes it."""
         return self.worker is not None
+
+    @property
+    def lasting(self) -> str:
+        """What its command line says of a step, or a preparation, that takes long; empty where none does."""
+        line = last_line(self.log) if self.running else ""
+        return line if line.endswith(SO_FAR) else ""
 
     def look(self) -> bool:
         """Read what has been stored since; whether there is a state to show."""

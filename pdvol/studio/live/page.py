@@ -109,6 +109,7 @@ class Page:
             lines += [f"{line}" for line in _level_lines(run)]
             state = "paused" if self._session.paused and run.running else run.state
             lines.append(state if run.first_state is None else f"{state}, first state after {run.first_state:.2f} s")
+            lines += [run.lasting] if run.lasting else []
             lines += [f"*{run.note}*"] if run.note else []
             lines += [f"⚠ **{run.reason}**"] if run.reason else []
             if shown is not None and shown is not run:

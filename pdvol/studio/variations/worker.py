@@ -12,6 +12,7 @@ from typing import IO, cast
 
 from pdvol.processes import die_with_parent, without_launcher
 
+TAIL = 8000  # bytes at the end of a log that are looked at for its last line
 PATIENCE = 5.0  # seconds that a process has to end after the request; it stores a state in less
 
 
@@ -138,7 +139,9 @@ class Worker:
 def last_line(log: Path) -> str:
     """What a command line said last in its log, without its name."""
     try:
-        lines = [line for line in log.read_text(errors="replace").splitlines() if line.strip()]
+        with open(log, "rb") as file:
+            file.seek(max(0, log.stat().st_size - TAIL))
+            lines = [line for line in file.read().decode(errors="replace").splitlines() if line.strip()]
     except OSError:
         return ""
     return lines[-1].removeprefix("pdvol: ") if lines else ""

@@ -1,6 +1,7 @@
 """The runs behind a live page, without a page."""
 
 import json
+import re
 import time
 
 import numpy as np
@@ -209,3 +210,25 @@ def test_the_end_ends_all_processes(folder):
     assert len(workers) >= 2 and not any(worker.alive for worker in workers)
     assert open_run(folder / "kept" / "end").levels[0].steps > 0
     assert json.loads((folder / "kept" / "end" / "run.json").read_text())["state"] == "interrupted"
+
+
+SLOW = """
+import time
+from pdvol.integrate import long_step
+
+long_step.SHOWN_AFTER = long_step.SHOWN_EVERY = 0.0
+shown = long_step.LongStep.iterated
+long_step.LongStep.iterated = lambda *state: (shown(*state), time.sleep(0.2))
+"""
+
+
+def test_a_step_that_lasts_says_how_far_it_is(tmp_path):
+    write(tmp_path / "fall.py", FALL + SLOW)
+    session = Session(tmp_path / "fall.py", {}, tmp_path / "runs", tmp_path / "kept")
+    (tmp_path / "runs").mkdir()
+    try:
+        session.start()
+        until(session, lambda: session.current is not None and session.current.lasting)
+        assert re.match(r"level 0  step  ?1/10  newton \d+  contacts .* s so far$", session.current.lasting)
+    finally:
+        session.close()

@@ -25,7 +25,7 @@ def page(small_run):
     stored = open_run(small_run)
     run = SimpleNamespace(number=1, branch=None, steps=stored.levels[0].steps, level_0_ended=True, stored=stored)
     run.finest_with, run.values, run.state, run.running = lambda step, wanted: 0, {}, "done", False
-    run.first_state, run.note, run.reason, run.kept = None, "", "", None
+    run.first_state, run.note, run.reason, run.lasting, run.kept = None, "", "", "", None
     session = SimpleNamespace(shown=run, current=run, paused=False, tick=lambda: None)
     server = LocalServer("127.0.0.1", 0, "test")
     yield Page(server, session, [], 1, "test")
