@@ -132,8 +132,7 @@ class Worker:
         self.busy = False
 
     def _signal(self, number: int) -> None:
-        with contextlib.suppress(ProcessLookupError):
-            os.kill(self._process.pid, number)
+        self._process.send_signal(number)  # not os.kill: another process may have the number of one that has ended
 
 
 def last_line(log: Path) -> str:
