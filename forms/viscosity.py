@@ -21,7 +21,8 @@ def kelvin_voigt_model(F: Expr, v: Expr, w: Expr, mu: Expr, lmbda: Expr) -> Expr
     r"""The second derivative of `kelvin_voigt` by F along v and w, without the curvature of D (Gauss-Newton).
 
     It is 2 mu D'(v) : D'(w) + lmbda tr D'(v) tr D'(w) with D'(v) = sym(F'v): never negative, and without an
-    eigenvalue problem. What is left out is the step's viscous stress times v'w.
+    eigenvalue problem. What is left out is the step's viscous stress times v'w. Where a body is stretched fast, this
+    holds most of the stiffness across the stretch, so a solve whose steps overshoot takes the whole second derivative.
     """
     one, other = (ufl.sym(ufl.transpose(F) * change) for change in (v, w))
     return 2 * mu * ufl.inner(one, other) + lmbda * ufl.tr(one) * ufl.tr(other)

@@ -163,6 +163,9 @@ class PressesCtrlC:
         if self.steps == 2:
             raise KeyboardInterrupt
 
+    def lasts(self, record):
+        pass
+
     def close(self):
         pass
 

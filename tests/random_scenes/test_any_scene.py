@@ -199,6 +199,9 @@ class Interruption:
         if self.left == 0:
             raise KeyboardInterrupt
 
+    def lasts(self, record: dict) -> None:
+        pass
+
     def close(self) -> None:
         pass
 

@@ -42,7 +42,7 @@ class CellEnergy(Term):
     isotropic : whether psi(Q F R) = psi(F) for all rotations; found by evaluation where not given
     material : whose density it is, for error messages
     model : callable (F, v, w, **parameters) -> UFL bilinear form [Pa] in the changes v and w of F, positive
-        semi-definite; it takes the place of psi's second derivative except in unprojected Hessians
+        semi-definite; it takes the place of psi's second derivative where negative eigenvalues are cut off
     ceiling : det F from which on psi is zero and not evaluated; zero leaves that out. For densities that are not
         declared isotropic
     oriented : whether the energy is infinite unless det F > 0 in all domains; then psi must depend on F
@@ -166,7 +166,7 @@ class CellEnergy(Term):
             kernels = (kernel.c for kernel in self._stretches)
             native.library.isotropic_hessians(self._domains, *kernels, *places, mode, weight, pointer(out))
         elif self._second is not None:
-            kernel = self._model if mode and self._model is not None else self._second
+            kernel = self._model if into.projection == "clamp" and self._model is not None else self._second
             # A Hessian without F is that of a quadratic energy.
             mode = 0 if kernel is self._model or kernel.c.at < 0 else mode
             native.library.domain_hessians(self._domains, kernel.c, *places, mode, weight, pointer(out))
