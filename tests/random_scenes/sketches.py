@@ -179,6 +179,29 @@ def obstacle(draw, dim: int, number: int, height: float):
     return Rigid(square if kind == "box" else round_, place, moving, name)
 
 
+def pressing(draw, dim: int, of: Body) -> tuple[Rigid, Rigid]:
+    """Two obstacles that come together from both sides of a body, and turn or slide along it meanwhile: as rollers,
+    gears, presses and belts do. They stop before they touch each other.
+    """
+    flat, speed, left = (0.0,) * (dim - 2), draw(numbers(1.0, 6.0)), draw(numbers(0.02, 0.2))
+    if draw(st.booleans()):
+        radius, tool = 0.15, disc(0.15, 10) if dim == 2 else ball(0.15, 1)
+    else:
+        radius, tool = 0.05, rectangle(0.1, 0.5) if dim == 2 else box((0.1, 0.5, 0.5))
+    turn, slide = draw(numbers(-10.0, 10.0)) if radius > 0.1 else 0.0, draw(numbers(-1.0, 1.0))
+    start = 0.36  # m from the middle: bodies reach to 0.35 at most
+    pair = []
+    for number, side in enumerate((-1.0, 1.0)):
+        centre = (side * (start + radius), of.placement.translate[1], *flat)
+        motions = (
+            Rotation(side * turn, centre, (0.0, 0.0, 1.0)),
+            Translation((0.0, side * slide, *flat)),
+            Translation((-side * speed, 0.0, *flat), (start - 0.5 * left) / speed),
+        )
+        pair.append(Rigid(tool, Placement(centre), Sequential(motions), f"press {number}"))
+    return pair[0], pair[1]
+
+
 def support(draw, dim: int, of: Body) -> Support:
     """One end of a body."""
     back, centre = of.placement, np.array(of.placement.translate)
@@ -232,9 +255,9 @@ def gravity(draw, dim: int) -> Gravity:
 
 
 @st.composite
-def scenes(draw, extreme: bool = False) -> Scene:
+def scenes(draw, extreme: bool = False, pressed: bool = False) -> Scene:
     """One to four bodies, and whatever may act on them. In extreme ones stiffness, density, speed and time step span
-    many powers of ten, and few iterations are allowed.
+    many powers of ten, and few iterations are allowed. In `pressed` ones two obstacles squeeze a body.
     """
     dim = draw(st.sampled_from([2, 3]))
     levels = draw(st.integers(1, 3 if dim == 2 else 2))
@@ -242,6 +265,8 @@ def scenes(draw, extreme: bool = False) -> Scene:
     around = tuple(
         obstacle(draw, dim, k, 0.3 + APART * (len(bodies) - 1)) for k in range(draw(st.sampled_from([1, 2, 0])))
     )
+    if pressed:
+        around = pressing(draw, dim, draw(st.sampled_from(bodies)))
     contact: tuple = ()
     if around or not some(draw, 0.3):
         contact = (Barrier(draw(st.sampled_from([Relative(1e-2), Relative(1e-3), 2e-3]))),)

@@ -388,12 +388,25 @@ def test_a_few_extremes(tmp_path_factory, scene, how):
     run_and_check(tmp_path_factory.mktemp("scene"), scene, how, 0)
 
 
+@settings(max_examples=12, derandomize=True, **ANY)
+@given(scene=scenes(pressed=True), how=hows(), seed=st.integers(0, 10**6))
+def test_a_few_squeezes(tmp_path_factory, scene, how, seed):
+    run_and_check(tmp_path_factory.mktemp("scene"), scene, how, seed, *PROPERTIES["runs"][:3])
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("check", ONE_BY_ONE, ids=lambda check: check.__name__)
 @settings(max_examples=1000, **ANY)
 @given(scene=scenes(), how=hows(), seed=st.integers(0, 10**6))
 def test_many(tmp_path_factory, check, scene, how, seed):
     run_and_check(tmp_path_factory.mktemp("scene"), scene, how, seed, check)
+
+
+@pytest.mark.slow
+@settings(max_examples=1000, **ANY)
+@given(scene=scenes(pressed=True), how=hows(), seed=st.integers(0, 10**6))
+def test_many_squeezes(tmp_path_factory, scene, how, seed):
+    run_and_check(tmp_path_factory.mktemp("scene"), scene, how, seed, *PROPERTIES["runs"][:3])
 
 
 @pytest.mark.slow
