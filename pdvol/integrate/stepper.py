@@ -132,7 +132,7 @@ class Stepper:
         self.potential.restore(record.get("terms", {}))
         self._record = record
 
-    def step(self, number: int, past: Past, led: Past = ()) -> StepReport:
+    def step(self, number: int, past: Past, led: Past = (), change: np.ndarray | None = None) -> StepReport:
         """Step `number` (from 1) from the last states, in the input's order of vertices.
 
         Parameters
@@ -140,6 +140,7 @@ class Stepper:
         led : where another level leads this one, the past by which the step is predicted instead of its own
             (`marches.led`). Otherwise, after steps at rest (`rest.py`), a step begins at the time of the last solved
             state.
+        change : (n, d) [m] added to that prediction
 
         Raises ConvergenceError, naming level, step and reason, where no remedy helps, and InputError where a function
         of the scene fails. Collective.
@@ -165,7 +166,7 @@ class Stepper:
                     start -= self.rest.steps
                     integrator, past = ImplicitEuler(), past[:1]  # it needs no constant steps
                     by = past
-                x = self._advance(report, *self._whole(integrator, past, by, start, number))
+                x = self._advance(report, *self._whole(integrator, past, by, start, number, change))
                 self._end = x
                 report.joined = number - start
                 report.reached, report.behind, report.late = self.motion.end()
@@ -183,7 +184,9 @@ class Stepper:
         self._record = report.record()
         return report
 
-    def _whole(self, integrator: Integrator, past: Past, by: Past, start: int, number: int) -> tuple[Span, np.ndarray]:
+    def _whole(
+        self, integrator: Integrator, past: Past, by: Past, start: int, number: int, change: np.ndarray | None
+    ) -> tuple[Span, np.ndarray]:
         """The span of one step of an integrator from its past, predicted `by` another one, between the ends of two
         steps; and the velocities with which a part of it would begin.
         """
@@ -192,8 +195,8 @@ class Stepper:
         if self._end is None or self._end.whole is not x_t:
             self._end = Positions(self.space, rows(x_t))
         x_hat, velocity = integrator.predict(predicted, dt), predicted[0].velocity
-        if self._feedback:
-            push = rows(self._push(start, x_t))
+        pushes = [self._push(start, x_t)] if self._feedback else []
+        for push in map(rows, [*pushes, *([] if change is None else [change])]):
             x_hat, velocity = x_hat + push, velocity + push / dt
         rates = rates_of(integrator, past, self.space, t0, dt, tuple(self._lags)[1:])
         return Span(self._end, x_hat, integrator.weight(predicted, dt), t0, t1, rates), velocity

@@ -101,14 +101,14 @@ def _start(
 
 
 def _coarse(model: LevelModel, integrator: Integrator, writer: LevelWriter) -> Coarse:
-    """The pasts of the stored level below; the last two are kept, which the steps of a level ask for."""
+    """The pasts of the stored level below; the last three are kept, which a step asks for."""
     level = model.level - 1
 
     @lru_cache(maxsize=8)  # one past looks at the states of six steps
     def positions(step: int) -> np.ndarray:
         return writer.read(level, "positions", step)
 
-    @lru_cache(maxsize=2)
+    @lru_cache(maxsize=3)
     def past(step: int) -> Past:
         velocity = writer.read(level, "velocities", 0)
         return leading_past(integrator, positions, velocity, step, model.dt, model.begins_anew)

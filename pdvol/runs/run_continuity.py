@@ -6,7 +6,7 @@ import numpy as np
 
 from pdvol.integrate.feedback import level_feedback
 from pdvol.integrate.integrator import Past
-from pdvol.integrate.marches import guide, led
+from pdvol.integrate.marches import guide, led, mean_of_forces
 from pdvol.integrate.replay import Lateness, Replay
 from pdvol.levels.hierarchy import Hierarchy
 from pdvol.levels.model import LevelModel, hierarchy_model
@@ -101,8 +101,10 @@ def continuity_of_level(
             continue
         predicted, now = own, past[0].positions
         if taken == "coarse":
-            coarse = stored_lead(run, integrator, number - 1, model)
-            predicted = integrator.predict(led(now, coarse, prolongation), run.dt)
+            coarse = lambda step: stored_lead(run, integrator, step, model)
+            predicted = integrator.predict(led(now, coarse(number - 1), prolongation), run.dt)
+            change = mean_of_forces(integrator, coarse, number, run.dt)
+            predicted = predicted if change is None else predicted + prolongation.prolong(change)
         pushes = (each.push(number - 1, now) for each in feedback)
         values.append(metrics.continuity(own, sum(pushes, start=predicted), after, pull, masses, guided))
     return {"continuity": values, "continuity_error": errors}

@@ -5,7 +5,7 @@ import pytest
 from mpi4py import MPI
 
 from pdvol.integrate.integrator import ImplicitEuler, State, advance, past_of
-from pdvol.integrate.marches import SAME_TIME, Start, direct, embedded, guide, progressive
+from pdvol.integrate.marches import SAME_TIME, Start, direct, embedded, guide, mean_of_forces, progressive
 from pdvol.integrate.stepper import Stepper
 from pdvol.levels.hierarchy import Hierarchy
 from pdvol.levels.model import level_model
@@ -68,9 +68,15 @@ def test_tracks(pair, name):
     np.testing.assert_allclose(places(reports, fine.points), expected, atol=1e-7)
 
 
+def changed(integrator, coarse, number):
+    """By the mean of the coarse level's forces."""
+    change = mean_of_forces(integrator, coarse, number, DT)
+    return np.zeros(2) if change is None else change
+
+
 @pytest.mark.parametrize("name", INTEGRATORS)
 def test_progressive_with_consistency(pair, name):
-    """The prediction is x + (x_hat_c - x_c), from the states of the coarse level alone."""
+    """The prediction is x + (x_hat_c - x_c) and the mean of forces, from the states of the coarse level alone."""
     levels, fine, scene, path = pair
     integrator, start = INTEGRATORS[name](), Start.at_rest(fine.points, np.zeros_like(fine.points))
     below = lambda step: past_of(integrator, path.__getitem__, np.zeros_like(path[0]), step, DT)
@@ -80,7 +86,7 @@ def test_progressive_with_consistency(pair, name):
     coarse = lambda step: past_of(integrator, lambda n: n**2 * SHIFT, np.zeros(2), step, DT)
     for t in range(1, STEPS + 1):
         now, seen = past[0].positions, coarse(t - 1)
-        x_hat = now + (integrator.predict(seen, DT) - seen[0].positions)
+        x_hat = now + (integrator.predict(seen, DT) - seen[0].positions) + changed(integrator, coarse, t)
         w = W * integrator.weight(seen, DT) / DT**2
         past = advance(integrator, past, (x_hat + 2 * w * t**2 * SHIFT) / (1 + 2 * w), DT)
         expected.append(past[0].positions)
@@ -95,7 +101,7 @@ def test_progressive_with_consistency(pair, name):
 @pytest.mark.parametrize("name", INTEGRATORS)
 def test_a_cut_step_goes_by_the_coarse_velocity(pair, name, monkeypatch):
     """The third step fails once as a whole. Its halves are of implicit Euler, with the coarse velocity P v_c at their
-    start and the displacement of the first half after it: a free level moves by dt P v_c.
+    start and the displacement of the first half after it: a free level moves by dt P v_c and the mean of forces.
     """
     levels, fine, scene, path = pair
     integrator = INTEGRATORS[name]()
@@ -116,8 +122,9 @@ def test_a_cut_step_goes_by_the_coarse_velocity(pair, name, monkeypatch):
     now = np.zeros(2)
     for t, shift in enumerate(places(reports, fine.points), start=1):
         seen = below(t - 1)
-        whole = (integrator.predict(seen, DT) - seen[0].positions)[0]
-        now = now + (DT * seen[0].velocity[0] if t == 3 else whole)
+        change = changed(integrator, below, t)
+        whole = (integrator.predict(seen, DT) - seen[0].positions + change)[0]
+        now = now + (DT * seen[0].velocity[0] + np.reshape(change, (-1, 2))[0] if t == 3 else whole)
         np.testing.assert_allclose(shift, now, atol=1e-7)
 
 

@@ -7,7 +7,7 @@ import pytest
 from mpi4py import MPI
 
 from pdvol.integrate.integrator import State, past_of
-from pdvol.integrate.marches import Start, direct, progressive
+from pdvol.integrate.marches import Start, direct, mean_of_forces, progressive
 from pdvol.integrate.stepper import Stepper
 from pdvol.levels.hierarchy import Hierarchy
 from pdvol.potentials.build import build_terms
@@ -106,10 +106,11 @@ def test_continuity_of_a_direct_run_is_a_quarter(d, steps, contact):
 @pytest.mark.parametrize("d", [2, 3])
 def test_progressive_on_the_same_mesh_repeats_direct(d, name):
     """P = 1: x_hat = x + (x_hat_c - x_c) is the level's own as long as both levels are the same, which induction and
-    the solver keep.
+    the solver keep. Where forces are means of two steps, that holds while they are constant: in free fall.
     """
-    tolerance = 1e-5
-    scene, mesh, obstacles, velocity = falling(d, tolerance, 10)
+    tolerance, touches = 1e-5, INTEGRATORS[name]().states == 1
+    scene, mesh, obstacles, velocity = falling(d, tolerance, 10, contact=touches)
+    velocity = velocity if touches else np.full_like(velocity, 0.4)
     levels = Hierarchy([mesh, mesh], MPI.COMM_WORLD)
     prolongation = levels.prolongation(1)
     assert abs(prolongation.weights() - np.eye(len(mesh.points))).max() < 1e-12
@@ -120,7 +121,7 @@ def test_progressive_on_the_same_mesh_repeats_direct(d, name):
     below = lambda step: past_of(integrator, places.__getitem__, velocity, step, scene.dt)
     fine = list(progressive(problems[1], prolongation, below, Start.at_rest(mesh.points, velocity), scene.steps))
     assert [report.step for report in fine] == list(range(1, scene.steps + 1))
-    assert max(report.contacts for report in coarse) > 0
+    assert (max(report.contacts for report in coarse) > 0) == touches
     for a, b in zip(coarse, fine, strict=True):
         # Each step starts from the other level's last place, give or take what the solver left: tolerance times dt a
         # step.
@@ -144,10 +145,51 @@ def test_progressive_follows_the_coarse_velocity():
     reports = list(
         progressive(problem, levels.prolongation(1), below, Start.at_rest(fine.points, np.zeros_like(fine.points)), 3)
     )
-    assert asked == [0, 1, 2]
+    assert sorted(set(asked)) == [0, 1, 2]  # not ahead: nothing is known of the forces of steps before
     # Speeds 1, 2 and 3 along x and -2 along y, each for 0.1 s.
     for report, shift in zip(reports, [(0.1, -0.2), (0.3, -0.4), (0.6, -0.6)], strict=True):
         np.testing.assert_allclose(report.positions, fine.points + shift, atol=1e-9)
+
+
+def lead_of(integrator, path, number, dt=0.1):
+    """What a coarser level of one vertex, with positions (steps, 2), adds to a finer one's in step `number`."""
+    coarse = lambda step: past_of(integrator, lambda n: path[n : n + 1], np.zeros((1, 2)), step, dt)
+    seen = coarse(number - 1)
+    plain = integrator.predict(seen, dt) - seen[0].positions
+    change = mean_of_forces(integrator, coarse, number, dt)
+    return plain[0], (plain if change is None else plain + change)[0]
+
+
+@pytest.mark.parametrize("name", INTEGRATORS)
+def test_a_level_amplifies_no_frequency(name):
+    """Of a motion exp(i theta t): VelPro repeats the steps of the level below. BDF2's own prediction is 1 - b of them,
+    with b = (3 - z)^2 (1 - z) / 9 and z = exp(-i theta), 23/9 at the highest frequency. The mean of forces makes it
+    1 - b (1 + z) / 2.
+    """
+    integrator, gains = INTEGRATORS[name](), []
+    for theta in np.linspace(0.0, np.pi, 181)[1:]:
+        path = np.column_stack([np.cos(theta * np.arange(12)), np.sin(theta * np.arange(12))])
+        plain, taken = (np.linalg.norm(each) for each in lead_of(integrator, path, 10))
+        step, z = np.linalg.norm(path[1] - path[0]), np.exp(-1j * theta)
+        b = (3.0 - z) ** 2 * (1.0 - z) / 9.0
+        one, mean = (1.0, 1.0) if name == "implicit_euler" else (abs(1.0 - b), abs(1.0 - b * (1.0 + z) / 2.0))
+        assert plain / step == pytest.approx(one, abs=1e-11) and taken / step == pytest.approx(mean, abs=1e-11)
+        gains.append((plain / step, taken / step))
+    assert np.max(gains, axis=0) == pytest.approx(
+        [1.0, 1.0] if name == "implicit_euler" else [23 / 9, 1.0215], abs=1e-4
+    )
+
+
+def test_the_mean_of_forces_keeps_each_impulse():
+    """Whatever the motion, all that the mean has changed is half of the forces of one step: nothing drifts."""
+    integrator, rng = INTEGRATORS["bdf2"](), np.random.default_rng(5)
+    path = np.cumsum(rng.standard_normal((40, 2)), axis=0)
+    coarse = lambda step: past_of(integrator, lambda n: path[n : n + 1], np.zeros((1, 2)), step, 0.1)
+    forces = [(integrator.predict(coarse(n - 1), 0.1) - path[n])[0] for n in range(1, 40)]
+    forces[0] *= 4.0 / 9.0  # the first step's weight is dt^2, that of the others (2 dt / 3)^2
+    changed = [taken - plain for plain, taken in (lead_of(integrator, path, n) for n in range(1, 40))]
+    np.testing.assert_allclose(np.sum(changed, axis=0), 0.5 * (forces[0] - forces[-1]), atol=1e-12)
+    np.testing.assert_array_equal(changed[0], 0.0)
 
 
 def test_a_level_is_the_sum_of_what_steps_have_added():
