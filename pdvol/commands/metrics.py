@@ -58,6 +58,8 @@ def _result_lines(result: dict) -> list[str]:
 
 
 def _means(entry: dict) -> str:
+    from pdvol.measure.metrics import ROUGHER, root_mean_square
+
     s = {key: value for key, value in entry["summary"].items() if value}
     parts = [f"{entry['steps']} steps"]
     if "consistency" in s:
@@ -77,6 +79,9 @@ def _means(entry: dict) -> str:
     if "consistency" in s:
         parts.append(f"consistency {s['consistency']['mean']:.3g} kg m^2 (most {s['consistency']['largest']:.3g})")
         parts.append(f"rank of P {entry['projection']['rank']} of {entry['projection']['columns']}")
+    if "roughness" in s:
+        parts.append(f"roughness {root_mean_square(entry['roughness']):.3g} m")
+        parts += ["rougher than level 0"] if entry["rougher"] > ROUGHER else []
     if "jitter" in s:
         parts.append(f"jitter {s['jitter']['mean']:.3g} J (most {s['jitter']['largest']:.3g})")
     return ", ".join(parts)

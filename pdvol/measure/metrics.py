@@ -1,4 +1,4 @@
-"""Measures of stored motion (paper, appendix C, and three more). Arrays in, numbers out; forces come from elsewhere
+"""Measures of stored motion (paper, appendix C, and four more). Arrays in, numbers out; forces come from elsewhere
 (`pdvol.runs.run_metrics`).
 
 | measure | formula | unit |
@@ -9,19 +9,23 @@
 | distance | root of \\|x_l - P x_{l-1}\\|_M^2 over the mass, M of level l | m |
 | drift | of a body's centre and turn in x_l from those in P x_{l-1}, or in P ... P x_0 | m, degrees |
 | centre error | how far two runs' bodies have moved apart since the start, root mean square over the mass | m |
+| roughness | root of \\|x-- - 4 x- + 6 x - 4 x+ + x++\\|_M^2 over the mass: what changes from step to step | m |
 | jitter | 1/2 \\|v+ - v\\|_M^2, v the mean velocity over a step: gravity alone gives 1/2 m g^2 dt^2 | J |
 
-x-, x, x+ are the positions at t - dt, t and t + dt, M the lumped mass, w the step's weight, pull = w M^-1 grad F(x+).
-x_own is what the integrator predicts from the level's own states, 2 x - x- with implicit Euler, and x_hat what the step
-was solved with. So n is 1/4 for direct levels by any integrator, whatever the residual that the solver leaves, and e of
-the same accelerations is the same for all of them.
+x--, x-, x, x+, x++ are the positions at t - 2 dt, t - dt, t, t + dt and t + 2 dt, M the lumped mass, w the step's
+weight, pull = w M^-1 grad F(x+). x_own is what the integrator predicts from the level's own states, 2 x - x- with
+implicit Euler, and x_hat what the step was solved with. So n is 1/4 for direct levels by any integrator, whatever the
+residual that the solver leaves, and e of the same accelerations is the same for all of them.
 """
+
+from collections.abc import Sequence
 
 import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.linalg import splu
 
 OTHER_PLACE = 0.25  # of the body's size: a body that ends further away lies in another place
+ROUGHER = 1.3  # times level 0's roughness: levels whose motion is as smooth scatter by less
 OTHER_FACE = 30.0  # degrees: a body that is turned further about its own axes lies on another face
 RANK_TOLERANCE = 1e-5  # of P's norm: smaller singular values count as zero
 
@@ -69,11 +73,21 @@ def distance(fine: np.ndarray, prolonged: np.ndarray, masses: np.ndarray) -> flo
     return float(np.sqrt(squared_norm(fine - prolonged, masses) / masses.sum()))
 
 
+def root_mean_square(values: Sequence[float]) -> float:
+    """Zero where there are none."""
+    return float(np.sqrt(np.mean(np.square(values)))) if len(values) else 0.0
+
+
 def elsewhere(centres: np.ndarray, angles: np.ndarray, sizes: np.ndarray) -> np.ndarray:
     """(b,) bool: which bodies lie in another place or on another face than where `drift` was measured from; distances
     of their centres [m], angles [degrees] and sizes [m] are (b,).
     """
     return (centres > OTHER_PLACE * sizes) | (angles > OTHER_FACE)
+
+
+def roughness(states: Sequence[np.ndarray], masses: np.ndarray) -> float:
+    """Root mean square over the mass of the fourth difference in time [m] of five configurations (n, d)."""
+    return distance(np.diff(np.array(states), 4, axis=0)[0], np.zeros(1), masses)
 
 
 def jitter(before: np.ndarray, now: np.ndarray, after: np.ndarray, dt: float, masses: np.ndarray) -> float:

@@ -1,6 +1,7 @@
 """The measures of `pdvol.measure.metrics` for a stored run, with forces from its scene and P from its meshes."""
 
 import itertools
+from collections import deque
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -29,7 +30,8 @@ def measure_run(path: str | Path) -> dict:
     -------
     dict
         `run`, `dt`, `method`, `prolongation`, `notes` (what could not be measured, and why) and `levels`, each with
-        `level`, `steps`, `mass` [kg], lists over steps 1, 2, ... (`continuity`, `continuity_error`, `jitter`) and, from
+        `level`, `steps`, `mass` [kg], lists over steps 1, 2, ... (`continuity`, `continuity_error`, `jitter`),
+        `roughness` [m] around steps 2, 3, ..., `rougher`, its root mean square over that of level 0, and, from
         level 1 on, over states 0, 1, ... of both levels (`consistency`, `distance`, and the largest drift of a body:
         `centre_drift` [m] and `angle_drift` [degrees] from the level below, the same with `_from_0` from level 0), the
         `projection`'s `rank` and `columns`, the drift of each of the `bodies`, `animation`, which says in a line
@@ -61,6 +63,7 @@ def measure_run(path: str | Path) -> dict:
             entry["jitter"] = [
                 metrics.jitter(*three_states(level, n, run.dt), run.dt, masses) for n in range(1, entry["steps"] + 1)
             ]
+            entry["roughness"] = _roughness(level, masses)
             if level.index and run.levels[level.index - 1].steps:
                 below = run.levels[level.index - 1]
                 below_masses = lumped_masses(below.mesh, densities[below.index])
@@ -69,6 +72,9 @@ def measure_run(path: str | Path) -> dict:
         levels.append(entry | {"summary": _summaries(entry)})
     if not levels:
         raise InputError(f"{path} has no stored state to measure")
+    smooth = metrics.root_mean_square(levels[0]["roughness"])
+    for entry in levels:
+        entry["rougher"] = metrics.root_mean_square(entry["roughness"]) / smooth if smooth > 0.0 else float("nan")
     return {
         "run": str(path),
         "dt": run.dt,
@@ -218,6 +224,16 @@ def _scene(run: Run, notes: list[str]) -> tuple[Scene | None, Sequence[Obstacle]
     if any(c.iterations > 1 for c in scene.contact if isinstance(c, Friction)):
         notes.append("continuity lags friction once a step; the run did so several times")
     return scene, obstacles
+
+
+def _roughness(level: RunLevel, masses: np.ndarray) -> list[float]:
+    """[m] around each state that has two before and two after it."""
+    five, found = deque[np.ndarray](maxlen=5), []
+    for n in range(level.steps):
+        five.append(level.positions(n))
+        if len(five) == five.maxlen:
+            found.append(metrics.roughness(list(five), masses))
+    return found
 
 
 def _between_levels(

@@ -123,6 +123,21 @@ def test_continuity_with_motions_of_supports_and_obstacles(tmp_path):
         np.testing.assert_allclose(values[whole], 0.25, rtol=1e-4)
 
 
+def test_roughness_of_levels(folder, progressive):
+    """Of level 0 by hand, and the ratio of each level's root mean square to it; a rough level is named."""
+    result, out = progressive
+    level = open_run(folder / "progressive").levels[0]
+    x = np.array([level.positions(n) for n in range(level.steps)])
+    masses = lumped_masses(level.mesh, np.full(len(level.cells), 1e3))
+    squares = np.einsum("v,tvd->t", masses / masses.sum(), np.diff(x, 4, axis=0) ** 2)
+    coarse, fine = result["levels"]
+    np.testing.assert_allclose(coarse["roughness"], np.sqrt(squares), rtol=1e-9)
+    means = [np.sqrt(np.mean(np.square(entry["roughness"]))) for entry in (coarse, fine)]
+    assert coarse["rougher"] == 1.0 and fine["rougher"] == pytest.approx(means[1] / means[0])
+    assert f"roughness {means[0]:.3g} m" in out
+    assert ("rougher than level 0" in out) == (means[1] > 1.3 * means[0])
+
+
 def test_measures_between_levels(folder, progressive):
     result, out = progressive
     assert (

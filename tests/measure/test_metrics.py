@@ -47,6 +47,17 @@ def test_distance_is_a_mean_over_the_mass():
     assert metrics.distance(x + shift, x, np.array([1.0, 1.0, 2.0])) == pytest.approx(0.5)
 
 
+def test_roughness_is_what_changes_from_step_to_step():
+    """Nothing for a motion of third order; 16 times the amplitude of one that goes back and forth."""
+    x, masses, t = RNG.normal(size=(3, 2)), np.array([1.0, 5.0, 2.0]), np.arange(5.0)
+    smooth = [x * (1.0 + n - 2.0 * n**2 + 0.5 * n**3) for n in t]
+    assert metrics.roughness(smooth, masses) == pytest.approx(0.0, abs=1e-12)
+    shaken = [x + 1e-3 * (-1.0) ** n * np.array([0.6, 0.8]) for n in t]
+    assert metrics.roughness(shaken, masses) == pytest.approx(16e-3)
+    half = [x + 1e-3 * (-1.0) ** n * np.array([[1.0, 0.0], [0.0, 0.0], [0.0, 0.0]]) for n in t]
+    assert metrics.roughness(half, np.array([2.0, 3.0, 3.0])) == pytest.approx(8e-3)
+
+
 def test_jitter_of_free_fall_and_of_none():
     g, dt, masses = 9.81, 0.02, np.array([1.0, 2.0])
     x, v = RNG.normal(size=(2, 2)), np.array([3.0, -1.0])
