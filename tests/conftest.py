@@ -5,6 +5,8 @@ linear algebra has one thread.
 import os
 
 os.environ["OMP_NUM_THREADS"] = "1"  # before numpy is loaded: each core has a worker, and more threads only wait
+# PETSc's handlers end a worker that crashes without a word; pytest's print where it was
+os.environ["PETSC_OPTIONS"] = f"{os.environ.get('PETSC_OPTIONS', '')} -no_signal_handler".strip()
 
 from collections.abc import Iterator
 from contextlib import contextmanager
