@@ -200,24 +200,27 @@ def leading_pasts(
     dt: float,
     anew: Callable[[int], bool] = lambda step: False,
     first: int = 0,
+    joined: Callable[[int], int] = lambda step: 0,
 ) -> Iterator[Past]:
     """The pasts by which a level leads the next finer one, at the ends of its steps.
 
-    A step at rest repeats its positions to the last bit, and the step after it makes up for all the time since. That is
-    a jump, over which no integrator takes differences: it starts anew before and after. So the finer level makes the
-    jump once, in its next step. Where the scene itself begins anew, the step after a rest is no jump but a beginning.
+    A step at rest repeats its positions, and the step after it makes up for all the time since. That is a jump, over
+    which no integrator takes differences: it starts anew before and after. So the finer level makes the jump once, in
+    its next step. Where the scene itself begins anew, the step after a rest is no jump but a beginning. A solved step
+    may repeat its positions, too, or differ by round-off: the log knows which steps were at rest.
 
     Parameters
     ----------
     states : (n, d) [m] each, at the ends of steps `first`, `first` + 1, ...
     velocity : (n, d) [m/s] at the first one
     anew : step -> whether the next step begins anew
+    joined : step -> how many steps were joined there, 0 at rest; called where positions repeat
     """
     past: Past = ()
     rested = False
     for step, positions in enumerate(states, first):
         if past:
-            rests = np.array_equal(positions, past[0].positions)
+            rests = np.array_equal(positions, past[0].positions) and joined(step) == 0
             jumps = rests or (rested and not anew(step - 1))
             past = advance(integrator, past[:1] if rests else past, positions, dt, anew=jumps or anew(step))
             rested = rests
@@ -233,8 +236,9 @@ def leading_past(
     step: int,
     dt: float,
     anew: Callable[[int], bool] = lambda step: False,
+    joined: Callable[[int], int] = lambda step: 0,
 ) -> Past:
     """The last of `leading_pasts` after a stored step; arguments as for `past_of`."""
     first = max(0, step - 2 * integrator.states)  # what the states used are made of, and whether that began at a rest
-    *_, past = leading_pasts(integrator, map(positions, range(first, step + 1)), velocity, dt, anew, first)
+    *_, past = leading_pasts(integrator, map(positions, range(first, step + 1)), velocity, dt, anew, first, joined)
     return past

@@ -108,9 +108,13 @@ def _coarse(model: LevelModel, integrator: Integrator, writer: LevelWriter) -> C
     def positions(step: int) -> np.ndarray:
         return writer.read(level, "positions", step)
 
+    @lru_cache(maxsize=8)
+    def joined(step: int) -> int:
+        return int(writer.record(level, step).get("joined", 1))
+
     @lru_cache(maxsize=3)
     def past(step: int) -> Past:
         velocity = writer.read(level, "velocities", 0)
-        return leading_past(integrator, positions, velocity, step, model.dt, model.begins_anew)
+        return leading_past(integrator, positions, velocity, step, model.dt, model.begins_anew, joined)
 
     return past

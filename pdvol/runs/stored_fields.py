@@ -94,7 +94,8 @@ def stored_past(run: Run, integrator: Integrator, step: int, model: LevelModel) 
 def stored_lead(run: Run, integrator: Integrator, step: int, model: LevelModel) -> Past:
     """The past by which the level below led the model's level after a stored step."""
     below = run.levels[model.level - 1]
-    return leading_past(integrator, below.positions, below.velocities(0), step, model.dt, model.begins_anew)
+    joined = lambda at: next((int(r.get("joined", 1)) for r in below.log if r["step"] == at), 1)
+    return leading_past(integrator, below.positions, below.velocities(0), step, model.dt, model.begins_anew, joined)
 
 
 def stored_scene(run: Run) -> tuple[Scene, tuple[Obstacle, ...]]:
