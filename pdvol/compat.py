@@ -6,8 +6,10 @@ InputError
     There is no dolfinx, or what is installed does not fit together.
 """
 
+import contextlib
 import importlib.util
 import os
+import signal
 from typing import Any
 
 import numpy as np
@@ -30,6 +32,10 @@ except ImportError as error:
     raise InputError(
         f"no dolfinx that works ({error}); see docs/install.md, or run: pip install 'pdvol[solver]'"
     ) from error
+
+with contextlib.suppress(ValueError):  # not from a thread
+    # As Python has it: a write to a process that has ended is an error. PETSc's handler would end this process.
+    signal.signal(signal.SIGPIPE, signal.SIG_IGN)
 
 __all__ = [
     "DOLFINX",

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from pdvol.processes import die_with_parent, without_launcher
-from pdvol.studio.variations.worker import Worker
+from pdvol.studio.variations.worker import Worker, WorkerEnded
 
 GRACE = 5.0  # seconds that a process has to end after the request; it stores a state in less
 
@@ -81,16 +81,23 @@ class Workers:
             All are busy.
         """
         for worker in [worker for worker in self._workers if not worker.alive]:
-            worker.stop()
-            self._workers.remove(worker)
-        free = next((worker for worker in self._workers if not worker.busy), None)
-        if free is None:
-            if len(self._workers) >= self.count:
-                raise RuntimeError("all workers are busy")
-            free = Worker()
-            self._workers.append(free)
-        free.start(words, log)
-        return free
+            self._remove(worker)
+        for free in [worker for worker in self._workers if not worker.busy]:
+            try:
+                free.start(words, log)
+                return free
+            except WorkerEnded:  # after it was found alive: a large one ends once it has answered
+                self._remove(free)
+        if len(self._workers) >= self.count:
+            raise RuntimeError("all workers are busy")
+        new = Worker()
+        self._workers.append(new)
+        new.start(words, log)
+        return new
+
+    def _remove(self, worker: Worker) -> None:
+        worker.stop()
+        self._workers.remove(worker)
 
     def close(self) -> None:
         """End all processes."""

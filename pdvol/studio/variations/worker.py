@@ -16,6 +16,10 @@ TAIL = 8000  # bytes at the end of a log that are looked at for its last line
 PATIENCE = 5.0  # seconds that a process has to end after the request; it stores a state in less
 
 
+class WorkerEnded(RuntimeError):
+    """A worker's process has ended, as it does when it has become large."""
+
+
 class Worker:
     """One process. It starts at once; libraries are loaded while the caller goes on.
 
@@ -57,18 +61,20 @@ class Worker:
         Raises
         ------
         RuntimeError
-            It is busy, or has ended.
+            It is busy.
+        WorkerEnded
+            It has ended, perhaps just now.
         """
         if self.busy:
             raise RuntimeError("a worker carries out one command line at a time")
         if not self.alive:
-            raise RuntimeError("the worker has ended")
+            raise WorkerEnded("the worker has ended")
         line = json.dumps({"words": [str(word) for word in words], "log": str(log)}) + "\n"
         try:
             self._commands.write(line.encode())
             self._commands.flush()
         except OSError as error:
-            raise RuntimeError("the worker has ended") from error
+            raise WorkerEnded("the worker has ended") from error
         self.busy = True
 
     def poll(self) -> int | None:

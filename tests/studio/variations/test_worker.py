@@ -10,6 +10,7 @@ import pytest
 from cli_scenes import FALL, pdvol, write
 from pdvol.store.folder import holds_run, read_info
 from pdvol.store.reader import open_run
+from pdvol.studio.variations.executors import Workers
 from pdvol.studio.variations.worker import Worker
 
 STEPS = 5
@@ -67,6 +68,22 @@ def test_a_worker_that_is_killed_says_so(worker, scene):
     assert not worker.alive
     with pytest.raises(RuntimeError):
         worker.start(words(scene, "next"), scene.parent / "next.log")
+
+
+def test_a_worker_that_ends_after_it_was_found_alive_is_replaced(scene, monkeypatch):
+    """As a large one does, just after its answer. The broken pipe to it ends nothing."""
+    workers = Workers(1)
+    try:
+        first = workers.start(words(scene, "first"), scene.parent / "first.log")
+        assert ended(first) == 0
+        os.kill(first.process, signal.SIGKILL)
+        os.waitid(os.P_PID, first.process, os.WEXITED | os.WNOWAIT)  # it has ended, which nobody has seen
+        with monkeypatch.context() as patch:
+            patch.setattr(Worker, "alive", True)
+            second = workers.start(words(scene, "second"), scene.parent / "second.log")
+        assert second is not first and ended(second) == 0
+    finally:
+        workers.close()
 
 
 def test_a_held_worker_stores_no_state_until_it_goes_on(worker, scene):
