@@ -93,7 +93,8 @@ def test_a_change_ends_the_run_before_and_its_states_stay(session):
 
 def test_a_paused_run_waits_and_goes_on_one_step(session):
     session.change({"steps": LONG})
-    until(session, lambda: session.current.values["steps"] == LONG and session.current.steps > 3)
+    begun = lambda: session.current is not None and session.current.values["steps"] == LONG
+    until(session, lambda: begun() and session.current.steps > 3)
     run = session.current
     session.pause()
     time.sleep(0.3)
@@ -163,8 +164,9 @@ def test_where_a_run_cannot_go_on_it_starts_again_and_says_so(session):
 
 
 def test_a_kept_run_is_a_run_of_its_own_with_all_that_follows(session, folder):
-    session.change({"steps": LONG})
-    until(session, lambda: session.current.values["steps"] == LONG and session.current.steps > 3)
+    session.change({"steps": LONG, "young": 1.7e4})
+    begun = lambda: session.current is not None and session.current.values["steps"] == LONG
+    until(session, lambda: begun() and session.current.steps > 3)
     until(session, lambda: session.shown is session.current)
     long = session.keep("long")
     assert long == folder / "kept" / "long" and open_run(long).levels[0].steps > 3
@@ -191,7 +193,8 @@ def test_few_runs_are_kept_in_the_temporary_folder(session, folder):
 
 def test_a_process_that_is_killed_is_replaced(session):
     session.change({"steps": LONG})
-    until(session, lambda: session.current.values["steps"] == LONG and session.current.steps > 3)
+    begun = lambda: session.current is not None and session.current.values["steps"] == LONG
+    until(session, lambda: begun() and session.current.steps > 3)
     run = session.current
     run.worker._process.kill()
     until(session, lambda: not run.running)
