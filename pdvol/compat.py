@@ -34,8 +34,8 @@ except ImportError as error:
     ) from error
 
 with contextlib.suppress(ValueError):  # not from a thread
-    # As Python has it: a write to a process that has ended is an error. PETSc's handler would end this process.
-    signal.signal(signal.SIGPIPE, signal.SIG_IGN)
+    # As it was before: to Python, a write to a process that has ended is an error. PETSc's handler ends this process.
+    signal.signal(signal.SIGPIPE, signal.getsignal(signal.SIGPIPE) or signal.SIG_IGN)
 
 __all__ = [
     "DOLFINX",
