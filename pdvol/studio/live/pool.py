@@ -2,8 +2,10 @@
 
 import threading
 import time
+from collections.abc import Sequence
+from pathlib import Path
 
-from pdvol.studio.variations.worker import Worker
+from pdvol.studio.variations.worker import Worker, WorkerEnded
 
 POOL_SIZE = 3  # processes: one runs level 0, one refines, one is spare
 PATIENCE_OF_ABANDONED = 1.0  # seconds that a command line has to end after its interruption; its process is then ended
@@ -22,10 +24,21 @@ class Pool:
         self._given_up: list[tuple[Worker, float]] = []
         self._stopping: list[threading.Thread] = []
 
-    def take(self) -> Worker:
-        """A worker that is not busy; the one that was started first is the one most likely loaded."""
+    def start(self, words: Sequence[str], log: Path) -> Worker:
+        """Carry out `pdvol` with these words; what it prints goes to the file `log`. Of the workers that are not busy,
+        the one that was started first is the one most likely loaded.
+        """
         self.look()
-        worker = self._idle.pop(0) if self._idle else Worker()
+        while self._idle:
+            worker = self._idle.pop(0)
+            try:
+                worker.start(words, log)
+                break
+            except WorkerEnded:  # after it was found alive: a large one ends once it has answered
+                worker.stop()
+        else:
+            worker = Worker()
+            worker.start(words, log)
         self._taken.append(worker)
         return worker
 

@@ -181,10 +181,9 @@ class Session:
     def _carry_out(self, run: LiveRun, words: list[Any]) -> None:
         steps = [] if self.steps is None else ["--steps", self.steps]
         settings = [word for name, value in run.values.items() for word in ("--set", f"{name}={value_text(value)}")]
-        run.worker = self._pool.take()
         options = ["--out", run.folder, "--no-picture", "--no-xdmf", "--ranks", 1]
         line = ["run", self.scene, *options, *steps, *words, *settings]
-        run.worker.start([str(word) for word in line], run.log)
+        run.worker = self._pool.start([str(word) for word in line], run.log)
         run.state = "running"
         if self.paused:
             self._hold(True)
