@@ -35,6 +35,7 @@ class IncrementalPotential:
         self.frictions = tuple(t for t in terms.potentials if isinstance(t, LaggedFriction))
         self.terms = terms.potentials
         self.x_hat, self.weight = np.zeros((0, space.dim)), 0.0
+        self._gradients: list[np.ndarray] = []  # of inertia and terms, where the gradient was found last [kg m]
 
     @property
     def terms(self) -> tuple[Potential, ...]:
@@ -100,19 +101,36 @@ class IncrementalPotential:
 
     def gradient(self, x: Positions) -> np.ndarray:
         """Gradient rows (n_owned, d). Raises SimulationError, naming the term, where one is not finite."""
-        inertia = self.mass * (x.owned - self.x_hat)
-        total, found = inertia, []
+        found = [self.mass * (x.owned - self.x_hat)]
         for part, terms in self._parts:
             with self.watch.part(part):
-                found += [term.gradient(x) for term in terms]
-        for rows in found:
-            total = total + self.weight * rows
+                found += [self.weight * term.gradient(x) for term in terms]
+        self._gradients, total = found, found[0]
+        for rows in found[1:]:
+            total = total + rows
         if not self.space.reduce(bool(np.isfinite(total).all()), MPI.LAND):
             names = ("inertia", *(term.name for term in self.terms))
-            for name, rows in zip(names, (inertia, *found), strict=True):
+            for name, rows in zip(names, found, strict=True):
                 self._require_finite(name, "gradient", rows)
             raise SimulationError("the gradient is too large for double precision")
         return total
+
+    def imbalance(self, held: np.ndarray, least: float) -> float:
+        """What is left of the gradient over the largest part that one term has in it: of all vertices of a body, and of
+        the body's sum, whichever is worse, and of all bodies the worst. Vertices that are `held` (n_owned,) do not
+        count. Where all parts are smaller, those that move a vertex or a body by `least` [m] take their place. At the
+        last `gradient`. Collective.
+        """
+        mesh, d = self.space.mesh, self.space.dim
+        bodies, count = mesh.point_bodies[self.space.owned_points], int(mesh.point_bodies.max()) + 1
+        parts = [sum(self._gradients), *self._gradients, least * self.mass]
+        free = [np.where(held[:, None], 0.0, rows) for rows in parts]
+        most = np.zeros((len(parts), count))
+        for sizes, rows in zip(most, free, strict=True):
+            np.maximum.at(sizes, bodies, np.linalg.norm(rows, axis=1))
+        sums = np.array([[np.bincount(bodies, rows[:, k], count) for k in range(d)] for rows in free])
+        sizes = np.array([self.space.reduce(most, MPI.MAX), np.linalg.norm(self.space.reduce(sums), axis=1)])
+        return float(np.max(sizes[:, 0] / np.maximum(sizes[:, 1:].max(axis=1), np.finfo(float).tiny)))
 
     def add_hessian(self, x: Positions, weight: float, into: HessianBlocks) -> None:
         """Adds weight times the Hessian, positive definite unless `into.projection` is "none", to blocks that are zero.

@@ -4,8 +4,8 @@ matrix, how to make the next Hessian positive definite, how long the next step i
 Newton stops when its full step is nowhere faster than the tolerance [m/s]; that step is still taken. A short step says
 little about the distance to the minimum within the smoothing of friction, which is as wide as the default tolerance
 (where a contact begins to slide its stiffness vanishes), deep inside a barrier, or by an older matrix in a soft
-direction. So the potential must have fallen by about what the model promised. A step far below the tolerance ends the
-solve without that where it is by an older matrix, and where steps creep: a projected Hessian may be too stiff for ever.
+direction. In a stiff contact it moves nothing and still changes forces. So forces must balance, too: what is left of
+the gradient is small beside the largest force on each body (`IncrementalPotential.imbalance`).
 
 The next projection follows from how well the last model promised the decrease (in the spirit of Chen et al. 2024):
 
@@ -45,12 +45,15 @@ LEAST_DECREASE = 0.02
 CANCELLATION = 2e-15
 
 # Where contact cuts step after step to next to nothing, the solve goes nowhere.
-STALL = 10  # iterations, without a unit: so many in a row without a step show that the next one will not go on either
+# iterations, without a unit: so many in a row without a step, or of short steps that leave forces as they are, show
+# that the next one will not go on either
+STALL = 10
+
+BALANCED = 1e-2  # of the largest force on a body: what may be left of the gradient; a linear solve leaves about as much
 
 # Near the minimum the last matrix is nearly as good as a new one.
 SHORT = 5.0  # times the tolerance: shorter steps take the last matrix
 CONTRACTING = 0.5  # ratio of consecutive step lengths: up to it they approach the minimum
-FAR_BELOW = 0.25  # of the tolerance: a shorter step needs no promise by an older matrix, or where steps creep
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,7 +75,8 @@ class Iteration:
     cap : share of the direction, at most 1, that contact and inversion allowed
     backtracks : by the line search
     meets : whether the direction was found with pairs that are predicted to meet
-    as_promised : whether the potential fell by about what its model promised, and the step was not lengthened
+    as_promised : whether the potential fell by about what its model promised, and the step was not lengthened, so that
+        its matrix may serve again
     """
 
     start: Positions
@@ -144,10 +148,7 @@ def stops(last: Iteration, before: Iteration | None, tolerance: float) -> str:
     double precision), or empty.
     """
     contracts = last.speed <= CONTRACTING * speed_of(before)
-    plain = before is not None and last.lengthening == before.lengthening == 1.0
-    creeps = plain and not contracts and last.speed <= speed_of(before)
-    settled = last.as_promised or ((last.matrix_age > 0 or creeps) and last.speed <= FAR_BELOW * tolerance)
-    if last.speed <= tolerance and (last.at_rounding or (last.full and settled)):
+    if last.speed <= tolerance and (last.at_rounding or last.full):
         return "TOLERANCE"
     if last.at_rounding and not contracts:
         return "ROUNDING"

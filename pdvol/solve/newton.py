@@ -25,6 +25,7 @@ from pdvol.potentials.potential import LastStates, Positions
 from pdvol.scene import Relative, Solver
 from pdvol.solve.incremental_potential import IncrementalPotential
 from pdvol.solve.iteration import (
+    BALANCED,
     LEAST_DECREASE,
     STALL,
     TOO_STIFF,
@@ -36,6 +37,7 @@ from pdvol.solve.iteration import (
     is_wasted,
     keeps_matrix,
     next_projection,
+    speed_of,
     step_factor,
     stops,
 )
@@ -346,7 +348,17 @@ class Newton:
             last = replace(last, as_promised=TRUSTED <= kept <= TOO_STIFF)
         solve.last = last
         solve.stalled = solve.stalled + 1 if gains_nothing(last, solve.before) else 0
-        return stops(last, solve.before, solve.tolerance)
+        why = stops(last, solve.before, solve.tolerance)
+        return "" if why == "TOLERANCE" and self._goes_on(last) else why
+
+    def _goes_on(self, last: Iteration) -> bool:
+        """Whether a solve that could end goes on, because forces do not balance yet. Collective."""
+        report, before = self._solve.report, speed_of(self._solve.before)
+        if report.balancing == STALL:
+            return False
+        unbalanced = self.potential.imbalance(self._fixed, self._solve.tolerance * self._dt) > BALANCED
+        report.balancing += unbalanced and last.speed <= before  # on the way out of a barrier, steps grow
+        return unbalanced
 
     # ---- matrices
 

@@ -114,6 +114,7 @@ class NewtonReport:
     step_cap : smallest cap put on a step by contact or inversion
     gradient_norm : infinity norm of the gradient [kg m]
     speed : size of the last full Newton step [m/s]
+    balancing : iterations that were made only because forces did not balance yet
     remedies : how often each remedy was taken
     """
 
@@ -126,6 +127,7 @@ class NewtonReport:
     step_cap: float = 1.0
     gradient_norm: float = np.inf
     speed: float = np.inf
+    balancing: int = 0
     remedies: dict[str, int] = field(default_factory=no_remedies)
 
 
@@ -157,6 +159,7 @@ class StepReport:
     kappa : stiffness of the barrier [Pa]
     reached : share of the step's scripted motion that was carried out, at least
     joined : how many steps were solved as one: more than 1 after steps at rest, 0 in a step at rest
+    struck : whether a blow fell in a step of implicit Euler, after which the integrator begins anew
     rest : what the next step needs to know about rest (`Rest.memory`)
     terms : what the next step needs to know of the terms, by their names (`Potential.memory`)
     behind : [s] how far scripted motions are behind the time at the step's end, at most, because contact stops them
@@ -192,6 +195,7 @@ class StepReport:
     behind: float = 0.0
     late: dict[str, float] = field(default_factory=dict)
     joined: int = 1
+    struck: bool = False
     rest: dict = field(default_factory=dict)
     terms: dict = field(default_factory=dict)
     remedies: dict[str, int] = field(default_factory=no_remedies)
