@@ -88,8 +88,10 @@ class BDF2:
 
     With h = 2 dt / 3 that minimises 1/2 |x - x_hat|^2_M + h^2 E(x) for x_hat = (4 x^t - x^{t-1}) / 3 + h (4 v^t -
     v^{t-1}) / 3. The first step is one of implicit Euler, which leaves the order at two. So is the first one after a
-    jump. A step that had to be cut is solved in parts by implicit Euler. Friction, drag and damping take the same
-    velocities. Source: Hairer, Wanner, Solving Ordinary Differential Equations II, section V.1.
+    jump. A step that had to be cut is solved in parts by implicit Euler. A blow in such a step changes v at once. The
+    next step of BDF2 would take that for the beginning of a lasting acceleration, and half of the blow would count once
+    more. So the next one is a step of implicit Euler, too. Friction, drag and damping take the same velocities. Source:
+    Hairer, Wanner, Solving Ordinary Differential Equations II, section V.1.
     """
 
     states = 2
@@ -115,13 +117,20 @@ class BDF2:
 
 
 def advance(
-    integrator: Integrator, past: Past, positions: np.ndarray, dt: float, joined: int = 1, anew: bool = False
+    integrator: Integrator,
+    past: Past,
+    positions: np.ndarray,
+    dt: float,
+    joined: int = 1,
+    anew: bool = False,
+    struck: bool = False,
 ) -> Past:
     """The past after a step that led to `positions` (n, d), of so many steps of dt [s] joined to one; itself after a
-    step at rest, joined 0. Steps that were joined are one of implicit Euler, from which the integrator starts anew. It
-    also does so where the next step begins `anew`, as no difference is taken over a jump (`LevelModel.begins_anew`).
+    step at rest, joined 0. Steps that were joined are one of implicit Euler, from which the integrator starts anew, and
+    so is one in which contact `struck` (`Stepper`). It also starts anew where the next step begins `anew`, as no
+    difference is taken over a jump (`LevelModel.begins_anew`).
     """
-    if joined > 1:
+    if joined > 1 or struck:
         integrator, past, dt = ImplicitEuler(), past[:1], joined * dt
     if joined > 0:
         past = (State(positions, integrator.velocity(positions, past, dt)), *past[: integrator.states - 1])
@@ -168,7 +177,7 @@ def past_of(
     velocity: np.ndarray,
     step: int,
     dt: float,
-    joined: Callable[[int], int] = lambda step: 1,
+    record: Callable[[int], Mapping] = lambda step: {},
     anew: Callable[[int], bool] = lambda step: False,
 ) -> Past:
     """The past at the end of a stored step, to the last bit as it was in the run that stored it.
@@ -178,18 +187,17 @@ def past_of(
     positions : step -> (n, d) [m]
     velocity : (n, d) [m/s] at step 0
     anew : step -> whether the next step begins anew
-    joined : step -> how many steps were joined to one there. For velocities of friction all are steps of dt, whose
-        displacements add up
+    record : step -> its record in the log: how many steps were joined there, and whether contact struck
     """
-    needed, count = list[tuple[int, int]](), 0
+    needed, count = list[tuple[int, int, bool]](), 0
     while step > 0 and count < 2 * integrator.states - 1:  # velocities of the states used are made of as many
-        number = joined(step)
-        needed += [(step, number)] * (number > 0 or anew(step))
+        number = int(record(step).get("joined", 1))
+        needed += [(step, number, bool(record(step).get("struck")))] * (number > 0 or anew(step))
         count += number > 0
         step -= 1
     past: Past = (State(positions(step), velocity),)
-    for number, steps in reversed(needed):
-        past = advance(integrator, past, positions(number), dt, steps, anew(number))
+    for number, steps, struck in reversed(needed):
+        past = advance(integrator, past, positions(number), dt, steps, anew(number), struck)
     return past
 
 
@@ -200,7 +208,7 @@ def leading_pasts(
     dt: float,
     anew: Callable[[int], bool] = lambda step: False,
     first: int = 0,
-    joined: Callable[[int], int] = lambda step: 0,
+    record: Callable[[int], Mapping] = lambda step: {"joined": 0},
 ) -> Iterator[Past]:
     """The pasts by which a level leads the next finer one, at the ends of its steps.
 
@@ -214,15 +222,17 @@ def leading_pasts(
     states : (n, d) [m] each, at the ends of steps `first`, `first` + 1, ...
     velocity : (n, d) [m/s] at the first one
     anew : step -> whether the next step begins anew
-    joined : step -> how many steps were joined there, 0 at rest; called where positions repeat
+    record : step -> its record in the log, for steps after the first: how many steps were joined there, 0 at rest, and
+        whether contact struck
     """
     past: Past = ()
     rested = False
     for step, positions in enumerate(states, first):
         if past:
-            rests = np.array_equal(positions, past[0].positions) and joined(step) == 0
-            jumps = rests or (rested and not anew(step - 1))
-            past = advance(integrator, past[:1] if rests else past, positions, dt, anew=jumps or anew(step))
+            logged = record(step)
+            rests = np.array_equal(positions, past[0].positions) and logged.get("joined", 1) == 0
+            jumps, struck = rests or (rested and not anew(step - 1)), bool(logged.get("struck"))
+            past = advance(integrator, past[:1] if rests else past, positions, dt, 1, jumps or anew(step), struck)
             rested = rests
         else:
             past = (State(positions, velocity),)
@@ -236,9 +246,9 @@ def leading_past(
     step: int,
     dt: float,
     anew: Callable[[int], bool] = lambda step: False,
-    joined: Callable[[int], int] = lambda step: 0,
+    record: Callable[[int], Mapping] = lambda step: {"joined": 0},
 ) -> Past:
     """The last of `leading_pasts` after a stored step; arguments as for `past_of`."""
     first = max(0, step - 2 * integrator.states)  # what the states used are made of, and whether that began at a rest
-    *_, past = leading_pasts(integrator, map(positions, range(first, step + 1)), velocity, dt, anew, first, joined)
+    *_, past = leading_pasts(integrator, map(positions, range(first, step + 1)), velocity, dt, anew, first, record)
     return past

@@ -49,7 +49,7 @@ def direct(stepper: Stepper, start: Start, steps: int) -> Iterator[StepReport]:
     for number in range(start.step + 1, steps + 1):
         report = stepper.step(number, past)
         anew = stepper.model.begins_anew(number)
-        past = advance(stepper.integrator, past, report.positions, stepper.model.dt, report.joined, anew)
+        past = advance(stepper.integrator, past, report.positions, stepper.model.dt, report.joined, anew, report.struck)
         report.velocity = past[0].velocity
         yield report
 

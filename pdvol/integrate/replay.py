@@ -20,7 +20,8 @@ Lateness = tuple[float, Mapping[str, float]]
 class Replay:
     """The terms of a level, put to the end of one stored step after the other. Construction is collective.
 
-    Friction is lagged at the step's start, as its first iteration is.
+    Friction is lagged at the step's start, as its first iteration is. Where it acts at a scene's start, to which no
+    solve has led, that of the first step is lagged at its end.
 
     Attributes
     ----------
@@ -71,9 +72,13 @@ class Replay:
             term.begin_step(x_t, t0, t0 + length)
             if rates is not None:
                 term.set_rates(rates)
+        first_lag = before == 0 and any(term.has_friction for term in self.terms)
         self._script.begin(t1, t1 + self.dt, end_lags)
         for term in self.terms:
             term.move_obstacles(t1)
+        if first_lag:
+            for term in self.terms:
+                term.update_lag(x)
         return x
 
     def force(self, x: Positions, terms: Iterable[Potential]) -> np.ndarray:

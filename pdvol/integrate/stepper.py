@@ -24,6 +24,7 @@ from pdvol.potentials.consistency import Guide
 from pdvol.potentials.potential import Positions, Rates
 from pdvol.registry import INTEGRATORS
 from pdvol.solve.incremental_potential import IncrementalPotential
+from pdvol.solve.iteration import BALANCED, STALL
 from pdvol.solve.newton import Newton
 from pdvol.solve.report import NewtonReport, StepReport, Stopwatch, taken
 
@@ -111,6 +112,7 @@ class Stepper:
         self._forces: dict[str, np.ndarray] = {}
         self._stuck: Positions | None = None  # where the last solve that failed has ended
         self._end: Positions | None = None  # of the last solved step: terms know what they have found there
+        self._first_lag = False  # whether this is a scene's first step, and friction acts at its start
         self._friction = next(((f.iterations, f.tolerance) for f in model.friction), (1, 0.0))
 
     def _new_newton(self) -> Newton:
@@ -169,6 +171,7 @@ class Stepper:
                 x = self._advance(report, *self._whole(integrator, past, by, start, number, change))
                 self._end = x
                 report.joined = number - start
+                report.struck = not led and self._strikes(report, past, x)
                 report.reached, report.behind, report.late = self.motion.end()
                 moved = np.linalg.norm(x.whole - past[0].positions, axis=1).max() if may_rest else np.inf
                 acting = lambda: self.space.from_input(self._acceleration(number, x.whole))
@@ -217,6 +220,27 @@ class Stepper:
         before, now = (self._acceleration(at, state.positions) for at in (step - self.rest.steps, step))
         return float(np.linalg.norm(now - before, axis=1).max())
 
+    def _strikes(self, report: StepReport, past: Past, x: Positions) -> bool:
+        """Whether contact struck in a step from the past to x that was solved by implicit Euler instead of an
+        integrator of several states. It does where it changes a body's momentum by more than it bears against other
+        forces: contact that bears as much as before is no blow. Cut steps are taken for blows where anything touches.
+        """
+        if self.integrator.states == 1 or not self.potential.contacts:
+            return False
+        if report.cuts:
+            return sum(term.count(x) for term in self.potential.contacts) > 0
+        if len(past) == self.integrator.states:
+            return False
+        dt, (start, velocity) = report.joined * self.model.dt, map(self.space.from_input, vars(past[0]).values())
+        push = -dt * sum(term.gradient(x) for term in (*self.potential.contacts, *self.potential.frictions))
+        gained = self.potential.mass * ((x.owned - start) / dt - velocity)
+        bodies = self.space.mesh.point_bodies[self.space.owned_points]
+        sums = np.zeros((2, int(self.space.mesh.point_bodies.max()) + 1, self.space.dim))
+        np.add.at(sums[0], bodies, push)
+        np.add.at(sums[1], bodies, gained)
+        push, gained = self.space.reduce(sums)
+        return bool(np.any(np.sum(push * gained, axis=1) > 0.5 * np.sum(push**2, axis=1)))
+
     def _repeat(self, report: StepReport) -> None:
         """Reports a step at rest: what the last step measured has not changed."""
         for name in ("contacts", "min_gap", "kappa", "energy", "friction_residual", "gradient_norm"):
@@ -225,6 +249,8 @@ class Stepper:
 
     def _measure(self, report: StepReport, x: Positions) -> None:
         report.positions = x.whole
+        if self._first_lag and report.friction_residual is None:  # at its end, as `Replay` takes it
+            report.friction_residual = self.potential.update_lag(x)
         report.energy = self.potential.energies(x)
         if self._reports_forces:  # before friction is lagged anew: these balance each other
             report.forces = self._forces = self.potential.forces(x)
@@ -287,13 +313,19 @@ class Stepper:
     def _solve(self, report: StepReport, span: Span, robust: bool) -> tuple[Positions, NewtonReport]:
         x_t, x_hat, motion = span.start, span.x_hat, self.motion
         self.potential.begin_step(x_t, x_hat, span.weight, span.t0, span.t1, span.rates)
+        most, tolerance = self._friction
+        self._first_lag = span.t0 == 0.0 and self.potential.has_friction
+        if self._first_lag:  # no solve has led here: barriers are those of the scene's gaps, not of what bodies bear
+            most, tolerance = max(most, STALL), BALANCED if most == 1 else tolerance
+            for friction in self.potential.frictions:
+                friction.forget_lag()
         self.newton.begin_step(span.t1 - span.t0)
         x = None if robust else self._predicted(x_t, x_hat)
         if x is None:
             x = MotionParts(motion, self.potential, self.newton, report.add).follow(x_t) if motion.moves else x_t
         if not self._end_motion():
             return x, NewtonReport(reason="GROUND_BLOCKED")
-        return self._solve_lagged(report, x, robust)
+        return self._solve_lagged(report, x, robust, most, tolerance)
 
     def _end_motion(self) -> bool:
         """Lets what has not reached the span's end wait; returns whether the ground is there."""
@@ -304,9 +336,12 @@ class Stepper:
             self.potential.move_obstacles(motion.clock)
         return motion.clock == motion.end_of_span
 
-    def _solve_lagged(self, report: StepReport, x: Positions, robust: bool) -> tuple[Positions, NewtonReport]:
-        """Newton solves from x, with friction lagged anew as long as that changes something."""
-        most, tolerance = self._friction
+    def _solve_lagged(
+        self, report: StepReport, x: Positions, robust: bool, most: int, tolerance: float
+    ) -> tuple[Positions, NewtonReport]:
+        """Newton solves from x, with friction lagged anew as long as that changes more than `tolerance`, `most` solves
+        at most.
+        """
         lags, report.friction_residual = 1, None
         while True:
             x, solved = self.newton.solve(x, robust)

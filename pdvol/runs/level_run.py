@@ -94,8 +94,8 @@ def _start(
         writer.call("write_state", level, 0, start.past[0].positions)
         return start
     positions = partial(writer.read, level, "positions")
-    joined = lambda step: 1 if is_led(method, level) else int(writer.record(level, step).get("joined", 1))
-    past = past_of(integrator, positions, model.velocity, step, model.dt, joined, model.begins_anew)
+    logged = lambda step: {} if is_led(method, level) else writer.record(level, step)
+    past = past_of(integrator, positions, model.velocity, step, model.dt, logged, model.begins_anew)
     record, *earlier = (writer.record(level, step - back) for back in range(integrator.states))
     return Start(step, past, record, earlier)
 
@@ -109,12 +109,12 @@ def _coarse(model: LevelModel, integrator: Integrator, writer: LevelWriter) -> C
         return writer.read(level, "positions", step)
 
     @lru_cache(maxsize=8)
-    def joined(step: int) -> int:
-        return int(writer.record(level, step).get("joined", 1))
+    def record(step: int) -> dict:
+        return writer.record(level, step)
 
     @lru_cache(maxsize=3)
     def past(step: int) -> Past:
         velocity = writer.read(level, "velocities", 0)
-        return leading_past(integrator, positions, velocity, step, model.dt, model.begins_anew, joined)
+        return leading_past(integrator, positions, velocity, step, model.dt, model.begins_anew, record)
 
     return past

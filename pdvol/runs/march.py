@@ -178,15 +178,15 @@ class March(Iterator[Step]):
                 _try_integrator(integrator, start.past, model.dt)
             terms = [_tried(make, start.past[0].positions) for make in self._terms]
             march = level_march(model, self.hierarchy, self._method, integrator, coarse, start, terms, forces=True)
-            states, joined = [start.past[0].positions], [1]
+            states, records = [start.past[0].positions], [dict[str, Any]()]
             for report in march:
                 for array in (report.positions, report.velocity, *report.forces.values()):
                     array.flags.writeable = False
                 states.append(report.positions)
-                joined.append(report.joined)
+                records.append({"joined": report.joined, "struck": report.struck})
                 yield Step(model, space, report)
             velocity, anew = start.past[0].velocity, model.begins_anew
-            below = list(leading_pasts(integrator, states, velocity, model.dt, anew, joined=joined.__getitem__))
+            below = list(leading_pasts(integrator, states, velocity, model.dt, anew, record=records.__getitem__))
 
 
 def _tried(make: MakeTerm, start: np.ndarray) -> MakeTerm:

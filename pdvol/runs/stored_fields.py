@@ -1,6 +1,6 @@
 """Contact forces and stresses of stored states, for exports, which import no solver themselves."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 from mpi4py import MPI
@@ -83,9 +83,8 @@ class SceneFields:
 def stored_past(run: Run, integrator: Integrator, step: int, model: LevelModel) -> Past:
     """The past at the end of a stored step of the model's level, as long as that step's successor used it."""
     level, method = run.levels[model.level], run.info.get("method", "")
-    joined = {} if is_led(method, level.index) else {record["step"]: record.get("joined", 1) for record in level.log}
-    all_of = lambda number: joined.get(number, 1)
-    past = past_of(integrator, level.positions, level.velocities(0), step, model.dt, all_of, model.begins_anew)
+    logged = _records([] if is_led(method, level.index) else level.log)
+    past = past_of(integrator, level.positions, level.velocities(0), step, model.dt, logged, model.begins_anew)
     if len(past) == 1 or method != "progressive" or level.index == 0:
         return past  # at step 0, the level below may have stored nothing yet
     return past[: len(stored_lead(run, integrator, step, model))]
@@ -94,8 +93,14 @@ def stored_past(run: Run, integrator: Integrator, step: int, model: LevelModel) 
 def stored_lead(run: Run, integrator: Integrator, step: int, model: LevelModel) -> Past:
     """The past by which the level below led the model's level after a stored step."""
     below = run.levels[model.level - 1]
-    joined = lambda at: next((int(r.get("joined", 1)) for r in below.log if r["step"] == at), 1)
-    return leading_past(integrator, below.positions, below.velocities(0), step, model.dt, model.begins_anew, joined)
+    logged = _records(below.log)
+    return leading_past(integrator, below.positions, below.velocities(0), step, model.dt, model.begins_anew, logged)
+
+
+def _records(log: Sequence[Mapping]) -> Callable[[int], Mapping]:
+    """The log's record of a step; empty where there is none."""
+    found = {record["step"]: record for record in log}
+    return lambda step: found.get(step, {})
 
 
 def stored_scene(run: Run) -> tuple[Scene, tuple[Obstacle, ...]]:

@@ -45,8 +45,8 @@ def make_model(scene, mesh, obstacles=(), level=0, materials=None, diagonal=1.0)
     return level_model(scene, mesh, level, diagonal, placed_obstacles(scene.obstacles, obstacles), materials)
 
 
-def make_stepper(scene, mesh, obstacles=(), comm=MPI.COMM_WORLD, integrator=None) -> Stepper:
-    return Stepper(make_model(scene, mesh, obstacles), LevelSpace(mesh, comm), integrator=integrator)
+def make_stepper(scene, mesh, obstacles=(), comm=MPI.COMM_WORLD, integrator=None, forces=False) -> Stepper:
+    return Stepper(make_model(scene, mesh, obstacles), LevelSpace(mesh, comm), integrator=integrator, forces=forces)
 
 
 def take_step(stepper, number, positions, velocity) -> StepReport:

@@ -131,7 +131,7 @@ def test_an_interrupted_march_goes_on_to_the_last_bit(integrator):
     states = [mesh.points, *(report.positions for report in whole)]
     stepper = make_stepper(scene, mesh, integrator=integrator)
     past = past_of(
-        stepper.integrator, states.__getitem__, velocity, stop, scene.dt, lambda step: whole[step - 1].joined
+        stepper.integrator, states.__getitem__, velocity, stop, scene.dt, lambda step: whole[step - 1].record()
     )
     again = list(direct(stepper, Start(stop, past, whole[stop - 1].record()), scene.steps))
     for one, other in zip(whole[stop:], again, strict=True):

@@ -107,7 +107,7 @@ def test_a_march_that_goes_on_from_the_log_repeats_to_the_last_bit(name):
     records = [{}, *(json.loads(json.dumps(report.record())) for report in whole)]
     positions = lambda step: whole[step - 1].positions if step else mesh.points
     for step in (late, late + 1):
-        past = past_of(integrator, positions, still, step, DT)
+        past = past_of(integrator, positions, still, step, DT, records.__getitem__)
         start = Start(step, past, records[step], [records[step - 1]])
         for report, expected in zip(direct(begin(), start, 9), whole[step:], strict=True):
             np.testing.assert_array_equal(report.positions, expected.positions)

@@ -5,6 +5,7 @@ import pytest
 
 from pdvol.errors import InputError
 from pdvol.scene import Barrier, Friction, Gravity, NeoHookean, Plane, Rigid, Solver, Support, Translation
+from pdvol.solve.iteration import BALANCED, STALL
 from problems import block, make_scene, make_stepper, march, masses, polyline, tetrahedron
 from shapes import together
 
@@ -161,7 +162,7 @@ def test_bad_pairs(pairs, told):
 @pytest.mark.parametrize("kind", ["plane", "rigid"])
 def test_lagging_converges(d, kind):
     """A block pressed harder and harder while it is pushed along: forces lagged once a step are behind, iterations
-    bring them up to date.
+    bring them up to date. In the first step, which no solve has led to, they are brought up to date in any case.
     """
     obstacle, geometry = ground(d, kind)
     press = Support(lambda X: X[:, -1] > 0.1 - 1e-9, motion=Translation((0.05,) + (0.0,) * (d - 2) + (-0.05,)))
@@ -179,7 +180,8 @@ def test_lagging_converges(d, kind):
         residuals[most, enough] = [report.friction_residual for report in reports]
         counts[most, enough] = [report.friction_iterations for report in reports]
         assert reports[-1].record()["friction_residual"] == residuals[most, enough][-1]
-    assert counts[1, 1e-2] == [1] * 4 and max(residuals[1, 1e-2]) > 0.05
+    assert counts[1, 1e-2][1:] == [1] * 3 and max(residuals[1, 1e-2][1:]) > 0.05
+    assert 1 < counts[1, 1e-2][0] <= STALL and residuals[1, 1e-2][0] <= BALANCED
     assert max(residuals[40, 1e-2]) <= 1e-2 and max(residuals[40, 1e-6]) <= 1e-6
     assert 1 < max(counts[40, 1e-2]) < max(counts[40, 1e-6]) < 40
 

@@ -1,4 +1,7 @@
-"""Contact forces at a stored end of a step are those that the step's last solve saw there."""
+"""Contact forces at a stored end of a step are those that the march reports, and that the step's last solve saw there.
+
+In the first step the solve's friction is lagged before the end, and the reported one at the end.
+"""
 
 import numpy as np
 import pytest
@@ -12,6 +15,8 @@ from pdvol.registry import INTEGRATORS
 from pdvol.scene import Barrier, Friction, Gravity, Path, Plane, Rigid, Solver, Support, Translation
 from problems import SOFT, block, make_model, make_scene, make_stepper, polyline, tetrahedron
 from shapes import together
+
+FIRST_RESIDUAL = 0.1  # of the contact forces: between several bodies lagged friction converges slowly
 
 
 def seen_by(stepper, monkeypatch):
@@ -29,14 +34,18 @@ def seen_by(stepper, monkeypatch):
 
 
 def march(scene, mesh, geometry, velocity, monkeypatch):
-    """For each step: its report, the past at its start, and the contact forces that its last solve saw."""
+    """For each step: its report, the past at its start, and the contact forces that it reports."""
     integrator = INTEGRATORS[scene.integrator]()
-    stepper, start = make_stepper(scene, mesh, geometry, integrator=integrator), Start.at_rest(mesh.points, velocity)
+    stepper = make_stepper(scene, mesh, geometry, integrator=integrator, forces=True)
+    start = Start.at_rest(mesh.points, velocity)
     forces, past = seen_by(stepper, monkeypatch), start.past
     for report in direct(stepper, start, scene.steps):
         assert report.cuts == 0
-        yield report, past, forces[-1]
-        past = advance(integrator, past, report.positions, scene.dt, report.joined)
+        force = report.forces["barrier"] + report.forces["friction"]
+        enough = FIRST_RESIDUAL if report.step == 1 else 1e-12
+        assert np.linalg.norm(force - forces[-1]) <= enough * np.linalg.norm(force)
+        yield report, past, force
+        past = advance(integrator, past, report.positions, scene.dt, report.joined, struck=report.struck)
 
 
 def replay_of(scene, mesh, geometry):

@@ -85,8 +85,8 @@ def test_resumed_equals_uninterrupted_at_rest(name, at):
     step = next(n for n in range(at, 0, -1) if whole[n - 1].joined == 0) if at > 200 else at
     for number in {step, min(step + 1, 398)}:
         positions = lambda n: mesh.points if n == 0 else whole[n - 1].positions
-        joined = lambda n: whole[n - 1].joined
-        past = past_of(mine, positions, np.zeros_like(mesh.points), number, DT, joined)
+        record = lambda n: whole[n - 1].record()
+        past = past_of(mine, positions, np.zeros_like(mesh.points), number, DT, record)
         start = Start(number, past, whole[number - 1].record())
         resumed = list(direct(make_stepper(scene, mesh, integrator=mine), start, scene.steps))
         for a, b in zip(whole[number:], resumed, strict=True):
@@ -107,7 +107,7 @@ def test_a_fall_over_tiny_steps_is_a_fall():
     np.testing.assert_allclose(speed, G * time, atol=TOLERANCE)
 
 
-@pytest.mark.parametrize("held", [1.01, 0.99])
+@pytest.mark.parametrize("held", [1.01, 0.997])
 def test_slow_slides_and_creeping_go_on(held, never_at_rest):
     """On a slope that friction just holds, the block creeps; on one that it just does not, it starts to slide, by less
     than the tolerance in each step. Either way it gets as far as where every step is solved.
@@ -123,7 +123,7 @@ def test_slow_slides_and_creeping_go_on(held, never_at_rest):
         contact=(Barrier(dhat=2e-3), Friction(held * tangent, eps_v=eps_v)),
         solver=Solver(tolerance=tolerance),
     )
-    mesh = block((0.0, 1.76e-3), (0.2, 0.1), (4, 2))
+    mesh = block((0.0, 1.9267e-3), (0.2, 0.1), (4, 2))  # its gap at rest
     reports = march(scene, mesh)
     assert any(report.joined == 0 for report in reports)
     never_at_rest()

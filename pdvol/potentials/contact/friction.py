@@ -74,6 +74,10 @@ class LaggedFriction(Term):
         self._c.start, self._c.forces = pointer(self._start), pointer(self.forces)
         self._acts = self.space.reduce(k > 0, MPI.LOR)
 
+    def forget_lag(self) -> None:
+        """No friction until the next `update_lag`."""
+        self.forces[:], self._at, self._acts = 0.0, None, False
+
     @property
     def has_friction(self) -> bool:
         return self._acts  # the same on every rank: its calls are collective
