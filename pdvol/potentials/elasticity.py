@@ -116,33 +116,67 @@ class Damping(CellEnergy):
         d, self._shares = space.dim, shares
         self._viscosity = {name: materials.damping * values for name, values in _lame(materials).items()}
         domains = Domains(space, materials.damping > 0.0, materials.smoothing)
-        self._pairs = tuple(combinations_with_replacement(range(d), 2))
 
-        def psi(F: Any, mu: Any, lmbda: Any, **before: Any) -> Any:
-            return kelvin_voigt(
-                F, mu, lmbda, ufl.as_matrix([[before[_entry(*sorted((i, j)))] for j in range(d)] for i in range(d)])
-            )
+        def matrix(name: str, entries: Mapping[str, Any]) -> Any:
+            return ufl.as_matrix([[entries[_entry(name, *sorted((i, j)))] for j in range(d)] for i in range(d)])
 
-        def model(F: Any, v: Any, w: Any, mu: Any, lmbda: Any, **before: Any) -> Any:
-            return kelvin_voigt_model(F, v, w, mu, lmbda)
+        def psi(F: Any, mu: Any, lmbda: Any, growth: Any, **entries: Any) -> Any:
+            return kelvin_voigt(F, mu, lmbda, matrix("c", entries), growth, matrix("m", entries))
 
-        start = {_entry(i, j): np.full(len(space.mesh.cells), float(i == j)) for i, j in self._pairs}
+        def model(F: Any, v: Any, w: Any, mu: Any, lmbda: Any, growth: Any, **entries: Any) -> Any:
+            return kelvin_voigt_model(F, v, w, mu, lmbda, matrix("m", entries))
+
+        ones, still = np.ones(len(space.mesh.cells)), np.broadcast_to(np.eye(d), (len(space.mesh.cells), d, d))
+        start = {"growth": 0.0 * ones, **_entries("c", still), **_entries("m", still)}
         super().__init__(space, psi, {**self._viscosity, **start}, domains, "damping", model=model)
         self.scale = 0.0  # differences are taken before they are squared: nothing large cancels
 
     def begin_step(self, x_t: Positions, t0: float, t1: float, x_hat: Positions | None = None) -> None:
-        self._start, self._now = self.domains.strains(x_t.local), 1.0 if self._shares is None else self._shares(t1)
+        self._at_start, self._start = x_t, self.domains.strains(x_t.local)
+        self._now = 1.0 if self._shares is None else self._shares(t1)
         self.set_rates(Rates(t1 - t0))
 
     def set_rates(self, rates: Rates) -> None:
         # of strains, not of positions: so a turn, whose rate is one of positions alone, is not damped
-        C = rates.start(self._start, lambda e: self.domains.strains(e.x.local))
+        before = {e: self.domains.strains(e.x.local) for e in rates.earlier}
+        C = rates.start(self._start, before.__getitem__)
+        growth = rates.start(_growth(self._start), lambda e: _growth(before[e]))
         self.set_parameters({name: self._now * values / rates.duration for name, values in self._viscosity.items()})
-        self.fill({_entry(i, j): C[:, i, j] for i, j in self._pairs})
+        self.fill({"growth": growth, **_entries("c", C), **_entries("m", self._metrics(rates))})
+
+    def _metrics(self, rates: Rates) -> np.ndarray:
+        """(count, d, d) those of the stretches at the step's end, if all goes on as from the state before to its start;
+        of those at the start where a domain's volume then falls to less than half, and without an earlier state.
+        """
+        d, C = self.space.dim, self._start
+        for e in rates.earlier[:1]:
+            end = self.domains.strains(2.0 * self._at_start.local - e.x.local)
+            C = np.where((_volume(end) > 0.5 * _volume(C))[:, None, None], end, C)
+        whole = np.tile(np.eye(3), (len(C), 1, 1))
+        whole[:, :d, :d] = C
+        metrics = np.empty_like(whole)
+        library.stretch_metrics(len(C), pointer(whole), pointer(metrics))
+        return metrics[:, :d, :d]
 
 
-def _entry(i: int, j: int) -> str:
-    return f"c{i}{j}"
+def _volume(C: np.ndarray) -> np.ndarray:
+    """|det F| (count,) of C = F'F (count, d, d)."""
+    return np.sqrt(np.maximum(np.linalg.det(C), 0.0))
+
+
+def _growth(C: np.ndarray) -> np.ndarray:
+    """ln |det F| (count,) of C = F'F (count, d, d)."""
+    return 0.5 * np.log(np.linalg.det(C))
+
+
+def _entry(name: str, i: int, j: int) -> str:
+    return f"{name}{i}{j}"
+
+
+def _entries(name: str, values: np.ndarray) -> dict[str, np.ndarray]:
+    """The entries (n,) of symmetric matrices (n, d, d), by their names."""
+    pairs = combinations_with_replacement(range(values.shape[1]), 2)
+    return {_entry(name, i, j): values[:, i, j] for i, j in pairs}
 
 
 def _lame(materials: CellMaterials) -> dict[str, np.ndarray]:

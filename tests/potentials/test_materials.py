@@ -217,16 +217,18 @@ def test_nothing_is_damped_where_nothing_deforms(d):
     assert np.linalg.eigvalsh(hessian_of(term, space, x_t, "none").toarray())[0] > -1e-10
 
 
+@pytest.mark.parametrize("s, t", [(1.1, 1.3), (0.6, 0.5), (0.9, 1.2)])
 @pytest.mark.parametrize("d", DIMENSIONS)
-def test_damping_stress_by_hand(cells, d):
-    """Stretched from s to s' in dt: E' = (s'^2 - s^2) / (2 dt) along the axis, P = F S, S = damping (2 mu E' + lmbda tr
-    E').
+def test_damping_stress_by_hand(cells, d, s, t):
+    """Stretched from s to t in dt: D = (t^2 - s^2) / 2 along the axis, whose metric m is 1 / s, or 1 / s^2 where s < 1:
+    P = damping / dt (2 mu m^2 D t + lmbda ln(t / s) / t) along it, and lmbda ln(t / s) damping / dt across.
     """
-    space, s, t = cells[d], 1.1, 1.3
+    space = cells[d]
     term = damped(space)
     term.begin_step(moved(space, np.diag([s] + [1.0] * (d - 1))), 0.0, DT)
-    rate = (t**2 - s**2) / (2 * DT)
-    expected = BETA * np.diag([t * (2 * MU + LMBDA) * rate] + [LMBDA * rate] * (d - 1))
+    metric, growth = 1.0 / min(s, s**2), LMBDA * np.log(t / s)
+    along = MU * metric**2 * (t**2 - s**2) * t + growth / t
+    expected = BETA / DT * np.diag([along] + [growth] * (d - 1))
     np.testing.assert_allclose(stress(term, space, np.diag([t] + [1.0] * (d - 1))), expected, rtol=1e-11, atol=1e-11)
 
 
@@ -243,8 +245,8 @@ def test_damping_is_rayleigh_s_at_rest(d):
 
 @pytest.mark.parametrize("d", DIMENSIONS)
 def test_projected_damping_by_hand(d):
-    """v'Hv = sum over cells of volume (2 mu |e|^2 + lmbda (tr e)^2) damping / dt, e = sym(F'f), f the gradient of v:
-    nothing of the viscous stress, however far from definite the exact Hessian is.
+    """v'Hv = sum over cells of volume (2 mu |e|^2 + lmbda tr(F^-1 f)^2) damping / dt, e = sym(F'f), f the gradient of
+    v: nothing of the viscous stress, however far from definite the exact Hessian is.
     """
     space = LevelSpace(box(d, 1, jitter=0.1), MPI.COMM_SELF)
     rng = np.random.default_rng(2)
@@ -258,7 +260,7 @@ def test_projected_damping_by_hand(d):
     )
     e = np.einsum("kai,kaj->kij", F, f)
     e = 0.5 * (e + e.transpose(0, 2, 1))
-    density = 2.0 * MU * np.einsum("kij,kij->k", e, e) + LMBDA * np.einsum("kii->k", e) ** 2
+    density = 2.0 * MU * np.einsum("kij,kij->k", e, e) + LMBDA * np.einsum("kja,kaj->k", np.linalg.inv(F), f) ** 2
     assert v.ravel() @ H @ v.ravel() == pytest.approx(BETA / DT * density @ space.mesh.volumes, rel=1e-12)
     assert smallest_eigenvalue(H) > -1e-10 > smallest_eigenvalue(exact)
 

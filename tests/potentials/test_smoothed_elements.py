@@ -77,8 +77,10 @@ def test_damping_and_muscles_in_plain_numpy(d):
     before = edge_domains(mesh, one, x_t.whole)
     expected = {"damping": 0.0, "muscle": 0.0}
     for (_, F, volume), (_, F_t, _) in zip(edge_domains(mesh, one, x.whole), before, strict=True):
-        D = (F.T @ F - F_t.T @ F_t) / 2
-        expected["damping"] += volume * (mu * np.sum(D * D) + lmbda / 2 * np.trace(D) ** 2)
+        squares, axes = np.linalg.eigh(F_t.T @ F_t)
+        D = (F.T @ F - F_t.T @ F_t) / 2 @ axes @ np.diag(1.0 / np.minimum(squares, np.sqrt(squares))) @ axes.T
+        growth = np.log(np.linalg.det(F) / np.linalg.det(F_t))
+        expected["damping"] += volume * (mu * np.sum(D * D.T) + lmbda / 2 * growth**2)
     held, fibres = model.muscles[0].cells, np.zeros((len(mesh.cells), d))
     fibres[held] = model.muscles[0].fibres
     for cells, F, volume in edge_domains(mesh, one, x.whole, held):

@@ -32,6 +32,7 @@ void domain_hessians(const domains_t *domains, const density_t *density, const d
                      int mode, double weight, double *out);
 void isotropic_hessians(const domains_t *domains, const density_t *density, const density_t *second, const double *x,
                         const int32_t *slots, int mode, double weight, double *out);
+void stretch_metrics(int64_t count, const double *C, double *out);
 double volume_step(const domains_t *domains, const double *x, const double *p, double keep);
 int64_t merge_pairs(int d, int64_t rows, int64_t first, int64_t n, const int32_t *cell_starts,
                     const int32_t *cell_columns, const double *cells, int64_t pairs, const int64_t *pair_rows,

@@ -221,3 +221,28 @@ void isotropic_hessians(const domains_t *domains, const density_t *density, cons
     else
         isotropic(1, domains, density, second, x, slots, mode, weight, out);
 }
+
+/* For `count` symmetric matrices C = F' F (count, 3, 3): those with the same axes, and 1 / s in place of s^2 along an axis of extension, 1 / s^2 along
+ * one of compression. */
+void stretch_metrics(int64_t count, const double *C, double *out)
+{
+    for (int64_t first = 0; first < count; first += LANES) {
+        const int used = lanes_used(count, first);
+        lanes A[3][3], V[3][3], m[3];
+        for (int i = 0; i < 3; ++i)
+            for (int j = 0; j < 3; ++j)
+                for (int l = 0; l < LANES; ++l)
+                    A[i][j][l] = l < used ? C[9 * (first + l) + 3 * i + j] : (double)(i == j);
+        eigensystems(1, &A, &V);
+        for (int q = 0; q < 3; ++q)
+            m[q] = all(1.0) / choose(A[q][q] < all(1.0), A[q][q], root(A[q][q]));
+        for (int l = 0; l < used; ++l)
+            for (int i = 0; i < 3; ++i)
+                for (int j = 0; j < 3; ++j) {
+                    double sum = 0.0;
+                    for (int q = 0; q < 3; ++q)
+                        sum += V[i][q][l] * m[q][l] * V[j][q][l];
+                    out[9 * (first + l) + 3 * i + j] = sum;
+                }
+    }
+}
