@@ -10,7 +10,7 @@ from pdvol.levels.script import Script
 from pdvol.levels.space import LevelSpace
 from pdvol.potentials.build import build_terms
 from pdvol.potentials.consistency import Guide
-from pdvol.potentials.potential import Positions, Potential
+from pdvol.potentials.potential import Positions, Potential, by_names
 from pdvol.registry import INTEGRATORS
 
 Lateness = tuple[float, Mapping[str, float]]
@@ -58,8 +58,8 @@ class Replay:
         memory : `terms` of the log's record of the step before, where there is one
         late : step -> how late obstacles were at its end
         """
-        for term in self.terms:
-            term.restore((memory or {}).get(term.name, {}))
+        for name, term in by_names(self.terms).items():
+            term.restore((memory or {}).get(name, {}))
         x_t, x = (Positions(self.space, self.space.from_input(rows)) for rows in (past[0].positions, end))
         before = max(step - joined, 0)
         t0, t1, length = before * self.dt, step * self.dt, joined * self.dt

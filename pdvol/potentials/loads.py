@@ -38,15 +38,17 @@ def assemble_mass(space: LevelSpace, densities: np.ndarray) -> np.ndarray:
 
 
 class DeadLoad(Term):
-    """A load whose force [N] does not depend on x: E = -f . x."""
+    """A load whose force [N] does not depend on x: E = -f . (x - X) with the rest positions X. Of positions alone, far
+    from the origin, it would be so large that no line search could see what a step gains.
+    """
 
     name = "load"
 
     def __init__(self, space: LevelSpace, force: np.ndarray):
-        self.space, self.force = space, force
+        self.space, self.force, self._rest = space, force, space.from_input(space.mesh.points)
 
     def value(self, x: Positions) -> float:
-        return -self.space.reduce(float(np.vdot(self.force, x.owned)))
+        return -self.space.reduce(float(np.vdot(self.force, x.owned - self._rest)))
 
     def gradient(self, x: Positions) -> np.ndarray:
         return -self.force

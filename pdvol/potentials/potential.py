@@ -117,6 +117,15 @@ class Rates:
         return now + sum((each.weight * (of(each) - now) for each in self.earlier), start=np.zeros_like(now))
 
 
+def by_names(terms: "Sequence[Potential]") -> "dict[str, Potential]":
+    """Terms by their names; further ones of the same name by `name 2`, `name 3`, ..."""
+    found: dict[str, Potential] = {}
+    for term in terms:
+        count = sum(other.name == term.name for other in found.values()) + 1
+        found[term.name if count == 1 else f"{term.name} {count}"] = term
+    return found
+
+
 class Potential(Protocol):
     """A term E(x) [J]. Terms do not know the time step's weight or supported rows: the integrator weighs them, Newton's
     method eliminates rows.

@@ -14,7 +14,7 @@ from pdvol.potentials.assembly.domains import Domains
 from pdvol.potentials.assembly.hessian_blocks import HessianBlocks
 from pdvol.potentials.build import Terms
 from pdvol.potentials.contact.friction import LaggedFriction
-from pdvol.potentials.potential import LEAST_LEFT, Positions, Potential, Rates
+from pdvol.potentials.potential import LEAST_LEFT, Positions, Potential, Rates, by_names
 from pdvol.solve.report import Stopwatch
 
 
@@ -217,12 +217,12 @@ class IncrementalPotential:
     @property
     def memory(self) -> dict[str, dict]:
         """What the next step needs to know of those before, by the terms' names; without those that need nothing."""
-        return {term.name: dict(term.memory) for term in self.terms if term.memory}
+        return {name: dict(term.memory) for name, term in by_names(self.terms).items() if term.memory}
 
     def restore(self, memory: Mapping[str, Mapping]) -> None:
         """Sets what `memory` gave."""
-        for term in self.terms:
-            term.restore(memory.get(term.name, {}))
+        for name, term in by_names(self.terms).items():
+            term.restore(memory.get(name, {}))
 
     def predict(
         self, x: Positions, direction: np.ndarray, first: bool, last: bool, until: float | None = None

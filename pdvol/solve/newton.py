@@ -549,9 +549,9 @@ class Newton:
                     forces = -gradient - change - right.getArray().reshape(gradient.shape)
                     self._system.assemble(self._blocks)
                     self.linear.set_matrix(self._system)
-                    right.setArray(np.where(fixed[:, None], prescribed, forces).ravel())
+                    right.setArray(np.where(fixed[:, None], 0.0, forces).ravel())  # no metres beside forces
                     self._solve_again(right, step, near=number > 0)
-                direction = step.getArray().reshape(gradient.shape).copy()
+                direction = prescribed + step.getArray().reshape(gradient.shape)
                 self._require_finite(direction)
                 free = self.potential.max_step(x, direction, until=until)
                 if free > most:

@@ -146,3 +146,18 @@ def test_anisotropic_law(spaces, d):
     """A user's law through CellEnergy has the same derivative check."""
     term, _ = make_law(spaces[d], True)
     check_term(term, spaces[d], state(spaces[d]), 1e-2)
+
+
+def test_fibres_that_act_in_large_stretches_alone_are_seen(spaces):
+    """Near rest the density is isotropic to the last bit, and its Hessian far from there still has the fibre."""
+    material, space = NeoHookean(YOUNG, POISSON), spaces[3]
+    ones = np.ones(len(space.mesh.cells))
+
+    def psi(F, mu, lmbda):
+        along = F[0, 0] ** 2 + F[1, 0] ** 2 + F[2, 0] ** 2
+        return neo_hookean(F, mu, lmbda) + 50.0 * ufl.max_value(along - 1.6**2, 0.0) ** 2
+
+    parameters = {"mu": material.mu * ones, "lmbda": material.lmbda * ones}
+    term = CellEnergy(space, psi, parameters, Domains(space, ones > 0.0))
+    assert not term.uses_stretches
+    check_term(term, space, 1.8 * space.from_input(space.mesh.points), 1e-2)

@@ -126,6 +126,8 @@ class SystemMatrix:
         reason = native.library.conjugate_gradients(
             self.compiled, pointer(right), begin, tolerance, most, pointer(found), count
         )
+        if reason == 0:  # NO_MEMORY: to PETSc this is a solve that still goes on
+            raise MemoryError("no memory left for conjugate gradients")
         return found, reason, count[0]
 
     def multiply(self, x: PETSc.Vec, y: PETSc.Vec) -> None:

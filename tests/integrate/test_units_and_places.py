@@ -1,0 +1,74 @@
+"""Results depend neither on the unit of mass nor on where the origin is."""
+
+import numpy as np
+import pytest
+
+import pdvol
+from pdvol import Barrier, Body, Gravity, NeoHookean, Plane, Relative, Rotation, Scene, Solver, Support
+from pdvol.meshes import Solid
+from shapes import grid
+
+MILLIGRAMS = 2.0**-27  # of a kilogram, about 7: a power of two changes no digit
+
+
+def block(width, height, cuts, place):
+    """Its middle is at `place`."""
+    ticks = (np.linspace(-0.5 * size, 0.5 * size, n + 1) for size, n in zip((width, height), cuts, strict=True))
+    mesh = grid(*ticks)
+    return (Solid(mesh.points + place, mesh.cells, np.zeros(len(mesh.cells), dtype=np.int32)),)
+
+
+@pytest.mark.parametrize("tolerance", [1e-3, 1e-4, 1e-5, 1e-6])
+@pytest.mark.parametrize("away", [(0.0, 1e3), (1e3, 0.0), (0.0, 1e4)])
+def test_a_block_settles_far_from_the_origin_as_at_it(away, tolerance):
+    """A load's energy is that of displacements: of positions, 10 km up, it would hide what a line search looks for."""
+
+    def settles(place):
+        body = Body(block(0.3, 0.24, (3, 2), np.array([0.0, 0.1235]) + place), NeoHookean(8e4, 0.3, 1600.0))
+        scene = Scene(
+            (body,),
+            obstacles=(Plane(tuple(place), (0.0, 1.0)),),
+            loads=(Gravity((0.0, -9.81)),),
+            contact=(Barrier(Relative(0.01)),),
+            dt=0.01,
+            steps=20,
+            solver=Solver(tolerance=Relative(tolerance)),
+        )
+        return [(step.positions - place, step.report.newton_iterations) for step in pdvol.march(scene)]
+
+    near, far = settles(np.zeros(2)), settles(np.array(away))
+    assert max(count for _, count in far) <= max(count for _, count in near) + 2
+    assert max(np.abs(one - other).max() for (one, _), (other, _) in zip(near, far, strict=True)) < 1e-7
+
+
+@pytest.mark.parametrize("turns", [-3.16, 3.16, 5.0, 6.0])
+def test_bodies_of_milligrams_move_as_those_of_kilograms(turns):
+    """Three blocks on each other, the top one turned by a support. Prescribed displacements in metres do not enter the
+    residual of conjugate gradients, whose free rows are in kg m.
+    """
+
+    def turned(mass):
+        bodies = tuple(
+            Body(
+                block(0.4, 0.3, (3, 2), np.array([0.0, 0.151 + 0.3013 * number])),
+                NeoHookean(mass * young, 0.45, 1000.0 * mass),
+                name=f"body {number}",
+            )
+            for number, young in enumerate((2e3, 8e3, 5e5))
+        )
+        held = Support(lambda X: X[:, 0] < -0.1, "body 2", motion=Rotation(turns, (0.02, 0.61)))
+        scene = Scene(
+            bodies,
+            supports=(held,),
+            obstacles=(Plane((0.0, 0.0), (0.0, 1.0)),),
+            contact=(Barrier(),),
+            dt=0.02,
+            steps=4,
+            integrator="implicit_euler",
+        )
+        return list(pdvol.march(scene))
+
+    for one, other in zip(turned(1.0), turned(MILLIGRAMS), strict=True):
+        assert one.report.behind == other.report.behind
+        assert abs(one.report.newton_iterations - other.report.newton_iterations) <= 2
+        assert np.abs(one.positions - other.positions).max() < 1e-5 * 0.4
