@@ -30,6 +30,9 @@ class Timer:
         if time.perf_counter() > self.until:
             raise TimeUp
 
+    def lasts(self, record) -> None:
+        """Called while a step lasts."""
+
     def close(self) -> None:
         """Nothing is left open."""
 

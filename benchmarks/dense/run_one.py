@@ -39,6 +39,9 @@ class Timer:
         if now > self.seconds:
             raise TimeUp
 
+    def lasts(self, record) -> None:
+        """Called while a step lasts."""
+
     def close(self) -> None:
         """Nothing is left open."""
 

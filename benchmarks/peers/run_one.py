@@ -31,6 +31,9 @@ class Clock:
         self.seconds.append(now - self._last)
         self._last = now
 
+    def lasts(self, record) -> None:
+        """Called while a step lasts."""
+
     def close(self) -> None:
         """Nothing is left open."""
 

@@ -243,7 +243,7 @@ class Stepper:
 
     def _repeat(self, report: StepReport) -> None:
         """Reports a step at rest: what the last step measured has not changed."""
-        for name in ("contacts", "min_gap", "kappa", "energy", "friction_residual", "gradient_norm"):
+        for name in ("contacts", "min_gap", "kappa", "energy", "friction_residual", "gradient_norm", "imbalance"):
             setattr(report, name, self._record.get(name))
         report.forces, report.reason, report.joined = self._forces, "AT_REST", 0
 
@@ -307,7 +307,7 @@ class Stepper:
         if not solved.converged:
             self._stuck = x
             return None, solved
-        report.reason, report.gradient_norm = solved.reason, solved.gradient_norm
+        report.reason, report.gradient_norm, report.imbalance = solved.reason, solved.gradient_norm, solved.imbalance
         return x, solved
 
     def _solve(self, report: StepReport, span: Span, robust: bool) -> tuple[Positions, NewtonReport]:

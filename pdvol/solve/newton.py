@@ -96,6 +96,7 @@ class Solve:
     meets : whether the present direction was found with pairs that are predicted to meet
     stalled : iterations in a row that have gained nothing
     stalls : how often so many had that a remedy was taken
+    balancing : iterations that were made only because forces did not balance yet
     """
 
     states: list[Positions]
@@ -113,6 +114,7 @@ class Solve:
     meets: bool = False
     stalled: int = 0
     stalls: int = 0
+    balancing: int = 0
 
 
 class Newton:
@@ -353,12 +355,15 @@ class Newton:
 
     def _goes_on(self, last: Iteration) -> bool:
         """Whether a solve that could end goes on, because forces do not balance yet. Collective."""
-        report, before = self._solve.report, speed_of(self._solve.before)
-        if report.balancing == STALL:
+        solve = self._solve
+        if solve.balancing == STALL or self._imbalance() <= BALANCED:
             return False
-        unbalanced = self.potential.imbalance(self._fixed, self._solve.tolerance * self._dt) > BALANCED
-        report.balancing += unbalanced and last.speed <= before  # on the way out of a barrier, steps grow
-        return unbalanced
+        solve.balancing += last.speed <= speed_of(solve.before)  # on the way out of a barrier, steps grow
+        return True
+
+    def _imbalance(self) -> float:
+        """Of forces where the gradient was found last (`IncrementalPotential.imbalance`). Collective."""
+        return self.potential.imbalance(self._fixed, self._solve.tolerance * self._dt)
 
     # ---- matrices
 
@@ -481,6 +486,7 @@ class Newton:
         report.converged = reason > 0
         report.reason = report.reason or _REASONS.get(reason, str(reason))
         report.gradient_norm = self.space.reduce(float(np.abs(solve.gradient).max(initial=0.0)), MPI.MAX)
+        report.imbalance = self._imbalance()
         return x, report
 
     def remedy(self, reason: int) -> bool:

@@ -114,7 +114,7 @@ class NewtonReport:
     step_cap : smallest cap put on a step by contact or inversion
     gradient_norm : infinity norm of the gradient [kg m]
     speed : size of the last full Newton step [m/s]
-    balancing : iterations that were made only because forces did not balance yet
+    imbalance : what is left of the forces on a body, over the largest of them
     remedies : how often each remedy was taken
     """
 
@@ -127,7 +127,7 @@ class NewtonReport:
     step_cap: float = 1.0
     gradient_norm: float = np.inf
     speed: float = np.inf
-    balancing: int = 0
+    imbalance: float = 0.0
     remedies: dict[str, int] = field(default_factory=no_remedies)
 
 
@@ -149,6 +149,7 @@ class StepReport:
     min_gap : smallest gap within reach [m]; None where there is none
     energy : [J] of each term, by its name, and of inertia
     gradient_norm : infinity norm of the gradient [kg m]
+    imbalance : what the last solve left of the forces on a body, over the largest of them
     reason : why the last solve ended, by PETSc's name; "AT_REST" where nothing was solved
     linear_solver : the method of the last linear solve
     seconds : by part, and in all; `cpu` is the CPU time of all ranks
@@ -187,6 +188,7 @@ class StepReport:
     kappa: float | None = None
     energy: dict[str, float] = field(default_factory=dict)
     gradient_norm: float = 0.0
+    imbalance: float = 0.0
     reason: str = ""
     linear_solver: str = ""
     solver_memory: dict = field(default_factory=dict)
