@@ -151,11 +151,17 @@ class Scene:
     def with_settings(self, **settings: Any) -> "Scene":
         """The same scene with some of `SETTINGS` replaced.
 
-        The number of steps stays when `dt` changes. `jitter` is a pair (speed [m/s], seed): see `jittered`.
+        The number of steps stays when `dt` changes. `jitter` is a pair (speed [m/s], seed): see `jittered`. `model` is
+        one of `MODELS`, several settings at once; others that are given replace its own.
         """
         unknown = set(settings) - SETTINGS.keys()
         require(not unknown, f"unknown setting {sorted(unknown)}; there are {sorted(SETTINGS)}")
-        jitter = settings.pop("jitter", None)
+        jitter, bodies = settings.pop("jitter", None), self.bodies
+        model = settings.pop("model", "")
+        if model:
+            require(model in MODELS, f"model = {model!r} must be {' or '.join(MODELS)}")
+            settings = MODELS[model] | settings
+            bodies = tuple(replace(body, elements=None) for body in bodies)
         parts: dict[str, dict[str, Any]] = {"scene": {}, "solver": {}, "penalty": {}, "Barrier": {}, "Friction": {}}
         for name, value in settings.items():
             parts[SETTINGS[name]][name.rpartition(".")[2]] = value
@@ -166,12 +172,15 @@ class Scene:
         return replace(
             self,
             **parts["scene"],
-            bodies=self.bodies if jitter is None else jittered(self.bodies, jitter),
+            bodies=bodies if jitter is None else jittered(bodies, jitter),
             contact=tuple(contact),
             solver=replace(self.solver, **parts["solver"]),
             penalty=replace(self.penalty, **parts["penalty"]),
         )
 
+
+MODELS = {"paper": {"integrator": "implicit_euler", "elements": "linear", "feedback": 0.0}}
+"""Settings by the model that they make: "paper" is the method as the paper has it."""
 
 SETTINGS = {
     **{f.name: part for part, kind in (("solver", Solver), ("penalty", Penalty)) for f in fields(kind)},
@@ -182,6 +191,7 @@ SETTINGS = {
     "integrator": "scene",
     "elements": "scene",
     "jitter": "scene",
+    "model": "scene",
     "feedback": "scene",
     "feedback_modes": "scene",
 }

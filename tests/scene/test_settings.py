@@ -1,5 +1,7 @@
 """What `--set` reaches in every scene, and starts that differ by a little."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -32,9 +34,20 @@ def test_the_barriers_stiffness_is_a_fraction_or_in_pascal():
         parse_settings(["barrier.stiffness=Pascal(-1)"])
 
 
+def test_the_paper_s_model_is_one_setting():
+    """Also for bodies that have elements of their own; what is given beside it counts."""
+    plain = scene(bodies=(replace(scene().bodies[0], elements="smoothed"),))
+    found = plain.with_settings(model="paper")
+    assert (found.integrator, found.feedback) == ("implicit_euler", 0.0)
+    assert [found.elements_of(body) for body in found.bodies] == ["linear"]
+    found = plain.with_settings(model="paper", integrator="bdf2", dt=0.02)
+    assert (found.integrator, found.elements, found.feedback, found.dt) == ("bdf2", "linear", 0.0, 0.02)
+
+
 @pytest.mark.parametrize(
     ("settings", "message"),
     [
+        ({"model": "papers"}, "model = 'papers' must be paper"),
         ({"friction.iterations": 2}, "no Friction"),
         ({"dhat": 0.1}, "no Barrier"),
         ({"frictions": 2}, "unknown setting"),
