@@ -49,7 +49,9 @@ def direct(stepper: Stepper, start: Start, steps: int) -> Iterator[StepReport]:
     for number in range(start.step + 1, steps + 1):
         report = stepper.step(number, past)
         anew = stepper.model.begins_anew(number)
-        past = advance(stepper.integrator, past, report.positions, stepper.model.dt, report.joined, anew, report.struck)
+        past = advance(
+            stepper.integrator, past, report.positions, stepper.model.dt, report.joined, anew, report.struck > 0
+        )
         report.velocity = past[0].velocity
         yield report
 

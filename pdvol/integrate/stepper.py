@@ -171,7 +171,10 @@ class Stepper:
                 x = self._advance(report, *self._whole(integrator, past, by, start, number, change))
                 self._end = x
                 report.joined = number - start
-                report.struck = not led and self._strikes(report, past, x)
+                # What pushes for longer than one step more than the integrator has states is no blow.
+                before = int(self._record.get("struck", 0))
+                strikes = not led and before <= self.integrator.states and self._strikes(report, past, x)
+                report.struck = before + 1 if strikes else 0
                 report.reached, report.behind, report.late = self.motion.end()
                 moved = np.linalg.norm(x.whole - past[0].positions, axis=1).max() if may_rest else np.inf
                 acting = lambda: self.space.from_input(self._acceleration(number, x.whole))

@@ -160,7 +160,7 @@ class StepReport:
     kappa : stiffness of the barrier [Pa]
     reached : share of the step's scripted motion that was carried out, at least
     joined : how many steps were solved as one: more than 1 after steps at rest, 0 in a step at rest
-    struck : whether a blow fell in a step of implicit Euler, after which the integrator begins anew
+    struck : how many steps of implicit Euler in a row, this one included, a blow fell in: the integrator begins anew
     rest : what the next step needs to know about rest (`Rest.memory`)
     terms : what the next step needs to know of the terms, by their names (`Potential.memory`)
     behind : [s] how far scripted motions are behind the time at the step's end, at most, because contact stops them
@@ -197,7 +197,7 @@ class StepReport:
     behind: float = 0.0
     late: dict[str, float] = field(default_factory=dict)
     joined: int = 1
-    struck: bool = False
+    struck: int = 0
     rest: dict = field(default_factory=dict)
     terms: dict = field(default_factory=dict)
     remedies: dict[str, int] = field(default_factory=no_remedies)
