@@ -350,10 +350,11 @@ def in_balance(scene: Scene, how: dict, base: Path, seed: int) -> None:
 
 
 def rubs_at_first(scene: Scene, how: dict, base: Path, seed: int) -> None:
-    """Bodies begin a part of dhat above a plane that moves along: in the first step friction is at most mu times the
-    normal forces that this step has.
+    """The first body begins a part of dhat above a plane that moves along, without the others: in the first step
+    friction is at most mu times the normal forces that this step has.
     """
     d, mu, gap = dimension(scene), 0.4, THIN * np.random.default_rng(seed).uniform(0.02, 0.9)
+    scene = replace(scene, bodies=scene.bodies[:1], obstacles=(), supports=(), loads=(), attachments=(), muscles=())
     start = pdvol.march(scene, levels=0).model(0).start
     low, (up, along) = start[:, 1].min(), np.eye(d)[[1, 0]]
     scene = replace(
@@ -361,7 +362,6 @@ def rubs_at_first(scene: Scene, how: dict, base: Path, seed: int) -> None:
         obstacles=(Plane(tuple((low - gap) * up), tuple(up), pdvol.Translation(tuple(2.0 * along))),),
         contact=(Barrier(THIN), Friction(mu)),
         loads=(Gravity(tuple(-9.81 * up)),),
-        supports=(),
     )
     for step in steps(scene, levels=0):
         if step.step == 1:
