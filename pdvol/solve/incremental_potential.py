@@ -1,6 +1,7 @@
 """The function that a time step minimises: 1/2 |x - x_hat|^2_M + weight times the sum of terms (design, section 2)."""
 
 from collections.abc import Collection, Mapping
+from functools import cached_property
 from itertools import groupby
 from math import isnan
 
@@ -121,16 +122,25 @@ class IncrementalPotential:
         count. Where all parts are smaller, those that move a vertex or a body by `least` [m] take their place. At the
         last `gradient`. Collective.
         """
-        mesh, d = self.space.mesh, self.space.dim
-        bodies, count = mesh.point_bodies[self.space.owned_points], int(mesh.point_bodies.max()) + 1
-        parts = [sum(self._gradients), *self._gradients, least * self.mass]
-        free = [np.where(held[:, None], 0.0, rows) for rows in parts]
-        most = np.zeros((len(parts), count))
-        for sizes, rows in zip(most, free, strict=True):
-            np.maximum.at(sizes, bodies, np.linalg.norm(rows, axis=1))
-        sums = np.array([[np.bincount(bodies, rows[:, k], count) for k in range(d)] for rows in free])
-        sizes = np.array([self.space.reduce(most, MPI.MAX), np.linalg.norm(self.space.reduce(sums), axis=1)])
+        bodies, count = self._bodies
+        parts = np.stack([sum(self._gradients), *self._gradients, least * self.mass])
+        parts[:, held] = 0.0
+        squares = np.einsum("knd,knd->kn", parts, parts)
+        most, sums = np.zeros((len(parts), count)), np.zeros((len(parts), count, self.space.dim))
+        for number, rows in enumerate(bodies):
+            most[:, number] = squares[:, rows].max(axis=1, initial=0.0)
+            sums[:, number] = parts[:, rows].sum(axis=1)
+        sums = self.space.reduce(sums)
+        sizes = np.sqrt([self.space.reduce(most, MPI.MAX), np.einsum("kbd,kbd->kb", sums, sums)])
         return float(np.max(sizes[:, 0] / np.maximum(sizes[:, 1:].max(axis=1), np.finfo(float).tiny)))
+
+    @cached_property
+    def _bodies(self) -> tuple[list[slice | np.ndarray], int]:
+        """This rank's rows of each body, and how many bodies there are."""
+        of = self.space.mesh.point_bodies
+        count = int(of.max()) + 1
+        owned = of[self.space.owned_points]
+        return [slice(None)] if count == 1 else [np.flatnonzero(owned == body) for body in range(count)], count
 
     def add_hessian(self, x: Positions, weight: float, into: HessianBlocks) -> None:
         """Adds weight times the Hessian, positive definite unless `into.projection` is "none", to blocks that are zero.

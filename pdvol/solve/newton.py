@@ -351,19 +351,16 @@ class Newton:
         solve.last = last
         solve.stalled = solve.stalled + 1 if gains_nothing(last, solve.before) else 0
         why = stops(last, solve.before, solve.tolerance)
-        return "" if why == "TOLERANCE" and self._goes_on(last) else why
+        return "" if why and self._goes_on(last, why) else why
 
-    def _goes_on(self, last: Iteration) -> bool:
-        """Whether a solve that could end goes on, because forces do not balance yet. Collective."""
+    def _goes_on(self, last: Iteration, why: str) -> bool:
+        """Whether a solve that `stops` would end goes on, because forces do not balance yet. Collective."""
         solve = self._solve
-        if solve.balancing == STALL or self._imbalance() <= BALANCED:
+        solve.report.imbalance = self.potential.imbalance(self._fixed, solve.tolerance * self._dt)
+        if why == "ROUNDING" or solve.balancing == STALL or solve.report.imbalance <= BALANCED:
             return False
         solve.balancing += last.speed <= speed_of(solve.before)  # on the way out of a barrier, steps grow
         return True
-
-    def _imbalance(self) -> float:
-        """Of forces where the gradient was found last (`IncrementalPotential.imbalance`). Collective."""
-        return self.potential.imbalance(self._fixed, self._solve.tolerance * self._dt)
 
     # ---- matrices
 
@@ -486,7 +483,6 @@ class Newton:
         report.converged = reason > 0
         report.reason = report.reason or _REASONS.get(reason, str(reason))
         report.gradient_norm = self.space.reduce(float(np.abs(solve.gradient).max(initial=0.0)), MPI.MAX)
-        report.imbalance = self._imbalance()
         return x, report
 
     def remedy(self, reason: int) -> bool:
