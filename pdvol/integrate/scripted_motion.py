@@ -30,7 +30,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from pdvol.geometry.rigid_motions import Pose
-from pdvol.levels.model import LevelModel
 from pdvol.levels.script import ON_TIME, HeldPoints, Mover, Obstacle, Script
 from pdvol.levels.space import LevelSpace
 from pdvol.potentials.potential import LEAST_LEFT, Positions
@@ -56,7 +55,11 @@ class ScriptedMotion:
 
     Parameters
     ----------
-    script : that of the level's terms
+    space : LevelSpace
+    script : that of the terms
+    start : (n, d) [m]
+        Where vertices are that nothing holds: `positions` has them there.
+    dt : the length of a step [s]
 
     Attributes
     ----------
@@ -65,12 +68,11 @@ class ScriptedMotion:
     clock : time [s] up to which motions have been carried out that were not stopped
     """
 
-    def __init__(self, model: LevelModel, space: LevelSpace, script: Script | None = None):
-        self._dt, self._start = model.dt, space.from_input(model.start)
+    def __init__(self, space: LevelSpace, script: Script, start: np.ndarray, dt: float):
+        self._dt, self._start, self._script = dt, space.from_input(start), script
         self._bodies, self._point_bodies = space.mesh.point_bodies[space.owned_points], space.mesh.point_bodies
         # Every rank moves all points of a support, so that a motion that fails does so on all ranks.
-        self._supports = [_Owned(support, space) for support in model.supports]
-        self._script = Script(model.supports, model.obstacles, model.ground) if script is None else script
+        self._supports = [_Owned(support, space) for support in script.supports]
         self._lags: dict[Mover, float] = {}
         self._holding: list[bool] | None = None
         self._moving: dict[str, Mover] = {}  # in the present step and with respect to the ground, by name
@@ -285,7 +287,7 @@ class MotionParts:
         # Each pass gains enough, or makes the next solve twice as long, or stops motions: the loop ends.
         while motion.clock < t1 and motion.moves:
             clock = motion.clock
-            until, end = self._longest_part(x, least, 0.0 if not brief else least)
+            until, end = self.longest_part(x, least, 0.0 if not brief else least)
             if end is not None:
                 x, brief = self._arrive(until, end), until - clock < least
                 allowed, settled = FIRST_ITERATIONS, False
@@ -318,7 +320,7 @@ class MotionParts:
         for mover in going if len(going) > 1 else ():
             others = [other for other in going if other is not mover]
             motion.stop(others)
-            until, end = self._longest_part(x, least, least)
+            until, end = self.longest_part(x, least, least)
             motion.release(others)
             gains.append(0.0 if end is None else until - motion.clock)
         enough = left if min(gains, default=0.0) > 0.0 else least
@@ -326,7 +328,7 @@ class MotionParts:
         motion.stop(slow)
         return motion.moves and bool(slow)
 
-    def _longest_part(self, x: Positions, least: float, brief: float) -> tuple[float, Positions | None]:
+    def longest_part(self, x: Positions, least: float, brief: float) -> tuple[float, Positions | None]:
         """The longest free part: when and where it ends; None where it gains less than `least` [s], and less than half
         of what is left. One that takes no solve gains `brief` [s] at least: it brings obstacles to what they carry.
         """

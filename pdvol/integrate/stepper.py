@@ -100,7 +100,7 @@ class Stepper:
         self.watch = Stopwatch()
         script = Script(model.supports, model.obstacles, model.ground)
         self.potential = IncrementalPotential(space, build_terms(model, space, guides, script, terms), self.watch)
-        self.motion, self._script = ScriptedMotion(model, space, script), script
+        self.motion, self._script = ScriptedMotion(space, script, model.start, model.dt), script
         states = self.integrator.states
         self._lags = deque[Mapping[Mover, float]]([{}] * states, maxlen=states)  # at steps' starts, newest first
         self._coarse_weights, self._feedback = coarse_weights, feedback

@@ -146,7 +146,7 @@ class Script:
     Attributes
     ----------
     movers : what moves, by its name in the log, as "support 0" or "obstacle 1"
-    obstacles, ground : as given
+    supports, obstacles, ground : as given
     """
 
     def __init__(
@@ -157,7 +157,7 @@ class Script:
     ) -> None:
         self.movers: dict[str, Mover] = {f"support {i}": s for i, s in enumerate(supports) if s.moves}
         self.movers |= {f"obstacle {i}": o for i, o in enumerate(obstacles) if o.moves}
-        self.obstacles, self.ground = tuple(obstacles), tuple(ground)
+        self.supports, self.obstacles, self.ground = tuple(supports), tuple(obstacles), tuple(ground)
         self.begin(0.0, 1.0, {})
 
     def begin(self, t0: float, t1: float, lags: Mapping[Mover, float]) -> None:

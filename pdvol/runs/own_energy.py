@@ -25,6 +25,7 @@ from pdvol.potentials.assembly.hessian_blocks import BlockPattern, HessianBlocks
 from pdvol.potentials.build import Terms, contact_terms
 from pdvol.potentials.contact.barrier import ContactBarrier
 from pdvol.potentials.potential import LEAST_LEFT, Positions
+from pdvol.runs.own_parts import GivenEnergy, Held, longest_part, owned_rows
 from pdvol.scene import Barrier, Deforming, Friction, Obstructing, Pascal, Plane, Rigid
 from pdvol.scene.checks import finite, positive
 from pdvol.solve.incremental_potential import IncrementalPotential
@@ -104,7 +105,7 @@ class Contact:
         self.bodies = ("body",) if count == 1 else tuple(f"body {number}" for number in range(1, count + 1))
         self._rest = self._space.from_input(mesh.points)
         self._at: Positions | None = None
-        self._stepped, self._time = False, 0.0
+        self._stepped, self._time, self._dt = False, 0.0, 1.0
         self._blocks = HessianBlocks(BlockPattern(self._space))
         nobody = np.zeros(self._space.n_owned, dtype=bool)  # the user eliminates supported rows
         self._matrix: Any = SystemMatrix(self._space, nobody)
@@ -138,8 +139,8 @@ class Contact:
         self.dhat, self.kappa = models[0].dhat, models[0].kappa
         contacts, frictions = contact_terms(models, obstacles, self._space)
         self._barrier = cast(ContactBarrier, contacts[0])
-        massless = Terms(np.zeros_like(self._rest), (*contacts, *frictions), contacts)
-        self._potential = IncrementalPotential(self._space, massless, Stopwatch())
+        self._terms, self._obstacles = Terms(np.zeros_like(self._rest), (*contacts, *frictions), contacts), obstacles
+        self._potential = IncrementalPotential(self._space, self._terms, Stopwatch())
 
     def __repr__(self) -> str:
         names = [self.bodies[0] if len(self.bodies) == 1 else f"{len(self.bodies)} bodies"]
@@ -175,7 +176,7 @@ class Contact:
         if not self._stepped:
             self._require_apart(x, t0)
         self._potential.begin_step(x, x.owned, 1.0, t0, t1)
-        self._stepped, self._time = True, float(t0)
+        self._stepped, self._time, self._dt = True, float(t0), float(t1 - t0)
 
     def move_obstacles(self, u: Displacement, until: float) -> float:
         """Move the obstacles to their places at a time `until` [s], as far as they touch nothing at u.
@@ -184,6 +185,50 @@ class Contact:
         is a few thousandths of `dhat`, obstacles do not close it further: u has to give way first.
         """
         return self._go_on(self._started(u), float(until))
+
+    def follow(
+        self,
+        u: Displacement,
+        until: float,
+        hessian: PETSc.Mat,
+        gradient: Displacement,
+        held: np.ndarray | None = None,
+        to: Displacement | None = None,
+    ) -> float:
+        """Move the obstacles towards their places at a time `until` [s], and the mesh along with them.
+
+        What touches an obstacle that moves goes along with it, and the rest takes Newton's direction of `E + B + D`,
+        as in a scene's march: a step takes few parts, where `move_obstacles` goes on by the gap that is left. Where a
+        part would gain less than a fiftieth of the step, u stays; solve, so that bodies give way, and call it again.
+
+        Parameters
+        ----------
+        u : displacements [m], which are changed
+        until : [s]
+        hessian, gradient : of the user's own E at u [N/m, N], without contact and before supported rows are eliminated
+        held : block numbers of V whose vertices are prescribed, as `locate_dofs_topological` gives them
+        to : displacements [m] that these have at `until`; where None they stay
+
+        Returns
+        -------
+        reached : time [s] that obstacles and held vertices have reached; E may fall further from u on
+
+        Raises
+        ------
+        InputError
+            A part of E is not finite or has another size.
+        """
+        x, forces = self._started(u), self._owned(gradient, "gradients")
+        ends = None if to is None else self._rest + self._owned(to)
+        energy, prescribed = GivenEnergy(self._space, forces, hessian), Held(owned_rows(self._space, held), ends)
+        if until > self._time:
+            span = (self._time, float(until), self._dt)
+            reached, end = longest_part(x, energy, self._terms, self._obstacles, prescribed, span)
+            if end is not None:
+                self._set(u, end)
+                self._time = reached
+                self._potential.move_obstacles(reached)
+        return self._time
 
     def _go_on(self, x: Positions, until: float) -> float:
         """Moves the obstacles from where they are towards their places at a time, and returns the time reached."""
@@ -269,8 +314,8 @@ class Contact:
 
     # ---- their parts
 
-    def _owned(self, u: Displacement) -> np.ndarray:
-        """(n_owned, d) this rank's rows of a function or a vector."""
+    def _owned(self, u: Displacement, what: str = "displacements") -> np.ndarray:
+        """(n_owned, d) this rank's rows of a function or a vector; `what` they are, for messages."""
         size = self._space.n_owned * self._space.dim
         if isinstance(u, fem.Function):
             dofmap = u.function_space.dofmap
@@ -278,11 +323,11 @@ class Contact:
         elif isinstance(u, PETSc.Vec):
             values = u.array_r
         else:
-            raise InputError(f"displacements are a dolfinx Function or a PETSc Vec, not {type(u).__name__}")
+            raise InputError(f"{what} are a dolfinx Function or a PETSc Vec, not {type(u).__name__}")
         if len(values) != size:
-            raise InputError(f"displacements have {len(values)} values on this rank, the function space has {size}")
+            raise InputError(f"{what} have {len(values)} values on this rank, the function space has {size}")
         if not self._space.reduce(bool(np.isfinite(values).all()), MPI.LAND):
-            raise InputError("displacements are not all finite numbers; end the solve where they first are not")
+            raise InputError(f"{what} are not all finite numbers; end the solve where they first are not")
         return np.array(values, dtype=np.float64).reshape(-1, self._space.dim)
 
     def _positions(self, u: Displacement) -> Positions:
@@ -292,6 +337,16 @@ class Contact:
         if not self.V.mesh.comm.allreduce(same, op=MPI.LAND) or self._at is None:
             self._at = Positions(self._space, owned)
         return self._at
+
+    def _set(self, u: Displacement, x: Positions) -> None:
+        """Sets displacements, and those of ghosts, to what leads to x. Collective."""
+        rows = (x.owned - self._rest).ravel()
+        if isinstance(u, fem.Function):
+            u.x.array[: len(rows)] = rows
+            u.x.scatter_forward()
+        else:
+            u.array_w[:] = rows
+            u.ghostUpdate(PETSc.InsertMode.INSERT, PETSc.ScatterMode.FORWARD)
 
     def _started(self, u: Displacement) -> Positions:
         if not self._stepped:

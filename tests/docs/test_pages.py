@@ -101,7 +101,8 @@ def begin_own_energy(names: dict) -> None:
     spec.loader.exec_module(demo)
     lines = getsource(demo.simulate).splitlines()
     end = next(i for i, line in enumerate(lines) if "# Implicit Euler" in line)
-    names |= vars(demo) | {"comm": MPI.COMM_SELF, "steps": 2, "t0": 0.02, "t1": 0.03, "solve": lambda u: None}
+    names |= vars(demo) | {"comm": MPI.COMM_SELF, "steps": 2, "t0": 0.02, "t1": 0.03, "held": None}
+    names["solve"] = lambda u, most=MOST_STEPS: None
     exec(dedent("\n".join(lines[2:end])), names)
 
 
