@@ -8,14 +8,16 @@ import numpy as np
 import pytest
 
 from barrier_law import curvature, pressure
+from pdvol import meshes
+from pdvol.meshing.build import read_obstacle
 from pdvol.potentials.assembly.hessian_blocks import BlockPattern, HessianBlocks
 from pdvol.potentials.contact.barrier import ContactBarrier
 from pdvol.potentials.contact.candidates import EDGES, POINT
 from pdvol.potentials.potential import LEAST_LEFT, PRESSED_GAP_SHARE, Positions
-from pdvol.scene import Barrier, Friction, Gravity, NeoHookean, Plane, Solver
+from pdvol.scene import Barrier, Friction, Gravity, NeoHookean, Placement, Plane, Rigid, Solver
 from pdvol.solve import newton
 from pdvol.solve.newton import Newton
-from problems import block, make_scene, make_stepper, march
+from problems import SOFT, block, make_scene, make_stepper, march
 from shapes import together
 from touching_blocks import DHAT, KAPPA, touching
 
@@ -39,6 +41,29 @@ def law_at(gaps):
     """Forces and stiffnesses of a unit weight at gaps (k,)."""
     s = np.minimum(gaps / DHAT, 1.0) ** 2
     return pressure(s, DHAT, KAPPA), curvature(s, DHAT, KAPPA)
+
+
+def test_an_obstacle_cut_finely_changes_nothing_between_bodies():
+    """Lists keep their slack, and two bodies meet as far apart as before. With that obstacle, meetings are nearer."""
+    reached = {}
+    for cuts in (1, 60):
+        floor = Rigid(meshes.box((4.0, 4.0, 0.2), (cuts, cuts, 1)), Placement((0.5, 0.5, -0.2)), name="floor")
+        cubes = together(block((0, 0, 0), (1, 1, 1), 4), block((0, 0, 1.1), (1, 1, 2.1), 4))
+        scene = make_scene((SOFT, SOFT), obstacles=(floor,), contact=(Barrier(dhat=1e-2),))
+        problem = make_stepper(scene, cubes, [read_obstacle(floor)])
+        (term,) = problem.potential.contacts
+        candidates, surface = term.candidates, term.surface
+        start = surface.vertices(Positions(term.space, term.space.from_input(term.space.mesh.points)))
+        bodies, others = surface.objects < 2, surface.objects == 2
+        for name, who, way in (("bodies", surface.objects == 1, -0.5), ("floor", bodies, -0.5)):
+            end = start + np.where(who[:, None], [0.0, 0.0, way], 0.0)
+            found = candidates.meetings(start, end)
+            with_floor = others[found["vertices"]].any(axis=1)
+            reached[name, cuts] = np.count_nonzero(with_floor == (name == "floor"))
+        reached["slack", cuts] = candidates.primitives.edge_length
+    assert reached["slack", 1] == reached["slack", 60]
+    assert reached["bodies", 1] == reached["bodies", 60] > 0
+    assert reached["floor", 1] > 0 == reached["floor", 60]
 
 
 def test_pairs_meet_where_collision_detection_ends_a_step_and_nowhere_else(barrier):

@@ -352,6 +352,8 @@ class Candidates:
         self._c_lists = ffi.new("pairs_t *[]", [pairs.c for pairs in self.lists])
         self._buffers = Contacts(np.empty(1024, CONTACT), np.empty(256, FADE), surface.space.dim)
         self._meetings = np.empty(256, MEETING)
+        self._reach = np.full(len(surface.objects), np.inf)  # planes, behind all else, have no edges
+        self._reach[: len(self.primitives.objects)] = self.primitives.edge_lengths[self.primitives.objects]
         self._clear: tuple[np.ndarray, np.ndarray, float] | None = (
             None  # the last way on which nothing met, and its share
         )
@@ -408,7 +410,7 @@ class Candidates:
             for pairs in self.lists:
                 pairs.go_on(start, end)
         found = found[:count]
-        return found[self._are_first(found) & (found["distance"] < self.primitives.edge_length)]
+        return found[self._are_first(found) & (found["distance"] < self._reach[found["vertices"]].min(axis=1))]
 
     def _are_first(self, found: np.ndarray) -> np.ndarray:
         """Mask of the meetings that are the first of their vertex or of one of their edges, or are with planes.

@@ -153,7 +153,8 @@ class Primitives:
         Sides of facets in 3D; none in 2D.
     lines, triangles : (k, 2), (f, 3) int32
         Edges and triangles; in 2D facets and none.
-    edge_length : median length of edges (3D) or facets (2D) at rest [m]
+    edge_length, edge_lengths : median length [m] at rest of edges (3D) or facets (2D), of all bodies together and of
+        each object (objects,)
     roots : (objects + 1,) int32
         Where the nodes of each object begin.
     boxes : number of nodes, facets and edges
@@ -183,7 +184,9 @@ class Primitives:
             self.edges, facet_edges = np.zeros((0, 2), dtype=np.int32), np.zeros((0, 3), dtype=np.int64)
         self.lines, self.triangles = (self.edges, self.facets) if d == 3 else (self.facets, np.zeros((0, 3), np.int32))
         lengths = np.linalg.norm(vertices[self.lines[:, 1]] - vertices[self.lines[:, 0]], axis=1)
-        self.edge_length = float(np.median(lengths)) if len(lengths) else 0.0
+        of = self.objects[self.lines[:, 0]]
+        self.edge_length = float(np.median(lengths[of < bodies])) if (of < bodies).any() else 0.0
+        self.edge_lengths = np.array([np.median(lengths[of == o]) for o in range(len(rigid))])
         sizes = facet_sizes(vertices, self.facets)
         areas = 0.5 * np.bincount(self.facets.ravel(), np.repeat(sizes / d, d), minlength=n)  # both sides count
         beside = np.repeat(sizes[: len(facet_edges)] / 3.0, 3)
