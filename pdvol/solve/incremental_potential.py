@@ -79,18 +79,13 @@ class IncrementalPotential:
         return 0.5 * self.space.reduce(float(np.vdot(off, self.mass * off)))
 
     def value(self, x: Positions) -> float:
-        """The potential at x; inf where x is not admissible. Raises SimulationError, naming the term, where one is not
-        a number.
-        """
+        """The potential at x; inf where x is not admissible or a term is not a number there."""
         total = self.inertia(x)
         for part, terms in self._parts:
             with self.watch.part(part):
                 for term in terms:
-                    energy = term.value(x)
-                    if isnan(energy):
-                        self._require_finite(term.name, "energy", energy)
-                    total += self.weight * energy
-        return total
+                    total += self.weight * term.value(x)
+        return np.inf if isnan(total) else total
 
     def require_admissible(self, x: Positions) -> None:
         """Raises SimulationError, naming the term, where one has no finite energy at x, from which a solve would begin.

@@ -232,6 +232,29 @@ def test_what_is_not_a_number_is_named(what, bad, said):
     assert caught.value.step == 2
 
 
+def test_an_energy_that_is_not_a_number_in_a_trial_is_a_trial_that_fails():
+    """A barrier of a user's own is a logarithm, which ends at the wall: steps stay on this side of it."""
+    mesh = block((0.0, 0.0), (1.0, 1.0), 3)
+    problem, x = make_stepper(make_scene(), mesh), mesh.points
+
+    class Wall(Term):
+        def value(self, x):
+            depth = x.owned[:, -1] + 1e-3
+            return -np.log(depth).sum() if np.all(depth > 0.0) else np.nan
+
+        def gradient(self, x):
+            return np.stack([0.0 * x.owned[:, 0], -1.0 / (x.owned[:, -1] + 1e-3)], axis=1)
+
+        def add_hessian(self, x, weight, into):
+            blocks = np.zeros((len(x.owned), 2, 2))
+            blocks[:, 1, 1] = weight / (x.owned[:, -1] + 1e-3) ** 2
+            into.add_diagonal(np.arange(len(x.owned)), blocks)
+
+    problem.potential.terms = (*problem.potential.terms, Wall())
+    report = take_step(problem, 1, x, np.full_like(x, -5.0))
+    assert -1e-3 < report.positions[:, -1].min() < 0.0 and report.backtracks > 0 and report.cuts == 0
+
+
 def test_pairs_that_are_not_numbers_are_named_too():
     """Through `add_pairs`, as contact adds them."""
     problem, x, v = falling()

@@ -153,8 +153,7 @@ class CellEnergy(Term):
         return self._values.value(x, self._sum)
 
     def _sum(self, x: Positions) -> float:
-        total = self.space.reduce(native.library.domain_values(self._domains, self._density.c, pointer(x.local)))
-        return total if np.isfinite(total) else np.inf
+        return self.space.reduce(native.library.domain_values(self._domains, self._density.c, pointer(x.local)))
 
     def gradient(self, x: Positions) -> np.ndarray:
         local = np.zeros((len(self.space.local_points), self.space.dim))
