@@ -8,7 +8,8 @@ import scipy.sparse as sp
 
 from pdvol.errors import MeshError
 from pdvol.geometry.level_mesh import LevelMesh, simplex_centres
-from pdvol.levels.geodesic import CLOSEST, INSIDE, NEIGHBOUR, RAY, bind_outside
+from pdvol.levels.geodesic import CLOSEST, INSIDE, ISLAND, NEIGHBOUR, RAY, bind_outside
+from pdvol.levels.islands import rebind_islands
 from pdvol.levels.locate import behind_nearest_facets, containing_cells
 from pdvol.levels.space import LevelSpace
 
@@ -25,7 +26,8 @@ class Binding:
     cells : (n,) int64
         Input index of the home cell.
     kind : (n,) int8
-        INSIDE, RAY, NEIGHBOUR, or CLOSEST: an orphan in `bind`, any point outside in `closest_binding`.
+        INSIDE, RAY, NEIGHBOUR, ISLAND (`islands.py`), or CLOSEST: an orphan in `bind`, any point outside in
+        `closest_binding`.
     weights : (n, d + 1) float64
         Barycentric coordinates in the home cell; rows sum to one, entries of points outside are partly negative.
     """
@@ -49,10 +51,10 @@ class Binding:
         return weights
 
     def report(self) -> dict:
-        """Counts of `inside`, `ray`, `neighbour` and `orphans`, and the `largest_weight` in absolute value."""
-        inside, ray, neighbour, orphans = (int(count) for count in np.bincount(self.kind, minlength=4))
-        largest = float(np.abs(self.weights).max())
-        return {"inside": inside, "ray": ray, "neighbour": neighbour, "orphans": orphans, "largest_weight": largest}
+        """Counts of points by `kind`, and the `largest_weight` in absolute value."""
+        names = ("inside", "ray", "neighbour", "orphans", "islands")
+        counts = {name: int(count) for name, count in zip(names, np.bincount(self.kind, minlength=5), strict=True)}
+        return {**counts, "largest_weight": float(np.abs(self.weights).max())}
 
 
 def bind(target: LevelSpace | LevelMesh, source: LevelSpace) -> Binding:
@@ -65,7 +67,7 @@ def bind(target: LevelSpace | LevelMesh, source: LevelSpace) -> Binding:
     MeshError
         When `source` lacks a body of `target`, or the dimensions differ; on all ranks, before any communication.
     """
-    return _bind(target, source, bind_outside)
+    return _bind(target, source, _geodesic)
 
 
 def closest_binding(target: LevelSpace | LevelMesh, source: LevelSpace) -> Binding:
@@ -101,6 +103,10 @@ def _bind(target: LevelSpace | LevelMesh, source: LevelSpace, outside_rule: Outs
     return Binding(cells, kind, mesh.coordinates(cells, target.points))
 
 
+def _geodesic(target: LevelMesh, source: LevelMesh, cells: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    return rebind_islands(target, source, *bind_outside(target, source, cells))
+
+
 def _closest_outside(target: LevelMesh, source: LevelMesh, cells: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     kind = np.where(cells < 0, CLOSEST, INSIDE).astype(np.int8)
     return behind_nearest_facets(source, target.points, target.point_bodies, cells)[0], kind
@@ -116,4 +122,4 @@ def _check(target: LevelMesh, source: LevelMesh) -> None:
         )
 
 
-__all__ = ["CLOSEST", "INSIDE", "NEIGHBOUR", "RAY", "Binding", "bind", "closest_binding", "home_cells"]
+__all__ = ["CLOSEST", "INSIDE", "ISLAND", "NEIGHBOUR", "RAY", "Binding", "bind", "closest_binding", "home_cells"]

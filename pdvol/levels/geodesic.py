@@ -20,10 +20,12 @@ import scipy.sparse as sp
 from pdvol.geometry.boundary_search import BoundarySearch
 from pdvol.geometry.level_mesh import LevelMesh
 
-INSIDE, RAY, NEIGHBOUR, CLOSEST = range(4)
+INSIDE, RAY, NEIGHBOUR, CLOSEST, ISLAND = range(5)
 
 
-def bind_outside(target: LevelMesh, source: LevelMesh, cells: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def bind_outside(
+    target: LevelMesh, source: LevelMesh, cells: np.ndarray, rays: bool = True
+) -> tuple[np.ndarray, np.ndarray]:
     """Complete a binding whose inside points are known. Not collective; the result depends on the arguments only.
 
     Parameters
@@ -31,6 +33,7 @@ def bind_outside(target: LevelMesh, source: LevelMesh, cells: np.ndarray) -> tup
     target, source : LevelMesh
     cells : (n,) int64
         Home cell of each target point, -1 where it is outside.
+    rays : whether rays along edges are cast; neighbours alone decide otherwise
 
     Returns
     -------
@@ -47,7 +50,8 @@ def bind_outside(target: LevelMesh, source: LevelMesh, cells: np.ndarray) -> tup
     for body in np.unique(bodies[cells < 0]):
         outside = np.flatnonzero((cells < 0) & (bodies == body))
         search = BoundarySearch(source, body)
-        facet, kind[outside] = _march(outside, target.points, edges, cells, search, material)
+        hits = ray_hits(outside, target.points, edges, search) if rays else {}
+        facet, kind[outside] = _march(outside, target.points, edges, cells, search, material, hits)
         cells[outside] = search.cells[facet]
     return cells, kind
 
@@ -70,12 +74,12 @@ def _march(
     cells: np.ndarray,
     search: BoundarySearch,
     material: "_Material",
+    facet: dict[int, int],
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Facet (k,) and kind (k,) of the outside points of one body."""
+    """Facet (k,) and kind (k,) of the outside points of one body, from the facets that rays hit."""
     neighbours: dict[int, list[int]] = {
         v: edges.indices[edges.indptr[v] : edges.indptr[v + 1]].tolist() for v in _integers(outside)
     }
-    facet = ray_hits(outside, points, edges, search)
     kind: dict[int, int | None] = dict.fromkeys(neighbours)
     bound = {v: sum(u not in kind for u in around) for v, around in neighbours.items()}
     # The middle entry sorts points without a hit and without a bound neighbour behind all others.

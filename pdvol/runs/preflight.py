@@ -21,6 +21,7 @@ from pdvol.errors import InputError, IntersectionError, SimulationError
 from pdvol.geometry.level_mesh import LevelMesh
 from pdvol.integrate.marches import Start, direct
 from pdvol.integrate.stepper import Stepper
+from pdvol.levels.binding import ISLAND, bind
 from pdvol.levels.function_check import call_functions
 from pdvol.levels.initial_state import Defect, buried, smallest_gap
 from pdvol.levels.level_check import level_defects, level_notes
@@ -52,6 +53,8 @@ COST_EXPONENT = 1.05  # of the vertices, fitted to benchmarks of 4,000 to 100,00
 COST_OFFSET = {2: 600, 3: 100}  # vertices, by dimension: A above, fitted to levels of 100 to 20,000 vertices
 SMOOTHED_OFFSET = 0.6  # times that with smoothed elements, whose work per vertex is larger: 81 to 1,900 vertices
 # Kilobytes a vertex, by dimension, with a coarse space; measured at 90,601 (2D) and 99,900 vertices (3D).
+# vertices of a level up to which its binding is looked at: it takes 6 s a hundred thousand
+BOUND_VERTICES = 100_000
 MEMORY_PER_VERTEX = {2: 2.0, 3: 7.1}
 SMOOTHED_MEMORY = 1.9  # times that with smoothed elements: 13 kilobytes a vertex at 19,600 vertices in 3D
 
@@ -106,6 +109,8 @@ def check_scene(scene: Scene, seconds: float = 3.0, out: Path | None = None) -> 
             entry, found = _check_level(scene, meshes, level, obstacles, diagonal)
         result["levels"].append(entry)
         result["notes"] += [f"note: {line}" for line in level_notes(scene, mesh, level, diagonal)]
+        if level and len(mesh.points) <= BOUND_VERTICES:
+            result["notes"] += [f"note: {line}" for line in _island_notes(scene, meshes[level - 1], mesh, level)]
         result["defects"] += [f"defect at level {level}: {message}" for message in entry["defects"]]
         defects.append(found)
     if out is not None:
@@ -137,6 +142,19 @@ def _target_notes(scene: Scene, meshes: Sequence[LevelMesh]) -> Iterator[str]:
             asked = body.vertices[level] if body.vertices else count
             if abs(count / asked - 1.0) > ACCEPTED_DEVIATION:
                 yield f"level {level}: body {body.name!r} has {count:,} vertices, asked for {asked:,}: the closest"
+
+
+def _island_notes(scene: Scene, coarse: LevelMesh, fine: LevelMesh, level: int) -> Iterator[str]:
+    """A line for each body whose coarser level reaches into places of another branch."""
+    binding = bind(fine, LevelSpace(coarse, MPI.COMM_SELF))
+    islands = np.flatnonzero(binding.kind == ISLAND)
+    for number, count in zip(*np.unique(fine.point_bodies[islands], return_counts=True), strict=True):
+        first = islands[fine.point_bodies[islands] == number][0]
+        yield (
+            f"level {level}: {count:,} vertices of body {scene.bodies[number].name!r}, as {first}, lie at another"
+            f" branch of level {level - 1} than their neighbours; they follow these. Level {level - 1} cuts curves"
+            " short there: ask for more vertices"
+        )
 
 
 def _check_level(

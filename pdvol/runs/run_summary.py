@@ -62,9 +62,9 @@ def _binding_line(hierarchy: "Hierarchy", level: int) -> str:
     r = hierarchy.prolongation(level).report()
     return (
         f"levels {level - 1} -> {level}: {r['inside']:,} bound inside, {r['ray']:,} by ray, {r['neighbour']:,} by"
-        f" neighbour, {r['orphans']:,} orphans; {r['weights_per_point']:.3g} weights a vertex, largest |weight|"
-        f" {r['largest_weight']:.3g}, ||P||_F {r['frobenius_norm']:.4g} (sqrt m = {r['sqrt_points']:.4g}), ||P||_2"
-        f" {r['two_norm']:.3g}"
+        f" neighbour, {r['islands']:,} on islands, {r['orphans']:,} orphans; {r['weights_per_point']:.3g} weights a"
+        f" vertex, largest |weight| {r['largest_weight']:.3g}, ||P||_F {r['frobenius_norm']:.4g} (sqrt m ="
+        f" {r['sqrt_points']:.4g}), ||P||_2 {r['two_norm']:.3g}"
     )
 
 
