@@ -9,6 +9,7 @@ from typing import Any
 from demos.gallery.entries import Entry
 from demos.gallery.film import FRAMES_PER_SECOND
 from demos.gallery.shots import table_of_shots
+from pdvol.runs.scene_file import load_shot
 from pdvol.store.files import write_bytes
 from pdvol.store.reader import Run
 
@@ -137,13 +138,14 @@ def _made(shown: Shown) -> str:
     settings = "".join(f" --set {shlex.quote(f'{name}={value}')}" for name, value in entry.settings.items())
     finest = "" if entry.finest is None else f" --levels 0:{shown.run.levels[-1].index}"
     command = f"./run pdvol run {entry.file.relative_to(entry.file.parents[1])}{settings}{finest}"
+    model = f" The model is {load_shot(entry.file, entry.settings).scene.model}."
     if not made:
-        return f"Made by `{command}`."
+        return f"Made by `{command}`.{model}"
     commits, others = _commits(made), _commits(shown.made_directly)
     direct = f" (by the direct method: {others})" if others not in ("", commits) else ""
     return (
         f"Made by `{command}` at commit {commits}{direct} on one core of {made['processor']},"
-        f" {made['cores']} cores, load {made['load']:.1f}."
+        f" {made['cores']} cores, load {made['load']:.1f}.{model}"
     )
 
 

@@ -109,6 +109,7 @@ def modelled_terms(scene: Scene) -> list[str]:
     lines += [f"where bodies meet at t = 0: {remedy.by} by up to {remedy.limit:g}" for remedy in scene.separate]
     if scene.integrator != next(iter(INTEGRATORS)):
         lines.append(f"integrator: {scene.integrator}")
+    lines.append(f"model: {scene.model}")
     lines.append(f"levels: {scene.levels}" if scene.levels > 1 else "levels: 1, no prolongation")
     lines.append(
         f"time: {scene.steps} steps of {scene.dt:g} s; Newton tolerance {metres(scene.solver.tolerance, diagonal):.3g}"

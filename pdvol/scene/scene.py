@@ -144,6 +144,15 @@ class Scene:
         """How many levels the scene has."""
         return self.bodies[0].levels
 
+    @property
+    def model(self) -> str:
+        """The model in words: "the paper's", or how its shots are integrated, discretised and held together."""
+        kinds = dict.fromkeys(self.elements_of(body) for body in self.bodies)
+        if (self.integrator, *kinds, self.feedback) == tuple(MODELS["paper"].values()):
+            return "the paper's (implicit Euler, linear elements, no drift feedback)"
+        feedback = f"drift feedback {self.feedback:g}" if self.feedback else "no drift feedback"
+        return f"{self.integrator}, {' and '.join(kinds)} elements, {feedback}"
+
     def elements_of(self, body: Body) -> str:
         """The kind of elements of one of its bodies."""
         return body.elements or self.elements

@@ -40,8 +40,11 @@ def test_the_paper_s_model_is_one_setting():
     found = plain.with_settings(model="paper")
     assert (found.integrator, found.feedback) == ("implicit_euler", 0.0)
     assert [found.elements_of(body) for body in found.bodies] == ["linear"]
+    assert found.model == "the paper's (implicit Euler, linear elements, no drift feedback)"
+    assert plain.with_settings(feedback=0.1).model == "bdf2, smoothed elements, drift feedback 0.1"
     found = plain.with_settings(model="paper", integrator="bdf2", dt=0.02)
     assert (found.integrator, found.elements, found.feedback, found.dt) == ("bdf2", "linear", 0.0, 0.02)
+    assert found.model == "bdf2, linear elements, no drift feedback"
 
 
 @pytest.mark.parametrize(
