@@ -1,4 +1,4 @@
-"""The same scene in other units, from elsewhere, turned, and with everything in another order."""
+"""The same scene in other units, from elsewhere, turned, in a mirror, and with everything in another order."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -46,7 +46,7 @@ class Frame:
 
     Attributes
     ----------
-    turn : (d, d) rotation
+    turn : (d, d) rotation, or a rotation of the mirror image
     offset : (d,) in the new unit of length
     """
 
@@ -70,6 +70,15 @@ class Frame:
         # Products with the unit matrix would not change a bit, but for the sign of zeros.
         v = np.asarray(v, dtype=float)
         return v if np.array_equal(self.turn, np.eye(self.dim)) else v @ self.turn.T
+
+    @property
+    def hand(self) -> int:
+        """-1 in a mirror: what turns to the left turns to the right."""
+        return 1 if np.linalg.det(self.turn) > 0.0 else -1
+
+    def corners(self, simplices: np.ndarray) -> np.ndarray:
+        """Simplices (k, n) with the same orientation in a mirror."""
+        return simplices if self.hand > 0 else np.ascontiguousarray(simplices[:, [1, 0, *range(2, simplices.shape[1])]])
 
     def unit(self, mass: int = 0, length: int = 0, time: int = 0) -> float:
         """What a quantity of these dimensions is multiplied by."""
@@ -154,17 +163,17 @@ def put(thing, frame: Frame):
 
 @put.register
 def _(shape: Solid, frame):
-    return Solid(frame.points(shape.vertices), shape.cells, shape.regions)
+    return Solid(frame.points(shape.vertices), frame.corners(shape.cells), shape.regions)
 
 
 @put.register
 def _(shape: Surface, frame):
-    return Surface(frame.points(shape.vertices), shape.triangles)
+    return Surface(frame.points(shape.vertices), frame.corners(shape.triangles))
 
 
 @put.register
 def _(shape: Outline, frame):
-    return Outline(frame.points(shape.points))
+    return Outline(frame.points(shape.points)[:: frame.hand])
 
 
 def placed(shape, placement: Placement, frame: Frame):
@@ -177,7 +186,7 @@ def placed(shape, placement: Placement, frame: Frame):
 
 @put.register
 def _(body: Body, frame):
-    spin = np.asarray(body.spin, dtype=float) / frame.time
+    spin = frame.hand * np.asarray(body.spin, dtype=float) / frame.time
     velocity = body.velocity
     shape = tuple(placed(each, body.placement, frame) for each in body.shape)
     if callable(velocity):
@@ -229,7 +238,7 @@ def _(motion: Translation, frame):
 def _(motion: Rotation, frame):
     axis = motion.axis if frame.dim == 2 else tuple(frame.directions(motion.axis))
     centre = tuple(frame.points(np.array([motion.centre]))[0])
-    return Rotation(motion.speed / frame.time, centre, axis, frame.time * motion.stop)
+    return Rotation(frame.hand * motion.speed / frame.time, centre, axis, frame.time * motion.stop)
 
 
 @put.register
@@ -249,6 +258,7 @@ def _(motion: PointCache, frame):
     return replace(
         motion,
         source=source,
+        faces=None if motion.faces is None else frame.corners(np.asarray(motion.faces)),
         times=timed(motion.times, frame),
         begin=frame.time * motion.begin,
         placement=Placement(),

@@ -124,6 +124,14 @@ def from_elsewhere(scene: Scene, how: dict, base: Path, seed: int) -> None:
     assert_near(base, found, how)
 
 
+def in_a_mirror(scene: Scene, how: dict, base: Path, seed: int) -> None:
+    """Left and right change places."""
+    rng, d = np.random.default_rng(seed), dimension(scene)
+    frame = Frame(np.eye(d) - 2.0 * np.outer(*2 * (np.eye(d)[rng.integers(d)],)), rng.uniform(-3, 3, d))
+    found = {key: frame.back(x) for key, x in states(seen(scene, frame), how).items()}
+    assert_near(base, found, how)
+
+
 def from_far_away(scene: Scene, how: dict, base: Path, seed: int) -> None:
     """All of it lies a kilometre off."""
     rng, d = np.random.default_rng(seed), dimension(scene)
@@ -408,7 +416,7 @@ def dimension(scene: Scene) -> int:
 
 
 PROPERTIES = {
-    "frames": (in_other_units, from_elsewhere, from_far_away, from_a_moving_frame, in_another_order),
+    "frames": (in_other_units, from_elsewhere, in_a_mirror, from_far_away, from_a_moving_frame, in_another_order),
     "runs": (same_level_0, cut_and_resumed, branched, on_two),
     "physics": (as_checked, slab_for_plane, isolated, loses_energy, in_balance, rubs_at_first),
 }
