@@ -228,6 +228,8 @@ def test_conjugate_gradients_solve(space, coarse):
     assert reason == CONVERGED and 0 < iterations < len(matrix)
     again, *_ = system.solve(right, 1e-10, 200)
     np.testing.assert_array_equal(again, found)
+    for unit in (2.0**-180, 2.0**180):  # beyond single precision, in which the preconditioner works
+        np.testing.assert_array_equal(system.solve(unit * right, 1e-10, 200)[0], unit * found)
     assert system.solve(right, 1e-10, 2)[1:] == (TOO_MANY, 2)
     assert system.solve(0.0 * right, 1e-10, 2)[1:] == (CONVERGED, 0)
     assert system.solve(right, 1e-8, 2, found)[1:] == (CONVERGED, 0)

@@ -124,18 +124,29 @@ static double precondition(const linear_system *s, const double *r, double *coar
     return total;
 }
 
-static void pad(int d, int64_t n, const double *x, double *out)
+static void pad(int d, int64_t n, double factor, const double *x, double *out)
 {
     for (int64_t i = 0; i < n; ++i)
         for (int a = 0; a < 4; ++a)
-            out[i * 4 + a] = a < d ? x[i * d + a] : 0.0;
+            out[i * 4 + a] = a < d ? factor * x[i * d + a] : 0.0;
 }
 
-static void strip(int d, int64_t n, const double *x, double *out)
+static void strip(int d, int64_t n, double factor, const double *x, double *out)
 {
     for (int64_t i = 0; i < n; ++i)
         for (int a = 0; a < d; ++a)
-            out[i * d + a] = x[i * 4 + a];
+            out[i * d + a] = factor * x[i * 4 + a];
+}
+
+/* The power of two next to the size of a vector (n, d), so that the preconditioner's single precision holds it in any unit; 1 of zero. */
+static double unit_of(const linear_system *s, const double *x)
+{
+    double total = squares(s->count * s->d, x);
+    int exponent = 0;
+    sum_over_ranks(s, &total, 1);
+    if (total > 0.0 && isfinite(total))
+        frexp(sqrt(total), &exponent);
+    return ldexp(1.0, exponent);
 }
 
 /* y = A x, (count, d) each. Returns 1 if memory ran out. */
@@ -144,9 +155,9 @@ int symmetric_product(const linear_system *s, const double *x, double *y)
     double *v = malloc((size_t)s->count * 8 * sizeof(double) + 1);
     if (!v)
         return 1;
-    pad(s->d, s->count, x, v);
+    pad(s->d, s->count, 1.0, x, v);
     times(s, v, v + 4 * s->count);
-    strip(s->d, s->count, v + 4 * s->count, y);
+    strip(s->d, s->count, 1.0, v + 4 * s->count, y);
     free(v);
     return 0;
 }
@@ -169,12 +180,13 @@ int conjugate_gradients(const linear_system *s, const double *right, const doubl
         free(r), free(z);
         return NO_MEMORY;
     }
-    pad(s->d, s->count, right, r);
+    const double unit = unit_of(s, right);
+    pad(s->d, s->count, 1.0 / unit, right, r);
     for (int64_t k = 0; k < m; ++k)
         z[k] = r[k];
     if (start) {
         first = precondition(s, r, coarse, z);
-        pad(s->d, s->count, start, x);
+        pad(s->d, s->count, 1.0 / unit, start, x);
         times(s, x, q);
         for (int64_t k = 0; k < m; ++k)
             z[k] = r[k] -= q[k];
@@ -206,7 +218,7 @@ int conjugate_gradients(const linear_system *s, const double *right, const doubl
             z[k] = r[k] -= alpha * q[k];
         }
     }
-    strip(s->d, s->count, x, solution);
+    strip(s->d, s->count, unit, x, solution);
     free(r), free(z);
     return reason;
 }

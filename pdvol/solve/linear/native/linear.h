@@ -10,10 +10,10 @@ typedef double wide __attribute__((vector_size(32), aligned(8), may_alias));
 typedef float narrow __attribute__((vector_size(16), aligned(4), may_alias));
 
 /* The square of a block's Frobenius norm. */
-INLINE double squares(int dd, const double *block)
+INLINE double squares(int64_t dd, const double *block)
 {
     double sum = 0.0;
-    for (int e = 0; e < dd; ++e)
+    for (int64_t e = 0; e < dd; ++e)
         sum += block[e] * block[e];
     return sum;
 }
