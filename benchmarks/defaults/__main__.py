@@ -9,7 +9,7 @@
 - both: implicit Euler with linear elements at 1, 1/2 and 1/4 of the scene's time step, BDF2 with smoothed ones at 4, 2,
   1 and 1/2 of it, on the same levels. The reference is smoothed elements on the level above, BDF2 at a quarter of the
   time step with a tenth of the tolerance.
-- feedback: distances between levels, and continuity, with the feedback's values.
+- feedback: distances between levels, continuity, and how rough level 1 is beside level 0, with the feedback's values.
 
 Errors are root mean squares over mass and time [m]. "At equal time" reads the error of the second setting from the line
 through its points in a plot of logarithms, at the CPU time of the first one. Finished runs in `--out` are used again.
@@ -185,7 +185,7 @@ def both_row(runs: Runs) -> list[str]:
 
 
 def feedback_row(runs: Runs) -> list[str]:
-    """The largest distance between levels and the continuity's error, for each feedback."""
+    """The distance between levels, the continuity's error, roughness over level 0's and iterations, by feedback."""
     cells = []
     for feedback in FEEDBACKS:
         run = runs.run((0, 1), integrator="bdf2", elements="smoothed", feedback=feedback)
@@ -193,7 +193,8 @@ def feedback_row(runs: Runs) -> list[str]:
         drift = reference.errors(run, 0)["time"]
         level = measure_run(run.path)["levels"][1]
         newton = sum(record["newton_iterations"] for record in run.levels[1].log)
-        cells.append(f"{number(1e3 * drift)}, {number(level['summary']['continuity_error']['median'])}, {newton:,}")
+        continuity = number(level["summary"]["continuity_error"]["median"])
+        cells.append(f"{number(1e3 * drift)}, {continuity}, {level['rougher']:.2f}, {newton:,}")
     return cells
 
 
@@ -229,7 +230,10 @@ PARTS = {
         both_row,
     ),
     "feedback": (
-        ["scene", *(f"feedback {value:g}: distance [mm], continuity error [kg m^2], Newton" for value in FEEDBACKS)],
+        [
+            "scene",
+            *(f"feedback {value:g}: distance [mm], continuity [kg m^2], roughness, Newton" for value in FEEDBACKS),
+        ],
         feedback_row,
     ),
 }

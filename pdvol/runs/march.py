@@ -1,5 +1,6 @@
 """`pdvol.march`: a scene's levels step by step in memory, with terms and an integrator of the user's own."""
 
+import traceback
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -152,7 +153,7 @@ class March(Iterator[Step]):
         comm: MPI.Comm,
     ):
         self._scene, self._levels, self._method = scene, levels, method
-        self._terms, self._integrator = terms, integrator
+        self._terms, self._integrator, self._comm = terms, integrator, comm
         with threadpool_limits(limits=1):
             prepared = on_root(comm, lambda: prepared_levels(scene, levels[-1]))
             self._diagonal = prepared.diagonal
@@ -166,7 +167,13 @@ class March(Iterator[Step]):
 
     def __next__(self) -> Step:
         with self._threads.limit(limits=1):  # not for the user's own code between steps
-            return next(self._steps)
+            try:
+                return next(self._steps)
+            except MemoryError:
+                if self._comm.size > 1:
+                    traceback.print_exc()
+                    self._comm.Abort(1)  # the other ranks would wait for ever
+                raise
 
     def _all_steps(self) -> Iterator[Step]:
         below: list[Past] = []

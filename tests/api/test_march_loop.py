@@ -1,5 +1,9 @@
 """`pdvol.march`: the steps of a run, one by one in memory; own terms, own integrators, and messages about them."""
 
+import os
+import shutil
+import subprocess
+import sys
 from dataclasses import replace
 
 import numpy as np
@@ -10,7 +14,8 @@ from threadpoolctl import threadpool_info, threadpool_limits
 
 import pdvol
 import taylor
-from on_ranks import results_on
+from commands import SAFETY
+from on_ranks import ENVIRONMENT, results_on
 from pdvol import InputError, Solver
 from pdvol.registry import INTEGRATORS, METHODS
 
@@ -288,3 +293,39 @@ def test_two_ranks_make_what_one_makes():
     for key in one:
         size = 1e3 if key.count("_") == 2 else 1.0  # forces [N], positions [m]
         np.testing.assert_allclose(two[key], one[key], atol=1e-6 * size, err_msg=key)
+
+
+FULL = """
+import numpy as np
+import pdvol
+from mpi4py import MPI
+
+
+class Full(pdvol.Term):
+    def value(self, x):
+        return 0.0
+
+    def gradient(self, x):
+        return np.zeros_like(x.owned)
+
+    def begin_step(self, x_t, t0, t1, x_hat=None):
+        if t0 > 0.0 and MPI.COMM_WORLD.rank == 1:
+            raise MemoryError("no memory left for contacts")
+
+
+cube = pdvol.Body(pdvol.meshes.box(), pdvol.NeoHookean(1e5), (60,))
+shot = pdvol.Scene((cube,), dt=0.01, steps=3, loads=(pdvol.Gravity((0, 0, -9.81)),))
+for step in pdvol.march(shot, levels=0, terms=(lambda model, space: Full(),)):
+    print("step", step.step, flush=True)
+"""
+
+
+@pytest.mark.mpi
+def test_memory_that_runs_out_on_one_rank_ends_all(tmp_path):
+    """The other ranks would wait for it for ever."""
+    mpirun = shutil.which("mpirun") or pytest.skip("there is no mpirun")
+    (tmp_path / "full.py").write_text(FULL)
+    words = [mpirun, "-n", "2", sys.executable, str(tmp_path / "full.py")]
+    ended = subprocess.run(words, capture_output=True, text=True, timeout=SAFETY, env=os.environ | ENVIRONMENT)
+    assert ended.returncode != 0 and "step 1" in ended.stdout and "step 2" not in ended.stdout
+    assert "no memory left for contacts" in ended.stderr
