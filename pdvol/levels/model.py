@@ -55,13 +55,11 @@ class ContactModel:
     ----------
     dhat : distance [m] at which contact begins to push
     kappa : stiffness [Pa] of the convergent law
-    ccd : as `Barrier` names it
     friction : none or one
     """
 
     dhat: float
     kappa: float
-    ccd: str
     friction: tuple[FrictionModel, ...] = ()
 
 
@@ -242,7 +240,5 @@ def contact_models(
         if isinstance(f, Friction)
     )
     return tuple(
-        ContactModel(metres(b.dhat, diagonal), b.kappa(softest), b.ccd, frictions)
-        for b in contact
-        if isinstance(b, Barrier)
+        ContactModel(metres(b.dhat, diagonal), b.kappa(softest), frictions) for b in contact if isinstance(b, Barrier)
     )

@@ -74,7 +74,7 @@ def contact_terms(
         from pdvol.potentials.contact.surface import ContactSurface
 
         surface = ContactSurface(space, tuple(obstacles), script)
-        barrier = ContactBarrier(Candidates(surface, contact.dhat, contact.ccd), contact.kappa)
+        barrier = ContactBarrier(Candidates(surface, contact.dhat), contact.kappa)
         contacts.append(barrier)
         frictions += [LaggedFriction(barrier, friction.mu, friction.eps_v) for friction in contact.friction]
     return tuple(contacts), tuple(frictions)

@@ -37,12 +37,10 @@ class Barrier:
     ----------
     dhat : distance [m] at which contact begins to push
     stiffness : as a fraction of the softest Young's modulus, or `Pascal`
-    ccd : "additive", or "tight-inclusion": certified in exact arithmetic and many times slower
     """
 
     dhat: Length = Relative(1e-3)
     stiffness: float | Pascal = STIFFNESS
-    ccd: str = "additive"
     __repr__ = one_line
 
     def __post_init__(self) -> None:
@@ -50,10 +48,6 @@ class Barrier:
         length("Barrier.dhat", self.dhat)
         if not isinstance(self.stiffness, Pascal):
             positive("Barrier.stiffness", self.stiffness)
-        require(
-            self.ccd in ("additive", "tight-inclusion"),
-            f"Barrier.ccd = {self.ccd!r} must be additive or tight-inclusion",
-        )
 
     def kappa(self, softest: float) -> float:
         """Its stiffness [Pa], given the softest Young's modulus [Pa]."""

@@ -24,10 +24,10 @@ PARALLEL = 1e-3  # sin^2 below which crossing edges fade, docs/contact.md
 # ---- scenes
 
 
-def surface_of(*meshes, obstacles=(), dhat=DHAT, **options):
+def surface_of(*meshes, obstacles=(), dhat=DHAT):
     """The space and the surface of bodies in one level."""
     space = LevelSpace(together(*meshes), MPI.COMM_SELF)
-    return space, Candidates(ContactSurface(space, obstacles), dhat, **options)
+    return space, Candidates(ContactSurface(space, obstacles), dhat)
 
 
 def two_boxes(d, obstacle=False, **options):

@@ -13,8 +13,6 @@ On several ranks each list has the pairs that touch vertices of its rank, and al
 those: all contacts of the rank's vertices are found without a message.
 """
 
-from collections.abc import Callable
-
 import numpy as np
 from mpi4py import MPI
 
@@ -339,15 +337,14 @@ class Candidates:
     ----------
     surface : ContactSurface
     dhat : distance [m] up to which pairs matter
-    ccd : "additive" or "tight-inclusion"
 
     Attributes
     ----------
     lists : the candidates within bodies and between objects
     """
 
-    def __init__(self, surface: ContactSurface, dhat: float, ccd: str = "additive"):
-        self.surface, self.primitives, self.dhat, self.ccd = surface, surface.primitives, dhat, ccd
+    def __init__(self, surface: ContactSurface, dhat: float):
+        self.surface, self.primitives, self.dhat = surface, surface.primitives, dhat
         self.lists = tuple(PairList(self.primitives, dhat, within) for within in (True, False))
         self._c_lists = ffi.new("pairs_t *[]", [pairs.c for pairs in self.lists])
         self._buffers = Contacts(np.empty(1024, CONTACT), np.empty(256, FADE), surface.space.dim)
@@ -435,13 +432,7 @@ class Candidates:
         """
         if self._is_known_clear(start, end, gap_share):
             return 1.0
-        if self.ccd == "additive":
-            return self._additive_step(start, end, gap_share)
-        # Tight inclusion may go further than conservative advancement, and needs the pairs of the whole way.
-        step = library.half_space_step(self.primitives.c, pointer(start), pointer(end), self.dhat, gap_share)
-        for pairs in self.lists:
-            pairs.along(start, end)
-        return min(step, self._certified_step(start, end, gap_share))
+        return self._additive_step(start, end, gap_share)
 
     def is_clear(self, start: np.ndarray, end: np.ndarray, gap_share: float = LEAST_LEFT) -> bool:
         """Whether `meetings` would find nothing of this rank on the straight paths from start to end (n, d)."""
@@ -472,27 +463,3 @@ class Candidates:
             if pairs.searches > before:
                 step = pairs.longest_step(start, end, gap_share, step)
         return step
-
-    def _certified_step(self, start: np.ndarray, end: np.ndarray, gap_share: float) -> float:
-        """The step by tight inclusion, of the pairs that conservative advancement cannot clear. Tight inclusion goes to
-        the contact itself, so its step is shortened afterwards.
-        """
-        import ipctk
-
-        ccd, step = ipctk.TightInclusionCCD(tolerance=1e-6, max_iterations=1_000_000), 1.0
-        move = pointer(start), pointer(end)
-        detect: Callable
-        for is_point in (True, False):
-            for one in np.concatenate([pairs.points if is_point else pairs.edges for pairs in self.lists]):
-                alone = ffi.new("pairs_t *", {"n_points": int(is_point), "n_edges": int(not is_point)})
-                alone.points = alone.edges = pointer(one, "int32_t")
-                if library.longest_step(self.primitives.c, *move, self.dhat, gap_share, alone, 1.0) == 1.0:
-                    continue
-                if is_point:
-                    corners = [one[0], *self.primitives.facets[one[1]]]
-                    detect = ccd.point_triangle_ccd if len(corners) == 4 else ccd.point_edge_ccd
-                else:
-                    corners, detect = [*self.primitives.edges[one].ravel()], ccd.edge_edge_ccd
-                hit, at = detect(*start[corners], *end[corners], min_distance=0.0, tmax=step)
-                step = min(step, at) if hit else step
-        return (1.0 - gap_share) * step if step < 1.0 else step
