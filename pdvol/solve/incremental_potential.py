@@ -118,7 +118,8 @@ class IncrementalPotential:
         last `gradient`. Collective.
         """
         bodies, count = self._bodies
-        parts = np.stack([sum(self._gradients), *self._gradients, least * self.mass])
+        smallest = least / np.sqrt(self.space.dim) * self.mass
+        parts = np.stack([sum(self._gradients), *self._gradients, smallest])
         parts[:, held] = 0.0
         squares = np.einsum("knd,knd->kn", parts, parts)
         most, sums = np.zeros((len(parts), count)), np.zeros((len(parts), count, self.space.dim))
