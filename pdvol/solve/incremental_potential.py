@@ -112,14 +112,17 @@ class IncrementalPotential:
         return total
 
     def imbalance(self, held: np.ndarray, least: float) -> float:
-        """What is left of the gradient over the largest part that one term has in it: of all vertices of a body, and of
-        the body's sum, whichever is worse, and of all bodies the worst. Vertices that are `held` (n_owned,) do not
-        count. Where all parts are smaller, those that move a vertex or a body by `least` [m] take their place. At the
-        last `gradient`. Collective.
+        """What is left of the gradient over the largest part that one kind of term has in it: of all vertices of a body,
+        and of the body's sum, whichever is worse, and of all bodies the worst. Vertices that are `held` (n_owned,) do
+        not count. Where all parts are smaller, those that move a vertex or a body by `least` [m] take their place. At
+        the last `gradient`. Collective.
         """
         bodies, count = self._bodies
         smallest = least / np.sqrt(self.space.dim) * self.mass
-        parts = np.stack([sum(self._gradients), *self._gradients, smallest])
+        kinds: dict[str, np.ndarray] = {}
+        for name, part in zip(("inertia", *(term.name for term in self.terms)), self._gradients, strict=True):
+            kinds[name] = kinds[name] + part if name in kinds else part
+        parts = np.stack([sum(self._gradients), *kinds.values(), smallest])
         parts[:, held] = 0.0
         squares = np.einsum("knd,knd->kn", parts, parts)
         most, sums = np.zeros((len(parts), count)), np.zeros((len(parts), count, self.space.dim))
