@@ -112,10 +112,10 @@ class IncrementalPotential:
         return total
 
     def imbalance(self, held: np.ndarray, least: float) -> float:
-        """What is left of the gradient over the largest part that one kind of term has in it: of all vertices of a body,
-        and of the body's sum, whichever is worse, and of all bodies the worst. Vertices that are `held` (n_owned,) do
-        not count. Where all parts are smaller, those that move a vertex or a body by `least` [m] take their place. At
-        the last `gradient`. Collective.
+        """What is left of the gradient over the largest part that one kind of term has in it: of all vertices of a
+        body, and of the body's sum, whichever is worse, and of all bodies the worst. Vertices that are `held`
+        (n_owned,) do not count. Where all parts are smaller, those that move a vertex or a body by `least` [m] take
+        their place. At the last `gradient`. Collective.
         """
         bodies, count = self._bodies
         smallest = least / np.sqrt(self.space.dim) * self.mass
