@@ -237,11 +237,7 @@ class Stepper:
         dt, (start, velocity) = report.joined * self.model.dt, map(self.space.from_input, vars(past[0]).values())
         push = -dt * sum(term.gradient(x) for term in (*self.potential.contacts, *self.potential.frictions))
         gained = self.potential.mass * ((x.owned - start) / dt - velocity)
-        bodies = self.space.mesh.point_bodies[self.space.owned_points]
-        sums = np.zeros((2, int(self.space.mesh.point_bodies.max()) + 1, self.space.dim))
-        np.add.at(sums[0], bodies, push)
-        np.add.at(sums[1], bodies, gained)
-        push, gained = self.space.reduce(sums)
+        push, gained = self.potential.of_bodies(np.stack([push, gained]))
         return bool(np.any(np.sum(push * gained, axis=1) > 0.5 * np.sum(push**2, axis=1)))
 
     def _repeat(self, report: StepReport) -> None:

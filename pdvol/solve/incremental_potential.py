@@ -117,7 +117,6 @@ class IncrementalPotential:
         (n_owned,) do not count. Where all parts are smaller, those that move a vertex or a body by `least` [m] take
         their place. At the last `gradient`. Collective.
         """
-        bodies, count = self._bodies
         smallest = least / np.sqrt(self.space.dim) * self.mass
         kinds: dict[str, np.ndarray] = {}
         for name, part in zip(("inertia", *(term.name for term in self.terms)), self._gradients, strict=True):
@@ -125,21 +124,21 @@ class IncrementalPotential:
         parts = np.stack([sum(self._gradients), *kinds.values(), smallest])
         parts[:, held] = 0.0
         squares = np.einsum("knd,knd->kn", parts, parts)
-        most, sums = np.zeros((len(parts), count)), np.zeros((len(parts), count, self.space.dim))
-        for number, rows in enumerate(bodies):
-            most[:, number] = squares[:, rows].max(axis=1, initial=0.0)
-            sums[:, number] = parts[:, rows].sum(axis=1)
-        sums = self.space.reduce(sums)
+        sums = self.of_bodies(parts)
+        most = np.stack([squares[:, rows].max(axis=1, initial=0.0) for rows in self._bodies], axis=1)
         sizes = np.sqrt([self.space.reduce(most, MPI.MAX), np.einsum("kbd,kbd->kb", sums, sums)])
         return float(np.max(sizes[:, 0] / np.maximum(sizes[:, 1:].max(axis=1), np.finfo(float).tiny)))
 
+    def of_bodies(self, parts: np.ndarray) -> np.ndarray:
+        """(k, bodies, d) sums over each body of rows (k, n_owned, d). Collective."""
+        return self.space.reduce(np.stack([parts[:, rows].sum(axis=1) for rows in self._bodies], axis=1))
+
     @cached_property
-    def _bodies(self) -> tuple[list[slice | np.ndarray], int]:
-        """This rank's rows of each body, and how many bodies there are."""
+    def _bodies(self) -> list[slice | np.ndarray]:
+        """This rank's rows of each body."""
         of = self.space.mesh.point_bodies
-        count = int(of.max()) + 1
-        owned = of[self.space.owned_points]
-        return [slice(None)] if count == 1 else [np.flatnonzero(owned == body) for body in range(count)], count
+        count, owned = int(of.max()) + 1, of[self.space.owned_points]
+        return [slice(None)] if count == 1 else [np.flatnonzero(owned == body) for body in range(count)]
 
     def add_hessian(self, x: Positions, weight: float, into: HessianBlocks) -> None:
         """Adds weight times the Hessian, positive definite unless `into.projection` is "none", to blocks that are zero.
