@@ -1,10 +1,10 @@
-"""Vertices of a level that lie in or near another branch of the coarser one than their neighbours, and are bound to it.
+"""Vertices of a level that lie in another branch of the coarser level than their neighbours.
 
 Where a coarse mesh cuts a curve short, as a coil's, the finer mesh may reach into the coarse cells of the next turn.
-Such vertices are inside a cell, so no ray is cast for them. What shows is a torn edge: the homes of its two ends are
-near each other in space and far apart through the coarse mesh. Edges that are not torn join vertices to parts. The
-largest part of each connected component of the level is bound rightly; a smaller one is an island where others
-are at home, too, in most of its home cells. Its vertices are bound anew by the homes of their neighbours.
+Such vertices are inside a cell, so no ray is cast for them. They show by torn edges. The homes of the two ends of a
+torn edge are near each other in space and far apart through the coarse mesh. Edges that are not torn join vertices to
+parts. The largest part of each connected component of the level is taken to be bound right. A smaller part is an island
+if most of its home cells are home to the largest part, too. Its vertices are bound anew, by their neighbours' homes.
 """
 
 import numpy as np
@@ -75,15 +75,16 @@ def _torn(target: LevelMesh, source: LevelMesh, cells: np.ndarray, pairs: np.nda
 
 def _ways(source: LevelMesh, starts: np.ndarray, ends: np.ndarray, limits: np.ndarray) -> np.ndarray:
     """(k,) [m] lengths of the shortest ways along edges between vertices (k,); inf where they exceed a limit (k,)."""
-    edges = sp.triu(vertex_adjacency(source)).tocoo()
+    edges = vertex_adjacency(source).tocoo()
     lengths = np.linalg.norm(source.points[edges.row] - source.points[edges.col], axis=1)
     graph = sp.coo_array((lengths, (edges.row, edges.col)), shape=edges.shape).tocsr()
-    found = np.empty(len(starts))
-    unique, which = np.unique(starts, return_inverse=True)
+    found = np.asarray(graph[starts, ends]).ravel()  # one edge, which most are apart
+    found[(found == 0.0) & (starts != ends)] = np.inf
+    far = np.flatnonzero(found > limits)
+    unique, which = np.unique(starts[far], return_inverse=True)
     at_once = max(1, ROOM // len(source.points))
     for first in range(0, len(unique), at_once):
         mine = np.flatnonzero((which >= first) & (which < first + at_once))
-        chunk = unique[first : first + at_once]
-        ways = dijkstra(graph, directed=False, indices=chunk, limit=limits[mine].max())
-        found[mine] = ways[which[mine] - first, ends[mine]]
+        ways = dijkstra(graph, indices=unique[first : first + at_once], limit=limits[far[mine]].max())
+        found[far[mine]] = ways[which[mine] - first, ends[far[mine]]]
     return found

@@ -145,15 +145,15 @@ def _target_notes(scene: Scene, meshes: Sequence[LevelMesh]) -> Iterator[str]:
 
 
 def _island_notes(scene: Scene, coarse: LevelMesh, fine: LevelMesh, level: int) -> Iterator[str]:
-    """A line for each body whose coarser level reaches into places of another branch."""
+    """A line for each body that has vertices in another branch of the coarser level than their neighbours."""
     binding = bind(fine, LevelSpace(coarse, MPI.COMM_SELF))
     islands = np.flatnonzero(binding.kind == ISLAND)
     for number, count in zip(*np.unique(fine.point_bodies[islands], return_counts=True), strict=True):
         first = islands[fine.point_bodies[islands] == number][0]
         yield (
-            f"level {level}: {count:,} vertices of body {scene.bodies[number].name!r}, as {first}, lie at another"
-            f" branch of level {level - 1} than their neighbours; they follow these. Level {level - 1} cuts curves"
-            " short there: ask for more vertices"
+            f"level {level}: {count:,} vertices of body {scene.bodies[number].name!r} (the first is {first}) lie in"
+            f" another branch of level {level - 1} than their neighbours, and follow these instead. Level {level - 1}"
+            " cuts curves short there: ask for more vertices"
         )
 
 
