@@ -11,6 +11,13 @@ from pdvol.errors import PdvolError
 T = TypeVar("T")
 
 
+def end_all(comm: MPI.Comm) -> None:
+    """Shows the error of this rank alone, and ends all ranks: the others would wait for ever. Not of one rank."""
+    if comm.size > 1:
+        traceback.print_exc()
+        comm.Abort(1)
+
+
 def on_root(comm: MPI.Comm, work: Callable[[], T]) -> T:
     """The result of rank 0's `work()` on every rank; its `PdvolError` is raised on every rank. Collective."""
     if comm.size == 1:
@@ -25,8 +32,7 @@ def on_root(comm: MPI.Comm, work: Callable[[], T]) -> T:
             error, cause = raised, raised.__cause__
             raised.__cause__ = raised.__context__ = None  # only the error is sent: libraries' own may not be pickled
         except BaseException:
-            traceback.print_exc()
-            comm.Abort(1)  # the other ranks would wait for ever
+            end_all(comm)
             raise
     error = comm.bcast(error)
     if error is not None:

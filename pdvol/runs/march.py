@@ -1,6 +1,5 @@
 """`pdvol.march`: a scene's levels step by step in memory, with terms and an integrator of the user's own."""
 
-import traceback
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -16,7 +15,7 @@ from pdvol.levels.hierarchy import Hierarchy
 from pdvol.levels.model import LevelModel, hierarchy_model
 from pdvol.levels.obstacles import placed_obstacles
 from pdvol.levels.space import LevelSpace
-from pdvol.parallel import on_root
+from pdvol.parallel import end_all, on_root
 from pdvol.potentials.build import MakeTerm
 from pdvol.potentials.potential import Positions, Potential, Term
 from pdvol.registry import INTEGRATORS
@@ -170,9 +169,7 @@ class March(Iterator[Step]):
             try:
                 return next(self._steps)
             except MemoryError:
-                if self._comm.size > 1:
-                    traceback.print_exc()
-                    self._comm.Abort(1)  # the other ranks would wait for ever
+                end_all(self._comm)
                 raise
 
     def _all_steps(self) -> Iterator[Step]:
