@@ -16,16 +16,17 @@ from pdvol.compat import PETSc, fem
 from pdvol.errors import InputError, IntersectionError
 from pdvol.geometry.closed_surfaces import gyration_diagonal
 from pdvol.geometry.crossings import find_crossings
+from pdvol.integrate.scripted_motion import LEAST_GAIN
 from pdvol.levels.model import contact_models
 from pdvol.levels.obstacles import placed_obstacles, read_geometry
-from pdvol.levels.script import Obstacle
+from pdvol.levels.script import Obstacle, Script
 from pdvol.levels.space import LevelSpace
 from pdvol.parallel import on_root
 from pdvol.potentials.assembly.hessian_blocks import BlockPattern, HessianBlocks
 from pdvol.potentials.build import Terms, contact_terms
 from pdvol.potentials.contact.barrier import ContactBarrier
 from pdvol.potentials.potential import LEAST_LEFT, Positions
-from pdvol.runs.own_parts import GivenEnergy, Held, longest_part, owned_rows
+from pdvol.runs.own_parts import GivenEnergy, held_points, longest_part, owned_rows
 from pdvol.scene import Barrier, Deforming, Friction, Obstructing, Pascal, Plane, Rigid
 from pdvol.scene.checks import finite, positive
 from pdvol.solve.incremental_potential import IncrementalPotential
@@ -220,10 +221,11 @@ class Contact:
         """
         x, forces = self._started(u), self._owned(gradient, "gradients")
         ends = None if to is None else self._rest + self._owned(to)
-        energy, prescribed = GivenEnergy(self._space, forces, hessian), Held(owned_rows(self._space, held), ends)
+        energy, rows = GivenEnergy(self._space, forces, hessian), owned_rows(self._space, held)
         if until > self._time:
-            span = (self._time, float(until), self._dt)
-            reached, end = longest_part(x, energy, self._terms, self._obstacles, prescribed, span)
+            script = Script(held_points(x, rows, ends, self._time, until), self._obstacles)
+            least = LEAST_GAIN * self._dt
+            reached, end = longest_part(x, energy, self._terms, script, self._time, float(until), least)
             if end is not None:
                 self._set(u, end)
                 self._time = reached

@@ -2,17 +2,14 @@
 (`integrate/scripted_motion.py`): what `pdvol.Contact.follow` does.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-
 import numpy as np
 from mpi4py import MPI
 from scipy.sparse import csr_array
 
 from pdvol.compat import PETSc
 from pdvol.errors import InputError
-from pdvol.integrate.scripted_motion import LEAST_GAIN, MotionParts, ScriptedMotion
-from pdvol.levels.script import HeldPoints, Obstacle, Script
+from pdvol.integrate.scripted_motion import MotionParts, ScriptedMotion
+from pdvol.levels.script import HeldPoints, Script
 from pdvol.levels.space import LevelSpace
 from pdvol.potentials.assembly.hessian_blocks import HessianBlocks
 from pdvol.potentials.build import Terms
@@ -40,7 +37,7 @@ class GivenEnergy(Term):
         self._columns, self._blocks = blocks.indices.astype(np.int64), blocks.data
 
     def value(self, x: Positions) -> float:
-        raise NotImplementedError("a direction needs no value")
+        return np.nan  # unknown
 
     def gradient(self, x: Positions) -> np.ndarray:
         return self._gradient
@@ -49,57 +46,49 @@ class GivenEnergy(Term):
         into.add_pairs(self._rows, self._columns, weight * self._blocks)
 
 
-@dataclass(frozen=True, eq=False)
-class Held:
-    """Vertices that are prescribed.
+def held_points(x: Positions, rows: np.ndarray, to: np.ndarray | None, t0: float, t1: float) -> tuple[HeldPoints, ...]:
+    """The support of held vertices, none where no rank has any. Collective.
 
-    Attributes
+    Parameters
     ----------
+    x : where they are at t0 [s]
     rows : (n_owned,) bool
     to : (n_owned, d) [m]
-        Where they are when the step ends; None where they stay.
+        Where they are at t1 [s], on a straight way; where None they stay.
     """
-
-    rows: np.ndarray
-    to: np.ndarray | None
-
-    def support(self, space: LevelSpace, x: Positions, t0: float, t1: float) -> Sequence[HeldPoints]:
-        """The support that takes them from x at t0 straight to their places at t1 [s]. Collective."""
-        mask = space.to_input(np.repeat(self.rows[:, None].astype(float), space.dim, axis=1))[:, 0] > 0.0
-        start: np.ndarray = x.whole[mask]
-        motion: Motion = Still()
-        if self.to is not None:
-            way = space.to_input(self.to)[mask] - start
-            motion = lambda X, t: X + (t - t0) / (t1 - t0) * way
-        return (HeldPoints(mask, start, motion, np.inf),) if mask.any() else ()
+    mask = x.space.to_input(rows[:, None])[:, 0] > 0.0
+    start: np.ndarray = x.whole[mask]
+    motion: Motion = Still()
+    if to is not None:
+        way = x.space.to_input(to)[mask] - start
+        motion = lambda X, t: X + (t - t0) / (t1 - t0) * way
+    return (HeldPoints(mask, start, motion, np.inf),) if mask.any() else ()
 
 
 def longest_part(
-    x: Positions, energy: GivenEnergy, terms: Terms, obstacles: Sequence[Obstacle], held: Held, span: tuple[float, ...]
+    x: Positions, energy: GivenEnergy, terms: Terms, script: Script, t0: float, t1: float, least: float
 ) -> tuple[float, Positions | None]:
-    """The longest followed part from x, where obstacles are at the first time of `span`, towards its second one [s].
+    """The longest followed part from x, where obstacles are at t0, towards t1 [s].
 
     Parameters
     ----------
     energy : without contact, at x
-    terms : of contact
-    span : when the part begins, and at most ends; the length [s] of the step
+    terms : of contact, which have begun the step
+    script : of held vertices and obstacles
+    least : [s] that a part gains at least
 
     Returns
     -------
     until : when it ends [s]
     end : where; None where it gains too little: bodies must give way before
     """
-    space, (t0, t1, dt) = x.space, span
-    script = Script(held.support(space, x, t0, t1), obstacles)
-    motion = ScriptedMotion(space, script, space.to_input(x.owned), t1 - t0)
+    motion = ScriptedMotion(x.space, script, x.whole, t1 - t0)
     motion.begin(t0)
     all_terms = Terms(terms.mass, (energy, *terms.potentials), terms.contacts)
-    potential = IncrementalPotential(space, all_terms, Stopwatch())
-    potential.x_hat, potential.weight = x.owned, 1.0  # terms have begun the step
-    newton = Newton(space, potential, motion.held, Solver(tolerance=1.0, linear="direct"), potential.watch)
-    parts = MotionParts(motion, potential, newton, lambda report: None)
-    return parts.longest_part(x, LEAST_GAIN * dt, 0.0)
+    potential = IncrementalPotential(x.space, all_terms, Stopwatch())
+    potential.x_hat, potential.weight = x.owned, 1.0
+    newton = Newton(x.space, potential, motion.held, Solver(tolerance=1.0, linear="direct"), potential.watch)
+    return MotionParts(motion, potential, newton, lambda report: None).longest_part(x, least, 0.0)
 
 
 def owned_rows(space: LevelSpace, blocks: np.ndarray | None) -> np.ndarray:

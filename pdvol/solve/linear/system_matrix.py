@@ -70,9 +70,8 @@ class SystemMatrix:
 
     def support(self, supported: np.ndarray) -> None:
         """Sets which vertices (n_owned,) are supported, for the next assembly. Collective."""
-        space = self.space
-        everything = space.to_input(np.repeat(supported[:, None].astype(float), space.dim, axis=1))[:, 0] > 0
-        self.all_supported: np.ndarray = everything[np.argsort(space.point_blocks)]
+        everything = self.space.to_input(supported[:, None])[:, 0] > 0
+        self.all_supported: np.ndarray = everything[np.argsort(self.space.point_blocks)]
 
     def assemble(self, blocks: HessianBlocks, eliminate: bool = True) -> None:
         """Sums `blocks`; with `eliminate` the rows and columns of supported vertices become the identity's.
