@@ -4,12 +4,13 @@ error names its source.
 
 import numpy as np
 import pytest
+import ufl
 from petsc4py import PETSc
 
 from pdvol.errors import ConvergenceError
 from pdvol.integrate.scripted_motion import MotionParts
 from pdvol.potentials.potential import Positions, Term
-from pdvol.scene import Barrier, Gravity, Plane, Solver, Translation
+from pdvol.scene import Barrier, Gravity, NeoHookean, Plane, Solver, Translation
 from pdvol.solve.report import REMEDIES, no_remedies, taken
 from problems import block, make_scene, make_stepper, march, take_step
 
@@ -253,6 +254,20 @@ def test_an_energy_that_is_not_a_number_in_a_trial_is_a_trial_that_fails():
     problem.potential.terms = (*problem.potential.terms, Wall())
     report = take_step(problem, 1, x, np.full_like(x, -5.0))
     assert -1e-3 < report.positions[:, -1].min() < 0.0 and report.backtracks > 0 and report.cuts == 0
+
+
+class Root(NeoHookean):
+    @staticmethod
+    def psi(F, mu, lmbda):
+        return NeoHookean.psi(F, mu, lmbda) + mu * ufl.sqrt(ufl.tr(F.T * F) - 2.5)
+
+
+def test_a_density_that_is_not_a_number_is_named():
+    """It was taken for that of an inverted cell."""
+    mesh = block((0.0, 0.0), (1.0, 1.0), 3)
+    problem = make_stepper(make_scene((Root(1e4),)), mesh)
+    with pytest.raises(ConvergenceError, match="level 0, step 1: the elastic term's energy is not a number"):
+        take_step(problem, 1, mesh.points, np.zeros_like(mesh.points))
 
 
 def test_pairs_that_are_not_numbers_are_named_too():
