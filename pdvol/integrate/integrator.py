@@ -4,7 +4,7 @@ One step minimises 1/2 |x - x_hat|^2_M + weight (Psi + B + D - f.x). An integrat
 last states.
 """
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -121,19 +121,16 @@ def advance(
     past: Past,
     positions: np.ndarray,
     dt: float,
-    joined: int = 1,
     anew: bool = False,
     struck: bool = False,
 ) -> Past:
-    """The past after a step that led to `positions` (n, d), of so many steps of dt [s] joined to one; itself after a
-    step at rest, joined 0. Steps that were joined are one of implicit Euler, from which the integrator starts anew, and
-    so is one in which contact `struck` (`Stepper`). It also starts anew where the next step begins `anew`, as no
-    difference is taken over a jump (`LevelModel.begins_anew`).
+    """The past after a step of dt [s] that led to `positions` (n, d). One in which contact `struck` (`Stepper`) is a
+    step of implicit Euler, from which the integrator starts anew. It also starts anew where the next step begins
+    `anew`, as no difference is taken over a jump (`LevelModel.begins_anew`).
     """
-    if joined > 1 or struck:
-        integrator, past, dt = ImplicitEuler(), past[:1], joined * dt
-    if joined > 0:
-        past = (State(positions, integrator.velocity(positions, past, dt)), *past[: integrator.states - 1])
+    if struck:
+        integrator, past = ImplicitEuler(), past[:1]
+    past = (State(positions, integrator.velocity(positions, past, dt)), *past[: integrator.states - 1])
     return past[:1] if anew else past
 
 
@@ -187,68 +184,10 @@ def past_of(
     positions : step -> (n, d) [m]
     velocity : (n, d) [m/s] at step 0
     anew : step -> whether the next step begins anew
-    record : step -> its record in the log: how many steps were joined there, and whether contact struck
+    record : step -> its record in the log, which has whether contact struck
     """
-    needed, count = list[tuple[int, int, bool]](), 0
-    while step > 0 and count < 2 * integrator.states - 1:  # velocities of the states used are made of as many
-        number = int(record(step).get("joined", 1))
-        needed += [(step, number, bool(record(step).get("struck")))] * (number > 0 or anew(step))
-        count += number > 0
-        step -= 1
-    past: Past = (State(positions(step), velocity),)
-    for number, steps, struck in reversed(needed):
-        past = advance(integrator, past, positions(number), dt, steps, anew(number), struck)
-    return past
-
-
-def leading_pasts(
-    integrator: Integrator,
-    states: Iterable[np.ndarray],
-    velocity: np.ndarray,
-    dt: float,
-    anew: Callable[[int], bool] = lambda step: False,
-    first: int = 0,
-    record: Callable[[int], Mapping] = lambda step: {"joined": 0},
-) -> Iterator[Past]:
-    """The pasts by which a level leads the next finer one, at the ends of its steps.
-
-    A step at rest repeats its positions, and the step after it makes up for all the time since. That is a jump, over
-    which no integrator takes differences: it starts anew before and after. So the finer level makes the jump once, in
-    its next step. Where the scene itself begins anew, the step after a rest is no jump but a beginning. A solved step
-    may repeat its positions, too, or differ by round-off: the log knows which steps were at rest.
-
-    Parameters
-    ----------
-    states : (n, d) [m] each, at the ends of steps `first`, `first` + 1, ...
-    velocity : (n, d) [m/s] at the first one
-    anew : step -> whether the next step begins anew
-    record : step -> its record in the log, for steps after the first: how many steps were joined there, 0 at rest, and
-        whether contact struck
-    """
-    past: Past = ()
-    rested = False
-    for step, positions in enumerate(states, first):
-        if past:
-            logged = record(step)
-            rests = np.array_equal(positions, past[0].positions) and logged.get("joined", 1) == 0
-            jumps, struck = rests or (rested and not anew(step - 1)), bool(logged.get("struck"))
-            past = advance(integrator, past[:1] if rests else past, positions, dt, 1, jumps or anew(step), struck)
-            rested = rests
-        else:
-            past = (State(positions, velocity),)
-        yield past
-
-
-def leading_past(
-    integrator: Integrator,
-    positions: Callable[[int], np.ndarray],
-    velocity: np.ndarray,
-    step: int,
-    dt: float,
-    anew: Callable[[int], bool] = lambda step: False,
-    record: Callable[[int], Mapping] = lambda step: {"joined": 0},
-) -> Past:
-    """The last of `leading_pasts` after a stored step; arguments as for `past_of`."""
-    first = max(0, step - 2 * integrator.states)  # what the states used are made of, and whether that began at a rest
-    *_, past = leading_pasts(integrator, map(positions, range(first, step + 1)), velocity, dt, anew, first, record)
+    first = max(0, step - 2 * integrator.states + 1)  # velocities of the states used are made of as many
+    past: Past = (State(positions(first), velocity),)
+    for number in range(first + 1, step + 1):
+        past = advance(integrator, past, positions(number), dt, anew(number), bool(record(number).get("struck")))
     return past

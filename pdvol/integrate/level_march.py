@@ -20,11 +20,6 @@ Coarse = Callable[[int], Past]
 """The past of the level below after so many steps, as its positions at the ends of steps show it."""
 
 
-def is_led(method: str, level: int) -> bool:
-    """Whether a level goes by steps of the level below: none of its own is ever joined to others."""
-    return method in ("progressive", "embedded") and level > 0
-
-
 def first_start(model: LevelModel, hierarchy: Hierarchy, method: str, coarse: Coarse) -> Start:
     """A level begins where the scene says; an embedded level begins where the level below does, prolonged.
     Collective.

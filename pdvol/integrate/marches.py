@@ -49,9 +49,7 @@ def direct(stepper: Stepper, start: Start, steps: int) -> Iterator[StepReport]:
     for number in range(start.step + 1, steps + 1):
         report = stepper.step(number, past)
         anew = stepper.model.begins_anew(number)
-        past = advance(
-            stepper.integrator, past, report.positions, stepper.model.dt, report.joined, anew, report.struck > 0
-        )
+        past = advance(stepper.integrator, past, report.positions, stepper.model.dt, anew, report.struck > 0)
         report.velocity = past[0].velocity
         yield report
 
@@ -64,8 +62,6 @@ def progressive(
     steps: int,
 ) -> Iterator[StepReport]:
     """Steps of a level that the coarser one leads, up to step `steps`. Collective.
-
-    A step at rest is one without motion here: the next one does not make up for it.
 
     Parameters
     ----------

@@ -43,7 +43,6 @@ class Replay:
         step: int,
         past: Past,
         end: np.ndarray,
-        joined: int = 1,
         memory: Mapping[str, Mapping] | None = None,
         late: Callable[[int], Lateness] = lambda step: (0.0, {}),
     ) -> Positions:
@@ -54,22 +53,21 @@ class Replay:
         step : its number; 0 stands for the initial state, where nothing slides
         past : the last states at its start, in the input's order
         end : (n, d) positions [m], the same
-        joined : how many steps were solved as this one, which began where the first of them did
         memory : `terms` of the log's record of the step before, where there is one
         late : step -> how late obstacles were at its end
         """
         for name, term in by_names(self.terms).items():
             term.restore((memory or {}).get(name, {}))
         x_t, x = (Positions(self.space, self.space.from_input(rows)) for rows in (past[0].positions, end))
-        before = max(step - joined, 0)
-        t0, t1, length = before * self.dt, step * self.dt, joined * self.dt
+        before = max(step - 1, 0)
+        t0, t1 = before * self.dt, step * self.dt
         lags = lambda step: self._script.recorded_lags(*late(max(step, 0)))
         earlier = tuple(lags(before - number) for number in range(1, len(past)))
-        rates, end_lags = rates_of(self.integrator, past, self.space, t0, length, earlier), lags(step)
-        self._script.begin(t0, t0 + length, lags(before))
+        rates, end_lags = rates_of(self.integrator, past, self.space, t0, self.dt, earlier), lags(step)
+        self._script.begin(t0, t0 + self.dt, lags(before))
         # All terms begin before any moves on: friction lags on barriers that are still where the step begins.
         for term in self.terms:
-            term.begin_step(x_t, t0, t0 + length)
+            term.begin_step(x_t, t0, t0 + self.dt)
             if rates is not None:
                 term.set_rates(rates)
         first_lag = before == 0 and any(term.has_friction for term in self.terms)

@@ -12,9 +12,8 @@ from scipy.sparse import csr_array
 
 from pdvol.errors import ConvergenceError, SimulationError
 from pdvol.integrate.feedback import Feedback
-from pdvol.integrate.integrator import ImplicitEuler, Integrator, Past, State, rates_of
+from pdvol.integrate.integrator import Integrator, Past, rates_of
 from pdvol.integrate.long_step import LongStep, Show
-from pdvol.integrate.rest import Rest
 from pdvol.integrate.scripted_motion import MotionParts, ScriptedMotion
 from pdvol.levels.model import LevelModel
 from pdvol.levels.script import Mover, Script
@@ -72,7 +71,7 @@ class Stepper:
     guides : guides that hold the level to the coarser one, if any
     integrator : Integrator; the model's where not given
     feedback : of the drift from the coarser level, if any
-    terms : make further terms of the energy; with any, no step is held at rest, since they may change at any time
+    terms : make further terms of the energy
     forces : whether reports have the terms' forces
     show : what `LongStep` calls while a step lasts
 
@@ -81,7 +80,6 @@ class Stepper:
     potential : IncrementalPotential
     motion : ScriptedMotion
     newton : Newton
-    rest : Rest
     """
 
     def __init__(
@@ -106,10 +104,7 @@ class Stepper:
         self._coarse_weights, self._feedback = coarse_weights, feedback
         self._long = None if show is None else LongStep(self.potential, show)
         self.newton = self._new_newton()
-        self.rest, self._may_rest = Rest(model, self.newton.tolerance), not (guides or terms)
-        self._record: Mapping = {}
-        self._reports_forces = forces
-        self._forces: dict[str, np.ndarray] = {}
+        self._struck, self._reports_forces = 0, forces
         self._stuck: Positions | None = None  # where the last solve that failed has ended
         self._end: Positions | None = None  # of the last solved step: terms know what they have found there
         self._first_lag = False  # whether this is a scene's first step, and friction acts at its start
@@ -130,9 +125,8 @@ class Stepper:
             self._lags.appendleft(self._script.recorded_lags(*_lateness(each)))
         if isinstance(record.get("solver_memory"), dict):
             self.newton.linear.restore(record["solver_memory"])
-        self.rest.restore(record.get("rest", {}))
         self.potential.restore(record.get("terms", {}))
-        self._record = record
+        self._struck = int(record.get("struck", 0))
 
     def step(self, number: int, past: Past, led: Past = (), change: np.ndarray | None = None) -> StepReport:
         """Step `number` (from 1) from the last states, in the input's order of vertices.
@@ -140,88 +134,51 @@ class Stepper:
         Parameters
         ----------
         led : where another level leads this one, the past by which the step is predicted instead of its own
-            (`marches.led`). Otherwise, after steps at rest (`rest.py`), a step begins at the time of the last solved
-            state.
+            (`marches.led`)
         change : (n, d) [m] added to that prediction
 
         Raises ConvergenceError, naming level, step and reason, where no remedy helps, and InputError where a function
         of the scene fails. Collective.
         """
-        dt, integrator, start = self.model.dt, self.integrator, number - 1
-        by = led or past
-        self._weight = integrator.weight(by, dt)
+        dt = self.model.dt
         report = StepReport(self.model.level, number, number * dt, past[0].positions, past[0].velocity)
         self.newton.linear.begin_step()
         if self._long is not None:
             self._long.begin(report)
         with self.watch.part("total"):
-            released = self.motion.begin(start * dt)
+            released = self.motion.begin((number - 1) * dt)
             self._lags.appendleft(self.motion.lags)
             if released:  # other rows are free
                 memory = self.newton.linear.memory
                 self.newton = self._new_newton()
                 self.newton.linear.restore(memory)
-            may_rest = self._may_rest and not self.motion.moves
-            held = may_rest and not released and self.rest.lasts(by[0], start * dt, self._added(start, by[0]))
-            if not held:
-                if self.rest.steps and not led and may_rest and not released:
-                    start -= self.rest.steps
-                    integrator, past = ImplicitEuler(), past[:1]  # it needs no constant steps
-                    by = past
-                x = self._advance(report, *self._whole(integrator, past, by, start, number, change))
-                self._end = x
-                report.joined = number - start
-                # What pushes for longer than one step more than the integrator has states is no blow.
-                before = int(self._record.get("struck", 0))
-                strikes = not led and before <= self.integrator.states and self._strikes(report, past, x)
-                report.struck = before + 1 if strikes else 0
-                report.reached, report.behind, report.late = self.motion.end()
-                moved = np.linalg.norm(x.whole - past[0].positions, axis=1).max() if may_rest else np.inf
-                acting = lambda: self.space.from_input(self._acceleration(number, x.whole))
-                self.rest.begin(self.potential, x, self.motion.held, float(moved) / (report.joined * dt), acting)
-                self._measure(report, x)
-                if self.potential.end_step(x):
-                    self.rest.restore({})  # the next step is solved
-        if held:
-            self._repeat(report)
-        report.rest, report.terms = self.rest.memory, self.potential.memory
+            x = self._end = self._advance(report, *self._whole(past, led or past, number, change))
+            # What pushes for longer than one step more than the integrator has states is no blow.
+            strikes = not led and self._struck <= self.integrator.states and self._strikes(report, past, x)
+            report.struck = self._struck = self._struck + 1 if strikes else 0
+            report.reached, report.behind, report.late = self.motion.end()
+            self._measure(report, x)
+            self.potential.end_step(x)
+        report.terms = self.potential.memory
         report.linear_solver, report.solver_memory = self.newton.linear.method, self.newton.linear.memory
         report.measure(self.watch, self.space)
-        self._record = report.record()
         return report
 
-    def _whole(
-        self, integrator: Integrator, past: Past, by: Past, start: int, number: int, change: np.ndarray | None
-    ) -> tuple[Span, np.ndarray]:
-        """The span of one step of an integrator from its past, predicted `by` another one, between the ends of two
-        steps; and the velocities with which a part of it would begin.
+    def _whole(self, past: Past, by: Past, number: int, change: np.ndarray | None) -> tuple[Span, np.ndarray]:
+        """The span of a whole step from its past, predicted `by` another one; and the velocities with which a part of
+        it would begin.
         """
-        t0, t1, rows = start * self.model.dt, number * self.model.dt, self.space.from_input
+        integrator, rows, start = self.integrator, self.space.from_input, number - 1
+        t0, t1 = start * self.model.dt, number * self.model.dt
         x_t, predicted, dt = past[0].positions, tuple(state.rows(rows) for state in by), t1 - t0
         if self._end is None or self._end.whole is not x_t:
             self._end = Positions(self.space, rows(x_t))
         x_hat, velocity = integrator.predict(predicted, dt), predicted[0].velocity
-        pushes = [self._push(start, x_t)] if self._feedback else []
-        for push in map(rows, [*pushes, *([] if change is None else [change])]):
+        pushes = [feedback.push(start, x_t) for feedback in self._feedback]
+        for push in map(rows, pushes if change is None else [*pushes, change]):
             x_hat, velocity = x_hat + push, velocity + push / dt
         rates = rates_of(integrator, past, self.space, t0, dt, tuple(self._lags)[1:])
         return Span(self._end, x_hat, integrator.weight(predicted, dt), t0, t1, rates), velocity
-
-    def _push(self, step: int, positions: np.ndarray) -> np.ndarray:
-        """(n, d) [m]: what the feedback adds to the step that begins at `positions` (n, d) after so many steps."""
-        pushes = (feedback.push(step, positions) for feedback in self._feedback)
-        return sum(pushes, start=np.zeros_like(positions))
-
-    def _acceleration(self, step: int, positions: np.ndarray) -> np.ndarray:
-        """(n, d) [m/s^2]: the same as a force for mass."""
-        return self._push(step, positions) / self._weight
-
-    def _added(self, step: int, state: State) -> float:
-        """How much that has changed anywhere since the last solve [m/s^2], for a state that was held since then."""
-        if not self._feedback or self.rest.steps == 0:
-            return 0.0
-        before, now = (self._acceleration(at, state.positions) for at in (step - self.rest.steps, step))
-        return float(np.linalg.norm(now - before, axis=1).max())
 
     def _strikes(self, report: StepReport, past: Past, x: Positions) -> bool:
         """Whether contact struck in a step from the past to x that was solved by implicit Euler instead of an
@@ -234,17 +191,11 @@ class Stepper:
             return sum(term.count(x) for term in self.potential.contacts) > 0
         if len(past) == self.integrator.states:
             return False
-        dt, (start, velocity) = report.joined * self.model.dt, map(self.space.from_input, vars(past[0]).values())
+        dt, (start, velocity) = self.model.dt, map(self.space.from_input, vars(past[0]).values())
         push = -dt * sum(term.gradient(x) for term in (*self.potential.contacts, *self.potential.frictions))
         gained = self.potential.mass * ((x.owned - start) / dt - velocity)
         push, gained = self.potential.of_bodies(np.stack([push, gained]))
         return bool(np.any(np.sum(push * gained, axis=1) > 0.5 * np.sum(push**2, axis=1)))
-
-    def _repeat(self, report: StepReport) -> None:
-        """Reports a step at rest: what the last step measured has not changed."""
-        for name in ("contacts", "min_gap", "kappa", "energy", "friction_residual", "gradient_norm", "imbalance"):
-            setattr(report, name, self._record.get(name))
-        report.forces, report.reason, report.joined = self._forces, "AT_REST", 0
 
     def _measure(self, report: StepReport, x: Positions) -> None:
         report.positions = x.whole
@@ -252,7 +203,7 @@ class Stepper:
             report.friction_residual = self.potential.update_lag(x)
         report.energy = self.potential.energies(x)
         if self._reports_forces:  # before friction is lagged anew: these balance each other
-            report.forces = self._forces = self.potential.forces(x)
+            report.forces = self.potential.forces(x)
         report.contacts = sum(term.count(x) for term in self.potential.contacts)
         gap = self.potential.min_gap(x)
         report.min_gap = gap if np.isfinite(gap) else None

@@ -55,11 +55,9 @@ class Attachments(Term):
         self.broken[:] = False
         self.broken[np.asarray(memory.get("broken", ()), dtype=int)] = True
 
-    def end_step(self, x: Positions) -> bool:
+    def end_step(self, x: Positions) -> None:
         lengths, _ = self._lengths(x)
-        breaking = (self._stiffness * (lengths - self.springs.rest_length) > self.springs.strength) & ~self.broken
-        self.broken |= breaking
-        return bool(breaking.any())
+        self.broken |= self._stiffness * (lengths - self.springs.rest_length) > self.springs.strength
 
     @property
     def _stiffness(self) -> np.ndarray:

@@ -157,8 +157,8 @@ class Potential(Protocol):
     def update_lag(self, x: Positions) -> None:
         """Lags friction at x: contact forces and directions are constant until the next call."""
 
-    def end_step(self, x: Positions) -> bool:
-        """Ends the step at x; returns whether forces are others from now on. Collective."""
+    def end_step(self, x: Positions) -> None:
+        """Ends the step at x. Collective."""
 
     @property
     def memory(self) -> Mapping[str, Any]:
@@ -281,8 +281,8 @@ class Term(Potential):
     def update_lag(self, x: Positions) -> None:
         pass
 
-    def end_step(self, x: Positions) -> bool:
-        return False
+    def end_step(self, x: Positions) -> None:
+        pass
 
     @property
     def memory(self) -> Mapping[str, Any]:

@@ -31,7 +31,6 @@ from pdvol.store.reader import Run, RunLevel, open_run
 SAME_PARTS = ("dt", "supports", "integrator")  # of a description: what a stored state depends on
 MOVED_PARTS = ("obstacles", "supports")  # of a description: what may move in another way from the step on
 NOT_MOVED = 1e-6  # of the largest coordinate: two places are the same, which caches keep in single precision
-MEMORY = ("solver_memory", "rest")  # of a record: what a solver remembers, which other settings make void
 
 
 def branch_run(shot: Shot, source: str | Path, step: int, out: str | Path, last: int) -> None:
@@ -196,6 +195,5 @@ def _forget(out: Path, step: int) -> None:
     records = read_log(out / "log.jsonl")
     for record in records:
         if record.get("step") == step:
-            for key in MEMORY:
-                record.pop(key, None)
+            record.pop("solver_memory", None)
     write_bytes(out / "log.jsonl", b"".join(log_line(record) for record in records))

@@ -8,8 +8,8 @@ from typing import Any, Protocol
 import numpy as np
 
 from pdvol.errors import InputError, SimulationError
-from pdvol.integrate.integrator import Integrator, Past, leading_past, past_of
-from pdvol.integrate.level_march import Coarse, first_start, is_led, level_march
+from pdvol.integrate.integrator import Integrator, Past, past_of
+from pdvol.integrate.level_march import Coarse, first_start, level_march
 from pdvol.integrate.marches import Start
 from pdvol.levels.hierarchy import Hierarchy
 from pdvol.levels.model import LevelModel
@@ -94,8 +94,9 @@ def _start(
         writer.call("write_state", level, 0, start.past[0].positions)
         return start
     positions = partial(writer.read, level, "positions")
-    logged = lambda step: {} if is_led(method, level) else writer.record(level, step)
-    past = past_of(integrator, positions, model.velocity, step, model.dt, logged, model.begins_anew)
+    past = past_of(
+        integrator, positions, model.velocity, step, model.dt, partial(writer.record, level), model.begins_anew
+    )
     record, *earlier = (writer.record(level, step - back) for back in range(integrator.states))
     return Start(step, past, record, earlier)
 
@@ -115,6 +116,6 @@ def _coarse(model: LevelModel, integrator: Integrator, writer: LevelWriter) -> C
     @lru_cache(maxsize=3)
     def past(step: int) -> Past:
         velocity = writer.read(level, "velocities", 0)
-        return leading_past(integrator, positions, velocity, step, model.dt, model.begins_anew, record)
+        return past_of(integrator, positions, velocity, step, model.dt, record, model.begins_anew)
 
     return past

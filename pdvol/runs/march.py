@@ -9,7 +9,7 @@ from mpi4py import MPI
 from threadpoolctl import ThreadpoolController, threadpool_limits
 
 from pdvol.errors import InputError
-from pdvol.integrate.integrator import Integrator, Past, leading_pasts
+from pdvol.integrate.integrator import Integrator, Past, advance
 from pdvol.integrate.level_march import first_start, level_march
 from pdvol.levels.hierarchy import Hierarchy
 from pdvol.levels.model import LevelModel, hierarchy_model
@@ -182,15 +182,14 @@ class March(Iterator[Step]):
                 _try_integrator(integrator, start.past, model.dt)
             terms = [_tried(make, start.past[0].positions) for make in self._terms]
             march = level_march(model, self.hierarchy, self._method, integrator, coarse, start, terms, forces=True)
-            states, records = [start.past[0].positions], [dict[str, Any]()]
+            pasts, anew = [start.past], model.begins_anew
             for report in march:
                 for array in (report.positions, report.velocity, *report.forces.values()):
                     array.flags.writeable = False
-                states.append(report.positions)
-                records.append({"joined": report.joined, "struck": report.struck})
+                struck = report.struck > 0
+                pasts.append(advance(integrator, pasts[-1], report.positions, model.dt, anew(report.step), struck))
                 yield Step(model, space, report)
-            velocity, anew = start.past[0].velocity, model.begins_anew
-            below = list(leading_pasts(integrator, states, velocity, model.dt, anew, record=records.__getitem__))
+            below = pasts
 
 
 def _tried(make: MakeTerm, start: np.ndarray) -> MakeTerm:

@@ -81,8 +81,6 @@ def continuity_of_level(
     special |= {
         r["step"] + 1 for r in level.log if r.get("reached", 1.0) < 1.0
     }  # these steps start from obstacles that were held back
-    joined = {r["step"] for r in level.log if r.get("joined", 1) != 1}
-    special |= joined | {number + 1 for number in joined}  # steps of other lengths, and those that follow them
     values, errors, masses = [], [], np.where(forces.free, masses, 0.0)
     memories = {r["step"]: r["terms"] for r in level.log if r.get("terms")}
     crossing = {r["step"] for r in level.log if r.get("intersections", 0)}

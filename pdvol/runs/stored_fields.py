@@ -1,13 +1,12 @@
 """Contact forces and stresses of stored states, for exports, which import no solver themselves."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from mpi4py import MPI
 
 from pdvol.errors import InputError
-from pdvol.integrate.integrator import Integrator, Past, leading_past, past_of
-from pdvol.integrate.level_march import is_led
+from pdvol.integrate.integrator import Integrator, Past, past_of
 from pdvol.integrate.replay import Replay
 from pdvol.levels.hierarchy import Hierarchy
 from pdvol.levels.materials import level_materials
@@ -22,7 +21,7 @@ from pdvol.runs.scene_file import DEFAULTS, stored_file, stored_shot
 from pdvol.scene import Scene
 from pdvol.scene.fingerprint import differences
 from pdvol.store.folder import require_scene
-from pdvol.store.reader import Run
+from pdvol.store.reader import Run, RunLevel
 from pdvol.store.series import StepFields, described_densities
 
 
@@ -48,21 +47,10 @@ class SceneFields:
 
     def contact_force(self, step: int) -> np.ndarray:
         """(n, d) [N] at the end of a step; at the start, step 0, nothing slides."""
-        step, joined = self._solved(step)
-        past = stored_past(self._run, self._replay.integrator, max(step - joined, 0), self._model)
+        past = stored_past(self._run, self._replay.integrator, max(step - 1, 0), self._model)
         late = lambda step: (self.level.behind(step), self.level.late(step))
-        x = self._replay.put(step, past, self.level.positions(step), joined, late=late)
+        x = self._replay.put(step, past, self.level.positions(step), late=late)
         return self._replay.space.to_input(self._replay.force(x, self._replay.contacts))
-
-    def _solved(self, step: int) -> tuple[int, int]:
-        """The last solved step up to `step`, whose forces still act, and how many steps were joined to it."""
-        end, start, before = (self.level.positions(max(step - back, 0)) for back in range(3))
-        if step == 0 or not (np.array_equal(start, end) or np.array_equal(before, start)):
-            return step, 1  # at rest positions repeat to the last bit
-        joined = {record["step"]: record.get("joined", 1) for record in self.level.log}
-        while joined.get(step) == 0:
-            step -= 1
-        return step, joined.get(step, 1)
 
     def von_mises(self, step: int) -> np.ndarray:
         """(m,) [Pa], of the elastic Cauchy stress."""
@@ -83,8 +71,7 @@ class SceneFields:
 def stored_past(run: Run, integrator: Integrator, step: int, model: LevelModel) -> Past:
     """The past at the end of a stored step of the model's level, as long as that step's successor used it."""
     level, method = run.levels[model.level], run.info.get("method", "")
-    logged = _records([] if is_led(method, level.index) else level.log)
-    past = past_of(integrator, level.positions, level.velocities(0), step, model.dt, logged, model.begins_anew)
+    past = _past(level, integrator, step, model)
     if len(past) == 1 or method != "progressive" or level.index == 0:
         return past  # at step 0, the level below may have stored nothing yet
     return past[: len(stored_lead(run, integrator, step, model))]
@@ -92,15 +79,14 @@ def stored_past(run: Run, integrator: Integrator, step: int, model: LevelModel) 
 
 def stored_lead(run: Run, integrator: Integrator, step: int, model: LevelModel) -> Past:
     """The past by which the level below led the model's level after a stored step."""
-    below = run.levels[model.level - 1]
-    logged = _records(below.log)
-    return leading_past(integrator, below.positions, below.velocities(0), step, model.dt, model.begins_anew, logged)
+    return _past(run.levels[model.level - 1], integrator, step, model)
 
 
-def _records(log: Sequence[Mapping]) -> Callable[[int], Mapping]:
-    """The log's record of a step; empty where there is none."""
-    found = {record["step"]: record for record in log}
-    return lambda step: found.get(step, {})
+def _past(level: RunLevel, integrator: Integrator, step: int, model: LevelModel) -> Past:
+    """The past of a level at the end of a stored step."""
+    found = {record["step"]: record for record in level.log}
+    record = lambda number: found.get(number, {})
+    return past_of(integrator, level.positions, level.velocities(0), step, model.dt, record, model.begins_anew)
 
 
 def stored_scene(run: Run) -> tuple[Scene, tuple[Obstacle, ...]]:

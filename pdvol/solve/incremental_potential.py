@@ -217,10 +217,10 @@ class IncrementalPotential:
             change, force = size(np.subtract(sum(after), sum(before))), max(size(sum(before)), size(sum(after)))
         return float(change / force) if force > 0.0 else 0.0
 
-    def end_step(self, x: Positions) -> bool:
-        """Ends a step at x; returns whether forces are others from now on. Collective."""
-        changed = [term.end_step(x) for term in self.terms]  # no short cut: the calls are collective
-        return any(changed)
+    def end_step(self, x: Positions) -> None:
+        """Ends a step at x. Collective."""
+        for term in self.terms:
+            term.end_step(x)
 
     @property
     def memory(self) -> dict[str, dict]:

@@ -140,7 +140,7 @@ class StepReport:
     level : its number, 0 the coarsest
     step, time : number of the step, from 1, and the time at its end [s]
     positions : (n, d) [m], in the input's vertex order, on every rank
-    velocity : (n, d) [m/s] as the integrator gives it, the same; that of the last solve in a step at rest
+    velocity : (n, d) [m/s] as the integrator gives it, the same
     forces : (n, d) [N] of each term, by its name, and of inertia, the same; empty unless the march has them reported
     newton_iterations, linear_iterations, backtracks : sums over all solves of the step
     hessians : matrices assembled
@@ -150,7 +150,7 @@ class StepReport:
     energy : [J] of each term, by its name, and of inertia
     gradient_norm : infinity norm of the gradient [kg m]
     imbalance : what the last solve left of the forces on a body, over the largest of them
-    reason : why the last solve ended, by PETSc's name; "AT_REST" where nothing was solved
+    reason : why the last solve ended, by PETSc's name
     linear_solver : the method of the last linear solve
     seconds : by part, and in all; `cpu` is the CPU time of all ranks
     peak_memory_mb : the most memory that one rank's process has held so far [MB]
@@ -159,9 +159,7 @@ class StepReport:
     friction_residual : change of the friction forces at the end if they were lagged anew there, relative to them
     kappa : stiffness of the barrier [Pa]
     reached : share of the step's scripted motion that was carried out, at least
-    joined : how many steps were solved as one: more than 1 after steps at rest, 0 in a step at rest
     struck : how many steps of implicit Euler in a row, this one included, a blow fell in: the integrator begins anew
-    rest : what the next step needs to know about rest (`Rest.memory`)
     terms : what the next step needs to know of the terms, by their names (`Potential.memory`)
     behind : [s] how far scripted motions are behind the time at the step's end, at most, because contact stops them
     late : the same of each motion that is behind, by its name, where they are not all equally far behind
@@ -196,9 +194,7 @@ class StepReport:
     reached: float = 1.0
     behind: float = 0.0
     late: dict[str, float] = field(default_factory=dict)
-    joined: int = 1
     struck: int = 0
-    rest: dict = field(default_factory=dict)
     terms: dict = field(default_factory=dict)
     remedies: dict[str, int] = field(default_factory=no_remedies)
     seconds: dict[str, float] = field(default_factory=dict)

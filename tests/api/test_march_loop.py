@@ -10,10 +10,8 @@ import numpy as np
 import own_parts
 import pytest
 import small
-from threadpoolctl import threadpool_info, threadpool_limits
 
 import pdvol
-import taylor
 from commands import SAFETY
 from on_ranks import ENVIRONMENT, results_on
 from pdvol import InputError, Solver
@@ -88,86 +86,18 @@ def test_forces_balance():
     assert step.report.contacts > 0 and np.abs(step.forces["friction"]).max() > 0.0
 
 
-def test_steps_at_rest_have_the_forces_of_the_last_solve():
-    first, *others = pdvol.march(free_square(), levels=0)
-    assert [step.report.reason == "AT_REST" for step in (first, *others)] == [False, True, True, True]
-    assert all(step.forces is first.forces for step in others) and set(first.forces) == {"inertia", "elastic"}
-
-
-def test_a_loop_may_be_left(tmp_path, monkeypatch):
-    """Nothing is written, the next march begins anew, and between steps the user has all threads."""
-    monkeypatch.chdir(tmp_path)
-    threads = lambda: [library["num_threads"] for library in threadpool_info()]
-    with threadpool_limits(limits=2):
-        before = threads()
-        assert max(before) == 2
-        for step in pdvol.march(small.scene()):
-            assert threads() == before
-            if step.step == 2:
-                break
-    assert (step.level, step.step) == (0, 2) and not list(tmp_path.iterdir())
-    first = next(iter(pdvol.march(small.scene())))
-    assert (first.level, first.step) == (0, 1) and repr(first) == "Step(level 0, step 1, t = 0.02 s)"
-    with pytest.raises(ValueError, match="read-only"):
-        first.positions[0] = 0.0
-
-
-def test_a_march_gives_its_levels_and_a_stepper_takes_them():
-    """A time loop of one's own: what `march` does on level 0."""
-    march = pdvol.march(small.scene(), levels=0)
-    model, space = march.model(0), march.hierarchy[0]
-    stepper, past = pdvol.Stepper(model, space), (pdvol.State(model.start, model.velocity),)
-    integrator = stepper.integrator
-    for step in march:
-        report = stepper.step(step.step, past)
-        velocity = integrator.velocity(report.positions, past, model.dt)
-        past = (pdvol.State(report.positions, velocity), *past)[: integrator.states]
-        np.testing.assert_array_equal(report.positions, step.positions)
-    assert step.model.level == 0 and step.space is space
-
-
-# ---- own terms
-
-
-def test_derivatives_of_an_own_term():
-    march = pdvol.march(free_square(), levels=0)
-    space = march.hierarchy[0]
-    term = own_parts.Hand(march.model(0), space)
-    term.begin_step(pdvol.Positions(space, term.start), 0.0, 0.5)
-    taylor.check_term(term, space, taylor.state(space), length=0.1, quadratic=True)
-
-
-def test_an_own_term_acts_on_all_levels():
-    """Implicit Euler of the one point that the body is: (x - x_t) / dt = v, v - v_t = dt rate^2 (hand - x)."""
-    scene, rate = free_square(steps=10, integrator="implicit_euler"), own_parts.RATE
-    x = v = 0.0
-    for step in pdvol.march(scene, terms=(own_parts.Hand,)):
-        if step.step == 1:
-            x = v = 0.0
-        x, v = next_point(x, v, scene.dt, 0.1 * step.time, rate)
-        moved = step.positions - step.model.start
-        np.testing.assert_allclose(moved, np.tile([x, 0.0], (len(moved), 1)), atol=1e-9)
-        push = step.forces["hand"].sum(axis=0)
-        np.testing.assert_allclose(push, [1000.0 * rate**2 * (0.1 * step.time - x), 0.0], atol=1e-4)
-        assert step.report.energy["hand"] == pytest.approx(500.0 * rate**2 * (0.1 * step.time - x) ** 2, rel=1e-6)
-    assert x > 0.005
-
-
 def next_point(x, v, dt, hand, rate):
     end = (x + dt * v + (dt * rate) ** 2 * hand) / (1.0 + (dt * rate) ** 2)
     return end, (end - x) / dt
 
 
-def test_no_step_rests_that_an_own_term_may_move():
-    """Nothing moves at first, so steps would rest without the term."""
+def test_an_own_term_may_begin_to_move_what_rests():
 
     class Late(own_parts.Hand):
         def begin_step(self, x_t, t0, t1, x_hat=None):
             self.goal = self.start + [0.0, 0.5 * (t1 > 0.1)]
 
-    scene = free_square(steps=8)
-    assert [step.report.reason for step in pdvol.march(scene, levels=0)][-1] == "AT_REST"
-    *_, last = pdvol.march(scene, levels=0, terms=(Late,))
+    *_, last = pdvol.march(free_square(steps=8), levels=0, terms=(Late,))
     assert (last.positions - last.model.start)[:, 1].min() > 0.01
 
 

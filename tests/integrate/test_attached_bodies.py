@@ -179,14 +179,3 @@ def test_two_ranks_break_the_same_springs():
     assert one["broken"].max() == 6
     np.testing.assert_array_equal(two["broken"], one["broken"])
     np.testing.assert_allclose(two["positions"], one["positions"], rtol=0.0, atol=1e-5)
-
-
-def test_at_rest_on_springs_nothing_is_solved_and_breaking_wakes():
-    """Blocks at rest are held; the record of a step at rest keeps what has broken."""
-    scene, mesh, velocity = blocks(6, rest_length=None)
-    reports = march(scene, mesh, velocity)
-    assert {report.reason for report in reports[1:]} == {"AT_REST"}
-    broken, mesh, velocity = blocks(4, breaking=K * 0.9 * (GAP - LENGTH))
-    reports = march(broken, mesh, velocity)
-    assert all(report.terms for report in reports)
-    assert reports[1].reason != "AT_REST"

@@ -172,36 +172,11 @@ def test_contact_answers_with_a_force_like_a_weight(name, weight):
     assert force == pytest.approx(pair.masses.sum() * (G + push), rel=1e-3)
 
 
-@pytest.mark.parametrize("name", INTEGRATORS)
-def test_what_contact_holds_comes_to_rest_and_wakes_with_the_level_below(name):
-    """Steps at rest go on under a push that stays, and end when the level below moves on; resumed ones to the last
-    bit.
-    """
-    lowered = lambda step: 2e-3 + max(0, step - 120) * 1e-4
-    integrator = INTEGRATORS[name]()
-    pair = held_by_the_floor(lowered, integrator=integrator)
-    reports = pair.march(pair.fine.points, 130)
-    at_rest = np.array([report.joined == 0 for report in reports])
-    assert at_rest[80:119].mean() > 0.9, "nothing moves, and nothing is solved"
-    assert not at_rest[122:].any(), "the level below sinks on by 1 cm/s"
-    assert reports[-1].positions[:, 1].mean() < reports[115].positions[:, 1].mean() - 1e-6
-    for step in (next(n for n in range(100, 119) if at_rest[n - 1]), 40):
-        positions = lambda n: reports[n - 1].positions if n else pair.fine.points
-        past = past_of(integrator, positions, 0.0 * pair.fine.points, step, DT)
-        start = Start(step, past, reports[step - 1].record())
-        again = held_by_the_floor(lowered, integrator=integrator).march(start, 130)
-        for a, b in zip(reports[step:], again, strict=True):
-            np.testing.assert_array_equal(a.positions, b.positions)
-            assert (a.joined, a.newton_iterations, a.rest) == (b.joined, b.newton_iterations, b.rest)
-
-
-def test_a_level_below_that_creeps_wakes_what_is_held():
+def test_a_level_below_that_creeps_leads_what_contact_holds():
     """0.05 mm/s is below the tolerance, but its sum is not: the block follows it."""
     creep = lambda step: 2e-3 + max(0, step - 60) * 0.05e-3 * DT
     pair = held_by_the_floor(creep)
     reports = pair.march(pair.fine.points, 400)
-    solved = [report.step for report in reports[100:] if report.joined]
-    assert 1 < len(solved) < 200
     assert reports[-1].positions[:, 1].mean() < reports[99].positions[:, 1].mean() - 1e-6
 
 

@@ -45,7 +45,7 @@ def march(scene, mesh, geometry, velocity, monkeypatch):
         enough = FIRST_RESIDUAL if report.step == 1 else 1e-12
         assert np.linalg.norm(force - forces[-1]) <= enough * np.linalg.norm(force)
         yield report, past, force
-        past = advance(integrator, past, report.positions, scene.dt, report.joined, struck=report.struck > 0)
+        past = advance(integrator, past, report.positions, scene.dt, struck=report.struck > 0)
 
 
 def replay_of(scene, mesh, geometry):

@@ -77,7 +77,7 @@ def test_a_board_that_tilts_about_a_point_elsewhere_keeps_its_block(kind):
 
 @pytest.mark.parametrize("kind", ["plane", "slab"])
 def test_a_step_rests_after_a_motion_has_ended(kind):
-    """A floor that carried a block until 0.1 s: later the block comes to rest, and steps take no solve."""
+    """A floor that carried a block until 0.1 s: later the block comes to rest, and a step takes one iteration."""
     floor, geometry = ground(2, kind, Translation((0.1, 0.0), stop=0.1), 0.0)
     scene = make_scene(
         (NeoHookean(young=1e5, poisson=0.3, density=1000.0),),
@@ -90,7 +90,7 @@ def test_a_step_rests_after_a_motion_has_ended(kind):
     mesh = block((0.0, 0.9 * DHAT), (0.3, 0.2), 1)
     where, last = centres(scene, mesh, geometry, 40)
     assert where[-1, 0] - where[0, 0] == pytest.approx(0.01, abs=2e-3)
-    assert last.reason == "AT_REST"
+    assert last.newton_iterations <= 1
 
 
 @pytest.mark.parametrize("kind", ["plane", "slab"])

@@ -89,7 +89,7 @@ def python_files() -> list[Path]:
     for number in range(1, 11):
         found, report = files_run(lambda number=number, past=past: stepper.step(number, past))
         assert report.newton_iterations > 0 and report.contacts > 0 and report.cuts == 0
-        past = advance(stepper.integrator, past, report.positions, model.dt, report.joined, struck=report.struck > 0)
+        past = advance(stepper.integrator, past, report.positions, model.dt, struck=report.struck > 0)
         files |= found if number > 8 else set()
         substeps += report.remedies["substeps"] if number > 8 else 0
     assert substeps > 0 and len(past) == 2, "contact holds the ram back, and BDF2 has its two states"
