@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -13,7 +14,11 @@ from pdvol.potentials.consistency import Consistency, Guide
 from pdvol.potentials.elasticity import elastic_terms
 from pdvol.potentials.loads import assemble_mass, load_terms
 from pdvol.potentials.muscles import ActiveFibres
-from pdvol.potentials.potential import ContactPotential, Potential
+from pdvol.potentials.potential import Potential
+
+if TYPE_CHECKING:  # a scene without contact loads none of it
+    from pdvol.potentials.contact.barrier import ContactBarrier
+    from pdvol.potentials.contact.friction import LaggedFriction
 
 MakeTerm = Callable[[LevelModel, LevelSpace], Potential]
 """What makes a term of a user's own on a level; a class whose instances it takes, or a function. Collective."""
@@ -27,12 +32,13 @@ class Terms:
     ----------
     mass : (n_owned, d) [kg]
     potentials : all terms
-    contacts : the barriers among them
+    contacts, frictions : the barriers and friction terms among them
     """
 
     mass: np.ndarray
     potentials: tuple[Potential, ...]
-    contacts: tuple[ContactPotential, ...]
+    contacts: tuple["ContactBarrier", ...] = ()
+    frictions: tuple["LaggedFriction", ...] = ()
 
 
 def build_terms(
@@ -58,23 +64,23 @@ def build_terms(
     loads += tuple(Attachments(space, springs) for springs in model.springs)
     held = tuple(Consistency(space, mass, guide) for guide in guides)
     users = tuple(make(model, space) for make in own)
-    return Terms(mass, (*elastic, *loads, *users, *contacts, *held, *frictions), contacts)
+    return Terms(mass, (*elastic, *loads, *users, *contacts, *held, *frictions), contacts, frictions)
 
 
 def contact_terms(
     models: Sequence[ContactModel], obstacles: Sequence[Obstacle], space: LevelSpace, script: Script | None = None
-) -> tuple[tuple[ContactPotential, ...], tuple[Potential, ...]]:
+) -> tuple[tuple["ContactBarrier", ...], tuple["LaggedFriction", ...]]:
     """The terms of barriers and of friction. Collective."""
-    contacts: list[ContactPotential] = []
-    frictions: list[Potential] = []
-    for contact in models:
-        from pdvol.potentials.contact.barrier import ContactBarrier
-        from pdvol.potentials.contact.candidates import Candidates
-        from pdvol.potentials.contact.friction import LaggedFriction
-        from pdvol.potentials.contact.surface import ContactSurface
+    if not models:
+        return (), ()
+    from pdvol.potentials.contact.barrier import ContactBarrier
+    from pdvol.potentials.contact.candidates import Candidates
+    from pdvol.potentials.contact.friction import LaggedFriction
+    from pdvol.potentials.contact.surface import ContactSurface
 
+    contacts, frictions = list[ContactBarrier](), list[LaggedFriction]()
+    for contact in models:
         surface = ContactSurface(space, tuple(obstacles), script)
-        barrier = ContactBarrier(Candidates(surface, contact.dhat), contact.kappa)
-        contacts.append(barrier)
-        frictions += [LaggedFriction(barrier, friction.mu, friction.eps_v) for friction in contact.friction]
+        contacts.append(ContactBarrier(Candidates(surface, contact.dhat), contact.kappa))
+        frictions += [LaggedFriction(contacts[-1], friction.mu, friction.eps_v) for friction in contact.friction]
     return tuple(contacts), tuple(frictions)

@@ -1,14 +1,14 @@
 """The protocol of the incremental potential's terms, and the positions at which they are evaluated."""
 
 from abc import abstractmethod
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Protocol
 
 import numpy as np
 
-from pdvol.levels.script import Mover, Obstacle
+from pdvol.levels.script import Mover
 from pdvol.levels.space import LevelSpace
 from pdvol.potentials.assembly.domains import Domains
 from pdvol.potentials.assembly.hessian_blocks import HessianBlocks
@@ -183,75 +183,6 @@ class Potential(Protocol):
     ) -> float:
         """Largest step in [0, 1] along direction (n_owned, d) that stays admissible for this rank's cells and contacts,
         while obstacles move to their places at `until` [s]. Where contact ends it, `gap_share` of a gap is left.
-        """
-
-
-class ContactPotential(Potential, Protocol):
-    """A potential of contact.
-
-    Attributes
-    ----------
-    kappa : stiffness [Pa]
-    """
-
-    kappa: float
-
-    @property
-    def obstacles(self) -> tuple[Obstacle, ...]:
-        """Those that it keeps bodies away from."""
-
-    def closing(self, x: Positions, path: np.ndarray, until: float) -> set[tuple[int, int]]:
-        """The pairs of different objects in contact at x that would meet, to first order, on the straight way along
-        path (n_owned, d), while obstacles move to their places at `until` [s]. The same on every rank. Collective.
-
-        Objects are bodies and, numbered after them, `obstacles`.
-        """
-
-    @property
-    def meets(self) -> bool:
-        """Whether any pair of this rank is predicted to meet."""
-
-    @property
-    def first_meeting(self) -> float:
-        """Share of the way at which the first pair of this rank is predicted to meet; 1 where none is."""
-
-    def touched(self, x: Positions, obstacles: Collection[Obstacle]) -> tuple[np.ndarray, np.ndarray]:
-        """This rank's rows (k,) that touch one of some obstacles at x, and its number in `self.obstacles` (k,): of
-        several, the one that pushes the row hardest.
-        """
-
-    def torn(self, goes_with: np.ndarray) -> np.ndarray:
-        """This rank's rows (k,) in pairs predicted to meet whose vertices go with different obstacles, from the number
-        in `self.obstacles` of the one that each row goes with (n_owned,), -1 where it goes with none. Collective.
-        """
-
-    def add_sticking(self, x: Positions, weight: float, into: HessianBlocks) -> None:
-        """Adds weight times what makes contacts between bodies as stiff across their gaps as along them."""
-
-    def predict(self, x: Positions, end: Positions, last: bool = False, until: float | None = None) -> bool:
-        """Predicts which pairs meet on the way from x to the `end` of a direction, besides those that were predicted
-        for this x before, and what gaps they have there; in a `last` prediction no new ones. Obstacles move to their
-        places at `until` [s] meanwhile. Returns whether anything has changed on this rank. Collective.
-        """
-
-    def forget_prediction(self) -> None:
-        """No pairs meet."""
-
-    def predicted_change(self, x: Positions) -> np.ndarray:
-        """(n_owned, d) gradient at x [N] as predicted, less the gradient as it is."""
-
-    def add_predicted(self, weight: float, into: HessianBlocks) -> None:
-        """Adds weight times the Hessian as predicted, less the Hessian as it is: never negative."""
-
-    def count(self, x: Positions) -> int:
-        """Number of contacts at x, of all ranks. Collective."""
-
-    def min_gap(self, x: Positions) -> float:
-        """Smallest distance [m] within reach, of all ranks; inf where there is none. Collective."""
-
-    def pinched(self, x: Positions, names: Sequence[str]) -> str:
-        """The pair with the smallest gap at x, in words, with the names of its objects (bodies first, then obstacles);
-        empty without contacts. Collective.
         """
 
 

@@ -7,7 +7,7 @@ are reached that way are.
 """
 
 from collections.abc import Sequence
-from typing import Any, TypeAlias, cast
+from typing import Any, TypeAlias
 
 import numpy as np
 from mpi4py import MPI
@@ -24,7 +24,6 @@ from pdvol.levels.space import LevelSpace
 from pdvol.parallel import on_root
 from pdvol.potentials.assembly.hessian_blocks import BlockPattern, HessianBlocks
 from pdvol.potentials.build import Terms, contact_terms
-from pdvol.potentials.contact.barrier import ContactBarrier
 from pdvol.potentials.potential import LEAST_LEFT, Positions
 from pdvol.runs.own_parts import GivenEnergy, held_points, longest_part, owned_rows
 from pdvol.scene import Barrier, Deforming, Friction, Obstructing, Pascal, Plane, Rigid
@@ -139,8 +138,11 @@ class Contact:
         models = contact_models(contact, self.bodies, obstacles, diagonal, young)
         self.dhat, self.kappa = models[0].dhat, models[0].kappa
         contacts, frictions = contact_terms(models, obstacles, self._space)
-        self._barrier = cast(ContactBarrier, contacts[0])
-        self._terms, self._obstacles = Terms(np.zeros_like(self._rest), (*contacts, *frictions), contacts), obstacles
+        self._barrier = contacts[0]
+        self._terms, self._obstacles = (
+            Terms(np.zeros_like(self._rest), (*contacts, *frictions), contacts, frictions),
+            obstacles,
+        )
         self._potential = IncrementalPotential(self._space, self._terms, Stopwatch())
 
     def __repr__(self) -> str:

@@ -84,7 +84,7 @@ def longest_part(
     """
     motion = ScriptedMotion(x.space, script, x.whole, t1 - t0)
     motion.begin(t0)
-    all_terms = Terms(terms.mass, (energy, *terms.potentials), terms.contacts)
+    all_terms = Terms(terms.mass, (energy, *terms.potentials), terms.contacts, terms.frictions)
     potential = IncrementalPotential(x.space, all_terms, Stopwatch())
     potential.x_hat, potential.weight = x.owned, 1.0
     newton = Newton(x.space, potential, motion.held, Solver(tolerance=1.0, linear="direct"), potential.watch)

@@ -14,7 +14,6 @@ from pdvol.levels.space import LevelSpace
 from pdvol.potentials.assembly.domains import Domains
 from pdvol.potentials.assembly.hessian_blocks import HessianBlocks
 from pdvol.potentials.build import Terms
-from pdvol.potentials.contact.friction import LaggedFriction
 from pdvol.potentials.potential import LEAST_LEFT, Positions, Potential, Rates, by_names
 from pdvol.solve.report import Stopwatch
 
@@ -32,8 +31,7 @@ class IncrementalPotential:
 
     def __init__(self, space: LevelSpace, terms: Terms, watch: Stopwatch):
         self.space, self.watch, self.mass = space, watch, terms.mass
-        self.contacts = terms.contacts
-        self.frictions = tuple(t for t in terms.potentials if isinstance(t, LaggedFriction))
+        self.contacts, self.frictions = terms.contacts, terms.frictions
         self.terms = terms.potentials
         self.x_hat, self.weight = np.zeros((0, space.dim)), 0.0
         self._gradients: list[np.ndarray] = []  # of inertia and terms, where the gradient was found last [kg m]

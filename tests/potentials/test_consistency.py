@@ -57,7 +57,7 @@ def test_the_weight_stands_beside_the_inertia_s_half(held, share):
     square of its share.
     """
     term, space, mass, target = held
-    potential = IncrementalPotential(space, Terms(mass, (term,), ()), Stopwatch())
+    potential = IncrementalPotential(space, Terms(mass, (term,)), Stopwatch())
     x_hat = np.random.default_rng(2).normal(size=mass.shape)
     potential.begin_step(Positions(space, x_hat), x_hat, (share * DT) ** 2, 4 * DT - share * DT, 4 * DT)
     w = WEIGHT * share**2

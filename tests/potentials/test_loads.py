@@ -53,7 +53,7 @@ def test_inertia_is_the_form_that_dolfinx_assembles(d):
     """
     space, dt = LevelSpace(box(d, 2, jitter=0.1), MPI.COMM_SELF), 0.02
     rho = np.random.default_rng(1).uniform(1.0, 5.0, len(space.mesh.cells))
-    potential = IncrementalPotential(space, Terms(assemble_mass(space, rho), (), ()), Stopwatch())
+    potential = IncrementalPotential(space, Terms(assemble_mass(space, rho), ()), Stopwatch())
     x = Positions(space, state(space))
     potential.begin_step(x, x.owned + 0.3 * state(space, seed=5), dt**2, 0.0, dt)
     u = space.function(space.to_input(x.owned - potential.x_hat), "u")

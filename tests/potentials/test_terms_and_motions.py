@@ -255,7 +255,7 @@ def test_the_whole_potential(d):
     """Inertia plus dt^2 times the terms but friction, with a large dt so that both matter."""
     at = Built(d, "none", "plane")
     terms = tuple(term for term in at.whole.potentials if term.name != "friction")
-    potential = IncrementalPotential(at.space, Terms(at.whole.mass, terms, ()), Stopwatch())
+    potential = IncrementalPotential(at.space, Terms(at.whole.mass, terms), Stopwatch())
     potential.begin_step(Positions(at.space, at.along), at.x - 0.1, 1.0, T0, T0 + 1.0)
     check_term(potential, at.space, at.x, 2e-3)
 
