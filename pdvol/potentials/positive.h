@@ -5,7 +5,7 @@
 #include <string.h>
 
 enum { MAX_H = 9 };       /* rows */
-enum { MAX_ROUNDS = 60 }; /* rounds of an iteration on a small matrix: most take two to ten, the rotation of a body log2(length / thickness)^2 more */
+enum { MAX_ROUNDS = 60 }; /* rounds of an iteration on a small matrix: most take two to ten */
 #define ROUND_OFF 1e-15   /* relative size of what counts as zero: a few units in the last place */
 
 /* Called with a size that is a constant, so that the loops over it unroll: two to three times faster. */

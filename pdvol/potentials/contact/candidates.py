@@ -1,10 +1,11 @@
 """What may touch: candidate pairs of primitives, found by one search and kept while they stay complete (Verlet lists);
 and what does: the contacts nearer than dhat, and the largest step without a collision.
 
-Pairs within an object and pairs between objects have a list each. No distance within an object changes while it moves
-as a whole, and none between two objects that move alike. A list that was searched at one place is complete while no two
-primitives can have approached each other by more than twice the slack, or come from far away. A longer straight move is
-searched as a whole, by the boxes that it sweeps: its list is as complete near every place on it.
+Pairs within an object and pairs between objects have a list each. No distance within an object changes while it is
+shifted as a whole, and none between two objects that are shifted alike. A list that was searched at one place is
+complete while no two primitives can have approached each other by more than twice the slack, or come from far away. A
+longer straight move is searched as a whole, by the boxes that it sweeps: its list is as complete near every place on
+it. What two places near the move have between them is near it, too.
 
 The pairs of all lists have one order, whatever was searched. So sums over active pairs do not depend on the lists, and
 lists may outlast steps.
@@ -25,8 +26,6 @@ from pdvol.potentials.potential import LEAST_LEFT
 LIST_SLACK = 0.1
 # numbers of a box: least coordinates and greatest ones with the opposite sign, four each; as in search.c
 BOX = 8
-# shape_t of native/interface.h
-BODY_SHAPE = np.dtype([("turn", "(3,3)f8"), ("share", "f8"), ("size", "f8"), ("move", "f8")])
 
 
 class PairList:
@@ -61,10 +60,9 @@ class PairList:
         self._boxes: np.ndarray = np.zeros((primitives.boxes, BOX))
         self._counts = np.bincount(primitives.objects, minlength=len(numbers))
         self._firsts = np.cumsum([0, *self._counts])
-        self._c_needed, self._c_firsts = pointer(self._needed, "uint8_t"), pointer(self._firsts, "int64_t")
+        self._c_firsts = pointer(self._firsts, "int64_t")
         self._boxed: tuple[np.ndarray, np.ndarray] | None = None
         self._reference: tuple[np.ndarray, np.ndarray | None] | None = None  # start, and what it moves by
-        self._known: list[tuple] = []  # of `_shapes_at`: the two places asked about last, and the shapes there
         self._covered: np.ndarray | None = None  # one array that the list is known to be complete at
         self._room: np.ndarray = np.zeros((len(numbers), len(numbers)))  # how far two objects may approach each other
         self._way: tuple[np.ndarray, np.ndarray]  # of the bounds, from and to
@@ -79,26 +77,13 @@ class PairList:
 
     def along(self, start: np.ndarray, end: np.ndarray) -> None:
         """Makes the list complete everywhere on the straight move from start to end (n, d)."""
-        if self.empty or self._covers_way(start, end):
+        if self.empty or (self._covers(start) and self._covers(end)):
             return
-        if not self.within:
-            self._search(start, end)
-            return
-        back = self._without_motions(start, end, turned=True)
-        self._reference = start, back - start
-        if not self._covers_way(start, end):  # turned so far on the way that distances shrink
-            back = self._without_motions(start, end, turned=False)
-        self._search(start, back)
-
-    def _without_motions(self, start: np.ndarray, end: np.ndarray, turned: bool) -> np.ndarray:
-        """`end` (n, d) with the bodies' centres, and their rotations where these are `turned` back, as at the start."""
-        objects, turns = self.primitives.objects, np.broadcast_to(np.eye(3), (len(self._counts), 3, 3)).copy()
-        if turned:
-            turns[: self.primitives.bodies] = self._shapes(start, None, end)["turn"]
-        d, (before, after) = self.primitives.d, (self._centres(x)[objects] for x in (start, end))
-        back, n = end.copy(), len(objects)
-        back[:n] = before + np.einsum("ki,kij->kj", end[:n] - after, turns[:, :d, :d][objects])
-        return back
+        if self.within:  # what a body goes as a whole sweeps nothing within it
+            n, shifts = self._firsts[-1], self._centres(end) - self._centres(start)
+            end = end.copy()
+            end[:n] -= shifts[self.primitives.objects]
+        self._search(start, end)
 
     def _centres(self, vertices: np.ndarray) -> np.ndarray:
         """(objects, d) mean of each object's vertices."""
@@ -106,58 +91,19 @@ class PairList:
         return sums / self._counts[:, None]
 
     def _covers(self, vertices: np.ndarray) -> bool:
-        """Whether `vertices` are near a place on the move that the list was searched for."""
+        """Whether no two objects can have come nearer to each other at `vertices` than there is room, nor parts of one,
+        since a place on the move that the list was searched for.
+        """
         if vertices is self._covered:
             return True
         if self._reference is None:
             return False
-        if self.within:
-            covers = bool(self._shapes_at(vertices, *self._reference)["size"].max() <= self._slack)
-        else:
-            covers = self._is_near(*self._reference, vertices)
+        start, move = self._reference
+        way = ffi.NULL if move is None else pointer(move)
+        places, room = (pointer(start), way, pointer(vertices)), pointer(self._room)
+        covers = bool(library.are_near(self.primitives.d, len(self._counts), self._c_firsts, *places, room))
         self._covered = vertices if covers else self._covered
         return covers
-
-    def _covers_way(self, start: np.ndarray, end: np.ndarray) -> bool:
-        """Whether the list is complete on the straight way between two places.
-
-        Between objects what lies between two near places is as near to the move. Within a body that is turned by an
-        angle theta on the way, places between are those of the list times a matrix whose singular values are at least
-        cos(theta / 2), besides what the turn changes in the part of the move between them (docs/contact.md).
-        """
-        if not self.within:
-            return self._covers(start) and self._covers(end)
-        if self._reference is None:
-            return False
-        one, other = (pointer(self._shapes_at(x, *self._reference), "shape_t") for x in (start, end))
-        return bool(library.covers_way(self.primitives.bodies, one, other, self.reach, self._slack))
-
-    def _shapes_at(self, vertices: np.ndarray, start: np.ndarray, move: np.ndarray | None) -> np.ndarray:
-        """The same as `_shapes`, found once for the two places that were asked about last: a move has two ends."""
-        for *known, shapes in self._known:
-            if known[0] is vertices and known[1] is start and known[2] is move:
-                return shapes
-        self._known = [(vertices, start, move, self._shapes(start, move, vertices)), *self._known[:1]]
-        return self._known[0][3]
-
-    def _shapes(self, start: np.ndarray, move: np.ndarray | None, vertices: np.ndarray) -> np.ndarray:
-        """(bodies,) of BODY_SHAPE: how bodies at `vertices` differ in shape from `start`, or from the nearest place on
-        a move from there; not at all where no pair is possible.
-        """
-        found = np.empty(self.primitives.bodies, BODY_SHAPE)
-        places = self._places(start, move, vertices)
-        library.shapes(self.primitives.d, len(found), self._c_needed, *places, pointer(found, "shape_t"))
-        return found
-
-    def _is_near(self, start: np.ndarray, move: np.ndarray | None, vertices: np.ndarray) -> bool:
-        """Whether no two objects can have come nearer to each other than there is room."""
-        places, room = self._places(start, move, vertices), pointer(self._room)
-        return bool(library.are_near(self.primitives.d, len(self._counts), *places, room))
-
-    def _places(self, start: np.ndarray, move: np.ndarray | None, vertices: np.ndarray) -> tuple:
-        """Where objects' vertices begin, and places, for C."""
-        way = ffi.NULL if move is None else pointer(move)
-        return self._c_firsts, pointer(start), way, pointer(vertices)
 
     @property
     def _distance(self) -> float:

@@ -27,14 +27,6 @@ typedef struct {
     const double *begin, *end; /* of the way; no bounds are known without */
 } pairs_t;
 
-/* How a body differs in shape from the nearest shape on a way: BODY_SHAPE in candidates.py. */
-typedef struct {
-    double turn[9]; /* rotation (3 x 3) from the way; about the third axis in 2D */
-    double share;   /* of the way, at which the shape is nearest */
-    double size;    /* [m] largest distance that is left there without centre and rotation */
-    double move;    /* [m] largest part of the way, without the centre's */
-} shape_t;
-
 /* A contact: CONTACT in candidates.py. */
 typedef struct {
     int32_t vertices[4];
@@ -76,9 +68,6 @@ typedef struct {
 void fit_boxes(const surface_t *s, const uint8_t *marked, const double *x, const double *y, double *boxes);
 int are_near(int d, int64_t objects, const int64_t *firsts, const double *start, const double *move,
              const double *vertices, const double *room);
-void shapes(int d, int64_t bodies, const uint8_t *wanted, const int64_t *firsts, const double *start,
-            const double *move, const double *vertices, shape_t *found);
-int covers_way(int64_t bodies, const shape_t *one, const shape_t *other, double reach, double slack);
 int search_pairs(const surface_t *s, const double *boxes, const double *x, const double *y, double distance,
                  const uint8_t *meets, pairs_t *found, int32_t *points, int32_t *edges);
 double longest_step(const surface_t *s, const double *x, const double *y, double dhat, double gap_share,

@@ -111,8 +111,8 @@ INLINE void deviations(int d, int64_t objects, const int64_t *firsts, const doub
     }
 }
 
-/* Whether no two objects have come nearer to each other since `start`, or a place on the way from there by `move`, than there is `room`
- * (objects, objects). No where memory ran out. */
+/* Whether no parts of two objects, or of one, have come nearer to each other since `start`, or a place on the way from there by `move`, than there is
+ * `room` (objects, objects). No where memory ran out. */
 int are_near(int d, int64_t objects, const int64_t *firsts, const double *start, const double *move, const double *vertices, const double *room)
 {
     double *drift = calloc(4 * objects + 1, sizeof(double)), *sizes = drift + 3 * objects;
@@ -120,7 +120,7 @@ int are_near(int d, int64_t objects, const int64_t *firsts, const double *start,
     if (near)
         deviations(d, objects, firsts, start, move, vertices, drift, sizes);
     for (int64_t one = 0; near && one < objects; ++one)
-        for (int64_t other = one + 1; near && other < objects; ++other) {
+        for (int64_t other = one; near && other < objects; ++other) {
             double size = 0.0;
             for (int j = 0; j < 3; ++j)
                 size += (drift[3 * one + j] - drift[3 * other + j]) * (drift[3 * one + j] - drift[3 * other + j]);
@@ -128,109 +128,6 @@ int are_near(int d, int64_t objects, const int64_t *firsts, const double *start,
         }
     free(drift);
     return near;
-}
-
-/* The rotation R (3 x 3) nearest to a matrix A of positive determinant: its orthogonal polar factor, by Newton's iteration R <- (R + R^-T) / 2.
- * The identity where the iteration does not converge. */
-INLINE void nearest_rotation(const double *A, double *R)
-{
-    double size = 0.0, change = 1.0;
-    for (int k = 0; k < 9; ++k)
-        size += A[k] * A[k];
-    for (int k = 0; k < 9; ++k)
-        R[k] = A[k] / sqrt(size);
-    for (int round = 0; round < MAX_ROUNDS && change > ROUND_OFF; ++round) {
-        double cofactors[9];
-        cross(R + 3, R + 6, cofactors), cross(R + 6, R, cofactors + 3), cross(R, R + 3, cofactors + 6);
-        const double determinant = dot(3, R, cofactors);
-        change = 0.0;
-        for (int k = 0; k < 9; ++k) {
-            const double next = 0.5 * (R[k] + cofactors[k] / determinant);
-            change = determinant > 0.0 ? fmax(change, fabs(next - R[k])) : INFINITY, R[k] = next;
-        }
-        if (!(change < INFINITY))
-            break;
-    }
-    for (int k = 0; k < 9; ++k)
-        R[k] = change <= ROUND_OFF ? R[k] : k % 4 == 0;
-}
-
-/* The share of a body's way at which its shape, turned back by R (3 x 3), is nearest, and the largest distance left there (`shapes`). */
-INLINE double left_over(int d, int64_t first, int64_t end, const double *start, const double *move, const double *vertices, const double (*centres)[3],
-                        const double *R, double *share)
-{
-    double along = 0.0, size = 0.0, most = 0.0;
-    for (int pass = move ? 0 : 1; pass < 2; ++pass) {
-        *share = size > 0.0 ? clamp(along / size) : 0.0;
-        for (int64_t k = d * first; k < d * end; k += d) {
-            double own = 0.0;
-            for (int j = 0; j < d; ++j) {
-                double off = centres[0][j] - start[k + j];
-                for (int i = 0; i < d; ++i)
-                    off += R[3 * i + j] * (vertices[k + i] - centres[1][i]);
-                const double way = move ? move[k + j] - centres[2][j] : 0.0, left = off - *share * way;
-                own += left * left, along += off * way, size += way * way;
-            }
-            most = pass && !(own <= most) ? own : most;
-        }
-    }
-    return sqrt(most);
-}
-
-/* How the bodies at `vertices` differ in shape from the nearest shape on the straight way from `start` by `move` (0: `start` itself). Rotations are
- * the nearest ones to the motion from `start`, or none, whichever leaves less. Bodies that are not `wanted` have none, and the rest is zero. */
-void shapes(int d, int64_t bodies, const uint8_t *wanted, const int64_t *firsts, const double *start, const double *move, const double *vertices,
-            shape_t *found)
-{
-    static const double none[9] = {1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0};
-    for (int64_t body = 0; body < bodies; ++body) {
-        const int64_t first = firsts[body], end = firsts[body + 1];
-        double centres[3][3] = {{0.0}}, A[9] = {0.0}, most = 0.0, share;
-        shape_t *s = found + body;
-        if (!wanted[body]) {
-            memcpy(s->turn, none, sizeof none), s->share = s->size = s->move = 0.0;
-            continue;
-        }
-        for (int64_t k = d * first; k < d * end; k += d)
-            for (int j = 0; j < d; ++j) {
-                centres[0][j] += start[k + j] / (end - first), centres[1][j] += vertices[k + j] / (end - first);
-                centres[2][j] += move ? move[k + j] / (end - first) : 0.0;
-            }
-        for (int64_t k = d * first; k < d * end; k += d) {
-            double length = 0.0;
-            for (int i = 0; i < d; ++i) {
-                for (int j = 0; j < d; ++j)
-                    A[3 * i + j] += (vertices[k + i] - centres[1][i]) * (start[k + j] - centres[0][j]);
-                length += move ? (move[k + i] - centres[2][i]) * (move[k + i] - centres[2][i]) : 0.0;
-            }
-            most = length <= most ? most : length;
-        }
-        s->move = sqrt(most);
-        if (d == 2)
-            A[8] = sqrt(A[0] * A[0] + A[1] * A[1] + A[3] * A[3] + A[4] * A[4]);
-        nearest_rotation(A, s->turn);
-        s->size = left_over(d, first, end, start, move, vertices, centres, s->turn, &s->share);
-        const double unturned = left_over(d, first, end, start, move, vertices, centres, none, &share);
-        if (!(s->size <= unturned))
-            memcpy(s->turn, none, sizeof none), s->size = unturned, s->share = share;
-    }
-}
-
-/* Whether a list of pairs within bodies, found up to `reach` and twice the slack, is complete on the straight way between two places with these
- * shapes (docs/contact.md, "Candidates"). */
-int covers_way(int64_t bodies, const shape_t *one, const shape_t *other, double reach, double slack)
-{
-    for (int64_t body = 0; body < bodies; ++body, ++one, ++other) {
-        double trace = 0.0;
-        for (int k = 0; k < 9; ++k)
-            trace += one->turn[k] * other->turn[k];
-        const double cosine = sqrt(clamp((1.0 + trace) / 4.0)); /* of half the angle between their rotations */
-        const double bent = 0.5 * sqrt(1.0 - cosine * cosine) * fabs(one->share - other->share) * one->move;
-        const double room = 0.5 * (cosine * (reach + 2.0 * slack) - reach) - bent;
-        if (!(one->size <= room && other->size <= room))
-            return 0;
-    }
-    return 1;
 }
 
 /* Largest relative motion of two primitives, whose vertices move by y - x: their distance changes by no more. */
