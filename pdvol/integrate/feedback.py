@@ -8,8 +8,7 @@ beta the prediction is
 
 The push is taken body by body from the rigid motion that leads x^t nearest to P x_c^t over the mass: beta of its
 centre's way, and a turn about its axis by the angle of (1 - beta) + beta exp(i a), which is beta a where a is small. So
-it deforms nothing, and beta = 1 makes up for all of a rigid distance. Bodies that a support holds get none. With the
-modes "all", the push is beta (P x_c^t - x^t), but at held vertices.
+it deforms nothing, and beta = 1 makes up for all of a rigid distance. Bodies that a support holds get none.
 
 In free motion a distance shrinks by 1 - beta a step, whatever dt. Where contact holds it, the push is a constant force
 beta over the step's weight times mass and distance. `docs/methods.md` derives both.
@@ -56,12 +55,8 @@ class Feedback:
         for support in model.supports:
             if support.holds(step * model.dt, model.dt):
                 held |= support.mask
-        if model.feedback_modes == "rigid":
-            push = _rigid_share(model.feedback, positions, below, self._masses, bodies)
-            held = np.bincount(bodies, held)[bodies] > 0
-        else:
-            push = model.feedback * (below - positions)
-        push[held] = 0.0
+        push = _rigid_share(model.feedback, positions, below, self._masses, bodies)
+        push[np.bincount(bodies, held)[bodies] > 0] = 0.0
         return push
 
 

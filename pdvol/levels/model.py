@@ -85,7 +85,7 @@ class LevelModel:
     springs : none or one BoundSprings, of all attachments
     muscles : tuple of CellMuscle
     penalty : weights that hold levels together
-    feedback, feedback_modes : of the drift from the level below, as `Scene` has them
+    feedback : of the drift from the level below, as `Scene` has it
     integrator : its name in the registry
     solver : settings; its tolerance is in m/s
     dt, steps : time step [s], number of steps
@@ -106,7 +106,6 @@ class LevelModel:
     muscles: tuple[CellMuscle, ...]
     penalty: Penalty
     feedback: float
-    feedback_modes: str
     integrator: str
     solver: Solver
     dt: float
@@ -190,7 +189,6 @@ def level_model(
         muscles=cell_muscles(scene, mesh) if muscles is None else muscles,
         penalty=scene.penalty,
         feedback=scene.feedback,
-        feedback_modes=scene.feedback_modes,
         integrator=scene.integrator,
         solver=replace(scene.solver, tolerance=metres(scene.solver.tolerance, diagonal)),
         dt=scene.dt,

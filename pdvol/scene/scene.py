@@ -17,7 +17,6 @@ from pdvol.scene.solver import Penalty, Solver
 from pdvol.scene.surroundings import Obstructing, Support
 
 MOST_STEPS = 10_000_000  # a larger number is a typing error
-FEEDBACK_MODES = ("rigid", "all")
 LISTS = ("bodies", "loads", "supports", "obstacles", "contact", "separate", "attachments", "muscles")
 
 
@@ -40,7 +39,6 @@ class Scene:
     separate : sequence of Separate: what may be done, in order, where bodies meet at t = 0; refused when empty
     integrator : "bdf2", which is second order in dt, or "implicit_euler"
     feedback : fraction, 0 to 1, of its drift from the level below that a progressive level makes up for in each step
-    feedback_modes : what of the drift: "rigid" (bodies as a whole) or "all"
     attachments : sequence of Attachment, springs between bodies
     muscles : sequence of Muscle, parts of bodies that contract
     elements : "smoothed", which do not lock, or "linear"; a body may have others
@@ -64,7 +62,6 @@ class Scene:
     separate: Sequence[Separate] = ()
     integrator: str = next(iter(INTEGRATORS))
     feedback: float = 0.05
-    feedback_modes: str = "rigid"
     attachments: Sequence[Attachment] = ()
     muscles: Sequence[Muscle] = ()
     elements: str = ELEMENTS[0]
@@ -79,10 +76,6 @@ class Scene:
         require(self.elements in ELEMENTS, f"elements = {self.elements!r} must be {' or '.join(ELEMENTS)}")
         finite("feedback", self.feedback, 0.0)
         require(self.feedback <= 1.0, f"feedback = {self.feedback!r} must be at most 1: it is a fraction of the drift")
-        require(
-            self.feedback_modes in FEEDBACK_MODES,
-            f"feedback_modes = {self.feedback_modes!r} must be {' or '.join(FEEDBACK_MODES)}",
-        )
         for name in LISTS:
             sequence(name, getattr(self, name))
         require(len(self.bodies) > 0, "a scene needs at least one body")
@@ -202,6 +195,5 @@ SETTINGS = {
     "jitter": "scene",
     "model": "scene",
     "feedback": "scene",
-    "feedback_modes": "scene",
 }
 """What `--set` reaches in every scene, and the part of the scene that holds it."""

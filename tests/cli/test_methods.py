@@ -17,7 +17,6 @@ CASES = {
     "direct": ("--method", "direct"),
     "consistency": ("--method", "progressive", "--set", "consistency=0.2", "--set", "feedback=0"),
     "feedback": ("--method", "progressive", "--set", "feedback=0.2"),
-    "feedback of all modes": ("--method", "progressive", "--set", "feedback=0.2", "--set", "feedback_modes=all"),
     "implicit_euler": ("--set", "consistency=0.2", "--set", "feedback=0.2", "--set", "integrator=implicit_euler"),
     "tracks": ("--method", "tracks", "--set", "weight=0.2"),
     "embedded": ("--method", "embedded", "--prolongation", "phong"),
@@ -174,7 +173,6 @@ def test_what_methods_refuse(folder, tmp_path, capsys):
     assert "Penalty.weight = 'much' is not a finite number" in refuse("--set", "weight=much", "--out", tmp_path / "a")
     assert "feedback = -1 is below 0" in refuse("--set", "feedback=-1", "--out", tmp_path / "a")
     assert "feedback = 1.5 must be at most 1" in refuse("--set", "feedback=1.5", "--out", tmp_path / "a")
-    assert "must be rigid or all" in refuse("--set", "feedback_modes=some", "--out", tmp_path / "a")
     assert "scene.feedback: 0.2 -> 0.3" in refuse("--set", "feedback=0.3", "--resume", "--out", folder / "feedback")
     assert "scene.penalty.weight: 0.2 -> 0.3" in refuse(
         "--method", "tracks", "--set", "weight=0.3", "--resume", "--out", folder / "tracks"

@@ -40,11 +40,11 @@ def turn(angle, d):
 class Pair:
     """A coarse level whose places are given, and a fine one that follows it with feedback."""
 
-    def __init__(self, path, d=2, count=1, modes="rigid", beta=BETA, integrator=None, **physics):
+    def __init__(self, path, d=2, count=1, beta=BETA, integrator=None, **physics):
         self.levels = Hierarchy([blocks(1, d, count), blocks(2, d, count)], MPI.COMM_WORLD)
         self.coarse, self.fine = (self.levels[i].mesh for i in (0, 1))
         physics = {"dt": DT, "materials": (SOFT,) * count} | physics
-        scene = replace(make_scene(**physics), feedback=beta, feedback_modes=modes)
+        scene = replace(make_scene(**physics), feedback=beta)
         self.model = level_model(scene, self.fine, 1, 1.0, placed_obstacles(scene.obstacles))
         self.path = lambda step: path(step, self.coarse.points)
         (self.feedback,) = level_feedback(self.model, self.levels, "progressive", self.path)
@@ -65,15 +65,14 @@ FALLEN = {  # a fall from rest, over g dt^2, after so many steps (test_integrato
 
 
 @pytest.mark.parametrize("name", INTEGRATORS)
-@pytest.mark.parametrize("modes", ["rigid", "all"])
 @pytest.mark.parametrize("d", [2, 3])
-def test_a_distance_in_flight_shrinks_by_the_same_share_in_each_step(modes, d, name):
+def test_a_distance_in_flight_shrinks_by_the_same_share_in_each_step(d, name):
     """Level 0 falls, level 1 begins 0.3 m beside it: after t steps (1 - beta)^t of that are left. The momentum that it
     lacks beside level 0's is beta (1 - beta)^(t - 1) M 0.3 m / dt in step t, and all steps together move it by 0.3 m.
     """
     aside, steps, down = 0.3 * np.eye(d)[0], 6, -G * np.eye(d)[-1]
     fall = lambda step, X: X + FALLEN[name](step) * DT**2 * down
-    pair = Pair(fall, d, modes=modes, integrator=INTEGRATORS[name](), loads=(Gravity(tuple(down)),))
+    pair = Pair(fall, d, integrator=INTEGRATORS[name](), loads=(Gravity(tuple(down)),))
     lifted = lambda step: pair.levels.prolongation(1).prolong(pair.path(step))
     before, moved, mass = pair.fine.points + aside, 0.0, pair.masses.sum()
     for t, report in enumerate(pair.march(before, steps), start=1):
@@ -113,27 +112,24 @@ def test_the_whole_share_is_exact_on_rigid_motions_body_by_body(d):
     np.testing.assert_allclose(x + pair.feedback.push(0, x), goal, atol=1e-7)
 
 
-def test_rigid_modes_leave_the_shape_alone_and_all_modes_do_not():
+def test_the_push_leaves_the_shape_alone():
     """A level below that is smaller, about its centre, gives no rigid push."""
     squeezed = lambda step, X: 0.5 + (X - 0.5) * 0.8
     x = Pair(squeezed).fine.points
     np.testing.assert_allclose(Pair(squeezed).feedback.push(0, x), 0.0, atol=1e-9)
-    expected = BETA * (0.5 + (x - 0.5) * 0.8 - x)
-    np.testing.assert_allclose(Pair(squeezed, modes="all").feedback.push(0, x), expected, atol=1e-12)
 
 
-@pytest.mark.parametrize("modes", ["rigid", "all"])
-def test_supports_are_kept_exactly(modes):
+def test_supports_are_kept_exactly():
     """The first of two blocks is held at its left side, by a motion, until t = 4 dt. It is not pushed as a whole, and
     what holds it is where the motion has it; the second one is drawn to the level below.
     """
     aside, speed = np.array([0.0, 0.1]), np.array([0.2, 0.0])
     hold = Support(lambda X: X[:, 0] < 1e-9, motion=Translation(tuple(speed)), release=4 * DT)
-    pair = Pair(lambda step, X: X + aside, count=2, modes=modes, supports=(hold,))
+    pair = Pair(lambda step, X: X + aside, count=2, supports=(hold,))
     x, first = pair.fine.points, pair.fine.point_bodies == 0
     held = x[:, 0] < 1e-9
     during, after = (pair.feedback.push(step, x) for step in (3, 4))
-    np.testing.assert_array_equal(during[first if modes == "rigid" else held], 0.0)
+    np.testing.assert_array_equal(during[first], 0.0)
     np.testing.assert_allclose(during[~first], BETA * np.tile(aside, ((~first).sum(), 1)), atol=1e-9)
     np.testing.assert_allclose(after, BETA * np.tile(aside, (len(x), 1)), atol=1e-9)
     for report in pair.march(x, 4):
