@@ -11,6 +11,7 @@ import pytest
 import pages
 
 ROOT = Path(__file__).resolve().parents[2]
+JOSS = ROOT / "joss"
 PAGES = pages.all_pages(ROOT)
 LINK = re.compile(r"!?\[(?:[^\]\[]|\[[^\]]*\])*\]\(<?([^)>\s]+)>?(?:\s\"[^\"]*\")?\)")
 SOURCES = (".py", ".md", ".c", ".h", ".toml", ".cff", ".yml", ".npz")
@@ -20,8 +21,6 @@ SAVED = {"bunny.py", "beam.py"}
 """What a reader saves from README, for the table in docs/install.md."""
 MADE = {"open_in_blender.py", "open_in_paraview.py", "render/", "textures/", "runs/"}
 """What pdvol writes, beside an export or into a run folder; a reader finds it there."""
-GONE = {"tests/verify_run.py", "hierarchy/", "animate/", "record/"}
-"""What CHANGELOG says is gone."""
 
 
 def ids(page: Path) -> str:
@@ -97,13 +96,20 @@ def there(name: str) -> bool:
 
 @pytest.mark.parametrize("page", PAGES, ids=ids)
 def test_files_that_a_page_names_exist(page):
-    gone = GONE if page.name == "CHANGELOG.md" else set()
-    assert [name for name in names(page) if not there(name) and name not in gone] == []
+    assert [name for name in names(page) if not there(name)] == []
 
 
 def test_names_are_found():
     assert there("pdvol/errors.py") and there("runs/runner.py") and there("docs/gallery/") and there("demos/NAME.py")
-    assert not any(there(name) for name in GONE) and not there("unner.py") and not there("docs/none.md")
+    assert not there("unner.py") and not there("docs/none.md")
     assert sum(len(names(page)) for page in PAGES) > 200
     source = "\n".join(path.read_text() for path in (ROOT / "pdvol").rglob("*.py"))
     assert all(name.strip("/") in source for name in MADE)
+
+
+def test_citations_and_figures_of_the_paper_exist():
+    text, entries = (JOSS / "paper.md").read_text(), (JOSS / "paper.bib").read_text()
+    cited = set(re.findall(r"@(\w+)", text))
+    assert cited and cited == set(re.findall(r"^@\w+\{(\w+),", entries, re.MULTILINE))
+    figures = re.findall(r"^!\[.*\]\((\S+?)\)", text, re.MULTILINE)
+    assert figures and all((JOSS / figure).is_file() for figure in figures)
