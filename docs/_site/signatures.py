@@ -2,8 +2,8 @@
 
 ./run python docs/_site/signatures.py    # writes docs/api anew; the tests compare
 
-Before each block of directives stands a list with the call of each name and the first sentence of its docstring.
-Default values that are functions or objects are three dots.
+Before each block of directives stands a list with the call of each name and the first sentence of its docstring, and
+the calls of its methods. Default values that are functions or objects are three dots.
 """
 
 import importlib
@@ -63,7 +63,7 @@ def lines(kind: str, name: str, options: str) -> list[str]:
     thing, short = named(name), name.rpartition(".")[2]
     protocol = inspect.isclass(thing) and getattr(thing.__init__, "__module__", "") == "typing"
     shown = short if kind == "exception" or protocol else call(short, thing)
-    found = [f"- `{shown}`: {sentence(thing)}"]
+    members = []
     if kind == "class" and ":members:" in options:
         chosen = [word.strip() for word in options.partition(":members:")[2].split(",") if word.strip()]
         for member, value in vars(thing).items():
@@ -71,10 +71,10 @@ def lines(kind: str, name: str, options: str) -> list[str]:
             if (member in chosen or not chosen) and not member.startswith("_") and inspect.getdoc(value):
                 if inspect.isfunction(value) and value.__name__ == member:
                     text = call(f".{member}", value).replace("(cls, ", "(").replace("(cls)", "()")
-                    found.append(f"  - `{text}`: {sentence(value)}")
+                    members.append(f"`{text}`")
                 elif isinstance(value, property):
-                    found.append(f"  - `.{member}`: {sentence(value)}")
-    return found
+                    members.append(f"`.{member}`")
+    return [f"- `{shown}`: {sentence(thing)}", *([f"  - {', '.join(members)}"] if members else [])]
 
 
 def written(text: str) -> str:
