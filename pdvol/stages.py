@@ -1,8 +1,7 @@
-"""What takes long before a run's first step, and beside its steps: stages, which a reporter may show while they last.
+"""Named stages of long work outside of steps (meshing, compilation) for a progress reporter.
 
-The code that works names what it does, in a `with stage(...)` block, and knows no reporter. Without one, which is how
-pdvol is used as a library, stages are silent. Stages of a thread nest: the outermost one is shown, and those within it
-are its parts.
+Code marks a stage by a `with stage(...)` block and knows no reporter. Without a reporter, as in library use, stages are
+silent. Stages of a thread nest: the outermost one is shown, and those within it are its parts.
 """
 
 import time

@@ -1,4 +1,4 @@
-"""Time marches: generators of step reports (design, section 2). All but the last solve a step, and differ in the
+"""Time marches: generators of step reports (docs/method.md). All but the last solve a step, and differ in the
 states that predict x_hat.
 
 | march | x_hat of the step from t to t + dt |

@@ -1,6 +1,4 @@
-"""What each cell of a level is made of: chosen on the coarsest level, carried to the finer ones by the binding (design,
-section 2).
-"""
+"""The materials of cells: chosen on the coarsest level, carried to finer ones by the binding (docs/scenes.md)."""
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING

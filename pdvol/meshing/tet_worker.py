@@ -26,7 +26,7 @@ def ftetwild(
     sys.modules.setdefault("pyvista", ModuleType("pyvista"))
     import pytetwild
 
-    # One processor: fTetWild's parallel passes depend on who comes first. The one at hand: two meshers then use two.
+    # One processor, since the order of fTetWild's threads changes the mesh. The present one: two meshers then use two.
     os.sched_setaffinity(0, {ctypes.CDLL(None).sched_getcpu()})
     return pytetwild.tetrahedralize(
         vertices,

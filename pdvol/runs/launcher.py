@@ -17,10 +17,10 @@ from pdvol.processes import cores, idle_cores, without_launcher
 VERTICES_A_RANK = 1000
 # vertices for two ranks: on two cores they gain less than a fifth with fewer (the same notes)
 VERTICES_OF_TWO = 4000
-# what a launcher's --version says, by the name of the library that mpi4py was built with
+# a word of a launcher's --version output, by the library that mpi4py was built with
 LAUNCHERS = {"Open MPI": "Open MPI", "MPICH": "HYDRA"}
 VERSION_TIME = 20.0  # seconds that a launcher has to print its version
-# variables by which launchers mark the processes that they have started
+# environment variables that launchers set for their processes
 RANK_MARKS = ("OMPI_COMM_WORLD_SIZE", "PMI_SIZE", "PMIX_RANK")
 
 
@@ -30,7 +30,7 @@ def chosen_ranks(vertices: int, wanted: int | None, before: int = 0) -> int:
     Parameters
     ----------
     wanted : the user's number; where it is None, as many as pay and as there are idle cores
-    before : the number on which the level's stored steps were made, which stays; 0 where there are none
+    before : the number of ranks of the level's stored steps, which is kept; 0 without stored steps
     """
     if wanted is not None:
         return wanted

@@ -1,6 +1,6 @@
 """Levels in processes of their own: on several MPI ranks each, and side by side where that is wanted.
 
-A step needs the coarser level's states up to the same step only (design, section 2), so that levels side by side are a
+A step needs the coarser level's states up to the same step only (docs/method.md), so that levels side by side are a
 few steps behind each other. The keeper, which is the process that writes the run folder, starts each level's processes.
 Their first rank sends it states and requests through a FIFO, and reads the coarser level's states in the folder.
 """

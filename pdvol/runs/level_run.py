@@ -1,4 +1,4 @@
-"""One level of a run: its march, stored step by step, from where its store ends to the last step."""
+"""One level of a run: marches from the last stored state to the last step, and stores each step."""
 
 from collections.abc import Callable
 from contextlib import suppress
@@ -22,7 +22,7 @@ Watch = Callable[[int, int, int], Progress]
 
 
 class LevelWriter(Protocol):
-    """What stores a level's states and gives those that are stored: `SharedWriter`, or a worker's `Follower`."""
+    """Stores the states of a level and reads them back: `SharedWriter`, or a worker's `Follower`."""
 
     def call(self, name: str, *arguments: Any, **details: Any) -> Any:
         """Calls a method of the run's writer; "steps" gives the number of stored states."""

@@ -2,7 +2,7 @@
 
 Physics that is absent is left out: a scene without `contact` has no barrier, one without a `Friction` no friction.
 Units are SI; lengths marked `Relative` are fractions of the smallest free body's diagonal, the same on every level
-(design, section 5).
+(docs/input.md).
 """
 
 from pdvol.scene.attachments import Attachment

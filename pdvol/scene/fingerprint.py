@@ -15,7 +15,7 @@ from pdvol.scene.user_code import can_be_compared, is_library, name_of, reads_of
 
 PER_LEVEL = ("vertices", "shape")  # of a body: lists with an entry per level
 PAIRED = (".node", ".ele")  # endings of the two files of one mesh
-ADDED = ("reads", "class")  # keys that runs stored before there were any have not
+ADDED = ("reads", "class")  # keys that older stored runs lack
 NOT_COMPARED = "not compared"
 DEEPEST = 12  # objects within each other: deeper ones are not followed
 SHOWN = 100  # characters of one value in a message

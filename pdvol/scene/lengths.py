@@ -1,4 +1,4 @@
-"""Lengths and speeds, absolute or relative to the bodies: they mean the same on every level (design, section 5).
+"""Lengths and speeds, absolute or relative to the bodies: they mean the same on every level (docs/input.md).
 
 The diagonal is that of the smallest body that moves freely (`pdvol.levels.scene_fields.scene_diagonal`), not that of
 all bodies together, which would grow with their distance. It is that of the box around a sphere with the body's radius

@@ -53,7 +53,7 @@ class Solver:
 
 @dataclass(frozen=True)
 class Penalty:
-    """Weights w of w |x - P x_c|^2_M, x_c the coarser level's positions at the end of the step (design, section 2;
+    """Weights w of w |x - P x_c|^2_M, x_c the coarser level's positions at the end of the step (docs/methods.md;
     paper 3.2.3).
 
     It stands beside the inertia's 1/2 |x - x_hat|^2_M, so w has no unit: w = 0.025 is a twentieth of the inertia. A

@@ -1,4 +1,4 @@
-"""The function that a time step minimises: 1/2 |x - x_hat|^2_M + weight times the sum of terms (design, section 2)."""
+"""The function that a time step minimises: 1/2 |x - x_hat|^2_M + weight times the sum of terms (docs/method.md)."""
 
 from collections.abc import Collection, Mapping
 from functools import cached_property

@@ -1,7 +1,6 @@
-"""What solves and steps report: seconds by part, the remedies taken, and the counts of a Newton solve and of a step.
+"""Reports of solves and steps: seconds by part, the remedies taken, and the counts of a Newton solve and of a step.
 
-Remedies (design, section 6): what is tried, in this order, where a solve does not go on. Each step counts how often
-each was taken.
+Remedies (docs/faq.md) are tried in this order where a solve does not go on. Each step counts how often each was taken.
 
 | remedy | what | after |
 |---|---|---|
@@ -133,7 +132,7 @@ class NewtonReport:
 
 @dataclass
 class StepReport:
-    """One finished step of one level (design, section 4, `log.jsonl`), with its state.
+    """One finished step of one level, with its state: a record of `log.jsonl` (docs/command_line.md).
 
     Attributes
     ----------

@@ -1,6 +1,4 @@
-"""What is known of a stored run beside its states: fields of each step, on vertices and cells in the input's order, and
-densities.
-"""
+"""Fields of a stored run beside its states: of each step, on vertices and cells in the input's order; densities."""
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field

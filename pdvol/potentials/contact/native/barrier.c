@@ -186,8 +186,8 @@ int64_t barrier_blocks(int d, const contacts_t *all, const double *x, double dha
     return out.count;
 }
 
-/* Blocks of `factor` times what makes contacts between bodies as stiff across their gaps as along them (`ContactBarrier.add_sticking`). Returns how
- * many: up to 10 a contact. */
+/* Blocks of `factor` times a tangential stiffness of contacts between bodies that equals the normal one (`ContactBarrier.add_sticking`). Returns
+ * their number: up to 10 a contact. */
 int64_t sticking_blocks(int d, const contacts_t *all, double dhat, double kappa, double factor, const int64_t *rows, int64_t first, int64_t last,
                         int64_t *out_rows, int64_t *out_columns, double *blocks)
 {
@@ -221,10 +221,10 @@ INLINE double force_of(const meeting_t *at, double gap, double dhat, double kapp
     return -2.0 * at->weight * gap * slope;
 }
 
-/* The gaps that meetings are expected to have at the way's end, where the last expectations give the end y. A meeting is the tangent of the law at
- * its expected gap: first at the share `kept` of its present gap, or of dhat where that is less, then where the law has the force that the last tangent
- * gives at y, but no nearer than that share of the last one. A tangent serves within the same share of the expected gap. What a tangent pulls together
- * does not meet. Returns how many have changed. */
+/* Updates the expected gaps of meetings at the end of the direction, y being the end by the last expectations. A meeting is linearised at its
+ * expected gap. The first one is `kept` times its present gap, or times dhat where that is less. The next one is the gap at which the law has the
+ * force of the last tangent at y, but at least `kept` times the last one. It is not updated while it is right to within that factor. A pair whose
+ * tangent pulls does not meet. Returns the number of changes. */
 int64_t expect_gaps(int d, int64_t count, meeting_t *meetings, const double *y, double dhat, double kappa, double kept)
 {
     int64_t changed = 0;
