@@ -17,7 +17,7 @@ WORDS = {
     "forms": "energies in UFL",
     "meshes": "recipes of shapes",
     "geometry": "arrays in, arrays out",
-    "meshing": "read, mend, mesh",
+    "meshing": "read, repair, mesh",
     "store": "a run folder",
     "levels": "a scene on a level",
     "measure": "metrics, checks",
