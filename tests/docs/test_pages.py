@@ -158,14 +158,6 @@ def test_run_lines_on_pages_name_what_is_there():
                     assert program(words[2]), (page, line)
 
 
-def test_a_page_says_how_to_open_each_notebook():
-    """By one command; what it needs is installed by another one before it."""
-    code = "\n".join(block.code for page in PAGES for block in pages.blocks(page))
-    for notebook in sorted((ROOT / "demos").rglob("*.ipynb")):
-        opened = f"./run jupyter lab {notebook.relative_to(ROOT)}"
-        assert 0 <= code.find("./run pip install jupyterlab") < code.find(opened), notebook
-
-
 def program(module: str) -> bool:
     """Whether `python -m MODULE` has something to run."""
     path = ROOT / module.replace(".", "/")
@@ -182,14 +174,9 @@ def test_programs_that_pages_name_are_there():
 
 
 def test_every_study_is_listed():
-    """docs/benchmarks.md has a row for each folder of benchmarks/, with its command and a page."""
-    page = (ROOT / "docs" / "benchmarks.md").read_text()
-    rows = re.findall(r"^\| (\w+) \|[^|]*\| `\./run python -m benchmarks\.(\w+)[^|]*\|[^|]+\| \[", page, re.MULTILINE)
-    studies = {path.parent.name for path in (ROOT / "benchmarks").glob("*/__main__.py")}
-    folders = {path.parent.name for path in (ROOT / "benchmarks").glob("*/__init__.py")}
-    assert dict(rows) == {study: study for study in studies}
-    assert folders - studies == {"common"}
-    assert [path.name for path in (ROOT / "benchmarks").glob("*.py")] == ["__init__.py"]
+    """docs/benchmarks.md has the command of each folder of benchmarks/ that has one."""
+    listed = set(re.findall(r"`\./run python -m benchmarks\.(\w+)", (ROOT / "docs" / "benchmarks.md").read_text()))
+    assert listed == {path.parent.name for path in (ROOT / "benchmarks").glob("*/__main__.py")}
 
 
 @pytest.mark.slow
@@ -223,31 +210,3 @@ def test_the_loop_of_readme(tmp_path, monkeypatch):
     ends = [level.positions(level.steps - 1)[:, 0].mean() for level in chosen.levels]
     assert min(np.abs(ends)) > 0.1 and np.ptp(ends) < 0.1, ends
     assert (tmp_path / "shot.html").stat().st_size > 100_000
-
-
-def test_ci_does_what_contributing_asks_for():
-    """The block "before you send a change" is what .ci/run does, in the same order; formatting is checked there."""
-    (asked,) = [block for block in pages.blocks(ROOT / "CONTRIBUTING.md") if "codespell" in block.code]
-    words = [line.partition("#")[0].split()[1:] for line in asked.code.splitlines() if line.startswith("./run")]
-    done = re.findall(r"^(?:exec )?\./run (\w+)(?: (\w+))?", (ROOT / ".ci" / "run").read_text(), re.MULTILINE)
-    assert [word[0] for word in words] == [word[0] for word in done]
-    assert {"ruff", "mypy", "codespell", "pytest"} == {word[0] for word in words}
-
-
-def rows(text: str) -> list[list[str]]:
-    """The cells of all rows of tables."""
-    return [[cell.strip() for cell in line.strip("|").split("|")] for line in text.splitlines() if line.startswith("|")]
-
-
-def test_figures_of_readmes_loop_are_those_of_its_page():
-    loop = README.read_text().split("\n## The loop\n")[1].split("\n## ")[0]
-    page = (ROOT / "docs" / "gallery" / "ball_on_spike.md").read_text()
-    (sizes,) = [cells[1:] for cells in rows(page) if cells[0] == "vertices, cells"]
-    places = [re.findall(r"[-+]0\.\d+", text) for text in (page.split("![")[0], page.split("## What it shows")[1])]
-    for name, figures in (
-        ("vertices", [size.split(", ")[0] for size in sizes]),
-        ("one by one", places[0]),
-        ("refined", places[1][: len(sizes)]),
-    ):
-        (row,) = [cells for cells in rows(loop) if cells[0].startswith(name)]
-        assert row[1:] == figures and len(figures) == 5
