@@ -35,6 +35,7 @@ from pdvol.levels.space import LevelSpace
 from pdvol.potentials.potential import LEAST_LEFT, Positions
 from pdvol.solve.incremental_potential import IncrementalPotential
 from pdvol.solve.newton import Newton
+from pdvol.solve.prescribed import prescribed_direction
 from pdvol.solve.report import NewtonReport
 
 # Fraction of the span: a part that gains less is not taken, since motions that press would close gaps to nothing. A
@@ -345,7 +346,7 @@ class MotionParts:
         touched, aim = motion.touched(self.potential, x, carriers.of), t1
         while aim - clock > least:
             path = motion.path(x, aim, np.zeros_like(x.owned), touched)
-            direction, fixed, free, solved = self.newton.direction(x, touched, path, aim)
+            direction, fixed, free, solved = prescribed_direction(self.newton, x, touched, path, aim)
             solved.remedies["substeps"] += 1
             self.count(solved)
             along = {obstacle: rows[fixed[rows]] for obstacle, rows in touched.items()}

@@ -111,7 +111,7 @@ class Stepper:
         self._friction = next(((f.iterations, f.tolerance) for f in model.friction), (1, 0.0))
 
     def _new_newton(self) -> Newton:
-        iterated = None if self._long is None else self._long.iterated
+        iterated = (lambda x, iterations: None) if self._long is None else self._long.iterated
         return Newton(
             self.space, self.potential, self.motion.held, self.model.solver, self.watch, self._coarse_weights, iterated
         )

@@ -21,11 +21,12 @@ series (a secant).
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
-from pdvol.potentials.potential import Positions
+from pdvol.potentials.potential import LastStates, Positions
+from pdvol.solve.report import NewtonReport
 
 Sum = Callable[[np.ndarray], np.ndarray]
 """Sums an array over all ranks."""
@@ -97,6 +98,46 @@ class Iteration:
     def full(self) -> bool:
         """Whether the whole direction was taken."""
         return self.cap == 1.0 and self.backtracks == 0 and not self.meets
+
+
+@dataclass
+class Solve:
+    """The state of one minimisation.
+
+    Attributes
+    ----------
+    states : the last two configurations, so that terms share what they derived from them
+    tolerance : [m/s], the relative one of the present state included
+    report : NewtonReport
+    projection : of the next Hessian
+    unprojected_failed : whether the last unprojected Hessian was indefinite, or its direction led nowhere: the next one
+        is projected instead
+    gradient : (n_owned, d), zero in fixed rows
+    energies : the potential at the last two configurations
+    last, before : the last two iterations
+    matrix_age : iterations since the matrix was assembled; None where the next iteration needs a new one
+    trials : evaluations of the potential by the line search
+    meets : whether the present direction was found with pairs that are predicted to meet
+    stalled : iterations in a row that have gained nothing
+    stalls : how often so many had that a remedy was taken
+    balancing : iterations that were made only because forces did not balance yet
+    """
+
+    states: list[Positions]
+    tolerance: float
+    gradient: np.ndarray
+    report: NewtonReport = field(default_factory=NewtonReport)
+    projection: str = "clamp"
+    unprojected_failed: bool = False
+    energies: LastStates = field(default_factory=LastStates)
+    last: Iteration | None = None
+    before: Iteration | None = None
+    matrix_age: int | None = None
+    trials: int = 0
+    meets: bool = False
+    stalled: int = 0
+    stalls: int = 0
+    balancing: int = 0
 
 
 # ---- rules

@@ -6,11 +6,8 @@ each step such that nothing crosses or inverts. PETSc's default line search back
 projected, how long a step is.
 """
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
-from functools import partial
-from weakref import WeakMethod
+from collections.abc import Callable, Iterable
+from dataclasses import replace
 
 import numpy as np
 from mpi4py import MPI
@@ -18,11 +15,10 @@ from scipy.sparse import csr_array
 
 from pdvol.compat import PETSc
 from pdvol.errors import SimulationError
-from pdvol.levels.script import Obstacle
 from pdvol.levels.space import LevelSpace
-from pdvol.potentials.assembly.hessian_blocks import BlockPattern, HessianBlocks
-from pdvol.potentials.potential import LastStates, Positions
+from pdvol.potentials.potential import Positions
 from pdvol.scene import Relative, Solver
+from pdvol.solve.callbacks import own_errors, weakly
 from pdvol.solve.incremental_potential import IncrementalPotential
 from pdvol.solve.iteration import (
     BALANCED,
@@ -31,6 +27,7 @@ from pdvol.solve.iteration import (
     TOO_STIFF,
     TRUSTED,
     Iteration,
+    Solve,
     fraction_kept,
     gains_nothing,
     is_at_rounding,
@@ -41,9 +38,8 @@ from pdvol.solve.iteration import (
     step_factor,
     stops,
 )
-from pdvol.solve.linear.coarse_space import CoarseSpace, grid_weights
-from pdvol.solve.linear.solver import LinearSolver, wants_general_matrix
-from pdvol.solve.linear.system_matrix import SystemMatrix
+from pdvol.solve.linear.solver import LinearSolver
+from pdvol.solve.newton_system import NewtonSystem
 from pdvol.solve.report import NewtonReport, Stopwatch
 
 # predictions of contact and friction at most, for one direction: two serve most, each is a linear solve, and where many
@@ -51,70 +47,6 @@ from pdvol.solve.report import NewtonReport, Stopwatch
 PREDICTIONS = 4
 
 _REASONS = {value: name for name, value in vars(PETSc.SNES.ConvergedReason).items() if isinstance(value, int)}
-
-
-@contextmanager
-def _own_errors() -> Iterator[None]:
-    """Raises a callback's error instead of PETSc's. PETSc's own errors become `SimulationError`."""
-    try:
-        yield
-    except PETSc.Error as error:
-        cause: BaseException | None = error
-        while isinstance(cause, PETSc.Error):  # more than one where a callback solves again
-            cause = cause.__cause__ or cause.__context__
-        if cause is not None:
-            raise cause from None
-        raise SimulationError(f"PETSc gave up: {str(error).splitlines()[0]}") from error
-
-
-def _weakly(method: Callable) -> Callable:
-    """A callback for PETSc that does not keep the method's object alive. Python's garbage collector does not see what
-    PETSc keeps: an object that PETSc calls, and that owns the caller, would stay for ever, with its level's mesh.
-    """
-    reference = WeakMethod(method)
-    return lambda *arguments: reference()(*arguments)  # type: ignore[misc]
-
-
-@dataclass
-class Solve:
-    """The state of one minimisation.
-
-    Attributes
-    ----------
-    states : the last two configurations, so that terms share what they derived from them
-    seen : PETSc's count of changes of each vector, and which of them it was then, by the vector's address
-    tolerance : [m/s], the relative one of the present state included
-    report : NewtonReport
-    projection : of the next Hessian
-    unprojected_failed : whether the last unprojected Hessian was indefinite, or its direction led nowhere: the next one
-        is projected instead
-    gradient : (n_owned, d), zero in fixed rows
-    energies : the potential at the last two configurations
-    last, before : the last two iterations
-    matrix_age : iterations since the matrix was assembled; None where the next iteration needs a new one
-    trials : evaluations of the potential by the line search
-    meets : whether the present direction was found with pairs that are predicted to meet
-    stalled : iterations in a row that have gained nothing
-    stalls : how often so many had that a remedy was taken
-    balancing : iterations that were made only because forces did not balance yet
-    """
-
-    states: list[Positions]
-    tolerance: float
-    gradient: np.ndarray
-    seen: dict[int, tuple[int, Positions]] = field(default_factory=dict)
-    report: NewtonReport = field(default_factory=NewtonReport)
-    projection: str = "clamp"
-    unprojected_failed: bool = False
-    energies: LastStates = field(default_factory=LastStates)
-    last: Iteration | None = None
-    before: Iteration | None = None
-    matrix_age: int | None = None
-    trials: int = 0
-    meets: bool = False
-    stalled: int = 0
-    stalls: int = 0
-    balancing: int = 0
 
 
 class Newton:
@@ -132,7 +64,7 @@ class Newton:
 
     Attributes
     ----------
-    linear : LinearSolver
+    system : NewtonSystem
     snes : PETSc.SNES
     tolerance : [m/s]
     """
@@ -145,60 +77,37 @@ class Newton:
         settings: Solver,
         watch: Stopwatch,
         coarse_weights: Callable[[], csr_array | None] = lambda: None,
-        iterated: Callable[[Positions, int], None] | None = None,
+        iterated: Callable[[Positions, int], None] = lambda x, iterations: None,
     ):
         if isinstance(settings.tolerance, Relative):
             raise ValueError("Newton's tolerance must be a speed in m/s, not a Relative one")
-        self.space, self.potential, self.settings, self.watch = space, potential, settings, watch
-        self.tolerance = settings.tolerance
-        self._fixed, self._coarse_weights, self._dt = supported, coarse_weights, np.inf
-        self._sum, self._iterated = space.reduce, iterated
+        self.space, self.potential, self.settings = space, potential, settings
+        self.supported, self.tolerance, self._dt = supported, settings.tolerance, np.inf
+        self.iterated, self._sum = iterated, space.reduce
         self._vector, self._residual = space.create_vector(), space.create_vector()
-        self._blocks = HessianBlocks(BlockPattern(space, potential.stencils))
-        self._system = SystemMatrix(space, supported, wants_general_matrix(settings))
+        self.system = NewtonSystem(space, potential, supported, settings, watch, coarse_weights)
         self.snes = self._create_snes()
-        self.linear = LinearSolver(
-            self.snes.ksp,
-            settings,
-            self._coarse_spaces,
-            partial(watch.part, "linear"),
-            dense=any(domains.smoothed for domains in potential.stencils),
-        )
+        self.system.use(self.snes.ksp)
         self._solve: Solve
 
     def _create_snes(self) -> PETSc.SNES:
         snes = PETSc.SNES().create(comm=self.space.comm)
         snes.setType(PETSc.SNES.Type.NEWTONLS)
-        snes.setObjective(_weakly(self._objective))
-        snes.setFunction(_weakly(self._function), self._residual)
-        snes.setJacobian(_weakly(self._jacobian), self._system.shell)
-        snes.setLineSearchPreCheck(_weakly(self._precheck))
-        snes.setConvergenceTest(_weakly(self._test))
+        snes.setObjective(weakly(self._objective))
+        snes.setFunction(weakly(self._function), self._residual)
+        snes.setJacobian(weakly(self._jacobian), self.system.matrix.shell)
+        snes.setLineSearchPreCheck(weakly(self._precheck))
+        snes.setConvergenceTest(weakly(self._test))
         snes.setTolerances(rtol=0.0, atol=0.0, stol=0.0, max_it=self.settings.max_iterations)
         return snes
-
-    def _coarse_spaces(self) -> list[CoarseSpace]:
-        """On grids, and on a coarser level if one suits; without the grids where these have more vertices."""
-        grids, own = grid_weights(self.space.mesh), self._coarse_weights()
-        weights = [grids] if own is None else [own] if own.shape[1] <= grids.shape[1] else [grids, own]
-        return [CoarseSpace(self.space, P, self._system.all_supported) for P in weights]
 
     # ---- callbacks
 
     def _positions(self, vector: PETSc.Vec) -> Positions:
-        """The configuration of a vector, of the last two if it is one of them. Collective."""
-        solve, state = self._solve, vector.stateGet()
-        seen, x = solve.seen.get(vector.handle, (-1, None))
-        if seen != state or x not in solve.states:
-            x = self._last_state(vector.getArray(readonly=True).reshape(-1, self.space.dim))
-            solve.seen[vector.handle] = state, x
-        return x
-
-    def _last_state(self, array: np.ndarray) -> Positions:
-        """The last state with the positions (n_owned, d); a new one, which then is the last, where neither of the two
-        has them. Collective.
+        """The configuration of a vector, of the last two if it is one of them; a new one, which then is the last, where
+        it is not. Collective.
         """
-        solve = self._solve
+        solve, array = self._solve, vector.getArray(readonly=True).reshape(-1, self.space.dim)
         alike: Iterable[bool] = (bool((known.owned == array).all()) for known in solve.states)
         if self.space.comm.size > 1:
             alike = self.space.reduce(np.array(list(alike)), MPI.LAND)
@@ -229,7 +138,7 @@ class Newton:
 
     def _function(self, snes: PETSc.SNES, vector: PETSc.Vec, residual: PETSc.Vec) -> None:
         gradient = self.potential.gradient(self._positions(vector))
-        gradient[self._fixed] = 0.0
+        gradient[self.supported] = 0.0
         self._solve.gradient = gradient
         residual.setArray(gradient.ravel())
 
@@ -247,7 +156,7 @@ class Newton:
         self.linear.note_iterations(self.snes.ksp.getIterationNumber())
         if self.linear.found_indefinite and self._leave_unprojected():
             self._renew_matrix(x)
-            self._solve_again(self._residual, step)
+            self._solve.report.linear_iterations += self.system.solve(self._residual, step)
         length = self._begin_iteration(x, *self._predict(x, step))
         if length != 1.0:
             step.scale(length)
@@ -261,8 +170,7 @@ class Newton:
             return reasons.CONVERGED_FNORM_ABS
         if iteration > 0:
             x = self._positions(snes.getSolution())
-            if self._iterated is not None:
-                self._iterated(x, report.iterations + iteration)
+            self.iterated(x, report.iterations + iteration)
             why = self._end_iteration(x)
             report.reason = "ROUNDING" if why == "ROUNDING" else report.reason
             if why:
@@ -280,10 +188,11 @@ class Newton:
         """
         direction = -step.getArray(readonly=True).reshape(-1, self.space.dim)
         direction.flags.writeable = False
-        self._require_finite(direction)
+        self.require_finite(direction)
         return direction
 
-    def _require_finite(self, direction: np.ndarray) -> None:
+    def require_finite(self, direction: np.ndarray) -> None:
+        """Raises SimulationError on all ranks unless a direction is finite on all of them. Collective."""
         if not self.space.reduce(bool(np.isfinite(direction).all()), MPI.LAND):
             raise SimulationError("the linear solve gave NaN or infinity")
 
@@ -309,23 +218,14 @@ class Newton:
         repeats = not (at_rounding or solve.meets)
         factor = step_factor(x, direction, solve.projection, solve.last, self._sum) if repeats else 1.0
         if factor != 1.0 or free is None:
-            free = self._max_step(x, direction if factor == 1.0 else factor * direction)
+            free = self.potential.max_step(x, direction if factor == 1.0 else factor * direction)
         length = factor * free
         cap = min(1.0, length)
         solve.report.speed, solve.report.step_cap = speed, min(solve.report.step_cap, cap)
         solve.before, solve.trials = solve.last, 0
+        age, meets = solve.matrix_age or 0, solve.meets
         solve.last = Iteration(
-            x,
-            energy,
-            direction,
-            slope,
-            speed,
-            solve.projection,
-            solve.matrix_age or 0,
-            at_rounding,
-            factor,
-            cap,
-            meets=solve.meets,
+            x, energy, direction, slope, speed, solve.projection, age, at_rounding, factor, cap, meets=meets
         )
         return length
 
@@ -356,7 +256,7 @@ class Newton:
     def _goes_on(self, last: Iteration, why: str) -> bool:
         """Whether a solve that `stops` would end goes on, because forces do not balance yet. Collective."""
         solve = self._solve
-        solve.report.imbalance = self.potential.imbalance(self._fixed, solve.tolerance * self._dt)
+        solve.report.imbalance = self.potential.imbalance(self.supported, solve.tolerance * self._dt)
         if why == "ROUNDING" or solve.balancing == STALL or solve.report.imbalance <= BALANCED:
             return False
         solve.balancing += last.speed <= speed_of(solve.before)  # on the way out of a barrier, steps grow
@@ -364,19 +264,11 @@ class Newton:
 
     # ---- matrices
 
-    def _sum_hessian(self, x: Positions) -> None:
-        with self.watch.part("assembly"):
-            self._blocks.clear()
-            self._blocks.projection = self._solve.projection
-            self.potential.add_hessian(x, 1.0, self._blocks)
-
     def _renew_matrix(self, x: Positions) -> None:
         self._solve.matrix_age = 0
         self._solve.report.hessians += 1
-        self._sum_hessian(x)
-        with self.watch.part("linear"):
-            self._system.assemble(self._blocks)
-            self.linear.set_matrix(self._system)
+        self.system.sum(x, self._solve.projection)
+        self.system.assemble()
 
     def _leave_unprojected(self) -> bool:
         """After a Hessian that failed: whether it was unprojected. The next one will be projected."""
@@ -384,11 +276,6 @@ class Newton:
             return False
         self._solve.projection, self._solve.unprojected_failed = "clamp", True
         return True
-
-    def _solve_again(self, right: PETSc.Vec, step: PETSc.Vec, near: bool = False) -> None:
-        """Solves for the step again, with the present matrix; `near` as `LinearSolver.solve` takes it."""
-        self.linear.solve(right, step, near)
-        self._solve.report.linear_iterations += self.snes.ksp.getIterationNumber()
 
     def _predict(self, x: Positions, step: PETSc.Vec) -> tuple[np.ndarray, float | None]:
         """Solves for the step again where it brings pairs together (`potentials/contact/barrier.py`) or changes which
@@ -407,13 +294,11 @@ class Newton:
                 break
             if share == 1.0:
                 before, share = direction, self.potential.first_meeting
-            self.potential.renew_predicted(x, 1.0, self._blocks)
+            self.system.repredict(x)
             right = self._residual.copy()
-            right.getArray()[:] += np.where(self._fixed[:, None], 0.0, change).ravel()
-            with self.watch.part("linear"):
-                self._system.assemble(self._blocks)
-                self.linear.set_matrix(self._system)
-            self._solve_again(right, step, near=True)
+            right.getArray()[:] += np.where(self.supported[:, None], 0.0, change).ravel()
+            self.system.assemble()
+            self._solve.report.linear_iterations += self.system.solve(right, step, near=True)
             direction = self._direction(step)
         if direction is raw:
             return raw, None
@@ -423,7 +308,7 @@ class Newton:
         free, better = None, self._slope(direction) < 0.0
         if better and share < 1.0:
             alone = self.potential.value(x.moved(share, before))
-            free = self._max_step(x, direction)
+            free = self.potential.max_step(x, direction)
             end = x.moved(free, direction)
             self._solve.states = [end, x]
             better = self._energy(end) < alone
@@ -434,11 +319,12 @@ class Newton:
         step.setArray(-direction.ravel())
         return direction, None
 
-    def _max_step(self, x: Positions, path: np.ndarray) -> float:
-        """The admissible part of a path (n_owned, d) from x. Collective."""
-        return self.potential.max_step(x, path)
-
     # ---- what callers use
+
+    @property
+    def linear(self) -> LinearSolver:
+        """What solves its linear systems."""
+        return self.system.linear
 
     def begin_step(self, dt: float) -> None:
         """Sets the length dt [s] of the step that the next solves are for: speeds are distances over dt."""
@@ -471,7 +357,7 @@ class Newton:
         # A direct solve of an ill-conditioned system shows in the linear reason.
         while True:
             self._vector.setArray(x.owned.ravel())
-            with _own_errors():
+            with own_errors():
                 self.snes.solve(None, self._vector)
             x = self._positions(self._vector)
             reason = self.snes.getConvergedReason()
@@ -512,64 +398,3 @@ class Newton:
             self._solve.projection = "abs"
             return "abs"
         return "direct" if self.linear.use_direct() else ""
-
-    def direction(
-        self, x: Positions, along: Mapping[Obstacle, np.ndarray], path: np.ndarray, until: float
-    ) -> tuple[np.ndarray, np.ndarray, float, NewtonReport]:
-        """Newton's direction from x where obstacles move to their places at `until` [s], and supported vertices and the
-        rows that go `along` with obstacles take a `path` (n_owned, d). Collective.
-
-        Bodies stick to each other where they touch, so they can be followed over a longer way; what slides does so in
-        the step's own solve. Pairs that meet on the way are predicted. Where their vertices go with different
-        obstacles, these are let go.
-
-        Returns
-        -------
-        direction : (n_owned, d) [m]
-            Of those that the predictions gave, the one that is admissible the furthest.
-        fixed : (n_owned,) bool
-            Rows of it that were prescribed.
-        free : the admissible part of it
-        report : NewtonReport, of one iteration
-        """
-        solve, fixed = self.start(x), self._fixed.copy()
-        fixed[np.concatenate([np.zeros(0, int), *along.values()])] = True
-        gradient, change = self.potential.gradient(x), np.zeros_like(x.owned)
-        self._sum_hessian(x)
-        self.potential.add_sticking(x, 1.0, self._blocks)
-        moved, right, step = (self.space.create_vector() for _ in range(3))
-        best, chosen, most = np.zeros_like(x.owned), fixed, -1.0
-        try:
-            for number in range(PREDICTIONS + 1):
-                self._system.support(fixed)
-                prescribed = np.where(fixed[:, None], path, 0.0)
-                with self.watch.part("linear"), _own_errors():
-                    moved.setArray(prescribed.ravel())
-                    # Free rows get the forces of the prescribed motion; then rows and columns of these are eliminated.
-                    self._system.assemble(self._blocks, eliminate=False)
-                    self._system.shell.mult(moved, right)
-                    forces = -gradient - change - right.getArray().reshape(gradient.shape)
-                    self._system.assemble(self._blocks)
-                    self.linear.set_matrix(self._system)
-                    right.setArray(np.where(fixed[:, None], 0.0, forces).ravel())  # no metres beside forces
-                    self._solve_again(right, step, near=number > 0)
-                direction = prescribed + step.getArray().reshape(gradient.shape)
-                self._require_finite(direction)
-                free = self.potential.max_step(x, direction, until=until)
-                if free > most:
-                    best, chosen, most = direction, fixed.copy(), free
-                if free == 1.0 or number == PREDICTIONS:
-                    break
-                more = self.potential.predict(x, direction, False, number + 1 == PREDICTIONS, until)
-                if more is None:
-                    break
-                change = more
-                fixed &= ~self.potential.torn(along) | self._fixed
-                self.potential.renew_predicted(x, 1.0, self._blocks)
-        finally:
-            self.potential.forget_prediction()
-            self._system.support(self._fixed)
-        solve.report.iterations, solve.report.hessians = 1, 1
-        if self._iterated is not None:
-            self._iterated(x, 1)
-        return best, chosen, most, solve.report

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 
+from pdvol.integrate import scripted_motion
 from pdvol.integrate.scripted_motion import FIRST_ITERATIONS, LEAST_GAIN, Carriers, MotionParts
 from pdvol.levels.space import LevelSpace
 from pdvol.potentials.potential import LEAST_LEFT, Positions
@@ -98,6 +99,11 @@ class Newton:
         self.potential.free = dict(enumerate(self.opens)).get(self.potential.solves, self.potential.free)
         self.potential.solves += 1
         return x, NewtonReport(converged=self.converges, iterations=max_iterations)
+
+
+@pytest.fixture(autouse=True)
+def stand_in(monkeypatch):
+    monkeypatch.setattr(scripted_motion, "prescribed_direction", lambda newton, *where: newton.direction(*where))
 
 
 def followed(potential, opens=(), **more):

@@ -86,7 +86,7 @@ class LinearSolver:
         self._first_method = "iterative" if settings.linear == "auto" else settings.linear
         self.prefix = f"pdvol_{next(_serial)}_"
         ksp.setType(PETSc.KSP.Type.PYTHON)
-        ksp.setPythonContext(_Context(proxy(self), timed))  # PETSc keeps the context: see `newton._weakly`
+        ksp.setPythonContext(_Context(proxy(self), timed))  # PETSc keeps the context: see `callbacks.weakly`
         ksp.pc.setType(PETSc.PC.Type.NONE)
         self._inner = PETSc.KSP().create(ksp.comm)  # what PETSc's own methods run in
         for solver in (ksp, self._inner):

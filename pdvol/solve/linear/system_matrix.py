@@ -17,7 +17,7 @@ from pdvol.solve.linear.overlap import Overlap
 
 
 class _Context:
-    """What PETSc calls for `SystemMatrix.shell`, and keeps: the matrix itself it must not, as `newton._weakly` says."""
+    """What PETSc calls for `SystemMatrix.shell`, and keeps, unlike the matrix itself (`callbacks.weakly`)."""
 
     def __init__(self, matrix: "SystemMatrix"):
         self._matrix = matrix
