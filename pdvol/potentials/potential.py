@@ -36,6 +36,16 @@ class Positions:
         self.space = space
         self.owned = np.ascontiguousarray(owned, dtype=np.float64).reshape(space.n_owned, space.dim)
         self._moved: tuple[np.ndarray, float, Positions] | None = None  # the last direction, step, and their place
+        self._derived: dict[Any, tuple[Any, Any]] = {}
+
+    def get(self, key: Any, make: Callable[[], Any], version: Any = None) -> Any:
+        """What `make()` derives from this state, made once for a key, which names what asks and for what, and for each
+        version of all else that it depends on.
+        """
+        known = self._derived.get(key)
+        if known is None or known[0] != version:
+            known = self._derived[key] = version, make()
+        return known[1]
 
     @cached_property
     def whole(self) -> np.ndarray:
@@ -56,26 +66,6 @@ class Positions:
         if self._moved is None or self._moved[0] is not direction or self._moved[1] != step:
             self._moved = direction, step, Positions(self.space, self.owned + step * direction)
         return self._moved[2]
-
-
-class LastStates:
-    """What was found for the last two configurations: a search compares two, and the next one begins at one of them."""
-
-    def __init__(self) -> None:
-        self._found: list[tuple[Positions, float]] = []
-
-    def value(self, x: Positions, find: Callable[[Positions], float]) -> float:
-        """`find(x)`, called unless x is one of the two."""
-        for known, value in self._found:
-            if known is x:
-                return value
-        value = find(x)
-        self._found = [(x, value), *self._found[:1]]
-        return value
-
-    def clear(self) -> None:
-        """Forgets both, where the function has changed."""
-        self._found = []
 
 
 @dataclass(frozen=True, eq=False)

@@ -25,7 +25,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from pdvol.potentials.potential import LastStates, Positions
+from pdvol.potentials.potential import Positions
 from pdvol.solve.report import NewtonReport
 
 Sum = Callable[[np.ndarray], np.ndarray]
@@ -100,20 +100,19 @@ class Iteration:
         return self.cap == 1.0 and self.backtracks == 0 and not self.meets
 
 
-@dataclass
+@dataclass(eq=False)
 class Solve:
     """The state of one minimisation.
 
     Attributes
     ----------
-    states : the last two configurations, so that terms share what they derived from them
+    states : the last two configurations, so that terms share what they derived from them (`Positions.get`)
     tolerance : [m/s], the relative one of the present state included
     report : NewtonReport
     projection : of the next Hessian
     unprojected_failed : whether the last unprojected Hessian was indefinite, or its direction led nowhere: the next one
         is projected instead
     gradient : (n_owned, d), zero in fixed rows
-    energies : the potential at the last two configurations
     last, before : the last two iterations
     matrix_age : iterations since the matrix was assembled; None where the next iteration needs a new one
     trials : evaluations of the potential by the line search
@@ -129,7 +128,6 @@ class Solve:
     report: NewtonReport = field(default_factory=NewtonReport)
     projection: str = "clamp"
     unprojected_failed: bool = False
-    energies: LastStates = field(default_factory=LastStates)
     last: Iteration | None = None
     before: Iteration | None = None
     matrix_age: int | None = None

@@ -118,8 +118,8 @@ class Newton:
         return solve.states[0]
 
     def _energy(self, x: Positions) -> float:
-        """The potential at x, evaluated once for each of the last two states."""
-        return self._solve.energies.value(x, self.potential.value)
+        """The potential at x, evaluated once in a solve."""
+        return x.get((self._solve, "energy"), lambda: self.potential.value(x))
 
     def _objective(self, snes: PETSc.SNES, vector: PETSc.Vec) -> float:
         """The energy that the line search compares; at round-off the model's, which it accepts. A first trial that

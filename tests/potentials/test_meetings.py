@@ -191,7 +191,9 @@ def test_the_line_search_begins_where_collision_detection_allows_and_predictions
         alone = solver._direction(step).copy()
         way, free = predict(solver, x, step)
         if solver._solve.meets and free is not None:
-            ends.append([solver.potential.value(x.moved(solver._max_step(x, path), path)) for path in (way, alone)])
+            ends.append(
+                [solver.potential.value(x.moved(solver.potential.max_step(x, path), path)) for path in (way, alone)]
+            )
         return way, free
 
     def begun(solver, x, way, free):

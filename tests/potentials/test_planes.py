@@ -11,7 +11,7 @@ from pdvol.levels.space import LevelSpace
 from pdvol.potentials.contact.barrier import ContactBarrier
 from pdvol.potentials.contact.candidates import Candidates
 from pdvol.potentials.contact.surface import ContactSurface
-from pdvol.potentials.potential import LastStates, Positions
+from pdvol.potentials.potential import Positions
 from pdvol.scene import NeoHookean, Plane, Translation
 from problems import elastic
 from shapes import box, level
@@ -92,15 +92,12 @@ def test_what_is_behind_a_plane_has_no_finite_energy_and_no_way_to_go(d):
 # ---- what is found once a state
 
 
-def test_the_last_two_states_are_remembered():
+def test_what_a_state_derives_is_found_once_for_each_version():
     space = LevelSpace(box(2, 1), MPI.COMM_SELF)
-    one, two, three = (Positions(space, space.from_input(space.mesh.points)) for _ in range(3))
-    asked: list = []
-    find = lambda x: asked.append(x) or float(len(asked))
-    states = LastStates()
-    assert [states.value(x, find) for x in (one, two, one, two, three, two, one)] == [1.0, 2.0, 1.0, 2.0, 3.0, 2.0, 4.0]
-    states.clear()
-    assert states.value(one, find) == 5.0
+    x, asked = Positions(space, space.from_input(space.mesh.points)), []
+    find = lambda: asked.append(x) or len(asked)
+    assert [x.get("one", find), x.get("one", find), x.get("other", find), x.get("one", find, 1)] == [1, 1, 2, 3]
+    assert [x.get("one", find, 1), x.get("one", find)] == [3, 4]
 
 
 @pytest.mark.parametrize("d", [2, 3])

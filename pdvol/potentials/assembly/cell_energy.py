@@ -23,7 +23,7 @@ from pdvol.potentials.assembly.domains import Domains
 from pdvol.potentials.assembly.hessian_blocks import FILTERS, HessianBlocks
 from pdvol.potentials.assembly.kernels import ONE_POINT, Kernel, tensors
 from pdvol.potentials.assembly.native import ffi, pointer
-from pdvol.potentials.potential import LastStates, Positions, Term
+from pdvol.potentials.potential import Positions, Term
 
 # relative change of psi under rotations that counts as round-off: larger ones make a density anisotropic
 ISOTROPY_TOLERANCE = 1e-12
@@ -74,7 +74,7 @@ class CellEnergy(Term):
         self.space, self.name, self._isotropic = space, name, isotropic
         self.psi, self.parameters, self.domains = psi, dict(parameters), domains
         self.stencils = (domains,)
-        self._values = LastStates()
+        self._version = 0  # of the domains' own values
         self._domains = domains.struct(ceiling, oriented)
         means = self._means(parameters)
         counted = slice(domains.counted)
@@ -143,14 +143,14 @@ class CellEnergy(Term):
 
     def fill(self, values: Mapping[str, np.ndarray]) -> None:
         """Sets the values (count,) that the domains themselves have of some parameters."""
-        self._values.clear()
+        self._version += 1
         lanes = {name: _in_lanes(of_name) for name, of_name in values.items()}
         for kernel in (self._density, self._first, self._second, self._model, *self._stretches):
             if kernel is not None:
                 kernel.fill(lanes)
 
     def value(self, x: Positions) -> float:
-        return self._values.value(x, self._sum)
+        return x.get((self, "value"), lambda: self._sum(x), self._version)
 
     def _sum(self, x: Positions) -> float:
         return self.space.reduce(native.library.domain_values(self._domains, self._density.c, pointer(x.local)))

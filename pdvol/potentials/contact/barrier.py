@@ -44,8 +44,6 @@ class ContactBarrier(Term):
     def __init__(self, candidates: Candidates, kappa: float):
         self.candidates, self.surface, self.kappa = candidates, candidates.surface, kappa
         self.space, self.dhat = self.surface.space, candidates.dhat
-        self._at: Positions | None = None  # where the next was found
-        self._contacts: Contacts
         self._meetings: np.ndarray = np.empty(0, MEETING)
 
     @property
@@ -57,14 +55,12 @@ class ContactBarrier(Term):
         self.move_obstacles(t0)
 
     def move_obstacles(self, time: float) -> None:
-        if self.surface.move_obstacles(time):
-            self._at = None
+        self.surface.move_obstacles(time)
 
     def contacts(self, x: Positions) -> Contacts:
         """The contacts at x that touch this rank's vertices, found once per x. Collective."""
-        if self._at is not x:
-            self._contacts, self._at = self.candidates.contacts(self.surface.vertices(x), self.kappa), x
-        return self._contacts
+        find = lambda: self.candidates.contacts(self.surface.vertices(x), self.kappa)
+        return x.get((self, "contacts"), find, self.surface.version)
 
     def value(self, x: Positions) -> float:
         return self.space.reduce(self.contacts(x).energy)

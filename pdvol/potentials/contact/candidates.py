@@ -63,7 +63,6 @@ class PairList:
         self._c_firsts = pointer(self._firsts, "int64_t")
         self._boxed: tuple[np.ndarray, np.ndarray] | None = None
         self._reference: tuple[np.ndarray, np.ndarray | None] | None = None  # start, and what it moves by
-        self._covered: np.ndarray | None = None  # one array that the list is known to be complete at
         self._room: np.ndarray = np.zeros((len(numbers), len(numbers)))  # how far two objects may approach each other
         self._way: tuple[np.ndarray, np.ndarray]  # of the bounds, from and to
         self.c = ffi.new("pairs_t *")
@@ -94,16 +93,12 @@ class PairList:
         """Whether no two objects can have come nearer to each other at `vertices` than there is room, nor parts of one,
         since a place on the move that the list was searched for.
         """
-        if vertices is self._covered:
-            return True
         if self._reference is None:
             return False
         start, move = self._reference
         way = ffi.NULL if move is None else pointer(move)
         places, room = (pointer(start), way, pointer(vertices)), pointer(self._room)
-        covers = bool(library.are_near(self.primitives.d, len(self._counts), self._c_firsts, *places, room))
-        self._covered = vertices if covers else self._covered
-        return covers
+        return bool(library.are_near(self.primitives.d, len(self._counts), self._c_firsts, *places, room))
 
     @property
     def _distance(self) -> float:
@@ -130,7 +125,7 @@ class PairList:
         """Searches along a move, which becomes the list's reference, and finds how far any two objects may approach
         each other besides.
         """
-        self._reference, self._covered = (start, None if end is start else end - start), start
+        self._reference = start, None if end is start else end - start
         self._fit(start, end)
         apart = self._apart()
         near = apart <= self._distance
@@ -391,8 +386,8 @@ class Candidates:
     def _is_known_clear(self, start: np.ndarray, end: np.ndarray, gap_share: float) -> bool:
         if self._clear is None:
             return False
-        known_start, known_end, share = self._clear
-        return known_start is start and share == gap_share and np.array_equal(known_end, end)
+        *way, share = self._clear
+        return share == gap_share and all(map(np.array_equal, way, (start, end)))
 
     def _additive_step(self, start: np.ndarray, end: np.ndarray, gap_share: float, whole: bool = False) -> float:
         """The step by conservative advancement; `whole` says that only a step of 1 is of interest."""

@@ -49,8 +49,7 @@ class LaggedFriction(Term):
         self.barrier, self.surface, self.space = barrier, barrier.surface, barrier.space
         self.mu, self.eps_v = mu, eps_v
         self.contacts: Contacts
-        self._at: np.ndarray | None = None  # positions of the surface where the next was found
-        self._found: tuple[float, np.ndarray]
+        self._version = 0  # of forces, starts and smoothing
 
     def begin_step(self, x_t: Positions, t0: float, t1: float, x_hat: Positions | None = None) -> None:
         self._at_start = self._start = self.surface.vertices(x_t, at=t0)
@@ -61,14 +60,14 @@ class LaggedFriction(Term):
         self._start = rates.start(self._at_start, lambda e: self.surface.vertices(e.x, at=e.time, lags=e.lags))
         self._eps = self._c.eps = self.eps_v * rates.duration
         self._c.start = pointer(self._start)
-        self._at = None
+        self._version += 1
 
     def update_lag(self, x: Positions) -> None:
         found, mu = self.barrier.contacts(x), self.mu
         if isinstance(mu, np.ndarray):
             mu = mu[found.objects_in_contact(self.surface.objects)]
         k = len(found)
-        self.contacts, self.forces, self._at = found, mu * found.pressures * found.weights, None
+        self.contacts, self.forces, self._version = found, mu * found.pressures * found.weights, self._version + 1
         self.sticks = np.zeros(k)
         self._c = ffi.new("friction_t *", {"eps": self._eps, "sticks": pointer(self.sticks)})
         self._c.start, self._c.forces = pointer(self._start), pointer(self.forces)
@@ -76,7 +75,7 @@ class LaggedFriction(Term):
 
     def forget_lag(self) -> None:
         """No friction until the next `update_lag`."""
-        self.forces[:], self._at, self._acts = 0.0, None, False
+        self.forces[:], self._version, self._acts = 0.0, self._version + 1, False
 
     @property
     def has_friction(self) -> bool:
@@ -93,10 +92,7 @@ class LaggedFriction(Term):
 
     def _found_at(self, x: Positions) -> tuple[float, np.ndarray]:
         """The energy and its gradient, found once for each state."""
-        vertices = self.surface.vertices(x)
-        if self._at is not vertices:
-            self._found, self._at = self._sum(x), vertices
-        return self._found
+        return x.get((self, "sum"), lambda: self._sum(x), (self._version, self.surface.version))
 
     def value(self, x: Positions) -> float:
         return self.space.reduce(self._found_at(x)[0]) if self.has_friction else 0.0

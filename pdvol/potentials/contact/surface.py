@@ -48,6 +48,7 @@ class ContactSurface:
         Of all but planes.
     obstacle_positions : (m, d) [m]
         Where the obstacles' vertices are now.
+    version : how often these have changed
     """
 
     def __init__(self, space: LevelSpace, obstacles: tuple[Obstacle, ...] = (), script: Script | None = None):
@@ -63,7 +64,7 @@ class ContactSurface:
         of_bodies = level.point_bodies[self.surface].astype(np.int64)
         self.objects = np.concatenate([of_bodies, np.repeat(numbers, sizes)])
         self.obstacle_positions = self._obstacles_at(0.0)
-        self._known: list[tuple[Positions, np.ndarray]] = []  # where the vertices were found last, the last two
+        self.version = 0
 
         first, last = space.first_block, space.first_block + space.n_owned
         self.rows = np.full(len(self.objects), -1, dtype=np.int64)
@@ -103,7 +104,7 @@ class ContactSurface:
         positions = self._obstacles_at(time)
         changed = not np.array_equal(positions, self.obstacle_positions)
         if changed:
-            self.obstacle_positions, self._known = positions, []
+            self.obstacle_positions, self.version = positions, self.version + 1
         return changed
 
     def vertices(self, x: Positions, at: float | None = None, lags: Mapping[Mover, float] | None = None) -> np.ndarray:
@@ -111,14 +112,10 @@ class ContactSurface:
         time [s] of the present span, or where they were at an earlier one, late by their `lags` [s]. First use per x is
         collective.
         """
-        for known, vertices in self._known if at is None else ():
-            if known is x:
-                return vertices
-        obstacles = self.obstacle_positions if at is None else self._obstacles_at(at, lags)
-        vertices = np.concatenate([self.of_bodies(x.owned), obstacles])
-        if at is None:
-            self._known = [(x, vertices), *self._known[:1]]
-        return vertices
+        if at is not None:
+            return np.concatenate([self.of_bodies(x.owned), self._obstacles_at(at, lags)])
+        find = lambda: np.concatenate([self.of_bodies(x.owned), self.obstacle_positions])
+        return x.get((self, "vertices"), find, self.version)
 
     def of_bodies(self, rows: np.ndarray) -> np.ndarray:
         """(k, d) values of the bodies' vertices, from this rank's rows (n_owned, d) of the level. Collective."""
