@@ -1,9 +1,11 @@
-"""Tables in Markdown, numbers in them, and the page that keeps them."""
+"""Tables in Markdown, numbers in them, and the files that keep them."""
 
+import json
 import math
+from collections.abc import Callable
 from pathlib import Path
 
-from benchmarks.common.process import Mistake
+from benchmarks.common.process import Mistake, machine
 
 
 def table(head: list[str], rows: list[list[str]]) -> str:
@@ -20,8 +22,8 @@ def number(value: float | None, digits: int = 3) -> str:
     return f"{value:.{max(digits - 1 - math.floor(math.log10(abs(value))), 0)}f}"
 
 
-def between(docs: Path, begin: str, end: str) -> tuple[str, str]:
-    """The text of a page before and after what a study keeps there, between the lines `begin` and `end`.
+class Page:
+    """The part of a page that the study `name` keeps, between its two lines.
 
     Raises
     ------
@@ -30,8 +32,61 @@ def between(docs: Path, begin: str, end: str) -> tuple[str, str]:
     OSError
         There is no such page.
     """
-    text = docs.read_text()
-    if text.count(begin) != 1 or text.count(end) != 1:
-        raise Mistake(f"{docs} needs the lines {begin} and {end}, once each")
-    before, _, rest = text.partition(begin)
-    return before, rest.partition(end)[2]
+
+    def __init__(self, file: Path, name: str, what: str = "tables"):
+        self.file, self.begin, self.end = (
+            file,
+            f"<!-- benchmarks.{name}: {what} -->",
+            f"<!-- benchmarks.{name}: end -->",
+        )
+        self._split()
+
+    def _split(self) -> tuple[str, str, str]:
+        text = self.file.read_text()
+        if text.count(self.begin) != 1 or text.count(self.end) != 1:
+            raise Mistake(f"{self.file} needs the lines {self.begin} and {self.end}, once each")
+        before, _, rest = text.partition(self.begin)
+        kept, _, after = rest.partition(self.end)
+        return before, kept.strip("\n"), after
+
+    @property
+    def text(self) -> str:
+        """What is kept."""
+        return self._split()[1]
+
+    def write(self, text: str) -> None:
+        """Keeps another text."""
+        before, _, after = self._split()
+        self.file.write_text(f"{before}{self.begin}\n{text}\n{self.end}{after}")
+
+
+class Kept:
+    """The records of a study by row, kept in a file, and their tables, each as soon as it exists.
+
+    Parameters
+    ----------
+    file : JSON, whose folder is made; records of an earlier command stay
+    order : names of rows in the order of the tables
+    tabled : the tables of records by row, as Markdown
+    page : that keeps the tables; without one they are a file beside the records
+    """
+
+    def __init__(self, file: Path, order, tabled: Callable[[dict], str], page: Page | None = None):
+        file.parent.mkdir(parents=True, exist_ok=True)
+        self._file, self._order, self._tabled, self._page = file, list(order), tabled, page
+        self.rows = json.loads(file.read_text())["rows"] if file.is_file() else {}
+
+    def add(self, name: str, records: object) -> None:
+        """Adds or replaces a row, and writes everything."""
+        rows = {**self.rows, name: records}
+        self.rows = {name: rows[name] for name in self._order if name in rows}
+        self._file.write_text(json.dumps({"machine": machine(), "rows": self.rows}, indent=1) + "\n")
+        if self._page is None:
+            self._file.with_suffix(".md").write_text(f"{self}\n")
+        else:
+            self._page.write(str(self))
+
+    def __str__(self) -> str:
+        """The machine and the tables."""
+        own = machine()
+        return f"{own['processor']}, one of {own['cores']} cores for each run.\n\n{self._tabled(self.rows)}"

@@ -7,7 +7,9 @@ SI units, y up. What a row does not vary is pdvol's default, or E = 1e5 Pa, nu =
 1 m, dt = 0.01 s.
 """
 
+import sys
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 
@@ -29,10 +31,12 @@ from pdvol import (
 )
 from pdvol.meshes import Solid, ball, brick
 
+sys.path.append(str(Path(__file__).resolve().parents[2]))  # as a scene file it is no part of a package
+
+from benchmarks.common.scenes import DOWN, FLOOR, ORIGIN, X_AXIS, named
+
 GRAVITY = 9.81
 SOFT = NeoHookean(1e5)
-DOWN = Gravity((0.0, -GRAVITY, 0.0))
-FLOOR = Plane((0.0, 0.0, 0.0), (0.0, 1.0, 0.0), name="floor")
 SKEW = (1.0, 0.4, 0.6)
 """Axis about which what falls is turned, so that nothing meets corner to corner or face to face by construction."""
 DHAT = Relative(1e-3)
@@ -60,20 +64,8 @@ def stack(
     return Scene(bodies, dt=dt, steps=steps, loads=(DOWN,), obstacles=(FLOOR,), contact=(Barrier(dhat), Friction(mu)))
 
 
-def thrown(speed: float, dt: float = 0.01, steps: int = 40) -> Scene:
-    """A cube of 0.2 m, E = 1e6 Pa, thrown askew at the floor at `speed` [m/s]."""
-    cube = Body(
-        (brick((0.2, 0.2, 0.2), (4, 4, 4)),),
-        NeoHookean(1e6),
-        placement=Placement((0.0, 0.2, 0.0), 0.5, SKEW),
-        velocity=(0.3 * speed, -speed, 0.1 * speed),
-    )
-    return Scene((cube,), dt=dt, steps=steps, loads=(DOWN,), obstacles=(FLOOR,), contact=(Barrier(), Friction(0.3)))
-
-
-def speck(dt: float, steps: int = 40) -> Scene:
-    """A cube of 0.1 mm thrown askew at the floor at 2 m/s, as `thrown`."""
-    size, speed = 1e-4, 2.0
+def thrown(speed: float, dt: float = 0.01, steps: int = 40, size: float = 0.2) -> Scene:
+    """A cube of `size` [m], E = 1e6 Pa, thrown askew at the floor at `speed` [m/s]."""
     cube = Body(
         (brick((size, size, size), (4, 4, 4)),),
         NeoHookean(1e6),
@@ -140,7 +132,7 @@ def twist(turns: float, cuts=(40, 2, 2), dt: float = 0.04, steps: int = 250) -> 
     bar = Body((brick((1.0, 0.1, 0.1), cuts),), SOFT)
     speed = np.pi * turns / (dt * steps)
     ends = tuple(
-        Support(lambda X, s=side: s * X[:, 0] > 0.499, motion=Rotation(side * speed, (0.0, 0.0, 0.0), (1.0, 0.0, 0.0)))
+        Support(lambda X, s=side: s * X[:, 0] > 0.499, motion=Rotation(side * speed, ORIGIN, X_AXIS))
         for side in (-1, 1)
     )
     return Scene((bar,), dt=dt, steps=steps, supports=ends, contact=(Barrier(),))
@@ -259,7 +251,9 @@ SCENES = {
     **{f"spin_{speed}": lambda speed=speed: spinning(float(speed)) for speed in (2, 30, 1000)},
     "spin_2_bdf2": lambda: spinning(2.0, "bdf2"),
     "spin_30_bdf2": lambda: spinning(30.0, "bdf2"),
-    **{f"size_0.1mm_thrown_dt_{dt}": lambda dt=dt: speck(float(dt)) for dt in ("1e-5", "1e-4", "0.01")},
+    **{
+        f"size_0.1mm_thrown_dt_{dt}": lambda dt=dt: thrown(2.0, float(dt), size=1e-4) for dt in ("1e-5", "1e-4", "0.01")
+    },
     **{
         f"size_{word}": lambda size=size: stack(NeoHookean(1e7), size=size, dt=0.01 * np.sqrt(size))
         for word, size in (
@@ -290,37 +284,9 @@ SCENES = {
 """Functions by name, in the order of the table."""
 
 
-def scene(name: str = "young_1e5", seed: int = 0) -> Scene:
-    """One of `SCENES`; with a seed, its bodies start up to 1e-3 of the scene's size and 1e-3 rad away from where they
-    would.
-    """
-    if name not in SCENES:
-        raise pdvol.InputError(f"there is no scene {name!r}; choose one of {', '.join(SCENES)}")
-    return jittered(SCENES[name](), seed) if seed else SCENES[name]()
-
-
-def jittered(scene: Scene, seed: int) -> Scene:
-    """The scene with its bodies moved and turned a little, upwards where they move vertically, so that nothing below
-    them is met.
-    """
-    dice, bodies = np.random.default_rng(seed), []
-    for body in scene.bodies:
-        shape, place = body.shape[-1], body.placement
-        size = np.ptp(shape.vertices, axis=0).max()
-        dim = shape.vertices.shape[1]
-        move = 1e-3 * size * dice.uniform(-1.0, 1.0, dim)
-        move[1] = abs(move[1])
-        # What lies flat stays flat.
-        angle = place.angle + (1e-3 * dice.uniform(-1.0, 1.0) if place.angle else 0.0)
-        bodies.append(
-            replace(
-                body,
-                placement=replace(
-                    place, translate=tuple(np.asarray(place.translate or (0.0,) * dim) + move), angle=angle
-                ),
-            )
-        )
-    return replace(scene, bodies=tuple(bodies))
+def scene(name: str = "young_1e5") -> Scene:
+    """One of `SCENES`."""
+    return named(SCENES, name)
 
 
 if __name__ == "__main__":

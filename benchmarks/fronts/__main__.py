@@ -39,7 +39,7 @@ HEAD = [
     "levels, vertices",
     "the scene's settings: CPU [s], error at the end, of the size",
     "the reference's own error",
-    "jitter grows",
+    "differences of the start grow",
     "cheapest within 1 %",
     "cheapest within 3 %",
     "most accurate at half the time",

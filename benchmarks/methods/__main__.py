@@ -32,7 +32,7 @@ HEAD = [
     "continuity error [kg m²]",
     "consistency [kg m²]",
     "distance from P x_c [m]",
-    "jitter [J]",
+    "roughness [m]",
     "states with intersections (pairs)",
     "largest change of volume",
     "smallest det F",
@@ -188,7 +188,7 @@ def tabled(records: list[dict]) -> str:
                 f"{n['mean']:.2g} ({n['median']:.2g})" if n else "-",
                 *(
                     number(s[key]["mean"], 2) if s.get(key) else "-"
-                    for key in ("continuity_error", "consistency", "distance", "jitter")
+                    for key in ("continuity_error", "consistency", "distance", "roughness")
                 ),
                 (
                     f"{sum(x['crossing_states'] for x in above)} of {sum(x['states'] for x in above)}"

@@ -1,0 +1,1 @@
+"""What do MPI ranks gain?"""

@@ -17,59 +17,42 @@ import json
 import os
 import sys
 import tempfile
+from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
-from benchmarks.common import commits, process, tables
+from benchmarks.common import commits, march, process
 from benchmarks.common.process import REPOSITORY
-from benchmarks.stark import rows, shot
-from benchmarks.stark.rows import ROWS
+from benchmarks.common.rows import ROWS, Row, chosen
+from benchmarks.common.tables import Kept, Page, number, table
+from benchmarks.stark import shot
 from pdvol.errors import PdvolError
 from pdvol.measure.verify import signed_volumes
 from pdvol.runs.scene_file import load_shot
-from pdvol.store.reader import open_run
 
-BEGIN, END = "<!-- benchmarks.stark: table -->", "<!-- benchmarks.stark: end -->"
+USUAL = ("drop_500", "twist_1k", "twistx_1k", "twist_4k", "drop_4k", "blocks", "stack", "balls", "rollers")
+LONG = (*USUAL, "twist_20k", "drop_20k")
 LIMIT = 1800.0
 """CPU seconds after which a run stops between two steps."""
 IMPORTING = 120.0
 """Seconds for an import of pystark."""
+HEAD = [
+    *march.HEAD,
+    "smallest step of STARK [ms]",
+    "inverted cells at the end",
+    "last positions apart [mm]: median, most",
+]
+HEAD += ["load", "measured at"]
 
 
 def main(words: list[str] | None = None) -> int:
     """Runs the command; returns its exit code."""
-    options = parsed(words)
-    try:
-        names = chosen(options.scenes, options.all)
-        if options.repeats < 1 or (options.steps or 2) < 2:
-            raise process.Mistake("--repeats needs a whole number from 1 on, --steps one from 2 on")
-        if not (options.peers / "README.md").is_file():
-            raise process.Mistake(f"--peers {options.peers} has no README.md; name the folder of the peers' meshes")
-        tables.between(options.docs, BEGIN, END)
-        options.out.mkdir(parents=True, exist_ok=True)
-        check_module(options.stark)
-        commit = commits.Repository(REPOSITORY).head()
-    except (process.Mistake, commits.MissingObject, OSError) as error:
-        print(f"benchmarks.stark: {error}", file=sys.stderr)
-        return 2
-    table = Table(options.out / "stark.json", options.docs)
-    ended_well = True
-    for name in names:
-        records = in_turn(name, options, commit)
-        ended_well &= not any(run["reason"] for system in rows.SYSTEMS for run in records[system])
-        table.add(name, records)
-        print(" | ".join(rows.cells(name, records)), file=sys.stderr, flush=True)
-    print(table)
-    return int(not ended_well)
-
-
-def parsed(words: list[str] | None) -> argparse.Namespace:
-    """The options."""
     parser = process.parser("stark", __doc__)
     add, shared = parser.add_argument, REPOSITORY.parent / "shared" / "peers"
     add("--stark", type=Path, metavar="DIR", help="the folder that holds the built module pystark")
-    add("--scenes", default="", metavar="NAME,...", help=f"rows: {', '.join(ROWS)} (default: the short ones)")
+    add("--scenes", default="", metavar="NAME,...", help=f"rows (default: {', '.join(USUAL)})")
     add("--all", action="store_true", help="the rows of 20,000 vertices, too")
     add("--repeats", type=int, default=3, metavar="N", help="runs of each (default: 3)")
     add("--steps", type=int, help="so many steps at most, instead of each row's own")
@@ -77,26 +60,36 @@ def parsed(words: list[str] | None) -> argparse.Namespace:
     add("--out", type=Path, default=REPOSITORY / "runs" / "stark", metavar="DIR", help="for stark.json, the records")
     page = REPOSITORY / "docs" / "benchmarks.md"
     add("--docs", type=Path, default=page, metavar="FILE", help="where the table is kept")
-    return parser.parse_args(words)
-
-
-def chosen(text: str, everything: bool) -> list[str]:
-    """Names of rows, in their order."""
-    words = set(filter(None, text.split(",")))
-    if words - ROWS.keys():
-        raise process.Mistake(f"there is no scene {min(words - ROWS.keys())!r}; choose from {', '.join(ROWS)}")
-    return [name for name, row in ROWS.items() if (name in words if words else everything or not row.long)]
+    options = parser.parse_args(words)
+    try:
+        names = chosen(options.scenes, ROWS, LONG if options.all else USUAL)
+        if options.repeats < 1 or (options.steps or 2) < 2:
+            raise process.Mistake("--repeats needs a whole number from 1 on, --steps one from 2 on")
+        if not (options.peers / "README.md").is_file():
+            raise process.Mistake(f"--peers {options.peers} has no README.md; name the folder of the peers' meshes")
+        kept = Kept(options.out / "stark.json", ROWS, tabled, Page(options.docs, "stark", "table"))
+        check_module(options.stark)
+        commit = commits.Repository(REPOSITORY).head()[:7]
+    except (process.Mistake, commits.MissingObject, OSError) as error:
+        print(f"benchmarks.stark: {error}", file=sys.stderr)
+        return 2
+    ended_well = True
+    for name in names:
+        records = in_turn(ROWS[name], options) | {"commit": commit}
+        ended_well &= not any(run["reason"] for run in (*records["stark"], *records["pdvol"]))
+        kept.add(name, records)
+        print(" | ".join(cells(name, records)), file=sys.stderr, flush=True)
+    print(kept)
+    return int(not ended_well)
 
 
 def check_module(folder: Path | None) -> None:
     """Raises Mistake where `folder` has no module pystark that this Python can import."""
-    mend = "name the folder that holds STARK's built module pystark"
+    remedy = "name the folder that holds STARK's built module pystark"
     if folder is None:
-        raise process.Mistake(f"--stark DIR is missing; {mend}")
-    if not folder.is_dir():
-        raise process.Mistake(f"--stark {folder}: there is no such folder; {mend}")
+        raise process.Mistake(f"--stark DIR is missing; {remedy}")
     if not (folder / "pystark" / "__init__.py").is_file():
-        raise process.Mistake(f"--stark {folder} has no pystark/__init__.py; {mend}")
+        raise process.Mistake(f"--stark {folder} has no pystark/__init__.py; {remedy}")
     with tempfile.TemporaryDirectory(prefix="pdvol-stark-") as aside:
         log = Path(aside) / "import.log"
         reason = process.child([*with_stark(folder), "-c", "import pystark"], IMPORTING, log)
@@ -113,33 +106,39 @@ def with_stark(folder: Path) -> list[str]:
 # ---- runs
 
 
-def in_turn(name: str, options: argparse.Namespace, commit: str) -> dict[str, list[dict]]:
-    """The records of a row, by system; those of pdvol say how far its last positions are from STARK's."""
-    row = ROWS[name]
-    settings = row.settings | ({"peers": str(options.peers.resolve())} if row.file == rows.PEERS else {})
-    steps = min(options.steps or row.steps, row.steps)
-    records: dict[str, list[dict]] = {system: [] for system in rows.SYSTEMS}
-    with tempfile.TemporaryDirectory(prefix=f"pdvol-{name}-") as aside:
+def in_turn(row: Row, options: argparse.Namespace) -> dict:
+    """The records of a row, by system, how far their last positions are `apart` [m] (median, most) and the `load`."""
+    peers = {"peers": str(options.peers.resolve())} if row.file.endswith("peers.py") else {}
+    row = replace(row, settings=row.settings | peers, limit=LIMIT)
+    steps, ends, loads = min(options.steps or row.steps, row.steps), {}, []
+    with tempfile.TemporaryDirectory(prefix="pdvol-stark-") as aside:
         folder = Path(aside)
-        shot.write(load_shot(REPOSITORY / row.file, settings, steps).scene, folder / "shot.npz")
-        for _ in range(options.repeats):
-            theirs, their_end = by_stark(options.stark, folder, options.out.resolve() / "cache", steps)
-            ours, our_end = by_pdvol(REPOSITORY / row.file, settings, folder, steps)
-            distance = 0.0 if their_end is None or our_end is None else np.linalg.norm(their_end - our_end, axis=1)
-            ours |= {"apart": [float(np.median(distance)), float(np.max(distance))], "commit": commit}
-            records["stark"].append(theirs)
-            records["pdvol"].append(ours)
-    return records
+        shot.write(load_shot(REPOSITORY / row.file, row.settings, steps).scene, folder / "shot.npz")
+
+        def theirs() -> dict:
+            loads.append(os.getloadavg()[0])
+            record, ends["stark"] = by_stark(options.stark, folder, options.out.resolve() / "cache", steps)
+            return record
+
+        def ours() -> dict:
+            loads.append(os.getloadavg()[0])
+            record, ends["pdvol"] = by_pdvol(row, folder, steps)
+            return record
+
+        records = march.in_turn({"stark": theirs, "pdvol": ours}, options.repeats)
+    distances = march.distances(ends["stark"], ends["pdvol"]) if ends["stark"] and ends.get("pdvol") else None
+    apart = None if distances is None else [float(np.median(distances)), float(np.max(distances))]
+    return {**records, "apart": apart, "load": [min(loads), max(loads)]}
 
 
-def by_stark(stark: Path, folder: Path, cache: Path, steps: int) -> tuple[dict, np.ndarray | None]:
-    """The record of one run by STARK, and its last positions (n, 3) [m]."""
-    out, load = folder / "stark.npz", os.getloadavg()[0]
+def by_stark(stark: Path, folder: Path, cache: Path, steps: int) -> tuple[dict, dict]:
+    """The record of one run by STARK, and its last state."""
+    out = folder / "stark.npz"
     out.unlink(missing_ok=True)
     words = ["-m", "benchmarks.stark.run_one", folder / "shot.npz", out, cache, LIMIT]
     reason = process.child([*with_stark(stark), *map(str, words)], 4.0 * LIMIT, folder / "stark.log")
     if not out.is_file():
-        return ended({}, steps, reason or "it left no result", load), None
+        return {"reason": reason or "it left no result", "seconds": []}, {}
     with np.load(out) as arrays:
         found, last = json.loads(str(arrays["record"])), arrays["last"]
     with np.load(folder / "shot.npz") as arrays:
@@ -148,71 +147,54 @@ def by_stark(stark: Path, folder: Path, cache: Path, steps: int) -> tuple[dict, 
     offsets = np.cumsum([0, *(len(points) for points, _ in meshes)])
     rest = np.concatenate([points for points, _ in meshes])
     cells = np.concatenate([cells + offset for (_, cells), offset in zip(meshes, offsets, strict=False)])
-    return ended(found | {"inverted": inverted(rest, last, cells), "vertices": len(rest)}, steps, reason, load), last
+    ticks = found.pop("ticks", [])
+    found |= {"tick": float(np.mean(ticks)) if ticks else 1.0, "vertices": len(rest)}
+    state = {"rest": rest, "last": last, "cells": cells, "step": steps}
+    return ended(found, steps, reason, state), state
 
 
-def by_pdvol(file: Path, settings: dict, folder: Path, steps: int) -> tuple[dict, np.ndarray | None]:
-    """The record of one run by pdvol, and its last positions (n, 3) [m]."""
-    load = os.getloadavg()[0]
-    with tempfile.TemporaryDirectory(dir=folder) as aside:
-        path = Path(aside) / "run"
-        script = REPOSITORY / "benchmarks" / "dense" / "run_one.py"
-        words = [script, REPOSITORY, "cpu", LIMIT, file, path, steps, json.dumps(settings), 0]
-        command = ["env", f"PYTHONPATH={REPOSITORY}", sys.executable, *map(str, words)]
-        reason = process.child(command, 4.0 * LIMIT, folder / "pdvol.log")
-        try:
-            level = open_run(path).levels[0]
-        except PdvolError as error:
-            return ended({}, steps, reason or str(error), load), None
-        if level.steps < 2:
-            return ended({}, steps, reason or "no step was done", load), None
-        log, last = level.log[: level.steps - 1], level.positions(level.steps - 1)
-        times = json.loads(path.with_suffix(".json").read_text())
-        found = {
-            "seconds": times["seconds"][: len(log)],
-            "newton": [record["newton_iterations"] for record in log],
-            "dt": [1.0] * len(log),
-            "ticks": times["ticks"],
-            "inverted": inverted(level.rest, last, level.cells),
-            "vertices": len(level.rest),
-        }
-        return ended(found, steps, reason, load), last
+def by_pdvol(row: Row, folder: Path, steps: int) -> tuple[dict, dict]:
+    """The record of one run by pdvol, and its last state."""
+    found = march.march(row, folder / "run", steps)
+    try:
+        state = march.end(folder / "run")
+    except PdvolError:
+        return found, {}
+    return ended(found, steps, found["reason"], state), state
 
 
-def ended(found: dict, steps: int, reason: str, load: float) -> dict:
-    """The record of a run, with what was wrong with it and the machine's load before it."""
-    ticks, taken = found.pop("ticks", []), found.get("dt", [])
+def ended(found: dict, steps: int, reason: str, state: Mapping) -> dict:
+    """The record of a run, with the cells that were `inverted` at its end, and what was wrong with it."""
+    taken = found.get("dt", [1.0] * len(found["seconds"]))
     done = sum(taken) / max(taken) if taken else 0.0
     if not reason and round(done) < steps:
-        reason = f"stopped after {done:.0f} of {steps} steps and {sum(found.get('seconds', [])):.0f} s"
-    return {**found, "tick": float(np.mean(ticks)) if ticks else 1.0, "reason": reason, "load": load}
+        reason = f"stopped after {done:.0f} of {steps} steps and {sum(found['seconds']):.0f} s"
+    volumes = (signed_volumes(state[key], state["cells"]) for key in ("last", "rest"))
+    return {**found, "reason": reason, "inverted": int(np.count_nonzero(~(np.divide(*volumes) > 0)))}
 
 
-def inverted(rest: np.ndarray, now: np.ndarray, cells: np.ndarray) -> int:
-    """How many cells (m, 4) have turned inside out between positions (n, 3) [m]."""
-    return int(np.count_nonzero(~(signed_volumes(now, cells) / signed_volumes(rest, cells) > 0)))
+# ---- the table
 
 
-# ---- what is kept
+def cells(name: str, records: dict) -> list[str]:
+    """The cells of a row, STARK's figures first."""
+    both = {"stark": records["stark"], "pdvol": records["pdvol"]}
+    compared = march.versus(ROWS[name].title, both)
+    if any(run["reason"] for some in both.values() for run in some):
+        return [*compared, *[""] * 4, records["commit"]]
+    return [
+        *compared,
+        number(1e3 * min(min(run["dt"]) for run in records["stark"]), 2),
+        ", ".join(str(max(run["inverted"] for run in some)) for some in both.values()),
+        ", ".join(number(1e3 * one, 2) for one in records["apart"] or ()),
+        " to ".join(f"{load:.1f}" for load in records["load"]),
+        records["commit"],
+    ]
 
 
-class Table:
-    """The records of all rows, kept in a file, and their table, kept between the markers of a page."""
-
-    def __init__(self, path: Path, docs: Path):
-        self._path, self._docs = path, docs
-        self.rows = json.loads(path.read_text())["rows"] if path.is_file() else {}
-
-    def add(self, name: str, records: dict[str, list[dict]]) -> None:
-        """Adds a row, and writes the records and the page."""
-        self.rows[name] = records
-        self._path.write_text(json.dumps({"machine": process.machine(), "rows": self.rows}) + "\n")
-        before, after = tables.between(self._docs, BEGIN, END)
-        self._docs.write_text(f"{before}{BEGIN}\n{self}\n{END}{after}")
-
-    def __str__(self) -> str:
-        machine = process.machine()
-        return f"{machine['processor']}, one of {machine['cores']} cores for each run.\n\n{rows.tabled(self.rows)}"
+def tabled(rows: dict) -> str:
+    """The table of all rows that were run."""
+    return table(HEAD, [cells(name, records) for name, records in rows.items()])
 
 
 if __name__ == "__main__":

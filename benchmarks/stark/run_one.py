@@ -19,7 +19,7 @@ from types import SimpleNamespace
 import numpy as np
 import pystark
 
-from benchmarks.dense.run_one import Timer, TimeUp
+from benchmarks.common.run_one import Timer, TimeUp
 from pdvol.scene import rotation_matrix
 
 THICK, WIDE = 0.1, 4.0

@@ -20,7 +20,6 @@ from pdvol import (
     Body,
     FixedCorotational,
     Friction,
-    Gravity,
     NeoHookean,
     Placement,
     Plane,
@@ -38,11 +37,9 @@ sys.path.append(str(Path(__file__).resolve().parents[2]))  # as a scene file it 
 sys.path.append(str(Path(__file__).resolve().parents[2] / "demos"))
 
 from benchmarks.common.first_order import first_order
+from benchmarks.common.scenes import DOWN, FLOOR, ORIGIN, X_AXIS, Z_AXIS, named
 from recipes import dolphin
 
-DOWN = Gravity((0.0, -9.81, 0.0))
-FLOOR = Plane((0.0, 0.0, 0.0), (0.0, 1.0, 0.0), name="floor")
-X_AXIS, Z_AXIS, ORIGIN = (1.0, 0.0, 0.0), (0.0, 0.0, 1.0), (0.0, 0.0, 0.0)
 TURN = np.radians(72.0)
 """rad/s, of each end that is twisted."""
 
@@ -440,9 +437,7 @@ SCENES = {
 
 def scene(name: str = "mat_on_knives") -> Scene:
     """One of `SCENES`, by the model of IPC's scripts."""
-    if name not in SCENES:
-        raise pdvol.InputError(f"there is no scene {name!r}; choose one of {', '.join(SCENES)}")
-    return first_order(SCENES[name]())
+    return first_order(named(SCENES, name))
 
 
 if __name__ == "__main__":

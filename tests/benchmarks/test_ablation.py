@@ -1,7 +1,6 @@
 """The study that switches rules off: each switch reaches the solver, and mistakes are named."""
 
 import pytest
-from PIL import Image
 
 from benchmarks.ablation import __main__ as ablation
 from pdvol.integrate.stepper import Stepper
@@ -30,10 +29,3 @@ def test_each_switch_changes_what_the_solver_uses(rule):
 def test_unknown_rules_and_rows_are_named(capsys):
     assert ablation.main(["lengthening,hope"]) == 2 and "hope" in capsys.readouterr().err
     assert ablation.main(["--rows", "nowhere"]) == 2 and "nowhere" in capsys.readouterr().err
-
-
-def test_the_picture_has_each_step_with_and_without_a_rule(tmp_path):
-    picture = tmp_path / "picture.png"
-    assert ablation.main(["meetings", "--picture", "demos/ball_on_spike.py", str(picture)]) == 0
-    with Image.open(picture) as image:
-        assert len(image.convert("RGB").getcolors(1 << 24)) > 50  # both curves, and text

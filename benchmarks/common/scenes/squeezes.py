@@ -1,11 +1,13 @@
 """Bodies that moving obstacles squeeze, with pdvol's default model; a scene file.
 
-    ./run pdvol run benchmarks/dense/squeezes.py --set name=gears
+    ./run pdvol run benchmarks/common/scenes/squeezes.py --set name=gears
 
 SI units, y up.
 """
 
 import math
+import sys
+from pathlib import Path as File
 
 import numpy as np
 
@@ -14,12 +16,10 @@ from pdvol import (
     Barrier,
     Body,
     Friction,
-    Gravity,
     NeoHookean,
     Outline,
     Path,
     Placement,
-    Plane,
     Rigid,
     Rotation,
     Scene,
@@ -29,8 +29,11 @@ from pdvol import (
 )
 from pdvol.meshes import ball, bar, box, cylinder, extrude, torus, turned
 
-DOWN = Gravity((0.0, -9.81, 0.0))
-ALONG_Z = math.pi / 2, (1.0, 0.0, 0.0)
+sys.path.append(str(File(__file__).resolve().parents[3]))  # as a scene file it is no part of a package
+
+from benchmarks.common.scenes import DOWN, FLOOR, ORIGIN, X_AXIS, Z_AXIS, named
+
+ALONG_Z = math.pi / 2, X_AXIS
 """Angle and axis that lay a cylinder, which stands along y, along z."""
 
 
@@ -58,11 +61,10 @@ def pin(vertices: int = 500, left: float = 0.02, speed: float = 0.5) -> Scene:
     radius = 0.06
     start, low = (-0.22, 0.07 + radius, 0.0), left - 0.07
     way = Path((0.0, 0.15, 0.9), ((0.0, 0.0, 0.0), (0.15 * speed, low, 0.0), (0.9 * speed, low, 0.0)))
-    rolls = Sequential((Rotation(-speed / radius, start, (0.0, 0.0, 1.0)), way))
+    rolls = Sequential((Rotation(-speed / radius, start, Z_AXIS), way))
     dough = soft(box((0.5, 0.06, 0.3), (20, 3, 12)), vertices, 8e3, (0.0, 0.032, 0.0))
-    table = Plane((0.0, 0.0, 0.0), (0.0, 1.0, 0.0), name="table")
     rolling = Rigid(cylinder(radius, 0.5, 48), Placement(start, *ALONG_Z), rolls, "pin")
-    return squeeze(dough, (table, rolling), 0.5, 56, 0.015)
+    return squeeze(dough, (FLOOR, rolling), 0.5, 56, 0.015)
 
 
 def gear(root: float, tip: float, teeth: int, thickness: float):
@@ -77,7 +79,7 @@ def gears(vertices: int = 450, turns: float = 0.4, apart: float = 0.34, teeth: i
 
     def wheel(side: int, turned_by: float) -> Rigid:
         centre = (0.5 * side * apart, 0.0, 0.0)
-        turning = Rotation(2.0 * side * math.pi * turns, centre, (0.0, 0.0, 1.0))
+        turning = Rotation(2.0 * side * math.pi * turns, centre, Z_AXIS)
         return Rigid(gear(0.12, 0.16, teeth, 0.3), Placement(centre, turned_by), turning, f"gear {side}")
 
     block = soft(box((0.09, 0.28, 0.2), (4, 12, 9)), vertices, at=(0.0, 0.27, 0.0))
@@ -102,7 +104,7 @@ def ring(vertices: int = 500) -> Scene:
     end = Support(
         lambda X: (X[:, 0] > 0.39) & (np.abs(X[:, 1:]) < 0.06).all(axis=1), motion=Translation((0.9, 0.0, 0.0))
     )
-    narrow = Rigid(torus(0.16, 0.07, 32, 16), Placement((0.55, 0.0, 0.0), math.pi / 2, (0.0, 0.0, 1.0)), name="ring")
+    narrow = Rigid(torus(0.16, 0.07, 32, 16), Placement((0.55, 0.0, 0.0), math.pi / 2, Z_AXIS), name="ring")
     return squeeze(soft(bar(0.8, 0.2, 0.2, 0.05), vertices), (narrow,), 0.2, 40, supports=(end,))
 
 
@@ -112,7 +114,7 @@ def belts(vertices: int = 500) -> Scene:
     def belt(side: int) -> Rigid:
         close = -0.04 * side
         way = Path((0.0, 0.2, 2.0), ((0.0, 0.0, 0.0), (close, 0.0, 0.0), (close, 1.0, 0.0)))
-        place = Placement((0.128 * side, 0.0, 0.0), -0.02 * side, (0.0, 0.0, 1.0))
+        place = Placement((0.128 * side, 0.0, 0.0), -0.02 * side, Z_AXIS)
         return Rigid(box((0.05, 2.0, 0.5), (1, 20, 5)), place, way, f"belt {side}")
 
     return squeeze(soft(ball(0.1, 3), vertices, 8e3), (belt(-1), belt(1)), 0.7, 50)
@@ -122,8 +124,8 @@ def capstan(vertices: int = 500) -> Scene:
     """A strap lies over a drum of eight sides that turns."""
     drum = Rigid(
         cylinder(0.15, 0.4, 8),
-        Placement((0.0, 0.0, 0.0), *ALONG_Z),
-        Rotation(4.0, (0.0, 0.0, 0.0), (0.0, 0.0, 1.0)),
+        Placement(ORIGIN, *ALONG_Z),
+        Rotation(4.0, ORIGIN, Z_AXIS),
         "drum",
     )
     strap = soft(box((0.8, 0.05, 0.12), (24, 2, 4)), vertices, 2e4, (0.0, 0.19, 0.0))
@@ -136,9 +138,7 @@ SCENES = {"pin": pin, "gears": gears, "piston": piston, "ring": ring, "belts": b
 
 def scene(name: str = "pin", **other) -> Scene:
     """One of `SCENES`, with what its function takes."""
-    if name not in SCENES:
-        raise pdvol.InputError(f"there is no scene {name!r}; choose one of {', '.join(SCENES)}")
-    return SCENES[name](**other)
+    return named(SCENES, name, **other)
 
 
 if __name__ == "__main__":

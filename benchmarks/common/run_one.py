@@ -1,10 +1,10 @@
-"""One run of benchmarks.dense in a process of its own, or one per rank: `run_one.py CODE CLOCK SECONDS FILE RUN STEPS
-SETTINGS LEVEL` marches one level of a scene file into the run folder RUN, with the package of the folder CODE.
+"""One run of a row in a process of its own, or one per rank: `run_one.py JSON` marches a scene file into a run folder.
 
-CLOCK is `cpu` or `wall`. The march stops between two steps after SECONDS of CPU time, and its finished steps stay.
-SETTINGS are the scene's, as JSON. Beside the run RUN.json has `seconds`, those of each step by that clock, and `ticks`,
-the milliseconds that a fixed loop took after each step. The exit code is 0 when all steps were done or the time was
-over, and 1 otherwise, with the reason on standard error.
+JSON has `code`, the folder whose package runs; `clock`, `cpu` or `wall`; `limit`, the CPU seconds after which the march
+stops between two steps; `file`, `settings`, `steps` (null for the scene's own) and `levels` [first, last] of the
+scene; and `out`, the run folder. Beside it RUN.json has `outcome` (`done`, `time` or the name of pdvol's error),
+`reason`, `seconds` of each step by that clock, `ticks`, the milliseconds that a fixed loop took after each step,
+`wall_seconds` and `peak_memory_mb`. The exit code is 1 where pdvol gave up. Other errors are a traceback.
 """
 
 import functools
@@ -13,6 +13,13 @@ import json
 import sys
 import time
 from pathlib import Path
+
+sys.path.append(str(Path(__file__).resolve().parents[2]))  # behind the package that runs, which may be an older one
+
+from benchmarks.common.process import peak_memory
+
+STEPPERS = (("pdvol/integrate/stepper.py", "Stepper"), ("pdvol/solve/level_problem.py", "LevelProblem"))
+"""File and class whose method `step` takes a step: of this code, and of 97e899e."""
 
 
 class TimeUp(Exception):
@@ -46,10 +53,6 @@ class Timer:
         """Nothing is left open."""
 
 
-STEPPERS = (("pdvol/integrate/stepper.py", "Stepper"), ("pdvol/solve/level_problem.py", "LevelProblem"))
-"""File and class whose method `step` takes a step: of this code, and of 97e899e."""
-
-
 def time_steps(folder: str, clock: str) -> list[float]:
     """A list that gets the seconds of each step that the package in `folder` takes from now on.
 
@@ -75,8 +78,11 @@ def time_steps(folder: str, clock: str) -> list[float]:
     return seconds
 
 
-def main(folder: str, clock: str, seconds: str, file: str, out: str, steps: str, settings: str, level: str) -> int:
+def main(words: str) -> int:
     """Runs the scene; returns the exit code."""
+    asked, begin = json.loads(words), time.perf_counter()
+    from mpi4py import MPI
+
     import pdvol.forms
     import pdvol.meshes
     from pdvol.runs.runner import run_scene
@@ -86,20 +92,25 @@ def main(folder: str, clock: str, seconds: str, file: str, out: str, steps: str,
     except ModuleNotFoundError:  # where it is at 97e899e
         from pdvol.runs.shot import load_shot
     for module in (pdvol, pdvol.forms, pdvol.meshes):
-        if not Path(str(module.__file__)).is_relative_to(folder):
-            print(f"ImportError: {module.__name__} is {module.__file__}, which is not of {folder}", file=sys.stderr)
+        if not Path(str(module.__file__)).is_relative_to(asked["code"]):
+            print(f"ImportError: {module.__name__} is {module.__file__}, not of {asked['code']}", file=sys.stderr)
             return 1
-    timer, code, taken = Timer(float(seconds)), 0, time_steps(folder, clock)
+    timer, taken = Timer(asked["limit"]), time_steps(asked["code"], asked["clock"])
+    outcome, reason = "done", ""
     try:
-        shot = load_shot(file, json.loads(settings), int(steps))
-        run_scene(shot, out, int(level), int(level), progress=lambda *_: timer)
+        shot = load_shot(asked["file"], asked["settings"], asked["steps"])
+        levels = asked["levels"] or (0, None)
+        run_scene(shot, asked["out"], *levels, progress=lambda *_: timer)
     except TimeUp:
-        pass
+        outcome = "time"
     except pdvol.PdvolError as error:
-        print(f"{type(error).__name__}: {error}", file=sys.stderr)
-        code = 1
-    Path(out).with_suffix(".json").write_text(json.dumps({"seconds": taken, "ticks": timer.ticks}))
-    return code
+        outcome, reason = type(error).__name__, str(error)
+        print(f"{outcome}: {reason}", file=sys.stderr)
+    noted = {"outcome": outcome, "reason": reason, "seconds": taken, "ticks": timer.ticks}
+    noted |= {"wall_seconds": time.perf_counter() - begin, "peak_memory_mb": peak_memory()}
+    if MPI.COMM_WORLD.rank == 0:
+        Path(asked["out"]).with_suffix(".json").write_text(json.dumps(noted))
+    return int(bool(reason))
 
 
 if __name__ == "__main__":

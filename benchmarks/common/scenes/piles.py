@@ -1,8 +1,8 @@
-"""Scenes of dense contact that only benchmarks.dense runs; a scene file.
+"""Scenes of dense contact; a scene file.
 
-    ./run pdvol run benchmarks/dense/scenes.py --set name=stack
+    ./run pdvol run benchmarks/common/scenes/piles.py --set name=stack
 
-SI units, y up, with the material, contact distance and tolerance of the peers' scenes (benchmarks/peers/scenes.py).
+SI units, y up, with the material, contact distance and tolerance of the peers' scenes (peers.py).
 
 Balls and animals have the meshes that 97e899e made of them (meshes.npz), so that all commits march the same ones.
 """
@@ -17,7 +17,6 @@ from pdvol import (
     Barrier,
     Body,
     Friction,
-    Gravity,
     NeoHookean,
     Placement,
     Plane,
@@ -29,10 +28,11 @@ from pdvol import (
 )
 from pdvol.meshes import Solid, ball, bowl, brick, cylinder
 
-sys.path.append(str(Path(__file__).resolve().parents[2]))  # as a scene file it is no part of a package
+sys.path.append(str(Path(__file__).resolve().parents[3]))  # as a scene file it is no part of a package
 
 from benchmarks.common.first_order import first_order
-from benchmarks.peers.scenes import BARRIER, DOWN, FLOOR, MATERIAL, SOLVER
+from benchmarks.common.scenes import DOWN, FLOOR, X_AXIS, Z_AXIS, named
+from benchmarks.common.scenes.peers import BARRIER, MATERIAL, SOLVER
 
 RUB = Friction(0.3, eps_v=1e-3)
 GAP = 9e-4
@@ -134,7 +134,7 @@ def jelly_bowl(steps: int = 60) -> Scene:
         bodies,
         dt=0.01,
         steps=steps,
-        loads=(Gravity((0.0, -9.81, 0.0)),),
+        loads=(DOWN,),
         obstacles=(Rigid(bowl(1.0, 0.6, 0.05), name="bowl"),),
         contact=(Barrier(dhat=length), Friction(0.05, eps_v=length)),
         solver=Solver(tolerance=length),
@@ -153,10 +153,8 @@ def rollers(gap: float = 0.12, turns: float = 0.8, cuts: int = 4, steps: int = 6
 
     def roller(side: int) -> Rigid:
         centre = (side * (radius + gap / 2), 0.0, 0.0)
-        turning = Rotation(side * 2.0 * np.pi * turns, centre, (0.0, 0.0, 1.0))
-        return Rigid(
-            cylinder(radius, 0.7, 48), Placement(centre, np.pi / 2, (1.0, 0.0, 0.0)), turning, name=f"roller {side}"
-        )
+        turning = Rotation(side * 2.0 * np.pi * turns, centre, Z_AXIS)
+        return Rigid(cylinder(radius, 0.7, 48), Placement(centre, np.pi / 2, X_AXIS), turning, name=f"roller {side}")
 
     return Scene(
         (block,),
@@ -183,9 +181,7 @@ SCENES = {
 
 def scene(name: str = "stack", **other) -> Scene:
     """One of `SCENES`, with what its function takes, by the model that earlier commits have, too."""
-    if name not in SCENES:
-        raise pdvol.InputError(f"there is no scene {name!r}; choose one of {', '.join(SCENES)}")
-    return first_order(SCENES[name](**other))
+    return first_order(named(SCENES, name, **other))
 
 
 if __name__ == "__main__":

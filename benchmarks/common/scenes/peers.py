@@ -1,7 +1,7 @@
 """The scenes that pdvol is measured on, each as the peers ran it (`shared/peers/README.md`); a scene file like any
 other.
 
-    ./run pdvol run benchmarks/peers/scenes.py --set name=twist_1k
+    ./run pdvol run benchmarks/common/scenes/peers.py --set name=twist_1k
 
 SI units, y up. Every scene: dt = 0.01 s, Neo-Hookean E = 2e5 Pa, nu = 0.4, 1000 kg/m^3, dhat = 1e-3 m, eps_v = 1e-3
 m/s, and a tolerance of 1e-3 m/s: Newton stops when its full step is nowhere faster, which is what STARK's step
@@ -14,19 +14,18 @@ from pathlib import Path
 import numpy as np
 
 import pdvol
-from pdvol import Barrier, Body, Friction, Gravity, NeoHookean, Plane, Rotation, Scene, Solid, Solver, Support
+from pdvol import Barrier, Body, Friction, NeoHookean, Rotation, Scene, Solid, Solver, Support
 from pdvol.meshes import brick
 
-sys.path.append(str(Path(__file__).resolve().parents[2]))  # as a scene file it is no part of a package
+sys.path.append(str(Path(__file__).resolve().parents[3]))  # as a scene file it is no part of a package
 
 from benchmarks.common.first_order import first_order
+from benchmarks.common.scenes import DOWN, FLOOR, ORIGIN, X_AXIS, named
 
-PEERS = Path(__file__).resolve().parents[3] / "shared" / "peers"
+PEERS = Path(__file__).resolve().parents[4] / "shared" / "peers"
 MATERIAL = NeoHookean(2e5, poisson=0.4, density=1000.0)
 BARRIER = Barrier(dhat=1e-3)
 SOLVER = Solver(tolerance=1e-3)
-DOWN = Gravity((0.0, -9.81, 0.0))
-FLOOR = Plane((0.0, 0.0, 0.0), (0.0, 1.0, 0.0), name="floor")
 SIDE = 1e-6
 """Metres within which a vertex belongs to an end face."""
 
@@ -85,10 +84,10 @@ def twist(levels: tuple[Solid, ...], speed: float, steps: int = 100) -> Scene:
     The scene has a barrier although nothing touches at 72 deg/s. The guarantee that nothing crosses is part of the
     cost, as it is for the peers.
     """
-    turn, axis, centre = np.radians(speed), (1.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+    turn = np.radians(speed)
     ends = (
-        Support(lambda X: X[:, 0] < -0.5 + SIDE, motion=Rotation(turn, centre, axis)),
-        Support(lambda X: X[:, 0] > 0.5 - SIDE, motion=Rotation(-turn, centre, axis)),
+        Support(lambda X: X[:, 0] < -0.5 + SIDE, motion=Rotation(turn, ORIGIN, X_AXIS)),
+        Support(lambda X: X[:, 0] > 0.5 - SIDE, motion=Rotation(-turn, ORIGIN, X_AXIS)),
     )
     return Scene(
         bodies=(Body(levels, MATERIAL),), supports=ends, contact=(BARRIER,), solver=SOLVER, dt=0.01, steps=steps
@@ -146,9 +145,7 @@ SCENES = {
 
 def scene(name: str = "drop_500", peers: str = str(PEERS)) -> Scene:
     """One of `SCENES`, by the model that the peers have; `peers` is the folder of the peers' meshes."""
-    if name not in SCENES:
-        raise pdvol.InputError(f"there is no scene {name!r}; choose one of {', '.join(SCENES)}")
-    return first_order(SCENES[name](Path(peers)))
+    return first_order(named(SCENES, name, Path(peers)))
 
 
 if __name__ == "__main__":

@@ -1,1 +1,0 @@
-"""Which defaults give the smaller error at equal CPU time."""
