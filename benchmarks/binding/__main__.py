@@ -21,7 +21,7 @@ from benchmarks.binding.figures import draw_locality, draw_snapping
 from benchmarks.common import process
 from benchmarks.common.commits import MissingObject, Repository
 from benchmarks.common.process import REPOSITORY, Mistake
-from benchmarks.common.tables import between, number, table
+from benchmarks.common.tables import Page, number, table
 from pdvol.geometry.level_mesh import LevelMesh
 from pdvol.levels.binding import Binding, bind
 from pdvol.levels.interpolants.biharmonic import biharmonic_columns
@@ -32,7 +32,6 @@ from pdvol.meshing.build import build_levels
 from pdvol.meshing.tetrahedralise import mean_ratio
 from pdvol.runs.scene_file import load_shot
 
-BEGIN, END = "<!-- benchmarks.binding: tables -->", "<!-- benchmarks.binding: end -->"
 POOR = 0.1
 """Mean ratio, without a unit, below which a cell counts as poor: half of the worst cell that most levels have."""
 SMALL = 1e-3
@@ -86,7 +85,7 @@ def main(words: list[str] | None = None) -> int:
     parser.add_argument("--docs", type=Path, default=REPOSITORY / "docs" / "binding.md", help="where tables are kept")
     options = parser.parse_args(words)
     try:
-        before, after = between(options.docs, BEGIN, END)
+        page = Page(options.docs, "binding")
     except (Mistake, OSError) as error:
         print(f"benchmarks.binding: {error}", file=sys.stderr)
         return 2
@@ -106,7 +105,7 @@ def main(words: list[str] | None = None) -> int:
         f"### Locality\n\n{table(LOCALITY_HEAD, local)}"
     )
     print(report)
-    options.docs.write_text(f"{before}{BEGIN}\n{report}\n{END}{after}")
+    page.write(report)
     return 0
 
 

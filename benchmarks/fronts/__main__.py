@@ -15,13 +15,11 @@ from pathlib import Path
 
 from benchmarks.common import process
 from benchmarks.common.process import REPOSITORY
-from benchmarks.common.tables import number, table
+from benchmarks.common.tables import Page, number, table
 from pdvol.studio.study.conclusions import length, option_text
 from pdvol.studio.study.front import cheapest_within
 from pdvol.studio.study.page import front_image
 
-PAGE = Path(__file__).parent / "NOTES.md"
-BEGIN, END = "<!-- fronts: begin -->", "<!-- fronts: end -->"
 SCENES: dict[str, tuple[str, tuple[str, ...]]] = {
     "spike": ("demos/ball_on_spike.py", ()),
     "drop": ("demos/drop.py", ()),
@@ -72,8 +70,7 @@ def main(words: Sequence[str] | None = None) -> int:
     text = fronts_table(studies)
     print(text)
     if options.write:
-        page = PAGE.read_text()
-        PAGE.write_text(f"{page.partition(BEGIN)[0]}{BEGIN}\n{text}\n{END}{page.partition(END)[2]}")
+        Page(Path(__file__).with_name("NOTES.md"), "fronts", "table").write(text)
         for name, study in studies.items():
             if study["points"]:
                 front_image(REPOSITORY / "docs" / "pictures" / f"front_{name}.png", study)

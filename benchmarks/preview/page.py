@@ -15,8 +15,8 @@ from PIL import Image, ImageDraw
 
 import pdvol
 from benchmarks.common.process import REPOSITORY
-from benchmarks.common.tables import between, table
-from benchmarks.preview.shots import DT, KINDS, SHOTS, TRUE_DT, rises, stored
+from benchmarks.common.tables import Page, table
+from benchmarks.preview.shots import DT, FINEST, KINDS, STEPS, TRUE_DT, rises, stored
 from benchmarks.time_order.__main__ import cantilever, grid
 from demos.gallery.film import FRAMES_PER_SECOND
 from pdvol.geometry.level_mesh import boundary_facets
@@ -27,8 +27,7 @@ from pdvol.studio.draw.layout import BACKGROUND, CELL_GAP, FAINT_INK, INK, font
 from pdvol.studio.draw.renderer import Renderer
 from pdvol.studio.shown import PALETTE
 
-PAGE, PICTURES = REPOSITORY / "docs" / "how_right.md", REPOSITORY / "docs" / "pictures"
-BEGIN, END = "<!-- benchmarks.preview: table -->", "<!-- benchmarks.preview: end -->"
+DOCS, PICTURES = REPOSITORY / "docs" / "how_right.md", REPOSITORY / "docs" / "pictures"
 BAR_SECONDS, BAR_YOUNG = 3.0, 1e6
 """How long the bar swings [s], about a second a swing; and its stiffness [Pa]."""
 BAR_CUTS = ((10, 2), (20, 4), (40, 8))
@@ -42,19 +41,18 @@ TRUTH_INK = "#3b3f46"
 
 def write(out: Path) -> None:
     """Writes everything; runs of the ape are kept in the folder `out`."""
-    before, after = between(PAGE, BEGIN, END)
+    page = Page(DOCS, "preview", "table")
     bars, true_bar = bar_states()
-    apes = {kind: stored(out, "ape", **settings) for kind, settings in KINDS.items()}
-    finest = SHOTS["ape"].finest
-    true_ape = stored(out, "ape", "direct", (finest, finest), **KINDS["BDF2, smoothed"], dt=TRUE_DT)
+    apes = {kind: stored(out, **settings) for kind, settings in KINDS.items()}
+    true_ape = stored(out, "direct", FINEST, **KINDS["BDF2, smoothed"], dt=TRUE_DT)
     film_of_bars(PICTURES / "how_right_bar.webp", bars, true_bar)
     film_of_apes(PICTURES / "how_right_ape.webp", apes, true_ape)
-    truth = rises(true_ape, finest)[:: round(DT / TRUE_DT), 0]
-    heights = {kind: {level: rises(run, level)[:, 0] for level in range(finest + 1)} for kind, run in apes.items()}
+    truth = rises(true_ape, FINEST)[:: round(DT / TRUE_DT)]
+    heights = {kind: {level: rises(run, level) for level in range(FINEST + 1)} for kind, run in apes.items()}
     curves(PICTURES / "how_right_bar.png", "height of the tip [m]", tips(bars), tip(true_bar))
     curves(PICTURES / "how_right_ape.png", "rise of the centre [m]", heights, truth)
     text = f"{bar_table(bars, true_bar)}\n\n{ape_table(heights, truth)}"
-    PAGE.write_text(f"{before}{BEGIN}\n{text}\n{END}{after}")
+    page.write(text)
     print(text)
 
 
@@ -169,7 +167,7 @@ def ape_table(heights: Mapping[str, Mapping[int, np.ndarray]], truth: np.ndarray
 
 def film_of_apes(out: Path, apes: Mapping[str, Run], true: Run) -> None:
     """A column a kind, a row a level, and the truth in the last column."""
-    steps = range(SHOTS["ape"].steps + 1)
+    steps = range(STEPS + 1)
     every = round(DT / TRUE_DT)
     highest = [step * every for step in steps]  # the truth comes highest: all fits into its picture
     camera = cameras_of_run(true, [true.levels[-1]], highest, (), aspect=CELL[0] / CELL[1])[0]

@@ -1,6 +1,6 @@
 """Implicit Euler and BDF2: their order in the time step, what is left of a swing, and how far shots are from the truth.
 
-    ./run python -m benchmarks.time_order [--parts order,swings,shots,levels,ball] [--out runs/time_order]
+    ./run python -m benchmarks.time_order [--parts order,swings,shots,levels] [--out runs/time_order]
 
 Distances are root mean squares over the vertices. The truth of a level is BDF2 at a tenth of the shots' time step.
 Written to the folder: time_order.md.
@@ -8,7 +8,7 @@ Written to the folder: time_order.md.
 
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -238,68 +238,11 @@ def levels() -> str:
     )
 
 
-def rolling() -> str:
-    """A soft ball that lies on the ground is kicked, or rolls: its gap and its energy after a second."""
-    rows = []
-    radius, gap, dhat = 0.25, 1.5e-3, 2e-3
-    angles = 2.0 * np.pi * np.arange(32) / 32
-    circle = radius * np.column_stack([np.cos(angles), np.sin(angles)])
-    body = Body(meshes.polygon(circle), NeoHookean(1e5, 0.3, 1000.0), (120,), "ball")
-    floor, contact = Plane((0.0, -radius - gap), (0.0, 1.0)), (Barrier(dhat=dhat), Friction(0.5, eps_v=1e-3))
-    still = first_order(Scene((body,), obstacles=(floor,), loads=(G,), contact=contact[:1], dt=0.05, steps=300))
-    damped = replace(body, material=replace(body.material, damping=0.2))
-    *_, last = pdvol.march(replace(still, bodies=(damped,)))
-    lies, mesh = last.positions, last.model.mesh
-    for label in ("kicked by 2 cm/s", "rolls with 1 m/s"):
-        for name, dt in (("implicit_euler", DT), ("bdf2", DT), ("bdf2", TRUTH)):
-            scene = replace(still, contact=contact, dt=dt, steps=round(1.0 / dt), integrator=name)
-            rows.append([label, NAMES[name], f"{dt:g}", *_rolled(scene, mesh, lies, label.startswith("rolls"))])
-    head = [
-        "ball",
-        "integrator",
-        "dt [s]",
-        "gaps [mm]",
-        "gap turns round, steps in a row",
-        "energy after 0.1, 0.5, 1 s [J]",
-    ]
-    return table([*head, "speed of centre, of rolling [m/s]", "Newton"], rows)
-
-
-def _rolled(scene: Scene, mesh: LevelMesh, lies: np.ndarray, rolls: bool) -> Iterator[str]:
-    obstacles = pdvol.levels.obstacles.placed_obstacles(scene.obstacles)
-    model = level_model(scene, mesh, 0, 1.0, obstacles)
-    stepper = Stepper(model, LevelSpace(mesh, MPI.COMM_SELF))
-    m = stepper.space.to_input(stepper.potential.mass)[:, 0]
-    arms = lies - m @ lies / m.sum()
-    velocity = (
-        np.column_stack([1.0 + arms[:, 1] / 0.25, -arms[:, 0] / 0.25]) if rolls else np.tile([0, -0.02], (len(m), 1))
-    )
-    at_rest = Positions(stepper.space, stepper.space.from_input(lies))
-    stepper.potential.begin_step(at_rest, at_rest.owned, scene.dt**2, 0.0, scene.dt)
-    stored = lambda energy: sum(energy[kind] for kind in ("elastic", "load", "barrier"))
-    lowest, gaps, energies, newton = stored(stepper.potential.energies(at_rest)), [], [], 0
-    for report in direct(stepper, Start.at_rest(lies, velocity), scene.steps):
-        gaps.append(1e3 * (report.min_gap or np.nan))
-        energies.append(0.5 * m @ np.sum(report.velocity**2, axis=1) + stored(report.energy) - lowest)
-        newton += report.newton_iterations
-    changes = np.diff(gaps)
-    turns = changes[1:] * changes[:-1] < -((1e-3 * np.mean(gaps)) ** 2)
-    row = max(len(run) for run in "".join("x" if turn else " " for turn in turns).split(" "))
-    arms, v = report.positions - m @ report.positions / m.sum(), report.velocity
-    spin = m @ (arms[:, 1] * v[:, 0] - arms[:, 0] * v[:, 1]) / (m @ np.sum(arms**2, axis=1))
-    yield f"{min(gaps):.3f} to {max(gaps):.3f}"
-    yield str(row)
-    yield ", ".join(number(energies[round(t / scene.dt) - 1]) for t in (0.1, 0.5, 1.0))
-    yield f"{m @ v[:, 0] / m.sum():.3f}, {0.25 * spin:.3f}"
-    yield str(newton)
-
-
 PARTS: dict[str, Callable[[], str]] = {
     "order": orders,
     "swings": swings,
     "shots": shots,
     "levels": levels,
-    "ball": rolling,
 }
 
 

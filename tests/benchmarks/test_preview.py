@@ -1,27 +1,9 @@
-"""The study of previews: its measures on a short run and on motions made by hand, its page, and its command line."""
+"""The study of previews: its measures on motions made by hand, and its page."""
 
 import numpy as np
-import pytest
 
-from benchmarks.preview import __main__ as study
 from benchmarks.preview import page, shots
 from benchmarks.time_order.__main__ import grid
-from pdvol.runs.run_metrics import motion_from_level_0
-
-
-def test_distances_and_drift_are_those_of_the_metrics(tmp_path, monkeypatch):
-    """Of a short shot: zero at the start, and at the end what `pdvol.runs.run_metrics` says."""
-    monkeypatch.setitem(shots.SHOTS, "spike", shots.Shot("ball_on_spike", 1, 30))
-    run = shots.stored(tmp_path, "spike", **shots.DEFAULTS["new"])
-    assert [level.steps for level in run.levels] == [31, 31]
-    distance, drift = shots.from_level_0(run)[1], shots.drifts(run)[1]
-    (at_end,) = motion_from_level_0(run)[1:]
-    np.testing.assert_allclose([distance[0], *drift[0]], 0.0, atol=1e-6)
-    assert distance[-1] == pytest.approx(at_end["distance"]) and distance[-1] > 1e-4
-    assert drift[-1] == pytest.approx([at_end["centre_drift"], at_end["angle_drift"]])
-    np.testing.assert_array_equal(shots.from_level_0(run, "ball")[1], distance)
-    settings = run.info["parameters"]
-    assert settings == {"integrator": "bdf2", "elements": "smoothed", "feedback": 0.05}
 
 
 def test_the_bar_and_its_truth_share_their_vertices():
@@ -38,17 +20,8 @@ def test_the_bar_and_its_truth_share_their_vertices():
 
 
 def test_the_page_has_what_the_command_makes():
-    text = page.PAGE.read_text()
-    before, after = page.between(page.PAGE, page.BEGIN, page.END)
-    made = text[len(before) + len(page.BEGIN) : len(text) - len(after) - len(page.END)]
+    text, made = page.DOCS.read_text(), page.Page(page.DOCS, "preview", "table").text
     assert made.count("\n| level") == 14 and all(kind in made for kind in shots.KINDS)
     for name in ("how_right_bar", "how_right_ape"):
         for ending in ("webp", "png"):
             assert f"pictures/{name}.{ending}" in text and (page.PICTURES / f"{name}.{ending}").stat().st_size < 6e6
-
-
-def test_bad_words_are_refused(capsys):
-    assert study.main(["ape,speed"]) == 2
-    assert capsys.readouterr().err == (
-        "benchmarks.preview: there is no part 'speed'; there are ape, noodles, distances, drift\n"
-    )

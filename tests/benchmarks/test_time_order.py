@@ -29,5 +29,5 @@ def test_swings_keep_what_their_formula_says():
 def test_bad_words_are_refused(capsys):
     assert study.main(["--parts", "order,speed"]) == 2
     assert capsys.readouterr().err == (
-        "benchmarks.time_order: there is no part 'speed'; there are order, swings, shots, levels, ball\n"
+        "benchmarks.time_order: there is no part 'speed'; there are order, swings, shots, levels\n"
     )
