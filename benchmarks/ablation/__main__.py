@@ -67,8 +67,8 @@ RULES: dict[str, Callable[[], AbstractContextManager]] = {
 def march(name: str, rule: str) -> tuple[int, int, float] | None:
     """Newton iterations, those of conjugate gradients, and CPU seconds of a row without a rule; None where it fails."""
     row, begin = KNOWN[name], time.process_time()
-    shot = load_shot(str(REPOSITORY / row.file), row.settings, SHORTER.get(name, row.steps))
     try:
+        shot = load_shot(str(REPOSITORY / row.file), row.settings, SHORTER.get(name, row.steps))
         with tempfile.TemporaryDirectory() as folder, RULES[rule]():
             run_scene(shot, Path(folder) / "run", 0, 0)
             log = list(open_run(Path(folder) / "run").levels[0].log)

@@ -4,10 +4,9 @@
 
 Cell size h and contact distance dhat shrink together at one contact radius; then the contact radius shrinks in
 proportion to the hemisphere, with h and dhat in proportion to it. The first shows discretisation errors, the second
-the error of Hertz's half-space on a finite body. Written to the folder: hertz.json, hertz.md, hertz.png.
+the error of Hertz's half-space on a finite body. Written to the folder: hertz.md, hertz.png.
 """
 
-import json
 import sys
 import time
 from collections.abc import Sequence
@@ -18,10 +17,10 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from mpi4py import MPI
 
-from benchmarks.common import process, trials
+from benchmarks.common import process
 from benchmarks.common.first_order import first_order
-from benchmarks.common.process import REPOSITORY, Mistake, machine
-from benchmarks.common.tables import table
+from benchmarks.common.process import REPOSITORY, Mistake
+from benchmarks.common.tables import number, table
 from pdvol.geometry.level_mesh import LevelMesh
 from pdvol.integrate.integrator import State
 from pdvol.integrate.stepper import Stepper
@@ -42,20 +41,9 @@ TRIM = 0.85
 DHAT = 0.6
 """Contact distance over the approach aimed at, times the cells."""
 FIGURES = ("radius", "approach", "offset", "pressure")
-HEAD = [
-    "a / R aimed at",
-    "cells",
-    "vertices",
-    "h / a",
-    "dhat / approach",
-    "force balance",
-    "radius",
-    "approach",
-    "approach less gap",
-    "pressure",
-    "Newton",
-    "time [s]",
-]
+"""In the order of HEAD."""
+HEAD = ["a / R aimed at", "cells", "vertices", "h / a", "dhat / approach", "force balance"]
+HEAD += ["contact radius", "approach", "approach less gap", "largest pressure", "Newton", "time [s]"]
 
 
 def hemisphere(cells: int, ratio: float) -> LevelMesh:
@@ -104,11 +92,11 @@ def press(cells: int, ratio: float, dhat_share: float) -> dict:
     model = level_model(scene, mesh, 0, RADIUS, placed_obstacles(scene.obstacles, ()), None)
     stepper = Stepper(model, LevelSpace(mesh, MPI.COMM_WORLD))
     state, newton = State(mesh.points, np.zeros_like(mesh.points)), 0
-    for number in range(1, STEPS + 1):
-        report = stepper.step(number, (state,))
+    for step in range(1, STEPS + 1):
+        report = stepper.step(step, (state,))
         state, newton = State(report.positions, np.zeros_like(mesh.points)), newton + report.newton_iterations
         if report.reached < 1.0:
-            raise Mistake(f"contact stopped the press at step {number}")
+            raise Mistake(f"contact stopped the press at step {step}")
     steep = _steepness(ratio)
     return {
         "cells": cells,
@@ -211,35 +199,22 @@ def draw(path: Path, rows: list[dict], ends: list[dict]) -> None:
 
 
 def tabled(rows: list[dict], ends: list[dict]) -> str:
-    """The tables."""
-    number = trials.number
+    """The tables of all presses, and of their limits with orders."""
     measured = [
-        [
-            f"{row['ratio']:g}",
-            str(row["cells"]),
-            str(row["vertices"]),
-            number(row["h"]),
-            number(row["dhat"]),
-            f"{row['balance']:.6f}",
-            *(f"{row[key]:.4f}" for key in FIGURES),
-            str(row["newton"]),
-            f"{row['seconds']:.1f}",
-        ]
+        [f"{row['ratio']:g}", str(row["cells"]), f"{row['vertices']:,}", number(row["h"], 2), number(row["dhat"], 2)]
+        + [f"{row['balance']:.6f}", *(f"{row[key]:.4f}" for key in FIGURES)]
+        + [str(row["newton"]), f"{row['seconds']:.1f}"]
         for row in rows
     ]
     lines = [
         [
             f"{end['ratio']:g}",
             f"{end['a'] / RADIUS:.4f}",
-            *(f"{end[key][1]:.4f} ({trials.number(end[key][0], 3)})" for key in FIGURES),
+            *(f"{end[key][1]:.4f} ({end[key][0]:.3g})" for key in FIGURES),
         ]
         for end in ends
     ]
-    head = [
-        "a / R aimed at",
-        "a / R",
-        *(f"{name}, limit (order)" for name in ("radius", "approach", "less gap", "pressure")),
-    ]
+    head = ["a / R aimed at", "a / R", *(f"{name}, limit (order)" for name in HEAD[6:10])]
     return "\n\n".join([table(HEAD, measured), table(head, lines)])
 
 
@@ -265,8 +240,6 @@ def main(words: list[str] | None = None) -> int:
             rows.append(press(n, ratio, DHAT / n))
             print({key: round(float(value), 4) for key, value in rows[-1].items()}, file=sys.stderr, flush=True)
     ends = limits(rows)
-    result = {"machine": machine(), "rows": rows, "limits": ends}
-    (options.out / "hertz.json").write_text(json.dumps(result, indent=1) + "\n")
     text = tabled(rows, ends)
     (options.out / "hertz.md").write_text(text + "\n")
     if ends:

@@ -94,13 +94,11 @@ def test_dense_in_turn_and_what_is_kept(tiny, monkeypatch, tmp_path, capsys):
     """The old code is this one here."""
     repository = types.SimpleNamespace(head=lambda: "f" * 40, full=lambda start: "0" * 40)
     monkeypatch.setattr(commits, "Repository", lambda folder: repository)
-    monkeypatch.setattr(march, "RUNS", 1)
     monkeypatch.setattr(march.in_turn, "__defaults__", (1,))
-    monkeypatch.setattr(dense.Baseline, "code", lambda self: REPOSITORY)
+    monkeypatch.setattr(dense, "code_of", lambda *words: REPOSITORY)
     page, out = tmp_path / "page.md", tmp_path / "out"
     page.write_text(page_of("dense"))
-    words = ["--scenes", "tiny", "--cache", str(tmp_path / "cache"), "--out", str(out), "--docs", str(page)]
-    assert dense.main(words) == 0
+    assert dense.main(["--scenes", "tiny", "--out", str(out), "--docs", str(page)]) == 0
     kept = json.loads((out / "dense.json").read_text())["rows"]["tiny"]
     (old,), (new,) = kept["old"], kept["new"]
     assert len(new["seconds"]) == 2 and new["newton"] == old["newton"] and new["vertices"] == 16 and new["tick"] > 0.0
@@ -108,12 +106,6 @@ def test_dense_in_turn_and_what_is_kept(tiny, monkeypatch, tmp_path, capsys):
     text = page.read_text()
     assert text.startswith("# Title\n\n<!--") and text.endswith("-->\nafter\n") and "\nold\n" not in text
     assert "| two cubes | 16 | 2 (1) |" in text and capsys.readouterr().out.strip() in text
-    # The second time the old code is not run, but its records are kept.
-    marched = []
-    whole = march.march
-    monkeypatch.setattr(march, "march", lambda *words: marched.append(words[1].name) or whole(*words))
-    assert dense.main(words) == 0 and marched == ["new"]
-    assert json.loads((out / "dense.json").read_text())["rows"]["tiny"]["old"] == [old]
 
 
 def test_ranks_in_turn(tiny, capsys):
@@ -272,7 +264,7 @@ def test_a_scene_that_stark_cannot_be_given_is_refused(change, tmp_path):
 )
 def test_a_mistake_is_one_line(study, more, said, tiny, words, tmp_path, capsys):
     name = study.__name__.split(".")[1]
-    own = {"stark": words, "dense": ["--out", str(tmp_path), "--cache", str(tmp_path)]}.get(name, [])
+    own = {"stark": words, "dense": ["--out", str(tmp_path)]}.get(name, [])
     code = study.main([*own, *more])
     shown = capsys.readouterr()
     assert code == 2 and shown.err.startswith(f"benchmarks.{name}: ") and shown.err.count("\n") == 1 and not shown.out
