@@ -140,7 +140,6 @@ FORMATS = Registry(
     "format",
     {
         "xdmf": Entry("pdvol.studio.export.xdmf:export"),
-        "vtkhdf": Entry("pdvol.studio.export.vtkhdf:export"),
         "obj": Entry("pdvol.studio.export.obj:export"),
         "usd": Entry("pdvol.studio.export.usd:export"),
         "pc2": Entry("pdvol.studio.export.pc2:export"),
@@ -188,7 +187,7 @@ COMMANDS = Registry(
         ),
         "export": Entry(
             "pdvol.commands.export",
-            "write a run's levels for ParaView (xdmf, vtkhdf) or animation software (usd, obj)",
+            "write a run's levels for ParaView (xdmf) or animation software (usd, pc2, alembic, obj)",
         ),
         "study": Entry(
             "pdvol.commands.study", "speed against accuracy: run a scene with many settings and compare them"

@@ -1,6 +1,6 @@
 """Fields of a stored run beside its states: of each step, on vertices and cells in the input's order; densities."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -99,10 +99,6 @@ class Series:
         more = self._more(step)
         points = {"displacement": self.displacement(step), "velocity": in_3d(self.level.velocities(step))}
         return StepFields({**points, **{name: in_3d(values) for name, values in more.points.items()}}, more.cells)
-
-    def __iter__(self) -> Iterator[tuple[int, float, StepFields]]:
-        for step in range(self.steps):
-            yield step, step * self.dt, self.fields(step)
 
 
 def in_3d(vectors: np.ndarray) -> np.ndarray:

@@ -120,7 +120,7 @@ def test_a_format_of_another_package(whole, tmp_path):
     words = ["export", whole, "--format", "count", "-o", tmp_path / "out"]
     assert pdvol(tmp_path, *words) == (0, f"{tmp_path / 'out' / 'states.txt'}\n", "")
     assert (tmp_path / "out" / "states.txt").read_text() == "11 11"
-    assert "{xdmf,vtkhdf,obj,usd,pc2,alembic,count}" in pdvol(tmp_path, "export", "--help")[1]
+    assert "{xdmf,obj,usd,pc2,alembic,count}" in pdvol(tmp_path, "export", "--help")[1]
 
 
 STEPS = """

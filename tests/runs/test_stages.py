@@ -275,7 +275,7 @@ def all_stages(monkeypatch):
     monkeypatch.setattr(stage_lines, "SHOWN_SECONDS", 0.0)
 
 
-@pytest.mark.parametrize("format_name", ["xdmf", "vtkhdf", "obj", "pc2"])
+@pytest.mark.parametrize("format_name", ["xdmf", "obj", "pc2"])
 def test_export_says_level_and_step_and_prints_what_it_printed(flat_run, tmp_path, capsys, all_stages, format_name):
     def printed():
         assert cli.run(["export", str(flat_run), "--format", format_name, "-o", str(tmp_path / "out")]) == 0

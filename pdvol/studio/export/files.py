@@ -7,8 +7,9 @@ stands for the values that belong to the export.
 import errno
 import os
 import shutil
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -32,23 +33,26 @@ def failure_reason(error: Exception) -> str:
 
 
 @contextmanager
-def written_aside(path: Path, size: int) -> Iterator[Path]:
+def written_aside(
+    path: Path, size: int, ending: str = "", taken: Callable[[Path], object] = lambda aside: False
+) -> Iterator[Path]:
     """The name under which a file of at most `size` bytes is written. It gets the name `path` once it is whole; nothing
-    is left of it where that fails.
+    is left of it where that fails. The name ends in `ending`, and is none of those that are `taken`.
 
     Raises
     ------
     SimulationError
         The disk cannot be written.
     """
-    aside = path.with_name(f".{path.name}{TEMPORARY}")
+    asides = (path.with_name(f".{path.name}{number or ''}{TEMPORARY}{ending}") for number in count())
+    aside = next(place for place in asides if not taken(place))
     require_room(aside, size)
     try:
         yield aside
         with open(aside, "rb") as file:
             os.fsync(file.fileno())
         os.replace(aside, path)
-    except (OSError, RuntimeError) as error:  # HDF5 raises either for a full disk
+    except (OSError, RuntimeError) as error:  # libraries raise either for a full disk
         raise SimulationError(f"cannot write {path}: {failure_reason(error)}") from error
     finally:
         aside.unlink(missing_ok=True)
@@ -88,15 +92,14 @@ def copy_texture(part: Part, folder: Path) -> str:
     return f"{folder.name}/{file.name}"
 
 
-def write_paraview_script(run: Run, levels: Sequence[int], out: Path, ending: str) -> Path:
-    """Write `out/open_in_paraview.py` for the files `level_<l>ENDING`; the finest level is shown, others are hidden."""
+def write_paraview_script(run: Run, levels: Sequence[int], out: Path) -> Path:
+    """Write `out/open_in_paraview.py` for the files `level_<l>.xdmf`; the finest level is shown, others are hidden."""
     names = [str(name) for name in run.info.get("bodies", [])]
     colours = [tuple(round(part, 4) for part in srgb_colour(PALETTE[i % len(PALETTE)])) for i in range(len(names))]
     up = upward_in_3d(run)
     return write_script(
         out,
         "open_in_paraview",
-        ENDING=ending,
         LEVELS=sorted(levels),
         BODIES=names,
         COLOURS=colours,

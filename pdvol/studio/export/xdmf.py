@@ -25,7 +25,7 @@ _NUMBER_TYPES = {"f": "Float", "i": "Int", "u": "UInt"}
 def export(run: Run, levels: Sequence[int], out: Path, fields: LevelFields) -> list[Path]:
     """Write `out/level_<l>.xdmf`, its `.h5` file, and `out/open_in_paraview.py`. See `pdvol.studio.export`."""
     written = [write_xdmf(run, level, out / f"level_{level}.xdmf", fields(level)) for level in levels]
-    return [*written, write_paraview_script(run, levels, out, ".xdmf")]
+    return [*written, write_paraview_script(run, levels, out)]
 
 
 def write_xdmf(run: Run, level: int, path: str | Path, more: Fields = nothing_more) -> Path:

@@ -19,7 +19,7 @@ def run_script(script, window: str, monkeypatch) -> None:
 
     modules = {name: ModuleType(name) for name in ("paraview", "paraview.simple", "vtkmodules.vtkRenderingCore")}
     modules["paraview"].simple = modules["paraview.simple"]
-    modules["paraview.simple"].GetParaViewVersion = draw
+    modules["paraview.simple"].GetActiveViewOrCreate = draw
     modules["vtkmodules.vtkRenderingCore"].vtkRenderWindow = type(window, (), {})
     for name, module in modules.items():
         monkeypatch.setitem(sys.modules, name, module)

@@ -1,4 +1,4 @@
-"""Forces and stresses in exports, by hand; VTKHDF and OBJ read back as the programs that want them do; names that
+"""Forces and stresses in exports, by hand; XDMF and OBJ read back as the programs that want them do; names that
 would lead elsewhere.
 """
 
@@ -11,12 +11,10 @@ import h5py
 import meshio
 import numpy as np
 import pytest
-import pyvista as pv
 
 import runs
 import shapes
 from pdvol import Body, FixedCorotational, NeoHookean, Scene, StVenantKirchhoff, open_run
-from pdvol.errors import InputError
 from pdvol.geometry.level_mesh import vertex_strain
 from pdvol.runs.runner import run_scene
 from pdvol.runs.scene_file import load_shot
@@ -24,7 +22,6 @@ from pdvol.runs.stored_fields import SceneFields
 from pdvol.store.series import StepFields
 from pdvol.store.writer import RunWriter
 from pdvol.studio.export.exports import export_run
-from pdvol.studio.export.vtkhdf import write_vtkhdf
 from pdvol.studio.export.xdmf import write_xdmf
 
 YOUNG, POISSON, DENSITY, GRAVITY, DT = 2e5, 0.3, 1000.0, 9.81, 0.02
@@ -142,77 +139,17 @@ def test_usd_has_forces_stresses_and_strains_on_request(resting, tmp_path):
     assert notes == ["without contact forces and stresses: its scene file /nowhere.py is gone"]
 
 
-def test_xdmf_and_vtkhdf_hold_the_same(resting, tmp_path):
-    expected = [tmp_path / "x" / name for name in ("level_0.xdmf", "open_in_paraview.py")]
-    assert export_run(resting, "xdmf", tmp_path / "x") == (expected, [])
-    names = ("level_0.vtkhdf", "level_0.hdf.series", "open_in_paraview.py")
-    assert export_run(resting, "vtkhdf", tmp_path / "v") == ([tmp_path / "v" / name for name in names], [])
-    level = open_run(resting).levels[0]
-    reader = pv.HDFReader(str(tmp_path / "v" / "level_0.vtkhdf"))
-    raw = reader.reader
-    raw.UpdateInformation()
-    assert raw.GetNumberOfSteps() == 41
-    with meshio.xdmf.TimeSeriesReader(tmp_path / "x" / "level_0.xdmf") as xdmf:
+def test_xdmf_holds_forces_and_stresses(resting, tmp_path):
+    expected = [tmp_path / name for name in ("level_0.xdmf", "open_in_paraview.py")]
+    assert export_run(resting, "xdmf", tmp_path) == (expected, [])
+    with meshio.xdmf.TimeSeriesReader(expected[0]) as xdmf:
         xdmf.read_points_cells()
-        for step in (0, 7, 40):
-            raw.SetStep(step)
-            raw.Update()
-            found = pv.wrap(raw.GetOutputDataObject(0))
-            _, points, cells = xdmf.read_data(step)
-            np.testing.assert_array_equal(found.points, level.rest)
-            np.testing.assert_array_equal(found.cells_dict[10], level.cells)
-            assert set(points) == {"displacement", "velocity", "contact_force"} and set(cells) == {
-                "von_mises",
-                "body",
-                "region",
-            }
-            for name, values in points.items():
-                np.testing.assert_array_equal(found.point_data[name], values)
-            for name, (values,) in cells.items():
-                np.testing.assert_array_equal(found.cell_data[name], values)
-            np.testing.assert_array_equal(points["displacement"], level.positions(step) - level.rest)
-
-
-def test_files_of_steps_hold_what_the_time_series_holds(resting, tmp_path):
-    """Version 1.0, for ParaView 5.11; moved to another folder together."""
-    export_run(resting, "vtkhdf", tmp_path / "first")
-    folder = (tmp_path / "first").rename(tmp_path / "second")
-    listed = json.loads((folder / "level_0.hdf.series").read_text())["files"]
-    level = open_run(resting).levels[0]
-    np.testing.assert_allclose([file["time"] for file in listed], np.arange(41) * 0.05, atol=1e-12)
-    with h5py.File(folder / "level_0.vtkhdf") as file:
-        assert tuple(file["VTKHDF"].attrs["Version"]) == (2, 0), "what ParaView 5.12 reads"
-        stress = file["VTKHDF/CellData/von_mises"][:].reshape(41, -1)
-    for step in (0, 7, 40):
-        path = folder / listed[step]["name"]
-        with h5py.File(path) as file:
-            assert tuple(file["VTKHDF"].attrs["Version"]) == (1, 0) and "Steps" not in file["VTKHDF"]
-        found = pv.HDFReader(str(path)).read()
-        np.testing.assert_array_equal(found.points, level.rest)
-        np.testing.assert_array_equal(found.cells_dict[10], level.cells)
-        assert set(found.point_data) == {"displacement", "velocity", "contact_force"}
-        np.testing.assert_array_equal(found["displacement"], level.positions(step) - level.rest)
-        np.testing.assert_array_equal(found["von_mises"], stress[step])
-        np.testing.assert_array_equal(found["body"], level.bodies)
-    size = sum(path.stat().st_size for path in (folder / "level_0_steps").iterdir())
-    assert size < 41 * 20_000, "no arrays are repeated"
-
-
-@pytest.mark.parametrize("kind", ["flat_run", "solid_run"])
-def test_vtkhdf_of_two_bodies_in_both_dimensions(kind, request, tmp_path):
-    run = open_run(request.getfixturevalue(kind))
-    level = run.levels[1]
-    reader = pv.HDFReader(str(write_vtkhdf(run, 1, tmp_path / "a.vtkhdf"))).reader
-    reader.UpdateInformation()
-    for step in range(level.steps):
-        reader.SetStep(step)
-        reader.Update()
-        found = pv.wrap(reader.GetOutputDataObject(0))
-        d = level.rest.shape[1]
-        np.testing.assert_array_equal(found.point_data["displacement"][:, :d], level.positions(step) - level.rest)
-        np.testing.assert_array_equal(found.cell_data["body"], level.bodies)
-    with pytest.raises(InputError, match="ends in .vtkhdf"):
-        write_vtkhdf(run, 1, tmp_path / "a.hdf")
+        _, points, cells = xdmf.read_data(40)
+    assert set(points) == {"displacement", "velocity", "contact_force"}
+    assert set(cells) == {"von_mises", "body", "region"}
+    with h5py.File(resting / "level_0.h5") as file:  # as the run itself left them
+        np.testing.assert_array_equal(points["contact_force"], file["steps/40/Node/contact_force"])
+        np.testing.assert_array_equal(cells["von_mises"][0], file["steps/40/Cell/von_mises"])
 
 
 @pytest.mark.parametrize("kind", ["flat_run", "solid_run"])
@@ -221,7 +158,7 @@ def test_obj_sequences(kind, request, tmp_path):
     export_run(run.path, "obj", tmp_path / "out")
     for level in run.levels:
         files = sorted((tmp_path / "out" / f"level_{level.index}").iterdir())
-        assert [f.name for f in files] == [f"{step:06d}.obj" for step in range(level.steps)]
+        assert [f.name for f in files] == [*(f"{step:06d}.obj" for step in range(level.steps)), "materials.mtl"]
         lines = files[2].read_text().splitlines()
         points = np.array([line.split()[1:] for line in lines if line.startswith("v ")], dtype=float)
         faces = np.array([line.split()[1:] for line in lines if line.startswith("f ")], dtype=int) - 1
@@ -242,7 +179,7 @@ def _others(root, own) -> set:
 def test_names_of_bodies_do_not_lead_outside_the_folder(resting, tmp_path):
     """A body is named ../../block. The export writes no file outside the requested folders."""
     before = _others(resting.parent.parent, tmp_path)
-    for kind in ("xdmf", "vtkhdf", "obj"):
+    for kind in ("xdmf", "obj"):
         export_run(resting, kind, tmp_path / kind)
     assert _others(resting.parent.parent, tmp_path) == before
     assert "o ______block" in (tmp_path / "obj" / "level_0" / "000000.obj").read_text().splitlines()
