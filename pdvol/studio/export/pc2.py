@@ -18,11 +18,11 @@ from pathlib import Path
 from pdvol.store.files import write_bytes
 from pdvol.store.reader import Run
 from pdvol.store.series import LevelFields, Series
-from pdvol.studio.export.files import copy_texture, made_folder, write_script, written_aside
+from pdvol.studio.export.files import write_script, written_aside
 from pdvol.studio.export.frames import FILM_RATE, Frame, even_frames, said
-from pdvol.studio.export.obj import object_lines
+from pdvol.studio.export.obj import face_lines, obj_text, write_materials
 from pdvol.studio.export.parts import RENDER, Part, body_parts, obstacle_parts
-from pdvol.studio.shown import CREASE_ANGLE, linear_colour, upward_in_3d
+from pdvol.studio.shown import CREASE_ANGLE, upward_in_3d
 
 PC2_START = struct.Struct("<12siiffi")  # the header of a PC2 file
 
@@ -58,26 +58,12 @@ def write_pc2(run: Run, level: int, folder: str | Path, fps: float = FILM_RATE, 
     folder, series = Path(folder), Series(run, level)
     frames = even_frames(series.steps, run.dt, fps)
     parts = [*body_parts(run, series.level, surface), *obstacle_parts(run, series.level)]
-    made_folder(folder)
-    write_bytes(folder / "materials.mtl", "".join(_material(part, folder) for part in parts).encode())
+    write_materials(parts, folder)
     for part in parts:
-        write_bytes(folder / f"{part.name}.obj", _mesh(part).encode())
+        write_bytes(folder / f"{part.name}.obj", obj_text(part.rest, face_lines([part])))
         if part.moves:
             _write_cache(folder / f"{part.name}.pc2", part, frames)
     return folder
-
-
-def _material(part: Part, folder: Path) -> str:
-    picture = copy_texture(part, folder / "textures") if part.render is not None else None
-    red, green, blue = (1.0, 1.0, 1.0) if picture else linear_colour(part.colour)
-    texture = f"map_Kd {picture}\n" if picture else ""
-    return f"newmtl {part.name}\nKd {red:.6f} {green:.6f} {blue:.6f}\nd {part.opacity:g}\n{texture}\n"
-
-
-def _mesh(part: Part) -> str:
-    lines = ["mtllib materials.mtl", *("v {!r} {!r} {!r}".format(*row) for row in part.rest.tolist())]
-    places = part.render.uv_corners if part.render is not None and len(part.render.uvs) else None
-    return "\n".join([*lines, f"usemtl {part.name}", object_lines(part, part.corners, places)])
 
 
 def _write_cache(path: Path, part: Part, frames: Sequence[Frame]) -> None:
