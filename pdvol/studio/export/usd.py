@@ -23,7 +23,7 @@ from pdvol.studio.export.frames import FILM_RATE, Frame, even_frames, points_and
 from pdvol.studio.export.normals import CornerNormals
 from pdvol.studio.export.parts import BOTH, RENDER, Part, body_parts, obstacle_parts
 from pdvol.studio.export.usd_file import UsdFile, usd_file
-from pdvol.studio.export.usd_primvars import add_normals, add_primvar, add_uvs, fields_adder
+from pdvol.studio.export.usd_primvars import add_normals, add_primvar, add_uvs, fields_adder, set_array
 from pdvol.studio.shown import linear_colour, upward_in_3d
 
 ROUGHNESS = 0.55  # of all materials, between 0 (a mirror) and 1: the soft highlights of pdvol's pictures
@@ -135,19 +135,12 @@ def _add_level(
 
 def _add_root(stage: Any, run: Run, rate: float, last: float) -> Any:
     """The prim of the run, with units, rate, last time code and direction upward."""
-    from pxr import UsdGeom
+    from pxr import Gf, UsdGeom
 
     root = UsdGeom.Xform.Define(stage, "/run")
     stage.SetDefaultPrim(root.GetPrim())
-    _set_units(stage, root, run, rate, last)
     for folder in ("bodies", "obstacles", "materials"):
         UsdGeom.Scope.Define(stage, f"/run/{folder}")
-    return root
-
-
-def _set_units(stage: Any, root: Any, run: Run, rate: float, last: float) -> None:
-    from pxr import Gf, UsdGeom
-
     UsdGeom.SetStageMetersPerUnit(stage, 1.0)
     stage.SetTimeCodesPerSecond(rate)
     stage.SetFramesPerSecond(rate)
@@ -159,6 +152,7 @@ def _set_units(stage: Any, root: Any, run: Run, rate: float, last: float) -> Non
     if axis == 0 or up[axis] < 0:  # USD knows y and z alone as directions upward
         turn = Gf.Rotation(Gf.Vec3d(*map(float, np.sign(up[axis]) * np.eye(3)[axis])), Gf.Vec3d(0, *_USD_UP[axis]))
         root.AddTransformOp().Set(Gf.Matrix4d(turn, Gf.Vec3d(0)))
+    return root
 
 
 _USD_UP = {0: (1, 0), 1: (1, 0), 2: (0, 1)}  # y and z of the upward direction, by the axis that the run's is nearest to
@@ -217,16 +211,9 @@ def _add_mesh(stage: Any, part: Part) -> Any:
 
 def _set_points(mesh: Any, points: np.ndarray, velocities: np.ndarray | None = None, code: float | None = None) -> int:
     """Points, velocities and extent at a time code, or for all times; the bytes of these samples."""
-    from pxr import Gf, Vt
-
-    when = [] if code is None else [code]
-    points = points.astype(np.float32)
-    mesh.CreatePointsAttr().Set(Vt.Vec3fArray.FromNumpy(points), *when)
-    ends = points.min(axis=0), points.max(axis=0)
-    mesh.CreateExtentAttr().Set([Gf.Vec3f(*map(float, end)) for end in ends], *when)
-    if velocities is not None:
-        mesh.CreateVelocitiesAttr().Set(Vt.Vec3fArray.FromNumpy(velocities.astype(np.float32)), *when)
-    return points.nbytes * (1 if velocities is None else 2)
+    size = set_array(mesh.CreatePointsAttr(), points, code)
+    set_array(mesh.CreateExtentAttr(), np.array([points.min(axis=0), points.max(axis=0)]), code)
+    return size if velocities is None else size + set_array(mesh.CreateVelocitiesAttr(), velocities, code)
 
 
 def _set_purposes(bodies: Sequence[tuple[Part, Any]]) -> None:

@@ -1,15 +1,11 @@
 """A USD file that is written piece by piece: what has been saved leaves the memory."""
 
-import os
 from collections.abc import Iterator
 from contextlib import contextmanager
-from itertools import count
 from pathlib import Path
 from typing import Any
 
-from pdvol.errors import SimulationError
-from pdvol.store.files import TEMPORARY
-from pdvol.studio.export.files import failure_reason
+from pdvol.studio.export.files import written_aside
 
 UNSAVED_BYTES = 16_000_000  # of samples that wait in memory: each save writes the list of all samples anew
 
@@ -47,23 +43,10 @@ def usd_file(path: Path) -> Iterator[UsdFile]:
     SimulationError
         When the disk cannot be written.
     """
-    from pxr import Sdf, Tf, Usd
+    from pxr import Sdf, Usd
 
     # USD refuses the name of a layer that an earlier error in this process still holds.
-    asides = (path.with_name(f".{path.stem}{TEMPORARY}{number or ''}.usdc") for number in count())
-    aside = next(place for place in asides if not Sdf.Layer.Find(str(place)))
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise SimulationError(f"cannot write {path}: {error.strerror}") from error
-    try:
+    with written_aside(path, 1, path.suffix, lambda aside: Sdf.Layer.Find(str(aside))) as aside:
         file = UsdFile(Usd.Stage.CreateNew(str(aside)))
         yield file
         file.save()
-        with open(aside, "rb") as written:
-            os.fsync(written.fileno())
-        os.replace(aside, path)
-    except (OSError, Tf.ErrorException) as error:
-        raise SimulationError(f"cannot write {path}: {failure_reason(error)}") from error
-    finally:
-        aside.unlink(missing_ok=True)
