@@ -14,6 +14,11 @@ from pdvol.errors import InputError
 MOST_TOKENS, MOST_NESTED = 2000, 40  # bounds on one expression
 _TOKEN = re.compile(r"\s*(?:(\d+\.?\d*(?:[eE][-+]?\d+)?|\.\d+(?:[eE][-+]?\d+)?)|([A-Za-z_]\w*)|([-+*/%^(),]))")
 _VARIABLES = ("x", "y", "z", "t")
+_OPERATORS: tuple[dict[str, Callable[[Any, Any], Any]], ...] = (
+    {"+": np.add, "-": np.subtract},
+    {"*": np.multiply, "/": np.divide, "%": np.fmod},
+    {"^": lambda a, b: np.power(np.asarray(a, dtype=float), b)},
+)
 _CONSTANTS = {"pi": np.pi, "e": np.e}
 _FUNCTIONS: dict[str, tuple[int, Callable[..., Any]]] = {
     **{name: (1, getattr(np, name)) for name in ("cos", "cosh", "exp", "floor", "ceil", "sin", "sinh", "sqrt")},
@@ -81,7 +86,7 @@ class _Parser:
         self._tokens, self._place, self._nested, self._variables = tokens, 0, 0, variables
 
     def whole(self) -> Any:
-        value = self._sum()
+        value = self._binary()
         if self._next:
             raise InputError(f"the expression is not understood at {self._next!r}")
         return value
@@ -97,27 +102,14 @@ class _Parser:
         self._place += 1
         return found
 
-    def _sum(self) -> Any:
-        value = self._product()
-        while self._next in ("+", "-"):
-            sign = self._take()
-            other = self._product()
-            value = value + other if sign == "+" else value - other
-        return value
-
-    def _product(self) -> Any:
-        value = self._powers()
-        while self._next in ("*", "/", "%"):
-            sign = self._take()
-            other = self._powers()
-            value = value * other if sign == "*" else np.divide(value, other) if sign == "/" else np.fmod(value, other)
-        return value
-
-    def _powers(self) -> Any:
-        value = self._signed()
-        while self._next == "^":
-            self._take()
-            value = np.power(np.asarray(value, dtype=float), self._signed())
+    def _binary(self, level: int = 0) -> Any:
+        """A chain of operators that bind as tightly as those of a row of `_OPERATORS`, from left to right."""
+        if level == len(_OPERATORS):
+            return self._signed()
+        value = self._binary(level + 1)
+        while self._next in _OPERATORS[level]:
+            operator = _OPERATORS[level][self._take()]
+            value = operator(value, self._binary(level + 1))
         return value
 
     def _signed(self) -> Any:
@@ -129,13 +121,7 @@ class _Parser:
     def _atom(self) -> Any:
         word = self._take()
         if word == "(":
-            self._nested += 1
-            if self._nested > MOST_NESTED:
-                raise InputError(f"the expression nests more than {MOST_NESTED} brackets")
-            value = self._sum()
-            self._take(")")
-            self._nested -= 1
-            return value
+            return self._within(1)[0]
         if word[0].isdigit() or word[0] == ".":
             return np.float64(word)
         if word in self._variables:
@@ -143,18 +129,20 @@ class _Parser:
         if word in _CONSTANTS:
             return _CONSTANTS[word]
         if word in _FUNCTIONS:
-            return self._call(word)
+            count, function = _FUNCTIONS[word]
+            self._take("(")
+            return function(*self._within(count))
         raise InputError(f"the expression has {word!r}, which is no variable or function that pdvol knows")
 
-    def _call(self, name: str) -> Any:
-        count, function = _FUNCTIONS[name]
-        values = []
+    def _within(self, count: int) -> list[Any]:
+        """The values between a bracket, which is taken, and the one that closes it."""
         self._nested += 1
         if self._nested > MOST_NESTED:
             raise InputError(f"the expression nests more than {MOST_NESTED} brackets")
-        for number in range(count):
-            self._take("," if number else "(")
-            values.append(self._sum())
+        values = [self._binary()]
+        for _ in range(count - 1):
+            self._take(",")
+            values.append(self._binary())
         self._take(")")
         self._nested -= 1
-        return function(*values)
+        return values
