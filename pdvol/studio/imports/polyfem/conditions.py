@@ -87,14 +87,9 @@ def components_of(owner: Section, key: str, dim: int) -> tuple[Expression, ...]:
 
 def _ids(entry: Section) -> set[int] | None:
     """The surface numbers of a condition; None for all."""
-    given = entry.get("id", "all")
-    if given == "all":
+    if entry.get("id", "all") == "all":
         return None
-    listed = given if isinstance(given, list) else [given]
-    if any(isinstance(n, bool) or not isinstance(n, int) for n in listed):
-        entry.refuse("id", "whole numbers or all are expected here")
-        return set()
-    return set(listed)
+    return set(entry.wholes("id", "all", "whole numbers or all are expected here"))
 
 
 def read_dirichlet(
@@ -108,8 +103,6 @@ def read_dirichlet(
         for entry in conditions.sections(key):
             ids, components = _ids(entry), components_of(entry, "value", dim)
             entry.only("dimension", ([True] * dim, [True, True, True]), "pdvol's supports hold all components")
-            entry.only("interpolation", ([],), "pdvol reads the value alone")
-            entry.only("time_reference", ([],), "pdvol reads values as expressions of t")
             entry.close()
             if not components:
                 continue
@@ -127,8 +120,6 @@ def read_dirichlet(
 def with_velocities(root: Section, bodies: list[Body | None], meshed: list[Meshed], dim: int) -> list[Body | None]:
     """The bodies with their initial velocities."""
     initial = root.section("initial_conditions")
-    for key in ("solution", "acceleration"):
-        initial.only(key, ([],), "pdvol starts at rest positions, with a velocity alone")
     for entry in initial.sections("velocity"):
         ids, components = _ids(entry), components_of(entry, "value", dim)
         entry.close()

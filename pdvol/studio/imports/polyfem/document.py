@@ -1,10 +1,13 @@
 """A PolyFEM scene as it is read: its JSON over that of its `common` file, and what of it has no counterpart."""
 
 import json
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
+
+import numpy as np
 
 from pdvol.errors import InputError, SeveralErrors
 
@@ -14,9 +17,44 @@ IGNORED = (
     "output", "tests", "root_path", "units.characteristic_length", "solver.linear", "solver.adjoint_linear",
     "solver.nonlinear", "solver.augmented_lagrangian", "solver.max_threads", "solver.contact.CCD",
     "solver.contact.friction_convergence_tol", "solver.contact.initial_barrier_stiffness",
-    "solver.contact.barrier_stiffness", "solver.advanced", "space.advanced", "authors", "preset",
+    "solver.contact.barrier_stiffness", "solver.advanced", "space.advanced", "contact.dhat_percentage", "authors",
+    "preset",
 )  # fmt: skip
 """Keys that say how PolyFEM solves or what it writes: they do not change what is simulated."""
+ACCEPTED: dict[str, tuple[tuple, str]] = {
+    "boundary_conditions.dirichlet_boundary.interpolation": (([],), "pdvol reads the value alone"),
+    "boundary_conditions.dirichlet_boundary.time_reference": (([],), "pdvol reads values as expressions of t"),
+    "boundary_conditions.obstacle_displacements.interpolation": (([],), "pdvol reads the value alone"),
+    "boundary_conditions.obstacle_displacements.time_reference": (([],), "pdvol reads values as expressions of t"),
+    "contact.collision_mesh": (({"enabled": False},), "pdvol's contact acts on the surfaces of the bodies"),
+    "contact.periodic": ((False,), "pdvol has no counterpart"),
+    "contact.use_adaptive_dhat": ((False,), "pdvol has no counterpart"),
+    "contact.use_convergent_formulation": ((False, True), "only true or false is understood here"),
+    "contact.use_gcp_formulation": ((False,), "pdvol has no counterpart"),
+    "geometry.advanced.force_linear_geometry": ((False,), "pdvol reads quadratic cells by their corners"),
+    "geometry.advanced.min_component": ((-1,), "pdvol has no counterpart"),
+    "geometry.advanced.refinement_location": ((0.5,), "pdvol halves edges"),
+    "geometry.curve_selection": (([],), "pdvol reads selections of surfaces and volumes"),
+    "geometry.point_selection": (([],), "pdvol reads selections of surfaces and volumes"),
+    "geometry.surface_selection.boundary_only": ((True,), "pdvol's supports begin at the boundary"),
+    "geometry.unit": (("", "m"), "pdvol's lengths are metres; give the mesh in metres"),
+    "geometry.volume_selection.boundary_only": ((True,), "pdvol's supports begin at the boundary"),
+    "initial_conditions.acceleration": (([],), "pdvol starts at rest positions, with a velocity alone"),
+    "initial_conditions.solution": (([],), "pdvol starts at rest positions, with a velocity alone"),
+    "materials.phi": ((0,), "pdvol's damping is of another kind"),
+    "materials.psi": ((0,), "pdvol's damping is of another kind"),
+    "solver.rayleigh_damping": (([],), "pdvol's damping is of another kind"),
+    "space.basis_type": (("Lagrange",), "pdvol's elements are Lagrangian"),
+    "space.discr_order": ((1,), "pdvol's elements are linear"),
+    "space.use_p_ref": ((False,), "pdvol's elements are linear"),
+    "time.quasistatic": ((False,), "pdvol always has inertia"),
+    "units.length": (("m",), "pdvol's unit is m"),
+    "units.mass": (("kg",), "pdvol's unit is kg"),
+    "units.time": (("s",), "pdvol's unit is s"),
+}
+"""Keys of which pdvol has these values alone, and the reason; numbers in lists are left out of their paths."""
+_WORDS = {bool: "true or false", int: "a whole number", float: "a number"}
+_Value = TypeVar("_Value", bool, int, float)
 
 
 @dataclass
@@ -49,7 +87,7 @@ class Reading:
 
 
 class Section:
-    """An object of the JSON. Keys that nobody asks for are refused at the end, unless `IGNORED` has them."""
+    """An object of the JSON. Keys that nobody asks for are refused at the end, unless a table above has them."""
 
     def __init__(self, reading: Reading, path: str, values: Any):
         self.reading, self.path = reading, path
@@ -73,29 +111,34 @@ class Section:
         value = self.values.get(key)
         return default if value is None else value
 
-    def number(self, key: str, default: float) -> float:
-        """A number."""
-        value = self.get(key, default)
-        if isinstance(value, bool) or not isinstance(value, (int, float)):
-            self.refuse(key, "only a number is understood here")
+    def plain(self, key: str, default: _Value) -> _Value:
+        """True or false, a whole number, or any number, as the default is."""
+        value, kind = self.get(key, default), type(default)
+        if not _is_a(value, kind):
+            self.refuse(key, f"only {_WORDS[kind]} is understood here")
             return default
-        return float(value)
+        return kind(value)
 
-    def whole(self, key: str, default: int) -> int:
-        """A whole number."""
+    def wholes(self, key: str, default: Any, lack: str = "whole numbers are expected here") -> list[int]:
+        """The whole numbers of a list; a single one may stand without its list."""
         value = self.get(key, default)
-        if isinstance(value, bool) or not isinstance(value, int):
-            self.refuse(key, "only a whole number is understood here")
-            return default
-        return value
+        listed = value if isinstance(value, list) else [value]
+        if not all(_is_a(number, int) for number in listed):
+            self.refuse(key, lack)
+            return []
+        return listed
 
-    def flag(self, key: str, default: bool) -> bool:
-        """True or false."""
-        value = self.get(key, default)
-        if not isinstance(value, bool):
-            self.refuse(key, "only true or false is understood here")
-            return default
-        return value
+    def array(self, key: str, shape: tuple[int, ...], lack: str = "") -> np.ndarray:
+        """Numbers in an array of this shape; zeros where there are no such ones."""
+        given: Any = self.get(key)
+        try:
+            found = np.asarray(given, dtype=float)
+        except (TypeError, ValueError):
+            found = np.zeros(0)
+        if found.shape != shape:
+            self.refuse(key, lack or f"{shape[0]} numbers are expected here")
+            return np.zeros(shape)
+        return found
 
     def only(self, key: str, accepted: tuple, lack: str) -> None:
         """Refuse any value but these (and none)."""
@@ -114,14 +157,24 @@ class Section:
         return [Section(self.reading, f"{self.at(key)}[{i}]", entry) for i, entry in enumerate(listed)]
 
     def close(self) -> None:
-        """Refuse the keys that nobody has read."""
+        """Look at the keys that nobody has read: refuse those that pdvol has no counterpart of, or not the value."""
         for key, value in self.values.items():
+            path = re.sub(r"\[\d+\]", "", self.at(key))
             if key in self._asked or value is None:
                 continue
-            if self.at(key) in IGNORED:
+            if path in IGNORED:
                 self.reading.ignored.append(self.at(key))
+            elif path in ACCEPTED:
+                self.only(key, *ACCEPTED[path])
+            elif any(known.startswith(f"{path}.") for known in ACCEPTED):
+                self.section(key).close()
             else:
                 self.refuse(key, "pdvol has no counterpart of this key")
+
+
+def _is_a(value: Any, kind: type) -> bool:
+    """Whether a value of the JSON is of a kind; whole numbers are numbers, and true and false are none."""
+    return isinstance(value, (int, float) if kind is float else kind) and isinstance(value, bool) == (kind is bool)
 
 
 def read_document(file: Path) -> Section:

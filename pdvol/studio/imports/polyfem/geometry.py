@@ -1,5 +1,6 @@
 """Meshes of a PolyFEM scene: read, normalised, transformed and refined in PolyFEM's order."""
 
+import math
 import re
 from dataclasses import dataclass
 from glob import glob
@@ -7,6 +8,7 @@ from itertools import product
 from pathlib import Path
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from pdvol.errors import InputError
 from pdvol.geometry.halved_cells import halved, oriented
@@ -14,13 +16,11 @@ from pdvol.geometry.level_mesh import boundary_facets, simplex_centres
 from pdvol.meshes import Solid, Surface
 from pdvol.meshing.readers import read_shape
 from pdvol.scene import PointCache
-from pdvol.scene.motions import rotation_matrix
 from pdvol.studio.imports.polyfem.document import Section
 from pdvol.studio.imports.polyfem.selections import UNSELECTED, Selection, numbers_at, read_selections
 
 MOST_REFINEMENTS = 6  # uniform refinements of a mesh: more are a typing error
 MOST_COPIES = 1000  # meshes of an array: more are a typing error
-_AXES = np.eye(3)
 
 
 @dataclass(frozen=True)
@@ -63,15 +63,9 @@ def read_bodies(entry: Section, folder: Path, name: str, levels: int) -> list[Me
     """A deformable mesh, or all of an array of it; none where something of it was refused."""
     shape, path = _shape(entry, folder, entry.get("mesh"), "mesh"), entry.at("mesh")
     advanced = entry.section("advanced")
-    normalise, refinements = advanced.flag("normalize_mesh", False), entry.whole("n_refs", 0)
-    advanced.only("refinement_location", (0.5,), "pdvol halves edges")
-    advanced.only("force_linear_geometry", (False,), "pdvol reads quadratic cells by their corners")
-    advanced.only("min_component", (-1,), "pdvol has no counterpart")
+    normalise, refinements = advanced.plain("normalize_mesh", False), entry.plain("n_refs", 0)
     advanced.close()
     entry.only("extract", ("volume",), "a deformable geometry must be a volume")
-    for key in ("point_selection", "curve_selection"):
-        if entry.get(key) not in (None, []):
-            entry.refuse(key, "pdvol reads selections of surfaces and volumes")
     if not 0 <= refinements <= MOST_REFINEMENTS:
         entry.refuse("n_refs", f"0 to {MOST_REFINEMENTS} uniform refinements are possible")
         refinements = 0
@@ -128,7 +122,7 @@ def read_sequence(entry: Section, folder: Path, start: float) -> PointCache | No
     """The motion of an obstacle that a mesh file per frame gives, with the shot's beginning at `start` [s] of its time;
     None where something of it was refused.
     """
-    given, fps = entry.get("mesh_sequence"), entry.number("fps", 0.0)
+    given, fps = entry.get("mesh_sequence"), entry.plain("fps", 0.0)
     if isinstance(given, str):
         files = [str(file) for file in (folder / given).iterdir()] if (folder / given).is_dir() else None
         files = [file for file in files or glob(str(folder / given), recursive=True) if Path(file).is_file()]
@@ -161,12 +155,11 @@ def _offsets(entry: Section, size: np.ndarray) -> list[np.ndarray]:
     if entry.get("type", "mesh") != "mesh_array":
         return [np.zeros(len(size))]
     array = entry.section("array")
-    counts, step = array.get("size", []), array.number("offset", 0.0)
-    relative = array.flag("relative", False)
+    lack = f"{len(size)} whole numbers are expected here, at most {MOST_COPIES} meshes in all"
+    counts, step, relative = array.wholes("size", [], lack), array.plain("offset", 0.0), array.plain("relative", False)
     array.close()
-    whole = isinstance(counts, list) and all(isinstance(n, int) and not isinstance(n, bool) and n >= 1 for n in counts)
-    if not whole or len(counts) != len(size) or np.prod(counts) > MOST_COPIES:
-        array.refuse("size", f"{len(size)} whole numbers are expected here, at most {MOST_COPIES} meshes in all")
+    if len(counts) != len(size) or min(counts) < 1 or np.prod(counts) > MOST_COPIES:
+        array.refuse("size", lack)
         return [np.zeros(len(size))]
     return [step * np.array(place) * (size if relative else 1.0) for place in product(*map(range, counts))]
 
@@ -191,7 +184,6 @@ def _surface(entry: Section, folder: Path, file: object, key: str) -> Surface | 
 
 def _shape(entry: Section, folder: Path, file: object, key: str) -> Solid | Surface | None:
     """What a mesh file has that a key of the geometry names."""
-    entry.only("unit", ("", "m"), "pdvol's lengths are metres; give the mesh in metres")
     if not isinstance(file, str):
         entry.refuse(key, "the path of a mesh file is expected here")
         return None
@@ -216,7 +208,7 @@ def _transformed(entry: Section, points: np.ndarray) -> np.ndarray:
     elif isinstance(given.get("scale"), list):
         scale = _filled(given, "scale", dim) if given.get("scale") else np.ones(dim)
     else:
-        scale = np.full(dim, given.number("scale", 1.0))
+        scale = np.full(dim, given.plain("scale", 1.0))
     moved = (points * scale) @ _rotation(given, dim).T + _filled(given, "translation", dim)
     given.close()
     return moved
@@ -237,23 +229,21 @@ def _rotation(given: Section, dim: int) -> np.ndarray:
     value, mode = given.get("rotation", []), str(given.get("rotation_mode", "xyz")).lower()
     if value == []:
         return np.eye(dim)
-    numbers = value if isinstance(value, list) else [value]
-    if any(isinstance(v, bool) or not isinstance(v, (int, float)) for v in numbers):
-        given.refuse("rotation", "numbers are expected here")
+    try:
+        r = np.array(value if isinstance(value, list) else [value], dtype=float)
+        if dim == 2:
+            turn = Rotation.from_euler("z", r.item(), degrees=True)
+        elif mode == "axis_angle":
+            angle, x, y, z = r
+            turn = Rotation.from_rotvec(angle * np.array([x, y, z]) / math.hypot(x, y, z), degrees=True)
+        elif mode == "rotation_vector":
+            turn = Rotation.from_rotvec(r, degrees=True)
+        elif len(r) == len(mode) == 1:
+            turn = Rotation.from_euler(mode, r, degrees=True)
+        else:
+            x, y, z = r
+            turn = Rotation.from_euler(mode, [{"x": x, "y": y, "z": z}[axis] for axis in mode], degrees=True)
+        return turn.as_matrix().reshape(3, 3)[:dim, :dim]
+    except (TypeError, ValueError, KeyError, ZeroDivisionError):
+        given.refuse("rotation", f"is not read with rotation_mode {mode!r} in {dim}D")
         return np.eye(dim)
-    r = np.array(numbers, dtype=float)
-    if dim == 2:
-        if len(r) == 1:
-            return rotation_matrix(float(np.deg2rad(r[0])), (0.0, 0.0, 1.0), 2)
-    elif mode == "axis_angle" and len(r) == 4 and r[1:].any():
-        return rotation_matrix(float(np.deg2rad(r[0])), r[1:], 3)
-    elif mode == "rotation_vector" and len(r) == 3:
-        return rotation_matrix(float(np.deg2rad(np.linalg.norm(r))), r, 3) if r.any() else np.eye(3)
-    elif mode and set(mode) <= set("xyz") and (len(r) == 3 or len(r) == len(mode) == 1):
-        angles = r if len(r) == 3 else _AXES["xyz".index(mode)] * r[0]
-        turned = np.eye(3)
-        for axis in map("xyz".index, mode):
-            turned = rotation_matrix(float(np.deg2rad(angles[axis])), _AXES[axis], 3) @ turned
-        return turned
-    given.refuse("rotation", f"is not read with rotation_mode {mode!r} in {dim}D")
-    return np.eye(dim)

@@ -65,12 +65,6 @@ def _line(line: str) -> None:
 
 def _scene(root: Section, levels: int) -> Scene:
     reading = root.reading
-    _check_units(root)
-    space = root.section("space")
-    space.only("discr_order", (1,), "pdvol's elements are linear")
-    space.only("basis_type", ("Lagrange",), "pdvol's elements are Lagrangian")
-    space.only("use_p_ref", (False,), "pdvol's elements are linear")
-    space.close()
     dt, steps, start, integrator = _time(root)
     conditions = root.section("boundary_conditions")
     meshed, obstacle_sections = _geometries(root, levels)
@@ -84,9 +78,8 @@ def _scene(root: Section, levels: int) -> Scene:
     conditions.close()
     solver = root.section("solver")
     contact = _contact(root.section("contact"), solver.section("contact"))
-    solver.only("rayleigh_damping", ([],), "pdvol's damping is of another kind")
     advanced = solver.section("advanced")
-    if not advanced.flag("lump_mass_matrix", False):
+    if not advanced.plain("lump_mass_matrix", False):
         reading.notes.append("PolyFEM's mass matrix is consistent here; pdvol's is lumped")
     if advanced.values:
         reading.ignored.append(advanced.path)
@@ -108,23 +101,14 @@ def _scene(root: Section, levels: int) -> Scene:
     )
 
 
-def _check_units(root: Section) -> None:
-    """Refuse other units than pdvol's."""
-    units = root.section("units")
-    for key, unit in (("length", "m"), ("mass", "kg"), ("time", "s")):
-        units.only(key, (unit,), f"pdvol's unit is {unit}")
-    units.get("characteristic_length")
-    units.close()
-
-
 def _time(root: Section) -> tuple[float, int, float, str]:
     """The step [s], how many, when the first begins [s], and the integrator."""
     if "time" not in root.values:
         root.refuse("time", "pdvol simulates motion; a static scene has none")
         return 1.0, 1, 0.0, "implicit_euler"
     time = root.section("time")
-    start, given = time.number("t0", 0.0), {key for key in ("tend", "dt", "time_steps") if key in time.values}
-    end, dt, steps = time.number("tend", 0.0), time.number("dt", 0.0), time.whole("time_steps", 0)
+    start, given = time.plain("t0", 0.0), {key for key in ("tend", "dt", "time_steps") if key in time.values}
+    end, dt, steps = time.plain("tend", 0.0), time.plain("dt", 0.0), time.plain("time_steps", 0)
     if len(given) < 2:
         root.refuse("time", "two of tend, dt and time_steps are expected")
     elif given >= {"tend", "dt"} and dt > 0.0:
@@ -134,7 +118,6 @@ def _time(root: Section) -> tuple[float, int, float, str]:
     if dt <= 0.0 or steps < 1:
         root.refuse("time", "gives no step of positive length")
         dt, steps = 1.0, 1
-    time.only("quasistatic", (False,), "pdvol always has inertia")
     chosen = time.get("integrator", "ImplicitEuler")
     name = chosen
     if isinstance(chosen, dict):
@@ -149,12 +132,12 @@ def _geometries(root: Section, levels: int) -> tuple[list[Meshed], list[Section]
     """The deformable meshes, and the sections of the obstacles."""
     meshed, obstacles = [], []
     for number, entry in enumerate(root.sections("geometry"), 1):
-        if not entry.flag("enabled", True):
+        if not entry.plain("enabled", True):
             continue
         kind = entry.get("type", "mesh")
         if kind not in ("mesh", "mesh_array", "mesh_sequence", "plane", "ground"):
             entry.refuse("type", "pdvol reads mesh, mesh_array, mesh_sequence, plane and ground")
-        elif entry.flag("is_obstacle", False) or kind in ("plane", "ground"):
+        elif entry.plain("is_obstacle", False) or kind in ("plane", "ground"):
             obstacles.append(entry)
         elif kind == "mesh_sequence":
             entry.refuse("type", "a mesh_sequence moves an obstacle; set is_obstacle to true")
@@ -190,7 +173,7 @@ def _obstacles(
                 )
             continue
         if kind == "ground":
-            height = entry.number("height", 0.0)
+            height = entry.plain("height", 0.0)
             point, normal = (0.0, height, 0.0), (0.0, 1.0, 0.0)
         else:
             point, normal = (entry.get(key, ()) for key in ("point", "normal"))
@@ -216,16 +199,10 @@ def _body(meshed: Meshed, materials: dict[int | None, Material], reading: Readin
 
 
 def _contact(contact: Section, solving: Section) -> tuple[Barrier | Friction, ...]:
-    enabled, dhat = contact.flag("enabled", False), contact.number("dhat", 1e-3)
-    mu, speed = contact.number("friction_coefficient", 0.0), contact.number("epsv", 1e-3)
-    contact.flag("use_convergent_formulation", False)  # pdvol has this law alone
-    for key in ("use_gcp_formulation", "periodic", "use_adaptive_dhat"):
-        contact.only(key, (False,), "pdvol has no counterpart")
-    adhesion = contact.section("adhesion")
-    adhesion.only("adhesion_enabled", (False,), "pdvol has no adhesion")
-    contact.get("dhat_percentage")
-    contact.only("collision_mesh", ({"enabled": False},), "pdvol's contact acts on the surfaces of the bodies")
-    lagged = solving.whole("friction_iterations", 1)
+    enabled, dhat = contact.plain("enabled", False), contact.plain("dhat", 1e-3)
+    mu, speed = contact.plain("friction_coefficient", 0.0), contact.plain("epsv", 1e-3)
+    contact.section("adhesion").only("adhesion_enabled", (False,), "pdvol has no adhesion")
+    lagged = solving.plain("friction_iterations", 1)
     solving.close()
     contact.close()
     if not enabled:
@@ -248,11 +225,7 @@ def read_materials(root: Section, dim: int) -> dict[int | None, Material]:
         if kind not in LAWS_OF:
             entry.refuse("type", f"pdvol has {', '.join(LAWS_OF)}")
             continue
-        listed = entry.get("id", 0)
-        ids = listed if isinstance(listed, list) else [listed]
-        if any(isinstance(n, bool) or not isinstance(n, int) for n in ids):
-            entry.refuse("id", "whole numbers are expected here")
-            ids = []
+        ids = entry.wholes("id", 0)
         try:
             material = _material(entry, LAWS_OF[kind], dim)
         except (InputError, ZeroDivisionError) as error:
@@ -266,13 +239,11 @@ def read_materials(root: Section, dim: int) -> dict[int | None, Material]:
 
 def _material(entry: Section, law: type[Material], dim: int) -> Material:
     """One material; raises InputError or ZeroDivisionError where its parameters are none of a stable solid."""
-    for key in ("phi", "psi"):
-        entry.only(key, (0,), "pdvol's damping is of another kind")
-    density = entry.number("rho", 1.0)
+    density = entry.plain("rho", 1.0)
     if {"lambda", "mu"} <= set(entry.values):
-        first, shear = entry.number("lambda", 0.0), entry.number("mu", 1.0)
+        first, shear = entry.plain("lambda", 0.0), entry.plain("mu", 1.0)
     else:
-        young, poisson = entry.number("E", 1.0), entry.number("nu", 0.0)
+        young, poisson = entry.plain("E", 1.0), entry.plain("nu", 0.0)
         shear = young / (2.0 * (1.0 + poisson))
         # PolyFEM takes E and nu of a 2D scene as those of a thin sheet
         across = 1.0 - 2.0 * poisson if dim == 3 else 1.0 - poisson

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -43,8 +42,7 @@ def read_selections(owner: Section, key: str, low: np.ndarray, high: np.ndarray)
 
 
 def _selection(entry: Section, low: np.ndarray, high: np.ndarray) -> list[Selection]:
-    relative, width = entry.flag("relative", False), high - low
-    entry.only("boundary_only", (True,), "pdvol's supports begin at the boundary")
+    relative, width = entry.plain("relative", False), high - low
     if "threshold" in entry.values:
         found = [Selection(0, sides=_sides(entry, low, high))]
         entry.close()
@@ -54,52 +52,29 @@ def _selection(entry: Section, low: np.ndarray, high: np.ndarray) -> list[Select
         return []
 
     def place(key: str) -> np.ndarray:
-        point = _vector(entry, key, len(low))
+        point = entry.array(key, low.shape)
         return width * point + low if relative else point
 
     size = float(np.linalg.norm(width)) if relative else 1.0
-    number, inside = entry.whole("id", 0), None
+    number, inside = entry.plain("id", 0), None
     if "box" in entry.values:
-        inside = _box(entry, relative, low, width)
+        corners = entry.array("box", (2, len(low)), f"two corners of {len(low)} numbers are expected here")
+        first, last = corners * width + low if relative else corners
+        inside = lambda p: np.all((p >= first) & (p <= last), axis=1)
     elif "center" in entry.values:
-        centre, radius = place("center"), entry.number("radius", 0.0) * size
+        centre, radius = place("center"), entry.plain("radius", 0.0) * size
         inside = lambda p: np.linalg.norm(p - centre, axis=1) <= radius
     elif "radius" in entry.values:
-        inside = _cylinder(place("p1"), place("p2"), entry.number("radius", 0.0) * size)
+        inside = _cylinder(place("p1"), place("p2"), entry.plain("radius", 0.0) * size)
     elif "axis" in entry.values:
         inside = _halfspace(entry, relative, low, width)
     elif "normal" in entry.values:
-        normal = _vector(entry, "normal", len(low))
+        normal = entry.array("normal", low.shape)
         normal = normal / max(float(np.linalg.norm(normal)), np.finfo(float).tiny)
-        point = place("point") if "point" in entry.values else normal * entry.number("offset", 0.0)
+        point = place("point") if "point" in entry.values else normal * entry.plain("offset", 0.0)
         inside = lambda p: (p - point) @ normal >= 0.0
     entry.close()
     return [Selection(number, inside)]
-
-
-def _vector(entry: Section, key: str, dim: int) -> np.ndarray:
-    given: Any = entry.get(key)
-    try:
-        found = np.asarray(given, dtype=float)
-    except (TypeError, ValueError):
-        found = np.zeros(0)
-    if found.shape != (dim,):
-        entry.refuse(key, f"{dim} numbers are expected here")
-        return np.zeros(dim)
-    return found
-
-
-def _box(entry: Section, relative: bool, low: np.ndarray, width: np.ndarray) -> Inside:
-    given: Any = entry.get("box")
-    try:
-        corners = np.asarray(given, dtype=float)
-    except (TypeError, ValueError):
-        corners = np.zeros(0)
-    if corners.shape != (2, len(low)):
-        entry.refuse("box", f"two corners of {len(low)} numbers are expected here")
-        corners = np.zeros((2, len(low)))
-    first, last = corners * width + low if relative else corners
-    return lambda p: np.all((p >= first) & (p <= last), axis=1)
 
 
 def _cylinder(start: np.ndarray, end: np.ndarray, radius: float) -> Inside:
@@ -121,14 +96,14 @@ def _halfspace(entry: Section, relative: bool, low: np.ndarray, width: np.ndarra
     if not isinstance(axis, int) or not 1 <= abs(axis) <= len(low):
         entry.refuse("axis", f"x, -x, ... or a number from 1 to {len(low)} is expected here")
         axis = 1
-    k, position = abs(axis) - 1, entry.number("position", 0.0)
+    k, position = abs(axis) - 1, entry.plain("position", 0.0)
     position = width[k] * position + low[k] if relative else position
     return (lambda p: p[:, k] >= position) if axis > 0 else (lambda p: p[:, k] <= position)
 
 
 def _sides(entry: Section, low: np.ndarray, high: np.ndarray) -> Inside:
     """Numbers 1 to 6 of the sides of the box, in PolyFEM's order, 7 for others; each plus `id_offset`."""
-    threshold, offset = entry.number("threshold", -1.0), entry.whole("id_offset", 0)
+    threshold, offset = entry.plain("threshold", -1.0), entry.plain("id_offset", 0)
     threshold = 1e-7 if threshold < 0.0 else threshold
     order = [(0, low), (1, low), (0, high), (1, high), (2, low), (2, high)][: 2 * len(low)]
 
