@@ -1,5 +1,5 @@
-"""Forces and stresses in exports, by hand; XDMF and OBJ read back as the programs that want them do; names that
-would lead elsewhere.
+"""Forces and stresses in exports, by hand; exports that go on; names that would lead
+elsewhere.
 """
 
 import json
@@ -150,25 +150,6 @@ def test_xdmf_holds_forces_and_stresses(resting, tmp_path):
     with h5py.File(resting / "level_0.h5") as file:  # as the run itself left them
         np.testing.assert_array_equal(points["contact_force"], file["steps/40/Node/contact_force"])
         np.testing.assert_array_equal(cells["von_mises"][0], file["steps/40/Cell/von_mises"])
-
-
-@pytest.mark.parametrize("kind", ["flat_run", "solid_run"])
-def test_obj_sequences(kind, request, tmp_path):
-    run = open_run(request.getfixturevalue(kind))
-    export_run(run.path, "obj", tmp_path / "out")
-    for level in run.levels:
-        files = sorted((tmp_path / "out" / f"level_{level.index}").iterdir())
-        assert [f.name for f in files] == [*(f"{step:06d}.obj" for step in range(level.steps)), "materials.mtl"]
-        lines = files[2].read_text().splitlines()
-        points = np.array([line.split()[1:] for line in lines if line.startswith("v ")], dtype=float)
-        faces = np.array([line.split()[1:] for line in lines if line.startswith("f ")], dtype=int) - 1
-        facets = level.surface if level.rest.shape[1] == 3 else level.cells
-        used = np.unique(facets)
-        np.testing.assert_array_equal(
-            points[:, : level.rest.shape[1]], level.positions(2)[used], err_msg="once each, in the input's order"
-        )
-        assert {tuple(f) for f in used[faces]} == {tuple(f) for f in facets}
-        assert [line for line in lines if line.startswith("o ")] == ["o left", "o right"]
 
 
 def _others(root, own) -> set:

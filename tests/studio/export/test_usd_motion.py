@@ -45,19 +45,6 @@ def test_points_between_frames_lie_on_the_way_to_the_next_one(fps, solid_run, tm
         np.testing.assert_allclose(moved(mesh, past), ends[1] + 0.5 * (ends[1] - ends[0]), atol=FLOAT32)
 
 
-def test_states_at_their_own_times_move_as_the_stored_steps_do(solid_run, tmp_path):
-    """Half a step after each state, between that state and the next one."""
-    run = open_run(solid_run)
-    level = run.levels[1]
-    stage = Usd.Stage.Open(str(write_usd(run, [1], tmp_path / "a.usdc")))
-    mesh = UsdGeom.Mesh(stage.GetPrimAtPath("/run/bodies/left"))
-    used = np.unique(level.surface[level.mesh.point_bodies[level.surface[:, 0]] == 0])
-    for step in range(level.steps - 1):
-        half = (step + 0.5) * run.dt * stage.GetTimeCodesPerSecond()
-        middle = (level.positions(step) + level.positions(step + 1))[used] / 2
-        np.testing.assert_allclose(moved(mesh, half), middle, atol=FLOAT32)
-
-
 def test_each_state_is_asked_for_once_and_one_frame_alone_has_no_velocities():
     asked = []
 
